@@ -1,0 +1,1 @@
+"""How FMUs run together: the co-simulation master, its experiments and reports."""
