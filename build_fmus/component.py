@@ -1,0 +1,538 @@
+"""The declaration language: one Python object per component, from which everything else is derived.
+
+A component declares its variables with CasADi symbols and relates them by expressions. The C code, both
+``modelDescription.xml`` files, exact dependencies, directional derivatives, the linear model, the documentation page
+and the Python reference evaluation all come from this one object.
+
+Continuous component::
+
+    c = Component("Mass", kind="continuous", description="A mass pushed by a force", source="Newton")
+    m = c.parameter("mass", 2.0, "kg", "mass", min=1e-3, source="assumed")
+    f = c.input("force", "N", "applied force")
+    x = c.state("x", "m", "position", output=True)
+    v = c.state("v", "m/s", "velocity", output=True)
+    c.derivative(x, v)
+    c.derivative(v, f / m)
+    c.output("a", f / m, "m/s2", "acceleration")
+
+Discrete component: ``kind="discrete"``, ``sample_time=...`` and :meth:`Component.update` instead of ``derivative``.
+At a sample instant t the outputs are evaluated from the inputs at t and the state before the update, then the state is
+updated; outputs hold until the next sample (see ``docs/architecture.md``, exchange rule).
+"""
+
+from __future__ import annotations
+
+import difflib
+import math
+import re
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from itertools import product
+from typing import Any, Literal
+
+import casadi as ca
+import numpy as np
+
+from build_fmus import units
+
+Kind = Literal["continuous", "discrete"]
+Role = Literal["time", "parameter", "input", "state", "derivative", "output"]
+Solver = Literal["rk4", "am2"]
+BaseType = Literal["Float64", "Int32", "Boolean"]
+
+_NAME = re.compile(r"^[A-Za-z_]\w*(\.[A-Za-z_]\w*)*$")
+_TYPES: dict[type, BaseType] = {float: "Float64", int: "Int32", bool: "Boolean"}
+
+
+class DeclarationError(ValueError):
+    """A component declaration that cannot become an FMU; the message names the component and the variable."""
+
+
+@dataclass(frozen=True, eq=False)
+class Variable:
+    """One declared variable (scalar, vector or matrix).
+
+    ``slot`` is the position of its first element in the vector of its role (``p``, ``u``, ``x`` or ``y``).
+    ``start`` is flat and row-major, or None when the value is calculated.
+    """
+
+    name: str
+    role: Role
+    unit: str | None
+    description: str
+    shape: tuple[int, ...] = ()
+    type: BaseType = "Float64"
+    start: tuple[float, ...] | None = None
+    min: float | None = None
+    max: float | None = None
+    nominal: float | None = None
+    display_unit: str | None = None
+    tunable: bool = False
+    source: str = ""
+    output: bool = False
+    exposed: bool = True
+    slot: int = 0
+    symbol: Any = field(default=None, repr=False)
+    derivative_of: str | None = None
+
+    @property
+    def size(self) -> int:
+        """Number of scalar elements."""
+        return math.prod(self.shape)
+
+    def element_names(self) -> list[str]:
+        """Scalar names in slot order: ``gain.y[2,3]``; row-major and 1-based as FMI's structured naming has it."""
+        if not self.shape:
+            return [self.name]
+        indices = product(*(range(1, n + 1) for n in self.shape))
+        if self.role == "derivative":  # der(x)[2] is not a legal name, der(x[2]) is
+            return [f"der({self.derivative_of}[{','.join(map(str, i))}])" for i in indices]
+        return [f"{self.name}[{','.join(map(str, i))}]" for i in indices]
+
+
+@dataclass(frozen=True)
+class Element:
+    """One scalar of a variable, as FMI sees it by default."""
+
+    name: str
+    variable: Variable
+    index: int
+
+    @property
+    def slot(self) -> int:
+        """Position in the vector of the variable's role."""
+        return self.variable.slot + self.index
+
+    @property
+    def start(self) -> float | None:
+        """Start value of this element, None when calculated."""
+        return None if self.variable.start is None else self.variable.start[self.index]
+
+
+@dataclass(frozen=True)
+class Linearization:
+    """``dx/dt = A x + B u``, ``y = C x + D u`` about an operating point, with the names of rows and columns."""
+
+    A: np.ndarray
+    B: np.ndarray
+    C: np.ndarray
+    D: np.ndarray
+    states: list[str]
+    inputs: list[str]
+    outputs: list[str]
+
+
+class Component:
+    """Declaration of one FMU. See the module docstring for an example.
+
+    Args:
+        name: FMU name, UpperCamelCase; also the C model identifier.
+        kind: ``"continuous"`` (derivatives) or ``"discrete"`` (update with a sample period).
+        description: one line for the model description.
+        source: where the equations come from (paper and equation numbers).
+        sample_time: period [s]; discrete components only.
+        solver, solver_step: fixed-step integrator and its largest step [s]; continuous components only.
+        symbols: ``ca.SX`` (default, no overhead) or ``ca.MX`` where lookup tables are needed.
+        notes: paragraphs for the documentation page (assumptions, what is left out and why, wiring).
+    """
+
+    def __init__(
+        self,
+        name: str,
+        *,
+        kind: Kind,
+        description: str,
+        source: str,
+        sample_time: float | None = None,
+        solver: Solver = "rk4",
+        solver_step: float = 5e-4,
+        stop_time: float = 10.0,
+        symbols: Any = ca.SX,
+        notes: Iterable[str] = (),
+    ) -> None:
+        if not re.fullmatch(r"[A-Za-z_]\w*", name):
+            raise DeclarationError(f"component name {name!r} is not an identifier")
+        if (sample_time is not None) != (kind == "discrete"):
+            raise DeclarationError(f"{name}: a sample_time is for discrete components, and only for those")
+        self.name, self.kind, self.description, self.source = name, kind, description, source
+        self.sample_time = sample_time
+        self.solver, self.solver_step = solver, solver_step
+        self.stop_time = stop_time
+        self.notes = tuple(notes)
+        self.provenance: dict[str, Any] = {}  # stored in the FMU as resources/provenance.json when not empty
+        self.time = symbols.sym("time")
+        self._symbols = symbols
+        self._variables: dict[str, Variable] = {}
+        self._sizes: dict[Role, int] = {"parameter": 0, "input": 0, "state": 0, "output": 0}
+        self._next: dict[str, Any] = {}  # state name -> derivative or update expression
+        self._start: dict[str, Any] = {}  # state name -> start expression of parameters and inputs
+        self._outputs: dict[str, Any] = {}
+        self.stimulus: dict[str, Callable[[float], float]] = {}
+        self.operating_points: dict[str, dict[str, float]] = {"start": {}}
+
+    # ------------------------------------------------------------------ declaring
+
+    def parameter(
+        self,
+        name: str,
+        start: Any,
+        unit: str | None = "1",
+        description: str = "",
+        *,
+        min: float | None = None,
+        max: float | None = None,
+        nominal: float | None = None,
+        display_unit: str | None = None,
+        tunable: bool = False,
+        source: str = "",
+    ) -> Any:
+        """Declare a parameter; the shape and type follow from ``start`` (float, int, bool or array). Returns its symbol."""
+        array = np.asarray(start)
+        kind = bool if array.dtype == bool else int if array.dtype.kind == "i" else float
+        return self._add(
+            name, "parameter", unit, description, array.shape, start=array, type=_TYPES[kind], min=min, max=max,
+            nominal=nominal, display_unit=display_unit, tunable=tunable, source=source,
+        )  # fmt: skip
+
+    def input(
+        self,
+        name: str,
+        unit: str | None,
+        description: str,
+        *,
+        start: Any = 0.0,
+        shape: tuple[int, ...] = (),
+        type: type = float,
+        min: float | None = None,
+        max: float | None = None,
+        nominal: float | None = None,
+        display_unit: str | None = None,
+    ) -> Any:
+        """Declare an input (vector when ``shape`` is given). Returns its symbol."""
+        return self._add(
+            name, "input", unit, description, shape, start=np.broadcast_to(start, shape), type=_TYPES[type], min=min,
+            max=max, nominal=nominal, display_unit=display_unit,
+        )  # fmt: skip
+
+    def state(
+        self,
+        name: str,
+        unit: str | None,
+        description: str = "",
+        *,
+        start: Any = 0.0,
+        shape: tuple[int, ...] = (),
+        output: bool = False,
+        nominal: float | None = None,
+        min: float | None = None,
+        max: float | None = None,
+        display_unit: str | None = None,
+        exposed: bool | None = None,
+    ) -> Any:
+        """Declare a state. Returns its symbol.
+
+        ``start`` is a number or array (a start value the user may set) or a CasADi expression of parameters and
+        inputs (a calculated start). States of discrete components are hidden unless ``exposed``.
+        ``output=True`` gives the variable output causality.
+        """
+        calculated = isinstance(start, (ca.SX, ca.MX))
+        if exposed is None:
+            exposed = self.kind == "continuous"
+        symbol = self._add(
+            name, "state", unit, description, shape,
+            start=None if calculated else np.broadcast_to(start, shape), min=min, max=max, nominal=nominal,
+            display_unit=display_unit, output=output, exposed=exposed,
+        )  # fmt: skip
+        if calculated:
+            self._start[name] = start
+        return symbol
+
+    def derivative(self, state: Any, expression: Any) -> None:
+        """``d state/dt = expression`` (continuous components)."""
+        self._relate(state, expression, "continuous", "derivative")
+
+    def update(self, state: Any, expression: Any) -> None:
+        """``state`` after the sample instant ``= expression`` (discrete components)."""
+        self._relate(state, expression, "discrete", "update")
+
+    def output(
+        self,
+        name: str,
+        expression: Any,
+        unit: str | None,
+        description: str,
+        *,
+        type: type = float,
+        min: float | None = None,
+        max: float | None = None,
+        nominal: float | None = None,
+        display_unit: str | None = None,
+    ) -> None:
+        """Declare an output by its expression (column vector or matrix expressions become array variables)."""
+        expression = self._symbols(expression)
+        shape: tuple[int, ...] = () if expression.is_scalar() else tuple(expression.shape)
+        if len(shape) == 2 and shape[1] == 1:
+            shape = shape[:1]
+        self._add(
+            name, "output", unit, description, shape, start=None, type=_TYPES[type], min=min, max=max, nominal=nominal,
+            display_unit=display_unit, output=True,
+        )  # fmt: skip
+        self._outputs[name] = expression
+
+    def operating_point(self, name: str, **values: float) -> None:
+        """Name a point (variable name with ``__`` for ``.`` -> value) where the build also checks solver stability."""
+        self.operating_points[name] = {k.replace("__", "."): v for k, v in values.items()}
+
+    def stimulate(self, signals: Mapping[str, Callable[[float], float]]) -> None:
+        """Input signals over time for the reference result (``NAME_in.csv``); inputs without one keep their start."""
+        for name in signals:
+            if name not in (e.name for e in self.elements("input")):
+                raise DeclarationError(f"{self.name}: stimulus for {name!r}, which is not an input")
+        self.stimulus.update(signals)
+
+    def _add(self, name: str, role: Role, unit: str | None, description: str, shape: Any, *, start: Any, **rest: Any) -> Any:
+        where = f"{self.name}.{name}"
+        if not _NAME.match(name):
+            raise DeclarationError(f"{where}: not a legal structured name")
+        if name in self._variables:
+            raise DeclarationError(f"{where}: declared twice")
+        shape = tuple(int(n) for n in shape)
+        if any(n < 1 for n in shape) or len(shape) > 2:
+            raise DeclarationError(f"{where}: shape {shape} must be a vector or matrix of positive size")
+        if unit is not None:
+            units.unit(unit)
+        if rest.get("display_unit"):
+            units.display_unit(unit or "", rest["display_unit"])
+        flat = None if start is None else tuple(float(v) for v in np.asarray(start, dtype=float).ravel())
+        low, high = rest.get("min"), rest.get("max")
+        for v in flat or ():
+            if not math.isfinite(v):
+                raise DeclarationError(f"{where}: start value {v} is not finite")
+            if (low is not None and v < low) or (high is not None and v > high):
+                raise DeclarationError(f"{where}: start value {v:g} lies outside [{low}, {high}]")
+        size = math.prod(shape)
+        flat_symbol = self._symbols.sym(name, size)
+        # Row-major elements; CasADi matrices are column-major.
+        symbol = flat_symbol if len(shape) < 2 else ca.reshape(flat_symbol, shape[1], shape[0]).T
+        variable = Variable(
+            name, role, unit, description, shape, start=flat, slot=self._sizes[role], symbol=flat_symbol, **rest
+        )
+        self._variables[name] = variable
+        self._sizes[role] += size
+        self.__dict__.pop("functions", None)
+        return symbol
+
+    def _relate(self, state: Any, expression: Any, kind: Kind, verb: str) -> None:
+        if self.kind != kind:
+            raise DeclarationError(f"{self.name}: {verb}() is for {kind} components")
+        for v in self._variables.values():
+            if v.role == "state" and ca.is_equal(v.symbol, self._symbols(state)):
+                if v.name in self._next:
+                    raise DeclarationError(f"{self.name}.{v.name}: {verb} given twice")
+                expression = self._symbols(expression)
+                if expression.numel() == 1 and v.size > 1:
+                    expression = ca.repmat(expression, v.size, 1)
+                if expression.numel() != v.size:
+                    raise DeclarationError(f"{self.name}.{v.name}: {verb} has {expression.numel()} elements, not {v.size}")
+                self._next[v.name] = ca.vec(expression)
+                return
+        raise DeclarationError(f"{self.name}: {verb}() needs a symbol returned by state()")
+
+    # ------------------------------------------------------------------ reading
+
+    @property
+    def variables(self) -> list[Variable]:
+        """Declared variables by role (time, parameters, inputs, states, derivatives, outputs), hidden states left out."""
+        groups: dict[Role, list[Variable]] = {r: [] for r in ("parameter", "input", "state", "derivative", "output")}
+        for v in self._variables.values():
+            if v.exposed:
+                groups[v.role].append(v)
+        if self.kind == "continuous":
+            groups["derivative"] = [self._derivative_variable(v) for v in groups["state"]]
+        time = Variable("time", "time", "s", "simulation time")
+        return [time, *(v for g in groups.values() for v in g)]
+
+    @staticmethod
+    def _derivative_variable(v: Variable) -> Variable:
+        unit = units.unit(v.unit) if v.unit else None
+        match = None
+        if unit is not None:
+            want = {**unit.exponents, "s": unit.exponents.get("s", 0) - 1}
+            want = {k: e for k, e in want.items() if e}
+            match = next((u.name for u in units.UNITS.values() if u.exponents == want and u.factor == 1.0), None)
+        return Variable(
+            f"der({v.name})", "derivative", match, f"time derivative of {v.name}", v.shape, slot=v.slot,
+            derivative_of=v.name,
+        )  # fmt: skip
+
+    def elements(self, *roles: Role) -> list[Element]:
+        """Scalar elements of the given roles (all when none is given), in value-reference order."""
+        return [
+            Element(n, v, i)
+            for v in self.variables
+            if not roles or v.role in roles
+            for i, n in enumerate(v.element_names())
+        ]
+
+    def output_elements(self) -> list[Element]:
+        """Everything with output causality: states declared as outputs, then declared outputs."""
+        return [e for e in self.elements("state", "output") if e.variable.output]
+
+    def variable(self, name: str) -> Variable:
+        """Variable by name; KeyError proposing the nearest name."""
+        try:
+            return self._variables[name]
+        except KeyError:
+            near = difflib.get_close_matches(name, self._variables, n=1)
+            hint = f"; did you mean {near[0]!r}?" if near else ""
+            raise KeyError(f"{self.name} has no variable {name!r}{hint}") from None
+
+    def size(self, role: Role) -> int:
+        """Number of scalars of a role, hidden ones included."""
+        return self._sizes[role]
+
+    def vector(self, role: Role, **values: float) -> np.ndarray:
+        """Start values of a role as one vector; hidden and calculated elements are 0."""
+        out = np.zeros(self._sizes[role])
+        for v in self._variables.values():
+            if v.role == role and v.start is not None:
+                out[v.slot : v.slot + v.size] = v.start
+        return out
+
+    def _symbol(self, role: Role) -> Any:
+        parts = [v.symbol for v in self._variables.values() if v.role == role]
+        return ca.vertcat(*parts) if parts else self._symbols(0, 1)
+
+    @cached_property
+    def functions(self) -> dict[str, ca.Function]:
+        """The component's functions, all of them with dense column vectors:
+
+        ``start (x, u, p) -> x0``: start state (declared starts pass through, calculated ones are evaluated);
+        ``rhs (t, x, u, p) -> dx`` (continuous) or ``update (t, x, u, p) -> x_next`` and
+        ``tick (t, x, u, p) -> x_next, y`` (discrete); ``out (t, x, u, p) -> y``;
+        ``fwd (t, x, u, p, dx, du, dp) -> d rhs, d y`` and ``fwd_start (x, u, p, dx, du, dp) -> d x0`` (continuous).
+
+        Raises:
+            DeclarationError: a state without derivative/update, or an expression with an undeclared symbol.
+        """
+        verb = "derivative" if self.kind == "continuous" else "update"
+        states = [v for v in self._variables.values() if v.role == "state"]
+        missing = [v.name for v in states if v.name not in self._next]
+        if missing:
+            raise DeclarationError(f"{self.name}: no {verb} for state(s) {', '.join(missing)}")
+        empty = self._symbols(0, 1)
+        t, x, u, p = self.time, *(self._symbol(r) for r in ("state", "input", "parameter"))
+
+        def column(parts: list[Any]) -> Any:
+            return ca.densify(ca.vertcat(*parts)) if parts else empty
+
+        nxt = column([self._next[v.name] for v in states])
+        # Row-major output elements: vec() of the transpose.
+        y = column([ca.vec(self._outputs[v.name].T) for v in self._variables.values() if v.role == "output"])
+        x0 = column([ca.vec(self._symbols(self._start[v.name])) if v.name in self._start else v.symbol for v in states])
+        functions: dict[str, ca.Function] = {}
+
+        def add(name: str, args: list[Any], outs: list[Any]) -> None:
+            try:
+                functions[name] = ca.Function(f"fmu_{name}", args, outs)
+            except RuntimeError as error:
+                free = ", ".join(str(s) for e in outs for s in ca.symvar(e) if not any(
+                    ca.depends_on(a, s) for a in args if a.numel()))
+                raise DeclarationError(f"{self.name}: {name} uses undeclared symbols ({free or error})") from None
+
+        add("start", [x, u, p], [x0])
+        add("out", [t, x, u, p], [y])
+        if self.kind == "continuous":
+            add("rhs", [t, x, u, p], [nxt])
+            dx, du, dp = (self._symbols.sym(f"d{n}", s.numel()) for n, s in (("x", x), ("u", u), ("p", p)))
+            knowns, seeds = ca.vertcat(x, u, p), ca.vertcat(dx, du, dp)
+            add("fwd", [t, x, u, p, dx, du, dp], [ca.densify(ca.jtimes(e, knowns, seeds)) for e in (nxt, y)])
+            add("fwd_start", [x, u, p, dx, du, dp], [ca.densify(ca.jtimes(x0, knowns, seeds))])
+        else:
+            add("update", [t, x, u, p], [nxt])
+            add("tick", [t, x, u, p], [nxt, y])
+        return functions
+
+    # ------------------------------------------------------------------ derived models
+
+    @cached_property
+    def dependencies(self) -> dict[str, list[str]]:
+        """Exact structural dependencies from the sparsity pattern.
+
+        Maps each output and derivative element to the names of the exposed states and inputs it depends on
+        (discrete components: inputs, by direct feed-through at a sample instant).
+        """
+        return self._structure("state", "input", initial=False)
+
+    @cached_property
+    def initial_dependencies(self) -> dict[str, list[str]]:
+        """As :attr:`dependencies`, during initialization: knowns are parameters, inputs and settable start values."""
+        return self._structure("state", "input", "parameter", initial=True)
+
+    def _structure(self, *roles: Role, initial: bool) -> dict[str, list[str]]:
+        f = self.functions
+        x, u, p = (self._symbols.sym(n, self._sizes[r]) for n, r in (("x", "state"), ("u", "input"), ("p", "parameter")))
+        t = self._symbols.sym("t")
+        x_at = f["start"](x, u, p) if initial else x
+        vectors = {"output": f["out"](t, x_at, u, p)}
+        if self.kind == "continuous":
+            vectors["derivative"] = f["rhs"](t, x_at, u, p)
+        if initial:
+            vectors["state"] = f["start"](x, u, p)
+        knowns = ca.vertcat(x, u, p)
+        names: list[str | None] = [None] * knowns.numel()
+        offset = {"state": 0, "input": x.numel(), "parameter": x.numel() + u.numel()}
+        for e in self.elements(*roles):
+            if not (initial and e.variable.role == "state" and e.start is None):
+                names[offset[e.variable.role] + e.slot] = e.name
+        result: dict[str, list[str]] = {}
+        for role, expr in vectors.items():
+            rows: list[list[int]] = [[] for _ in range(expr.numel())]
+            if expr.numel() and knowns.numel():
+                sparsity = ca.jacobian_sparsity(expr, knowns)
+                for r, c in zip(*sparsity.get_triplet(), strict=True):
+                    rows[r].append(c)
+            for e in self.elements(role):  # type: ignore[arg-type]
+                result[e.name] = [n for c in sorted(rows[e.slot]) if (n := names[c]) is not None]
+        if not initial:  # a state that is an output depends on itself alone
+            for e in self.elements("state"):
+                if e.variable.output:
+                    result[e.name] = [e.name]
+        return result
+
+    def linearize(
+        self, x: np.ndarray | None = None, u: np.ndarray | None = None, p: np.ndarray | None = None
+    ) -> Linearization:
+        """Linear model about ``(x, u, p)`` (start values by default); C and D cover all output elements in order.
+
+        ``x`` None means the start state for ``u`` and ``p``. Continuous components only.
+        """
+        if self.kind != "continuous":
+            raise DeclarationError(f"{self.name}: only continuous components have a linear model here")
+        u = self.vector("input") if u is None else np.asarray(u, float)
+        p = self.vector("parameter") if p is None else np.asarray(p, float)
+        if x is None:
+            x = np.asarray(self.functions["start"](self.vector("state"), u, p)).ravel()
+        nx, nu = self._sizes["state"], self._sizes["input"]
+        jac = self._jacobians
+        A, B, Cy, Dy = (np.asarray(ca.DM(m).full()) for m in jac(0.0, x, u, p))
+        outs = self.output_elements()
+        C, D = np.zeros((len(outs), nx)), np.zeros((len(outs), nu))
+        for i, e in enumerate(outs):
+            if e.variable.role == "state":
+                C[i, e.slot] = 1.0
+            else:
+                C[i], D[i] = Cy[e.slot], Dy[e.slot]
+        names = [[e.name for e in self.elements(r)] for r in ("state", "input")]  # type: ignore[arg-type]
+        return Linearization(A, B, C, D, names[0], names[1], [e.name for e in outs])
+
+    @cached_property
+    def _jacobians(self) -> ca.Function:
+        t, x, u, p = (
+            self._symbols.sym(n, s)
+            for n, s in (("t", 1), ("x", self._sizes["state"]), ("u", self._sizes["input"]), ("p", self._sizes["parameter"]))
+        )
+        dx, y = self.functions["rhs"](t, x, u, p), self.functions["out"](t, x, u, p)
+        blocks = [ca.densify(ca.jacobian(e, v)) for e, v in ((dx, x), (dx, u), (y, x), (y, u))]
+        return ca.Function("jacobians", [t, x, u, p], blocks)
