@@ -1,0 +1,676 @@
+/* Values, initialization, stepping and state of an FMU instance: everything that does not depend on the FMI version.
+ *
+ * An instance is one block of memory: bookkeeping, then the state block (all that a snapshot copies), then work arrays.
+ * Nothing is allocated after creation except snapshots, which FMI makes the host own. */
+
+#include "fmu_core.h"
+
+#include <float.h>
+#include <math.h>
+#include <stdarg.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#define MESSAGE_LENGTH 1024
+#define MAX_STEPS_PER_CALL 10000000.0 /* solver steps or samples in one doStep: beyond it the step size is a mistake */
+#define EXPLODED 1e12                 /* times nominal */
+#define SNAPSHOT_MAGIC 0x53464d55u    /* 'SFMU'; also tells a foreign byte order */
+#define SNAPSHOT_VERSION 1u
+
+static const FmuModel *const M = &fmu_model;
+
+/* Everything that changes while simulating. No pointers: a copy is a saved state. */
+typedef struct {
+    double time, start_time, stop_time;
+    int64_t sample; /* index of the next sample instant */
+    int32_t mode;
+    int32_t has_stop;
+    int32_t started;     /* discrete: the first sample has been committed */
+    int32_t start_valid; /* calculated start states agree with inputs and parameters */
+    int32_t outputs_valid;
+    int32_t derivatives_valid;
+    double v[]; /* parameters, inputs, states, derivatives, outputs */
+} State;
+
+struct FmuSnapshot {
+    uint32_t magic, version;
+    uint64_t model;    /* hash of the instantiation token */
+    uint64_t length;   /* of the state block */
+    uint64_t checksum; /* of the state block */
+};
+
+struct FmuInstance {
+    FmuLog log;
+    void *adapter;
+    int is_co_simulation;
+    int logging;
+    State *state;
+    double *p, *u, *x, *dx, *y;             /* into state->v */
+    double *stage, *k1, *k2, *k3, *k4;      /* solver, n_states each */
+    double *seed, *sensitivity;             /* n_states + n_inputs + n_parameters; n_states + n_outputs */
+    const double **arg;
+    double **res;
+    int *iw;
+    double *w;
+};
+
+static size_t n_values(void) {
+    return (size_t)M->n_parameters + (size_t)M->n_inputs + 2u * (size_t)M->n_states + (size_t)M->n_outputs;
+}
+
+static size_t state_size(void) { return sizeof(State) + n_values() * sizeof(double); }
+
+static size_t aligned(size_t n) { return (n + 15u) & ~(size_t)15u; }
+
+static uint64_t fnv1a(const void *data, size_t n) {
+    const unsigned char *bytes = data;
+    uint64_t h = 14695981039346656037ull;
+    for (size_t i = 0; i < n; i++) h = (h ^ bytes[i]) * 1099511628211ull;
+    return h;
+}
+
+/* ------------------------------------------------------------------ life cycle */
+
+FmuInstance *fmu_create(int is_co_simulation, size_t adapter_size, FmuLog log) {
+    const size_t nx = (size_t)M->n_states, nu = (size_t)M->n_inputs, np = (size_t)M->n_parameters;
+    const size_t ny = (size_t)M->n_outputs;
+    const size_t sizes[] = {
+        aligned(sizeof(FmuInstance)),
+        aligned(adapter_size),
+        aligned(state_size()),
+        aligned(5 * nx * sizeof(double)),
+        aligned((nx + nu + np) * sizeof(double)),
+        aligned((nx + ny) * sizeof(double)),
+        aligned((size_t)M->sz_arg * sizeof(double *)),
+        aligned((size_t)M->sz_res * sizeof(double *)),
+        aligned((size_t)M->sz_iw * sizeof(int)),
+        aligned((size_t)M->sz_w * sizeof(double)),
+    };
+    size_t total = 0;
+    for (size_t i = 0; i < sizeof sizes / sizeof *sizes; i++) total += sizes[i];
+    char *block = calloc(1, total);
+    if (!block) return NULL;
+    void *part[sizeof sizes / sizeof *sizes];
+    for (size_t i = 0, offset = 0; i < sizeof sizes / sizeof *sizes; offset += sizes[i], i++) part[i] = block + offset;
+
+    FmuInstance *self = part[0];
+    self->log = log;
+    self->is_co_simulation = is_co_simulation;
+    self->adapter = part[1];
+    self->state = part[2];
+    self->p = self->state->v;
+    self->u = self->p + np;
+    self->x = self->u + nu;
+    self->dx = self->x + nx;
+    self->y = self->dx + nx;
+    double *stages = part[3];
+    self->stage = stages;
+    self->k1 = stages + nx;
+    self->k2 = stages + 2 * nx;
+    self->k3 = stages + 3 * nx;
+    self->k4 = stages + 4 * nx;
+    self->seed = part[4];
+    self->sensitivity = part[5];
+    self->arg = (const double **)part[6];
+    self->res = part[7];
+    self->iw = part[8];
+    self->w = part[9];
+    (void)fmu_reset(self);
+    return self;
+}
+
+void fmu_free(FmuInstance *self) { free(self); }
+void *fmu_adapter(FmuInstance *self) { return self->adapter; }
+int fmu_is_co_simulation(const FmuInstance *self) { return self->is_co_simulation; }
+FmuMode fmu_mode(const FmuInstance *self) { return (FmuMode)self->state->mode; }
+void fmu_set_mode(FmuInstance *self, FmuMode mode) { self->state->mode = (int32_t)mode; }
+double fmu_time(const FmuInstance *self) { return self->state->time; }
+
+/* By status; modelDescription.xml lists the same. */
+static const char *const categories[] = {"logEvents", "logStatusWarning", "logStatusDiscard", "logStatusError",
+                                         "logStatusFatal"};
+
+FmuStatus fmu_fail(FmuInstance *self, FmuStatus status, const char *format, ...) {
+    char message[MESSAGE_LENGTH];
+    va_list args;
+    va_start(args, format);
+    (void)vsnprintf(message, sizeof message, format, args);
+    va_end(args);
+    if (self->log) self->log(self->adapter, status, categories[status], message);
+    return status;
+}
+
+FmuStatus fmu_set_logging(FmuInstance *self, const char *function, int on, size_t n, const char *const names[]) {
+    if (n && !names) return fmu_fail(self, FMU_ERROR, "%s: NULL array argument", function);
+    for (size_t i = 0; i < n; i++) {
+        int found = 0;
+        for (size_t k = 0; k < sizeof categories / sizeof *categories; k++)
+            found |= names[i] && strcmp(names[i], categories[k]) == 0;
+        if (!found)
+            return fmu_fail(self, FMU_ERROR, "%s: unknown log category '%s'", function, names[i] ? names[i] : "");
+    }
+    self->logging = on;
+    return FMU_OK;
+}
+
+static const char *mode_name(int32_t mode) {
+    switch (mode) {
+        case MODE_INSTANTIATED: return "instantiated";
+        case MODE_INITIALIZATION: return "initialization mode";
+        case MODE_EVENT: return "event mode";
+        case MODE_CONTINUOUS_TIME: return "continuous-time mode";
+        case MODE_STEP: return "step mode";
+        case MODE_TERMINATED: return "terminated";
+        default: return "error";
+    }
+}
+
+FmuStatus fmu_allowed(FmuInstance *self, unsigned modes, const char *function) {
+    if (modes & (unsigned)self->state->mode) return FMU_OK;
+    return fmu_fail(self, FMU_ERROR, "%s: not allowed in state '%s'", function, mode_name(self->state->mode));
+}
+
+static void touch(FmuInstance *self) {
+    self->state->start_valid = 0;
+    self->state->outputs_valid = 0;
+    self->state->derivatives_valid = 0;
+}
+
+FmuStatus fmu_reset(FmuInstance *self) {
+    memset(self->state, 0, state_size());
+    self->state->mode = MODE_INSTANTIATED;
+    const size_t n = (size_t)M->n_parameters + (size_t)M->n_inputs + (size_t)M->n_states;
+    if (n) memcpy(self->p, M->start, n * sizeof(double));
+    return FMU_OK;
+}
+
+FmuStatus fmu_setup(FmuInstance *self, double start_time, int has_stop, double stop_time) {
+    if (!isfinite(start_time)) return fmu_fail(self, FMU_ERROR, "startTime %g is not finite", start_time);
+    if (has_stop && !(isfinite(stop_time) && stop_time >= start_time))
+        return fmu_fail(self, FMU_ERROR, "stopTime %g is not a time after startTime %g", stop_time, start_time);
+    self->state->start_time = self->state->time = start_time;
+    self->state->has_stop = has_stop;
+    self->state->stop_time = has_stop ? stop_time : 0.0;
+    touch(self);
+    return FMU_OK;
+}
+
+/* ------------------------------------------------------------------ evaluation */
+
+static FmuStatus check_finite(FmuInstance *self, const double *values, int n, FmuRole role) {
+    for (int i = 0; i < n; i++) {
+        if (isfinite(values[i])) continue;
+        const char *name = role == FMU_STATE ? M->state_names[i] : "";
+        for (int k = 0; k < M->n_variables; k++) {
+            const FmuVariable *v = &M->variables[k];
+            if (v->role == role && i >= v->slot && i < v->slot + v->size) name = v->name;
+        }
+        return fmu_fail(self, FMU_ERROR, "%s is not finite at time %.9g s", name, self->state->time);
+    }
+    return FMU_OK;
+}
+
+static void call(FmuInstance *self, FmuFunction f, const double **args, int n_args, double *res0, double *res1) {
+    for (int i = 0; i < n_args; i++) self->arg[i] = args[i];
+    self->res[0] = res0;
+    if (M->sz_res > 1) self->res[1] = res1;
+    (void)f(self->arg, self->res, self->iw, self->w, 0);
+}
+
+static void rhs(FmuInstance *self, double t, const double *x, double *dx) {
+    const double *args[] = {&t, x, self->u, self->p};
+    call(self, M->next_fn, args, 4, dx, NULL);
+}
+
+/* Bring calculated start states up to date while they still follow inputs and parameters. */
+static FmuStatus refresh_start(FmuInstance *self) {
+    State *s = self->state;
+    const int still_starting = M->is_continuous ? s->mode == MODE_INITIALIZATION : !s->started;
+    if (s->start_valid || !still_starting) return FMU_OK;
+    if (M->n_calculated) {
+        const double *args[] = {self->x, self->u, self->p};
+        call(self, M->start_fn, args, 3, self->stage, NULL);
+        memcpy(self->x, self->stage, (size_t)M->n_states * sizeof(double));
+    }
+    s->start_valid = 1;
+    return check_finite(self, self->x, M->n_states, FMU_STATE);
+}
+
+static FmuStatus refresh_outputs(FmuInstance *self) {
+    State *s = self->state;
+    FmuStatus status = refresh_start(self);
+    if (status != FMU_OK || s->outputs_valid) return status;
+    if (M->is_continuous || !s->started) { /* a started discrete component holds the outputs of its last sample */
+        const double *args[] = {&s->time, self->x, self->u, self->p};
+        call(self, M->out_fn, args, 4, self->y, NULL);
+        status = check_finite(self, self->y, M->n_outputs, FMU_OUTPUT);
+        if (status != FMU_OK) return status;
+    }
+    s->outputs_valid = 1;
+    return FMU_OK;
+}
+
+static FmuStatus refresh_derivatives(FmuInstance *self) {
+    FmuStatus status = refresh_start(self);
+    if (status != FMU_OK || self->state->derivatives_valid) return status;
+    rhs(self, self->state->time, self->x, self->dx);
+    status = check_finite(self, self->dx, M->n_states, FMU_DERIVATIVE);
+    if (status == FMU_OK) self->state->derivatives_valid = 1;
+    return status;
+}
+
+FmuStatus fmu_enter_initialization(FmuInstance *self) {
+    self->state->mode = MODE_INITIALIZATION;
+    touch(self);
+    return FMU_OK;
+}
+
+FmuStatus fmu_exit_initialization(FmuInstance *self) {
+    FmuStatus status = refresh_outputs(self);
+    if (status == FMU_OK && M->is_continuous) status = refresh_derivatives(self);
+    self->state->mode = status != FMU_OK ? MODE_ERROR : self->is_co_simulation ? MODE_STEP : MODE_EVENT;
+    if (self->logging) (void)fmu_fail(self, FMU_OK, "%s initialized at %.9g s", M->name, self->state->time);
+    return status;
+}
+
+/* ------------------------------------------------------------------ values */
+
+static double *storage(FmuInstance *self, const FmuVariable *v) {
+    switch (v->role) {
+        case FMU_TIME: return &self->state->time;
+        case FMU_PARAMETER: return self->p + v->slot;
+        case FMU_INPUT: return self->u + v->slot;
+        case FMU_STATE: return self->x + v->slot;
+        case FMU_DERIVATIVE: return self->dx + v->slot;
+        default: return self->y + v->slot;
+    }
+}
+
+static const char *type_name(FmuType type) {
+    return type == FMU_FLOAT64 ? "Float64 (Real)" : type == FMU_INT32 ? "Int32 (Integer)" : "Boolean";
+}
+
+/* The variable behind reference i, or NULL after an error. */
+static const FmuVariable *lookup(FmuInstance *self, const char *function, FmuType type, const unsigned *refs, size_t i) {
+    if (refs[i] >= (unsigned)M->n_variables) {
+        (void)fmu_fail(self, FMU_ERROR, "%s: unknown value reference %u", function, refs[i]);
+        return NULL;
+    }
+    const FmuVariable *v = &M->variables[refs[i]];
+    if (v->type != type) {
+        (void)fmu_fail(self, FMU_ERROR, "%s: variable %s is of type %s", function, v->name, type_name(v->type));
+        return NULL;
+    }
+    return v;
+}
+
+static FmuStatus check_arrays(FmuInstance *self, const char *function, const void *refs, size_t n_refs, const void *values,
+                              size_t count) {
+    if ((n_refs && !refs) || (count && !values)) return fmu_fail(self, FMU_ERROR, "%s: NULL array argument", function);
+    return FMU_OK;
+}
+
+static double read_double(const void *values, size_t i) { return ((const double *)values)[i]; }
+static void write_double(void *values, size_t i, double value) { ((double *)values)[i] = value; }
+
+FmuStatus fmu_get_as(FmuInstance *self, const char *function, FmuType type, const unsigned *refs, size_t n_refs,
+                     void *values, size_t count, FmuWrite write) {
+    FmuStatus status = check_arrays(self, function, refs, n_refs, values, count);
+    size_t k = 0;
+    for (size_t i = 0; i < n_refs && status == FMU_OK; i++) {
+        const FmuVariable *v = lookup(self, function, type, refs, i);
+        if (!v) return FMU_ERROR;
+        if (k + (size_t)v->size > count)
+            return fmu_fail(self, FMU_ERROR, "%s: nValues is %zu, too few for the variables up to %s", function, count, v->name);
+        if (self->state->mode != MODE_TERMINATED && self->state->mode != MODE_ERROR)
+            status = v->role == FMU_OUTPUT       ? refresh_outputs(self)
+                     : v->role == FMU_DERIVATIVE ? refresh_derivatives(self)
+                     : v->role == FMU_STATE      ? refresh_start(self)
+                                                 : FMU_OK;
+        if (status != FMU_OK) return status;
+        const double *from = storage(self, v);
+        if (write == write_double)
+            for (int j = 0; j < v->size; j++) ((double *)values)[k++] = from[j];
+        else
+            for (int j = 0; j < v->size; j++) write(values, k++, from[j]);
+    }
+    if (status == FMU_OK && k != count)
+        status = fmu_fail(self, FMU_ERROR, "%s: nValues is %zu, the variables have %zu", function, count, k);
+    return status;
+}
+
+static FmuStatus check_settable(FmuInstance *self, const char *function, const FmuVariable *v) {
+    const unsigned mode = (unsigned)self->state->mode;
+    const unsigned before = MODE_INSTANTIATED | MODE_INITIALIZATION;
+    unsigned modes = 0;
+    switch (v->role) {
+        case FMU_PARAMETER: modes = before | (v->is_tunable ? MODE_EVENT | MODE_STEP : 0u); break;
+        case FMU_INPUT: modes = before | MODE_EVENT | MODE_CONTINUOUS_TIME | MODE_STEP; break;
+        case FMU_STATE: modes = v->is_exact ? before : 0u; break;
+        default: break;
+    }
+    if (modes & mode) return FMU_OK;
+    if (!modes) return fmu_fail(self, FMU_ERROR, "%s: variable %s is calculated and cannot be set", function, v->name);
+    return fmu_fail(self, FMU_ERROR, "%s: variable %s cannot be set in state '%s'", function, v->name,
+                    mode_name(self->state->mode));
+}
+
+FmuStatus fmu_set_as(FmuInstance *self, const char *function, FmuType type, const unsigned *refs, size_t n_refs,
+                     const void *values, size_t count, FmuRead read) {
+    FmuStatus status = check_arrays(self, function, refs, n_refs, values, count);
+    if (status != FMU_OK) return status;
+    /* First look at everything, then store: a call that fails changes nothing. */
+    size_t k = 0;
+    for (size_t i = 0; i < n_refs; i++) {
+        const FmuVariable *v = lookup(self, function, type, refs, i);
+        if (!v) return FMU_ERROR;
+        status = check_settable(self, function, v);
+        if (status != FMU_OK) return status;
+        if (k + (size_t)v->size > count)
+            return fmu_fail(self, FMU_ERROR, "%s: nValues is %zu, too few for the variables up to %s", function, count, v->name);
+        for (int j = 0; j < v->size; j++, k++) {
+            const double value = read(values, k);
+            if (!isfinite(value))
+                return fmu_fail(self, FMU_ERROR, "%s: value %g for %s is not finite", function, value, v->name);
+            if (value < v->min || value > v->max)
+                return fmu_fail(self, FMU_ERROR, "%s: value %.9g for %s is outside its range [%.9g, %.9g]", function, value,
+                                v->name, v->min, v->max);
+        }
+    }
+    if (k != count) return fmu_fail(self, FMU_ERROR, "%s: nValues is %zu, the variables have %zu", function, count, k);
+    for (size_t i = 0, n = 0; i < n_refs; i++) {
+        const FmuVariable *v = &M->variables[refs[i]];
+        double *to = storage(self, v);
+        for (int j = 0; j < v->size; j++) to[j] = read(values, n++);
+    }
+    if (n_refs) touch(self);
+    return FMU_OK;
+}
+
+FmuStatus fmu_get(FmuInstance *self, const char *function, FmuType type, const unsigned *refs, size_t n_refs, double *values,
+                  size_t count) {
+    return fmu_get_as(self, function, type, refs, n_refs, values, count, write_double);
+}
+
+FmuStatus fmu_set(FmuInstance *self, const char *function, FmuType type, const unsigned *refs, size_t n_refs,
+                  const double *values, size_t count) {
+    return fmu_set_as(self, function, type, refs, n_refs, values, count, read_double);
+}
+
+/* ------------------------------------------------------------------ directional derivatives */
+
+FmuStatus fmu_directional_derivative(FmuInstance *self, const char *function, const unsigned *unknowns, size_t n_unknowns,
+                                     const unsigned *knowns, size_t n_knowns, const double *seed, size_t n_seed,
+                                     double *sensitivity, size_t n_sensitivity) {
+    if (!M->fwd_fn)
+        return fmu_fail(self, FMU_ERROR, "%s: a discrete component has no directional derivatives", function);
+    FmuStatus status = check_arrays(self, function, knowns, n_knowns, seed, n_seed);
+    if (status == FMU_OK) status = check_arrays(self, function, unknowns, n_unknowns, sensitivity, n_sensitivity);
+    if (status == FMU_OK) status = refresh_start(self);
+    if (status != FMU_OK) return status;
+
+    const int starting = self->state->mode == MODE_INITIALIZATION;
+    const size_t nx = (size_t)M->n_states, nu = (size_t)M->n_inputs, np = (size_t)M->n_parameters;
+    double *sx = self->seed, *su = sx + nx, *sp = su + nu;
+    memset(self->seed, 0, (nx + nu + np) * sizeof(double));
+    size_t k = 0;
+    for (size_t i = 0; i < n_knowns; i++) {
+        const FmuVariable *v = lookup(self, function, FMU_FLOAT64, knowns, i);
+        if (!v) return FMU_ERROR;
+        double *to = v->role == FMU_INPUT                                  ? su
+                     : v->role == FMU_PARAMETER                            ? sp
+                     : v->role == FMU_STATE && (v->is_exact || !starting) ? sx
+                                                                           : NULL;
+        if (!to) return fmu_fail(self, FMU_ERROR, "%s: %s is not a known (state, input or parameter)", function, v->name);
+        if (k + (size_t)v->size > n_seed) return fmu_fail(self, FMU_ERROR, "%s: too few seed values", function);
+        for (int j = 0; j < v->size; j++, k++) {
+            if (!isfinite(seed[k])) return fmu_fail(self, FMU_ERROR, "%s: seed for %s is not finite", function, v->name);
+            to[v->slot + j] = seed[k];
+        }
+    }
+    if (k != n_seed) return fmu_fail(self, FMU_ERROR, "%s: %zu seed values for %zu knowns", function, n_seed, k);
+
+    if (starting && M->n_calculated) {
+        const double *args[] = {self->x, self->u, self->p, sx, su, sp};
+        call(self, M->fwd_start_fn, args, 6, self->stage, NULL);
+        memcpy(sx, self->stage, nx * sizeof(double));
+    }
+    const double *args[] = {&self->state->time, self->x, self->u, self->p, sx, su, sp};
+    double *ddx = self->sensitivity, *dy = ddx + nx;
+    call(self, M->fwd_fn, args, 7, ddx, dy);
+
+    k = 0;
+    for (size_t i = 0; i < n_unknowns; i++) {
+        const FmuVariable *v = lookup(self, function, FMU_FLOAT64, unknowns, i);
+        if (!v) return FMU_ERROR;
+        const double *from = v->role == FMU_DERIVATIVE ? ddx : v->role == FMU_OUTPUT ? dy : v->role == FMU_STATE ? sx : NULL;
+        if (!from) return fmu_fail(self, FMU_ERROR, "%s: %s is not an unknown", function, v->name);
+        if (k + (size_t)v->size > n_sensitivity) return fmu_fail(self, FMU_ERROR, "%s: too few sensitivity values", function);
+        for (int j = 0; j < v->size; j++) sensitivity[k++] = from[v->slot + j];
+    }
+    if (k != n_sensitivity)
+        return fmu_fail(self, FMU_ERROR, "%s: %zu sensitivity values for %zu unknowns", function, n_sensitivity, k);
+    return FMU_OK;
+}
+
+/* ------------------------------------------------------------------ stepping */
+
+/* Classic fourth-order Runge-Kutta. */
+static void step_rk4(FmuInstance *self, double t, double h) {
+    const int n = M->n_states;
+    double *x = self->x, *s = self->stage, *k1 = self->k1, *k2 = self->k2, *k3 = self->k3, *k4 = self->k4;
+    rhs(self, t, x, k1);
+    for (int i = 0; i < n; i++) s[i] = x[i] + 0.5 * h * k1[i];
+    rhs(self, t + 0.5 * h, s, k2);
+    for (int i = 0; i < n; i++) s[i] = x[i] + 0.5 * h * k2[i];
+    rhs(self, t + 0.5 * h, s, k3);
+    for (int i = 0; i < n; i++) s[i] = x[i] + h * k3[i];
+    rhs(self, t + h, s, k4);
+    for (int i = 0; i < n; i++) x[i] += h / 6.0 * (k1[i] + 2.0 * (k2[i] + k3[i]) + k4[i]);
+}
+
+/* Adams-Bashforth-2 predictor, Adams-Moulton-2 (trapezoidal) corrector. k2 holds the derivative of the previous step;
+ * the first step after an exchange predicts with Euler, because inputs may have jumped there. */
+static void step_am2(FmuInstance *self, double t, double h, int first) {
+    const int n = M->n_states;
+    double *x = self->x, *s = self->stage, *now = self->k1, *before = self->k2, *ahead = self->k3;
+    rhs(self, t, x, now);
+    for (int i = 0; i < n; i++) s[i] = x[i] + h * (first ? now[i] : 1.5 * now[i] - 0.5 * before[i]);
+    rhs(self, t + h, s, ahead);
+    for (int i = 0; i < n; i++) x[i] += 0.5 * h * (now[i] + ahead[i]);
+    memcpy(before, now, (size_t)n * sizeof(double));
+}
+
+static FmuStatus advance_continuous(FmuInstance *self, const char *function, double t, double h) {
+    const double largest = self->p[FMU_SOLVER_STEP_SLOT];
+    const double count = ceil(h / largest * (1.0 - 1e-9));
+    if (count > MAX_STEPS_PER_CALL)
+        return fmu_fail(self, FMU_ERROR, "%s: communicationStepSize %g s asks for %.3g solver steps", function, h, count);
+    const int64_t n = count < 1.0 ? 1 : (int64_t)count;
+    const double dt = h / (double)n;
+    for (int64_t i = 0; i < n; i++) {
+        const double ti = t + (double)i * dt;
+        if (M->solver == FMU_RK4) step_rk4(self, ti, dt);
+        else step_am2(self, ti, dt, i == 0);
+        for (int j = 0; j < M->n_states; j++)
+            if (!(fabs(self->x[j]) <= EXPLODED * M->nominals[j])) {
+                self->state->time = ti + dt;
+                return fmu_fail(self, FMU_ERROR, "%s: state %s left all bounds (%g) at time %.9g s", function,
+                                M->state_names[j], self->x[j], ti + dt);
+            }
+    }
+    return FMU_OK;
+}
+
+static FmuStatus advance_discrete(FmuInstance *self, const char *function, double t, double h) {
+    State *s = self->state;
+    const double Ts = M->sample_time, end = t + h - 1e-6 * Ts;
+    if (h / Ts > MAX_STEPS_PER_CALL)
+        return fmu_fail(self, FMU_ERROR, "%s: communicationStepSize %g s asks for %.3g samples", function, h, h / Ts);
+    for (;;) {
+        const double instant = s->start_time + (double)s->sample * Ts;
+        if (!(instant < end)) return FMU_OK;
+        FmuStatus status = refresh_start(self);
+        if (status != FMU_OK) return status;
+        s->started = 1;
+        const double *args[] = {&instant, self->x, self->u, self->p};
+        call(self, M->next_fn, args, 4, self->stage, self->y);
+        status = check_finite(self, self->stage, M->n_states, FMU_STATE);
+        if (status == FMU_OK) status = check_finite(self, self->y, M->n_outputs, FMU_OUTPUT);
+        if (status != FMU_OK) return status;
+        memcpy(self->x, self->stage, (size_t)M->n_states * sizeof(double));
+        s->sample++;
+    }
+}
+
+FmuStatus fmu_do_step(FmuInstance *self, const char *function, double time, double step) {
+    State *s = self->state;
+    const double tolerance = 1e-9 * (1.0 + fabs(s->time));
+    if (!isfinite(step) || step <= 0.0)
+        return fmu_fail(self, FMU_ERROR, "%s: communicationStepSize %g is not a positive number", function, step);
+    if (!(fabs(time - s->time) <= tolerance))
+        return fmu_fail(self, FMU_ERROR, "%s: currentCommunicationPoint %.12g, but the instance is at %.12g", function, time,
+                        s->time);
+    if (s->has_stop && time + step > s->stop_time + 1e-9 * (1.0 + fabs(s->stop_time)))
+        return fmu_fail(self, FMU_ERROR, "%s: the step ends at %.12g, after stopTime %.12g", function, time + step, s->stop_time);
+    const FmuStatus status =
+        M->is_continuous ? advance_continuous(self, function, time, step) : advance_discrete(self, function, time, step);
+    s->outputs_valid = M->is_continuous ? 0 : status == FMU_OK && s->started;
+    s->derivatives_valid = 0;
+    if (status == FMU_OK) s->time = time + step;
+    else s->mode = MODE_ERROR;
+    return status;
+}
+
+/* ------------------------------------------------------------------ model exchange */
+
+FmuStatus fmu_set_time(FmuInstance *self, const char *function, double time) {
+    if (!isfinite(time)) return fmu_fail(self, FMU_ERROR, "%s: time %g is not finite", function, time);
+    self->state->time = time;
+    self->state->outputs_valid = self->state->derivatives_valid = 0;
+    return FMU_OK;
+}
+
+static FmuStatus check_states(FmuInstance *self, const char *function, const void *values, size_t n) {
+    if (n != (size_t)M->n_states) return fmu_fail(self, FMU_ERROR, "%s: %zu states, expected %d", function, n, M->n_states);
+    return check_arrays(self, function, NULL, 0, values, n);
+}
+
+FmuStatus fmu_set_states(FmuInstance *self, const char *function, const double *x, size_t n) {
+    FmuStatus status = check_states(self, function, x, n);
+    for (size_t i = 0; i < n && status == FMU_OK; i++)
+        if (!isfinite(x[i]))
+            status = fmu_fail(self, FMU_ERROR, "%s: value %g for state %s is not finite", function, x[i], M->state_names[i]);
+    if (status != FMU_OK) return status;
+    if (n) memcpy(self->x, x, n * sizeof(double));
+    self->state->outputs_valid = self->state->derivatives_valid = 0;
+    return FMU_OK;
+}
+
+FmuStatus fmu_get_states(FmuInstance *self, const char *function, double *x, size_t n) {
+    FmuStatus status = check_states(self, function, x, n);
+    if (status == FMU_OK) status = refresh_start(self);
+    if (status == FMU_OK && n) memcpy(x, self->x, n * sizeof(double));
+    return status;
+}
+
+FmuStatus fmu_get_derivatives(FmuInstance *self, const char *function, double *dx, size_t n) {
+    FmuStatus status = check_states(self, function, dx, n);
+    if (status == FMU_OK) status = refresh_derivatives(self);
+    if (status == FMU_OK && n) memcpy(dx, self->dx, n * sizeof(double));
+    return status;
+}
+
+FmuStatus fmu_get_nominals(FmuInstance *self, const char *function, double *nominals, size_t n) {
+    FmuStatus status = check_states(self, function, nominals, n);
+    if (status == FMU_OK && n) memcpy(nominals, M->nominals, n * sizeof(double));
+    return status;
+}
+
+/* ------------------------------------------------------------------ snapshots */
+
+static State *snapshot_state(const void *snapshot) { return (State *)((char *)snapshot + sizeof(FmuSnapshot)); }
+
+static FmuSnapshot header_of(const State *state) {
+    const FmuSnapshot h = {SNAPSHOT_MAGIC, SNAPSHOT_VERSION, fnv1a(M->token, strlen(M->token)), state_size(),
+                           fnv1a(state, state_size())};
+    return h;
+}
+
+static FmuStatus check_snapshot(FmuInstance *self, const char *function, const void *snapshot) {
+    if (!snapshot) return fmu_fail(self, FMU_ERROR, "%s: the FMU state is NULL", function);
+    FmuSnapshot h;
+    memcpy(&h, snapshot, sizeof h);
+    if (h.magic != SNAPSHOT_MAGIC) return fmu_fail(self, FMU_ERROR, "%s: this is not a state of this FMU", function);
+    if (h.version != SNAPSHOT_VERSION)
+        return fmu_fail(self, FMU_ERROR, "%s: state format %u, this FMU reads %u", function, h.version, SNAPSHOT_VERSION);
+    if (h.model != fnv1a(M->token, strlen(M->token)) || h.length != state_size())
+        return fmu_fail(self, FMU_ERROR, "%s: the state belongs to another component or build than %s", function, M->name);
+    return FMU_OK;
+}
+
+FmuStatus fmu_snapshot(FmuInstance *self, const char *function, void **snapshot) {
+    if (!snapshot) return fmu_fail(self, FMU_ERROR, "%s: NULL argument", function);
+    if (*snapshot) { /* reuse the caller's block */
+        FmuStatus status = check_snapshot(self, function, *snapshot);
+        if (status != FMU_OK) return status;
+    } else {
+        *snapshot = malloc(sizeof(FmuSnapshot) + state_size());
+        if (!*snapshot) return fmu_fail(self, FMU_ERROR, "%s: out of memory", function);
+    }
+    const FmuSnapshot h = header_of(self->state);
+    memcpy(*snapshot, &h, sizeof h);
+    memcpy(snapshot_state(*snapshot), self->state, state_size());
+    return FMU_OK;
+}
+
+FmuStatus fmu_restore(FmuInstance *self, const char *function, const void *snapshot) {
+    FmuStatus status = check_snapshot(self, function, snapshot);
+    if (status == FMU_OK) memcpy(self->state, snapshot_state(snapshot), state_size());
+    return status;
+}
+
+FmuStatus fmu_free_snapshot(FmuInstance *self, const char *function, void **snapshot) {
+    if (!snapshot) return fmu_fail(self, FMU_ERROR, "%s: NULL argument", function);
+    if (!*snapshot) return FMU_OK;
+    FmuStatus status = check_snapshot(self, function, *snapshot);
+    if (status != FMU_OK) return status;
+    free(*snapshot);
+    *snapshot = NULL;
+    return FMU_OK;
+}
+
+FmuStatus fmu_serialized_size(FmuInstance *self, const char *function, const void *snapshot, size_t *size) {
+    FmuStatus status = check_snapshot(self, function, snapshot);
+    if (status == FMU_OK && !size) status = fmu_fail(self, FMU_ERROR, "%s: NULL argument", function);
+    if (status == FMU_OK) *size = sizeof(FmuSnapshot) + state_size();
+    return status;
+}
+
+FmuStatus fmu_serialize(FmuInstance *self, const char *function, const void *snapshot, unsigned char *bytes, size_t size) {
+    FmuStatus status = check_snapshot(self, function, snapshot);
+    if (status != FMU_OK) return status;
+    if (!bytes || size < sizeof(FmuSnapshot) + state_size())
+        return fmu_fail(self, FMU_ERROR, "%s: %zu bytes are too few, need %zu", function, bytes ? size : 0,
+                        sizeof(FmuSnapshot) + state_size());
+    memcpy(bytes, snapshot, sizeof(FmuSnapshot) + state_size());
+    return FMU_OK;
+}
+
+FmuStatus fmu_deserialize(FmuInstance *self, const char *function, const unsigned char *bytes, size_t size, void **snapshot) {
+    if (!bytes || !snapshot) return fmu_fail(self, FMU_ERROR, "%s: NULL argument", function);
+    const size_t need = sizeof(FmuSnapshot) + state_size();
+    if (size < sizeof(FmuSnapshot)) return fmu_fail(self, FMU_ERROR, "%s: %zu bytes are not a serialized state", function, size);
+    FmuStatus status = check_snapshot(self, function, bytes);
+    if (status != FMU_OK) return status;
+    FmuSnapshot h;
+    memcpy(&h, bytes, sizeof h);
+    if (size != need || h.checksum != fnv1a(bytes + sizeof h, state_size()))
+        return fmu_fail(self, FMU_ERROR, "%s: the serialized state of %s is damaged", function, M->name);
+    void *copy = malloc(need);
+    if (!copy) return fmu_fail(self, FMU_ERROR, "%s: out of memory", function);
+    memcpy(copy, bytes, need);
+    *snapshot = copy;
+    return FMU_OK;
+}

@@ -1,0 +1,49 @@
+/* What the generated code of one component tells the runtime. */
+#ifndef FMU_MODEL_H
+#define FMU_MODEL_H
+
+typedef int (*FmuFunction)(const double **arg, double **res, int *iw, double *w, int mem);
+
+typedef enum { FMU_FLOAT64, FMU_INT32, FMU_BOOLEAN } FmuType;
+typedef enum { FMU_TIME, FMU_PARAMETER, FMU_INPUT, FMU_STATE, FMU_DERIVATIVE, FMU_OUTPUT } FmuRole;
+typedef enum { FMU_RK4, FMU_AM2 } FmuSolver;
+
+/* One FMI variable; its value reference is its index in the table. */
+typedef struct {
+    const char *name;
+    FmuType type;
+    FmuRole role;
+    int slot;        /* first element in the vector of the role */
+    int size;        /* number of elements (1 unless the FMU was built with FMI 3 arrays) */
+    int is_exact;    /* has a start value that may be set before and during initialization */
+    int is_tunable;  /* parameter that may be set after initialization */
+    double min, max; /* -INFINITY, INFINITY where not declared */
+} FmuVariable;
+
+typedef struct {
+    const char *name;
+    const char *token;
+    int is_continuous;
+    FmuSolver solver;
+    double sample_time;                    /* [s], discrete components */
+    int n_variables;
+    const FmuVariable *variables;
+    int n_parameters, n_inputs, n_states, n_outputs;
+    const double *start;                   /* parameters, inputs, states in this order */
+    const double *nominals;                /* of the states */
+    const char *const *state_names;
+    int n_calculated;                      /* states with a calculated start */
+    FmuFunction start_fn;                  /* (x, u, p) -> x0 */
+    FmuFunction out_fn;                    /* (t, x, u, p) -> y */
+    FmuFunction next_fn;                   /* continuous: (t, x, u, p) -> dx; discrete: (t, x, u, p) -> x_next, y */
+    FmuFunction fwd_fn;                    /* (t, x, u, p, dx, du, dp) -> d(dx/dt), dy; NULL for discrete */
+    FmuFunction fwd_start_fn;              /* (x, u, p, dx, du, dp) -> dx0; NULL for discrete */
+    int sz_arg, sz_res, sz_iw, sz_w;       /* largest work sizes of the functions above */
+} FmuModel;
+
+extern const FmuModel fmu_model;
+
+/* Continuous components declare solver.step [s] as their first parameter. */
+#define FMU_SOLVER_STEP_SLOT 0
+
+#endif
