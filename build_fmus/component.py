@@ -133,6 +133,7 @@ class Component:
         source: where the equations come from (paper and equation numbers).
         sample_time: period [s]; discrete components only.
         solver, solver_step: fixed-step integrator and its largest step [s]; continuous components only.
+        exchange_step: communication step [s] proposed to tools (default experiment).
         symbols: ``ca.SX`` (default, no overhead) or ``ca.MX`` where lookup tables are needed.
         notes: paragraphs for the documentation page (assumptions, what is left out and why, wiring).
     """
@@ -147,6 +148,7 @@ class Component:
         sample_time: float | None = None,
         solver: Solver = "rk4",
         solver_step: float = 5e-4,
+        exchange_step: float = 1e-3,
         stop_time: float = 10.0,
         symbols: Any = ca.SX,
         notes: Iterable[str] = (),
@@ -158,7 +160,7 @@ class Component:
         self.name, self.kind, self.description, self.source = name, kind, description, source
         self.sample_time = sample_time
         self.solver, self.solver_step = solver, solver_step
-        self.stop_time = stop_time
+        self.exchange_step, self.stop_time = exchange_step, stop_time
         self.notes = tuple(notes)
         self.provenance: dict[str, Any] = {}  # stored in the FMU as resources/provenance.json when not empty
         self.time = symbols.sym("time")
@@ -170,6 +172,11 @@ class Component:
         self._outputs: dict[str, Any] = {}
         self.stimulus: dict[str, Callable[[float], float]] = {}
         self.operating_points: dict[str, dict[str, float]] = {"start": {}}
+        if kind == "continuous":  # the runtime finds it in the first slot
+            self.parameter(
+                "solver.step", solver_step, "s", f"largest step of the fixed-step solver ({solver})", min=1e-6,
+                max=1e-2, source="build option",
+            )  # fmt: skip
 
     # ------------------------------------------------------------------ declaring
 
@@ -352,6 +359,11 @@ class Component:
             groups["derivative"] = [self._derivative_variable(v) for v in groups["state"]]
         time = Variable("time", "time", "s", "simulation time")
         return [time, *(v for g in groups.values() for v in g)]
+
+    @property
+    def all_variables(self) -> list[Variable]:
+        """Every declared variable in declaration order, hidden states included."""
+        return list(self._variables.values())
 
     @staticmethod
     def _derivative_variable(v: Variable) -> Variable:

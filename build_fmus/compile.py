@@ -1,0 +1,178 @@
+"""Toolchains and the object cache: C sources to one shared library per platform.
+
+The host's C compiler is used when there is one, otherwise ``ziglang`` from PyPI, which also builds for every other
+platform. The flags fix the floating-point semantics (no fused or reordered operations), so that a platform and
+toolchain give one result.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import importlib.util
+import os
+import platform as host_platform
+import shutil
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+
+CFLAGS = ("-O2", "-std=c99", "-ffp-contract=off", "-fvisibility=hidden", "-g0")
+
+
+class CompileError(RuntimeError):
+    """No toolchain, or a compiler that failed; the message carries the compiler's own words."""
+
+
+@dataclass(frozen=True)
+class Platform:
+    """One target of FMU binaries."""
+
+    name: str  # FMI 3.0 platform tuple
+    fmi2_name: str
+    zig_target: str
+    suffix: str
+
+    @property
+    def is_windows(self) -> bool:
+        return self.suffix == ".dll"
+
+
+PLATFORMS: dict[str, Platform] = {
+    p.name: p
+    for p in (
+        Platform("x86_64-linux", "linux64", "x86_64-linux-gnu.2.17", ".so"),
+        Platform("aarch64-linux", "aarch64-linux", "aarch64-linux-gnu.2.17", ".so"),
+        Platform("x86_64-windows", "win64", "x86_64-windows-gnu", ".dll"),
+        Platform("x86_64-darwin", "darwin64", "x86_64-macos", ".dylib"),
+        Platform("aarch64-darwin", "aarch64-darwin", "aarch64-macos", ".dylib"),
+    )
+}
+
+
+def host() -> str:
+    """FMI 3.0 platform tuple of this machine.
+
+    Raises:
+        CompileError: a machine that is not among :data:`PLATFORMS`.
+    """
+    machine = {"AMD64": "x86_64", "arm64": "aarch64"}.get(host_platform.machine(), host_platform.machine())
+    system = {"Linux": "linux", "Windows": "windows", "Darwin": "darwin"}.get(host_platform.system(), "unknown")
+    name = f"{machine}-{system}"
+    if name not in PLATFORMS:
+        raise CompileError(f"no FMU platform for this machine ({name}); choose --platform from {', '.join(PLATFORMS)}")
+    return name
+
+
+def resolve_platforms(choice: str) -> list[Platform]:
+    """``host``, ``all`` or comma-separated platform tuples."""
+    if choice == "host":
+        return [PLATFORMS[host()]]
+    if choice == "all":
+        return list(PLATFORMS.values())
+    names = [n.strip() for n in choice.split(",")]
+    for n in names:
+        if n not in PLATFORMS:
+            raise CompileError(f"unknown platform {n!r}; choose from host, all, {', '.join(PLATFORMS)}")
+    return [PLATFORMS[n] for n in names]
+
+
+@dataclass(frozen=True)
+class Toolchain:
+    """A compiler command for one platform, with the identity that enters cache keys."""
+
+    platform: Platform
+    command: tuple[str, ...]
+    version: str
+
+    def compile(self, source: Path, output: Path, include: Iterable[Path]) -> None:
+        """One C file to one object file."""
+        pic = () if self.platform.is_windows else ("-fPIC",)
+        self._run([*CFLAGS, *pic, *(f"-I{i}" for i in include), "-c", str(source), "-o", str(output)])
+
+    def link(self, objects: Sequence[Path], output: Path) -> None:
+        """Objects to a shared library without undefined symbols."""
+        flags: list[str] = ["-shared", "-s"]
+        if self.platform.suffix == ".so":
+            flags += ["-Wl,--no-undefined", "-Wl,--build-id=none"]
+        elif self.platform.suffix == ".dylib":
+            flags += [f"-Wl,-install_name,@rpath/{output.name}"]
+        libm = [] if self.platform.is_windows else ["-lm"]
+        self._run([*flags, *map(str, objects), "-o", str(output), *libm])
+
+    def _run(self, arguments: list[str]) -> None:
+        done = subprocess.run([*self.command, *arguments], capture_output=True, text=True, check=False)
+        if done.returncode != 0:
+            raise CompileError(f"{' '.join([*self.command, *arguments])}\n{done.stderr.strip()}")
+
+
+@lru_cache
+def find_toolchain(platform_name: str) -> Toolchain:
+    """The host compiler (``CC``, cc, gcc, clang) for the host platform, else ziglang.
+
+    Raises:
+        CompileError: neither is there; the message says how to get one.
+    """
+    target = PLATFORMS[platform_name]
+    if platform_name == host():
+        candidates = [os.environ["CC"]] if os.environ.get("CC") else ["cc", "gcc", "clang"]
+        for c in candidates:
+            path = shutil.which(c)
+            if path:
+                done = subprocess.run([path, "--version"], capture_output=True, text=True, check=False)
+                return Toolchain(target, (path,), done.stdout.splitlines()[0] if done.stdout else c)
+        if os.environ.get("CC"):
+            raise CompileError(f"CC={os.environ['CC']} is not in PATH")
+    if importlib.util.find_spec("ziglang") is not None:
+        command = (sys.executable, "-m", "ziglang", "cc", "-target", target.zig_target)
+        if target.name.startswith("x86_64"):
+            command += ("-mcpu=x86_64",)
+        return Toolchain(target, command, f"ziglang {_zig_version()}")
+    raise CompileError(
+        f"no C compiler for {platform_name}: install gcc or clang, or `pip install ziglang` (works without administrator rights)"
+    )
+
+
+@lru_cache
+def _zig_version() -> str:
+    from importlib import metadata
+
+    return metadata.version("ziglang")
+
+
+class ObjectCache:
+    """Compiled objects and libraries by content hash; safe for concurrent builds (files appear atomically)."""
+
+    def __init__(self, directory: Path) -> None:
+        self.directory = directory
+
+    def library(self, toolchain: Toolchain, sources: Sequence[Path], include: Sequence[Path], name: str) -> bytes:
+        """The shared library built from ``sources``; every object is compiled once per content and toolchain."""
+        headers = b"".join(p.read_bytes() for d in include for p in sorted(d.glob("*.h")))
+        objects = [self._object(toolchain, s, include, headers) for s in sources]
+        key = self._key(toolchain, name.encode(), *(o.name.encode() for o in objects))
+        path = self.directory / f"{key}{toolchain.platform.suffix}"
+        if not path.exists():
+            self._make(path, lambda out: toolchain.link(objects, out))
+        return path.read_bytes()
+
+    def _object(self, toolchain: Toolchain, source: Path, include: Sequence[Path], headers: bytes) -> Path:
+        path = self.directory / f"{self._key(toolchain, source.read_bytes(), headers)}.o"
+        if not path.exists():
+            self._make(path, lambda out: toolchain.compile(source, out, include))
+        return path
+
+    @staticmethod
+    def _key(toolchain: Toolchain, *parts: bytes) -> str:
+        identity = f"{toolchain.platform.name}|{toolchain.version}|{CFLAGS}".encode()
+        return hashlib.sha256(b"\0".join((identity, *parts))).hexdigest()[:32]
+
+    def _make(self, path: Path, build) -> None:  # type: ignore[no-untyped-def]
+        self.directory.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryDirectory(dir=self.directory) as tmp:
+            out = Path(tmp) / path.name
+            build(out)
+            os.replace(out, path)

@@ -1,0 +1,319 @@
+"""``modelDescription.xml`` for FMI 2.0 and FMI 3.0, and the FMI 3 terminals, from one component declaration."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable
+from importlib import metadata
+
+from lxml import etree
+
+from build_fmus import units
+from build_fmus.component import Component, Variable
+from build_fmus.generate import Reference, is_exact, references
+
+TOOL = "suspension-fmus"  # also the key of our vendor annotation, which the master reads
+LOG_CATEGORIES = {
+    "logEvents": "events of the instance's life cycle",
+    "logStatusWarning": "warnings",
+    "logStatusDiscard": "calls that were discarded",
+    "logStatusError": "errors, with the variable concerned and the reason",
+    "logStatusFatal": "fatal errors",
+}
+_CORNER = re.compile(r"(?:^|\.)(fl|fr|rl|rr|a[123][lr])(?:\.|$|\[)")
+_FMI2_TYPES = {"Float64": "Real", "Int32": "Integer", "Boolean": "Boolean"}
+
+
+def model_description(component: Component, fmi: int, *, token: str, sources: Iterable[str], arrays: bool = False) -> bytes:
+    """The model description as UTF-8 XML.
+
+    Args:
+        fmi: 2 or 3.
+        token: instantiation token (GUID in FMI 2.0) compiled into the binary.
+        sources: C files below ``sources/`` (FMI 2.0 lists them here).
+        arrays: real FMI 3 arrays instead of scalar elements.
+    """
+    root = _fmi2(component, token, list(sources)) if fmi == 2 else _fmi3(component, token, arrays)
+    return _serialize(root)
+
+
+def build_description(component: Component, sources: Iterable[str]) -> bytes:
+    """``sources/buildDescription.xml`` of FMI 3.0."""
+    root = etree.Element("fmiBuildDescription", fmiVersion="3.0")
+    configuration = etree.SubElement(root, "BuildConfiguration", modelIdentifier=component.name)
+    files = etree.SubElement(configuration, "SourceFileSet", language="C99", compilerOptions="-O2 -ffp-contract=off")
+    for name in sources:
+        etree.SubElement(files, "SourceFile", name=name)
+    return _serialize(root)
+
+
+def terminals_and_icons(component: Component, *, arrays: bool = False) -> bytes:
+    """``terminalsAndIcons/terminalsAndIcons.xml`` of FMI 3.0: the icon, and one terminal per corner of the vehicle."""
+    root = etree.Element("fmiTerminalsAndIcons", fmiVersion="3.0")
+    graphics = etree.SubElement(root, "GraphicalRepresentation")
+    box = {"x1": "-100", "y1": "-100", "x2": "100", "y2": "100"}
+    etree.SubElement(graphics, "CoordinateSystem", **box, suggestedScalingFactorTo_mm="0.1")
+    etree.SubElement(graphics, "Icon", **box)
+    corners: dict[str, list[str]] = {}
+    for r in references(component, arrays=arrays):
+        v = r.variable
+        match = _CORNER.search(r.name)
+        if match and (v.role == "input" or v.output):
+            corners.setdefault(match.group(1), []).append(r.name)
+    if corners:
+        terminals = etree.SubElement(root, "Terminals")
+        for corner, names in corners.items():
+            terminal = etree.SubElement(
+                terminals, "Terminal", name=corner, matchingRule="none", description=f"signals of corner {corner}"
+            )
+            for name in names:
+                member = re.sub(rf"(^|\.){corner}(\.|\[|$)", lambda m: m[2] if m[2] == "[" else (m[1] and m[2]), name, count=1)
+                etree.SubElement(
+                    terminal, "TerminalMemberVariable", variableName=name, memberName=member, variableKind="signal"
+                )
+    return _serialize(root)
+
+
+def _serialize(root: etree._Element) -> bytes:
+    return etree.tostring(root, xml_declaration=True, encoding="UTF-8", pretty_print=True)
+
+
+def _text(x: float, kind: str = "Float64") -> str:
+    if kind == "Int32":
+        return str(int(x))
+    if kind == "Boolean":
+        return "true" if x else "false"
+    return repr(float(x))
+
+
+def _causality(v: Variable) -> str:
+    if v.role in ("parameter", "input"):
+        return v.role
+    if v.role == "time":
+        return "independent"
+    return "output" if v.output else "local"
+
+
+def _variability(component: Component, v: Variable) -> str:
+    if v.role == "parameter":
+        return "tunable" if v.tunable else "fixed"
+    if v.type != "Float64" or (component.kind == "discrete" and v.role in ("output", "state")):
+        return "discrete"
+    return "continuous"
+
+
+def _initial(v: Variable) -> str | None:
+    if v.role in ("time", "input"):
+        return None
+    return "exact" if is_exact(v) else "calculated"
+
+
+def _root(component: Component, version: str, **identity: str) -> etree._Element:
+    return etree.Element(
+        "fmiModelDescription",
+        fmiVersion=version,
+        modelName=component.name,
+        **identity,
+        description=component.description,
+        version=metadata.version(TOOL),
+        license="BSD-3-Clause",
+        generationTool=f"{TOOL} {metadata.version(TOOL)}",
+        variableNamingConvention="structured",
+    )
+
+
+def _common(root: etree._Element, component: Component) -> None:
+    """Units, log categories and default experiment: the same elements in both versions."""
+    used = dict.fromkeys(v.unit for v in component.variables if v.unit)
+    definitions = etree.SubElement(root, "UnitDefinitions")
+    for name in used:
+        u = units.unit(name)
+        element = etree.SubElement(definitions, "Unit", name=name)
+        base = {k: str(e) for k, e in u.exponents.items()}
+        if u.factor != 1.0:
+            base["factor"] = repr(u.factor)
+        if u.offset != 0.0:
+            base["offset"] = repr(u.offset)
+        etree.SubElement(element, "BaseUnit", **base)
+        for d in u.display:
+            attributes = {"name": d.name, "factor": repr(d.factor)}
+            if d.offset:
+                attributes["offset"] = repr(d.offset)
+            etree.SubElement(element, "DisplayUnit", **attributes)
+    categories = etree.SubElement(root, "LogCategories")
+    for name, description in LOG_CATEGORIES.items():
+        etree.SubElement(categories, "Category", name=name, description=description)
+    step = component.sample_time if component.kind == "discrete" else component.exchange_step
+    etree.SubElement(
+        root, "DefaultExperiment", startTime="0.0", stopTime=repr(component.stop_time), stepSize=repr(step)
+    )
+
+
+def _annotation(parent: etree._Element, component: Component) -> None:
+    attributes = {"kind": component.kind}
+    if component.sample_time is not None:
+        attributes["sampleTime"] = repr(component.sample_time)
+    etree.SubElement(parent, "Component", **attributes)
+
+
+def _value_attributes(component: Component, r: Reference) -> dict[str, str]:
+    v, out = r.variable, {}
+    if v.unit and v.type == "Float64":
+        out["unit"] = v.unit
+        if v.display_unit:
+            out["displayUnit"] = v.display_unit
+    for key in ("min", "max", "nominal"):
+        x = getattr(v, key)
+        if x is not None and v.type != "Boolean" and not (key == "nominal" and v.type != "Float64"):
+            out[key] = _text(x, v.type)
+    if r.start is not None:
+        out["start"] = " ".join(_text(x, v.type) for x in r.start)
+    return out
+
+
+# ---------------------------------------------------------------------- FMI 2.0
+
+
+def _fmi2(component: Component, token: str, sources: list[str]) -> etree._Element:
+    root = _root(component, "2.0", guid=token)
+    root.set("numberOfEventIndicators", "0")
+    continuous = component.kind == "continuous"
+    common = {
+        "modelIdentifier": component.name,
+        "canNotUseMemoryManagementFunctions": "true",
+        "canGetAndSetFMUstate": "true",
+        "canSerializeFMUstate": "true",
+        "providesDirectionalDerivative": _text(continuous, "Boolean"),
+    }
+    interfaces = []
+    if continuous:
+        interfaces.append(etree.SubElement(root, "ModelExchange", **common, completedIntegratorStepNotNeeded="true"))
+    interfaces.append(etree.SubElement(root, "CoSimulation", **common, canHandleVariableCommunicationStepSize="true"))
+    for interface in interfaces:
+        files = etree.SubElement(interface, "SourceFiles")
+        for name in sources:
+            etree.SubElement(files, "File", name=name)
+    _common(root, component)
+    _annotation(etree.SubElement(etree.SubElement(root, "VendorAnnotations"), "Tool", name=TOOL), component)
+
+    refs = references(component, arrays=False)
+    index = {r.name: i + 1 for i, r in enumerate(refs)}
+    variables = etree.SubElement(root, "ModelVariables")
+    for vr, r in enumerate(refs):
+        v = r.variable
+        attributes = {"name": r.name, "valueReference": str(vr), "description": v.description}
+        attributes |= {"causality": _causality(v), "variability": _variability(component, v)}
+        if initial := _initial(v):
+            attributes["initial"] = initial
+        scalar = etree.SubElement(variables, "ScalarVariable", **attributes)
+        values = _value_attributes(component, r)
+        if v.role == "derivative":
+            values["derivative"] = str(index[r.name[4:-1]])
+        etree.SubElement(scalar, _FMI2_TYPES[v.type], **values)
+
+    structure = etree.SubElement(root, "ModelStructure")
+    dependencies, initial_dependencies = component.dependencies, component.initial_dependencies
+
+    def unknowns(tag: str, names: list[str], known: dict[str, list[str]]) -> None:
+        if not names:
+            return
+        group = etree.SubElement(structure, tag)
+        for name in names:
+            on = " ".join(str(i) for i in sorted(index[d] for d in known[name]))
+            etree.SubElement(group, "Unknown", index=str(index[name]), dependencies=on)
+
+    outputs = [r.name for r in refs if r.variable.output]
+    derivatives = [r.name for r in refs if r.variable.role == "derivative"]
+    unknowns("Outputs", outputs, dependencies)
+    unknowns("Derivatives", derivatives, dependencies)
+    unknowns("InitialUnknowns", _initial_unknowns(refs), initial_dependencies)
+    return root
+
+
+def _initial_unknowns(refs: list[Reference]) -> list[str]:
+    return [
+        r.name
+        for r in refs
+        if (r.variable.output or r.variable.role in ("state", "derivative")) and not is_exact(r.variable)
+    ]
+
+
+# ---------------------------------------------------------------------- FMI 3.0
+
+
+def _fmi3(component: Component, token: str, arrays: bool) -> etree._Element:
+    root = _root(component, "3.0", instantiationToken=token)
+    continuous = component.kind == "continuous"
+    common = {
+        "modelIdentifier": component.name,
+        "canGetAndSetFMUState": "true",
+        "canSerializeFMUState": "true",
+        "providesDirectionalDerivatives": _text(continuous, "Boolean"),
+    }
+    if continuous:
+        etree.SubElement(root, "ModelExchange", **common)
+    etree.SubElement(root, "CoSimulation", **common, canHandleVariableCommunicationStepSize="true", hasEventMode="false")
+    _common(root, component)
+
+    refs = references(component, arrays=arrays)
+    value_reference = {r.name: i for i, r in enumerate(refs)}
+    owner = {n: i for i, r in enumerate(refs) for n in r.element_names}  # scalar element -> value reference
+    variables = etree.SubElement(root, "ModelVariables")
+    for vr, r in enumerate(refs):
+        v = r.variable
+        attributes = {"name": r.name, "valueReference": str(vr), "description": v.description}
+        attributes |= {"causality": _causality(v), "variability": _variability(component, v)}
+        if initial := _initial(v):
+            attributes["initial"] = initial
+        attributes |= _value_attributes(component, r)
+        if v.role == "derivative":
+            attributes["derivative"] = str(value_reference[r.name[4:-1]])
+        element = etree.SubElement(variables, v.type, **attributes)
+        for n in r.shape:
+            etree.SubElement(element, "Dimension", start=str(n))
+
+    structure = etree.SubElement(root, "ModelStructure")
+    dependencies, initial_dependencies = component.dependencies, component.initial_dependencies
+
+    def unknown(tag: str, r: Reference, known: dict[str, list[str]]) -> None:
+        on = sorted({owner[d] for n in r.element_names for d in known[n]})
+        etree.SubElement(
+            structure, tag, valueReference=str(value_reference[r.name]), dependencies=" ".join(map(str, on))
+        )
+
+    initial_names = set(_initial_unknowns(refs))
+    for r in refs:
+        if r.variable.output:
+            unknown("Output", r, dependencies)
+    for r in refs:
+        if r.variable.role == "derivative":
+            unknown("ContinuousStateDerivative", r, dependencies)
+    for r in refs:
+        if r.name in initial_names:
+            unknown("InitialUnknown", r, initial_dependencies)
+    annotations = etree.SubElement(root, "Annotations")
+    _annotation(etree.SubElement(annotations, "Annotation", type=TOOL), component)
+    return root
+
+
+def variable_rows(component: Component) -> list[dict[str, str]]:
+    """One row per declared variable for documentation pages: name, role, shape, unit, range, start, description, source."""
+    rows = []
+    for v in component.variables:
+        low, high = ("-∞" if v.min is None else f"{v.min:g}"), ("∞" if v.max is None else f"{v.max:g}")
+        start = "calculated" if v.start is None else ""
+        if v.start is not None:
+            start = ", ".join(f"{x:.6g}" for x in v.start[:4]) + (" …" if len(v.start) > 4 else "")
+        rows.append(
+            {
+                "name": v.name,
+                "role": _causality(v) if v.role in ("parameter", "input", "output") else v.role + (", output" if v.output else ""),
+                "shape": "×".join(map(str, v.shape)),
+                "unit": v.unit or "",
+                "range": "" if v.min is None and v.max is None else f"[{low}, {high}]",
+                "start": "" if v.role in ("time", "output", "derivative") else start,
+                "description": v.description,
+                "source": v.source,
+            }
+        )
+    return rows

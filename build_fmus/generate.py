@@ -1,0 +1,180 @@
+"""C code of one component: CasADi functions, variable table, start values."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import math
+from dataclasses import dataclass
+from importlib import metadata
+from pathlib import Path
+
+import casadi as ca
+
+from build_fmus.component import Component, Variable
+
+RUNTIME_DIR = Path(__file__).parent / "runtime"
+RUNTIME_SOURCES = ("fmu_core.c",)
+RUNTIME_HEADERS = ("fmu_core.h", "fmu_model.h")
+
+_ROLES = {
+    "time": "FMU_TIME", "parameter": "FMU_PARAMETER", "input": "FMU_INPUT", "state": "FMU_STATE",
+    "derivative": "FMU_DERIVATIVE", "output": "FMU_OUTPUT",
+}  # fmt: skip
+_TYPES = {"Float64": "FMU_FLOAT64", "Int32": "FMU_INT32", "Boolean": "FMU_BOOLEAN"}
+
+
+@dataclass(frozen=True)
+class Reference:
+    """One FMI variable: a declared variable (FMI 3 arrays) or one of its elements (default)."""
+
+    name: str
+    variable: Variable
+    index: int | None  # None: the whole variable
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Dimensions the FMI variable has."""
+        return self.variable.shape if self.index is None else ()
+
+    @property
+    def slot(self) -> int:
+        """First position in the vector of the variable's role."""
+        return self.variable.slot + (self.index or 0)
+
+    @property
+    def start(self) -> tuple[float, ...] | None:
+        """Start values, None when calculated."""
+        start = self.variable.start
+        return start if start is None or self.index is None else (start[self.index],)
+
+    @property
+    def element_names(self) -> list[str]:
+        """Names of the scalar elements behind this FMI variable."""
+        names = self.variable.element_names()
+        return names if self.index is None else [names[self.index]]
+
+
+def references(component: Component, *, arrays: bool) -> list[Reference]:
+    """All FMI variables; the position in the list is the value reference."""
+    result = []
+    for v in component.variables:
+        if arrays:
+            result.append(Reference(v.name, v, None))
+        else:
+            result.extend(Reference(n, v, i) for i, n in enumerate(v.element_names()))
+    return result
+
+
+def is_exact(v: Variable) -> bool:
+    """Whether the variable has a start value that the user may set."""
+    return v.role in ("parameter", "input") or (v.role == "state" and v.start is not None)
+
+
+def _number(x: float | None, default: float = 0.0) -> str:
+    x = default if x is None else float(x)
+    if math.isinf(x):
+        return "INFINITY" if x > 0 else "-INFINITY"
+    return repr(x)
+
+
+def _array(kind: str, name: str, items: list[str]) -> str:
+    body = ",\n    ".join(items) if items else "0"
+    return f"static const {kind} {name}[] = {{\n    {body}\n}};\n"
+
+
+def _string(text: str) -> str:
+    return json.dumps(text)
+
+
+def generate_c(component: Component, *, arrays: bool, token: str) -> str:
+    """The complete ``model.c`` of a component; deterministic for a given CasADi version."""
+    functions = component.functions
+    names = ["start", "out", *(("rhs", "fwd", "fwd_start") if component.kind == "continuous" else ("tick",))]
+    generator = ca.CodeGenerator("model", {"with_header": False, "casadi_int": "int", "verbose": False})
+    for n in names:
+        generator.add(functions[n])
+    code = generator.dump()
+    for forbidden in ("malloc(", "calloc(", "free("):
+        if forbidden in code:
+            raise RuntimeError(f"{component.name}: generated code calls {forbidden[:-1]}, which doStep must not")
+
+    refs = references(component, arrays=arrays)
+    table = [
+        "{"
+        + ", ".join(
+            [
+                _string(r.name),
+                _TYPES[r.variable.type],
+                _ROLES[r.variable.role],
+                str(r.slot),
+                str(math.prod(r.shape)),
+                str(int(is_exact(r.variable))),
+                str(int(r.variable.tunable)),
+                _number(r.variable.min, -math.inf),
+                _number(r.variable.max, math.inf),
+            ]
+        )
+        + "}"
+        for r in refs
+    ]
+    states = [v for v in component.all_variables if v.role == "state"]
+    state_names = [_string(n) for v in states for n in v.element_names()]
+    nominals = [_number(v.nominal, 1.0) for v in states for _ in range(v.size)]
+    start = [_number(x) for role in ("parameter", "input", "state") for x in component.vector(role)]  # type: ignore[arg-type]
+    used = [functions[n] for n in names]
+    sizes = [max(getattr(f, f"sz_{k}")() for f in used) for k in ("arg", "res", "iw", "w")]
+    continuous = component.kind == "continuous"
+    fields = [
+        _string(component.name),
+        _string(token),
+        str(int(continuous)),
+        f"FMU_{component.solver.upper()}",
+        _number(component.sample_time),
+        str(len(refs)),
+        "variables",
+        ", ".join(str(component.size(r)) for r in ("parameter", "input", "state", "output")),  # type: ignore[arg-type]
+        "start",
+        "nominals",
+        "state_names",
+        str(sum(v.size for v in states if v.start is None)),
+        "fmu_start",
+        "fmu_out",
+        "fmu_rhs" if continuous else "fmu_tick",
+        "fmu_fwd" if continuous else "NULL",
+        "fmu_fwd_start" if continuous else "NULL",
+        ", ".join(map(str, sizes)),
+    ]
+    return "\n".join(
+        [
+            f"/* {component.name}: generated, do not edit. */",
+            "#include <math.h>",
+            "#include <stddef.h>",
+            '#include "fmu_model.h"',
+            "",
+            "#if defined(__GNUC__)",
+            "#define CASADI_SYMBOL_EXPORT static __attribute__((unused))",
+            "#else",
+            "#define CASADI_SYMBOL_EXPORT static",
+            "#endif",
+            code,
+            _array("FmuVariable", "variables", table),
+            _array("double", "start", start),
+            _array("double", "nominals", nominals),
+            _array("char *const", "state_names", state_names or ['""']),
+            "const FmuModel fmu_model = {\n    " + ",\n    ".join(fields) + "\n};",
+            "",
+        ]
+    )
+
+
+def identity(component: Component, *, arrays: bool) -> str:
+    """Instantiation token of a component: a hash of everything that determines its behaviour and interface."""
+    digest = hashlib.sha256(generate_c(component, arrays=arrays, token="").encode())
+    for name in sorted((*RUNTIME_SOURCES, *RUNTIME_HEADERS, "fmi2.c", "fmi3.c")):
+        digest.update((RUNTIME_DIR / name).read_bytes())
+    for v in component.variables:
+        digest.update(f"{v.name}|{v.unit}|{v.display_unit}|{v.description}|{v.nominal}|{v.output}".encode())
+    digest.update(metadata.version("suspension-fmus").encode())
+    h = digest.hexdigest()
+    return f"{{{h[:8]}-{h[8:12]}-{h[12:16]}-{h[16:20]}-{h[20:32]}}}"

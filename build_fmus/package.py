@@ -1,0 +1,112 @@
+"""The ``.fmu`` archive: everything an importer, a rebuilder and a reader needs, byte for byte reproducible."""
+
+from __future__ import annotations
+
+import io
+import json
+import tempfile
+import zipfile
+from collections.abc import Sequence
+from importlib import metadata
+from pathlib import Path
+
+import fmpy
+import jinja2
+
+from build_fmus import description, generate, reference
+from build_fmus.compile import ObjectCache, Platform, find_toolchain
+from build_fmus.component import Component
+from build_fmus.icon import icon_png
+from build_fmus.stability import check_solver
+
+FMI_HEADERS = {  # from the fmpy wheel; BSD-2-Clause, Modelica Association
+    2: ("fmi2Functions.h", "fmi2FunctionTypes.h", "fmi2TypesPlatform.h"),
+    3: ("fmi3Functions.h", "fmi3FunctionTypes.h", "fmi3PlatformTypes.h"),
+}
+_EPOCH = (1980, 1, 1, 0, 0, 0)
+
+
+def build_fmu(
+    component: Component, fmi: int, platforms: Sequence[Platform], cache: ObjectCache, *, arrays: bool = False
+) -> bytes:
+    """Compile and pack one component for one FMI version.
+
+    Args:
+        fmi: 2 or 3. ``arrays`` applies to 3 only.
+
+    Raises:
+        DeclarationError: the declaration is incomplete.
+        SolverStepError: the solver step is unstable at an operating point.
+        CompileError: no toolchain, or the compiler failed.
+    """
+    arrays = arrays and fmi == 3
+    check_solver(component)
+    files = source_files(component, fmi, arrays=arrays)
+    sources = [n for n in files if n.endswith(".c")]
+    token = generate.identity(component, arrays=arrays)
+    content: dict[str, bytes] = {f"sources/{name}": data for name, data in files.items()}
+    content["modelDescription.xml"] = description.model_description(
+        component, fmi, token=token, sources=sources, arrays=arrays
+    )
+    with tempfile.TemporaryDirectory() as tmp:
+        for name, data in files.items():
+            (Path(tmp) / name).write_bytes(data)
+        paths = [Path(tmp) / n for n in sources]
+        for platform in platforms:
+            library = cache.library(find_toolchain(platform.name), paths, [Path(tmp)], component.name)
+            folder = platform.fmi2_name if fmi == 2 else platform.name
+            content[f"binaries/{folder}/{component.name}{platform.suffix}"] = library
+    icon = icon_png(component.kind)
+    if fmi == 2:
+        content["model.png"] = icon
+    else:
+        content["sources/buildDescription.xml"] = description.build_description(component, sources)
+        content["terminalsAndIcons/terminalsAndIcons.xml"] = description.terminals_and_icons(component, arrays=arrays)
+        content["terminalsAndIcons/icon.png"] = icon
+    content |= _documentation(component, fmi)
+    if component.provenance:
+        content["resources/provenance.json"] = (json.dumps(component.provenance, indent=1, sort_keys=True) + "\n").encode()
+    return _archive(content)
+
+
+def source_files(component: Component, fmi: int, *, arrays: bool = False) -> dict[str, bytes]:
+    """C files and headers of a component's FMU, by file name."""
+    token = generate.identity(component, arrays=arrays)
+    files = {"model.c": generate.generate_c(component, arrays=arrays, token=token).encode()}
+    runtime = (*generate.RUNTIME_SOURCES, f"fmi{fmi}.c", *generate.RUNTIME_HEADERS)
+    files |= {name: (generate.RUNTIME_DIR / name).read_bytes() for name in runtime}
+    headers = Path(fmpy.__file__).parent / "c-code"
+    files |= {name: (headers / name).read_bytes() for name in FMI_HEADERS[fmi]}
+    return files
+
+
+def _documentation(component: Component, fmi: int) -> dict[str, bytes]:
+    environment = jinja2.Environment(
+        loader=jinja2.PackageLoader("build_fmus", "templates"), autoescape=True, trim_blocks=True, lstrip_blocks=True
+    )
+    result = reference.simulate(component)
+    page = environment.get_template("documentation.html").render(
+        component=component,
+        fmi=f"{fmi}.0",
+        rows=description.variable_rows(component),
+        version=metadata.version("suspension-fmus"),
+        dependencies={e.name: component.dependencies[e.name] for e in component.output_elements()},
+    )
+    return {
+        "documentation/index.html": page.encode(),
+        f"documentation/{component.name}_in.csv": result.input_csv().encode(),
+        f"documentation/{component.name}_ref.csv": result.output_csv().encode(),
+        "documentation/LICENSE.txt": b"BSD-3-Clause; FMI headers in sources/: BSD-2-Clause, Modelica Association\n",
+    }
+
+
+def _archive(content: dict[str, bytes]) -> bytes:
+    out = io.BytesIO()
+    with zipfile.ZipFile(out, "w", zipfile.ZIP_DEFLATED, compresslevel=9) as z:
+        for name in sorted(content):
+            info = zipfile.ZipInfo(name, date_time=_EPOCH)
+            info.compress_type = zipfile.ZIP_DEFLATED
+            info.create_system = 3
+            info.external_attr = (0o755 if name.startswith("binaries/") else 0o644) << 16
+            z.writestr(info, content[name])
+    return out.getvalue()

@@ -1,0 +1,154 @@
+"""Python reference evaluation of a component, with the semantics of its FMU's ``doStep``.
+
+It evaluates the same declaration with CasADi's virtual machine and integrates in numpy: an independent path to the
+numbers that the compiled FMU must reproduce.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from build_fmus.component import Component
+
+
+@dataclass(frozen=True)
+class ReferenceResult:
+    """Sampled signals: ``time`` (n,), ``inputs`` (n, inputs), ``outputs`` (n, outputs) with element names."""
+
+    time: np.ndarray
+    inputs: np.ndarray
+    outputs: np.ndarray
+    input_names: list[str]
+    output_names: list[str]
+
+    def input_csv(self) -> str:
+        """``NAME_in.csv`` of the FMI cross-check."""
+        return _csv(self.time, self.inputs, self.input_names)
+
+    def output_csv(self) -> str:
+        """``NAME_ref.csv`` of the FMI cross-check."""
+        return _csv(self.time, self.outputs, self.output_names)
+
+
+def _csv(time: np.ndarray, values: np.ndarray, names: list[str]) -> str:
+    out = io.StringIO()
+    writer = csv.writer(out, lineterminator="\n")
+    writer.writerow(["time", *names])
+    for t, row in zip(time, values, strict=True):
+        writer.writerow([f"{t:.9g}", *(f"{x:.12g}" for x in row)])
+    return out.getvalue()
+
+
+class Evaluator:
+    """One instance of a component in Python: set ``u`` and ``p``, then :meth:`step`."""
+
+    def __init__(self, component: Component, parameters: Mapping[str, float] | None = None) -> None:
+        self.component = component
+        self.p = component.vector("parameter")
+        self.u = component.vector("input")
+        slots = {e.name: e.slot for e in component.elements("parameter")}
+        for name, value in (parameters or {}).items():
+            self.p[slots[name]] = value
+        self._f = component.functions
+        self.time, self._sample, self._x, self._y = 0.0, 0, None, np.zeros(component.size("output"))
+
+    @property
+    def x(self) -> np.ndarray:
+        """State; until the first step it follows inputs and parameters (calculated starts)."""
+        if self._x is None:
+            return np.asarray(self._f["start"](self.component.vector("state"), self.u, self.p)).ravel()
+        return self._x
+
+    @x.setter
+    def x(self, value: np.ndarray) -> None:
+        self._x = np.array(value, dtype=float)
+
+    def rhs(self, t: float, x: np.ndarray) -> np.ndarray:
+        """State derivative (continuous components)."""
+        return np.asarray(self._f["rhs"](t, x, self.u, self.p)).ravel()
+
+    def outputs(self) -> np.ndarray:
+        """All output elements in order (states declared as outputs, then declared outputs)."""
+        if self.component.kind == "continuous" or self._x is None:
+            y = np.asarray(self._f["out"](self.time, self.x, self.u, self.p)).ravel()
+        else:
+            y = self._y
+        x = self.x
+        return np.array(
+            [x[e.slot] if e.variable.role == "state" else y[e.slot] for e in self.component.output_elements()]
+        )
+
+    def step(self, h: float) -> None:
+        """Advance by ``h`` [s] with the inputs held."""
+        c = self.component
+        x = self.x
+        if c.kind == "discrete":
+            assert c.sample_time is not None
+            while (instant := self._sample * c.sample_time) < self.time + h - 1e-6 * c.sample_time:
+                nxt, y = self._f["tick"](instant, x, self.u, self.p)
+                x, self._y = np.asarray(nxt).ravel(), np.asarray(y).ravel()
+                self._sample += 1
+        else:
+            n = max(1, math.ceil(h / self.p[0] * (1 - 1e-9)))
+            dt, before = h / n, None
+            for i in range(n):
+                t = self.time + i * dt
+                if c.solver == "rk4":
+                    k1 = self.rhs(t, x)
+                    k2 = self.rhs(t + dt / 2, x + dt / 2 * k1)
+                    k3 = self.rhs(t + dt / 2, x + dt / 2 * k2)
+                    k4 = self.rhs(t + dt, x + dt * k3)
+                    x = x + dt / 6 * (k1 + 2 * (k2 + k3) + k4)
+                else:
+                    now = self.rhs(t, x)
+                    predicted = x + dt * (now if before is None else 1.5 * now - 0.5 * before)
+                    x = x + dt / 2 * (now + self.rhs(t + dt, predicted))
+                    before = now
+        self._x = x
+        self.time += h
+
+
+def simulate(
+    component: Component,
+    *,
+    stimulus: Mapping[str, Callable[[float], float]] | None = None,
+    parameters: Mapping[str, float] | None = None,
+    step: float | None = None,
+    steps: int = 200,
+) -> ReferenceResult:
+    """Run a component alone, inputs from ``stimulus`` (its own by default) sampled at each step and held.
+
+    Row k holds the inputs that act from t_k on and the outputs at t_k, read before those inputs are set (row 0: after
+    initialization with the first inputs), which is what a tool sees that sets inputs, steps, and reads.
+    """
+    stimulus = component.stimulus if stimulus is None else stimulus
+    h = step or component.sample_time or component.exchange_step
+    names = [e.name for e in component.elements("input")]
+    slots = [e.slot for e in component.elements("input")]
+    run = Evaluator(component, parameters)
+    inputs, outputs = np.zeros((steps + 1, len(names))), np.zeros((steps + 1, len(component.output_elements())))
+    base = run.u.copy()
+
+    def set_inputs(t: float) -> None:
+        for n, s in zip(names, slots, strict=True):
+            run.u[s] = stimulus[n](t) if n in stimulus else base[s]
+
+    for k in range(steps + 1):
+        t = k * h
+        if k:
+            outputs[k] = run.outputs()
+        set_inputs(t)
+        inputs[k] = run.u[slots]
+        if k == 0:
+            outputs[0] = run.outputs()
+        if k < steps:
+            run.time = t
+            run.step(h)
+    time = np.arange(steps + 1) * h
+    return ReferenceResult(time, inputs, outputs, names, [e.name for e in component.output_elements()])
