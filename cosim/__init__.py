@@ -1,1 +1,46 @@
 """How FMUs run together: the co-simulation master, its experiments and reports."""
+
+from cosim.component import Component, Ports, PythonComponent
+from cosim.description import Description, Variable
+from cosim.errors import (
+    ComponentError,
+    CosimError,
+    FmuError,
+    Interrupted,
+    LoopError,
+    StabilityWarning,
+    UnconnectedInputsWarning,
+    WiringError,
+)
+from cosim.fmu import Fmu
+from cosim.master import Simulation, StopWhen, SystemState, View
+from cosim.recording import Recording
+from cosim.schedule import Schedule
+from cosim.system import Connection, Group, Member, System
+
+__all__ = [
+    "Component",
+    "ComponentError",
+    "Connection",
+    "CosimError",
+    "Description",
+    "Fmu",
+    "FmuError",
+    "Group",
+    "Interrupted",
+    "LoopError",
+    "Member",
+    "Ports",
+    "PythonComponent",
+    "Recording",
+    "Schedule",
+    "Simulation",
+    "StabilityWarning",
+    "StopWhen",
+    "System",
+    "SystemState",
+    "UnconnectedInputsWarning",
+    "Variable",
+    "View",
+    "WiringError",
+]

@@ -1,0 +1,210 @@
+"""What the master asks of a component: FMUs (`cosim.fmu`), pure Python components, mocks in tests."""
+
+from __future__ import annotations
+
+import copy
+import re
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, ClassVar, Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+from cosim.description import Description, Variable
+from cosim.errors import CallFailed
+from cosim.timebase import TimeLike, positive
+from cosim.units import Unit
+
+Array = npt.NDArray[np.float64]
+Action = Callable[[], None]
+
+
+@dataclass(frozen=True)
+class Ports:
+    """The three calls of one communication step, bound to the master's buffers. Each raises CallFailed."""
+
+    set_inputs: Action
+    step: Callable[[float, float], None]  # (time at its begin [s], length [s])
+    get_outputs: Action
+
+
+class Component(Protocol):
+    """One instance in a system. Order of calls: `instantiate`, `set`, `enter_initialization`, `bind`, (ports),
+    `exit_initialization`, (ports, save, restore, set, get), `terminate`; `instantiate` again resets; `close` ends."""
+
+    description: Description
+
+    def instantiate(self, name: str) -> None:
+        """Bring a fresh instance, all variables at their start values; resets one that has run before."""
+
+    def set(self, values: Mapping[Variable, Any]) -> None:
+        """Set parameters, start values or inputs."""
+
+    def get(self, variables: Sequence[Variable]) -> list[Any]:
+        """Present values."""
+
+    def enter_initialization(self, start: float, stop: float | None) -> None: ...
+
+    def exit_initialization(self) -> None: ...
+
+    def bind(self, inputs: Sequence[Variable], outputs: Sequence[Variable], u: Array, y: Array) -> Ports:
+        """Ports that read `inputs` from `u` and write `outputs` to `y`; both contiguous, one float per variable."""
+
+    def save(self) -> Any:
+        """A copy of the whole state, to be given to `restore` of the same instance."""
+
+    def restore(self, state: Any) -> None: ...
+
+    def forget(self, state: Any) -> None:
+        """Free a saved state."""
+
+    def terminate(self) -> None: ...
+
+    def close(self) -> None: ...
+
+
+_NAME = re.compile(r"(\S+)(?:\s+\[(.*)\])?")
+
+
+class PythonComponent:
+    """Base of a component written in Python.
+
+    A subclass says what it has in class attributes (a name may carry a unit, `"x [m]"`) and overrides `step`,
+    which reads `u` and writes `y`, both in declared order, and `start`, which puts initial outputs into `y`:
+
+        class Gain(PythonComponent):
+            inputs = ("u [m]",)
+            outputs = ("y [N]",)
+            parameters = {"k": 2.0}
+
+            def step(self, t, h, u, y):
+                y[0] = self.k * u[0]
+
+    Parameters become attributes before `start`. `feedthrough` maps an output to the inputs it depends on directly;
+    an output missing there depends on all. Exceptions raised in `step` end the run like an FMU's Error.
+    """
+
+    inputs: ClassVar[Sequence[str]] = ()
+    outputs: ClassVar[Sequence[str]] = ()
+    parameters: ClassVar[Mapping[str, Any]] = {}
+    feedthrough: ClassVar[Mapping[str, Sequence[str]]] = {}
+    kind: ClassVar[str] = "continuous"
+    default_step: ClassVar[TimeLike | None] = None
+
+    def __init__(self) -> None:
+        variables = [
+            *(_variable(text, "input", "continuous", 0.0) for text in self.inputs),
+            *(_variable(text, "output", "continuous", None) for text in self.outputs),
+            *(_variable(text, "parameter", "fixed", value) for text, value in self.parameters.items()),
+        ]
+        self.description = Description(
+            name=type(self).__name__,
+            variables={v.name: v for v in variables},
+            kind=self.kind,
+            default_step=None if self.default_step is None else positive(self.default_step, "default_step"),
+            can_save=True,
+            dependencies={output: frozenset(names) for output, names in self.feedthrough.items()},
+        )
+        self._inputs = {v: i for i, v in enumerate(self.description.inputs.values())}
+        self._outputs = {v: i for i, v in enumerate(self.description.outputs.values())}
+        self._name = self.description.name
+
+    # To be overridden.
+
+    def start(self, u: Array, y: Array) -> None:
+        """Initial outputs from initial inputs; called again when inputs change, so commit no state here."""
+
+    def step(self, t: float, h: float, u: Array, y: Array) -> None:
+        """Advance from `t` to `t + h` [s]."""
+        raise NotImplementedError
+
+    def begin(self) -> None:
+        """Set the state to its initial value (parameters are known)."""
+
+    # What the master calls.
+
+    def instantiate(self, name: str) -> None:
+        self._name = name
+        self._u = np.array([v.start for v in self._inputs], dtype=float)
+        self._y = np.zeros(len(self._outputs))
+        for variable in self.description.parameters.values():
+            setattr(self, variable.name, variable.start)
+
+    def set(self, values: Mapping[Variable, Any]) -> None:
+        for variable, value in values.items():
+            if variable in self._inputs:
+                self._u[self._inputs[variable]] = value
+            else:
+                setattr(self, variable.name, value)
+
+    def get(self, variables: Sequence[Variable]) -> list[Any]:
+        return [self._value(v) for v in variables]
+
+    def _value(self, variable: Variable) -> Any:
+        if variable in self._inputs:
+            return float(self._u[self._inputs[variable]])
+        if variable in self._outputs:
+            return float(self._y[self._outputs[variable]])
+        return getattr(self, variable.name)
+
+    def enter_initialization(self, start: float, stop: float | None) -> None:  # noqa: ARG002
+        self._guard("begin", self.begin)
+        self._initializing = True
+
+    def exit_initialization(self) -> None:
+        self._guard("start", lambda: self.start(self._u, self._y))
+        self._initializing = False
+
+    def bind(self, inputs: Sequence[Variable], outputs: Sequence[Variable], u: Array, y: Array) -> Ports:
+        to = np.array([self._inputs[v] for v in inputs], dtype=np.intp)
+        source = np.array([self._outputs[v] for v in outputs], dtype=np.intp)
+        own_u, own_y, advance = self._u, self._y, self.step
+
+        def set_inputs() -> None:
+            own_u[to] = u
+
+        def step(t: float, h: float) -> None:
+            try:
+                advance(t, h, own_u, own_y)
+            except Exception as error:
+                detail = f"{type(error).__name__}: {error}"
+                raise CallFailed(self._name, "step", 3, detail) from error
+
+        def get_outputs() -> None:
+            if self._initializing:
+                self._guard("start", lambda: self.start(own_u, own_y))
+            own_y.take(source, 0, y, "clip")
+
+        return Ports(set_inputs, step, get_outputs)
+
+    def save(self) -> Any:
+        own = {k: v for k, v in vars(self).items() if k not in ("description", "_inputs", "_outputs", "_u", "_y")}
+        return copy.deepcopy(own), self._u.copy(), self._y.copy()
+
+    def restore(self, state: Any) -> None:
+        own, u, y = state
+        vars(self).update(copy.deepcopy(own))
+        self._u[:], self._y[:] = u, y
+
+    def forget(self, state: Any) -> None: ...
+
+    def terminate(self) -> None: ...
+
+    def close(self) -> None: ...
+
+    def _guard(self, function: str, call: Action) -> None:
+        try:
+            call()
+        except Exception as error:
+            raise CallFailed(self._name, function, 3, f"{type(error).__name__}: {error}") from error
+
+
+def _variable(text: str, causality: str, variability: str, start: Any) -> Variable:
+    match = _NAME.fullmatch(text)
+    if match is None:
+        raise ValueError(f"{text!r}: write a variable as 'name' or 'name [unit]'")
+    kind = "boolean" if isinstance(start, bool) else "string" if isinstance(start, str) else "real"
+    unit = Unit(match[2]) if match[2] else None
+    name = match[1]
+    return Variable(name, kind, causality=causality, variability=variability, start=start, unit=unit, declared=name)

@@ -1,0 +1,465 @@
+"""FMU files and their instances: load, instantiate, bind variables to buffers.
+
+`Fmu` is the file: checked when opened, unpacked when first instantiated. `FmuComponent` is one instance
+as the master sees it, FMI 2.0 or 3.0.
+"""
+
+from __future__ import annotations
+
+import os
+import shutil
+import sys
+import tempfile
+import weakref
+import zipfile
+import zlib
+from collections import deque
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from cosim import fmi_calls as fmi
+from cosim.component import Action, Array, Ports
+from cosim.description import Description, Variable, parse
+from cosim.errors import STATUS_NAMES, CallFailed, FmuError, did_you_mean
+
+
+class Fmu:
+    """A Co-Simulation FMU file (FMI 2.0 or 3.0), or the folder of an unpacked one.
+
+    Opening reads the description only. Raises FmuError for a missing, truncated or foreign file, a wrong FMI
+    version and an FMU without Co-Simulation. The unpacked copy is removed by `close()` or when Python ends.
+    """
+
+    def __init__(self, path: str | os.PathLike[str]):
+        self.path = Path(path)
+        self.description: Description = parse(self._read_description(), str(self.path))
+        self.major = self.description.fmi_version[0]
+        self._folder: Path | None = None
+        self._library: Any = None
+        self._ffi = fmi.ffi2 if self.major == "2" else fmi.ffi3
+        self._owned: list[Path] = []
+        self._cleanup = weakref.finalize(self, _remove, self._owned)
+
+    def __repr__(self) -> str:
+        return f"Fmu({str(self.path)!r})"
+
+    def _read_description(self) -> bytes:
+        if not self.path.exists():
+            siblings = [p.name for p in self.path.parent.glob("*.fmu")] if self.path.parent.is_dir() else []
+            raise FmuError(f"no such FMU: {self.path}{did_you_mean(self.path.name, siblings)}")
+        try:
+            if self.path.is_dir():
+                return (self.path / "modelDescription.xml").read_bytes()
+            with zipfile.ZipFile(self.path) as archive:
+                self._names = archive.namelist()
+                return archive.read("modelDescription.xml")
+        except (KeyError, FileNotFoundError):
+            raise FmuError(f"{self.path} is not an FMU: it holds no modelDescription.xml") from None
+        except (zipfile.BadZipFile, EOFError, zlib.error) as error:
+            raise FmuError(f"{self.path} is not an FMU or is incomplete ({error}); copy or build it again") from None
+        except OSError as error:
+            raise FmuError(f"cannot read {self.path}: {error.strerror or error}") from None
+
+    @property
+    def binary(self) -> str:
+        """Path of this platform's library inside the archive."""
+        folder, suffix = fmi.platform_folder(self.major)
+        return f"binaries/{folder}/{self.description.identifier}{suffix}"
+
+    def platforms(self) -> list[str]:
+        """Platform folders the archive has binaries for."""
+        if self.path.is_dir():
+            return sorted(p.name for p in self.path.glob("binaries/*") if p.is_dir())
+        return sorted({n.split("/")[1] for n in self._names if n.startswith("binaries/") and n.count("/") >= 2})
+
+    def check_platform(self) -> None:
+        """Raises FmuError when there is no binary for this machine."""
+        there = (self.path / self.binary).exists() if self.path.is_dir() else self.binary in self._names
+        if not there:
+            others = ", ".join(self.platforms()) or "no platform at all"
+            raise FmuError(
+                f"{self.path} has no binary for this platform ({self.binary}); it was built for {others}. "
+                "Build or export it for this platform"
+            )
+
+    def library(self) -> tuple[Any, Path]:
+        """(loaded library, folder of the unpacked FMU). FMUs that allow one instance per process get a fresh copy
+        at every call."""
+        if self._library is None or self.description.only_once:
+            self.check_platform()
+            self._folder = self._unpack()
+            try:
+                if sys.platform == "win32":
+                    os.add_dll_directory(str((self._folder / self.binary).parent))
+                self._library = self._ffi.dlopen(str(self._folder / self.binary))
+            except OSError as error:
+                raise FmuError(f"{self.path}: its library cannot be loaded: {error}") from None
+        assert self._folder is not None
+        return self._library, self._folder
+
+    def _unpack(self) -> Path:
+        if self.path.is_dir() and not self.description.only_once:
+            return self.path.resolve()
+        folder = Path(tempfile.mkdtemp(prefix="cosim-"))
+        self._owned.append(folder)
+        try:
+            if self.path.is_dir():
+                shutil.copytree(self.path, folder, dirs_exist_ok=True)
+            else:
+                with zipfile.ZipFile(self.path) as archive:
+                    archive.extractall(folder)
+        except (zipfile.BadZipFile, zlib.error, EOFError) as error:
+            raise FmuError(f"{self.path} is damaged ({error}); copy or build it again") from None
+        except OSError as error:
+            raise FmuError(f"cannot unpack {self.path} to {folder}: {error.strerror or error}") from None
+        return folder
+
+    def abandon(self) -> None:
+        """After a Fatal: leave the loaded library alone; the next instance gets a copy of its own."""
+        self._library = None
+
+    def instance(self) -> FmuComponent:
+        """A new component of this FMU."""
+        return FmuComponent(self)
+
+    def close(self) -> None:
+        """Remove the unpacked copy. Close the components first."""
+        self._cleanup()
+
+
+def _remove(folders: list[Path]) -> None:
+    for folder in folders:
+        shutil.rmtree(folder, ignore_errors=True)
+
+
+class FmuComponent:
+    """One instance of an FMU, as a `Component`."""
+
+    def __init__(self, fmu: Fmu):
+        self.fmu = fmu
+        self.description = fmu.description
+        self.name = fmu.description.name
+        self.messages: deque[str] = deque(maxlen=200)  # everything it logged lately
+        self.problems: deque[str] = deque(maxlen=50)  # warnings and worse
+        self._ffi = fmu._ffi
+        self._v3 = fmu.major == "3"
+        self._c_types = fmi.C_TYPES3 if self._v3 else fmi.C_TYPES2
+        self._functions = fmi.FUNCTION3 if self._v3 else fmi.FUNCTION2
+        self._instance: Any = None
+        self._dead = False
+        self._keep: list[Any] = []
+
+    # Life of the instance.
+
+    def instantiate(self, name: str) -> None:
+        self._forget_messages()
+        if self._instance is not None and not self._dead:
+            if self._call("Reset") <= fmi.WARNING:
+                return
+            self.close()
+            self._forget_messages()
+        self.name = name
+        self._dead = False
+        self._library, folder = self.fmu.library()
+        self._keep = []
+        resources = folder / "resources"
+        token, log = self.description.token, _logger(self.messages, self.problems)
+        try:
+            if self._v3:
+                path = f"{resources}{os.sep}"
+                instance = fmi.instantiate3(self._library, (name, token, path), log, self._keep)
+            else:
+                texts = (name, token, resources.as_uri())
+                instance = fmi.instantiate2(self._library, _process(), texts, log, self._keep)
+        except AttributeError as error:
+            raise FmuError(f"{self.fmu.path}: its library lacks an FMI function: {error}") from None
+        if instance == self._ffi.NULL:
+            said = "\n".join(f"    {line}" for line in self._said())
+            raise FmuError(f"{self.fmu.path}: cannot be instantiated as '{name}'" + (f":\n{said}" if said else ""))
+        self._instance = instance
+        self._finalizer = weakref.finalize(self, _free, self._library, self._v3, instance, self._keep)
+
+    def enter_initialization(self, start: float, stop: float | None) -> None:
+        tolerance = self.description.tolerance
+        experiment = (tolerance is not None, tolerance or 0.0, start, stop is not None, stop or 0.0)
+        if self._v3:
+            self._must("EnterInitializationMode", *experiment)
+        else:
+            self._must("SetupExperiment", *experiment)
+            self._must("EnterInitializationMode")
+
+    def exit_initialization(self) -> None:
+        self._must("ExitInitializationMode")
+
+    def terminate(self) -> None:
+        if self._instance is not None and not self._dead:
+            self._call("Terminate")
+
+    def close(self) -> None:
+        """Free the instance (unless it reported Fatal: then nothing of it may be called any more)."""
+        if self._instance is not None:
+            if self._dead:
+                self._finalizer.detach()
+            else:
+                self._finalizer()
+            self._instance = None
+
+    # Calls and what to do with their status.
+
+    def _call(self, function: str, *arguments: Any) -> int:
+        status: int = getattr(self._library, f"fmi{self.fmu.major}{function}")(self._instance, *arguments)
+        if status == fmi.FATAL:
+            self._die()
+        return status
+
+    def _must(self, function: str, *arguments: Any, detail: str = "") -> None:
+        status = self._call(function, *arguments)
+        if status > fmi.WARNING:
+            self._fail(function, status, detail)
+
+    def _fail(self, function: str, status: int, detail: str = "") -> None:
+        if status == fmi.FATAL:
+            self._die()
+        raise CallFailed(self.name, f"fmi{self.fmu.major}{function}", status, detail, self._said())
+
+    def _die(self) -> None:
+        self._dead = True
+        self._finalizer.detach()
+        self.fmu.abandon()
+        _KEEP_FOREVER.append((self._library, self._keep))
+
+    def _forget_messages(self) -> None:
+        self.messages.clear()
+        self.problems.clear()
+
+    def _said(self) -> list[str]:
+        """The last log lines, those about problems if there are any."""
+        return list(self.problems or self.messages)[-10:]
+
+    # Values, one call at a time: parameters, start values, inspection.
+
+    def set(self, values: Mapping[Variable, Any]) -> None:
+        for fmi_type, group in _by_type(values).items():
+            for reference, elements in _by_reference(group).items():
+                size = elements[0].size
+                data: list[Any] = [values[v] for v in elements]
+                if len(elements) < size:  # part of an FMI 3 array: the rest keeps its value
+                    data = self._get_raw(fmi_type, [reference], size)
+                    for variable in elements:
+                        data[variable.index] = values[variable]
+                self._set_raw(fmi_type, reference, data, elements[0].declared)
+
+    def _set_raw(self, fmi_type: str, reference: int, data: list[Any], name: str) -> None:
+        c_type, ffi = self._c_types[fmi_type], self._ffi
+        if fmi_type == "String":
+            keep = [ffi.new("char[]", str(x).encode()) for x in data]
+            buffer = ffi.new("const char*[]", keep)
+        elif fmi_type == "Boolean":
+            buffer = ffi.new(f"{c_type}[]", [bool(x) for x in data])
+        elif c_type in ("double", "float"):
+            buffer = ffi.new(f"{c_type}[]", [float(x) for x in data])
+        else:
+            buffer = ffi.new(f"{c_type}[]", [int(x) for x in data])
+        detail = f"{name} = {data[0] if len(data) == 1 else data}"
+        function = f"Set{self._functions.get(fmi_type, fmi_type)}"
+        counts = (len(data),) if self._v3 else ()
+        self._must(function, ffi.new("VR[]", [reference]), 1, buffer, *counts, detail=detail[:200])
+
+    def get(self, variables: Sequence[Variable]) -> list[Any]:
+        return [self._get_raw(v.fmi_type, [v.reference], v.size)[v.index] for v in variables]
+
+    def _get_raw(self, fmi_type: str, references: list[int], size: int) -> list[Any]:
+        ffi = self._ffi
+        buffer = ffi.new(f"{self._c_types[fmi_type]}[]", size)
+        function = f"Get{self._functions.get(fmi_type, fmi_type)}"
+        self._must(function, ffi.new("VR[]", references), len(references), buffer, *((size,) if self._v3 else ()))
+        if fmi_type == "String":
+            return [ffi.string(x).decode("utf-8", "replace") for x in buffer]
+        return [bool(x) for x in buffer] if fmi_type == "Boolean" else list(buffer)
+
+    # Values, bound to the master's buffers.
+
+    def bind(self, inputs: Sequence[Variable], outputs: Sequence[Variable], u: Array, y: Array) -> Ports:
+        setters = [self._transfer("Set", t, inputs, u) for t in _by_type(inputs)]
+        getters = [self._transfer("Get", t, outputs, y) for t in _by_type(outputs)]
+        return Ports(_sequence(setters), self._stepper(), _sequence(getters))
+
+    def _transfer(self, direction: str, fmi_type: str, variables: Sequence[Variable], buffer: Array) -> Action:
+        """One FMI call that moves all variables of one type. Doubles that fill their arrays and lie side by side
+        in the master's buffer are passed in place; anything else goes through a buffer of its own."""
+        ffi, v3 = self._ffi, self._v3
+        places = [i for i, v in enumerate(variables) if v.fmi_type == fmi_type]
+        groups = _by_reference([variables[i] for i in places])
+        offsets, total = {}, 0
+        for reference, elements in groups.items():
+            offsets[reference] = total
+            total += elements[0].size
+        own = np.array([offsets[variables[i].reference] + variables[i].index for i in places], dtype=np.intp)
+        place = np.array(places, dtype=np.intp)
+        c_type = self._c_types[fmi_type]
+        contiguous = len(places) == total and np.array_equal(place, place[0] + np.arange(total))
+        in_place = c_type == "double" and contiguous and np.array_equal(own, np.arange(total))
+        data: Any = buffer[place[0] : place[0] + total] if in_place else np.zeros(total, dtype=fmi.DTYPES[c_type])
+        pointer = ffi.cast(f"{c_type}*", data.ctypes.data)
+        references = ffi.new("VR[]", list(groups))
+        self._keep += [data, references]
+        function = f"{direction}{self._functions.get(fmi_type, fmi_type)}"
+        arguments = (references, len(groups), pointer, *((total,) if v3 else ()))
+        call, fail = fmi.bind(self.fmu.major, self._library, self._instance, function, *arguments), self._fail
+        warning = fmi.WARNING
+
+        def direct() -> None:
+            status = call()
+            if status > warning:
+                fail(function, status)
+
+        if in_place:
+            return direct
+
+        def scatter() -> None:
+            data[own] = buffer[place]
+            direct()
+
+        def gather() -> None:
+            direct()
+            buffer[place] = data[own]
+
+        if direction == "Get":
+            return gather
+        if total > len(places):  # elements of an array that nobody drives keep their values
+            data[:] = [x for r, e in groups.items() for x in self._get_raw(fmi_type, [r], e[0].size)]
+        return scatter
+
+    def _stepper(self) -> Callable[[float, float], None]:
+        fail, warning = self._step_failed, fmi.WARNING
+        no_rollback = not self.description.can_save
+        if self._v3:
+            flags = self._ffi.new("bool[3]")  # event needed, terminate, early return
+            last = self._ffi.new("double*")
+            call3 = fmi.bind(self.fmu.major, self._library, self._instance, "DoStep")
+            event, terminate, early = flags, flags + 1, flags + 2
+            self._keep += [flags, last]
+
+            def step3(t: float, h: float) -> None:
+                status = call3(t, h, no_rollback, event, terminate, early, last)
+                if status > warning or terminate[0] or early[0]:
+                    fail(status, t, h, last[0], bool(terminate[0]))
+
+            return step3
+        call2 = fmi.bind(self.fmu.major, self._library, self._instance, "DoStep")
+        flag = int(no_rollback)
+
+        def step2(t: float, h: float) -> None:
+            status = call2(t, h, flag)
+            if status > warning:
+                fail(status, t, h)
+
+        return step2
+
+    def _step_failed(
+        self, status: int, t: float, h: float, last: float | None = None, terminated: bool = False
+    ) -> None:
+        detail = f"step from {t:.9g} s, length {h:.9g} s"
+        if not self._v3 and status == fmi.DISCARD:
+            number, boolean = self._ffi.new("double*"), self._ffi.new("int*")
+            if self._call("GetRealStatus", 2, number) <= fmi.WARNING:
+                last = number[0]
+            if self._call("GetBooleanStatus", 3, boolean) <= fmi.WARNING:
+                terminated = bool(boolean[0])
+        if last is not None and (status != fmi.FATAL) and (self._v3 or status == fmi.DISCARD):
+            detail += f"; it got to {last:.9g} s"
+        if terminated:
+            detail += "; it asks to end the simulation"
+        if status == fmi.PENDING:
+            detail += "; asynchronous steps are not supported"
+        self._fail("DoStep", max(status, fmi.DISCARD), detail)
+
+    # State and derivatives.
+
+    def save(self) -> Any:
+        state = self._ffi.new("void**")
+        self._must("GetFMUState" if self._v3 else "GetFMUstate", state)
+        return state
+
+    def restore(self, state: Any) -> None:
+        self._must("SetFMUState" if self._v3 else "SetFMUstate", state[0])
+
+    def forget(self, state: Any) -> None:
+        if self._instance is not None and not self._dead and state[0] != self._ffi.NULL:
+            self._call("FreeFMUState" if self._v3 else "FreeFMUstate", state)
+
+    def directional_derivative(self, unknowns: Sequence[Variable], knowns: Sequence[Variable], seed: Array) -> Array:
+        """d unknowns / d knowns times `seed` (one float per known), by the FMU; scalars only."""
+        ffi = self._ffi
+        result = np.zeros(len(unknowns))
+        of, by = (ffi.new("VR[]", [v.reference for v in vs]) for vs in (unknowns, knowns))
+        into = ffi.cast("double*", result.ctypes.data)
+        seed = np.ascontiguousarray(seed, dtype=float)
+        vector = ffi.cast("double*", seed.ctypes.data)
+        arguments: tuple[Any, ...]
+        if self._v3:
+            arguments = (of, len(unknowns), by, len(knowns), vector, len(knowns), into, len(unknowns))
+        else:
+            arguments = (of, len(unknowns), by, len(knowns), vector, into)
+        self._must("GetDirectionalDerivative", *arguments)
+        return result
+
+
+_KEEP_FOREVER: list[Any] = []  # libraries and callbacks of instances that reported Fatal
+_PROCESS: list[Any] = []
+
+
+def _process() -> Any:
+    """The C library with calloc and free."""
+    if not _PROCESS:
+        _PROCESS.append(fmi.ffi2.dlopen("ucrtbase.dll" if sys.platform == "win32" else None))
+    return _PROCESS[0]
+
+
+def _logger(messages: deque[str], problems: deque[str]) -> fmi.Log:
+    """What FMUs call to log. All categories are on: not every FMU files its errors under the category it declares."""
+
+    def log(status: int, category: str, message: str) -> None:
+        level = STATUS_NAMES[status] if 0 <= status < len(STATUS_NAMES) else str(status)
+        text = f"[{level}] {category + ': ' if category else ''}{message.rstrip()}"
+        messages.append(text)
+        if status >= fmi.WARNING:
+            problems.append(text)
+
+    return log
+
+
+def _free(library: Any, v3: bool, instance: Any, keep: list[Any]) -> None:
+    (library.fmi3FreeInstance if v3 else library.fmi2FreeInstance)(instance)
+    keep.clear()
+
+
+def _by_type(variables: Any) -> dict[str, list[Variable]]:
+    groups: dict[str, list[Variable]] = {}
+    for variable in variables:
+        groups.setdefault(variable.fmi_type, []).append(variable)
+    return groups
+
+
+def _by_reference(variables: Sequence[Variable]) -> dict[int, list[Variable]]:
+    groups: dict[int, list[Variable]] = {}
+    for variable in variables:
+        groups.setdefault(variable.reference, []).append(variable)
+    return groups
+
+
+def _sequence(actions: list[Action]) -> Action:
+    if not actions:
+        return lambda: None
+    if len(actions) == 1:
+        return actions[0]
+    together = tuple(actions)
+
+    def run() -> None:
+        for action in together:
+            action()
+
+    return run

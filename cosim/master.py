@@ -1,0 +1,489 @@
+"""The master algorithm: how components exchange values, instant by instant.
+
+The rule. Time is an integer count of base ticks. At every instant t at which something is due:
+
+1. Arrival. Continuous components whose step ends at t show the outputs they reached.
+2. Discrete components that are due run in topological order of direct feed-through: each reads its inputs as they
+   stand now, is stepped from t to its next sample, and its outputs are used from t on.
+3. The recorder takes its sample if it is due, and the stop conditions are looked at. A recording at t therefore
+   shows plant outputs at t together with the controllers' new outputs at t.
+4. Continuous components that are due advance from t to t + step with inputs as of t. What they reach stays hidden
+   until t + step: that is the Jacobi exchange, and it needs no order. In a Gauss-Seidel group, members see at once
+   what the members before them have reached (their latest step, if they are slower).
+
+A run ends at its stop time with an arrival and a last sample; discrete components are not run there, so their
+outputs are still those of the sample before. If the simulation is continued, the instant is completed first and its
+sample replaced: advancing in pieces gives what advancing in one go gives. Nothing is shortened to meet the stop
+time: a step that reaches beyond it was begun before it, and shows its outputs when its end is reached.
+
+A delayed connection delivers what the source showed before its latest step (discrete: its latest run).
+
+All values lie in one vector of floats. An FMU reads its outputs into its slice of it and its inputs come from it
+with one indexed copy; the master does no Python work per variable and step.
+"""
+
+from __future__ import annotations
+
+import enum
+import operator
+import time as clock
+import warnings
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from types import TracebackType
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from cosim.component import Action, Array, Ports
+from cosim.errors import (
+    CallFailed,
+    ComponentError,
+    CosimError,
+    Interrupted,
+    UnconnectedInputsWarning,
+    WiringError,
+    did_you_mean,
+)
+from cosim.progress import HeldInterrupt, ProgressBar
+from cosim.recording import Recorder, Recording
+from cosim.schedule import Schedule
+from cosim.timebase import TimeLike, positive, rational
+from cosim.timetable import Clock, Timetable
+from cosim.values import Layout, make_layout
+
+if TYPE_CHECKING:
+    from cosim.description import Variable
+    from cosim.system import Member, System
+
+Timed = Callable[[float], None]
+_COMPARE = {">=": operator.ge, ">": operator.gt, "<=": operator.le, "<": operator.lt}
+
+
+@dataclass(frozen=True)
+class StopWhen:
+    """Stop at the first instant whose sample fulfils `name` `relation` `value`, e.g. StopWhen("car.x", ">=", 155.0)."""
+
+    name: str
+    relation: str
+    value: float
+
+    def __post_init__(self) -> None:
+        if self.relation not in _COMPARE:
+            raise WiringError(f"stop condition on '{self.name}': relation is one of {' '.join(_COMPARE)}")
+
+    def __str__(self) -> str:
+        return f"{self.name} {self.relation} {self.value:g}"
+
+
+class View:
+    """What a stop condition of one's own sees: `view.time` [s] and `view["car.x"]` of recorded or watched variables."""
+
+    def __init__(self, simulation: Simulation):
+        self._simulation = simulation
+        self.time = 0.0
+
+    def __getitem__(self, name: str) -> float:
+        return self._simulation[name]
+
+
+StopCondition = StopWhen | Callable[[View], bool]
+
+
+def watched_names(conditions: Iterable[StopCondition]) -> list[str]:
+    """The variables stop conditions need."""
+    return [c.name for c in conditions if isinstance(c, StopWhen)]
+
+
+class _Stop(Exception):  # noqa: N818
+    """A stop condition is fulfilled; the argument is its text."""
+
+
+@dataclass(frozen=True)
+class Instant:
+    """What happens at an instant, in three parts: 1; 2 and 3; 4 of the rule above. `recorded`: it has a sample."""
+
+    arrive: tuple[Timed, ...]
+    sample: tuple[Timed, ...]
+    advance: tuple[Timed, ...]
+    recorded: bool
+
+
+class Phase(enum.Enum):
+    """How much of the present instant is done."""
+
+    NOTHING = 0
+    ARRIVED = 1  # arrival, and a provisional sample if one is due
+    SAMPLED = 2  # all but the continuous components
+
+
+@dataclass
+class SystemState:
+    """A saved state of a simulation; give it to `Simulation.restore` of the same simulation, any number of times."""
+
+    tick: int
+    phase: Phase
+    values: Array
+    inputs: dict[str, Array]
+    components: dict[str, Any]
+    samples: int
+    owner: Simulation
+
+
+class Simulation:
+    """A system that is being stepped. Made by `System.initialize`; see `System.run` for whole runs.
+
+        simulation = system.initialize(record=["car.*"])
+        simulation.advance(2.0)
+        state = simulation.save()
+        simulation.advance(3.0)
+        simulation.restore(state)
+
+    `time` [s] is where it stands, `recording` what was recorded so far.
+    """
+
+    def __init__(
+        self,
+        system: System,
+        start_time: TimeLike = 0,
+        *,
+        record: str | Iterable[str] | None = None,
+        record_interval: TimeLike | None = None,
+        watch: Iterable[str] = (),
+        stop_time: TimeLike | None = None,
+    ):
+        self._over: str | None = None  # why it cannot be continued
+        start = rational(start_time, "start_time")
+        interval = None if record_interval is None else positive(record_interval, "record_interval")
+        self.schedule: Schedule = system.schedule(*([interval] if interval else []))
+        if interval is None:
+            interval = min(m.step for m in self.schedule.members)
+        if self.schedule.unconnected:
+            listed = ", ".join(self.schedule.unconnected[:10])
+            more = f" and {len(self.schedule.unconnected) - 10} more" if len(self.schedule.unconnected) > 10 else ""
+            text = f"unconnected inputs keep their start values: {listed}{more}"
+            warnings.warn(text, UnconnectedInputsWarning, stacklevel=4)
+        self.system = system
+        self._base = self.schedule.time_base(start)
+        self._layout: Layout = make_layout(self.schedule, system.select(record), self._watched(system, watch))
+        self._values = self._layout.values
+        self._stops: list[StopCondition] = []
+        self._view = View(self)
+        self._tick = 0
+        self._phase = Phase.ARRIVED
+        self._stopped_by: str | None = None
+        self._wall_time = 0.0
+        self._recorder = Recorder(self._values, self._layout.record_index, *self._layout.record_conversion)
+        self._clocks = [Clock(self._base.count(m.step), self._base.count(m.offset)) for m in self.schedule.members] + [
+            Clock(self._base.count(interval), 0)
+        ]
+        stop = None if stop_time is None else float(rational(stop_time, "stop_time"))
+        self._guarded(lambda: self._initialize(stop))
+        self._timetable = Timetable(self._clocks, self._compile)
+        self._recorder.sample(self.time)
+
+    @staticmethod
+    def _watched(system: System, names: Iterable[str]) -> list[tuple[Member, Variable]]:
+        return [pair for name in names for pair in system.select([name])]
+
+    # Where it stands.
+
+    @property
+    def time(self) -> float:
+        """Present time [s]."""
+        return self._base.seconds(self._tick)
+
+    @property
+    def time_ns(self) -> int:
+        """Present time, rounded to integer nanoseconds."""
+        return self._base.nanoseconds(self._tick)
+
+    def __getitem__(self, name: str) -> float:
+        """Present value of a recorded or watched variable."""
+        try:
+            slot, scale, offset = self._layout.readable[name]
+        except KeyError:
+            hint = did_you_mean(name, self._layout.readable) or "; name it in record=[...] or watch=[...]"
+            raise KeyError(f"'{name}' is not read by this simulation{hint}") from None
+        return scale * self._values.item(slot) + offset
+
+    def set(self, name: str, value: Any) -> None:
+        """Change a tunable parameter or an unconnected input, effective from the next step on."""
+        member, variable = self.system._split(name)
+        if name in self.system.connections:
+            raise WiringError(f"{name} is driven by {self.system.connections[name].source_name}")
+        values = {member.description.find(n, member.name): v for n, v in member._expand(variable, value).items()}
+        self._guarded(lambda: member.component.set(values))
+        for changed, number in values.items():
+            slot = self._layout.constants.get((member.name, changed.name))
+            if slot is not None:
+                self._values[slot] = number
+
+    @property
+    def recording(self) -> Recording:
+        """A copy of everything recorded so far."""
+        names, units = self._layout.record_names, self._layout.record_units
+        result = self._recorder.recording(names, units)
+        result.stopped_by, result.wall_time = self._stopped_by, self._wall_time
+        return result
+
+    # Initialization.
+
+    def _initialize(self, stop: float | None) -> None:
+        """All components into initialization mode; inputs and outputs settle; out of it again."""
+        members = self.schedule.members
+        for m in members:
+            m.component.instantiate(m.name)
+            if m.values:
+                m.component.set({m.description.variables[n]: v for n, v in m.values.items()})
+        for m in members:
+            begin = self._base.seconds(self._base.count(m.offset))
+            m.component.enter_initialization(begin, None if stop is None or stop <= begin else stop)
+        self._ports: dict[Member, Ports] = {}
+        for m in members:
+            place = self._layout.places[m]
+            self._ports[m] = m.component.bind(place.inputs, place.outputs, place.u, place.y)
+        for (name, variable), slot in self._layout.constants.items():
+            member = self.system[name]
+            self._values[slot] = float(member.component.get([member.description.variables[variable]])[0])
+        self._settle(members)
+        for m in members:
+            m.component.exit_initialization()
+            self._ports[m].get_outputs()
+        self._layout.show_everything()
+
+    def _settle(self, members: Sequence[Member]) -> None:
+        """Pass outputs to inputs, in order of execution, until nothing changes any more."""
+        gather = {m: self._layout.gather(m) for m in members}
+        for _ in range(20 + len(members)):
+            before = self._values.copy()
+            for m in members:
+                gather[m](0.0)
+                self._ports[m].set_inputs()
+                self._ports[m].get_outputs()
+                self._layout.show_everything()
+            moved = np.abs(self._values - before) > 1e-12 * np.abs(before)
+            if not moved.any():
+                return
+        names = [n for n, (slot, _, _) in self._layout.readable.items() if moved[slot]]
+        warnings.warn(
+            f"initial values do not settle, there is a loop among them: {', '.join(names[:10])}", stacklevel=6
+        )
+
+    # One instant.
+
+    def _compile(self, due: frozenset[int]) -> Instant:
+        """The instant at which the clocks numbered `due` are due."""
+        members = [m for i, m in enumerate(self.schedule.members) if i in due]
+        recording = len(self._clocks) - 1 in due
+        arrive = self._layout.arrival(members)
+        discrete = [self._step(m) for m in members if m.discrete]
+        sample = [self._recorder.sample] if recording else []
+        stops = [self._check_stops] if self._stops else []
+        continuous = [self._step(m) for m in members if not m.discrete]
+        return Instant(tuple(arrive), (*discrete, *sample, *stops), tuple(continuous), recording)
+
+    def _step(self, member: Member) -> Timed:
+        """One communication step of a component: inputs as they stand, doStep, outputs."""
+        ports, h = self._ports[member], float(member.step)
+        set_inputs, step, get_outputs = ports.set_inputs, ports.step, ports.get_outputs
+        place = self._layout.places[member]
+        if not place.inputs:
+
+            def source(t: float) -> None:
+                step(t, h)
+                get_outputs()
+
+            return source
+        if place.plain:
+            take, index, u = self._values.take, place.index, place.u
+
+            def plain(t: float) -> None:
+                take(index, 0, u, "clip")
+                set_inputs()
+                step(t, h)
+                get_outputs()
+
+            return plain
+        gather = self._layout.gather(member)
+
+        def converted(t: float) -> None:
+            gather(t)
+            set_inputs()
+            step(t, h)
+            get_outputs()
+
+        return converted
+
+    def _check_stops(self, t: float) -> None:
+        self._view.time = t
+        for condition in self._stops:
+            if isinstance(condition, StopWhen):
+                if _COMPARE[condition.relation](self[condition.name], condition.value):
+                    raise _Stop(str(condition))
+            elif condition(self._view):
+                raise _Stop(getattr(condition, "__name__", repr(condition)))
+
+    # Many instants.
+
+    def advance(
+        self, until: TimeLike, *, stop_when: Sequence[StopCondition] = (), progress: bool = False
+    ) -> str | None:
+        """Run to the first base tick at or after `until` [s], or to the first instant that fulfils one of `stop_when`;
+        returns that condition's text, or None. Raises ComponentError (the simulation is over then) and Interrupted
+        (it stands between two instants and can be continued)."""
+        end = self._base.at_or_after(rational(until, "until"))
+        if end < self._tick:
+            raise ValueError(f"cannot advance to {until} s: the simulation stands at {self.time:.9g} s")
+        if list(stop_when) != self._stops:
+            self._stops = list(stop_when)
+            self._timetable.forget()
+        self._stopped_by = None
+        begin = clock.perf_counter()
+        try:
+            with HeldInterrupt() as interrupt, ProgressBar(progress, self.time, self._base.seconds(end)) as bar:
+                self._guarded(lambda: self._run(end, interrupt, bar))
+        except _Stop as stop:
+            self._stopped_by = str(stop)
+        finally:
+            self._wall_time += clock.perf_counter() - begin
+        return self._stopped_by
+
+    def _run(self, end: int, interrupt: HeldInterrupt, bar: ProgressBar) -> None:
+        """To the arrival at `end`, in pieces of about a twentieth of a second: that keeps Ctrl-C and the progress bar
+        alive at no cost per instant."""
+        if self._tick == end and self._phase is not Phase.NOTHING:
+            return
+        self._complete()
+        piece = 1
+        while self._tick < end and not interrupt.pending:
+            begin = clock.perf_counter()
+            self._run_instants(min(end, self._tick + piece))
+            took = clock.perf_counter() - begin
+            piece = max(1, min(4 * piece, int(0.05 * piece / max(took, 1e-9))))
+            bar.at(self.time)
+        self._arrive()
+        if interrupt.pending:
+            raise Interrupted(self.time, self.recording)
+
+    def _complete(self) -> None:
+        """Do what is left of the present instant."""
+        if self._phase is Phase.NOTHING:
+            return
+        instant, t = self._timetable.at(self._tick), self.time
+        if self._phase is Phase.ARRIVED:
+            self._recorder.count -= instant.recorded  # the provisional sample
+            self._phase = Phase.SAMPLED
+            for act in instant.sample:
+                act(t)
+        for act in instant.advance:
+            act(t)
+        self._tick += 1
+        self._phase = Phase.NOTHING
+
+    def _run_instants(self, end: int) -> None:
+        """All instants from the present tick up to but not including `end`: the hot loop."""
+        a, b, d = self._base.integers()
+        tick = self._tick
+        try:
+            for tick, instant in self._timetable.instants(tick, end):  # noqa: B020
+                t = (tick * a + b) / d
+                for act in instant.arrive:
+                    act(t)
+                for act in instant.sample:
+                    act(t)
+                for act in instant.advance:
+                    act(t)
+            tick = end
+        except _Stop:
+            self._phase = Phase.SAMPLED
+            raise
+        finally:
+            self._tick = tick
+
+    def _arrive(self) -> None:
+        """Show what has been reached at the present tick, and take a provisional sample if one is due."""
+        instant, t = self._timetable.at(self._tick), self.time
+        for act in instant.arrive:
+            act(t)
+        if instant.recorded:
+            self._recorder.sample(t)
+        self._phase = Phase.ARRIVED
+
+    def _guarded(self, work: Action) -> None:
+        """Do something with components. A failure ends the simulation and carries what was recorded."""
+        if self._over:
+            raise CosimError(f"this simulation cannot be continued: {self._over}")
+        try:
+            work()
+        except CallFailed as failure:
+            self._over = "a component failed"
+            recording = self.recording if self._recorder.count else None
+            raise ComponentError(failure, self.time, recording) from failure
+        except Interrupted:
+            raise
+        except KeyboardInterrupt:
+            self._over = "it was interrupted within an instant"
+            raise Interrupted(self.time, self.recording) from None
+        except _Stop:
+            raise
+        except BaseException:
+            self._over = "an error occurred"
+            raise
+
+    # Saved states.
+
+    def save(self) -> SystemState:
+        """A copy of the whole state: components, exchanged values, time and length of the recording. Raises CosimError
+        naming the components that cannot save their state."""
+        unable = [m.name for m in self.schedule.members if not m.component.description.can_save]
+        if unable:
+            raise CosimError(
+                f"cannot save the state of {', '.join(unable)}: the FMU does not offer it "
+                "(canGetAndSetFMUState); run again from the start instead"
+            )
+        components: dict[str, Any] = {}
+
+        def save() -> None:
+            components.update((m.name, m.component.save()) for m in self.schedule.members)
+
+        self._guarded(save)
+        inputs = {m.name: p.u.copy() for m, p in self._layout.places.items()}
+        return SystemState(self._tick, self._phase, self._values.copy(), inputs, components, self._recorder.count, self)
+
+    def restore(self, state: SystemState) -> None:
+        """Go back to a saved state; samples recorded after it are dropped."""
+        if state.owner is not self:
+            raise CosimError("this state was saved by another simulation; FMU states belong to their instances")
+
+        def restore() -> None:
+            for m in self.schedule.members:
+                m.component.restore(state.components[m.name])
+
+        self._guarded(restore)
+        self._tick, self._phase = state.tick, state.phase
+        self._values[:] = state.values
+        for m, place in self._layout.places.items():
+            place.u[:] = state.inputs[m.name]
+        self._recorder.count = state.samples
+
+    def forget(self, state: SystemState) -> None:
+        """Free a saved state; it cannot be restored any more."""
+        for m in self.schedule.members:
+            if m.name in state.components:
+                m.component.forget(state.components.pop(m.name))
+
+    # The end.
+
+    def close(self) -> None:
+        """Terminate the components. They can be initialized again by `System.initialize`."""
+        if self._over is None:
+            self._over = "it is closed"
+            for m in self.schedule.members:
+                m.component.terminate()
+
+    def __enter__(self) -> Simulation:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
+        self.close()

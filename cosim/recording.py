@@ -1,0 +1,132 @@
+"""Results in memory and on disk: time and one column per variable."""
+
+from __future__ import annotations
+
+import csv
+import difflib
+import os
+import re
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+Array = npt.NDArray[np.float64]
+
+_HEADER = re.compile(r"(.*?)(?: \[(.*)\])?")
+
+
+@dataclass
+class Recording:
+    """What was recorded: `time` [s] of shape (samples,), `data` of shape (samples, variables).
+
+    `recording["car.body.az"]` is one column. `stopped_by` says which stop condition ended the run (None: it reached
+    its stop time); `wall_time` [s] is what the stepping took.
+    """
+
+    time: Array
+    names: list[str]
+    data: Array
+    units: dict[str, str] = field(default_factory=dict)
+    stopped_by: str | None = None
+    wall_time: float = 0.0
+
+    def __post_init__(self) -> None:
+        self._column = {name: i for i, name in enumerate(self.names)}
+
+    def __getitem__(self, name: str) -> Array:
+        if name == "time":
+            return self.time
+        try:
+            return self.data[:, self._column[name]]
+        except KeyError:
+            near = difflib.get_close_matches(name, self.names, n=3, cutoff=0.5)
+            hint = f"; did you mean {' or '.join(repr(n) for n in near)}?" if near else ""
+            raise KeyError(f"'{name}' was not recorded{hint}") from None
+
+    def __contains__(self, name: str) -> bool:
+        return name in self._column
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.names)
+
+    def __len__(self) -> int:
+        """Number of samples."""
+        return len(self.time)
+
+    @property
+    def real_time_factor(self) -> float:
+        """Simulated time / wall time."""
+        span = float(self.time[-1] - self.time[0]) if len(self.time) else 0.0
+        return span / self.wall_time if self.wall_time > 0 else float("inf")
+
+    def to_csv(self, path: str | os.PathLike[str]) -> Path:
+        """Write `time [s]` and every column with a header `name [unit]`; floats are written so that reading them
+        back gives the same bits. Makes the folder; raises OSError naming the path."""
+        path = Path(path)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        units = [self.units.get(name, "") for name in self.names]
+        header = ["time [s]", *(f"{n} [{u}]" if u else n for n, u in zip(self.names, units, strict=True))]
+        with path.open("w", newline="", encoding="utf-8") as file:
+            writer = csv.writer(file, lineterminator="\n")
+            writer.writerow(header)
+            for t, row in zip(self.time.tolist(), self.data.tolist(), strict=True):
+                writer.writerow([t, *row])
+        return path
+
+    @classmethod
+    def from_csv(cls, path: str | os.PathLike[str]) -> Recording:
+        """Read what `to_csv` wrote. Raises ValueError naming the file and line that cannot be read."""
+        with Path(path).open(newline="", encoding="utf-8") as file:
+            reader = csv.reader(file)
+            header = next(reader, None)
+            if not header or _HEADER.fullmatch(header[0])[1] != "time":  # type: ignore[index]
+                raise ValueError(f"{path}: the first column must be 'time [s]'")
+            try:
+                rows = [[float(x) for x in row] for row in reader if row]
+                table = np.array(rows, dtype=float).reshape(len(rows), len(header))
+            except ValueError as error:
+                raise ValueError(f"{path}, near line {reader.line_num}: {error}") from None
+        pairs = [_HEADER.fullmatch(text).groups() for text in header[1:]]  # type: ignore[union-attr]
+        names = [str(name) for name, _ in pairs]
+        return cls(table[:, 0], names, table[:, 1:], {str(name): unit or "" for name, unit in pairs})
+
+
+class Recorder:
+    """Takes samples from the master's value vector into rows that grow by chunks.
+
+    `index` (variables,) picks the values; `scale` and `offset` are applied to whole columns when the recording is
+    made. `count` may be set back, which forgets later samples.
+    """
+
+    CHUNK = 4096
+
+    def __init__(self, values: Array, index: Sequence[int], scale: Array, offset: Array):
+        self.count = 0
+        self._index = np.array(index, dtype=np.intp)
+        self._scale, self._offset = scale, offset
+        self._take = values.take
+        self._times: list[Array] = []
+        self._rows: list[Array] = []
+
+    def sample(self, t: float) -> None:
+        """Append one sample."""
+        chunk, row = divmod(self.count, self.CHUNK)
+        if chunk == len(self._times):
+            self._times.append(np.empty(self.CHUNK))
+            self._rows.append(np.empty((self.CHUNK, len(self._index))))
+        self._times[chunk][row] = t
+        self._take(self._index, 0, self._rows[chunk][row], "clip")
+        self.count += 1
+
+    def recording(self, names: list[str], units: dict[str, str]) -> Recording:
+        """A copy of everything sampled so far."""
+        if not self._times:
+            return Recording(np.empty(0), names, np.empty((0, len(names))), units)
+        time = np.concatenate(self._times)[: self.count]
+        data = np.concatenate(self._rows)[: self.count]
+        if np.any(self._scale != 1.0) or np.any(self._offset != 0.0):
+            data = data * self._scale + self._offset
+        return Recording(time, names, np.asfortranarray(data), units)

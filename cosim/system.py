@@ -1,0 +1,512 @@
+"""A system: components, connections and rates, checked while it is put together.
+
+    system = System()
+    system.add("road", "RoadSine.fmu")
+    system.add("car", "FullCarHmmwv.fmu", step="1 ms")
+    system.connect_matching("road", "car", "road.*")
+    system.connect("car.x", "road.x")
+    recording = system.run(5.0, record=["car.body.*"])
+
+A name is `component.variable`; the component's name ends at the first dot.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from fractions import Fraction
+from pathlib import Path
+from types import TracebackType
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+
+from cosim.component import Component
+from cosim.description import Description, Variable
+from cosim.errors import WiringError, did_you_mean
+from cosim.fmu import Fmu
+from cosim.recording import Recording
+from cosim.schedule import Schedule, make_schedule
+from cosim.timebase import TimeLike, positive, rational
+from cosim.units import UnitMismatchError, conversion
+
+if TYPE_CHECKING:
+    from cosim.master import Simulation, StopCondition
+    from cosim.stability import Stability
+
+Kind = Literal["discrete", "continuous"]
+
+
+@dataclass(eq=False)
+class Member:
+    """A component in a system, with its rate [s, exact] and the values it starts with."""
+
+    name: str
+    component: Component
+    step: Fraction
+    offset: Fraction
+    kind: str
+    values: dict[str, Any] = field(default_factory=dict)
+
+    @property
+    def description(self) -> Description:
+        return self.component.description
+
+    @property
+    def discrete(self) -> bool:
+        return self.kind == "discrete"
+
+    def set(self, values: Mapping[str, Any] | None = None, **more: Any) -> None:
+        """Parameters and start values for the next initialization, by variable name. A name without its index
+        (`gain.y`) takes an array for all of `gain.y[i,j]`, row major. Raises WiringError for unknown names, values
+        of the wrong type or shape, and values outside min and max."""
+        for name, value in {**(values or {}), **more}.items():
+            self.values.update(self._expand(name, value))
+
+    def _expand(self, name: str, value: Any) -> dict[str, Any]:
+        names = self.description.arrays.get(name)
+        if names is None or name in self.description.variables:
+            variable = self.description.find(name, self.name)
+            return {name: _checked(self.name, variable, value)}
+        array = np.asarray(value)
+        shape = tuple(np.max([_indices(n) for n in names], axis=0))
+        if array.shape != shape and not (array.ndim <= 1 and array.size == len(names)):
+            raise WiringError(f"{self.name}.{name} has shape {shape}, the value given has {array.shape}")
+        variables = self.description.variables
+        ordered = sorted(names, key=_indices)
+        return {n: _checked(self.name, variables[n], v) for n, v in zip(ordered, array.ravel().tolist(), strict=True)}
+
+
+@dataclass(frozen=True)
+class Connection:
+    """source.output -> target.input, with target = scale * source + offset."""
+
+    source: Member
+    output: Variable
+    target: Member
+    input: Variable
+    delay: bool = False
+    extrapolate: bool = False
+    scale: float = 1.0
+    offset: float = 0.0
+
+    @property
+    def source_name(self) -> str:
+        return f"{self.source.name}.{self.output.name}"
+
+    @property
+    def target_name(self) -> str:
+        return f"{self.target.name}.{self.input.name}"
+
+    def __str__(self) -> str:
+        notes = []
+        if (self.scale, self.offset) != (1.0, 0.0):
+            notes.append(f"{self.output.unit_name} to {self.input.unit_name}")
+        if self.delay:
+            notes.append("one step of delay")
+        if self.extrapolate:
+            notes.append("extrapolated")
+        return f"{self.source_name} -> {self.target_name}" + (f" ({', '.join(notes)})" if notes else "")
+
+
+@dataclass(frozen=True)
+class Group:
+    """Continuous components that advance together, by one method."""
+
+    name: str
+    members: tuple[Member, ...]
+    method: str = "jacobi"
+
+
+class System:
+    """Components, connections and rates. See the module's docstring for an example.
+
+    One simulation at a time runs on a system; every `run` and `initialize` starts from reset components, so
+    repeated runs reuse the loaded FMUs. `close()` (or `with System() as system:`) frees them.
+    """
+
+    def __init__(self) -> None:
+        self.members: dict[str, Member] = {}
+        self.connections: dict[str, Connection] = {}  # by target name
+        self.groups: dict[str, Group] = {}
+        self._fmus: dict[Path, Fmu] = {}
+        self._simulation: Simulation | None = None
+
+    def __getitem__(self, name: str) -> Member:
+        try:
+            return self.members[name]
+        except KeyError:
+            raise WiringError(f"no component '{name}'{did_you_mean(name, self.members)}") from None
+
+    def __enter__(self) -> System:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
+        self.close()
+
+    # Putting it together.
+
+    def add(
+        self,
+        name: str,
+        fmu: str | os.PathLike[str] | Fmu | Component,
+        *,
+        step: TimeLike | None = None,
+        offset: TimeLike = 0,
+        kind: Kind | None = None,
+        parameters: Mapping[str, Any] | None = None,
+        start: Mapping[str, Any] | None = None,
+    ) -> Member:
+        """Add a component: the path of an FMU, a loaded `Fmu` or any `Component`.
+
+        `step` and `offset` [s] are exact: 0.001, "1/60", "10 ms". Without `step` a discrete component uses its sample
+        time, a continuous one the step size of its default experiment. `kind` is needed only for discrete foreign FMUs
+        (they do not say it). `parameters` and `start` set variables by name before every initialization.
+        """
+        if not name or "." in name or any(c.isspace() for c in name):
+            raise WiringError(f"a component's name may hold neither dots nor blanks: {name!r}")
+        if name in self.members:
+            raise WiringError(f"there is already a component '{name}'")
+        component = self._component(fmu)
+        about = component.description
+        kind = kind or about.kind or "continuous"  # type: ignore[assignment]
+        if kind not in ("discrete", "continuous"):
+            raise WiringError(f"component '{name}': kind is 'discrete' or 'continuous', not {kind!r}")
+        period = step if step is not None else (about.sample_time if kind == "discrete" else None) or about.default_step
+        if period is None:
+            raise WiringError(
+                f"component '{name}' ({about.name}) states no step of its own: give one, e.g. step='1 ms'"
+            )
+        begin = rational(offset, f"offset of '{name}'")
+        if begin < 0:
+            raise WiringError(f"component '{name}': the offset must not be negative, it is {offset}")
+        member = Member(name, component, positive(period, f"step of '{name}'"), begin, kind)
+        member.set(parameters)
+        member.set(start)
+        self.members[name] = member
+        return member
+
+    def _component(self, fmu: Any) -> Component:
+        if isinstance(fmu, str | os.PathLike):
+            path = Path(fmu).absolute()
+            if path not in self._fmus:
+                self._fmus[path] = Fmu(fmu)
+            fmu = self._fmus[path]
+        if isinstance(fmu, Fmu):
+            fmu.check_platform()
+            return fmu.instance()
+        if not (hasattr(fmu, "bind") and isinstance(getattr(fmu, "description", None), Description)):
+            raise WiringError(f"cannot use {fmu!r}: give the path of an .fmu file, an Fmu or a Component")
+        if any(member.component is fmu for member in self.members.values()):
+            raise WiringError("this component object is already in the system; make a second one")
+        return fmu  # type: ignore[no-any-return]
+
+    def connect(self, source: str, target: str, *, delay: bool = False, extrapolate: bool = False) -> list[Connection]:
+        """Connect an output to an input, or an array to an array by their names without index.
+
+        Units are checked and converted. `delay` gives the input the value of the source's step before (one step of
+        the source). `extrapolate` lets a continuous target see the line through the source's last two values, at the
+        middle of its step, instead of the last value. Raises WiringError naming what does not fit.
+        """
+        from_member, output = self._split(source)
+        to_member, input_ = self._split(target)
+        outputs, inputs = self._elements(from_member, output), self._elements(to_member, input_)
+        if len(outputs) != len(inputs):
+            raise WiringError(f"{source} has {len(outputs)} element(s), {target} has {len(inputs)}")
+        made = [
+            self._connection((from_member, o), (to_member, i), delay=delay, extrapolate=extrapolate)
+            for o, i in zip(outputs, inputs, strict=True)
+        ]
+        self.connections.update((c.target_name, c) for c in made)
+        return made
+
+    def connect_matching(
+        self, source: str, target: str, pattern: str = "*", *, delay: bool = False, extrapolate: bool = False
+    ) -> list[Connection]:
+        """Connect every output of `source` whose name fits `pattern` (wildcards * and ?) to the input of the same name
+        of `target`, unless that input is connected already. Returns the connections; raises if there is none."""
+        from_member, to_member, fits = self[source], self[target], glob(pattern)
+        pairs = [
+            name
+            for name in from_member.description.outputs
+            if fits(name) and name in to_member.description.inputs and f"{target}.{name}" not in self.connections
+        ]
+        if not pairs:
+            raise WiringError(
+                f"no output of '{source}' that fits '{pattern}' has a free input of the same name in '{target}'; "
+                f"outputs: {_some(from_member.description.outputs)}; inputs: {_some(to_member.description.inputs)}"
+            )
+        return [
+            c
+            for name in pairs
+            for c in self.connect(f"{source}.{name}", f"{target}.{name}", delay=delay, extrapolate=extrapolate)
+        ]
+
+    def group(
+        self,
+        name: str,
+        members: Sequence[str],
+        method: Literal["gauss-seidel", "jacobi"] = "gauss-seidel",
+        *,
+        extrapolate: bool = False,
+    ) -> Group:
+        """Let continuous components advance in the declared order, each using what those before it have just computed
+        (Gauss-Seidel), or side by side (Jacobi). `extrapolate` marks every connection from a continuous component
+        into the group made so far."""
+        if method not in ("gauss-seidel", "jacobi"):
+            raise WiringError(f"group '{name}': method is 'gauss-seidel' or 'jacobi', not {method!r}")
+        chosen = tuple(self[m] for m in members)
+        for member in chosen:
+            if member.discrete:
+                raise WiringError(f"group '{name}': '{member.name}' is discrete; groups are for continuous components")
+            other = next((g.name for g in self.groups.values() if member in g.members and g.name != name), None)
+            if other is not None:
+                raise WiringError(f"group '{name}': '{member.name}' is already in group '{other}'")
+        if len(set(members)) != len(members):
+            raise WiringError(f"group '{name}' names a component twice")
+        self.groups[name] = Group(name, chosen, method)
+        if extrapolate:
+            for target, c in list(self.connections.items()):
+                if c.target in chosen and not c.source.discrete and not c.delay:
+                    self.connections[target] = replace(c, extrapolate=True)
+        return self.groups[name]
+
+    def _split(self, full: str) -> tuple[Member, str]:
+        component, dot, variable = full.partition(".")
+        if not dot:
+            raise WiringError(f"'{full}': write component.variable")
+        return self[component], variable
+
+    def _elements(self, member: Member, name: str) -> list[Variable]:
+        about = member.description
+        if name in about.variables or name not in about.arrays:
+            return [about.find(name, member.name)]
+        return [about.variables[n] for n in sorted(about.arrays[name], key=_indices)]
+
+    def _connection(
+        self, origin: tuple[Member, Variable], goal: tuple[Member, Variable], *, delay: bool, extrapolate: bool
+    ) -> Connection:
+        (source, output), (target, input_) = origin, goal
+        names = f"{source.name}.{output.name} -> {target.name}.{input_.name}"
+        if output.causality not in ("output", "local"):
+            raise WiringError(f"{names}: '{output.name}' is no output but {_article(output.causality)}")
+        if input_.causality != "input":
+            raise WiringError(f"{names}: '{input_.name}' is no input but {_article(input_.causality)}")
+        already = self.connections.get(f"{target.name}.{input_.name}")
+        if already is not None:
+            raise WiringError(f"{names}: this input is already connected to {already.source_name}")
+        allowed = {("real", "real"), ("integer", "integer"), ("boolean", "boolean"), ("integer", "real")}
+        if (output.type, input_.type) not in allowed:
+            raise WiringError(f"{names}: types differ, {output.fmi_type} to {input_.fmi_type}")
+        if extrapolate and (source.discrete or target.discrete):
+            raise WiringError(f"{names}: extrapolation is between continuous components")
+        if extrapolate and delay:
+            raise WiringError(f"{names}: choose delay or extrapolation")
+        try:
+            scale, offset = conversion(output.unit, input_.unit, output.relative and input_.relative)
+        except UnitMismatchError as error:
+            raise WiringError(
+                f"units differ: {source.name}.{output.name} [{output.unit_name}] -> "
+                f"{target.name}.{input_.name} [{input_.unit_name}]: {error}"
+            ) from None
+        return Connection(source, output, target, input_, delay, extrapolate, scale, offset)
+
+    # Looking at it.
+
+    def unconnected(self) -> list[str]:
+        """Inputs that nothing drives and that were given no start value: they keep the FMU's own."""
+        return [
+            f"{m.name}.{i}"
+            for m in self.members.values()
+            for i in m.description.inputs
+            if f"{m.name}.{i}" not in self.connections and i not in m.values
+        ]
+
+    def schedule(self, *extra: Fraction) -> Schedule:
+        """The order in which everything runs; print it. Raises LoopError for a loop among discrete components.
+        `extra` are further periods the base tick must divide."""
+        return make_schedule(self, extra)
+
+    def check(self) -> list[str]:
+        """Raise what is wrong with the system; returns `unconnected()`."""
+        if not self.members:
+            raise WiringError("the system has no components")
+        self.schedule()
+        return self.unconnected()
+
+    def select(self, patterns: str | Iterable[str] | None) -> list[tuple[Member, Variable]]:
+        """Variables by full name or pattern (`*`, `?`). A pattern selects outputs; where it fits none it selects
+        inputs, then local variables. None: every output that is no array element. Text variables are left out."""
+        if patterns is None:
+            return [
+                (m, v)
+                for m in self.members.values()
+                for v in m.description.outputs.values()
+                if not v.name.endswith("]") and v.type in ("real", "integer", "boolean")
+            ]
+        chosen: dict[str, tuple[Member, Variable]] = {}
+        for pattern in [patterns] if isinstance(patterns, str) else patterns:
+            chosen.update((f"{m.name}.{v.name}", (m, v)) for m, v in self._fitting(pattern))
+        return list(chosen.values())
+
+    def _fitting(self, pattern: str) -> list[tuple[Member, Variable]]:
+        if not set("*?") & set(pattern):
+            member, name = self._split(pattern)
+            found = [(member, v) for v in self._elements(member, name)]
+            for _, variable in found:
+                if variable.type not in ("real", "integer", "boolean"):
+                    raise WiringError(f"'{pattern}' is {_article(variable.fmi_type)} and cannot be recorded")
+            return found
+        fits = glob(pattern)
+        for causality in ("output", "input", "local"):
+            matching = [
+                (m, v)
+                for m in self.members.values()
+                for v in m.description.variables.values()
+                if v.causality == causality and v.type in ("real", "integer", "boolean") and fits(f"{m.name}.{v.name}")
+            ]
+            if matching:
+                return matching
+        names = [f"{m.name}.{o}" for m in self.members.values() for o in m.description.outputs]
+        raise WiringError(f"'{pattern}' fits no variable{did_you_mean(pattern.replace('*', ''), names)}")
+
+    # Running it.
+
+    def initialize(
+        self,
+        start_time: TimeLike = 0,
+        *,
+        record: str | Iterable[str] | None = None,
+        record_interval: TimeLike | None = None,
+        watch: Iterable[str] = (),
+        stop_time: TimeLike | None = None,
+        check_stability: bool = False,
+    ) -> Simulation:
+        """Reset and initialize all components and return the `Simulation` at `start_time`.
+
+        `record`: names and patterns as in `select`; `record_interval` [s], default the smallest step; `watch`: further
+        variables that can be read while it runs (`simulation["car.x"]`). `stop_time` is only told to the FMUs.
+        """
+        from cosim.master import Simulation  # noqa: PLC0415  (master builds on system)
+
+        if self._simulation is not None:
+            self._simulation.close()
+        self._simulation = Simulation(
+            self, start_time, record=record, record_interval=record_interval, watch=watch, stop_time=stop_time
+        )
+        if check_stability:
+            from cosim.stability import warn_if_unstable  # noqa: PLC0415
+
+            warn_if_unstable(self)
+        return self._simulation
+
+    def run(
+        self,
+        stop_time: TimeLike,
+        *,
+        start_time: TimeLike = 0,
+        record: str | Iterable[str] | None = None,
+        record_interval: TimeLike | None = None,
+        stop_when: Sequence[StopCondition] = (),
+        watch: Iterable[str] = (),
+        csv: str | os.PathLike[str] | None = None,
+        progress: bool = False,
+        check_stability: bool = False,
+    ) -> Recording:
+        """Initialize, run to `stop_time` [s] or to the first of `stop_when`, and return the recording.
+
+        A failing component raises ComponentError, Ctrl-C raises Interrupted; both carry the recording so far, and with
+        `csv` it is on disk in any case.
+        """
+        from cosim.master import watched_names  # noqa: PLC0415
+
+        with self.initialize(
+            start_time,
+            record=record,
+            record_interval=record_interval,
+            watch=[*watch, *watched_names(stop_when)],
+            stop_time=stop_time,
+            check_stability=check_stability,
+        ) as simulation:
+            try:
+                simulation.advance(stop_time, stop_when=stop_when, progress=progress)
+            finally:
+                if csv is not None:
+                    simulation.recording.to_csv(csv)
+            return simulation.recording
+
+    def coupled_spectral_radius(self) -> Stability:
+        """How the coupled continuous components, linearized at their initial state, amplify a deviation over one cycle
+        of the schedule; see `cosim.stability`."""
+        from cosim.stability import coupled_spectral_radius  # noqa: PLC0415
+
+        return coupled_spectral_radius(self)
+
+    def reset(self) -> None:
+        """End the simulation that is running, if any. The next `run` or `initialize` resets every component and sets
+        its parameters again."""
+        if self._simulation is not None:
+            self._simulation.close()
+            self._simulation = None
+
+    def close(self) -> None:
+        """Free all instances and remove unpacked FMUs."""
+        self.reset()
+        for member in self.members.values():
+            member.component.close()
+        for fmu in self._fmus.values():
+            fmu.close()
+
+
+def glob(pattern: str) -> Any:
+    """Predicate for names; only * and ? are special, brackets are part of names."""
+    text = re.escape(pattern).replace(r"\*", ".*").replace(r"\?", ".")
+    return re.compile(text).fullmatch
+
+
+def _indices(name: str) -> tuple[int, ...]:
+    """`gain.y[2,3]` -> (2, 3)."""
+    return tuple(int(i) for i in name[name.rindex("[") + 1 : -1].split(","))
+
+
+def _article(word: str) -> str:
+    return f"{'an' if word[:1].lower() in 'aeiou' else 'a'} {word}"
+
+
+def _some(names: Iterable[str], count: int = 8) -> str:
+    listed = list(names)
+    return ", ".join(listed[:count]) + (", ..." if len(listed) > count else "") if listed else "none"
+
+
+def _checked(component: str, variable: Variable, value: Any) -> Any:
+    """The value in the variable's own type. Raises WiringError when it cannot be set or does not fit."""
+    name = f"{component}.{variable.name}"
+    settable = variable.causality in ("parameter", "input") or variable.initial in ("exact", "approx")
+    if variable.causality == "structuralParameter":
+        raise WiringError(f"{name}: structural parameters (array sizes) cannot be changed")
+    if variable.variability == "constant" or not settable:
+        raise WiringError(f"{name} cannot be set: it is {_article(variable.causality)}, {variable.variability}")
+    if variable.type == "string":
+        return str(value)
+    if variable.type == "boolean":
+        if value not in (True, False, 0, 1):
+            raise WiringError(f"{name} is a Boolean, not {value!r}")
+        return bool(value)
+    try:
+        number = float(value)
+    except (TypeError, ValueError):
+        raise WiringError(f"{name} needs one number, not {value!r}") from None
+    if not math.isfinite(number):
+        raise WiringError(f"{name} must be finite, not {number}")
+    low, high = variable.minimum, variable.maximum
+    if (low is not None and number < low) or (high is not None and number > high):
+        limits = f"[{'-inf' if low is None else f'{low:g}'}, {'inf' if high is None else f'{high:g}'}]"
+        raise WiringError(f"{name} = {number:g} is outside {limits} {variable.unit_name}".rstrip())
+    if variable.type == "integer":
+        if number != int(number):
+            raise WiringError(f"{name} is an Integer, not {value!r}")
+        return int(value)
+    return number

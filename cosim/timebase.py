@@ -1,0 +1,110 @@
+"""Exact time: every step and offset is a rational number of seconds, master time an integer count of ticks.
+
+The base tick is the greatest common divisor of all steps and offsets in the system. Integer nanoseconds
+cannot hold 1/60 s, a rational base tick can: 10^6 steps of 1 ms, or of 1/60 s, end exactly where they
+should. Seconds are made from the exact rational by one correctly rounded division, never by adding up.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from dataclasses import dataclass
+from fractions import Fraction
+
+TimeLike = int | float | str | Fraction
+
+_UNITS = {
+    "": Fraction(1),
+    "s": Fraction(1),
+    "ms": Fraction(1, 1000),
+    "us": Fraction(1, 10**6),
+    "ns": Fraction(1, 10**9),
+    "min": Fraction(60),
+}
+_TEXT = re.compile(r"\s*([^\sa-zA-Z]+(?:[eE][-+]?\d+)?)\s*([a-zA-Z]*)\s*")
+
+
+def rational(value: TimeLike, what: str = "time") -> Fraction:
+    """Exact seconds from an int, a Fraction, a float (1e-3 means 1/1000, 1/60 means 1/60) or a text
+    such as "1/60", "0.001", "10 ms" or "60 Hz". Raises ValueError naming `what` for anything else."""
+    if isinstance(value, str):
+        return _from_text(value, what)
+    if isinstance(value, bool) or not isinstance(value, int | float | Fraction):
+        try:
+            value = float(value)
+        except (TypeError, ValueError):
+            raise ValueError(f"{what} must be a number of seconds or a text like '10 ms', not {value!r}") from None
+    if isinstance(value, float):
+        if not math.isfinite(value):
+            raise ValueError(f"{what} must be finite, not {value}")
+        near = Fraction(value).limit_denominator(10**6)
+        return near if float(near) == value else Fraction(repr(float(value)))
+    return Fraction(value)
+
+
+def _from_text(text: str, what: str) -> Fraction:
+    match = _TEXT.fullmatch(text)
+    try:
+        if match is None:
+            raise ValueError(text)
+        number, unit = Fraction(match[1]), match[2]
+        if unit == "Hz":
+            return 1 / number
+        return number * _UNITS[unit]
+    except (ValueError, KeyError, ZeroDivisionError):
+        raise ValueError(f"{what}: cannot read {text!r}; write seconds, or e.g. '10 ms', '1/60', '60 Hz'") from None
+
+
+def positive(value: TimeLike, what: str) -> Fraction:
+    """`rational`, refusing zero and negative values."""
+    result = rational(value, what)
+    if result <= 0:
+        raise ValueError(f"{what} must be positive, not {value}")
+    return result
+
+
+def gcd(values: list[Fraction]) -> Fraction:
+    """Greatest common divisor of positive rationals; zeros are ignored."""
+    result = Fraction(0)
+    for value in values:
+        if value:
+            numerator = math.gcd(result.numerator * value.denominator, value.numerator * result.denominator)
+            result = Fraction(numerator, result.denominator * value.denominator)
+    return result
+
+
+@dataclass(frozen=True)
+class TimeBase:
+    """Converts integer ticks to seconds. `tick` is the exact length of one tick [s], `start` the time of tick 0."""
+
+    tick: Fraction
+    start: Fraction = Fraction(0)
+
+    def count(self, duration: Fraction) -> int:
+        """Number of ticks in a duration that is a multiple of the tick."""
+        ticks = duration / self.tick
+        if ticks.denominator != 1:
+            raise ValueError(f"{duration} s is not a multiple of the base tick {self.tick} s")
+        return int(ticks)
+
+    def at_or_after(self, time: Fraction) -> int:
+        """First tick at or after a time."""
+        return math.ceil((time - self.start) / self.tick)
+
+    def exact(self, tick: int) -> Fraction:
+        """Time of a tick, exact [s]."""
+        return self.start + tick * self.tick
+
+    def integers(self) -> tuple[int, int, int]:
+        """(a, b, d) with time = (tick * a + b) / d: Python's integer division is correctly rounded."""
+        d = math.lcm(self.tick.denominator, self.start.denominator)
+        return int(self.tick * d), int(self.start * d), d
+
+    def seconds(self, tick: int) -> float:
+        """Time of a tick [s], the float nearest to the exact value."""
+        return float(self.exact(tick))
+
+    def nanoseconds(self, tick: int) -> int:
+        """Time of a tick rounded to integer nanoseconds."""
+        return round(self.exact(tick) * 10**9)

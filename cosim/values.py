@@ -1,0 +1,241 @@
+"""Where every value lies in the master's one vector of floats.
+
+An output owns a visible slot. A continuous component writes its outputs to a second, latest slot, which is copied to
+the visible one when its step ends. Sources of delayed or extrapolated connections own a previous slot as well.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import numpy as np
+import numpy.typing as npt
+
+if TYPE_CHECKING:
+    from cosim.description import Variable
+    from cosim.schedule import Schedule
+    from cosim.system import Connection, Member
+
+Array = npt.NDArray[np.float64]
+Index = npt.NDArray[np.intp]
+Timed = Callable[[float], None]
+
+
+@dataclass
+class Place:
+    """One component's part. Inputs come from values[index], then scale and offset; `u` and `y` are its buffers, `y` a
+    slice of the values."""
+
+    inputs: list[Variable]
+    outputs: list[Variable]
+    u: Array
+    y: Array
+    index: Index
+    scale: Array | None = None
+    offset: Array | None = None
+    lines: list[tuple[int, int, int, int]] = field(default_factory=list)  # extrapolated: input, now, previous, time
+    periods: Array = field(default_factory=lambda: np.empty(0))  # of the sources of `lines` [s]
+    half: float = 0.0  # half of its own step [s]
+
+    @property
+    def plain(self) -> bool:
+        """Inputs are a bare copy of values."""
+        return self.scale is None and not self.lines
+
+
+class Layout:
+    """Slots, buffers and the copies between them; see `make_layout`."""
+
+    def __init__(self) -> None:
+        self.values: Array = np.empty(0)
+        self.places: dict[Member, Place] = {}
+        self.visible: dict[tuple[Member, Variable], int] = {}
+        self.latest: dict[tuple[Member, Variable], int] = {}
+        self.previous: dict[tuple[Member, Variable], int] = {}
+        self.reached: dict[Member, int] = {}  # slot of the time at which the visible outputs were reached
+        self.constants: dict[tuple[str, str], int] = {}  # unconnected inputs that are recorded or watched
+        self.readable: dict[str, tuple[int, float, float]] = {}  # full name -> slot, scale, offset
+        self.record_names: list[str] = []
+        self.record_units: dict[str, str] = {}
+        self.record_index: list[int] = []
+        self.record_conversion: tuple[Array, Array] = (np.empty(0), np.empty(0))
+
+    def gather(self, member: Member) -> Timed:
+        """Copies a component's inputs from the values to its buffer, converted and extrapolated."""
+        place, take = self.places[member], self.values.take
+        index, u, scale, offset = place.index, place.u, place.scale, place.offset
+        if place.lines:
+            to, now, before, reached = np.array(place.lines, dtype=np.intp).T.copy()
+            values, periods, half = self.values, place.periods, place.half
+
+        def gather(t: float) -> None:
+            take(index, 0, u, "clip")
+            if place.lines:
+                u[to] += (values[now] - values[before]) * ((t + half - values[reached]) / periods)
+            if scale is not None and offset is not None:
+                np.multiply(u, scale, u)
+                np.add(u, offset, u)
+
+        return gather
+
+    def arrival(self, due: Sequence[Member]) -> list[Timed]:
+        """What shows the outputs of the continuous components whose step has ended, and remembers previous values.
+        All copies read before any writes."""
+        pairs = [(slot, self.visible[key]) for key, slot in self.previous.items() if key[0] in due]
+        pairs += [(self.visible[key], slot) for key, slot in self.latest.items() if key[0] in due]
+        actions: list[Timed] = [self._stamp(slot) for member, slot in self.reached.items() if member in due]
+        if pairs:
+            actions.append(self._copy(sorted(pairs)))
+        return actions
+
+    def show_everything(self) -> None:
+        """Latest becomes visible becomes previous, everywhere: initial values."""
+        for to, source in ((self.visible, self.latest), (self.previous, self.visible)):
+            for key, slot in to.items():
+                if key in source:
+                    self.values[slot] = self.values[source[key]]
+
+    def _stamp(self, slot: int) -> Timed:
+        values = self.values
+
+        def stamp(t: float) -> None:
+            values[slot] = t
+
+        return stamp
+
+    def _copy(self, pairs: list[tuple[int, int]]) -> Timed:
+        values, count = self.values, len(pairs)
+        first_to, first_from = pairs[0]
+        if all(pair == (first_to + i, first_from + i) for i, pair in enumerate(pairs)) and (
+            abs(first_to - first_from) >= count
+        ):
+            target, source = values[first_to : first_to + count], values[first_from : first_from + count]
+
+            def copy_slice(_: float) -> None:
+                target[:] = source
+
+            return copy_slice
+        to, index = np.array(pairs, dtype=np.intp).T.copy()
+        held = np.empty(count)
+
+        def copy(_: float) -> None:
+            values.take(index, 0, held, "clip")
+            values[to] = held
+
+        return copy
+
+
+def make_layout(
+    schedule: Schedule,
+    record: Sequence[tuple[Member, Variable]],
+    watch: Sequence[tuple[Member, Variable]],
+) -> Layout:
+    """Slots for every output that is connected, recorded or watched; no other output is ever read."""
+    layout = Layout()
+    by_input = {(c.target, c.input): c for c in schedule.connections}
+    needed: dict[Member, set[Variable]] = {m: set() for m in schedule.members}
+    for c in schedule.connections:
+        needed[c.source].add(c.output)
+    constants = []
+    for member, variable in [*record, *watch]:
+        if (member, variable) in by_input:
+            c = by_input[member, variable]
+            needed[c.source].add(c.output)
+        elif variable.causality in ("input", "parameter", "structuralParameter"):
+            constants.append((member, variable))
+        else:
+            needed[member].add(variable)
+    outputs = {m: sorted(vs, key=_storage_order) for m, vs in needed.items()}
+    count = 0
+    for slots, members in ((layout.visible, schedule.members), (layout.latest, schedule.continuous)):
+        for m in members:
+            for v in outputs[m]:
+                slots[m, v] = count
+                count += 1
+    for c in schedule.connections:
+        if (c.delay or c.extrapolate) and (c.source, c.output) not in layout.previous:
+            layout.previous[c.source, c.output] = count
+            count += 1
+        if c.extrapolate and c.source not in layout.reached:
+            layout.reached[c.source] = count
+            count += 1
+    for member, variable in constants:
+        layout.constants.setdefault((member.name, variable.name), count)
+        count += 1
+    layout.values = np.zeros(count)
+    for m in schedule.members:
+        layout.places[m] = _place(layout, schedule, m, outputs[m])
+    _recorded(layout, by_input, record, watch)
+    return layout
+
+
+def _storage_order(variable: Variable) -> tuple[str, int, int]:
+    """Variables of one FMI call side by side, array elements in order."""
+    return variable.fmi_type, variable.reference, variable.index
+
+
+def _place(layout: Layout, schedule: Schedule, member: Member, outputs: list[Variable]) -> Place:
+    incoming = sorted((c for c in schedule.connections if c.target is member), key=lambda c: _storage_order(c.input))
+    ahead = _ahead(schedule, member)
+    slots = layout.visible if member.discrete else layout.latest
+    first = slots[member, outputs[0]] if outputs else 0
+    lines = []
+    for i, c in enumerate(incoming):
+        if c.extrapolate and c.source not in ahead:
+            key = (c.source, c.output)
+            lines.append((i, layout.visible[key], layout.previous[key], layout.reached[c.source], c.source.step))
+    scale, offset = np.array([c.scale for c in incoming]), np.array([c.offset for c in incoming])
+    converts = bool(np.any(scale != 1.0) or np.any(offset != 0.0))
+    return Place(
+        inputs=[c.input for c in incoming],
+        outputs=outputs,
+        u=np.zeros(len(incoming)),
+        y=layout.values[first : first + len(outputs)],
+        index=np.array([_source_slot(layout, c, ahead) for c in incoming], dtype=np.intp),
+        scale=scale if converts else None,
+        offset=offset if converts else None,
+        lines=[line[:4] for line in lines],
+        periods=np.array([float(line[4]) for line in lines]),
+        half=float(member.step) / 2,
+    )
+
+
+def _ahead(schedule: Schedule, member: Member) -> tuple[Member, ...]:
+    """Members of its Gauss-Seidel group that advance before it."""
+    for group in schedule.groups:
+        if group.method == "gauss-seidel" and member in group.members:
+            return group.members[: group.members.index(member)]
+    return ()
+
+
+def _source_slot(layout: Layout, connection: Connection, ahead: Iterable[Member]) -> int:
+    key = (connection.source, connection.output)
+    if connection.delay:
+        return layout.previous[key]
+    return layout.latest[key] if connection.source in ahead else layout.visible[key]
+
+
+def _recorded(
+    layout: Layout,
+    by_input: dict[tuple[Member, Variable], Connection],
+    record: Sequence[tuple[Member, Variable]],
+    watch: Sequence[tuple[Member, Variable]],
+) -> None:
+    """Fill in what is recorded and readable. A connected input is what its source shows, converted."""
+    for member, variable in [*record, *watch]:
+        name = f"{member.name}.{variable.name}"
+        c = by_input.get((member, variable))
+        if c is not None:
+            slots = layout.previous if c.delay else layout.visible
+            layout.readable[name] = (slots[c.source, c.output], c.scale, c.offset)
+        elif (member.name, variable.name) in layout.constants:
+            layout.readable[name] = (layout.constants[member.name, variable.name], 1.0, 0.0)
+        else:
+            layout.readable[name] = (layout.visible[member, variable], 1.0, 0.0)
+    layout.record_names = [f"{m.name}.{v.name}" for m, v in record]
+    layout.record_units = {f"{m.name}.{v.name}": v.unit_name for m, v in record}
+    chosen = [layout.readable[name] for name in layout.record_names]
+    layout.record_index = [slot for slot, _, _ in chosen]
+    layout.record_conversion = (np.array([s for _, s, _ in chosen]), np.array([o for _, _, o in chosen]))
