@@ -1,0 +1,199 @@
+"""Build what changed, in dependency order, on all cores.
+
+A build has two layers of content hashes. The outer one covers everything that can influence an FMU (sources of this
+project, library versions, options, user files): when it matches the stamp of an existing file, nothing is even imported.
+The inner one is the object cache of :mod:`build_fmus.compile`.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import dataclass
+from importlib import metadata
+from pathlib import Path
+from typing import Protocol
+
+SOURCE_SUFFIXES = (".py", ".toml", ".c", ".h", ".html", ".csv")
+_LIBRARIES = ("casadi", "fmpy", "numpy", "scipy", "lxml", "jinja2", "suspension-fmus")
+
+
+class Buildable(Protocol):
+    """What the builder needs to know of a catalog entry."""
+
+    @property
+    def name(self) -> str: ...
+    @property
+    def needs(self) -> tuple[str, ...]: ...
+    @property
+    def files(self) -> tuple[Path, ...]: ...
+
+
+@dataclass(frozen=True)
+class Options:
+    """Options of one build run."""
+
+    out: Path
+    fmi: tuple[int, ...] = (2, 3)
+    platform: str = "host"
+    arrays: bool = False
+
+    @property
+    def cache(self) -> Path:
+        """Directory of stamps, objects and derived data."""
+        return self.out / ".cache"
+
+    def target(self, name: str, fmi: int) -> Path:
+        """File of one FMU."""
+        return self.out / f"fmi{fmi}" / f"{name}.fmu"
+
+
+def with_needs(catalog: Mapping[str, Buildable], names: Iterable[str]) -> list[str]:
+    """``names`` and everything they need, in catalog order."""
+    wanted: set[str] = set()
+    stack = list(names)
+    while stack:
+        name = stack.pop()
+        if name not in wanted:
+            wanted.add(name)
+            stack.extend(catalog[name].needs)
+    return [n for n in catalog if n in wanted]
+
+
+def waves(catalog: Mapping[str, Buildable], names: list[str]) -> Iterator[list[str]]:
+    """Groups of entries that can be built side by side, each after the groups before it."""
+    left = list(names)
+    while left:
+        ready = [n for n in left if not any(d in left for d in catalog[n].needs)]
+        yield ready
+        left = [n for n in left if n not in ready]
+
+
+def source_hash(*packages: Path) -> str:
+    """Hash of all source files below the given package directories."""
+    digest = hashlib.sha256()
+    for package in packages:
+        for path in sorted(package.rglob("*")):
+            if path.suffix in SOURCE_SUFFIXES and "__pycache__" not in path.parts:
+                digest.update(str(path.relative_to(package)).encode() + b"\0" + path.read_bytes() + b"\0")
+    return digest.hexdigest()
+
+
+def stamp_key(entry: Buildable, options: Options, fmi: int, sources: str) -> str:
+    """Key of one FMU file: everything that can influence its bytes."""
+    digest = hashlib.sha256()
+    compiler = os.environ.get("CC", "")
+    parts = [sources, entry.name, str(fmi), options.platform, str(options.arrays and fmi == 3), compiler]
+    parts += [f"{n}={metadata.version(n)}" for n in _LIBRARIES]
+    digest.update("|".join(parts).encode())
+    for path in entry.files:
+        digest.update(path.read_bytes())
+    return digest.hexdigest()
+
+
+class Stamps:
+    """Which key each existing FMU file was built from, with the hash of the file itself."""
+
+    def __init__(self, directory: Path) -> None:
+        self.directory = directory
+
+    def _path(self, target: Path) -> Path:
+        return self.directory / "stamps" / f"{target.parent.name}-{target.stem}.json"
+
+    def fresh(self, target: Path, key: str) -> bool:
+        """Whether ``target`` exists unchanged since it was built from ``key``."""
+        try:
+            stamp = json.loads(self._path(target).read_text())
+            return stamp["key"] == key and stamp["sha256"] == hashlib.sha256(target.read_bytes()).hexdigest()
+        except (OSError, ValueError, KeyError):
+            return False
+
+    def write(self, target: Path, key: str) -> None:
+        """Record that ``target`` was built from ``key``."""
+        path = self._path(target)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(json.dumps({"key": key, "sha256": hashlib.sha256(target.read_bytes()).hexdigest()}))
+
+
+def build(
+    catalog: Mapping[str, Buildable],
+    names: Iterable[str],
+    options: Options,
+    *,
+    sources: str,
+    task: Callable[[str, Options, tuple[int, ...]], None],
+    report: Callable[[str, str], None] = lambda name, what: None,
+    force: bool = False,
+) -> list[str]:
+    """Build the named entries and what they need, as far as they are not up to date.
+
+    Args:
+        sources: :func:`source_hash` of the code that makes components.
+        task: makes and writes one entry's FMUs for the given FMI versions; called in worker processes, so it must be a
+            module-level function or a picklable object.
+        report: told ``(name, "built" | "up to date")`` as the build goes on.
+
+    Returns:
+        Names of the entries that were built.
+    """
+    stamps = Stamps(options.cache)
+    built: list[str] = []
+    wanted = with_needs(catalog, names)
+    asked = set(names)
+    with _Pool() as pool:
+        for wave in waves(catalog, wanted):
+            stale: dict[str, tuple[int, ...]] = {}
+            for name in wave:
+                # Entries needed only by others must exist for FMI 3.0, which makers read.
+                versions = options.fmi if name in asked and not _is_need(catalog, wanted, name) else tuple({*options.fmi, 3})
+                stale[name] = tuple(
+                    f
+                    for f in versions
+                    if force or not stamps.fresh(options.target(name, f), stamp_key(catalog[name], options, f, sources))
+                )
+            jobs = {name: v for name, v in stale.items() if v}
+            for name in wave:
+                if name not in jobs:
+                    report(name, "up to date")
+            for name in pool.run(task, jobs, options):
+                for f in jobs[name]:
+                    stamps.write(options.target(name, f), stamp_key(catalog[name], options, f, sources))
+                built.append(name)
+                report(name, "built")
+    return built
+
+
+def _is_need(catalog: Mapping[str, Buildable], wanted: list[str], name: str) -> bool:
+    return any(name in catalog[n].needs for n in wanted)
+
+
+class _Pool:
+    """Worker processes, started only when there is more than one job."""
+
+    def __init__(self) -> None:
+        self._executor: ProcessPoolExecutor | None = None
+
+    def __enter__(self) -> _Pool:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        if self._executor is not None:
+            self._executor.shutdown(cancel_futures=True)
+
+    def run(self, task: Callable, jobs: dict[str, tuple[int, ...]], options: Options) -> Iterator[str]:
+        if len(jobs) <= 1:
+            for name, versions in jobs.items():
+                task(name, options, versions)
+                yield name
+            return
+        if self._executor is None:
+            self._executor = ProcessPoolExecutor(os.cpu_count())
+        futures = {self._executor.submit(task, n, options, v): n for n, v in jobs.items()}
+        from concurrent.futures import as_completed
+
+        for future in as_completed(futures):
+            future.result()
+            yield futures[future]

@@ -1,0 +1,140 @@
+"""Command line ``build-fmus``: ties the catalog of components to the build pipeline."""
+
+from __future__ import annotations
+
+import functools
+import re
+import sys
+import time
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+from rich.table import Table
+
+from build_fmus import builder
+from build_fmus.builder import Options
+
+app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
+console = Console(stderr=True, highlight=False)
+
+
+def load_catalog(vehicle: Path | None = None, road: Path | None = None, road_name: str | None = None) -> dict:
+    """The default catalog, or the one of a user's vehicle or road file."""
+    from fmu_sources import catalog
+
+    if vehicle is None and road is None:
+        return catalog.default_catalog()
+    entries = {}
+    if vehicle is not None:
+        name = catalog_suffix(vehicle)
+        speed = catalog.default_catalog()["SpeedProfile"]
+        entries = {speed.name: speed, **catalog.vehicle_catalog(vehicle, plant=f"FullCar{name}", suffix=name)}
+    if road is not None:
+        name = road_name or f"Road{catalog_suffix(road)}"
+        entry = catalog.road_entry(road, name, vehicle or "hmmwv_modified")
+        entries[entry.name] = entry
+    return entries
+
+
+def catalog_suffix(path: Path) -> str:
+    """UpperCamelCase of a file name: ``my_truck.toml`` -> ``MyTruck``."""
+    words = re.findall(r"[A-Za-z0-9]+", path.stem)
+    return "".join(w[0].upper() + w[1:] for w in words)
+
+
+def build_entry(
+    vehicle: Path | None, road: Path | None, road_name: str | None, name: str, options: Options, versions: tuple[int, ...]
+) -> None:
+    """Make one catalog entry and write its FMUs (runs in worker processes)."""
+    from build_fmus.compile import ObjectCache, resolve_platforms
+    from build_fmus.package import build_fmu
+    from fmu_sources.catalog import Context
+
+    entry = load_catalog(vehicle, road, road_name)[name]
+    component = entry.make(Context(options.out, options.cache))
+    cache = ObjectCache(options.cache / "objects")
+    for fmi in versions:
+        data = build_fmu(component, fmi, resolve_platforms(options.platform), cache, arrays=options.arrays)
+        target = options.target(name, fmi)
+        target.parent.mkdir(parents=True, exist_ok=True)
+        temporary = target.with_suffix(".tmp")
+        temporary.write_bytes(data)
+        temporary.replace(target)
+
+
+def build(
+    names: list[str] | None,
+    options: Options,
+    *,
+    vehicle: Path | None = None,
+    road: Path | None = None,
+    road_name: str | None = None,
+    force: bool = False,
+    report=lambda name, what: None,  # type: ignore[no-untyped-def]
+) -> list[str]:
+    """Build catalog entries (all when ``names`` is empty); returns the names that were not up to date."""
+    import fmu_sources
+    from fmu_sources.catalog import find
+
+    catalog = load_catalog(vehicle, road, road_name)
+    for name in names or ():
+        find(catalog, name)
+    root = Path(fmu_sources.__file__).parent
+    sources = builder.source_hash(root, root.parent / "build_fmus", root.parent / "cosim")
+    task = functools.partial(build_entry, vehicle, road, road_name)
+    return builder.build(
+        catalog, names or list(catalog), options, sources=sources, task=task, report=report, force=force
+    )  # fmt: skip
+
+
+@app.command()
+def command(
+    names: Annotated[list[str] | None, typer.Argument(help="FMUs to build (all when none is given)")] = None,
+    fmi: Annotated[str, typer.Option(help="FMI version: 2, 3 or both")] = "both",
+    platform: Annotated[str, typer.Option(help="host, all, or platform tuples such as x86_64-windows,aarch64-linux")] = "host",
+    vehicle: Annotated[Path | None, typer.Option(help="vehicle file (TOML): full car, roads and GPC laws of this vehicle")] = None,
+    road: Annotated[Path | None, typer.Option(help="road file (CSV or OpenCRG) to make a road FMU of")] = None,
+    name: Annotated[str | None, typer.Option(help="name of the road FMU made by --road")] = None,
+    out: Annotated[Path, typer.Option(help="directory that receives fmi2/ and fmi3/")] = Path("fmus"),
+    fmi3_arrays: Annotated[bool, typer.Option(help="declare vectors and matrices as FMI 3.0 arrays")] = False,
+    force: Annotated[bool, typer.Option(help="build even what is up to date")] = False,
+    list_: Annotated[bool, typer.Option("--list", help="list the catalog and stop")] = False,
+) -> None:
+    """Build FMUs from the component declarations."""
+    if list_:
+        table = Table("FMU", "what it is", "needs first", box=None)
+        for entry in load_catalog(vehicle, road, name).values():
+            table.add_row(entry.name, entry.summary, ", ".join(entry.needs))
+        Console().print(table)
+        return
+    versions = {"2": (2,), "3": (3,), "both": (2, 3)}.get(fmi)
+    if versions is None:
+        raise ValueError(f"--fmi {fmi}: choose 2, 3 or both")
+    for path in (vehicle, road):
+        if path is not None and not path.is_file():
+            raise FileNotFoundError(f"{path}: no such file")
+    start = time.perf_counter()
+    total = {"built": 0, "up to date": 0}
+
+    def report(name: str, what: str) -> None:
+        total[what] += 1
+        if what == "built":
+            console.print(f"  built {name}")
+
+    build(names, Options(out, versions, platform, fmi3_arrays), vehicle=vehicle, road=road, road_name=name, force=force, report=report)
+    console.print(f"{total['built']} built, {total['up to date']} up to date in {out}/ ({time.perf_counter() - start:.1f} s)")
+
+
+def main() -> None:
+    """Entry point: expected failures end with one line, not a traceback."""
+    try:
+        app()
+    except KeyboardInterrupt:
+        console.print("interrupted; finished FMUs are kept")
+        sys.exit(130)
+    except (ValueError, KeyError, OSError, RuntimeError) as error:
+        message = error.args[0] if isinstance(error, KeyError) and error.args else error
+        console.print(f"[red]build-fmus:[/red] {message}", markup=True)
+        sys.exit(1)

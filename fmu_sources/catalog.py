@@ -1,0 +1,145 @@
+"""The one list of FMUs: name -> how to make the component, and which FMUs it needs first.
+
+Importing this module costs nothing: makers import their modules when called.
+"""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from build_fmus.component import Component
+
+
+@dataclass(frozen=True)
+class Context:
+    """What a maker may use: where finished FMUs are, where derived data may be kept."""
+
+    fmus: Path
+    cache: Path
+
+    def fmu(self, name: str) -> Path:
+        """Path of an FMU that the entry named in ``needs`` (the FMI 3.0 one)."""
+        return self.fmus / "fmi3" / f"{name}.fmu"
+
+
+@dataclass(frozen=True)
+class Entry:
+    """One FMU of the catalog."""
+
+    name: str
+    summary: str
+    make: Callable[[Context], Component]
+    needs: tuple[str, ...] = ()
+    files: tuple[Path, ...] = ()  # user files that determine the component
+
+
+def default_catalog() -> dict[str, Entry]:
+    """The FMUs of this project, with the vehicles they are published for."""
+    entries = [
+        Entry("QuarterCarHmmwv", "quarter car of the HMMWV (paper 001)", _quarter_car),
+        Entry("SpeedProfile", "constant speed or ramp, with travelled distance", _speed_profile),
+        *vehicle_catalog("hmmwv", plant="FullCarHmmwv", suffix=None).values(),
+        *vehicle_catalog("hmmwv_modified", plant="FullCarHmmwvModified", suffix="").values(),
+    ]
+    return {e.name: e for e in entries}
+
+
+def vehicle_catalog(vehicle: str | Path, *, plant: str, suffix: str | None) -> dict[str, Entry]:
+    """The full car of a vehicle file, and with ``suffix`` the roads under its wheels and its GPC laws.
+
+    Names are ``plant`` and the contract names with ``suffix`` appended.
+    """
+    files = (vehicle,) if isinstance(vehicle, Path) else ()
+
+    def full_car(_: Context) -> Component:
+        from fmu_sources.plants import full_car as make
+        from fmu_sources.vehicles import load_full_car
+
+        return make(load_full_car(vehicle), name=plant)
+
+    entries = [Entry(plant, f"nonlinear full car, vehicle file {vehicle}", full_car, files=files)]
+    if suffix is not None:
+        for name, summary in _ROADS.items():
+            entries.append(Entry(name + suffix, summary, _road(name, vehicle, name + suffix), files=files))
+        needs = (plant, "RoadPerryman3" + suffix, "SpeedProfile")
+        for name, (summary, variant) in _GPC.items():
+            make = _gpc(variant, plant, "RoadPerryman3" + suffix, name + suffix)
+            entries.append(Entry(name + suffix, summary, make, needs=needs, files=files))
+    return {e.name: e for e in entries}
+
+
+def road_entry(path: Path, name: str, vehicle: str | Path = "hmmwv_modified") -> Entry:
+    """A road from a user's file under the wheels of a vehicle."""
+
+    def make(_: Context) -> Component:
+        from fmu_sources.roads import RoadLayout, road_from_file
+        from fmu_sources.vehicles import load_full_car
+
+        return road_from_file(path, RoadLayout.of(load_full_car(vehicle)), name=name)
+
+    files = (path, vehicle) if isinstance(vehicle, Path) else (path,)
+    return Entry(name, f"road from {path.name}", make, files=files)
+
+
+def find(catalog: dict[str, Entry], name: str) -> Entry:
+    """Entry by name; KeyError that proposes the nearest one."""
+    try:
+        return catalog[name]
+    except KeyError:
+        near = difflib.get_close_matches(name, catalog, n=1)
+        hint = f"; did you mean {near[0]}?" if near else ""
+        raise KeyError(f"no FMU named {name!r}{hint} (build-fmus --list shows all)") from None
+
+
+_ROADS = {
+    "RoadSine": "sine road of paper 000",
+    "RoadCurb": "curb road of paper 000",
+    "RoadPerryman3": "synthetic stand-in for the Perryman 3 test course",
+}
+_GPC = {
+    "GpcImplicit": ("GPC with implicit disturbances (paper 000)", "implicit"),
+    "GpcExplicit": ("GPC with explicit disturbances (paper 000)", "explicit"),
+    "GpcPreview": ("GPC with preview (paper 000)", "preview"),
+}
+
+
+def _quarter_car(_: Context) -> Component:
+    from fmu_sources.plants import quarter_car
+    from fmu_sources.vehicles import load_quarter_car
+
+    return quarter_car(load_quarter_car("quarter_car_hmmwv"), name="QuarterCarHmmwv")
+
+
+def _speed_profile(_: Context) -> Component:
+    from fmu_sources.roads import speed_profile
+
+    return speed_profile()
+
+
+def _road(kind: str, vehicle: str | Path, name: str) -> Callable[[Context], Component]:
+    def make(_: Context) -> Component:
+        from fmu_sources import roads
+        from fmu_sources.vehicles import load_full_car
+
+        makers = {"RoadSine": roads.road_sine, "RoadCurb": roads.road_curb, "RoadPerryman3": roads.road_perryman3}
+        return makers[kind](roads.RoadLayout.of(load_full_car(vehicle)), name=name)
+
+    return make
+
+
+def _gpc(variant: str, plant: str, road: str, name: str) -> Callable[[Context], Component]:
+    def make(context: Context) -> Component:
+        from fmu_sources.controllers.gpc import gpc_controller
+        from fmu_sources.controllers.gpc_identification import published_laws
+
+        laws = published_laws(
+            plant=context.fmu(plant), road=context.fmu(road), speed=context.fmu("SpeedProfile"), cache=context.cache
+        )
+        return gpc_controller(laws[variant], name=name)
+
+    return make
