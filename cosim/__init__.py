@@ -1,6 +1,7 @@
 """How FMUs run together: the co-simulation master, its experiments and reports."""
 
 from cosim.component import Component, Ports, PythonComponent
+from cosim.describe import describe
 from cosim.description import Description, Variable
 from cosim.errors import (
     ComponentError,
@@ -16,6 +17,7 @@ from cosim.fmu import Fmu
 from cosim.master import Simulation, StopWhen, SystemState, View
 from cosim.recording import Recording
 from cosim.schedule import Schedule
+from cosim.stability import Stability
 from cosim.system import Connection, Group, Member, System
 
 __all__ = [
@@ -35,6 +37,7 @@ __all__ = [
     "Recording",
     "Schedule",
     "Simulation",
+    "Stability",
     "StabilityWarning",
     "StopWhen",
     "System",
@@ -43,4 +46,5 @@ __all__ = [
     "Variable",
     "View",
     "WiringError",
+    "describe",
 ]

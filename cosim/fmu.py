@@ -23,7 +23,7 @@ import numpy as np
 from cosim import fmi_calls as fmi
 from cosim.component import Action, Array, Ports
 from cosim.description import Description, Variable, parse
-from cosim.errors import STATUS_NAMES, CallFailed, FmuError, did_you_mean
+from cosim.errors import STATUS_NAMES, CallFailed, CosimError, FmuError, did_you_mean
 
 
 class Fmu:
@@ -391,21 +391,28 @@ class FmuComponent:
         if self._instance is not None and not self._dead and state[0] != self._ffi.NULL:
             self._call("FreeFMUState" if self._v3 else "FreeFMUstate", state)
 
-    def directional_derivative(self, unknowns: Sequence[Variable], knowns: Sequence[Variable], seed: Array) -> Array:
-        """d unknowns / d knowns times `seed` (one float per known), by the FMU; scalars only."""
-        ffi = self._ffi
-        result = np.zeros(len(unknowns))
-        of, by = (ffi.new("VR[]", [v.reference for v in vs]) for vs in (unknowns, knowns))
-        into = ffi.cast("double*", result.ctypes.data)
-        seed = np.ascontiguousarray(seed, dtype=float)
-        vector = ffi.cast("double*", seed.ctypes.data)
-        arguments: tuple[Any, ...]
-        if self._v3:
-            arguments = (of, len(unknowns), by, len(knowns), vector, len(knowns), into, len(unknowns))
-        else:
-            arguments = (of, len(unknowns), by, len(knowns), vector, into)
+    def linearize(self, inputs: Sequence[Variable], outputs: Sequence[Variable]) -> tuple[Array, Array, Array, Array]:
+        """(A, B, C, D) at the present state for the given inputs and outputs, by directional derivatives. States and
+        derivatives are those of the model structure. Raises CosimError when the FMU does not offer it."""
+        states, derivatives = self.description.states, self.description.derivatives
+        if not self.description.directional_derivatives:
+            raise CosimError("its FMU offers no directional derivatives")
+        if any(v.size > 1 for v in (*states, *inputs, *outputs)):
+            raise CosimError("its FMU has array variables, whose derivatives are not read yet")
+        unknowns, knowns, n = [*derivatives, *outputs], [*states, *inputs], len(states)
+        jacobian = np.zeros((len(unknowns), len(knowns)))
+        for column, known in enumerate(knowns):
+            if unknowns:
+                jacobian[:, column] = self._derivative(unknowns, known)
+        return jacobian[:n, :n], jacobian[:n, n:], jacobian[n:, :n], jacobian[n:, n:]
+
+    def _derivative(self, unknowns: Sequence[Variable], known: Variable) -> list[float]:
+        ffi, count = self._ffi, len(unknowns)
+        of, by = ffi.new("VR[]", [v.reference for v in unknowns]), ffi.new("VR[]", [known.reference])
+        seed, result = ffi.new("double[]", [1.0]), ffi.new("double[]", count)
+        arguments = (of, count, by, 1, seed, 1, result, count) if self._v3 else (of, count, by, 1, seed, result)
         self._must("GetDirectionalDerivative", *arguments)
-        return result
+        return list(result)
 
 
 _KEEP_FOREVER: list[Any] = []  # libraries and callbacks of instances that reported Fatal

@@ -194,6 +194,11 @@ class Simulation:
         return self._base.seconds(self._tick)
 
     @property
+    def finished(self) -> bool:
+        """It was closed, or ended by a failure."""
+        return self._over is not None
+
+    @property
     def time_ns(self) -> int:
         """Present time, rounded to integer nanoseconds."""
         return self._base.nanoseconds(self._tick)

@@ -52,6 +52,10 @@ class Timetable(Generic[Entry]):
             self._entries[due] = self._compile(due)
         return self._entries[due]
 
+    def cycle(self) -> tuple[int, int]:
+        """(first tick, length in ticks) of the repeating pattern, beginning at a multiple of its length."""
+        return -(-self._steady // self._period) * self._period, self._period
+
     def instants(self, first: int, end: int) -> Iterator[tuple[int, Entry]]:
         """(tick, entry) of every instant with first <= tick < end at which something is due."""
         if self._count > self.LONGEST:

@@ -97,6 +97,18 @@ class Layout:
                 if key in source:
                     self.values[slot] = self.values[source[key]]
 
+    def owners(self) -> list[str]:
+        """Name of the component each value belongs to."""
+        names = [""] * len(self.values)
+        for slots in (self.visible, self.latest, self.previous):
+            for (member, _), slot in slots.items():
+                names[slot] = member.name
+        for member, slot in self.reached.items():
+            names[slot] = member.name
+        for (name, _), slot in self.constants.items():
+            names[slot] = name
+        return names
+
     def _stamp(self, slot: int) -> Timed:
         values = self.values
 

@@ -1,0 +1,106 @@
+"""What is in an FMU, as a table for people and lines ready to paste into a script."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+
+from rich.console import Group
+from rich.table import Table
+from rich.text import Text
+
+from cosim.description import Variable
+from cosim.fmu import Fmu
+from cosim.timebase import TimeLike, rational
+
+
+def describe(fmu: str | os.PathLike[str] | Fmu) -> Group:
+    """Name, versions, kind, rate, inputs, outputs and parameters of an FMU, and how to wire it; print it with rich.
+
+    Runs nothing of the FMU, so it works for FMUs of other platforms. Raises FmuError.
+    """
+    fmu = fmu if isinstance(fmu, Fmu) else Fmu(fmu)
+    about = fmu.description
+    facts = Table.grid(padding=(0, 2))
+    kind = about.kind or "continuous unless you say kind='discrete' (the FMU does not tell)"
+    step = about.sample_time if about.kind == "discrete" else about.default_step
+    rows = {
+        "FMU": f"{about.name}  (FMI {about.fmi_version}, {about.tool or 'tool unknown'})",
+        "": about.text,
+        "kind": kind,
+        "step": f"{float(step):g} s" if step else "none stated: give step=...",
+        "interfaces": "Co-Simulation" + (", Model Exchange" if about.model_exchange else ""),
+        "can": ", ".join(_abilities(fmu)) or "only step forward",
+        "platforms": ", ".join(fmu.platforms()) or "none",
+    }
+    for label, text in rows.items():
+        if text:
+            facts.add_row(Text(label, style="bold"), Text(text))
+    parts = [facts]
+    for title, variables in (("inputs", about.inputs), ("outputs", about.outputs), ("parameters", about.parameters)):
+        if variables:
+            parts.append(_variables(title, list(variables.values())))
+    return Group(*parts, Text("\nready to paste:", style="bold"), Text(wiring(fmu), style="green"))
+
+
+def wiring(fmu: Fmu) -> str:
+    """Python lines that put the FMU into a system, one `connect` per input (arrays in one line)."""
+    about = fmu.description
+    name = about.name.split(".")[-1].replace(" ", "_").lower() or "fmu"
+    arguments = [repr(name), repr(str(fmu.path))]
+    step: TimeLike | None = about.sample_time if about.kind == "discrete" else about.default_step
+    if step is None:
+        arguments.append('step="1 ms"')
+    elif rational(step):
+        arguments.append(f'step="{rational(step)}"')
+    if about.kind is None:
+        arguments.append('kind="continuous"')
+    inputs = dict.fromkeys(_without_index(v.name) for v in about.inputs.values())
+    lines = [f"system.add({', '.join(arguments)})"]
+    lines += [f'system.connect("OTHER.{i}", "{name}.{i}")' for i in inputs]
+    outputs = list(dict.fromkeys(_without_index(v.name) for v in about.outputs.values()))
+    listed = ", ".join(f'"{name}.{o}"' for o in outputs[:4])
+    lines.append(f"recording = system.run(5.0, record=[{listed}])")
+    return "\n".join(lines)
+
+
+def _abilities(fmu: Fmu) -> list[str]:
+    about = fmu.description
+    offered = {
+        "save and restore its state": about.can_save,
+        "serialize it": about.can_serialize,
+        "directional derivatives": about.directional_derivatives,
+        "steps of any length": about.variable_step,
+        "several instances": not about.only_once,
+    }
+    return [text for text, there in offered.items() if there]
+
+
+def _variables(title: str, variables: Sequence[Variable]) -> Table:
+    table = Table(title=f"{title} ({len(variables)})", title_justify="left", title_style="bold", box=None)
+    for column in ("name", "unit", "start", "range", "type", "description"):
+        table.add_column(column, overflow="fold", justify="right" if column == "start" else "left")
+    groups: dict[str, list[Variable]] = {}
+    for variable in variables:
+        groups.setdefault(_without_index(variable.name), []).append(variable)
+    for base, elements in groups.items():
+        first = elements[0]
+        start = "" if first.start is None else f"{first.start:g}" if first.type == "real" else str(first.start)
+        name = first.name if len(elements) == 1 else f"{base}{_span(elements)}"
+        if len(elements) > 1 and len({v.start for v in elements}) > 1:
+            start = "..."
+        low, high = first.minimum, first.maximum
+        limits = (
+            "" if low is None and high is None else f"{'' if low is None else low:} .. {'' if high is None else high}"
+        )
+        table.add_row(*map(Text, (name, first.unit_name, start, limits, first.fmi_type, first.description)))
+    return table
+
+
+def _without_index(name: str) -> str:
+    return name[: name.rindex("[")] if name.endswith("]") else name
+
+
+def _span(elements: Sequence[Variable]) -> str:
+    first, last = (v.name[v.name.rindex("[") + 1 : -1].split(",") for v in (elements[0], elements[-1]))
+    return "[" + ",".join(f"{a}..{b}" for a, b in zip(first, last, strict=True)) + "]"
