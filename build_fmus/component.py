@@ -166,6 +166,7 @@ class Component:
         self.time = symbols.sym("time")
         self._symbols = symbols
         self._variables: dict[str, Variable] = {}
+        self._handles: dict[str, Any] = {}  # what parameter(), input() and state() returned
         self._sizes: dict[Role, int] = {"parameter": 0, "input": 0, "state": 0, "output": 0}
         self._next: dict[str, Any] = {}  # state name -> derivative or update expression
         self._start: dict[str, Any] = {}  # state name -> start expression of parameters and inputs
@@ -326,6 +327,7 @@ class Component:
             name, role, unit, description, shape, start=flat, slot=self._sizes[role], symbol=flat_symbol, **rest
         )
         self._variables[name] = variable
+        self._handles[name] = symbol
         self._sizes[role] += size
         self.__dict__.pop("functions", None)
         return symbol
@@ -334,7 +336,7 @@ class Component:
         if self.kind != kind:
             raise DeclarationError(f"{self.name}: {verb}() is for {kind} components")
         for v in self._variables.values():
-            if v.role == "state" and ca.is_equal(v.symbol, self._symbols(state)):
+            if v.role == "state" and state is self._handles[v.name]:
                 if v.name in self._next:
                     raise DeclarationError(f"{self.name}.{v.name}: {verb} given twice")
                 expression = self._symbols(expression)
@@ -344,7 +346,7 @@ class Component:
                     raise DeclarationError(f"{self.name}.{v.name}: {verb} has {expression.numel()} elements, not {v.size}")
                 self._next[v.name] = ca.vec(expression)
                 return
-        raise DeclarationError(f"{self.name}: {verb}() needs a symbol returned by state()")
+        raise DeclarationError(f"{self.name}: {verb}() needs the very symbol that state() returned")
 
     # ------------------------------------------------------------------ reading
 
