@@ -46,6 +46,7 @@ UNITS: dict[str, Unit] = {
         _unit("m3/s", (DisplayUnit("l/min", 60000.0),), m=3, s=-1),
         _unit("s", (DisplayUnit("ms", 1000.0),), s=1),
         _unit("1/s", s=-1),
+        _unit("1/s2", s=-2),
         _unit("Hz", s=-1),
         _unit("kg", kg=1),
         _unit("kg.m2", kg=1, m=2),
@@ -81,7 +82,8 @@ def unit(name: str) -> Unit:
         return UNITS[name]
     except KeyError:
         near = difflib.get_close_matches(name, UNITS, n=1, cutoff=0.0)
-        raise KeyError(f"unknown unit {name!r}; did you mean {near[0]!r}? (units are listed in build_fmus/units.py)") from None
+        hint = f"did you mean {near[0]!r}? (units are listed in build_fmus/units.py)"
+        raise KeyError(f"unknown unit {name!r}; {hint}") from None
 
 
 def display_unit(unit_name: str, name: str) -> DisplayUnit:
@@ -91,3 +93,23 @@ def display_unit(unit_name: str, name: str) -> DisplayUnit:
             return d
     choices = ", ".join(d.name for d in unit(unit_name).display) or "none"
     raise KeyError(f"unit {unit_name!r} has no display unit {name!r} (it has: {choices})")
+
+
+def convert(value: float, given: str, wanted: str) -> float:
+    """``value`` in unit or display unit ``given``, expressed in the unit ``wanted``.
+
+    Raises:
+        KeyError: the units do not measure the same thing, or ``given`` is unknown; the message says what is accepted.
+    """
+    target = unit(wanted)
+    if given == wanted:
+        return value
+    for d in target.display:
+        if d.name == given:
+            return (value - d.offset) / d.factor
+    if given in UNITS and UNITS[given].exponents == target.exponents:
+        return (UNITS[given].factor * value + UNITS[given].offset - target.offset) / target.factor
+    accepted = [wanted, *(d.name for d in target.display)]
+    near = difflib.get_close_matches(given, accepted, n=1)
+    hint = f"; did you mean {near[0]!r}?" if near else ""
+    raise KeyError(f"unit {given!r} where {wanted!r} is expected (accepted: {', '.join(accepted)}){hint}")
