@@ -1,0 +1,64 @@
+"""Quarter car: two masses, one suspension, one tyre; linear (paper 001, equation 1.1)."""
+
+from __future__ import annotations
+
+from math import pi, sin
+
+from build_fmus.component import Component
+from fmu_sources.vehicles import QuarterCar, declare
+
+
+def quarter_car(vehicle: QuarterCar, name: str = "QuarterCarHmmwv") -> Component:
+    """Sprung and unsprung mass above one tyre, paper 001 equation (1.1) without friction.
+
+    Displacements are measured from static equilibrium. The actuator force pushes the body up and the wheel down.
+    """
+    c = Component(
+        name,
+        kind="continuous",
+        description=f"Quarter car, linear: {vehicle.name}",
+        source="001 equation (1.1)",
+        solver="rk4",
+        solver_step=5e-4,
+        notes=(
+            "Both masses move vertically. Displacements count from static equilibrium, so weight does not appear. The "
+            "tyre is a linear spring and damper that can also pull: for a tyre that lifts off use the full car.",
+            "The suspension friction of paper 001 is left out, as in the paper's own state space (1.6).",
+            "Wiring: road.height and road.rate are the height under the tyre and its time derivative; both are needed "
+            "because the tyre has damping. A force controller drives force.",
+        ),
+    )
+    p = declare(c, vehicle)
+
+    r = c.input("road.height", "m", "road height under the tyre")
+    dr = c.input("road.rate", "m/s", "time derivative of the road height under the tyre")
+    f = c.input("force", "N", "actuator force, positive lifts the body and pushes the wheel down")
+
+    zb = c.state("body.z", "m", "body height above static equilibrium", output=True, nominal=0.1)
+    vb = c.state("body.vz", "m/s", "vertical body velocity", output=True)
+    zw = c.state("wheel.z", "m", "wheel height above static equilibrium", output=True, nominal=0.1)
+    vw = c.state("wheel.vz", "m/s", "vertical wheel velocity", output=True)
+
+    strut = f - p.suspension.stiffness * (zb - zw) - p.suspension.damping * (vb - vw)  # on the body, upwards
+    tire = p.tire.stiffness * (r - zw) + p.tire.damping * (dr - vw)  # on the wheel, upwards
+    ab = strut / p.body.mass
+    aw = (tire - strut) / p.wheel.mass
+
+    c.derivative(zb, vb)
+    c.derivative(vb, ab)
+    c.derivative(zw, vw)
+    c.derivative(vw, aw)
+
+    c.output("body.az", ab, "m/s2", "vertical body acceleration")
+    c.output("suspension.deflection", zb - zw, "m", "body height minus wheel height", display_unit="mm")
+    c.output("suspension.velocity", vb - vw, "m/s", "rate of the suspension deflection")
+    c.output("tire.deflection", zw - r, "m", "wheel height minus road height", display_unit="mm")
+
+    c.stimulate(
+        {
+            "road.height": lambda t: 0.02 * sin(2 * pi * 1.5 * t),
+            "road.rate": lambda t: 0.02 * 2 * pi * 1.5 * (1.0 - 2 * sin(pi * 1.5 * t) ** 2),
+            "force": lambda t: 1000.0 * sin(2 * pi * 3.0 * t) if t > 0.05 else 0.0,
+        }
+    )
+    return c

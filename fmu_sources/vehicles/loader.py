@@ -1,0 +1,163 @@
+"""Read a vehicle file; every mistake in it becomes one sentence that names the file, the field and the remedy."""
+
+from __future__ import annotations
+
+import difflib
+import tomllib
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any, cast
+
+from pydantic import BaseModel, ValidationError
+
+from build_fmus.component import Component
+from fmu_sources.vehicles.schema import KINDS, FullCar, Quantity, QuarterCar, Section, Vehicle
+
+_HERE = Path(__file__).parent
+
+
+class VehicleError(ValueError):
+    """A vehicle file that cannot be used. The message names the file, the field and what to do."""
+
+
+def vehicle_names() -> list[str]:
+    """Names of the vehicle files that come with the project."""
+    return sorted(p.stem for p in _HERE.glob("*.toml"))
+
+
+def load_vehicle(name_or_path: str | Path, kind: str | None = None) -> Vehicle:
+    """Load a vehicle by the name of a file of this package, or by a path.
+
+    ``kind`` (``"quarter_car"``, ``"full_car"``) is what the caller needs; None takes what the file says.
+
+    Raises:
+        VehicleError: no such file, TOML syntax, unknown, missing or misspelt field, wrong unit, value out of limits,
+            or a file of another kind.
+    """
+    path = _find(name_or_path)
+    data = _read(path, seen=())
+    given = data.get("kind")
+    if not isinstance(given, str) or given not in KINDS:
+        raise VehicleError(f"{path}: kind = {given!r} is not one of {', '.join(map(repr, KINDS))}{_near(given, KINDS)}")
+    if kind is not None and given != kind:
+        raise VehicleError(f"{path}: this file describes a {given!r}, but a {kind!r} is needed here")
+    model = KINDS[given]
+    try:
+        return model.model_validate(data)
+    except ValidationError as error:
+        raise VehicleError("\n".join(f"{path}: {_sentence(model, e)}" for e in error.errors())) from None
+
+
+def load_quarter_car(name_or_path: str | Path) -> QuarterCar:
+    """Load a vehicle of kind ``quarter_car``; see :func:`load_vehicle`."""
+    return cast(QuarterCar, load_vehicle(name_or_path, "quarter_car"))
+
+
+def load_full_car(name_or_path: str | Path) -> FullCar:
+    """Load a vehicle of kind ``full_car``; see :func:`load_vehicle`."""
+    return cast(FullCar, load_vehicle(name_or_path, "full_car"))
+
+
+def declare(c: Component, section: Section, prefix: str = "") -> Any:
+    """Declare every quantity of a vehicle as an FMI parameter of ``c`` under its path in the file.
+
+    Returns the symbols in the shape of the file: ``p.suspension.front.spring``.
+    """
+    symbols = SimpleNamespace()
+    for name, info in type(section).model_fields.items():
+        value, declared = getattr(section, name), type(section).declared(name)
+        if isinstance(value, Quantity) and declared is not None:
+            symbol = c.parameter(
+                prefix + name, value.value, declared.unit, info.description or "", min=declared.min, max=declared.max,
+                display_unit=declared.display_unit, source=value.source,
+            )  # fmt: skip
+            setattr(symbols, name, symbol)
+        elif isinstance(value, Section):
+            setattr(symbols, name, declare(c, value, f"{prefix}{name}."))
+    return symbols
+
+
+def _find(name_or_path: str | Path) -> Path:
+    bundled = _HERE / f"{name_or_path}.toml"
+    if isinstance(name_or_path, str) and name_or_path in vehicle_names():
+        return bundled
+    path = Path(name_or_path)
+    if path.is_file():
+        return path
+    word, known = str(name_or_path), vehicle_names()
+    raise VehicleError(f"no vehicle {word!r}: neither a file nor one of {', '.join(known)}{_near(word, known)}")
+
+
+def _read(path: Path, seen: tuple[Path, ...]) -> dict[str, Any]:
+    if path.resolve() in seen:
+        raise VehicleError(f"{path}: base = leads back to this file; a vehicle cannot be based on itself")
+    try:
+        data = tomllib.loads(path.read_text(encoding="utf-8"))
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise VehicleError(f"{path}: not a TOML file: {error}") from None
+    except OSError as error:
+        raise VehicleError(f"{path}: cannot be read: {error.strerror}") from None
+    base = data.pop("base", None)
+    if base is None:
+        return data
+    if not isinstance(base, str):
+        raise VehicleError(f"{path}: base = {base!r} must be the name of a vehicle or a path")
+    beside = path.parent / base
+    try:
+        base_path = beside if beside.is_file() else _find(base)
+    except VehicleError as error:
+        raise VehicleError(f"{path}: base: {error}") from None
+    return _merge(_read(base_path, (*seen, path.resolve())), data)
+
+
+def _merge(base: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:
+    """``base`` with ``changes``; tables merge, values (tables with a ``value``) are replaced whole."""
+    merged = dict(base)
+    for key, new in changes.items():
+        old = merged.get(key)
+        tables = isinstance(old, dict) and isinstance(new, dict) and "value" not in new
+        merged[key] = _merge(cast(dict[str, Any], old), new) if tables else new
+    return merged
+
+
+def _sentence(model: type[BaseModel], error: Any) -> str:
+    """One pydantic error as a sentence about the file."""
+    loc = [str(part) for part in error["loc"]]
+    field, kind = ".".join(loc), error["type"]
+    if kind == "extra_forbidden":
+        known = list(_model_at(model, loc[:-1]).model_fields)
+        near = _near(loc[-1], known)
+        return f"{field}: unknown field{near or '; known here: ' + ', '.join(known)}"
+    if kind == "missing":
+        if loc[-1] == "source":
+            return f"{field}: missing; say where the value comes from, or \"assumed\""
+        return f"{field}: missing{_expected(model, loc)}"
+    if kind in ("model_type", "model_attributes_type"):
+        return f"{field}: {error['input']!r} is not a table{_expected(model, loc)}"
+    if kind == "finite_number":
+        return f"{field}: {error['input']} is not a finite number"
+    if kind in ("unit", "limit"):
+        return f"{field}: {error['msg']}"
+    return f"{field}: {error['msg'][0].lower()}{error['msg'][1:]} (given: {error['input']!r})"
+
+
+def _expected(model: type[BaseModel], loc: list[str]) -> str:
+    parent = _model_at(model, loc[:-1])
+    if loc[-1] in parent.model_fields and issubclass(parent, Section) and (declared := parent.declared(loc[-1])):
+        return f"; write {loc[-1]} = {{ value = ..., unit = \"{declared.unit}\", source = \"...\" }}"
+    return ""
+
+
+def _model_at(model: type[BaseModel], loc: Iterable[str]) -> type[BaseModel]:
+    for part in loc:
+        annotation = model.model_fields[part].annotation
+        assert isinstance(annotation, type)
+        assert issubclass(annotation, BaseModel)
+        model = annotation
+    return model
+
+
+def _near(word: Any, known: Iterable[str]) -> str:
+    near = difflib.get_close_matches(str(word), list(known), n=1)
+    return f"; did you mean {near[0]!r}?" if near else ""

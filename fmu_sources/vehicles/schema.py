@@ -1,0 +1,181 @@
+"""What a vehicle file must contain: every field with its unit, meaning and limits, declared here and nowhere else.
+
+The FMI parameters of the plants are made from these declarations (:func:`fmu_sources.vehicles.declare`), so name, unit,
+limits and description of a parameter are those of the field in the file.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationInfo, field_validator
+from pydantic_core import PydanticCustomError
+
+from build_fmus import units
+
+
+@dataclass(frozen=True)
+class Declared:
+    """Unit, limits and display unit of a field; the description stands in the pydantic field."""
+
+    unit: str
+    min: float
+    max: float
+    display_unit: str | None = None
+
+
+class Quantity(BaseModel):
+    """One value of a vehicle file. ``value`` is in the unit of the field's declaration once the file is loaded."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    value: float = Field(allow_inf_nan=False)
+    unit: str
+    source: str = Field(min_length=1)
+
+
+def quantity(unit: str, description: str, *, min: float, max: float, display_unit: str | None = None) -> Any:
+    """Declare a field of type :class:`Quantity`."""
+    return Field(description=description, json_schema_extra={"declared": Declared(unit, min, max, display_unit)})  # type: ignore[dict-item]
+
+
+class Section(BaseModel):
+    """A table of a vehicle file. Unknown fields are refused; units are converted; limits are checked."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    @classmethod
+    def declared(cls, field: str) -> Declared | None:
+        """Declaration of a quantity field, None for anything else."""
+        extra = cls.model_fields[field].json_schema_extra
+        return extra.get("declared") if isinstance(extra, dict) else None  # type: ignore[return-value]
+
+    @field_validator("*", mode="after")
+    @classmethod
+    def _in_declared_unit(cls, given: Any, info: ValidationInfo) -> Any:
+        if not isinstance(given, Quantity):
+            return given
+        declared = cls.declared(info.field_name or "")
+        assert declared is not None, f"{cls.__name__}.{info.field_name}: declare it with quantity()"
+        try:
+            value = units.convert(given.value, given.unit, declared.unit)
+        except KeyError as error:
+            raise PydanticCustomError("unit", "{text}", {"text": error.args[0]}) from None
+        if not declared.min <= value <= declared.max:
+            word, bound = ("least", declared.min) if value < declared.min else ("most", declared.max)
+            text = f"{given.value:g} {given.unit} is out of range: it must be at {word} {bound:g} {declared.unit}"
+            raise PydanticCustomError("limit", "{text}", {"text": text})
+        return Quantity(value=value, unit=declared.unit, source=given.source)
+
+
+class Vehicle(Section):
+    """Head of every vehicle file."""
+
+    kind: str
+    name: str = Field(min_length=1)
+    description: str = Field(min_length=1)
+
+
+# ---------------------------------------------------------------------------------------------------------- quarter car
+
+
+class _QuarterBody(Section):
+    mass: Quantity = quantity("kg", "sprung mass", min=1.0, max=1e6)
+
+
+class _QuarterWheel(Section):
+    mass: Quantity = quantity("kg", "unsprung mass", min=0.1, max=1e5)
+
+
+class _QuarterSuspension(Section):
+    stiffness: Quantity = quantity("N/m", "suspension stiffness", min=0.0, max=1e8, display_unit="N/mm")
+    damping: Quantity = quantity("N.s/m", "suspension damping", min=0.0, max=1e7, display_unit="kN.s/m")
+
+
+class _Tire(Section):
+    stiffness: Quantity = quantity("N/m", "vertical tyre stiffness", min=1.0, max=1e8, display_unit="N/mm")
+    damping: Quantity = quantity("N.s/m", "vertical tyre damping", min=0.0, max=1e6, display_unit="kN.s/m")
+
+
+class QuarterCar(Vehicle):
+    """Two masses above one tyre."""
+
+    body: _QuarterBody
+    wheel: _QuarterWheel
+    suspension: _QuarterSuspension
+    tire: _Tire
+
+
+# ------------------------------------------------------------------------------------------------------------- full car
+
+
+class _Body(Section):
+    mass: Quantity = quantity("kg", "sprung mass", min=10.0, max=1e6)
+    roll_inertia: Quantity = quantity("kg.m2", "roll inertia of the sprung mass about its CG", min=1.0, max=1e8)
+    pitch_inertia: Quantity = quantity("kg.m2", "pitch inertia of the sprung mass about its CG", min=1.0, max=1e8)
+    yaw_inertia: Quantity = quantity("kg.m2", "yaw inertia of the sprung mass about its CG", min=1.0, max=1e8)
+    wheelbase: Quantity = quantity("m", "distance between the axles", min=0.5, max=20.0)
+    track: Quantity = quantity("m", "distance between left and right wheels", min=0.3, max=10.0)
+    cg_position: Quantity = quantity("1", "CG behind the front axle, as a part of the wheelbase", min=0.05, max=0.95)
+    cg_height: Quantity = quantity("m", "height of the CG above the road at rest", min=0.05, max=5.0)
+
+
+class _Wheel(Section):
+    mass: Quantity = quantity("kg", "unsprung mass of one corner", min=1.0, max=1e5)
+    radius: Quantity = quantity("m", "rolling radius", min=0.05, max=3.0)
+    hub_height: Quantity = quantity("m", "height of the wheel centre above the road at rest", min=0.05, max=3.0)
+    spin_inertia: Quantity = quantity("kg.m2", "spin inertia of one wheel and its share of driveline", min=0.1, max=1e4)
+
+
+class _Strut(Section):
+    spring: Quantity = quantity("N/m", "stiffness of one spring, at the spring", min=0.0, max=1e8, display_unit="N/mm")
+    damper: Quantity = quantity("N.s/m", "rate of one damper, at the damper", min=0.0, max=1e7, display_unit="kN.s/m")
+
+
+class _Stop(Section):
+    travel: Quantity = quantity("m", "wheel travel from ride height at which a stop begins", min=0.005, max=1.0)
+    stiffness: Quantity = quantity("N/m", "linear stop stiffness, at the wheel", min=0.0, max=1e8, display_unit="N/mm")
+    cubic: Quantity = quantity("N/m3", "cubic stop stiffness, at the wheel", min=0.0, max=1e10)
+
+
+class _Suspension(Section):
+    motion_ratio: Quantity = quantity("1", "spring (and damper) travel per wheel travel", min=0.01, max=5.0)
+    front: _Strut
+    rear: _Strut
+    stop: _Stop
+
+
+class _RollingTire(_Tire):
+    slip_stiffness: Quantity = quantity("1", "longitudinal force per slip and load", min=0.0, max=200.0)
+    cornering_stiffness: Quantity = quantity("1", "lateral force per slip angle and load", min=0.0, max=200.0)
+    friction: Quantity = quantity("1", "friction coefficient", min=0.01, max=5.0)
+    longitudinal_relaxation: Quantity = quantity("m", "relaxation length of the longitudinal slip", min=0.05, max=5.0)
+    lateral_relaxation: Quantity = quantity("m", "relaxation length of the lateral slip", min=0.05, max=5.0)
+
+
+class _SpeedControl(Section):
+    gain: Quantity = quantity("1/s", "drive force per mass and speed error", min=0.0, max=50.0)
+    integral_gain: Quantity = quantity("1/s2", "drive force per mass and integral of speed error", min=0.0, max=50.0)
+    max_torque: Quantity = quantity("N.m", "largest drive or brake torque of one wheel", min=0.0, max=1e6)
+
+
+class _Steering(Section):
+    offset_gain: Quantity = quantity("rad/m", "steer angle per lateral offset", min=0.0, max=10.0)
+    heading_gain: Quantity = quantity("1", "steer angle per heading error", min=0.0, max=10.0)
+    yaw_rate_gain: Quantity = quantity("s", "steer angle per yaw rate", min=0.0, max=10.0)
+    max_angle: Quantity = quantity("rad", "largest steer angle", min=0.0, max=1.2, display_unit="deg")
+
+
+class FullCar(Vehicle):
+    """Two axles, four wheels, driver included."""
+
+    body: _Body
+    wheel: _Wheel
+    suspension: _Suspension
+    tire: _RollingTire
+    speed_control: _SpeedControl
+    steering: _Steering
+
+
+KINDS: dict[str, type[Vehicle]] = {"quarter_car": QuarterCar, "full_car": FullCar}
