@@ -1,0 +1,306 @@
+"""Paper 000: a nonlinear HMMWV on three roads, passive and under three GPC laws.
+
+This module wires the FMUs and runs them; ``gpc_study`` lays out the published figures and claims on top of it.
+"""
+
+from __future__ import annotations
+
+import difflib
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import asdict, dataclass, replace
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from cosim import ComponentError, Recording, StopWhen, System, metrics
+from cosim.experiments.store import RunStore, content_hash
+from fmu_sources.controllers.gpc import CORNERS, gain_parameters
+from fmu_sources.controllers.gpc_identification import (
+    DesignSettings,
+    IdentificationSettings,
+    IdentifiedModels,
+    identify,
+)
+
+ROADS = {"sine": "RoadSine", "curb": "RoadCurb", "perryman3": "RoadPerryman3"}
+CONTROLLERS = {"passive": None, "implicit": "GpcImplicit", "explicit": "GpcExplicit", "preview": "GpcPreview"}
+SPEEDS_KMH = (10, 20, 30, 40, 50, 60, 70, 80)
+SPEED_RANGE_KMH = (2.0, 200.0)
+R_PUBLISHED = 1e-7  # 1/N2
+TRAVEL = 150.0  # m, length of every run
+SAMPLE_RATE = 100.0  # Hz, of all metrics
+
+
+class ScenarioError(ValueError):
+    """A run that does not exist; the message says which choice is wrong and what there is."""
+
+
+@dataclass(frozen=True)
+class Scenario:
+    """One run. ``R`` and ``seed`` matter for controlled runs only."""
+
+    road: str = "sine"
+    speed_kmh: float = 50.0
+    controller: str = "preview"
+    R: float = R_PUBLISHED
+    seed: int = 0
+    hold: bool = False
+
+    def __post_init__(self) -> None:
+        for name, choices in (("road", ROADS), ("controller", CONTROLLERS)):
+            value = getattr(self, name)
+            if value not in choices:
+                near = difflib.get_close_matches(value, choices, n=1)
+                hint = f"; did you mean {near[0]}?" if near else ""
+                raise ScenarioError(f"no {name} {value!r}{hint} (there are: {', '.join(choices)})")
+        low, high = SPEED_RANGE_KMH
+        if not low <= self.speed_kmh <= high:
+            raise ScenarioError(
+                f"speed {self.speed_kmh:g} km/h: a run travels {TRAVEL:g} m at a speed between {low:g} and {high:g} km/h"
+            )
+        if not (math.isfinite(self.R) and self.R > 0):
+            raise ScenarioError(f"control weight R = {self.R:g} must be positive")
+        if self.hold and self.controller != "explicit":
+            raise ScenarioError("hold applies to the explicit controller only")
+
+
+@dataclass(frozen=True)
+class FmuSet:
+    """Which FMU files a bench uses."""
+
+    directory: Path = Path("fmus")
+    plant: str = "FullCarHmmwvModified"
+    suffix: str = ""
+    fmi: int = 3
+
+    def path(self, name: str) -> Path:
+        """An FMU file; FileNotFoundError that says how to build it."""
+        path = self.directory / f"fmi{self.fmi}" / f"{name}.fmu"
+        if not path.is_file():
+            raise FileNotFoundError(f"{path} does not exist: run `build-fmus --out {self.directory}` first")
+        return path
+
+    @property
+    def car(self) -> Path:
+        return self.path(self.plant)
+
+    @property
+    def speed(self) -> Path:
+        return self.path("SpeedProfile")
+
+    def road(self, road: str) -> Path:
+        """Road FMU by its short name."""
+        return self.path(ROADS[road] + self.suffix)
+
+    def controller(self, controller: str) -> Path | None:
+        """Controller FMU, None for the passive car."""
+        name = CONTROLLERS[controller]
+        return None if name is None else self.path(name + self.suffix)
+
+    def all_paths(self) -> list[Path]:
+        """Every file a study reads."""
+        controllers = [p for c in CONTROLLERS if (p := self.controller(c))]
+        return [self.car, self.speed, *map(self.road, ROADS), *controllers]
+
+
+class GpcBench:
+    """Systems wired once per road and controller, and run as often as needed."""
+
+    def __init__(self, fmus: FmuSet, store: RunStore | None = None) -> None:
+        self.fmus = fmus
+        self.store = store
+        self._systems: dict[tuple[str, str], System] = {}
+        self.models = lru_cache(maxsize=None)(self._models)
+
+    def _models(self, seed: int) -> IdentifiedModels:
+        settings = IdentificationSettings(seed=seed)
+        return identify(self.fmus.car, self.fmus.road("perryman3"), self.fmus.speed, settings)
+
+    def system(self, road: str, controller: str) -> System:
+        """Car, road, speed profile and controller, wired as in the paper: car and exchange at 1 kHz, control at 100 Hz."""
+        key = (road, controller)
+        if key not in self._systems:
+            self._systems[key] = wire(self.fmus, road, controller)
+        return self._systems[key]
+
+    def record(self, scenario: Scenario, *, progress: bool = False, csv: Path | None = None) -> Recording:
+        """Run one scenario and return its recording at 100 Hz.
+
+        Raises:
+            ComponentError: a component failed (a diverging loop, for one); ``error.recording`` holds what was recorded.
+        """
+        system = self.system(scenario.road, scenario.controller)
+        speed = scenario.speed_kmh / 3.6
+        system["speed"].set({"speed.start": speed})
+        if scenario.controller != "passive":
+            law = self.models(scenario.seed).law(scenario.controller, DesignSettings(R=scenario.R))
+            system["controller"].set(gain_parameters(law))
+            if scenario.controller == "explicit":
+                system["controller"].set({"hold_height": scenario.hold})
+        start = float(system["car"].description.variables["start.x"].start)
+        return system.run(
+            1.25 * TRAVEL / speed + 1.0,
+            record=["car.x", "car.speed", *(f"car.{n}" for n in RECORDED), *_controls(scenario)],
+            record_interval="10 ms",
+            stop_when=[StopWhen("car.x", ">=", start + TRAVEL)],
+            progress=progress,
+            csv=csv,
+        )
+
+    def measure(self, scenario: Scenario) -> dict[str, Any]:
+        """Metrics of a scenario as JSON values; a diverged run has ``diverged`` true and no numbers. Stored if possible."""
+
+        def compute() -> dict[str, Any]:
+            try:
+                return evaluate(self.record(scenario))
+            except ComponentError as error:
+                return {"diverged": True, "reason": str(error)}
+
+        if self.store is None:
+            return compute()
+        return self.store.get(asdict(scenario), compute)
+
+    def close(self) -> None:
+        """Free all FMUs."""
+        for system in self._systems.values():
+            system.close()
+        self._systems.clear()
+
+
+RECORDED = (
+    "body.z", "body.az", "body.pitch", "body.roll",
+    *(f"{s}.{k}.{q}" for k in CORNERS for s, q in (("actuator", "power"), ("tire", "force"))),
+)  # fmt: skip
+
+
+def _controls(scenario: Scenario) -> list[str]:
+    return [] if scenario.controller == "passive" else [f"controller.force.{k}" for k in CORNERS]
+
+
+def wire(fmus: FmuSet, road: str, controller: str) -> System:
+    """One system of the experiment."""
+    system = System()
+    system.add("speed", fmus.speed)
+    system.add("road", fmus.road(road))
+    system.add("car", fmus.car, step="1 ms")
+    system.connect("speed.speed", "car.target.speed")
+    system.connect("car.x", "road.x")
+    system.connect("car.speed", "road.speed")
+    system.connect_matching("road", "car", "road.*")
+    if path := fmus.controller(controller):
+        system.add("controller", path)
+        system.connect_matching("car", "controller", "body.*")
+        if controller != "implicit":
+            system.connect_matching("road", "controller")
+        system.connect_matching("controller", "car", "force.*")
+    return system
+
+
+def forces(recording: Recording) -> np.ndarray:
+    """Commanded actuator forces (samples, 4) [N]; zero for the passive car."""
+    names = [f"controller.force.{k}" for k in CORNERS]
+    if names[0] not in recording:
+        return np.zeros((len(recording), len(CORNERS)))
+    return np.column_stack([recording[n] for n in names])
+
+
+def evaluate(recording: Recording) -> dict[str, Any]:
+    """The published metrics of one run (equations 22a-c) and the peaks the claims need."""
+    az, pitch, roll = (recording[f"car.{n}"] for n in ("body.az", "body.pitch", "body.roll"))
+    u = forces(recording)
+    power = np.column_stack([recording[f"car.actuator.{k}.power"] for k in CORNERS])
+    return {
+        "diverged": recording.stopped_by is None,
+        "response": metrics.response_objective(az, pitch, roll, SAMPLE_RATE),
+        "force": metrics.actuator_force(u, SAMPLE_RATE),
+        "power": metrics.actuator_power(power, SAMPLE_RATE),
+        "peak_force": metrics.peak(u),
+        "rms_az": float(np.sqrt(np.mean(az**2))),
+        "rms_pitch": float(np.sqrt(np.mean(pitch**2))),
+        "rms_roll": float(np.sqrt(np.mean(roll**2))),
+        "duration": float(recording.time[-1]),
+    }
+
+
+def salt(fmus: FmuSet) -> str:
+    """What all stored runs depend on: the FMUs, and the code between FMU and metric."""
+    import cosim
+    import fmu_sources
+
+    cosim_dir, sources = Path(cosim.__file__).parent, Path(fmu_sources.__file__).parent
+    code = [*sorted(cosim_dir.glob("*.py")), Path(__file__), *sorted((sources / "controllers").glob("gpc*.py"))]
+    return content_hash([*fmus.all_paths(), *code])
+
+
+# ---------------------------------------------------------------------- matching the response of another law
+
+
+@dataclass(frozen=True)
+class Match:
+    """Outcome of :func:`match_weight`: the weight and its metrics, or ``found`` false and the nearest one tried."""
+
+    found: bool
+    R: float
+    metrics: dict[str, Any]
+    runs: int
+
+
+GRID_STEP = 0.25  # decades of R
+GRID_RANGE = (-8, 8)  # steps about the published R: 1e-9 .. 1e-5
+MATCH_TOLERANCE = 5e-3  # relative, on the response objective
+
+
+def match_weight(measure: Callable[[float], dict[str, Any]], target: float) -> Match:
+    """The control weight at which a law's response objective equals ``target``.
+
+    J(R) is not monotone, so a grid of weights is walked outward from the published one until two neighbours bracket
+    the target; the crossing nearest to 1e-7 is then refined by bisection in log R.
+    """
+    tried: dict[float, dict[str, Any]] = {}
+
+    def error(R: float) -> float:
+        if R not in tried:
+            tried[R] = measure(R)
+        m = tried[R]
+        return math.inf if m["diverged"] else m["response"] / target - 1.0
+
+    for a, b in _outward():
+        low, high = R_PUBLISHED * 10 ** (GRID_STEP * a), R_PUBLISHED * 10 ** (GRID_STEP * b)
+        e_low, e_high = error(low), error(high)
+        for R, e in ((low, e_low), (high, e_high)):
+            if abs(e) <= MATCH_TOLERANCE:
+                return Match(True, R, tried[R], len(tried))
+        if not (math.isfinite(e_low) and math.isfinite(e_high)) or e_low * e_high > 0:
+            continue
+        for _ in range(12):
+            # Regula falsi in log R, kept inside the bracket; J is smooth there.
+            w = min(max(e_low / (e_low - e_high), 0.1), 0.9)
+            R = low ** (1 - w) * high**w
+            e = error(R)
+            if abs(e) <= MATCH_TOLERANCE:
+                return Match(True, R, tried[R], len(tried))
+            if e * e_low > 0:
+                low, e_low = R, e
+            else:
+                high, e_high = R, e
+        break
+    nearest = min(tried, key=lambda R: abs(error(R)))
+    return Match(False, nearest, tried[nearest], len(tried))
+
+
+def _outward() -> Iterator[tuple[int, int]]:
+    """Intervals of the grid, those nearest to the published weight first."""
+    down, up = GRID_RANGE
+    for k in range(max(up, -down)):
+        if k < up:
+            yield k, k + 1
+        if -k > down:
+            yield -k, -k - 1
+
+
+def matched(bench: GpcBench, scenario: Scenario, target: float) -> Match:
+    """Match ``scenario``'s law to the response objective ``target``."""
+    return match_weight(lambda R: bench.measure(replace(scenario, R=R)), target)

@@ -1,0 +1,54 @@
+"""Run independent tasks on all cores; Ctrl-C keeps what is finished."""
+
+from __future__ import annotations
+
+import os
+import signal
+from collections.abc import Callable, Iterable
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from typing import Any
+
+
+def run_tasks(
+    work: Callable[[Any], Any],
+    tasks: Iterable[Any],
+    *,
+    initializer: Callable[..., None] | None = None,
+    initargs: tuple[Any, ...] = (),
+    processes: int | None = None,
+    done: Callable[[Any, Any], None] = lambda task, result: None,
+) -> list[Any]:
+    """``[work(task) for task in tasks]`` in worker processes, long tasks first if the caller sorts them so.
+
+    ``done(task, result)`` is called in this process as each task finishes. On Ctrl-C the running tasks are abandoned
+    and KeyboardInterrupt is raised after every finished result was handed to ``done``.
+    """
+    tasks = list(tasks)
+    results: list[Any] = [None] * len(tasks)
+    count = min(processes or os.cpu_count() or 1, max(len(tasks), 1))
+    executor = ProcessPoolExecutor(count, initializer=_start_worker, initargs=(initializer, initargs))
+    futures: dict[Future[Any], int] = {}
+    try:
+        futures = {executor.submit(work, t): i for i, t in enumerate(tasks)}
+        pending = set(futures)
+        while pending:
+            finished, pending = wait(pending, return_when=FIRST_COMPLETED)
+            for future in finished:
+                i = futures[future]
+                results[i] = future.result()
+                done(tasks[i], results[i])
+    except BaseException:
+        for future in futures:
+            future.cancel()
+        for process in list((executor._processes or {}).values()):
+            process.terminate()
+        executor.shutdown(wait=True, cancel_futures=True)
+        raise
+    executor.shutdown()
+    return results
+
+
+def _start_worker(initializer: Callable[..., None] | None, initargs: tuple[Any, ...]) -> None:
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C goes to the parent, which ends the workers
+    if initializer is not None:
+        initializer(*initargs)
