@@ -22,11 +22,24 @@ Action = Callable[[], None]
 
 @dataclass(frozen=True)
 class Ports:
-    """The three calls of one communication step, bound to the master's buffers. Each raises CallFailed."""
+    """The three calls of one communication step, bound to the master's buffers, and `run`, the three in a row. Each
+    raises CallFailed."""
 
     set_inputs: Action
     step: Callable[[float, float], None]  # (time at its begin [s], length [s])
     get_outputs: Action
+    run: Callable[[float, float], None]
+
+    @classmethod
+    def of(cls, set_inputs: Action, step: Callable[[float, float], None], get_outputs: Action) -> Ports:
+        """Ports from the three calls."""
+
+        def run(t: float, h: float) -> None:
+            set_inputs()
+            step(t, h)
+            get_outputs()
+
+        return cls(set_inputs, step, get_outputs, run)
 
 
 class Component(Protocol):
@@ -176,7 +189,7 @@ class PythonComponent:
                 self._guard("start", lambda: self.start(own_u, own_y))
             own_y.take(source, 0, y, "clip")
 
-        return Ports(set_inputs, step, get_outputs)
+        return Ports.of(set_inputs, step, get_outputs)
 
     def save(self) -> Any:
         own = {k: v for k, v in vars(self).items() if k not in ("description", "_inputs", "_outputs", "_u", "_y")}

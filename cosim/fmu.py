@@ -15,6 +15,7 @@ import zipfile
 import zlib
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -133,6 +134,20 @@ class Fmu:
 def _remove(folders: list[Path]) -> None:
     for folder in folders:
         shutil.rmtree(folder, ignore_errors=True)
+
+
+@dataclass(frozen=True)
+class _Transfer:
+    """One bound FMI call that moves values. `move` does it and checks the status; `call` is the bare call, enough when
+    it is `direct` (the FMU works on the master's buffer)."""
+
+    move: Action
+    call: Callable[[], int]
+    function: str
+    direct: bool
+
+
+_DoStep = tuple[Callable[..., int], tuple[Any, ...], Any]
 
 
 class FmuComponent:
@@ -285,9 +300,14 @@ class FmuComponent:
     def bind(self, inputs: Sequence[Variable], outputs: Sequence[Variable], u: Array, y: Array) -> Ports:
         setters = [self._transfer("Set", t, inputs, u) for t in _by_type(inputs)]
         getters = [self._transfer("Get", t, outputs, y) for t in _by_type(outputs)]
-        return Ports(_sequence(setters), self._stepper(), _sequence(getters))
+        set_inputs, get_outputs = _sequence([s.move for s in setters]), _sequence([g.move for g in getters])
+        do_step = self._do_step()
+        ports = Ports.of(set_inputs, self._stepper(do_step), get_outputs)
+        if len(setters) == len(getters) == 1 and setters[0].direct and getters[0].direct:
+            return Ports(ports.set_inputs, ports.step, ports.get_outputs, self._fused(setters[0], do_step, getters[0]))
+        return ports
 
-    def _transfer(self, direction: str, fmi_type: str, variables: Sequence[Variable], buffer: Array) -> Action:
+    def _transfer(self, direction: str, fmi_type: str, variables: Sequence[Variable], buffer: Array) -> _Transfer:
         """One FMI call that moves all variables of one type. Doubles that fill their arrays and lie side by side
         in the master's buffer are passed in place; anything else goes through a buffer of its own."""
         ffi, v3 = self._ffi, self._v3
@@ -316,9 +336,6 @@ class FmuComponent:
             if status > warning:
                 fail(function, status)
 
-        if in_place:
-            return direct
-
         def scatter() -> None:
             data[own] = buffer[place]
             direct()
@@ -327,49 +344,66 @@ class FmuComponent:
             direct()
             buffer[place] = data[own]
 
-        if direction == "Get":
-            return gather
-        if total > len(places):  # elements of an array that nobody drives keep their values
+        if direction == "Set" and total > len(places):  # elements of an array that nobody drives keep their values
             data[:] = [x for r, e in groups.items() for x in self._get_raw(fmi_type, [r], e[0].size)]
-        return scatter
+        return _Transfer(direct if in_place else scatter if direction == "Set" else gather, call, function, in_place)
 
-    def _stepper(self) -> Callable[[float, float], None]:
-        fail, warning = self._step_failed, fmi.WARNING
+    def _do_step(self) -> _DoStep:
+        """(call, last arguments, ended): `call(t, h, *last arguments)`; `ended[0]` is true after a step that stopped
+        early or asks to end the simulation (FMI 3)."""
+        call = fmi.bind(self.fmu.major, self._library, self._instance, "DoStep")
         no_rollback = not self.description.can_save
-        if self._v3:
-            flags = self._ffi.new("bool[3]")  # event needed, terminate, early return
-            last = self._ffi.new("double*")
-            call3 = fmi.bind(self.fmu.major, self._library, self._instance, "DoStep")
-            event, terminate, early = flags, flags + 1, flags + 2
-            self._keep += [flags, last]
+        if not self._v3:
+            return call, (int(no_rollback),), (0,)
+        flags, self._last = self._ffi.new("bool[4]"), self._ffi.new("double*")  # event needed, -, terminate, early
+        self._terminate = flags + 2
+        self._keep += [flags, self._last]
+        ended = self._ffi.cast("uint16_t*", self._terminate)
+        return call, (no_rollback, flags, flags + 2, flags + 3, self._last), ended
 
-            def step3(t: float, h: float) -> None:
-                status = call3(t, h, no_rollback, event, terminate, early, last)
-                if status > warning or terminate[0] or early[0]:
-                    fail(status, t, h, last[0], bool(terminate[0]))
+    def _stepper(self, do_step: _DoStep) -> Callable[[float, float], None]:
+        call, rest, ended = do_step
+        fail, warning = self._step_failed, fmi.WARNING
 
-            return step3
-        call2 = fmi.bind(self.fmu.major, self._library, self._instance, "DoStep")
-        flag = int(no_rollback)
-
-        def step2(t: float, h: float) -> None:
-            status = call2(t, h, flag)
-            if status > warning:
+        def step(t: float, h: float) -> None:
+            status = call(t, h, *rest)
+            if status > warning or ended[0]:
                 fail(status, t, h)
 
-        return step2
+        return step
 
-    def _step_failed(
-        self, status: int, t: float, h: float, last: float | None = None, terminated: bool = False
-    ) -> None:
-        detail = f"step from {t:.9g} s, length {h:.9g} s"
-        if not self._v3 and status == fmi.DISCARD:
+    def _fused(self, setter: _Transfer, do_step: _DoStep, getter: _Transfer) -> Callable[[float, float], None]:
+        """Set, step, get without a Python call in between."""
+        send, receive = setter.call, getter.call
+        call, rest, ended = do_step
+        fail, fail_step, warning = self._fail, self._step_failed, fmi.WARNING
+
+        def run(t: float, h: float) -> None:
+            status = send()
+            if status > warning:
+                fail(setter.function, status)
+            status = call(t, h, *rest)
+            if status > warning or ended[0]:
+                fail_step(status, t, h)
+            status = receive()
+            if status > warning:
+                fail(getter.function, status)
+
+        return run
+
+    def _step_failed(self, status: int, t: float, h: float) -> None:
+        """Raise what a step's status means, with what the FMU can tell about it."""
+        last, terminated = None, False
+        if self._v3 and status != fmi.FATAL:
+            last, terminated = self._last[0], bool(self._terminate[0])
+        elif status == fmi.DISCARD:
             number, boolean = self._ffi.new("double*"), self._ffi.new("int*")
             if self._call("GetRealStatus", 2, number) <= fmi.WARNING:
                 last = number[0]
             if self._call("GetBooleanStatus", 3, boolean) <= fmi.WARNING:
                 terminated = bool(boolean[0])
-        if last is not None and (status != fmi.FATAL) and (self._v3 or status == fmi.DISCARD):
+        detail = f"step from {t:.9g} s, length {h:.9g} s"
+        if last is not None:
             detail += f"; it got to {last:.9g} s"
         if terminated:
             detail += "; it asks to end the simulation"

@@ -99,7 +99,7 @@ class _Stop(Exception):  # noqa: N818
     """A stop condition is fulfilled; the argument is its text."""
 
 
-@dataclass(frozen=True)
+@dataclass
 class Instant:
     """What happens at an instant, in three parts: 1; 2 and 3; 4 of the rule above. `recorded`: it has a sample."""
 
@@ -107,6 +107,9 @@ class Instant:
     sample: tuple[Timed, ...]
     advance: tuple[Timed, ...]
     recorded: bool
+
+    def __post_init__(self) -> None:
+        self.whole = self.arrive + self.sample + self.advance
 
 
 class Phase(enum.Enum):
@@ -290,35 +293,22 @@ class Simulation:
 
     def _step(self, member: Member) -> Timed:
         """One communication step of a component: inputs as they stand, doStep, outputs."""
-        ports, h = self._ports[member], float(member.step)
-        set_inputs, step, get_outputs = ports.set_inputs, ports.step, ports.get_outputs
-        place = self._layout.places[member]
-        if not place.inputs:
-
-            def source(t: float) -> None:
-                step(t, h)
-                get_outputs()
-
-            return source
-        if place.plain:
-            take, index, u = self._values.take, place.index, place.u
-
-            def plain(t: float) -> None:
-                take(index, 0, u, "clip")
-                set_inputs()
-                step(t, h)
-                get_outputs()
-
-            return plain
+        run, h, place = self._ports[member].run, float(member.step), self._layout.places[member]
+        take, index, u = self._values.take, place.index, place.u
         gather = self._layout.gather(member)
+
+        def without_inputs(t: float) -> None:
+            run(t, h)
+
+        def plain(t: float) -> None:
+            take(index, 0, u, "clip")
+            run(t, h)
 
         def converted(t: float) -> None:
             gather(t)
-            set_inputs()
-            step(t, h)
-            get_outputs()
+            run(t, h)
 
-        return converted
+        return without_inputs if place.in_place else plain if place.plain else converted
 
     def _check_stops(self, t: float) -> None:
         self._view.time = t
@@ -393,15 +383,11 @@ class Simulation:
         try:
             for tick, instant in self._timetable.instants(tick, end):  # noqa: B020
                 t = (tick * a + b) / d
-                for act in instant.arrive:
-                    act(t)
-                for act in instant.sample:
-                    act(t)
-                for act in instant.advance:
+                for act in instant.whole:
                     act(t)
             tick = end
         except _Stop:
-            self._phase = Phase.SAMPLED
+            self._phase = Phase.SAMPLED  # stop conditions are looked at after the sample
             raise
         finally:
             self._tick = tick

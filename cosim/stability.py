@@ -99,7 +99,7 @@ class _Linear:
         def get_outputs() -> None:
             y[:] = (self._out @ np.concatenate([self.x, held]))[rows]
 
-        return Ports(set_inputs, step, get_outputs)
+        return Ports.of(set_inputs, step, get_outputs)
 
     def get(self, variables: Sequence[Variable]) -> list[Any]:
         return [0.0 for _ in variables]

@@ -7,6 +7,8 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Generic, TypeVar
 
+import numpy as np
+
 Entry = TypeVar("Entry")
 
 
@@ -31,6 +33,7 @@ class Timetable(Generic[Entry]):
     as a table, unless it is longer than `LONGEST` instants."""
 
     LONGEST = 20_000
+    BLOCK = 2_000
 
     def __init__(self, clocks: Sequence[Clock], compile_entry: Callable[[frozenset[int]], Entry]):
         self._clocks = tuple(clocks)
@@ -43,6 +46,7 @@ class Timetable(Generic[Entry]):
     def forget(self) -> None:
         """Compile all entries again."""
         self._entries: dict[frozenset[int], Entry] = {}
+        self._by_mask: dict[int, Entry] = {}
         self._table: list[tuple[int, Entry]] | None = None
 
     def at(self, tick: int) -> Entry:
@@ -87,7 +91,19 @@ class Timetable(Generic[Entry]):
             yield base + after, entry
 
     def _search(self, first: int, end: int) -> Iterator[tuple[int, Entry]]:
-        tick = min(c.next(first) for c in self._clocks)
-        while tick < end:
-            yield tick, self.at(tick)
-            tick = min(c.next(tick + 1) for c in self._clocks)
+        """As `instants`, worked out afresh, some thousand instants at a time."""
+        span = self.BLOCK * min(c.period for c in self._clocks)
+        while first < end:
+            stop = min(end, first + span)
+            due = [np.arange(c.next(first), stop, c.period) for c in self._clocks]
+            ticks = np.unique(np.concatenate(due))
+            masks = np.zeros(len(ticks), dtype=np.int64 if len(due) < 63 else object)
+            for i, own in enumerate(due):
+                masks[np.searchsorted(ticks, own)] |= 1 << i
+            for tick, mask in zip(ticks.tolist(), masks.tolist(), strict=True):
+                yield tick, self._by_mask.get(mask) or self._entry(tick, mask)
+            first = stop
+
+    def _entry(self, tick: int, mask: int) -> Entry:
+        self._by_mask[mask] = self.at(tick)
+        return self._by_mask[mask]

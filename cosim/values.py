@@ -38,6 +38,7 @@ class Place:
     lines: list[tuple[int, int, int, int]] = field(default_factory=list)  # extrapolated: input, now, previous, time
     periods: Array = field(default_factory=lambda: np.empty(0))  # of the sources of `lines` [s]
     half: float = 0.0  # half of its own step [s]
+    in_place: bool = False  # `u` is a slice of the values too: nothing to copy
 
     @property
     def plain(self) -> bool:
@@ -71,6 +72,8 @@ class Layout:
             values, periods, half = self.values, place.periods, place.half
 
         def gather(t: float) -> None:
+            if place.in_place:
+                return
             take(index, 0, u, "clip")
             if place.lines:
                 u[to] += (values[now] - values[before]) * ((t + half - values[reached]) / periods)
@@ -200,17 +203,21 @@ def _place(layout: Layout, schedule: Schedule, member: Member, outputs: list[Var
             lines.append((i, layout.visible[key], layout.previous[key], layout.reached[c.source], c.source.step))
     scale, offset = np.array([c.scale for c in incoming]), np.array([c.offset for c in incoming])
     converts = bool(np.any(scale != 1.0) or np.any(offset != 0.0))
+    index = np.array([_source_slot(layout, c, ahead) for c in incoming], dtype=np.intp)
+    begin = int(index[0]) if len(index) else 0
+    in_place = not converts and not lines and np.array_equal(index, begin + np.arange(len(index)))
     return Place(
         inputs=[c.input for c in incoming],
         outputs=outputs,
-        u=np.zeros(len(incoming)),
+        u=layout.values[begin : begin + len(index)] if in_place else np.zeros(len(index)),
         y=layout.values[first : first + len(outputs)],
-        index=np.array([_source_slot(layout, c, ahead) for c in incoming], dtype=np.intp),
+        index=index,
         scale=scale if converts else None,
         offset=offset if converts else None,
         lines=[line[:4] for line in lines],
         periods=np.array([float(line[4]) for line in lines]),
         half=float(member.step) / 2,
+        in_place=in_place,
     )
 
 

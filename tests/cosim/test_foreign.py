@@ -1,0 +1,179 @@
+"""FMUs of other makers, FMI 2.0 and 3.0 mixed, obey the same rule; files that are no FMUs are refused clearly."""
+
+import shutil
+import zipfile
+
+import numpy as np
+import pytest
+from probes import Clock
+
+from cosim import ComponentError, CosimError, Fmu, FmuError, System, describe
+
+pytestmark = pytest.mark.filterwarnings("ignore::cosim.UnconnectedInputsWarning")
+
+
+def chain(foreign, kind):
+    """clock -> AddOne (FMI 2) -> AddOne (FMI 3) -> AddOne (FMI 2), 10 ms each."""
+    system = System()
+    system.add("clock", Clock(), step="10 ms")
+    for name, fmu in (("first", "AddOne2"), ("second", "AddOne3"), ("third", "AddOne2")):
+        system.add(name, foreign[fmu], step="10 ms", kind=kind)
+    system.connect("clock.y", "first.u")
+    system.connect("first.y", "second.u")
+    system.connect("second.y", "third.u")
+    return system
+
+
+def lag(result, hops):
+    """Steps by which third.y trails clock.y + hops, once the chain is filled."""
+    clock, third = result["clock.y"][:-1], result["third.y"][:-1]
+    return round(float(np.median(clock - (third - hops))) / 0.01)
+
+
+@pytest.mark.parametrize(("kind", "seidel", "steps"), [("discrete", 0, 0), ("continuous", 0, 3), ("continuous", 1, 1)])
+def test_a_chain_of_three_foreign_fmus(foreign, kind, seidel, steps):
+    """Discrete: no lag. Continuous: a step takes one step; side by side that adds up to one per hop, in a
+    Gauss-Seidel group the whole chain takes one."""
+    with chain(foreign, kind) as system:
+        if seidel:
+            system.group("line", ["first", "second", "third"])
+        result = system.run(0.3)
+        assert lag(result, 3) == steps
+        again = system.run(0.3)
+        np.testing.assert_array_equal(again.data, result.data)
+        assert result["third.steps"][-1] == 30
+
+
+def test_types_other_than_real_are_wired_and_recorded(foreign):
+    with System() as system:
+        system.add("a", foreign["AddOne2"], step=1, kind="discrete")
+        system.add("b", foreign["AddOne3"], step=1, kind="discrete")
+        system.connect("a.busy", "b.enable")
+        system.connect("a.steps", "b.u")
+        result = system.run(6)
+    np.testing.assert_array_equal(result["a.busy"][:-1], [1, 0, 1, 0, 1, 0])
+    np.testing.assert_array_equal(result["b.y"][:-1], [2, 2, 4, 4, 6, 6])  # Integer to Real; held while not enabled
+
+
+def test_parameters_hold_after_reset(foreign):
+    with System() as system:
+        system.add("a", foreign["AddOne2"], step=1, parameters={"gain": 3.0}, start={"u": 2.0})
+        for _ in range(2):
+            assert system.run(3)["a.y"][-1] == 7.0
+        system["a"].set(gain=4.0)
+        assert system.run(3)["a.y"][-1] == 9.0
+
+
+def test_tunable_parameters_and_free_inputs_change_while_it_runs(foreign):
+    with System() as system:
+        system.add("a", foreign["AddOne2"], step=1)
+        simulation = system.initialize(record=["a.y", "a.u"])
+        simulation.advance(2)
+        simulation.set("a.u", 5.0)
+        simulation.set("a.gain", 2.0)
+        simulation.advance(4)
+        np.testing.assert_array_equal(simulation.recording["a.y"], [0, 1, 1, 11, 11])
+        np.testing.assert_array_equal(simulation.recording["a.u"], [0, 0, 5, 5, 5])
+
+
+def test_a_failing_fmu_tells_its_own_message(foreign):
+    with System() as system:
+        system.add("strut", foreign["AddOne2"], step=0.1, parameters={"fail_at": 0.5})
+        with pytest.raises(ComponentError, match=r"'strut': fmi2DoStep.*0\.5 s") as caught:
+            system.run(1)
+        assert "the spring is broken" in str(caught.value)
+        assert caught.value.recording.time[-1] == 0.5
+        system["strut"].set(fail_at=9.0)  # the system can be used again
+        assert system.run(1).time[-1] == 1.0
+
+
+def test_a_discarded_step_ends_the_run(foreign):
+    with System() as system:
+        system.add("strut", foreign["AddOne2"], step=0.1, parameters={"fail_at": 0.5, "how": "discard"})
+        with pytest.raises(ComponentError) as caught:
+            system.run(1)
+        assert caught.value.status == "Discard"
+
+
+def test_fmus_that_cannot_save_are_named(foreign):
+    with chain(foreign, "continuous") as system, pytest.raises(CosimError, match="first, second, third"):
+        system.initialize().save()
+
+
+def test_description_of_a_foreign_fmu(foreign):
+    from rich.console import Console
+
+    console = Console(width=120)
+    with console.capture() as captured:
+        console.print(describe(foreign["AddOne3"]))
+    text = captured.get()
+    assert "FMI 3.0" in text
+    assert 'system.connect("OTHER.u", "addone3.u")' in text
+
+
+def test_unpacked_folder_and_loaded_fmu(foreign, tmp_path):
+    shutil.unpack_archive(foreign["AddOne2"], tmp_path / "AddOne2", "zip")
+    fmu = Fmu(foreign["AddOne2"])
+    with System() as system:
+        system.add("folder", tmp_path / "AddOne2", step=1)
+        system.add("loaded", fmu, step=1)
+        result = system.run(2)
+        np.testing.assert_array_equal(result["folder.y"], result["loaded.y"])
+    fmu.close()
+
+
+def test_a_missing_file_names_the_nearest(foreign):
+    with pytest.raises(FmuError, match=r"no such FMU.*AddOn2\.fmu; did you mean 'AddOne2.fmu'"):
+        System().add("a", foreign["AddOne2"].with_name("AddOn2.fmu"))
+
+
+def test_truncated_and_foreign_files(foreign, tmp_path):
+    whole = foreign["AddOne2"].read_bytes()
+    half = tmp_path / "half.fmu"
+    half.write_bytes(whole[: len(whole) // 2])
+    text = tmp_path / "text.fmu"
+    text.write_text("not an FMU")
+    empty = tmp_path / "empty.fmu"
+    with zipfile.ZipFile(empty, "w") as archive:
+        archive.writestr("hello.txt", "hello")
+    for path, reason in ((half, "incomplete"), (text, "incomplete"), (empty, "holds no modelDescription.xml")):
+        with pytest.raises(FmuError, match=f"{path.name}.*{reason}"):
+            System().add("a", path)
+    with pytest.raises(FmuError, match=r"holds no modelDescription\.xml"):
+        Fmu(tmp_path)
+
+
+def rewritten(source, target, member, replacements):
+    """A copy of an FMU with one member changed."""
+    with zipfile.ZipFile(source) as old, zipfile.ZipFile(target, "w") as new:
+        for name in old.namelist():
+            data = old.read(name)
+            if name == member:
+                for before, after in replacements:
+                    assert before in data
+                    data = data.replace(before, after)
+            new.writestr(name, data)
+    return target
+
+
+@pytest.mark.parametrize(
+    ("replacements", "message"),
+    [
+        ([(b'fmiVersion="2.0"', b'fmiVersion="1.0"')], "FMI version '1.0'"),
+        ([(b"CoSimulation", b"ModelExchange")], "not a Co-Simulation FMU.*offers ModelExchange"),
+        ([(b"</fmiModelDescription>", b"")], "not well-formed"),
+        ([(b'valueReference="0"', b'valueReference="x"')], "cannot understand"),
+        ([(b'modelIdentifier="AddOne2"', b'modelIdentifier="Other"')], "no binary for this platform.*built for linux64"),
+    ],
+)
+def test_fmus_this_master_cannot_run(foreign, tmp_path, replacements, message):
+    path = rewritten(foreign["AddOne2"], tmp_path / "bad.fmu", "modelDescription.xml", replacements)
+    with pytest.raises(FmuError, match=rf"bad\.fmu.*{message}"):
+        System().add("a", path, step=1)
+
+
+def test_a_refused_instantiation_gives_the_reason(foreign):
+    system = System()
+    system.add("strut", foreign["Refuses2"], step=1)
+    with pytest.raises(FmuError, match=r"(?s)Refuses2\.fmu: cannot be instantiated as 'strut':.*licence of 100 %"):
+        system.run(1)
