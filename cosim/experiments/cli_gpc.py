@@ -1,0 +1,139 @@
+"""Commands of the experiment ``gpc``."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+from rich.table import Table
+
+TITLE = "Full car under generalized predictive control on three roads (paper 000)"
+OPTIONS = "--road sine|curb|perryman3  --speed KM/H  --controller passive|implicit|explicit|preview  --weight R"
+
+console = Console(stderr=True, highlight=False)
+
+Fmus = Annotated[Path, typer.Option(help="directory of the FMUs (see build-fmus)")]
+Version = Annotated[int, typer.Option(help="FMI version of the FMUs to use: 2 or 3", min=2, max=3)]
+Vehicle = Annotated[Path | None, typer.Option(help="vehicle file that the FMUs were built for (build-fmus --vehicle)")]
+Out = Annotated[Path, typer.Option(help="directory for results")]
+
+
+def _fmu_set(fmus: Path, fmi: int, vehicle: Path | None):  # type: ignore[no-untyped-def]
+    from build_fmus.cli import catalog_suffix
+    from cosim.experiments.gpc import FmuSet
+
+    if vehicle is None:
+        return FmuSet(fmus, fmi=fmi)
+    suffix = catalog_suffix(vehicle)
+    return FmuSet(fmus, plant=f"FullCar{suffix}", suffix=suffix, fmi=fmi)
+
+
+def run(
+    road: Annotated[str, typer.Option(help="sine, curb or perryman3")] = "sine",
+    speed: Annotated[float, typer.Option(help="speed [km/h]")] = 50.0,
+    controller: Annotated[str, typer.Option(help="passive, implicit, explicit or preview")] = "preview",
+    weight: Annotated[float, typer.Option(help="control weight R [1/N2]")] = 1e-7,
+    seed: Annotated[int, typer.Option(help="seed of the identification run", min=0)] = 0,
+    hold: Annotated[bool, typer.Option(help="explicit only: let the last road height continue ahead")] = False,
+    fmus: Fmus = Path("fmus"),
+    fmi: Version = 3,
+    vehicle: Vehicle = None,
+    out: Out = Path("results"),
+) -> None:
+    """One run over 150 m: prints the published metrics beside the passive car's, writes the time histories as CSV."""
+    from cosim.experiments.gpc import GpcBench, Scenario, evaluate
+    from cosim.metrics import improvement
+
+    scenario = Scenario(road, speed, controller, R=weight, seed=seed, hold=hold)
+    bench = GpcBench(_fmu_set(fmus, fmi, vehicle))
+    path = out / "gpc" / f"{road}-{speed:g}kmh-{controller}.csv"
+    recording = bench.record(scenario, progress=True, csv=path)
+    measured = {controller: evaluate(recording)}
+    if controller != "passive":
+        measured = {"passive": evaluate(bench.record(Scenario(road, speed, "passive"))), **measured}
+    table = Table("metric", *measured, box=None)
+    rows = {
+        "response objective J": ("response", "{:.4f}"), "actuator force [N]": ("force", "{:.0f}"),
+        "actuator power [W]": ("power", "{:.0f}"), "peak force [N]": ("peak_force", "{:.0f}"),
+        "rms vertical acceleration [m/s2]": ("rms_az", "{:.3f}"), "rms pitch [rad]": ("rms_pitch", "{:.5f}"),
+        "rms roll [rad]": ("rms_roll", "{:.5f}"),
+    }  # fmt: skip
+    for label, (key, form) in rows.items():
+        table.add_row(label, *(form.format(m[key]) for m in measured.values()))
+    if controller != "passive":
+        gain = improvement(measured[controller]["response"], measured["passive"]["response"])
+        table.add_row("response improvement", "", f"{gain:.3f}")
+    Console().print(table)
+    summary = path.with_suffix(".json")
+    summary.write_text(json.dumps(measured, indent=1) + "\n")
+    console.print(f"{path} and {summary.name}; {recording.real_time_factor:.0f}x real time")
+
+
+def study(
+    fmus: Fmus = Path("fmus"),
+    fmi: Version = 3,
+    vehicle: Vehicle = None,
+    out: Out = Path("results"),
+    processes: Annotated[int | None, typer.Option(help="worker processes (default: all cores)")] = None,
+) -> None:
+    """Figures 6 to 12 of the paper and every published claim; writes results/gpc/report.html."""
+    from cosim.experiments import gpc_report, gpc_study
+
+    chosen = _fmu_set(fmus, fmi, vehicle)
+    chosen.all_paths()  # every file is there before the work begins
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), TimeRemainingColumn())
+    with Progress(*columns, console=console) as bar:
+        task = bar.add_task("study gpc", total=None)
+        result = gpc_study.study(
+            chosen, out / "gpc" / ".runs", processes=processes,
+            progress=lambda done, total: bar.update(task, completed=done, total=total),
+        )  # fmt: skip
+    path = gpc_report.write(result, chosen, out / "gpc")
+    console.print(f"report: {path}")
+
+
+def identify(
+    seed: Annotated[int, typer.Option(help="seed of the excitation", min=0)] = 0,
+    order: Annotated[int, typer.Option(help="ARX order p")] = 8,
+    samples: Annotated[int, typer.Option(help="identification samples L")] = 400,
+    excitation: Annotated[float, typer.Option(help="standard deviation of the excitation [N]")] = 2000.0,
+    weight: Annotated[float, typer.Option(help="control weight R [1/N2]")] = 1e-7,
+    horizon: Annotated[int, typer.Option(help="prediction horizon h_p")] = 8,
+    control_horizon: Annotated[int, typer.Option(help="control horizon h_c")] = 8,
+    fmus: Fmus = Path("fmus"),
+    fmi: Version = 3,
+    vehicle: Vehicle = None,
+    out: Out = Path("results"),
+) -> None:
+    """Identify the plant again and design the three laws; says whether they equal those in the controller FMUs."""
+    import zipfile
+
+    from fmu_sources.controllers.gpc_design import GpcLaw
+    from fmu_sources.controllers.gpc_identification import (
+        VARIANTS,
+        DesignSettings,
+        IdentificationSettings,
+        identify,
+    )
+
+    chosen = _fmu_set(fmus, fmi, vehicle)
+    settings = IdentificationSettings(seed=seed, order=order, samples=samples, excitation=excitation)
+    models = identify(chosen.car, chosen.road("perryman3"), chosen.speed, settings)
+    table = Table("law", "file", "condition", "residual rms (g, deg, deg)", "equals the FMU's", box=None)
+    folder = out / "gpc" / "laws"
+    folder.mkdir(parents=True, exist_ok=True)
+    for variant in VARIANTS:
+        law = models.law(variant, DesignSettings(h_p=horizon, h_c=control_horizon, R=weight))
+        path = folder / f"{variant}-seed{seed}.json"
+        path.write_text(law.to_json())
+        with zipfile.ZipFile(chosen.controller(variant)) as z:  # type: ignore[arg-type]
+            stored = GpcLaw.from_dict(json.loads(z.read("resources/provenance.json")))
+        fit = models.implicit if variant == "implicit" else models.explicit
+        same = "yes" if stored.to_dict() == json.loads(law.to_json()) else "no"
+        residual = ", ".join(f"{x:.2g}" for x in fit.residual_rms)
+        table.add_row(variant, str(path), f"{fit.condition:.3g}", residual, same)
+    Console().print(table)
