@@ -1,5 +1,6 @@
 """Vehicle plants: one file per family."""
 
+from fmu_sources.plants.full_car import full_car
 from fmu_sources.plants.quarter_car import quarter_car
 
-__all__ = ["quarter_car"]
+__all__ = ["full_car", "quarter_car"]

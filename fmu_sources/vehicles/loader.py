@@ -131,7 +131,7 @@ def _sentence(model: type[BaseModel], error: Any) -> str:
         return f"{field}: unknown field{near or '; known here: ' + ', '.join(known)}"
     if kind == "missing":
         if loc[-1] == "source":
-            return f"{field}: missing; say where the value comes from, or \"assumed\""
+            return f'{field}: missing; say where the value comes from, or "assumed"'
         return f"{field}: missing{_expected(model, loc)}"
     if kind in ("model_type", "model_attributes_type"):
         return f"{field}: {error['input']!r} is not a table{_expected(model, loc)}"
@@ -145,7 +145,7 @@ def _sentence(model: type[BaseModel], error: Any) -> str:
 def _expected(model: type[BaseModel], loc: list[str]) -> str:
     parent = _model_at(model, loc[:-1])
     if loc[-1] in parent.model_fields and issubclass(parent, Section) and (declared := parent.declared(loc[-1])):
-        return f"; write {loc[-1]} = {{ value = ..., unit = \"{declared.unit}\", source = \"...\" }}"
+        return f'; write {loc[-1]} = {{ value = ..., unit = "{declared.unit}", source = "..." }}'
     return ""
 
 

@@ -1,0 +1,340 @@
+"""Nonlinear full car: six-degree-of-freedom body, four wheel hops, four wheel spins, tyres with slip lags.
+
+Stand-in for the multi-body vehicle of paper 000. Axes are ISO 8855: x forward, y left, z up; roll positive left side
+up, pitch positive nose down, yaw positive to the left. Forces come in pairs that do equal and opposite work on the two
+bodies they join, so energy is only lost in dampers, tyres and slip, and only gained from actuators and the driver.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import pi, sin
+from typing import Any
+
+import casadi as ca
+
+from build_fmus.component import Component
+from fmu_sources.vehicles import FullCar, declare
+
+GRAVITY = 9.81  # m/s2
+LOW_SPEED = 1.0  # m/s; below it slip is formed with this speed, so that slip exists and decays at standstill
+MAX_SPEED = 60.0  # m/s; the driver model keeps the car straight up to here
+
+
+@dataclass(frozen=True)
+class Corner:
+    """One wheel: position relative to the CG [m], parameters of its axle, and what the driver may do with it."""
+
+    name: str
+    x: Any
+    y: Any
+    strut: Any
+    static_load: Any  # of the strut, N
+    steered: bool
+
+
+def full_car(vehicle: FullCar, name: str = "FullCarHmmwv") -> Component:
+    """Full car of a vehicle file; the structure is that of paper 000, section III (vehicle model).
+
+    The springs are preloaded so that the given masses rest exactly at the given CG and hub heights: changing a mass
+    changes the preload, not the ride height. All ``z`` count from that position on a road at height 0.
+    """
+    c = Component(
+        name,
+        kind="continuous",
+        description=f"Full car, nonlinear, 6-DOF body, 4 wheel hops, 4 wheel spins, tyre slip lags: {vehicle.name}",
+        source="000 section III; derivation in the source of this component",
+        solver="am2",
+        solver_step=5e-4,
+        notes=_NOTES,
+    )
+    p = declare(c, vehicle)
+    start_x = c.parameter("start.x", 5.0, "m", "position of the CG at the start", min=-1e6, max=1e6, source="assumed")
+    corners = _corners(p)
+
+    # ------------------------------------------------------------------------------------------------------ inputs
+
+    road, slope, force = {}, {}, {}
+    for k in corners:
+        road[k.name] = c.input(f"road.{k.name}.height", "m", f"road height under the {k.name} wheel")
+    for k in corners:
+        slope[k.name] = c.input(f"road.{k.name}.slope", "1", f"slope dz/dx of the road under the {k.name} wheel")
+    for k in corners:
+        force[k.name] = c.input(
+            f"force.{k.name}", "N", f"actuator force at {k.name}, positive lifts the body and pushes the wheel down"
+        )
+    target_speed = c.input(
+        "target.speed", "m/s", "speed the driver keeps; its first value is the start speed", start=50.0 / 3.6, min=0.0,
+        max=MAX_SPEED, display_unit="km/h",
+    )  # fmt: skip
+    target_y = c.input("target.y", "m", "lateral position the driver keeps, positive left", min=-1e6, max=1e6)
+
+    # ------------------------------------------------------------------------------------------------------ states
+
+    rest = _equilibrium(corners, p, road)
+    x = c.state("x", "m", "distance of the CG along the road", start=start_x, output=True, nominal=10.0)
+    y = c.state("y", "m", "lateral position of the CG, positive left", output=True)
+    zb = c.state("body.z", "m", "CG height above its static position", start=rest.z, output=True, nominal=0.1)
+    angle = {"output": True, "nominal": 0.1, "display_unit": "deg"}
+    roll = c.state("body.roll", "rad", "roll angle, positive left side up", start=rest.roll, **angle)
+    pitch = c.state("body.pitch", "rad", "pitch angle, positive nose down", start=rest.pitch, **angle)
+    yaw = c.state("body.yaw", "rad", "yaw angle, positive to the left", **angle)
+    vx = c.state("body.vx", "m/s", "velocity of the CG along the road", start=target_speed, nominal=10.0)
+    vy = c.state("body.vy", "m/s", "lateral velocity of the CG in road axes")
+    vz = c.state("body.vz", "m/s", "vertical velocity of the CG", output=True)
+    rate = [
+        c.state(f"body.{axis}_rate", "rad/s", f"{axis} rate about the body axis", output=True, nominal=0.1)
+        for axis in ("roll", "pitch", "yaw")
+    ]
+    zw, vw, spin, slip_x, slip_y = {}, {}, {}, {}, {}
+    for k in corners:
+        n = k.name
+        zw[n] = c.state(
+            f"wheel.{n}.z", "m", "wheel centre above its static height", start=rest.wheel[n], output=True, nominal=0.1
+        )
+    for k in corners:
+        vw[k.name] = c.state(f"wheel.{k.name}.vz", "m/s", "vertical velocity of the wheel", output=True)
+    rolling = target_speed / p.wheel.radius
+    for k in corners:
+        spin[k.name] = c.state(
+            f"wheel.{k.name}.spin", "rad/s", "spin, positive forward", start=rolling, output=True, nominal=10.0
+        )
+    for k in corners:
+        slip_x[k.name] = c.state(f"tire.{k.name}.slip", "1", "lagged slip, positive driving", nominal=0.1)
+    for k in corners:
+        slip_y[k.name] = c.state(f"tire.{k.name}.slip_angle", "rad", "lagged slip angle, positive left", nominal=0.1)
+    speed_error = c.state("driver.speed_error", "m", "integral of the speed error")
+
+    # -------------------------------------------------------------------------------------------------- kinematics
+
+    turn = _rotation(yaw, pitch, roll)  # body axes -> road axes
+    omega_body = ca.vertcat(*rate)
+    omega = turn @ omega_body
+    velocity = ca.vertcat(vx, vy, vz)
+    ahead = ca.vertcat(ca.cos(yaw), ca.sin(yaw), 0)
+    left = ca.vertcat(-ca.sin(yaw), ca.cos(yaw), 0)
+    up = ca.vertcat(0, 0, 1)
+    speed = ca.dot(velocity, ahead)
+    yaw_velocity = (rate[1] * ca.sin(roll) + rate[2] * ca.cos(roll)) / ca.cos(pitch)
+
+    # ------------------------------------------------------------------------------------------------------ driver
+
+    total_mass = p.body.mass + 4 * p.wheel.mass
+    error = target_speed - speed
+    wanted = p.speed_control.gain * error + p.speed_control.integral_gain * speed_error  # acceleration
+    wanted *= total_mass * p.wheel.radius / 4  # torque of each wheel
+    torque = _limit(wanted, p.speed_control.max_torque)
+    winding_up = ca.logic_and(ca.fabs(wanted) > p.speed_control.max_torque, wanted * error > 0)
+    course = p.steering.offset_gain * (target_y - y) - p.steering.heading_gain * yaw
+    steer = _limit(course - p.steering.yaw_rate_gain * yaw_velocity, p.steering.max_angle)
+
+    wheel_ahead = ca.cos(steer) * ahead + ca.sin(steer) * left
+    wheel_left = ca.cos(steer) * left - ca.sin(steer) * ahead
+
+    # ------------------------------------------------------------------------------------ forces, corner by corner
+
+    body_force = -p.body.mass * GRAVITY * up
+    body_moment = ca.SX.zeros(3)  # about the CG, road axes
+    wheel_force, spin_torque, slip_x_rate, slip_y_rate = {}, {}, {}, {}
+    load, travel, travel_rate = {}, {}, {}
+    for k in corners:
+        n = k.name
+        # Points of the body: where the strut acts, beside the hub, and above the contact patch. The strut acts at CG
+        # height, which leaves the weight no lever arm when the body pitches.
+        top = turn @ ca.vertcat(k.x, k.y, 0)
+        hub = turn @ ca.vertcat(k.x, k.y, p.wheel.hub_height - p.body.cg_height)
+        patch = turn @ ca.vertcat(k.x, k.y, -p.body.cg_height)
+
+        # Strut: preload, spring and damper through the motion ratio, stops, actuator; vertical, equal and opposite.
+        travel[n] = zb + top[2] - zw[n]
+        travel_rate[n] = vz + ca.cross(omega, top)[2] - vw[n]
+        strut = (
+            k.static_load
+            - p.suspension.motion_ratio**2 * (k.strut.spring * travel[n] + k.strut.damper * travel_rate[n])
+            - _stop(travel[n], p.suspension.stop)
+            + force[n]
+        )
+
+        # Tyre, vertical: the road rises under the moving wheel with slope x speed; a tyre never pulls.
+        hub_velocity = velocity + ca.cross(omega, hub)
+        gradient = _limit(slope[n], 1.0)
+        static = k.static_load + p.wheel.mass * GRAVITY
+        squeeze, squeeze_rate = road[n] - zw[n], gradient * hub_velocity[0] - vw[n]
+        load[n] = ca.fmax(0, static + p.tire.stiffness * squeeze + p.tire.damping * squeeze_rate)
+
+        # Tyre, horizontal: slips lag by a relaxation length; forces grow with slip and load up to the friction ellipse.
+        forward, sideways = (wheel_ahead, wheel_left) if k.steered else (ahead, left)
+        rolling = ca.dot(hub_velocity, forward)
+        sliding = ca.dot(velocity + ca.cross(omega, patch), sideways)
+        pace = ca.sqrt(rolling**2 + LOW_SPEED**2)
+        slip_x_rate[n] = (spin[n] * p.wheel.radius - rolling - pace * slip_x[n]) / p.tire.longitudinal_relaxation
+        slip_y_rate[n] = (-sliding - pace * slip_y[n]) / p.tire.lateral_relaxation
+        drive, corner = p.tire.slip_stiffness * slip_x[n], p.tire.cornering_stiffness * slip_y[n]  # per load
+        grip = load[n] / ca.sqrt(1 + (drive**2 + corner**2) / p.tire.friction**2)
+
+        # Wheel.
+        wheel_force[n] = load[n] - strut - p.wheel.mass * GRAVITY
+        spin_torque[n] = torque - grip * drive * p.wheel.radius
+
+        # Body: strut; drive force and the push of the slope at the hub; side force at the patch; the driveline is
+        # mounted on the body, so the reaction of the wheel torque turns it.
+        at_hub = grip * drive * forward - load[n] * gradient * ca.vertcat(1, 0, 0)
+        at_patch = grip * corner * sideways
+        body_force += strut * up + at_hub + at_patch
+        body_moment += ca.cross(top, strut * up) + ca.cross(hub, at_hub) + ca.cross(patch, at_patch)
+        body_moment -= torque * turn[:, 1]
+
+    # --------------------------------------------------------------------------------------------- equations of motion
+
+    # Wheels move vertically on their own and horizontally with the body.
+    acceleration = body_force / ca.vertcat(total_mass, total_mass, p.body.mass)
+    wheels_yaw_inertia = sum(p.wheel.mass * (k.x**2 + k.y**2) for k in corners)
+    inertia = ca.vertcat(p.body.roll_inertia, p.body.pitch_inertia, p.body.yaw_inertia + wheels_yaw_inertia)
+    angular = (turn.T @ body_moment - ca.cross(omega_body, inertia * omega_body)) / inertia  # Euler, principal axes
+
+    c.derivative(x, vx)
+    c.derivative(y, vy)
+    c.derivative(zb, vz)
+    c.derivative(roll, rate[0] + ca.sin(pitch) * yaw_velocity)
+    c.derivative(pitch, rate[1] * ca.cos(roll) - rate[2] * ca.sin(roll))
+    c.derivative(yaw, yaw_velocity)
+    for state, value in zip((vx, vy, vz), ca.vertsplit(acceleration), strict=True):
+        c.derivative(state, value)
+    for state, value in zip(rate, ca.vertsplit(angular), strict=True):
+        c.derivative(state, value)
+    for k in corners:
+        n = k.name
+        c.derivative(zw[n], vw[n])
+        c.derivative(vw[n], wheel_force[n] / p.wheel.mass)
+        c.derivative(spin[n], spin_torque[n] / p.wheel.spin_inertia)
+        c.derivative(slip_x[n], slip_x_rate[n])
+        c.derivative(slip_y[n], slip_y_rate[n])
+    c.derivative(speed_error, ca.if_else(winding_up, 0, error))
+
+    # ----------------------------------------------------------------------------------------------------- outputs
+
+    c.output("speed", speed, "m/s", "forward speed of the CG", display_unit="km/h")
+    c.output("body.az", acceleration[2], "m/s2", "vertical acceleration of the CG")
+    for i, axis in enumerate(("roll", "pitch", "yaw")):
+        c.output(f"body.{axis}_acceleration", angular[i], "rad/s2", f"{axis} acceleration about the body axis")
+    for k in corners:
+        n = k.name
+        c.output(f"wheel.{n}.az", wheel_force[n] / p.wheel.mass, "m/s2", "vertical acceleration of the wheel")
+        c.output(f"suspension.{n}.deflection", travel[n], "m", "body height minus wheel height", display_unit="mm")
+        c.output(f"suspension.{n}.velocity", travel_rate[n], "m/s", "rate of the suspension deflection")
+        c.output(f"tire.{n}.deflection", zw[n] - road[n], "m", "wheel height minus road height", display_unit="mm")
+        c.output(f"tire.{n}.force", load[n], "N", "vertical tyre force, never negative", display_unit="kN")
+        power = force[n] * travel_rate[n]
+        c.output(f"actuator.{n}.power", power, "W", "power from the actuator into the car", display_unit="kW")
+
+    for kmh in (0, 20, 80, 120, 216):
+        c.operating_point(f"{kmh} km/h", target__speed=kmh / 3.6)
+    c.operating_point("stops closed", body__z=-0.16)
+    c.operating_point("wheels hanging", **{f"wheel.{k.name}.z": -0.16 for k in corners})
+    c.stimulate(_stimulus())
+    return c
+
+
+@dataclass(frozen=True)
+class _Rest:
+    z: Any
+    roll: Any
+    pitch: Any
+    wheel: dict[str, Any]
+
+
+def _corners(p: Any) -> list[Corner]:
+    to_front = p.body.cg_position * p.body.wheelbase
+    to_rear = p.body.wheelbase - to_front
+    on_front = p.body.mass * GRAVITY * to_rear / p.body.wheelbase / 2
+    on_rear = p.body.mass * GRAVITY * to_front / p.body.wheelbase / 2
+    half = p.body.track / 2
+    front, rear = p.suspension.front, p.suspension.rear
+    return [
+        Corner("fl", to_front, half, front, on_front, steered=True),
+        Corner("fr", to_front, -half, front, on_front, steered=True),
+        Corner("rl", -to_rear, half, rear, on_rear, steered=False),
+        Corner("rr", -to_rear, -half, rear, on_rear, steered=False),
+    ]
+
+
+def _equilibrium(corners: list[Corner], p: Any, road: dict[str, Any]) -> _Rest:
+    """Where the car rests on the given wheel heights: exact on a level road, to second order in the angles otherwise.
+
+    Spring and tyre in series at each corner carry the body as one plane: heave and pitch follow the axle means, roll
+    is the stiffness-weighted mean of the two axles. (1e-9 N/m keeps roll determined without any spring.)
+    """
+    fl, fr, rl, rr = (road[k.name] for k in corners)
+    to_front, to_rear = corners[0].x, -corners[2].x
+    front, rear = (fl + fr) / 2, (rl + rr) / 2
+    z = (front * to_rear + rear * to_front) / p.body.wheelbase
+    slope = (rear - front) / p.body.wheelbase
+    rate = {k.name: p.suspension.motion_ratio**2 * k.strut.spring + 1e-9 for k in corners}
+    series = {n: r * p.tire.stiffness / (r + p.tire.stiffness) for n, r in rate.items()}
+    twist = (series["fl"] * (fl - fr) + series["rl"] * (rl - rr)) / (series["fl"] + series["rl"]) / p.body.track
+    pitch, roll = ca.atan(slope), ca.atan(twist)
+    wheel = {}
+    for k in corners:
+        body = z - k.x * slope + k.y * twist
+        r = rate[k.name]
+        wheel[k.name] = (p.tire.stiffness * road[k.name] + r * body) / (p.tire.stiffness + r)
+    return _Rest(z, roll, pitch, wheel)
+
+
+def _rotation(yaw: Any, pitch: Any, roll: Any) -> Any:
+    """Rotation matrix from body to road axes: yaw, then pitch, then roll (ISO 8855)."""
+    cy, sy, cp, sp, cr, sr = (f(a) for a in (yaw, pitch, roll) for f in (ca.cos, ca.sin))
+    return ca.vertcat(
+        ca.horzcat(cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr),
+        ca.horzcat(sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr),
+        ca.horzcat(-sp, cp * sr, cp * cr),
+    )
+
+
+def _limit(value: Any, bound: Any) -> Any:
+    return ca.fmax(-bound, ca.fmin(bound, value))
+
+
+def _stop(travel: Any, stop: Any) -> Any:
+    """Force of the stops against the travel, at the wheel [N]: 0 in between, progressive from the gap on."""
+    rebound, jounce = ca.fmax(0, travel - stop.travel), ca.fmax(0, -travel - stop.travel)
+    return stop.stiffness * (rebound - jounce) + stop.cubic * (rebound**3 - jounce**3)
+
+
+def _stimulus() -> dict[str, Any]:
+    """A rough patch taken at an angle, some actuator work and a little steering, for the reference result."""
+
+    def bump(at: float, height: float) -> Any:
+        return lambda t: height * sin(pi * (t - at) / 0.1) ** 2 if at <= t < at + 0.1 else 0.0
+
+    return {
+        "target.speed": lambda t: 15.0 if t < 0.05 else 16.0,
+        "target.y": lambda t: 0.0 if t < 0.02 else 0.3,
+        "road.fl.height": bump(0.02, 0.04),
+        "road.fr.height": bump(0.03, 0.05),
+        "road.rl.height": bump(0.08, 0.04),
+        "road.rr.height": bump(0.09, 0.05),
+        "road.fl.slope": lambda t: 0.05 * sin(2 * pi * 8 * t),
+        "force.fl": lambda t: 3000.0 * sin(2 * pi * 5 * t),
+        "force.rr": lambda t: 2000.0 * sin(2 * pi * 3 * t),
+    }
+
+
+_NOTES = (
+    "The car of paper 000 was a commercial multi-body model. This stand-in keeps what decides its ride: a rigid "
+    "body with six degrees of freedom, vertical wheel travel with stops, wheel spin, tyres that lift off, tyre "
+    "slips with relaxation lengths inside a friction ellipse, and a driver for speed and course.",
+    "Left out, because the data are not public and they act on handling rather than on heave and pitch below 20 "
+    "Hz: six compliance freedoms per suspension, camber, toe and track change with travel, measured tyre tables, "
+    "powertrain and aerodynamics, gyroscopic moments of the wheels. Horizontally the wheels move with the body; "
+    "their mass is added there at CG height.",
+    "Springs and dampers of the vehicle file sit at the spring and act at the wheel through the motion ratio. The "
+    "actuator acts at the wheel with ratio 1. The preload of the springs follows from the masses, so the car "
+    "rests at its ride height whatever masses are set. At initialization it rests on the road heights given then; "
+    "on level ground that is an exact equilibrium.",
+    "Brakes and driveline are mounted on the body: drive forces pitch the car with the lever arm of the CG height.",
+    "The first value of target.speed is the start speed. The driver model holds a straight course up to the "
+    "maximum of target.speed; the car does not reverse.",
+    "Wiring: connect a road's outputs road.* to the inputs of the same name, and this car's x and speed to that "
+    "road; a controller drives force.*. Exchange at 1 ms.",
+)
