@@ -10,6 +10,7 @@ from cosim.errors import (
     Interrupted,
     LoopError,
     StabilityWarning,
+    TimeError,
     UnconnectedInputsWarning,
     WiringError,
 )
@@ -42,6 +43,7 @@ __all__ = [
     "StopWhen",
     "System",
     "SystemState",
+    "TimeError",
     "UnconnectedInputsWarning",
     "Variable",
     "View",

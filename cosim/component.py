@@ -14,7 +14,7 @@ import numpy.typing as npt
 from cosim.description import Description, Variable
 from cosim.errors import CallFailed
 from cosim.timebase import TimeLike, positive
-from cosim.units import Unit
+from cosim.units import KNOWN, Unit
 
 Array = npt.NDArray[np.float64]
 Action = Callable[[], None]
@@ -109,7 +109,7 @@ class PythonComponent:
         variables = [
             *(_variable(text, "input", "continuous", 0.0) for text in self.inputs),
             *(_variable(text, "output", "continuous", None) for text in self.outputs),
-            *(_variable(text, "parameter", "fixed", value) for text, value in self.parameters.items()),
+            *(_variable(text, "parameter", "tunable", value) for text, value in self.parameters.items()),
         ]
         self.description = Description(
             name=type(self).__name__,
@@ -218,6 +218,6 @@ def _variable(text: str, causality: str, variability: str, start: Any) -> Variab
     if match is None:
         raise ValueError(f"{text!r}: write a variable as 'name' or 'name [unit]'")
     kind = "boolean" if isinstance(start, bool) else "string" if isinstance(start, str) else "real"
-    unit = Unit(match[2]) if match[2] else None
+    unit = KNOWN.get(match[2], Unit(match[2])) if match[2] else None
     name = match[1]
     return Variable(name, kind, causality=causality, variability=variability, start=start, unit=unit, declared=name)

@@ -20,7 +20,11 @@ class FmuError(CosimError):
     """A file is missing, is no FMU, or is an FMU that cannot run here."""
 
 
-class WiringError(CosimError):
+class TimeError(CosimError, ValueError):
+    """A time or step that cannot be read or used."""
+
+
+class WiringError(CosimError, ValueError):
     """Components, variables, units or connections that do not fit together."""
 
 

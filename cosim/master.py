@@ -41,6 +41,7 @@ from cosim.errors import (
     ComponentError,
     CosimError,
     Interrupted,
+    TimeError,
     UnconnectedInputsWarning,
     WiringError,
     did_you_mean,
@@ -221,6 +222,10 @@ class Simulation:
         if name in self.system.connections:
             raise WiringError(f"{name} is driven by {self.system.connections[name].source_name}")
         values = {member.description.find(n, member.name): v for n, v in member._expand(variable, value).items()}
+        if any(v.causality != "input" and v.variability != "tunable" for v in values):
+            raise WiringError(
+                f"{name} is fixed while the simulation runs: set it with system['{member.name}'].set(...) before it"
+            )
         self._guarded(lambda: member.component.set(values))
         for changed, number in values.items():
             slot = self._layout.constants.get((member.name, changed.name))
@@ -329,7 +334,7 @@ class Simulation:
         (it stands between two instants and can be continued)."""
         end = self._base.at_or_after(rational(until, "until"))
         if end < self._tick:
-            raise ValueError(f"cannot advance to {until} s: the simulation stands at {self.time:.9g} s")
+            raise TimeError(f"cannot advance to {until} s: the simulation stands at {self.time:.9g} s")
         if list(stop_when) != self._stops:
             self._stops = list(stop_when)
             self._timetable.forget()

@@ -72,7 +72,7 @@ class Member:
             variable = self.description.find(name, self.name)
             return {name: _checked(self.name, variable, value)}
         array = np.asarray(value)
-        shape = tuple(np.max([_indices(n) for n in names], axis=0))
+        shape = tuple(np.max([_indices(n) for n in names], axis=0).tolist())
         if array.shape != shape and not (array.ndim <= 1 and array.size == len(names)):
             raise WiringError(f"{self.name}.{name} has shape {shape}, the value given has {array.shape}")
         variables = self.description.variables

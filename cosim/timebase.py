@@ -12,6 +12,8 @@ import re
 from dataclasses import dataclass
 from fractions import Fraction
 
+from cosim.errors import TimeError
+
 TimeLike = int | float | str | Fraction
 
 _UNITS = {
@@ -27,17 +29,17 @@ _TEXT = re.compile(r"\s*([^\sa-zA-Z]+(?:[eE][-+]?\d+)?)\s*([a-zA-Z]*)\s*")
 
 def rational(value: TimeLike, what: str = "time") -> Fraction:
     """Exact seconds from an int, a Fraction, a float (1e-3 means 1/1000, 1/60 means 1/60) or a text
-    such as "1/60", "0.001", "10 ms" or "60 Hz". Raises ValueError naming `what` for anything else."""
+    such as "1/60", "0.001", "10 ms" or "60 Hz". Raises TimeError naming `what` for anything else."""
     if isinstance(value, str):
         return _from_text(value, what)
     if isinstance(value, bool) or not isinstance(value, int | float | Fraction):
         try:
             value = float(value)
         except (TypeError, ValueError):
-            raise ValueError(f"{what} must be a number of seconds or a text like '10 ms', not {value!r}") from None
+            raise TimeError(f"{what} must be a number of seconds or a text like '10 ms', not {value!r}") from None
     if isinstance(value, float):
         if not math.isfinite(value):
-            raise ValueError(f"{what} must be finite, not {value}")
+            raise TimeError(f"{what} must be finite, not {value}")
         near = Fraction(value).limit_denominator(10**6)
         return near if float(near) == value else Fraction(repr(float(value)))
     return Fraction(value)
@@ -53,14 +55,14 @@ def _from_text(text: str, what: str) -> Fraction:
             return 1 / number
         return number * _UNITS[unit]
     except (ValueError, KeyError, ZeroDivisionError):
-        raise ValueError(f"{what}: cannot read {text!r}; write seconds, or e.g. '10 ms', '1/60', '60 Hz'") from None
+        raise TimeError(f"{what}: cannot read {text!r}; write seconds, or e.g. '10 ms', '1/60', '60 Hz'") from None
 
 
 def positive(value: TimeLike, what: str) -> Fraction:
     """`rational`, refusing zero and negative values."""
     result = rational(value, what)
     if result <= 0:
-        raise ValueError(f"{what} must be positive, not {value}")
+        raise TimeError(f"{what} must be positive, not {value}")
     return result
 
 
@@ -85,7 +87,7 @@ class TimeBase:
         """Number of ticks in a duration that is a multiple of the tick."""
         ticks = duration / self.tick
         if ticks.denominator != 1:
-            raise ValueError(f"{duration} s is not a multiple of the base tick {self.tick} s")
+            raise TimeError(f"{duration} s is not a multiple of the base tick {self.tick} s")
         return int(ticks)
 
     def at_or_after(self, time: Fraction) -> int:

@@ -92,7 +92,8 @@ class Refuses2(Fmi2Slave):
 
 @pytest.fixture(scope="session")
 def foreign(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
-    """Paths of `AddOne2` (FMI 2.0), `AddOne3` (FMI 3.0) and `Refuses2`, which does not let itself be instantiated as 'strut'."""
+    """Paths of `AddOne2` (FMI 2.0), `AddOne3` (FMI 3.0) and `Refuses2`, which does
+    not let itself be instantiated as 'strut'."""
     pythonfmu = pytest.importorskip("pythonfmu.builder")
     pythonfmu3 = pytest.importorskip("pythonfmu3.builder")
     folder = tmp_path_factory.mktemp("foreign")

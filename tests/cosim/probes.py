@@ -19,7 +19,7 @@ class Probe(PythonComponent):
     def begin(self) -> None:
         self.log: list[tuple[int, int]] = []
 
-    def start(self, u: Any, y: Any) -> None:
+    def start(self, u: Any, y: Any) -> None:  # noqa: ARG002
         y[0] = INITIAL / 1000
 
     def step(self, t: float, h: float, u: Any, y: Any) -> None:

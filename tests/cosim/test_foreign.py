@@ -6,6 +6,7 @@ import zipfile
 import numpy as np
 import pytest
 from probes import Clock
+from rich.console import Console
 
 from cosim import ComponentError, CosimError, Fmu, FmuError, System, describe
 
@@ -101,8 +102,6 @@ def test_fmus_that_cannot_save_are_named(foreign):
 
 
 def test_description_of_a_foreign_fmu(foreign):
-    from rich.console import Console
-
     console = Console(width=120)
     with console.capture() as captured:
         console.print(describe(foreign["AddOne3"]))
@@ -163,7 +162,10 @@ def rewritten(source, target, member, replacements):
         ([(b"CoSimulation", b"ModelExchange")], "not a Co-Simulation FMU.*offers ModelExchange"),
         ([(b"</fmiModelDescription>", b"")], "not well-formed"),
         ([(b'valueReference="0"', b'valueReference="x"')], "cannot understand"),
-        ([(b'modelIdentifier="AddOne2"', b'modelIdentifier="Other"')], "no binary for this platform.*built for linux64"),
+        (
+            [(b'modelIdentifier="AddOne2"', b'modelIdentifier="Other"')],
+            "no binary for this platform.*built for linux64",
+        ),
     ],
 )
 def test_fmus_this_master_cannot_run(foreign, tmp_path, replacements, message):

@@ -196,7 +196,7 @@ def test_an_exception_in_a_python_component_is_its_error():
 def test_control_c_stops_between_two_instants_and_can_be_continued(tmp_path):
     def interrupt():
         os.kill(os.getpid(), signal.SIGINT)
-        broken.step = lambda t, h, u, y: y.__setitem__(0, t)
+        broken._how = lambda: None
 
     broken = Failing(interrupt)
     system = System()
