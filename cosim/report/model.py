@@ -1,0 +1,364 @@
+"""What a report is made of.
+
+Everything is checked when it is made, so a report that exists can be written. Sequences may be given as lists; they
+are kept as tuples, curves as read-only arrays. Texts are plain text, never markup.
+"""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Literal, TypeVar, get_args
+
+import numpy as np
+import numpy.typing as npt
+
+Array = npt.NDArray[np.float64]
+Scalar = str | bool | int | float | None
+Verdict = Literal["reproduced", "not reproduced"]
+Color = Literal["blue", "vermilion", "green", "purple", "orange", "sky", "black", "grey"]
+Dash = Literal["solid", "dash", "dot", "dashdot", "longdash"]
+Mode = Literal["line", "line+markers", "markers"]
+Scale = Literal["linear", "log"]
+T = TypeVar("T")
+
+_ID = re.compile(r"[a-z0-9][a-z0-9_-]*")
+_LABEL = re.compile(r"(?P<quantity>\S.*) \[(?P<unit>[^\[\]]+)\]", re.DOTALL)
+
+
+@dataclass(frozen=True)
+class Claim:
+    """One published statement beside what came out here.
+
+    `ours` may be left empty when `value` (in `unit`) says it all. A claim that was not reproduced needs a reason.
+    """
+
+    id: str
+    claim: str
+    published: str
+    ours: str
+    verdict: Verdict
+    reason: str = ""
+    source: str = ""
+    value: float | None = None
+    unit: str = ""
+
+    def __post_init__(self) -> None:
+        where = f"claim '{self.id}'"
+        _check_id(where, self.id)
+        _check_choice(where, "verdict", self.verdict, Verdict)
+        _check_text(where, claim=self.claim, published=self.published)
+        _set(self, "value", _plain(where, self.value))
+        if self.value is not None and (isinstance(self.value, bool) or not isinstance(self.value, int | float)):
+            raise ValueError(f"{where}: value {self.value!r} is not a number; put text in 'ours'")
+        if not self.ours.strip() and self.value is None:
+            raise ValueError(f"{where} says nothing about our result; give 'ours' or 'value'")
+        if self.verdict == "not reproduced" and not self.reason.strip():
+            raise ValueError(f"{where} was not reproduced; say why in 'reason'")
+
+    @property
+    def reproduced(self) -> bool:
+        return self.verdict == "reproduced"
+
+
+@dataclass(frozen=True, eq=False)
+class Series:
+    """One curve, with an optional band from `low` to `high` (say, over seeds).
+
+    A value that is not finite leaves a gap. Within a report a name has one look; `color` and `dash` need to be given
+    once at most, and may not be given differently.
+    """
+
+    name: str
+    x: npt.ArrayLike
+    y: npt.ArrayLike
+    low: npt.ArrayLike | None = None
+    high: npt.ArrayLike | None = None
+    color: Color | None = None
+    dash: Dash | None = None
+    mode: Mode = "line"
+
+    def __post_init__(self) -> None:
+        where = f"series '{self.name}'"
+        _check_text(where, name=self.name)
+        if self.color is not None:
+            _check_choice(where, "color", self.color, Color)
+        if self.dash is not None:
+            _check_choice(where, "dash", self.dash, Dash)
+        _check_choice(where, "mode", self.mode, Mode)
+        if (self.low is None) != (self.high is None):
+            raise ValueError(f"{where}: a band needs both 'low' and 'high'")
+        for name in ("x", "y", "low", "high"):
+            values = getattr(self, name)
+            if values is not None:
+                _set(self, name, _curve(where, name, values))
+        for name, values in self.columns():
+            if len(values) != len(self.x_values):
+                raise ValueError(f"{where}: {name} has {len(values)} points, x has {len(self.x_values)}")
+
+    @property
+    def x_values(self) -> Array:
+        return np.asarray(self.x, dtype=np.float64)
+
+    def columns(self) -> Iterator[tuple[str, Array]]:
+        """("y", values), and ("low", ...), ("high", ...) where there is a band."""
+        for name in ("y", "low", "high"):
+            values = getattr(self, name)
+            if values is not None:
+                yield name, np.asarray(values, dtype=np.float64)
+
+
+@dataclass(frozen=True, eq=False)
+class Panel:
+    """One pair of axes. Labels carry their unit: `"pitch [deg]"`, `"ratio [-]"`."""
+
+    title: str
+    x_label: str
+    y_label: str
+    series: Sequence[Series]
+    x_scale: Scale = "linear"
+    y_scale: Scale = "linear"
+
+    def __post_init__(self) -> None:
+        where = f"panel '{self.title or self.y_label}'"
+        for label in (self.x_label, self.y_label):
+            split_label(label, where)
+        for name in ("x_scale", "y_scale"):
+            _check_choice(where, name, getattr(self, name), Scale)
+        _set(self, "series", _items(where, "series", self.series, Series))
+        if not self.series:
+            raise ValueError(f"{where} has no series")
+        _check_unique(where, "series", (s.name for s in self.series))
+
+
+@dataclass(frozen=True, eq=False)
+class Figure:
+    """Panels side by side in `columns` (one under the other on a narrow screen). `id` names its CSV file."""
+
+    id: str
+    title: str
+    caption: str
+    panels: Sequence[Panel]
+    columns: int = 1
+
+    def __post_init__(self) -> None:
+        where = f"figure '{self.id}'"
+        _check_id(where, self.id)
+        _check_text(where, title=self.title)
+        _set(self, "panels", _items(where, "panels", self.panels, Panel))
+        if not self.panels:
+            raise ValueError(f"{where} has no panels")
+        if not 1 <= self.columns <= 4:
+            raise ValueError(f"{where}: {self.columns} columns; use 1 to 4")
+
+
+@dataclass(frozen=True)
+class Table:
+    """Column names carry units where there are any: `"speed [km/h]"`. `id` names its CSV file."""
+
+    id: str
+    title: str
+    columns: Sequence[str]
+    rows: Sequence[Sequence[Scalar]]
+    caption: str = ""
+
+    def __post_init__(self) -> None:
+        where = f"table '{self.id}'"
+        _check_id(where, self.id)
+        _check_text(where, title=self.title)
+        _set(self, "columns", _items(where, "columns", self.columns, str))
+        if not self.columns:
+            raise ValueError(f"{where} has no columns")
+        _check_unique(where, "column", self.columns)
+        rows = []
+        for number, row in enumerate(self.rows, start=1):
+            cells = tuple(_plain(f"{where}, row {number}", cell) for cell in row)
+            if isinstance(row, str) or len(cells) != len(self.columns):
+                raise ValueError(f"{where}: row {number} has {len(cells)} cells for {len(self.columns)} columns")
+            rows.append(cells)
+        _set(self, "rows", tuple(rows))
+
+
+@dataclass(frozen=True, eq=False)
+class Section:
+    """A heading, its text, then its figures and tables."""
+
+    title: str
+    paragraphs: Sequence[str] = ()
+    figures: Sequence[Figure] = ()
+    tables: Sequence[Table] = ()
+
+    def __post_init__(self) -> None:
+        where = f"section '{self.title}'"
+        _check_text(where, title=self.title)
+        _set(self, "paragraphs", _items(where, "paragraphs", self.paragraphs, str))
+        _set(self, "figures", _items(where, "figures", self.figures, Figure))
+        _set(self, "tables", _items(where, "tables", self.tables, Table))
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """A value that went in, with its unit ("" or "-" if it has none) and where it comes from."""
+
+    name: str
+    value: Scalar
+    unit: str
+    source: str
+
+    def __post_init__(self) -> None:
+        where = f"parameter '{self.name}'"
+        _check_text(where, name=self.name, source=self.source)
+        _set(self, "value", _plain(where, self.value))
+
+
+@dataclass(frozen=True)
+class Result:
+    """A single number worth showing at the top of the report."""
+
+    name: str
+    value: Scalar
+    unit: str = ""
+
+    def __post_init__(self) -> None:
+        where = f"result '{self.name}'"
+        _check_text(where, name=self.name)
+        _set(self, "value", _plain(where, self.value))
+
+
+@dataclass(frozen=True, eq=False)
+class Report:
+    """`provenance` maps headings to values, lists, or mappings: `{"versions": {"casadi": "3.6.7"}, "seeds": [0, 1]}`.
+
+    Keep time and machine out of it: the same results must give the same files.
+    """
+
+    experiment: str
+    title: str
+    lead: str
+    claims: Sequence[Claim] = ()
+    sections: Sequence[Section] = ()
+    parameters: Sequence[Parameter] = ()
+    provenance: Mapping[str, object] = field(default_factory=dict)
+    results: Sequence[Result] = ()
+
+    def __post_init__(self) -> None:
+        where = f"report '{self.experiment}'"
+        _check_text(where, experiment=self.experiment, title=self.title)
+        _set(self, "claims", _items(where, "claims", self.claims, Claim))
+        _set(self, "sections", _items(where, "sections", self.sections, Section))
+        _set(self, "parameters", _items(where, "parameters", self.parameters, Parameter))
+        _set(self, "results", _items(where, "results", self.results, Result))
+        _set(self, "provenance", _tree(f"{where}, provenance", self.provenance))
+        _check_unique(where, "claim", (c.id for c in self.claims))
+        _check_unique(where, "figure", (f.id for f in self.figures))
+        _check_unique(where, "table", (t.id for t in self.tables))
+        _check_unique(where, "parameter", (p.name for p in self.parameters))
+        _check_unique(where, "result", (r.name for r in self.results))
+        for look in ("color", "dash"):
+            _check_one_look(self.figures, look)
+
+    @property
+    def figures(self) -> list[Figure]:
+        return [figure for section in self.sections for figure in section.figures]
+
+    @property
+    def tables(self) -> list[Table]:
+        return [table for section in self.sections for table in section.tables]
+
+    @property
+    def reproduced(self) -> int:
+        """Number of claims that were reproduced."""
+        return sum(claim.reproduced for claim in self.claims)
+
+
+def split_label(label: str, where: str = "label") -> tuple[str, str]:
+    """("pitch", "deg") from "pitch [deg]"."""
+    match = _LABEL.fullmatch(label)
+    if match is None:
+        raise ValueError(f"{where}: label '{label}' carries no unit; write 'pitch [deg]', or 'ratio [-]' without one")
+    return match["quantity"], match["unit"]
+
+
+def _set(target: object, name: str, value: object) -> None:
+    object.__setattr__(target, name, value)
+
+
+def _check_id(where: str, identifier: str) -> None:
+    if not _ID.fullmatch(identifier):
+        raise ValueError(f"{where}: an id names a file; use lower-case letters, digits, '-' and '_' only")
+
+
+def _check_choice(where: str, name: str, value: object, choices: object) -> None:
+    if value not in get_args(choices):
+        raise ValueError(f"{where}: {name} {value!r} is not one of {', '.join(map(repr, get_args(choices)))}")
+
+
+def _check_text(where: str, **texts: str) -> None:
+    for name, text in texts.items():
+        if not isinstance(text, str) or not text.strip():
+            raise ValueError(f"{where}: '{name}' is empty")
+
+
+def _check_unique(where: str, kind: str, names: Iterable[str]) -> None:
+    twice = [name for name, count in Counter(names).items() if count > 1]
+    if twice:
+        raise ValueError(f"{where}: {kind} {', '.join(repr(n) for n in twice)} appears more than once")
+
+
+def _check_one_look(figures: Iterable[Figure], look: str) -> None:
+    seen: dict[str, tuple[str, str]] = {}
+    for figure in figures:
+        for panel in figure.panels:
+            for series in panel.series:
+                hint = getattr(series, look)
+                if hint is None:
+                    continue
+                first, first_figure = seen.setdefault(series.name, (hint, figure.id))
+                if hint != first:
+                    raise ValueError(
+                        f"series '{series.name}' has {look} '{first}' in figure '{first_figure}' and '{hint}' in "
+                        f"figure '{figure.id}'; a name has one look in a report"
+                    )
+
+
+def _items(where: str, name: str, values: Iterable[T], kind: type[T]) -> tuple[T, ...]:
+    if isinstance(values, str):
+        raise ValueError(f"{where}: '{name}' is one text; give a list")
+    items = tuple(values)
+    for item in items:
+        if not isinstance(item, kind):
+            raise ValueError(f"{where}: '{name}' holds {item!r}, which is no {kind.__name__}")
+    return items
+
+
+def _curve(where: str, name: str, values: npt.ArrayLike) -> Array:
+    try:
+        curve = np.array(values, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise ValueError(f"{where}: {name} is not a list of numbers ({error})") from None
+    if curve.ndim != 1:
+        raise ValueError(f"{where}: {name} has shape {curve.shape}; a curve has one dimension")
+    curve.setflags(write=False)
+    return curve
+
+
+def _plain(where: str, value: object) -> Scalar:
+    """The value as text, Boolean, number or None; numpy scalars become Python's."""
+    if isinstance(value, np.generic):
+        value = value.item()
+    if value is None or isinstance(value, str | bool | int | float):
+        return value
+    raise ValueError(f"{where}: {value!r} is neither text nor a number")
+
+
+def _tree(where: str, value: object) -> object:
+    if isinstance(value, Mapping):
+        for key in value:
+            if not isinstance(key, str):
+                raise ValueError(f"{where}: key {key!r} is no text")
+        return {key: _tree(f"{where}, '{key}'", item) for key, item in value.items()}
+    if isinstance(value, list | tuple | np.ndarray):
+        return [_tree(where, item) for item in value]
+    return _plain(where, value)

@@ -1,0 +1,308 @@
+"""A `Figure` as a plotly figure. A series name has one colour, dash and marker in the whole report."""
+
+from __future__ import annotations
+
+import html
+import itertools
+import math
+from collections import Counter
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import plotly.graph_objects as go
+
+from cosim.report.model import Array, Color, Dash, Figure, Panel, split_label
+
+# Okabe and Ito, "Color Universal Design" (2008), without its yellow, which is invisible on white
+COLORS: dict[Color, str] = {
+    "blue": "#0072b2",
+    "vermilion": "#d55e00",
+    "green": "#009e73",
+    "purple": "#b5578f",  # darkened for contrast
+    "orange": "#e69f00",
+    "sky": "#56b4e9",
+    "black": "#000000",
+    "grey": "#767676",
+}
+DASHES: tuple[Dash, ...] = ("solid", "dash", "dashdot", "longdash", "dot")
+MARKERS = ("circle", "square", "diamond", "triangle-up", "x", "triangle-down", "cross", "star")
+
+INK, MUTED, RULE, GRID = "#1a2330", "#55606e", "#aab3be", "#e7eaee"
+FONT = "'Helvetica Neue', Helvetica, Arial, sans-serif"
+
+# Pixels. Heights are absolute, so a figure looks the same with one panel or six.
+PANEL_HEIGHT = {1: 320, 2: 240}
+MANY_PANELS_HEIGHT = 190
+NARROW_PANEL_HEIGHT = 230
+TITLE_HEIGHT = 26
+X_LABEL_HEIGHT = 54
+LEGEND_ROW = 22
+WIDE_LEGEND, NARROW_LEGEND = 820, 330
+
+
+@dataclass(frozen=True)
+class Look:
+    color: str
+    dash: str
+    marker: str
+
+
+class Palette:
+    """The look of every series name in some figures.
+
+    Hints come first; the remaining names take the colours nobody asked for, in order of appearance. Colour and dash
+    differ together, so that curves stay apart on a grey print.
+    """
+
+    def __init__(self, figures: Iterable[Figure]):
+        hints: dict[str, tuple[Color | None, Dash | None]] = {}
+        for figure in figures:
+            for panel in figure.panels:
+                for series in panel.series:
+                    earlier = hints.get(series.name, (None, None))
+                    hints[series.name] = (earlier[0] or series.color, earlier[1] or series.dash)
+        wanted = {hint for hint, _ in hints.values()}
+        free: list[Color] = [color for color in COLORS if color not in wanted and color != "grey"] or [*COLORS]
+        colors = itertools.cycle(free)
+        self._looks: dict[str, Look] = {}
+        taken: set[tuple[Color, Dash]] = set()
+        for number, (name, (hint, dash)) in enumerate(hints.items()):
+            color: Color = next(colors) if hint is None else hint
+            # where the colours have run out, the dash tells two names apart
+            dashes = [d for d in DASHES if (color, d) not in taken] or DASHES
+            chosen = dash or dashes[0 if hint else number % len(dashes)]
+            taken.add((color, chosen))
+            self._looks[name] = Look(COLORS[color], chosen, MARKERS[number % len(MARKERS)])
+
+    def __getitem__(self, name: str) -> Look:
+        return self._looks[name]
+
+
+def plotly_figure(figure: Figure, palette: Palette | None = None, *, narrow: bool = False) -> go.Figure:
+    """The figure for a wide page, or for a narrow one (a phone): the same traces, the panels in one column."""
+    traces = _traces(figure, palette or Palette([figure]))
+    return go.Figure(traces, _layout(figure, narrow))
+
+
+def _traces(figure: Figure, palette: Palette) -> list[go.Scatter]:
+    traces = []
+    named: set[str] = set()
+    for number, panel in enumerate(figure.panels, start=1):
+        axes = {"xaxis": _axis("x", number), "yaxis": _axis("y", number)}
+        _, unit = split_label(panel.y_label)
+        for series in panel.series:
+            look = palette[series.name]
+            # plotly reads names as markup
+            common: dict[str, Any] = {**axes, "name": html.escape(series.name, quote=False), "legendgroup": series.name}
+            x = series.x_values
+            if series.low is not None:
+                for values, fill in ((series.low, None), (series.high, "tonexty")):
+                    traces.append(
+                        go.Scatter(
+                            **common,
+                            x=x,
+                            y=_gaps(np.asarray(values)),
+                            mode="lines",
+                            line={"width": 0},
+                            fill=fill,
+                            fillcolor=_faint(look.color),
+                            hoverinfo="skip",
+                            showlegend=False,
+                        )
+                    )
+            value = "%{y:.4~g}" + ("" if unit in ("-", "1") else f" {html.escape(unit, quote=False)}")
+            traces.append(
+                go.Scatter(
+                    **common,
+                    x=x,
+                    y=_gaps(np.asarray(series.y)),
+                    mode=series.mode.replace("line", "lines"),
+                    line={"color": look.color, "dash": look.dash, "width": 1.8},
+                    marker={"color": look.color, "symbol": look.marker, "size": 7},
+                    hovertemplate=value,
+                    showlegend=series.name not in named,
+                )
+            )
+            named.add(series.name)
+    return traces
+
+
+def _layout(figure: Figure, narrow: bool) -> dict[str, Any]:
+    columns = 1 if narrow else min(figure.columns, len(figure.panels))
+    rows = math.ceil(len(figure.panels) / columns)
+    groups = _shared_x(figure.panels)
+    labelled = [_has_x_label(groups, i, columns) for i in range(len(figure.panels))]
+
+    # rows from the top: title, panel, space for the x label where a panel of the row has one
+    panel_height = NARROW_PANEL_HEIGHT if narrow else PANEL_HEIGHT.get(rows, MANY_PANELS_HEIGHT)
+    tops, y = [], 0
+    for row in range(rows):
+        cells = range(row * columns, min((row + 1) * columns, len(figure.panels)))
+        y += TITLE_HEIGHT if any(figure.panels[i].title for i in cells) else 6
+        tops.append(y)
+        y += panel_height
+        if row < rows - 1:
+            y += X_LABEL_HEIGHT if any(labelled[i] for i in cells) else 14
+    total = y
+    legend = _legend_height(figure, NARROW_LEGEND if narrow else WIDE_LEGEND)
+    gap = 0.0 if columns == 1 else 0.09 if columns == 2 else 0.075
+
+    layout: dict[str, Any] = {
+        "template": "none",
+        "autosize": True,
+        "height": total + legend + X_LABEL_HEIGHT,
+        "margin": {"t": legend, "b": X_LABEL_HEIGHT, "l": 56 if narrow else 72, "r": 12},
+        "font": {"family": FONT, "size": 12 if narrow else 13, "color": INK},
+        "paper_bgcolor": "#ffffff",
+        "plot_bgcolor": "#ffffff",
+        "hovermode": "x unified",
+        "hoverlabel": {"bgcolor": "#ffffff", "bordercolor": RULE, "font": {"size": 12}, "namelength": -1},
+        "legend": {
+            "orientation": "h",
+            "x": 0,
+            "xanchor": "left",
+            "y": 1,
+            "yref": "container",
+            "yanchor": "top",
+            "tracegroupgap": 0,
+            "bgcolor": "rgba(0,0,0,0)",
+        },
+        "showlegend": True,
+        "annotations": [],
+    }
+    width = (1 - gap * (columns - 1)) / columns
+    for i, panel in enumerate(figure.panels):
+        row, column = divmod(i, columns)
+        left = column * (width + gap)
+        top, bottom = 1 - tops[row] / total, 1 - (tops[row] + panel_height) / total
+        first = groups.index(groups[i])
+        x_axis = {
+            **_axis_style(panel.x_label, panel.x_scale, narrow),
+            "domain": [left, left + width],
+            "anchor": _axis("y", i + 1),
+            "hoverformat": ".5~g",
+            "showticklabels": labelled[i],
+        }
+        if not labelled[i]:
+            del x_axis["title"]
+        if first != i:
+            x_axis["matches"] = _axis("x", first + 1)
+        layout[_axis("xaxis", i + 1)] = x_axis
+        layout[_axis("yaxis", i + 1)] = {
+            **_axis_style(panel.y_label, panel.y_scale, narrow),
+            "domain": [max(bottom, 0.0), top],
+            "anchor": _axis("x", i + 1),
+        }
+        if panel.title:
+            layout["annotations"].append(
+                {
+                    "text": f"<b>{html.escape(panel.title, quote=False)}</b>",
+                    "x": left,
+                    "y": top,
+                    "xref": "paper",
+                    "yref": "paper",
+                    "xanchor": "left",
+                    "yanchor": "bottom",
+                    "yshift": 3,
+                    "showarrow": False,
+                    "font": {"size": 12 if narrow else 13},
+                }
+            )
+    return layout
+
+
+def _axis_style(label: str, scale: str, narrow: bool) -> dict[str, Any]:
+    quantity, unit = split_label(label)
+    style: dict[str, Any] = {
+        "title": {
+            "text": html.escape(f"{quantity} [{unit}]", quote=False),
+            "font": {"color": MUTED, "size": 12 if narrow else 13},
+            "standoff": 8,
+        },
+        "type": scale,
+        "automargin": True,
+        "showline": True,
+        "linecolor": RULE,
+        "gridcolor": GRID,
+        "zeroline": False,
+        "ticks": "outside",
+        "ticklen": 4,
+        "tickcolor": RULE,
+        "exponentformat": "power",
+        "minexponent": 4,
+    }
+    if scale == "log":
+        style["dtick"] = 1
+        style["tickfont"] = {"size": 11}  # plotly draws powers a quarter larger
+        style["minor"] = {"ticks": "outside", "ticklen": 2, "tickcolor": RULE}
+    return style
+
+
+def _shared_x(panels: Iterable[Panel]) -> list[tuple[object, ...]]:
+    """One key per panel; panels with the same key have the same quantity over the same range, and zoom together."""
+    keys: list[tuple[object, ...]] = []
+    for panel in panels:
+        x = np.concatenate([s.x_values for s in panel.series])
+        x = x[np.isfinite(x)]
+        extent = (float(x.min()), float(x.max())) if len(x) else ()
+        keys.append((panel.x_label, panel.x_scale, *extent))
+    return keys
+
+
+def _has_x_label(groups: list[tuple[object, ...]], i: int, columns: int) -> bool:
+    """A panel leaves its x label to the panel below when the two share their x axis."""
+    below = i + columns
+    return below >= len(groups) or groups[below] != groups[i]
+
+
+def _legend_height(figure: Figure, width: int) -> int:
+    names = {series.name for panel in figure.panels for series in panel.series}
+    widest = 54 + 7 * max(len(name) for name in names)
+    per_row = max(1, width // widest)
+    return LEGEND_ROW * math.ceil(len(names) / per_row) + 14
+
+
+def _axis(letter: str, number: int) -> str:
+    return letter if number == 1 else f"{letter}{number}"
+
+
+def _gaps(values: Array) -> Array:
+    return np.where(np.isfinite(values), values, np.nan)
+
+
+def _faint(color: str) -> str:
+    red, green, blue = (int(color[i : i + 2], 16) for i in (1, 3, 5))
+    return f"rgba({red},{green},{blue},0.16)"
+
+
+def series_columns(figure: Figure) -> list[tuple[str, Array]]:
+    """Every number of the figure as (header, values), headers `name [unit]`.
+
+    Each x column stands before the curves drawn over it and is written once where several share it. A header that
+    several columns would have is preceded by the panel's title (its number if it has none); x by the curve's name.
+    """
+    found: list[tuple[str, str, Array]] = []  # panel, header, values
+    grids: list[tuple[str, Array]] = []
+    for number, panel in enumerate(figure.panels, start=1):
+        title = panel.title or f"panel {number}"
+        quantity, unit = split_label(panel.y_label)
+        for series in panel.series:
+            x = series.x_values
+            if not any(label == panel.x_label and np.array_equal(x, grid, equal_nan=True) for label, grid in grids):
+                known = any(label == panel.x_label for label, _ in grids)
+                grids.append((panel.x_label, x))
+                found.append((title, f"{series.name}: {panel.x_label}" if known else panel.x_label, x))
+            for kind, values in series.columns():
+                suffix = "" if kind == "y" else f" {kind}"
+                found.append((title, f"{series.name}: {quantity}{suffix} [{unit}]", values))
+
+    count = Counter(header for _, header, _ in found)
+    columns: dict[str, Array] = {}
+    for title, header, values in found:
+        full = header if count[header] == 1 else f"{title}: {header}"
+        numbered = (f"{n}: {full}" for n in itertools.count(2))
+        unique = next(h for h in itertools.chain([full], numbered) if h not in columns)
+        columns[unique] = values
+    return list(columns.items())

@@ -1,0 +1,280 @@
+"""Write a report: `report.html`, `summary.json`, one CSV file per figure and per table.
+
+The three forms are written from the same objects. Nothing depends on time, machine or order of hashing: the same
+report gives the same bytes. The page loads nothing: its scripts and styles are inside, and its content security
+policy forbids the rest.
+"""
+
+from __future__ import annotations
+
+import base64
+import csv
+import hashlib
+import io
+import json
+import math
+import os
+from collections.abc import Iterable, Sequence
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+import jinja2
+from markupsafe import Markup
+from plotly.offline import get_plotlyjs
+
+from cosim.errors import CosimError
+from cosim.report.model import Claim, Report, Scalar, Table
+from cosim.report.plots import Palette, plotly_figure, series_columns
+
+SIGNIFICANT = 4  # digits shown on the page; JSON and CSV carry every digit
+_SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+
+
+class ReportError(CosimError):
+    """The report cannot be written where it should be."""
+
+
+def write_report(report: Report, directory: str | os.PathLike[str]) -> Path:
+    """Write the report into `directory` (made if missing) and return the path of `report.html`.
+
+    Each file appears complete or not at all; `report.html` comes last. Raises ReportError naming the path.
+    """
+    root = Path(directory)
+    files: dict[str, str] = {}
+    for figure in report.figures:
+        columns = series_columns(figure)
+        length = max(len(values) for _, values in columns)
+        padded = [[*values.tolist(), *[None] * (length - len(values))] for _, values in columns]
+        files[figure_csv(figure.id)] = _csv([header for header, _ in columns], zip(*padded, strict=True))
+    for table in report.tables:
+        files[table_csv(table.id)] = _csv(table.columns, table.rows)
+    files["summary.json"] = _json(summary(report))
+    files["report.html"] = render(report)
+    for name, text in files.items():
+        _write(root, name, text)
+    return root / "report.html"
+
+
+def figure_csv(identifier: str) -> str:
+    return f"figures/{identifier}.csv"
+
+
+def table_csv(identifier: str) -> str:
+    return f"tables/{identifier}.csv"
+
+
+def summary(report: Report) -> dict[str, Any]:
+    """Everything in the report but its curves, as plain data."""
+    return {
+        "experiment": report.experiment,
+        "title": report.title,
+        "lead": report.lead,
+        "claims_total": len(report.claims),
+        "claims_reproduced": report.reproduced,
+        "claims": [
+            {
+                "id": c.id,
+                "claim": c.claim,
+                "published": c.published,
+                "ours": shown(c),
+                "value": c.value,
+                "unit": c.unit,
+                "verdict": c.verdict,
+                "reason": c.reason,
+                "source": c.source,
+            }
+            for c in report.claims
+        ],
+        "results": {r.name: {"value": r.value, "unit": r.unit} for r in report.results},
+        "tables": {
+            t.id: {"title": t.title, "columns": t.columns, "rows": t.rows, "csv": table_csv(t.id)}
+            for t in report.tables
+        },
+        "figures": {f.id: {"title": f.title, "csv": figure_csv(f.id)} for f in report.figures},
+        "parameters": {p.name: {"value": p.value, "unit": p.unit, "source": p.source} for p in report.parameters},
+        "provenance": report.provenance,
+    }
+
+
+def render(report: Report) -> str:
+    """The page."""
+    palette = Palette(report.figures)
+    plots = {f.id: _script_data(_plot(f, palette)) for f in report.figures}
+    scripts = [_script(_asset("report.js"))]
+    if plots:
+        scripts.insert(0, _script(get_plotlyjs()))
+    environment = jinja2.Environment(
+        loader=jinja2.FunctionLoader(_asset),
+        autoescape=True,
+        undefined=jinja2.StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        keep_trailing_newline=True,
+    )
+    environment.filters.update(number=number, is_number=_is_number)
+    return environment.get_template("report.html").render(
+        report=report,
+        plots=plots,
+        scripts=scripts,
+        style=Markup(_asset("report.css")),
+        policy=_policy(scripts),
+        shown=shown,
+        cells=_cells,
+        numeric=_numeric_columns,
+        figure_csv=figure_csv,
+        table_csv=table_csv,
+        figure_number={f.id: i for i, f in enumerate(report.figures, start=1)},
+        table_number={t.id: i for i, t in enumerate(report.tables, start=1)},
+    )
+
+
+def shown(claim: Claim) -> str:
+    """Our result as text."""
+    return claim.ours if claim.ours.strip() else f"{number(claim.value)} {claim.unit}".strip()
+
+
+def number(value: Scalar, decimals: int | None = None) -> str:
+    """A value as a reader likes it: four significant digits (or `decimals`), a real minus, powers of ten."""
+    if value is None:
+        return "–"
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if isinstance(value, str):
+        return value
+    if isinstance(value, int):
+        return _grouped(str(value))
+    if math.isnan(value):
+        return "–"
+    if math.isinf(value):
+        return "∞" if value > 0 else "−∞"
+    if decimals is not None:
+        return _grouped(f"{value:.{decimals}f}")
+    if value == 0:
+        return "0"
+    mantissa, exponent = f"{value:.{SIGNIFICANT - 1}e}".split("e")
+    power = int(exponent)
+    if -4 <= power <= 6:
+        text = f"{value:.{max(0, SIGNIFICANT - 1 - power)}f}"
+        return _grouped(text.rstrip("0").rstrip(".") if "." in text else text)
+    mantissa = mantissa.rstrip("0").rstrip(".")
+    times = "" if mantissa in ("1", "-1") else f"{mantissa}×"
+    sign = "-" if mantissa == "-1" else ""
+    return f"{sign}{times}10{str(power).translate(_SUPERSCRIPT)}".replace("-", "−", 1)
+
+
+def _grouped(text: str) -> str:
+    whole, point, fraction = text.partition(".")
+    if len(whole.lstrip("-")) > 4:
+        whole = f"{int(whole):,}".replace(",", "\u202f")
+    text = whole + point + fraction
+    if not text.strip("-0."):
+        text = text.lstrip("-")
+    return text.replace("-", "−")
+
+
+def _is_number(value: object) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool)
+
+
+def _numeric_columns(table: Table) -> list[bool]:
+    """Which columns hold numbers (or gaps) only: they are set to the right."""
+    columns = list(zip(*table.rows, strict=True)) or [()] * len(table.columns)
+    return [
+        any(map(_is_number, column)) and all(value is None or _is_number(value) for value in column)
+        for column in columns
+    ]
+
+
+def _cells(table: Table) -> list[list[tuple[Scalar, str]]]:
+    """(value, text) of every cell; the floats of a column share their decimals where their sizes allow it."""
+    columns = []
+    for column in zip(*table.rows, strict=True):
+        decimals = _decimals([v for v in column if isinstance(v, float) and math.isfinite(v)])
+        columns.append([(v, number(v, decimals if isinstance(v, float) else None)) for v in column])
+    return [list(row) for row in zip(*columns, strict=True)]
+
+
+def _decimals(values: Sequence[float]) -> int | None:
+    """Decimals that give the largest value four digits, None if that leaves the smallest with fewer than two."""
+    sizes = [math.floor(math.log10(abs(v))) for v in values if v]
+    if not sizes or min(sizes) < -4 or max(sizes) > 6:
+        return None
+    decimals = max(0, SIGNIFICANT - 1 - max(sizes))
+    if min(sizes) + decimals < 1:
+        return None
+    return max(len(f"{v:.{decimals}f}".rstrip("0").partition(".")[2]) for v in values)
+
+
+def _plot(figure: Any, palette: Palette) -> dict[str, Any]:
+    wide = json.loads(plotly_figure(figure, palette).to_json())
+    narrow = json.loads(plotly_figure(figure, palette, narrow=True).to_json())
+    return {"data": wide["data"], "wide": wide["layout"], "narrow": narrow["layout"]}
+
+
+def _finite(value: Any) -> Any:
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    if isinstance(value, dict):
+        return {key: _finite(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_finite(item) for item in value]
+    return value
+
+
+def _json(value: Any) -> str:
+    return json.dumps(_finite(value), indent=2, sort_keys=True, ensure_ascii=False, allow_nan=False) + "\n"
+
+
+def _csv(headers: Iterable[str], rows: Iterable[Sequence[Scalar]]) -> str:
+    """Floats read back to the same bits; an empty cell is no value."""
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(headers)
+    writer.writerows(rows)
+    return text.getvalue()
+
+
+def _script_data(value: Any) -> Markup:
+    """JSON that no text inside can break out of."""
+    text = json.dumps(_finite(value), sort_keys=True, separators=(",", ":"), allow_nan=False)
+    for character in "<>&":
+        text = text.replace(character, f"\\u{ord(character):04x}")
+    return Markup(text)
+
+
+def _script(source: str) -> Markup:
+    if "</script" in source.lower() or "<!--" in source:
+        raise AssertionError("a script must not contain its own end tag")
+    return Markup(source.replace("\r\n", "\n").replace("\r", "\n"))
+
+
+def _policy(scripts: Iterable[str]) -> str:
+    """Only the scripts that were put in run; nothing is fetched. plotly sets styles and draws exports as blobs."""
+    digests = (base64.b64encode(hashlib.sha256(s.encode()).digest()).decode() for s in scripts)
+    allowed = " ".join(f"'sha256-{d}'" for d in digests)
+    return (
+        f"default-src 'none'; script-src {allowed}; style-src 'unsafe-inline'; img-src data: blob:; "
+        "base-uri 'none'; form-action 'none'"
+    )
+
+
+def _asset(name: str) -> str:
+    return resources.files("cosim.report").joinpath("templates", name).read_text(encoding="utf-8")
+
+
+def _write(root: Path, name: str, text: str) -> None:
+    path = root / name
+    part = path.with_name(f".{path.name}.{os.getpid()}.part")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        try:
+            part.write_text(text, encoding="utf-8", newline="\n")
+            os.replace(part, path)
+        finally:
+            part.unlink(missing_ok=True)
+    except OSError as error:
+        raise ReportError(
+            f"cannot write {path}: {error.strerror or error}; make '{root}' a directory you may write to, "
+            "or choose another one"
+        ) from error
