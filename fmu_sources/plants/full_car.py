@@ -75,7 +75,7 @@ def full_car(vehicle: FullCar, name: str = "FullCarHmmwv") -> Component:
     x = c.state("x", "m", "distance of the CG along the road", start=start_x, output=True, nominal=10.0)
     y = c.state("y", "m", "lateral position of the CG, positive left", output=True)
     zb = c.state("body.z", "m", "CG height above its static position", start=rest.z, output=True, nominal=0.1)
-    angle = {"output": True, "nominal": 0.1, "display_unit": "deg"}
+    angle: dict[str, Any] = {"output": True, "nominal": 0.1, "display_unit": "deg"}
     roll = c.state("body.roll", "rad", "roll angle, positive left side up", start=rest.roll, **angle)
     pitch = c.state("body.pitch", "rad", "pitch angle, positive nose down", start=rest.pitch, **angle)
     yaw = c.state("body.yaw", "rad", "yaw angle, positive to the left", **angle)

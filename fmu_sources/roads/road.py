@@ -1,0 +1,95 @@
+"""What every road does: from heights at equidistant nodes to the signals under the wheels and ahead of them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from typing import Any
+
+import casadi as ca
+
+from build_fmus.component import Component
+from fmu_sources.roads.layout import RoadLayout
+
+NODE_STEP = 0.1  # m, spacing of the road points in paper 000
+_NODE_TOLERANCE = 1e-9  # a position this close (in node steps) below a node counts as on it
+
+
+@dataclass(frozen=True)
+class Profile:
+    """Heights at nodes ``0 .. last``, ``step`` metres apart from ``start`` on; linear in between, held outside.
+
+    ``height(node, side)`` gives the heights [m] at a column of whole node numbers for ``"left"`` or ``"right"``.
+    ``step``, ``last`` and ``start`` may be parameters of the component.
+    """
+
+    height: Callable[[Any, str], Any]
+    last: Any
+    step: Any = NODE_STEP
+    start: Any = 0.0
+
+    def at(self, x: Any, side: str) -> tuple[Any, Any]:
+        """Height [m] and slope dz/dx at a column of positions [m]; at a node the slope of the interval ahead."""
+        s = (x - self.start) / self.step
+        inside = ca.logic_and(s >= -_NODE_TOLERANCE, s < self.last - _NODE_TOLERANCE)
+        s = ca.fmax(0, ca.fmin(self.last, s))
+        node = ca.fmin(ca.floor(s + _NODE_TOLERANCE), self.last - 1)
+        part = ca.fmax(0, ca.fmin(1, s - node))
+        here, next_ = self.height(node, side), self.height(node + 1, side)
+        return (1 - part) * here + part * next_, ca.if_else(inside, (next_ - here) / self.step, 0)
+
+
+def road(
+    name: str,
+    layout: RoadLayout,
+    profile: Callable[[Component], Profile],
+    *,
+    description: str,
+    source: str,
+    symbols: Any = ca.SX,
+    notes: Iterable[str] = (),
+    stimulus_start: float = 27.0,
+) -> Component:
+    """A road under the wheels of ``layout``. ``profile`` declares the road's own parameters and gives its heights."""
+    c = Component(
+        name, kind="discrete", sample_time=1e-3, description=description, source=source, symbols=symbols,
+        notes=(*notes, *_NOTES),
+    )  # fmt: skip
+    shape = profile(c)
+    position = {
+        w.corner: c.parameter(
+            f"wheel.{w.corner}.x", w.x, "m", f"position of the {w.corner} wheel ahead of the CG", min=-50.0, max=50.0,
+            source="vehicle file",
+        )
+        for w in layout.wheels
+    }  # fmt: skip
+    x = c.input("x", "m", "distance of the CG along the road")
+    speed = c.input("speed", "m/s", "forward speed", display_unit="km/h")
+
+    ahead = ca.DM(range(layout.preview_count)) * layout.preview_step  # s
+    seen = {w.corner: shape.at(x + position[w.corner] + speed * ahead, w.side) for w in layout.wheels}
+    for corner, (height, _) in seen.items():
+        c.output(f"road.{corner}.height", height[0], "m", f"road height under the {corner} wheel")
+    for corner, (_, slope) in seen.items():
+        c.output(f"road.{corner}.slope", slope[0], "1", f"slope dz/dx under the {corner} wheel")
+    for corner, (_, slope) in seen.items():
+        c.output(f"road.{corner}.rate", slope[0] * speed, "m/s", f"rate of the road height under the {corner} wheel")
+    for corner, (height, _) in seen.items():
+        c.output(f"preview.{corner}", height, "m", f"height under the {corner} wheel now, one preview.step later, ...")
+    c.output("preview.step", layout.preview_step, "s", "time between preview heights", display_unit="ms")
+    front = position[max(layout.wheels, key=lambda w: w.x).corner]
+    end = shape.start + shape.last * shape.step
+    c.output("end_of_road", x + front > end, None, "the front wheels are beyond the end of the road", type=bool)
+
+    c.stimulate({"x": lambda t: stimulus_start + 30.0 * t, "speed": lambda _: 30.0})
+    return c
+
+
+_NOTES = (
+    "Heights are given at equidistant nodes and are linear in between; the slope is that of the interval. Before the "
+    "first and beyond the last node the nearest height is held and the slope is 0.",
+    "The road has no memory: its outputs at t follow from x and speed at t. preview.* are the heights each wheel will "
+    "meet if the speed stays: index 1 is under the wheel now, each further one preview.step later.",
+    "Wiring: x and speed come from the vehicle; road.* goes to the inputs of the same name of the vehicle, preview.* "
+    "and road.*.height to a controller. The wheel positions must be those of the vehicle.",
+)

@@ -1,0 +1,46 @@
+"""Speed over time: constant, or one ramp; with the distance that belongs to it."""
+
+from __future__ import annotations
+
+import casadi as ca
+
+from build_fmus.component import Component
+from fmu_sources.plants.full_car import MAX_SPEED
+
+
+def speed_profile(name: str = "SpeedProfile") -> Component:
+    """Speed and its exact integral, both closed forms of time: no state, no drift."""
+    c = Component(
+        name,
+        kind="discrete",
+        sample_time=1e-3,
+        description="Constant speed or one ramp, with travelled distance",
+        source="own",
+        notes=(
+            "speed is speed.start until ramp.start, then changes by ramp.change within ramp.duration (0: at once) and "
+            "stays. x is its exact integral from start.x on, evaluated from the time of the sample, so nothing drifts.",
+            "Wiring: speed to target.speed of a vehicle, or x and speed straight to a road when there is no vehicle "
+            "that moves.",
+        ),
+    )
+    start = c.parameter(
+        "speed.start", 50.0 / 3.6, "m/s", "speed before the ramp", min=0.0, max=MAX_SPEED, display_unit="km/h"
+    )
+    change = c.parameter(
+        "ramp.change", 0.0, "m/s", "speed gained in the ramp", min=-MAX_SPEED, max=MAX_SPEED, display_unit="km/h"
+    )
+    begin = c.parameter("ramp.start", 0.0, "s", "time at which the ramp starts", min=0.0, max=1e6)
+    duration = c.parameter("ramp.duration", 0.0, "s", "duration of the ramp", min=0.0, max=1e6)
+    start_x = c.parameter("start.x", 5.0, "m", "distance at time 0", min=-1e6, max=1e6)
+
+    # Time since the ramp began, split into the part on the ramp and the part after it.
+    since = ca.fmax(0, c.time - begin)
+    climbing = ca.fmin(since, duration)
+    gained = ca.if_else(
+        since >= duration, ca.if_else(c.time >= begin, change, 0), change * climbing / ca.fmax(duration, 1e-9)
+    )
+    on_ramp = change * climbing**2 / (2 * ca.fmax(duration, 1e-9))
+
+    c.output("x", start_x + start * c.time + on_ramp + change * (since - climbing), "m", "distance along the road")
+    c.output("speed", start + gained, "m/s", "speed", display_unit="km/h")
+    return c
