@@ -15,11 +15,13 @@ from cosim.errors import (
     WiringError,
 )
 from cosim.fmu import Fmu
-from cosim.master import Simulation, StopWhen, SystemState, View
+from cosim.master import Simulation, SystemState
+from cosim.members import Connection, Group, Member
 from cosim.recording import Recording
 from cosim.schedule import Schedule
 from cosim.stability import Stability
-from cosim.system import Connection, Group, Member, System
+from cosim.stops import StopWhen, View
+from cosim.system import System
 
 __all__ = [
     "Component",

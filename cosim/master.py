@@ -25,7 +25,6 @@ with one indexed copy; the master does no Python work per variable and step.
 from __future__ import annotations
 
 import enum
-import operator
 import time as clock
 import warnings
 from collections.abc import Callable, Iterable, Sequence
@@ -49,55 +48,17 @@ from cosim.errors import (
 from cosim.progress import HeldInterrupt, ProgressBar
 from cosim.recording import Recorder, Recording
 from cosim.schedule import Schedule
-from cosim.timebase import TimeLike, positive, rational
+from cosim.stops import COMPARE, Stop, StopCondition, StopWhen, View
+from cosim.timebase import TimeBase, TimeLike, positive, rational
 from cosim.timetable import Clock, Timetable
 from cosim.values import Layout, make_layout
 
 if TYPE_CHECKING:
     from cosim.description import Variable
-    from cosim.system import Member, System
+    from cosim.members import Member
+    from cosim.system import System
 
 Timed = Callable[[float], None]
-_COMPARE = {">=": operator.ge, ">": operator.gt, "<=": operator.le, "<": operator.lt}
-
-
-@dataclass(frozen=True)
-class StopWhen:
-    """Stop at the first instant whose sample fulfils `name` `relation` `value`, e.g. StopWhen("car.x", ">=", 155.0)."""
-
-    name: str
-    relation: str
-    value: float
-
-    def __post_init__(self) -> None:
-        if self.relation not in _COMPARE:
-            raise WiringError(f"stop condition on '{self.name}': relation is one of {' '.join(_COMPARE)}")
-
-    def __str__(self) -> str:
-        return f"{self.name} {self.relation} {self.value:g}"
-
-
-class View:
-    """What a stop condition of one's own sees: `view.time` [s] and `view["car.x"]` of recorded or watched variables."""
-
-    def __init__(self, simulation: Simulation):
-        self._simulation = simulation
-        self.time = 0.0
-
-    def __getitem__(self, name: str) -> float:
-        return self._simulation[name]
-
-
-StopCondition = StopWhen | Callable[[View], bool]
-
-
-def watched_names(conditions: Iterable[StopCondition]) -> list[str]:
-    """The variables stop conditions need."""
-    return [c.name for c in conditions if isinstance(c, StopWhen)]
-
-
-class _Stop(Exception):  # noqa: N818
-    """A stop condition is fulfilled; the argument is its text."""
 
 
 @dataclass
@@ -123,7 +84,8 @@ class Phase(enum.Enum):
 
 @dataclass
 class SystemState:
-    """A saved state of a simulation; give it to `Simulation.restore` of the same simulation, any number of times."""
+    """A saved state of a simulation at `time` [s]. Give it to `Simulation.restore` of the same simulation, or to
+    `System.initialize(state=...)` of the same system after changing its wiring; any number of times."""
 
     tick: int
     phase: Phase
@@ -132,6 +94,10 @@ class SystemState:
     components: dict[str, Any]
     samples: int
     owner: Simulation
+
+    @property
+    def time(self) -> float:
+        return self.owner._base.seconds(self.tick)
 
 
 class Simulation:
@@ -155,9 +121,10 @@ class Simulation:
         record_interval: TimeLike | None = None,
         watch: Iterable[str] = (),
         stop_time: TimeLike | None = None,
+        state: SystemState | None = None,
     ):
         self._over: str | None = None  # why it cannot be continued
-        start = rational(start_time, "start_time")
+        start = rational(start_time, "start_time") if state is None else state.owner._base.exact(state.tick)
         interval = None if record_interval is None else positive(record_interval, "record_interval")
         self.schedule: Schedule = system.schedule(*([interval] if interval else []))
         if interval is None:
@@ -168,7 +135,7 @@ class Simulation:
             text = f"unconnected inputs keep their start values: {listed}{more}"
             warnings.warn(text, UnconnectedInputsWarning, stacklevel=4)
         self.system = system
-        self._base = self.schedule.time_base(start)
+        self._base: TimeBase = self.schedule.time_base(start)
         self._layout: Layout = make_layout(self.schedule, system.select(record), self._watched(system, watch))
         self._values = self._layout.values
         self._stops: list[StopCondition] = []
@@ -182,7 +149,7 @@ class Simulation:
             Clock(self._base.count(interval), 0)
         ]
         stop = None if stop_time is None else float(rational(stop_time, "stop_time"))
-        self._guarded(lambda: self._initialize(stop))
+        self._guarded(lambda: self._initialize(stop, state))
         self._timetable = Timetable(self._clocks, self._compile)
         self._recorder.sample(self.time)
 
@@ -242,9 +209,11 @@ class Simulation:
 
     # Initialization.
 
-    def _initialize(self, stop: float | None) -> None:
-        """All components into initialization mode; inputs and outputs settle; out of it again."""
+    def _initialize(self, stop: float | None, state: SystemState | None) -> None:
+        """All components into initialization mode; inputs and outputs settle; out of it again. Components that are in
+        `state` continue from there, and the others settle to them."""
         members = self.schedule.members
+        restored = [] if state is None else self._continued(state)
         for m in members:
             m.component.instantiate(m.name)
             if m.values:
@@ -259,11 +228,36 @@ class Simulation:
         for (name, variable), slot in self._layout.constants.items():
             member = self.system[name]
             self._values[slot] = float(member.component.get([member.description.variables[variable]])[0])
-        self._settle(members)
-        for m in members:
+        for m in restored:
+            m.component.exit_initialization()
+            m.component.restore(state.components[m.name])  # type: ignore[union-attr]
+            self._ports[m].get_outputs()
+        self._layout.show_everything()
+        fresh = [m for m in members if m not in restored]
+        self._settle(fresh)
+        for m in fresh:
             m.component.exit_initialization()
             self._ports[m].get_outputs()
         self._layout.show_everything()
+        if state is not None:
+            self._layout.take_previous(state.owner._layout, state.values)
+
+    def _continued(self, state: SystemState) -> list[Member]:
+        """The members that are in a saved state, checked to be at the end of a step there."""
+        owner = state.owner
+        if owner.system is not self.system:
+            raise CosimError("this state was saved in another system; FMU states belong to their instances")
+        if state.phase is not Phase.ARRIVED:
+            raise CosimError("this state was saved at a stop condition; save it after an advance that reached its time")
+        restored = [m for m in self.schedule.members if m in owner.schedule.members and m.name in state.components]
+        for m in restored:
+            clock_ = Clock(owner._base.count(m.step), owner._base.count(m.offset))
+            if m.offset or not clock_.due(state.tick):
+                raise CosimError(
+                    f"'{m.name}' is within a step (or has an offset) at t = {state.time:.9g} s: save the state at a "
+                    "common multiple of all steps"
+                )
+        return restored
 
     def _settle(self, members: Sequence[Member]) -> None:
         """Pass outputs to inputs, in order of execution, until nothing changes any more."""
@@ -319,10 +313,10 @@ class Simulation:
         self._view.time = t
         for condition in self._stops:
             if isinstance(condition, StopWhen):
-                if _COMPARE[condition.relation](self[condition.name], condition.value):
-                    raise _Stop(str(condition))
+                if COMPARE[condition.relation](self[condition.name], condition.value):
+                    raise Stop(str(condition))
             elif condition(self._view):
-                raise _Stop(getattr(condition, "__name__", repr(condition)))
+                raise Stop(getattr(condition, "__name__", repr(condition)))
 
     # Many instants.
 
@@ -343,7 +337,7 @@ class Simulation:
         try:
             with HeldInterrupt() as interrupt, ProgressBar(progress, self.time, self._base.seconds(end)) as bar:
                 self._guarded(lambda: self._run(end, interrupt, bar))
-        except _Stop as stop:
+        except Stop as stop:
             self._stopped_by = str(stop)
         finally:
             self._wall_time += clock.perf_counter() - begin
@@ -391,7 +385,7 @@ class Simulation:
                 for act in instant.whole:
                     act(t)
             tick = end
-        except _Stop:
+        except Stop:
             self._phase = Phase.SAMPLED  # stop conditions are looked at after the sample
             raise
         finally:
@@ -421,7 +415,7 @@ class Simulation:
         except KeyboardInterrupt:
             self._over = "it was interrupted within an instant"
             raise Interrupted(self.time, self.recording) from None
-        except _Stop:
+        except Stop:
             raise
         except BaseException:
             self._over = "an error occurred"
@@ -448,9 +442,9 @@ class Simulation:
         return SystemState(self._tick, self._phase, self._values.copy(), inputs, components, self._recorder.count, self)
 
     def restore(self, state: SystemState) -> None:
-        """Go back to a saved state; samples recorded after it are dropped."""
+        """Go back to a saved state of this simulation; samples recorded after it are dropped."""
         if state.owner is not self:
-            raise CosimError("this state was saved by another simulation; FMU states belong to their instances")
+            raise CosimError("this state was saved by another simulation: use System.initialize(state=...)")
 
         def restore() -> None:
             for m in self.schedule.members:

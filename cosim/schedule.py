@@ -8,10 +8,11 @@ from fractions import Fraction
 from typing import TYPE_CHECKING
 
 from cosim.errors import LoopError, WiringError
+from cosim.members import Connection, Group, Member
 from cosim.timebase import TimeBase, gcd
 
 if TYPE_CHECKING:
-    from cosim.system import Connection, Group, Member, System
+    from cosim.system import System
 
 
 @dataclass(frozen=True)
@@ -91,8 +92,6 @@ def make_schedule(system: System, extra: Sequence[Fraction]) -> Schedule:
 
 
 def _groups(system: System, continuous: list[Member]) -> Iterable[Group]:
-    from cosim.system import Group  # noqa: PLC0415  (system builds on schedule)
-
     grouped = {m for g in system.groups.values() for m in g.members}
     yield from (Group("", (m,)) for m in continuous if m not in grouped)
     yield from sorted(system.groups.values(), key=lambda g: g.name)

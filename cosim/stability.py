@@ -27,7 +27,8 @@ from cosim.component import Array, Ports
 from cosim.description import Description, Variable
 from cosim.errors import CosimError, StabilityWarning
 from cosim.master import Phase, Simulation
-from cosim.system import Connection, Group, Member, System
+from cosim.members import Connection, Group, Member
+from cosim.system import System
 
 if TYPE_CHECKING:
     from cosim.schedule import Schedule

@@ -12,113 +12,30 @@ A name is `component.variable`; the component's name ends at the first dot.
 
 from __future__ import annotations
 
-import math
 import os
-import re
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from fractions import Fraction
 from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, Literal
 
-import numpy as np
-
 from cosim.component import Component
 from cosim.description import Description, Variable
 from cosim.errors import WiringError, did_you_mean
 from cosim.fmu import Fmu
+from cosim.members import Connection, Group, Member, article, glob, indices
 from cosim.recording import Recording
 from cosim.schedule import Schedule, make_schedule
+from cosim.stops import StopCondition, watched_names
 from cosim.timebase import TimeLike, positive, rational
 from cosim.units import UnitMismatchError, conversion
 
 if TYPE_CHECKING:
-    from cosim.master import Simulation, StopCondition
+    from cosim.master import Simulation, SystemState
     from cosim.stability import Stability
 
 Kind = Literal["discrete", "continuous"]
-
-
-@dataclass(eq=False)
-class Member:
-    """A component in a system, with its rate [s, exact] and the values it starts with."""
-
-    name: str
-    component: Component
-    step: Fraction
-    offset: Fraction
-    kind: str
-    values: dict[str, Any] = field(default_factory=dict)
-
-    @property
-    def description(self) -> Description:
-        return self.component.description
-
-    @property
-    def discrete(self) -> bool:
-        return self.kind == "discrete"
-
-    def set(self, values: Mapping[str, Any] | None = None, **more: Any) -> None:
-        """Parameters and start values for the next initialization, by variable name. A name without its index
-        (`gain.y`) takes an array for all of `gain.y[i,j]`, row major. Raises WiringError for unknown names, values
-        of the wrong type or shape, and values outside min and max."""
-        for name, value in {**(values or {}), **more}.items():
-            self.values.update(self._expand(name, value))
-
-    def _expand(self, name: str, value: Any) -> dict[str, Any]:
-        names = self.description.arrays.get(name)
-        if names is None or name in self.description.variables:
-            variable = self.description.find(name, self.name)
-            return {name: _checked(self.name, variable, value)}
-        array = np.asarray(value)
-        shape = tuple(np.max([_indices(n) for n in names], axis=0).tolist())
-        if array.shape != shape and not (array.ndim <= 1 and array.size == len(names)):
-            raise WiringError(f"{self.name}.{name} has shape {shape}, the value given has {array.shape}")
-        variables = self.description.variables
-        ordered = sorted(names, key=_indices)
-        return {n: _checked(self.name, variables[n], v) for n, v in zip(ordered, array.ravel().tolist(), strict=True)}
-
-
-@dataclass(frozen=True)
-class Connection:
-    """source.output -> target.input, with target = scale * source + offset."""
-
-    source: Member
-    output: Variable
-    target: Member
-    input: Variable
-    delay: bool = False
-    extrapolate: bool = False
-    scale: float = 1.0
-    offset: float = 0.0
-
-    @property
-    def source_name(self) -> str:
-        return f"{self.source.name}.{self.output.name}"
-
-    @property
-    def target_name(self) -> str:
-        return f"{self.target.name}.{self.input.name}"
-
-    def __str__(self) -> str:
-        notes = []
-        if (self.scale, self.offset) != (1.0, 0.0):
-            notes.append(f"{self.output.unit_name} to {self.input.unit_name}")
-        if self.delay:
-            notes.append("one step of delay")
-        if self.extrapolate:
-            notes.append("extrapolated")
-        return f"{self.source_name} -> {self.target_name}" + (f" ({', '.join(notes)})" if notes else "")
-
-
-@dataclass(frozen=True)
-class Group:
-    """Continuous components that advance together, by one method."""
-
-    name: str
-    members: tuple[Member, ...]
-    method: str = "jacobi"
 
 
 class System:
@@ -245,6 +162,17 @@ class System:
             for c in self.connect(f"{source}.{name}", f"{target}.{name}", delay=delay, extrapolate=extrapolate)
         ]
 
+    def disconnect(self, pattern: str) -> list[str]:
+        """Remove the connections into the inputs whose full names fit `pattern` (`car.force.*`); returns the names.
+        Raises WiringError when there is none."""
+        fits = glob(pattern)
+        removed = [name for name in self.connections if fits(name)]
+        if not removed:
+            raise WiringError(f"'{pattern}' fits no connected input{did_you_mean(pattern, self.connections)}")
+        for name in removed:
+            del self.connections[name]
+        return removed
+
     def group(
         self,
         name: str,
@@ -284,7 +212,7 @@ class System:
         about = member.description
         if name in about.variables or name not in about.arrays:
             return [about.find(name, member.name)]
-        return [about.variables[n] for n in sorted(about.arrays[name], key=_indices)]
+        return [about.variables[n] for n in sorted(about.arrays[name], key=indices)]
 
     def _connection(
         self, origin: tuple[Member, Variable], goal: tuple[Member, Variable], *, delay: bool, extrapolate: bool
@@ -292,9 +220,9 @@ class System:
         (source, output), (target, input_) = origin, goal
         names = f"{source.name}.{output.name} -> {target.name}.{input_.name}"
         if output.causality not in ("output", "local"):
-            raise WiringError(f"{names}: '{output.name}' is no output but {_article(output.causality)}")
+            raise WiringError(f"{names}: '{output.name}' is no output but {article(output.causality)}")
         if input_.causality != "input":
-            raise WiringError(f"{names}: '{input_.name}' is no input but {_article(input_.causality)}")
+            raise WiringError(f"{names}: '{input_.name}' is no input but {article(input_.causality)}")
         already = self.connections.get(f"{target.name}.{input_.name}")
         if already is not None:
             raise WiringError(f"{names}: this input is already connected to {already.source_name}")
@@ -358,7 +286,7 @@ class System:
             found = [(member, v) for v in self._elements(member, name)]
             for _, variable in found:
                 if variable.type not in ("real", "integer", "boolean"):
-                    raise WiringError(f"'{pattern}' is {_article(variable.fmi_type)} and cannot be recorded")
+                    raise WiringError(f"'{pattern}' is {article(variable.fmi_type)} and cannot be recorded")
             return found
         fits = glob(pattern)
         for causality in ("output", "input", "local"):
@@ -384,18 +312,27 @@ class System:
         watch: Iterable[str] = (),
         stop_time: TimeLike | None = None,
         check_stability: bool = False,
+        state: SystemState | None = None,
     ) -> Simulation:
         """Reset and initialize all components and return the `Simulation` at `start_time`.
 
         `record`: names and patterns as in `select`; `record_interval` [s], default the smallest step; `watch`: further
-        variables that can be read while it runs (`simulation["car.x"]`). `stop_time` is only told to the FMUs.
+        variables that can be read while it runs (`simulation["car.x"]`). `stop_time` is only told to the FMUs. With
+        `state`, saved in this system, the components in it continue from there (start_time is not used) while wiring,
+        rates and parameters of the others may have changed: several controllers can be tried from one instant.
         """
         from cosim.master import Simulation  # noqa: PLC0415  (master builds on system)
 
         if self._simulation is not None:
             self._simulation.close()
         self._simulation = Simulation(
-            self, start_time, record=record, record_interval=record_interval, watch=watch, stop_time=stop_time
+            self,
+            start_time,
+            record=record,
+            record_interval=record_interval,
+            watch=watch,
+            stop_time=stop_time,
+            state=state,
         )
         if check_stability:
             from cosim.stability import warn_if_unstable  # noqa: PLC0415
@@ -415,14 +352,13 @@ class System:
         csv: str | os.PathLike[str] | None = None,
         progress: bool = False,
         check_stability: bool = False,
+        state: SystemState | None = None,
     ) -> Recording:
         """Initialize, run to `stop_time` [s] or to the first of `stop_when`, and return the recording.
 
         A failing component raises ComponentError, Ctrl-C raises Interrupted; both carry the recording so far, and with
         `csv` it is on disk in any case.
         """
-        from cosim.master import watched_names  # noqa: PLC0415
-
         with self.initialize(
             start_time,
             record=record,
@@ -430,6 +366,7 @@ class System:
             watch=[*watch, *watched_names(stop_when)],
             stop_time=stop_time,
             check_stability=check_stability,
+            state=state,
         ) as simulation:
             try:
                 simulation.advance(stop_time, stop_when=stop_when, progress=progress)
@@ -461,52 +398,6 @@ class System:
             fmu.close()
 
 
-def glob(pattern: str) -> Any:
-    """Predicate for names; only * and ? are special, brackets are part of names."""
-    text = re.escape(pattern).replace(r"\*", ".*").replace(r"\?", ".")
-    return re.compile(text).fullmatch
-
-
-def _indices(name: str) -> tuple[int, ...]:
-    """`gain.y[2,3]` -> (2, 3)."""
-    return tuple(int(i) for i in name[name.rindex("[") + 1 : -1].split(","))
-
-
-def _article(word: str) -> str:
-    return f"{'an' if word[:1].lower() in 'aeiou' else 'a'} {word}"
-
-
 def _some(names: Iterable[str], count: int = 8) -> str:
     listed = list(names)
     return ", ".join(listed[:count]) + (", ..." if len(listed) > count else "") if listed else "none"
-
-
-def _checked(component: str, variable: Variable, value: Any) -> Any:
-    """The value in the variable's own type. Raises WiringError when it cannot be set or does not fit."""
-    name = f"{component}.{variable.name}"
-    settable = variable.causality in ("parameter", "input") or variable.initial in ("exact", "approx")
-    if variable.causality == "structuralParameter":
-        raise WiringError(f"{name}: structural parameters (array sizes) cannot be changed")
-    if variable.variability == "constant" or not settable:
-        raise WiringError(f"{name} cannot be set: it is {_article(variable.causality)}, {variable.variability}")
-    if variable.type == "string":
-        return str(value)
-    if variable.type == "boolean":
-        if value not in (True, False, 0, 1):
-            raise WiringError(f"{name} is a Boolean, not {value!r}")
-        return bool(value)
-    try:
-        number = float(value)
-    except (TypeError, ValueError):
-        raise WiringError(f"{name} needs one number, not {value!r}") from None
-    if not math.isfinite(number):
-        raise WiringError(f"{name} must be finite, not {number}")
-    low, high = variable.minimum, variable.maximum
-    if (low is not None and number < low) or (high is not None and number > high):
-        limits = f"[{'-inf' if low is None else f'{low:g}'}, {'inf' if high is None else f'{high:g}'}]"
-        raise WiringError(f"{name} = {number:g} is outside {limits} {variable.unit_name}".rstrip())
-    if variable.type == "integer":
-        if number != int(number):
-            raise WiringError(f"{name} is an Integer, not {value!r}")
-        return int(value)
-    return number

@@ -15,8 +15,8 @@ import numpy.typing as npt
 
 if TYPE_CHECKING:
     from cosim.description import Variable
+    from cosim.members import Connection, Member
     from cosim.schedule import Schedule
-    from cosim.system import Connection, Member
 
 Array = npt.NDArray[np.float64]
 Index = npt.NDArray[np.intp]
@@ -99,6 +99,12 @@ class Layout:
             for key, slot in to.items():
                 if key in source:
                     self.values[slot] = self.values[source[key]]
+
+    def take_previous(self, other: Layout, values: Array) -> None:
+        """Take the previous values that another layout's values hold."""
+        for key, slot in self.previous.items():
+            if key in other.previous:
+                self.values[slot] = values[other.previous[key]]
 
     def owners(self) -> list[str]:
         """Name of the component each value belongs to."""

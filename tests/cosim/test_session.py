@@ -10,6 +10,8 @@ from probes import Clock, Delta, Integrator
 from cosim import ComponentError, CosimError, Interrupted, PythonComponent, Recording, StopWhen, System
 from cosim.errors import CallFailed
 
+pytestmark = pytest.mark.filterwarnings("ignore::cosim.UnconnectedInputsWarning")
+
 
 def loop(delay=False):
     """A controller and a plant at different rates."""
@@ -232,3 +234,41 @@ def test_interrupted_simulation_goes_on():
 def test_progress_bar_runs(monkeypatch):
     monkeypatch.setattr("cosim.progress.ProgressBar.PATIENCE", 0.0)
     assert loop().run(1, progress=True).time[-1] == 1.0
+
+
+def test_several_controllers_from_one_instant():
+    """The plant continues from the saved state, a controller that takes over begins there."""
+
+    def build():
+        system = System()
+        system.add("plant", Integrator(), step="2 ms")
+        system.add("first", Delta(), step="2 ms")
+        system.add("second", Integrator(), step="1 ms", parameters={"gain": -50.0, "x0": 1.0})
+        system.connect("plant.y", "first.u")
+        system.connect("first.y", "plant.u")
+        return system
+
+    whole = build().run(0.2, record=["plant.y", "first.y"])
+    system = build()
+    simulation = system.initialize()
+    simulation.advance(0.1)
+    state = simulation.save()
+    unchanged = system.run(0.2, state=state, record=["plant.y", "first.y"])
+    np.testing.assert_array_equal(unchanged.time, whole.time[100:])
+    np.testing.assert_array_equal(unchanged.data, whole.data[100:])
+    system.disconnect("plant.u")
+    system.connect("second.y", "plant.u")
+    system.connect("plant.y", "second.u")
+    del state.components["second"]  # begins afresh
+    other = system.run(0.2, state=state)
+    assert other["plant.y"][0] == whole["plant.y"][100]
+    assert other["second.y"][0] == 1.0
+    assert other["plant.y"][-1] != whole["plant.y"][-1]
+    with pytest.raises(CosimError, match="another system"):
+        build().initialize(state=state)
+    simulation = system.initialize()
+    simulation.advance(0.001)
+    with pytest.raises(CosimError, match="'first' is within a step"):
+        system.initialize(state=simulation.save())
+    with pytest.raises(CosimError, match="fits no connected input"):
+        system.disconnect("plant.v")

@@ -1,0 +1,396 @@
+"""One instance of an FMU as the master sees it, FMI 2.0 or 3.0."""
+
+from __future__ import annotations
+
+import os
+import sys
+import weakref
+from collections import deque
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from cosim import fmi_calls as fmi
+from cosim.component import Action, Array, Ports
+from cosim.description import Variable
+from cosim.errors import STATUS_NAMES, CallFailed, CosimError, FmuError
+
+if TYPE_CHECKING:
+    from cosim.fmu import Fmu
+
+
+@dataclass(frozen=True)
+class _Transfer:
+    """One bound FMI call that moves values. `move` does it and checks the status; `call` is the bare call, enough when
+    it is `direct` (the FMU works on the master's buffer)."""
+
+    move: Action
+    call: Callable[[], int]
+    function: str
+    direct: bool
+
+
+_DoStep = tuple[Callable[..., int], tuple[Any, ...], Any]
+
+
+class FmuComponent:
+    """One instance of an FMU, as a `Component`."""
+
+    def __init__(self, fmu: Fmu):
+        self.fmu = fmu
+        self.description = fmu.description
+        self.name = fmu.description.name
+        self.messages: deque[str] = deque(maxlen=200)  # everything it logged lately
+        self.problems: deque[str] = deque(maxlen=50)  # warnings and worse
+        self._ffi = fmu._ffi
+        self._v3 = fmu.major == "3"
+        self._c_types = fmi.C_TYPES3 if self._v3 else fmi.C_TYPES2
+        self._functions = fmi.FUNCTION3 if self._v3 else fmi.FUNCTION2
+        self._instance: Any = None
+        self._dead = False
+        self._keep: list[Any] = []
+        self._states: list[Any] = []  # saved and not freed
+
+    # Life of the instance.
+
+    def instantiate(self, name: str) -> None:
+        self._forget_messages()
+        if self._instance is not None and not self._dead:
+            if self._call("Reset") <= fmi.WARNING:
+                return
+            self.close()
+            self._forget_messages()
+        self.name = name
+        self._dead = False
+        self._library, folder = self.fmu.library()
+        self._keep = []
+        resources = folder / "resources"
+        token, log = self.description.token, _logger(self.messages, self.problems)
+        try:
+            if self._v3:
+                path = f"{resources}{os.sep}"
+                instance = fmi.instantiate3(self._library, (name, token, path), log, self._keep)
+            else:
+                texts = (name, token, resources.as_uri())
+                instance = fmi.instantiate2(self._library, _process(), texts, log, self._keep)
+        except AttributeError as error:
+            raise FmuError(f"{self.fmu.path}: its library lacks an FMI function: {error}") from None
+        if instance == self._ffi.NULL:
+            said = "\n".join(f"    {line}" for line in self._said())
+            raise FmuError(f"{self.fmu.path}: cannot be instantiated as '{name}'" + (f":\n{said}" if said else ""))
+        self._instance = instance
+        self._finalizer = weakref.finalize(self, _free, self._library, self._v3, instance, self._keep)
+
+    def enter_initialization(self, start: float, stop: float | None) -> None:
+        tolerance = self.description.tolerance
+        experiment = (tolerance is not None, tolerance or 0.0, start, stop is not None, stop or 0.0)
+        if self._v3:
+            self._must("EnterInitializationMode", *experiment)
+        else:
+            self._must("SetupExperiment", *experiment)
+            self._must("EnterInitializationMode")
+
+    def exit_initialization(self) -> None:
+        self._must("ExitInitializationMode")
+
+    def terminate(self) -> None:
+        if self._instance is not None and not self._dead:
+            self._call("Terminate")
+
+    def close(self) -> None:
+        """Free the instance (unless it reported Fatal: then nothing of it may be called any more)."""
+        if self._instance is not None:
+            if self._dead:
+                self._finalizer.detach()
+            else:
+                for state in list(self._states):
+                    self.forget(state)
+                self._finalizer()
+            self._instance = None
+
+    # Calls and what to do with their status.
+
+    def _call(self, function: str, *arguments: Any) -> int:
+        status: int = getattr(self._library, f"fmi{self.fmu.major}{function}")(self._instance, *arguments)
+        if status == fmi.FATAL:
+            self._die()
+        return status
+
+    def _must(self, function: str, *arguments: Any, detail: str = "") -> None:
+        status = self._call(function, *arguments)
+        if status > fmi.WARNING:
+            self._fail(function, status, detail)
+
+    def _fail(self, function: str, status: int, detail: str = "") -> None:
+        if status == fmi.FATAL:
+            self._die()
+        raise CallFailed(self.name, f"fmi{self.fmu.major}{function}", status, detail, self._said())
+
+    def _die(self) -> None:
+        self._dead = True
+        self._finalizer.detach()
+        self.fmu.abandon()
+        _KEEP_FOREVER.append((self._library, self._keep))
+
+    def _forget_messages(self) -> None:
+        self.messages.clear()
+        self.problems.clear()
+
+    def _said(self) -> list[str]:
+        """The last log lines, those about problems if there are any."""
+        return list(self.problems or self.messages)[-10:]
+
+    # Values, one call at a time: parameters, start values, inspection.
+
+    def set(self, values: Mapping[Variable, Any]) -> None:
+        for fmi_type, group in _by_type(values).items():
+            for reference, elements in _by_reference(group).items():
+                size = elements[0].size
+                data: list[Any] = [values[v] for v in elements]
+                if len(elements) < size:  # part of an FMI 3 array: the rest keeps its value
+                    data = self._get_raw(fmi_type, [reference], size)
+                    for variable in elements:
+                        data[variable.index] = values[variable]
+                self._set_raw(fmi_type, reference, data, elements[0].declared)
+
+    def _set_raw(self, fmi_type: str, reference: int, data: list[Any], name: str) -> None:
+        c_type, ffi = self._c_types[fmi_type], self._ffi
+        if fmi_type == "String":
+            keep = [ffi.new("char[]", str(x).encode()) for x in data]
+            buffer = ffi.new("const char*[]", keep)
+        elif fmi_type == "Boolean":
+            buffer = ffi.new(f"{c_type}[]", [bool(x) for x in data])
+        elif c_type in ("double", "float"):
+            buffer = ffi.new(f"{c_type}[]", [float(x) for x in data])
+        else:
+            buffer = ffi.new(f"{c_type}[]", [int(x) for x in data])
+        detail = f"{name} = {data[0] if len(data) == 1 else data}"
+        function = f"Set{self._functions.get(fmi_type, fmi_type)}"
+        counts = (len(data),) if self._v3 else ()
+        self._must(function, ffi.new("VR[]", [reference]), 1, buffer, *counts, detail=detail[:200])
+
+    def get(self, variables: Sequence[Variable]) -> list[Any]:
+        return [self._get_raw(v.fmi_type, [v.reference], v.size)[v.index] for v in variables]
+
+    def _get_raw(self, fmi_type: str, references: list[int], size: int) -> list[Any]:
+        ffi = self._ffi
+        buffer = ffi.new(f"{self._c_types[fmi_type]}[]", size)
+        function = f"Get{self._functions.get(fmi_type, fmi_type)}"
+        self._must(function, ffi.new("VR[]", references), len(references), buffer, *((size,) if self._v3 else ()))
+        if fmi_type == "String":
+            return [ffi.string(x).decode("utf-8", "replace") for x in buffer]
+        return [bool(x) for x in buffer] if fmi_type == "Boolean" else list(buffer)
+
+    # Values, bound to the master's buffers.
+
+    def bind(self, inputs: Sequence[Variable], outputs: Sequence[Variable], u: Array, y: Array) -> Ports:
+        setters = [self._transfer("Set", t, inputs, u) for t in _by_type(inputs)]
+        getters = [self._transfer("Get", t, outputs, y) for t in _by_type(outputs)]
+        set_inputs, get_outputs = _sequence([s.move for s in setters]), _sequence([g.move for g in getters])
+        do_step = self._do_step()
+        ports = Ports.of(set_inputs, self._stepper(do_step), get_outputs)
+        if len(setters) == len(getters) == 1 and setters[0].direct and getters[0].direct:
+            return Ports(ports.set_inputs, ports.step, ports.get_outputs, self._fused(setters[0], do_step, getters[0]))
+        return ports
+
+    def _transfer(self, direction: str, fmi_type: str, variables: Sequence[Variable], buffer: Array) -> _Transfer:
+        """One FMI call that moves all variables of one type. Doubles that fill their arrays and lie side by side
+        in the master's buffer are passed in place; anything else goes through a buffer of its own."""
+        ffi, v3 = self._ffi, self._v3
+        places = [i for i, v in enumerate(variables) if v.fmi_type == fmi_type]
+        groups = _by_reference([variables[i] for i in places])
+        offsets, total = {}, 0
+        for reference, elements in groups.items():
+            offsets[reference] = total
+            total += elements[0].size
+        own = np.array([offsets[variables[i].reference] + variables[i].index for i in places], dtype=np.intp)
+        place = np.array(places, dtype=np.intp)
+        c_type = self._c_types[fmi_type]
+        contiguous = len(places) == total and np.array_equal(place, place[0] + np.arange(total))
+        in_place = c_type == "double" and contiguous and np.array_equal(own, np.arange(total))
+        data: Any = buffer[place[0] : place[0] + total] if in_place else np.zeros(total, dtype=fmi.DTYPES[c_type])
+        pointer = ffi.cast(f"{c_type}*", data.ctypes.data)
+        references = ffi.new("VR[]", list(groups))
+        self._keep += [data, references]
+        function = f"{direction}{self._functions.get(fmi_type, fmi_type)}"
+        arguments = (references, len(groups), pointer, *((total,) if v3 else ()))
+        call, fail = fmi.bind(self.fmu.major, self._library, self._instance, function, *arguments), self._fail
+        warning = fmi.WARNING
+
+        def direct() -> None:
+            status = call()
+            if status > warning:
+                fail(function, status)
+
+        def scatter() -> None:
+            data[own] = buffer[place]
+            direct()
+
+        def gather() -> None:
+            direct()
+            buffer[place] = data[own]
+
+        if direction == "Set" and total > len(places):  # elements of an array that nobody drives keep their values
+            data[:] = [x for r, e in groups.items() for x in self._get_raw(fmi_type, [r], e[0].size)]
+        return _Transfer(direct if in_place else scatter if direction == "Set" else gather, call, function, in_place)
+
+    def _do_step(self) -> _DoStep:
+        """(call, last arguments, ended): `call(t, h, *last arguments)`; `ended[0]` is true after a step that stopped
+        early or asks to end the simulation (FMI 3)."""
+        call = fmi.bind(self.fmu.major, self._library, self._instance, "DoStep")
+        no_rollback = not self.description.can_save
+        if not self._v3:
+            return call, (int(no_rollback),), (0,)
+        flags, self._last = self._ffi.new("bool[4]"), self._ffi.new("double*")  # event needed, -, terminate, early
+        self._terminate = flags + 2
+        self._keep += [flags, self._last]
+        ended = self._ffi.cast("uint16_t*", self._terminate)
+        return call, (no_rollback, flags, flags + 2, flags + 3, self._last), ended
+
+    def _stepper(self, do_step: _DoStep) -> Callable[[float, float], None]:
+        call, rest, ended = do_step
+        fail, warning = self._step_failed, fmi.WARNING
+
+        def step(t: float, h: float) -> None:
+            status = call(t, h, *rest)
+            if status > warning or ended[0]:
+                fail(status, t, h)
+
+        return step
+
+    def _fused(self, setter: _Transfer, do_step: _DoStep, getter: _Transfer) -> Callable[[float, float], None]:
+        """Set, step, get without a Python call in between."""
+        send, receive = setter.call, getter.call
+        call, rest, ended = do_step
+        fail, fail_step, warning = self._fail, self._step_failed, fmi.WARNING
+
+        def run(t: float, h: float) -> None:
+            status = send()
+            if status > warning:
+                fail(setter.function, status)
+            status = call(t, h, *rest)
+            if status > warning or ended[0]:
+                fail_step(status, t, h)
+            status = receive()
+            if status > warning:
+                fail(getter.function, status)
+
+        return run
+
+    def _step_failed(self, status: int, t: float, h: float) -> None:
+        """Raise what a step's status means, with what the FMU can tell about it."""
+        last, terminated = None, False
+        if self._v3 and status != fmi.FATAL:
+            last, terminated = self._last[0], bool(self._terminate[0])
+        elif status == fmi.DISCARD:
+            number, boolean = self._ffi.new("double*"), self._ffi.new("int*")
+            if self._call("GetRealStatus", 2, number) <= fmi.WARNING:
+                last = number[0]
+            if self._call("GetBooleanStatus", 3, boolean) <= fmi.WARNING:
+                terminated = bool(boolean[0])
+        detail = f"step from {t:.9g} s, length {h:.9g} s"
+        if last is not None:
+            detail += f"; it got to {last:.9g} s"
+        if terminated:
+            detail += "; it asks to end the simulation"
+        if status == fmi.PENDING:
+            detail += "; asynchronous steps are not supported"
+        self._fail("DoStep", max(status, fmi.DISCARD), detail)
+
+    # State and derivatives.
+
+    def save(self) -> Any:
+        state = self._ffi.new("void**")
+        self._must("GetFMUState" if self._v3 else "GetFMUstate", state)
+        self._states.append(state)
+        return state
+
+    def restore(self, state: Any) -> None:
+        self._must("SetFMUState" if self._v3 else "SetFMUstate", state[0])
+
+    def forget(self, state: Any) -> None:
+        if self._instance is not None and not self._dead and state[0] != self._ffi.NULL:
+            self._call("FreeFMUState" if self._v3 else "FreeFMUstate", state)
+            self._states = [other for other in self._states if other is not state]
+
+    def linearize(self, inputs: Sequence[Variable], outputs: Sequence[Variable]) -> tuple[Array, Array, Array, Array]:
+        """(A, B, C, D) at the present state for the given inputs and outputs, by directional derivatives. States and
+        derivatives are those of the model structure. Raises CosimError when the FMU does not offer it."""
+        states, derivatives = self.description.states, self.description.derivatives
+        if not self.description.directional_derivatives:
+            raise CosimError("its FMU offers no directional derivatives")
+        if any(v.size > 1 for v in (*states, *inputs, *outputs)):
+            raise CosimError("its FMU has array variables, whose derivatives are not read yet")
+        unknowns, knowns, n = [*derivatives, *outputs], [*states, *inputs], len(states)
+        jacobian = np.zeros((len(unknowns), len(knowns)))
+        for column, known in enumerate(knowns):
+            if unknowns:
+                jacobian[:, column] = self._derivative(unknowns, known)
+        return jacobian[:n, :n], jacobian[:n, n:], jacobian[n:, :n], jacobian[n:, n:]
+
+    def _derivative(self, unknowns: Sequence[Variable], known: Variable) -> list[float]:
+        ffi, count = self._ffi, len(unknowns)
+        of, by = ffi.new("VR[]", [v.reference for v in unknowns]), ffi.new("VR[]", [known.reference])
+        seed, result = ffi.new("double[]", [1.0]), ffi.new("double[]", count)
+        arguments = (of, count, by, 1, seed, 1, result, count) if self._v3 else (of, count, by, 1, seed, result)
+        self._must("GetDirectionalDerivative", *arguments)
+        return list(result)
+
+
+_KEEP_FOREVER: list[Any] = []  # libraries and callbacks of instances that reported Fatal
+_PROCESS: list[Any] = []
+
+
+def _process() -> Any:
+    """The C library with calloc and free."""
+    if not _PROCESS:
+        _PROCESS.append(fmi.ffi2.dlopen("ucrtbase.dll" if sys.platform == "win32" else None))
+    return _PROCESS[0]
+
+
+def _logger(messages: deque[str], problems: deque[str]) -> fmi.Log:
+    """What FMUs call to log. All categories are on: not every FMU files its errors under the category it declares."""
+
+    def log(status: int, category: str, message: str) -> None:
+        level = STATUS_NAMES[status] if 0 <= status < len(STATUS_NAMES) else str(status)
+        text = f"[{level}] {category + ': ' if category else ''}{message.rstrip()}"
+        messages.append(text)
+        if status >= fmi.WARNING:
+            problems.append(text)
+
+    return log
+
+
+def _free(library: Any, v3: bool, instance: Any, keep: list[Any]) -> None:
+    (library.fmi3FreeInstance if v3 else library.fmi2FreeInstance)(instance)
+    keep.clear()
+
+
+def _by_type(variables: Any) -> dict[str, list[Variable]]:
+    groups: dict[str, list[Variable]] = {}
+    for variable in variables:
+        groups.setdefault(variable.fmi_type, []).append(variable)
+    return groups
+
+
+def _by_reference(variables: Sequence[Variable]) -> dict[int, list[Variable]]:
+    groups: dict[int, list[Variable]] = {}
+    for variable in variables:
+        groups.setdefault(variable.reference, []).append(variable)
+    return groups
+
+
+def _sequence(actions: list[Action]) -> Action:
+    if not actions:
+        return lambda: None
+    if len(actions) == 1:
+        return actions[0]
+    together = tuple(actions)
+
+    def run() -> None:
+        for action in together:
+            action()
+
+    return run
