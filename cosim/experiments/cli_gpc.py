@@ -29,7 +29,7 @@ def _fmu_set(fmus: Path, fmi: int, vehicle: Path | None):  # type: ignore[no-unt
     if vehicle is None:
         return FmuSet(fmus, fmi=fmi)
     suffix = catalog_suffix(vehicle)
-    return FmuSet(fmus, plant=f"FullCar{suffix}", suffix=suffix, fmi=fmi)
+    return FmuSet(fmus, plant=f"FullCar{suffix}", suffix=suffix, vehicle=vehicle, fmi=fmi)
 
 
 def run(

@@ -74,6 +74,7 @@ class FmuSet:
     directory: Path = Path("fmus")
     plant: str = "FullCarHmmwvModified"
     suffix: str = ""
+    vehicle: str | Path = "hmmwv_modified"  # the vehicle file the FMUs were built from
     fmi: int = 3
 
     def path(self, name: str) -> Path:
