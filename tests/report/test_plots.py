@@ -1,0 +1,113 @@
+import itertools
+
+import numpy as np
+
+from cosim.report import Figure, Palette, Panel, Section, Series, plotly_figure
+from cosim.report.plots import COLORS, series_columns
+
+
+def one_panel(*names):
+    return Figure("f", "F", "", [Panel("", "time [s]", "force [N]", [Series(n, [0, 1], [0, 1]) for n in names])])
+
+
+def test_a_name_looks_the_same_in_every_figure(make_report):
+    report = make_report()
+    palette = Palette(report.figures)
+    looks = {}
+    for figure in report.figures:
+        for trace in plotly_figure(figure, palette).data:
+            if trace.line.width:
+                looks.setdefault(trace.name, set()).add((trace.line.color, trace.line.dash, trace.marker.symbol))
+    assert set(looks) == {"passive", "explicit", "preview"}
+    assert all(len(look) == 1 for look in looks.values())
+    assert palette["passive"].color == COLORS["grey"]
+
+
+def test_different_names_look_different():
+    names = [f"law {i}" for i in range(30)]
+    palette = Palette([one_panel(*names)])
+    assert all(palette[a] != palette[b] for a, b in itertools.combinations(names, 2))
+    assert len({(palette[n].color, palette[n].dash) for n in names}) == len(names)
+
+
+def test_axes_carry_their_units_and_the_legend_each_name_once(make_report):
+    figure = plotly_figure(make_report().figures[0])
+    assert figure.layout.yaxis.title.text == "pitch [deg]"
+    assert figure.layout.yaxis2.title.text == "force [kN]"
+    assert figure.layout.xaxis2.title.text == "time [s]"
+    assert figure.layout.xaxis2.matches == "x"
+    assert [trace.name for trace in figure.data if trace.showlegend] == ["passive", "explicit"]
+    assert figure.layout.hovermode == "x unified"
+    assert figure.data[0].hovertemplate.endswith(" deg")
+
+
+def test_panels_over_different_ranges_zoom_apart(make_report):
+    figure = plotly_figure(make_report().figures[1])
+    assert figure.layout.xaxis2.matches is None
+
+
+def test_a_narrow_figure_stacks_its_panels(make_report):
+    source = make_report().figures[1]
+    wide, narrow = plotly_figure(source).layout, plotly_figure(source, narrow=True).layout
+    assert wide.xaxis.domain[1] < wide.xaxis2.domain[0]
+    assert wide.yaxis.domain == wide.yaxis2.domain
+    assert narrow.xaxis.domain == narrow.xaxis2.domain == (0, 1)
+    assert narrow.yaxis2.domain[1] < narrow.yaxis.domain[0]
+    assert narrow.height > wide.height
+
+
+def test_panels_lie_inside_the_figure_without_overlap():
+    panels = [Panel(f"{i}", "time [s]", "force [N]", [Series("a", [0, 1], [0, 1])]) for i in range(7)]
+    for columns in (1, 2, 3, 4):
+        layout = plotly_figure(Figure("f", "F", "", panels, columns=columns)).layout
+        boxes = [(*layout[f"xaxis{n}"].domain, *layout[f"yaxis{n}"].domain) for n in ["", 2, 3, 4, 5, 6, 7]]
+        assert all(0 <= edge <= 1 for box in boxes for edge in box)
+        for (l1, r1, b1, t1), (l2, r2, b2, t2) in itertools.combinations(boxes, 2):
+            assert r1 < l2 or r2 < l1 or t1 < b2 or t2 < b1
+
+
+def test_infinite_values_leave_gaps():
+    figure = Figure("f", "F", "", [Panel("", "time [s]", "force [N]", [Series("a", [0, 1], [1, float("inf")])])])
+    assert np.isnan(plotly_figure(figure).data[0].y[1])
+
+
+def test_a_band_is_drawn_behind_its_curve_and_toggles_with_it(make_report):
+    low, high, curve = plotly_figure(make_report().figures[1]).data[:3]
+    assert high.fill == "tonexty"
+    assert low.legendgroup == high.legendgroup == curve.legendgroup
+    assert curve.mode == "lines+markers"
+
+
+class TestColumns:
+    def test_one_x_for_all_that_share_it(self, make_report):
+        assert [header for header, _ in series_columns(make_report().figures[0])] == [
+            "time [s]",
+            "passive: pitch [deg]",
+            "explicit: pitch [deg]",
+            "explicit: force [kN]",
+        ]
+
+    def test_own_x_bands_and_panels_that_repeat_a_quantity(self, make_report):
+        assert [header for header, _ in series_columns(make_report().figures[1])] == [
+            "speed [km/h]",
+            "Sine: preview: ratio [-]",
+            "preview: ratio low [-]",
+            "preview: ratio high [-]",
+            "passive: speed [km/h]",
+            "passive: ratio [-]",
+            "Curb: preview: ratio [-]",
+        ]
+
+    def test_headers_are_unique_whatever_the_titles(self):
+        panels = [Panel("same", "time [s]", "force [N]", [Series("a", [0, i], [0, 1])]) for i in range(1, 5)]
+        headers = [header for header, _ in series_columns(Figure("f", "F", "", panels))]
+        assert len(set(headers)) == len(headers) == 8
+
+
+def test_markup_in_names_is_text():
+    figure = plotly_figure(one_panel("<a href='https://example.org'>x</a>"))
+    assert figure.data[0].name.startswith("&lt;a")
+
+
+def test_sections_without_figures_have_a_palette():
+    assert Palette(Section("S").figures) is not None
