@@ -1,8 +1,26 @@
 """Roads under the wheels, and the speed at which they are driven."""
 
+from fmu_sources.roads.errors import RoadError
 from fmu_sources.roads.layout import RoadLayout, WheelPosition
+from fmu_sources.roads.perryman3 import perryman3_table, road_perryman3
 from fmu_sources.roads.road import Profile, road
 from fmu_sources.roads.speed_profile import speed_profile
 from fmu_sources.roads.standard import road_curb, road_sine
+from fmu_sources.roads.table import HeightTable, road_from_table
+from fmu_sources.roads.user_file import road_from_file
 
-__all__ = ["Profile", "RoadLayout", "WheelPosition", "road", "road_curb", "road_sine", "speed_profile"]
+__all__ = [
+    "HeightTable",
+    "Profile",
+    "RoadError",
+    "RoadLayout",
+    "WheelPosition",
+    "perryman3_table",
+    "road",
+    "road_curb",
+    "road_from_file",
+    "road_from_table",
+    "road_perryman3",
+    "road_sine",
+    "speed_profile",
+]

@@ -31,7 +31,7 @@ def road_sine(layout: RoadLayout, name: str = "RoadSine") -> Component:
         return Profile(height, last)
 
     return road(
-        name, layout, profile, description="Sine road of paper 000: 30 m flat, then 0.1 m half-amplitude, 10 m long waves",
+        name, layout, profile, description="Sine road of paper 000: 30 m flat, then waves 10 m long and +-0.1 m high",
         source="000 road profiles, figure 3",
     )  # fmt: skip
 

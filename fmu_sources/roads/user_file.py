@@ -1,0 +1,125 @@
+"""A road from a user's file: CSV with distance and heights, or ASCII OpenCRG."""
+
+from __future__ import annotations
+
+import difflib
+import math
+import re
+from pathlib import Path
+
+import numpy as np
+
+from build_fmus import units
+from build_fmus.component import Component
+from fmu_sources.roads.errors import RoadError
+from fmu_sources.roads.layout import RoadLayout
+from fmu_sources.roads.opencrg import read_opencrg
+from fmu_sources.roads.table import HeightTable, road_from_table
+
+_COLUMNS = {
+    "distance": ("distance", "x", "s", "station", "position"),
+    "left": ("left", "left height", "z left", "zl"),
+    "right": ("right", "right height", "z right", "zr"),
+}
+_HEADER = "distance [m],left [m],right [m]"
+
+
+def road_from_file(path: Path | str, layout: RoadLayout, name: str = "RoadUser") -> Component:
+    """A road from a CSV file with the columns ``distance [m],left [m],right [m]``, or from an OpenCRG file (``.crg``).
+
+    Comma or semicolon separate; with semicolons a decimal comma is understood. Distances must increase. Equidistant
+    points are used as they are, others are sampled at their smallest spacing, see :meth:`HeightTable.resampled`. From
+    OpenCRG the tracks of the layout's wheels are sampled. Heights are shifted so that the road starts at 0 (mean of
+    both tracks).
+
+    Raises:
+        RoadError: naming the file, the line and what is wrong.
+    """
+    path = Path(path)
+    if path.suffix.lower() == ".crg":
+        half = max(abs(w.y) for w in layout.wheels)
+        distance, left, right = read_opencrg(path, left=half, right=-half)
+    else:
+        distance, left, right = read_csv(path)
+    datum = (left[0] + right[0]) / 2
+    table = HeightTable.resampled(distance, left - datum, right - datum)
+    return road_from_table(
+        table, layout, name, description=f"Road from the file {path.name}", source=f"file {path.name}",
+        notes=(
+            f"Heights from the file {path.name}: {len(distance)} points over {distance[-1] - distance[0]:g} m, held "
+            f"every {table.step:g} m, shifted by {-datum:g} m so that the road starts at height 0.",
+        ),
+    )  # fmt: skip
+
+
+def read_csv(path: Path) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Distance, left and right height [m] of a CSV road; see :func:`road_from_file`."""
+    try:
+        lines = path.read_text(encoding="utf-8-sig").splitlines()
+    except OSError as error:
+        raise RoadError(f"{path}: cannot be read: {error.strerror}") from None
+    except UnicodeDecodeError:
+        raise RoadError(f"{path}: not a text file; a road is CSV with header {_HEADER!r}, or OpenCRG (.crg)") from None
+    while lines and not lines[-1].strip():
+        lines.pop()
+    if not lines:
+        raise RoadError(f"{path}: empty; a road needs the header {_HEADER!r} and at least two lines of numbers")
+    separator = ";" if ";" in lines[0] else "," if "," in lines[0] else "\t"
+    columns = _columns(path, lines[0].split(separator))
+
+    rows: list[tuple[float, ...]] = []
+    for number, line in enumerate(lines[1:], start=2):
+        cells = [c.strip() for c in line.split(separator)]
+        if not any(cells):
+            raise RoadError(f"{path}, line {number}: empty line; remove it or fill the gap with heights")
+        row = tuple(_cell(path, number, cells, column, comma=separator == ";") for column in columns)
+        if rows and row[0] <= rows[-1][0]:
+            raise RoadError(
+                f"{path}, line {number}: distance {row[0]:g} m after {rows[-1][0]:g} m; distances must increase from "
+                "line to line (a vertical step needs two points a little apart)"
+            )
+        rows.append(row)
+    if len(rows) < 2:
+        raise RoadError(f"{path}: {len(rows)} line(s) of numbers; a road needs at least two points")
+    distance, left, right = np.array(rows).T
+    return distance, left, right
+
+
+def _columns(path: Path, header: list[str]) -> list[tuple[str, int, str]]:
+    """Name, index and unit of the distance, left and right columns."""
+    names, given = [], []
+    for cell in header:
+        match = re.fullmatch(r"\s*\"?\s*([^\[\(\"]*?)\s*(?:[\[\(]\s*([^\]\)]*?)\s*[\]\)])?\s*\"?\s*", cell)
+        name, unit = (match[1], match[2]) if match else (cell, None)
+        names.append(re.sub(r"[\s_\-]+", " ", name).strip().lower())
+        given.append(unit or "m")
+    found = []
+    for wanted, variants in _COLUMNS.items():
+        index = next((names.index(v) for v in variants if v in names), None)
+        if index is None:
+            near = difflib.get_close_matches(wanted, names, n=1)
+            hint = f"; is {near[0]!r} meant to be it?" if near else ""
+            raise RoadError(
+                f"{path}, line 1: no column {wanted!r} among {', '.join(map(repr, names))}{hint} (a road file starts "
+                f"with the line {_HEADER!r})"
+            )
+        try:
+            units.convert(1.0, given[index], "m")
+        except KeyError as error:
+            raise RoadError(f"{path}, line 1: column {wanted!r}: {error.args[0]}") from None
+        found.append((wanted, index, given[index]))
+    return found
+
+
+def _cell(path: Path, number: int, cells: list[str], column: tuple[str, int, str], *, comma: bool) -> float:
+    name, index, unit = column
+    text = cells[index].strip('"') if index < len(cells) else ""
+    if not text:
+        raise RoadError(f"{path}, line {number}: no value for {name!r}; roads must not have gaps")
+    try:
+        value = float(text.replace(",", ".") if comma else text)
+    except ValueError:
+        raise RoadError(f"{path}, line {number}: {name} is {text!r}, which is not a number") from None
+    if not math.isfinite(value):
+        raise RoadError(f"{path}, line {number}: {name} is {text}; heights and distances must be finite numbers")
+    return units.convert(value, unit, "m")
