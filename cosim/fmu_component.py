@@ -321,8 +321,6 @@ class FmuComponent:
         states, derivatives = self.description.states, self.description.derivatives
         if not self.description.directional_derivatives:
             raise CosimError("its FMU offers no directional derivatives")
-        if any(v.size > 1 for v in (*states, *inputs, *outputs)):
-            raise CosimError("its FMU has array variables, whose derivatives are not read yet")
         unknowns, knowns, n = [*derivatives, *outputs], [*states, *inputs], len(states)
         jacobian = np.zeros((len(unknowns), len(knowns)))
         for column, known in enumerate(knowns):
@@ -331,12 +329,18 @@ class FmuComponent:
         return jacobian[:n, :n], jacobian[:n, n:], jacobian[n:, :n], jacobian[n:, n:]
 
     def _derivative(self, unknowns: Sequence[Variable], known: Variable) -> list[float]:
-        ffi, count = self._ffi, len(unknowns)
-        of, by = ffi.new("VR[]", [v.reference for v in unknowns]), ffi.new("VR[]", [known.reference])
-        seed, result = ffi.new("double[]", [1.0]), ffi.new("double[]", count)
-        arguments = (of, count, by, 1, seed, 1, result, count) if self._v3 else (of, count, by, 1, seed, result)
-        self._must("GetDirectionalDerivative", *arguments)
-        return list(result)
+        """d unknowns / d known; arrays are asked for whole."""
+        ffi, groups = self._ffi, _by_reference(unknowns)
+        sizes = [elements[0].size for elements in groups.values()]
+        begin = dict(zip(groups, np.cumsum([0, *sizes]).tolist(), strict=False))
+        of, by = ffi.new("VR[]", list(groups)), ffi.new("VR[]", [known.reference])
+        seed, result = ffi.new("double[]", known.size), ffi.new("double[]", sum(sizes))
+        seed[known.index] = 1.0
+        if self._v3:
+            self._must("GetDirectionalDerivative", of, len(groups), by, 1, seed, known.size, result, sum(sizes))
+        else:
+            self._must("GetDirectionalDerivative", of, len(groups), by, 1, seed, result)
+        return [result[begin[v.reference] + v.index] for v in unknowns]
 
 
 _KEEP_FOREVER: list[Any] = []  # libraries and callbacks of instances that reported Fatal

@@ -29,6 +29,7 @@ import time as clock
 import warnings
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
+from fractions import Fraction
 from types import TracebackType
 from typing import TYPE_CHECKING, Any
 
@@ -148,7 +149,7 @@ class Simulation:
         self._clocks = [Clock(self._base.count(m.step), self._base.count(m.offset)) for m in self.schedule.members] + [
             Clock(self._base.count(interval), 0)
         ]
-        stop = None if stop_time is None else float(rational(stop_time, "stop_time"))
+        stop = None if stop_time is None else rational(stop_time, "stop_time")
         self._guarded(lambda: self._initialize(stop, state))
         self._timetable = Timetable(self._clocks, self._compile)
         self._recorder.sample(self.time)
@@ -209,7 +210,7 @@ class Simulation:
 
     # Initialization.
 
-    def _initialize(self, stop: float | None, state: SystemState | None) -> None:
+    def _initialize(self, stop: Fraction | None, state: SystemState | None) -> None:
         """All components into initialization mode; inputs and outputs settle; out of it again. Components that are in
         `state` continue from there, and the others settle to them."""
         members = self.schedule.members
@@ -219,8 +220,9 @@ class Simulation:
             if m.values:
                 m.component.set({m.description.variables[n]: v for n, v in m.values.items()})
         for m in members:
-            begin = self._base.seconds(self._base.count(m.offset))
-            m.component.enter_initialization(begin, None if stop is None or stop <= begin else stop)
+            begin = self._base.start + m.offset
+            met = stop is not None and stop > begin and ((stop - begin) / m.step).denominator == 1
+            m.component.enter_initialization(float(begin), float(stop) if stop is not None and met else None)
         self._ports: dict[Member, Ports] = {}
         for m in members:
             place = self._layout.places[m]

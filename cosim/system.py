@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from cosim.component import Component
 from cosim.description import Description, Variable
-from cosim.errors import WiringError, did_you_mean
+from cosim.errors import CosimError, WiringError, did_you_mean
 from cosim.fmu import Fmu
 from cosim.members import Connection, Group, Member, article, glob, indices
 from cosim.recording import Recording
@@ -359,6 +359,8 @@ class System:
         A failing component raises ComponentError, Ctrl-C raises Interrupted; both carry the recording so far, and with
         `csv` it is on disk in any case.
         """
+        if csv is not None:
+            _check_writable(Path(csv))
         with self.initialize(
             start_time,
             record=record,
@@ -396,6 +398,15 @@ class System:
             member.component.close()
         for fmu in self._fmus.values():
             fmu.close()
+
+
+def _check_writable(path: Path) -> None:
+    """Raise CosimError now rather than after a long run."""
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.open("a").close()
+    except OSError as error:
+        raise CosimError(f"cannot write the recording to {path}: {error.strerror or error}") from None
 
 
 def _some(names: Iterable[str], count: int = 8) -> str:

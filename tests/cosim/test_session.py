@@ -231,6 +231,12 @@ def test_interrupted_simulation_goes_on():
     same(simulation.recording, loop().run(0.2))
 
 
+def test_a_recording_that_cannot_be_written_is_refused_before_the_run(tmp_path):
+    (tmp_path / "file").write_text("")
+    with pytest.raises(CosimError, match="cannot write the recording"):
+        loop().run(1, csv=tmp_path / "file" / "out.csv")
+
+
 def test_progress_bar_runs(monkeypatch):
     monkeypatch.setattr("cosim.progress.ProgressBar.PATIENCE", 0.0)
     assert loop().run(1, progress=True).time[-1] == 1.0

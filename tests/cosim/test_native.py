@@ -1,0 +1,189 @@
+"""The project's own FMUs in the master: saved states, arrays, linear models, the messages of refused values."""
+
+import casadi as ca
+import numpy as np
+import pytest
+
+from build_fmus.compile import ObjectCache, resolve_platforms
+from build_fmus.component import Component
+from build_fmus.package import build_fmu
+from cosim import ComponentError, CosimError, PythonComponent, System
+
+pytestmark = pytest.mark.filterwarnings("ignore::cosim.UnconnectedInputsWarning")
+
+
+def mass():
+    """A mass on a spring to the ground, pushed by a force."""
+    c = Component("Mass", kind="continuous", description="mass on a spring", source="test")
+    m = c.parameter("mass", 2.0, "kg", "mass", min=1e-3)
+    k = c.parameter("stiffness", 50.0, "N/m", "spring", tunable=True)
+    force = c.input("force", "N", "push")
+    x = c.state("x", "m", "position", start=0.1, output=True)
+    v = c.state("v", "m/s", "velocity", output=True)
+    c.derivative(x, v)
+    c.derivative(v, (force - k * x) / m)
+    c.output("a", (force - k * x) / m, "m/s2", "acceleration")
+    return c
+
+
+def chain():
+    """Like `mass`, with its two states in one vector and a vector of forces."""
+    c = Component("Chain", kind="continuous", description="mass on a spring", source="test")
+    force = c.input("force", "N", "pushes", shape=(2,))
+    x = c.state("x", "1", "position and velocity", shape=(2,), start=0.1, output=True)
+    c.derivative(x, ca.vertcat(x[1], -25 * x[0] + 0.5 * force[0] + 2 * force[1]))
+    return c
+
+
+def mixer():
+    """y = gain u, with a vector and a matrix."""
+    c = Component("Mixer", kind="discrete", sample_time=0.001, description="matrix gain", source="test")
+    gain = c.parameter("gain", np.zeros((2, 3)), "1", "gains")
+    u = c.input("u", "m", "input", shape=(3,), start=1.0)
+    c.output("y", gain @ u, "m", "output")
+    return c
+
+
+@pytest.fixture(scope="session")
+def native(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("native")
+    cache = ObjectCache(folder / "objects")
+    paths = {}
+    both = [(make, version, False) for make in (mass, mixer) for version in (2, 3)]
+    variants = [*both, (mixer, 3, True), (chain, 3, True)]
+        (mass, 2, False),
+        (mass, 3, False),
+        (mixer, 2, False),
+        (mixer, 3, False),
+        (mixer, 3, True),
+        (chain, 3, True),
+    )
+    for make, version, arrays in variants:
+        name = f"{make.__name__}{version}{'a' if arrays else ''}"
+        paths[name] = folder / f"{name}.fmu"
+        paths[name].write_bytes(build_fmu(make(), version, resolve_platforms("host"), cache, arrays=arrays))
+    return paths
+
+
+@pytest.mark.parametrize("version", [2, 3])
+def test_saved_states_continue_bit_for_bit(native, version):
+    with System() as system:
+        system.add("mass", native[f"mass{version}"], parameters={"mass": 1.0})
+        simulation = system.initialize()
+        simulation.advance(0.5)
+        state = simulation.save()
+        simulation.advance(1.0)
+        first = simulation.recording
+        simulation.restore(state)
+        simulation.advance(1.0)
+        np.testing.assert_array_equal(simulation.recording.data, first.data)
+        continued = system.run(1.0, state=state)
+        np.testing.assert_array_equal(continued["mass.x"], first["mass.x"][500:])
+        np.testing.assert_allclose(first["mass.x"], 0.1 * np.cos(np.sqrt(50) * first.time), atol=1e-6)
+
+
+def test_both_versions_give_the_same_bits(native):
+    with System() as system:
+        system.add("two", native["mass2"])
+        system.add("three", native["mass3"])
+        result = system.run(1.0)
+    np.testing.assert_array_equal(result["two.x"], result["three.x"])
+
+
+@pytest.mark.parametrize("version", [2, 3])
+def test_linear_model_of_an_fmu(native, version):
+    with System() as system:
+        member = system.add("mass", native[f"mass{version}"])
+        system.initialize()
+        about = member.description
+        a, b, c, d = member.component.linearize([about.variables["force"]], [about.variables["a"]])
+        np.testing.assert_allclose(a, [[0, 1], [-25, 0]])
+        np.testing.assert_allclose(b, [[0], [0.5]])
+        np.testing.assert_allclose(c, [[-25, 0]])
+        np.testing.assert_allclose(d, [[0.5]])
+        assert system.coupled_spectral_radius().radius == pytest.approx(1.0, abs=1e-9)
+
+
+def test_linear_model_with_arrays(native):
+    with System() as system:
+        member = system.add("chain", native["chain3a"])
+        system.initialize()
+        about = member.description
+        a, b, c, _ = member.component.linearize([about.variables["force[2]"]], [about.variables["x[2]"]])
+        np.testing.assert_allclose(a, [[0, 1], [-25, 0]])
+        np.testing.assert_allclose(b, [[0], [2]])
+        np.testing.assert_allclose(c, [[0, 1]])
+
+
+@pytest.mark.parametrize("name", ["mixer2", "mixer3", "mixer3a"])
+def test_arrays_are_wired_and_set_by_element(native, name):
+    gain = np.array([[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]])
+    with System() as system:
+        system.add("mixer", native[name], parameters={"gain": gain, "gain[2,3]": 60.0})
+        system.add("source", Source())
+        system.connect("source.y", "mixer.u[2]")
+        for record in (["mixer.y"], ["mixer.y[2]"]):
+            result = system.run(0.003, record=record)
+            np.testing.assert_allclose(result["mixer.y[2]"][:-1], [4 + 5 * 7 + 60] * 3)
+        np.testing.assert_allclose(system.run(0.003, record=["mixer.y[1]"])["mixer.y[1]"][:-1], [1 + 14 + 3] * 3)
+
+
+class Source(PythonComponent):
+    """7 metres."""
+
+    kind = "discrete"
+    default_step = "1 ms"
+    outputs = ("y [m]",)
+
+    def start(self, u, y):  # noqa: ARG002
+        y[0] = 7.0
+
+    def step(self, t, h, u, y):  # noqa: ARG002
+        self.start(u, y)
+
+
+class Broken(PythonComponent):
+    """Gives up at 50 ms."""
+
+    kind = "discrete"
+    default_step = "10 ms"
+    outputs = ("f [N]",)
+
+    def step(self, t, h, u, y):  # noqa: ARG002
+        y[0] = np.nan if t >= 0.05 else 1.0
+
+
+@pytest.mark.parametrize("version", [2, 3])
+def test_a_value_that_is_not_finite_ends_the_run_and_is_named(native, version):
+    with System() as system:
+        system.add("mass", native[f"mass{version}"])
+        system.add("source", Broken())
+        system.connect("source.f", "mass.force")
+        with pytest.raises(ComponentError, match=r"(?s)'mass'.*t = 0\.05 s.*force") as caught:
+            system.run(1.0)
+        assert caught.value.recording.time[-1] == 0.05
+        with pytest.raises(ComponentError):  # and again, on the reset instance
+            system.run(1.0)
+        system.disconnect("mass.force")
+        assert system.run(0.1).time[-1] == 0.1
+
+
+@pytest.mark.parametrize("version", [2, 3])
+def test_tunable_and_fixed_parameters(native, version):
+    with System() as system:
+        system.add("mass", native[f"mass{version}"])
+        simulation = system.initialize()
+        simulation.advance(0.1)
+        simulation.set("mass.stiffness", 80.0)
+        with pytest.raises(CosimError, match=r"mass\.mass is fixed while the simulation runs"):
+            simulation.set("mass.mass", 1.0)
+        simulation.advance(0.2)
+        assert simulation.time == 0.2
+
+
+def test_many_instances_do_not_leak(native):
+    for _ in range(30):
+        with System() as system:
+            system.add("a", native["mass2"])
+            system.add("b", native["mass3"])
+            system.initialize().save()
