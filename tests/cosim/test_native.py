@@ -51,13 +51,6 @@ def native(tmp_path_factory):
     paths = {}
     both = [(make, version, False) for make in (mass, mixer) for version in (2, 3)]
     variants = [*both, (mixer, 3, True), (chain, 3, True)]
-        (mass, 2, False),
-        (mass, 3, False),
-        (mixer, 2, False),
-        (mixer, 3, False),
-        (mixer, 3, True),
-        (chain, 3, True),
-    )
     for make, version, arrays in variants:
         name = f"{make.__name__}{version}{'a' if arrays else ''}"
         paths[name] = folder / f"{name}.fmu"
