@@ -147,7 +147,7 @@ def _layout(figure: Figure, narrow: bool) -> dict[str, Any]:
             y += X_LABEL_HEIGHT if any(labelled[i] for i in cells) else 14
     total = y
     legend = _legend_height(figure, NARROW_LEGEND if narrow else WIDE_LEGEND)
-    gap = 0.0 if columns == 1 else 0.09 if columns == 2 else 0.075
+    gap = 0.0 if columns == 1 else 0.11  # room for tick labels such as -10 000 and a label
 
     layout: dict[str, Any] = {
         "template": "none",
@@ -155,6 +155,7 @@ def _layout(figure: Figure, narrow: bool) -> dict[str, Any]:
         "height": total + legend + X_LABEL_HEIGHT,
         "margin": {"t": legend, "b": X_LABEL_HEIGHT, "l": 56 if narrow else 72, "r": 12},
         "font": {"family": FONT, "size": 12 if narrow else 13, "color": INK},
+        "separators": ".\u202f",
         "paper_bgcolor": "#ffffff",
         "plot_bgcolor": "#ffffff",
         "hovermode": "x unified",
