@@ -23,7 +23,7 @@ lint: $(VENV)/.test
 
 bench: $(VENV)/.test
 	$(BIN)/build-fmus
-	$(BIN)/python -m pytest benchmarks
+	$(BIN)/python -m benchmarks
 
 fmus: $(VENV)/.run
 	$(BIN)/build-fmus

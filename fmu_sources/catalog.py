@@ -64,8 +64,8 @@ def vehicle_catalog(vehicle: str | Path, *, plant: str, suffix: str | None) -> d
 
     entries = [Entry(plant, f"nonlinear full car, vehicle file {vehicle}", full_car, files=files)]
     if suffix is not None:
-        for name, summary in _ROADS.items():
-            entries.append(Entry(name + suffix, summary, _road(name, vehicle, name + suffix), files=files))
+        for name, (maker, summary) in _ROADS.items():
+            entries.append(Entry(name + suffix, summary, _road(maker, vehicle, name + suffix), files=files))
         needs = (plant, "RoadPerryman3" + suffix, "SpeedProfile")
         for name, (summary, variant) in _GPC.items():
             make = _gpc(variant, plant, "RoadPerryman3" + suffix, name + suffix)
@@ -96,10 +96,10 @@ def find(catalog: dict[str, Entry], name: str) -> Entry:
         raise KeyError(f"no FMU named {name!r}{hint} (build-fmus --list shows all)") from None
 
 
-_ROADS = {
-    "RoadSine": "sine road of paper 000",
-    "RoadCurb": "curb road of paper 000",
-    "RoadPerryman3": "synthetic stand-in for the Perryman 3 test course",
+_ROADS = {  # name -> maker in fmu_sources.roads, summary
+    "RoadSine": ("road_sine", "sine road of paper 000"),
+    "RoadCurb": ("road_curb", "curb road of paper 000"),
+    "RoadPerryman3": ("road_perryman3", "synthetic stand-in for the Perryman 3 test course"),
 }
 _GPC = {
     "GpcImplicit": ("GPC with implicit disturbances (paper 000)", "implicit"),
@@ -121,13 +121,12 @@ def _speed_profile(_: Context) -> Component:
     return speed_profile()
 
 
-def _road(kind: str, vehicle: str | Path, name: str) -> Callable[[Context], Component]:
+def _road(maker: str, vehicle: str | Path, name: str) -> Callable[[Context], Component]:
     def make(_: Context) -> Component:
         from fmu_sources import roads
         from fmu_sources.vehicles import load_full_car
 
-        makers = {"RoadSine": roads.road_sine, "RoadCurb": roads.road_curb, "RoadPerryman3": roads.road_perryman3}
-        return makers[kind](roads.RoadLayout.of(load_full_car(vehicle)), name=name)
+        return getattr(roads, maker)(roads.RoadLayout.of(load_full_car(vehicle)), name=name)
 
     return make
 

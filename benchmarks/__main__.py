@@ -1,0 +1,59 @@
+"""``python -m benchmarks``: all benchmarks, as ratios measured in one run. Needs the FMUs (``build-fmus``)."""
+
+from __future__ import annotations
+
+import json
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+from rich.console import Console
+from rich.table import Table
+
+from benchmarks.master_cost import measure
+from cosim import System
+from cosim.experiments import gpc_study
+from cosim.experiments.gpc import FmuSet
+
+
+def full_car() -> dict[str, float]:
+    """Simulated time per wall time of the full car alone at 1 ms."""
+    import warnings
+
+    warnings.simplefilter("ignore")
+    with System() as system:
+        system.add("car", FmuSet().car, step="1 ms")
+        recording = system.run(20.0, record=["car.x"], record_interval="100 ms")
+    return {"simulated time / wall time": recording.real_time_factor}
+
+
+def study() -> dict[str, float]:
+    """The whole published study from nothing, on all cores."""
+    with tempfile.TemporaryDirectory() as tmp:
+        begin = time.perf_counter()
+        result = gpc_study.study(FmuSet(), Path(tmp))
+        seconds = time.perf_counter() - begin
+    simulated = sum(r.get("duration", 0.0) for r in result.rows)
+    return {"wall time [s]": seconds, "simulated time / wall time": simulated / seconds}
+
+
+def main() -> None:
+    """Run and print; ``--json FILE`` keeps the numbers."""
+    results = {
+        "full car alone": full_car(),
+        "master, passive system (3 FMUs)": measure("passive"),
+        "master, preview system (4 FMUs)": measure("preview"),
+        "cosim study gpc": study(),
+    }
+    for title, rows in results.items():
+        table = Table(title, "", box=None)
+        for name, value in rows.items():
+            table.add_row(name, f"{value:.3g}")
+        Console().print(table)
+    if sys.argv[1:2] == ["--json"]:
+        Path(sys.argv[2]).write_text(json.dumps(results, indent=1) + "\n")
+
+
+if __name__ == "__main__":
+    main()
