@@ -159,7 +159,7 @@ def _layout(figure: Figure, narrow: bool) -> dict[str, Any]:
         "paper_bgcolor": "#ffffff",
         "plot_bgcolor": "#ffffff",
         "hovermode": "x unified",
-        "hoverlabel": {"bgcolor": "#ffffff", "bordercolor": RULE, "font": {"size": 12}, "namelength": -1},
+        "hoverlabel": {"bgcolor": "#ffffff", "bordercolor": RULE, "font": {"size": 12, "color": INK}, "namelength": -1},
         "legend": {
             "orientation": "h",
             "x": 0,
