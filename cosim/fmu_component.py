@@ -109,6 +109,7 @@ class FmuComponent:
                     self.forget(state)
                 self._finalizer()
             self._instance = None
+            self._states = []
 
     # Calls and what to do with their status.
 
@@ -308,12 +309,17 @@ class FmuComponent:
         return state
 
     def restore(self, state: Any) -> None:
+        if not self._holds(state):
+            raise CosimError(f"'{self.name}': this saved state was freed, or its instance was")
         self._must("SetFMUState" if self._v3 else "SetFMUstate", state[0])
 
     def forget(self, state: Any) -> None:
-        if self._instance is not None and not self._dead and state[0] != self._ffi.NULL:
-            self._call("FreeFMUState" if self._v3 else "FreeFMUstate", state)
+        if self._holds(state):
             self._states = [other for other in self._states if other is not state]
+            self._call("FreeFMUState" if self._v3 else "FreeFMUstate", state)
+
+    def _holds(self, state: Any) -> bool:
+        return not self._dead and any(other is state for other in self._states)
 
     def linearize(self, inputs: Sequence[Variable], outputs: Sequence[Variable]) -> tuple[Array, Array, Array, Array]:
         """(A, B, C, D) at the present state for the given inputs and outputs, by directional derivatives. States and
