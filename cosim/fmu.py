@@ -31,6 +31,7 @@ class Fmu:
         self.major = self.description.fmi_version[0]
         self._folder: Path | None = None
         self._library: Any = None
+        self._abandoned = False
         self._ffi = fmi.ffi2 if self.major == "2" else fmi.ffi3
         self._owned: list[Path] = []
         self._cleanup = weakref.finalize(self, _remove, self._owned)
@@ -93,7 +94,7 @@ class Fmu:
         return self._library, self._folder
 
     def _unpack(self) -> Path:
-        if self.path.is_dir() and not self.description.only_once:
+        if self.path.is_dir() and not self.description.only_once and not self._abandoned:
             return self.path.resolve()
         folder = Path(tempfile.mkdtemp(prefix="cosim-"))
         self._owned.append(folder)
@@ -112,6 +113,7 @@ class Fmu:
     def abandon(self) -> None:
         """After a Fatal: leave the loaded library alone; the next instance gets a copy of its own."""
         self._library = None
+        self._abandoned = True
 
     def instance(self) -> FmuComponent:
         """A new component of this FMU."""

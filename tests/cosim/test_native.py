@@ -70,14 +70,15 @@ def test_saved_states_continue_bit_for_bit(native, version):
         simulation.restore(state)
         simulation.advance(1.0)
         np.testing.assert_array_equal(simulation.recording.data, first.data)
+        system.initialize()
         with pytest.raises(CosimError, match="it is closed"):
-            system.initialize()
             simulation.restore(state)
         continued = system.run(1.0, state=state)
         np.testing.assert_array_equal(continued["mass.x"], first["mass.x"][500:])
+        saved = state.components["mass"]
         system.initialize().forget(state)
-        with pytest.raises(CosimError, match="mass|freed"):
-            system["mass"].component.restore(None)
+        with pytest.raises(CosimError, match="was freed"):
+            system["mass"].component.restore(saved)
         np.testing.assert_allclose(first["mass.x"], 0.1 * np.cos(np.sqrt(50) * first.time), atol=1e-6)
 
 
