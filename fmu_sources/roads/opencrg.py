@@ -95,9 +95,7 @@ def _channels(path: Path, lines: list[str]) -> tuple[str, list[str]]:
     form = next((text[2:].strip().upper() for text in lines if text.startswith("#:")), "KRBI")
     if form not in _WIDTH:
         known = ", ".join(_WIDTH)
-        raise RoadError(
-            f"{path}: data format {form}; only the ASCII formats {known} are read (the OpenCRG tools convert binary files)"
-        )
+        raise RoadError(f"{path}: data format {form}; only ASCII ({known}) is read; OpenCRG tools convert binary files")
     channels = [" ".join(text[2:].split(",")[0].split()).lower() for text in lines if text.upper().startswith("D:")]
     if sum(c.startswith("long section") for c in channels) < 2:
         raise RoadError(
