@@ -14,6 +14,7 @@ typedef struct {
 #define ANY_MODE 127u
 #define READABLE (MODE_INITIALIZATION | MODE_EVENT | MODE_CONTINUOUS_TIME | MODE_STEP | MODE_TERMINATED | MODE_ERROR)
 #define WRITABLE (MODE_INSTANTIATED | MODE_INITIALIZATION | MODE_EVENT | MODE_CONTINUOUS_TIME | MODE_STEP)
+#define WRITABLE_DISCRETE (WRITABLE & ~MODE_CONTINUOUS_TIME) /* all that is not a floating-point number */
 #define RUNNING (MODE_EVENT | MODE_CONTINUOUS_TIME | MODE_STEP)
 
 /* Every function starts with the modes in which it may be called. */
@@ -113,7 +114,7 @@ fmi2Status fmi2Reset(fmi2Component c) {
 
 static double read_int(const void *values, size_t i) { return (double)((const int *)values)[i]; }
 static double read_flag(const void *values, size_t i) { return ((const int *)values)[i] ? 1.0 : 0.0; }
-static void write_int(void *values, size_t i, double value) { ((int *)values)[i] = (int)value; }
+static void write_int(void *values, size_t i, double value) { ((int *)values)[i] = fmu_to_int(value); }
 static void write_flag(void *values, size_t i, double value) { ((int *)values)[i] = value != 0.0; }
 
 fmi2Status fmi2GetReal(fmi2Component c, const fmi2ValueReference vr[], size_t nvr, fmi2Real value[]) {
@@ -137,12 +138,12 @@ fmi2Status fmi2SetReal(fmi2Component c, const fmi2ValueReference vr[], size_t nv
 }
 
 fmi2Status fmi2SetInteger(fmi2Component c, const fmi2ValueReference vr[], size_t nvr, const fmi2Integer value[]) {
-    ENTER(WRITABLE);
+    ENTER(WRITABLE_DISCRETE);
     return (fmi2Status)fmu_set_as(self, __func__, FMU_INT32, vr, nvr, value, nvr, read_int);
 }
 
 fmi2Status fmi2SetBoolean(fmi2Component c, const fmi2ValueReference vr[], size_t nvr, const fmi2Boolean value[]) {
-    ENTER(WRITABLE);
+    ENTER(WRITABLE_DISCRETE);
     return (fmi2Status)fmu_set_as(self, __func__, FMU_BOOLEAN, vr, nvr, value, nvr, read_flag);
 }
 
@@ -161,7 +162,7 @@ fmi2Status fmi2GetString(fmi2Component c, const fmi2ValueReference vr[], size_t 
 fmi2Status fmi2SetString(fmi2Component c, const fmi2ValueReference vr[], size_t nvr, const fmi2String value[]) {
     (void)vr;
     (void)value;
-    ENTER(WRITABLE);
+    ENTER(WRITABLE_DISCRETE);
     return no_strings(self, __func__, nvr);
 }
 
@@ -200,7 +201,7 @@ fmi2Status fmi2DeSerializeFMUstate(fmi2Component c, const fmi2Byte bytes[], size
 fmi2Status fmi2GetDirectionalDerivative(fmi2Component c, const fmi2ValueReference unknowns[], size_t nUnknowns,
                                         const fmi2ValueReference knowns[], size_t nKnowns, const fmi2Real seed[],
                                         fmi2Real sensitivity[]) {
-    ENTER(MODE_INITIALIZATION | RUNNING);
+    ENTER(MODE_INITIALIZATION | RUNNING | MODE_TERMINATED);
     return (fmi2Status)fmu_directional_derivative(self, __func__, unknowns, nUnknowns, knowns, nKnowns, seed, nKnowns,
                                                   sensitivity, nUnknowns);
 }
@@ -252,24 +253,24 @@ fmi2Status fmi2SetContinuousStates(fmi2Component c, const fmi2Real x[], size_t n
     return (fmi2Status)fmu_fail(self, FMU_ERROR, "%s: the instance was created for Co-Simulation", __func__)
 
 fmi2Status fmi2GetDerivatives(fmi2Component c, fmi2Real derivatives[], size_t nx) {
-    ENTER_MODEL_EXCHANGE(MODE_INITIALIZATION | MODE_EVENT | MODE_CONTINUOUS_TIME);
+    ENTER_MODEL_EXCHANGE(MODE_INITIALIZATION | MODE_EVENT | MODE_CONTINUOUS_TIME | MODE_TERMINATED);
     return (fmi2Status)fmu_get_derivatives(self, __func__, derivatives, nx);
 }
 
 fmi2Status fmi2GetEventIndicators(fmi2Component c, fmi2Real eventIndicators[], size_t ni) {
     (void)eventIndicators;
-    ENTER_MODEL_EXCHANGE(MODE_INITIALIZATION | MODE_EVENT | MODE_CONTINUOUS_TIME);
+    ENTER_MODEL_EXCHANGE(MODE_INITIALIZATION | MODE_EVENT | MODE_CONTINUOUS_TIME | MODE_TERMINATED);
     if (ni) return (fmi2Status)fmu_fail(self, FMU_ERROR, "%s: there are no event indicators", __func__);
     return fmi2OK;
 }
 
 fmi2Status fmi2GetContinuousStates(fmi2Component c, fmi2Real x[], size_t nx) {
-    ENTER_MODEL_EXCHANGE(MODE_INITIALIZATION | MODE_EVENT | MODE_CONTINUOUS_TIME);
+    ENTER_MODEL_EXCHANGE(MODE_INITIALIZATION | MODE_EVENT | MODE_CONTINUOUS_TIME | MODE_TERMINATED);
     return (fmi2Status)fmu_get_states(self, __func__, x, nx);
 }
 
 fmi2Status fmi2GetNominalsOfContinuousStates(fmi2Component c, fmi2Real nominals[], size_t nx) {
-    ENTER_MODEL_EXCHANGE(MODE_INITIALIZATION | MODE_EVENT | MODE_CONTINUOUS_TIME);
+    ENTER_MODEL_EXCHANGE(MODE_INITIALIZATION | MODE_EVENT | MODE_CONTINUOUS_TIME | MODE_TERMINATED);
     return (fmi2Status)fmu_get_nominals(self, __func__, nominals, nx);
 }
 
@@ -307,7 +308,10 @@ fmi2Status fmi2CancelStep(fmi2Component c) {
     return (fmi2Status)fmu_fail(self, FMU_ERROR, "%s: steps are not asynchronous", __func__);
 }
 
-#define STATUS_MODES (MODE_STEP | MODE_TERMINATED | MODE_ERROR)
+#define ENTER_STATUS                                   \
+    ENTER(MODE_STEP | MODE_TERMINATED | MODE_ERROR);   \
+    if (!fmu_is_co_simulation(self))                   \
+    return (fmi2Status)fmu_fail(self, FMU_ERROR, "%s: the instance was created for Model Exchange", __func__)
 
 static fmi2Status no_status(FmuInstance *self, const char *function) {
     return (fmi2Status)fmu_fail(self, FMU_DISCARD, "%s: this status is only for asynchronous steps", function);
@@ -316,12 +320,12 @@ static fmi2Status no_status(FmuInstance *self, const char *function) {
 fmi2Status fmi2GetStatus(fmi2Component c, const fmi2StatusKind s, fmi2Status *value) {
     (void)s;
     (void)value;
-    ENTER(STATUS_MODES);
+    ENTER_STATUS;
     return no_status(self, __func__);
 }
 
 fmi2Status fmi2GetRealStatus(fmi2Component c, const fmi2StatusKind s, fmi2Real *value) {
-    ENTER(STATUS_MODES);
+    ENTER_STATUS;
     if (s != fmi2LastSuccessfulTime) return no_status(self, __func__);
     if (!value) return (fmi2Status)fmu_fail(self, FMU_ERROR, "%s: NULL argument", __func__);
     *value = fmu_time(self);
@@ -331,12 +335,12 @@ fmi2Status fmi2GetRealStatus(fmi2Component c, const fmi2StatusKind s, fmi2Real *
 fmi2Status fmi2GetIntegerStatus(fmi2Component c, const fmi2StatusKind s, fmi2Integer *value) {
     (void)s;
     (void)value;
-    ENTER(STATUS_MODES);
+    ENTER_STATUS;
     return no_status(self, __func__);
 }
 
 fmi2Status fmi2GetBooleanStatus(fmi2Component c, const fmi2StatusKind s, fmi2Boolean *value) {
-    ENTER(STATUS_MODES);
+    ENTER_STATUS;
     if (s != fmi2Terminated) return no_status(self, __func__);
     if (!value) return (fmi2Status)fmu_fail(self, FMU_ERROR, "%s: NULL argument", __func__);
     *value = fmi2False;
@@ -346,6 +350,6 @@ fmi2Status fmi2GetBooleanStatus(fmi2Component c, const fmi2StatusKind s, fmi2Boo
 fmi2Status fmi2GetStringStatus(fmi2Component c, const fmi2StatusKind s, fmi2String *value) {
     (void)s;
     (void)value;
-    ENTER(STATUS_MODES);
+    ENTER_STATUS;
     return no_status(self, __func__);
 }

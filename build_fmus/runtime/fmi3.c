@@ -13,6 +13,7 @@ typedef struct {
 #define ANY_MODE 127u
 #define READABLE (MODE_INITIALIZATION | MODE_EVENT | MODE_CONTINUOUS_TIME | MODE_STEP | MODE_TERMINATED | MODE_ERROR)
 #define WRITABLE (MODE_INSTANTIATED | MODE_INITIALIZATION | MODE_EVENT | MODE_CONTINUOUS_TIME | MODE_STEP)
+#define WRITABLE_DISCRETE (WRITABLE & ~MODE_CONTINUOUS_TIME) /* all that is not a floating-point number */
 #define RUNNING (MODE_EVENT | MODE_CONTINUOUS_TIME | MODE_STEP)
 
 /* Every function starts with the modes in which it may be called. */
@@ -133,7 +134,7 @@ fmi3Status fmi3Reset(fmi3Instance instance) {
 
 static double read_int(const void *values, size_t i) { return (double)((const int32_t *)values)[i]; }
 static double read_flag(const void *values, size_t i) { return ((const unsigned char *)values)[i] ? 1.0 : 0.0; }
-static void write_int(void *values, size_t i, double value) { ((int32_t *)values)[i] = (int32_t)value; }
+static void write_int(void *values, size_t i, double value) { ((int32_t *)values)[i] = fmu_to_int(value); }
 static void write_flag(void *values, size_t i, double value) { ((unsigned char *)values)[i] = value != 0.0; }
 
 fmi3Status fmi3GetFloat64(fmi3Instance instance, const fmi3ValueReference valueReferences[], size_t nValueReferences,
@@ -162,13 +163,13 @@ fmi3Status fmi3SetFloat64(fmi3Instance instance, const fmi3ValueReference valueR
 
 fmi3Status fmi3SetInt32(fmi3Instance instance, const fmi3ValueReference valueReferences[], size_t nValueReferences,
                         const fmi3Int32 values[], size_t nValues) {
-    ENTER(WRITABLE);
+    ENTER(WRITABLE_DISCRETE);
     return (fmi3Status)fmu_set_as(self, __func__, FMU_INT32, valueReferences, nValueReferences, values, nValues, read_int);
 }
 
 fmi3Status fmi3SetBoolean(fmi3Instance instance, const fmi3ValueReference valueReferences[], size_t nValueReferences,
                           const fmi3Boolean values[], size_t nValues) {
-    ENTER(WRITABLE);
+    ENTER(WRITABLE_DISCRETE);
     return (fmi3Status)fmu_set_as(self, __func__, FMU_BOOLEAN, valueReferences, nValueReferences, values, nValues, read_flag);
 }
 
@@ -178,31 +179,31 @@ static fmi3Status no_variables(FmuInstance *self, const char *function, size_t n
     return (fmi3Status)fmu_fail(self, FMU_ERROR, "%s: %s has no variables of this type", function, fmu_model.name);
 }
 
-#define NO_VARIABLES(type)                                                                                            \
+#define NO_VARIABLES(type, writable)                                                                                     \
     fmi3Status fmi3Get##type(fmi3Instance instance, const fmi3ValueReference valueReferences[], size_t nValueReferences, \
-                             fmi3##type values[], size_t nValues) {                                                    \
-        (void)valueReferences;                                                                                         \
-        (void)values;                                                                                                  \
-        ENTER(READABLE);                                                                                               \
-        return no_variables(self, __func__, nValueReferences + nValues);                                               \
-    }                                                                                                                  \
+                             fmi3##type values[], size_t nValues) {                                                      \
+        (void)valueReferences;                                                                                           \
+        (void)values;                                                                                                    \
+        ENTER(READABLE);                                                                                                 \
+        return no_variables(self, __func__, nValueReferences + nValues);                                                 \
+    }                                                                                                                    \
     fmi3Status fmi3Set##type(fmi3Instance instance, const fmi3ValueReference valueReferences[], size_t nValueReferences, \
-                             const fmi3##type values[], size_t nValues) {                                              \
-        (void)valueReferences;                                                                                         \
-        (void)values;                                                                                                  \
-        ENTER(WRITABLE);                                                                                               \
-        return no_variables(self, __func__, nValueReferences + nValues);                                               \
+                             const fmi3##type values[], size_t nValues) {                                                \
+        (void)valueReferences;                                                                                           \
+        (void)values;                                                                                                    \
+        ENTER(writable);                                                                                                 \
+        return no_variables(self, __func__, nValueReferences + nValues);                                                 \
     }
 
-NO_VARIABLES(Float32)
-NO_VARIABLES(Int8)
-NO_VARIABLES(UInt8)
-NO_VARIABLES(Int16)
-NO_VARIABLES(UInt16)
-NO_VARIABLES(UInt32)
-NO_VARIABLES(Int64)
-NO_VARIABLES(UInt64)
-NO_VARIABLES(String)
+NO_VARIABLES(Float32, WRITABLE)
+NO_VARIABLES(Int8, WRITABLE_DISCRETE)
+NO_VARIABLES(UInt8, WRITABLE_DISCRETE)
+NO_VARIABLES(Int16, WRITABLE_DISCRETE)
+NO_VARIABLES(UInt16, WRITABLE_DISCRETE)
+NO_VARIABLES(UInt32, WRITABLE_DISCRETE)
+NO_VARIABLES(Int64, WRITABLE_DISCRETE)
+NO_VARIABLES(UInt64, WRITABLE_DISCRETE)
+NO_VARIABLES(String, WRITABLE_DISCRETE)
 
 fmi3Status fmi3GetBinary(fmi3Instance instance, const fmi3ValueReference valueReferences[], size_t nValueReferences,
                          size_t valueSizes[], fmi3Binary values[], size_t nValues) {
@@ -218,7 +219,7 @@ fmi3Status fmi3SetBinary(fmi3Instance instance, const fmi3ValueReference valueRe
     (void)valueReferences;
     (void)valueSizes;
     (void)values;
-    ENTER(WRITABLE);
+    ENTER(WRITABLE_DISCRETE);
     return no_variables(self, __func__, nValueReferences + nValues);
 }
 
@@ -324,7 +325,7 @@ fmi3Status fmi3DeserializeFMUState(fmi3Instance instance, const fmi3Byte seriali
 fmi3Status fmi3GetDirectionalDerivative(fmi3Instance instance, const fmi3ValueReference unknowns[], size_t nUnknowns,
                                         const fmi3ValueReference knowns[], size_t nKnowns, const fmi3Float64 seed[],
                                         size_t nSeed, fmi3Float64 sensitivity[], size_t nSensitivity) {
-    ENTER(MODE_INITIALIZATION | RUNNING);
+    ENTER(MODE_INITIALIZATION | RUNNING | MODE_TERMINATED);
     return (fmi3Status)fmu_directional_derivative(self, __func__, unknowns, nUnknowns, knowns, nKnowns, seed, nSeed,
                                                   sensitivity, nSensitivity);
 }
@@ -377,24 +378,24 @@ fmi3Status fmi3SetContinuousStates(fmi3Instance instance, const fmi3Float64 cont
     return (fmi3Status)fmu_fail(self, FMU_ERROR, "%s: the instance was created for Co-Simulation", __func__)
 
 fmi3Status fmi3GetContinuousStateDerivatives(fmi3Instance instance, fmi3Float64 derivatives[], size_t nContinuousStates) {
-    ENTER_MODEL_EXCHANGE(MODE_INITIALIZATION | MODE_EVENT | MODE_CONTINUOUS_TIME);
+    ENTER_MODEL_EXCHANGE(MODE_INITIALIZATION | MODE_EVENT | MODE_CONTINUOUS_TIME | MODE_TERMINATED);
     return (fmi3Status)fmu_get_derivatives(self, __func__, derivatives, nContinuousStates);
 }
 
 fmi3Status fmi3GetEventIndicators(fmi3Instance instance, fmi3Float64 eventIndicators[], size_t nEventIndicators) {
     (void)eventIndicators;
-    ENTER_MODEL_EXCHANGE(MODE_INITIALIZATION | MODE_EVENT | MODE_CONTINUOUS_TIME);
+    ENTER_MODEL_EXCHANGE(MODE_INITIALIZATION | MODE_EVENT | MODE_CONTINUOUS_TIME | MODE_TERMINATED);
     if (nEventIndicators) return (fmi3Status)fmu_fail(self, FMU_ERROR, "%s: there are no event indicators", __func__);
     return fmi3OK;
 }
 
 fmi3Status fmi3GetContinuousStates(fmi3Instance instance, fmi3Float64 continuousStates[], size_t nContinuousStates) {
-    ENTER_MODEL_EXCHANGE(MODE_INITIALIZATION | MODE_EVENT | MODE_CONTINUOUS_TIME);
+    ENTER_MODEL_EXCHANGE(MODE_INITIALIZATION | MODE_EVENT | MODE_CONTINUOUS_TIME | MODE_TERMINATED);
     return (fmi3Status)fmu_get_states(self, __func__, continuousStates, nContinuousStates);
 }
 
 fmi3Status fmi3GetNominalsOfContinuousStates(fmi3Instance instance, fmi3Float64 nominals[], size_t nContinuousStates) {
-    ENTER_MODEL_EXCHANGE(MODE_INITIALIZATION | MODE_EVENT | MODE_CONTINUOUS_TIME);
+    ENTER_MODEL_EXCHANGE(MODE_INITIALIZATION | MODE_EVENT | MODE_CONTINUOUS_TIME | MODE_TERMINATED);
     return (fmi3Status)fmu_get_nominals(self, __func__, nominals, nContinuousStates);
 }
 

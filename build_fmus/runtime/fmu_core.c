@@ -16,7 +16,7 @@
 #define MAX_STEPS_PER_CALL 10000000.0 /* solver steps or samples in one doStep: beyond it the step size is a mistake */
 #define EXPLODED 1e12                 /* times nominal */
 #define SNAPSHOT_MAGIC 0x53464d55u    /* 'SFMU'; also tells a foreign byte order */
-#define SNAPSHOT_VERSION 1u
+#define SNAPSHOT_VERSION 2u
 
 static const FmuModel *const M = &fmu_model;
 
@@ -35,6 +35,7 @@ typedef struct {
 
 struct FmuSnapshot {
     uint32_t magic, version;
+    uint32_t is_co_simulation, reserved; /* the modes of the two interfaces differ */
     uint64_t model;    /* hash of the instantiation token */
     uint64_t length;   /* of the state block */
     uint64_t checksum; /* of the state block */
@@ -44,7 +45,7 @@ struct FmuInstance {
     FmuLog log;
     void *adapter;
     int is_co_simulation;
-    int logging;
+    unsigned logging; /* one bit per category */
     State *state;
     double *p, *u, *x, *dx, *y;             /* into state->v */
     double *stage, *k1, *k2, *k3, *k4;      /* solver, n_states each */
@@ -133,6 +134,7 @@ static const char *const categories[] = {"logEvents", "logStatusWarning", "logSt
 
 FmuStatus fmu_fail(FmuInstance *self, FmuStatus status, const char *format, ...) {
     char message[MESSAGE_LENGTH];
+    if (!(self->logging >> status & 1u)) return status;
     va_list args;
     va_start(args, format);
     (void)vsnprintf(message, sizeof message, format, args);
@@ -143,14 +145,16 @@ FmuStatus fmu_fail(FmuInstance *self, FmuStatus status, const char *format, ...)
 
 FmuStatus fmu_set_logging(FmuInstance *self, const char *function, int on, size_t n, const char *const names[]) {
     if (n && !names) return fmu_fail(self, FMU_ERROR, "%s: NULL array argument", function);
+    unsigned mask = 0;
     for (size_t i = 0; i < n; i++) {
-        int found = 0;
-        for (size_t k = 0; k < sizeof categories / sizeof *categories; k++)
-            found |= names[i] && strcmp(names[i], categories[k]) == 0;
+        unsigned found = 0;
+        for (unsigned k = 0; k < sizeof categories / sizeof *categories; k++)
+            if (names[i] && strcmp(names[i], categories[k]) == 0) found = 1u << k;
         if (!found)
             return fmu_fail(self, FMU_ERROR, "%s: unknown log category '%s'", function, names[i] ? names[i] : "");
+        mask |= found;
     }
-    self->logging = on;
+    self->logging = !on ? 0u : n ? mask : ~0u;
     return FMU_OK;
 }
 
@@ -270,7 +274,7 @@ FmuStatus fmu_exit_initialization(FmuInstance *self) {
     FmuStatus status = refresh_outputs(self);
     if (status == FMU_OK && M->is_continuous) status = refresh_derivatives(self);
     self->state->mode = status != FMU_OK ? MODE_ERROR : self->is_co_simulation ? MODE_STEP : MODE_EVENT;
-    if (self->logging) (void)fmu_fail(self, FMU_OK, "%s initialized at %.9g s", M->name, self->state->time);
+    if (status == FMU_OK) (void)fmu_fail(self, FMU_OK, "%s initialized at %.9g s", M->name, self->state->time);
     return status;
 }
 
@@ -311,6 +315,11 @@ static FmuStatus check_arrays(FmuInstance *self, const char *function, const voi
     return FMU_OK;
 }
 
+/* Nearest value that fits: a conversion out of range is undefined in C. */
+int32_t fmu_to_int(double value) {
+    return value >= (double)INT32_MAX ? INT32_MAX : value <= (double)INT32_MIN ? INT32_MIN : (int32_t)value;
+}
+
 static double read_double(const void *values, size_t i) { return ((const double *)values)[i]; }
 static void write_double(void *values, size_t i, double value) { ((double *)values)[i] = value; }
 
@@ -323,7 +332,7 @@ FmuStatus fmu_get_as(FmuInstance *self, const char *function, FmuType type, cons
         if (!v) return FMU_ERROR;
         if (k + (size_t)v->size > count)
             return fmu_fail(self, FMU_ERROR, "%s: nValues is %zu, too few for the variables up to %s", function, count, v->name);
-        if (self->state->mode != MODE_TERMINATED && self->state->mode != MODE_ERROR)
+        if (self->state->mode != MODE_ERROR) /* after an error: the values as they are */
             status = v->role == FMU_OUTPUT       ? refresh_outputs(self)
                      : v->role == FMU_DERIVATIVE ? refresh_derivatives(self)
                      : v->role == FMU_STATE      ? refresh_start(self)
@@ -346,7 +355,9 @@ static FmuStatus check_settable(FmuInstance *self, const char *function, const F
     unsigned modes = 0;
     switch (v->role) {
         case FMU_PARAMETER: modes = before | (v->is_tunable ? MODE_EVENT | MODE_STEP : 0u); break;
-        case FMU_INPUT: modes = before | MODE_EVENT | MODE_CONTINUOUS_TIME | MODE_STEP; break;
+        case FMU_INPUT: /* Integers and Booleans are discrete: they change at events only */
+            modes = before | MODE_EVENT | MODE_STEP | (v->type == FMU_FLOAT64 ? MODE_CONTINUOUS_TIME : 0u);
+            break;
         case FMU_STATE: modes = v->is_exact ? before : 0u; break;
         default: break;
     }
@@ -483,10 +494,7 @@ static void step_am2(FmuInstance *self, double t, double h, int first) {
 }
 
 static FmuStatus advance_continuous(FmuInstance *self, const char *function, double t, double h) {
-    const double largest = self->p[FMU_SOLVER_STEP_SLOT];
-    const double count = ceil(h / largest * (1.0 - 1e-9));
-    if (count > MAX_STEPS_PER_CALL)
-        return fmu_fail(self, FMU_ERROR, "%s: communicationStepSize %g s asks for %.3g solver steps", function, h, count);
+    const double count = ceil(h / self->p[FMU_SOLVER_STEP_SLOT] * (1.0 - 1e-9));
     const int64_t n = count < 1.0 ? 1 : (int64_t)count;
     const double dt = h / (double)n;
     for (int64_t i = 0; i < n; i++) {
@@ -503,11 +511,9 @@ static FmuStatus advance_continuous(FmuInstance *self, const char *function, dou
     return FMU_OK;
 }
 
-static FmuStatus advance_discrete(FmuInstance *self, const char *function, double t, double h) {
+static FmuStatus advance_discrete(FmuInstance *self, double t, double h) {
     State *s = self->state;
     const double Ts = M->sample_time, end = t + h - 1e-6 * Ts;
-    if (h / Ts > MAX_STEPS_PER_CALL)
-        return fmu_fail(self, FMU_ERROR, "%s: communicationStepSize %g s asks for %.3g samples", function, h, h / Ts);
     for (;;) {
         const double instant = s->start_time + (double)s->sample * Ts;
         if (!(instant < end)) return FMU_OK;
@@ -534,8 +540,12 @@ FmuStatus fmu_do_step(FmuInstance *self, const char *function, double time, doub
                         s->time);
     if (s->has_stop && time + step > s->stop_time + 1e-9 * (1.0 + fabs(s->stop_time)))
         return fmu_fail(self, FMU_ERROR, "%s: the step ends at %.12g, after stopTime %.12g", function, time + step, s->stop_time);
+    const double pieces = step / (M->is_continuous ? self->p[FMU_SOLVER_STEP_SLOT] : M->sample_time);
+    if (pieces > MAX_STEPS_PER_CALL)
+        return fmu_fail(self, FMU_ERROR, "%s: communicationStepSize %g s asks for %.3g %s", function, step, pieces,
+                        M->is_continuous ? "solver steps" : "samples");
     const FmuStatus status =
-        M->is_continuous ? advance_continuous(self, function, time, step) : advance_discrete(self, function, time, step);
+        M->is_continuous ? advance_continuous(self, function, time, step) : advance_discrete(self, time, step);
     s->outputs_valid = M->is_continuous ? 0 : status == FMU_OK && s->started;
     s->derivatives_valid = 0;
     if (status == FMU_OK) s->time = time + step;
@@ -592,9 +602,9 @@ FmuStatus fmu_get_nominals(FmuInstance *self, const char *function, double *nomi
 
 static State *snapshot_state(const void *snapshot) { return (State *)((char *)snapshot + sizeof(FmuSnapshot)); }
 
-static FmuSnapshot header_of(const State *state) {
-    const FmuSnapshot h = {SNAPSHOT_MAGIC, SNAPSHOT_VERSION, fnv1a(M->token, strlen(M->token)), state_size(),
-                           fnv1a(state, state_size())};
+static FmuSnapshot header_of(const FmuInstance *self) {
+    const FmuSnapshot h = {SNAPSHOT_MAGIC, SNAPSHOT_VERSION, (uint32_t)self->is_co_simulation, 0,
+                           fnv1a(M->token, strlen(M->token)), state_size(), fnv1a(self->state, state_size())};
     return h;
 }
 
@@ -607,6 +617,9 @@ static FmuStatus check_snapshot(FmuInstance *self, const char *function, const v
         return fmu_fail(self, FMU_ERROR, "%s: state format %u, this FMU reads %u", function, h.version, SNAPSHOT_VERSION);
     if (h.model != fnv1a(M->token, strlen(M->token)) || h.length != state_size())
         return fmu_fail(self, FMU_ERROR, "%s: the state belongs to another component or build than %s", function, M->name);
+    if (h.is_co_simulation != (uint32_t)self->is_co_simulation)
+        return fmu_fail(self, FMU_ERROR, "%s: the state is one of a %s instance", function,
+                        h.is_co_simulation ? "Co-Simulation" : "Model Exchange");
     return FMU_OK;
 }
 
@@ -619,7 +632,7 @@ FmuStatus fmu_snapshot(FmuInstance *self, const char *function, void **snapshot)
         *snapshot = malloc(sizeof(FmuSnapshot) + state_size());
         if (!*snapshot) return fmu_fail(self, FMU_ERROR, "%s: out of memory", function);
     }
-    const FmuSnapshot h = header_of(self->state);
+    const FmuSnapshot h = header_of(self);
     memcpy(*snapshot, &h, sizeof h);
     memcpy(snapshot_state(*snapshot), self->state, state_size());
     return FMU_OK;

@@ -50,6 +50,7 @@ FmuStatus fmu_get(FmuInstance *self, const char *function, FmuType type, const u
 FmuStatus fmu_set(FmuInstance *self, const char *function, FmuType type, const unsigned *refs, size_t n_refs,
                   const double *values, size_t count);
 /* Integers and Booleans pass through these two, element by element, without a buffer. */
+int32_t fmu_to_int(double value);
 typedef double (*FmuRead)(const void *values, size_t i);
 typedef void (*FmuWrite)(void *values, size_t i, double value);
 FmuStatus fmu_get_as(FmuInstance *self, const char *function, FmuType type, const unsigned *refs, size_t n_refs,
