@@ -41,7 +41,7 @@ Role = Literal["time", "parameter", "input", "state", "derivative", "output"]
 Solver = Literal["rk4", "am2"]
 BaseType = Literal["Float64", "Int32", "Boolean"]
 
-_NAME = re.compile(r"^[A-Za-z_]\w*(\.[A-Za-z_]\w*)*$")
+_NAME = re.compile(r"^[A-Za-z_]\w*(\.[A-Za-z_]\w*)*$", re.ASCII)
 _TYPES: dict[type, BaseType] = {float: "Float64", int: "Int32", bool: "Boolean"}
 
 
@@ -153,7 +153,7 @@ class Component:
         symbols: Any = ca.SX,
         notes: Iterable[str] = (),
     ) -> None:
-        if not re.fullmatch(r"[A-Za-z_]\w*", name):
+        if not re.fullmatch(r"[A-Za-z_]\w*", name, re.ASCII):
             raise DeclarationError(f"component name {name!r} is not an identifier")
         if (sample_time is not None) != (kind == "discrete"):
             raise DeclarationError(f"{name}: a sample_time is for discrete components, and only for those")
@@ -253,7 +253,7 @@ class Component:
             display_unit=display_unit, output=output, exposed=exposed,
         )  # fmt: skip
         if calculated:
-            self._start[name] = start
+            self._start[name] = self._flat(self._variables[name], start, "start")
         return symbol
 
     def derivative(self, state: Any, expression: Any) -> None:
@@ -305,13 +305,18 @@ class Component:
             raise DeclarationError(f"{where}: not a legal structured name")
         if name in self._variables:
             raise DeclarationError(f"{where}: declared twice")
+        if name == "time":
+            raise DeclarationError(f"{where}: every FMU has this variable already; use component.time")
         shape = tuple(int(n) for n in shape)
         if any(n < 1 for n in shape) or len(shape) > 2:
             raise DeclarationError(f"{where}: shape {shape} must be a vector or matrix of positive size")
-        if unit is not None:
-            units.unit(unit)
-        if rest.get("display_unit"):
-            units.display_unit(unit or "", rest["display_unit"])
+        try:
+            if unit is not None:
+                units.unit(unit)
+            if rest.get("display_unit"):
+                units.display_unit(unit or "", rest["display_unit"])
+        except KeyError as error:
+            raise DeclarationError(f"{where}: {error.args[0]}") from None
         flat = None if start is None else tuple(float(v) for v in np.asarray(start, dtype=float).ravel())
         low, high = rest.get("min"), rest.get("max")
         for v in flat or ():
@@ -329,7 +334,8 @@ class Component:
         self._variables[name] = variable
         self._handles[name] = symbol
         self._sizes[role] += size
-        self.__dict__.pop("functions", None)
+        for derived in ("functions", "dependencies", "initial_dependencies", "_jacobians"):
+            self.__dict__.pop(derived, None)
         return symbol
 
     def _relate(self, state: Any, expression: Any, kind: Kind, verb: str) -> None:
@@ -339,14 +345,20 @@ class Component:
             if v.role == "state" and state is self._handles[v.name]:
                 if v.name in self._next:
                     raise DeclarationError(f"{self.name}.{v.name}: {verb} given twice")
-                expression = self._symbols(expression)
-                if expression.numel() == 1 and v.size > 1:
-                    expression = ca.repmat(expression, v.size, 1)
-                if expression.numel() != v.size:
-                    raise DeclarationError(f"{self.name}.{v.name}: {verb} has {expression.numel()} elements, not {v.size}")
-                self._next[v.name] = ca.vec(expression)
+                self._next[v.name] = self._flat(v, expression, verb)
                 return
         raise DeclarationError(f"{self.name}: {verb}() needs the very symbol that state() returned")
+
+    def _flat(self, v: Variable, expression: Any, what: str) -> Any:
+        """``expression`` as row-major column of the elements of ``v``; a scalar is repeated."""
+        expression = self._symbols(expression)
+        if expression.numel() == 1:
+            return ca.repmat(expression, v.size, 1)
+        if len(v.shape) == 2 and tuple(expression.shape) == v.shape:
+            return ca.vec(expression.T)
+        if len(v.shape) == 1 and expression.is_vector() and expression.numel() == v.size:
+            return ca.vec(expression)
+        raise DeclarationError(f"{self.name}.{v.name}: {what} has shape {expression.shape}, not {v.shape or 'that of a scalar'}")
 
     # ------------------------------------------------------------------ reading
 
@@ -444,7 +456,7 @@ class Component:
         nxt = column([self._next[v.name] for v in states])
         # Row-major output elements: vec() of the transpose.
         y = column([ca.vec(self._outputs[v.name].T) for v in self._variables.values() if v.role == "output"])
-        x0 = column([ca.vec(self._symbols(self._start[v.name])) if v.name in self._start else v.symbol for v in states])
+        x0 = column([self._start.get(v.name, v.symbol) for v in states])
         functions: dict[str, ca.Function] = {}
 
         def add(name: str, args: list[Any], outs: list[Any]) -> None:
@@ -474,15 +486,16 @@ class Component:
     def dependencies(self) -> dict[str, list[str]]:
         """Exact structural dependencies from the sparsity pattern.
 
-        Maps each output and derivative element to the names of the exposed states and inputs it depends on
-        (discrete components: inputs, by direct feed-through at a sample instant).
+        Maps each output and derivative element to what it depends on directly: continuous states, inputs and ``time``
+        (discrete components: inputs and ``time``, by feed-through at a sample instant).
         """
-        return self._structure("state", "input", initial=False)
+        roles: tuple[Role, ...] = ("time", "state", "input") if self.kind == "continuous" else ("time", "input")
+        return self._structure(*roles, initial=False)
 
     @cached_property
     def initial_dependencies(self) -> dict[str, list[str]]:
-        """As :attr:`dependencies`, during initialization: knowns are parameters, inputs and settable start values."""
-        return self._structure("state", "input", "parameter", initial=True)
+        """As :attr:`dependencies`, during initialization: knowns are time, parameters, inputs and settable start values."""
+        return self._structure("time", "state", "input", "parameter", initial=True)
 
     def _structure(self, *roles: Role, initial: bool) -> dict[str, list[str]]:
         f = self.functions
@@ -494,9 +507,9 @@ class Component:
             vectors["derivative"] = f["rhs"](t, x_at, u, p)
         if initial:
             vectors["state"] = f["start"](x, u, p)
-        knowns = ca.vertcat(x, u, p)
+        knowns = ca.vertcat(t, x, u, p)
         names: list[str | None] = [None] * knowns.numel()
-        offset = {"state": 0, "input": x.numel(), "parameter": x.numel() + u.numel()}
+        offset: dict[Role, int] = {"time": 0, "state": 1, "input": 1 + x.numel(), "parameter": 1 + x.numel() + u.numel()}
         for e in self.elements(*roles):
             if not (initial and e.variable.role == "state" and e.start is None):
                 names[offset[e.variable.role] + e.slot] = e.name
@@ -512,7 +525,7 @@ class Component:
         if not initial:  # a state that is an output depends on itself alone
             for e in self.elements("state"):
                 if e.variable.output:
-                    result[e.name] = [e.name]
+                    result[e.name] = [e.name] if self.kind == "continuous" else []
         return result
 
     def linearize(

@@ -226,16 +226,13 @@ def _fmi2(component: Component, token: str, sources: list[str]) -> etree._Elemen
     derivatives = [r.name for r in refs if r.variable.role == "derivative"]
     unknowns("Outputs", outputs, dependencies)
     unknowns("Derivatives", derivatives, dependencies)
-    unknowns("InitialUnknowns", _initial_unknowns(refs), initial_dependencies)
+    unknowns("InitialUnknowns", _initial_unknowns(component, refs), initial_dependencies)
     return root
 
 
-def _initial_unknowns(refs: list[Reference]) -> list[str]:
-    return [
-        r.name
-        for r in refs
-        if (r.variable.output or r.variable.role in ("state", "derivative")) and not is_exact(r.variable)
-    ]
+def _initial_unknowns(component: Component, refs: list[Reference]) -> list[str]:
+    roles = ("state", "derivative") if component.kind == "continuous" else ()
+    return [r.name for r in refs if (r.variable.output or r.variable.role in roles) and not is_exact(r.variable)]
 
 
 # ---------------------------------------------------------------------- FMI 3.0
@@ -281,7 +278,7 @@ def _fmi3(component: Component, token: str, arrays: bool) -> etree._Element:
             structure, tag, valueReference=str(value_reference[r.name]), dependencies=" ".join(map(str, on))
         )
 
-    initial_names = set(_initial_unknowns(refs))
+    initial_names = set(_initial_unknowns(component, refs))
     for r in refs:
         if r.variable.output:
             unknown("Output", r, dependencies)
