@@ -68,6 +68,8 @@ def waves(catalog: Mapping[str, Buildable], names: list[str]) -> Iterator[list[s
     left = list(names)
     while left:
         ready = [n for n in left if not any(d in left for d in catalog[n].needs)]
+        if not ready:
+            raise ValueError(f"catalog entries need each other in a circle: {', '.join(left)}")
         yield ready
         left = [n for n in left if n not in ready]
 

@@ -11,6 +11,7 @@ from typing import Annotated
 
 import typer
 from rich.console import Console
+from rich.markup import escape
 from rich.table import Table
 
 from build_fmus import builder
@@ -136,5 +137,5 @@ def main() -> None:
         sys.exit(130)
     except (ValueError, KeyError, OSError, RuntimeError) as error:
         message = error.args[0] if isinstance(error, KeyError) and error.args else error
-        console.print(f"[red]build-fmus:[/red] {message}", markup=True)
+        console.print(f"[red]build-fmus:[/red] {escape(str(message))}", markup=True)
         sys.exit(1)

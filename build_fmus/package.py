@@ -96,7 +96,7 @@ def _documentation(component: Component, fmi: int) -> dict[str, bytes]:
         "documentation/index.html": page.encode(),
         f"documentation/{component.name}_in.csv": result.input_csv().encode(),
         f"documentation/{component.name}_ref.csv": result.output_csv().encode(),
-        "documentation/LICENSE.txt": b"BSD-3-Clause; FMI headers in sources/: BSD-2-Clause, Modelica Association\n",
+        "documentation/licenses/license.txt": b"BSD-3-Clause; FMI headers in sources/: BSD-2-Clause, Modelica Association\n",
     }
 
 
