@@ -32,9 +32,9 @@ class RoadLayout:
     def __post_init__(self) -> None:
         if not self.wheels:
             raise ValueError("a road layout needs at least one wheel")
-        if self.preview_count < 1 or not self.preview_step > 0:
+        if self.preview_count < 2 or not self.preview_step > 0:
             raise ValueError(
-                f"preview of {self.preview_count} heights {self.preview_step:g} s apart: both must be positive"
+                f"preview of {self.preview_count} heights {self.preview_step:g} s apart: at least 2, a positive time apart"
             )
 
     @classmethod

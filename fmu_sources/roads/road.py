@@ -66,16 +66,18 @@ def road(
     x = c.input("x", "m", "distance of the CG along the road")
     speed = c.input("speed", "m/s", "forward speed", display_unit="km/h")
 
-    ahead = ca.DM(range(layout.preview_count)) * layout.preview_step  # s
-    seen = {w.corner: shape.at(x + position[w.corner] + speed * ahead, w.side) for w in layout.wheels}
-    for corner, (height, _) in seen.items():
-        c.output(f"road.{corner}.height", height[0], "m", f"road height under the {corner} wheel")
-    for corner, (_, slope) in seen.items():
-        c.output(f"road.{corner}.slope", slope[0], "1", f"slope dz/dx under the {corner} wheel")
-    for corner, (_, slope) in seen.items():
-        c.output(f"road.{corner}.rate", slope[0] * speed, "m/s", f"rate of the road height under the {corner} wheel")
-    for corner, (height, _) in seen.items():
-        c.output(f"preview.{corner}", height, "m", f"height under the {corner} wheel now, one preview.step later, ...")
+    under = {w.corner: shape.at(x + position[w.corner], w.side) for w in layout.wheels}
+    later = ca.DM(range(1, layout.preview_count)) * layout.preview_step  # s
+    for corner, (height, _) in under.items():
+        c.output(f"road.{corner}.height", height, "m", f"road height under the {corner} wheel")
+    for corner, (_, slope) in under.items():
+        c.output(f"road.{corner}.slope", slope, "1", f"slope dz/dx under the {corner} wheel")
+    for corner, (_, slope) in under.items():
+        c.output(f"road.{corner}.rate", slope * speed, "m/s", f"rate of the road height under the {corner} wheel")
+    for w in layout.wheels:
+        ahead, _ = shape.at(x + position[w.corner] + speed * later, w.side)
+        heights = ca.vertcat(under[w.corner][0], ahead)
+        c.output(f"preview.{w.corner}", heights, "m", f"height under the {w.corner} wheel now, preview.step later, ...")
     c.output("preview.step", layout.preview_step, "s", "time between preview heights", display_unit="ms")
     front = position[max(layout.wheels, key=lambda w: w.x).corner]
     end = shape.start + shape.last * shape.step

@@ -1,0 +1,311 @@
+"""Roads: heights at and between nodes, previews, ends, and what a user's file may look like."""
+
+import numpy as np
+import pytest
+
+from build_fmus.reference import simulate
+from fmu_sources.roads import (
+    HeightTable,
+    RoadError,
+    RoadLayout,
+    WheelPosition,
+    perryman3_table,
+    road_curb,
+    road_from_file,
+    road_from_table,
+    road_perryman3,
+    road_sine,
+)
+from fmu_sources.vehicles import load_full_car
+
+CORNERS = ("fl", "fr", "rl", "rr")
+FRONT, REAR = 0.6 * 3.302, -0.4 * 3.302
+
+
+@pytest.fixture(scope="module")
+def layout():
+    return RoadLayout.of(load_full_car("hmmwv_modified"))
+
+
+def look(road, x, speed=0.0, **parameters):
+    """Outputs of a road by name."""
+    p = road.vector("parameter")
+    slots = {e.name: e.slot for e in road.elements("parameter")}
+    for name, value in parameters.items():
+        p[slots[name.replace("__", ".")]] = value
+    y = np.asarray(road.functions["out"](0.0, [], [x, speed], p)).ravel()
+    return {e.name: y[e.slot] for e in road.output_elements()}
+
+
+def one_wheel(count=2, step=0.01):
+    """A single wheel below the CG, so that x is the wheel's position."""
+    return RoadLayout((WheelPosition("fl", 0.0, 0.9),), count, step)
+
+
+# ---------------------------------------------------------------------------------------------------- sine and curb
+
+
+def test_layout_of_the_vehicle(layout):
+    assert [w.corner for w in layout.wheels] == list(CORNERS)
+    assert [w.x for w in layout.wheels] == pytest.approx([FRONT, FRONT, REAR, REAR])
+    assert [w.side for w in layout.wheels] == ["left", "right", "left", "right"]
+    with pytest.raises(ValueError, match="at least 2"):
+        RoadLayout(layout.wheels, preview_count=1)
+
+
+def test_sine_is_exact_at_nodes_and_linear_between():
+    road = road_sine(one_wheel())
+    for node in range(0, 2000, 7):
+        x = node * 0.1
+        exact = 0.1 * np.sin(2 * np.pi * (x - 30) / 10) if x > 30 else 0.0
+        assert look(road, x)["road.fl.height"] == pytest.approx(exact, abs=1e-14)
+    a, b = (0.1 * np.sin(2 * np.pi * (x - 30) / 10) for x in (31.3, 31.4))
+    y = look(road, 31.34, speed=10.0)
+    assert y["road.fl.height"] == pytest.approx(0.6 * a + 0.4 * b, abs=1e-14)
+    assert y["road.fl.slope"] == pytest.approx((b - a) / 0.1)
+    assert y["road.fl.rate"] == pytest.approx(10 * (b - a) / 0.1)
+
+
+def test_sine_parameters(layout):
+    road = road_sine(layout)
+    y = look(road, 14.5 - FRONT, amplitude=0.2, wavelength=2.0, flat=10.0)
+    assert y["road.fl.height"] == pytest.approx(0.2 * np.sin(2 * np.pi * 4.5 / 2), abs=1e-14)
+    y = look(road, 32.5, wheel__rl__x=0.0)
+    assert y["road.rl.height"] == pytest.approx(0.1)
+
+
+def test_curb_steps_within_one_node():
+    road = road_curb(one_wheel())
+    heights = {x: look(road, x)["road.fl.height"] for x in (29.9, 30.0, 30.05, 30.1, 35.0, 40.0, 40.05, 40.1)}
+    assert list(heights.values()) == pytest.approx([0, 0, 0.05, 0.1, 0.1, 0.1, 0.05, 0], abs=1e-12)
+    assert look(road, 30.05)["road.fl.slope"] == pytest.approx(1.0)
+    assert look(road, 35.0)["road.fl.slope"] == 0.0
+    assert look(road, 17.05, flat=12.0, level=5.0, height=-0.2)["road.fl.height"] == pytest.approx(-0.1)
+
+
+@pytest.mark.parametrize("maker", [road_sine, road_curb, road_perryman3])
+def test_preview_is_what_the_wheels_meet_later(layout, maker):
+    road = maker(layout)
+    now = look(road, 33.0, speed=12.0)
+    assert now["preview.step"] == 0.01
+    for i in range(8):
+        later = look(road, 33.0 + 12.0 * 0.01 * i, speed=12.0)
+        for k in CORNERS:
+            assert now[f"preview.{k}[{i + 1}]"] == pytest.approx(later[f"road.{k}.height"], abs=1e-12)
+
+
+@pytest.mark.parametrize("maker", [road_sine, road_curb, road_perryman3])
+def test_outside_the_road_and_at_speed_0(layout, maker):
+    road = maker(layout)
+    for x in (-1e9, -5.0):
+        y = look(road, x, speed=20.0)
+        assert all(y[f"road.{k}.slope"] == 0.0 for k in CORNERS)
+        assert all(abs(y[f"road.{k}.height"]) < 1e-12 for k in CORNERS)
+        assert not y["end_of_road"]
+    last = look(road, 1e9, speed=20.0)
+    assert last["end_of_road"]
+    for x in (500.0, 1e300):
+        y = look(road, x)
+        assert y["end_of_road"]
+        assert all(y[f"road.{k}.slope"] == 0.0 for k in CORNERS)
+        assert [y[f"preview.{k}[8]"] for k in CORNERS] == [last[f"road.{k}.height"] for k in CORNERS]
+    still = look(road, 33.0)
+    assert all(still[f"preview.{k}[8]"] == still[f"road.{k}.height"] for k in CORNERS)
+    assert all(still[f"road.{k}.rate"] == 0.0 for k in CORNERS)
+    assert not still["end_of_road"]
+
+
+@pytest.mark.parametrize("maker", [road_sine, road_curb, road_perryman3])
+def test_roads_have_no_memory(layout, maker):
+    road = maker(layout)
+    assert road.size("state") == 0
+    assert np.isfinite(simulate(road).outputs).all()
+    assert set(road.dependencies["road.fl.height"]) == {"x"}
+    assert set(road.dependencies["preview.fl[1]"]) == {"x"}
+    assert set(road.dependencies["preview.fl[8]"]) == {"x", "speed"}
+
+
+# ------------------------------------------------------------------------------------------------------- Perryman 3
+
+
+def test_perryman_follows_its_recipe():
+    table = perryman3_table()
+    assert table.step * (len(table.left) - 1) >= 200
+    assert np.all(table.left[:101] == 0)
+    assert np.all(table.right[:101] == 0)
+    rough = np.array([table.left[200:], table.right[200:]])
+    assert np.sqrt(np.mean(rough**2)) == pytest.approx(0.038, rel=1e-4)
+    assert np.array_equal(table.left, np.round(table.left, 6))
+    # Long waves are common to both tracks, short ones are not.
+    smooth = np.array([np.convolve(track, np.ones(50) / 50, "valid") for track in rough])
+    residue = rough - np.array([np.convolve(track, np.ones(5) / 5, "same") for track in rough])
+    assert np.corrcoef(smooth)[0, 1] > 0.6
+    assert abs(np.corrcoef(residue)[0, 1]) < 0.2
+
+
+def test_perryman_is_the_same_everywhere():
+    table = perryman3_table()
+    micrometres = np.rint(1e6 * np.concatenate([table.left[1000:1004], table.right[1000:1004]])).astype(int)
+    assert micrometres.tolist() == [49729, 46437, 32436, 28396, -28157, -16398, -22380, -31704]
+
+
+def test_perryman_says_that_it_is_synthetic(layout):
+    assert "Synthetic" in road_perryman3(layout).description
+
+
+# --------------------------------------------------------------------------------------------------------- tables
+
+
+def test_table_is_exact_at_nodes_and_linear_between():
+    rng = np.random.default_rng(0)
+    left, right = rng.standard_normal((2, 301))
+    road = road_from_table(HeightTable(-3.0, 0.1, left, right), one_wheel(), "RoadTable", description="", source="")
+    for k in range(301):
+        assert look(road, -3.0 + k * 0.1)["road.fl.height"] == pytest.approx(left[k], abs=1e-12)
+    x = rng.uniform(-3, 27, 50)
+    found = [look(road, xi)["road.fl.height"] for xi in x]
+    assert found == pytest.approx(np.interp(x, -3 + 0.1 * np.arange(301), left), abs=1e-11)
+
+
+def write(tmp_path, text, name="road.csv"):
+    path = tmp_path / name
+    path.write_text(text)
+    return path
+
+
+HEADER = "distance [m],left [m],right [m]\n"
+
+
+def test_csv_road(tmp_path, layout):
+    rows = "".join(f"{0.1 * i:.1f},{0.01 * (i % 7)},{-0.02 * (i % 5)}\n" for i in range(200))
+    road = road_from_file(write(tmp_path, HEADER + rows), layout, "RoadMine")
+    y = look(road, 10.0 - FRONT)
+    assert y["road.fl.height"] == pytest.approx(0.01 * (100 % 7))
+    assert y["road.fr.height"] == pytest.approx(-0.02 * (100 % 5), abs=1e-12)
+    assert look(road, 18.0)["end_of_road"]
+    assert not look(road, 17.9)["end_of_road"]
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "Distance;Left;Right\n0;0,5;0,5\n1;0,6;0,4\n2;0,7;0,3\n",
+        "\ufeffright [mm],x [m],left [mm]\r\n500,0,500\r\n400,1,600\r\n300,2,700\r\n\r\n\n",
+        '"distance (m)",left_height,right_height\n0,.5,.5\n1,6e-1,4e-1\n2,.7,.3\n',
+    ],
+)
+def test_csv_variants(tmp_path, text):
+    road = road_from_file(write(tmp_path, text), one_wheel())
+    assert look(road, 1.5)["road.fl.height"] == pytest.approx(0.15)  # road starts at 0
+    assert "-0.5 m" in road.notes[0]
+
+
+def test_irregular_points_are_resampled(tmp_path):
+    text = HEADER + "0,0,0\n30,0,0\n30.1,0.1,0.1\n40,0.1,0.1\n40.1,0,0\n60,0,0\n"
+    road, curb = road_from_file(write(tmp_path, text), one_wheel()), road_curb(one_wheel())
+    for x in (12.0, 30.0, 30.05, 30.1, 33.3, 40.03, 55.0):
+        assert look(road, x)["road.fl.height"] == pytest.approx(look(curb, x)["road.fl.height"], abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("", ["empty", "distance [m]"]),
+        (HEADER + "0,0,0\n", ["1 line(s)", "two points"]),
+        (HEADER + "0,0,0\n1,,0\n2,0,0\n", ["line 3", "'left'", "gaps"]),
+        (HEADER + "0,0,0\n1,0\n2,0,0\n", ["line 3", "'right'", "gaps"]),
+        (HEADER + "0,0,0\n\n2,0,0\n", ["line 3", "empty line"]),
+        (HEADER + "0,0,0\n1,bump,0\n", ["line 3", "left", "'bump'", "not a number"]),
+        (HEADER + "0,0,0\n1,nan,0\n", ["line 3", "finite"]),
+        (HEADER + "0,0,0\n1,inf,0\n", ["line 3", "finite"]),
+        (HEADER + "0,0,0\n2,0,0\n1,0,0\n", ["line 4", "1 m after 2 m", "increase"]),
+        (HEADER + "0,0,0\n1,0,0\n1,0.1,0.1\n", ["line 4", "increase"]),
+        ("distance [m],left [m]\n0,0\n1,0\n", ["line 1", "'right'"]),
+        ("distance [m],lefft [m],right [m]\n0,0,0\n1,0,0\n", ["line 1", "'lefft'", "'left'"]),
+        ("distance [s],left [m],right [m]\n0,0,0\n1,0,0\n", ["line 1", "'distance'", "'m' is expected"]),
+        ("0,0,0\n1,0,0\n", ["line 1", "'distance'"]),
+    ],
+)
+def test_csv_mistakes_are_named(tmp_path, layout, text, words):
+    path = write(tmp_path, text)
+    with pytest.raises(RoadError) as error:
+        road_from_file(path, layout)
+    for word in (str(path), *words):
+        assert word in str(error.value)
+
+
+def test_files_that_cannot_be_read(tmp_path, layout):
+    with pytest.raises(RoadError, match=r"nowhere\.csv: cannot be read: No such file"):
+        road_from_file(tmp_path / "nowhere.csv", layout)
+    with pytest.raises(RoadError, match=r"nowhere\.crg: cannot be read"):
+        road_from_file(tmp_path / "nowhere.crg", layout)
+    binary = tmp_path / "road.csv"
+    binary.write_bytes(b"\x80\x81\xff")
+    with pytest.raises(RoadError, match="not a text file"):
+        road_from_file(binary, layout)
+
+
+# -------------------------------------------------------------------------------------------------------- OpenCRG
+
+
+def crg(rows, sections, *, form="LRFI", head="", channels=(), increment=0.5):
+    """An OpenCRG file: rows of values, first the extra channels, then one per long section."""
+    width = 10 if form == "LRFI" else 20
+    text = f"$CT ! comment\nmade by a test\n$\n$ROAD_CRG\nREFERENCE_LINE_INCREMENT = {increment} ! m\n{head}$\n"
+    text += f"$KD_Definition\n#:{form}\nU:reference line u,m,0.0,{increment}\n"
+    text += "".join(f"D:{c}\n" for c in (*channels, *sections)) + "$\n" + "$" * 80 + "\n"
+    for row in rows:
+        cells = ["*" * width if v is None else f"{v:{width}.6f}" for v in row]
+        per_line = 80 // width
+        text += "".join("".join(cells[i : i + per_line]) + "\n" for i in range(0, len(cells), per_line))
+    return text
+
+
+@pytest.mark.parametrize("form", ["LRFI", "LDFI"])
+def test_opencrg_samples_the_wheel_tracks(tmp_path, layout, form):
+    """z = 0.02 u + 0.1 v on eleven long sections: a cross-section takes two or three lines."""
+    sections = [f"long section at v = {v:.2f},m" for v in np.linspace(-1.25, 1.25, 11)]
+    rows = [[0.0, *(0.02 * 0.5 * i + 0.1 * v for v in np.linspace(-1.25, 1.25, 11))] for i in range(41)]
+    text = crg(rows, sections, form=form, channels=("reference line phi,rad",))
+    road = road_from_file(write(tmp_path, text, "plane.crg"), layout)
+    y = look(road, 10.0)
+    for k, x, side in (("fl", FRONT, 1), ("fr", FRONT, -1), ("rl", REAR, 1), ("rr", REAR, -1)):
+        assert y[f"road.{k}.height"] == pytest.approx(0.02 * (10 + x) + side * 0.091, abs=1e-6)
+        assert y[f"road.{k}.slope"] == pytest.approx(0.02, abs=1e-5)
+
+
+def test_opencrg_slope_banking_and_numbered_sections(tmp_path, layout):
+    head = "LONG_SECTION_V_RIGHT = -2.0\nLONG_SECTION_V_LEFT = 2.0\n"
+    head += "REFERENCE_LINE_START_S = 0.05\nREFERENCE_LINE_START_B = 0.1\n"
+    rows = [[0.0, 0.0, 0.0] for _ in range(41)]
+    text = crg(rows, ["long section 1,m", "long section 2,m", "long section 3,m"], head=head)
+    y = look(road_from_file(write(tmp_path, text, "sloped.crg"), layout), 10.0)
+    assert y["road.fl.height"] == pytest.approx(0.05 * (10 + FRONT) + 0.091)
+    assert y["road.rr.height"] == pytest.approx(0.05 * (10 + REAR) - 0.091)
+
+
+TWO = ["long section at v = -1.0,m", "long section at v = 1.0,m"]
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("hello\n", ["$$$$", "not an OpenCRG"]),
+        (crg([[0, 0]] * 3, TWO, form="KRBI"), ["KRBI", "binary"]),
+        (crg([[0, 0], [0, None], [0, 0]], TWO), ["gaps", "0.5 m"]),
+        (crg([[0, 0]] * 3, TWO[:1]), ["long section"]),
+        (crg([[0, 0]], TWO), ["at least two"]),
+        (crg([[0, 0]] * 3, TWO, increment=-1), ["REFERENCE_LINE_INCREMENT"]),
+        (crg([[0, 0]] * 3, ["long section at v = -0.3,m", "long section at v = 0.3,m"]), ["-0.3 to 0.3 m", "0.91"]),
+        (crg([[0, 0]] * 3, ["long section 1,m", "long section 2,m"]), ["LONG_SECTION_V_RIGHT"]),
+        (crg([[0, 0]] * 3, TWO).replace("  0.000000", "  0.0zz000", 1), ["line 14", "0.0zz000"]),
+        (crg([[0.0] * 9] * 3, [f"long section at v = {v},m" for v in range(-4, 5)]).rsplit("\n", 2)[0], ["cut short"]),
+        ("$ROAD_CRG_FILE\nother.crg\n$\n$$$$\n", ["another file"]),
+    ],
+)
+def test_opencrg_mistakes_are_named(tmp_path, layout, text, words):
+    path = write(tmp_path, text, "road.crg")
+    with pytest.raises(RoadError) as error:
+        road_from_file(path, layout)
+    for word in (str(path), *words):
+        assert word in str(error.value)
