@@ -31,11 +31,8 @@ class RoadLayout:
 
     def __post_init__(self) -> None:
         if not self.wheels:
-            raise ValueError("a road layout needs at least one wheel")
-        if self.preview_count < 2 or not self.preview_step > 0:
-            raise ValueError(
-                f"preview of {self.preview_count} heights {self.preview_step:g} s apart: at least 2, a positive time apart"
-            )
+            given = f"{self.preview_count} heights {self.preview_step:g} s apart"
+            raise ValueError(f"preview of {given}: at least 2 are needed, a positive time apart")
 
     @classmethod
     def of(cls, vehicle: FullCar, *, preview_count: int = 8, preview_step: float = 0.010) -> RoadLayout:

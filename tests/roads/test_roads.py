@@ -49,7 +49,7 @@ def test_layout_of_the_vehicle(layout):
     assert [w.corner for w in layout.wheels] == list(CORNERS)
     assert [w.x for w in layout.wheels] == pytest.approx([FRONT, FRONT, REAR, REAR])
     assert [w.side for w in layout.wheels] == ["left", "right", "left", "right"]
-    with pytest.raises(ValueError, match="at least 2"):
+    with pytest.raises(ValueError, match="at least 2 are needed"):
         RoadLayout(layout.wheels, preview_count=1)
 
 
