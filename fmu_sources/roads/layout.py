@@ -31,6 +31,8 @@ class RoadLayout:
 
     def __post_init__(self) -> None:
         if not self.wheels:
+            raise ValueError("a road layout needs at least one wheel")
+        if self.preview_count < 2 or not self.preview_step > 0:
             given = f"{self.preview_count} heights {self.preview_step:g} s apart"
             raise ValueError(f"preview of {given}: at least 2 are needed, a positive time apart")
 
