@@ -18,6 +18,7 @@ from fmu_sources.vehicles import FullCar, declare
 
 GRAVITY = 9.81  # m/s2
 LOW_SPEED = 1.0  # m/s; below it slip is formed with this speed, so that slip exists and decays at standstill
+GRIP_USED = 0.9  # part of the grip that the driver uses at most, so that wheels neither spin up nor lock
 MAX_SPEED = 60.0  # m/s; the driver model keeps the car straight up to here
 
 
@@ -123,8 +124,6 @@ def full_car(vehicle: FullCar, name: str = "FullCarHmmwv") -> Component:
     error = target_speed - speed
     wanted = p.speed_control.gain * error + p.speed_control.integral_gain * speed_error  # acceleration
     wanted *= total_mass * p.wheel.radius / 4  # torque of each wheel
-    torque = _limit(wanted, p.speed_control.max_torque)
-    winding_up = ca.logic_and(ca.fabs(wanted) > p.speed_control.max_torque, wanted * error > 0)
     course = p.steering.offset_gain * (target_y - y) - p.steering.heading_gain * yaw
     steer = _limit(course - p.steering.yaw_rate_gain * yaw_velocity, p.steering.max_angle)
 
@@ -135,6 +134,7 @@ def full_car(vehicle: FullCar, name: str = "FullCarHmmwv") -> Component:
 
     body_force = -p.body.mass * GRAVITY * up
     body_moment = ca.SX.zeros(3)  # about the CG, road axes
+    applied: Any = 0.0  # torque of all wheels
     wheel_force, spin_torque, slip_x_rate, slip_y_rate = {}, {}, {}, {}
     load, travel, travel_rate = {}, {}, {}
     for k in corners:
@@ -172,7 +172,10 @@ def full_car(vehicle: FullCar, name: str = "FullCarHmmwv") -> Component:
         drive, corner = p.tire.slip_stiffness * slip_x[n], p.tire.cornering_stiffness * slip_y[n]  # per load
         grip = load[n] / ca.sqrt(1 + (drive**2 + corner**2) / p.tire.friction**2)
 
-        # Wheel.
+        # Wheel; the driver's torque is limited by the driveline and by the grip under the wheel.
+        most = ca.fmin(p.speed_control.max_torque, GRIP_USED * p.tire.friction * load[n] * p.wheel.radius)
+        torque = _limit(wanted, most)
+        applied += torque
         wheel_force[n] = load[n] - strut - p.wheel.mass * GRAVITY
         spin_torque[n] = torque - grip * drive * p.wheel.radius
 
@@ -209,6 +212,7 @@ def full_car(vehicle: FullCar, name: str = "FullCarHmmwv") -> Component:
         c.derivative(spin[n], spin_torque[n] / p.wheel.spin_inertia)
         c.derivative(slip_x[n], slip_x_rate[n])
         c.derivative(slip_y[n], slip_y_rate[n])
+    winding_up = ca.logic_and(ca.fabs(applied) < 0.999 * ca.fabs(4 * wanted), wanted * error > 0)
     c.derivative(speed_error, ca.if_else(winding_up, 0, error))
 
     # ----------------------------------------------------------------------------------------------------- outputs
@@ -334,7 +338,7 @@ _NOTES = (
     "on level ground that is an exact equilibrium.",
     "Brakes and driveline are mounted on the body: drive forces pitch the car with the lever arm of the CG height.",
     "The first value of target.speed is the start speed. The driver model holds a straight course up to the "
-    "maximum of target.speed; the car does not reverse.",
+    "maximum of target.speed; the car does not reverse. Drive and brake stay within nine tenths of the grip.",
     "Wiring: connect a road's outputs road.* to the inputs of the same name, and this car's x and speed to that "
     "road; a controller drives force.*. Exchange at 1 ms.",
 )

@@ -377,6 +377,24 @@ def test_driver_changes_lane_and_speed(car):
     assert y["speed"] == pytest.approx(17.0, abs=0.02)
 
 
+@pytest.mark.parametrize(("vehicle", "start", "target"), [("car", 0.0, 25.0), ("basic", 25.0, 0.0)])
+def test_hardest_drive_and_brake_neither_spin_nor_lock_the_wheels(request, vehicle, start, target):
+    model = request.getfixturevalue(vehicle)
+    run = Evaluator(model.c)
+    run.u = model.u(target__speed=start)
+    run.x = run.x
+    run.u = model.u(target__speed=target)
+    speeds = []
+    for _ in range(5500):
+        run.step(1e-3)
+        y = dict(zip(model.outputs, run.outputs(), strict=True))
+        speeds.append(y["speed"])
+        assert abs(y["wheel.fl.spin"] * 0.45 - y["speed"]) < 0.3 + 0.2 * abs(y["speed"])
+    assert speeds[-1] == pytest.approx(target, abs=0.6)
+    rate = np.abs(np.diff(speeds)).max() / 1e-3
+    assert 0.7 * 0.8 * G < rate < 0.8 * G
+
+
 # ------------------------------------------------------------------------------------------------------- never a NaN
 
 
