@@ -18,7 +18,7 @@ from fmu_sources.vehicles import FullCar, declare
 
 GRAVITY = 9.81  # m/s2
 LOW_SPEED = 1.0  # m/s; below it slip is formed with this speed, so that slip exists and decays at standstill
-GRIP_USED = 0.9  # part of the grip that the driver uses at most, so that wheels neither spin up nor lock
+EASE_SLIP, RELEASE_SLIP = 0.15, 0.30  # from this slip on the driver eases off, at that one torque is 0
 MAX_SPEED = 60.0  # m/s; the driver model keeps the car straight up to here
 
 
@@ -124,6 +124,7 @@ def full_car(vehicle: FullCar, name: str = "FullCarHmmwv") -> Component:
     error = target_speed - speed
     wanted = p.speed_control.gain * error + p.speed_control.integral_gain * speed_error  # acceleration
     wanted *= total_mass * p.wheel.radius / 4  # torque of each wheel
+    asked = _limit(wanted, p.speed_control.max_torque)
     course = p.steering.offset_gain * (target_y - y) - p.steering.heading_gain * yaw
     steer = _limit(course - p.steering.yaw_rate_gain * yaw_velocity, p.steering.max_angle)
 
@@ -172,9 +173,8 @@ def full_car(vehicle: FullCar, name: str = "FullCarHmmwv") -> Component:
         drive, corner = p.tire.slip_stiffness * slip_x[n], p.tire.cornering_stiffness * slip_y[n]  # per load
         grip = load[n] / ca.sqrt(1 + (drive**2 + corner**2) / p.tire.friction**2)
 
-        # Wheel; the driver's torque is limited by the driveline and by the grip under the wheel.
-        most = ca.fmin(p.speed_control.max_torque, GRIP_USED * p.tire.friction * load[n] * p.wheel.radius)
-        torque = _limit(wanted, most)
+        # Wheel; torque is eased off where it makes the wheel slip.
+        torque = ca.fmax(0, asked) * _eased(slip_x[n]) + ca.fmin(0, asked) * _eased(-slip_x[n])
         applied += torque
         wheel_force[n] = load[n] - strut - p.wheel.mass * GRAVITY
         spin_torque[n] = torque - grip * drive * p.wheel.radius
@@ -299,6 +299,11 @@ def _limit(value: Any, bound: Any) -> Any:
     return ca.fmax(-bound, ca.fmin(bound, value))
 
 
+def _eased(slip: Any) -> Any:
+    """Part of the torque that is left at a slip in its direction."""
+    return ca.fmax(0, ca.fmin(1, (RELEASE_SLIP - slip) / (RELEASE_SLIP - EASE_SLIP)))
+
+
 def _stop(travel: Any, stop: Any) -> Any:
     """Force of the stops against the travel, at the wheel [N]: 0 in between, progressive from the gap on."""
     rebound, jounce = ca.fmax(0, travel - stop.travel), ca.fmax(0, -travel - stop.travel)
@@ -338,7 +343,7 @@ _NOTES = (
     "on level ground that is an exact equilibrium.",
     "Brakes and driveline are mounted on the body: drive forces pitch the car with the lever arm of the CG height.",
     "The first value of target.speed is the start speed. The driver model holds a straight course up to the "
-    "maximum of target.speed; the car does not reverse. Drive and brake stay within nine tenths of the grip.",
+    "maximum of target.speed; the car does not reverse. Torque is eased off at slipping wheels.",
     "Wiring: connect a road's outputs road.* to the inputs of the same name, and this car's x and speed to that "
     "road; a controller drives force.*. Exchange at 1 ms.",
 )

@@ -389,10 +389,11 @@ def test_hardest_drive_and_brake_neither_spin_nor_lock_the_wheels(request, vehic
         run.step(1e-3)
         y = dict(zip(model.outputs, run.outputs(), strict=True))
         speeds.append(y["speed"])
-        assert abs(y["wheel.fl.spin"] * 0.45 - y["speed"]) < 0.3 + 0.2 * abs(y["speed"])
+        if y["speed"] > 3:
+            assert abs(y["wheel.fl.spin"] * 0.45 / y["speed"] - 1) < 0.5
     assert speeds[-1] == pytest.approx(target, abs=0.6)
-    rate = np.abs(np.diff(speeds)).max() / 1e-3
-    assert 0.7 * 0.8 * G < rate < 0.8 * G
+    between = np.count_nonzero((np.array(speeds) > 5) & (np.array(speeds) < 15)) * 1e-3  # s
+    assert 0.8 * 0.8 * G < 10 / between < 0.8 * G
 
 
 # ------------------------------------------------------------------------------------------------------- never a NaN
