@@ -110,7 +110,16 @@ def time_bare(components: list[Wired], steps: int) -> float:
         source = Path(tmp) / "loop.c"
         source.write_text(template.render(components=items, steps=steps, size=size))
         headers = Path(fmpy.__file__).parent / "c-code"
-        command = [*find_toolchain(host()).command, "-O2", "-std=gnu99", f"-I{headers}", source, "-o", f"{tmp}/loop", "-ldl"]
+        command = [
+            *find_toolchain(host()).command,
+            "-O2",
+            "-std=gnu99",
+            f"-I{headers}",
+            source,
+            "-o",
+            f"{tmp}/loop",
+            "-ldl",
+        ]
         subprocess.run(list(map(str, command)), check=True)
         return float(subprocess.run([f"{tmp}/loop"], check=True, capture_output=True, text=True).stdout)
 

@@ -85,7 +85,13 @@ def study(
 
     chosen = _fmu_set(fmus, fmi, vehicle)
     chosen.all_paths()  # every file is there before the work begins
-    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), TimeRemainingColumn())
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeElapsedColumn(),
+        TimeRemainingColumn(),
+    )
     with Progress(*columns, console=console) as bar:
         task = bar.add_task("study gpc", total=None)
         result = gpc_study.study(

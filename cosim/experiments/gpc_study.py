@@ -18,7 +18,7 @@ from cosim.experiments import gpc
 from cosim.experiments.gpc import CONTROLLERS, ROADS, SPEEDS_KMH, FmuSet, GpcBench, Scenario
 from cosim.experiments.parallel import run_tasks
 from cosim.experiments.store import RunStore
-from fmu_sources.controllers.gpc import CORNERS, FORCE_LIMIT
+from fmu_sources.controllers.gpc import FORCE_LIMIT
 
 Row = dict[str, Any]
 
@@ -127,14 +127,15 @@ def _cost(task: tuple[Any, ...]) -> float:
 
 def _work(task: tuple[Any, ...]) -> dict[str, list[Row]]:
     kind, *args = task
-    return {
+    work: dict[str, Callable[..., dict[str, list[Row]]]] = {
         "comparison": _comparison,
         "sweep": _sweep,
         "open_loop": _open_loop,
         "seeds": _seeds,
         "power": _power,
         "history": _history,
-    }[kind](_bench, *args)
+    }
+    return work[kind](_bench, *args)
 
 
 def _row(scenario: Scenario, m: Row, **more: Any) -> Row:
@@ -228,6 +229,22 @@ def median(rows: Iterable[Row], value: str | Callable[[Row], float]) -> float:
     return statistics.median(r[value] if isinstance(value, str) else value(r) for r in rows)
 
 
+def figure_metrics(study: Study, row: Row) -> dict[str, float]:
+    """Metrics of a run in the units of the figures, NaN where it diverged."""
+    if row["diverged"]:
+        return dict.fromkeys(("response", "improvement", "force", "power", "per_force", "per_power"), float("nan"))
+    passive = one(select(study.comparison, controller="passive"), road=row["road"], speed_kmh=row["speed_kmh"])
+    gain = metrics.improvement(row["response"], passive["response"])
+    return {
+        "response": row["response"],
+        "improvement": gain,
+        "force": row["force"] / 1e3,
+        "power": row["power"],
+        "per_force": metrics.force_normalised_effectiveness(gain, row["force"] / 1e3) if row["force"] else float("nan"),
+        "per_power": metrics.power_normalised_effectiveness(gain, row["power"] / 1e3) if row["power"] else float("nan"),
+    }
+
+
 def improvement_at(study: Study, road: str, controller: str, speed: float) -> float:
     """Improvement (23) of a law in the comparison."""
     rows = select(study.comparison, road=road, speed_kmh=speed)
@@ -246,11 +263,10 @@ def seed_medians(study: Study) -> dict[str, float]:
     sine = {c: select(study.seeds, road="sine", controller=c) for c in LAWS}
     rough = {c: select(study.seeds, road="perryman3", controller=c) for c in LAWS}
     curb = {c: select(study.seeds, road="curb", controller=c) for c in LAWS}
-    lower = sum(
-        one(curb["preview"], seed=s)["peak_force"] < one(curb["explicit"], seed=s)["peak_force"] for s in SEEDS
-    )
+    lower = sum(one(curb["preview"], seed=s)["peak_force"] < one(curb["explicit"], seed=s)["peak_force"] for s in SEEDS)
     ratios = [
-        one(study.power, seed=s, controller="implicit")["power"] / one(study.power, seed=s, controller="explicit")["power"]
+        one(study.power, seed=s, controller="implicit")["power"]
+        / one(study.power, seed=s, controller="explicit")["power"]
         for s in SEEDS
         if one(study.power, seed=s, controller="implicit")["matched"]
     ]
@@ -272,14 +288,6 @@ def seed_medians(study: Study) -> dict[str, float]:
         "power_ratio_implicit_60": statistics.median(ratios) if ratios else float("nan"),
         "power_seeds_matched": len(ratios),
         "diverged_runs": sum(bool(r["diverged"]) for r in study.rows if r["R"] >= gpc.R_PUBLISHED),
-        "largest_force_share": max(
-            (r["peak_force"] for r in study.sweep if not r["diverged"]), default=float("nan")
-        )
+        "largest_force_share": max((r["peak_force"] for r in study.sweep if not r["diverged"]), default=float("nan"))
         / FORCE_LIMIT,
     }
-
-
-__all__ = [
-    "CORNERS", "HISTORIES", "LAWS", "SEEDS", "Row", "Study", "improvement_at", "median", "one", "open_loop_peak",
-    "passive_rows", "seed_medians", "select", "study", "worst_speed",
-]  # fmt: skip

@@ -7,6 +7,9 @@ computed from responses, commands and road heights of t-1 and older; preview add
 
 from __future__ import annotations
 
+import math
+from collections.abc import Callable
+
 import casadi as ca
 import numpy as np
 from scipy.constants import degree, g
@@ -52,7 +55,9 @@ def gpc_controller(law: GpcLaw, *, name: str) -> Component:
     measured = ca.vertcat(*(s / scale for s, (_, _, _, scale) in zip(y, RESPONSES, strict=True)))
     gain_y = _gain(c, "gain.y", law.gain_y, "N", f"gains on the last {p} responses (g, deg, deg), newest first")
     gain_u = _gain(c, "gain.u", law.gain_u, "1", f"gains on the last {p} commands, newest first")
-    limit = c.parameter("limit", FORCE_LIMIT, "N", "force limit of each actuator", min=0.0, tunable=True, source="000 Table 2")
+    limit = c.parameter(
+        "limit", FORCE_LIMIT, "N", "force limit of each actuator", min=0.0, tunable=True, source="000 Table 2"
+    )
 
     phase = c.state("tick", "1", "ticks since the last sample instant")
     y_static = c.state("y_static", None, "responses at the start (trim)", shape=(len(y),), start=measured)
@@ -79,7 +84,9 @@ def gpc_controller(law: GpcLaw, *, name: str) -> Component:
         command += hold * (gain_hold @ past_d[:rc])
     if variant == "preview":
         # Index 1 of a preview is now. The law wants d(t) of all corners, then d(t+1) of all corners, ...
-        ahead = ca.horzcat(*(c.input(f"preview.{k}", "m", f"road heights ahead of wheel {k}", shape=(h,)) for k in CORNERS))
+        ahead = ca.horzcat(
+            *(c.input(f"preview.{k}", "m", f"road heights ahead of wheel {k}", shape=(h,)) for k in CORNERS)
+        )
         c.input(
             "preview.step", "s", "time between preview points; must be the controller's sample time", start=SAMPLE_TIME,
             min=SAMPLE_TIME * (1 - 1e-6), max=SAMPLE_TIME * (1 + 1e-6),
@@ -98,19 +105,7 @@ def gpc_controller(law: GpcLaw, *, name: str) -> Component:
     c.update(past_u, ca.if_else(sampling, _shift(past_u, limited), past_u))
     c.update(held, force)
     c.provenance = law.to_dict()
-    c.stimulate(
-        {n: lambda t, a=a, w=w: a * np.sin(w * t) for (n, *_), a, w in zip(RESPONSES, (2.0, 0.05, 0.02), (9, 7, 5), strict=True)}
-    )
-    if variant != "implicit":
-        c.stimulate({f"road.{k}.height": lambda t, i=i: 0.05 * np.sin(8 * t + i) for i, k in enumerate(CORNERS)})
-    if variant == "preview":
-        c.stimulate(
-            {
-                f"preview.{k}[{j + 1}]": lambda t, i=i, j=j: 0.05 * np.sin(8 * (t + SAMPLE_TIME * j) + i)
-                for i, k in enumerate(CORNERS)
-                for j in range(h)
-            }
-        )
+    c.stimulate(_stimulus(variant, h))
     return c
 
 
@@ -124,6 +119,21 @@ def gain_parameters(law: GpcLaw) -> dict[str, np.ndarray]:
     if law.variant == "preview":
         gains["gain.preview"] = law.gain_preview
     return gains
+
+
+def _stimulus(variant: str, h: int) -> dict[str, Callable[[float], float]]:
+    """Smooth responses and roads for the reference result."""
+
+    def wave(amplitude: float, rate: float, phase: float) -> Callable[[float], float]:
+        return lambda t: amplitude * math.sin(rate * t + phase)
+
+    signals = {n: wave(a, w, 0.0) for (n, *_), a, w in zip(RESPONSES, (2.0, 0.05, 0.02), (9.0, 7.0, 5.0), strict=True)}
+    for i, k in enumerate(CORNERS):
+        if variant != "implicit":
+            signals[f"road.{k}.height"] = wave(0.05, 8.0, i)
+        if variant == "preview":
+            signals.update({f"preview.{k}[{j + 1}]": wave(0.05, 8.0, i + 8.0 * SAMPLE_TIME * j) for j in range(h)})
+    return signals
 
 
 def _gain(c: Component, name: str, value: np.ndarray, unit: str, description: str) -> ca.SX:

@@ -13,7 +13,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from fractions import Fraction
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any, ClassVar, get_args
 
 import numpy as np
 
@@ -29,12 +29,13 @@ from fmu_sources.controllers.gpc import (
 from fmu_sources.controllers.gpc_design import (
     ArxIdentification,
     GpcLaw,
+    Variant,
     gpc_law,
     identify_arx,
     multi_step_predictor,
 )
 
-VARIANTS = ("implicit", "explicit", "preview")
+VARIANTS: tuple[Variant, ...] = get_args(Variant)
 
 
 @dataclass(frozen=True)
@@ -83,14 +84,14 @@ class IdentifiedModels:
     explicit: ArxIdentification
     provenance: Mapping[str, Any]
 
-    def law(self, variant: str, design: DesignSettings | None = None, *, hold: bool = False) -> GpcLaw:
+    def law(self, variant: Variant, design: DesignSettings | None = None, *, hold: bool = False) -> GpcLaw:
         """The control law of a variant; quick, so studies over weights redesign as they go."""
         design = design or DesignSettings()
         model = (self.implicit if variant == "implicit" else self.explicit).model
         predictor = multi_step_predictor(model, design.h_p, design.h_c)
         return gpc_law(
             predictor, design.Q, design.R, variant, hold=hold, provenance={**self.provenance, "design": asdict(design)}
-        )  # type: ignore[arg-type]
+        )
 
 
 class Excitation(PythonComponent):
@@ -120,7 +121,9 @@ def record_identification(
     s = settings or IdentificationSettings()
     n = s.settling_samples + s.samples
     sequence = np.zeros((n + 1, len(CORNERS)))
-    sequence[s.settling_samples : n] = np.random.default_rng(s.seed).normal(0.0, s.excitation, (s.samples, len(CORNERS)))
+    sequence[s.settling_samples : n] = np.random.default_rng(s.seed).normal(
+        0.0, s.excitation, (s.samples, len(CORNERS))
+    )
     with System() as system:
         system.add("speed", speed, parameters={"speed.start": s.speed})
         system.add("road", road)
@@ -143,9 +146,7 @@ def record_identification(
     return IdentificationData(sequence[:n], (y - y[0])[at + LATCH_TICK], (d - d[0])[at])
 
 
-def identify(
-    plant: Path, road: Path, speed: Path, settings: IdentificationSettings | None = None
-) -> IdentifiedModels:
+def identify(plant: Path, road: Path, speed: Path, settings: IdentificationSettings | None = None) -> IdentifiedModels:
     """Record and identify both ARX models (with and without the measured road)."""
     s = settings or IdentificationSettings()
     data = record_identification(plant, road, speed, s)
