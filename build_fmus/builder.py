@@ -1,8 +1,8 @@
 """Build what changed, in dependency order, on all cores.
 
 A build has two layers of content hashes. The outer one covers everything that can influence an FMU (sources of this
-project, library versions, options, user files): when it matches the stamp of an existing file, nothing is even imported.
-The inner one is the object cache of :mod:`build_fmus.compile`.
+project, library versions, options, user files): when it matches the stamp of an existing file, nothing is even
+imported. The inner one is the object cache of :mod:`build_fmus.compile`.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ import hashlib
 import json
 import os
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass
 from importlib import metadata
 from pathlib import Path
@@ -127,7 +127,7 @@ def build(
     *,
     sources: str,
     task: Callable[[str, Options, tuple[int, ...]], None],
-    report: Callable[[str, str], None] = lambda name, what: None,
+    report: Callable[[str, str], None] = lambda _name, _what: None,
     force: bool = False,
 ) -> list[str]:
     """Build the named entries and what they need, as far as they are not up to date.
@@ -150,7 +150,8 @@ def build(
             stale: dict[str, tuple[int, ...]] = {}
             for name in wave:
                 # Entries needed only by others must exist for FMI 3.0, which makers read.
-                versions = options.fmi if name in asked and not _is_need(catalog, wanted, name) else tuple({*options.fmi, 3})
+                alone = name in asked and not _is_need(catalog, wanted, name)
+                versions = options.fmi if alone else tuple({*options.fmi, 3})
                 stale[name] = tuple(
                     f
                     for f in versions
@@ -194,8 +195,6 @@ class _Pool:
         if self._executor is None:
             self._executor = ProcessPoolExecutor(os.cpu_count())
         futures = {self._executor.submit(task, n, options, v): n for n, v in jobs.items()}
-        from concurrent.futures import as_completed
-
         for future in as_completed(futures):
             future.result()
             yield futures[future]

@@ -1,11 +1,15 @@
 """Command line ``build-fmus``: ties the catalog of components to the build pipeline."""
 
+
+
 from __future__ import annotations
 
 import functools
 import re
 import sys
+import tempfile
 import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated
 
@@ -46,7 +50,12 @@ def catalog_suffix(path: Path) -> str:
 
 
 def build_entry(
-    vehicle: Path | None, road: Path | None, road_name: str | None, name: str, options: Options, versions: tuple[int, ...]
+    vehicle: Path | None,
+    road: Path | None,
+    road_name: str | None,
+    name: str,
+    options: Options,
+    versions: tuple[int, ...],
 ) -> None:
     """Make one catalog entry and write its FMUs (runs in worker processes)."""
     from build_fmus.compile import ObjectCache, resolve_platforms
@@ -73,7 +82,7 @@ def build(
     road: Path | None = None,
     road_name: str | None = None,
     force: bool = False,
-    report=lambda name, what: None,  # type: ignore[no-untyped-def]
+    report: Callable[[str, str], None] = lambda _name, _what: None,
 ) -> list[str]:
     """Build catalog entries (all when ``names`` is empty); returns the names that were not up to date."""
     import fmu_sources
@@ -82,6 +91,12 @@ def build(
     catalog = load_catalog(vehicle, road, road_name)
     for name in names or ():
         find(catalog, name)
+    try:
+        options.cache.mkdir(parents=True, exist_ok=True)
+        tempfile.TemporaryFile(dir=options.cache).close()
+    except OSError as error:
+        reason = error.strerror or error
+        raise OSError(f"cannot write to {options.out} ({reason}); choose another directory with --out") from None
     root = Path(fmu_sources.__file__).parent
     sources = builder.source_hash(root, root.parent / "build_fmus", root.parent / "cosim")
     task = functools.partial(build_entry, vehicle, road, road_name)
@@ -94,8 +109,12 @@ def build(
 def command(
     names: Annotated[list[str] | None, typer.Argument(help="FMUs to build (all when none is given)")] = None,
     fmi: Annotated[str, typer.Option(help="FMI version: 2, 3 or both")] = "both",
-    platform: Annotated[str, typer.Option(help="host, all, or platform tuples such as x86_64-windows,aarch64-linux")] = "host",
-    vehicle: Annotated[Path | None, typer.Option(help="vehicle file (TOML): full car, roads and GPC laws of this vehicle")] = None,
+    platform: Annotated[
+        str, typer.Option(help="host, all, or platform tuples such as x86_64-windows,aarch64-linux")
+    ] = "host",
+    vehicle: Annotated[
+        Path | None, typer.Option(help="vehicle file (TOML): full car, roads and GPC laws of this vehicle")
+    ] = None,
     road: Annotated[Path | None, typer.Option(help="road file (CSV or OpenCRG) to make a road FMU of")] = None,
     name: Annotated[str | None, typer.Option(help="name of the road FMU made by --road")] = None,
     out: Annotated[Path, typer.Option(help="directory that receives fmi2/ and fmi3/")] = Path("fmus"),
@@ -124,8 +143,10 @@ def command(
         if what == "built":
             console.print(f"  built {name}")
 
-    build(names, Options(out, versions, platform, fmi3_arrays), vehicle=vehicle, road=road, road_name=name, force=force, report=report)
-    console.print(f"{total['built']} built, {total['up to date']} up to date in {out}/ ({time.perf_counter() - start:.1f} s)")
+    options = Options(out, versions, platform, fmi3_arrays)
+    build(names, options, vehicle=vehicle, road=road, road_name=name, force=force, report=report)
+    seconds = time.perf_counter() - start
+    console.print(f"{total['built']} built, {total['up to date']} up to date in {out}/ ({seconds:.1f} s)")
 
 
 def main() -> None:
@@ -137,5 +158,5 @@ def main() -> None:
         sys.exit(130)
     except (ValueError, KeyError, OSError, RuntimeError) as error:
         message = error.args[0] if isinstance(error, KeyError) and error.args else error
-        console.print(f"[red]build-fmus:[/red] {escape(str(message))}", markup=True)
+        console.print(f"[red]build-fmus:[/red] {escape(str(message))}", soft_wrap=True)
         sys.exit(1)

@@ -18,6 +18,7 @@ import tempfile
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
+from importlib import metadata
 from pathlib import Path
 
 CFLAGS = ("-O2", "-std=c99", "-ffp-contract=off", "-fvisibility=hidden", "-g0")
@@ -68,12 +69,10 @@ def host() -> str:
 
 
 def resolve_platforms(choice: str) -> list[Platform]:
-    """``host``, ``all`` or comma-separated platform tuples."""
-    if choice == "host":
-        return [PLATFORMS[host()]]
+    """``all``, or a comma-separated list of platform tuples and ``host``."""
     if choice == "all":
         return list(PLATFORMS.values())
-    names = [n.strip() for n in choice.split(",")]
+    names = [host() if n.strip() == "host" else n.strip() for n in choice.split(",")]
     for n in names:
         if n not in PLATFORMS:
             raise CompileError(f"unknown platform {n!r}; choose from host, all, {', '.join(PLATFORMS)}")
@@ -127,19 +126,17 @@ def find_toolchain(platform_name: str) -> Toolchain:
         if os.environ.get("CC"):
             raise CompileError(f"CC={os.environ['CC']} is not in PATH")
     if importlib.util.find_spec("ziglang") is not None:
-        command = (sys.executable, "-m", "ziglang", "cc", "-target", target.zig_target)
-        if target.name.startswith("x86_64"):
-            command += ("-mcpu=x86_64",)
+        baseline = ("-mcpu=x86_64",) if target.name.startswith("x86_64") else ()
+        command: tuple[str, ...] = (sys.executable, "-m", "ziglang", "cc", "-target", target.zig_target, *baseline)
         return Toolchain(target, command, f"ziglang {_zig_version()}")
     raise CompileError(
-        f"no C compiler for {platform_name}: install gcc or clang, or `pip install ziglang` (works without administrator rights)"
+        f"no C compiler for {platform_name}: install gcc or clang, or `pip install ziglang` (works without "
+        "administrator rights)"
     )
 
 
 @lru_cache
 def _zig_version() -> str:
-    from importlib import metadata
-
     return metadata.version("ziglang")
 
 

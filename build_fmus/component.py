@@ -195,7 +195,7 @@ class Component:
         tunable: bool = False,
         source: str = "",
     ) -> Any:
-        """Declare a parameter; the shape and type follow from ``start`` (float, int, bool or array). Returns its symbol."""
+        """Declare a parameter; shape and type follow from ``start`` (float, int, bool or array). Returns its symbol."""
         array = np.asarray(start)
         kind = bool if array.dtype == bool else int if array.dtype.kind == "i" else float
         return self._add(
@@ -299,7 +299,9 @@ class Component:
                 raise DeclarationError(f"{self.name}: stimulus for {name!r}, which is not an input")
         self.stimulus.update(signals)
 
-    def _add(self, name: str, role: Role, unit: str | None, description: str, shape: Any, *, start: Any, **rest: Any) -> Any:
+    def _add(
+        self, name: str, role: Role, unit: str | None, description: str, shape: Any, *, start: Any, **rest: Any
+    ) -> Any:
         where = f"{self.name}.{name}"
         if not _NAME.match(name):
             raise DeclarationError(f"{where}: not a legal structured name")
@@ -358,13 +360,15 @@ class Component:
             return ca.vec(expression.T)
         if len(v.shape) == 1 and expression.is_vector() and expression.numel() == v.size:
             return ca.vec(expression)
-        raise DeclarationError(f"{self.name}.{v.name}: {what} has shape {expression.shape}, not {v.shape or 'that of a scalar'}")
+        raise DeclarationError(
+            f"{self.name}.{v.name}: {what} has shape {expression.shape}, not {v.shape or 'that of a scalar'}"
+        )
 
     # ------------------------------------------------------------------ reading
 
     @property
     def variables(self) -> list[Variable]:
-        """Declared variables by role (time, parameters, inputs, states, derivatives, outputs), hidden states left out."""
+        """Declared variables by role (time, parameters, inputs, states, derivatives, outputs) without hidden states."""
         groups: dict[Role, list[Variable]] = {r: [] for r in ("parameter", "input", "state", "derivative", "output")}
         for v in self._variables.values():
             if v.exposed:
@@ -418,7 +422,7 @@ class Component:
         """Number of scalars of a role, hidden ones included."""
         return self._sizes[role]
 
-    def vector(self, role: Role, **values: float) -> np.ndarray:
+    def vector(self, role: Role) -> np.ndarray:
         """Start values of a role as one vector; hidden and calculated elements are 0."""
         out = np.zeros(self._sizes[role])
         for v in self._variables.values():
@@ -494,13 +498,14 @@ class Component:
 
     @cached_property
     def initial_dependencies(self) -> dict[str, list[str]]:
-        """As :attr:`dependencies`, during initialization: knowns are time, parameters, inputs and settable start values."""
+        """As :attr:`dependencies`, during initialization: of time, parameters, inputs and settable start values."""
         return self._structure("time", "state", "input", "parameter", initial=True)
 
     def _structure(self, *roles: Role, initial: bool) -> dict[str, list[str]]:
         f = self.functions
-        x, u, p = (self._symbols.sym(n, self._sizes[r]) for n, r in (("x", "state"), ("u", "input"), ("p", "parameter")))
         t = self._symbols.sym("t")
+        roles_of: dict[str, Role] = {"x": "state", "u": "input", "p": "parameter"}
+        x, u, p = (self._symbols.sym(n, self._sizes[r]) for n, r in roles_of.items())
         x_at = f["start"](x, u, p) if initial else x
         vectors = {"output": f["out"](t, x_at, u, p)}
         if self.kind == "continuous":
@@ -509,7 +514,8 @@ class Component:
             vectors["state"] = f["start"](x, u, p)
         knowns = ca.vertcat(t, x, u, p)
         names: list[str | None] = [None] * knowns.numel()
-        offset: dict[Role, int] = {"time": 0, "state": 1, "input": 1 + x.numel(), "parameter": 1 + x.numel() + u.numel()}
+        nx, nu = x.numel(), u.numel()
+        offset: dict[Role, int] = {"time": 0, "state": 1, "input": 1 + nx, "parameter": 1 + nx + nu}
         for e in self.elements(*roles):
             if not (initial and e.variable.role == "state" and e.start is None):
                 names[offset[e.variable.role] + e.slot] = e.name
@@ -556,10 +562,9 @@ class Component:
 
     @cached_property
     def _jacobians(self) -> ca.Function:
-        t, x, u, p = (
-            self._symbols.sym(n, s)
-            for n, s in (("t", 1), ("x", self._sizes["state"]), ("u", self._sizes["input"]), ("p", self._sizes["parameter"]))
-        )
+        t = self._symbols.sym("t")
+        roles: dict[str, Role] = {"x": "state", "u": "input", "p": "parameter"}
+        x, u, p = (self._symbols.sym(n, self._sizes[r]) for n, r in roles.items())
         dx, y = self.functions["rhs"](t, x, u, p), self.functions["out"](t, x, u, p)
         blocks = [ca.densify(ca.jacobian(e, v)) for e, v in ((dx, x), (dx, u), (y, x), (y, u))]
         return ca.Function("jacobians", [t, x, u, p], blocks)

@@ -24,7 +24,9 @@ _CORNER = re.compile(r"(?:^|\.)(fl|fr|rl|rr|a[123][lr])(?:\.|$|\[)")
 _FMI2_TYPES = {"Float64": "Real", "Int32": "Integer", "Boolean": "Boolean"}
 
 
-def model_description(component: Component, fmi: int, *, token: str, sources: Iterable[str], arrays: bool = False) -> bytes:
+def model_description(
+    component: Component, fmi: int, *, token: str, sources: Iterable[str], arrays: bool = False
+) -> bytes:
     """The model description as UTF-8 XML.
 
     Args:
@@ -67,11 +69,19 @@ def terminals_and_icons(component: Component, *, arrays: bool = False) -> bytes:
                 terminals, "Terminal", name=corner, matchingRule="none", description=f"signals of corner {corner}"
             )
             for name in names:
-                member = re.sub(rf"(^|\.){corner}(\.|\[|$)", lambda m: m[2] if m[2] == "[" else (m[1] and m[2]), name, count=1)
                 etree.SubElement(
-                    terminal, "TerminalMemberVariable", variableName=name, memberName=member, variableKind="signal"
+                    terminal,
+                    "TerminalMemberVariable",
+                    variableName=name,
+                    memberName=_without_corner(name, corner),
+                    variableKind="signal",
                 )
     return _serialize(root)
+
+
+def _without_corner(name: str, corner: str) -> str:
+    """``road.fl.height`` -> ``road.height``, ``force.fl`` -> ``force``, ``preview.fl[3]`` -> ``preview[3]``."""
+    return re.sub(rf"(^|\.){corner}(\.|\[|$)", lambda m: m[2] if m[2] == "[" else (m[1] and m[2]), name, count=1)
 
 
 def _serialize(root: etree._Element) -> bytes:
@@ -150,13 +160,13 @@ def _common(root: etree._Element, component: Component) -> None:
 
 
 def _annotation(parent: etree._Element, component: Component) -> None:
-    attributes = {"kind": component.kind}
+    attributes: dict[str, str] = {"kind": component.kind}
     if component.sample_time is not None:
         attributes["sampleTime"] = repr(component.sample_time)
     etree.SubElement(parent, "Component", **attributes)
 
 
-def _value_attributes(component: Component, r: Reference) -> dict[str, str]:
+def _value_attributes(r: Reference) -> dict[str, str]:
     v, out = r.variable, {}
     if v.unit and v.type == "Float64":
         out["unit"] = v.unit
@@ -206,7 +216,7 @@ def _fmi2(component: Component, token: str, sources: list[str]) -> etree._Elemen
         if initial := _initial(v):
             attributes["initial"] = initial
         scalar = etree.SubElement(variables, "ScalarVariable", **attributes)
-        values = _value_attributes(component, r)
+        values = _value_attributes(r)
         if v.role == "derivative":
             values["derivative"] = str(index[r.name[4:-1]])
         etree.SubElement(scalar, _FMI2_TYPES[v.type], **values)
@@ -249,7 +259,9 @@ def _fmi3(component: Component, token: str, arrays: bool) -> etree._Element:
     }
     if continuous:
         etree.SubElement(root, "ModelExchange", **common)
-    etree.SubElement(root, "CoSimulation", **common, canHandleVariableCommunicationStepSize="true", hasEventMode="false")
+    etree.SubElement(
+        root, "CoSimulation", **common, canHandleVariableCommunicationStepSize="true", hasEventMode="false"
+    )
     _common(root, component)
 
     refs = references(component, arrays=arrays)
@@ -262,7 +274,7 @@ def _fmi3(component: Component, token: str, arrays: bool) -> etree._Element:
         attributes |= {"causality": _causality(v), "variability": _variability(component, v)}
         if initial := _initial(v):
             attributes["initial"] = initial
-        attributes |= _value_attributes(component, r)
+        attributes |= _value_attributes(r)
         if v.role == "derivative":
             attributes["derivative"] = str(value_reference[r.name[4:-1]])
         element = etree.SubElement(variables, v.type, **attributes)
@@ -294,17 +306,18 @@ def _fmi3(component: Component, token: str, arrays: bool) -> etree._Element:
 
 
 def variable_rows(component: Component) -> list[dict[str, str]]:
-    """One row per declared variable for documentation pages: name, role, shape, unit, range, start, description, source."""
+    """One row per declared variable for documentation pages: name, role, shape, unit, range, start, description, ..."""
     rows = []
     for v in component.variables:
         low, high = ("-∞" if v.min is None else f"{v.min:g}"), ("∞" if v.max is None else f"{v.max:g}")
         start = "calculated" if v.start is None else ""
         if v.start is not None:
             start = ", ".join(f"{x:.6g}" for x in v.start[:4]) + (" …" if len(v.start) > 4 else "")
+        role = v.role + (", output" if v.output and v.role != "output" else "")
         rows.append(
             {
                 "name": v.name,
-                "role": _causality(v) if v.role in ("parameter", "input", "output") else v.role + (", output" if v.output else ""),
+                "role": role,
                 "shape": "×".join(map(str, v.shape)),
                 "unit": v.unit or "",
                 "range": "" if v.min is None and v.max is None else f"[{low}, {high}]",

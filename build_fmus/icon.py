@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import struct
 import zlib
+from itertools import pairwise
 
 import numpy as np
 
@@ -37,7 +38,7 @@ def icon_png(kind: str) -> bytes:
     if kind == "continuous":
         paint(box(0.22, 0.14, 0.78, 0.34, 0.04), white)
         zigzag = [(0.5, 0.34), (0.5, 0.38), (0.42, 0.41), (0.58, 0.46), (0.42, 0.51), (0.5, 0.54), (0.5, 0.58)]
-        for a, b in zip(zigzag, zigzag[1:], strict=False):
+        for a, b in pairwise(zigzag):
             paint(segment(*a, *b, 0.035), amber)
         radius = np.hypot(x - 0.5, y - 0.71)
         paint(radius - 0.15, white)

@@ -23,6 +23,7 @@ FMI_HEADERS = {  # from the fmpy wheel; BSD-2-Clause, Modelica Association
     2: ("fmi2Functions.h", "fmi2FunctionTypes.h", "fmi2TypesPlatform.h"),
     3: ("fmi3Functions.h", "fmi3FunctionTypes.h", "fmi3PlatformTypes.h"),
 }
+_LICENSE = b"BSD-3-Clause; FMI headers in sources/: BSD-2-Clause, Modelica Association\n"
 _EPOCH = (1980, 1, 1, 0, 0, 0)
 
 
@@ -65,7 +66,8 @@ def build_fmu(
         content["terminalsAndIcons/icon.png"] = icon
     content |= _documentation(component, fmi)
     if component.provenance:
-        content["resources/provenance.json"] = (json.dumps(component.provenance, indent=1, sort_keys=True) + "\n").encode()
+        provenance = json.dumps(component.provenance, indent=1, sort_keys=True)
+        content["resources/provenance.json"] = f"{provenance}\n".encode()
     return _archive(content)
 
 
@@ -96,7 +98,7 @@ def _documentation(component: Component, fmi: int) -> dict[str, bytes]:
         "documentation/index.html": page.encode(),
         f"documentation/{component.name}_in.csv": result.input_csv().encode(),
         f"documentation/{component.name}_ref.csv": result.output_csv().encode(),
-        "documentation/licenses/license.txt": b"BSD-3-Clause; FMI headers in sources/: BSD-2-Clause, Modelica Association\n",
+        "documentation/licenses/license.txt": _LICENSE,
     }
 
 

@@ -56,7 +56,8 @@ class Evaluator:
         for name, value in (parameters or {}).items():
             self.p[slots[name]] = value
         self._f = component.functions
-        self.time, self._sample, self._x, self._y = 0.0, 0, None, np.zeros(component.size("output"))
+        self.time, self._sample, self._y = 0.0, 0, np.zeros(component.size("output"))
+        self._x: np.ndarray | None = None
 
     @property
     def x(self) -> np.ndarray:
@@ -96,7 +97,8 @@ class Evaluator:
                 self._sample += 1
         else:
             n = max(1, math.ceil(h / self.p[0] * (1 - 1e-9)))
-            dt, before = h / n, None
+            dt = h / n
+            before: np.ndarray | None = None
             for i in range(n):
                 t = self.time + i * dt
                 if c.solver == "rk4":

@@ -45,8 +45,8 @@ def check_solver(component: Component) -> None:
                 step /= 1.25
             worst = bad[np.argmax(np.abs(bad))]
             raise SolverStepError(
-                f"{component.name}: solver {component.solver} with step {component.solver_step:g} s is unstable at operating "
-                f"point {name!r} (eigenvalue {worst:.4g} 1/s); a step of {step:.3g} s would do"
+                f"{component.name}: solver {component.solver} with step {component.solver_step:g} s is unstable at "
+                f"operating point {name!r} (eigenvalue {worst:.4g} 1/s); a step of {step:.3g} s would do"
             )
 
 
@@ -61,7 +61,9 @@ def eigenvalues_by_point(component: Component) -> dict[str, np.ndarray]:
             if k in inputs:
                 u[inputs[k]] = v
             elif k not in states:
-                raise KeyError(f"{component.name}: operating point {name!r} sets {k!r}, which is neither state nor input")
+                raise KeyError(
+                    f"{component.name}: operating point {name!r} sets {k!r}, which is neither state nor input"
+                )
         x = np.asarray(component.functions["start"](component.vector("state"), u, p)).ravel()
         for k, v in values.items():
             if k in states:

@@ -72,6 +72,11 @@ UNITS: dict[str, Unit] = {
 }
 
 
+def _bare(name: str) -> str:
+    """A unit without the signs that people leave out or write differently."""
+    return name.translate(str.maketrans("", "", ".*·^ "))
+
+
 def unit(name: str) -> Unit:
     """Look up a unit.
 
@@ -81,7 +86,8 @@ def unit(name: str) -> Unit:
     try:
         return UNITS[name]
     except KeyError:
-        near = difflib.get_close_matches(name, UNITS, n=1, cutoff=0.0)
+        same = [u for u in UNITS if _bare(u) == _bare(name)]  # Nm, N*m -> N.m
+        near = same or difflib.get_close_matches(name, UNITS, n=1, cutoff=0.0)
         hint = f"did you mean {near[0]!r}? (units are listed in build_fmus/units.py)"
         raise KeyError(f"unknown unit {name!r}; {hint}") from None
 
