@@ -13,7 +13,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from fractions import Fraction
 from pathlib import Path
-from typing import Any, ClassVar, get_args
+from typing import Any, ClassVar, cast, get_args
 
 import numpy as np
 
@@ -84,13 +84,18 @@ class IdentifiedModels:
     explicit: ArxIdentification
     provenance: Mapping[str, Any]
 
-    def law(self, variant: Variant, design: DesignSettings | None = None, *, hold: bool = False) -> GpcLaw:
+    def law(self, variant: str, design: DesignSettings | None = None, *, hold: bool = False) -> GpcLaw:
         """The control law of a variant; quick, so studies over weights redesign as they go."""
         design = design or DesignSettings()
         model = (self.implicit if variant == "implicit" else self.explicit).model
         predictor = multi_step_predictor(model, design.h_p, design.h_c)
         return gpc_law(
-            predictor, design.Q, design.R, variant, hold=hold, provenance={**self.provenance, "design": asdict(design)}
+            predictor,
+            design.Q,
+            design.R,
+            cast(Variant, variant),
+            hold=hold,
+            provenance={**self.provenance, "design": asdict(design)},
         )
 
 
@@ -181,7 +186,7 @@ def published_laws(
         if path.exists():
             return {k: GpcLaw.from_dict(v) for k, v in json.loads(path.read_text()).items()}
     models = identify(plant, road, speed, s)
-    laws = {v: models.law(v) for v in VARIANTS}
+    laws: dict[str, GpcLaw] = {v: models.law(v) for v in VARIANTS}
     if path is not None:
         path.parent.mkdir(parents=True, exist_ok=True)
         temporary = path.with_suffix(f".{plant.stem}.{id(laws)}.tmp")
