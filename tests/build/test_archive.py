@@ -1,0 +1,210 @@
+"""From a declaration to an archive: reproducible bytes, clean binaries, any compiler."""
+
+from __future__ import annotations
+
+import hashlib
+import importlib.util
+import os
+import re
+import shutil
+import subprocess
+import sys
+import tomllib
+from collections.abc import Iterator
+from importlib import resources
+from pathlib import Path
+
+import fmpy
+import pytest
+from built import FMUS
+from components import filter_bank, oscillator
+
+from build_fmus import compile as compiling
+from build_fmus.compile import (
+    CFLAGS,
+    PLATFORMS,
+    CompileError,
+    ObjectCache,
+    find_toolchain,
+    host,
+    resolve_platforms,
+)
+from build_fmus.generate import generate_c, identity
+from build_fmus.package import build_fmu, source_files
+
+needs_nm = pytest.mark.skipif(shutil.which("nm") is None, reason="needs nm of binutils")
+needs_zig = pytest.mark.skipif(importlib.util.find_spec("ziglang") is None, reason="needs ziglang from PyPI")
+
+
+@pytest.fixture
+def no_compiler(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Iterator[None]:
+    """A machine without any C compiler in PATH."""
+    monkeypatch.setenv("PATH", str(tmp_path))
+    monkeypatch.delenv("CC", raising=False)
+    find_toolchain.cache_clear()
+    yield
+    find_toolchain.cache_clear()
+
+
+def test_same_inputs_same_bytes(tmp_path: Path) -> None:
+    """Twice from scratch, with different caches; the second time in another process with other hash seeds."""
+    script = (
+        "import sys, hashlib; from pathlib import Path; from components import MAKERS;"
+        "from build_fmus.package import build_fmu; from build_fmus.compile import ObjectCache, resolve_platforms;"
+        "cache = ObjectCache(Path(sys.argv[1]));"
+        "build = lambda n, fmi: build_fmu(MAKERS[n](), fmi, resolve_platforms('host'), cache);"
+        "print([hashlib.sha256(build(n, f)).hexdigest() for n, f in (('ProbeRk4', 2), ('ProbeDiscrete', 3))])"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", script, str(tmp_path / "other")],
+        capture_output=True,
+        text=True,
+        check=True,
+        env={**os.environ, "PYTHONHASHSEED": "1", "PYTHONPATH": str(Path(__file__).parents[1])},
+    )
+    cache = ObjectCache(tmp_path / "own")
+    archives = [
+        build_fmu(make(), fmi, resolve_platforms("host"), cache) for make, fmi in ((oscillator, 2), (filter_bank, 3))
+    ]
+    assert str([hashlib.sha256(a).hexdigest() for a in archives]) == done.stdout.strip()
+
+
+def test_identity_follows_content() -> None:
+    """The instantiation token changes with anything that changes behaviour or interface, and with nothing else."""
+
+    def changed(**parameter: object) -> str:
+        c = oscillator()
+        c.parameter("extra", parameter.pop("start", 1.0), **{"unit": "m", "description": "extra", **parameter})  # type: ignore[arg-type]
+        return identity(c, arrays=False)
+
+    tokens = {
+        changed(), changed(start=2.0), changed(unit="s"), changed(description="other"), changed(max=3.0),
+        changed(min=0.0), changed(tunable=True), changed(nominal=5.0), changed(display_unit="mm"),
+        identity(oscillator(), arrays=False), identity(oscillator(), arrays=True),
+        identity(oscillator(solver="am2"), arrays=False),
+    }  # fmt: skip
+    assert len(tokens) == 12
+    assert changed() == changed()
+    assert all(re.fullmatch(r"\{[0-9a-f]{8}(-[0-9a-f]{4}){3}-[0-9a-f]{12}\}", t) for t in tokens)
+
+
+@needs_nm
+def test_only_fmi_functions_are_exported(built_fmus, tmp_path: Path) -> None:  # type: ignore[no-untyped-def]
+    for fmi in (2, 3):
+        for probe in ("ProbeRk4", "ProbeDiscrete"):
+            folder = tmp_path / f"{probe}{fmi}"
+            fmpy.extract(str(built_fmus.path(probe, fmi)), str(folder))
+            binary = next(folder.glob("binaries/*/*"))
+            listing = subprocess.run(["nm", "-D", "--defined-only", binary], capture_output=True, text=True, check=True)
+            symbols = {line.split()[-1] for line in listing.stdout.splitlines()}
+            assert symbols
+            assert all(s.startswith(f"fmi{fmi}") for s in symbols), symbols
+            header = (folder / "sources" / f"fmi{fmi}Functions.h").read_text()
+            declared = set(re.findall(rf"^#define (fmi{fmi}[A-Z]\w+) +fmi{fmi}FullName\(", header, re.MULTILINE))
+            assert len(declared) > 40
+            assert declared <= symbols, declared - symbols
+
+
+def objects(component, directory: Path) -> dict[str, str]:  # type: ignore[no-untyped-def]
+    """Symbol listings of the objects of a component's FMUs."""
+    toolchain = find_toolchain(host())
+    found = {}
+    for fmi in (2, 3):
+        for name, data in source_files(component, fmi).items():
+            (directory / name).write_bytes(data)
+        for name in ("model.c", "fmu_core.c", f"fmi{fmi}.c"):
+            toolchain.compile(directory / name, directory / "x.o", [directory])
+            found[name] = subprocess.run(
+                ["nm", str(directory / "x.o")], capture_output=True, text=True, check=True
+            ).stdout
+    return found
+
+
+@needs_nm
+@pytest.mark.parametrize("make", [oscillator, filter_bank])
+def test_no_static_data_and_no_heap_in_the_model(make, tmp_path: Path) -> None:  # type: ignore[no-untyped-def]
+    """Any number of instances: nothing writable is shared. Only instantiation and snapshots allocate."""
+    for name, listing in objects(make(), tmp_path).items():
+        kinds = {line.split()[-1]: line.split()[-2] for line in listing.splitlines()}
+        writable = {s for s, kind in kinds.items() if kind in "bBcC" or (kind in "dD" and not relocated(s))}
+        assert not writable, f"{name}: {writable}"
+        heap = {s for s, kind in kinds.items() if kind == "U"} & {"malloc", "calloc", "realloc", "free"}
+        assert heap <= ({"malloc", "calloc", "free"} if name == "fmu_core.c" else set()), name
+
+
+def relocated(symbol: str) -> bool:
+    """Constant tables of pointers, which position-independent code keeps in the section .data.rel.ro."""
+    return symbol in ("variables", "fmu_model", "state_names", "categories", "M") or symbol.startswith("categories.")
+
+
+def test_compiler_flags_fix_the_rounding() -> None:
+    assert "-ffp-contract=off" in CFLAGS
+    assert not any("fast" in f or "native" in f for f in CFLAGS)
+
+
+def test_no_compiler_means_ziglang(no_compiler: None) -> None:  # noqa: ARG001
+    if importlib.util.find_spec("ziglang") is None:
+        with pytest.raises(CompileError, match="pip install ziglang"):
+            find_toolchain(host())
+    else:
+        assert "ziglang" in find_toolchain(host()).command
+
+
+def test_no_compiler_at_all_says_how_to_get_one(no_compiler: None, monkeypatch: pytest.MonkeyPatch) -> None:  # noqa: ARG001
+    monkeypatch.setattr(compiling.importlib.util, "find_spec", lambda _: None)
+    with pytest.raises(CompileError, match=r"no C compiler for .*install gcc or clang, or `pip install ziglang`"):
+        find_toolchain(host())
+
+
+def test_a_named_compiler_that_is_not_there(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("CC", "no-such-compiler")
+    find_toolchain.cache_clear()
+    try:
+        with pytest.raises(CompileError, match="CC=no-such-compiler is not in PATH"):
+            find_toolchain(host())
+    finally:
+        find_toolchain.cache_clear()
+
+
+def test_compiler_errors_carry_the_compilers_words(tmp_path: Path) -> None:
+    (tmp_path / "broken.c").write_text("int f( { }")
+    with pytest.raises(CompileError, match=r"broken\.c(.|\n)*error"):
+        find_toolchain(host()).compile(tmp_path / "broken.c", tmp_path / "broken.o", [])
+
+
+def test_unknown_platform() -> None:
+    with pytest.raises(CompileError, match="unknown platform 'amiga'; choose from host, all, x86_64-linux"):
+        resolve_platforms("host,amiga")
+    assert [p.name for p in resolve_platforms("all")] == list(PLATFORMS)
+    assert [p.name for p in resolve_platforms("host, aarch64-darwin")] == [host(), "aarch64-darwin"]
+
+
+@needs_zig
+def test_ziglang_builds_for_the_host(no_compiler: None, tmp_path: Path) -> None:  # noqa: ARG001
+    """One small component. The other platforms take minutes the first time and are left to ``--platform all``."""
+    target = resolve_platforms("host")[0]
+    path = tmp_path / "ProbeDiscrete.fmu"
+    path.write_bytes(build_fmu(filter_bank(), 3, [target], ObjectCache(FMUS / ".cache" / "ziglang")))
+    result = fmpy.simulate_fmu(str(path), stop_time=0.1, start_values={"y[3]": 1.0}, output=["u[1]", "samples"])
+    assert result["samples"][-1] == 19
+    assert result["u[1]"][-1] == 3.0  # third gain times one
+
+
+def test_installed_package_has_the_runtime_and_the_templates() -> None:
+    package = resources.files("build_fmus")
+    for name in ("fmu_core.c", "fmu_core.h", "fmu_model.h", "fmi2.c", "fmi3.c"):
+        assert package.joinpath("runtime", name).read_text().startswith("/*")
+    assert "{{ component.name }}" in package.joinpath("templates", "documentation.html").read_text()
+    assert package.joinpath("py.typed").is_file()
+
+    project = Path(__file__).parents[2] / "pyproject.toml"
+    patterns = tomllib.loads(project.read_text())["tool"]["setuptools"]["package-data"]["*"]
+    assert {"*.c", "*.h", "*.html", "*.toml", "py.typed"} <= set(patterns)
+
+
+def test_generated_code_is_plain_c() -> None:
+    code = generate_c(oscillator(), arrays=False, token="{x}")
+    assert "malloc" not in code
+    assert "#include <math.h>" in code
+    assert "casadi_" in code  # its helpers are inside, no library is needed
+    assert set(re.findall(r'#include [<"](.*)[">]', code)) == {"math.h", "stddef.h", "fmu_model.h"}

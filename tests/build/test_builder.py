@@ -1,0 +1,181 @@
+"""Incremental builds: what is built, when, and in which order; the command line's messages."""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import pytest
+
+from build_fmus import builder, cli
+from build_fmus.builder import Options, Stamps, source_hash, waves, with_needs
+
+
+@dataclass(frozen=True)
+class Entry:
+    """A catalog entry of the tests."""
+
+    name: str
+    needs: tuple[str, ...] = ()
+    files: tuple[Path, ...] = ()
+
+
+@dataclass
+class Recorder:
+    """A build task that writes empty FMUs and remembers what it was asked for. Runs in this process."""
+
+    calls: list[tuple[str, tuple[int, ...]]] = field(default_factory=list)
+
+    def __call__(self, name: str, options: Options, versions: tuple[int, ...]) -> None:
+        self.calls.append((name, versions))
+        for fmi in versions:
+            target = options.target(name, fmi)
+            target.parent.mkdir(parents=True, exist_ok=True)
+            target.write_text(f"{name} {fmi}")
+
+
+@pytest.fixture
+def task(monkeypatch: pytest.MonkeyPatch) -> Recorder:
+    def run(_self, task, jobs, options):  # type: ignore[no-untyped-def]
+        for name, versions in jobs.items():
+            task(name, options, versions)
+            yield name
+
+    monkeypatch.setattr(builder._Pool, "run", run)
+    return Recorder()
+
+
+def build(catalog: list[Entry], names: list[str], out: Path, task: Recorder, **options) -> list[str]:  # type: ignore[no-untyped-def]
+    """Build and return the names built; ``sources`` defaults to unchanged code."""
+    force, sources = options.pop("force", False), options.pop("sources", "code")
+    return builder.build(
+        {e.name: e for e in catalog}, names, Options(out, **options), sources=sources, task=task, force=force
+    )
+
+
+def test_unchanged_fmus_are_not_rebuilt(tmp_path: Path, task: Recorder) -> None:
+    catalog = [Entry("A"), Entry("B")]
+    assert build(catalog, ["A", "B"], tmp_path, task) == ["A", "B"]
+    assert task.calls == [("A", (2, 3)), ("B", (2, 3))]
+    assert build(catalog, ["A", "B"], tmp_path, task) == []
+    assert len(task.calls) == 2
+    assert build(catalog, ["A"], tmp_path, task, force=True) == ["A"]
+
+
+@pytest.mark.parametrize("change", ["file", "sources", "platform", "damaged", "missing", "stamp", "compiler"])
+def test_any_change_rebuilds(change: str, tmp_path: Path, task: Recorder, monkeypatch: pytest.MonkeyPatch) -> None:
+    vehicle = tmp_path / "vehicle.toml"
+    vehicle.write_text("mass = 1")
+    catalog, out, options = [Entry("A", files=(vehicle,)), Entry("B")], tmp_path / "out", {}
+    build(catalog, ["A", "B"], out, task)
+    expected = ["A"]
+    target = Options(out).target("A", 2)
+    if change == "file":
+        vehicle.write_text("mass = 2")
+    elif change == "damaged":
+        target.write_text("?")
+    elif change == "missing":
+        target.unlink()
+    elif change == "stamp":
+        next((out / ".cache" / "stamps").glob("fmi2-A.json")).write_text("{")
+    elif change == "compiler":
+        monkeypatch.setenv("CC", "other-compiler")
+        expected = ["A", "B"]
+    else:
+        options = {"sources": "new code"} if change == "sources" else {"platform": "all"}
+        expected = ["A", "B"]
+    task.calls.clear()
+    assert build(catalog, ["A", "B"], out, task, **options) == expected
+    versions = (2,) if change in ("damaged", "missing", "stamp") else (2, 3)
+    assert task.calls == [(n, versions) for n in expected]
+
+
+def test_needs_come_first_and_in_the_version_makers_read(tmp_path: Path, task: Recorder) -> None:
+    catalog = [Entry("Law", needs=("Plant", "Road")), Entry("Plant"), Entry("Road", needs=("Speed",)), Entry("Speed")]
+    build(catalog, ["Law"], tmp_path, task, fmi=(2,))
+    order = [n for n, _ in task.calls]
+    assert order.index("Speed") < order.index("Road") < order.index("Law")
+    assert order.index("Plant") < order.index("Law")
+    assert dict(task.calls)["Law"] == (2,)
+    assert all(3 in versions for n, versions in task.calls if n != "Law")
+
+
+def test_waves_and_circles() -> None:
+    catalog = {e.name: e for e in (Entry("A", needs=("B",)), Entry("B", needs=("C",)), Entry("C"), Entry("D"))}
+    assert with_needs(catalog, ["A"]) == ["A", "B", "C"]
+    assert list(waves(catalog, list(catalog))) == [["C", "D"], ["B"], ["A"]]
+    circle = {e.name: e for e in (Entry("A", needs=("B",)), Entry("B", needs=("A",)))}
+    with pytest.raises(ValueError, match="circle: A, B"):
+        list(waves(circle, list(circle)))
+
+
+def test_a_failure_keeps_what_was_built(tmp_path: Path, task: Recorder) -> None:
+    def failing(name: str, options: Options, versions: tuple[int, ...]) -> None:
+        if name == "B":
+            raise ValueError("B is broken")
+        task(name, options, versions)
+
+    catalog = [Entry("A"), Entry("B")]
+    with pytest.raises(ValueError, match="B is broken"):
+        build(catalog, ["A", "B"], tmp_path, failing)  # type: ignore[arg-type]
+    assert build(catalog, ["A", "B"], tmp_path, task) == ["B"]
+
+
+def test_stamps_of_damaged_directories(tmp_path: Path) -> None:
+    stamps = Stamps(tmp_path)
+    assert not stamps.fresh(tmp_path / "fmi2" / "A.fmu", "key")
+
+
+def test_source_hash_sees_content_and_names(tmp_path: Path) -> None:
+    (tmp_path / "a.py").write_text("1")
+    first = source_hash(tmp_path)
+    (tmp_path / "notes.txt").write_text("not a source")
+    (tmp_path / "__pycache__").mkdir()
+    (tmp_path / "__pycache__" / "a.py").write_text("2")
+    assert source_hash(tmp_path) == first
+    (tmp_path / "a.py").rename(tmp_path / "b.py")
+    assert source_hash(tmp_path) != first
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["NoSuchFmu"], "no FMU named 'NoSuchFmu'"),
+        (["QuarterCarHmmvw"], "did you mean QuarterCarHmmwv"),
+        (["--fmi", "1", "SpeedProfile"], "--fmi 1: choose 2, 3 or both"),
+        (["--platform", "amiga", "SpeedProfile"], "unknown platform 'amiga'"),
+        (["--vehicle", "missing.toml"], "missing.toml: no such file"),
+        (
+            ["--out", "{file}/below", "SpeedProfile"],
+            "file/below (Not a directory); choose another directory with --out",
+        ),
+    ],
+)
+def test_messages_of_the_command_line(
+    arguments: list[str], message: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture
+) -> None:
+    """One line that names the culprit, and exit code 1; also for an output directory that cannot be made."""
+    blocked = tmp_path / "file"
+    blocked.write_text("a file where a directory should be")
+    arguments = [a.replace("{file}", str(blocked)) for a in arguments]
+    if "--out" not in arguments:
+        arguments += ["--out", str(tmp_path / "fmus")]
+    monkeypatch.setattr(sys, "argv", ["build-fmus", *arguments])
+    monkeypatch.setenv("COLUMNS", "400")
+    with pytest.raises(SystemExit) as end:
+        cli.main()
+    said = " ".join(capsys.readouterr().err.split())
+    assert end.value.code == 1
+    assert message in said
+    assert "Traceback" not in said
+
+
+def test_list_names_the_whole_catalog(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture) -> None:
+    monkeypatch.setattr(sys, "argv", ["build-fmus", "--list"])
+    with pytest.raises(SystemExit) as end:
+        cli.main()
+    assert not end.value.code
+    said = capsys.readouterr().out
+    for name in cli.load_catalog():
+        assert name in said

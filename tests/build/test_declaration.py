@@ -1,0 +1,161 @@
+"""Declarations that cannot become an FMU are refused with a message that says where and what."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Callable
+
+import casadi as ca
+import numpy as np
+import pytest
+
+from build_fmus.component import Component, DeclarationError
+from build_fmus.reference import Evaluator
+from build_fmus.stability import SolverStepError, check_solver
+
+
+def mass(**options: object) -> Component:
+    """A component to spoil."""
+    return Component("Mass", kind="continuous", description="a mass", source="Newton", **options)  # type: ignore[arg-type]
+
+
+def sampled() -> Component:
+    return Component("Filter", kind="discrete", sample_time=0.01, description="a filter", source="none")
+
+
+def no_derivative() -> None:
+    c = mass()
+    c.state("x", "m")
+    _ = c.functions
+
+
+def no_update() -> None:
+    c = sampled()
+    c.state("held", "m")
+    _ = c.functions
+
+
+def undeclared_symbol() -> None:
+    c = mass()
+    c.derivative(c.state("x", "m"), ca.SX.sym("stranger"))
+    _ = c.functions
+
+
+def twice() -> None:
+    c = mass()
+    x = c.state("x", "m")
+    c.derivative(x, 0)
+    c.derivative(x, 1)
+
+
+CASES: dict[str, tuple[Callable[[], object], str]] = {
+    "unknown unit": (lambda: mass().input("f", "Nm", "torque"), r"Mass\.f: unknown unit 'Nm'; did you mean 'N\.?m'"),
+    "unknown display unit": (
+        lambda: mass().input("f", "N", "force", display_unit="lbf"), r"Mass\.f: .*no display unit 'lbf' \(it has: kN\)",
+    ),
+    "duplicate name": (lambda: [c := mass(), c.state("x", "m"), c.state("x", "m")], r"Mass\.x: declared twice"),
+    "name of the standard": (lambda: mass().input("time", "s", "time"), r"Mass\.time: .*component\.time"),
+    "illegal name": (lambda: mass().input("2x", "m", "x"), r"Mass\.2x: not a legal structured name"),
+    "not ascii": (lambda: mass().input("höhe", "m", "height"), r"Mass\.höhe: not a legal structured name"),
+    "index in the name": (lambda: mass().input("x[1]", "m", "x"), r"Mass\.x\[1\]: not a legal structured name"),
+    "missing derivative": (no_derivative, r"Mass: no derivative for state\(s\) x"),
+    "missing update": (no_update, r"Filter: no update for state\(s\) held"),
+    "derivative twice": (twice, r"Mass\.x: derivative given twice"),
+    "derivative of no state": (lambda: mass().derivative(ca.SX.sym("x"), 0), r"Mass: derivative\(\) needs the very symbol"),
+    "derivative of a discrete one": (
+        lambda: [c := sampled(), c.derivative(c.state("x", "m"), 0)], r"Filter: derivative\(\) is for continuous",
+    ),
+    "update of a continuous one": (lambda: [c := mass(), c.update(c.state("x", "m"), 0)], r"Mass: update\(\) is for discrete"),
+    "start below min": (lambda: mass().parameter("m", -1.0, "kg", "mass", min=0.0), r"Mass\.m: start value -1 lies outside \[0\.0"),
+    "start above max": (lambda: mass().input("f", "N", "force", start=2.0, max=1.0), r"Mass\.f: start value 2 lies outside"),
+    "start not finite": (lambda: mass().parameter("m", math.nan, "kg", "mass"), r"Mass\.m: start value nan is not finite"),
+    "start infinite": (lambda: mass().parameter("m", math.inf, "kg", "mass"), r"Mass\.m: start value inf is not finite"),
+    "calculated start of another size": (
+        lambda: [c := mass(), c.state("x", "m", start=ca.SX.sym("s", 2), shape=(3,))], r"Mass\.x: start has shape \(2, 1\), not \(3,\)",
+    ),
+    "derivative of another size": (
+        lambda: [c := mass(), c.derivative(c.state("x", "m", shape=(3,)), ca.SX.sym("s", 2))], r"Mass\.x: derivative has shape",
+    ),
+    "transposed matrix": (
+        lambda: [c := sampled(), c.update(c.state("x", "m", shape=(2, 3)), ca.SX.sym("s", 3, 2))], r"Filter\.x: update has shape \(3, 2\), not \(2, 3\)",
+    ),
+    "three dimensions": (lambda: mass().parameter("a", np.zeros((2, 2, 2)), "1", "a"), r"Mass\.a: shape \(2, 2, 2\)"),
+    "empty vector": (lambda: mass().input("u", "1", "u", shape=(0,)), r"Mass\.u: shape \(0,\)"),
+    "undeclared symbol": (undeclared_symbol, r"Mass: rhs uses undeclared symbols \(stranger"),
+    "sample time of a continuous one": (lambda: mass(sample_time=0.01), r"Mass: a sample_time is for discrete"),
+    "component name": (
+        lambda: Component("9 lives", kind="continuous", description="", source=""), r"'9 lives' is not an identifier",
+    ),
+    "stimulus of no input": (lambda: mass().stimulate({"f": math.sin}), r"Mass: stimulus for 'f', which is not an input"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_refusals(case: str) -> None:
+    make, message = CASES[case]
+    with pytest.raises(DeclarationError, match=message):
+        make()
+
+
+def test_unknown_variables_come_with_the_nearest_name() -> None:
+    c = mass()
+    c.input("force", "N", "force")
+    with pytest.raises(KeyError, match=r"no variable 'forse'; did you mean 'force'"):
+        c.variable("forse")
+
+
+@pytest.mark.parametrize("solver", ["rk4", "am2"])
+def test_an_unstable_solver_step_is_refused_with_one_that_works(solver: str) -> None:
+    def stiff(step: float) -> Component:
+        c = mass(solver=solver, solver_step=step)
+        x = c.state("x", "m")
+        c.derivative(x, -5000 * x)
+        return c
+
+    with pytest.raises(
+        SolverStepError, match=r"Mass: .* unstable at operating point 'start' \(eigenvalue -5000"
+    ) as error:
+        check_solver(stiff(1e-3))
+    advised = float(re.search(r"a step of ([\d.e-]+) s", str(error.value))[1])  # type: ignore[index]
+    check_solver(stiff(advised))
+    run = Evaluator(stiff(advised))
+    run.x = np.ones(1)
+    run.step(200 * advised)
+    assert abs(run.x[0]) < 1
+
+
+def test_an_unstable_point_other_than_the_start_is_found() -> None:
+    c = mass(solver_step=1e-3)
+    x, v = c.state("x", "m"), c.state("v", "m/s")
+    c.derivative(x, v)
+    c.derivative(v, ca.if_else(x < 0, -1e8 * x, 0) - v)  # contact
+    c.operating_point("contact", x=-0.01)
+    with pytest.raises(SolverStepError, match="'contact'"):
+        check_solver(c)
+
+
+def test_declaring_more_renews_what_was_derived() -> None:
+    c = mass()
+    f = c.input("f", "N", "force")
+    c.output("y", f, "N", "force")
+    assert c.dependencies == {"y": ["f"]}
+    c.output("t", c.time, "s", "time")
+    assert c.dependencies == {"y": ["f"], "t": ["time"]}
+
+
+def test_elements_are_row_major_everywhere() -> None:
+    """A matrix state keeps its orientation through start, update and output."""
+    c = sampled()
+    k = c.parameter("k", [[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]], "1", "k")
+    m = c.state("m", "1", start=2 * k, shape=(2, 3))
+    n = c.state("n", "1", start=[[1, 2, 3], [4, 5, 6]], shape=(2, 3))
+    c.update(m, m + k)
+    c.update(n, n * 10)
+    c.output("sum", m + n, "1", "sum")
+    assert c.variable("sum").element_names()[:4] == ["sum[1,1]", "sum[1,2]", "sum[1,3]", "sum[2,1]"]
+    run, matrix = Evaluator(c), np.arange(1.0, 7.0)
+    np.testing.assert_array_equal(run.outputs(), 3 * matrix)
+    run.step(0.02)  # two samples; the outputs are those of the second
+    np.testing.assert_array_equal(run.outputs(), 3 * matrix + 10 * matrix)
+    np.testing.assert_array_equal(run.x, np.concatenate([4 * matrix, 100 * matrix]))

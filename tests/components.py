@@ -1,0 +1,133 @@
+"""Components that exist for the tests only: small, and with everything the declaration language offers.
+
+They go through the conformance suite beside the catalog, because no published component has all of it: Integer and
+Boolean parameters and inputs, calculated starts, matrices, hidden state, both kinds of solver.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+
+import casadi as ca
+
+from build_fmus.builder import Options
+from build_fmus.compile import ObjectCache, resolve_platforms
+from build_fmus.component import Component, Solver
+from build_fmus.package import build_fmu
+
+
+def oscillator(name: str = "ProbeRk4", solver: Solver = "rk4") -> Component:
+    """A nonlinear oscillator that starts in equilibrium under its inputs, with a vector of first-order lags."""
+    c = Component(
+        name, kind="continuous", description="Nonlinear oscillator of the tests", source="none", solver=solver,
+        stop_time=1.0,
+    )  # fmt: skip
+    mass = c.parameter("mass", 2.0, "kg", "mass", min=0.1, max=1e3)
+    stiffness = c.parameter("stiffness", 150.0, "N/m", "linear stiffness", min=1.0)
+    cubic = c.parameter("cubic", 40.0, "N/m3", "cubic stiffness", min=0.0)
+    damping = c.parameter("damping", 3.0, "N.s/m", "damping", min=0.0, tunable=True)
+    lag = c.parameter("lag", [0.05, 0.1, 0.2], "s", "time constants of the lags", min=1e-3)
+    order = c.parameter("order", 1, None, "harmonic of the forcing", min=0, max=5)
+    forced = c.parameter("forced", True, None, "whether the harmonic forcing acts")
+    force = c.input("force", "N", "force", min=-1e4, max=1e4)
+    kick = c.input("corner.fl.kick", "N", "three more forces", shape=(3,))
+    brake = c.input("brake", None, "whether the brake is on", type=bool, start=False)
+    gear = c.input("gear", None, "gear", type=int, start=1, min=0, max=6)
+
+    total = force + kick[0] + 2 * kick[1] - kick[2]
+    x = c.state("x", "m", "position", start=total / stiffness, output=True, nominal=0.1)
+    v = c.state("v", "m/s", "velocity", start=0.1, output=True, min=-100, max=100)
+    w = c.state("w", "N", "lagged forces", start=[1.0, 2.0, 3.0], shape=(3,))
+    harmonic = ca.if_else(forced, ca.sin(2 * math.pi * order * c.time), 0)
+    a = (total + harmonic - stiffness * x - cubic * x**3 - damping * (1 + 4 * brake) * v) / mass
+    c.derivative(x, v)
+    c.derivative(v, a)
+    c.derivative(w, (gear * kick - w) / lag)
+    c.output("a", a, "m/s2", "acceleration")
+    c.output("corner.fl.lagged", w, "N", "lagged forces", display_unit="kN")
+    c.output("sector", ca.floor(4 * x), None, "quarter metre the mass is in", type=int)
+    c.output("moving", v * v > 1e-4, None, "whether the mass moves", type=bool)
+    c.stimulate(
+        {
+            "force": lambda t: 10.0 * math.sin(5.0 * t),
+            "corner.fl.kick[2]": lambda t: 3.0 if t > 0.05 else 0.5,
+            "brake": lambda t: 0.08 < t < 0.12,
+            "gear": lambda t: 1 + int(20 * t),
+        }
+    )
+    return c
+
+
+def filter_bank(name: str = "ProbeDiscrete") -> Component:
+    """A sampled filter with hidden state, a matrix gain, flags and counters."""
+    c = Component(
+        name,
+        kind="discrete",
+        sample_time=0.005,
+        description="Sampled filter of the tests",
+        source="none",
+        stop_time=1.0,
+    )
+    gain = c.parameter("gain.y", [[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]], "1", "gain", min=-100.0, max=100.0)
+    pole = c.parameter("pole", 0.8, "1", "pole of the filter", min=0.0, max=0.999, tunable=True)
+    limit = c.parameter("limit", 20.0, "N", "limit of the outputs", min=0.0)
+    y = c.input("y", "N", "measurements", shape=(3,))
+    valid = c.input("y.valid", None, "whether the measurements are valid", type=bool, start=True)
+    offset = c.input("offset", None, "offset", type=int, start=0, min=-5, max=5)
+
+    held = c.state("held", "N", shape=(3,), start=y)  # the first measurement
+    table = c.state("table", "N", shape=(2, 2), start=ca.horzcat(ca.vertcat(y[0], y[1]), ca.vertcat(y[2], 7.0)))
+    count = c.state("count", "1", start=0.0)
+    filtered = ca.if_else(valid, pole * held + (1 - pole) * y, held)
+    raw = gain @ filtered + offset
+    u = ca.fmin(ca.fmax(raw, -limit), limit)
+    c.update(held, filtered)
+    c.update(table, ca.vertcat(table[1, :], table[0, :] + 0.01 * count))
+    c.update(count, count + 1)
+    c.output("u", u, "N", "filtered and amplified measurements")
+    c.output("turned", table, "N", "a matrix that turns over")
+    c.output("clock", c.time, "s", "time of the sample")
+    c.output("samples", count, None, "samples before this one", type=int)
+    c.output("saturated", ca.mmax(ca.fabs(raw)) > limit, None, "whether a limit is active", type=bool)
+    c.stimulate(
+        {
+            "y[1]": lambda t: math.sin(40 * t),
+            "y[2]": lambda t: math.cos(25 * t),
+            "y[3]": lambda t: 8 * t,
+            "y.valid": lambda t: not 0.2 < t < 0.3,
+            "offset": lambda t: int(3 * math.sin(9 * t)),
+        }
+    )
+    return c
+
+
+MAKERS = {
+    "ProbeRk4": oscillator,
+    "ProbeAm2": lambda: oscillator("ProbeAm2", "am2"),
+    "ProbeDiscrete": filter_bank,
+}
+
+
+@dataclass(frozen=True)
+class ProbeEntry:
+    """A test component as the builder sees it."""
+
+    name: str
+    needs: tuple[str, ...] = ()
+    files: tuple[Path, ...] = (Path(__file__),)
+
+
+CATALOG = {name: ProbeEntry(name) for name in MAKERS}
+
+
+def build_entry(name: str, options: Options, versions: tuple[int, ...]) -> None:
+    """Make and write the FMUs of one test component."""
+    cache = ObjectCache(options.cache / "objects")
+    for fmi in versions:
+        target = options.target(name, fmi)
+        target.parent.mkdir(parents=True, exist_ok=True)
+        target.write_bytes(
+            build_fmu(MAKERS[name](), fmi, resolve_platforms(options.platform), cache, arrays=options.arrays)
+        )

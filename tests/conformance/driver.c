@@ -1,0 +1,323 @@
+/* A stand-alone host for one FMU, linked with its sources under AddressSanitizer and UndefinedBehaviorSanitizer.
+ *
+ * It goes through the life cycle, wrong calls, states and Model Exchange, and ends with 0 when every call returned what
+ * it should. Compile with -DFMI=2 or -DFMI=3 and -DSTEP=<communication step>. Variables come from the table that the
+ * FMU's own code holds (fmu_model.h). */
+#include <math.h>
+#include <stdarg.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "fmu_model.h"
+
+#if FMI == 2
+#include "fmi2Functions.h"
+#define F(name) fmi2##name
+#define STATE(prefix, suffix) fmi2##prefix##FMUstate##suffix
+#define DESERIALIZE fmi2DeSerializeFMUstate
+typedef fmi2Component Instance;
+typedef fmi2Status Status;
+typedef fmi2FMUstate Saved;
+typedef int Flag;
+#else
+#include "fmi3Functions.h"
+#define F(name) fmi3##name
+#define STATE(prefix, suffix) fmi3##prefix##FMUState##suffix
+#define DESERIALIZE fmi3DeserializeFMUState
+typedef fmi3Instance Instance;
+typedef fmi3Status Status;
+typedef fmi3FMUState Saved;
+typedef fmi3Boolean Flag;
+#endif
+
+static int failures;
+
+#define EXPECT(condition)                                              \
+    do {                                                               \
+        if (!(condition)) {                                            \
+            failures++;                                                \
+            printf("%s:%d: %s\n", __FILE__, __LINE__, #condition);     \
+        }                                                              \
+    } while (0)
+
+#if FMI == 2
+static void logger(void *e, const char *name, Status status, const char *category, const char *message, ...) {
+    char text[4096];
+    va_list args;
+    va_start(args, message);
+    vsnprintf(text, sizeof text, message, args);
+    va_end(args);
+    (void)e, (void)name, (void)status, (void)category;
+}
+
+static Instance instantiate(const char *token, int co_simulation) {
+    static const fmi2CallbackFunctions callbacks = {logger, NULL, NULL, NULL, NULL};
+    return fmi2Instantiate("driver", co_simulation ? fmi2CoSimulation : fmi2ModelExchange, token, "", &callbacks, 0, 1);
+}
+
+static Status initialize(Instance c, double start) {
+    Status status = fmi2SetupExperiment(c, 0, 0.0, start, 0, 0.0);
+    return status == 0 ? fmi2EnterInitializationMode(c) : status;
+}
+
+static Status do_step(Instance c, double t, double h) { return fmi2DoStep(c, t, h, 1); }
+
+static Status get(Instance c, unsigned vr, const FmuVariable *v, void *values) {
+    return v->type == FMU_FLOAT64 ? fmi2GetReal(c, &vr, 1, values)
+           : v->type == FMU_INT32 ? fmi2GetInteger(c, &vr, 1, values)
+                                  : fmi2GetBoolean(c, &vr, 1, values);
+}
+
+static Status set(Instance c, unsigned vr, const FmuVariable *v, double value) {
+    int i = v->type == FMU_FLOAT64 ? 0 : (int)value;
+    return v->type == FMU_FLOAT64 ? fmi2SetReal(c, &vr, 1, &value)
+           : v->type == FMU_INT32 ? fmi2SetInteger(c, &vr, 1, &i)
+                                  : fmi2SetBoolean(c, &vr, 1, &i);
+}
+
+static Status derivative(Instance c, unsigned unknown, unsigned known, double *result) {
+    double seed = 1.0;
+    return fmi2GetDirectionalDerivative(c, &unknown, 1, &known, 1, &seed, result);
+}
+#else
+static void logger(fmi3InstanceEnvironment e, Status status, const char *category, const char *message) {
+    (void)e, (void)status, (void)category, (void)message;
+}
+
+static Instance instantiate(const char *token, int co_simulation) {
+    return co_simulation
+               ? fmi3InstantiateCoSimulation("driver", token, NULL, 0, 1, 0, 0, NULL, 0, NULL, logger, NULL)
+               : fmi3InstantiateModelExchange("driver", token, NULL, 0, 1, NULL, logger);
+}
+
+static Status initialize(Instance c, double start) { return fmi3EnterInitializationMode(c, 0, 0.0, start, 0, 0.0); }
+
+static Status do_step(Instance c, double t, double h) {
+    fmi3Boolean event, terminate, early;
+    double last;
+    return fmi3DoStep(c, t, h, 1, &event, &terminate, &early, &last);
+}
+
+static Status get(Instance c, unsigned vr, const FmuVariable *v, void *values) {
+    return v->type == FMU_FLOAT64 ? fmi3GetFloat64(c, &vr, 1, values, 1)
+           : v->type == FMU_INT32 ? fmi3GetInt32(c, &vr, 1, values, 1)
+                                  : fmi3GetBoolean(c, &vr, 1, values, 1);
+}
+
+static Status set(Instance c, unsigned vr, const FmuVariable *v, double value) {
+    fmi3Int32 i = v->type == FMU_FLOAT64 ? 0 : (fmi3Int32)value;
+    fmi3Boolean b = value != 0.0;
+    return v->type == FMU_FLOAT64 ? fmi3SetFloat64(c, &vr, 1, &value, 1)
+           : v->type == FMU_INT32 ? fmi3SetInt32(c, &vr, 1, &i, 1)
+                                  : fmi3SetBoolean(c, &vr, 1, &b, 1);
+}
+
+static Status derivative(Instance c, unsigned unknown, unsigned known, double *result) {
+    double seed = 1.0;
+    return fmi3GetDirectionalDerivative(c, &unknown, 1, &known, 1, &seed, 1, result, 1);
+}
+#endif
+
+static double start_of(const FmuVariable *v) {
+    const int offset = v->role == FMU_PARAMETER ? 0 : v->role == FMU_INPUT ? fmu_model.n_parameters
+                                                                           : fmu_model.n_parameters + fmu_model.n_inputs;
+    return fmu_model.start[offset + v->slot];
+}
+
+static void read_all(Instance c) {
+    for (int i = 0; i < fmu_model.n_variables; i++) {
+        double room = 0.0;
+        EXPECT(get(c, (unsigned)i, &fmu_model.variables[i], &room) == 0);
+    }
+}
+
+static void set_all(Instance c) {
+    for (int i = 0; i < fmu_model.n_variables; i++) {
+        const FmuVariable *v = &fmu_model.variables[i];
+        if (v->is_exact) EXPECT(set(c, (unsigned)i, v, start_of(v)) == 0);
+        else EXPECT(set(c, (unsigned)i, v, 0.0) == 3);
+        if (v->type == FMU_FLOAT64) {
+            EXPECT(set(c, (unsigned)i, v, NAN) == 3);
+            EXPECT(set(c, (unsigned)i, v, INFINITY) == 3);
+        }
+    }
+}
+
+static void set_inputs(Instance c, double t) {
+    for (int i = 0; i < fmu_model.n_variables; i++) {
+        const FmuVariable *v = &fmu_model.variables[i];
+        if (v->role != FMU_INPUT) continue;
+        double value = start_of(v) + (v->type == FMU_FLOAT64 ? 1e-3 * sin(10.0 * t + i) : 0.0);
+        (void)set(c, (unsigned)i, v, fmin(fmax(value, v->min), v->max));
+    }
+}
+
+static void differentiate(Instance c) {
+    for (int i = 0; i < fmu_model.n_variables; i++)
+        for (int k = 0; k < fmu_model.n_variables; k++) {
+            double result;
+            (void)derivative(c, (unsigned)i, (unsigned)k, &result);
+        }
+    double result;
+    EXPECT(derivative(c, 0xffffffffu, 0, &result) == 3);
+}
+
+/* Serialize, damage, deserialize, free. */
+static void states(Instance c) {
+    Saved saved = NULL, copy = NULL;
+    size_t size = 0;
+    EXPECT(STATE(Get, )(c, &saved) == 0);
+    EXPECT(STATE(Get, )(c, &saved) == 0);
+    EXPECT(STATE(Serialized, Size)(c, saved, &size) == 0);
+    unsigned char *bytes = malloc(size + 1);
+    EXPECT(STATE(Serialize, )(c, saved, (void *)bytes, size) == 0);
+    EXPECT(STATE(Serialize, )(c, saved, (void *)bytes, size - 1) == 3);
+    EXPECT(DESERIALIZE(c, (void *)bytes, size, &copy) == 0);
+    EXPECT(STATE(Set, )(c, copy) == 0);
+    EXPECT(STATE(Free, )(c, &copy) == 0);
+    EXPECT(copy == NULL);
+    /* Misaligned, short and damaged bytes, each in a block of its own so that reading beyond it is seen. */
+    unsigned char *shifted = malloc(size + 1);
+    memcpy(shifted + 1, bytes, size);
+    EXPECT(DESERIALIZE(c, (void *)(shifted + 1), size, &copy) == 0);
+    EXPECT(STATE(Free, )(c, &copy) == 0);
+    free(shifted);
+    for (size_t n = 0; n < size; n += 1 + size / 50) {
+        unsigned char *part = malloc(n ? n : 1);
+        memcpy(part, bytes, n);
+        EXPECT(DESERIALIZE(c, (void *)part, n, &copy) == 3);
+        free(part);
+        bytes[n] ^= 0x40;
+        if (n < 12 || n >= 16) EXPECT(DESERIALIZE(c, (void *)bytes, size, &copy) == 3);
+        bytes[n] ^= 0x40;
+    }
+    EXPECT(STATE(Free, )(c, &saved) == 0);
+    EXPECT(STATE(Free, )(c, &saved) == 0);
+    EXPECT(STATE(Set, )(c, NULL) == 3);
+    free(bytes);
+}
+
+static void wrong_calls(Instance c) {
+    double value = 0.0;
+    unsigned vr = (unsigned)fmu_model.n_variables;
+    EXPECT(do_step(c, 0.0, NAN) == 3);
+    EXPECT(do_step(c, 0.0, -1.0) == 3);
+    EXPECT(do_step(c, 0.0, 0.0) == 3);
+    EXPECT(do_step(c, 1e9, STEP) == 3);
+    EXPECT(do_step(c, NAN, STEP) == 3);
+    EXPECT(do_step(NULL, 0.0, STEP) == 3);
+#if FMI == 2
+    EXPECT(fmi2GetReal(c, &vr, 1, &value) == 3);
+    EXPECT(fmi2SetReal(c, &vr, 1, &value) == 3);
+    EXPECT(fmi2GetReal(c, NULL, 1, &value) == 3);
+    EXPECT(fmi2GetReal(c, &vr, 1, NULL) == 3);
+#else
+    EXPECT(fmi3GetFloat64(c, &vr, 1, &value, 1) == 3);
+    EXPECT(fmi3SetFloat64(c, &vr, 1, &value, 1) == 3);
+    EXPECT(fmi3GetFloat64(c, NULL, 1, &value, 1) == 3);
+    EXPECT(fmi3GetFloat64(c, &vr, 1, NULL, 1) == 3);
+    vr = 0;
+    EXPECT(fmi3GetFloat64(c, &vr, 1, &value, 0) == 3);
+#endif
+    EXPECT(F(EnterInitializationMode)(c
+#if FMI == 3
+                                      , 0, 0.0, 0.0, 0, 0.0
+#endif
+                                      ) == 3);
+    EXPECT(F(ExitInitializationMode)(c) == 3);
+    const char *category = "none of ours, %s %n";
+    EXPECT(F(SetDebugLogging)(c, 1, 1, &category) == 3);
+}
+
+static void co_simulation(void) {
+    EXPECT(instantiate("wrong", 1) == NULL);
+    Instance c = instantiate(fmu_model.token, 1);
+    Instance other = instantiate(fmu_model.token, 1);
+    EXPECT(c != NULL && other != NULL);
+    for (int round = 0; round < 2; round++) {
+        EXPECT(do_step(c, 0.0, STEP) == 3);
+        set_all(c);
+        states(c);
+        EXPECT(initialize(c, 0.0) == 0);
+        set_all(c);
+        read_all(c);
+        differentiate(c);
+        EXPECT(F(ExitInitializationMode)(c) == 0);
+        wrong_calls(c);
+        for (int k = 0; k < 40; k++) {
+            set_inputs(c, k * STEP);
+            EXPECT(do_step(c, k * STEP, STEP) == 0);
+            read_all(c);
+        }
+        differentiate(c);
+        states(c);
+        Saved saved = NULL;
+        EXPECT(STATE(Get, )(c, &saved) == 0);
+        EXPECT(STATE(Set, )(other, saved) == 0);
+        EXPECT(do_step(other, 40 * STEP, 7.3 * STEP) == 0);
+        EXPECT(do_step(other, 47.3 * STEP, 1e300) == 3);
+        EXPECT(STATE(Free, )(other, &saved) == 0);
+        EXPECT(F(Terminate)(c) == 0);
+        read_all(c);
+        EXPECT(do_step(c, 40 * STEP, STEP) == 3);
+        EXPECT(F(Reset)(c) == 0);
+    }
+    F(FreeInstance)(c);
+    F(FreeInstance)(other);
+    F(FreeInstance)(NULL);
+}
+
+static void model_exchange(void) {
+    Instance c = instantiate(fmu_model.token, 0);
+    if (!fmu_model.is_continuous) {
+        EXPECT(c == NULL);
+        return;
+    }
+    const size_t n = (size_t)fmu_model.n_states;
+    double *x = calloc(n ? n : 1, sizeof(double)), *dx = calloc(n ? n : 1, sizeof(double));
+    EXPECT(initialize(c, 0.0) == 0);
+    EXPECT(F(ExitInitializationMode)(c) == 0);
+#if FMI == 2
+    fmi2EventInfo info;
+    EXPECT(fmi2NewDiscreteStates(c, &info) == 0);
+#else
+    fmi3Boolean flags[5];
+    double next;
+    EXPECT(fmi3UpdateDiscreteStates(c, flags, flags + 1, flags + 2, flags + 3, flags + 4, &next) == 0);
+#endif
+    EXPECT(F(EnterContinuousTimeMode)(c) == 0);
+    EXPECT(F(GetContinuousStates)(c, x, n) == 0);
+    EXPECT(F(GetContinuousStates)(c, x, n + 1) == 3);
+    EXPECT(F(GetNominalsOfContinuousStates)(c, dx, n) == 0);
+    for (int k = 0; k < 40; k++) {
+        const double h = 1e-4;
+        Flag event, terminate;
+        set_inputs(c, k * h);
+#if FMI == 2
+        EXPECT(fmi2GetDerivatives(c, dx, n) == 0);
+#else
+        EXPECT(fmi3GetContinuousStateDerivatives(c, dx, n) == 0);
+#endif
+        for (size_t i = 0; i < n; i++) x[i] += h * dx[i];
+        EXPECT(F(SetTime)(c, (k + 1) * h) == 0);
+        EXPECT(F(SetContinuousStates)(c, x, n) == 0);
+        EXPECT(F(CompletedIntegratorStep)(c, 1, &event, &terminate) == 0);
+    }
+    EXPECT(F(EnterEventMode)(c) == 0);
+    EXPECT(F(SetContinuousStates)(c, x, n) == 3);
+    differentiate(c);
+    states(c);
+    read_all(c);
+    EXPECT(F(Terminate)(c) == 0);
+    F(FreeInstance)(c);
+    free(x);
+    free(dx);
+}
+
+int main(void) {
+    co_simulation();
+    model_exchange();
+    printf("%d failures\n", failures);
+    return failures != 0;
+}

@@ -1,0 +1,27 @@
+"""Run one FMU in Ecos: reads a job as JSON from standard input, prints the outputs after its steps as JSON."""
+
+import ctypes
+import json
+import sys
+from importlib import metadata
+
+tbb = next(f for f in metadata.files("tbb") or () if f.name.startswith("libtbb.so.12"))
+ctypes.CDLL(str(tbb.locate()), ctypes.RTLD_GLOBAL)
+
+from ecospy import EcosLib, EcosSimulation, EcosSimulationStructure  # noqa: E402
+
+job = json.load(sys.stdin)
+EcosLib.set_log_level("warn")
+SUFFIX = {"real": "real", "integer": "integer", "boolean": "bool"}
+CAST = {"real": float, "integer": int, "boolean": bool}
+structure = EcosSimulationStructure()
+structure.add_model("model", job["fmu"])
+with EcosSimulation(structure=structure, step_size=job["step"]) as simulation:
+    simulation.init()
+    for name, value in job["inputs"].items():
+        kind = job["kinds"][name]
+        getattr(simulation, f"set_{SUFFIX[kind]}")(f"model::{name}", CAST[kind](value))
+    simulation.step(job["steps"])
+    values = [getattr(simulation, f"get_{SUFFIX[job['kinds'][n]]}")(f"model::{n}") for n in job["outputs"]]
+    simulation.terminate()
+print(json.dumps(values))

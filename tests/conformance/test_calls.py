@@ -1,0 +1,475 @@
+"""The state machine: every function in every state, and every function with arguments it cannot use."""
+
+from __future__ import annotations
+
+import ctypes as c
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import pytest
+from api import DISCARD, ERROR, OK, Instance, Library
+
+# States of an instance, one letter each.
+INSTANTIATED, INITIALIZATION, EVENT, CONTINUOUS, STEP, TERMINATED = "INECST"
+EVERYWHERE = "INECST"
+READ, RUNNING, DERIVATIVES = "NECST", "ECS", "NECT"
+
+Arguments = Callable[[Instance], tuple[Any, ...]]
+
+
+@dataclass(frozen=True)
+class Function:
+    """Where a function may be called, with arguments that are right there, and what it then returns."""
+
+    name: str
+    states: str
+    arguments: Arguments = lambda a: ()
+    returns: int = OK
+    interface: str = ""  # "me": only on Model Exchange instances
+    continuous: bool = False  # an error in discrete components
+
+
+def nothing(n: int) -> Arguments:
+    """``n`` empty arrays, each with its length 0."""
+    return lambda a: (None, c.c_size_t(0)) * n
+
+
+def values(a: Instance) -> tuple[Any, ...]:
+    """An empty list of references with its empty list of values."""
+    return (None, c.c_size_t(0), None) if a.fmi == 2 else (None, c.c_size_t(0), None, c.c_size_t(0))
+
+
+def states(a: Instance) -> tuple[Any, ...]:
+    """Room for the continuous states."""
+    n = len(a.library.states)
+    return (c.c_double * n)(), c.c_size_t(n)
+
+
+def room(*kinds: Any) -> Arguments:
+    """References to fresh results of the given C types."""
+    return lambda a: tuple(c.byref(k()) for k in kinds)
+
+
+def step(a: Instance) -> tuple[Any, ...]:
+    h = a.library.step
+    return (0.0, h, a.flag(True), *(() if a.fmi == 2 else room(c.c_bool, c.c_bool, c.c_bool, c.c_double)(a)))
+
+
+def snapshot(a: Instance) -> tuple[Any, ...]:
+    state = a.save()
+    KEEP.append((a, state))
+    return (state,)
+
+
+KEEP: list[tuple[Instance, Any]] = []
+
+
+def serialized(a: Instance) -> tuple[Any, ...]:
+    data = a.serialize()
+    return data, c.c_size_t(len(data))
+
+
+class EventInfo(c.Structure):
+    """``fmi2EventInfo``."""
+
+    _fields_ = (*tuple((n, c.c_int) for n in "abcde"), ("f", c.c_double))
+
+
+COMMON = [
+    Function("SetDebugLogging", EVERYWHERE, lambda a: (a.flag(True), c.c_size_t(0), None)),
+    Function("ExitInitializationMode", INITIALIZATION),
+    Function("Terminate", RUNNING),
+    Function("Reset", EVERYWHERE),
+    Function("EnterContinuousTimeMode", EVENT),
+    Function("SetTime", EVENT + CONTINUOUS, lambda a: (0.5,)),
+    Function("SetContinuousStates", CONTINUOUS, states),
+    Function("GetContinuousStates", DERIVATIVES, states, interface="me"),
+    Function("GetNominalsOfContinuousStates", DERIVATIVES, states, interface="me"),
+    Function("GetEventIndicators", DERIVATIVES, nothing(1), interface="me"),
+    Function("DoStep", STEP, step),
+]
+FMI2 = [
+    *COMMON,
+    Function("SetupExperiment", INSTANTIATED, lambda a: (a.flag(False), 0.0, 0.0, a.flag(False), 0.0)),
+    Function("EnterInitializationMode", INSTANTIATED),
+    *(Function(f"Get{t}", READ, values) for t in ("Real", "Integer", "Boolean", "String")),
+    Function("SetReal", "INECS", values),
+    *(Function(f"Set{t}", "INES", values) for t in ("Integer", "Boolean", "String")),
+    Function("GetFMUstate", EVERYWHERE, lambda a: (c.byref(snapshot(a)[0]),)),
+    Function("SetFMUstate", EVERYWHERE, snapshot),
+    Function("FreeFMUstate", EVERYWHERE, lambda a: (c.byref(a.save()),)),
+    Function("SerializedFMUstateSize", EVERYWHERE, lambda a: (*snapshot(a), c.byref(c.c_size_t()))),
+    Function("SerializeFMUstate", EVERYWHERE, lambda a: (*snapshot(a), c.create_string_buffer(1 << 16), c.c_size_t(1 << 16))),
+    Function("DeSerializeFMUstate", EVERYWHERE, lambda a: (*serialized(a), c.byref(loose(a)))),
+    Function(
+        "GetDirectionalDerivative", READ, lambda a: (*nothing(2)(a), None, None), continuous=True
+    ),
+    Function("EnterEventMode", EVENT + CONTINUOUS),
+    Function("NewDiscreteStates", EVENT, room(EventInfo)),
+    Function("CompletedIntegratorStep", CONTINUOUS, lambda a: (a.flag(True), *room(c.c_int, c.c_int)(a))),
+    Function("GetDerivatives", DERIVATIVES, states, interface="me"),
+    Function("CancelStep", ""),
+    Function("SetRealInputDerivatives", ""),
+    Function("GetRealOutputDerivatives", ""),
+    Function("GetStatus", "ST", lambda a: (c.c_int(0), *room(c.c_int)(a)), DISCARD, "cs"),
+    Function("GetRealStatus", "ST", lambda a: (c.c_int(2), *room(c.c_double)(a)), interface="cs"),
+    Function("GetIntegerStatus", "ST", lambda a: (c.c_int(0), *room(c.c_int)(a)), DISCARD, "cs"),
+    Function("GetBooleanStatus", "ST", lambda a: (c.c_int(3), *room(c.c_int)(a)), interface="cs"),
+    Function("GetStringStatus", "ST", lambda a: (c.c_int(1), *room(c.c_char_p)(a)), DISCARD, "cs"),
+]  # fmt: skip
+TYPES3 = ("Int8", "UInt8", "Int16", "UInt16", "Int32", "UInt32", "Int64", "UInt64", "Boolean", "String")
+FMI3 = [
+    *COMMON,
+    Function("EnterInitializationMode", INSTANTIATED, lambda a: (a.flag(False), 0.0, 0.0, a.flag(False), 0.0)),
+    *(Function(f"Get{t}", READ, values) for t in ("Float32", "Float64", *TYPES3)),
+    *(Function(f"Set{t}", "INECS", values) for t in ("Float32", "Float64")),
+    *(Function(f"Set{t}", "INES", values) for t in TYPES3),
+    Function("GetBinary", READ, lambda a: (*nothing(1)(a), None, None, c.c_size_t(0))),
+    Function("SetBinary", "INES", lambda a: (*nothing(1)(a), None, None, c.c_size_t(0))),
+    Function("GetFMUState", EVERYWHERE, lambda a: (c.byref(snapshot(a)[0]),)),
+    Function("SetFMUState", EVERYWHERE, snapshot),
+    Function("FreeFMUState", EVERYWHERE, lambda a: (c.byref(a.save()),)),
+    Function("SerializedFMUStateSize", EVERYWHERE, lambda a: (*snapshot(a), c.byref(c.c_size_t()))),
+    Function("SerializeFMUState", EVERYWHERE, lambda a: (*snapshot(a), c.create_string_buffer(1 << 16), c.c_size_t(1 << 16))),
+    Function("DeserializeFMUState", EVERYWHERE, lambda a: (*serialized(a), c.byref(loose(a)))),
+    Function("GetDirectionalDerivative", READ, nothing(4), continuous=True),
+    Function("EnterEventMode", CONTINUOUS),
+    Function("UpdateDiscreteStates", EVENT, room(*[c.c_bool] * 5, c.c_double)),
+    Function("CompletedIntegratorStep", CONTINUOUS, lambda a: (a.flag(True), *room(c.c_bool, c.c_bool)(a))),
+    Function("GetContinuousStateDerivatives", DERIVATIVES, states, interface="me"),
+    Function("GetNumberOfEventIndicators", EVERYWHERE, room(c.c_size_t), interface="me"),
+    Function("GetNumberOfContinuousStates", EVERYWHERE, room(c.c_size_t), interface="me"),
+    *(
+        Function(n, "")
+        for n in (
+            "GetClock", "SetClock", "GetIntervalDecimal", "GetIntervalFraction", "GetShiftDecimal", "GetShiftFraction",
+            "SetIntervalDecimal", "SetIntervalFraction", "SetShiftDecimal", "SetShiftFraction", "ActivateModelPartition",
+            "EnterConfigurationMode", "ExitConfigurationMode", "EnterStepMode", "EvaluateDiscreteStates",
+            "GetNumberOfVariableDependencies", "GetVariableDependencies", "GetAdjointDerivative", "GetOutputDerivatives",
+        )
+    ),
+]  # fmt: skip
+TABLES = {2: FMI2, 3: FMI3}
+
+
+def loose(a: Instance) -> Any:
+    """Room for an FMU state that is freed with the others."""
+    state = c.c_void_p()
+    KEEP.append((a, state))
+    return state
+
+
+def put_into(a: Instance, state: str) -> None:
+    """Bring a new instance into a state."""
+    if state == INSTANTIATED:
+        return
+    assert a.enter_initialization() == OK
+    if state == INITIALIZATION:
+        return
+    a.must("ExitInitializationMode")
+    if state == CONTINUOUS:
+        a.must("EnterContinuousTimeMode")
+    if state == TERMINATED:
+        a.must("Terminate")
+
+
+def cases(fmu: Library) -> list[tuple[str, str]]:
+    """(interface, state) of everything an FMU can be."""
+    found = [("cs", s) for s in (INSTANTIATED, INITIALIZATION, STEP, TERMINATED)]
+    if fmu.is_continuous:
+        found += [("me", s) for s in (INSTANTIATED, INITIALIZATION, EVENT, CONTINUOUS, TERMINATED)]
+    return found
+
+
+def test_each_function_in_each_state(fmu: Library) -> None:
+    """Allowed calls succeed; all others return Error, log the state, and change nothing."""
+    for interface, state in cases(fmu):
+        with fmu.instance(interface) as a:
+            put_into(a, state)
+            before = a.save()
+            bits = a.serialize()
+            for f in TABLES[fmu.fmi]:
+                allowed = (
+                    state in f.states and f.interface in ("", interface) and (fmu.is_continuous or not f.continuous)
+                )
+                a.messages.clear()
+                status = a.call(f.name, *f.arguments(a))
+                where = f"{f.name} on a {interface} instance in state {state}"
+                if allowed:
+                    assert status == f.returns, f"{where}: {a.messages}"
+                else:
+                    assert status == ERROR, where
+                    assert a.messages, where
+                    assert a.messages[-1][1] == "logStatusError"
+                    assert a.serialize() == bits, where
+                for owner, kept in KEEP:
+                    owner.free_state(kept)
+                KEEP.clear()
+                a.restore(before)
+            a.free_state(before)
+
+
+def test_null_instance(fmu: Library) -> None:
+    """NULL for the instance is an error everywhere, and nothing for FreeInstance."""
+    with fmu.instance() as a:
+        put_into(a, STEP)
+        for f in TABLES[fmu.fmi]:
+            arguments = [c.c_double(x) if isinstance(x, float) else x for x in f.arguments(a)]
+            assert a.raw(f.name, None, *arguments) == ERROR, f.name
+        for owner, kept in KEEP:
+            owner.free_state(kept)
+        KEEP.clear()
+    a.raw("FreeInstance", None)
+
+
+def test_null_arguments(fmu: Library) -> None:
+    """NULL where an array or a result should be is an error and changes nothing."""
+    one, n = c.c_size_t(1), c.c_size_t(len(fmu.states))
+    ref, value, data = (c.c_uint32 * 1)(0), (c.c_double * 1)(), c.create_string_buffer(64)
+    tail: tuple[Any, ...] = () if fmu.fmi == 2 else (one,)
+    kind = fmu.state_type
+    deserialize = ("DeSerialize" if fmu.fmi == 2 else "Deserialize") + kind
+    calls: list[tuple[Any, ...]] = [
+        ("SetDebugLogging", c.c_int(1), one, None),
+        *((f"{d}{t}", None, one, value, *tail) for d in ("Get", "Set") for t in (fmu.real, "Boolean")),
+        *((f"{d}{t}", ref, one, None, *tail) for d in ("Get", "Set") for t in (fmu.real, "Boolean")),
+        (f"Get{kind}", None),
+        (f"Set{kind}", None),
+        (f"Free{kind}", None),
+        (f"Serialized{kind}Size", None, c.byref(n)),
+        (f"Serialize{kind}", None, data, c.c_size_t(64)),
+        (deserialize, None, c.c_size_t(64), c.byref(c.c_void_p())),
+        (deserialize, data, c.c_size_t(64), None),
+    ]
+    if fmu.fmi == 2:
+        calls += [
+            ("GetDirectionalDerivative", None, one, ref, one, value, value),
+            ("GetDirectionalDerivative", ref, one, ref, one, None, value),
+            ("GetDirectionalDerivative", ref, one, ref, one, value, None),
+            ("GetRealStatus", c.c_int(2), None),
+            ("GetBooleanStatus", c.c_int(3), None),
+        ]
+    else:
+        calls += [
+            ("GetDirectionalDerivative", None, one, ref, one, value, one, value, one),
+            ("GetDirectionalDerivative", ref, one, ref, one, None, one, value, one),
+            ("GetDirectionalDerivative", ref, one, ref, one, value, one, None, one),
+            ("DoStep", 0.0, fmu.step, c.c_bool(True), None, None, None, None),
+        ]
+    exchange: list[tuple[Any, ...]] = [
+        ("SetContinuousStates", None, n),
+        ("GetContinuousStates", None, n),
+        ("GetNominalsOfContinuousStates", None, n),
+        ("GetDerivatives" if fmu.fmi == 2 else "GetContinuousStateDerivatives", None, n),
+        ("CompletedIntegratorStep", c.c_bool(True), None, None),
+        ("SetContinuousStates", value, c.c_size_t(n.value + 1)),
+        ("GetEventIndicators", value, one),
+    ]
+    for interface in ("cs", "me") if fmu.is_continuous else ("cs",):
+        with fmu.instance(interface) as a:
+            put_into(a, STEP if interface == "cs" else CONTINUOUS)
+            bits = a.serialize()
+            for call in (*calls, *(exchange if interface == "me" else ())):
+                if call[0] in ("DoStep", "GetRealStatus", "GetBooleanStatus") and interface == "me":
+                    continue
+                assert a.call(*call) == ERROR, call[0]
+                assert a.serialize() == bits
+            state = a.save()
+            assert a.call(f"Serialized{kind}Size", state, None) == ERROR
+            assert a.call(f"Serialize{kind}", state, None, c.c_size_t(len(bits))) == ERROR
+            assert a.call(f"Serialize{kind}", state, data, c.c_size_t(len(bits) - 1)) == ERROR
+            a.free_state(state)
+    if fmu.is_continuous:
+        with fmu.instance("me") as a:
+            put_into(a, EVENT)
+            if fmu.fmi == 2:
+                assert a.call("NewDiscreteStates", None) == ERROR
+            else:
+                assert a.call("UpdateDiscreteStates", *[None] * 6) == ERROR
+                assert a.call("GetNumberOfContinuousStates", None) == ERROR
+                assert a.call("GetNumberOfEventIndicators", None) == ERROR
+
+
+@pytest.mark.parametrize("h", [0.0, -0.0, -1e-3, math.nan, math.inf, -math.inf, 1e300, 1e9])
+def test_wrong_step_sizes(fmu: Library, h: float) -> None:
+    with fmu.instance() as a:
+        a.initialize(fmu.stimulus.row(0))
+        bits = a.serialize()
+        assert a.do_step(0.0, h) == ERROR
+        assert "communicationStepSize" in a.last_message
+        assert a.serialize() == bits
+        a.run(2)
+
+
+def test_wrong_times(fmu: Library) -> None:
+    with fmu.instance() as a:
+        assert a.enter_initialization(math.nan) == ERROR
+        a.reset()
+        assert a.enter_initialization(math.inf) == ERROR
+        a.reset()
+        assert a.enter_initialization(1.0, 0.5) == ERROR
+        a.reset()
+        a.initialize(fmu.stimulus.row(0), stop=10 * fmu.step)
+        a.run(2)
+        bits = a.serialize()
+        for t in (0.0, fmu.step, 3 * fmu.step, -1.0, math.nan, math.inf, 1e300):
+            assert a.do_step(t, fmu.step) == ERROR
+            assert "currentCommunicationPoint" in a.last_message
+        assert a.do_step(2 * fmu.step, 9 * fmu.step) == ERROR
+        assert "stopTime" in a.last_message
+        assert a.serialize() == bits
+        a.run(8, first=2)
+    if fmu.is_continuous:
+        with fmu.instance("me") as a:
+            put_into(a, CONTINUOUS)
+            assert a.call("SetTime", math.nan) == ERROR
+
+
+def test_starts_at_another_time(fmu: Library) -> None:
+    with fmu.instance() as a:
+        a.initialize(fmu.stimulus.row(0), start=12.5)
+        assert a.get(["time"])[0] == 12.5
+        for _ in range(3):
+            a.step(fmu.step)
+        assert a.get(["time"])[0] == pytest.approx(12.5 + 3 * fmu.step)
+
+
+def test_unknown_references_and_wrong_types(fmu: Library) -> None:
+    kinds = {"real": fmu.real, "integer": "Integer" if fmu.fmi == 2 else "Int32", "boolean": "Boolean"}
+    with fmu.instance() as a:
+        a.initialize()
+        bits = a.serialize()
+        for kind in kinds.values():
+            for reference in (len(fmu.variables), 2**32 - 1):
+                for direction in ("Get", "Set"):
+                    assert a.access(direction, kind, [reference], a.array(kind, [0])) == ERROR
+                    assert str(reference) in a.last_message
+        for v in list(fmu.variables.values())[:: max(1, len(fmu.variables) // 50)]:
+            for kind in kinds.values():
+                if kind != v.type:
+                    assert a.access("Get", kind, [v.reference], a.array(kind, [0])) == ERROR
+                    assert v.name in a.last_message
+                    assert a.access("Set", kind, [v.reference], a.array(kind, [0])) == ERROR
+        assert a.access("Get", "String", [0], a.array("String", [])) in (OK, ERROR)
+        if fmu.fmi == 3:
+            ref, room_for = a.references([0]), (c.c_double * 2)()
+            assert a.call("GetFloat64", ref, c.c_size_t(1), room_for, c.c_size_t(2)) == ERROR
+            assert a.call("GetFloat64", ref, c.c_size_t(1), room_for, c.c_size_t(0)) == ERROR
+        assert a.serialize() == bits
+
+
+def test_wrong_token_or_name(fmu: Library) -> None:
+    for interface in ("cs", "me") if fmu.is_continuous else ("cs",):
+        for wrong in ({"token": ""}, {"token": fmu.token[:-1]}, {"token": fmu.token + "x"}, {"name": ""}):
+            a = Instance(fmu, interface, **wrong)
+            assert a.handle is None
+            assert a.messages[-1][0] == ERROR
+            assert ("GUID" if fmu.fmi == 2 else "Token") in a.last_message or "Name" in a.last_message
+    if not fmu.is_continuous:
+        assert fmu.instance("me").handle is None
+
+
+@pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf])
+def test_values_that_are_not_finite(fmu: Library, bad: float) -> None:
+    """The error names the variable; nothing changes, also not the good values of the same call."""
+    with fmu.instance() as a:
+        settable = fmu.names("parameter", "real") + fmu.names("input", "real")
+        exact = [v.name for v in fmu.variables.values() if v.initial == "exact" and v.name in fmu.states]
+        check_refused(a, dict.fromkeys((settable + exact)[:: max(1, len(settable) // 60)], bad))
+        a.initialize()
+        check_refused(a, dict.fromkeys(fmu.names("input", "real")[:60], bad))
+    if fmu.is_continuous:
+        with fmu.instance("me") as a:
+            put_into(a, CONTINUOUS)
+            x = a.get_states()
+            for i, n in enumerate(fmu.states):
+                data = a.array(fmu.real, [*x[:i], bad, *x[i + 1 :]])
+                assert a.call("SetContinuousStates", data, c.c_size_t(len(x))) == ERROR
+                assert n in a.last_message
+            assert a.get_states().tobytes() == x.tobytes()
+
+
+def test_values_outside_their_range(fmu: Library) -> None:
+    bad: dict[str, float] = {}
+    for v in fmu.variables.values():
+        if v.causality in ("parameter", "input") and v.kind != "boolean":
+            if v.max is not None and v.max < 1e15:
+                bad[v.name] = v.max + max(1.0, abs(v.max) * 1e-3)
+            elif v.min is not None:
+                bad[v.name] = v.min - max(1.0, abs(v.min) * 1e-3)
+    with fmu.instance() as a:
+        check_refused(a, bad)
+
+
+def check_refused(a: Instance, bad: dict[str, float]) -> None:
+    """Setting each value is refused by name and leaves no trace, alone or together with a good one."""
+    bits = a.serialize()
+    for name, value in bad.items():
+        v = a.library.variables[name]
+        assert a.try_set({name: value}) in (ERROR, DISCARD), name
+        assert name in a.last_message
+        good = next((w for w in a.library.variables.values() if w.type == v.type and w.causality == "input"), None)
+        if good is not None and good.name != name:
+            both = a.array(v.type, [(good.start_value or 0), value])
+            assert a.access("Set", v.type, [good.reference, v.reference], both) in (ERROR, DISCARD)
+        assert a.serialize() == bits, name
+
+
+def test_what_may_not_be_set(fmu: Library) -> None:
+    """Calculated variables never, parameters only before the end of initialization unless they are tunable."""
+    calculated = [v for v in fmu.variables.values() if v.causality in ("output", "local", "independent")]
+    fixed = [v for v in fmu.variables.values() if v.causality == "parameter" and v.variability == "fixed"]
+    tunable = [v for v in fmu.variables.values() if v.causality == "parameter" and v.variability == "tunable"]
+    with fmu.instance() as a:
+        for v in calculated:
+            if v.initial != "exact":
+                assert a.try_set({v.name: 0.0}) == ERROR, v.name
+                assert v.name in a.last_message
+        for v in fixed + tunable:
+            assert a.try_set({v.name: v.start_value}) == OK
+        a.initialize()
+        for v in calculated + fixed:
+            assert a.try_set({v.name: v.start_value or 0.0}) == ERROR, v.name
+            assert v.name in a.last_message
+        for v in tunable:
+            assert a.try_set({v.name: v.start_value}) == OK, v.name
+    if fmu.is_continuous:
+        with fmu.instance("me") as a:
+            put_into(a, CONTINUOUS)
+            for v in fixed + tunable:
+                assert a.try_set({v.name: v.start_value}) == ERROR, v.name
+            for n in fmu.inputs:
+                expected = OK if fmu.variables[n].kind == "real" else ERROR  # discrete inputs change at events only
+                assert a.try_set({n: fmu.variables[n].start_value or 0.0}) == expected, n
+
+
+def test_start_values_are_those_of_the_description(fmu: Library) -> None:
+    names = [v.name for v in fmu.variables.values() if v.start is not None and v.causality in ("parameter", "input")]
+    with fmu.instance() as a:
+        a.initialize()
+        for n, value in zip(names, a.get(names), strict=True):
+            assert value == fmu.variables[n].start_value, n
+
+
+def test_logging_is_quiet_when_asked(fmu: Library) -> None:
+    with fmu.instance(logging=False) as a:
+        assert a.do_step(0.0, 1.0) == ERROR
+        assert not a.messages
+        category = (c.c_char_p * 1)(b"logStatusError")
+        a.must("SetDebugLogging", a.flag(True), c.c_size_t(1), category)
+        assert a.do_step(0.0, 1.0) == ERROR
+        assert a.messages.pop()[1] == "logStatusError"
+        a.initialize()
+        assert not a.messages  # events were not asked for
+        category[0] = b"nonsense"
+        assert a.call("SetDebugLogging", a.flag(True), c.c_size_t(1), category) == ERROR
+        assert "nonsense" in a.last_message
+        a.must("SetDebugLogging", a.flag(False), c.c_size_t(0), None)
+
+
+def test_version(fmu: Library) -> None:
+    assert getattr(fmu.dll, f"fmi{fmu.fmi}GetVersion")() == {2: b"2.0", 3: b"3.0"}[fmu.fmi]
+    if fmu.fmi == 2:
+        assert fmu.dll.fmi2GetTypesPlatform() == b"default"

@@ -1,0 +1,162 @@
+"""Directional derivatives against differences of the very functions they are derivatives of."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from api import ERROR, OK, CallFailed, Instance, Library
+
+TOLERANCE = 1e-6  # of the largest element of a column
+STEPS = (10.0, 1.0, 0.1, 1e-2, 1e-3, 1e-4, 1e-5)  # relative difference steps; the most consistent one is used
+
+
+def reals(fmu: Library, names: list[str]) -> list[str]:
+    """Those of the names that are Real."""
+    return [n for n in names if fmu.variables[n].kind == "real"]
+
+
+def difference(f: Callable[[float], np.ndarray], at: float, size: float) -> np.ndarray:
+    """Derivative of ``f`` at ``at`` by extrapolated central differences.
+
+    Of several difference steps the one counts for which a step and half of it agree best: large ones suffer from
+    curvature, kinks and limits, small ones from rounding.
+    """
+    best, disagreement = np.zeros(0), np.inf
+    for relative in STEPS:
+        h = relative * size
+        try:
+            coarse, fine = ((f(at + d) - f(at - d)) / (2 * d) for d in (h, h / 2))
+        except CallFailed:  # outside the range of the variable
+            continue
+        gap = np.abs(coarse - fine).max(initial=0.0)
+        if gap < disagreement:
+            best, disagreement = (4 * fine - coarse) / 3, gap
+    return best
+
+
+def check(a: Instance, unknowns: list[str], known: str, f: Callable[[float], np.ndarray], at: float) -> None:
+    """One column, given ``f``: value of the known -> values of the unknowns."""
+    v = a.library.variables[known]
+    size = max(abs(at), v.nominal or 0.0, 1e-2)
+    expected = difference(f, at, size)
+    f(at)
+    column = a.column(unknowns, known)
+    error = np.abs(column - expected).max(initial=0.0)
+    worst = unknowns[int(np.abs(column - expected).argmax())]
+    scale = max(np.abs(expected).max(initial=0.0), np.abs(column).max(initial=0.0))
+    assert error <= TOLERANCE * scale + 1e-12, f"d {worst} / d {known}: {error:g} of {scale:g}"
+
+
+def start_point(fmu: Library) -> dict[str, float]:
+    """Inputs and start values off symmetric points, where kinks are."""
+    values = {
+        n: v + 1e-3 * (k + 1) for k, (n, v) in enumerate(fmu.stimulus.row(3).items()) if fmu.variables[n].kind == "real"
+    }
+    exact = [n for n in reals(fmu, fmu.states) if fmu.variables[n].initial == "exact"]
+    values |= {n: (fmu.variables[n].start_value or 0.0) + 1e-3 * (k + 1) for k, n in enumerate(exact)}
+    return values
+
+
+def test_initialization_mode(fmu: Library) -> None:
+    """With respect to inputs, parameters and start values: calculated starts are differentiated through."""
+    structure = fmu.structure("InitialUnknowns", "InitialUnknown")
+    unknowns = reals(fmu, list(structure))
+    with fmu.instance() as a:
+        a.enter_initialization()
+        if not fmu.is_continuous:
+            assert a.try_directional([], [], [])[0] == ERROR
+            return
+        a.set(start_point(fmu))
+        knowns = sorted({d for n in unknowns for d in structure[n] if d != "time" and fmu.variables[d].kind == "real"})
+        for known in knowns:
+            at = float(a.get([known])[0])
+            v = fmu.variables[known]
+            margin = 1.1e-2 * max(abs(at), v.nominal or 0.0, 1e-2)
+            if v.min is not None:
+                at = max(at, v.min + margin)
+            if v.max is not None:
+                at = min(at, v.max - margin)
+
+            def f(value: float, known: str = known) -> np.ndarray:
+                a.set({known: value})
+                return a.get(unknowns)
+
+            original = float(a.get([known])[0])
+            check(a, unknowns, known, f, at)
+            a.set({known: original})
+
+
+def test_step_mode_and_continuous_time_mode(fmu: Library) -> None:
+    """With respect to inputs (Co-Simulation) and to inputs and states (Model Exchange)."""
+    if not fmu.is_continuous:
+        return
+    outputs = reals(fmu, fmu.outputs)
+    inputs = reals(fmu, fmu.inputs)
+    with fmu.instance() as a, fmu.instance("me") as b:
+        a.initialize(fmu.stimulus.row(0))
+        a.run(11)
+        point = {n: v for n, v in start_point(fmu).items() if n in inputs}
+        a.set(point)
+        for known in inputs:
+
+            def held(value: float, known: str = known) -> np.ndarray:
+                a.set({known: value})
+                return a.get(outputs)
+
+            check(a, outputs, known, held, float(a.get([known])[0]))
+            a.set({known: point[known]})
+        x = a.get(fmu.states)
+        b.initialize(fmu.stimulus.row(0)).continuous_time()
+        b.set(point)
+        b.must("SetTime", a.time)
+        b.set_states(x)
+        unknowns = fmu.derivatives + outputs
+        for known in inputs:
+
+            def moved(value: float, known: str = known) -> np.ndarray:
+                b.set({known: value})
+                return np.concatenate([b.get_derivatives(), b.get(outputs)])
+
+            check(b, unknowns, known, moved, float(b.get([known])[0]))
+            b.set({known: point[known]})
+        for i, known in enumerate(fmu.states):
+
+            def shifted(value: float, i: int = i) -> np.ndarray:
+                b.set_states([*x[:i], value, *x[i + 1 :]])
+                return np.concatenate([b.get_derivatives(), b.get(outputs)])
+
+            check(b, unknowns, known, shifted, float(x[i]))
+            b.set_states(x)
+
+
+def test_several_knowns_at_once(fmu: Library) -> None:
+    """The derivative is linear in its seed, and unknowns come back in the order they were asked for."""
+    if not fmu.is_continuous:
+        return
+    outputs, knowns = reals(fmu, fmu.outputs)[::-1], [*fmu.states, *reals(fmu, fmu.inputs)]
+    seed = np.cos(np.arange(len(knowns)) + 1.0)
+    with fmu.instance() as a:
+        a.initialize(fmu.stimulus.row(0))
+        a.run(5)
+        status, together = a.try_directional(outputs, knowns, seed)
+        assert status == OK
+        one_by_one = sum(s * a.column(outputs, k) for s, k in zip(seed, knowns, strict=True))
+        np.testing.assert_allclose(together, one_by_one, rtol=1e-9, atol=1e-9 * np.abs(one_by_one).max())
+
+
+def test_wrong_requests(fmu: Library) -> None:
+    with fmu.instance() as a:
+        a.initialize(fmu.stimulus.row(0))
+        if not fmu.is_continuous:
+            assert a.try_directional(fmu.outputs[:1], fmu.outputs[:1], [1.0])[0] == ERROR
+            assert "discrete" in a.last_message
+            return
+        output = reals(fmu, fmu.outputs)[-1]
+        for unknown, known, seed in (
+            (output, output, 1.0),
+            ("time", fmu.states[0], 1.0),
+            (output, fmu.states[0], np.nan),
+        ):
+            assert a.try_directional([unknown], [known], [seed])[0] == ERROR
+            assert unknown in a.last_message or known in a.last_message

@@ -1,0 +1,167 @@
+"""What is in the archive: descriptions, documentation, sources, icon."""
+
+from __future__ import annotations
+
+import re
+import zipfile
+from pathlib import Path
+
+import fmpy
+from api import OK, Library, structured_name
+from fmpy.validation import validate_fmu
+from lxml import etree
+
+from build_fmus import units
+
+SCHEMAS = Path(fmpy.__file__).parent / "schema" / "fmi3"
+PNG = b"\x89PNG\r\n\x1a\n"
+
+
+def test_validates_without_finding(fmu: Library) -> None:
+    assert validate_fmu(str(fmu.path)) == []
+
+
+def test_further_descriptions_follow_their_schemas(fmu: Library) -> None:
+    found = {p.name: p for p in fmu.folder.rglob("*.xml")}
+    expected = {"modelDescription.xml"}
+    if fmu.fmi == 3:
+        expected |= {"buildDescription.xml", "terminalsAndIcons.xml"}
+        for name, schema in (("buildDescription", "BuildDescription"), ("terminalsAndIcons", "TerminalsAndIcons")):
+            etree.XMLSchema(file=str(SCHEMAS / f"fmi3{schema}.xsd")).assertValid(etree.parse(found[f"{name}.xml"]))
+    assert set(found) == expected
+
+
+def test_sources_are_complete(fmu: Library) -> None:
+    if fmu.fmi == 2:
+        listed = [e.get("name") for e in fmu.xml.findall("CoSimulation/SourceFiles/File")]
+        for interface in fmu.xml.findall("ModelExchange"):
+            assert [e.get("name") for e in interface.findall("SourceFiles/File")] == listed
+    else:
+        description = etree.parse(fmu.folder / "sources" / "buildDescription.xml")
+        listed = [e.get("name") for e in description.iter("SourceFile")]
+    assert listed == [*dict.fromkeys(listed)]
+    assert set(listed) == {p.name for p in (fmu.folder / "sources").glob("*.c")}
+    for path in (fmu.folder / "sources").iterdir():
+        for header in re.findall(r'^ *#include "(.*)"', path.read_text(), re.MULTILINE):
+            assert (fmu.folder / "sources" / header).is_file()
+
+
+def test_documentation_and_icon(fmu: Library) -> None:
+    page = fmu.folder / "documentation" / "index.html"
+    parser = etree.HTMLParser(recover=False)
+    tree = etree.fromstring(page.read_bytes(), parser)
+    assert not [e for e in parser.error_log if e.type_name != "HTML_UNKNOWN_TAG"]
+    text = "".join(tree.itertext())
+    for name in fmu.inputs + fmu.outputs + fmu.names("parameter"):
+        assert re.sub(r"\[[\d,]+\]$", "", name) in text
+    assert (fmu.folder / "documentation" / "licenses" / "license.txt").is_file()
+    icon = "model.png" if fmu.fmi == 2 else "terminalsAndIcons/icon.png"
+    assert (fmu.folder / icon).read_bytes().startswith(PNG)
+
+
+def test_archive_is_reproducible_by_construction(fmu: Library) -> None:
+    with zipfile.ZipFile(fmu.path) as z:
+        entries = z.infolist()
+    assert [e.filename for e in entries] == sorted(e.filename for e in entries)
+    assert {e.date_time for e in entries} == {(1980, 1, 1, 0, 0, 0)}
+
+
+def test_units_are_defined_by_base_units(fmu: Library) -> None:
+    defined = {e.get("name"): e for e in fmu.xml.iterfind("UnitDefinitions/Unit")}
+    for v in fmu.variables.values():
+        assert v.unit is None or v.unit in defined
+    for name, element in defined.items():
+        base = element.find("BaseUnit")
+        exponents = {k: int(x) for k, x in base.attrib.items() if k not in ("factor", "offset")}
+        assert exponents == units.unit(name).exponents
+        assert exponents or name in ("1",)
+
+
+def test_default_experiment_and_log_categories(fmu: Library) -> None:
+    experiment = fmu.xml.find("DefaultExperiment")
+    start, stop, step = (float(experiment.get(k)) for k in ("startTime", "stopTime", "stepSize"))
+    assert start == 0 < step < stop
+    categories = {e.get("name") for e in fmu.xml.iterfind("LogCategories/Category")}
+    assert categories == {"logEvents", "logStatusWarning", "logStatusDiscard", "logStatusError", "logStatusFatal"}
+
+
+def test_capabilities(fmu: Library) -> None:
+    interfaces = {e.tag: e for tag in ("ModelExchange", "CoSimulation") for e in fmu.xml.iterfind(tag)}
+    assert set(interfaces) == ({"ModelExchange", "CoSimulation"} if fmu.is_continuous else {"CoSimulation"})
+    state = "FMUstate" if fmu.fmi == 2 else "FMUState"
+    derivatives = "providesDirectionalDerivative" + ("s" if fmu.fmi == 3 else "")
+    for e in interfaces.values():
+        assert e.get(f"canGetAndSet{state}") == e.get(f"canSerialize{state}") == "true"
+        assert e.get(derivatives) == str(fmu.is_continuous).lower()
+    assert interfaces["CoSimulation"].get("canHandleVariableCommunicationStepSize") == "true"
+
+
+def test_names_are_structured_and_the_same_in_both_versions(pair: tuple[Library, Library]) -> None:
+    two, three = pair
+    assert two.order == three.order
+    for name in two.order:
+        a, b = two.variables[name], three.variables[name]
+        assert structured_name(name)
+        assert (a.causality, a.variability, a.initial, a.unit, a.min, a.max) == (
+            b.causality, b.variability, b.initial, b.unit, b.min, b.max,
+        )  # fmt: skip
+        assert a.start_value == b.start_value
+    assert two.structure("Outputs", "") == three.structure("", "Output")
+    assert two.structure("Derivatives", "") == three.structure("", "ContinuousStateDerivative")
+    assert two.structure("InitialUnknowns", "") == three.structure("", "InitialUnknown")
+
+
+def test_dependencies_name_only_what_the_standard_allows(fmu: Library) -> None:
+    knowns = {"time", *fmu.inputs, *fmu.states}
+    for unknowns in (fmu.structure("Outputs", "Output"), fmu.structure("Derivatives", "ContinuousStateDerivative")):
+        for depends in unknowns.values():
+            assert set(depends) <= knowns
+            assert [fmu.order.index(d) for d in depends] == sorted(fmu.order.index(d) for d in depends)
+    exact = {v.name for v in fmu.variables.values() if v.initial == "exact"}
+    for depends in fmu.structure("InitialUnknowns", "InitialUnknown").values():
+        assert set(depends) <= {"time", *fmu.inputs, *exact}
+
+
+def test_dependencies_are_real(fmu: Library) -> None:
+    """An output moves at a sample or evaluation with an input only if it says that it depends on it."""
+    if not fmu.inputs:
+        assert not any(set(d) - {"time"} for d in fmu.structure("Outputs", "Output").values()) or fmu.states
+        return
+    outputs = fmu.structure("Outputs", "Output")
+    with fmu.instance() as a:
+        a.initialize(fmu.stimulus.row(0))
+        a.run(3)
+        state = a.save()
+
+        def after(values: dict[str, float]) -> dict[str, float]:
+            a.restore(state)
+            a.set(values)
+            if not fmu.is_continuous:
+                assert a.do_step(3 * fmu.step, fmu.step) == OK
+            return dict(zip(fmu.outputs, a.get(fmu.outputs), strict=True))
+
+        base_inputs = fmu.stimulus.row(3)
+        base = after(base_inputs)
+        for name in fmu.inputs:
+            v = fmu.variables[name]
+            value = 1 - base_inputs[name] if v.kind == "boolean" else base_inputs[name] + 1
+            if not (v.min is None or value >= v.min) or not (v.max is None or value <= v.max):
+                value = base_inputs[name] - 1
+            if (v.min is not None and value < v.min) or (v.max is not None and value > v.max):
+                continue
+            moved = after({**base_inputs, name: value})
+            for output, depends in outputs.items():
+                if name not in depends:
+                    assert moved[output] == base[output], f"{output} moves with {name}"
+        a.free_state(state)
+
+
+def test_terminals_group_the_signals_of_a_corner(pair: tuple[Library, Library]) -> None:
+    fmu, corner = pair[1], "fl"
+    tree = etree.parse(fmu.folder / "terminalsAndIcons" / "terminalsAndIcons.xml")
+    grouped = {e.get("variableName") for e in tree.iterfind(f".//Terminal[@name='{corner}']/TerminalMemberVariable")}
+    expected = {n for n in fmu.inputs + fmu.outputs if re.search(rf"(^|\.){corner}(\.|$|\[)", n)}
+    assert grouped == expected
+    for terminal in tree.iterfind(".//Terminal"):
+        members = [e.get("memberName") for e in terminal]
+        assert len(members) == len(set(members))

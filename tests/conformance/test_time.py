@@ -1,0 +1,147 @@
+"""When things happen: sampling of discrete components, start states while initializing."""
+
+from __future__ import annotations
+
+import ctypes as c
+
+import numpy as np
+import pytest
+from api import Instance, Library
+
+
+def outputs(a: Instance) -> bytes:
+    return a.get(a.library.outputs).tobytes()
+
+
+def test_initialization_commits_nothing(fmu: Library) -> None:
+    """Reading outputs during initialization, under any inputs and any number of times, leaves no trace."""
+    with fmu.instance() as a, fmu.instance() as b:
+        for one in (a, b):
+            one.enter_initialization()
+        for k in (5, 3, 8, 0):
+            if fmu.inputs:
+                a.set(fmu.stimulus.row(k))
+            a.get(fmu.outputs)
+            a.get(fmu.outputs)
+        if fmu.inputs:
+            b.set(fmu.stimulus.row(0))
+        assert outputs(a) == outputs(b)
+        for one in (a, b):
+            one.must("ExitInitializationMode")
+        assert outputs(a) == outputs(b)
+        assert a.run(10).tobytes() == b.run(10).tobytes()
+
+
+def test_outputs_follow_inputs_during_initialization(fmu: Library) -> None:
+    """What initialization shows for inputs is what a fresh instance shows that knows nothing but these inputs."""
+    with fmu.instance() as a, fmu.instance() as b:
+        for one in (a, b):
+            one.enter_initialization()
+        if fmu.inputs:
+            a.set(fmu.stimulus.row(2))
+            a.get(fmu.outputs)
+            for one in (a, b):
+                one.set(fmu.stimulus.row(9))
+        assert outputs(a) == outputs(b)
+
+
+def test_discrete_outputs_before_the_first_sample_are_those_of_the_first_sample(fmu: Library) -> None:
+    if fmu.is_continuous:
+        return
+    with fmu.instance() as a:
+        a.initialize(fmu.stimulus.row(0))
+        before = outputs(a)
+        a.step(fmu.step)
+        assert outputs(a) == before
+
+
+def test_many_samples_in_one_step(fmu: Library) -> None:
+    """doStep over several sample times equals single steps with the same inputs; the last sample's outputs remain."""
+    if fmu.is_continuous:
+        return
+    with fmu.instance() as a, fmu.instance() as b:
+        for one in (a, b):
+            one.initialize(fmu.stimulus.row(0))
+            if fmu.inputs:
+                one.set(fmu.stimulus.row(1))
+        a.step(7 * fmu.step)
+        for k in range(7):
+            assert b.do_step(k * fmu.step, fmu.step) == 0
+        assert outputs(a) == outputs(b)
+        b.time = a.time
+        for one in (a, b):
+            one.step(fmu.step)
+        assert outputs(a) == outputs(b)
+
+
+def test_steps_shorter_than_the_sample_time_sample_once(fmu: Library) -> None:
+    if fmu.is_continuous:
+        return
+    with fmu.instance() as a, fmu.instance() as b:
+        for one in (a, b):
+            one.initialize(fmu.stimulus.row(0))
+        for k in range(6):
+            if fmu.inputs:
+                for one in (a, b):
+                    one.set(fmu.stimulus.row(k))
+            assert a.do_step(k * fmu.step, fmu.step) == 0
+            for part in range(4):
+                assert b.do_step((k + part / 4) * fmu.step, fmu.step / 4) == 0
+                assert outputs(b) == outputs(a)  # hold until the next sample
+                if fmu.inputs and part < 3:
+                    b.set(fmu.stimulus.row(k + 1))  # between samples nobody looks
+
+
+@pytest.mark.parametrize("start", [0.0, 1000.0])
+def test_samples_are_counted_exactly(load, start: float) -> None:  # type: ignore[no-untyped-def]
+    """Twenty thousand steps of a sample time that binary fractions cannot represent: as many samples."""
+    for fmi in (2, 3):
+        fmu: Library = load("ProbeDiscrete", fmi)
+        with fmu.instance() as a:
+            a.initialize(start=start)
+            flags, last = (c.c_bool * 3)(), c.c_double()
+            tail = (a.flag(True), *(() if fmi == 2 else (*(c.byref(flags, i) for i in range(3)), c.byref(last))))
+            function = getattr(fmu.dll, f"fmi{fmi}DoStep")
+            h = c.c_double(fmu.step)
+            for k in range(20_000):
+                assert function(a.handle, c.c_double(start + k * fmu.step), h, *tail) == 0
+            samples, clock = a.get(["samples", "clock"])
+            assert samples == 19_999  # before the last one
+            assert clock == pytest.approx(start + 19_999 * fmu.step, abs=1e-9)
+
+
+def test_feedthrough_and_time_in_model_exchange(fmu: Library) -> None:
+    """Outputs and derivatives follow time, states and inputs at once, in any order of calls."""
+    if not fmu.is_continuous:
+        return
+    with fmu.instance("me") as a, fmu.instance("me") as b:
+        for one in (a, b):
+            one.initialize(fmu.stimulus.row(0)).continuous_time()
+        x = a.get_states()
+        real = {n: v for n, v in fmu.stimulus.row(4).items() if fmu.variables[n].kind == "real"}
+        a.set(real)
+        a.must("SetTime", 0.01)
+        a.set_states(x + 1e-3)
+        b.set_states(x - 1e-3)
+        b.get(fmu.outputs)
+        b.set_states(x + 1e-3)
+        b.must("SetTime", 0.01)
+        b.get_derivatives()
+        b.set(real)
+        assert outputs(a) == outputs(b)
+        assert a.get_derivatives().tobytes() == b.get_derivatives().tobytes()
+        assert np.array_equal(a.get(fmu.derivatives), a.get_derivatives())
+        assert np.array_equal(a.get(fmu.states), a.get_states())
+        before = outputs(a)
+        a.must("Terminate")
+        assert outputs(a) == before
+
+
+def test_values_stay_readable_after_terminate(fmu: Library) -> None:
+    with fmu.instance() as a, fmu.instance() as b:
+        for one in (a, b):
+            one.initialize(fmu.stimulus.row(0))
+            one.step(fmu.step)
+        expected = outputs(b)
+        a.must("Terminate")
+        assert outputs(a) == expected
