@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import math
+import tempfile
 from pathlib import Path
 from typing import Annotated
 
@@ -14,7 +16,7 @@ from rich.table import Table
 TITLE = "Full car under generalized predictive control on three roads (paper 000)"
 OPTIONS = "--road sine|curb|perryman3  --speed KM/H  --controller passive|implicit|explicit|preview  --weight R"
 
-console = Console(stderr=True, highlight=False)
+console = Console(stderr=True, highlight=False, soft_wrap=True)
 
 Fmus = Annotated[Path, typer.Option(help="directory of the FMUs (see build-fmus)")]
 Version = Annotated[int, typer.Option(help="FMI version of the FMUs to use: 2 or 3", min=2, max=3)]
@@ -25,11 +27,23 @@ Out = Annotated[Path, typer.Option(help="directory for results")]
 def _fmu_set(fmus: Path, fmi: int, vehicle: Path | None):  # type: ignore[no-untyped-def]
     from build_fmus.cli import catalog_suffix
     from cosim.experiments.gpc import FmuSet
+    from fmu_sources.vehicles import load_full_car
 
     if vehicle is None:
         return FmuSet(fmus, fmi=fmi)
+    load_full_car(vehicle)  # names a missing file or a mistake in it
     suffix = catalog_suffix(vehicle)
     return FmuSet(fmus, plant=f"FullCar{suffix}", suffix=suffix, vehicle=vehicle, fmi=fmi)
+
+
+def _make_folder(path: Path) -> Path:
+    """The folder, made and tried out before any work is done; OSError that says what to do."""
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+        tempfile.TemporaryFile(dir=path).close()
+    except OSError as error:
+        raise OSError(f"cannot write to {path} ({error.strerror}); choose another directory with --out") from None
+    return path
 
 
 def run(
@@ -45,13 +59,19 @@ def run(
     out: Out = Path("results"),
 ) -> None:
     """One run over 150 m: prints the published metrics beside the passive car's, writes the time histories as CSV."""
+    from cosim import ComponentError, Interrupted
     from cosim.experiments.gpc import GpcBench, Scenario, evaluate
     from cosim.metrics import improvement
 
     scenario = Scenario(road, speed, controller, R=weight, seed=seed, hold=hold)
     bench = GpcBench(_fmu_set(fmus, fmi, vehicle))
-    path = out / "gpc" / f"{road}-{speed:g}kmh-{controller}.csv"
-    recording = bench.record(scenario, progress=True, csv=path)
+    path = _make_folder(out / "gpc") / f"{road}-{speed:g}kmh-{controller}.csv"
+    try:
+        recording = bench.record(scenario, progress=True, csv=path)
+    except (ComponentError, Interrupted) as error:
+        if error.recording is not None:
+            console.print(f"{path} holds the run up to t = {error.time:g} s")
+        raise
     measured = {controller: evaluate(recording)}
     if controller != "passive":
         measured = {"passive": evaluate(bench.record(Scenario(road, speed, "passive"))), **measured}
@@ -78,13 +98,14 @@ def study(
     fmi: Version = 3,
     vehicle: Vehicle = None,
     out: Out = Path("results"),
-    processes: Annotated[int | None, typer.Option(help="worker processes (default: all cores)")] = None,
+    processes: Annotated[int | None, typer.Option(help="worker processes (default: all cores)", min=1)] = None,
 ) -> None:
     """Figures 6 to 12 of the paper and every published claim; writes results/gpc/report.html."""
     from cosim.experiments import gpc_report, gpc_study
 
     chosen = _fmu_set(fmus, fmi, vehicle)
     chosen.all_paths()  # every file is there before the work begins
+    runs = _make_folder(out / "gpc" / ".runs")
     columns = (
         TextColumn("{task.description}"),
         BarColumn(),
@@ -94,10 +115,13 @@ def study(
     )
     with Progress(*columns, console=console) as bar:
         task = bar.add_task("study gpc", total=None)
-        result = gpc_study.study(
-            chosen, out / "gpc" / ".runs", processes=processes,
-            progress=lambda done, total: bar.update(task, completed=done, total=total),
-        )  # fmt: skip
+        try:
+            result = gpc_study.study(
+                chosen, runs, processes=processes,
+                progress=lambda done, total: bar.update(task, completed=done, total=total),
+            )  # fmt: skip
+        except KeyboardInterrupt:
+            raise KeyboardInterrupt("interrupted; finished runs are kept, the same command goes on from there") from None
     path = gpc_report.write(result, chosen, out / "gpc")
     console.print(f"report: {path}")
 
@@ -127,11 +151,13 @@ def identify(
     )
 
     chosen = _fmu_set(fmus, fmi, vehicle)
+    for option, value in (("excitation", excitation), ("weight", weight)):
+        if not (math.isfinite(value) and value > 0):
+            raise ValueError(f"--{option} {value:g}: it must be a positive number")
     settings = IdentificationSettings(seed=seed, order=order, samples=samples, excitation=excitation)
+    folder = _make_folder(out / "gpc" / "laws")
     models = identify(chosen.car, chosen.road("perryman3"), chosen.speed, settings)
     table = Table("law", "file", "condition", "residual rms (g, deg, deg)", "equals the FMU's", box=None)
-    folder = out / "gpc" / "laws"
-    folder.mkdir(parents=True, exist_ok=True)
     for variant in VARIANTS:
         law = models.law(variant, DesignSettings(h_p=horizon, h_c=control_horizon, R=weight))
         path = folder / f"{variant}-seed{seed}.json"

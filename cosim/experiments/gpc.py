@@ -82,7 +82,8 @@ class FmuSet:
         """An FMU file; FileNotFoundError that says how to build it."""
         path = self.directory / f"fmi{self.fmi}" / f"{name}.fmu"
         if not path.is_file():
-            raise FileNotFoundError(f"{path} does not exist: run `build-fmus --out {self.directory}` first")
+            vehicle = f" --vehicle {self.vehicle}" if isinstance(self.vehicle, Path) else ""
+            raise FileNotFoundError(f"{path} does not exist: run `build-fmus{vehicle} --out {self.directory}` first")
         return path
 
     @property
@@ -136,7 +137,7 @@ class GpcBench:
         """
         system = self.system(scenario.road, scenario.controller)
         speed = scenario.speed_kmh / 3.6
-        system["speed"].set({"speed.start": speed})
+        system["speed"].set({"start.speed": speed})
         if scenario.controller != "passive":
             law = self.models(scenario.seed).law(scenario.controller, DesignSettings(R=scenario.R))
             system["controller"].set(gain_parameters(law))

@@ -130,7 +130,7 @@ def record_identification(
         0.0, s.excitation, (s.samples, len(CORNERS))
     )
     with System() as system:
-        system.add("speed", speed, parameters={"speed.start": s.speed})
+        system.add("speed", speed, parameters={"start.speed": s.speed})
         system.add("road", road)
         system.add("car", plant, step=TICK)
         system.add("excitation", Excitation(sequence))

@@ -17,14 +17,14 @@ def speed_profile(name: str = "SpeedProfile") -> Component:
         description="Constant speed or one ramp, with travelled distance",
         source="own",
         notes=(
-            "speed is speed.start until ramp.start, then changes by ramp.change within ramp.duration (0: at once) and "
+            "speed is start.speed until ramp.start, then changes by ramp.change within ramp.duration (0: at once) and "
             "stays. x is its exact integral from start.x on, evaluated from the time of the sample, so nothing drifts.",
             "Wiring: speed to target.speed of a vehicle, or x and speed straight to a road when there is no vehicle "
             "that moves.",
         ),
     )
     start = c.parameter(
-        "speed.start", 50.0 / 3.6, "m/s", "speed before the ramp", min=0.0, max=MAX_SPEED, display_unit="km/h"
+        "start.speed", 50.0 / 3.6, "m/s", "speed before the ramp", min=0.0, max=MAX_SPEED, display_unit="km/h"
     )
     change = c.parameter(
         "ramp.change", 0.0, "m/s", "speed gained in the ramp", min=-MAX_SPEED, max=MAX_SPEED, display_unit="km/h"

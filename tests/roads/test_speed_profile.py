@@ -42,7 +42,7 @@ def test_jump(profile):
 
 
 def test_x_is_the_integral_of_speed(profile):
-    parameters = {"speed.start": 3.0, "ramp.change": 20.0, "ramp.start": 0.05, "ramp.duration": 0.1}
+    parameters = {"start.speed": 3.0, "ramp.change": 20.0, "ramp.start": 0.05, "ramp.duration": 0.1}
     result = simulate(profile, parameters=parameters, steps=300)
     x, speed = (result.outputs[1:, result.output_names.index(n)] for n in ("x", "speed"))
     assert np.diff(x) == pytest.approx(1e-3 * (speed[1:] + speed[:-1]) / 2, abs=1e-12)
