@@ -4,16 +4,34 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 from rich.console import Console
+from rich.markup import escape
 from rich.table import Table
+from typer.core import TyperGroup
 
 from cosim.experiments import cli_gpc
 
-console = Console(stderr=True, highlight=False)
-app = typer.Typer(add_completion=False, pretty_exceptions_enable=False, no_args_is_help=True)
+console = Console(stderr=True, highlight=False, soft_wrap=True)
+
+
+class Stopped(Exception):  # noqa: N818
+    """Ctrl-C, on its way through typer, which would end the program without a word."""
+
+
+class Commands(TyperGroup):
+    """Commands that Ctrl-C ends with a message."""
+
+    def invoke(self, ctx: Any) -> Any:
+        try:
+            return super().invoke(ctx)
+        except KeyboardInterrupt as error:
+            raise Stopped(str(error) or "interrupted") from error
+
+
+app = typer.Typer(cls=Commands, add_completion=False, pretty_exceptions_enable=False, no_args_is_help=True)
 run_app = typer.Typer(help="Run one case of an experiment.", no_args_is_help=True)
 study_app = typer.Typer(help="Run a whole published study and write its report.", no_args_is_help=True)
 identify_app = typer.Typer(help="Derive the control laws again from their plant FMU.", no_args_is_help=True)
@@ -32,7 +50,8 @@ for _name, _module in EXPERIMENTS.items():
 @app.command("list")
 def list_experiments() -> None:
     """List the experiments."""
-    table = Table("experiment", "what it is", "options", box=None)
+    table = Table("experiment", "what it is", box=None)
+    table.add_column("options", overflow="fold")
     for name, module in EXPERIMENTS.items():
         table.add_row(name, module.TITLE, module.OPTIONS)
     Console().print(table)
@@ -52,10 +71,15 @@ def main() -> None:
 
     try:
         app()
-    except KeyboardInterrupt:
-        console.print("interrupted; what was computed is kept, the same command continues from there")
+    except Stopped as stopped:
+        console.print(escape(str(stopped)))
         sys.exit(130)
-    except (CosimError, ValueError, LookupError, OSError) as error:
-        message = error.args[0] if isinstance(error, KeyError) and error.args else error
-        console.print(f"[red]cosim:[/red] {message}", markup=True)
+    except (CosimError, ValueError, LookupError, OSError, RuntimeError) as error:
+        console.print(f"[red]cosim:[/red] {escape(_text(error))}")
         sys.exit(1)
+
+
+def _text(error: Exception) -> str:
+    if isinstance(error, OSError) and error.filename is not None:
+        return f"{error.filename}: {error.strerror}"
+    return str(error.args[0] if isinstance(error, KeyError) and error.args else error)
