@@ -60,7 +60,7 @@ class ProgressBar:
         if self._bar is None:
             if time.perf_counter() - self._since < self.PATIENCE:
                 return
-            from rich.progress import Progress as Bar  # noqa: PLC0415  (slow import, rarely needed)
+            from rich.progress import Progress as Bar
 
             self._bar = Bar(transient=True)
             self._task = self._bar.add_task("simulated time", total=self._end - self._begin)

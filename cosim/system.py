@@ -321,7 +321,7 @@ class System:
         `state`, saved in this system, the components in it continue from there (start_time is not used) while wiring,
         rates and parameters of the others may have changed: several controllers can be tried from one instant.
         """
-        from cosim.master import Simulation  # noqa: PLC0415  (master builds on system)
+        from cosim.master import Simulation
 
         if self._simulation is not None:
             self._simulation.close()
@@ -335,7 +335,7 @@ class System:
             state=state,
         )
         if check_stability:
-            from cosim.stability import warn_if_unstable  # noqa: PLC0415
+            from cosim.stability import warn_if_unstable
 
             warn_if_unstable(self)
         return self._simulation
@@ -380,7 +380,7 @@ class System:
     def coupled_spectral_radius(self) -> Stability:
         """How the coupled continuous components, linearized at their initial state, amplify a deviation over one cycle
         of the schedule; see `cosim.stability`."""
-        from cosim.stability import coupled_spectral_radius  # noqa: PLC0415
+        from cosim.stability import coupled_spectral_radius
 
         return coupled_spectral_radius(self)
 

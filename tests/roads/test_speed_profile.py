@@ -21,13 +21,13 @@ def at(profile, time, **parameters):
 
 
 def test_constant_speed_never_drifts(profile):
-    assert at(profile, 0.0, speed__start=12.0) == (5.0, 12.0)
-    assert at(profile, 1e6, speed__start=12.0) == (5.0 + 12e6, 12.0)
-    assert at(profile, 3.7, speed__start=0.0) == (5.0, 0.0)
+    assert at(profile, 0.0, start__speed=12.0) == (5.0, 12.0)
+    assert at(profile, 1e6, start__speed=12.0) == (5.0 + 12e6, 12.0)
+    assert at(profile, 3.7, start__speed=0.0) == (5.0, 0.0)
 
 
 def test_ramp(profile):
-    ramp = {"speed__start": 10.0, "ramp__change": -4.0, "ramp__start": 2.0, "ramp__duration": 5.0, "start__x": 0.0}
+    ramp = {"start__speed": 10.0, "ramp__change": -4.0, "ramp__start": 2.0, "ramp__duration": 5.0, "start__x": 0.0}
     assert at(profile, 2.0, **ramp) == (20.0, 10.0)
     assert at(profile, 4.5, **ramp) == pytest.approx((20 + 2.5 * 9, 8.0))
     assert at(profile, 7.0, **ramp) == pytest.approx((20 + 5 * 8, 6.0))
@@ -35,7 +35,7 @@ def test_ramp(profile):
 
 
 def test_jump(profile):
-    jump = {"speed__start": 10.0, "ramp__change": 5.0, "ramp__start": 1.0, "start__x": 0.0}
+    jump = {"start__speed": 10.0, "ramp__change": 5.0, "ramp__start": 1.0, "start__x": 0.0}
     assert at(profile, 0.999, **jump) == pytest.approx((9.99, 10.0))
     assert at(profile, 1.0, **jump) == pytest.approx((10.0, 15.0))
     assert at(profile, 2.0, **jump) == pytest.approx((25.0, 15.0))
