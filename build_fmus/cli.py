@@ -11,12 +11,13 @@ import tempfile
 import time
 from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
+from typer.core import TyperCommand
 
 from build_fmus import builder
 from build_fmus.builder import Options
@@ -25,27 +26,47 @@ app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 console = Console(stderr=True, highlight=False)
 
 
+class Stopped(Exception):  # noqa: N818
+    """Ctrl-C, on its way through typer, which would end the program without a word."""
+
+
+class Stoppable(TyperCommand):
+    """A command that Ctrl-C ends with a message."""
+
+    def invoke(self, ctx: Any) -> Any:
+        try:
+            return super().invoke(ctx)
+        except KeyboardInterrupt as error:
+            raise Stopped from error
+
+
 def load_catalog(vehicle: Path | None = None, road: Path | None = None, road_name: str | None = None) -> dict:
     """The default catalog, or the one of a user's vehicle or road file."""
     from fmu_sources import catalog
 
     if vehicle is None and road is None:
         return catalog.default_catalog()
+    published = catalog.default_catalog()
     entries = {}
     if vehicle is not None:
         name = catalog_suffix(vehicle)
-        speed = catalog.default_catalog()["SpeedProfile"]
-        entries = {speed.name: speed, **catalog.vehicle_catalog(vehicle, plant=f"FullCar{name}", suffix=name)}
+        entries = catalog.vehicle_catalog(vehicle, plant=f"FullCar{name}", suffix=name)
+        if taken := sorted(entries.keys() & published):
+            raise ValueError(f"{vehicle} would replace the published {', '.join(taken)}; rename the file")
+        entries = {"SpeedProfile": published["SpeedProfile"], **entries}
     if road is not None:
         name = road_name or f"Road{catalog_suffix(road)}"
-        entry = catalog.road_entry(road, name, vehicle or "hmmwv_modified")
-        entries[entry.name] = entry
+        if name in published or name in entries:
+            raise ValueError(f"{road} would replace the FMU {name}; rename the file, or choose a name with --name")
+        entries[name] = catalog.road_entry(road, name, vehicle or "hmmwv_modified")
     return entries
 
 
 def catalog_suffix(path: Path) -> str:
     """UpperCamelCase of a file name: ``my_truck.toml`` -> ``MyTruck``."""
     words = re.findall(r"[A-Za-z0-9]+", path.stem)
+    if not words:
+        raise ValueError(f"{path}: FMUs are named after this file, so its name needs letters or digits; rename it")
     return "".join(w[0].upper() + w[1:] for w in words)
 
 
@@ -105,7 +126,7 @@ def build(
     )  # fmt: skip
 
 
-@app.command()
+@app.command(cls=Stoppable)
 def command(
     names: Annotated[list[str] | None, typer.Argument(help="FMUs to build (all when none is given)")] = None,
     fmi: Annotated[str, typer.Option(help="FMI version: 2, 3 or both")] = "both",
@@ -123,18 +144,20 @@ def command(
     list_: Annotated[bool, typer.Option("--list", help="list the catalog and stop")] = False,
 ) -> None:
     """Build FMUs from the component declarations."""
+    versions = {"2": (2,), "3": (3,), "both": (2, 3)}.get(fmi)
+    if versions is None:
+        raise ValueError(f"--fmi {fmi}: choose 2, 3 or both")
+    for path in (vehicle, road):
+        if path is not None and not path.is_file():
+            raise FileNotFoundError(f"{path}: {'this is a folder' if path.is_dir() else 'no such file'}")
+    if name is not None and road is None:
+        raise ValueError("--name names the road FMU made by --road; give a road file too")
     if list_:
         table = Table("FMU", "what it is", "needs first", box=None)
         for entry in load_catalog(vehicle, road, name).values():
             table.add_row(entry.name, entry.summary, ", ".join(entry.needs))
         Console().print(table)
         return
-    versions = {"2": (2,), "3": (3,), "both": (2, 3)}.get(fmi)
-    if versions is None:
-        raise ValueError(f"--fmi {fmi}: choose 2, 3 or both")
-    for path in (vehicle, road):
-        if path is not None and not path.is_file():
-            raise FileNotFoundError(f"{path}: no such file")
     start = time.perf_counter()
     total = {"built": 0, "up to date": 0}
 
@@ -153,7 +176,7 @@ def main() -> None:
     """Entry point: expected failures end with one line, not a traceback."""
     try:
         app()
-    except KeyboardInterrupt:
+    except Stopped:
         console.print("interrupted; finished FMUs are kept")
         sys.exit(130)
     except (ValueError, KeyError, OSError, RuntimeError) as error:
