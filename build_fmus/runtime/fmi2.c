@@ -68,7 +68,7 @@ fmi2Component fmi2Instantiate(fmi2String instanceName, fmi2Type fmuType, fmi2Str
     a->logger = functions->logger;
     a->environment = functions->componentEnvironment;
     memcpy(a->name, instanceName, length);
-    (void)fmu_set_logging(self, __func__, loggingOn, 0, NULL);
+    if (loggingOn) (void)fmu_set_logging(self, __func__, 1, 0, NULL);
     return self;
 }
 

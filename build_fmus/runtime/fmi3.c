@@ -50,7 +50,7 @@ static fmi3Instance instantiate(int is_co_simulation, fmi3String name, fmi3Strin
     Adapter *a = fmu_adapter(self);
     a->log = log;
     a->environment = environment;
-    (void)fmu_set_logging(self, __func__, loggingOn, 0, NULL);
+    if (loggingOn) (void)fmu_set_logging(self, __func__, 1, 0, NULL);
     return self;
 }
 

@@ -456,6 +456,9 @@ def test_start_values_are_those_of_the_description(fmu: Library) -> None:
 def test_logging_is_quiet_when_asked(fmu: Library) -> None:
     with fmu.instance(logging=False) as a:
         assert a.do_step(0.0, 1.0) == ERROR
+        assert a.messages.pop()[1] == "logStatusError"  # errors are told even without debug logging
+        a.must("SetDebugLogging", a.flag(False), c.c_size_t(0), None)
+        assert a.do_step(0.0, 1.0) == ERROR
         assert not a.messages
         category = (c.c_char_p * 1)(b"logStatusError")
         a.must("SetDebugLogging", a.flag(True), c.c_size_t(1), category)
@@ -467,6 +470,46 @@ def test_logging_is_quiet_when_asked(fmu: Library) -> None:
         assert a.call("SetDebugLogging", a.flag(True), c.c_size_t(1), category) == ERROR
         assert "nonsense" in a.last_message
         a.must("SetDebugLogging", a.flag(False), c.c_size_t(0), None)
+
+
+def test_without_a_logger(fmu: Library) -> None:
+    """An importer may give no function to log with."""
+    assert Instance(fmu, token="wrong", logger=False).handle is None
+    with Instance(fmu, logger=False) as a:
+        assert a.do_step(0.0, 1.0) == ERROR
+        a.initialize(fmu.stimulus.row(0))
+        a.run(2)
+
+
+def test_instantiation_with_null_arguments(fmu: Library) -> None:
+    with fmu.instance() as a:
+        for name, token in ((None, fmu.token.encode()), (b"x", None)):
+            if fmu.fmi == 2:
+                made = a.raw("Instantiate", name, 1, token, None, c.byref(a._callbacks), 0, 1)
+            else:
+                tail = (None, False, True, False, False, None, c.c_size_t(0), None, a._logger, None)
+                made = a.raw("InstantiateCoSimulation", name, token, *tail)
+            assert made is None
+            assert a.messages
+        if fmu.fmi == 2:
+            assert a.raw("Instantiate", b"x", 1, fmu.token.encode(), None, None, 0, 1) is None
+            assert a.raw("Instantiate", b"x", 7, fmu.token.encode(), None, c.byref(a._callbacks), 0, 1) is None
+        else:
+            event_mode = (None, False, True, True, False, None, c.c_size_t(0), None, a._logger, None)
+            assert a.raw("InstantiateCoSimulation", b"x", fmu.token.encode(), *event_mode) is None
+            scheduled = (None, False, True, None, a._logger, None, None, None)
+            assert a.raw("InstantiateScheduledExecution", b"x", fmu.token.encode(), *scheduled) is None
+
+
+def test_nominal_values_are_those_of_the_description(fmu: Library) -> None:
+    if not fmu.is_continuous:
+        return
+    with fmu.instance("me") as a:
+        put_into(a, CONTINUOUS)
+        n = len(fmu.states)
+        values = (c.c_double * n)()
+        a.must("GetNominalsOfContinuousStates", values, c.c_size_t(n))
+        assert values[:] == [fmu.variables[s].nominal or 1.0 for s in fmu.states]
 
 
 def test_version(fmu: Library) -> None:
