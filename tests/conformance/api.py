@@ -99,7 +99,12 @@ class Library:
         component = self.xml.find(".//Component[@kind]")
         self.kind: str = component.get("kind")
         self.is_continuous = self.kind == "continuous"
-        for function in ("Instantiate", "InstantiateModelExchange", "InstantiateCoSimulation"):
+        for function in (
+            "Instantiate",
+            "InstantiateModelExchange",
+            "InstantiateCoSimulation",
+            "InstantiateScheduledExecution",
+        ):
             if hasattr(self.dll, f"fmi{self.fmi}{function}"):
                 getattr(self.dll, f"fmi{self.fmi}{function}").restype = c.c_void_p
         for function in ("GetVersion", "GetTypesPlatform"):
@@ -198,21 +203,28 @@ class Instance:
     """An instance of an FMU; ``messages`` holds (status, category, text) of everything it logged."""
 
     def __init__(
-        self, library: Library, kind: str = "cs", *, token: str | None = None, name: str = "x", logging: bool = True
+        self,
+        library: Library,
+        kind: str = "cs",
+        *,
+        token: str | None = None,
+        name: str = "x",
+        logging: bool = True,
+        logger: bool = True,
     ) -> None:
         self.library, self.fmi, self.kind = library, library.fmi, kind
         self.messages: list[tuple[int, str, str]] = []
         self.time = 0.0
         token_bytes = (library.token if token is None else token).encode()
         if self.fmi == 2:
-            self._logger: Any = LOGGER2(self._log2)
+            self._logger: Any = LOGGER2(self._log2) if logger else LOGGER2()
             self._callbacks = Callbacks2(self._logger, None, None, None, None)
             handle = self.raw(
                 "Instantiate", name.encode(), 1 if kind == "cs" else 0, token_bytes, b"", c.byref(self._callbacks), 0,
                 int(logging),
             )  # fmt: skip
         else:
-            self._logger = LOGGER3(self._log3)
+            self._logger = LOGGER3(self._log3) if logger else LOGGER3()
             tail = (None, self._logger, None) if kind == "cs" else (None, self._logger)
             flags = (False, c.c_bool(logging), False, False, None, c.c_size_t(0)) if kind == "cs" else (False, logging)
             handle = self.raw(

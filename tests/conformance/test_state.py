@@ -218,10 +218,12 @@ def test_error_state_allows_reset_and_little_else(fmu: Library) -> None:
     row = fmu.stimulus.row(0)
     with fmu.instance() as a:
         a.initialize(row)
+        good = a.save()
         fresh = a.run(STEPS).tobytes()
         a.reset()
         exact = [n for n in fmu.states if fmu.variables[n].initial == "exact" and fmu.variables[n].max is None]
         if not exact or a.try_set({exact[0]: 1e30}) != OK:
+            a.free_state(good)
             return
         a.enter_initialization()
         a.call("ExitInitializationMode")
@@ -230,6 +232,10 @@ def test_error_state_allows_reset_and_little_else(fmu: Library) -> None:
             status = max(status, a.do_step(k * fmu.step, fmu.step))
         assert status == ERROR
         assert a.do_step(0.0, fmu.step) == ERROR
+        assert "'error'" in a.last_message
+        a.restore(good)  # the standard promises this too
+        assert a.run(STEPS).tobytes() == fresh
+        a.free_state(good)
         a.reset()
         a.initialize(row)
         assert a.run(STEPS).tobytes() == fresh
