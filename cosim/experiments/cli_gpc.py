@@ -12,6 +12,7 @@ import typer
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 from rich.table import Table
+from rich.text import Text
 
 TITLE = "Full car under generalized predictive control on three roads (paper 000)"
 OPTIONS = "--road sine|curb|perryman3  --speed KM/H  --controller passive|implicit|explicit|preview  --weight R"
@@ -83,7 +84,7 @@ def run(
         "rms roll [rad]": ("rms_roll", "{:.5f}"),
     }  # fmt: skip
     for label, (key, form) in rows.items():
-        table.add_row(label, *(form.format(m[key]) for m in measured.values()))
+        table.add_row(Text(label), *(form.format(m[key]) for m in measured.values()))
     if controller != "passive":
         gain = improvement(measured[controller]["response"], measured["passive"]["response"])
         table.add_row("response improvement", "", f"{gain:.3f}")
@@ -157,7 +158,7 @@ def identify(
     settings = IdentificationSettings(seed=seed, order=order, samples=samples, excitation=excitation)
     folder = _make_folder(out / "gpc" / "laws")
     models = identify(chosen.car, chosen.road("perryman3"), chosen.speed, settings)
-    table = Table("law", "file", "condition", "residual rms (g, deg, deg)", "equals the FMU's", box=None)
+    table = Table("law", "condition", "residual rms (g, deg, deg)", "equals the FMU's", box=None)
     for variant in VARIANTS:
         law = models.law(variant, DesignSettings(h_p=horizon, h_c=control_horizon, R=weight))
         path = folder / f"{variant}-seed{seed}.json"
@@ -167,5 +168,6 @@ def identify(
         fit = models.implicit if variant == "implicit" else models.explicit
         same = "yes" if stored.to_dict() == json.loads(law.to_json()) else "no"
         residual = ", ".join(f"{x:.2g}" for x in fit.residual_rms)
-        table.add_row(variant, str(path), f"{fit.condition:.3g}", residual, same)
+        table.add_row(variant, f"{fit.condition:.3g}", residual, same)
     Console().print(table)
+    console.print(f"{folder}/: the laws with their gains and provenance as JSON")
