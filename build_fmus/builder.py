@@ -17,6 +17,8 @@ from importlib import metadata
 from pathlib import Path
 from typing import Protocol
 
+from build_fmus.compile import toolchain_identity
+
 SOURCE_SUFFIXES = (".py", ".toml", ".c", ".h", ".html", ".csv")
 _LIBRARIES = ("casadi", "fmpy", "numpy", "scipy", "lxml", "jinja2", "suspension-fmus")
 
@@ -74,11 +76,11 @@ def waves(catalog: Mapping[str, Buildable], names: list[str]) -> Iterator[list[s
         left = [n for n in left if n not in ready]
 
 
-def source_hash(*packages: Path) -> str:
-    """Hash of all source files below the given package directories."""
+def source_hash(*packages: Path, modules: Iterable[Path] = ()) -> str:
+    """Hash of all source files below the given package directories, and of those right in the directories ``modules``."""
     digest = hashlib.sha256()
-    for package in packages:
-        for path in sorted(package.rglob("*")):
+    for package, paths in [*((p, p.rglob("*")) for p in packages), *((m, m.glob("*")) for m in modules)]:
+        for path in sorted(paths):
             if path.suffix in SOURCE_SUFFIXES and "__pycache__" not in path.parts:
                 digest.update(str(path.relative_to(package)).encode() + b"\0" + path.read_bytes() + b"\0")
     return digest.hexdigest()
@@ -87,8 +89,8 @@ def source_hash(*packages: Path) -> str:
 def stamp_key(entry: Buildable, options: Options, fmi: int, sources: str) -> str:
     """Key of one FMU file: everything that can influence its bytes."""
     digest = hashlib.sha256()
-    compiler = os.environ.get("CC", "")
-    parts = [sources, entry.name, str(fmi), options.platform, str(options.arrays and fmi == 3), compiler]
+    compilers = toolchain_identity(options.platform)
+    parts = [sources, entry.name, str(fmi), options.platform, str(options.arrays and fmi == 3), compilers]
     parts += [f"{n}={metadata.version(n)}" for n in _LIBRARIES]
     digest.update("|".join(parts).encode())
     for path in entry.files:

@@ -119,7 +119,7 @@ def build(
         reason = error.strerror or error
         raise OSError(f"cannot write to {options.out} ({reason}); choose another directory with --out") from None
     root = Path(fmu_sources.__file__).parent
-    sources = builder.source_hash(root, root.parent / "build_fmus", root.parent / "cosim")
+    sources = builder.source_hash(root, root.parent / "build_fmus", modules=[root.parent / "cosim"])
     task = functools.partial(build_entry, vehicle, road, road_name)
     return builder.build(
         catalog, names or list(catalog), options, sources=sources, task=task, report=report, force=force

@@ -108,7 +108,6 @@ class Toolchain:
             raise CompileError(f"{' '.join([*self.command, *arguments])}\n{done.stderr.strip()}")
 
 
-@lru_cache
 def find_toolchain(platform_name: str) -> Toolchain:
     """The host compiler (``CC``, cc, gcc, clang) for the host platform, else ziglang.
 
@@ -121,14 +120,13 @@ def find_toolchain(platform_name: str) -> Toolchain:
         for c in candidates:
             path = shutil.which(c)
             if path:
-                done = subprocess.run([path, "--version"], capture_output=True, text=True, check=False)
-                return Toolchain(target, (path,), done.stdout.splitlines()[0] if done.stdout else c)
+                return Toolchain(target, (path,), _compiler_version(path))
         if os.environ.get("CC"):
             raise CompileError(f"CC={os.environ['CC']} is not in PATH")
     if importlib.util.find_spec("ziglang") is not None:
         baseline = ("-mcpu=x86_64",) if target.name.startswith("x86_64") else ()
         command: tuple[str, ...] = (sys.executable, "-m", "ziglang", "cc", "-target", target.zig_target, *baseline)
-        return Toolchain(target, command, f"ziglang {_zig_version()}")
+        return Toolchain(target, command, f"ziglang {metadata.version('ziglang')}")
     raise CompileError(
         f"no C compiler for {platform_name}: install gcc or clang, or `pip install ziglang` (works without "
         "administrator rights)"
@@ -136,8 +134,17 @@ def find_toolchain(platform_name: str) -> Toolchain:
 
 
 @lru_cache
-def _zig_version() -> str:
-    return metadata.version("ziglang")
+def _compiler_version(path: str) -> str:
+    done = subprocess.run([path, "--version"], capture_output=True, text=True, check=False)
+    return done.stdout.splitlines()[0] if done.stdout else path
+
+
+def toolchain_identity(platforms: str) -> str:
+    """Compilers that would build for a ``--platform`` choice, as text for cache keys; never fails."""
+    try:
+        return ", ".join(find_toolchain(p.name).version for p in resolve_platforms(platforms))
+    except CompileError as error:
+        return str(error)
 
 
 class ObjectCache:

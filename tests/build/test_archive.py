@@ -41,9 +41,7 @@ def no_compiler(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Iterator[Non
     """A machine without any C compiler in PATH."""
     monkeypatch.setenv("PATH", str(tmp_path))
     monkeypatch.delenv("CC", raising=False)
-    find_toolchain.cache_clear()
     yield
-    find_toolchain.cache_clear()
 
 
 def test_same_inputs_same_bytes(tmp_path: Path) -> None:
@@ -158,12 +156,8 @@ def test_no_compiler_at_all_says_how_to_get_one(no_compiler: None, monkeypatch: 
 
 def test_a_named_compiler_that_is_not_there(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("CC", "no-such-compiler")
-    find_toolchain.cache_clear()
-    try:
-        with pytest.raises(CompileError, match="CC=no-such-compiler is not in PATH"):
-            find_toolchain(host())
-    finally:
-        find_toolchain.cache_clear()
+    with pytest.raises(CompileError, match="CC=no-such-compiler is not in PATH"):
+        find_toolchain(host())
 
 
 def test_compiler_errors_carry_the_compilers_words(tmp_path: Path) -> None:

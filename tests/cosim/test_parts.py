@@ -95,7 +95,7 @@ FMI3 = b"""<fmiModelDescription fmiVersion="3.0" modelName="Arrays" instantiatio
 </ModelVariables>
 <ModelStructure><Output valueReference="4" dependencies=""/><ContinuousStateDerivative valueReference="5" dependencies="2 4"/></ModelStructure>
 <Annotations><Annotation type="suspension-fmus"><Component kind="discrete" sampleTime="1/60"/></Annotation></Annotations>
-</fmiModelDescription>"""  # noqa: E501
+</fmiModelDescription>"""
 
 
 def test_fmi3_arrays_expand_to_elements():
@@ -124,7 +124,7 @@ FMI2 = b"""<fmiModelDescription fmiVersion="2.0" modelName="Two" guid="g">
 <ScalarVariable name="y" valueReference="4" causality="output"><Real/></ScalarVariable>
 </ModelVariables>
 <ModelStructure><Outputs><Unknown index="1" dependencies="3"/><Unknown index="5"/></Outputs><Derivatives><Unknown index="2"/></Derivatives></ModelStructure>
-</fmiModelDescription>"""  # noqa: E501
+</fmiModelDescription>"""
 
 
 def test_fmi2_dependencies_and_types():
