@@ -42,6 +42,9 @@ def default_catalog() -> dict[str, Entry]:
     """The FMUs of this project, with the vehicles they are published for."""
     entries = [
         Entry("QuarterCarHmmwv", "quarter car of the HMMWV (paper 001)", _quarter_car),
+        Entry("RideCarSedan", "linear 7-DOF ride car of paper 004", _ride_car("sedan", "RideCarSedan")),
+        Entry("RideCarHmmwv", "linear 7-DOF ride car, HMMWV (paper 001)", _ride_car("ride_car_hmmwv", "RideCarHmmwv")),
+        Entry("RoadHoleBump", "hole, flat and bump of paper 004", _sedan_road("road_hole_bump")),
         Entry("SpeedProfile", "constant speed or ramp, with travelled distance", _speed_profile),
         *vehicle_catalog("hmmwv", plant="FullCarHmmwv", suffix=None).values(),
         *vehicle_catalog("hmmwv_modified", plant="FullCarHmmwvModified", suffix="").values(),
@@ -113,6 +116,29 @@ def _quarter_car(_: Context) -> Component:
     from fmu_sources.vehicles import load_quarter_car
 
     return quarter_car(load_quarter_car("quarter_car_hmmwv"), name="QuarterCarHmmwv")
+
+
+def _ride_car(vehicle: str, name: str) -> Callable[[Context], Component]:
+    def make(_: Context) -> Component:
+        from fmu_sources.plants import ride_car
+        from fmu_sources.vehicles import load_ride_car
+
+        return ride_car(load_ride_car(vehicle), name=name)
+
+    return make
+
+
+def _sedan_road(maker: str) -> Callable[[Context], Component]:
+    """A road under the sedan of paper 004, with the preview that its controllers use."""
+
+    def make(_: Context) -> Component:
+        from fmu_sources import roads
+        from fmu_sources.vehicles import load_ride_car
+
+        layout = roads.RoadLayout.of(load_ride_car("sedan"), preview_count=48, preview_step=0.005)
+        return getattr(roads, maker)(layout)
+
+    return make
 
 
 def _speed_profile(_: Context) -> Component:

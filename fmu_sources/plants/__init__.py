@@ -2,5 +2,6 @@
 
 from fmu_sources.plants.full_car import full_car
 from fmu_sources.plants.quarter_car import quarter_car
+from fmu_sources.plants.ride_car import ride_car
 
-__all__ = ["full_car", "quarter_car"]
+__all__ = ["full_car", "quarter_car", "ride_car"]

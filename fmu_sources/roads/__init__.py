@@ -1,9 +1,10 @@
 """Roads under the wheels, and the speed at which they are driven."""
 
 from fmu_sources.roads.errors import RoadError
+from fmu_sources.roads.hole_bump import road_hole_bump
 from fmu_sources.roads.layout import RoadLayout, WheelPosition
 from fmu_sources.roads.perryman3 import perryman3_table, road_perryman3
-from fmu_sources.roads.road import Profile, road
+from fmu_sources.roads.road import Profile, Shape, road
 from fmu_sources.roads.speed_profile import speed_profile
 from fmu_sources.roads.standard import road_curb, road_sine
 from fmu_sources.roads.table import HeightTable, road_from_table
@@ -14,12 +15,14 @@ __all__ = [
     "Profile",
     "RoadError",
     "RoadLayout",
+    "Shape",
     "WheelPosition",
     "perryman3_table",
     "road",
     "road_curb",
     "road_from_file",
     "road_from_table",
+    "road_hole_bump",
     "road_perryman3",
     "road_sine",
     "speed_profile",

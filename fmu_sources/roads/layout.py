@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from fmu_sources.vehicles import FullCar
+from fmu_sources.vehicles import FullCar, RideCar
 
 
 @dataclass(frozen=True)
@@ -37,8 +37,16 @@ class RoadLayout:
             raise ValueError(f"preview of {given}: at least 2 are needed, a positive time apart")
 
     @classmethod
-    def of(cls, vehicle: FullCar, *, preview_count: int = 8, preview_step: float = 0.010) -> RoadLayout:
+    def of(cls, vehicle: FullCar | RideCar, *, preview_count: int = 8, preview_step: float = 0.010) -> RoadLayout:
         """Layout of a two-axle vehicle."""
+        if isinstance(vehicle, RideCar):
+            axles = (("f", vehicle.wheel.front), ("r", vehicle.wheel.rear))
+            places = tuple(
+                WheelPosition(end + side, wheel.x.value, sign * wheel.half_track.value)
+                for end, wheel in axles
+                for side, sign in (("l", 1), ("r", -1))
+            )
+            return cls(places, preview_count, preview_step)
         body = vehicle.body
         front = body.cg_position.value * body.wheelbase.value
         rear = front - body.wheelbase.value

@@ -1,10 +1,10 @@
-"""What every road does: from heights at equidistant nodes to the signals under the wheels and ahead of them."""
+"""What every road does: from the heights of both tracks to the signals under the wheels and ahead of them."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Protocol
 
 import casadi as ca
 
@@ -13,6 +13,24 @@ from fmu_sources.roads.layout import RoadLayout
 
 NODE_STEP = 0.1  # m, spacing of the road points in paper 000
 _NODE_TOLERANCE = 1e-9  # a position this close (in node steps) below a node counts as on it
+
+
+class Shape(Protocol):
+    """Heights along both tracks. ``end`` may be an expression of the component's parameters."""
+
+    @property
+    def end(self) -> Any:
+        """Position [m] at which the road ends."""
+        ...
+
+    @property
+    def note(self) -> str:
+        """What a user must know about heights between and beyond given ones."""
+        ...
+
+    def at(self, x: Any, side: str) -> tuple[Any, Any]:
+        """Height [m] and slope dz/dx at a column of positions [m] on the ``"left"`` or ``"right"`` track."""
+        ...
 
 
 @dataclass(frozen=True)
@@ -28,6 +46,16 @@ class Profile:
     step: Any = NODE_STEP
     start: Any = 0.0
 
+    note = (
+        "Heights are given at equidistant nodes and are linear in between; the slope is that of the interval. Before "
+        "the first and beyond the last node the nearest height is held and the slope is 0."
+    )
+
+    @property
+    def end(self) -> Any:
+        """Position of the last node [m]."""
+        return self.start + self.last * self.step
+
     def at(self, x: Any, side: str) -> tuple[Any, Any]:
         """Height [m] and slope dz/dx at a column of positions [m]; at a node the slope of the interval ahead."""
         s = (x - self.start) / self.step
@@ -42,7 +70,7 @@ class Profile:
 def road(
     name: str,
     layout: RoadLayout,
-    profile: Callable[[Component], Profile],
+    profile: Callable[[Component], Shape],
     *,
     description: str,
     source: str,
@@ -52,10 +80,10 @@ def road(
 ) -> Component:
     """A road under the wheels of ``layout``. ``profile`` declares the road's own parameters and gives its heights."""
     c = Component(
-        name, kind="discrete", sample_time=1e-3, description=description, source=source, symbols=symbols,
-        notes=(*notes, *_NOTES),
+        name, kind="discrete", sample_time=1e-3, description=description, source=source, symbols=symbols
     )  # fmt: skip
     shape = profile(c)
+    c.notes = (*notes, shape.note, *_NOTES)
     position = {
         w.corner: c.parameter(
             f"wheel.{w.corner}.x", w.x, "m", f"position of the {w.corner} wheel ahead of the CG", min=-50.0, max=50.0,
@@ -80,16 +108,13 @@ def road(
         c.output(f"preview.{w.corner}", heights, "m", f"height under the {w.corner} wheel now, preview.step later, ...")
     c.output("preview.step", layout.preview_step, "s", "time between preview heights", display_unit="ms")
     front = position[max(layout.wheels, key=lambda w: w.x).corner]
-    end = shape.start + shape.last * shape.step
-    c.output("end_of_road", x + front > end, None, "the front wheels are beyond the end of the road", type=bool)
+    c.output("end_of_road", x + front > shape.end, None, "the front wheels are beyond the end of the road", type=bool)
 
     c.stimulate({"x": lambda t: stimulus_start + 30.0 * t, "speed": lambda _: 30.0})
     return c
 
 
 _NOTES = (
-    "Heights are given at equidistant nodes and are linear in between; the slope is that of the interval. Before the "
-    "first and beyond the last node the nearest height is held and the slope is 0.",
     "The road has no memory: its outputs at t follow from x and speed at t. preview.* are the heights each wheel will "
     "meet if the speed stays: index 1 is under the wheel now, each further one preview.step later.",
     "Wiring: x and speed come from the vehicle; road.* goes to the inputs of the same name of the vehicle, preview.* "

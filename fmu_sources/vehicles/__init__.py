@@ -5,20 +5,23 @@ from fmu_sources.vehicles.loader import (
     declare,
     load_full_car,
     load_quarter_car,
+    load_ride_car,
     load_vehicle,
     vehicle_names,
 )
-from fmu_sources.vehicles.schema import FullCar, Quantity, QuarterCar, Vehicle
+from fmu_sources.vehicles.schema import FullCar, Quantity, QuarterCar, RideCar, Vehicle
 
 __all__ = [
     "FullCar",
     "Quantity",
     "QuarterCar",
+    "RideCar",
     "Vehicle",
     "VehicleError",
     "declare",
     "load_full_car",
     "load_quarter_car",
+    "load_ride_car",
     "load_vehicle",
     "vehicle_names",
 ]

@@ -12,9 +12,10 @@ from typing import Any, cast
 from pydantic import BaseModel, ValidationError
 
 from build_fmus.component import Component
-from fmu_sources.vehicles.schema import KINDS, FullCar, Quantity, QuarterCar, Section, Vehicle
+from fmu_sources.vehicles.schema import KINDS, Axles, FullCar, Quantity, QuarterCar, RideCar, Section, Vehicle
 
 _HERE = Path(__file__).parent
+_AXLE_OF = {"fl": "front", "fr": "front", "rl": "rear", "rr": "rear"}
 
 
 class VehicleError(ValueError):
@@ -29,7 +30,7 @@ def vehicle_names() -> list[str]:
 def load_vehicle(name_or_path: str | Path, kind: str | None = None) -> Vehicle:
     """Load a vehicle by the name of a file of this package, or by a path.
 
-    ``kind`` (``"quarter_car"``, ``"full_car"``) is what the caller needs; None takes what the file says.
+    ``kind`` (``"quarter_car"``, ``"ride_car"``, ``"full_car"``) is what the caller needs; None takes what the file says.
 
     Raises:
         VehicleError: no such file, TOML syntax, unknown, missing or misspelt field, wrong unit, value out of limits,
@@ -54,6 +55,11 @@ def load_quarter_car(name_or_path: str | Path) -> QuarterCar:
     return cast(QuarterCar, load_vehicle(name_or_path, "quarter_car"))
 
 
+def load_ride_car(name_or_path: str | Path) -> RideCar:
+    """Load a vehicle of kind ``ride_car``; see :func:`load_vehicle`."""
+    return cast(RideCar, load_vehicle(name_or_path, "ride_car"))
+
+
 def load_full_car(name_or_path: str | Path) -> FullCar:
     """Load a vehicle of kind ``full_car``; see :func:`load_vehicle`."""
     return cast(FullCar, load_vehicle(name_or_path, "full_car"))
@@ -62,7 +68,8 @@ def load_full_car(name_or_path: str | Path) -> FullCar:
 def declare(c: Component, section: Section, prefix: str = "") -> Any:
     """Declare every quantity of a vehicle as an FMI parameter of ``c`` under its path in the file.
 
-    Returns the symbols in the shape of the file: ``p.suspension.front.spring``.
+    Returns the symbols in the shape of the file: ``p.suspension.front.spring``. Of :class:`Axles` tables each wheel gets
+    its own parameters: ``p.suspension.fl.stiffness``.
     """
     symbols = SimpleNamespace()
     for name, info in type(section).model_fields.items():
@@ -73,6 +80,9 @@ def declare(c: Component, section: Section, prefix: str = "") -> Any:
                 display_unit=declared.display_unit, source=value.source,
             )  # fmt: skip
             setattr(symbols, name, symbol)
+        elif isinstance(value, Axles):
+            wheels = {k: declare(c, getattr(value, axle), f"{prefix}{name}.{k}.") for k, axle in _AXLE_OF.items()}
+            setattr(symbols, name, SimpleNamespace(**wheels))
         elif isinstance(value, Section):
             setattr(symbols, name, declare(c, value, f"{prefix}{name}."))
     return symbols

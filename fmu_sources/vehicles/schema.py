@@ -69,6 +69,13 @@ class Section(BaseModel):
         return Quantity(value=value, unit=declared.unit, source=given.source)
 
 
+class Axles(Section):
+    """A table with ``front`` and ``rear``: values of one wheel of that axle, the same left and right.
+
+    In the FMU each wheel has parameters of its own (``fl fr rl rr``), so that a car may differ from side to side.
+    """
+
+
 class Vehicle(Section):
     """Head of every vehicle file."""
 
@@ -105,6 +112,45 @@ class QuarterCar(Vehicle):
     wheel: _QuarterWheel
     suspension: _QuarterSuspension
     tire: _Tire
+
+
+# ------------------------------------------------------------------------------------------------------------- ride car
+
+
+class _RideBody(Section):
+    mass: Quantity = quantity("kg", "sprung mass", min=10.0, max=1e6)
+    roll_inertia: Quantity = quantity("kg.m2", "roll inertia of the sprung mass about its CG", min=1.0, max=1e8)
+    pitch_inertia: Quantity = quantity("kg.m2", "pitch inertia of the sprung mass about its CG", min=1.0, max=1e8)
+
+
+class _RideWheel(Section):
+    mass: Quantity = quantity("kg", "unsprung mass of one corner", min=0.1, max=1e5)
+    x: Quantity = quantity("m", "position of the wheel ahead of the CG", min=-50.0, max=50.0)
+    half_track: Quantity = quantity("m", "distance of the wheel to the side of the CG", min=0.0, max=10.0)
+
+
+class _RideWheels(Axles):
+    front: _RideWheel
+    rear: _RideWheel
+
+
+class _RideSuspensions(Axles):
+    front: _QuarterSuspension
+    rear: _QuarterSuspension
+
+
+class _RideTires(Axles):
+    front: _Tire
+    rear: _Tire
+
+
+class RideCar(Vehicle):
+    """A body that heaves, rolls and pitches above four wheels; all values act at the wheels."""
+
+    body: _RideBody
+    wheel: _RideWheels
+    suspension: _RideSuspensions
+    tire: _RideTires
 
 
 # ------------------------------------------------------------------------------------------------------------- full car
@@ -178,4 +224,4 @@ class FullCar(Vehicle):
     steering: _Steering
 
 
-KINDS: dict[str, type[Vehicle]] = {"quarter_car": QuarterCar, "full_car": FullCar}
+KINDS: dict[str, type[Vehicle]] = {"quarter_car": QuarterCar, "ride_car": RideCar, "full_car": FullCar}

@@ -1,0 +1,152 @@
+"""Ride car: a body that heaves, rolls and pitches on four wheels that hop; linear, derived from its energies.
+
+Lagrange's equations in the coordinates ``q``: body height, roll and pitch at the CG, and four wheel heights,
+
+    d/dt dT/dq' = Q - dV/dq - dR/dq'
+
+with kinetic energy T, energy of springs and tyres V, half of the power lost in dampers and tyres R, and the generalized
+forces Q of the actuators by virtual work. All four follow from two lengths per corner, suspension and tyre deflection,
+paper 004 equation (12). Nothing else is written down, so the equations cannot disagree with each other.
+"""
+
+from __future__ import annotations
+
+from math import pi, sin
+from typing import Any
+
+import casadi as ca
+
+from build_fmus.component import Component
+from fmu_sources.vehicles import RideCar, declare
+
+CORNERS = {"fl": 1, "fr": -1, "rl": 1, "rr": -1}  # corner -> side of the CG: 1 left, -1 right
+
+
+def ride_car(vehicle: RideCar, name: str = "RideCarSedan") -> Component:
+    """Seven-degree ride car of papers 004 (equations (1) to (9)) and 001, with tyre damping.
+
+    Displacements are measured from static equilibrium. Actuator forces push the body up and the wheel down.
+    """
+    c = Component(
+        name,
+        kind="continuous",
+        description=f"Ride car, linear, 7 degrees of freedom: {vehicle.name}",
+        source="004 equations (1) to (9), (12); derived from energies in the source of this component",
+        solver="rk4",
+        solver_step=5e-4,
+        notes=_NOTES,
+    )
+    p = declare(c, vehicle)
+    part = {n: (getattr(p.wheel, n), getattr(p.suspension, n), getattr(p.tire, n)) for n in CORNERS}
+
+    # ------------------------------------------------------------------------------------------------------ inputs
+
+    road = [c.input(f"road.{n}.height", "m", f"road height under the {n} wheel") for n in CORNERS]
+    road_rate = [c.input(f"road.{n}.rate", "m/s", f"rate of the road height under the {n} wheel") for n in CORNERS]
+    force = [
+        c.input(f"force.{n}", "N", f"actuator force at {n}, positive lifts the body and pushes the wheel down")
+        for n in CORNERS
+    ]
+
+    # --------------------------------------------------------------------------------- coordinates and their rates
+
+    angle: dict[str, Any] = {"output": True, "nominal": 0.1, "display_unit": "deg"}
+    q = [
+        c.state("body.z", "m", "CG height above static equilibrium", output=True, nominal=0.1),
+        c.state("body.roll", "rad", "roll angle, positive left side up", **angle),
+        c.state("body.pitch", "rad", "pitch angle, positive nose down", **angle),
+        *(c.state(f"wheel.{n}.z", "m", "wheel height above static equilibrium", output=True, nominal=0.1)
+          for n in CORNERS),
+    ]  # fmt: skip
+    dq = [
+        c.state("body.vz", "m/s", "vertical velocity of the CG", output=True),
+        c.state("body.roll_rate", "rad/s", "roll rate", output=True, nominal=0.1, display_unit="deg/s"),
+        c.state("body.pitch_rate", "rad/s", "pitch rate", output=True, nominal=0.1, display_unit="deg/s"),
+        *(c.state(f"wheel.{n}.vz", "m/s", "vertical velocity of the wheel", output=True) for n in CORNERS),
+    ]
+
+    def lengths(q: list[Any], road: list[Any]) -> tuple[list[Any], list[Any]]:
+        """Suspension and tyre deflections of the corners; their rates when given rates. 004 equation (12)."""
+        z, roll, pitch, *wheels = q
+        top = [z + CORNERS[n] * wheel.half_track * roll - wheel.x * pitch for n, (wheel, _, _) in part.items()]
+        return [a - b for a, b in zip(top, wheels, strict=True)], [a - b for a, b in zip(wheels, road, strict=True)]
+
+    travel, squeeze = lengths(q, road)
+    travel_rate, squeeze_rate = lengths(dq, road_rate)
+
+    # ---------------------------------------------------------------------------------------------------- energies
+
+    def halves(factors: list[Any], values: list[Any]) -> Any:
+        return sum(f * v * v / 2 for f, v in zip(factors, values, strict=True))
+
+    suspensions, tires = ([parts[i] for parts in part.values()] for i in (1, 2))
+    masses = [p.body.mass, p.body.roll_inertia, p.body.pitch_inertia, *(wheel.mass for wheel, _, _ in part.values())]
+    kinetic = halves(masses, dq)
+    potential = halves([s.stiffness for s in suspensions], travel) + halves([t.stiffness for t in tires], squeeze)
+    lost = halves([s.damping for s in suspensions], travel_rate) + halves([t.damping for t in tires], squeeze_rate)
+    work = sum(f * d for f, d in zip(force, travel, strict=True))  # virtual: its gradient is the generalized force
+
+    # ------------------------------------------------------------------------------------------ equations of motion
+
+    position, velocity = ca.vertcat(*q), ca.vertcat(*dq)
+    inertia = ca.hessian(kinetic, velocity)[0]
+    assert inertia.sparsity().is_diag(), "coordinates at the CG along principal axes"
+    drive = ca.gradient(work, position) - ca.gradient(potential, position) - ca.gradient(lost, velocity)
+    acceleration = ca.vertsplit(drive / ca.diag(inertia))
+    for place, rate, value in zip(q, dq, acceleration, strict=True):
+        c.derivative(place, rate)
+        c.derivative(rate, value)
+
+    # ----------------------------------------------------------------------------------------------------- outputs
+
+    az, roll_acceleration, pitch_acceleration, *wheel_az = acceleration
+    c.output("body.az", az, "m/s2", "vertical acceleration of the CG")
+    c.output("body.roll_acceleration", roll_acceleration, "rad/s2", "roll acceleration", display_unit="deg/s2")
+    c.output("body.pitch_acceleration", pitch_acceleration, "rad/s2", "pitch acceleration", display_unit="deg/s2")
+    for n, value in zip(CORNERS, wheel_az, strict=True):
+        c.output(f"wheel.{n}.az", value, "m/s2", "vertical acceleration of the wheel")
+    for n, value in zip(CORNERS, travel, strict=True):
+        c.output(f"suspension.{n}.deflection", value, "m", "body height minus wheel height", display_unit="mm")
+    for n, value in zip(CORNERS, travel_rate, strict=True):
+        c.output(f"suspension.{n}.velocity", value, "m/s", "rate of the suspension deflection")
+    for n, value in zip(CORNERS, squeeze, strict=True):
+        c.output(f"tire.{n}.deflection", value, "m", "wheel height minus road height", display_unit="mm")
+
+    c.stimulate(_stimulus())
+    return c
+
+
+def _stimulus() -> dict[str, Any]:
+    """A bump taken at an angle, and some actuator work, for the reference result."""
+
+    def bump(at: float) -> tuple[Any, Any]:
+        def inside(t: float) -> bool:
+            return at <= t < at + 0.08
+
+        w = pi / 0.08
+        return (
+            lambda t: 0.04 * sin(w * (t - at)) ** 2 if inside(t) else 0.0,
+            lambda t: 0.04 * w * sin(2 * w * (t - at)) if inside(t) else 0.0,
+        )
+
+    signals: dict[str, Any] = {
+        "force.fl": lambda t: 1000.0 * sin(2 * pi * 5 * t),
+        "force.rr": lambda t: -600.0 * sin(2 * pi * 3 * t),
+    }
+    for n, at in (("fl", 0.02), ("fr", 0.03), ("rl", 0.09), ("rr", 0.10)):
+        signals[f"road.{n}.height"], signals[f"road.{n}.rate"] = bump(at)
+    return signals
+
+
+_NOTES = (
+    "The body heaves, rolls and pitches about its CG, small angles; the wheels hop. All stiffnesses and dampings act at "
+    "the wheels. Displacements count from static equilibrium, so weight does not appear. Tyres are linear springs and "
+    "dampers that can also pull: for tyres that lift off use the full car.",
+    "The vehicle file gives front and rear values; in the FMU each wheel has its own, so that the sides may differ "
+    "(one soft damper, a load to one side). wheel.*.x is the position ahead of the CG, negative at the rear; moving the "
+    "CG changes all four of them.",
+    "Every state is an output and may be set before the start. A, B, C and D of the linear model are those of the "
+    "directional derivatives at any point.",
+    "Wiring: connect a road's outputs road.*.height and road.*.rate to the inputs of the same name; a controller drives "
+    "force.*. The rate matters only where the tyres have damping. Exchange at 1 ms.",
+)
