@@ -1,0 +1,94 @@
+"""What users of ``build-fmus`` can do wrong: each message names the thing and says what to do."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from programs import refused, run
+
+VEHICLE = """
+base = "hmmwv_modified"
+name = "My truck"
+description = "a heavier one"
+[body]
+mass = { value = 6000.0, unit = "kg", source = "assumed" }
+"""
+ROAD = "distance [m],left [m],right [m]\n0,0,0\n1,0.1,0\n2,0,0\n"
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (("mass =", "mas ="), "body.mas: unknown field; did you mean 'mass'?"),
+        (("6000.0", "-5.0"), "body.mass: -5 kg is out of range: it must be at least 10 kg"),
+        (('"kg"', '"lb"'), "body.mass: unit 'lb' where 'kg' is expected (accepted: kg)"),
+        (("6000.0", "nan"), "body.mass.value: nan is not a finite number"),
+        (("6000.0", '"heavy"'), "body.mass.value: input should be a valid number"),
+        ((', source = "assumed"', ""), "body.mass.source: missing; say where the value comes from"),
+        (("hmmwv_modified", "hmmwv_modifed"), "base: no vehicle 'hmmwv_modifed'"),
+        (("[body]", "[body"), "not a TOML file"),
+    ],
+    ids=lambda x: x[1][:14] if isinstance(x, tuple) else None,
+)
+def test_mistakes_in_a_vehicle_file(change: tuple[str, str], message: str, tmp_path: Path) -> None:
+    (tmp_path / "truck.toml").write_text(VEHICLE.replace(*change))
+    text = refused(tmp_path, "build-fmus", "FullCarTruck", "--vehicle", "truck.toml")
+    assert text.startswith(f"build-fmus: truck.toml: {message}")
+
+
+@pytest.mark.parametrize(
+    ("road", "message"),
+    [
+        (ROAD.replace("1,0.1", "1,"), "road.csv, line 3: no value for 'left'; roads must not have gaps"),
+        (ROAD.replace("1,0.1,0\n", "\n"), "road.csv, line 3: empty line"),
+        (ROAD.replace("0.1", "high"), "road.csv, line 3: left is 'high', which is not a number"),
+        (ROAD.replace("\n1,", "\n3,"), "road.csv, line 4: distance 2 m after 3 m; distances must increase"),
+        (ROAD.replace(",right [m]", ""), "road.csv, line 1: no column 'right' among 'distance', 'left'"),
+        (ROAD.replace("distance [m]", "distance [ft]"), "road.csv, line 1: column 'distance': unit 'ft'"),
+        ("", "road.csv: empty; a road needs the header"),
+    ],
+    ids=["gap", "empty line", "text", "decreasing", "column", "unit", "empty"],
+)
+def test_mistakes_in_a_road_file(road: str, message: str, tmp_path: Path) -> None:
+    (tmp_path / "road.csv").write_text(road)
+    text = refused(tmp_path, "build-fmus", "--road", "road.csv", "--name", "RoadMine")
+    assert message in text
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["RoadSin"], "no FMU named 'RoadSin'; did you mean RoadSine?"),
+        (["--fmi", "4"], "--fmi 4: choose 2, 3 or both"),
+        (["SpeedProfile", "--platform", "amiga"], "unknown platform 'amiga'; choose from host, all"),
+        (["--vehicle", "none.toml"], "none.toml: no such file"),
+        (["--vehicle", "."], ".: this is a folder"),
+        (["--road", "none.csv"], "none.csv: no such file"),
+        (["--name", "RoadMine"], "--name names the road FMU made by --road"),
+        (["SpeedProfile", "--out", "file/fmus"], "cannot write to file/fmus"),
+        (["--speed"], "No such option"),
+    ],
+)
+def test_mistakes_in_the_arguments(arguments: list[str], message: str, tmp_path: Path) -> None:
+    (tmp_path / "file").touch()
+    assert message in refused(tmp_path, "build-fmus", *arguments)
+
+
+def test_a_users_file_cannot_replace_a_published_fmu(tmp_path: Path) -> None:
+    (tmp_path / "sine.csv").write_text(ROAD)
+    text = refused(tmp_path, "build-fmus", "--road", "sine.csv")
+    assert "sine.csv would replace the FMU RoadSine; rename the file, or choose a name with --name" in text
+    (tmp_path / "hmmwv.toml").write_text(VEHICLE)
+    text = refused(tmp_path, "build-fmus", "--vehicle", "hmmwv.toml")
+    assert "hmmwv.toml would replace the published FullCarHmmwv; rename the file" in text
+    (tmp_path / "+.toml").write_text(VEHICLE)
+    assert "its name needs letters or digits" in refused(tmp_path, "build-fmus", "--vehicle", "+.toml")
+
+
+def test_list_shows_what_a_vehicle_file_makes(tmp_path: Path) -> None:
+    (tmp_path / "my_truck.toml").write_text(VEHICLE)
+    done = run(tmp_path, "build-fmus", "--vehicle", "my_truck.toml", "--list")
+    assert done.returncode == 0, done.stderr
+    for name in ("SpeedProfile", "FullCarMyTruck", "RoadSineMyTruck", "GpcPreviewMyTruck"):
+        assert name in done.stdout

@@ -1,0 +1,82 @@
+"""What users of ``cosim`` can do wrong: each message names the thing and says what to do."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from built import FMUS, BuiltFmus
+from programs import refused, run
+
+
+@pytest.fixture
+def folder(built_fmus: BuiltFmus, tmp_path: Path) -> Path:  # noqa: ARG001
+    """A folder with FMUs, and with a file that is none."""
+    (tmp_path / "fmus").symlink_to(FMUS, target_is_directory=True)
+    (tmp_path / "file").write_text("[not an FMU]\n")
+    return tmp_path
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["--road", "sien"], "no road 'sien'; did you mean sine? (there are: sine, curb, perryman3)"),
+        (["--controller", "previw"], "no controller 'previw'; did you mean preview?"),
+        (["--speed", "0"], "speed 0 km/h: a run travels 150 m at a speed between 2 and 200 km/h"),
+        (["--speed", "500"], "speed 500 km/h: a run travels 150 m at a speed between 2 and 200 km/h"),
+        (["--speed", "fast"], "Invalid value for '--speed'"),
+        (["--weight", "-1"], "control weight R = -1 must be positive"),
+        (["--hold"], "hold applies to the explicit controller only"),
+        (["--fmi", "4"], "Invalid value for '--fmi'"),
+        (["--fmus", "nowhere"], "run `build-fmus --out nowhere` first"),
+        (["--vehicle", "none.toml"], "no vehicle 'none.toml': neither a file nor one of hmmwv"),
+        (["--out", "file/results"], "cannot write to file/results/gpc (Not a directory); choose another directory"),
+    ],
+)
+def test_mistakes_in_a_run(arguments: list[str], message: str, folder: Path) -> None:
+    assert message in refused(folder, "cosim", "run", "gpc", *arguments)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["study", "gpc", "--processes", "0"], "Invalid value for '--processes'"),
+        (["study", "gpc", "--out", "file/results"], "cannot write to file/results/gpc"),
+        (["study", "gcp"], "No such command 'gcp'"),
+        (["identify", "gpc", "--excitation", "nan"], "--excitation nan: it must be a positive number"),
+        (["identify", "gpc", "--weight", "0"], "--weight 0: it must be a positive number"),
+        (["identify", "gpc", "--out", "file/results"], "cannot write to file/results/gpc/laws"),
+        (["identify", "gpc", "--order", "0"], "order must be at least 1"),
+    ],
+)
+def test_mistakes_elsewhere(arguments: list[str], message: str, folder: Path) -> None:
+    assert message in refused(folder, "cosim", *arguments)
+
+
+def test_fmus_of_a_vehicle_that_were_not_built(folder: Path) -> None:
+    (folder / "truck.toml").write_text('base = "hmmwv_modified"\nname = "truck"\ndescription = "a truck"\n')
+    text = refused(folder, "cosim", "run", "gpc", "--vehicle", "truck.toml")
+    assert "run `build-fmus --vehicle truck.toml --out fmus` first" in text
+
+
+def test_files_that_are_no_fmus(folder: Path) -> None:
+    whole = (FMUS / "fmi3" / "RoadSine.fmu").read_bytes()
+    (folder / "cut.fmu").write_bytes(whole[: len(whole) // 2])
+    assert "cut.fmu is not an FMU or is incomplete" in refused(folder, "cosim", "fmu", "cut.fmu")
+    assert "file is not an FMU or is incomplete" in refused(folder, "cosim", "fmu", "file")
+    assert ". is not an FMU: it holds no modelDescription.xml" in refused(folder, "cosim", "fmu", ".")
+    text = refused(folder, "cosim", "fmu", "fmus/fmi3/GpcPreveiw.fmu")
+    assert "no such FMU: fmus/fmi3/GpcPreveiw.fmu; did you mean 'GpcPreview.fmu'" in text
+
+
+def test_brackets_in_a_name_survive(folder: Path) -> None:
+    assert "no such FMU: [red].fmu" in refused(folder, "cosim", "fmu", "[red].fmu")
+
+
+def test_list_and_units_are_shown_in_full(folder: Path) -> None:
+    listed = run(folder, "cosim", "list").stdout
+    assert "passive|implicit|explicit|preview" in listed
+    done = run(folder, "cosim", "run", "gpc", "--controller", "passive", "--speed", "100")
+    assert done.returncode == 0, done.stderr
+    assert "rms vertical acceleration [m/s2]" in done.stdout
+    assert (folder / "results" / "gpc" / "sine-100kmh-passive.csv").is_file()

@@ -1,0 +1,14 @@
+"""The FMU reference says what the FMUs say."""
+
+from __future__ import annotations
+
+import runpy
+
+from built import FMUS, BuiltFmus
+from pages import ROOT
+
+
+def test_the_reference_is_up_to_date(built_fmus: BuiltFmus) -> None:  # noqa: ARG001
+    written = (ROOT / "docs" / "fmus.md").read_text(encoding="utf-8")
+    page = runpy.run_path(str(ROOT / "docs" / "write_fmus.py"))["reference"](FMUS)
+    assert written == page, "run `build-fmus && python docs/write_fmus.py` and commit docs/fmus.md"

@@ -1,0 +1,136 @@
+"""What the pages show is true: their code runs, their commands print what they say, their links lead somewhere."""
+
+from __future__ import annotations
+
+import math
+import os
+import re
+import runpy
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from pages import PAGES, ROOT, blocks, headings, links, transcripts
+
+BIN = Path(sys.executable).parent
+LINES_OF_WIRING = 20
+
+
+def run_blocks(page: Path) -> dict[str, object]:
+    """All Python blocks of a page, one after the other in one namespace; errors name the block."""
+    namespace: dict[str, object] = {"__name__": "page"}
+    for number, code in enumerate(blocks(page, "python"), start=1):
+        exec(compile(code, f"{page.name}, block {number}", "exec"), namespace)
+    return namespace
+
+
+@pytest.mark.filterwarnings("error::cosim.UnconnectedInputsWarning")
+def test_readme_wires_a_foreign_fmu(seat: Path, workplace: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert seat == workplace / "path" / "to" / "Seat.fmu"
+    (code,) = blocks(ROOT / "README.md", "python")
+    assert len([line for line in code.splitlines() if line.strip()]) <= LINES_OF_WIRING
+    recording = run_blocks(ROOT / "README.md")["recording"]
+    printed = capsys.readouterr().out
+    assert "seat (Seat) every 0.005 s" in printed
+    assert "peak at the driver" in printed
+    assert (workplace / "ride.csv").is_file()
+    assert abs(recording["seat.acceleration"]).max() > 1.0  # the seat felt the road
+
+
+def test_tutorial(workplace: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    names = run_blocks(ROOT / "docs" / "tutorial.md")
+    printed = capsys.readouterr().out
+    assert "modes [Hz]" in printed
+    ends = {k: float(r["body.z"][-1]) for k, r in names["ends"].items()}  # type: ignore[attr-defined]
+    assert math.isclose(ends["CoSimulation"], ends["ModelExchange"], rel_tol=5e-3)
+    recording = names["recording"]
+    assert set(recording) == {"with_inerter.body.az", "without.body.az"}  # type: ignore[call-overload]
+    assert (workplace / "inerter.html").is_file()
+
+
+def test_the_example_of_the_tutorial_is_the_file(workplace: Path) -> None:
+    source = (ROOT / "docs" / "examples" / "quarter_car_inerter.py").read_text(encoding="utf-8")
+    (shown,) = (b for b in blocks(ROOT / "docs" / "tutorial.md", "python") if "def quarter_car_inerter" in b)
+    assert shown[shown.index("def ") :].rstrip() in source
+    runpy.run_path(str(ROOT / "docs" / "examples" / "quarter_car_inerter.py"), run_name="__main__")
+    assert (workplace / "QuarterCarInerter.fmu").is_file()
+
+
+COMMANDS = [(page, *t) for page in PAGES for t in transcripts(page)]
+
+
+@pytest.mark.parametrize(
+    ("page", "command", "expected"), COMMANDS, ids=[f"{p.stem}-{' '.join(c[:2])}" for p, c, _ in COMMANDS]
+)
+def test_commands_print_what_the_page_shows(
+    page: Path, command: list[str], expected: str, workplace: Path
+) -> None:
+    """Words must be equal, numbers close (platforms differ in the last digits); times and speeds of the machine are
+    left out."""
+    for name, text in files_shown(page).items():
+        (workplace / name).write_text(text)
+    program, *arguments = command
+    done = subprocess.run(
+        [BIN / program, *arguments], capture_output=True, text=True, check=False, env={**os.environ, "COLUMNS": "120"}
+    )
+    shown, printed = words(expected), words(done.stdout + done.stderr)
+    if shown and shown[-1] == "...":
+        shown, printed = shown[:-1], printed[: len(shown) - 1]
+    assert len(shown) == len(printed), f"{page.name} shows\n{expected}\nthe command prints\n{done.stdout}{done.stderr}"
+    for a, b in zip(shown, printed, strict=True):
+        assert same(a, b), f"{page.name} shows {a!r}, the command prints {b!r}\n{done.stdout}{done.stderr}"
+
+
+def files_shown(page: Path) -> dict[str, str]:
+    """Files that a page shows: a block whose first line is a comment with nothing but the file's name."""
+    found = {}
+    for language in ("toml", "csv"):
+        for text in blocks(page, language):
+            if match := re.match(r"# (\S+\.\w+)\n", text):
+                found[match[1]] = text[match.end() :] if language == "csv" else text
+    return found
+
+
+def words(text: str) -> list[str]:
+    text = re.sub(r"\d+x real time|\(\d+(\.\d+)? s\)", "", text)
+    return text.split()
+
+
+def same(shown: str, printed: str) -> bool:
+    try:
+        return math.isclose(float(shown), float(printed), rel_tol=0.02, abs_tol=2e-5)
+    except ValueError:
+        return shown == printed
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda p: p.stem)
+def test_links_lead_somewhere(page: Path) -> None:
+    for target in links(page):
+        path, _, anchor = target.partition("#")
+        file = (page.parent / path).resolve() if path else page
+        assert file.exists(), f"{page.name}: {target}"
+        assert file.is_relative_to(ROOT)
+        if anchor and file.suffix == ".md":
+            assert anchor in headings(file), f"{page.name}: {target}"
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda p: p.stem)
+def test_commands_named_in_a_page_exist(page: Path) -> None:
+    """Options of `build-fmus` and `cosim` in running text are options the programs have."""
+    known = {
+        program: subprocess.run(
+            [BIN / parts[0], *parts[1:], "--help"], capture_output=True, text=True, check=True, env={**os.environ, "COLUMNS": "200"}
+        ).stdout
+        for program, parts in (
+            ("build-fmus", ["build-fmus"]),
+            ("cosim run gpc", ["cosim", "run", "gpc"]),
+            ("cosim study gpc", ["cosim", "study", "gpc"]),
+            ("cosim identify gpc", ["cosim", "identify", "gpc"]),
+        )
+    }
+    text = page.read_text(encoding="utf-8")
+    for program, help_text in known.items():
+        for options in re.findall(rf"{program}([^`\n]*)", text):
+            for option in re.findall(r"--[\w-]+", options):
+                assert option in help_text, f"{page.name}: {program} has no {option}"
