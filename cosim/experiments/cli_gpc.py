@@ -70,7 +70,7 @@ def run(
     try:
         recording = bench.record(scenario, progress=True, csv=path)
     except (ComponentError, Interrupted) as error:
-        if error.recording is not None:
+        if error.recording is not None and len(error.recording):
             console.print(f"{path} holds the run up to t = {error.time:g} s")
         raise
     measured = {controller: evaluate(recording)}
