@@ -77,7 +77,7 @@ def declare(c: Component, section: Section, prefix: str = "") -> Any:
         if isinstance(value, Quantity) and declared is not None:
             symbol = c.parameter(
                 prefix + name, value.value, declared.unit, info.description or "", min=declared.min, max=declared.max,
-                display_unit=declared.display_unit, source=value.source,
+                nominal=declared.nominal, display_unit=declared.display_unit, source=value.source,
             )  # fmt: skip
             setattr(symbols, name, symbol)
         elif isinstance(value, Axles):

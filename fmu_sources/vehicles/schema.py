@@ -17,12 +17,13 @@ from build_fmus import units
 
 @dataclass(frozen=True)
 class Declared:
-    """Unit, limits and display unit of a field; the description stands in the pydantic field."""
+    """Unit, limits, display unit and usual size of a field; the description stands in the pydantic field."""
 
     unit: str
     min: float
     max: float
     display_unit: str | None = None
+    nominal: float | None = None
 
 
 class Quantity(BaseModel):
@@ -35,9 +36,18 @@ class Quantity(BaseModel):
     source: str = Field(min_length=1)
 
 
-def quantity(unit: str, description: str, *, min: float, max: float, display_unit: str | None = None) -> Any:
-    """Declare a field of type :class:`Quantity`."""
-    return Field(description=description, json_schema_extra={"declared": Declared(unit, min, max, display_unit)})  # type: ignore[dict-item]
+def quantity(
+    unit: str,
+    description: str,
+    *,
+    min: float,
+    max: float,
+    display_unit: str | None = None,
+    nominal: float | None = None,
+) -> Any:
+    """Declare a field of type :class:`Quantity`. ``nominal`` is for values that may well be 0."""
+    declared = Declared(unit, min, max, display_unit, nominal)
+    return Field(description=description, json_schema_extra={"declared": declared})  # type: ignore[dict-item]
 
 
 class Section(BaseModel):
@@ -102,7 +112,9 @@ class _QuarterSuspension(Section):
 
 class _Tire(Section):
     stiffness: Quantity = quantity("N/m", "vertical tyre stiffness", min=1.0, max=1e8, display_unit="N/mm")
-    damping: Quantity = quantity("N.s/m", "vertical tyre damping", min=0.0, max=1e6, display_unit="kN.s/m")
+    damping: Quantity = quantity(
+        "N.s/m", "vertical tyre damping", min=0.0, max=1e6, display_unit="kN.s/m", nominal=100.0
+    )
 
 
 class QuarterCar(Vehicle):
