@@ -45,6 +45,7 @@ def default_catalog() -> dict[str, Entry]:
         Entry("RideCarSedan", "linear 7-DOF ride car of paper 004", _ride_car("sedan", "RideCarSedan")),
         Entry("RideCarHmmwv", "linear 7-DOF ride car, HMMWV (paper 001)", _ride_car("ride_car_hmmwv", "RideCarHmmwv")),
         Entry("RoadHoleBump", "hole, flat and bump of paper 004", _sedan_road("road_hole_bump")),
+        Entry("RoadIso8608", "random road, ISO 8608 class A to H", _sedan_road("road_iso8608")),
         Entry("SpeedProfile", "constant speed or ramp, with travelled distance", _speed_profile),
         *vehicle_catalog("hmmwv", plant="FullCarHmmwv", suffix=None).values(),
         *vehicle_catalog("hmmwv_modified", plant="FullCarHmmwvModified", suffix="").values(),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Any
 
@@ -47,6 +47,17 @@ class HeightTable:
         )
 
 
+def node_heights(table: HeightTable) -> Callable[[Any, str], Any]:
+    """Heights [m] at a column of whole node numbers of a side, as :class:`Profile` wants them; for MX graphs."""
+    # The grid of the lookup is the node number itself: whole numbers find their node without rounding.
+    nodes = np.arange(len(table.left), dtype=float)
+    lookup = {
+        side: ca.interpolant(f"height_{side}", "linear", [nodes], heights, {"lookup_mode": ["exact"]})
+        for side, heights in (("left", table.left), ("right", table.right))
+    }
+    return lambda node, side: lookup[side](node.T).T
+
+
 def road_from_table(
     table: HeightTable,
     layout: RoadLayout,
@@ -58,16 +69,7 @@ def road_from_table(
     stimulus_start: float | None = None,
 ) -> Component:
     """A road whose heights are the table's."""
-    last = len(table.left) - 1
-    # The grid of the lookup is the node number itself: whole numbers find their node without rounding.
-    nodes = np.arange(last + 1, dtype=float)
-    lookup = {
-        side: ca.interpolant(f"height_{side}", "linear", [nodes], heights, {"lookup_mode": ["exact"]})
-        for side, heights in (("left", table.left), ("right", table.right))
-    }
-
-    def height(node: Any, side: str) -> Any:
-        return lookup[side](node.T).T
+    last, height = len(table.left) - 1, node_heights(table)
 
     return road(
         name,
