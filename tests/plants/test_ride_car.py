@@ -1,0 +1,373 @@
+"""Ride car against equations written by hand, mirror images, energy, and the modes of its papers."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from build_fmus.reference import Evaluator, simulate
+from build_fmus.stability import check_solver
+from fmu_sources.plants import ride_car
+from fmu_sources.vehicles import VehicleError, load_ride_car
+
+VEHICLES = {"RideCarSedan": "sedan", "RideCarHmmwv": "ride_car_hmmwv"}
+CORNERS = ("fl", "fr", "rl", "rr")
+POSITIONS = ["body.z", "body.roll", "body.pitch", *(f"wheel.{k}.z" for k in CORNERS)]
+RATES = ["body.vz", "body.roll_rate", "body.pitch_rate", *(f"wheel.{k}.vz" for k in CORNERS)]
+INPUTS = [f"{a}.{k}{b}" for a, b in (("road", ".height"), ("road", ".rate"), ("force", "")) for k in CORNERS]
+
+
+@pytest.fixture(scope="module", params=VEHICLES)
+def car(request):
+    return ride_car(load_ride_car(VEHICLES[request.param]), name=request.param)
+
+
+@pytest.fixture(scope="module")
+def hmmwv():
+    return ride_car(load_ride_car("ride_car_hmmwv"), name="RideCarHmmwv")
+
+
+def parameter_vector(car, values):
+    p = car.vector("parameter")
+    slots = {e.name: e.slot for e in car.elements("parameter")}
+    for name, value in values.items():
+        p[slots[name]] = value
+    return p
+
+
+def uneven(car, seed=0):
+    """Every parameter changed by a factor of its own: nothing is symmetric any more, and all tyres have damping."""
+    rng = np.random.default_rng(seed)
+    values = {e.name: e.start * rng.uniform(0.7, 1.4) for e in car.elements("parameter") if e.name != "solver.step"}
+    return values | {f"tire.{k}.damping": rng.uniform(50, 500) for k in CORNERS}
+
+
+def outputs_by_name(car, x, u, p):
+    y = np.asarray(car.functions["out"](0.0, x, u, p)).ravel()
+    return {e.name: x[e.slot] if e.variable.role == "state" else y[e.slot] for e in car.output_elements()}
+
+
+# -------------------------------------------------------------------------------------------- equations by hand
+
+
+def by_hand(p):
+    """A, B and outputs (C, D) from Newton's equations, 004 (7) and (12) and their like, corner by corner."""
+    state = {n: i for i, n in enumerate(POSITIONS + RATES)}
+    column = {n: i for i, n in enumerate(INPUTS)}
+    side = {"fl": 1, "fr": -1, "rl": 1, "rr": -1}
+
+    def length(kind, k, names):
+        """Row of coefficients of a deflection in the states: 004 equation (12)."""
+        row, (z, roll, pitch, wheel) = np.zeros(14), names
+        row[state[wheel.format(k)]] = -1.0 if kind == "suspension" else 1.0
+        if kind == "suspension":
+            row[state[z]] = 1.0
+            row[state[roll]] = side[k] * p[f"wheel.{k}.half_track"]
+            row[state[pitch]] = -p[f"wheel.{k}.x"]
+        return row
+
+    at, moving = (
+        ("body.z", "body.roll", "body.pitch", "wheel.{}.z"),
+        ("body.vz", "body.roll_rate", "body.pitch_rate", "wheel.{}.vz"),
+    )
+    A, B = np.zeros((14, 14)), np.zeros((14, 12))
+    for a, b in zip(POSITIONS, RATES, strict=True):
+        A[state[a], state[b]] = 1.0
+    C, D = {}, {}
+    for k in CORNERS:
+        s, ds = length("suspension", k, at), length("suspension", k, moving)
+        t, dt = length("tire", k, at), length("tire", k, moving)
+        r, dr, f = np.zeros(12), np.zeros(12), np.zeros(12)
+        r[column[f"road.{k}.height"]] = dr[column[f"road.{k}.rate"]] = f[column[f"force.{k}"]] = 1.0
+        C[f"suspension.{k}.deflection"], D[f"suspension.{k}.deflection"] = s, 0 * f
+        C[f"suspension.{k}.velocity"], D[f"suspension.{k}.velocity"] = ds, 0 * f
+        C[f"tire.{k}.deflection"], D[f"tire.{k}.deflection"] = t, -r
+        # Upward forces: of the strut on the body, of the tyre on the wheel.
+        strut_x, strut_u = -p[f"suspension.{k}.stiffness"] * s - p[f"suspension.{k}.damping"] * ds, f
+        kt, ct = p[f"tire.{k}.stiffness"], p[f"tire.{k}.damping"]
+        tire_x, tire_u = -kt * t - ct * dt, kt * r + ct * dr
+        for row, arm, mass in (
+            ("body.vz", 1.0, "body.mass"),
+            ("body.roll_rate", side[k] * p[f"wheel.{k}.half_track"], "body.roll_inertia"),
+            ("body.pitch_rate", -p[f"wheel.{k}.x"], "body.pitch_inertia"),
+        ):
+            A[state[row]] += arm * strut_x / p[mass]
+            B[state[row]] += arm * strut_u / p[mass]
+        A[state[f"wheel.{k}.vz"]] = (tire_x - strut_x) / p[f"wheel.{k}.mass"]
+        B[state[f"wheel.{k}.vz"]] = (tire_u - strut_u) / p[f"wheel.{k}.mass"]
+    accelerations = (
+        "body.az",
+        "body.roll_acceleration",
+        "body.pitch_acceleration",
+        *(f"wheel.{k}.az" for k in CORNERS),
+    )
+    for name, rate in zip(accelerations, RATES, strict=True):
+        C[name], D[name] = A[state[rate]], B[state[rate]]
+    for name, i in state.items():
+        C[name], D[name] = np.eye(14)[i], np.zeros(12)
+    return A, B, C, D
+
+
+@pytest.mark.parametrize("changed", [False, True])
+def test_matrices_are_those_of_the_equations_by_hand(car, changed):
+    values = uneven(car) if changed else {e.name: e.start for e in car.elements("parameter")}
+    model = car.linearize(p=parameter_vector(car, values))
+    A, B, C, D = by_hand(values)
+    assert model.states == POSITIONS + RATES
+    assert model.inputs == INPUTS
+    assert sorted(model.outputs) == sorted(C)
+
+    def close(given, expected):
+        np.testing.assert_allclose(given, expected, rtol=1e-12, atol=1e-12 * np.abs(expected).max())
+
+    close(model.A, A)
+    close(model.B, B)
+    for i, name in enumerate(model.outputs):
+        close(model.C[i], C[name])
+        close(model.D[i], D[name])
+
+
+def test_roll_equation_7_as_printed():
+    """Numbers of 004 Table 1 put into its equation (7); x_1 ... x_4 are LF, LR, RF, RR."""
+    car = ride_car(load_ride_car("sedan"))
+    model = car.linearize()
+    tf, tr, inertia, ks, cs = 1.522, 1.510, 460.0, (19960.0, 17500.0), (1290.0, 1620.0)
+    row = dict(zip(model.states, model.A[model.states.index("body.roll_rate")], strict=True))
+    assert row["body.roll_rate"] == pytest.approx(-0.25 * 2 * (tf**2 * cs[0] + tr**2 * cs[1]) / inertia)
+    assert row["body.roll"] == pytest.approx(-0.25 * 2 * (tf**2 * ks[0] + tr**2 * ks[1]) / inertia)
+    for k, sign, t, axle in (("fl", 1, tf, 0), ("rl", 1, tr, 1), ("fr", -1, tf, 0), ("rr", -1, tr, 1)):
+        assert row[f"wheel.{k}.vz"] == pytest.approx(sign * 0.5 * t * cs[axle] / inertia)
+        assert row[f"wheel.{k}.z"] == pytest.approx(sign * 0.5 * t * ks[axle] / inertia)
+    force = dict(zip(model.inputs, model.B[model.states.index("body.roll_rate")], strict=True))
+    assert [force[f"force.{k}"] * inertia for k in CORNERS] == pytest.approx([0.761, -0.761, 0.755, -0.755])
+
+
+def test_sedan_has_no_tyre_damping_and_the_hmmwv_has():
+    for vehicle, damped in (("sedan", False), ("ride_car_hmmwv", True)):
+        model = ride_car(load_ride_car(vehicle)).linearize()
+        assert bool(np.any(model.B[:, 4:8])) == damped
+
+
+def test_the_model_is_linear(car):
+    """The same matrices at any point, and nothing but them."""
+    rng = np.random.default_rng(1)
+    x, u, p = rng.standard_normal(14), rng.standard_normal(12), car.vector("parameter")
+    model, there = car.linearize(), car.linearize(x, u)
+    np.testing.assert_array_equal(model.A, there.A)
+    np.testing.assert_array_equal(model.B, there.B)
+    slope = np.asarray(car.functions["rhs"](0.0, x, u, p)).ravel()
+    np.testing.assert_allclose(slope, model.A @ x + model.B @ u, rtol=1e-9, atol=1e-9)
+
+
+# -------------------------------------------------------------------------------------------------------- mirror
+
+
+def mirrored(name):
+    """Name of the same thing on the other side."""
+    return ".".join({"fl": "fr", "fr": "fl", "rl": "rr", "rr": "rl"}.get(part, part) for part in name.split("."))
+
+
+def mirror_sign(name):
+    return -1.0 if "roll" in name and "inertia" not in name else 1.0
+
+
+def test_mirror_image(car):
+    """Exchanging left and right in parameters, inputs and start permutes all outputs over a whole run."""
+    values = uneven(car)
+    rng = np.random.default_rng(2)
+    start = dict(zip(POSITIONS + RATES, 0.02 * rng.standard_normal(14), strict=True))
+    runs = []
+    for turn in (lambda n: n, mirrored):
+        run = Evaluator(car, {turn(n): v for n, v in values.items()})
+        sign = (lambda n: 1.0) if turn is not mirrored else mirror_sign
+        run.x = [start[turn(n)] * sign(n) for n in POSITIONS + RATES]
+        names = [e.name for e in car.output_elements()]
+        rows, inputs = [], np.random.default_rng(3)
+        for _ in range(400):
+            given = dict(zip(INPUTS, inputs.standard_normal(12) * np.repeat([0.05, 1.0, 500.0], 4), strict=True))
+            run.u[:] = [given[turn(n)] for n in INPUTS]
+            run.step(1e-3)
+            rows.append(dict(zip(names, run.outputs(), strict=True)))
+        runs.append(rows)
+    original, image = runs
+    for name in original[0]:
+        a = np.array([row[name] for row in original])
+        b = mirror_sign(name) * np.array([row[mirrored(name)] for row in image])
+        np.testing.assert_allclose(b, a, rtol=0, atol=1e-9 * max(1.0, np.abs(a).max()))
+
+
+# -------------------------------------------------------------------------------------------- statics and energy
+
+
+def test_lifting_the_road_lifts_everything(car):
+    """A raised, tilted road plane carries the whole car: no deflection, no acceleration."""
+    p = parameter_vector(car, uneven(car))
+    v = {e.name: p[e.slot] for e in car.elements("parameter")}
+    lift, roll, pitch = 0.3, 0.02, -0.01
+    side = {"fl": 1, "fr": -1, "rl": 1, "rr": -1}
+    heights = [lift + roll * side[k] * v[f"wheel.{k}.half_track"] - pitch * v[f"wheel.{k}.x"] for k in CORNERS]
+    x = np.array([lift, roll, pitch, *heights, *np.zeros(7)])
+    u = np.array([*heights, *np.zeros(8)])
+    for name, value in outputs_by_name(car, x, u, p).items():
+        if "deflection" in name or "acceleration" in name or name.endswith(("az", "velocity")):
+            assert value == pytest.approx(0.0, abs=1e-9), name
+
+
+def test_static_response_to_forces(car):
+    """Equal forces at the corners of one axle lift the body there by F/ks; the tyres feel nothing."""
+    model = car.linearize()
+    dc = model.D - model.C @ np.linalg.solve(model.A, model.B)
+    u = np.zeros(12)
+    u[8:10] = 1000.0
+    y = dict(zip(model.outputs, dc @ u, strict=True))
+    stiffness = {e.name: e.start for e in car.elements("parameter")}["suspension.fl.stiffness"]
+    assert [y[f"suspension.{k}.deflection"] for k in CORNERS] == pytest.approx(
+        [1000 / stiffness, 1000 / stiffness, 0, 0], abs=1e-12
+    )
+    assert [y[f"tire.{k}.deflection"] for k in CORNERS] == pytest.approx([0, 0, 0, 0], abs=1e-12)
+    assert y["body.pitch"] < 0  # nose up
+
+
+def energy(car, x, u, p):
+    """Kinetic and elastic energy [J], from outputs alone."""
+    v = {e.name: p[e.slot] for e in car.elements("parameter")}
+    y = outputs_by_name(car, x, u, p)
+    total = v["body.mass"] * y["body.vz"] ** 2
+    total += v["body.roll_inertia"] * y["body.roll_rate"] ** 2 + v["body.pitch_inertia"] * y["body.pitch_rate"] ** 2
+    for k in CORNERS:
+        total += v[f"wheel.{k}.mass"] * y[f"wheel.{k}.vz"] ** 2
+        total += v[f"suspension.{k}.stiffness"] * y[f"suspension.{k}.deflection"] ** 2
+        total += v[f"tire.{k}.stiffness"] * y[f"tire.{k}.deflection"] ** 2
+    return total / 2
+
+
+def test_energy_balance(car):
+    """What actuators and road put in is stored or lost in dampers and tyres, over a run, to the solver's accuracy."""
+    run = Evaluator(car, uneven(car))
+    v = {e.name: run.p[e.slot] for e in car.elements("parameter")}
+    h, steps = 2e-4, 2500
+    rows, stored = [], []
+
+    def inputs(t):
+        w = 2 * np.pi * np.array([2.0, 3.1, 1.3, 4.0])
+        return np.concatenate([0.02 * np.sin(w * t), 0.02 * w * np.cos(w * t), 300.0 * np.cos(w * t)])
+
+    def power(x, u):
+        y = outputs_by_name(car, x, u, run.p)
+        total = 0.0
+        for i, k in enumerate(CORNERS):
+            rate, tire_rate = y[f"suspension.{k}.velocity"], y[f"wheel.{k}.vz"] - u[4 + i]
+            tire = v[f"tire.{k}.stiffness"] * y[f"tire.{k}.deflection"] + v[f"tire.{k}.damping"] * tire_rate
+            total += u[8 + i] * rate - v[f"suspension.{k}.damping"] * rate**2
+            total -= tire * u[4 + i] + v[f"tire.{k}.damping"] * tire_rate**2  # the road's hold on the tyre
+        return total
+
+    x = np.zeros(14)
+    for i in range(steps + 1):  # classical Runge-Kutta with moving inputs
+        t = i * h
+        rows.append(power(x, inputs(t)))
+        stored.append(energy(car, x, inputs(t), run.p))
+
+        def slope(t, x):
+            return np.asarray(car.functions["rhs"](t, x, inputs(t), run.p)).ravel()
+
+        k1 = slope(t, x)
+        k2 = slope(t + h / 2, x + h / 2 * k1)
+        k3 = slope(t + h / 2, x + h / 2 * k2)
+        k4 = slope(t + h, x + h * k3)
+        x = x + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
+    rows, stored = np.array(rows), np.array(stored)
+    simpson = h / 3 * (rows[0] + rows[-1] + 4 * rows[1:-1:2].sum() + 2 * rows[2:-2:2].sum())
+    assert stored[-1] - stored[0] == pytest.approx(simpson, abs=1e-6 * stored.max())
+
+
+def test_energy_is_kept_without_dampers(car):
+    still = {f"{part}.{k}.damping": 0.0 for part in ("suspension", "tire") for k in CORNERS}
+    model = car.linearize(p=parameter_vector(car, uneven(car) | still))
+    eigenvalues = np.linalg.eigvals(model.A)
+    assert np.abs(eigenvalues.real).max() < 1e-9 * np.abs(eigenvalues).max()
+
+
+# --------------------------------------------------------------------------------------------------------- modes
+
+
+def frequencies(car, p=None):
+    eigenvalues = np.linalg.eigvals(car.linearize(p=p).A)
+    return np.sort(np.abs(eigenvalues[eigenvalues.imag > 0])) / (2 * np.pi)
+
+
+def test_modes_of_the_hmmwv(hmmwv):
+    """Body modes near the 2 Hz and hop near the 10 Hz of paper 001."""
+    heave, pitch, roll, *hop = frequencies(hmmwv)
+    assert [heave, pitch, roll] == pytest.approx([1.92, 1.92, 2.48], abs=0.005)
+    assert [hop[0], hop[-1]] == pytest.approx([10.28, 10.79], abs=0.01)
+
+
+def test_heave_roll_and_pitch_are_what_their_names_say(hmmwv):
+    """The mode of each body coordinate: with a symmetric car heave, roll and pitch do not mix."""
+    model = hmmwv.linearize()
+    values, vectors = np.linalg.eig(model.A)
+    body = {n: model.states.index(n) for n in POSITIONS[:3]}
+    for name, frequency in (("body.z", 1.92), ("body.pitch", 1.92), ("body.roll", 2.48)):
+        moves = np.abs(vectors[body[name]]) > 1e-6 * np.abs(vectors).max(axis=0)
+        low = np.abs(values) / (2 * np.pi) < 5
+        assert np.abs(values[moves & low]) / (2 * np.pi) == pytest.approx(frequency, abs=0.005)
+
+
+POSITIVE = {
+    "body.mass": (10.0, 1e5), "body.roll_inertia": (1.0, 1e6), "body.pitch_inertia": (1.0, 1e6),
+    **{f"wheel.{k}.mass": (1.0, 5e3) for k in CORNERS},
+    **{f"wheel.{k}.x": (0.3, 5.0) if k[0] == "f" else (-5.0, -0.3) for k in CORNERS},
+    **{f"wheel.{k}.half_track": (0.2, 3.0) for k in CORNERS},
+    **{f"suspension.{k}.stiffness": (1e3, 1e6) for k in CORNERS},
+    **{f"suspension.{k}.damping": (1e2, 1e5) for k in CORNERS},
+    **{f"tire.{k}.stiffness": (1e4, 1e7) for k in CORNERS},
+    **{f"tire.{k}.damping": (0.0, 1e4) for k in CORNERS},
+}  # fmt: skip
+
+
+@given(st.fixed_dictionaries({n: st.floats(*limits) for n, limits in POSITIVE.items()}))
+@settings(deadline=None, max_examples=100)
+def test_positive_parameters_are_always_stable(hmmwv, values):
+    """Masses, springs and dampers above zero: every mode decays, up to the rounding of the eigenvalues."""
+    eigenvalues = np.linalg.eigvals(hmmwv.linearize(p=parameter_vector(hmmwv, values)).A)
+    assert eigenvalues.real.max() < 1e-10 * np.abs(eigenvalues).max()
+
+
+def test_reference_run_is_finite_and_solver_stable(car):
+    check_solver(car)
+    assert np.isfinite(simulate(car).outputs).all()
+
+
+# ------------------------------------------------------------------------------------------------- vehicle files
+
+
+def test_values_of_the_sedan():
+    car = load_ride_car("sedan")
+    assert car.body.mass.value == 1460.0
+    assert "1400" in car.body.mass.source
+    assert car.wheel.front.x.value - car.wheel.rear.x.value == pytest.approx(2.814)
+    variable = ride_car(car).variable("suspension.rr.damping")
+    assert variable.start == (1620.0,)
+    assert variable.source.startswith("004 Table 1")
+
+
+def test_one_wheel_may_differ(hmmwv):
+    run = Evaluator(hmmwv, {"suspension.rl.damping": 0.0})
+    run.u[4:8] = 1.0
+    run.x = np.array([0.0] * 7 + [1.0] + [0.0] * 6)
+    y = dict(zip((e.name for e in hmmwv.output_elements()), run.outputs(), strict=True))
+    assert y["body.az"] == pytest.approx(-3 * 6000 / 2800)
+
+
+def test_mistakes_in_a_file_are_named(tmp_path):
+    path = tmp_path / "mine.toml"
+    path.write_text('base = "sedan"\n[wheel.front]\nhalf_trak = { value = 0.7, unit = "m", source = "me" }\n')
+    with pytest.raises(VehicleError, match=r"wheel\.front\.half_trak: unknown field; did you mean 'half_track'"):
+        load_ride_car(path)
+    path.write_text('base = "sedan"\n[suspension.left]\n')
+    with pytest.raises(VehicleError, match=r"suspension\.left: unknown field; known here: front, rear"):
+        load_ride_car(path)
+    path.write_text('base = "sedan"\n[wheel.rear]\nmass = { value = -1, unit = "kg", source = "me" }\n')
+    with pytest.raises(VehicleError, match=r"wheel\.rear\.mass: -1 kg is out of range"):
+        load_ride_car(path)
