@@ -1,7 +1,5 @@
 """Command line ``build-fmus``: ties the catalog of components to the build pipeline."""
 
-
-
 from __future__ import annotations
 
 import functools
@@ -10,6 +8,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -40,25 +39,48 @@ class Stoppable(TyperCommand):
             raise Stopped from error
 
 
-def load_catalog(vehicle: Path | None = None, road: Path | None = None, road_name: str | None = None) -> dict:
-    """The default catalog, or the one of a user's vehicle or road file."""
+@dataclass(frozen=True)
+class UserFiles:
+    """Files of the user that FMUs are made of, instead of the published catalog."""
+
+    vehicle: Path | None = None
+    road: Path | None = None
+    weights: Path | None = None
+    name: str | None = None  # of the FMU made of the road or weights file
+    period: float = 1e-3  # sample time of the law made of the weights file [s]
+
+    @property
+    def paths(self) -> list[Path]:
+        """The files that are given."""
+        return [p for p in (self.vehicle, self.road, self.weights) if p is not None]
+
+
+def load_catalog(user: UserFiles | None = None) -> dict[str, Any]:
+    """The default catalog, or the one of a user's files."""
     from fmu_sources import catalog
 
-    if vehicle is None and road is None:
-        return catalog.default_catalog()
     published = catalog.default_catalog()
-    entries = {}
-    if vehicle is not None:
-        name = catalog_suffix(vehicle)
-        entries = catalog.vehicle_catalog(vehicle, plant=f"FullCar{name}", suffix=name)
+    user = user or UserFiles()
+    if not user.paths:
+        return published
+    entries: dict[str, Any] = {}
+    if user.vehicle is not None:
+        name = catalog_suffix(user.vehicle)
+        entries = catalog.vehicle_catalog(user.vehicle, plant=f"FullCar{name}", suffix=name)
         if taken := sorted(entries.keys() & published):
-            raise ValueError(f"{vehicle} would replace the published {', '.join(taken)}; rename the file")
+            raise ValueError(f"{user.vehicle} would replace the published {', '.join(taken)}; rename the file")
         entries = {"SpeedProfile": published["SpeedProfile"], **entries}
-    if road is not None:
-        name = road_name or f"Road{catalog_suffix(road)}"
+
+    def add(path: Path, prefix: str, make: Callable[[str], Any]) -> None:
+        name = user.name or f"{prefix}{catalog_suffix(path)}"
         if name in published or name in entries:
-            raise ValueError(f"{road} would replace the FMU {name}; rename the file, or choose a name with --name")
-        entries[name] = catalog.road_entry(road, name, vehicle or "hmmwv_modified")
+            raise ValueError(f"{path} would replace the FMU {name}; rename the file, or choose a name with --name")
+        entries[name] = make(name)
+
+    if (road := user.road) is not None:
+        add(road, "Road", lambda name: catalog.road_entry(road, name, user.vehicle or "hmmwv_modified"))
+    if (weights := user.weights) is not None:
+        add(weights, "PreviewLq", lambda name: catalog.preview_lq_entry(weights, name, user.period))
     return entries
 
 
@@ -70,20 +92,13 @@ def catalog_suffix(path: Path) -> str:
     return "".join(w[0].upper() + w[1:] for w in words)
 
 
-def build_entry(
-    vehicle: Path | None,
-    road: Path | None,
-    road_name: str | None,
-    name: str,
-    options: Options,
-    versions: tuple[int, ...],
-) -> None:
+def build_entry(user: UserFiles, name: str, options: Options, versions: tuple[int, ...]) -> None:
     """Make one catalog entry and write its FMUs (runs in worker processes)."""
     from build_fmus.compile import ObjectCache, resolve_platforms
     from build_fmus.package import build_fmu
     from fmu_sources.catalog import Context
 
-    entry = load_catalog(vehicle, road, road_name)[name]
+    entry = load_catalog(user)[name]
     component = entry.make(Context(options.out, options.cache))
     cache = ObjectCache(options.cache / "objects")
     for fmi in versions:
@@ -99,9 +114,7 @@ def build(
     names: list[str] | None,
     options: Options,
     *,
-    vehicle: Path | None = None,
-    road: Path | None = None,
-    road_name: str | None = None,
+    user: UserFiles | None = None,
     force: bool = False,
     report: Callable[[str, str], None] = lambda _name, _what: None,
 ) -> list[str]:
@@ -109,7 +122,8 @@ def build(
     import fmu_sources
     from fmu_sources.catalog import find
 
-    catalog = load_catalog(vehicle, road, road_name)
+    user = user or UserFiles()
+    catalog = load_catalog(user)
     for name in names or ():
         find(catalog, name)
     try:
@@ -120,7 +134,7 @@ def build(
         raise OSError(f"cannot write to {options.out} ({reason}); choose another directory with --out") from None
     root = Path(fmu_sources.__file__).parent
     sources = builder.source_hash(root, root.parent / "build_fmus", modules=[root.parent / "cosim"])
-    task = functools.partial(build_entry, vehicle, road, road_name)
+    task = functools.partial(build_entry, user)
     return builder.build(
         catalog, names or list(catalog), options, sources=sources, task=task, report=report, force=force
     )  # fmt: skip
@@ -137,7 +151,11 @@ def command(
         Path | None, typer.Option(help="vehicle file (TOML): full car, roads and GPC laws of this vehicle")
     ] = None,
     road: Annotated[Path | None, typer.Option(help="road file (CSV or OpenCRG) to make a road FMU of")] = None,
-    name: Annotated[str | None, typer.Option(help="name of the road FMU made by --road")] = None,
+    weights: Annotated[
+        Path | None, typer.Option(help="weights file (TOML) to make a preview LQ law of the sedan of")
+    ] = None,
+    period: Annotated[float, typer.Option(help="sample time of the law made by --weights [s]")] = 1e-3,
+    name: Annotated[str | None, typer.Option(help="name of the FMU made by --road or --weights")] = None,
     out: Annotated[Path, typer.Option(help="directory that receives fmi2/ and fmi3/")] = Path("fmus"),
     fmi3_arrays: Annotated[bool, typer.Option(help="declare vectors and matrices as FMI 3.0 arrays")] = False,
     force: Annotated[bool, typer.Option(help="build even what is up to date")] = False,
@@ -147,14 +165,15 @@ def command(
     versions = {"2": (2,), "3": (3,), "both": (2, 3)}.get(fmi)
     if versions is None:
         raise ValueError(f"--fmi {fmi}: choose 2, 3 or both")
-    for path in (vehicle, road):
-        if path is not None and not path.is_file():
+    user = UserFiles(vehicle, road, weights, name, period)
+    for path in user.paths:
+        if not path.is_file():
             raise FileNotFoundError(f"{path}: {'this is a folder' if path.is_dir() else 'no such file'}")
-    if name is not None and road is None:
-        raise ValueError("--name names the road FMU made by --road; give a road file too")
+    if name is not None and (road is None) == (weights is None):
+        raise ValueError("--name names the FMU made by --road or by --weights; give one of these files too")
     if list_:
         table = Table("FMU", "what it is", "needs first", box=None)
-        for entry in load_catalog(vehicle, road, name).values():
+        for entry in load_catalog(user).values():
             table.add_row(entry.name, entry.summary, ", ".join(entry.needs))
         Console().print(table)
         return
@@ -167,7 +186,7 @@ def command(
             console.print(f"  built {name}")
 
     options = Options(out, versions, platform, fmi3_arrays)
-    build(names, options, vehicle=vehicle, road=road, road_name=name, force=force, report=report)
+    build(names, options, user=user, force=force, report=report)
     seconds = time.perf_counter() - start
     console.print(f"{total['built']} built, {total['up to date']} up to date in {out}/ ({seconds:.1f} s)")
 

@@ -46,6 +46,10 @@ def default_catalog() -> dict[str, Entry]:
         Entry("RideCarHmmwv", "linear 7-DOF ride car, HMMWV (paper 001)", _ride_car("ride_car_hmmwv", "RideCarHmmwv")),
         Entry("RoadHoleBump", "hole, flat and bump of paper 004", _sedan_road("road_hole_bump")),
         Entry("RoadIso8608", "random road, ISO 8608 class A to H", _sedan_road("road_iso8608")),
+        *(
+            Entry(name, f"preview LQ law of paper 004, {summary}", _preview_lq(weights, name, period))
+            for name, (weights, period, summary) in _PREVIEW_LQ.items()
+        ),
         Entry("SpeedProfile", "constant speed or ramp, with travelled distance", _speed_profile),
         *vehicle_catalog("hmmwv", plant="FullCarHmmwv", suffix=None).values(),
         *vehicle_catalog("hmmwv_modified", plant="FullCarHmmwvModified", suffix="").values(),
@@ -90,6 +94,13 @@ def road_entry(path: Path, name: str, vehicle: str | Path = "hmmwv_modified") ->
     return Entry(name, f"road from {path.name}", make, files=files)
 
 
+def preview_lq_entry(path: Path, name: str, period: float = 1e-3) -> Entry:
+    """A preview LQ law of the sedan with a user's weights, at any sample time [s]."""
+    return Entry(
+        name, f"preview LQ law with the weights of {path.name}", _preview_lq(path, name, period), files=(path,)
+    )
+
+
 def find(catalog: dict[str, Entry], name: str) -> Entry:
     """Entry by name; KeyError that proposes the nearest one."""
     try:
@@ -104,6 +115,11 @@ _ROADS = {  # name -> maker in fmu_sources.roads, summary
     "RoadSine": ("road_sine", "sine road of paper 000"),
     "RoadCurb": ("road_curb", "curb road of paper 000"),
     "RoadPerryman3": ("road_perryman3", "synthetic stand-in for the Perryman 3 test course"),
+}
+_PREVIEW_LQ = {
+    "PreviewLqComfort": ("comfort", 1e-3, "ride comfort"),
+    "PreviewLqRoadHolding": ("road_holding", 1e-3, "road holding"),
+    "PreviewLqComfort5ms": ("comfort", 5e-3, "ride comfort, sampled at 5 ms"),
 }
 _GPC = {
     "GpcImplicit": ("GPC with implicit disturbances (paper 000)", "implicit"),
@@ -138,6 +154,19 @@ def _sedan_road(maker: str) -> Callable[[Context], Component]:
 
         layout = roads.RoadLayout.of(load_ride_car("sedan"), preview_count=48, preview_step=0.005)
         return getattr(roads, maker)(layout)
+
+    return make
+
+
+def _preview_lq(weights: str | Path, name: str, period: float) -> Callable[[Context], Component]:
+    def make(_: Context) -> Component:
+        from fmu_sources.controllers.preview_lq import preview_lq
+        from fmu_sources.controllers.preview_lq_weights import load_weights
+        from fmu_sources.plants import ride_car
+        from fmu_sources.vehicles import load_ride_car
+
+        car = ride_car(load_ride_car("sedan"), name="RideCarSedan")
+        return preview_lq(car, load_weights(weights), name=name, period=period)
 
     return make
 

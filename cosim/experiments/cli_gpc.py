@@ -122,7 +122,9 @@ def study(
                 progress=lambda done, total: bar.update(task, completed=done, total=total),
             )  # fmt: skip
         except KeyboardInterrupt:
-            raise KeyboardInterrupt("interrupted; finished runs are kept, the same command goes on from there") from None
+            raise KeyboardInterrupt(
+                "interrupted; finished runs are kept, the same command goes on from there"
+            ) from None
     path = gpc_report.write(result, chosen, out / "gpc")
     console.print(f"report: {path}")
 

@@ -385,6 +385,16 @@ def sampled_lq(plant: LinearPlant, index: QuadraticIndex, period: float) -> Samp
     Ad, Bd, Ed = step[x, x], step[x, u], step[x, w]
     Qd, Nd, Rd = cost[x, x], cost[x, u], cost[u, u]
 
+    mode = _hidden_mode(Ad, Bd, discrete=True)
+    if mode is not None:
+        states = _dominant(mode[1], plant.states)
+        raise LqError(
+            f"at a period of {period:g} s the control loses the mode at {_rate(mode[0], 'per sample')}, mostly "
+            f"{', '.join(states)}: it is undamped and turns by whole or half turns between samples; change the period",
+            mode[0],
+            states,
+        )
+
     def weight(P: Array) -> Array:
         return _even(Rd + Bd.T @ P @ Bd)
 
@@ -406,7 +416,7 @@ def sampled_lq(plant: LinearPlant, index: QuadraticIndex, period: float) -> Samp
     except (linalg.LinAlgError, ValueError) as error:
         raise LqError(
             f"at a period of {period:g} s the sampled Riccati equation has no stabilizing solution ({error}); "
-            "an undamped mode may be hidden by sampling it at its own half period: change the period"
+            "change the period or the weights"
         ) from error
     P, relative = _refined(np.asarray(P), newton, residual)
     K = gain(P)
@@ -660,8 +670,8 @@ def _check_modes(plant: LinearPlant, index: QuadraticIndex) -> None:
         )
 
 
-def _hidden_mode(A: Array, B: Array, *, dual: bool = False) -> tuple[complex, Array] | None:
-    """The first mode with Re >= 0 that B does not reach (Popov-Belevitch-Hautus), and how much of it each state is.
+def _hidden_mode(A: Array, B: Array, *, dual: bool = False, discrete: bool = False) -> tuple[complex, Array] | None:
+    """The first mode that neither decays nor is reached by B (Popov-Belevitch-Hautus), and each state's part in it.
 
     With `dual`, A and B are the transposes of a system matrix and of an output matrix.
     """
@@ -671,7 +681,8 @@ def _hidden_mode(A: Array, B: Array, *, dual: bool = False) -> tuple[complex, Ar
     length = linalg.norm(columns, axis=0)
     columns = columns * (size / np.where(length > 0.0, length, 1.0))
     for eigenvalue in linalg.eigvals(balanced):
-        if eigenvalue.real < -MODE_TOLERANCE * size or eigenvalue.imag < 0.0:
+        decay = 1.0 - abs(eigenvalue) if discrete else -eigenvalue.real / size
+        if decay > MODE_TOLERANCE or eigenvalue.imag < 0.0:
             continue
         shifted = balanced - eigenvalue * np.eye(len(A))
         left, singular, _ = linalg.svd(np.hstack([shifted, columns]), full_matrices=False)
@@ -694,12 +705,13 @@ def _dominant(shape: Array, names: Sequence[str]) -> tuple[str, ...]:
     return tuple(names[k] for k in order[:4] if shape[k] >= 0.3 * np.max(shape))
 
 
-def _rate(eigenvalue: complex) -> str:
+def _rate(eigenvalue: complex, unit: str = "1/s") -> str:
     real, imaginary = float(np.real(eigenvalue)), abs(float(np.imag(eigenvalue)))
     real = 0.0 if abs(real) < 1e-9 * max(1.0, imaginary) else real
     if imaginary <= 1e-9 * max(1.0, abs(real)):
-        return f"{real:.4g} 1/s"
-    return f"{real:.4g} +- {imaginary:.4g}i 1/s ({imaginary / (2 * np.pi):.3g} Hz)"
+        return f"{real:.4g} {unit}"
+    hertz = f" ({imaginary / (2 * np.pi):.3g} Hz)" if unit == "1/s" else ""
+    return f"{real:.4g} +- {imaginary:.4g}i {unit}{hertz}"
 
 
 # --------------------------------------------------------------------------------------------------- numerics

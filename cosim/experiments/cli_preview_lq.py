@@ -1,0 +1,75 @@
+"""Commands of the experiment ``preview-lq``."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+from rich.table import Table
+
+TITLE = "Optimal preview LQ control of a seven-degree car (paper 004)"
+OPTIONS = "--input both|left  --weights comfort|road-holding|comfort-5ms  --system passive|active|delay|preview  --preview-time S"
+
+console = Console(stderr=True, highlight=False)
+
+Fmus = Annotated[Path, typer.Option(help="directory of the FMUs (see build-fmus)")]
+Version = Annotated[int, typer.Option(help="FMI version of the FMUs to use: 2 or 3", min=2, max=3)]
+Out = Annotated[Path, typer.Option(help="directory for results")]
+
+
+def run(
+    input: Annotated[str, typer.Option(help="which wheels meet hole and bump: both or left")] = "both",
+    weights: Annotated[str, typer.Option(help="comfort, road-holding or comfort-5ms")] = "comfort",
+    system: Annotated[str, typer.Option(help="passive, active, delay or preview")] = "preview",
+    preview_time: Annotated[float, typer.Option(help="preview ahead of the front wheels [s]")] = 0.12,
+    speed: Annotated[float, typer.Option(help="speed [km/h]")] = 75.0,
+    shape: Annotated[str, typer.Option(help="haversine, sine, triangle or step")] = "haversine",
+    hold_tail: Annotated[bool, typer.Option(help="take the road to continue at its last height")] = False,
+    fmus: Fmus = Path("fmus"),
+    fmi: Version = 3,
+    out: Out = Path("results"),
+) -> None:
+    """One run over hole and bump: mean squares and index beside the passive car's; time histories as CSV."""
+    from dataclasses import replace
+
+    from cosim.experiments import preview_lq as experiment
+
+    case = experiment.Case(input, weights, system, preview_time, speed, shape, hold_tail)
+    bench = experiment.PreviewLqBench(experiment.FmuSet(fmus, fmi))
+    path = out / "preview-lq" / f"{input}-{weights}-{system}.csv"
+    recording = bench.record(case, csv=path)
+    passive = bench.record(replace(case, system="passive"))
+    chosen = experiment.weights_of(case)
+    measured = {}
+    for name, r in {"passive": passive, system: recording}.items():
+        measured[name] = {**experiment.components(r), "J": experiment.index(r, chosen)}
+    table = Table("mean square", *measured, "per cent of passive", box=None)
+    for key, base in measured["passive"].items():
+        value = measured[system][key]
+        share = f"{100 * value / base:.1f}" if base > 1e-20 else "-"
+        table.add_row(key, *(f"{m[key]:.4g}" for m in measured.values()), share)
+    Console().print(table)
+    if system != "passive" and recording["controller.horizon_truncated"].any():
+        console.print("horizon_truncated: preview or memory end before the horizon that was asked for")
+    path.with_suffix(".json").write_text(json.dumps(measured, indent=1) + "\n")
+    console.print(f"{path} and {path.with_suffix('.json').name}", soft_wrap=True)
+    bench.close()
+
+
+def study(fmus: Fmus = Path("fmus"), fmi: Version = 3, out: Out = Path("results")) -> None:
+    """Tables 2 and 3, figures 3 to 7 of the paper and its claims; writes results/preview-lq/report.html."""
+    from cosim.experiments import preview_lq_report, preview_lq_study
+    from cosim.experiments.preview_lq import FmuSet
+
+    chosen = FmuSet(fmus, fmi)
+    with Progress(
+        TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), console=console
+    ) as bar:
+        task = bar.add_task("study preview-lq", total=None)
+        result = preview_lq_study.study(chosen, lambda done, total: bar.update(task, completed=done, total=total))
+    path = preview_lq_report.write(result, chosen, out / "preview-lq")
+    console.print(f"report: {path}", soft_wrap=True)

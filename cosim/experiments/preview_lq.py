@@ -1,0 +1,188 @@
+"""Paper 004: what preview buys on a seven-degree car, by optimal LQ control with three information patterns.
+
+This module wires the FMUs and runs them; ``preview_lq_study`` lays out tables, figures and claims on top of it.
+"""
+
+from __future__ import annotations
+
+import difflib
+import math
+import warnings
+from collections.abc import Collection
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from cosim import Recording, System, UnconnectedInputsWarning
+from fmu_sources.controllers.preview_lq import CORNERS, MODES, WEIGHTED
+from fmu_sources.controllers.preview_lq_weights import PreviewLqWeights, load_weights
+
+CONTROLLERS = {
+    "comfort": "PreviewLqComfort",
+    "road-holding": "PreviewLqRoadHolding",
+    "comfort-5ms": "PreviewLqComfort5ms",
+}
+WEIGHTS = {"comfort": "comfort", "road-holding": "road_holding", "comfort-5ms": "comfort"}
+SYSTEMS = ("passive", *MODES)
+INPUTS = {"both": 0, "left": 1}  # parameter `side` of the road
+SHAPES = {"haversine": 0, "sine": 1, "triangle": 2, "step": 3}
+SPEED_KMH = 75.0
+PREVIEW_TIME = 0.12  # s
+DURATION = 1.2  # s, of the means in Table 3
+INDEX_RATE = 1000.0  # Hz, samples of the means
+
+
+class CaseError(ValueError):
+    """A run that does not exist; the message says which choice is wrong and what there is."""
+
+
+@dataclass(frozen=True)
+class Case:
+    """One run of the experiment."""
+
+    input: str = "both"
+    weights: str = "comfort"
+    system: str = "preview"
+    preview_time: float = PREVIEW_TIME
+    speed_kmh: float = SPEED_KMH
+    shape: str = "haversine"
+    hold_tail: bool = False
+
+    def __post_init__(self) -> None:
+        choices: dict[str, Collection[str]] = {
+            "input": INPUTS,
+            "weights": CONTROLLERS,
+            "system": SYSTEMS,
+            "shape": SHAPES,
+        }
+        for name, known in choices.items():
+            value = getattr(self, name)
+            if value not in known:
+                near = difflib.get_close_matches(value, known, n=1)
+                hint = f"; did you mean {near[0]}?" if near else ""
+                raise CaseError(f"no {name} {value!r}{hint} (there are: {', '.join(known)})")
+        if not (math.isfinite(self.preview_time) and 0 <= self.preview_time <= 10):
+            raise CaseError(f"preview time {self.preview_time:g} s: give 0 to 10 s")
+        if not 0 <= self.speed_kmh <= 200:
+            raise CaseError(f"speed {self.speed_kmh:g} km/h: give 0 to 200 km/h")
+
+
+@dataclass(frozen=True)
+class FmuSet:
+    """Which FMU files the experiment uses."""
+
+    directory: Path = Path("fmus")
+    fmi: int = 3
+
+    def path(self, name: str) -> Path:
+        """An FMU file; FileNotFoundError that says how to build it."""
+        path = self.directory / f"fmi{self.fmi}" / f"{name}.fmu"
+        if not path.is_file():
+            raise FileNotFoundError(f"{path} does not exist: run `build-fmus --out {self.directory}` first")
+        return path
+
+
+class PreviewLqBench:
+    """Systems wired once per controller, and run as often as needed."""
+
+    def __init__(self, fmus: FmuSet) -> None:
+        self.fmus = fmus
+        self._systems: dict[str, System] = {}
+
+    def system(self, weights: str | None) -> System:
+        """Car, road, speed and controller, all exchanging every millisecond; without controller when None."""
+        key = weights or ""
+        if key not in self._systems:
+            self._systems[key] = wire(self.fmus, None if weights is None else CONTROLLERS[weights])
+        return self._systems[key]
+
+    def record(
+        self,
+        case: Case,
+        *,
+        road: dict[str, Any] | None = None,
+        duration: float = DURATION,
+        csv: Path | None = None,
+        solver_step: float | None = None,
+    ) -> Recording:
+        """Run one case and return its recording at 1 kHz; ``road`` sets further parameters of the road FMU."""
+        system = self.system(None if case.system == "passive" else case.weights)
+        system["speed"].set({"start.speed": case.speed_kmh / 3.6, "start.x": 0.0})
+        defaults = {n: system["road"].description.parameters[n].start for n in ROAD_SIZES}
+        system["road"].set({**defaults, "side": INPUTS[case.input], "shape": SHAPES[case.shape], **(road or {})})
+        if solver_step is not None:
+            system["car"].set({"solver.step": solver_step})
+        if case.system != "passive":
+            system["controller"].set(
+                {"mode": MODES[case.system], "preview_time": case.preview_time, "hold_tail": case.hold_tail}
+            )
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", UnconnectedInputsWarning)  # nothing drives the passive car's actuators
+            return system.run(duration, record=_recorded(case), record_interval="1 ms", csv=csv)
+
+    def close(self) -> None:
+        """Free all FMUs."""
+        for system in self._systems.values():
+            system.close()
+        self._systems.clear()
+
+
+ROAD_SIZES = ("hole.depth", "bump.height", "hole.length", "bump.length", "gap")
+
+
+def wire(fmus: FmuSet, controller: str | None) -> System:
+    """One system of the experiment."""
+    system = System()
+    system.add("speed", fmus.path("SpeedProfile"))
+    system.add("road", fmus.path("RoadHoleBump"))
+    system.add("car", fmus.path("RideCarSedan"), step="1 ms")
+    system.connect("speed.x", "road.x")
+    system.connect("speed.speed", "road.speed")
+    system.connect_matching("road", "car", "road.*")
+    if controller is not None:
+        system.add("controller", fmus.path(controller))
+        system.connect_matching("car", "controller")
+        system.connect_matching("road", "controller")
+        system.connect("speed.speed", "controller.speed")
+        system.connect_matching("controller", "car", "force.*")
+    return system
+
+
+def _recorded(case: Case) -> list[str]:
+    names = [f"car.{n}" for n in WEIGHTED]
+    names += [f"car.wheel.{k}.z" for k in CORNERS] + ["car.body.z"]
+    names += [f"road.road.{k}.height" for k in CORNERS]
+    if case.system != "passive":
+        names += [f"controller.force.{k}" for k in CORNERS] + ["controller.horizon_truncated"]
+    return names
+
+
+def forces(recording: Recording) -> np.ndarray:
+    """Commanded forces (samples, 4) [N] by corner fl, fr, rl, rr; zero for the passive car."""
+    if f"controller.force.{CORNERS[0]}" not in recording:
+        return np.zeros((len(recording), len(CORNERS)))
+    return np.column_stack([recording[f"controller.force.{k}"] for k in CORNERS])
+
+
+def components(recording: Recording) -> dict[str, float]:
+    """Mean squares of the weighted outputs over the run, trapezoidal, by output name (the E(.) of Table 3)."""
+    return {n: _mean_square(recording[f"car.{n}"]) for n in WEIGHTED}
+
+
+def index(recording: Recording, weights: PreviewLqWeights) -> float:
+    """The index (10) without its factor 1/2: weighted mean squares of outputs and forces."""
+    outputs = sum(w * m for w, m in zip(weights.outputs(CORNERS), components(recording).values(), strict=True))
+    controls = sum(w * _mean_square(u) for w, u in zip(weights.controls(CORNERS), forces(recording).T, strict=True))
+    return float(outputs + controls)
+
+
+def weights_of(case: Case) -> PreviewLqWeights:
+    """The weights behind a case's controller."""
+    return load_weights(WEIGHTS[case.weights])
+
+
+def _mean_square(signal: np.ndarray) -> float:
+    square = signal**2
+    return float((square[:-1] + square[1:]).sum() / 2 / (len(square) - 1))
