@@ -17,6 +17,7 @@ from fmu_sources.controllers.preview_lq_weights import load_weights
 from fmu_sources.plants import ride_car
 from fmu_sources.vehicles import load_ride_car
 
+_SHORT = ("heave", "pitch", "roll", *(f"{q} {k}" for q in ("s", "t") for k in ps.PAPER_CORNERS))
 CONTROLLED = tuple(s for s in SYSTEMS if s != "passive")
 _INPUT = {"both": "both sides", "left": "left side"}
 _WEIGHTS = {"comfort": "ride comfort", "road-holding": "road holding"}
@@ -251,7 +252,7 @@ def _table3(study: Study) -> Section:
             Table(
                 f"table-3{part}",
                 f"Table 3{part}: {_INPUT[input_]}, {_WEIGHTS[weights]}, per cent of passive",
-                ["system", "row", *(f"{n} [%]" for n in PAPER_COLUMNS), "J [%]"],
+                ["system", "row", *(f"{n} [%]" for n in _SHORT), "J [%]"],
                 rows,
             )
         )

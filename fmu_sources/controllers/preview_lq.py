@@ -78,6 +78,11 @@ def ride_plant(car: Component) -> LinearPlant:
 def design_taps(plant: LinearPlant, weights: PreviewLqWeights, period: float, count: int) -> Taps:
     """Design the law on a plant and lay its feed-forward out on ``count`` samples one period apart."""
     index = output_index(plant, weights.outputs(CORNERS), weights.controls(CORNERS))
+    if np.any(index.Nuw):
+        raise ValueError(
+            "an output of the index depends on both a force and a road height at once: the law then needs the road under the "
+            "rear wheels now, which this controller does not measure"
+        )
     sampled = sampled_lq(plant, index, period)
     if math.isclose(period, CONTINUOUS_PERIOD):
         foh = continuous_lq(plant, index).foh_weights(period, count)
