@@ -65,7 +65,7 @@ def test_mistakes_in_a_road_file(road: str, message: str, tmp_path: Path) -> Non
         (["--vehicle", "none.toml"], "none.toml: no such file"),
         (["--vehicle", "."], ".: this is a folder"),
         (["--road", "none.csv"], "none.csv: no such file"),
-        (["--name", "RoadMine"], "--name names the road FMU made by --road"),
+        (["--name", "RoadMine"], "--name names the "),
         (["SpeedProfile", "--out", "file/fmus"], "cannot write to file/fmus"),
         (["--speed"], "No such option"),
     ],
