@@ -12,6 +12,7 @@ RUN_EXTRAS := $(if $(HOST_CC),,[zig])
 run: $(VENV)/.run
 	$(BIN)/build-fmus
 	$(BIN)/cosim study gpc
+	$(BIN)/cosim study preview-lq
 
 test: $(VENV)/.test lint
 	$(BIN)/build-fmus

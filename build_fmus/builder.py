@@ -184,9 +184,13 @@ class _Pool:
     def __enter__(self) -> _Pool:
         return self
 
-    def __exit__(self, *_: object) -> None:
-        if self._executor is not None:
-            self._executor.shutdown(cancel_futures=True)
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
+        if self._executor is None:
+            return
+        if kind is not None:  # an error or Ctrl-C: what runs is abandoned, files appear only when they are whole
+            for process in list((self._executor._processes or {}).values()):
+                process.terminate()
+        self._executor.shutdown(cancel_futures=True)
 
     def run(self, task: Callable, jobs: dict[str, tuple[int, ...]], options: Options) -> Iterator[str]:
         if len(jobs) <= 1:

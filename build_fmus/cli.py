@@ -46,13 +46,15 @@ class UserFiles:
     vehicle: Path | None = None
     road: Path | None = None
     weights: Path | None = None
+    source: Path | None = None  # Python file with components of the user's own
+    maker: str = "make"  # function in it
     name: str | None = None  # of the FMU made of the road or weights file
     period: float = 1e-3  # sample time of the law made of the weights file [s]
 
     @property
     def paths(self) -> list[Path]:
         """The files that are given."""
-        return [p for p in (self.vehicle, self.road, self.weights) if p is not None]
+        return [p for p in (self.vehicle, self.road, self.weights, self.source) if p is not None]
 
 
 def load_catalog(user: UserFiles | None = None) -> dict[str, Any]:
@@ -81,6 +83,11 @@ def load_catalog(user: UserFiles | None = None) -> dict[str, Any]:
         add(road, "Road", lambda name: catalog.road_entry(road, name, user.vehicle or "hmmwv_modified"))
     if (weights := user.weights) is not None:
         add(weights, "PreviewLq", lambda name: catalog.preview_lq_entry(weights, name, user.period))
+    if user.source is not None:
+        own = catalog.own_entry(user.source, user.maker)
+        if own.name in published:
+            raise ValueError(f"{user.source} would replace the published {own.name}; give the component another name")
+        entries[own.name] = own
     return entries
 
 
@@ -151,6 +158,10 @@ def command(
         Path | None, typer.Option(help="vehicle file (TOML): full car, roads and GPC laws of this vehicle")
     ] = None,
     road: Annotated[Path | None, typer.Option(help="road file (CSV or OpenCRG) to make a road FMU of")] = None,
+    from_: Annotated[
+        str | None,
+        typer.Option("--from", help="Python file with a component of your own: FILE.py or FILE.py:FUNCTION (make)"),
+    ] = None,
     weights: Annotated[
         Path | None, typer.Option(help="weights file (TOML) to make a preview LQ law of the sedan of")
     ] = None,
@@ -165,7 +176,8 @@ def command(
     versions = {"2": (2,), "3": (3,), "both": (2, 3)}.get(fmi)
     if versions is None:
         raise ValueError(f"--fmi {fmi}: choose 2, 3 or both")
-    user = UserFiles(vehicle, road, weights, name, period)
+    file, _, maker = (from_ or "").partition(":")
+    user = UserFiles(vehicle, road, weights, Path(file) if file else None, maker or "make", name, period)
     for path in user.paths:
         if not path.is_file():
             raise FileNotFoundError(f"{path}: {'this is a folder' if path.is_dir() else 'no such file'}")

@@ -103,7 +103,10 @@ class Toolchain:
         self._run([*flags, *map(str, objects), "-o", str(output), *libm])
 
     def _run(self, arguments: list[str]) -> None:
-        done = subprocess.run([*self.command, *arguments], capture_output=True, text=True, check=False)
+        environment = dict(os.environ)
+        if not environment.get("HOME"):  # ziglang keeps its cache there
+            environment.setdefault("ZIG_GLOBAL_CACHE_DIR", str(Path(tempfile.gettempdir()) / "zig-cache"))
+        done = subprocess.run([*self.command, *arguments], capture_output=True, text=True, check=False, env=environment)
         if done.returncode != 0:
             raise CompileError(f"{' '.join([*self.command, *arguments])}\n{done.stderr.strip()}")
 

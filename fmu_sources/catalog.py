@@ -101,6 +101,40 @@ def preview_lq_entry(path: Path, name: str, period: float = 1e-3) -> Entry:
     )
 
 
+def own_entry(path: Path, maker: str = "make") -> Entry:
+    """A component that a function of a user's Python file returns.
+
+    Raises:
+        ValueError: the file cannot be run, has no such function, or it returns something else.
+    """
+
+    def make(_: Context | None = None) -> Component:
+        import importlib.util
+
+        from build_fmus.component import Component
+
+        spec = importlib.util.spec_from_file_location(path.stem, path)
+        if spec is None or spec.loader is None:
+            raise ValueError(f"{path}: not a Python file")
+        module = importlib.util.module_from_spec(spec)
+        try:
+            spec.loader.exec_module(module)
+        except Exception as error:
+            raise ValueError(f"{path}: {type(error).__name__}: {error}") from error
+        function = getattr(module, maker, None)
+        if not callable(function):
+            known = [n for n, v in vars(module).items() if callable(v) and getattr(v, "__module__", "") == path.stem]
+            raise ValueError(
+                f"{path} has no function {maker!r}; name one with FILE.py:FUNCTION (it has {', '.join(known) or 'none'})"
+            )
+        component = function()
+        if not isinstance(component, Component):
+            raise ValueError(f"{path}: {maker}() returned {type(component).__name__}, not a Component")
+        return component
+
+    return Entry(make().name, f"component of {path.name}", make, files=(path,))
+
+
 def find(catalog: dict[str, Entry], name: str) -> Entry:
     """Entry by name; KeyError that proposes the nearest one."""
     try:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import math
-import tempfile
 from pathlib import Path
 from typing import Annotated
 
@@ -14,15 +13,14 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from rich.table import Table
 from rich.text import Text
 
+from cosim.experiments.cli_options import Fmus, Out, Version, make_folder
+
 TITLE = "Full car under generalized predictive control on three roads (paper 000)"
 OPTIONS = "--road sine|curb|perryman3  --speed KM/H  --controller passive|implicit|explicit|preview  --weight R"
 
 console = Console(stderr=True, highlight=False, soft_wrap=True)
 
-Fmus = Annotated[Path, typer.Option(help="directory of the FMUs (see build-fmus)")]
-Version = Annotated[int, typer.Option(help="FMI version of the FMUs to use: 2 or 3", min=2, max=3)]
 Vehicle = Annotated[Path | None, typer.Option(help="vehicle file that the FMUs were built for (build-fmus --vehicle)")]
-Out = Annotated[Path, typer.Option(help="directory for results")]
 
 
 def _fmu_set(fmus: Path, fmi: int, vehicle: Path | None):  # type: ignore[no-untyped-def]
@@ -37,18 +35,8 @@ def _fmu_set(fmus: Path, fmi: int, vehicle: Path | None):  # type: ignore[no-unt
     return FmuSet(fmus, plant=f"FullCar{suffix}", suffix=suffix, vehicle=vehicle, fmi=fmi)
 
 
-def _make_folder(path: Path) -> Path:
-    """The folder, made and tried out before any work is done; OSError that says what to do."""
-    try:
-        path.mkdir(parents=True, exist_ok=True)
-        tempfile.TemporaryFile(dir=path).close()
-    except OSError as error:
-        raise OSError(f"cannot write to {path} ({error.strerror}); choose another directory with --out") from None
-    return path
-
-
 def run(
-    road: Annotated[str, typer.Option(help="sine, curb or perryman3")] = "sine",
+    road: Annotated[str, typer.Option(help="sine, curb or perryman3, or the path of a road FMU of your own")] = "sine",
     speed: Annotated[float, typer.Option(help="speed [km/h]")] = 50.0,
     controller: Annotated[str, typer.Option(help="passive, implicit, explicit or preview")] = "preview",
     weight: Annotated[float, typer.Option(help="control weight R [1/N2]")] = 1e-7,
@@ -66,7 +54,7 @@ def run(
 
     scenario = Scenario(road, speed, controller, R=weight, seed=seed, hold=hold)
     bench = GpcBench(_fmu_set(fmus, fmi, vehicle))
-    path = _make_folder(out / "gpc") / f"{road}-{speed:g}kmh-{controller}.csv"
+    path = make_folder(out / "gpc") / f"{scenario.label}.csv"
     try:
         recording = bench.record(scenario, progress=True, csv=path)
     except (ComponentError, Interrupted) as error:
@@ -106,7 +94,7 @@ def study(
 
     chosen = _fmu_set(fmus, fmi, vehicle)
     chosen.all_paths()  # every file is there before the work begins
-    runs = _make_folder(out / "gpc" / ".runs")
+    runs = make_folder(out / "gpc" / ".runs")
     columns = (
         TextColumn("{task.description}"),
         BarColumn(),
@@ -158,7 +146,7 @@ def identify(
         if not (math.isfinite(value) and value > 0):
             raise ValueError(f"--{option} {value:g}: it must be a positive number")
     settings = IdentificationSettings(seed=seed, order=order, samples=samples, excitation=excitation)
-    folder = _make_folder(out / "gpc" / "laws")
+    folder = make_folder(out / "gpc" / "laws")
     models = identify(chosen.car, chosen.road("perryman3"), chosen.speed, settings)
     table = Table("law", "condition", "residual rms (g, deg, deg)", "equals the FMU's", box=None)
     for variant in VARIANTS:

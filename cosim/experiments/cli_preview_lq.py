@@ -11,14 +11,12 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
+from cosim.experiments.cli_options import Fmus, Out, Version, make_folder
+
 TITLE = "Optimal preview LQ control of a seven-degree car (paper 004)"
 OPTIONS = "--input both|left  --weights comfort|road-holding|comfort-5ms  --system passive|active|delay|preview  --preview-time S"
 
 console = Console(stderr=True, highlight=False)
-
-Fmus = Annotated[Path, typer.Option(help="directory of the FMUs (see build-fmus)")]
-Version = Annotated[int, typer.Option(help="FMI version of the FMUs to use: 2 or 3", min=2, max=3)]
-Out = Annotated[Path, typer.Option(help="directory for results")]
 
 
 def run(
@@ -40,7 +38,7 @@ def run(
 
     case = experiment.Case(input, weights, system, preview_time, speed, shape, hold_tail)
     bench = experiment.PreviewLqBench(experiment.FmuSet(fmus, fmi))
-    path = out / "preview-lq" / f"{input}-{weights}-{system}.csv"
+    path = make_folder(out / "preview-lq") / f"{case.label}.csv"
     recording = bench.record(case, csv=path)
     passive = bench.record(replace(case, system="passive"))
     chosen = experiment.weights_of(case)
@@ -66,6 +64,7 @@ def study(fmus: Fmus = Path("fmus"), fmi: Version = 3, out: Out = Path("results"
     from cosim.experiments.preview_lq import FmuSet
 
     chosen = FmuSet(fmus, fmi)
+    make_folder(out / "preview-lq")
     with Progress(
         TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), console=console
     ) as bar:

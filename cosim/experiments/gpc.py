@@ -41,7 +41,7 @@ class ScenarioError(ValueError):
 
 @dataclass(frozen=True)
 class Scenario:
-    """One run. ``R`` and ``seed`` matter for controlled runs only."""
+    """One run. ``road`` may be the path of a road FMU; ``R`` and ``seed`` matter for controlled runs only."""
 
     road: str = "sine"
     speed_kmh: float = 50.0
@@ -50,10 +50,18 @@ class Scenario:
     seed: int = 0
     hold: bool = False
 
+    @property
+    def label(self) -> str:
+        """What tells this run's files from those of others."""
+        parts = [Path(self.road).stem, f"{self.speed_kmh:g}kmh", self.controller]
+        if self.controller != "passive":
+            parts += [f"R{self.R:g}"] * (self.R != R_PUBLISHED) + [f"seed{self.seed}"] * (self.seed != 0)
+        return "-".join([*parts, *["hold"] * self.hold])
+
     def __post_init__(self) -> None:
         for name, choices in (("road", ROADS), ("controller", CONTROLLERS)):
             value = getattr(self, name)
-            if value not in choices:
+            if value not in choices and not (name == "road" and value.endswith(".fmu")):
                 near = difflib.get_close_matches(value, choices, n=1)
                 hint = f"; did you mean {near[0]}?" if near else ""
                 raise ScenarioError(f"no {name} {value!r}{hint} (there are: {', '.join(choices)})")
@@ -95,7 +103,9 @@ class FmuSet:
         return self.path("SpeedProfile")
 
     def road(self, road: str) -> Path:
-        """Road FMU by its short name."""
+        """Road FMU by its short name, or by its path (``.fmu``)."""
+        if road.endswith(".fmu"):
+            return Path(road)
         return self.path(ROADS[road] + self.suffix)
 
     def controller(self, controller: str) -> Path | None:

@@ -85,6 +85,7 @@ def study(
         reverse=True,
     )
     second_count = len(SEEDS) * 3
+    progress(0, len(first) + second_count)
 
     def advance(_: Any, __: Any) -> None:
         nonlocal done

@@ -50,6 +50,16 @@ class Case:
     shape: str = "haversine"
     hold_tail: bool = False
 
+    @property
+    def label(self) -> str:
+        """What tells this run's files from those of others."""
+        parts = [self.input, self.weights, self.system]
+        if self.system == "preview" and self.preview_time != PREVIEW_TIME:
+            parts.append(f"{1e3 * self.preview_time:g}ms")
+        parts += [f"{self.speed_kmh:g}kmh"] * (self.speed_kmh != SPEED_KMH)
+        parts += [self.shape] * (self.shape != "haversine") + ["hold"] * self.hold_tail
+        return "-".join(parts)
+
     def __post_init__(self) -> None:
         choices: dict[str, Collection[str]] = {
             "input": INPUTS,

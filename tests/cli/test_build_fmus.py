@@ -7,6 +7,8 @@ from pathlib import Path
 import pytest
 from programs import refused, run
 
+import fmu_sources
+
 VEHICLE = """
 base = "hmmwv_modified"
 name = "My truck"
@@ -92,3 +94,64 @@ def test_list_shows_what_a_vehicle_file_makes(tmp_path: Path) -> None:
     assert done.returncode == 0, done.stderr
     for name in ("SpeedProfile", "FullCarMyTruck", "RoadSineMyTruck", "GpcPreviewMyTruck"):
         assert name in done.stdout
+
+
+OWN = """
+from build_fmus.component import Component
+
+
+def make():
+    c = Component("MyMass", kind="continuous", description="A mass", source="Newton")
+    force = c.input("force", "N", "applied force")
+    v = c.state("v", "m/s", "velocity", output=True)
+    c.derivative(v, force / 2)
+    return c
+
+
+def number():
+    return 3
+"""
+
+
+def test_a_component_of_ones_own(tmp_path: Path) -> None:
+    (tmp_path / "own.py").write_text(OWN)
+    done = run(tmp_path, "build-fmus", "--from", "own.py", "--fmi", "2")
+    assert done.returncode == 0
+    assert (tmp_path / "fmus" / "fmi2" / "MyMass.fmu").is_file()
+
+
+@pytest.mark.parametrize(
+    ("source", "argument", "message"),
+    [
+        (OWN, "own.py:mak", "own.py has no function 'mak'; name one with FILE.py:FUNCTION (it has make, number)"),
+        (OWN, "own.py:number", "own.py: number() returned int, not a Component"),
+        ("import nothing_of_this_name", "own.py", "own.py: ModuleNotFoundError"),
+        (OWN.replace("MyMass", "SpeedProfile"), "own.py", "own.py would replace the published SpeedProfile"),
+        (OWN, "other.py", "other.py: no such file"),
+    ],
+)
+def test_mistakes_in_a_component_of_ones_own(source: str, argument: str, message: str, tmp_path: Path) -> None:
+    (tmp_path / "own.py").write_text(source)
+    assert refused(tmp_path, "build-fmus", "--from", argument).startswith(f"build-fmus: {message}")
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (("heave = 3.0", "heave = -3.0"), "acceleration.heave = -3.0: Input should be greater than or equal to 0"),
+        (("heave = 3.0", "heav = 3.0"), "acceleration.heave: missing"),
+        (("front = 1e-6", "front = 0.0"), "force.front = 0.0: Input should be greater than 0"),
+    ],
+)
+def test_mistakes_in_a_weights_file(change: tuple[str, str], message: str, tmp_path: Path) -> None:
+    text = (Path(fmu_sources.__file__).parent / "controllers" / "weights" / "comfort.toml").read_text()
+    (tmp_path / "mine.toml").write_text(text.replace(*change, 1))
+    assert message in refused(tmp_path, "build-fmus", "--weights", "mine.toml")
+
+
+def test_a_law_of_ones_own_weights(tmp_path: Path) -> None:
+    text = (Path(fmu_sources.__file__).parent / "controllers" / "weights" / "comfort.toml").read_text()
+    (tmp_path / "my_weights.toml").write_text(text.replace("heave = 3.0", "heave = 5.0", 1))
+    done = run(tmp_path, "build-fmus", "--weights", "my_weights.toml", "--period", "0.005", "--fmi", "3")
+    assert done.returncode == 0
+    assert (tmp_path / "fmus" / "fmi3" / "PreviewLqMyWeights.fmu").is_file()
