@@ -38,6 +38,8 @@ import numpy as np
 import numpy.typing as npt
 from scipy import linalg
 
+from fmu_sources.controllers.checks import whole_number
+
 __all__ = [
     "ArxIdentification",
     "ArxModel",
@@ -188,7 +190,7 @@ def identify_arx(
     the singular value decomposition, and of all exact fits the one of smallest norm in these units is taken. Singular
     values below `rcond` times the largest count as zero; default: machine epsilon times the larger dimension of V.
     """
-    p = _positive_int("order", order)
+    p = whole_number("order", order)
     u_run, y_run = _signal("u", u), _signal("y", y)
     d_run = np.zeros((len(u_run), 0)) if d is None else _signal("d", d)
     for name, run in (("u", u_run), ("y", y_run)):
@@ -198,7 +200,7 @@ def identify_arx(
         if len(run) != len(u_run):
             raise ValueError(f"{name} has {len(run)} samples, u has {len(u_run)}")
 
-    length = len(u_run) if samples is None else _positive_int("samples", samples)
+    length = len(u_run) if samples is None else whole_number("samples", samples)
     if length > len(u_run):
         raise ValueError(f"samples = {length}, but only {len(u_run)} were recorded")
     u_run, y_run, d_run = (run[len(run) - length :] for run in (u_run, y_run, d_run))
@@ -302,8 +304,8 @@ class MultiStepPredictor:
 
 def multi_step_predictor(model: ArxModel, h_p: int, h_c: int | None = None) -> MultiStepPredictor:
     """The matrices of (7), (18) and (20) by the recursion (8), for 1 <= h_c <= h_p (default: h_c = h_p)."""
-    h_p = _positive_int("h_p", h_p)
-    h_c = h_p if h_c is None else _positive_int("h_c", h_c)
+    h_p = whole_number("h_p", h_p)
+    h_c = h_p if h_c is None else whole_number("h_c", h_c)
     if h_c > h_p:
         raise ValueError(f"control horizon h_c = {h_c} exceeds the prediction horizon h_p = {h_p}")
     p, m, rc, rd = model.order, model.outputs, model.controls, model.disturbances
@@ -442,7 +444,7 @@ class GpcLaw:
         if self.variant not in get_args(Variant):
             raise ValueError(f"unknown variant {self.variant!r}; choose one of {', '.join(get_args(Variant))}")
         for name in ("order", "h_p", "h_c"):
-            _positive_int(name, getattr(self, name))
+            whole_number(name, getattr(self, name))
         for name in ("gain_y", "gain_u", "gain_d", "gain_preview"):
             object.__setattr__(self, name, _finite_array(name, getattr(self, name), ndim=2))
         for name in ("output_weight", "control_weight"):
@@ -655,14 +657,6 @@ def _weight_factor(name: str, weight: npt.ArrayLike, width: int, horizon: int, *
         raise ValueError(f"{name} is not {wanted}: its smallest eigenvalue is {eigenvalues[0]:g}")
     factor = np.sqrt(np.maximum(eigenvalues, 0.0))[:, None] * vectors.T
     return factor if len(value) == full else np.kron(np.eye(horizon), factor)
-
-
-def _positive_int(name: str, value: int) -> int:
-    if isinstance(value, bool) or not isinstance(value, int | np.integer):
-        raise ValueError(f"{name} is {value!r}; expected a whole number")
-    if value < 1:
-        raise ValueError(f"{name} = {value}; expected at least 1")
-    return int(value)
 
 
 def _finite_array(name: str, value: npt.ArrayLike, ndim: int | None = None) -> Array:

@@ -41,6 +41,8 @@ import numpy as np
 import numpy.typing as npt
 from scipy import linalg
 
+from fmu_sources.controllers.checks import whole_number
+
 __all__ = [
     "ContinuousLq",
     "FohWeights",
@@ -212,7 +214,7 @@ class ContinuousLq:
         over one step, the hat over node j weighs -R^-1 B' (H1 Phi^(j-1) + H0 Phi^j)(P E + Q12 - K' Nuw). All three
         are blocks of one matrix exponential, so nothing is approximated.
         """
-        step, count = _positive("step", step), _count("count", count)
+        step, count = _positive("step", step), whole_number("count", count)
         n, M = len(self.A_c), self.A_c.T
         ladder = np.zeros((3 * n, 3 * n))
         ladder[:n, :n] = M * step
@@ -352,7 +354,7 @@ class SampledLq:
 
     def preview_gains(self, count: int) -> Array:
         """(count, nu, nw): G_0 = Rb^-1 (Bd' P Ed + N_uw), G_j = Rb^-1 Bd' (A_cd')^(j-1) [A_cd' P Ed + N_xw - K' N_uw]."""
-        gains = np.zeros((_count("count", count), *self.N_uw.shape))
+        gains = np.zeros((whole_number("count", count), *self.N_uw.shape))
         gains[0] = linalg.solve(self.Rb, self.Bd.T @ self.P @ self.Ed + self.N_uw, assume_a="pos")
         gain, v = linalg.solve(self.Rb, self.Bd.T, assume_a="pos"), self._drive
         for j in range(1, count):
@@ -600,7 +602,7 @@ def sampled_loop(
     given as an array (steps, nu) or as a function of k; in between it is held. Without K and feed_forward the plant
     runs passive.
     """
-    period, hold = _positive("period", period), _count("hold", hold)
+    period, hold = _positive("period", period), whole_number("hold", hold)
     n, nu = plant.B.shape
     road = _matrix("w", w, (None, plant.E.shape[1]), "samples x disturbances")
     gain = _matrix("K", np.zeros((nu, n)) if K is None else K, (nu, n), "controls x states")
@@ -813,11 +815,3 @@ def _positive(name: str, value: float) -> float:
     if not np.isfinite(value) or value <= 0.0:
         raise ValueError(f"{name} = {value} s; expected a time above 0")
     return float(value)
-
-
-def _count(name: str, value: int) -> int:
-    if isinstance(value, bool) or not isinstance(value, int | np.integer):
-        raise ValueError(f"{name} is {value!r}; expected a whole number")
-    if value < 1:
-        raise ValueError(f"{name} = {value}; expected at least 1")
-    return int(value)
