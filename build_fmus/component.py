@@ -38,7 +38,7 @@ from build_fmus import units
 
 Kind = Literal["continuous", "discrete"]
 Role = Literal["time", "parameter", "input", "state", "derivative", "output"]
-Solver = Literal["rk4", "am2"]
+Solver = Literal["rk4", "am2", "ros2"]
 BaseType = Literal["Float64", "Int32", "Boolean"]
 
 _NAME = re.compile(r"^[A-Za-z_]\w*(\.[A-Za-z_]\w*)*$", re.ASCII)
@@ -132,7 +132,11 @@ class Component:
         description: one line for the model description.
         source: where the equations come from (paper and equation numbers).
         sample_time: period [s]; discrete components only.
-        solver, solver_step: fixed-step integrator and its largest step [s]; continuous components only.
+        solver, solver_step: fixed-step integrator and its largest step [s]; continuous components only. ``"rk4"``: classic
+            Runge-Kutta, for smooth dynamics slower than the step. ``"am2"``: Adams-Bashforth-2 predictor,
+            Adams-Moulton-2 corrector. ``"ros2"``: linearly implicit Rosenbrock method of order 2 with the exact Jacobian,
+            L-stable, for stiff components with few states (a dense n x n system is solved twice per step); give its
+            states ``nominal`` values.
         exchange_step: communication step [s] proposed to tools (default experiment).
         symbols: ``ca.SX`` (default, no overhead) or ``ca.MX`` where lookup tables are needed.
         notes: paragraphs for the documentation page (assumptions, what is left out and why, wiring).
@@ -441,7 +445,8 @@ class Component:
         ``start (x, u, p) -> x0``: start state (declared starts pass through, calculated ones are evaluated);
         ``rhs (t, x, u, p) -> dx`` (continuous) or ``update (t, x, u, p) -> x_next`` and
         ``tick (t, x, u, p) -> x_next, y`` (discrete); ``out (t, x, u, p) -> y``;
-        ``fwd (t, x, u, p, dx, du, dp) -> d rhs, d y`` and ``fwd_start (x, u, p, dx, du, dp) -> d x0`` (continuous).
+        ``fwd (t, x, u, p, dx, du, dp) -> d rhs, d y`` and ``fwd_start (x, u, p, dx, du, dp) -> d x0`` (continuous);
+        ``jac (t, x, u, p) -> d rhs/dx, d rhs/dt`` (solver ``ros2``).
 
         Raises:
             DeclarationError: a state without derivative/update, or an expression with an undeclared symbol.
@@ -479,6 +484,8 @@ class Component:
             knowns, seeds = ca.vertcat(x, u, p), ca.vertcat(dx, du, dp)
             add("fwd", [t, x, u, p, dx, du, dp], [ca.densify(ca.jtimes(e, knowns, seeds)) for e in (nxt, y)])
             add("fwd_start", [x, u, p, dx, du, dp], [ca.densify(ca.jtimes(x0, knowns, seeds))])
+            if self.solver == "ros2":
+                add("jac", [t, x, u, p], [ca.densify(ca.jacobian(nxt, v)) for v in (x, t)])
         else:
             add("update", [t, x, u, p], [nxt])
             add("tick", [t, x, u, p], [nxt, y])

@@ -91,6 +91,7 @@ def generate_c(component: Component, *, arrays: bool, token: str) -> str:
     """The complete ``model.c`` of a component; deterministic for a given CasADi version."""
     functions = component.functions
     names = ["start", "out", *(("rhs", "fwd", "fwd_start") if component.kind == "continuous" else ("tick",))]
+    names += [n for n in ("jac",) if n in functions]
     generator = ca.CodeGenerator("model", {"with_header": False, "casadi_int": "int", "verbose": False})
     for n in names:
         generator.add(functions[n])
@@ -143,6 +144,7 @@ def generate_c(component: Component, *, arrays: bool, token: str) -> str:
         "fmu_rhs" if continuous else "fmu_tick",
         "fmu_fwd" if continuous else "NULL",
         "fmu_fwd_start" if continuous else "NULL",
+        "fmu_jac" if "jac" in functions else "NULL",
         ", ".join(map(str, sizes)),
     ]
     return "\n".join(

@@ -107,6 +107,8 @@ class Evaluator:
                     k3 = self.rhs(t + dt / 2, x + dt / 2 * k2)
                     k4 = self.rhs(t + dt, x + dt * k3)
                     x = x + dt / 6 * (k1 + 2 * (k2 + k3) + k4)
+                elif c.solver == "ros2":
+                    x = self._ros2(t, x, dt)
                 else:
                     now = self.rhs(t, x)
                     predicted = x + dt * (now if before is None else 1.5 * now - 0.5 * before)
@@ -114,6 +116,22 @@ class Evaluator:
                     before = now
         self._x = x
         self.time += h
+
+    def _ros2(self, t: float, x: np.ndarray, h: float) -> np.ndarray:
+        """One step of the Rosenbrock method ROS2; states count in units of their nominal values."""
+        c = self.component
+        nominal = np.array([v.nominal or 1.0 for v in c.all_variables if v.role == "state" for _ in range(v.size)])
+        gh = (1 - math.sqrt(0.5)) * h
+        jac, dt = (np.asarray(m) for m in self._f["jac"](t, x, self.u, self.p))
+        matrix = np.eye(len(x)) - gh * jac * nominal / nominal[:, None]
+        by_time = gh * dt.ravel() / nominal
+        try:
+            k1 = np.linalg.solve(matrix, self.rhs(t, x) / nominal + by_time)
+            ahead = self.rhs(t + h, x + h * nominal * k1) / nominal
+            k2 = np.linalg.solve(matrix, ahead - 2 * k1 - by_time)
+        except np.linalg.LinAlgError:
+            raise ArithmeticError(f"{c.name}: the matrix of solver ros2 is singular at time {t:.9g} s") from None
+        return x + h / 2 * nominal * (3 * k1 + k2)
 
 
 def simulate(

@@ -15,11 +15,15 @@ def amplification(solver: str, z: np.ndarray) -> np.ndarray:
     """Largest modulus of the solver's amplification factor for ``z = step * eigenvalue`` (elementwise).
 
     rk4: the degree-4 Taylor polynomial. am2: predictor-corrector in PECE mode; the predictor is Euler in the first step
-    after an exchange and Adams-Bashforth-2 later, so the larger of both factors counts.
+    after an exchange and Adams-Bashforth-2 later, so the larger of both factors counts. ros2: the rational function of
+    the L-stable Rosenbrock method, at most 1 in the whole left half plane.
     """
     z = np.asarray(z, dtype=complex)
     if solver == "rk4":
         return np.abs(1 + z + z**2 / 2 + z**3 / 6 + z**4 / 24)
+    if solver == "ros2":
+        gamma = 1 - np.sqrt(0.5)
+        return np.abs((1 + (1 - 2 * gamma) * z) / (1 - gamma * z) ** 2)
     first = np.abs(1 + z + z**2 / 2)
     # x+ = x + z/2 (x + x + 1.5 z x - 0.5 z x_before): r^2 = b r + c
     b, c = 1 + z + 0.75 * z**2, -0.25 * z**2
@@ -73,5 +77,7 @@ def eigenvalues_by_point(component: Component) -> dict[str, np.ndarray]:
 
 
 def _unstable(solver: str, step: float, eigenvalues: np.ndarray) -> np.ndarray:
-    growth = np.exp(np.maximum(eigenvalues.real, 0.0) * step)
+    # ros2 grows a little faster than the truth where the truth grows; its pole at step * eigenvalue = 3.4 must stay far.
+    slack = 1.1 if solver == "ros2" else 1.0
+    growth = np.exp(slack * np.maximum(eigenvalues.real, 0.0) * step)
     return eigenvalues[amplification(solver, step * eigenvalues) > growth + 1e-6]

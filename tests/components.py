@@ -18,8 +18,11 @@ from build_fmus.component import Component, Solver
 from build_fmus.package import build_fmu
 
 
-def oscillator(name: str = "ProbeRk4", solver: Solver = "rk4") -> Component:
-    """A nonlinear oscillator that starts in equilibrium under its inputs, with a vector of first-order lags."""
+def oscillator(name: str = "ProbeRk4", solver: Solver = "rk4", fastest: float = 0.05) -> Component:
+    """A nonlinear oscillator that starts in equilibrium under its inputs, with a vector of first-order lags.
+
+    ``fastest`` [s] is the first lag: short of the solver step the component is stiff.
+    """
     c = Component(
         name, kind="continuous", description="Nonlinear oscillator of the tests", source="none", solver=solver,
         stop_time=1.0,
@@ -28,7 +31,7 @@ def oscillator(name: str = "ProbeRk4", solver: Solver = "rk4") -> Component:
     stiffness = c.parameter("stiffness", 150.0, "N/m", "linear stiffness", min=1.0)
     cubic = c.parameter("cubic", 40.0, "N/m3", "cubic stiffness", min=0.0)
     damping = c.parameter("damping", 3.0, "N.s/m", "damping", min=0.0, tunable=True)
-    lag = c.parameter("lag", [0.05, 0.1, 0.2], "s", "time constants of the lags", min=1e-3)
+    lag = c.parameter("lag", [fastest, 0.1, 0.2], "s", "time constants of the lags", min=min(1e-3, fastest / 10))
     order = c.parameter("order", 1, None, "harmonic of the forcing", min=0, max=5)
     forced = c.parameter("forced", True, None, "whether the harmonic forcing acts")
     force = c.input("force", "N", "force", min=-1e4, max=1e4)
@@ -106,6 +109,7 @@ def filter_bank(name: str = "ProbeDiscrete") -> Component:
 MAKERS = {
     "ProbeRk4": oscillator,
     "ProbeAm2": lambda: oscillator("ProbeAm2", "am2"),
+    "ProbeRos2": lambda: oscillator("ProbeRos2", "ros2", fastest=1e-4),
     "ProbeDiscrete": filter_bank,
 }
 

@@ -49,6 +49,8 @@ struct FmuInstance {
     State *state;
     double *p, *u, *x, *dx, *y;             /* into state->v */
     double *stage, *k1, *k2, *k3, *k4;      /* solver, n_states each */
+    double *matrix, *dt;                    /* ros2: n_states x n_states, its LU factors; derivative by time */
+    int *pivots;                            /* ros2 */
     double *seed, *sensitivity;             /* n_states + n_inputs + n_parameters; n_states + n_outputs */
     const double **arg;
     double **res;
@@ -75,7 +77,7 @@ static uint64_t fnv1a(const void *data, size_t n) {
 
 FmuInstance *fmu_create(int is_co_simulation, size_t adapter_size, FmuLog log) {
     const size_t nx = (size_t)M->n_states, nu = (size_t)M->n_inputs, np = (size_t)M->n_parameters;
-    const size_t ny = (size_t)M->n_outputs;
+    const size_t ny = (size_t)M->n_outputs, nj = M->jac_fn ? nx : 0;
     const size_t sizes[] = {
         aligned(sizeof(FmuInstance)),
         aligned(adapter_size),
@@ -87,6 +89,8 @@ FmuInstance *fmu_create(int is_co_simulation, size_t adapter_size, FmuLog log) {
         aligned((size_t)M->sz_res * sizeof(double *)),
         aligned((size_t)M->sz_iw * sizeof(int)),
         aligned((size_t)M->sz_w * sizeof(double)),
+        aligned((nj + 1) * nj * sizeof(double)),
+        aligned(nj * sizeof(int)),
     };
     size_t total = 0;
     for (size_t i = 0; i < sizeof sizes / sizeof *sizes; i++) total += sizes[i];
@@ -117,6 +121,9 @@ FmuInstance *fmu_create(int is_co_simulation, size_t adapter_size, FmuLog log) {
     self->res = part[7];
     self->iw = part[8];
     self->w = part[9];
+    self->matrix = part[10];
+    self->dt = self->matrix + nj * nj;
+    self->pivots = part[11];
     self->logging = ~0u & ~(1u << FMU_OK); /* without debug logging, errors still tell what is wrong */
     (void)fmu_reset(self);
     return self;
@@ -494,14 +501,98 @@ static void step_am2(FmuInstance *self, double t, double h, int first) {
     memcpy(before, now, (size_t)n * sizeof(double));
 }
 
+/* Replace the column-major n x n matrix a by its LU factors with row exchanges. `scale` holds for each column the size that
+ * its elements had before they were added up: a pivot that is only rounding of it counts as zero. Returns the column
+ * without a pivot, or n. */
+static int factorize(double *a, int n, const double *scale, int *pivots) {
+    for (int k = 0; k < n; k++) {
+        double *ak = a + (size_t)k * (size_t)n;
+        int best = k;
+        for (int i = k + 1; i < n; i++)
+            if (fabs(ak[i]) > fabs(ak[best])) best = i;
+        pivots[k] = best;
+        if (!(fabs(ak[best]) > 8.0 * DBL_EPSILON * scale[k]) || isinf(ak[best])) return k;
+        const double pivot = ak[best];
+        ak[best] = ak[k];
+        ak[k] = pivot;
+        for (int i = k + 1; i < n; i++) ak[i] /= pivot;
+        for (int j = k + 1; j < n; j++) {
+            double *aj = a + (size_t)j * (size_t)n;
+            const double top = aj[best];
+            aj[best] = aj[k];
+            aj[k] = top;
+            for (int i = k + 1; i < n; i++) aj[i] -= ak[i] * top;
+        }
+    }
+    return n;
+}
+
+/* Solve with the factors of factorize(): b becomes the solution. */
+static void solve(const double *a, int n, const int *pivots, double *b) {
+    for (int k = 0; k < n; k++) {
+        const double top = b[pivots[k]];
+        b[pivots[k]] = b[k];
+        b[k] = top;
+        for (int i = k + 1; i < n; i++) b[i] -= a[(size_t)k * (size_t)n + (size_t)i] * top;
+    }
+    for (int k = n - 1; k >= 0; k--) {
+        b[k] /= a[(size_t)k * (size_t)n + (size_t)k];
+        for (int i = 0; i < k; i++) b[i] -= a[(size_t)k * (size_t)n + (size_t)i] * b[k];
+    }
+}
+
+/* ROS2, a linearly implicit method of order 2 (Verwer, Spee, Blom, Hundsdorfer 1999), L-stable with this gamma:
+ *     (I - gamma h J) k1 = f(t, x) + gamma h df/dt
+ *     (I - gamma h J) k2 = f(t + h, x + h k1) - 2 k1 - gamma h df/dt
+ *     x += h (3 k1 + k2) / 2
+ * States count in units of their nominal values, so that pivots do not depend on the choice of units. */
+static FmuStatus step_ros2(FmuInstance *self, const char *function, double t, double h) {
+    const double gh = 0.29289321881345254 * h; /* gamma = 1 - 1/sqrt(2) */
+    const int n = M->n_states;
+    double *x = self->x, *s = self->stage, *k1 = self->k1, *k2 = self->k2, *scale = self->k3;
+    const double *nominal = M->nominals;
+    const double *args[] = {&t, x, self->u, self->p};
+    call(self, M->jac_fn, args, 4, self->matrix, self->dt);
+    for (int j = 0; j < n; j++) {
+        scale[j] = 1.0;
+        for (int i = 0; i < n; i++) {
+            double *a = self->matrix + (size_t)j * (size_t)n + (size_t)i;
+            *a *= -gh * (nominal[j] / nominal[i]);
+            scale[j] = fmax(scale[j], fabs(*a));
+            if (i == j) *a += 1.0;
+        }
+    }
+    const int column = factorize(self->matrix, n, scale, self->pivots);
+    if (column < n)
+        return fmu_fail(self, FMU_ERROR,
+                        "%s: the matrix of solver ros2 of %s is singular or not finite at time %.9g s (state %s); "
+                        "try another solver.step (here steps of %g s)",
+                        function, M->name, t, M->state_names[column], h);
+    rhs(self, t, x, k1);
+    for (int i = 0; i < n; i++) k1[i] = (k1[i] + gh * self->dt[i]) / nominal[i];
+    solve(self->matrix, n, self->pivots, k1);
+    for (int i = 0; i < n; i++) s[i] = x[i] + h * nominal[i] * k1[i];
+    rhs(self, t + h, s, k2);
+    for (int i = 0; i < n; i++) k2[i] = (k2[i] - gh * self->dt[i]) / nominal[i] - 2.0 * k1[i];
+    solve(self->matrix, n, self->pivots, k2);
+    for (int i = 0; i < n; i++) x[i] += 0.5 * h * nominal[i] * (3.0 * k1[i] + k2[i]);
+    return FMU_OK;
+}
+
 static FmuStatus advance_continuous(FmuInstance *self, const char *function, double t, double h) {
     const double count = ceil(h / self->p[FMU_SOLVER_STEP_SLOT] * (1.0 - 1e-9));
     const int64_t n = count < 1.0 ? 1 : (int64_t)count;
     const double dt = h / (double)n;
     for (int64_t i = 0; i < n; i++) {
         const double ti = t + (double)i * dt;
-        if (M->solver == FMU_RK4) step_rk4(self, ti, dt);
-        else step_am2(self, ti, dt, i == 0);
+        if (M->solver == FMU_ROS2) {
+            const FmuStatus status = step_ros2(self, function, ti, dt);
+            if (status != FMU_OK) {
+                self->state->time = ti;
+                return status;
+            }
+        } else if (M->solver == FMU_AM2) step_am2(self, ti, dt, i == 0);
+        else step_rk4(self, ti, dt);
         for (int j = 0; j < M->n_states; j++)
             if (!(fabs(self->x[j]) <= EXPLODED * M->nominals[j])) {
                 self->state->time = ti + dt;

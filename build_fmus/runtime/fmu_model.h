@@ -6,7 +6,7 @@ typedef int (*FmuFunction)(const double **arg, double **res, int *iw, double *w,
 
 typedef enum { FMU_FLOAT64, FMU_INT32, FMU_BOOLEAN } FmuType;
 typedef enum { FMU_TIME, FMU_PARAMETER, FMU_INPUT, FMU_STATE, FMU_DERIVATIVE, FMU_OUTPUT } FmuRole;
-typedef enum { FMU_RK4, FMU_AM2 } FmuSolver;
+typedef enum { FMU_RK4, FMU_AM2, FMU_ROS2 } FmuSolver;
 
 /* One FMI variable; its value reference is its index in the table. */
 typedef struct {
@@ -38,6 +38,7 @@ typedef struct {
     FmuFunction next_fn;                   /* continuous: (t, x, u, p) -> dx; discrete: (t, x, u, p) -> x_next, y */
     FmuFunction fwd_fn;                    /* (t, x, u, p, dx, du, dp) -> d(dx/dt), dy; NULL for discrete */
     FmuFunction fwd_start_fn;              /* (x, u, p, dx, du, dp) -> dx0; NULL for discrete */
+    FmuFunction jac_fn;                    /* (t, x, u, p) -> d(dx/dt)/dx dense column-major, d(dx/dt)/dt; ros2 only, else NULL */
     int sz_arg, sz_res, sz_iw, sz_w;       /* largest work sizes of the functions above */
 } FmuModel;
 
