@@ -43,6 +43,7 @@ UNITS: dict[str, Unit] = {
         _unit("1", (DisplayUnit("%", 100.0),)),
         _unit("m", (DisplayUnit("mm", 1000.0),), m=1),
         _unit("m2", m=2),
+        _unit("m3", (DisplayUnit("l", 1000.0),), m=3),
         _unit("m3/s", (DisplayUnit("l/min", 60000.0),), m=3, s=-1),
         _unit("s", (DisplayUnit("ms", 1000.0),), s=1),
         _unit("1/s", s=-1),
@@ -64,10 +65,14 @@ UNITS: dict[str, Unit] = {
         _unit("N.s/m", (DisplayUnit("kN.s/m", 1e-3),), kg=1, s=-1),
         _unit("N/rad", kg=1, m=1, s=-2, rad=-1),
         _unit("1/m", m=-1),
-        _unit("Pa", kg=1, m=-1, s=-2),
+        _unit("kg/m3", kg=1, m=-3),
+        _unit("Pa", (DisplayUnit("bar", 1e-5), DisplayUnit("MPa", 1e-6)), kg=1, m=-1, s=-2),
+        _unit("Pa/s", kg=1, m=-1, s=-3),
+        _unit("m5/(N.s)", kg=-1, m=4, s=1),
         _unit("W", (DisplayUnit("kW", 1e-3),), kg=1, m=2, s=-3),
         _unit("J", kg=1, m=2, s=-2),
         _unit("V", kg=1, m=2, s=-3, A=-1),
+        _unit("V/m", kg=1, m=1, s=-3, A=-1),
     )
 }
 

@@ -15,6 +15,16 @@ if TYPE_CHECKING:
     from build_fmus.component import Component
 
 
+PAPERS = {
+    "000": "R. Brown, M. Murugan, M. Mazza: Analytical Evaluation of Generalized Predictive Control Algorithms Using a Full "
+    "Vehicle Multi-Body Dynamics Model For Mobility Enhancement",
+    "001": "M. D. Donahue, J. K. Hedrick: Implementation of an Active Suspension, Preview Controller for Improved Ride Comfort",
+    "004": "J. Marzbanrad, Y. Hojjat, H. Zohoor, S. K. Nikravesh: Optimal Preview Control Design of an Active Suspension Based "
+    "on a Full Car Model",
+}
+"""What the short names in sources stand for."""
+
+
 @dataclass(frozen=True)
 class Context:
     """What a maker may use: where finished FMUs are, where derived data may be kept."""
@@ -44,6 +54,10 @@ def default_catalog() -> dict[str, Entry]:
         Entry("QuarterCarHmmwv", "quarter car of the HMMWV (paper 001)", _quarter_car),
         Entry("RideCarSedan", "linear 7-DOF ride car of paper 004", _ride_car("sedan", "RideCarSedan")),
         Entry("RideCarHmmwv", "linear 7-DOF ride car, HMMWV (paper 001)", _ride_car("ride_car_hmmwv", "RideCarHmmwv")),
+        *(
+            Entry(name, f"electro-hydraulic actuator (paper 001), {summary}", _hydraulic_actuator(parameters, name))
+            for name, (parameters, summary) in _ACTUATORS.items()
+        ),
         Entry("RoadHoleBump", "hole, flat and bump of paper 004", _sedan_road("road_hole_bump")),
         Entry("RoadIso8608", "random road, ISO 8608 class A to H", _sedan_road("road_iso8608")),
         *(
@@ -155,6 +169,10 @@ _PREVIEW_LQ = {
     "PreviewLqRoadHolding": ("road_holding", 1e-3, "road holding"),
     "PreviewLqComfort5ms": ("comfort", 5e-3, "ride comfort, sampled at 5 ms"),
 }
+_ACTUATORS = {
+    "HydraulicActuator": ("actuator_hmmwv", "the paper's parameters"),
+    "HydraulicActuatorPhysical": ("actuator_hmmwv_physical", "density of real oil"),
+}
 _GPC = {
     "GpcImplicit": ("GPC with implicit disturbances (paper 000)", "implicit"),
     "GpcExplicit": ("GPC with explicit disturbances (paper 000)", "explicit"),
@@ -175,6 +193,16 @@ def _ride_car(vehicle: str, name: str) -> Callable[[Context], Component]:
         from fmu_sources.vehicles import load_ride_car
 
         return ride_car(load_ride_car(vehicle), name=name)
+
+    return make
+
+
+def _hydraulic_actuator(parameters: str, name: str) -> Callable[[Context], Component]:
+    def make(_: Context) -> Component:
+        from fmu_sources.plants import hydraulic_actuator
+        from fmu_sources.vehicles import load_actuator
+
+        return hydraulic_actuator(load_actuator(parameters), name=name)
 
     return make
 

@@ -1,7 +1,8 @@
-"""Vehicle plants: one file per family."""
+"""Plants: one file per family."""
 
 from fmu_sources.plants.full_car import full_car
+from fmu_sources.plants.hydraulic_actuator import hydraulic_actuator
 from fmu_sources.plants.quarter_car import quarter_car
 from fmu_sources.plants.ride_car import ride_car
 
-__all__ = ["full_car", "quarter_car", "ride_car"]
+__all__ = ["full_car", "hydraulic_actuator", "quarter_car", "ride_car"]

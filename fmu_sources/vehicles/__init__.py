@@ -3,15 +3,17 @@
 from fmu_sources.vehicles.loader import (
     VehicleError,
     declare,
+    load_actuator,
     load_full_car,
     load_quarter_car,
     load_ride_car,
     load_vehicle,
     vehicle_names,
 )
-from fmu_sources.vehicles.schema import FullCar, Quantity, QuarterCar, RideCar, Vehicle
+from fmu_sources.vehicles.schema import Actuator, FullCar, Quantity, QuarterCar, RideCar, Vehicle
 
 __all__ = [
+    "Actuator",
     "FullCar",
     "Quantity",
     "QuarterCar",
@@ -19,6 +21,7 @@ __all__ = [
     "Vehicle",
     "VehicleError",
     "declare",
+    "load_actuator",
     "load_full_car",
     "load_quarter_car",
     "load_ride_car",

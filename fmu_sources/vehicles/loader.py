@@ -12,7 +12,7 @@ from typing import Any, cast
 from pydantic import BaseModel, ValidationError
 
 from build_fmus.component import Component
-from fmu_sources.vehicles.schema import KINDS, Axles, FullCar, Quantity, QuarterCar, RideCar, Section, Vehicle
+from fmu_sources.vehicles.schema import KINDS, Actuator, Axles, FullCar, Quantity, QuarterCar, RideCar, Section, Vehicle
 
 _HERE = Path(__file__).parent
 _AXLE_OF = {"fl": "front", "fr": "front", "rl": "rear", "rr": "rear"}
@@ -30,7 +30,7 @@ def vehicle_names() -> list[str]:
 def load_vehicle(name_or_path: str | Path, kind: str | None = None) -> Vehicle:
     """Load a vehicle by the name of a file of this package, or by a path.
 
-    ``kind`` (``"quarter_car"``, ``"ride_car"``, ``"full_car"``) is what the caller needs; None takes what the file says.
+    ``kind`` (``"quarter_car"``, ``"ride_car"``, ``"full_car"``, ``"actuator"``) is what the caller needs; None takes what the file says.
 
     Raises:
         VehicleError: no such file, TOML syntax, unknown, missing or misspelt field, wrong unit, value out of limits,
@@ -63,6 +63,11 @@ def load_ride_car(name_or_path: str | Path) -> RideCar:
 def load_full_car(name_or_path: str | Path) -> FullCar:
     """Load a vehicle of kind ``full_car``; see :func:`load_vehicle`."""
     return cast(FullCar, load_vehicle(name_or_path, "full_car"))
+
+
+def load_actuator(name_or_path: str | Path) -> Actuator:
+    """Load a file of kind ``actuator``; see :func:`load_vehicle`."""
+    return cast(Actuator, load_vehicle(name_or_path, "actuator"))
 
 
 def declare(c: Component, section: Section, prefix: str = "") -> Any:

@@ -236,4 +236,64 @@ class FullCar(Vehicle):
     steering: _Steering
 
 
-KINDS: dict[str, type[Vehicle]] = {"quarter_car": QuarterCar, "ride_car": RideCar, "full_car": FullCar}
+# ------------------------------------------------------------------------------------------------------------- actuator
+
+
+class _Cylinder(Section):
+    area: Quantity = quantity("m2", "piston area", min=1e-6, max=1.0)
+    volume: Quantity = quantity("m3", "volume of both cylinder chambers", min=1e-6, max=1.0, display_unit="l")
+    leakage: Quantity = quantity(
+        "m5/(N.s)", "leakage flow through the piston seals per load pressure", min=0.0, max=1e-8, nominal=1e-11
+    )
+
+
+class _Fluid(Section):
+    density: Quantity = quantity("kg/m3", "density of the fluid", min=100.0, max=1e4)
+    bulk_modulus: Quantity = quantity(
+        "Pa", "effective bulk modulus of the fluid", min=1e6, max=1e11, display_unit="MPa"
+    )
+
+
+class _Supply(Section):
+    pressure: Quantity = quantity(
+        "Pa", "supply pressure of the running pump", min=1e5, max=1e9, display_unit="bar", nominal=1e7
+    )
+    flow_limit: Quantity = quantity(
+        "m3/s", "largest flow of the pump, where supply.limited", min=1e-7, max=1.0, display_unit="l/min"
+    )
+
+
+class _Valve(Section):
+    discharge: Quantity = quantity("1", "discharge coefficient of the spool valve", min=0.01, max=1.0)
+    width: Quantity = quantity("m", "area gradient of the spool valve", min=1e-5, max=1.0, display_unit="mm")
+    time_constant: Quantity = quantity("s", "time constant of the spool", min=1e-5, max=1.0, display_unit="ms")
+    gain: Quantity = quantity("V/m", "voltage per spool position", min=1.0, max=1e7)
+    max_voltage: Quantity = quantity("V", "voltage at which the valve saturates", min=0.1, max=1e3)
+    null_opening: Quantity = quantity(
+        "m", "where the spool rests when the pump is off", min=0.0, max=0.1, display_unit="mm", nominal=1e-3
+    )
+    smoothing: Quantity = quantity(
+        "Pa", "pressure drop below which orifice flow becomes linear", min=1.0, max=1e7, display_unit="bar"
+    )
+
+
+class _Bypass(Section):
+    discharge: Quantity = quantity("1", "discharge coefficient of the bypass valve", min=0.01, max=1.0)
+
+
+class Actuator(Vehicle):
+    """Electro-hydraulic actuator: pump, spool valve, cylinder, bypass valve."""
+
+    cylinder: _Cylinder
+    fluid: _Fluid
+    supply: _Supply
+    valve: _Valve
+    bypass: _Bypass
+
+
+KINDS: dict[str, type[Vehicle]] = {
+    "quarter_car": QuarterCar,
+    "ride_car": RideCar,
+    "full_car": FullCar,
+    "actuator": Actuator,
+}

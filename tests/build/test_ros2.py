@@ -71,7 +71,7 @@ def nonlinear(step: float) -> Component:
     y = c.state("y", "1", start=1.0)
     z = c.state("z", "1", start=1.0)
     c.derivative(y, -2.0 * (y - ca.cos(c.time)) - ca.sin(c.time))
-    c.derivative(z, -z * z * (1.0 + 0.0 * y) - z * (y - ca.cos(c.time)))
+    c.derivative(z, -z * z - z * (y - ca.cos(c.time)))
     return c
 
 
@@ -80,7 +80,7 @@ def exact(t: float) -> np.ndarray:
 
 
 def test_order_two() -> None:
-    """Halving the step divides the error by four; with the time derivative left out it would be by two."""
+    """Halving the step divides the error by four, with nonlinear terms and explicit time."""
     errors = [np.abs(in_python(nonlinear(h), 0.1, 1.0) - exact(1.0)) for h in (0.01, 0.005, 0.0025)]
     for coarse, fine in pairwise(errors):
         np.testing.assert_allclose(np.log2(coarse / fine), 2.0, atol=0.08)

@@ -38,7 +38,7 @@ def difference(f: Callable[[float], np.ndarray], at: float, size: float) -> np.n
 def check(a: Instance, unknowns: list[str], known: str, f: Callable[[float], np.ndarray], at: float) -> None:
     """One column, given ``f``: value of the known -> values of the unknowns."""
     v = a.library.variables[known]
-    size = max(abs(at), v.nominal or 0.0, 1e-2)
+    size = max(abs(at), v.nominal or 1e-2)
     expected = difference(f, at, size)
     f(at)
     column = a.column(unknowns, known)
@@ -54,7 +54,10 @@ def start_point(fmu: Library) -> dict[str, float]:
         n: v + 1e-3 * (k + 1) for k, (n, v) in enumerate(fmu.stimulus.row(3).items()) if fmu.variables[n].kind == "real"
     }
     exact = [n for n in reals(fmu, fmu.states) if fmu.variables[n].initial == "exact"]
-    values |= {n: (fmu.variables[n].start_value or 0.0) + 1e-3 * (k + 1) for k, n in enumerate(exact)}
+    for k, n in enumerate(exact):
+        v = fmu.variables[n]
+        size = max(1.0, v.nominal or 1.0)  # so that the shift is seen in every derivative
+        values[n] = (v.start_value or 0.0) + 1e-3 * (k + 1) * size
     return values
 
 
@@ -72,7 +75,7 @@ def test_initialization_mode(fmu: Library) -> None:
         for known in knowns:
             at = float(a.get([known])[0])
             v = fmu.variables[known]
-            margin = 1.1e-2 * max(abs(at), v.nominal or 0.0, 1e-2)
+            margin = 1.1e-2 * max(abs(at), v.nominal or 1e-2)
             if v.min is not None:
                 at = max(at, v.min + margin)
             if v.max is not None:

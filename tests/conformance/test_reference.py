@@ -210,8 +210,8 @@ def changed_value(v) -> float | None:  # type: ignore[no-untyped-def]
 
 
 def test_smaller_communication_steps(fmu: Library) -> None:
-    """doStep(h) and two doStep(h/2) agree: to rounding for rk4 with h/2 a multiple of the solver step and for discrete
-    components, to solver error for am2, whose predictor restarts at every exchange."""
+    """doStep(h) and two doStep(h/2) agree: to rounding for rk4 and ros2 with h/2 a multiple of the solver step and for
+    discrete components, to solver error for am2, whose predictor restarts at every exchange."""
     h = fmu.step if not fmu.is_continuous else 4 * fmu.variables["solver.step"].start_value
     stimulus = fmu.stimulus
     with fmu.instance() as a, fmu.instance() as b:
