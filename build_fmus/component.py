@@ -167,6 +167,7 @@ class Component:
         self.exchange_step, self.stop_time = exchange_step, stop_time
         self.notes = tuple(notes)
         self.provenance: dict[str, Any] = {}  # stored in the FMU as resources/provenance.json when not empty
+        self.bibliography: dict[str, str] = {}  # what short names in sources stand for; on the documentation page
         self.time = symbols.sym("time")
         self._symbols = symbols
         self._variables: dict[str, Variable] = {}

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import json
+import re
 import tempfile
 import zipfile
 from collections.abc import Sequence
@@ -91,6 +92,7 @@ def _documentation(component: Component, fmi: int) -> dict[str, bytes]:
         component=component,
         fmi=f"{fmi}.0",
         rows=description.variable_rows(component),
+        papers=_cited(component),
         version=metadata.version("suspension-fmus"),
         dependencies={e.name: component.dependencies[e.name] for e in component.output_elements()},
     )
@@ -100,6 +102,12 @@ def _documentation(component: Component, fmi: int) -> dict[str, bytes]:
         f"documentation/{component.name}_ref.csv": result.output_csv().encode(),
         "documentation/licenses/license.txt": _LICENSE,
     }
+
+
+def _cited(component: Component) -> dict[str, str]:
+    """Entries of the bibliography that the component's sources mention."""
+    text = " ".join([component.source, component.description, *component.notes, *(v.source for v in component.variables)])
+    return {k: t for k, t in component.bibliography.items() if re.search(rf"\b{re.escape(k)}\b", text)}
 
 
 def _archive(content: dict[str, bytes]) -> bytes:

@@ -14,6 +14,7 @@ from cosim.experiments.gpc import CONTROLLERS, R_PUBLISHED, ROADS, SPEEDS_KMH, T
 from cosim.experiments.gpc_study import SEEDS, Row, Study, one, select
 from cosim.experiments.store import content_hash
 from cosim.report import Figure, Panel, Parameter, Report, Result, Section, Series, Table, write_report
+from fmu_sources.catalog import PAPERS
 from fmu_sources.controllers.gpc import CORNERS, FORCE_LIMIT
 from fmu_sources.controllers.gpc_identification import DesignSettings, IdentificationSettings
 
@@ -320,6 +321,7 @@ def _provenance(fmus: FmuSet) -> dict[str, object]:
     libraries = ("suspension-fmus", "numpy", "scipy", "casadi", "cffi")
     return {
         "versions": {n: metadata.version(n) for n in libraries},
+        "papers": PAPERS,
         "FMI version": f"{fmus.fmi}.0",
         "FMUs (SHA-256)": {p.stem: content_hash([p]) for p in fmus.all_paths()},
         "identification": asdict(IdentificationSettings()),

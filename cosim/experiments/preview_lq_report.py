@@ -12,6 +12,7 @@ from cosim.experiments.preview_lq import DURATION, INPUTS, PREVIEW_TIME, SPEED_K
 from cosim.experiments.preview_lq_study import PAPER_COLUMNS, PRINTED, PRINTED_EIGENVALUES, WEIGHT_SETS, Study
 from cosim.experiments.store import content_hash
 from cosim.report import Claim, Figure, Panel, Parameter, Report, Result, Section, Series, Table, write_report
+from fmu_sources.catalog import PAPERS
 from fmu_sources.controllers.preview_lq import CORNERS
 from fmu_sources.controllers.preview_lq_weights import load_weights
 from fmu_sources.plants import ride_car
@@ -68,6 +69,7 @@ def report(study: Study, fmus: FmuSet) -> Report:
         parameters=_parameters(),
         provenance={
             "versions": {n: metadata.version(n) for n in ("suspension-fmus", "numpy", "scipy", "casadi")},
+            "papers": PAPERS,
             "FMI version": f"{fmus.fmi}.0",
             "FMUs (SHA-256)": {n: content_hash([fmus.path(n)]) for n in _FMUS},
         },
