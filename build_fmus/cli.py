@@ -103,10 +103,11 @@ def build_entry(user: UserFiles, name: str, options: Options, versions: tuple[in
     """Make one catalog entry and write its FMUs (runs in worker processes)."""
     from build_fmus.compile import ObjectCache, resolve_platforms
     from build_fmus.package import build_fmu
-    from fmu_sources.catalog import Context
+    from fmu_sources.catalog import PAPERS, Context
 
     entry = load_catalog(user)[name]
     component = entry.make(Context(options.out, options.cache))
+    component.bibliography = PAPERS
     cache = ObjectCache(options.cache / "objects")
     for fmi in versions:
         data = build_fmu(component, fmi, resolve_platforms(options.platform), cache, arrays=options.arrays)
