@@ -41,7 +41,7 @@ def low_pass(
     values: npt.ArrayLike, rate_hz: float, cutoff_hz: float = 1.0, order: int = 4, *, name: str = "signal"
 ) -> Array:
     """Causal Butterworth low-pass, bilinear, zero initial state; -3 dB at `cutoff_hz`. Brown et al., below (22)."""
-    series = _series(name, values)
+    series = finite_series(name, values)
     if not (math.isfinite(rate_hz) and math.isfinite(cutoff_hz) and 0.0 < 2.0 * cutoff_hz < rate_hz):
         raise ValueError(f"cutoff {cutoff_hz} Hz must lie between 0 and half the sampling rate of {rate_hz} Hz")
     if order < 1:
@@ -65,7 +65,7 @@ def root_sum_square(values: npt.ArrayLike, *, name: str = "signal") -> Array:
 def response_magnitude(az_m_s2: npt.ArrayLike, pitch_rad: npt.ArrayLike, roll_rad: npt.ArrayLike) -> Array:
     """sqrt(y' y) at every sample, y = (vertical acceleration [g], pitch [deg], roll [deg]). Brown et al., (22a)."""
     az, pitch, roll = (
-        _series(name, values)
+        finite_series(name, values)
         for name, values in (("vertical acceleration", az_m_s2), ("pitch", pitch_rad), ("roll", roll_rad))
     )
     if not len(az) == len(pitch) == len(roll):
@@ -123,7 +123,7 @@ def power_normalised_effectiveness(response_improvement: float, power_w: float) 
 def peak(values: npt.ArrayLike, *, name: str = "signal") -> float:
     """Largest magnitude over the run, of a signal (n,) or of all channels of one (n, k)."""
     array = np.asarray(values, dtype=float)
-    return float(np.max(np.abs(_series(name, array) if array.ndim == 1 else _channels(name, array))))
+    return float(np.max(np.abs(finite_series(name, array) if array.ndim == 1 else _channels(name, array))))
 
 
 def _effectiveness(response_improvement: float, effort: float, name: str) -> float:
@@ -138,7 +138,7 @@ def _magnitude(name: str, value: float) -> None:
         raise ValueError(f"{name} is {value}; expected a finite number that is not negative")
 
 
-def _series(name: str, values: npt.ArrayLike) -> Array:
+def finite_series(name: str, values: npt.ArrayLike) -> Array:
     """One channel, (n,)."""
     series = np.asarray(values, dtype=float)
     if series.ndim != 1 or not len(series):
