@@ -58,6 +58,8 @@ def default_catalog() -> dict[str, Entry]:
             Entry(name, f"electro-hydraulic actuator (paper 001), {summary}", _hydraulic_actuator(parameters, name))
             for name, (parameters, summary) in _ACTUATORS.items()
         ),
+        Entry("RideComfort", "absorbed power and ISO 2631-1 (paper 001)", _ride_comfort),
+        Entry("RoadBumps", "test track of speed bumps (paper 001)", _hmmwv_road("road_bumps")),
         Entry("RoadHoleBump", "hole, flat and bump of paper 004", _sedan_road("road_hole_bump")),
         Entry("RoadIso8608", "random road, ISO 8608 class A to H", _sedan_road("road_iso8608")),
         *(
@@ -207,14 +209,28 @@ def _hydraulic_actuator(parameters: str, name: str) -> Callable[[Context], Compo
     return make
 
 
+def _ride_comfort(_: Context) -> Component:
+    from fmu_sources.sensing import ride_comfort
+
+    return ride_comfort()
+
+
 def _sedan_road(maker: str) -> Callable[[Context], Component]:
     """A road under the sedan of paper 004, with the preview that its controllers use."""
+    return _ride_car_road(maker, "sedan", count=48, step=0.005)
 
+
+def _hmmwv_road(maker: str) -> Callable[[Context], Component]:
+    """A road under the HMMWV of paper 001, with the preview that its controllers use."""
+    return _ride_car_road(maker, "ride_car_hmmwv", count=16, step=0.030)
+
+
+def _ride_car_road(maker: str, vehicle: str, *, count: int, step: float) -> Callable[[Context], Component]:
     def make(_: Context) -> Component:
         from fmu_sources import roads
         from fmu_sources.vehicles import load_ride_car
 
-        layout = roads.RoadLayout.of(load_ride_car("sedan"), preview_count=48, preview_step=0.005)
+        layout = roads.RoadLayout.of(load_ride_car(vehicle), preview_count=count, preview_step=step)
         return getattr(roads, maker)(layout)
 
     return make

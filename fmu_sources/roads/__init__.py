@@ -1,5 +1,6 @@
 """Roads under the wheels, and the speed at which they are driven."""
 
+from fmu_sources.roads.bumps import road_bumps
 from fmu_sources.roads.errors import RoadError
 from fmu_sources.roads.hole_bump import road_hole_bump
 from fmu_sources.roads.iso8608 import iso8608_table, road_iso8608
@@ -21,6 +22,7 @@ __all__ = [
     "iso8608_table",
     "perryman3_table",
     "road",
+    "road_bumps",
     "road_curb",
     "road_from_file",
     "road_from_table",
