@@ -36,7 +36,7 @@ def load_vehicle(name_or_path: str | Path, kind: str | None = None) -> Vehicle:
         VehicleError: no such file, TOML syntax, unknown, missing or misspelt field, wrong unit, value out of limits,
             or a file of another kind.
     """
-    path = _find(name_or_path)
+    path = _find(name_or_path, kind)
     data = _read(path, seen=())
     given = data.get("kind")
     if not isinstance(given, str) or given not in KINDS:
@@ -93,14 +93,15 @@ def declare(c: Component, section: Section, prefix: str = "") -> Any:
     return symbols
 
 
-def _find(name_or_path: str | Path) -> Path:
+def _find(name_or_path: str | Path, kind: str | None = None) -> Path:
     bundled = _HERE / f"{name_or_path}.toml"
     if isinstance(name_or_path, str) and name_or_path in vehicle_names():
         return bundled
     path = Path(name_or_path)
     if path.is_file():
         return path
-    word, known = str(name_or_path), vehicle_names()
+    word = str(name_or_path)
+    known = [n for n in vehicle_names() if kind is None or _read(_HERE / f"{n}.toml", seen=()).get("kind") == kind]
     raise VehicleError(f"no vehicle {word!r}: neither a file nor one of {', '.join(known)}{_near(word, known)}")
 
 
