@@ -11,6 +11,7 @@ import warnings
 from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass, replace
 from functools import lru_cache
+from importlib import metadata
 from pathlib import Path
 from typing import Any
 
@@ -155,15 +156,16 @@ class GpcBench:
                 system["controller"].set({"hold_height": scenario.hold})
         start = float(system["car"].description.variables["start.x"].start)
         # The driver keeps y = 0, and nothing drives the actuators of the passive car.
-        warnings.simplefilter("ignore", UnconnectedInputsWarning)
-        return system.run(
-            1.25 * TRAVEL / speed + 1.0,
-            record=["car.x", "car.speed", *(f"car.{n}" for n in RECORDED), *_controls(scenario)],
-            record_interval="10 ms",
-            stop_when=[StopWhen("car.x", ">=", start + TRAVEL)],
-            progress=progress,
-            csv=csv,
-        )
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", UnconnectedInputsWarning)
+            return system.run(
+                1.25 * TRAVEL / speed + 1.0,
+                record=["car.x", "car.speed", *(f"car.{n}" for n in RECORDED), *_controls(scenario)],
+                record_interval="10 ms",
+                stop_when=[StopWhen("car.x", ">=", start + TRAVEL)],
+                progress=progress,
+                csv=csv,
+            )
 
     def measure(self, scenario: Scenario) -> dict[str, Any]:
         """Metrics of a scenario as JSON values; a diverged run has ``diverged`` true and no numbers. Stored if possible."""
@@ -241,13 +243,14 @@ def evaluate(recording: Recording) -> dict[str, Any]:
 
 
 def salt(fmus: FmuSet) -> str:
-    """What all stored runs depend on: the FMUs, and the code between FMU and metric."""
+    """What all stored runs depend on: the FMUs, the code between FMU and metric, and the libraries it computes with."""
     import cosim
     import fmu_sources
 
     cosim_dir, sources = Path(cosim.__file__).parent, Path(fmu_sources.__file__).parent
-    code = [*sorted(cosim_dir.glob("*.py")), Path(__file__), *sorted((sources / "controllers").glob("gpc*.py"))]
-    return content_hash([*fmus.all_paths(), *code])
+    code = [*sorted(cosim_dir.glob("*.py")), Path(__file__), *sorted((sources / "controllers").glob("*.py"))]
+    libraries = "|".join(f"{n}={metadata.version(n)}" for n in ("numpy", "scipy"))
+    return content_hash([*fmus.all_paths(), *code]) + libraries
 
 
 # ---------------------------------------------------------------------- matching the response of another law

@@ -139,12 +139,13 @@ def record_identification(
             system.connect(f"car.{signal}", f"road.{signal}")
         system.connect_matching("road", "car", "road.*")
         system.connect_matching("excitation", "car")
-        warnings.simplefilter("ignore", UnconnectedInputsWarning)  # the driver keeps y = 0
         responses = [f"car.{name}" for name, *_ in RESPONSES]
         heights = [f"road.road.{k}.height" for k in CORNERS]
-        recording = system.run(
-            n * Fraction(TICKS_PER_SAMPLE, 1000), record=[*responses, *heights], record_interval=Fraction(1, 1000)
-        )
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", UnconnectedInputsWarning)  # the driver keeps y = 0
+            recording = system.run(
+                n * Fraction(TICKS_PER_SAMPLE, 1000), record=[*responses, *heights], record_interval=Fraction(1, 1000)
+            )
     y = np.column_stack([recording[name] / scale for name, (_, _, _, scale) in zip(responses, RESPONSES, strict=True)])
     d = np.column_stack([recording[name] for name in heights])
     at = np.arange(n) * TICKS_PER_SAMPLE

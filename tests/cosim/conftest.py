@@ -5,6 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+import pythonfmu.builder as pythonfmu
+import pythonfmu3.builder as pythonfmu3
 
 ADD_ONE_2 = """
 from pythonfmu import Boolean, Fmi2Causality, Fmi2Slave, Fmi2Variability, Integer, Real, String
@@ -94,8 +96,6 @@ class Refuses2(Fmi2Slave):
 def foreign(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     """Paths of `AddOne2` (FMI 2.0), `AddOne3` (FMI 3.0) and `Refuses2`, which does
     not let itself be instantiated as 'strut'."""
-    pythonfmu = pytest.importorskip("pythonfmu.builder")
-    pythonfmu3 = pytest.importorskip("pythonfmu3.builder")
     folder = tmp_path_factory.mktemp("foreign")
     for name, source, builder in (
         ("AddOne2", ADD_ONE_2, pythonfmu.FmuBuilder),

@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 from built import FMUS, BuiltFmus
 from pages import ROOT
+from pythonfmu import builder
 
 
 @pytest.fixture
@@ -22,7 +23,6 @@ def workplace(built_fmus: BuiltFmus, tmp_path: Path, monkeypatch: pytest.MonkeyP
 @pytest.fixture
 def seat(workplace: Path) -> Path:
     """The foreign FMU of the README, made by PythonFMU from its source in ``docs/examples``."""
-    builder = pytest.importorskip("pythonfmu.builder")
     folder = workplace / "path" / "to"
     folder.mkdir(parents=True)
     return Path(builder.FmuBuilder.build_FMU(ROOT / "docs" / "examples" / "seat.py", dest=folder))
