@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
+from scipy import linalg
 
 from cosim import Recording
 from cosim.experiments import preview_lq as experiment
@@ -98,12 +99,14 @@ def design_eigenvalues(weights: str, *, without: tuple[str, str] | None = None) 
     plant = ride_plant(ride_car(load_ride_car("sedan"), name="RideCarSedan"))
     chosen = load_weights(experiment.WEIGHTS[weights])
     index = output_index(plant, chosen.outputs(CORNERS), chosen.controls(CORNERS))
-    if without is not None:
+    if without is None:
+        eigenvalues = continuous_lq(plant, index).eigenvalues
+    else:  # no longer an index (it is not nonnegative), so the design functions refuse it: the bare Riccati equation
         N = index.N.copy()
         N[plant.states.index(without[0]), plant.controls.index(without[1])] = 0.0
-        index = replace(index, N=N)
-    law = continuous_lq(plant, index)
-    upper = law.eigenvalues[law.eigenvalues.imag > 0]
+        P = linalg.solve_continuous_are(plant.A, plant.B, index.Q1, index.R, s=N)
+        eigenvalues = linalg.eigvals(plant.A - plant.B @ linalg.solve(index.R, plant.B.T @ P + N.T))
+    upper = eigenvalues[eigenvalues.imag > 0]
     return upper[np.argsort(-np.abs(upper))]
 
 
