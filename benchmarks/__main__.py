@@ -15,7 +15,7 @@ from rich.table import Table
 from benchmarks.master_cost import measure
 from cosim import System
 from cosim.experiments import gpc_study
-from cosim.experiments.gpc import FmuSet
+from cosim.experiments.gpc import GpcFmuSet
 
 
 def full_car() -> dict[str, float]:
@@ -24,7 +24,7 @@ def full_car() -> dict[str, float]:
 
     warnings.simplefilter("ignore")
     with System() as system:
-        system.add("car", FmuSet().car, step="1 ms")
+        system.add("car", GpcFmuSet().car, step="1 ms")
         recording = system.run(20.0, record=["car.x"], record_interval="100 ms")
     return {"simulated time / wall time": recording.real_time_factor}
 
@@ -33,7 +33,7 @@ def study() -> dict[str, float]:
     """The whole published study from nothing, on all cores."""
     with tempfile.TemporaryDirectory() as tmp:
         begin = time.perf_counter()
-        result = gpc_study.study(FmuSet(), Path(tmp))
+        result = gpc_study.study(GpcFmuSet(), Path(tmp))
         seconds = time.perf_counter() - begin
         runs = len(list(Path(tmp).glob("*.json")))
     return {"wall time [s]": seconds, "runs": runs, "rows": len(result.rows)}

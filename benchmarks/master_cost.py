@@ -21,7 +21,7 @@ from fmpy.fmi3 import FMU3Slave
 
 from build_fmus.compile import find_toolchain, host
 from cosim import System, UnconnectedInputsWarning
-from cosim.experiments.gpc import FmuSet, wire
+from cosim.experiments.gpc import GpcFmuSet, wire
 
 STEPS = 20_000
 
@@ -126,7 +126,7 @@ def time_bare(components: list[Wired], steps: int) -> float:
 
 def measure(controller: str = "preview", steps: int = STEPS, repeats: int = 3) -> dict[str, float]:
     """Best of ``repeats`` for each loop, as microseconds per FMU step and ratios."""
-    fmus = FmuSet()
+    fmus = GpcFmuSet()
     paths = {"speed": fmus.speed, "road": fmus.road("sine"), "car": fmus.car}
     if path := fmus.controller(controller):
         paths["controller"] = path

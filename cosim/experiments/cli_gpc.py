@@ -9,30 +9,27 @@ from typing import Annotated
 
 import typer
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 from rich.table import Table
 from rich.text import Text
 
-from cosim.experiments.cli_options import Fmus, Out, Version, make_folder
+from cosim.experiments.cli_options import Fmus, Out, Version, console, make_folder, progress_bar
 
 TITLE = "Full car under generalized predictive control on three roads (paper 000)"
 OPTIONS = "--road sine|curb|perryman3  --speed KM/H  --controller passive|implicit|explicit|preview  --weight R"
-
-console = Console(stderr=True, highlight=False, soft_wrap=True)
 
 Vehicle = Annotated[Path | None, typer.Option(help="vehicle file that the FMUs were built for (build-fmus --vehicle)")]
 
 
 def _fmu_set(fmus: Path, fmi: int, vehicle: Path | None):  # type: ignore[no-untyped-def]
     from build_fmus.cli import catalog_suffix
-    from cosim.experiments.gpc import FmuSet
+    from cosim.experiments.gpc import GpcFmuSet
     from fmu_sources.vehicles import load_full_car
 
     if vehicle is None:
-        return FmuSet(fmus, fmi=fmi)
+        return GpcFmuSet(fmus, fmi=fmi)
     load_full_car(vehicle)  # names a missing file or a mistake in it
     suffix = catalog_suffix(vehicle)
-    return FmuSet(fmus, plant=f"FullCar{suffix}", suffix=suffix, vehicle=vehicle, fmi=fmi)
+    return GpcFmuSet(fmus, plant=f"FullCar{suffix}", suffix=suffix, vehicle=vehicle, fmi=fmi)
 
 
 def run(
@@ -95,20 +92,9 @@ def study(
     chosen = _fmu_set(fmus, fmi, vehicle)
     chosen.all_paths()  # every file is there before the work begins
     runs = make_folder(out / "gpc" / ".runs")
-    columns = (
-        TextColumn("{task.description}"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TimeElapsedColumn(),
-        TimeRemainingColumn(),
-    )
-    with Progress(*columns, console=console) as bar:
-        task = bar.add_task("study gpc", total=None)
+    with progress_bar("study gpc") as progress:
         try:
-            result = gpc_study.study(
-                chosen, runs, processes=processes,
-                progress=lambda done, total: bar.update(task, completed=done, total=total),
-            )  # fmt: skip
+            result = gpc_study.study(chosen, runs, processes=processes, progress=progress)
         except KeyboardInterrupt:
             raise KeyboardInterrupt(
                 "interrupted; finished runs are kept, the same command goes on from there"

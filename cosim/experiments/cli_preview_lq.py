@@ -8,15 +8,12 @@ from typing import Annotated
 
 import typer
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
-from cosim.experiments.cli_options import Fmus, Out, Version, make_folder
+from cosim.experiments.cli_options import Fmus, Out, Version, console, make_folder, progress_bar
 
 TITLE = "Optimal preview LQ control of a seven-degree car (paper 004)"
 OPTIONS = "--input both|left  --weights comfort|road-holding|comfort-5ms  --system passive|active|delay|preview  --preview-time S"
-
-console = Console(stderr=True, highlight=False)
 
 
 def run(
@@ -35,9 +32,10 @@ def run(
     from dataclasses import replace
 
     from cosim.experiments import preview_lq as experiment
+    from cosim.experiments.cases import FmuSet
 
     case = experiment.Case(input, weights, system, preview_time, speed, shape, hold_tail)
-    bench = experiment.PreviewLqBench(experiment.FmuSet(fmus, fmi))
+    bench = experiment.PreviewLqBench(FmuSet(fmus, fmi))
     path = make_folder(out / "preview-lq") / f"{case.label}.csv"
     recording = bench.record(case, csv=path)
     passive = bench.record(replace(case, system="passive"))
@@ -54,21 +52,18 @@ def run(
     if system != "passive" and recording["controller.horizon_truncated"].any():
         console.print("horizon_truncated: preview or memory end before the horizon that was asked for")
     path.with_suffix(".json").write_text(json.dumps(measured, indent=1) + "\n")
-    console.print(f"{path} and {path.with_suffix('.json').name}", soft_wrap=True)
+    console.print(f"{path} and {path.with_suffix('.json').name}")
     bench.close()
 
 
 def study(fmus: Fmus = Path("fmus"), fmi: Version = 3, out: Out = Path("results")) -> None:
     """Tables 2 and 3, figures 3 to 7 of the paper and its claims; writes results/preview-lq/report.html."""
     from cosim.experiments import preview_lq_report, preview_lq_study
-    from cosim.experiments.preview_lq import FmuSet
+    from cosim.experiments.cases import FmuSet
 
     chosen = FmuSet(fmus, fmi)
     make_folder(out / "preview-lq")
-    with Progress(
-        TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), console=console
-    ) as bar:
-        task = bar.add_task("study preview-lq", total=None)
-        result = preview_lq_study.study(chosen, lambda done, total: bar.update(task, completed=done, total=total))
+    with progress_bar("study preview-lq") as progress:
+        result = preview_lq_study.study(chosen, progress)
     path = preview_lq_report.write(result, chosen, out / "preview-lq")
-    console.print(f"report: {path}", soft_wrap=True)
+    console.print(f"report: {path}")

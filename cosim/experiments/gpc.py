@@ -5,7 +5,6 @@ This module wires the FMUs and runs them; ``gpc_study`` lays out the published f
 
 from __future__ import annotations
 
-import difflib
 import math
 import warnings
 from collections.abc import Callable, Iterator
@@ -18,6 +17,7 @@ from typing import Any
 import numpy as np
 
 from cosim import ComponentError, Recording, StopWhen, System, UnconnectedInputsWarning, metrics
+from cosim.experiments.cases import CaseError, FmuSet, check_choice
 from cosim.experiments.store import RunStore, content_hash
 from fmu_sources.controllers.gpc import CORNERS, gain_parameters
 from fmu_sources.controllers.gpc_identification import (
@@ -34,10 +34,6 @@ SPEED_RANGE_KMH = (2.0, 200.0)
 R_PUBLISHED = 1e-7  # 1/N2
 TRAVEL = 150.0  # m, length of every run
 SAMPLE_RATE = 100.0  # Hz, of all metrics
-
-
-class ScenarioError(ValueError):
-    """A run that does not exist; the message says which choice is wrong and what there is."""
 
 
 @dataclass(frozen=True)
@@ -62,38 +58,31 @@ class Scenario:
     def __post_init__(self) -> None:
         for name, choices in (("road", ROADS), ("controller", CONTROLLERS)):
             value = getattr(self, name)
-            if value not in choices and not (name == "road" and value.endswith(".fmu")):
-                near = difflib.get_close_matches(value, choices, n=1)
-                hint = f"; did you mean {near[0]}?" if near else ""
-                raise ScenarioError(f"no {name} {value!r}{hint} (there are: {', '.join(choices)})")
+            if not (name == "road" and value.endswith(".fmu")):
+                check_choice(name, value, choices)
         low, high = SPEED_RANGE_KMH
         if not low <= self.speed_kmh <= high:
-            raise ScenarioError(
+            raise CaseError(
                 f"speed {self.speed_kmh:g} km/h: a run travels {TRAVEL:g} m at a speed between {low:g} and {high:g} km/h"
             )
         if not (math.isfinite(self.R) and self.R > 0):
-            raise ScenarioError(f"control weight R = {self.R:g} must be positive")
+            raise CaseError(f"control weight R = {self.R:g} must be positive")
         if self.hold and self.controller != "explicit":
-            raise ScenarioError("hold applies to the explicit controller only")
+            raise CaseError("hold applies to the explicit controller only")
 
 
 @dataclass(frozen=True)
-class FmuSet:
-    """Which FMU files a bench uses."""
+class GpcFmuSet(FmuSet):
+    """The FMUs of a vehicle file."""
 
-    directory: Path = Path("fmus")
     plant: str = "FullCarHmmwvModified"
     suffix: str = ""
     vehicle: str | Path = "hmmwv_modified"  # the vehicle file the FMUs were built from
-    fmi: int = 3
 
-    def path(self, name: str) -> Path:
-        """An FMU file; FileNotFoundError that says how to build it."""
-        path = self.directory / f"fmi{self.fmi}" / f"{name}.fmu"
-        if not path.is_file():
-            vehicle = f" --vehicle {self.vehicle}" if isinstance(self.vehicle, Path) else ""
-            raise FileNotFoundError(f"{path} does not exist: run `build-fmus{vehicle} --out {self.directory}` first")
-        return path
+    def build_command(self) -> str:
+        """The command that makes the files, with the vehicle file they come from."""
+        vehicle = f" --vehicle {self.vehicle}" if isinstance(self.vehicle, Path) else ""
+        return f"build-fmus{vehicle} --out {self.directory}"
 
     @property
     def car(self) -> Path:
@@ -123,7 +112,7 @@ class FmuSet:
 class GpcBench:
     """Systems wired once per road and controller, and run as often as needed."""
 
-    def __init__(self, fmus: FmuSet, store: RunStore | None = None) -> None:
+    def __init__(self, fmus: GpcFmuSet, store: RunStore | None = None) -> None:
         self.fmus = fmus
         self.store = store
         self._systems: dict[tuple[str, str], System] = {}
@@ -197,7 +186,7 @@ def _controls(scenario: Scenario) -> list[str]:
     return [] if scenario.controller == "passive" else [f"controller.force.{k}" for k in CORNERS]
 
 
-def wire(fmus: FmuSet, road: str, controller: str) -> System:
+def wire(fmus: GpcFmuSet, road: str, controller: str) -> System:
     """One system of the experiment."""
     system = System()
     system.add("speed", fmus.speed)
@@ -242,7 +231,7 @@ def evaluate(recording: Recording) -> dict[str, Any]:
     }
 
 
-def salt(fmus: FmuSet) -> str:
+def salt(fmus: GpcFmuSet) -> str:
     """What all stored runs depend on: the FMUs, the code between FMU and metric, and the libraries it computes with."""
     import cosim
     import fmu_sources

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from cosim.experiments import gpc_claims
 from cosim.experiments import gpc_study as gs
-from cosim.experiments.gpc import CONTROLLERS, R_PUBLISHED, ROADS, SPEEDS_KMH, TRAVEL, FmuSet
+from cosim.experiments.gpc import CONTROLLERS, R_PUBLISHED, ROADS, SPEEDS_KMH, TRAVEL, GpcFmuSet
 from cosim.experiments.gpc_study import SEEDS, Row, Study, one, select
 from cosim.experiments.store import content_hash
 from cosim.report import Figure, Panel, Parameter, Report, Result, Section, Series, Table, write_report
@@ -30,12 +30,12 @@ _LOOKS = {
 _SPEED = "speed [km/h]"
 
 
-def write(study: Study, fmus: FmuSet, directory: Path) -> Path:
+def write(study: Study, fmus: GpcFmuSet, directory: Path) -> Path:
     """Write report.html, summary.json and CSV files; returns the path of the page."""
     return write_report(report(study, fmus), directory)
 
 
-def report(study: Study, fmus: FmuSet) -> Report:
+def report(study: Study, fmus: GpcFmuSet) -> Report:
     """The whole report of a study."""
     found = gpc_claims.claims(study)
     medians = gs.seed_medians(study)
@@ -288,7 +288,7 @@ def _limits() -> Section:
 # ---------------------------------------------------------------------- what went in
 
 
-def _parameters(fmus: FmuSet) -> list[Parameter]:
+def _parameters(fmus: GpcFmuSet) -> list[Parameter]:
     from fmu_sources.plants import full_car
     from fmu_sources.vehicles import load_full_car
 
@@ -317,7 +317,7 @@ def _parameters(fmus: FmuSet) -> list[Parameter]:
     ]
 
 
-def _provenance(fmus: FmuSet) -> dict[str, object]:
+def _provenance(fmus: GpcFmuSet) -> dict[str, object]:
     libraries = ("suspension-fmus", "numpy", "scipy", "casadi", "cffi")
     return {
         "versions": {n: metadata.version(n) for n in libraries},

@@ -15,7 +15,7 @@ import numpy as np
 
 from cosim import metrics
 from cosim.experiments import gpc
-from cosim.experiments.gpc import CONTROLLERS, ROADS, SPEEDS_KMH, FmuSet, GpcBench, Scenario
+from cosim.experiments.gpc import CONTROLLERS, ROADS, SPEEDS_KMH, GpcBench, GpcFmuSet, Scenario
 from cosim.experiments.parallel import run_tasks
 from cosim.experiments.store import RunStore
 from fmu_sources.controllers.gpc import FORCE_LIMIT
@@ -63,7 +63,7 @@ def worst_speed(study: Study, road: str) -> float:
 
 
 def study(
-    fmus: FmuSet,
+    fmus: GpcFmuSet,
     cache: Path,
     *,
     processes: int | None = None,
@@ -111,7 +111,7 @@ def study(
 _bench: GpcBench  # of this worker process
 
 
-def _start(fmus: FmuSet, cache: Path) -> None:
+def _start(fmus: GpcFmuSet, cache: Path) -> None:
     global _bench  # noqa: PLW0603
     _bench = GpcBench(fmus, RunStore(cache, gpc.salt(fmus)))
 

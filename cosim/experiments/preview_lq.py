@@ -5,7 +5,6 @@ This module wires the FMUs and runs them; ``preview_lq_study`` lays out tables, 
 
 from __future__ import annotations
 
-import difflib
 import math
 import warnings
 from collections.abc import Collection
@@ -16,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from cosim import Recording, System, UnconnectedInputsWarning
+from cosim.experiments.cases import CaseError, FmuSet, check_choice
 from fmu_sources.controllers.preview_lq import CORNERS, MODES, WEIGHTED
 from fmu_sources.controllers.preview_lq_weights import PreviewLqWeights, load_weights
 
@@ -32,10 +32,6 @@ SPEED_KMH = 75.0
 PREVIEW_TIME = 0.12  # s
 DURATION = 1.2  # s, of the means in Table 3
 INDEX_RATE = 1000.0  # Hz, samples of the means
-
-
-class CaseError(ValueError):
-    """A run that does not exist; the message says which choice is wrong and what there is."""
 
 
 @dataclass(frozen=True)
@@ -68,30 +64,11 @@ class Case:
             "shape": SHAPES,
         }
         for name, known in choices.items():
-            value = getattr(self, name)
-            if value not in known:
-                near = difflib.get_close_matches(value, known, n=1)
-                hint = f"; did you mean {near[0]}?" if near else ""
-                raise CaseError(f"no {name} {value!r}{hint} (there are: {', '.join(known)})")
+            check_choice(name, getattr(self, name), known)
         if not (math.isfinite(self.preview_time) and 0 <= self.preview_time <= 10):
             raise CaseError(f"preview time {self.preview_time:g} s: give 0 to 10 s")
         if not 0 <= self.speed_kmh <= 200:
             raise CaseError(f"speed {self.speed_kmh:g} km/h: give 0 to 200 km/h")
-
-
-@dataclass(frozen=True)
-class FmuSet:
-    """Which FMU files the experiment uses."""
-
-    directory: Path = Path("fmus")
-    fmi: int = 3
-
-    def path(self, name: str) -> Path:
-        """An FMU file; FileNotFoundError that says how to build it."""
-        path = self.directory / f"fmi{self.fmi}" / f"{name}.fmu"
-        if not path.is_file():
-            raise FileNotFoundError(f"{path} does not exist: run `build-fmus --out {self.directory}` first")
-        return path
 
 
 class PreviewLqBench:

@@ -8,7 +8,8 @@ from pathlib import Path
 import numpy as np
 
 from cosim.experiments import preview_lq_study as ps
-from cosim.experiments.preview_lq import DURATION, INPUTS, PREVIEW_TIME, SPEED_KMH, SYSTEMS, WEIGHTS, FmuSet
+from cosim.experiments.cases import FmuSet
+from cosim.experiments.preview_lq import DURATION, INPUTS, PREVIEW_TIME, SPEED_KMH, SYSTEMS, WEIGHTS
 from cosim.experiments.preview_lq_study import PAPER_COLUMNS, PRINTED, PRINTED_EIGENVALUES, WEIGHT_SETS, Study
 from cosim.experiments.store import content_hash
 from cosim.report import Claim, Figure, Panel, Parameter, Report, Result, Section, Series, Table, write_report

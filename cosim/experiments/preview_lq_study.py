@@ -11,7 +11,8 @@ from scipy import linalg
 
 from cosim import Recording
 from cosim.experiments import preview_lq as experiment
-from cosim.experiments.preview_lq import INPUTS, SYSTEMS, Case, FmuSet, PreviewLqBench
+from cosim.experiments.cases import FmuSet
+from cosim.experiments.preview_lq import INPUTS, SYSTEMS, Case, PreviewLqBench
 from fmu_sources.controllers.preview_lq import CORNERS, WEIGHTED, ride_plant
 from fmu_sources.controllers.preview_lq_design import continuous_lq, output_index
 from fmu_sources.controllers.preview_lq_weights import load_weights

@@ -7,17 +7,18 @@ import pytest
 
 from cosim import metrics
 from cosim.experiments import gpc_report, gpc_study
-from cosim.experiments.gpc import FmuSet, GpcBench, Match, Scenario, ScenarioError, match_weight
+from cosim.experiments.cases import CaseError
+from cosim.experiments.gpc import GpcBench, GpcFmuSet, Match, Scenario, match_weight
 from cosim.experiments.gpc_study import SEEDS, Study
 
 
 @pytest.fixture(scope="session")
-def fmus(built_fmus) -> FmuSet:
-    return FmuSet(built_fmus.path("FullCarHmmwvModified", 3).parent.parent)
+def fmus(built_fmus) -> GpcFmuSet:
+    return GpcFmuSet(built_fmus.path("FullCarHmmwvModified", 3).parent.parent)
 
 
 @pytest.fixture(scope="session")
-def study(fmus: FmuSet, tmp_path_factory: pytest.TempPathFactory) -> Study:
+def study(fmus: GpcFmuSet, tmp_path_factory: pytest.TempPathFactory) -> Study:
     """The whole study, run once."""
     return gpc_study.study(fmus, tmp_path_factory.mktemp("runs"))
 
@@ -58,7 +59,7 @@ def test_no_run_diverges(medians) -> None:
     assert medians["diverged_runs"] == 0
 
 
-def test_report_tells_what_the_study_found(study: Study, fmus: FmuSet, tmp_path) -> None:
+def test_report_tells_what_the_study_found(study: Study, fmus: GpcFmuSet, tmp_path) -> None:
     report = gpc_report.report(study, fmus)
     ids = {f.id for f in report.figures}
     assert ids == {f"figure-{n}" for n in range(6, 13)}
@@ -67,7 +68,7 @@ def test_report_tells_what_the_study_found(study: Study, fmus: FmuSet, tmp_path)
     assert (tmp_path / "summary.json").is_file()
 
 
-def test_halving_the_solver_step_changes_nothing_visible(fmus: FmuSet) -> None:
+def test_halving_the_solver_step_changes_nothing_visible(fmus: GpcFmuSet) -> None:
     bench = GpcBench(fmus)
     for road in ("sine", "perryman3"):
         scenario = Scenario(road, 50.0, "passive")
@@ -78,16 +79,16 @@ def test_halving_the_solver_step_changes_nothing_visible(fmus: FmuSet) -> None:
     bench.close()
 
 
-def test_fmi_versions_agree_bit_for_bit(fmus: FmuSet) -> None:
+def test_fmi_versions_agree_bit_for_bit(fmus: GpcFmuSet) -> None:
     results = []
     for fmi in (2, 3):
-        bench = GpcBench(FmuSet(fmus.directory, fmi=fmi))
+        bench = GpcBench(GpcFmuSet(fmus.directory, fmi=fmi))
         results.append(bench.record(Scenario("perryman3", 60.0, "preview")).data)
         bench.close()
     np.testing.assert_array_equal(*results)
 
 
-def test_holding_the_last_height_helps_on_the_curb(fmus: FmuSet) -> None:
+def test_holding_the_last_height_helps_on_the_curb(fmus: GpcFmuSet) -> None:
     """Explicit takes the road ahead to be at height 0; behind a step up that is wrong, and holding is right."""
     bench = GpcBench(fmus)
     published = bench.measure(Scenario("curb", 72.0, "explicit"))
@@ -127,13 +128,13 @@ def test_matching_says_not_found() -> None:
     ],
 )
 def test_scenarios_that_do_not_exist(choice: dict, message: str) -> None:
-    with pytest.raises(ScenarioError, match=message):
+    with pytest.raises(CaseError, match=message):
         Scenario(**choice)
 
 
 def test_missing_fmus_say_how_to_build_them(tmp_path) -> None:
     with pytest.raises(FileNotFoundError, match="build-fmus"):
-        GpcBench(FmuSet(tmp_path)).record(Scenario())
+        GpcBench(GpcFmuSet(tmp_path)).record(Scenario())
 
 
 def test_stored_runs_are_not_run_again(tmp_path) -> None:
@@ -147,7 +148,7 @@ def test_stored_runs_are_not_run_again(tmp_path) -> None:
     assert RunStore(tmp_path, "other").get({"a": 1}, lambda: {"x": 2.0}) == {"x": 2.0}
 
 
-def test_metrics_of_the_passive_car(fmus: FmuSet) -> None:
+def test_metrics_of_the_passive_car(fmus: GpcFmuSet) -> None:
     bench = GpcBench(fmus)
     m = bench.measure(Scenario("curb", 50.0, "passive"))
     bench.close()

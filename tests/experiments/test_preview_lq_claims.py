@@ -7,7 +7,8 @@ import pytest
 
 from cosim import ComponentError, System
 from cosim.experiments import preview_lq_report, preview_lq_study
-from cosim.experiments.preview_lq import WEIGHTS, Case, CaseError, FmuSet, PreviewLqBench
+from cosim.experiments.cases import CaseError, FmuSet
+from cosim.experiments.preview_lq import WEIGHTS, Case, PreviewLqBench
 from cosim.experiments.preview_lq_study import PRINTED, PRINTED_EIGENVALUES, Study
 from fmu_sources.controllers.preview_lq import CORNERS, design_taps, ride_plant
 from fmu_sources.controllers.preview_lq_design import sampled_loop

@@ -1,0 +1,43 @@
+"""What all experiments share: where their FMUs are, and the refusal of a run that does not exist."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Collection
+from dataclasses import dataclass
+from pathlib import Path
+
+
+class CaseError(ValueError):
+    """A run that does not exist; the message says which choice is wrong and what there is."""
+
+
+def check_choice(what: str, value: str, known: Collection[str]) -> None:
+    """Refuse ``value`` unless it is one of ``known``.
+
+    Raises:
+        CaseError: names the nearest choice and all of them.
+    """
+    if value not in known:
+        near = difflib.get_close_matches(value, known, n=1)
+        hint = f"; did you mean {near[0]}?" if near else ""
+        raise CaseError(f"no {what} {value!r}{hint} (there are: {', '.join(known)})")
+
+
+@dataclass(frozen=True)
+class FmuSet:
+    """Which FMU files an experiment uses."""
+
+    directory: Path = Path("fmus")
+    fmi: int = 3
+
+    def path(self, name: str) -> Path:
+        """An FMU file; FileNotFoundError that says how to build it."""
+        path = self.directory / f"fmi{self.fmi}" / f"{name}.fmu"
+        if not path.is_file():
+            raise FileNotFoundError(f"{path} does not exist: run `{self.build_command()}` first")
+        return path
+
+    def build_command(self) -> str:
+        """The command that makes the files."""
+        return f"build-fmus --out {self.directory}"
