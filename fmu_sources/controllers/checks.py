@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
+import numpy.typing as npt
+
+Array = npt.NDArray[np.float64]
 
 
 def whole_number(name: str, value: int) -> int:
@@ -12,3 +15,40 @@ def whole_number(name: str, value: int) -> int:
     if value < 1:
         raise ValueError(f"{name} = {value}; expected at least 1")
     return int(value)
+
+
+def finite_array(name: str, value: npt.ArrayLike, ndim: int | None = None) -> Array:
+    array = np.array(value, dtype=float)  # a copy, made read-only: a model or law never changes once it exists
+    array.setflags(write=False)
+    if ndim is not None and array.ndim != ndim:
+        raise ValueError(f"{name} has {array.ndim} dimensions, shape {array.shape}; expected {ndim}")
+    bad = np.argwhere(~np.isfinite(array))
+    if len(bad):
+        where = ", ".join(str(int(k)) for k in bad[0])
+        raise ValueError(f"{name}[{where}] is {array[tuple(bad[0])]}" if where else f"{name} is {array}")
+    return array
+
+
+def signal(name: str, value: npt.ArrayLike | None, width: int | None = None) -> Array:
+    """A recorded signal, one row per sample."""
+    if value is None:
+        raise ValueError(f"{name} is missing: the model has {width} of them")
+    array = np.array(value, dtype=float)
+    if array.ndim != 2 or (width is not None and array.shape[1] != width):
+        columns = "columns" if width is None else f"{width} columns"
+        raise ValueError(f"{name} has shape {array.shape}; expected one row per sample and {columns}")
+    bad = np.argwhere(~np.isfinite(array))
+    if len(bad):
+        sample, column = (int(k) for k in bad[0])
+        raise ValueError(f"{name}[{column}] is {array[sample, column]} at sample {sample}")
+    return array
+
+
+def rows(name: str, value: npt.ArrayLike | None, rows: int, width: int) -> Array:
+    """A history or future with one row per instant, given as such, flattened, or None for zeros."""
+    if value is None:
+        return np.zeros((rows, width))
+    array = np.asarray(value, dtype=float)
+    if array.shape not in ((rows, width), (rows * width,)):
+        raise ValueError(f"{name} has shape {array.shape}; expected ({rows}, {width}) or ({rows * width},)")
+    return array.reshape(rows, width)

@@ -1,4 +1,4 @@
-"""Generalized predictive control: identification, multi-step prediction and control laws.
+"""Generalized predictive control: multi-step prediction and control laws of an ARX model (module ``arx``).
 
 Brown, Murugan, Mazza, "Analytical Evaluation of Generalized Predictive Control Algorithms Using a Full Vehicle
 Multi-Body Dynamics Model For Mobility Enhancement". Equation numbers in this file are that paper's.
@@ -38,11 +38,10 @@ import numpy as np
 import numpy.typing as npt
 from scipy import linalg
 
-from fmu_sources.controllers.checks import whole_number
+from fmu_sources.controllers.arx import ArxModel
+from fmu_sources.controllers.checks import finite_array, rows, whole_number
 
 __all__ = [
-    "ArxIdentification",
-    "ArxModel",
     "GpcLaw",
     "GpcSequence",
     "MultiStepPredictor",
@@ -50,7 +49,6 @@ __all__ = [
     "closed_loop_spectral_radius",
     "gpc_law",
     "gpc_sequence",
-    "identify_arx",
     "multi_step_predictor",
 ]
 
@@ -59,202 +57,6 @@ Variant = Literal["implicit", "explicit", "preview"]
 
 LAW_FORMAT = "gpc-law/1"
 EPS = float(np.finfo(float).eps)
-
-
-# ---------------------------------------------------------------------------------------------- ARX model
-
-
-@dataclass(frozen=True, eq=False)
-class ArxModel:
-    """Coefficients of the ARX model (1), (17): the observer Markov parameters.
-
-    `alpha[i - 1]` is alpha_i; `beta[i]` and `delta[i]` are beta_i and delta_i, index 0 being the direct term.
-    """
-
-    alpha: Array  # (p, m, m)
-    beta: Array  # (p + 1, m, rc)
-    delta: Array = field(default_factory=lambda: np.zeros((0, 0, 0)))  # (p + 1, m, rd); empty becomes rd = 0
-
-    def __post_init__(self) -> None:
-        alpha = _finite_array("alpha", self.alpha, ndim=3)
-        beta = _finite_array("beta", self.beta, ndim=3)
-        p, m = alpha.shape[:2]
-        delta = _finite_array("delta", self.delta, ndim=3)
-        if not delta.size:
-            delta = np.zeros((p + 1, m, 0))
-        if p < 1 or m < 1 or alpha.shape != (p, m, m):
-            raise ValueError(f"alpha has shape {alpha.shape}; expected (p, m, m) with p >= 1 and m >= 1")
-        if beta.shape[:2] != (p + 1, m) or beta.shape[2] < 1:
-            raise ValueError(f"beta has shape {beta.shape}; alpha asks for ({p + 1}, {m}, rc) with rc >= 1")
-        if delta.shape[:2] != (p + 1, m):
-            raise ValueError(f"delta has shape {delta.shape}; alpha asks for ({p + 1}, {m}, rd)")
-        for name, value in (("alpha", alpha), ("beta", beta), ("delta", delta)):
-            object.__setattr__(self, name, value)
-
-    @property
-    def order(self) -> int:
-        """p."""
-        return int(self.alpha.shape[0])
-
-    @property
-    def outputs(self) -> int:
-        """m."""
-        return int(self.alpha.shape[1])
-
-    @property
-    def controls(self) -> int:
-        """rc."""
-        return int(self.beta.shape[2])
-
-    @property
-    def disturbances(self) -> int:
-        """rd."""
-        return int(self.delta.shape[2])
-
-    def simulate(
-        self,
-        u: npt.ArrayLike,
-        d: npt.ArrayLike | None = None,
-        *,
-        y_past: npt.ArrayLike | None = None,
-        u_past: npt.ArrayLike | None = None,
-        d_past: npt.ArrayLike | None = None,
-    ) -> Array:
-        """y(0) ... y(n-1) by stepping (1) through time, for u (n, rc) and d (n, rd) and given histories.
-
-        Histories hold p rows, most recent first; what is not given was zero. This is the definition of the model,
-        written as plainly as possible: the predictor is tested against it.
-        """
-        p = self.order
-        u_run = _signal("u", u, self.controls)
-        d_run = _signal("d", np.zeros((len(u_run), 0)) if d is None and not self.disturbances else d, self.disturbances)
-        if len(d_run) != len(u_run):
-            raise ValueError(f"d has {len(d_run)} samples, u has {len(u_run)}")
-        y_all = np.vstack([_rows("y_past", y_past, p, self.outputs)[::-1], np.zeros((len(u_run), self.outputs))])
-        u_all = np.vstack([_rows("u_past", u_past, p, self.controls)[::-1], u_run])
-        d_all = np.vstack([_rows("d_past", d_past, p, self.disturbances)[::-1], d_run])
-        for t in range(p, len(y_all)):
-            y_t = self.beta[0] @ u_all[t] + self.delta[0] @ d_all[t]
-            for i in range(1, p + 1):
-                y_t += self.alpha[i - 1] @ y_all[t - i] + self.beta[i] @ u_all[t - i] + self.delta[i] @ d_all[t - i]
-            y_all[t] = y_t
-        return y_all[p:]
-
-
-# ----------------------------------------------------------------------------------------- identification
-
-
-@dataclass(frozen=True, eq=False)
-class ArxIdentification:
-    """An identified model and how well the data determined it."""
-
-    model: ArxModel
-    samples: int  # L
-    equations: int  # L - p: columns of V that were used
-    singular_values: Array  # of V with every row scaled to length 1, largest first
-    rank: int  # singular values that were kept
-    condition: float  # largest over smallest kept singular value
-    residual_rms: Array  # (m,), in the unit of each output
-    dropped: tuple[str, ...]  # rows of V without variance, e.g. "d[2](t-3)": their coefficients are 0
-
-    def summary(self) -> dict[str, Any]:
-        """Plain numbers, to be stored as provenance of a law."""
-        return {
-            "order": self.model.order,
-            "samples": self.samples,
-            "equations": self.equations,
-            "rank": self.rank,
-            "unknowns_per_output": len(self.singular_values) + len(self.dropped),
-            "condition": self.condition,
-            "residual_rms": self.residual_rms.tolist(),
-            "dropped": list(self.dropped),
-        }
-
-
-def identify_arx(
-    u: npt.ArrayLike,
-    y: npt.ArrayLike,
-    d: npt.ArrayLike | None = None,
-    *,
-    order: int,
-    samples: int | None = None,
-    rcond: float | None = None,
-) -> ArxIdentification:
-    """Observer Markov parameters from a recorded run, by least squares on (2) with V of (4), with d that of (16).
-
-    u (n, rc), y (n, m) and d (n, rd) hold one row per sample. The last `samples` = L rows are used (all rows if it
-    is None), so that a run may begin with a stretch of settling. The columns of V that reach back before the first
-    of them are left out: the zeros printed there hold only for a run that starts from rest with no disturbance.
-
-    The rows of V differ by many orders of magnitude (newtons beside degrees), so each is scaled to length 1 before
-    the singular value decomposition, and of all exact fits the one of smallest norm in these units is taken. Singular
-    values below `rcond` times the largest count as zero; default: machine epsilon times the larger dimension of V.
-    """
-    p = whole_number("order", order)
-    u_run, y_run = _signal("u", u), _signal("y", y)
-    d_run = np.zeros((len(u_run), 0)) if d is None else _signal("d", d)
-    for name, run in (("u", u_run), ("y", y_run)):
-        if run.shape[1] == 0:
-            raise ValueError(f"{name} has no columns")
-    for name, run in (("y", y_run), ("d", d_run)):
-        if len(run) != len(u_run):
-            raise ValueError(f"{name} has {len(run)} samples, u has {len(u_run)}")
-
-    length = len(u_run) if samples is None else whole_number("samples", samples)
-    if length > len(u_run):
-        raise ValueError(f"samples = {length}, but only {len(u_run)} were recorded")
-    u_run, y_run, d_run = (run[len(run) - length :] for run in (u_run, y_run, d_run))
-
-    m, rc, rd = y_run.shape[1], u_run.shape[1], d_run.shape[1]
-    unknowns = rd + rc + (rd + rc + m) * p
-    if length - p < unknowns:
-        raise ValueError(
-            f"too few samples: order {p} with {m} outputs, {rc} controls and {rd} disturbances has {unknowns} "
-            f"coefficients per output and needs at least {unknowns + p} samples, got {length}"
-        )
-
-    v, labels = _data_matrix(y_run, u_run, d_run, p)
-    kept = np.ptp(v, axis=1) > 8 * EPS * np.max(np.abs(v), axis=1)
-    if not kept.any():
-        raise ValueError("u, y and d are constant over the whole run: nothing to identify")
-    scale = linalg.norm(v[kept], axis=1)
-    left, singular, right = linalg.svd(v[kept] / scale[:, None], full_matrices=False, lapack_driver="gesvd")
-    limit = max(v.shape) * EPS if rcond is None else rcond
-    rank = int(np.count_nonzero(singular > limit * singular[0]))
-    target = y_run[p:].T
-    y_bar = np.zeros((m, unknowns))
-    y_bar[:, kept] = ((target @ right[:rank].T) / singular[:rank]) @ left[:, :rank].T / scale
-    residual = target - y_bar @ v
-
-    # (5), (17) read back: [delta_0 beta_0 | delta_1 beta_1 alpha_1 | ... | delta_p beta_p alpha_p]
-    direct, rest = y_bar[:, : rd + rc], y_bar[:, rd + rc :].reshape(m, p, rd + rc + m).transpose(1, 0, 2)
-    model = ArxModel(
-        alpha=rest[:, :, rd + rc :],
-        beta=np.concatenate([direct[None, :, rd:], rest[:, :, rd : rd + rc]]),
-        delta=np.concatenate([direct[None, :, :rd], rest[:, :, :rd]]),
-    )
-    return ArxIdentification(
-        model=model,
-        samples=length,
-        equations=length - p,
-        singular_values=singular,
-        rank=rank,
-        condition=float(singular[0] / singular[rank - 1]),
-        residual_rms=np.sqrt(np.mean(residual**2, axis=1)),
-        dropped=tuple(label for label, keep in zip(labels, kept, strict=True) if not keep),
-    )
-
-
-def _data_matrix(y: Array, u: Array, d: Array, p: int) -> tuple[Array, list[str]]:
-    """V of (4), (16) from column p on, and a label for each row."""
-    blocks: list[Array] = []
-    labels: list[str] = []
-    for lag in range(p + 1):
-        signals = [("d", d), ("u", u)] + ([("y", y)] if lag else [])
-        for name, run in signals:
-            blocks.append(run[p - lag : len(run) - lag].T)
-            labels += [f"{name}[{k}](t-{lag})" if lag else f"{name}[{k}](t)" for k in range(run.shape[1])]
-    return np.vstack(blocks), labels
 
 
 # ------------------------------------------------------------------------------------ multi-step predictor
@@ -293,11 +95,11 @@ class MultiStepPredictor:
         """(20): predicted outputs, (h_p, m). Disturbances that are not given are zero."""
         p = self.order
         y_future = (
-            self.tau @ _rows("u_future", u_future, self.h_c, self.controls).ravel()
-            + self.alpha @ _rows("y_hist", y_hist, p, self.outputs).ravel()
-            + self.beta @ _rows("u_hist", u_hist, p, self.controls).ravel()
-            + self.delta @ _rows("d_hist", d_hist, p, self.disturbances).ravel()
-            + self.gamma @ _rows("d_future", d_future, self.h_p, self.disturbances).ravel()
+            self.tau @ rows("u_future", u_future, self.h_c, self.controls).ravel()
+            + self.alpha @ rows("y_hist", y_hist, p, self.outputs).ravel()
+            + self.beta @ rows("u_hist", u_hist, p, self.controls).ravel()
+            + self.delta @ rows("d_hist", d_hist, p, self.disturbances).ravel()
+            + self.gamma @ rows("d_future", d_future, self.h_p, self.disturbances).ravel()
         )
         return y_future.reshape(self.h_p, self.outputs)
 
@@ -373,10 +175,10 @@ class GpcSequence:
         """The optimal sequence, (h_c, rc). Disturbances that are not given are zero."""
         size = self.predictor
         u_future = (
-            self.gain_y @ _rows("y_hist", y_hist, size.order, size.outputs).ravel()
-            + self.gain_u @ _rows("u_hist", u_hist, size.order, size.controls).ravel()
-            + self.gain_d @ _rows("d_hist", d_hist, size.order, size.disturbances).ravel()
-            + self.gain_preview @ _rows("d_future", d_future, size.h_p, size.disturbances).ravel()
+            self.gain_y @ rows("y_hist", y_hist, size.order, size.outputs).ravel()
+            + self.gain_u @ rows("u_hist", u_hist, size.order, size.controls).ravel()
+            + self.gain_d @ rows("d_hist", d_hist, size.order, size.disturbances).ravel()
+            + self.gain_preview @ rows("d_future", d_future, size.h_p, size.disturbances).ravel()
         )
         return u_future.reshape(size.h_c, size.controls)
 
@@ -446,9 +248,9 @@ class GpcLaw:
         for name in ("order", "h_p", "h_c"):
             whole_number(name, getattr(self, name))
         for name in ("gain_y", "gain_u", "gain_d", "gain_preview"):
-            object.__setattr__(self, name, _finite_array(name, getattr(self, name), ndim=2))
+            object.__setattr__(self, name, finite_array(name, getattr(self, name), ndim=2))
         for name in ("output_weight", "control_weight"):
-            object.__setattr__(self, name, _finite_array(name, getattr(self, name)))
+            object.__setattr__(self, name, finite_array(name, getattr(self, name)))
         expected = {
             "gain_y": self.outputs * self.order,
             "gain_u": self.controls * self.order,
@@ -511,13 +313,13 @@ class GpcLaw:
                 raise ValueError(f"the {self.variant} law needs {name}")
             if not wanted[name] and value is not None:
                 raise ValueError(f"the {self.variant} law has no use for {name}")
-        u = self.gain_y @ _rows("y_hist", y_hist, self.order, self.outputs).ravel()
-        u += self.gain_u @ _rows("u_hist", u_hist, self.order, self.controls).ravel()
+        u = self.gain_y @ rows("y_hist", y_hist, self.order, self.outputs).ravel()
+        u += self.gain_u @ rows("u_hist", u_hist, self.order, self.controls).ravel()
         if self.variant != "implicit":
             gain = self.gain_d_hold if self.hold else self.gain_d
-            u += gain @ _rows("d_hist", d_hist, self.order, self.disturbances).ravel()
+            u += gain @ rows("d_hist", d_hist, self.order, self.disturbances).ravel()
         if self.variant == "preview":
-            u += self.gain_preview @ _rows("d_future", d_future, self.h_p, self.disturbances).ravel()
+            u += self.gain_preview @ rows("d_future", d_future, self.h_p, self.disturbances).ravel()
         return u
 
     def to_dict(self) -> dict[str, Any]:
@@ -632,7 +434,7 @@ def closed_loop_spectral_radius(model: ArxModel, law: GpcLaw) -> float:
 
 def _weight_factor(name: str, weight: npt.ArrayLike, width: int, horizon: int, *, signal: str, definite: bool) -> Array:
     """F with F' F = the whole weight matrix, after checking the weight."""
-    value = _finite_array(name, weight)
+    value = finite_array(name, weight)
     if value.ndim == 0:
         value = np.full(width, float(value))
     full = width * horizon
@@ -657,43 +459,6 @@ def _weight_factor(name: str, weight: npt.ArrayLike, width: int, horizon: int, *
         raise ValueError(f"{name} is not {wanted}: its smallest eigenvalue is {eigenvalues[0]:g}")
     factor = np.sqrt(np.maximum(eigenvalues, 0.0))[:, None] * vectors.T
     return factor if len(value) == full else np.kron(np.eye(horizon), factor)
-
-
-def _finite_array(name: str, value: npt.ArrayLike, ndim: int | None = None) -> Array:
-    array = np.array(value, dtype=float)  # a copy, made read-only: a model or law never changes once it exists
-    array.setflags(write=False)
-    if ndim is not None and array.ndim != ndim:
-        raise ValueError(f"{name} has {array.ndim} dimensions, shape {array.shape}; expected {ndim}")
-    bad = np.argwhere(~np.isfinite(array))
-    if len(bad):
-        where = ", ".join(str(int(k)) for k in bad[0])
-        raise ValueError(f"{name}[{where}] is {array[tuple(bad[0])]}" if where else f"{name} is {array}")
-    return array
-
-
-def _signal(name: str, value: npt.ArrayLike | None, width: int | None = None) -> Array:
-    """A recorded signal, one row per sample."""
-    if value is None:
-        raise ValueError(f"{name} is missing: the model has {width} of them")
-    array = np.array(value, dtype=float)
-    if array.ndim != 2 or (width is not None and array.shape[1] != width):
-        columns = "columns" if width is None else f"{width} columns"
-        raise ValueError(f"{name} has shape {array.shape}; expected one row per sample and {columns}")
-    bad = np.argwhere(~np.isfinite(array))
-    if len(bad):
-        sample, column = (int(k) for k in bad[0])
-        raise ValueError(f"{name}[{column}] is {array[sample, column]} at sample {sample}")
-    return array
-
-
-def _rows(name: str, value: npt.ArrayLike | None, rows: int, width: int) -> Array:
-    """A history or future with one row per instant, given as such, flattened, or None for zeros."""
-    if value is None:
-        return np.zeros((rows, width))
-    array = np.asarray(value, dtype=float)
-    if array.shape not in ((rows, width), (rows * width,)):
-        raise ValueError(f"{name} has shape {array.shape}; expected ({rows}, {width}) or ({rows * width},)")
-    return array.reshape(rows, width)
 
 
 def _json_text(value: Any, indent: str = "") -> str:

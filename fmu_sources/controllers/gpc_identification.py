@@ -18,6 +18,7 @@ from typing import Any, ClassVar, cast, get_args
 import numpy as np
 
 from cosim import PythonComponent, System, UnconnectedInputsWarning
+from fmu_sources.controllers.arx import ArxIdentification, identify_arx
 from fmu_sources.controllers.gpc import (
     CORNERS,
     LATCH_TICK,
@@ -27,11 +28,9 @@ from fmu_sources.controllers.gpc import (
     TICKS_PER_SAMPLE,
 )
 from fmu_sources.controllers.gpc_design import (
-    ArxIdentification,
     GpcLaw,
     Variant,
     gpc_law,
-    identify_arx,
     multi_step_predictor,
 )
 
@@ -181,7 +180,17 @@ def published_laws(
         digest = hashlib.sha256(json.dumps([asdict(s), asdict(DesignSettings())]).encode())
         here = Path(__file__).parent
         core = sorted((here.parent.parent / "cosim").glob("*.py"))
-        for p in (plant, road, speed, here / "gpc.py", here / "gpc_design.py", Path(__file__), *core):
+        for p in (
+            plant,
+            road,
+            speed,
+            here / "gpc.py",
+            here / "gpc_design.py",
+            here / "arx.py",
+            here / "checks.py",
+            Path(__file__),
+            *core,
+        ):
             digest.update(p.read_bytes())
         path = cache / "laws" / f"{digest.hexdigest()[:32]}.json"
         if path.exists():

@@ -10,13 +10,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import linalg, optimize, sparse
 
+from fmu_sources.controllers.arx import ArxModel, identify_arx
 from fmu_sources.controllers.gpc_design import (
-    ArxModel,
     GpcLaw,
     closed_loop_spectral_radius,
     gpc_law,
     gpc_sequence,
-    identify_arx,
     multi_step_predictor,
 )
 
