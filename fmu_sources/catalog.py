@@ -19,6 +19,8 @@ PAPERS = {
     "000": "R. Brown, M. Murugan, M. Mazza: Analytical Evaluation of Generalized Predictive Control Algorithms Using a Full "
     "Vehicle Multi-Body Dynamics Model For Mobility Enhancement",
     "001": "M. D. Donahue, J. K. Hedrick: Implementation of an Active Suspension, Preview Controller for Improved Ride Comfort",
+    "003": "A. Kale: Mobility Improvement of Wheeled Military Vehicles Using Preview Controlled Active Ride Height System, "
+    "M.Sc. thesis, Hacettepe University, 2020",
     "004": "J. Marzbanrad, Y. Hojjat, H. Zohoor, S. K. Nikravesh: Optimal Preview Control Design of an Active Suspension Based "
     "on a Full Car Model",
 }
@@ -54,6 +56,7 @@ def default_catalog() -> dict[str, Entry]:
         Entry("QuarterCarHmmwv", "quarter car of the HMMWV (paper 001)", _quarter_car),
         Entry("RideCarSedan", "linear 7-DOF ride car of paper 004", _ride_car("sedan", "RideCarSedan")),
         Entry("RideCarHmmwv", "linear 7-DOF ride car, HMMWV (paper 001)", _ride_car("ride_car_hmmwv", "RideCarHmmwv")),
+        Entry("ThreeAxleRide", "linear 9-DOF ride model of the 6x6 of paper 003", _three_axle_ride),
         *(
             Entry(name, f"electro-hydraulic actuator (paper 001), {summary}", _hydraulic_actuator(parameters, name))
             for name, (parameters, summary) in _ACTUATORS.items()
@@ -197,6 +200,13 @@ def _ride_car(vehicle: str, name: str) -> Callable[[Context], Component]:
         return ride_car(load_ride_car(vehicle), name=name)
 
     return make
+
+
+def _three_axle_ride(_: Context) -> Component:
+    from fmu_sources.plants import ride_car
+    from fmu_sources.vehicles import load_three_axle
+
+    return ride_car(load_three_axle("three_axle"), name="ThreeAxleRide")
 
 
 def _hydraulic_actuator(parameters: str, name: str) -> Callable[[Context], Component]:

@@ -1,12 +1,13 @@
-"""Ride car: a body that heaves, rolls and pitches on four wheels that hop; linear, derived from its energies.
+"""Ride car: a body that heaves, rolls and pitches on wheels that hop; linear, derived from its energies.
 
-Lagrange's equations in the coordinates ``q``: body height, roll and pitch at the CG, and four wheel heights,
+Lagrange's equations in the coordinates ``q``: body height, roll and pitch at the CG, and one height per wheel,
 
     d/dt dT/dq' = Q - dV/dq - dR/dq'
 
 with kinetic energy T, energy of springs and tyres V, half of the power lost in dampers and tyres R, and the generalized
 forces Q of the actuators by virtual work. All four follow from two lengths per corner, suspension and tyre deflection,
-paper 004 equation (12). Nothing else is written down, so the equations cannot disagree with each other.
+paper 004 equation (12). Nothing else is written down, so the equations cannot disagree with each other. How many axles
+there are is up to the vehicle: two make the seven-degree car of papers 004 and 001, three the nine-degree 6x6 of paper 003.
 """
 
 from __future__ import annotations
@@ -17,35 +18,40 @@ from typing import Any
 import casadi as ca
 
 from build_fmus.component import Component
-from fmu_sources.vehicles import RideCar, declare
+from fmu_sources.vehicles import RideCar, ThreeAxleCar, declare
 
-CORNERS = {"fl": 1, "fr": -1, "rl": 1, "rr": -1}  # corner -> side of the CG: 1 left, -1 right
+_SOURCES = {
+    RideCar: "004 equations (1) to (9), (12)",
+    ThreeAxleCar: "003 equations (3.1) to (3.35), (3.42), (3.43), (3.45) to (3.49); axes of ISO 8855",
+}
 
 
-def ride_car(vehicle: RideCar, name: str = "RideCarSedan") -> Component:
-    """Seven-degree ride car of papers 004 (equations (1) to (9)) and 001, with tyre damping.
+def ride_car(vehicle: RideCar | ThreeAxleCar, name: str = "RideCarSedan") -> Component:
+    """Ride car with tyre damping: of papers 004 (equations (1) to (9)) and 001 with two axles, of paper 003 with three.
 
-    Displacements are measured from static equilibrium. Actuator forces push the body up and the wheel down.
+    Displacements are measured from static equilibrium. Actuator forces push the body up and the wheel down. Paper 003 has
+    roll positive to the left and pitch positive nose up: both signs are those of ISO 8855 here, the other way round.
     """
+    corners = {n: 1 if n.endswith("l") else -1 for n in vehicle.wheel.axle_of}  # -> side of the CG: 1 left, -1 right
     c = Component(
         name,
         kind="continuous",
-        description=f"Ride car, linear, 7 degrees of freedom: {vehicle.name}",
-        source="004 equations (1) to (9), (12); derived from energies in the source of this component",
+        description=f"Ride car, linear, {3 + len(corners)} degrees of freedom: {vehicle.name}",
+        source=f"{_SOURCES[type(vehicle)]}; derived from energies in the source of this component",
         solver="rk4",
         solver_step=5e-4,
         notes=_NOTES,
     )
     p = declare(c, vehicle)
-    part = {n: (getattr(p.wheel, n), getattr(p.suspension, n), getattr(p.tire, n)) for n in CORNERS}
+    part = {n: (getattr(p.wheel, n), getattr(p.suspension, n), getattr(p.tire, n)) for n in corners}
 
     # ------------------------------------------------------------------------------------------------------ inputs
 
-    road = [c.input(f"road.{n}.height", "m", f"road height under the {n} wheel") for n in CORNERS]
-    road_rate = [c.input(f"road.{n}.rate", "m/s", f"rate of the road height under the {n} wheel") for n in CORNERS]
+    road = [c.input(f"road.{n}.height", "m", f"road height under the {n} wheel") for n in corners]
+    road_rate = [c.input(f"road.{n}.rate", "m/s", f"rate of the road height under the {n} wheel") for n in corners]
     force = [
         c.input(f"force.{n}", "N", f"actuator force at {n}, positive lifts the body and pushes the wheel down")
-        for n in CORNERS
+        for n in corners
     ]
 
     # --------------------------------------------------------------------------------- coordinates and their rates
@@ -56,19 +62,19 @@ def ride_car(vehicle: RideCar, name: str = "RideCarSedan") -> Component:
         c.state("body.roll", "rad", "roll angle, positive left side up", **angle),
         c.state("body.pitch", "rad", "pitch angle, positive nose down", **angle),
         *(c.state(f"wheel.{n}.z", "m", "wheel height above static equilibrium", output=True, nominal=0.1)
-          for n in CORNERS),
+          for n in corners),
     ]  # fmt: skip
     dq = [
         c.state("body.vz", "m/s", "vertical velocity of the CG", output=True),
         c.state("body.roll_rate", "rad/s", "roll rate", output=True, nominal=0.1, display_unit="deg/s"),
         c.state("body.pitch_rate", "rad/s", "pitch rate", output=True, nominal=0.1, display_unit="deg/s"),
-        *(c.state(f"wheel.{n}.vz", "m/s", "vertical velocity of the wheel", output=True) for n in CORNERS),
+        *(c.state(f"wheel.{n}.vz", "m/s", "vertical velocity of the wheel", output=True) for n in corners),
     ]
 
     def lengths(q: list[Any], road: list[Any]) -> tuple[list[Any], list[Any]]:
         """Suspension and tyre deflections of the corners; their rates when given rates. 004 equation (12)."""
         z, roll, pitch, *wheels = q
-        top = [z + CORNERS[n] * wheel.half_track * roll - wheel.x * pitch for n, (wheel, _, _) in part.items()]
+        top = [z + corners[n] * wheel.half_track * roll - wheel.x * pitch for n, (wheel, _, _) in part.items()]
         return [a - b for a, b in zip(top, wheels, strict=True)], [a - b for a, b in zip(wheels, road, strict=True)]
 
     travel, squeeze = lengths(q, road)
@@ -103,20 +109,20 @@ def ride_car(vehicle: RideCar, name: str = "RideCarSedan") -> Component:
     c.output("body.az", az, "m/s2", "vertical acceleration of the CG")
     c.output("body.roll_acceleration", roll_acceleration, "rad/s2", "roll acceleration", display_unit="deg/s2")
     c.output("body.pitch_acceleration", pitch_acceleration, "rad/s2", "pitch acceleration", display_unit="deg/s2")
-    for n, value in zip(CORNERS, wheel_az, strict=True):
+    for n, value in zip(corners, wheel_az, strict=True):
         c.output(f"wheel.{n}.az", value, "m/s2", "vertical acceleration of the wheel")
-    for n, value in zip(CORNERS, travel, strict=True):
+    for n, value in zip(corners, travel, strict=True):
         c.output(f"suspension.{n}.deflection", value, "m", "body height minus wheel height", display_unit="mm")
-    for n, value in zip(CORNERS, travel_rate, strict=True):
+    for n, value in zip(corners, travel_rate, strict=True):
         c.output(f"suspension.{n}.velocity", value, "m/s", "rate of the suspension deflection")
-    for n, value in zip(CORNERS, squeeze, strict=True):
+    for n, value in zip(corners, squeeze, strict=True):
         c.output(f"tire.{n}.deflection", value, "m", "wheel height minus road height", display_unit="mm")
 
-    c.stimulate(_stimulus())
+    c.stimulate(_stimulus(list(corners)))
     return c
 
 
-def _stimulus() -> dict[str, Any]:
+def _stimulus(corners: list[str]) -> dict[str, Any]:
     """A bump taken at an angle, and some actuator work, for the reference result."""
 
     def bump(at: float) -> tuple[Any, Any]:
@@ -130,11 +136,11 @@ def _stimulus() -> dict[str, Any]:
         )
 
     signals: dict[str, Any] = {
-        "force.fl": lambda t: 1000.0 * sin(2 * pi * 5 * t),
-        "force.rr": lambda t: -600.0 * sin(2 * pi * 3 * t),
+        f"force.{corners[0]}": lambda t: 1000.0 * sin(2 * pi * 5 * t),
+        f"force.{corners[-1]}": lambda t: -600.0 * sin(2 * pi * 3 * t),
     }
-    for n, at in (("fl", 0.02), ("fr", 0.03), ("rl", 0.09), ("rr", 0.10)):
-        signals[f"road.{n}.height"], signals[f"road.{n}.rate"] = bump(at)
+    for i, n in enumerate(corners):  # the right wheel 10 ms behind the left one, each axle 70 ms behind the one ahead
+        signals[f"road.{n}.height"], signals[f"road.{n}.rate"] = bump(round(0.02 + 0.07 * (i // 2) + 0.01 * (i % 2), 2))
     return signals
 
 
@@ -142,9 +148,9 @@ _NOTES = (
     "The body heaves, rolls and pitches about its CG, small angles; the wheels hop. All stiffnesses and dampings act at "
     "the wheels. Displacements count from static equilibrium, so weight does not appear. Tyres are linear springs and "
     "dampers that can also pull: for tyres that lift off use the full car.",
-    "The vehicle file gives front and rear values; in the FMU each wheel has its own, so that the sides may differ "
+    "The vehicle file gives values of each axle; in the FMU each wheel has its own, so that the sides may differ "
     "(one soft damper, a load to one side). wheel.*.x is the position ahead of the CG, negative at the rear; moving the "
-    "CG changes all four of them.",
+    "CG changes all of them.",
     "Every state is an output and may be set before the start. A, B, C and D of the linear model are those of the "
     "directional derivatives at any point.",
     "Wiring: connect a road's outputs road.*.height and road.*.rate to the inputs of the same name; a controller drives "

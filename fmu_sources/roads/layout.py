@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from fmu_sources.vehicles import FullCar, RideCar
+from fmu_sources.vehicles import FullCar, RideCar, ThreeAxleCar
 
 
 @dataclass(frozen=True)
@@ -37,14 +37,15 @@ class RoadLayout:
             raise ValueError(f"preview of {given}: at least 2 are needed, a positive time apart")
 
     @classmethod
-    def of(cls, vehicle: FullCar | RideCar, *, preview_count: int = 8, preview_step: float = 0.010) -> RoadLayout:
-        """Layout of a two-axle vehicle."""
-        if isinstance(vehicle, RideCar):
-            axles = (("f", vehicle.wheel.front), ("r", vehicle.wheel.rear))
+    def of(
+        cls, vehicle: FullCar | RideCar | ThreeAxleCar, *, preview_count: int = 8, preview_step: float = 0.010
+    ) -> RoadLayout:
+        """Layout of a vehicle."""
+        if not isinstance(vehicle, FullCar):
+            corners = {c: getattr(vehicle.wheel, axle) for c, axle in vehicle.wheel.axle_of.items()}
             places = tuple(
-                WheelPosition(end + side, wheel.x.value, sign * wheel.half_track.value)
-                for end, wheel in axles
-                for side, sign in (("l", 1), ("r", -1))
+                WheelPosition(c, w.x.value, (1 if c.endswith("l") else -1) * w.half_track.value)
+                for c, w in corners.items()
             )
             return cls(places, preview_count, preview_step)
         body = vehicle.body

@@ -7,10 +7,11 @@ from fmu_sources.vehicles.loader import (
     load_full_car,
     load_quarter_car,
     load_ride_car,
+    load_three_axle,
     load_vehicle,
     vehicle_names,
 )
-from fmu_sources.vehicles.schema import Actuator, FullCar, Quantity, QuarterCar, RideCar, Vehicle
+from fmu_sources.vehicles.schema import Actuator, FullCar, Quantity, QuarterCar, RideCar, ThreeAxleCar, Vehicle
 
 __all__ = [
     "Actuator",
@@ -18,6 +19,7 @@ __all__ = [
     "Quantity",
     "QuarterCar",
     "RideCar",
+    "ThreeAxleCar",
     "Vehicle",
     "VehicleError",
     "declare",
@@ -25,6 +27,7 @@ __all__ = [
     "load_full_car",
     "load_quarter_car",
     "load_ride_car",
+    "load_three_axle",
     "load_vehicle",
     "vehicle_names",
 ]

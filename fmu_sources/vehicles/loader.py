@@ -12,10 +12,20 @@ from typing import Any, cast
 from pydantic import BaseModel, ValidationError
 
 from build_fmus.component import Component
-from fmu_sources.vehicles.schema import KINDS, Actuator, Axles, FullCar, Quantity, QuarterCar, RideCar, Section, Vehicle
+from fmu_sources.vehicles.schema import (
+    KINDS,
+    Actuator,
+    Axles,
+    FullCar,
+    Quantity,
+    QuarterCar,
+    RideCar,
+    Section,
+    ThreeAxleCar,
+    Vehicle,
+)
 
 _HERE = Path(__file__).parent
-_AXLE_OF = {"fl": "front", "fr": "front", "rl": "rear", "rr": "rear"}
 
 
 class VehicleError(ValueError):
@@ -30,7 +40,7 @@ def vehicle_names() -> list[str]:
 def load_vehicle(name_or_path: str | Path, kind: str | None = None) -> Vehicle:
     """Load a vehicle by the name of a file of this package, or by a path.
 
-    ``kind`` (``"quarter_car"``, ``"ride_car"``, ``"full_car"``, ``"actuator"``) is what the caller needs; None takes what the file says.
+    ``kind`` (a key of :data:`~fmu_sources.vehicles.schema.KINDS`) is what the caller needs; None takes what the file says.
 
     Raises:
         VehicleError: no such file, TOML syntax, unknown, missing or misspelt field, wrong unit, value out of limits,
@@ -60,6 +70,11 @@ def load_ride_car(name_or_path: str | Path) -> RideCar:
     return cast(RideCar, load_vehicle(name_or_path, "ride_car"))
 
 
+def load_three_axle(name_or_path: str | Path) -> ThreeAxleCar:
+    """Load a vehicle of kind ``three_axle``; see :func:`load_vehicle`."""
+    return cast(ThreeAxleCar, load_vehicle(name_or_path, "three_axle"))
+
+
 def load_full_car(name_or_path: str | Path) -> FullCar:
     """Load a vehicle of kind ``full_car``; see :func:`load_vehicle`."""
     return cast(FullCar, load_vehicle(name_or_path, "full_car"))
@@ -86,7 +101,7 @@ def declare(c: Component, section: Section, prefix: str = "") -> Any:
             )  # fmt: skip
             setattr(symbols, name, symbol)
         elif isinstance(value, Axles):
-            wheels = {k: declare(c, getattr(value, axle), f"{prefix}{name}.{k}.") for k, axle in _AXLE_OF.items()}
+            wheels = {k: declare(c, getattr(value, axle), f"{prefix}{name}.{k}.") for k, axle in value.axle_of.items()}
             setattr(symbols, name, SimpleNamespace(**wheels))
         elif isinstance(value, Section):
             setattr(symbols, name, declare(c, value, f"{prefix}{name}."))

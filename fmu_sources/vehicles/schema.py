@@ -6,8 +6,9 @@ limits and description of a parameter are those of the field in the file.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationInfo, field_validator
 from pydantic_core import PydanticCustomError
@@ -84,6 +85,15 @@ class Axles(Section):
 
     In the FMU each wheel has parameters of its own (``fl fr rl rr``), so that a car may differ from side to side.
     """
+
+    axle_of: ClassVar[Mapping[str, str]] = {"fl": "front", "fr": "front", "rl": "rear", "rr": "rear"}
+    """Corner of the vehicle -> field of its axle."""
+
+
+class ThreeAxles(Axles):
+    """A table with ``a1``, ``a2`` and ``a3``, counted from the front: values of one wheel of that axle."""
+
+    axle_of = {f"a{i}{side}": f"a{i}" for i in (1, 2, 3) for side in "lr"}
 
 
 class Vehicle(Section):
@@ -163,6 +173,33 @@ class RideCar(Vehicle):
     wheel: _RideWheels
     suspension: _RideSuspensions
     tire: _RideTires
+
+
+class _ThreeWheels(ThreeAxles):
+    a1: _RideWheel
+    a2: _RideWheel
+    a3: _RideWheel
+
+
+class _ThreeSuspensions(ThreeAxles):
+    a1: _QuarterSuspension
+    a2: _QuarterSuspension
+    a3: _QuarterSuspension
+
+
+class _ThreeTires(ThreeAxles):
+    a1: _Tire
+    a2: _Tire
+    a3: _Tire
+
+
+class ThreeAxleCar(Vehicle):
+    """A body that heaves, rolls and pitches above six wheels on three axles; all values act at the wheels."""
+
+    body: _RideBody
+    wheel: _ThreeWheels
+    suspension: _ThreeSuspensions
+    tire: _ThreeTires
 
 
 # ------------------------------------------------------------------------------------------------------------- full car
@@ -294,6 +331,7 @@ class Actuator(Vehicle):
 KINDS: dict[str, type[Vehicle]] = {
     "quarter_car": QuarterCar,
     "ride_car": RideCar,
+    "three_axle": ThreeAxleCar,
     "full_car": FullCar,
     "actuator": Actuator,
 }
