@@ -9,7 +9,7 @@ import difflib
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from build_fmus.component import Component
@@ -53,6 +53,10 @@ class Entry:
 def default_catalog() -> dict[str, Entry]:
     """The FMUs of this project, with the vehicles they are published for."""
     entries = [
+        *(
+            Entry(name, f"LQR of paper 001, {summary}", _lqr_hmmwv(weights, name))
+            for name, (weights, summary) in _LQR_HMMWV.items()
+        ),
         Entry("QuarterCarHmmwv", "quarter car of the HMMWV (paper 001)", _quarter_car),
         Entry("RideCarSedan", "linear 7-DOF ride car of paper 004", _ride_car("sedan", "RideCarSedan")),
         Entry("RideCarHmmwv", "linear 7-DOF ride car, HMMWV (paper 001)", _ride_car("ride_car_hmmwv", "RideCarHmmwv")),
@@ -69,6 +73,12 @@ def default_catalog() -> dict[str, Entry]:
             Entry(name, f"preview LQ law of paper 004, {summary}", _preview_lq(weights, name, period))
             for name, (weights, period, summary) in _PREVIEW_LQ.items()
         ),
+        Entry(
+            "RoadOffroadHmmwv",
+            "off-road terrain under the HMMWV (paper 001)",
+            _hmmwv_road("road_offroad", name="RoadOffroadHmmwv"),
+        ),
+        Entry("Skyhook", "skyhook damping (paper 001)", _skyhook),
         Entry("SpeedProfile", "constant speed or ramp, with travelled distance", _speed_profile),
         *vehicle_catalog("hmmwv", plant="FullCarHmmwv", suffix=None).values(),
         *vehicle_catalog("hmmwv_modified", plant="FullCarHmmwvModified", suffix="").values(),
@@ -178,6 +188,10 @@ _ACTUATORS = {
     "HydraulicActuator": ("actuator_hmmwv", "the paper's parameters"),
     "HydraulicActuatorPhysical": ("actuator_hmmwv_physical", "density of real oil"),
 }
+_LQR_HMMWV = {
+    "LqrHmmwv": ("TABLE_1_1", "force weighted in N, as published"),
+    "LqrHmmwvKilonewton": ("TABLE_1_1_KILONEWTON", "force weighted in kN"),
+}
 _GPC = {
     "GpcImplicit": ("GPC with implicit disturbances (paper 000)", "implicit"),
     "GpcExplicit": ("GPC with explicit disturbances (paper 000)", "explicit"),
@@ -230,18 +244,43 @@ def _sedan_road(maker: str) -> Callable[[Context], Component]:
     return _ride_car_road(maker, "sedan", count=48, step=0.005)
 
 
-def _hmmwv_road(maker: str) -> Callable[[Context], Component]:
+def _hmmwv_road(maker: str, **options: Any) -> Callable[[Context], Component]:
     """A road under the HMMWV of paper 001, with the preview that its controllers use."""
-    return _ride_car_road(maker, "ride_car_hmmwv", count=16, step=0.030)
+    return _ride_car_road(maker, "ride_car_hmmwv", count=16, step=0.030, **options)
 
 
-def _ride_car_road(maker: str, vehicle: str, *, count: int, step: float) -> Callable[[Context], Component]:
+def _ride_car_road(
+    maker: str, vehicle: str, *, count: int, step: float, **options: Any
+) -> Callable[[Context], Component]:
     def make(_: Context) -> Component:
         from fmu_sources import roads
         from fmu_sources.vehicles import load_ride_car
 
         layout = roads.RoadLayout.of(load_ride_car(vehicle), preview_count=count, preview_step=step)
-        return getattr(roads, maker)(layout)
+        return getattr(roads, maker)(layout, **options)
+
+    return make
+
+
+def _hmmwv_car() -> Component:
+    """The car that the controllers and the estimator of paper 001 are designed on."""
+    from fmu_sources.plants import ride_car
+    from fmu_sources.vehicles import load_ride_car
+
+    return ride_car(load_ride_car("ride_car_hmmwv"), name="RideCarHmmwv")
+
+
+def _skyhook(_: Context) -> Component:
+    from fmu_sources.controllers.skyhook import skyhook
+
+    return skyhook(_hmmwv_car())
+
+
+def _lqr_hmmwv(weights: str, name: str) -> Callable[[Context], Component]:
+    def make(_: Context) -> Component:
+        from fmu_sources.controllers import lqr_hmmwv as lqr
+
+        return lqr.lqr_hmmwv(_hmmwv_car(), getattr(lqr, weights), name)
 
     return make
 

@@ -32,6 +32,7 @@ RELATIVE_STATES = (*SUSPENSION, *TIRE, *WHEEL_SPEED, *BODY_SPEED)
 FORCES = tuple(f"force.{k}" for k in CORNERS)
 ROAD_HEIGHTS = tuple(f"road.{k}.height" for k in CORNERS)
 ROAD_RATES = tuple(f"road.{k}.rate" for k in CORNERS)
+FORCE_LIMIT = 8000.0  # N, 001 Table 1.3
 
 _TOLERANCE = 1e-9  # of the largest element; what is left of a product that should cancel
 
@@ -93,6 +94,31 @@ def relative_inputs(c: Component, car: Component) -> Any:
         v = car.variable(name)
         symbols.append(c.input(name, v.unit, v.description, nominal=v.nominal, display_unit=v.display_unit))
     return ca.vertcat(*symbols)
+
+
+def force_outputs(c: Component, forces: Sequence[Any]) -> None:
+    """What every higher-level controller of this car has beside its law: ``body.az`` among the inputs, forces within a limit.
+
+    ``forces``: expressions in the order of :data:`FORCES`.
+    """
+    if "body.az" not in {v.name for v in c.all_variables}:
+        c.input("body.az", "m/s2", "vertical acceleration of the CG")
+    limit = c.parameter(
+        "force.limit", FORCE_LIMIT, "N", "largest force of an actuator that is asked for", min=0.0, max=1e6, tunable=True,
+        display_unit="kN", source="001 Table 1.3",
+    )  # fmt: skip
+    for name, corner, value in zip(FORCES, CORNERS, forces, strict=True):
+        c.output(
+            name, ca.fmin(ca.fmax(value, -limit), limit), "N", f"force that the actuator at {corner} is to give, positive lifts the body",
+            display_unit="kN",
+        )  # fmt: skip
+    c.output(
+        "force.limited",
+        ca.mmax(ca.fabs(ca.vertcat(*forces))) > limit,
+        None,
+        "a force is cut off at force.limit",
+        type=bool,
+    )
 
 
 def _in_relative(rows: np.ndarray, basis: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

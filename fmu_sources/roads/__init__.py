@@ -3,7 +3,7 @@
 from fmu_sources.roads.bumps import road_bumps
 from fmu_sources.roads.errors import RoadError
 from fmu_sources.roads.hole_bump import road_hole_bump
-from fmu_sources.roads.iso8608 import iso8608_table, road_iso8608
+from fmu_sources.roads.iso8608 import iso8608_table, road_iso8608, road_offroad
 from fmu_sources.roads.layout import RoadLayout, WheelPosition
 from fmu_sources.roads.perryman3 import perryman3_table, road_perryman3
 from fmu_sources.roads.road import Profile, Shape, road
@@ -28,6 +28,7 @@ __all__ = [
     "road_from_table",
     "road_hole_bump",
     "road_iso8608",
+    "road_offroad",
     "road_perryman3",
     "road_sine",
     "speed_profile",

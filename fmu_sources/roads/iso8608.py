@@ -25,6 +25,8 @@ CLASS_A = 16e-6  # m3, geometric mean of Gd(n0) of class A, ISO 8608
 LOWEST, HIGHEST = 0.011, 2.83  # cycles/m, range of wave numbers of ISO 8608
 LENGTH, STEP = 1400.0, 0.05  # m; 60 s at 80 km/h, and 7 nodes in the shortest wave
 DECAY = 2.0
+OFFROAD_CLASS = 4  # E: Gd(0.1) = 4096e-6 m3
+OFFROAD_CONTACT = 0.25  # m, as on the test track of the same vehicle
 
 
 def displacement_spectrum(n: Any, roughness: int) -> Any:
@@ -37,18 +39,20 @@ def track_correlation(n: Any, track: float, decay: float = DECAY) -> Any:
     return np.exp(-decay * track * n)
 
 
-def iso8608_table(track: float, seed: int = 1, decay: float = DECAY) -> HeightTable:
+def iso8608_table(track: float, seed: int = 1, decay: float = DECAY, contact: float = 0.0) -> HeightTable:
     """Heights of both tracks of a class A road, periodic over its length, rounded to 1e-7 m.
+
+    With ``contact`` [m] the heights are means over that length, as a tyre's contact takes them.
 
     Two waves with fixed amplitude and random phase at each multiple of 1 / ``LENGTH``: one lifts both sides, the other
     lifts one side and lowers the other.
     """
-    if track < 0 or decay < 0:
-        raise ValueError(f"track {track:g} m and decay {decay:g} must not be negative")
+    if track < 0 or decay < 0 or contact < 0:
+        raise ValueError(f"track {track:g} m, decay {decay:g} and contact {contact:g} m must not be negative")
     count = round(LENGTH / STEP)
     n = np.arange(1, count // 2) / LENGTH
     inside = (n >= LOWEST) & (n <= HIGHEST)
-    amplitude = np.where(inside, np.sqrt(2 * displacement_spectrum(n, 0) / LENGTH), 0)
+    amplitude = np.where(inside, np.sqrt(2 * displacement_spectrum(n, 0) / LENGTH), 0) * np.sinc(n * contact)
     phases = 2 * np.pi * np.random.default_rng(seed).random((2, len(n)))
     shared = track_correlation(n, track, decay)
 
@@ -63,18 +67,37 @@ def iso8608_table(track: float, seed: int = 1, decay: float = DECAY) -> HeightTa
     return HeightTable(0.0, STEP, left, right)
 
 
-def road_iso8608(layout: RoadLayout, name: str = "RoadIso8608", *, seed: int = 1, decay: float = DECAY) -> Component:
-    """Random road, ISO 8608 class A to H as a parameter. ``seed`` and ``decay`` are build options."""
+def road_offroad(layout: RoadLayout, name: str = "RoadOffroad") -> Component:
+    """The off-road terrain of the HMMWV of paper 001 as read here: class E, smoothed by the tyres' contact."""
+    return road_iso8608(layout, name, roughness=OFFROAD_CLASS, contact=OFFROAD_CONTACT)
+
+
+def road_iso8608(
+    layout: RoadLayout,
+    name: str = "RoadIso8608",
+    *,
+    seed: int = 1,
+    decay: float = DECAY,
+    roughness: int = 2,
+    contact: float = 0.0,
+) -> Component:
+    """Random road, ISO 8608 class A to H as a parameter that starts at number ``roughness`` (0 for A).
+
+    ``seed``, ``decay`` and the ``contact`` length [m] over which the tyres average are build options.
+    """
     sides = [[w.y for w in layout.wheels if w.side == side] for side in ("left", "right")]
     track = float(np.mean(sides[0]) - np.mean(sides[1])) if all(sides) else 0.0
-    table = iso8608_table(track, seed, decay)
+    table = iso8608_table(track, seed, decay, contact)
     nodes = len(table.left) - 1
+    smoothed = (
+        f"Heights are means over {contact:g} m of contact (assumed), which a wave {contact:g} m long does not survive.",
+    )
     tabled = node_heights(table)
 
     def profile(c: Component) -> Profile:
-        roughness = c.parameter(
-            "class", 2, None, "class of ISO 8608: 0 A, 1 B, 2 C ... 7 H", min=0, max=len(CLASSES) - 1, source="ISO 8608"
-        )
+        number = c.parameter(
+            "class", roughness, None, "class of ISO 8608: 0 A, 1 B, 2 C ... 7 H", min=0, max=len(CLASSES) - 1, source="ISO 8608",
+        )  # fmt: skip
         flat = c.parameter("flat", 10.0, "m", "flat stretch at the start", min=0.0, max=LENGTH, source="assumed")
         ramp = c.parameter(
             "ramp", 20.0, "m", "stretch behind it over which the heights grow to full size", min=0.0, max=LENGTH,
@@ -88,7 +111,7 @@ def road_iso8608(layout: RoadLayout, name: str = "RoadIso8608", *, seed: int = 1
 
         def height(node: Any, side: str) -> Any:
             grown = ca.fmax(0, ca.fmin(1, (node * STEP - flat) / ca.fmax(ramp, 1e-6)))
-            return ca.power(2, roughness) * grown * tabled(node + skipped, side)
+            return ca.power(2, number) * grown * tabled(node + skipped, side)
 
         return Profile(height, nodes - skipped, STEP)
 
@@ -109,6 +132,7 @@ def road_iso8608(layout: RoadLayout, name: str = "RoadIso8608", *, seed: int = 1
             f"Another class is the same profile at another scale. Another seed is another FMU (road_iso8608(seed=...)); "
             f"without building, offset starts the run elsewhere on these {LENGTH:g} m: stretches that do not overlap are "
             "as good as independent.",
+            *(smoothed if contact else ()),
             "The road is flat for the first flat metres, then grows over ramp metres, so that a run starts at rest.",
         ),
         stimulus_start=40.0,

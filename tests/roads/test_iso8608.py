@@ -5,7 +5,7 @@ import pytest
 from scipy.signal import csd, welch
 
 from build_fmus.reference import simulate
-from fmu_sources.roads import RoadLayout, WheelPosition, iso8608_table, road_iso8608
+from fmu_sources.roads import RoadLayout, WheelPosition, iso8608_table, road_iso8608, road_offroad
 from fmu_sources.roads.iso8608 import LENGTH, displacement_spectrum, track_correlation
 from fmu_sources.vehicles import load_ride_car
 
@@ -87,8 +87,9 @@ def test_what_both_sides_share_falls_with_wave_number():
 def test_no_decay_or_no_track_is_the_same_road_on_both_sides():
     for table in (iso8608_table(0.0), iso8608_table(TRACK, decay=0.0)):
         assert np.array_equal(table.left, table.right)
-    with pytest.raises(ValueError, match="must not be negative"):
-        iso8608_table(-1.0)
+    for bad in ({"track": -1.0}, {"track": 1.0, "contact": -0.1}):
+        with pytest.raises(ValueError, match="must not be negative"):
+            iso8608_table(**bad)
 
 
 def test_seeds_are_independent_and_reproducible():
@@ -164,3 +165,25 @@ def test_road_has_no_memory(road):
     assert road.size("state") == 0
     assert np.isfinite(simulate(road).outputs).all()
     assert set(road.dependencies["road.fl.height"]) == {"x"}
+
+
+def test_contact_averages_over_its_length():
+    """A mean over 0.25 m is a sinc in wave number: waves of 0.25 m and multiples vanish, long ones stay."""
+    plain, smooth = (iso8608_table(TRACK, contact=c).left[:-1] for c in (0.0, 0.25))
+    before, after = np.fft.rfft(plain), np.fft.rfft(smooth)
+    n = np.arange(len(before)) / LENGTH
+    assert np.abs(after - np.sinc(0.25 * n) * before).max() < 1e-4  # the rounding of the heights; the last wave has 0.07
+    step = 0.05
+    means = np.convolve(np.concatenate([plain[-2:], plain, plain[:2]]), np.ones(5) * step / 0.25, "valid")
+    assert np.abs(means - smooth).max() < 0.06 * np.abs(np.diff(plain)).max()
+
+
+def test_offroad_is_class_e_under_the_hmmwv():
+    layout = RoadLayout.of(load_ride_car("ride_car_hmmwv"), preview_count=16, preview_step=0.030)
+    offroad = road_offroad(layout, name="RoadOffroadHmmwv")
+    assert offroad.variable("class").start == (4.0,)
+    assert offroad.variable("preview.fl").shape == (16,)
+    table = iso8608_table(1.82, contact=0.25)
+    y = look(offroad, np.array([100.0]) - 1.651)
+    assert y["road.fl.height"][0] == pytest.approx(2.0**4 * table.left[2000], rel=1e-9)
+    assert 4.0**4 * displacement_spectrum(0.1, 0) == pytest.approx(4096e-6)

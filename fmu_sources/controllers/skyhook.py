@@ -1,0 +1,71 @@
+"""Skyhook damping of the HMMWV: four dampers between the corners of the body and the sky (paper 001, equation (1.17)).
+
+F = -B_sky dx_s/dt + K_vel (dx_u/dt - dx_s/dt) at each corner, with body velocity dx_s/dt and wheel velocity dx_u/dt
+there. The body's corners follow from the velocities of the rigid body.
+"""
+
+from __future__ import annotations
+
+import math
+
+from build_fmus.component import Component
+from fmu_sources.controllers.hmmwv_states import CORNERS, RELATIVE_STATES, force_outputs, relative_inputs
+from fmu_sources.plants.ride_car import CORNERS as SIDE
+
+SAMPLE_TIME = 0.030  # s, the rate of all higher-level controllers of paper 001
+SKY_DAMPING, RELATIVE_DAMPING = 2000.0, 1000.0  # N.s/m
+
+
+def skyhook(car: Component, name: str = "Skyhook", *, period: float = SAMPLE_TIME) -> Component:
+    """The controller FMU for a ride car with four wheels."""
+    c = Component(
+        name,
+        kind="discrete",
+        sample_time=period,
+        description="Skyhook damping, four corners",
+        source="001 equation (1.17)",
+        notes=_NOTES,
+    )
+    sky = c.parameter(
+        "damping.sky", SKY_DAMPING, "N.s/m", "B_sky: force per velocity of the body's corner", min=-1e6, max=1e6,
+        tunable=True, source="001 section 1.4",
+    )  # fmt: skip
+    relative = c.parameter(
+        "damping.relative", RELATIVE_DAMPING, "N.s/m", "K_vel: force per velocity of wheel against body", min=-1e6, max=1e6,
+        tunable=True, source="001 section 1.4",
+    )  # fmt: skip
+    place = {}
+    for k in CORNERS:
+        for what, text, low in (
+            ("x", "position ahead of the CG", -50.0),
+            ("half_track", "distance from the middle", 0.0),
+        ):
+            start = car.variable(f"wheel.{k}.{what}").start
+            assert start is not None  # parameters always have start values
+            place[k, what] = c.parameter(
+                f"wheel.{k}.{what}", start[0], "m", f"{text} of the {k} wheel", min=low, max=50.0, source="vehicle file"
+            )
+    x = relative_inputs(c, car)
+    value = {n: x[i] for i, n in enumerate(RELATIVE_STATES)}
+    forces = []
+    for k in CORNERS:
+        body = (
+            value["body.vz"]
+            + SIDE[k] * place[k, "half_track"] * value["body.roll_rate"]
+            - place[k, "x"] * value["body.pitch_rate"]
+        )
+        forces.append(-sky * body + relative * (value[f"wheel.{k}.vz"] - body))
+    force_outputs(c, forces)
+    c.stimulate(
+        {n: (lambda t, i=i: 0.3 * math.sin((4.0 + i) * t + 0.4 * i)) for i, n in enumerate(RELATIVE_STATES[8:])}
+    )
+    return c
+
+
+_NOTES = (
+    "Inputs carry the names of the car's outputs, and of the estimator's: connect all of equal name. They are the 15 "
+    "relative states and body.az of every higher-level controller of this vehicle, so that one can be exchanged for another; "
+    "skyhook damping uses the velocities alone.",
+    "The command holds for 30 ms. Behind the smoothing filter of the force tracking and this hold much of the damping is lost: "
+    "the paper's gains are those of a slow loop.",
+)
