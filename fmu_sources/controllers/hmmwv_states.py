@@ -12,7 +12,8 @@ warp that no motion of the car can take up: on a flat road the relative states s
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -119,6 +120,15 @@ def force_outputs(c: Component, forces: Sequence[Any]) -> None:
         "a force is cut off at force.limit",
         type=bool,
     )
+
+
+def sines(amplitudes: Mapping[str, float]) -> dict[str, Callable[[float], float]]:
+    """Stimulus of a controller: each input a sine of its own frequency, 0.6 Hz and up."""
+
+    def wave(amplitude: float, rate: float, phase: float) -> Callable[[float], float]:
+        return lambda t: amplitude * math.sin(rate * t + phase)
+
+    return {n: wave(a, 4.0 + i, 0.4 * i) for i, (n, a) in enumerate(amplitudes.items())}
 
 
 def _in_relative(rows: np.ndarray, basis: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

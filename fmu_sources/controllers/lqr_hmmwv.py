@@ -26,6 +26,7 @@ from fmu_sources.controllers.hmmwv_states import (
     force_outputs,
     relative_inputs,
     relative_model,
+    sines,
 )
 from fmu_sources.controllers.preview_lq_design import LinearPlant, output_index, sampled_lq
 
@@ -109,10 +110,7 @@ def lqr_hmmwv(
     force_outputs(c, ca.vertsplit(-K @ x))
     c.provenance = {"weights": weights.__dict__, "car": car.name, "period": period, "gain": gain.tolist()}
     scale = [0.02] * 4 + [0.005] * 4 + [0.5] * 4 + [0.3] * 3
-    c.stimulate(
-        {n: (lambda t, i=i, a=a: a * math.sin((4.0 + i) * t + 0.4 * i))
-         for i, (n, a) in enumerate(zip(RELATIVE_STATES, scale, strict=True))}
-    )  # fmt: skip
+    c.stimulate(sines(dict(zip(RELATIVE_STATES, scale, strict=True))))
     return c
 
 

@@ -6,11 +6,8 @@ there. The body's corners follow from the velocities of the rigid body.
 
 from __future__ import annotations
 
-import math
-
 from build_fmus.component import Component
-from fmu_sources.controllers.hmmwv_states import CORNERS, RELATIVE_STATES, force_outputs, relative_inputs
-from fmu_sources.plants.ride_car import CORNERS as SIDE
+from fmu_sources.controllers.hmmwv_states import CORNERS, RELATIVE_STATES, force_outputs, relative_inputs, sines
 
 SAMPLE_TIME = 0.030  # s, the rate of all higher-level controllers of paper 001
 SKY_DAMPING, RELATIVE_DAMPING = 2000.0, 1000.0  # N.s/m
@@ -51,14 +48,12 @@ def skyhook(car: Component, name: str = "Skyhook", *, period: float = SAMPLE_TIM
     for k in CORNERS:
         body = (
             value["body.vz"]
-            + SIDE[k] * place[k, "half_track"] * value["body.roll_rate"]
+            + (1 if k.endswith("l") else -1) * place[k, "half_track"] * value["body.roll_rate"]
             - place[k, "x"] * value["body.pitch_rate"]
         )
         forces.append(-sky * body + relative * (value[f"wheel.{k}.vz"] - body))
     force_outputs(c, forces)
-    c.stimulate(
-        {n: (lambda t, i=i: 0.3 * math.sin((4.0 + i) * t + 0.4 * i)) for i, n in enumerate(RELATIVE_STATES[8:])}
-    )
+    c.stimulate(sines({n: 0.3 for n in RELATIVE_STATES[8:]}))
     return c
 
 
