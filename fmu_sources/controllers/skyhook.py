@@ -53,7 +53,7 @@ def skyhook(car: Component, name: str = "Skyhook", *, period: float = SAMPLE_TIM
         )
         forces.append(-sky * body + relative * (value[f"wheel.{k}.vz"] - body))
     force_outputs(c, forces)
-    c.stimulate(sines({n: 0.3 for n in RELATIVE_STATES[8:]}))
+    c.stimulate(sines(dict.fromkeys(RELATIVE_STATES[8:], 0.3)))
     return c
 
 

@@ -127,7 +127,9 @@ def test_newton_is_small_and_kilonewton_saturates(car):
     assert largest["kilonewton"] > 20 * largest["newton"]
 
 
-@pytest.mark.parametrize(("field", "value"), [("force", 0.0), ("travel", -1.0), ("tire", math.nan), ("rates", math.inf)])
+@pytest.mark.parametrize(
+    ("field", "value"), [("force", 0.0), ("travel", -1.0), ("tire", math.nan), ("rates", math.inf)]
+)
 def test_bad_weights(field, value):
     with pytest.raises(ValueError, match=f"weight {field} = "):
         LqrWeights(**{**TABLE_1_1.__dict__, field: value})

@@ -172,7 +172,9 @@ def test_contact_averages_over_its_length():
     plain, smooth = (iso8608_table(TRACK, contact=c).left[:-1] for c in (0.0, 0.25))
     before, after = np.fft.rfft(plain), np.fft.rfft(smooth)
     n = np.arange(len(before)) / LENGTH
-    assert np.abs(after - np.sinc(0.25 * n) * before).max() < 1e-4  # the rounding of the heights; the last wave has 0.07
+    assert (
+        np.abs(after - np.sinc(0.25 * n) * before).max() < 1e-4
+    )  # the rounding of the heights; the last wave has 0.07
     step = 0.05
     means = np.convolve(np.concatenate([plain[-2:], plain, plain[:2]]), np.ones(5) * step / 0.25, "valid")
     assert np.abs(means - smooth).max() < 0.06 * np.abs(np.diff(plain)).max()
