@@ -61,6 +61,9 @@ def default_catalog() -> dict[str, Entry]:
         Entry("RideCarSedan", "linear 7-DOF ride car of paper 004", _ride_car("sedan", "RideCarSedan")),
         Entry("RideCarHmmwv", "linear 7-DOF ride car, HMMWV (paper 001)", _ride_car("ride_car_hmmwv", "RideCarHmmwv")),
         Entry("ThreeAxleRide", "linear 9-DOF ride model of the 6x6 of paper 003", _three_axle_ride),
+        Entry("LqrThreeAxle", "linear-quadratic regulator with pitch reference (paper 003)", _lqr_three_axle),
+        Entry("PitchReference", "pitch that ramps up, holds and ramps down (paper 003)", _pitch_reference),
+        Entry("RoadShallowTrench", "shallow trench under the 6x6 of paper 003", _road_shallow_trench),
         *(
             Entry(name, f"electro-hydraulic actuator (paper 001), {summary}", _hydraulic_actuator(parameters, name))
             for name, (parameters, summary) in _ACTUATORS.items()
@@ -216,11 +219,30 @@ def _ride_car(vehicle: str, name: str) -> Callable[[Context], Component]:
     return make
 
 
-def _three_axle_ride(_: Context) -> Component:
+def _three_axle_ride(_: Context | None = None) -> Component:
     from fmu_sources.plants import ride_car
     from fmu_sources.vehicles import load_three_axle
 
     return ride_car(load_three_axle("three_axle"), name="ThreeAxleRide")
+
+
+def _lqr_three_axle(_: Context) -> Component:
+    from fmu_sources.controllers.lqr_three_axle import lqr_three_axle
+
+    return lqr_three_axle(_three_axle_ride())
+
+
+def _pitch_reference(_: Context) -> Component:
+    from fmu_sources.controllers.pitch_reference import pitch_reference
+
+    return pitch_reference()
+
+
+def _road_shallow_trench(_: Context) -> Component:
+    from fmu_sources.roads import RoadLayout, road_shallow_trench
+    from fmu_sources.vehicles import load_three_axle
+
+    return road_shallow_trench(RoadLayout.of(load_three_axle("three_axle"), preview_count=50, preview_step=0.005))
 
 
 def _hydraulic_actuator(parameters: str, name: str) -> Callable[[Context], Component]:

@@ -7,6 +7,7 @@ from fmu_sources.roads.iso8608 import iso8608_table, road_iso8608, road_offroad
 from fmu_sources.roads.layout import RoadLayout, WheelPosition
 from fmu_sources.roads.perryman3 import perryman3_table, road_perryman3
 from fmu_sources.roads.road import Profile, Shape, road
+from fmu_sources.roads.shallow_trench import road_shallow_trench
 from fmu_sources.roads.speed_profile import speed_profile
 from fmu_sources.roads.standard import road_curb, road_sine
 from fmu_sources.roads.table import HeightTable, road_from_table
@@ -30,6 +31,7 @@ __all__ = [
     "road_iso8608",
     "road_offroad",
     "road_perryman3",
+    "road_shallow_trench",
     "road_sine",
     "speed_profile",
 ]
