@@ -156,15 +156,15 @@ class ObjectCache:
     def __init__(self, directory: Path) -> None:
         self.directory = directory
 
-    def library(self, toolchain: Toolchain, sources: Sequence[Path], include: Sequence[Path], name: str) -> bytes:
+    def library(self, toolchain: Toolchain, sources: Sequence[Path], include: Sequence[Path], name: str) -> Path:
         """The shared library built from ``sources``; every object is compiled once per content and toolchain."""
-        headers = b"".join(p.read_bytes() for d in include for p in sorted(d.glob("*.h")))
+        headers = b"".join(p.read_bytes() for d in include for p in sorted(d.rglob("*.h")))
         objects = [self._object(toolchain, s, include, headers) for s in sources]
         key = self._key(toolchain, name.encode(), *(o.name.encode() for o in objects))
         path = self.directory / f"{key}{toolchain.platform.suffix}"
         if not path.exists():
             self._make(path, lambda out: toolchain.link(objects, out))
-        return path.read_bytes()
+        return path
 
     def _object(self, toolchain: Toolchain, source: Path, include: Sequence[Path], headers: bytes) -> Path:
         path = self.directory / f"{self._key(toolchain, source.read_bytes(), headers)}.o"

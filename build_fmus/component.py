@@ -25,8 +25,8 @@ from __future__ import annotations
 import difflib
 import math
 import re
-from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import product
 from typing import Any, Literal
@@ -34,7 +34,7 @@ from typing import Any, Literal
 import casadi as ca
 import numpy as np
 
-from build_fmus import units
+from build_fmus import qp, units
 
 Kind = Literal["continuous", "discrete"]
 Role = Literal["time", "parameter", "input", "state", "derivative", "output"]
@@ -176,6 +176,7 @@ class Component:
         self._next: dict[str, Any] = {}  # state name -> derivative or update expression
         self._start: dict[str, Any] = {}  # state name -> start expression of parameters and inputs
         self._outputs: dict[str, Any] = {}
+        self.programs: list[qp.QuadraticProgram] = []
         self.stimulus: dict[str, Callable[[float], float]] = {}
         self.operating_points: dict[str, dict[str, float]] = {"start": {}}
         if kind == "continuous":  # the runtime finds it in the first slot
@@ -292,6 +293,97 @@ class Component:
             display_unit=display_unit, output=True,
         )  # fmt: skip
         self._outputs[name] = expression
+
+    def quadratic_program(
+        self,
+        name: str,
+        *,
+        hessians: Sequence[Any],
+        constraints: Sequence[Any],
+        linear: Any,
+        lower: Any,
+        upper: Any,
+        case: Any = None,
+        backend: qp.Backend | Sequence[qp.Backend] | None = None,
+    ) -> qp.Solution:
+        """Solve ``minimise 1/2 z'Hz + q'z subject to l <= A z <= u`` at each sample (discrete components).
+
+        Declares the outputs ``NAME.status``, ``NAME.iterations`` and ``NAME.residual``. The solver starts from the last
+        solution, which is part of the instance's state; during initialization nothing is committed. With large matrices
+        in ``linear``, ``lower``, ``upper``, declare the component with ``symbols=ca.MX``: SX would write one statement
+        per element.
+
+        Args:
+            name: prefix of the outputs.
+            hessians: constant H (n, n), symmetric positive definite, one per case.
+            constraints: constant A (m, n), one per case or a single one for all.
+            linear, lower, upper: q (n,), l (m,), u (m,) as expressions of time, states, inputs and parameters; a scalar is
+                repeated. Bounds of 1e30 and beyond do not bind.
+            case: expression for the case 0, 1, ... (rounded, clipped).
+            backend: :class:`~build_fmus.qp.Daqp` (default) or :class:`~build_fmus.qp.Osqp` with its settings; of several the
+                first is used, and the others tell the settings when another one is chosen at build time.
+
+        Returns:
+            Symbols of solution, multipliers, status, iterations and residual, for outputs and updates.
+
+        Raises:
+            DeclarationError: wrong kind of component, shapes that do not match, a Hessian that is not positive definite,
+                data that depend on the solution of a program.
+        """
+        where = f"{self.name}.{name}"
+        if self.kind != "discrete":
+            raise DeclarationError(f"{where}: quadratic programs are for discrete components")
+        try:
+            H, A = qp.checked_matrices(where, hessians, constraints)
+        except qp.ProgramError as error:
+            raise DeclarationError(str(error)) from None
+        n, m = len(H[0]), len(A[0])
+        if case is None and len(H) > 1:
+            raise DeclarationError(f"{where}: {len(H)} Hessians need a case")
+        columns = [
+            self._column(where, what, expression, size)
+            for what, expression, size in (("linear", linear, n), ("lower", lower, m), ("upper", upper, m))
+        ]
+        data = ca.densify(ca.vertcat(*columns, self._column(where, "case", 0 if case is None else case, 1)))
+        if any(ca.depends_on(data, p.symbol) for p in self.programs):
+            raise DeclarationError(
+                f"{where}: its data depend on the solution of a quadratic program; keep it in a state and use it at the "
+                "next sample"
+            )
+        backends = (qp.Daqp(),) if backend is None else tuple(backend) if isinstance(backend, Sequence) else (backend,)
+        if not backends:
+            raise DeclarationError(f"{where}: an empty list of back ends")
+        program = qp.QuadraticProgram(where, H, A, backends, data, self._symbols.sym(name, n + m + 3))
+        self.programs.append(program)
+        s = program.solution
+        self.output(
+            f"{name}.status", s.status, None, "outcome: 0 solved, 1 limit reached, 2 infeasible, 3 bad data", type=int,
+            min=0, max=3,
+        )  # fmt: skip
+        self.output(f"{name}.iterations", s.iterations, None, "iterations of the solver", type=int, min=0)
+        self.output(
+            f"{name}.residual", s.residual, "1",
+            "largest of primal, dual and complementarity residual, each divided by max(1, largest magnitude of its terms)",
+            min=0.0,
+        )  # fmt: skip
+        return s
+
+    def choose_backend(self, name: str) -> None:
+        """Let all quadratic programs use the solver ``name`` (with its declared settings, or its defaults)."""
+        for i, p in enumerate(self.programs):
+            matching = [b for b in p.backends if b.name == name] or [qp.BACKENDS[name]()]
+            rest = [b for b in p.backends if b.name != name]
+            self.programs[i] = replace(p, backends=(*matching[:1], *rest))
+
+    def _column(self, where: str, what: str, expression: Any, size: int) -> Any:
+        if isinstance(expression, (np.ndarray, list, tuple, float, int)):
+            expression = np.clip(np.asarray(expression, dtype=float), -qp.INFINITE, qp.INFINITE)
+        expression = self._symbols(expression)
+        if expression.numel() == 1:
+            return ca.repmat(expression, size, 1)
+        if not expression.is_vector() or expression.numel() != size:
+            raise DeclarationError(f"{where}: {what} has shape {expression.shape}, not ({size},)")
+        return ca.vec(expression)
 
     def operating_point(self, name: str, **values: float) -> None:
         """Name a point (variable name with ``__`` for ``.`` -> value) where the build also checks solver stability."""
@@ -445,7 +537,8 @@ class Component:
 
         ``start (x, u, p) -> x0``: start state (declared starts pass through, calculated ones are evaluated);
         ``rhs (t, x, u, p) -> dx`` (continuous) or ``update (t, x, u, p) -> x_next`` and
-        ``tick (t, x, u, p) -> x_next, y`` (discrete); ``out (t, x, u, p) -> y``;
+        ``tick (t, x, u, p) -> x_next, y`` (discrete); ``out (t, x, u, p) -> y``; with quadratic programs these three take
+        their solutions as fifth argument, and ``programs (t, x, u, p) -> data`` has q, l, u, case of each;
         ``fwd (t, x, u, p, dx, du, dp) -> d rhs, d y`` and ``fwd_start (x, u, p, dx, du, dp) -> d x0`` (continuous);
         ``jac (t, x, u, p) -> d rhs/dx, d rhs/dt`` (solver ``ros2``).
 
@@ -477,8 +570,9 @@ class Component:
                     ca.depends_on(a, s) for a in args if a.numel()))
                 raise DeclarationError(f"{self.name}: {name} uses undeclared symbols ({free or error})") from None
 
+        solutions = [ca.vertcat(*(q.symbol for q in self.programs))] if self.programs else []
         add("start", [x, u, p], [x0])
-        add("out", [t, x, u, p], [y])
+        add("out", [t, x, u, p, *solutions], [y])
         if self.kind == "continuous":
             add("rhs", [t, x, u, p], [nxt])
             dx, du, dp = (self._symbols.sym(f"d{n}", s.numel()) for n, s in (("x", x), ("u", u), ("p", p)))
@@ -488,8 +582,10 @@ class Component:
             if self.solver == "ros2":
                 add("jac", [t, x, u, p], [ca.densify(ca.jacobian(nxt, v)) for v in (x, t)])
         else:
-            add("update", [t, x, u, p], [nxt])
-            add("tick", [t, x, u, p], [nxt, y])
+            add("update", [t, x, u, p, *solutions], [nxt])
+            add("tick", [t, x, u, p, *solutions], [nxt, y])
+            if self.programs:
+                add("programs", [t, x, u, p], [column([q.data for q in self.programs])])
         return functions
 
     # ------------------------------------------------------------------ derived models
@@ -515,7 +611,8 @@ class Component:
         roles_of: dict[str, Role] = {"x": "state", "u": "input", "p": "parameter"}
         x, u, p = (self._symbols.sym(n, self._sizes[r]) for n, r in roles_of.items())
         x_at = f["start"](x, u, p) if initial else x
-        vectors = {"output": f["out"](t, x_at, u, p)}
+        solutions = [self._symbols.sym("s", sum(q.n_solution for q in self.programs))] if self.programs else []
+        vectors = {"output": f["out"](t, x_at, u, p, *solutions)}
         if self.kind == "continuous":
             vectors["derivative"] = f["rhs"](t, x_at, u, p)
         if initial:
@@ -527,13 +624,19 @@ class Component:
         for e in self.elements(*roles):
             if not (initial and e.variable.role == "state" and e.start is None):
                 names[offset[e.variable.role] + e.slot] = e.name
+        of_solution: list[set[int]] = []  # knowns behind each element of the solutions
+        if self.programs:
+            data = _pattern(f["programs"](t, x_at, u, p), knowns)
+            first = 0
+            for q in self.programs:
+                of_solution += [set().union(*data[first : first + q.n_data])] * q.n_solution
+                first += q.n_data
         result: dict[str, list[str]] = {}
         for role, expr in vectors.items():
-            rows: list[list[int]] = [[] for _ in range(expr.numel())]
-            if expr.numel() and knowns.numel():
-                sparsity = ca.jacobian_sparsity(expr, knowns)
-                for r, c in zip(*sparsity.get_triplet(), strict=True):
-                    rows[r].append(c)
+            rows = _pattern(expr, knowns)
+            if role == "output":
+                for row, used in zip(rows, _pattern(expr, *solutions) if solutions else (), strict=False):
+                    row.update(*(of_solution[c] for c in used))
             for e in self.elements(role):  # type: ignore[arg-type]
                 result[e.name] = [n for c in sorted(rows[e.slot]) if (n := names[c]) is not None]
         if not initial:  # a state that is an output depends on itself alone
@@ -576,3 +679,12 @@ class Component:
         dx, y = self.functions["rhs"](t, x, u, p), self.functions["out"](t, x, u, p)
         blocks = [ca.densify(ca.jacobian(e, v)) for e, v in ((dx, x), (dx, u), (y, x), (y, u))]
         return ca.Function("jacobians", [t, x, u, p], blocks)
+
+
+def _pattern(expression: Any, knowns: Any) -> list[set[int]]:
+    """For each row of a column expression the elements of ``knowns`` it depends on."""
+    rows: list[set[int]] = [set() for _ in range(expression.numel())]
+    if expression.numel() and knowns.numel():
+        for r, c in zip(*ca.jacobian_sparsity(expression, knowns).get_triplet(), strict=True):
+            rows[r].add(c)
+    return rows

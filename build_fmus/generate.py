@@ -11,7 +11,9 @@ from pathlib import Path
 
 import casadi as ca
 
+from build_fmus import qp
 from build_fmus.component import Component, Variable
+from build_fmus.qp_sources import THIRD_PARTY, ThirdParty
 
 RUNTIME_DIR = Path(__file__).parent / "runtime"
 RUNTIME_SOURCES = ("fmu_core.c",)
@@ -91,7 +93,7 @@ def generate_c(component: Component, *, arrays: bool, token: str) -> str:
     """The complete ``model.c`` of a component; deterministic for a given CasADi version."""
     functions = component.functions
     names = ["start", "out", *(("rhs", "fwd", "fwd_start") if component.kind == "continuous" else ("tick",))]
-    names += [n for n in ("jac",) if n in functions]
+    names += [n for n in ("jac", "programs") if n in functions]
     generator = ca.CodeGenerator("model", {"with_header": False, "casadi_int": "int", "verbose": False})
     for n in names:
         generator.add(functions[n])
@@ -145,6 +147,8 @@ def generate_c(component: Component, *, arrays: bool, token: str) -> str:
         "fmu_fwd" if continuous else "NULL",
         "fmu_fwd_start" if continuous else "NULL",
         "fmu_jac" if "jac" in functions else "NULL",
+        "&fmu_qp_functions, fmu_programs" if component.programs else "NULL, NULL",
+        ", ".join(str(sum(getattr(q, k) for q in component.programs)) for k in ("n_data", "n_solution", "n_memory")),
         ", ".join(map(str, sizes)),
     ]
     return "\n".join(
@@ -170,11 +174,37 @@ def generate_c(component: Component, *, arrays: bool, token: str) -> str:
     )
 
 
+def runtime_files(component: Component) -> tuple[str, ...]:
+    """Hand-written C files and headers that a component needs, whatever its FMI version."""
+    files = [*RUNTIME_SOURCES, *RUNTIME_HEADERS]
+    if component.programs:
+        files += [*qp.SOURCES, *qp.HEADERS, *(f for q in component.programs for f in q.backend.sources)]
+    return tuple(dict.fromkeys(files))
+
+
+def third_party(component: Component) -> list[ThirdParty]:
+    """Solvers of others that go into the FMU of a component."""
+    return [THIRD_PARTY[name]() for name in dict.fromkeys(q.backend.name for q in component.programs)]
+
+
+def solver_files(component: Component) -> dict[str, bytes]:
+    """C files and headers of the quadratic programs of a component by their path in ``sources/``."""
+    if not component.programs:
+        return {}
+    files = {"qp_data.c": qp.generate_data(component.programs).encode()}
+    files |= {name: (RUNTIME_DIR / name).read_bytes() for name in runtime_files(component) if name.startswith("qp")}
+    for part in third_party(component):
+        files |= part.files
+    return files
+
+
 def identity(component: Component, *, arrays: bool) -> str:
     """Instantiation token of a component: a hash of everything that determines its behaviour and interface."""
     digest = hashlib.sha256(generate_c(component, arrays=arrays, token="").encode())
     for name in sorted((*RUNTIME_SOURCES, *RUNTIME_HEADERS, "fmi2.c", "fmi3.c")):
         digest.update((RUNTIME_DIR / name).read_bytes())
+    for _, data in sorted(solver_files(component).items()):
+        digest.update(data)
     for v in component.variables:
         digest.update(f"{v.name}|{v.unit}|{v.display_unit}|{v.description}|{v.nominal}|{v.output}".encode())
     digest.update(metadata.version("suspension-fmus").encode())

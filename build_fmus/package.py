@@ -52,12 +52,13 @@ def build_fmu(
     )
     with tempfile.TemporaryDirectory() as tmp:
         for name, data in files.items():
+            (Path(tmp) / name).parent.mkdir(exist_ok=True)
             (Path(tmp) / name).write_bytes(data)
         paths = [Path(tmp) / n for n in sources]
         for platform in platforms:
             library = cache.library(find_toolchain(platform.name), paths, [Path(tmp)], component.name)
             folder = platform.fmi2_name if fmi == 2 else platform.name
-            content[f"binaries/{folder}/{component.name}{platform.suffix}"] = library
+            content[f"binaries/{folder}/{component.name}{platform.suffix}"] = library.read_bytes()
     icon = icon_png(component.kind)
     if fmi == 2:
         content["model.png"] = icon
@@ -78,6 +79,7 @@ def source_files(component: Component, fmi: int, *, arrays: bool = False) -> dic
     files = {"model.c": generate.generate_c(component, arrays=arrays, token=token).encode()}
     runtime = (*generate.RUNTIME_SOURCES, f"fmi{fmi}.c", *generate.RUNTIME_HEADERS)
     files |= {name: (generate.RUNTIME_DIR / name).read_bytes() for name in runtime}
+    files |= generate.solver_files(component)
     headers = Path(fmpy.__file__).parent / "c-code"
     files |= {name: (headers / name).read_bytes() for name in FMI_HEADERS[fmi]}
     return files
@@ -96,11 +98,14 @@ def _documentation(component: Component, fmi: int) -> dict[str, bytes]:
         version=metadata.version("suspension-fmus"),
         dependencies={e.name: component.dependencies[e.name] for e in component.output_elements()},
     )
+    others = generate.third_party(component)
+    licence = _LICENSE + b"".join(f"{o.name} in sources/{o.name.lower()}/: see {o.name}.txt\n".encode() for o in others)
     return {
         "documentation/index.html": page.encode(),
         f"documentation/{component.name}_in.csv": result.input_csv().encode(),
         f"documentation/{component.name}_ref.csv": result.output_csv().encode(),
-        "documentation/licenses/license.txt": _LICENSE,
+        "documentation/licenses/license.txt": licence,
+        **{f"documentation/licenses/{o.name}.txt": o.licence for o in others},
     }
 
 

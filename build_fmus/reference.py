@@ -15,6 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from build_fmus.component import Component
+from build_fmus.qp_solve import CompiledPrograms
 
 
 @dataclass(frozen=True)
@@ -58,6 +59,14 @@ class Evaluator:
         self._f = component.functions
         self.time, self._sample, self._y = 0.0, 0, np.zeros(component.size("output"))
         self._x: np.ndarray | None = None
+        self._programs = CompiledPrograms(component) if component.programs else None
+
+    def _solutions(self, t: float, x: np.ndarray, *, commit: bool) -> list[np.ndarray]:
+        """Solutions of the quadratic programs as further argument of ``out`` and ``tick``."""
+        if self._programs is None:
+            return []
+        data = np.asarray(self._f["programs"](t, x, self.u, self.p)).ravel()
+        return [self._programs.solve(data, commit=commit)]
 
     @property
     def x(self) -> np.ndarray:
@@ -77,7 +86,9 @@ class Evaluator:
     def outputs(self) -> np.ndarray:
         """All output elements in order (states declared as outputs, then declared outputs)."""
         if self.component.kind == "continuous" or self._x is None:
-            y = np.asarray(self._f["out"](self.time, self.x, self.u, self.p)).ravel()
+            x = self.x
+            solutions = self._solutions(self.time, x, commit=False)
+            y = np.asarray(self._f["out"](self.time, x, self.u, self.p, *solutions)).ravel()
         else:
             y = self._y
         x = self.x
@@ -92,7 +103,8 @@ class Evaluator:
         if c.kind == "discrete":
             assert c.sample_time is not None
             while (instant := self._sample * c.sample_time) < self.time + h - 1e-6 * c.sample_time:
-                nxt, y = self._f["tick"](instant, x, self.u, self.p)
+                solutions = self._solutions(instant, x, commit=True)
+                nxt, y = self._f["tick"](instant, x, self.u, self.p, *solutions)
                 x, self._y = np.asarray(nxt).ravel(), np.asarray(y).ravel()
                 self._sample += 1
         else:

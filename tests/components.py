@@ -11,11 +11,13 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import casadi as ca
+import numpy as np
 
 from build_fmus.builder import Options
 from build_fmus.compile import ObjectCache, resolve_platforms
 from build_fmus.component import Component, Solver
 from build_fmus.package import build_fmu
+from build_fmus.qp import Backend, Daqp
 
 
 def oscillator(name: str = "ProbeRk4", solver: Solver = "rk4", fastest: float = 0.05) -> Component:
@@ -106,11 +108,55 @@ def filter_bank(name: str = "ProbeDiscrete") -> Component:
     return c
 
 
+def optimizer(name: str = "ProbeQpDaqp", backend: Backend = Daqp()) -> Component:  # noqa: B008 (frozen)
+    """A sampled law with a quadratic program: two cases, an equation, a row that makes it infeasible for a while."""
+    c = Component(
+        name, kind="discrete", sample_time=0.01, description="Quadratic program of the tests", source="none",
+        stop_time=1.0,
+    )  # fmt: skip
+    limit = c.parameter("limit", 1.5, "N", "limit of each command", min=0.1, tunable=True)
+    wanted = c.input("wanted", "N", "commands wished for", shape=(3,), min=-1e3, max=1e3)
+    total = c.input("total", "N", "what the first two commands add up to", min=-1e3, max=1e3)
+    stiff = c.input("stiff", None, "case", type=int, start=0, min=0, max=1)
+    last = c.state("last", "N", shape=(3,), start=[0.1, 0.2, 0.3])
+    failures = c.state("count", "1", start=0.0)
+
+    soft = np.array([[2.0, 0.5, 0.0], [0.5, 1.0, 0.2], [0.0, 0.2, 3.0]])
+    rows = np.array([[1.0, 0, 0], [0, 1.0, 0], [0, 0, 1.0], [1.0, 1.0, 0], [0.3, -1.0, 2.0]])
+    s = c.quadratic_program(
+        "solver",
+        hessians=[soft, soft + np.diag([5.0, 0.0, 1.0])],
+        constraints=[rows],
+        linear=-(soft @ wanted) - 0.3 * last,
+        lower=ca.vertcat(*[-limit] * 3, total, -1e30),
+        upper=ca.vertcat(*[limit] * 3, total, 2.0 + 0.1 * last[0]),
+        case=stiff,
+        backend=backend,
+    )
+    command = ca.if_else(s.status > 0, last, s.z)
+    c.update(last, command)
+    c.update(failures, failures + (s.status > 0))
+    c.output("command", ca.fmin(ca.fmax(command, -limit), limit), "N", "best commands within the limits")
+    c.output("price", s.multipliers[3], "1", "multiplier of the equation")
+    c.output("failures", failures, None, "samples without a solution", type=int)
+    c.stimulate(
+        {
+            "wanted[1]": lambda t: 3 * math.sin(12 * t),
+            "wanted[2]": lambda t: 2 * math.cos(31 * t),
+            "wanted[3]": lambda t: 5 * t - 2,
+            "total": lambda t: 4.0 if 0.25 < t < 0.3 else 0.5 + t,
+            "stiff": lambda t: int(t > 0.15),
+        }
+    )
+    return c
+
+
 MAKERS = {
     "ProbeRk4": oscillator,
     "ProbeAm2": lambda: oscillator("ProbeAm2", "am2"),
     "ProbeRos2": lambda: oscillator("ProbeRos2", "ros2", fastest=1e-4),
     "ProbeDiscrete": filter_bank,
+    "ProbeQpDaqp": optimizer,
 }
 
 

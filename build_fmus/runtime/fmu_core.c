@@ -30,7 +30,7 @@ typedef struct {
     int32_t start_valid; /* calculated start states agree with inputs and parameters */
     int32_t outputs_valid;
     int32_t derivatives_valid;
-    double v[]; /* parameters, inputs, states, derivatives, outputs */
+    double v[]; /* parameters, inputs, states, derivatives, outputs, warm starts of quadratic programs */
 } State;
 
 struct FmuSnapshot {
@@ -56,10 +56,14 @@ struct FmuInstance {
     double **res;
     int *iw;
     double *w;
+    double *qp_memory;                      /* into state->v */
+    double *qp_data, *qp_solution, *qp_trial; /* quadratic programs; trial: their memory while nothing is committed */
+    void *qp_scratch;
 };
 
 static size_t n_values(void) {
-    return (size_t)M->n_parameters + (size_t)M->n_inputs + 2u * (size_t)M->n_states + (size_t)M->n_outputs;
+    return (size_t)M->n_parameters + (size_t)M->n_inputs + 2u * (size_t)M->n_states + (size_t)M->n_outputs +
+           (size_t)M->n_qp_memory;
 }
 
 static size_t state_size(void) { return sizeof(State) + n_values() * sizeof(double); }
@@ -91,6 +95,8 @@ FmuInstance *fmu_create(int is_co_simulation, size_t adapter_size, FmuLog log) {
         aligned((size_t)M->sz_w * sizeof(double)),
         aligned((nj + 1) * nj * sizeof(double)),
         aligned(nj * sizeof(int)),
+        aligned(((size_t)M->n_qp_data + (size_t)M->n_qp_solution + (size_t)M->n_qp_memory) * sizeof(double)),
+        M->qp ? aligned(M->qp->scratch_size()) : 0,
     };
     size_t total = 0;
     for (size_t i = 0; i < sizeof sizes / sizeof *sizes; i++) total += sizes[i];
@@ -124,6 +130,12 @@ FmuInstance *fmu_create(int is_co_simulation, size_t adapter_size, FmuLog log) {
     self->matrix = part[10];
     self->dt = self->matrix + nj * nj;
     self->pivots = part[11];
+    self->qp_memory = self->y + ny;
+    self->qp_data = part[12];
+    self->qp_solution = self->qp_data + M->n_qp_data;
+    self->qp_trial = self->qp_solution + M->n_qp_solution;
+    self->qp_scratch = part[13];
+    if (M->qp) M->qp->setup(self->qp_scratch);
     self->logging = ~0u & ~(1u << FMU_OK); /* without debug logging, errors still tell what is wrong */
     (void)fmu_reset(self);
     return self;
@@ -235,6 +247,14 @@ static void rhs(FmuInstance *self, double t, const double *x, double *dx) {
     call(self, M->next_fn, args, 4, dx, NULL);
 }
 
+/* Solve the quadratic programs, if there are any; `memory` holds their warm starts and receives the next ones. */
+static void solve_programs(FmuInstance *self, double t, double *memory) {
+    if (!M->qp) return;
+    const double *args[] = {&t, self->x, self->u, self->p};
+    call(self, M->qp_fn, args, 4, self->qp_data, NULL);
+    M->qp->solve(self->qp_scratch, memory, self->qp_data, self->qp_solution);
+}
+
 /* Bring calculated start states up to date while they still follow inputs and parameters. */
 static FmuStatus refresh_start(FmuInstance *self) {
     State *s = self->state;
@@ -254,8 +274,10 @@ static FmuStatus refresh_outputs(FmuInstance *self) {
     FmuStatus status = refresh_start(self);
     if (status != FMU_OK || s->outputs_valid) return status;
     if (M->is_continuous || !s->started) { /* a started discrete component holds the outputs of its last sample */
-        const double *args[] = {&s->time, self->x, self->u, self->p};
-        call(self, M->out_fn, args, 4, self->y, NULL);
+        if (M->qp) memcpy(self->qp_trial, self->qp_memory, (size_t)M->n_qp_memory * sizeof(double));
+        solve_programs(self, s->time, self->qp_trial);
+        const double *args[] = {&s->time, self->x, self->u, self->p, self->qp_solution};
+        call(self, M->out_fn, args, M->qp ? 5 : 4, self->y, NULL);
         status = check_finite(self, self->y, M->n_outputs, FMU_OUTPUT);
         if (status != FMU_OK) return status;
     }
@@ -612,8 +634,9 @@ static FmuStatus advance_discrete(FmuInstance *self, double t, double h) {
         FmuStatus status = refresh_start(self);
         if (status != FMU_OK) return status;
         s->started = 1;
-        const double *args[] = {&instant, self->x, self->u, self->p};
-        call(self, M->next_fn, args, 4, self->stage, self->y);
+        solve_programs(self, instant, self->qp_memory);
+        const double *args[] = {&instant, self->x, self->u, self->p, self->qp_solution};
+        call(self, M->next_fn, args, M->qp ? 5 : 4, self->stage, self->y);
         status = check_finite(self, self->stage, M->n_states, FMU_STATE);
         if (status == FMU_OK) status = check_finite(self, self->y, M->n_outputs, FMU_OUTPUT);
         if (status != FMU_OK) return status;

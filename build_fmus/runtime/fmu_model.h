@@ -2,6 +2,8 @@
 #ifndef FMU_MODEL_H
 #define FMU_MODEL_H
 
+#include <stddef.h>
+
 typedef int (*FmuFunction)(const double **arg, double **res, int *iw, double *w, int mem);
 
 typedef enum { FMU_FLOAT64, FMU_INT32, FMU_BOOLEAN } FmuType;
@@ -19,6 +21,15 @@ typedef struct {
     int is_tunable;  /* parameter that may be set after initialization */
     double min, max; /* -INFINITY, INFINITY where not declared */
 } FmuVariable;
+
+/* Quadratic programs that a discrete component solves at each sample, one after the other (qp.c). */
+typedef struct {
+    size_t (*scratch_size)(void);   /* bytes */
+    void (*setup)(void *scratch);   /* once, on zeroed scratch */
+    void (*solve)(void *scratch, double *memory, const double *data, double *solution);
+} FmuQpFunctions;
+
+extern const FmuQpFunctions fmu_qp_functions;
 
 typedef struct {
     const char *name;
@@ -39,6 +50,10 @@ typedef struct {
     FmuFunction fwd_fn;                    /* (t, x, u, p, dx, du, dp) -> d(dx/dt), dy; NULL for discrete */
     FmuFunction fwd_start_fn;              /* (x, u, p, dx, du, dp) -> dx0; NULL for discrete */
     FmuFunction jac_fn;                    /* (t, x, u, p) -> d(dx/dt)/dx dense column-major, d(dx/dt)/dt; ros2 only, else NULL */
+    const FmuQpFunctions *qp;              /* NULL without quadratic programs */
+    FmuFunction qp_fn;                     /* (t, x, u, p) -> their data; out_fn and next_fn then take their solutions as s too:
+                                            * (t, x, u, p, s) */
+    int n_qp_data, n_qp_solution, n_qp_memory;
     int sz_arg, sz_res, sz_iw, sz_w;       /* largest work sizes of the functions above */
 } FmuModel;
 

@@ -24,7 +24,7 @@ def test_clean_under_sanitizers(fmu: Library, tmp_path: Path) -> None:
     program = tmp_path / "driver"
     build = subprocess.run(
         ["gcc", *FLAGS, f"-DFMI={fmu.fmi}", f"-DSTEP={fmu.step!r}", f"-I{sources}", str(DRIVER),
-         *map(str, sorted(sources.glob("*.c"))), "-lm", "-o", str(program)],
+         *map(str, sorted(sources.rglob("*.c"))), "-lm", "-o", str(program)],
         capture_output=True, text=True, check=False,
     )  # fmt: skip
     assert build.returncode == 0, build.stderr

@@ -1,0 +1,258 @@
+"""Quadratic programs of a component: declaration, back ends, and the constants that go into the FMU.
+
+    minimise 1/2 z'Hz + q'z  subject to  l <= A z <= u
+
+with constant H and A, and with q, l, u computed from time, states, inputs and parameters at each sample. The declaration is
+:meth:`build_fmus.component.Component.quadratic_program`; this module knows nothing of components. What depends on H and A
+alone is computed here, when the FMU is built, and lies in ``qp_data.c`` as constants.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Literal, Protocol
+
+import numpy as np
+from scipy.linalg import solve_triangular
+
+BackendName = Literal["daqp", "osqp"]
+INFINITE = 1e30  # bounds of this size and beyond do not bind; QP_INFINITY in qp.h
+SOURCES = ("qp.c",)
+HEADERS = ("qp.h", "qp_model.h")
+
+
+class ProgramError(ValueError):
+    """A quadratic program that cannot be built; the message says which and why."""
+
+
+class Backend(Protocol):
+    """A solver and its settings."""
+
+    @property
+    def name(self) -> BackendName: ...
+
+    @property
+    def sources(self) -> tuple[str, ...]:
+        """C files and headers of the runtime that this back end adds."""
+
+    @property
+    def tolerance(self) -> float:
+        """By how much a lower bound may exceed its upper one, relative to max(1, bound)."""
+
+    def memory(self, n: int, m: int) -> int:
+        """Numbers of warm start beside the last solution."""
+
+    def constants(self, where: str, hessian: np.ndarray, constraints: np.ndarray, prefix: str) -> tuple[str, str]:
+        """C code of the constants of one case, and the name of the object with them."""
+
+    def settings(self, prefix: str) -> str:
+        """C code that defines the object ``prefix``."""
+
+
+@dataclass(frozen=True)
+class Daqp:
+    """Dual active-set solver DAQP: exact up to rounding, fast for few variables, no settings to tune.
+
+    Attributes:
+        tolerance: by which a row may be violated, in the units of A z.
+        max_iterations: changes of the active set before the solver gives up.
+    """
+
+    tolerance: float = 1e-8
+    max_iterations: int = 2000
+
+    def __post_init__(self) -> None:
+        _positive("Daqp", tolerance=self.tolerance, max_iterations=self.max_iterations)
+
+    name: BackendName = "daqp"
+    sources = ("qp_daqp.c", "qp_daqp.h")
+
+    def memory(self, n: int, m: int) -> int:  # noqa: ARG002
+        """The active rows: how many, and at most n + 1."""
+        return n + 2
+
+    def constants(self, where: str, hessian: np.ndarray, constraints: np.ndarray, prefix: str) -> tuple[str, str]:
+        """Inverse Cholesky factor of H and the rows of A in its coordinates, with length 1."""
+        n = len(hessian)
+        upper = np.linalg.cholesky(hessian).T
+        inverse = solve_triangular(upper, np.eye(n))
+        rows = constraints @ inverse
+        length = np.sqrt(np.sum(rows**2, axis=1))
+        if not np.all(np.isfinite(rows)):
+            raise ProgramError(f"{where}: the Hessian is singular to working precision")
+        scaling = np.divide(1.0, length, out=np.ones_like(length), where=length > 0)
+        code = _array(f"{prefix}_rinv", inverse[np.triu_indices(n)])
+        code += _array(f"{prefix}_rows", rows * scaling[:, None]) + _array(f"{prefix}_scaling", scaling)
+        ill = int(np.linalg.cond(hessian) > 1e6)
+        parts = f"{prefix}_rinv, {prefix}_rows, {prefix}_scaling, {ill}"
+        return f"{code}static const QpDaqpFactors {prefix} = {{{parts}}};\n", prefix
+
+    def settings(self, prefix: str) -> str:
+        """Tolerance and limit."""
+        return f"static const QpDaqpSettings {prefix} = {{{self.tolerance!r}, {self.max_iterations}}};\n"
+
+
+def _positive(what: str, **values: float) -> None:
+    for name, value in values.items():
+        if not (math.isfinite(value) and value > 0):
+            raise ProgramError(f"{what}: {name} is {value}, which is not a positive number")
+
+
+BACKENDS: dict[str, Any] = {"daqp": Daqp}
+
+
+@dataclass(frozen=True)
+class Solution:
+    """Symbols for the outcome of a quadratic program, to be used in outputs and updates.
+
+    Attributes:
+        z: solution (n,); after a failure the last one (zeros at first), so always finite.
+        multipliers: (m,), positive at the upper bound, negative at the lower one: H z + q + A' multipliers = 0.
+        status: 0 solved, 1 limit reached, 2 infeasible, 3 bad data.
+        iterations: of the solver.
+        residual: largest of primal, dual and complementarity residual, each divided by max(1, largest magnitude of its
+            terms); 1e30 with bad data.
+    """
+
+    z: Any
+    multipliers: Any
+    status: Any
+    iterations: Any
+    residual: Any
+
+
+@dataclass(frozen=True, eq=False)
+class QuadraticProgram:
+    """A declared program.
+
+    Attributes:
+        name: of the component and of the program, for messages.
+        hessians, constraints: one per case.
+        backends: the first one is used; the others are settings for when the build chooses another solver.
+        data: CasADi column q, l, u, case.
+        symbol: CasADi column z, multipliers, status, iterations, residual.
+    """
+
+    name: str
+    hessians: tuple[np.ndarray, ...]
+    constraints: tuple[np.ndarray, ...]
+    backends: tuple[Backend, ...]
+    data: Any
+    symbol: Any
+
+    @property
+    def backend(self) -> Backend:
+        """The solver in use."""
+        return self.backends[0]
+
+    @property
+    def n(self) -> int:
+        """Number of variables."""
+        return len(self.hessians[0])
+
+    @property
+    def m(self) -> int:
+        """Number of rows."""
+        return len(self.constraints[0])
+
+    @property
+    def n_memory(self) -> int:
+        """Numbers kept from sample to sample: the last solution and the solver's warm start."""
+        return self.n + self.backend.memory(self.n, self.m)
+
+    @property
+    def n_data(self) -> int:
+        """Length of ``data``."""
+        return self.n + 2 * self.m + 1
+
+    @property
+    def n_solution(self) -> int:
+        """Length of ``symbol``."""
+        return self.n + self.m + 3
+
+    @property
+    def solution(self) -> Solution:
+        """``symbol`` by names."""
+        n, m, s = self.n, self.m, self.symbol
+        return Solution(s[:n], s[n : n + m], s[n + m], s[n + m + 1], s[n + m + 2])
+
+
+def checked_matrices(
+    where: str, hessians: Sequence[Any], constraints: Sequence[Any]
+) -> tuple[tuple[np.ndarray, ...], tuple[np.ndarray, ...]]:
+    """Hessians and constraint matrices of all cases as finite arrays of matching shapes.
+
+    Raises:
+        ProgramError: shapes that do not match, values that are not finite, a Hessian that is not symmetric positive
+            definite.
+    """
+    if isinstance(hessians, np.ndarray) and hessians.ndim == 2:
+        hessians = [hessians]
+    if isinstance(constraints, np.ndarray) and constraints.ndim == 2:
+        constraints = [constraints]
+    H = [np.atleast_2d(np.array(h, dtype=float)) for h in hessians]
+    A = [np.atleast_2d(np.array(a, dtype=float)) for a in constraints]
+    if not H:
+        raise ProgramError(f"{where}: no Hessian")
+    if len(A) not in (1, len(H)):
+        raise ProgramError(
+            f"{where}: {len(A)} constraint matrices for {len(H)} cases; give one for all or one per case"
+        )
+    n, m = H[0].shape[0], A[0].shape[0] if A[0].ndim == 2 else 0
+    for k, h in enumerate(H):
+        if h.shape != (n, n):
+            raise ProgramError(f"{where}: Hessian {k} has shape {h.shape}, not {(n, n)}")
+        if not np.all(np.isfinite(h)):
+            raise ProgramError(f"{where}: Hessian {k} has values that are not finite")
+        if np.max(np.abs(h - h.T)) > 1e-9 * np.max(np.abs(h)):
+            raise ProgramError(f"{where}: Hessian {k} is not symmetric")
+        H[k] = 0.5 * (h + h.T)
+        try:
+            np.linalg.cholesky(H[k])
+        except np.linalg.LinAlgError:
+            smallest = np.linalg.eigvalsh(H[k])[0]
+            raise ProgramError(
+                f"{where}: Hessian {k} is not positive definite (smallest eigenvalue {smallest:.3g}); weight every "
+                "variable"
+            ) from None
+    for k, a in enumerate(A):
+        if a.shape != (m, n) or m == 0:
+            raise ProgramError(f"{where}: constraint matrix {k} has shape {a.shape}, not (m, {n}) with the same m >= 1")
+        if not np.all(np.isfinite(a)):
+            raise ProgramError(f"{where}: constraint matrix {k} has values that are not finite")
+    return tuple(H), tuple(A * len(H) if len(A) == 1 else A)
+
+
+def _array(name: str, values: np.ndarray) -> str:
+    numbers = [repr(float(x)) for x in np.asarray(values).ravel()]
+    lines = [", ".join(numbers[i : i + 6]) for i in range(0, len(numbers), 6)]
+    return f"static const double {name}[] = {{\n    " + ",\n    ".join(lines or ["0.0"]) + "\n};\n"
+
+
+def generate_data(programs: Sequence[QuadraticProgram]) -> str:
+    """``qp_data.c``: the constants of all programs of a component."""
+    names = list(dict.fromkeys(p.backend.name for p in programs))
+    code = ["/* Constants of the quadratic programs: generated, do not edit. */", "#include <stddef.h>"]
+    code += [f'#include "qp_{b}.h"' for b in names] + ['#include "qp_model.h"', ""]
+    rows = []
+    for i, p in enumerate(programs):
+        cases, written = [], dict[int, str]()
+        for k, (h, a) in enumerate(zip(p.hessians, p.constraints, strict=True)):
+            if id(a) not in written:
+                written[id(a)] = f"qp{i}_constraints{len(written)}"
+                code.append(_array(written[id(a)], a))
+            code.append(_array(f"qp{i}_hessian{k}", h))
+            text, factors = p.backend.constants(f"{p.name}, case {k}", h, a, f"qp{i}_factors{k}")
+            code.append(text)
+            cases.append(f"{{qp{i}_hessian{k}, {written[id(a)]}, &{factors}}}")
+        code.append(f"static const QpCase qp{i}_cases[] = {{{', '.join(cases)}}};\n")
+        code.append(p.backend.settings(f"qp{i}_settings"))
+        rows.append(
+            f"{{{p.n}, {p.m}, {len(p.hessians)}, {p.backend.memory(p.n, p.m)}, {p.backend.tolerance!r}, qp{i}_cases, "
+            f"&qp_{p.backend.name}, &qp{i}_settings}}"
+        )
+    code.append(f"const int qp_count = {len(programs)};")
+    code.append("const Qp qp_list[] = {\n    " + ",\n    ".join(rows) + "\n};\n")
+    return "\n".join(code)

@@ -1,0 +1,153 @@
+"""C sources of the QP solvers, from outside this project: OSQP from its installed wheel, DAQP from its sdist on PyPI.
+
+DAQP is downloaded by ``pip`` once per user, with the user's own index settings, and checked against a pinned hash. Nothing
+of either is part of this repository; their licences go into the FMU.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import os
+import subprocess
+import sys
+import tarfile
+import tempfile
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+
+DAQP_VERSION = "0.11.0"
+DAQP_SHA256 = "2f27baf18d2acca14186498e651b34e0bed455627e777d3fd8ba655e7e40f920"
+DAQP_VARIABLE = "DAQP_SOURCE"  # a folder or sdist to take instead of the download
+_DAQP_FILES = ("daqp.c", "auxiliary.c", "factorization.c")
+_DAQP_HEADERS = ("daqp.h", "auxiliary.h", "factorization.h", "types.h", "constants.h")
+
+
+class SourceError(RuntimeError):
+    """Sources of a solver that are not there; the message says how to get them."""
+
+
+@dataclass(frozen=True)
+class ThirdParty:
+    """Sources of one solver: C files and headers by their path in the FMU's ``sources/``, and its licence."""
+
+    name: str
+    files: dict[str, bytes]
+    licence: bytes
+
+
+def cache_directory() -> Path:
+    """Where downloads and compiled solvers are kept: ``BUILD_FMUS_CACHE``, the user's cache folder, or a temporary one."""
+    if chosen := os.environ.get("BUILD_FMUS_CACHE"):
+        return Path(chosen)
+    base = os.environ.get("XDG_CACHE_HOME") or os.environ.get("LOCALAPPDATA")
+    candidates = [Path(base)] if base else []
+    if os.environ.get("HOME") or os.environ.get("USERPROFILE"):
+        candidates.append(Path.home() / ".cache")
+    for candidate in candidates:
+        directory = candidate / "suspension-fmus"
+        try:
+            directory.mkdir(parents=True, exist_ok=True)
+        except OSError:
+            continue
+        if os.access(directory, os.W_OK):
+            return directory
+    return Path(tempfile.gettempdir()) / f"suspension-fmus-{getattr(os, 'getuid', lambda: 'user')()}"
+
+
+@lru_cache
+def daqp() -> ThirdParty:
+    """C sources of DAQP.
+
+    Raises:
+        SourceError: the download failed, or what was found is not the pinned release.
+    """
+    chosen = os.environ.get(DAQP_VARIABLE)
+    if chosen and Path(chosen).is_dir():
+        return _from_folder(Path(chosen))
+    return _from_sdist(_daqp_sdist(Path(chosen) if chosen else None))
+
+
+def _from_folder(folder: Path) -> ThirdParty:
+    def find(name: str) -> bytes:
+        for path in (folder / name, *(folder / base / name for base in ("csrc/src", "csrc/include", "src", "include"))):
+            if path.is_file():
+                return path.read_bytes()
+        raise SourceError(f"{DAQP_VARIABLE}={folder} has no {name}; unpack the sdist daqp=={DAQP_VERSION} there")
+
+    files = {f"daqp/{n}": find(n) for n in (*_DAQP_FILES, *_DAQP_HEADERS)}
+    return ThirdParty("DAQP", files, find("LICENSE"))
+
+
+def _from_sdist(data: bytes) -> ThirdParty:
+    top = f"daqp-{DAQP_VERSION}"
+    with tarfile.open(fileobj=io.BytesIO(data)) as tar:
+
+        def find(path: str) -> bytes:
+            member = tar.extractfile(f"{top}/{path}")
+            assert member is not None  # the hash was right
+            return member.read()
+
+        files = {f"daqp/{n}": find(f"csrc/src/{n}") for n in _DAQP_FILES}
+        files |= {f"daqp/{n}": find(f"csrc/include/{n}") for n in _DAQP_HEADERS}
+        return ThirdParty("DAQP", files, find("LICENSE"))
+
+
+def _daqp_sdist(chosen: Path | None) -> bytes:
+    name = f"daqp-{DAQP_VERSION}.tar.gz"
+    if chosen is not None:
+        if not chosen.is_file():
+            raise SourceError(f"{DAQP_VARIABLE}={chosen}: no such file or folder; it should be {name} or its contents")
+        data = chosen.read_bytes()
+        if not _is_pinned(data):
+            raise SourceError(f"{DAQP_VARIABLE}={chosen} is not the published {name} (its SHA-256 differs)")
+        return data
+    kept = cache_directory() / name
+    if kept.is_file() and _is_pinned(data := kept.read_bytes()):
+        return data
+    data = _download(name)
+    kept.parent.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory(dir=kept.parent) as tmp:
+        (Path(tmp) / name).write_bytes(data)
+        os.replace(Path(tmp) / name, kept)
+    return data
+
+
+def _is_pinned(data: bytes) -> bool:
+    return hashlib.sha256(data).hexdigest() == DAQP_SHA256
+
+
+def _download(name: str) -> bytes:
+    with tempfile.TemporaryDirectory() as tmp:
+        requirements = Path(tmp) / "requirements.txt"
+        requirements.write_text(f"daqp=={DAQP_VERSION} --hash=sha256:{DAQP_SHA256}\n")
+        command = [
+            sys.executable, "-m", "pip", "download", "--quiet", "--disable-pip-version-check", "--no-deps",
+            "--no-binary", "daqp", "--require-hashes", "--dest", tmp, "-r", str(requirements),
+        ]  # fmt: skip
+        done = subprocess.run(command, capture_output=True, text=True, check=False)
+        path = Path(tmp) / name
+        if path.is_file() and _is_pinned(data := path.read_bytes()):
+            return data
+    reason = (done.stderr.strip().splitlines() or ["no reason given"])[-1]
+    raise SourceError(
+        f"cannot download the sources of the QP solver DAQP ({reason}). With a connection to PyPI or another index that pip "
+        f"knows they come by themselves; otherwise get {name} on another machine (pip download --no-deps --no-binary daqp "
+        f"daqp=={DAQP_VERSION}) and set {DAQP_VARIABLE} to that file"
+    )
+
+
+def identity() -> str:
+    """What the environment says about these sources, as text for cache keys."""
+    chosen = os.environ.get(DAQP_VARIABLE)
+    if not chosen or not Path(chosen).is_dir():
+        return ""
+    try:
+        files = _from_folder(Path(chosen)).files
+    except SourceError as error:
+        return str(error)
+    return hashlib.sha256(b"\0".join(files[n] for n in sorted(files))).hexdigest()
+
+
+THIRD_PARTY = {"daqp": daqp}

@@ -1,0 +1,144 @@
+/* What does not depend on the back end: data checks, warm start, residual; and the list of programs of a component. */
+
+#include "qp.h"
+
+#include <math.h>
+#include <string.h>
+
+#include "fmu_model.h"
+#include "qp_model.h"
+
+#define NO_RESIDUAL 1e30 /* reported where there is none: bad data */
+
+size_t qp_aligned(size_t bytes) { return (bytes + 15u) & ~(size_t)15u; }
+
+static double *own_part(const Qp *qp, void *scratch, size_t *bytes) {
+    const size_t n = (size_t)qp->n, m = (size_t)qp->m;
+    *bytes = qp_aligned((n + 3 * m) * sizeof(double));
+    return scratch;
+}
+
+size_t qp_scratch_size(const Qp *qp) {
+    size_t own;
+    (void)own_part(qp, NULL, &own);
+    return own + qp_aligned(qp->backend->scratch_size(qp));
+}
+
+void qp_setup(const Qp *qp, void *scratch) {
+    size_t own;
+    (void)own_part(qp, scratch, &own);
+    qp->backend->setup(qp, (char *)scratch + own);
+}
+
+static int all_finite(const double *v, int n) {
+    for (int i = 0; i < n; i++)
+        if (!isfinite(v[i])) return 0;
+    return 1;
+}
+
+static double larger(double a, double b) { return a > b ? a : b; }
+
+double qp_residual(const Qp *qp, const QpCase *data, const double *q, const double *l, const double *u, const double *z,
+                   const double *y) {
+    const int n = qp->n, m = qp->m;
+    double primal = 0.0, primal_size = 1.0, gap = 0.0, gap_size = 1.0, dual = 0.0, dual_size = 1.0;
+    for (int i = 0; i < m; i++) {
+        const double *a = data->constraints + (size_t)i * (size_t)n;
+        double az = 0.0;
+        for (int j = 0; j < n; j++) az += a[j] * z[j];
+        primal = larger(primal, larger(l[i] - az, az - u[i]));
+        primal_size = larger(primal_size, fabs(az));
+        if (y[i] != 0.0) {
+            const double bound = y[i] > 0.0 ? u[i] : l[i];
+            gap = larger(gap, fabs(y[i] * (bound - az)));
+            gap_size = larger(gap_size, larger(fabs(y[i] * az), fabs(y[i] * bound)));
+        }
+    }
+    for (int j = 0; j < n; j++) {
+        const double *h = data->hessian + (size_t)j * (size_t)n;
+        double hz = 0.0, ay = 0.0;
+        for (int k = 0; k < n; k++) hz += h[k] * z[k];
+        for (int i = 0; i < m; i++)
+            if (y[i] != 0.0) ay += data->constraints[(size_t)i * (size_t)n + (size_t)j] * y[i];
+        dual = larger(dual, fabs(hz + q[j] + ay));
+        dual_size = larger(dual_size, larger(fabs(hz), larger(fabs(q[j]), fabs(ay))));
+    }
+    const double r = larger(primal / primal_size, larger(dual / dual_size, gap / gap_size));
+    return r < NO_RESIDUAL ? r : NO_RESIDUAL;
+}
+
+/* Bounds for the back end: absent ones exactly +-QP_INFINITY, crossings within the tolerance closed. */
+static QpStatus prepare_bounds(const Qp *qp, const double *lower, const double *upper, double *l, double *u) {
+    QpStatus status = QP_SOLVED;
+    for (int i = 0; i < qp->m; i++) {
+        if (isnan(lower[i]) || isnan(upper[i])) return QP_BAD_DATA;
+        if (lower[i] >= QP_INFINITY || upper[i] <= -QP_INFINITY) return QP_BAD_DATA;
+        l[i] = larger(lower[i], -QP_INFINITY);
+        u[i] = upper[i] < QP_INFINITY ? upper[i] : QP_INFINITY;
+        if (l[i] <= u[i]) continue;
+        if (l[i] - u[i] > qp->tolerance * larger(1.0, fabs(u[i]))) status = QP_INFEASIBLE;
+        l[i] = u[i] = 0.5 * (l[i] + u[i]);
+    }
+    return status;
+}
+
+void qp_solve(const Qp *qp, void *scratch, double *memory, const double *data, double *solution) {
+    const int n = qp->n, m = qp->m;
+    size_t own;
+    double *l = own_part(qp, scratch, &own), *u = l + m, *y = u + m, *z = y + m;
+    const double *q = data, choice = data[n + 2 * m];
+    double *result = solution, *multipliers = solution + n, *report = solution + n + m;
+    const QpCase *c = qp->cases;
+    int iterations = 0;
+
+    memcpy(z, memory, (size_t)n * sizeof(double));
+    memset(y, 0, (size_t)m * sizeof(double));
+    QpStatus status = prepare_bounds(qp, data + n, data + n + m, l, u);
+    if (!all_finite(q, n) || !isfinite(choice)) status = QP_BAD_DATA;
+    if (status != QP_BAD_DATA) {
+        const double last = (double)(qp->n_cases - 1), rounded = floor(choice + 0.5);
+        c += (int)(rounded < 0.0 ? 0.0 : rounded > last ? last : rounded);
+    }
+    if (status == QP_SOLVED)
+        status = qp->backend->solve(qp, c, (char *)scratch + own, memory + n, q, l, u, z, y, &iterations);
+    const int usable = status == QP_SOLVED || status == QP_LIMIT_REACHED;
+    if (usable && !(all_finite(z, n) && all_finite(y, m))) status = QP_LIMIT_REACHED;
+    if (!usable || !(all_finite(z, n) && all_finite(y, m))) { /* the last solution, and a cold start next time */
+        memcpy(z, memory, (size_t)n * sizeof(double));
+        memset(y, 0, (size_t)m * sizeof(double));
+        memset(memory + n, 0, (size_t)qp->n_memory * sizeof(double));
+    } else if (status == QP_SOLVED) memcpy(memory, z, (size_t)n * sizeof(double));
+    memcpy(result, z, (size_t)n * sizeof(double));
+    memcpy(multipliers, y, (size_t)m * sizeof(double));
+    report[0] = (double)status;
+    report[1] = (double)iterations;
+    report[2] = status == QP_BAD_DATA ? NO_RESIDUAL : qp_residual(qp, c, q, l, u, z, y);
+}
+
+/* ------------------------------------------------------------------ the programs of a component */
+
+static size_t all_scratch(void) {
+    size_t bytes = 0;
+    for (int k = 0; k < qp_count; k++) bytes += qp_scratch_size(&qp_list[k]);
+    return bytes;
+}
+
+static void setup_all(void *scratch) {
+    for (int k = 0; k < qp_count; k++) {
+        qp_setup(&qp_list[k], scratch);
+        scratch = (char *)scratch + qp_scratch_size(&qp_list[k]);
+    }
+}
+
+static void solve_all(void *scratch, double *memory, const double *data, double *solution) {
+    for (int k = 0; k < qp_count; k++) {
+        const Qp *qp = &qp_list[k];
+        qp_solve(qp, scratch, memory, data, solution);
+        scratch = (char *)scratch + qp_scratch_size(qp);
+        memory += qp->n + qp->n_memory;
+        data += qp->n + 2 * qp->m + 1;
+        solution += qp->n + qp->m + 3;
+    }
+}
+
+const FmuQpFunctions fmu_qp_functions = {all_scratch, setup_all, solve_all};

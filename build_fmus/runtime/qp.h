@@ -1,0 +1,58 @@
+/* Quadratic programs: minimise 1/2 z'Hz + q'z subject to l <= Az <= u, with constant H and A, solved at each sample.
+ *
+ * qp.c checks data, keeps the warm start and judges the result; a back end (qp_daqp.c, qp_osqp.c) solves. What changes from
+ * sample to sample lies in the caller's memory; scratch holds nothing that outlives a call of `solve`, except what `setup`
+ * wrote there. */
+#ifndef QP_H
+#define QP_H
+
+#include <stddef.h>
+
+#define QP_INFINITY 1e30 /* bounds of this size and beyond do not bind */
+
+typedef enum { QP_SOLVED, QP_LIMIT_REACHED, QP_INFEASIBLE, QP_BAD_DATA } QpStatus;
+
+typedef struct {
+    const double *hessian;     /* n x n, symmetric */
+    const double *constraints; /* m x n, row by row */
+    const void *factors;       /* what the back end needs beyond these two */
+} QpCase;
+
+typedef struct Qp Qp;
+
+typedef struct {
+    size_t (*scratch_size)(const Qp *qp); /* bytes */
+    void (*setup)(const Qp *qp, void *scratch); /* once, on zeroed scratch */
+    /* z comes with the start value (memory of the last solution), y with zeros. On QP_SOLVED and QP_LIMIT_REACHED both are
+     * results, otherwise they may hold anything. `memory` is the back end's warm start; all zeros is a cold one. Finite
+     * bounds lie within +-QP_INFINITY, absent ones are +-QP_INFINITY, no lower bound exceeds its upper one. */
+    QpStatus (*solve)(const Qp *qp, const QpCase *data, void *scratch, double *memory, const double *q, const double *l,
+                      const double *u, double *z, double *y, int *iterations);
+} QpBackend;
+
+struct Qp {
+    int n, m, n_cases;
+    int n_memory; /* numbers that the back end keeps beside the n of the last solution */
+    double tolerance; /* by which a lower bound may exceed its upper one; both become their mean */
+    const QpCase *cases;
+    const QpBackend *backend;
+    const void *settings;
+};
+
+/* Bytes and layout of scratch: the bounds as the back end gets them, the trial solution, then the back end's own. */
+size_t qp_scratch_size(const Qp *qp);
+void qp_setup(const Qp *qp, void *scratch);
+
+/* Solve one program. `data` holds q, l, u and the case; `solution` receives z, the multipliers, status, iterations, residual.
+ * `memory` (n + n_memory numbers) carries the last solution and the warm start. */
+void qp_solve(const Qp *qp, void *scratch, double *memory, const double *data, double *solution);
+
+/* Largest of primal, dual and complementarity residual, each divided by max(1, largest magnitude of its terms). */
+double qp_residual(const Qp *qp, const QpCase *data, const double *q, const double *l, const double *u, const double *z,
+                   const double *y);
+
+size_t qp_aligned(size_t bytes);
+
+extern const QpBackend qp_daqp, qp_osqp;
+
+#endif

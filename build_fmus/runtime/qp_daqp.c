@@ -1,0 +1,156 @@
+/* Back end DAQP, a dual active-set solver (Arnstroem, Bemporad, Axehill 2022); its C sources lie in daqp/.
+ *
+ * The program becomes a least-distance problem in the coordinates R z + v: minimise |w|^2 subject to bounds on rows of
+ * M = A inv(R). M is constant; v and the bounds follow q, l, u. Memory: the number of active rows, then each as
+ * +-(1 + row), negative at its lower bound. Nothing else of a solve survives it, so a restored state continues exactly. */
+
+#include "qp_daqp.h"
+
+#include <string.h>
+
+#include "daqp/daqp.h"
+#include "qp.h"
+
+#define EQUAL 1e-11 /* bounds this close are one (DAQP's zero_tol) */
+
+typedef struct {
+    DAQPWorkspace work;
+    DAQPSettings settings;
+    DAQPProblem problem;
+    void *vectors; /* what the workspace's arrays lie in */
+    size_t bytes;
+} Scratch;
+
+static size_t take(size_t *offset, size_t bytes) {
+    const size_t at = *offset;
+    *offset += qp_aligned(bytes);
+    return at;
+}
+
+/* Lay the arrays of the workspace out from `base`; returns the bytes they take (all that is done when base is NULL). */
+static size_t lay_out(const Qp *qp, DAQPWorkspace *w, char *base) {
+    const size_t n = (size_t)qp->n, m = (size_t)qp->m, real = sizeof(c_float);
+    size_t offset = 0;
+    const size_t lam = take(&offset, (n + 1) * real), lam_star = take(&offset, (n + 1) * real);
+    const size_t D = take(&offset, (n + 1) * real), xldl = take(&offset, (n + 1) * real), zldl = take(&offset, (n + 1) * real);
+    const size_t L = take(&offset, (n + 1) * (n + 2) / 2 * real), u = take(&offset, n * real), x = take(&offset, n * real);
+    const size_t v = take(&offset, n * real), upper = take(&offset, m * real), lower = take(&offset, m * real);
+    const size_t Mu = take(&offset, m * real), WS = take(&offset, (n + 1) * sizeof(int)), sense = take(&offset, m * sizeof(int));
+    if (base) {
+        w->lam = (c_float *)(void *)(base + lam);
+        w->lam_star = (c_float *)(void *)(base + lam_star);
+        w->D = (c_float *)(void *)(base + D);
+        w->xldl = (c_float *)(void *)(base + xldl);
+        w->zldl = (c_float *)(void *)(base + zldl);
+        w->L = (c_float *)(void *)(base + L);
+        w->u = (c_float *)(void *)(base + u);
+        w->x = w->xold = (c_float *)(void *)(base + x);
+        w->v = (c_float *)(void *)(base + v);
+        w->dupper = (c_float *)(void *)(base + upper);
+        w->dlower = (c_float *)(void *)(base + lower);
+        w->Mu = (c_float *)(void *)(base + Mu);
+        w->WS = (int *)(void *)(base + WS);
+        w->sense = (int *)(void *)(base + sense);
+    }
+    return offset;
+}
+
+static size_t scratch_size(const Qp *qp) { return qp_aligned(sizeof(Scratch)) + lay_out(qp, NULL, NULL); }
+
+static void setup(const Qp *qp, void *scratch) {
+    const QpDaqpSettings *chosen = qp->settings;
+    Scratch *s = scratch;
+    s->vectors = (char *)scratch + qp_aligned(sizeof *s);
+    s->bytes = lay_out(qp, &s->work, s->vectors);
+    s->settings.primal_tol = chosen->tolerance;
+    s->settings.iter_limit = chosen->max_iterations;
+    s->settings.dual_tol = DAQP_DEFAULT_DUAL_TOL;
+    s->settings.zero_tol = DAQP_DEFAULT_ZERO_TOL;
+    s->settings.pivot_tol = DAQP_DEFAULT_PIVOT_TOL;
+    s->settings.progress_tol = DAQP_DEFAULT_PROG_TOL;
+    s->settings.cycle_tol = DAQP_DEFAULT_CYCLE_TOL;
+    s->settings.fval_bound = DAQP_INF;
+    s->settings.eps_prox = DAQP_DEFAULT_EPS_PROX;
+    s->settings.eta_prox = DAQP_DEFAULT_ETA;
+    s->settings.rho_soft = DAQP_DEFAULT_RHO_SOFT;
+    s->settings.w_soft = DAQP_DEFAULT_W_SOFT;
+    s->settings.sing_tol = DAQP_DEFAULT_SING_TOL;
+    s->settings.refactor_tol = DAQP_DEFAULT_REFACTOR_TOL;
+    s->problem.n = s->work.n = qp->n;
+    s->problem.m = s->work.m = qp->m;
+    s->work.settings = &s->settings;
+    s->work.qp = &s->problem;
+}
+
+/* v = inv(R)'q, and the bounds of the normalized rows, moved by M v. */
+static void transform(DAQPWorkspace *w, const double *q, const double *l, const double *u) {
+    const int n = w->n;
+    const double *r = w->Rinv;
+    for (int j = 0; j < n; j++) w->v[j] = 0.0;
+    for (int i = 0; i < n; i++)
+        for (int j = i; j < n; j++) w->v[j] += *r++ * q[i];
+    for (int i = 0; i < w->m; i++) {
+        const double *row = w->M + (size_t)i * (size_t)n;
+        double shift = 0.0;
+        for (int j = 0; j < n; j++) shift += row[j] * w->v[j];
+        w->dlower[i] = l[i] <= -QP_INFINITY ? -QP_INFINITY : l[i] * w->scaling[i] + shift;
+        w->dupper[i] = u[i] >= QP_INFINITY ? QP_INFINITY : u[i] * w->scaling[i] + shift;
+    }
+}
+
+static int is_zero(const double *row, int n) {
+    for (int j = 0; j < n; j++)
+        if (row[j] != 0.0) return 0;
+    return 1;
+}
+
+/* Equations, rows of zeros, and the active rows of the last solution. */
+static QpStatus mark_rows(const Qp *qp, DAQPWorkspace *w, const double *memory, const double *l, const double *u) {
+    for (int i = 0; i < w->m; i++) {
+        if (is_zero(w->M + (size_t)i * (size_t)w->n, w->n)) {
+            if (l[i] > qp->tolerance || u[i] < -qp->tolerance) return QP_INFEASIBLE;
+            w->sense[i] = DAQP_IMMUTABLE; /* ignored */
+        } else if (u[i] - l[i] < EQUAL) w->sense[i] = DAQP_ACTIVE | DAQP_IMMUTABLE;
+    }
+    const int count = (int)memory[0];
+    for (int k = 0; k < count; k++) {
+        const double entry = memory[1 + k];
+        const int lower = entry < 0.0, i = (int)(lower ? -entry : entry) - 1;
+        if (w->sense[i] || (lower ? l[i] <= -QP_INFINITY : u[i] >= QP_INFINITY)) continue;
+        w->sense[i] = DAQP_ACTIVE | (lower ? DAQP_LOWER : 0);
+    }
+    return QP_SOLVED;
+}
+
+static QpStatus solve(const Qp *qp, const QpCase *data, void *scratch, double *memory, const double *q, const double *l,
+                      const double *u, double *z, double *y, int *iterations) {
+    Scratch *s = scratch;
+    DAQPWorkspace *w = &s->work;
+    const QpDaqpFactors *f = data->factors;
+    memset(s->vectors, 0, s->bytes);
+    (void)lay_out(qp, w, s->vectors); /* DAQP exchanges pointers */
+    w->Rinv = (c_float *)f->rinv;     /* DAQP only reads these */
+    w->M = (c_float *)f->rows;
+    w->scaling = (c_float *)f->scaling;
+    w->state = f->ill_conditioned ? DAQP_STATE_ILL_CONDITIONED : 0;
+    s->problem.A = (c_float *)data->constraints;
+    s->problem.bupper = (c_float *)u;
+    s->problem.blower = (c_float *)l;
+    transform(w, q, l, u);
+    if (mark_rows(qp, w, memory, l, u) != QP_SOLVED) return QP_INFEASIBLE;
+
+    reset_daqp_workspace(w);
+    if (daqp_activate_constraints(w) < 0) return QP_INFEASIBLE; /* equations that contradict each other */
+    const int flag = daqp_ldp(w);
+    *iterations = w->iterations;
+    if (flag == DAQP_EXIT_INFEASIBLE) return QP_INFEASIBLE;
+    ldp2qp_solution(w);
+    if (flag > 0) daqp_refine_primal(w);
+    memcpy(z, w->x, (size_t)qp->n * sizeof(double));
+    for (int k = 0; k < w->n_active; k++) y[w->WS[k]] = w->lam_star[k];
+    memory[0] = (double)w->n_active;
+    for (int k = 0; k < w->n_active; k++) memory[1 + k] = (w->sense[w->WS[k]] & DAQP_LOWER ? -1.0 : 1.0) * (1.0 + w->WS[k]);
+    return flag > 0 ? QP_SOLVED : QP_LIMIT_REACHED;
+}
+
+const QpBackend qp_daqp = {scratch_size, setup, solve};
