@@ -68,6 +68,10 @@ def default_catalog() -> dict[str, Entry]:
             Entry(name, f"electro-hydraulic actuator (paper 001), {summary}", _hydraulic_actuator(parameters, name))
             for name, (parameters, summary) in _ACTUATORS.items()
         ),
+        *(
+            Entry(name, f"hydraulic force tracking (paper 001), {summary}", _force_tracking(parameters, name))
+            for name, (parameters, summary) in _FORCE_TRACKING.items()
+        ),
         Entry("RideComfort", "absorbed power and ISO 2631-1 (paper 001)", _ride_comfort),
         Entry("RoadBumps", "test track of speed bumps (paper 001)", _hmmwv_road("road_bumps")),
         Entry("RoadHoleBump", "hole, flat and bump of paper 004", _sedan_road("road_hole_bump")),
@@ -195,6 +199,10 @@ _LQR_HMMWV = {
     "LqrHmmwv": ("TABLE_1_1", "force weighted in N, as published"),
     "LqrHmmwvKilonewton": ("TABLE_1_1_KILONEWTON", "force weighted in kN"),
 }
+_FORCE_TRACKING = {
+    "ForceTracking": ("actuator_hmmwv", "the paper's parameters"),
+    "ForceTrackingPhysical": ("actuator_hmmwv_physical", "density of real oil"),
+}
 _GPC = {
     "GpcImplicit": ("GPC with implicit disturbances (paper 000)", "implicit"),
     "GpcExplicit": ("GPC with explicit disturbances (paper 000)", "explicit"),
@@ -251,6 +259,16 @@ def _hydraulic_actuator(parameters: str, name: str) -> Callable[[Context], Compo
         from fmu_sources.vehicles import load_actuator
 
         return hydraulic_actuator(load_actuator(parameters), name=name)
+
+    return make
+
+
+def _force_tracking(parameters: str, name: str) -> Callable[[Context], Component]:
+    def make(_: Context) -> Component:
+        from fmu_sources.controllers.force_tracking import force_tracking
+        from fmu_sources.vehicles import load_actuator
+
+        return force_tracking(load_actuator(parameters), name=name)
 
     return make
 

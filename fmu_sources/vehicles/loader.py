@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import difflib
 import tomllib
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, cast
@@ -85,14 +85,18 @@ def load_actuator(name_or_path: str | Path) -> Actuator:
     return cast(Actuator, load_vehicle(name_or_path, "actuator"))
 
 
-def declare(c: Component, section: Section, prefix: str = "") -> Any:
+def declare(c: Component, section: Section, prefix: str = "", leave_out: Collection[str] = ()) -> Any:
     """Declare every quantity of a vehicle as an FMI parameter of ``c`` under its path in the file.
+
+    ``leave_out``: paths of fields or tables that the component has no use for.
 
     Returns the symbols in the shape of the file: ``p.suspension.front.spring``. Of :class:`Axles` tables each wheel gets
     its own parameters: ``p.suspension.fl.stiffness``.
     """
     symbols = SimpleNamespace()
     for name, info in type(section).model_fields.items():
+        if prefix + name in leave_out:
+            continue
         value, declared = getattr(section, name), type(section).declared(name)
         if isinstance(value, Quantity) and declared is not None:
             symbol = c.parameter(
@@ -101,10 +105,13 @@ def declare(c: Component, section: Section, prefix: str = "") -> Any:
             )  # fmt: skip
             setattr(symbols, name, symbol)
         elif isinstance(value, Axles):
-            wheels = {k: declare(c, getattr(value, axle), f"{prefix}{name}.{k}.") for k, axle in value.axle_of.items()}
+            wheels = {
+                k: declare(c, getattr(value, axle), f"{prefix}{name}.{k}.", leave_out)
+                for k, axle in value.axle_of.items()
+            }
             setattr(symbols, name, SimpleNamespace(**wheels))
         elif isinstance(value, Section):
-            setattr(symbols, name, declare(c, value, f"{prefix}{name}."))
+            setattr(symbols, name, declare(c, value, f"{prefix}{name}.", leave_out))
     return symbols
 
 
