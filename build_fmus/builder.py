@@ -17,10 +17,11 @@ from importlib import metadata
 from pathlib import Path
 from typing import Protocol
 
+from build_fmus import qp_sources
 from build_fmus.compile import toolchain_identity
 
 SOURCE_SUFFIXES = (".py", ".toml", ".c", ".h", ".html", ".csv")
-_LIBRARIES = ("casadi", "fmpy", "numpy", "scipy", "lxml", "jinja2", "suspension-fmus")
+_LIBRARIES = ("casadi", "fmpy", "numpy", "scipy", "lxml", "jinja2", "osqp", "suspension-fmus")
 
 
 class Buildable(Protocol):
@@ -42,6 +43,7 @@ class Options:
     fmi: tuple[int, ...] = (2, 3)
     platform: str = "host"
     arrays: bool = False
+    qp: str | None = None  # solver of all quadratic programs instead of each component's own
 
     @property
     def cache(self) -> Path:
@@ -91,6 +93,7 @@ def stamp_key(entry: Buildable, options: Options, fmi: int, sources: str) -> str
     digest = hashlib.sha256()
     compilers = toolchain_identity(options.platform)
     parts = [sources, entry.name, str(fmi), options.platform, str(options.arrays and fmi == 3), compilers]
+    parts += [options.qp or "", qp_sources.identity()]
     parts += [f"{n}={metadata.version(n)}" for n in _LIBRARIES]
     digest.update("|".join(parts).encode())
     for path in entry.files:

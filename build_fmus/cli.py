@@ -108,6 +108,8 @@ def build_entry(user: UserFiles, name: str, options: Options, versions: tuple[in
     entry = load_catalog(user)[name]
     component = entry.make(Context(options.out, options.cache))
     component.bibliography = PAPERS
+    if options.qp is not None:
+        component.choose_backend(options.qp)
     cache = ObjectCache(options.cache / "objects")
     for fmi in versions:
         data = build_fmu(component, fmi, resolve_platforms(options.platform), cache, arrays=options.arrays)
@@ -170,6 +172,9 @@ def command(
     name: Annotated[str | None, typer.Option(help="name of the FMU made by --road or --weights")] = None,
     out: Annotated[Path, typer.Option(help="directory that receives fmi2/ and fmi3/")] = Path("fmus"),
     fmi3_arrays: Annotated[bool, typer.Option(help="declare vectors and matrices as FMI 3.0 arrays")] = False,
+    qp: Annotated[
+        str | None, typer.Option(help="solver of quadratic programs: osqp or daqp (default: each component's own)")
+    ] = None,
     force: Annotated[bool, typer.Option(help="build even what is up to date")] = False,
     list_: Annotated[bool, typer.Option("--list", help="list the catalog and stop")] = False,
 ) -> None:
@@ -177,6 +182,8 @@ def command(
     versions = {"2": (2,), "3": (3,), "both": (2, 3)}.get(fmi)
     if versions is None:
         raise ValueError(f"--fmi {fmi}: choose 2, 3 or both")
+    if qp not in (None, "osqp", "daqp"):
+        raise ValueError(f"--qp {qp}: choose osqp or daqp")
     file, _, maker = (from_ or "").partition(":")
     user = UserFiles(vehicle, road, weights, Path(file) if file else None, maker or "make", name, period)
     for path in user.paths:
@@ -198,7 +205,7 @@ def command(
         if what == "built":
             console.print(f"  built {name}")
 
-    options = Options(out, versions, platform, fmi3_arrays)
+    options = Options(out, versions, platform, fmi3_arrays, qp)
     build(names, options, user=user, force=force, report=report)
     seconds = time.perf_counter() - start
     console.print(f"{total['built']} built, {total['up to date']} up to date in {out}/ ({seconds:.1f} s)")

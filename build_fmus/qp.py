@@ -16,6 +16,7 @@ from typing import Any, Literal, Protocol
 
 import numpy as np
 from scipy.linalg import solve_triangular
+from scipy.sparse import csc_array
 
 BackendName = Literal["daqp", "osqp"]
 INFINITE = 1e30  # bounds of this size and beyond do not bind; QP_INFINITY in qp.h
@@ -94,13 +95,98 @@ class Daqp:
         return f"static const QpDaqpSettings {prefix} = {{{self.tolerance!r}, {self.max_iterations}}};\n"
 
 
+@dataclass(frozen=True)
+class Osqp:
+    """Operator-splitting solver OSQP with a fixed step size: its accuracy and speed depend on ``rho`` and on the scaling.
+
+    Attributes:
+        rho: step size, in the scaled problem.
+        eps: primal, dual and gap tolerance, absolute and relative, in the scaled problem.
+        max_iterations: before the solver gives up.
+        scaling: units of the variables, ``"diagonal"``: such that H has ones on its diagonal; ``"hessian"``: coordinates in
+            which H is the identity; ``"none"``.
+        unit_rows: scale the rows of A to length 1.
+        check_interval: iterations between checks for the end.
+        infeasible: tolerance of the certificate that there is no feasible point.
+    """
+
+    rho: float = 0.1
+    eps: float = 1e-7
+    max_iterations: int = 4000
+    scaling: Literal["none", "diagonal", "hessian"] = "diagonal"
+    unit_rows: bool = True
+    check_interval: int = 10
+    infeasible: float = 1e-5
+    sigma: float = 1e-6
+    alpha: float = 1.6
+
+    def __post_init__(self) -> None:
+        _positive(
+            "Osqp", rho=self.rho, eps=self.eps, max_iterations=self.max_iterations, infeasible=self.infeasible,
+            check_interval=self.check_interval, sigma=self.sigma, alpha=self.alpha,
+        )  # fmt: skip
+        if self.scaling not in ("none", "diagonal", "hessian") or self.alpha >= 2:
+            raise ProgramError(
+                f"Osqp: scaling {self.scaling!r} is none of none, diagonal, hessian, or alpha is not below 2"
+            )
+
+    name: BackendName = "osqp"
+    sources = ("qp_osqp.c", "qp_osqp.h")
+
+    @property
+    def tolerance(self) -> float:
+        """As for any other row."""
+        return self.eps
+
+    def memory(self, n: int, m: int) -> int:
+        """Last iterate and its multipliers."""
+        return n + m
+
+    def constants(self, where: str, hessian: np.ndarray, constraints: np.ndarray, prefix: str) -> tuple[str, str]:
+        """The scaled problem and the factors of its linear system."""
+        n = len(hessian)
+        if self.scaling == "hessian":
+            turn = solve_triangular(np.linalg.cholesky(hessian).T, np.eye(n))
+        else:
+            turn = np.diag(1 / np.sqrt(np.diag(hessian))) if self.scaling == "diagonal" else np.eye(n)
+        H, A = turn.T @ hessian @ turn, constraints @ turn
+        length = np.sqrt(np.sum(A**2, axis=1))
+        scale = (
+            np.divide(1.0, length, out=np.ones_like(length), where=length > 0) if self.unit_rows else np.ones(len(A))
+        )
+        A = A * scale[:, None]
+        lower = np.linalg.cholesky(H + self.sigma * np.eye(n) + self.rho * A.T @ A)
+        diagonal = np.diag(lower)
+        if not all(np.all(np.isfinite(x)) for x in (turn, A, lower)):
+            raise ProgramError(f"{where}: the Hessian is singular to working precision")
+        p, a = csc_array(np.triu(H)), csc_array(A)
+        parts: list[str] = []
+        code = ""
+        for part, values in (
+            ("transform", turn), ("inverse", np.linalg.inv(turn)), ("row_scale", scale),
+            ("p_columns", p.indptr), ("p_rows", p.indices), ("p_values", p.data),
+            ("a_columns", a.indptr), ("a_rows", a.indices), ("a_values", a.data),
+            ("lower", (lower / diagonal)[np.tril_indices(n, -1)]), ("inverse_diagonal", 1 / diagonal**2),
+        ):  # fmt: skip
+            code += _array(f"{prefix}_{part}", values)
+            parts.append(f"{prefix}_{part}")
+        return f"{code}static const QpOsqpFactors {prefix} = {{\n    {', '.join(parts)}}};\n", prefix
+
+    def settings(self, prefix: str) -> str:
+        """Step size, tolerances and limits."""
+        values = (
+            self.rho, self.sigma, self.alpha, self.eps, self.infeasible, self.max_iterations, self.check_interval
+        )  # fmt: skip
+        return f"static const QpOsqpSettings {prefix} = {{{', '.join(map(repr, values))}}};\n"
+
+
 def _positive(what: str, **values: float) -> None:
     for name, value in values.items():
         if not (math.isfinite(value) and value > 0):
             raise ProgramError(f"{what}: {name} is {value}, which is not a positive number")
 
 
-BACKENDS: dict[str, Any] = {"daqp": Daqp}
+BACKENDS: dict[str, Any] = {"daqp": Daqp, "osqp": Osqp}
 
 
 @dataclass(frozen=True)
@@ -226,9 +312,11 @@ def checked_matrices(
 
 
 def _array(name: str, values: np.ndarray) -> str:
-    numbers = [repr(float(x)) for x in np.asarray(values).ravel()]
+    values = np.asarray(values)
+    kind = "int" if values.dtype.kind == "i" else "double"
+    numbers = [repr(x) for x in values.ravel().tolist()]
     lines = [", ".join(numbers[i : i + 6]) for i in range(0, len(numbers), 6)]
-    return f"static const double {name}[] = {{\n    " + ",\n    ".join(lines or ["0.0"]) + "\n};\n"
+    return f"static const {kind} {name}[] = {{\n    " + ",\n    ".join(lines or ["0"]) + "\n};\n"
 
 
 def generate_data(programs: Sequence[QuadraticProgram]) -> str:

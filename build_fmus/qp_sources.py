@@ -15,6 +15,7 @@ import tarfile
 import tempfile
 from dataclasses import dataclass
 from functools import lru_cache
+from importlib import metadata
 from pathlib import Path
 
 DAQP_VERSION = "0.11.0"
@@ -138,6 +139,48 @@ def _download(name: str) -> bytes:
     )
 
 
+_OSQP_FILES = (
+    "osqp_api.c",
+    "auxil.c",
+    "vector.c",
+    "matrix.c",
+    "csc_math.c",
+    "csc_utils.c",
+    "util.c",
+    "error.c",
+    "algebra_libs.c",
+    "scaling.c",
+)
+_OSQP_CONFIGURATION = b"""/* Embedded: no heap, no printing, no clock, constant matrices. */
+#ifndef OSQP_CONFIGURE_H
+#define OSQP_CONFIGURE_H
+
+#define OSQP_ALGEBRA_BUILTIN
+#define OSQP_EMBEDDED_MODE 1
+
+#endif
+"""
+
+
+@lru_cache
+def osqp() -> ThirdParty:
+    """C sources of OSQP's embedded code, which its wheel carries for its code generator.
+
+    Raises:
+        SourceError: a wheel without them.
+    """
+    folder = Path(str(metadata.distribution("osqp").locate_file("osqp/codegen/codegen_src")))
+    headers = [p for part in ("public", "private") for p in sorted((folder / "inc" / part).glob("*.h"))]
+    paths = [*(folder / "src" / n for n in _OSQP_FILES), *headers]
+    if not headers or not all(p.is_file() for p in paths):
+        raise SourceError(f"the installed package osqp has no C sources in {folder}; install osqp from PyPI (1.1)")
+    files = {f"osqp/{p.name}": p.read_bytes() for p in paths} | {"osqp/osqp_configure.h": _OSQP_CONFIGURATION}
+    licence = next((f for f in metadata.files("osqp") or () if f.name.startswith("LICENSE")), None)
+    if licence is None:
+        raise SourceError("the installed package osqp has no licence file; install osqp from PyPI (1.1)")
+    return ThirdParty("OSQP", files, Path(str(licence.locate())).read_bytes())
+
+
 def identity() -> str:
     """What the environment says about these sources, as text for cache keys."""
     chosen = os.environ.get(DAQP_VARIABLE)
@@ -150,4 +193,4 @@ def identity() -> str:
     return hashlib.sha256(b"\0".join(files[n] for n in sorted(files))).hexdigest()
 
 
-THIRD_PARTY = {"daqp": daqp}
+THIRD_PARTY = {"daqp": daqp, "osqp": osqp}

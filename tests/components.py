@@ -17,7 +17,7 @@ from build_fmus.builder import Options
 from build_fmus.compile import ObjectCache, resolve_platforms
 from build_fmus.component import Component, Solver
 from build_fmus.package import build_fmu
-from build_fmus.qp import Backend, Daqp
+from build_fmus.qp import Backend, Daqp, Osqp
 
 
 def oscillator(name: str = "ProbeRk4", solver: Solver = "rk4", fastest: float = 0.05) -> Component:
@@ -157,6 +157,7 @@ MAKERS = {
     "ProbeRos2": lambda: oscillator("ProbeRos2", "ros2", fastest=1e-4),
     "ProbeDiscrete": filter_bank,
     "ProbeQpDaqp": optimizer,
+    "ProbeQpOsqp": lambda: optimizer("ProbeQpOsqp", Osqp(rho=1.0)),
 }
 
 

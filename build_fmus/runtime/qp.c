@@ -14,7 +14,7 @@ size_t qp_aligned(size_t bytes) { return (bytes + 15u) & ~(size_t)15u; }
 
 static double *own_part(const Qp *qp, void *scratch, size_t *bytes) {
     const size_t n = (size_t)qp->n, m = (size_t)qp->m;
-    *bytes = qp_aligned((n + 3 * m) * sizeof(double));
+    *bytes = qp_aligned((2 * n + 3 * m) * sizeof(double));
     return scratch;
 }
 
@@ -38,30 +38,34 @@ static int all_finite(const double *v, int n) {
 
 static double larger(double a, double b) { return a > b ? a : b; }
 
-double qp_residual(const Qp *qp, const QpCase *data, const double *q, const double *l, const double *u, const double *z,
-                   const double *y) {
+/* Largest of primal, dual and complementarity residual, each divided by max(1, largest magnitude of its terms); ay: n
+ * numbers of scratch. */
+static double residual(const Qp *qp, const QpCase *data, const double *q, const double *l, const double *u, const double *z,
+                       const double *y, double *ay) {
     const int n = qp->n, m = qp->m;
     double primal = 0.0, primal_size = 1.0, gap = 0.0, gap_size = 1.0, dual = 0.0, dual_size = 1.0;
+    memset(ay, 0, (size_t)n * sizeof(double));
     for (int i = 0; i < m; i++) {
         const double *a = data->constraints + (size_t)i * (size_t)n;
         double az = 0.0;
         for (int j = 0; j < n; j++) az += a[j] * z[j];
+        if (y[i] != 0.0)
+            for (int j = 0; j < n; j++) ay[j] += a[j] * y[i];
         primal = larger(primal, larger(l[i] - az, az - u[i]));
         primal_size = larger(primal_size, fabs(az));
-        if (y[i] != 0.0) {
-            const double bound = y[i] > 0.0 ? u[i] : l[i];
+        const double bound = y[i] > 0.0 ? u[i] : l[i];
+        if (fabs(bound) >= QP_INFINITY) dual = larger(dual, fabs(y[i])); /* no bound, no multiplier */
+        else if (y[i] != 0.0) {
             gap = larger(gap, fabs(y[i] * (bound - az)));
             gap_size = larger(gap_size, larger(fabs(y[i] * az), fabs(y[i] * bound)));
         }
     }
     for (int j = 0; j < n; j++) {
         const double *h = data->hessian + (size_t)j * (size_t)n;
-        double hz = 0.0, ay = 0.0;
+        double hz = 0.0;
         for (int k = 0; k < n; k++) hz += h[k] * z[k];
-        for (int i = 0; i < m; i++)
-            if (y[i] != 0.0) ay += data->constraints[(size_t)i * (size_t)n + (size_t)j] * y[i];
-        dual = larger(dual, fabs(hz + q[j] + ay));
-        dual_size = larger(dual_size, larger(fabs(hz), larger(fabs(q[j]), fabs(ay))));
+        dual = larger(dual, fabs(hz + q[j] + ay[j]));
+        dual_size = larger(dual_size, larger(fabs(hz), larger(fabs(q[j]), fabs(ay[j]))));
     }
     const double r = larger(primal / primal_size, larger(dual / dual_size, gap / gap_size));
     return r < NO_RESIDUAL ? r : NO_RESIDUAL;
@@ -85,7 +89,7 @@ static QpStatus prepare_bounds(const Qp *qp, const double *lower, const double *
 void qp_solve(const Qp *qp, void *scratch, double *memory, const double *data, double *solution) {
     const int n = qp->n, m = qp->m;
     size_t own;
-    double *l = own_part(qp, scratch, &own), *u = l + m, *y = u + m, *z = y + m;
+    double *l = own_part(qp, scratch, &own), *u = l + m, *y = u + m, *z = y + m, *ay = z + n;
     const double *q = data, choice = data[n + 2 * m];
     double *result = solution, *multipliers = solution + n, *report = solution + n + m;
     const QpCase *c = qp->cases;
@@ -112,7 +116,7 @@ void qp_solve(const Qp *qp, void *scratch, double *memory, const double *data, d
     memcpy(multipliers, y, (size_t)m * sizeof(double));
     report[0] = (double)status;
     report[1] = (double)iterations;
-    report[2] = status == QP_BAD_DATA ? NO_RESIDUAL : qp_residual(qp, c, q, l, u, z, y);
+    report[2] = status == QP_BAD_DATA ? NO_RESIDUAL : residual(qp, c, q, l, u, z, y, ay);
 }
 
 /* ------------------------------------------------------------------ the programs of a component */

@@ -47,10 +47,6 @@ void qp_setup(const Qp *qp, void *scratch);
  * `memory` (n + n_memory numbers) carries the last solution and the warm start. */
 void qp_solve(const Qp *qp, void *scratch, double *memory, const double *data, double *solution);
 
-/* Largest of primal, dual and complementarity residual, each divided by max(1, largest magnitude of its terms). */
-double qp_residual(const Qp *qp, const QpCase *data, const double *q, const double *l, const double *u, const double *z,
-                   const double *y);
-
 size_t qp_aligned(size_t bytes);
 
 extern const QpBackend qp_daqp, qp_osqp;
