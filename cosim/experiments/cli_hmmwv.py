@@ -1,0 +1,102 @@
+"""Commands of the experiment ``hmmwv``."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+from rich.table import Table
+from rich.text import Text
+
+from cosim.experiments.cli_options import Fmus, Out, Version, console, make_folder, progress_bar
+
+TITLE = "HMMWV with hydraulic actuators: comfort over bumps and off road (paper 001)"
+OPTIONS = (
+    "--road track|bump|off-road  --controller passive|zero|skyhook|lqr|lqr-kilonewton  --actuators hydraulic|ideal  "
+    "--speed KM/H"
+)
+_ROWS = {
+    "absorbed power (published figure) [W]": ("absorbed_power", "{:.2f}", 1.0),
+    "absorbed power, peak over 1 s [W]": ("absorbed_power_peak", "{:.2f}", 1.0),
+    "absorbed power, mean [W]": ("absorbed_power_mean", "{:.2f}", 1.0),
+    "ISO 2631 weighted rms [m/s2]": ("iso2631_rms", "{:.3f}", 1.0),
+    "suspension travel, rms [mm]": ("travel_rms", "{:.1f}", 1e3),
+    "suspension travel, largest [mm]": ("travel_peak", "{:.1f}", 1e3),
+    "tyre off the ground [% of the time]": ("lift_off", "{:.1f}", 100.0),
+    "actuator force, rms [N]": ("force_rms", "{:.0f}", 1.0),
+    "actuator force, largest [N]": ("force_peak", "{:.0f}", 1.0),
+    "force error, rms [N]": ("tracking_error_rms", "{:.0f}", 1.0),
+    "valve saturated [% of the time]": ("saturation", "{:.1f}", 100.0),
+    "flow of the pump, mean [l/min]": ("flow_mean", "{:.0f}", 1.0),
+}
+
+
+def run(
+    road: Annotated[str, typer.Option(help="track, bump or off-road")] = "track",
+    controller: Annotated[str, typer.Option(help="passive, zero, skyhook, lqr or lqr-kilonewton")] = "lqr",
+    actuators: Annotated[str, typer.Option(help="hydraulic, or ideal: the force that is asked for")] = "hydraulic",
+    speed: Annotated[float, typer.Option(help="speed [km/h]; the paper drives 20 mph")] = 32.18688,
+    variant: Annotated[
+        int, typer.Option(help="place of the bump between two control samples, or off-road stretch")
+    ] = 0,
+    flow_limit: Annotated[bool, typer.Option(help="limit the pump's flow to each actuator")] = False,
+    fmus: Fmus = Path("fmus"),
+    fmi: Version = 3,
+    out: Out = Path("results"),
+) -> None:
+    """One run: absorbed power and the rest beside the passive car's; time histories as CSV."""
+    from dataclasses import replace
+
+    from cosim import ComponentError, Interrupted
+    from cosim.experiments.cases import FmuSet
+    from cosim.experiments.hmmwv import Case, HmmwvBench, evaluate
+
+    case = Case(road, controller, actuators, speed, variant, flow_limit)
+    bench = HmmwvBench(FmuSet(fmus, fmi))
+    path = make_folder(out / "hmmwv") / f"{case.label}.csv"
+    try:
+        recording = bench.record(case, progress=True, csv=path)
+    except (ComponentError, Interrupted) as error:
+        if error.recording is not None and len(error.recording):
+            console.print(f"{path} holds the run up to t = {error.time:g} s")
+        raise
+    measured = {controller: evaluate(case, recording)}
+    if controller != "passive":
+        measured = {"passive": bench.measure(replace(case, controller="passive", actuators="hydraulic")), **measured}
+    table = Table("metric", *measured, box=None)
+    for label, (key, form, scale) in _ROWS.items():
+        cells = [form.format(scale * m[key]) if key in m else "-" for m in measured.values()]
+        table.add_row(Text(label), *cells)
+    Console().print(table)
+    summary = path.with_suffix(".json")
+    summary.write_text(json.dumps(measured, indent=1) + "\n")
+    console.print(f"{path} and {summary.name}; {recording.real_time_factor:.0f}x real time")
+    bench.close()
+
+
+def study(
+    fmus: Fmus = Path("fmus"),
+    fmi: Version = 3,
+    out: Out = Path("results"),
+    processes: Annotated[int | None, typer.Option(help="worker processes (default: all cores)", min=1)] = None,
+) -> None:
+    """The vehicle runs of the paper and its claims; writes results/hmmwv/report.html."""
+    from cosim.experiments import hmmwv, hmmwv_report, hmmwv_study
+    from cosim.experiments.cases import FmuSet
+
+    chosen = FmuSet(fmus, fmi)
+    for name in hmmwv.all_fmus():
+        chosen.path(name)  # every file is there before the work begins
+    runs = make_folder(out / "hmmwv" / ".runs")
+    with progress_bar("study hmmwv") as progress:
+        try:
+            result = hmmwv_study.study(chosen, runs, processes=processes, progress=progress)
+        except KeyboardInterrupt:
+            raise KeyboardInterrupt(
+                "interrupted; finished runs are kept, the same command goes on from there"
+            ) from None
+    path = hmmwv_report.write(result, chosen, out / "hmmwv")
+    console.print(f"report: {path}")
