@@ -6,7 +6,6 @@ This module wires the FMUs and runs them; ``hmmwv_study`` lays out the runs behi
 from __future__ import annotations
 
 import math
-import warnings
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
 from importlib import metadata
@@ -15,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from cosim import Recording, System, UnconnectedInputsWarning
+from cosim import Recording, System
 from cosim.comfort import absorbed_power_peak, absorbed_power_series, absorbed_power_window, iso2631_rms, vdv
 from cosim.experiments.cases import CaseError, FmuSet, check_choice
 from cosim.experiments.store import RunStore, content_hash
@@ -157,9 +156,7 @@ class HmmwvBench:
             ComponentError: a component failed; ``error.recording`` holds what was recorded.
         """
         system = self.system(case)
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", UnconnectedInputsWarning)  # zero force: nothing asks for one
-            return system.run(case.stop_time, record=recorded(case), record_interval="1 ms", progress=progress, csv=csv)
+        return system.run(case.stop_time, record=recorded(case), record_interval="1 ms", progress=progress, csv=csv)
 
     def measure(self, case: Case) -> Row:
         """Metrics of a case as JSON values; stored if possible."""
@@ -204,13 +201,18 @@ def wire(fmus: FmuSet, case: Case) -> System:
     if case.actuators == "ideal":
         if controller is not None:
             system.connect_matching("controller", "car", "force.*")
+        else:
+            system["car"].set({f"force.{k}": 0.0 for k in CORNERS})
         return system
     for k in CORNERS:
         actuator, tracking = f"actuator_{k}", f"tracking_{k}"
-        system.add(actuator, fmus.path("HydraulicActuator"), step=EXCHANGE)
+        system.add(
+            actuator, fmus.path("HydraulicActuator"), step=EXCHANGE, start={"bypass.area": 0.0}
+        )  # shut, as published
         system.connect(f"car.suspension.{k}.velocity", f"{actuator}.piston.velocity")
         system.connect(f"{actuator}.force", f"car.force.{k}")
         if case.controller == "passive":
+            system[actuator].set({"valve.voltage": 0.0})
             continue
         system.add(tracking, fmus.path("ForceTracking"))
         system.connect(f"{actuator}.force", f"{tracking}.force.measured")
@@ -219,6 +221,8 @@ def wire(fmus: FmuSet, case: Case) -> System:
         system.connect(f"{tracking}.valve.voltage", f"{actuator}.valve.voltage")
         if controller is not None:
             system.connect(f"controller.force.{k}", f"{tracking}.force.desired")
+        else:
+            system[tracking].set({"force.desired": 0.0})
     system.group("vehicle", ["car", *(f"actuator_{k}" for k in CORNERS)])
     return system
 
