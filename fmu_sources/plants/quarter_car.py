@@ -1,15 +1,16 @@
-"""Quarter car: two masses, one suspension, one tyre; linear (paper 001, equation 1.1)."""
+"""Quarter car: two masses, one suspension, one tyre (paper 001, equation 1.1)."""
 
 from __future__ import annotations
 
 from math import pi, sin
 
 from build_fmus.component import Component
+from fmu_sources.plants.friction import declare_friction, friction_force
 from fmu_sources.vehicles import QuarterCar, declare
 
 
 def quarter_car(vehicle: QuarterCar, name: str = "QuarterCarHmmwv") -> Component:
-    """Sprung and unsprung mass above one tyre, paper 001 equation (1.1) without friction.
+    """Sprung and unsprung mass above one tyre, paper 001 equation (1.1), with friction as an option.
 
     Displacements are measured from static equilibrium. The actuator force pushes the body up and the wheel down.
     """
@@ -23,12 +24,16 @@ def quarter_car(vehicle: QuarterCar, name: str = "QuarterCarHmmwv") -> Component
         notes=(
             "Both masses move vertically. Displacements count from static equilibrium, so weight does not appear. The "
             "tyre is a linear spring and damper that can also pull: for a tyre that lifts off use the full car.",
-            "The suspension friction of paper 001 is left out, as in the paper's own state space (1.6).",
+            "friction.acting, where the vehicle file gives a friction: dry friction of the suspension, its sign smoothed. Off "
+            "by default, as in the paper's own state space (1.6); the plant of force tracking has it.",
             "Wiring: road.height and road.rate are the height under the tyre and its time derivative; both are needed "
             "because the tyre has damping. A force controller drives force.",
         ),
     )
     p = declare(c, vehicle)
+
+    friction = getattr(p.suspension, "friction", None)
+    acting = None if friction is None else declare_friction(c)
 
     r = c.input("road.height", "m", "road height under the tyre")
     dr = c.input("road.rate", "m/s", "time derivative of the road height under the tyre")
@@ -40,6 +45,8 @@ def quarter_car(vehicle: QuarterCar, name: str = "QuarterCarHmmwv") -> Component
     vw = c.state("wheel.vz", "m/s", "vertical wheel velocity", output=True)
 
     strut = f - p.suspension.stiffness * (zb - zw) - p.suspension.damping * (vb - vw)  # on the body, upwards
+    if friction is not None:
+        strut -= friction_force(friction, vb - vw, acting)
     tire = p.tire.stiffness * (r - zw) + p.tire.damping * (dr - vw)  # on the wheel, upwards
     ab = strut / p.body.mass
     aw = (tire - strut) / p.wheel.mass

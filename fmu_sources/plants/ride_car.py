@@ -1,4 +1,4 @@
-"""Ride car: a body that heaves, rolls and pitches on wheels that hop; linear, derived from its energies.
+"""Ride car: a body that heaves, rolls and pitches on wheels that hop, derived from its energies.
 
 Lagrange's equations in the coordinates ``q``: body height, roll and pitch at the CG, and one height per wheel,
 
@@ -8,6 +8,8 @@ with kinetic energy T, energy of springs and tyres V, half of the power lost in 
 forces Q of the actuators by virtual work. All four follow from two lengths per corner, suspension and tyre deflection,
 paper 004 equation (12). Nothing else is written down, so the equations cannot disagree with each other. How many axles
 there are is up to the vehicle: two make the seven-degree car of papers 004 and 001, three the nine-degree 6x6 of paper 003.
+
+The car is linear but for two options: friction in the suspensions, and tyres that lift off.
 """
 
 from __future__ import annotations
@@ -18,7 +20,10 @@ from typing import Any
 import casadi as ca
 
 from build_fmus.component import Component
+from fmu_sources.plants.friction import declare_friction, friction_loss
 from fmu_sources.vehicles import RideCar, ThreeAxleCar, declare
+
+GRAVITY = 9.81  # m/s2
 
 _SOURCES = {
     RideCar: "004 equations (1) to (9), (12)",
@@ -36,7 +41,7 @@ def ride_car(vehicle: RideCar | ThreeAxleCar, name: str = "RideCarSedan") -> Com
     c = Component(
         name,
         kind="continuous",
-        description=f"Ride car, linear, {3 + len(corners)} degrees of freedom: {vehicle.name}",
+        description=f"Ride car, {3 + len(corners)} degrees of freedom: {vehicle.name}",
         source=f"{_SOURCES[type(vehicle)]}; derived from energies in the source of this component",
         solver="rk4",
         solver_step=5e-4,
@@ -44,6 +49,13 @@ def ride_car(vehicle: RideCar | ThreeAxleCar, name: str = "RideCarSedan") -> Com
     )
     p = declare(c, vehicle)
     part = {n: (getattr(p.wheel, n), getattr(p.suspension, n), getattr(p.tire, n)) for n in corners}
+
+    rubbing = [n for n, (_, suspension, _) in part.items() if hasattr(suspension, "friction")]
+    acting = declare_friction(c) if rubbing else None
+    lifting = c.parameter(
+        "tires.lift_off", vehicle.tires_lift_off, None, "whether tyres that have lost their static load do not pull",
+        tunable=True, source="vehicle file, tires_lift_off",
+    )  # fmt: skip
 
     # ------------------------------------------------------------------------------------------------------ inputs
 
@@ -90,6 +102,9 @@ def ride_car(vehicle: RideCar | ThreeAxleCar, name: str = "RideCarSedan") -> Com
     kinetic = halves(masses, dq)
     potential = halves([s.stiffness for s in suspensions], travel) + halves([t.stiffness for t in tires], squeeze)
     lost = halves([s.damping for s in suspensions], travel_rate) + halves([t.damping for t in tires], squeeze_rate)
+    if acting is not None:
+        lost += sum(friction_loss(part[n][1].friction, v, acting) for n, v in zip(part, travel_rate, strict=True)
+                    if n in rubbing)  # fmt: skip
     work = sum(f * d for f, d in zip(force, travel, strict=True))  # virtual: its gradient is the generalized force
 
     # ------------------------------------------------------------------------------------------ equations of motion
@@ -98,6 +113,13 @@ def ride_car(vehicle: RideCar | ThreeAxleCar, name: str = "RideCarSedan") -> Com
     inertia = ca.hessian(kinetic, velocity)[0]
     assert inertia.sparsity().is_diag(), "coordinates at the CG along principal axes"
     drive = ca.gradient(work, position) - ca.gradient(potential, position) - ca.gradient(lost, velocity)
+    held = [
+        -tire.stiffness * x - tire.damping * v
+        for (_, _, tire), x, v in zip(part.values(), squeeze, squeeze_rate, strict=True)
+    ]  # tyre forces beyond the static load, on the wheels
+    static = _static_loads(p.body.mass, [wheel for wheel, _, _ in part.values()], list(corners.values()))
+    pull = [ca.if_else(lifting, ca.fmin(h + w, 0), 0) for h, w in zip(held, static, strict=True)]  # what a tyre has not
+    drive -= ca.jtimes(ca.vertcat(*squeeze), position, ca.vertcat(*pull), True)
     acceleration = ca.vertsplit(drive / ca.diag(inertia))
     for place, rate, value in zip(q, dq, acceleration, strict=True):
         c.derivative(place, rate)
@@ -118,8 +140,24 @@ def ride_car(vehicle: RideCar | ThreeAxleCar, name: str = "RideCarSedan") -> Com
     for n, value in zip(corners, squeeze, strict=True):
         c.output(f"tire.{n}.deflection", value, "m", "wheel height minus road height", display_unit="mm")
 
+    for n, h, w, lost_pull in zip(corners, held, static, pull, strict=True):
+        c.output(f"tire.{n}.force", h + w - lost_pull, "N", "tyre force on the wheel, static load included", nominal=1e3,
+                 display_unit="kN")  # fmt: skip
+
     c.stimulate(_stimulus(list(corners)))
     return c
+
+
+def _static_loads(mass: Any, wheels: list[Any], sides: list[int]) -> list[Any]:
+    """Load [N] of each tyre at rest: its wheel's weight and its share of the body's.
+
+    The body is in equilibrium on equal springs: with a car that is the same left and right, the law of the lever.
+    """
+    arms = [ca.vertcat(1, side * wheel.half_track, -wheel.x) for side, wheel in zip(sides, wheels, strict=True)]
+    scale = 1e-9  # m2, keeps it solvable for wheels in one line or point
+    rest = sum((a @ a.T for a in arms), scale * ca.SX.eye(3))
+    share = ca.inv_minor(rest) @ ca.vertcat(mass * GRAVITY, 0, 0)
+    return [ca.dot(a, share) + wheel.mass * GRAVITY for a, wheel in zip(arms, wheels, strict=True)]
 
 
 def _stimulus(corners: list[str]) -> dict[str, Any]:
@@ -146,13 +184,17 @@ def _stimulus(corners: list[str]) -> dict[str, Any]:
 
 _NOTES = (
     "The body heaves, rolls and pitches about its CG, small angles; the wheels hop. All stiffnesses and dampings act at "
-    "the wheels. Displacements count from static equilibrium, so weight does not appear. Tyres are linear springs and "
-    "dampers that can also pull: for tyres that lift off use the full car.",
+    "the wheels. Displacements count from static equilibrium, so weight does not appear in the linear model.",
+    "tires.lift_off: a tyre that has lost its static load (its wheel's weight and its share of the body's) pulls no more. On "
+    "by default where the vehicle file says so, as that of the HMMWV does. Off, tyres are springs and dampers that also pull. "
+    "The linear model about rest is the same.",
+    "friction.acting, where the vehicle file gives a friction: dry friction of the suspensions, its sign smoothed. Off by "
+    "default, so that the linear model about rest is that without friction, which controllers are designed on.",
     "The vehicle file gives values of each axle; in the FMU each wheel has its own, so that the sides may differ "
     "(one soft damper, a load to one side). wheel.*.x is the position ahead of the CG, negative at the rear; moving the "
     "CG changes all of them.",
-    "Every state is an output and may be set before the start. A, B, C and D of the linear model are those of the "
-    "directional derivatives at any point.",
+    "Every state is an output and may be set before the start. A, B, C and D of the linear model are the "
+    "directional derivatives, at any point as long as both options are off.",
     "Wiring: connect a road's outputs road.*.height and road.*.rate to the inputs of the same name; a controller drives "
     "force.*. The rate matters only where the tyres have damping. Exchange at 1 ms.",
 )

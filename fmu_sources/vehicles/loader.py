@@ -6,8 +6,8 @@ import difflib
 import tomllib
 from collections.abc import Collection, Iterable, Mapping
 from pathlib import Path
-from types import SimpleNamespace
-from typing import Any, cast
+from types import NoneType, SimpleNamespace, UnionType
+from typing import Any, cast, get_args
 
 from pydantic import BaseModel, ValidationError
 
@@ -190,6 +190,8 @@ def _expected(model: type[BaseModel], loc: list[str]) -> str:
 def _model_at(model: type[BaseModel], loc: Iterable[str]) -> type[BaseModel]:
     for part in loc:
         annotation = model.model_fields[part].annotation
+        if isinstance(annotation, UnionType):  # an optional table
+            annotation = next(a for a in get_args(annotation) if a is not NoneType)
         assert isinstance(annotation, type)
         assert issubclass(annotation, BaseModel)
         model = annotation

@@ -115,9 +115,17 @@ class _QuarterWheel(Section):
     mass: Quantity = quantity("kg", "unsprung mass", min=0.1, max=1e5)
 
 
+class _Friction(Section):
+    force: Quantity = quantity("N", "dry friction of the suspension", min=0.0, max=1e6, nominal=100.0)
+    speed: Quantity = quantity(
+        "m/s", "suspension velocity below which the sign of the friction is smoothed", min=1e-4, max=1.0
+    )
+
+
 class _QuarterSuspension(Section):
     stiffness: Quantity = quantity("N/m", "suspension stiffness", min=0.0, max=1e8, display_unit="N/mm")
     damping: Quantity = quantity("N.s/m", "suspension damping", min=0.0, max=1e7, display_unit="kN.s/m")
+    friction: _Friction | None = None
 
 
 class _Tire(Section):
@@ -169,6 +177,7 @@ class _RideTires(Axles):
 class RideCar(Vehicle):
     """A body that heaves, rolls and pitches above four wheels; all values act at the wheels."""
 
+    tires_lift_off: bool = False  # start of the parameter of that name: tyres do not pull
     body: _RideBody
     wheel: _RideWheels
     suspension: _RideSuspensions
@@ -196,6 +205,7 @@ class _ThreeTires(ThreeAxles):
 class ThreeAxleCar(Vehicle):
     """A body that heaves, rolls and pitches above six wheels on three axles; all values act at the wheels."""
 
+    tires_lift_off: bool = False  # start of the parameter of that name: tyres do not pull
     body: _RideBody
     wheel: _ThreeWheels
     suspension: _ThreeSuspensions

@@ -50,3 +50,43 @@ def test_parameters_take_effect(car):
 def test_reference_run_is_finite_and_solver_stable(car):
     check_solver(car)
     assert np.isfinite(simulate(car).outputs).all()
+
+
+def test_friction_is_an_option_that_only_dissipates(car):
+    """Off by default. On: 120 N against the suspension velocity, on body and wheel, smoothed below 0.01 m/s."""
+    x = np.zeros(4)
+    for v in (-1.0, -0.3, 0.005, 0.2, 2.0):
+        x[1] = v
+        runs = []
+        for on in (True, False):
+            run = Evaluator(car, {"friction.acting": on})
+            run.x = x
+            runs.append(run.rhs(0.0, run.x))
+        change = runs[0] - runs[1]
+        force = -120.0 * v / np.hypot(v, 0.01)
+        assert change[1] * 2800.0 == pytest.approx(force, rel=1e-9)
+        assert change[3] * 270.0 == pytest.approx(-force, rel=1e-9)
+        assert change[1] * 2800.0 * v < 0
+
+
+def test_friction_decays_motion_without_dampers(car):
+    """No damping but friction: energy falls at every step of a free motion, and 1 s takes most of it."""
+    still = {
+        "suspension.damping": 0.0,
+        "tire.damping": 0.0,
+        "friction.acting": True,
+        "suspension.friction.force": 2000.0,
+    }
+    run = Evaluator(car, still)
+    run.x = [0.02, 0.0, 0.0, 0.0]
+
+    def energy(x):
+        zb, vb, zw, vw = x
+        return (2800 * vb**2 + 270 * vw**2 + 240e3 * (zb - zw) ** 2 + 1e6 * zw**2) / 2
+
+    before = first = energy(run.x)
+    for _ in range(1000):
+        run.step(1e-3)
+        assert energy(run.x) < before * (1 + 1e-9)
+        before = energy(run.x)
+    assert before < 0.2 * first

@@ -86,6 +86,7 @@ def by_hand(p):
         strut_x, strut_u = -p[f"suspension.{k}.stiffness"] * s - p[f"suspension.{k}.damping"] * ds, f
         kt, ct = p[f"tire.{k}.stiffness"], p[f"tire.{k}.damping"]
         tire_x, tire_u = -kt * t - ct * dt, kt * r + ct * dr
+        C[f"tire.{k}.force"], D[f"tire.{k}.force"] = tire_x, tire_u  # and its constant static load
         for row, arm, mass in (
             ("body.vz", 1.0, "body.mass"),
             ("body.roll_rate", side[k] * p[f"wheel.{k}.half_track"], "body.roll_inertia"),
@@ -149,10 +150,10 @@ def test_sedan_has_no_tyre_damping_and_the_hmmwv_has():
 
 
 def test_the_model_is_linear(car):
-    """The same matrices at any point, and nothing but them."""
+    """With tyres that pull: the same matrices at any point, and nothing but them; those of the car at rest in any case."""
     rng = np.random.default_rng(1)
-    x, u, p = rng.standard_normal(14), rng.standard_normal(12), car.vector("parameter")
-    model, there = car.linearize(), car.linearize(x, u)
+    x, u, p = rng.standard_normal(14), rng.standard_normal(12), parameter_vector(car, {"tires.lift_off": False})
+    model, there = car.linearize(), car.linearize(x, u, p)
     np.testing.assert_array_equal(model.A, there.A)
     np.testing.assert_array_equal(model.B, there.B)
     slope = np.asarray(car.functions["rhs"](0.0, x, u, p)).ravel()
@@ -286,6 +287,89 @@ def test_energy_is_kept_without_dampers(car):
     model = car.linearize(p=parameter_vector(car, uneven(car) | still))
     eigenvalues = np.linalg.eigvals(model.A)
     assert np.abs(eigenvalues.real).max() < 1e-9 * np.abs(eigenvalues).max()
+
+
+# ------------------------------------------------------------------------------------------- lift-off and friction
+
+
+def test_static_loads(hmmwv):
+    """835 kg on each wheel of the HMMWV: its tyres lift off at -8191 N; elsewhere the law of the lever holds."""
+    at_rest = Evaluator(hmmwv)
+    loads = dict(zip((e.name for e in hmmwv.output_elements()), at_rest.outputs(), strict=True))
+    assert [loads[f"tire.{k}.force"] for k in CORNERS] == pytest.approx([8191.35] * 4, rel=1e-6)
+    behind = {f"wheel.{k}.x": 1.0 if k[0] == "f" else -2.0 for k in CORNERS}
+    run = Evaluator(hmmwv, behind)
+    loads = dict(zip((e.name for e in hmmwv.output_elements()), run.outputs(), strict=True))
+    for k in CORNERS:
+        share = (2 if k[0] == "f" else 1) / 6
+        assert loads[f"tire.{k}.force"] == pytest.approx(9.81 * (135.0 + 2800.0 * share), rel=1e-6)
+
+
+def test_static_loads_balance_the_weight_of_any_car(hmmwv):
+    """Sum and moments about the CG, with four different corners and other masses."""
+    values = uneven(hmmwv, seed=4)
+    run = Evaluator(hmmwv, values)
+    loads = dict(zip((e.name for e in hmmwv.output_elements()), run.outputs(), strict=True))
+    on_body = np.array([loads[f"tire.{k}.force"] - 9.81 * values[f"wheel.{k}.mass"] for k in CORNERS])
+    side = np.array([1 if k[1] == "l" else -1 for k in CORNERS])
+    assert on_body.sum() == pytest.approx(9.81 * values["body.mass"], rel=1e-6)
+    for arm in (side * [values[f"wheel.{k}.half_track"] for k in CORNERS], [values[f"wheel.{k}.x"] for k in CORNERS]):
+        assert on_body @ arm == pytest.approx(0.0, abs=1e-5 * np.abs(on_body).max())
+
+
+def test_a_wheel_in_the_air_falls_under_its_weight(hmmwv):
+    """Road far below: no tyre force, wheel and body in free fall; with tyres that pull they are drawn down."""
+    for lift_off, expected in ((True, -9.81), (False, -9.81 * 0.5 * 500e3 / 8191.35)):
+        run = Evaluator(hmmwv, {"tires.lift_off": lift_off})
+        run.u[:4] = -0.5
+        y = dict(zip((e.name for e in hmmwv.output_elements()), run.outputs(), strict=True))
+        force = y["tire.fl.force"]
+        assert force == pytest.approx(0.0 if lift_off else 8191.35 - 0.5 * 500e3)
+        assert y["wheel.fl.az"] == pytest.approx((force - 8191.35) / 135.0)
+        assert y["body.az"] == 0.0
+        total = sum(135.0 * y[f"wheel.{k}.az"] for k in CORNERS) / 3340.0
+        assert total == pytest.approx(expected, rel=1e-4)
+
+
+def test_tyres_never_pull(hmmwv):
+    """Any motion and road: the force is that of the linear tyre, and never below zero."""
+    rng = np.random.default_rng(5)
+    p, linear = (parameter_vector(hmmwv, {"tires.lift_off": on}) for on in (True, False))
+    below = 0
+    for _ in range(200):
+        x, u = 0.05 * rng.standard_normal(14), 0.05 * rng.standard_normal(12)
+        limited, free = (outputs_by_name(hmmwv, x, u, q) for q in (p, linear))
+        for k in CORNERS:
+            assert limited[f"tire.{k}.force"] == pytest.approx(max(0.0, free[f"tire.{k}.force"]), abs=1e-6)
+            below += free[f"tire.{k}.force"] < 0
+    assert below > 50
+
+
+def test_friction_only_dissipates(hmmwv):
+    """Friction takes F |v| from each suspension, to within its smoothing; off, the car is the same without it."""
+    rng = np.random.default_rng(6)
+    p, without = (parameter_vector(hmmwv, {"friction.acting": on}) for on in (True, False))
+    mass = np.array([2800.0, 1450.0, 7632.0, *[135.0] * 4])
+    for _ in range(50):
+        x, u = 0.1 * rng.standard_normal(14), np.zeros(12)
+        rates = [np.asarray(hmmwv.functions["rhs"](0.0, x, u, q)).ravel() for q in (p, without)]
+        power = float(mass * x[7:] @ (rates[0] - rates[1])[7:])
+        travel = [outputs_by_name(hmmwv, x, u, p)[f"suspension.{k}.velocity"] for k in CORNERS]
+        assert power == pytest.approx(-sum(120.0 * v * v / np.hypot(v, 0.01) for v in travel), rel=1e-9)
+        assert power < 0
+
+
+def test_controllers_are_designed_on_the_car_without_friction(hmmwv):
+    """It is off at the start, so `linearize` has none; switched on it would be a damper of F / v_s about rest."""
+    assert hmmwv.variable("friction.acting").start == (0.0,)
+    rubbing = hmmwv.linearize(p=parameter_vector(hmmwv, {"friction.acting": True}))
+    damped = hmmwv.linearize(p=parameter_vector(hmmwv, {f"suspension.{k}.damping": 18e3 for k in CORNERS}))
+    np.testing.assert_allclose(rubbing.A, damped.A, rtol=1e-12, atol=1e-9)
+
+
+def test_the_sedan_has_no_friction():
+    names = [e.name for e in ride_car(load_ride_car("sedan")).elements("parameter")]
+    assert not [n for n in names if "friction" in n]
 
 
 # --------------------------------------------------------------------------------------------------------- modes
