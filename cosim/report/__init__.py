@@ -1,5 +1,6 @@
 """Reports of experiments: what was claimed, what came out, and every number behind it."""
 
+from cosim.report.animation import Animation, Body, Force, Phase, Reading, Scene, Strut, Take, Wheel
 from cosim.report.model import (
     Claim,
     Figure,
@@ -15,17 +16,26 @@ from cosim.report.plots import Palette, plotly_figure
 from cosim.report.write import ReportError, write_report
 
 __all__ = [
+    "Animation",
+    "Body",
     "Claim",
     "Figure",
+    "Force",
     "Palette",
     "Panel",
     "Parameter",
+    "Phase",
+    "Reading",
     "Report",
     "ReportError",
     "Result",
+    "Scene",
     "Section",
     "Series",
+    "Strut",
     "Table",
+    "Take",
+    "Wheel",
     "plotly_figure",
     "write_report",
 ]

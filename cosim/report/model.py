@@ -6,26 +6,34 @@ are kept as tuples, curves as read-only arrays. Texts are plain text, never mark
 
 from __future__ import annotations
 
-import re
-from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Literal, TypeVar, get_args
+from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
 
-Array = npt.NDArray[np.float64]
-Scalar = str | bool | int | float | None
+from cosim.report.animation import Animation
+from cosim.report.checks import (
+    Array,
+    Scalar,
+    assign,
+    check_choice,
+    check_id,
+    check_text,
+    check_unique,
+    curve,
+    items,
+    plain_tree,
+    plain_value,
+    split_label,
+)
+
 Verdict = Literal["reproduced", "not reproduced"]
 Color = Literal["blue", "vermilion", "green", "purple", "orange", "sky", "black", "grey"]
 Dash = Literal["solid", "dash", "dot", "dashdot", "longdash"]
 Mode = Literal["line", "line+markers", "markers"]
 Scale = Literal["linear", "log"]
-T = TypeVar("T")
-
-_ID = re.compile(r"[a-z0-9][a-z0-9_-]*")
-_LABEL = re.compile(r"(?P<quantity>\S.*) \[(?P<unit>[^\[\]]+)\]", re.DOTALL)
 
 
 @dataclass(frozen=True)
@@ -47,10 +55,10 @@ class Claim:
 
     def __post_init__(self) -> None:
         where = f"claim '{self.id}'"
-        _check_id(where, self.id)
-        _check_choice(where, "verdict", self.verdict, Verdict)
-        _check_text(where, claim=self.claim, published=self.published)
-        _set(self, "value", _plain(where, self.value))
+        check_id(where, self.id)
+        check_choice(where, "verdict", self.verdict, Verdict)
+        check_text(where, claim=self.claim, published=self.published)
+        assign(self, "value", plain_value(where, self.value))
         if self.value is not None and (isinstance(self.value, bool) or not isinstance(self.value, int | float)):
             raise ValueError(f"{where}: value {self.value!r} is not a number; put text in 'ours'")
         if not self.ours.strip() and self.value is None:
@@ -82,18 +90,18 @@ class Series:
 
     def __post_init__(self) -> None:
         where = f"series '{self.name}'"
-        _check_text(where, name=self.name)
+        check_text(where, name=self.name)
         if self.color is not None:
-            _check_choice(where, "color", self.color, Color)
+            check_choice(where, "color", self.color, Color)
         if self.dash is not None:
-            _check_choice(where, "dash", self.dash, Dash)
-        _check_choice(where, "mode", self.mode, Mode)
+            check_choice(where, "dash", self.dash, Dash)
+        check_choice(where, "mode", self.mode, Mode)
         if (self.low is None) != (self.high is None):
             raise ValueError(f"{where}: a band needs both 'low' and 'high'")
         for name in ("x", "y", "low", "high"):
             values = getattr(self, name)
             if values is not None:
-                _set(self, name, _curve(where, name, values))
+                assign(self, name, curve(where, name, values))
         for name, values in self.columns():
             if len(values) != len(self.x_values):
                 raise ValueError(f"{where}: {name} has {len(values)} points, x has {len(self.x_values)}")
@@ -126,11 +134,11 @@ class Panel:
         for label in (self.x_label, self.y_label):
             split_label(label, where)
         for name in ("x_scale", "y_scale"):
-            _check_choice(where, name, getattr(self, name), Scale)
-        _set(self, "series", _items(where, "series", self.series, Series))
+            check_choice(where, name, getattr(self, name), Scale)
+        assign(self, "series", items(where, "series", self.series, Series))
         if not self.series:
             raise ValueError(f"{where} has no series")
-        _check_unique(where, "series", (s.name for s in self.series))
+        check_unique(where, "series", (s.name for s in self.series))
 
 
 @dataclass(frozen=True, eq=False)
@@ -145,9 +153,9 @@ class Figure:
 
     def __post_init__(self) -> None:
         where = f"figure '{self.id}'"
-        _check_id(where, self.id)
-        _check_text(where, title=self.title)
-        _set(self, "panels", _items(where, "panels", self.panels, Panel))
+        check_id(where, self.id)
+        check_text(where, title=self.title)
+        assign(self, "panels", items(where, "panels", self.panels, Panel))
         if not self.panels:
             raise ValueError(f"{where} has no panels")
         if not 1 <= self.columns <= 4:
@@ -166,36 +174,38 @@ class Table:
 
     def __post_init__(self) -> None:
         where = f"table '{self.id}'"
-        _check_id(where, self.id)
-        _check_text(where, title=self.title)
-        _set(self, "columns", _items(where, "columns", self.columns, str))
+        check_id(where, self.id)
+        check_text(where, title=self.title)
+        assign(self, "columns", items(where, "columns", self.columns, str))
         if not self.columns:
             raise ValueError(f"{where} has no columns")
-        _check_unique(where, "column", self.columns)
+        check_unique(where, "column", self.columns)
         rows = []
         for number, row in enumerate(self.rows, start=1):
-            cells = tuple(_plain(f"{where}, row {number}", cell) for cell in row)
+            cells = tuple(plain_value(f"{where}, row {number}", cell) for cell in row)
             if isinstance(row, str) or len(cells) != len(self.columns):
                 raise ValueError(f"{where}: row {number} has {len(cells)} cells for {len(self.columns)} columns")
             rows.append(cells)
-        _set(self, "rows", tuple(rows))
+        assign(self, "rows", tuple(rows))
 
 
 @dataclass(frozen=True, eq=False)
 class Section:
-    """A heading, its text, then its figures and tables."""
+    """A heading, its text, then its animations, figures and tables."""
 
     title: str
     paragraphs: Sequence[str] = ()
     figures: Sequence[Figure] = ()
     tables: Sequence[Table] = ()
+    animations: Sequence[Animation] = ()
 
     def __post_init__(self) -> None:
         where = f"section '{self.title}'"
-        _check_text(where, title=self.title)
-        _set(self, "paragraphs", _items(where, "paragraphs", self.paragraphs, str))
-        _set(self, "figures", _items(where, "figures", self.figures, Figure))
-        _set(self, "tables", _items(where, "tables", self.tables, Table))
+        check_text(where, title=self.title)
+        assign(self, "paragraphs", items(where, "paragraphs", self.paragraphs, str))
+        assign(self, "figures", items(where, "figures", self.figures, Figure))
+        assign(self, "tables", items(where, "tables", self.tables, Table))
+        assign(self, "animations", items(where, "animations", self.animations, Animation))
 
 
 @dataclass(frozen=True)
@@ -209,8 +219,8 @@ class Parameter:
 
     def __post_init__(self) -> None:
         where = f"parameter '{self.name}'"
-        _check_text(where, name=self.name, source=self.source)
-        _set(self, "value", _plain(where, self.value))
+        check_text(where, name=self.name, source=self.source)
+        assign(self, "value", plain_value(where, self.value))
 
 
 @dataclass(frozen=True)
@@ -223,8 +233,8 @@ class Result:
 
     def __post_init__(self) -> None:
         where = f"result '{self.name}'"
-        _check_text(where, name=self.name)
-        _set(self, "value", _plain(where, self.value))
+        check_text(where, name=self.name)
+        assign(self, "value", plain_value(where, self.value))
 
 
 @dataclass(frozen=True, eq=False)
@@ -245,17 +255,18 @@ class Report:
 
     def __post_init__(self) -> None:
         where = f"report '{self.experiment}'"
-        _check_text(where, experiment=self.experiment, title=self.title)
-        _set(self, "claims", _items(where, "claims", self.claims, Claim))
-        _set(self, "sections", _items(where, "sections", self.sections, Section))
-        _set(self, "parameters", _items(where, "parameters", self.parameters, Parameter))
-        _set(self, "results", _items(where, "results", self.results, Result))
-        _set(self, "provenance", _tree(f"{where}, provenance", self.provenance))
-        _check_unique(where, "claim", (c.id for c in self.claims))
-        _check_unique(where, "figure", (f.id for f in self.figures))
-        _check_unique(where, "table", (t.id for t in self.tables))
-        _check_unique(where, "parameter", (p.name for p in self.parameters))
-        _check_unique(where, "result", (r.name for r in self.results))
+        check_text(where, experiment=self.experiment, title=self.title)
+        assign(self, "claims", items(where, "claims", self.claims, Claim))
+        assign(self, "sections", items(where, "sections", self.sections, Section))
+        assign(self, "parameters", items(where, "parameters", self.parameters, Parameter))
+        assign(self, "results", items(where, "results", self.results, Result))
+        assign(self, "provenance", plain_tree(f"{where}, provenance", self.provenance))
+        check_unique(where, "claim", (c.id for c in self.claims))
+        check_unique(where, "figure", (f.id for f in self.figures))
+        check_unique(where, "table", (t.id for t in self.tables))
+        check_unique(where, "animation", (a.id for a in self.animations))
+        check_unique(where, "parameter", (p.name for p in self.parameters))
+        check_unique(where, "result", (r.name for r in self.results))
         for look in ("color", "dash"):
             _check_one_look(self.figures, look)
 
@@ -268,43 +279,13 @@ class Report:
         return [table for section in self.sections for table in section.tables]
 
     @property
+    def animations(self) -> list[Animation]:
+        return [animation for section in self.sections for animation in section.animations]
+
+    @property
     def reproduced(self) -> int:
         """Number of claims that were reproduced."""
         return sum(claim.reproduced for claim in self.claims)
-
-
-def split_label(label: str, where: str = "label") -> tuple[str, str]:
-    """("pitch", "deg") from "pitch [deg]"."""
-    match = _LABEL.fullmatch(label)
-    if match is None:
-        raise ValueError(f"{where}: label '{label}' carries no unit; write 'pitch [deg]', or 'ratio [-]' without one")
-    return match["quantity"], match["unit"]
-
-
-def _set(target: object, name: str, value: object) -> None:
-    object.__setattr__(target, name, value)
-
-
-def _check_id(where: str, identifier: str) -> None:
-    if not _ID.fullmatch(identifier):
-        raise ValueError(f"{where}: an id names a file; use lower-case letters, digits, '-' and '_' only")
-
-
-def _check_choice(where: str, name: str, value: object, choices: object) -> None:
-    if value not in get_args(choices):
-        raise ValueError(f"{where}: {name} {value!r} is not one of {', '.join(map(repr, get_args(choices)))}")
-
-
-def _check_text(where: str, **texts: str) -> None:
-    for name, text in texts.items():
-        if not isinstance(text, str) or not text.strip():
-            raise ValueError(f"{where}: '{name}' is empty")
-
-
-def _check_unique(where: str, kind: str, names: Iterable[str]) -> None:
-    twice = [name for name, count in Counter(names).items() if count > 1]
-    if twice:
-        raise ValueError(f"{where}: {kind} {', '.join(repr(n) for n in twice)} appears more than once")
 
 
 def _check_one_look(figures: Iterable[Figure], look: str) -> None:
@@ -321,44 +302,3 @@ def _check_one_look(figures: Iterable[Figure], look: str) -> None:
                         f"series '{series.name}' has {look} '{first}' in figure '{first_figure}' and '{hint}' in "
                         f"figure '{figure.id}'; a name has one look in a report"
                     )
-
-
-def _items(where: str, name: str, values: Iterable[T], kind: type[T]) -> tuple[T, ...]:
-    if isinstance(values, str):
-        raise ValueError(f"{where}: '{name}' is one text; give a list")
-    items = tuple(values)
-    for item in items:
-        if not isinstance(item, kind):
-            raise ValueError(f"{where}: '{name}' holds {item!r}, which is no {kind.__name__}")
-    return items
-
-
-def _curve(where: str, name: str, values: npt.ArrayLike) -> Array:
-    try:
-        curve = np.array(values, dtype=np.float64)
-    except (TypeError, ValueError) as error:
-        raise ValueError(f"{where}: {name} is not a list of numbers ({error})") from None
-    if curve.ndim != 1:
-        raise ValueError(f"{where}: {name} has shape {curve.shape}; a curve has one dimension")
-    curve.setflags(write=False)
-    return curve
-
-
-def _plain(where: str, value: object) -> Scalar:
-    """The value as text, Boolean, number or None; numpy scalars become Python's."""
-    if isinstance(value, np.generic):
-        value = value.item()
-    if value is None or isinstance(value, str | bool | int | float):
-        return value
-    raise ValueError(f"{where}: {value!r} is neither text nor a number")
-
-
-def _tree(where: str, value: object) -> object:
-    if isinstance(value, Mapping):
-        for key in value:
-            if not isinstance(key, str):
-                raise ValueError(f"{where}: key {key!r} is no text")
-        return {key: _tree(f"{where}, '{key}'", item) for key, item in value.items()}
-    if isinstance(value, list | tuple | np.ndarray):
-        return [_tree(where, item) for item in value]
-    return _plain(where, value)

@@ -13,7 +13,8 @@ from typing import Any
 import numpy as np
 import plotly.graph_objects as go
 
-from cosim.report.model import Array, Color, Dash, Figure, Panel, split_label
+from cosim.report.checks import Array, split_label
+from cosim.report.model import Color, Dash, Figure, Panel
 
 # Okabe and Ito, "Color Universal Design" (2008), without its yellow, which is invisible on white
 COLORS: dict[Color, str] = {

@@ -24,7 +24,9 @@ from markupsafe import Markup
 from plotly.offline import get_plotlyjs
 
 from cosim.errors import CosimError
-from cosim.report.model import Claim, Report, Scalar, Table
+from cosim.report.animation import animation_data
+from cosim.report.checks import Scalar
+from cosim.report.model import Claim, Report, Table
 from cosim.report.plots import Palette, plotly_figure, series_columns
 
 SIGNIFICANT = 4  # digits shown on the page; JSON and CSV carry every digit
@@ -92,6 +94,7 @@ def summary(report: Report) -> dict[str, Any]:
             for t in report.tables
         },
         "figures": {f.id: {"title": f.title, "csv": figure_csv(f.id)} for f in report.figures},
+        "animations": {a.id: {"title": a.title, "takes": [t.title for t in a.takes]} for a in report.animations},
         "parameters": {p.name: {"value": p.value, "unit": p.unit, "source": p.source} for p in report.parameters},
         "provenance": report.provenance,
     }
@@ -102,6 +105,11 @@ def render(report: Report) -> str:
     palette = Palette(report.figures)
     plots = {f.id: _script_data(_plot(f, palette)) for f in report.figures}
     scripts = [_script(_asset("report.js"))]
+    style = _asset("report.css")
+    motions = {a.id: _script_data(animation_data(a)) for a in report.animations}
+    if motions:
+        scripts.append(_script(_asset("animation.js")))
+        style += _asset("animation.css")
     if plots:
         scripts.insert(0, _script(get_plotlyjs()))
     environment = jinja2.Environment(
@@ -117,7 +125,8 @@ def render(report: Report) -> str:
         report=report,
         plots=plots,
         scripts=scripts,
-        style=Markup(_asset("report.css")),
+        style=Markup(style),
+        motions=motions,
         policy=_policy(scripts),
         shown=shown,
         cells=_cells,

@@ -1,0 +1,93 @@
+"""Checks of what reports are made of; errors say where and what."""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from collections.abc import Iterable, Mapping
+from typing import TypeVar, get_args
+
+import numpy as np
+import numpy.typing as npt
+
+Array = npt.NDArray[np.float64]
+Scalar = str | bool | int | float | None
+T = TypeVar("T")
+
+_ID = re.compile(r"[a-z0-9][a-z0-9_-]*")
+_LABEL = re.compile(r"(?P<quantity>\S.*) \[(?P<unit>[^\[\]]+)\]", re.DOTALL)
+
+
+def split_label(label: str, where: str = "label") -> tuple[str, str]:
+    """("pitch", "deg") from "pitch [deg]"."""
+    match = _LABEL.fullmatch(label)
+    if match is None:
+        raise ValueError(f"{where}: label '{label}' carries no unit; write 'pitch [deg]', or 'ratio [-]' without one")
+    return match["quantity"], match["unit"]
+
+
+def assign(target: object, name: str, value: object) -> None:
+    object.__setattr__(target, name, value)
+
+
+def check_id(where: str, identifier: str) -> None:
+    if not _ID.fullmatch(identifier):
+        raise ValueError(f"{where}: an id names a file; use lower-case letters, digits, '-' and '_' only")
+
+
+def check_choice(where: str, name: str, value: object, choices: object) -> None:
+    if value not in get_args(choices):
+        raise ValueError(f"{where}: {name} {value!r} is not one of {', '.join(map(repr, get_args(choices)))}")
+
+
+def check_text(where: str, **texts: str) -> None:
+    for name, text in texts.items():
+        if not isinstance(text, str) or not text.strip():
+            raise ValueError(f"{where}: '{name}' is empty")
+
+
+def check_unique(where: str, kind: str, names: Iterable[str]) -> None:
+    twice = [name for name, count in Counter(names).items() if count > 1]
+    if twice:
+        raise ValueError(f"{where}: {kind} {', '.join(repr(n) for n in twice)} appears more than once")
+
+
+def items(where: str, name: str, values: Iterable[T], kind: type[T]) -> tuple[T, ...]:
+    if isinstance(values, str):
+        raise ValueError(f"{where}: '{name}' is one text; give a list")
+    items = tuple(values)
+    for item in items:
+        if not isinstance(item, kind):
+            raise ValueError(f"{where}: '{name}' holds {item!r}, which is no {kind.__name__}")
+    return items
+
+
+def curve(where: str, name: str, values: npt.ArrayLike) -> Array:
+    try:
+        curve = np.array(values, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise ValueError(f"{where}: {name} is not a list of numbers ({error})") from None
+    if curve.ndim != 1:
+        raise ValueError(f"{where}: {name} has shape {curve.shape}; a curve has one dimension")
+    curve.setflags(write=False)
+    return curve
+
+
+def plain_value(where: str, value: object) -> Scalar:
+    """The value as text, Boolean, number or None; numpy scalars become Python's."""
+    if isinstance(value, np.generic):
+        value = value.item()
+    if value is None or isinstance(value, str | bool | int | float):
+        return value
+    raise ValueError(f"{where}: {value!r} is neither text nor a number")
+
+
+def plain_tree(where: str, value: object) -> object:
+    if isinstance(value, Mapping):
+        for key in value:
+            if not isinstance(key, str):
+                raise ValueError(f"{where}: key {key!r} is no text")
+        return {key: plain_tree(f"{where}, '{key}'", item) for key, item in value.items()}
+    if isinstance(value, list | tuple | np.ndarray):
+        return [plain_tree(where, item) for item in value]
+    return plain_value(where, value)

@@ -1,0 +1,149 @@
+"""Animations: mistakes, numbers that survive packing, the page that holds them."""
+
+from __future__ import annotations
+
+import json
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from cosim.report import (
+    Animation,
+    Body,
+    Force,
+    Phase,
+    Reading,
+    Report,
+    Scene,
+    Section,
+    Strut,
+    Take,
+    Wheel,
+    write_report,
+)
+from cosim.report.animation import animation_data
+
+N = 26
+T = 0.02 * np.arange(N)
+BOX = [(-1.0, -0.2), (1.0, -0.2), (1.0, 0.5), (-1.0, 0.5)]
+
+
+def body(**changes) -> Body:
+    return Body(**{"name": "car", "outline": BOX, "x": 2 * T, "z": 0.8 + 0.1 * T, "angle": 0.05 * T} | changes)
+
+
+def scene(title: str = "passive", **changes) -> Scene:
+    parts = {
+        "step": 0.02,
+        "ground": [(-5, 0), (5, 0)],
+        "bodies": [body()],
+        "wheels": [Wheel("front", 0.5, 2 * T + 0.7, np.full(N, 0.5), 4 * T)],
+        "struts": [Strut("car", (0.7, 0.3), "front")],
+        "forces": [Force("front", 2 * T + 0.7, 0 * T, 100 * T, 30e3 + 0 * T)],
+        "readings": [Reading("pitch [deg]", np.degrees(0.05 * T), 2)],
+        "phase": Phase(["outside", "inside"], T > 0.3),
+        "outcome": "passed",
+    }
+    return Scene(title=title, **parts | changes)
+
+
+def animation(*scenes: Scene, **changes) -> Animation:
+    parts = {"id": "crossing", "title": "Crossing", "caption": "", "takes": [Take("run", scenes or [scene()])]}
+    return Animation(**parts | changes)
+
+
+def unpacked(packed: dict) -> np.ndarray:
+    """What the page's script makes of a series."""
+    return np.cumsum(packed["steps"]) / 10.0 ** packed["decimals"]
+
+
+def test_series_survive_packing():
+    made = scene()
+    data = animation_data(animation(made))["takes"][0]["scenes"][0]
+    for ours, theirs, names in (
+        (made.bodies[0], data["bodies"][0], {"x": 5e-4, "z": 5e-4, "angle": 5e-5}),
+        (made.wheels[0], data["wheels"][0], {"x": 5e-4, "z": 5e-4, "turn": 5e-3}),
+        (made.forces[0], data["forces"][0], {"x": 5e-3, "z": 5e-3, "fx": 50.0, "fz": 50.0}),
+        (made.readings[0], data["readings"][0], {"values": 5e-3}),
+    ):
+        for name, error in names.items():
+            np.testing.assert_allclose(unpacked(theirs[name]), getattr(ours, name), atol=error * 1.001)
+    np.testing.assert_array_equal(unpacked(data["phase"]["index"]), T > 0.3)
+    assert data["struts"] == [{"body": 0, "at": (0.7, 0.3), "wheel": 0}]
+    assert (made.samples, made.duration) == (N, pytest.approx(0.5))
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: body(outline=BOX[:2]), "body 'car': outline needs 3 or more finite points"),
+        (lambda: body(x=[0.0, np.nan]), "body 'car': x is nan at sample 1"),
+        (lambda: Wheel("w", 0.0, T, T, T), "wheel 'w': radius 0.0 m is not positive"),
+        (lambda: Force("f", T, T, T, T, "wind"), "force 'f': role 'wind' is not one of 'ground', 'body'"),
+        (lambda: Reading("pitch", T), "label 'pitch' carries no unit"),
+        (lambda: Phase(["a"], [0, 1]), "an index is not one of 0 to 0"),
+        (lambda: scene(step=0.0), "step 0.0 s is not positive"),
+        (lambda: scene(bodies=[]), "has no body to follow"),
+        (lambda: scene(struts=[Strut("car", (0, 0), "rear")]), "a strut hangs on wheel 'rear', which is not there"),
+        (lambda: scene(bodies=[body(), body()]), "body|bodies 'car' appears more than once"),
+        (lambda: scene(readings=[Reading("pitch [deg]", T[:-1])]), "series have different lengths"),
+        (lambda: Take("t", []), "0 scenes; 1 to 4 fit"),
+        (lambda: Take("t", [scene(), scene()]), "scene 'passive' appears more than once"),
+        (lambda: animation(takes=[]), "has no takes"),
+        (lambda: animation(id="Über"), "an id names a file"),
+        (lambda: animation(width=0.0), "width 0.0 is not positive"),
+    ],
+)
+def test_refuses(make, message):
+    with pytest.raises(ValueError, match=message):
+        make()
+
+
+def report(*animations: Animation) -> Report:
+    return Report("demo", "Demo", "Lead.", sections=[Section("Motion", animations=animations)])
+
+
+def test_page_holds_the_data_and_its_script_and_fetches_nothing(tmp_path):
+    text = write_report(report(animation(scene("a <b>"), scene("c"))), tmp_path).read_text(encoding="utf-8")
+    found = re.search(r'<script type="application/json" id="motion-crossing">(.*?)</script>', text, re.DOTALL)
+    assert found is not None
+    data = json.loads(found[1])
+    assert [s["title"] for s in data["takes"][0]["scenes"]] == ["a <b>", "c"]
+    assert 'data-animation="motion-crossing"' in text
+    assert "requestAnimationFrame" in text
+    assert not re.search(r"""(src|href)=["']?(https?:)?//""", text)
+    policy = re.search(r'Content-Security-Policy" content="(.*?)"', text)
+    assert policy is not None
+    assert policy[1].count("sha256-") == 2  # the page's script and the player
+    assert json.loads((tmp_path / "summary.json").read_text())["animations"] == {
+        "crossing": {"title": "Crossing", "takes": ["run"]}
+    }
+
+
+def test_page_without_animation_has_no_player(tmp_path):
+    text = write_report(report(), tmp_path).read_text(encoding="utf-8")
+    assert "requestAnimationFrame" not in text
+    assert ".stage" not in text
+
+
+def test_same_bytes_and_unique_ids(tmp_path):
+    one, two = (write_report(report(animation()), tmp_path / n).read_bytes() for n in ("one", "two"))
+    assert one == two
+    with pytest.raises(ValueError, match="animation 'crossing' appears more than once"):
+        report(animation(), replace(animation()))
+
+
+def test_a_minute_at_50_hz_stays_small():
+    t = np.arange(3000) / 50
+    wave = np.sin(t)
+    made = scene(
+        bodies=[body(x=t, z=0.8 + 0.1 * wave, angle=0.1 * wave)],
+        wheels=[Wheel(str(i), 0.5, t + i, 0.5 + 0.1 * wave, 2 * t) for i in range(3)],
+        struts=[],
+        forces=[Force(str(i), t + i, 0 * t, 1e4 * wave, 5e4 + 1e4 * wave) for i in range(3)],
+        readings=[Reading("pitch [deg]", 5 * wave)],
+        phase=None,
+    )
+    assert len(json.dumps(animation_data(animation(made)), separators=(",", ":"))) < 250_000
