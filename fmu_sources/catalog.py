@@ -21,6 +21,7 @@ PAPERS = {
     "001": "M. D. Donahue, J. K. Hedrick: Implementation of an Active Suspension, Preview Controller for Improved Ride Comfort",
     "003": "A. Kale: Mobility Improvement of Wheeled Military Vehicles Using Preview Controlled Active Ride Height System, "
     "M.Sc. thesis, Hacettepe University, 2020",
+    "002": "R. R. Das, E. Vinodh Kumar: Active Suspension with Model Predictive Control",
     "004": "J. Marzbanrad, Y. Hojjat, H. Zohoor, S. K. Nikravesh: Optimal Preview Control Design of an Active Suspension Based "
     "on a Full Car Model",
 }
@@ -72,7 +73,10 @@ def default_catalog() -> dict[str, Entry]:
             Entry(name, f"hydraulic force tracking (paper 001), {summary}", _force_tracking(parameters, name))
             for name, (parameters, summary) in _FORCE_TRACKING.items()
         ),
+        Entry("QuarterCarBench", "quarter-car bench of paper 002", _bench_plant),
+        *(Entry(name, summary, _bench(name)) for name, (_, _, summary) in _BENCH.items()),
         Entry("RideComfort", "absorbed power and ISO 2631-1 (paper 001)", _ride_comfort),
+        Entry("MpcHmmwv", "MPC of the HMMWV with or without preview (paper 001)", _mpc_hmmwv),
         Entry("RoadBumps", "test track of speed bumps (paper 001)", _hmmwv_road("road_bumps")),
         Entry("RoadHoleBump", "hole, flat and bump of paper 004", _sedan_road("road_hole_bump")),
         Entry("RoadIso8608", "random road, ISO 8608 class A to H", _sedan_road("road_iso8608")),
@@ -191,6 +195,14 @@ _PREVIEW_LQ = {
     "PreviewLqRoadHolding": ("road_holding", 1e-3, "road holding"),
     "PreviewLqComfort5ms": ("comfort", 5e-3, "ride comfort, sampled at 5 ms"),
 }
+_BENCH: dict[str, tuple[str, str, str]] = {  # name -> module, maker, summary
+    "LqrBench": ("controllers.bench", "lqr_bench", "LQR of the quarter-car bench (paper 002)"),
+    "MpcBench": ("controllers.bench", "mpc_bench", "MPC of the quarter-car bench (paper 002)"),
+    "MpcBenchMoves": ("controllers.bench", "mpc_bench_moves", "MPC of the bench, weight on the moves (paper 002)"),
+    "BenchEncoders": ("sensing.bench_encoders", "bench_encoders", "encoders of the bench, velocities estimated"),
+    "RoadBenchBump": ("roads.bench", "road_bench_bump", "bump of the quarter-car bench over time"),
+    "RoadBenchRandom": ("roads.bench", "road_bench_random", "random motion of the bench's plate over time"),
+}
 _ACTUATORS = {
     "HydraulicActuator": ("actuator_hmmwv", "the paper's parameters"),
     "HydraulicActuatorPhysical": ("actuator_hmmwv_physical", "density of real oil"),
@@ -215,6 +227,34 @@ def _quarter_car(_: Context) -> Component:
     from fmu_sources.vehicles import load_quarter_car
 
     return quarter_car(load_quarter_car("quarter_car_hmmwv"), name="QuarterCarHmmwv")
+
+
+def _mpc_hmmwv(_: Context) -> Component:
+    from fmu_sources.controllers.mpc_hmmwv import mpc_hmmwv
+    from fmu_sources.plants import ride_car
+    from fmu_sources.vehicles import load_ride_car
+
+    return mpc_hmmwv(ride_car(load_ride_car("ride_car_hmmwv"), name="RideCarHmmwv"))
+
+
+def _bench_plant(_: Context | None = None) -> Component:
+    from fmu_sources.plants import quarter_car
+    from fmu_sources.vehicles import load_quarter_car
+
+    return quarter_car(load_quarter_car("quarter_car_bench"), name="QuarterCarBench", source="002 equations (1), (2)")
+
+
+def _bench(name: str) -> Callable[[Context], Component]:
+    """A component around the quarter-car bench."""
+    module, maker, _ = _BENCH[name]
+
+    def make(_: Context) -> Component:
+        import importlib
+
+        function = getattr(importlib.import_module(f"fmu_sources.{module}"), maker)
+        return function(_bench_plant(), name=name) if module.startswith("controllers") else function(name)
+
+    return make
 
 
 def _ride_car(vehicle: str, name: str) -> Callable[[Context], Component]:

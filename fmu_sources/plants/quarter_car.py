@@ -1,4 +1,4 @@
-"""Quarter car: two masses, one suspension, one tyre (paper 001, equation 1.1)."""
+"""Quarter car: two masses, one suspension, one tyre (paper 001, equation 1.1; paper 002, equations 1 and 2)."""
 
 from __future__ import annotations
 
@@ -9,8 +9,10 @@ from fmu_sources.plants.friction import declare_friction, friction_force
 from fmu_sources.vehicles import QuarterCar, declare
 
 
-def quarter_car(vehicle: QuarterCar, name: str = "QuarterCarHmmwv") -> Component:
-    """Sprung and unsprung mass above one tyre, paper 001 equation (1.1), with friction as an option.
+def quarter_car(vehicle: QuarterCar, name: str = "QuarterCarHmmwv", *, source: str = "001 equation (1.1)") -> Component:
+    """Sprung and unsprung mass above one tyre, paper 001 equation (1.1), paper 002 (1), (2), with friction as an option.
+
+    Equation (2) of paper 002 is printed without the spring between the masses; its matrices (6) and (7) have it.
 
     Displacements are measured from static equilibrium. The actuator force pushes the body up and the wheel down.
     """
@@ -18,7 +20,7 @@ def quarter_car(vehicle: QuarterCar, name: str = "QuarterCarHmmwv") -> Component
         name,
         kind="continuous",
         description=f"Quarter car, linear: {vehicle.name}",
-        source="001 equation (1.1)",
+        source=source,
         solver="rk4",
         solver_step=5e-4,
         notes=(

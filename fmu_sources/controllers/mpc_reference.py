@@ -1,0 +1,178 @@
+"""The same MPC step by an independent path: dense prediction in numpy, plain units, solved by quadprog.
+
+Nothing here uses the condensed program of the FMU: outputs are predicted by simulating the model, the cost is summed up
+step by step, and Goldfarb and Idnani's dual method of ``quadprog`` solves it. Tests and benchmarks compare the FMU with it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from fmu_sources.controllers.checks import Array
+from fmu_sources.controllers.mpc_model import MpcError, position
+from fmu_sources.controllers.mpc_settings import CATCH_UP, Input, Mpc, Output
+
+_SPARE = 1e-10  # of a scaled unknown; two bounds that meet are one equality, which rounding must not make contradictory
+
+
+@dataclass(frozen=True)
+class ReferenceStep:
+    """Solution of one step: ``command`` (nu,) after clipping, all ``moves`` (blocks, nu), ``slack``, cost without constants."""
+
+    command: Array
+    moves: Array
+    slack: float
+    cost: float
+
+
+class MpcReference:
+    """One MPC, step by step. Needs the package ``quadprog``.
+
+    Example::
+
+        reference = MpcReference(mpc)
+        step = reference.step(x, previous=u, disturbance=road, case=0)
+        u = step.command
+    """
+
+    def __init__(self, mpc: Mpc) -> None:
+        self.mpc = mpc
+        m = mpc.model
+        self._rows = [position("output", o.name, m.outputs) for o in mpc.outputs]
+        nu, blocks = len(m.inputs), mpc.horizon.control
+        rest = np.zeros(len(m.states))
+        none = np.zeros((len(m.disturbances), mpc.horizon.last + 2))
+        units = [np.eye(blocks * nu)[j].reshape(blocks, nu) for j in range(blocks * nu)]
+        self._effect = np.stack([self.predict(rest, np.zeros(nu), unit, none) for unit in units], axis=-1)
+        self._inputs = np.stack([self._plan(np.zeros(nu), unit) for unit in units], axis=-1)
+
+    def _plan(self, previous: Array, moves: Array) -> Array:
+        """Inputs (steps, nu) from now to the last step."""
+        h = self.mpc.horizon
+        plan, u = [], np.array(previous, dtype=float)
+        for i in range(h.last + 1):
+            if i in h.moves:
+                u = u + moves[h.moves.index(i)]
+            plan.append(u)
+        return np.array(plan)
+
+    def predict(self, x: Array, previous: Array, moves: Array, disturbance: Array) -> Array:
+        """Outputs (prediction, ny) at the steps that count, for given moves (blocks, nu)."""
+        m, h = self.mpc.model, self.mpc.horizon
+        plan, outputs = self._plan(previous, moves), []
+        for i in range(h.last + 1):
+            w0, w1 = disturbance[:, i], disturbance[:, i + 1]
+            if i >= h.first:
+                outputs.append((m.C @ x + m.D @ plan[i] + m.F0 @ w0 + m.F1 @ w1)[self._rows])
+            x = m.A @ x + m.B @ plan[i] + m.E0 @ w0 + m.E1 @ w1
+        return np.array(outputs)
+
+    def step(
+        self,
+        x: Array,
+        previous: Array,
+        disturbance: Array | None = None,
+        reference: Array | None = None,
+        case: int = 0,
+    ) -> ReferenceStep:
+        """Solve one step.
+
+        Args:
+            x: state (n,) now.
+            previous: inputs (nu,) of the step before.
+            disturbance: (nw, last + 2) from now on; None for 0.
+            reference: (ny, prediction) for the outputs; None for 0.
+            case: number of the case.
+
+        Raises:
+            MpcError: no solution (only possible with hard output bounds).
+        """
+        import quadprog
+
+        mpc, h = self.mpc, self.mpc.horizon
+        outputs, inputs = mpc.case_outputs[case], mpc.case_inputs[case]
+        if disturbance is None:
+            disturbance = np.zeros((len(mpc.model.disturbances), h.last + 2))
+        nu, n = len(inputs), len(inputs) * h.control
+        size = n + mpc.soft
+        free = self.predict(np.asarray(x, float), previous, np.zeros((h.control, nu)), disturbance)
+        H, f = np.zeros((size, size)), np.zeros(size)
+        for i, o in enumerate(outputs):
+            w, effect = (o.weight / o.scale) ** 2, self._effect[:, i]
+            wanted = 0.0 if reference is None else reference[i]
+            H[:n, :n] += 2 * w * effect.T @ effect
+            f[:n] += 2 * w * effect.T @ (free[:, i] - wanted)
+        for j, u in enumerate(inputs):
+            effect = self._inputs[:, j]
+            H[:n, :n] += 2 * (u.weight / u.scale) ** 2 * effect.T @ effect
+            f[:n] += 2 * (u.weight / u.scale) ** 2 * effect.T @ np.full(h.last + 1, previous[j] - u.target)
+            own = np.arange(j, n, nu)
+            H[own, own] += 2 * (u.rate_weight / u.scale) ** 2
+        if mpc.soft:
+            H[n, n] = 2 * mpc.slack_weight
+        G, b = self._bounds(free, previous, outputs, inputs, size)  # G z >= b
+        unit = 1 / np.sqrt(np.diag(H))  # quadprog's tolerance is absolute
+        norm = np.linalg.norm(G * unit, axis=1)
+        least = b / norm - _SPARE
+        try:
+            z, cost, *_ = quadprog.solve_qp(H * np.outer(unit, unit), -f * unit, (G * unit / norm[:, None]).T, least)
+        except ValueError as error:
+            raise MpcError(f"the step has no solution: {error}") from None
+        z = z * unit
+        moves = z[:n].reshape(h.control, nu)
+        return ReferenceStep(
+            self.clip(previous + moves[0], previous, case), moves, float(z[n]) if mpc.soft else 0.0, cost
+        )
+
+    def clip(self, command: Array, previous: Array, case: int = 0) -> Array:
+        """The command within the hard bounds, as far as the rate bounds let it."""
+        u = np.array(command, dtype=float)
+        for j, i in enumerate(self.mpc.case_inputs[case]):
+            low, high = previous[j] + i.rate_min, previous[j] + i.rate_max
+            u[j] = min(max(u[j], low), high)
+            u[j] = min(max(u[j], min(i.min, high)), max(i.max, low))
+        return u
+
+    def _bounds(
+        self, free: Array, previous: Array, outputs: tuple[Output, ...], inputs: tuple[Input, ...], size: int
+    ) -> tuple[Array, Array]:
+        rows: list[tuple[Array, float]] = []
+        h, nu = self.mpc.horizon, len(inputs)
+
+        def add(row: Array, least: float) -> None:
+            if np.isfinite(least) and np.any(row):
+                rows.append((row, least))
+
+        for b in range(h.control):
+            for j, i in enumerate(inputs):
+                move, total = np.zeros(size), np.zeros(size)
+                move[b * nu + j] = 1.0
+                total[j : (b + 1) * nu : nu] = 1.0
+                add(move, i.rate_min)
+                add(-move, -i.rate_max)
+                fast_up, fast_down = ((b + 1 - 2 * CATCH_UP * (b > 0)) * r for r in (i.rate_max, i.rate_min))
+                add(total, min(i.min - previous[j], fast_up))
+                add(-total, -max(i.max - previous[j], fast_down))
+        if self.mpc.soft:
+            slack = np.zeros(size)
+            slack[-1] = 1.0
+            add(slack, 0.0)
+        n = h.control * nu
+        for k, o in enumerate(outputs):
+            for step in range(h.prediction):
+                effect = self._effect[step, k]
+                if np.abs(effect).max() <= 1e-12 * np.abs(self._effect[:, k]).max():
+                    continue
+                row = np.zeros(size)
+                row[:n] = effect
+                if o.ecr > 0:
+                    row[-1] = o.ecr * o.scale
+                add(row, o.min - free[step, k])
+                row = np.zeros(size)
+                row[:n] = -effect
+                if o.ecr > 0:
+                    row[-1] = o.ecr * o.scale
+                add(row, free[step, k] - o.max)
+        return np.array([r for r, _ in rows]), np.array([b for _, b in rows])

@@ -1,0 +1,76 @@
+"""Encoders of the quarter-car bench: quantised positions, and the velocities that a filter makes of them (paper 002)."""
+
+from __future__ import annotations
+
+from math import pi, sin
+from typing import Any
+
+import casadi as ca
+import numpy as np
+from scipy import linalg
+
+from build_fmus.component import Component
+
+SAMPLE_TIME = 1e-3  # s
+RESOLUTION = 1e-5  # m per count, assumed
+CUT_OFF, DAMPING = 50.0, 0.9  # Hz, of the differentiating filter; assumed
+
+
+def bench_encoders(name: str = "BenchEncoders") -> Component:
+    """States of the bench as its controllers would measure them.
+
+    Three encoders (paper 002, section IV): suspension deflection, height of the body, height of the road plate.
+    """
+    c = Component(
+        name,
+        kind="discrete",
+        sample_time=SAMPLE_TIME,
+        description="Encoders of the quarter-car bench: quantised positions and estimated velocities (paper 002)",
+        source="002 section IV; resolution and filter assumed",
+        notes=(
+            "Each encoder rounds to whole counts of resolution (0: no rounding). Velocities come from a second-order filter "
+            f"s w2/(s2 + 2 z w s + w2) with {CUT_OFF:g} Hz and z = {DAMPING:g} behind the encoders, sampled with the position held.",
+            "Wiring: encoder.suspension from suspension.deflection, encoder.body from body.z and encoder.road from "
+            "road.height of plant and road; the outputs go to the inputs of the same name of LqrBench or MpcBench.",
+        ),
+    )
+    resolution = c.parameter(
+        "resolution",
+        RESOLUTION,
+        "m",
+        "one count of the encoders",
+        min=0.0,
+        max=0.01,
+        display_unit="mm",
+        source="assumed",
+    )
+    read = {}
+    for n, text in (("suspension", "suspension deflection"), ("body", "height of the body"), ("road", "road height")):
+        position = c.input(f"encoder.{n}", "m", text, display_unit="mm")
+        count = ca.fmax(resolution, 1e-12)
+        read[n] = ca.if_else(resolution > 0, count * ca.floor(position / count + 0.5), position)
+    wheel = read["body"] - read["suspension"]
+    c.output("suspension.deflection", read["suspension"], "m", "body height minus wheel height", display_unit="mm")
+    c.output("body.vz", _rate(c, "body", read["body"]), "m/s", "vertical body velocity, estimated")
+    c.output("tire.deflection", wheel - read["road"], "m", "wheel height minus road height", display_unit="mm")
+    c.output("wheel.vz", _rate(c, "wheel", wheel), "m/s", "vertical wheel velocity, estimated")
+    c.stimulate(
+        {
+            "encoder.suspension": lambda t: 0.004 * sin(30 * t),
+            "encoder.body": lambda t: 0.01 * sin(12 * t),
+            "encoder.road": lambda t: 0.008 * sin(14 * t),
+        }
+    )
+    return c
+
+
+def _rate(c: Component, name: str, position: Any) -> Any:
+    """Filtered derivative, including the present sample by what it moved since the last one; 0 at the first sample."""
+    w = 2 * pi * CUT_OFF
+    A = np.array([[0.0, 1.0], [-w * w, -2 * DAMPING * w]])
+    step = linalg.expm(A * SAMPLE_TIME)
+    gain = linalg.solve(A, (step - np.eye(2)) @ np.array([0.0, w * w]))
+    place = c.state(f"{name}.filter", None, "filtered position and rate", shape=(2,), start=ca.vertcat(position, 0))
+    nxt = ca.mtimes(ca.DM(step), place) + ca.DM(gain) * position
+    c.update(place, nxt)
+    return nxt[1]
