@@ -126,7 +126,9 @@ class System:
 
         Units are checked and converted. `delay` gives the input the value of the source's step before (one step of
         the source). `extrapolate` lets a continuous target see the line through the source's last two values, at the
-        middle of its step, instead of the last value. Raises WiringError naming what does not fit.
+        middle of its step, instead of the last value (of a source ahead of it in a Gauss-Seidel group: interpolated
+        between the value before and the one just reached). Extrapolated both ways a coupling is of second order in the
+        exchange step, otherwise of first. Raises WiringError naming what does not fit.
         """
         from_member, output = self._split(source)
         to_member, input_ = self._split(target)

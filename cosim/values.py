@@ -37,6 +37,7 @@ class Place:
     offset: Array | None = None
     lines: list[tuple[int, int, int, int]] = field(default_factory=list)  # extrapolated: input, now, previous, time
     periods: Array = field(default_factory=lambda: np.empty(0))  # of the sources of `lines` [s]
+    since: Array = field(default_factory=lambda: np.empty(0))  # from `time` of `lines` to when `now` was reached [s]
     half: float = 0.0  # half of its own step [s]
     in_place: bool = False  # `u` is a slice of the values too: nothing to copy
 
@@ -69,14 +70,14 @@ class Layout:
         index, u, scale, offset = place.index, place.u, place.scale, place.offset
         if place.lines:
             to, now, before, reached = np.array(place.lines, dtype=np.intp).T.copy()
-            values, periods, half = self.values, place.periods, place.half
+            values, periods, ahead = self.values, place.periods, place.half - place.since
 
         def gather(t: float) -> None:
             if place.in_place:
                 return
             take(index, 0, u, "clip")
             if place.lines:
-                u[to] += (values[now] - values[before]) * ((t + half - values[reached]) / periods)
+                u[to] += (values[now] - values[before]) * ((t + ahead - values[reached]) / periods)
             if scale is not None and offset is not None:
                 np.multiply(u, scale, u)
                 np.add(u, offset, u)
@@ -202,11 +203,16 @@ def _place(layout: Layout, schedule: Schedule, member: Member, outputs: list[Var
     ahead = _ahead(schedule, member)
     slots = layout.visible if member.discrete else layout.latest
     first = slots[member, outputs[0]] if outputs else 0
-    lines = []
+    lines, periods, since = [], [], []
     for i, c in enumerate(incoming):
-        if c.extrapolate and c.source not in ahead:
-            key = (c.source, c.output)
-            lines.append((i, layout.visible[key], layout.previous[key], layout.reached[c.source], c.source.step))
+        if c.extrapolate:
+            # Of a source ahead of it in its group a component sees what that has just reached, one step of the source after
+            # what is visible: the line through both is interpolated.
+            key, early = (c.source, c.output), c.source in ahead
+            now, before = (layout.latest, layout.visible) if early else (layout.visible, layout.previous)
+            lines.append((i, now[key], before[key], layout.reached[c.source]))
+            periods.append(float(c.source.step))
+            since.append(float(c.source.step) if early else 0.0)
     scale, offset = np.array([c.scale for c in incoming]), np.array([c.offset for c in incoming])
     converts = bool(np.any(scale != 1.0) or np.any(offset != 0.0))
     index = np.array([_source_slot(layout, c, ahead) for c in incoming], dtype=np.intp)
@@ -220,8 +226,9 @@ def _place(layout: Layout, schedule: Schedule, member: Member, outputs: list[Var
         index=index,
         scale=scale if converts else None,
         offset=offset if converts else None,
-        lines=[line[:4] for line in lines],
-        periods=np.array([float(line[4]) for line in lines]),
+        lines=lines,
+        periods=np.array(periods),
+        since=np.array(since),
         half=float(member.step) / 2,
         in_place=in_place,
     )

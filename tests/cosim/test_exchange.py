@@ -1,6 +1,7 @@
 """The exchange rule: what each component reads at which instant, for every combination of rates."""
 
 import itertools
+import math
 
 import numpy as np
 import pytest
@@ -183,6 +184,53 @@ def test_extrapolation_aims_at_the_middle_of_the_step(source_step, target_step):
     for t, value in target.log:
         if t >= 1000 * 2 * source_step:  # two values of the source are there
             assert value == t + 500 * target_step
+
+
+@pytest.mark.parametrize(("source_step", "target_step"), [(1, 1), (4, 1), (1, 4)])
+def test_a_source_ahead_in_the_group_is_interpolated(source_step, target_step):
+    """Gauss-Seidel: the target sees the source in the middle of the target's step, from the very first step on."""
+    target = Probe()
+    system = System()
+    system.add("ramp", Ramp(), step=f"{source_step} s")
+    system.add("target", target, step=f"{target_step} s")
+    system.connect("ramp.y", "target.u", extrapolate=True)
+    system.group("g", ["ramp", "target"])
+    system.run(30)
+    assert target.log
+    for t, value in target.log:
+        if source_step >= target_step or t > 0:  # a faster source has two values then
+            assert value == t + 500 * target_step
+
+
+def test_oscillation_between_two_components_converges_with_the_square_of_the_step():
+    """A mass and a spring as two components, mass first: plain exchange is of first order, extrapolated of second."""
+
+    class Mass(PythonComponent):
+        inputs, outputs = ("f",), ("v",)
+
+        def step(self, t, h, u, y):  # noqa: ARG002
+            y[0] += h * u[0]
+
+    class Spring(PythonComponent):
+        inputs, outputs = ("v",), ("f",)
+
+        def start(self, u, y):  # noqa: ARG002
+            y[0] = 1.0
+
+        def step(self, t, h, u, y):  # noqa: ARG002
+            y[0] -= h * u[0]
+
+    def error(steps, extrapolate):
+        system = System()
+        for name, component in (("mass", Mass()), ("spring", Spring())):
+            system.add(name, component, step=f"1/{steps}")
+        system.connect("spring.f", "mass.f", extrapolate=extrapolate)
+        system.connect("mass.v", "spring.v", extrapolate=extrapolate)
+        system.group("g", ["mass", "spring"])
+        return abs(system.run(3)["spring.f"][-1] - math.cos(3.0))
+
+    for extrapolate, order in ((False, 1), (True, 2)):
+        assert math.log2(error(100, extrapolate) / error(200, extrapolate)) == pytest.approx(order, abs=0.15)
 
 
 def test_group_extrapolates_its_continuous_inputs():
