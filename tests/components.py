@@ -144,8 +144,8 @@ def optimizer(name: str = "ProbeQpDaqp", backend: Backend = Daqp()) -> Component
             "wanted[1]": lambda t: 3 * math.sin(12 * t),
             "wanted[2]": lambda t: 2 * math.cos(31 * t),
             "wanted[3]": lambda t: 5 * t - 2,
-            "total": lambda t: 4.0 if 0.25 < t < 0.3 else 0.5 + t,
-            "stiff": lambda t: int(t > 0.15),
+            "total": lambda t: 4.0 if 0.145 < t < 0.185 else 0.5 + t,  # infeasible
+            "stiff": lambda t: int(t > 0.165),
         }
     )
     return c
