@@ -43,6 +43,7 @@ UNITS: dict[str, Unit] = {
         _unit("1", (DisplayUnit("%", 100.0),)),
         _unit("m", (DisplayUnit("mm", 1000.0),), m=1),
         _unit("m2", m=2),
+        _unit("m2/s", m=2, s=-1),
         _unit("m3", (DisplayUnit("l", 1000.0),), m=3),
         _unit("m3/s", (DisplayUnit("l/min", 60000.0),), m=3, s=-1),
         _unit("s", (DisplayUnit("ms", 1000.0),), s=1),

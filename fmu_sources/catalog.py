@@ -75,6 +75,7 @@ def default_catalog() -> dict[str, Entry]:
         ),
         Entry("QuarterCarBench", "quarter-car bench of paper 002", _bench_plant),
         *(Entry(name, summary, _bench(name)) for name, (_, _, summary) in _BENCH.items()),
+        *(Entry(name, summary, _hmmwv_sensors(maker, name)) for name, (maker, summary) in _CHAIN.items()),
         Entry("RideComfort", "absorbed power and ISO 2631-1 (paper 001)", _ride_comfort),
         Entry("MpcHmmwv", "MPC of the HMMWV with or without preview (paper 001)", _mpc_hmmwv),
         Entry("RoadBumps", "test track of speed bumps (paper 001)", _hmmwv_road("road_bumps")),
@@ -215,6 +216,14 @@ _FORCE_TRACKING = {
     "ForceTracking": ("actuator_hmmwv", "the paper's parameters"),
     "ForceTrackingPhysical": ("actuator_hmmwv_physical", "density of real oil"),
 }
+_HMMWV_SENSORS = "sensors_hmmwv"
+_CHAIN = {  # name -> maker in fmu_sources.sensing or .estimators, summary
+    "SensorSuite": ("sensor_suite", "sensors of the HMMWV (paper 001, Tables 1.5 and 1.6)"),
+    "KalmanHmmwv": ("kalman_hmmwv", "Kalman filter of 15 relative states (paper 001)"),
+    "KalmanHmmwvPrinted": ("kalman_hmmwv_printed", "Kalman filter of 14 absolute states, as printed (paper 001)"),
+    "PreviewSensor": ("preview_sensor", "road ahead from range sensors, equation (1.18) (paper 001)"),
+    "PreviewBuffer": ("preview_buffer", "road ahead by distance, read under each wheel (paper 001)"),
+}
 _GPC = {
     "GpcImplicit": ("GPC with implicit disturbances (paper 000)", "implicit"),
     "GpcExplicit": ("GPC with explicit disturbances (paper 000)", "explicit"),
@@ -325,19 +334,39 @@ def _sedan_road(maker: str) -> Callable[[Context], Component]:
 
 
 def _hmmwv_road(maker: str, **options: Any) -> Callable[[Context], Component]:
-    """A road under the HMMWV of paper 001, with the preview that its controllers use."""
-    return _ride_car_road(maker, "ride_car_hmmwv", count=16, step=0.030, **options)
+    """A road under the HMMWV of paper 001, with the preview that its controllers use and what its range sensors see."""
+    return _ride_car_road(maker, "ride_car_hmmwv", count=16, step=0.030, sensors=_HMMWV_SENSORS, **options)
 
 
 def _ride_car_road(
-    maker: str, vehicle: str, *, count: int, step: float, **options: Any
+    maker: str, vehicle: str, *, count: int, step: float, sensors: str | None = None, **options: Any
 ) -> Callable[[Context], Component]:
     def make(_: Context) -> Component:
         from fmu_sources import roads
-        from fmu_sources.vehicles import load_ride_car
+        from fmu_sources.vehicles import load_ride_car, load_sensors
 
-        layout = roads.RoadLayout.of(load_ride_car(vehicle), preview_count=count, preview_step=step)
+        scan = None if sensors is None else roads.RoadScan.of(load_sensors(sensors))
+        layout = roads.RoadLayout.of(load_ride_car(vehicle), preview_count=count, preview_step=step, scan=scan)
         return getattr(roads, maker)(layout, **options)
+
+    return make
+
+
+def _hmmwv_sensors(maker: str, name: str) -> Callable[[Context], Component]:
+    """A component of the estimation and preview chain of paper 001."""
+
+    def make(_: Context) -> Component:
+        from fmu_sources import estimators, roads, sensing
+        from fmu_sources.vehicles import load_ride_car, load_sensors
+
+        sensors, vehicle = load_sensors(_HMMWV_SENSORS), load_ride_car("ride_car_hmmwv")
+        if maker == "sensor_suite":
+            return sensing.sensor_suite(sensors, roads.RoadScan.of(sensors), name)
+        if maker == "preview_sensor":
+            return sensing.preview_sensor(sensors, vehicle, name)
+        if maker == "preview_buffer":
+            return sensing.preview_buffer(roads.RoadLayout.of(vehicle, preview_count=16, preview_step=0.030), name)
+        return getattr(estimators, maker)(_hmmwv_car(), sensors, name)
 
     return make
 

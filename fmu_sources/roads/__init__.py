@@ -4,7 +4,7 @@ from fmu_sources.roads.bumps import road_bumps
 from fmu_sources.roads.errors import RoadError
 from fmu_sources.roads.hole_bump import road_hole_bump
 from fmu_sources.roads.iso8608 import iso8608_table, road_iso8608, road_offroad
-from fmu_sources.roads.layout import RoadLayout, WheelPosition
+from fmu_sources.roads.layout import RoadLayout, RoadScan, WheelPosition
 from fmu_sources.roads.perryman3 import perryman3_table, road_perryman3
 from fmu_sources.roads.road import Profile, Shape, road
 from fmu_sources.roads.shallow_trench import road_shallow_trench
@@ -18,6 +18,7 @@ __all__ = [
     "Profile",
     "RoadError",
     "RoadLayout",
+    "RoadScan",
     "Shape",
     "WheelPosition",
     "iso8608_table",

@@ -52,6 +52,13 @@ class _Bumps:
         rolls = ca.logic_and(here, ca.logic_not(beyond))
         return ca.if_else(here, height, 0), ca.if_else(rolls, slope / self.contact, 0)
 
+    def surface(self, x: Any, side: str) -> Any:
+        """Height [m] of the bumps themselves, not averaged over a contact."""
+        here = self.side != (RIGHT if side == "left" else LEFT)
+        x = ca.fmin(x, self.end)
+        bumps = (self.heights[i] * self._parabola(x - self._start(i) - self.length / 2) for i in range(PLACES))
+        return ca.if_else(here, sum(bumps), 0)
+
     def any_beyond_end(self) -> Any:
         """Whether a bump, or the contact of a wheel on it, reaches beyond the end of the road."""
         reach = self.length + self.contact / 2

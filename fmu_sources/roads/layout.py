@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
-from fmu_sources.vehicles import FullCar, RideCar, ThreeAxleCar
+from fmu_sources.vehicles import FullCar, RideCar, SensorSet, ThreeAxleCar
+
+_HEAVE, _PITCH = 0.12, 0.08  # m, rad: motion of a range sensor that a scan allows for
+_STEEPEST = 1.4  # rad, largest angle of a beam that a scan follows
 
 
 @dataclass(frozen=True)
@@ -22,12 +26,44 @@ class WheelPosition:
 
 
 @dataclass(frozen=True)
+class RoadScan:
+    """What range sensors see of both tracks: ``count`` heights ``step`` m apart, the first ``start`` m ahead of the CG."""
+
+    start: float
+    step: float
+    count: int
+
+    def __post_init__(self) -> None:
+        if self.count < 4 or not self.step > 0:
+            raise ValueError(
+                f"scan of {self.count} heights {self.step:g} m apart: at least 4 are needed, a distance apart"
+            )
+
+    @classmethod
+    def of(cls, sensors: SensorSet, *, step: float = 0.05) -> RoadScan:
+        """Where the beams of both range sensors can meet the road while the car moves on its springs."""
+        mount = sensors.mount
+        near, far = [], []
+        for sensor in (sensors.radar, sensors.optical):
+            tilt, half_spot = sensor.tilt.value, sensor.spot.value / 2
+            near.append((mount.height.value - _HEAVE) * math.tan(max(tilt - _PITCH, 0.0)) - half_spot)
+            far.append((mount.height.value + _HEAVE) * math.tan(min(tilt + _PITCH, _STEEPEST)) + half_spot)
+        start = math.floor((mount.x.value + min(near)) / step) * step - step
+        end = mount.x.value + max(far)
+        return cls(round(start, 9), step, math.ceil((end - start) / step) + 2)
+
+
+@dataclass(frozen=True)
 class RoadLayout:
-    """Corners of the vehicle on the road, and preview of ``preview_count`` heights ``preview_step`` seconds apart."""
+    """Corners of the vehicle on the road, and preview of ``preview_count`` heights ``preview_step`` seconds apart.
+
+    With ``scan`` the road also shows what range sensors see.
+    """
 
     wheels: tuple[WheelPosition, ...]
     preview_count: int = 8
     preview_step: float = 0.010
+    scan: RoadScan | None = None
 
     def __post_init__(self) -> None:
         if not self.wheels:
@@ -38,7 +74,12 @@ class RoadLayout:
 
     @classmethod
     def of(
-        cls, vehicle: FullCar | RideCar | ThreeAxleCar, *, preview_count: int = 8, preview_step: float = 0.010
+        cls,
+        vehicle: FullCar | RideCar | ThreeAxleCar,
+        *,
+        preview_count: int = 8,
+        preview_step: float = 0.010,
+        scan: RoadScan | None = None,
     ) -> RoadLayout:
         """Layout of a vehicle."""
         if not isinstance(vehicle, FullCar):
@@ -47,10 +88,10 @@ class RoadLayout:
                 WheelPosition(c, w.x.value, (1 if c.endswith("l") else -1) * w.half_track.value)
                 for c, w in corners.items()
             )
-            return cls(places, preview_count, preview_step)
+            return cls(places, preview_count, preview_step, scan)
         body = vehicle.body
         front = body.cg_position.value * body.wheelbase.value
         rear = front - body.wheelbase.value
         half = body.track.value / 2
         wheels = (("fl", front, half), ("fr", front, -half), ("rl", rear, half), ("rr", rear, -half))
-        return cls(tuple(WheelPosition(*w) for w in wheels), preview_count, preview_step)
+        return cls(tuple(WheelPosition(*w) for w in wheels), preview_count, preview_step, scan)

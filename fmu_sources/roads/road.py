@@ -29,7 +29,10 @@ class Shape(Protocol):
         ...
 
     def at(self, x: Any, side: str) -> tuple[Any, Any]:
-        """Height [m] and slope dz/dx at a column of positions [m] on the ``"left"`` or ``"right"`` track."""
+        """Height [m] and slope dz/dx at a column of positions [m] on the ``"left"`` or ``"right"`` track.
+
+        A shape that smooths its surface for the wheels also has ``surface(x, side)``, the height [m] that sensors see.
+        """
         ...
 
 
@@ -106,6 +109,17 @@ def road(
         ahead, _ = shape.at(x + position[w.corner] + speed * later, w.side)
         heights = ca.vertcat(under[w.corner][0], ahead)
         c.output(f"preview.{w.corner}", heights, "m", f"height under the {w.corner} wheel now, preview.step later, ...")
+    if layout.scan is not None:
+        scan = layout.scan
+        ahead = x + scan.start + ca.DM(range(scan.count)) * scan.step
+        seen = getattr(shape, "surface", lambda x, side: shape.at(x, side)[0])
+        for side in ("left", "right"):
+            c.output(
+                f"scan.{side}", seen(ahead, side), "m", f"height of the surface of the {side} track, scan.step apart"
+            )
+        c.output("scan.start", scan.start, "m", "distance of the first height of scan.* ahead of the CG")
+        c.output("scan.step", scan.step, "m", "distance between heights of scan.*")
+        c.notes = (*c.notes, _SCAN_NOTE)
     c.output("preview.step", layout.preview_step, "s", "time between preview heights", display_unit="ms")
     front = position[max(layout.wheels, key=lambda w: w.x).corner]
     c.output("end_of_road", x + front > shape.end, None, "the front wheels are beyond the end of the road", type=bool)
@@ -114,6 +128,10 @@ def road(
     return c
 
 
+_SCAN_NOTE = (
+    "scan.* is what range sensors may hit: heights of the surface of both tracks at fixed distances ahead of the CG, not "
+    "averaged over the contact of a tyre. SensorSuite casts its beams against them."
+)
 _NOTES = (
     "The road has no memory: its outputs at t follow from x and speed at t. preview.* are the heights each wheel will "
     "meet if the speed stays: index 1 is under the wheel now, each further one preview.step later.",

@@ -7,11 +7,21 @@ from fmu_sources.vehicles.loader import (
     load_full_car,
     load_quarter_car,
     load_ride_car,
+    load_sensors,
     load_three_axle,
     load_vehicle,
     vehicle_names,
 )
-from fmu_sources.vehicles.schema import Actuator, FullCar, Quantity, QuarterCar, RideCar, ThreeAxleCar, Vehicle
+from fmu_sources.vehicles.schema import (
+    Actuator,
+    FullCar,
+    Quantity,
+    QuarterCar,
+    RideCar,
+    SensorSet,
+    ThreeAxleCar,
+    Vehicle,
+)
 
 __all__ = [
     "Actuator",
@@ -19,6 +29,7 @@ __all__ = [
     "Quantity",
     "QuarterCar",
     "RideCar",
+    "SensorSet",
     "ThreeAxleCar",
     "Vehicle",
     "VehicleError",
@@ -27,6 +38,7 @@ __all__ = [
     "load_full_car",
     "load_quarter_car",
     "load_ride_car",
+    "load_sensors",
     "load_three_axle",
     "load_vehicle",
     "vehicle_names",

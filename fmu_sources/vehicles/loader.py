@@ -21,6 +21,7 @@ from fmu_sources.vehicles.schema import (
     QuarterCar,
     RideCar,
     Section,
+    SensorSet,
     ThreeAxleCar,
     Vehicle,
 )
@@ -83,6 +84,11 @@ def load_full_car(name_or_path: str | Path) -> FullCar:
 def load_actuator(name_or_path: str | Path) -> Actuator:
     """Load a file of kind ``actuator``; see :func:`load_vehicle`."""
     return cast(Actuator, load_vehicle(name_or_path, "actuator"))
+
+
+def load_sensors(name_or_path: str | Path) -> SensorSet:
+    """Load a file of kind ``sensors``; see :func:`load_vehicle`."""
+    return cast(SensorSet, load_vehicle(name_or_path, "sensors"))
 
 
 def declare(c: Component, section: Section, prefix: str = "", leave_out: Collection[str] = ()) -> Any:

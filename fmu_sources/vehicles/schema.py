@@ -338,10 +338,80 @@ class Actuator(Vehicle):
     bypass: _Bypass
 
 
+# -------------------------------------------------------------------------------------------------------------- sensors
+
+
+class _Noise(Section):
+    load_cell: Quantity = quantity("N", "noise of a load cell, standard deviation", min=0.0, max=1e6, nominal=10.0)
+    lvdt: Quantity = quantity("m", "noise of an LVDT", min=0.0, max=0.1, display_unit="mm", nominal=1e-3)
+    hub: Quantity = quantity("m/s2", "noise of a hub accelerometer", min=0.0, max=1e3, nominal=0.1)
+    chassis: Quantity = quantity("m/s2", "noise of a chassis accelerometer", min=0.0, max=1e3, nominal=0.1)
+    gyro: Quantity = quantity("rad/s", "noise of a rate gyro", min=0.0, max=10.0, display_unit="deg/s", nominal=1e-2)
+    range: Quantity = quantity("m", "noise of a range sensor", min=0.0, max=1.0, display_unit="mm", nominal=1e-3)
+    speed: Quantity = quantity("m/s", "noise of the speedometer", min=0.0, max=10.0, nominal=1e-2)
+
+
+class _Place(Section):
+    x: Quantity = quantity("m", "position ahead of the CG", min=-50.0, max=50.0)
+    y: Quantity = quantity("m", "position to the left of the CG", min=-10.0, max=10.0)
+
+
+class _Chassis(Section):
+    front: _Place
+    rear: _Place
+
+
+class _RangeMount(Section):
+    x: Quantity = quantity("m", "position of the range sensors ahead of the CG", min=-50.0, max=50.0)
+    y: Quantity = quantity("m", "distance of the range sensors to the side of the CG", min=0.0, max=10.0)
+    height: Quantity = quantity("m", "height of the range sensors above the road at rest", min=0.05, max=10.0)
+    bias: Quantity = quantity(
+        "m",
+        "D_bias: from the mount along the beam, upwards, to where ranges count from",
+        min=-2.0,
+        max=2.0,
+        nominal=0.1,
+    )
+
+
+class _RangeSensor(Section):
+    near: Quantity = quantity("m", "shortest range", min=0.0, max=100.0)
+    far: Quantity = quantity("m", "longest range", min=0.01, max=100.0)
+    resolution: Quantity = quantity("m", "resolution", min=0.0, max=1.0, display_unit="mm", nominal=1e-2)
+    spot: Quantity = quantity("m", "length of road over which the range is a mean", min=0.0, max=0.6, nominal=0.1)
+    response: Quantity = quantity("s", "response time", min=0.0, max=7e-3, display_unit="ms", nominal=1e-3)
+    tilt: Quantity = quantity(
+        "rad", "angle of the beam, forward from straight down", min=0.0, max=1.4, display_unit="deg"
+    )
+
+
+class _Estimator(Section):
+    road: Quantity = quantity("m2/s", "intensity of the road's rate as white noise", min=1e-12, max=100.0, nominal=1e-2)
+    known_road: Quantity = quantity(
+        "m2/s", "what is left of it where the road is known", min=1e-12, max=100.0, nominal=1e-2
+    )
+    pose_leak: Quantity = quantity("s", "time in which heave, pitch and roll fade without road", min=0.05, max=1e4)
+    pose_correction: Quantity = quantity(
+        "s", "time in which heave, pitch and roll follow a known road", min=0.05, max=1e4
+    )
+
+
+class SensorSet(Vehicle):
+    """Where sensors sit on a vehicle, how good they are, and what an estimator makes of them."""
+
+    noise: _Noise
+    chassis: _Chassis
+    mount: _RangeMount
+    radar: _RangeSensor
+    optical: _RangeSensor
+    estimator: _Estimator
+
+
 KINDS: dict[str, type[Vehicle]] = {
     "quarter_car": QuarterCar,
     "ride_car": RideCar,
     "three_axle": ThreeAxleCar,
     "full_car": FullCar,
     "actuator": Actuator,
+    "sensors": SensorSet,
 }

@@ -36,6 +36,9 @@ def nothing(n: int) -> Arguments:
     return lambda a: (None, c.c_size_t(0)) * n
 
 
+ROOM = 1 << 20  # bytes for a serialized state, more than any FMU here needs
+
+
 def values(a: Instance) -> tuple[Any, ...]:
     """An empty list of references with its empty list of values."""
     return (None, c.c_size_t(0), None) if a.fmi == 2 else (None, c.c_size_t(0), None, c.c_size_t(0))
@@ -101,7 +104,7 @@ FMI2 = [
     Function("SetFMUstate", EVERYWHERE, snapshot),
     Function("FreeFMUstate", EVERYWHERE, lambda a: (c.byref(a.save()),)),
     Function("SerializedFMUstateSize", EVERYWHERE, lambda a: (*snapshot(a), c.byref(c.c_size_t()))),
-    Function("SerializeFMUstate", EVERYWHERE, lambda a: (*snapshot(a), c.create_string_buffer(1 << 16), c.c_size_t(1 << 16))),
+    Function("SerializeFMUstate", EVERYWHERE, lambda a: (*snapshot(a), c.create_string_buffer(ROOM), c.c_size_t(ROOM))),
     Function("DeSerializeFMUstate", EVERYWHERE, lambda a: (*serialized(a), c.byref(loose(a)))),
     Function(
         "GetDirectionalDerivative", READ, lambda a: (*nothing(2)(a), None, None), continuous=True
@@ -132,7 +135,7 @@ FMI3 = [
     Function("SetFMUState", EVERYWHERE, snapshot),
     Function("FreeFMUState", EVERYWHERE, lambda a: (c.byref(a.save()),)),
     Function("SerializedFMUStateSize", EVERYWHERE, lambda a: (*snapshot(a), c.byref(c.c_size_t()))),
-    Function("SerializeFMUState", EVERYWHERE, lambda a: (*snapshot(a), c.create_string_buffer(1 << 16), c.c_size_t(1 << 16))),
+    Function("SerializeFMUState", EVERYWHERE, lambda a: (*snapshot(a), c.create_string_buffer(ROOM), c.c_size_t(ROOM))),
     Function("DeserializeFMUState", EVERYWHERE, lambda a: (*serialized(a), c.byref(loose(a)))),
     Function("GetDirectionalDerivative", READ, nothing(4), continuous=True),
     Function("EnterEventMode", CONTINUOUS),
