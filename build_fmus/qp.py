@@ -327,14 +327,18 @@ def generate_data(programs: Sequence[QuadraticProgram]) -> str:
     rows = []
     for i, p in enumerate(programs):
         cases, written = [], dict[int, str]()
+        same = dict[tuple[bytes, str], str]()  # cases that differ in q, l, u alone share their constants
         for k, (h, a) in enumerate(zip(p.hessians, p.constraints, strict=True)):
             if id(a) not in written:
                 written[id(a)] = f"qp{i}_constraints{len(written)}"
                 code.append(_array(written[id(a)], a))
-            code.append(_array(f"qp{i}_hessian{k}", h))
-            text, factors = p.backend.constants(f"{p.name}, case {k}", h, a, f"qp{i}_factors{k}")
-            code.append(text)
-            cases.append(f"{{qp{i}_hessian{k}, {written[id(a)]}, &{factors}}}")
+            key = h.tobytes(), written[id(a)]
+            if key not in same:
+                code.append(_array(f"qp{i}_hessian{k}", h))
+                text, factors = p.backend.constants(f"{p.name}, case {k}", h, a, f"qp{i}_factors{k}")
+                code.append(text)
+                same[key] = f"{{qp{i}_hessian{k}, {written[id(a)]}, &{factors}}}"
+            cases.append(same[key])
         code.append(f"static const QpCase qp{i}_cases[] = {{{', '.join(cases)}}};\n")
         code.append(p.backend.settings(f"qp{i}_settings"))
         rows.append(

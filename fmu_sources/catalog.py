@@ -63,6 +63,7 @@ def default_catalog() -> dict[str, Entry]:
         Entry("RideCarHmmwv", "linear 7-DOF ride car, HMMWV (paper 001)", _ride_car("ride_car_hmmwv", "RideCarHmmwv")),
         Entry("ThreeAxleRide", "linear 9-DOF ride model of the 6x6 of paper 003", _three_axle_ride),
         Entry("LqrThreeAxle", "linear-quadratic regulator with pitch reference (paper 003)", _lqr_three_axle),
+        Entry("MpcThreeAxle", "MPC with preview of road and pitch for the 6x6 (paper 003)", _mpc_three_axle),
         Entry("PitchReference", "pitch that ramps up, holds and ramps down (paper 003)", _pitch_reference),
         Entry("RoadShallowTrench", "shallow trench under the 6x6 of paper 003", _road_shallow_trench),
         *(
@@ -287,6 +288,12 @@ def _lqr_three_axle(_: Context) -> Component:
     from fmu_sources.controllers.lqr_three_axle import lqr_three_axle
 
     return lqr_three_axle(_three_axle_ride())
+
+
+def _mpc_three_axle(_: Context) -> Component:
+    from fmu_sources.controllers.mpc_three_axle import mpc_three_axle
+
+    return mpc_three_axle(_three_axle_ride())
 
 
 def _pitch_reference(_: Context) -> Component:
