@@ -10,7 +10,6 @@ import warnings
 from collections.abc import Collection
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -87,7 +86,9 @@ class ThreeAxleBench:
                 "use_preview": case.system == "mpc-preview",
             })  # fmt: skip
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore", UnconnectedInputsWarning)  # `case` stays 0; nothing drives a passive vehicle
+            warnings.simplefilter(
+                "ignore", UnconnectedInputsWarning
+            )  # `case` stays 0; nothing drives a passive vehicle
             return system.run(duration, record=recorded(case), record_interval="5 ms", csv=csv)
 
     def close(self) -> None:

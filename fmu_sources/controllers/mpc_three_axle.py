@@ -53,7 +53,7 @@ _FORCE_WEIGHTS = ((0.1, 0.1, 0.1), (0.5, 2.0, 5.0), (2.0, 0.5, 2.0), (0.5, 0.1, 
 _PITCH_PRINTED = (100.0, 30.0, 100.0, 30.0)  # by case: 4.7, 4.10
 _PITCH_WEIGHT = 100.0  # in all cases
 _HEIGHT_WEIGHT = 20.0
-_FORCED = (  # by case: axle -> least and largest force [kN] as printed in Table 4.8; others +-150
+_FORCED: tuple[Mapping[str, tuple[float, float]], ...] = (  # by case: axle -> least and largest force [kN] as printed in Table 4.8; others +-150
     {},
     {"a1": (50.0, 70.0)},
     {"a2": (50.0, 70.0)},
@@ -61,7 +61,7 @@ _FORCED = (  # by case: axle -> least and largest force [kN] as printed in Table
 )
 
 
-def _model(car: Component) -> MpcModel:
+def ride_model(car: Component) -> MpcModel:
     """The ride car sampled at 5 ms, with the outputs of Table 4.2 and the height of the body."""
     return MpcModel.sampled(
         car.linearize(), SAMPLE_TIME, inputs=FORCES, outputs=MEASURED, disturbances=Disturbance.roads(CORNERS)
@@ -157,7 +157,7 @@ def combined_gains(model: MpcModel) -> tuple[MpcModel, dict[str, np.ndarray]]:
 
 def mpc_three_axle(car: Component, name: str = "MpcThreeAxle") -> Component:
     """The controller FMU for the 6x6, designed on its linear ride model."""
-    model, gains = combined_gains(_model(car))
+    model, gains = combined_gains(ride_model(car))
     mpc = three_axle_mpc(model)
     c = Component(
         name,
@@ -242,14 +242,14 @@ def _stimulus() -> dict[str, Callable[[float], float]]:
         return lambda t: amplitude * math.sin(rate * t + phase)
 
     signals: dict[str, Callable[[float], float]] = {
-        "body.z": wave(0.02, 5.0, 0.0), "body.vz": wave(0.1, 5.0, 1.6), "body.pitch": wave(0.03, 4.0, 0.5),
-        "body.pitch_rate": wave(0.12, 4.0, 2.1), "body.roll": wave(0.005, 6.0, 0.3), "body.az": wave(0.5, 5.0, 3.1),
+        "body.z": wave(0.004, 5.0, 0.0), "body.vz": wave(0.02, 5.0, 1.6), "body.pitch": wave(0.004, 4.0, 0.5),
+        "body.pitch_rate": wave(0.016, 4.0, 2.1), "body.roll": wave(0.001, 6.0, 0.3), "body.az": wave(0.1, 5.0, 3.1),
         "case": lambda t: float(min(3, max(0, int(t / 0.25)))),
     }  # fmt: skip
     for i, k in enumerate(CORNERS):
-        signals[f"wheel.{k}.z"] = wave(0.03, 7.0, 0.2 * i)
-        signals |= {f"preview.{k}[{m + 1}]": wave(0.04, 7.0, 0.2 * i + 0.035 * m) for m in range(PREDICTION)}
-    signals |= {f"reference.pitch[{m + 1}]": wave(0.04, 4.0, 0.02 * m) for m in range(PREDICTION)}
+        signals[f"wheel.{k}.z"] = wave(0.01, 7.0, 0.2 * i)
+        signals |= {f"preview.{k}[{m + 1}]": wave(0.01, 7.0, 0.2 * i + 0.035 * m) for m in range(PREDICTION)}
+    signals |= {f"reference.pitch[{m + 1}]": wave(0.005, 4.0, 0.02 * m) for m in range(PREDICTION)}
     return signals
 
 
