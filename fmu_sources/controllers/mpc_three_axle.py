@@ -53,7 +53,9 @@ _FORCE_WEIGHTS = ((0.1, 0.1, 0.1), (0.5, 2.0, 5.0), (2.0, 0.5, 2.0), (0.5, 0.1, 
 _PITCH_PRINTED = (100.0, 30.0, 100.0, 30.0)  # by case: 4.7, 4.10
 _PITCH_WEIGHT = 100.0  # in all cases
 _HEIGHT_WEIGHT = 20.0
-_FORCED: tuple[Mapping[str, tuple[float, float]], ...] = (  # by case: axle -> least and largest force [kN] as printed in Table 4.8; others +-150
+_FORCED: tuple[
+    Mapping[str, tuple[float, float]], ...
+] = (  # by case: axle -> least and largest force [kN] as printed in Table 4.8; others +-150
     {},
     {"a1": (50.0, 70.0)},
     {"a2": (50.0, 70.0)},
@@ -238,18 +240,24 @@ def _times(matrix: np.ndarray, vector: ca.MX) -> ca.MX:
 
 
 def _stimulus() -> dict[str, Callable[[float], float]]:
-    def wave(amplitude: float, rate: float, phase: float) -> Callable[[float], float]:
-        return lambda t: amplitude * math.sin(rate * t + phase)
+    """A shallow hollow under one axle after the other, a nod of the body, and all cases in turn.
+
+    Nothing answers to the forces, so the estimator and the law drive each other to the bounds. Rounded numbers are the
+    same in the table of inputs.
+    """
+
+    def hollow(depth: float, at: float) -> Callable[[float], float]:
+        return lambda t: round(-depth * math.sin(math.pi * (t - at) / 0.4) ** 2 if at <= t <= at + 0.4 else 0.0, 9)
 
     signals: dict[str, Callable[[float], float]] = {
-        "body.z": wave(0.004, 5.0, 0.0), "body.vz": wave(0.02, 5.0, 1.6), "body.pitch": wave(0.004, 4.0, 0.5),
-        "body.pitch_rate": wave(0.016, 4.0, 2.1), "body.roll": wave(0.001, 6.0, 0.3), "body.az": wave(0.1, 5.0, 3.1),
+        "body.z": hollow(0.002, 0.1), "body.pitch": hollow(-0.002, 0.05), "body.az": hollow(0.05, 0.1),
         "case": lambda t: float(min(3, max(0, int(t / 0.25)))),
     }  # fmt: skip
     for i, k in enumerate(CORNERS):
-        signals[f"wheel.{k}.z"] = wave(0.01, 7.0, 0.2 * i)
-        signals |= {f"preview.{k}[{m + 1}]": wave(0.01, 7.0, 0.2 * i + 0.035 * m) for m in range(PREDICTION)}
-    signals |= {f"reference.pitch[{m + 1}]": wave(0.005, 4.0, 0.02 * m) for m in range(PREDICTION)}
+        at = 0.1 + 0.15 * (i // 2)
+        signals[f"wheel.{k}.z"] = hollow(0.005, at)
+        signals |= {f"preview.{k}[{m + 1}]": hollow(0.005, at - SAMPLE_TIME * m) for m in range(PREDICTION)}
+    signals |= {f"reference.pitch[{m + 1}]": hollow(0.004, 0.3 - SAMPLE_TIME * m) for m in range(PREDICTION)}
     return signals
 
 
