@@ -6,7 +6,9 @@ step by step, and Goldfarb and Idnani's dual method of ``quadprog`` solves it. T
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 
@@ -25,6 +27,15 @@ class ReferenceStep:
     moves: Array
     slack: float
     cost: float
+
+
+@dataclass(frozen=True)
+class _Fixed:
+    H: Array
+    G: Array
+    norm: Array
+    unit: Array
+    bounds: list[Callable[[Array, Array], float]]
 
 
 class MpcReference:
@@ -92,39 +103,50 @@ class MpcReference:
         import quadprog
 
         mpc, h = self.mpc, self.mpc.horizon
-        outputs, inputs = mpc.case_outputs[case], mpc.case_inputs[case]
+        fixed = self._fixed(case)
+        inputs, nu = mpc.case_inputs[case], len(mpc.model.inputs)
         if disturbance is None:
             disturbance = np.zeros((len(mpc.model.disturbances), h.last + 2))
-        nu, n = len(inputs), len(inputs) * h.control
-        size = n + mpc.soft
+        n = nu * h.control
         free = self.predict(np.asarray(x, float), previous, np.zeros((h.control, nu)), disturbance)
-        H, f = np.zeros((size, size)), np.zeros(size)
-        for i, o in enumerate(outputs):
-            w, effect = (o.weight / o.scale) ** 2, self._effect[:, i]
-            wanted = 0.0 if reference is None else reference[i]
-            H[:n, :n] += 2 * w * effect.T @ effect
-            f[:n] += 2 * w * effect.T @ (free[:, i] - wanted)
+        error = free if reference is None else free - reference.T
+        f = np.zeros(n + mpc.soft)
+        for i, o in enumerate(mpc.case_outputs[case]):
+            f[:n] += 2 * (o.weight / o.scale) ** 2 * self._effect[:, i].T @ error[:, i]
         for j, u in enumerate(inputs):
-            effect = self._inputs[:, j]
-            H[:n, :n] += 2 * (u.weight / u.scale) ** 2 * effect.T @ effect
-            f[:n] += 2 * (u.weight / u.scale) ** 2 * effect.T @ np.full(h.last + 1, previous[j] - u.target)
-            own = np.arange(j, n, nu)
-            H[own, own] += 2 * (u.rate_weight / u.scale) ** 2
-        if mpc.soft:
-            H[n, n] = 2 * mpc.slack_weight
-        G, b = self._bounds(free, previous, outputs, inputs, size)  # G z >= b
-        unit = 1 / np.sqrt(np.diag(H))  # quadprog's tolerance is absolute
-        norm = np.linalg.norm(G * unit, axis=1)
-        least = b / norm - _SPARE
+            gradient = self._inputs[:, j].T @ np.full(h.last + 1, previous[j] - u.target)
+            f[:n] += 2 * (u.weight / u.scale) ** 2 * gradient
+        least = np.array([bound(free, previous) for bound in fixed.bounds]) / fixed.norm - _SPARE
         try:
-            z, cost, *_ = quadprog.solve_qp(H * np.outer(unit, unit), -f * unit, (G * unit / norm[:, None]).T, least)
+            z, cost, *_ = quadprog.solve_qp(fixed.H, -f * fixed.unit, fixed.G.T, least)
         except ValueError as error:
             raise MpcError(f"the step has no solution: {error}") from None
-        z = z * unit
+        z = z * fixed.unit
         moves = z[:n].reshape(h.control, nu)
         return ReferenceStep(
             self.clip(previous + moves[0], previous, case), moves, float(z[n]) if mpc.soft else 0.0, cost
         )
+
+    @cache  # noqa: B019
+    def _fixed(self, case: int) -> _Fixed:
+        """What does not change from step to step, in unknowns with a Hessian of diagonal 1 (quadprog's tolerance is absolute)."""
+        mpc, h = self.mpc, self.mpc.horizon
+        inputs, nu = mpc.case_inputs[case], len(mpc.model.inputs)
+        n = nu * h.control
+        size = n + mpc.soft
+        H = np.zeros((size, size))
+        for i, o in enumerate(mpc.case_outputs[case]):
+            H[:n, :n] += 2 * (o.weight / o.scale) ** 2 * self._effect[:, i].T @ self._effect[:, i]
+        for j, u in enumerate(inputs):
+            H[:n, :n] += 2 * (u.weight / u.scale) ** 2 * self._inputs[:, j].T @ self._inputs[:, j]
+            own = np.arange(j, n, nu)
+            H[own, own] += 2 * (u.rate_weight / u.scale) ** 2
+        if mpc.soft:
+            H[n, n] = 2 * mpc.slack_weight
+        rows, bounds = self._bounds(mpc.case_outputs[case], inputs, size)
+        unit = 1 / np.sqrt(np.diag(H))
+        norm = np.linalg.norm(rows * unit, axis=1)
+        return _Fixed(H * np.outer(unit, unit), rows * unit / norm[:, None], norm, unit, bounds)
 
     def clip(self, command: Array, previous: Array, case: int = 0) -> Array:
         """The command within the hard bounds, as far as the rate bounds let it."""
@@ -136,43 +158,42 @@ class MpcReference:
         return u
 
     def _bounds(
-        self, free: Array, previous: Array, outputs: tuple[Output, ...], inputs: tuple[Input, ...], size: int
-    ) -> tuple[Array, Array]:
-        rows: list[tuple[Array, float]] = []
+        self, outputs: tuple[Output, ...], inputs: tuple[Input, ...], size: int
+    ) -> tuple[Array, list[Callable[[Array, Array], float]]]:
+        """Rows of G z >= b, and each b as a function of free response and previous inputs."""
+        rows: list[Array] = []
+        bounds: list[Callable[[Array, Array], float]] = []
         h, nu = self.mpc.horizon, len(inputs)
 
-        def add(row: Array, least: float) -> None:
-            if np.isfinite(least) and np.any(row):
-                rows.append((row, least))
+        def add(row: Array, limit: float, least: Callable[[Array, Array], float]) -> None:
+            if np.isfinite(limit):
+                rows.append(row)
+                bounds.append(least)
 
         for b in range(h.control):
-            for j, i in enumerate(inputs):
+            for j, u in enumerate(inputs):
                 move, total = np.zeros(size), np.zeros(size)
                 move[b * nu + j] = 1.0
                 total[j : (b + 1) * nu : nu] = 1.0
-                add(move, i.rate_min)
-                add(-move, -i.rate_max)
-                fast_up, fast_down = ((b + 1 - 2 * CATCH_UP * (b > 0)) * r for r in (i.rate_max, i.rate_min))
-                add(total, min(i.min - previous[j], fast_up))
-                add(-total, -max(i.max - previous[j], fast_down))
+                fast_up, fast_down = ((b + 1 - 2 * CATCH_UP * (b > 0)) * r for r in (u.rate_max, u.rate_min))
+                add(move, u.rate_min, lambda free, p, u=u: u.rate_min)  # type: ignore[misc]
+                add(-move, u.rate_max, lambda free, p, u=u: -u.rate_max)  # type: ignore[misc]
+                add(total, u.min, lambda free, p, u=u, j=j, fast=fast_up: min(u.min - p[j], fast))  # type: ignore[misc]
+                add(-total, u.max, lambda free, p, u=u, j=j, fast=fast_down: -max(u.max - p[j], fast))  # type: ignore[misc]
         if self.mpc.soft:
             slack = np.zeros(size)
             slack[-1] = 1.0
-            add(slack, 0.0)
+            add(slack, 0.0, lambda free, p: 0.0)
         n = h.control * nu
         for k, o in enumerate(outputs):
             for step in range(h.prediction):
                 effect = self._effect[step, k]
                 if np.abs(effect).max() <= 1e-12 * np.abs(self._effect[:, k]).max():
                     continue
-                row = np.zeros(size)
-                row[:n] = effect
-                if o.ecr > 0:
-                    row[-1] = o.ecr * o.scale
-                add(row, o.min - free[step, k])
-                row = np.zeros(size)
-                row[:n] = -effect
-                if o.ecr > 0:
-                    row[-1] = o.ecr * o.scale
-                add(row, free[step, k] - o.max)
-        return np.array([r for r, _ in rows]), np.array([b for _, b in rows])
+                for sign, limit in ((1.0, o.min), (-1.0, o.max)):
+                    row = np.zeros(size)
+                    row[:n] = sign * effect
+                    if o.ecr > 0:
+                        row[-1] = o.ecr * o.scale
+                    add(row, limit, lambda free, p, s=step, k=k, g=sign, c=limit: g * (c - free[s, k]))  # type: ignore[misc]
+        return np.array(rows), bounds

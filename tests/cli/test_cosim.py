@@ -47,6 +47,8 @@ def test_mistakes_in_a_run(arguments: list[str], message: str, folder: Path) -> 
         (["identify", "gpc", "--weight", "0"], "--weight 0: it must be a positive number"),
         (["identify", "gpc", "--out", "file/results"], "cannot write to file/results/gpc/laws"),
         (["identify", "gpc", "--order", "0"], "order must be at least 1"),
+        (["run", "bench", "--controller", "mcp"], "no controller 'mcp'; did you mean mpc?"),
+        (["run", "bench", "--duration", "0"], "bump of 0 s: give 0.01 to 3 s"),
     ],
 )
 def test_mistakes_elsewhere(arguments: list[str], message: str, folder: Path) -> None:

@@ -1,0 +1,65 @@
+"""Commands of the experiment ``bench``."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
+
+from cosim.experiments.cli_options import Fmus, Out, Version, console, make_folder, progress_bar
+
+TITLE = "LQR and MPC on a quarter-car bench (paper 002)"
+OPTIONS = (
+    "--controller passive|lqr|lqr-clipped|mpc|mpc-moves  --road bump|random  --duration S  --height MM  --encoders"
+)
+
+
+def run(
+    controller: Annotated[str, typer.Option(help="passive, lqr, lqr-clipped, mpc or mpc-moves")] = "mpc",
+    road: Annotated[str, typer.Option(help="bump or random")] = "bump",
+    duration: Annotated[float, typer.Option(help="duration of the bump [s]")] = 0.5,
+    height: Annotated[float, typer.Option(help="height of the bump [mm]")] = 20.0,
+    encoders: Annotated[bool, typer.Option(help="states from quantised encoders")] = False,
+    fmus: Fmus = Path("fmus"),
+    fmi: Version = 3,
+    out: Out = Path("results"),
+) -> None:
+    """One run beside the passive bench: metrics on the screen, time histories as CSV."""
+    from dataclasses import replace
+
+    from cosim.experiments import bench as experiment
+    from cosim.experiments.cases import FmuSet
+
+    case = experiment.Case(controller, road, duration, height / 1e3, encoders)
+    bench = experiment.Bench(FmuSet(fmus, fmi))
+    path = make_folder(out / "bench") / f"{case.label}.csv"
+    measured = {"passive": experiment.metrics(bench.record(replace(case, system="passive", encoders=False)))}
+    recording = bench.record(case, csv=path)
+    measured[controller] = experiment.metrics(recording)
+    bench.close()
+    table = Table("metric", *measured, box=None)
+    for key, (text, unit, factor) in experiment.UNITS.items():
+        table.add_row(escape(f"{text} [{unit}]"), *(f"{factor * m[key]:.4g}" for m in measured.values()))
+    Console().print(table)
+    if "controller.command.held" in recording and recording["controller.command.held"].any():
+        console.print("command.held: the solver found no solution at some samples; the last force was kept")
+    path.with_suffix(".json").write_text(json.dumps(measured, indent=1) + "\n")
+    console.print(f"{path} and {path.with_suffix('.json').name}")
+
+
+def study(fmus: Fmus = Path("fmus"), fmi: Version = 3, out: Out = Path("results")) -> None:
+    """Figures 6 to 10 of the paper and its claims; writes results/bench/report.html."""
+    from cosim.experiments import bench_report, bench_study
+    from cosim.experiments.cases import FmuSet
+
+    chosen = FmuSet(fmus, fmi)
+    make_folder(out / "bench")
+    with progress_bar("study bench") as progress:
+        result = bench_study.study(chosen, progress)
+    path = bench_report.write(result, chosen, out / "bench")
+    console.print(f"report: {path}")
