@@ -12,6 +12,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
+from benchmarks import hmmwv_real_time
 from benchmarks.master_cost import measure
 from cosim import System
 from cosim.experiments import gpc_study
@@ -45,6 +46,7 @@ def main() -> None:
         "full car alone": full_car(),
         "master, passive system (3 FMUs)": measure("passive"),
         "master, preview system (4 FMUs)": measure("preview"),
+        "hydraulic HMMWV, simulated time / processor time of one core": hmmwv_real_time.measure(),
         "cosim study gpc": study(),
     }
     for title, rows in results.items():

@@ -1,6 +1,6 @@
 """A component of one's own, built into an FMU: a quarter car with an inerter. See ``docs/tutorial.md``.
 
-    python docs/examples/quarter_car_inerter.py      # writes QuarterCarInerter.fmu (FMI 3.0) here
+python docs/examples/quarter_car_inerter.py      # writes QuarterCarInerter.fmu (FMI 3.0) here
 """
 
 from math import pi, sin

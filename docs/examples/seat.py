@@ -24,9 +24,7 @@ class Seat(Fmi2Slave):
         self.register_variable(Real("floor_acceleration", causality=Fmi2Causality.input))
         self.register_variable(Real("acceleration", causality=Fmi2Causality.output))
         for name in ("frequency", "damping_ratio"):
-            self.register_variable(
-                Real(name, causality=Fmi2Causality.parameter, variability=Fmi2Variability.tunable)
-            )
+            self.register_variable(Real(name, causality=Fmi2Causality.parameter, variability=Fmi2Variability.tunable))
 
     def do_step(self, current_time, step_size):  # noqa: ARG002
         omega = 2 * math.pi * self.frequency

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import math
+import runpy
 import warnings
 from contextlib import suppress
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -218,3 +220,17 @@ def test_a_small_study_is_kept_and_reported(fmus, tmp_path):
     for words in ("Figure 1.4", "Figure 1.8", "Robustness of the force tracking", "average (1.14) on"):
         assert words in text
     assert "nan" not in "".join(tracking.tracking_section(full).paragraphs).lower()
+
+
+def test_the_corner_of_the_example(built_fmus):
+    """Road, quarter car, actuator, force tracking and comfort: taking the force out of the strut helps over the bumps."""
+    example = runpy.run_path(str(Path(__file__).parents[2] / "docs" / "examples" / "hmmwv_corner.py"))
+    fmus = built_fmus.path("ForceTracking", 3).parent
+    peak, force = {}, {}
+    for active in (False, True):
+        recording = example["run"](active=active, fmus=fmus)
+        peak[active] = recording["comfort.absorbed_power.peak"][-1]
+        force[active] = np.abs(recording["actuator.force"]).max()
+        assert np.abs(recording["car.tire.deflection"]).max() > 1e-3  # the bumps were met
+    assert peak[True] < 0.7 * peak[False]
+    assert force[True] < force[False]

@@ -1,0 +1,44 @@
+"""How much faster than real time the hydraulic HMMWV of paper 001 runs: one corner, and the whole vehicle.
+
+Simulated time over the processor time of one core (the master has one thread), so that other work on the machine does not count.
+"""
+
+from __future__ import annotations
+
+import runpy
+import time
+import warnings
+from pathlib import Path
+
+from cosim import System, UnconnectedInputsWarning
+from cosim.experiments import hmmwv
+from cosim.experiments.cases import FmuSet
+from cosim.experiments.hmmwv import Case
+
+CORNER = Path(__file__).parents[1] / "docs" / "examples" / "hmmwv_corner.py"
+COMFORT = ["comfort.absorbed_power.peak"]
+
+
+def factor(system: System, seconds: float) -> float:
+    """Simulated time over processor time of one run, recording the absorbed power every millisecond."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", UnconnectedInputsWarning)
+        simulation = system.initialize(record=COMFORT, record_interval="1 ms")
+    begin = time.process_time()
+    simulation.advance(seconds)
+    return seconds / (time.process_time() - begin)
+
+
+def measure(repeats: int = 3, seconds: float = 6.0) -> dict[str, float]:
+    """Best of ``repeats``: the corner (five FMUs and the speed), the vehicle passive and under the LQR (four actuators)."""
+    result = {}
+    with runpy.run_path(str(CORNER))["corner"]() as corner:
+        result["corner"] = max(factor(corner, seconds) for _ in range(repeats))
+        result["corner, FMUs"] = float(len(corner.members))
+    for controller in ("passive", "lqr"):
+        case = Case("track", controller)
+        with hmmwv.wire(FmuSet(), case) as vehicle:
+            hmmwv.configure(vehicle, case)
+            result[f"vehicle, {controller}"] = max(factor(vehicle, seconds) for _ in range(repeats))
+            result[f"vehicle, {controller}, FMUs"] = float(len(vehicle.members))
+    return result
