@@ -55,6 +55,14 @@ def test_averaging_costs_most_of_the_tracking(bench):
     assert averaged["error"] > 4 * bench.measure(TrackingCase())["error"]
 
 
+def test_averaging_quietens_the_command(bench):
+    """What (1.14) is for: with noise in the load cell the command jumps less; the force is none the better for it."""
+    plain, averaged = (bench.measure(VARIANTS["load cell with noise" + x]) for x in ("", ", average (1.14) on"))
+    assert averaged["voltage_jumps"] < 0.6 * plain["voltage_jumps"]
+    assert averaged["error"] > 4 * plain["error"]
+    assert plain["error"] > bench.measure(TrackingCase())["error"]
+
+
 def test_too_high_a_density_destabilises_and_too_low_does_not(bench):
     rows = {d: bench.measure(tracking.robustness_case("step", d, 1.0)) for d in (0.7, 1.0, 1.3)}
     assert rows[1.0]["late"] < 0.001
@@ -135,6 +143,7 @@ def test_signals():
         ({"actuator": "oil"}, "no actuator 'oil'"),
         ({"order": "gauss"}, "no order 'gauss'"),
         ({"controller": (("fluid.density", -1.0),)}, "fluid.density"),
+        ({"noise": -1.0}, "noise -1 N"),
     ],
 )
 def test_runs_that_do_not_exist(choice, words):
@@ -154,7 +163,7 @@ def made_up(worse: tuple[str, ...] = ()) -> TrackingStudy:
         density = dict(case.controller).get("fluid.density", 1.0)
         study.rows[case] = {
             "error": error, "error_peak": 100.0, "early": 0.1, "late": 2.0 if density > 1.1 else 0.01,
-            "flow_peak": 44.0, "voltage_peak": 3.0, "saturated": 0.0,
+            "flow_peak": 44.0, "voltage_peak": 3.0, "voltage_jumps": 0.05, "saturated": 0.0,
         }  # fmt: skip
     t = np.arange(0, 10, 0.004)
     wave = {n: np.sin(t).tolist() for n in ("tracking.force.smoothed", "actuator.force")}
