@@ -6,7 +6,7 @@ This module wires the FMUs and runs them; ``hmmwv_study`` lays out the runs behi
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from dataclasses import asdict, dataclass, replace
 from importlib import metadata
 from pathlib import Path
@@ -30,8 +30,13 @@ CONTROLLERS = {
     "skyhook": "Skyhook",
     "lqr": "LqrHmmwv",
     "lqr-kilonewton": "LqrHmmwvKilonewton",
+    "mpc": "MpcHmmwv",
+    "mpc-preview": "MpcHmmwv",
 }
 ACTUATORS = ("hydraulic", "ideal")
+STATES = ("true", "estimated")
+PREVIEWS = ("generated", "sensed")  # a known profile at the distance travelled, or what the range sensors see
+PREVIEW_STEPS = 15  # heights ahead of the one under the wheel, 30 ms apart
 
 SPEED_KMH = 20 * 1.609344  # 20 mph, the speed of all published runs
 SPEED_RANGE_KMH = (5.0, 100.0)
@@ -49,19 +54,32 @@ LIFT_OFF = 8191.0 / 500e3  # m, tyre deflection at which the static load is gone
 
 @dataclass(frozen=True)
 class Case:
-    """One run. ``variant`` is where the bump lies between two control samples (0..5), or the off-road stretch (0..4)."""
+    """One run.
+
+    ``variant`` is where the bump lies between two control samples (0..5), or the off-road stretch (0..4); it also seeds the
+    noise of the sensors. ``preview``, ``preview_steps`` and ``preview_error_ms`` (positive: the preview shows the road too
+    late) matter for MPC with preview only.
+    """
 
     road: str = "track"
-    controller: str = "lqr"
+    controller: str = "mpc-preview"
     actuators: str = "hydraulic"
+    states: str = "true"
+    preview: str = "generated"
     speed_kmh: float = SPEED_KMH
     variant: int = 0
+    preview_steps: int = PREVIEW_STEPS
+    preview_error_ms: float = 0.0
     flow_limit: bool = False
+    friction: bool = False
+    lift_off: bool = True
     null_opening_mm: float | None = None
     duration: float | None = None  # s; None: until the rear wheels are over the bumps and the car is at rest, or 22 s
 
     def __post_init__(self) -> None:
-        choices = (("road", ROADS), ("controller", CONTROLLERS), ("actuators", ACTUATORS))
+        choices: tuple[tuple[str, Collection[str]], ...] = (
+            ("road", ROADS), ("controller", CONTROLLERS), ("actuators", ACTUATORS), ("states", STATES), ("preview", PREVIEWS),
+        )  # fmt: skip
         for name, known in choices:
             check_choice(name, getattr(self, name), known)
         low, high = SPEED_RANGE_KMH
@@ -74,6 +92,23 @@ class Case:
                 "the passive car is its hydraulic actuators with the pump off, so it has no ideal ones; "
                 "the car without actuators is --controller zero --actuators ideal"
             )
+        if self.states == "estimated" and CONTROLLERS[self.controller] is None:
+            raise CaseError(f"{self.controller} uses no states, so there is nothing to estimate")
+        if self.states == "estimated" and self.actuators == "ideal":
+            raise CaseError("the estimator measures the force of the hydraulic actuators: --actuators hydraulic")
+        chosen = (self.preview, self.preview_steps, self.preview_error_ms)
+        if self.controller != "mpc-preview" and chosen != ("generated", PREVIEW_STEPS, 0.0):
+            raise CaseError(f"{self.controller} uses no preview; the options of the preview are for mpc-preview")
+        if self.preview == "sensed" and self.states == "true":
+            raise CaseError("the sensed preview is corrected by the estimated pose: --states estimated")
+        if not 1 <= self.preview_steps <= PREVIEW_STEPS:
+            raise CaseError(
+                f"preview of {self.preview_steps} steps: give 1 to {PREVIEW_STEPS}, or the controller mpc for none"
+            )
+        if self.preview == "sensed" and self.preview_error_ms:
+            raise CaseError("a preview error is for the generated preview; the sensed one has its own")
+        if not abs(self.preview_error_ms) <= 200:
+            raise CaseError(f"preview error {self.preview_error_ms:g} ms: give -200 to 200 ms")
         if self.null_opening_mm is not None and not 0 < self.null_opening_mm <= 50:
             raise CaseError(f"null opening {self.null_opening_mm:g} mm: give 0 to 50 mm")
         if self.duration is not None and not 0.5 <= self.duration <= self.longest:
@@ -117,9 +152,15 @@ class Case:
                 self.road,
                 self.controller,
                 *["ideal"] * (self.actuators == "ideal"),
+                *["estimated"] * (self.states == "estimated"),
+                *["sensed"] * (self.preview == "sensed"),
+                *[f"{self.preview_steps}steps"] * (self.preview_steps != PREVIEW_STEPS),
+                *[f"{self.preview_error_ms:+g}ms"] * (self.preview_error_ms != 0),
                 *[f"{self.speed_kmh:g}kmh"] * (self.speed_kmh != SPEED_KMH),
                 *[f"variant{self.variant}"] * (self.variant != 0),
                 *["flow-limit"] * self.flow_limit,
+                *["friction"] * self.friction,
+                *["pulling-tyres"] * (not self.lift_off),
             ]
         )
 
@@ -129,7 +170,23 @@ class Case:
         names += [name] if (name := CONTROLLERS[self.controller]) else []
         names += ["HydraulicActuator"] if self.actuators == "hydraulic" else []
         names += ["ForceTracking"] if self.actuators == "hydraulic" and self.controller != "passive" else []
+        names += ["SensorSuite", "KalmanHmmwv"] if self.states == "estimated" else []
+        names += ["PreviewSensor", "PreviewBuffer"] if self.preview == "sensed" else []
         return names
+
+    @property
+    def structure(self) -> tuple[object, ...]:
+        """What decides how the system is wired; everything else is a parameter of its FMUs."""
+        return (
+            self.road, self.controller, self.actuators, self.states, self.preview, self.preview_steps,
+            self.preview_error_ms != 0,
+        )  # fmt: skip
+
+    @property
+    def separate_map(self) -> bool:
+        """Whether the generated preview comes from a road of its own, at another distance than the true one."""
+        generated = self.controller == "mpc-preview" and self.preview == "generated"
+        return generated and (self.states == "estimated" or self.preview_error_ms != 0)
 
 
 class HmmwvBench:
@@ -138,14 +195,13 @@ class HmmwvBench:
     def __init__(self, fmus: FmuSet, store: RunStore | None = None) -> None:
         self.fmus = fmus
         self.store = store
-        self._systems: dict[tuple[str, ...], System] = {}
+        self._systems: dict[tuple[object, ...], System] = {}
 
     def system(self, case: Case) -> System:
         """The wired system of a case, with the parameters of this case set."""
-        key = (case.road, case.controller, case.actuators)
-        if key not in self._systems:
-            self._systems[key] = wire(self.fmus, case)
-        system = self._systems[key]
+        if case.structure not in self._systems:
+            self._systems[case.structure] = wire(self.fmus, case)
+        system = self._systems[case.structure]
         configure(system, case)
         return system
 
@@ -197,45 +253,123 @@ def wire(fmus: FmuSet, case: Case) -> System:
     controller = CONTROLLERS[case.controller]
     if controller is not None:
         system.add("controller", fmus.path(controller))
-        system.connect_matching("car", "controller")
     if case.actuators == "ideal":
         if controller is not None:
             system.connect_matching("controller", "car", "force.*")
         else:
             system["car"].set({f"force.{k}": 0.0 for k in CORNERS})
-        return system
-    for k in CORNERS:
-        actuator, tracking = f"actuator_{k}", f"tracking_{k}"
-        system.add(
-            actuator, fmus.path("HydraulicActuator"), step=EXCHANGE, start={"bypass.area": 0.0}
-        )  # shut, as published
-        system.connect(f"car.suspension.{k}.velocity", f"{actuator}.piston.velocity")
-        system.connect(f"{actuator}.force", f"car.force.{k}")
-        if case.controller == "passive":
-            system[actuator].set({"valve.voltage": 0.0})
-            continue
-        system.add(tracking, fmus.path("ForceTracking"))
-        system.connect(f"{actuator}.force", f"{tracking}.force.measured")
-        system.connect(f"{actuator}.spool.position", f"{tracking}.spool.position")
-        system.connect(f"car.suspension.{k}.velocity", f"{tracking}.piston.velocity")
-        system.connect(f"{tracking}.valve.voltage", f"{actuator}.valve.voltage")
-        if controller is not None:
-            system.connect(f"controller.force.{k}", f"{tracking}.force.desired")
-        else:
-            system[tracking].set({"force.desired": 0.0})
-    system.group("vehicle", ["car", *(f"actuator_{k}" for k in CORNERS)])
+    else:
+        for k in CORNERS:
+            _wire_actuator(system, fmus, case, k)
+        system.group("vehicle", ["car", *(f"actuator_{k}" for k in CORNERS)])
+    if case.states == "estimated":
+        _wire_estimator(system, fmus)
+    if controller is not None:
+        system.connect_matching("kalman" if case.states == "estimated" else "car", "controller")
+    if controller == "MpcHmmwv":
+        _wire_preview(system, fmus, case)
     return system
 
 
-def configure(system: System, case: Case) -> None:
-    """Set the parameters of a case in a system that was wired for its road, controller and actuators."""
-    system["speed"].set({"start.speed": case.speed, "start.x": case.start})
-    if case.road == "off-road":
-        system["road"].set({"offset": case.variant * STRETCH, "flat": FLAT, "ramp": RAMP})
+def _wire_actuator(system: System, fmus: FmuSet, case: Case, k: str) -> None:
+    """The actuator of a corner and its force tracking; without that for the passive car."""
+    actuator, tracking = f"actuator_{k}", f"tracking_{k}"
+    system.add(
+        actuator, fmus.path("HydraulicActuator"), step=EXCHANGE, start={"bypass.area": 0.0}
+    )  # shut, as published
+    system.connect(f"car.suspension.{k}.velocity", f"{actuator}.piston.velocity")
+    system.connect(f"{actuator}.force", f"car.force.{k}")
+    if case.controller == "passive":
+        system[actuator].set({"valve.voltage": 0.0})
+        return
+    system.add(tracking, fmus.path("ForceTracking"))
+    system.connect(f"{actuator}.force", f"{tracking}.force.measured")
+    system.connect(f"{actuator}.spool.position", f"{tracking}.spool.position")
+    system.connect(f"car.suspension.{k}.velocity", f"{tracking}.piston.velocity")
+    system.connect(f"{tracking}.valve.voltage", f"{actuator}.valve.voltage")
+    if CONTROLLERS[case.controller] is not None:
+        system.connect(f"controller.force.{k}", f"{tracking}.force.desired")
     else:
-        heights = {f"bump.height[{i}]": BUMPS[case.road].get(i, 0.0) for i in range(1, 11)}
-        shift = case.variant / SHIFTS * CONTROL_PERIOD * case.speed
-        system["road"].set({**heights, "bump.first": FIRST_BUMP + shift})
+        system[tracking].set({"force.desired": 0.0})
+
+
+def _wire_estimator(system: System, fmus: FmuSet) -> None:
+    """Sensors on car, actuators and road, and the Kalman filter behind them."""
+    system.add("sensors", fmus.path("SensorSuite"))
+    system.connect_matching("car", "sensors")
+    system.connect_matching("speed", "sensors")
+    system.connect_matching("road", "sensors", "scan.*")
+    for k in CORNERS:
+        system.connect(f"actuator_{k}.force", f"sensors.actuator.{k}.force")
+    system.add("kalman", fmus.path("KalmanHmmwv"), parameters={"use_road": False})
+    system.connect_matching("sensors", "kalman")
+    system["kalman"].set({**{f"road.{k}.height": 0.0 for k in CORNERS}, "road.valid": False})
+
+
+def _wire_preview(system: System, fmus: FmuSet, case: Case) -> None:
+    """Where the MPC has its preview from. A preview that is cut short goes on at its last height."""
+    if case.controller == "mpc":
+        system["controller"].set({"use_preview": False, **_flat_preview(system)})
+        return
+    system["controller"].set({"use_preview": True})
+    source = "road"
+    if case.preview == "sensed":
+        source = "buffer"
+        _wire_preview_chain(system, fmus)
+    elif case.separate_map:
+        source = "map"
+        system.add("map", fmus.path(ROADS[case.road]))
+        if case.states == "estimated":
+            system.connect("sensors.x.measured", "map.x")
+            system.connect("sensors.speed.measured", "map.speed")
+        else:
+            system.add("map_speed", fmus.path("SpeedProfile"))
+            system.connect("map_speed.x", "map.x")
+            system.connect("map_speed.speed", "map.speed")
+    system.connect(f"{source}.preview.step", "controller.preview.step")
+    for k in CORNERS:
+        for i in range(1, PREVIEW_STEPS + 2):
+            system.connect(f"{source}.preview.{k}[{min(i, case.preview_steps + 1)}]", f"controller.preview.{k}[{i}]")
+
+
+def _flat_preview(system: System) -> dict[str, float]:
+    """Start values of the preview inputs that nothing drives."""
+    inputs = system["controller"].description.inputs
+    return {n: float(v.start) for n, v in inputs.items() if n.startswith("preview.") and v.start is not None}  # type: ignore[arg-type]
+
+
+def _wire_preview_chain(system: System, fmus: FmuSet) -> None:
+    """Range sensors, their correction by the estimated pose, the buffer, and from it the road back to the filter."""
+    system.add("preview_sensor", fmus.path("PreviewSensor"))
+    system.add("buffer", fmus.path("PreviewBuffer"))
+    system.connect_matching("sensors", "preview_sensor", "range.*")
+    system.connect_matching("kalman", "preview_sensor", "body.*")
+    system.connect_matching("preview_sensor", "buffer")
+    for name in ("preview_sensor", "buffer"):
+        system.connect("sensors.x.measured", f"{name}.x")
+        system.connect("sensors.speed.measured", f"{name}.speed")
+    system.connect_matching("buffer", "preview_sensor", "road.*", delay=True)
+    system.connect_matching("buffer", "kalman", "road.*", delay=True)
+    system["kalman"].set({"use_road": True})
+
+
+def configure(system: System, case: Case) -> None:
+    """Set the parameters of a case in a system that was wired for its structure."""
+    system["speed"].set({"start.speed": case.speed, "start.x": case.start})
+    if "map_speed" in system.members:
+        late = case.preview_error_ms / 1000 * case.speed
+        system["map_speed"].set({"start.speed": case.speed, "start.x": case.start - late})
+    for name in {"road", "map"} & set(system.members):
+        if case.road == "off-road":
+            system[name].set({"offset": case.variant * STRETCH, "flat": FLAT, "ramp": RAMP})
+        else:
+            heights = {f"bump.height[{i}]": BUMPS[case.road].get(i, 0.0) for i in range(1, 11)}
+            shift = case.variant / SHIFTS * CONTROL_PERIOD * case.speed
+            system[name].set({**heights, "bump.first": FIRST_BUMP + shift})
+    if "sensors" in system.members:
+        late = case.preview_error_ms / 1000 * case.speed
+        system["sensors"].set({"noise.seed": case.variant + 1, "x.offset": -late})
+    system["car"].set({"friction.acting": case.friction, "tires.lift_off": case.lift_off})
     if case.actuators == "hydraulic":
         for k in CORNERS:
             actuator = system[f"actuator_{k}"]
@@ -261,6 +395,10 @@ def recorded(case: Case) -> list[str]:
                 names += [f"tracking_{k}.force.smoothed", f"tracking_{k}.valve.saturated"]
         if CONTROLLERS[case.controller] is not None:
             names.append(f"controller.force.{k}")
+        if case.states == "estimated":
+            names += [f"kalman.tire.{k}.deflection", f"sensors.loadcell.{k}"]
+    if CONTROLLERS[case.controller] == "MpcHmmwv":
+        names += ["controller.solver.status", "controller.solver.iterations", "controller.solver.residual"]
     return names
 
 
@@ -306,6 +444,11 @@ def evaluate(case: Case, recording: Recording) -> Row:
     }
     force = _columns(recording, "actuator_{}.force" if case.actuators == "hydraulic" else "controller.force.{}")[counts]
     row |= {"force_rms": float(np.sqrt(np.mean(force**2))), "force_peak": float(np.abs(force).max())}
+    if "controller.solver.status" in recording:
+        row |= {
+            "solver_failures": int((recording["controller.solver.status"] != 0).sum()),
+            "solver_residual": float(recording["controller.solver.residual"].max()),
+        }
     if case.actuators == "hydraulic":
         flow = np.abs(_columns(recording, "actuator_{}.flow")).sum(axis=1) * LITRES_PER_MINUTE
         drawn = _columns(recording, "actuator_{}.power").sum(axis=1)
@@ -368,8 +511,8 @@ def _spread(total: int, count: int) -> list[int]:
 
 def all_fmus() -> list[str]:
     """Names of all FMUs of the experiment."""
-    names = {n for c in CONTROLLERS for n in Case(controller=c).fmus()}
-    return sorted(names | set(ROADS.values()))
+    cases = [Case(controller=c) for c in CONTROLLERS] + [Case(states="estimated", preview="sensed")]
+    return sorted({n for case in cases for n in case.fmus()} | set(ROADS.values()))
 
 
 def salt(fmus: FmuSet) -> str:
