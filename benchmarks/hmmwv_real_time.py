@@ -17,6 +17,13 @@ from cosim.experiments.hmmwv import Case
 
 CORNER = Path(__file__).parents[1] / "docs" / "examples" / "hmmwv_corner.py"
 COMFORT = ["comfort.absorbed_power.peak"]
+VEHICLES = {
+    "passive": Case("track", "passive"),
+    "LQR": Case("track", "lqr"),
+    "MPC with preview": Case("track", "mpc-preview"),
+    "MPC with sensed preview on estimates": Case("track", "mpc-preview", states="estimated", preview="sensed"),
+}
+"""Four actuators each; the last one has everything: sensors, range correction, buffer, filter, MPC, force tracking."""
 
 
 def factor(system: System, seconds: float) -> float:
@@ -30,15 +37,14 @@ def factor(system: System, seconds: float) -> float:
 
 
 def measure(repeats: int = 3, seconds: float = 6.0) -> dict[str, float]:
-    """Best of ``repeats``: the corner (five FMUs and the speed), the vehicle passive and under the LQR (four actuators)."""
+    """Best of ``repeats``: the corner (five FMUs and the speed), and the vehicles of :data:`VEHICLES`."""
     result = {}
     with runpy.run_path(str(CORNER))["corner"]() as corner:
         result["corner"] = max(factor(corner, seconds) for _ in range(repeats))
         result["corner, FMUs"] = float(len(corner.members))
-    for controller in ("passive", "lqr"):
-        case = Case("track", controller)
+    for name, case in VEHICLES.items():
         with hmmwv.wire(FmuSet(), case) as vehicle:
             hmmwv.configure(vehicle, case)
-            result[f"vehicle, {controller}"] = max(factor(vehicle, seconds) for _ in range(repeats))
-            result[f"vehicle, {controller}, FMUs"] = float(len(vehicle.members))
+            result[f"vehicle, {name}"] = max(factor(vehicle, seconds) for _ in range(repeats))
+            result[f"vehicle, {name}, FMUs"] = float(len(vehicle.members))
     return result

@@ -15,8 +15,8 @@ from cosim.experiments.cli_options import Fmus, Out, Version, console, make_fold
 
 TITLE = "HMMWV with hydraulic actuators: comfort over bumps and off road (paper 001)"
 OPTIONS = (
-    "--road track|bump|off-road  --controller passive|zero|skyhook|lqr|lqr-kilonewton  --actuators hydraulic|ideal  "
-    "--speed KM/H"
+    "--road track|bump|off-road  --controller passive|zero|skyhook|lqr|lqr-kilonewton|mpc|mpc-preview  "
+    "--actuators hydraulic|ideal  --states true|estimated  --preview generated|sensed"
 )
 _ROWS = {
     "absorbed power (published figure) [W]": ("absorbed_power", "{:.2f}", 1.0),
@@ -36,25 +36,32 @@ _ROWS = {
 
 def run(
     road: Annotated[str, typer.Option(help="track, bump or off-road")] = "track",
-    controller: Annotated[str, typer.Option(help="passive, zero, skyhook, lqr or lqr-kilonewton")] = "lqr",
+    controller: Annotated[
+        str, typer.Option(help="passive, zero, skyhook, lqr, lqr-kilonewton, mpc or mpc-preview")
+    ] = "mpc-preview",
     actuators: Annotated[str, typer.Option(help="hydraulic, or ideal: the force that is asked for")] = "hydraulic",
+    states: Annotated[str, typer.Option(help="true, or estimated by the Kalman filter from noisy sensors")] = "true",
+    preview: Annotated[str, typer.Option(help="generated: a known profile; sensed: by range sensors")] = "generated",
     speed: Annotated[float, typer.Option(help="speed [km/h]; the paper drives 20 mph")] = 32.18688,
     variant: Annotated[
         int, typer.Option(help="place of the bump between two control samples, or off-road stretch")
     ] = 0,
+    preview_steps: Annotated[int, typer.Option(help="heights ahead that mpc-preview gets, 30 ms apart")] = 15,
+    preview_error: Annotated[float, typer.Option(help="the preview shows the road this much too late [ms]")] = 0.0,
+    friction: Annotated[bool, typer.Option(help="dry friction in the suspensions")] = False,
     flow_limit: Annotated[bool, typer.Option(help="limit the pump's flow to each actuator")] = False,
     fmus: Fmus = Path("fmus"),
     fmi: Version = 3,
     out: Out = Path("results"),
 ) -> None:
     """One run: absorbed power and the rest beside the passive car's; time histories as CSV."""
-    from dataclasses import replace
-
     from cosim import ComponentError, Interrupted
     from cosim.experiments.cases import FmuSet
     from cosim.experiments.hmmwv import Case, HmmwvBench, evaluate
 
-    case = Case(road, controller, actuators, speed, variant, flow_limit)
+    case = Case(
+        road, controller, actuators, states, preview, speed, variant, preview_steps, preview_error, flow_limit, friction
+    )
     bench = HmmwvBench(FmuSet(fmus, fmi))
     path = make_folder(out / "hmmwv") / f"{case.label}.csv"
     try:
@@ -65,7 +72,8 @@ def run(
         raise
     measured = {controller: evaluate(case, recording)}
     if controller != "passive":
-        measured = {"passive": bench.measure(replace(case, controller="passive", actuators="hydraulic")), **measured}
+        passive = Case(road, "passive", speed_kmh=speed, variant=variant, friction=friction)
+        measured = {"passive": bench.measure(passive), **measured}
     table = Table("metric", *measured, box=None)
     for label, (key, form, scale) in _ROWS.items():
         cells = [form.format(scale * m[key]) if key in m else "-" for m in measured.values()]

@@ -214,16 +214,30 @@ class HmmwvBench:
         system = self.system(case)
         return system.run(case.stop_time, record=recorded(case), record_interval="1 ms", progress=progress, csv=csv)
 
-    def measure(self, case: Case) -> Row:
-        """Metrics of a case as JSON values; stored if possible."""
-        return self._stored(case, "metrics", lambda: evaluate(case, self.record(case)))
+    def measure(self, case: Case, *, history: bool = False) -> Row:
+        """Metrics of a case as JSON values, with its signals over time under ``history`` if wanted; stored if possible."""
 
-    def history(self, case: Case) -> Row:
-        """Signals of a case over time as JSON values; stored if possible."""
-        return self._stored(case, "history", lambda: history(case, self.record(case)))
+        def compute() -> Row:
+            recording = self.record(case)
+            row = evaluate(case, recording)
+            return {**row, "history": signals(case, recording)} if history else row
 
-    def _stored(self, case: Case, what: str, compute: Callable[[], Row]) -> Row:
-        return compute() if self.store is None else self.store.get([what, asdict(case)], compute)
+        return self._stored(["history" if history else "metrics", asdict(case)], compute)
+
+    def correction(self) -> Row:
+        """What the correction of the sensed road makes of one 76 mm bump; see :func:`wire_correction`."""
+
+        def compute() -> Row:
+            system = wire_correction(self.fmus)
+            try:
+                return sensed_bump(system)
+            finally:
+                system.close()
+
+        return self._stored(["correction"], compute)
+
+    def _stored(self, key: Any, compute: Callable[[], Row]) -> Row:
+        return compute() if self.store is None else self.store.get(key, compute)
 
     def close(self) -> None:
         """Free all FMUs."""
@@ -293,7 +307,7 @@ def _wire_actuator(system: System, fmus: FmuSet, case: Case, k: str) -> None:
         system[tracking].set({"force.desired": 0.0})
 
 
-def _wire_estimator(system: System, fmus: FmuSet) -> None:
+def _wire_estimator(system: System, fmus: FmuSet, *, filter_needed: bool = True) -> None:
     """Sensors on car, actuators and road, and the Kalman filter behind them."""
     system.add("sensors", fmus.path("SensorSuite"))
     system.connect_matching("car", "sensors")
@@ -301,6 +315,8 @@ def _wire_estimator(system: System, fmus: FmuSet) -> None:
     system.connect_matching("road", "sensors", "scan.*")
     for k in CORNERS:
         system.connect(f"actuator_{k}.force", f"sensors.actuator.{k}.force")
+    if not filter_needed:
+        return
     system.add("kalman", fmus.path("KalmanHmmwv"), parameters={"use_road": False})
     system.connect_matching("sensors", "kalman")
     system["kalman"].set({**{f"road.{k}.height": 0.0 for k in CORNERS}, "road.valid": False})
@@ -322,6 +338,8 @@ def _wire_preview(system: System, fmus: FmuSet, case: Case) -> None:
         if case.states == "estimated":
             system.connect("sensors.x.measured", "map.x")
             system.connect("sensors.speed.measured", "map.speed")
+            system.connect_matching("map", "kalman", "road.*.height")  # a known road is known to the filter as well
+            system["kalman"].set({"use_road": True, "road.valid": True})
         else:
             system.add("map_speed", fmus.path("SpeedProfile"))
             system.connect("map_speed.x", "map.x")
@@ -351,6 +369,63 @@ def _wire_preview_chain(system: System, fmus: FmuSet) -> None:
     system.connect_matching("buffer", "preview_sensor", "road.*", delay=True)
     system.connect_matching("buffer", "kalman", "road.*", delay=True)
     system["kalman"].set({"use_road": True})
+
+
+CORRECTIONS = {
+    "flat road believed": ("KalmanHmmwvPrinted", 0),
+    "flat road believed, tyres compensated outside": ("KalmanHmmwvPrinted", 1),
+    "road fed to the filter": ("KalmanHmmwv", 0),
+}
+"""How the sensed road may be corrected: the filter whose pose is used, and the compensation of PreviewSensor."""
+
+
+def wire_correction(fmus: FmuSet) -> System:
+    """One car over a bump under MPC with true states and preview, and beside it three ways to correct the same ranges."""
+    case = Case("bump", "mpc-preview")
+    system = wire(fmus, case)
+    configure(system, case)
+    _wire_estimator(system, fmus, filter_needed=False)
+    for i, (filter_, compensation) in enumerate(CORRECTIONS.values()):
+        kalman, sensor, buffer = (f"{name}_{i}" for name in ("kalman", "preview_sensor", "buffer"))
+        fed = filter_ == "KalmanHmmwv"
+        system.add(kalman, fmus.path(filter_), parameters={"use_road": fed})
+        system.add(sensor, fmus.path("PreviewSensor"), parameters={"compensation": compensation})
+        system.add(buffer, fmus.path("PreviewBuffer"))
+        system.connect_matching("sensors", kalman)
+        system.connect_matching("sensors", sensor, "range.*")
+        system.connect_matching(kalman, sensor, "body.*")
+        system.connect_matching(sensor, buffer)
+        for name in (sensor, buffer):
+            system.connect("sensors.x.measured", f"{name}.x")
+            system.connect("sensors.speed.measured", f"{name}.speed")
+        system.connect_matching(buffer, sensor, "road.*", delay=True)
+        if fed:
+            system.connect_matching(buffer, kalman, "road.*", delay=True)
+        else:
+            system[kalman].set({**{f"road.{k}.height": 0.0 for k in CORNERS}, "road.valid": False})
+    return system
+
+
+def sensed_bump(system: System) -> Row:
+    """Heights under the front left wheel as the buffers have them, and their rates, beside the true ones; 5 ms apart."""
+    case = Case("bump", "mpc-preview")
+    names = [f"buffer_{i}.preview.fl[{n}]" for i in range(len(CORRECTIONS)) for n in (1, 2)]
+    recording = system.run(
+        case.stop_time,
+        record=["speed.x", "road.road.fl.height", "road.road.fl.rate", "sensors.range.left", *names],
+        record_interval="5 ms",
+    )
+    rows: Row = {
+        "x": recording["speed.x"],
+        "range": recording["sensors.range.left"],
+        "true": recording["road.road.fl.height"],
+        "true rate": recording["road.road.fl.rate"],
+    }
+    for i, label in enumerate(CORRECTIONS):
+        now, next_ = (recording[f"buffer_{i}.preview.fl[{n}]"] for n in (1, 2))
+        rows[label] = now
+        rows[f"{label} rate"] = (next_ - now) / CONTROL_PERIOD
+    return {k: [float(f"{x:.6g}") for x in v] for k, v in rows.items()}
 
 
 def configure(system: System, case: Case) -> None:
@@ -397,6 +472,10 @@ def recorded(case: Case) -> list[str]:
             names.append(f"controller.force.{k}")
         if case.states == "estimated":
             names += [f"kalman.tire.{k}.deflection", f"sensors.loadcell.{k}"]
+    if case.separate_map:
+        names.append("map.preview.fl[1]")
+    if case.preview == "sensed":
+        names.append("buffer.preview.fl[1]")
     if CONTROLLERS[case.controller] == "MpcHmmwv":
         names += ["controller.solver.status", "controller.solver.iterations", "controller.solver.residual"]
     return names
@@ -469,29 +548,33 @@ def evaluate(case: Case, recording: Recording) -> Row:
     return row
 
 
-HISTORY_STEP = 4  # samples of 1 ms between points of a history
+HISTORY_STEP = {"track": 4, "bump": 4, "off-road": 20}  # samples of 1 ms between points of a history
 
 
-def history(case: Case, recording: Recording) -> Row:
-    """Signals of a run for figures, thinned to every 4 ms; rounded, as JSON values."""
-    thin = slice(None, None, HISTORY_STEP)
-    signals = {
+def signals(case: Case, recording: Recording) -> Row:
+    """Signals of a run for figures by name, thinned and rounded."""
+    chosen = {
         "time": recording.time,
         "x": recording["speed.x"],
         "az": recording["car.body.az"],
         "power_window": absorbed_power_window(recording["car.body.az"], RATE),
-        "travel_fl": recording["car.suspension.fl.deflection"],
-        "road_fl": recording["road.road.fl.height"],
     }
     for name, column in (
+        ("travel", "car.suspension.fl.deflection"),
+        ("road", "road.road.fl.height"),
         ("force", "actuator_fl.force"),
         ("smoothed", "tracking_fl.force.smoothed"),
         ("saturated", "tracking_fl.valve.saturated"),
         ("command", "controller.force.fl"),
+        ("load_cell", "sensors.loadcell.fl"),
+        ("previewed", "map.preview.fl[1]"),
+        ("buffered", "buffer.preview.fl[1]"),
+        ("tire", "car.tire.fl.deflection"),
+        ("tire_estimated", "kalman.tire.fl.deflection"),
     ):
         if column in recording:
-            signals[name] = recording[column]
-    return {**asdict(case), **{k: [float(f"{x:.6g}") for x in v[thin]] for k, v in signals.items()}}
+            chosen[name] = recording[column]
+    return {k: [float(f"{x:.6g}") for x in v[:: HISTORY_STEP[case.road]]] for k, v in chosen.items()}
 
 
 def over_variants(case: Case, count: int | None = None) -> list[Case]:
@@ -512,7 +595,8 @@ def _spread(total: int, count: int) -> list[int]:
 def all_fmus() -> list[str]:
     """Names of all FMUs of the experiment."""
     cases = [Case(controller=c) for c in CONTROLLERS] + [Case(states="estimated", preview="sensed")]
-    return sorted({n for case in cases for n in case.fmus()} | set(ROADS.values()))
+    corrections = {name for name, _ in CORRECTIONS.values()}
+    return sorted({n for case in cases for n in case.fmus()} | set(ROADS.values()) | corrections)
 
 
 def salt(fmus: FmuSet) -> str:

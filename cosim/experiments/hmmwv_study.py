@@ -11,36 +11,48 @@ import numpy as np
 
 from cosim.experiments import hmmwv
 from cosim.experiments.cases import FmuSet
-from cosim.experiments.hmmwv import CONTROLLERS, ROADS, Case, HmmwvBench, Row, over_variants
+from cosim.experiments.hmmwv import CONTROLLERS, PREVIEW_STEPS, ROADS, Case, HmmwvBench, Row, over_variants
 from cosim.experiments.parallel import run_tasks
 from cosim.experiments.store import RunStore
 
+WITHOUT_PREVIEW = ("zero", "skyhook", "lqr")  # the published controllers that know no road, apart from MPC
+PUBLISHED = ("passive", *WITHOUT_PREVIEW, "mpc", "mpc-preview")
+ESTIMATED = ("skyhook", "lqr", "mpc", "mpc-preview")
+LIMITED = (*WITHOUT_PREVIEW, "mpc", "mpc-preview")  # controllers that are also run with the pump's flow limit
 NULL_OPENINGS_MM = (4.0, 5.0, 6.75)  # what is plausible for an unpowered spool
-LIMITED = ("zero", "skyhook", "lqr")  # controllers that are also run with the pump's flow limit
-HISTORY_VARIANT = 0
+LENGTHS = (1, 2, 3, 4, 6, 8, 11, PREVIEW_STEPS)  # steps of preview; MPC has 0
+ERRORS_MS = (-40, -30, -20, -10, -5, 0, 5, 10, 20, 30, 40)
+OFF_ROAD_S = 12.0  # duration of a run off road, 10 s of them behind the ramp
+SIDE_VARIANTS = 2  # places of the bump, or stretches, for what is beside the published runs
+
+
+def estimated(controller: str, road: str, *, sensed: bool = False) -> Case:
+    """A controller on the states of the Kalman filter; ``sensed``: with the preview of the range sensors."""
+    return Case(road, controller, states="estimated", preview="sensed" if sensed else "generated")
 
 
 @dataclass(frozen=True)
 class Plan:
-    """How much is run: ``variants`` per road (None: all) and seconds off road (None: all). Tests take less."""
+    """How much is run: ``variants`` per case (None: all) and seconds off road. Tests take less."""
 
     variants: int | None = None
-    off_road_duration: float | None = None
+    off_road_s: float = OFF_ROAD_S
 
     def expand(self, case: Case) -> list[Case]:
         """The runs that a case is averaged over."""
-        if case.road == "off-road" and case.duration is None and self.off_road_duration is not None:
-            case = replace(case, duration=self.off_road_duration)
-        return over_variants(case, self.variants)
+        if case.road == "off-road" and case.duration is None:
+            case = replace(case, duration=self.off_road_s)
+        beside = case.flow_limit or case.friction or not case.lift_off
+        return over_variants(case, SIDE_VARIANTS if beside else self.variants)
 
 
 @dataclass
 class Study:
-    """Metrics by run, and signals over time of some runs."""
+    """Metrics by run, signals over time of some runs, and what the correction (1.18) makes of the sensed road."""
 
     plan: Plan = field(default_factory=Plan)
     rows: dict[Case, Row] = field(default_factory=dict)
-    histories: dict[Case, Row] = field(default_factory=dict)
+    correction: Row = field(default_factory=dict)
 
     def runs(self, case: Case) -> list[Row]:
         """Metrics of every variant of a case.
@@ -63,24 +75,35 @@ class Study:
         """Absorbed power [W], the published figure."""
         return self.mean("absorbed_power", case)
 
+    def history(self, case: Case) -> dict[str, np.ndarray]:
+        """Signals of the first variant of a case over time."""
+        signals = self.rows[self.plan.expand(case)[0]]["history"]
+        return {name: np.asarray(values) for name, values in signals.items()}
+
 
 def averaged_cases() -> list[Case]:
     """What the study measures, each over all its variants."""
     cases = [Case(road, controller) for road in ROADS for controller in CONTROLLERS]
-    cases += [
-        Case(road, controller, actuators="ideal")
-        for road in ROADS
-        for controller in CONTROLLERS
-        if controller != "passive"
-    ]
-    cases += [Case(road, controller, flow_limit=True) for road in ROADS for controller in LIMITED]
-    cases += [Case(road, "passive", null_opening_mm=mm) for road in ("track", "bump") for mm in NULL_OPENINGS_MM]
-    return cases
+    cases += [Case(road, c, actuators="ideal") for road in ROADS for c in CONTROLLERS if c != "passive"]
+    cases += [estimated(c, road) for road in ROADS for c in ESTIMATED]
+    cases += [estimated("mpc-preview", road, sensed=True) for road in ROADS]
+    cases += [Case(road, c, flow_limit=True) for road in ROADS for c in LIMITED]
+    cases += [Case("bump", "mpc-preview", preview_steps=n) for n in LENGTHS]
+    cases += [Case("bump", "mpc-preview", preview_error_ms=ms) for ms in ERRORS_MS]
+    for road in ("track", "bump"):
+        cases += [Case(road, "passive", null_opening_mm=mm) for mm in NULL_OPENINGS_MM]
+        cases += [Case(road, c, lift_off=False) for c in PUBLISHED]
+        cases += [Case(road, c, friction=True) for c in PUBLISHED]
+    return list(dict.fromkeys(cases))
 
 
 def history_cases() -> list[Case]:
-    """Runs whose signals are kept."""
-    return [Case(road, controller, variant=HISTORY_VARIANT) for road in ROADS for controller in CONTROLLERS]
+    """Cases of which the signals of the first variant are kept."""
+    return [
+        *(Case(road, controller) for road in ROADS for controller in PUBLISHED),
+        estimated("mpc-preview", "track"),
+        estimated("mpc-preview", "track", sensed=True),
+    ]
 
 
 def study(
@@ -93,21 +116,32 @@ def study(
 ) -> Study:
     """Run everything. Finished runs are kept in ``cache``, so an interrupted study goes on where it stopped."""
     result = Study(plan or Plan())
-    tasks = [("metrics", run) for case in averaged_cases() for run in result.plan.expand(case)]
-    tasks += [("history", case) for case in history_cases()]
-    tasks = sorted(dict.fromkeys(tasks), key=lambda task: -task[1].stop_time)  # longest first
+    kept = {result.plan.expand(case)[0] for case in history_cases()}
+    runs = dict.fromkeys(run for case in averaged_cases() for run in result.plan.expand(case))
+    tasks: list[tuple[Case | None, bool]] = [(run, run in kept) for run in runs]
+    tasks.sort(key=lambda task: -_cost(task[0]))  # longest first
+    tasks.insert(0, (None, False))
     done = 0
     progress(0, len(tasks))
 
-    def keep(task: tuple[str, Case], row: Row) -> None:
+    def keep(task: tuple[Case | None, bool], row: Row) -> None:
         nonlocal done
-        kind, case = task
-        (result.rows if kind == "metrics" else result.histories)[case] = row
+        if task[0] is None:
+            result.correction = row
+        else:
+            result.rows[task[0]] = row
         done += 1
         progress(done, len(tasks))
 
     run_tasks(_work, tasks, initializer=_start, initargs=(fmus, cache), processes=processes, done=keep)
     return result
+
+
+def _cost(case: Case | None) -> float:
+    """Rough time of a run, in seconds of the simplest one."""
+    if case is None:
+        return 0.0
+    return case.stop_time * (0.4 if case.actuators == "ideal" else 1.6 if case.states == "estimated" else 1.0)
 
 
 _bench: HmmwvBench  # of this worker process
@@ -118,6 +152,6 @@ def _start(fmus: FmuSet, cache: Path) -> None:
     _bench = HmmwvBench(fmus, RunStore(cache, hmmwv.salt(fmus)))
 
 
-def _work(task: tuple[str, Case]) -> dict[str, Any]:
-    kind, case = task
-    return _bench.measure(case) if kind == "metrics" else _bench.history(case)
+def _work(task: tuple[Case | None, bool]) -> dict[str, Any]:
+    case, history = task
+    return _bench.correction() if case is None else _bench.measure(case, history=history)
