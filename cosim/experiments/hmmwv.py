@@ -16,6 +16,7 @@ import numpy as np
 
 from cosim import Recording, System
 from cosim.comfort import absorbed_power_peak, absorbed_power_series, absorbed_power_window, iso2631_rms, vdv
+from cosim.experiments import hmmwv_preview, hmmwv_tracking
 from cosim.experiments.cases import CaseError, FmuSet, check_choice
 from cosim.experiments.store import RunStore, content_hash
 from fmu_sources.controllers.hmmwv_states import CORNERS
@@ -224,18 +225,6 @@ class HmmwvBench:
 
         return self._stored(["history" if history else "metrics", asdict(case)], compute)
 
-    def correction(self) -> Row:
-        """What the correction of the sensed road makes of one 76 mm bump; see :func:`wire_correction`."""
-
-        def compute() -> Row:
-            system = wire_correction(self.fmus)
-            try:
-                return sensed_bump(system)
-            finally:
-                system.close()
-
-        return self._stored(["correction"], compute)
-
     def _stored(self, key: Any, compute: Callable[[], Row]) -> Row:
         return compute() if self.store is None else self.store.get(key, compute)
 
@@ -253,7 +242,7 @@ def wire(fmus: FmuSet, case: Case) -> System:
     """The vehicle of a case: road, car, actuators with their force tracking, controller, comfort.
 
     Car and actuators advance together every 0.5 ms, the car first (Gauss-Seidel): the oil column between them is too stiff
-    for an exchange side by side.
+    for an exchange side by side. They see each other's values of the middle of each step; plain ones would lag by half of it.
     """
     system = System()
     system.add("speed", fmus.path("SpeedProfile"))
@@ -291,8 +280,8 @@ def _wire_actuator(system: System, fmus: FmuSet, case: Case, k: str) -> None:
     system.add(
         actuator, fmus.path("HydraulicActuator"), step=EXCHANGE, start={"bypass.area": 0.0}
     )  # shut, as published
-    system.connect(f"car.suspension.{k}.velocity", f"{actuator}.piston.velocity")
-    system.connect(f"{actuator}.force", f"car.force.{k}")
+    system.connect(f"car.suspension.{k}.velocity", f"{actuator}.piston.velocity", extrapolate=True)
+    system.connect(f"{actuator}.force", f"car.force.{k}", extrapolate=True)
     if case.controller == "passive":
         system[actuator].set({"valve.voltage": 0.0})
         return
@@ -307,7 +296,7 @@ def _wire_actuator(system: System, fmus: FmuSet, case: Case, k: str) -> None:
         system[tracking].set({"force.desired": 0.0})
 
 
-def _wire_estimator(system: System, fmus: FmuSet, *, filter_needed: bool = True) -> None:
+def _wire_estimator(system: System, fmus: FmuSet) -> None:
     """Sensors on car, actuators and road, and the Kalman filter behind them."""
     system.add("sensors", fmus.path("SensorSuite"))
     system.connect_matching("car", "sensors")
@@ -315,8 +304,6 @@ def _wire_estimator(system: System, fmus: FmuSet, *, filter_needed: bool = True)
     system.connect_matching("road", "sensors", "scan.*")
     for k in CORNERS:
         system.connect(f"actuator_{k}.force", f"sensors.actuator.{k}.force")
-    if not filter_needed:
-        return
     system.add("kalman", fmus.path("KalmanHmmwv"), parameters={"use_road": False})
     system.connect_matching("sensors", "kalman")
     system["kalman"].set({**{f"road.{k}.height": 0.0 for k in CORNERS}, "road.valid": False})
@@ -371,63 +358,6 @@ def _wire_preview_chain(system: System, fmus: FmuSet) -> None:
     system["kalman"].set({"use_road": True})
 
 
-CORRECTIONS = {
-    "flat road believed": ("KalmanHmmwvPrinted", 0),
-    "flat road believed, tyres compensated outside": ("KalmanHmmwvPrinted", 1),
-    "road fed to the filter": ("KalmanHmmwv", 0),
-}
-"""How the sensed road may be corrected: the filter whose pose is used, and the compensation of PreviewSensor."""
-
-
-def wire_correction(fmus: FmuSet) -> System:
-    """One car over a bump under MPC with true states and preview, and beside it three ways to correct the same ranges."""
-    case = Case("bump", "mpc-preview")
-    system = wire(fmus, case)
-    configure(system, case)
-    _wire_estimator(system, fmus, filter_needed=False)
-    for i, (filter_, compensation) in enumerate(CORRECTIONS.values()):
-        kalman, sensor, buffer = (f"{name}_{i}" for name in ("kalman", "preview_sensor", "buffer"))
-        fed = filter_ == "KalmanHmmwv"
-        system.add(kalman, fmus.path(filter_), parameters={"use_road": fed})
-        system.add(sensor, fmus.path("PreviewSensor"), parameters={"compensation": compensation})
-        system.add(buffer, fmus.path("PreviewBuffer"))
-        system.connect_matching("sensors", kalman)
-        system.connect_matching("sensors", sensor, "range.*")
-        system.connect_matching(kalman, sensor, "body.*")
-        system.connect_matching(sensor, buffer)
-        for name in (sensor, buffer):
-            system.connect("sensors.x.measured", f"{name}.x")
-            system.connect("sensors.speed.measured", f"{name}.speed")
-        system.connect_matching(buffer, sensor, "road.*", delay=True)
-        if fed:
-            system.connect_matching(buffer, kalman, "road.*", delay=True)
-        else:
-            system[kalman].set({**{f"road.{k}.height": 0.0 for k in CORNERS}, "road.valid": False})
-    return system
-
-
-def sensed_bump(system: System) -> Row:
-    """Heights under the front left wheel as the buffers have them, and their rates, beside the true ones; 5 ms apart."""
-    case = Case("bump", "mpc-preview")
-    names = [f"buffer_{i}.preview.fl[{n}]" for i in range(len(CORRECTIONS)) for n in (1, 2)]
-    recording = system.run(
-        case.stop_time,
-        record=["speed.x", "road.road.fl.height", "road.road.fl.rate", "sensors.range.left", *names],
-        record_interval="5 ms",
-    )
-    rows: Row = {
-        "x": recording["speed.x"],
-        "range": recording["sensors.range.left"],
-        "true": recording["road.road.fl.height"],
-        "true rate": recording["road.road.fl.rate"],
-    }
-    for i, label in enumerate(CORRECTIONS):
-        now, next_ = (recording[f"buffer_{i}.preview.fl[{n}]"] for n in (1, 2))
-        rows[label] = now
-        rows[f"{label} rate"] = (next_ - now) / CONTROL_PERIOD
-    return {k: [float(f"{x:.6g}") for x in v] for k, v in rows.items()}
-
-
 def configure(system: System, case: Case) -> None:
     """Set the parameters of a case in a system that was wired for its structure."""
     system["speed"].set({"start.speed": case.speed, "start.x": case.start})
@@ -470,12 +400,6 @@ def recorded(case: Case) -> list[str]:
                 names += [f"tracking_{k}.force.smoothed", f"tracking_{k}.valve.saturated"]
         if CONTROLLERS[case.controller] is not None:
             names.append(f"controller.force.{k}")
-        if case.states == "estimated":
-            names += [f"kalman.tire.{k}.deflection", f"sensors.loadcell.{k}"]
-    if case.separate_map:
-        names.append("map.preview.fl[1]")
-    if case.preview == "sensed":
-        names.append("buffer.preview.fl[1]")
     if CONTROLLERS[case.controller] == "MpcHmmwv":
         names += ["controller.solver.status", "controller.solver.iterations", "controller.solver.residual"]
     return names
@@ -566,11 +490,6 @@ def signals(case: Case, recording: Recording) -> Row:
         ("smoothed", "tracking_fl.force.smoothed"),
         ("saturated", "tracking_fl.valve.saturated"),
         ("command", "controller.force.fl"),
-        ("load_cell", "sensors.loadcell.fl"),
-        ("previewed", "map.preview.fl[1]"),
-        ("buffered", "buffer.preview.fl[1]"),
-        ("tire", "car.tire.fl.deflection"),
-        ("tire_estimated", "kalman.tire.fl.deflection"),
     ):
         if column in recording:
             chosen[name] = recording[column]
@@ -594,15 +513,17 @@ def _spread(total: int, count: int) -> list[int]:
 
 def all_fmus() -> list[str]:
     """Names of all FMUs of the experiment."""
+    tracking = {n for case in hmmwv_tracking.all_cases() for n in case.fmus()}
     cases = [Case(controller=c) for c in CONTROLLERS] + [Case(states="estimated", preview="sensed")]
-    corrections = {name for name, _ in CORRECTIONS.values()}
-    return sorted({n for case in cases for n in case.fmus()} | set(ROADS.values()) | corrections)
+    return sorted({n for case in cases for n in case.fmus()} | set(ROADS.values()) | tracking | set(hmmwv_preview.FMUS))
 
 
 def salt(fmus: FmuSet) -> str:
     """What all stored runs depend on: the FMUs, the code between FMU and metric, and the libraries it computes with."""
     import cosim
 
-    code = [*sorted(Path(cosim.__file__).parent.glob("*.py")), Path(__file__)]
+    folder = Path(__file__).parent
+    parts = [folder / f"hmmwv_{part}.py" for part in ("tracking", "preview")]
+    code = [*sorted(Path(cosim.__file__).parent.glob("*.py")), Path(__file__), *parts]
     libraries = "|".join(f"{n}={metadata.version(n)}" for n in ("numpy", "scipy"))
     return content_hash([*(fmus.path(n) for n in all_fmus()), *code]) + libraries

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from cosim.comfort import ABSORBED_POWER_LIMIT
+from cosim.experiments import hmmwv_preview, hmmwv_tracking
 from cosim.experiments.hmmwv import ROADS, Case
 from cosim.experiments.hmmwv_study import WITHOUT_PREVIEW, Study, estimated
 from cosim.report import Claim
@@ -27,8 +28,10 @@ ROAD_NAMES = {"track": "test track", "bump": "one 76 mm bump", "off-road": "off 
 
 
 def claims(study: Study) -> list[Claim]:
-    """Every published claim with the published figure, ours and a verdict."""
+    """Every published claim with the published figure, ours and a verdict; those on parts if the parts were run."""
     result: list[Claim] = []
+    if study.tracking is not None:
+        result += hmmwv_tracking.tracking_claims(study.tracking)
 
     def claim(
         id_: str, text: str, published: str, ours: str, holds: bool, reason: str, source: str, value: float, unit: str
@@ -180,4 +183,6 @@ def claims(study: Study) -> list[Claim]:
         sensed[worst],
         "-",
     )
+    if study.preview is not None:
+        result += hmmwv_preview.claims(study.preview)
     return result

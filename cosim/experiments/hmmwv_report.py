@@ -9,14 +9,12 @@ from typing import Any
 import numpy as np
 
 from cosim.comfort import ABSORBED_POWER_LIMIT
-from cosim.experiments import hmmwv
+from cosim.experiments import hmmwv, hmmwv_preview, hmmwv_tracking
 from cosim.experiments.cases import FmuSet
 from cosim.experiments.hmmwv import (
     BUMPS,
     CONTROL_PERIOD,
     CONTROLLERS,
-    CORRECTIONS,
-    FIRST_BUMP,
     ROADS,
     SHIFTS,
     SPEED_KMH,
@@ -80,10 +78,12 @@ def report(study: Study, fmus: FmuSet) -> Report:
         ],
         sections=[
             _overview(study),
+            *([] if study.tracking is None else [hmmwv_tracking.tracking_section(study.tracking)]),
             _test_track(study),
             _off_road(study),
             _preview(study),
             _estimates(study),
+            *([] if study.preview is None else hmmwv_preview.sections(study.preview)),
             _actuators(study),
             _assumptions(study),
             _limits(study),
@@ -167,7 +167,6 @@ def _power_panel(study: Study, road: str, controllers: tuple[str, ...]) -> Panel
 def _test_track(study: Study) -> Section:
     tracking = study.history(Case("track", "mpc"))
     saturated = np.where(tracking["saturated"] > 0, tracking["force"], np.nan)
-    buffered = study.history(estimated("mpc-preview", "track"))
     return Section(
         "Test track",
         [
@@ -192,29 +191,6 @@ def _test_track(study: Study) -> Section:
                             Series("actuator", tracking["x"], tracking["force"], color="vermilion"),
                             Series("valve saturated", tracking["x"], saturated, color="purple", mode="markers"),
                         ],
-                    ),
-                ],
-            ),
-            Figure(
-                "figure-1-5",
-                "Figure 1.5: generated preview and peak loads",
-                "The profile that the controller believes to be under the front left wheel, at the distance that the speedometer "
-                "gives, and what the load cell shows.",
-                [
-                    Panel(
-                        "generated preview",
-                        _X,
-                        "height [mm]",
-                        [
-                            Series("generated", buffered["x"], 1e3 * buffered["previewed"], color="green"),
-                            Series("true road", buffered["x"], 1e3 * buffered["road"], color="black", dash="dash"),
-                        ],
-                    ),
-                    Panel(
-                        "load cell",
-                        _X,
-                        "force [N]",
-                        [Series("load cell", buffered["x"], buffered["load_cell"], color="orange")],
                     ),
                 ],
             ),
@@ -261,6 +237,7 @@ def _preview(study: Study) -> Section:
     metres = [1e-3 * ms * SPEED_KMH / 3.6 for ms in ERRORS_MS]
     as_published = 0.85 * base["mpc"]
     inside = [ms for ms, p in zip(ERRORS_MS, by_error, strict=True) if p <= as_published]
+    worse = [ms for ms, p in zip(ERRORS_MS, by_error, strict=True) if p > base["mpc"]]
     enough = next((n for n, p in zip(lengths, by_length, strict=True) if p <= 1.1 * by_length[-1]), lengths[-1])
     return Section(
         "Preview",
@@ -268,11 +245,14 @@ def _preview(study: Study) -> Section:
             f"Preview takes {100 * (1 - by_length[-1] / base['mpc']):.0f} % off the absorbed power over one 76 mm bump, the paper measured "
             f"15 %. A preview of {enough} steps of {1e3 * CONTROL_PERIOD:.0f} ms is within 10 % of one of {lengths[-1]}.",
             "The paper's preview was generated: a known profile at a distance that the car integrates from its speed, with an error "
-            f"that it shows to grow along the track. At least 15 % are left for errors from {min(inside):+d} to {max(inside):+d} ms of those "
-            "tried (positive: the preview shows the bump too late). A preview that is off by more than a wheel takes to roll "
-            "over the bump is worse than none, so what the paper measured fits a preview in the wrong place."
-            if inside
-            else "No preview error that was tried leaves 15 %.",
+            + (
+                f"that it shows to grow along the track. At least 15 % are left for errors from {min(inside):+d} to {max(inside):+d} ms of "
+                "those tried (positive: the preview shows the bump too late)"
+                if inside
+                else "that it shows to grow along the track; none that was tried leaves 15 %"
+            )
+            + (f"; at {', '.join(f'{ms:+d}' for ms in worse)} ms it is worse than none. " if worse else ". ")
+            + "What the paper measured fits a preview in the wrong place.",
         ],
         figures=[
             Figure(
@@ -338,45 +318,12 @@ def _estimates(study: Study) -> Section:
                     None if sensed is None else round(sensed, 2),
                 ]
             )  # fmt: skip
-    figure = []
-    if study.correction:
-        c = study.correction
-        colors: dict[str, Any] = dict(zip(CORRECTIONS, ("orange", "sky", "green"), strict=True))
-        heights = [Series("true", c["x"], 1e3 * np.array(c["true"]), color="black", dash="dash")]
-        rates = [Series("true", c["x"], c["true rate"], color="black", dash="dash")]
-        for label, color in colors.items():
-            heights.append(Series(label, c["x"], 1e3 * np.array(c[label]), color=color))
-            rates.append(Series(label, c["x"], c[f"{label} rate"], color=color))
-        figure = [
-            Figure(
-                "figure-1-7",
-                "Figure 1.7: sensed road under the front left wheel",
-                "One 76 mm bump as the range sensor sees it, and as the buffer has it with three corrections for the motion of the body: "
-                "by the paper's filter, which believes in a flat road, without and with a compensation for the tyres outside of it, and "
-                "by the filter of 15 relative states that is fed with the buffered road.",
-                [
-                    Panel("range sensor", _X, "range [m]", [Series("left range", c["x"], c["range"], color="blue")]),
-                    Panel("road height", _X, "height [mm]", heights),
-                    Panel("road rate", _X, "rate [m/s]", rates),
-                ],
-            )
-        ]
-        behind = np.array(c["x"]) > FIRST_BUMP
-        dips = {k: -1e3 * (np.array(c[k]) - np.array(c["true"]))[behind].min() for k in CORRECTIONS}
-        told = "; ".join(f"{k}: {d:.0f} mm" for k, d in dips.items())
-        dip = [
-            f"Depth of the false dip in the sensed road behind the bump, with all noise: {told}."
-        ]
-    else:
-        dip = []
     return Section(
         "Estimated states and sensed preview",
         [
             "On estimates the states come from the Kalman filter behind 22 noisy sensors, the generated preview from a profile at the "
             "distance of the speedometer, the sensed preview from two range sensors, corrected for the pose of the body and buffered.",
-            *dip,
         ],
-        figures=figure,
         tables=[
             Table(
                 "estimates",

@@ -9,9 +9,11 @@ from typing import Any
 
 import numpy as np
 
-from cosim.experiments import hmmwv
+from cosim.experiments import hmmwv, hmmwv_preview, hmmwv_tracking
 from cosim.experiments.cases import FmuSet
 from cosim.experiments.hmmwv import CONTROLLERS, PREVIEW_STEPS, ROADS, Case, HmmwvBench, Row, over_variants
+from cosim.experiments.hmmwv_preview import PreviewStudy
+from cosim.experiments.hmmwv_tracking import TrackingStudy
 from cosim.experiments.parallel import run_tasks
 from cosim.experiments.store import RunStore
 
@@ -22,7 +24,7 @@ LIMITED = (*WITHOUT_PREVIEW, "mpc", "mpc-preview")  # controllers that are also 
 NULL_OPENINGS_MM = (4.0, 5.0, 6.75)  # what is plausible for an unpowered spool
 LENGTHS = (1, 2, 3, 4, 6, 8, 11, PREVIEW_STEPS)  # steps of preview; MPC has 0
 ERRORS_MS = (-40, -30, -20, -10, -5, 0, 5, 10, 20, 30, 40)
-OFF_ROAD_S = 12.0  # duration of a run off road, 10 s of them behind the ramp
+OFF_ROAD_S = 20.0  # duration of a run off road, 18 s of them behind the ramp
 SIDE_VARIANTS = 2  # places of the bump, or stretches, for what is beside the published runs
 
 
@@ -48,11 +50,12 @@ class Plan:
 
 @dataclass
 class Study:
-    """Metrics by run, signals over time of some runs, and what the correction (1.18) makes of the sensed road."""
+    """Metrics by run with the signals of some, and the studies of force tracking and of the preview chain by themselves."""
 
     plan: Plan = field(default_factory=Plan)
     rows: dict[Case, Row] = field(default_factory=dict)
-    correction: Row = field(default_factory=dict)
+    tracking: TrackingStudy | None = None
+    preview: PreviewStudy | None = None
 
     def runs(self, case: Case) -> list[Row]:
         """Metrics of every variant of a case.
@@ -99,11 +102,7 @@ def averaged_cases() -> list[Case]:
 
 def history_cases() -> list[Case]:
     """Cases of which the signals of the first variant are kept."""
-    return [
-        *(Case(road, controller) for road in ROADS for controller in PUBLISHED),
-        estimated("mpc-preview", "track"),
-        estimated("mpc-preview", "track", sensed=True),
-    ]
+    return [Case(road, controller) for road in ROADS for controller in PUBLISHED]
 
 
 def study(
@@ -118,18 +117,19 @@ def study(
     result = Study(plan or Plan())
     kept = {result.plan.expand(case)[0] for case in history_cases()}
     runs = dict.fromkeys(run for case in averaged_cases() for run in result.plan.expand(case))
-    tasks: list[tuple[Case | None, bool]] = [(run, run in kept) for run in runs]
+    tasks: list[tuple[Case | str, bool]] = [(run, run in kept) for run in runs]
+    tasks += [("tracking", False), ("preview", False)]
     tasks.sort(key=lambda task: -_cost(task[0]))  # longest first
-    tasks.insert(0, (None, False))
     done = 0
     progress(0, len(tasks))
 
-    def keep(task: tuple[Case | None, bool], row: Row) -> None:
+    def keep(task: tuple[Case | str, bool], found: Any) -> None:
         nonlocal done
-        if task[0] is None:
-            result.correction = row
+        case, _ = task
+        if isinstance(case, Case):
+            result.rows[case] = found
         else:
-            result.rows[task[0]] = row
+            setattr(result, case, found)
         done += 1
         progress(done, len(tasks))
 
@@ -137,10 +137,10 @@ def study(
     return result
 
 
-def _cost(case: Case | None) -> float:
-    """Rough time of a run, in seconds of the simplest one."""
-    if case is None:
-        return 0.0
+def _cost(case: Case | str) -> float:
+    """Rough time of a run, in seconds of the simplest one; the studies of parts take longest."""
+    if isinstance(case, str):
+        return 100.0
     return case.stop_time * (0.4 if case.actuators == "ideal" else 1.6 if case.states == "estimated" else 1.0)
 
 
@@ -152,6 +152,9 @@ def _start(fmus: FmuSet, cache: Path) -> None:
     _bench = HmmwvBench(fmus, RunStore(cache, hmmwv.salt(fmus)))
 
 
-def _work(task: tuple[Case | None, bool]) -> dict[str, Any]:
+def _work(task: tuple[Case | str, bool]) -> Any:
     case, history = task
-    return _bench.correction() if case is None else _bench.measure(case, history=history)
+    if isinstance(case, Case):
+        return _bench.measure(case, history=history)
+    part = hmmwv_tracking.tracking_study if case == "tracking" else hmmwv_preview.study
+    return part(_bench.fmus, _bench.store)

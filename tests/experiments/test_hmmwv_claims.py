@@ -8,7 +8,7 @@ import pytest
 from cosim.comfort import absorbed_power_peak
 from cosim.experiments import hmmwv, hmmwv_claims, hmmwv_report
 from cosim.experiments.cases import CaseError, FmuSet
-from cosim.experiments.hmmwv import CONTROLLERS, CORRECTIONS, ROADS, Case, HmmwvBench
+from cosim.experiments.hmmwv import CONTROLLERS, ROADS, Case, HmmwvBench
 from cosim.experiments.hmmwv_study import Plan, Study, averaged_cases, estimated, history_cases
 from fmu_sources.controllers.hmmwv_states import CORNERS
 
@@ -142,15 +142,6 @@ def test_estimated_states_reach_the_controller_instead_of_true_ones(fmus):
     assert generated["controller.preview.fl[2]"] == "map.preview.fl[2]"
 
 
-def test_the_dip_behind_a_bump_goes_when_the_filter_knows_the_road(bench):
-    sensed = bench.correction()
-    x, true = (np.array(sensed[k]) for k in ("x", "true"))
-    behind = x > 10.0  # where the sensors looked while the front wheels were on the bump, and on from there
-    dips = {k: -(np.array(sensed[k]) - true)[behind].min() for k in CORRECTIONS}
-    assert dips["flat road believed"] > 0.02
-    assert dips["road fed to the filter"] < 0.5 * dips["flat road believed"]
-
-
 def test_a_case_leaves_nothing_behind_in_its_system(bench):
     """Systems are used again: parameters of one case do not reach the next one."""
     first = bench.measure(Case("bump", "passive", duration=1.2))
@@ -199,8 +190,6 @@ def made_up_study(power: dict[tuple[str, str], float], saturation: dict[str, flo
             ),
             signal,
         )
-    names = ("x", "range", "true", "true rate", *CORRECTIONS, *(f"{c} rate" for c in CORRECTIONS))
-    study.correction = dict.fromkeys(names, signal)
     return study
 
 
