@@ -38,7 +38,7 @@ from build_fmus import qp, units
 
 Kind = Literal["continuous", "discrete"]
 Role = Literal["time", "parameter", "input", "state", "derivative", "output"]
-Solver = Literal["rk4", "am2", "ros2"]
+Solver = Literal["rk4", "am2", "ros2", "semi_implicit"]
 BaseType = Literal["Float64", "Int32", "Boolean"]
 
 _NAME = re.compile(r"^[A-Za-z_]\w*(\.[A-Za-z_]\w*)*$", re.ASCII)
@@ -136,7 +136,9 @@ class Component:
             Runge-Kutta, for smooth dynamics slower than the step. ``"am2"``: Adams-Bashforth-2 predictor,
             Adams-Moulton-2 corrector. ``"ros2"``: linearly implicit Rosenbrock method of order 2 with the exact Jacobian,
             L-stable, for stiff components with few states (a dense n x n system is solved twice per step); give its
-            states ``nominal`` values.
+            states ``nominal`` values. ``"semi_implicit"``: Stoermer-Verlet (leapfrog) with midpoint velocities, order 2, for
+            mechanical systems with contacts: positions (states whose derivative is another state) and velocities
+            advance in turn, so that undamped vibrations neither grow nor decay below ``step * omega = 2``.
         exchange_step: communication step [s] proposed to tools (default experiment).
         symbols: ``ca.SX`` (default, no overhead) or ``ca.MX`` where lookup tables are needed.
         notes: paragraphs for the documentation page (assumptions, what is left out and why, wiring).
@@ -177,6 +179,7 @@ class Component:
         self._start: dict[str, Any] = {}  # state name -> start expression of parameters and inputs
         self._outputs: dict[str, Any] = {}
         self.programs: list[qp.QuadraticProgram] = []
+        self._checks: list[tuple[Any, str]] = []
         self.stimulus: dict[str, Callable[[float], float]] = {}
         self.operating_points: dict[str, dict[str, float]] = {"start": {}}
         if kind == "continuous":  # the runtime finds it in the first slot
@@ -396,6 +399,20 @@ class Component:
                 raise DeclarationError(f"{self.name}: stimulus for {name!r}, which is not an input")
         self.stimulus.update(signals)
 
+    def check(self, positive: Any, message: str) -> None:
+        """Refuse parameters and inputs that do not fit together: ``positive`` must be > 0 when initialization ends.
+
+        For relations between variables, which ``min`` and ``max`` of one variable cannot express. ``positive`` is an
+        expression of parameters, inputs and time; every element of it must be > 0. The FMU answers with an error and
+        ``message``, which names the variables and says what to do.
+        """
+        expression = ca.vec(self._symbols(positive))
+        if not expression.numel():
+            raise DeclarationError(f"{self.name}: check() of nothing ({message})")
+        self._checks += [(e, message) for e in ca.vertsplit(expression)]
+        for derived in ("functions", "dependencies", "initial_dependencies", "_jacobians"):
+            self.__dict__.pop(derived, None)
+
     def _add(
         self, name: str, role: Role, unit: str | None, description: str, shape: Any, *, start: Any, **rest: Any
     ) -> Any:
@@ -540,7 +557,8 @@ class Component:
         ``tick (t, x, u, p) -> x_next, y`` (discrete); ``out (t, x, u, p) -> y``; with quadratic programs these three take
         their solutions as fifth argument, and ``programs (t, x, u, p) -> data`` has q, l, u, case of each;
         ``fwd (t, x, u, p, dx, du, dp) -> d rhs, d y`` and ``fwd_start (x, u, p, dx, du, dp) -> d x0`` (continuous);
-        ``jac (t, x, u, p) -> d rhs/dx, d rhs/dt`` (solver ``ros2``).
+        ``jac (t, x, u, p) -> d rhs/dx, d rhs/dt`` (solver ``ros2``);
+        ``check (t, x, u, p) -> values`` that must be > 0 when initialization ends (components with checks).
 
         Raises:
             DeclarationError: a state without derivative/update, or an expression with an undeclared symbol.
@@ -586,7 +604,41 @@ class Component:
             add("tick", [t, x, u, p, *solutions], [nxt, y])
             if self.programs:
                 add("programs", [t, x, u, p], [column([q.data for q in self.programs])])
+        if self._checks:
+            add("check", [t, x, u, p], [column([e for e, _ in self._checks])])
+            if any(ca.depends_on(e, x) for e, _ in self._checks if x.numel()):
+                raise DeclarationError(f"{self.name}: a check may depend on parameters, inputs and time, not on states")
         return functions
+
+    @property
+    def check_messages(self) -> list[str]:
+        """What to say when an element of ``functions["check"]`` is not > 0."""
+        return [m for _, m in self._checks]
+
+    @cached_property
+    def velocity_of(self) -> np.ndarray:
+        """For each state the slot of the state that is its derivative, or -1: positions and velocities of a mechanism.
+
+        A state is a position when its derivative is one other state and nothing else. That other state must not be a
+        position itself; chains of integrators (jerk, acceleration, velocity) count from the top.
+        """
+        n = self._sizes["state"]
+        result = np.full(n, -1)
+        if self.kind != "continuous" or not n:
+            return result
+        f = self.functions["rhs"]
+        args = [self._symbols.sym(k, size) for k, size in zip("txup", (1, n, *map(self.size, ("input", "parameter"))), strict=True)]
+        rows: list[list[int]] = [[] for _ in range(n)]
+        for r, column in zip(*ca.jacobian_sparsity(f(*args), ca.vertcat(*args)).get_triplet(), strict=True):
+            rows[r].append(column - 1)
+        points = [np.random.default_rng(seed).uniform(0.5, 1.5, n) for seed in (1, 2)]
+        values = [np.asarray(f(0.0, x, self.vector("input"), self.vector("parameter"))).ravel() for x in points]
+        for i, known in enumerate(rows):
+            if len(known) == 1 and 0 <= known[0] < n and known[0] != i:
+                j = known[0]
+                if all(v[i] == x[j] for v, x in zip(values, points, strict=True)) and result[j] < 0:
+                    result[i] = j
+        return result
 
     # ------------------------------------------------------------------ derived models
 

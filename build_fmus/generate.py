@@ -10,6 +10,7 @@ from importlib import metadata
 from pathlib import Path
 
 import casadi as ca
+import numpy as np
 
 from build_fmus import qp
 from build_fmus.component import Component, Variable
@@ -93,7 +94,7 @@ def generate_c(component: Component, *, arrays: bool, token: str) -> str:
     """The complete ``model.c`` of a component; deterministic for a given CasADi version."""
     functions = component.functions
     names = ["start", "out", *(("rhs", "fwd", "fwd_start") if component.kind == "continuous" else ("tick",))]
-    names += [n for n in ("jac", "programs") if n in functions]
+    names += [n for n in ("jac", "programs", "check") if n in functions]
     generator = ca.CodeGenerator("model", {"with_header": False, "casadi_int": "int", "verbose": False})
     for n in names:
         generator.add(functions[n])
@@ -124,6 +125,7 @@ def generate_c(component: Component, *, arrays: bool, token: str) -> str:
     states = [v for v in component.all_variables if v.role == "state"]
     state_names = [_string(n) for v in states for n in v.element_names()]
     nominals = [_number(v.nominal, 1.0) for v in states for _ in range(v.size)]
+    velocity_of = component.velocity_of if component.solver == "semi_implicit" else np.full(len(nominals), -1)
     start = [_number(x) for role in ("parameter", "input", "state") for x in component.vector(role)]  # type: ignore[arg-type]
     used = [functions[n] for n in names]
     sizes = [max(getattr(f, f"sz_{k}")() for f in used) for k in ("arg", "res", "iw", "w")]
@@ -150,6 +152,10 @@ def generate_c(component: Component, *, arrays: bool, token: str) -> str:
         "&fmu_qp_functions, fmu_programs" if component.programs else "NULL, NULL",
         ", ".join(str(sum(getattr(q, k) for q in component.programs)) for k in ("n_data", "n_solution", "n_memory")),
         ", ".join(map(str, sizes)),
+        "velocity_of",
+        "fmu_check" if "check" in functions else "NULL",
+        str(len(component.check_messages)),
+        "check_messages",
     ]
     return "\n".join(
         [
@@ -168,6 +174,8 @@ def generate_c(component: Component, *, arrays: bool, token: str) -> str:
             _array("double", "start", start),
             _array("double", "nominals", nominals),
             _array("char *const", "state_names", state_names or ['""']),
+            _array("int", "velocity_of", [str(j) for j in velocity_of]),
+            _array("char *const", "check_messages", [_string(m) for m in component.check_messages] or ['""']),
             "const FmuModel fmu_model = {\n    " + ",\n    ".join(fields) + "\n};",
             "",
         ]

@@ -59,6 +59,7 @@ struct FmuInstance {
     double *qp_memory;                      /* into state->v */
     double *qp_data, *qp_solution, *qp_trial; /* quadratic programs; trial: their memory while nothing is committed */
     void *qp_scratch;
+    double *checks;                         /* n_checks */
 };
 
 static size_t n_values(void) {
@@ -97,6 +98,7 @@ FmuInstance *fmu_create(int is_co_simulation, size_t adapter_size, FmuLog log) {
         aligned(nj * sizeof(int)),
         aligned(((size_t)M->n_qp_data + (size_t)M->n_qp_solution + (size_t)M->n_qp_memory) * sizeof(double)),
         M->qp ? aligned(M->qp->scratch_size()) : 0,
+        aligned((size_t)M->n_checks * sizeof(double)),
     };
     size_t total = 0;
     for (size_t i = 0; i < sizeof sizes / sizeof *sizes; i++) total += sizes[i];
@@ -136,6 +138,7 @@ FmuInstance *fmu_create(int is_co_simulation, size_t adapter_size, FmuLog log) {
     self->qp_trial = self->qp_solution + M->n_qp_solution;
     self->qp_scratch = part[13];
     if (M->qp) M->qp->setup(self->qp_scratch);
+    self->checks = part[14];
     self->logging = ~0u & ~(1u << FMU_OK); /* without debug logging, errors still tell what is wrong */
     (void)fmu_reset(self);
     return self;
@@ -300,8 +303,19 @@ FmuStatus fmu_enter_initialization(FmuInstance *self) {
     return FMU_OK;
 }
 
+/* Relations between parameters that their ranges cannot express. */
+static FmuStatus check_relations(FmuInstance *self) {
+    if (!M->check_fn) return FMU_OK;
+    const double *args[] = {&self->state->time, self->x, self->u, self->p};
+    call(self, M->check_fn, args, 4, self->checks, NULL);
+    for (int i = 0; i < M->n_checks; i++)
+        if (!(self->checks[i] > 0.0)) return fmu_fail(self, FMU_ERROR, "%s", M->check_messages[i]);
+    return FMU_OK;
+}
+
 FmuStatus fmu_exit_initialization(FmuInstance *self) {
-    FmuStatus status = refresh_outputs(self);
+    FmuStatus status = check_relations(self);
+    if (status == FMU_OK) status = refresh_outputs(self);
     if (status == FMU_OK && M->is_continuous) status = refresh_derivatives(self);
     self->state->mode = status != FMU_OK ? MODE_ERROR : self->is_co_simulation ? MODE_STEP : MODE_EVENT;
     if (status == FMU_OK) (void)fmu_fail(self, FMU_OK, "%s initialized at %.9g s", M->name, self->state->time);
@@ -523,6 +537,24 @@ static void step_am2(FmuInstance *self, double t, double h, int first) {
     memcpy(before, now, (size_t)n * sizeof(double));
 }
 
+/* Stoermer-Verlet (drift, kick, drift): positions move half a step with the old velocities, everything else a whole step by
+ * the explicit midpoint rule at these positions, then positions the other half with the new velocities. Order 2; an
+ * undamped vibration keeps its energy where explicit methods feed it. */
+static void step_semi_implicit(FmuInstance *self, double t, double h) {
+    const int n = M->n_states, *v = M->velocity_of;
+    double *x = self->x, *s = self->stage, *k1 = self->k1, *k2 = self->k2;
+    for (int i = 0; i < n; i++) {
+        if (v[i] >= 0) x[i] += 0.5 * h * x[v[i]];
+    }
+    rhs(self, t + 0.5 * h, x, k1);
+    for (int i = 0; i < n; i++) s[i] = v[i] >= 0 ? x[i] : x[i] + 0.5 * h * k1[i];
+    rhs(self, t + 0.5 * h, s, k2);
+    for (int i = 0; i < n; i++)
+        if (v[i] < 0) x[i] += h * k2[i];
+    for (int i = 0; i < n; i++)
+        if (v[i] >= 0) x[i] += 0.5 * h * x[v[i]];
+}
+
 /* Replace the column-major n x n matrix a by its LU factors with row exchanges. `scale` holds for each column the size that
  * its elements had before they were added up: a pivot that is only rounding of it counts as zero. Returns the column
  * without a pivot, or n. */
@@ -613,7 +645,8 @@ static FmuStatus advance_continuous(FmuInstance *self, const char *function, dou
                 self->state->time = ti;
                 return status;
             }
-        } else if (M->solver == FMU_AM2) step_am2(self, ti, dt, i == 0);
+        } else if (M->solver == FMU_SEMI_IMPLICIT) step_semi_implicit(self, ti, dt);
+        else if (M->solver == FMU_AM2) step_am2(self, ti, dt, i == 0);
         else step_rk4(self, ti, dt);
         for (int j = 0; j < M->n_states; j++)
             if (!(fabs(self->x[j]) <= EXPLODED * M->nominals[j])) {

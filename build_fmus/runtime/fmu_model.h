@@ -8,7 +8,7 @@ typedef int (*FmuFunction)(const double **arg, double **res, int *iw, double *w,
 
 typedef enum { FMU_FLOAT64, FMU_INT32, FMU_BOOLEAN } FmuType;
 typedef enum { FMU_TIME, FMU_PARAMETER, FMU_INPUT, FMU_STATE, FMU_DERIVATIVE, FMU_OUTPUT } FmuRole;
-typedef enum { FMU_RK4, FMU_AM2, FMU_ROS2 } FmuSolver;
+typedef enum { FMU_RK4, FMU_AM2, FMU_ROS2, FMU_SEMI_IMPLICIT } FmuSolver;
 
 /* One FMI variable; its value reference is its index in the table. */
 typedef struct {
@@ -54,7 +54,11 @@ typedef struct {
     FmuFunction qp_fn;                     /* (t, x, u, p) -> their data; out_fn and next_fn then take their solutions as s too:
                                             * (t, x, u, p, s) */
     int n_qp_data, n_qp_solution, n_qp_memory;
-    int sz_arg, sz_res, sz_iw, sz_w;       /* largest work sizes of the functions above */
+    int sz_arg, sz_res, sz_iw, sz_w;       /* largest work sizes of the functions above and below */
+    const int *velocity_of;                /* semi_implicit: for each state the index of its derivative among the states, or -1 */
+    FmuFunction check_fn;                  /* (t, x, u, p) -> values that must be > 0 after initialization; NULL without checks */
+    int n_checks;
+    const char *const *check_messages;
 } FmuModel;
 
 extern const FmuModel fmu_model;
