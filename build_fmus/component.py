@@ -581,6 +581,8 @@ class Component:
         functions: dict[str, ca.Function] = {}
 
         def add(name: str, args: list[Any], outs: list[Any]) -> None:
+            if self._symbols is ca.SX and self.kind == "continuous":
+                outs = ca.cse(outs)  # what two expressions share is computed once: derivatives shrink to half
             try:
                 functions[name] = ca.Function(f"fmu_{name}", args, outs)
             except RuntimeError as error:

@@ -9,6 +9,7 @@ from fmu_sources.vehicles.loader import (
     load_ride_car,
     load_sensors,
     load_three_axle,
+    load_three_axle_trench,
     load_vehicle,
     vehicle_names,
 )
@@ -20,6 +21,7 @@ from fmu_sources.vehicles.schema import (
     RideCar,
     SensorSet,
     ThreeAxleCar,
+    ThreeAxleTrenchCar,
     Vehicle,
 )
 
@@ -31,6 +33,7 @@ __all__ = [
     "RideCar",
     "SensorSet",
     "ThreeAxleCar",
+    "ThreeAxleTrenchCar",
     "Vehicle",
     "VehicleError",
     "declare",
@@ -40,6 +43,7 @@ __all__ = [
     "load_ride_car",
     "load_sensors",
     "load_three_axle",
+    "load_three_axle_trench",
     "load_vehicle",
     "vehicle_names",
 ]

@@ -23,6 +23,7 @@ from fmu_sources.vehicles.schema import (
     Section,
     SensorSet,
     ThreeAxleCar,
+    ThreeAxleTrenchCar,
     Vehicle,
 )
 
@@ -74,6 +75,11 @@ def load_ride_car(name_or_path: str | Path) -> RideCar:
 def load_three_axle(name_or_path: str | Path) -> ThreeAxleCar:
     """Load a vehicle of kind ``three_axle``; see :func:`load_vehicle`."""
     return cast(ThreeAxleCar, load_vehicle(name_or_path, "three_axle"))
+
+
+def load_three_axle_trench(name_or_path: str | Path) -> ThreeAxleTrenchCar:
+    """Load a vehicle of kind ``three_axle_trench``; see :func:`load_vehicle`."""
+    return cast(ThreeAxleTrenchCar, load_vehicle(name_or_path, "three_axle_trench"))
 
 
 def load_full_car(name_or_path: str | Path) -> FullCar:

@@ -212,6 +212,75 @@ class ThreeAxleCar(Vehicle):
     tire: _ThreeTires
 
 
+# ------------------------------------------------------------------------------------------------ three axles, with contact
+
+
+class _TrenchBody(_RideBody):
+    cg_height: Quantity = quantity("m", "height of the CG above the mean of the wheel centres at rest", min=0.0, max=5.0)
+    cg_offset: Quantity = quantity(
+        "m", "CG ahead of where wheel.*.x has it; wheels and outline stay together", min=-1.0, max=1.0, nominal=0.01
+    )
+    half_width: Quantity = quantity("m", "distance of the body's outline to the side of the CG", min=0.0, max=5.0)
+
+
+class _Outline(Section):
+    front_overhang: Quantity = quantity("m", "front bumper tip ahead of the first axle", min=0.65, max=5.0)
+    rear_overhang: Quantity = quantity("m", "rear bumper tip behind the last axle", min=0.65, max=5.0)
+    tip_height: Quantity = quantity("m", "height of the bumper tips above the CG", min=-5.0, max=5.0)
+    knee_distance: Quantity = quantity("m", "knee of the outline beyond the outer axles", min=0.3, max=0.6)
+    knee_height: Quantity = quantity("m", "height of the knees above the CG", min=-5.0, max=5.0)
+    belly_distance: Quantity = quantity("m", "end of the flat belly beyond the outer axles", min=-1.0, max=0.3)
+    belly_height: Quantity = quantity("m", "height of the belly above the CG", min=-5.0, max=5.0)
+
+
+class _Contact(Section):
+    stiffness: Quantity = quantity("N/m", "stiffness of the body where it touches the ground", min=1e3, max=1e9)
+    damping: Quantity = quantity("N.s/m", "damping of the body where it touches the ground", min=0.0, max=1e7)
+    onset: Quantity = quantity(
+        "m", "penetration over which the damping sets in", min=1e-5, max=0.1, display_unit="mm"
+    )
+    friction: Quantity = quantity("1", "friction coefficient of the body on the ground", min=0.0, max=5.0)
+
+
+class _Disc(Section):
+    radius: Quantity = quantity("m", "radius of the unloaded wheel", min=0.1, max=3.0)
+    rolling_loss: Quantity = quantity(
+        "m", "unloaded radius minus rolling radius", min=0.0, max=0.09, display_unit="mm", nominal=0.01
+    )
+    bottoming: Quantity = quantity("m", "penetration at which the tyre bottoms", min=0.01, max=1.0)
+    bottoming_stiffness: Quantity = quantity("N/m", "stiffness that bottoming adds", min=0.0, max=1e8)
+    onset: Quantity = quantity("m", "penetration over which the tyre damping sets in", min=1e-5, max=0.1, display_unit="mm")
+    friction: Quantity = quantity("1", "friction coefficient of the tyres", min=0.01, max=5.0)
+    slip_speed: Quantity = quantity(
+        "m/s", "sliding speed of the friction law tanh(sliding / slip_speed)", min=0.01, max=10.0
+    )
+
+
+class _StrutTravel(Section):
+    extension: Quantity = quantity("m", "extension from rest at which a stop begins", min=0.005, max=1.0)
+    compression: Quantity = quantity("m", "compression from rest at which a stop begins", min=0.005, max=1.0)
+    stiffness: Quantity = quantity("N/m", "stiffness of the stops", min=0.0, max=1e8, display_unit="N/mm")
+    damping: Quantity = quantity("N.s/m", "damping of the stops", min=0.0, max=1e6, display_unit="kN.s/m")
+    onset: Quantity = quantity("m", "travel over which the damping of a stop sets in", min=1e-5, max=0.1, display_unit="mm")
+    gas_exponent: Quantity = quantity("1", "polytropic exponent of the gas in a hydropneumatic strut", min=1.0, max=2.0)
+
+
+class _Lidar(Section):
+    ahead: Quantity = quantity("m", "nose lidar ahead of the first axle", min=-5.0, max=5.0)
+    height: Quantity = quantity("m", "height of the nose lidar above the CG", min=-5.0, max=5.0)
+
+
+class ThreeAxleTrenchCar(ThreeAxleCar):
+    """The three-axle car with disc wheels, strut stops and a body that can touch the ground."""
+
+    body: _TrenchBody
+    outline: _Outline
+    contact: _Contact
+    disc: _Disc
+    strut: _StrutTravel
+    lidar: _Lidar
+
+
 # ------------------------------------------------------------------------------------------------------------- full car
 
 
@@ -411,6 +480,7 @@ KINDS: dict[str, type[Vehicle]] = {
     "quarter_car": QuarterCar,
     "ride_car": RideCar,
     "three_axle": ThreeAxleCar,
+    "three_axle_trench": ThreeAxleTrenchCar,
     "full_car": FullCar,
     "actuator": Actuator,
     "sensors": SensorSet,

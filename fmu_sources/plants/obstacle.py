@@ -1,0 +1,125 @@
+"""Obstacle outlines in the vertical plane of one side: what discs, points and corners touch, and how deep.
+
+An outline is a chain of points along the road with the ground below it. Straight pieces between two concave corners form
+one convex solid; a disc touches each solid at most once, at the point closest to its centre. For a trench these solids
+are the two quarter-planes beside it and its floor. All of it is found from the points at run time, so an outline is a
+parameter of an FMU.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import casadi as ca
+
+FAR = 1e4  # m; the ground is level from the ends of an outline up to here
+_TINY = 1e-12
+
+
+@dataclass(frozen=True)
+class Touch:
+    """One possible contact of a disc: penetration [m] (negative: distance), outward normal of the ground, its share.
+
+    ``share`` is 1 for a contact by itself, and less where two solids that meet at an obtuse corner push the same way.
+    """
+
+    depth: Any
+    nx: Any
+    nz: Any
+    share: Any
+
+
+class Outline:
+    """The ground of one side.
+
+    Args:
+        x, z: coordinates [m] of N points, symbols or numbers, x not decreasing, neighbours apart. Before the first point
+            and after the last one the ground is level.
+    """
+
+    def __init__(self, x: list[Any], z: list[Any]) -> None:
+        self.points = list(zip(x, z, strict=True))
+        ends = [(x[0] - FAR, z[0]), *self.points, (x[-1] + FAR, z[-1])]
+        self._from = ends[:-1]
+        self._way = [(b[0] - a[0], b[1] - a[1]) for a, b in zip(ends[:-1], ends[1:], strict=True)]
+        self._inverse = [1 / (dx * dx + dz * dz + _TINY) for dx, dz in self._way]
+        turn = [a[0] * b[1] - a[1] * b[0] for a, b in zip(self._way[:-1], self._way[1:], strict=True)]
+        self.concave = [t > 1e-9 for t in turn]  # at each point
+        self.convex = [t < -1e-9 for t in turn]
+
+    def _offsets(self, x: Any, z: Any) -> list[tuple[Any, Any]]:
+        """From the closest point of each straight piece to (x, z)."""
+        offsets = []
+        for (x0, z0), (dx, dz), inverse in zip(self._from, self._way, self._inverse, strict=True):
+            ox, oz = x - x0, z - z0
+            along = ca.fmin(1, ca.fmax(0, (ox * dx + oz * dz) * inverse))
+            offsets.append((ox - along * dx, oz - along * dz))
+        return offsets
+
+    def height(self, x: Any) -> Any:
+        """Height of the ground at x; at a vertical wall that of its end."""
+        height = self._from[0][1]
+        for (x0, _), (dx, dz) in zip(self._from[1:-1], self._way[1:-1], strict=True):
+            height += dz * ca.fmin(1, ca.fmax(0, (x - x0) / ca.fmax(dx, _TINY)))
+        return height
+
+    def disc(self, x: Any, z: Any, radius: Any) -> list[Touch]:
+        """Contacts of a disc centred above the ground at (x, z), one for each straight piece, most of them not there."""
+        offsets = self._offsets(x, z)
+        last = len(offsets) - 1
+        solids: list[tuple[Any, Any, Any, Any]] = []  # closed here?, depth, nx, nz
+        best = offsets[0]
+        square = best[0] ** 2 + best[1] ** 2
+        for k, (ox, oz) in enumerate(offsets):
+            if k:
+                here = ox * ox + oz * oz
+                new = ca.logic_or(self.concave[k - 1], here < square)
+                best = (ca.if_else(new, ox, best[0]), ca.if_else(new, oz, best[1]))
+                square = ca.if_else(new, here, square)
+            distance = ca.sqrt(square + _TINY)
+            closed = self.concave[k] if k < last else 1
+            solids.append((closed, radius - distance, best[0] / distance, best[1] / distance))
+        return [
+            Touch(ca.if_else(closed, depth, -FAR), nx, nz, before * after)
+            for (closed, depth, nx, nz), before, after in zip(
+                solids, _shares(solids), reversed(_shares(solids[::-1])), strict=True
+            )
+        ]
+
+    def clearance(self, touches: list[Touch]) -> Any:
+        """Distance [m] of a disc from the ground, negative when it touches."""
+        clearance = -touches[0].depth
+        for t in touches[1:]:
+            clearance = ca.fmin(clearance, -t.depth)
+        return clearance
+
+    def point(self, x: Any, z: Any) -> tuple[Any, Any, Any]:
+        """Depth of a point below the ground (0 outside) and the unit vector of the shortest way out."""
+        best: Any = None
+        for ox, oz in self._offsets(x, z):
+            here = ox * ox + oz * oz
+            if best is None:
+                best = (here, ox, oz)
+            else:
+                new = here < best[0]
+                best = tuple(ca.if_else(new, a, b) for a, b in zip((here, ox, oz), best, strict=True))
+        distance = ca.sqrt(best[0] + _TINY**2)
+        inside = self.height(x) > z
+        return ca.if_else(inside, distance, 0), -best[1] / distance, -best[2] / distance
+
+
+def _shares(solids: list[tuple[Any, Any, Any, Any]]) -> list[Any]:
+    """What the solid before leaves to each solid.
+
+    Two planes push a disc out by the shortest vector d with n1 d >= p1 and n2 d >= p2. At right angles each pushes by its
+    own penetration; nearly parallel ones push once. The force is the gradient of d^2 / 2, so it has a potential.
+    """
+    shares = []
+    depth, nx, nz = solids[0][1] * 0 - FAR, solids[0][2], solids[0][3]  # of the closed solid before
+    for closed, p, mx, mz in solids:
+        c = ca.fmin(1, ca.fmax(0, nx * mx + nz * mz))
+        left = (p - c * depth) / (ca.fmax(p, 1e-9) * (1 - c * c + 1e-9))
+        shares.append(ca.if_else(depth > 0, ca.fmin(1, ca.fmax(0, left)), 1))
+        depth, nx, nz = (ca.if_else(closed, new, old) for new, old in ((p, depth), (mx, nx), (mz, nz)))
+    return shares

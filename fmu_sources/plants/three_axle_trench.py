@@ -1,0 +1,488 @@
+"""Three-axle 6x6 over trenches and other obstacles: rigid body, six struts with stops, disc wheels, body contact.
+
+Nonlinear plant of paper 003 (section 3.3, where a multi-body program computes it). Generalized coordinates are position
+x and z of the CG, pitch, roll and the extension of the six struts; yaw and sideways motion are locked. Equations of
+motion follow from the kinematics of the seven masses, forces from virtual work, so that energy is only lost in dampers,
+tyres, contacts and friction, and only gained from the actuators and the imposed spin of the wheels.
+
+Axes are ISO 8855: x forward, y left, z up; roll positive left side up, pitch positive nose down. (The thesis counts pitch
+positive nose up and roll positive to the left.)
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from build_fmus.component import Component
+from fmu_sources.plants.obstacle import Outline, Touch
+from fmu_sources.vehicles import ThreeAxleTrenchCar, declare
+
+GRAVITY = 9.81  # m/s2
+CORNERS = {f"a{axle}{side}": (f"a{axle}", side) for axle in (1, 2, 3) for side in "lr"}
+SIDES = {"l": ("left", 1), "r": ("right", -1)}
+POINTS = 6  # of an obstacle outline
+MAX_SPEED = 5.0  # m/s
+PROGRESS_TIME = 1.0  # s; time constant of the smoothed speed behind `stuck`
+STUCK_BELOW = 0.05  # of target.speed
+
+
+@dataclass(frozen=True)
+class _Wheel:
+    """One wheel: position relative to the CG, parameters, and its rest."""
+
+    name: str
+    side: str
+    x: Any  # ahead of the CG
+    y: Any  # left of the CG
+    mass: Any
+    strut: Any
+    tire: Any
+    static_load: Any  # of the strut, N
+    squeeze: Any  # static penetration of the tyre, m
+    below: Any = None  # wheel centre below the CG at rest, m
+
+
+def three_axle_trench(vehicle: ThreeAxleTrenchCar, name: str = "ThreeAxleTrench") -> Component:
+    """The vehicle of a file of kind ``three_axle_trench`` in front of a trench or another obstacle."""
+    c = Component(
+        name,
+        kind="continuous",
+        description=f"Three-axle 6x6 with wheel and body contact, for trenches and obstacles: {vehicle.name}",
+        source="003 section 3.3; derivation in the source of this component",
+        solver="semi_implicit",
+        solver_step=5e-4,
+        stop_time=10.0,
+        notes=_NOTES,
+    )
+    p = declare(c, vehicle)
+    gas = c.parameter("strut.hydropneumatic", False, None, "gas springs (003 Figure 3.7) instead of linear ones")
+    wheels = _wheels(p)
+    front, rear = (sum(w.x for w in wheels if w.name[:2] == axle) / 2 for axle in ("a1", "a3"))
+    mean_radius = p.disc.radius - sum(w.squeeze for w in wheels) / 6
+    height = p.body.cg_height + mean_radius  # of the CG above the road at rest
+    wheels = [_Wheel(**{**vars(w), "below": height - (p.disc.radius - w.squeeze)}) for w in wheels]
+    tip, tail = front + p.outline.front_overhang, rear - p.outline.rear_overhang
+
+    grounds, markers = _obstacle(c, tip, tip - tail)
+    c.check(ca.vertcat(*(w.static_load for w in wheels)), "every strut must carry load at rest: move body.cg_offset or "
+            "wheel.*.x so that the CG lies between the axles")  # fmt: skip
+    c.check(height + ca.fmin(p.outline.belly_height, p.outline.tip_height), "the body touches the road at rest: raise "
+            "outline.belly_height or outline.tip_height, or body.cg_height")  # fmt: skip
+
+    # ------------------------------------------------------------------------------------------------------ inputs
+
+    force = {
+        w.name: c.input(
+            f"force.{w.name}", "N", f"actuator force at {w.name}, positive lifts the body and pushes the wheel down"
+        )
+        for w in wheels
+    }
+    target_speed = c.input(
+        "target.speed", "m/s", "rolling speed of the wheels, imposed; its first value is the start speed",
+        start=3 / 3.6, min=0.0, max=MAX_SPEED, display_unit="km/h",
+    )  # fmt: skip
+
+    # ------------------------------------------------------------------------------------------------------ states
+
+    angle: dict[str, Any] = {"output": True, "nominal": 0.1, "display_unit": "deg"}
+    base = [
+        c.state("x", "m", "distance of the CG along the road", output=True, nominal=10.0),
+        c.state("body.z", "m", "CG height above its static position", output=True, nominal=0.1),
+        c.state("body.pitch", "rad", "pitch angle, positive nose down", **angle),
+        c.state("body.roll", "rad", "roll angle, positive left side up", **angle),
+    ]
+    travel = {
+        w.name: c.state(
+            f"suspension.{w.name}.deflection", "m", "extension of the strut from rest", output=True, nominal=0.1,
+            display_unit="mm",
+        )
+        for w in wheels
+    }  # fmt: skip
+    base_rate = [
+        c.state("speed", "m/s", "forward speed of the CG", start=target_speed, output=True, nominal=1.0, display_unit="km/h"),
+        c.state("body.vz", "m/s", "vertical velocity of the CG", output=True),
+        c.state("body.pitch_rate", "rad/s", "pitch rate", output=True, nominal=0.1, display_unit="deg/s"),
+        c.state("body.roll_rate", "rad/s", "roll rate", output=True, nominal=0.1, display_unit="deg/s"),
+    ]
+    travel_rate = {
+        w.name: c.state(f"suspension.{w.name}.velocity", "m/s", "rate of the strut extension", output=True) for w in wheels
+    }
+    supplied = c.state("energy.supplied", "J", "work of the wheel drives and actuators so far", output=True, nominal=1e4)
+    progress = c.state("progress", "m/s", "speed, smoothed over a second", start=target_speed, output=True)
+
+    x, z, pitch, roll = base
+    q, dq = ca.vertcat(*base), ca.vertcat(*base_rate)
+    ahead = (ca.cos(pitch), -ca.sin(pitch))  # body x-axis in the road's x-z plane
+    up = (ca.sin(pitch), ca.cos(pitch))
+
+    def place(bx: Any, by: Any, bz: Any) -> tuple[Any, Any, Any]:
+        """Road coordinates (x, y, z) of a point of the body relative to the CG; z from the road at rest."""
+        lifted = by * ca.sin(roll) + bz * ca.cos(roll)
+        aside = by * ca.cos(roll) - bz * ca.sin(roll)
+        return x + bx * ahead[0] + lifted * up[0], aside, height + z + bx * ahead[1] + lifted * up[1]
+
+    def jacobian(bx: Any, by: Any, bz: Any) -> tuple[Any, Any, Any]:
+        """Velocity (x, z) of a point of the body per rate of pitch (two numbers) and of roll (along ``up``)."""
+        lifted = by * ca.sin(roll) + bz * ca.cos(roll)
+        return -bx * up[0] + lifted * ahead[0], -bx * up[1] + lifted * ahead[1], by * ca.cos(roll) - bz * ca.sin(roll)
+
+    # ------------------------------------------------------------------------------- wheels: kinematics and contact
+
+    mass = [[0.0] * 4 for _ in range(4)]
+    load = [0.0, -p.body.mass * GRAVITY, 0.0, 0.0]  # generalized forces of x, z, pitch, roll
+    mass[0][0] = mass[1][1] = p.body.mass
+    mass[2][2], mass[3][3] = p.body.pitch_inertia, p.body.roll_inertia
+    rolling = p.disc.radius - p.disc.rolling_loss
+    spin = target_speed / rolling  # relative to the body
+    kinetic = p.body.mass * (dq[0] ** 2 + dq[1] ** 2) + p.body.pitch_inertia * dq[2] ** 2 + p.body.roll_inertia * dq[3] ** 2
+    kinetic /= 2
+    potential = p.body.mass * GRAVITY * z
+    drive_power: Any = 0.0
+    actuator_power: Any = 0.0
+    hub, contact, back = {}, {}, {}
+    for w in wheels:
+        n = w.name
+        s, ds = travel[n], travel_rate[n]
+        centre = ca.vertcat(*place(w.x, w.y, -(w.below + s)))
+        by_base, by_travel = ca.jacobian(centre, q), ca.jacobian(centre, s)  # 3 x 4, 3 x 1; by_travel has length 1
+        velocity = by_base @ dq + by_travel * ds
+        bias = ca.jtimes(velocity, ca.vertcat(q, s), ca.vertcat(dq, ds))  # acceleration of the wheel at constant rates
+
+        touches = grounds[w.side].disc(centre[0], centre[2], p.disc.radius)
+        total = _Contacts.of(touches, w.tire, p.disc, velocity, spin, dq[2], rolling)
+        strut, stored = _strut(p, w, gas, s, ds)
+        along = total.fx * ahead[0] + total.fz * ahead[1]
+        hub[n] = (along, total.fx * up[0] + total.fz * up[1])
+        contact[n] = (centre, velocity, total, grounds[w.side].clearance(touches))
+
+        outer = ca.vertcat(total.fx, 0, total.fz - w.mass * GRAVITY)
+        inner = strut + force[n]  # along the strut, on the wheel
+        free = w.mass * (by_base - by_travel @ (by_travel.T @ by_base))  # wheel slides along its strut
+        share = by_base.T @ free
+        own = ca.dot(by_travel, outer) + inner  # generalized force of the extension
+        push = by_base.T @ (outer - w.mass * (bias - by_travel * ca.dot(by_travel, bias)) - by_travel * own)
+        for i in range(4):
+            load[i] += push[i]
+            for j in range(4):
+                mass[i][j] += share[i, j]
+        load[2] -= total.traction * rolling  # the drives are mounted on the body: reaction of their torque
+        back[n] = (by_base, by_travel, own, bias)
+
+        drive_power += total.traction * target_speed
+        actuator_power += force[n] * ds
+        kinetic += w.mass * ca.dot(velocity, velocity) / 2
+        potential += w.mass * GRAVITY * centre[2] + stored + total.energy
+
+    # ------------------------------------------------------------------------------------------------ body contact
+
+    bumper: dict[str, Any] = {"front": 0.0, "rear": 0.0, "belly": 0.0}
+
+    def touch(parts: dict[str, Any], bx: Any, by: Any, bz: Any, depth: Any, nx: Any, nz: Any) -> None:
+        """Force of the ground on the body at one point: half of the contact stiffness, which is for both sides."""
+        nonlocal potential
+        px, pz, r = jacobian(bx, by, bz)
+        vx = dq[0] + px * dq[2] + r * up[0] * dq[3]
+        vz = dq[1] + pz * dq[2] + r * up[1] * dq[3]
+        rate = -(vx * nx + vz * nz)
+        onset = ca.fmin(1, depth / p.contact.onset)
+        normal = ca.fmax(0, p.contact.stiffness / 2 * depth + p.contact.damping / 2 * onset * rate)
+        sliding = vx * nz - vz * nx
+        rub = -p.contact.friction * normal * ca.tanh(sliding / p.disc.slip_speed)
+        fx, fz = normal * nx + rub * nz, normal * nz - rub * nx
+        load[0] += fx
+        load[1] += fz
+        load[2] += px * fx + pz * fz
+        load[3] += r * (up[0] * fx + up[1] * fz)
+        for part, its in parts.items():
+            bumper[part] += its * normal
+        potential += p.contact.stiffness / 4 * depth**2
+
+    o = p.outline
+    vertices = [
+        ("front", tip, o.tip_height), ("rear", tail, o.tip_height),
+        ("belly", front + o.belly_distance, o.belly_height), ("belly", rear - o.belly_distance, o.belly_height),
+    ]  # fmt: skip
+    knee = (front + o.knee_distance, o.knee_height), (rear - o.knee_distance, o.knee_height)
+    solids = {  # convex parts of the body: points on their faces and inward normals
+        "belly": [
+            _face(knee[1], vertices[3][1:]), _face(vertices[3][1:], vertices[2][1:]), _face(vertices[2][1:], knee[0])
+        ],
+        "front": [_face(knee[0], (tip, o.tip_height)), (tip, 0, -1, 0), (knee[0][0] - 0.1, 0, 1, 0)],
+        "rear": [_face((tail, o.tip_height), knee[1]), (tail, 0, 1, 0), (knee[1][0] + 0.1, 0, -1, 0)],
+    }  # fmt: skip
+    for side, ground in grounds.items():
+        y = SIDES[side][1] * p.body.half_width
+        for part, bx, bz in vertices:
+            px, _, pz = place(bx, y, bz)
+            touch({part: 1}, bx, y, bz, *ground.point(px, pz))
+        for (gx, gz), convex in zip(ground.points, ground.convex, strict=True):
+            dx, dz = gx - x, gz - height - z
+            bx = dx * ahead[0] + dz * ahead[1]
+            bz = (dx * up[0] + dz * up[1] - y * ca.sin(roll)) / ca.cos(roll)
+            inside = [
+                _least([((bx - fx) * nx + (bz - fz) * nz, nx, nz) for fx, fz, nx, nz in faces]) for faces in solids.values()
+            ]
+            depth, nx, nz, *parts = _least([(-d, nx, nz, *row) for (d, nx, nz), row in zip(inside, np.eye(3), strict=True)])
+            depth = ca.if_else(convex, ca.fmax(0, -depth), 0)
+            nx, nz = (nx * ahead[i] + nz * up[i] for i in (0, 1))
+            touch(dict(zip(solids, parts, strict=True)), bx, y, bz, depth, nx, nz)
+
+    # ------------------------------------------------------------------------------------------ equations of motion
+
+    acceleration = _solve(mass, load)
+    for place_, rate, value in zip(base, base_rate, acceleration, strict=True):
+        c.derivative(place_, rate)
+        c.derivative(rate, value)
+    wheel_acceleration = {}
+    for w in wheels:
+        by_base, by_travel, own, bias = back[w.name]
+        carried = by_base @ ca.vertcat(*acceleration) + bias
+        second = own / w.mass - ca.dot(by_travel, carried)
+        c.derivative(travel[w.name], travel_rate[w.name])
+        c.derivative(travel_rate[w.name], second)
+        wheel_acceleration[w.name] = carried + by_travel * second
+    c.derivative(supplied, drive_power + actuator_power)
+    c.derivative(progress, (dq[0] - progress) / PROGRESS_TIME)
+
+    # ----------------------------------------------------------------------------------------------------- outputs
+
+    ax, az, pitch_acceleration, roll_acceleration = acceleration
+    c.output("body.az", az, "m/s2", "vertical acceleration of the CG")
+    c.output("body.ax", ax, "m/s2", "longitudinal acceleration of the CG")
+    c.output("body.roll_acceleration", roll_acceleration, "rad/s2", "roll acceleration", display_unit="deg/s2")
+    c.output("body.pitch_acceleration", pitch_acceleration, "rad/s2", "pitch acceleration", display_unit="deg/s2")
+    for w in wheels:
+        n = w.name
+        centre, velocity, total, clearance = contact[n]
+        c.output(f"hub.{n}.x", centre[0], "m", "position of the wheel centre along the road")
+        c.output(f"hub.{n}.z", centre[2], "m", "height of the wheel centre above the road")
+        c.output(f"wheel.{n}.z", centre[2] - (p.disc.radius - w.squeeze), "m", "wheel centre above its static height")
+        c.output(f"wheel.{n}.vz", velocity[2], "m/s", "vertical velocity of the wheel")
+        c.output(f"wheel.{n}.az", wheel_acceleration[n][2], "m/s2", "vertical acceleration of the wheel")
+        c.output(
+            f"tire.{n}.deflection", clearance + w.squeeze, "m", "distance from the nearest ground, 0 at static load",
+            display_unit="mm",
+        )  # fmt: skip
+        c.output(f"hub.{n}.fx", hub[n][0], "N", "force of the tyre on the hub along the body", display_unit="kN")
+        c.output(f"hub.{n}.fz", hub[n][1], "N", "force of the tyre on the hub across the body", display_unit="kN")
+        c.output(f"contact.{n}.fx", total.fx, "N", "longitudinal force of the ground on the tyre", display_unit="kN")
+        c.output(f"contact.{n}.fz", total.fz, "N", "vertical force of the ground on the tyre", display_unit="kN")
+        c.output(f"contact.{n}.x", centre[0] + total.px, "m", "where the ground force acts, along the road")
+        c.output(f"contact.{n}.z", centre[2] + total.pz, "m", "where the ground force acts, height")
+    c.output("bumper.front.force", bumper["front"], "N", "contact force of the front bumper and nose", display_unit="kN")
+    c.output("bumper.rear.force", bumper["rear"], "N", "contact force of the rear bumper and tail", display_unit="kN")
+    c.output("belly.force", bumper["belly"], "N", "contact force of the belly", display_unit="kN")
+    lx, _, lz = place(front + p.lidar.ahead, 0, p.lidar.height)
+    for end, (mx, mz) in markers.items():
+        c.output(f"lidar.{end}.dx", mx - lx, "m", f"{end} of the obstacle ahead of the nose lidar, road axes")
+        c.output(f"lidar.{end}.dz", lz - mz, "m", f"nose lidar above the {end} of the obstacle, road axes")
+    c.output("lidar.x", lx, "m", "position of the nose lidar along the road")
+    c.output("lidar.z", lz, "m", "height of the nose lidar above the road")
+    stuck = ca.logic_and(target_speed > 0.01, progress < STUCK_BELOW * target_speed)
+    c.output("stuck", ca.if_else(stuck, 1.0, 0.0), "1", "1 while the smoothed speed is below 5 % of target.speed")
+    c.output("energy", kinetic + potential, "J", "mechanical energy without the spin of the wheels")
+    c.output("power.drive", drive_power, "W", "power of the imposed wheel spin", display_unit="kW")
+    c.output("power.actuators", actuator_power, "W", "power of all actuators", display_unit="kW")
+
+    c.stimulate(_stimulus())
+    return c
+
+
+# ---------------------------------------------------------------------------------------------------------------- parts
+
+
+def _wheels(p: Any) -> list[_Wheel]:
+    """The wheels with their static loads: the body rests level, its weight spread as on springs under a rigid plane."""
+    where = {
+        n: (getattr(p.wheel, n).x - p.body.cg_offset, SIDES[side][1] * getattr(p.wheel, n).half_track)
+        for n, (_, side) in CORNERS.items()
+    }
+    rows = [ca.vertcat(1, *where[n]) for n in CORNERS]
+    stiffness = [getattr(p.suspension, n).stiffness + 1e-6 for n in CORNERS]
+    gram = sum(k * r @ r.T for k, r in zip(stiffness, rows, strict=True))
+    plane = ca.vertcat(*_solve([[gram[i, j] for j in range(3)] for i in range(3)], [p.body.mass * GRAVITY, 0, 0]))
+    wheels = []
+    for k, row, (n, (_, side)) in zip(stiffness, rows, CORNERS.items(), strict=True):
+        tire, mass = getattr(p.tire, n), getattr(p.wheel, n).mass
+        load = k * ca.dot(row, plane)
+        weight = load + mass * GRAVITY
+        squeeze = weight / tire.stiffness
+        over = ca.fmax(0, weight - tire.stiffness * p.disc.bottoming) / (tire.stiffness + p.disc.bottoming_stiffness)
+        squeeze = ca.fmin(squeeze, p.disc.bottoming + over)
+        wheels.append(_Wheel(n, side, *where[n], mass, getattr(p.suspension, n), tire, load, squeeze))
+    return wheels
+
+
+@dataclass(frozen=True)
+class _Contacts:
+    """Sum of the ground forces on one tyre; ``px``, ``pz`` from the wheel centre to where it acts."""
+
+    fx: Any
+    fz: Any
+    traction: Any
+    energy: Any
+    px: Any
+    pz: Any
+
+    @classmethod
+    def of(
+        cls, touches: list[Touch], tire: Any, disc: Any, velocity: Any, spin: Any, pitch_rate: Any, rolling: Any
+    ) -> _Contacts:
+        fx = fz = traction = energy = px = pz = weight = ca.SX(0)
+        for t in touches:
+            depth = ca.fmax(0, t.depth)
+            over = ca.fmax(0, depth - disc.bottoming)
+            rate = -(velocity[0] * t.nx + velocity[2] * t.nz)
+            spring = tire.stiffness * depth + disc.bottoming_stiffness * over
+            damper = tire.damping * ca.fmin(1, depth / disc.onset) * rate
+            normal = t.share * ca.fmax(0, spring + damper)
+            sliding = (spin + pitch_rate) * rolling - (velocity[0] * t.nz - velocity[2] * t.nx)
+            grip = disc.friction * normal * ca.tanh(sliding / disc.slip_speed)
+            fx += normal * t.nx + grip * t.nz
+            fz += normal * t.nz - grip * t.nx
+            traction += grip
+            energy += t.share * (tire.stiffness * depth**2 + disc.bottoming_stiffness * over**2) / 2
+            reach = disc.radius - depth
+            px -= normal * reach * t.nx
+            pz -= normal * reach * t.nz
+            weight += normal
+        weight = ca.fmax(weight, 1e-3)
+        return cls(fx, fz, traction, energy, px / weight, pz / weight)
+
+
+def _strut(p: Any, w: _Wheel, gas: Any, s: Any, ds: Any) -> tuple[Any, Any]:
+    """Force of one strut (positive extends) and its stored energy: spring, damper, stops. Energy is 0 at rest."""
+    linear = w.static_load - w.strut.stiffness * s
+    linear_energy = -w.static_load * s + w.strut.stiffness * s**2 / 2
+    # A gas column with the same load and stiffness at rest: F = F0 (L / (L + s))^n.
+    column = p.strut.gas_exponent * w.static_load / (w.strut.stiffness + 1e-6)
+    stretch = ca.fmax(0.1, 1 + s / ca.fmax(column, 1e-6))
+    gas_force = w.static_load * stretch ** (-p.strut.gas_exponent)
+    # Energy without the singularity at exponent 1.
+    m = p.strut.gas_exponent - 1 + 1e-9
+    gas_energy = w.static_load * column * (stretch ** (-m) - 1) / m
+    spring, energy = ca.if_else(gas, gas_force, linear), ca.if_else(gas, gas_energy, linear_energy)
+
+    def stop(depth: Any, rate: Any) -> Any:
+        depth = ca.fmax(0, depth)
+        damper = p.strut.damping * ca.fmin(1, depth / p.strut.onset) * rate
+        return ca.fmax(0, p.strut.stiffness * depth + damper), p.strut.stiffness * depth**2 / 2
+
+    out, out_energy = stop(s - p.strut.extension, ds)
+    in_, in_energy = stop(-p.strut.compression - s, -ds)
+    return spring - w.strut.damping * ds - out + in_, energy + out_energy + in_energy
+
+
+def _least(rows: list[tuple[Any, ...]]) -> tuple[Any, ...]:
+    """The row with the least first element."""
+    best = rows[0]
+    for row in rows[1:]:
+        less = row[0] < best[0]
+        best = tuple(ca.if_else(less, a, b) for a, b in zip(row, best, strict=True))
+    return best
+
+
+def _face(a: tuple[Any, Any], b: tuple[Any, Any]) -> tuple[Any, Any, Any, Any]:
+    """Face through two points of the lower outline, the second ahead of the first: a point of it, its inward normal."""
+    dx, dz = b[0] - a[0], b[1] - a[1]
+    length = ca.sqrt(dx**2 + dz**2 + 1e-12)
+    return a[0], a[1], -dz / length, dx / length
+
+
+def _solve(matrix: list[list[Any]], right: list[Any]) -> list[Any]:
+    """Solve a small symmetric positive definite system (L D L')."""
+    n = len(right)
+    low: list[list[Any]] = [[0.0] * n for _ in range(n)]
+    diagonal: list[Any] = [0.0] * n
+    for j in range(n):
+        diagonal[j] = matrix[j][j] - sum(low[j][k] ** 2 * diagonal[k] for k in range(j))
+        for i in range(j + 1, n):
+            low[i][j] = (matrix[i][j] - sum(low[i][k] * low[j][k] * diagonal[k] for k in range(j))) / diagonal[j]
+    y: list[Any] = [0.0] * n
+    for i in range(n):
+        y[i] = right[i] - sum(low[i][k] * y[k] for k in range(i))
+    x: list[Any] = [0.0] * n
+    for i in reversed(range(n)):
+        x[i] = y[i] / diagonal[i] - sum(low[k][i] * x[k] for k in range(i + 1, n))
+    return x
+
+
+def _obstacle(c: Component, tip: Any, length: Any) -> tuple[dict[str, Outline], dict[str, tuple[Any, Any]]]:
+    """Declare the obstacle; the ground of each side, and the places the lidar looks at."""
+    assumed = "assumed"
+    shape = c.parameter("obstacle.shape", 1, None, "0 level road, 1 trench, 2 outline.*", min=0, max=2, source=assumed)
+    start = c.parameter("trench.start", 5.0, "m", "start of the trench; the CG begins at 0", min=-1e3, max=1e3, source=assumed)
+    wide = c.parameter("trench.length", 1.4, "m", "length of the trench", min=0.01, max=100.0, source="003 Table 5.2")
+    deep = c.parameter("trench.depth", 2.0, "m", "depth of the trench", min=0.01, max=100.0, source=assumed)
+    skew = c.parameter(
+        "trench.right_offset", 0.0, "m", "trench under the right wheels starts this much later", min=-10.0, max=10.0,
+        nominal=0.1, source=assumed,
+    )  # fmt: skip
+    is_trench, is_outline = shape == 1, shape == 2
+    c.check(ca.if_else(is_trench, start + ca.fmin(0, skew) - tip, 1), "trench.start lies behind the front of the vehicle: "
+            "the trench must begin ahead of the front bumper")  # fmt: skip
+    c.check(ca.if_else(is_trench, length - wide, 1), "trench.length exceeds the length of the vehicle, which would just drive "
+            "down into it: take a shorter trench or an outline")  # fmt: skip
+
+    default_x = [5.0, 5.5, 6.5, 7.0, 8.0, 9.0]
+    default_z = [0.0, 0.3, 0.3, 0.0, 0.0, 0.0]
+    count = c.parameter("outline.points", 4, None, "points of the outlines that count; level after them", min=1, max=POINTS,
+                        source=assumed)  # fmt: skip
+    grounds = {}
+    markers = {"start": (start, 0), "finish": (start + wide, 0)}
+    for side, (word, sign) in SIDES.items():
+        name = f"outline.{word}"
+        px = c.parameter(f"{name}.x", np.array(default_x), "m", f"outline under the {word} wheels, along the road",
+                         min=-1e3, max=1e3, source=assumed)  # fmt: skip
+        pz = c.parameter(f"{name}.z", np.array(default_z), "m", f"outline under the {word} wheels, height", min=-100.0,
+                         max=100.0, source=assumed)  # fmt: skip
+        ox, oz = [px[0]], [pz[0]]
+        for k in range(1, POINTS):
+            counts = count > k
+            ox.append(ca.if_else(counts, px[k], ox[-1] + 1))
+            oz.append(ca.if_else(counts, pz[k], oz[-1]))
+        gaps = ca.vertcat(*(b - a for a, b in zip(ox[:-1], ox[1:], strict=True)))
+        rises = ca.vertcat(*(b - a for a, b in zip(oz[:-1], oz[1:], strict=True)))
+        c.check(ca.if_else(is_outline, gaps + 1e-9, 1), f"{name}.x goes back between two points, so the outline would cross "
+                "itself or overhang: order the points along the road (equal x makes a vertical wall)")  # fmt: skip
+        c.check(ca.if_else(is_outline, gaps**2 + rises**2 - 1e-6, 1), f"{name}.x and {name}.z have two neighbouring points in "
+                "one place: leave one out, or set outline.points")  # fmt: skip
+        c.check(ca.if_else(is_outline, 1e-6 - ca.fabs(oz[0]), 1), f"{name}.z[1] must be 0: the vehicle starts on level road at "
+                "height 0")  # fmt: skip
+        c.check(ca.if_else(is_outline, ox[0] - tip, 1), f"{name}.x[1] lies behind the front of the vehicle: the obstacle must "
+                "begin ahead of the front bumper")  # fmt: skip
+        begin = start + (0 if sign > 0 else skew)
+        trench_x, trench_z = [begin, begin, begin + wide, begin + wide], [0, -deep, -deep, 0]
+        trench_x += [begin + wide + k for k in range(1, POINTS - 3)]
+        trench_z += [0] * (POINTS - 4)
+        level = [begin + k for k in range(POINTS)]
+        gx = [ca.if_else(is_outline, a, ca.if_else(is_trench, b, f)) for a, b, f in zip(ox, trench_x, level, strict=True)]
+        gz = [ca.if_else(is_outline, a, ca.if_else(is_trench, b, 0)) for a, b in zip(oz, trench_z, strict=True)]
+        grounds[side] = Outline(gx, gz)
+        if sign > 0:
+            end_x, end_z = ox[0], oz[0]
+            for k in range(1, POINTS):
+                end_x, end_z = ca.if_else(count > k, ox[k], end_x), ca.if_else(count > k, oz[k], end_z)
+            markers = {
+                "start": (ca.if_else(is_outline, ox[0], start), 0),
+                "finish": (ca.if_else(is_outline, end_x, start + wide), ca.if_else(is_outline, end_z, 0)),
+            }
+    return grounds, markers
+
+
+def _stimulus() -> dict[str, Any]:
+    """Wheels drive towards the trench while the front axle is retracted, for the reference result."""
+    signals: dict[str, Any] = {"target.speed": lambda t: 2.5}
+    for n in ("a1l", "a1r"):
+        signals[f"force.{n}"] = lambda t: -2e4 if t > 0.05 else 0.0
+    signals["force.a3r"] = lambda t: 5e3 if t > 0.1 else 0.0
+    return signals
+
+
+_NOTES = (
+    "TODO",
+)
