@@ -26,6 +26,7 @@ CORNERS = {f"a{axle}{side}": (f"a{axle}", side) for axle in (1, 2, 3) for side i
 SIDES = {"l": ("left", 1), "r": ("right", -1)}
 POINTS = 6  # of an obstacle outline
 MAX_SPEED = 5.0  # m/s
+_PART = {"front": (1, 0, 0), "rear": (0, 1, 0), "belly": (0, 0, 1)}  # of the body, as masks
 PROGRESS_TIME = 1.0  # s; time constant of the smoothed speed behind `stuck`
 STUCK_BELOW = 0.05  # of target.speed
 
@@ -207,13 +208,17 @@ def three_axle_trench(vehicle: ThreeAxleTrenchCar, name: str = "ThreeAxleTrench"
         ("belly", front + o.belly_distance, o.belly_height), ("belly", rear - o.belly_distance, o.belly_height),
     ]  # fmt: skip
     knee = (front + o.knee_distance, o.knee_height), (rear - o.knee_distance, o.knee_height)
-    solids = {  # convex parts of the body: points on their faces and inward normals
-        "belly": [
-            _face(knee[1], vertices[3][1:]), _face(vertices[3][1:], vertices[2][1:]), _face(vertices[2][1:], knee[0])
+    solids = [  # convex parts of the body: points on their faces, inward normals, to which part the face belongs
+        [
+            (*_face(knee[1], vertices[3][1:]), *_PART["rear"]),
+            (*_face(vertices[3][1:], vertices[2][1:]), *_PART["belly"]),
+            (*_face(vertices[2][1:], knee[0]), *_PART["front"]),
         ],
-        "front": [_face(knee[0], (tip, o.tip_height)), (tip, 0, -1, 0), (knee[0][0] - 0.1, 0, 1, 0)],
-        "rear": [_face((tail, o.tip_height), knee[1]), (tail, 0, 1, 0), (knee[1][0] + 0.1, 0, -1, 0)],
-    }  # fmt: skip
+        [(*face, *_PART["front"]) for face in (
+            _face(knee[0], (tip, o.tip_height)), (tip, 0, -1, 0), (knee[0][0] - 0.1, 0, 1, 0))],
+        [(*face, *_PART["rear"]) for face in (
+            _face((tail, o.tip_height), knee[1]), (tail, 0, 1, 0), (knee[1][0] + 0.1, 0, -1, 0))],
+    ]  # fmt: skip
     for side, ground in grounds.items():
         y = SIDES[side][1] * p.body.half_width
         for part, bx, bz in vertices:
@@ -224,12 +229,13 @@ def three_axle_trench(vehicle: ThreeAxleTrenchCar, name: str = "ThreeAxleTrench"
             bx = dx * ahead[0] + dz * ahead[1]
             bz = (dx * up[0] + dz * up[1] - y * ca.sin(roll)) / ca.cos(roll)
             inside = [
-                _least([((bx - fx) * nx + (bz - fz) * nz, nx, nz) for fx, fz, nx, nz in faces]) for faces in solids.values()
+                _least([((bx - fx) * nx + (bz - fz) * nz, nx, nz, *part) for fx, fz, nx, nz, *part in faces])
+                for faces in solids
             ]
-            depth, nx, nz, *parts = _least([(-d, nx, nz, *row) for (d, nx, nz), row in zip(inside, np.eye(3), strict=True)])
+            depth, nx, nz, *parts = _least([(-d, *rest) for d, *rest in inside])
             depth = ca.if_else(convex, ca.fmax(0, -depth), 0)
             nx, nz = (nx * ahead[i] + nz * up[i] for i in (0, 1))
-            touch(dict(zip(solids, parts, strict=True)), bx, y, bz, depth, nx, nz)
+            touch(dict(zip(_PART, parts, strict=True)), bx, y, bz, depth, nx, nz)
 
     # ------------------------------------------------------------------------------------------ equations of motion
 
