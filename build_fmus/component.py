@@ -586,8 +586,12 @@ class Component:
             try:
                 functions[name] = ca.Function(f"fmu_{name}", args, outs)
             except RuntimeError as error:
-                free = ", ".join(str(s) for e in outs for s in ca.symvar(e) if not any(
-                    ca.depends_on(a, s) for a in args if a.numel()))
+                free = ", ".join(
+                    str(s)
+                    for e in outs
+                    for s in ca.symvar(e)
+                    if not any(ca.depends_on(a, s) for a in args if a.numel())
+                )
                 raise DeclarationError(f"{self.name}: {name} uses undeclared symbols ({free or error})") from None
 
         solutions = [ca.vertcat(*(q.symbol for q in self.programs))] if self.programs else []
@@ -617,6 +621,15 @@ class Component:
         """What to say when an element of ``functions["check"]`` is not > 0."""
         return [m for _, m in self._checks]
 
+    def failed_checks(self, u: np.ndarray | None = None, p: np.ndarray | None = None) -> list[str]:
+        """Messages of the checks that inputs ``u`` and parameters ``p`` (start values by default) do not pass."""
+        if not self._checks:
+            return []
+        u = self.vector("input") if u is None else np.asarray(u, float)
+        p = self.vector("parameter") if p is None else np.asarray(p, float)
+        values = np.asarray(self.functions["check"](0.0, self.vector("state"), u, p)).ravel()
+        return [m for m, value in zip(self.check_messages, values, strict=True) if not value > 0]
+
     @cached_property
     def velocity_of(self) -> np.ndarray:
         """For each state the slot of the state that is its derivative, or -1: positions and velocities of a mechanism.
@@ -629,17 +642,28 @@ class Component:
         if self.kind != "continuous" or not n:
             return result
         f = self.functions["rhs"]
-        args = [self._symbols.sym(k, size) for k, size in zip("txup", (1, n, *map(self.size, ("input", "parameter"))), strict=True)]
+        args = [
+            self._symbols.sym(k, size)
+            for k, size in zip("txup", (1, n, self.size("input"), self.size("parameter")), strict=True)
+        ]
         rows: list[list[int]] = [[] for _ in range(n)]
         for r, column in zip(*ca.jacobian_sparsity(f(*args), ca.vertcat(*args)).get_triplet(), strict=True):
             rows[r].append(column - 1)
         points = [np.random.default_rng(seed).uniform(0.5, 1.5, n) for seed in (1, 2)]
         values = [np.asarray(f(0.0, x, self.vector("input"), self.vector("parameter"))).ravel() for x in points]
+        driver = {}
         for i, known in enumerate(rows):
             if len(known) == 1 and 0 <= known[0] < n and known[0] != i:
                 j = known[0]
-                if all(v[i] == x[j] for v, x in zip(values, points, strict=True)) and result[j] < 0:
-                    result[i] = j
+                if all(v[i] == x[j] for v, x in zip(values, points, strict=True)):
+                    driver[i] = j
+
+        def is_position(i: int, seen: tuple[int, ...] = ()) -> bool:
+            return i in driver and i not in seen and not is_position(driver[i], (*seen, i))
+
+        for i, j in driver.items():
+            if is_position(i):
+                result[i] = j
         return result
 
     # ------------------------------------------------------------------ derived models

@@ -16,7 +16,7 @@ import jinja2
 
 from build_fmus import description, generate, reference
 from build_fmus.compile import ObjectCache, Platform, find_toolchain
-from build_fmus.component import Component
+from build_fmus.component import Component, DeclarationError
 from build_fmus.icon import icon_png
 from build_fmus.stability import check_solver
 
@@ -42,6 +42,8 @@ def build_fmu(
         CompileError: no toolchain, or the compiler failed.
     """
     arrays = arrays and fmi == 3
+    if failed := component.failed_checks():
+        raise DeclarationError(f"{component.name}: its own start values fail a check: {failed[0]}")
     check_solver(component)
     files = source_files(component, fmi, arrays=arrays)
     sources = [n for n in files if n.endswith(".c")]
@@ -111,7 +113,9 @@ def _documentation(component: Component, fmi: int) -> dict[str, bytes]:
 
 def _cited(component: Component) -> dict[str, str]:
     """Entries of the bibliography that the component's sources mention."""
-    text = " ".join([component.source, component.description, *component.notes, *(v.source for v in component.variables)])
+    text = " ".join(
+        [component.source, component.description, *component.notes, *(v.source for v in component.variables)]
+    )
     return {k: t for k, t in component.bibliography.items() if re.search(rf"\b{re.escape(k)}\b", text)}
 
 

@@ -99,6 +99,8 @@ class Evaluator:
     def step(self, h: float) -> None:
         """Advance by ``h`` [s] with the inputs held."""
         c = self.component
+        if self._x is None and (failed := c.failed_checks(self.u, self.p)):
+            raise ValueError(f"{c.name}: {failed[0]}")
         x = self.x
         if c.kind == "discrete":
             assert c.sample_time is not None

@@ -61,8 +61,8 @@ def default_catalog() -> dict[str, Entry]:
         Entry("QuarterCarHmmwv", "quarter car of the HMMWV (paper 001)", _quarter_car),
         Entry("RideCarSedan", "linear 7-DOF ride car of paper 004", _ride_car("sedan", "RideCarSedan")),
         Entry("RideCarHmmwv", "linear 7-DOF ride car, HMMWV (paper 001)", _ride_car("ride_car_hmmwv", "RideCarHmmwv")),
-        Entry("ThreeAxleTrench", "6x6 of paper 003 over trenches and obstacles, with contact", _three_axle_trench),
         Entry("ThreeAxleRide", "linear 9-DOF ride model of the 6x6 of paper 003", _three_axle_ride),
+        Entry("ThreeAxleTrench", "6x6 of paper 003 over trenches and obstacles, with contact", _three_axle_trench),
         Entry("LqrThreeAxle", "linear-quadratic regulator with pitch reference (paper 003)", _lqr_three_axle),
         Entry("MpcThreeAxle", "MPC with preview of road and pitch for the 6x6 (paper 003)", _mpc_three_axle),
         Entry("PitchReference", "pitch that ramps up, holds and ramps down (paper 003)", _pitch_reference),
@@ -278,7 +278,6 @@ def _ride_car(vehicle: str, name: str) -> Callable[[Context], Component]:
     return make
 
 
-def _three_axle_ride(_: Context | None = None) -> Component:
 def _three_axle_trench(_: Context) -> Component:
     from fmu_sources.plants import three_axle_trench
     from fmu_sources.vehicles import load_three_axle_trench
@@ -286,7 +285,7 @@ def _three_axle_trench(_: Context) -> Component:
     return three_axle_trench(load_three_axle_trench("three_axle_trench"), name="ThreeAxleTrench")
 
 
-def _three_axle_ride(_: Context) -> Component:
+def _three_axle_ride(_: Context | None = None) -> Component:
     from fmu_sources.plants import ride_car
     from fmu_sources.vehicles import load_three_axle
 

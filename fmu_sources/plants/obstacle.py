@@ -9,6 +9,7 @@ parameter of an FMU.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any
 
 import casadi as ca
@@ -42,9 +43,9 @@ class Outline:
         self.points = list(zip(x, z, strict=True))
         ends = [(x[0] - FAR, z[0]), *self.points, (x[-1] + FAR, z[-1])]
         self._from = ends[:-1]
-        self._way = [(b[0] - a[0], b[1] - a[1]) for a, b in zip(ends[:-1], ends[1:], strict=True)]
+        self._way = [(b[0] - a[0], b[1] - a[1]) for a, b in pairwise(ends)]
         self._inverse = [1 / (dx * dx + dz * dz + _TINY) for dx, dz in self._way]
-        turn = [a[0] * b[1] - a[1] * b[0] for a, b in zip(self._way[:-1], self._way[1:], strict=True)]
+        turn = [a[0] * b[1] - a[1] * b[0] for a, b in pairwise(self._way)]
         self.concave = [t > 1e-9 for t in turn]  # at each point
         self.convex = [t < -1e-9 for t in turn]
 

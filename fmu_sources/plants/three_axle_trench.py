@@ -12,6 +12,7 @@ positive nose up and roll positive to the left.)
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any
 
 import casadi as ca
@@ -104,15 +105,20 @@ def three_axle_trench(vehicle: ThreeAxleTrenchCar, name: str = "ThreeAxleTrench"
         for w in wheels
     }  # fmt: skip
     base_rate = [
-        c.state("speed", "m/s", "forward speed of the CG", start=target_speed, output=True, nominal=1.0, display_unit="km/h"),
+        c.state(
+            "speed", "m/s", "forward speed of the CG", start=target_speed, output=True, nominal=1.0, display_unit="km/h"
+        ),
         c.state("body.vz", "m/s", "vertical velocity of the CG", output=True),
         c.state("body.pitch_rate", "rad/s", "pitch rate", output=True, nominal=0.1, display_unit="deg/s"),
         c.state("body.roll_rate", "rad/s", "roll rate", output=True, nominal=0.1, display_unit="deg/s"),
     ]
     travel_rate = {
-        w.name: c.state(f"suspension.{w.name}.velocity", "m/s", "rate of the strut extension", output=True) for w in wheels
+        w.name: c.state(f"suspension.{w.name}.velocity", "m/s", "rate of the strut extension", output=True)
+        for w in wheels
     }
-    supplied = c.state("energy.supplied", "J", "work of the wheel drives and actuators so far", output=True, nominal=1e4)
+    supplied = c.state(
+        "energy.supplied", "J", "work of the wheel drives and actuators so far", output=True, nominal=1e4
+    )
     progress = c.state("progress", "m/s", "speed, smoothed over a second", start=target_speed, output=True)
 
     x, z, pitch, roll = base
@@ -139,7 +145,9 @@ def three_axle_trench(vehicle: ThreeAxleTrenchCar, name: str = "ThreeAxleTrench"
     mass[2][2], mass[3][3] = p.body.pitch_inertia, p.body.roll_inertia
     rolling = p.disc.radius - p.disc.rolling_loss
     spin = target_speed / rolling  # relative to the body
-    kinetic = p.body.mass * (dq[0] ** 2 + dq[1] ** 2) + p.body.pitch_inertia * dq[2] ** 2 + p.body.roll_inertia * dq[3] ** 2
+    kinetic = (
+        p.body.mass * (dq[0] ** 2 + dq[1] ** 2) + p.body.pitch_inertia * dq[2] ** 2 + p.body.roll_inertia * dq[3] ** 2
+    )
     kinetic /= 2
     potential = p.body.mass * GRAVITY * z
     drive_power: Any = 0.0
@@ -279,7 +287,9 @@ def three_axle_trench(vehicle: ThreeAxleTrenchCar, name: str = "ThreeAxleTrench"
         c.output(f"contact.{n}.fz", total.fz, "N", "vertical force of the ground on the tyre", display_unit="kN")
         c.output(f"contact.{n}.x", centre[0] + total.px, "m", "where the ground force acts, along the road")
         c.output(f"contact.{n}.z", centre[2] + total.pz, "m", "where the ground force acts, height")
-    c.output("bumper.front.force", bumper["front"], "N", "contact force of the front bumper and nose", display_unit="kN")
+    c.output(
+        "bumper.front.force", bumper["front"], "N", "contact force of the front bumper and nose", display_unit="kN"
+    )
     c.output("bumper.rear.force", bumper["rear"], "N", "contact force of the rear bumper and tail", display_unit="kN")
     c.output("belly.force", bumper["belly"], "N", "contact force of the belly", display_unit="kN")
     lx, _, lz = place(front + p.lidar.ahead, 0, p.lidar.height)
@@ -294,6 +304,10 @@ def three_axle_trench(vehicle: ThreeAxleTrenchCar, name: str = "ThreeAxleTrench"
     c.output("power.drive", drive_power, "W", "power of the imposed wheel spin", display_unit="kW")
     c.output("power.actuators", actuator_power, "W", "power of all actuators", display_unit="kW")
 
+    c.operating_point("start")
+    c.operating_point("axles at the stops", **{f"suspension.{w.name}.deflection": -0.25 for w in wheels})
+    c.operating_point("deep in the tyres", body__z=-0.25)
+    c.operating_point("body on the ground", body__z=-0.61)
     c.stimulate(_stimulus())
     return c
 
@@ -421,7 +435,9 @@ def _obstacle(c: Component, tip: Any, length: Any) -> tuple[dict[str, Outline], 
     """Declare the obstacle; the ground of each side, and the places the lidar looks at."""
     assumed = "assumed"
     shape = c.parameter("obstacle.shape", 1, None, "0 level road, 1 trench, 2 outline.*", min=0, max=2, source=assumed)
-    start = c.parameter("trench.start", 5.0, "m", "start of the trench; the CG begins at 0", min=-1e3, max=1e3, source=assumed)
+    start = c.parameter(
+        "trench.start", 5.0, "m", "start of the trench; the CG begins at 0", min=-1e3, max=1e3, source=assumed
+    )
     wide = c.parameter("trench.length", 1.4, "m", "length of the trench", min=0.01, max=100.0, source="003 Table 5.2")
     deep = c.parameter("trench.depth", 2.0, "m", "depth of the trench", min=0.01, max=100.0, source=assumed)
     skew = c.parameter(
@@ -451,8 +467,8 @@ def _obstacle(c: Component, tip: Any, length: Any) -> tuple[dict[str, Outline], 
             counts = count > k
             ox.append(ca.if_else(counts, px[k], ox[-1] + 1))
             oz.append(ca.if_else(counts, pz[k], oz[-1]))
-        gaps = ca.vertcat(*(b - a for a, b in zip(ox[:-1], ox[1:], strict=True)))
-        rises = ca.vertcat(*(b - a for a, b in zip(oz[:-1], oz[1:], strict=True)))
+        gaps = ca.vertcat(*(b - a for a, b in pairwise(ox)))
+        rises = ca.vertcat(*(b - a for a, b in pairwise(oz)))
         c.check(ca.if_else(is_outline, gaps + 1e-9, 1), f"{name}.x goes back between two points, so the outline would cross "
                 "itself or overhang: order the points along the road (equal x makes a vertical wall)")  # fmt: skip
         c.check(ca.if_else(is_outline, gaps**2 + rises**2 - 1e-6, 1), f"{name}.x and {name}.z have two neighbouring points in "
@@ -466,7 +482,9 @@ def _obstacle(c: Component, tip: Any, length: Any) -> tuple[dict[str, Outline], 
         trench_x += [begin + wide + k for k in range(1, POINTS - 3)]
         trench_z += [0] * (POINTS - 4)
         level = [begin + k for k in range(POINTS)]
-        gx = [ca.if_else(is_outline, a, ca.if_else(is_trench, b, f)) for a, b, f in zip(ox, trench_x, level, strict=True)]
+        gx = [
+            ca.if_else(is_outline, a, ca.if_else(is_trench, b, f)) for a, b, f in zip(ox, trench_x, level, strict=True)
+        ]
         gz = [ca.if_else(is_outline, a, ca.if_else(is_trench, b, 0)) for a, b in zip(oz, trench_z, strict=True)]
         grounds[side] = Outline(gx, gz)
         if sign > 0:
@@ -490,5 +508,32 @@ def _stimulus() -> dict[str, Any]:
 
 
 _NOTES = (
-    "TODO",
+    "The body moves along the road, heaves, pitches and rolls; yaw and sideways motion are locked. Six wheels slide along "
+    "struts that are fixed in the body, with spring, damper and stops. Angles may be large: a vehicle that falls into the "
+    "trench is computed to the end.",
+    "Wheels are discs. The ground below the outline of an obstacle is taken as convex solids that meet in its concave "
+    "corners; a wheel touches each solid at the point closest to its centre, the force acts along the line between both, "
+    "and the forces of several solids add up (at obtuse corners less, so that a nearly straight road pushes once). A tyre "
+    "has a stiffness, a second one from bottoming on, and a damper that sets in with the first millimetres.",
+    "target.speed is the rolling speed of all wheels and is imposed: the spin does not depend on the torque, and the drives "
+    "are mounted on the body, which takes the reaction. Friction limits traction: mu N tanh(sliding / slip_speed). Speed 0 "
+    "is allowed; the vehicle then stands, and stuck stays 0.",
+    "Bumper tips and the ends of the belly touch the ground, and convex corners of the ground touch the outline of the body. "
+    "belly.force counts the flat belly and its ends; the rising parts before and behind it belong to the bumpers. The stiffness "
+    "is that of both sides of the vehicle together, half of it left and half right.",
+    "Obstacle: obstacle.shape 0 is level road, 1 a trench (trench.*), 2 the polyline outline.left and outline.right of up to "
+    "6 points each, which may differ: step, bump, ditch. Before its first and after its last point the ground is level; "
+    "equal x makes a vertical wall. A trench of depth 0 is refused: for level road set obstacle.shape to 0. Parameters that do "
+    "not fit together (trench behind or longer than the vehicle, an outline that runs back) end initialization with an error.",
+    "Springs are preloaded so that the body rests level at the given heights: another mass or CG changes the preload, not the "
+    "ride height. All z and deflections count from there; the vehicle starts at rest on level road, rolling at target.speed. "
+    "Trench positions count from the first position of the CG. strut.hydropneumatic gives gas springs with the same load and "
+    "stiffness at rest.",
+    "lidar.*.dx is the distance of the obstacle's start and finish ahead of the nose lidar, lidar.*.dz how far the lidar is above "
+    "them, both along the axes of the road, as equations (4.18) to (4.28) of paper 003 need them. They are positions of markers: "
+    "there are values without an obstacle too (those of the trench), and behind the vehicle dx is negative.",
+    "hub.*.fx is the force of the tyre on the hub along the body, what Table 5.3 limits. body.ax and body.az are along the axes of "
+    "the road. stuck is 1 while the speed, smoothed over a second, is below 5 % of target.speed; it is a flag with jumps, not "
+    "meant for Model Exchange root finding. energy minus energy.supplied never grows.",
+    "Wiring: a controller drives force.*. Exchange at 1 ms; impacts of body and ground last some 5 ms.",
 )

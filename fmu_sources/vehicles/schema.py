@@ -216,7 +216,9 @@ class ThreeAxleCar(Vehicle):
 
 
 class _TrenchBody(_RideBody):
-    cg_height: Quantity = quantity("m", "height of the CG above the mean of the wheel centres at rest", min=0.0, max=5.0)
+    cg_height: Quantity = quantity(
+        "m", "height of the CG above the mean of the wheel centres at rest", min=0.0, max=5.0
+    )
     cg_offset: Quantity = quantity(
         "m", "CG ahead of where wheel.*.x has it; wheels and outline stay together", min=-1.0, max=1.0, nominal=0.01
     )
@@ -236,9 +238,7 @@ class _Outline(Section):
 class _Contact(Section):
     stiffness: Quantity = quantity("N/m", "stiffness of the body where it touches the ground", min=1e3, max=1e9)
     damping: Quantity = quantity("N.s/m", "damping of the body where it touches the ground", min=0.0, max=1e7)
-    onset: Quantity = quantity(
-        "m", "penetration over which the damping sets in", min=1e-5, max=0.1, display_unit="mm"
-    )
+    onset: Quantity = quantity("m", "penetration over which the damping sets in", min=1e-5, max=0.1, display_unit="mm")
     friction: Quantity = quantity("1", "friction coefficient of the body on the ground", min=0.0, max=5.0)
 
 
@@ -249,7 +249,9 @@ class _Disc(Section):
     )
     bottoming: Quantity = quantity("m", "penetration at which the tyre bottoms", min=0.01, max=1.0)
     bottoming_stiffness: Quantity = quantity("N/m", "stiffness that bottoming adds", min=0.0, max=1e8)
-    onset: Quantity = quantity("m", "penetration over which the tyre damping sets in", min=1e-5, max=0.1, display_unit="mm")
+    onset: Quantity = quantity(
+        "m", "penetration over which the tyre damping sets in", min=1e-5, max=0.1, display_unit="mm"
+    )
     friction: Quantity = quantity("1", "friction coefficient of the tyres", min=0.01, max=5.0)
     slip_speed: Quantity = quantity(
         "m/s", "sliding speed of the friction law tanh(sliding / slip_speed)", min=0.01, max=10.0
@@ -261,7 +263,9 @@ class _StrutTravel(Section):
     compression: Quantity = quantity("m", "compression from rest at which a stop begins", min=0.005, max=1.0)
     stiffness: Quantity = quantity("N/m", "stiffness of the stops", min=0.0, max=1e8, display_unit="N/mm")
     damping: Quantity = quantity("N.s/m", "damping of the stops", min=0.0, max=1e6, display_unit="kN.s/m")
-    onset: Quantity = quantity("m", "travel over which the damping of a stop sets in", min=1e-5, max=0.1, display_unit="mm")
+    onset: Quantity = quantity(
+        "m", "travel over which the damping of a stop sets in", min=1e-5, max=0.1, display_unit="mm"
+    )
     gas_exponent: Quantity = quantity("1", "polytropic exponent of the gas in a hydropneumatic strut", min=1.0, max=2.0)
 
 

@@ -10,15 +10,10 @@ from pathlib import Path
 import casadi as ca
 import numpy as np
 import pytest
-from built import FMUS
-from fmpy import extract, read_model_description
 from fmpy.fmi1 import FMICallException
-from fmpy.fmi3 import FMU3Slave
+from solver_runs import in_c, in_python
 
-from build_fmus.builder import Options
-from build_fmus.compile import ObjectCache, resolve_platforms
 from build_fmus.component import Component
-from build_fmus.package import build_fmu
 from build_fmus.reference import Evaluator
 from build_fmus.stability import SolverStepError, amplification, check_solver
 
@@ -29,40 +24,6 @@ def declare(step: float = 1e-3) -> Component:
     return Component(
         "Stiff", kind="continuous", description="test of ros2", source="none", solver="ros2", solver_step=step
     )
-
-
-def in_python(c: Component, h: float, end: float) -> np.ndarray:
-    """States at ``end`` with communication steps of ``h`` [s]."""
-    run = Evaluator(c)
-    for _ in range(round(end / h)):
-        run.step(h)
-    return run.x
-
-
-def in_c(c: Component, h: float, end: float, directory: Path, log: list[str] | None = None) -> np.ndarray:
-    """The same by the compiled FMU."""
-    path = directory / "Stiff.fmu"
-    path.write_bytes(build_fmu(c, 3, resolve_platforms("host"), ObjectCache(Options(FMUS).cache / "objects")))
-    folder = extract(str(path), str(directory / "Stiff"))
-    description = read_model_description(folder)
-    fmu = FMU3Slave(
-        guid=description.guid, unzipDirectory=folder, modelIdentifier="Stiff", instanceName="stiff",
-    )  # fmt: skip
-    said = log if log is not None else []
-    fmu.instantiate(
-        logMessage=lambda _environment, _status, _category, message: said.append(message.decode()), loggingOn=True
-    )
-    fmu.enterInitializationMode()
-    fmu.exitInitializationMode()
-    try:
-        for k in range(round(end / h)):
-            fmu.doStep(currentCommunicationPoint=k * h, communicationStepSize=h)
-        references = [
-            v.valueReference for v in description.modelVariables if v.name in {e.name for e in c.elements("state")}
-        ]
-        return np.array(fmu.getFloat64(references))
-    finally:
-        fmu.freeInstance()
 
 
 def nonlinear(step: float) -> Component:
