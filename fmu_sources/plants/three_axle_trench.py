@@ -79,8 +79,9 @@ def three_axle_trench(vehicle: ThreeAxleTrenchCar, name: str = "ThreeAxleTrench"
 
     force = {
         w.name: c.input(
-            f"force.{w.name}", "N", f"actuator force at {w.name}, positive lifts the body and pushes the wheel down"
-        )
+            f"force.{w.name}", "N", f"actuator force at {w.name}, positive lifts the body and pushes the wheel down",
+            nominal=1e4,
+        )  # fmt: skip
         for w in wheels
     }
     target_speed = c.input(
@@ -286,7 +287,9 @@ def three_axle_trench(vehicle: ThreeAxleTrenchCar, name: str = "ThreeAxleTrench"
         c.output(f"contact.{n}.fx", total.fx, "N", "longitudinal force of the ground on the tyre", display_unit="kN")
         c.output(f"contact.{n}.fz", total.fz, "N", "vertical force of the ground on the tyre", display_unit="kN")
         c.output(f"contact.{n}.x", centre[0] + total.px, "m", "where the ground force acts, along the road")
-        c.output(f"contact.{n}.z", centre[2] + total.pz, "m", "where the ground force acts, height")
+        at = centre[2] + total.pz
+        at = ca.if_else(ca.fabs(at) < 1e-9, 0, at)  # rounding on level road is no height
+        c.output(f"contact.{n}.z", at, "m", "where the ground force acts, height")
     c.output(
         "bumper.front.force", bumper["front"], "N", "contact force of the front bumper and nose", display_unit="kN"
     )
