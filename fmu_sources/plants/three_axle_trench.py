@@ -79,9 +79,11 @@ def three_axle_trench(vehicle: ThreeAxleTrenchCar, name: str = "ThreeAxleTrench"
 
     force = {
         w.name: c.input(
-            f"force.{w.name}", "N", f"actuator force at {w.name}, positive lifts the body and pushes the wheel down",
+            f"force.{w.name}",
+            "N",
+            f"actuator force at {w.name}, positive lifts the body and pushes the wheel down",
             nominal=1e4,
-        )  # fmt: skip
+        )
         for w in wheels
     }
     target_speed = c.input(
