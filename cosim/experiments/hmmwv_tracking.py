@@ -394,7 +394,7 @@ def tracking_claims(study: TrackingStudy) -> list[Claim]:
         "ms",
     )
     base = {s: study.error(TrackingCase(s)) for s in PUBLISHED}
-    for signal, limit in (("square", 0.05), ("sweep", 0.15), ("discrete sweep", 0.15)):
+    for signal, limit in (("square", 0.04), ("sweep", 0.12), ("discrete sweep", 0.12)):
         claim(
             f"tracking-{signal.replace(' ', '-')}",
             f"The force follows a {'filtered square wave' if signal == 'square' else signal + ' from 1 to 10 Hz'}",

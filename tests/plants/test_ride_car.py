@@ -455,3 +455,30 @@ def test_mistakes_in_a_file_are_named(tmp_path):
     path.write_text('base = "sedan"\n[wheel.rear]\nmass = { value = -1, unit = "kg", source = "me" }\n')
     with pytest.raises(VehicleError, match=r"wheel\.rear\.mass: -1 kg is out of range"):
         load_ride_car(path)
+
+
+def test_friction_and_lift_off_of_a_file(tmp_path):
+    """Any ride car may have both; a friction needs both of its values, by name."""
+    path = tmp_path / "mine.toml"
+    head = 'base = "sedan"\ntires_lift_off = true\n[suspension.rear.friction]\n'
+    force = 'force = { value = 0.2, unit = "kN", source = "me" }\n'
+    path.write_text(head + force + 'speed = { value = 0.02, unit = "m/s", source = "me" }\n')
+    car = ride_car(load_ride_car(path))
+    assert car.variable("tires.lift_off").start == (1.0,)
+    assert car.variable("suspension.rl.friction.force").start == (200.0,)
+    assert not [e for e in car.elements("parameter") if "fl.friction" in e.name]
+    run = Evaluator(car, {"friction.acting": True})
+    run.x = [0.0] * 7 + [1.0] + [0.0] * 6
+    sliding, smooth = (Evaluator(car, {"friction.acting": on}).rhs(0.0, run.x)[7] for on in (True, False))
+    assert (sliding - smooth) * 1460.0 == pytest.approx(-2 * 200.0, rel=1e-3)
+    path.write_text(head + force)
+    with pytest.raises(VehicleError, match=r"suspension\.rear\.friction\.speed: missing; write speed = \{ value"):
+        load_ride_car(path)
+    path.write_text(head + force + "velocity = 1\n")
+    with pytest.raises(
+        VehicleError, match=r"suspension\.rear\.friction\.velocity: unknown field; known here: force, speed"
+    ):
+        load_ride_car(path)
+    path.write_text('base = "sedan"\ntires_lift_off = "perhaps"\n')
+    with pytest.raises(VehicleError, match=r"tires_lift_off: .*bool.*perhaps"):
+        load_ride_car(path)
