@@ -57,7 +57,7 @@ def run(
     """One run: absorbed power and the rest beside the passive car's; time histories as CSV."""
     from cosim import ComponentError, Interrupted
     from cosim.experiments.cases import FmuSet
-    from cosim.experiments.hmmwv import Case, HmmwvBench, evaluate
+    from cosim.experiments.hmmwv import Case, HmmwvBench, evaluate, remarks
 
     case = Case(
         road, controller, actuators, states, preview, speed, variant, preview_steps, preview_error, flow_limit, friction
@@ -79,6 +79,8 @@ def run(
         cells = [form.format(scale * m[key]) if key in m else "-" for m in measured.values()]
         table.add_row(Text(label), *cells)
     Console().print(table)
+    for remark in remarks(recording):
+        console.print(f"note: {remark}")
     summary = path.with_suffix(".json")
     summary.write_text(json.dumps(measured, indent=1) + "\n")
     console.print(f"{path} and {summary.name}; {recording.real_time_factor:.0f}x real time")

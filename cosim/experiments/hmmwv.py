@@ -400,9 +400,24 @@ def recorded(case: Case) -> list[str]:
                 names += [f"tracking_{k}.force.smoothed", f"tracking_{k}.valve.saturated"]
         if CONTROLLERS[case.controller] is not None:
             names.append(f"controller.force.{k}")
+    if case.road != "off-road":
+        names += [f"road.{flag}" for flag in ROAD_FLAGS]
     if CONTROLLERS[case.controller] == "MpcHmmwv":
         names += ["controller.solver.status", "controller.solver.iterations", "controller.solver.residual"]
     return names
+
+
+ROAD_FLAGS = {
+    "height_above_travel": "a bump is higher than the travel of the suspension",
+    "bumps_beyond_end": "a bump lies beyond the end of the road",
+}
+
+
+def remarks(recording: Recording) -> list[str]:
+    """What a road reports of its bumps."""
+    return [
+        text for flag, text in ROAD_FLAGS.items() if f"road.{flag}" in recording and recording[f"road.{flag}"].any()
+    ]
 
 
 # ---------------------------------------------------------------------- evaluating

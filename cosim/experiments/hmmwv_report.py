@@ -430,7 +430,8 @@ def _limits(study: Study) -> Section:
             "controllers are designed on.",
             "Roads: the bumps' shape, which bumps stood where and the off-road terrain are not in the paper. A bump is a parabola "
             f"0.305 m long smoothed over 0.25 m of contact, {' and '.join(f'{1e3 * h:g} mm' for h in BUMPS['track'].values())} high on the "
-            "track; off road is class E of ISO 8608.",
+            f"track; off road is class E of ISO 8608. The bump of {1e3 * BUMPS['bump'][1]:g} mm is higher than the 60 mm of travel, which the "
+            "road reports: what the contact does not smooth away, body and tyres must take.",
             "The weights of the LQR are taken in SI units with the force in newtons; taken in kilonewtons the regulator works "
             "up to its limit of 8 kN. Both are in the table. The force rate of MPC is 5000 N per step of 30 ms; read as printed, "
             "per second, MPC would hardly move.",

@@ -152,6 +152,11 @@ def test_a_case_leaves_nothing_behind_in_its_system(bench):
     assert again == first
 
 
+def test_a_bump_above_the_travel_is_reported(bench):
+    told = {road: hmmwv.remarks(bench.record(Case(road, "passive", duration=0.5))) for road in ROADS}
+    assert told == {"track": [], "bump": ["a bump is higher than the travel of the suspension"], "off-road": []}
+
+
 def test_places_of_the_bump_cover_one_control_period():
     cases = hmmwv.over_variants(Case("track", "lqr"))
     assert [c.variant for c in cases] == list(range(6))
