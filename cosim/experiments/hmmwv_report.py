@@ -147,8 +147,8 @@ def _overview(study: Study) -> Section:
                     "tyre off the ground [%]", "force rms [N]",
                 ],
                 rows,
-                "Expected: an independent calculation of the same vehicle. Tyre off the ground: part of the time in which the linear "
-                "tyre pulls, which a real one cannot.",
+                "Expected: an independent calculation of the same vehicle, partly with tyres that pull. Tyre off the ground: part of the "
+                "time that a tyre has lost its static load.",
             )
         ],
     )  # fmt: skip
@@ -375,7 +375,8 @@ def _actuators(study: Study) -> Section:
                     "valve saturated [%]", "force error rms [N]", "absorbed power [W]", "with flow limit [W]",
                 ],
                 rows,
-                "Mean flow: over bumps the largest mean over 1 s, off road that of the run.",
+                "Mean flow: over bumps the largest mean over 1 s, off road that of the run. With flow limit: two places of the bump, "
+                "or two stretches, only.",
             )
         ],
     )  # fmt: skip

@@ -19,7 +19,7 @@ from cosim.experiments.store import RunStore
 
 WITHOUT_PREVIEW = ("zero", "skyhook", "lqr")  # the published controllers that know no road, apart from MPC
 PUBLISHED = ("passive", *WITHOUT_PREVIEW, "mpc", "mpc-preview")
-ESTIMATED = ("skyhook", "lqr", "mpc", "mpc-preview")
+ESTIMATED = ("lqr", "mpc", "mpc-preview")
 LIMITED = (*WITHOUT_PREVIEW, "mpc", "mpc-preview")  # controllers that are also run with the pump's flow limit
 NULL_OPENINGS_MM = (4.0, 5.0, 6.75)  # what is plausible for an unpowered spool
 LENGTHS = (1, 2, 3, 4, 6, 8, 11, PREVIEW_STEPS)  # steps of preview; MPC has 0
