@@ -12,6 +12,7 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
+import scipy.linalg
 
 from build_fmus.component import Component
 from fmu_sources.controllers.hmmwv_states import (
@@ -153,12 +154,14 @@ def kalman_hmmwv(
         inverse = np.linalg.inv(np.linalg.cholesky(f.model.R))
         return inverse @ m.C, inverse
 
-    seen = last_y - ca.DM(m.D) @ last_u - ca.DM(m.F) @ rate
+    lost = _LostPull(c, car, period)
+    seen = last_y - ca.DM(m.D) @ last_u - ca.DM(m.F) @ rate - ca.DM(lost.measured) @ lost.force(x)
     gain, left = _sequential(covariance, chosen(lambda f: whitened(f)[0]))
     gain = ca.if_else(varying > 0.5, gain @ chosen(lambda f: whitened(f)[1]), chosen(lambda f: f.gain))
     corrected = x + gain @ (seen - ca.DM(m.C) @ x)
     A = chosen(lambda f: f.A)
-    predicted = A @ corrected + ca.DM(m.B) @ last_u + ca.DM(m.E) @ rate + chosen(lambda f: f.Y) @ seen
+    driven = ca.DM(m.B) @ ((last_u + u) / 2) + ca.DM(m.E) @ rate + ca.DM(lost.driving) @ lost.force(corrected)
+    predicted = A @ corrected + driven + chosen(lambda f: f.Y) @ seen
     prior = ca.if_else(begun > 0.5, predicted, x)
     spread = A @ left @ A.T + chosen(lambda f: f.Q)
     spread = ca.if_else(begun > 0.5, (spread + spread.T) / 2, covariance)
@@ -174,7 +177,8 @@ def kalman_hmmwv(
     gain = ca.if_else(varying > 0.5, gain_now @ ca.DM(root), ca.if_else(used, ca.DM(steady[1][0]), ca.DM(steady[0][0])))
     variance = ca.if_else(used, ca.DM(np.diag(steady[1][1])), ca.DM(np.diag(steady[0][1])))
     variance = ca.if_else(varying > 0.5, ca.diag(posterior_now), variance)
-    estimate = prior + gain @ (y - ca.DM(m.D) @ u - ca.DM(m.C) @ prior)
+    expected = ca.DM(m.C) @ prior + ca.DM(m.D) @ u + ca.DM(lost.measured) @ lost.force(prior)
+    estimate = prior + gain @ (y - expected)
 
     # ------------------------------------------------------------------------------------------------------------ pose
 
@@ -313,6 +317,42 @@ def _sequential(covariance: Any, C: Any) -> tuple[Any, Any]:
     return gain, P
 
 
+class _LostPull:
+    """What the linear tyres pull and those of the car do not, once they have lost their static load.
+
+    ``force(x)`` (4,) [N] on the wheels, for estimates x; ``driving`` (15, 4) and ``measured`` (12, 4) are what it does to the
+    states over a sample and to the measurements.
+    """
+
+    def __init__(self, c: Component, car: Component, period: float) -> None:
+        model, lin = relative_model(car), car.linearize()
+        wheels = [RELATIVE_STATES.index(f"wheel.{k}.vz") for k in CORNERS]
+        self._tires = [RELATIVE_STATES.index(n) for n in TIRE]
+        per_mass = -model.B[wheels, range(4)]  # an actuator force pushes the wheel down
+        self._stiffness = -model.A[wheels, self._tires] / per_mass
+        at_rest = np.asarray(
+            car.functions["out"](0.0, np.zeros(len(lin.states)), car.vector("input"), car.vector("parameter"))
+        )
+        slots = {e.name: e.slot for e in car.elements("output")}
+        self._static = at_rest.ravel()[[slots[f"tire.{k}.force"] for k in CORNERS]]
+        self._lifting = c.parameter(
+            "tires.lift_off", bool(car.variable("tires.lift_off").start[0]), None, "the tyres of the model do not pull",  # type: ignore[index]
+            tunable=True, source="vehicle file",
+        )  # fmt: skip
+        inputs = np.zeros((15, 4))
+        inputs[wheels, range(4)] = per_mass
+        block = np.zeros((19, 19))
+        block[:15] = np.hstack([model.A, inputs])
+        self.driving = scipy.linalg.expm(block * period)[:15, 15:]
+        self.measured = np.zeros((len(_SENSORS), 4))
+        self.measured[[_SENSORS.index(f"hub.{k}.az") for k in CORNERS], range(4)] = per_mass
+
+    def force(self, x: Any) -> Any:
+        """Lost pull [N] of each tyre."""
+        beyond = ca.DM(self._stiffness) * x[self._tires] - ca.DM(self._static)
+        return ca.if_else(self._lifting > 0.5, ca.fmax(beyond, 0), 0)
+
+
 def _corner_heights(car: Component) -> np.ndarray:
     """Heights of the body above the wheels (4,) per heave, roll and pitch."""
     lin = car.linearize()
@@ -348,6 +388,9 @@ _NOTES = (
     "the road one sample ahead to make up for it). Where road.valid, its differences drive the model and only a rest of "
     "the road's rate (0.001 m2/s) is noise; elsewhere the filter goes on as without road. The rate over a sample is known at its end, "
     "so each measurement is weighed anew one sample later.",
+    "Between samples forces are the mean of both ends. tires.lift_off: a tyre of the model that has lost its static load pulls no more, as "
+    "in RideCarHmmwv: what the linear model has too much is taken off, the gain stays. It matters on a known road; without one an "
+    "accelerometer on a wheel that flies does not tell how high.",
     "body.z, body.roll, body.pitch: the integrals of the estimated rates, which fade within pose.leak (5 s), so a slope or a step of the "
     "road is forgotten; a pose that lasts is not observable without road. On a known road they also follow, within pose.correction "
     "(1 s), the pose that suspension, tyres and road give. Following it at once is unstable: an error of the buffered road tilts "

@@ -249,7 +249,9 @@ class Truth:
         self.measured = exact + SIGMA * rng.standard_normal(exact.shape)
 
     def drive(self, component, with_road=False, **parameters):
-        """Estimates, their sigmas and the poses over the run."""
+        """Estimates, their sigmas and the poses over the run. The car of this truth is linear: its tyres can pull."""
+        if component.name == "KalmanHmmwv":
+            parameters = {"tires__lift_off": 0, **parameters}
         run = Run(component, **parameters)
         rows = []
         for measured, forces, heights in zip(self.measured, self.forces, self.heights, strict=True):
@@ -320,6 +322,42 @@ def test_the_printed_filter_is_right_on_a_flat_road(car, printed):
     estimate, sigma, _ = flat.drive(printed)
     assert np.mean(np.abs(estimate - flat.states) <= 3 * sigma) > 0.9
     assert np.abs((estimate - flat.states)[:, [RELATIVE_STATES.index(n) for n in SUSPENSION]]).max() < 2e-3
+
+
+def test_tyres_that_lift_off(car, relative):
+    """The car itself over a bump of 76 mm on a known road: a filter whose tyres do not pull either is nearer to it."""
+    lin = car.linearize()
+    at = {n: i for i, n in enumerate(lin.inputs)}
+    outputs = {e.name: i for i, e in enumerate(car.output_elements())}
+    rhs, out = car.functions["rhs"], car.functions["out"]
+    x, u, p = np.zeros(14), car.vector("input"), car.vector("parameter")
+    slots = {e.name: e.slot for e in car.elements("output")}
+    runs = {off: Run(relative, use_road=1, tires__lift_off=off) for off in (0, 1)}
+    h, errors, tires = 5e-4, {0: [], 1: []}, []
+    assert set(outputs) >= set(RELATIVE_STATES)
+    for k in range(2400):
+        heights, after = bump(k * h), bump((k + 1) * h)
+        u[[at[n] for n in ROAD_HEIGHTS]] = heights
+        u[[at[n] for n in ROAD_RATES]] = (after - heights) / h
+        if k % 10 == 0:
+            y = np.asarray(out(0.0, x, u, p)).ravel()
+            y = {n: y[slots[n]] if n in slots else x[lin.states.index(n)] for n in outputs}
+            chassis = [
+                y["body.az"] - a * y["body.pitch_acceleration"] + b * y["body.roll_acceleration"]
+                for a, b in ((FRONT, HALF_TRACK), (REAR, -HALF_TRACK))
+            ]
+            exact = [*(y[n] for n in SUSPENSION), *(y[f"wheel.{c}.az"] for c in CORNERS), *chassis]
+            exact += [y["body.pitch_rate"], y["body.roll_rate"]]
+            true = np.array([y[n] for n in RELATIVE_STATES])
+            tires.append(max(true[4:8]))
+            for off, run in runs.items():
+                run.set(**dict(zip(MEASURED, exact, strict=True)), **dict(zip(ROAD_HEIGHTS, heights, strict=True)))
+                errors[off].append((run.estimates(run.tick()) - true)[4:8])
+        k1 = np.asarray(rhs(0.0, x, u, p)).ravel()
+        x = x + h * np.asarray(rhs(0.0, x + h / 2 * k1, u, p)).ravel()
+    assert max(tires) > 0.020, "the wheels leave the ground, 16 mm above rest"
+    linear, lifting = (np.sqrt(np.mean(np.square(errors[off]))) for off in (0, 1))
+    assert lifting < 0.5 * linear
 
 
 # ------------------------------------------------------------------------------------------------------------------- pose
