@@ -12,7 +12,7 @@ from rich.markup import escape
 from rich.table import Table
 from typer.core import TyperGroup
 
-from cosim.experiments import cli_bench, cli_gpc, cli_hmmwv, cli_preview_lq
+from cosim.experiments import cli_bench, cli_gpc, cli_hmmwv, cli_preview_lq, cli_three_axle
 
 console = Console(stderr=True, highlight=False, soft_wrap=True)
 
@@ -39,7 +39,13 @@ app.add_typer(run_app, name="run")
 app.add_typer(study_app, name="study")
 app.add_typer(identify_app, name="identify")
 
-EXPERIMENTS: dict[str, Any] = {"bench": cli_bench, "gpc": cli_gpc, "hmmwv": cli_hmmwv, "preview-lq": cli_preview_lq}
+EXPERIMENTS: dict[str, Any] = {
+    "bench": cli_bench,
+    "gpc": cli_gpc,
+    "hmmwv": cli_hmmwv,
+    "preview-lq": cli_preview_lq,
+    "three-axle": cli_three_axle,
+}
 for _name, _module in EXPERIMENTS.items():
     run_app.command(_name)(_module.run)
     study_app.command(_name)(_module.study)

@@ -1,0 +1,89 @@
+"""Commands of the experiment ``three-axle``."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+from rich.table import Table
+from rich.text import Text
+
+from cosim.experiments.cli_options import Fmus, Out, Version, console, make_folder, progress_bar
+
+TITLE = "6x6 on shallow trenches: LQR and predictive control with preview (paper 003)"
+OPTIONS = (
+    "--speed KM/H  --depth M  --system passive|lqr|mpc|mpc-preview  --estimator measured|offsets|road  --hold-height"
+)
+_ROWS = {
+    "peak pitch error at the trench [deg]": ("peak_error_deg", "{:.4f}"),
+    "rms pitch error at the trench [deg]": ("rms_error_deg", "{:.4f}"),
+    "rms pitch error on the ramp [deg]": ("ramp_error_deg", "{:.4f}"),
+    "steady pitch error [deg]": ("steady_error_deg", "{:.4f}"),
+    "peak heave [m]": ("peak_heave_m", "{:.3f}"),
+    "rms vertical acceleration at the trench [m/s2]": ("rms_az", "{:.3f}"),
+    "peak force [kN]": ("peak_force_kN", "{:.1f}"),
+    "force before the edge [kN]": ("force_before_edge_kN", "{:.2f}"),
+    "largest slack [-]": ("slack", "{:.3f}"),
+}
+
+
+def run(
+    speed: Annotated[float, typer.Option(help="speed [km/h]")] = 5.0,
+    depth: Annotated[float, typer.Option(help="depth of the trench [m]")] = 0.15,
+    system: Annotated[str, typer.Option(help="passive, lqr, mpc or mpc-preview")] = "mpc-preview",
+    estimator: Annotated[
+        str, typer.Option(help="of the predictive controllers: measured, offsets or road")
+    ] = "offsets",
+    hold_height: Annotated[bool, typer.Option(help="weigh the height of the body too")] = False,
+    fmus: Fmus = Path("fmus"),
+    fmi: Version = 3,
+    out: Out = Path("results"),
+) -> None:
+    """One run over a shallow trench and a pitch reference; metrics beside the passive vehicle's, time histories as CSV."""
+    from cosim.experiments.cases import FmuSet
+    from cosim.experiments.three_axle import Case, ThreeAxleBench, metrics
+
+    case = Case(speed, depth, system, estimator, hold_height)
+    bench = ThreeAxleBench(FmuSet(fmus, fmi))
+    path = make_folder(out / "three-axle") / f"{case.label}.csv"
+    recording = bench.record(case, csv=path)
+    measured = {system: metrics(recording, case)}
+    if system != "passive":
+        measured = {"passive": bench.measure(Case(speed, depth, "passive")), **measured}
+    table = Table("metric", *measured, box=None)
+    for label, (key, form) in _ROWS.items():
+        table.add_row(Text(label), *(form.format(m[key]) if key in m else "-" for m in measured.values()))
+    Console().print(table)
+    summary = path.with_suffix(".json")
+    summary.write_text(json.dumps(measured, indent=1) + "\n")
+    console.print(f"{path} and {summary.name}; {recording.real_time_factor:.0f}x real time")
+    bench.close()
+
+
+def study(
+    fmus: Fmus = Path("fmus"),
+    fmi: Version = 3,
+    out: Out = Path("results"),
+    processes: Annotated[int | None, typer.Option(help="worker processes (default: all cores)", min=1)] = None,
+) -> None:
+    """Table 5.1, Figures 5.4 to 5.14 and the claims on them; writes results/three-axle/report.html."""
+    from cosim.experiments import three_axle_report, three_axle_study
+    from cosim.experiments.cases import FmuSet
+    from cosim.experiments.three_axle import FMUS
+
+    chosen = FmuSet(fmus, fmi)
+    for name in FMUS:
+        chosen.path(name)  # every file is there before the work begins
+    runs = make_folder(out / "three-axle" / ".runs")
+    with progress_bar("study three-axle") as progress:
+        try:
+            result = three_axle_study.study(chosen, runs, processes=processes, progress=progress)
+        except KeyboardInterrupt:
+            raise KeyboardInterrupt(
+                "interrupted; finished runs are kept, the same command goes on from there"
+            ) from None
+    path = three_axle_report.write(result, chosen, out / "three-axle")
+    console.print(f"report: {path}")
