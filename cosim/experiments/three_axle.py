@@ -67,11 +67,15 @@ class ThreeAxleBench:
         self.fmus = fmus
         self._systems: dict[str, System] = {}
 
+    def system(self, name: str) -> System:
+        """The wired system of one of :data:`SYSTEMS`."""
+        if name not in self._systems:
+            self._systems[name] = wire(self.fmus, name)
+        return self._systems[name]
+
     def record(self, case: Case, *, duration: float = DURATION, csv: Path | None = None) -> Recording:
         """Run one case and return its recording at 200 Hz."""
-        if case.system not in self._systems:
-            self._systems[case.system] = wire(self.fmus, case.system)
-        system = self._systems[case.system]
+        system = self.system(case.system)
         system["speed"].set({"start.speed": case.speed_kmh / 3.6, "start.x": 0.0})
         system["road"].set({"trench.depth": case.depth})
         if case.system.startswith("mpc"):
