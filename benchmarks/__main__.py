@@ -12,7 +12,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from benchmarks import hmmwv_real_time
+from benchmarks import hmmwv_real_time, mpc_solvers
 from benchmarks.master_cost import measure
 from cosim import System
 from cosim.experiments import gpc_study
@@ -49,13 +49,15 @@ def main() -> None:
         "hydraulic HMMWV, simulated time / processor time of one core": hmmwv_real_time.measure(),
         "cosim study gpc": study(),
     }
+    programs = mpc_solvers.solvers()
+    Console(width=200).print(mpc_solvers.table(programs))
     for title, rows in results.items():
         table = Table(title, "", box=None)
         for name, value in rows.items():
             table.add_row(escape(name), f"{value:.3g}")
         Console().print(table)
     if sys.argv[1:2] == ["--json"]:
-        Path(sys.argv[2]).write_text(json.dumps(results, indent=1) + "\n")
+        Path(sys.argv[2]).write_text(json.dumps({**results, **programs}, indent=1) + "\n")
 
 
 if __name__ == "__main__":

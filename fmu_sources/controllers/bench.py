@@ -15,6 +15,7 @@ import numpy as np
 from scipy import linalg
 
 from build_fmus.component import Component, Linearization
+from build_fmus.qp import Daqp, Osqp
 from fmu_sources.controllers.mpc import Horizon, Input, Mpc, MpcModel, Output, mpc_component
 from fmu_sources.controllers.mpc_model import in_states
 
@@ -28,6 +29,7 @@ WEIGHTS = (
 FORCE_WEIGHT = 0.01  # 1/N2, same source
 FORCE_LIMIT = 8.0  # N, 002 section V
 LQR_PERIOD, MPC_PERIOD = 2e-3, 10e-3  # s, assumed
+BACKENDS = (Osqp(), Daqp())  # the first is the default: benchmarks/README.md
 HORIZON = 50  # periods of the MPC: 0.5 s, the length of the longer bump; assumed
 
 
@@ -102,6 +104,7 @@ def mpc_bench(car: Component, name: str = "MpcBench", cost: Literal["force", "mo
         name=name,
         description=f"MPC of the quarter-car bench (paper 002), weight on the {what}",
         source="002 equations (14) to (20); weights and horizons assumed",
+        backend=BACKENDS,
         notes=(
             f"The index is that of LqrBench, summed over {HORIZON} periods of {1e3 * MPC_PERIOD:g} ms; its input weight acts "
             f"on the {what}. |force| <= {FORCE_LIMIT:g} N is hard.",

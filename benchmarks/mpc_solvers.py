@@ -1,0 +1,203 @@
+"""Solvers of the MPC's quadratic programs: time per step, residual, command against an independent solver.
+
+The programs are those of published runs: a controller's inputs are recorded from a co-simulation and fed to its Python
+evaluation, which gives the data of each step. The C code that is timed is that of the FMUs. Each run is repeated and each
+step counts with its fastest repetition, so that other work on the machine does not show.
+"""
+
+from __future__ import annotations
+
+import time
+import warnings
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
+
+from build_fmus.component import Component
+from build_fmus.qp_solve import CompiledPrograms, solve_reference
+from build_fmus.reference import Evaluator
+from cosim import Recording, System, UnconnectedInputsWarning
+from cosim.experiments.bench import BUMP_DURATIONS, Bench, Case
+from cosim.experiments.cases import FmuSet
+from cosim.experiments.three_axle import ThreeAxleBench
+from fmu_sources.catalog import Context, default_catalog
+from fmu_sources.controllers import bench, mpc_hmmwv, mpc_three_axle
+from fmu_sources.controllers.mpc_qp import CondensedQp
+from fmu_sources.controllers.mpc_settings import Mpc
+from fmu_sources.plants import quarter_car, ride_car
+from fmu_sources.vehicles import load_quarter_car, load_ride_car, load_three_axle
+
+BACKENDS = ("osqp", "daqp")
+REPETITIONS = 5
+THREE_AXLE: dict[str, float] = {"estimator": 1, "hold_height": False, "retraction": 0}
+
+
+@dataclass(frozen=True)
+class Problems:
+    """Data of all steps of some runs (steps, n_data) of one controller, run by run."""
+
+    make: Callable[[], Component]
+    mpc: Mpc
+    runs: list[np.ndarray]
+    limit: float  # command that errors are related to
+
+
+def make(name: str) -> Component:
+    """A component of the catalog."""
+    return default_catalog()[name].make(Context(FmuSet().directory, FmuSet().directory / ".cache"))
+
+
+def problems(
+    name: str,
+    mpc: Mpc,
+    recordings: list[tuple[Recording, dict[str, float]]],
+    limit: float,
+    parameters: dict[str, float] | None = None,
+) -> Problems:
+    """Programs of recorded runs; each input is looked up under its own name, or has the value given beside the recording."""
+    component = make(name)
+    component.choose_backend("daqp")
+    inputs = component.elements("input")
+    runs = []
+    for recording, values in recordings:
+        source = {n.split(".", 1)[1]: n for n in recording if not n.startswith("controller.")}
+        every = round(component.sample_time / (recording.time[1] - recording.time[0]))  # type: ignore[operator]
+        evaluator, data = Evaluator(component, parameters), []
+        for k in range(0, len(recording) - 1, every):
+            for e in inputs:
+                if e.name in values:
+                    evaluator.u[e.slot] = values[e.name]
+                elif e.name in source:
+                    evaluator.u[e.slot] = recording[source[e.name]][k]
+            args = (recording.time[k], evaluator.x, evaluator.u, evaluator.p)
+            data.append(np.asarray(component.functions["programs"](*args)).ravel())
+            evaluator.step(component.sample_time)  # type: ignore[arg-type]
+        runs.append(np.array(data))
+    return Problems(lambda: make(name), mpc, runs, limit)
+
+
+def measure(given: Problems, backend: str) -> dict[str, float]:
+    """Times [ms], iterations, residual and error of the command over all steps."""
+    component = given.make()
+    component.choose_backend(backend)
+    program = component.programs[0]
+    n, m = program.n, program.m
+    qp = CondensedQp(given.mpc)
+    nu = len(given.mpc.model.inputs)
+    unit = qp.columns[:nu] / given.limit
+    times, results = [], []
+    for data in given.runs:
+        fastest = np.full(len(data), np.inf)
+        for _ in range(REPETITIONS):
+            solver, solutions = CompiledPrograms(component), []
+            for k, row in enumerate(data):
+                begin = time.perf_counter_ns()
+                solution = solver.solve(row)
+                fastest[k] = min(fastest[k], time.perf_counter_ns() - begin)
+                solutions.append(solution)
+        times.append(fastest * 1e-6)
+        for row, solution in zip(data, solutions, strict=True):
+            case = round(row[-1])
+            wanted = solve_reference(
+                program.hessians[case], row[:n], program.constraints[case], row[n : n + m], row[n + m : n + 2 * m]
+            )
+            error = np.abs((solution[:nu] - wanted.z[:nu]) * unit).max()
+            results.append((solution[n + m], solution[n + m + 1], solution[n + m + 2], error))
+    took, (status, iterations, residual, error) = np.concatenate(times), np.array(results).T
+    return {
+        "steps": len(took),
+        "mean [ms]": float(took.mean()),
+        "p99 [ms]": float(np.quantile(took, 0.99)),
+        "p99 / half the sample time": float(np.quantile(took, 0.99) / (0.5e3 * given.mpc.model.period)),
+        "iterations, most": float(iterations.max()),
+        "residual, largest": float(residual.max()),
+        "command error, largest": float(error.max()),
+        "steps not solved": float((status > 0).sum()),
+    }
+
+
+def bench_runs(system: str) -> list[tuple[Recording, dict[str, float]]]:
+    """The published runs of the bench."""
+    runs = Bench(FmuSet())
+    cases = [*(Case(system, "bump", d) for d in BUMP_DURATIONS), Case(system, "random")]
+    recordings = [(runs.record(c), dict[str, float]()) for c in cases]
+    runs.close()
+    return recordings
+
+
+def hmmwv_runs() -> list[tuple[Recording, dict[str, float]]]:
+    """At 20 mph with and without preview: speed bumps of paper 001 as they are and four times as high; off road."""
+    recordings = []
+    fmus = FmuSet()
+    for road, scale, duration in (("RoadBumps", 1.0, 4.0), ("RoadBumps", 4.0, 4.0), ("RoadOffroadHmmwv", 1.0, 10.0)):
+        for preview in (0.0, 1.0):
+            with System() as system:
+                system.add("speed", fmus.path("SpeedProfile"))
+                system.add("road", fmus.path(road))
+                system.add("car", fmus.path("RideCarHmmwv"), step="1 ms")
+                system.add("controller", fmus.path("MpcHmmwv"))
+                parameters = system["road"].description.parameters
+                heights = [n for n in parameters if n.startswith("bump.height")]
+                system["road"].set({n: scale * parameters[n].start for n in heights})
+                system["speed"].set({"start.speed": 20 * 0.44704, "start.x": 0.0})
+                system["controller"].set({"use_preview": bool(preview)})
+                system.connect("speed.x", "road.x")
+                system.connect("speed.speed", "road.speed")
+                for pair in (("road", "car"), ("road", "controller"), ("car", "controller"), ("controller", "car")):
+                    system.connect_matching(*pair)
+                recording = system.run(duration, record=["car.*", "road.preview.*"], record_interval="30 ms")
+            recordings.append((recording, {"use_preview": preview}))
+    return recordings
+
+
+def three_axle_runs() -> list[tuple[Recording, dict[str, float]]]:
+    """The 6x6 through a shallow trench of 0.25 m at 10 km/h, without and with preview, then the pitch ramp."""
+    runs = ThreeAxleBench(FmuSet())
+    system = runs.system("MpcThreeAxle")
+    recordings = []
+    for preview in (0.0, 1.0):
+        system["speed"].set({"start.speed": 10 / 3.6, "start.x": 0.0})
+        system["road"].set({"trench.depth": 0.25})
+        system["controller"].set({**THREE_AXLE, "use_preview": bool(preview)})
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", UnconnectedInputsWarning)
+            recording = system.run(20.0, record=["car.*", "road.preview.*", "reference.*"], record_interval="5 ms")
+        recordings.append((recording, {"use_preview": preview, "case": 0.0}))
+    runs.close()
+    return recordings
+
+
+def solvers() -> dict[str, dict[str, float]]:
+    """All controllers with all back ends."""
+    small = quarter_car(load_quarter_car("quarter_car_bench"), name="QuarterCarBench")
+    car = ride_car(load_ride_car("ride_car_hmmwv"), name="RideCarHmmwv")
+    given = {
+        "MpcBench": problems("MpcBench", bench.bench_mpc(small), bench_runs("mpc"), bench.FORCE_LIMIT),
+        "MpcBenchMoves": problems(
+            "MpcBenchMoves", bench.bench_mpc(small, "moves"), bench_runs("mpc-moves"), bench.FORCE_LIMIT
+        ),
+        "MpcHmmwv": problems("MpcHmmwv", mpc_hmmwv.hmmwv_mpc(car), hmmwv_runs(), 8000.0),
+    }
+    results = {f"{name}, {backend}": measure(p, backend) for name, p in given.items() for backend in BACKENDS}
+    large = ride_car(load_three_axle("three_axle"), name="ThreeAxleRide")
+    mpc = mpc_three_axle.three_axle_mpc(mpc_three_axle.combined_gains(mpc_three_axle.ride_model(large))[0])
+    parameters = {k: float(v) for k, v in THREE_AXLE.items()}
+    crossing = problems("MpcThreeAxle", mpc, three_axle_runs(), 150e3, parameters)
+    return {**results, "MpcThreeAxle, daqp": measure(crossing, "daqp")}
+
+
+def table(results: dict[str, dict[str, float]]) -> Table:
+    """One row per controller and back end."""
+    columns = list(next(iter(results.values())))
+    shown = Table("quadratic programs", *(escape(c) for c in columns), box=None)
+    for name, row in results.items():
+        shown.add_row(name, *(f"{row[c]:.2g}" if row[c] < 1000 else f"{row[c]:.0f}" for c in columns))
+    return shown
+
+
+if __name__ == "__main__":
+    Console(width=200).print(table(solvers()))
