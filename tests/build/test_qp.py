@@ -13,8 +13,8 @@ import pytest
 from build_fmus import generate, package, qp_sources
 from build_fmus.component import Component, DeclarationError
 from build_fmus.description import model_description
-from build_fmus.qp import Daqp, Osqp, ProgramError
-from build_fmus.qp_solve import solve_reference
+from build_fmus.qp import Daqp, Osqp, ProgramError, generate_data
+from build_fmus.qp_solve import CompiledPrograms, solve_reference
 from build_fmus.reference import Evaluator
 
 H = np.diag([1.0, 2.0])
@@ -128,6 +128,25 @@ def test_two_programs_with_two_solvers() -> None:
     np.testing.assert_allclose(u[:2], solve_reference(H, run.u, A, -np.ones(2), np.ones(2)).z, atol=1e-12)
     np.testing.assert_allclose(u[2:], solve_reference(H, -2 * run.u, A, -np.ones(2), [0.5, 2.0]).z, atol=1e-8)
     assert {n.split("/")[0] for n in generate.solver_files(c) if "/" in n} == {"daqp", "osqp"}
+
+
+def test_cases_that_differ_in_bounds_alone_share_their_constants() -> None:
+    c = sampled()
+    hessians = [np.eye(2), 2 * np.eye(2), np.eye(2), 2 * np.eye(2), 3 * np.eye(2)]
+    case = c.input("case", None, "case", type=int)
+    c.quadratic_program(
+        "solver", hessians=hessians, constraints=np.eye(2), linear=[-8.0, 8.0], lower=-1.0 - case, upper=1.0 + case, case=case
+    )  # fmt: skip
+    code = generate_data(c.programs)
+    assert code.count("static const double qp0_hessian") == 3
+    assert code.count("static const double qp0_constraints") == 1
+    run = Evaluator(c)
+    for k in range(5):
+        run.u[run.component.size("input") - 1] = k
+        data = np.asarray(c.functions["programs"](0.0, run.x, run.u, run.p)).ravel()
+        z = CompiledPrograms(c).solve(data)[:2]
+        weight = hessians[k][0, 0]
+        np.testing.assert_allclose(z, np.array([1.0, -1.0]) * min(8.0 / weight, 1.0 + k), atol=1e-9)
 
 
 def test_initialization_does_not_commit() -> None:
