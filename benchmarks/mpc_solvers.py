@@ -157,7 +157,7 @@ def hmmwv_runs() -> list[tuple[Recording, dict[str, float]]]:
 def three_axle_runs() -> list[tuple[Recording, dict[str, float]]]:
     """The 6x6 through a shallow trench of 0.25 m at 10 km/h, without and with preview, then the pitch ramp."""
     runs = ThreeAxleBench(FmuSet())
-    system = runs.system("MpcThreeAxle")
+    system = runs.system("mpc-preview")
     recordings = []
     for preview in (0.0, 1.0):
         system["speed"].set({"start.speed": 10 / 3.6, "start.x": 0.0})
