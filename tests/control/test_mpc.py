@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import runpy
 from dataclasses import replace
+from pathlib import Path
 
 import casadi as ca
 import numpy as np
@@ -247,6 +249,27 @@ def test_condensed_matrices(model) -> None:
     np.testing.assert_allclose(np.linalg.norm(qp.constraint, axis=1), 1.0)
     for H in qp.hessians:
         assert 0.1 < np.diag(H).min() <= np.diag(H).max() < 10.0
+
+
+def test_example_of_the_docs_sees_a_bump_coming() -> None:
+    path = Path(__file__).parents[2] / "docs" / "examples" / "quarter_car_mpc.py"
+    ev = Evaluator(runpy.run_path(str(path))["make"]())
+    slot = {e.name: e.slot for e in ev.component.elements("input")}
+    names = [e.name for e in ev.component.output_elements()]
+    forces = {}
+    for case in (0, 1):
+        ev = Evaluator(ev.component)
+        ev.u[slot["case"]] = case
+        for i in range(11, 32):
+            ev.u[slot[f"preview[{i}]"]] = 0.02
+        for _ in range(2):
+            ev.step(PERIOD)
+            got = dict(zip(names, ev.outputs(), strict=True))
+            assert got["solver.status"] == 0
+        forces[case] = got["force"]
+    assert forces[0] != 0.0
+    assert forces[0] != forces[1]
+    assert all(abs(f) <= 4.0 + 1e-9 for f in forces.values())  # two moves of at most 2 N
 
 
 # -------------------------------------------------------------------------------------------------------- the observers
