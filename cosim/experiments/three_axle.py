@@ -101,7 +101,12 @@ class ThreeAxleBench:
 
 
 def wire(fmus: FmuSet, name: str) -> System:
-    """One system of :data:`SYSTEMS`: everything every millisecond, the predictive controllers every five."""
+    """One system of :data:`SYSTEMS`: everything every millisecond, the predictive controllers every five.
+
+    Raises:
+        CaseError: no such system.
+    """
+    check_choice("system", name, SYSTEMS)
     system = System()
     system.add("speed", fmus.path("SpeedProfile"))
     system.add("road", fmus.path("RoadShallowTrench"))
