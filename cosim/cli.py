@@ -12,7 +12,7 @@ from rich.markup import escape
 from rich.table import Table
 from typer.core import TyperGroup
 
-from cosim.experiments import cli_bench, cli_gpc, cli_hmmwv, cli_preview_lq, cli_three_axle
+from cosim.experiments import cli_bench, cli_gpc, cli_hmmwv, cli_preview_lq, cli_three_axle, cli_trench
 
 console = Console(stderr=True, highlight=False, soft_wrap=True)
 
@@ -45,6 +45,7 @@ EXPERIMENTS: dict[str, Any] = {
     "hmmwv": cli_hmmwv,
     "preview-lq": cli_preview_lq,
     "three-axle": cli_three_axle,
+    "trench": cli_trench,
 }
 for _name, _module in EXPERIMENTS.items():
     run_app.command(_name)(_module.run)

@@ -65,6 +65,7 @@ def default_catalog() -> dict[str, Entry]:
         Entry("ThreeAxleTrench", "6x6 of paper 003 over trenches and obstacles, with contact", _three_axle_trench),
         Entry("LqrThreeAxle", "linear-quadratic regulator with pitch reference (paper 003)", _lqr_three_axle),
         Entry("MpcThreeAxle", "MPC with preview of road and pitch for the 6x6 (paper 003)", _mpc_three_axle),
+        Entry("TrenchCrossing", "cases, pitch reference and effective road for trenches (paper 003)", _trench_crossing),
         Entry("PitchReference", "pitch that ramps up, holds and ramps down (paper 003)", _pitch_reference),
         Entry("RoadShallowTrench", "shallow trench under the 6x6 of paper 003", _road_shallow_trench),
         *(
@@ -283,6 +284,12 @@ def _three_axle_trench(_: Context) -> Component:
     from fmu_sources.vehicles import load_three_axle_trench
 
     return three_axle_trench(load_three_axle_trench("three_axle_trench"), name="ThreeAxleTrench")
+
+
+def _trench_crossing(_: Context) -> Component:
+    from fmu_sources.controllers.trench_crossing import CrossingGeometry, trench_crossing
+
+    return trench_crossing(CrossingGeometry.of(_three_axle_trench(_)))
 
 
 def _three_axle_ride(_: Context | None = None) -> Component:

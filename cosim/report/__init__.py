@@ -1,6 +1,7 @@
 """Reports of experiments: what was claimed, what came out, and every number behind it."""
 
 from cosim.report.animation import Animation, Body, Force, Phase, Reading, Scene, Strut, Take, Wheel
+from cosim.report.maps import Layer, Map
 from cosim.report.model import (
     Claim,
     Figure,
@@ -21,6 +22,8 @@ __all__ = [
     "Claim",
     "Figure",
     "Force",
+    "Layer",
+    "Map",
     "Palette",
     "Panel",
     "Parameter",

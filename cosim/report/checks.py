@@ -52,13 +52,14 @@ def check_unique(where: str, kind: str, names: Iterable[str]) -> None:
         raise ValueError(f"{where}: {kind} {', '.join(repr(n) for n in twice)} appears more than once")
 
 
-def items(where: str, name: str, values: Iterable[T], kind: type[T]) -> tuple[T, ...]:
+def items(where: str, name: str, values: Iterable[T], kind: type | tuple[type, ...]) -> tuple[T, ...]:
     if isinstance(values, str):
         raise ValueError(f"{where}: '{name}' is one text; give a list")
     items = tuple(values)
+    wanted = " or ".join(k.__name__ for k in (kind if isinstance(kind, tuple) else (kind,)))
     for item in items:
         if not isinstance(item, kind):
-            raise ValueError(f"{where}: '{name}' holds {item!r}, which is no {kind.__name__}")
+            raise ValueError(f"{where}: '{name}' holds {item!r}, which is no {wanted}")
     return items
 
 

@@ -28,6 +28,7 @@ from cosim.report.checks import (
     plain_value,
     split_label,
 )
+from cosim.report.maps import Map
 
 Verdict = Literal["reproduced", "not reproduced"]
 Color = Literal["blue", "vermilion", "green", "purple", "orange", "sky", "black", "grey"]
@@ -195,7 +196,7 @@ class Section:
 
     title: str
     paragraphs: Sequence[str] = ()
-    figures: Sequence[Figure] = ()
+    figures: Sequence[Figure | Map] = ()
     tables: Sequence[Table] = ()
     animations: Sequence[Animation] = ()
 
@@ -203,7 +204,7 @@ class Section:
         where = f"section '{self.title}'"
         check_text(where, title=self.title)
         assign(self, "paragraphs", items(where, "paragraphs", self.paragraphs, str))
-        assign(self, "figures", items(where, "figures", self.figures, Figure))
+        assign(self, "figures", items(where, "figures", self.figures, (Figure, Map)))
         assign(self, "tables", items(where, "tables", self.tables, Table))
         assign(self, "animations", items(where, "animations", self.animations, Animation))
 
@@ -268,11 +269,16 @@ class Report:
         check_unique(where, "parameter", (p.name for p in self.parameters))
         check_unique(where, "result", (r.name for r in self.results))
         for look in ("color", "dash"):
-            _check_one_look(self.figures, look)
+            _check_one_look(self.drawn, look)
 
     @property
-    def figures(self) -> list[Figure]:
+    def figures(self) -> list[Figure | Map]:
         return [figure for section in self.sections for figure in section.figures]
+
+    @property
+    def drawn(self) -> list[Figure]:
+        """Figures made of curves."""
+        return [figure for figure in self.figures if isinstance(figure, Figure)]
 
     @property
     def tables(self) -> list[Table]:

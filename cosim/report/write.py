@@ -26,7 +26,8 @@ from plotly.offline import get_plotlyjs
 from cosim.errors import CosimError
 from cosim.report.animation import animation_data
 from cosim.report.checks import Scalar
-from cosim.report.model import Claim, Report, Table
+from cosim.report.maps import Map, map_plot
+from cosim.report.model import Claim, Figure, Report, Table
 from cosim.report.plots import Palette, plotly_figure, series_columns
 
 SIGNIFICANT = 4  # digits shown on the page; JSON and CSV carry every digit
@@ -45,7 +46,7 @@ def write_report(report: Report, directory: str | os.PathLike[str]) -> Path:
     root = Path(directory)
     files: dict[str, str] = {}
     for figure in report.figures:
-        columns = series_columns(figure)
+        columns = figure.columns() if isinstance(figure, Map) else series_columns(figure)
         length = max(len(values) for _, values in columns)
         padded = [[*values.tolist(), *[None] * (length - len(values))] for _, values in columns]
         files[figure_csv(figure.id)] = _csv([header for header, _ in columns], zip(*padded, strict=True))
@@ -102,7 +103,7 @@ def summary(report: Report) -> dict[str, Any]:
 
 def render(report: Report) -> str:
     """The page."""
-    palette = Palette(report.figures)
+    palette = Palette(report.drawn)
     plots = {f.id: _script_data(_plot(f, palette)) for f in report.figures}
     scripts = [_script(_asset("report.js"))]
     style = _asset("report.css")
@@ -215,7 +216,10 @@ def _decimals(values: Sequence[float]) -> int | None:
     return max(len(f"{v:.{decimals}f}".rstrip("0").partition(".")[2]) for v in values)
 
 
-def _plot(figure: Any, palette: Palette) -> dict[str, Any]:
+def _plot(figure: Figure | Map, palette: Palette) -> dict[str, Any]:
+    if isinstance(figure, Map):
+        wide, narrow = (map_plot(figure, narrow=n) for n in (False, True))
+        return {"data": wide["data"], "wide": wide["layout"], "narrow": narrow["layout"]}
     wide = json.loads(plotly_figure(figure, palette).to_json())
     narrow = json.loads(plotly_figure(figure, palette, narrow=True).to_json())
     return {"data": wide["data"], "wide": wide["layout"], "narrow": narrow["layout"]}

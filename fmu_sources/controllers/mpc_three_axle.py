@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from itertools import product
 
 import casadi as ca
 import numpy as np
@@ -53,6 +54,7 @@ _FORCE_WEIGHTS = ((0.1, 0.1, 0.1), (0.5, 2.0, 5.0), (2.0, 0.5, 2.0), (0.5, 0.1, 
 _PITCH_PRINTED = (100.0, 30.0, 100.0, 30.0)  # by case: 4.7, 4.10
 _PITCH_WEIGHT = 100.0  # in all cases
 _HEIGHT_WEIGHT = 20.0
+_RATE = 1.2e6  # N per sample as printed, Table 4.5; N/s for trenches
 _FORCED: tuple[
     Mapping[str, tuple[float, float]], ...
 ] = (  # by case: axle -> least and largest force [kN] as printed in Table 4.8; others +-150
@@ -70,7 +72,9 @@ def ride_model(car: Component) -> MpcModel:
     )
 
 
-def _case(number: int, *, hold_height: bool, retraction: str, printed_pitch: bool = False) -> Case:
+def _case(
+    number: int, *, hold_height: bool, retraction: str, printed_limits: bool = True, printed_pitch: bool = False
+) -> Case:
     """One case of Tables 4.7 to 4.10."""
     changes: dict[str, Mapping[str, float]] = {}
     for k, force in zip(CORNERS, FORCES, strict=True):
@@ -85,7 +89,14 @@ def _case(number: int, *, hold_height: bool, retraction: str, printed_pitch: boo
     changes["body.z"] = {"weight": _HEIGHT_WEIGHT if hold_height else 0.0}
     if number:
         changes |= {name: {"weight": 0.0} for name in ("body.roll", *WHEELS)}
+    if not printed_limits:
+        rate = _RATE * SAMPLE_TIME
+        for n in FORCES:
+            changes[n] = {**changes[n], "rate_min": -rate, "rate_max": rate}
+        for n in MEASURED:
+            changes[n] = {**changes.get(n, {}), "min": -math.inf, "max": math.inf}
     name = f"{CASES[number]}, height {'held' if hold_height else 'free'}"
+    name += "" if printed_limits else ", limits for trenches"
     return Case(name + (f", retraction {retraction}" if number else ""), changes)
 
 
@@ -96,23 +107,26 @@ class Choice:
     case: int
     hold_height: bool = True
     retraction: int = 1
+    printed_limits: bool = True
 
 
 def cases() -> dict[Choice, Case]:
     """Every combination of case, height and retraction; the order numbers the quadratic programs."""
     found = {}
-    for hold in (True, False):
-        found[Choice(0, hold, 0)] = _case(0, hold_height=hold, retraction="none")
+    for printed, hold in product((True, False), repeat=2):
+        found[Choice(0, hold, 0, printed)] = _case(0, hold_height=hold, retraction="none", printed_limits=printed)
         for number in (1, 2, 3):
             for i, retraction in enumerate(RETRACTIONS):
-                found[Choice(number, hold, i)] = _case(number, hold_height=hold, retraction=retraction)
+                found[Choice(number, hold, i, printed)] = _case(
+                    number, hold_height=hold, retraction=retraction, printed_limits=printed
+                )
     return found
 
 
 def three_axle_mpc(model: MpcModel) -> Mpc:
     """Weights, bounds and horizon on a model with the names of :data:`MEASURED`; cases as :func:`cases` numbers them."""
     forces = tuple(
-        Input(n, scale=FORCE_SCALE, weight=0.1, rate_weight=0.1, min=-150e3, max=150e3, rate_min=-1.2e6, rate_max=1.2e6)
+        Input(n, scale=FORCE_SCALE, weight=0.1, rate_weight=0.1, min=-150e3, max=150e3, rate_min=-_RATE, rate_max=_RATE)
         for n in FORCES
     )
     outputs = (
@@ -179,6 +193,11 @@ def mpc_three_axle(car: Component, name: str = "MpcThreeAxle") -> Component:
         "forces of the axle over the trench in cases 1 to 3: 0 free, 1 pull the axle up, 2 with the printed sign, push it down",
         min=0, max=2, source="003 Table 4.8",
     )  # fmt: skip
+    printed = c.parameter(
+        "printed_limits", True, None,
+        "limits of Tables 4.5 and 4.6; false, for trenches: outputs without limits, and forces change by 1.2e6 N/s at most",
+        source="003 Tables 4.5, 4.6; with them the vehicle tips over in long trenches",
+    )  # fmt: skip
     estimator = c.parameter(
         "estimator", 1, None,
         "0 all states measured, 1 outputs with offsets (the default of MPC tools), 2 outputs with road heights",
@@ -199,7 +218,11 @@ def mpc_three_axle(car: Component, name: str = "MpcThreeAxle") -> Component:
     )
     numbers = list(cases())
     program = sum(
-        i * _is(case, w.case) * _is(hold, w.hold_height) * (_is(retraction, w.retraction) if w.case else 1)
+        i
+        * _is(case, w.case)
+        * _is(hold, w.hold_height)
+        * _is(printed, w.printed_limits)
+        * (_is(retraction, w.retraction) if w.case else 1)
         for i, w in enumerate(numbers)
     )
     previous = previous_command(c, mpc, "N")
@@ -272,6 +295,10 @@ _NOTES = (
     "With hold_height false, case 0 is Tables 4.2 to 4.7. Bounds on outputs are soft as in Table 4.6, with one slack; those on "
     "forces and their rates are hard (Table 4.6 lets them give way by 0.1 % of their scale per unit of slack). The rate bounds "
     "of Table 4.5 are per sample and never bind.",
+    "printed_limits false is for trenches. The soft bounds of Table 4.6 on acceleration and pitch make the controller let the vehicle "
+    "tip rather than pull it back, and without a bound on rates the forced ranges of a case come as a blow. So outputs have no "
+    "limits then, and the 1.2e6 of Table 4.5 counts as N/s, 6 kN per sample; a range that the rate cannot reach at once is "
+    "approached as fast as the rate lets it.",
     "Without preview (use_preview false) what the estimator believes decides: with offsets on the outputs, the usual default, "
     "the controller reacts only when the trench has tilted the body; with road heights it infers the road from the wheels and "
     "is nearly as good at low speed. With all states measured it knows no reason for what happens and leaves an error.",

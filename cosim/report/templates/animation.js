@@ -341,6 +341,7 @@
         if (scene.outcome) {
           const chip = make("span", `chip ${scene.good ? "yes" : "no"}`, header);
           chip.textContent = `${scene.good ? "\u2713" : "\u2717"} ${scene.outcome}`;
+          chip.title = scene.outcome;
         }
         const phase = scene.phase ? make("span", "phase", header) : null;
         const canvas = make("canvas", "", box);

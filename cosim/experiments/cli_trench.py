@@ -1,0 +1,81 @@
+"""Commands of the experiment ``trench``."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+from rich.table import Table
+
+from cosim.experiments.cli_options import Fmus, Out, Version, console, make_folder, progress_bar
+
+TITLE = "A 6x6 crosses trenches with preview MPC (paper 003)"
+OPTIONS = "--length M  --speed KMH  --control passive|mpc|mpc-no-preview|lqr|...  --depth M  --friction MU  --mass KG  --cg-offset M"
+
+
+def run(
+    length: Annotated[float, typer.Option(help="length of the trench [m]")] = 1.6,
+    speed: Annotated[float, typer.Option(help="speed [km/h]")] = 6.0,
+    control: Annotated[
+        str, typer.Option(help="passive, mpc, or mpc with one thing changed (a wrong name lists all)")
+    ] = "mpc",
+    depth: Annotated[float | None, typer.Option(help="depth of the trench [m]")] = None,
+    friction: Annotated[float | None, typer.Option(help="friction coefficient of the tyres")] = None,
+    mass: Annotated[float | None, typer.Option(help="sprung mass [kg]")] = None,
+    cg_offset: Annotated[float | None, typer.Option(help="CG ahead of where the vehicle file has it [m]")] = None,
+    hydropneumatic: Annotated[bool, typer.Option(help="gas springs instead of linear ones")] = False,
+    fmus: Fmus = Path("fmus"),
+    fmi: Version = 3,
+    out: Out = Path("results"),
+) -> None:
+    """One crossing beside that of the passive vehicle: quantities, time histories as CSV, and a page that plays it."""
+    from dataclasses import replace
+
+    from cosim.experiments import trench, trench_report
+    from cosim.experiments.cases import FmuSet
+    from cosim.metrics_crossing import LABELS, LIMITS, WEIGHTS
+    from cosim.report import write_report
+
+    case = trench.Case(length, speed, control, depth, friction, mass, cg_offset, hydropneumatic)
+    chosen = FmuSet(fmus, fmi)
+    folder = make_folder(out / "trench" / case.label)
+    bench = trench.TrenchBench(chosen)
+    rows, frames = {}, {}
+    for system in dict.fromkeys(("passive", control)):
+        one = replace(case, control=system)
+        recording = bench.record(one, csv=folder / f"{system}.csv", progress=True)
+        rows[system] = trench.evaluate(one, trench.Course.of(bench.system(one), one), recording)
+        frames[system] = trench.frames(one, recording)
+    bench.close()
+    table = Table("quantity", "limit", *rows, box=None)
+    for name in WEIGHTS:
+        table.add_row(LABELS[name], f"{getattr(LIMITS, name):g}", *(f"{r[name]:.4g}" for r in rows.values()))
+    table.add_row("cost", "", *(f"{r['cost']:.0f}" for r in rows.values()))
+    table.add_row("outcome", "", *(trench.outcome(r) for r in rows.values()))
+    Console().print(table)
+    (folder / "metrics.json").write_text(json.dumps(rows, indent=1) + "\n")
+    path = write_report(trench_report.single(case, rows, frames, chosen), folder)
+    console.print(f"page with animation: {path}")
+
+
+def study(
+    published_only: Annotated[
+        bool, typer.Option(help="the 36 passive and 36 controlled crossings only, nothing left out or changed")
+    ] = False,
+    fmus: Fmus = Path("fmus"),
+    fmi: Version = 3,
+    out: Out = Path("results"),
+) -> None:
+    """Tables 5.4 to 5.11, what the crossing depends on, and the animation; writes results/trench/report.html."""
+    from cosim.experiments import trench_report, trench_study
+    from cosim.experiments.cases import FmuSet
+
+    chosen = FmuSet(fmus, fmi)
+    folder = make_folder(out / "trench")
+    with progress_bar("study trench") as progress:
+        result = trench_study.study(chosen, folder / ".runs", published_only=published_only, progress=progress)
+    path = trench_report.write(result, chosen, folder)
+    console.print(f"report: {path}")

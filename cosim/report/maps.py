@@ -1,0 +1,179 @@
+"""Quantities over two others: filled contours side by side, or surfaces in one space."""
+
+from __future__ import annotations
+
+import html
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+import numpy.typing as npt
+import plotly.graph_objects as go
+
+from cosim.report.checks import (
+    Array,
+    assign,
+    check_choice,
+    check_id,
+    check_text,
+    check_unique,
+    curve,
+    items,
+    split_label,
+)
+
+View = Literal["contour", "surface"]
+_SURFACES = (("#9aa3ad", "#5f6873"), ("#56b4e9", "#0072b2"), ("#e69f00", "#d55e00"), ("#009e73", "#00543d"))
+_INK, _FONT = "#1a2330", "'Helvetica Neue', Helvetica, Arial, sans-serif"
+
+
+@dataclass(frozen=True, eq=False)
+class Layer:
+    """Values (len(y), len(x)) of one system."""
+
+    name: str
+    values: npt.ArrayLike
+
+    def __post_init__(self) -> None:
+        where = f"layer '{self.name}'"
+        check_text(where, name=self.name)
+        values = np.array(self.values, dtype=float)
+        if values.ndim != 2 or not np.isfinite(values).all():
+            raise ValueError(f"{where}: values need two dimensions and no gaps")
+        values.setflags(write=False)
+        assign(self, "values", values)
+
+
+@dataclass(frozen=True, eq=False)
+class Map:
+    """Layers over the same grid, on one scale of values. ``reference`` is a plane drawn among surfaces."""
+
+    id: str
+    title: str
+    caption: str
+    x_label: str
+    y_label: str
+    value_label: str
+    x: npt.ArrayLike
+    y: npt.ArrayLike
+    layers: Sequence[Layer]
+    view: View = "contour"
+    reference: float | None = None
+
+    def __post_init__(self) -> None:
+        where = f"map '{self.id}'"
+        check_id(where, self.id)
+        check_text(where, title=self.title)
+        check_choice(where, "view", self.view, View)
+        for label in (self.x_label, self.y_label, self.value_label):
+            split_label(label, where)
+        assign(self, "x", curve(where, "x", self.x))
+        assign(self, "y", curve(where, "y", self.y))
+        assign(self, "layers", items(where, "layers", self.layers, Layer))
+        if not self.layers:
+            raise ValueError(f"{where} has no layers")
+        check_unique(where, "layer", (layer.name for layer in self.layers))
+        shape = (len(np.asarray(self.y)), len(np.asarray(self.x)))
+        for layer in self.layers:
+            if np.shape(layer.values) != shape:
+                raise ValueError(f"{where}: layer '{layer.name}' has shape {np.shape(layer.values)}, the grid {shape}")
+
+    def columns(self) -> list[tuple[str, Array]]:
+        """(header, values) of a CSV file, one row per grid point."""
+        x, y = np.meshgrid(np.asarray(self.x), np.asarray(self.y))
+        quantity, unit = split_label(self.value_label)
+        layers = [(f"{n.name}: {quantity} [{unit}]", np.asarray(n.values).ravel()) for n in self.layers]
+        return [(self.x_label, x.ravel()), (self.y_label, y.ravel()), *layers]
+
+
+def map_plot(figure: Map, *, narrow: bool) -> dict[str, Any]:
+    """Data and layout for the page's script."""
+    made = _contours(figure, narrow) if figure.view == "contour" else _surfaces(figure, narrow)
+    return json.loads(made.to_json())
+
+
+def _escaped(text: str) -> str:
+    return html.escape(text, quote=False)
+
+
+def _base(height: int) -> dict[str, Any]:
+    return {
+        "template": "none", "autosize": True, "height": height, "paper_bgcolor": "#ffffff", "plot_bgcolor": "#ffffff",
+        "font": {"family": _FONT, "size": 13, "color": _INK}, "separators": ".\u202f", "annotations": [],
+    }  # fmt: skip
+
+
+def _contours(figure: Map, narrow: bool) -> go.Figure:
+    values = [np.asarray(layer.values) for layer in figure.layers]
+    low, high = min(v.min() for v in values), max(v.max() for v in values)
+    count, traces = len(values), []
+    rows = count if narrow else 1
+    layout = _base((300 if narrow else 380) * rows)
+    layout["margin"] = {"t": 34, "b": 58, "l": 66, "r": 12}
+    gap = 0.09
+    for i, (layer, grid) in enumerate(zip(figure.layers, values, strict=True)):
+        name = "" if i == 0 else str(i + 1)
+        across, down = (0, i) if narrow else (i, 0)
+        columns = 1 if narrow else count
+        width, height = (1 - gap * (columns - 1)) / columns, (1 - 0.22 * (rows - 1)) / rows
+        left, top = across * (width + gap), 1 - down * (height + 0.22)
+        traces.append(
+            go.Contour(
+                x=figure.x, y=figure.y, z=grid, zmin=low, zmax=high, colorscale="Viridis", reversescale=True, xaxis=f"x{name}",
+                yaxis=f"y{name}", showscale=i == count - 1, line={"width": 0.6, "color": "rgba(255,255,255,.7)"},
+                contours={"start": low, "end": high, "size": (high - low) / 12 or 1.0},
+                colorbar={"title": {"text": _escaped(figure.value_label), "side": "right"}, "thickness": 14},
+                hovertemplate="%{x:~g}, %{y:~g}: %{z:.4~g}<extra></extra>", name=_escaped(layer.name),
+            )
+        )  # fmt: skip
+        axis = {"showline": False, "ticks": "outside", "ticklen": 4, "automargin": True, "zeroline": False}
+        layout[f"xaxis{name}"] = {**axis, "title": {"text": _escaped(figure.x_label)}, "anchor": f"y{name}"}
+        layout[f"xaxis{name}"] |= {"domain": [left, min(1.0, left + width)]}
+        layout[f"yaxis{name}"] = {**axis, "title": {"text": _escaped(figure.y_label)}, "anchor": f"x{name}"}
+        layout[f"yaxis{name}"] |= {"domain": [max(0.0, top - height), top]}
+        layout["annotations"].append(
+            {
+                "text": f"<b>{_escaped(layer.name)}</b>", "x": left, "y": top, "xref": "paper", "yref": "paper",
+                "xanchor": "left", "yanchor": "bottom", "yshift": 5, "showarrow": False,
+            }
+        )  # fmt: skip
+    return go.Figure(traces, layout)
+
+
+def _surfaces(figure: Map, narrow: bool) -> go.Figure:
+    traces: list[Any] = []
+    layout = _base(420 if narrow else 540)
+    layout["margin"] = {"t": 8, "b": 8, "l": 8, "r": 8}
+    for layer, (light, dark) in zip(figure.layers, _cycle(len(figure.layers)), strict=True):
+        traces.append(
+            go.Surface(
+                x=figure.x, y=figure.y, z=layer.values, colorscale=[[0, light], [1, dark]], showscale=False, opacity=0.92,
+                name=_escaped(layer.name), showlegend=True, contours={"z": {"show": True, "color": dark, "width": 1}},
+                hovertemplate="%{x:~g}, %{y:~g}: %{z:.4~g}<extra>" + _escaped(layer.name) + "</extra>",
+            )
+        )  # fmt: skip
+    if figure.reference is not None:
+        flat = np.full((2, 2), figure.reference)
+        x, y = np.asarray(figure.x)[[0, -1]], np.asarray(figure.y)[[0, -1]]
+        traces.append(
+            go.Surface(
+                x=x, y=y, z=flat, colorscale=[[0, "#d55e00"], [1, "#d55e00"]], showscale=False, opacity=0.35, name="limit",
+                showlegend=True, hovertemplate="%{z:.4~g}<extra>limit</extra>",
+            )
+        )  # fmt: skip
+    axis = {"gridcolor": "#d5dbe1", "showbackground": False, "color": _INK}
+    layout["scene"] = {
+        "xaxis": {**axis, "title": {"text": _escaped(figure.x_label)}},
+        "yaxis": {**axis, "title": {"text": _escaped(figure.y_label)}},
+        "zaxis": {**axis, "title": {"text": _escaped(figure.value_label)}},
+        "camera": {"eye": {"x": -1.5, "y": -1.5, "z": 0.75}},
+        "aspectratio": {"x": 1.2, "y": 1.0, "z": 0.75},
+    }
+    layout["legend"] = {"orientation": "h", "x": 0, "y": 1}
+    return go.Figure(traces, layout)
+
+
+def _cycle(count: int) -> list[tuple[str, str]]:
+    return [_SURFACES[i % len(_SURFACES)] for i in range(count)]
