@@ -1,0 +1,57 @@
+"""Maps: mistakes, values on the page and in the CSV file."""
+
+from __future__ import annotations
+
+import csv
+import json
+import re
+
+import numpy as np
+import pytest
+
+from cosim.report import Layer, Map, Report, Section, write_report
+
+X, Y = (1.0, 2.0, 3.0), (10.0, 20.0)
+LOW, HIGH = np.arange(6.0).reshape(2, 3), 10 + np.arange(6.0).reshape(2, 3)
+
+
+def made(**changes) -> Map:
+    parts = {
+        "id": "cost", "title": "Cost", "caption": "", "x_label": "length [m]", "y_label": "speed [km/h]",
+        "value_label": "cost [-]", "x": X, "y": Y, "layers": [Layer("a <b>", LOW), Layer("c", HIGH)],
+    }  # fmt: skip
+    return Map(**parts | changes)
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (lambda: Layer("a", [1.0, 2.0]), "two dimensions and no gaps"),
+        (lambda: Layer("a", [[1.0, np.nan]]), "two dimensions and no gaps"),
+        (lambda: made(layers=[]), "map 'cost' has no layers"),
+        (lambda: made(layers=[Layer("a", LOW.T)]), r"layer 'a' has shape \(3, 2\), the grid \(2, 3\)"),
+        (lambda: made(layers=[Layer("a", LOW), Layer("a", HIGH)]), "layer 'a' appears more than once"),
+        (lambda: made(view="globe"), "view 'globe' is not one of 'contour', 'surface'"),
+        (lambda: made(x_label="length"), "label 'length' carries no unit"),
+    ],
+)
+def test_refuses(make, message):
+    with pytest.raises(ValueError, match=message):
+        make()
+
+
+@pytest.mark.parametrize(("view", "count"), [("contour", 2), ("surface", 3)])
+def test_page_has_the_layers_on_one_scale(view, count, tmp_path):
+    report = Report("demo", "Demo", "Lead.", sections=[Section("Maps", figures=[made(view=view, reference=7.0)])])
+    text = write_report(report, tmp_path).read_text(encoding="utf-8")
+    found = re.search(r'<script type="application/json" id="data-cost">(.*?)</script>', text, re.DOTALL)
+    assert found is not None
+    data = json.loads(found[1])["data"]
+    assert len(data) == count  # surfaces: and the plane of the reference
+    if view == "contour":
+        assert {(t["zmin"], t["zmax"]) for t in data} == {(0.0, 15.0)}
+    assert data[0]["name"] == "a &lt;b&gt;"
+    with (tmp_path / "figures" / "cost.csv").open() as file:
+        rows = list(csv.reader(file))
+    assert rows[0] == ["length [m]", "speed [km/h]", "a <b>: cost [-]", "c: cost [-]"]
+    assert [float(v) for v in rows[5]] == [2.0, 20.0, 4.0, 14.0]
