@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from cosim.comfort import ABSORBED_POWER_LIMIT
 from cosim.experiments import hmmwv_preview, hmmwv_tracking
 from cosim.experiments.hmmwv import ROADS, Case
@@ -159,13 +161,16 @@ def claims(study: Study) -> list[Claim]:
     for controller in ("mpc", "mpc-preview"):
         costs = {r: study.power(estimated(controller, r)) / power[r, controller] for r in ROADS}
         worst = max(costs, key=lambda r: costs[r])
+        pulling = Case("bump", controller, lift_off=False)
+        linear = study.power(replace(pulling, states="estimated")) / study.power(pulling)
         claim(
             f"estimates-{controller}",
             f"{NAMES[controller]} on the states of the Kalman filter is at most 10 % worse than on true states",
             "works on estimates",
             ", ".join(f"{ROAD_NAMES[r]} {100 * (c - 1):+.0f} %" for r, c in costs.items()),
             costs[worst] <= ESTIMATES_COST,
-            f"more than 10 % on {ROAD_NAMES[worst]}",
+            f"more than 10 % on {ROAD_NAMES[worst]}: tyres lift off, which the filter's linear model does not know; over the bump with "
+            f"tyres that pull it is {100 * (linear - 1):+.0f} %",
             "section 1.4",
             costs[worst],
             "-",

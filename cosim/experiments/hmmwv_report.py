@@ -423,18 +423,24 @@ def _assumptions(study: Study) -> Section:
 
 def _limits(study: Study) -> Section:
     failures = sum(r.get("solver_failures", 0) for r in study.rows.values())
+    kilonewton = " and ".join(
+        f"{study.power(Case(road, 'lqr-kilonewton')):.1f} W {where}"
+        for road, where in (("track", "on the track"), ("off-road", "off road"))
+    )
+    travel = {c: study.mean("travel_peak", Case("off-road", c)) for c in ("mpc", "lqr-kilonewton")}
     residual = max((r.get("solver_residual", 0.0) for r in study.rows.values()), default=0.0)
     return Section(
         "What differs from the paper",
         [
-            "The paper measured on a vehicle; these are runs of a seven-degree model, linear but for tyres that lift off, which is also what its "
-            "controllers are designed on.",
+            "The paper measured on a vehicle; these are runs of a seven-degree model, linear but for tyres that lift off; without those it is "
+            "also what the controllers and the filter are designed on.",
             "Roads: the bumps' shape, which bumps stood where and the off-road terrain are not in the paper. A bump is a parabola "
             f"0.305 m long smoothed over 0.25 m of contact, {' and '.join(f'{1e3 * h:g} mm' for h in BUMPS['track'].values())} high on the "
             f"track; off road is class E of ISO 8608. The bump of {1e3 * BUMPS['bump'][1]:g} mm is higher than the 60 mm of travel, which the "
             "road reports: what the contact does not smooth away, body and tyres must take.",
-            "The weights of the LQR are taken in SI units with the force in newtons; taken in kilonewtons the regulator works "
-            "up to its limit of 8 kN. Both are in the table. The force rate of MPC is 5000 N per step of 30 ms; read as printed, "
+            "The weights of the LQR are taken in SI units with the force in newtons, so that it hardly asks for force; taken in kilonewtons the "
+            f"regulator works up to its limit of 8 kN and absorbs {kilonewton}, in the range of MPC, at {1e3 * travel['lqr-kilonewton']:.0f} mm of "
+            f"travel off road where MPC keeps to {1e3 * travel['mpc']:.0f} mm. The force rate of MPC is 5000 N per step of 30 ms; read as printed, "
             "per second, MPC would hardly move.",
             "The human response filter of the paper takes acceleration in ft/s2; the print says m/s2, with which every car "
             "would be below 6 W.",

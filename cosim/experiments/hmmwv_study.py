@@ -90,6 +90,7 @@ def averaged_cases() -> list[Case]:
     cases += [Case(road, c, actuators="ideal") for road in ROADS for c in CONTROLLERS if c != "passive"]
     cases += [estimated(c, road) for road in ROADS for c in ESTIMATED]
     cases += [estimated("mpc-preview", road, sensed=True) for road in ROADS]
+    cases += [replace(estimated(c, "bump"), lift_off=False) for c in ("mpc", "mpc-preview")]
     cases += [Case(road, c, flow_limit=True) for road in ROADS for c in LIMITED]
     cases += [Case("bump", "mpc-preview", preview_steps=n) for n in LENGTHS]
     cases += [Case("bump", "mpc-preview", preview_error_ms=ms) for ms in ERRORS_MS]
