@@ -7,12 +7,18 @@ BIN := $(VENV)/bin
 HOST_CC := $(shell command -v $${CC:-cc} || command -v gcc || command -v clang)
 RUN_EXTRAS := $(if $(HOST_CC),,[zig])
 
-.PHONY: run test lint bench fmus clean
+.PHONY: run studies test lint bench fmus clean
 
 run: $(VENV)/.run
 	$(BIN)/build-fmus
 	$(BIN)/cosim study gpc
 	$(BIN)/cosim study preview-lq
+
+studies: run
+	$(BIN)/cosim study bench
+	$(BIN)/cosim study three-axle
+	$(BIN)/cosim study trench
+	$(BIN)/cosim study hmmwv
 
 test: $(VENV)/.test lint
 	$(BIN)/build-fmus
