@@ -12,7 +12,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from benchmarks import hmmwv_real_time, mpc_solvers
+from benchmarks import hmmwv_real_time, mpc_solvers, qp_time
 from benchmarks.master_cost import measure
 from cosim import System
 from cosim.experiments import gpc_study
@@ -48,6 +48,7 @@ def main() -> None:
         "master, preview system (4 FMUs)": measure("preview"),
         "hydraulic HMMWV, simulated time / processor time of one core": hmmwv_real_time.measure(),
         "cosim study gpc": study(),
+        **qp_time.table(),
     }
     programs = mpc_solvers.solvers()
     Console(width=200).print(mpc_solvers.table(programs))
