@@ -16,6 +16,7 @@ import casadi as ca
 
 FAR = 1e4  # m; the ground is level from the ends of an outline up to here
 _TINY = 1e-12
+_ALIKE = 1e-7  # contacts whose directions differ by less count as one
 
 
 @dataclass(frozen=True)
@@ -120,7 +121,8 @@ def _shares(solids: list[tuple[Any, Any, Any, Any]]) -> list[Any]:
     depth, nx, nz = solids[0][1] * 0 - FAR, solids[0][2], solids[0][3]  # of the closed solid before
     for closed, p, mx, mz in solids:
         c = ca.fmin(1, ca.fmax(0, nx * mx + nz * mz))
-        left = (p - c * depth) / (ca.fmax(p, 1e-9) * (1 - c * c + 1e-9))
+        # The small numbers give half to each of two contacts that coincide, in the middle of a straight road.
+        left = (p * (1 + _ALIKE / 2) - c * depth) / (ca.fmax(p, 1e-9) * (1 - c * c + _ALIKE))
         shares.append(ca.if_else(depth > 0, ca.fmin(1, ca.fmax(0, left)), 1))
         depth, nx, nz = (ca.if_else(closed, new, old) for new, old in ((p, depth), (mx, nx), (mz, nz)))
     return shares

@@ -28,6 +28,7 @@ SIDES = {"l": ("left", 1), "r": ("right", -1)}
 POINTS = 6  # of an obstacle outline
 MAX_SPEED = 5.0  # m/s
 _PART = {"front": (1, 0, 0), "rear": (0, 1, 0), "belly": (0, 0, 1)}  # of the body, as masks
+LEAST_COLUMN = 0.2  # of the length of a gas column at rest; compressed further, its stiffness stays
 PROGRESS_TIME = 1.0  # s; time constant of the smoothed speed behind `stuck`
 STUCK_BELOW = 0.05  # of target.speed
 
@@ -383,13 +384,16 @@ def _strut(p: Any, w: _Wheel, gas: Any, s: Any, ds: Any) -> tuple[Any, Any]:
     """Force of one strut (positive extends) and its stored energy: spring, damper, stops. Energy is 0 at rest."""
     linear = w.static_load - w.strut.stiffness * s
     linear_energy = -w.static_load * s + w.strut.stiffness * s**2 / 2
-    # A gas column with the same load and stiffness at rest: F = F0 (L / (L + s))^n.
-    column = p.strut.gas_exponent * w.static_load / (w.strut.stiffness + 1e-6)
-    stretch = ca.fmax(0.1, 1 + s / ca.fmax(column, 1e-6))
-    gas_force = w.static_load * stretch ** (-p.strut.gas_exponent)
-    # Energy without the singularity at exponent 1.
-    m = p.strut.gas_exponent - 1 + 1e-9
-    gas_energy = w.static_load * column * (stretch ** (-m) - 1) / m
+    # A gas column with the same load and stiffness at rest: F = F0 (L / (L + s))^n, from a fifth of its length on linear.
+    n = p.strut.gas_exponent
+    column = ca.fmax(n * w.static_load / (w.strut.stiffness + 1e-6), 1e-6)
+    stretch = ca.fmax(LEAST_COLUMN, 1 + s / column)
+    beyond = ca.fmax(0, (LEAST_COLUMN - 1) * column - s)
+    gas_force = w.static_load * stretch**-n
+    stiffness = w.static_load * n / column * LEAST_COLUMN ** (-n - 1)
+    m = n - 1 + 1e-9  # the energy without its singularity at exponent 1
+    gas_energy = w.static_load * column * (stretch**-m - 1) / m + gas_force * beyond + stiffness * beyond**2 / 2
+    gas_force += stiffness * beyond
     spring, energy = ca.if_else(gas, gas_force, linear), ca.if_else(gas, gas_energy, linear_energy)
 
     def stop(depth: Any, rate: Any) -> Any:
@@ -534,6 +538,9 @@ _NOTES = (
     "ride height. All z and deflections count from there; the vehicle starts at rest on level road, rolling at target.speed. "
     "Trench positions count from the first position of the CG. strut.hydropneumatic gives gas springs with the same load and "
     "stiffness at rest.",
+    "For small motions heave is that of ThreeAxleRide with the same numbers; pitch is too with free rolling wheels (little "
+    "friction), some 4 % softer because the CG lies above the wheels. With the spin imposed, pitching turns the vehicle about the "
+    "ground and takes the mass along: the natural frequency of pitch falls by a fifth. The linear model has no such motion.",
     "lidar.*.dx is the distance of the obstacle's start and finish ahead of the nose lidar, lidar.*.dz how far the lidar is above "
     "them, both along the axes of the road, as equations (4.18) to (4.28) of paper 003 need them. They are positions of markers: "
     "there are values without an obstacle too (those of the trench), and behind the vehicle dx is negative.",
