@@ -12,7 +12,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from benchmarks import hmmwv_real_time, mpc_solvers, qp_time
+from benchmarks import hmmwv_real_time, mpc_solvers, qp_time, trench_plant
 from benchmarks.master_cost import measure
 from cosim import System
 from cosim.experiments import gpc_study
@@ -47,6 +47,7 @@ def main() -> None:
         "master, passive system (3 FMUs)": measure("passive"),
         "master, preview system (4 FMUs)": measure("preview"),
         "hydraulic HMMWV, simulated time / processor time of one core": hmmwv_real_time.measure(),
+        "contact plant of paper 003, trench of 1.5 m at 3 km/h": trench_plant.measure(),
         "cosim study gpc": study(),
         **qp_time.table(),
     }
