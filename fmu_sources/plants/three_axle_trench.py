@@ -29,6 +29,7 @@ POINTS = 6  # of an obstacle outline
 MAX_SPEED = 5.0  # m/s
 _PART = {"front": (1, 0, 0), "rear": (0, 1, 0), "belly": (0, 0, 1)}  # of the body, as masks
 LEAST_COLUMN = 0.2  # of the length of a gas column at rest; compressed further, its stiffness stays
+FRICTION_TIME = 4e-4  # s; least time in which friction stops a wheel that slides along its strut
 PROGRESS_TIME = 1.0  # s; time constant of the smoothed speed behind `stuck`
 STUCK_BELOW = 0.05  # of target.speed
 
@@ -166,7 +167,7 @@ def three_axle_trench(vehicle: ThreeAxleTrenchCar, name: str = "ThreeAxleTrench"
         bias = ca.jtimes(velocity, ca.vertcat(q, s), ca.vertcat(dq, ds))  # acceleration of the wheel at constant rates
 
         touches = grounds[w.side].disc(centre[0], centre[2], p.disc.radius)
-        total = _Contacts.of(touches, w.tire, p.disc, velocity, spin, dq[2], rolling)
+        total = _Contacts.of(touches, w.tire, p.disc, w.mass, velocity, spin, dq[2], rolling)
         strut, stored = _strut(p, w, gas, s, ds)
         along = total.fx * ahead[0] + total.fz * ahead[1]
         hub[n] = (along, total.fx * up[0] + total.fz * up[1])
@@ -356,7 +357,15 @@ class _Contacts:
 
     @classmethod
     def of(
-        cls, touches: list[Touch], tire: Any, disc: Any, velocity: Any, spin: Any, pitch_rate: Any, rolling: Any
+        cls,
+        touches: list[Touch],
+        tire: Any,
+        disc: Any,
+        mass: Any,
+        velocity: Any,
+        spin: Any,
+        pitch_rate: Any,
+        rolling: Any,
     ) -> _Contacts:
         fx = fz = traction = energy = px = pz = weight = ca.SX(0)
         for t in touches:
@@ -367,7 +376,9 @@ class _Contacts:
             damper = tire.damping * ca.fmin(1, depth / disc.onset) * rate
             normal = t.share * ca.fmax(0, spring + damper)
             sliding = (spin + pitch_rate) * rolling - (velocity[0] * t.nz - velocity[2] * t.nx)
-            grip = disc.friction * normal * ca.tanh(sliding / disc.slip_speed)
+            # The slope of the friction law is limited to what a wheel of this mass can follow in explicit steps of 0.5 ms.
+            grip_limit = disc.friction * normal
+            grip = grip_limit * ca.tanh(sliding / ca.fmax(disc.slip_speed, grip_limit * FRICTION_TIME / mass))
             fx += normal * t.nx + grip * t.nz
             fz += normal * t.nz - grip * t.nx
             traction += grip
@@ -525,7 +536,8 @@ _NOTES = (
     "and the forces of several solids add up (at obtuse corners less, so that a nearly straight road pushes once). A tyre "
     "has a stiffness, a second one from bottoming on, and a damper that sets in with the first millimetres.",
     "target.speed is the rolling speed of all wheels and is imposed: the spin does not depend on the torque, and the drives "
-    "are mounted on the body, which takes the reaction. Friction limits traction: mu N tanh(sliding / slip_speed). Speed 0 "
+    "are mounted on the body, which takes the reaction. Friction limits traction: mu N tanh(sliding / slip_speed); above "
+    "some 150 kN the slip speed grows with the load, so that friction does not stop a wheel in less than 0.4 ms. Speed 0 "
     "is allowed; the vehicle then stands, and stuck stays 0.",
     "Bumper tips and the ends of the belly touch the ground, and convex corners of the ground touch the outline of the body. "
     "belly.force counts the flat belly and its ends; the rising parts before and behind it belong to the bumpers. The stiffness "
