@@ -276,8 +276,8 @@ def test_half_the_step_gives_the_same(fmu, length: float, kmh: float) -> None:
 
 
 def test_who_crosses(fmu) -> None:
-    """At 3 to 9 km/h: 1.2 and 1.3 m pass, 1.9 and 2.0 m fail, as in 003 Table 5.4. (All 36 cases: `cosim study`.)"""
-    for length in (1.2, 1.3, 1.9, 2.0):
+    """At 3 to 9 km/h 1.3 m passes and 1.9 m fails, as in 003 Table 5.4; the other cases are those of the study."""
+    for length in (1.3, 1.9):
         for kmh in (3.0, 6.0, 9.0):
             metrics, reasons = judge(cross(fmu, length, kmh), length)
             assert (not reasons) == trench_published.passed(length, kmh), (length, kmh, reasons, metrics)
