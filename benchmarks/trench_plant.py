@@ -16,7 +16,9 @@ def measure() -> dict[str, float]:
     with System() as system, warnings.catch_warnings():
         warnings.simplefilter("ignore", UnconnectedInputsWarning)
         parameters = {"trench.length": LENGTH}
-        system.add("car", FmuSet().path("ThreeAxleTrench"), step="1 ms", parameters=parameters, start={"target.speed": SPEED})
+        system.add(
+            "car", FmuSet().path("ThreeAxleTrench"), step="1 ms", parameters=parameters, start={"target.speed": SPEED}
+        )
         begin = time.process_time()
         stop = StopWhen("car.x", ">=", 11.0)
         run = system.run(30.0, record=["car.x", "car.body.*", "car.hub.*.fx", "car.*.force"], stop_when=[stop])
