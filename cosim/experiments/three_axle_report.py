@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from build_fmus.qp_sources import DAQP_VERSION
 from cosim.experiments import three_axle_study as ts
 from cosim.experiments.cases import FmuSet
 from cosim.experiments.store import content_hash
@@ -56,7 +57,8 @@ def report(study: Study, fmus: FmuSet) -> Report:
         sections=[_table(study), _crossings(study), _disturbance(study), _reference(study), _forces(study), _variants(study)],
         parameters=_parameters(),
         provenance={
-            "versions": {n: metadata.version(n) for n in ("suspension-fmus", "numpy", "scipy", "casadi", "daqp")},
+            "versions": {n: metadata.version(n) for n in ("suspension-fmus", "numpy", "scipy", "casadi")}
+            | {"daqp (C sources)": DAQP_VERSION},
             "papers": PAPERS,
             "FMI version": f"{fmus.fmi}.0",
             "FMUs (SHA-256)": {n: content_hash([fmus.path(n)]) for n in FMUS},
