@@ -29,6 +29,7 @@ from fmu_sources.estimators.kalman_design import Filter, correction, kalman_filt
 from fmu_sources.vehicles import SensorSet
 
 SAMPLE_TIME = 5e-3  # s
+LARGEST_GAP = 0.1  # m between tyre and ground; assumed
 POSE = ("body.z", "body.roll", "body.pitch")
 POSE_RATES = ("body.vz", "body.roll_rate", "body.pitch_rate")
 _HUBS = tuple(f"wheel.{k}.az" for k in CORNERS)
@@ -155,12 +156,12 @@ def kalman_hmmwv(
         return inverse @ m.C, inverse
 
     lost = _LostPull(c, car, period)
-    seen = last_y - ca.DM(m.D) @ last_u - ca.DM(m.F) @ rate - ca.DM(lost.measured) @ lost.force(x)
+    seen = last_y - ca.DM(m.D) @ last_u - ca.DM(m.F) @ rate - ca.DM(lost.measured) @ lost.force(x, between)
     gain, left = _sequential(covariance, chosen(lambda f: whitened(f)[0]))
     gain = ca.if_else(varying > 0.5, gain @ chosen(lambda f: whitened(f)[1]), chosen(lambda f: f.gain))
     corrected = x + gain @ (seen - ca.DM(m.C) @ x)
     A = chosen(lambda f: f.A)
-    driven = ca.DM(m.B) @ ((last_u + u) / 2) + ca.DM(m.E) @ rate + ca.DM(lost.driving) @ lost.force(corrected)
+    driven = ca.DM(m.B) @ ((last_u + u) / 2) + ca.DM(m.E) @ rate + ca.DM(lost.driving) @ lost.force(corrected, between)
     predicted = A @ corrected + driven + chosen(lambda f: f.Y) @ seen
     prior = ca.if_else(begun > 0.5, predicted, x)
     spread = A @ left @ A.T + chosen(lambda f: f.Q)
@@ -177,7 +178,7 @@ def kalman_hmmwv(
     gain = ca.if_else(varying > 0.5, gain_now @ ca.DM(root), ca.if_else(used, ca.DM(steady[1][0]), ca.DM(steady[0][0])))
     variance = ca.if_else(used, ca.DM(np.diag(steady[1][1])), ca.DM(np.diag(steady[0][1])))
     variance = ca.if_else(varying > 0.5, ca.diag(posterior_now), variance)
-    expected = ca.DM(m.C) @ prior + ca.DM(m.D) @ u + ca.DM(lost.measured) @ lost.force(prior)
+    expected = ca.DM(m.C) @ prior + ca.DM(m.D) @ u + ca.DM(lost.measured) @ lost.force(prior, used)
     estimate = prior + gain @ (y - expected)
 
     # ------------------------------------------------------------------------------------------------------------ pose
@@ -320,7 +321,7 @@ def _sequential(covariance: Any, C: Any) -> tuple[Any, Any]:
 class _LostPull:
     """What the linear tyres pull and those of the car do not, once they have lost their static load.
 
-    ``force(x)`` (4,) [N] on the wheels, for estimates x; ``driving`` (15, 4) and ``measured`` (12, 4) are what it does to the
+    ``force(x, known)`` (4,) [N] on the wheels, for estimates x; ``driving`` (15, 4) and ``measured`` (12, 4) are what it does to the
     states over a sample and to the measurements.
     """
 
@@ -336,7 +337,7 @@ class _LostPull:
         slots = {e.name: e.slot for e in car.elements("output")}
         self._static = at_rest.ravel()[[slots[f"tire.{k}.force"] for k in CORNERS]]
         self._lifting = c.parameter(
-            "tires.lift_off", bool(car.variable("tires.lift_off").start[0]), None, "the tyres of the model do not pull",  # type: ignore[index]
+            "tires.lift_off", bool(car.variable("tires.lift_off").start[0]), None, "on a known road the tyres of the model do not pull",  # type: ignore[index]
             tunable=True, source="vehicle file",
         )  # fmt: skip
         inputs = np.zeros((15, 4))
@@ -347,10 +348,15 @@ class _LostPull:
         self.measured = np.zeros((len(_SENSORS), 4))
         self.measured[[_SENSORS.index(f"hub.{k}.az") for k in CORNERS], range(4)] = per_mass
 
-    def force(self, x: Any) -> Any:
-        """Lost pull [N] of each tyre."""
-        beyond = ca.DM(self._stiffness) * x[self._tires] - ca.DM(self._static)
-        return ca.if_else(self._lifting > 0.5, ca.fmax(beyond, 0), 0)
+    def force(self, x: Any, known: Any) -> Any:
+        """Lost pull [N] of each tyre, 0 while the road is not ``known``.
+
+        Without the road nothing measures the gap under a wheel in the air: the lost pull would feed on its own estimate and
+        grow without bound. The gap that counts is limited for the same reason.
+        """
+        stiffness = ca.DM(self._stiffness)
+        beyond = ca.fmin(stiffness * x[self._tires] - ca.DM(self._static), stiffness * LARGEST_GAP)
+        return ca.if_else(ca.logic_and(self._lifting > 0.5, known), ca.fmax(beyond, 0), 0)
 
 
 def _corner_heights(car: Component) -> np.ndarray:

@@ -1,5 +1,7 @@
 """The project's own FMUs in the master: saved states, arrays, linear models, the messages of refused values."""
 
+import pickle
+
 import casadi as ca
 import numpy as np
 import pytest
@@ -162,6 +164,9 @@ def test_a_value_that_is_not_finite_ends_the_run_and_is_named(native, version):
         with pytest.raises(ComponentError, match=r"(?s)'mass'.*t = 0\.05 s.*force") as caught:
             system.run(1.0)
         assert caught.value.recording.time[-1] == 0.05
+        crossed = pickle.loads(pickle.dumps(caught.value))  # as from a worker process of a study
+        assert str(crossed) == str(caught.value)
+        assert (crossed.component, crossed.recording) == ("mass", None)
         with pytest.raises(ComponentError):  # and again, on the reset instance
             system.run(1.0)
         system.disconnect("mass.force")
