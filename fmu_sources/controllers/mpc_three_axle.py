@@ -196,7 +196,7 @@ def mpc_three_axle(car: Component, name: str = "MpcThreeAxle") -> Component:
     printed = c.parameter(
         "printed_limits", True, None,
         "limits of Tables 4.5 and 4.6; false, for trenches: outputs without limits, and forces change by 1.2e6 N/s at most",
-        source="003 Tables 4.5, 4.6; with them the vehicle tips over in long trenches",
+        source="003 Tables 4.5, 4.6; with them a crossing costs about twice as much",
     )  # fmt: skip
     estimator = c.parameter(
         "estimator", 1, None,
