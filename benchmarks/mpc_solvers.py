@@ -10,7 +10,7 @@ from __future__ import annotations
 import time
 import warnings
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from rich.console import Console
@@ -20,19 +20,23 @@ from rich.table import Table
 from build_fmus.component import Component
 from build_fmus.qp_solve import CompiledPrograms, solve_reference
 from build_fmus.reference import Evaluator
-from cosim import Recording, System, UnconnectedInputsWarning
+from cosim import Recording, UnconnectedInputsWarning
 from cosim.experiments.bench import BUMP_DURATIONS, Bench, Case
 from cosim.experiments.cases import FmuSet
+from cosim.experiments.hmmwv import ROADS as HMMWV_ROADS
+from cosim.experiments.hmmwv import Case as HmmwvCase
+from cosim.experiments.hmmwv import HmmwvBench
 from cosim.experiments.three_axle import ThreeAxleBench
 from fmu_sources.catalog import Context, default_catalog
 from fmu_sources.controllers import bench, mpc_hmmwv, mpc_three_axle
+from fmu_sources.controllers.hmmwv_states import FORCE_LIMIT
 from fmu_sources.controllers.mpc_qp import CondensedQp
 from fmu_sources.controllers.mpc_settings import Mpc
 from fmu_sources.plants import quarter_car, ride_car
 from fmu_sources.vehicles import load_quarter_car, load_ride_car, load_three_axle
 
 BACKENDS = ("osqp", "daqp")
-REPETITIONS = 5
+REPETITIONS = 3
 THREE_AXLE: dict[str, float] = {"estimator": 1, "hold_height": False, "retraction": 0}
 
 
@@ -130,27 +134,22 @@ def bench_runs(system: str) -> list[tuple[Recording, dict[str, float]]]:
 
 
 def hmmwv_runs() -> list[tuple[Recording, dict[str, float]]]:
-    """At 20 mph with and without preview: speed bumps of paper 001 as they are and four times as high; off road."""
+    """Every published run of paper 001 under MPC, on hydraulic actuators: all places of the bumps and all stretches off
+    road, with and without preview, on true and on estimated states, and with the preview of the range sensors."""
+    runs = HmmwvBench(FmuSet())
     recordings = []
-    fmus = FmuSet()
-    for road, scale, duration in (("RoadBumps", 1.0, 4.0), ("RoadBumps", 4.0, 4.0), ("RoadOffroadHmmwv", 1.0, 10.0)):
-        for preview in (0.0, 1.0):
-            with System() as system:
-                system.add("speed", fmus.path("SpeedProfile"))
-                system.add("road", fmus.path(road))
-                system.add("car", fmus.path("RideCarHmmwv"), step="1 ms")
-                system.add("controller", fmus.path("MpcHmmwv"))
-                parameters = system["road"].description.parameters
-                heights = [n for n in parameters if n.startswith("bump.height")]
-                system["road"].set({n: scale * parameters[n].start for n in heights})
-                system["speed"].set({"start.speed": 20 * 0.44704, "start.x": 0.0})
-                system["controller"].set({"use_preview": bool(preview)})
-                system.connect("speed.x", "road.x")
-                system.connect("speed.speed", "road.speed")
-                for pair in (("road", "car"), ("road", "controller"), ("car", "controller"), ("controller", "car")):
-                    system.connect_matching(*pair)
-                recording = system.run(duration, record=["car.*", "road.preview.*"], record_interval="30 ms")
-            recordings.append((recording, {"use_preview": preview}))
+    variants = [("mpc", "true", "generated"), ("mpc", "estimated", "generated"), ("mpc-preview", "true", "generated")]
+    variants += [("mpc-preview", "estimated", "generated"), ("mpc-preview", "estimated", "sensed")]
+    for controller, states, preview in variants:
+        for case in (HmmwvCase(road, controller, states=states, preview=preview) for road in HMMWV_ROADS):
+            for variant in range(case.variants):
+                system = runs.system(replace(case, variant=variant))
+                states_from = "kalman" if states == "estimated" else "car"
+                ahead = next(n for n in ("buffer", "map", "road") if n in system.members)
+                names = [f"{states_from}.*", f"{ahead}.preview.*"]
+                recording = system.run(case.stop_time, record=names, record_interval="30 ms")
+                recordings.append((recording, {"use_preview": float(controller == "mpc-preview")}))
+    runs.close()
     return recordings
 
 
@@ -180,7 +179,7 @@ def solvers() -> dict[str, dict[str, float]]:
         "MpcBenchMoves": problems(
             "MpcBenchMoves", bench.bench_mpc(small, "moves"), bench_runs("mpc-moves"), bench.FORCE_LIMIT
         ),
-        "MpcHmmwv": problems("MpcHmmwv", mpc_hmmwv.hmmwv_mpc(car), hmmwv_runs(), 8000.0),
+        "MpcHmmwv": problems("MpcHmmwv", mpc_hmmwv.hmmwv_mpc(car), hmmwv_runs(), FORCE_LIMIT),
     }
     results = {f"{name}, {backend}": measure(p, backend) for name, p in given.items() for backend in BACKENDS}
     large = ride_car(load_three_axle("three_axle"), name="ThreeAxleRide")

@@ -194,7 +194,7 @@ def preview_inputs(c: Component, mpc: Mpc, preview: Preview, unit: str = "m") ->
     missing = [d for d in model.disturbances if d not in preview.inputs]
     if missing:
         raise MpcError(f"{c.name}: no preview input for disturbance(s) {', '.join(missing)}")
-    grid = ca.DM(preview.grid(c.name, model.period, mpc.horizon.last + 2).T)
+    grid = ca.DM(preview.grid(c.name, model.period, mpc.horizon.prediction + 2).T)
     rows = []
     for d in model.disturbances:
         ahead = c.input(
@@ -220,7 +220,7 @@ def reference_inputs(c: Component, mpc: Mpc, plant: Component, count: int | None
         return None
     if count < h.prediction:
         raise MpcError(f"{c.name}: the horizon of {h.prediction} steps is longer than the reference of {count} values")
-    places = [min(h.first + i, count - 1) for i in range(h.prediction)]
+    places = [min(1 + i, count - 1) for i in range(h.prediction)]
     declared: dict[str, Any] = {}
     rows = []
     for o in mpc.outputs:

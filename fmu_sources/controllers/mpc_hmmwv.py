@@ -21,6 +21,7 @@ from cosim.comfort import FEET_PER_METRE, HUMAN_RESPONSE
 from fmu_sources.controllers.force_tracking import DECAY, NATURAL
 from fmu_sources.controllers.hmmwv_states import (
     CORNERS,
+    FORCE_LIMIT,
     FORCES,
     RELATIVE_STATES,
     ROAD_RATES,
@@ -44,7 +45,7 @@ STEPS = 15  # of prediction and of moves, assumed
 PREVIEW_POINTS = STEPS + 1
 VELOCITY = tuple(f"suspension.{k}.velocity" for k in CORNERS)
 RESPONSE = "human_response"
-BACKENDS = (Daqp(), Osqp(rho=1.0, eps=1e-8))  # OSQP takes longer than half the sample time: benchmarks/README.md
+BACKENDS = (Osqp(), Daqp())  # the first is the default: benchmarks/README.md
 
 
 @dataclass(frozen=True)
@@ -56,7 +57,7 @@ class MpcHmmwvWeights:
     velocity: float = 192.0  # 1/(m/s)2, Table 1.2
     tire: float = 0.08  # 1/m2, Table 1.2
     force: float = 1.1e-6  # 1/N2, Table 1.2
-    max_force: float = 8000.0  # N, Table 1.3
+    max_force: float = FORCE_LIMIT
     max_force_step: float = 5000.0  # N, Table 1.3 prints N/s; read as per period
     max_travel: float = 0.06  # m, Table 1.3; soft
     travel_scale: float = 0.01  # m of travel beyond the bound that cost slack_weight together; assumed

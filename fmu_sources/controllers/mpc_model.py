@@ -56,9 +56,9 @@ class Disturbance:
 class MpcModel:
     """Sampled linear model.
 
-    x(k+1) = A x(k) + B u(k) + E0 w(k) + E1 w(k+1),  y(k) = C x(k) + D u(k) + F0 w(k) + F1 w(k+1)
+    x(k+1) = A x(k) + B u(k) + E0 w(k) + E1 w(k+1),  y(k) = C x(k) + D u(k-1) + F0 w(k) + F1 w(k+1)
 
-    ``u`` is held between samples. Shapes: A (n, n), B (n, nu), E0 and E1 (n, nw), C (ny, n), D (ny, nu), F0 and F1
+    ``u`` is held between samples; a controller reads y(k) before its command u(k) acts, so u(k-1) is still in it. Shapes: A (n, n), B (n, nu), E0 and E1 (n, nw), C (ny, n), D (ny, nu), F0 and F1
     (ny, nw). ``period`` [s].
     """
 

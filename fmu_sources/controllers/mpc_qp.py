@@ -68,19 +68,18 @@ class CondensedQp:
         columns = []
         for start in h.moves:
             x, rows = np.zeros((len(m.A), nu)), []
-            for i in range(h.last + 1):
+            for i in range(h.prediction):
                 on = float(i >= start)
-                if i >= h.first:
-                    rows.append(C @ x + on * D)
                 x = m.A @ x + on * m.B
+                rows.append(C @ x + on * D)
             columns.append(np.vstack(rows))
         return np.hstack(columns)
 
     @cached_property
     def held(self) -> Array:
-        """Inputs at steps 0 ... last (rows step by step) to the moves."""
+        """Inputs at steps 0 ... prediction (rows step by step) to the moves."""
         nu, h = len(self.mpc.model.inputs), self.mpc.horizon
-        steps = np.array([[float(i >= start) for start in h.moves] for i in range(h.last + 1)])
+        steps = np.array([[float(i >= start) for start in h.moves] for i in range(h.prediction + 1)])
         return np.kron(steps, np.eye(nu))
 
     def _weights(self, case: int) -> tuple[Array, Array, Array]:
@@ -101,7 +100,7 @@ class CondensedQp:
         n = self.moves
         H[:n, :n] = 2 * (
             R.T @ (np.tile(wy, h.prediction)[:, None] * R)
-            + S.T @ (np.tile(wu, h.last + 1)[:, None] * S)
+            + S.T @ (np.tile(wu, h.prediction + 1)[:, None] * S)
             + np.diag(np.tile(wd, h.control))
         )
         if self.mpc.soft:
@@ -175,14 +174,14 @@ class CondensedQp:
     def free_response(self, x: Any, previous: Any, disturbance: Any) -> Any:
         """Outputs (ny, prediction) when the inputs stay at ``previous``.
 
-        ``x`` (n,) now, ``disturbance`` (nw, last + 2) from now on, index 0 now; None for none.
+        ``x`` (n,) now, ``disturbance`` (nw, prediction + 2) from now on, index 0 now; None for none.
         """
         m, h = self.mpc.model, self.mpc.horizon
         rows = list(self._rows)
         A, C = ca.MX(ca.DM(m.A)), ca.MX(ca.DM(m.C[rows]))
         pushed = ca.mtimes(ca.DM(m.B), previous)
         seen = ca.mtimes(ca.DM(m.D[rows]), previous)
-        steps = h.last + 1
+        steps = h.prediction + 1
         if disturbance is None or not m.disturbances:
             into, through = ca.MX(len(m.A), steps), ca.MX(len(rows), steps)
         else:
@@ -190,15 +189,15 @@ class CondensedQp:
             into = ca.mtimes(ca.DM(m.E0), now) + ca.mtimes(ca.DM(m.E1), then)
             through = ca.mtimes(ca.DM(m.F0[rows]), now) + ca.mtimes(ca.DM(m.F1[rows]), then)
         states = [x]
-        for i in range(h.last):
+        for i in range(h.prediction):
             states.append(ca.mtimes(A, states[-1]) + pushed + into[:, i])
-        chosen = ca.horzcat(*states[h.first :])
-        return ca.mtimes(C, chosen) + ca.repmat(seen, 1, h.prediction) + through[:, h.first :]
+        chosen = ca.horzcat(*states[1:])
+        return ca.mtimes(C, chosen) + ca.repmat(seen, 1, h.prediction) + through[:, 1:]
 
     def expressions(self, x: Any, previous: Any, disturbance: Any, reference: Any, case: Any) -> QpExpressions:
         """q, l, u of the scaled program.
 
-        Args (CasADi MX): ``x`` (n,) state now; ``previous`` (nu,) inputs of the step before; ``disturbance`` (nw, last + 2)
+        Args (CasADi MX): ``x`` (n,) state now; ``previous`` (nu,) inputs of the step before; ``disturbance`` (nw, prediction + 2)
         or None; ``reference`` (ny, prediction) or None for 0; ``case`` number of the case.
         """
         mpc, h = self.mpc, self.mpc.horizon
@@ -209,7 +208,7 @@ class CondensedQp:
         wy = self._by_case([2 * w[0] for w in weights], case)
         wu = self._by_case([2 * w[1] for w in weights], case)
         target = self._by_case([[i.target for i in mpc.case_inputs[c]] for c in cases], case)
-        total = ca.DM([float(sum(i >= start for i in range(h.last + 1))) for start in h.moves])
+        total = ca.DM([float(sum(i >= start for i in range(h.prediction + 1))) for start in h.moves])
         linear = ca.mtimes(ca.DM(self.response.T), ca.vec(ca.repmat(wy, 1, h.prediction) * error))
         linear += ca.vec(ca.mtimes(wu * (previous - target), total.T))
         if mpc.soft:

@@ -54,16 +54,16 @@ class MpcReference:
         self._rows = [position("output", o.name, m.outputs) for o in mpc.outputs]
         nu, blocks = len(m.inputs), mpc.horizon.control
         rest = np.zeros(len(m.states))
-        none = np.zeros((len(m.disturbances), mpc.horizon.last + 2))
+        none = np.zeros((len(m.disturbances), mpc.horizon.prediction + 2))
         units = [np.eye(blocks * nu)[j].reshape(blocks, nu) for j in range(blocks * nu)]
         self._effect = np.stack([self.predict(rest, np.zeros(nu), unit, none) for unit in units], axis=-1)
         self._inputs = np.stack([self._plan(np.zeros(nu), unit) for unit in units], axis=-1)
 
     def _plan(self, previous: Array, moves: Array) -> Array:
-        """Inputs (steps, nu) from now to the last step."""
+        """Inputs (prediction + 1, nu) from now on."""
         h = self.mpc.horizon
         plan, u = [], np.array(previous, dtype=float)
-        for i in range(h.last + 1):
+        for i in range(h.prediction + 1):
             if i in h.moves:
                 u = u + moves[h.moves.index(i)]
             plan.append(u)
@@ -73,11 +73,10 @@ class MpcReference:
         """Outputs (prediction, ny) at the steps that count, for given moves (blocks, nu)."""
         m, h = self.mpc.model, self.mpc.horizon
         plan, outputs = self._plan(previous, moves), []
-        for i in range(h.last + 1):
-            w0, w1 = disturbance[:, i], disturbance[:, i + 1]
-            if i >= h.first:
-                outputs.append((m.C @ x + m.D @ plan[i] + m.F0 @ w0 + m.F1 @ w1)[self._rows])
-            x = m.A @ x + m.B @ plan[i] + m.E0 @ w0 + m.E1 @ w1
+        for i in range(h.prediction):
+            now, then, later = disturbance[:, i : i + 3].T
+            x = m.A @ x + m.B @ plan[i] + m.E0 @ now + m.E1 @ then
+            outputs.append((m.C @ x + m.D @ plan[i] + m.F0 @ then + m.F1 @ later)[self._rows])
         return np.array(outputs)
 
     def step(
@@ -93,7 +92,7 @@ class MpcReference:
         Args:
             x: state (n,) now.
             previous: inputs (nu,) of the step before.
-            disturbance: (nw, last + 2) from now on; None for 0.
+            disturbance: (nw, prediction + 2) from now on; None for 0.
             reference: (ny, prediction) for the outputs; None for 0.
             case: number of the case.
 
@@ -106,7 +105,7 @@ class MpcReference:
         fixed = self._fixed(case)
         inputs, nu = mpc.case_inputs[case], len(mpc.model.inputs)
         if disturbance is None:
-            disturbance = np.zeros((len(mpc.model.disturbances), h.last + 2))
+            disturbance = np.zeros((len(mpc.model.disturbances), h.prediction + 2))
         n = nu * h.control
         free = self.predict(np.asarray(x, float), previous, np.zeros((h.control, nu)), disturbance)
         error = free if reference is None else free - reference.T
@@ -114,7 +113,7 @@ class MpcReference:
         for i, o in enumerate(mpc.case_outputs[case]):
             f[:n] += 2 * (o.weight / o.scale) ** 2 * self._effect[:, i].T @ error[:, i]
         for j, u in enumerate(inputs):
-            gradient = self._inputs[:, j].T @ np.full(h.last + 1, previous[j] - u.target)
+            gradient = self._inputs[:, j].T @ np.full(h.prediction + 1, previous[j] - u.target)
             f[:n] += 2 * (u.weight / u.scale) ** 2 * gradient
         least = np.array([bound(free, previous) for bound in fixed.bounds]) / fixed.norm - _SPARE
         try:

@@ -95,23 +95,22 @@ class Output:
 class Horizon:
     """Steps that are predicted, and how often the inputs may move in them.
 
-    ``prediction`` steps count in the cost: k + first ... k + first + prediction - 1. ``first`` is 1 as a rule; 0 also
-    counts the present one, for outputs with a direct effect of the input. ``blocks`` are the lengths of the intervals
-    between moves; without it there are ``control`` moves one step apart. The last move holds to the end.
+    ``prediction`` steps count in the cost, from the next sample on; outputs are those that will be measured there, before
+    that sample's command acts. ``blocks`` are the lengths of the intervals between moves; without it there are
+    ``control`` moves one step apart. The last move holds to the end.
     """
 
     prediction: int
     control: int = 0
     blocks: tuple[int, ...] = ()
-    first: int = 1
 
     def __post_init__(self) -> None:
-        for name in ("prediction", "first", "control"):
+        for name in ("prediction", "control"):
             value = getattr(self, name)
             if isinstance(value, bool) or not isinstance(value, int):
                 raise MpcError(f"horizon: {name} is {value!r}; give a whole number")
-        if self.prediction < 1 or self.first not in (0, 1):
-            raise MpcError(f"horizon: prediction {self.prediction} must be at least 1, first {self.first} be 0 or 1")
+        if self.prediction < 1:
+            raise MpcError(f"horizon: prediction {self.prediction} must be at least 1")
         blocks = tuple(self.blocks) or (1,) * self.control
         if not blocks or min(blocks) < 1:
             raise MpcError(f"horizon: moves {blocks}: give control >= 1, or blocks of at least one step each")
@@ -129,11 +128,6 @@ class Horizon:
     def moves(self) -> tuple[int, ...]:
         """Steps at which the inputs move."""
         return tuple(sum(self.blocks[:j]) for j in range(len(self.blocks)))
-
-    @property
-    def last(self) -> int:
-        """Last step whose outputs count."""
-        return self.first + self.prediction - 1
 
 
 _CHANGEABLE = {
@@ -244,7 +238,6 @@ class Mpc:
         return {
             "period": self.model.period,
             "prediction": self.horizon.prediction,
-            "first": self.horizon.first,
             "moves": list(self.horizon.moves),
             "slack_weight": self.slack_weight,
             "cases": {
