@@ -1,7 +1,7 @@
 """Write ``fmus.md``, the reference of every FMU of the catalog, from the FMUs themselves.
 
-    build-fmus
-    python docs/write_fmus.py
+build-fmus
+python docs/write_fmus.py
 """
 
 from __future__ import annotations
@@ -46,7 +46,10 @@ def _table(title: str, variables: Iterable[Variable]) -> str:
     for v in variables:
         groups.setdefault((re.sub(r"\[[\d,]+\]$", "[]", v.name), v.unit_name, v.description), []).append(v)
     start = title == "parameters"
-    lines = [f"| {title} | unit |{' start |' if start else ''} description |", f"|---|---|{'---|' if start else ''}---|"]
+    lines = [
+        f"| {title} | unit |{' start |' if start else ''} description |",
+        f"|---|---|{'---|' if start else ''}---|",
+    ]
     for (name, unit, description), elements in groups.items():
         cells = [f"`{_spanned(name, elements)}`", unit, description]
         if start:

@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-from importlib import metadata
 from pathlib import Path
 
 from cosim import Recording
 from cosim.experiments.bench import BUMP_HEIGHT, SYSTEMS, UNITS, force
 from cosim.experiments.bench_study import HEIGHTS, LIMITED, SCENARIOS, Study, ratio
 from cosim.experiments.cases import FmuSet
-from cosim.experiments.store import content_hash
-from cosim.report import Claim, Figure, Panel, Parameter, Report, Result, Section, Series, Table, write_report
+from cosim.experiments.provenance import provenance
+from cosim.report import Claims, Figure, Panel, Parameter, Report, Result, Section, Series, Table, write_report
 from cosim.report.model import Scalar
-from fmu_sources.catalog import PAPERS
 from fmu_sources.controllers.bench import (
     FORCE_LIMIT,
     FORCE_WEIGHT,
@@ -67,26 +65,19 @@ def report(study: Study, fmus: FmuSet) -> Report:
         sections=[_plates(study), _forces(study), _random(study), _comparison(study), _limit(study), _encoders(study),
                   _solver(study)],
         parameters=_parameters(),
-        provenance={
-            "versions": {n: metadata.version(n) for n in ("suspension-fmus", "numpy", "scipy", "casadi", "osqp")},
-            "papers": PAPERS,
-            "FMI version": f"{fmus.fmi}.0",
-            "FMUs (SHA-256)": {n: content_hash([fmus.path(n)]) for n in _FMUS},
-        },
+        provenance=provenance(fmus, fmus.paths(_FMUS), ["osqp"]),
     )  # fmt: skip
 
 
 # ---------------------------------------------------------------------- claims
 
 
-def claims(study: Study) -> list[Claim]:
+def claims(study: Study) -> Claims:
     """What the paper says of the controllers, judged by these runs."""
-    result: list[Claim] = []
+    result = Claims()
     m = study.metrics
 
-    def claim(id_: str, text: str, published: str, ours: str, holds: bool, reason: str, source: str) -> None:
-        verdict = "reproduced" if holds else "not reproduced"
-        result.append(Claim(id_, text, published, ours, verdict, "" if holds else reason, source))  # type: ignore[arg-type]
+    claim = result.judge
 
     runs = [v for (_, s), v in (*m.items(), *study.encoders.items()) if s.startswith("mpc")]
     runs += [v for (_, s), rows in study.heights.items() if s.startswith("mpc") for v in rows]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import difflib
-from collections.abc import Collection
+from collections.abc import Collection, Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -37,6 +37,10 @@ class FmuSet:
         if not path.is_file():
             raise FileNotFoundError(f"{path} does not exist: run `{self.build_command()}` first")
         return path
+
+    def paths(self, names: Iterable[str]) -> list[Path]:
+        """Several FMU files: all are there, or FileNotFoundError names the first that is not."""
+        return [self.path(n) for n in names]
 
     def build_command(self) -> str:
         """The command that makes the files."""

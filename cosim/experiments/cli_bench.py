@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Annotated
 
@@ -11,7 +10,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from cosim.experiments.cli_options import Fmus, Out, Version, console, make_folder, progress_bar
+from cosim.experiments.cli_options import Fmus, Out, Version, console, make_folder, progress_bar, write_summary
 
 TITLE = "LQR and MPC on a quarter-car bench (paper 002)"
 OPTIONS = (
@@ -48,8 +47,7 @@ def run(
     Console().print(table)
     if "controller.command.held" in recording and recording["controller.command.held"].any():
         console.print("command.held: the solver found no solution at some samples; the last force was kept")
-    path.with_suffix(".json").write_text(json.dumps(measured, indent=1) + "\n")
-    console.print(f"{path} and {path.with_suffix('.json').name}")
+    write_summary(path, measured)
 
 
 def study(fmus: Fmus = Path("fmus"), fmi: Version = 3, out: Out = Path("results")) -> None:
@@ -59,7 +57,7 @@ def study(fmus: Fmus = Path("fmus"), fmi: Version = 3, out: Out = Path("results"
 
     chosen = FmuSet(fmus, fmi)
     make_folder(out / "bench")
-    with progress_bar("study bench") as progress:
+    with progress_bar("study bench", resumes=False) as progress:
         result = bench_study.study(chosen, progress)
     path = bench_report.write(result, chosen, out / "bench")
     console.print(f"report: {path}")

@@ -10,9 +10,17 @@ from typing import Annotated
 import typer
 from rich.console import Console
 from rich.table import Table
-from rich.text import Text
 
-from cosim.experiments.cli_options import Fmus, Out, Version, console, make_folder, progress_bar
+from cosim.experiments.cli_options import (
+    Fmus,
+    Out,
+    Version,
+    console,
+    make_folder,
+    metric_table,
+    progress_bar,
+    write_summary,
+)
 
 TITLE = "Full car under generalized predictive control on three roads (paper 000)"
 OPTIONS = "--road sine|curb|perryman3  --speed KM/H  --controller passive|implicit|explicit|preview  --weight R"
@@ -61,22 +69,18 @@ def run(
     measured = {controller: evaluate(recording)}
     if controller != "passive":
         measured = {"passive": evaluate(bench.record(Scenario(road, speed, "passive"))), **measured}
-    table = Table("metric", *measured, box=None)
     rows = {
         "response objective J": ("response", "{:.4f}"), "actuator force [N]": ("force", "{:.0f}"),
         "actuator power [W]": ("power", "{:.0f}"), "peak force [N]": ("peak_force", "{:.0f}"),
         "rms vertical acceleration [m/s2]": ("rms_az", "{:.3f}"), "rms pitch [rad]": ("rms_pitch", "{:.5f}"),
         "rms roll [rad]": ("rms_roll", "{:.5f}"),
     }  # fmt: skip
-    for label, (key, form) in rows.items():
-        table.add_row(Text(label), *(form.format(m[key]) for m in measured.values()))
+    table = metric_table(measured, rows)
     if controller != "passive":
         gain = improvement(measured[controller]["response"], measured["passive"]["response"])
         table.add_row("response improvement", "", f"{gain:.3f}")
     Console().print(table)
-    summary = path.with_suffix(".json")
-    summary.write_text(json.dumps(measured, indent=1) + "\n")
-    console.print(f"{path} and {summary.name}; {recording.real_time_factor:.0f}x real time")
+    write_summary(path, measured, f"; {recording.real_time_factor:.0f}x real time")
 
 
 def study(
@@ -93,12 +97,7 @@ def study(
     chosen.all_paths()  # every file is there before the work begins
     runs = make_folder(out / "gpc" / ".runs")
     with progress_bar("study gpc") as progress:
-        try:
-            result = gpc_study.study(chosen, runs, processes=processes, progress=progress)
-        except KeyboardInterrupt:
-            raise KeyboardInterrupt(
-                "interrupted; finished runs are kept, the same command goes on from there"
-            ) from None
+        result = gpc_study.study(chosen, runs, processes=processes, progress=progress)
     path = gpc_report.write(result, chosen, out / "gpc")
     console.print(f"report: {path}")
 

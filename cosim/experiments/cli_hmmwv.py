@@ -2,35 +2,42 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Annotated
 
 import typer
 from rich.console import Console
-from rich.table import Table
-from rich.text import Text
 
-from cosim.experiments.cli_options import Fmus, Out, Version, console, make_folder, progress_bar
+from cosim.experiments.cli_options import (
+    Fmus,
+    MetricRows,
+    Out,
+    Version,
+    console,
+    make_folder,
+    metric_table,
+    progress_bar,
+    write_summary,
+)
 
 TITLE = "HMMWV with hydraulic actuators: comfort over bumps and off road (paper 001)"
 OPTIONS = (
     "--road track|bump|off-road  --controller passive|zero|skyhook|lqr|lqr-kilonewton|mpc|mpc-preview  "
     "--actuators hydraulic|ideal  --states true|estimated  --preview generated|sensed"
 )
-_ROWS = {
-    "absorbed power (published figure) [W]": ("absorbed_power", "{:.2f}", 1.0),
-    "absorbed power, peak over 1 s [W]": ("absorbed_power_peak", "{:.2f}", 1.0),
-    "absorbed power, mean [W]": ("absorbed_power_mean", "{:.2f}", 1.0),
-    "ISO 2631 weighted rms [m/s2]": ("iso2631_rms", "{:.3f}", 1.0),
+_ROWS: MetricRows = {
+    "absorbed power (published figure) [W]": ("absorbed_power", "{:.2f}"),
+    "absorbed power, peak over 1 s [W]": ("absorbed_power_peak", "{:.2f}"),
+    "absorbed power, mean [W]": ("absorbed_power_mean", "{:.2f}"),
+    "ISO 2631 weighted rms [m/s2]": ("iso2631_rms", "{:.3f}"),
     "suspension travel, rms [mm]": ("travel_rms", "{:.1f}", 1e3),
     "suspension travel, largest [mm]": ("travel_peak", "{:.1f}", 1e3),
     "tyre off the ground [% of the time]": ("lift_off", "{:.1f}", 100.0),
-    "actuator force, rms [N]": ("force_rms", "{:.0f}", 1.0),
-    "actuator force, largest [N]": ("force_peak", "{:.0f}", 1.0),
-    "force error, rms [N]": ("tracking_error_rms", "{:.0f}", 1.0),
+    "actuator force, rms [N]": ("force_rms", "{:.0f}"),
+    "actuator force, largest [N]": ("force_peak", "{:.0f}"),
+    "force error, rms [N]": ("tracking_error_rms", "{:.0f}"),
     "valve saturated [% of the time]": ("saturation", "{:.1f}", 100.0),
-    "flow of the pump, mean [l/min]": ("flow_mean", "{:.0f}", 1.0),
+    "flow of the pump, mean [l/min]": ("flow_mean", "{:.0f}"),
 }
 
 
@@ -74,16 +81,10 @@ def run(
     if controller != "passive":
         passive = Case(road, "passive", speed_kmh=speed, variant=variant, friction=friction)
         measured = {"passive": bench.measure(passive), **measured}
-    table = Table("metric", *measured, box=None)
-    for label, (key, form, scale) in _ROWS.items():
-        cells = [form.format(scale * m[key]) if key in m else "-" for m in measured.values()]
-        table.add_row(Text(label), *cells)
-    Console().print(table)
+    Console().print(metric_table(measured, _ROWS))
     for remark in remarks(recording):
         console.print(f"note: {remark}")
-    summary = path.with_suffix(".json")
-    summary.write_text(json.dumps(measured, indent=1) + "\n")
-    console.print(f"{path} and {summary.name}; {recording.real_time_factor:.0f}x real time")
+    write_summary(path, measured, f"; {recording.real_time_factor:.0f}x real time")
     bench.close()
 
 
@@ -98,15 +99,9 @@ def study(
     from cosim.experiments.cases import FmuSet
 
     chosen = FmuSet(fmus, fmi)
-    for name in hmmwv.all_fmus():
-        chosen.path(name)  # every file is there before the work begins
+    chosen.paths(hmmwv.all_fmus())  # every file is there before the work begins
     runs = make_folder(out / "hmmwv" / ".runs")
     with progress_bar("study hmmwv") as progress:
-        try:
-            result = hmmwv_study.study(chosen, runs, processes=processes, progress=progress)
-        except KeyboardInterrupt:
-            raise KeyboardInterrupt(
-                "interrupted; finished runs are kept, the same command goes on from there"
-            ) from None
+        result = hmmwv_study.study(chosen, runs, processes=processes, progress=progress)
     path = hmmwv_report.write(result, chosen, out / "hmmwv")
     console.print(f"report: {path}")

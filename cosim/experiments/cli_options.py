@@ -2,26 +2,35 @@
 
 from __future__ import annotations
 
+import json
 import tempfile
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+from rich.table import Table
+from rich.text import Text
 
 Fmus = Annotated[Path, typer.Option(help="directory of the FMUs (see build-fmus)")]
 Version = Annotated[int, typer.Option(help="FMI version of the FMUs to use: 2 or 3", min=2, max=3)]
 Out = Annotated[Path, typer.Option(help="directory for results")]
 
+MetricRows = Mapping[str, tuple[str, str] | tuple[str, str, float]]
+"""Label -> key, format, and a factor where the label has another unit than the metric."""
+
 console = Console(stderr=True, highlight=False, soft_wrap=True)
 
 
 @contextmanager
-def progress_bar(title: str) -> Iterator[Callable[[int, int], None]]:
-    """A bar on the terminal; the function that it gives is called with (done, total)."""
+def progress_bar(title: str, *, resumes: bool = True) -> Iterator[Callable[[int, int], None]]:
+    """A bar on the terminal; the function that it gives is called with (done, total).
+
+    ``resumes``: finished runs are on disk, which whoever presses Ctrl-C is told.
+    """
     columns = [
         TextColumn("{task.description}"),
         BarColumn(),
@@ -31,7 +40,28 @@ def progress_bar(title: str) -> Iterator[Callable[[int, int], None]]:
     ]
     with Progress(*columns, console=console) as bar:
         task = bar.add_task(title, total=None)
-        yield lambda done, total: bar.update(task, completed=done, total=total)
+        try:
+            yield lambda done, total: bar.update(task, completed=done, total=total)
+        except KeyboardInterrupt:
+            kept = "; finished runs are kept, the same command goes on from there" if resumes else ""
+            raise KeyboardInterrupt(f"interrupted{kept}") from None
+
+
+def metric_table(measured: Mapping[str, Mapping[str, Any]], rows: MetricRows) -> Table:
+    """Metrics of several systems side by side; a metric that a system does not have is a dash."""
+    table = Table("metric", *measured, box=None)
+    for label, (key, form, *factor) in rows.items():
+        scale = factor[0] if factor else 1.0
+        cells = (form.format(scale * m[key]) if key in m else "-" for m in measured.values())
+        table.add_row(Text(label), *cells)
+    return table
+
+
+def write_summary(csv: Path, measured: Mapping[str, Any], note: str = "") -> None:
+    """The metrics as JSON beside the time histories, and where both are."""
+    path = csv.with_suffix(".json")
+    path.write_text(json.dumps(measured, indent=1) + "\n")
+    console.print(f"{csv} and {path.name}{note}")
 
 
 def make_folder(path: Path) -> Path:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Annotated
 
@@ -10,7 +9,7 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
-from cosim.experiments.cli_options import Fmus, Out, Version, console, make_folder, progress_bar
+from cosim.experiments.cli_options import Fmus, Out, Version, console, make_folder, progress_bar, write_summary
 
 TITLE = "Optimal preview LQ control of a seven-degree car (paper 004)"
 OPTIONS = "--input both|left  --weights comfort|road-holding|comfort-5ms  --system passive|active|delay|preview  --preview-time S"
@@ -51,8 +50,7 @@ def run(
     Console().print(table)
     if system != "passive" and recording["controller.horizon_truncated"].any():
         console.print("horizon_truncated: preview or memory end before the horizon that was asked for")
-    path.with_suffix(".json").write_text(json.dumps(measured, indent=1) + "\n")
-    console.print(f"{path} and {path.with_suffix('.json').name}")
+    write_summary(path, measured)
     bench.close()
 
 
@@ -63,7 +61,7 @@ def study(fmus: Fmus = Path("fmus"), fmi: Version = 3, out: Out = Path("results"
 
     chosen = FmuSet(fmus, fmi)
     make_folder(out / "preview-lq")
-    with progress_bar("study preview-lq") as progress:
+    with progress_bar("study preview-lq", resumes=False) as progress:
         result = preview_lq_study.study(chosen, progress)
     path = preview_lq_report.write(result, chosen, out / "preview-lq")
     console.print(f"report: {path}")

@@ -2,16 +2,22 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Annotated
 
 import typer
 from rich.console import Console
-from rich.table import Table
-from rich.text import Text
 
-from cosim.experiments.cli_options import Fmus, Out, Version, console, make_folder, progress_bar
+from cosim.experiments.cli_options import (
+    Fmus,
+    Out,
+    Version,
+    console,
+    make_folder,
+    metric_table,
+    progress_bar,
+    write_summary,
+)
 
 TITLE = "6x6 on shallow trenches: LQR and predictive control with preview (paper 003)"
 OPTIONS = (
@@ -53,13 +59,8 @@ def run(
     measured = {system: metrics(recording, case)}
     if system != "passive":
         measured = {"passive": bench.measure(Case(speed, depth, "passive")), **measured}
-    table = Table("metric", *measured, box=None)
-    for label, (key, form) in _ROWS.items():
-        table.add_row(Text(label), *(form.format(m[key]) if key in m else "-" for m in measured.values()))
-    Console().print(table)
-    summary = path.with_suffix(".json")
-    summary.write_text(json.dumps(measured, indent=1) + "\n")
-    console.print(f"{path} and {summary.name}; {recording.real_time_factor:.0f}x real time")
+    Console().print(metric_table(measured, _ROWS))
+    write_summary(path, measured, f"; {recording.real_time_factor:.0f}x real time")
     bench.close()
 
 
@@ -75,15 +76,9 @@ def study(
     from cosim.experiments.three_axle import FMUS
 
     chosen = FmuSet(fmus, fmi)
-    for name in FMUS:
-        chosen.path(name)  # every file is there before the work begins
+    chosen.paths(FMUS)  # every file is there before the work begins
     runs = make_folder(out / "three-axle" / ".runs")
     with progress_bar("study three-axle") as progress:
-        try:
-            result = three_axle_study.study(chosen, runs, processes=processes, progress=progress)
-        except KeyboardInterrupt:
-            raise KeyboardInterrupt(
-                "interrupted; finished runs are kept, the same command goes on from there"
-            ) from None
+        result = three_axle_study.study(chosen, runs, processes=processes, progress=progress)
     path = three_axle_report.write(result, chosen, out / "three-axle")
     console.print(f"report: {path}")

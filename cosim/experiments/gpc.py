@@ -10,7 +10,6 @@ import warnings
 from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass, replace
 from functools import lru_cache
-from importlib import metadata
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +17,7 @@ import numpy as np
 
 from cosim import ComponentError, Recording, StopWhen, System, UnconnectedInputsWarning, metrics
 from cosim.experiments.cases import CaseError, FmuSet, check_choice
-from cosim.experiments.store import RunStore, content_hash
+from cosim.experiments.store import RunStore
 from fmu_sources.controllers.gpc import CORNERS, gain_parameters
 from fmu_sources.controllers.gpc_identification import (
     DesignSettings,
@@ -229,17 +228,6 @@ def evaluate(recording: Recording) -> dict[str, Any]:
         "rms_roll": float(np.sqrt(np.mean(roll**2))),
         "duration": float(recording.time[-1]),
     }
-
-
-def salt(fmus: GpcFmuSet) -> str:
-    """What all stored runs depend on: the FMUs, the code between FMU and metric, and the libraries it computes with."""
-    import cosim
-    import fmu_sources
-
-    cosim_dir, sources = Path(cosim.__file__).parent, Path(fmu_sources.__file__).parent
-    code = [*sorted(cosim_dir.glob("*.py")), Path(__file__), *sorted((sources / "controllers").glob("*.py"))]
-    libraries = "|".join(f"{n}={metadata.version(n)}" for n in ("numpy", "scipy"))
-    return content_hash([*fmus.all_paths(), *code]) + libraries
 
 
 # ---------------------------------------------------------------------- matching the response of another law

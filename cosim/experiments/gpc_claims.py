@@ -8,41 +8,17 @@ import statistics
 from cosim.experiments import gpc_study as gs
 from cosim.experiments.gpc import SPEEDS_KMH
 from cosim.experiments.gpc_study import LAWS, Study, one, select
-from cosim.report import Claim
+from cosim.report import Claims
 
 NAN = float("nan")
 
 
-def claims(study: Study) -> list[Claim]:
+def claims(study: Study) -> Claims:
     """Every published claim with the published figure, ours and a verdict."""
     m = gs.seed_medians(study)
     gain = gs.improvement_at
-    result: list[Claim] = []
-
-    def claim(
-        id_: str,
-        text: str,
-        published: str,
-        ours: str,
-        holds: bool,
-        reason: str,
-        source: str,
-        value: float = NAN,
-        unit: str = "",
-    ) -> None:
-        result.append(
-            Claim(
-                id=id_,
-                claim=text,
-                published=published,
-                ours=ours,
-                verdict="reproduced" if holds else "not reproduced",
-                reason="" if holds else reason,
-                source=source,
-                value=None if math.isnan(value) else round(value, 4),
-                unit=unit if not math.isnan(value) else "",
-            )
-        )
+    result = Claims()
+    claim = result.judge
 
     peak = m["open_loop_peak_kmh"]
     claim(

@@ -5,16 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import asdict
-from importlib import metadata
 from pathlib import Path
 
 from cosim.experiments import gpc_claims
 from cosim.experiments import gpc_study as gs
 from cosim.experiments.gpc import CONTROLLERS, R_PUBLISHED, ROADS, SPEEDS_KMH, TRAVEL, GpcFmuSet
 from cosim.experiments.gpc_study import SEEDS, Row, Study, one, select
-from cosim.experiments.store import content_hash
+from cosim.experiments.provenance import provenance
 from cosim.report import Figure, Panel, Parameter, Report, Result, Section, Series, Table, write_report
-from fmu_sources.catalog import PAPERS
 from fmu_sources.controllers.gpc import CORNERS, FORCE_LIMIT
 from fmu_sources.controllers.gpc_identification import DesignSettings, IdentificationSettings
 
@@ -318,12 +316,7 @@ def _parameters(fmus: GpcFmuSet) -> list[Parameter]:
 
 
 def _provenance(fmus: GpcFmuSet) -> dict[str, object]:
-    libraries = ("suspension-fmus", "numpy", "scipy", "casadi", "cffi")
-    return {
-        "versions": {n: metadata.version(n) for n in libraries},
-        "papers": PAPERS,
-        "FMI version": f"{fmus.fmi}.0",
-        "FMUs (SHA-256)": {p.stem: content_hash([p]) for p in fmus.all_paths()},
+    return provenance(fmus, fmus.all_paths(), ["cffi"]) | {
         "identification": asdict(IdentificationSettings()),
         "identification seeds": list(SEEDS),
         "roads": list(ROADS.values()),

@@ -17,7 +17,9 @@ from cosim import metrics
 from cosim.experiments import gpc
 from cosim.experiments.gpc import CONTROLLERS, ROADS, SPEEDS_KMH, GpcBench, GpcFmuSet, Scenario
 from cosim.experiments.parallel import run_tasks
+from cosim.experiments.provenance import salt
 from cosim.experiments.store import RunStore
+from fmu_sources import controllers
 from fmu_sources.controllers.gpc import FORCE_LIMIT
 
 Row = dict[str, Any]
@@ -113,7 +115,8 @@ _bench: GpcBench  # of this worker process
 
 def _start(fmus: GpcFmuSet, cache: Path) -> None:
     global _bench  # noqa: PLW0603
-    _bench = GpcBench(fmus, RunStore(cache, gpc.salt(fmus)))
+    laws = Path(controllers.__path__[0]).glob("*.py")  # runs with other seeds design their laws
+    _bench = GpcBench(fmus, RunStore(cache, salt(fmus.all_paths(), [gpc.__file__, *sorted(laws)])))
 
 
 def _cost(task: tuple[Any, ...]) -> float:

@@ -8,7 +8,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Collection
 from dataclasses import asdict, dataclass, replace
-from importlib import metadata
 from pathlib import Path
 from typing import Any
 
@@ -18,13 +17,26 @@ from cosim import Recording, System
 from cosim.comfort import absorbed_power_peak, absorbed_power_series, absorbed_power_window, iso2631_rms, vdv
 from cosim.experiments import hmmwv_preview, hmmwv_tracking
 from cosim.experiments.cases import CaseError, FmuSet, check_choice
-from cosim.experiments.store import RunStore, content_hash
+from cosim.experiments.hmmwv_wiring import (
+    BUMPS,
+    CONTROL_PERIOD,
+    EXCHANGE,
+    FIRST_BUMP,
+    FRONT,
+    LITRES_PER_MINUTE,
+    SPEED_KMH,
+    add_actuators,
+    add_car,
+    add_preview_chain,
+    add_sensors,
+    bump_parameters,
+)
+from cosim.experiments.store import RunStore
 from fmu_sources.controllers.hmmwv_states import CORNERS
 
 Row = dict[str, Any]
 
 ROADS = {"track": "RoadBumps", "bump": "RoadBumps", "off-road": "RoadOffroadHmmwv"}
-BUMPS = {"track": {1: 0.057, 7: 0.038}, "bump": {1: 0.076}}  # m by place, places 1 m apart
 CONTROLLERS = {
     "passive": None,
     "zero": None,
@@ -39,18 +51,12 @@ STATES = ("true", "estimated")
 PREVIEWS = ("generated", "sensed")  # a known profile at the distance travelled, or what the range sensors see
 PREVIEW_STEPS = 15  # heights ahead of the one under the wheel, 30 ms apart
 
-SPEED_KMH = 20 * 1.609344  # 20 mph, the speed of all published runs
 SPEED_RANGE_KMH = (5.0, 100.0)
-CONTROL_PERIOD = 0.030  # s
 SHIFTS = 6  # places of the first bump within one control period that are averaged over
 STRETCHES = 5  # stretches of the off-road profile that do not overlap
 STRETCH = 280.0  # m
-FIRST_BUMP, WHEELBASE = 10.0, 3.302  # m
 FLAT, RAMP = 5.0, 10.0  # m, how an off-road run starts
-EXCHANGE = "0.5 ms"  # of car and actuators
 RATE = 1000.0  # Hz, of all metrics
-LITRES_PER_MINUTE = 60000.0  # per m3/s
-LIFT_OFF = 8191.0 / 500e3  # m, tyre deflection at which the static load is gone
 
 
 @dataclass(frozen=True)
@@ -128,7 +134,7 @@ class Case:
     @property
     def start(self) -> float:
         """Where the CG is at time 0 [m]: 0.6 s before the first bump, or at the start of the flat stretch."""
-        return -2.0 if self.road == "off-road" else FIRST_BUMP - WHEELBASE / 2 - 0.6 * self.speed
+        return -2.0 if self.road == "off-road" else FIRST_BUMP - FRONT - 0.6 * self.speed
 
     @property
     def longest(self) -> float:
@@ -142,7 +148,7 @@ class Case:
             return self.duration
         if self.road == "off-road":
             return min(22.0, self.longest)
-        last = FIRST_BUMP + max(BUMPS[self.road]) - 1 + WHEELBASE / 2 + 0.5
+        last = FIRST_BUMP + max(BUMPS[self.road]) - 1 + FRONT + 0.5
         return round((last - self.start) / self.speed + 1.5, 1)
 
     @property
@@ -239,19 +245,10 @@ class HmmwvBench:
 
 
 def wire(fmus: FmuSet, case: Case) -> System:
-    """The vehicle of a case: road, car, actuators with their force tracking, controller, comfort.
-
-    Car and actuators advance together every 0.5 ms, the car first (Gauss-Seidel): the oil column between them is too stiff
-    for an exchange side by side. They see each other's values of the middle of each step; plain ones would lag by half of it.
-    """
+    """The vehicle of a case: road, car, actuators with their force tracking, controller, comfort."""
     system = System()
-    system.add("speed", fmus.path("SpeedProfile"))
-    system.add("road", fmus.path(ROADS[case.road]))
-    system.add("car", fmus.path("RideCarHmmwv"), step=EXCHANGE)
+    add_car(system, fmus, ROADS[case.road], step=EXCHANGE)
     system.add("comfort", fmus.path("RideComfort"))
-    system.connect("speed.x", "road.x")
-    system.connect("speed.speed", "road.speed")
-    system.connect_matching("road", "car", "road.*")
     system.connect_matching("car", "comfort", "body.az")
     controller = CONTROLLERS[case.controller]
     if controller is not None:
@@ -262,9 +259,10 @@ def wire(fmus: FmuSet, case: Case) -> System:
         else:
             system["car"].set({f"force.{k}": 0.0 for k in CORNERS})
     else:
-        for k in CORNERS:
-            _wire_actuator(system, fmus, case, k)
-        system.group("vehicle", ["car", *(f"actuator_{k}" for k in CORNERS)])
+        driven = case.controller != "passive"
+        add_actuators(system, fmus, driven=driven)
+        if driven:
+            _wire_tracking(system, fmus, wanted=controller is not None)
     if case.states == "estimated":
         _wire_estimator(system, fmus)
     if controller is not None:
@@ -274,36 +272,24 @@ def wire(fmus: FmuSet, case: Case) -> System:
     return system
 
 
-def _wire_actuator(system: System, fmus: FmuSet, case: Case, k: str) -> None:
-    """The actuator of a corner and its force tracking; without that for the passive car."""
-    actuator, tracking = f"actuator_{k}", f"tracking_{k}"
-    system.add(
-        actuator, fmus.path("HydraulicActuator"), step=EXCHANGE, start={"bypass.area": 0.0}
-    )  # shut, as published
-    system.connect(f"car.suspension.{k}.velocity", f"{actuator}.piston.velocity", extrapolate=True)
-    system.connect(f"{actuator}.force", f"car.force.{k}", extrapolate=True)
-    if case.controller == "passive":
-        system[actuator].set({"valve.voltage": 0.0})
-        return
-    system.add(tracking, fmus.path("ForceTracking"))
-    system.connect(f"{actuator}.force", f"{tracking}.force.measured")
-    system.connect(f"{actuator}.spool.position", f"{tracking}.spool.position")
-    system.connect(f"car.suspension.{k}.velocity", f"{tracking}.piston.velocity")
-    system.connect(f"{tracking}.valve.voltage", f"{actuator}.valve.voltage")
-    if CONTROLLERS[case.controller] is not None:
-        system.connect(f"controller.force.{k}", f"{tracking}.force.desired")
-    else:
-        system[tracking].set({"force.desired": 0.0})
+def _wire_tracking(system: System, fmus: FmuSet, *, wanted: bool) -> None:
+    """The force tracking of each actuator; ``wanted``: there is a controller that asks for forces."""
+    for k in CORNERS:
+        actuator, tracking = f"actuator_{k}", f"tracking_{k}"
+        system.add(tracking, fmus.path("ForceTracking"))
+        system.connect(f"{actuator}.force", f"{tracking}.force.measured")
+        system.connect(f"{actuator}.spool.position", f"{tracking}.spool.position")
+        system.connect(f"car.suspension.{k}.velocity", f"{tracking}.piston.velocity")
+        system.connect(f"{tracking}.valve.voltage", f"{actuator}.valve.voltage")
+        if wanted:
+            system.connect(f"controller.force.{k}", f"{tracking}.force.desired")
+        else:
+            system[tracking].set({"force.desired": 0.0})
 
 
 def _wire_estimator(system: System, fmus: FmuSet) -> None:
     """Sensors on car, actuators and road, and the Kalman filter behind them."""
-    system.add("sensors", fmus.path("SensorSuite"))
-    system.connect_matching("car", "sensors")
-    system.connect_matching("speed", "sensors")
-    system.connect_matching("road", "sensors", "scan.*")
-    for k in CORNERS:
-        system.connect(f"actuator_{k}.force", f"sensors.actuator.{k}.force")
+    add_sensors(system, fmus)
     system.add("kalman", fmus.path("KalmanHmmwv"), parameters={"use_road": False})
     system.connect_matching("sensors", "kalman")
     system["kalman"].set({**{f"road.{k}.height": 0.0 for k in CORNERS}, "road.valid": False})
@@ -318,7 +304,8 @@ def _wire_preview(system: System, fmus: FmuSet, case: Case) -> None:
     source = "road"
     if case.preview == "sensed":
         source = "buffer"
-        _wire_preview_chain(system, fmus)
+        add_preview_chain(system, fmus)
+        system["kalman"].set({"use_road": True})
     elif case.separate_map:
         source = "map"
         system.add("map", fmus.path(ROADS[case.road]))
@@ -343,21 +330,6 @@ def _flat_preview(system: System) -> dict[str, float]:
     return {n: float(v.start) for n, v in inputs.items() if n.startswith("preview.") and v.start is not None}  # type: ignore[arg-type]
 
 
-def _wire_preview_chain(system: System, fmus: FmuSet) -> None:
-    """Range sensors, their correction by the estimated pose, the buffer, and from it the road back to the filter."""
-    system.add("preview_sensor", fmus.path("PreviewSensor"))
-    system.add("buffer", fmus.path("PreviewBuffer"))
-    system.connect_matching("sensors", "preview_sensor", "range.*")
-    system.connect_matching("kalman", "preview_sensor", "body.*")
-    system.connect_matching("preview_sensor", "buffer")
-    for name in ("preview_sensor", "buffer"):
-        system.connect("sensors.x.measured", f"{name}.x")
-        system.connect("sensors.speed.measured", f"{name}.speed")
-    system.connect_matching("buffer", "preview_sensor", "road.*", delay=True)
-    system.connect_matching("buffer", "kalman", "road.*", delay=True)
-    system["kalman"].set({"use_road": True})
-
-
 def configure(system: System, case: Case) -> None:
     """Set the parameters of a case in a system that was wired for its structure."""
     system["speed"].set({"start.speed": case.speed, "start.x": case.start})
@@ -368,9 +340,8 @@ def configure(system: System, case: Case) -> None:
         if case.road == "off-road":
             system[name].set({"offset": case.variant * STRETCH, "flat": FLAT, "ramp": RAMP})
         else:
-            heights = {f"bump.height[{i}]": BUMPS[case.road].get(i, 0.0) for i in range(1, 11)}
             shift = case.variant / SHIFTS * CONTROL_PERIOD * case.speed
-            system[name].set({**heights, "bump.first": FIRST_BUMP + shift})
+            system[name].set(bump_parameters(BUMPS[case.road], FIRST_BUMP + shift))
     if "sensors" in system.members:
         late = case.preview_error_ms / 1000 * case.speed
         system["sensors"].set({"noise.seed": case.variant + 1, "x.offset": -late})
@@ -393,7 +364,8 @@ def recorded(case: Case) -> list[str]:
     """Variables that metrics and figures need."""
     names = ["speed.x", "car.body.az", "car.body.z", "comfort.absorbed_power"]
     for k in CORNERS:
-        names += [f"car.suspension.{k}.deflection", f"car.tire.{k}.deflection", f"road.road.{k}.height"]
+        names += [f"car.suspension.{k}.deflection", f"car.tire.{k}.deflection", f"car.tire.{k}.force"]
+        names.append(f"road.road.{k}.height")
         if case.actuators == "hydraulic":
             names += [f"actuator_{k}.force", f"actuator_{k}.flow", f"actuator_{k}.power"]
             if case.controller != "passive":
@@ -433,7 +405,7 @@ def _columns(recording: Recording, pattern: str) -> np.ndarray:
 
 def settled(case: Case, recording: Recording) -> np.ndarray:
     """Which samples count (boolean): off road those with all wheels behind the ramp, else all."""
-    behind = FLAT + RAMP + WHEELBASE / 2 if case.road == "off-road" else -math.inf
+    behind = FLAT + RAMP + FRONT if case.road == "off-road" else -math.inf
     return np.asarray(recording["speed.x"] > behind)
 
 
@@ -446,7 +418,10 @@ def evaluate(case: Case, recording: Recording) -> Row:
     az, counts = recording["car.body.az"], settled(case, recording)
     power = absorbed_power_series(az, RATE)
     peak, mean = absorbed_power_peak(az, RATE), float(power[counts].mean())
-    travel, tire = (_columns(recording, p)[counts] for p in ("car.suspension.{}.deflection", "car.tire.{}.deflection"))
+    travel, tire, load = (
+        _columns(recording, f"car.{signal}")[counts]
+        for signal in ("suspension.{}.deflection", "tire.{}.deflection", "tire.{}.force")
+    )
     row: Row = {
         "absorbed_power": mean if case.road == "off-road" else peak,
         "absorbed_power_peak": peak,
@@ -457,7 +432,7 @@ def evaluate(case: Case, recording: Recording) -> Row:
         "travel_rms": float(np.sqrt(np.mean(travel**2))),
         "travel_peak": float(np.abs(travel).max()),
         "tire_rms": float(np.sqrt(np.mean(tire**2))),
-        "lift_off": float(np.mean(tire > LIFT_OFF)),
+        "lift_off": float(np.mean(load <= 0)),
         "real_time_factor": recording.real_time_factor,
     }
     force = _columns(recording, "actuator_{}.force" if case.actuators == "hydraulic" else "controller.force.{}")[counts]
@@ -531,14 +506,3 @@ def all_fmus() -> list[str]:
     tracking = {n for case in hmmwv_tracking.all_cases() for n in case.fmus()}
     cases = [Case(controller=c) for c in CONTROLLERS] + [Case(states="estimated", preview="sensed")]
     return sorted({n for case in cases for n in case.fmus()} | set(ROADS.values()) | tracking | set(hmmwv_preview.FMUS))
-
-
-def salt(fmus: FmuSet) -> str:
-    """What all stored runs depend on: the FMUs, the code between FMU and metric, and the libraries it computes with."""
-    import cosim
-
-    folder = Path(__file__).parent
-    parts = [folder / f"hmmwv_{part}.py" for part in ("tracking", "preview")]
-    code = [*sorted(Path(cosim.__file__).parent.glob("*.py")), Path(__file__), *parts]
-    libraries = "|".join(f"{n}={metadata.version(n)}" for n in ("numpy", "scipy"))
-    return content_hash([*(fmus.path(n) for n in all_fmus()), *code]) + libraries

@@ -8,8 +8,7 @@ from cosim.comfort import ABSORBED_POWER_LIMIT
 from cosim.experiments import hmmwv_preview, hmmwv_tracking
 from cosim.experiments.hmmwv import ROADS, Case
 from cosim.experiments.hmmwv_study import WITHOUT_PREVIEW, Study, estimated
-from cosim.report import Claim
-from cosim.report.model import Verdict
+from cosim.report import Claims
 
 TWOFOLD = 2.0  # passive over controlled
 THREEFOLD = 2.7  # "near threefold", passive over MPC with preview
@@ -29,19 +28,13 @@ NAMES = {
 ROAD_NAMES = {"track": "test track", "bump": "one 76 mm bump", "off-road": "off road"}
 
 
-def claims(study: Study) -> list[Claim]:
+def claims(study: Study) -> Claims:
     """Every published claim with the published figure, ours and a verdict; those on parts if the parts were run."""
-    result: list[Claim] = []
+    result = Claims()
     if study.tracking is not None:
         result += hmmwv_tracking.tracking_claims(study.tracking)
 
-    def claim(
-        id_: str, text: str, published: str, ours: str, holds: bool, reason: str, source: str, value: float, unit: str
-    ) -> None:
-        verdict: Verdict = "reproduced" if holds else "not reproduced"
-        result.append(
-            Claim(id_, text, published, ours, verdict, "" if holds else reason, source, round(value, 3), unit)
-        )
+    claim = result.judge
 
     power = {(r, c): study.power(Case(r, c)) for r in ROADS for c in NAMES}
 
@@ -169,8 +162,8 @@ def claims(study: Study) -> list[Claim]:
             "works on estimates",
             ", ".join(f"{ROAD_NAMES[r]} {100 * (c - 1):+.0f} %" for r, c in costs.items()),
             costs[worst] <= ESTIMATES_COST,
-            f"more than 10 % on {ROAD_NAMES[worst]}: tyres lift off, which the filter's linear model does not know; over the bump with "
-            f"tyres that pull it is {100 * (linear - 1):+.0f} %",
+            f"more than 10 % on {ROAD_NAMES[worst]}; over the bump with tyres that pull, as the filter's linear model has them, "
+            f"{100 * (linear - 1):+.0f} %",
             "section 1.4",
             costs[worst],
             "-",

@@ -14,16 +14,28 @@ import numpy as np
 
 from cosim import Recording, System, UnconnectedInputsWarning
 from cosim.experiments.cases import FmuSet, check_choice
+from cosim.experiments.hmmwv_wiring import (
+    BUMP_LENGTH,
+    BUMPS,
+    EXCHANGE,
+    FIRST_BUMP,
+    FRONT,
+    SPEED_KMH,
+    add_actuators,
+    add_car,
+    add_preview_chain,
+    add_sensors,
+    bump_parameters,
+)
 from cosim.experiments.store import RunStore
-from cosim.report import Claim, Figure, Panel, Section, Series, Table
+from cosim.report import Claims, Figure, Panel, Section, Series, Table
 from cosim.report.model import Scalar
 from fmu_sources.controllers.hmmwv_states import CORNERS
 
 Row = dict[str, list[float]]
 
-SPEED = 20 * 0.44704  # m/s, 20 mph
-FIRST_BUMP, BUMP_LENGTH, SPOT = 10.0, 0.305, 0.3  # m
-TRACK = {1: 0.057, 7: 0.038}  # m by place, 1 m apart
+SPEED, TRACK = SPEED_KMH / 3.6, BUMPS["track"]
+SPOT = 0.3  # m
 FILTERS = {"printed": "KalmanHmmwvPrinted", "relative": "KalmanHmmwv"}
 BEHIND = 6.0  # m behind a bump in which a dip counts
 LONG, WINDOW = 20.0, 4.0  # s, of the runs that show drift, and of what they are judged by
@@ -81,8 +93,7 @@ class PreviewBench:
         if chain.filter not in self._systems:
             self._systems[chain.filter] = wire(self.fmus, FILTERS[chain.filter])
         system = self._systems[chain.filter]
-        heights = {f"bump.height[{i}]": dict(chain.bumps).get(i, 0.0) for i in range(1, 11)}
-        system["road"].set({**heights, "bump.first": FIRST_BUMP, "length": 1000.0})
+        system["road"].set({**bump_parameters(dict(chain.bumps)), "length": 1000.0})
         system["speed"].set({"start.speed": SPEED, "start.x": 0.0})
         resolution = {
             n: v.start if chain.noise else 0.0
@@ -94,7 +105,7 @@ class PreviewBench:
             {**resolution, "noise.scale": chain.noise, "range.dropout.start": start, "range.dropout.duration": lasting}
         )
         system["kalman"].set({"use_road": chain.use_road})
-        system["correction"].set({"compensation": int(chain.compensation)})
+        system["preview_sensor"].set({"compensation": int(chain.compensation)})
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", UnconnectedInputsWarning)  # no actuators
             return system.run(chain.duration, record=_RECORDED, record_interval="5 ms")
@@ -131,8 +142,8 @@ class PreviewBench:
 
 
 _RECORDED = [
-    "speed.x", "sensors.range.left", "sensors.range.left.valid", "correction.sensed.left.x",
-    "correction.sensed.left.height", "road.road.fl.height", "road.road.fl.rate", "buffer.preview.fl[1]",
+    "speed.x", "sensors.range.left", "sensors.range.left.valid", "preview_sensor.sensed.left.x",
+    "preview_sensor.sensed.left.height", "road.road.fl.height", "road.road.fl.rate", "buffer.preview.fl[1]",
     "buffer.preview.fl[2]", "buffer.preview.valid", "buffer.road.valid",
 ]  # fmt: skip
 
@@ -140,57 +151,28 @@ _RECORDED = [
 def wire(fmus: FmuSet, kalman: str) -> System:
     """Road, car without forces, sensors, filter, correction and buffer; the road goes back to filter and correction."""
     system = System()
-    system.add("speed", fmus.path("SpeedProfile"))
-    system.add("road", fmus.path("RoadBumps"))
-    system.add("car", fmus.path("RideCarHmmwv"), step="1 ms", start={f"force.{k}": 0.0 for k in CORNERS})
-    _add_sensors(system, fmus)
-    system["sensors"].set({f"actuator.{k}.force": 0.0 for k in CORNERS})
+    add_car(system, fmus, "RoadBumps", step="1 ms")
+    system["car"].set({f"force.{k}": 0.0 for k in CORNERS})
+    add_sensors(system, fmus)
     system.add("kalman", fmus.path(kalman))
-    system.add("correction", fmus.path("PreviewSensor"))
-    system.add("buffer", fmus.path("PreviewBuffer"))
     system.connect_matching("sensors", "kalman")
-    system.connect_matching("sensors", "correction", "range.*")
-    system.connect_matching("kalman", "correction", "body.*")
-    system.connect_matching("correction", "buffer")
-    for name in ("correction", "buffer"):
-        system.connect("sensors.x.measured", f"{name}.x")
-        system.connect("sensors.speed.measured", f"{name}.speed")
-    for name in ("kalman", "correction"):
-        system.connect_matching("buffer", name, "road.*", delay=True)
+    add_preview_chain(system, fmus)
     return system
 
 
 def wire_generated(fmus: FmuSet) -> System:
     """The passive hydraulic car on the test track, and the same track known beforehand at the measured distance."""
     system = System()
-    system.add("speed", fmus.path("SpeedProfile"), parameters={"start.speed": SPEED, "start.x": 0.0})
-    track = {f"bump.height[{i}]": TRACK.get(i, 0.0) for i in range(1, 11)}
+    add_car(system, fmus, "RoadBumps", step=EXCHANGE)
+    system["speed"].set({"start.speed": SPEED, "start.x": 0.0})
+    system.add("map", fmus.path("RoadBumps"))
     for name in ("road", "map"):
-        system.add(name, fmus.path("RoadBumps"), parameters={**track, "bump.first": FIRST_BUMP})
-    system.add("car", fmus.path("RideCarHmmwv"), step="0.5 ms")
-    _add_sensors(system, fmus)
-    for k in CORNERS:
-        actuator = f"actuator_{k}"
-        system.add(
-            actuator, fmus.path("HydraulicActuator"), step="0.5 ms", parameters={"supply.running": False},
-            start={"valve.voltage": 0.0, "bypass.area": 0.0},
-        )  # fmt: skip
-        system.connect(f"car.suspension.{k}.velocity", f"{actuator}.piston.velocity")
-        system.connect(f"{actuator}.force", f"car.force.{k}")
-        system.connect(f"{actuator}.force", f"sensors.actuator.{k}.force")
-    system.group("vehicle", ["car", *(f"actuator_{k}" for k in CORNERS)])
+        system[name].set(bump_parameters(TRACK))
+    add_actuators(system, fmus, driven=False)
+    add_sensors(system, fmus)
     system.connect("sensors.x.measured", "map.x")
     system.connect("sensors.speed.measured", "map.speed")
     return system
-
-
-def _add_sensors(system: System, fmus: FmuSet) -> None:
-    system.add("sensors", fmus.path("SensorSuite"))
-    system.connect("speed.x", "road.x")
-    system.connect("speed.speed", "road.speed")
-    system.connect_matching("road", "car", "road.*")
-    for source in ("car", "road", "speed"):
-        system.connect_matching(source, "sensors")
 
 
 def _short(values: Any) -> list[float]:
@@ -205,8 +187,8 @@ def signals(recording: Recording) -> Row:
         "x": _short(recording["speed.x"]),
         "range": _short(recording["sensors.range.left"]),
         "range valid": _short(recording["sensors.range.left.valid"]),
-        "sensed x": _short(recording["correction.sensed.left.x"]),
-        "sensed": _short(recording["correction.sensed.left.height"]),
+        "sensed x": _short(recording["preview_sensor.sensed.left.x"]),
+        "sensed": _short(recording["preview_sensor.sensed.left.height"]),
         "true": _short(recording["road.road.fl.height"]),
         "true rate": _short(recording["road.road.fl.rate"]),
         "buffered": _short(height),
@@ -251,7 +233,7 @@ def offsets(row: Row) -> list[float]:
     x, map_, load = (np.array(row[n]) for n in ("x", "map", "load"))
     found = []
     for place in TRACK:
-        at = FIRST_BUMP + (place - 1) + BUMP_LENGTH / 2 - 1.651  # the CG with the front wheels on the crest
+        at = FIRST_BUMP + (place - 1) + BUMP_LENGTH / 2 - FRONT  # the CG with the front wheels on the crest
         near = np.abs(x - at) < 1.0
         shown = float(np.sum(x[near] * map_[near]) / max(np.sum(map_[near]), 1e-12))
         loads = np.abs(load[near])
@@ -298,13 +280,10 @@ def study(fmus: FmuSet, store: RunStore | None = None) -> PreviewStudy:
 # ---------------------------------------------------------------------- reporting
 
 
-def claims(s: PreviewStudy) -> list[Claim]:
+def claims(s: PreviewStudy) -> Claims:
     """What the paper says of its preview, and what this project asks of its own."""
-    result: list[Claim] = []
-
-    def claim(id_: str, text: str, published: str, ours: str, holds: bool, reason: str, source: str) -> None:
-        verdict = "reproduced" if holds else "not reproduced"
-        result.append(Claim(id_, text, published, ours, verdict, "" if holds else reason, source))  # type: ignore[arg-type]
+    result = Claims()
+    claim = result.judge
 
     small, big = HEIGHTS
     dips = {(c, h): 1e3 * behind(row)[0] for (c, h), row in s.without_noise.items()}
@@ -399,7 +378,7 @@ def sections(s: PreviewStudy) -> list[Section]:
 def _generated_section(s: PreviewStudy) -> Section:
     panels = []
     for error, row in s.generated.items():
-        x = np.array(row["x"]) + 1.651
+        x = np.array(row["x"]) + FRONT
         panels.append(
             Panel(
                 f"speedometer {100 * error:+g} %",
@@ -443,12 +422,12 @@ def _generated_section(s: PreviewStudy) -> Section:
 
 def _chain_section(s: PreviewStudy) -> Section:
     first = next(iter(s.track.values()))
-    x = np.array(first["x"]) + 1.651
+    x = np.array(first["x"]) + FRONT
     ranges = Panel(
         "range sensor, left",
         "distance of the front wheels [m]",
         "range [m]",
-        [Series("range", np.array(first["x"]) + 1.651, first["range"], color="black")],
+        [Series("range", np.array(first["x"]) + FRONT, first["range"], color="black")],
     )
     heights, rates = (
         Panel(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from importlib import metadata
 from pathlib import Path
 from typing import Any
 
@@ -32,10 +31,9 @@ from cosim.experiments.hmmwv_study import (
     Study,
     estimated,
 )
-from cosim.experiments.store import content_hash
+from cosim.experiments.provenance import provenance
 from cosim.report import Figure, Panel, Parameter, Report, Result, Section, Series, Table, write_report
 from cosim.report.model import Scalar
-from fmu_sources.catalog import PAPERS
 
 _LOOKS = {
     "passive": ("grey", "solid"),
@@ -89,14 +87,8 @@ def report(study: Study, fmus: FmuSet) -> Report:
             _limits(study),
         ],
         parameters=_parameters(),
-        provenance={
-            "versions": {n: metadata.version(n) for n in ("suspension-fmus", "numpy", "scipy", "casadi")},
-            "papers": PAPERS,
-            "FMI version": f"{fmus.fmi}.0",
-            "FMUs (SHA-256)": {n: content_hash([fmus.path(n)]) for n in hmmwv.all_fmus()},
-            "bump positions per control period": SHIFTS,
-            "off-road stretches": STRETCHES,
-        },
+        provenance=provenance(fmus, fmus.paths(hmmwv.all_fmus()))
+        | {"bump positions per control period": SHIFTS, "off-road stretches": STRETCHES},
     )
 
 

@@ -15,6 +15,7 @@ from cosim.experiments.hmmwv import CONTROLLERS, PREVIEW_STEPS, ROADS, Case, Hmm
 from cosim.experiments.hmmwv_preview import PreviewStudy
 from cosim.experiments.hmmwv_tracking import TrackingStudy
 from cosim.experiments.parallel import run_tasks
+from cosim.experiments.provenance import salt
 from cosim.experiments.store import RunStore
 
 WITHOUT_PREVIEW = ("zero", "skyhook", "lqr")  # the published controllers that know no road, apart from MPC
@@ -150,7 +151,8 @@ _bench: HmmwvBench  # of this worker process
 
 def _start(fmus: FmuSet, cache: Path) -> None:
     global _bench  # noqa: PLW0603
-    _bench = HmmwvBench(fmus, RunStore(cache, hmmwv.salt(fmus)))
+    parts = [hmmwv.__file__, hmmwv_tracking.__file__, hmmwv_preview.__file__]
+    _bench = HmmwvBench(fmus, RunStore(cache, salt(fmus.paths(hmmwv.all_fmus()), parts)))
 
 
 def _work(task: tuple[Case | str, bool]) -> Any:

@@ -17,9 +17,11 @@ import numpy as np
 from cosim import PythonComponent, Recording, System, UnconnectedInputsWarning
 from cosim.component import Array
 from cosim.experiments.cases import CaseError, FmuSet, check_choice
+from cosim.experiments.hmmwv_wiring import CONTROL_PERIOD, EXCHANGE, LITRES_PER_MINUTE
 from cosim.experiments.store import RunStore
-from cosim.report import Claim, Figure, Panel, Section, Series, Table
-from cosim.report.model import Color, Dash, Scalar, Verdict
+from cosim.report import Claims, Figure, Panel, Section, Series, Table
+from cosim.report.model import Color, Dash, Scalar
+from fmu_sources.vehicles import load_actuator
 
 Row = dict[str, Any]
 
@@ -29,14 +31,10 @@ SQUARE_FREQUENCY = 1.0  # Hz
 SWEEP = (1.0, 10.0)  # Hz
 SWEEP_DURATION = 10.0  # s
 SQUARE_DURATION = 4.0  # s
-CONTROL_PERIOD = 0.030  # s, of the controllers that ask for forces
 SETTLING = 0.5  # s at the start that do not count
 EARLY, LATE = (0.5, 1.0), (3.5, 4.0)  # s, between which the error of a stable loop falls behind a step
 QUIET = 0.01  # of the amplitude: error below which a loop is stable without falling any more
-EXCHANGE = "0.5 ms"
 FILTER_TIME = 0.06  # s of Figure 1.4
-LITRES_PER_MINUTE = 60000.0  # per m3/s
-PUMP_FLOW = 45.0  # l/min, Table 1.4
 DENSITIES = (0.7, 0.8, 0.85, 0.9, 0.95, 1.0, 1.05, 1.1, 1.15, 1.2, 1.25, 1.3)  # in the controller, relative
 LEAKAGES = (0.0, 1.0, 2.0, 5.0)  # in the controller, relative
 ACTUATORS = {
@@ -368,17 +366,10 @@ def largest_stable_density(study: TrackingStudy, leakage: float = 1.0) -> float 
 # ------------------------------------------------------------------------------------------------------------ report
 
 
-def tracking_claims(study: TrackingStudy) -> list[Claim]:
+def tracking_claims(study: TrackingStudy) -> Claims:
     """What the paper says of its force tracking, judged by these runs."""
-    claims: list[Claim] = []
-
-    def claim(
-        id_: str, text: str, published: str, ours: str, holds: bool, reason: str, source: str, value: float, unit: str
-    ) -> None:
-        verdict: Verdict = "reproduced" if holds else "not reproduced"
-        claims.append(
-            Claim(id_, text, published, ours, verdict, "" if holds else reason, source, round(value, 4), unit)
-        )
+    claims = Claims()
+    claim = claims.judge
 
     figures = filter_figures(study)
     crossing = 1e3 * figures["crossing"]
@@ -474,6 +465,7 @@ def tracking_section(study: TrackingStudy) -> Section:
         ]
         for name, case in VARIANTS.items()
     ]
+    pump = load_actuator("actuator_hmmwv").supply.flow_limit.value * LITRES_PER_MINUTE
     return Section(
         "Force tracking",
         [
@@ -482,7 +474,7 @@ def tracking_section(study: TrackingStudy) -> Section:
             f"The filter of the desired force rises from 10 to 90 % in {1e3 * figures['rise']:.1f} ms, is first at its final value "
             f"after {1e3 * figures['crossing']:.1f} ms, and lets half of the power through at {figures['bandwidth']:.1f} Hz.",
             f"The flow peaks at {flows['square']:.0f} l/min under the square wave and {flows['sweep']:.0f} l/min under the sweep; the pump "
-            f"has {PUMP_FLOW:g} l/min.",
+            f"has {pump:g} l/min.",
             "The law inverts the actuator and takes the motion of the piston out by its flow, so it must know the actuator. Too high a density (or too "
             "small a valve) in the controller takes out too much, which feeds the motion of the car: negative damping. Too "
             "high a leakage is positive feedback of the force. Largest density in the controller, relative to the actuator's, "

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from importlib import metadata
 from pathlib import Path
 
 import numpy as np
@@ -11,9 +10,8 @@ from cosim.experiments import preview_lq_study as ps
 from cosim.experiments.cases import FmuSet
 from cosim.experiments.preview_lq import DURATION, INPUTS, PREVIEW_TIME, SPEED_KMH, SYSTEMS, WEIGHTS
 from cosim.experiments.preview_lq_study import PAPER_COLUMNS, PRINTED, PRINTED_EIGENVALUES, WEIGHT_SETS, Study
-from cosim.experiments.store import content_hash
-from cosim.report import Claim, Figure, Panel, Parameter, Report, Result, Section, Series, Table, write_report
-from fmu_sources.catalog import PAPERS
+from cosim.experiments.provenance import provenance
+from cosim.report import Claims, Figure, Panel, Parameter, Report, Result, Section, Series, Table, write_report
 from fmu_sources.controllers.preview_lq import CORNERS
 from fmu_sources.controllers.preview_lq_weights import load_weights
 from fmu_sources.plants import ride_car
@@ -68,12 +66,7 @@ def report(study: Study, fmus: FmuSet) -> Report:
         ],
         sections=[_poles(study), _table3(study), _figure3(study), _histories(study), _sampling(study), _offset(study)],
         parameters=_parameters(),
-        provenance={
-            "versions": {n: metadata.version(n) for n in ("suspension-fmus", "numpy", "scipy", "casadi")},
-            "papers": PAPERS,
-            "FMI version": f"{fmus.fmi}.0",
-            "FMUs (SHA-256)": {n: content_hash([fmus.path(n)]) for n in _FMUS},
-        },
+        provenance=provenance(fmus, fmus.paths(_FMUS)),
     )
 
 
@@ -90,13 +83,10 @@ _FMUS = (
 # ---------------------------------------------------------------------- claims
 
 
-def claims(study: Study) -> list[Claim]:
+def claims(study: Study) -> Claims:
     """Every published number that is in print, and what the text says of preview."""
-    result: list[Claim] = []
-
-    def claim(id_: str, text: str, published: str, ours: str, holds: bool, reason: str, source: str) -> None:
-        verdict = "reproduced" if holds else "not reproduced"
-        result.append(Claim(id_, text, published, ours, verdict, "" if holds else reason, source))  # type: ignore[arg-type]
+    result = Claims()
+    claim = result.judge
 
     pairs = ps.matched_eigenvalues(study.eigenvalues["comfort"], PRINTED_EIGENVALUES)
     exact = [e for p, _, e in pairs if p not in LOW_PAIRS]

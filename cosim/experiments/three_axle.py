@@ -9,7 +9,6 @@ import math
 import warnings
 from collections.abc import Collection
 from dataclasses import dataclass
-from importlib import metadata
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +16,6 @@ import numpy as np
 
 from cosim import Recording, System, UnconnectedInputsWarning
 from cosim.experiments.cases import CaseError, FmuSet, check_choice
-from cosim.experiments.store import content_hash
 from fmu_sources.controllers.mpc_three_axle import CORNERS, ESTIMATORS, FORCES, PREDICTION
 from fmu_sources.roads.shallow_trench import EDGE, START
 from fmu_sources.vehicles import load_three_axle
@@ -140,15 +138,6 @@ def _recorded(case: Case) -> list[str]:
     if case.system.startswith("mpc"):
         names += [f"controller.{n}" for n in ("solver.status", "solver.residual", "solver.iterations", "slack")]
     return names
-
-
-def salt(fmus: FmuSet) -> str:
-    """What all stored runs depend on: the FMUs, the code between FMU and metric, and the libraries it computes with."""
-    import cosim
-
-    code = [*sorted(Path(cosim.__file__).parent.glob("*.py")), Path(__file__)]
-    libraries = "|".join(f"{n}={metadata.version(n)}" for n in ("numpy", "scipy"))
-    return content_hash([*(fmus.path(n) for n in FMUS), *code]) + libraries
 
 
 def pitch_error(recording: Recording) -> np.ndarray:

@@ -3,19 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from importlib import metadata
 from pathlib import Path
 
 import numpy as np
 
-from build_fmus.qp_sources import DAQP_VERSION
 from cosim.experiments import three_axle_study as ts
 from cosim.experiments.cases import FmuSet
-from cosim.experiments.store import content_hash
+from cosim.experiments.provenance import provenance
 from cosim.experiments.three_axle import FMUS, LIMIT, REFERENCE_START, SYSTEMS, Case, Row, edge_time
 from cosim.experiments.three_axle_study import VARIANTS, Place, Study, published_cases
-from cosim.report import Claim, Figure, Panel, Parameter, Report, Result, Section, Series, Table, write_report
-from fmu_sources.catalog import PAPERS
+from cosim.report import Claims, Figure, Panel, Parameter, Report, Result, Section, Series, Table, write_report
 from fmu_sources.vehicles import Quantity, load_three_axle
 
 CONTROLLED = ("lqr", "mpc", "mpc-preview")
@@ -56,13 +53,7 @@ def report(study: Study, fmus: FmuSet) -> Report:
         ],
         sections=[_table(study), _crossings(study), _disturbance(study), _reference(study), _forces(study), _variants(study)],
         parameters=_parameters(),
-        provenance={
-            "versions": {n: metadata.version(n) for n in ("suspension-fmus", "numpy", "scipy", "casadi")}
-            | {"daqp (C sources)": DAQP_VERSION},
-            "papers": PAPERS,
-            "FMI version": f"{fmus.fmi}.0",
-            "FMUs (SHA-256)": {n: content_hash([fmus.path(n)]) for n in FMUS},
-        },
+        provenance=provenance(fmus, fmus.paths(FMUS)),
     )  # fmt: skip
 
 
@@ -73,14 +64,12 @@ def _place(place: Place) -> str:
 # ---------------------------------------------------------------------- claims
 
 
-def claims(study: Study) -> list[Claim]:
+def claims(study: Study) -> Claims:
     """What the thesis says of its Figures 5.5 to 5.14, and what it should show to be worth its effort."""
-    result: list[Claim] = []
+    result = Claims()
     places = study.places
 
-    def claim(id_: str, text: str, published: str, ours: str, holds: bool, reason: str, source: str) -> None:
-        verdict = "reproduced" if holds else "not reproduced"
-        result.append(Claim(id_, text, published, ours, verdict, "" if holds else reason, source))  # type: ignore[arg-type]
+    claim = result.judge
 
     def peak(place: Place, system: str) -> float:
         return study.value("peak_error_deg", place, system)

@@ -14,6 +14,7 @@ from cosim import Recording
 from cosim.experiments import three_axle
 from cosim.experiments.cases import FmuSet
 from cosim.experiments.parallel import run_tasks
+from cosim.experiments.provenance import salt
 from cosim.experiments.store import RunStore
 from cosim.experiments.three_axle import DEPTHS, SPEEDS_KMH, SYSTEMS, Case, Row, ThreeAxleBench
 
@@ -91,7 +92,8 @@ _store: RunStore
 
 def _start(fmus: FmuSet, cache: Path) -> None:
     global _bench, _store
-    _bench, _store = ThreeAxleBench(fmus), RunStore(cache, three_axle.salt(fmus) + str(HISTORY_STEP))
+    code = [three_axle.__file__, __file__]
+    _bench, _store = ThreeAxleBench(fmus), RunStore(cache, salt(fmus.paths(three_axle.FMUS), code))
 
 
 def _work(case: Case) -> Row:

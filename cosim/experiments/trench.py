@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import asdict, dataclass
-from importlib import metadata
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +14,7 @@ import numpy as np
 
 from cosim import Recording, StopWhen, System
 from cosim.experiments.cases import CaseError, FmuSet, check_choice
-from cosim.experiments.store import RunStore, content_hash
+from cosim.experiments.store import RunStore
 from cosim.metrics_crossing import Crossing, cost, crossing, failures, psd
 
 Row = dict[str, Any]
@@ -292,14 +291,3 @@ def bands(frequency: np.ndarray, density: np.ndarray) -> tuple[list[float], list
     full = [i for i in range(1, len(edges)) if (number == i).any()]
     means = [float(density[number == i].mean()) for i in full]
     return [float(np.sqrt(edges[i - 1] * edges[i])) for i in full], means
-
-
-def salt(fmus: FmuSet) -> str:
-    """What all stored runs depend on besides their case: FMU files, code, library versions."""
-    import cosim
-
-    package = Path(cosim.__file__).parent
-    code = [*sorted(package.glob("*.py")), package / "experiments" / "trench.py"]
-    names = {n for c in CONTROLS for n in Case(control=c).fmus()}
-    versions = [metadata.version(n) for n in ("numpy", "scipy")]
-    return content_hash([*code, *(fmus.path(n) for n in sorted(names))]) + repr(versions)

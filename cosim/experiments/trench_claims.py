@@ -5,19 +5,16 @@ from __future__ import annotations
 from cosim.experiments import trench_published as published
 from cosim.experiments.trench_published import LENGTHS, SPEEDS
 from cosim.experiments.trench_study import Study, passes
-from cosim.report import Claim
+from cosim.report import Claims
 
 GRID = [(length, speed) for length in LENGTHS for speed in SPEEDS]
 AGREE_AT_LEAST, PASS_AT_LEAST = 31, 34  # of 36
 
 
-def claims(study: Study) -> list[Claim]:
+def claims(study: Study) -> Claims:
     """Every claim with its criterion; those on what was not run are left out."""
-    found: list[Claim] = []
-
-    def claim(id_: str, text: str, printed: str, ours: str, holds: bool, reason: str, source: str) -> None:
-        verdict = "reproduced" if holds else "not reproduced"
-        found.append(Claim(id_, text, printed, ours, verdict, "" if holds else reason, source))  # type: ignore[arg-type]
+    found = Claims()
+    claim = found.judge
 
     passive = {k: study.published[*k, "passive"] for k in GRID}
     controlled = {k: study.published[*k, "mpc"] for k in GRID}

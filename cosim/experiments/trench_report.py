@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from importlib import metadata
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +11,7 @@ import numpy as np
 from cosim.experiments import trench_published as published
 from cosim.experiments import trench_study as ts
 from cosim.experiments.cases import FmuSet
-from cosim.experiments.store import content_hash
+from cosim.experiments.provenance import provenance
 from cosim.experiments.trench import CONTROLS, CORNERS, Case, Row, outcome
 from cosim.experiments.trench_claims import GRID, claims
 from cosim.experiments.trench_published import LENGTHS, SPEEDS
@@ -41,7 +40,6 @@ from cosim.report import (
     Wheel,
     write_report,
 )
-from fmu_sources.catalog import PAPERS
 
 CASES = (
     "case 0: no axle over the trench",
@@ -94,12 +92,7 @@ def report(study: Study, fmus: FmuSet) -> Report:
             _limits(),
         ],
         parameters=_parameters(),
-        provenance={
-            "versions": {n: metadata.version(n) for n in ("suspension-fmus", "numpy", "scipy", "casadi")},
-            "papers": PAPERS,
-            "FMI version": f"{fmus.fmi}.0",
-            "FMUs (SHA-256)": {n: content_hash([fmus.path(n)]) for n in Case().fmus()},
-        },
+        provenance=provenance(fmus, fmus.paths(Case().fmus())),
     )
 
 
@@ -122,7 +115,7 @@ def single(case: Case, rows: dict[str, Row], frames: dict[str, Row], fmus: FmuSe
                 tables=[Table("quantities", "Quantities of Table 5.3", columns, lines)],
             )
         ],
-        provenance={"FMUs (SHA-256)": {n: content_hash([fmus.path(n)]) for n in case.fmus()}},
+        provenance=provenance(fmus, fmus.paths(case.fmus())),
     )
 
 

@@ -18,6 +18,7 @@ from cosim import Recording, System, UnconnectedInputsWarning
 from cosim.experiments import trench
 from cosim.experiments.cases import FmuSet
 from cosim.experiments.parallel import run_tasks
+from cosim.experiments.provenance import salt
 from cosim.experiments.store import RunStore
 from cosim.experiments.trench import CONTROLS, Case, Row, TrenchBench
 from cosim.experiments.trench_published import LENGTHS, SPEEDS
@@ -133,7 +134,8 @@ _bench: TrenchBench  # of this worker process
 
 def _start(fmus: FmuSet, cache: Path) -> None:
     global _bench  # noqa: PLW0603
-    _bench = TrenchBench(fmus, RunStore(cache, trench.salt(fmus)))
+    names = {n for c in trench.CONTROLS for n in Case(control=c).fmus()}
+    _bench = TrenchBench(fmus, RunStore(cache, salt(fmus.paths(sorted(names)), [trench.__file__])))
 
 
 def _work(task: tuple[str, Case]) -> tuple[Row, Row]:

@@ -4,6 +4,7 @@ from cosim.report.animation import Animation, Body, Force, Phase, Reading, Scene
 from cosim.report.maps import Layer, Map
 from cosim.report.model import (
     Claim,
+    Claims,
     Figure,
     Panel,
     Parameter,
@@ -20,6 +21,7 @@ __all__ = [
     "Animation",
     "Body",
     "Claim",
+    "Claims",
     "Figure",
     "Force",
     "Layer",

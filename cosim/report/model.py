@@ -72,6 +72,31 @@ class Claim:
         return self.verdict == "reproduced"
 
 
+class Claims(list[Claim]):
+    """Claims of a report in their order, each judged as it is added."""
+
+    def judge(
+        self,
+        id: str,
+        claim: str,
+        published: str,
+        ours: str,
+        holds: bool,
+        reason: str,
+        source: str,
+        value: float | None = None,
+        unit: str = "",
+    ) -> None:
+        """Add a claim: ``holds`` is the verdict, ``reason`` why it does not hold (kept only then).
+
+        ``value`` in ``unit`` is our figure for machines, kept to five significant digits; not a number counts as none.
+        """
+        number = None if value is None or np.isnan(value) else float(f"{value:.5g}")
+        verdict: Verdict = "reproduced" if holds else "not reproduced"
+        unit = "" if number is None else unit
+        self.append(Claim(id, claim, published, ours, verdict, "" if holds else reason, source, number, unit))
+
+
 @dataclass(frozen=True, eq=False)
 class Series:
     """One curve, with an optional band from `low` to `high` (say, over seeds).

@@ -1,7 +1,7 @@
 """Draw ``response.svg``, the result figure of the README, from the tables of the study.
 
-    cosim study gpc
-    python docs/images/draw_response.py [results/gpc]
+cosim study gpc
+python docs/images/draw_response.py [results/gpc]
 """
 
 from __future__ import annotations

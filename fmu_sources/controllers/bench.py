@@ -17,7 +17,7 @@ from scipy import linalg
 from build_fmus.component import Component, Linearization
 from build_fmus.qp import Daqp, Osqp
 from fmu_sources.controllers.mpc import Horizon, Input, Mpc, MpcModel, Output, mpc_component
-from fmu_sources.controllers.mpc_model import in_states
+from fmu_sources.controllers.relative import relative_model
 
 STATES = ("suspension.deflection", "body.vz", "tire.deflection", "wheel.vz")
 WEIGHTS = (
@@ -35,7 +35,8 @@ HORIZON = 50  # periods of the MPC: 0.5 s, the length of the longer bump; assume
 
 def bench_model(car: Component) -> Linearization:
     """The quarter car in the states of paper 002, equation (3): inputs ``force`` and ``road.rate``, outputs the states."""
-    return in_states(car.linearize(), STATES, height="road.height", rate="road.rate")
+    car_in_states = relative_model(car, STATES, forces=["force"], heights=["road.height"], rates=["road.rate"])
+    return car_in_states.linearization()
 
 
 def lqr_gain(car: Component) -> np.ndarray:

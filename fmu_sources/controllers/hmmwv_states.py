@@ -1,26 +1,20 @@
 """The relative states that the HMMWV's controllers and its estimator share (paper 001), and the car's model in them.
 
-Suspension and tyre deflections instead of heights: nothing that a vehicle can measure tells where the datum of the road
-is. With the road's rates w and the actuator forces u,
-
-    dx/dt = A x + B u + E w,    y = C x + D u + F w
-
-is derived from the declaration of the car (:meth:`Component.linearize`), whose 14 states are absolute:
-``x = T x_absolute + R height``. The 15 relative states are one more than those because the four road heights have a
-warp that no motion of the car can take up: on a flat road the relative states stay in the 14-dimensional range of T.
+The 15 relative states are one more than the car's own because the four road heights have a warp that no motion of the
+car can take up: on a flat road the relative states stay in the 14-dimensional range of T (:mod:`.relative`).
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import casadi as ca
-import numpy as np
 
 from build_fmus.component import Component
+from fmu_sources.controllers import relative
+from fmu_sources.controllers.relative import RelativeModel
 
 CORNERS = ("fl", "fr", "rl", "rr")
 SUSPENSION = tuple(f"suspension.{k}.deflection" for k in CORNERS)  # m, body minus wheel
@@ -35,40 +29,6 @@ ROAD_HEIGHTS = tuple(f"road.{k}.height" for k in CORNERS)
 ROAD_RATES = tuple(f"road.{k}.rate" for k in CORNERS)
 FORCE_LIMIT = 8000.0  # N, 001 Table 1.3
 
-_TOLERANCE = 1e-9  # of the largest element; what is left of a product that should cancel
-
-
-@dataclass(frozen=True)
-class RelativeModel:
-    """The car in relative states; rows and columns in the order of the names in this module.
-
-    ``A`` (15, 15), ``B`` (15, 4) forces, ``E`` (15, 4) road rates; ``T`` (15, n) and ``R`` (15, 4) map the car's own n
-    states (``absolute``) and the road heights: ``x = T x_absolute + R height``.
-    """
-
-    A: np.ndarray
-    B: np.ndarray
-    E: np.ndarray
-    T: np.ndarray
-    R: np.ndarray
-    absolute: tuple[str, ...]
-    car: Component
-
-    def output(self, names: Sequence[str]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """``C`` (m, 15), ``D`` (m, 4), ``F`` (m, 4) of outputs of the car by name: ``y = C x + D u + F w``.
-
-        Raises:
-            ValueError: no output of the car, or one that the relative states do not determine (an absolute height).
-        """
-        lin = self.car.linearize()
-        rows = [_position(lin.outputs, n, f"output of {self.car.name}") for n in names]
-        u, h, w = (_columns(lin.inputs, group, self.car.name) for group in (FORCES, ROAD_HEIGHTS, ROAD_RATES))
-        C, left_over = _in_relative(np.hstack([lin.C[rows], lin.D[np.ix_(rows, h)]]), np.hstack([self.T, self.R]))
-        hidden = [n for n, bad in zip(names, left_over, strict=True) if bad]
-        if hidden:
-            raise ValueError(f"the relative states do not determine {', '.join(hidden)} of {self.car.name}")
-        return C, lin.D[np.ix_(rows, u)], lin.D[np.ix_(rows, w)]
-
 
 def relative_model(car: Component) -> RelativeModel:
     """The linear model of a four-wheeled ride car in :data:`RELATIVE_STATES`.
@@ -76,16 +36,7 @@ def relative_model(car: Component) -> RelativeModel:
     Raises:
         ValueError: an output or input that is missing; a car whose relative motion depends on absolute heights.
     """
-    lin = car.linearize()
-    rows = [_position(lin.outputs, n, f"output of {car.name}") for n in RELATIVE_STATES]
-    u, h, w = (_columns(lin.inputs, group, car.name) for group in (FORCES, ROAD_HEIGHTS, ROAD_RATES))
-    T, R = lin.C[rows], lin.D[np.ix_(rows, h)]
-    A, left_over = _in_relative(np.hstack([T @ lin.A, T @ lin.B[:, h]]), np.hstack([T, R]))
-    if left_over.any():
-        bad = [n for n, b in zip(RELATIVE_STATES, left_over, strict=True) if b]
-        raise ValueError(f"{car.name}: {', '.join(bad)} depends on absolute heights, not on relative states alone")
-    B, E = T @ lin.B[:, u], T @ lin.B[:, w] + R
-    return RelativeModel(A, B, E, T, R, tuple(lin.states), car)
+    return relative.relative_model(car, RELATIVE_STATES, forces=FORCES, heights=ROAD_HEIGHTS, rates=ROAD_RATES)
 
 
 def relative_inputs(c: Component, car: Component) -> Any:
@@ -129,22 +80,3 @@ def sines(amplitudes: Mapping[str, float]) -> dict[str, Callable[[float], float]
         return lambda t: amplitude * math.sin(rate * t + phase)
 
     return {n: wave(a, 4.0 + i, 0.4 * i) for i, (n, a) in enumerate(amplitudes.items())}
-
-
-def _in_relative(rows: np.ndarray, basis: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """X with ``X basis = rows``, rounding removed, and for each row whether there is none (boolean)."""
-    X = np.linalg.lstsq(basis.T, rows.T, rcond=None)[0].T
-    size = np.maximum(np.abs(rows).max(axis=1), 1e-300)
-    X = np.where(np.abs(X) < _TOLERANCE * np.abs(X).max(axis=1, keepdims=True), 0.0, X)
-    return X, np.abs(X @ basis - rows).max(axis=1) > 1e3 * _TOLERANCE * size
-
-
-def _position(names: Sequence[str], name: str, what: str) -> int:
-    try:
-        return list(names).index(name)
-    except ValueError:
-        raise ValueError(f"no {what} is called {name!r}") from None
-
-
-def _columns(names: Sequence[str], wanted: Sequence[str], car: str) -> list[int]:
-    return [_position(names, n, f"input of {car}") for n in wanted]

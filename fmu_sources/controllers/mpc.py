@@ -322,10 +322,13 @@ def mpc_component(
     return c
 
 
+COMMAND_NOTE = (
+    "The command is clipped to its bounds after the solution. solver.status other than 0 means that the solver did not "
+    "end or found no solution: command.held is then true and the last command is kept, within the bounds of now."
+)
 _NOTES = (
     "At each sample a quadratic program finds the moves over the control horizon that minimise the weighted squares of "
     "predicted outputs, inputs and moves; the first move is applied. Unknowns are moves, not inputs (an integrator in the "
     "model). Bounds on inputs and their rates are hard; bounds on outputs are soft, with one slack for all.",
-    "The command is clipped to its bounds after the solution. solver.status other than 0 means that the solver did not "
-    "end or found no solution: command.held is then true and the last command is kept, within the bounds of now.",
+    COMMAND_NOTE,
 )

@@ -162,33 +162,7 @@ class MpcModel:
         )  # fmt: skip
 
 
-# -------------------------------------------------------------------------- other states, filters around a linear model
-
-
-def in_states(lin: Linearization, states: Sequence[str], *, height: str, rate: str) -> Linearization:
-    """``lin`` with as many of its outputs as states, of the inputs without ``height``; the outputs are the new states.
-
-    For models whose motion does not depend on the absolute height of the road: ``rate`` acts where it did, and moves
-    those new states that are measured from the road.
-
-    Raises:
-        MpcError: the outputs do not determine the states, or the motion depends on absolute heights.
-    """
-    rows = [position("output of the plant", n, lin.outputs) for n in states]
-    h, r = (position("input of the plant", n, lin.inputs) for n in (height, rate))
-    T, R = lin.C[rows], lin.D[rows, h]
-    if len(rows) != len(lin.A) or np.linalg.matrix_rank(T) < len(lin.A):
-        raise MpcError(f"{', '.join(states)} do not determine the {len(lin.A)} states of the plant")
-    A = T @ lin.A @ linalg.inv(T)
-    if np.abs(T @ lin.B[:, h] - A @ R).max() > 1e-9 * np.abs(A).max():
-        raise MpcError(f"the motion of {', '.join(states)} depends on the absolute height {height}")
-    B = T @ lin.B
-    B[:, r] += R
-    keep = [j for j in range(len(lin.inputs)) if j != h]
-    if np.any(lin.D[np.ix_(rows, keep)]):
-        raise MpcError(f"{', '.join(states)} depend on inputs directly: they are no states")
-    D = np.zeros((len(rows), len(keep)))
-    return Linearization(A, B[:, keep], np.eye(len(rows)), D, list(states), [lin.inputs[j] for j in keep], list(states))
+# -------------------------------------------------------------------------- filters around a linear model
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,7 +12,7 @@ import scipy.linalg
 
 from build_fmus.component import Component
 from fmu_sources.controllers.hmmwv_states import CORNERS
-from fmu_sources.vehicles import RideCar, SensorSet
+from fmu_sources.vehicles import RideCar, SensorSet, declare
 
 SAMPLE_TIME = 5e-3  # s
 SIDES = {"left": 1, "right": -1}
@@ -45,15 +45,7 @@ def preview_sensor(
         source="001 equation (1.18), Figure 1.6",
         notes=_NOTES,
     )
-    mount = {}
-    for field in ("x", "y", "height", "bias"):
-        declared = type(sensors.mount).declared(field)
-        q = getattr(sensors.mount, field)
-        assert declared is not None
-        mount[field] = c.parameter(
-            f"mount.{field}", q.value, declared.unit, type(sensors.mount).model_fields[field].description or "",
-            min=declared.min, max=declared.max, nominal=declared.nominal, source=q.source,
-        )  # fmt: skip
+    mount = declare(c, sensors.mount, "mount.")
     compensation = c.parameter(
         "compensation", NONE, None, "of the tyres: 0 none, 1 quarter cars on the buffered road (the paper's)", min=0, max=1,
         source="001 section 1.5",
@@ -93,9 +85,9 @@ def preview_sensor(
     for side, sign in SIDES.items():
         distance = c.input(f"range.{side}", "m", f"{side} range", start=mount_range(sensors))
         valid = c.input(f"range.{side}.valid", None, "this range is measured", start=True, type=bool)
-        mounted = mount["height"] + z - mount["x"] * ca.sin(pitch) + sign * mount["y"] * ca.sin(roll)
-        height = mounted + mount["bias"] * ca.cos(tilt) - distance * ca.cos(tilt - pitch)
-        ahead = mount["x"] + (distance - mount["bias"]) * ca.sin(tilt - pitch)
+        mounted = mount.height + z - mount.x * ca.sin(pitch) + sign * mount.y * ca.sin(roll)
+        height = mounted + mount.bias * ca.cos(tilt) - distance * ca.cos(tilt - pitch)
+        ahead = mount.x + (distance - mount.bias) * ca.sin(tilt - pitch)
         c.output(f"sensed.{side}.x", x - speed * response + ahead + error, "m", f"X_road of the {side} range sensor")
         c.output(f"sensed.{side}.height", height, "m", f"Z_road of the {side} range sensor", display_unit="mm")
         c.output(f"sensed.{side}.valid", valid, None, "from a range that is measured", type=bool)

@@ -12,7 +12,7 @@ from build_fmus.component import Component
 from fmu_sources.controllers.hmmwv_states import CORNERS
 from fmu_sources.roads import RoadScan
 from fmu_sources.sensing.random_numbers import white_noise
-from fmu_sources.vehicles import SensorSet
+from fmu_sources.vehicles import SensorSet, declare
 
 SAMPLE_TIME = 1e-3  # s
 RADAR, OPTICAL = 0, 1
@@ -127,15 +127,7 @@ def sensor_suite(sensors: SensorSet, scan: RoadScan, name: str = "SensorSuite") 
                 display_unit=declared.display_unit,
             )  # fmt: skip
         data[field] = chosen
-    mount = {}
-    for field in ("x", "y", "height", "bias"):
-        declared = type(sensors.mount).declared(field)
-        q = getattr(sensors.mount, field)
-        assert declared is not None
-        mount[field] = c.parameter(
-            f"mount.{field}", q.value, declared.unit, type(sensors.mount).model_fields[field].description or "",
-            min=declared.min, max=declared.max, nominal=declared.nominal, source=q.source,
-        )  # fmt: skip
+    mount = declare(c, sensors.mount, "mount.")
     begin = c.parameter(
         "range.dropout.start", 0.0, "s", "time at which both range sensors fail", min=0.0, max=1e6, source="option"
     )
@@ -153,11 +145,11 @@ def sensor_suite(sensors: SensorSet, scan: RoadScan, name: str = "SensorSuite") 
     beam = ca.fmax(0.0, ca.fmin(1.5, beam))
     for side, sign in SIDES.items():
         surface = c.input(f"scan.{side}", "m", f"heights of the {side} track ahead of the CG", shape=(scan.count,))
-        top = mount["height"] + z - mount["x"] * ca.sin(pitch) + sign * mount["y"] * ca.sin(roll)
+        top = mount.height + z - mount.x * ca.sin(pitch) + sign * mount.y * ca.sin(roll)
         seen = _averaged([surface[i] for i in range(scan.count)], data["spot"] / scan.step)
-        hit, length = _cast(seen, top, beam, scan.start - mount["x"], scan.step)
-        length += mount["bias"]
-        rest = mount["height"] / ca.cos(data["tilt"]) + mount["bias"]
+        hit, length = _cast(seen, top, beam, scan.start - mount.x, scan.step)
+        length += mount.bias
+        rest = mount.height / ca.cos(data["tilt"]) + mount.bias
         now = ca.if_else(hit, length, rest)
 
         ring = c.state(

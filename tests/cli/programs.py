@@ -14,7 +14,13 @@ ENVIRONMENT = {**os.environ, "COLUMNS": "200"}
 def run(folder: Path, program: str, *arguments: str) -> subprocess.CompletedProcess[str]:
     """The finished program with its output as text."""
     return subprocess.run(
-        [BIN / program, *arguments], cwd=folder, env=ENVIRONMENT, capture_output=True, text=True, check=False, timeout=120
+        [BIN / program, *arguments],
+        cwd=folder,
+        env=ENVIRONMENT,
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=120,
     )
 
 

@@ -168,13 +168,19 @@ def test_predicted_outputs_are_measured_before_the_command_of_their_sample(car, 
     """As a controller reads its plant: the acceleration at k + 1 still feels u(k)."""
     reference = MpcReference(settings(model))
     lin, names = car.linearize(), ["body.az", "suspension.deflection", "body.z"]
-    x, previous, moves = np.array([0.02, -0.3, 0.01, 0.5]), np.array([200.0]), np.array([[400.0], [-900.0], [0.0], [50.0]])
+    x, previous, moves = (
+        np.array([0.02, -0.3, 0.01, 0.5]),
+        np.array([200.0]),
+        np.array([[400.0], [-900.0], [0.0], [50.0]]),
+    )
     predicted = reference.predict(x, previous, moves, np.zeros((1, 22)))
     rows = [lin.outputs.index(n) for n in names]
     u = previous[0] + np.cumsum(moves[:3, 0])  # blocks of 1, 1 and 2 periods
     for k in range(3):
         forces = np.array([u[k] if n == "force" else 0.0 for n in lin.inputs])
-        solution = integrate.solve_ivp(lambda t, x, f=forces: lin.A @ x + lin.B @ f, (0, PERIOD), x, rtol=1e-11, atol=1e-13)
+        solution = integrate.solve_ivp(
+            lambda t, x, f=forces: lin.A @ x + lin.B @ f, (0, PERIOD), x, rtol=1e-11, atol=1e-13
+        )
         x = solution.y[:, -1]
         np.testing.assert_allclose(predicted[k], (lin.C @ x + lin.D @ forces)[rows], rtol=1e-6, atol=1e-9)
 

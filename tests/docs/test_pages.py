@@ -63,9 +63,7 @@ COMMANDS = [(page, *t) for page in PAGES for t in transcripts(page)]
 @pytest.mark.parametrize(
     ("page", "command", "expected"), COMMANDS, ids=[f"{p.stem}-{' '.join(c[:2])}" for p, c, _ in COMMANDS]
 )
-def test_commands_print_what_the_page_shows(
-    page: Path, command: list[str], expected: str, workplace: Path
-) -> None:
+def test_commands_print_what_the_page_shows(page: Path, command: list[str], expected: str, workplace: Path) -> None:
     """Words must be equal, numbers close (platforms differ in the last digits); times and speeds of the machine are
     left out."""
     for name, text in files_shown(page).items():
@@ -120,7 +118,11 @@ def test_commands_named_in_a_page_exist(page: Path) -> None:
     """Options of `build-fmus` and `cosim` in running text are options the programs have."""
     known = {
         program: subprocess.run(
-            [BIN / parts[0], *parts[1:], "--help"], capture_output=True, text=True, check=True, env={**os.environ, "COLUMNS": "200"}
+            [BIN / parts[0], *parts[1:], "--help"],
+            capture_output=True,
+            text=True,
+            check=True,
+            env={**os.environ, "COLUMNS": "200"},
         ).stdout
         for program, parts in (
             ("build-fmus", ["build-fmus"]),

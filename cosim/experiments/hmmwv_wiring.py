@@ -1,0 +1,77 @@
+"""What the experiments on the HMMWV of paper 001 wire alike: its roads, actuators, sensors and preview chain."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from cosim import System
+from cosim.experiments.cases import FmuSet
+from fmu_sources.controllers.hmmwv_states import CORNERS
+from fmu_sources.vehicles import load_ride_car
+
+SPEED_KMH = 20 * 1.609344  # 20 mph, the speed of all published runs
+CONTROL_PERIOD = 0.030  # s, of the controllers that ask for forces
+EXCHANGE = "0.5 ms"  # of car and actuators
+LITRES_PER_MINUTE = 60000.0  # per m3/s
+FIRST_BUMP = 10.0  # m along the road
+BUMP_LENGTH = 0.305  # m
+BUMPS = {"track": {1: 0.057, 7: 0.038}, "bump": {1: 0.076}}  # m by place, places 1 m apart
+PLACES = range(1, 11)
+FRONT = load_ride_car("ride_car_hmmwv").wheel.front.x.value  # m, front axle ahead of the CG; the rear one as far behind
+
+
+def bump_parameters(heights: Mapping[int, float], first: float = FIRST_BUMP) -> dict[str, float]:
+    """Parameters of RoadBumps for bumps of these heights [m] by place, the first place at ``first`` [m]."""
+    return {**{f"bump.height[{i}]": heights.get(i, 0.0) for i in PLACES}, "bump.first": first}
+
+
+def add_car(system: System, fmus: FmuSet, road: str, *, step: str) -> None:
+    """Speed, road and car."""
+    system.add("speed", fmus.path("SpeedProfile"))
+    system.add("road", fmus.path(road))
+    system.add("car", fmus.path("RideCarHmmwv"), step=step)
+    system.connect("speed.x", "road.x")
+    system.connect("speed.speed", "road.speed")
+    system.connect_matching("road", "car", "road.*")
+
+
+def add_actuators(system: System, fmus: FmuSet, *, driven: bool) -> None:
+    """Four hydraulic actuators on the car, shut bypass as published; ``driven``: something sets their valves.
+
+    Car and actuators advance together every 0.5 ms, the car first (Gauss-Seidel): the oil column between them is too stiff
+    for an exchange side by side. They see each other's values of the middle of each step; plain ones would lag by half of it.
+    """
+    for k in CORNERS:
+        actuator = f"actuator_{k}"
+        system.add(actuator, fmus.path("HydraulicActuator"), step=EXCHANGE, start={"bypass.area": 0.0})
+        system.connect(f"car.suspension.{k}.velocity", f"{actuator}.piston.velocity", extrapolate=True)
+        system.connect(f"{actuator}.force", f"car.force.{k}", extrapolate=True)
+        if not driven:
+            system[actuator].set({"valve.voltage": 0.0, "supply.running": False})
+    system.group("vehicle", ["car", *(f"actuator_{k}" for k in CORNERS)])
+
+
+def add_sensors(system: System, fmus: FmuSet) -> None:
+    """Sensors on car, road, speed and, where there are any, actuators."""
+    system.add("sensors", fmus.path("SensorSuite"))
+    for source in ("car", "road", "speed"):
+        system.connect_matching(source, "sensors")
+    for k in CORNERS:
+        if f"actuator_{k}" in system.members:
+            system.connect(f"actuator_{k}.force", f"sensors.actuator.{k}.force")
+        else:
+            system["sensors"].set({f"actuator.{k}.force": 0.0})
+
+
+def add_preview_chain(system: System, fmus: FmuSet) -> None:
+    """Behind sensors and filter: correction of the ranges by the estimated pose, the buffer, and the road back to both."""
+    system.add("preview_sensor", fmus.path("PreviewSensor"))
+    system.add("buffer", fmus.path("PreviewBuffer"))
+    system.connect_matching("sensors", "preview_sensor", "range.*")
+    system.connect_matching("kalman", "preview_sensor", "body.*")
+    system.connect_matching("preview_sensor", "buffer")
+    for name in ("preview_sensor", "buffer"):
+        system.connect("sensors.x.measured", f"{name}.x")
+        system.connect("sensors.speed.measured", f"{name}.speed")
+    for name in ("kalman", "preview_sensor"):
+        system.connect_matching("buffer", name, "road.*", delay=True)
