@@ -115,6 +115,8 @@ def crossing(
         az_m_s2, ax_m_s2: accelerations of the body (samples,).
         pitch_rad: pitch of the body (samples,).
         hub_fx_n: longitudinal hub forces [N] (samples, 2 * axles = 6), axle by axle from the front, left and right.
+        rate_hz: samples per second. Peaks are those of all samples; an RMS is that of every n-th one, at 1 kHz, where the
+            rate is n times as high.
 
     Raises:
         ValueError: a signal has another shape or length, or a value is not finite.
@@ -132,12 +134,13 @@ def crossing(
     if len(set(lengths.values())) > 1:
         raise ValueError(f"the signals have different numbers of samples: {lengths}")
     az, ax, pitch = list(signals.values())[:3]
+    every = max(1, round(rate_hz / PSD_RATE))
     axles = np.abs(hubs).reshape(-1, 3, 2).max(axis=(0, 2)) / 1e3
     return Crossing(
         az=float(np.abs(az).max()),
         ax=float(np.abs(ax).max()),
-        az_rms=psd_rms(az, rate_hz, name="vertical acceleration"),
-        ax_rms=psd_rms(ax, rate_hz, name="longitudinal acceleration"),
+        az_rms=psd_rms(az[::every], rate_hz / every, name="vertical acceleration"),
+        ax_rms=psd_rms(ax[::every], rate_hz / every, name="longitudinal acceleration"),
         pitch=math.degrees(float(np.abs(pitch).max())),
         hub_front=float(axles[0]),
         hub_middle=float(axles[1]),

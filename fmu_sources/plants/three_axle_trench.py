@@ -64,6 +64,10 @@ def three_axle_trench(vehicle: ThreeAxleTrenchCar, name: str = "ThreeAxleTrench"
     )
     p = declare(c, vehicle)
     gas = c.parameter("strut.hydropneumatic", False, None, "gas springs (003 Figure 3.7) instead of linear ones")
+    driven = c.parameter(
+        "wheels.driven", True, None, "wheels turn at the imposed speed; false: they roll freely and give no traction",
+        source="003 section 5.4: imposed",
+    )  # fmt: skip
     wheels = _wheels(p)
     front, rear = (sum(w.x for w in wheels if w.name[:2] == axle) / 2 for axle in ("a1", "a3"))
     mean_radius = p.disc.radius - sum(w.squeeze for w in wheels) / 6
@@ -167,7 +171,7 @@ def three_axle_trench(vehicle: ThreeAxleTrenchCar, name: str = "ThreeAxleTrench"
         bias = ca.jtimes(velocity, ca.vertcat(q, s), ca.vertcat(dq, ds))  # acceleration of the wheel at constant rates
 
         touches = grounds[w.side].disc(centre[0], centre[2], p.disc.radius)
-        total = _Contacts.of(touches, w.tire, p.disc, w.mass, velocity, spin, dq[2], rolling)
+        total = _Contacts.of(touches, w.tire, p.disc, w.mass, velocity, spin, dq[2], rolling, driven)
         strut, stored = _strut(p, w, gas, s, ds)
         along = total.fx * ahead[0] + total.fz * ahead[1]
         hub[n] = (along, total.fx * up[0] + total.fz * up[1])
@@ -366,6 +370,7 @@ class _Contacts:
         spin: Any,
         pitch_rate: Any,
         rolling: Any,
+        driven: Any,
     ) -> _Contacts:
         fx = fz = traction = energy = px = pz = weight = ca.SX(0)
         for t in touches:
@@ -377,7 +382,7 @@ class _Contacts:
             normal = t.share * ca.fmax(0, spring + damper)
             sliding = (spin + pitch_rate) * rolling - (velocity[0] * t.nz - velocity[2] * t.nx)
             # The slope of the friction law is limited to what a wheel of this mass can follow in explicit steps of 0.5 ms.
-            grip_limit = disc.friction * normal
+            grip_limit = driven * disc.friction * normal
             grip = grip_limit * ca.tanh(sliding / ca.fmax(disc.slip_speed, grip_limit * FRICTION_TIME / mass))
             fx += normal * t.nx + grip * t.nz
             fz += normal * t.nz - grip * t.nx
@@ -538,7 +543,7 @@ _NOTES = (
     "target.speed is the rolling speed of all wheels and is imposed: the spin does not depend on the torque, and the drives "
     "are mounted on the body, which takes the reaction. Friction limits traction: mu N tanh(sliding / slip_speed); above "
     "some 150 kN the slip speed grows with the load, so that friction does not stop a wheel in less than 0.4 ms. Speed 0 "
-    "is allowed; the vehicle then stands, and stuck stays 0.",
+    "is allowed; the vehicle then stands, and stuck stays 0. With wheels.driven false the vehicle coasts from its start speed.",
     "Bumper tips and the ends of the belly touch the ground, and convex corners of the ground touch the outline of the body. "
     "belly.force counts the flat belly and its ends; the rising parts before and behind it belong to the bumpers. The stiffness "
     "is that of both sides of the vehicle together, half of it left and half right.",
@@ -550,8 +555,8 @@ _NOTES = (
     "ride height. All z and deflections count from there; the vehicle starts at rest on level road, rolling at target.speed. "
     "Trench positions count from the first position of the CG. strut.hydropneumatic gives gas springs with the same load and "
     "stiffness at rest.",
-    "For small motions heave is that of ThreeAxleRide with the same numbers; pitch is too with free rolling wheels (little "
-    "friction), some 4 % softer because the CG lies above the wheels. With the spin imposed, pitching turns the vehicle about the "
+    "For small motions heave is that of ThreeAxleRide with the same numbers; pitch is too with wheels.driven false, "
+    "some 4 % softer because the CG lies above the wheels. With the spin imposed, pitching turns the vehicle about the "
     "ground and takes the mass along: the natural frequency of pitch falls by a fifth. The linear model has no such motion.",
     "lidar.*.dx is the distance of the obstacle's start and finish ahead of the nose lidar, lidar.*.dz how far the lidar is above "
     "them, both along the axes of the road, as equations (4.18) to (4.28) of paper 003 need them. They are positions of markers: "
@@ -559,5 +564,6 @@ _NOTES = (
     "hub.*.fx is the force of the tyre on the hub along the body, what Table 5.3 limits. body.ax and body.az are along the axes of "
     "the road. stuck is 1 while the speed, smoothed over a second, is below 5 % of target.speed; it is a flag with jumps, not "
     "meant for Model Exchange root finding. energy minus energy.supplied never grows.",
-    "Wiring: a controller drives force.*. Exchange at 1 ms; impacts of body and ground last some 5 ms.",
+    "Wiring: a controller drives force.*. Exchange at 1 ms; where peaks count, at 0.5 ms: when body and ground meet, the "
+    "acceleration rises within a solver step and falls by a quarter in each millisecond.",
 )

@@ -74,10 +74,10 @@ def test_every_program_is_solved(study: Study, fastest) -> None:
 
 
 def test_at_the_limits(fastest) -> None:
-    """Preview is best still, but with a tenth of the blind controller's error just missed: 0.1075."""
+    """Preview is best still, with a tenth of the blind controller's error just met: 0.0926."""
     peak = {s: row["peak_error_deg"] for s, row in fastest.items()}
     assert peak["mpc-preview"] <= 0.1 * peak["passive"]
-    assert peak["mpc-preview"] / peak["mpc"] == pytest.approx(0.1075, abs=0.002)
+    assert peak["mpc-preview"] <= 0.1 * peak["mpc"]
     assert all(row["peak_force_kN"] <= 150.0 for row in fastest.values())
     assert fastest["mpc-preview"]["slack"] > 1.0
 

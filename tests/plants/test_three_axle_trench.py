@@ -19,6 +19,7 @@ from fmu_sources.vehicles import VehicleError, load_three_axle, load_three_axle_
 
 CORNERS = ("a1l", "a1r", "a2l", "a2r", "a3l", "a3r")
 START, AHEAD, BEHIND = 5.0, 3.25, 3.30  # m: of the trench; bumper tips ahead of and behind the CG
+STEP = 5e-4  # s, of exchange; impacts are shorter than 1 ms
 
 
 @pytest.fixture(scope="module")
@@ -48,7 +49,7 @@ def drive(fmu, seconds: float, speed: float, *, stop: tuple[StopWhen, ...] = (),
     with System() as system, warnings.catch_warnings():
         warnings.simplefilter("ignore", UnconnectedInputsWarning)
         values = {k.replace("__", "."): v for k, v in parameters.items()}
-        system.add("car", fmu, step=1e-3, parameters=values, start={"target.speed": speed})
+        system.add("car", fmu, step=STEP, parameters=values, start={"target.speed": speed})
         return system.run(seconds, record=record, stop_when=stop)
 
 
@@ -61,7 +62,7 @@ def cross(fmu, length: float, kmh: float, **parameters) -> Recording:
 
 def judge(run: Recording, length: float) -> tuple[Crossing, tuple[str, ...]]:
     hubs = np.column_stack([run[f"car.hub.{k}.fx"] for k in CORNERS])
-    metrics = crossing(run["car.body.az"], run["car.body.ax"], run["car.body.pitch"], hubs)
+    metrics = crossing(run["car.body.az"], run["car.body.ax"], run["car.body.pitch"], hubs, 1 / STEP)
     arrived = bool(run["car.x"][-1] >= START + length + BEHIND + 0.7)
     return metrics, failures(metrics, arrived=arrived, belly_contact=bool(run["car.belly.force"].max() > 0))
 
@@ -112,13 +113,13 @@ def test_level_road_disturbs_nothing(fmu, speed: float) -> None:
 def test_small_signals_are_those_of_the_ride_model(plant: Component) -> None:
     """Heave exactly, pitch within 5 % when the wheels roll freely: static gain and natural frequency.
 
-    Free rolling: little friction. With the spin imposed, pitch takes the whole mass along about the ground, see the notes.
+    With the spin imposed, pitch takes the whole mass along about the ground, see the notes.
     """
     ride = ride_car(load_three_axle("three_axle"), name="ThreeAxleRide")
     shared = {e.name: e.start for e in plant.elements("parameter")}
     p = np.array([shared.get(e.name, e.start) for e in ride.elements("parameter")])
     free = plant.vector("parameter")
-    free[next(e.slot for e in plant.elements("parameter") if e.name == "disc.friction")] = 0.01
+    free[next(e.slot for e in plant.elements("parameter") if e.name == "wheels.driven")] = 0.0
     linear, gripping, rolling = ride.linearize(p=p), plant.linearize(), plant.linearize(p=free)
 
     def response(model: Linearization, pattern: tuple[float, float, float], output: str, hz: float) -> complex:
@@ -264,7 +265,7 @@ def test_steps(fmu, height: float) -> None:
 # ------------------------------------------------------------------------------------------------------ step and result
 
 
-@pytest.mark.parametrize(("length", "kmh"), [(1.5, 3.0), (1.4, 6.0), (2.0, 9.0)])
+@pytest.mark.parametrize(("length", "kmh"), [(1.5, 3.0), (1.4, 6.0), (1.8, 9.0), (2.0, 9.0)])
 def test_half_the_step_gives_the_same(fmu, length: float, kmh: float) -> None:
     coarse, fine = (
         judge(cross(fmu, length, kmh, **{"solver__step": h}), length)[0] for h in (5e-4, 2.5e-4)
