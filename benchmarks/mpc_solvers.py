@@ -8,9 +8,9 @@ step counts with its fastest repetition, so that other work on the machine does 
 from __future__ import annotations
 
 import time
-import warnings
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from itertools import product
 
 import numpy as np
 from rich.console import Console
@@ -20,13 +20,18 @@ from rich.table import Table
 from build_fmus.component import Component
 from build_fmus.qp_solve import CompiledPrograms, solve_reference
 from build_fmus.reference import Evaluator
-from cosim import Recording, UnconnectedInputsWarning
+from cosim import Recording
 from cosim.experiments.bench import BUMP_DURATIONS, Bench, Case
 from cosim.experiments.cases import FmuSet
 from cosim.experiments.hmmwv import ROADS as HMMWV_ROADS
 from cosim.experiments.hmmwv import Case as HmmwvCase
 from cosim.experiments.hmmwv import HmmwvBench
-from cosim.experiments.three_axle import ThreeAxleBench
+from cosim.experiments.three_axle import DEPTHS, SPEEDS_KMH, ThreeAxleBench
+from cosim.experiments.three_axle import Case as ThreeAxleCase
+from cosim.experiments.trench import MPC as TRENCH_MPC
+from cosim.experiments.trench import Case as TrenchCase
+from cosim.experiments.trench import TrenchBench
+from cosim.experiments.trench_claims import GRID
 from fmu_sources.catalog import Context, default_catalog
 from fmu_sources.controllers import bench, mpc_hmmwv, mpc_three_axle
 from fmu_sources.controllers.hmmwv_states import FORCE_LIMIT
@@ -37,7 +42,6 @@ from fmu_sources.vehicles import load_quarter_car, load_ride_car, load_three_axl
 
 BACKENDS = ("osqp", "daqp")
 REPETITIONS = 3
-THREE_AXLE: dict[str, float] = {"estimator": 1, "hold_height": False, "retraction": 0}
 
 
 @dataclass(frozen=True)
@@ -154,18 +158,26 @@ def hmmwv_runs() -> list[tuple[Recording, dict[str, float]]]:
 
 
 def three_axle_runs() -> list[tuple[Recording, dict[str, float]]]:
-    """The 6x6 through a shallow trench of 0.25 m at 10 km/h, without and with preview, then the pitch ramp."""
+    """The published runs of the 6x6 over shallow trenches under MPC, with and without preview."""
     runs = ThreeAxleBench(FmuSet())
-    system = runs.system("mpc-preview")
     recordings = []
-    for preview in (0.0, 1.0):
-        system["speed"].set({"start.speed": 10 / 3.6, "start.x": 0.0})
-        system["road"].set({"trench.depth": 0.25})
-        system["controller"].set({**THREE_AXLE, "use_preview": bool(preview)})
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", UnconnectedInputsWarning)
-            recording = system.run(20.0, record=["car.*", "road.preview.*", "reference.*"], record_interval="5 ms")
-        recordings.append((recording, {"use_preview": preview, "case": 0.0}))
+    for preview in (False, True):
+        for speed, depth in product(SPEEDS_KMH, DEPTHS):
+            case = ThreeAxleCase(speed, depth, "mpc-preview" if preview else "mpc")
+            names = ["car.*", "road.preview.*", "reference.*"]
+            recordings.append((runs.record(case, record=names), {"use_preview": float(preview), "case": 0.0}))
+    runs.close()
+    return recordings
+
+
+def trench_runs() -> list[tuple[Recording, dict[str, float]]]:
+    """The 36 controlled crossings of trenches."""
+    runs = TrenchBench(FmuSet())
+    recordings = []
+    for length, speed in GRID:
+        names = ["car.*", "crossing.*"]
+        recording = runs.record(TrenchCase(length, speed, "mpc"), record=names, record_interval="5 ms")
+        recordings.append((recording, {"use_preview": 1.0}))
     runs.close()
     return recordings
 
@@ -184,9 +196,15 @@ def solvers() -> dict[str, dict[str, float]]:
     results = {f"{name}, {backend}": measure(p, backend) for name, p in given.items() for backend in BACKENDS}
     large = ride_car(load_three_axle("three_axle"), name="ThreeAxleRide")
     mpc = mpc_three_axle.three_axle_mpc(mpc_three_axle.combined_gains(mpc_three_axle.ride_model(large))[0])
-    parameters = {k: float(v) for k, v in THREE_AXLE.items()}
-    crossing = problems("MpcThreeAxle", mpc, three_axle_runs(), 150e3, parameters)
-    return {**results, "MpcThreeAxle, daqp": measure(crossing, "daqp")}
+    limit = max(i.max for i in mpc.inputs)
+    for title, runs, parameters in (
+        ("shallow trenches", three_axle_runs, {"estimator": 1, "hold_height": False}),
+        ("trenches", trench_runs, TRENCH_MPC),
+    ):
+        settings = {k: float(v) for k, v in parameters.items()}
+        found = measure(problems("MpcThreeAxle", mpc, runs(), limit, settings), "daqp")
+        results[f"MpcThreeAxle, {title}, daqp"] = found
+    return results
 
 
 def table(results: dict[str, dict[str, float]]) -> Table:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import multiprocessing
 import os
 import signal
 from collections.abc import Callable, Iterable
@@ -22,11 +23,16 @@ def run_tasks(
 
     ``done(task, result)`` is called in this process as each task finishes. On Ctrl-C the running tasks are abandoned
     and KeyboardInterrupt is raised after every finished result was handed to ``done``.
+
+    Workers are started afresh, not forked: a fork copies locks that a thread of this process (the progress bar's) may hold.
+    So a script that comes here needs ``if __name__ == "__main__":``.
     """
     tasks = list(tasks)
     results: list[Any] = [None] * len(tasks)
     count = min(processes or os.cpu_count() or 1, max(len(tasks), 1))
-    executor = ProcessPoolExecutor(count, initializer=_start_worker, initargs=(initializer, initargs))
+    afresh = "forkserver" if "forkserver" in multiprocessing.get_all_start_methods() else "spawn"
+    context = multiprocessing.get_context(afresh)
+    executor = ProcessPoolExecutor(count, context, initializer=_start_worker, initargs=(initializer, initargs))
     futures: dict[Future[Any], int] = {}
     try:
         futures = {executor.submit(work, t): i for i, t in enumerate(tasks)}

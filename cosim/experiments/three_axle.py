@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 import warnings
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -71,8 +71,10 @@ class ThreeAxleBench:
             self._systems[name] = wire(self.fmus, name)
         return self._systems[name]
 
-    def record(self, case: Case, *, duration: float = DURATION, csv: Path | None = None) -> Recording:
-        """Run one case and return its recording at 200 Hz."""
+    def record(
+        self, case: Case, *, duration: float = DURATION, csv: Path | None = None, record: Sequence[str] = ()
+    ) -> Recording:
+        """Run one case and return its recording at 200 Hz; ``record``: variables other than those of the metrics."""
         system = self.system(case.system)
         system["speed"].set({"start.speed": case.speed_kmh / 3.6, "start.x": 0.0})
         system["road"].set({"trench.depth": case.depth})
@@ -85,7 +87,7 @@ class ThreeAxleBench:
             warnings.simplefilter(
                 "ignore", UnconnectedInputsWarning
             )  # `case` stays 0; nothing drives a passive vehicle
-            return system.run(duration, record=_recorded(case), record_interval="5 ms", csv=csv)
+            return system.run(duration, record=list(record) or _recorded(case), record_interval="5 ms", csv=csv)
 
     def measure(self, case: Case) -> Row:
         """Metrics of a whole run."""

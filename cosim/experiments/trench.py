@@ -6,6 +6,7 @@ This module wires the FMUs and runs them; ``trench_study`` lays out the publishe
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -112,8 +113,18 @@ class TrenchBench:
         configure(system, case)
         return system
 
-    def record(self, case: Case, *, progress: bool = False, csv: Path | None = None) -> Recording:
+    def record(
+        self,
+        case: Case,
+        *,
+        progress: bool = False,
+        csv: Path | None = None,
+        record: Sequence[str] = (),
+        record_interval: str = STEP,
+    ) -> Recording:
         """Run a case until the last axle is clear of the trench, or the time is up; recording every 0.5 ms.
+
+        ``record``: variables other than those of the metrics.
 
         Raises:
             ComponentError: a component failed; ``error.recording`` holds what was recorded.
@@ -121,7 +132,7 @@ class TrenchBench:
         system = self.system(case)
         course = Course.of(system, case)
         return system.run(
-            course.patience, record=recorded(case), record_interval=STEP, progress=progress, csv=csv,
+            course.patience, record=list(record) or recorded(case), record_interval=record_interval, progress=progress, csv=csv,
             stop_when=[StopWhen("car.x", ">=", course.end)],
         )  # fmt: skip
 

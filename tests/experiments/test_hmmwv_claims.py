@@ -71,6 +71,19 @@ def test_estimates_and_sensed_preview_cost_little(power):
     assert power(estimated("mpc-preview", "bump", sensed=True)) <= 0.85 * power(Case("bump", "mpc"))
 
 
+def test_the_filter_stays_with_the_car_off_road(bench):
+    """A whole stretch with wheels in the air, where a correction for lost tyre pull once fed on its own estimate."""
+    case = Case("off-road", "lqr", states="estimated", variant=3)
+    recording = bench.system(case).run(case.stop_time, record=["car.*", "kalman.*"], record_interval="5 ms")
+    lifted = np.column_stack([recording[f"car.tire.{k}.force"] for k in CORNERS]) <= 0
+    assert lifted.any()
+    for signal, share, largest in (("tire.{}.deflection", 0.35, 0.06), ("suspension.{}.deflection", 0.05, 0.006)):
+        for k in CORNERS:
+            true, found = (recording[f"{source}.{signal.format(k)}"] for source in ("car", "kalman"))
+            assert np.abs(found - true).max() < largest
+            assert np.std(found - true) < share * np.std(true)
+
+
 def test_what_hydraulics_cost(power):
     """Ideal forces are far better: the valves saturate on the bumps."""
     assert power(Case("track", "zero", actuators="ideal")) < 0.8 * power(Case("track", "zero"))
