@@ -31,7 +31,7 @@ _NAMES = {
     "mpc": "MPC, weight on the force",
     "mpc-moves": "MPC, weight on the moves",
 }
-_FMUS = (
+FMUS = (
     "QuarterCarBench", "LqrBench", "MpcBench", "MpcBenchMoves", "BenchEncoders", "RoadBenchBump", "RoadBenchRandom",
 )  # fmt: skip
 _SLIGHTLY = 0.15  # of the limit: how far beyond it still is "slightly"
@@ -65,7 +65,7 @@ def report(study: Study, fmus: FmuSet) -> Report:
         sections=[_plates(study), _forces(study), _random(study), _comparison(study), _limit(study), _encoders(study),
                   _solver(study)],
         parameters=_parameters(),
-        provenance=provenance(fmus, fmus.paths(_FMUS), ["osqp"]),
+        provenance=provenance(fmus, fmus.paths(FMUS), ["osqp"]),
     )  # fmt: skip
 
 

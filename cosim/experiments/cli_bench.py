@@ -10,7 +10,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from cosim.experiments.cli_options import Fmus, Out, Version, console, make_folder, progress_bar, write_summary
+from cosim.experiments.cli_options import Fmus, Out, Version, console, make_folder, study_page, write_summary
 
 TITLE = "LQR and MPC on a quarter-car bench (paper 002)"
 OPTIONS = (
@@ -56,8 +56,10 @@ def study(fmus: Fmus = Path("fmus"), fmi: Version = 3, out: Out = Path("results"
     from cosim.experiments.cases import FmuSet
 
     chosen = FmuSet(fmus, fmi)
-    make_folder(out / "bench")
-    with progress_bar("study bench", resumes=False) as progress:
-        result = bench_study.study(chosen, progress)
-    path = bench_report.write(result, chosen, out / "bench")
-    console.print(f"report: {path}")
+    chosen.paths(bench_report.FMUS)  # every file is there before the work begins
+    study_page(
+        "bench", out,
+        lambda _, progress: bench_study.study(chosen, progress),
+        lambda result, folder: bench_report.write(result, chosen, folder),
+        resumes=False,
+    )  # fmt: skip

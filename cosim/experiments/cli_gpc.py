@@ -14,11 +14,12 @@ from rich.table import Table
 from cosim.experiments.cli_options import (
     Fmus,
     Out,
+    Processes,
     Version,
     console,
     make_folder,
     metric_table,
-    progress_bar,
+    study_page,
     write_summary,
 )
 
@@ -88,18 +89,18 @@ def study(
     fmi: Version = 3,
     vehicle: Vehicle = None,
     out: Out = Path("results"),
-    processes: Annotated[int | None, typer.Option(help="worker processes (default: all cores)", min=1)] = None,
+    processes: Processes = None,
 ) -> None:
     """Figures 6 to 12 of the paper and every published claim; writes results/gpc/report.html."""
     from cosim.experiments import gpc_report, gpc_study
 
     chosen = _fmu_set(fmus, fmi, vehicle)
     chosen.all_paths()  # every file is there before the work begins
-    runs = make_folder(out / "gpc" / ".runs")
-    with progress_bar("study gpc") as progress:
-        result = gpc_study.study(chosen, runs, processes=processes, progress=progress)
-    path = gpc_report.write(result, chosen, out / "gpc")
-    console.print(f"report: {path}")
+    study_page(
+        "gpc", out,
+        lambda runs, progress: gpc_study.study(chosen, runs, processes=processes, progress=progress),
+        lambda result, folder: gpc_report.write(result, chosen, folder),
+    )  # fmt: skip
 
 
 def identify(

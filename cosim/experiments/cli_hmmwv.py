@@ -12,11 +12,12 @@ from cosim.experiments.cli_options import (
     Fmus,
     MetricRows,
     Out,
+    Processes,
     Version,
     console,
     make_folder,
     metric_table,
-    progress_bar,
+    study_page,
     write_summary,
 )
 
@@ -92,7 +93,7 @@ def study(
     fmus: Fmus = Path("fmus"),
     fmi: Version = 3,
     out: Out = Path("results"),
-    processes: Annotated[int | None, typer.Option(help="worker processes (default: all cores)", min=1)] = None,
+    processes: Processes = None,
 ) -> None:
     """The vehicle runs of the paper and its claims; writes results/hmmwv/report.html."""
     from cosim.experiments import hmmwv, hmmwv_report, hmmwv_study
@@ -100,8 +101,8 @@ def study(
 
     chosen = FmuSet(fmus, fmi)
     chosen.paths(hmmwv.all_fmus())  # every file is there before the work begins
-    runs = make_folder(out / "hmmwv" / ".runs")
-    with progress_bar("study hmmwv") as progress:
-        result = hmmwv_study.study(chosen, runs, processes=processes, progress=progress)
-    path = hmmwv_report.write(result, chosen, out / "hmmwv")
-    console.print(f"report: {path}")
+    study_page(
+        "hmmwv", out,
+        lambda runs, progress: hmmwv_study.study(chosen, runs, processes=processes, progress=progress),
+        lambda result, folder: hmmwv_report.write(result, chosen, folder),
+    )  # fmt: skip

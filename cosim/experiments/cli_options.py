@@ -17,8 +17,10 @@ from rich.text import Text
 
 Fmus = Annotated[Path, typer.Option(help="directory of the FMUs (see build-fmus)")]
 Version = Annotated[int, typer.Option(help="FMI version of the FMUs to use: 2 or 3", min=2, max=3)]
+Processes = Annotated[int | None, typer.Option(help="worker processes (default: all cores)", min=1)]
 Out = Annotated[Path, typer.Option(help="directory for results")]
 
+Progressed = Callable[[int, int], None]  # called with (done, total)
 MetricRows = Mapping[str, tuple[str, str] | tuple[str, str, float]]
 """Label -> key, format, and a factor where the label has another unit than the metric."""
 
@@ -26,7 +28,7 @@ console = Console(stderr=True, highlight=False, soft_wrap=True)
 
 
 @contextmanager
-def progress_bar(title: str, *, resumes: bool = True) -> Iterator[Callable[[int, int], None]]:
+def progress_bar(title: str, *, resumes: bool = True) -> Iterator[Progressed]:
     """A bar on the terminal; the function that it gives is called with (done, total).
 
     ``resumes``: finished runs are on disk, which whoever presses Ctrl-C is told.
@@ -45,6 +47,28 @@ def progress_bar(title: str, *, resumes: bool = True) -> Iterator[Callable[[int,
         except KeyboardInterrupt:
             kept = "; finished runs are kept, the same command goes on from there" if resumes else ""
             raise KeyboardInterrupt(f"interrupted{kept}") from None
+
+
+def study_page(
+    name: str,
+    out: Path,
+    study: Callable[[Path, Progressed], Any],
+    write: Callable[[Any, Path], Path],
+    *,
+    resumes: bool = True,
+) -> None:
+    """Run a study under a progress bar and write its page.
+
+    Args:
+        name: of the experiment, and of its folder below ``out``.
+        study: called with the folder for finished runs and with what shows progress.
+        write: called with the study's result and the folder; gives the path of the page.
+        resumes: as for :func:`progress_bar`.
+    """
+    folder = make_folder(out / name)
+    with progress_bar(f"study {name}", resumes=resumes) as progress:
+        result = study(folder / ".runs", progress)
+    console.print(f"report: {write(result, folder)}")
 
 
 def metric_table(measured: Mapping[str, Mapping[str, Any]], rows: MetricRows) -> Table:

@@ -9,7 +9,7 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
-from cosim.experiments.cli_options import Fmus, Out, Version, console, make_folder, progress_bar, write_summary
+from cosim.experiments.cli_options import Fmus, Out, Version, console, make_folder, study_page, write_summary
 
 TITLE = "Optimal preview LQ control of a seven-degree car (paper 004)"
 OPTIONS = "--input both|left  --weights comfort|road-holding|comfort-5ms  --system passive|active|delay|preview  --preview-time S"
@@ -60,8 +60,10 @@ def study(fmus: Fmus = Path("fmus"), fmi: Version = 3, out: Out = Path("results"
     from cosim.experiments.cases import FmuSet
 
     chosen = FmuSet(fmus, fmi)
-    make_folder(out / "preview-lq")
-    with progress_bar("study preview-lq", resumes=False) as progress:
-        result = preview_lq_study.study(chosen, progress)
-    path = preview_lq_report.write(result, chosen, out / "preview-lq")
-    console.print(f"report: {path}")
+    chosen.paths(preview_lq_report.FMUS)  # every file is there before the work begins
+    study_page(
+        "preview-lq", out,
+        lambda _, progress: preview_lq_study.study(chosen, progress),
+        lambda result, folder: preview_lq_report.write(result, chosen, folder),
+        resumes=False,
+    )  # fmt: skip

@@ -11,11 +11,11 @@ from rich.console import Console
 from cosim.experiments.cli_options import (
     Fmus,
     Out,
+    Processes,
     Version,
-    console,
     make_folder,
     metric_table,
-    progress_bar,
+    study_page,
     write_summary,
 )
 
@@ -68,7 +68,7 @@ def study(
     fmus: Fmus = Path("fmus"),
     fmi: Version = 3,
     out: Out = Path("results"),
-    processes: Annotated[int | None, typer.Option(help="worker processes (default: all cores)", min=1)] = None,
+    processes: Processes = None,
 ) -> None:
     """Table 5.1, Figures 5.4 to 5.14 and the claims on them; writes results/three-axle/report.html."""
     from cosim.experiments import three_axle_report, three_axle_study
@@ -77,8 +77,8 @@ def study(
 
     chosen = FmuSet(fmus, fmi)
     chosen.paths(FMUS)  # every file is there before the work begins
-    runs = make_folder(out / "three-axle" / ".runs")
-    with progress_bar("study three-axle") as progress:
-        result = three_axle_study.study(chosen, runs, processes=processes, progress=progress)
-    path = three_axle_report.write(result, chosen, out / "three-axle")
-    console.print(f"report: {path}")
+    study_page(
+        "three-axle", out,
+        lambda runs, progress: three_axle_study.study(chosen, runs, processes=processes, progress=progress),
+        lambda result, folder: three_axle_report.write(result, chosen, folder),
+    )  # fmt: skip

@@ -10,7 +10,7 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
-from cosim.experiments.cli_options import Fmus, Out, Version, console, make_folder, progress_bar
+from cosim.experiments.cli_options import Fmus, Out, Processes, Version, console, make_folder, study_page
 
 TITLE = "A 6x6 crosses trenches with preview MPC (paper 003)"
 OPTIONS = "--length M  --speed KMH  --control passive|mpc|mpc-no-preview|lqr|...  --depth M  --friction MU  --mass KG  --cg-offset M"
@@ -68,14 +68,16 @@ def study(
     fmus: Fmus = Path("fmus"),
     fmi: Version = 3,
     out: Out = Path("results"),
+    processes: Processes = None,
 ) -> None:
     """Tables 5.4 to 5.11, what the crossing depends on, and the animation; writes results/trench/report.html."""
     from cosim.experiments import trench_report, trench_study
     from cosim.experiments.cases import FmuSet
 
     chosen = FmuSet(fmus, fmi)
-    folder = make_folder(out / "trench")
-    with progress_bar("study trench") as progress:
-        result = trench_study.study(chosen, folder / ".runs", published_only=published_only, progress=progress)
-    path = trench_report.write(result, chosen, folder)
-    console.print(f"report: {path}")
+    chosen.paths(trench_study.fmu_names())  # every file is there before the work begins
+    study_page(
+        "trench", out,
+        lambda runs, progress: trench_study.study(chosen, runs, published_only=published_only, processes=processes, progress=progress),
+        lambda result, folder: trench_report.write(result, chosen, folder),
+    )  # fmt: skip

@@ -66,11 +66,11 @@ def report(study: Study, fmus: FmuSet) -> Report:
         ],
         sections=[_poles(study), _table3(study), _figure3(study), _histories(study), _sampling(study), _offset(study)],
         parameters=_parameters(),
-        provenance=provenance(fmus, fmus.paths(_FMUS)),
+        provenance=provenance(fmus, fmus.paths(FMUS)),
     )
 
 
-_FMUS = (
+FMUS = (
     "RideCarSedan",
     "RoadHoleBump",
     "SpeedProfile",

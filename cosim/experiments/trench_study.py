@@ -92,6 +92,11 @@ def tasks(*, published_only: bool = False) -> list[tuple[str, Case]]:
     return sorted(found, key=lambda t: t[1].speed_kmh * (3.0 if t[1].control == "passive" else 1.0))
 
 
+def fmu_names() -> list[str]:
+    """Names of all FMUs of the study."""
+    return sorted({n for c in trench.CONTROLS for n in Case(control=c).fmus()} | {"ThreeAxleRide"})
+
+
 def study(
     fmus: FmuSet,
     cache: Path,
@@ -134,8 +139,7 @@ _bench: TrenchBench  # of this worker process
 
 def _start(fmus: FmuSet, cache: Path) -> None:
     global _bench  # noqa: PLW0603
-    names = {n for c in trench.CONTROLS for n in Case(control=c).fmus()}
-    _bench = TrenchBench(fmus, RunStore(cache, salt(fmus.paths(sorted(names)), [trench.__file__])))
+    _bench = TrenchBench(fmus, RunStore(cache, salt(fmus.paths(fmu_names()), [trench.__file__])))
 
 
 def _work(task: tuple[str, Case]) -> tuple[Row, Row]:
