@@ -11,6 +11,7 @@ import hashlib
 import importlib.util
 import os
 import platform as host_platform
+import re
 import shutil
 import subprocess
 import sys
@@ -21,6 +22,7 @@ from functools import lru_cache
 from importlib import metadata
 from pathlib import Path
 
+_INCLUDE = re.compile(r'^[ \t]*#[ \t]*include[ \t]*"([^"]+)"', re.MULTILINE)
 CFLAGS = ("-O2", "-std=c99", "-ffp-contract=off", "-fvisibility=hidden", "-g0")
 
 
@@ -150,6 +152,23 @@ def toolchain_identity(platforms: str) -> str:
         return str(error)
 
 
+def included_headers(source: Path, include: Sequence[Path]) -> list[Path]:
+    """Files that ``source`` includes in quotes, and those that these include, sorted; conditions are not looked at.
+
+    A file that is found neither beside the one that names it nor in ``include`` belongs to the compiler.
+    """
+    found: dict[Path, None] = {}
+    open_ = [source]
+    while open_:
+        file = open_.pop()
+        for name in _INCLUDE.findall(file.read_text(errors="replace")):
+            path = next((p for d in (file.parent, *include) if (p := (d / name).resolve()).is_file()), None)
+            if path is not None and path not in found:
+                found[path] = None
+                open_.append(path)
+    return sorted(found)
+
+
 class ObjectCache:
     """Compiled objects and libraries by content hash; safe for concurrent builds (files appear atomically)."""
 
@@ -158,16 +177,17 @@ class ObjectCache:
 
     def library(self, toolchain: Toolchain, sources: Sequence[Path], include: Sequence[Path], name: str) -> Path:
         """The shared library built from ``sources``; every object is compiled once per content and toolchain."""
-        headers = b"".join(p.read_bytes() for d in include for p in sorted(d.rglob("*.h")))
-        objects = [self._object(toolchain, s, include, headers) for s in sources]
+        objects = [self._object(toolchain, s, include) for s in sources]
         key = self._key(toolchain, name.encode(), *(o.name.encode() for o in objects))
         path = self.directory / f"{key}{toolchain.platform.suffix}"
         if not path.exists():
             self._make(path, lambda out: toolchain.link(objects, out))
         return path
 
-    def _object(self, toolchain: Toolchain, source: Path, include: Sequence[Path], headers: bytes) -> Path:
-        path = self.directory / f"{self._key(toolchain, source.read_bytes(), headers)}.o"
+    def _object(self, toolchain: Toolchain, source: Path, include: Sequence[Path]) -> Path:
+        headers = included_headers(source, include)
+        contents = [source.read_bytes(), *(h.name.encode() + b"\0" + h.read_bytes() for h in headers)]
+        path = self.directory / f"{self._key(toolchain, *contents)}.o"
         if not path.exists():
             self._make(path, lambda out: toolchain.compile(source, out, include))
         return path

@@ -17,8 +17,8 @@ from build_fmus.component import Component, Variable
 from build_fmus.qp_sources import THIRD_PARTY, ThirdParty
 
 RUNTIME_DIR = Path(__file__).parent / "runtime"
-RUNTIME_SOURCES = ("fmu_core.c",)
-RUNTIME_HEADERS = ("fmu_core.h", "fmu_model.h")
+RUNTIME_SOURCES = ("fmu_core.c", "integrators.c")
+RUNTIME_HEADERS = ("fmu_core.h", "fmu_model.h", "integrators.h")
 
 _ROLES = {
     "time": "FMU_TIME", "parameter": "FMU_PARAMETER", "input": "FMU_INPUT", "state": "FMU_STATE",

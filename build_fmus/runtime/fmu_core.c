@@ -5,12 +5,13 @@
 
 #include "fmu_core.h"
 
-#include <float.h>
 #include <math.h>
 #include <stdarg.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+
+#include "integrators.h"
 
 #define MESSAGE_LENGTH 1024
 #define MAX_STEPS_PER_CALL 10000000.0 /* solver steps or samples in one doStep: beyond it the step size is a mistake */
@@ -48,9 +49,8 @@ struct FmuInstance {
     unsigned logging; /* one bit per category */
     State *state;
     double *p, *u, *x, *dx, *y;             /* into state->v */
-    double *stage, *k1, *k2, *k3, *k4;      /* solver, n_states each */
-    double *matrix, *dt;                    /* ros2: n_states x n_states, its LU factors; derivative by time */
-    int *pivots;                            /* ros2 */
+    double *next;                           /* n_states: start values or the next states until they are found finite */
+    Integrator integrator;
     double *seed, *sensitivity;             /* n_states + n_inputs + n_parameters; n_states + n_outputs */
     const double **arg;
     double **res;
@@ -61,6 +61,9 @@ struct FmuInstance {
     void *qp_scratch;
     double *checks;                         /* n_checks */
 };
+
+static void rhs(void *instance, double t, const double *x, double *dx);
+static void jacobian(void *instance, double t, const double *x, double *J, double *by_time);
 
 static size_t n_values(void) {
     return (size_t)M->n_parameters + (size_t)M->n_inputs + 2u * (size_t)M->n_states + (size_t)M->n_outputs +
@@ -82,20 +85,19 @@ static uint64_t fnv1a(const void *data, size_t n) {
 
 FmuInstance *fmu_create(int is_co_simulation, size_t adapter_size, FmuLog log) {
     const size_t nx = (size_t)M->n_states, nu = (size_t)M->n_inputs, np = (size_t)M->n_parameters;
-    const size_t ny = (size_t)M->n_outputs, nj = M->jac_fn ? nx : 0;
+    const size_t ny = (size_t)M->n_outputs;
     const size_t sizes[] = {
         aligned(sizeof(FmuInstance)),
         aligned(adapter_size),
         aligned(state_size()),
-        aligned(5 * nx * sizeof(double)),
+        aligned(nx * sizeof(double)),
         aligned((nx + nu + np) * sizeof(double)),
         aligned((nx + ny) * sizeof(double)),
         aligned((size_t)M->sz_arg * sizeof(double *)),
         aligned((size_t)M->sz_res * sizeof(double *)),
         aligned((size_t)M->sz_iw * sizeof(int)),
         aligned((size_t)M->sz_w * sizeof(double)),
-        aligned((nj + 1) * nj * sizeof(double)),
-        aligned(nj * sizeof(int)),
+        M->is_continuous ? integrator_memory(M->solver, M->n_states) : 0,
         aligned(((size_t)M->n_qp_data + (size_t)M->n_qp_solution + (size_t)M->n_qp_memory) * sizeof(double)),
         M->qp ? aligned(M->qp->scratch_size()) : 0,
         aligned((size_t)M->n_checks * sizeof(double)),
@@ -117,28 +119,23 @@ FmuInstance *fmu_create(int is_co_simulation, size_t adapter_size, FmuLog log) {
     self->x = self->u + nu;
     self->dx = self->x + nx;
     self->y = self->dx + nx;
-    double *stages = part[3];
-    self->stage = stages;
-    self->k1 = stages + nx;
-    self->k2 = stages + 2 * nx;
-    self->k3 = stages + 3 * nx;
-    self->k4 = stages + 4 * nx;
+    self->next = part[3];
     self->seed = part[4];
     self->sensitivity = part[5];
     self->arg = (const double **)part[6];
     self->res = part[7];
     self->iw = part[8];
     self->w = part[9];
-    self->matrix = part[10];
-    self->dt = self->matrix + nj * nj;
-    self->pivots = part[11];
+    self->integrator = (Integrator){.method = M->solver, .n = M->n_states, .system = self, .rhs = rhs, .jacobian = jacobian,
+                                    .nominals = M->nominals, .velocity_of = M->velocity_of};
+    if (M->is_continuous) integrator_use(&self->integrator, part[10]);
     self->qp_memory = self->y + ny;
-    self->qp_data = part[12];
+    self->qp_data = part[11];
     self->qp_solution = self->qp_data + M->n_qp_data;
     self->qp_trial = self->qp_solution + M->n_qp_solution;
-    self->qp_scratch = part[13];
+    self->qp_scratch = part[12];
     if (M->qp) M->qp->setup(self->qp_scratch);
-    self->checks = part[14];
+    self->checks = part[13];
     self->logging = ~0u & ~(1u << FMU_OK); /* without debug logging, errors still tell what is wrong */
     (void)fmu_reset(self);
     return self;
@@ -245,9 +242,16 @@ static void call(FmuInstance *self, FmuFunction f, const double **args, int n_ar
     (void)f(self->arg, self->res, self->iw, self->w, 0);
 }
 
-static void rhs(FmuInstance *self, double t, const double *x, double *dx) {
+static void rhs(void *instance, double t, const double *x, double *dx) {
+    FmuInstance *self = instance;
     const double *args[] = {&t, x, self->u, self->p};
     call(self, M->next_fn, args, 4, dx, NULL);
+}
+
+static void jacobian(void *instance, double t, const double *x, double *J, double *by_time) {
+    FmuInstance *self = instance;
+    const double *args[] = {&t, x, self->u, self->p};
+    call(self, M->jac_fn, args, 4, J, by_time);
 }
 
 /* Solve the quadratic programs, if there are any; `memory` holds their warm starts and receives the next ones. */
@@ -265,8 +269,8 @@ static FmuStatus refresh_start(FmuInstance *self) {
     if (s->start_valid || !still_starting) return FMU_OK;
     if (M->n_calculated) {
         const double *args[] = {self->x, self->u, self->p};
-        call(self, M->start_fn, args, 3, self->stage, NULL);
-        memcpy(self->x, self->stage, (size_t)M->n_states * sizeof(double));
+        call(self, M->start_fn, args, 3, self->next, NULL);
+        memcpy(self->x, self->next, (size_t)M->n_states * sizeof(double));
     }
     s->start_valid = 1;
     return check_finite(self, self->x, M->n_states, FMU_STATE);
@@ -488,8 +492,8 @@ FmuStatus fmu_directional_derivative(FmuInstance *self, const char *function, co
 
     if (starting && M->n_calculated) {
         const double *args[] = {self->x, self->u, self->p, sx, su, sp};
-        call(self, M->fwd_start_fn, args, 6, self->stage, NULL);
-        memcpy(sx, self->stage, nx * sizeof(double));
+        call(self, M->fwd_start_fn, args, 6, self->next, NULL);
+        memcpy(sx, self->next, nx * sizeof(double));
     }
     const double *args[] = {&self->state->time, self->x, self->u, self->p, sx, su, sp};
     double *ddx = self->sensitivity, *dy = ddx + nx;
@@ -511,143 +515,20 @@ FmuStatus fmu_directional_derivative(FmuInstance *self, const char *function, co
 
 /* ------------------------------------------------------------------ stepping */
 
-/* Classic fourth-order Runge-Kutta. */
-static void step_rk4(FmuInstance *self, double t, double h) {
-    const int n = M->n_states;
-    double *x = self->x, *s = self->stage, *k1 = self->k1, *k2 = self->k2, *k3 = self->k3, *k4 = self->k4;
-    rhs(self, t, x, k1);
-    for (int i = 0; i < n; i++) s[i] = x[i] + 0.5 * h * k1[i];
-    rhs(self, t + 0.5 * h, s, k2);
-    for (int i = 0; i < n; i++) s[i] = x[i] + 0.5 * h * k2[i];
-    rhs(self, t + 0.5 * h, s, k3);
-    for (int i = 0; i < n; i++) s[i] = x[i] + h * k3[i];
-    rhs(self, t + h, s, k4);
-    for (int i = 0; i < n; i++) x[i] += h / 6.0 * (k1[i] + 2.0 * (k2[i] + k3[i]) + k4[i]);
-}
-
-/* Adams-Bashforth-2 predictor, Adams-Moulton-2 (trapezoidal) corrector. k2 holds the derivative of the previous step;
- * the first step after an exchange predicts with Euler, because inputs may have jumped there. */
-static void step_am2(FmuInstance *self, double t, double h, int first) {
-    const int n = M->n_states;
-    double *x = self->x, *s = self->stage, *now = self->k1, *before = self->k2, *ahead = self->k3;
-    rhs(self, t, x, now);
-    for (int i = 0; i < n; i++) s[i] = x[i] + h * (first ? now[i] : 1.5 * now[i] - 0.5 * before[i]);
-    rhs(self, t + h, s, ahead);
-    for (int i = 0; i < n; i++) x[i] += 0.5 * h * (now[i] + ahead[i]);
-    memcpy(before, now, (size_t)n * sizeof(double));
-}
-
-/* Stoermer-Verlet (drift, kick, drift): positions move half a step with the old velocities, everything else a whole step by
- * the explicit midpoint rule at these positions, then positions the other half with the new velocities. Order 2; an
- * undamped vibration keeps its energy where explicit methods feed it. */
-static void step_semi_implicit(FmuInstance *self, double t, double h) {
-    const int n = M->n_states, *v = M->velocity_of;
-    double *x = self->x, *s = self->stage, *k1 = self->k1, *k2 = self->k2;
-    for (int i = 0; i < n; i++) {
-        if (v[i] >= 0) x[i] += 0.5 * h * x[v[i]];
-    }
-    rhs(self, t + 0.5 * h, x, k1);
-    for (int i = 0; i < n; i++) s[i] = v[i] >= 0 ? x[i] : x[i] + 0.5 * h * k1[i];
-    rhs(self, t + 0.5 * h, s, k2);
-    for (int i = 0; i < n; i++)
-        if (v[i] < 0) x[i] += h * k2[i];
-    for (int i = 0; i < n; i++)
-        if (v[i] >= 0) x[i] += 0.5 * h * x[v[i]];
-}
-
-/* Replace the column-major n x n matrix a by its LU factors with row exchanges. `scale` holds for each column the size that
- * its elements had before they were added up: a pivot that is only rounding of it counts as zero. Returns the column
- * without a pivot, or n. */
-static int factorize(double *a, int n, const double *scale, int *pivots) {
-    for (int k = 0; k < n; k++) {
-        double *ak = a + (size_t)k * (size_t)n;
-        int best = k;
-        for (int i = k + 1; i < n; i++)
-            if (fabs(ak[i]) > fabs(ak[best])) best = i;
-        pivots[k] = best;
-        if (!(fabs(ak[best]) > 8.0 * DBL_EPSILON * scale[k]) || isinf(ak[best])) return k;
-        const double pivot = ak[best];
-        ak[best] = ak[k];
-        ak[k] = pivot;
-        for (int i = k + 1; i < n; i++) ak[i] /= pivot;
-        for (int j = k + 1; j < n; j++) {
-            double *aj = a + (size_t)j * (size_t)n;
-            const double top = aj[best];
-            aj[best] = aj[k];
-            aj[k] = top;
-            for (int i = k + 1; i < n; i++) aj[i] -= ak[i] * top;
-        }
-    }
-    return n;
-}
-
-/* Solve with the factors of factorize(): b becomes the solution. */
-static void solve(const double *a, int n, const int *pivots, double *b) {
-    for (int k = 0; k < n; k++) {
-        const double top = b[pivots[k]];
-        b[pivots[k]] = b[k];
-        b[k] = top;
-        for (int i = k + 1; i < n; i++) b[i] -= a[(size_t)k * (size_t)n + (size_t)i] * top;
-    }
-    for (int k = n - 1; k >= 0; k--) {
-        b[k] /= a[(size_t)k * (size_t)n + (size_t)k];
-        for (int i = 0; i < k; i++) b[i] -= a[(size_t)k * (size_t)n + (size_t)i] * b[k];
-    }
-}
-
-/* ROS2, a linearly implicit method of order 2 (Verwer, Spee, Blom, Hundsdorfer 1999), L-stable with this gamma:
- *     (I - gamma h J) k1 = f(t, x) + gamma h df/dt
- *     (I - gamma h J) k2 = f(t + h, x + h k1) - 2 k1 - gamma h df/dt
- *     x += h (3 k1 + k2) / 2
- * States count in units of their nominal values, so that pivots do not depend on the choice of units. */
-static FmuStatus step_ros2(FmuInstance *self, const char *function, double t, double h) {
-    const double gh = 0.29289321881345254 * h; /* gamma = 1 - 1/sqrt(2) */
-    const int n = M->n_states;
-    double *x = self->x, *s = self->stage, *k1 = self->k1, *k2 = self->k2, *scale = self->k3;
-    const double *nominal = M->nominals;
-    const double *args[] = {&t, x, self->u, self->p};
-    call(self, M->jac_fn, args, 4, self->matrix, self->dt);
-    for (int j = 0; j < n; j++) {
-        scale[j] = 1.0;
-        for (int i = 0; i < n; i++) {
-            double *a = self->matrix + (size_t)j * (size_t)n + (size_t)i;
-            *a *= -gh * (nominal[j] / nominal[i]);
-            scale[j] = fmax(scale[j], fabs(*a));
-            if (i == j) *a += 1.0;
-        }
-    }
-    const int column = factorize(self->matrix, n, scale, self->pivots);
-    if (column < n)
-        return fmu_fail(self, FMU_ERROR,
-                        "%s: the matrix of solver ros2 of %s is singular or not finite at time %.9g s (state %s); "
-                        "try another solver.step (here steps of %g s)",
-                        function, M->name, t, M->state_names[column], h);
-    rhs(self, t, x, k1);
-    for (int i = 0; i < n; i++) k1[i] = (k1[i] + gh * self->dt[i]) / nominal[i];
-    solve(self->matrix, n, self->pivots, k1);
-    for (int i = 0; i < n; i++) s[i] = x[i] + h * nominal[i] * k1[i];
-    rhs(self, t + h, s, k2);
-    for (int i = 0; i < n; i++) k2[i] = (k2[i] - gh * self->dt[i]) / nominal[i] - 2.0 * k1[i];
-    solve(self->matrix, n, self->pivots, k2);
-    for (int i = 0; i < n; i++) x[i] += 0.5 * h * nominal[i] * (3.0 * k1[i] + k2[i]);
-    return FMU_OK;
-}
-
 static FmuStatus advance_continuous(FmuInstance *self, const char *function, double t, double h) {
     const double count = ceil(h / self->p[FMU_SOLVER_STEP_SLOT] * (1.0 - 1e-9));
     const int64_t n = count < 1.0 ? 1 : (int64_t)count;
     const double dt = h / (double)n;
     for (int64_t i = 0; i < n; i++) {
         const double ti = t + (double)i * dt;
-        if (M->solver == FMU_ROS2) {
-            const FmuStatus status = step_ros2(self, function, ti, dt);
-            if (status != FMU_OK) {
-                self->state->time = ti;
-                return status;
-            }
-        } else if (M->solver == FMU_SEMI_IMPLICIT) step_semi_implicit(self, ti, dt);
-        else if (M->solver == FMU_AM2) step_am2(self, ti, dt, i == 0);
-        else step_rk4(self, ti, dt);
+        const int found = integrator_step(&self->integrator, ti, dt, i == 0, self->x);
+        if (found < M->n_states) {
+            self->state->time = ti;
+            return fmu_fail(self, FMU_ERROR,
+                            "%s: the matrix of solver ros2 of %s is singular or not finite at time %.9g s (state %s); "
+                            "try another solver.step (here steps of %g s)",
+                            function, M->name, ti, M->state_names[found], dt);
+        }
         for (int j = 0; j < M->n_states; j++)
             if (!(fabs(self->x[j]) <= EXPLODED * M->nominals[j])) {
                 self->state->time = ti + dt;
@@ -669,11 +550,11 @@ static FmuStatus advance_discrete(FmuInstance *self, double t, double h) {
         s->started = 1;
         solve_programs(self, instant, self->qp_memory);
         const double *args[] = {&instant, self->x, self->u, self->p, self->qp_solution};
-        call(self, M->next_fn, args, M->qp ? 5 : 4, self->stage, self->y);
-        status = check_finite(self, self->stage, M->n_states, FMU_STATE);
+        call(self, M->next_fn, args, M->qp ? 5 : 4, self->next, self->y);
+        status = check_finite(self, self->next, M->n_states, FMU_STATE);
         if (status == FMU_OK) status = check_finite(self, self->y, M->n_outputs, FMU_OUTPUT);
         if (status != FMU_OK) return status;
-        memcpy(self->x, self->stage, (size_t)M->n_states * sizeof(double));
+        memcpy(self->x, self->next, (size_t)M->n_states * sizeof(double));
         s->sample++;
     }
 }

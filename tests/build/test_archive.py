@@ -28,7 +28,7 @@ from build_fmus.compile import (
     host,
     resolve_platforms,
 )
-from build_fmus.generate import generate_c, identity
+from build_fmus.generate import RUNTIME_HEADERS, RUNTIME_SOURCES, generate_c, identity
 from build_fmus.package import build_fmu, source_files
 
 needs_nm = pytest.mark.skipif(shutil.which("nm") is None, reason="needs nm of binutils")
@@ -108,7 +108,7 @@ def objects(component, directory: Path) -> dict[str, str]:  # type: ignore[no-un
     for fmi in (2, 3):
         for name, data in source_files(component, fmi).items():
             (directory / name).write_bytes(data)
-        for name in ("model.c", "fmu_core.c", f"fmi{fmi}.c"):
+        for name in ("model.c", *RUNTIME_SOURCES, f"fmi{fmi}.c"):
             toolchain.compile(directory / name, directory / "x.o", [directory])
             found[name] = subprocess.run(
                 ["nm", str(directory / "x.o")], capture_output=True, text=True, check=True
@@ -130,7 +130,8 @@ def test_no_static_data_and_no_heap_in_the_model(make, tmp_path: Path) -> None: 
 
 def relocated(symbol: str) -> bool:
     """Constant tables of pointers, which position-independent code keeps in the section .data.rel.ro."""
-    return symbol in ("variables", "fmu_model", "state_names", "categories", "M") or symbol.startswith("categories.")
+    tables = ("variables", "fmu_model", "state_names", "check_messages", "categories", "M")
+    return symbol in tables or symbol.startswith("categories.")
 
 
 def test_compiler_flags_fix_the_rounding() -> None:
@@ -184,7 +185,7 @@ def test_ziglang_builds_for_the_host(no_compiler: None, tmp_path: Path) -> None:
 
 def test_installed_package_has_the_runtime_and_the_templates() -> None:
     package = resources.files("build_fmus")
-    for name in ("fmu_core.c", "fmu_core.h", "fmu_model.h", "fmi2.c", "fmi3.c"):
+    for name in (*RUNTIME_SOURCES, *RUNTIME_HEADERS, "fmi2.c", "fmi3.c"):
         assert package.joinpath("runtime", name).read_text().startswith("/*")
     assert "{{ component.name }}" in package.joinpath("templates", "documentation.html").read_text()
     assert package.joinpath("py.typed").is_file()

@@ -1,0 +1,47 @@
+"""The object cache: what makes it compile again, and what does not."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from build_fmus.compile import ObjectCache, find_toolchain, host, included_headers
+
+
+@pytest.fixture
+def sources(tmp_path: Path) -> Path:
+    """A C file with a header that has a header of its own, and a header that it does not include."""
+    folder = tmp_path / "sources"
+    (folder / "inner").mkdir(parents=True)
+    (folder / "unit.c").write_text('#include <stddef.h>\n  #  include "outer.h"\nint f(void) { return N; }\n')
+    (folder / "outer.h").write_text('#include "inner/deep.h"\n')
+    (folder / "inner" / "deep.h").write_text('#include "beside.h"\n')
+    (folder / "inner" / "beside.h").write_text("#define N 1\n")
+    (folder / "other.h").write_text("#define M 1\n")
+    return folder
+
+
+def objects(cache: ObjectCache, sources: Path) -> set[str]:
+    cache.library(find_toolchain(host()), [sources / "unit.c"], [sources], "unit")
+    return {p.name for p in cache.directory.glob("*.o")}
+
+
+def test_headers_are_found_through_headers(sources: Path) -> None:
+    names = [str(p.relative_to(sources.resolve())) for p in included_headers(sources / "unit.c", [sources])]
+    assert names == ["inner/beside.h", "inner/deep.h", "outer.h"]
+
+
+def test_what_is_not_there_is_left_to_the_compiler(tmp_path: Path) -> None:
+    (tmp_path / "unit.c").write_text('#include "string.h"\n')
+    assert included_headers(tmp_path / "unit.c", [tmp_path]) == []
+
+
+def test_an_object_is_compiled_again_when_a_header_that_it_includes_changes(sources: Path, tmp_path: Path) -> None:
+    cache = ObjectCache(tmp_path / "cache")
+    first = objects(cache, sources)
+    assert len(first) == 1
+    (sources / "other.h").write_text("#define M 2\n")
+    assert objects(cache, sources) == first
+    (sources / "inner" / "beside.h").write_text("#define N 2\n")
+    assert len(objects(cache, sources) - first) == 1
