@@ -328,7 +328,8 @@ COMMAND_NOTE = (
 )
 _NOTES = (
     "At each sample a quadratic program finds the moves over the control horizon that minimise the weighted squares of "
-    "predicted outputs, inputs and moves; the first move is applied. Unknowns are moves, not inputs (an integrator in the "
+    "predicted outputs (as they will be measured at each sample, before its command acts), inputs and moves; the first move is "
+    "applied. Unknowns are moves, not inputs (an integrator in the "
     "model). Bounds on inputs and their rates are hard; bounds on outputs are soft, with one slack for all.",
     COMMAND_NOTE,
 )
