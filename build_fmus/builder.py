@@ -32,7 +32,12 @@ class Buildable(Protocol):
     @property
     def needs(self) -> tuple[str, ...]: ...
     @property
-    def files(self) -> tuple[Path, ...]: ...
+    def files(self) -> tuple[Path, ...]:
+        """Files of the user that determine it."""
+
+    @property
+    def choices(self) -> str:
+        """Options of the user that determine it."""
 
 
 @dataclass(frozen=True)
@@ -93,7 +98,7 @@ def stamp_key(entry: Buildable, options: Options, fmi: int, sources: str) -> str
     digest = hashlib.sha256()
     compilers = toolchain_identity(options.platform)
     parts = [sources, entry.name, str(fmi), options.platform, str(options.arrays and fmi == 3), compilers]
-    parts += [options.qp or "", qp_sources.identity()]
+    parts += [options.qp or "", entry.choices, qp_sources.identity()]
     parts += [f"{n}={metadata.version(n)}" for n in _LIBRARIES]
     digest.update("|".join(parts).encode())
     for path in entry.files:

@@ -43,8 +43,9 @@ class Stoppable(TyperCommand):
 class UserFiles:
     """Files of the user that FMUs are made of, instead of the published catalog."""
 
-    vehicle: Path | None = None
+    vehicle: Path | str | None = None  # a file, or with a road the name of a vehicle of this project
     road: Path | None = None
+    preview: tuple[int, float] | None = None  # of the road: heights ahead, and the time between them [s]
     weights: Path | None = None
     source: Path | None = None  # Python file with components of the user's own
     maker: str = "make"  # function in it
@@ -54,7 +55,7 @@ class UserFiles:
     @property
     def paths(self) -> list[Path]:
         """The files that are given."""
-        return [p for p in (self.vehicle, self.road, self.weights, self.source) if p is not None]
+        return [p for p in (self.vehicle, self.road, self.weights, self.source) if isinstance(p, Path)]
 
 
 def load_catalog(user: UserFiles | None = None) -> dict[str, Any]:
@@ -66,12 +67,12 @@ def load_catalog(user: UserFiles | None = None) -> dict[str, Any]:
     if not user.paths:
         return published
     entries: dict[str, Any] = {}
-    if user.vehicle is not None:
-        name = catalog_suffix(user.vehicle)
-        entries = catalog.vehicle_catalog(user.vehicle, plant=f"FullCar{name}", suffix=name)
+    if isinstance(user.vehicle, Path):
+        entries = catalog.own_catalog(user.vehicle, catalog_suffix(user.vehicle))
         if taken := sorted(entries.keys() & published):
             raise ValueError(f"{user.vehicle} would replace the published {', '.join(taken)}; rename the file")
-        entries = {"SpeedProfile": published["SpeedProfile"], **entries}
+        needed = {n for e in entries.values() for n in e.needs}
+        entries = {n: e for n, e in published.items() if n in needed} | entries
 
     def add(path: Path, prefix: str, make: Callable[[str], Any]) -> None:
         name = user.name or f"{prefix}{catalog_suffix(path)}"
@@ -80,7 +81,7 @@ def load_catalog(user: UserFiles | None = None) -> dict[str, Any]:
         entries[name] = make(name)
 
     if (road := user.road) is not None:
-        add(road, "Road", lambda name: catalog.road_entry(road, name, user.vehicle or "hmmwv_modified"))
+        add(road, "Road", lambda name: catalog.road_entry(road, name, user.vehicle or "hmmwv_modified", user.preview))
     if (weights := user.weights) is not None:
         add(weights, "PreviewLq", lambda name: catalog.preview_lq_entry(weights, name, user.period))
     if user.source is not None:
@@ -158,7 +159,11 @@ def command(
         str, typer.Option(help="host, all, or platform tuples such as x86_64-windows,aarch64-linux")
     ] = "host",
     vehicle: Annotated[
-        Path | None, typer.Option(help="vehicle file (TOML): full car, roads and GPC laws of this vehicle")
+        str | None,
+        typer.Option(help="vehicle file (TOML): its plant, roads and control laws; with --road also a vehicle's name"),
+    ] = None,
+    preview: Annotated[
+        str | None, typer.Option(help="preview of the road made by --road: heights x milliseconds, such as 16x30")
     ] = None,
     road: Annotated[Path | None, typer.Option(help="road file (CSV or OpenCRG) to make a road FMU of")] = None,
     from_: Annotated[
@@ -185,7 +190,10 @@ def command(
     if qp not in (None, "osqp", "daqp"):
         raise ValueError(f"--qp {qp}: choose osqp or daqp")
     file, _, maker = (from_ or "").partition(":")
-    user = UserFiles(vehicle, road, weights, Path(file) if file else None, maker or "make", name, period)
+    user = UserFiles(
+        _vehicle(vehicle, road), road, _preview(preview, road), weights, Path(file) if file else None, maker or "make", name,
+        period,
+    )  # fmt: skip
     for path in user.paths:
         if not path.is_file():
             raise FileNotFoundError(f"{path}: {'this is a folder' if path.is_dir() else 'no such file'}")
@@ -209,6 +217,33 @@ def command(
     build(names, options, user=user, force=force, report=report)
     seconds = time.perf_counter() - start
     console.print(f"{total['built']} built, {total['up to date']} up to date in {out}/ ({seconds:.1f} s)")
+
+
+def _vehicle(given: str | None, road: Path | None) -> Path | str | None:
+    """A file, or beside a road the name of a published vehicle."""
+    from fmu_sources.vehicles import vehicle_names
+
+    if given is None or Path(given).exists():
+        return given if given is None else Path(given)
+    if given not in vehicle_names():
+        raise FileNotFoundError(f"{given}: no such file, nor a vehicle of this project ({', '.join(vehicle_names())})")
+    if road is None:
+        raise ValueError(
+            f"--vehicle {given} is a vehicle of this project: `build-fmus` makes its FMUs. Give a file of your own, or --road"
+        )
+    return given
+
+
+def _preview(given: str | None, road: Path | None) -> tuple[int, float] | None:
+    """``16x30`` as 16 heights 0.030 s apart."""
+    if given is None:
+        return None
+    if road is None:
+        raise ValueError("--preview is that of the road made by --road; give this file too")
+    match = re.fullmatch(r"(\d+)\s*x\s*(\d+(?:\.\d*)?)(?:\s*ms)?", given.strip())
+    if not match or int(match[1]) < 2 or float(match[2]) <= 0:
+        raise ValueError(f"--preview {given!r}: give heights x milliseconds between them, at least two, such as 16x30")
+    return int(match[1]), float(match[2]) / 1e3
 
 
 def main() -> None:

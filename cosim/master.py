@@ -262,7 +262,7 @@ class Simulation:
         return restored
 
     def _settle(self, members: Sequence[Member]) -> None:
-        """Pass outputs to inputs, in order of execution, until nothing changes any more."""
+        """Pass outputs to inputs, in order of execution, until nothing changes any more, but for rounding."""
         gather = {m: self._layout.gather(m) for m in members}
         for _ in range(20 + len(members)):
             before = self._values.copy()
@@ -271,7 +271,7 @@ class Simulation:
                 self._ports[m].set_inputs()
                 self._ports[m].get_outputs()
                 self._layout.show_everything()
-            moved = np.abs(self._values - before) > 1e-12 * np.abs(before)
+            moved = np.abs(self._values - before) > 1e-12 * np.maximum(1.0, np.abs(before))
             if not moved.any():
                 return
         names = [n for n, (slot, _, _) in self._layout.readable.items() if moved[slot]]

@@ -6,13 +6,15 @@ Importing this module costs nothing: makers import their modules when called.
 from __future__ import annotations
 
 import difflib
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from build_fmus.component import Component
+    from fmu_sources.roads import RoadLayout
 
 
 PAPERS = {
@@ -48,57 +50,58 @@ class Entry:
     summary: str
     make: Callable[[Context], Component]
     needs: tuple[str, ...] = ()
-    files: tuple[Path, ...] = ()  # user files that determine the component
+    files: tuple[Path, ...] = ()  # of the user, that determine the component
+    choices: str = ""  # options of the user that determine it
 
 
 def default_catalog() -> dict[str, Entry]:
     """The FMUs of this project, with the vehicles they are published for."""
     entries = [
-        *(
-            Entry(name, f"LQR of paper 001, {summary}", _lqr_hmmwv(weights, name))
-            for name, (weights, summary) in _LQR_HMMWV.items()
-        ),
-        Entry("QuarterCarHmmwv", "quarter car of the HMMWV (paper 001)", _quarter_car),
-        Entry("RideCarSedan", "linear 7-DOF ride car of paper 004", _ride_car("sedan", "RideCarSedan")),
-        Entry("RideCarHmmwv", "linear 7-DOF ride car, HMMWV (paper 001)", _ride_car("ride_car_hmmwv", "RideCarHmmwv")),
-        Entry("ThreeAxleRide", "linear 9-DOF ride model of the 6x6 of paper 003", _three_axle_ride),
-        Entry("ThreeAxleTrench", "6x6 of paper 003 over trenches and obstacles, with contact", _three_axle_trench),
-        Entry("LqrThreeAxle", "linear-quadratic regulator with pitch reference (paper 003)", _lqr_three_axle),
-        Entry("MpcThreeAxle", "MPC with preview of road and pitch for the 6x6 (paper 003)", _mpc_three_axle),
-        Entry("TrenchCrossing", "cases, pitch reference and effective road for trenches (paper 003)", _trench_crossing),
-        Entry("PitchReference", "pitch that ramps up, holds and ramps down (paper 003)", _pitch_reference),
-        Entry("RoadShallowTrench", "shallow trench under the 6x6 of paper 003", _road_shallow_trench),
-        *(
-            Entry(name, f"electro-hydraulic actuator (paper 001), {summary}", _hydraulic_actuator(parameters, name))
-            for name, (parameters, summary) in _ACTUATORS.items()
-        ),
-        *(
-            Entry(name, f"hydraulic force tracking (paper 001), {summary}", _force_tracking(parameters, name))
-            for name, (parameters, summary) in _FORCE_TRACKING.items()
-        ),
-        Entry("QuarterCarBench", "quarter-car bench of paper 002", _bench_plant),
-        *(Entry(name, summary, _bench(name)) for name, (_, _, summary) in _BENCH.items()),
-        *(Entry(name, summary, _hmmwv_sensors(maker, name)) for name, (maker, summary) in _CHAIN.items()),
-        Entry("RideComfort", "absorbed power and ISO 2631-1 (paper 001)", _ride_comfort),
-        Entry("MpcHmmwv", "MPC of the HMMWV with or without preview (paper 001)", _mpc_hmmwv),
-        Entry("RoadBumps", "test track of speed bumps (paper 001)", _hmmwv_road("road_bumps")),
-        Entry("RoadHoleBump", "hole, flat and bump of paper 004", _sedan_road("road_hole_bump")),
-        Entry("RoadIso8608", "random road, ISO 8608 class A to H", _sedan_road("road_iso8608")),
-        *(
-            Entry(name, f"preview LQ law of paper 004, {summary}", _preview_lq(weights, name, period))
-            for name, (weights, period, summary) in _PREVIEW_LQ.items()
-        ),
-        Entry(
-            "RoadOffroadHmmwv",
-            "off-road terrain under the HMMWV (paper 001)",
-            _hmmwv_road("road_offroad", name="RoadOffroadHmmwv"),
-        ),
-        Entry("Skyhook", "skyhook damping (paper 001)", _skyhook),
-        Entry("SpeedProfile", "constant speed or ramp, with travelled distance", _speed_profile),
+        *_family(_HMMWV, _HMMWV_FILE, "Hmmwv"),
+        *_family(_SENSORS, _SENSOR_FILE, "Hmmwv"),
+        *_family(_SEDAN, "sedan", "Sedan"),
+        Entry("PreviewLqComfort5ms", "preview LQ law of paper 004, ride comfort, sampled at 5 ms",
+              lambda _: _preview_lq("sedan", "PreviewLqComfort5ms", "Sedan", weights="comfort", period=5e-3)),
+        *_family(_QUARTER_CAR, "quarter_car_hmmwv", "Hmmwv"),
+        *_family(_BENCH, "quarter_car_bench", "Bench"),
+        *(Entry(name, summary, _plain(module, maker)) for name, (module, maker, summary) in _PLAIN.items()),
+        *_family(_THREE_AXLE, "three_axle", ""),
+        *_family(_TRENCH, "three_axle_trench", ""),
+        *_family(_ACTUATOR, "actuator_hmmwv", ""),
+        *_family(_ACTUATOR, "actuator_hmmwv_physical", "Physical", about=", density of real oil"),
         *vehicle_catalog("hmmwv", plant="FullCarHmmwv", suffix=None).values(),
         *vehicle_catalog("hmmwv_modified", plant="FullCarHmmwvModified", suffix="").values(),
-    ]
+    ]  # fmt: skip
     return {e.name: e for e in entries}
+
+
+def own_catalog(path: Path, suffix: str) -> dict[str, Entry]:
+    """All that is made of a user's vehicle file, by its kind; ``suffix`` ends the names.
+
+    Raises:
+        VehicleError: the file is missing or has a mistake.
+    """
+    from fmu_sources.vehicles import RideCar, load_vehicle
+
+    vehicle = load_vehicle(path)
+    if vehicle.kind == "full_car":
+        return vehicle_catalog(path, plant=f"FullCar{suffix}", suffix=suffix)
+    families = {
+        "quarter_car": (_QUARTER_CAR,),
+        "ride_car": (_HMMWV, _SEDAN),
+        "three_axle": (_THREE_AXLE,),
+        "three_axle_trench": (_TRENCH, _THREE_AXLE),
+        "actuator": (_ACTUATOR,),
+        "sensors": (_SENSORS, _AROUND_SENSORS),
+    }[vehicle.kind]
+    entries = {e.name: e for parts in families for e in _family(parts, path, suffix, own=True, about=f", {path.name}")}
+    if isinstance(vehicle, RideCar) and any(t.damping.value for t in (vehicle.tire.front, vehicle.tire.rear)):
+        for base in (
+            "PreviewLqComfort",
+            "PreviewLqRoadHolding",
+        ):  # its law needs the road's height alone as disturbance
+            del entries[base + suffix]
+    return entries
 
 
 def vehicle_catalog(vehicle: str | Path, *, plant: str, suffix: str | None) -> dict[str, Entry]:
@@ -106,7 +109,7 @@ def vehicle_catalog(vehicle: str | Path, *, plant: str, suffix: str | None) -> d
 
     Names are ``plant`` and the contract names with ``suffix`` appended.
     """
-    files = (vehicle,) if isinstance(vehicle, Path) else ()
+    files = _files(vehicle)
 
     def full_car(_: Context) -> Component:
         from fmu_sources.plants import full_car as make
@@ -117,7 +120,8 @@ def vehicle_catalog(vehicle: str | Path, *, plant: str, suffix: str | None) -> d
     entries = [Entry(plant, f"nonlinear full car, vehicle file {vehicle}", full_car, files=files)]
     if suffix is not None:
         for name, (maker, summary) in _ROADS.items():
-            entries.append(Entry(name + suffix, summary, _road(maker, vehicle, name + suffix), files=files))
+            make_road = _road(maker, GPC_PREVIEW)
+            entries.append(Entry(name + suffix, summary, partial(make_road, vehicle, name + suffix), files=files))
         needs = (plant, "RoadPerryman3" + suffix, "SpeedProfile")
         for name, (summary, variant) in _GPC.items():
             make = _gpc(variant, plant, "RoadPerryman3" + suffix, name + suffix)
@@ -125,24 +129,36 @@ def vehicle_catalog(vehicle: str | Path, *, plant: str, suffix: str | None) -> d
     return {e.name: e for e in entries}
 
 
-def road_entry(path: Path, name: str, vehicle: str | Path = "hmmwv_modified") -> Entry:
-    """A road from a user's file under the wheels of a vehicle."""
+def road_entry(path: Path, name: str, vehicle: str | Path = "hmmwv_modified", preview: Preview | None = None) -> Entry:
+    """A road from a user's file under the wheels of a vehicle, with the preview that its controllers read.
+
+    ``preview``: how many heights and how far apart [s]; without it what the vehicle's own controllers read, and under a
+    ride car also what the HMMWV's range sensors see.
+    """
 
     def make(_: Context) -> Component:
-        from fmu_sources.roads import RoadLayout, road_from_file
-        from fmu_sources.vehicles import load_full_car
+        from fmu_sources.roads import road_from_file
+        from fmu_sources.vehicles import load_vehicle
 
-        return road_from_file(path, RoadLayout.of(load_full_car(vehicle)), name=name)
+        kind = load_vehicle(vehicle).kind
+        if kind not in _PREVIEWS:
+            raise ValueError(
+                f"vehicle {vehicle} is of kind {kind}, which has no wheels on a road (have: {', '.join(_PREVIEWS)})"
+            )
+        sensors = _SENSOR_FILE if kind == "ride_car" else None
+        return road_from_file(path, _layout(vehicle, preview or _PREVIEWS[kind], sensors), name=name)
 
-    files = (path, vehicle) if isinstance(vehicle, Path) else (path,)
-    return Entry(name, f"road from {path.name}", make, files=files)
+    files = (path, *_files(vehicle))
+    return Entry(name, f"road from {path.name}", make, files=files, choices=f"{vehicle} {preview}")
 
 
 def preview_lq_entry(path: Path, name: str, period: float = 1e-3) -> Entry:
     """A preview LQ law of the sedan with a user's weights, at any sample time [s]."""
-    return Entry(
-        name, f"preview LQ law with the weights of {path.name}", _preview_lq(path, name, period), files=(path,)
-    )
+
+    def make(_: Context) -> Component:
+        return _preview_lq("sedan", name, "Sedan", weights=path, period=period)
+
+    return Entry(name, f"preview LQ law with the weights of {path.name}", make, files=(path,), choices=str(period))
 
 
 def own_entry(path: Path, maker: str = "make") -> Entry:
@@ -189,260 +205,266 @@ def find(catalog: dict[str, Entry], name: str) -> Entry:
         raise KeyError(f"no FMU named {name!r}{hint} (build-fmus --list shows all)") from None
 
 
+# ---------------------------------------------------------------------- families: what is made of one vehicle file
+
+Source = str | Path  # of a vehicle: the name of a published file, or a file of the user
+Preview = tuple[int, float]  # heights ahead, and the time between them [s]
+Make = Callable[..., "Component"]  # called with the vehicle's source, the FMU's name, and what the vehicle is called
+
+_SENSOR_FILE = "sensors_hmmwv"
+_HMMWV_FILE = "ride_car_hmmwv"
+GPC_PREVIEW, MPC_PREVIEW, LQ_PREVIEW, CROSSING_PREVIEW = (8, 0.010), (16, 0.030), (48, 0.005), (50, 0.005)
+_PREVIEWS: dict[str, Preview] = {  # by kind of vehicle: what its controllers read
+    "full_car": GPC_PREVIEW, "ride_car": MPC_PREVIEW, "three_axle": CROSSING_PREVIEW, "three_axle_trench": CROSSING_PREVIEW,
+}  # fmt: skip
+
+
+def _family(
+    parts: Mapping[str, tuple[str, Make]], vehicle: Source, called: str, *, own: bool = False, about: str = ""
+) -> list[Entry]:
+    """Entries of the FMUs made of one vehicle file.
+
+    Args:
+        parts: template of the name -> summary, maker. ``{v}`` in a template is where what the vehicle is called belongs in
+            the published names, ``{s}`` where only the names of FMUs of a user's vehicle have it.
+        called: what the vehicle is called.
+        own: the vehicle is a user's.
+        about: end of all summaries.
+    """
+    files = _files(vehicle)
+
+    def entry(template: str, summary: str, make: Make) -> Entry:
+        name = template.format(v=called, s=called if own else "")
+
+        def made(_: Context) -> Component:
+            component = make(vehicle, name, called)
+            if isinstance(vehicle, Path):
+                component.description += f"; made for {vehicle.name}"
+            return component
+
+        return Entry(name, summary + about, made, files=files)
+
+    return [entry(template, *part) for template, part in parts.items()]
+
+
+def _files(vehicle: Source) -> tuple[Path, ...]:
+    """Files of the user that a vehicle is read from; none for a published one."""
+    from fmu_sources.vehicles import vehicle_files
+
+    return vehicle_files(vehicle) if isinstance(vehicle, Path) else ()
+
+
+def _load(kind: str, vehicle: Source) -> Any:
+    from fmu_sources import vehicles
+
+    return getattr(vehicles, f"load_{kind}")(vehicle)
+
+
+def _call(module: str, maker: str, *args: Any, **options: Any) -> Component:
+    import importlib
+
+    made: Component = getattr(importlib.import_module(f"fmu_sources.{module}"), maker)(*args, **options)
+    return made
+
+
+def _plain(module: str, maker: str) -> Callable[[Context], Component]:
+    """A component of no vehicle."""
+    return lambda _: _call(module, maker)
+
+
+def _layout(vehicle: Source, preview: Preview, sensors: Source | None = None) -> RoadLayout:
+    """Wheels of a vehicle on a road, with preview and what range sensors see."""
+    from fmu_sources.roads import RoadLayout, RoadScan
+    from fmu_sources.vehicles import load_vehicle
+
+    scan = None if sensors is None else RoadScan.of(_load("sensors", sensors))
+    count, step = preview
+    return RoadLayout.of(load_vehicle(vehicle), preview_count=count, preview_step=step, scan=scan)  # type: ignore[arg-type]
+
+
+def _road(maker: str, preview: Preview, sensors: Source | None = None) -> Make:
+    return lambda vehicle, name, _: _call("roads", maker, _layout(vehicle, preview, sensors), name=name)
+
+
+def _car(vehicle: Source, name: str, _: str = "") -> Component:
+    return _call("plants", "ride_car", _load("ride_car", vehicle), name=name)
+
+
+def _on_car(module: str, maker: str, *args: Any) -> Make:
+    """A controller or estimator that is designed on a ride car."""
+    return lambda vehicle, name, called: _call(module, maker, _car(vehicle, f"RideCar{called}"), *args, name=name)
+
+
+def _lqr_hmmwv(weights: str) -> Make:
+    def make(vehicle: Source, name: str, called: str) -> Component:
+        from fmu_sources.controllers import lqr_hmmwv as lqr
+
+        return lqr.lqr_hmmwv(_car(vehicle, f"RideCar{called}"), getattr(lqr, weights), name)
+
+    return make
+
+
+def _kalman(maker: str) -> Make:
+    def make(vehicle: Source, name: str, called: str, sensors: Source = _SENSOR_FILE) -> Component:
+        return _call("estimators", maker, _car(vehicle, f"RideCar{called}"), _load("sensors", sensors), name)
+
+    return make
+
+
+def _preview_sensor(vehicle: Source, name: str, _: str = "", sensors: Source = _SENSOR_FILE) -> Component:
+    return _call("sensing", "preview_sensor", _load("sensors", sensors), _load("ride_car", vehicle), name)
+
+
+def _preview_buffer(vehicle: Source, name: str, _: str) -> Component:
+    return _call("sensing", "preview_buffer", _layout(vehicle, MPC_PREVIEW), name)
+
+
+def _sensor_suite(sensors: Source, name: str, _: str) -> Component:
+    from fmu_sources.roads import RoadScan
+
+    chosen = _load("sensors", sensors)
+    return _call("sensing", "sensor_suite", chosen, RoadScan.of(chosen), name)
+
+
+def _preview_lq(vehicle: Source, name: str, called: str, *, weights: str | Path, period: float = 1e-3) -> Component:
+    from fmu_sources.controllers.preview_lq_weights import load_weights
+
+    car = _car(vehicle, f"RideCar{called}")
+    return _call("controllers.preview_lq", "preview_lq", car, load_weights(weights), name=name, period=period)
+
+
+def _lq(weights: str) -> Make:
+    return lambda vehicle, name, called: _preview_lq(vehicle, name, called, weights=weights)
+
+
+def _with_sensors(make: Make) -> Make:
+    """Of a sensors file instead of a vehicle: what is made around the HMMWV with them."""
+    return lambda sensors, name, _: make(_HMMWV_FILE, name, "Hmmwv", sensors=sensors)
+
+
+def _seen_road(maker: str) -> Make:
+    """A road with what the range sensors of a sensors file see of it."""
+    return lambda sensors, name, _: _call("roads", maker, _layout(_HMMWV_FILE, MPC_PREVIEW, sensors), name=name)
+
+
+def _bench_controller(maker: str) -> Make:
+    return lambda vehicle, name, called: _call(
+        "controllers.bench", maker, _bench(vehicle, f"QuarterCar{called}"), name=name
+    )
+
+
+def _bench(vehicle: Source, name: str, _: str = "") -> Component:
+    source = "002 equations (1), (2)"
+    return _call("plants", "quarter_car", _load("quarter_car", vehicle), name=name, source=source)
+
+
+def _quarter_car(vehicle: Source, name: str, _: str) -> Component:
+    return _call("plants", "quarter_car", _load("quarter_car", vehicle), name=name)
+
+
+def _three_axle(vehicle: Source, name: str, _: str = "") -> Component:
+    """The linear ride car of a file with three axles, with or without what trenches need besides."""
+    from fmu_sources.plants import ride_car
+    from fmu_sources.vehicles import ThreeAxleCar, ThreeAxleTrenchCar, load_vehicle
+
+    loaded = load_vehicle(vehicle)
+    linear = loaded.linear() if isinstance(loaded, ThreeAxleTrenchCar) else loaded
+    assert isinstance(linear, ThreeAxleCar)
+    return ride_car(linear, name=name)
+
+
+def _on_three_axle(module: str, maker: str) -> Make:
+    return lambda vehicle, name, called: _call(module, maker, _three_axle(vehicle, f"ThreeAxleRide{called}"), name=name)
+
+
+def _trench_plant(vehicle: Source, name: str, _: str = "") -> Component:
+    return _call("plants", "three_axle_trench", _load("three_axle_trench", vehicle), name=name)
+
+
+def _trench_crossing(vehicle: Source, name: str, called: str) -> Component:
+    from fmu_sources.controllers.trench_crossing import CrossingGeometry, trench_crossing
+
+    return trench_crossing(CrossingGeometry.of(_trench_plant(vehicle, f"ThreeAxleTrench{called}")), name)
+
+
+def _of_actuator(module: str, maker: str) -> Make:
+    return lambda vehicle, name, _: _call(module, maker, _load("actuator", vehicle), name=name)
+
+
+_SENSORS: dict[str, tuple[str, Make]] = {
+    "SensorSuite{s}": ("sensors of the HMMWV (paper 001, Tables 1.5 and 1.6)", _sensor_suite),
+}
+_AROUND_SENSORS: dict[str, tuple[str, Make]] = {  # what else a user's sensors change
+    "Kalman{v}": ("Kalman filter of the HMMWV's 15 relative states with these sensors", _with_sensors(_kalman("kalman_hmmwv"))),
+    "PreviewSensor{s}": ("road ahead from these range sensors, equation (1.18)", _with_sensors(_preview_sensor)),
+    "RoadBumps{s}": ("test track of speed bumps as these sensors see it", _seen_road("road_bumps")),
+    "RoadOffroad{v}": ("off-road terrain as these sensors see it", _seen_road("road_offroad")),
+}  # fmt: skip
+_HMMWV: dict[str, tuple[str, Make]] = {
+    "RideCar{v}": ("linear 7-DOF ride car, HMMWV (paper 001)", _car),
+    "Lqr{v}": ("LQR of paper 001, force weighted in N, as published", _lqr_hmmwv("TABLE_1_1")),
+    "Lqr{v}Kilonewton": ("LQR of paper 001, force weighted in kN", _lqr_hmmwv("TABLE_1_1_KILONEWTON")),
+    "Skyhook{s}": ("skyhook damping (paper 001)", _on_car("controllers.skyhook", "skyhook")),
+    "Mpc{v}": ("MPC of the HMMWV with or without preview (paper 001)", _on_car("controllers.mpc_hmmwv", "mpc_hmmwv")),
+    "Kalman{v}": ("Kalman filter of 15 relative states (paper 001)", _kalman("kalman_hmmwv")),
+    "Kalman{v}Printed": ("Kalman filter of 14 absolute states, as printed (paper 001)", _kalman("kalman_hmmwv_printed")),
+    "PreviewSensor{s}": ("road ahead from range sensors, equation (1.18) (paper 001)", _preview_sensor),
+    "PreviewBuffer{s}": ("road ahead by distance, read under each wheel (paper 001)", _preview_buffer),
+    "RoadBumps{s}": ("test track of speed bumps (paper 001)", _road("road_bumps", MPC_PREVIEW, _SENSOR_FILE)),
+    "RoadOffroad{v}": ("off-road terrain under the HMMWV (paper 001)", _road("road_offroad", MPC_PREVIEW, _SENSOR_FILE)),
+}  # fmt: skip
+_SEDAN: dict[str, tuple[str, Make]] = {
+    "RideCar{v}": ("linear 7-DOF ride car of paper 004", _car),
+    "PreviewLqComfort{s}": ("preview LQ law of paper 004, ride comfort", _lq("comfort")),
+    "PreviewLqRoadHolding{s}": ("preview LQ law of paper 004, road holding", _lq("road_holding")),
+    "RoadHoleBump{s}": ("hole, flat and bump of paper 004", _road("road_hole_bump", LQ_PREVIEW)),
+    "RoadIso8608{s}": ("random road, ISO 8608 class A to H", _road("road_iso8608", LQ_PREVIEW)),
+}
+_QUARTER_CAR: dict[str, tuple[str, Make]] = {"QuarterCar{v}": ("quarter car of the HMMWV (paper 001)", _quarter_car)}
+_BENCH: dict[str, tuple[str, Make]] = {
+    "QuarterCar{v}": ("quarter-car bench of paper 002", _bench),
+    "Lqr{v}": ("LQR of the quarter-car bench (paper 002)", _bench_controller("lqr_bench")),
+    "Mpc{v}": ("MPC of the quarter-car bench (paper 002)", _bench_controller("mpc_bench")),
+    "Mpc{v}Moves": ("MPC of the bench, weight on the moves (paper 002)", _bench_controller("mpc_bench_moves")),
+}
+_PLAIN = {  # name -> module, maker, summary
+    "BenchEncoders": ("sensing.bench_encoders", "bench_encoders", "encoders of the bench, velocities estimated"),
+    "RoadBenchBump": ("roads.bench", "road_bench_bump", "bump of the quarter-car bench over time"),
+    "RoadBenchRandom": ("roads.bench", "road_bench_random", "random motion of the bench's plate over time"),
+    "RideComfort": ("sensing", "ride_comfort", "absorbed power and ISO 2631-1 (paper 001)"),
+    "SpeedProfile": ("roads", "speed_profile", "constant speed or ramp, with travelled distance"),
+    "PitchReference": ("controllers.pitch_reference", "pitch_reference", "pitch that ramps up, holds and ramps down (paper 003)"),
+}  # fmt: skip
+_THREE_AXLE: dict[str, tuple[str, Make]] = {
+    "ThreeAxleRide{s}": ("linear 9-DOF ride model of the 6x6 of paper 003", _three_axle),
+    "LqrThreeAxle{s}": (
+        "linear-quadratic regulator with pitch reference (paper 003)",
+        _on_three_axle("controllers.lqr_three_axle", "lqr_three_axle"),
+    ),
+    "MpcThreeAxle{s}": (
+        "MPC with preview of road and pitch for the 6x6 (paper 003)",
+        _on_three_axle("controllers.mpc_three_axle", "mpc_three_axle"),
+    ),
+    "RoadShallowTrench{s}": ("shallow trench under the 6x6 of paper 003", _road("road_shallow_trench", CROSSING_PREVIEW)),
+}  # fmt: skip
+_TRENCH: dict[str, tuple[str, Make]] = {
+    "ThreeAxleTrench{s}": ("6x6 of paper 003 over trenches and obstacles, with contact", _trench_plant),
+    "TrenchCrossing{s}": ("cases, pitch reference and effective road for trenches (paper 003)", _trench_crossing),
+}
+_ACTUATOR: dict[str, tuple[str, Make]] = {
+    "HydraulicActuator{v}": ("electro-hydraulic actuator (paper 001)", _of_actuator("plants", "hydraulic_actuator")),
+    "ForceTracking{v}": ("hydraulic force tracking (paper 001)", _of_actuator("controllers.force_tracking", "force_tracking")),
+}  # fmt: skip
 _ROADS = {  # name -> maker in fmu_sources.roads, summary
     "RoadSine": ("road_sine", "sine road of paper 000"),
     "RoadCurb": ("road_curb", "curb road of paper 000"),
     "RoadPerryman3": ("road_perryman3", "synthetic stand-in for the Perryman 3 test course"),
-}
-_PREVIEW_LQ = {
-    "PreviewLqComfort": ("comfort", 1e-3, "ride comfort"),
-    "PreviewLqRoadHolding": ("road_holding", 1e-3, "road holding"),
-    "PreviewLqComfort5ms": ("comfort", 5e-3, "ride comfort, sampled at 5 ms"),
-}
-_BENCH: dict[str, tuple[str, str, str]] = {  # name -> module, maker, summary
-    "LqrBench": ("controllers.bench", "lqr_bench", "LQR of the quarter-car bench (paper 002)"),
-    "MpcBench": ("controllers.bench", "mpc_bench", "MPC of the quarter-car bench (paper 002)"),
-    "MpcBenchMoves": ("controllers.bench", "mpc_bench_moves", "MPC of the bench, weight on the moves (paper 002)"),
-    "BenchEncoders": ("sensing.bench_encoders", "bench_encoders", "encoders of the bench, velocities estimated"),
-    "RoadBenchBump": ("roads.bench", "road_bench_bump", "bump of the quarter-car bench over time"),
-    "RoadBenchRandom": ("roads.bench", "road_bench_random", "random motion of the bench's plate over time"),
-}
-_ACTUATORS = {
-    "HydraulicActuator": ("actuator_hmmwv", "the paper's parameters"),
-    "HydraulicActuatorPhysical": ("actuator_hmmwv_physical", "density of real oil"),
-}
-_LQR_HMMWV = {
-    "LqrHmmwv": ("TABLE_1_1", "force weighted in N, as published"),
-    "LqrHmmwvKilonewton": ("TABLE_1_1_KILONEWTON", "force weighted in kN"),
-}
-_FORCE_TRACKING = {
-    "ForceTracking": ("actuator_hmmwv", "the paper's parameters"),
-    "ForceTrackingPhysical": ("actuator_hmmwv_physical", "density of real oil"),
-}
-_HMMWV_SENSORS = "sensors_hmmwv"
-_CHAIN = {  # name -> maker in fmu_sources.sensing or .estimators, summary
-    "SensorSuite": ("sensor_suite", "sensors of the HMMWV (paper 001, Tables 1.5 and 1.6)"),
-    "KalmanHmmwv": ("kalman_hmmwv", "Kalman filter of 15 relative states (paper 001)"),
-    "KalmanHmmwvPrinted": ("kalman_hmmwv_printed", "Kalman filter of 14 absolute states, as printed (paper 001)"),
-    "PreviewSensor": ("preview_sensor", "road ahead from range sensors, equation (1.18) (paper 001)"),
-    "PreviewBuffer": ("preview_buffer", "road ahead by distance, read under each wheel (paper 001)"),
 }
 _GPC = {
     "GpcImplicit": ("GPC with implicit disturbances (paper 000)", "implicit"),
     "GpcExplicit": ("GPC with explicit disturbances (paper 000)", "explicit"),
     "GpcPreview": ("GPC with preview (paper 000)", "preview"),
 }
-
-
-def _quarter_car(_: Context) -> Component:
-    from fmu_sources.plants import quarter_car
-    from fmu_sources.vehicles import load_quarter_car
-
-    return quarter_car(load_quarter_car("quarter_car_hmmwv"), name="QuarterCarHmmwv")
-
-
-def _mpc_hmmwv(_: Context) -> Component:
-    from fmu_sources.controllers.mpc_hmmwv import mpc_hmmwv
-    from fmu_sources.plants import ride_car
-    from fmu_sources.vehicles import load_ride_car
-
-    return mpc_hmmwv(ride_car(load_ride_car("ride_car_hmmwv"), name="RideCarHmmwv"))
-
-
-def _bench_plant(_: Context | None = None) -> Component:
-    from fmu_sources.plants import quarter_car
-    from fmu_sources.vehicles import load_quarter_car
-
-    return quarter_car(load_quarter_car("quarter_car_bench"), name="QuarterCarBench", source="002 equations (1), (2)")
-
-
-def _bench(name: str) -> Callable[[Context], Component]:
-    """A component around the quarter-car bench."""
-    module, maker, _ = _BENCH[name]
-
-    def make(_: Context) -> Component:
-        import importlib
-
-        function = getattr(importlib.import_module(f"fmu_sources.{module}"), maker)
-        return function(_bench_plant(), name=name) if module.startswith("controllers") else function(name)
-
-    return make
-
-
-def _ride_car(vehicle: str, name: str) -> Callable[[Context], Component]:
-    def make(_: Context) -> Component:
-        from fmu_sources.plants import ride_car
-        from fmu_sources.vehicles import load_ride_car
-
-        return ride_car(load_ride_car(vehicle), name=name)
-
-    return make
-
-
-def _three_axle_trench(_: Context) -> Component:
-    from fmu_sources.plants import three_axle_trench
-    from fmu_sources.vehicles import load_three_axle_trench
-
-    return three_axle_trench(load_three_axle_trench("three_axle_trench"), name="ThreeAxleTrench")
-
-
-def _trench_crossing(_: Context) -> Component:
-    from fmu_sources.controllers.trench_crossing import CrossingGeometry, trench_crossing
-
-    return trench_crossing(CrossingGeometry.of(_three_axle_trench(_)))
-
-
-def _three_axle_ride(_: Context | None = None) -> Component:
-    from fmu_sources.plants import ride_car
-    from fmu_sources.vehicles import load_three_axle
-
-    return ride_car(load_three_axle("three_axle"), name="ThreeAxleRide")
-
-
-def _lqr_three_axle(_: Context) -> Component:
-    from fmu_sources.controllers.lqr_three_axle import lqr_three_axle
-
-    return lqr_three_axle(_three_axle_ride())
-
-
-def _mpc_three_axle(_: Context) -> Component:
-    from fmu_sources.controllers.mpc_three_axle import mpc_three_axle
-
-    return mpc_three_axle(_three_axle_ride())
-
-
-def _pitch_reference(_: Context) -> Component:
-    from fmu_sources.controllers.pitch_reference import pitch_reference
-
-    return pitch_reference()
-
-
-def _road_shallow_trench(_: Context) -> Component:
-    from fmu_sources.roads import RoadLayout, road_shallow_trench
-    from fmu_sources.vehicles import load_three_axle
-
-    return road_shallow_trench(RoadLayout.of(load_three_axle("three_axle"), preview_count=50, preview_step=0.005))
-
-
-def _hydraulic_actuator(parameters: str, name: str) -> Callable[[Context], Component]:
-    def make(_: Context) -> Component:
-        from fmu_sources.plants import hydraulic_actuator
-        from fmu_sources.vehicles import load_actuator
-
-        return hydraulic_actuator(load_actuator(parameters), name=name)
-
-    return make
-
-
-def _force_tracking(parameters: str, name: str) -> Callable[[Context], Component]:
-    def make(_: Context) -> Component:
-        from fmu_sources.controllers.force_tracking import force_tracking
-        from fmu_sources.vehicles import load_actuator
-
-        return force_tracking(load_actuator(parameters), name=name)
-
-    return make
-
-
-def _ride_comfort(_: Context) -> Component:
-    from fmu_sources.sensing import ride_comfort
-
-    return ride_comfort()
-
-
-def _sedan_road(maker: str) -> Callable[[Context], Component]:
-    """A road under the sedan of paper 004, with the preview that its controllers use."""
-    return _ride_car_road(maker, "sedan", count=48, step=0.005)
-
-
-def _hmmwv_road(maker: str, **options: Any) -> Callable[[Context], Component]:
-    """A road under the HMMWV of paper 001, with the preview that its controllers use and what its range sensors see."""
-    return _ride_car_road(maker, "ride_car_hmmwv", count=16, step=0.030, sensors=_HMMWV_SENSORS, **options)
-
-
-def _ride_car_road(
-    maker: str, vehicle: str, *, count: int, step: float, sensors: str | None = None, **options: Any
-) -> Callable[[Context], Component]:
-    def make(_: Context) -> Component:
-        from fmu_sources import roads
-        from fmu_sources.vehicles import load_ride_car, load_sensors
-
-        scan = None if sensors is None else roads.RoadScan.of(load_sensors(sensors))
-        layout = roads.RoadLayout.of(load_ride_car(vehicle), preview_count=count, preview_step=step, scan=scan)
-        return getattr(roads, maker)(layout, **options)
-
-    return make
-
-
-def _hmmwv_sensors(maker: str, name: str) -> Callable[[Context], Component]:
-    """A component of the estimation and preview chain of paper 001."""
-
-    def make(_: Context) -> Component:
-        from fmu_sources import estimators, roads, sensing
-        from fmu_sources.vehicles import load_ride_car, load_sensors
-
-        sensors, vehicle = load_sensors(_HMMWV_SENSORS), load_ride_car("ride_car_hmmwv")
-        if maker == "sensor_suite":
-            return sensing.sensor_suite(sensors, roads.RoadScan.of(sensors), name)
-        if maker == "preview_sensor":
-            return sensing.preview_sensor(sensors, vehicle, name)
-        if maker == "preview_buffer":
-            return sensing.preview_buffer(roads.RoadLayout.of(vehicle, preview_count=16, preview_step=0.030), name)
-        return getattr(estimators, maker)(_hmmwv_car(), sensors, name)
-
-    return make
-
-
-def _hmmwv_car() -> Component:
-    """The car that the controllers and the estimator of paper 001 are designed on."""
-    from fmu_sources.plants import ride_car
-    from fmu_sources.vehicles import load_ride_car
-
-    return ride_car(load_ride_car("ride_car_hmmwv"), name="RideCarHmmwv")
-
-
-def _skyhook(_: Context) -> Component:
-    from fmu_sources.controllers.skyhook import skyhook
-
-    return skyhook(_hmmwv_car())
-
-
-def _lqr_hmmwv(weights: str, name: str) -> Callable[[Context], Component]:
-    def make(_: Context) -> Component:
-        from fmu_sources.controllers import lqr_hmmwv as lqr
-
-        return lqr.lqr_hmmwv(_hmmwv_car(), getattr(lqr, weights), name)
-
-    return make
-
-
-def _preview_lq(weights: str | Path, name: str, period: float) -> Callable[[Context], Component]:
-    def make(_: Context) -> Component:
-        from fmu_sources.controllers.preview_lq import preview_lq
-        from fmu_sources.controllers.preview_lq_weights import load_weights
-        from fmu_sources.plants import ride_car
-        from fmu_sources.vehicles import load_ride_car
-
-        car = ride_car(load_ride_car("sedan"), name="RideCarSedan")
-        return preview_lq(car, load_weights(weights), name=name, period=period)
-
-    return make
-
-
-def _speed_profile(_: Context) -> Component:
-    from fmu_sources.roads import speed_profile
-
-    return speed_profile()
-
-
-def _road(maker: str, vehicle: str | Path, name: str) -> Callable[[Context], Component]:
-    def make(_: Context) -> Component:
-        from fmu_sources import roads
-        from fmu_sources.vehicles import load_full_car
-
-        return getattr(roads, maker)(roads.RoadLayout.of(load_full_car(vehicle)), name=name)
-
-    return make
 
 
 def _gpc(variant: str, plant: str, road: str, name: str) -> Callable[[Context], Component]:

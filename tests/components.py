@@ -168,6 +168,7 @@ class ProbeEntry:
     name: str
     needs: tuple[str, ...] = ()
     files: tuple[Path, ...] = (Path(__file__),)
+    choices: str = ""
 
 
 CATALOG = {name: ProbeEntry(name) for name in MAKERS}

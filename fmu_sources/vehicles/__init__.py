@@ -11,6 +11,7 @@ from fmu_sources.vehicles.loader import (
     load_three_axle,
     load_three_axle_trench,
     load_vehicle,
+    vehicle_files,
     vehicle_names,
 )
 from fmu_sources.vehicles.schema import (
@@ -45,5 +46,6 @@ __all__ = [
     "load_three_axle",
     "load_three_axle_trench",
     "load_vehicle",
+    "vehicle_files",
     "vehicle_names",
 ]

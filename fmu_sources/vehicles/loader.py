@@ -49,7 +49,7 @@ def load_vehicle(name_or_path: str | Path, kind: str | None = None) -> Vehicle:
             or a file of another kind.
     """
     path = _find(name_or_path, kind)
-    data = _read(path, seen=())
+    data = _read(path)
     given = data.get("kind")
     if not isinstance(given, str) or given not in KINDS:
         raise VehicleError(f"{path}: kind = {given!r} is not one of {', '.join(map(repr, KINDS))}{_near(given, KINDS)}")
@@ -135,13 +135,36 @@ def _find(name_or_path: str | Path, kind: str | None = None) -> Path:
     if path.is_file():
         return path
     word = str(name_or_path)
-    known = [n for n in vehicle_names() if kind is None or _read(_HERE / f"{n}.toml", seen=()).get("kind") == kind]
+    known = [n for n in vehicle_names() if kind is None or _read(_HERE / f"{n}.toml").get("kind") == kind]
     raise VehicleError(f"no vehicle {word!r}: neither a file nor one of {', '.join(known)}{_near(word, known)}")
 
 
-def _read(path: Path, seen: tuple[Path, ...]) -> dict[str, Any]:
-    if path.resolve() in seen:
-        raise VehicleError(f"{path}: base = leads back to this file; a vehicle cannot be based on itself")
+def vehicle_files(name_or_path: str | Path) -> tuple[Path, ...]:
+    """The file of a vehicle, then the files that it builds on.
+
+    Raises:
+        VehicleError: as :func:`load_vehicle`, as far as the files can be read at all.
+    """
+    path: Path | None = _find(name_or_path)
+    found: list[Path] = []
+    while path is not None:
+        if path.resolve() in [f.resolve() for f in found]:
+            raise VehicleError(f"{path}: base = leads back to this file; a vehicle cannot be based on itself")
+        found.append(path)
+        _, path = _parse(path)
+    return tuple(found)
+
+
+def _read(path: Path) -> dict[str, Any]:
+    """All that a vehicle file says, with what it builds on."""
+    data: dict[str, Any] = {}
+    for file in reversed(vehicle_files(path)):
+        data = _merge(data, _parse(file)[0])
+    return data
+
+
+def _parse(path: Path) -> tuple[dict[str, Any], Path | None]:
+    """What one file says itself, and the file that it builds on."""
     try:
         data = tomllib.loads(path.read_text(encoding="utf-8"))
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
@@ -150,15 +173,14 @@ def _read(path: Path, seen: tuple[Path, ...]) -> dict[str, Any]:
         raise VehicleError(f"{path}: cannot be read: {error.strerror}") from None
     base = data.pop("base", None)
     if base is None:
-        return data
+        return data, None
     if not isinstance(base, str):
         raise VehicleError(f"{path}: base = {base!r} must be the name of a vehicle or a path")
     beside = path.parent / base
     try:
-        base_path = beside if beside.is_file() else _find(base)
+        return data, beside if beside.is_file() else _find(base)
     except VehicleError as error:
         raise VehicleError(f"{path}: base: {error}") from None
-    return _merge(_read(base_path, (*seen, path.resolve())), data)
 
 
 def _merge(base: Mapping[str, Any], changes: Mapping[str, Any]) -> dict[str, Any]:

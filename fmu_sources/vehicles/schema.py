@@ -284,6 +284,14 @@ class ThreeAxleTrenchCar(ThreeAxleCar):
     strut: _StrutTravel
     lidar: _Lidar
 
+    def linear(self) -> ThreeAxleCar:
+        """The car of small motions: without what only obstacles need, the wheels where ``body.cg_offset`` has them."""
+        data = {n: value for n, value in self.model_dump().items() if n in ThreeAxleCar.model_fields}
+        data |= {"kind": "three_axle", "body": {n: data["body"][n] for n in _RideBody.model_fields}}
+        for wheel in data["wheel"].values():
+            wheel["x"]["value"] -= self.body.cg_offset.value
+        return ThreeAxleCar.model_validate(data)
+
 
 # ------------------------------------------------------------------------------------------------------------- full car
 

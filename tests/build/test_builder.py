@@ -19,6 +19,7 @@ class Entry:
     name: str
     needs: tuple[str, ...] = ()
     files: tuple[Path, ...] = ()
+    choices: str = ""
 
 
 @dataclass

@@ -1,0 +1,147 @@
+"""FMUs of a user's vehicle files of every kind, and of their roads under any vehicle."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import fmpy
+import numpy as np
+import pytest
+from programs import refused, run
+
+from cosim import System
+from fmu_sources.catalog import own_catalog
+from fmu_sources.vehicles import load_three_axle_trench, vehicle_files, vehicle_names
+
+FILE = 'base = "{base}"\nname = "Mine"\ndescription = "another"\n{more}'
+MASS = '[body]\nmass = {{ value = {mass}, unit = "kg", source = "assumed" }}\n'
+ROAD = "distance [m],left [m],right [m]\n0,0,0\n20,0,0\n20.3,0.05,0.02\n20.6,0,0\n100,0,0\n"
+FULL_CAR = {"FullCar", "RoadSine", "RoadCurb", "RoadPerryman3", "GpcImplicit", "GpcExplicit", "GpcPreview"}
+HMMWV = {"RideCar", "Lqr", "Skyhook", "Mpc", "Kalman", "PreviewSensor", "PreviewBuffer", "RoadBumps", "RoadOffroad",
+         "RoadHoleBump", "RoadIso8608"}  # fmt: skip
+SIX = {"ThreeAxleRide", "LqrThreeAxle", "MpcThreeAxle", "RoadShallowTrench"}
+MADE = {
+    "hmmwv": FULL_CAR,
+    "ride_car_hmmwv": HMMWV,
+    "sedan": HMMWV | {"PreviewLqComfort", "PreviewLqRoadHolding"},
+    "quarter_car_hmmwv": {"QuarterCar"},
+    "quarter_car_bench": {"QuarterCar"},
+    "three_axle": SIX,
+    "three_axle_trench": SIX | {"ThreeAxleTrench", "TrenchCrossing"},
+    "actuator_hmmwv": {"HydraulicActuator", "ForceTracking"},
+    "sensors_hmmwv": {"SensorSuite", "Kalman", "PreviewSensor", "RoadBumps", "RoadOffroad"},
+}
+
+
+def own(folder: Path, base: str, more: str = "", name: str = "mine") -> Path:
+    path = folder / f"{name}.toml"
+    path.write_text(FILE.format(base=base, more=more))
+    return path
+
+
+@pytest.mark.parametrize("base", MADE)
+def test_what_a_file_of_each_kind_makes(base: str, tmp_path: Path) -> None:
+    names = {n for n in own_catalog(own(tmp_path, base), "Mine") if n.endswith("Mine")}
+    assert names == {f"{n}Mine" for n in MADE[base]}
+
+
+def test_every_published_vehicle_can_be_a_base() -> None:
+    of_the_same_kind = {"hmmwv_modified": "hmmwv", "actuator_hmmwv_physical": "actuator_hmmwv"}
+    assert {of_the_same_kind.get(n, n) for n in vehicle_names()} == set(MADE)
+
+
+@pytest.mark.filterwarnings("error")
+def test_a_heavier_car_under_its_own_mpc(tmp_path: Path) -> None:
+    """Plant, law and road of one file run together; the law is another one than that of the published car."""
+    own(tmp_path, "ride_car_hmmwv", MASS.format(mass=3600.0), "my_car")
+    names = ("RideCarMyCar", "MpcMyCar", "RoadBumpsMyCar")
+    done = run(tmp_path, "build-fmus", *names, "--vehicle", "my_car.toml", "--fmi", "3")
+    assert done.returncode == 0, done.stderr
+    folder = tmp_path / "fmus" / "fmi3"
+    assert "made for my_car.toml" in fmpy.read_model_description(str(folder / "MpcMyCar.fmu")).description
+    with System() as system:
+        for name, fmu in zip(("car", "mpc", "road"), names, strict=True):
+            more = {"step": "1 ms"} if name == "car" else {}
+            system.add(name, folder / f"{fmu}.fmu", **more)
+        for pair in (("road", "car"), ("road", "mpc"), ("car", "mpc"), ("mpc", "car")):
+            system.connect_matching(*pair)
+        system["road"].set({"x": 7.0, "speed": 0.0, "bump.first": 8.5})  # stands with its front wheels on the bump
+        system["mpc"].set({"use_preview": True})
+        assert system["car"].description.parameters["body.mass"].start == 3600.0
+        recording = system.run(1.0)
+    assert recording["mpc.solver.status"].max() == 0
+    assert np.abs(recording["mpc.force.fl"]).max() > 100.0
+
+
+def test_linear_part_of_a_trench_vehicle(tmp_path: Path) -> None:
+    """Its laws are designed on the same numbers, with the wheels where the offset of the CG has them."""
+    offset = "[body]\ncg_offset = { value = 0.05, unit = 'm', source = 'assumed' }\n"
+    vehicle = load_three_axle_trench(own(tmp_path, "three_axle_trench", offset))
+    linear = vehicle.linear()
+    assert linear.kind == "three_axle"
+    assert linear.wheel.a1.x.value == pytest.approx(vehicle.wheel.a1.x.value - 0.05)
+    assert linear.tire == vehicle.tire
+    assert linear.body.mass == vehicle.body.mass
+
+
+@pytest.mark.parametrize(
+    ("vehicle", "count", "step", "corners"),
+    [("hmmwv", 8, 0.01, 4), ("ride_car_hmmwv", 16, 0.03, 4), ("three_axle", 50, 0.005, 6), ("mine.toml", 48, 0.005, 4)],
+)
+def test_a_road_under_any_vehicle(vehicle: str, count: int, step: float, corners: int, tmp_path: Path) -> None:
+    own(tmp_path, "sedan")
+    (tmp_path / "washboard.csv").write_text(ROAD)
+    preview = ["--preview", "48x5"] if vehicle == "mine.toml" else []
+    done = run(
+        tmp_path, "build-fmus", "RoadWashboard", "--road", "washboard.csv", "--vehicle", vehicle, *preview, "--fmi", "3"
+    )
+    assert done.returncode == 0, done.stderr
+    description = fmpy.read_model_description(str(tmp_path / "fmus" / "fmi3" / "RoadWashboard.fmu"))
+    names = [v.name for v in description.modelVariables]
+    assert sum(n.startswith("preview.") and n.endswith("[1]") for n in names) == corners
+    assert sum(n.startswith(("preview.fl[", "preview.a1l[")) for n in names) == count
+    assert ("scan.left[1]" in names) == (vehicle in ("ride_car_hmmwv", "mine.toml"))
+    result = fmpy.simulate_fmu(
+        str(tmp_path / "fmus" / "fmi3" / "RoadWashboard.fmu"), stop_time=0.001, output=["preview.step"]
+    )
+    assert math.isclose(result["preview.step"][-1], step)
+
+
+def test_a_build_follows_its_options_and_all_files_that_a_vehicle_builds_on(tmp_path: Path) -> None:
+    """Nothing stale is taken for up to date."""
+    (tmp_path / "washboard.csv").write_text(ROAD)
+    own(tmp_path, "quarter_car_hmmwv", name="ancestor")
+    own(tmp_path, "ancestor.toml", name="heir")
+    assert [p.name for p in vehicle_files(tmp_path / "heir.toml")] == [
+        "heir.toml",
+        "ancestor.toml",
+        "quarter_car_hmmwv.toml",
+    ]
+    road = ["build-fmus", "--road", "washboard.csv", "--vehicle", "three_axle", "--fmi", "3"]
+    assert "1 built" in run(tmp_path, *road).stderr
+    assert "1 up to date" in run(tmp_path, *road).stderr
+    assert "1 built" in run(tmp_path, *road, "--preview", "10x5").stderr
+    car = ["build-fmus", "--vehicle", "heir.toml", "--fmi", "3"]
+    assert "1 built" in run(tmp_path, *car).stderr
+    assert "1 up to date" in run(tmp_path, *car).stderr
+    own(tmp_path, "quarter_car_hmmwv", MASS.format(mass=900.0), "ancestor")
+    assert "1 built" in run(tmp_path, *car).stderr
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["--vehicle", "sedan"], "--vehicle sedan is a vehicle of this project: `build-fmus` makes its FMUs."),
+        (["--vehicle", "sedn"], "sedn: no such file, nor a vehicle of this project (actuator_hmmwv, "),
+        (["--preview", "16x30"], "--preview is that of the road made by --road; give this file too"),
+        (["--road", "washboard.csv", "--preview", "16"], "--preview '16': give heights x milliseconds between them"),
+        (["--road", "washboard.csv", "--preview", "1x30"], "--preview '1x30': give heights x milliseconds between them"),
+        (["--road", "washboard.csv", "--vehicle", "actuator_hmmwv"], "is of kind actuator, which has no wheels on a road"),
+        (["--vehicle", "loop.toml"], "base = leads back to this file; a vehicle cannot be based on itself"),
+    ],
+)  # fmt: skip
+def test_mistakes(arguments: list[str], message: str, tmp_path: Path) -> None:
+    (tmp_path / "washboard.csv").write_text(ROAD)
+    own(tmp_path, "loop.toml", name="loop")
+    assert message in refused(tmp_path, "build-fmus", *arguments)
