@@ -60,8 +60,6 @@ def default_catalog() -> dict[str, Entry]:
         *_family(_HMMWV, _HMMWV_FILE, "Hmmwv"),
         *_family(_SENSORS, _SENSOR_FILE, "Hmmwv"),
         *_family(_SEDAN, "sedan", "Sedan"),
-        Entry("PreviewLqComfort5ms", "preview LQ law of paper 004, ride comfort, sampled at 5 ms",
-              lambda _: _preview_lq("sedan", "PreviewLqComfort5ms", "Sedan", weights="comfort", period=5e-3)),
         *_family(_QUARTER_CAR, "quarter_car_hmmwv", "Hmmwv"),
         *_family(_BENCH, "quarter_car_bench", "Bench"),
         *(Entry(name, summary, _plain(module, maker)) for name, (module, maker, summary) in _PLAIN.items()),
@@ -71,7 +69,7 @@ def default_catalog() -> dict[str, Entry]:
         *_family(_ACTUATOR, "actuator_hmmwv_physical", "Physical", about=", density of real oil"),
         *vehicle_catalog("hmmwv", plant="FullCarHmmwv", suffix=None).values(),
         *vehicle_catalog("hmmwv_modified", plant="FullCarHmmwvModified", suffix="").values(),
-    ]  # fmt: skip
+    ]
     return {e.name: e for e in entries}
 
 
@@ -96,11 +94,8 @@ def own_catalog(path: Path, suffix: str) -> dict[str, Entry]:
     }[vehicle.kind]
     entries = {e.name: e for parts in families for e in _family(parts, path, suffix, own=True, about=f", {path.name}")}
     if isinstance(vehicle, RideCar) and any(t.damping.value for t in (vehicle.tire.front, vehicle.tire.rear)):
-        for base in (
-            "PreviewLqComfort",
-            "PreviewLqRoadHolding",
-        ):  # its law needs the road's height alone as disturbance
-            del entries[base + suffix]
+        # These laws take the height of the road for the only disturbance; tyre damping adds its rate.
+        entries = {n: e for n, e in entries.items() if not n.startswith("PreviewLq")}
     return entries
 
 
@@ -333,8 +328,8 @@ def _preview_lq(vehicle: Source, name: str, called: str, *, weights: str | Path,
     return _call("controllers.preview_lq", "preview_lq", car, load_weights(weights), name=name, period=period)
 
 
-def _lq(weights: str) -> Make:
-    return lambda vehicle, name, called: _preview_lq(vehicle, name, called, weights=weights)
+def _lq(weights: str, period: float = 1e-3) -> Make:
+    return lambda vehicle, name, called: _preview_lq(vehicle, name, called, weights=weights, period=period)
 
 
 def _with_sensors(make: Make) -> Make:
@@ -416,6 +411,7 @@ _HMMWV: dict[str, tuple[str, Make]] = {
 _SEDAN: dict[str, tuple[str, Make]] = {
     "RideCar{v}": ("linear 7-DOF ride car of paper 004", _car),
     "PreviewLqComfort{s}": ("preview LQ law of paper 004, ride comfort", _lq("comfort")),
+    "PreviewLqComfort5ms{s}": ("preview LQ law of paper 004, ride comfort, sampled at 5 ms", _lq("comfort", 5e-3)),
     "PreviewLqRoadHolding{s}": ("preview LQ law of paper 004, road holding", _lq("road_holding")),
     "RoadHoleBump{s}": ("hole, flat and bump of paper 004", _road("road_hole_bump", LQ_PREVIEW)),
     "RoadIso8608{s}": ("random road, ISO 8608 class A to H", _road("road_iso8608", LQ_PREVIEW)),

@@ -24,7 +24,7 @@ SIX = {"ThreeAxleRide", "LqrThreeAxle", "MpcThreeAxle", "RoadShallowTrench"}
 MADE = {
     "hmmwv": FULL_CAR,
     "ride_car_hmmwv": HMMWV,
-    "sedan": HMMWV | {"PreviewLqComfort", "PreviewLqRoadHolding"},
+    "sedan": HMMWV | {"PreviewLqComfort", "PreviewLqComfort5ms", "PreviewLqRoadHolding"},
     "quarter_car_hmmwv": {"QuarterCar"},
     "quarter_car_bench": {"QuarterCar"},
     "three_axle": SIX,
