@@ -84,19 +84,33 @@ def own_catalog(path: Path, suffix: str) -> dict[str, Entry]:
     vehicle = load_vehicle(path)
     if vehicle.kind == "full_car":
         return vehicle_catalog(path, plant=f"FullCar{suffix}", suffix=suffix)
-    families = {
-        "quarter_car": (_QUARTER_CAR,),
-        "ride_car": (_HMMWV, _SEDAN),
-        "three_axle": (_THREE_AXLE,),
-        "three_axle_trench": (_TRENCH, _THREE_AXLE),
-        "actuator": (_ACTUATOR,),
-        "sensors": (_SENSORS, _AROUND_SENSORS),
-    }[vehicle.kind]
-    entries = {e.name: e for parts in families for e in _family(parts, path, suffix, own=True, about=f", {path.name}")}
+    families = [_family(parts, path, suffix, own=True, about=f", {path.name}") for parts, _ in _KINDS[vehicle.kind]]
+    entries = {e.name: e for family in families for e in family}
     if isinstance(vehicle, RideCar) and any(t.damping.value for t in (vehicle.tire.front, vehicle.tire.rear)):
         # These laws take the height of the road for the only disturbance; tyre damping adds its rate.
         entries = {n: e for n, e in entries.items() if not n.startswith("PreviewLq")}
     return entries
+
+
+def own_names(path: Path, suffix: str) -> dict[str, str]:
+    """Published names -> names of what :func:`own_catalog` makes in their place, for experiments on a user's vehicle.
+
+    Raises:
+        VehicleError: the file is missing or has a mistake, or is a full car (whose experiment has names of its own).
+    """
+    from fmu_sources.vehicles import VehicleError, load_vehicle
+
+    kind = load_vehicle(path).kind
+    if kind not in _KINDS:
+        raise VehicleError(f"{path}: this file describes a {kind!r}; only the experiment gpc runs with one")
+    made = own_catalog(path, suffix)
+    names = {
+        template.format(v=called, s=""): template.format(v=suffix, s=suffix)
+        for parts, published in _KINDS[kind]
+        for template in parts
+        for called in published
+    }
+    return {published: own for published, own in names.items() if own in made}
 
 
 def vehicle_catalog(vehicle: str | Path, *, plant: str, suffix: str | None) -> dict[str, Entry]:
@@ -451,6 +465,16 @@ _ACTUATOR: dict[str, tuple[str, Make]] = {
     "HydraulicActuator{v}": ("electro-hydraulic actuator (paper 001)", _of_actuator("plants", "hydraulic_actuator")),
     "ForceTracking{v}": ("hydraulic force tracking (paper 001)", _of_actuator("controllers.force_tracking", "force_tracking")),
 }  # fmt: skip
+_KINDS: dict[str, tuple[tuple[dict[str, tuple[str, Make]], tuple[str, ...]], ...]] = {
+    "quarter_car": ((_QUARTER_CAR, ("Hmmwv", "Bench")),),
+    "ride_car": ((_HMMWV, ("Hmmwv",)), (_SEDAN, ("Sedan",))),
+    "three_axle": ((_THREE_AXLE, ("",)),),
+    "three_axle_trench": ((_TRENCH, ("",)), (_THREE_AXLE, ("",))),
+    "actuator": ((_ACTUATOR, ("", "Physical")),),
+    "sensors": ((_SENSORS, ("Hmmwv",)), (_AROUND_SENSORS, ("Hmmwv",))),
+}
+"""By kind of vehicle file: what is made of it, and what the vehicles are called that this is published for."""
+
 _ROADS = {  # name -> maker in fmu_sources.roads, summary
     "RoadSine": ("road_sine", "sine road of paper 000"),
     "RoadCurb": ("road_curb", "curb road of paper 000"),

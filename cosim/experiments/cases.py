@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import difflib
-from collections.abc import Collection, Iterable
-from dataclasses import dataclass
+from collections.abc import Collection, Iterable, Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 
 
@@ -26,22 +26,27 @@ def check_choice(what: str, value: str, known: Collection[str]) -> None:
 
 @dataclass(frozen=True)
 class FmuSet:
-    """Which FMU files an experiment uses."""
+    """Which FMU files an experiment uses.
+
+    ``own``: FMUs of a user's vehicle files that stand in for published ones: published name -> name, file.
+    """
 
     directory: Path = Path("fmus")
     fmi: int = 3
+    own: Mapping[str, tuple[str, Path]] = field(default_factory=dict, hash=False)
 
     def path(self, name: str) -> Path:
         """An FMU file; FileNotFoundError that says how to build it."""
-        path = self.directory / f"fmi{self.fmi}" / f"{name}.fmu"
+        used, vehicle = self.own.get(name, (name, None))
+        path = self.directory / f"fmi{self.fmi}" / f"{used}.fmu"
         if not path.is_file():
-            raise FileNotFoundError(f"{path} does not exist: run `{self.build_command()}` first")
+            raise FileNotFoundError(f"{path} does not exist: run `{self.build_command(vehicle)}` first")
         return path
 
     def paths(self, names: Iterable[str]) -> list[Path]:
         """Several FMU files: all are there, or FileNotFoundError names the first that is not."""
         return [self.path(n) for n in names]
 
-    def build_command(self) -> str:
-        """The command that makes the files."""
-        return f"build-fmus --out {self.directory}"
+    def build_command(self, vehicle: Path | str | None = None) -> str:
+        """The command that makes the files, those of a vehicle file or the published ones."""
+        return f"build-fmus{f' --vehicle {vehicle}' if isinstance(vehicle, Path) else ''} --out {self.directory}"

@@ -10,7 +10,17 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from cosim.experiments.cli_options import Fmus, Out, Version, console, make_folder, study_page, write_summary
+from cosim.experiments.cli_options import (
+    Fmus,
+    Out,
+    Vehicles,
+    Version,
+    console,
+    fmu_set,
+    make_folder,
+    study_page,
+    write_summary,
+)
 
 TITLE = "LQR and MPC on a quarter-car bench (paper 002)"
 OPTIONS = (
@@ -26,16 +36,16 @@ def run(
     encoders: Annotated[bool, typer.Option(help="states from quantised encoders")] = False,
     fmus: Fmus = Path("fmus"),
     fmi: Version = 3,
+    vehicle: Vehicles = None,
     out: Out = Path("results"),
 ) -> None:
     """One run beside the passive bench: metrics on the screen, time histories as CSV."""
     from dataclasses import replace
 
     from cosim.experiments import bench as experiment
-    from cosim.experiments.cases import FmuSet
 
     case = experiment.Case(controller, road, duration, height / 1e3, encoders)
-    bench = experiment.Bench(FmuSet(fmus, fmi))
+    bench = experiment.Bench(fmu_set(fmus, fmi, vehicle))
     path = make_folder(out / "bench") / f"{case.label}.csv"
     measured = {"passive": experiment.metrics(bench.record(replace(case, system="passive", encoders=False)))}
     recording = bench.record(case, csv=path)

@@ -13,8 +13,10 @@ from cosim.experiments.cli_options import (
     MetricRows,
     Out,
     Processes,
+    Vehicles,
     Version,
     console,
+    fmu_set,
     make_folder,
     metric_table,
     study_page,
@@ -60,17 +62,17 @@ def run(
     flow_limit: Annotated[bool, typer.Option(help="limit the pump's flow to each actuator")] = False,
     fmus: Fmus = Path("fmus"),
     fmi: Version = 3,
+    vehicle: Vehicles = None,
     out: Out = Path("results"),
 ) -> None:
     """One run: absorbed power and the rest beside the passive car's; time histories as CSV."""
     from cosim import ComponentError, Interrupted
-    from cosim.experiments.cases import FmuSet
     from cosim.experiments.hmmwv import Case, HmmwvBench, evaluate, remarks
 
     case = Case(
         road, controller, actuators, states, preview, speed, variant, preview_steps, preview_error, flow_limit, friction
     )
-    bench = HmmwvBench(FmuSet(fmus, fmi))
+    bench = HmmwvBench(fmu_set(fmus, fmi, vehicle))
     path = make_folder(out / "hmmwv") / f"{case.label}.csv"
     try:
         recording = bench.record(case, progress=True, csv=path)

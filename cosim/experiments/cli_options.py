@@ -15,8 +15,17 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from rich.table import Table
 from rich.text import Text
 
+from cosim.experiments.cases import FmuSet
+
 Fmus = Annotated[Path, typer.Option(help="directory of the FMUs (see build-fmus)")]
 Version = Annotated[int, typer.Option(help="FMI version of the FMUs to use: 2 or 3", min=2, max=3)]
+Vehicles = Annotated[
+    list[Path] | None,
+    typer.Option(
+        "--vehicle",
+        help="vehicle, actuator or sensors file whose FMUs are used instead (build-fmus --vehicle); several may be given",
+    ),
+]
 Processes = Annotated[int | None, typer.Option(help="worker processes (default: all cores)", min=1)]
 Out = Annotated[Path, typer.Option(help="directory for results")]
 
@@ -86,6 +95,25 @@ def write_summary(csv: Path, measured: Mapping[str, Any], note: str = "") -> Non
     path = csv.with_suffix(".json")
     path.write_text(json.dumps(measured, indent=1) + "\n")
     console.print(f"{csv} and {path.name}{note}")
+
+
+def fmu_set(fmus: Path, fmi: int, vehicles: list[Path] | None) -> FmuSet:
+    """The FMUs of an experiment, with those of a user's vehicle files in place of published ones.
+
+    Raises:
+        VehicleError: a file that cannot be used.
+        ValueError: two files that make the same FMU.
+    """
+    from build_fmus.cli import catalog_suffix
+    from fmu_sources.catalog import own_names
+
+    own: dict[str, tuple[str, Path]] = {}
+    for file in vehicles or ():
+        for published, name in own_names(file, catalog_suffix(file)).items():
+            if published in own:
+                raise ValueError(f"{own[published][1]} and {file} both give another {published}; choose one of them")
+            own[published] = name, file
+    return FmuSet(fmus, fmi, own)
 
 
 def make_folder(path: Path) -> Path:

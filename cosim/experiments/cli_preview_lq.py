@@ -9,7 +9,17 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
-from cosim.experiments.cli_options import Fmus, Out, Version, console, make_folder, study_page, write_summary
+from cosim.experiments.cli_options import (
+    Fmus,
+    Out,
+    Vehicles,
+    Version,
+    console,
+    fmu_set,
+    make_folder,
+    study_page,
+    write_summary,
+)
 
 TITLE = "Optimal preview LQ control of a seven-degree car (paper 004)"
 OPTIONS = "--input both|left  --weights comfort|road-holding|comfort-5ms  --system passive|active|delay|preview  --preview-time S"
@@ -25,16 +35,16 @@ def run(
     hold_tail: Annotated[bool, typer.Option(help="take the road to continue at its last height")] = False,
     fmus: Fmus = Path("fmus"),
     fmi: Version = 3,
+    vehicle: Vehicles = None,
     out: Out = Path("results"),
 ) -> None:
     """One run over hole and bump: mean squares and index beside the passive car's; time histories as CSV."""
     from dataclasses import replace
 
     from cosim.experiments import preview_lq as experiment
-    from cosim.experiments.cases import FmuSet
 
     case = experiment.Case(input, weights, system, preview_time, speed, shape, hold_tail)
-    bench = experiment.PreviewLqBench(FmuSet(fmus, fmi))
+    bench = experiment.PreviewLqBench(fmu_set(fmus, fmi, vehicle))
     path = make_folder(out / "preview-lq") / f"{case.label}.csv"
     recording = bench.record(case, csv=path)
     passive = bench.record(replace(case, system="passive"))

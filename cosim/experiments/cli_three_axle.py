@@ -12,7 +12,9 @@ from cosim.experiments.cli_options import (
     Fmus,
     Out,
     Processes,
+    Vehicles,
     Version,
+    fmu_set,
     make_folder,
     metric_table,
     study_page,
@@ -46,14 +48,14 @@ def run(
     hold_height: Annotated[bool, typer.Option(help="weigh the height of the body too")] = False,
     fmus: Fmus = Path("fmus"),
     fmi: Version = 3,
+    vehicle: Vehicles = None,
     out: Out = Path("results"),
 ) -> None:
     """One run over a shallow trench and a pitch reference; metrics beside the passive vehicle's, time histories as CSV."""
-    from cosim.experiments.cases import FmuSet
     from cosim.experiments.three_axle import Case, ThreeAxleBench, metrics
 
     case = Case(speed, depth, system, estimator, hold_height)
-    bench = ThreeAxleBench(FmuSet(fmus, fmi))
+    bench = ThreeAxleBench(fmu_set(fmus, fmi, vehicle))
     path = make_folder(out / "three-axle") / f"{case.label}.csv"
     recording = bench.record(case, csv=path)
     measured = {system: metrics(recording, case)}

@@ -10,7 +10,17 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
-from cosim.experiments.cli_options import Fmus, Out, Processes, Version, console, make_folder, study_page
+from cosim.experiments.cli_options import (
+    Fmus,
+    Out,
+    Processes,
+    Vehicles,
+    Version,
+    console,
+    fmu_set,
+    make_folder,
+    study_page,
+)
 
 TITLE = "A 6x6 crosses trenches with preview MPC (paper 003)"
 OPTIONS = "--length M  --speed KMH  --control passive|mpc|mpc-no-preview|lqr|...  --depth M  --friction MU  --mass KG  --cg-offset M"
@@ -29,18 +39,18 @@ def run(
     hydropneumatic: Annotated[bool, typer.Option(help="gas springs instead of linear ones")] = False,
     fmus: Fmus = Path("fmus"),
     fmi: Version = 3,
+    vehicle: Vehicles = None,
     out: Out = Path("results"),
 ) -> None:
     """One crossing beside that of the passive vehicle: quantities, time histories as CSV, and a page that plays it."""
     from dataclasses import replace
 
     from cosim.experiments import trench, trench_report
-    from cosim.experiments.cases import FmuSet
     from cosim.metrics_crossing import LABELS, LIMITS, WEIGHTS
     from cosim.report import write_report
 
     case = trench.Case(length, speed, control, depth, friction, mass, cg_offset, hydropneumatic)
-    chosen = FmuSet(fmus, fmi)
+    chosen = fmu_set(fmus, fmi, vehicle)
     folder = make_folder(out / "trench" / case.label)
     bench = trench.TrenchBench(chosen)
     rows, frames = {}, {}

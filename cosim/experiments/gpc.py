@@ -78,10 +78,9 @@ class GpcFmuSet(FmuSet):
     suffix: str = ""
     vehicle: str | Path = "hmmwv_modified"  # the vehicle file the FMUs were built from
 
-    def build_command(self) -> str:
+    def build_command(self, vehicle: Path | str | None = None) -> str:
         """The command that makes the files, with the vehicle file they come from."""
-        vehicle = f" --vehicle {self.vehicle}" if isinstance(self.vehicle, Path) else ""
-        return f"build-fmus{vehicle} --out {self.directory}"
+        return super().build_command(vehicle or self.vehicle)
 
     @property
     def car(self) -> Path:

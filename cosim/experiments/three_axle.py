@@ -17,8 +17,6 @@ import numpy as np
 from cosim import Recording, System, UnconnectedInputsWarning
 from cosim.experiments.cases import CaseError, FmuSet, check_choice
 from fmu_sources.controllers.mpc_three_axle import CORNERS, ESTIMATORS, FORCES, PREDICTION
-from fmu_sources.roads.shallow_trench import EDGE, START
-from fmu_sources.vehicles import load_three_axle
 
 SYSTEMS = ("passive", "lqr", "mpc", "mpc-preview")
 SPEEDS_KMH, DEPTHS = (5.0, 10.0, 20.0), (0.15, 0.25)  # km/h, m: Table 5.1
@@ -26,6 +24,7 @@ FMUS = ("SpeedProfile", "RoadShallowTrench", "PitchReference", "ThreeAxleRide", 
 DURATION = 25.0  # s; the reference is back at 0 at 24 s
 REFERENCE_START, HOLD_START, HOLD_END, REFERENCE_END = 15.0, 17.0, 22.0, 24.0  # s
 SETTLED = 1.0  # s at the end of the hold over which the steady-state error is taken
+EDGE_BEGINS = 0.0025  # of the depth
 LIMIT = 150.0  # kN, Table 4.5
 
 Row = dict[str, Any]
@@ -154,13 +153,16 @@ def forces(recording: Recording) -> np.ndarray:
     return np.column_stack([recording[f"controller.{f}"] for f in FORCES])
 
 
-def edge_time(speed_kmh: float) -> float:
-    """When the first axle comes to where the road begins to fall: three times the rounding ahead of the edge [s].
+def edge_time(time: np.ndarray, height: np.ndarray, depth: float) -> float:
+    """When the first axle comes to where the road begins to fall [s]; inf if it never does.
 
-    The road is 0.25 % of the depth lower there.
+    Args:
+        time: (samples,) [s].
+        height: of the road under the first axle (samples,), as ``depth`` of the trench. Begun means 0.25 % of the depth, three
+            times the rounding ahead of the edge.
     """
-    front = load_three_axle("three_axle").wheel.a1.x.value
-    return (START - 3 * EDGE - front) / (speed_kmh / 3.6) if speed_kmh else math.inf
+    begun = np.flatnonzero(height < -EDGE_BEGINS * depth)
+    return float(time[begun[0]]) if len(begun) else math.inf
 
 
 def metrics(recording: Recording, case: Case) -> Row:
@@ -173,7 +175,7 @@ def metrics(recording: Recording, case: Case) -> Row:
         "rms_error_deg": _rms(error[trench]),
         "peak_force_kN": float(force.max()),
         "at_limit": float(np.mean(force >= LIMIT - 1e-6)),
-        "force_before_edge_kN": float(force[t < edge_time(case.speed_kmh)].max()),
+        "force_before_edge_kN": float(force[t < edge_time(t, recording["road.road.a1l.height"], case.depth)].max()),
         "peak_heave_m": float(np.abs(recording["car.body.z"]).max()),
         "rms_az": _rms(recording["car.body.az"][trench]),
     }

@@ -307,7 +307,8 @@ def _crossings(study: Study) -> Section:
 def _disturbance(study: Study) -> Section:
     if SHOWN not in study.places:
         return Section("At the trench", ["The run shown in the thesis was left out."], [])
-    edge = edge_time(SHOWN[0])
+    passive = study.histories[Case(*SHOWN, "passive")]
+    edge = edge_time(np.array(passive["time"]), np.array(passive["road"]), 1e3 * SHOWN[1])
     systems = Panel(
         "all systems", "time [s]", "pitch [deg]", [_series(study, SHOWN, s, "pitch", start=1, end=10) for s in SYSTEMS]
     )

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import json
 import math
 from pathlib import Path
 
 import fmpy
 import numpy as np
 import pytest
+from built import FMUS, BuiltFmus
 from programs import refused, run
 
 from cosim import System
@@ -127,6 +129,41 @@ def test_a_build_follows_its_options_and_all_files_that_a_vehicle_builds_on(tmp_
     assert "1 up to date" in run(tmp_path, *car).stderr
     own(tmp_path, "quarter_car_hmmwv", MASS.format(mass=900.0), "ancestor")
     assert "1 built" in run(tmp_path, *car).stderr
+
+
+def test_an_experiment_on_ones_own_vehicle(built_fmus: BuiltFmus, tmp_path: Path) -> None:  # noqa: ARG001
+    """Half the sprung mass under the published law's weights: other FMUs, other numbers, and a hint as long as they are missing."""
+    own(tmp_path, "sedan", MASS.format(mass=730.0), "my_sedan")
+    folder = tmp_path / "fmus" / "fmi3"
+    folder.mkdir(parents=True)
+    for fmu in ("RideCarSedan", "PreviewLqComfort", "RoadHoleBump", "SpeedProfile"):
+        (folder / f"{fmu}.fmu").symlink_to(FMUS / "fmi3" / f"{fmu}.fmu")
+    experiment = ["cosim", "run", "preview-lq", "--system", "active", "--out"]
+    text = refused(tmp_path, *experiment, "r", "--vehicle", "my_sedan.toml")
+    assert "MySedan.fmu does not exist: run `build-fmus --vehicle my_sedan.toml --out fmus` first" in text
+    names = ("RideCarMySedan", "PreviewLqComfortMySedan", "RoadHoleBumpMySedan")
+    assert run(tmp_path, "build-fmus", *names, "--vehicle", "my_sedan.toml", "--fmi", "3").returncode == 0
+    heave = {}
+    for out, options in (("published", ()), ("own", ("--vehicle", "my_sedan.toml"))):
+        done = run(tmp_path, *experiment, out, *options)
+        assert done.returncode == 0, done.stderr
+        (summary,) = (tmp_path / out).rglob("*.json")
+        heave[out] = json.loads(summary.read_text())["passive"]["J"]
+    assert heave["own"] > 1.5 * heave["published"]  # a lighter body moves more
+
+
+@pytest.mark.parametrize(
+    ("vehicles", "message"),
+    [
+        (("my_car", "my_sensors"), "my_car.toml and my_sensors.toml both give another KalmanHmmwv; choose one of them"),
+        (("my_full_car",), "my_full_car.toml: this file describes a 'full_car'; only the experiment gpc runs with one"),
+    ],
+)
+def test_vehicles_that_an_experiment_cannot_take(vehicles: tuple[str, ...], message: str, tmp_path: Path) -> None:
+    for name, base in (("my_car", "ride_car_hmmwv"), ("my_sensors", "sensors_hmmwv"), ("my_full_car", "hmmwv")):
+        own(tmp_path, base, name=name)
+    files = [x for v in vehicles for x in ("--vehicle", f"{v}.toml")]
+    assert message in refused(tmp_path, "cosim", "run", "hmmwv", *files)
 
 
 @pytest.mark.parametrize(

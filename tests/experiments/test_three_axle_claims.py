@@ -10,6 +10,7 @@ from cosim.experiments.cases import CaseError, FmuSet
 from cosim.experiments.three_axle import SYSTEMS, Case, ThreeAxleBench, edge_time, forces, metrics, pitch_error
 from cosim.experiments.three_axle_report import SHOWN
 from cosim.experiments.three_axle_study import Study
+from fmu_sources.roads.shallow_trench import EDGE, START
 
 
 @pytest.fixture(scope="session")
@@ -51,8 +52,9 @@ def test_preview_acts_before_the_edge_and_before_the_reference(study: Study) -> 
     assert study.value("pitch_before_ramp_deg", SHOWN, "mpc-preview") > 0.005
     assert abs(study.value("pitch_before_ramp_deg", SHOWN, "lqr")) < 1e-3
     history = study.histories[Case(*SHOWN, "mpc-preview")]
-    before = np.array(history["time"]) < edge_time(SHOWN[0])
-    assert np.abs(np.array(history["road"])[before]).max() < 0.0026 * 150  # the road has not fallen yet [mm]
+    edge = edge_time(np.array(history["time"]), np.array(history["road"]), 1e3 * SHOWN[1])
+    begins = (START - 3 * EDGE - 1.98) / (SHOWN[0] / 3.6)  # first axle three roundings ahead of the edge
+    assert edge == pytest.approx(begins, abs=0.02)
 
 
 def test_steady_errors(study: Study) -> None:
