@@ -18,6 +18,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from build_fmus.component import Component
+from build_fmus.qp import Osqp
 from build_fmus.qp_solve import CompiledPrograms, solve_reference
 from build_fmus.reference import Evaluator
 from cosim import Recording
@@ -26,6 +27,7 @@ from cosim.experiments.cases import FmuSet
 from cosim.experiments.hmmwv import ROADS as HMMWV_ROADS
 from cosim.experiments.hmmwv import Case as HmmwvCase
 from cosim.experiments.hmmwv import HmmwvBench
+from cosim.experiments.hmmwv_wiring import BUMPS, bump_parameters
 from cosim.experiments.three_axle import DEPTHS, SPEEDS_KMH, ThreeAxleBench
 from cosim.experiments.three_axle import Case as ThreeAxleCase
 from cosim.experiments.trench import MPC as TRENCH_MPC
@@ -42,6 +44,8 @@ from fmu_sources.vehicles import load_quarter_car, load_ride_car, load_three_axl
 
 BACKENDS = ("osqp", "daqp")
 REPETITIONS = 3
+HIGHER = (2.0, 4.0)  # times the published bumps
+STEP_SIZES = (0.1, 0.3, 1.0)
 
 
 @dataclass(frozen=True)
@@ -157,6 +161,21 @@ def hmmwv_runs() -> list[tuple[Recording, dict[str, float]]]:
     return recordings
 
 
+def higher_bumps() -> list[tuple[Recording, dict[str, float]]]:
+    """Not published: the speed bumps two and four times as high, on ideal actuators; far more bounds act."""
+    runs = HmmwvBench(FmuSet())
+    recordings = []
+    for controller in ("mpc", "mpc-preview"):
+        case = HmmwvCase("track", controller, actuators="ideal")
+        for scale in HIGHER:
+            system = runs.system(case)
+            system["road"].set(bump_parameters({place: scale * h for place, h in BUMPS["track"].items()}))
+            recording = system.run(case.stop_time, record=["car.*", "road.preview.*"], record_interval="30 ms")
+            recordings.append((recording, {"use_preview": float(controller == "mpc-preview")}))
+    runs.close()
+    return recordings
+
+
 def three_axle_runs() -> list[tuple[Recording, dict[str, float]]]:
     """The published runs of the 6x6 over shallow trenches under MPC, with and without preview."""
     runs = ThreeAxleBench(FmuSet())
@@ -182,6 +201,17 @@ def trench_runs() -> list[tuple[Recording, dict[str, float]]]:
     return recordings
 
 
+def step_sizes() -> dict[str, dict[str, float]]:
+    """OSQP on the HMMWV's programs over higher bumps, by its step size."""
+    car = ride_car(load_ride_car("ride_car_hmmwv"), name="RideCarHmmwv")
+    given = problems("MpcHmmwv", mpc_hmmwv.hmmwv_mpc(car), higher_bumps(), FORCE_LIMIT)
+
+    def made(rho: float) -> Problems:
+        return replace(given, make=lambda: mpc_hmmwv.mpc_hmmwv(car, backend=Osqp(rho=rho)))
+
+    return {f"MpcHmmwv, higher bumps, osqp, step size {rho:g}": measure(made(rho), "osqp") for rho in STEP_SIZES}
+
+
 def solvers() -> dict[str, dict[str, float]]:
     """All controllers with all back ends."""
     small = quarter_car(load_quarter_car("quarter_car_bench"), name="QuarterCarBench")
@@ -194,6 +224,7 @@ def solvers() -> dict[str, dict[str, float]]:
         "MpcHmmwv": problems("MpcHmmwv", mpc_hmmwv.hmmwv_mpc(car), hmmwv_runs(), FORCE_LIMIT),
     }
     results = {f"{name}, {backend}": measure(p, backend) for name, p in given.items() for backend in BACKENDS}
+    results |= step_sizes()
     large = ride_car(load_three_axle("three_axle"), name="ThreeAxleRide")
     mpc = mpc_three_axle.three_axle_mpc(mpc_three_axle.combined_gains(mpc_three_axle.ride_model(large))[0])
     limit = max(i.max for i in mpc.inputs)

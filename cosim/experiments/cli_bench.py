@@ -17,6 +17,7 @@ from cosim.experiments.cli_options import (
     Version,
     console,
     fmu_set,
+    kept_recording,
     make_folder,
     study_page,
     write_summary,
@@ -48,7 +49,8 @@ def run(
     bench = experiment.Bench(fmu_set(fmus, fmi, vehicle))
     path = make_folder(out / "bench") / f"{case.label}.csv"
     measured = {"passive": experiment.metrics(bench.record(replace(case, system="passive", encoders=False)))}
-    recording = bench.record(case, csv=path)
+    with kept_recording(path):
+        recording = bench.record(case, csv=path)
     measured[controller] = experiment.metrics(recording)
     bench.close()
     table = Table("metric", *measured, box=None)

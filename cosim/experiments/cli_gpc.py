@@ -17,6 +17,7 @@ from cosim.experiments.cli_options import (
     Processes,
     Version,
     console,
+    kept_recording,
     make_folder,
     metric_table,
     study_page,
@@ -54,19 +55,14 @@ def run(
     out: Out = Path("results"),
 ) -> None:
     """One run over 150 m: prints the published metrics beside the passive car's, writes the time histories as CSV."""
-    from cosim import ComponentError, Interrupted
     from cosim.experiments.gpc import GpcBench, Scenario, evaluate
     from cosim.metrics import improvement
 
     scenario = Scenario(road, speed, controller, R=weight, seed=seed, hold=hold)
     bench = GpcBench(_fmu_set(fmus, fmi, vehicle))
     path = make_folder(out / "gpc") / f"{scenario.label}.csv"
-    try:
+    with kept_recording(path):
         recording = bench.record(scenario, progress=True, csv=path)
-    except (ComponentError, Interrupted) as error:
-        if error.recording is not None and len(error.recording):
-            console.print(f"{path} holds the run up to t = {error.time:g} s")
-        raise
     measured = {controller: evaluate(recording)}
     if controller != "passive":
         measured = {"passive": evaluate(bench.record(Scenario(road, speed, "passive"))), **measured}

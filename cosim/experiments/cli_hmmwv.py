@@ -17,6 +17,7 @@ from cosim.experiments.cli_options import (
     Version,
     console,
     fmu_set,
+    kept_recording,
     make_folder,
     metric_table,
     study_page,
@@ -66,7 +67,6 @@ def run(
     out: Out = Path("results"),
 ) -> None:
     """One run: absorbed power and the rest beside the passive car's; time histories as CSV."""
-    from cosim import ComponentError, Interrupted
     from cosim.experiments.hmmwv import Case, HmmwvBench, evaluate, remarks
 
     case = Case(
@@ -74,12 +74,8 @@ def run(
     )
     bench = HmmwvBench(fmu_set(fmus, fmi, vehicle))
     path = make_folder(out / "hmmwv") / f"{case.label}.csv"
-    try:
+    with kept_recording(path):
         recording = bench.record(case, progress=True, csv=path)
-    except (ComponentError, Interrupted) as error:
-        if error.recording is not None and len(error.recording):
-            console.print(f"{path} holds the run up to t = {error.time:g} s")
-        raise
     measured = {controller: evaluate(case, recording)}
     if controller != "passive":
         passive = Case(road, "passive", speed_kmh=speed, variant=variant, friction=friction)

@@ -90,6 +90,19 @@ def metric_table(measured: Mapping[str, Mapping[str, Any]], rows: MetricRows) ->
     return table
 
 
+@contextmanager
+def kept_recording(csv: Path) -> Iterator[None]:
+    """Around a run that writes ``csv``: when it fails or is interrupted, say what the file holds."""
+    from cosim import ComponentError, Interrupted
+
+    try:
+        yield
+    except (ComponentError, Interrupted) as error:
+        if error.recording is not None and len(error.recording):
+            console.print(f"{csv} holds the run up to t = {error.time:g} s")
+        raise
+
+
 def write_summary(csv: Path, measured: Mapping[str, Any], note: str = "") -> None:
     """The metrics as JSON beside the time histories, and where both are."""
     path = csv.with_suffix(".json")

@@ -16,6 +16,7 @@ from cosim.experiments.cli_options import (
     Version,
     console,
     fmu_set,
+    kept_recording,
     make_folder,
     study_page,
     write_summary,
@@ -46,7 +47,8 @@ def run(
     case = experiment.Case(input, weights, system, preview_time, speed, shape, hold_tail)
     bench = experiment.PreviewLqBench(fmu_set(fmus, fmi, vehicle))
     path = make_folder(out / "preview-lq") / f"{case.label}.csv"
-    recording = bench.record(case, csv=path)
+    with kept_recording(path):
+        recording = bench.record(case, csv=path)
     passive = bench.record(replace(case, system="passive"))
     chosen = experiment.weights_of(case)
     measured = {}

@@ -15,6 +15,7 @@ from cosim.experiments.cli_options import (
     Vehicles,
     Version,
     fmu_set,
+    kept_recording,
     make_folder,
     metric_table,
     study_page,
@@ -57,7 +58,8 @@ def run(
     case = Case(speed, depth, system, estimator, hold_height)
     bench = ThreeAxleBench(fmu_set(fmus, fmi, vehicle))
     path = make_folder(out / "three-axle") / f"{case.label}.csv"
-    recording = bench.record(case, csv=path)
+    with kept_recording(path):
+        recording = bench.record(case, csv=path)
     measured = {system: metrics(recording, case)}
     if system != "passive":
         measured = {"passive": bench.measure(Case(speed, depth, "passive")), **measured}

@@ -18,6 +18,7 @@ from cosim.experiments.cli_options import (
     Version,
     console,
     fmu_set,
+    kept_recording,
     make_folder,
     study_page,
 )
@@ -56,7 +57,8 @@ def run(
     rows, frames = {}, {}
     for system in dict.fromkeys(("passive", control)):
         one = replace(case, control=system)
-        recording = bench.record(one, csv=folder / f"{system}.csv", progress=True)
+        with kept_recording(path := folder / f"{system}.csv"):
+            recording = bench.record(one, csv=path, progress=True)
         rows[system] = trench.evaluate(one, trench.Course.of(bench.system(one), one), recording)
         frames[system] = trench.frames(one, recording)
     bench.close()

@@ -33,6 +33,7 @@ from cosim.experiments.hmmwv_wiring import (
 )
 from cosim.experiments.store import RunStore
 from fmu_sources.controllers.hmmwv_states import CORNERS
+from fmu_sources.controllers.mpc_hmmwv import PREVIEW_POINTS
 
 Row = dict[str, Any]
 
@@ -49,7 +50,7 @@ CONTROLLERS = {
 ACTUATORS = ("hydraulic", "ideal")
 STATES = ("true", "estimated")
 PREVIEWS = ("generated", "sensed")  # a known profile at the distance travelled, or what the range sensors see
-PREVIEW_STEPS = 15  # heights ahead of the one under the wheel, 30 ms apart
+PREVIEW_STEPS = PREVIEW_POINTS - 1  # heights ahead of the one under the wheel, 30 ms apart
 
 SPEED_RANGE_KMH = (5.0, 100.0)
 SHIFTS = 6  # places of the first bump within one control period that are averaged over

@@ -15,8 +15,8 @@ import numpy as np
 from cosim import Recording, System, UnconnectedInputsWarning
 from cosim.experiments.cases import FmuSet, check_choice
 from cosim.experiments.hmmwv_wiring import (
-    BUMP_LENGTH,
     BUMPS,
+    CONTROL_PERIOD,
     EXCHANGE,
     FIRST_BUMP,
     FRONT,
@@ -31,11 +31,13 @@ from cosim.experiments.store import RunStore
 from cosim.report import Claims, Figure, Panel, Section, Series, Table
 from cosim.report.model import Scalar
 from fmu_sources.controllers.hmmwv_states import CORNERS
+from fmu_sources.roads.bumps import BUMP_LENGTH
+from fmu_sources.vehicles import load_sensors
 
 Row = dict[str, list[float]]
 
 SPEED, TRACK = SPEED_KMH / 3.6, BUMPS["track"]
-SPOT = 0.3  # m
+SPOT = load_sensors("sensors_hmmwv").radar.spot.value  # m
 FILTERS = {"printed": "KalmanHmmwvPrinted", "relative": "KalmanHmmwv"}
 BEHIND = 6.0  # m behind a bump in which a dip counts
 LONG, WINDOW = 20.0, 4.0  # s, of the runs that show drift, and of what they are judged by
@@ -192,7 +194,7 @@ def signals(recording: Recording) -> Row:
         "true": _short(recording["road.road.fl.height"]),
         "true rate": _short(recording["road.road.fl.rate"]),
         "buffered": _short(height),
-        "rate": _short((later - height) / 0.030),
+        "rate": _short((later - height) / CONTROL_PERIOD),
         "preview valid": _short(recording["buffer.preview.valid"]),
         "road valid": _short(recording["buffer.road.valid"]),
     }

@@ -442,13 +442,12 @@ def _limits(study: Study) -> Section:
 
 
 def _parameters() -> list[Parameter]:
-    from build_fmus.component import Component
     from fmu_sources.catalog import Context, default_catalog
 
     rows = []
     nowhere = Context(Path(), Path())
     for name in ("RideCarHmmwv", "HydraulicActuator", "ForceTracking", "Skyhook"):
-        component: Component = default_catalog()[name].make(nowhere)
+        component = default_catalog()[name].make(nowhere)
         rows += [
             Parameter(f"{name} {e.name}", e.start, e.variable.unit or "-", e.variable.source or "assumed")
             for e in component.elements("parameter")

@@ -6,23 +6,22 @@ from collections.abc import Mapping
 
 from cosim import System
 from cosim.experiments.cases import FmuSet
-from fmu_sources.controllers.hmmwv_states import CORNERS
+from fmu_sources.controllers.hmmwv_states import CORNERS, SAMPLE_TIME
+from fmu_sources.roads.bumps import PLACES, START, TRACK
 from fmu_sources.vehicles import load_ride_car
 
 SPEED_KMH = 20 * 1.609344  # 20 mph, the speed of all published runs
-CONTROL_PERIOD = 0.030  # s, of the controllers that ask for forces
+CONTROL_PERIOD = SAMPLE_TIME  # s, of the controllers that ask for forces
 EXCHANGE = "0.5 ms"  # of car and actuators
 LITRES_PER_MINUTE = 60000.0  # per m3/s
-FIRST_BUMP = 10.0  # m along the road
-BUMP_LENGTH = 0.305  # m
-BUMPS = {"track": {1: 0.057, 7: 0.038}, "bump": {1: 0.076}}  # m by place, places 1 m apart
-PLACES = range(1, 11)
+FIRST_BUMP = START  # m along the road
+BUMPS = {"track": {i + 1: h for i, h in TRACK.items()}, "bump": {1: 0.076}}  # m by place, places 1 m apart
 FRONT = load_ride_car("ride_car_hmmwv").wheel.front.x.value  # m, front axle ahead of the CG; the rear one as far behind
 
 
 def bump_parameters(heights: Mapping[int, float], first: float = FIRST_BUMP) -> dict[str, float]:
     """Parameters of RoadBumps for bumps of these heights [m] by place, the first place at ``first`` [m]."""
-    return {**{f"bump.height[{i}]": heights.get(i, 0.0) for i in PLACES}, "bump.first": first}
+    return {**{f"bump.height[{i}]": heights.get(i, 0.0) for i in range(1, PLACES + 1)}, "bump.first": first}
 
 
 def add_car(system: System, fmus: FmuSet, road: str, *, step: str) -> None:

@@ -35,7 +35,7 @@ CONTROLS = {  # FMU of the controller, its parameters, and whether it sees the r
 """Kinds of control; what is not said of ``mpc`` holds for all of its variants."""
 
 MPC = {"estimator": 0, "retraction": 1, "hold_height": True, "printed_limits": False}
-STEP = "0.5 ms"  # of the vehicle's exchange and of recordings; an impact's acceleration falls by a quarter within 1 ms
+STEP = "0.5 ms"  # of the vehicle's exchange and of recordings; an impact's acceleration falls within a few ms
 RATE = 2000.0  # Hz
 FRAMES = 40  # samples between frames of an animation
 RUN_OUT = 1.5  # m, that the last axle drives on behind the trench

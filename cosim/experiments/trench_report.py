@@ -484,8 +484,8 @@ def _limits() -> Section:
             "its multi-body model has suspension links and a tyre model that a disc on solids does not replace. So peaks of impacts "
             "agree in size at best.",
             f"The vehicle is exchanged and recorded every {STEP}, and peaks are those of all these samples: where body and ground meet, "
-            "the acceleration rises within a solver step and falls by a quarter in each millisecond, so that samples 1 ms apart miss the peak "
-            "by up to a quarter. RMS values are those of samples at 1 kHz.",
+            "the acceleration rises within a solver step and falls within a few milliseconds, so that samples 1 ms apart can miss its peak. "
+            "RMS values are those of samples at 1 kHz.",
             "Readings of the thesis that matter: the forced ranges of Table 4.8 lift an axle only with their sign turned; the rate limit of "
             "Table 4.5 counts per control interval in the thesis's tool and never binds there, here it counts as N/s; limits on outputs "
             "(Table 4.6) are off; pitch keeps its weight of 100 in all cases, and the height of the body is weighed too. What each of "

@@ -27,6 +27,7 @@ RELATIVE_STATES = (*SUSPENSION, *TIRE, *WHEEL_SPEED, *BODY_SPEED)
 FORCES = tuple(f"force.{k}" for k in CORNERS)
 ROAD_HEIGHTS = tuple(f"road.{k}.height" for k in CORNERS)
 ROAD_RATES = tuple(f"road.{k}.rate" for k in CORNERS)
+SAMPLE_TIME = 0.030  # s, of all higher-level controllers of paper 001 (section 1.4)
 FORCE_LIMIT = 8000.0  # N, 001 Table 1.3
 
 

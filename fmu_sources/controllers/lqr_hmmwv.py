@@ -20,6 +20,7 @@ from fmu_sources.controllers.hmmwv_states import (
     FORCES,
     RELATIVE_STATES,
     ROAD_HEIGHTS,
+    SAMPLE_TIME,
     SUSPENSION,
     TIRE,
     WHEEL_SPEED,
@@ -30,7 +31,6 @@ from fmu_sources.controllers.hmmwv_states import (
 )
 from fmu_sources.controllers.preview_lq_design import LinearPlant, output_index, sampled_lq
 
-SAMPLE_TIME = 0.030  # s, the rate of all higher-level controllers of paper 001
 _WEIGHTED = {
     "acceleration": ("body.az",),
     "rates": ("body.roll_rate", "body.pitch_rate"),

@@ -24,6 +24,7 @@ from fmu_sources.controllers.hmmwv_states import (
     FORCE_LIMIT,
     FORCES,
     RELATIVE_STATES,
+    SAMPLE_TIME,
     SUSPENSION,
     TIRE,
     relative_inputs,
@@ -40,14 +41,12 @@ from fmu_sources.controllers.mpc import (
 from fmu_sources.controllers.mpc_model import Disturbance, Filter, MpcModel, filter_inputs, filter_output
 from fmu_sources.controllers.mpc_settings import Horizon, Input, Mpc, Output
 
-SAMPLE_TIME = 0.030  # s, 001 section 1.4
 STEPS = 15  # of prediction and of moves, assumed
 PREVIEW_POINTS = STEPS + 1
 VELOCITY = tuple(f"suspension.{k}.velocity" for k in CORNERS)
 RESPONSE = "human_response"
 BACKENDS = (Osqp(rho=0.3), Daqp())
-"""The first is the default, see benchmarks/README.md. A shorter step is faster over the published roads (0.1: 40 iterations
-instead of 90), but then bumps four times as high meet the limit of iterations."""
+"""The first is the default. With a smaller step size bumps four times as high meet the limit of iterations: benchmarks/README.md."""
 
 
 @dataclass(frozen=True)

@@ -7,9 +7,15 @@ there. The body's corners follow from the velocities of the rigid body.
 from __future__ import annotations
 
 from build_fmus.component import Component
-from fmu_sources.controllers.hmmwv_states import CORNERS, RELATIVE_STATES, force_outputs, relative_inputs, sines
+from fmu_sources.controllers.hmmwv_states import (
+    CORNERS,
+    RELATIVE_STATES,
+    SAMPLE_TIME,
+    force_outputs,
+    relative_inputs,
+    sines,
+)
 
-SAMPLE_TIME = 0.030  # s, the rate of all higher-level controllers of paper 001
 SKY_DAMPING, RELATIVE_DAMPING = 2000.0, 1000.0  # N.s/m
 
 

@@ -565,5 +565,5 @@ _NOTES = (
     "the road. stuck is 1 while the speed, smoothed over a second, is below 5 % of target.speed; it is a flag with jumps, not "
     "meant for Model Exchange root finding. energy minus energy.supplied never grows.",
     "Wiring: a controller drives force.*. Exchange at 1 ms; where peaks count, at 0.5 ms: when body and ground meet, the "
-    "acceleration rises within a solver step and falls by a quarter in each millisecond.",
+    "acceleration rises within a solver step and falls within a few milliseconds.",
 )

@@ -18,11 +18,6 @@ COSTS = {"mpc": "force", "mpc-moves": "moves"}
 
 
 @pytest.fixture(scope="session")
-def fmus(built_fmus) -> FmuSet:
-    return FmuSet(built_fmus.path("QuarterCarBench", 3).parent.parent)
-
-
-@pytest.fixture(scope="session")
 def study(fmus: FmuSet) -> Study:
     return bench_study.study(fmus)
 

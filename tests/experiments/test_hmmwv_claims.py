@@ -16,11 +16,6 @@ OFF_ROAD_S = 6.0
 
 
 @pytest.fixture(scope="module")
-def fmus(built_fmus) -> FmuSet:
-    return FmuSet(built_fmus.path("RideCarHmmwv", 3).parent.parent)
-
-
-@pytest.fixture(scope="module")
 def bench(fmus):
     bench = HmmwvBench(fmus)
     yield bench

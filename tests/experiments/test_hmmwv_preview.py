@@ -4,18 +4,12 @@ import dataclasses
 
 import numpy as np
 import pytest
-from built import FMUS, BuiltFmus
 
 from cosim import LoopError
 from cosim.experiments import hmmwv_preview as hp
-from cosim.experiments.cases import CaseError, FmuSet
+from cosim.experiments.cases import CaseError
 from cosim.experiments.hmmwv_preview import COMPENSATED, FED, PRINTED, PRINTED_FED, RELATIVE, Chain, PreviewBench
 from cosim.report import Report
-
-
-@pytest.fixture(scope="module")
-def fmus(built_fmus: BuiltFmus) -> FmuSet:  # noqa: ARG001
-    return FmuSet(FMUS)
 
 
 @pytest.fixture(scope="module")

@@ -23,11 +23,6 @@ pytestmark = pytest.mark.filterwarnings("ignore::cosim.UnconnectedInputsWarning"
 
 
 @pytest.fixture(scope="module")
-def fmus(built_fmus) -> FmuSet:
-    return FmuSet(built_fmus.path("ForceTracking", 3).parent.parent)
-
-
-@pytest.fixture(scope="module")
 def bench(fmus) -> TrackingBench:
     return TrackingBench(fmus)
 

@@ -23,11 +23,6 @@ LOW_PAIRS = (-5.31 + 6.14j, -4.00 + 5.07j)
 
 
 @pytest.fixture(scope="session")
-def fmus(built_fmus) -> FmuSet:
-    return FmuSet(built_fmus.path("RideCarSedan", 3).parent.parent)
-
-
-@pytest.fixture(scope="session")
 def study(fmus: FmuSet) -> Study:
     return preview_lq_study.study(fmus)
 

@@ -13,11 +13,6 @@ from cosim.experiments.three_axle_study import Study
 from fmu_sources.roads.shallow_trench import EDGE, START
 
 
-@pytest.fixture(scope="session")
-def fmus(built_fmus) -> FmuSet:
-    return FmuSet(built_fmus.path("ThreeAxleRide", 3).parent.parent)
-
-
 @pytest.fixture(scope="module")
 def study(fmus: FmuSet, tmp_path_factory) -> Study:
     """One column of Table 5.1, whole runs."""

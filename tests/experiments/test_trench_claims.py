@@ -11,17 +11,12 @@ import pytest
 
 from cosim.experiments import trench_published as published
 from cosim.experiments import trench_report, trench_study
-from cosim.experiments.cases import CaseError, FmuSet
+from cosim.experiments.cases import CaseError
 from cosim.experiments.trench import CORNERS, Case, Course, TrenchBench, bands, evaluate, outcome
 from cosim.experiments.trench_claims import GRID, claims
 from cosim.experiments.trench_study import Study
 from cosim.metrics_crossing import LIMITS, Crossing, cost, psd
 from cosim.report import write_report
-
-
-@pytest.fixture(scope="session")
-def fmus(built_fmus) -> FmuSet:
-    return FmuSet(built_fmus.path("ThreeAxleTrench", 3).parent.parent)
 
 
 @pytest.fixture(scope="session")
