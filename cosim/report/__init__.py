@@ -1,10 +1,9 @@
 """Reports of experiments: what was claimed, what came out, and every number behind it."""
 
 from cosim.report.animation import Animation, Body, Force, Phase, Reading, Scene, Strut, Take, Wheel
+from cosim.report.claims import Band, Claim, Claims, Counts, Distribution
 from cosim.report.maps import Layer, Map
 from cosim.report.model import (
-    Claim,
-    Claims,
     Figure,
     Panel,
     Parameter,
@@ -19,9 +18,12 @@ from cosim.report.write import ReportError, write_report
 
 __all__ = [
     "Animation",
+    "Band",
     "Body",
     "Claim",
     "Claims",
+    "Counts",
+    "Distribution",
     "Figure",
     "Force",
     "Layer",

@@ -28,73 +28,13 @@ from cosim.report.checks import (
     plain_value,
     split_label,
 )
+from cosim.report.claims import Claim, Counts
 from cosim.report.maps import Map
 
-Verdict = Literal["reproduced", "not reproduced"]
 Color = Literal["blue", "vermilion", "green", "purple", "orange", "sky", "black", "grey"]
 Dash = Literal["solid", "dash", "dot", "dashdot", "longdash"]
 Mode = Literal["line", "line+markers", "markers"]
 Scale = Literal["linear", "log"]
-
-
-@dataclass(frozen=True)
-class Claim:
-    """One published statement beside what came out here.
-
-    `ours` may be left empty when `value` (in `unit`) says it all. A claim that was not reproduced needs a reason.
-    """
-
-    id: str
-    claim: str
-    published: str
-    ours: str
-    verdict: Verdict
-    reason: str = ""
-    source: str = ""
-    value: float | None = None
-    unit: str = ""
-
-    def __post_init__(self) -> None:
-        where = f"claim '{self.id}'"
-        check_id(where, self.id)
-        check_choice(where, "verdict", self.verdict, Verdict)
-        check_text(where, claim=self.claim, published=self.published)
-        assign(self, "value", plain_value(where, self.value))
-        if self.value is not None and (isinstance(self.value, bool) or not isinstance(self.value, int | float)):
-            raise ValueError(f"{where}: value {self.value!r} is not a number; put text in 'ours'")
-        if not self.ours.strip() and self.value is None:
-            raise ValueError(f"{where} says nothing about our result; give 'ours' or 'value'")
-        if self.verdict == "not reproduced" and not self.reason.strip():
-            raise ValueError(f"{where} was not reproduced; say why in 'reason'")
-
-    @property
-    def reproduced(self) -> bool:
-        return self.verdict == "reproduced"
-
-
-class Claims(list[Claim]):
-    """Claims of a report in their order, each judged as it is added."""
-
-    def judge(
-        self,
-        id: str,
-        claim: str,
-        published: str,
-        ours: str,
-        holds: bool,
-        reason: str,
-        source: str,
-        value: float | None = None,
-        unit: str = "",
-    ) -> None:
-        """Add a claim: ``holds`` is the verdict, ``reason`` why it does not hold (kept only then).
-
-        ``value`` in ``unit`` is our figure for machines, kept to five significant digits; not a number counts as none.
-        """
-        number = None if value is None or np.isnan(value) else float(f"{value:.5g}")
-        verdict: Verdict = "reproduced" if holds else "not reproduced"
-        unit = "" if number is None else unit
-        self.append(Claim(id, claim, published, ours, verdict, "" if holds else reason, source, number, unit))
 
 
 @dataclass(frozen=True, eq=False)
@@ -314,9 +254,19 @@ class Report:
         return [animation for section in self.sections for animation in section.animations]
 
     @property
-    def reproduced(self) -> int:
-        """Number of claims that were reproduced."""
-        return sum(claim.reproduced for claim in self.claims)
+    def published(self) -> list[Claim]:
+        """What the paper says, judged."""
+        return [claim for claim in self.claims if not claim.own]
+
+    @property
+    def own(self) -> list[Claim]:
+        """Checks of ours, counted apart."""
+        return [claim for claim in self.claims if claim.own]
+
+    @property
+    def counts(self) -> Counts:
+        """How often each verdict occurs."""
+        return Counts.of(self.claims)
 
 
 def _check_one_look(figures: Iterable[Figure], look: str) -> None:

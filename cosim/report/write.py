@@ -26,11 +26,20 @@ from plotly.offline import get_plotlyjs
 from cosim.errors import CosimError
 from cosim.report.animation import animation_data
 from cosim.report.checks import Scalar
+from cosim.report.claims import Claim, Verdict
 from cosim.report.maps import Map, map_plot
-from cosim.report.model import Claim, Figure, Report, Table
+from cosim.report.model import Figure, Report, Table
 from cosim.report.plots import Palette, plotly_figure, series_columns
 
 SIGNIFICANT = 4  # digits shown on the page; JSON and CSV carry every digit
+_LOOK: dict[Verdict, dict[str, str]] = {
+    "reproduced": {"style": "yes", "mark": "✓"},
+    "order reproduced, magnitude not": {"style": "order", "mark": "≈"},
+    "open": {"style": "open", "mark": "?"},
+    "not reproduced": {"style": "no", "mark": "✗"},
+    "holds": {"style": "yes", "mark": "✓"},
+    "does not hold": {"style": "no", "mark": "✗"},
+}
 _SUPERSCRIPT = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
@@ -69,12 +78,16 @@ def table_csv(identifier: str) -> str:
 
 def summary(report: Report) -> dict[str, Any]:
     """Everything in the report but its curves, as plain data."""
+    counts = report.counts
     return {
         "experiment": report.experiment,
         "title": report.title,
         "lead": report.lead,
-        "claims_total": len(report.claims),
-        "claims_reproduced": report.reproduced,
+        "claims_total": counts.published,
+        "claims_reproduced": counts.reproduced,
+        "verdicts": counts.verdicts,
+        "checks_total": counts.checks,
+        "checks_held": counts.checks_held,
         "claims": [
             {
                 "id": c.id,
@@ -84,6 +97,9 @@ def summary(report: Report) -> dict[str, Any]:
                 "value": c.value,
                 "unit": c.unit,
                 "verdict": c.verdict,
+                "own": c.own,
+                "criterion": c.criterion,
+                "fitted": c.fitted,
                 "reason": c.reason,
                 "source": c.source,
             }
@@ -130,6 +146,8 @@ def render(report: Report) -> str:
         motions=motions,
         policy=_policy(scripts),
         shown=shown,
+        counts=report.counts,
+        look=_LOOK,
         cells=_cells,
         numeric=_numeric_columns,
         figure_csv=figure_csv,

@@ -25,9 +25,12 @@ def claim(**fields):
 @pytest.mark.parametrize(
     ("make", "message"),
     [
-        (lambda: claim(verdict="not reproduced"), "claim 'c' was not reproduced; say why"),
+        (lambda: claim(verdict="not reproduced"), "claim 'c' has verdict 'not reproduced'; say why"),
         (lambda: claim(verdict="not reproduced", reason="  "), "say why"),
-        (lambda: claim(verdict="partly"), "verdict 'partly' is not one of 'reproduced', 'not reproduced'"),
+        (lambda: claim(verdict="partly"), "verdict 'partly' is not one of 'reproduced', 'order"),
+        (lambda: claim(verdict="order reproduced, magnitude not"), "say why"),
+        (lambda: claim(verdict="open"), "has verdict 'open'; say why"),
+        (lambda: claim(verdict="does not hold"), "say why"),
         (lambda: claim(ours=""), "says nothing about our result"),
         (lambda: claim(value="1"), "value '1' is not a number"),
         (lambda: claim(id="../c"), "an id names a file"),

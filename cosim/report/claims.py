@@ -1,0 +1,262 @@
+"""Published statements, and how runs of ours judge them.
+
+A claim is judged on two things: whether what it says holds (the order of two laws, the sign of a change), and, where the
+paper gives a number, whether ours lies in a band around it. So there are three verdicts on a published claim, and a
+fourth where the runs do not decide. Checks of ours, which no paper states, are kept and counted apart.
+"""
+
+from __future__ import annotations
+
+import math
+import statistics
+from collections import Counter
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from scipy import stats
+
+from cosim.report.checks import assign, check_choice, check_id, check_text, plain_value
+
+Verdict = Literal["reproduced", "order reproduced, magnitude not", "not reproduced", "open", "holds", "does not hold"]
+OUTCOMES: tuple[Verdict, ...] = ("reproduced", "order reproduced, magnitude not", "open", "not reproduced")
+"""Verdicts on published claims, from the best to the worst; the two others are those on checks of ours."""
+
+_SHARE = 0.10  # of a single published figure: how far ours may lie from it
+_LEVEL = 0.05  # of the sign test: chance of so many seeds on one side if both sides were equally likely
+
+
+@dataclass(frozen=True)
+class Claim:
+    """One published statement (or, if `own`, a check of ours) beside what came out here.
+
+    `ours` may be left empty when `value` (in `unit`) says it all. `criterion` is the rule that the verdict follows from,
+    `fitted` what was chosen with published figures in view. A claim that was not reproduced in full needs a reason.
+    """
+
+    id: str
+    claim: str
+    published: str
+    ours: str
+    verdict: Verdict
+    reason: str = ""
+    source: str = ""
+    value: float | None = None
+    unit: str = ""
+    criterion: str = ""
+    fitted: str = ""
+
+    def __post_init__(self) -> None:
+        where = f"claim '{self.id}'"
+        check_id(where, self.id)
+        check_choice(where, "verdict", self.verdict, Verdict)
+        check_text(where, claim=self.claim, published=self.published)
+        assign(self, "value", plain_value(where, self.value))
+        if self.value is not None and (isinstance(self.value, bool) or not isinstance(self.value, int | float)):
+            raise ValueError(f"{where}: value {self.value!r} is not a number; put text in 'ours'")
+        if not self.ours.strip() and self.value is None:
+            raise ValueError(f"{where} says nothing about our result; give 'ours' or 'value'")
+        if not self.well and not self.reason.strip():
+            raise ValueError(f"{where} has verdict '{self.verdict}'; say why in 'reason'")
+
+    @property
+    def own(self) -> bool:
+        """A check of ours, which no paper states."""
+        return self.verdict in ("holds", "does not hold")
+
+    @property
+    def well(self) -> bool:
+        """Reproduced in full; for a check, that it holds."""
+        return self.verdict in ("reproduced", "holds")
+
+    @property
+    def reproduced(self) -> bool:
+        return self.verdict == "reproduced"
+
+
+@dataclass(frozen=True)
+class Band:
+    """Where a figure of ours counts as the published one: from `low` to `high`, both included.
+
+    `reason` says why, where the band is not the usual one around a single published figure.
+    """
+
+    low: float
+    high: float
+    reason: str = ""
+
+    def __post_init__(self) -> None:
+        if not self.low <= self.high:
+            raise ValueError(f"a band from {self.low!r} to {self.high!r} holds nothing")
+
+    @classmethod
+    def around(cls, published: float, share: float = _SHARE, reason: str = "") -> Band:
+        """Within `share` of a single published figure; another share than 10 % needs its reason."""
+        if share != _SHARE and not reason.strip():
+            raise ValueError(f"a band of {100 * share:g} % around {published:g} needs its reason; 10 % is the rule")
+        low, high = sorted((published * (1 - share), published * (1 + share)))
+        return cls(low, high, reason)
+
+    def __contains__(self, value: float) -> bool:
+        return self.low <= value <= self.high
+
+    def text(self, unit: str = "") -> str:
+        """ "between 2 and 15 %", "at least 2"."""
+        suffix = f" {unit}" if unit and unit != "-" else ""
+        if math.isinf(self.high):
+            return f"at least {self.low:g}{suffix}"
+        if math.isinf(self.low):
+            return f"at most {self.high:g}{suffix}"
+        return f"between {self.low:g} and {self.high:g}{suffix}"
+
+
+@dataclass(frozen=True)
+class Distribution:
+    """What a quantity came to over a random design (identification seeds, stretches of road) or over the speeds.
+
+    A run that diverged counts as infinitely bad or as `nan`; a `nan` is on no side.
+    """
+
+    values: tuple[float, ...]
+    of: str = "seeds"
+
+    def __init__(self, values: Iterable[float], of: str = "seeds") -> None:
+        assign(self, "values", tuple(float(v) for v in values))
+        assign(self, "of", of)
+        if not self.values:
+            raise ValueError(f"a distribution over no {of}")
+
+    @property
+    def median(self) -> float:
+        """Median; `nan` if a value is `nan`."""
+        return math.nan if any(map(math.isnan, self.values)) else statistics.median(self.values)
+
+    @property
+    def low(self) -> float:
+        return float(np.min(self.values))
+
+    @property
+    def high(self) -> float:
+        return float(np.max(self.values))
+
+    def count(self, holds: Callable[[float], bool]) -> int:
+        """How many values are on the claimed side."""
+        return sum(bool(holds(v)) for v in self.values)
+
+    def clearly(self, holds: Callable[[float], bool]) -> bool:
+        """Whether a random design decides for the claimed side: one-sided sign test at 5 % (7 of 8, 5 of 5)."""
+        n = len(self.values)
+        return bool(stats.binomtest(self.count(holds), n, 0.5, alternative="greater").pvalue <= _LEVEL)
+
+    def everywhere(self, holds: Callable[[float], bool]) -> bool:
+        """Whether all values are on the claimed side, as a claim over all speeds needs it."""
+        return self.count(holds) == len(self.values)
+
+    def text(self, form: str = "{:.3g}", unit: str = "", holds: Callable[[float], bool] | None = None) -> str:
+        """ "median 0.31 (0.21 to 0.42 over 8 seeds; on the claimed side in 7)"."""
+        suffix = f" {unit}" if unit and unit != "-" else ""
+        span = f"{form.format(self.low)} to {form.format(self.high)}{suffix} over {len(self.values)} {self.of}"
+        side = "" if holds is None else f"; holds in {self.count(holds)} of {len(self.values)}"
+        return f"median {form.format(self.median)}{suffix} ({span}{side})"
+
+
+@dataclass(frozen=True)
+class Counts:
+    """How often each verdict occurs, published claims and checks of ours apart."""
+
+    verdicts: dict[Verdict, int]
+    checks_held: int
+    checks: int
+
+    @classmethod
+    def of(cls, claims: Sequence[Claim]) -> Counts:
+        found = Counter(c.verdict for c in claims)
+        held, failed = found["holds"], found["does not hold"]
+        return cls({v: found[v] for v in OUTCOMES}, held, held + failed)
+
+    @property
+    def published(self) -> int:
+        """Number of published claims."""
+        return sum(self.verdicts.values())
+
+    @property
+    def reproduced(self) -> int:
+        return self.verdicts["reproduced"]
+
+
+class Claims(list[Claim]):
+    """Claims of a report in their order, each judged as it is added."""
+
+    def judge(
+        self,
+        id: str,
+        claim: str,
+        published: str,
+        ours: str,
+        holds: bool,
+        reason: str,
+        source: str,
+        value: float | None = None,
+        unit: str = "",
+        *,
+        band: Band | None = None,
+        criterion: str = "",
+        fitted: str = "",
+        undecided: str = "",
+    ) -> None:
+        """Add a published claim and its verdict.
+
+        Args:
+            id: names the claim in the report's files.
+            claim, published, source: the statement, its figure or wording, and where it is printed.
+            ours: what came out, in words.
+            holds: whether what is claimed holds, leaving the published number aside.
+            reason: why it does not hold, or not in that size (kept only then).
+            value, unit: our figure, kept to five significant digits; not a number counts as none.
+            band: where the value counts as the published one; outside of it the verdict is "order reproduced, magnitude not".
+            criterion: the rule of `holds` in words; that of the band is added.
+            fitted: what was chosen with published figures in view, or matched by construction.
+            undecided: why the runs do not decide; the verdict is "open" then.
+        """
+        number = None if value is None or np.isnan(value) else float(f"{value:.5g}")
+        if band is not None and value is None:
+            raise ValueError(f"claim '{id}' has a band but no value to lie in it")
+        verdict: Verdict = "not reproduced"
+        if undecided:
+            verdict, reason = "open", undecided
+        elif holds:
+            magnitude = band is None or (number is not None and number in band)
+            verdict = "reproduced" if magnitude else "order reproduced, magnitude not"
+        rules = [criterion] if criterion else []
+        if band is not None:
+            rules.append(f"magnitude {band.text(unit)}" + (f" ({band.reason})" if band.reason else ""))
+        self._add(id, claim, published, ours, verdict, reason, source, number, unit, "; ".join(rules), fitted)
+
+    def check(
+        self,
+        id: str,
+        claim: str,
+        expected: str,
+        ours: str,
+        holds: bool,
+        reason: str,
+        source: str,
+        value: float | None = None,
+        unit: str = "",
+        *,
+        criterion: str = "",
+        fitted: str = "",
+    ) -> None:
+        """Add a check of ours, which no paper states; arguments as those of :meth:`judge`."""
+        number = None if value is None or np.isnan(value) else float(f"{value:.5g}")
+        verdict: Verdict = "holds" if holds else "does not hold"
+        self._add(id, claim, expected, ours, verdict, reason, source, number, unit, criterion, fitted)
+
+    def _add(
+        self, id: str, claim: str, published: str, ours: str, verdict: Verdict, reason: str, source: str,
+        number: float | None, unit: str, criterion: str, fitted: str,
+    ) -> None:  # fmt: skip
+        unit = "" if number is None else unit
+        reason = "" if verdict in ("reproduced", "holds") else reason
+        self.append(Claim(id, claim, published, ours, verdict, reason, source, number, unit, criterion, fitted))

@@ -1,0 +1,137 @@
+"""Verdicts: order and magnitude apart, distributions over seeds, checks of ours counted apart."""
+
+import json
+import math
+
+import pytest
+
+from cosim.report import Band, Claim, Claims, Distribution, write_report
+from cosim.report.claims import OUTCOMES
+from cosim.report.write import _LOOK, render
+
+
+def verdict(holds=True, **fields):
+    claims = Claims()
+    claims.judge("c", "it does", "15 %", "ours", holds, "because", "Figure 1", **fields)
+    return claims[0]
+
+
+class TestVerdict:
+    def test_order_and_magnitude_are_judged_apart(self):
+        band = Band(10, 20)
+        assert verdict(value=15, band=band).verdict == "reproduced"
+        assert verdict(value=30, band=band).verdict == "order reproduced, magnitude not"
+        assert verdict(False, value=15, band=band).verdict == "not reproduced"
+        assert verdict(value=math.nan, band=band).verdict == "order reproduced, magnitude not"
+
+    @pytest.mark.parametrize("edge", [10, 20])
+    def test_the_edges_of_a_band_belong_to_it(self, edge):
+        assert verdict(value=edge, band=Band(10, 20)).reproduced
+
+    def test_what_the_runs_do_not_decide_is_open_and_says_why(self):
+        claim = verdict(undecided="148 m/s2 at half the step, 154 at the whole")
+        assert (claim.verdict, claim.reason) == ("open", "148 m/s2 at half the step, 154 at the whole")
+
+    def test_a_reason_is_kept_only_where_something_is_missing(self):
+        assert verdict(value=15, band=Band(10, 20)).reason == ""
+        assert verdict(value=30, band=Band(10, 20)).reason == "because"
+
+    def test_the_criterion_names_the_band(self):
+        claim = verdict(value=3, unit="times", band=Band(2.5, 3.5, "near threefold"), criterion="passive is worse")
+        assert claim.criterion == "passive is worse; magnitude between 2.5 and 3.5 times (near threefold)"
+
+    def test_a_band_without_a_value_is_a_mistake(self):
+        with pytest.raises(ValueError, match="claim 'c' has a band but no value"):
+            verdict(band=Band(1, 2))
+
+
+class TestBand:
+    def test_ten_percent_around_a_single_figure(self):
+        band = Band.around(60)
+        assert (band.low, band.high) == pytest.approx((54, 66))
+        assert Band.around(-60).low == pytest.approx(-66)
+
+    def test_another_width_needs_its_reason(self):
+        with pytest.raises(ValueError, match="needs its reason"):
+            Band.around(60, 0.2)
+        assert Band.around(60, 0.2, "read off a figure").reason == "read off a figure"
+
+    def test_an_empty_band_is_refused(self):
+        with pytest.raises(ValueError, match="holds nothing"):
+            Band(2, 1)
+        with pytest.raises(ValueError, match="holds nothing"):
+            Band(math.nan, 1)
+
+    def test_words(self):
+        assert Band(2, 15).text("%") == "between 2 and 15 %"
+        assert Band(2, math.inf).text() == "at least 2"
+        assert Band(-math.inf, 0.5).text("m") == "at most 0.5 m"
+
+
+class TestDistribution:
+    def test_one_lucky_seed_does_not_move_it(self):
+        seeds = Distribution([0.20, 0.02, 0.03, -0.04, 0.01, 0.03, -0.01, 0.02])
+        assert seeds.median == pytest.approx(0.02)
+        assert seeds.count(lambda x: x > 0) == 6
+        assert not seeds.clearly(lambda x: x > 0)
+
+    @pytest.mark.parametrize(("n", "fewest"), [(5, 5), (8, 7), (16, 12)])
+    def test_clearly_is_a_sign_test_at_five_percent(self, n, fewest):
+        def on_side(k):
+            return Distribution([1.0] * k + [-1.0] * (n - k)).clearly(lambda x: x > 0)
+
+        assert on_side(fewest)
+        assert not on_side(fewest - 1)
+
+    def test_nan_is_on_no_side(self):
+        seeds = Distribution([1.0, math.nan])
+        assert seeds.count(lambda x: x > 0) == 1
+        assert seeds.count(lambda x: x <= 0) == 0
+        assert math.isnan(seeds.median)
+
+    def test_everywhere_and_words(self):
+        speeds = Distribution([10, 20, 40], of="speeds")
+        assert speeds.everywhere(lambda x: x > 5)
+        assert not speeds.everywhere(lambda x: x > 10)
+        assert speeds.text("{:.0f}", "W", lambda x: x > 10) == "median 20 W (10 to 40 W over 3 speeds; holds in 2 of 3)"
+
+    def test_nothing_is_no_distribution(self):
+        with pytest.raises(ValueError, match="no seeds"):
+            Distribution([])
+
+
+class TestCounts:
+    @pytest.fixture
+    def report(self, make_report):
+        claims = Claims()
+        for i, (holds, value) in enumerate([(True, 15), (True, 15), (True, 40), (False, 0)]):
+            claims.judge(f"c{i}", "it does", "15 %", "", holds, "because", "", value, "%", band=Band(10, 20))
+        claims.check("solver", "every step solved", "all", "all", True, "", "")
+        claims.check("kept", "it keeps 6", "6", "7", False, "no", "", fitted="the mass")
+        return make_report(claims=claims)
+
+    def test_checks_are_counted_apart(self, report):
+        assert list(report.counts.verdicts) == list(OUTCOMES)
+        assert list(report.counts.verdicts.values()) == [2, 1, 0, 1]
+        assert (report.counts.published, report.counts.reproduced) == (4, 2)
+        assert (report.counts.checks_held, report.counts.checks) == (1, 2)
+
+    def test_summary_and_page_say_the_same(self, report, tmp_path):
+        page = write_report(report, tmp_path).read_text(encoding="utf-8")
+        data = json.loads((tmp_path / "summary.json").read_text(encoding="utf-8"))
+        assert data["verdicts"] == dict(zip(OUTCOMES, (2, 1, 0, 1), strict=True))
+        assert (data["claims_total"], data["checks_total"], data["checks_held"]) == (4, 2, 1)
+        assert [c["own"] for c in data["claims"]] == [False] * 4 + [True] * 2
+        assert page.count('<span class="chip order">') == 1
+        assert "1 order reproduced, magnitude not</span>" in page
+        assert "Fitted: the mass." in page
+        assert "Judged by: magnitude between 10 and 20 %." in page
+        assert page.index('id="claim-c3"') < page.index('id="checks-title"') < page.index('id="claim-solver"')
+
+    def test_every_verdict_has_a_look_of_its_own(self):
+        assert len({look["style"] for v, look in _LOOK.items() if v in OUTCOMES}) == len(OUTCOMES)
+
+    def test_only_checks_give_no_table_of_claims(self, make_report):
+        page = render(make_report(claims=[Claim("c", "it", "1", "1", "holds")]))
+        assert 'id="claims"' not in page
+        assert 'id="checks"' in page
