@@ -30,6 +30,7 @@ INPUTS = {"both": 0, "left": 1}  # parameter `side` of the road
 SHAPES = {"haversine": 0, "sine": 1, "triangle": 2, "step": 3}
 SPEED_KMH = 75.0
 PREVIEW_TIME = 0.12  # s
+EXCHANGE_STEP = "1 ms"  # of the car
 DURATION = 1.2  # s, of the means in Table 3
 INDEX_RATE = 1000.0  # Hz, samples of the means
 
@@ -76,13 +77,13 @@ class PreviewLqBench:
 
     def __init__(self, fmus: FmuSet) -> None:
         self.fmus = fmus
-        self._systems: dict[str, System] = {}
+        self._systems: dict[tuple[str | None, str], System] = {}
 
-    def system(self, weights: str | None) -> System:
+    def system(self, weights: str | None, exchange_step: str = EXCHANGE_STEP) -> System:
         """Car, road, speed and controller, all exchanging every millisecond; without controller when None."""
-        key = weights or ""
+        key = (weights, exchange_step)
         if key not in self._systems:
-            self._systems[key] = wire(self.fmus, None if weights is None else CONTROLLERS[weights])
+            self._systems[key] = wire(self.fmus, None if weights is None else CONTROLLERS[weights], exchange_step)
         return self._systems[key]
 
     def record(
@@ -93,14 +94,18 @@ class PreviewLqBench:
         duration: float = DURATION,
         csv: Path | None = None,
         solver_step: float | None = None,
+        exchange_step: str = EXCHANGE_STEP,
     ) -> Recording:
-        """Run one case and return its recording at 1 kHz; ``road`` sets further parameters of the road FMU."""
-        system = self.system(None if case.system == "passive" else case.weights)
+        """Run one case and return its recording at 1 kHz; ``road`` sets further parameters of the road FMU.
+
+        ``solver_step`` [s] and ``exchange_step`` are those of the car; controllers and road keep their sample times.
+        """
+        system = self.system(None if case.system == "passive" else case.weights, exchange_step)
         system["speed"].set({"start.speed": case.speed_kmh / 3.6, "start.x": 0.0})
         defaults = {n: system["road"].description.parameters[n].start for n in ROAD_SIZES}
         system["road"].set({**defaults, "side": INPUTS[case.input], "shape": SHAPES[case.shape], **(road or {})})
-        if solver_step is not None:
-            system["car"].set({"solver.step": solver_step})
+        own_step = system["car"].description.parameters["solver.step"].start
+        system["car"].set({"solver.step": own_step if solver_step is None else solver_step})
         if case.system != "passive":
             system["controller"].set(
                 {"mode": MODES[case.system], "preview_time": case.preview_time, "hold_tail": case.hold_tail}
@@ -119,12 +124,12 @@ class PreviewLqBench:
 ROAD_SIZES = ("hole.depth", "bump.height", "hole.length", "bump.length", "gap")
 
 
-def wire(fmus: FmuSet, controller: str | None) -> System:
-    """One system of the experiment."""
+def wire(fmus: FmuSet, controller: str | None, exchange_step: str = EXCHANGE_STEP) -> System:
+    """One system of the experiment; ``exchange_step`` is the car's."""
     system = System()
     system.add("speed", fmus.path("SpeedProfile"))
     system.add("road", fmus.path("RoadHoleBump"))
-    system.add("car", fmus.path("RideCarSedan"), step="1 ms")
+    system.add("car", fmus.path("RideCarSedan"), step=exchange_step)
     system.connect("speed.x", "road.x")
     system.connect("speed.speed", "road.speed")
     system.connect_matching("road", "car", "road.*")

@@ -27,6 +27,8 @@ PAPER_COLUMNS = (
 WEIGHT_SETS = ("comfort", "road-holding")
 PREVIEW_TIMES = tuple(round(0.01 * i, 2) for i in range(21))  # s
 PLATEAU = 0.05  # m, of the offset road
+REFINEMENTS = {"solver step": {"solver_step": 2.5e-4}, "exchange step": {"exchange_step": "0.5 ms"}}
+"""Steps at half of what the runs have, ride comfort with the same input on both sides."""
 
 PRINTED_EIGENVALUES = (
     -28.22 + 72.25j, -10.77 + 67.53j, -9.23 + 70.13j, -8.59 + 67.64j, -5.31 + 6.14j, -4.00 + 5.07j, -3.51 + 4.52j,
@@ -59,6 +61,8 @@ class Study:
     components: dict[tuple[str, str, str], dict[str, float]] = field(default_factory=dict)
     forces: dict[tuple[str, str, str], np.ndarray] = field(default_factory=dict)  # rms by corner [N]
     preview: dict[tuple[str, str], list[dict[str, float]]] = field(default_factory=dict)  # figure 3, by preview time
+    held: dict[tuple[str, str], list[dict[str, float]]] = field(default_factory=dict)  # the same with hold_tail
+    refined: dict[str, dict[str, float]] = field(default_factory=dict)  # what is halved -> J of each system
     histories: dict[tuple[str, str, str], Recording] = field(default_factory=dict)
     offset: dict[bool, Recording] = field(default_factory=dict)  # driving onto a plateau; key: hold_tail
     coarse: float = float("nan")  # J of ride comfort with preview at 5 ms, both sides
@@ -116,8 +120,11 @@ def study(fmus: FmuSet, progress: Callable[[int, int], None] = lambda done, tota
     result = Study()
     bench = PreviewLqBench(fmus)
     cases = [Case(i, w, s) for i in INPUTS for w in WEIGHT_SETS for s in SYSTEMS]
-    sweeps = [Case(i, w, "preview", preview_time=t) for i in INPUTS for w in WEIGHT_SETS for t in PREVIEW_TIMES]
-    total, done = len(cases) + len(sweeps) + 3, 0
+    sweeps = [
+        Case(i, w, "preview", preview_time=t, hold_tail=hold)
+        for hold in (False, True) for i in INPUTS for w in WEIGHT_SETS for t in PREVIEW_TIMES
+    ]  # fmt: skip
+    total, done = len(cases) + len(sweeps) + 3 + len(REFINEMENTS) * len(SYSTEMS), 0
 
     def run(case: Case, **more: Any) -> Recording:
         nonlocal done
@@ -140,13 +147,17 @@ def study(fmus: FmuSet, progress: Callable[[int, int], None] = lambda done, tota
         row["heave"] = parts["body.az"]
         row["suspension"] = sum(parts[f"suspension.{k}.deflection"] for k in CORNERS)
         row["tire"] = sum(parts[f"tire.{k}.deflection"] for k in CORNERS)
-        result.preview.setdefault((case.input, case.weights), []).append(row)
+        curves = result.held if case.hold_tail else result.preview
+        curves.setdefault((case.input, case.weights), []).append(row)
     coarse = Case("both", "comfort-5ms", "preview")
     result.coarse = experiment.index(run(coarse), experiment.weights_of(coarse))
     plateau = Case("both", "comfort", "preview", shape="step")
     road = {"hole.depth": 0.0, "bump.height": PLATEAU, "bump.length": 1e4}
     for hold in (False, True):
         result.offset[hold] = run(replace(plateau, hold_tail=hold), road=road, duration=3.0)
+    for what, steps in REFINEMENTS.items():
+        finer = [Case("both", "comfort", s) for s in SYSTEMS]
+        result.refined[what] = {c.system: experiment.index(run(c, **steps), experiment.weights_of(c)) for c in finer}
     result.eigenvalues = {w: design_eigenvalues(w) for w in WEIGHT_SETS}
     result.eigenvalues["comfort, one entry missing"] = design_eigenvalues("comfort", without=MISSING_ENTRY)
     bench.close()
