@@ -27,18 +27,23 @@ ROADS = {"bump": "RoadBenchBump", "random": "RoadBenchRandom"}
 BUMP_DURATIONS = (0.5, 0.2)  # s
 BUMP_HEIGHT = 0.02  # m
 BUMP_START = 0.1  # s
+EXCHANGE_STEP = "1 ms"  # of the plant
 LENGTH = {"bump": 3.0, "random": 10.0}  # s, of a run
 
 
 @dataclass(frozen=True)
 class Case:
-    """One run: road, controller, and whether the states come from encoders. ``height`` and ``duration`` are the bump's."""
+    """One run: road, controller, and whether the states come from encoders.
+
+    ``height`` and ``duration`` are the bump's, ``offset`` is the random road's.
+    """
 
     system: str = "mpc"
     road: str = "bump"
     duration: float = BUMP_DURATIONS[0]
     height: float = BUMP_HEIGHT
     encoders: bool = False
+    offset: float = 0.0  # s, where in the random motion the run starts
 
     def __post_init__(self) -> None:
         check_choice("controller", self.system, SYSTEMS)
@@ -47,6 +52,8 @@ class Case:
             raise CaseError(f"bump of {self.duration:g} s: give 0.01 to {LENGTH['bump']:g} s")
         if not (math.isfinite(self.height) and abs(self.height) <= 0.1):
             raise CaseError(f"bump of {1e3 * self.height:g} mm: give -100 to 100 mm")
+        if not (math.isfinite(self.offset) and 0.0 <= self.offset <= 1e5):
+            raise CaseError(f"random road from {self.offset:g} s on: give 0 to 100000 s")
         if self.encoders and self.system == "passive":
             raise CaseError("the passive bench has no controller that would use the encoders")
 
@@ -57,6 +64,8 @@ class Case:
         if self.road == "bump":
             parts.insert(1, f"{1e3 * self.duration:g}ms")
             parts += [f"{1e3 * self.height:g}mm"] * (self.height != BUMP_HEIGHT)
+        else:
+            parts += [f"from-{self.offset:g}s"] * (self.offset != 0.0)
         return "-".join(parts + ["encoders"] * self.encoders)
 
 
@@ -65,15 +74,26 @@ class Bench:
 
     def __init__(self, fmus: FmuSet) -> None:
         self.fmus = fmus
-        self._systems: dict[tuple[str, str | None, bool], System] = {}
+        self._systems: dict[tuple[str, str | None, bool, str], System] = {}
 
-    def record(self, case: Case, csv: Path | None = None) -> Recording:
-        """Run one case; recording at 1 kHz."""
+    def record(
+        self,
+        case: Case,
+        csv: Path | None = None,
+        *,
+        solver_step: float | None = None,
+        exchange_step: str = EXCHANGE_STEP,
+    ) -> Recording:
+        """Run one case; recording at 1 kHz. ``solver_step`` [s] and ``exchange_step`` are those of the plant."""
         controller, parameters = SYSTEMS[case.system]
-        key = (case.road, controller, case.encoders)
+        key = (case.road, controller, case.encoders, exchange_step)
         if key not in self._systems:
-            self._systems[key] = wire(self.fmus, ROADS[case.road], controller, case.encoders)
+            self._systems[key] = wire(self.fmus, ROADS[case.road], controller, case.encoders, exchange_step)
         system = self._systems[key]
+        own_step = system["plant"].description.parameters["solver.step"].start
+        system["plant"].set({"solver.step": own_step if solver_step is None else solver_step})
+        if case.road == "random":
+            system["road"].set({"offset": case.offset})
         if case.road == "bump":
             system["road"].set({"bump.start": BUMP_START, "bump.duration": case.duration, "bump.height": case.height})
         if controller == "LqrBench":
@@ -92,11 +112,11 @@ class Bench:
         self._systems.clear()
 
 
-def wire(fmus: FmuSet, road: str, controller: str | None, encoders: bool) -> System:
-    """Road, bench and controller, with or without encoders in between."""
+def wire(fmus: FmuSet, road: str, controller: str | None, encoders: bool, exchange_step: str = EXCHANGE_STEP) -> System:
+    """Road, bench and controller, with or without encoders in between; ``exchange_step`` is the plant's."""
     system = System()
     system.add("road", fmus.path(road))
-    system.add("plant", fmus.path("QuarterCarBench"), step="1 ms")
+    system.add("plant", fmus.path("QuarterCarBench"), step=exchange_step)
     system.connect_matching("road", "plant")
     if controller is None:
         return system

@@ -5,11 +5,24 @@ from __future__ import annotations
 from pathlib import Path
 
 from cosim import Recording
-from cosim.experiments.bench import BUMP_HEIGHT, SYSTEMS, UNITS, force
-from cosim.experiments.bench_study import HEIGHTS, LIMITED, SCENARIOS, Study, ratio
+from cosim.experiments.bench import BUMP_HEIGHT, LENGTH, SYSTEMS, UNITS, force
+from cosim.experiments.bench_study import HEIGHTS, LIMITED, SCENARIOS, STRETCHES, Study, ratio
 from cosim.experiments.cases import FmuSet
 from cosim.experiments.provenance import provenance
-from cosim.report import Claims, Figure, Panel, Parameter, Report, Result, Section, Series, Table, write_report
+from cosim.report import (
+    Band,
+    Claims,
+    Distribution,
+    Figure,
+    Panel,
+    Parameter,
+    Report,
+    Result,
+    Section,
+    Series,
+    Table,
+    write_report,
+)
 from cosim.report.model import Scalar
 from fmu_sources.controllers.bench import (
     FORCE_LIMIT,
@@ -34,7 +47,9 @@ _NAMES = {
 FMUS = (
     "QuarterCarBench", "LqrBench", "MpcBench", "MpcBenchMoves", "BenchEncoders", "RoadBenchBump", "RoadBenchRandom",
 )  # fmt: skip
-_SLIGHTLY = 0.15  # of the limit: how far beyond it still is "slightly"
+_SLIGHTLY = (2.0, 15.0)  # %, how far beyond the limit is "slightly"
+_CONSIDERABLY = 0.5  # of passive: what is left after a considerable reduction
+_FIRMLY = 0.1  # by which the tire is deflected less
 _SUPERIOR = 0.10  # "far superior" takes at least this much in each respect
 _SAME = 0.01  # equal within
 _COMPARED = ("acceleration", "overshoot", "travel", "tire")
@@ -63,13 +78,21 @@ def report(study: Study, fmus: FmuSet) -> Report:
             Result(f"rms acceleration, {_LONG}, {_NAMES[s]}", round(a[s], 3), "m/s2") for s in SYSTEMS
         ],
         sections=[_plates(study), _forces(study), _random(study), _comparison(study), _limit(study), _encoders(study),
-                  _solver(study)],
+                  _solver(study), _refinement(study)],
         parameters=_parameters(),
         provenance=provenance(fmus, fmus.paths(FMUS), ["osqp"]),
     )  # fmt: skip
 
 
 # ---------------------------------------------------------------------- claims
+
+
+def _halved(share: float) -> bool:
+    return share <= _CONSIDERABLY
+
+
+def _firmer(share: float) -> bool:
+    return share <= 1 - _FIRMLY
 
 
 def claims(study: Study) -> Claims:
@@ -85,14 +108,17 @@ def claims(study: Study) -> Claims:
     claim(
         "force-limit", f"The MPC keeps the force within {FORCE_LIMIT:g} N",
         f"within {FORCE_LIMIT:g} N", f"at most {worst:.6g} N in {len(runs)} runs", worst <= FORCE_LIMIT,
-        "the force exceeds its bound", "Section V, Figure 9",
+        "the force exceeds its bound", "Section V, Figure 9", criterion="in every run",
     )  # fmt: skip
     peak = {s: max(m[s, "lqr"]["force.max"], -m[s, "lqr"]["force.min"]) for s in (_LONG, _SHORT)}
+    excess = 100 * (max(peak.values()) / FORCE_LIMIT - 1)
     claim(
         "lqr-force", f"The LQR goes slightly beyond {FORCE_LIMIT:g} N over the bump",
-        "slightly beyond 8 N", f"{peak[_LONG]:.2f} N (0.5 s), {peak[_SHORT]:.2f} N (0.2 s)",
-        all(FORCE_LIMIT < p <= FORCE_LIMIT * (1 + _SLIGHTLY) for p in peak.values()),
-        f"the peak is not within {100 * _SLIGHTLY:.0f} % above the limit", "Section V, Figure 9",
+        f"slightly beyond {FORCE_LIMIT:g} N", f"{peak[_LONG]:.2f} N (0.5 s), {peak[_SHORT]:.2f} N (0.2 s)",
+        min(peak.values()) > FORCE_LIMIT,
+        "over the shorter bump it goes further; how long the paper's bump lasts is not in print",
+        "Section V, Figure 9", excess, "%", band=Band(*_SLIGHTLY, "slightly"),
+        criterion="beyond the limit over both bumps; magnitude: the larger excess",
     )  # fmt: skip
     for system, figure in (("lqr", "Figures 6, 7"), ("mpc", "Figures 6, 8")):
         gains = [ratio(study, s, "acceleration", system, "passive") for s in (_LONG, _SHORT)]
@@ -103,7 +129,8 @@ def claims(study: Study) -> Claims:
             f"rms acceleration {m[_LONG, 'passive']['acceleration']:.2f} to {m[_LONG, system]['acceleration']:.2f} m/s2 (0.5 s), "
             f"{m[_SHORT, 'passive']['acceleration']:.2f} to {m[_SHORT, system]['acceleration']:.2f} m/s2 (0.2 s); overshoot to "
             f"{100 * over[0]:.0f} % and {100 * over[1]:.0f} %",
-            max(gains) <= 0.5 and max(over) <= 0.5, "not halved", figure,
+            max(*gains, *over) <= _CONSIDERABLY, "not halved", figure,
+            criterion="considerably: rms acceleration and overshoot at least halved over both bumps",
         )  # fmt: skip
     shares = {(s, k): ratio(study, s, k, "mpc", "lqr") for s in SCENARIOS for k in _COMPARED if m[s, "lqr"][k] > 1e-6}
     moves = [ratio(study, s, "acceleration", "mpc-moves", "lqr") for s in SCENARIOS]
@@ -117,6 +144,7 @@ def claims(study: Study) -> Claims:
         f"{100 * max(abs(e - 1) for e in equal):.1f} % over the bumps. Weighting the moves instead of the force, as equation (16) is "
         f"written, gives {100 * (min(moves) - 1):+.0f} to {100 * (max(moves) - 1):+.0f} % of the LQR's acceleration, by another index",
         "Conclusion",
+        criterion=f"acceleration, overshoot, travel and tire deflection all at least {100 * _SUPERIOR:g} % lower on every road",
     )  # fmt: skip
     claim(
         "active-constraint", "The MPC improves on the LQR where the constraint is active",
@@ -124,20 +152,34 @@ def claims(study: Study) -> Claims:
         f"{100 * (equal[0] - 1):+.1f} % (0.5 s), {100 * (equal[1] - 1):+.1f} % (0.2 s) against the clipped LQR",
         max(equal) <= 1 - _SAME,
         f"within {100 * _SAME:.0f} % of an LQR that is simply clipped, for bumps of {1e3 * BUMP_HEIGHT:g} mm", "Conclusion",
+        criterion=f"rms acceleration more than {100 * _SAME:g} % below the clipped LQR's over both bumps",
     )  # fmt: skip
-    random = {k: ratio(study, _RANDOM, k, "mpc", "passive") for k in ("acceleration", "tire")}
+
+    def over_stretches(metric: str) -> Distribution:
+        both = zip(study.stretches["mpc"], study.stretches["passive"], strict=True)
+        return Distribution((a[metric] / b[metric] for a, b in both), of="stretches")
+
+    body, beyond, tire = (over_stretches(k) for k in ("acceleration", "overshoot", "tire"))
     claim(
         "random-body", "On a random road the MPC removes overshoot and oscillation of the body",
         "no overshoot and oscillation",
-        f"rms acceleration {100 * random['acceleration']:.0f} % of passive, overshoot "
-        f"{1e3 * m[_RANDOM, 'passive']['overshoot']:.1f} to {1e3 * m[_RANDOM, 'mpc']['overshoot']:.1f} mm",
-        random["acceleration"] <= 0.5 and m[_RANDOM, "mpc"]["overshoot"] <= 0.5 * m[_RANDOM, "passive"]["overshoot"],
-        "not halved", "Figure 10",
+        f"of passive: rms acceleration {body.text('{:.2f}', holds=_halved)}, overshoot {beyond.text('{:.2f}', holds=_halved)}",
+        body.clearly(_halved) and beyond.clearly(_halved),
+        "not halved on most stretches", "Figure 10",
+        criterion="at least halved, as over the bumps; clearly so over the stretches of road (sign test at 5 %)",
     )  # fmt: skip
     claim(
-        "random-wheel", "On a random road the wheel follows the road under the MPC", "the wheel follows the road",
-        f"rms tyre deflection {100 * random['tire']:.0f} % of passive", random["tire"] < 1.0,
-        "the tyre is deflected more than on the passive bench", "Figure 10",
+        "random-wheel", "On a random road the wheel follows the road firmly under the MPC", "the wheel firmly follows the road",
+        f"rms tire deflection of passive: {tire.text('{:.2f}', holds=_firmer)}", tire.clearly(_firmer),
+        "the tire is deflected about as much as on the passive bench, or more", "Figure 10",
+        criterion=f"tire deflection at least {100 * _FIRMLY:g} % below passive; clearly so over the stretches of road",
+    )  # fmt: skip
+    failed = sum(v["status"] > 0 for v in study.solver.values())
+    residual = max(v["residual"] for v in study.solver.values())
+    result.check(
+        "solver", "The quadratic program is solved at every step, to 1e-6", "status 0, residual of 1e-6 at most",
+        f"{failed} of {len(study.solver)} runs with an unsolved step, largest residual {residual:.1e}",
+        not failed and residual <= 1e-6, "a step was not solved", "own", criterion="every step of every run",
     )  # fmt: skip
     return result
 
@@ -204,6 +246,18 @@ def _random(study: Study) -> Section:
         Panel(_NAMES[s], "time [s]", "height [mm]", _positions(study.histories[_RANDOM, s], 10.0))
         for s in ("passive", "mpc")
     ]
+    shares = {
+        k: Distribution(a[k] / b[k] for a, b in zip(study.stretches["mpc"], study.stretches["passive"], strict=True))
+        for k in UNITS
+        if min(b[k] for b in study.stretches["passive"]) > 0
+    }
+    table = Table(
+        "random-stretches",
+        f"MPC over passive on {len(STRETCHES)} stretches of the random road",
+        ["quantity", "median [-]", "lowest [-]", "highest [-]"],
+        [[UNITS[k][0], d.median, d.low, d.high] for k, d in shares.items()],
+        f"Each {LENGTH['random']:g} s long.",
+    )
     figure = Figure(
         "figure-10",
         "Plates on the random road (figure 10 of the paper)",
@@ -211,7 +265,7 @@ def _random(study: Study) -> Section:
         panels,
         columns=1,
     )
-    return Section("Random road", [], [figure])
+    return Section("Random road", [], [figure], [table])
 
 
 def _comparison(study: Study) -> Section:
@@ -297,6 +351,27 @@ def _solver(study: Study) -> Section:
         [],
         [table],
     )
+
+
+def _refinement(study: Study) -> Section:
+    base = {s: study.metrics[_SHORT, s] for s in SYSTEMS}
+    rows: list[list[Scalar]] = [
+        ["as in the runs", _NAMES[s], base[s]["acceleration"], _peak(base[s]), 0.0] for s in SYSTEMS
+    ]
+    for what, finer in study.refined.items():
+        for s in SYSTEMS:
+            change = 100 * (finer[s]["acceleration"] / base[s]["acceleration"] - 1)
+            rows.append([f"{what} halved", _NAMES[s], finer[s]["acceleration"], _peak(finer[s]), change])
+    table = Table(
+        "refinement", f"Results with finer steps, {_SHORT}",
+        ["steps", "system", "rms acceleration [m/s2]", "peak force [N]", "change of the acceleration [%]"], rows,
+        "Solver step and exchange step of the plant; controllers and road keep their sample times.",
+    )  # fmt: skip
+    return Section("Steps", ["Whether the results depend on how time is cut."], [], [table])
+
+
+def _peak(metrics: dict[str, float]) -> float:
+    return max(metrics["force.max"], -metrics["force.min"])
 
 
 def _parameters() -> list[Parameter]:

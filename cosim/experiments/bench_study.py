@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass, field
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 
@@ -16,6 +18,13 @@ SCENARIOS = {f"bump {d:g} s": Case("passive", "bump", d) for d in BUMP_DURATIONS
     "random": Case("passive", "random")
 }
 HEIGHTS = (0.01, 0.02, 0.03, 0.04, 0.05)  # m, bumps over which the limit comes into play
+STRETCHES = tuple(10.0 * i for i in range(8))  # s, where the runs over the random road start in its motion
+RANDOM = ("passive", "mpc")  # systems judged on the random road
+REFINEMENTS: dict[str, dict[str, Any]] = {
+    "solver step": {"solver_step": 2.5e-4},
+    "exchange step": {"exchange_step": "0.5 ms"},
+}
+"""Steps at half of what the runs have, bump of 0.2 s."""
 LIMITED = ("lqr-clipped", "mpc", "mpc-moves")
 
 
@@ -28,6 +37,8 @@ class Study:
     encoders: dict[tuple[str, str], dict[str, float]] = field(default_factory=dict)
     heights: dict[tuple[float, str], list[dict[str, float]]] = field(default_factory=dict)  # (duration, system)
     solver: dict[tuple[str, str], dict[str, float]] = field(default_factory=dict)  # (scenario, system), of the MPC
+    stretches: dict[str, list[dict[str, float]]] = field(default_factory=dict)  # system -> of the random road
+    refined: dict[str, dict[str, dict[str, float]]] = field(default_factory=dict)  # what is halved -> system -> metrics
 
 
 def study(fmus: FmuSet, progress: Callable[[int, int], None] = lambda done, total: None) -> Study:
@@ -36,12 +47,12 @@ def study(fmus: FmuSet, progress: Callable[[int, int], None] = lambda done, tota
     bench = Bench(fmus)
     controlled = [s for s in SYSTEMS if s != "passive"]
     total = len(SCENARIOS) * (len(SYSTEMS) + len(controlled)) + len(BUMP_DURATIONS) * len(HEIGHTS) * len(LIMITED)
+    total += len(STRETCHES) * len(RANDOM) + len(REFINEMENTS) * len(SYSTEMS)
     done = 0
 
-    def run(scenario: Case, system: str, **more: object) -> Recording:
+    def run(scenario: Case, system: str, steps: Mapping[str, Any] = MappingProxyType({}), **more: Any) -> Recording:
         nonlocal done
-        case = Case(**{**scenario.__dict__, "system": system, **more})  # type: ignore[arg-type]
-        recording = bench.record(case)
+        recording = bench.record(replace(scenario, system=system, **more), **steps)
         done += 1
         progress(done, total)
         return recording
@@ -60,6 +71,11 @@ def study(fmus: FmuSet, progress: Callable[[int, int], None] = lambda done, tota
             result.heights[duration, system] = [
                 experiment.metrics(run(Case("passive", "bump", duration), system, height=h)) for h in HEIGHTS
             ]
+    for system in RANDOM:
+        result.stretches[system] = [experiment.metrics(run(SCENARIOS["random"], system, offset=at)) for at in STRETCHES]
+    for what, steps in REFINEMENTS.items():
+        shortest = SCENARIOS[f"bump {min(BUMP_DURATIONS):g} s"]
+        result.refined[what] = {s: experiment.metrics(run(shortest, s, steps)) for s in SYSTEMS}
     bench.close()
     return result
 

@@ -12,6 +12,7 @@ from cosim.experiments.preview_lq import DURATION, INPUTS, PREVIEW_TIME, SPEED_K
 from cosim.experiments.preview_lq_study import PAPER_COLUMNS, PRINTED, PRINTED_EIGENVALUES, WEIGHT_SETS, Study
 from cosim.experiments.provenance import provenance
 from cosim.report import Band, Claims, Figure, Panel, Parameter, Report, Result, Section, Series, Table, write_report
+from cosim.report.model import Scalar
 from fmu_sources.controllers.preview_lq import CORNERS
 from fmu_sources.controllers.preview_lq_weights import load_weights
 from fmu_sources.plants import ride_car
@@ -444,7 +445,7 @@ def _sampling(study: Study) -> Section:
 
 def _refinement(study: Study) -> Section:
     base = {s: study.index["both", "comfort", s] for s in SYSTEMS}
-    rows = [["as in the runs", *(base[s] for s in SYSTEMS), 0.0]]
+    rows: list[list[Scalar]] = [["as in the runs", *(base[s] for s in SYSTEMS), 0.0]]
     for what, finer in study.refined.items():
         change = max(abs(finer[s] / base[s] - 1) for s in SYSTEMS)
         rows.append([f"{what} halved", *(finer[s] for s in SYSTEMS), 100 * change])

@@ -27,7 +27,10 @@ PAPER_COLUMNS = (
 WEIGHT_SETS = ("comfort", "road-holding")
 PREVIEW_TIMES = tuple(round(0.01 * i, 2) for i in range(21))  # s
 PLATEAU = 0.05  # m, of the offset road
-REFINEMENTS = {"solver step": {"solver_step": 2.5e-4}, "exchange step": {"exchange_step": "0.5 ms"}}
+REFINEMENTS: dict[str, dict[str, Any]] = {
+    "solver step": {"solver_step": 2.5e-4},
+    "exchange step": {"exchange_step": "0.5 ms"},
+}
 """Steps at half of what the runs have, ride comfort with the same input on both sides."""
 
 PRINTED_EIGENVALUES = (

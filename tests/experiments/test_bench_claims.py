@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 import numpy as np
 import pytest
 
@@ -60,8 +62,19 @@ def test_lqr_is_the_state_feedback_of_the_riccati_equation(car) -> None:
 
 
 def test_claims_and_report(study: Study, fmus: FmuSet, tmp_path) -> None:
-    verdicts = {c.id: c.reproduced for c in bench_report.claims(study)}
-    assert [c for c, holds in verdicts.items() if not holds] == ["far-superior", "active-constraint"]
+    claims = bench_report.claims(study)
+    assert {c.id: c.verdict for c in claims} == {
+        "force-limit": "reproduced",
+        "lqr-force": "reproduced",
+        "bump-lqr": "reproduced",
+        "bump-mpc": "reproduced",
+        "far-superior": "not reproduced",
+        "active-constraint": "not reproduced",
+        "random-body": "reproduced",
+        "random-wheel": "reproduced",
+        "solver": "holds",
+    }
+    assert all(c.criterion for c in claims)
     long, short = (study.metrics[s, "lqr"] for s in ("bump 0.5 s", "bump 0.2 s"))
     assert long["force.max"] == pytest.approx(8.4, abs=0.05)
     assert short["force.min"] == pytest.approx(-9.2, abs=0.05)
@@ -70,6 +83,33 @@ def test_claims_and_report(study: Study, fmus: FmuSet, tmp_path) -> None:
     for s in ("bump 0.5 s", "bump 0.2 s"):
         assert bench_study.ratio(study, s, "acceleration", "mpc", "lqr-clipped") == pytest.approx(1.0, abs=0.01)
     assert bench_report.write(study, fmus, tmp_path).is_file()
+
+
+def test_one_good_stretch_of_road_is_no_result(study: Study) -> None:
+    passive = study.stretches["passive"]
+    worse = [{**row, "acceleration": 0.9 * row["acceleration"]} for row in passive[1:]]
+    lucky = dataclasses.replace(study, stretches={"passive": passive, "mpc": [study.stretches["mpc"][0], *worse]})
+    assert {c.id: c.verdict for c in bench_report.claims(lucky)}["random-body"] == "not reproduced"
+
+
+def test_a_large_excess_is_not_slight(study: Study) -> None:
+    metrics = {k: dict(v) for k, v in study.metrics.items()}
+    metrics["bump 0.2 s", "lqr"]["force.min"] = -10.0
+    found = {c.id: c.verdict for c in bench_report.claims(dataclasses.replace(study, metrics=metrics))}
+    assert found["lqr-force"] == "order reproduced, magnitude not"
+
+
+def test_steps_do_not_matter(study: Study) -> None:
+    for finer in study.refined.values():
+        for system, row in finer.items():
+            assert row["acceleration"] == pytest.approx(study.metrics["bump 0.2 s", system]["acceleration"], rel=1e-3)
+    solver = study.refined["solver step"]["passive"]
+    assert solver["acceleration"] != study.metrics["bump 0.2 s", "passive"]["acceleration"]
+
+
+def test_stretches_of_the_random_road_differ(study: Study) -> None:
+    assert len({row["acceleration"] for row in study.stretches["passive"]}) == len(bench_study.STRETCHES)
+    assert study.stretches["mpc"][0] == study.metrics["random", "mpc"]
 
 
 def test_encoders_cost_little(study: Study) -> None:
@@ -92,6 +132,7 @@ def test_fmi_2_gives_the_same_run(fmus: FmuSet, study: Study) -> None:
         ({"system": "mcp"}, "no controller 'mcp'; did you mean mpc"),
         ({"road": "bumpy"}, "did you mean bump"),
         ({"duration": 0.0}, "bump of 0 s"),
+        ({"offset": -1.0}, "random road from -1 s on"),
         ({"height": 1.0}, "bump of 1000 mm"),
         ({"system": "passive", "encoders": True}, "no controller that would use"),
     ],
