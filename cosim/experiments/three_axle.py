@@ -16,11 +16,13 @@ import numpy as np
 
 from cosim import Recording, System, UnconnectedInputsWarning
 from cosim.experiments.cases import CaseError, FmuSet, check_choice
-from fmu_sources.controllers.mpc_three_axle import CORNERS, ESTIMATORS, FORCES, PREDICTION
+from fmu_sources.controllers.mpc_three_axle import CORNERS, ESTIMATORS, FORCES, PREDICTION, SAMPLE_TIME
 
 SYSTEMS = ("passive", "lqr", "mpc", "mpc-preview")
 SPEEDS_KMH, DEPTHS = (5.0, 10.0, 20.0), (0.15, 0.25)  # km/h, m: Table 5.1
 FMUS = ("SpeedProfile", "RoadShallowTrench", "PitchReference", "ThreeAxleRide", "LqrThreeAxle", "MpcThreeAxle")
+EXCHANGE_STEP = "1 ms"  # of the vehicle
+HORIZON = PREDICTION * SAMPLE_TIME  # s, of the predictive controllers
 DURATION = 25.0  # s; the reference is back at 0 at 24 s
 REFERENCE_START, HOLD_START, HOLD_END, REFERENCE_END = 15.0, 17.0, 22.0, 24.0  # s
 SETTLED = 1.0  # s at the end of the hold over which the steady-state error is taken
@@ -62,19 +64,32 @@ class ThreeAxleBench:
 
     def __init__(self, fmus: FmuSet) -> None:
         self.fmus = fmus
-        self._systems: dict[str, System] = {}
+        self._systems: dict[tuple[str, str], System] = {}
 
-    def system(self, name: str) -> System:
+    def system(self, name: str, exchange_step: str = EXCHANGE_STEP) -> System:
         """The wired system of one of :data:`SYSTEMS`."""
-        if name not in self._systems:
-            self._systems[name] = wire(self.fmus, name)
-        return self._systems[name]
+        key = (name, exchange_step)
+        if key not in self._systems:
+            self._systems[key] = wire(self.fmus, name, exchange_step)
+        return self._systems[key]
 
     def record(
-        self, case: Case, *, duration: float = DURATION, csv: Path | None = None, record: Sequence[str] = ()
+        self,
+        case: Case,
+        *,
+        duration: float = DURATION,
+        csv: Path | None = None,
+        record: Sequence[str] = (),
+        solver_step: float | None = None,
+        exchange_step: str = EXCHANGE_STEP,
     ) -> Recording:
-        """Run one case and return its recording at 200 Hz; ``record``: variables other than those of the metrics."""
-        system = self.system(case.system)
+        """Run one case and return its recording at 200 Hz; ``record``: variables other than those of the metrics.
+
+        ``solver_step`` [s] and ``exchange_step`` are those of the vehicle; controllers and road keep their sample times.
+        """
+        system = self.system(case.system, exchange_step)
+        own_step = system["car"].description.parameters["solver.step"].start
+        system["car"].set({"solver.step": own_step if solver_step is None else solver_step})
         system["speed"].set({"start.speed": case.speed_kmh / 3.6, "start.x": 0.0})
         system["road"].set({"trench.depth": case.depth})
         if case.system.startswith("mpc"):
@@ -88,9 +103,9 @@ class ThreeAxleBench:
             )  # `case` stays 0; nothing drives a passive vehicle
             return system.run(duration, record=list(record) or _recorded(case), record_interval="5 ms", csv=csv)
 
-    def measure(self, case: Case) -> Row:
-        """Metrics of a whole run."""
-        return metrics(self.record(case), case)
+    def measure(self, case: Case, **steps: Any) -> Row:
+        """Metrics of a whole run; ``steps`` as for :meth:`record`."""
+        return metrics(self.record(case, **steps), case)
 
     def close(self) -> None:
         """Free all FMUs."""
@@ -99,8 +114,10 @@ class ThreeAxleBench:
         self._systems.clear()
 
 
-def wire(fmus: FmuSet, name: str) -> System:
+def wire(fmus: FmuSet, name: str, exchange_step: str = EXCHANGE_STEP) -> System:
     """One system of :data:`SYSTEMS`: everything every millisecond, the predictive controllers every five.
+
+    ``exchange_step`` is the vehicle's.
 
     Raises:
         CaseError: no such system.
@@ -110,7 +127,7 @@ def wire(fmus: FmuSet, name: str) -> System:
     system.add("speed", fmus.path("SpeedProfile"))
     system.add("road", fmus.path("RoadShallowTrench"))
     system.add("reference", fmus.path("PitchReference"))
-    system.add("car", fmus.path("ThreeAxleRide"), step="1 ms")
+    system.add("car", fmus.path("ThreeAxleRide"), step=exchange_step)
     system.connect("speed.x", "road.x")
     system.connect("speed.speed", "road.speed")
     system.connect_matching("road", "car", "road.*")
@@ -181,6 +198,8 @@ def metrics(recording: Recording, case: Case) -> Row:
     }
     if t[-1] >= REFERENCE_END:
         found["pitch_before_ramp_deg"] = float(np.degrees(recording["car.body.pitch"][t <= REFERENCE_START])[-1])
+        moved = forces(recording)[(t >= REFERENCE_START - HORIZON) & (t < REFERENCE_START)] / 1e3
+        found["force_before_ramp_kN"] = float(np.abs(moved - moved[0]).max())  # change within the horizon
         found["ramp_error_deg"] = _rms(error[(t >= REFERENCE_START) & (t < HOLD_START)])
         found["steady_error_deg"] = float(np.abs(error[(t >= HOLD_END - SETTLED) & (t < HOLD_END - 0.3)]).max())
     if "controller.solver.status" in recording:

@@ -26,7 +26,13 @@ VARIANTS = {  # what else is run at each place -> what it is
     "measured": ({"system": "mpc-preview", "estimator": "measured"}, "with preview, all states measured"),
     "road": ({"system": "mpc", "estimator": "road"}, "without preview, estimator with road heights"),
 }
-HISTORY_STEP = 2  # samples of 5 ms
+
+
+REFINEMENTS: dict[str, dict[str, Any]] = {
+    "solver step": {"solver_step": 2.5e-4},
+    "exchange step": {"exchange_step": "0.5 ms"},
+}
+"""Steps of the vehicle at half of what the runs have, at the last place of a study (the hardest)."""
 
 
 @dataclass
@@ -37,6 +43,7 @@ class Study:
     variants: tuple[str, ...] = tuple(VARIANTS)
     rows: dict[Case, Row] = field(default_factory=dict)
     histories: dict[Case, Row] = field(default_factory=dict)
+    refined: dict[tuple[str, str], Row] = field(default_factory=dict)  # (what is halved, system) -> metrics
 
     def value(self, key: str, place: Place, system: str) -> float:
         """A metric of a published run. KeyError when it was not run."""
@@ -68,18 +75,23 @@ def study(
 ) -> Study:
     """Run everything. Finished runs are kept in ``cache``, so an interrupted study continues where it stopped."""
     cases = [*published_cases(places), *(variant_case(p, v) for p in places for v in variants)]
+    finer = [(what, Case(*places[-1], system)) for what in REFINEMENTS for system in SYSTEMS]
+    tasks: list[tuple[str, Case]] = [*(("", c) for c in cases), *finer]
     done = 0
-    progress(0, len(cases))
+    progress(0, len(tasks))
 
     def advance(_: Any, __: Any) -> None:
         nonlocal done
         done += 1
-        progress(done, len(cases))
+        progress(done, len(tasks))
 
     result = Study(tuple(places), tuple(variants))
-    found = run_tasks(_work, cases, initializer=_start, initargs=(fmus, cache), processes=processes, done=advance)
+    found = run_tasks(_work, tasks, initializer=_start, initargs=(fmus, cache), processes=processes, done=advance)
     published = set(published_cases(places))
-    for case, entry in zip(cases, found, strict=True):
+    for (what, case), entry in zip(tasks, found, strict=True):
+        if what:
+            result.refined[what, case.system] = entry["metrics"]
+            continue
         result.rows[case] = entry["metrics"]
         if case in published:
             result.histories[case] = entry["history"]
@@ -96,18 +108,19 @@ def _start(fmus: FmuSet, cache: Path) -> None:
     _bench, _store = ThreeAxleBench(fmus), RunStore(cache, salt(fmus.paths(three_axle.FMUS), code))
 
 
-def _work(case: Case) -> Row:
+def _work(task: tuple[str, Case]) -> Row:
+    what, case = task
+
     def compute() -> Row:
-        recording = _bench.record(case)
+        recording = _bench.record(case, **REFINEMENTS.get(what, {}))
         return {"metrics": three_axle.metrics(recording, case), "history": history(recording)}
 
-    found: Row = _store.get(asdict(case), compute)
+    found: Row = _store.get([what, asdict(case)], compute)
     return found
 
 
 def history(recording: Recording) -> Row:
-    """Signals over time for the figures, every 10 ms: angles in degrees, forces in kN, the road in mm."""
-    keep = slice(None, None, HISTORY_STEP)
+    """Signals over time for the figures, at 200 Hz: angles in degrees, forces in kN, the road in mm."""
     force = three_axle.forces(recording) / 1e3
     signals = {
         "time": recording.time,
@@ -116,4 +129,4 @@ def history(recording: Recording) -> Row:
         "road": 1e3 * recording["road.road.a1l.height"],
         **{f"force.{k}": force[:, i] for i, k in enumerate(three_axle.CORNERS) if k.endswith("l")},
     }
-    return {k: [float(f"{x:.6g}") for x in v[keep]] for k, v in signals.items()}
+    return {k: [float(f"{x:.6g}") for x in v] for k, v in signals.items()}

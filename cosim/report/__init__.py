@@ -13,6 +13,7 @@ from cosim.report.model import (
     Series,
     Table,
 )
+from cosim.report.peaks import keep_peaks
 from cosim.report.plots import Palette, plotly_figure
 from cosim.report.write import ReportError, write_report
 
@@ -43,6 +44,7 @@ __all__ = [
     "Table",
     "Take",
     "Wheel",
+    "keep_peaks",
     "plotly_figure",
     "write_report",
 ]

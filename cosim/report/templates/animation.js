@@ -176,9 +176,21 @@
         const size = Math.round(length / scale * options.forceScale / 1e3);
         pen.lineWidth = 3;
         pen.strokeStyle = "#fff";
-        const where = [Math.min(x + fx + 6, width - 52), Math.max(y - fz + 4, 14)];
-        pen.strokeText(`${size} kN`, ...where);
-        pen.fillText(`${size} kN`, ...where);
+        const text = cut ? `${size} kN, arrow cut` : `${size} kN`;
+        const where = [Math.min(x + fx + 6, width - pen.measureText(text).width - 6), Math.max(y - fz + 4, 14)];
+        pen.strokeText(text, ...where);
+        pen.fillText(text, ...where);
+        if (cut) { // a break across the shaft, as drawings have it
+          const ux = fx / longest, uy = -fz / longest, mx = x + 0.6 * fx, my = y - 0.6 * fz;
+          pen.beginPath();
+          for (const along of [-2, 2]) {
+            pen.moveTo(mx + along * ux - 5 * uy, my + along * uy + 5 * ux);
+            pen.lineTo(mx + along * ux + 5 * uy, my + along * uy - 5 * ux);
+          }
+          pen.strokeStyle = ARROW[force.role];
+          pen.lineWidth = 1.5;
+          pen.stroke();
+        }
       }
     }
     // scales
