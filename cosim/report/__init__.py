@@ -1,7 +1,7 @@
 """Reports of experiments: what was claimed, what came out, and every number behind it."""
 
 from cosim.report.animation import Animation, Body, Force, Phase, Reading, Scene, Strut, Take, Wheel
-from cosim.report.claims import Band, Claim, Claims, Counts, Distribution
+from cosim.report.claims import Band, Claim, Claims, Counts, Distribution, Evidence
 from cosim.report.maps import Layer, Map
 from cosim.report.model import (
     Figure,
@@ -25,6 +25,7 @@ __all__ = [
     "Claims",
     "Counts",
     "Distribution",
+    "Evidence",
     "Figure",
     "Force",
     "Layer",

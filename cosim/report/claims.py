@@ -12,7 +12,7 @@ import statistics
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import ClassVar, Literal
 
 import numpy as np
 from scipy import stats
@@ -98,6 +98,11 @@ class Band:
         low, high = sorted((published * (1 - share), published * (1 + share)))
         return cls(low, high, reason)
 
+    @property
+    def open(self) -> bool:
+        """A bound: at least, or at most."""
+        return math.isinf(self.low) or math.isinf(self.high)
+
     def __contains__(self, value: float) -> bool:
         return self.low <= value <= self.high
 
@@ -162,6 +167,27 @@ class Distribution:
 
 
 @dataclass(frozen=True)
+class Evidence:
+    """One distribution that a claim was judged on, and how many of its values are on the claimed side."""
+
+    COLUMNS: ClassVar[tuple[str, ...]] = (
+        "claim", "quantity", "unit", "median", "lowest", "highest", "on the claimed side", "of",
+    )  # fmt: skip
+
+    claim: str
+    quantity: str
+    unit: str
+    distribution: Distribution
+    on_side: int
+
+    def row(self) -> list[str | float | int]:
+        """Cells of a table with :attr:`COLUMNS`; numbers to four significant digits."""
+        d = self.distribution
+        spread = [float(f"{x:.4g}") for x in (d.median, d.low, d.high)]
+        return [self.claim, self.quantity, self.unit, *spread, self.on_side, len(d.values)]
+
+
+@dataclass(frozen=True)
 class Counts:
     """How often each verdict occurs, published claims and checks of ours apart."""
 
@@ -186,7 +212,18 @@ class Counts:
 
 
 class Claims(list[Claim]):
-    """Claims of a report in their order, each judged as it is added."""
+    """Claims of a report in their order, each judged as it is added; `evidence` holds the distributions looked at."""
+
+    def __init__(self, claims: Iterable[Claim] = ()) -> None:
+        super().__init__(claims)
+        self.evidence: list[Evidence] = []
+
+    def clearly(
+        self, id: str, quantity: str, values: Distribution, holds: Callable[[float], bool], unit: str = "-"
+    ) -> bool:
+        """Whether `values` decide for the claimed side (:meth:`Distribution.clearly`); kept as evidence for claim `id`."""
+        self.evidence.append(Evidence(id, quantity, unit, values, values.count(holds)))
+        return values.clearly(holds)
 
     def judge(
         self,
@@ -201,6 +238,7 @@ class Claims(list[Claim]):
         unit: str = "",
         *,
         band: Band | None = None,
+        over: Distribution | None = None,
         criterion: str = "",
         fitted: str = "",
         undecided: str = "",
@@ -215,10 +253,16 @@ class Claims(list[Claim]):
             reason: why it does not hold, or not in that size (kept only then).
             value, unit: our figure, kept to five significant digits; not a number counts as none.
             band: where the value counts as the published one; outside of it the verdict is "order reproduced, magnitude not".
+            over: distribution that `value` is the median of (given instead of it). A band that is open on one side is a
+                bound, which then has to hold clearly (:meth:`Distribution.clearly`), not in the median alone.
             criterion: the rule of `holds` in words; that of the band is added.
             fitted: what was chosen with published figures in view, or matched by construction.
             undecided: why the runs do not decide; the verdict is "open" then.
         """
+        if over is not None:
+            if value is not None:
+                raise ValueError(f"claim '{id}' has a value and a distribution; the value is the distribution's median")
+            value = over.median
         number = None if value is None or np.isnan(value) else float(f"{value:.5g}")
         if band is not None and value is None:
             raise ValueError(f"claim '{id}' has a band but no value to lie in it")
@@ -227,10 +271,13 @@ class Claims(list[Claim]):
             verdict, reason = "open", undecided
         elif holds:
             magnitude = band is None or (number is not None and number in band)
+            if band is not None and band.open and over is not None:
+                magnitude = magnitude and over.clearly(band.__contains__)
             verdict = "reproduced" if magnitude else "order reproduced, magnitude not"
         rules = [criterion] if criterion else []
         if band is not None:
-            rules.append(f"magnitude {band.text(unit)}" + (f" ({band.reason})" if band.reason else ""))
+            clearly = f" in clearly most {over.of}" if over is not None and band.open else ""
+            rules.append(f"magnitude {band.text(unit)}{clearly}" + (f" ({band.reason})" if band.reason else ""))
         self._add(id, claim, published, ours, verdict, reason, source, number, unit, "; ".join(rules), fitted)
 
     def check(

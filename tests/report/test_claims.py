@@ -5,7 +5,7 @@ import math
 
 import pytest
 
-from cosim.report import Band, Claim, Claims, Distribution, write_report
+from cosim.report import Band, Claim, Claims, Distribution, Evidence, write_report
 from cosim.report.claims import OUTCOMES
 from cosim.report.write import _LOOK, render
 
@@ -43,6 +43,40 @@ class TestVerdict:
     def test_a_band_without_a_value_is_a_mistake(self):
         with pytest.raises(ValueError, match="claim 'c' has a band but no value"):
             verdict(band=Band(1, 2))
+
+
+class TestDistributionAsValue:
+    """A value that is the median of a distribution."""
+
+    def test_the_median_is_the_value(self):
+        claim = verdict(over=Distribution([14, 15, 19]), band=Band(10, 20))
+        assert (claim.verdict, claim.value) == ("reproduced", 15)
+
+    def test_a_bound_holds_clearly_and_not_in_the_median_alone(self):
+        bound = Band(25, math.inf)
+        seeds = Distribution([30] * 6 + [20] * 2)
+        assert verdict(value=seeds.median, band=bound).reproduced
+        split = verdict(over=seeds, band=bound)
+        assert split.verdict == "order reproduced, magnitude not"
+        assert split.criterion == "magnitude at least 25 in clearly most seeds"
+        assert verdict(over=Distribution([30] * 7 + [20]), band=bound).reproduced
+
+    def test_a_value_beside_it_is_a_mistake(self):
+        with pytest.raises(ValueError, match="claim 'c' has a value and a distribution"):
+            verdict(value=15, over=Distribution([15]))
+
+
+class TestEvidence:
+    def test_what_was_looked_at_is_kept(self):
+        claims = Claims()
+        assert claims.clearly("power", "ratio, 60 km/h", Distribution([2.0] * 7 + [0.123456]), lambda x: x > 1)
+        assert not claims.clearly("power", "ratio, 70 km/h", Distribution([2.0] * 6 + [0.5] * 2), lambda x: x > 1, "W")
+        first, second = (e.row() for e in claims.evidence)
+        assert dict(zip(Evidence.COLUMNS, first, strict=True)) == {
+            "claim": "power", "quantity": "ratio, 60 km/h", "unit": "-", "median": 2.0, "lowest": 0.1235, "highest": 2.0,
+            "on the claimed side": 7, "of": 8,
+        }  # fmt: skip
+        assert second[-2:] == [6, 8]
 
 
 class TestBand:
