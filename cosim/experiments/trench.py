@@ -8,6 +8,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
+from fractions import Fraction
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +18,7 @@ from cosim import Recording, StopWhen, System
 from cosim.experiments.cases import CaseError, FmuSet, check_choice
 from cosim.experiments.store import RunStore
 from cosim.metrics_crossing import PSD_RATE, Crossing, cost, crossing, failures, psd
+from cosim.report import keep_peaks
 from fmu_sources.controllers.mpc_three_axle import CORNERS, SAMPLE_TIME
 
 Row = dict[str, Any]
@@ -35,9 +37,11 @@ CONTROLS = {  # FMU of the controller, its parameters, and whether it sees the r
 """Kinds of control; what is not said of ``mpc`` holds for all of its variants."""
 
 MPC = {"estimator": 0, "retraction": 1, "hold_height": True, "printed_limits": False}
-STEP = "0.5 ms"  # of the vehicle's exchange and of recordings; an impact's acceleration falls within a few ms
-RATE = 2000.0  # Hz
-FRAMES = 40  # samples between frames of an animation
+STEP = Fraction(
+    1, 4000
+)  # s, of the vehicle's solver, its exchange and recordings: no verdict changes when it is halved
+FRAME = Fraction(1, 50)  # s, between frames of an animation
+CURVES = ("car.body.pitch", "car.body.az", "car.body.ax", "car.hub.a1l.fx")  # drawn over time, peaks kept
 RUN_OUT = 1.5  # m, that the last axle drives on behind the trench
 CLEAR = 0.3  # m, level road before the first thing that happens
 LENGTH_RANGE, SPEED_RANGE_KMH = (0.2, 2.5), (0.5, 15.0)
@@ -56,6 +60,7 @@ class Case:
     mass: float | None = None  # kg, sprung
     cg_offset: float | None = None  # m, ahead
     hydropneumatic: bool = False
+    refine: int = 1  # divides solver, exchange and recording step of the vehicle
 
     def __post_init__(self) -> None:
         check_choice("control", self.control, CONTROLS)
@@ -69,6 +74,8 @@ class Case:
             value = getattr(self, name)
             if value is not None and not 0 < value <= limit:
                 raise CaseError(f"{name} {value:g}{unit}: give more than 0 and at most {limit:g}{unit}")
+        if not 1 <= self.refine <= 16:
+            raise CaseError(f"steps divided by {self.refine}: give 1 to 16")
         if self.cg_offset is not None and not abs(self.cg_offset) <= 0.5:
             raise CaseError(f"CG offset {self.cg_offset:g} m: give -0.5 to 0.5 m")
 
@@ -84,7 +91,13 @@ class Case:
         for name, unit in (("depth", "m-deep"), ("friction", "friction"), ("mass", "kg"), ("cg_offset", "m-offset")):
             value = getattr(self, name)
             parts += [f"{value:g}{unit}"] if value is not None else []
-        return "-".join([*parts, *["hydropneumatic"] * self.hydropneumatic])
+        parts += ["hydropneumatic"] * self.hydropneumatic
+        return "-".join(parts + [f"steps-over-{self.refine}"] * (self.refine != 1))
+
+    @property
+    def step(self) -> Fraction:
+        """Solver, exchange and recording step of the vehicle [s]."""
+        return STEP / self.refine
 
     @property
     def title(self) -> str:
@@ -103,13 +116,14 @@ class TrenchBench:
     def __init__(self, fmus: FmuSet, store: RunStore | None = None) -> None:
         self.fmus = fmus
         self.store = store
-        self._systems: dict[str, System] = {}
+        self._systems: dict[tuple[str, Fraction], System] = {}
 
     def system(self, case: Case) -> System:
         """The wired system of a case, with the parameters of this case set."""
-        if case.control not in self._systems:
-            self._systems[case.control] = wire(self.fmus, case.control)
-        system = self._systems[case.control]
+        key = (case.control, case.step)
+        if key not in self._systems:
+            self._systems[key] = wire(self.fmus, *key)
+        system = self._systems[key]
         configure(system, case)
         return system
 
@@ -120,11 +134,11 @@ class TrenchBench:
         progress: bool = False,
         csv: Path | None = None,
         record: Sequence[str] = (),
-        record_interval: str = STEP,
+        record_interval: str | Fraction | None = None,
     ) -> Recording:
-        """Run a case until the last axle is clear of the trench, or the time is up; recording every 0.5 ms.
+        """Run a case until the last axle is clear of the trench, or the time is up; recording every step of the vehicle.
 
-        ``record``: variables other than those of the metrics.
+        ``record``: variables other than those of the metrics; ``record_interval``: another interval [s] than the step.
 
         Raises:
             ComponentError: a component failed; ``error.recording`` holds what was recorded.
@@ -132,7 +146,7 @@ class TrenchBench:
         system = self.system(case)
         course = Course.of(system, case)
         return system.run(
-            course.patience, record=list(record) or recorded(case), record_interval=record_interval, progress=progress, csv=csv,
+            course.patience, record=list(record) or recorded(case), record_interval=record_interval or case.step, progress=progress, csv=csv,
             stop_when=[StopWhen("car.x", ">=", course.end)],
         )  # fmt: skip
 
@@ -181,10 +195,13 @@ class Course:
 # ---------------------------------------------------------------------- wiring
 
 
-def wire(fmus: FmuSet, control: str) -> System:
-    """Vehicle, crossing algorithm and controller; the two latter in this order every 5 ms (LQR every 1 ms)."""
+def wire(fmus: FmuSet, control: str, step: Fraction = STEP) -> System:
+    """Vehicle, crossing algorithm and controller; the two latter in this order every 5 ms (LQR every 1 ms).
+
+    ``step`` [s]: of the vehicle's solver and exchange.
+    """
     system = System()
-    system.add("car", fmus.path("ThreeAxleTrench"), step=STEP)
+    system.add("car", fmus.path("ThreeAxleTrench"), step=step, parameters={"solver.step": float(step)})
     chosen = CONTROLS[control]
     if chosen is None:
         system["car"].set({f"force.{k}": 0.0 for k in CORNERS})
@@ -237,17 +254,17 @@ def recorded(case: Case) -> list[str]:
 # ---------------------------------------------------------------------- results
 
 
-def loads(recording: Recording) -> Crossing:
+def loads(case: Case, recording: Recording) -> Crossing:
     """The quantities of Table 5.3."""
     return crossing(
         recording["car.body.az"], recording["car.body.ax"], recording["car.body.pitch"],
-        np.column_stack([recording[f"car.hub.{k}.fx"] for k in CORNERS]), RATE,
+        np.column_stack([recording[f"car.hub.{k}.fx"] for k in CORNERS]), float(1 / case.step),
     )  # fmt: skip
 
 
 def evaluate(case: Case, course: Course, recording: Recording) -> Row:
     """Metrics of a run as JSON values: the quantities of Table 5.3 and what became of the crossing."""
-    measured = loads(recording)
+    measured = loads(case, recording)
     arrived = bool(recording["car.x"][-1] >= course.end - 1e-6)
     touch = {n: float(recording[f"car.{n}.force"].max()) for n in ("belly", "bumper.front", "bumper.rear")}
     reasons = failures(measured, arrived=arrived, belly_contact=touch["belly"] > TOUCH)
@@ -260,7 +277,9 @@ def evaluate(case: Case, course: Course, recording: Recording) -> Row:
         "duration": float(recording.time[-1]),
     }  # fmt: skip
     if "controller.solver.status" in recording:
-        row["solver_failures"] = round((recording["controller.solver.status"] > 0).sum() / (RATE * SAMPLE_TIME))
+        row["solver_failures"] = round(
+            (recording["controller.solver.status"] > 0).sum() * float(case.step) / SAMPLE_TIME
+        )
         row["solver_iterations"] = int(recording["controller.solver.iterations"].max())
         row["solver_residual"] = float(recording["controller.solver.residual"].max())
     if "controller.force.a1l" in recording:
@@ -281,17 +300,22 @@ def outcome(row: Row) -> str:
 
 
 def frames(case: Case, recording: Recording) -> Row:
-    """Signals every 20 ms as lists, by name; what the animation draws."""
-    part = slice(None, None, FRAMES)
-    rounded = {"m": 4, "rad": 5, "N": 0}
-    out: Row = {"step": FRAMES / RATE}
+    """What animation and time plots draw: signals every 20 ms as lists, by name, and whole curves that keep their peaks."""
+    part = slice(None, None, int(FRAME / case.step))
+
+    def rounded(name: str, values: np.ndarray) -> list[float]:
+        return np.round(values, {"m": 4, "rad": 5, "N": 0}.get(recording.units.get(name, ""), 3)).tolist()
+
+    out: Row = {"step": float(FRAME), "curves": {}}
     for name in recorded(case):
-        if name.startswith("controller.solver"):
-            continue
-        digits = rounded.get(recording.units.get(name, ""), 3)
-        out[name] = np.round(recording[name][part], digits).tolist()
+        if not name.startswith("controller.solver"):
+            out[name] = rounded(name, recording[name][part])
+    for name in CURVES:
+        time, values = keep_peaks(recording.time, recording[name])
+        out["curves"][name] = [np.round(time, 5).tolist(), rounded(name, values)]
     for axis in ("az", "ax"):
-        frequency, density = bands(*psd(recording[f"car.body.{axis}"][:: int(RATE / PSD_RATE)], PSD_RATE))
+        every = int(1 / (PSD_RATE * case.step))
+        frequency, density = bands(*psd(recording[f"car.body.{axis}"][::every], PSD_RATE))
         out |= {"psd.frequency": frequency, f"psd.{axis}": density}
     return out
 

@@ -58,6 +58,7 @@ class Study:
     """Results; rows as :func:`trench.evaluate` makes them."""
 
     published: dict[tuple[float, float, str], Row] = field(default_factory=dict)  # (length, speed, system)
+    refined: dict[tuple[float, float, str], Row] = field(default_factory=dict)  # the same at half the step
     between: list[Row] = field(default_factory=list)
     vehicles: dict[str, list[Row]] = field(default_factory=dict)
     without: dict[str, list[Row]] = field(default_factory=dict)
@@ -67,6 +68,12 @@ class Study:
     def rows(self, system: str) -> list[Row]:
         """Published matrix of one system, by length and speed."""
         return [self.published[length, speed, system] for length in LENGTHS for speed in SPEEDS]
+
+    def verdict(self, length: float, speed: float, system: str) -> bool | None:
+        """Whether a published crossing passes; None where halving the step changes the answer."""
+        key = (length, speed, system)
+        passed = bool(self.published[key]["passed"])
+        return passed if self.refined[key]["passed"] == passed else None
 
     def costs(self) -> list[float]:
         """Of all published runs."""
@@ -85,11 +92,12 @@ class Study:
 def tasks(*, published_only: bool = False) -> list[tuple[str, Case]]:
     """(group, case) of every run, the slow ones first."""
     found = [("published", Case(a, b, s)) for s in SYSTEMS for a in LENGTHS for b in SPEEDS]
+    found += [("refined", replace(case, refine=2)) for _, case in found]
     if not published_only:
         found += [("between", Case(a, b, "mpc")) for a, b in BETWEEN]
         found += [(n, replace(Case(a, b, "mpc"), **v)) for n, v in OTHER_VEHICLES.items() for a, b in SOME]
         found += [(c, Case(a, b, c)) for c in WITHOUT for a, b in SOME]
-    return sorted(found, key=lambda t: t[1].speed_kmh * (3.0 if t[1].control == "passive" else 1.0))
+    return sorted(found, key=lambda t: t[1].speed_kmh * (3.0 if t[1].control == "passive" else 1.0) / t[1].refine)
 
 
 def fmu_names() -> list[str]:
@@ -124,6 +132,8 @@ def study(
             result.published[key] = row
             if key[:2] in BOLD or key[:2] == SPECTRUM:
                 result.frames[key] = frames
+        elif group == "refined":
+            result.refined[key] = row
         elif group == "between":
             result.between.append(row)
         elif group in OTHER_VEHICLES:

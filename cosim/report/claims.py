@@ -110,10 +110,10 @@ class Band:
         """ "between 2 and 15 %", "at least 2"."""
         suffix = f" {unit}" if unit and unit != "-" else ""
         if math.isinf(self.high):
-            return f"at least {self.low:g}{suffix}"
+            return f"at least {self.low:.3g}{suffix}"
         if math.isinf(self.low):
-            return f"at most {self.high:g}{suffix}"
-        return f"between {self.low:g} and {self.high:g}{suffix}"
+            return f"at most {self.high:.3g}{suffix}"
+        return f"between {self.low:.3g} and {self.high:.3g}{suffix}"
 
 
 @dataclass(frozen=True)

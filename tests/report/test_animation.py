@@ -147,3 +147,8 @@ def test_a_minute_at_50_hz_stays_small():
         phase=None,
     )
     assert len(json.dumps(animation_data(animation(made)), separators=(",", ":"))) < 250_000
+
+
+def test_an_arrow_that_is_cut_says_so(tmp_path) -> None:
+    page = write_report(Report("e", "T", "", sections=[Section("S", animations=[animation()])]), tmp_path)
+    assert "kN, arrow cut" in page.read_text(encoding="utf-8")
