@@ -32,8 +32,9 @@ from cosim.experiments.hmmwv_wiring import (
     bump_parameters,
 )
 from cosim.experiments.store import RunStore
+from cosim.members import Member
 from fmu_sources.controllers.hmmwv_states import CORNERS
-from fmu_sources.controllers.mpc_hmmwv import PREVIEW_POINTS
+from fmu_sources.controllers.mpc_hmmwv import PREVIEW_POINTS, MpcHmmwvWeights
 
 Row = dict[str, Any]
 
@@ -58,6 +59,7 @@ STRETCHES = 5  # stretches of the off-road profile that do not overlap
 STRETCH = 280.0  # m
 FLAT, RAMP = 5.0, 10.0  # m, how an off-road run starts
 RATE = 1000.0  # Hz, of all metrics
+TRAVEL_LIMIT = MpcHmmwvWeights().max_travel  # m, either way: Table 1.3, and where the paper's suspension saturates
 
 
 @dataclass(frozen=True)
@@ -66,7 +68,8 @@ class Case:
 
     ``variant`` is where the bump lies between two control samples (0..5), or the off-road stretch (0..4); it also seeds the
     noise of the sensors. ``preview``, ``preview_steps`` and ``preview_error_ms`` (positive: the preview shows the road too
-    late) matter for MPC with preview only.
+    late) matter for MPC with preview only. With ``flow_limit`` the pump gives each actuator ``pump_l_min`` at most (None: what
+    the actuator's file says). ``exchange`` is the step of car and actuators, ``solver_parts`` divides their solvers' steps.
     """
 
     road: str = "track"
@@ -83,6 +86,9 @@ class Case:
     lift_off: bool = True
     null_opening_mm: float | None = None
     duration: float | None = None  # s; None: until the rear wheels are over the bumps and the car is at rest, or 22 s
+    pump_l_min: float | None = None  # l/min, to each actuator
+    exchange: str = EXCHANGE
+    solver_parts: int = 1
 
     def __post_init__(self) -> None:
         choices: tuple[tuple[str, Collection[str]], ...] = (
@@ -119,6 +125,12 @@ class Case:
             raise CaseError(f"preview error {self.preview_error_ms:g} ms: give -200 to 200 ms")
         if self.null_opening_mm is not None and not 0 < self.null_opening_mm <= 50:
             raise CaseError(f"null opening {self.null_opening_mm:g} mm: give 0 to 50 mm")
+        if self.pump_l_min is not None and not (self.flow_limit and 1 <= self.pump_l_min <= 1000):
+            raise CaseError(
+                f"pump of {self.pump_l_min:g} l/min per actuator: give 1 to 1000 l/min, and with flow_limit"
+            )
+        if self.solver_parts < 1:
+            raise CaseError(f"solver steps in {self.solver_parts} parts: give 1 or more")
         if self.duration is not None and not 0.5 <= self.duration <= self.longest:
             raise CaseError(f"duration {self.duration:g} s: give 0.5 to {self.longest:.1f} s")
 
@@ -167,6 +179,9 @@ class Case:
                 *[f"{self.speed_kmh:g}kmh"] * (self.speed_kmh != SPEED_KMH),
                 *[f"variant{self.variant}"] * (self.variant != 0),
                 *["flow-limit"] * self.flow_limit,
+                *([] if self.pump_l_min is None else [f"{self.pump_l_min:g}lmin"]),
+                *[f"exchange-{self.exchange.replace(' ', '')}"] * (self.exchange != EXCHANGE),
+                *[f"solver-in-{self.solver_parts}"] * (self.solver_parts != 1),
                 *["friction"] * self.friction,
                 *["pulling-tyres"] * (not self.lift_off),
             ]
@@ -187,7 +202,7 @@ class Case:
         """What decides how the system is wired; everything else is a parameter of its FMUs."""
         return (
             self.road, self.controller, self.actuators, self.states, self.preview, self.preview_steps,
-            self.preview_error_ms != 0,
+            self.preview_error_ms != 0, self.exchange,
         )  # fmt: skip
 
     @property
@@ -248,7 +263,7 @@ class HmmwvBench:
 def wire(fmus: FmuSet, case: Case) -> System:
     """The vehicle of a case: road, car, actuators with their force tracking, controller, comfort."""
     system = System()
-    add_car(system, fmus, ROADS[case.road], step=EXCHANGE)
+    add_car(system, fmus, ROADS[case.road], step=case.exchange)
     system.add("comfort", fmus.path("RideComfort"))
     system.connect_matching("car", "comfort", "body.az")
     controller = CONTROLLERS[case.controller]
@@ -261,7 +276,7 @@ def wire(fmus: FmuSet, case: Case) -> System:
             system["car"].set({f"force.{k}": 0.0 for k in CORNERS})
     else:
         driven = case.controller != "passive"
-        add_actuators(system, fmus, driven=driven)
+        add_actuators(system, fmus, driven=driven, step=case.exchange)
         if driven:
             _wire_tracking(system, fmus, wanted=controller is not None)
     if case.states == "estimated":
@@ -347,18 +362,26 @@ def configure(system: System, case: Case) -> None:
         late = case.preview_error_ms / 1000 * case.speed
         system["sensors"].set({"noise.seed": case.variant + 1, "x.offset": -late})
     system["car"].set({"friction.acting": case.friction, "tires.lift_off": case.lift_off})
+    _divide_solver_step(system["car"], case)
     if case.actuators == "hydraulic":
         for k in CORNERS:
             actuator = system[f"actuator_{k}"]
-            opening = actuator.description.parameters["valve.null_opening"].start
-            chosen = opening if case.null_opening_mm is None else case.null_opening_mm / 1000
+            published = actuator.description.parameters
+            opening, pump = (float(published[n].start) for n in ("valve.null_opening", "supply.flow_limit"))  # type: ignore[arg-type]
             actuator.set(
                 {
                     "supply.running": case.controller != "passive",
                     "supply.limited": case.flow_limit,
-                    "valve.null_opening": chosen,
+                    "supply.flow_limit": pump if case.pump_l_min is None else case.pump_l_min / LITRES_PER_MINUTE,
+                    "valve.null_opening": opening if case.null_opening_mm is None else case.null_opening_mm / 1000,
                 }
             )
+            _divide_solver_step(actuator, case)
+
+
+def _divide_solver_step(member: Member, case: Case) -> None:
+    published = float(member.description.parameters["solver.step"].start)  # type: ignore[arg-type]
+    member.set({"solver.step": published / case.solver_parts})
 
 
 def recorded(case: Case) -> list[str]:
@@ -432,6 +455,7 @@ def evaluate(case: Case, recording: Recording) -> Row:
         "rms_az": float(np.sqrt(np.mean(az[counts] ** 2))),
         "travel_rms": float(np.sqrt(np.mean(travel**2))),
         "travel_peak": float(np.abs(travel).max()),
+        "travel_over": float(np.mean(np.abs(travel).max(axis=1) > TRAVEL_LIMIT)),
         "tire_rms": float(np.sqrt(np.mean(tire**2))),
         "lift_off": float(np.mean(load <= 0)),
         "real_time_factor": recording.real_time_factor,
@@ -463,7 +487,7 @@ def evaluate(case: Case, recording: Recording) -> Row:
     return row
 
 
-HISTORY_STEP = {"track": 4, "bump": 4, "off-road": 20}  # samples of 1 ms between points of a history
+HISTORY_STEP = {"track": 2, "bump": 2, "off-road": 4}  # samples of 1 ms between points of a history
 
 
 def signals(case: Case, recording: Recording) -> Row:

@@ -19,7 +19,7 @@ from cosim.component import Array
 from cosim.experiments.cases import CaseError, FmuSet, check_choice
 from cosim.experiments.hmmwv_wiring import CONTROL_PERIOD, EXCHANGE, LITRES_PER_MINUTE
 from cosim.experiments.store import RunStore
-from cosim.report import Claims, Figure, Panel, Section, Series, Table
+from cosim.report import Band, Claims, Figure, Panel, Section, Series, Table
 from cosim.report.model import Color, Dash, Scalar
 from fmu_sources.vehicles import load_actuator
 
@@ -66,6 +66,9 @@ SIGNALS: dict[str, tuple[Callable[[float], float], float, float]] = {  # functio
     "step": (step, 1e-3, LATE[1]),
 }
 PUBLISHED = ("square", "sweep", "discrete sweep")  # signals of Figure 1.8
+RISE_MS = 27.0  # of the filter (1.16), section 1.3
+FOLLOWS = 0.10  # rms error over rms desired force; ours
+NEEDLESS = 0.05  # larger rms error up to which the notches are not needed; ours
 
 
 class ForceSignal(PythonComponent):
@@ -372,30 +375,34 @@ def tracking_claims(study: TrackingStudy) -> Claims:
     claim = claims.judge
 
     figures = filter_figures(study)
-    crossing = 1e3 * figures["crossing"]
+    crossing, rise = 1e3 * figures["crossing"], Band.around(RISE_MS)
     claim(
         "tracking-filter",
         "The filter of the desired force rises in about 27 ms",
         "approximately 27 ms",
         f"first at its final value after {crossing:.1f} ms; 10 to 90 % in {1e3 * figures['rise']:.1f} ms",
-        abs(crossing - 27) <= 2.7,
+        crossing in rise,
         "more than 10 % off",
         "Figure 1.4",
         crossing,
         "ms",
+        band=rise,
+        criterion="time until the step response is first at its final value",
+        fitted="the paper does not define its rise time; of the usual definitions this one is the nearest to its figure",
     )
     base = {s: study.error(TrackingCase(s)) for s in PUBLISHED}
-    for signal, limit in (("square", 0.04), ("sweep", 0.12), ("discrete sweep", 0.12)):
-        claim(
+    for signal in PUBLISHED:
+        claims.check(
             f"tracking-{signal.replace(' ', '-')}",
             f"The force follows a {'filtered square wave' if signal == 'square' else signal + ' from 1 to 10 Hz'}",
-            "follows, by eye",
-            f"{100 * base[signal]:.1f} % rms of the smoothed desired force (criterion: {100 * limit:g} %)",
-            base[signal] <= limit,
-            f"above {100 * limit:g} % rms",
+            "follows; the paper shows curves and gives no error",
+            f"{100 * base[signal]:.1f} % rms of the smoothed desired force",
+            base[signal] <= FOLLOWS,
+            f"above {100 * FOLLOWS:g} % rms",
             "Figure 1.8",
-            base[signal],
-            "-",
+            100 * base[signal],
+            "%",
+            criterion=f"rms of force minus smoothed desired force at most {100 * FOLLOWS:g} % of the rms of the latter, without the first 0.5 s",
         )
     filtered = {s: study.error(TrackingCase(s, (("rate.numerical", False),))) for s in PUBLISHED}
     claim(
@@ -408,6 +415,7 @@ def tracking_claims(study: TrackingStudy) -> Claims:
         "section 1.3",
         filtered["square"] / base["square"],
         "-",
+        criterion="smaller rms error under every signal of Figure 1.8; the paper gives no size",
     )
     averaged = {s: study.error(TrackingCase(s, (("average.enabled", True),))) for s in PUBLISHED}
     noisy = [study.rows[VARIANTS["load cell with noise" + also]] for also in ("", ", average (1.14) on")]
@@ -424,6 +432,7 @@ def tracking_claims(study: TrackingStudy) -> Claims:
         "section 1.3",
         averaged["square"] / base["square"],
         "-",
+        criterion="no larger rms error under any signal of Figure 1.8",
     )
     notched = {s: study.error(replace(VARIANTS["notches at heave/pitch and roll on"], signal=s)) for s in PUBLISHED}
     claim(
@@ -431,11 +440,13 @@ def tracking_claims(study: TrackingStudy) -> Claims:
         "Filters at the modes of the body turn out to be unnecessary",
         "not needed",
         ", ".join(f"{s} {100 * base[s]:.1f} without, {100 * notched[s]:.1f} % with" for s in PUBLISHED),
-        all(base[s] <= 1.05 * notched[s] for s in PUBLISHED),
-        "they improve the tracking by more than 5 %",
+        all(base[s] <= (1 + NEEDLESS) * notched[s] for s in PUBLISHED),
+        f"they improve the tracking by more than {100 * NEEDLESS:g} %",
         "section 1.3",
         notched["square"] / base["square"],
         "-",
+        criterion=f"rms error without them at most {100 * NEEDLESS:g} % above that with them, under every signal of Figure 1.8: half of the 10 % that "
+        "count as the same figure",
     )
     return claims
 

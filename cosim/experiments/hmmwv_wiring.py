@@ -34,15 +34,15 @@ def add_car(system: System, fmus: FmuSet, road: str, *, step: str) -> None:
     system.connect_matching("road", "car", "road.*")
 
 
-def add_actuators(system: System, fmus: FmuSet, *, driven: bool) -> None:
+def add_actuators(system: System, fmus: FmuSet, *, driven: bool, step: str = EXCHANGE) -> None:
     """Four hydraulic actuators on the car, shut bypass as published; ``driven``: something sets their valves.
 
-    Car and actuators advance together every 0.5 ms, the car first (Gauss-Seidel): the oil column between them is too stiff
+    Car and actuators advance together every ``step``, the car first (Gauss-Seidel): the oil column between them is too stiff
     for an exchange side by side. They see each other's values of the middle of each step; plain ones would lag by half of it.
     """
     for k in CORNERS:
         actuator = f"actuator_{k}"
-        system.add(actuator, fmus.path("HydraulicActuator"), step=EXCHANGE, start={"bypass.area": 0.0})
+        system.add(actuator, fmus.path("HydraulicActuator"), step=step, start={"bypass.area": 0.0})
         system.connect(f"car.suspension.{k}.velocity", f"{actuator}.piston.velocity", extrapolate=True)
         system.connect(f"{actuator}.force", f"car.force.{k}", extrapolate=True)
         if not driven:

@@ -4,6 +4,7 @@ import dataclasses
 
 import numpy as np
 import pytest
+from hmmwv_made_up import made_up_preview
 
 from cosim import LoopError
 from cosim.experiments import hmmwv_preview as hp
@@ -112,17 +113,7 @@ def test_unknown_filter():
 
 def test_report(small):
     """Every part of the report can be made from few runs."""
-    chains = {(c, h): small[FED] for c in hp.CHAINS for h in hp.HEIGHTS}
-    generated = {
-        "x": [8.0, 8.5, 9.0, 14.5],
-        "map": [0.0, 0.05, 0.0, 0.03],
-        "road": [0.0] * 4,
-        "load": [0.0, 1e3, 0.0, 5e2],
-    }
-    study = hp.PreviewStudy(
-        chains, dict.fromkeys(hp.DRIFTING, small[FED]), dict.fromkeys(hp.SHOWN, small[PRINTED]), small[FED],
-        dict.fromkeys(hp.SPEEDOMETER_ERRORS, generated),
-    )  # fmt: skip
+    study = made_up_preview(small[FED])
     report = Report(experiment="x", title="x", lead="x", claims=hp.claims(study), sections=hp.sections(study))
     assert len(report.claims) == 7
     verdicts = {c.id: c.verdict for c in report.claims}

@@ -6,16 +6,16 @@ import math
 import runpy
 import warnings
 from contextlib import suppress
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from hmmwv_made_up import made_up_tracking
 
 from cosim import ComponentError, StabilityWarning, System
 from cosim.experiments import hmmwv_tracking as tracking
 from cosim.experiments.cases import CaseError, FmuSet
-from cosim.experiments.hmmwv_tracking import PUBLISHED, SIGNALS, VARIANTS, TrackingBench, TrackingCase, TrackingStudy
+from cosim.experiments.hmmwv_tracking import SIGNALS, VARIANTS, TrackingBench, TrackingCase
 from cosim.experiments.store import RunStore
 from cosim.report import Report, write_report
 
@@ -149,27 +149,8 @@ def test_runs_that_do_not_exist(choice, words):
 # ------------------------------------------------------------------------------------------------- study and report
 
 
-def made_up(worse: tuple[str, ...] = ()) -> TrackingStudy:
-    """Rows as of a good law; those of the named variants are ten times worse. The loop is unstable above 1.1."""
-    study = TrackingStudy()
-    for case in tracking.all_cases():
-        names = [n for n, v in VARIANTS.items() if replace(v, signal=case.signal) == case]
-        error = 0.02 * (10 if set(names) & set(worse) else 1.5 if case != TrackingCase(case.signal) else 1)
-        density = dict(case.controller).get("fluid.density", 1.0)
-        study.rows[case] = {
-            "error": error, "error_peak": 100.0, "early": 0.1, "late": 2.0 if density > 1.1 else 0.01,
-            "flow_peak": 44.0, "voltage_peak": 3.0, "voltage_jumps": 0.05, "saturated": 0.0,
-        }  # fmt: skip
-    t = np.arange(0, 10, 0.004)
-    wave = {n: np.sin(t).tolist() for n in ("tracking.force.smoothed", "actuator.force")}
-    study.histories = {s: {"time": t.tolist(), **wave} for s in PUBLISHED}
-    t = np.arange(0, 1.0, 1e-3)
-    study.filter_step = {"time": t.tolist(), "force": (1.01 * (1 - np.exp(-t / 5e-3))).tolist()}
-    return study
-
-
 def test_claims_follow_the_numbers():
-    good = {c.id: c.reproduced for c in tracking.tracking_claims(made_up())}
+    good = {c.id: c.well for c in tracking.tracking_claims(made_up_tracking())}
     assert good == {
         "tracking-filter": False,  # the made-up filter is at 1 after 23 ms
         "tracking-square": True,
@@ -179,7 +160,7 @@ def test_claims_follow_the_numbers():
         "tracking-average": False,
         "tracking-notches": True,
     }
-    bad = {c.id: c.reproduced for c in tracking.tracking_claims(made_up(worse=(next(iter(VARIANTS)),)))}
+    bad = {c.id: c.well for c in tracking.tracking_claims(made_up_tracking(worse=(next(iter(VARIANTS)),)))}
     assert [bad[f"tracking-{n}"] for n in ("square", "sweep", "difference", "average", "notches")] == [
         False,
         False,
@@ -190,7 +171,7 @@ def test_claims_follow_the_numbers():
 
 
 def test_margin_is_where_the_loop_becomes_unstable():
-    study = made_up()
+    study = made_up_tracking()
     assert tracking.largest_stable_density(study) == 1.1
     assert tracking.largest_stable_density(study, leakage=5.0) == 1.1
     for density in tracking.DENSITIES:
@@ -212,7 +193,7 @@ def test_a_small_study_is_kept_and_reported(fmus, tmp_path):
     again = tracking.tracking_study(FmuSet(tmp_path / "nowhere"), store, cases=cases)
     assert again.rows == study.rows
     assert again.histories == study.histories
-    full = made_up()
+    full = made_up_tracking()
     full.filter_step, full.histories = study.filter_step, study.histories
     page = write_report(
         Report(
