@@ -7,7 +7,7 @@ BIN := $(VENV)/bin
 HOST_CC := $(shell command -v $${CC:-cc} || command -v gcc || command -v clang)
 RUN_EXTRAS := $(if $(HOST_CC),,[zig])
 
-.PHONY: run studies test lint bench fmus clean
+.PHONY: run studies test test-full lint bench fmus clean
 
 run: $(VENV)/.run
 	$(BIN)/build-fmus
@@ -23,6 +23,10 @@ studies: run
 test: $(VENV)/.test lint
 	$(BIN)/build-fmus
 	$(BIN)/python -m pytest -n auto --dist loadscope
+
+# Also runs the studies once more and compares every verdict; a study uses all cores by itself.
+test-full: test
+	$(BIN)/python -m pytest -m full
 
 lint: $(VENV)/.test
 	$(BIN)/ruff check .
