@@ -12,6 +12,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
+import safe_files
 from benchmarks import hmmwv_real_time, mpc_solvers, qp_time, trench_plant
 from benchmarks.master_cost import measure
 from cosim import System
@@ -59,7 +60,7 @@ def main() -> None:
             table.add_row(escape(name), f"{value:.3g}")
         Console().print(table)
     if sys.argv[1:2] == ["--json"]:
-        Path(sys.argv[2]).write_text(json.dumps({**results, **programs}, indent=1) + "\n")
+        safe_files.write(sys.argv[2], json.dumps({**results, **programs}, indent=1) + "\n")
 
 
 if __name__ == "__main__":

@@ -8,15 +8,16 @@ imported. The inner one is the object cache of :mod:`build_fmus.compile`.
 from __future__ import annotations
 
 import hashlib
-import json
 import os
+import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from concurrent.futures import ProcessPoolExecutor, as_completed
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib import metadata
 from pathlib import Path
 from typing import Protocol
 
+import safe_files
 from build_fmus import qp_sources
 from build_fmus.compile import toolchain_identity
 
@@ -49,6 +50,7 @@ class Options:
     platform: str = "host"
     arrays: bool = False
     qp: str | None = None  # solver of all quadratic programs instead of each component's own
+    anew_since: int = 0  # ns: what was kept in caches before is not used, see safe_files.anew
 
     @property
     def cache(self) -> Path:
@@ -117,17 +119,24 @@ class Stamps:
 
     def fresh(self, target: Path, key: str) -> bool:
         """Whether ``target`` exists unchanged since it was built from ``key``."""
-        try:
-            stamp = json.loads(self._path(target).read_text())
-            return stamp["key"] == key and stamp["sha256"] == hashlib.sha256(target.read_bytes()).hexdigest()
-        except (OSError, ValueError, KeyError):
+        if not target.is_file():
             return False
+        try:
+            stamp = safe_files.kept_json(self._path(target))
+        except safe_files.NotKept:
+            return False
+        if stamp["key"] != key:
+            return False
+        if stamp["sha256"] != hashlib.sha256(target.read_bytes()).hexdigest():
+            text = f"{target} is not the file that was built there: it is damaged or was exchanged, and is built again"
+            warnings.warn(text, safe_files.DamagedWarning, stacklevel=2)
+            return False
+        return True
 
     def write(self, target: Path, key: str) -> None:
         """Record that ``target`` was built from ``key``."""
-        path = self._path(target)
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(json.dumps({"key": key, "sha256": hashlib.sha256(target.read_bytes()).hexdigest()}))
+        stamp = {"key": key, "sha256": hashlib.sha256(target.read_bytes()).hexdigest()}
+        safe_files.keep_json(self._path(target), stamp)
 
 
 def build(
@@ -147,10 +156,13 @@ def build(
         task: makes and writes one entry's FMUs for the given FMI versions; called in worker processes, so it must be a
             module-level function or a picklable object.
         report: told ``(name, "built" | "up to date")`` as the build goes on.
+        force: build what is up to date too, and use nothing that was kept in caches before.
 
     Returns:
         Names of the entries that were built.
     """
+    if force:
+        options = replace(options, anew_since=safe_files.clock(options.cache))
     stamps = Stamps(options.cache)
     built: list[str] = []
     wanted = with_needs(catalog, names)
@@ -207,7 +219,7 @@ class _Pool:
                 yield name
             return
         if self._executor is None:
-            self._executor = ProcessPoolExecutor(os.cpu_count())
+            self._executor = ProcessPoolExecutor(os.cpu_count(), initializer=safe_files.plain_warnings)
         futures = {self._executor.submit(task, n, options, v): n for n, v in jobs.items()}
         for future in as_completed(futures):
             future.result()

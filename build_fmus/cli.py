@@ -18,6 +18,7 @@ from rich.markup import escape
 from rich.table import Table
 from typer.core import TyperCommand
 
+import safe_files
 from build_fmus import builder
 from build_fmus.builder import Options
 
@@ -102,6 +103,11 @@ def catalog_suffix(path: Path) -> str:
 
 def build_entry(user: UserFiles, name: str, options: Options, versions: tuple[int, ...]) -> None:
     """Make one catalog entry and write its FMUs (runs in worker processes)."""
+    with safe_files.anew(options.anew_since):
+        _build_entry(user, name, options, versions)
+
+
+def _build_entry(user: UserFiles, name: str, options: Options, versions: tuple[int, ...]) -> None:
     from build_fmus.compile import ObjectCache, resolve_platforms
     from build_fmus.package import build_fmu
     from fmu_sources.catalog import PAPERS, Context
@@ -114,11 +120,7 @@ def build_entry(user: UserFiles, name: str, options: Options, versions: tuple[in
     cache = ObjectCache(options.cache / "objects")
     for fmi in versions:
         data = build_fmu(component, fmi, resolve_platforms(options.platform), cache, arrays=options.arrays)
-        target = options.target(name, fmi)
-        target.parent.mkdir(parents=True, exist_ok=True)
-        temporary = target.with_suffix(".tmp")
-        temporary.write_bytes(data)
-        temporary.replace(target)
+        safe_files.write(options.target(name, fmi), data)
 
 
 def build(
@@ -144,7 +146,8 @@ def build(
         reason = error.strerror or error
         raise OSError(f"cannot write to {options.out} ({reason}); choose another directory with --out") from None
     root = Path(fmu_sources.__file__).parent
-    sources = builder.source_hash(root, root.parent / "build_fmus", modules=[root.parent / "cosim"])
+    files = [root.parent / "cosim", root.parent / "safe_files"]
+    sources = builder.source_hash(root, root.parent / "build_fmus", modules=files)
     task = functools.partial(build_entry, user)
     return builder.build(
         catalog, names or list(catalog), options, sources=sources, task=task, report=report, force=force
@@ -248,12 +251,14 @@ def _preview(given: str | None, road: Path | None) -> tuple[int, float] | None:
 
 def main() -> None:
     """Entry point: expected failures end with one line, not a traceback."""
+    safe_files.plain_warnings()
     try:
         app()
     except Stopped:
         console.print("interrupted; finished FMUs are kept")
         sys.exit(130)
     except (ValueError, KeyError, OSError, RuntimeError) as error:
-        message = error.args[0] if isinstance(error, KeyError) and error.args else error
+        message = safe_files.sentence(error) if isinstance(error, OSError) else error
+        message = error.args[0] if isinstance(error, KeyError) and error.args else message
         console.print(f"[red]build-fmus:[/red] {escape(str(message))}", soft_wrap=True)
         sys.exit(1)

@@ -16,11 +16,13 @@ import shutil
 import subprocess
 import sys
 import tempfile
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from importlib import metadata
 from pathlib import Path
+
+import safe_files
 
 _INCLUDE = re.compile(r'^[ \t]*#[ \t]*include[ \t]*"([^"]+)"', re.MULTILINE)
 CFLAGS = ("-O2", "-std=c99", "-ffp-contract=off", "-fvisibility=hidden", "-g0")
@@ -170,7 +172,8 @@ def included_headers(source: Path, include: Sequence[Path]) -> list[Path]:
 
 
 class ObjectCache:
-    """Compiled objects and libraries by content hash; safe for concurrent builds (files appear atomically)."""
+    """Compiled objects and libraries by content hash, themselves checked by a hash of their bytes; safe for concurrent builds
+    (files appear atomically)."""
 
     def __init__(self, directory: Path) -> None:
         self.directory = directory
@@ -179,27 +182,21 @@ class ObjectCache:
         """The shared library built from ``sources``; every object is compiled once per content and toolchain."""
         objects = [self._object(toolchain, s, include) for s in sources]
         key = self._key(toolchain, name.encode(), *(o.name.encode() for o in objects))
-        path = self.directory / f"{key}{toolchain.platform.suffix}"
-        if not path.exists():
-            self._make(path, lambda out: toolchain.link(objects, out))
-        return path
+        return self._kept(key, toolchain.platform.suffix, lambda out: toolchain.link(objects, out))
 
     def _object(self, toolchain: Toolchain, source: Path, include: Sequence[Path]) -> Path:
         headers = included_headers(source, include)
         contents = [source.read_bytes(), *(h.name.encode() + b"\0" + h.read_bytes() for h in headers)]
-        path = self.directory / f"{self._key(toolchain, *contents)}.o"
-        if not path.exists():
-            self._make(path, lambda out: toolchain.compile(source, out, include))
-        return path
+        key = self._key(toolchain, *contents)
+        return self._kept(key, ".o", lambda out: toolchain.compile(source, out, include))
 
     @staticmethod
     def _key(toolchain: Toolchain, *parts: bytes) -> str:
         identity = f"{toolchain.platform.name}|{toolchain.version}|{CFLAGS}".encode()
         return hashlib.sha256(b"\0".join((identity, *parts))).hexdigest()[:32]
 
-    def _make(self, path: Path, build) -> None:  # type: ignore[no-untyped-def]
-        self.directory.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryDirectory(dir=self.directory) as tmp:
-            out = Path(tmp) / path.name
-            build(out)
-            os.replace(out, path)
+    def _kept(self, key: str, suffix: str, build: Callable[[Path], None]) -> Path:
+        try:
+            return safe_files.kept_file(self.directory, key, suffix)
+        except safe_files.NotKept:
+            return safe_files.keep_file(self.directory, key, suffix, build)

@@ -14,6 +14,7 @@ from pathlib import Path
 import fmpy
 import jinja2
 
+import safe_files
 from build_fmus import description, generate, reference
 from build_fmus.compile import ObjectCache, Platform, find_toolchain
 from build_fmus.component import Component, DeclarationError
@@ -52,7 +53,7 @@ def build_fmu(
     content["modelDescription.xml"] = description.model_description(
         component, fmi, token=token, sources=sources, arrays=arrays
     )
-    with tempfile.TemporaryDirectory() as tmp:
+    with tempfile.TemporaryDirectory() as tmp, safe_files.named(tmp):
         for name, data in files.items():
             (Path(tmp) / name).parent.mkdir(exist_ok=True)
             (Path(tmp) / name).write_bytes(data)

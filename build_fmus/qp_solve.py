@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
+import safe_files
 from build_fmus import generate
 from build_fmus.compile import ObjectCache, find_toolchain, host
 from build_fmus.component import Component
@@ -65,7 +66,7 @@ class CompiledPrograms:
 def _library(component: Component) -> ctypes.CDLL:
     files = generate.solver_files(component) | {"qp_exports.c": _EXPORTS.encode()}
     files["fmu_model.h"] = (generate.RUNTIME_DIR / "fmu_model.h").read_bytes()
-    with tempfile.TemporaryDirectory() as tmp:
+    with tempfile.TemporaryDirectory() as tmp, safe_files.named(tmp):
         for name, data in files.items():
             (Path(tmp) / name).parent.mkdir(exist_ok=True)
             (Path(tmp) / name).write_bytes(data)

@@ -18,6 +18,8 @@ from functools import lru_cache
 from importlib import metadata
 from pathlib import Path
 
+import safe_files
+
 DAQP_VERSION = "0.11.0"
 DAQP_SHA256 = "2f27baf18d2acca14186498e651b34e0bed455627e777d3fd8ba655e7e40f920"
 DAQP_VARIABLE = "DAQP_SOURCE"  # a folder or sdist to take instead of the download
@@ -108,10 +110,7 @@ def _daqp_sdist(chosen: Path | None) -> bytes:
     if kept.is_file() and _is_pinned(data := kept.read_bytes()):
         return data
     data = _download(name)
-    kept.parent.mkdir(parents=True, exist_ok=True)
-    with tempfile.TemporaryDirectory(dir=kept.parent) as tmp:
-        (Path(tmp) / name).write_bytes(data)
-        os.replace(Path(tmp) / name, kept)
+    safe_files.write(kept, data)
     return data
 
 

@@ -12,6 +12,7 @@ from rich.markup import escape
 from rich.table import Table
 from typer.core import TyperGroup
 
+import safe_files
 from cosim.experiments import cli_bench, cli_gpc, cli_hmmwv, cli_preview_lq, cli_three_axle, cli_trench
 
 console = Console(stderr=True, highlight=False, soft_wrap=True)
@@ -76,6 +77,7 @@ def main() -> None:
     """Entry point: expected failures end with one message, not a traceback."""
     from cosim.errors import CosimError
 
+    safe_files.plain_warnings()
     try:
         app()
     except Stopped as stopped:
@@ -87,6 +89,6 @@ def main() -> None:
 
 
 def _text(error: Exception) -> str:
-    if isinstance(error, OSError) and error.filename is not None:
-        return f"{error.filename}: {error.strerror}"
+    if isinstance(error, OSError):
+        return safe_files.sentence(error)
     return str(error.args[0] if isinstance(error, KeyError) and error.args else error)

@@ -13,6 +13,8 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
+import safe_files
+
 Array = npt.NDArray[np.float64]
 
 _HEADER = re.compile(r"(.*?)(?: \[(.*)\])?")
@@ -64,12 +66,12 @@ class Recording:
 
     def to_csv(self, path: str | os.PathLike[str]) -> Path:
         """Write `time [s]` and every column with a header `name [unit]`; floats are written so that reading them
-        back gives the same bits. Makes the folder; raises OSError naming the path."""
+        back gives the same bits. Makes the folder; an older file is replaced when the new one is whole. Raises OSError
+        naming the path."""
         path = Path(path)
-        path.parent.mkdir(parents=True, exist_ok=True)
         units = [self.units.get(name, "") for name in self.names]
         header = ["time [s]", *(f"{n} [{u}]" if u else n for n, u in zip(self.names, units, strict=True))]
-        with path.open("w", newline="", encoding="utf-8") as file:
+        with safe_files.opened(path, newline="", encoding="utf-8") as file:
             writer = csv.writer(file, lineterminator="\n")
             writer.writerow(header)
             for t, row in zip(self.time.tolist(), self.data.tolist(), strict=True):

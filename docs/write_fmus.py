@@ -10,6 +10,7 @@ import re
 from collections.abc import Iterable
 from pathlib import Path
 
+import safe_files
 from cosim import Fmu, Variable
 from fmu_sources.catalog import default_catalog
 
@@ -75,4 +76,4 @@ def _start(elements: list[Variable]) -> str:
 
 
 if __name__ == "__main__":
-    (HERE / "fmus.md").write_text(reference(HERE.parent / "fmus"), encoding="utf-8")
+    safe_files.write(HERE / "fmus.md", reference(HERE.parent / "fmus"))

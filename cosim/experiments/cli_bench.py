@@ -12,6 +12,7 @@ from rich.table import Table
 
 from cosim.experiments.cli_options import (
     Fmus,
+    Force,
     Out,
     Vehicles,
     Version,
@@ -62,7 +63,7 @@ def run(
     write_summary(path, measured)
 
 
-def study(fmus: Fmus = Path("fmus"), fmi: Version = 3, out: Out = Path("results")) -> None:
+def study(fmus: Fmus = Path("fmus"), fmi: Version = 3, out: Out = Path("results"), force: Force = False) -> None:
     """Figures 6 to 10 of the paper and its claims; writes results/bench/report.html."""
     from cosim.experiments import bench_report, bench_study
     from cosim.experiments.cases import FmuSet
@@ -73,5 +74,6 @@ def study(fmus: Fmus = Path("fmus"), fmi: Version = 3, out: Out = Path("results"
         "bench", out,
         lambda _, progress: bench_study.study(chosen, progress),
         lambda result, folder: bench_report.write(result, chosen, folder),
+        force=force,
         resumes=False,
     )  # fmt: skip

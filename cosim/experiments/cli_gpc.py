@@ -11,8 +11,10 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
+import safe_files
 from cosim.experiments.cli_options import (
     Fmus,
+    Force,
     Out,
     Processes,
     Version,
@@ -85,6 +87,7 @@ def study(
     fmi: Version = 3,
     vehicle: Vehicle = None,
     out: Out = Path("results"),
+    force: Force = False,
     processes: Processes = None,
 ) -> None:
     """Figures 6 to 12 of the paper and every published claim; writes results/gpc/report.html."""
@@ -96,6 +99,7 @@ def study(
         "gpc", out,
         lambda runs, progress: gpc_study.study(chosen, runs, processes=processes, progress=progress),
         lambda result, folder: gpc_report.write(result, chosen, folder),
+        force=force,
     )  # fmt: skip
 
 
@@ -133,8 +137,7 @@ def identify(
     table = Table("law", "condition", "residual rms (g, deg, deg)", "equals the FMU's", box=None)
     for variant in VARIANTS:
         law = models.law(variant, DesignSettings(h_p=horizon, h_c=control_horizon, R=weight))
-        path = folder / f"{variant}-seed{seed}.json"
-        path.write_text(law.to_json())
+        safe_files.write(folder / f"{variant}-seed{seed}.json", law.to_json())
         with zipfile.ZipFile(chosen.controller(variant)) as z:  # type: ignore[arg-type]
             stored = GpcLaw.from_dict(json.loads(z.read("resources/provenance.json")))
         fit = models.implicit if variant == "implicit" else models.explicit

@@ -10,6 +10,7 @@ from rich.console import Console
 
 from cosim.experiments.cli_options import (
     Fmus,
+    Force,
     MetricRows,
     Out,
     Processes,
@@ -91,6 +92,7 @@ def study(
     fmus: Fmus = Path("fmus"),
     fmi: Version = 3,
     out: Out = Path("results"),
+    force: Force = False,
     processes: Processes = None,
 ) -> None:
     """The vehicle runs of the paper and its claims; writes results/hmmwv/report.html."""
@@ -103,4 +105,5 @@ def study(
         "hmmwv", out,
         lambda runs, progress: hmmwv_study.study(chosen, runs, processes=processes, progress=progress),
         lambda result, folder: hmmwv_report.write(result, chosen, folder),
+        force=force,
     )  # fmt: skip

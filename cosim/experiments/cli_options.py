@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 import tempfile
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
@@ -15,6 +16,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from rich.table import Table
 from rich.text import Text
 
+import safe_files
 from cosim.experiments.cases import FmuSet
 
 Fmus = Annotated[Path, typer.Option(help="directory of the FMUs (see build-fmus)")]
@@ -27,6 +29,7 @@ Vehicles = Annotated[
     ),
 ]
 Processes = Annotated[int | None, typer.Option(help="worker processes (default: all cores)", min=1)]
+Force = Annotated[bool, typer.Option("--force", help="make every run anew; runs stored earlier are discarded")]
 Out = Annotated[Path, typer.Option(help="directory for results")]
 
 Progressed = Callable[[int, int], None]  # called with (done, total)
@@ -64,6 +67,7 @@ def study_page(
     study: Callable[[Path, Progressed], Any],
     write: Callable[[Any, Path], Path],
     *,
+    force: bool = False,
     resumes: bool = True,
 ) -> None:
     """Run a study under a progress bar and write its page.
@@ -72,11 +76,15 @@ def study_page(
         name: of the experiment, and of its folder below ``out``.
         study: called with the folder for finished runs and with what shows progress.
         write: called with the study's result and the folder; gives the path of the page.
+        force: discard finished runs first.
         resumes: as for :func:`progress_bar`.
     """
     folder = make_folder(out / name)
+    runs = folder / ".runs"
+    if force and runs.exists():
+        shutil.rmtree(runs)
     with progress_bar(f"study {name}", resumes=resumes) as progress:
-        result = study(folder / ".runs", progress)
+        result = study(runs, progress)
     console.print(f"report: {write(result, folder)}")
 
 
@@ -106,7 +114,7 @@ def kept_recording(csv: Path) -> Iterator[None]:
 def write_summary(csv: Path, measured: Mapping[str, Any], note: str = "") -> None:
     """The metrics as JSON beside the time histories, and where both are."""
     path = csv.with_suffix(".json")
-    path.write_text(json.dumps(measured, indent=1) + "\n")
+    safe_files.write(path, json.dumps(measured, indent=1) + "\n")
     console.print(f"{csv} and {path.name}{note}")
 
 

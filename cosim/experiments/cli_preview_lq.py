@@ -11,6 +11,7 @@ from rich.table import Table
 
 from cosim.experiments.cli_options import (
     Fmus,
+    Force,
     Out,
     Vehicles,
     Version,
@@ -66,7 +67,7 @@ def run(
     bench.close()
 
 
-def study(fmus: Fmus = Path("fmus"), fmi: Version = 3, out: Out = Path("results")) -> None:
+def study(fmus: Fmus = Path("fmus"), fmi: Version = 3, out: Out = Path("results"), force: Force = False) -> None:
     """Tables 2 and 3, figures 3 to 7 of the paper and its claims; writes results/preview-lq/report.html."""
     from cosim.experiments import preview_lq_report, preview_lq_study
     from cosim.experiments.cases import FmuSet
@@ -77,5 +78,6 @@ def study(fmus: Fmus = Path("fmus"), fmi: Version = 3, out: Out = Path("results"
         "preview-lq", out,
         lambda _, progress: preview_lq_study.study(chosen, progress),
         lambda result, folder: preview_lq_report.write(result, chosen, folder),
+        force=force,
         resumes=False,
     )  # fmt: skip

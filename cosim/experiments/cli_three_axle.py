@@ -10,6 +10,7 @@ from rich.console import Console
 
 from cosim.experiments.cli_options import (
     Fmus,
+    Force,
     Out,
     Processes,
     Vehicles,
@@ -72,6 +73,7 @@ def study(
     fmus: Fmus = Path("fmus"),
     fmi: Version = 3,
     out: Out = Path("results"),
+    force: Force = False,
     processes: Processes = None,
 ) -> None:
     """Table 5.1, Figures 5.4 to 5.14 and the claims on them; writes results/three-axle/report.html."""
@@ -85,4 +87,5 @@ def study(
         "three-axle", out,
         lambda runs, progress: three_axle_study.study(chosen, runs, processes=processes, progress=progress),
         lambda result, folder: three_axle_report.write(result, chosen, folder),
+        force=force,
     )  # fmt: skip

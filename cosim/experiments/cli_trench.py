@@ -10,8 +10,10 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
+import safe_files
 from cosim.experiments.cli_options import (
     Fmus,
+    Force,
     Out,
     Processes,
     Vehicles,
@@ -68,7 +70,7 @@ def run(
     table.add_row("cost", "", *(f"{r['cost']:.0f}" for r in rows.values()))
     table.add_row("outcome", "", *(trench.outcome(r) for r in rows.values()))
     Console().print(table)
-    (folder / "metrics.json").write_text(json.dumps(rows, indent=1) + "\n")
+    safe_files.write(folder / "metrics.json", json.dumps(rows, indent=1) + "\n")
     path = write_report(trench_report.single(case, rows, frames, chosen), folder)
     console.print(f"page with animation: {path}")
 
@@ -80,6 +82,7 @@ def study(
     fmus: Fmus = Path("fmus"),
     fmi: Version = 3,
     out: Out = Path("results"),
+    force: Force = False,
     processes: Processes = None,
 ) -> None:
     """Tables 5.4 to 5.11, what the crossing depends on, and the animation; writes results/trench/report.html."""
@@ -92,4 +95,5 @@ def study(
         "trench", out,
         lambda runs, progress: trench_study.study(chosen, runs, published_only=published_only, processes=processes, progress=progress),
         lambda result, folder: trench_report.write(result, chosen, folder),
+        force=force,
     )  # fmt: skip

@@ -9,6 +9,8 @@ from collections.abc import Callable, Iterable
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from typing import Any
 
+import safe_files
+
 
 def run_tasks(
     work: Callable[[Any], Any],
@@ -56,5 +58,6 @@ def run_tasks(
 
 def _start_worker(initializer: Callable[..., None] | None, initargs: tuple[Any, ...]) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C goes to the parent, which ends the workers
+    safe_files.plain_warnings()
     if initializer is not None:
         initializer(*initargs)

@@ -7,7 +7,7 @@ from importlib import metadata
 from pathlib import Path
 from typing import Any
 
-import cosim
+from build_fmus.sources import code_hash
 from cosim.experiments.cases import FmuSet
 from cosim.experiments.store import content_hash
 from fmu_sources.catalog import PAPERS
@@ -20,10 +20,9 @@ def salt(fmus: Iterable[Path], code: Iterable[str | Path]) -> str:
 
     Args:
         fmus: FMU files.
-        code: modules (``__file__``) between FMUs and metrics; those of the master are added.
+        code: modules (``__file__``) between FMUs and metrics; what they import of this project is added, the master too.
     """
-    master = sorted(Path(cosim.__file__).parent.glob("*.py"))
-    return content_hash([*fmus, *master, *(Path(p) for p in code)]) + "|".join(_versions(COMPUTES).values())
+    return content_hash(fmus) + code_hash(code) + "|".join(_versions(COMPUTES).values())
 
 
 def provenance(fmus: FmuSet, files: Iterable[Path], libraries: Iterable[str] = ()) -> dict[str, Any]:

@@ -4,14 +4,18 @@ from __future__ import annotations
 
 import hashlib
 import json
-import os
 from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
 
+import safe_files
+
 
 class RunStore:
-    """JSON results by key; ``salt`` covers what all runs share (FMU files, code, library versions)."""
+    """JSON results by key; ``salt`` covers what all runs share (FMU files, code, library versions).
+
+    A file that is not what was written is discarded with a warning, and its run is made again.
+    """
 
     def __init__(self, directory: Path, salt: str) -> None:
         self.directory = directory
@@ -22,14 +26,10 @@ class RunStore:
         text = json.dumps(key, sort_keys=True)
         path = self.directory / f"{hashlib.sha256((self.salt + text).encode()).hexdigest()[:32]}.json"
         try:
-            return json.loads(path.read_text())
-        except (OSError, ValueError):
-            pass
-        result = compute()
-        self.directory.mkdir(parents=True, exist_ok=True)
-        temporary = path.with_suffix(f".{os.getpid()}.tmp")
-        temporary.write_text(json.dumps(result))
-        temporary.replace(path)
+            return safe_files.kept_json(path)
+        except safe_files.NotKept:
+            result = compute()
+        safe_files.keep_json(path, result)
         return result
 
 

@@ -23,6 +23,7 @@ import jinja2
 from markupsafe import Markup
 from plotly.offline import get_plotlyjs
 
+import safe_files
 from cosim.errors import CosimError
 from cosim.report.animation import animation_data
 from cosim.report.checks import Scalar
@@ -296,14 +297,8 @@ def _asset(name: str) -> str:
 
 def _write(root: Path, name: str, text: str) -> None:
     path = root / name
-    part = path.with_name(f".{path.name}.{os.getpid()}.part")
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        try:
-            part.write_text(text, encoding="utf-8", newline="\n")
-            os.replace(part, path)
-        finally:
-            part.unlink(missing_ok=True)
+        safe_files.write(path, text)
     except OSError as error:
         raise ReportError(
             f"cannot write {path}: {error.strerror or error}; make '{root}' a directory you may write to, "

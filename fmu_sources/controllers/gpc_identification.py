@@ -10,6 +10,7 @@ import hashlib
 import json
 import warnings
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import asdict, dataclass
 from fractions import Fraction
 from pathlib import Path
@@ -17,6 +18,8 @@ from typing import Any, ClassVar, cast, get_args
 
 import numpy as np
 
+import safe_files
+from build_fmus.sources import code_hash
 from cosim import PythonComponent, System, UnconnectedInputsWarning
 from fmu_sources.controllers.arx import ArxIdentification, identify_arx
 from fmu_sources.controllers.gpc import (
@@ -177,29 +180,14 @@ def published_laws(
     s = settings or IdentificationSettings()
     path = None
     if cache is not None:
-        digest = hashlib.sha256(json.dumps([asdict(s), asdict(DesignSettings())]).encode())
-        here = Path(__file__).parent
-        core = sorted((here.parent.parent / "cosim").glob("*.py"))
-        for p in (
-            plant,
-            road,
-            speed,
-            here / "gpc.py",
-            here / "gpc_design.py",
-            here / "arx.py",
-            here / "checks.py",
-            Path(__file__),
-            *core,
-        ):
+        digest = hashlib.sha256(json.dumps([asdict(s), asdict(DesignSettings()), code_hash([__file__])]).encode())
+        for p in (plant, road, speed):
             digest.update(p.read_bytes())
         path = cache / "laws" / f"{digest.hexdigest()[:32]}.json"
-        if path.exists():
-            return {k: GpcLaw.from_dict(v) for k, v in json.loads(path.read_text()).items()}
+        with suppress(safe_files.NotKept):
+            return {k: GpcLaw.from_dict(v) for k, v in safe_files.kept_json(path).items()}
     models = identify(plant, road, speed, s)
     laws: dict[str, GpcLaw] = {v: models.law(v) for v in VARIANTS}
     if path is not None:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        temporary = path.with_suffix(f".{plant.stem}.{id(laws)}.tmp")
-        temporary.write_text(json.dumps({k: v.to_dict() for k, v in laws.items()}, sort_keys=True))
-        temporary.replace(path)
+        safe_files.keep_json(path, {k: v.to_dict() for k, v in laws.items()})
     return laws

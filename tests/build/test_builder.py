@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+import re
 import sys
+import zipfile
+from contextlib import nullcontext
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import pytest
 
+import safe_files
 from build_fmus import builder, cli
 from build_fmus.builder import Options, Stamps, source_hash, waves, with_needs
+from safe_files import DamagedWarning
 
 
 @dataclass(frozen=True)
@@ -87,7 +92,8 @@ def test_any_change_rebuilds(change: str, tmp_path: Path, task: Recorder, monkey
         options = {"sources": "new code"} if change == "sources" else {"platform": "all"}
         expected = ["A", "B"]
     task.calls.clear()
-    assert build(catalog, ["A", "B"], out, task, **options) == expected
+    with pytest.warns(DamagedWarning) if change in ("damaged", "stamp") else nullcontext():
+        assert build(catalog, ["A", "B"], out, task, **options) == expected
     versions = (2,) if change in ("damaged", "missing", "stamp") else (2, 3)
     assert task.calls == [(n, versions) for n in expected]
 
@@ -180,3 +186,38 @@ def test_list_names_the_whole_catalog(monkeypatch: pytest.MonkeyPatch, capsys: p
     said = capsys.readouterr().out
     for name in cli.load_catalog():
         assert name in said
+
+
+def test_a_damaged_fmu_and_a_changed_stamp_are_named(tmp_path: Path, task: Recorder) -> None:
+    build([Entry("A")], ["A"], tmp_path, task)
+    target = Options(tmp_path).target("A", 3)
+    target.write_text("A 4")
+    with pytest.warns(DamagedWarning, match=f"^{re.escape(str(target))} is not the file that was built there"):
+        assert build([Entry("A")], ["A"], tmp_path, task) == ["A"]
+    stamp = tmp_path / ".cache" / "stamps" / "fmi3-A.json"
+    stamp.write_text(stamp.read_text().replace('"key": "', '"key": "0'))
+    with pytest.warns(DamagedWarning, match=f"^{re.escape(str(stamp))} is damaged"):
+        assert build([Entry("A")], ["A"], tmp_path, task) == ["A"]
+
+
+def test_force_uses_nothing_that_was_kept(tmp_path: Path) -> None:
+    """A cached library that is not the compiler's, with a hash that fits, gets into a build, but not into a forced one."""
+    options = Options(tmp_path, fmi=(3,))
+
+    def binary(**how: bool) -> bytes:
+        options.target("SpeedProfile", 3).unlink(missing_ok=True)
+        assert cli.build(["SpeedProfile"], options, **how) == ["SpeedProfile"]
+        with zipfile.ZipFile(options.target("SpeedProfile", 3)) as z:
+            return next(z.read(n) for n in z.namelist() if n.startswith("binaries/"))
+
+    sound = binary()
+    objects = options.cache / "objects"
+    (library,) = (p for p in objects.iterdir() if p.suffix != ".o")
+    library.unlink()
+    key = library.name.partition("-")[0]
+    safe_files.keep_file(objects, key, library.suffix, lambda out: out.write_bytes(b"another library") and None)
+    old = {p.name: p.stat().st_mtime_ns for p in objects.glob("*.o")}
+    assert binary() == b"another library"
+    assert binary(force=True) == sound
+    assert all(p.stat().st_mtime_ns > old[p.name] for p in objects.glob("*.o"))
+    assert cli.build(["SpeedProfile"], options) == []

@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from build_fmus.compile import ObjectCache, find_toolchain, host, included_headers
+from safe_files import DamagedWarning
 
 
 @pytest.fixture
@@ -45,3 +46,23 @@ def test_an_object_is_compiled_again_when_a_header_that_it_includes_changes(sour
     assert objects(cache, sources) == first
     (sources / "inner" / "beside.h").write_text("#define N 2\n")
     assert len(objects(cache, sources) - first) == 1
+
+
+def test_a_flipped_bit_in_an_object_or_a_library_is_found(sources: Path, tmp_path: Path) -> None:
+    """What is made of a damaged cache has the bytes of a sound one."""
+    cache = ObjectCache(tmp_path / "cache")
+
+    def made() -> bytes:
+        return cache.library(find_toolchain(host()), [sources / "unit.c"], [sources], "unit").read_bytes()
+
+    sound = made()
+    (object_,) = cache.directory.glob("*.o")
+    (library,) = (p for p in cache.directory.iterdir() if p != object_)
+    for damaged in ([object_], [library], [object_, library]):
+        for path in damaged:
+            data = bytearray(path.read_bytes())
+            data[len(data) // 2] ^= 4
+            path.write_bytes(data)
+        with pytest.warns(DamagedWarning) as caught:
+            assert made() == sound
+        assert [str(w.message).split(" ")[0] for w in caught] == [str(p) for p in damaged]

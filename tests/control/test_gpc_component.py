@@ -11,7 +11,9 @@ from fmpy import extract, read_model_description
 from fmpy.fmi2 import FMU2Slave
 from scipy.constants import degree, g
 
+import safe_files
 from build_fmus.reference import simulate
+from fmu_sources.controllers import gpc_identification
 from fmu_sources.controllers.gpc import CORNERS, FORCE_LIMIT, TICKS_PER_SAMPLE, gpc_controller
 from fmu_sources.controllers.gpc_design import GpcLaw
 from fmu_sources.controllers.gpc_identification import (
@@ -127,6 +129,39 @@ def test_laws_are_those_of_the_fmus(built_fmus) -> None:
         with zipfile.ZipFile(built_fmus.path(f"Gpc{variant.capitalize()}", 3)) as z:
             stored = json.loads(z.read("resources/provenance.json"))
         assert stored == json.loads(law.to_json())
+
+
+def test_kept_laws_are_used_only_as_they_were_kept(tmp_path, monkeypatch) -> None:
+    """An edited gain is not used; neither is what was kept before a build that is told to use nothing old."""
+    identified = []
+
+    class Models:
+        def law(self, variant: str) -> GpcLaw:
+            return random_law(variant)
+
+    monkeypatch.setattr(gpc_identification, "identify", lambda *_: identified.append(1) or Models())
+    files = {n: tmp_path / n for n in ("plant", "road", "speed")}
+    for path in files.values():
+        path.write_bytes(path.name.encode())
+
+    def laws() -> dict[str, GpcLaw]:
+        return published_laws(**files, cache=tmp_path)
+
+    first = laws()
+    (kept,) = (tmp_path / "laws").iterdir()
+    assert {v: x.to_json() for v, x in laws().items()} == {v: x.to_json() for v, x in first.items()}
+    assert len(identified) == 1
+    assert "50.0" in kept.read_text()  # the weight of the heave
+    kept.write_text(kept.read_text().replace("50.0", "51.0", 1))
+    with pytest.warns(safe_files.DamagedWarning, match=kept.name):
+        laws()
+    assert len(identified) == 2
+    with safe_files.anew(safe_files.clock(tmp_path) + 10**9):
+        laws()
+    assert len(identified) == 3
+    files["road"].write_bytes(b"another road")
+    laws()
+    assert len(identified) == 4
 
 
 def test_other_orders_and_horizons(built_fmus) -> None:

@@ -1,0 +1,33 @@
+"""Files of results and caches: they appear whole or not at all, and what is kept for later carries a hash.
+
+Beside the three rooms, because all of them write files; it knows of nothing but files.
+"""
+
+from safe_files.kept import (
+    DamagedWarning,
+    NotKept,
+    anew,
+    clock,
+    keep_file,
+    keep_json,
+    kept_file,
+    kept_json,
+    plain_warnings,
+)
+from safe_files.whole import named, opened, sentence, write
+
+__all__ = [
+    "DamagedWarning",
+    "NotKept",
+    "anew",
+    "clock",
+    "keep_file",
+    "keep_json",
+    "kept_file",
+    "kept_json",
+    "named",
+    "opened",
+    "plain_warnings",
+    "sentence",
+    "write",
+]

@@ -1,0 +1,139 @@
+"""What is kept to save work: every entry carries a hash of its content and its name, which is checked when it is read.
+
+A damaged entry is removed with a :class:`DamagedWarning` that names it, and counts as missing.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import sys
+import tempfile
+import warnings
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
+from pathlib import Path
+from typing import Any
+
+from safe_files.whole import named, write
+
+_since: ContextVar[int] = ContextVar("since", default=0)  # ns; entries older than this are not looked at
+
+
+class DamagedWarning(UserWarning):
+    """Something kept is not what was written; it is made again."""
+
+
+class NotKept(LookupError):  # noqa: N818
+    """There is no entry, or none that can be used."""
+
+
+# ------------------------------------------------------------------------------------------------------------ values
+
+
+def keep_json(path: Path, value: Any) -> None:
+    """Keep a JSON value in a file."""
+    write(path, json.dumps({"sha256": _digest(path.name, value), "value": value}) + "\n")
+
+
+def kept_json(path: Path) -> Any:
+    """The value that :func:`keep_json` wrote there.
+
+    Raises:
+        NotKept: no such file, one that is older than :func:`anew` allows, or a damaged one.
+    """
+    if not _usable(path):
+        raise NotKept(path)
+    try:
+        entry = json.loads(path.read_bytes())
+        if entry["sha256"] == _digest(path.name, entry["value"]):
+            return entry["value"]
+    except (ValueError, KeyError, TypeError):
+        pass
+    _discard(path)
+    raise NotKept(path)
+
+
+def _digest(name: str, value: Any) -> str:
+    """Hash of a value as it will be read: JSON has no tuples, and only text as keys."""
+    read = json.loads(json.dumps(value))
+    return hashlib.sha256(f"{name}\0{json.dumps(read, sort_keys=True)}".encode()).hexdigest()
+
+
+# ------------------------------------------------------------------------------------------------------------- files
+
+
+def keep_file(directory: Path, key: str, suffix: str, make: Callable[[Path], None]) -> Path:
+    """Keep the file that ``make`` writes to the path it is given, under a name made of ``key`` and its content's hash."""
+    directory.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory(dir=directory) as folder, named(directory, folder):
+        made = Path(folder) / f"{key}{suffix}"
+        make(made)
+        path = directory / f"{key}-{_file_digest(key, made)}{suffix}"
+        os.replace(made, path)
+    return path
+
+
+def kept_file(directory: Path, key: str, suffix: str) -> Path:
+    """The file that :func:`keep_file` kept under ``key``.
+
+    Raises:
+        NotKept: no such file, one that is older than :func:`anew` allows, or a damaged one.
+    """
+    for path in sorted(directory.glob(f"{key}-*{suffix}")):
+        if path.name == f"{key}-{_file_digest(key, path)}{suffix}":
+            if _usable(path):
+                return path
+        else:
+            _discard(path)
+    raise NotKept(directory / f"{key}{suffix}")
+
+
+def _file_digest(key: str, path: Path) -> str:
+    return hashlib.sha256(f"{key}\0".encode() + path.read_bytes()).hexdigest()[:32]
+
+
+# -------------------------------------------------------------------------------------------------------------- both
+
+
+@contextmanager
+def anew(since: int) -> Iterator[None]:
+    """In the block, entries kept before ``since`` (a time of :func:`clock`, 0 for ever) count as missing."""
+    token = _since.set(since)
+    try:
+        yield
+    finally:
+        _since.reset(token)
+
+
+def clock(directory: Path) -> int:
+    """Now [ns], by the clock that dates the files of a directory."""
+    with named(directory):
+        directory.mkdir(parents=True, exist_ok=True)
+        with tempfile.NamedTemporaryFile(dir=directory) as file:
+            file.write(b".")
+            file.flush()
+            return os.stat(file.name).st_mtime_ns
+
+
+def plain_warnings() -> None:
+    """For programs: show warnings as one line, without the place in the code that gave them."""
+
+    def show(message: Warning | str, *_: Any, **__: Any) -> None:
+        print(f"warning: {message}", file=sys.stderr)
+
+    warnings.showwarning = show
+
+
+def _usable(path: Path) -> bool:
+    try:
+        return path.stat().st_mtime_ns >= _since.get()
+    except OSError:
+        return False
+
+
+def _discard(path: Path) -> None:
+    warnings.warn(f"{path} is damaged: it is discarded and made again", DamagedWarning, stacklevel=3)
+    path.unlink(missing_ok=True)
