@@ -4,40 +4,25 @@ from __future__ import annotations
 
 import functools
 import re
-import sys
 import tempfile
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
-from rich.console import Console
-from rich.markup import escape
 from rich.table import Table
-from typer.core import TyperCommand
 
 import safe_files
-from build_fmus import builder
+from build_fmus import builder, terminal
 from build_fmus.builder import Options
+from build_fmus.compile import PLATFORMS
+from build_fmus.qp_sources import THIRD_PARTY as SOLVERS
+from build_fmus.terminal import Command, PackageVersion, console, one_of, show
 
-app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
-console = Console(stderr=True, highlight=False)
-
-
-class Stopped(Exception):  # noqa: N818
-    """Ctrl-C, on its way through typer, which would end the program without a word."""
-
-
-class Stoppable(TyperCommand):
-    """A command that Ctrl-C ends with a message."""
-
-    def invoke(self, ctx: Any) -> Any:
-        try:
-            return super().invoke(ctx)
-        except KeyboardInterrupt as error:
-            raise Stopped from error
+app = typer.Typer(**terminal.APP)
+FMI = {"2": (2,), "3": (3,), "both": (2, 3)}
 
 
 @dataclass(frozen=True)
@@ -68,37 +53,32 @@ def load_catalog(user: UserFiles | None = None) -> dict[str, Any]:
     if not user.paths:
         return published
     entries: dict[str, Any] = {}
-    if isinstance(user.vehicle, Path):
-        entries = catalog.own_catalog(user.vehicle, catalog_suffix(user.vehicle))
+    vehicle = user.vehicle if isinstance(user.vehicle, Path) else None
+    if vehicle is not None:
+        entries = catalog.own_catalog(vehicle, catalog.catalog_suffix(vehicle))
         if taken := sorted(entries.keys() & published):
-            raise ValueError(f"{user.vehicle} would replace the published {', '.join(taken)}; rename the file")
+            raise ValueError(f"{vehicle} would replace the published {', '.join(taken)}; rename the file")
         needed = {n for e in entries.values() for n in e.needs}
         entries = {n: e for n, e in published.items() if n in needed} | entries
 
-    def add(path: Path, prefix: str, make: Callable[[str], Any]) -> None:
-        name = user.name or f"{prefix}{catalog_suffix(path)}"
+    def add(path: Path, name: str, make: Callable[[str], Any]) -> None:
+        name = user.name or name
         if name in published or name in entries:
             raise ValueError(f"{path} would replace the FMU {name}; rename the file, or choose a name with --name")
         entries[name] = make(name)
 
     if (road := user.road) is not None:
-        add(road, "Road", lambda name: catalog.road_entry(road, name, user.vehicle or "hmmwv_modified", user.preview))
+        name = f"Road{catalog.catalog_suffix(road)}"
+        add(road, name, lambda name: catalog.road_entry(road, name, user.vehicle or "hmmwv_modified", user.preview))
     if (weights := user.weights) is not None:
-        add(weights, "PreviewLq", lambda name: catalog.preview_lq_entry(weights, name, user.period))
+        name = catalog.weights_name(weights, vehicle)
+        add(weights, name, lambda name: catalog.preview_lq_entry(weights, name, user.period, vehicle))
     if user.source is not None:
         own = catalog.own_entry(user.source, user.maker)
         if own.name in published:
             raise ValueError(f"{user.source} would replace the published {own.name}; give the component another name")
         entries[own.name] = own
     return entries
-
-
-def catalog_suffix(path: Path) -> str:
-    """UpperCamelCase of a file name: ``my_truck.toml`` -> ``MyTruck``."""
-    words = re.findall(r"[A-Za-z0-9]+", path.stem)
-    if not words:
-        raise ValueError(f"{path}: FMUs are named after this file, so its name needs letters or digits; rename it")
-    return "".join(w[0].upper() + w[1:] for w in words)
 
 
 def build_entry(user: UserFiles, name: str, options: Options, versions: tuple[int, ...]) -> None:
@@ -154,12 +134,15 @@ def build(
     )  # fmt: skip
 
 
-@app.command(cls=Stoppable)
+@app.command(cls=Command)
 def command(
     names: Annotated[list[str] | None, typer.Argument(help="FMUs to build (all when none is given)")] = None,
-    fmi: Annotated[str, typer.Option(help="FMI version: 2, 3 or both")] = "both",
+    fmi: Annotated[str, typer.Option(metavar=one_of(FMI), help="FMI version")] = "both",
     platform: Annotated[
-        str, typer.Option(help="host, all, or platform tuples such as x86_64-windows,aarch64-linux")
+        str,
+        typer.Option(
+            metavar=one_of(("host", "all", *PLATFORMS)), help="platforms of the binaries, comma between several"
+        ),
     ] = "host",
     vehicle: Annotated[
         str | None,
@@ -174,24 +157,31 @@ def command(
         typer.Option("--from", help="Python file with a component of your own: FILE.py or FILE.py:FUNCTION (make)"),
     ] = None,
     weights: Annotated[
-        Path | None, typer.Option(help="weights file (TOML) to make a preview LQ law of the sedan of")
+        Path | None,
+        typer.Option(
+            help="weights file (TOML) to make a preview LQ law of: of the sedan, or of the car given by --vehicle"
+        ),
     ] = None,
     period: Annotated[float, typer.Option(help="sample time of the law made by --weights [s]")] = 1e-3,
     name: Annotated[str | None, typer.Option(help="name of the FMU made by --road or --weights")] = None,
     out: Annotated[Path, typer.Option(help="directory that receives fmi2/ and fmi3/")] = Path("fmus"),
     fmi3_arrays: Annotated[bool, typer.Option(help="declare vectors and matrices as FMI 3.0 arrays")] = False,
     qp: Annotated[
-        str | None, typer.Option(help="solver of quadratic programs: osqp or daqp (default: each component's own)")
+        str | None,
+        typer.Option(metavar=one_of(SOLVERS), help="solver of quadratic programs (default: each component's own)"),
     ] = None,
-    force: Annotated[bool, typer.Option(help="build even what is up to date")] = False,
+    force: Annotated[
+        bool, typer.Option(help="build what is up to date too, with nothing that was kept in caches")
+    ] = False,
     list_: Annotated[bool, typer.Option("--list", help="list the catalog and stop")] = False,
+    _version: PackageVersion = False,
 ) -> None:
     """Build FMUs from the component declarations."""
-    versions = {"2": (2,), "3": (3,), "both": (2, 3)}.get(fmi)
+    versions = FMI.get(fmi)
     if versions is None:
-        raise ValueError(f"--fmi {fmi}: choose 2, 3 or both")
-    if qp not in (None, "osqp", "daqp"):
-        raise ValueError(f"--qp {qp}: choose osqp or daqp")
+        raise ValueError(f"--fmi {fmi}: choose {_or(FMI)}")
+    if qp is not None and qp not in SOLVERS:
+        raise ValueError(f"--qp {qp}: choose {_or(SOLVERS)}")
     file, _, maker = (from_ or "").partition(":")
     user = UserFiles(
         _vehicle(vehicle, road), road, _preview(preview, road), weights, Path(file) if file else None, maker or "make", name,
@@ -206,7 +196,7 @@ def command(
         table = Table("FMU", "what it is", "needs first", box=None)
         for entry in load_catalog(user).values():
             table.add_row(entry.name, entry.summary, ", ".join(entry.needs))
-        Console().print(table)
+        show(table)
         return
     start = time.perf_counter()
     total = {"built": 0, "up to date": 0}
@@ -220,6 +210,11 @@ def command(
     build(names, options, user=user, force=force, report=report)
     seconds = time.perf_counter() - start
     console.print(f"{total['built']} built, {total['up to date']} up to date in {out}/ ({seconds:.1f} s)")
+
+
+def _or(names: Iterable[str]) -> str:
+    *first, last = names
+    return f"{', '.join(first)} or {last}"
 
 
 def _vehicle(given: str | None, road: Path | None) -> Path | str | None:
@@ -250,15 +245,7 @@ def _preview(given: str | None, road: Path | None) -> tuple[int, float] | None:
 
 
 def main() -> None:
-    """Entry point: expected failures end with one line, not a traceback."""
-    safe_files.plain_warnings()
-    try:
-        app()
-    except Stopped:
-        console.print("interrupted; finished FMUs are kept")
-        sys.exit(130)
-    except (ValueError, KeyError, OSError, RuntimeError) as error:
-        message = safe_files.sentence(error) if isinstance(error, OSError) else error
-        message = error.args[0] if isinstance(error, KeyError) and error.args else message
-        console.print(f"[red]build-fmus:[/red] {escape(str(message))}", soft_wrap=True)
-        sys.exit(1)
+    """Entry point."""
+    terminal.run(
+        "build-fmus", app, (ValueError, KeyError, OSError, RuntimeError), "interrupted; finished FMUs are kept"
+    )

@@ -2,40 +2,23 @@
 
 from __future__ import annotations
 
-import sys
+import re
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
-from rich.console import Console
-from rich.markup import escape
 from rich.table import Table
-from typer.core import TyperGroup
+from rich.text import Text
 
-import safe_files
+from build_fmus import terminal
+from build_fmus.terminal import Command, Commands, PackageVersion, show
 from cosim.experiments import cli_bench, cli_gpc, cli_hmmwv, cli_preview_lq, cli_three_axle, cli_trench
 
-console = Console(stderr=True, highlight=False, soft_wrap=True)
-
-
-class Stopped(Exception):  # noqa: N818
-    """Ctrl-C, on its way through typer, which would end the program without a word."""
-
-
-class Commands(TyperGroup):
-    """Commands that Ctrl-C ends with a message."""
-
-    def invoke(self, ctx: Any) -> Any:
-        try:
-            return super().invoke(ctx)
-        except KeyboardInterrupt as error:
-            raise Stopped(str(error) or "interrupted") from error
-
-
-app = typer.Typer(cls=Commands, add_completion=False, pretty_exceptions_enable=False, no_args_is_help=True)
-run_app = typer.Typer(help="Run one case of an experiment.", no_args_is_help=True)
-study_app = typer.Typer(help="Run a whole published study and write its report.", no_args_is_help=True)
-identify_app = typer.Typer(help="Derive the control laws again from their plant FMU.", no_args_is_help=True)
+GROUP: dict[str, Any] = {**terminal.APP, "no_args_is_help": True}
+app = typer.Typer(cls=Commands, **GROUP)
+run_app = typer.Typer(help="Run one case of an experiment.", **GROUP)
+study_app = typer.Typer(help="Run a whole published study and write its report.", **GROUP)
+identify_app = typer.Typer(help="Derive the control laws again from their plant FMU.", **GROUP)
 app.add_typer(run_app, name="run")
 app.add_typer(study_app, name="study")
 app.add_typer(identify_app, name="identify")
@@ -49,46 +32,54 @@ EXPERIMENTS: dict[str, Any] = {
     "trench": cli_trench,
 }
 for _name, _module in EXPERIMENTS.items():
-    run_app.command(_name)(_module.run)
-    study_app.command(_name)(_module.study)
+    run_app.command(_name, cls=Command)(_module.run)
+    study_app.command(_name, cls=Command)(_module.study)
     if hasattr(_module, "identify"):
-        identify_app.command(_name)(_module.identify)
+        identify_app.command(_name, cls=Command)(_module.identify)
+
+_EVERYWHERE = {"--fmus", "--fmi", "--vehicle", "--out", "--help"}
+"""Options of every experiment, which say nothing about one of them."""
 
 
-@app.command("list")
+@app.callback()
+def cosim(_version: PackageVersion = False) -> None:
+    """Co-simulate FMUs: experiments that repeat published papers, and a look into FMUs of any tool."""
+
+
+@app.command("list", cls=Command)
 def list_experiments() -> None:
-    """List the experiments."""
+    """List the experiments with the options of their runs."""
     table = Table("experiment", "what it is", box=None)
     table.add_column("options", overflow="fold")
+    runs = typer.main.get_command(run_app).commands  # type: ignore[attr-defined]
     for name, module in EXPERIMENTS.items():
-        table.add_row(name, module.TITLE, module.OPTIONS)
-    Console().print(table)
+        table.add_row(name, Text(module.TITLE), Text(_options(runs[name])))
+    show(table)
 
 
-@app.command()
+def _options(command: Any) -> str:
+    """The options of a command in a line: ``--road sine|curb  --speed KM/H  --hold``."""
+    terminal.list_choices(command)
+    shown = []
+    for option in command.params:
+        if option.opts[0] not in _EVERYWHERE:
+            unit = re.search(r"\[([^\]]+)\]", option.help or "")
+            value = option.metavar or (unit[1].upper() if unit else "N")
+            shown.append(option.opts[0] if option.is_flag else f"{option.opts[0]} {value}")
+    return "  ".join(shown)
+
+
+@app.command(cls=Command)
 def fmu(file: Annotated[Path, typer.Argument(help="an .fmu file, of any tool")]) -> None:
     """Show what is in an FMU, ready to wire."""
     from cosim.describe import describe
 
-    Console().print(describe(file))
+    show(describe(file))
 
 
 def main() -> None:
-    """Entry point: expected failures end with one message, not a traceback."""
+    """Entry point."""
     from cosim.errors import CosimError
 
-    safe_files.plain_warnings()
-    try:
-        app()
-    except Stopped as stopped:
-        console.print(escape(str(stopped)))
-        sys.exit(130)
-    except (CosimError, ValueError, LookupError, OSError, RuntimeError) as error:
-        console.print(f"[red]cosim:[/red] {escape(_text(error))}")
-        sys.exit(1)
-
-
-def _text(error: Exception) -> str:
-    if isinstance(error, OSError):
-        return safe_files.sentence(error)
-    return str(error.args[0] if isinstance(error, KeyError) and error.args else error)
+    failures = (CosimError, ValueError, LookupError, OSError, RuntimeError)
+    terminal.run("cosim", app, failures, "interrupted")

@@ -6,6 +6,7 @@ Importing this module costs nothing: makers import their modules when called.
 from __future__ import annotations
 
 import difflib
+import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import partial
@@ -15,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from build_fmus.component import Component
     from fmu_sources.roads import RoadLayout
+    from fmu_sources.vehicles import Vehicle
 
 
 PAPERS = {
@@ -61,7 +63,7 @@ def default_catalog() -> dict[str, Entry]:
         *_family(_SENSORS, _SENSOR_FILE, "Hmmwv"),
         *_family(_SEDAN, "sedan", "Sedan"),
         *_family(_QUARTER_CAR, "quarter_car_hmmwv", "Hmmwv"),
-        *_family(_BENCH, "quarter_car_bench", "Bench"),
+        *_family(_BENCH | _BENCH_LAWS, "quarter_car_bench", "Bench"),
         *(Entry(name, summary, _plain(module, maker)) for name, (module, maker, summary) in _PLAIN.items()),
         *_family(_THREE_AXLE, "three_axle", ""),
         *_family(_TRENCH, "three_axle_trench", ""),
@@ -79,34 +81,57 @@ def own_catalog(path: Path, suffix: str) -> dict[str, Entry]:
     Raises:
         VehicleError: the file is missing or has a mistake.
     """
-    from fmu_sources.vehicles import RideCar, load_vehicle
+    from fmu_sources.vehicles import load_vehicle
 
     vehicle = load_vehicle(path)
     if vehicle.kind == "full_car":
         return vehicle_catalog(path, plant=f"FullCar{suffix}", suffix=suffix)
     families = [_family(parts, path, suffix, own=True, about=f", {path.name}") for parts, _ in _KINDS[vehicle.kind]]
     entries = {e.name: e for family in families for e in family}
-    if isinstance(vehicle, RideCar) and any(t.damping.value for t in (vehicle.tire.front, vehicle.tire.rear)):
-        # These laws take the height of the road for the only disturbance; tyre damping adds its rate.
-        entries = {n: e for n, e in entries.items() if not n.startswith("PreviewLq")}
+    if no_preview_lq(vehicle):
+        entries = {n: e for n, e in entries.items() if not n.startswith(_PREVIEW_LQ)}
     return entries
+
+
+def no_preview_lq(vehicle: Vehicle) -> str:
+    """Why there is no preview LQ law of a vehicle, as the end of a sentence about its file; empty when there is one."""
+    from fmu_sources.vehicles import RideCar
+
+    if not isinstance(vehicle, RideCar):
+        return f"describes a {vehicle.kind!r}, and preview LQ laws are made of a 'ride_car'"
+    damped = {axle: tire.damping for axle in ("front", "rear") if (tire := getattr(vehicle.tire, axle)).damping.value}
+    if damped:
+        # These laws take the height of the road for the only disturbance; tire damping adds its rate.
+        values = ", ".join(f"tire.{axle}.damping = {d.value:g} {d.unit}" for axle, d in damped.items())
+        return f"gives tires damping ({values}), and preview LQ laws are for tires without"
+    return ""
+
+
+def catalog_suffix(path: Path) -> str:
+    """What names of FMUs made of a file end in, UpperCamelCase of its name: ``my_truck.toml`` -> ``MyTruck``."""
+    words = re.findall(r"[A-Za-z0-9]+", path.stem)
+    if not words:
+        raise ValueError(f"{path}: FMUs are named after this file, so its name needs letters or digits; rename it")
+    return "".join(w[0].upper() + w[1:] for w in words)
+
+
+def weights_name(weights: Path, vehicle: Path | None = None) -> str:
+    """Name of the preview LQ law with a user's weights, of the sedan or of a user's vehicle."""
+    return f"{_PREVIEW_LQ}{catalog_suffix(weights)}{'' if vehicle is None else catalog_suffix(vehicle)}"
 
 
 def own_names(path: Path, suffix: str) -> dict[str, str]:
     """Published names -> names of what :func:`own_catalog` makes in their place, for experiments on a user's vehicle.
 
     Raises:
-        VehicleError: the file is missing or has a mistake, or is a full car (whose experiment has names of its own).
+        VehicleError: the file is missing or has a mistake.
     """
-    from fmu_sources.vehicles import VehicleError, load_vehicle
+    from fmu_sources.vehicles import load_vehicle
 
-    kind = load_vehicle(path).kind
-    if kind not in _KINDS:
-        raise VehicleError(f"{path}: this file describes a {kind!r}; only the experiment gpc runs with one")
     made = own_catalog(path, suffix)
     names = {
         template.format(v=called, s=""): template.format(v=suffix, s=suffix)
-        for parts, published in _KINDS[kind]
+        for parts, published in _KINDS.get(load_vehicle(path).kind, ())  # a full car's experiment has names of its own
         for template in parts
         for called in published
     }
@@ -161,13 +186,27 @@ def road_entry(path: Path, name: str, vehicle: str | Path = "hmmwv_modified", pr
     return Entry(name, f"road from {path.name}", make, files=files, choices=f"{vehicle} {preview}")
 
 
-def preview_lq_entry(path: Path, name: str, period: float = 1e-3) -> Entry:
-    """A preview LQ law of the sedan with a user's weights, at any sample time [s]."""
+def preview_lq_entry(path: Path, name: str, period: float = 1e-3, vehicle: Path | None = None) -> Entry:
+    """A preview LQ law with a user's weights, at any sample time [s], of the sedan or of a user's ``vehicle``.
+
+    Raises:
+        VehicleError: the vehicle's file has a mistake, or there is no such law of it.
+    """
+    from fmu_sources.vehicles import VehicleError, load_vehicle
+
+    if vehicle is not None and (reason := no_preview_lq(load_vehicle(vehicle))):
+        raise VehicleError(f"{vehicle}: this file {reason}; --weights needs another one, or none for the sedan")
+    source, called = ("sedan", "Sedan") if vehicle is None else (vehicle, catalog_suffix(vehicle))
+    about = "" if vehicle is None else f", {vehicle.name}"
 
     def make(_: Context) -> Component:
-        return _preview_lq("sedan", name, "Sedan", weights=path, period=period)
+        component = _preview_lq(source, name, called, weights=path, period=period)
+        if vehicle is not None:
+            component.description += f"; made for {vehicle.name}"
+        return component
 
-    return Entry(name, f"preview LQ law with the weights of {path.name}", make, files=(path,), choices=str(period))
+    summary = f"preview LQ law with the weights of {path.name}{about}"
+    return Entry(name, summary, make, files=(path, *_files(source)), choices=f"{period} {called}")
 
 
 def own_entry(path: Path, maker: str = "make") -> Entry:
@@ -220,6 +259,7 @@ Source = str | Path  # of a vehicle: the name of a published file, or a file of 
 Preview = tuple[int, float]  # heights ahead, and the time between them [s]
 Make = Callable[..., "Component"]  # called with the vehicle's source, the FMU's name, and what the vehicle is called
 
+_PREVIEW_LQ = "PreviewLq"  # begins the names of these laws
 _SENSOR_FILE = "sensors_hmmwv"
 _HMMWV_FILE = "ride_car_hmmwv"
 GPC_PREVIEW, MPC_PREVIEW, LQ_PREVIEW, CROSSING_PREVIEW = (8, 0.010), (16, 0.030), (48, 0.005), (50, 0.005)
@@ -433,6 +473,8 @@ _SEDAN: dict[str, tuple[str, Make]] = {
 _QUARTER_CAR: dict[str, tuple[str, Make]] = {"QuarterCar{v}": ("quarter car of the HMMWV (paper 001)", _quarter_car)}
 _BENCH: dict[str, tuple[str, Make]] = {
     "QuarterCar{v}": ("quarter-car bench of paper 002", _bench),
+}
+_BENCH_LAWS: dict[str, tuple[str, Make]] = {
     "Lqr{v}": ("LQR of the quarter-car bench (paper 002)", _bench_controller("lqr_bench")),
     "Mpc{v}": ("MPC of the quarter-car bench (paper 002)", _bench_controller("mpc_bench")),
     "Mpc{v}Moves": ("MPC of the bench, weight on the moves (paper 002)", _bench_controller("mpc_bench_moves")),
@@ -466,7 +508,7 @@ _ACTUATOR: dict[str, tuple[str, Make]] = {
     "ForceTracking{v}": ("hydraulic force tracking (paper 001)", _of_actuator("controllers.force_tracking", "force_tracking")),
 }  # fmt: skip
 _KINDS: dict[str, tuple[tuple[dict[str, tuple[str, Make]], tuple[str, ...]], ...]] = {
-    "quarter_car": ((_QUARTER_CAR, ("Hmmwv", "Bench")),),
+    "quarter_car": ((_QUARTER_CAR, ("Hmmwv", "Bench")), (_BENCH_LAWS, ("Bench",))),
     "ride_car": ((_HMMWV, ("Hmmwv",)), (_SEDAN, ("Sedan",))),
     "three_axle": ((_THREE_AXLE, ("",)),),
     "three_axle_trench": ((_TRENCH, ("",)), (_THREE_AXLE, ("",))),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import shlex
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -28,25 +29,26 @@ def check_choice(what: str, value: str, known: Collection[str]) -> None:
 class FmuSet:
     """Which FMU files an experiment uses.
 
-    ``own``: FMUs of a user's vehicle files that stand in for published ones: published name -> name, file.
+    ``own``: FMUs of a user's files that stand in for published ones or beside them: published name -> name, and the options of
+    ``build-fmus`` that make it.
     """
 
     directory: Path = Path("fmus")
     fmi: int = 3
-    own: Mapping[str, tuple[str, Path]] = field(default_factory=dict, hash=False)
+    own: Mapping[str, tuple[str, str]] = field(default_factory=dict, hash=False)
 
     def path(self, name: str) -> Path:
         """An FMU file; FileNotFoundError that says how to build it."""
-        used, vehicle = self.own.get(name, (name, None))
+        used, options = self.own.get(name, (name, ""))
         path = self.directory / f"fmi{self.fmi}" / f"{used}.fmu"
         if not path.is_file():
-            raise FileNotFoundError(f"{path} does not exist: run `{self.build_command(vehicle)}` first")
+            raise FileNotFoundError(f"{path} does not exist: run `{self.build_command(options)}` first")
         return path
 
     def paths(self, names: Iterable[str]) -> list[Path]:
         """Several FMU files: all are there, or FileNotFoundError names the first that is not."""
         return [self.path(n) for n in names]
 
-    def build_command(self, vehicle: Path | str | None = None) -> str:
-        """The command that makes the files, those of a vehicle file or the published ones."""
-        return f"build-fmus{f' --vehicle {vehicle}' if isinstance(vehicle, Path) else ''} --out {self.directory}"
+    def build_command(self, options: str = "") -> str:
+        """The command that makes the files, those of a user's files or the published ones."""
+        return " ".join(["build-fmus", *([options] if options else []), "--out", shlex.quote(str(self.directory))])

@@ -6,10 +6,10 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
+from build_fmus.terminal import OneOf, show
 from cosim.experiments.cli_options import (
     Fmus,
     Force,
@@ -25,14 +25,15 @@ from cosim.experiments.cli_options import (
 )
 
 TITLE = "LQR and MPC on a quarter-car bench (paper 002)"
-OPTIONS = (
-    "--controller passive|lqr|lqr-clipped|mpc|mpc-moves  --road bump|random  --duration S  --height MM  --encoders"
-)
 
 
 def run(
-    controller: Annotated[str, typer.Option(help="passive, lqr, lqr-clipped, mpc or mpc-moves")] = "mpc",
-    road: Annotated[str, typer.Option(help="bump or random")] = "bump",
+    controller: Annotated[
+        str, typer.Option(metavar=OneOf("cosim.experiments.bench:SYSTEMS"), help="control of the bench")
+    ] = "mpc",
+    road: Annotated[
+        str, typer.Option(metavar=OneOf("cosim.experiments.bench:ROADS"), help="motion of the road")
+    ] = "bump",
     duration: Annotated[float, typer.Option(help="duration of the bump [s]")] = 0.5,
     height: Annotated[float, typer.Option(help="height of the bump [mm]")] = 20.0,
     encoders: Annotated[bool, typer.Option(help="states from quantised encoders")] = False,
@@ -47,7 +48,7 @@ def run(
     from cosim.experiments import bench as experiment
 
     case = experiment.Case(controller, road, duration, height / 1e3, encoders)
-    bench = experiment.Bench(fmu_set(fmus, fmi, vehicle))
+    bench = experiment.Bench(fmu_set("bench", fmus, fmi, vehicle))
     path = make_folder(out / "bench") / f"{case.label}.csv"
     measured = {"passive": experiment.metrics(bench.record(replace(case, system="passive", encoders=False)))}
     with kept_recording(path):
@@ -57,7 +58,7 @@ def run(
     table = Table("metric", *measured, box=None)
     for key, (text, unit, factor) in experiment.UNITS.items():
         table.add_row(escape(f"{text} [{unit}]"), *(f"{factor * m[key]:.4g}" for m in measured.values()))
-    Console().print(table)
+    show(table)
     if "controller.command.held" in recording and recording["controller.command.held"].any():
         console.print("command.held: the solver found no solution at some samples; the last force was kept")
     write_summary(path, measured)

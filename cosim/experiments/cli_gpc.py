@@ -8,10 +8,10 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.console import Console
 from rich.table import Table
 
 import safe_files
+from build_fmus.terminal import OneOf, show
 from cosim.experiments.cli_options import (
     Fmus,
     Force,
@@ -27,27 +27,34 @@ from cosim.experiments.cli_options import (
 )
 
 TITLE = "Full car under generalized predictive control on three roads (paper 000)"
-OPTIONS = "--road sine|curb|perryman3  --speed KM/H  --controller passive|implicit|explicit|preview  --weight R"
 
 Vehicle = Annotated[Path | None, typer.Option(help="vehicle file that the FMUs were built for (build-fmus --vehicle)")]
 
 
 def _fmu_set(fmus: Path, fmi: int, vehicle: Path | None):  # type: ignore[no-untyped-def]
-    from build_fmus.cli import catalog_suffix
     from cosim.experiments.gpc import GpcFmuSet
-    from fmu_sources.vehicles import load_full_car
+    from cosim.experiments.own_files import load_own
+    from fmu_sources.catalog import catalog_suffix
 
     if vehicle is None:
         return GpcFmuSet(fmus, fmi=fmi)
-    load_full_car(vehicle)  # names a missing file or a mistake in it
+    load_own("gpc", vehicle)  # names a missing file or a mistake in it
     suffix = catalog_suffix(vehicle)
     return GpcFmuSet(fmus, plant=f"FullCar{suffix}", suffix=suffix, vehicle=vehicle, fmi=fmi)
 
 
 def run(
-    road: Annotated[str, typer.Option(help="sine, curb or perryman3, or the path of a road FMU of your own")] = "sine",
+    road: Annotated[
+        str,
+        typer.Option(
+            metavar=OneOf("cosim.experiments.gpc:ROADS", "FILE.fmu"),
+            help="road under the wheels, or the path of a road FMU of your own",
+        ),
+    ] = "sine",
     speed: Annotated[float, typer.Option(help="speed [km/h]")] = 50.0,
-    controller: Annotated[str, typer.Option(help="passive, implicit, explicit or preview")] = "preview",
+    controller: Annotated[
+        str, typer.Option(metavar=OneOf("cosim.experiments.gpc:CONTROLLERS"), help="control law")
+    ] = "preview",
     weight: Annotated[float, typer.Option(help="control weight R [1/N2]")] = 1e-7,
     seed: Annotated[int, typer.Option(help="seed of the identification run", min=0)] = 0,
     hold: Annotated[bool, typer.Option(help="explicit only: let the last road height continue ahead")] = False,
@@ -78,7 +85,7 @@ def run(
     if controller != "passive":
         gain = improvement(measured[controller]["response"], measured["passive"]["response"])
         table.add_row("response improvement", "", f"{gain:.3f}")
-    Console().print(table)
+    show(table)
     write_summary(path, measured, f"; {recording.real_time_factor:.0f}x real time")
 
 
@@ -144,5 +151,5 @@ def identify(
         same = "yes" if stored.to_dict() == json.loads(law.to_json()) else "no"
         residual = ", ".join(f"{x:.2g}" for x in fit.residual_rms)
         table.add_row(variant, f"{fit.condition:.3g}", residual, same)
-    Console().print(table)
+    show(table)
     console.print(f"{folder}/: the laws with their gains and provenance as JSON")

@@ -6,8 +6,8 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.console import Console
 
+from build_fmus.terminal import OneOf, show
 from cosim.experiments.cli_options import (
     Fmus,
     Force,
@@ -26,10 +26,6 @@ from cosim.experiments.cli_options import (
 )
 
 TITLE = "HMMWV with hydraulic actuators: comfort over bumps and off road (paper 001)"
-OPTIONS = (
-    "--road track|bump|off-road  --controller passive|zero|skyhook|lqr|lqr-kilonewton|mpc|mpc-preview  "
-    "--actuators hydraulic|ideal  --states true|estimated  --preview generated|sensed"
-)
 _ROWS: MetricRows = {
     "absorbed power (published figure) [W]": ("absorbed_power", "{:.2f}"),
     "absorbed power, peak over 1 s [W]": ("absorbed_power_peak", "{:.2f}"),
@@ -47,13 +43,36 @@ _ROWS: MetricRows = {
 
 
 def run(
-    road: Annotated[str, typer.Option(help="track, bump or off-road")] = "track",
+    road: Annotated[
+        str, typer.Option(metavar=OneOf("cosim.experiments.hmmwv:ROADS"), help="road under the wheels")
+    ] = "track",
     controller: Annotated[
-        str, typer.Option(help="passive, zero, skyhook, lqr, lqr-kilonewton, mpc or mpc-preview")
+        str,
+        typer.Option(
+            metavar=OneOf("cosim.experiments.hmmwv:CONTROLLERS"),
+            help="control law; zero: actuators that are asked for no force",
+        ),
     ] = "mpc-preview",
-    actuators: Annotated[str, typer.Option(help="hydraulic, or ideal: the force that is asked for")] = "hydraulic",
-    states: Annotated[str, typer.Option(help="true, or estimated by the Kalman filter from noisy sensors")] = "true",
-    preview: Annotated[str, typer.Option(help="generated: a known profile; sensed: by range sensors")] = "generated",
+    actuators: Annotated[
+        str,
+        typer.Option(
+            metavar=OneOf("cosim.experiments.hmmwv:ACTUATORS"), help="ideal ones give the force that is asked for"
+        ),
+    ] = "hydraulic",
+    states: Annotated[
+        str,
+        typer.Option(
+            metavar=OneOf("cosim.experiments.hmmwv:STATES"),
+            help="states that the controller gets; estimated: by the Kalman filter from noisy sensors",
+        ),
+    ] = "true",
+    preview: Annotated[
+        str,
+        typer.Option(
+            metavar=OneOf("cosim.experiments.hmmwv:PREVIEWS"),
+            help="where the preview is from: a known profile, or range sensors",
+        ),
+    ] = "generated",
     speed: Annotated[float, typer.Option(help="speed [km/h]; the paper drives 20 mph")] = 32.18688,
     variant: Annotated[
         int, typer.Option(help="place of the bump between two control samples, or off-road stretch")
@@ -69,11 +88,14 @@ def run(
 ) -> None:
     """One run: absorbed power and the rest beside the passive car's; time histories as CSV."""
     from cosim.experiments.hmmwv import Case, HmmwvBench, evaluate, remarks
+    from cosim.experiments.own_files import check_friction
 
     case = Case(
         road, controller, actuators, states, preview, speed, variant, preview_steps, preview_error, flow_limit, friction
     )
-    bench = HmmwvBench(fmu_set(fmus, fmi, vehicle))
+    if friction and vehicle:
+        check_friction(vehicle)
+    bench = HmmwvBench(fmu_set("hmmwv", fmus, fmi, vehicle))
     path = make_folder(out / "hmmwv") / f"{case.label}.csv"
     with kept_recording(path):
         recording = bench.record(case, progress=True, csv=path)
@@ -81,7 +103,7 @@ def run(
     if controller != "passive":
         passive = Case(road, "passive", speed_kmh=speed, variant=variant, friction=friction)
         measured = {"passive": bench.measure(passive), **measured}
-    Console().print(metric_table(measured, _ROWS))
+    show(metric_table(measured, _ROWS))
     for remark in remarks(recording):
         console.print(f"note: {remark}")
     write_summary(path, measured, f"; {recording.real_time_factor:.0f}x real time")

@@ -11,20 +11,21 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
-from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 from rich.table import Table
 from rich.text import Text
 
 import safe_files
+from build_fmus.terminal import console
 from cosim.experiments.cases import FmuSet
 
 Fmus = Annotated[Path, typer.Option(help="directory of the FMUs (see build-fmus)")]
-Version = Annotated[int, typer.Option(help="FMI version of the FMUs to use: 2 or 3", min=2, max=3)]
+Version = Annotated[int, typer.Option(metavar="2|3", help="FMI version of the FMUs to use", min=2, max=3)]
 Vehicles = Annotated[
     list[Path] | None,
     typer.Option(
         "--vehicle",
+        metavar="FILE",
         help="vehicle, actuator or sensors file whose FMUs are used instead (build-fmus --vehicle); several may be given",
     ),
 ]
@@ -35,8 +36,6 @@ Out = Annotated[Path, typer.Option(help="directory for results")]
 Progressed = Callable[[int, int], None]  # called with (done, total)
 MetricRows = Mapping[str, tuple[str, str] | tuple[str, str, float]]
 """Label -> key, format, and a factor where the label has another unit than the metric."""
-
-console = Console(stderr=True, highlight=False, soft_wrap=True)
 
 
 @contextmanager
@@ -118,23 +117,13 @@ def write_summary(csv: Path, measured: Mapping[str, Any], note: str = "") -> Non
     console.print(f"{csv} and {path.name}{note}")
 
 
-def fmu_set(fmus: Path, fmi: int, vehicles: list[Path] | None) -> FmuSet:
-    """The FMUs of an experiment, with those of a user's vehicle files in place of published ones.
+def fmu_set(experiment: str, fmus: Path, fmi: int, vehicles: list[Path] | None, weights: Path | None = None) -> FmuSet:
+    """The FMUs of an experiment, with those of a user's files; see :func:`cosim.experiments.own_files.own_fmus`."""
+    if not vehicles and weights is None:
+        return FmuSet(fmus, fmi)
+    from cosim.experiments.own_files import own_fmus
 
-    Raises:
-        VehicleError: a file that cannot be used.
-        ValueError: two files that make the same FMU.
-    """
-    from build_fmus.cli import catalog_suffix
-    from fmu_sources.catalog import own_names
-
-    own: dict[str, tuple[str, Path]] = {}
-    for file in vehicles or ():
-        for published, name in own_names(file, catalog_suffix(file)).items():
-            if published in own:
-                raise ValueError(f"{own[published][1]} and {file} both give another {published}; choose one of them")
-            own[published] = name, file
-    return FmuSet(fmus, fmi, own)
+    return own_fmus(experiment, fmus, fmi, vehicles, weights)
 
 
 def make_folder(path: Path) -> Path:

@@ -6,9 +6,9 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.console import Console
 from rich.table import Table
 
+from build_fmus.terminal import OneOf, show
 from cosim.experiments.cli_options import (
     Fmus,
     Force,
@@ -24,16 +24,30 @@ from cosim.experiments.cli_options import (
 )
 
 TITLE = "Optimal preview LQ control of a seven-degree car (paper 004)"
-OPTIONS = "--input both|left  --weights comfort|road-holding|comfort-5ms  --system passive|active|delay|preview  --preview-time S"
 
 
 def run(
-    input: Annotated[str, typer.Option(help="which wheels meet hole and bump: both or left")] = "both",
-    weights: Annotated[str, typer.Option(help="comfort, road-holding or comfort-5ms")] = "comfort",
-    system: Annotated[str, typer.Option(help="passive, active, delay or preview")] = "preview",
+    input: Annotated[
+        str, typer.Option(metavar=OneOf("cosim.experiments.preview_lq:INPUTS"), help="wheels that meet hole and bump")
+    ] = "both",
+    weights: Annotated[
+        str,
+        typer.Option(
+            metavar=OneOf("cosim.experiments.preview_lq:CONTROLLERS", "FILE.toml"),
+            help="weights of the law, or a file of your own (build-fmus --weights)",
+        ),
+    ] = "comfort",
+    system: Annotated[
+        str,
+        typer.Option(
+            metavar=OneOf("cosim.experiments.preview_lq:SYSTEMS"), help="what the controller uses of the road"
+        ),
+    ] = "preview",
     preview_time: Annotated[float, typer.Option(help="preview ahead of the front wheels [s]")] = 0.12,
     speed: Annotated[float, typer.Option(help="speed [km/h]")] = 75.0,
-    shape: Annotated[str, typer.Option(help="haversine, sine, triangle or step")] = "haversine",
+    shape: Annotated[
+        str, typer.Option(metavar=OneOf("cosim.experiments.preview_lq:SHAPES"), help="shape of hole and bump")
+    ] = "haversine",
     hold_tail: Annotated[bool, typer.Option(help="take the road to continue at its last height")] = False,
     fmus: Fmus = Path("fmus"),
     fmi: Version = 3,
@@ -46,7 +60,9 @@ def run(
     from cosim.experiments import preview_lq as experiment
 
     case = experiment.Case(input, weights, system, preview_time, speed, shape, hold_tail)
-    bench = experiment.PreviewLqBench(fmu_set(fmus, fmi, vehicle))
+    fmu_files = fmu_set("preview-lq", fmus, fmi, vehicle, case.own_weights)
+    experiment.check_weights(fmu_files, case)
+    bench = experiment.PreviewLqBench(fmu_files)
     path = make_folder(out / "preview-lq") / f"{case.label}.csv"
     with kept_recording(path):
         recording = bench.record(case, csv=path)
@@ -60,7 +76,7 @@ def run(
         value = measured[system][key]
         share = f"{100 * value / base:.1f}" if base > 1e-20 else "-"
         table.add_row(key, *(f"{m[key]:.4g}" for m in measured.values()), share)
-    Console().print(table)
+    show(table)
     if system != "passive" and recording["controller.horizon_truncated"].any():
         console.print("horizon_truncated: preview or memory end before the horizon that was asked for")
     write_summary(path, measured)

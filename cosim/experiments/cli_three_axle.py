@@ -6,8 +6,8 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.console import Console
 
+from build_fmus.terminal import OneOf, show
 from cosim.experiments.cli_options import (
     Fmus,
     Force,
@@ -24,9 +24,6 @@ from cosim.experiments.cli_options import (
 )
 
 TITLE = "6x6 on shallow trenches: LQR and predictive control with preview (paper 003)"
-OPTIONS = (
-    "--speed KM/H  --depth M  --system passive|lqr|mpc|mpc-preview  --estimator measured|offsets|road  --hold-height"
-)
 _ROWS = {
     "peak pitch error at the trench [deg]": ("peak_error_deg", "{:.4f}"),
     "rms pitch error at the trench [deg]": ("rms_error_deg", "{:.4f}"),
@@ -43,9 +40,14 @@ _ROWS = {
 def run(
     speed: Annotated[float, typer.Option(help="speed [km/h]")] = 5.0,
     depth: Annotated[float, typer.Option(help="depth of the trench [m]")] = 0.15,
-    system: Annotated[str, typer.Option(help="passive, lqr, mpc or mpc-preview")] = "mpc-preview",
+    system: Annotated[
+        str, typer.Option(metavar=OneOf("cosim.experiments.three_axle:SYSTEMS"), help="control law")
+    ] = "mpc-preview",
     estimator: Annotated[
-        str, typer.Option(help="of the predictive controllers: measured, offsets or road")
+        str,
+        typer.Option(
+            metavar=OneOf("cosim.experiments.three_axle:ESTIMATORS"), help="observer of the predictive controllers"
+        ),
     ] = "offsets",
     hold_height: Annotated[bool, typer.Option(help="weigh the height of the body too")] = False,
     fmus: Fmus = Path("fmus"),
@@ -57,14 +59,14 @@ def run(
     from cosim.experiments.three_axle import Case, ThreeAxleBench, metrics
 
     case = Case(speed, depth, system, estimator, hold_height)
-    bench = ThreeAxleBench(fmu_set(fmus, fmi, vehicle))
+    bench = ThreeAxleBench(fmu_set("three-axle", fmus, fmi, vehicle))
     path = make_folder(out / "three-axle") / f"{case.label}.csv"
     with kept_recording(path):
         recording = bench.record(case, csv=path)
     measured = {system: metrics(recording, case)}
     if system != "passive":
         measured = {"passive": bench.measure(Case(speed, depth, "passive")), **measured}
-    Console().print(metric_table(measured, _ROWS))
+    show(metric_table(measured, _ROWS))
     write_summary(path, measured, f"; {recording.real_time_factor:.0f}x real time")
     bench.close()
 

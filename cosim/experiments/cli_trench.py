@@ -7,10 +7,10 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.console import Console
 from rich.table import Table
 
 import safe_files
+from build_fmus.terminal import OneOf, show
 from cosim.experiments.cli_options import (
     Fmus,
     Force,
@@ -26,14 +26,16 @@ from cosim.experiments.cli_options import (
 )
 
 TITLE = "A 6x6 crosses trenches with preview MPC (paper 003)"
-OPTIONS = "--length M  --speed KMH  --control passive|mpc|mpc-no-preview|lqr|...  --depth M  --friction MU  --mass KG  --cg-offset M"
 
 
 def run(
     length: Annotated[float, typer.Option(help="length of the trench [m]")] = 1.6,
     speed: Annotated[float, typer.Option(help="speed [km/h]")] = 6.0,
     control: Annotated[
-        str, typer.Option(help="passive, mpc, or mpc with one thing changed (a wrong name lists all)")
+        str,
+        typer.Option(
+            metavar=OneOf("cosim.experiments.trench:CONTROLS"), help="control law; mpc-...: mpc with one thing changed"
+        ),
     ] = "mpc",
     depth: Annotated[float | None, typer.Option(help="depth of the trench [m]")] = None,
     friction: Annotated[float | None, typer.Option(help="friction coefficient of the tyres")] = None,
@@ -53,7 +55,7 @@ def run(
     from cosim.report import write_report
 
     case = trench.Case(length, speed, control, depth, friction, mass, cg_offset, hydropneumatic)
-    chosen = fmu_set(fmus, fmi, vehicle)
+    chosen = fmu_set("trench", fmus, fmi, vehicle)
     folder = make_folder(out / "trench" / case.label)
     bench = trench.TrenchBench(chosen)
     rows, frames = {}, {}
@@ -69,7 +71,7 @@ def run(
         table.add_row(LABELS[name], f"{getattr(LIMITS, name):g}", *(f"{r[name]:.4g}" for r in rows.values()))
     table.add_row("cost", "", *(f"{r['cost']:.0f}" for r in rows.values()))
     table.add_row("outcome", "", *(trench.outcome(r) for r in rows.values()))
-    Console().print(table)
+    show(table)
     safe_files.write(folder / "metrics.json", json.dumps(rows, indent=1) + "\n")
     path = write_report(trench_report.single(case, rows, frames, chosen), folder)
     console.print(f"page with animation: {path}")

@@ -6,6 +6,7 @@ This module wires the FMUs and runs them; ``gpc_study`` lays out the published f
 from __future__ import annotations
 
 import math
+import shlex
 import warnings
 from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass, replace
@@ -78,9 +79,10 @@ class GpcFmuSet(FmuSet):
     suffix: str = ""
     vehicle: str | Path = "hmmwv_modified"  # the vehicle file the FMUs were built from
 
-    def build_command(self, vehicle: Path | str | None = None) -> str:
+    def build_command(self, options: str = "") -> str:
         """The command that makes the files, with the vehicle file they come from."""
-        return super().build_command(vehicle or self.vehicle)
+        own = f"--vehicle {shlex.quote(str(self.vehicle))}" if isinstance(self.vehicle, Path) else ""
+        return super().build_command(options or own)
 
     @property
     def car(self) -> Path:

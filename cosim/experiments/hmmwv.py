@@ -361,7 +361,9 @@ def configure(system: System, case: Case) -> None:
     if "sensors" in system.members:
         late = case.preview_error_ms / 1000 * case.speed
         system["sensors"].set({"noise.seed": case.variant + 1, "x.offset": -late})
-    system["car"].set({"friction.acting": case.friction, "tires.lift_off": case.lift_off})
+    system["car"].set({"tires.lift_off": case.lift_off})
+    if case.friction or "friction.acting" in system["car"].description.parameters:  # a user's car may have no friction
+        system["car"].set({"friction.acting": case.friction})
     _divide_solver_step(system["car"], case)
     if case.actuators == "hydraulic":
         for k in CORNERS:

@@ -5,8 +5,10 @@ This module wires the FMUs and runs them; ``preview_lq_study`` lays out tables, 
 
 from __future__ import annotations
 
+import json
 import math
 import warnings
+import zipfile
 from collections.abc import Collection
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,6 +18,7 @@ import numpy as np
 
 from cosim import Recording, System, UnconnectedInputsWarning
 from cosim.experiments.cases import CaseError, FmuSet, check_choice
+from fmu_sources.catalog import weights_name
 from fmu_sources.controllers.preview_lq import CORNERS, MODES, WEIGHTED
 from fmu_sources.controllers.preview_lq_weights import PreviewLqWeights, load_weights
 
@@ -37,7 +40,7 @@ INDEX_RATE = 1000.0  # Hz, samples of the means
 
 @dataclass(frozen=True)
 class Case:
-    """One run of the experiment."""
+    """One run of the experiment. ``weights``: a name of :data:`CONTROLLERS`, or the path of a weights file (``.toml``)."""
 
     input: str = "both"
     weights: str = "comfort"
@@ -50,12 +53,24 @@ class Case:
     @property
     def label(self) -> str:
         """What tells this run's files from those of others."""
-        parts = [self.input, self.weights, self.system]
+        parts = [self.input, Path(self.weights).stem, self.system]
         if self.system == "preview" and self.preview_time != PREVIEW_TIME:
             parts.append(f"{1e3 * self.preview_time:g}ms")
         parts += [f"{self.speed_kmh:g}kmh"] * (self.speed_kmh != SPEED_KMH)
         parts += [self.shape] * (self.shape != "haversine") + ["hold"] * self.hold_tail
         return "-".join(parts)
+
+    @property
+    def own_weights(self) -> Path | None:
+        """The file of a user's weights; None for published ones."""
+        return Path(self.weights) if self.weights.endswith(".toml") else None
+
+    @property
+    def controller(self) -> str | None:
+        """Name of the controller's FMU; None for the passive car."""
+        if self.system == "passive":
+            return None
+        return CONTROLLERS[self.weights] if self.own_weights is None else weights_name(self.own_weights)
 
     def __post_init__(self) -> None:
         choices: dict[str, Collection[str]] = {
@@ -65,7 +80,8 @@ class Case:
             "shape": SHAPES,
         }
         for name, known in choices.items():
-            check_choice(name, getattr(self, name), known)
+            if not (name == "weights" and self.own_weights):
+                check_choice(name, getattr(self, name), known)
         if not (math.isfinite(self.preview_time) and 0 <= self.preview_time <= 10):
             raise CaseError(f"preview time {self.preview_time:g} s: give 0 to 10 s")
         if not 0 <= self.speed_kmh <= 200:
@@ -79,11 +95,11 @@ class PreviewLqBench:
         self.fmus = fmus
         self._systems: dict[tuple[str | None, str], System] = {}
 
-    def system(self, weights: str | None, exchange_step: str = EXCHANGE_STEP) -> System:
-        """Car, road, speed and controller, all exchanging every millisecond; without controller when None."""
-        key = (weights, exchange_step)
+    def system(self, controller: str | None, exchange_step: str = EXCHANGE_STEP) -> System:
+        """Car, road, speed and the FMU of a controller, all exchanging every millisecond; without controller when None."""
+        key = (controller, exchange_step)
         if key not in self._systems:
-            self._systems[key] = wire(self.fmus, None if weights is None else CONTROLLERS[weights], exchange_step)
+            self._systems[key] = wire(self.fmus, controller, exchange_step)
         return self._systems[key]
 
     def record(
@@ -100,7 +116,7 @@ class PreviewLqBench:
 
         ``solver_step`` [s] and ``exchange_step`` are those of the car; controllers and road keep their sample times.
         """
-        system = self.system(None if case.system == "passive" else case.weights, exchange_step)
+        system = self.system(case.controller, exchange_step)
         system["speed"].set({"start.speed": case.speed_kmh / 3.6, "start.x": 0.0})
         defaults = {n: system["road"].description.parameters[n].start for n in ROAD_SIZES}
         system["road"].set({**defaults, "side": INPUTS[case.input], "shape": SHAPES[case.shape], **(road or {})})
@@ -172,7 +188,26 @@ def index(recording: Recording, weights: PreviewLqWeights) -> float:
 
 def weights_of(case: Case) -> PreviewLqWeights:
     """The weights behind a case's controller."""
-    return load_weights(WEIGHTS[case.weights])
+    return load_weights(case.own_weights or WEIGHTS[case.weights])
+
+
+def check_weights(fmus: FmuSet, case: Case) -> None:
+    """Refuse a law of a user's weights that was designed with others than its file has now.
+
+    Raises:
+        FileNotFoundError: the FMU is not there; the message says how to build it.
+        CaseError: it has other weights.
+    """
+    if case.own_weights is None or case.controller is None:
+        return
+    path = fmus.path(case.controller)
+    with zipfile.ZipFile(path) as z:
+        designed = json.loads(z.read("resources/provenance.json"))["weights"]
+    if designed != weights_of(case).as_dict():
+        command = fmus.build_command(fmus.own[case.controller][1])
+        raise CaseError(
+            f"{path} was designed with other weights than {case.own_weights} has now: run `{command}` again"
+        )
 
 
 def _mean_square(signal: np.ndarray) -> float:

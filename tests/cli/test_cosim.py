@@ -29,7 +29,7 @@ def folder(built_fmus: BuiltFmus, tmp_path: Path) -> Path:  # noqa: ARG001
         (["--hold"], "hold applies to the explicit controller only"),
         (["--fmi", "4"], "Invalid value for '--fmi'"),
         (["--fmus", "nowhere"], "run `build-fmus --out nowhere` first"),
-        (["--vehicle", "none.toml"], "no vehicle 'none.toml': neither a file nor one of hmmwv"),
+        (["--vehicle", "none.toml"], "--vehicle none.toml: no such file"),
         (["--out", "file/results"], "cannot write to file/results/gpc (Not a directory); choose another directory"),
     ],
 )

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import json
 import math
+import zipfile
 from pathlib import Path
+from typing import Any
 
 import fmpy
 import numpy as np
@@ -12,6 +14,10 @@ import pytest
 from built import FMUS, BuiltFmus
 from programs import refused, run
 
+import fmu_sources
+from build_fmus import cli
+from build_fmus.builder import Options
+from build_fmus.cli import UserFiles
 from cosim import System
 from fmu_sources.catalog import own_catalog
 from fmu_sources.vehicles import load_three_axle_trench, vehicle_files, vehicle_names
@@ -20,15 +26,16 @@ FILE = 'base = "{base}"\nname = "Mine"\ndescription = "another"\n{more}'
 MASS = '[body]\nmass = {{ value = {mass}, unit = "kg", source = "assumed" }}\n'
 ROAD = "distance [m],left [m],right [m]\n0,0,0\n20,0,0\n20.3,0.05,0.02\n20.6,0,0\n100,0,0\n"
 FULL_CAR = {"FullCar", "RoadSine", "RoadCurb", "RoadPerryman3", "GpcImplicit", "GpcExplicit", "GpcPreview"}
-HMMWV = {"RideCar", "Lqr", "Skyhook", "Mpc", "Kalman", "PreviewSensor", "PreviewBuffer", "RoadBumps", "RoadOffroad",
+HMMWV = {"RideCar", "Lqr", "Lqr{}Kilonewton", "Skyhook", "Mpc", "Kalman", "Kalman{}Printed", "PreviewSensor", "PreviewBuffer", "RoadBumps", "RoadOffroad",
          "RoadHoleBump", "RoadIso8608"}  # fmt: skip
+BENCH = {"QuarterCar", "Lqr", "Mpc", "Mpc{}Moves"}
 SIX = {"ThreeAxleRide", "LqrThreeAxle", "MpcThreeAxle", "RoadShallowTrench"}
 MADE = {
     "hmmwv": FULL_CAR,
     "ride_car_hmmwv": HMMWV,
     "sedan": HMMWV | {"PreviewLqComfort", "PreviewLqComfort5ms", "PreviewLqRoadHolding"},
-    "quarter_car_hmmwv": {"QuarterCar"},
-    "quarter_car_bench": {"QuarterCar"},
+    "quarter_car_hmmwv": BENCH,
+    "quarter_car_bench": BENCH,
     "three_axle": SIX,
     "three_axle_trench": SIX | {"ThreeAxleTrench", "TrenchCrossing"},
     "actuator_hmmwv": {"HydraulicActuator", "ForceTracking"},
@@ -44,8 +51,8 @@ def own(folder: Path, base: str, more: str = "", name: str = "mine") -> Path:
 
 @pytest.mark.parametrize("base", MADE)
 def test_what_a_file_of_each_kind_makes(base: str, tmp_path: Path) -> None:
-    names = {n for n in own_catalog(own(tmp_path, base), "Mine") if n.endswith("Mine")}
-    assert names == {f"{n}Mine" for n in MADE[base]}
+    names = {n for n in own_catalog(own(tmp_path, base), "Mine") if "Mine" in n}
+    assert names == {(n if "{}" in n else n + "{}").format("Mine") for n in MADE[base]}
 
 
 def test_every_published_vehicle_can_be_a_base() -> None:
@@ -124,7 +131,7 @@ def test_a_build_follows_its_options_and_all_files_that_a_vehicle_builds_on(tmp_
     assert "1 built" in run(tmp_path, *road).stderr
     assert "1 up to date" in run(tmp_path, *road).stderr
     assert "1 built" in run(tmp_path, *road, "--preview", "10x5").stderr
-    car = ["build-fmus", "--vehicle", "heir.toml", "--fmi", "3"]
+    car = ["build-fmus", "QuarterCarHeir", "--vehicle", "heir.toml", "--fmi", "3"]
     assert "1 built" in run(tmp_path, *car).stderr
     assert "1 up to date" in run(tmp_path, *car).stderr
     own(tmp_path, "quarter_car_hmmwv", MASS.format(mass=900.0), "ancestor")
@@ -153,17 +160,81 @@ def test_an_experiment_on_ones_own_vehicle(built_fmus: BuiltFmus, tmp_path: Path
 
 
 @pytest.mark.parametrize(
-    ("vehicles", "message"),
+    ("experiment", "arguments", "message"),
     [
-        (("my_car", "my_sensors"), "my_car.toml and my_sensors.toml both give another KalmanHmmwv; choose one of them"),
-        (("my_full_car",), "my_full_car.toml: this file describes a 'full_car'; only the experiment gpc runs with one"),
+        ("hmmwv", ["my_car.toml", "my_sensors.toml"],
+         "my_car.toml and my_sensors.toml both give another KalmanHmmwv; choose one of them"),
+        ("hmmwv", ["my_full_car.toml"],
+         "my_full_car.toml: this file describes a 'full_car', with which gpc can run; hmmwv needs a 'ride_car' or 'actuator' or "
+         "'sensors' (base = \"actuator_hmmwv\", \"actuator_hmmwv_physical\", \"ride_car_hmmwv\", \"sedan\", \"sensors_hmmwv\")"),
+        ("gpc", ["my_car.toml"],
+         "my_car.toml: this file describes a 'ride_car', with which hmmwv and preview-lq can run; gpc needs a 'full_car' (base = "
+         "\"hmmwv\", \"hmmwv_modified\")"),
+        ("trench", ["my_six.toml"], "describes a 'three_axle', with which three-axle can run; trench needs a "
+         "'three_axle_trench' (base = \"three_axle_trench\")"),
+        ("bench", ["my_car.toml"], "bench needs a 'quarter_car' (base = \"quarter_car_bench\", \"quarter_car_hmmwv\")"),
+        ("preview-lq", ["my_car.toml"],
+         "my_car.toml: this file gives tires damping (tire.front.damping = 100 N.s/m, tire.rear.damping = 100 N.s/m), and preview "
+         "LQ laws are for tires without (base = \"sedan\")"),
+        ("hmmwv", ["my_sedan.toml", "--friction"], "--friction: my_sedan.toml gives its suspensions none; add [suspension.front."),
+        ("hmmwv", ["sedan"], "--vehicle sedan: no such file; sedan is a vehicle of this project: make a file with base = \"sedan\""),
     ],
-)
-def test_vehicles_that_an_experiment_cannot_take(vehicles: tuple[str, ...], message: str, tmp_path: Path) -> None:
-    for name, base in (("my_car", "ride_car_hmmwv"), ("my_sensors", "sensors_hmmwv"), ("my_full_car", "hmmwv")):
+)  # fmt: skip
+def test_what_an_experiment_cannot_take_is_refused_before_anything_is_built(
+    experiment: str, arguments: list[str], message: str, tmp_path: Path
+) -> None:
+    """There is no FMU in this folder: the sentence is the first one, not one on a build that would be in vain."""
+    files = {"my_car": "ride_car_hmmwv", "my_sensors": "sensors_hmmwv", "my_full_car": "hmmwv", "my_six": "three_axle"}
+    for name, base in {**files, "my_sedan": "sedan"}.items():
         own(tmp_path, base, name=name)
-    files = [x for v in vehicles for x in ("--vehicle", f"{v}.toml")]
-    assert message in refused(tmp_path, "cosim", "run", "hmmwv", *files)
+    given = [x for a in arguments for x in ([a] if a.startswith("--") else ["--vehicle", a])]
+    assert message in refused(tmp_path, "cosim", "run", experiment, *given)
+    assert not list(tmp_path.rglob("*.fmu"))
+
+
+def test_a_law_of_ones_own_weights_and_vehicle(built_fmus: BuiltFmus, tmp_path: Path) -> None:  # noqa: ARG001
+    """The law of both files: neither that of the sedan nor that of the published weights; it is redesigned with its file."""
+    own(tmp_path, "sedan", MASS.format(mass=2920.0), "my_sedan")
+    published = Path(fmu_sources.__file__).parent / "controllers" / "weights" / "comfort.toml"
+    weights = tmp_path / "my_weights.toml"
+    weights.write_text(published.read_text().replace("heave = 3.0", "heave = 300.0", 1))
+    folder = tmp_path / "fmus" / "fmi3"
+    folder.mkdir(parents=True)
+    for fmu in ("RideCarSedan", "RoadHoleBump", "SpeedProfile"):
+        (folder / f"{fmu}.fmu").symlink_to(FMUS / "fmi3" / f"{fmu}.fmu")
+    both = ["--vehicle", "my_sedan.toml", "--weights", "my_weights.toml"]
+    run_both = ["cosim", "run", "preview-lq", *both]
+    needed = ["RideCarMySedan", "RoadHoleBumpMySedan", "PreviewLqMyWeightsMySedan"]
+    text = refused(tmp_path, *run_both)
+    assert (
+        "PreviewLqMyWeightsMySedan.fmu does not exist: run `build-fmus --vehicle my_sedan.toml --weights my_weights"
+        in text
+    )
+    own_files = UserFiles(vehicle=tmp_path / "my_sedan.toml", weights=weights)
+    for names, user in ((["PreviewLqMyWeights"], UserFiles(weights=weights)), (needed, own_files)):
+        assert set(cli.build(names, Options(tmp_path / "fmus", fmi=(3,)), user=user)) == set(names)
+    gain = {n: provenance(folder / f"PreviewLq{n}.fmu")["feedback"] for n in ("MyWeights", "MyWeightsMySedan")}
+    assert not np.allclose(gain["MyWeights"], gain["MyWeightsMySedan"], rtol=0.01)
+    assert "made for my_sedan.toml" in fmpy.read_model_description(str(folder / f"{needed[2]}.fmu")).description
+    heave = {}
+    for label, command in (("weights", [*run_both[:3], *both[2:]]), ("both", run_both)):
+        done = run(tmp_path, *command, "--out", label)
+        assert done.returncode == 0, done.stderr
+        measured = json.loads((tmp_path / label / "preview-lq" / "both-my_weights-preview.json").read_text())
+        heave[label] = measured["preview"]["body.az"] / measured["passive"]["body.az"]
+    assert heave["weights"] < 0.2  # heave weighs a hundred times as much as for comfort
+    assert heave["both"] != heave["weights"]
+    weights.write_text(weights.read_text().replace("heave = 300.0", "heave = 30.0", 1))
+    text = refused(tmp_path, *run_both)
+    assert (
+        "PreviewLqMyWeightsMySedan.fmu was designed with other weights than my_weights.toml has now: run `build-fmus"
+        in text
+    )
+
+
+def provenance(fmu: Path) -> dict[str, Any]:
+    with zipfile.ZipFile(fmu) as z:
+        return json.loads(z.read("resources/provenance.json"))
 
 
 @pytest.mark.parametrize(
@@ -175,10 +246,14 @@ def test_vehicles_that_an_experiment_cannot_take(vehicles: tuple[str, ...], mess
         (["--road", "washboard.csv", "--preview", "16"], "--preview '16': give heights x milliseconds between them"),
         (["--road", "washboard.csv", "--preview", "1x30"], "--preview '1x30': give heights x milliseconds between them"),
         (["--road", "washboard.csv", "--vehicle", "actuator_hmmwv"], "is of kind actuator, which has no wheels on a road"),
+        (["--weights", "w.toml", "--vehicle", "truck.toml"], "truck.toml: this file describes a 'full_car', and preview LQ laws are "
+         "made of a 'ride_car'"),
         (["--vehicle", "loop.toml"], "base = leads back to this file; a vehicle cannot be based on itself"),
     ],
 )  # fmt: skip
 def test_mistakes(arguments: list[str], message: str, tmp_path: Path) -> None:
     (tmp_path / "washboard.csv").write_text(ROAD)
     own(tmp_path, "loop.toml", name="loop")
+    own(tmp_path, "hmmwv", name="truck")
+    (tmp_path / "w.toml").touch()
     assert message in refused(tmp_path, "build-fmus", *arguments)

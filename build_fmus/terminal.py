@@ -1,0 +1,136 @@
+"""What both commands have in common towards people: help, version, tables, and how they end."""
+
+from __future__ import annotations
+
+import importlib
+import os
+import sys
+from collections.abc import Callable, Iterable
+from importlib import metadata
+from typing import Annotated, Any
+
+import typer
+from rich.console import Console, RenderableType
+from rich.markup import escape
+from typer.core import TyperCommand, TyperGroup
+
+import safe_files
+
+PACKAGE = "suspension-fmus"
+APP: dict[str, Any] = {
+    "add_completion": False,
+    "pretty_exceptions_enable": False,
+    "rich_markup_mode": None,  # which would take units in help texts, [km/h], for markup
+}
+"""Arguments of every ``typer.Typer``."""
+
+console = Console(stderr=True, highlight=False, soft_wrap=True)
+
+
+class Stopped(Exception):  # noqa: N818
+    """Ctrl-C, on its way through typer, which would end the program without a word."""
+
+
+class OneOf(str):
+    """What stands behind an option in its help: the names that it takes, read from tables only when help is asked for.
+
+    ``table`` is ``module:NAME`` (importing an experiment takes seconds); ``more`` stands for what else is taken.
+    """
+
+    table: str
+    more: str
+
+    def __new__(cls, table: str, more: str = "") -> OneOf:
+        self = super().__new__(cls, table)
+        self.table, self.more = table, more
+        return self
+
+    def listed(self) -> str:
+        """``a|b|c``."""
+        module, _, name = self.table.partition(":")
+        return one_of(getattr(importlib.import_module(module), name), self.more)
+
+
+def one_of(names: Iterable[str], more: str = "") -> str:
+    """Names as help shows a choice."""
+    return "|".join([*names, *([more] if more else [])])
+
+
+class Command(TyperCommand):
+    """A command that Ctrl-C ends with a message, and whose help lists choices."""
+
+    def invoke(self, ctx: Any) -> Any:
+        try:
+            return super().invoke(ctx)
+        except KeyboardInterrupt as error:
+            raise Stopped(str(error)) from error
+
+    def format_help(self, ctx: Any, formatter: Any) -> None:
+        list_choices(self)
+        super().format_help(ctx, formatter)
+
+
+class Commands(TyperGroup):
+    """Commands that Ctrl-C ends with a message."""
+
+    def invoke(self, ctx: Any) -> Any:
+        try:
+            return super().invoke(ctx)
+        except KeyboardInterrupt as error:
+            raise Stopped(str(error)) from error
+
+
+def list_choices(command: Any) -> None:
+    """Put the names that options take into a command's help."""
+    for parameter in command.params:
+        if isinstance(parameter.metavar, OneOf):
+            parameter.metavar = parameter.metavar.listed()
+
+
+def _print_version(asked: bool) -> None:
+    if asked:
+        print(f"{PACKAGE} {metadata.version(PACKAGE)}")
+        raise typer.Exit
+
+
+PackageVersion = Annotated[
+    bool, typer.Option("--version", callback=_print_version, is_eager=True, help="show the version and stop")
+]
+
+
+def show(*items: RenderableType) -> None:
+    """Print to standard output: as wide as the terminal, and into a pipe or a file with nothing wrapped or cut.
+
+    Raises:
+        OSError: it cannot be written (a full disk).
+    """
+    wide = None if sys.stdout.isatty() else 1_000_000
+    try:
+        Console(width=wide).print(*items)
+    except OSError as error:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # nothing is left for Python to write at its end
+        raise OSError(error.errno, error.strerror, "standard output") from error
+
+
+def run(program: str, app: Callable[[], Any], expected: tuple[type[Exception], ...], interrupted: str) -> None:
+    """Run a command line: expected failures end with one message, not a traceback.
+
+    Args:
+        expected: classes of failures that are a user's.
+        interrupted: what Ctrl-C ends with, unless it comes with a text of its own.
+    """
+    safe_files.plain_warnings()
+    try:
+        app()
+    except Stopped as stopped:
+        console.print(escape(str(stopped) or interrupted))
+        sys.exit(130)
+    except expected as error:
+        console.print(f"[red]{program}:[/red] {escape(_text(error))}")
+        sys.exit(1)
+
+
+def _text(error: Exception) -> str:
+    if isinstance(error, OSError):
+        return safe_files.sentence(error)
+    return str(error.args[0] if isinstance(error, KeyError) and error.args else error)

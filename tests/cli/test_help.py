@@ -1,0 +1,152 @@
+"""What the commands tell: help with units and choices, versions, and lists that other programs can read."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+from importlib import metadata
+from pathlib import Path
+from typing import Any
+
+import pytest
+import typer
+from built import FMUS, BuiltFmus
+from programs import BIN, ENVIRONMENT, run
+from typer.testing import CliRunner
+
+import build_fmus.cli
+import cosim.cli
+from build_fmus import terminal
+from build_fmus.compile import PLATFORMS
+from cosim.experiments import bench, gpc, hmmwv, preview_lq, three_axle, trench
+from fmu_sources.catalog import default_catalog
+
+
+def commands(group: Any, path: tuple[str, ...] = ()) -> dict[tuple[str, ...], Any]:
+    """All commands below a group, by the words that call them."""
+    found = {}
+    for name, command in getattr(group, "commands", {}).items():
+        found |= commands(command, (*path, name)) or {(*path, name): command}
+    return found
+
+
+COSIM = commands(typer.main.get_command(cosim.cli.app))
+BUILD = typer.main.get_command(build_fmus.cli.app)
+
+
+def help_of(*words: str, app: Any = cosim.cli.app) -> str:
+    """A command's help, on one line."""
+    result = CliRunner().invoke(app, [*words, "--help"])
+    assert result.exit_code == 0, result.output
+    return " ".join(result.output.split())
+
+
+@pytest.mark.parametrize("words", COSIM, ids=" ".join)
+def test_help_texts_are_shown_as_they_are_written(words: tuple[str, ...]) -> None:
+    shown = help_of(*words).replace(" ", "")  # lines are broken at hyphens too
+    texts = [COSIM[words].help, *(p.help for p in COSIM[words].params)]
+    for text in filter(None, texts):
+        assert "".join(text.split()) in shown
+
+
+def test_units_are_in_the_help() -> None:
+    assert "speed [km/h]" in help_of("run", "gpc")
+    assert "control weight R [1/N2]" in help_of("run", "gpc")
+    assert "sample time of the law made by --weights [s]" in help_of(app=build_fmus.cli.app)
+
+
+CHOICES = {
+    "bench": {"--controller": bench.SYSTEMS, "--road": bench.ROADS},
+    "gpc": {"--road": [*gpc.ROADS, "FILE.fmu"], "--controller": gpc.CONTROLLERS},
+    "hmmwv": {
+        "--road": hmmwv.ROADS, "--controller": hmmwv.CONTROLLERS, "--actuators": hmmwv.ACTUATORS,
+        "--states": hmmwv.STATES, "--preview": hmmwv.PREVIEWS,
+    },
+    "preview-lq": {
+        "--input": preview_lq.INPUTS, "--weights": [*preview_lq.CONTROLLERS, "FILE.toml"], "--system": preview_lq.SYSTEMS,
+        "--shape": preview_lq.SHAPES,
+    },
+    "three-axle": {"--system": three_axle.SYSTEMS, "--estimator": three_axle.ESTIMATORS},
+    "trench": {"--control": trench.CONTROLS},
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("experiment", CHOICES)
+def test_choices_are_listed_and_a_wrong_one_names_them(experiment: str, tmp_path: Path) -> None:
+    """Every option of text is one of these, and takes nothing else."""
+    shown = help_of("run", experiment)
+    for option, names in CHOICES[experiment].items():
+        assert f"{option} {'|'.join(names)} " in shown
+        refused = CliRunner().invoke(cosim.cli.app, ["run", experiment, option, "xyzzy", "--out", str(tmp_path)])
+        known = ", ".join(n for n in names if not n.startswith("FILE"))
+        assert str(refused.exception).endswith(f"'xyzzy' (there are: {known})")
+    free = {p.opts[0] for p in COSIM["run", experiment].params if isinstance(p.default, str)}
+    assert free == CHOICES[experiment].keys()
+
+
+def test_choices_of_build_fmus() -> None:
+    shown = help_of(app=build_fmus.cli.app)
+    assert "--fmi 2|3|both " in shown
+    assert "--qp daqp|osqp " in shown
+    assert f"--platform host|all|{'|'.join(PLATFORMS)} " in shown
+
+
+@pytest.mark.parametrize("program", ["cosim", "build-fmus"])
+def test_version(program: str, tmp_path: Path) -> None:
+    done = run(tmp_path, program, "--version")
+    assert (done.returncode, done.stdout) == (0, f"suspension-fmus {metadata.version('suspension-fmus')}\n")
+
+
+def piped(folder: Path, *command: str) -> list[str]:
+    """Lines that a program prints into a pipe, as called in a narrow terminal."""
+    done = subprocess.run(
+        [BIN / command[0], *command[1:]], cwd=folder, env={**ENVIRONMENT, "COLUMNS": "30"}, capture_output=True, text=True,
+        check=False, timeout=120,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    return done.stdout.splitlines()
+
+
+def test_lists_in_pipes_are_neither_wrapped_nor_cut(built_fmus: BuiltFmus, tmp_path: Path) -> None:  # noqa: ARG001
+    catalog = default_catalog()
+    lines = piped(tmp_path, "build-fmus", "--list")
+    assert [line.split()[0] for line in lines[1:]] == list(catalog)
+    assert all(e.summary in line for e, line in zip(catalog.values(), lines[1:], strict=True))
+    lines = piped(tmp_path, "cosim", "list")
+    assert [line.split()[0] for line in lines[1:]] == list(cosim.cli.EXPERIMENTS)
+    for experiment, line in zip(CHOICES, lines[1:], strict=True):
+        for option, names in CHOICES[experiment].items():
+            assert f"{option} {'|'.join(names)}" in line
+    lines = piped(tmp_path, "cosim", "fmu", str(FMUS / "fmi3" / "RoadSine.fmu"))
+    assert [line for line in lines if line.startswith("system.add(") and line.endswith(")")]
+    (row,) = (line for line in lines if line.strip().startswith("road.fl.height"))
+    assert row.rstrip().endswith("road height under the fl wheel")
+
+
+def test_what_is_listed_of_an_experiment() -> None:
+    """Derived from its command: units for numbers, names for choices, bare flags; not what all experiments have."""
+    line = cosim.cli._options(COSIM["run", "gpc"])
+    assert re.search(r"--speed KM/H  --controller passive\|.*--hold$", line)
+    assert "--out" not in line
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="needs /dev/full")
+@pytest.mark.parametrize("command", [("cosim", "list"), ("build-fmus", "--list")], ids=" ".join)
+def test_a_full_disk_under_a_list(command: tuple[str, ...], tmp_path: Path) -> None:
+    with Path("/dev/full").open("w") as full:
+        done = subprocess.run(
+            [BIN / command[0], *command[1:]], cwd=tmp_path, env=ENVIRONMENT, stdout=full, stderr=subprocess.PIPE, text=True,
+            check=False, timeout=120,
+        )  # fmt: skip
+    assert done.returncode == 1
+    assert done.stderr == (
+        f"{command[0]}: standard output: No space left on device; make room there, or write to another directory\n"
+    )
+
+
+def test_the_terminal_is_as_wide_as_it_is(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture) -> None:
+    """On a terminal long cells are folded into its width."""
+    monkeypatch.setenv("COLUMNS", "40")
+    monkeypatch.setattr("sys.stdout.isatty", lambda: True)
+    terminal.show("word " * 20)
+    assert len(capsys.readouterr().out.splitlines()) == 3

@@ -1,0 +1,150 @@
+"""Every experiment on every published vehicle that it takes as a base of a user's file: built, wired, initialized, run a little."""
+
+from __future__ import annotations
+
+import math
+import re
+import warnings
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from built import FMUS, ROOT, BuiltFmus, one_at_a_time
+
+from build_fmus import cli
+from build_fmus.builder import Options
+from build_fmus.cli import UserFiles
+from cosim import System
+from cosim.experiments import bench, gpc, hmmwv, preview_lq, three_axle, trench
+from cosim.experiments.cases import FmuSet
+from cosim.experiments.cli_gpc import _fmu_set as gpc_fmu_set
+from cosim.experiments.own_files import KINDS, bases, own_fmus
+from fmu_sources.catalog import catalog_suffix
+from fmu_sources.vehicles import load_vehicle, vehicle_names
+
+OWN = FMUS / ".own"  # kept from one test run to the next like the other FMUs
+RUN = 0.04  # s, longer than every sample time
+
+
+def _bench(fmus: FmuSet) -> Iterator[System]:
+    for system in bench.SYSTEMS:
+        controller, parameters = bench.SYSTEMS[system]
+        wired = bench.wire(fmus, "RoadBenchBump", controller, controller is not None)
+        if controller:
+            wired["controller"].set(parameters)
+        yield wired
+
+
+def _gpc(fmus: FmuSet) -> Iterator[System]:
+    assert isinstance(fmus, gpc.GpcFmuSet)
+    for road, controller in zip((*gpc.ROADS, "sine"), gpc.CONTROLLERS, strict=True):
+        yield gpc.wire(fmus, road, controller)
+
+
+def _hmmwv(fmus: FmuSet) -> Iterator[System]:
+    cases = [hmmwv.Case("bump", "passive"), hmmwv.Case("off-road", "skyhook", actuators="ideal")]
+    cases += [hmmwv.Case("track", "mpc-preview", states="estimated", preview="sensed"), hmmwv.Case("track", "lqr")]
+    for case in cases:
+        one = hmmwv.HmmwvBench(fmus)
+        yield one.system(case)
+
+
+def _preview_lq(fmus: FmuSet) -> Iterator[System]:
+    for weights in preview_lq.CONTROLLERS:
+        yield preview_lq.PreviewLqBench(fmus).system(preview_lq.Case(weights=weights).controller)
+
+
+def _three_axle(fmus: FmuSet) -> Iterator[System]:
+    for system in three_axle.SYSTEMS:
+        yield three_axle.wire(fmus, system)
+
+
+def _trench(fmus: FmuSet) -> Iterator[System]:
+    for control in ("passive", "mpc", "lqr"):
+        yield trench.TrenchBench(fmus).system(trench.Case(control=control))
+
+
+@dataclass(frozen=True)
+class Experiment:
+    """How to wire an experiment, and the FMUs of a user's vehicle that it needs then, without the file's name at their ends."""
+
+    systems: Any
+    needs: dict[str, tuple[str, ...]]  # by kind of vehicle file
+
+
+EXPERIMENTS = {
+    "bench": Experiment(_bench, {"quarter_car": ("QuarterCar{}", "Lqr{}", "Mpc{}", "Mpc{}Moves")}),
+    "gpc": Experiment(_gpc, {"full_car": (
+        "FullCar{}", "RoadSine{}", "RoadCurb{}", "RoadPerryman3{}", "GpcImplicit{}", "GpcExplicit{}", "GpcPreview{}",
+    )}),
+    "hmmwv": Experiment(_hmmwv, {
+        "ride_car": ("RideCar{}", "Skyhook{}", "Lqr{}", "Mpc{}", "Kalman{}", "PreviewSensor{}", "PreviewBuffer{}", "RoadBumps{}",
+                     "RoadOffroad{}"),
+        "actuator": ("HydraulicActuator{}", "ForceTracking{}"),
+        "sensors": ("SensorSuite{}", "Kalman{}", "PreviewSensor{}", "RoadBumps{}", "RoadOffroad{}"),
+    }),
+    "preview-lq": Experiment(_preview_lq, {
+        "ride_car": ("RideCar{}", "RoadHoleBump{}", "PreviewLqComfort{}", "PreviewLqRoadHolding{}", "PreviewLqComfort5ms{}"),
+    }),
+    "three-axle": Experiment(_three_axle, dict.fromkeys(
+        ("three_axle", "three_axle_trench"), ("ThreeAxleRide{}", "LqrThreeAxle{}", "MpcThreeAxle{}", "RoadShallowTrench{}"),
+    )),
+    "trench": Experiment(_trench, {
+        "three_axle_trench": ("ThreeAxleTrench{}", "TrenchCrossing{}", "LqrThreeAxle{}", "MpcThreeAxle{}"),
+    }),
+}  # fmt: skip
+PAIRS = [(e, b) for e in EXPERIMENTS for b in bases(e)]
+
+
+def test_every_experiment_and_every_published_vehicle_is_here() -> None:
+    assert {e: tuple(x.needs) for e, x in EXPERIMENTS.items()} == KINDS
+    assert {b for _, b in PAIRS} == set(vehicle_names())
+
+
+def test_the_page_says_what_fits() -> None:
+    """Two tables of docs/vehicles-and-roads.md: the bases of each kind, and the kinds that each experiment takes."""
+    page = (ROOT / "docs" / "vehicles-and-roads.md").read_text(encoding="utf-8")
+    rows = re.findall(r"^\| `([a-z_-]+)` \| ([^|]*) \|", page, re.MULTILINE)
+    names = {first: tuple(re.findall(r"`([a-z_]+)`", second.split(";")[0])) for first, second in rows}
+    kinds = {load_vehicle(n).kind for n in vehicle_names()}
+    assert {k: set(names[k]) for k in kinds} == {
+        k: {n for n in vehicle_names() if load_vehicle(n).kind == k} for k in kinds
+    }
+    for experiment, taken in KINDS.items():
+        assert tuple(n for n in names[experiment] if n in kinds) == taken
+
+
+def own_names(experiment: str, base: str) -> list[str]:
+    """Names of the FMUs of :func:`built`."""
+    needs = EXPERIMENTS[experiment].needs[load_vehicle(base).kind]
+    return [n.format(catalog_suffix(Path(f"on_{base}"))) for n in needs]
+
+
+def built(experiment: str, base: str) -> FmuSet:
+    """The FMUs of an experiment on a file that is only based on a published vehicle, built beside links to the published ones."""
+    with one_at_a_time(OWN / "lock"):
+        file = OWN / f"on_{base}.toml"
+        file.write_text(f'base = "{base}"\nname = "Mine"\ndescription = "another"\n')
+        cli.build(["SpeedProfile"], Options(OWN, fmi=(3,)))  # which laws of a full car need too
+        cli.build(own_names(experiment, base), Options(OWN, fmi=(3,)), user=UserFiles(vehicle=file))
+        for fmu in (FMUS / "fmi3").glob("*.fmu"):
+            if not (link := OWN / "fmi3" / fmu.name).exists():
+                link.symlink_to(fmu)
+    return gpc_fmu_set(OWN, 3, file) if experiment == "gpc" else own_fmus(experiment, OWN, 3, [file])
+
+
+@pytest.mark.parametrize(("experiment", "base"), PAIRS)
+def test_an_experiment_on_a_file_with_this_base(experiment: str, base: str, built_fmus: BuiltFmus) -> None:  # noqa: ARG001
+    fmus = built(experiment, base)
+    used = set()
+    for system in EXPERIMENTS[experiment].systems(fmus):
+        with system, warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # inputs that nothing drives, as in the experiments themselves
+            recording = system.run(RUN)
+        assert math.isclose(recording.time[-1], RUN)
+        assert np.isfinite(recording.data).all()
+        used |= {m.component.description.name for m in system.members.values()}
+    assert used >= set(own_names(experiment, base))
