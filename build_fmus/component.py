@@ -43,6 +43,7 @@ BaseType = Literal["Float64", "Int32", "Boolean"]
 
 _NAME = re.compile(r"^[A-Za-z_]\w*(\.[A-Za-z_]\w*)*$", re.ASCII)
 _TYPES: dict[type, BaseType] = {float: "Float64", int: "Int32", bool: "Boolean"}
+_SAME = 1e-6  # relative difference at which two constants count as one: they may pass through text and other units
 
 
 class DeclarationError(ValueError):
@@ -54,7 +55,8 @@ class Variable:
     """One declared variable (scalar, vector or matrix).
 
     ``slot`` is the position of its first element in the vector of its role (``p``, ``u``, ``x`` or ``y``).
-    ``start`` is flat and row-major, or None when the value is calculated.
+    ``start`` is flat and row-major, or None when the value is calculated. ``must_equal`` is the constant that the source of
+    an input must have, None where any value will do.
     """
 
     name: str
@@ -75,11 +77,17 @@ class Variable:
     slot: int = 0
     symbol: Any = field(default=None, repr=False)
     derivative_of: str | None = None
+    must_equal: float | None = None
 
     @property
     def size(self) -> int:
         """Number of scalar elements."""
         return math.prod(self.shape)
+
+    @property
+    def tolerance(self) -> float:
+        """Difference from ``must_equal`` that passes, in the variable's unit."""
+        return math.inf if self.must_equal is None else _SAME * abs(self.must_equal)
 
     def element_names(self) -> list[str]:
         """Scalar names in slot order: ``gain.y[2,3]``; row-major and 1-based as FMI's structured naming has it."""
@@ -226,11 +234,41 @@ class Component:
         nominal: float | None = None,
         display_unit: str | None = None,
     ) -> Any:
-        """Declare an input (vector when ``shape`` is given). Returns its symbol."""
-        return self._add(
-            name, "input", unit, description, shape, start=np.broadcast_to(start, shape), type=_TYPES[type], min=min,
-            max=max, nominal=nominal, display_unit=display_unit,
+        """Declare an input (vector when ``shape`` is given). Returns what the equations are written with.
+
+        A real input with ``min`` or ``max`` is clipped to them in the equations, so that a solver that overshoots by a
+        hair does no harm: the FMU takes any finite value, warns once, and its derivatives are 0 beyond a limit.
+        Integers and Booleans are refused outside their range.
+        """
+        kind = _TYPES[type]
+        symbol = self._add(
+            name, "input", unit, description, shape, start=np.broadcast_to(start, shape), type=kind, min=min, max=max,
+            nominal=nominal, display_unit=display_unit,
         )  # fmt: skip
+        if kind != "Float64":
+            return symbol
+        # Not fmin and fmax: at a limit itself the derivative is that of the inside.
+        if max is not None:
+            symbol = ca.if_else(symbol > max, max, symbol)
+        if min is not None:
+            symbol = ca.if_else(symbol < min, min, symbol)
+        return symbol
+
+    def constant_input(
+        self, name: str, unit: str | None, description: str, *, must_equal: float, display_unit: str | None = None
+    ) -> None:
+        """Declare an input that takes a constant of its source, for comparison: no equation uses it.
+
+        A controller built for preview heights 30 ms apart says so with it. It starts at 0, which means that nothing is
+        connected; the model description tells ``must_equal``, with which a master can refuse a wrong source by name, and
+        the FMU warns once when it gets another value than that and 0.
+        """
+        if not math.isfinite(must_equal):
+            raise DeclarationError(f"{self.name}.{name}: must_equal is {must_equal}")
+        self._add(
+            name, "input", unit, description, (), start=np.zeros(()), must_equal=float(must_equal), display_unit=display_unit
+        )  # fmt: skip
+        self.stimulus[name] = lambda _: must_equal
 
     def state(
         self,
@@ -518,6 +556,28 @@ class Component:
             if not roles or v.role in roles
             for i, n in enumerate(v.element_names())
         ]
+
+    @property
+    def constant_inputs(self) -> list[Variable]:
+        """Inputs that take a constant of their source."""
+        return [v for v in self.variables if v.must_equal is not None]
+
+    @property
+    def clipped_inputs(self) -> list[Variable]:
+        """Inputs that the equations clip to their range."""
+        inputs = [v for v in self.variables if v.role == "input" and v.type == "Float64"]
+        return [v for v in inputs if v.min is not None or v.max is not None]
+
+    def constant_outputs(self) -> dict[str, float]:
+        """Output elements whose value is a number known now, such as the step of a preview."""
+        constant = {n: e for n, e in self._outputs.items() if e.is_constant()}
+        return {
+            element: float(value)
+            for name, e in constant.items()
+            for element, value in zip(
+                self._variables[name].element_names(), np.asarray(ca.evalf(e).full()).ravel(), strict=True
+            )
+        }
 
     def output_elements(self) -> list[Element]:
         """Everything with output causality: states declared as outputs, then declared outputs."""

@@ -160,10 +160,15 @@ def _common(root: etree._Element, component: Component) -> None:
 
 
 def _annotation(parent: etree._Element, component: Component) -> None:
+    """What FMI has no place for: the kind of component, and constants that a source and its target must agree on."""
     attributes: dict[str, str] = {"kind": component.kind}
     if component.sample_time is not None:
         attributes["sampleTime"] = repr(component.sample_time)
-    etree.SubElement(parent, "Component", **attributes)
+    element = etree.SubElement(parent, "Component", **attributes)
+    for v in component.constant_inputs:
+        etree.SubElement(element, "Input", name=v.name, mustEqual=repr(v.must_equal), tolerance=repr(v.tolerance))
+    for name, value in component.constant_outputs().items():
+        etree.SubElement(element, "Output", name=name, constant=repr(value))
 
 
 def _value_attributes(r: Reference) -> dict[str, str]:
@@ -320,7 +325,11 @@ def variable_rows(component: Component) -> list[dict[str, str]]:
                 "role": role,
                 "shape": "×".join(map(str, v.shape)),
                 "unit": v.unit or "",
-                "range": "" if v.min is None and v.max is None else f"[{low}, {high}]",
+                "range": f"{v.must_equal:.6g}, or 0"
+                if v.must_equal is not None
+                else ""
+                if v.min is None and v.max is None
+                else f"[{low}, {high}]",
                 "start": "" if v.role in ("time", "output", "derivative") else start,
                 "description": v.description,
                 "source": v.source,

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import math
+import re
 from dataclasses import dataclass
 from importlib import metadata
 from pathlib import Path
@@ -74,6 +75,23 @@ def is_exact(v: Variable) -> bool:
     return v.role in ("parameter", "input") or (v.role == "state" and v.start is not None)
 
 
+_CAST = r"(?<!sizeof)\((?:casadi_)?int\)(?! ?sizeof) ?"  # a number to an index
+_TO_INDEX = """
+/* The index that a number means; one that is no index of any array for NaN and numbers beyond all integers, which C leaves
+ * undefined. Lookups clip it; reading there gives NaN, and writing there does nothing. */
+static int fmu_index(double x) { return x >= -1.0 && x <= 2147483646.0 ? (int)x : x > 0.0 ? 2147483646 : -1; }
+"""
+
+
+def _with_safe_casts(code: str, name: str) -> str:
+    """Generated code in which every conversion of a number to an index is defined for every number."""
+    safe = re.sub(_CAST + r"(?:(\*cr\+\+)|(?=\())", lambda m: f"fmu_index({m[1]})" if m[1] else "fmu_index", code)
+    left = re.search(_CAST + ".{0,40}", safe)
+    if left:
+        raise RuntimeError(f"{name}: generated code converts numbers in a way this version does not know: {left[0]}")
+    return (_TO_INDEX if safe != code else "") + safe
+
+
 def _number(x: float | None, default: float = 0.0) -> str:
     x = default if x is None else float(x)
     if math.isinf(x):
@@ -102,6 +120,7 @@ def generate_c(component: Component, *, arrays: bool, token: str) -> str:
     for forbidden in ("malloc(", "calloc(", "free("):
         if forbidden in code:
             raise RuntimeError(f"{component.name}: generated code calls {forbidden[:-1]}, which doStep must not")
+    code = _with_safe_casts(code, component.name)
 
     refs = references(component, arrays=arrays)
     table = [
@@ -117,6 +136,8 @@ def generate_c(component: Component, *, arrays: bool, token: str) -> str:
                 str(int(r.variable.tunable)),
                 _number(r.variable.min, -math.inf),
                 _number(r.variable.max, math.inf),
+                _number(r.variable.must_equal),
+                _number(r.variable.tolerance),
             ]
         )
         + "}"

@@ -93,6 +93,8 @@ def _variables(title: str, variables: Sequence[Variable]) -> Table:
         limits = (
             "" if low is None and high is None else f"{'' if low is None else low:} .. {'' if high is None else high}"
         )
+        if first.must_equal is not None:
+            limits = f"{first.must_equal:g} or 0"
         table.add_row(*map(Text, (name, first.unit_name, start, limits, first.fmi_type, first.description)))
     return table
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from fractions import Fraction
 from typing import Any
 
@@ -18,7 +18,7 @@ from cosim.errors import FmuError, WiringError, did_you_mean
 from cosim.timebase import rational
 from cosim.units import BASE_UNITS, Unit
 
-TOOL = "suspension-fmus"  # our vendor annotation: kind and sample time of a component
+TOOL = "suspension-fmus"  # our vendor annotation: kind and sample time, constants that source and target must share
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -41,10 +41,25 @@ class Variable:
     index: int = 0
     size: int = 1
     declared: str = ""  # name of the array, or the variable's own
+    constant: float | None = None  # the value that an output always has
+    must_equal: float | None = None  # of an input: the constant that its source must have
+    tolerance: float = 0.0  # difference from `must_equal` that passes
 
     @property
     def unit_name(self) -> str:
         return self.unit.name if self.unit else ""
+
+    def accepts(self, value: float) -> bool:
+        """Whether an input may have this value: where it must equal a constant that one, or 0 (not connected)."""
+        return self.must_equal is None or value == 0 or abs(value - self.must_equal) <= self.tolerance
+
+    def refusal(self, value: float) -> str:
+        """Why it may not, for messages."""
+        unit = f" {self.unit_name}" if self.unit else ""
+        return (
+            f"must equal {self.must_equal:.9g}{unit}, not {value:.9g}{unit}: what this component was built for; build one of "
+            "the two for the other's value"
+        )
 
 
 @dataclass
@@ -141,6 +156,9 @@ class _Reader:
     def description(self, simulation: Any) -> Description:
         root = self.root
         self.read_variables()
+        own = self.annotation()
+        if own is not None:
+            self.annotate(own)
         structure = root.find("ModelStructure")
         result = Description(
             name=root.get("modelName", ""),
@@ -166,7 +184,6 @@ class _Reader:
                 result.default_step = rational(experiment.get("stepSize"))
             if experiment.get("tolerance"):
                 result.tolerance = float(experiment.get("tolerance"))
-        own = self.annotation()
         if own is not None:
             result.kind = own.get("kind")
             if own.get("sampleTime"):
@@ -174,6 +191,21 @@ class _Reader:
         if structure is not None:
             self.read_structure(structure, result)
         return result
+
+    def annotate(self, own: Any) -> None:
+        """Constants that the annotation tells of outputs and wants of inputs."""
+        changed: dict[str, Variable] = {}
+        for element in own:
+            variable = self.variables.get(element.get("name", ""))
+            if variable is None:
+                continue
+            if element.tag == "Input":
+                value, tolerance = (float(element.get(key)) for key in ("mustEqual", "tolerance"))
+                changed[variable.name] = replace(variable, must_equal=value, tolerance=tolerance)
+            elif element.tag == "Output":
+                changed[variable.name] = replace(variable, constant=float(element.get("constant")))
+        self.variables.update(changed)
+        self.by_key = {key: [changed.get(v.name, v) for v in listed] for key, listed in self.by_key.items()}
 
     def dependencies(self, element: Any) -> frozenset[str] | None:
         listed = element.get("dependencies")
@@ -293,6 +325,7 @@ def _variable(element: Any, tag: str, attributes: Any, units: dict[str, Unit], a
     unit = attributes.get("unit")
     start = attributes.get("start")
     numeric = kind in ("real", "integer")
+    constant = numeric and not array and start is not None and element.get("variability") == "constant"
     return Variable(
         name=element.get("name"),
         type=kind,
@@ -308,6 +341,7 @@ def _variable(element: Any, tag: str, attributes: Any, units: dict[str, Unit], a
         maximum=float(attributes["max"]) if numeric and "max" in attributes else None,
         reference=int(element.get("valueReference")),
         declared=element.get("name"),
+        constant=float(start) if constant else None,
     )
 
 

@@ -237,6 +237,7 @@ class Simulation:
         self._layout.show_everything()
         fresh = [m for m in members if m not in restored]
         self._settle(fresh)
+        self._check_constants(fresh)
         for m in fresh:
             m.component.exit_initialization()
             self._ports[m].get_outputs()
@@ -278,6 +279,15 @@ class Simulation:
         warnings.warn(
             f"initial values do not settle, there is a loop among them: {', '.join(names[:10])}", stacklevel=6
         )
+
+    def _check_constants(self, members: Sequence[Member]) -> None:
+        """Refuse sources that do not have the constant which an input must equal, where only now they show it."""
+        for m in members:
+            place = self._layout.places[m]
+            for variable, value in zip(place.inputs, place.u, strict=True):
+                if not variable.accepts(float(value)):
+                    connection = self.system.connections[f"{m.name}.{variable.name}"]
+                    raise WiringError(f"{connection}: the input {variable.refusal(float(value))}")
 
     # One instant.
 

@@ -136,6 +136,8 @@ def _checked(component: str, variable: Variable, value: Any) -> Any:
     if (low is not None and number < low) or (high is not None and number > high):
         limits = f"[{'-inf' if low is None else f'{low:g}'}, {'inf' if high is None else f'{high:g}'}]"
         raise WiringError(f"{name} = {number:g} is outside {limits} {variable.unit_name}".rstrip())
+    if not variable.accepts(number):
+        raise WiringError(f"{name} {variable.refusal(number)}")
     if variable.type == "integer":
         if number != int(number):
             raise WiringError(f"{name} is an Integer, not {value!r}")

@@ -242,6 +242,8 @@ class System:
                 f"units differ: {source.name}.{output.name} [{output.unit_name}] -> "
                 f"{target.name}.{input_.name} [{input_.unit_name}]: {error}"
             ) from None
+        if output.constant is not None and not input_.accepts(value := scale * output.constant + offset):
+            raise WiringError(f"{names}: the input {input_.refusal(value)}")
         return Connection(source, output, target, input_, delay, extrapolate, scale, offset)
 
     # Looking at it.

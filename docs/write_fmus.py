@@ -52,11 +52,23 @@ def _table(title: str, variables: Iterable[Variable]) -> str:
         f"|---|---|{'---|' if start else ''}---|",
     ]
     for (name, unit, description), elements in groups.items():
-        cells = [f"`{_spanned(name, elements)}`", unit, description]
+        cells = [f"`{_spanned(name, elements)}`", unit, description + _limits(elements[0])]
         if start:
             cells.insert(2, _start(elements))
         lines.append(f"| {' | '.join(cells)} |")
     return "\n".join(lines) + "\n"
+
+
+def _limits(v: Variable) -> str:
+    """What values an input takes."""
+    if v.causality != "input" or v.type == "boolean":
+        return ""
+    if v.must_equal is not None:
+        return f"; must equal {v.must_equal:.6g}, 0 for none"
+    if v.minimum is None and v.maximum is None:
+        return ""
+    low, high = ("-∞" if v.minimum is None else f"{v.minimum:.6g}"), ("∞" if v.maximum is None else f"{v.maximum:.6g}")
+    return f"; {'clipped to' if v.type == 'real' else 'within'} [{low}, {high}]"
 
 
 def _spanned(name: str, elements: list[Variable]) -> str:

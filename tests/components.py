@@ -81,12 +81,14 @@ def filter_bank(name: str = "ProbeDiscrete") -> Component:
     y = c.input("y", "N", "measurements", shape=(3,))
     valid = c.input("y.valid", None, "whether the measurements are valid", type=bool, start=True)
     offset = c.input("offset", None, "offset", type=int, start=0, min=-5, max=5)
+    trim = c.input("trim", "N", "added to all", min=-1.0, max=2.0, shape=(2,))
+    c.constant_input("y.step", "s", "time between measurements", must_equal=0.03)
 
     held = c.state("held", "N", shape=(3,), start=y)  # the first measurement
     table = c.state("table", "N", shape=(2, 2), start=ca.horzcat(ca.vertcat(y[0], y[1]), ca.vertcat(y[2], 7.0)))
     count = c.state("count", "1", start=0.0)
     filtered = ca.if_else(valid, pole * held + (1 - pole) * y, held)
-    raw = gain @ filtered + offset
+    raw = gain @ filtered + offset + trim
     u = ca.fmin(ca.fmax(raw, -limit), limit)
     c.update(held, filtered)
     c.update(table, ca.vertcat(table[1, :], table[0, :] + 0.01 * count))
@@ -94,6 +96,7 @@ def filter_bank(name: str = "ProbeDiscrete") -> Component:
     c.output("u", u, "N", "filtered and amplified measurements")
     c.output("turned", table, "N", "a matrix that turns over")
     c.output("clock", c.time, "s", "time of the sample")
+    c.output("u.step", 0.005, "s", "time between outputs")
     c.output("samples", count, None, "samples before this one", type=int)
     c.output("saturated", ca.mmax(ca.fabs(raw)) > limit, None, "whether a limit is active", type=bool)
     c.stimulate(

@@ -21,6 +21,8 @@
 
 static const FmuModel *const M = &fmu_model;
 
+enum { WARNED_LIMIT = 1, WARNED_CONSTANT = 2 };
+
 /* Everything that changes while simulating. No pointers: a copy is a saved state. */
 typedef struct {
     double time, start_time, stop_time;
@@ -47,6 +49,7 @@ struct FmuInstance {
     void *adapter;
     int is_co_simulation;
     unsigned logging; /* one bit per category */
+    unsigned warned;  /* one bit per kind of warning about inputs; beside the state, so that saved states do not depend on it */
     State *state;
     double *p, *u, *x, *dx, *y;             /* into state->v */
     double *next;                           /* n_states: start values or the next states until they are found finite */
@@ -203,6 +206,7 @@ static void touch(FmuInstance *self) {
 
 FmuStatus fmu_reset(FmuInstance *self) {
     memset(self->state, 0, state_size());
+    self->warned = 0;
     self->state->mode = MODE_INSTANTIATED;
     const size_t n = (size_t)M->n_parameters + (size_t)M->n_inputs + (size_t)M->n_states;
     if (n) memcpy(self->p, M->start, n * sizeof(double));
@@ -222,7 +226,8 @@ FmuStatus fmu_setup(FmuInstance *self, double start_time, int has_stop, double s
 
 /* ------------------------------------------------------------------ evaluation */
 
-static FmuStatus check_finite(FmuInstance *self, const double *values, int n, FmuRole role) {
+/* Name of the first of n values of a role that is not finite, or NULL. */
+static const char *not_finite(const double *values, int n, FmuRole role) {
     for (int i = 0; i < n; i++) {
         if (isfinite(values[i])) continue;
         const char *name = role == FMU_STATE ? M->state_names[i] : "";
@@ -230,9 +235,14 @@ static FmuStatus check_finite(FmuInstance *self, const double *values, int n, Fm
             const FmuVariable *v = &M->variables[k];
             if (v->role == role && i >= v->slot && i < v->slot + v->size) name = v->name;
         }
-        return fmu_fail(self, FMU_ERROR, "%s is not finite at time %.9g s", name, self->state->time);
+        return name;
     }
-    return FMU_OK;
+    return NULL;
+}
+
+static FmuStatus check_finite(FmuInstance *self, const double *values, int n, FmuRole role) {
+    const char *name = not_finite(values, n, role);
+    return name ? fmu_fail(self, FMU_ERROR, "%s is not finite at time %.9g s", name, self->state->time) : FMU_OK;
 }
 
 static void call(FmuInstance *self, FmuFunction f, const double **args, int n_args, double *res0, double *res1) {
@@ -270,10 +280,12 @@ static FmuStatus refresh_start(FmuInstance *self) {
     if (M->n_calculated) {
         const double *args[] = {self->x, self->u, self->p};
         call(self, M->start_fn, args, 3, self->next, NULL);
+        const FmuStatus status = check_finite(self, self->next, M->n_states, FMU_STATE);
+        if (status != FMU_OK) return status;
         memcpy(self->x, self->next, (size_t)M->n_states * sizeof(double));
     }
     s->start_valid = 1;
-    return check_finite(self, self->x, M->n_states, FMU_STATE);
+    return FMU_OK;
 }
 
 static FmuStatus refresh_outputs(FmuInstance *self) {
@@ -363,8 +375,9 @@ static FmuStatus check_arrays(FmuInstance *self, const char *function, const voi
     return FMU_OK;
 }
 
-/* Nearest value that fits: a conversion out of range is undefined in C. */
+/* Nearest value that fits, 0 for NaN: other conversions are undefined in C. */
 int32_t fmu_to_int(double value) {
+    if (isnan(value)) return 0;
     return value >= (double)INT32_MAX ? INT32_MAX : value <= (double)INT32_MIN ? INT32_MIN : (int32_t)value;
 }
 
@@ -415,6 +428,30 @@ static FmuStatus check_settable(FmuInstance *self, const char *function, const F
                     mode_name(self->state->mode));
 }
 
+static int in_range(const FmuVariable *v, double value) { return value >= v->min && value <= v->max; }
+
+/* Real inputs are signals: what overshoots a limit is clipped by the equations, and is no error. */
+static int is_signal(const FmuVariable *v) { return v->role == FMU_INPUT && v->type == FMU_FLOAT64; }
+
+/* Tell once per instance that an input goes beyond its limits, and once that a constant is not the expected one. The call
+ * succeeds all the same: there are tools that end a simulation at Warning. */
+static void warn_of_input(FmuInstance *self, const char *function, const FmuVariable *v, double value) {
+    if (!in_range(v, value) && !(self->warned & WARNED_LIMIT)) {
+        self->warned |= WARNED_LIMIT;
+        (void)fmu_fail(self, FMU_WARNING,
+                       "%s: value %.9g for %s is outside its range [%.9g, %.9g]; the equations take the nearest value inside, "
+                       "for every real input, and say so only once",
+                       function, value, v->name, v->min, v->max);
+    }
+    if (value != 0.0 && !(fabs(value - v->must_equal) <= v->tolerance) && !(self->warned & WARNED_CONSTANT)) {
+        self->warned |= WARNED_CONSTANT;
+        (void)fmu_fail(self, FMU_WARNING,
+                       "%s: %s is %.9g, but %s is made for a source where it is %.9g: take one, or build this FMU for the "
+                       "source; 0 for none (said only once)",
+                       function, v->name, value, M->name, v->must_equal);
+    }
+}
+
 FmuStatus fmu_set_as(FmuInstance *self, const char *function, FmuType type, const unsigned *refs, size_t n_refs,
                      const void *values, size_t count, FmuRead read) {
     FmuStatus status = check_arrays(self, function, refs, n_refs, values, count);
@@ -432,7 +469,7 @@ FmuStatus fmu_set_as(FmuInstance *self, const char *function, FmuType type, cons
             const double value = read(values, k);
             if (!isfinite(value))
                 return fmu_fail(self, FMU_ERROR, "%s: value %g for %s is not finite", function, value, v->name);
-            if (value < v->min || value > v->max)
+            if (!in_range(v, value) && !is_signal(v))
                 return fmu_fail(self, FMU_ERROR, "%s: value %.9g for %s is outside its range [%.9g, %.9g]", function, value,
                                 v->name, v->min, v->max);
         }
@@ -441,7 +478,10 @@ FmuStatus fmu_set_as(FmuInstance *self, const char *function, FmuType type, cons
     for (size_t i = 0, n = 0; i < n_refs; i++) {
         const FmuVariable *v = &M->variables[refs[i]];
         double *to = storage(self, v);
-        for (int j = 0; j < v->size; j++) to[j] = read(values, n++);
+        for (int j = 0; j < v->size; j++) {
+            to[j] = read(values, n++);
+            if (is_signal(v)) warn_of_input(self, function, v, to[j]);
+        }
     }
     if (n_refs) touch(self);
     return FMU_OK;
@@ -458,6 +498,16 @@ FmuStatus fmu_set(FmuInstance *self, const char *function, FmuType type, const u
 }
 
 /* ------------------------------------------------------------------ directional derivatives */
+
+/* Where fmu_directional_derivative computes the derivative of a variable; NULL for what is no unknown. */
+static const double *sensitivity_of(const FmuInstance *self, const FmuVariable *v) {
+    switch (v->role) {
+        case FMU_DERIVATIVE: return self->sensitivity + v->slot;
+        case FMU_OUTPUT: return self->sensitivity + M->n_states + v->slot;
+        case FMU_STATE: return self->seed + v->slot;
+        default: return NULL;
+    }
+}
 
 FmuStatus fmu_directional_derivative(FmuInstance *self, const char *function, const unsigned *unknowns, size_t n_unknowns,
                                      const unsigned *knowns, size_t n_knowns, const double *seed, size_t n_seed,
@@ -496,20 +546,28 @@ FmuStatus fmu_directional_derivative(FmuInstance *self, const char *function, co
         memcpy(sx, self->next, nx * sizeof(double));
     }
     const double *args[] = {&self->state->time, self->x, self->u, self->p, sx, su, sp};
-    double *ddx = self->sensitivity, *dy = ddx + nx;
-    call(self, M->fwd_fn, args, 7, ddx, dy);
+    call(self, M->fwd_fn, args, 7, self->sensitivity, self->sensitivity + nx);
 
     k = 0;
     for (size_t i = 0; i < n_unknowns; i++) {
         const FmuVariable *v = lookup(self, function, FMU_FLOAT64, unknowns, i);
         if (!v) return FMU_ERROR;
-        const double *from = v->role == FMU_DERIVATIVE ? ddx : v->role == FMU_OUTPUT ? dy : v->role == FMU_STATE ? sx : NULL;
+        const double *from = sensitivity_of(self, v);
         if (!from) return fmu_fail(self, FMU_ERROR, "%s: %s is not an unknown", function, v->name);
-        if (k + (size_t)v->size > n_sensitivity) return fmu_fail(self, FMU_ERROR, "%s: too few sensitivity values", function);
-        for (int j = 0; j < v->size; j++) sensitivity[k++] = from[v->slot + j];
+        k += (size_t)v->size;
+        if (k > n_sensitivity) return fmu_fail(self, FMU_ERROR, "%s: too few sensitivity values", function);
+        for (int j = 0; j < v->size; j++)
+            if (!isfinite(from[j]))
+                return fmu_fail(self, FMU_ERROR, "%s: the directional derivative of %s is not finite at time %.9g s", function, v->name,
+                                self->state->time);
     }
     if (k != n_sensitivity)
         return fmu_fail(self, FMU_ERROR, "%s: %zu sensitivity values for %zu unknowns", function, n_sensitivity, k);
+    for (size_t i = 0; i < n_unknowns; i++) {
+        const FmuVariable *v = &M->variables[unknowns[i]];
+        memcpy(sensitivity, sensitivity_of(self, v), (size_t)v->size * sizeof(double));
+        sensitivity += v->size;
+    }
     return FMU_OK;
 }
 
@@ -652,6 +710,56 @@ static FmuStatus check_snapshot(FmuInstance *self, const char *function, const v
     return FMU_OK;
 }
 
+/* Whether a discrete component can have come as far as its state says: the last sample before the present time, the next one
+ * not (advance_discrete), so that no step has more to catch up than its own length. */
+static int sample_ok(const State *s, unsigned mode) {
+    const double Ts = M->sample_time, next = s->start_time + (double)s->sample * Ts;
+    if (s->sample < 0 || s->sample > INT64_MAX / 2) return 0;
+    if (mode == MODE_ERROR) return 1;
+    if (M->is_continuous || mode & (MODE_INSTANTIATED | MODE_INITIALIZATION)) return s->sample == 0 && !s->started;
+    if (s->started != (s->sample > 0) || next < s->time - 1e-6 * Ts) return 0;
+    return next <= s->time + Ts + 1e-8 * (1.0 + fabs(s->time));
+}
+
+/* What of a state block cannot be of this component, as whatever the equations and solvers take for granted must be; NULL when
+ * there is nothing. After an error numbers are as the error left them, and nothing is computed from them any more. */
+static const char *wrong_in(const State *s, int is_co_simulation) {
+    const unsigned own = is_co_simulation ? MODE_STEP : MODE_EVENT | MODE_CONTINUOUS_TIME;
+    const unsigned modes = MODE_INSTANTIATED | MODE_INITIALIZATION | MODE_TERMINATED | MODE_ERROR | own;
+    const unsigned mode = (unsigned)s->mode;
+    if (!mode || mode & (mode - 1u) || mode & ~modes) return "its mode";
+    const int32_t flags[] = {s->has_stop, s->started, s->start_valid, s->outputs_valid, s->derivatives_valid};
+    for (size_t i = 0; i < sizeof flags / sizeof *flags; i++)
+        if (flags[i] != 0 && flags[i] != 1) return "its flags";
+    if (!isfinite(s->time) || !isfinite(s->start_time) || !isfinite(s->stop_time)) return "its time";
+    if (s->has_stop && s->stop_time < s->start_time) return "its stop time";
+    if (!sample_ok(s, mode)) return "its number of samples";
+
+    const double *p = s->v, *u = p + M->n_parameters, *x = u + M->n_inputs, *dx = x + M->n_states, *y = dx + M->n_states;
+    for (int i = 0; i < M->n_variables; i++) {
+        const FmuVariable *v = &M->variables[i];
+        if (v->role != FMU_PARAMETER && v->role != FMU_INPUT) continue;
+        for (int j = 0; j < v->size; j++) {
+            const double value = (v->role == FMU_PARAMETER ? p : u)[v->slot + j];
+            const int legal = v->type == FMU_FLOAT64   ? isfinite(value)
+                              : v->type == FMU_BOOLEAN ? value == 0.0 || value == 1.0
+                                                       : value == (double)fmu_to_int(value);
+            if (!legal || (!in_range(v, value) && !is_signal(v))) return v->name;
+        }
+    }
+    const char *name = NULL;
+    if (mode != MODE_ERROR) name = not_finite(x, M->n_states, FMU_STATE);
+    if (!name && mode != MODE_ERROR && s->derivatives_valid) name = not_finite(dx, M->n_states, FMU_DERIVATIVE);
+    if (!name && mode != MODE_ERROR && (s->outputs_valid || s->started)) name = not_finite(y, M->n_outputs, FMU_OUTPUT);
+    if (!name && M->qp && !M->qp->memory_ok(y + M->n_outputs)) name = "the warm start of its quadratic programs";
+    return name;
+}
+
+static FmuStatus check_state(FmuInstance *self, const char *function, const State *s) {
+    const char *wrong = wrong_in(s, self->is_co_simulation);
+    return wrong ? fmu_fail(self, FMU_ERROR, "%s: this cannot be a state of %s: %s", function, M->name, wrong) : FMU_OK;
+}
+
 FmuStatus fmu_snapshot(FmuInstance *self, const char *function, void **snapshot) {
     if (!snapshot) return fmu_fail(self, FMU_ERROR, "%s: NULL argument", function);
     if (*snapshot) { /* reuse the caller's block */
@@ -669,6 +777,7 @@ FmuStatus fmu_snapshot(FmuInstance *self, const char *function, void **snapshot)
 
 FmuStatus fmu_restore(FmuInstance *self, const char *function, const void *snapshot) {
     FmuStatus status = check_snapshot(self, function, snapshot);
+    if (status == FMU_OK) status = check_state(self, function, snapshot_state(snapshot));
     if (status == FMU_OK) memcpy(self->state, snapshot_state(snapshot), state_size());
     return status;
 }
@@ -713,6 +822,8 @@ FmuStatus fmu_deserialize(FmuInstance *self, const char *function, const unsigne
     void *copy = malloc(need);
     if (!copy) return fmu_fail(self, FMU_ERROR, "%s: out of memory", function);
     memcpy(copy, bytes, need);
-    *snapshot = copy;
-    return FMU_OK;
+    status = check_state(self, function, snapshot_state(copy));
+    if (status == FMU_OK) *snapshot = copy;
+    else free(copy);
+    return status;
 }

@@ -20,6 +20,7 @@ typedef struct {
     int is_exact;    /* has a start value that may be set before and during initialization */
     int is_tunable;  /* parameter that may be set after initialization */
     double min, max; /* -INFINITY, INFINITY where not declared */
+    double must_equal, tolerance; /* input that takes a constant of its source: which one, to within; INFINITY for others */
 } FmuVariable;
 
 /* Quadratic programs that a discrete component solves at each sample, one after the other (qp.c). */
@@ -27,6 +28,7 @@ typedef struct {
     size_t (*scratch_size)(void);   /* bytes */
     void (*setup)(void *scratch);   /* once, on zeroed scratch */
     void (*solve)(void *scratch, double *memory, const double *data, double *solution);
+    int (*memory_ok)(const double *memory); /* whether `memory` can be what `solve` left: that of a state from elsewhere */
 } FmuQpFunctions;
 
 extern const FmuQpFunctions fmu_qp_functions;

@@ -119,6 +119,10 @@ void qp_solve(const Qp *qp, void *scratch, double *memory, const double *data, d
     report[2] = status == QP_BAD_DATA ? NO_RESIDUAL : residual(qp, c, q, l, u, z, y, ay);
 }
 
+int qp_memory_ok(const Qp *qp, const double *memory) {
+    return all_finite(memory, qp->n + qp->n_memory) && qp->backend->memory_ok(qp, memory + qp->n);
+}
+
 /* ------------------------------------------------------------------ the programs of a component */
 
 static size_t all_scratch(void) {
@@ -145,4 +149,12 @@ static void solve_all(void *scratch, double *memory, const double *data, double 
     }
 }
 
-const FmuQpFunctions fmu_qp_functions = {all_scratch, setup_all, solve_all};
+static int all_memory_ok(const double *memory) {
+    for (int k = 0; k < qp_count; k++) {
+        if (!qp_memory_ok(&qp_list[k], memory)) return 0;
+        memory += qp_list[k].n + qp_list[k].n_memory;
+    }
+    return 1;
+}
+
+const FmuQpFunctions fmu_qp_functions = {all_scratch, setup_all, solve_all, all_memory_ok};

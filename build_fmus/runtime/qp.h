@@ -28,6 +28,8 @@ typedef struct {
      * bounds lie within +-QP_INFINITY, absent ones are +-QP_INFINITY, no lower bound exceeds its upper one. */
     QpStatus (*solve)(const Qp *qp, const QpCase *data, void *scratch, double *memory, const double *q, const double *l,
                       const double *u, double *z, double *y, int *iterations);
+    /* Whether `memory` may be used as a warm start; its numbers are finite. */
+    int (*memory_ok)(const Qp *qp, const double *memory);
 } QpBackend;
 
 struct Qp {
@@ -46,6 +48,9 @@ void qp_setup(const Qp *qp, void *scratch);
 /* Solve one program. `data` holds q, l, u and the case; `solution` receives z, the multipliers, status, iterations, residual.
  * `memory` (n + n_memory numbers) carries the last solution and the warm start. */
 void qp_solve(const Qp *qp, void *scratch, double *memory, const double *data, double *solution);
+
+/* Whether `memory` can be what qp_solve left there. */
+int qp_memory_ok(const Qp *qp, const double *memory);
 
 size_t qp_aligned(size_t bytes);
 

@@ -6,6 +6,7 @@
 
 #include "qp_daqp.h"
 
+#include <math.h>
 #include <string.h>
 
 #include "daqp/daqp.h"
@@ -122,6 +123,16 @@ static QpStatus mark_rows(const Qp *qp, DAQPWorkspace *w, const double *memory, 
     return QP_SOLVED;
 }
 
+/* At most n active rows, each a row of the program. */
+static int memory_ok(const Qp *qp, const double *memory) {
+    if (!(memory[0] >= 0.0 && memory[0] <= (double)qp->n) || memory[0] != floor(memory[0])) return 0;
+    for (int k = 0; k < (int)memory[0]; k++) {
+        const double row = fabs(memory[1 + k]);
+        if (!(row >= 1.0 && row <= (double)qp->m) || row != floor(row)) return 0;
+    }
+    return 1;
+}
+
 static QpStatus solve(const Qp *qp, const QpCase *data, void *scratch, double *memory, const double *q, const double *l,
                       const double *u, double *z, double *y, int *iterations) {
     Scratch *s = scratch;
@@ -153,4 +164,4 @@ static QpStatus solve(const Qp *qp, const QpCase *data, void *scratch, double *m
     return flag > 0 ? QP_SOLVED : QP_LIMIT_REACHED;
 }
 
-const QpBackend qp_daqp = {scratch_size, setup, solve};
+const QpBackend qp_daqp = {scratch_size, setup, solve, memory_ok};

@@ -87,10 +87,9 @@ def gpc_controller(law: GpcLaw, *, name: str) -> Component:
         ahead = ca.horzcat(
             *(c.input(f"preview.{k}", "m", f"road heights ahead of wheel {k}", shape=(h,)) for k in CORNERS)
         )
-        c.input(
-            "preview.step", "s", "time between preview points; must be the controller's sample time", start=SAMPLE_TIME,
-            min=SAMPLE_TIME * (1 - 1e-6), max=SAMPLE_TIME * (1 + 1e-6),
-        )  # fmt: skip
+        c.constant_input(
+            "preview.step", "s", "time between preview points: the controller's sample time", must_equal=SAMPLE_TIME
+        )
         gain_preview = _gain(c, "gain.preview", law.gain_preview, "N/m", f"gains on {h} road heights from now on")
         command += gain_preview @ ca.vec((ahead - ca.repmat(d_static.T, h, 1)).T)
 
@@ -158,6 +157,4 @@ def _notes(variant: str, p: int, h: int) -> tuple[str, ...]:
             "The published method leaves the future road out of the optimization, which amounts to height 0 ahead. The "
             "parameter hold_height lets the last measured height continue instead."
         )
-    if variant == "preview":
-        notes.append("preview.step is checked: a road FMU with another step is refused when it is set.")
     return tuple(notes)

@@ -203,10 +203,9 @@ def preview_inputs(c: Component, mpc: Mpc, preview: Preview, unit: str = "m") ->
         )  # fmt: skip
         rows.append(ahead.T)
     known = ca.mtimes(ca.vertcat(*rows), grid)
-    c.input(
-        "preview.step", "s", "time between preview points; must be what this controller was built for",
-        start=preview.step, min=preview.step * (1 - 1e-6), max=preview.step * (1 + 1e-6),
-    )  # fmt: skip
+    c.constant_input(
+        "preview.step", "s", "time between preview points: what this controller was built for", must_equal=preview.step
+    )
     use = c.input("use_preview", None, "whether the law uses the preview", type=bool, start=True)
     unused = ca.MX(*known.shape) if preview.unused == "zero" else ca.repmat(known[:, 0], 1, known.shape[1])
     return ca.if_else(use, known, unused)

@@ -206,7 +206,7 @@ def _notes(w: MpcHmmwvWeights, steps: int) -> tuple[str, ...]:
         "body.az drives the human response filter inside, linear between samples; the smoothing filters (1.16) of the force "
         "tracking are followed from the commands. Both start at rest.",
         "preview.*: heights under each wheel now and later. Only their differences act, so any datum will do; without "
-        "use_preview the road is taken to stay as it is. preview.step is checked.",
+        "use_preview the road is taken to stay as it is.",
         "Wiring: the 15 relative states and body.az carry the names of RideCarHmmwv's outputs (and of the estimator's); preview.* "
         "and preview.step come from a road or a preview buffer of the same step; force.* go to ForceTracking as desired forces.",
         COMMAND_NOTE,

@@ -165,10 +165,9 @@ def preview_lq(
         )
         for k in ("fl", "fr")
     }
-    c.input(
-        "preview.step", "s", "time between preview points; must be what this controller was built for", start=preview_step,
-        min=preview_step * (1 - 1e-6), max=preview_step * (1 + 1e-6),
-    )  # fmt: skip
+    c.constant_input(
+        "preview.step", "s", "time between preview points: what this controller was built for", must_equal=preview_step
+    )
     speed = c.input("speed", "m/s", "speed of the car; gives the rear wheels' delay", min=0.0)
 
     # Horizons in periods. The rear wheels follow by `delay`; beyond the memory, or at standstill, their road is unknown.
@@ -256,6 +255,4 @@ _NOTES = (
     "rear wheels have no feed-forward and horizon_truncated is true in modes 1 and 2.",
     "Beyond the horizon the road is taken to be at height 0 (the paper's method), so a constant offset of the whole road asks "
     "for forces. hold_tail takes the road to continue at its last height, and a constant offset changes nothing.",
-    "preview.step is checked: a road FMU with another step is refused when it is set. Build the road or the controller for "
-    "the other's step.",
 )

@@ -137,9 +137,9 @@ def sensor_suite(sensors: SensorSet, scan: RoadScan, name: str = "SensorSuite") 
     )  # fmt: skip
     dropped = ca.logic_and(c.time >= begin - _SMALL, c.time < begin + lasting - _SMALL)
     for what, value in (("start", scan.start), ("step", scan.step)):
-        c.input(
-            f"scan.{what}", "m", f"{what} of scan.left and scan.right on the road; what these sensors were built for",
-            start=value, min=value - 1e-6, max=value + 1e-6,
+        c.constant_input(
+            f"scan.{what}", "m", f"{what} of scan.left and scan.right on the road: what these sensors were built for",
+            must_equal=value,
         )  # fmt: skip
     beam = data["tilt"] - pitch  # from straight down
     beam = ca.fmax(0.0, ca.fmin(1.5, beam))

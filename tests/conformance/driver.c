@@ -5,6 +5,7 @@
  * FMU's own code holds (fmu_model.h). */
 #include <math.h>
 #include <stdarg.h>
+#include <stdint.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -198,6 +199,67 @@ static void states(Instance c) {
     free(bytes);
 }
 
+/* Read everything, whatever comes of it. */
+static void look(Instance c) {
+    for (int i = 0; i < fmu_model.n_variables; i++) {
+        double room = 0.0;
+        (void)get(c, (unsigned)i, &fmu_model.variables[i], &room);
+    }
+}
+
+/* States with odd numbers and a checksum that fits (the last 8 bytes of the header, FNV-1a of what follows): refused, or good
+ * for a step. All of the end of the block, where warm starts of quadratic programs lie, and some of the rest. */
+static void hostile_states(Instance c, double t) {
+    enum { HEADER = 40, CHECKSUM = 32 };
+    const double odd[] = {NAN, 1.7e308, -1.0, 0.5, 1099511627776.0};
+    Saved saved = NULL, copy = NULL;
+    size_t size = 0;
+    EXPECT(STATE(Get, )(c, &saved) == 0);
+    EXPECT(STATE(Serialized, Size)(c, saved, &size) == 0);
+    unsigned char *bytes = malloc(size), *spoilt = malloc(size);
+    EXPECT(STATE(Serialize, )(c, saved, (void *)bytes, size) == 0);
+    const size_t n = (size - HEADER) / sizeof(double), stride = 1 + n / 25;
+    for (size_t i = 0; i < n; i++)
+        for (size_t k = 0; k < sizeof odd / sizeof *odd && (i % stride == 0 || i + 24 >= n); k++) {
+            memcpy(spoilt, bytes, size);
+            memcpy(spoilt + HEADER + i * sizeof(double), &odd[k], sizeof(double));
+            uint64_t h = 14695981039346656037ull;
+            for (size_t b = HEADER; b < size; b++) h = (h ^ spoilt[b]) * 1099511628211ull;
+            memcpy(spoilt + CHECKSUM, &h, sizeof h);
+            const Status status = DESERIALIZE(c, (void *)spoilt, size, &copy);
+            EXPECT(status == 0 || status == 3);
+            if (status != 0) continue;
+            EXPECT(STATE(Set, )(c, copy) == 0);
+            (void)do_step(c, t, STEP);
+            look(c);
+            EXPECT(STATE(Free, )(c, &copy) == 0);
+        }
+    EXPECT(STATE(Set, )(c, saved) == 0);
+    EXPECT(STATE(Free, )(c, &saved) == 0);
+    free(bytes);
+    free(spoilt);
+}
+
+/* Real inputs far from anything sensible: results or an error. */
+static void extreme_inputs(void) {
+    const double far[] = {1.7e308, -1e300, 1e18, -7e9};
+    Instance c = instantiate(fmu_model.token, 1);
+    for (size_t k = 0; k < sizeof far / sizeof *far; k++) {
+        EXPECT(initialize(c, 0.0) == 0);
+        (void)F(ExitInitializationMode)(c);
+        for (int i = 0; i < fmu_model.n_variables; i++) {
+            const FmuVariable *v = &fmu_model.variables[i];
+            if (v->role == FMU_INPUT && v->type == FMU_FLOAT64) EXPECT(set(c, (unsigned)i, v, i % 3 ? far[k] : -far[k]) == 0);
+            if (v->role == FMU_INPUT && v->type == FMU_BOOLEAN) EXPECT(set(c, (unsigned)i, v, 1.0) == 0);
+        }
+        (void)do_step(c, 0.0, STEP);
+        (void)do_step(c, STEP, STEP);
+        look(c);
+        EXPECT(F(Reset)(c) == 0);
+    }
+    F(FreeInstance)(c);
+}
+
 static void wrong_calls(Instance c) {
     double value = 0.0;
     unsigned vr = (unsigned)fmu_model.n_variables;
@@ -252,6 +314,7 @@ static void co_simulation(void) {
         }
         differentiate(c);
         states(c);
+        if (round == 0) hostile_states(c, 40 * STEP);
         Saved saved = NULL;
         EXPECT(STATE(Get, )(c, &saved) == 0);
         EXPECT(STATE(Set, )(other, saved) == 0);
@@ -318,6 +381,7 @@ static void model_exchange(void) {
 int main(void) {
     co_simulation();
     model_exchange();
+    extreme_inputs();
     printf("%d failures\n", failures);
     return failures != 0;
 }

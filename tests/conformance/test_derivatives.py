@@ -3,9 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from pathlib import Path
 
+import casadi as ca
 import numpy as np
+import pytest
 from api import ERROR, OK, CallFailed, Instance, Library
+
+from build_fmus.compile import ObjectCache, resolve_platforms
+from build_fmus.component import Component
+from build_fmus.package import build_fmu
 
 TOLERANCE = 1e-6  # of the largest element of a column
 STEPS = (10.0, 1.0, 0.1, 1e-2, 1e-3, 1e-4, 1e-5)  # relative difference steps; the most consistent one is used
@@ -163,3 +170,36 @@ def test_wrong_requests(fmu: Library) -> None:
         ):
             assert a.try_directional([unknown], [known], [seed])[0] == ERROR
             assert unknown in a.last_message or known in a.last_message
+
+
+@pytest.mark.parametrize("fmi", [2, 3])
+def test_derivatives_and_starts_that_are_not_finite(fmi: int, tmp_path: Path) -> None:
+    """A root has no derivative at 0, and 1/0 is no start: each time an error that names the variable, never a number."""
+    c = Component("Root", kind="continuous", description="root of a level", source="none")
+    level = c.input("level", "m", "level", start=1.0)
+    x = c.state("x", "m", "lagged", start=1 / level, output=True)
+    c.derivative(x, -x)
+    c.output("flow", ca.sqrt(level), "1", "root of the level")
+    c.output("level.seen", 2 * level, "m", "twice the level")
+    c.output("bounded", ca.tanh(x), "1", "finite, whatever x is")
+    path = tmp_path / "Root.fmu"
+    path.write_bytes(build_fmu(c, fmi, resolve_platforms("host"), ObjectCache(tmp_path / "objects")))
+    fmu = Library(path)
+    with fmu.instance() as a:
+        a.initialize()
+        a.set({"level": 0.0})
+        assert a.column(["level.seen"], "level") == [2.0]
+        for unknowns in (["flow"], ["level.seen", "flow"]):
+            status, data = a.try_directional(unknowns, ["level"], [1.0])
+            assert status == ERROR
+            assert "flow is not finite" in a.last_message
+            assert not data.any(), "nothing is written"
+        a.reset()
+        a.enter_initialization()
+        a.set({"level": 0.0})
+        for _ in range(2):
+            for function in (a.get, lambda names: a.column(names, "level")):
+                with pytest.raises(CallFailed, match="x is not finite"):
+                    function(["bounded"])
+        a.set({"level": 2.0})
+        assert a.get(["x"]) == [0.5]

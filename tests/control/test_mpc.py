@@ -398,8 +398,8 @@ def test_coarser_preview_is_interpolated() -> None:
 
 def test_preview_step_of_the_road_is_checked(car, model) -> None:
     v = law(settings(model), car).variable("preview.step")
-    assert v.min == pytest.approx(PERIOD)
-    assert v.max == pytest.approx(PERIOD)
+    assert v.must_equal == PERIOD
+    assert (v.start, v.min, v.max) == ((0.0,), None, None)
 
 
 def test_sample_time_of_the_component_must_be_that_of_the_model(model) -> None:
