@@ -208,21 +208,22 @@ static void look(Instance c) {
 }
 
 /* States with odd numbers and a checksum that fits (the last 8 bytes of the header, FNV-1a of what follows): refused, or good
- * for a step. All of the end of the block, where warm starts of quadratic programs lie, and some of the rest. */
+ * for a step. A number here and there, and all numbers of the warm starts of quadratic programs, which end the block. */
 static void hostile_states(Instance c, double t) {
     enum { HEADER = 40, CHECKSUM = 32 };
-    const double odd[] = {NAN, 1.7e308, -1.0, 0.5, 1099511627776.0};
+    const double odd[] = {NAN, 1.7e308, -1.0, 0.5, 2.0, 1099511627776.0};
     Saved saved = NULL, copy = NULL;
     size_t size = 0;
     EXPECT(STATE(Get, )(c, &saved) == 0);
     EXPECT(STATE(Serialized, Size)(c, saved, &size) == 0);
     unsigned char *bytes = malloc(size), *spoilt = malloc(size);
     EXPECT(STATE(Serialize, )(c, saved, (void *)bytes, size) == 0);
-    const size_t n = (size - HEADER) / sizeof(double), stride = 1 + n / 25;
-    for (size_t i = 0; i < n; i++)
-        for (size_t k = 0; k < sizeof odd / sizeof *odd && (i % stride == 0 || i + 24 >= n); k++) {
+    const size_t n = (size - HEADER) / sizeof(double), warm = (size_t)fmu_model.n_qp_memory, stride = 1 + n / 10;
+    for (size_t i = 0; i <= n; i += i + stride > n && i < n ? n - i : stride)
+        for (size_t k = 0; k < sizeof odd / sizeof *odd; k++) {
             memcpy(spoilt, bytes, size);
-            memcpy(spoilt + HEADER + i * sizeof(double), &odd[k], sizeof(double));
+            for (size_t j = i < n ? i : n - warm; j < (i < n ? i + 1 : n); j++)
+                memcpy(spoilt + HEADER + j * sizeof(double), &odd[k], sizeof(double));
             uint64_t h = 14695981039346656037ull;
             for (size_t b = HEADER; b < size; b++) h = (h ^ spoilt[b]) * 1099511628211ull;
             memcpy(spoilt + CHECKSUM, &h, sizeof h);
