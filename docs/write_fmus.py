@@ -67,8 +67,9 @@ def _limits(v: Variable) -> str:
         return f"; must equal {v.must_equal:.6g}, 0 for none"
     if v.minimum is None and v.maximum is None:
         return ""
-    low, high = ("-∞" if v.minimum is None else f"{v.minimum:.6g}"), ("∞" if v.maximum is None else f"{v.maximum:.6g}")
-    return f"; {'clipped to' if v.type == 'real' else 'within'} [{low}, {high}]"
+    low = "(-∞" if v.minimum is None else f"[{v.minimum:.6g}"
+    high = "∞)" if v.maximum is None else f"{v.maximum:.6g}]"
+    return f"; {'clipped to' if v.type == 'real' else 'within'} {low}, {high}"
 
 
 def _spanned(name: str, elements: list[Variable]) -> str:
