@@ -123,9 +123,9 @@ static QpStatus mark_rows(const Qp *qp, DAQPWorkspace *w, const double *memory, 
     return QP_SOLVED;
 }
 
-/* At most n active rows, each a row of the program. */
+/* At most n + 1 active rows, each a row of the program. */
 static int memory_ok(const Qp *qp, const double *memory) {
-    if (!(memory[0] >= 0.0 && memory[0] <= (double)qp->n) || memory[0] != floor(memory[0])) return 0;
+    if (!(memory[0] >= 0.0 && memory[0] <= (double)(qp->n + 1)) || memory[0] != floor(memory[0])) return 0;
     for (int k = 0; k < (int)memory[0]; k++) {
         const double row = fabs(memory[1 + k]);
         if (!(row >= 1.0 && row <= (double)qp->m) || row != floor(row)) return 0;

@@ -155,11 +155,14 @@ def test_parameters_and_selectors_outside_their_range(fmu: Library) -> None:
 
 @pytest.mark.parametrize("name", [n for n in PROBE_NAMES if n == "ProbeQpDaqp"])
 def test_active_rows_of_daqp(fmu: Library) -> None:
-    """Its memory: the number of active rows, then each row by its number with a sign. Three variables, five rows."""
+    """Its memory: the number of active rows, then each row by its number with a sign. Three variables, five rows: room for
+    four that are active."""
     with running(fmu) as a:
         state = State(a.serialize())
-        count = len(state.values) - 4
-        assert state.values[count] >= 1, "no active row to spoil"
+        count = len(state.values) - 5
+        active = int(state.values[count])
+        assert 1 <= active <= 3, "no active row to spoil"
+        assert all(1 <= abs(row) <= 5 for row in state.values[count + 1 : count + 1 + active])
         for at in (count, count + 1):
             for bad in (*BAD, 1e9, -1e9, 6.0, 0.5, 2.0**40, 1e300):
                 check_refused(a, state.with_value(at, bad), "quadratic programs")
