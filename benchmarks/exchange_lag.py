@@ -1,0 +1,131 @@
+"""What the lag of one communication step does to a GPC run: this master beside a plain Jacobi loop with FMPy.
+
+The run of ``cosim run gpc --road sine --speed 50 --controller preview`` with the gains that the FMU carries. The Jacobi loop
+is that of most masters: at t all inputs are set to the outputs of t, all FMUs step to t + 1 ms, outputs are read. Both loops
+initialize alike and exchange every 1 ms, so the order of exchange is all they differ in. The law decides every 10 ms.
+"""
+
+from __future__ import annotations
+
+import tempfile
+import warnings
+from contextlib import ExitStack
+from itertools import product
+
+import fmpy
+import numpy as np
+from fmpy import read_model_description
+from fmpy.fmi3 import FMU3Slave
+
+from benchmarks.master_cost import Wired, flatten
+from cosim import UnconnectedInputsWarning
+from cosim.experiments.gpc import CONTROLLERS, TRAVEL, GpcFmuSet, wire
+from fmu_sources.controllers.gpc import CORNERS
+
+ROAD, SPEED_KMH, CONTROLLER = "sine", 50.0, "preview"
+STEP, EVERY = 1e-3, 10  # s of exchange, steps from decision to decision
+SETTLING = 4  # passes over all FMUs during initialization: more than their longest chain
+TITLE = f"lag of one exchange step, GPC {CONTROLLER} over the {ROAD} road at {SPEED_KMH:g} km/h"
+COMMANDS = tuple(f"force.{k}" for k in CORNERS)
+FELT = "body.az"
+
+
+def by_master(fmus: GpcFmuSet, duration: float) -> tuple[np.ndarray, list[Wired]]:
+    """Commands as they act on the car from step to step, and its acceleration: (steps, 5) [N, m/s2]; the wiring as flat lists."""
+    paths = {"speed": fmus.speed, "road": fmus.road(ROAD), "car": fmus.car}
+    paths["controller"] = fmus.path(CONTROLLERS[CONTROLLER] or "")
+    names = [*(f"controller.{n}" for n in COMMANDS), f"car.{FELT}"]
+    with wire(fmus, ROAD, CONTROLLER) as system, warnings.catch_warnings():
+        warnings.simplefilter("ignore", UnconnectedInputsWarning)  # the driver keeps y = 0
+        system["speed"].set({"start.speed": SPEED_KMH / 3.6})
+        recording = system.run(duration, record=names, record_interval=f"{1e3 * STEP:g} ms")
+        return np.column_stack([recording[n][:-1] for n in names]), flatten(system, paths)
+
+
+def by_fmpy(wired: list[Wired], duration: float, *, lag: bool = True) -> np.ndarray:
+    """The same with FMPy's slaves: all step with what the others had shown at the beginning of the step.
+
+    Without ``lag`` they step one after the other, the car last, and pass on at once what they have found: as this master.
+    """
+    with ExitStack() as stack:
+        slaves = []
+        for w in wired:
+            description = read_model_description(w.fmu)
+            folder = fmpy.extract(w.fmu, stack.enter_context(tempfile.TemporaryDirectory()))
+            slave = FMU3Slave(
+                guid=description.guid, unzipDirectory=folder, instanceName=w.name,
+                modelIdentifier=description.coSimulation.modelIdentifier,
+            )  # fmt: skip
+            slave.instantiate()
+            stack.callback(slave.freeInstance)
+            references = {v.name: v.valueReference for v in description.modelVariables}
+            if "start.speed" in references and w.name == "speed":
+                slave.setFloat64([references["start.speed"]], [SPEED_KMH / 3.6])
+            slave.enterInitializationMode()
+            slaves.append(slave)
+            if w.name == "controller":
+                acting = [w.first + w.outputs.index(references[n]) for n in COMMANDS]
+            if w.name == "car":
+                felt = [references[FELT]]
+        values = np.zeros(sum(len(w.outputs) for w in wired))
+
+        def send(w: Wired, slave: FMU3Slave) -> None:
+            if w.inputs:
+                slave.setFloat64(w.inputs, values[w.sources].tolist())
+
+        def receive(w: Wired, slave: FMU3Slave) -> None:
+            values[w.first : w.first + len(w.outputs)] = slave.getFloat64(w.outputs)
+
+        members = list(zip(wired, slaves, strict=True))
+        for _ in range(SETTLING):
+            for action, (w, slave) in product((receive, send), members):
+                action(w, slave)
+        for slave in slaves:
+            slave.exitInitializationMode()
+        for w, slave in members:
+            receive(w, slave)
+        seen = []
+        for k in range(round(duration / STEP)):
+            if lag:
+                for w, slave in members:
+                    send(w, slave)
+            for w, slave in members:
+                if w.name == "car":
+                    seen.append([*values[acting], *slave.getFloat64(felt)])
+                if not lag:
+                    send(w, slave)
+                slave.doStep(k * STEP, STEP)
+                if not lag:
+                    receive(w, slave)
+            if lag:
+                for w, slave in members:
+                    receive(w, slave)
+        return np.array(seen)
+
+
+def measure(distance: float = TRAVEL) -> dict[str, float]:
+    """Differences over ``distance`` [m]; those of commands in parts of the range from the least to the largest command."""
+    duration = STEP * EVERY * round(distance / (SPEED_KMH / 3.6) / STEP / EVERY)  # whole periods of the law
+    recorded, wired = by_master(GpcFmuSet(), duration)
+    master, jacobi = recorded, by_fmpy(wired, duration)
+    force, late = master[:, :-1], jacobi[:, :-1]
+    span = np.ptp(force)
+    decided, decided_late = force[::EVERY], late[1::EVERY]  # what is decided at t acts from t, or from t + 1 ms
+
+    def rms(x: np.ndarray) -> float:
+        return float(np.sqrt(np.mean(x**2)))
+
+    return {
+        "range of the commands [N]": float(span),
+        "command at an instant, largest difference [% of the range]": 100 * float(np.abs(late - force).max() / span),
+        "command at an instant, rms difference [% of the range]": 100 * rms(late - force) / span,
+        "decision of the law, largest difference [% of the range]": 100
+        * float(np.abs(decided_late - decided).max() / span),
+        "decision of the law, rms difference [% of the range]": 100 * rms(decided_late - decided) / span,
+        "rms of body.az, change [%]": 100 * (rms(jacobi[:, -1]) / rms(master[:, -1]) - 1),
+    }
+
+
+if __name__ == "__main__":
+    for name, value in measure().items():
+        print(f"{name}: {value:.3g}")
