@@ -13,7 +13,7 @@ from rich.markup import escape
 from rich.table import Table
 
 import safe_files
-from benchmarks import hmmwv_real_time, mpc_solvers, qp_time, trench_plant
+from benchmarks import exchange_lag, hmmwv_real_time, mpc_at_limit, mpc_solvers, mpc_worst, qp_time, trench_plant
 from benchmarks.master_cost import measure
 from cosim import System
 from cosim.experiments import gpc_study
@@ -50,17 +50,21 @@ def main() -> None:
         "hydraulic HMMWV, simulated time / processor time of one core": hmmwv_real_time.measure(),
         "contact plant of paper 003, trench of 1.5 m at 3 km/h": trench_plant.measure(),
         "cosim study gpc": study(),
+        exchange_lag.TITLE: exchange_lag.measure(),
         **qp_time.table(),
     }
     programs = mpc_solvers.solvers()
-    Console(width=200).print(mpc_solvers.table(programs))
+    longest, at_limit = mpc_worst.worst(), mpc_at_limit.choices()
+    for shown in (mpc_solvers.table(programs), mpc_worst.table(longest), mpc_at_limit.table(at_limit)):
+        Console(width=220).print(shown)
     for title, rows in results.items():
         table = Table(title, "", box=None)
         for name, value in rows.items():
             table.add_row(escape(name), f"{value:.3g}")
         Console().print(table)
     if sys.argv[1:2] == ["--json"]:
-        safe_files.write(sys.argv[2], json.dumps({**results, **programs}, indent=1) + "\n")
+        kept = {**results, **programs, "longest sample": longest, "at the limit": at_limit}
+        safe_files.write(sys.argv[2], json.dumps(kept, indent=1) + "\n")
 
 
 if __name__ == "__main__":

@@ -401,7 +401,9 @@ class Component:
             f"{name}.status", s.status, None, "outcome: 0 solved, 1 limit reached, 2 infeasible, 3 bad data", type=int,
             min=0, max=3,
         )  # fmt: skip
-        self.output(f"{name}.iterations", s.iterations, None, "iterations of the solver", type=int, min=0)
+        self.output(
+            f"{name}.iterations", s.iterations, None, "iterations of the solver and of its fallback", type=int, min=0
+        )
         self.output(
             f"{name}.residual", s.residual, "1",
             "largest of primal, dual and complementarity residual, each divided by max(1, largest magnitude of its terms)",

@@ -207,13 +207,13 @@ def runtime_files(component: Component) -> tuple[str, ...]:
     """Hand-written C files and headers that a component needs, whatever its FMI version."""
     files = [*RUNTIME_SOURCES, *RUNTIME_HEADERS]
     if component.programs:
-        files += [*qp.SOURCES, *qp.HEADERS, *(f for q in component.programs for f in q.backend.sources)]
+        files += [*qp.SOURCES, *qp.HEADERS, *(f for q in component.programs for b in q.solvers for f in b.sources)]
     return tuple(dict.fromkeys(files))
 
 
 def third_party(component: Component) -> list[ThirdParty]:
     """Solvers of others that go into the FMU of a component."""
-    return [THIRD_PARTY[name]() for name in dict.fromkeys(q.backend.name for q in component.programs)]
+    return [THIRD_PARTY[name]() for name in dict.fromkeys(b.name for q in component.programs for b in q.solvers)]
 
 
 def solver_files(component: Component) -> dict[str, bytes]:

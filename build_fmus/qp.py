@@ -39,6 +39,14 @@ class Backend(Protocol):
         """C files and headers of the runtime that this back end adds."""
 
     @property
+    def fallback(self) -> Backend | None:
+        """Solver that takes over where this one reaches its limit of iterations."""
+
+    @property
+    def most_iterations(self) -> int:
+        """Iterations of a sample at most, with those of the fallback; what bounds its time."""
+
+    @property
     def tolerance(self) -> float:
         """By how much a lower bound may exceed its upper one, relative to max(1, bound)."""
 
@@ -58,7 +66,7 @@ class Daqp:
 
     Attributes:
         tolerance: by which a row may be violated, in the units of A z.
-        max_iterations: changes of the active set before the solver gives up.
+        max_iterations: changes of the active set before the solver gives up; choose them such that a sample ends in time.
     """
 
     tolerance: float = 1e-8
@@ -69,6 +77,12 @@ class Daqp:
 
     name: BackendName = "daqp"
     sources = ("qp_daqp.c", "qp_daqp.h")
+    fallback = None
+
+    @property
+    def most_iterations(self) -> int:
+        """Its own."""
+        return self.max_iterations
 
     def memory(self, n: int, m: int) -> int:  # noqa: ARG002
         """The active rows: how many, and at most n + 1."""
@@ -102,12 +116,13 @@ class Osqp:
     Attributes:
         rho: step size, in the scaled problem.
         eps: primal, dual and gap tolerance, absolute and relative, in the scaled problem.
-        max_iterations: before the solver gives up.
+        max_iterations: before the solver gives up; choose them such that a sample ends in time.
         scaling: units of the variables, ``"diagonal"``: such that H has ones on its diagonal; ``"hessian"``: coordinates in
             which H is the identity; ``"none"``.
         unit_rows: scale the rows of A to length 1.
         check_interval: iterations between checks for the end.
         infeasible: tolerance of the certificate that there is no feasible point.
+        fallback: takes over at the limit of iterations, without a warm start; its solution is the next start.
     """
 
     rho: float = 0.1
@@ -119,6 +134,7 @@ class Osqp:
     infeasible: float = 1e-5
     sigma: float = 1e-6
     alpha: float = 1.6
+    fallback: Daqp | None = None
 
     def __post_init__(self) -> None:
         _positive(
@@ -132,6 +148,11 @@ class Osqp:
 
     name: BackendName = "osqp"
     sources = ("qp_osqp.c", "qp_osqp.h")
+
+    @property
+    def most_iterations(self) -> int:
+        """Its own and those of the fallback."""
+        return self.max_iterations + (self.fallback.most_iterations if self.fallback else 0)
 
     @property
     def tolerance(self) -> float:
@@ -197,7 +218,7 @@ class Solution:
         z: solution (n,); after a failure the last one (zeros at first), so always finite.
         multipliers: (m,), positive at the upper bound, negative at the lower one: H z + q + A' multipliers = 0.
         status: 0 solved, 1 limit reached, 2 infeasible, 3 bad data.
-        iterations: of the solver.
+        iterations: of the solver and of its fallback.
         residual: largest of primal, dual and complementarity residual, each divided by max(1, largest magnitude of its
             terms); 1e30 with bad data.
     """
@@ -232,6 +253,11 @@ class QuadraticProgram:
     def backend(self) -> Backend:
         """The solver in use."""
         return self.backends[0]
+
+    @property
+    def solvers(self) -> tuple[Backend, ...]:
+        """The solver in use and its fallback."""
+        return (self.backend, *((self.backend.fallback,) if self.backend.fallback else ()))
 
     @property
     def n(self) -> int:
@@ -321,30 +347,51 @@ def _array(name: str, values: np.ndarray) -> str:
 
 def generate_data(programs: Sequence[QuadraticProgram]) -> str:
     """``qp_data.c``: the constants of all programs of a component."""
-    names = list(dict.fromkeys(p.backend.name for p in programs))
+    names = list(dict.fromkeys(b.name for p in programs for b in p.solvers))
     code = ["/* Constants of the quadratic programs: generated, do not edit. */", "#include <stddef.h>"]
     code += [f'#include "qp_{b}.h"' for b in names] + ['#include "qp_model.h"', ""]
     rows = []
     for i, p in enumerate(programs):
-        cases, written = [], dict[int, str]()
-        same = dict[tuple[bytes, str], str]()  # cases that differ in q, l, u alone share their constants
+        matrices, written = [], dict[bytes | int, str]()
         for k, (h, a) in enumerate(zip(p.hessians, p.constraints, strict=True)):
-            if id(a) not in written:
-                written[id(a)] = f"qp{i}_constraints{len(written)}"
-                code.append(_array(written[id(a)], a))
-            key = h.tobytes(), written[id(a)]
-            if key not in same:
-                code.append(_array(f"qp{i}_hessian{k}", h))
-                text, factors = p.backend.constants(f"{p.name}, case {k}", h, a, f"qp{i}_factors{k}")
-                code.append(text)
-                same[key] = f"{{qp{i}_hessian{k}, {written[id(a)]}, &{factors}}}"
-            cases.append(same[key])
-        code.append(f"static const QpCase qp{i}_cases[] = {{{', '.join(cases)}}};\n")
-        code.append(p.backend.settings(f"qp{i}_settings"))
-        rows.append(
-            f"{{{p.n}, {p.m}, {len(p.hessians)}, {p.backend.memory(p.n, p.m)}, {p.backend.tolerance!r}, qp{i}_cases, "
-            f"&qp_{p.backend.name}, &qp{i}_settings}}"
-        )
+            for key, name, values in ((id(a), f"qp{i}_constraints{k}", a), (h.tobytes(), f"qp{i}_hessian{k}", h)):
+                if key not in written:
+                    written[key] = name
+                    code.append(_array(name, values))
+            matrices.append((written[h.tobytes()], written[id(a)]))
+        fallback = "NULL"
+        for b in reversed(p.solvers):
+            row = _solver_data(p, b, matrices, f"qp{i}_{b.name}", fallback, code)
+            if b is p.backend:
+                rows.append(row)
+            else:
+                fallback = f"&qp{i}_fallback"
+                code.append(f"static const Qp {fallback[1:]} = {row};\n")
     code.append(f"const int qp_count = {len(programs)};")
     code.append("const Qp qp_list[] = {\n    " + ",\n    ".join(rows) + "\n};\n")
     return "\n".join(code)
+
+
+def _solver_data(
+    p: QuadraticProgram,
+    backend: Backend,
+    matrices: Sequence[tuple[str, str]],
+    prefix: str,
+    fallback: str,
+    code: list[str],
+) -> str:
+    """Append the constants of one solver for one program; returns the initializer of its ``Qp``."""
+    cases = []
+    same = dict[tuple[str, str], str]()  # cases that differ in q, l, u alone share their constants
+    for k, (h, a) in enumerate(zip(p.hessians, p.constraints, strict=True)):
+        if matrices[k] not in same:
+            text, factors = backend.constants(f"{p.name}, case {k}", h, a, f"{prefix}_factors{k}")
+            code.append(text)
+            same[matrices[k]] = f"{{{', '.join(matrices[k])}, &{factors}}}"
+        cases.append(same[matrices[k]])
+    code.append(f"static const QpCase {prefix}_cases[] = {{{', '.join(cases)}}};\n")
+    code.append(backend.settings(f"{prefix}_settings"))
+    return (
+        f"{{{p.n}, {p.m}, {len(p.hessians)}, {backend.memory(p.n, p.m)}, {backend.tolerance!r}, {prefix}_cases, "
+        f"&qp_{backend.name}, &{prefix}_settings, {fallback}}}"
+    )

@@ -57,6 +57,7 @@ class Evaluator:
         for name, value in (parameters or {}).items():
             self.p[slots[name]] = value
         self._f = component.functions
+        self._shown = [(e.variable.role == "state", e.slot) for e in component.output_elements()]
         self.time, self._sample, self._y = 0.0, 0, np.zeros(component.size("output"))
         self._x: np.ndarray | None = None
         self._programs = CompiledPrograms(component) if component.programs else None
@@ -92,9 +93,7 @@ class Evaluator:
         else:
             y = self._y
         x = self.x
-        return np.array(
-            [x[e.slot] if e.variable.role == "state" else y[e.slot] for e in self.component.output_elements()]
-        )
+        return np.array([x[slot] if is_state else y[slot] for is_state, slot in self._shown])
 
     def step(self, h: float) -> None:
         """Advance by ``h`` [s] with the inputs held."""

@@ -106,8 +106,9 @@ void qp_solve(const Qp *qp, void *scratch, double *memory, const double *data, d
     if (status == QP_SOLVED)
         status = qp->backend->solve(qp, c, (char *)scratch + own, memory + n, q, l, u, z, y, &iterations);
     const int usable = status == QP_SOLVED || status == QP_LIMIT_REACHED;
-    if (usable && !(all_finite(z, n) && all_finite(y, m))) status = QP_LIMIT_REACHED;
-    if (!usable || !(all_finite(z, n) && all_finite(y, m))) { /* the last solution, and a cold start next time */
+    const int finite = all_finite(z, n) && all_finite(y, m) && all_finite(memory + n, qp->n_memory);
+    if (usable && !finite) status = QP_LIMIT_REACHED;
+    if (!usable || !finite) { /* the last solution, and a cold start next time */
         memcpy(z, memory, (size_t)n * sizeof(double));
         memset(y, 0, (size_t)m * sizeof(double));
         memset(memory + n, 0, (size_t)qp->n_memory * sizeof(double));

@@ -39,6 +39,7 @@ struct Qp {
     const QpCase *cases;
     const QpBackend *backend;
     const void *settings;
+    const Qp *fallback; /* the same program for the solver that takes over at this one's limit of iterations; NULL for none */
 };
 
 /* Bytes and layout of scratch: the bounds as the back end gets them, the trial solution, then the back end's own. */

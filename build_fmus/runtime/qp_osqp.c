@@ -3,7 +3,9 @@
  * OSQP's own code generator writes a workspace of global variables for one instance. Here the same workspace is laid out in
  * the caller's scratch, so that instances share nothing but constants. The linear system of each iteration is solved with
  * constant factors of its reduced form, which is dense and small because the programs are condensed.
- * Memory: the last iterate z and its multipliers, from which the next solve starts. */
+ * Memory: the last iterate z and its multipliers, from which the next solve starts.
+ *
+ * A fallback takes over at the limit of iterations. It has its own part of scratch, and no warm start of its own. */
 
 #include "qp_osqp.h"
 
@@ -40,6 +42,8 @@ typedef struct {
     OSQPVectorf of_n[N_VECTORS], of_m[M_VECTORS], tilde, x_tilde, z_tilde;
     void *vectors;
     size_t bytes;
+    double *fallback_memory;
+    void *fallback_scratch;
 } Scratch;
 
 static size_t vector_bytes(const Qp *qp) {
@@ -47,7 +51,12 @@ static size_t vector_bytes(const Qp *qp) {
     return qp_aligned((N_VECTORS * n + M_VECTORS * m + n + m) * sizeof(OSQPFloat));
 }
 
-static size_t scratch_size(const Qp *qp) { return qp_aligned(sizeof(Scratch)) + vector_bytes(qp); }
+static size_t memory_bytes(const Qp *qp) { return qp_aligned((size_t)qp->n_memory * sizeof(double)); }
+
+static size_t scratch_size(const Qp *qp) {
+    const Qp *f = qp->fallback;
+    return qp_aligned(sizeof(Scratch)) + vector_bytes(qp) + (f ? memory_bytes(f) + f->backend->scratch_size(f) : 0);
+}
 
 static const char *reduced_name(LinSysSolver *self) {
     (void)self;
@@ -94,6 +103,12 @@ static void setup(const Qp *qp, void *scratch) {
     double *at = (void *)((char *)scratch + qp_aligned(sizeof *s));
     s->vectors = at;
     s->bytes = vector_bytes(qp);
+    if (qp->fallback) {
+        char *theirs = (char *)scratch + qp_aligned(sizeof *s) + s->bytes;
+        s->fallback_memory = (void *)theirs;
+        s->fallback_scratch = theirs + memory_bytes(qp->fallback);
+        qp->fallback->backend->setup(qp->fallback, s->fallback_scratch);
+    }
     for (int i = 0; i < N_VECTORS; i++, at += n) s->of_n[i] = (OSQPVectorf){at, n};
     for (int i = 0; i < M_VECTORS; i++, at += m) s->of_m[i] = (OSQPVectorf){at, m};
     s->tilde = (OSQPVectorf){at, n + m};
@@ -186,6 +201,23 @@ static void multiply(const double *T, int transposed, int n, const double *from,
     }
 }
 
+/* Solve by the fallback; a solution becomes the start of the next solve, in place of the iterate that lies in memory. */
+static QpStatus take_over(const Qp *qp, const QpCase *data, Scratch *s, double *memory, const double *q, const double *l,
+                          const double *u, double *z, double *y, int *iterations) {
+    const Qp *f = qp->fallback;
+    int more = 0;
+    memset(s->fallback_memory, 0, memory_bytes(f));
+    memset(y, 0, (size_t)qp->m * sizeof(double));
+    const QpStatus status = f->backend->solve(f, f->cases + (data - qp->cases), s->fallback_scratch, s->fallback_memory, q, l,
+                                              u, z, y, &more);
+    *iterations += more;
+    if (status == QP_SOLVED) {
+        memcpy(memory, z, (size_t)qp->n * sizeof(double));
+        memcpy(memory + qp->n, y, (size_t)qp->m * sizeof(double));
+    }
+    return status;
+}
+
 static QpStatus solve(const Qp *qp, const QpCase *data, void *scratch, double *memory, const double *q, const double *l,
                       const double *u, double *z, double *y, int *iterations) {
     const QpOsqpFactors *f = data->factors;
@@ -219,13 +251,14 @@ static QpStatus solve(const Qp *qp, const QpCase *data, void *scratch, double *m
         case OSQP_MAX_ITER_REACHED: break;
         default: /* no solution in the workspace: the start value */
             memset(memory, 0, (size_t)(n + m) * sizeof(double));
-            return QP_LIMIT_REACHED;
+            return qp->fallback ? take_over(qp, data, s, memory, q, l, u, z, y, iterations) : QP_LIMIT_REACHED;
     }
     multiply(f->transform, 0, n, s->solution.x, z);
     for (int i = 0; i < m; i++) y[i] = e[i] * s->solution.y[i];
     memcpy(memory, z, (size_t)n * sizeof(double));
     memcpy(memory + n, y, (size_t)m * sizeof(double));
-    return s->info.status_val == OSQP_SOLVED ? QP_SOLVED : QP_LIMIT_REACHED;
+    if (s->info.status_val == OSQP_SOLVED) return QP_SOLVED;
+    return qp->fallback ? take_over(qp, data, s, memory, q, l, u, z, y, iterations) : QP_LIMIT_REACHED;
 }
 
 /* An iterate and multipliers: any finite numbers are a start. */

@@ -322,8 +322,11 @@ def mpc_component(
 
 
 COMMAND_NOTE = (
-    "The command is clipped to its bounds after the solution. solver.status other than 0 means that the solver did not "
-    "end or found no solution: command.held is then true and the last command is kept, within the bounds of now."
+    "The command is clipped to its bounds after the solution. The iterations of a sample are limited, so that its time is, "
+    "whatever the inputs. OSQP hands a program that it has not solved by then to DAQP, which is inside too and whose solution "
+    "counts like its own: solver.status is 0, and solver.iterations counts both. solver.status other than 0 means that the "
+    "solvers reached their limits (1), found that there is no solution (2), or that the inputs make numbers without a meaning "
+    "(3): command.held is then true and the last command is kept, within the bounds of now."
 )
 _NOTES = (
     "At each sample a quadratic program finds the moves over the control horizon that minimise the weighted squares of "

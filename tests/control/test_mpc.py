@@ -12,6 +12,7 @@ import pytest
 from scipy import integrate
 
 from build_fmus.component import Component, DeclarationError
+from build_fmus.qp import Daqp, Osqp
 from build_fmus.reference import Evaluator
 from fmu_sources.controllers.mpc import (
     Case,
@@ -235,16 +236,16 @@ def test_input_that_leaves_its_bounds_with_the_case_comes_back_at_its_rate(car, 
     assert min(forces[5:]) >= 500.0 - 1e-9
 
 
-@pytest.mark.parametrize("why", ["infeasible", "limit"])
+@pytest.mark.parametrize("why", ["infeasible", "limit", "limit of both"])
 def test_last_command_is_kept_when_there_is_no_solution(car, model, why) -> None:
     """Hard travel bounds that no force can meet, or a solver without time; the command stays, within the bounds of now."""
-    from build_fmus.qp import Daqp
-
+    short = Daqp(max_iterations=2)
+    backend = {"limit": short, "limit of both": Osqp(max_iterations=10, fallback=short)}.get(why)
     hard = Output("suspension.deflection", scale=0.1, weight=1.0, min=-0.01, max=0.012, ecr=0.0)
     mpc = settings(model)
     if why == "infeasible":
         mpc = replace(mpc, outputs=(mpc.outputs[0], hard, mpc.outputs[2]))
-    c = law(mpc, car, Daqp(max_iterations=2) if why == "limit" else None)
+    c = law(mpc, car, backend)
     ev = Evaluator(c)
     slot = {e.name: e.slot for e in c.elements("input")}
     names = [e.name for e in c.output_elements()]
