@@ -98,15 +98,18 @@ PackageVersion = Annotated[
 ]
 
 
-def show(*items: RenderableType) -> None:
+def show(*items: RenderableType, as_is: bool = False) -> None:
     """Print to standard output: as wide as the terminal, and into a pipe or a file with nothing wrapped or cut.
+
+    Args:
+        as_is: not wrapped in a terminal either, so that it can be copied from there.
 
     Raises:
         OSError: it cannot be written (a full disk).
     """
     wide = None if sys.stdout.isatty() else 1_000_000
     try:
-        Console(width=wide).print(*items)
+        Console(width=wide).print(*items, soft_wrap=as_is)
     except OSError as error:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # nothing is left for Python to write at its end
         raise OSError(error.errno, error.strerror, "standard output") from error

@@ -1,7 +1,7 @@
 """How FMUs run together: the co-simulation master, its experiments and reports."""
 
 from cosim.component import Component, Ports, PythonComponent
-from cosim.describe import describe
+from cosim.describe import describe, wiring
 from cosim.description import Description, Variable
 from cosim.errors import (
     ComponentError,
@@ -51,4 +51,5 @@ __all__ = [
     "View",
     "WiringError",
     "describe",
+    "wiring",
 ]

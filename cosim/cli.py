@@ -72,9 +72,11 @@ def _options(command: Any) -> str:
 @app.command(cls=Command)
 def fmu(file: Annotated[Path, typer.Argument(help="an .fmu file, of any tool")]) -> None:
     """Show what is in an FMU, ready to wire."""
-    from cosim.describe import describe
+    from cosim.describe import describe, wiring
 
     show(describe(file))
+    show(Text("\nready to paste:", style="bold"))
+    show(Text(wiring(file), style="green"), as_is=True)
 
 
 def main() -> None:

@@ -1,21 +1,26 @@
-"""What is in an FMU, as a table for people and lines ready to paste into a script."""
+"""What is in an FMU, as a table for people and lines ready to paste into a script.
+
+A name in an FMU is a stranger's text: it is printed as text, and gets into code only as a literal.
+"""
 
 from __future__ import annotations
 
+import json
 import os
+import re
 from collections.abc import Sequence
 
 from rich.console import Group
 from rich.table import Table
 from rich.text import Text
 
-from cosim.description import Variable
+from cosim.description import RECORDABLE, Variable, split_index
 from cosim.fmu import Fmu
-from cosim.timebase import TimeLike, rational
 
 
 def describe(fmu: str | os.PathLike[str] | Fmu) -> Group:
-    """Name, versions, kind, rate, inputs, outputs and parameters of an FMU, and how to wire it; print it with rich.
+    """Name, versions, kind, rate, inputs, outputs and parameters of an FMU; print it with rich. The lines that put it
+    into a system are `wiring`'s, to be printed as they are.
 
     Runs nothing of the FMU, so it works for FMUs of other platforms. Raises FmuError.
     """
@@ -28,9 +33,10 @@ def describe(fmu: str | os.PathLike[str] | Fmu) -> Group:
         "FMU": f"{about.name}  (FMI {about.fmi_version}, {about.tool or 'tool unknown'})",
         "": about.text,
         "kind": kind,
-        "step": f"{float(step):g} s" if step else "none stated: give step=...",
+        "step": f"{step} s" if step else "none stated: give step=...",
         "interfaces": "Co-Simulation" + (", Model Exchange" if about.model_exchange else ""),
         "can": ", ".join(_abilities(fmu)) or "only step forward",
+        "needs": "the tool that made it (needsExecutionTool)" if about.needs_tool else "",
         "platforms": ", ".join(fmu.platforms()) or "none",
     }
     for label, text in rows.items():
@@ -40,28 +46,31 @@ def describe(fmu: str | os.PathLike[str] | Fmu) -> Group:
     for title, variables in (("inputs", about.inputs), ("outputs", about.outputs), ("parameters", about.parameters)):
         if variables:
             parts.append(_variables(title, list(variables.values())))
-    return Group(*parts, Text("\nready to paste:", style="bold"), Text(wiring(fmu), style="green"))
+    return Group(*parts)
 
 
-def wiring(fmu: Fmu) -> str:
-    """Python lines that put the FMU into a system, one `connect` per input (arrays in one line)."""
+def wiring(fmu: str | os.PathLike[str] | Fmu) -> str:
+    """Python lines that put the FMU into a system, one `connect` per input (arrays in one line). Raises FmuError."""
+    fmu = fmu if isinstance(fmu, Fmu) else Fmu(fmu)
     about = fmu.description
-    name = about.name.split(".")[-1].replace(" ", "_").lower() or "fmu"
-    arguments = [repr(name), repr(str(fmu.path))]
-    step: TimeLike | None = about.sample_time if about.kind == "discrete" else about.default_step
-    if step is None:
-        arguments.append('step="1 ms"')
-    elif rational(step):
-        arguments.append(f'step="{rational(step)}"')
+    name = re.sub(r"\W+", "_", about.name.split(".")[-1]).strip("_").lower() or "fmu"
+    arguments = [_quoted(name), _quoted(str(fmu.path))]
+    step = about.sample_time if about.kind == "discrete" else about.default_step
+    arguments.append(f"step={_quoted(str(step) if step else '1 ms')}")
     if about.kind is None:
-        arguments.append('kind="continuous"')
-    inputs = dict.fromkeys(_without_index(v.name) for v in about.inputs.values())
+        arguments.append(f"kind={_quoted('continuous')}")
+    inputs = dict.fromkeys(split_index(v.name)[0] for v in about.inputs.values())
     lines = [f"system.add({', '.join(arguments)})"]
-    lines += [f'system.connect("OTHER.{i}", "{name}.{i}")' for i in inputs]
-    outputs = list(dict.fromkeys(_without_index(v.name) for v in about.outputs.values()))
-    listed = ", ".join(f'"{name}.{o}"' for o in outputs[:4])
+    lines += [f"system.connect({_quoted(f'OTHER.{i}')}, {_quoted(f'{name}.{i}')})" for i in inputs]
+    outputs = list(dict.fromkeys(split_index(v.name)[0] for v in about.outputs.values() if v.type in RECORDABLE))
+    listed = ", ".join(_quoted(f"{name}.{o}") for o in outputs[:4])
     lines.append(f"recording = system.run(5.0, record=[{listed}])")
     return "\n".join(lines)
+
+
+def _quoted(text: str) -> str:
+    """A Python literal of it, in double quotes where they do."""
+    return json.dumps(text, ensure_ascii=False) if text.isprintable() else repr(text)
 
 
 def _abilities(fmu: Fmu) -> list[str]:
@@ -82,7 +91,7 @@ def _variables(title: str, variables: Sequence[Variable]) -> Table:
         table.add_column(column, overflow="fold", justify="right" if column == "start" else "left")
     groups: dict[str, list[Variable]] = {}
     for variable in variables:
-        groups.setdefault(_without_index(variable.name), []).append(variable)
+        groups.setdefault(split_index(variable.name)[0], []).append(variable)
     for base, elements in groups.items():
         first = elements[0]
         start = "" if first.start is None else f"{first.start:g}" if first.type == "real" else str(first.start)
@@ -99,10 +108,6 @@ def _variables(title: str, variables: Sequence[Variable]) -> Table:
     return table
 
 
-def _without_index(name: str) -> str:
-    return name[: name.rindex("[")] if name.endswith("]") else name
-
-
 def _span(elements: Sequence[Variable]) -> str:
-    first, last = (v.name[v.name.rindex("[") + 1 : -1].split(",") for v in (elements[0], elements[-1]))
+    first, last = (split_index(v.name)[1] for v in (elements[0], elements[-1]))
     return "[" + ",".join(f"{a}..{b}" for a, b in zip(first, last, strict=True)) + "]"

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from cosim.recording import Recording
 
-STATUS_NAMES = ("OK", "Warning", "Discard", "Error", "Fatal", "Pending")
+STATUS_NAMES = ("OK", "Warning", "Discard", "Error", "Fatal", "Pending")  # FMI 3.0 has no Pending
 
 
 class CosimError(Exception):
@@ -55,19 +55,27 @@ class StabilityWarning(UserWarning):
 
 
 class CallFailed(CosimError):  # noqa: N818
-    """One call into a component failed. The master turns it into a `ComponentError` with the time."""
+    """One call into a component failed. The master turns it into a `ComponentError` with the time.
 
-    def __init__(self, component: str, function: str, status: int, detail: str = "", messages: Sequence[str] = ()):
+    `status`: an FMI status, or any other number that the component returned. `known`: names of the statuses there are.
+    """
+
+    def __init__(
+        self, component: str, function: str, status: int, detail: str = "", messages: Sequence[str] = (),
+        known: Sequence[str] = STATUS_NAMES,
+    ):  # fmt: skip
         self.component = component
         self.function = function
-        self.status = STATUS_NAMES[status] if 0 <= status < len(STATUS_NAMES) else str(status)
+        self.status = known[status] if 0 <= status < len(known) else str(status)
+        self.known = self.status in known
         self.detail = detail
         self.messages = list(messages)
         super().__init__(self._text(None))
 
     def _text(self, time: float | None) -> str:
         when = "" if time is None else f" at t = {time:.9g} s"
-        text = f"component '{self.component}': {self.function} returned {self.status}{when}"
+        status = self.status if self.known else f"{self.status}, which is no FMI status,"
+        text = f"component '{self.component}': {self.function} returned {status}{when}"
         if self.detail:
             text += f" ({self.detail})"
         if self.messages:
@@ -75,12 +83,31 @@ class CallFailed(CosimError):  # noqa: N818
         return text
 
 
+class NotFinite(CallFailed):
+    """A component showed NaN or infinity, at `at` [s]; `variable` and `value` say where and what."""
+
+    def __init__(self, component: str, variable: str, value: float, at: float | None = None):
+        self.variable = variable
+        self.value = value
+        self.at = at
+        super().__init__(component, "get", 0)
+        self.status = "not finite"
+
+    def _text(self, time: float | None) -> str:
+        when = time if self.at is None else self.at
+        return (
+            f"component '{self.component}': {self.variable} is {self.value}"
+            + ("" if when is None else f" at t = {when:.9g} s")
+            + "; run with allow_nan=True to let such values pass"
+        )
+
+
 class ComponentError(CosimError):
     """A component ended the run.
 
-    Attributes: `component`, `function`, `status` ("Discard", "Error", "Fatal", ...), `time` [s],
-    `messages` (the component's own log lines, oldest first), `recording` (everything up to the failure,
-    None when the failure came before the first sample).
+    Attributes: `component`, `function`, `status` ("Discard", "Error", "Fatal", ..., "not finite", or a number that is none of
+    FMI's), `time` [s], `variable` (the one that is not finite, else None), `messages` (the component's own log
+    lines, oldest first), `recording` (everything up to the failure, None when it came before the first sample).
     """
 
     def __init__(self, failure: CallFailed, time: float, recording: Recording | None):
@@ -88,7 +115,9 @@ class ComponentError(CosimError):
         self.component = failure.component
         self.function = failure.function
         self.status = failure.status
-        self.time = time
+        self.variable, self.time = None, time
+        if isinstance(failure, NotFinite):
+            self.variable, self.time = failure.variable, time if failure.at is None else failure.at
         self.messages = failure.messages
         self.recording = recording
 

@@ -1,7 +1,8 @@
 """The C interface of FMI 2.0 and 3.0 through cffi, and what differs between the two.
 
 cffi in ABI mode: no compiler is needed, and a call with pre-bound arguments costs 0.2 us. Status values
-are declared as int, which spares an enum conversion per call.
+are declared as unsigned int, which spares an enum conversion per call and makes one comparison find all that is no
+success: negative values, which no FMU may return, are large ones.
 """
 
 from __future__ import annotations
@@ -10,16 +11,17 @@ import platform
 import re
 import sys
 from collections.abc import Callable, Sequence
-from functools import partial
 from typing import Any
 
 import cffi
 import numpy as np
 
+from cosim.errors import FmuError
+
 OK, WARNING, DISCARD, ERROR, FATAL, PENDING = range(6)
 
 _FMI2 = """
-typedef void* Component; typedef unsigned int VR; typedef int Status; typedef int Boolean;
+typedef void* Component; typedef unsigned int VR; typedef unsigned int Status; typedef int Boolean;
 typedef struct { void* logger; void* allocate; void* release; void* finished; void* environment; } Callbacks;
 Component fmi2Instantiate(const char*, int, const char*, const char*, const Callbacks*, Boolean, Boolean);
 void fmi2FreeInstance(Component);
@@ -59,7 +61,7 @@ _TYPES3 = {
 }  # fmt: skip
 
 _FMI3 = """
-typedef void* Component; typedef uint32_t VR; typedef int Status;
+typedef void* Component; typedef uint32_t VR; typedef unsigned int Status;
 Component fmi3InstantiateCoSimulation(const char*, const char*, const char*, bool, bool, bool, bool, const VR*, size_t,
                                       void*, void*, void*);
 void fmi3FreeInstance(Component);
@@ -99,6 +101,9 @@ DTYPES = {
 FUNCTION2 = {"Enumeration": "Integer"}
 FUNCTION3 = {"Enumeration": "Int64"}
 
+# Without these nothing runs; what else is missing is named when it is called.
+_REQUIRED = ("FreeInstance", "EnterInitializationMode", "ExitInitializationMode", "Terminate", "Reset", "DoStep")
+
 Log = Callable[[int, str, str], None]  # (status, category, message)
 
 
@@ -114,9 +119,19 @@ def platform_folder(version: str) -> tuple[str, str]:
     return two.get((machine, system), f"{machine}-{system}"), suffix
 
 
-def bind(version: str, library: Any, component: Any, function: str, *arguments: Any) -> Callable[..., int]:
-    """The C function with its first arguments filled in."""
-    return partial(getattr(library, f"fmi{version}{function}"), component, *arguments)
+def required(version: str) -> list[str]:
+    """Names of the C functions that every Co-Simulation FMU must have to be run."""
+    more = ("InstantiateCoSimulation",) if version == "3" else ("Instantiate", "SetupExperiment")
+    return [f"fmi{version}{name}" for name in (*more, *_REQUIRED)]
+
+
+def function(version: str, library: Any, name: str) -> Callable[..., int]:
+    """A C function of an FMU's library. Raises FmuError when the library does not have it."""
+    try:
+        found: Callable[..., int] = getattr(library, f"fmi{version}{name}")
+    except AttributeError:
+        raise FmuError(f"its library lacks fmi{version}{name}; build or export it again") from None
+    return found
 
 
 _CONVERSION = re.compile(r"%(?:%|[-+ #0]*\d*(?:\.\d+)?(?:hh|h|ll|l|z|j|t)?([a-zA-Z]))")
@@ -136,7 +151,7 @@ def _formatted(message: str, arguments: Sequence[int]) -> str:
             return "%"
         word = next(values)
         if match[1] == "s":
-            return _text(ffi2, ffi2.cast("const char*", word))
+            return text(ffi2, ffi2.cast("const char*", word))
         if match[1] in "xX":
             return f"{word & 0xFFFFFFFF:{match[1]}}"
         return str(int(ffi2.cast("int" if match[1] in "di" else "unsigned int", word)))
@@ -144,7 +159,7 @@ def _formatted(message: str, arguments: Sequence[int]) -> str:
     return _CONVERSION.sub(replace, message)
 
 
-def _text(ffi: Any, pointer: Any) -> str:
+def text(ffi: Any, pointer: Any) -> str:
     return "" if pointer == ffi.NULL else ffi.string(pointer).decode("utf-8", "replace")
 
 
@@ -163,7 +178,7 @@ def instantiate2(library: Any, process: Any, texts: tuple[str, str, str], log: L
         onerror=_quiet,
     )
     def logger(_: Any, __: Any, status: int, category: Any, message: Any, *arguments: int) -> None:
-        log(status, _text(ffi, category), _formatted(_text(ffi, message), arguments))
+        log(status, text(ffi, category), _formatted(text(ffi, message), arguments))
 
     callbacks = ffi.new("Callbacks*")
     callbacks.logger = ffi.cast("void*", logger)
@@ -180,7 +195,7 @@ def instantiate3(library: Any, texts: tuple[str, str, str], log: Log, keep: list
 
     @ffi.callback("void(void*, int, const char*, const char*)", onerror=_quiet)
     def logger(_: Any, status: int, category: Any, message: Any) -> None:
-        log(status, _text(ffi, category), _text(ffi, message))
+        log(status, text(ffi, category), text(ffi, message))
 
     keep.append(logger)
     return library.fmi3InstantiateCoSimulation(

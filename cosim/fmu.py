@@ -7,54 +7,68 @@ import shutil
 import sys
 import tempfile
 import weakref
-import zipfile
-import zlib
 from pathlib import Path
 from typing import Any
 
 from cosim import fmi_calls as fmi
+from cosim.archive import Archive, check_library
 from cosim.description import Description, parse
-from cosim.errors import FmuError, did_you_mean
+from cosim.errors import FmuError
 from cosim.fmu_component import FmuComponent
+
+
+class Library:
+    """An FMU's library in this process, and the folder of the unpacked FMU; closed with its last instance."""
+
+    def __init__(self, ffi: Any, handle: Any, folder: Path, own_folder: bool):
+        self.handle = handle
+        self.folder = folder
+        self.users = 0
+        self.open = True
+        self._ffi = ffi
+        self._own_folder = own_folder  # unpacked for this library alone
+        self._kept = False
+
+    def release(self) -> None:
+        """One instance less."""
+        self.users -= 1
+        if self.users == 0 and not self._kept:
+            self.open = False
+            self._ffi.dlclose(self.handle)
+            if self._own_folder:
+                _remove([self.folder])
+
+    def keep(self) -> None:
+        """Never close it: after a Fatal nothing of it may be called any more, its destructors included."""
+        self._kept = True
+        _KEPT.append(self)
+
+
+_KEPT: list[Library] = []
 
 
 class Fmu:
     """A Co-Simulation FMU file (FMI 2.0 or 3.0), or the folder of an unpacked one.
 
     Opening reads the description only. Raises FmuError for a missing, truncated or foreign file, a wrong FMI
-    version and an FMU without Co-Simulation. The unpacked copy is removed by `close()` or when Python ends.
+    version and an FMU without Co-Simulation. The library is closed with its last instance, the unpacked copy is removed
+    by `close()` or when Python ends.
     """
 
     def __init__(self, path: str | os.PathLike[str]):
         self.path = Path(path)
-        self.description: Description = parse(self._read_description(), str(self.path))
+        self._archive = Archive(self.path)
+        self.description: Description = parse(self._archive.description(), str(self.path))
         self.major = self.description.fmi_version[0]
-        self._folder: Path | None = None
-        self._library: Any = None
+        self._library: Library | None = None
+        self._folder: Path | None = None  # unpacked, for the next library
         self._abandoned = False
         self._ffi = fmi.ffi2 if self.major == "2" else fmi.ffi3
         self._owned: list[Path] = []
-        self._cleanup = weakref.finalize(self, _remove, self._owned)
+        weakref.finalize(self, _remove, self._owned)
 
     def __repr__(self) -> str:
         return f"Fmu({str(self.path)!r})"
-
-    def _read_description(self) -> bytes:
-        if not self.path.exists():
-            siblings = [p.name for p in self.path.parent.glob("*.fmu")] if self.path.parent.is_dir() else []
-            raise FmuError(f"no such FMU: {self.path}{did_you_mean(self.path.name, siblings)}")
-        try:
-            if self.path.is_dir():
-                return (self.path / "modelDescription.xml").read_bytes()
-            with zipfile.ZipFile(self.path) as archive:
-                self._names = archive.namelist()
-                return archive.read("modelDescription.xml")
-        except (KeyError, FileNotFoundError):
-            raise FmuError(f"{self.path} is not an FMU: it holds no modelDescription.xml") from None
-        except (zipfile.BadZipFile, EOFError, zlib.error) as error:
-            raise FmuError(f"{self.path} is not an FMU or is incomplete ({error}); copy or build it again") from None
-        except OSError as error:
-            raise FmuError(f"cannot read {self.path}: {error.strerror or error}") from None
 
     @property
     def binary(self) -> str:
@@ -63,57 +77,73 @@ class Fmu:
         return f"binaries/{folder}/{self.description.identifier}{suffix}"
 
     def platforms(self) -> list[str]:
-        """Platform folders the archive has binaries for."""
-        if self.path.is_dir():
-            return sorted(p.name for p in self.path.glob("binaries/*") if p.is_dir())
-        return sorted({n.split("/")[1] for n in self._names if n.startswith("binaries/") and n.count("/") >= 2})
+        """Platforms whose library is in the archive."""
+        name = self.description.identifier
+        return sorted({folder for folder, file in self._archive.libraries() if file.rsplit(".", 1)[0] == name})
 
     def check_platform(self) -> None:
         """Raises FmuError when there is no binary for this machine."""
-        there = (self.path / self.binary).exists() if self.path.is_dir() else self.binary in self._names
-        if not there:
-            others = ", ".join(self.platforms()) or "no platform at all"
-            raise FmuError(
-                f"{self.path} has no binary for this platform ({self.binary}); it was built for {others}. "
-                "Build or export it for this platform"
-            )
+        if self._archive.has(self.binary):
+            return
+        there = self.platforms()
+        others = [f"binaries/{folder}/{file}" for folder, file in self._archive.libraries()]
+        built = (
+            f"it was built for {', '.join(there)}" if there
+            else f"it holds {', '.join(others[:5])}, but its modelIdentifier is {self.description.identifier!r}" if others
+            else "it was built for no platform at all"
+        )  # fmt: skip
+        raise FmuError(
+            f"{self.path} has no binary for this platform ({self.binary}); {built}. Build or export it for this platform"
+        )
 
-    def library(self) -> tuple[Any, Path]:
-        """(loaded library, folder of the unpacked FMU). FMUs that allow one instance per process get a fresh copy
-        at every call."""
-        if self._library is None or self.description.only_once:
+    def library(self) -> Library:
+        """The loaded library, counted up by one user: call its `release()` when done. FMUs that allow one instance per
+        process get a fresh copy at every call."""
+        library = self._library
+        if library is None or not library.open or self.description.only_once:
             self.check_platform()
-            self._folder = self._unpack()
-            try:
-                if sys.platform == "win32":
-                    os.add_dll_directory(str((self._folder / self.binary).parent))
-                self._library = self._ffi.dlopen(str(self._folder / self.binary))
-            except OSError as error:
-                raise FmuError(f"{self.path}: its library cannot be loaded: {error}") from None
-        assert self._folder is not None
-        return self._library, self._folder
+            folder = self._unpack()
+            library = self._library = Library(self._ffi, self._load(folder), folder, self.description.only_once)
+        library.users += 1
+        return library
+
+    def _load(self, folder: Path) -> Any:
+        file = folder / self.binary
+        try:
+            check_library(file)
+            if sys.platform == "win32":
+                os.add_dll_directory(str(file.parent))
+            handle = self._ffi.dlopen(str(file))
+        except OSError as error:
+            raise FmuError(f"{self.path}: its library cannot be loaded: {error}") from None
+        missing = [name for name in fmi.required(self.major) if not hasattr(handle, name)]
+        if missing:
+            self._ffi.dlclose(handle)
+            raise FmuError(
+                f"{self.path}: its library lacks {', '.join(missing)}, which Co-Simulation needs; build or export it again"
+            )
+        return handle
 
     def _unpack(self) -> Path:
-        if self.path.is_dir() and not self.description.only_once and not self._abandoned:
+        if self._archive.is_folder and not self.description.only_once and not self._abandoned:
             return self.path.resolve()
-        folder = Path(tempfile.mkdtemp(prefix="cosim-"))
-        self._owned.append(folder)
+        if self._folder is not None and not self.description.only_once:
+            return self._folder  # its library was closed and is needed again
         try:
-            if self.path.is_dir():
-                shutil.copytree(self.path, folder, dirs_exist_ok=True)
-            else:
-                with zipfile.ZipFile(self.path) as archive:
-                    archive.extractall(folder)
-        except (zipfile.BadZipFile, zlib.error, EOFError) as error:
-            raise FmuError(f"{self.path} is damaged ({error}); copy or build it again") from None
+            folder = Path(tempfile.mkdtemp(prefix="cosim-"))
         except OSError as error:
-            raise FmuError(f"cannot unpack {self.path} to {folder}: {error.strerror or error}") from None
+            raise FmuError(f"cannot unpack {self.path}: {error}") from None
+        self._owned.append(folder)
+        self._archive.unpack(folder)
+        self._folder = folder
         return folder
 
-    def abandon(self) -> None:
-        """After a Fatal: leave the loaded library alone; the next instance gets a copy of its own."""
-        self._library = None
-        self._abandoned = True
+    def abandon(self, library: Library) -> None:
+        """After a Fatal: leave this library alone; the next instance gets a copy of its own."""
+        library.keep()
+        if library is self._library:
+            self._library = self._folder = None
+            self._abandoned = True
 
     def instance(self) -> FmuComponent:
         """A new component of this FMU."""
@@ -121,9 +151,10 @@ class Fmu:
 
     def close(self) -> None:
         """Remove the unpacked copy. Close the components first."""
-        self._cleanup()
+        self._folder = None
+        _remove(self._owned)
 
 
 def _remove(folders: list[Path]) -> None:
-    for folder in folders:
-        shutil.rmtree(folder, ignore_errors=True)
+    while folders:
+        shutil.rmtree(folders.pop(), ignore_errors=True)

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
 import os
 import sys
 import weakref
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -16,9 +18,10 @@ from cosim import fmi_calls as fmi
 from cosim.component import Action, Array, Ports
 from cosim.description import Variable
 from cosim.errors import STATUS_NAMES, CallFailed, CosimError, FmuError
+from cosim.stops import EndRequested
 
 if TYPE_CHECKING:
-    from cosim.fmu import Fmu
+    from cosim.fmu import Fmu, Library
 
 
 @dataclass(frozen=True)
@@ -32,7 +35,14 @@ class _Transfer:
     direct: bool
 
 
-_DoStep = tuple[Callable[..., int], tuple[Any, ...], Any]
+_DoStep = tuple[Callable[..., int], list[Any], Any]
+
+
+class _SavedState:
+    """A saved state, as callers hold it: freed when they drop it."""
+
+    def __init__(self, pointer: Any):
+        self.pointer = pointer
 
 
 class FmuComponent:
@@ -51,12 +61,16 @@ class FmuComponent:
         self._instance: Any = None
         self._dead = False
         self._keep: list[Any] = []
-        self._states: list[Any] = []  # saved and not freed
+        self._states: dict[int, Any] = {}  # saved and held by somebody: id of the handle -> pointer
+        self._dropped: list[Any] = []  # saved, held by nobody any more, to be freed at the next chance
+        self._may_roll_back: set[int] = set()  # of `_states`, those saved in this run
+        self._step_arguments: list[Any] = [True]  # noSetFMUStatePriorToCurrentPoint, and FMI 3's flags
 
     # Life of the instance.
 
     def instantiate(self, name: str) -> None:
         self._forget_messages()
+        self._may_roll_back.clear()  # what was saved before belongs to another run
         if self._instance is not None and not self._dead:
             if self._call("Reset") <= fmi.WARNING:
                 return
@@ -64,24 +78,25 @@ class FmuComponent:
             self._forget_messages()
         self.name = name
         self._dead = False
-        self._library, folder = self.fmu.library()
+        library = self.fmu.library()
         self._keep = []
-        resources = folder / "resources"
+        resources = library.folder / "resources"
         token, log = self.description.token, _logger(self.messages, self.problems)
-        try:
-            if self._v3:
-                path = f"{resources}{os.sep}"
-                instance = fmi.instantiate3(self._library, (name, token, path), log, self._keep)
-            else:
-                texts = (name, token, resources.as_uri())
-                instance = fmi.instantiate2(self._library, _process(), texts, log, self._keep)
-        except AttributeError as error:
-            raise FmuError(f"{self.fmu.path}: its library lacks an FMI function: {error}") from None
+        if self._v3:
+            path = f"{resources}{os.sep}"
+            instance = fmi.instantiate3(library.handle, (name, token, path), log, self._keep)
+        else:
+            texts = (name, token, resources.as_uri())
+            instance = fmi.instantiate2(library.handle, _process(), texts, log, self._keep)
         if instance == self._ffi.NULL:
-            said = "\n".join(f"    {line}" for line in self._said())
-            raise FmuError(f"{self.fmu.path}: cannot be instantiated as '{name}'" + (f":\n{said}" if said else ""))
-        self._instance = instance
-        self._finalizer = weakref.finalize(self, _free, self._library, self._v3, instance, self._keep)
+            library.release()
+            said = [f"    {line}" for line in self._said()]
+            if self.description.needs_tool:
+                said.append("  it needs the tool that made it (needsExecutionTool): is that there?")
+            colon = ":\n" if said else ""
+            raise FmuError(f"{self.fmu.path}: cannot be instantiated as '{name}'{colon}" + "\n".join(said))
+        self._library, self._instance = library, instance
+        self._finalizer = weakref.finalize(self, _free, library, self._v3, instance, self._keep)
 
     def enter_initialization(self, start: float, stop: float | None) -> None:
         tolerance = self.description.tolerance
@@ -100,24 +115,32 @@ class FmuComponent:
             self._call("Terminate")
 
     def close(self) -> None:
-        """Free the instance (unless it reported Fatal: then nothing of it may be called any more)."""
+        """Free the instance (unless it reported Fatal: then nothing of it may be called any more), and close its library
+        if it was the last one."""
         if self._instance is not None:
-            if self._dead:
-                self._finalizer.detach()
-            else:
-                for state in list(self._states):
-                    self.forget(state)
+            if not self._dead:
+                self._dropped += self._states.values()
+                self._free_dropped()
                 self._finalizer()
             self._instance = None
-            self._states = []
+            self._states.clear()
+            self._dropped.clear()
 
     # Calls and what to do with their status.
 
-    def _call(self, function: str, *arguments: Any) -> int:
-        status: int = getattr(self._library, f"fmi{self.fmu.major}{function}")(self._instance, *arguments)
+    def _call(self, name: str, *arguments: Any) -> int:
+        if self._instance is None:
+            raise CosimError(f"'{self.name}' has no instance: initialize its system first")
+        status = self._function(name)(self._instance, *arguments)
         if status == fmi.FATAL:
             self._die()
         return status
+
+    def _function(self, name: str) -> Callable[..., int]:
+        try:
+            return fmi.function(self.fmu.major, self._library.handle, name)
+        except FmuError as error:
+            raise FmuError(f"{self.fmu.path}: {error}") from None
 
     def _must(self, function: str, *arguments: Any, detail: str = "") -> None:
         status = self._call(function, *arguments)
@@ -127,13 +150,15 @@ class FmuComponent:
     def _fail(self, function: str, status: int, detail: str = "") -> None:
         if status == fmi.FATAL:
             self._die()
-        raise CallFailed(self.name, f"fmi{self.fmu.major}{function}", status, detail, self._said())
+        signed = int(self._ffi.cast("int32_t", status))
+        known = STATUS_NAMES[: fmi.PENDING] if self._v3 else STATUS_NAMES
+        raise CallFailed(self.name, f"fmi{self.fmu.major}{function}", signed, detail, self._said(), known)
 
     def _die(self) -> None:
         self._dead = True
         self._finalizer.detach()
-        self.fmu.abandon()
-        _KEEP_FOREVER.append((self._library, self._keep))
+        self.fmu.abandon(self._library)
+        _KEEP_FOREVER.append(self._keep)
 
     def _forget_messages(self) -> None:
         self.messages.clear()
@@ -181,7 +206,7 @@ class FmuComponent:
         function = f"Get{self._functions.get(fmi_type, fmi_type)}"
         self._must(function, ffi.new("VR[]", references), len(references), buffer, *((size,) if self._v3 else ()))
         if fmi_type == "String":
-            return [ffi.string(x).decode("utf-8", "replace") for x in buffer]
+            return [fmi.text(ffi, x) for x in buffer]
         return [bool(x) for x in buffer] if fmi_type == "Boolean" else list(buffer)
 
     # Values, bound to the master's buffers.
@@ -190,6 +215,7 @@ class FmuComponent:
         setters = [self._transfer("Set", t, inputs, u) for t in _by_type(inputs)]
         getters = [self._transfer("Get", t, outputs, y) for t in _by_type(outputs)]
         set_inputs, get_outputs = _sequence([s.move for s in setters]), _sequence([g.move for g in getters])
+        self._get_outputs = get_outputs
         do_step = self._do_step()
         ports = Ports.of(set_inputs, self._stepper(do_step), get_outputs)
         if len(setters) == len(getters) == 1 and setters[0].direct and getters[0].direct:
@@ -217,7 +243,7 @@ class FmuComponent:
         self._keep += [data, references]
         function = f"{direction}{self._functions.get(fmi_type, fmi_type)}"
         arguments = (references, len(groups), pointer, *((total,) if v3 else ()))
-        call, fail = fmi.bind(self.fmu.major, self._library, self._instance, function, *arguments), self._fail
+        call, fail = partial(self._function(function), self._instance, *arguments), self._fail
         warning = fmi.WARNING
 
         def direct() -> None:
@@ -240,15 +266,16 @@ class FmuComponent:
     def _do_step(self) -> _DoStep:
         """(call, last arguments, ended): `call(t, h, *last arguments)`; `ended[0]` is true after a step that stopped
         early or asks to end the simulation (FMI 3)."""
-        call = fmi.bind(self.fmu.major, self._library, self._instance, "DoStep")
-        no_rollback = not self.description.can_save
+        call = partial(self._function("DoStep"), self._instance)
         if not self._v3:
-            return call, (int(no_rollback),), (0,)
+            self._step_arguments = [1]
+            return call, self._step_arguments, (0,)
         flags, self._last = self._ffi.new("bool[4]"), self._ffi.new("double*")  # event needed, -, terminate, early
-        self._terminate = flags + 2
+        self._terminate, self._early = flags + 2, flags + 3
         self._keep += [flags, self._last]
         ended = self._ffi.cast("uint16_t*", self._terminate)
-        return call, (no_rollback, flags, flags + 2, flags + 3, self._last), ended
+        self._step_arguments = [True, flags, self._terminate, self._early, self._last]
+        return call, self._step_arguments, ended
 
     def _stepper(self, do_step: _DoStep) -> Callable[[float, float], None]:
         call, rest, ended = do_step
@@ -282,44 +309,79 @@ class FmuComponent:
 
     def _step_failed(self, status: int, t: float, h: float) -> None:
         """Raise what a step's status means, with what the FMU can tell about it."""
-        last, terminated = None, False
-        if self._v3 and status != fmi.FATAL:
+        last, terminated, whole = None, False, False
+        if self._v3 and status <= fmi.DISCARD:
             last, terminated = self._last[0], bool(self._terminate[0])
+            whole = status <= fmi.WARNING and not self._early[0]
         elif status == fmi.DISCARD:
             number, boolean = self._ffi.new("double*"), self._ffi.new("int*")
-            if self._call("GetRealStatus", 2, number) <= fmi.WARNING:
+            if self._tells("GetRealStatus", 2, number):
                 last = number[0]
-            if self._call("GetBooleanStatus", 3, boolean) <= fmi.WARNING:
+                whole = last >= t + h - 1e-6 * h
+            if self._tells("GetBooleanStatus", 3, boolean):
                 terminated = bool(boolean[0])
         detail = f"step from {t:.9g} s, length {h:.9g} s"
-        if last is not None:
+        if last is not None and not whole:
             detail += f"; it got to {last:.9g} s"
         if terminated:
-            detail += "; it asks to end the simulation"
-        if status == fmi.PENDING:
+            text = f"component '{self.name}' asked to end the simulation ({detail})"
+            said = self._said()[-1:]
+            if whole:
+                self._get_outputs()
+            raise EndRequested(self.name, text + (f"; it says: {said[0]}" if said else ""), complete=whole)
+        if status == fmi.PENDING and not self._v3:
             detail += "; asynchronous steps are not supported"
         self._fail("DoStep", max(status, fmi.DISCARD), detail)
+
+    def _tells(self, function: str, *arguments: Any) -> bool:
+        """Call what an FMU need not answer, or have."""
+        try:
+            return self._call(function, *arguments) <= fmi.WARNING
+        except FmuError:
+            return False
 
     # State and derivatives.
 
     def save(self) -> Any:
-        state = self._ffi.new("void**")
-        self._must("GetFMUState" if self._v3 else "GetFMUstate", state)
-        self._states.append(state)
+        self._free_dropped()
+        pointer = self._ffi.new("void**")
+        self._must("GetFMUState" if self._v3 else "GetFMUstate", pointer)
+        state = _SavedState(pointer)
+        self._states[id(state)] = pointer
+        self._may_roll_back.add(id(state))
+        self._tell_roll_back()
+        weakref.finalize(state, self._drop, id(state)).atexit = False
         return state
 
     def restore(self, state: Any) -> None:
         if not self._holds(state):
             raise CosimError(f"'{self.name}': this saved state was freed, or its instance was")
-        self._must("SetFMUState" if self._v3 else "SetFMUstate", state[0])
+        self._must("SetFMUState" if self._v3 else "SetFMUstate", state.pointer[0])
 
     def forget(self, state: Any) -> None:
         if self._holds(state):
-            self._states = [other for other in self._states if other is not state]
-            self._call("FreeFMUState" if self._v3 else "FreeFMUstate", state)
+            self._drop(id(state))
+            self._free_dropped()
 
     def _holds(self, state: Any) -> bool:
-        return not self._dead and any(other is state for other in self._states)
+        return not self._dead and id(state) in self._states
+
+    def _drop(self, key: int) -> None:
+        """Nobody can restore this state any more. Called at any time, so the FMU is not."""
+        pointer = self._states.pop(key, None)
+        if pointer is not None:
+            self._dropped.append(pointer)
+        self._may_roll_back.discard(key)
+        self._tell_roll_back()
+
+    def _free_dropped(self) -> None:
+        while self._dropped and not self._dead:
+            self._call("FreeFMUState" if self._v3 else "FreeFMUstate", self._dropped.pop())
+
+    def _tell_roll_back(self) -> None:
+        """noSetFMUStatePriorToCurrentPoint of the next steps: true unless this run may be rolled back. FMUs may keep what
+        they cannot take back until it is true: files, hardware, or all progress."""
+        self._step_arguments[0] = type(self._step_arguments[0])(not self._may_roll_back)
 
     def linearize(self, inputs: Sequence[Variable], outputs: Sequence[Variable]) -> tuple[Array, Array, Array, Array]:
         """(A, B, C, D) at the present state for the given inputs and outputs, by directional derivatives. States and
@@ -346,10 +408,14 @@ class FmuComponent:
             self._must("GetDirectionalDerivative", of, len(groups), by, 1, seed, known.size, result, sum(sizes))
         else:
             self._must("GetDirectionalDerivative", of, len(groups), by, 1, seed, result)
-        return [result[begin[v.reference] + v.index] for v in unknowns]
+        found = [result[begin[v.reference] + v.index] for v in unknowns]
+        for variable, value in zip(unknowns, found, strict=True):
+            if not math.isfinite(value):
+                raise CosimError(f"its derivative of {variable.name} by {known.name} is {value}")
+        return found
 
 
-_KEEP_FOREVER: list[Any] = []  # libraries and callbacks of instances that reported Fatal
+_KEEP_FOREVER: list[Any] = []  # callbacks of instances that reported Fatal
 _PROCESS: list[Any] = []
 
 
@@ -373,9 +439,10 @@ def _logger(messages: deque[str], problems: deque[str]) -> fmi.Log:
     return log
 
 
-def _free(library: Any, v3: bool, instance: Any, keep: list[Any]) -> None:
-    (library.fmi3FreeInstance if v3 else library.fmi2FreeInstance)(instance)
+def _free(library: Library, v3: bool, instance: Any, keep: list[Any]) -> None:
+    (library.handle.fmi3FreeInstance if v3 else library.handle.fmi2FreeInstance)(instance)
     keep.clear()
+    library.release()
 
 
 def _by_type(variables: Any) -> dict[str, list[Variable]]:

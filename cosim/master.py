@@ -16,6 +16,12 @@ outputs are still those of the sample before. If the simulation is continued, th
 sample replaced: advancing in pieces gives what advancing in one go gives. Nothing is shortened to meet the stop
 time: a step that reaches beyond it was begun before it, and shows its outputs when its end is reached.
 
+A component may ask to end the simulation. When its step was done the run ends at the end of that step, as if that were
+the stop time; otherwise at its beginning, with the sample there and nobody advanced further.
+
+No component ever reads a NaN or an infinity that another one has made: outputs are looked at as soon as they are there,
+and the first that is not finite ends the run (unless `allow_nan`).
+
 A delayed connection delivers what the source showed before its latest step (discrete: its latest run).
 
 All values lie in one vector of floats. An FMU reads its outputs into its slice of it and its inputs come from it
@@ -25,6 +31,7 @@ with one indexed copy; the master does no Python work per variable and step.
 from __future__ import annotations
 
 import enum
+import itertools
 import time as clock
 import warnings
 from collections.abc import Callable, Iterable, Sequence
@@ -41,6 +48,7 @@ from cosim.errors import (
     ComponentError,
     CosimError,
     Interrupted,
+    NotFinite,
     TimeError,
     UnconnectedInputsWarning,
     WiringError,
@@ -49,7 +57,7 @@ from cosim.errors import (
 from cosim.progress import HeldInterrupt, ProgressBar
 from cosim.recording import Recorder, Recording
 from cosim.schedule import Schedule
-from cosim.stops import COMPARE, Stop, StopCondition, StopWhen, View
+from cosim.stops import COMPARE, EndRequested, Stop, StopCondition, StopWhen, View
 from cosim.timebase import TimeBase, TimeLike, positive, rational
 from cosim.timetable import Clock, Timetable
 from cosim.values import Layout, make_layout
@@ -95,6 +103,7 @@ class SystemState:
     components: dict[str, Any]
     samples: int
     owner: Simulation
+    ending: tuple[int, str] | None = None
 
     @property
     def time(self) -> float:
@@ -123,8 +132,12 @@ class Simulation:
         watch: Iterable[str] = (),
         stop_time: TimeLike | None = None,
         state: SystemState | None = None,
+        allow_nan: bool = False,
     ):
         self._over: str | None = None  # why it cannot be continued
+        self._ending: tuple[int, str] | None = None  # a component asked to end it: at which tick, and why
+        self._terminated = False
+        self._allow_nan = allow_nan
         start = rational(start_time, "start_time") if state is None else state.owner._base.exact(state.tick)
         interval = None if record_interval is None else positive(record_interval, "record_interval")
         self.schedule: Schedule = system.schedule(*([interval] if interval else []))
@@ -167,7 +180,7 @@ class Simulation:
 
     @property
     def finished(self) -> bool:
-        """It was closed, or ended by a failure."""
+        """It was closed, or ended by a failure or by a component that asked for it."""
         return self._over is not None
 
     @property
@@ -242,8 +255,19 @@ class Simulation:
             m.component.exit_initialization()
             self._ports[m].get_outputs()
         self._layout.show_everything()
+        self._check_initial_values()
         if state is not None:
             self._layout.take_previous(state.owner._layout, state.values)
+
+    def _check_initial_values(self) -> None:
+        if self._allow_nan:
+            return
+        culprit = self._layout.not_finite(self.schedule.members)
+        for (member, variable), slot in self._layout.constants.items():
+            if culprit is None and not np.isfinite(self._values[slot]):
+                culprit = NotFinite(member, variable, float(self._values[slot]))
+        if culprit is not None:
+            raise culprit
 
     def _continued(self, state: SystemState) -> list[Member]:
         """The members that are in a saved state, checked to be at the end of a step there."""
@@ -272,7 +296,8 @@ class Simulation:
                 self._ports[m].set_inputs()
                 self._ports[m].get_outputs()
                 self._layout.show_everything()
-            moved = np.abs(self._values - before) > 1e-12 * np.maximum(1.0, np.abs(before))
+            with np.errstate(invalid="ignore"):
+                moved = np.abs(self._values - before) > 1e-12 * np.maximum(1.0, np.abs(before))
             if not moved.any():
                 return
         names = [n for n, (slot, _, _) in self._layout.readable.items() if moved[slot]]
@@ -296,11 +321,27 @@ class Simulation:
         members = [m for i, m in enumerate(self.schedule.members) if i in due]
         recording = len(self._clocks) - 1 in due
         arrive = self._layout.arrival(members)
-        discrete = [self._step(m) for m in members if m.discrete]
+        discrete = self._steps([m for m in members if m.discrete])
         sample = [self._recorder.sample] if recording else []
         stops = [self._check_stops] if self._stops else []
-        continuous = [self._step(m) for m in members if not m.discrete]
+        continuous = self._steps([m for m in members if not m.discrete])
         return Instant(tuple(arrive), (*discrete, *sample, *stops), tuple(continuous), recording)
+
+    def _steps(self, members: Sequence[Member]) -> list[Timed]:
+        """The steps of components in their order, each followed by a look at its outputs before anybody reads them.
+        Components that advance side by side read nothing of each other: they are looked at together."""
+        if self._allow_nan:
+            return [self._step(m) for m in members]
+        seidel = {m for group in self.schedule.groups if group.method == "gauss-seidel" for m in group.members}
+        acts: list[Timed] = []
+        together: list[Member] = []
+        for m, following in itertools.zip_longest(members, members[1:]):
+            acts.append(self._step(m))
+            together.append(m)
+            if m.discrete or following is None or following in seidel:
+                acts += self._layout.finite_checks(together)
+                together = []
+        return acts
 
     def _step(self, member: Member) -> Timed:
         """One communication step of a component: inputs as they stand, doStep, outputs."""
@@ -335,9 +376,10 @@ class Simulation:
     def advance(
         self, until: TimeLike, *, stop_when: Sequence[StopCondition] = (), progress: bool = False
     ) -> str | None:
-        """Run to the first base tick at or after `until` [s], or to the first instant that fulfils one of `stop_when`;
-        returns that condition's text, or None. Raises ComponentError (the simulation is over then) and Interrupted
-        (it stands between two instants and can be continued)."""
+        """Run to the first base tick at or after `until` [s], to the first instant that fulfils one of `stop_when`, or to
+        where a component asks to end (the simulation is over then). Returns the text of that condition or request, or
+        None. Raises ComponentError (the simulation is over then) and Interrupted (it stands between two instants and can
+        be continued)."""
         end = self._base.at_or_after(rational(until, "until"))
         if end < self._tick:
             raise TimeError(f"cannot advance to {until} s: the simulation stands at {self.time:.9g} s")
@@ -362,15 +404,22 @@ class Simulation:
             return
         self._complete()
         piece = 1
-        while self._tick < end and not interrupt.pending:
+        while self._tick < self._last_tick(end) and not interrupt.pending:
             begin = clock.perf_counter()
-            self._run_instants(min(end, self._tick + piece))
+            self._run_instants(min(self._last_tick(end), self._tick + piece))
             took = clock.perf_counter() - begin
             piece = max(1, min(4 * piece, int(0.05 * piece / max(took, 1e-9))))
             bar.at(self.time)
-        self._arrive()
+        if self._phase is Phase.NOTHING:
+            self._arrive()
+        if self._ending is not None and self._tick >= self._ending[0]:
+            self._over = self._ending[1]
+            raise Stop(self._over)
         if interrupt.pending:
             raise Interrupted(self.time, self.recording)
+
+    def _last_tick(self, end: int) -> int:
+        return end if self._ending is None else min(end, self._ending[0])
 
     def _complete(self) -> None:
         """Do what is left of the present instant."""
@@ -380,28 +429,54 @@ class Simulation:
         if self._phase is Phase.ARRIVED:
             self._recorder.count -= instant.recorded  # the provisional sample
             self._phase = Phase.SAMPLED
-            for act in instant.sample:
-                act(t)
-        for act in instant.advance:
-            act(t)
-        self._tick += 1
-        self._phase = Phase.NOTHING
+            rest = instant.sample + instant.advance
+        else:
+            rest = instant.advance
+        if self._finish(rest, len(instant.advance), t):
+            self._tick += 1
+            self._phase = Phase.NOTHING
 
     def _run_instants(self, end: int) -> None:
-        """All instants from the present tick up to but not including `end`: the hot loop."""
+        """All instants from the present tick up to but not including `end`, or to where a component asks to end: the
+        hot loop."""
         a, b, d = self._base.integers()
         tick = self._tick
         try:
             for tick, instant in self._timetable.instants(tick, end):  # noqa: B020
                 t = (tick * a + b) / d
-                for act in instant.whole:
+                for act in (rest := iter(instant.whole)):
                     act(t)
             tick = end
         except Stop:
             self._phase = Phase.SAMPLED  # stop conditions are looked at after the sample
             raise
+        except EndRequested as request:
+            self._tick = tick
+            if self._end_requested(request, tuple(rest), len(instant.advance), t):
+                tick += 1
         finally:
             self._tick = tick
+
+    def _end_requested(self, request: EndRequested, rest: tuple[Timed, ...], advances: int, t: float) -> bool:
+        """A component asked to end the simulation at the present tick; `rest` is what was still to be done there, its last
+        `advances` are steps of continuous components. Sets when it ends; returns whether the instant is done."""
+        step = self._base.count(self.system[request.component].step)
+        ending = self._tick + step * request.complete, str(request)
+        self._ending = ending if self._ending is None else min(self._ending, ending)
+        if not request.complete:
+            self._phase = Phase.SAMPLED
+            rest, advances = rest[: max(0, len(rest) - advances)], 0
+        return self._finish(rest, advances, t) and request.complete
+
+    def _finish(self, rest: tuple[Timed, ...], advances: int, t: float) -> bool:
+        """Do the rest of an instant; returns whether it is done."""
+        acts = iter(rest)
+        try:
+            for act in acts:
+                act(t)
+        except EndRequested as request:
+            return self._end_requested(request, tuple(acts), advances, t)
+        return True
 
     def _arrive(self) -> None:
         """Show what has been reached at the present tick, and take a provisional sample if one is due."""
@@ -421,7 +496,7 @@ class Simulation:
         except CallFailed as failure:
             self._over = "a component failed"
             recording = self.recording if self._recorder.count else None
-            raise ComponentError(failure, self.time, recording) from failure
+            raise ComponentError(self._origin(failure), self.time, recording) from failure
         except Interrupted:
             raise
         except KeyboardInterrupt:
@@ -432,6 +507,12 @@ class Simulation:
         except BaseException:
             self._over = "an error occurred"
             raise
+
+    def _origin(self, failure: CallFailed) -> CallFailed:
+        """A component that cannot take a NaN is not to blame for it. Only initialization hands such values on."""
+        if self._allow_nan or isinstance(failure, NotFinite):
+            return failure
+        return self._layout.not_finite(self.schedule.members) or failure
 
     # Saved states.
 
@@ -451,7 +532,9 @@ class Simulation:
 
         self._guarded(save)
         inputs = {m.name: p.u.copy() for m, p in self._layout.places.items()}
-        return SystemState(self._tick, self._phase, self._values.copy(), inputs, components, self._recorder.count, self)
+        return SystemState(
+            self._tick, self._phase, self._values.copy(), inputs, components, self._recorder.count, self, self._ending
+        )
 
     def restore(self, state: SystemState) -> None:
         """Go back to a saved state of this simulation; samples recorded after it are dropped."""
@@ -463,7 +546,7 @@ class Simulation:
                 m.component.restore(state.components[m.name])
 
         self._guarded(restore)
-        self._tick, self._phase = state.tick, state.phase
+        self._tick, self._phase, self._ending = state.tick, state.phase, state.ending
         self._values[:] = state.values
         for m, place in self._layout.places.items():
             place.u[:] = state.inputs[m.name]
@@ -479,10 +562,13 @@ class Simulation:
 
     def close(self) -> None:
         """Terminate the components. They can be initialized again by `System.initialize`."""
-        if self._over is None:
-            self._over = "it is closed"
+        if self._terminated:
+            return
+        self._terminated = True
+        if self._over is None or self._ending is not None:
             for m in self.schedule.members:
                 m.component.terminate()
+        self._over = self._over or "it is closed"
 
     def __enter__(self) -> Simulation:
         return self

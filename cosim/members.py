@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from cosim.component import Component
-from cosim.description import Description, Variable
+from cosim.description import INTEGER_RANGE, Description, Variable, split_index
 from cosim.errors import WiringError
 
 
@@ -105,7 +105,7 @@ def glob(pattern: str) -> Any:
 
 def indices(name: str) -> tuple[int, ...]:
     """`gain.y[2,3]` -> (2, 3)."""
-    return tuple(int(i) for i in name[name.rindex("[") + 1 : -1].split(","))
+    return split_index(name)[1]
 
 
 def article(word: str) -> str:
@@ -128,7 +128,7 @@ def _checked(component: str, variable: Variable, value: Any) -> Any:
         return bool(value)
     try:
         number = float(value)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         raise WiringError(f"{name} needs one number, not {value!r}") from None
     if not math.isfinite(number):
         raise WiringError(f"{name} must be finite, not {number}")
@@ -141,5 +141,8 @@ def _checked(component: str, variable: Variable, value: Any) -> Any:
     if variable.type == "integer":
         if number != int(number):
             raise WiringError(f"{name} is an Integer, not {value!r}")
+        low, high = INTEGER_RANGE.get(variable.fmi_type, INTEGER_RANGE["Int64"])
+        if not low <= int(value) <= high:
+            raise WiringError(f"{name} = {int(value)} does not fit into {variable.fmi_type}, {low} to {high}")
         return int(value)
     return number

@@ -24,8 +24,8 @@ _HEADER = re.compile(r"(.*?)(?: \[(.*)\])?")
 class Recording:
     """What was recorded: `time` [s] of shape (samples,), `data` of shape (samples, variables).
 
-    `recording["car.body.az"]` is one column. `stopped_by` says which stop condition ended the run (None: it reached
-    its stop time); `wall_time` [s] is what the stepping took.
+    `recording["car.body.az"]` is one column. `stopped_by` says which stop condition, or which component that asked for
+    it, ended the run (None: it reached its stop time); `wall_time` [s] is what the stepping took.
     """
 
     time: Array

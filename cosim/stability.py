@@ -193,7 +193,7 @@ def _cycle_map(system: System) -> tuple[Array, list[str], float]:
     Column by column: a unit deviation is run through the master."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        simulation = Simulation(system, record=[])
+        simulation = Simulation(system, record=[], allow_nan=True)
     states = [m.component.x for m in simulation.schedule.members]  # type: ignore[attr-defined]
     owners = [m.name for m, x in zip(simulation.schedule.members, states, strict=True) for _ in x]
     values = simulation._values

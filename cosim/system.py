@@ -21,7 +21,7 @@ from types import TracebackType
 from typing import TYPE_CHECKING, Any, Literal
 
 from cosim.component import Component
-from cosim.description import Description, Variable
+from cosim.description import RECORDABLE, Description, Variable, split_index
 from cosim.errors import CosimError, WiringError, did_you_mean
 from cosim.fmu import Fmu
 from cosim.members import Connection, Group, Member, article, glob, indices
@@ -277,7 +277,7 @@ class System:
                 (m, v)
                 for m in self.members.values()
                 for v in m.description.outputs.values()
-                if not v.name.endswith("]") and v.type in ("real", "integer", "boolean")
+                if not split_index(v.name)[1] and v.type in RECORDABLE
             ]
         chosen: dict[str, tuple[Member, Variable]] = {}
         for pattern in [patterns] if isinstance(patterns, str) else patterns:
@@ -289,7 +289,7 @@ class System:
             member, name = self._split(pattern)
             found = [(member, v) for v in self._elements(member, name)]
             for _, variable in found:
-                if variable.type not in ("real", "integer", "boolean"):
+                if variable.type not in RECORDABLE:
                     raise WiringError(f"'{pattern}' is {article(variable.fmi_type)} and cannot be recorded")
             return found
         fits = glob(pattern)
@@ -298,7 +298,7 @@ class System:
                 (m, v)
                 for m in self.members.values()
                 for v in m.description.variables.values()
-                if v.causality == causality and v.type in ("real", "integer", "boolean") and fits(f"{m.name}.{v.name}")
+                if v.causality == causality and v.type in RECORDABLE and fits(f"{m.name}.{v.name}")
             ]
             if matching:
                 return matching
@@ -317,6 +317,7 @@ class System:
         stop_time: TimeLike | None = None,
         check_stability: bool = False,
         state: SystemState | None = None,
+        allow_nan: bool = False,
     ) -> Simulation:
         """Reset and initialize all components and return the `Simulation` at `start_time`.
 
@@ -324,6 +325,7 @@ class System:
         variables that can be read while it runs (`simulation["car.x"]`). `stop_time` is only told to the FMUs. With
         `state`, saved in this system, the components in it continue from there (start_time is not used) while wiring,
         rates and parameters of the others may have changed: several controllers can be tried from one instant.
+        Outputs that are NaN or infinite end the run with ComponentError unless `allow_nan`.
         """
         from cosim.master import Simulation
 
@@ -337,6 +339,7 @@ class System:
             watch=watch,
             stop_time=stop_time,
             state=state,
+            allow_nan=allow_nan,
         )
         if check_stability:
             from cosim.stability import warn_if_unstable
@@ -357,8 +360,10 @@ class System:
         progress: bool = False,
         check_stability: bool = False,
         state: SystemState | None = None,
+        allow_nan: bool = False,
     ) -> Recording:
-        """Initialize, run to `stop_time` [s] or to the first of `stop_when`, and return the recording.
+        """Initialize, run to `stop_time` [s], to the first of `stop_when` or to where a component asks to end, and return
+        the recording, whose `stopped_by` tells which.
 
         A failing component raises ComponentError, Ctrl-C raises Interrupted; both carry the recording so far, and with
         `csv` it is on disk in any case.
@@ -373,6 +378,7 @@ class System:
             stop_time=stop_time,
             check_stability=check_stability,
             state=state,
+            allow_nan=allow_nan,
         ) as simulation:
             try:
                 simulation.advance(stop_time, stop_when=stop_when, progress=progress)

@@ -11,10 +11,12 @@ import math
 import re
 from dataclasses import dataclass
 from fractions import Fraction
+from typing import TypeVar
 
 from cosim.errors import TimeError
 
 TimeLike = int | float | str | Fraction
+_Number = TypeVar("_Number", float, Fraction)
 
 _UNITS = {
     "": Fraction(1),
@@ -24,6 +26,8 @@ _UNITS = {
     "ns": Fraction(1, 10**9),
     "min": Fraction(60),
 }
+SHORTEST, LONGEST = 1e-15, 1e12  # s; what is beyond is a mistake, and exact numbers of that size cost memory
+MOST_TICKS = 2**50
 _TEXT = re.compile(r"\s*([^\sa-zA-Z]+(?:[eE][-+]?\d+)?)\s*([a-zA-Z]*)\s*")
 
 
@@ -31,7 +35,7 @@ def rational(value: TimeLike, what: str = "time") -> Fraction:
     """Exact seconds from an int, a Fraction, a float (1e-3 means 1/1000, 1/60 means 1/60) or a text
     such as "1/60", "0.001", "10 ms" or "60 Hz". Raises TimeError naming `what` for anything else."""
     if isinstance(value, str):
-        return _from_text(value, what)
+        return _bounded(_from_text(value, what), what)
     if isinstance(value, bool) or not isinstance(value, int | float | Fraction):
         try:
             value = float(value)
@@ -40,22 +44,33 @@ def rational(value: TimeLike, what: str = "time") -> Fraction:
     if isinstance(value, float):
         if not math.isfinite(value):
             raise TimeError(f"{what} must be finite, not {value}")
+        _bounded(value, what)
         near = Fraction(value).limit_denominator(10**6)
         return near if float(near) == value else Fraction(repr(float(value)))
-    return Fraction(value)
+    return _bounded(Fraction(value), what)
+
+
+def _bounded(value: _Number, what: str) -> _Number:
+    if value and not SHORTEST <= abs(value) <= LONGEST:
+        size = "shorter" if abs(value) < SHORTEST else "longer"
+        bound = SHORTEST if abs(value) < SHORTEST else LONGEST
+        raise TimeError(f"{what} is {size} than {bound:g} s; give seconds")
+    return value
 
 
 def _from_text(text: str, what: str) -> Fraction:
-    match = _TEXT.fullmatch(text)
+    match = _TEXT.fullmatch(text) if len(text) <= 100 else None
+    exponent = re.search(r"[eE]([-+]?\d+)", match[1]) if match else None
     try:
-        if match is None:
+        if match is None or (exponent and abs(int(exponent[1])) > 100):
             raise ValueError(text)
         number, unit = Fraction(match[1]), match[2]
         if unit == "Hz":
             return 1 / number
         return number * _UNITS[unit]
     except (ValueError, KeyError, ZeroDivisionError):
-        raise TimeError(f"{what}: cannot read {text!r}; write seconds, or e.g. '10 ms', '1/60', '60 Hz'") from None
+        shown = text if len(text) <= 100 else text[:97] + "..."
+        raise TimeError(f"{what}: cannot read {shown!r}; write seconds, or e.g. '10 ms', '1/60', '60 Hz'") from None
 
 
 def positive(value: TimeLike, what: str) -> Fraction:
@@ -88,11 +103,19 @@ class TimeBase:
         ticks = duration / self.tick
         if ticks.denominator != 1:
             raise TimeError(f"{duration} s is not a multiple of the base tick {self.tick} s")
-        return int(ticks)
+        return self._limited(int(ticks), duration)
 
     def at_or_after(self, time: Fraction) -> int:
         """First tick at or after a time."""
-        return math.ceil((time - self.start) / self.tick)
+        return self._limited(math.ceil((time - self.start) / self.tick), time)
+
+    def _limited(self, ticks: int, time: Fraction) -> int:
+        if abs(ticks) > MOST_TICKS:
+            raise TimeError(
+                f"{float(time):g} s takes {ticks:.3g} ticks of {float(self.tick):g} s, the greatest common divisor of all "
+                "steps and offsets: give steps that divide each other better, as '1/30' instead of 0.0333333"
+            )
+        return ticks
 
     def exact(self, tick: int) -> Fraction:
         """Time of a tick, exact [s]."""

@@ -6,12 +6,15 @@ the visible one when its step ends. Sources of delayed or extrapolated connectio
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
+
+from cosim.errors import NotFinite
 
 if TYPE_CHECKING:
     from cosim.description import Variable
@@ -85,6 +88,44 @@ class Layout:
                 np.add(u, offset, u)
 
         return gather
+
+    def finite_checks(self, members: Sequence[Member]) -> list[Timed]:
+        """What raises NotFinite when an output that these components have just computed is NaN or infinite."""
+        pieces: list[tuple[int, int, list[Member]]] = []  # begin and end in the values, whose
+        for m in members:
+            outputs = self.places[m].outputs
+            if outputs:
+                begin = (self.visible if m.discrete else self.latest)[m, outputs[0]]
+                owners = [m]
+                if pieces and pieces[-1][1] == begin:
+                    begin, _, before = pieces.pop()
+                    owners = [*before, m]
+                pieces.append((begin, begin + sum(len(self.places[o].outputs) for o in owners), owners))
+        return [self._finite_check(*piece) for piece in pieces]
+
+    def _finite_check(self, begin: int, end: int, owners: Sequence[Member]) -> Timed:
+        """One comparison of a whole piece of the values, and a search for a zero byte in its result."""
+        piece, isfinite, found = self.values[begin:end], np.isfinite, bytearray(end - begin)
+        finite = np.frombuffer(found, dtype=np.bool_)
+
+        def check(t: float) -> None:
+            isfinite(piece, finite)
+            if 0 in found:
+                culprit = self.not_finite(owners, t)
+                assert culprit is not None
+                raise culprit
+
+        return check
+
+    def not_finite(self, members: Sequence[Member], t: float | None = None) -> NotFinite | None:
+        """The first output of `members` that is NaN or infinite, after a step from `t` or after initialization."""
+        for m in members:
+            place = self.places[m]
+            for variable, value in zip(place.outputs, place.y.tolist(), strict=True):
+                if not math.isfinite(value):
+                    reached = t if t is None or m.discrete else t + float(m.step)
+                    return NotFinite(m.name, variable.name, value, reached)
+        return None
 
     def arrival(self, due: Sequence[Member]) -> list[Timed]:
         """What shows the outputs of the continuous components whose step has ended, and remembers previous values.

@@ -161,8 +161,10 @@ def test_a_value_that_is_not_finite_ends_the_run_and_is_named(native, version):
         system.add("mass", native[f"mass{version}"])
         system.add("source", Broken())
         system.connect("source.f", "mass.force")
-        with pytest.raises(ComponentError, match=r"(?s)'mass'.*t = 0\.05 s.*force") as caught:
+        with pytest.raises(ComponentError, match=r"'source': f is nan at t = 0\.05 s"):
             system.run(1.0)
+        with pytest.raises(ComponentError, match=r"(?s)'mass'.*t = 0\.05 s.*force") as caught:
+            system.run(1.0, allow_nan=True)
         assert caught.value.recording.time[-1] == 0.05
         crossed = pickle.loads(pickle.dumps(caught.value))  # as from a worker process of a study
         assert str(crossed) == str(caught.value)
@@ -170,7 +172,7 @@ def test_a_value_that_is_not_finite_ends_the_run_and_is_named(native, version):
         with pytest.raises(ComponentError):  # and again, on the reset instance
             system.run(1.0)
         system.disconnect("mass.force")
-        assert system.run(0.1).time[-1] == 0.1
+        assert system.run(0.1, record="mass.*").time[-1] == 0.1  # nobody reads the source any more
 
 
 @pytest.mark.parametrize("version", [2, 3])

@@ -1,0 +1,71 @@
+"""FMUs that behave as no conformant one does, made here: `awkward.c` compiled, and archives with a description by hand."""
+
+from __future__ import annotations
+
+import subprocess
+import zipfile
+from pathlib import Path
+
+from build_fmus.compile import find_toolchain, host
+from cosim.fmi_calls import platform_folder
+
+NONE, FREEZE, STATUS, GET_STATUS, NOT_FINITE, END, END_EARLY = range(7)
+
+_VARIABLES = (  # name, type, value reference, causality, variability, start
+    ("u", "Real", 0, "input", "continuous", "0"),
+    ("y", "Real", 1, "output", "continuous", None),
+    ("at", "Real", 2, "parameter", "tunable", "1e9"),
+    ("value", "Real", 3, "parameter", "tunable", "0"),
+    ("trouble", "Integer", 10, "parameter", "tunable", "0"),
+    ("flags", "Integer", 11, "output", "discrete", None),
+)
+_FMI3 = {"Real": "Float64", "Integer": "Int32"}
+
+
+def description(
+    version: int, variables: str | None = None, *, name: str = "Awkward", identifier: str = "Awkward", simulation: str = "",
+    experiment: str = 'stepSize="0.1"', more: str = "",
+) -> bytes:  # fmt: skip
+    """A modelDescription.xml; `variables` are elements below ModelVariables, else those of `awkward.c`."""
+    if variables is None:
+        variables = "".join(_variable(version, *v) for v in _VARIABLES)
+    token, version_text = ("guid", "2.0") if version == 2 else ("instantiationToken", "3.0")
+    save = "canGetAndSetFMUstate" if version == 2 else "canGetAndSetFMUState"
+    return (
+        f'<?xml version="1.0" encoding="UTF-8"?>\n<fmiModelDescription fmiVersion="{version_text}" modelName="{name}" '
+        f'{token}="awkward"><CoSimulation modelIdentifier="{identifier}" {save}="true" {simulation}/>{more}'
+        f"<DefaultExperiment {experiment}/><ModelVariables>{variables}</ModelVariables><ModelStructure/>"
+        "</fmiModelDescription>"
+    ).encode()
+
+
+def _variable(
+    version: int, name: str, kind: str, reference: int, causality: str, variability: str, start: str | None
+) -> str:
+    common = f'name="{name}" valueReference="{reference}" causality="{causality}" variability="{variability}"'
+    value = "" if start is None else f'start="{start}"'
+    if version == 2:
+        return f"<ScalarVariable {common}><{kind} {value}/></ScalarVariable>"
+    return f"<{_FMI3[kind]} {common} {value}/>"
+
+
+def library(version: int, folder: Path, *macros: str) -> bytes:
+    """`awkward.c` as a shared library of this machine."""
+    path = folder / f"awkward{version}{'_'.join(macros)}.so"
+    source = Path(__file__).with_suffix(".c")
+    defines = [f"-D{macro}" for macro in (f"FMI={version}", *macros)]
+    command = [*find_toolchain(host()).command, "-shared", "-fPIC", "-std=c99", *defines, source, "-o", path, "-lm"]
+    subprocess.run(list(map(str, command)), check=True, capture_output=True)
+    return path.read_bytes()
+
+
+def archive(path: Path, xml: bytes, *, binary: bytes | None = None, **members: bytes) -> Path:
+    """An FMU file; `binary` is the library of this machine."""
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as file:
+        file.writestr("modelDescription.xml", xml)
+        if binary is not None:
+            folder, suffix = platform_folder("3" if b'fmiVersion="3' in xml else "2")
+            file.writestr(f"binaries/{folder}/Awkward{suffix}", binary)
+        for name, data in members.items():
+            file.writestr(name, data)
+    return path

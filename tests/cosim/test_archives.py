@@ -1,0 +1,393 @@
+"""FMU files that say what is not so: each is refused in one sentence that names the thing, before anything is made big."""
+
+import ast
+import subprocess
+import sys
+import tempfile
+import zipfile
+import zlib
+from fractions import Fraction
+from pathlib import Path
+
+import pytest
+from awkward import archive, description, library
+from rich.console import Console
+
+from cosim import Fmu, FmuError, System, TimeError, WiringError, describe, wiring
+from cosim.fmi_calls import platform_folder
+from cosim.timebase import rational
+
+pytestmark = pytest.mark.filterwarnings("ignore::cosim.UnconnectedInputsWarning")
+VERSIONS = pytest.mark.parametrize("version", [2, 3])
+
+
+def real(name="x", reference="0", inner="<Real/>", more=""):
+    return f'<ScalarVariable name="{name}" valueReference="{reference}" {more}>{inner}</ScalarVariable>'
+
+
+def float64(name="x", reference="0", inner="", more=""):
+    return f'<Float64 name="{name}" valueReference="{reference}" {more}>{inner}</Float64>'
+
+
+# -------------------------------------------------------------------------------------------------------- description
+
+
+@pytest.mark.parametrize(
+    ("version", "variables", "words"),
+    [
+        (2, real("wheel", inner=""), ["'wheel'", "has no type", "Real"]),
+        (2, real("wheel", inner="<Float64/>"), ["'wheel' is Float64", "FMI 3.0", "says FMI 2.0"]),
+        (3, '<Real name="wheel" valueReference="0"/>', ["'wheel' is Real", "FMI 2.0", "says FMI 3.0"]),
+        (3, '<Quaternion name="wheel" valueReference="0"/>', ["'wheel' is Quaternion", "Float64"]),
+        (2, real("wheel", "-1"), ["'wheel': valueReference is '-1'", "0 and 4294967295"]),
+        (2, real("wheel", str(2**32)), ["'wheel': valueReference is '4294967296'"]),
+        (3, float64("wheel", "-1"), ["'wheel': valueReference is '-1'"]),
+        (3, float64("wheel", str(2**32)), ["'wheel': valueReference is '4294967296'"]),
+        (2, real("wheel", "1.5"), ["'wheel': valueReference is '1.5'", "no whole number"]),
+        (2, real("wheel", "9" * 5000), ["'wheel': valueReference is '9999", "..."]),
+        (2, '<ScalarVariable name="wheel"><Real/></ScalarVariable>', ["'wheel': valueReference is missing"]),
+        (2, '<ScalarVariable valueReference="1"><Real/></ScalarVariable>', ["variable number 1 has no name"]),
+        (2, real("wheel", inner='<Real start="one"/>'), ["'wheel': start is 'one'"]),
+        (2, real("wheel", inner='<Integer start="1.0"/>'), ["'wheel': start is '1.0'"]),
+        (2, real("wheel", inner='<Real min="low"/>'), ["'wheel': min is 'low'"]),
+        (2, real("wheel", inner='<Real derivative="x"/>'), ["'wheel': derivative is 'x'"]),
+        (3, float64("wheel", inner='<Dimension start="1000000000"/>'), ["'wheel' has 1000000000", "1000000 in all"]),
+        (3, float64("wheel", inner='<Dimension start="100000"/>' * 4), ["'wheel' has 100000 x 100000"]),
+        (3, float64("wheel", inner='<Dimension start="-3"/>'), ["'wheel': Dimension is '-3'"]),
+        (3, float64("wheel", inner='<Dimension start="two"/>'), ["'wheel': Dimension is 'two'"]),
+        (3, float64("wheel", inner='<Dimension valueReference="7"/>'), ["'wheel'", "Dimension", "structural parameter"]),
+        (3, float64("wheel", inner="<Dimension/>"), ["'wheel'", "Dimension", "start"]),
+        (
+            3,
+            '<UInt64 name="n" valueReference="7" causality="structuralParameter" start=" "/>'
+            + float64("wheel", inner='<Dimension valueReference="7"/>'),
+            ["'n': start is ' '"],
+        ),
+    ],
+)  # fmt: skip
+def test_variables_that_cannot_be_read(tmp_path, version, variables, words):
+    path = archive(tmp_path / "odd.fmu", description(version, variables))
+    with pytest.raises(FmuError) as caught:
+        Fmu(path)
+    for word in ["odd.fmu", *words]:
+        assert word in str(caught.value)
+    assert "\n" not in str(caught.value)
+    assert len(str(caught.value)) < 400
+
+
+@pytest.mark.parametrize(
+    ("xml", "words"),
+    [
+        (description(2, experiment='stepSize="1e999999999"'), ["stepSize", "'1e999999999'"]),
+        (description(2, experiment='stepSize="1e-99"'), ["stepSize", "shorter than 1e-15 s"]),
+        (description(3, experiment='stepSize="1e99"'), ["stepSize", "longer than 1e+12 s"]),
+        (description(2, experiment=f'stepSize="{"1" * 5000}"'), ["stepSize", "1..."]),
+        (description(2, experiment='stepSize="0.1" tolerance="small"'), ["tolerance is 'small'"]),
+        (description(2, identifier=""), ["modelIdentifier is ''"]),
+        (description(2, identifier="../../../evil"), ["modelIdentifier is '../../../evil'"]),
+        (description(2, more='<UnitDefinitions><Unit name="N"><BaseUnit kg="a"/></Unit></UnitDefinitions>'), ["unit 'N': kg"]),
+        (description(2).replace(b"<ModelStructure/>", b'<ModelStructure><Outputs><Unknown index="9"/></Outputs></ModelStructure>'), ["index is 9", "no such variable"]),
+        (description(3).replace(b"<ModelStructure/>", b'<ModelStructure><Output valueReference="1" dependencies="77"/></ModelStructure>'), ["dependencies is 77"]),
+        (description(3).replace(b"<ModelStructure/>", b"<ModelStructure><Output/></ModelStructure>"), ["valueReference is missing"]),
+        (b'<!DOCTYPE a [<!ENTITY b "&c;">]>' + description(2).split(b"\n", 1)[1], ["document type declaration"]),
+        (('<!DOCTYPE a [<!ENTITY b "&c;">]>' + description(2).decode().split("\n", 1)[1]).encode("utf-16"), ["document type"]),
+        (b"<a>" * 300, ["not well-formed"]),
+        (b"", ["not well-formed"]),
+    ],
+)  # fmt: skip
+def test_descriptions_that_cannot_be_read(tmp_path, xml, words):
+    with pytest.raises(FmuError) as caught:
+        Fmu(archive(tmp_path / "odd.fmu", xml))
+    for word in ["odd.fmu", *words]:
+        assert word in str(caught.value)
+
+
+def test_derivatives_of_arrays_of_different_size(tmp_path):
+    variables = (
+        float64("x", "0", '<Dimension start="2"/>')
+        + float64("der(x)", "1", '<Dimension start="3"/>', 'derivative="0"')
+    )  # fmt: skip
+    structure = b'<ModelStructure><ContinuousStateDerivative valueReference="1"/></ModelStructure>'
+    with pytest.raises(FmuError, match=r"'der\(x\)' has more elements than 'x'"):
+        Fmu(archive(tmp_path / "a.fmu", description(3, variables).replace(b"<ModelStructure/>", structure)))
+
+
+def test_what_is_odd_but_harmless_is_read(tmp_path):
+    """A step of 0 means none, a unit without a factor has no conversion, names may end in brackets that are no index."""
+    unit = '<UnitDefinitions><Unit name="N"><BaseUnit kg="1" factor="0"/></Unit></UnitDefinitions>'
+    xml = description(
+        2, real("x]", "0") + real("y[a]", "1") + real("z[1]", "2"), experiment='stepSize="0" tolerance="0"', more=unit
+    )
+    about = Fmu(archive(tmp_path / "a.fmu", xml)).description
+    assert about.default_step is None
+    assert about.tolerance is None
+    assert about.arrays == {"z": ["z[1]"]}
+
+
+@pytest.mark.parametrize(
+    ("written", "exact"),
+    [("0.03333333333333333", "1/30"), ("0.0333333333333333", "1/30"), ("0.001", "1/1000"), ("0.0333", "333/10000")],
+)
+def test_steps_are_exact(tmp_path, written, exact):
+    fmu = Fmu(archive(tmp_path / "a.fmu", description(2, experiment=f'stepSize="{written}"')))
+    assert fmu.description.default_step == Fraction(exact)
+    assert f'step="{exact}"' in wiring(fmu)
+
+
+def test_times_that_nobody_means():
+    for text in (
+        "1e999999999",
+        "1e-999999999 ms",
+        "1" * 200,
+        "1e-20",
+        "1e20",
+        1e-20,
+        1e300,
+        Fraction(1, 10**20),
+        10**20,
+    ):
+        with pytest.raises(TimeError, match="step of 'a'"):
+            rational(text, "step of 'a'")
+    assert rational("0") == rational("0e5") == 0
+
+
+def test_steps_without_a_practicable_common_divisor(awkward_fmus):
+    with System() as system:
+        system.add("a", awkward_fmus[2], step="1 s")
+        system.add("b", awkward_fmus[2], step=Fraction(10**14 + 1, 10**14) * Fraction(1, 7))
+        with pytest.raises(TimeError, match=r"takes .* ticks of .* give steps that divide each other better"):
+            system.run(1000)
+
+
+def test_values_that_do_not_fit_their_type(awkward_fmus):
+    with System() as system:
+        member = system.add("a", awkward_fmus[3])
+        with pytest.raises(WiringError, match=r"a\.trouble = 2147483648 does not fit into Int32"):
+            member.set(trouble=2**31)
+        with pytest.raises(WiringError, match=r"a\.at needs one number"):
+            member.set(at=10**400)
+
+
+# ------------------------------------------------------------------------------------------------- archives and sizes
+
+
+def sized(path, name, size):
+    """Let the directory of an archive say that a member has `size` bytes."""
+    data = bytearray(path.read_bytes())
+    at = data.rindex(name.encode()) - 46  # its entry in the central directory
+    assert data[at : at + 4] == b"PK\x01\x02"
+    data[at + 24 : at + 28] = size.to_bytes(4, "little")
+    path.write_bytes(data)
+    return path
+
+
+def test_a_description_of_many_bytes_is_not_read(tmp_path):
+    path = tmp_path / "bomb.fmu"
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as file, file.open("modelDescription.xml", "w") as xml:
+        for _ in range(140):
+            xml.write(b" " * 2**20)
+    with pytest.raises(FmuError, match=r"bomb\.fmu: its modelDescription\.xml has 147 MB; at most 134 MB"):
+        Fmu(path)
+    folder = tmp_path / "folder"
+    folder.mkdir()
+    with (folder / "modelDescription.xml").open("wb") as xml:
+        xml.truncate(140 * 2**20)
+    with pytest.raises(FmuError, match="has 147 MB"):
+        Fmu(folder)
+
+
+def test_an_archive_that_would_unpack_to_gigabytes(tmp_path, awkward_fmus):
+    path = tmp_path / "bomb.fmu"
+    with zipfile.ZipFile(awkward_fmus[2]) as old:
+        members = {n: old.read(n) for n in old.namelist()}
+    binary = members.pop(Fmu(awkward_fmus[2]).binary)
+    archive(path, members["modelDescription.xml"], binary=binary, **{"resources/zeros": b"0"})
+    system = System()
+    system.add("a", sized(path, "resources/zeros", 2**32 - 2))
+    with pytest.raises(FmuError, match=r"bomb\.fmu would unpack to 4,29\d MB, more than 100 times.*give the folder"):
+        system.run(0.1)
+
+
+def test_an_archive_larger_than_the_disk(awkward_fmus, monkeypatch):
+    monkeypatch.setattr("shutil.disk_usage", lambda _: type("Usage", (), {"free": 1000}))
+    system = System()
+    system.add("a", awkward_fmus[2])
+    with pytest.raises(FmuError, match=r"cannot unpack .*awkward2\.fmu: it needs 0 MB, and .* has 0 MB free"):
+        system.run(0.1)
+
+
+@pytest.mark.parametrize("name", ["../outside.txt", "a/../../outside.txt", "/tmp/outside.txt", "C:/outside.txt"])
+def test_names_that_lead_out_of_the_archive(tmp_path, name):
+    path = archive(tmp_path / "a.fmu", description(2), binary=library(2, tmp_path), **{name: b"x"})
+    system = System()
+    system.add("a", path)
+    with pytest.raises(FmuError, match="outside of itself"):
+        system.run(0.1)
+
+
+def test_encrypted_and_unknown_contents(tmp_path):
+    plain = archive(tmp_path / "plain.fmu", description(2)).read_bytes()
+    local, central = plain.index(b"PK\x03\x04"), plain.index(b"PK\x01\x02")
+    for offsets, value in (((6, 8), 1), ((8, 10), 97)):  # flags: encrypted; method: unknown
+        data = bytearray(plain)
+        data[local + offsets[0]], data[central + offsets[1]] = value, value
+        path = tmp_path / "odd.fmu"
+        path.write_bytes(data)
+        with pytest.raises(FmuError, match=r"odd\.fmu is not an FMU or is incomplete"):
+            Fmu(path)
+
+
+def test_every_damaged_byte_gives_a_sentence(tmp_path):
+    """One byte after the other is flipped in an archive's description and directory."""
+    whole = archive(tmp_path / "small.fmu", zlib.compress(b"x") + description(2)[:200]).read_bytes()
+    path = tmp_path / "flipped.fmu"
+    for at in range(len(whole)):
+        data = bytearray(whole)
+        data[at] ^= 0xFF
+        path.write_bytes(data)
+        with pytest.raises(FmuError, match=r"flipped\.fmu"):
+            Fmu(path)
+
+
+def test_names_too_long_for_a_file():
+    with pytest.raises(FmuError, match=r"cannot read .*aaa.*too long"):
+        Fmu("a" * 300 + ".fmu")
+
+
+# ---------------------------------------------------------------------------------------------------------- libraries
+
+
+@VERSIONS
+def test_a_library_without_do_step(tmp_path, version):
+    binary = library(version, tmp_path, "WITHOUT_DO_STEP")
+    system = System()
+    system.add("a", archive(tmp_path / "a.fmu", description(version), binary=binary))
+    with pytest.raises(FmuError, match=rf"a\.fmu: its library lacks fmi{version}DoStep"):
+        system.run(0.1)
+
+
+def test_a_function_that_is_missing_when_it_is_called(tmp_path):
+    """No FMU needs all functions; which one was called and is not there is said."""
+    xml = description(2, real("s", "0", '<String start="a"/>', 'causality="parameter" variability="fixed"'))
+    system = System()
+    system.add("a", archive(tmp_path / "a.fmu", xml, binary=library(2, tmp_path)), parameters={"s": "b"})
+    with pytest.raises(FmuError, match=r"a\.fmu: its library lacks fmi2SetString"):
+        system.run(0.1)
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="other loaders check this themselves")
+def test_part_of_a_library(tmp_path):
+    """In a process of its own: loading half a library ends it with SIGBUS, not with an exception."""
+    whole = library(2, tmp_path)
+    for part in (1, 3, 5, 7):
+        path = archive(tmp_path / f"part{part}.fmu", description(2), binary=whole[: len(whole) * part // 10])
+        code = (
+            "import sys, cosim\nsystem = cosim.System()\nsystem.add('a', sys.argv[1])\n"
+            "try:\n    system.run(0.1)\nexcept cosim.FmuError as error:\n    print(error)\n"
+        )
+        done = subprocess.run([sys.executable, "-c", code, path], capture_output=True, text=True, check=False)
+        assert done.returncode == 0, done
+        assert f"part{part}.fmu: its library cannot be loaded: Awkward.so is cut short" in done.stdout
+    for junk in (b"", b"\x7fELF", b"\x7fELF" + b"\xff" * 60, whole[:70]):
+        system = System()
+        system.add("a", archive(tmp_path / "junk.fmu", description(2), binary=junk))
+        with pytest.raises(FmuError, match=r"junk\.fmu: its library cannot be loaded"):
+            system.run(0.1)
+
+
+@VERSIONS
+def test_platforms_are_those_whose_library_is_there(tmp_path, version):
+    others = {"binaries/win64/Awkward.dll": b"", "binaries/darwin64/": b"", "binaries/x86_64-darwin/readme.txt": b"",
+              "binaries/linux32/libother.so": b""}  # fmt: skip
+    path = archive(tmp_path / "a.fmu", description(version), binary=library(version, tmp_path), **others)
+    here = platform_folder(str(version))[0]
+    assert Fmu(path).platforms() == sorted([here, "win64"])
+    folder = tmp_path / "folder"
+    with zipfile.ZipFile(path) as file:
+        file.extractall(folder)
+    assert Fmu(folder).platforms() == sorted([here, "win64"])
+
+
+def libraries_of(folder):
+    """Libraries below a folder that this process has mapped."""
+    return [line for line in Path("/proc/self/maps").read_text().splitlines() if str(folder) in line]
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="reads /proc")
+@VERSIONS
+@pytest.mark.parametrize("once", ["", 'canBeInstantiatedOnlyOncePerProcess="true"'])
+def test_libraries_and_folders_go_with_the_last_system(tmp_path, monkeypatch, version, once):
+    folder = tmp_path / "unpacked"
+    folder.mkdir()
+    monkeypatch.setattr(tempfile, "tempdir", str(folder))
+    path = archive(tmp_path / "a.fmu", description(version, simulation=once), binary=library(version, tmp_path))
+    shared = Fmu(path)
+    first, second = System(), System()
+    for system in (first, second):
+        system.add("own", path)
+        system.add("shared", shared)
+        system.run(0.2)
+    assert len(list(folder.iterdir())) == (4 if once else 3)
+    first.close()
+    first.close()
+    assert len(list(folder.iterdir())) == 2
+    assert second.run(0.2)["shared.y"][-1] == pytest.approx(0.2)
+    second.close()
+    assert not libraries_of(folder)
+    with System() as third:  # a library that was closed is opened again
+        third.add("shared", shared)
+        assert third.run(0.2)["shared.y"][-1] == pytest.approx(0.2)
+        assert libraries_of(folder)
+    shared.close()
+    assert not libraries_of(folder)
+    assert not list(folder.iterdir())
+
+
+# ------------------------------------------------------------------------------------------------------ ready to paste
+
+
+HOSTILE = 'x"); import os; os.abort(); ("'
+
+
+@VERSIONS
+def test_what_is_ready_to_paste_is_python_whatever_the_names_are(tmp_path, version):
+    name = HOSTILE.replace('"', "&quot;")
+    make = real if version == 2 else float64
+    variables = make(name, "0", more='causality="input"') + make("a&#10;b\\", "1", more='causality="output"')
+    path = archive(tmp_path / f"{HOSTILE.replace('/', '')}.fmu", description(version, variables, name=f"a.{name}"))
+    tree = ast.parse(wiring(path))
+    calls = [node.func.attr for node in ast.walk(tree) if isinstance(node, ast.Call)]
+    assert calls == ["add", "connect", "run"]
+    texts = [node.value for node in ast.walk(tree) if isinstance(node, ast.Constant)]
+    assert f"OTHER.{HOSTILE}" in texts
+    assert str(path) in texts
+    assert any(str(t).endswith(".a\nb\\") for t in texts)
+
+
+def test_what_is_ready_to_paste_runs(awkward_fmus):
+    with System() as system:
+        code = wiring(awkward_fmus[2]).replace("system.connect", "#")
+        names = {"system": system}
+        exec(code, names)
+        assert names["recording"]["awkward.y"][-1] == pytest.approx(5.0)
+
+
+@pytest.mark.parametrize("columns", ["20", "80", "300"])
+def test_the_command_prints_it_in_lines_of_any_length(tmp_path, columns):
+    """`cosim fmu`: the block after "ready to paste" is the code, in a terminal of any width."""
+    long = archive(tmp_path / f"{'long' * 40}.fmu", description(2, name="M"), binary=library(2, tmp_path))
+    environment = {"PATH": "/usr/bin", "COLUMNS": columns, "PYTHONPATH": str(Path(__file__).parents[2])}
+    done = subprocess.run(
+        [sys.executable, "-c", "from cosim.cli import main; main()", "fmu", long], capture_output=True, text=True,
+        check=True, env=environment,
+    )  # fmt: skip
+    assert done.stdout.split("ready to paste:\n")[1].rstrip("\n") == wiring(long)
+
+
+def test_a_tool_that_is_needed_is_shown(tmp_path):
+    path = archive(tmp_path / "a.fmu", description(2, simulation='needsExecutionTool="true"'))
+    for fmu, shown in ((path, True), (archive(tmp_path / "b.fmu", description(2)), False)):
+        console = Console(width=100)
+        with console.capture() as captured:
+            console.print(describe(fmu))
+        assert ("needsExecutionTool" in captured.get()) is shown
