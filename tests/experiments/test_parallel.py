@@ -1,0 +1,86 @@
+"""Workers of a study leave nothing behind, however it ends."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+from awkward import archive, description, library
+
+HERE = Path(__file__).parent
+pytestmark = pytest.mark.skipif(os.name == "nt", reason="sends signals")
+
+
+@pytest.fixture(scope="module")
+def fmu(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("fmu")
+    return archive(folder / "a.fmu", description(2), binary=library(2, folder))
+
+
+def start(fmu, folder, then):
+    """The study in a process of its own, with a folder of its own for temporary files."""
+    notes, temporary = folder / "notes", folder / "temporary"
+    notes.mkdir()
+    temporary.mkdir()
+    environment = {
+        **os.environ,
+        "TMPDIR": str(temporary),
+        "PYTHONPATH": os.pathsep.join([str(HERE.parents[1]), str(HERE)]),
+    }
+    command = [sys.executable, HERE / "workers.py", fmu, notes, then]
+    with (folder / "errors").open("w") as errors:  # a pipe would stay open as long as a worker lives
+        process = subprocess.Popen(command, env=environment, stderr=errors)
+    return process, notes, temporary
+
+
+def unpacked(temporary):
+    return list(temporary.rglob("modelDescription.xml"))
+
+
+def wait_until(true, limit=30.0):
+    """What happens in other processes is waited for, not timed: the limit only ends a test that has failed."""
+    end = time.monotonic() + limit
+    while not true():
+        assert time.monotonic() < end, "it did not happen"
+        time.sleep(0.02)
+
+
+def alive(pid):
+    """Is the process there, and no zombie that waits for its parent's parent?"""
+    try:
+        os.kill(pid, 0)
+        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
+    except ProcessLookupError:
+        return False
+    except FileNotFoundError:
+        return sys.platform != "linux"
+
+
+@pytest.mark.parametrize(("then", "code"), [("end", 0), ("fail", 1)])
+def test_unpacked_fmus_are_removed(tmp_path, fmu, then, code):
+    process, notes, temporary = start(fmu, tmp_path, then)
+    assert process.wait() == code, (tmp_path / "errors").read_text()
+    assert {Path(n.read_text()).parent for n in notes.iterdir()} == {temporary}
+    assert not list(temporary.glob("cosim-*"))
+    assert not unpacked(temporary)
+
+
+@pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGKILL, signal.SIGTERM])
+def test_workers_end_with_their_parent_and_clean_up(tmp_path, fmu, how):
+    """Killed, the parent can tell nobody anything; interrupted, it ends its workers itself."""
+    process, notes, temporary = start(fmu, tmp_path, "stay")
+    wait_until(lambda: len(list(notes.iterdir())) == 2 and all(n.read_text() for n in notes.iterdir()))
+    workers = [int(n.name) for n in notes.iterdir()]
+    try:
+        assert len(unpacked(temporary)) == 2
+        assert all(map(alive, workers))
+        process.send_signal(how)
+        process.wait()
+        wait_until(lambda: not any(map(alive, workers)))
+        wait_until(lambda: not list(temporary.glob("cosim-*")))
+    finally:
+        for pid in filter(alive, workers):
+            os.kill(pid, signal.SIGKILL)
