@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import io
 import os
 import sys
 from collections.abc import Callable, Iterable
@@ -123,6 +124,7 @@ def run(program: str, app: Callable[[], Any], expected: tuple[type[Exception], .
         interrupted: what Ctrl-C ends with, unless it comes with a text of its own.
     """
     safe_files.plain_warnings()
+    escape_unprintable()
     try:
         app()
     except Stopped as stopped:
@@ -133,7 +135,17 @@ def run(program: str, app: Callable[[], Any], expected: tuple[type[Exception], .
         sys.exit(1)
 
 
+def escape_unprintable() -> None:
+    """From now on output shows what the terminal's encoding lacks as escapes (``\\xe4``), instead of failing on it."""
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="backslashreplace")
+
+
 def _text(error: Exception) -> str:
+    if isinstance(error, UnicodeEncodeError):  # a name of a file, or in one
+        lacking = error.object[error.start : error.end]
+        return f"this locale has no characters for {lacking!r}; set PYTHONUTF8=1, or a UTF-8 locale such as LC_ALL=C.UTF-8"
     if isinstance(error, OSError):
         return safe_files.sentence(error)
     return str(error.args[0] if isinstance(error, KeyError) and error.args else error)

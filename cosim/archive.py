@@ -93,6 +93,11 @@ class Archive:
                 archive.extractall(folder)
         except OSError as error:
             raise FmuError(f"cannot unpack {self.path} to {folder}: {error.strerror or error}") from None
+        except UnicodeEncodeError as error:
+            name = error.object[error.start : error.end]
+            raise FmuError(
+                f"cannot unpack {self.path}: this locale has no characters for {name!r} in a file's name; set PYTHONUTF8=1"
+            ) from None
         except _DAMAGED as error:
             raise FmuError(f"{self.path} is damaged ({error}); copy or build it again") from None
 

@@ -86,7 +86,7 @@ def load_weights(name_or_path: str | Path) -> PreviewLqWeights:
         raise WeightsError(
             f"{path}: no such weights file{hint} (there are {', '.join(names)}, or give a path)"
         ) from None
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError, OSError) as error:
+    except (ValueError, RecursionError, OSError) as error:  # ValueError: syntax, encoding, numbers without an end
         raise WeightsError(f"{path}: {error}") from None
     try:
         return PreviewLqWeights.model_validate(data)

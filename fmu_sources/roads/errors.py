@@ -1,5 +1,18 @@
 """What can be wrong with a road file."""
 
+import math
+
+LARGEST = 1e7  # m; no road is longer or higher, and nothing computed from it leaves the range of floats
+
 
 class RoadError(ValueError):
     """A road file that cannot be used. The message names the file, the line and what to do."""
+
+
+def check_length(value: float, what: str) -> float:
+    """The value [m]. Raises RoadError when it is not finite or larger than any road."""
+    if not math.isfinite(value):
+        raise RoadError(f"{what} is {value}; heights and distances must be finite numbers")
+    if abs(value) > LARGEST:
+        raise RoadError(f"{what} is {value:g} m, more than any road has ({LARGEST:g} m); is the unit right?")
+    return value

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from fmu_sources.roads.errors import RoadError
+from fmu_sources.roads.errors import RoadError, check_length
 
 _WIDTH = {"LRFI": 10, "LDFI": 20}  # characters of one value; lines have up to 80
 _LINE = 80
@@ -34,7 +34,7 @@ def read_opencrg(path: Path, *, left: float, right: float) -> tuple[np.ndarray, 
     sections = _sections(lines[:end])
     if "ROAD_CRG_FILE" in sections:
         raise RoadError(f"{path}: refers to another file; give that file instead")
-    head = _numbers(sections.get("ROAD_CRG", []))
+    head = _numbers(path, sections.get("ROAD_CRG", []))
     form, channels = _channels(path, sections.get("KD_DEFINITION", []))
     values = _values(path, lines[end + 1 :], end + 2, _WIDTH[form], len(channels))
 
@@ -83,12 +83,29 @@ def _sections(lines: list[str]) -> dict[str, list[str]]:
     return sections
 
 
-def _numbers(lines: list[str]) -> dict[str, float]:
+_HEAD = frozenset({
+    "REFERENCE_LINE_INCREMENT", "REFERENCE_LINE_START_U", "REFERENCE_LINE_START_S", "REFERENCE_LINE_START_B",
+    "LONG_SECTION_V_RIGHT", "LONG_SECTION_V_LEFT", "LONG_SECTION_V_INCREMENT",
+})  # fmt: skip
+"""What is read of the header; the rest, as positions on the map and curvature, does not matter here."""
+
+
+def _numbers(path: Path, lines: list[str]) -> dict[str, float]:
     found = {}
     for text in lines:
-        if match := re.fullmatch(r"(\w+)\s*=\s*([-+.\dEeDd]+)", text):
-            found[match[1].upper()] = float(match[2].upper().replace("D", "E"))
+        name, equals, value = (part.strip() for part in text.partition("="))
+        if equals and name.upper() in _HEAD:
+            found[name.upper()] = _number(value, f"{path}: {name.upper()}")
     return found
+
+
+def _number(text: str, what: str) -> float:
+    """A number as Fortran writes it (1.5D+02), of a size that roads have."""
+    try:
+        value = float(text.upper().replace("D", "E"))
+    except ValueError:
+        raise RoadError(f"{what} is {text[:40]!r}, which is not a number") from None
+    return check_length(value, what)
 
 
 def _channels(path: Path, lines: list[str]) -> tuple[str, list[str]]:
@@ -116,20 +133,18 @@ def _values(path: Path, lines: list[str], first: int, width: int, count: int) ->
         row = []
         for k in range(count):
             cell = text[k * width : (k + 1) * width].strip()
-            try:
-                row.append(np.nan if not cell or "*" in cell else float(cell.upper().replace("D", "E")))
-            except ValueError:
-                where = f"{path}, line {first + at + k * width // _LINE}"
-                raise RoadError(f"{where}: {cell!r} is not a number ({width} characters per value)") from None
+            gap = not cell or "*" in cell or cell.lower().lstrip("+-") == "nan"
+            where = f"{path}, line {first + at + k * width // _LINE}: value {k + 1} of {width} characters"
+            row.append(np.nan if gap else _number(cell, where))
         rows.append(row)
     return np.array(rows, dtype=float).reshape(-1, count)
 
 
 def _lateral(path: Path, names: list[str], head: dict[str, float]) -> np.ndarray:
     """Lateral position of each long section: given with it, or counted from the right in equal steps."""
-    positions = [re.search(r"at v ?= ?([-+.\de]+)", text) for text in names]
+    positions = [re.search(r"at v ?= ?(\S+)", text) for text in names]
     if all(positions):
-        return np.array([float(m[1]) for m in positions if m])
+        return np.array([_number(m[1], f"{path}: position of {m.string!r}") for m in positions if m])
     if any(positions):
         raise RoadError(f"{path}: some long sections have a position ('at v = ...'), others do not")
     right, increment = head.get("LONG_SECTION_V_RIGHT"), head.get("LONG_SECTION_V_INCREMENT")

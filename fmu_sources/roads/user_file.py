@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import difflib
-import math
 import re
 from pathlib import Path
 
@@ -11,7 +10,7 @@ import numpy as np
 
 from build_fmus import units
 from build_fmus.component import Component
-from fmu_sources.roads.errors import RoadError
+from fmu_sources.roads.errors import RoadError, check_length
 from fmu_sources.roads.layout import RoadLayout
 from fmu_sources.roads.opencrg import read_opencrg
 from fmu_sources.roads.table import HeightTable, road_from_table
@@ -21,6 +20,7 @@ _COLUMNS = {
     "left": ("left", "left height", "z left", "zl"),
     "right": ("right", "right height", "z right", "zr"),
 }
+_SHORTEST = 0.01  # m
 _HEADER = "distance [m],left [m],right [m]"
 
 
@@ -41,6 +41,11 @@ def road_from_file(path: Path | str, layout: RoadLayout, name: str = "RoadUser")
         distance, left, right = read_opencrg(path, left=half, right=-half)
     else:
         distance, left, right = read_csv(path)
+    check_length(float(np.abs([left, right]).max()), f"{path}: the largest height")
+    if not distance[-1] - distance[0] >= _SHORTEST:
+        raise RoadError(
+            f"{path}: the road is {distance[-1] - distance[0]:g} m long; a road needs {_SHORTEST:g} m at least"
+        )
     datum = (left[0] + right[0]) / 2
     table = HeightTable.resampled(distance, left - datum, right - datum)
     return road_from_table(
@@ -120,6 +125,4 @@ def _cell(path: Path, number: int, cells: list[str], column: tuple[str, int, str
         value = float(text.replace(",", ".") if comma else text)
     except ValueError:
         raise RoadError(f"{path}, line {number}: {name} is {text!r}, which is not a number") from None
-    if not math.isfinite(value):
-        raise RoadError(f"{path}, line {number}: {name} is {text}; heights and distances must be finite numbers")
-    return units.convert(value, unit, "m")
+    return check_length(units.convert(value, unit, "m"), f"{path}, line {number}: {name}")

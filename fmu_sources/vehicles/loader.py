@@ -132,11 +132,19 @@ def _find(name_or_path: str | Path, kind: str | None = None) -> Path:
     if isinstance(name_or_path, str) and name_or_path in vehicle_names():
         return bundled
     path = Path(name_or_path)
-    if path.is_file():
+    if _is_file(path):
         return path
     word = str(name_or_path)
     known = [n for n in vehicle_names() if kind is None or _read(_HERE / f"{n}.toml").get("kind") == kind]
     raise VehicleError(f"no vehicle {word!r}: neither a file nor one of {', '.join(known)}{_near(word, known)}")
+
+
+def _is_file(path: Path) -> bool:
+    """Is it there? Not even to be asked for: a name that is too long, a folder that may not be read."""
+    try:
+        return path.is_file()
+    except OSError as error:
+        raise VehicleError(f"{path}: cannot be read: {error.strerror}") from None
 
 
 def vehicle_files(name_or_path: str | Path) -> tuple[Path, ...]:
@@ -167,7 +175,7 @@ def _parse(path: Path) -> tuple[dict[str, Any], Path | None]:
     """What one file says itself, and the file that it builds on."""
     try:
         data = tomllib.loads(path.read_text(encoding="utf-8"))
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+    except (ValueError, RecursionError) as error:  # syntax, encoding; numbers and tables without an end
         raise VehicleError(f"{path}: not a TOML file: {error}") from None
     except OSError as error:
         raise VehicleError(f"{path}: cannot be read: {error.strerror}") from None
@@ -178,7 +186,7 @@ def _parse(path: Path) -> tuple[dict[str, Any], Path | None]:
         raise VehicleError(f"{path}: base = {base!r} must be the name of a vehicle or a path")
     beside = path.parent / base
     try:
-        return data, beside if beside.is_file() else _find(base)
+        return data, beside if _is_file(beside) else _find(base)
     except VehicleError as error:
         raise VehicleError(f"{path}: base: {error}") from None
 

@@ -94,6 +94,14 @@ def test_file_problems_are_named(tmp_path):
         load_vehicle(write(tmp_path, 'base = "mine.toml"\n'))
     with pytest.raises(VehicleError, match="no vehicle 'hmwv'"):
         load_vehicle(write(tmp_path, 'base = "hmwv"\n'))
+    long = "a" * 300
+    with pytest.raises(VehicleError, match=rf"mine\.toml: base: .*{long}: cannot be read: File name too long"):
+        load_vehicle(write(tmp_path, f'base = "{long}"\n'))
+    with pytest.raises(VehicleError, match=f"^{long}: cannot be read: File name too long"):
+        load_vehicle(long)
+    for endless in ("x = " + "[" * 100_000, "x = " + "9" * 5000):
+        with pytest.raises(VehicleError, match=r"mine\.toml: not a TOML file"):
+            load_vehicle(write(tmp_path, endless))
     binary = tmp_path / "binary.toml"
     binary.write_bytes(b"\xff\xfe\x00")
     with pytest.raises(VehicleError, match="not a TOML file"):

@@ -224,6 +224,10 @@ def test_irregular_points_are_resampled(tmp_path):
         ("distance [m],lefft [m],right [m]\n0,0,0\n1,0,0\n", ["line 1", "'lefft'", "'left'"]),
         ("distance [s],left [m],right [m]\n0,0,0\n1,0,0\n", ["line 1", "'distance'", "'m' is expected"]),
         ("0,0,0\n1,0,0\n", ["line 1", "'distance'"]),
+        ("distance [m],left [m],right [m]\n0,0,0\n1,1e308,0\n", ["line 3", "left is 1e+308 m", "is the unit right"]),
+        ("distance [m],left [mm],right [m]\n0,0,0\n1e308,0,0\n", ["line 3", "distance is 1e+308 m"]),
+        ("distance [m],left [m],right [m]\n0,0,0\n1e309,0,0\n", ["line 3", "distance is inf"]),
+        ("distance [m],left [m],right [m]\n0,0,0\n1e-300,0,0\n", ["1e-300 m long"]),
     ],
 )
 def test_csv_mistakes_are_named(tmp_path, layout, text, words):
@@ -239,6 +243,9 @@ def test_files_that_cannot_be_read(tmp_path, layout):
         road_from_file(tmp_path / "nowhere.csv", layout)
     with pytest.raises(RoadError, match=r"nowhere\.crg: cannot be read"):
         road_from_file(tmp_path / "nowhere.crg", layout)
+    for suffix in (".csv", ".crg"):
+        with pytest.raises(RoadError, match="aaa.*: cannot be read: File name too long"):
+            road_from_file(tmp_path / ("a" * 300 + suffix), layout)
     binary = tmp_path / "road.csv"
     binary.write_bytes(b"\x80\x81\xff")
     with pytest.raises(RoadError, match="not a text file"):
@@ -301,6 +308,22 @@ TWO = ["long section at v = -1.0,m", "long section at v = 1.0,m"]
         (crg([[0, 0]] * 3, TWO).replace("  0.000000", "  0.0zz000", 1), ["line 14", "0.0zz000"]),
         (crg([[0.0] * 9] * 3, [f"long section at v = {v},m" for v in range(-4, 5)]).rsplit("\n", 2)[0], ["cut short"]),
         ("$ROAD_CRG_FILE\nother.crg\n$\n$$$$\n", ["another file"]),
+        (crg([[0, 0]] * 3, TWO, increment="1.e"), ["REFERENCE_LINE_INCREMENT is '1.e'", "not a number"]),
+        (crg([[0, 0]] * 3, TWO, increment="1e999"), ["REFERENCE_LINE_INCREMENT is inf"]),
+        (crg([[0, 0]] * 3, TWO, increment="half a metre"), ["REFERENCE_LINE_INCREMENT is 'half a metre'"]),
+        (crg([[0, 0]] * 3, TWO, increment=1e-300), ["2e-300 m long"]),
+        (
+            crg([[0, 0]] * 3, TWO, head="REFERENCE_LINE_START_S = 1e308\n"),
+            ["REFERENCE_LINE_START_S is 1e+308 m", "unit"],
+        ),
+        (crg([[0, 0]] * 3, TWO, head="REFERENCE_LINE_START_U = --1\n"), ["REFERENCE_LINE_START_U is '--1'"]),
+        (crg([[0, 0]] * 3, ["long section at v = 1.e,m", TWO[1]]), ["at v = 1.e", "not a number"]),
+        (crg([[0, 0]] * 3, TWO).replace("  0.000000", "   1.7E308", 1), ["line 14", "1.7e+308 m"]),
+        (crg([[0, 0]] * 3, TWO).replace("  0.000000", "      -1.e", 1), ["line 14", "'-1.e'"]),
+        (
+            crg([[9e6, 9e6]] * 3, TWO, form="LDFI", head="REFERENCE_LINE_START_B = 9e6\n"),
+            ["largest height", "any road"],
+        ),
     ],
 )
 def test_opencrg_mistakes_are_named(tmp_path, layout, text, words):
