@@ -25,6 +25,8 @@ Array = npt.NDArray[np.float64]
 Index = npt.NDArray[np.intp]
 Timed = Callable[[float], None]
 
+_FEW = 24  # values that Python adds up faster than NumPy begins
+
 
 @dataclass
 class Place:
@@ -104,18 +106,27 @@ class Layout:
         return [self._finite_check(*piece) for piece in pieces]
 
     def _finite_check(self, begin: int, end: int, owners: Sequence[Member]) -> Timed:
-        """One comparison of a whole piece of the values, and a search for a zero byte in its result."""
+        """Of a few values the sum tells (it may overflow, so a second look decides); of many, one comparison of the whole
+        piece and a search for a zero byte in its result."""
         piece, isfinite, found = self.values[begin:end], np.isfinite, bytearray(end - begin)
-        finite = np.frombuffer(found, dtype=np.bool_)
+        finite, view = np.frombuffer(found, dtype=np.bool_), piece.data
 
-        def check(t: float) -> None:
-            isfinite(piece, finite)
-            if 0 in found:
-                culprit = self.not_finite(owners, t)
-                assert culprit is not None
+        def look(t: float) -> None:
+            culprit = self.not_finite(owners, t)
+            if culprit is not None:
                 raise culprit
 
-        return check
+        def check_few(t: float) -> None:
+            total = sum(view)
+            if total - total:  # NaN unless finite
+                look(t)
+
+        def check_many(t: float) -> None:
+            isfinite(piece, finite)
+            if 0 in found:
+                look(t)
+
+        return check_few if end - begin <= _FEW else check_many
 
     def not_finite(self, members: Sequence[Member], t: float | None = None) -> NotFinite | None:
         """The first output of `members` that is NaN or infinite, after a step from `t` or after initialization."""

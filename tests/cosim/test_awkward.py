@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from probes import Clock, DiscreteProbe, Integrator
 
-from cosim import ComponentError, CosimError, System, UnconnectedInputsWarning
+from cosim import ComponentError, CosimError, PythonComponent, System, UnconnectedInputsWarning
 
 pytestmark = pytest.mark.filterwarnings("ignore::cosim.UnconnectedInputsWarning")
 VERSIONS = pytest.mark.parametrize("version", [2, 3])
@@ -219,6 +219,32 @@ def test_many_side_by_side_are_all_looked_at(awkward_fmus):
             record = [f"p{i}.y" for i in range(4) if i != 1 or bad == 1]  # one without a value in between
             with pytest.raises(ComponentError, match=rf"'p{bad}': y is nan at t = 0\.4 s"):
                 system.run(1, record=record)
+
+
+class Large(PythonComponent):
+    """Outputs that are finite while their sum is not, `count` of them at a time (the check has two ways)."""
+
+    outputs = tuple(f"y{i}" for i in range(30))
+    default_step = "0.1 s"
+
+    def start(self, u, y):  # noqa: ARG002
+        y[:] = np.finfo(float).max
+
+    def step(self, t, h, u, y):  # noqa: ARG002
+        if t > 0.35:
+            y[3] = -np.inf
+
+
+@pytest.mark.parametrize("count", [2, 4, 30])
+def test_large_is_not_infinite(count):
+    with System() as system:
+        system.add("large", Large())
+        record = [f"large.y{i}" for i in range(count)]
+        if count < 4:
+            assert system.run(1, record=record).time[-1] == 1
+            return
+        with pytest.raises(ComponentError, match=r"'large': y3 is -inf at t = 0\.5 s"):
+            system.run(1, record=record)
 
 
 def test_a_recorded_parameter_that_is_not_finite(awkward_fmus):

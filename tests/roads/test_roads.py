@@ -244,7 +244,7 @@ def test_files_that_cannot_be_read(tmp_path, layout):
     with pytest.raises(RoadError, match=r"nowhere\.crg: cannot be read"):
         road_from_file(tmp_path / "nowhere.crg", layout)
     for suffix in (".csv", ".crg"):
-        with pytest.raises(RoadError, match="aaa.*: cannot be read: File name too long"):
+        with pytest.raises(RoadError, match=r"aaa.*: cannot be read: File name too long"):
             road_from_file(tmp_path / ("a" * 300 + suffix), layout)
     binary = tmp_path / "road.csv"
     binary.write_bytes(b"\x80\x81\xff")
