@@ -145,7 +145,9 @@ def escape_unprintable() -> None:
 def _text(error: Exception) -> str:
     if isinstance(error, UnicodeEncodeError):  # a name of a file, or in one
         lacking = error.object[error.start : error.end]
-        return f"this locale has no characters for {lacking!r}; set PYTHONUTF8=1, or a UTF-8 locale such as LC_ALL=C.UTF-8"
+        return (
+            f"this locale has no characters for {lacking!r}; set PYTHONUTF8=1, or a UTF-8 locale such as LC_ALL=C.UTF-8"
+        )
     if isinstance(error, OSError):
         return safe_files.sentence(error)
     return str(error.args[0] if isinstance(error, KeyError) and error.args else error)

@@ -1,6 +1,8 @@
 """FMU files that say what is not so: each is refused in one sentence that names the thing, before anything is made big."""
 
 import ast
+import contextlib
+import os
 import subprocess
 import sys
 import tempfile
@@ -372,16 +374,26 @@ def test_what_is_ready_to_paste_runs(awkward_fmus):
         assert names["recording"]["awkward.y"][-1] == pytest.approx(5.0)
 
 
+@pytest.mark.skipif(sys.platform == "win32", reason="has no pseudo-terminals")
 @pytest.mark.parametrize("columns", ["20", "80", "300"])
 def test_the_command_prints_it_in_lines_of_any_length(tmp_path, columns):
-    """`cosim fmu`: the block after "ready to paste" is the code, in a terminal of any width."""
+    """`cosim fmu` in a terminal of any width: the block after "ready to paste" is the code."""
+    import pty
+
     long = archive(tmp_path / f"{'long' * 40}.fmu", description(2, name="M"), binary=library(2, tmp_path))
-    environment = {"PATH": "/usr/bin", "COLUMNS": columns, "PYTHONPATH": str(Path(__file__).parents[2])}
-    done = subprocess.run(
-        [sys.executable, "-c", "from cosim.cli import main; main()", "fmu", long], capture_output=True, text=True,
-        check=True, env=environment,
-    )  # fmt: skip
-    assert done.stdout.split("ready to paste:\n")[1].rstrip("\n") == wiring(long)
+    environment = {"PATH": "/usr/bin", "COLUMNS": columns, "TERM": "dumb", "PYTHONPATH": str(Path(__file__).parents[2])}
+    ours, theirs = pty.openpty()
+    command = [sys.executable, "-c", "from cosim.cli import main; main()", "fmu", long]
+    process = subprocess.Popen(command, stdout=theirs, stderr=subprocess.STDOUT, env=environment)
+    os.close(theirs)
+    shown = b""
+    with contextlib.suppress(OSError):  # EIO: the terminal's other end is closed
+        while part := os.read(ours, 4096):
+            shown += part
+    os.close(ours)
+    assert process.wait() == 0, shown
+    code = shown.decode().replace("\r\n", "\n").split("ready to paste:\n")[1].rstrip("\n")
+    assert code == wiring(long)
 
 
 def test_a_tool_that_is_needed_is_shown(tmp_path):
