@@ -25,7 +25,9 @@ from pathlib import Path
 import safe_files
 
 _INCLUDE = re.compile(r'^[ \t]*#[ \t]*include[ \t]*"([^"]+)"', re.MULTILINE)
-CFLAGS = ("-O2", "-std=c99", "-ffp-contract=off", "-fvisibility=hidden", "-g0")
+# For whoever compiles the sources. -fno-math-errno makes sqrt the processor's instruction alone; it changes no value.
+SOURCE_FLAGS = ("-O2", "-ffp-contract=off", "-fno-math-errno")
+CFLAGS = (*SOURCE_FLAGS, "-std=c99", "-fvisibility=hidden", "-g0")
 
 
 class CompileError(RuntimeError):
@@ -45,6 +47,11 @@ class Platform:
     def is_windows(self) -> bool:
         return self.suffix == ".dll"
 
+    @property
+    def compiler(self) -> str | None:
+        """The usual compiler there, as far as it knows :data:`SOURCE_FLAGS`."""
+        return {".so": "gcc", ".dylib": "clang"}.get(self.suffix)
+
 
 PLATFORMS: dict[str, Platform] = {
     p.name: p
@@ -52,8 +59,8 @@ PLATFORMS: dict[str, Platform] = {
         Platform("x86_64-linux", "linux64", "x86_64-linux-gnu.2.17", ".so"),
         Platform("aarch64-linux", "aarch64-linux", "aarch64-linux-gnu.2.17", ".so"),
         Platform("x86_64-windows", "win64", "x86_64-windows-gnu", ".dll"),
-        Platform("x86_64-darwin", "darwin64", "x86_64-macos", ".dylib"),
-        Platform("aarch64-darwin", "aarch64-darwin", "aarch64-macos", ".dylib"),
+        Platform("x86_64-darwin", "darwin64", "x86_64-macos.11.0", ".dylib"),
+        Platform("aarch64-darwin", "aarch64-darwin", "aarch64-macos.11.0", ".dylib"),
     )
 }
 
@@ -97,14 +104,16 @@ class Toolchain:
         self._run([*CFLAGS, *pic, *(f"-I{i}" for i in include), "-c", str(source), "-o", str(output)])
 
     def link(self, objects: Sequence[Path], output: Path) -> None:
-        """Objects to a shared library without undefined symbols."""
+        """Objects to a shared library without undefined symbols, which a loader knows by the name of ``output``.
+
+        The system's mathematical library is not linked: the objects carry their own (:mod:`build_fmus.mathematics`).
+        """
         flags: list[str] = ["-shared", "-s"]
         if self.platform.suffix == ".so":
             flags += ["-Wl,--no-undefined", "-Wl,--build-id=none"]
         elif self.platform.suffix == ".dylib":
             flags += [f"-Wl,-install_name,@rpath/{output.name}"]
-        libm = [] if self.platform.is_windows else ["-lm"]
-        self._run([*flags, *map(str, objects), "-o", str(output), *libm])
+        self._run([*flags, *map(str, objects), "-o", str(output)])
 
     def _run(self, arguments: list[str]) -> None:
         environment = dict(os.environ)
@@ -182,7 +191,13 @@ class ObjectCache:
         """The shared library built from ``sources``; every object is compiled once per content and toolchain."""
         objects = [self._object(toolchain, s, include) for s in sources]
         key = self._key(toolchain, name.encode(), *(o.name.encode() for o in objects))
-        return self._kept(key, toolchain.platform.suffix, lambda out: toolchain.link(objects, out))
+
+        def link(out: Path) -> None:
+            named = out.with_name(f"{name}{out.suffix}")  # the name that the loader will find in the library
+            toolchain.link(objects, named)
+            named.replace(out)
+
+        return self._kept(key, toolchain.platform.suffix, link)
 
     def _object(self, toolchain: Toolchain, source: Path, include: Sequence[Path]) -> Path:
         headers = included_headers(source, include)

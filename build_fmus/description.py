@@ -9,6 +9,7 @@ from importlib import metadata
 from lxml import etree
 
 from build_fmus import units
+from build_fmus.compile import PLATFORMS, SOURCE_FLAGS
 from build_fmus.component import Component, Variable
 from build_fmus.generate import Reference, is_exact, references
 
@@ -40,12 +41,23 @@ def model_description(
 
 
 def build_description(component: Component, sources: Iterable[str]) -> bytes:
-    """``sources/buildDescription.xml`` of FMI 3.0."""
+    """``sources/buildDescription.xml`` of FMI 3.0.
+
+    The first configuration is for any platform and C99 compiler. Those of platforms whose compilers are gcc and clang name
+    options too, with which the code is as fast as the binaries; the numbers are the same (what decides on them is in the
+    sources).
+    """
     root = etree.Element("fmiBuildDescription", fmiVersion="3.0")
-    configuration = etree.SubElement(root, "BuildConfiguration", modelIdentifier=component.name)
-    files = etree.SubElement(configuration, "SourceFileSet", language="C99", compilerOptions="-O2 -ffp-contract=off")
-    for name in sources:
-        etree.SubElement(files, "SourceFile", name=name)
+    names = list(sources)
+    for platform in (None, *(p for p in PLATFORMS.values() if p.compiler)):
+        configuration = etree.SubElement(root, "BuildConfiguration", modelIdentifier=component.name)
+        files = etree.SubElement(configuration, "SourceFileSet", language="C99")
+        if platform:
+            configuration.set("platform", platform.name)
+            files.set("compiler", platform.compiler)
+            files.set("compilerOptions", " ".join(SOURCE_FLAGS))
+        for name in names:
+            etree.SubElement(files, "SourceFile", name=name)
     return _serialize(root)
 
 

@@ -15,11 +15,12 @@ import numpy as np
 
 from build_fmus import qp
 from build_fmus.component import Component, Variable
+from build_fmus.mathematics import math_files
 from build_fmus.qp_sources import THIRD_PARTY, ThirdParty
 
 RUNTIME_DIR = Path(__file__).parent / "runtime"
 RUNTIME_SOURCES = ("fmu_core.c", "integrators.c")
-RUNTIME_HEADERS = ("fmu_core.h", "fmu_model.h", "integrators.h")
+RUNTIME_HEADERS = ("fmu_core.h", "fmu_math.h", "fmu_model.h", "integrators.h")
 
 _ROLES = {
     "time": "FMU_TIME", "parameter": "FMU_PARAMETER", "input": "FMU_INPUT", "state": "FMU_STATE",
@@ -181,8 +182,8 @@ def generate_c(component: Component, *, arrays: bool, token: str) -> str:
     return "\n".join(
         [
             f"/* {component.name}: generated, do not edit. */",
-            "#include <math.h>",
             "#include <stddef.h>",
+            '#include "fmu_math.h"',
             '#include "fmu_model.h"',
             "",
             "#if defined(__GNUC__)",
@@ -227,12 +228,17 @@ def solver_files(component: Component) -> dict[str, bytes]:
     return files
 
 
+def with_mathematics(files: dict[str, bytes]) -> dict[str, bytes]:
+    """C files with those of the mathematical functions that they call."""
+    return files | math_files(data for name, data in files.items() if name.endswith(".c"))
+
+
 def identity(component: Component, *, arrays: bool) -> str:
     """Instantiation token of a component: a hash of everything that determines its behaviour and interface."""
-    digest = hashlib.sha256(generate_c(component, arrays=arrays, token="").encode())
-    for name in sorted((*RUNTIME_SOURCES, *RUNTIME_HEADERS, "fmi2.c", "fmi3.c")):
-        digest.update((RUNTIME_DIR / name).read_bytes())
-    for _, data in sorted(solver_files(component).items()):
+    files = {n: (RUNTIME_DIR / n).read_bytes() for n in (*RUNTIME_SOURCES, *RUNTIME_HEADERS, "fmi2.c", "fmi3.c")}
+    files |= solver_files(component) | {"model.c": generate_c(component, arrays=arrays, token="").encode()}
+    digest = hashlib.sha256()
+    for _, data in sorted(with_mathematics(files).items()):
         digest.update(data)
     for v in component.variables:
         digest.update(f"{v.name}|{v.unit}|{v.display_unit}|{v.description}|{v.nominal}|{v.output}".encode())

@@ -83,6 +83,7 @@ def source_files(component: Component, fmi: int, *, arrays: bool = False) -> dic
     runtime = (*generate.RUNTIME_SOURCES, f"fmi{fmi}.c", *generate.RUNTIME_HEADERS)
     files |= {name: (generate.RUNTIME_DIR / name).read_bytes() for name in runtime}
     files |= generate.solver_files(component)
+    files = generate.with_mathematics(files)
     headers = Path(fmpy.__file__).parent / "c-code"
     files |= {name: (headers / name).read_bytes() for name in FMI_HEADERS[fmi]}
     return files

@@ -66,6 +66,7 @@ class CompiledPrograms:
 def _library(component: Component) -> ctypes.CDLL:
     files = generate.solver_files(component) | {"qp_exports.c": _EXPORTS.encode()}
     files["fmu_model.h"] = (generate.RUNTIME_DIR / "fmu_model.h").read_bytes()
+    files = generate.with_mathematics(files)
     with tempfile.TemporaryDirectory() as tmp, safe_files.named(tmp):
         for name, data in files.items():
             (Path(tmp) / name).parent.mkdir(exist_ok=True)

@@ -5,12 +5,12 @@
 
 #include "fmu_core.h"
 
-#include <math.h>
 #include <stdarg.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 
+#include "fmu_math.h"
 #include "integrators.h"
 
 #define MESSAGE_LENGTH 1024
@@ -162,7 +162,7 @@ FmuStatus fmu_fail(FmuInstance *self, FmuStatus status, const char *format, ...)
     va_start(args, format);
     (void)vsnprintf(message, sizeof message, format, args);
     va_end(args);
-    if (self->log) self->log(self->adapter, status, categories[status], message);
+    if (self->log) (*self->log)(self->adapter, status, categories[status], message);
     return status;
 }
 

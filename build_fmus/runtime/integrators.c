@@ -3,8 +3,9 @@
 #include "integrators.h"
 
 #include <float.h>
-#include <math.h>
 #include <string.h>
+
+#include "fmu_math.h"
 
 static size_t aligned(size_t n) { return (n + 15u) & ~(size_t)15u; }
 

@@ -2,9 +2,9 @@
 
 #include "qp.h"
 
-#include <math.h>
 #include <string.h>
 
+#include "fmu_math.h"
 #include "fmu_model.h"
 #include "qp_model.h"
 

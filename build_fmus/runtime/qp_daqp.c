@@ -6,10 +6,10 @@
 
 #include "qp_daqp.h"
 
-#include <math.h>
 #include <string.h>
 
 #include "daqp/daqp.h"
+#include "fmu_math.h"
 #include "qp.h"
 
 #define EQUAL 1e-11 /* bounds this close are one (DAQP's zero_tol) */

@@ -4,17 +4,26 @@ from __future__ import annotations
 
 import re
 import zipfile
+from collections.abc import Callable
 from pathlib import Path
 
+import binaries
 import fmpy
 from api import OK, Library, structured_name
 from fmpy.validation import validate_fmu
 from lxml import etree
 
 from build_fmus import units
+from build_fmus.compile import PLATFORMS
+from build_fmus.generate import RUNTIME_DIR
 
 SCHEMAS = Path(fmpy.__file__).parent / "schema" / "fmi3"
 PNG = b"\x89PNG\r\n\x1a\n"
+MATHEMATICS = {
+    f"{n}{suffix}"
+    for n in re.findall(r"^#define (\w+)\(", (RUNTIME_DIR / "fmu_math.h").read_text(), re.MULTILINE)
+    for suffix in ("", "f", "l")
+} | {"sqrt", "sincos", "round", "trunc", "rint", "exp2", "log2", "log10", "cbrt"}
 
 
 def test_validates_without_finding(fmu: Library) -> None:
@@ -37,14 +46,34 @@ def test_sources_are_complete(fmu: Library) -> None:
         for interface in fmu.xml.findall("ModelExchange"):
             assert [e.get("name") for e in interface.findall("SourceFiles/File")] == listed
     else:
-        description = etree.parse(fmu.folder / "sources" / "buildDescription.xml")
-        listed = [e.get("name") for e in description.iter("SourceFile")]
+        first, *others = etree.parse(fmu.folder / "sources" / "buildDescription.xml").iterfind("BuildConfiguration")
+        listed = [e.get("name") for e in first.iter("SourceFile")]
+        for configuration in others:
+            assert [e.get("name") for e in configuration.iter("SourceFile")] == listed
     assert listed == [*dict.fromkeys(listed)]
     sources = fmu.folder / "sources"
     assert set(listed) == {p.relative_to(sources).as_posix() for p in sources.rglob("*.c")}
     for path in (p for p in sources.iterdir() if p.is_file()):  # folders hold solvers of others
         for header in re.findall(r'^ *#include "(.*)"', path.read_text(), re.MULTILINE):
             assert (sources / header).is_file()
+
+
+def test_build_options_are_for_compilers_that_know_them(name: str, load: Callable[[str, int], Library]) -> None:
+    """One configuration without a platform, first, for any compiler; at most one for each platform (FMI 3.0, 2.5.1.4.1)."""
+    description = etree.parse(load(name, 3).folder / "sources" / "buildDescription.xml")
+    configurations = list(description.iterfind("BuildConfiguration"))
+    platforms = [c.get("platform") for c in configurations]
+    assert platforms[0] is None
+    assert len(platforms) == len(set(platforms))
+    assert set(platforms[1:]) <= set(PLATFORMS)
+    for configuration in configurations:
+        (files,) = configuration.iterfind("SourceFileSet")
+        assert (files.get("compiler") is None) == (files.get("compilerOptions") is None)
+        if (platform := configuration.get("platform")) is None or platform.endswith("windows"):
+            assert files.get("compilerOptions") is None
+        else:
+            assert files.get("compiler") in ("gcc", "clang")
+            assert "-ffp-contract=off" in files.get("compilerOptions").split()
 
 
 def test_documentation_and_icon(fmu: Library) -> None:
@@ -166,3 +195,18 @@ def test_terminals_group_the_signals_of_a_corner(pair: tuple[Library, Library]) 
     for terminal in tree.iterfind(".//Terminal"):
         members = [e.get("memberName") for e in terminal]
         assert len(members) == len(set(members))
+
+
+def test_binaries_run_on_old_systems_and_share_nothing(fmu: Library) -> None:
+    """FMI functions are all that is exported; no mathematical library is called, and no symbol is younger than glibc 2.17."""
+    files = [p for p in (fmu.folder / "binaries").rglob("*") if p.is_file()]
+    assert files
+    header = (fmu.folder / "sources" / f"fmi{fmu.fmi}Functions.h").read_text()
+    declared = set(re.findall(rf"^#define (fmi{fmu.fmi}[A-Z]\w+) +fmi{fmu.fmi}FullName\(", header, re.MULTILINE))
+    assert len(declared) > 40
+    for file in files:
+        binary = binaries.read(file.read_bytes())
+        assert binary.exported == declared
+        assert binary.glibc <= (2, 17)
+        assert binary.libraries <= {"libc.so.6", "/usr/lib/libSystem.B.dylib"} or file.suffix == ".dll"
+        assert not binary.imported & MATHEMATICS

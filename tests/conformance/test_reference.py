@@ -76,7 +76,8 @@ def test_cosimulation_in_fmpy_meets_the_reference(fmu: Library) -> None:
 def test_committed_reference(fmu: Library) -> None:
     """Regression: numbers written down when they were last looked at (``tests/references/write.py`` says how).
 
-    The tolerance leaves room for another platform's mathematical library.
+    The tolerance leaves room for the mathematical library and the linear algebra of the machine that wrote them: gains are
+    computed with them, and so are the numbers, by the Python evaluation.
     """
     if fmu.name.startswith("Probe"):
         return  # changes with the tests
@@ -170,7 +171,7 @@ def test_rebuilt_from_the_sources_inside(probe: str, fmi: int, load, tmp_path: P
     (tmp_path / f"{probe}.zip").replace(rebuilt)
     other = Library(rebuilt)
     ours, theirs = (replay(f, fmu.stimulus) for f in (fmu, other))
-    np.testing.assert_allclose(theirs, ours, rtol=1e-12, atol=1e-12 * scale(ours, fmu.outputs).max())
+    assert theirs.tobytes() == ours.tobytes()
 
 
 def test_parameters_change_results_on_fresh_and_reset_instances(fmu: Library) -> None:

@@ -1,0 +1,85 @@
+"""The mathematical library inside the FMUs (musl) beside the one of this machine: time, and digits that move.
+
+    python -m benchmarks.mathematics      # part of all benchmarks
+
+The sources in each FMU are compiled once more with the header that renames the functions replaced by ``math.h``, and linked
+with the system's library. Both builds run in the bare C loop of :mod:`benchmarks.master_cost`, and over the stimulus of the
+FMU's documentation.
+"""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+import tempfile
+from pathlib import Path
+
+import fmpy
+import numpy as np
+from fmpy import read_model_description, simulate_fmu
+from rich.console import Console
+from rich.table import Table
+
+from benchmarks.master_cost import Wired, time_bare
+from build_fmus.compile import CFLAGS, find_toolchain, host
+from build_fmus.mathematics import FOLDER
+from cosim.experiments.cases import FmuSet
+
+NAMES = ("FullCarHmmwv", "ThreeAxleTrench", "KalmanHmmwv", "SensorSuite", "RoadIso8608", "TrenchCrossing")
+STEPS = 20_000
+
+
+def with_system_library(fmu: Path, folder: Path) -> Path:
+    """The same FMU with a binary for this machine that calls its own mathematical library."""
+    unpacked = Path(fmpy.extract(fmu, folder / fmu.stem))
+    sources = unpacked / "sources"
+    shutil.rmtree(sources / FOLDER)
+    (sources / "fmu_math.h").write_text("#include <math.h>\n")
+    binary = next((unpacked / "binaries" / host()).iterdir())
+    files = sorted(map(str, sources.rglob("*.c")))
+    command = [*find_toolchain(host()).command, *CFLAGS, "-fPIC", "-shared", "-s", f"-I{sources}", *files]
+    subprocess.run([*command, "-o", str(binary), "-lm"], check=True)
+    archive = shutil.make_archive(str(folder / fmu.stem), "zip", unpacked)
+    return Path(archive).replace(folder / fmu.name)
+
+
+def trajectory(fmu: Path) -> np.ndarray:
+    """Outputs (rows, outputs) over the stimulus of the documentation, by FMPy."""
+    with tempfile.TemporaryDirectory() as tmp:
+        stimulus = Path(fmpy.extract(fmu, tmp)) / "documentation" / f"{fmu.stem}_in.csv"
+        inputs = fmpy.util.read_csv(stimulus)
+    step = float(read_model_description(fmu).defaultExperiment.stepSize)
+    result = simulate_fmu(
+        fmu, input=inputs, stop_time=float(inputs["time"][-1]), output_interval=step, fmi_type="CoSimulation"
+    )
+    return np.array([[float(x) for x in row][1:] for row in result.tolist()])
+
+
+def measure(names: tuple[str, ...] = NAMES, repeats: int = 5) -> dict[str, float]:
+    """For each FMU the time per step of both, their ratio, and the largest difference in parts of an output's largest value."""
+    results: dict[str, float] = {}
+    with tempfile.TemporaryDirectory() as tmp:
+        for name in names:
+            ours = FmuSet().path(name)
+            system = with_system_library(ours, Path(tmp))
+            outputs = [v.valueReference for v in read_model_description(ours).modelVariables if v.causality == "output"]
+            real = [v for v in outputs if read_model_description(ours).modelVariables[v].type == "Float64"]
+            times = {"ours": [], "system": []}  # type: dict[str, list[float]]
+            for _ in range(repeats):
+                for label, fmu in (("ours", ours), ("system", system)):
+                    times[label].append(time_bare([Wired(name, fmu, [], [], real, 0)], STEPS))
+            best = {k: min(v) / STEPS * 1e6 for k, v in times.items()}
+            a, b = trajectory(ours), trajectory(system)
+            scale = np.maximum(np.abs(a).max(axis=0), np.finfo(float).tiny)
+            results[f"{name}: us per step with the system's library"] = best["system"]
+            results[f"{name}: us per step with its own"] = best["ours"]
+            results[f"{name}: own / system's"] = best["ours"] / best["system"]
+            results[f"{name}: largest difference of an output"] = float((np.abs(a - b) / scale).max())
+    return results
+
+
+if __name__ == "__main__":
+    table = Table("", "", box=None)
+    for title, value in measure().items():
+        table.add_row(title, f"{value:.3g}")
+    Console().print(table)

@@ -1,0 +1,100 @@
+/* The mathematical library inside every FMU: functions of musl under names of their own.
+ *
+ * Mathematical libraries differ in the last digits, and compilers compute functions of constants with one of theirs. With
+ * these names all code that includes this header gives the same bits on every platform and with every compiler. Functions
+ * that are not here (sqrt, fabs, copysign) are exact operations of the processor.
+ */
+#ifndef FMU_MATH_H
+#define FMU_MATH_H
+
+#include <math.h>
+
+/* No multiplication and addition in one rounding, even if whoever compiles this does not give -ffp-contract=off. */
+#if defined(_MSC_VER) && !defined(__clang__)
+#pragma fp_contract(off)
+#elif defined(__clang__) || !defined(__GNUC__)
+#pragma STDC FP_CONTRACT OFF
+#elif defined(__FP_FAST_FMA)
+#pragma GCC optimize("fp-contract=off")
+#endif
+
+#if defined(__GNUC__) && !defined(_WIN32)
+#define FMU_HIDDEN __attribute__((visibility("hidden")))
+#else
+#define FMU_HIDDEN
+#endif
+
+#define acos(x) fmu_acos(x)
+#define acosh(x) fmu_acosh(x)
+#define asin(x) fmu_asin(x)
+#define asinh(x) fmu_asinh(x)
+#define atan(x) fmu_atan(x)
+#define atan2(y, x) fmu_atan2(y, x)
+#define atanh(x) fmu_atanh(x)
+#define ceil(x) fmu_ceil(x)
+#define cos(x) fmu_cos(x)
+#define cosh(x) fmu_cosh(x)
+#define erf(x) fmu_erf(x)
+#define erfc(x) fmu_erfc(x)
+#define exp(x) fmu_exp(x)
+#define expm1(x) fmu_expm1(x)
+#define floor(x) fmu_floor(x)
+#define fmax(x, y) fmu_fmax(x, y)
+#define fmin(x, y) fmu_fmin(x, y)
+#define fmod(x, y) fmu_fmod(x, y)
+#define hypot(x, y) fmu_hypot(x, y)
+#define log(x) fmu_log(x)
+#define log1p(x) fmu_log1p(x)
+#define pow(x, y) fmu_pow(x, y)
+#define remainder(x, y) fmu_remainder(x, y)
+#define remquo(x, y, quotient) fmu_remquo(x, y, quotient)
+#define scalbn(x, n) fmu_scalbn(x, n)
+#define sin(x) fmu_sin(x)
+#define sinh(x) fmu_sinh(x)
+#define tan(x) fmu_tan(x)
+#define tanh(x) fmu_tanh(x)
+
+FMU_HIDDEN double fmu_acos(double x);
+FMU_HIDDEN double fmu_acosh(double x);
+FMU_HIDDEN double fmu_asin(double x);
+FMU_HIDDEN double fmu_asinh(double x);
+FMU_HIDDEN double fmu_atan(double x);
+FMU_HIDDEN double fmu_atan2(double y, double x);
+FMU_HIDDEN double fmu_atanh(double x);
+FMU_HIDDEN double fmu_ceil(double x);
+FMU_HIDDEN double fmu_cos(double x);
+FMU_HIDDEN double fmu_cosh(double x);
+FMU_HIDDEN double fmu_erf(double x);
+FMU_HIDDEN double fmu_erfc(double x);
+FMU_HIDDEN double fmu_exp(double x);
+FMU_HIDDEN double fmu_expm1(double x);
+FMU_HIDDEN double fmu_floor(double x);
+FMU_HIDDEN double fmu_fmod(double x, double y);
+FMU_HIDDEN double fmu_hypot(double x, double y);
+FMU_HIDDEN double fmu_log(double x);
+FMU_HIDDEN double fmu_log1p(double x);
+FMU_HIDDEN double fmu_pow(double x, double y);
+FMU_HIDDEN double fmu_remainder(double x, double y);
+FMU_HIDDEN double fmu_remquo(double x, double y, int *quotient);
+FMU_HIDDEN double fmu_scalbn(double x, int n);
+FMU_HIDDEN double fmu_sin(double x);
+FMU_HIDDEN double fmu_sinh(double x);
+FMU_HIDDEN double fmu_tan(double x);
+FMU_HIDDEN double fmu_tanh(double x);
+
+/* The larger one; +0 is larger than -0, and a NaN counts for nothing. Inlined: some components have thousands of calls. */
+static inline double fmu_fmax(double x, double y) {
+    if (x > y) return x;
+    if (x < y) return y;
+    if (x == y) return signbit(x) ? y : x;
+    return x == x ? x : y;
+}
+
+static inline double fmu_fmin(double x, double y) {
+    if (x < y) return x;
+    if (x > y) return y;
+    if (x == y) return signbit(x) ? x : y;
+    return x == x ? x : y;
+}
+
+#endif

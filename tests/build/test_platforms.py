@@ -1,0 +1,43 @@
+"""Binaries for every platform, by ziglang: what they export, what they need, what they call themselves.
+
+The first run on a machine takes minutes, in which ziglang makes the C libraries of these systems; it keeps them.
+"""
+
+from __future__ import annotations
+
+import io
+import re
+import zipfile
+
+import binaries
+import pytest
+from built import FMUS
+from components import filter_bank
+
+from build_fmus.compile import PLATFORMS, ObjectCache
+from build_fmus.package import build_fmu
+
+
+@pytest.mark.parametrize("fmi", [2, 3])
+@pytest.mark.parametrize("name", PLATFORMS)
+def test_binaries_of_every_platform(name: str, fmi: int) -> None:
+    platform = PLATFORMS[name]
+    archive = build_fmu(filter_bank(), fmi, [platform], ObjectCache(FMUS / ".cache" / "ziglang"))
+    with zipfile.ZipFile(io.BytesIO(archive)) as z:
+        folder = platform.fmi2_name if fmi == 2 else platform.name
+        binary = binaries.read(z.read(f"binaries/{folder}/ProbeDiscrete{platform.suffix}"))
+        header = z.read(f"sources/fmi{fmi}Functions.h").decode()
+    assert binary.exported == set(re.findall(rf"^#define (fmi{fmi}[A-Z]\w+) +fmi{fmi}FullName\(", header, re.MULTILINE))
+    assert len(binary.exported) > 40
+    if platform.suffix == ".so":
+        assert (0, 0) < binary.glibc <= (2, 17)
+        assert binary.libraries == {"libc.so.6"}
+    elif platform.suffix == ".dylib":
+        assert binary.macos == (11, 0, 0)
+        assert binary.libraries == {"/usr/lib/libSystem.B.dylib"}
+        assert binary.name == "@rpath/ProbeDiscrete.dylib"
+    else:
+        assert binary.name == "ProbeDiscrete.dll"
+        assert all(
+            re.match(r"kernel32\.dll|ucrtbase\.dll|msvcrt\.dll|api-ms-win-crt-", x, re.I) for x in binary.libraries
+        )
