@@ -12,9 +12,9 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-import safe_files
 from benchmarks import exchange_lag, hmmwv_real_time, mpc_at_limit, mpc_solvers, mpc_worst, qp_time, trench_plant
 from benchmarks.master_cost import measure
+from build_fmus import safe_files
 from cosim import System
 from cosim.experiments import gpc_study
 from cosim.experiments.gpc import GpcFmuSet

@@ -17,8 +17,7 @@ from importlib import metadata
 from pathlib import Path
 from typing import Protocol
 
-import safe_files
-from build_fmus import qp_sources
+from build_fmus import qp_sources, safe_files
 from build_fmus.compile import toolchain_identity
 
 SOURCE_SUFFIXES = (".py", ".toml", ".c", ".h", ".html", ".csv")

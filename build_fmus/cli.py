@@ -14,8 +14,7 @@ from typing import Annotated, Any
 import typer
 from rich.table import Table
 
-import safe_files
-from build_fmus import builder, terminal
+from build_fmus import builder, safe_files, terminal
 from build_fmus.builder import Options
 from build_fmus.compile import PLATFORMS
 from build_fmus.qp_sources import THIRD_PARTY as SOLVERS
@@ -126,8 +125,7 @@ def build(
         reason = error.strerror or error
         raise OSError(f"cannot write to {options.out} ({reason}); choose another directory with --out") from None
     root = Path(fmu_sources.__file__).parent
-    files = [root.parent / "cosim", root.parent / "safe_files"]
-    sources = builder.source_hash(root, root.parent / "build_fmus", modules=files)
+    sources = builder.source_hash(root, root.parent / "build_fmus", modules=[root.parent / "cosim"])
     task = functools.partial(build_entry, user)
     return builder.build(
         catalog, names or list(catalog), options, sources=sources, task=task, report=report, force=force

@@ -22,7 +22,7 @@ from functools import lru_cache
 from importlib import metadata
 from pathlib import Path
 
-import safe_files
+from build_fmus import safe_files
 
 _INCLUDE = re.compile(r'^[ \t]*#[ \t]*include[ \t]*"([^"]+)"', re.MULTILINE)
 # For whoever compiles the sources. -fno-math-errno makes sqrt the processor's instruction alone; it changes no value.

@@ -14,8 +14,7 @@ from pathlib import Path
 import fmpy
 import jinja2
 
-import safe_files
-from build_fmus import description, generate, reference
+from build_fmus import description, generate, reference, safe_files
 from build_fmus.compile import ObjectCache, Platform, find_toolchain
 from build_fmus.component import Component, DeclarationError
 from build_fmus.icon import icon_png

@@ -10,8 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-import safe_files
-from build_fmus import generate
+from build_fmus import generate, safe_files
 from build_fmus.compile import ObjectCache, find_toolchain, host
 from build_fmus.component import Component
 from build_fmus.qp import INFINITE

@@ -8,7 +8,7 @@ from collections.abc import Iterable, Iterator
 from functools import cache
 from pathlib import Path
 
-PACKAGES = ("build_fmus", "cosim", "fmu_sources", "safe_files")
+PACKAGES = ("build_fmus", "cosim", "fmu_sources")
 DATA_SUFFIXES = (".toml", ".csv")
 _ROOT = Path(__file__).resolve().parents[1]
 

@@ -15,7 +15,7 @@ from rich.console import Console, RenderableType
 from rich.markup import escape
 from typer.core import TyperCommand, TyperGroup
 
-import safe_files
+from build_fmus import safe_files
 
 PACKAGE = "suspension-fmus"
 APP: dict[str, Any] = {

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-import safe_files
+from build_fmus import safe_files
 
 Array = npt.NDArray[np.float64]
 

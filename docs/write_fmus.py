@@ -10,7 +10,7 @@ import re
 from collections.abc import Iterable
 from pathlib import Path
 
-import safe_files
+from build_fmus import safe_files
 from cosim import Fmu, Variable
 from fmu_sources.catalog import default_catalog
 

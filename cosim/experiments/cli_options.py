@@ -15,7 +15,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from rich.table import Table
 from rich.text import Text
 
-import safe_files
+from build_fmus import safe_files
 from build_fmus.terminal import console
 from cosim.experiments.cases import FmuSet
 

@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 from rich.table import Table
 
-import safe_files
+from build_fmus import safe_files
 from build_fmus.terminal import OneOf, show
 from cosim.experiments.cli_options import (
     Fmus,

@@ -14,7 +14,7 @@ from multiprocessing.connection import wait as wait_for
 from pathlib import Path
 from typing import Any
 
-import safe_files
+from build_fmus import safe_files
 
 
 def run_tasks(

@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
 
-import safe_files
+from build_fmus import safe_files
 
 
 class RunStore:

@@ -23,7 +23,7 @@ import jinja2
 from markupsafe import Markup
 from plotly.offline import get_plotlyjs
 
-import safe_files
+from build_fmus import safe_files
 from cosim.errors import CosimError
 from cosim.report.animation import animation_data
 from cosim.report.checks import Scalar

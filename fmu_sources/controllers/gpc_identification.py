@@ -18,7 +18,7 @@ from typing import Any, ClassVar, cast, get_args
 
 import numpy as np
 
-import safe_files
+from build_fmus import safe_files
 from build_fmus.sources import code_hash
 from cosim import PythonComponent, System, UnconnectedInputsWarning
 from fmu_sources.controllers.arx import ArxIdentification, identify_arx

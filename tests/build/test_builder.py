@@ -11,10 +11,9 @@ from pathlib import Path
 
 import pytest
 
-import safe_files
-from build_fmus import builder, cli
+from build_fmus import builder, cli, safe_files
 from build_fmus.builder import Options, Stamps, source_hash, waves, with_needs
-from safe_files import DamagedWarning
+from build_fmus.safe_files import DamagedWarning
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from build_fmus.compile import ObjectCache, find_toolchain, host, included_headers
-from safe_files import DamagedWarning
+from build_fmus.safe_files import DamagedWarning
 
 
 @pytest.fixture

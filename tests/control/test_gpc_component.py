@@ -11,7 +11,7 @@ from fmpy import extract, read_model_description
 from fmpy.fmi2 import FMU2Slave
 from scipy.constants import degree, g
 
-import safe_files
+from build_fmus import safe_files
 from build_fmus.reference import simulate
 from fmu_sources.controllers import gpc_identification
 from fmu_sources.controllers.gpc import CORNERS, FORCE_LIMIT, TICKS_PER_SAMPLE, gpc_controller

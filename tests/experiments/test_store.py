@@ -7,10 +7,10 @@ from pathlib import Path
 import pytest
 
 from build_fmus import sources
+from build_fmus.safe_files import DamagedWarning
 from cosim.experiments import gpc, hmmwv, hmmwv_preview, hmmwv_tracking, three_axle, trench
 from cosim.experiments.provenance import salt
 from cosim.experiments.store import RunStore
-from safe_files import DamagedWarning
 
 MEASURE = {
     "gpc": [gpc],

@@ -9,8 +9,8 @@ from pathlib import Path
 
 import pytest
 
-import safe_files
-from safe_files import DamagedWarning, NotKept
+from build_fmus import safe_files
+from build_fmus.safe_files import DamagedWarning, NotKept
 
 VALUE = {"J": 0.1, "rows": [1, 2.5, None, True], "name": "Längs"}
 

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-import safe_files
+from build_fmus import safe_files
 from cosim import Recording
 from cosim.experiments.cli_options import write_summary
 

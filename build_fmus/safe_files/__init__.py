@@ -3,7 +3,7 @@
 Beside the three rooms, because all of them write files; it knows of nothing but files.
 """
 
-from safe_files.kept import (
+from build_fmus.safe_files.kept import (
     DamagedWarning,
     NotKept,
     anew,
@@ -14,7 +14,7 @@ from safe_files.kept import (
     kept_json,
     plain_warnings,
 )
-from safe_files.whole import named, opened, sentence, write
+from build_fmus.safe_files.whole import named, opened, sentence, write
 
 __all__ = [
     "DamagedWarning",
