@@ -42,6 +42,7 @@ Solver = Literal["rk4", "am2", "ros2", "semi_implicit"]
 BaseType = Literal["Float64", "Int32", "Boolean"]
 
 _NAME = re.compile(r"^[A-Za-z_]\w*(\.[A-Za-z_]\w*)*$", re.ASCII)
+_JACOBIAN_UP_TO = 10_000  # operations of `fwd`: beyond it a Jacobian in one piece would double the size of the FMU
 _TYPES: dict[type, BaseType] = {float: "Float64", int: "Int32", bool: "Boolean"}
 _SAME = 1e-6  # relative difference at which two constants count as one: they may pass through text and other units
 
@@ -619,7 +620,7 @@ class Component:
         ``tick (t, x, u, p) -> x_next, y`` (discrete); ``out (t, x, u, p) -> y``; with quadratic programs these three take
         their solutions as fifth argument, and ``programs (t, x, u, p) -> data`` has q, l, u, case of each;
         ``fwd (t, x, u, p, dx, du, dp) -> d rhs, d y`` and ``fwd_start (x, u, p, dx, du, dp) -> d x0`` (continuous);
-        ``jac (t, x, u, p) -> d rhs/dx, d rhs/dt`` (solver ``ros2``);
+        ``jac (t, x, u, p) -> d rhs/dx, d rhs/dt`` (solver ``ros2``, and wherever its code stays short);
         ``check (t, x, u, p) -> values`` that must be > 0 when initialization ends (components with checks).
 
         Raises:
@@ -665,7 +666,7 @@ class Component:
             knowns, seeds = ca.vertcat(x, u, p), ca.vertcat(dx, du, dp)
             add("fwd", [t, x, u, p, dx, du, dp], [ca.densify(ca.jtimes(e, knowns, seeds)) for e in (nxt, y)])
             add("fwd_start", [x, u, p, dx, du, dp], [ca.densify(ca.jtimes(x0, knowns, seeds))])
-            if self.solver == "ros2":
+            if self.solver == "ros2" or functions["fwd"].n_instructions() <= _JACOBIAN_UP_TO:
                 add("jac", [t, x, u, p], [ca.densify(ca.jacobian(nxt, v)) for v in (x, t)])
         else:
             add("update", [t, x, u, p, *solutions], [nxt])

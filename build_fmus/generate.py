@@ -19,13 +19,17 @@ from build_fmus.mathematics import math_files
 from build_fmus.qp_sources import THIRD_PARTY, ThirdParty
 
 RUNTIME_DIR = Path(__file__).parent / "runtime"
-RUNTIME_SOURCES = ("fmu_core.c", "integrators.c")
-RUNTIME_HEADERS = ("fmu_core.h", "fmu_math.h", "fmu_model.h", "integrators.h")
+RUNTIME_SOURCES = ("fmu_core.c", "integrators.c", "stability.c")
+RUNTIME_HEADERS = ("fmu_core.h", "fmu_math.h", "fmu_model.h", "integrators.h", "stability.h")
 
 _ROLES = {
     "time": "FMU_TIME", "parameter": "FMU_PARAMETER", "input": "FMU_INPUT", "state": "FMU_STATE",
     "derivative": "FMU_DERIVATIVE", "output": "FMU_OUTPUT",
 }  # fmt: skip
+# A state this many times its nominal value has blown up. The largest legal ones are 1e5 times theirs (start.x = 1e6 m
+# with a nominal value of 10 m), those of the reference runs 10 times. Where no nominal value is declared, a
+# state may be anything (a pressure in Pa), and only what no unit explains is refused.
+_BLOWN_UP, _BLOWN_UP_UNKNOWN = 1e6, 1e12
 _TYPES = {"Float64": "FMU_FLOAT64", "Int32": "FMU_INT32", "Boolean": "FMU_BOOLEAN"}
 
 
@@ -152,6 +156,7 @@ def generate_c(component: Component, *, arrays: bool, token: str) -> str:
     used = [functions[n] for n in names]
     sizes = [max(getattr(f, f"sz_{k}")() for f in used) for k in ("arg", "res", "iw", "w")]
     continuous = component.kind == "continuous"
+    points = _operating_points(component) if continuous else []
     fields = [
         _string(component.name),
         _string(token),
@@ -178,6 +183,9 @@ def generate_c(component: Component, *, arrays: bool, token: str) -> str:
         "fmu_check" if "check" in functions else "NULL",
         str(len(component.check_messages)),
         "check_messages",
+        "bounds",
+        "points",
+        str(len(points)),
     ]
     return "\n".join(
         [
@@ -195,13 +203,38 @@ def generate_c(component: Component, *, arrays: bool, token: str) -> str:
             _array("FmuVariable", "variables", table),
             _array("double", "start", start),
             _array("double", "nominals", nominals),
+            _array("double", "bounds", [_number(_bound(v)) for v in states for _ in range(v.size)]),
             _array("char *const", "state_names", state_names or ['""']),
             _array("int", "velocity_of", [str(j) for j in velocity_of]),
             _array("char *const", "check_messages", [_string(m) for m in component.check_messages] or ['""']),
+            *(_array("FmuSetting", f"point_{i}", settings) for i, (_, settings) in enumerate(points) if settings),
+            _array(
+                "FmuPoint",
+                "points",
+                [
+                    f"{{{_string(name)}, {f'point_{i}' if settings else 'NULL'}, {len(settings)}}}"
+                    for i, (name, settings) in enumerate(points)
+                ],
+            ),
             "const FmuModel fmu_model = {\n    " + ",\n    ".join(fields) + "\n};",
             "",
         ]
     )
+
+
+def _bound(v: Variable) -> float:
+    """Magnitude beyond which a state has blown up."""
+    return _BLOWN_UP * v.nominal if v.nominal else _BLOWN_UP_UNKNOWN
+
+
+def _operating_points(component: Component) -> list[tuple[str, list[str]]]:
+    """Names of the operating points, and for each the values that differ from those of the start."""
+    slots = {e.name: e.slot for e in component.elements("input")}
+    slots |= {e.name: component.size("input") + e.slot for e in component.elements("state")}
+    return [
+        (name, [f"{{{slots[k]}, {_number(v)}}}" for k, v in values.items()])
+        for name, values in component.operating_points.items()
+    ]
 
 
 def runtime_files(component: Component) -> tuple[str, ...]:

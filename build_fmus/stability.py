@@ -1,6 +1,12 @@
-"""Refuse a component whose solver step is too long for its own dynamics."""
+"""Refuse a component whose solver step is too long for its own dynamics.
+
+The FMU repeats this check with the parameters that a user sets (``runtime/stability.c``): both must come to the same verdict.
+"""
 
 from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -44,27 +50,52 @@ def step_matrix(matrix: np.ndarray, velocity_of: np.ndarray, h: float) -> np.nda
     return drift @ (np.eye(n) + h * slope @ (np.eye(n) + h / 2 * slope)) @ drift
 
 
+@dataclass(frozen=True)
+class Instability:
+    """What a solver step cannot follow: the eigenvalue [1/s] of largest modulus, where, and the longest step [s] that
+    would do at all points, None when there is none."""
+
+    point: str
+    eigenvalue: complex
+    step: float | None
+
+
+def find_instability(component: Component, matrices: Mapping[str, np.ndarray], step: float) -> Instability | None:
+    """The worst of the given points, or None when the component's solver follows all of them with this step [s].
+
+    A mode fails when its numerical amplification over one step exceeds both 1 and the true growth by more than 1e-6. Of
+    shorter steps those shorter by a power of 1.25 are tried, down to the least that ``solver.step`` may have.
+
+    Raises:
+        LinAlgError: a matrix is not finite.
+    """
+    bad = [(name, w) for name, matrix in matrices.items() for w in _unstable(component, step, matrix)]
+    if not bad:
+        return None
+    name, worst = max(bad, key=lambda b: abs(b[1]))
+    shortest, shorter = component.variable("solver.step").min or 0.0, step / 1.25
+    while shorter >= shortest and any(_unstable(component, shorter, m).size for m in matrices.values()):
+        shorter /= 1.25
+    return Instability(name, complex(worst.real, abs(worst.imag)), shorter if shorter >= shortest else None)
+
+
 def check_solver(component: Component) -> None:
     """Check every declared operating point.
-
-    A mode fails when its numerical amplification over one step exceeds both 1 and the true growth by more than 1e-6.
 
     Raises:
         SolverStepError: naming the operating point, the eigenvalue and the longest stable step.
     """
     if component.kind != "continuous":
         return
-    for name, matrix in matrices_by_point(component).items():
-        bad = _unstable(component, component.solver_step, matrix)
-        if bad.size:
-            step = component.solver_step
-            while _unstable(component, step, matrix).size and step > 1e-9:
-                step /= 1.25
-            worst = bad[np.argmax(np.abs(bad))]
-            raise SolverStepError(
-                f"{component.name}: solver {component.solver} with step {component.solver_step:g} s is unstable at "
-                f"operating point {name!r} (eigenvalue {worst:.4g} 1/s); a step of {step:.3g} s would do"
-            )
+    wrong = find_instability(component, matrices_by_point(component), component.solver_step)
+    if wrong:
+        advice = (
+            f"a step of {wrong.step:.3g} s would do" if wrong.step else "no step that solver.step may have would do"
+        )
+        raise SolverStepError(
+            f"{component.name}: solver {component.solver} with step {component.solver_step:g} s is unstable at "
+            f"operating point {wrong.point!r} (eigenvalue {wrong.eigenvalue:.4g} 1/s); {advice}"
+        )
 
 
 def eigenvalues_by_point(component: Component) -> dict[str, np.ndarray]:
@@ -72,13 +103,17 @@ def eigenvalues_by_point(component: Component) -> dict[str, np.ndarray]:
     return {n: np.linalg.eigvals(a) if a.size else np.zeros(0) for n, a in matrices_by_point(component).items()}
 
 
-def matrices_by_point(component: Component) -> dict[str, np.ndarray]:
-    """System matrix A of the linearized component at each declared operating point."""
+def matrices_by_point(component: Component, parameters: np.ndarray | None = None) -> dict[str, np.ndarray]:
+    """System matrix A of the linearized component at each declared operating point.
+
+    ``parameters``: the vector of their values, the start values by default.
+    """
     states = {e.name: e.slot for e in component.elements("state")}
     inputs = {e.name: e.slot for e in component.elements("input")}
     result = {}
     for name, values in component.operating_points.items():
-        u, p = component.vector("input"), component.vector("parameter")
+        u = component.vector("input")
+        p = component.vector("parameter") if parameters is None else parameters
         for k, v in values.items():
             if k in inputs:
                 u[inputs[k]] = v

@@ -12,10 +12,10 @@
 
 #include "fmu_math.h"
 #include "integrators.h"
+#include "stability.h"
 
 #define MESSAGE_LENGTH 1024
 #define MAX_STEPS_PER_CALL 10000000.0 /* solver steps or samples in one doStep: beyond it the step size is a mistake */
-#define EXPLODED 1e12                 /* times nominal */
 #define SNAPSHOT_MAGIC 0x53464d55u    /* 'SFMU'; also tells a foreign byte order */
 #define SNAPSHOT_VERSION 2u
 
@@ -63,10 +63,15 @@ struct FmuInstance {
     double *qp_data, *qp_solution, *qp_trial; /* quadratic programs; trial: their memory while nothing is committed */
     void *qp_scratch;
     double *checks;                         /* n_checks */
+    Stability stability;
+    double *point_u, *point_x;              /* inputs and states of an operating point */
+    int present_is_a_point;                 /* while a check looks at the operating points */
+    double *before;                         /* parameters and inputs before they were set */
 };
 
 static void rhs(void *instance, double t, const double *x, double *dx);
 static void jacobian(void *instance, double t, const double *x, double *J, double *by_time);
+static int linearize(void *instance, int point, double *A);
 
 static size_t n_values(void) {
     return (size_t)M->n_parameters + (size_t)M->n_inputs + 2u * (size_t)M->n_states + (size_t)M->n_outputs +
@@ -104,6 +109,8 @@ FmuInstance *fmu_create(int is_co_simulation, size_t adapter_size, FmuLog log) {
         aligned(((size_t)M->n_qp_data + (size_t)M->n_qp_solution + (size_t)M->n_qp_memory) * sizeof(double)),
         M->qp ? aligned(M->qp->scratch_size()) : 0,
         aligned((size_t)M->n_checks * sizeof(double)),
+        M->is_continuous && is_co_simulation ? stability_memory(M->solver, M->n_states) : 0,
+        M->is_continuous && is_co_simulation ? aligned((2u * nu + nx + np) * sizeof(double)) : 0,
     };
     size_t total = 0;
     for (size_t i = 0; i < sizeof sizes / sizeof *sizes; i++) total += sizes[i];
@@ -139,6 +146,12 @@ FmuInstance *fmu_create(int is_co_simulation, size_t adapter_size, FmuLog log) {
     self->qp_scratch = part[12];
     if (M->qp) M->qp->setup(self->qp_scratch);
     self->checks = part[13];
+    self->stability = (Stability){.method = M->solver, .n = M->n_states, .velocity_of = M->velocity_of,
+                                  .n_points = M->n_points + 1, .system = self, .linearize = linearize};
+    if (M->is_continuous && is_co_simulation) stability_use(&self->stability, part[14]);
+    self->point_u = part[15];
+    self->point_x = self->point_u + nu;
+    self->before = self->point_x + nx;
     self->logging = ~0u & ~(1u << FMU_OK); /* without debug logging, errors still tell what is wrong */
     (void)fmu_reset(self);
     return self;
@@ -329,10 +342,84 @@ static FmuStatus check_relations(FmuInstance *self) {
     return FMU_OK;
 }
 
+/* ------------------------------------------------------------------ the solver step and the parameters */
+
+/* d(dx/dt)/dx at a declared operating point, or after them at the present state unless that was one of them. */
+static int linearize(void *instance, int point, double *A) {
+    FmuInstance *self = instance;
+    const size_t nx = (size_t)M->n_states, nu = (size_t)M->n_inputs, np = (size_t)M->n_parameters;
+    const int present = point == M->n_points;
+    const double *start = M->start + np, t = present ? self->state->time : 0.0;
+    double *u = self->point_u, *x = self->point_x;
+    if (present) {
+        if (self->present_is_a_point) return 0;
+        memcpy(u, self->u, nu * sizeof(double));
+        memcpy(x, self->x, nx * sizeof(double));
+    } else {
+        const FmuPoint *at = &M->points[point];
+        memcpy(u, start, nu * sizeof(double));
+        for (int i = 0; i < at->n_settings; i++)
+            if (at->settings[i].slot < M->n_inputs) u[at->settings[i].slot] = at->settings[i].value;
+        const double *args[] = {start + nu, u, self->p};
+        call(self, M->start_fn, args, 3, x, NULL);
+        for (int i = 0; i < at->n_settings; i++)
+            if (at->settings[i].slot >= M->n_inputs) x[at->settings[i].slot - M->n_inputs] = at->settings[i].value;
+        if (point == 0) self->present_is_a_point = 0;
+        if (self->state->time == 0.0 && memcmp(x, self->x, nx * sizeof(double)) == 0 &&
+            memcmp(u, self->u, nu * sizeof(double)) == 0)
+            self->present_is_a_point = 1;
+    }
+    if (M->jac_fn) {
+        const double *args[] = {&t, x, u, self->p};
+        call(self, M->jac_fn, args, 4, A, self->next);
+        return 1;
+    }
+    memset(self->seed, 0, (nx + nu + np) * sizeof(double));
+    for (size_t j = 0; j < nx; j++) {
+        const double *args[] = {&t, x, u, self->p, self->seed, self->seed + nx, self->seed + nx + nu};
+        self->seed[j] = 1.0;
+        call(self, M->fwd_fn, args, 7, self->sensitivity, self->sensitivity + nx);
+        self->seed[j] = 0.0;
+        memcpy(A + j * nx, self->sensitivity, nx * sizeof(double));
+    }
+    return 1;
+}
+
+static const char *solver_name(FmuSolver solver) {
+    switch (solver) {
+        case FMU_RK4: return "rk4";
+        case FMU_AM2: return "am2";
+        case FMU_ROS2: return "ros2";
+        default: return "semi_implicit";
+    }
+}
+
+/* Whether the solver follows the dynamics that the parameters make, which the build has found for their start values. */
+static FmuStatus check_solver_step(FmuInstance *self) {
+    if (!M->is_continuous || !self->is_co_simulation || !M->n_states) return FMU_OK;
+    if (memcmp(self->p, M->start, (size_t)M->n_parameters * sizeof(double)) == 0) return FMU_OK;
+    double shortest = 0.0;
+    for (int i = 0; i < M->n_variables; i++)
+        if (M->variables[i].role == FMU_PARAMETER && M->variables[i].slot == FMU_SOLVER_STEP_SLOT)
+            shortest = M->variables[i].min;
+    const double step = self->p[FMU_SOLVER_STEP_SLOT];
+    Instability wrong = {0, 0, 0.0, 0.0, 0.0};
+    if (stability_check(&self->stability, step, shortest, &wrong)) return FMU_OK;
+    char where[128] = "the present state", advice[64] = "no solver.step within its limits would do";
+    if (wrong.point < M->n_points) (void)snprintf(where, sizeof where, "operating point '%s'", M->points[wrong.point].name);
+    if (wrong.step > 0.0) (void)snprintf(advice, sizeof advice, "a solver.step of %.3g s would do", wrong.step);
+    if (!wrong.found)
+        return fmu_fail(self, FMU_ERROR, "with the parameters set, the dynamics of %s at %s are not finite", M->name, where);
+    return fmu_fail(self, FMU_ERROR,
+                    "with the parameters set, solver %s with solver.step %g s is unstable at %s (eigenvalue %.4g%+.4gi 1/s); %s",
+                    solver_name(M->solver), step, where, wrong.real, wrong.imag, advice);
+}
+
 FmuStatus fmu_exit_initialization(FmuInstance *self) {
     FmuStatus status = check_relations(self);
     if (status == FMU_OK) status = refresh_outputs(self);
     if (status == FMU_OK && M->is_continuous) status = refresh_derivatives(self);
+    if (status == FMU_OK) status = check_solver_step(self);
     self->state->mode = status != FMU_OK ? MODE_ERROR : self->is_co_simulation ? MODE_STEP : MODE_EVENT;
     if (status == FMU_OK) (void)fmu_fail(self, FMU_OK, "%s initialized at %.9g s", M->name, self->state->time);
     return status;
@@ -475,6 +562,10 @@ FmuStatus fmu_set_as(FmuInstance *self, const char *function, FmuType type, cons
         }
     }
     if (k != count) return fmu_fail(self, FMU_ERROR, "%s: nValues is %zu, the variables have %zu", function, count, k);
+    const int running = self->state->mode == MODE_STEP && M->is_continuous; /* what was set before is checked at the start */
+    const size_t n_parameters = (size_t)M->n_parameters * sizeof(double);
+    const size_t n_kept = n_parameters + (size_t)M->n_inputs * sizeof(double);
+    if (running) memcpy(self->before, self->p, n_kept);
     for (size_t i = 0, n = 0; i < n_refs; i++) {
         const FmuVariable *v = &M->variables[refs[i]];
         double *to = storage(self, v);
@@ -482,6 +573,10 @@ FmuStatus fmu_set_as(FmuInstance *self, const char *function, FmuType type, cons
             to[j] = read(values, n++);
             if (is_signal(v)) warn_of_input(self, function, v, to[j]);
         }
+    }
+    if (running && memcmp(self->before, self->p, n_parameters) != 0 && check_solver_step(self) != FMU_OK) {
+        memcpy(self->p, self->before, n_kept);
+        return FMU_ERROR;
     }
     if (n_refs) touch(self);
     return FMU_OK;
@@ -588,10 +683,12 @@ static FmuStatus advance_continuous(FmuInstance *self, const char *function, dou
                             function, M->name, ti, M->state_names[found], dt);
         }
         for (int j = 0; j < M->n_states; j++)
-            if (!(fabs(self->x[j]) <= EXPLODED * M->nominals[j])) {
+            if (!(fabs(self->x[j]) <= M->bounds[j])) {
                 self->state->time = ti + dt;
-                return fmu_fail(self, FMU_ERROR, "%s: state %s left all bounds (%g) at time %.9g s", function,
-                                M->state_names[j], self->x[j], ti + dt);
+                return fmu_fail(self, FMU_ERROR,
+                                "%s: state %s left all bounds at time %.9g s: it is %g, beyond %g; look at inputs and "
+                                "parameters, and try a shorter solver.step",
+                                function, M->state_names[j], ti + dt, self->x[j], M->bounds[j]);
             }
     }
     return FMU_OK;

@@ -33,6 +33,18 @@ typedef struct {
 
 extern const FmuQpFunctions fmu_qp_functions;
 
+/* A point at which the build has found the solver stable: start values but for some inputs and states. */
+typedef struct {
+    int slot;     /* of the input, or n_inputs + slot of the state */
+    double value;
+} FmuSetting;
+
+typedef struct {
+    const char *name;
+    const FmuSetting *settings;
+    int n_settings;
+} FmuPoint;
+
 typedef struct {
     const char *name;
     const char *token;
@@ -51,7 +63,7 @@ typedef struct {
     FmuFunction next_fn;                   /* continuous: (t, x, u, p) -> dx; discrete: (t, x, u, p) -> x_next, y */
     FmuFunction fwd_fn;                    /* (t, x, u, p, dx, du, dp) -> d(dx/dt), dy; NULL for discrete */
     FmuFunction fwd_start_fn;              /* (x, u, p, dx, du, dp) -> dx0; NULL for discrete */
-    FmuFunction jac_fn;                    /* (t, x, u, p) -> d(dx/dt)/dx dense column-major, d(dx/dt)/dt; ros2 only, else NULL */
+    FmuFunction jac_fn;                    /* (t, x, u, p) -> d(dx/dt)/dx dense column-major, d(dx/dt)/dt; may be NULL but for ros2 */
     const FmuQpFunctions *qp;              /* NULL without quadratic programs */
     FmuFunction qp_fn;                     /* (t, x, u, p) -> their data; out_fn and next_fn then take their solutions as s too:
                                             * (t, x, u, p, s) */
@@ -61,6 +73,9 @@ typedef struct {
     FmuFunction check_fn;                  /* (t, x, u, p) -> values that must be > 0 after initialization; NULL without checks */
     int n_checks;
     const char *const *check_messages;
+    const double *bounds;                  /* of the states: beyond them they have blown up */
+    const FmuPoint *points;                /* continuous components */
+    int n_points;
 } FmuModel;
 
 extern const FmuModel fmu_model;

@@ -115,7 +115,7 @@ def test_no_static_data_and_no_heap_in_the_model(make, tmp_path: Path) -> None: 
 
 def relocated(symbol: str) -> bool:
     """Constant tables of pointers, which position-independent code keeps in the section .data.rel.ro."""
-    tables = ("variables", "fmu_model", "state_names", "check_messages", "categories", "M")
+    tables = ("variables", "fmu_model", "state_names", "check_messages", "categories", "points", "M")
     return symbol in tables or symbol.startswith("categories.")
 
 
