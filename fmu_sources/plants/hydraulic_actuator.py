@@ -138,6 +138,9 @@ _NOTES = (
     "pressure above the supply pressure drives fluid back into the supply: flow and power are negative then.",
     "Fluid: the paper computes with a density of 3500 kg/m3. HydraulicActuatorPhysical has 850, and twice the flow for the "
     "same voltage.",
+    "Model Exchange: all forces and flows are continuous, with kinks where the spool crosses its centre and where command and "
+    "pump saturate; CVode needs no events there. It does need the inputs read wherever derivatives are evaluated, or held with "
+    "an event at each change: in a tool that does neither the force is off by some percent of its range at any tolerance.",
     "Left out: cavitation, end stops, friction of the piston, dynamics of pump and lines, output redefinition (cited, not "
     "specified, by the paper).",
 )
