@@ -3,8 +3,9 @@
 #include "stability.h"
 
 #include <float.h>
-#include <math.h>
 #include <string.h>
+
+#include "fmu_math.h"
 
 #define SLACK 1e-6     /* by which a factor may exceed what it must not */
 #define SHORTER 1.25   /* ratio of the steps that are tried */
@@ -277,7 +278,11 @@ static Complex root_of(Complex a) {
 
 /* Largest modulus of the amplification factors of one step for z = step x eigenvalue; see stability.py for what they are. */
 static double amplification(FmuSolver method, Complex z) {
-    if (method == FMU_RK4) return size_of(plus(1.0, 1.0, times(z, plus(1.0, 0.5, times(z, plus(1.0, 1.0 / 3.0, times(z, plus(1.0, 0.25, z))))))));
+    if (method == FMU_RK4) {
+        Complex sum = plus(1.0, 0.25, z); /* 1 + z (1 + z/2 (1 + z/3 (1 + z/4))) */
+        for (int k = 3; k > 0; k--) sum = plus(1.0, 1.0 / k, times(z, sum));
+        return size_of(sum);
+    }
     if (method == FMU_ROS2) {
         const double gamma = 0.29289321881345254;
         const double pole = size_of(plus(1.0, -gamma, z));
@@ -290,7 +295,7 @@ static double amplification(FmuSolver method, Complex z) {
     return fmax(size_of(first), fmax(one, other));
 }
 
-/* One step of semi_implicit, drift (I + h/2 Q)... as a matrix: drift, midpoint kick of the velocities, drift. */
+/* One step of semi_implicit as a matrix: drift, kick of the velocities by the midpoint rule, drift. */
 static void fill_step_matrix(const Stability *self, double h) {
     const int n = self->n, *v = self->velocity_of;
     const double *a = self->matrix;

@@ -13,9 +13,9 @@ import pytest
 from fmpy.fmi1 import FMICallException
 from solver_runs import in_c, run_fmu
 
-from build_fmus.compile import find_toolchain, host
+from build_fmus.compile import ObjectCache, find_toolchain, host
 from build_fmus.component import Component
-from build_fmus.generate import RUNTIME_DIR
+from build_fmus.generate import RUNTIME_DIR, RUNTIME_HEADERS, with_mathematics
 from build_fmus.stability import check_solver
 
 _EXPORT = """
@@ -33,11 +33,12 @@ int eigenvalues(double *a, int n, double *real, double *imag) { return stability
 def eigenvalues(tmp_path_factory: pytest.TempPathFactory) -> Callable[[np.ndarray], np.ndarray | None]:
     """The runtime's eigenvalues of a matrix, None when it says that there are none."""
     folder, tools = tmp_path_factory.mktemp("stability"), find_toolchain(host())
-    (folder / "export.c").write_text(_EXPORT)
-    for source in (folder / "export.c", RUNTIME_DIR / "stability.c"):
-        tools.compile(source, folder / f"{source.stem}.o", [RUNTIME_DIR])
-    library = folder / f"stability{tools.platform.suffix}"
-    tools.link([folder / "export.o", folder / "stability.o"], library)
+    headers = {n: (RUNTIME_DIR / n).read_bytes() for n in RUNTIME_HEADERS}
+    sources = {"export.c": _EXPORT.encode(), "stability.c": (RUNTIME_DIR / "stability.c").read_bytes()}
+    for name, data in (with_mathematics(sources) | headers).items():
+        (folder / name).parent.mkdir(exist_ok=True)
+        (folder / name).write_bytes(data)
+    library = ObjectCache(folder / "cache").library(tools, sorted(folder.rglob("*.c")), [folder], "stability")
     function = ctypes.CDLL(str(library)).eigenvalues
 
     def call(matrix: np.ndarray) -> np.ndarray | None:
