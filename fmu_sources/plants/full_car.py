@@ -346,4 +346,6 @@ _NOTES = (
     "maximum of target.speed; the car does not reverse. Torque is eased off at slipping wheels.",
     "Wiring: connect a road's outputs road.* to the inputs of the same name, and this car's x and speed to that "
     "road; a controller drives force.*. Exchange at 1 ms.",
+    "The solver starts anew with every doStep: the same second cut into other steps than 1 ms (0.5 to 10 ms) differs by up to "
+    "2.1e-4 of the range of motions and forces, and 5.2e-4 of that of any output.",
 )
