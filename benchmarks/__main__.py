@@ -12,7 +12,16 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from benchmarks import exchange_lag, hmmwv_real_time, mpc_at_limit, mpc_solvers, mpc_worst, qp_time, trench_plant
+from benchmarks import (
+    exchange_lag,
+    hmmwv_real_time,
+    mpc_at_limit,
+    mpc_solvers,
+    mpc_worst,
+    qp_time,
+    solver_check,
+    trench_plant,
+)
 from benchmarks.master_cost import measure
 from build_fmus import safe_files
 from cosim import System
@@ -49,6 +58,7 @@ def main() -> None:
         "master, preview system (4 FMUs)": measure("preview"),
         "hydraulic HMMWV, simulated time / processor time of one core": hmmwv_real_time.measure(),
         "contact plant of paper 003, trench of 1.5 m at 3 km/h": trench_plant.measure(),
+        "solver step checked at initialization": solver_check.measure(),
         "cosim study gpc": study(),
         exchange_lag.TITLE: exchange_lag.measure(),
         **qp_time.table(),

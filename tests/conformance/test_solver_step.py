@@ -131,3 +131,14 @@ def test_a_tunable_parameter_is_refused_when_it_is_set(load) -> None:  # type: i
         with fmu.instance("me") as a:
             a.initialize()
             assert a.try_set({"damping": 1e5}) == OK
+
+
+def test_no_option_is_refused(fmu: Library) -> None:
+    """Every Boolean and Integer parameter, each of its values: what experiments switch on and off is no false alarm."""
+    if not fmu.is_continuous:
+        return
+    for name in [*fmu.names("parameter", "boolean"), *fmu.names("parameter", "integer")]:
+        v = fmu.variables[name]
+        values = (0, 1) if v.kind == "boolean" else range(int(v.min or 0), int(v.max or 0) + 1)
+        for value in values:
+            assert verdict(fmu, {name: value}) is None, (name, value)
