@@ -56,9 +56,9 @@ def random_parameters(component: Component, rng: np.random.Generator) -> dict[st
     """A few parameters, far from their start values but within their limits; half of the time another solver step."""
     reals = [e for e in component.elements("parameter") if e.variable.type == "Float64" and e.name != "solver.step"]
     values = {}
-    for i in rng.choice(len(reals), size=min(len(reals), rng.integers(1, 4)), replace=False):
+    for i in rng.choice(len(reals), size=min(len(reals), rng.integers(1, 7)), replace=False):
         e = reals[i]
-        value = (e.start or 1.0) * 10.0 ** rng.uniform(-3, 3)
+        value = (e.start or 1.0) * 10.0 ** rng.uniform(-4, 4)
         low, high = (-np.inf if e.variable.min is None else e.variable.min), (
             np.inf if e.variable.max is None else e.variable.max)  # fmt: skip
         values[e.name] = float(np.clip(value, low, high))
