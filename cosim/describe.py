@@ -14,7 +14,7 @@ from rich.console import Group
 from rich.table import Table
 from rich.text import Text
 
-from cosim.description import RECORDABLE, Variable, split_index
+from cosim.description import RECORDABLE, Description, Variable, split_index
 from cosim.fmu import Fmu
 
 
@@ -45,7 +45,7 @@ def describe(fmu: str | os.PathLike[str] | Fmu) -> Group:
     parts = [facts]
     for title, variables in (("inputs", about.inputs), ("outputs", about.outputs), ("parameters", about.parameters)):
         if variables:
-            parts.append(_variables(title, list(variables.values())))
+            parts.append(_variables(title, list(variables.values()), about))
     return Group(*parts)
 
 
@@ -85,7 +85,7 @@ def _abilities(fmu: Fmu) -> list[str]:
     return [text for text, there in offered.items() if there]
 
 
-def _variables(title: str, variables: Sequence[Variable]) -> Table:
+def _variables(title: str, variables: Sequence[Variable], about: Description) -> Table:
     table = Table(title=f"{title} ({len(variables)})", title_justify="left", title_style="bold", box=None)
     for column in ("name", "unit", "start", "range", "type", "description"):
         table.add_column(column, overflow="fold", justify="right" if column == "start" else "left")
@@ -104,7 +104,9 @@ def _variables(title: str, variables: Sequence[Variable]) -> Table:
         )
         if first.must_equal is not None:
             limits = f"{first.must_equal:g} or 0"
-        table.add_row(*map(Text, (name, first.unit_name, start, limits, first.fmi_type, first.description)))
+        further = [a for a, declared in about.aliases.items() if declared == first.declared]
+        text = "; ".join(x for x in (first.description, f"also {', '.join(further)}" if further else "") if x)
+        table.add_row(*map(Text, (name, first.unit_name, start, limits, first.fmi_type, text)))
     return table
 
 

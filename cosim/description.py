@@ -80,7 +80,8 @@ class Variable:
 @dataclass
 class Description:
     """A component's variables and capabilities. `dependencies` maps an output to the names of the variables
-    it depends on directly; an output that is missing there depends on all inputs."""
+    it depends on directly; an output that is missing there depends on all inputs. `aliases` maps further names of
+    variables and arrays (FMI 3.0) to their names; they are accepted wherever names are."""
 
     name: str
     variables: dict[str, Variable]
@@ -104,6 +105,7 @@ class Description:
     log_categories: list[str] = field(default_factory=list)
     model_exchange: bool = False
     needs_tool: bool = False  # the FMU is a door to a tool that must be installed
+    aliases: dict[str, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         self.inputs = {v.name: v for v in self.variables.values() if v.causality == "input"}
@@ -116,14 +118,41 @@ class Description:
             base, index = split_index(name)
             if index:
                 self.arrays.setdefault(base, []).append(name)
+        self._alias_arrays()
+        self._aliases: dict[str, list[str]] = {}
+        for alias, name in self.aliases.items():
+            self._aliases.setdefault(name, []).append(alias)
+
+    def _alias_arrays(self) -> None:
+        """Arrays that are declared element by element have another name if all elements have it."""
+        bases: dict[tuple[str, str], int] = {}
+        for alias, name in self.aliases.items():
+            (further, index), (base, own) = split_index(alias), split_index(name)
+            if index and index == own:
+                bases[further, base] = bases.get((further, base), 0) + 1
+        whole = {further: base for (further, base), n in bases.items() if n == len(self.arrays[base])}
+        self.aliases = {**whole, **self.aliases}
 
     def find(self, name: str, component: str = "") -> Variable:
-        """The variable of that name; raises WiringError with the nearest match."""
+        """The variable of that name or alias; raises WiringError with the nearest match."""
         try:
-            return self.variables[name]
+            return self.variables[self.canonical(name)]
         except KeyError:
             owner = f"component '{component}' ({self.name})" if component else f"'{self.name}'"
-            raise WiringError(f"{owner} has no variable '{name}'{did_you_mean(name, self.variables)}") from None
+            near = did_you_mean(name, [*self.variables, *self.aliases])
+            raise WiringError(f"{owner} has no variable '{name}'{near}") from None
+
+    def canonical(self, name: str) -> str:
+        """The variable's own name where `name` is an alias, of it or of the array that it is an element of."""
+        base = split_index(name)[0]
+        if name in self.variables or base not in self.aliases:
+            return name if name in self.variables else self.aliases.get(name, name)
+        return self.aliases[base] + name[len(base) :]
+
+    def names(self, variable: Variable) -> list[str]:
+        """The variable's name and its aliases."""
+        index = variable.name[len(variable.declared) :]
+        return [variable.name, *(alias + index for alias in self._aliases.get(variable.declared, ()))]
 
     def depends(self, output: str) -> frozenset[str]:
         """Names of the inputs an output depends on directly."""
@@ -213,6 +242,7 @@ class _Reader:
         self.units = {u.get("name"): _unit(u) for u in root.iterfind("UnitDefinitions/Unit")}
         self.variables: dict[str, Variable] = {}
         self.by_key: dict[int, list[Variable]] = {}  # FMI 2: 1-based position; FMI 3: value reference
+        self.aliases: dict[str, str] = {}
 
     def description(self, simulation: Any) -> Description:
         root = self.root
@@ -239,6 +269,7 @@ class _Reader:
             log_categories=[c.get("name") for c in root.iterfind("LogCategories/Category")],
             model_exchange=root.find("ModelExchange") is not None,
             needs_tool=_flag(simulation, "needsExecutionTool"),
+            aliases=self.aliases,
         )
         experiment = root.find("DefaultExperiment")
         if experiment is not None:
@@ -386,6 +417,7 @@ class _Fmi3(_Reader):
             self.variables.update((v.name, v) for v in expanded)
             if element.get("derivative"):
                 self.derivative_of[reference] = _integer(element, "derivative", f"variable '{name}'")
+            self.aliases.update((_name(a, f"an Alias of '{name}'"), name) for a in element.iterfind("Alias"))
 
     def dimension(self, element: Any, name: str, sizes: dict[str, str]) -> int:
         text = element.get("start")

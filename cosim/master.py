@@ -191,7 +191,7 @@ class Simulation:
     def __getitem__(self, name: str) -> float:
         """Present value of a recorded or watched variable."""
         try:
-            slot, scale, offset = self._layout.readable[name]
+            slot, scale, offset = self._layout.readable[self.system.canonical(name)]
         except KeyError:
             hint = did_you_mean(name, self._layout.readable) or "; name it in record=[...] or watch=[...]"
             raise KeyError(f"'{name}' is not read by this simulation{hint}") from None
@@ -200,8 +200,8 @@ class Simulation:
     def set(self, name: str, value: Any) -> None:
         """Change a tunable parameter or an unconnected input, effective from the next step on."""
         member, variable = self.system._split(name)
-        if name in self.system.connections:
-            raise WiringError(f"{name} is driven by {self.system.connections[name].source_name}")
+        if driven := self.system.connections.get(self.system.canonical(name)):
+            raise WiringError(f"{name} is driven by {driven.source_name}")
         values = {member.description.find(n, member.name): v for n, v in member._expand(variable, value).items()}
         if any(v.causality != "input" and v.variability != "tunable" for v in values):
             raise WiringError(
@@ -219,6 +219,7 @@ class Simulation:
         names, units = self._layout.record_names, self._layout.record_units
         result = self._recorder.recording(names, units)
         result.stopped_by, result.wall_time = self._stopped_by, self._wall_time
+        result.aliases = self._layout.aliases
         return result
 
     # Initialization.

@@ -43,6 +43,7 @@ class Member:
             self.values.update(self._expand(name, value))
 
     def _expand(self, name: str, value: Any) -> dict[str, Any]:
+        name = self.description.canonical(name)
         names = self.description.arrays.get(name)
         if names is None or name in self.description.variables:
             variable = self.description.find(name, self.name)

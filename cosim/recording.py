@@ -24,7 +24,7 @@ _HEADER = re.compile(r"(.*?)(?: \[(.*)\])?")
 class Recording:
     """What was recorded: `time` [s] of shape (samples,), `data` of shape (samples, variables).
 
-    `recording["car.body.az"]` is one column. `stopped_by` says which stop condition, or which component that asked for
+    `recording["car.body.az"]` is one column; an FMU's aliases of a name give the same column. `stopped_by` says which stop condition, or which component that asked for
     it, ended the run (None: it reached its stop time); `wall_time` [s] is what the stepping took.
     """
 
@@ -34,6 +34,7 @@ class Recording:
     units: dict[str, str] = field(default_factory=dict)
     stopped_by: str | None = None
     wall_time: float = 0.0
+    aliases: dict[str, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         self._column = {name: i for i, name in enumerate(self.names)}
@@ -42,14 +43,14 @@ class Recording:
         if name == "time":
             return self.time
         try:
-            return self.data[:, self._column[name]]
+            return self.data[:, self._column[self.aliases.get(name, name)]]
         except KeyError:
             near = difflib.get_close_matches(name, self.names, n=3, cutoff=0.5)
             hint = f"; did you mean {' or '.join(repr(n) for n in near)}?" if near else ""
             raise KeyError(f"'{name}' was not recorded{hint}") from None
 
     def __contains__(self, name: str) -> bool:
-        return name in self._column
+        return self.aliases.get(name, name) in self._column
 
     def __iter__(self) -> Iterator[str]:
         return iter(self.names)

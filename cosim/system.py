@@ -13,7 +13,7 @@ A name is `component.variable`; the component's name ends at the first dot.
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from fractions import Fraction
 from pathlib import Path
@@ -148,11 +148,15 @@ class System:
         """Connect every output of `source` whose name fits `pattern` (wildcards * and ?) to the input of the same name
         of `target`, unless that input is connected already. Returns the connections; raises if there is none."""
         from_member, to_member, fits = self[source], self[target], glob(pattern)
-        pairs = [
-            name
-            for name in from_member.description.outputs
-            if fits(name) and name in to_member.description.inputs and f"{target}.{name}" not in self.connections
-        ]
+        about, wanted = from_member.description, to_member.description
+        named = [(o.name, n) for o in about.outputs.values() for n in about.names(o) if fits(n)]
+        pairs: dict[str, str] = {}  # output by input
+        for output, name in sorted(
+            named, key=lambda pair: pair[0] != pair[1]
+        ):  # aliases after the variables' own names
+            input_ = wanted.canonical(name)
+            if input_ in wanted.inputs and f"{target}.{input_}" not in self.connections:
+                pairs.setdefault(input_, output)
         if not pairs:
             raise WiringError(
                 f"no output of '{source}' that fits '{pattern}' has a free input of the same name in '{target}'; "
@@ -160,15 +164,15 @@ class System:
             )
         return [
             c
-            for name in pairs
-            for c in self.connect(f"{source}.{name}", f"{target}.{name}", delay=delay, extrapolate=extrapolate)
+            for i, o in pairs.items()
+            for c in self.connect(f"{source}.{o}", f"{target}.{i}", delay=delay, extrapolate=extrapolate)
         ]
 
     def disconnect(self, pattern: str) -> list[str]:
         """Remove the connections into the inputs whose full names fit `pattern` (`car.force.*`); returns the names.
         Raises WiringError when there is none."""
         fits = glob(pattern)
-        removed = [name for name in self.connections if fits(name)]
+        removed = [name for name, c in self.connections.items() if _fits_any(fits, c.target, c.input)]
         if not removed:
             raise WiringError(f"'{pattern}' fits no connected input{did_you_mean(pattern, self.connections)}")
         for name in removed:
@@ -208,7 +212,13 @@ class System:
         component, dot, variable = full.partition(".")
         if not dot:
             raise WiringError(f"'{full}': write component.variable")
-        return self[component], variable
+        return self[component], self[component].description.canonical(variable)
+
+    def canonical(self, full: str) -> str:
+        """`component.variable` with the variable's own name where that is an alias; other texts as they are."""
+        component, _, variable = full.partition(".")
+        member = self.members.get(component)
+        return full if member is None else f"{component}.{member.description.canonical(variable)}"
 
     def _elements(self, member: Member, name: str) -> list[Variable]:
         about = member.description
@@ -298,7 +308,7 @@ class System:
                 (m, v)
                 for m in self.members.values()
                 for v in m.description.variables.values()
-                if v.causality == causality and v.type in RECORDABLE and fits(f"{m.name}.{v.name}")
+                if v.causality == causality and v.type in RECORDABLE and _fits_any(fits, m, v)
             ]
             if matching:
                 return matching
@@ -417,6 +427,11 @@ def _check_writable(path: Path) -> None:
         path.open("a").close()
     except OSError as error:
         raise CosimError(f"cannot write the recording to {path}: {error.strerror or error}") from None
+
+
+def _fits_any(fits: Callable[[str], Any], member: Member, variable: Variable) -> bool:
+    """Whether the full name, or one with an alias, fits."""
+    return any(fits(f"{member.name}.{n}") for n in member.description.names(variable))
 
 
 def _some(names: Iterable[str], count: int = 8) -> str:

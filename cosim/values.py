@@ -65,6 +65,7 @@ class Layout:
         self.constants: dict[tuple[str, str], int] = {}  # unconnected inputs that are recorded or watched
         self.readable: dict[str, tuple[int, float, float]] = {}  # full name -> slot, scale, offset
         self.record_names: list[str] = []
+        self.aliases: dict[str, str] = {}  # further names of what is recorded
         self.record_units: dict[str, str] = {}
         self.record_index: list[int] = []
         self.record_conversion: tuple[Array, Array] = (np.empty(0), np.empty(0))
@@ -323,6 +324,7 @@ def _recorded(
         else:
             layout.readable[name] = (layout.visible[member, variable], 1.0, 0.0)
     layout.record_names = [f"{m.name}.{v.name}" for m, v in record]
+    layout.aliases = {f"{m.name}.{a}": f"{m.name}.{v.name}" for m, v in record for a in m.description.names(v)[1:]}
     layout.record_units = {f"{m.name}.{v.name}": v.unit_name for m, v in record}
     chosen = [layout.readable[name] for name in layout.record_names]
     layout.record_index = [slot for slot, _, _ in chosen]
