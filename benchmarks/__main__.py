@@ -15,6 +15,7 @@ from rich.table import Table
 from benchmarks import (
     exchange_lag,
     hmmwv_real_time,
+    mathematics,
     mpc_at_limit,
     mpc_solvers,
     mpc_worst,
@@ -59,6 +60,7 @@ def main() -> None:
         "hydraulic HMMWV, simulated time / processor time of one core": hmmwv_real_time.measure(),
         "contact plant of paper 003, trench of 1.5 m at 3 km/h": trench_plant.measure(),
         "solver step checked at initialization": solver_check.measure(),
+        "mathematical library inside the FMUs": mathematics.measure(),
         "cosim study gpc": study(),
         exchange_lag.TITLE: exchange_lag.measure(),
         **qp_time.table(),

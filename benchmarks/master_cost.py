@@ -95,33 +95,34 @@ def time_fmpy(components: list[Wired], steps: int) -> float:
     return seconds
 
 
-def time_bare(components: list[Wired], steps: int) -> float:
-    """Seconds for the same loop in C, compiled with the host toolchain."""
+def bare_program(components: list[Wired], steps: int, folder: Path) -> Path:
+    """A program in ``folder`` that runs the same loop in C and prints the seconds it took, compiled with the host toolchain."""
     template = jinja2.Template((Path(__file__).parent / "bare_loop.c.j2").read_text())
+    items: list[dict[str, Any]] = []
+    for i, w in enumerate(components):
+        description = read_model_description(w.fmu)
+        unpacked = folder / str(i)
+        fmpy.extract(w.fmu, unpacked)
+        library = next((unpacked / "binaries" / host()).iterdir())
+        items.append({**vars(w), "library": library, "token": description.guid})
+    size = max(w.first + len(w.outputs) + len(w.inputs) for w in components) + 1
+    source, program = folder / "loop.c", folder / "loop"
+    source.write_text(template.render(components=items, steps=steps, size=size))
+    headers = Path(fmpy.__file__).parent / "c-code"
+    command = [*find_toolchain(host()).command, "-O2", "-std=gnu99", f"-I{headers}", source, "-o", program, "-ldl"]
+    subprocess.run(list(map(str, command)), check=True)
+    return program
+
+
+def seconds(program: Path) -> float:
+    """What the program of :func:`bare_program` prints."""
+    return float(subprocess.run([program], check=True, capture_output=True, text=True).stdout)
+
+
+def time_bare(components: list[Wired], steps: int) -> float:
+    """Seconds for the same loop in C."""
     with tempfile.TemporaryDirectory() as tmp:
-        items: list[dict[str, Any]] = []
-        for i, w in enumerate(components):
-            description = read_model_description(w.fmu)
-            folder = Path(tmp) / str(i)
-            fmpy.extract(w.fmu, folder)
-            library = next((folder / "binaries" / host()).iterdir())
-            items.append({**vars(w), "library": library, "token": description.guid})
-        size = max(w.first + len(w.outputs) + len(w.inputs) for w in components) + 1
-        source = Path(tmp) / "loop.c"
-        source.write_text(template.render(components=items, steps=steps, size=size))
-        headers = Path(fmpy.__file__).parent / "c-code"
-        command = [
-            *find_toolchain(host()).command,
-            "-O2",
-            "-std=gnu99",
-            f"-I{headers}",
-            source,
-            "-o",
-            f"{tmp}/loop",
-            "-ldl",
-        ]
-        subprocess.run(list(map(str, command)), check=True)
-        return float(subprocess.run([f"{tmp}/loop"], check=True, capture_output=True, text=True).stdout)
+        return seconds(bare_program(components, steps, Path(tmp)))
 
 
 def measure(controller: str = "preview", steps: int = STEPS, repeats: int = 3) -> dict[str, float]:

@@ -14,17 +14,16 @@ from pathlib import Path
 import fmpy
 import jinja2
 
-from build_fmus import description, generate, reference, safe_files
+from build_fmus import description, generate, licences, reference, safe_files
 from build_fmus.compile import ObjectCache, Platform, find_toolchain
 from build_fmus.component import Component, DeclarationError
 from build_fmus.icon import icon_png
 from build_fmus.stability import check_solver
 
-FMI_HEADERS = {  # from the fmpy wheel; BSD-2-Clause, Modelica Association
+FMI_HEADERS = {  # from the fmpy wheel
     2: ("fmi2Functions.h", "fmi2FunctionTypes.h", "fmi2TypesPlatform.h"),
     3: ("fmi3Functions.h", "fmi3FunctionTypes.h", "fmi3PlatformTypes.h"),
 }
-_LICENSE = b"BSD-3-Clause; FMI headers in sources/: BSD-2-Clause, Modelica Association\n"
 _EPOCH = (1980, 1, 1, 0, 0, 0)
 
 
@@ -69,6 +68,9 @@ def build_fmu(
         content["terminalsAndIcons/terminalsAndIcons.xml"] = description.terminals_and_icons(component, arrays=arrays)
         content["terminalsAndIcons/icon.png"] = icon
     content |= _documentation(component, fmi)
+    parts = licences.of_sources(files, generate.third_party(component))
+    parts += licences.of_windows(n for n in content if n.endswith(".dll"))
+    content |= licences.texts(component.name, parts)
     if component.provenance:
         provenance = json.dumps(component.provenance, indent=1, sort_keys=True)
         content["resources/provenance.json"] = f"{provenance}\n".encode()
@@ -101,14 +103,10 @@ def _documentation(component: Component, fmi: int) -> dict[str, bytes]:
         version=metadata.version("suspension-fmus"),
         dependencies={e.name: component.dependencies[e.name] for e in component.output_elements()},
     )
-    others = generate.third_party(component)
-    licence = _LICENSE + b"".join(f"{o.name} in sources/{o.name.lower()}/: see {o.name}.txt\n".encode() for o in others)
     return {
         "documentation/index.html": page.encode(),
         f"documentation/{component.name}_in.csv": result.input_csv().encode(),
         f"documentation/{component.name}_ref.csv": result.output_csv().encode(),
-        "documentation/licenses/license.txt": licence,
-        **{f"documentation/licenses/{o.name}.txt": o.licence for o in others},
     }
 
 

@@ -33,11 +33,31 @@ class SourceError(RuntimeError):
 
 @dataclass(frozen=True)
 class ThirdParty:
-    """Sources of one solver: C files and headers by their path in the FMU's ``sources/``, and its licence."""
+    """Sources of one solver: C files and headers by their path in the FMU's ``sources/``, and its licence.
+
+    Attributes:
+        spdx, licence: the licence's SPDX identifier and its text.
+        note: what it is and what was changed.
+    """
 
     name: str
+    version: str
     files: dict[str, bytes]
+    spdx: str
     licence: bytes
+    note: str
+
+
+def licence_file(distribution: str) -> bytes:
+    """The licence that an installed package carries.
+
+    Raises:
+        SourceError: a package without one.
+    """
+    found = next((f for f in metadata.files(distribution) or () if f.name.startswith("LICENSE")), None)
+    if found is None or not (path := Path(str(found.locate()))).is_file():
+        raise SourceError(f"the installed package {distribution} has no licence file; install it from PyPI")
+    return path.read_bytes()
 
 
 def cache_directory() -> Path:
@@ -80,7 +100,7 @@ def _from_folder(folder: Path) -> ThirdParty:
         raise SourceError(f"{DAQP_VARIABLE}={folder} has no {name}; unpack the sdist daqp=={DAQP_VERSION} there")
 
     files = {f"daqp/{n}": find(n) for n in (*_DAQP_FILES, *_DAQP_HEADERS)}
-    return ThirdParty("DAQP", files, find("LICENSE"))
+    return _daqp_of(files, find("LICENSE"))
 
 
 def _from_sdist(data: bytes) -> ThirdParty:
@@ -94,7 +114,11 @@ def _from_sdist(data: bytes) -> ThirdParty:
 
         files = {f"daqp/{n}": find(f"csrc/src/{n}") for n in _DAQP_FILES}
         files |= {f"daqp/{n}": find(f"csrc/include/{n}") for n in _DAQP_HEADERS}
-        return ThirdParty("DAQP", files, find("LICENSE"))
+        return _daqp_of(files, find("LICENSE"))
+
+
+def _daqp_of(files: dict[str, bytes], licence: bytes) -> ThirdParty:
+    return ThirdParty("DAQP", DAQP_VERSION, files, "MIT", licence, "Solver of quadratic programs, a part of it.")
 
 
 def _daqp_sdist(chosen: Path | None) -> bytes:
@@ -150,7 +174,10 @@ _OSQP_FILES = (
     "algebra_libs.c",
     "scaling.c",
 )
-_OSQP_CONFIGURATION = b"""/* Embedded: no heap, no printing, no clock, constant matrices. */
+_OSQP_CONFIGURATION = b"""/* Configuration of OSQP (https://osqp.org, Apache License 2.0), of which this file is a part.
+ *
+ * CHANGED by suspension-fmus: OSQP's build generates it from osqp_configure.h.in; this one is written by hand with the few
+ * definitions of its embedded code. No heap, no printing, no clock, constant matrices. */
 #ifndef OSQP_CONFIGURE_H
 #define OSQP_CONFIGURE_H
 
@@ -174,10 +201,11 @@ def osqp() -> ThirdParty:
     if not headers or not all(p.is_file() for p in paths):
         raise SourceError(f"the installed package osqp has no C sources in {folder}; install osqp from PyPI (1.1)")
     files = {f"osqp/{p.name}": p.read_bytes() for p in paths} | {"osqp/osqp_configure.h": _OSQP_CONFIGURATION}
-    licence = next((f for f in metadata.files("osqp") or () if f.name.startswith("LICENSE")), None)
-    if licence is None:
-        raise SourceError("the installed package osqp has no licence file; install osqp from PyPI (1.1)")
-    return ThirdParty("OSQP", files, Path(str(licence.locate())).read_bytes())
+    note = (
+        "Solver of quadratic programs, a part of its embedded code. Changed by suspension-fmus: osqp_configure.h, which "
+        "OSQP's build generates, is written by hand; the other files are unchanged."
+    )
+    return ThirdParty("OSQP", metadata.version("osqp"), files, "Apache-2.0", licence_file("osqp"), note)
 
 
 def identity() -> str:

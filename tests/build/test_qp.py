@@ -185,6 +185,7 @@ def test_sources_and_licences_go_into_the_fmu() -> None:
     declare(c, backend=Osqp())
     files = package.source_files(c, 3)
     assert b"Apache License" in generate.third_party(c)[0].licence
+    assert b"CHANGED by suspension-fmus" in files["osqp/osqp_configure.h"]  # section 4b of that licence
     assert {"qp.c", "qp_osqp.c", "qp_data.c", "osqp/osqp_api.c", "osqp/osqp_configure.h"} <= files.keys()
     assert not any(n.startswith(("daqp/", "qp_daqp")) for n in files)
 

@@ -84,9 +84,46 @@ def test_documentation_and_icon(fmu: Library) -> None:
     text = "".join(tree.itertext())
     for name in fmu.inputs + fmu.outputs + fmu.names("parameter"):
         assert re.sub(r"\[[\d,]+\]$", "", name) in text
-    assert (fmu.folder / "documentation" / "licenses" / "license.txt").is_file()
     icon = "model.png" if fmu.fmi == 2 else "terminalsAndIcons/icon.png"
     assert (fmu.folder / icon).read_bytes().startswith(PNG)
+
+
+# What a text under a licence contains at least, by SPDX identifier
+LICENCES = {
+    "BSD-2-Clause": (
+        "Copyright (C) 2008-2011 MODELISAR",
+        "Redistributions in binary form must reproduce the above copyright",
+    ),
+    "BSD-3-Clause": ("Copyright (c)", "3. Neither the name of the copyright holder"),
+    "MIT-0": ("MIT No Attribution", "Copyright (C) 2010-2023 Joel Andersson", "Permission is hereby granted"),
+    "MIT": ("Copyright", "Permission is hereby granted", 'THE SOFTWARE IS PROVIDED "AS IS"'),
+    "Apache-2.0": ("Apache License", "Version 2.0", "END OF TERMS AND CONDITIONS"),
+    "ZPL-2.1": ("Copyright (c)", "Redistributions in binary form"),
+}
+
+
+def test_every_file_by_others_has_its_licence(fmu: Library) -> None:
+    """Files that are neither of our runtime nor generated are listed with a licence whose text is there, and nothing else is."""
+    folder = fmu.folder / "documentation" / "licenses"
+    entry = (folder / "license.txt").read_text()
+    own, *parts = re.split(r"^(?=\S.*, [\w.-]+: \S+\.txt$)", entry, flags=re.MULTILINE)
+    assert all(x in own for x in LICENCES["BSD-3-Clause"])
+    listed: list[str] = []
+    texts = {"license.txt"}
+    for part in parts:
+        licence, text = re.search(r", ([\w.-]+): (\S+\.txt)$", part, re.MULTILINE).groups()
+        content = (folder / text).read_text()
+        assert all(x in content for x in LICENCES[licence]), f"{text} is not {licence}"
+        texts.add(text)
+        listed += re.findall(r"^    ((?:sources|binaries)/\S+)$", part, re.MULTILINE)
+    assert {p.name for p in folder.iterdir()} == texts
+    assert len(listed) == len(set(listed))
+    files = {p.relative_to(fmu.folder).as_posix(): p for p in (fmu.folder / "sources").rglob("*") if p.is_file()}
+    runtime = {f"sources/{p.name}" for p in RUNTIME_DIR.iterdir() if p.is_file()}
+    generated = {"sources/qp_data.c", "sources/buildDescription.xml"}
+    assert {n for n in files if n not in runtime | generated} == set(listed)
+    for name in files.keys() & runtime:
+        assert files[name].read_bytes() == (RUNTIME_DIR / files[name].name).read_bytes()
 
 
 def test_archive_is_reproducible_by_construction(fmu: Library) -> None:

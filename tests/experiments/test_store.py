@@ -58,7 +58,12 @@ def test_all_packages_are_known() -> None:
 def test_imports_wherever_they_stand(tmp_path: Path) -> None:
     (tmp_path / "study.py").write_text("def late():\n    from cosim import units\nimport build_fmus.qp_sources as q\n")
     names = {str(p.relative_to(ROOT)) for p in sources.imported([tmp_path / "study.py"]) if p.is_relative_to(ROOT)}
-    assert {"cosim/units.py", "cosim/__init__.py", "build_fmus/qp_sources.py", "build_fmus/safe_files/whole.py"} <= names
+    assert {
+        "cosim/units.py",
+        "cosim/__init__.py",
+        "build_fmus/qp_sources.py",
+        "build_fmus/safe_files/whole.py",
+    } <= names
 
 
 def test_a_stored_run_is_made_once(tmp_path: Path) -> None:
