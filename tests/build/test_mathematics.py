@@ -130,6 +130,18 @@ def test_two_compilers_give_the_same_bits(name: str, ours: Evaluate, by_zig: Eva
     assert a[~np.isnan(a)].tobytes() == b[~np.isnan(b)].tobytes()
 
 
+@pytest.mark.parametrize("name", ["floor", "sin", "__rem_pio2"])
+def test_processors_with_half_precision(name: str, tmp_path: Path) -> None:
+    """Compilers for them say FLT_EVAL_METHOD 16 where ISO C is not asked for; their double is a double all the same."""
+    source = tmp_path / "half.c"
+    included = (RUNTIME_DIR / FOLDER / f"{name}.c").as_posix()
+    source.write_text(
+        f'#include <float.h>\n#undef FLT_EVAL_METHOD\n#define FLT_EVAL_METHOD 16\n#include "{included}"\n'
+    )
+    find_toolchain(host()).compile(source, tmp_path / "half.o", [RUNTIME_DIR / FOLDER])
+    assert (tmp_path / "half.o").stat().st_size > 0
+
+
 def test_every_function_that_generated_code_can_call_is_there() -> None:
     """A component that uses all of CasADi's mathematics calls nothing that the header does not rename."""
     c = Component("Everything", kind="discrete", sample_time=0.1, description="all functions", source="none")

@@ -14,6 +14,11 @@
 
 #include "../fmu_math.h"
 
+/* 16: half precision is there too and stays what it is; double is evaluated as double, as with 0. */
+#if FLT_EVAL_METHOD == 16
+#undef FLT_EVAL_METHOD
+#define FLT_EVAL_METHOD 0
+#endif
 #if FLT_EVAL_METHOD != 0
 #error double arithmetic must be that of IEEE 754: compile for a processor with SSE2 (-mfpmath=sse), ARM or WebAssembly
 #endif
