@@ -8,11 +8,12 @@ from __future__ import annotations
 import math
 import shlex
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from dataclasses import asdict, dataclass, replace
+from fractions import Fraction
 from functools import lru_cache
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal, get_args
 
 import numpy as np
 
@@ -34,11 +35,19 @@ SPEED_RANGE_KMH = (2.0, 200.0)
 R_PUBLISHED = 1e-7  # 1/N2
 TRAVEL = 150.0  # m, length of every run
 SAMPLE_RATE = 100.0  # Hz, of all metrics
+EXCHANGE = Fraction(1, 1000)  # s, between car, road and controller
+SOLVER_STEP = "solver.step"  # parameter of the car
+
+
+Refinement = Literal["as run", "solver step halved", "exchange halved", "both halved"]
 
 
 @dataclass(frozen=True)
 class Scenario:
-    """One run. ``road`` may be the path of a road FMU; ``R`` and ``seed`` matter for controlled runs only."""
+    """One run. ``road`` may be the path of a road FMU; ``R`` and ``seed`` matter for controlled runs only.
+
+    ``refinement`` halves the car's solver step, its exchange with the others, or both; the law stays what it is.
+    """
 
     road: str = "sine"
     speed_kmh: float = 50.0
@@ -46,6 +55,7 @@ class Scenario:
     R: float = R_PUBLISHED
     seed: int = 0
     hold: bool = False
+    refinement: Refinement = "as run"
 
     @property
     def label(self) -> str:
@@ -53,10 +63,16 @@ class Scenario:
         parts = [Path(self.road).stem, f"{self.speed_kmh:g}kmh", self.controller]
         if self.controller != "passive":
             parts += [f"R{self.R:g}"] * (self.R != R_PUBLISHED) + [f"seed{self.seed}"] * (self.seed != 0)
-        return "-".join([*parts, *["hold"] * self.hold])
+        parts += ["hold"] * self.hold + [self.refinement.replace(" ", "-")] * (self.refinement != "as run")
+        return "-".join(parts)
 
     def __post_init__(self) -> None:
-        for name, choices in (("road", ROADS), ("controller", CONTROLLERS)):
+        choices_of: dict[str, Collection[str]] = {
+            "road": ROADS,
+            "controller": CONTROLLERS,
+            "refinement": get_args(Refinement),
+        }
+        for name, choices in choices_of.items():
             value = getattr(self, name)
             if not (name == "road" and value.endswith(".fmu")):
                 check_choice(name, value, choices)
@@ -115,18 +131,18 @@ class GpcBench:
     def __init__(self, fmus: GpcFmuSet, store: RunStore | None = None) -> None:
         self.fmus = fmus
         self.store = store
-        self._systems: dict[tuple[str, str], System] = {}
+        self._systems: dict[tuple[str, str, bool], System] = {}
         self.models = lru_cache(maxsize=None)(self._models)
 
     def _models(self, seed: int) -> IdentifiedModels:
         settings = IdentificationSettings(seed=seed)
         return identify(self.fmus.car, self.fmus.road("perryman3"), self.fmus.speed, settings)
 
-    def system(self, road: str, controller: str) -> System:
+    def system(self, road: str, controller: str, *, exchange_halved: bool = False) -> System:
         """Car, road, speed profile and controller, wired as in the paper: car and exchange at 1 kHz, control at 100 Hz."""
-        key = (road, controller)
+        key = (road, controller, exchange_halved)
         if key not in self._systems:
-            self._systems[key] = wire(self.fmus, road, controller)
+            self._systems[key] = wire(self.fmus, road, controller, EXCHANGE / 2 if exchange_halved else EXCHANGE)
         return self._systems[key]
 
     def record(self, scenario: Scenario, *, progress: bool = False, csv: Path | None = None) -> Recording:
@@ -135,7 +151,12 @@ class GpcBench:
         Raises:
             ComponentError: a component failed (a diverging loop, for one); ``error.recording`` holds what was recorded.
         """
-        system = self.system(scenario.road, scenario.controller)
+        halved = scenario.refinement
+        exchange_halved = halved in ("exchange halved", "both halved")
+        system = self.system(scenario.road, scenario.controller, exchange_halved=exchange_halved)
+        declared = float(system["car"].description.variables[SOLVER_STEP].start)
+        solver_halved = halved in ("solver step halved", "both halved")
+        system["car"].set({SOLVER_STEP: declared / 2 if solver_halved else declared})
         speed = scenario.speed_kmh / 3.6
         system["speed"].set({"start.speed": speed})
         if scenario.controller != "passive":
@@ -186,12 +207,12 @@ def _controls(scenario: Scenario) -> list[str]:
     return [] if scenario.controller == "passive" else [f"controller.force.{k}" for k in CORNERS]
 
 
-def wire(fmus: GpcFmuSet, road: str, controller: str) -> System:
-    """One system of the experiment."""
+def wire(fmus: GpcFmuSet, road: str, controller: str, exchange: Fraction = EXCHANGE) -> System:
+    """One system of the experiment; ``exchange`` [s] is the car's step."""
     system = System()
     system.add("speed", fmus.speed)
     system.add("road", fmus.road(road))
-    system.add("car", fmus.car, step="1 ms")
+    system.add("car", fmus.car, step=exchange)
     system.connect("speed.speed", "car.target.speed")
     system.connect("car.x", "road.x")
     system.connect("car.speed", "road.speed")
@@ -224,6 +245,9 @@ def evaluate(recording: Recording) -> dict[str, Any]:
         "force": metrics.actuator_force(u, SAMPLE_RATE),
         "power": metrics.actuator_power(power, SAMPLE_RATE),
         "peak_force": metrics.peak(u),
+        "peak_az": metrics.peak(az),
+        "peak_pitch": metrics.peak(pitch),
+        "peak_roll": metrics.peak(roll),
         "rms_az": float(np.sqrt(np.mean(az**2))),
         "rms_pitch": float(np.sqrt(np.mean(pitch**2))),
         "rms_roll": float(np.sqrt(np.mean(roll**2))),
@@ -253,7 +277,8 @@ def match_weight(measure: Callable[[float], dict[str, Any]], target: float) -> M
     """The control weight at which a law's response objective equals ``target``.
 
     J(R) is not monotone, so a grid of weights is walked outward from the published one until two neighbours bracket
-    the target; the crossing nearest to 1e-7 is then refined by bisection in log R.
+    the target; the crossing nearest to 1e-7 is then refined in log R. Of two at the same distance the one is taken that
+    lies where a J that rises with R has it.
     """
     tried: dict[float, dict[str, Any]] = {}
 
@@ -263,7 +288,7 @@ def match_weight(measure: Callable[[float], dict[str, Any]], target: float) -> M
         m = tried[R]
         return math.inf if m["diverged"] else m["response"] / target - 1.0
 
-    for a, b in _outward():
+    for a, b in _outward(up_first=error(R_PUBLISHED) <= 0 or math.isinf(error(R_PUBLISHED))):
         low, high = R_PUBLISHED * 10 ** (GRID_STEP * a), R_PUBLISHED * 10 ** (GRID_STEP * b)
         e_low, e_high = error(low), error(high)
         for R, e in ((low, e_low), (high, e_high)):
@@ -287,14 +312,13 @@ def match_weight(measure: Callable[[float], dict[str, Any]], target: float) -> M
     return Match(False, nearest, tried[nearest], len(tried))
 
 
-def _outward() -> Iterator[tuple[int, int]]:
+def _outward(*, up_first: bool) -> Iterator[tuple[int, int]]:
     """Intervals of the grid, those nearest to the published weight first."""
     down, up = GRID_RANGE
     for k in range(max(up, -down)):
-        if k < up:
-            yield k, k + 1
-        if -k > down:
-            yield -k, -k - 1
+        sides = [(k, k + 1)] * (k < up), [(-k, -k - 1)] * (-k > down)
+        for side in sides if up_first else reversed(sides):
+            yield from side
 
 
 def matched(bench: GpcBench, scenario: Scenario, target: float) -> Match:

@@ -1,0 +1,102 @@
+"""Made-up studies of paper 000: one in which everything is as published, and changes to it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import asdict
+from typing import Any, get_args
+
+from cosim.experiments.gpc import CONTROLLERS, ROADS, SPEEDS_KMH, Refinement, Scenario
+from cosim.experiments.gpc_study import (
+    CURB_SPEED,
+    HISTORIES,
+    MATCHED,
+    OPEN_LOOP_SPEEDS_KMH,
+    SEEDS,
+    WEIGHTS,
+    Row,
+    Study,
+)
+from fmu_sources.controllers.gpc import FORCE_LIMIT
+
+
+def paper_study() -> Study:
+    """Every statement of the paper holds, in every seed, with the published figures."""
+    study = Study()
+    for road in ROADS:
+        for v in (*SPEEDS_KMH, CURB_SPEED) if road == "curb" else SPEEDS_KMH:
+            study.comparison.append(_run(Scenario(road, v, "passive")))
+            for seed in SEEDS:
+                study.comparison.append(_run(Scenario(road, v, "explicit", seed=seed)))
+                laws = [Scenario(road, v, c, seed=seed) for c in MATCHED]
+                study.comparison += [{**_run(s), "matched": True, "runs": 3} for s in laws]
+                study.unmatched += [_run(s) for s in laws]
+    study.sweep = [_swept(v, w, s) for v in SPEEDS_KMH for w in WEIGHTS for s in SEEDS]
+    study.open_loop = [_run(Scenario("sine", v, "passive")) for v in OPEN_LOOP_SPEEDS_KMH]
+    study.refinement = [
+        _run(Scenario(road, v, c, refinement=r))
+        for road, v in HISTORIES
+        for c in CONTROLLERS
+        for r in get_args(Refinement)
+    ]
+    return study
+
+
+def change(rows: list[Row], by: Callable[[Row], dict[str, Any] | None]) -> int:
+    """Update rows with what ``by`` returns for them; how many it changed."""
+    changes = [(row, new) for row in rows if (new := by(row)) is not None]
+    for row, new in changes:
+        row.update(new)
+    return len(changes)
+
+
+def passive_response(road: str, speed: float) -> float:
+    """Highest at 50 km/h on the sine road, at 40 km/h elsewhere."""
+    return 4.0 - abs(speed - (50.0 if road == "sine" else 40.0)) / 20
+
+
+def _improvement(road: str, speed: float) -> float:
+    if road == "curb":
+        return 0.14 if speed == max(SPEEDS_KMH) else 0.10
+    return 0.60 if road == "sine" else 0.30
+
+
+def _run(s: Scenario) -> Row:
+    passive = passive_response(s.road, s.speed_kmh)
+    m = {"diverged": False, "response": passive, "force": 0.0, "power": 0.0, "peak_force": 0.0, "rms_az": 1.0,
+         "rms_pitch": 1.0, "rms_roll": 0.0 if s.road == "sine" else 0.5, "peak_az": 3.0, "peak_pitch": 3.0,
+         "peak_roll": 1.5, "duration": 10.0}  # fmt: skip
+    if s.controller != "passive":
+        m |= {"response": passive * (1 - _improvement(s.road, s.speed_kmh)), **_effort(s), **_signals(s)}
+    return {**asdict(s), **m}
+
+
+def _effort(s: Scenario) -> dict[str, float]:
+    if s.road == "curb":
+        force, power, peak = {"implicit": (500, 150, 7e3), "explicit": (1000, 300, 9e3), "preview": (400, 100, 4e3)}[
+            s.controller
+        ]
+    elif s.controller == "implicit":
+        force, power, peak = 1.6 * 5000, 1.9 * 2000, 9e3
+    else:
+        force, power, peak = 5000, 2000, 8e3
+    return {"force": float(force), "power": float(power), "peak_force": peak}
+
+
+def _signals(s: Scenario) -> dict[str, float]:
+    if s.road == "sine":
+        az, pitch = (0.9, 0.46) if s.controller == "implicit" else (0.8, 0.5)
+        return {"rms_az": az, "rms_pitch": pitch, "rms_roll": 0.1 * pitch}
+    return {"rms_az": 1.05, "rms_roll": 0.525, "peak_pitch": 2.0}
+
+
+def _swept(speed: float, weight: float, seed: int) -> Row:
+    """Force in proportion to the improvement, power to its square; at the limit with the smallest weight."""
+    gain = {1e-7: 0.5, 5e-7: 0.25, 1e-6: 0.15, 5e-6: 0.03}[weight]
+    row = _run(Scenario("sine", speed, "preview", R=weight, seed=seed))
+    return row | {
+        "response": passive_response("sine", speed) * (1 - gain),
+        "force": 1e4 * gain,
+        "power": 1e4 * gain**2,
+        "peak_force": FORCE_LIMIT if weight == min(WEIGHTS) else FORCE_LIMIT * gain,
+    }
