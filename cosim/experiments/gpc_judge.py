@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 
+from cosim.experiments.gpc import R_PUBLISHED
 from cosim.experiments.gpc_results import Results
 from cosim.experiments.gpc_study import Study
 from cosim.report import Band, Claims, Distribution
@@ -22,7 +23,7 @@ MUCH_MORE = Band(1.5, math.inf, "much more: by half at least")
 ALMOST_TWICE = Band(1.7, 2.05, "almost twice: up to 15 % below, and what a figure can be read to above")
 SLIGHTLY = Band(2.0, 15.0, "slightly")
 COALESCE = 1.15  # largest over smallest effectiveness per force over the weights, of curves that lie on one another
-VISIBLE_ROLL = 0.05  # of the run's pitch: less cannot be told from none in figure 8, which has one axis length for both
+VISIBLE_ROLL = 0.05  # of the run's pitch: less adds about 0.1 % to the response (22a), sqrt(pitch^2 + roll^2)
 CONVERGED = 0.005  # relative, the tolerance to which responses are matched
 
 EXCITATION = (
@@ -31,6 +32,13 @@ EXCITATION = (
 )
 MATCHING = "the weights of implicit and preview are matched to explicit's response, seed by seed"
 
+
+def number(weight: float) -> str:
+    """ "1e-7": a control weight [1/N2]."""
+    return f"{weight:g}".replace("e-0", "e-")
+
+
+R_TEXT = f"R = {number(R_PUBLISHED)}"
 Above = Callable[[float], bool]
 
 

@@ -10,6 +10,7 @@ from pathlib import Path
 
 from cosim.experiments import gpc_claims
 from cosim.experiments.gpc import R_PUBLISHED, ROADS, TRAVEL, GpcFmuSet
+from cosim.experiments.gpc_judge import R_TEXT, number
 from cosim.experiments.gpc_results import METRICS, Results, select
 from cosim.experiments.gpc_study import CURB_SPEED, LAWS, SINE_SPEED, WEIGHTS, Row, Study
 from cosim.experiments.provenance import provenance
@@ -154,7 +155,7 @@ def _weights(results: Results, found: Claims) -> Section:
     def curves(key: str) -> list[Series | None]:
         return [
             _passive_curve(results, "sine") if key == "response" else None,
-            *(_curve(results, key, f"R = {w:g}", results.speeds, partial(results.swept, w)) for w in WEIGHTS),
+            *(_curve(results, key, f"R = {number(w)}", results.speeds, partial(results.swept, w)) for w in WEIGHTS),
         ]
 
     figure = Figure(
@@ -309,7 +310,7 @@ def _seeds(results: Results) -> Section:
         [
             Table(
                 "seeds",
-                f"R = {R_PUBLISHED:g}, {len(results.seeds)} identification seeds",
+                f"{R_TEXT}, {len(results.seeds)} identification seeds",
                 ["road", "speed [km/h]", "law", "seed", "improvement [-]", "force [N]", "power [W]", "peak force [N]"],
                 rows,
             )
@@ -338,7 +339,7 @@ def _refinement(results: Results) -> Section:
                 "Change of metrics when steps are halved",
                 ["road", "speed [km/h]", "law", "refinement", *(f"{_METRIC_NAMES[k]} [%]" for k in METRICS)],
                 rows,
-                f"R = {R_PUBLISHED:g}, seed {results.seeds[0]}; the laws stay those identified with the steps of the study.",
+                f"{R_TEXT}, seed {results.seeds[0]}; the laws stay those identified with the steps of the study.",
             )
         ],
     )
