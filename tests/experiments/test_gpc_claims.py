@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from cosim import System, metrics
+from cosim import metrics
 from cosim.experiments import gpc_claims, gpc_report, gpc_study
 from cosim.experiments.cases import CaseError
 from cosim.experiments.gpc import GpcBench, GpcFmuSet, Match, Scenario, match_weight
@@ -101,31 +101,6 @@ def test_halved_steps_change_nothing_visible_and_something(study: Study) -> None
     for row, moves in Results(study).refinement():
         assert any(moves.values()), row
         assert all(abs(x) <= gpc_claims.CONVERGED for x in moves.values()), row
-
-
-@pytest.mark.filterwarnings("ignore::cosim.UnconnectedInputsWarning")
-def test_how_steps_are_cut_matters_little(fmus: GpcFmuSet) -> None:
-    """The car's solver starts anew with every doStep: the numbers that docs/architecture.md gives."""
-
-    def acceleration(step: str, solver_step: float = 5e-4) -> np.ndarray:
-        with System() as system:
-            system.add(
-                "car",
-                fmus.car,
-                step=step,
-                parameters={"solver.step": solver_step},
-                start={"force.fl": 8e3},
-            )
-            return system.run(1.0, record=["car.body.az"], record_interval="10 ms")["car.body.az"]
-
-    converged = acceleration("10 ms", 5e-5)
-    error = {
-        step: np.abs(acceleration(step) - converged).max() / np.abs(converged).max()
-        for step in ("0.5 ms", "1 ms", "10 ms")
-    }
-    assert error["0.5 ms"] == pytest.approx(10e-5, rel=0.1)
-    assert error["1 ms"] == pytest.approx(2.5e-5, rel=0.1)
-    assert error["10 ms"] == pytest.approx(4.3e-5, rel=0.1)
 
 
 def test_fmi_versions_agree_bit_for_bit(fmus: GpcFmuSet) -> None:
