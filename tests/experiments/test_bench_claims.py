@@ -6,6 +6,7 @@ import dataclasses
 
 import numpy as np
 import pytest
+from kept_results import kept_verdicts
 
 from cosim.experiments import bench_report, bench_study
 from cosim.experiments.bench import Bench, Case, force, states_at_samples
@@ -75,6 +76,7 @@ def test_claims_and_report(study: Study, fmus: FmuSet, tmp_path) -> None:
         "solver": "holds",
     }
     assert all(c.criterion for c in claims)
+    assert {c.id: c.verdict for c in claims} == kept_verdicts("bench")
     long, short = (study.metrics[s, "lqr"] for s in ("bump 0.5 s", "bump 0.2 s"))
     assert long["force.max"] == pytest.approx(8.4, abs=0.05)
     assert short["force.min"] == pytest.approx(-9.2, abs=0.05)

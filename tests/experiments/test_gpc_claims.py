@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import json
-from pathlib import Path
-
 import numpy as np
 import pytest
+from kept_results import kept_verdicts
 
 from cosim import metrics
 from cosim.experiments import gpc_claims, gpc_report, gpc_study
@@ -14,8 +12,6 @@ from cosim.experiments.cases import CaseError
 from cosim.experiments.gpc import GpcBench, GpcFmuSet, Match, Scenario, match_weight
 from cosim.experiments.gpc_results import METRICS, Results
 from cosim.experiments.gpc_study import LAWS, MATCHED, Study
-
-VERDICTS = Path(__file__).with_name("gpc_verdicts.json")  # of the whole study: id of the claim, verdict
 
 
 @pytest.fixture(scope="session")
@@ -29,16 +25,8 @@ def study(fmus: GpcFmuSet, tmp_path_factory: pytest.TempPathFactory) -> Study:
     return gpc_study.study(fmus, tmp_path_factory.mktemp("runs"), seeds=(0,), speeds=(50.0, 80.0), processes=1)
 
 
-@pytest.mark.full
-def test_verdicts_of_the_whole_study(fmus: GpcFmuSet, tmp_path) -> None:
-    """Eight seeds at eight speeds: minutes on all cores."""
-    whole = gpc_study.study(fmus, tmp_path / "runs")
-    found = {c.id: c.verdict for c in gpc_claims.claims(whole)}
-    assert found == json.loads(VERDICTS.read_text(encoding="utf-8"))
-
-
 def test_expected_verdicts_are_those_of_the_claims(study: Study) -> None:
-    assert list(json.loads(VERDICTS.read_text(encoding="utf-8"))) == [c.id for c in gpc_claims.claims(study)]
+    assert list(kept_verdicts("gpc")) == [c.id for c in gpc_claims.claims(study)]
 
 
 def test_a_study_has_every_run(study: Study) -> None:

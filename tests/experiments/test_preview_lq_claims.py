@@ -6,6 +6,7 @@ import dataclasses
 
 import numpy as np
 import pytest
+from kept_results import kept_verdicts
 from scipy import linalg
 
 from cosim import System, WiringError
@@ -88,6 +89,7 @@ def test_verdicts(study: Study) -> None:
            "preview-time-road-holding", "one-side-force", "rear-rate", "short-preview"]  # fmt: skip
     assert found == {i: others.get(i, "reproduced") for i in ids}
     assert all(c.criterion for c in preview_lq_report.claims(study))
+    assert found == kept_verdicts("preview-lq")
 
 
 def test_a_component_beyond_ten_percent_costs_the_magnitude(study: Study) -> None:

@@ -1,0 +1,165 @@
+"""Write what the studies found into ``results.md`` and the README, from the studies' own summaries.
+
+make studies
+python docs/write_results.py [results]
+
+Claims and figures of each ``summary.json`` are kept in ``docs/results/NAME.json``, from which both pages are made: a number
+on them is one that a run gave. The tests compare the pages with these files, and these files with studies run anew.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+from typing import Any
+
+from cosim.report.claims import OUTCOMES
+
+HERE = Path(__file__).parent
+README = HERE.parent / "README.md"
+KEPT = HERE / "results"
+MARKS = ("<!-- results: written by docs/write_results.py -->", "<!-- end of results -->")
+_CLAIM = (
+    "id",
+    "claim",
+    "published",
+    "ours",
+    "value",
+    "unit",
+    "verdict",
+    "own",
+    "criterion",
+    "fitted",
+    "reason",
+    "source",
+)
+
+Summary = dict[str, Any]
+
+
+def condense(summary: Summary) -> Summary:
+    """What is kept of a study's ``summary.json``: its claims, and the figures at the top of its report."""
+    kept = {k: summary[k] for k in ("experiment", "title", "results")}
+    return {**kept, "claims": [{k: claim[k] for k in _CLAIM} for claim in summary["claims"]]}
+
+
+def collect(results: Path) -> list[Summary]:
+    """Condensed summaries of the studies below a folder of results, by name of the experiment."""
+    return [condense(json.loads(p.read_text(encoding="utf-8"))) for p in sorted(results.glob("*/summary.json"))]
+
+
+def kept() -> list[Summary]:
+    """The summaries in the repository."""
+    return [json.loads(p.read_text(encoding="utf-8")) for p in sorted(KEPT.glob("*.json"))]
+
+
+def count(study: Summary, verdict: str) -> int:
+    """How many claims of a study have a verdict."""
+    return sum(c["verdict"] == verdict for c in study["claims"])
+
+
+def table(studies: list[Summary]) -> str:
+    """Verdicts by experiment, checks of ours apart."""
+    head = ["experiment", "published claims", *OUTCOMES, "checks of our own that hold"]
+    rows = []
+    for s in studies:
+        own = [c for c in s["claims"] if c["own"]]
+        held = sum(c["verdict"] == "holds" for c in own)
+        rows.append(
+            [
+                f"`{s['experiment']}`",
+                len(s["claims"]) - len(own),
+                *(count(s, v) for v in OUTCOMES),
+                f"{held} of {len(own)}",
+            ]
+        )
+    return "\n".join([_row(head), _row(["---"] * len(head)), *map(_row, rows)])
+
+
+def section(studies: list[Summary]) -> str:
+    """The README's section: how many claims of each paper came out, and which did not."""
+    parts = [table(studies)]
+    for s in studies:
+        lines = [f"**`cosim study {s['experiment']}`**: {s['title']}. {_figures(s)}".rstrip()]
+        for verdict in OUTCOMES[1:]:
+            lines += [f"- {verdict}: {_short(c)}" for c in s["claims"] if c["verdict"] == verdict]
+        lines += [
+            f"- own check that does not hold: {_short(c)}" for c in s["claims"] if c["verdict"] == "does not hold"
+        ]
+        parts.append("\n".join(lines))
+    return "\n\n".join(parts)
+
+
+def page(studies: list[Summary]) -> str:
+    """All claims of all papers with published figure, ours, verdict and the rule behind it."""
+    parts = [
+        "# What the papers say and what came out",
+        "Written by `docs/write_results.py` from the summaries of the studies; do not edit. Each claim is judged as its paper words it: "
+        "whether what it says holds and, where it gives a number, whether ours lies in a band around it. Checks of our own, which no "
+        "paper states, are counted apart. Reports with figures and tables: `make studies`.",
+        table(studies),
+    ]
+    for s in studies:
+        parts.append(f"## {s['title']} (`{s['experiment']}`)")
+        if s["results"]:
+            parts.append(_figures(s))
+        for own, title in ((False, "claim"), (True, "check of our own")):
+            claims = [c for c in s["claims"] if c["own"] == own]
+            if claims:
+                head = [title, "expected" if own else "published", "ours", "verdict", "why"]
+                rows = [[_judged(c), _source(c), c["ours"], c["verdict"], c["reason"]] for c in claims]
+                parts.append("\n".join([_row(head), _row(["---"] * len(head)), *map(_row, rows)]))
+    return "\n\n".join(parts) + "\n"
+
+
+def with_section(readme: str, text: str) -> str:
+    """The README with its section on results replaced."""
+    before, rest = readme.split(MARKS[0])
+    _, after = rest.split(MARKS[1])
+    return f"{before}{MARKS[0]}\n\n{text}\n\n{MARKS[1]}{after}"
+
+
+def _figures(s: Summary) -> str:
+    figures = [f"{name} {_number(r['value'])}{_unit(r['unit'])}" for name, r in s["results"].items()]
+    return f"{'; '.join(figures)}." if figures else ""
+
+
+def _number(value: Any) -> str:
+    return f"{value:.4g}" if isinstance(value, float) else str(value)
+
+
+def _unit(unit: str) -> str:
+    return f" {unit}" if unit and unit != "-" else ""
+
+
+def _short(c: dict[str, Any]) -> str:
+    return f"{c['claim']} (published: {c['published']}; here: {c['ours']})"
+
+
+def _judged(c: dict[str, Any]) -> str:
+    fitted = f" *Fitted: {c['fitted']}.*" if c["fitted"] else ""
+    return f"{c['claim']}. *Judged by: {c['criterion']}.*{fitted}"
+
+
+def _source(c: dict[str, Any]) -> str:
+    return f"{c['published']} ({c['source']})" if c["source"] else c["published"]
+
+
+def _row(cells: list[Any]) -> str:
+    return f"| {' | '.join(str(c).replace('|', '/').replace(chr(10), ' ') for c in cells)} |"
+
+
+def write(results: Path) -> None:
+    """Keep the summaries below ``results`` and write both pages; experiments that were not run stay as they are."""
+    KEPT.mkdir(exist_ok=True)
+    for s in collect(results):
+        text = json.dumps(s, indent=1, sort_keys=True, ensure_ascii=False) + "\n"
+        (KEPT / f"{s['experiment']}.json").write_text(text, encoding="utf-8")
+    studies = kept()
+    (HERE / "results.md").write_text(page(studies), encoding="utf-8")
+    README.write_text(with_section(README.read_text(encoding="utf-8"), section(studies)), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    write(Path(sys.argv[1] if len(sys.argv) > 1 else "results"))

@@ -1,0 +1,47 @@
+"""The README's and results.md's words on results are those of the summaries that are kept, which are those of the studies."""
+
+from __future__ import annotations
+
+import json
+import runpy
+
+import pytest
+from pages import ROOT
+
+from cosim.cli import EXPERIMENTS
+
+WRITER = runpy.run_path(str(ROOT / "docs" / "write_results.py"))
+STUDIES = WRITER["kept"]()
+
+
+def test_every_experiment_is_there() -> None:
+    assert [s["experiment"] for s in STUDIES] == sorted(EXPERIMENTS)
+
+
+def test_the_pages_are_up_to_date() -> None:
+    hint = "run `make studies && python docs/write_results.py` and commit docs/results, docs/results.md and README.md"
+    readme = (ROOT / "README.md").read_text(encoding="utf-8")
+    assert readme == WRITER["with_section"](readme, WRITER["section"](STUDIES)), hint
+    assert (ROOT / "docs" / "results.md").read_text(encoding="utf-8") == WRITER["page"](STUDIES), hint
+
+
+def test_counts_are_those_of_the_claims() -> None:
+    text = WRITER["table"](STUDIES).splitlines()[2:]
+    for line, study in zip(text, STUDIES, strict=True):
+        _, name, published, reproduced, *rest, checks, _ = (cell.strip() for cell in line.split("|"))
+        claims = [c for c in study["claims"] if not c["own"]]
+        assert name == f"`{study['experiment']}`"
+        assert int(published) == len(claims)
+        assert int(reproduced) == sum(c["verdict"] == "reproduced" for c in claims)
+        assert int(reproduced) + sum(map(int, rest)) == len(claims)
+        assert checks.endswith(f"of {len(study['claims']) - len(claims)}")
+
+
+@pytest.mark.parametrize("study", STUDIES, ids=lambda s: s["experiment"])
+def test_a_claim_that_changes_changes_the_pages(study: dict) -> None:
+    changed = json.loads(json.dumps(study))
+    claim = next(c for c in changed["claims"] if not c["own"])
+    claim["ours"], claim["verdict"] = "quite another figure", "not reproduced"
+    for make in ("section", "page"):
+        assert "quite another figure" in WRITER[make]([changed])
+        assert WRITER[make]([changed]) != WRITER[make]([study])

@@ -1,0 +1,14 @@
+"""The verdicts that are kept in ``docs/results``: what README and results.md say of each study."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+_FOLDER = Path(__file__).parents[2] / "docs" / "results"
+
+
+def kept_verdicts(experiment: str) -> dict[str, str]:
+    """Verdict by claim, in the order of the report."""
+    study = json.loads((_FOLDER / f"{experiment}.json").read_text(encoding="utf-8"))
+    return {c["id"]: c["verdict"] for c in study["claims"]}
