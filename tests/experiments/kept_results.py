@@ -12,3 +12,8 @@ def kept_verdicts(experiment: str) -> dict[str, str]:
     """Verdict by claim, in the order of the report."""
     study = json.loads((_FOLDER / f"{experiment}.json").read_text(encoding="utf-8"))
     return {c["id"]: c["verdict"] for c in study["claims"]}
+
+
+def is_kept(experiment: str) -> bool:
+    """Whether the study was run on the newest FMUs; README and results.md name those that were not."""
+    return (_FOLDER / f"{experiment}.json").is_file()
