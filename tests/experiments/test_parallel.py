@@ -4,6 +4,7 @@ import os
 import signal
 import subprocess
 import sys
+import tempfile
 import time
 from pathlib import Path
 
@@ -20,11 +21,17 @@ def fmu(tmp_path_factory):
     return archive(folder / "a.fmu", description(2), binary=library(2, folder))
 
 
-def start(fmu, folder, then):
+@pytest.fixture
+def temporary():
+    """A folder for temporary files with a short path: workers are started over a socket in it, whose path has a limit."""
+    with tempfile.TemporaryDirectory() as folder:
+        yield Path(folder)
+
+
+def start(fmu, folder, temporary, then):
     """The study in a process of its own, with a folder of its own for temporary files."""
-    notes, temporary = folder / "notes", folder / "temporary"
+    notes = folder / "notes"
     notes.mkdir()
-    temporary.mkdir()
     environment = {
         **os.environ,
         "TMPDIR": str(temporary),
@@ -33,7 +40,7 @@ def start(fmu, folder, then):
     command = [sys.executable, HERE / "workers.py", fmu, notes, then]
     with (folder / "errors").open("w") as errors:  # a pipe would stay open as long as a worker lives
         process = subprocess.Popen(command, env=environment, stderr=errors)
-    return process, notes, temporary
+    return process, notes
 
 
 def unpacked(temporary):
@@ -60,8 +67,8 @@ def alive(pid):
 
 
 @pytest.mark.parametrize(("then", "code"), [("end", 0), ("fail", 1)])
-def test_unpacked_fmus_are_removed(tmp_path, fmu, then, code):
-    process, notes, temporary = start(fmu, tmp_path, then)
+def test_unpacked_fmus_are_removed(tmp_path, temporary, fmu, then, code):
+    process, notes = start(fmu, tmp_path, temporary, then)
     assert process.wait() == code, (tmp_path / "errors").read_text()
     assert {Path(n.read_text()).parent for n in notes.iterdir()} == {temporary}
     assert not list(temporary.glob("cosim-*"))
@@ -69,9 +76,9 @@ def test_unpacked_fmus_are_removed(tmp_path, fmu, then, code):
 
 
 @pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGKILL, signal.SIGTERM])
-def test_workers_end_with_their_parent_and_clean_up(tmp_path, fmu, how):
+def test_workers_end_with_their_parent_and_clean_up(tmp_path, temporary, fmu, how):
     """Killed, the parent can tell nobody anything; interrupted, it ends its workers itself."""
-    process, notes, temporary = start(fmu, tmp_path, "stay")
+    process, notes = start(fmu, tmp_path, temporary, "stay")
     wait_until(lambda: len(list(notes.iterdir())) == 2 and all(n.read_text() for n in notes.iterdir()))
     workers = [int(n.name) for n in notes.iterdir()]
     try:
