@@ -221,3 +221,12 @@ def _variable(text: str, causality: str, variability: str, start: Any) -> Variab
     unit = KNOWN.get(match[2], Unit(match[2])) if match[2] else None
     name = match[1]
     return Variable(name, kind, causality=causality, variability=variability, start=start, unit=unit, declared=name)
+
+
+class EndRequested(Exception):  # noqa: N818
+    """A component asks to end the simulation; the argument says so in words. `complete`: its step was done first."""
+
+    def __init__(self, component: str, text: str, *, complete: bool):
+        super().__init__(text)
+        self.component = component
+        self.complete = complete

@@ -15,10 +15,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from cosim import fmi_calls as fmi
-from cosim.component import Action, Array, Ports
+from cosim.component import Action, Array, EndRequested, Ports
 from cosim.description import Variable
 from cosim.errors import STATUS_NAMES, CallFailed, CosimError, FmuError
-from cosim.stops import EndRequested
 
 if TYPE_CHECKING:
     from cosim.fmu import Fmu, Library

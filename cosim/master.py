@@ -42,7 +42,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from cosim.component import Action, Array, Ports
+from cosim.component import Action, Array, EndRequested, Ports
 from cosim.errors import (
     CallFailed,
     ComponentError,
@@ -57,7 +57,7 @@ from cosim.errors import (
 from cosim.progress import HeldInterrupt, ProgressBar
 from cosim.recording import Recorder, Recording
 from cosim.schedule import Schedule
-from cosim.stops import COMPARE, EndRequested, Stop, StopCondition, StopWhen, View
+from cosim.stops import COMPARE, Stop, StopCondition, StopWhen, View
 from cosim.timebase import TimeBase, TimeLike, positive, rational
 from cosim.timetable import Clock, Timetable
 from cosim.values import Layout, make_layout

@@ -1,4 +1,4 @@
-"""Conditions that end a run before its stop time, and a component's own wish to."""
+"""Conditions that end a run before its stop time."""
 
 from __future__ import annotations
 
@@ -52,12 +52,3 @@ def watched_names(conditions: Iterable[StopCondition]) -> list[str]:
 
 class Stop(Exception):  # noqa: N818
     """A stop condition is fulfilled; the argument is its text."""
-
-
-class EndRequested(Exception):  # noqa: N818
-    """A component asks to end the simulation; the argument says so in words. `complete`: its step was done first."""
-
-    def __init__(self, component: str, text: str, *, complete: bool):
-        super().__init__(text)
-        self.component = component
-        self.complete = complete

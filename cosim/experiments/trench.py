@@ -18,7 +18,7 @@ from cosim import Recording, StopWhen, System
 from cosim.experiments.cases import CaseError, FmuSet, check_choice
 from cosim.experiments.store import RunStore
 from cosim.metrics_crossing import PSD_RATE, Crossing, cost, crossing, failures, psd
-from cosim.report import keep_peaks
+from cosim.peaks import keep_peaks
 from fmu_sources.controllers.mpc_three_axle import CORNERS, SAMPLE_TIME
 
 Row = dict[str, Any]
@@ -37,9 +37,7 @@ CONTROLS = {  # FMU of the controller, its parameters, and whether it sees the r
 """Kinds of control; what is not said of ``mpc`` holds for all of its variants."""
 
 MPC = {"estimator": 0, "retraction": 1, "hold_height": True, "printed_limits": False}
-STEP = Fraction(
-    1, 4000
-)  # s, of the vehicle's solver, its exchange and recordings: no verdict changes when it is halved
+STEP = Fraction(1, 4000)  # s, of the vehicle's solver, its exchange and recordings; the study halves it
 FRAME = Fraction(1, 50)  # s, between frames of an animation
 CURVES = ("car.body.pitch", "car.body.az", "car.body.ax", "car.hub.a1l.fx")  # drawn over time, peaks kept
 RUN_OUT = 1.5  # m, that the last axle drives on behind the trench

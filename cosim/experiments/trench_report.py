@@ -258,8 +258,7 @@ def _refinement(study: Study) -> Section:
             if not changed
             else ": " + ", ".join(f"{k[0]:g} m at {k[1]:g} km/h, {_NAMES[s]}" for k, s in changed) + "; these are open"
         )
-        + ". At 0.5 ms, the step of the vehicle's FMU as it is delivered, peaks of hard impacts are not settled: crossings whose peak lies "
-        "near its limit then pass or fail by the step."
+        + "."
     )
     return Section("Steps", [text], tables=[table])
 

@@ -1,5 +1,6 @@
 """Reports of experiments: what was claimed, what came out, and every number behind it."""
 
+from cosim.peaks import keep_peaks
 from cosim.report.animation import Animation, Body, Force, Phase, Reading, Scene, Strut, Take, Wheel
 from cosim.report.claims import Band, Claim, Claims, Counts, Distribution, Evidence
 from cosim.report.maps import Layer, Map
@@ -13,7 +14,6 @@ from cosim.report.model import (
     Series,
     Table,
 )
-from cosim.report.peaks import keep_peaks
 from cosim.report.plots import Palette, plotly_figure
 from cosim.report.write import ReportError, write_report
 
