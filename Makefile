@@ -5,9 +5,12 @@ BIN := $(VENV)/bin
 
 # Without a C compiler in PATH the FMUs are compiled by ziglang from PyPI.
 HOST_CC := $(shell command -v $${CC:-cc} || command -v gcc || command -v clang)
-RUN_EXTRAS := $(if $(HOST_CC),,[zig])
+RUN_EXTRAS := studies
+ifeq ($(HOST_CC),)
+RUN_EXTRAS := studies,zig
+endif
 
-.PHONY: run studies test test-full lint bench fmus clean
+.PHONY: run studies test test-full lint bench mutants fmus clean
 
 run: $(VENV)/.run
 	$(BIN)/build-fmus
@@ -36,6 +39,11 @@ bench: $(VENV)/.test
 	$(BIN)/build-fmus
 	$(BIN)/python -m benchmarks
 
+# Small mistakes in what readers see, each of which some test should notice; what was tried before is not tried again.
+mutants: $(VENV)/.test
+	$(BIN)/build-fmus
+	$(BIN)/python -m tests.mutants
+
 fmus: $(VENV)/.run
 	$(BIN)/build-fmus
 
@@ -46,7 +54,7 @@ $(VENV)/bin/python:
 	$(PYTHON) -m venv $(VENV)
 
 $(VENV)/.run: pyproject.toml | $(VENV)/bin/python
-	$(BIN)/pip install --quiet --disable-pip-version-check -e '.$(RUN_EXTRAS)'
+	$(BIN)/pip install --quiet --disable-pip-version-check -e '.[$(RUN_EXTRAS)]'
 	touch $@
 
 $(VENV)/.test: pyproject.toml | $(VENV)/bin/python

@@ -26,8 +26,9 @@ from benchmarks import (
 from benchmarks.master_cost import measure
 from build_fmus import safe_files
 from cosim import System
-from cosim.experiments import gpc_study
-from cosim.experiments.gpc import GpcFmuSet
+from cosim.experiments.gpc import EXPERIMENT as GPC
+from cosim.experiments.gpc.runs import PLANT
+from cosim.study import FmuSet, run_study
 
 
 def full_car() -> dict[str, float]:
@@ -36,7 +37,7 @@ def full_car() -> dict[str, float]:
 
     warnings.simplefilter("ignore")
     with System() as system:
-        system.add("car", GpcFmuSet().car, step="1 ms")
+        system.add("car", FmuSet().path(PLANT), step="1 ms")
         recording = system.run(20.0, record=["car.x"], record_interval="100 ms")
     return {"simulated time / wall time": recording.real_time_factor}
 
@@ -45,10 +46,10 @@ def study() -> dict[str, float]:
     """The whole published study from nothing, on all cores."""
     with tempfile.TemporaryDirectory() as tmp:
         begin = time.perf_counter()
-        result = gpc_study.study(GpcFmuSet(), Path(tmp))
+        result = run_study(GPC, FmuSet(), Path(tmp))
         seconds = time.perf_counter() - begin
         runs = len(list(Path(tmp).glob("*.json")))
-    return {"wall time [s]": seconds, "runs": runs, "rows": len(result.rows)}
+    return {"wall time [s]": seconds, "runs": runs, "tasks": len(result.tasks)}
 
 
 def main() -> None:

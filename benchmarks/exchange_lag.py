@@ -19,7 +19,8 @@ from fmpy.fmi3 import FMU3Slave
 
 from benchmarks.master_cost import Wired, flatten
 from cosim import UnconnectedInputsWarning
-from cosim.experiments.gpc import CONTROLLERS, TRAVEL, GpcFmuSet, wire
+from cosim.experiments.gpc.runs import CONTROLLERS, PLANT, SPEED, TRAVEL, Case, road_file, wire
+from cosim.study import FmuSet
 from fmu_sources.controllers.gpc import CORNERS
 
 ROAD, SPEED_KMH, CONTROLLER = "sine", 50.0, "preview"
@@ -30,12 +31,12 @@ COMMANDS = tuple(f"force.{k}" for k in CORNERS)
 FELT = "body.az"
 
 
-def by_master(fmus: GpcFmuSet, duration: float) -> tuple[np.ndarray, list[Wired]]:
+def by_master(fmus: FmuSet, duration: float) -> tuple[np.ndarray, list[Wired]]:
     """Commands as they act on the car from step to step, and its acceleration: (steps, 5) [N, m/s2]; the wiring as flat lists."""
-    paths = {"speed": fmus.speed, "road": fmus.road(ROAD), "car": fmus.car}
+    paths = {"speed": fmus.path(SPEED), "road": road_file(fmus, ROAD), "car": fmus.path(PLANT)}
     paths["controller"] = fmus.path(CONTROLLERS[CONTROLLER] or "")
     names = [*(f"controller.{n}" for n in COMMANDS), f"car.{FELT}"]
-    with wire(fmus, ROAD, CONTROLLER) as system, warnings.catch_warnings():
+    with wire(fmus, Case(ROAD, controller=CONTROLLER)) as system, warnings.catch_warnings():
         warnings.simplefilter("ignore", UnconnectedInputsWarning)  # the driver keeps y = 0
         system["speed"].set({"start.speed": SPEED_KMH / 3.6})
         recording = system.run(duration, record=names, record_interval=f"{1e3 * STEP:g} ms")
@@ -106,7 +107,7 @@ def by_fmpy(wired: list[Wired], duration: float, *, lag: bool = True) -> np.ndar
 def measure(distance: float = TRAVEL) -> dict[str, float]:
     """Differences over ``distance`` [m]; those of commands in parts of the range from the least to the largest command."""
     duration = STEP * EVERY * round(distance / (SPEED_KMH / 3.6) / STEP / EVERY)  # whole periods of the law
-    recorded, wired = by_master(GpcFmuSet(), duration)
+    recorded, wired = by_master(FmuSet(), duration)
     master, jacobi = recorded, by_fmpy(wired, duration)
     force, late = master[:, :-1], jacobi[:, :-1]
     span = np.ptp(force)

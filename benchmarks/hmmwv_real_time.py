@@ -11,9 +11,9 @@ import warnings
 from pathlib import Path
 
 from cosim import System, UnconnectedInputsWarning
-from cosim.experiments import hmmwv
-from cosim.experiments.cases import FmuSet
-from cosim.experiments.hmmwv import Case
+from cosim.experiments.hmmwv import EXPERIMENT
+from cosim.experiments.hmmwv.runs import Case
+from cosim.study import FmuSet, Runner
 
 CORNER = Path(__file__).parents[1] / "docs" / "examples" / "hmmwv_corner.py"
 COMFORT = ["comfort.absorbed_power.peak"]
@@ -42,9 +42,9 @@ def measure(repeats: int = 3, seconds: float = 6.0) -> dict[str, float]:
     with runpy.run_path(str(CORNER))["corner"]() as corner:
         result["corner"] = max(factor(corner, seconds) for _ in range(repeats))
         result["corner, FMUs"] = float(len(corner.members))
-    for name, case in VEHICLES.items():
-        with hmmwv.wire(FmuSet(), case) as vehicle:
-            hmmwv.configure(vehicle, case)
+    with Runner(EXPERIMENT, FmuSet()) as runner:
+        for name, case in VEHICLES.items():
+            vehicle = runner.system(case)
             result[f"vehicle, {name}"] = max(factor(vehicle, seconds) for _ in range(repeats))
             result[f"vehicle, {name}, FMUs"] = float(len(vehicle.members))
     return result

@@ -21,7 +21,8 @@ from fmpy.fmi3 import FMU3Slave
 
 from build_fmus.compile import find_toolchain, host
 from cosim import System, UnconnectedInputsWarning
-from cosim.experiments.gpc import GpcFmuSet, wire
+from cosim.experiments.gpc.runs import CONTROLLERS, PLANT, SPEED, Case, road_file, wire
+from cosim.study import FmuSet
 
 STEPS = 20_000
 
@@ -127,11 +128,11 @@ def time_bare(components: list[Wired], steps: int) -> float:
 
 def measure(controller: str = "preview", steps: int = STEPS, repeats: int = 3) -> dict[str, float]:
     """Best of ``repeats`` for each loop, as microseconds per FMU step and ratios."""
-    fmus = GpcFmuSet()
-    paths = {"speed": fmus.speed, "road": fmus.road("sine"), "car": fmus.car}
-    if path := fmus.controller(controller):
-        paths["controller"] = path
-    with wire(fmus, "sine", controller) as system:
+    fmus = FmuSet()
+    paths = {"speed": fmus.path(SPEED), "road": road_file(fmus, "sine"), "car": fmus.path(PLANT)}
+    if name := CONTROLLERS[controller]:
+        paths["controller"] = fmus.path(name)
+    with wire(fmus, Case("sine", controller=controller)) as system:
         components = flatten(system, paths)
         bare = min(time_bare(components, steps) for _ in range(repeats))
         runs = [(time_master(system, steps), time_master(system, steps, allow_nan=True)) for _ in range(repeats)]

@@ -23,7 +23,7 @@ from rich.table import Table
 from benchmarks.master_cost import Wired, bare_program, seconds
 from build_fmus.compile import CFLAGS, find_toolchain, host
 from build_fmus.mathematics import FOLDER
-from cosim.experiments.cases import FmuSet
+from cosim.study import FmuSet
 
 NAMES = ("FullCarHmmwv", "ThreeAxleTrench", "KalmanHmmwv", "SensorSuite", "RoadIso8608", "TrenchCrossing")
 STEPS, REPEATS = 1000, 60  # many short runs: the fastest of them met no other work on the machine

@@ -19,10 +19,10 @@ from rich.table import Table
 from benchmarks.mpc_solvers import make
 from build_fmus.qp import Backend, Daqp
 from build_fmus.reference import Evaluator
-from cosim.comfort import absorbed_power
-from cosim.experiments.hmmwv_wiring import BUMPS, SPEED_KMH, bump_parameters
+from cosim.experiments.hmmwv.wiring import BUMPS, SPEED_KMH, bump_parameters
 from fmu_sources.controllers import mpc_hmmwv
 from fmu_sources.controllers.hmmwv_states import FORCES, RELATIVE_STATES, SUSPENSION, TIRE
+from fmu_sources.models.comfort import absorbed_power
 
 SECONDS, MILLISECOND = 3.0, 1e-3
 GLITCH = {n: 0.1 if n.endswith("deflection") else 1.0 for n in RELATIVE_STATES}  # m, m/s and rad/s

@@ -10,7 +10,6 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from itertools import product
 
 import numpy as np
 from rich.console import Console
@@ -22,18 +21,19 @@ from build_fmus.qp import Osqp
 from build_fmus.qp_solve import CompiledPrograms, solve_reference
 from build_fmus.reference import Evaluator
 from cosim import Recording
-from cosim.experiments.bench import BUMP_DURATIONS, Bench, Case
-from cosim.experiments.cases import FmuSet
-from cosim.experiments.hmmwv import ROADS as HMMWV_ROADS
-from cosim.experiments.hmmwv import Case as HmmwvCase
-from cosim.experiments.hmmwv import HmmwvBench
-from cosim.experiments.hmmwv_wiring import BUMPS, bump_parameters
-from cosim.experiments.three_axle import DEPTHS, SPEEDS_KMH, ThreeAxleBench
-from cosim.experiments.three_axle import Case as ThreeAxleCase
-from cosim.experiments.trench import MPC as TRENCH_MPC
-from cosim.experiments.trench import Case as TrenchCase
-from cosim.experiments.trench import TrenchBench
-from cosim.experiments.trench_claims import GRID
+from cosim.experiments import three_axle, trench
+from cosim.experiments.bench import EXPERIMENT as BENCH
+from cosim.experiments.bench.published import SCENARIOS, at
+from cosim.experiments.hmmwv import EXPERIMENT as HMMWV
+from cosim.experiments.hmmwv.runs import ROADS as HMMWV_ROADS
+from cosim.experiments.hmmwv.runs import Case as HmmwvCase
+from cosim.experiments.hmmwv.runs import stop_time
+from cosim.experiments.hmmwv.wiring import BUMPS, bump_parameters
+from cosim.experiments.three_axle.published import PLACES
+from cosim.experiments.three_axle.runs import Case as ThreeAxleCase
+from cosim.experiments.trench.published import matrix
+from cosim.experiments.trench.runs import MPC as TRENCH_MPC
+from cosim.study import FmuSet, Runner
 from fmu_sources.catalog import Context, default_catalog
 from fmu_sources.controllers import bench, mpc_hmmwv, mpc_three_axle
 from fmu_sources.controllers.hmmwv_states import FORCE_LIMIT
@@ -135,8 +135,8 @@ def measure(given: Problems, backend: str) -> dict[str, float]:
 
 def bench_runs(system: str) -> list[tuple[Recording, dict[str, float]]]:
     """The published runs of the bench."""
-    runs = Bench(FmuSet())
-    cases = [*(Case(system, "bump", d) for d in BUMP_DURATIONS), Case(system, "random")]
+    runs = Runner(BENCH, FmuSet())
+    cases = [at(scenario, system) for scenario in SCENARIOS]
     recordings = [(runs.record(c), dict[str, float]()) for c in cases]
     runs.close()
     return recordings
@@ -145,18 +145,18 @@ def bench_runs(system: str) -> list[tuple[Recording, dict[str, float]]]:
 def hmmwv_runs() -> list[tuple[Recording, dict[str, float]]]:
     """Every published run of paper 001 under MPC, on hydraulic actuators: all places of the bumps and all stretches off
     road, with and without preview, on true and on estimated states, and with the preview of the range sensors."""
-    runs = HmmwvBench(FmuSet())
+    runs = Runner(HMMWV, FmuSet())
     recordings = []
     variants = [("mpc", "true", "generated"), ("mpc", "estimated", "generated"), ("mpc-preview", "true", "generated")]
     variants += [("mpc-preview", "estimated", "generated"), ("mpc-preview", "estimated", "sensed")]
     for controller, states, preview in variants:
         for case in (HmmwvCase(road, controller, states=states, preview=preview) for road in HMMWV_ROADS):
             for variant in range(case.variants):
-                system = runs.system(replace(case, variant=variant))
+                one = replace(case, variant=variant)
                 states_from = "kalman" if states == "estimated" else "car"
-                ahead = next(n for n in ("buffer", "map", "road") if n in system.members)
+                ahead = next(n for n in ("buffer", "map", "road") if n in runs.system(one).members)
                 names = [f"{states_from}.*", f"{ahead}.preview.*"]
-                recording = system.run(case.stop_time, record=names, record_interval="30 ms")
+                recording = runs.record(one, record=names, record_interval="30 ms")
                 recordings.append((recording, {"use_preview": float(controller == "mpc-preview")}))
     runs.close()
     return recordings
@@ -164,14 +164,14 @@ def hmmwv_runs() -> list[tuple[Recording, dict[str, float]]]:
 
 def higher_bumps() -> list[tuple[Recording, dict[str, float]]]:
     """Not published: the speed bumps two and four times as high, on ideal actuators; far more bounds act."""
-    runs = HmmwvBench(FmuSet())
+    runs = Runner(HMMWV, FmuSet())
     recordings = []
     for controller in ("mpc", "mpc-preview"):
         case = HmmwvCase("track", controller, actuators="ideal")
         for scale in HIGHER:
             system = runs.system(case)
             system["road"].set(bump_parameters({place: scale * h for place, h in BUMPS["track"].items()}))
-            recording = system.run(case.stop_time, record=["car.*", "road.preview.*"], record_interval="30 ms")
+            recording = system.run(stop_time(system, case), record=["car.*", "road.preview.*"], record_interval="30 ms")
             recordings.append((recording, {"use_preview": float(controller == "mpc-preview")}))
     runs.close()
     return recordings
@@ -179,27 +179,22 @@ def higher_bumps() -> list[tuple[Recording, dict[str, float]]]:
 
 def three_axle_runs() -> list[tuple[Recording, dict[str, float]]]:
     """The published runs of the 6x6 over shallow trenches under MPC, with and without preview."""
-    runs = ThreeAxleBench(FmuSet())
+    names = ["car.*", "road.preview.*", "reference.*"]
     recordings = []
-    for preview in (False, True):
-        for speed, depth in product(SPEEDS_KMH, DEPTHS):
-            case = ThreeAxleCase(speed, depth, "mpc-preview" if preview else "mpc")
-            names = ["car.*", "road.preview.*", "reference.*"]
-            recordings.append((runs.record(case, record=names), {"use_preview": float(preview), "case": 0.0}))
-    runs.close()
+    with Runner(three_axle.EXPERIMENT, FmuSet()) as runner:
+        for preview, controller in enumerate(("mpc", "mpc-preview")):
+            for place in PLACES:
+                recording = runner.record(ThreeAxleCase(*place, controller), record=names)
+                recordings.append((recording, {"use_preview": float(preview), "case": 0.0}))
     return recordings
 
 
 def trench_runs() -> list[tuple[Recording, dict[str, float]]]:
     """The 36 controlled crossings of trenches."""
-    runs = TrenchBench(FmuSet())
-    recordings = []
-    for length, speed in GRID:
+    with Runner(trench.EXPERIMENT, FmuSet()) as runner:
         names = ["car.*", "crossing.*"]
-        recording = runs.record(TrenchCase(length, speed, "mpc"), record=names, record_interval="5 ms")
-        recordings.append((recording, {"use_preview": 1.0}))
-    runs.close()
-    return recordings
+        recordings = [runner.record(case, record=names, record_interval="5 ms") for case in matrix("mpc")]
+    return [(recording, {"use_preview": 1.0}) for recording in recordings]
 
 
 def step_sizes() -> dict[str, dict[str, float]]:

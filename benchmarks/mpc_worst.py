@@ -24,9 +24,10 @@ from build_fmus.compile import ObjectCache, resolve_platforms
 from build_fmus.component import Component
 from build_fmus.package import build_fmu
 from build_fmus.qp import Daqp, Osqp
-from cosim.experiments.cases import FmuSet
-from cosim.experiments.trench import MPC as TRENCH_MPC
-from cosim.fmu import Fmu
+from cosim.experiments.trench.runs import MPC as TRENCH_MPC
+from cosim.fmu.component import FmuComponent
+from cosim.fmu.file import Fmu
+from cosim.study import FmuSet
 
 CONTROLLERS = ("MpcBench", "MpcBenchMoves", "MpcHmmwv", "MpcThreeAxle")
 PARAMETERS = {"MpcThreeAxle": ({}, {k: float(v) for k, v in TRENCH_MPC.items()})}  # with and without the printed limits
@@ -87,7 +88,7 @@ class Driven:
 
     def __init__(self, path: Path, c: Component) -> None:
         self._fmu = Fmu(path)
-        self._instance = self._fmu.instance()
+        self._instance = FmuComponent(self._fmu)
         self._period = c.sample_time or 0.0
         variables = self._fmu.description.variables
         self._inputs = [variables[e.name] for e in c.elements("input")]

@@ -12,8 +12,8 @@ from rich.markup import escape
 from rich.table import Table
 
 from cosim import Fmu
-from cosim.experiments.cases import FmuSet
-from cosim.fmu_component import FmuComponent
+from cosim.fmu.component import FmuComponent
+from cosim.study import FmuSet
 
 NAMES = (
     "QuarterCarHmmwv", "HydraulicActuator", "RideCarSedan", "ThreeAxleRide", "FullCarHmmwv", "FullCarHmmwvModified",

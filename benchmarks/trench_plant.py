@@ -6,7 +6,7 @@ import time
 import warnings
 
 from cosim import StopWhen, System, UnconnectedInputsWarning
-from cosim.experiments.cases import FmuSet
+from cosim.study import FmuSet
 
 LENGTH, SPEED = 1.5, 3.0 / 3.6  # m, m/s: a passive crossing with impacts of both bumpers
 

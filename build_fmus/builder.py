@@ -84,11 +84,11 @@ def waves(catalog: Mapping[str, Buildable], names: list[str]) -> Iterator[list[s
         left = [n for n in left if n not in ready]
 
 
-def source_hash(*packages: Path, modules: Iterable[Path] = ()) -> str:
-    """Hash of all source files below the given package directories, and of those right in the directories ``modules``."""
+def source_hash(*packages: Path) -> str:
+    """Hash of all source files below the given package directories."""
     digest = hashlib.sha256()
-    for package, paths in [*((p, p.rglob("*")) for p in packages), *((m, m.glob("*")) for m in modules)]:
-        for path in sorted(paths):
+    for package in packages:
+        for path in sorted(package.rglob("*")):
             if path.suffix in SOURCE_SUFFIXES and "__pycache__" not in path.parts:
                 digest.update(str(path.relative_to(package)).encode() + b"\0" + path.read_bytes() + b"\0")
     return digest.hexdigest()

@@ -31,10 +31,12 @@ from functools import cached_property
 from itertools import product
 from typing import Any, Literal
 
-import casadi as ca
 import numpy as np
 
-from build_fmus import qp, units
+from build_fmus import extras, qp, units
+
+with extras.needed("build", extras.BUILDING):
+    import casadi as ca
 
 Kind = Literal["continuous", "discrete"]
 Role = Literal["time", "parameter", "input", "state", "derivative", "output"]
@@ -44,11 +46,24 @@ BaseType = Literal["Float64", "Int32", "Boolean"]
 _NAME = re.compile(r"^[A-Za-z_]\w*(\.[A-Za-z_]\w*)*$", re.ASCII)
 _JACOBIAN_UP_TO = 10_000  # operations of `fwd`: beyond it a Jacobian in one piece would double the size of the FMU
 _TYPES: dict[type, BaseType] = {float: "Float64", int: "Int32", bool: "Boolean"}
+LONGEST_SOURCE = 4096  # characters; who reads an FMU believes no more
+_NO_XML = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 _SAME = 1e-6  # relative difference at which two constants count as one: they may pass through text and other units
 
 
 class DeclarationError(ValueError):
     """A component declaration that cannot become an FMU; the message names the component and the variable."""
+
+
+def source_fault(source: str) -> str:
+    """What is wrong with the text that says where a value comes from, with the remedy; empty when nothing is."""
+    if not (source and source.strip()):
+        return 'empty; say where the value comes from, or "assumed"'
+    if len(source) > LONGEST_SOURCE:
+        return f"has {len(source)} characters; shorten it to {LONGEST_SOURCE}"
+    if bad := _NO_XML.search(source):
+        return f"contains the character {bad[0]!a}, which XML cannot hold; remove it"
+    return ""
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,7 +72,7 @@ class Variable:
 
     ``slot`` is the position of its first element in the vector of its role (``p``, ``u``, ``x`` or ``y``).
     ``start`` is flat and row-major, or None when the value is calculated. ``must_equal`` is the constant that the source of
-    an input must have, None where any value will do.
+    an input must have, None where any value will do. ``source`` says where the value of a parameter comes from.
     """
 
     name: str
@@ -213,7 +228,13 @@ class Component:
         tunable: bool = False,
         source: str = "",
     ) -> Any:
-        """Declare a parameter; shape and type follow from ``start`` (float, int, bool or array). Returns its symbol."""
+        """Declare a parameter; shape and type follow from ``start`` (float, int, bool or array). Returns its symbol.
+
+        ``source`` says where the value comes from (paper and table, "measured", "assumed"); it goes into the model
+        description, and without one the parameter is refused.
+        """
+        if fault := source_fault(source):
+            raise DeclarationError(f"{self.name}.{name}: source: {fault}")
         array = np.asarray(start)
         kind = bool if array.dtype == bool else int if array.dtype.kind == "i" else float
         return self._add(

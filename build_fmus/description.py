@@ -172,7 +172,8 @@ def _common(root: etree._Element, component: Component) -> None:
 
 
 def _annotation(parent: etree._Element, component: Component) -> None:
-    """What FMI has no place for: the kind of component, and constants that a source and its target must agree on."""
+    """What FMI has no place for: the kind of component, where values come from, and constants that a source and its target
+    must agree on. All in one place, by name: beside each variable a source would stand once per element of an array."""
     attributes: dict[str, str] = {"kind": component.kind}
     if component.sample_time is not None:
         attributes["sampleTime"] = repr(component.sample_time)
@@ -181,6 +182,9 @@ def _annotation(parent: etree._Element, component: Component) -> None:
         etree.SubElement(element, "Input", name=v.name, mustEqual=repr(v.must_equal), tolerance=repr(v.tolerance))
     for name, value in component.constant_outputs().items():
         etree.SubElement(element, "Output", name=name, constant=repr(value))
+    for v in component.variables:
+        if v.source:
+            etree.SubElement(element, "Variable", name=v.name, source=v.source)
 
 
 def _value_attributes(r: Reference) -> dict[str, str]:

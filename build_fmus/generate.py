@@ -10,13 +10,15 @@ from dataclasses import dataclass
 from importlib import metadata
 from pathlib import Path
 
-import casadi as ca
 import numpy as np
 
-from build_fmus import qp
+from build_fmus import extras, qp
 from build_fmus.component import Component, Variable
 from build_fmus.mathematics import math_files
 from build_fmus.qp_sources import THIRD_PARTY, ThirdParty
+
+with extras.needed("build", extras.BUILDING):
+    import casadi as ca
 
 RUNTIME_DIR = Path(__file__).parent / "runtime"
 RUNTIME_SOURCES = ("fmu_core.c", "integrators.c", "stability.c")

@@ -12,13 +12,15 @@ from importlib import metadata
 from pathlib import Path
 
 import fmpy
-import jinja2
 
-from build_fmus import description, generate, licences, reference, safe_files
+from build_fmus import description, extras, generate, licences, reference, safe_files
 from build_fmus.compile import ObjectCache, Platform, find_toolchain
 from build_fmus.component import Component, DeclarationError
 from build_fmus.icon import icon_png
 from build_fmus.stability import check_solver
+
+with extras.needed("build", extras.BUILDING):
+    import jinja2
 
 FMI_HEADERS = {  # from the fmpy wheel
     2: ("fmi2Functions.h", "fmi2FunctionTypes.h", "fmi2TypesPlatform.h"),

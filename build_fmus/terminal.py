@@ -15,7 +15,7 @@ from rich.console import Console, RenderableType
 from rich.markup import escape
 from typer.core import TyperCommand, TyperGroup
 
-from build_fmus import safe_files
+from build_fmus import extras, safe_files
 
 PACKAGE = "suspension-fmus"
 APP: dict[str, Any] = {
@@ -123,6 +123,7 @@ def run(program: str, app: Callable[[], Any], expected: tuple[type[Exception], .
         expected: classes of failures that are a user's.
         interrupted: what Ctrl-C ends with, unless it comes with a text of its own.
     """
+    failures: tuple[type[Exception], ...] = (*expected, extras.MissingExtraError)
     safe_files.plain_warnings()
     escape_unprintable()
     try:
@@ -130,7 +131,7 @@ def run(program: str, app: Callable[[], Any], expected: tuple[type[Exception], .
     except Stopped as stopped:
         console.print(escape(str(stopped) or interrupted))
         sys.exit(130)
-    except expected as error:
+    except failures as error:
         console.print(f"[red]{program}:[/red] {escape(_text(error))}")
         sys.exit(1)
 

@@ -1,7 +1,6 @@
 """How FMUs run together: the co-simulation master, its experiments and reports."""
 
 from cosim.component import Component, Ports, PythonComponent
-from cosim.describe import describe, wiring
 from cosim.description import Description, Variable
 from cosim.errors import (
     ComponentError,
@@ -14,14 +13,16 @@ from cosim.errors import (
     UnconnectedInputsWarning,
     WiringError,
 )
-from cosim.fmu import Fmu
-from cosim.master import Simulation, SystemState
-from cosim.members import Connection, Group, Member
+from cosim.fmu.describe import describe, wiring
+from cosim.fmu.file import Fmu
+from cosim.master.simulation import Simulation
+from cosim.master.stability import Stability
+from cosim.master.state import SystemState
+from cosim.master.stops import StopWhen, View
 from cosim.recording import Recording
-from cosim.schedule import Schedule
-from cosim.stability import Stability
-from cosim.stops import StopWhen, View
-from cosim.system import System
+from cosim.session import System
+from cosim.system.members import Connection, Group, Member
+from cosim.system.schedule import Schedule
 
 __all__ = [
     "Component",

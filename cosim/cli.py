@@ -1,4 +1,4 @@
-"""Command line ``cosim``: run experiments and studies, identify laws, look into FMUs."""
+"""Command line ``suspension-fmus``, for short ``cosim``: run experiments and studies, identify laws, look into FMUs, build them."""
 
 from __future__ import annotations
 
@@ -10,50 +10,86 @@ import typer
 from rich.table import Table
 from rich.text import Text
 
-from build_fmus import terminal
+from build_fmus import extras, terminal
 from build_fmus.terminal import Command, Commands, PackageVersion, show
-from cosim.experiments import cli_bench, cli_gpc, cli_hmmwv, cli_preview_lq, cli_three_axle, cli_trench
+from cosim.experiments import EXPERIMENTS, IDENTIFY
+from cosim.study.commands import EVERYWHERE, run_command, study_command
+from cosim.study.experiment import resolved
+from cosim.study.loading import load
 
 GROUP: dict[str, Any] = {**terminal.APP, "no_args_is_help": True}
+_ANYTHING = {"allow_extra_args": True, "ignore_unknown_options": True}  # which another command reads
+
+NAMES = sorted(EXPERIMENTS)
+"""Names of our experiments."""
+
+
+class Experiments(Commands):
+    """A group with one command per experiment, made when it is called: ours by name, a user's by the file that has it."""
+
+    make: Any
+
+    def list_commands(self, ctx: Any) -> list[str]:  # noqa: ARG002
+        return [] if extras.missing("studies") else NAMES
+
+    def get_command(self, ctx: Any, cmd_name: str) -> Any:  # noqa: ARG002
+        if cmd_name in NAMES:
+            extras.require("studies", f"the experiment {cmd_name}")
+        if cmd_name in EXPERIMENTS or cmd_name.endswith(".py"):
+            return type(self).make(load(EXPERIMENTS.get(cmd_name, cmd_name)))
+        return None
+
+
+class Runs(Experiments):
+    make = staticmethod(run_command)
+
+
+class Studies(Experiments):
+    make = staticmethod(study_command)
+
+
+class Laws(Commands):
+    """One command per experiment whose laws are identified."""
+
+    def list_commands(self, ctx: Any) -> list[str]:  # noqa: ARG002
+        return list(IDENTIFY)
+
+    def get_command(self, ctx: Any, cmd_name: str) -> Any:  # noqa: ARG002
+        if cmd_name not in IDENTIFY:
+            return None
+        made = typer.Typer(**terminal.APP)
+        made.command(cmd_name, cls=Command)(resolved(IDENTIFY[cmd_name]))
+        return typer.main.get_command(made)
+
+
 app = typer.Typer(cls=Commands, **GROUP)
-run_app = typer.Typer(help="Run one case of an experiment.", **GROUP)
-study_app = typer.Typer(help="Run a whole published study and write its report.", **GROUP)
-identify_app = typer.Typer(help="Derive the control laws again from their plant FMU.", **GROUP)
-app.add_typer(run_app, name="run")
-app.add_typer(study_app, name="study")
-app.add_typer(identify_app, name="identify")
-
-EXPERIMENTS: dict[str, Any] = {
-    "bench": cli_bench,
-    "gpc": cli_gpc,
-    "hmmwv": cli_hmmwv,
-    "preview-lq": cli_preview_lq,
-    "three-axle": cli_three_axle,
-    "trench": cli_trench,
-}
-for _name, _module in EXPERIMENTS.items():
-    run_app.command(_name, cls=Command)(_module.run)
-    study_app.command(_name, cls=Command)(_module.study)
-    if hasattr(_module, "identify"):
-        identify_app.command(_name, cls=Command)(_module.identify)
-
-_EVERYWHERE = {"--fmus", "--fmi", "--vehicle", "--out", "--help"}
-"""Options of every experiment, which say nothing about one of them."""
+FILE = "NAME is one of ours, or a file of yours: cosim {0} my_experiment.py"
 
 
 @app.callback()
 def cosim(_version: PackageVersion = False) -> None:
-    """Co-simulate FMUs: experiments that repeat published papers, and a look into FMUs of any tool."""
+    """Co-simulate FMUs: experiments that repeat published papers or are your own, and a look into FMUs of any tool."""
+
+
+app.add_typer(typer.Typer(cls=Runs, help="Run one case of an experiment. " + FILE.format("run"), **GROUP), name="run")
+app.add_typer(
+    typer.Typer(cls=Studies, help="Run a whole study and write its report. " + FILE.format("study"), **GROUP),
+    name="study",
+)
+app.add_typer(
+    typer.Typer(cls=Laws, help="Derive the control laws again from their plant FMU.", **GROUP), name="identify"
+)
 
 
 @app.command("list", cls=Command)
 def list_experiments() -> None:
     """List the experiments with the options of their runs."""
+    extras.require("studies", "the list of experiments")
     table = Table("experiment", "what it is", box=None)
     table.add_column("options", overflow="fold")
-    runs = typer.main.get_command(run_app).commands  # type: ignore[attr-defined]
-    for name, module in EXPERIMENTS.items():
-        table.add_row(name, Text(module.TITLE), Text(_options(runs[name])))
+    for name in NAMES:
+        experiment = load(EXPERIMENTS[name])
+        table.add_row(name, Text(experiment.title), Text(_options(run_command(experiment))))
     show(table)
 
 
@@ -62,7 +98,7 @@ def _options(command: Any) -> str:
     terminal.list_choices(command)
     shown = []
     for option in command.params:
-        if option.opts[0] not in _EVERYWHERE:
+        if option.opts[0] not in EVERYWHERE:
             unit = re.search(r"\[([^\]]+)\]", option.help or "")
             value = option.metavar or (unit[1].upper() if unit else "N")
             shown.append(option.opts[0] if option.is_flag else f"{option.opts[0]} {value}")
@@ -72,16 +108,24 @@ def _options(command: Any) -> str:
 @app.command(cls=Command)
 def fmu(file: Annotated[Path, typer.Argument(help="an .fmu file, of any tool")]) -> None:
     """Show what is in an FMU, ready to wire."""
-    from cosim.describe import describe, wiring
+    from cosim.fmu.describe import describe, wiring
 
     show(describe(file))
     show(Text("\nready to paste:", style="bold"))
     show(Text(wiring(file), style="green"), as_is=True)
 
 
-def main() -> None:
-    """Entry point."""
+@app.command("build", cls=Command, add_help_option=False, context_settings=_ANYTHING)
+def build(context: typer.Context) -> None:
+    """Build FMUs from the component declarations."""
+    from fmu_sources import cli
+
+    cli.main(context.command_path, context.args)
+
+
+def main(program: str = "cosim") -> None:
+    """Entry point; ``program`` is what it was called as."""
     from cosim.errors import CosimError
 
     failures = (CosimError, ValueError, LookupError, OSError, RuntimeError)
-    terminal.run("cosim", app, failures, "interrupted")
+    terminal.run(program, app, failures, "interrupted")

@@ -9,14 +9,13 @@ from dataclasses import dataclass
 from typing import Any, ClassVar, Protocol
 
 import numpy as np
-import numpy.typing as npt
 
 from cosim.description import Description, Variable
 from cosim.errors import CallFailed
-from cosim.timebase import TimeLike, positive
+from cosim.signals import Array
+from cosim.time import TimeLike, positive
 from cosim.units import KNOWN, Unit
 
-Array = npt.NDArray[np.float64]
 Action = Callable[[], None]
 
 

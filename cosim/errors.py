@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Iterable, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-if TYPE_CHECKING:
-    from cosim.recording import Recording
+from cosim.recording import Recording
 
 STATUS_NAMES = ("OK", "Warning", "Discard", "Error", "Fatal", "Pending")  # FMI 3.0 has no Pending
 

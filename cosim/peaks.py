@@ -7,7 +7,7 @@ from itertools import pairwise
 import numpy as np
 import numpy.typing as npt
 
-from cosim.component import Array
+from cosim.signals import Array
 
 
 def keep_peaks(x: npt.ArrayLike, y: npt.ArrayLike, points: int = 2000) -> tuple[Array, Array]:

@@ -6,16 +6,14 @@ import csv
 import difflib
 import os
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 
 from build_fmus import safe_files
-
-Array = npt.NDArray[np.float64]
+from cosim.signals import Array
 
 _HEADER = re.compile(r"(.*?)(?: \[(.*)\])?")
 
@@ -95,41 +93,3 @@ class Recording:
         pairs = [_HEADER.fullmatch(text).groups() for text in header[1:]]  # type: ignore[union-attr]
         names = [str(name) for name, _ in pairs]
         return cls(table[:, 0], names, table[:, 1:], {str(name): unit or "" for name, unit in pairs})
-
-
-class Recorder:
-    """Takes samples from the master's value vector into rows that grow by chunks.
-
-    `index` (variables,) picks the values; `scale` and `offset` are applied to whole columns when the recording is
-    made. `count` may be set back, which forgets later samples.
-    """
-
-    CHUNK = 4096
-
-    def __init__(self, values: Array, index: Sequence[int], scale: Array, offset: Array):
-        self.count = 0
-        self._index = np.array(index, dtype=np.intp)
-        self._scale, self._offset = scale, offset
-        self._take = values.take
-        self._times: list[Array] = []
-        self._rows: list[Array] = []
-
-    def sample(self, t: float) -> None:
-        """Append one sample."""
-        chunk, row = divmod(self.count, self.CHUNK)
-        if chunk == len(self._times):
-            self._times.append(np.empty(self.CHUNK))
-            self._rows.append(np.empty((self.CHUNK, len(self._index))))
-        self._times[chunk][row] = t
-        self._take(self._index, 0, self._rows[chunk][row], "clip")
-        self.count += 1
-
-    def recording(self, names: list[str], units: dict[str, str]) -> Recording:
-        """A copy of everything sampled so far."""
-        if not self._times:
-            return Recording(np.empty(0), names, np.empty((0, len(names))), units)
-        time = np.concatenate(self._times)[: self.count]
-        data = np.concatenate(self._rows)[: self.count]
-        if np.any(self._scale != 1.0) or np.any(self._offset != 0.0):
-            data = data * self._scale + self._offset
-        return Recording(time, names, np.asfortranarray(data), units)

@@ -12,20 +12,21 @@ from pathlib import Path
 
 from build_fmus import safe_files
 from cosim import Fmu, Variable
-from fmu_sources.catalog import default_catalog
+from fmu_sources.catalog import PAPERS, default_catalog
 
 HERE = Path(__file__).parent
 _HEAD = """# FMU reference
 
 Every FMU of the catalog with its variables, written by `docs/write_fmus.py` from the FMUs themselves; do not edit. FMI 2.0
 and 3.0 have the same variables. Corners are `fl fr rl rr`, axes ISO 8855, units SI. `name[1..8]` stands for
-`name[1]` to `name[8]`.
+`name[1]` to `name[8]`. Numbers of papers in sources:
+
 """
 
 
 def reference(fmus: Path) -> str:
     """The whole page; ``fmus`` is the folder with ``fmi3/``."""
-    parts = [_HEAD]
+    parts = [_HEAD + "".join(f"- {number}: {title}\n" for number, title in sorted(PAPERS.items()))]
     for name, entry in default_catalog().items():
         about = Fmu(fmus / "fmi3" / f"{name}.fmu").description
         kind = about.kind or "continuous"
@@ -46,15 +47,14 @@ def _table(title: str, variables: Iterable[Variable]) -> str:
     groups: dict[tuple[str, str, str], list[Variable]] = {}
     for v in variables:
         groups.setdefault((re.sub(r"\[[\d,]+\]$", "[]", v.name), v.unit_name, v.description), []).append(v)
-    start = title == "parameters"
-    lines = [
-        f"| {title} | unit |{' start |' if start else ''} description |",
-        f"|---|---|{'---|' if start else ''}---|",
-    ]
+    parameters = title == "parameters"
+    head = [title, "unit", *(("start", "description", "source") if parameters else ("description",))]
+    lines = [f"| {' | '.join(head)} |", f"|{'---|' * len(head)}"]
     for (name, unit, description), elements in groups.items():
         cells = [f"`{_spanned(name, elements)}`", unit, description + _limits(elements[0])]
-        if start:
+        if parameters:
             cells.insert(2, _start(elements))
+            cells.append(elements[0].source or "")
         lines.append(f"| {' | '.join(cells)} |")
     return "\n".join(lines) + "\n"
 
@@ -81,9 +81,9 @@ def _spanned(name: str, elements: list[Variable]) -> str:
 
 
 def _start(elements: list[Variable]) -> str:
-    """Identified gains are not shown: they are many, and differ in the last digits between machines."""
+    """Arrays are not shown: they are long, and identified gains differ in the last digits between machines."""
     if len(elements) > 1:
-        return "identified"
+        return "several"
     value = elements[0].start
     return f"{value:g}" if isinstance(value, float) else str(value).lower()
 

@@ -14,7 +14,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from cosim.cli import EXPERIMENTS
+from cosim.cli import NAMES
 from cosim.report.claims import OUTCOMES
 
 HERE = Path(__file__).parent
@@ -41,7 +41,7 @@ Summary = dict[str, Any]
 
 def missing(studies: list[Summary]) -> str:
     """A sentence that names the experiments whose verdicts are not kept yet; nothing when all are."""
-    names = sorted(set(EXPERIMENTS) - {s["experiment"] for s in studies})
+    names = sorted(set(NAMES) - {s["experiment"] for s in studies})
     commands = ", ".join(f"`cosim study {n}`" for n in names)
     return f"Not in this table yet, since they were not run on the newest FMUs: {commands}." if names else ""
 
@@ -143,7 +143,9 @@ def _unit(unit: str) -> str:
 
 
 def _short(c: dict[str, Any]) -> str:
-    return f"{c['claim']} (published: {c['published']}; here: {c['ours']})"
+    """A claim in one line, with the pump that would carry it where its reason names one."""
+    pump = next((f"; {part}" for part in c["reason"].split("; ") if part.startswith("carried by")), "")
+    return f"{c['claim']} (published: {c['published']}; here: {c['ours']}{pump})"
 
 
 def _judged(c: dict[str, Any]) -> str:

@@ -70,7 +70,7 @@ def default_catalog() -> dict[str, Entry]:
         *_family(_ACTUATOR, "actuator_hmmwv", ""),
         *_family(_ACTUATOR, "actuator_hmmwv_physical", "Physical", about=", density of real oil"),
         *vehicle_catalog("hmmwv", plant="FullCarHmmwv", suffix=None).values(),
-        *vehicle_catalog("hmmwv_modified", plant="FullCarHmmwvModified", suffix="").values(),
+        *vehicle_catalog("hmmwv_modified", plant=_GPC_PLANT, suffix="").values(),
     ]
     return {e.name: e for e in entries}
 
@@ -129,9 +129,11 @@ def own_names(path: Path, suffix: str) -> dict[str, str]:
     from fmu_sources.vehicles import load_vehicle
 
     made = own_catalog(path, suffix)
+    if load_vehicle(path).kind == "full_car":
+        return {_GPC_PLANT: f"FullCar{suffix}", **{name: name + suffix for name in (*_ROADS, *_GPC)}}
     names = {
         template.format(v=called, s=""): template.format(v=suffix, s=suffix)
-        for parts, published in _KINDS.get(load_vehicle(path).kind, ())  # a full car's experiment has names of its own
+        for parts, published in _KINDS[load_vehicle(path).kind]
         for template in parts
         for called in published
     }
@@ -522,6 +524,7 @@ _ROADS = {  # name -> maker in fmu_sources.roads, summary
     "RoadCurb": ("road_curb", "curb road of paper 000"),
     "RoadPerryman3": ("road_perryman3", "synthetic stand-in for the Perryman 3 test course"),
 }
+_GPC_PLANT = "FullCarHmmwvModified"
 _GPC = {
     "GpcImplicit": ("GPC with implicit disturbances (paper 000)", "implicit"),
     "GpcExplicit": ("GPC with explicit disturbances (paper 000)", "explicit"),

@@ -7,7 +7,7 @@ import zipfile
 from pathlib import Path
 
 from build_fmus.compile import find_toolchain, host
-from cosim.fmi_calls import platform_folder
+from cosim.fmu.calls import platform_folder
 
 NONE, FREEZE, STATUS, GET_STATUS, NOT_FINITE, END, END_EARLY = range(7)
 

@@ -6,13 +6,15 @@ import os
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 
 import components
 
 import build_fmus
-from build_fmus import builder, cli
+from build_fmus import builder
 from build_fmus.builder import Options
+from fmu_sources import cli
 from fmu_sources.catalog import default_catalog
 
 ROOT = Path(__file__).parents[1]
@@ -23,6 +25,8 @@ PROBES = FMUS / ".probes"  # FMUs of the test components
 _ASKED = [n for n in os.environ.get("FMUS_UNDER_TEST", "").split(",") if n]
 CATALOG_NAMES = [n for n in default_catalog() if not _ASKED or n in _ASKED]
 PROBE_NAMES = [n for n in components.CATALOG if not _ASKED or n in _ASKED]
+NAMES = [*PROBE_NAMES, *CATALOG_NAMES]
+ALL_ARE_ASKED = not _ASKED
 
 
 @dataclass(frozen=True)
@@ -52,8 +56,9 @@ def one_at_a_time(path: Path) -> Iterator[None]:
         yield
 
 
+@cache
 def build_all() -> BuiltFmus:
-    """Bring all FMUs under test up to date, for this machine."""
+    """Bring all FMUs under test up to date, for this machine; once per process."""
     with one_at_a_time(FMUS / ".cache" / "tests.lock"):
         sources = builder.source_hash(Path(build_fmus.__file__).parent)
         for folder, versions, arrays in (("scalars", (2, 3), False), ("arrays", (3,), True)):

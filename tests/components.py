@@ -29,13 +29,15 @@ def oscillator(name: str = "ProbeRk4", solver: Solver = "rk4", fastest: float = 
         name, kind="continuous", description="Nonlinear oscillator of the tests", source="none", solver=solver,
         stop_time=1.0,
     )  # fmt: skip
-    mass = c.parameter("mass", 2.0, "kg", "mass", min=0.1, max=1e3)
-    stiffness = c.parameter("stiffness", 150.0, "N/m", "linear stiffness", min=1.0)
-    cubic = c.parameter("cubic", 40.0, "N/m3", "cubic stiffness", min=0.0)
-    damping = c.parameter("damping", 3.0, "N.s/m", "damping", min=0.0, tunable=True)
-    lag = c.parameter("lag", [fastest, 0.1, 0.2], "s", "time constants of the lags", min=min(1e-3, fastest / 10))
-    order = c.parameter("order", 1, None, "harmonic of the forcing", min=0, max=5)
-    forced = c.parameter("forced", True, None, "whether the harmonic forcing acts")
+    mass = c.parameter("mass", 2.0, "kg", "mass", min=0.1, max=1e3, source="none")
+    stiffness = c.parameter("stiffness", 150.0, "N/m", "linear stiffness", min=1.0, source="none")
+    cubic = c.parameter("cubic", 40.0, "N/m3", "cubic stiffness", min=0.0, source="none")
+    damping = c.parameter("damping", 3.0, "N.s/m", "damping", min=0.0, tunable=True, source="none")
+    lag = c.parameter(
+        "lag", [fastest, 0.1, 0.2], "s", "time constants of the lags", min=min(1e-3, fastest / 10), source="assumed"
+    )
+    order = c.parameter("order", 1, None, "harmonic of the forcing", min=0, max=5, source="none")
+    forced = c.parameter("forced", True, None, "whether the harmonic forcing acts", source="none")
     force = c.input("force", "N", "force", min=-1e4, max=1e4)
     kick = c.input("corner.fl.kick", "N", "three more forces", shape=(3,))
     brake = c.input("brake", None, "whether the brake is on", type=bool, start=False)
@@ -75,9 +77,11 @@ def filter_bank(name: str = "ProbeDiscrete") -> Component:
         source="none",
         stop_time=1.0,
     )
-    gain = c.parameter("gain.y", [[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]], "1", "gain", min=-100.0, max=100.0)
-    pole = c.parameter("pole", 0.8, "1", "pole of the filter", min=0.0, max=0.999, tunable=True)
-    limit = c.parameter("limit", 20.0, "N", "limit of the outputs", min=0.0)
+    gain = c.parameter(
+        "gain.y", [[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]], "1", "gain", min=-100.0, max=100.0, source="counted: 1 to 6"
+    )
+    pole = c.parameter("pole", 0.8, "1", "pole of the filter", min=0.0, max=0.999, tunable=True, source="assumed")
+    limit = c.parameter("limit", 20.0, "N", "limit of the outputs", min=0.0, source="none")
     y = c.input("y", "N", "measurements", shape=(3,))
     valid = c.input("y.valid", None, "whether the measurements are valid", type=bool, start=True)
     offset = c.input("offset", None, "offset", type=int, start=0, min=-5, max=5)
@@ -117,7 +121,7 @@ def optimizer(name: str = "ProbeQpDaqp", backend: Backend = Daqp()) -> Component
         name, kind="discrete", sample_time=0.01, description="Quadratic program of the tests", source="none",
         stop_time=1.0,
     )  # fmt: skip
-    limit = c.parameter("limit", 1.5, "N", "limit of each command", min=0.1, tunable=True)
+    limit = c.parameter("limit", 1.5, "N", "limit of each command", min=0.1, tunable=True, source="none")
     wanted = c.input("wanted", "N", "commands wished for", shape=(3,), min=-1e3, max=1e3)
     total = c.input("total", "N", "what the first two commands add up to", min=-1e3, max=1e3)
     stiff = c.input("stiff", None, "case", type=int, start=0, min=0, max=1)

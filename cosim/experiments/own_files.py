@@ -5,8 +5,10 @@ from __future__ import annotations
 import shlex
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
-from cosim.experiments.cases import CaseError, FmuSet
+from cosim.study.case import CaseError
+from cosim.study.fmus import FmuSet
 from fmu_sources.catalog import catalog_suffix, no_preview_lq, own_names, weights_name
 from fmu_sources.controllers.preview_lq_weights import load_weights
 from fmu_sources.vehicles import RideCar, Vehicle, VehicleError, load_vehicle, vehicle_names
@@ -54,20 +56,22 @@ def load_own(experiment: str, file: Path) -> Vehicle:
     return vehicle
 
 
-def own_fmus(
-    experiment: str, directory: Path, fmi: int, vehicles: Sequence[Path] | None, weights: Path | None = None
-) -> FmuSet:
-    """The FMUs of an experiment, with those of a user's vehicle files in place of published ones, and a law of a user's weights.
+def own_fmus(experiment: str, directory: Path, fmi: int, vehicles: Sequence[Path] | None, case: Any = None) -> FmuSet:
+    """The FMUs of an experiment, with those of a user's vehicle files in place of published ones, and a law of a user's weights
+    where the case names some (``own_weights``).
 
     Raises:
         VehicleError: a file that cannot be used; see :func:`load_own`.
         WeightsError: a weights file that cannot be used.
-        CaseError: two files that make the same FMU.
+        CaseError: two files that make the same FMU, or one without the friction that the case has.
     """
+    weights = getattr(case, "own_weights", None)
     own: dict[str, tuple[str, str]] = {}
     by: dict[str, Path] = {}
     for file in vehicles or ():
-        load_own(experiment, file)
+        own_vehicle = load_own(experiment, file)
+        if getattr(case, "friction", False):
+            check_friction(file, own_vehicle)
         for published, name in own_names(file, catalog_suffix(file)).items():
             if published in own:
                 raise CaseError(f"{by[published]} and {file} both give another {published}; choose one of them")
@@ -81,15 +85,11 @@ def own_fmus(
     return FmuSet(directory, fmi, own)
 
 
-def check_friction(vehicles: Sequence[Path] | None) -> None:
+def check_friction(file: Path, vehicle: Vehicle) -> None:
     """Refuse dry friction for a user's ride car whose file gives none.
 
     Raises:
         CaseError: names the file and the tables that are missing.
     """
-    for file in vehicles or ():
-        vehicle = load_vehicle(file)
-        if isinstance(vehicle, RideCar) and not (vehicle.suspension.front.friction or vehicle.suspension.rear.friction):
-            raise CaseError(
-                f"--friction: {file} gives its suspensions none; add [suspension.front.friction] (and rear)"
-            )
+    if isinstance(vehicle, RideCar) and not (vehicle.suspension.front.friction or vehicle.suspension.rear.friction):
+        raise CaseError(f"--friction: {file} gives its suspensions none; add [suspension.front.friction] (and rear)")

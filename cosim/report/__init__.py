@@ -1,4 +1,10 @@
-"""Reports of experiments: what was claimed, what came out, and every number behind it."""
+"""Reports of experiments: what was claimed, what came out, and every number behind it.
+
+What draws and writes is imported when it is used: it needs the extra [reports], and nothing else here does.
+"""
+
+import importlib
+from typing import TYPE_CHECKING, Any
 
 from cosim.peaks import keep_peaks
 from cosim.report.animation import Animation, Body, Force, Phase, Reading, Scene, Strut, Take, Wheel
@@ -14,8 +20,19 @@ from cosim.report.model import (
     Series,
     Table,
 )
-from cosim.report.plots import Palette, plotly_figure
-from cosim.report.write import ReportError, write_report
+
+if TYPE_CHECKING:
+    from cosim.report.plots import Palette, plotly_figure
+    from cosim.report.write import ReportError, write_report
+
+_PLACES = {"Palette": "plots", "plotly_figure": "plots", "ReportError": "write", "write_report": "write"}
+
+
+def __getattr__(name: str) -> Any:
+    if name not in _PLACES:
+        raise AttributeError(f"module 'cosim.report' has no attribute {name!r}")
+    return getattr(importlib.import_module(f"cosim.report.{_PLACES[name]}"), name)
+
 
 __all__ = [
     "Animation",

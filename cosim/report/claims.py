@@ -154,6 +154,10 @@ class Distribution:
         n = len(self.values)
         return bool(stats.binomtest(self.count(holds), n, 0.5, alternative="greater").pvalue <= _LEVEL)
 
+    def too_few(self, holds: Callable[[float], bool]) -> bool:
+        """Whether all values are on the claimed side, but so few that it may be chance (4 of 4): nothing is decided."""
+        return self.everywhere(holds) and not self.clearly(holds)
+
     def everywhere(self, holds: Callable[[float], bool]) -> bool:
         """Whether all values are on the claimed side, as a claim over all speeds needs it."""
         return self.count(holds) == len(self.values)
@@ -211,6 +215,30 @@ class Counts:
         return self.verdicts["reproduced"]
 
 
+def verdict_of(
+    holds: bool,
+    value: float | None = None,
+    band: Band | None = None,
+    over: Distribution | None = None,
+    undecided: str = "",
+) -> Verdict:
+    """Verdict on a published claim, from what :meth:`Claims.judge` is given."""
+    if undecided:
+        return "open"
+    if not holds:
+        return "not reproduced"
+    number = _figure(value if over is None else over.median)
+    magnitude = band is None or (number is not None and number in band)
+    if band is not None and band.open and over is not None:
+        magnitude = magnitude and over.clearly(band.__contains__)
+    return "reproduced" if magnitude else "order reproduced, magnitude not"
+
+
+def _figure(value: float | None) -> float | None:
+    """A figure as claims keep it, to five significant digits; none where there is no number."""
+    return None if value is None or np.isnan(value) else float(f"{value:.5g}")
+
+
 class Claims(list[Claim]):
     """Claims of a report in their order, each judged as it is added; `evidence` holds the distributions looked at."""
 
@@ -263,22 +291,15 @@ class Claims(list[Claim]):
             if value is not None:
                 raise ValueError(f"claim '{id}' has a value and a distribution; the value is the distribution's median")
             value = over.median
-        number = None if value is None or np.isnan(value) else float(f"{value:.5g}")
         if band is not None and value is None:
             raise ValueError(f"claim '{id}' has a band but no value to lie in it")
-        verdict: Verdict = "not reproduced"
-        if undecided:
-            verdict, reason = "open", undecided
-        elif holds:
-            magnitude = band is None or (number is not None and number in band)
-            if band is not None and band.open and over is not None:
-                magnitude = magnitude and over.clearly(band.__contains__)
-            verdict = "reproduced" if magnitude else "order reproduced, magnitude not"
+        verdict = verdict_of(holds, value, band, over, undecided)
         rules = [criterion] if criterion else []
         if band is not None:
             clearly = f" in clearly most {over.of}" if over is not None and band.open else ""
             rules.append(f"magnitude {band.text(unit)}{clearly}" + (f" ({band.reason})" if band.reason else ""))
-        self._add(id, claim, published, ours, verdict, reason, source, number, unit, "; ".join(rules), fitted)
+        reason = undecided or reason
+        self._add(id, claim, published, ours, verdict, reason, source, _figure(value), unit, "; ".join(rules), fitted)
 
     def check(
         self,
@@ -296,9 +317,8 @@ class Claims(list[Claim]):
         fitted: str = "",
     ) -> None:
         """Add a check of ours, which no paper states; arguments as those of :meth:`judge`."""
-        number = None if value is None or np.isnan(value) else float(f"{value:.5g}")
         verdict: Verdict = "holds" if holds else "does not hold"
-        self._add(id, claim, expected, ours, verdict, reason, source, number, unit, criterion, fitted)
+        self._add(id, claim, expected, ours, verdict, reason, source, _figure(value), unit, criterion, fitted)
 
     def _add(
         self, id: str, claim: str, published: str, ours: str, verdict: Verdict, reason: str, source: str,

@@ -6,11 +6,10 @@ import html
 import json
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 import numpy.typing as npt
-import plotly.graph_objects as go
 
 from cosim.report.checks import (
     Array,
@@ -23,6 +22,9 @@ from cosim.report.checks import (
     items,
     split_label,
 )
+
+if TYPE_CHECKING:
+    import plotly.graph_objects as go
 
 View = Literal["contour", "surface"]
 _SURFACES = (("#9aa3ad", "#5f6873"), ("#56b4e9", "#0072b2"), ("#e69f00", "#d55e00"), ("#009e73", "#00543d"))
@@ -106,6 +108,8 @@ def _base(height: int) -> dict[str, Any]:
 
 
 def _contours(figure: Map, narrow: bool) -> go.Figure:
+    import plotly.graph_objects as go
+
     values = [np.asarray(layer.values) for layer in figure.layers]
     low, high = min(v.min() for v in values), max(v.max() for v in values)
     count, traces = len(values), []
@@ -143,6 +147,8 @@ def _contours(figure: Map, narrow: bool) -> go.Figure:
 
 
 def _surfaces(figure: Map, narrow: bool) -> go.Figure:
+    import plotly.graph_objects as go
+
     traces: list[Any] = []
     layout = _base(420 if narrow else 540)
     layout["margin"] = {"t": 8, "b": 8, "l": 8, "r": 8}

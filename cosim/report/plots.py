@@ -11,10 +11,13 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import plotly.graph_objects as go
 
+from build_fmus import extras
 from cosim.report.checks import Array, split_label
 from cosim.report.model import Color, Dash, Figure, Panel
+
+with extras.needed("reports", extras.WRITING):
+    import plotly.graph_objects as go
 
 # Okabe and Ito, "Color Universal Design" (2008), without its yellow, which is invisible on white
 COLORS: dict[Color, str] = {

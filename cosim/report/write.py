@@ -19,11 +19,7 @@ from importlib import resources
 from pathlib import Path
 from typing import Any
 
-import jinja2
-from markupsafe import Markup
-from plotly.offline import get_plotlyjs
-
-from build_fmus import safe_files
+from build_fmus import extras, safe_files
 from cosim.errors import CosimError
 from cosim.report.animation import animation_data
 from cosim.report.checks import Scalar
@@ -31,6 +27,11 @@ from cosim.report.claims import Claim, Verdict
 from cosim.report.maps import Map, map_plot
 from cosim.report.model import Figure, Report, Table
 from cosim.report.plots import Palette, plotly_figure, series_columns
+
+with extras.needed("reports", extras.WRITING):
+    import jinja2
+    from markupsafe import Markup
+    from plotly.offline import get_plotlyjs
 
 SIGNIFICANT = 4  # digits shown on the page; JSON and CSV carry every digit
 _LOOK: dict[Verdict, dict[str, str]] = {

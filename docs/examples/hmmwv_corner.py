@@ -11,7 +11,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from cosim import Recording, System
-from cosim.experiments.hmmwv_tracking import connect_corner
+from cosim.experiments.hmmwv.wiring import connect_corner
 
 SPEED = 20 * 0.44704  # m/s, 20 mph
 

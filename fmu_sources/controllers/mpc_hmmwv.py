@@ -17,7 +17,6 @@ from scipy import linalg
 
 from build_fmus.component import Component
 from build_fmus.qp import Backend, Daqp, Osqp
-from cosim.comfort import FEET_PER_METRE, HUMAN_RESPONSE
 from fmu_sources.controllers.force_tracking import DECAY, NATURAL
 from fmu_sources.controllers.hmmwv_states import (
     CORNERS,
@@ -40,6 +39,7 @@ from fmu_sources.controllers.mpc import (
 )
 from fmu_sources.controllers.mpc_model import Disturbance, Filter, MpcModel, filter_inputs, filter_output
 from fmu_sources.controllers.mpc_settings import Horizon, Input, Mpc, Output
+from fmu_sources.models.comfort import FEET_PER_METRE, HUMAN_RESPONSE
 
 STEPS = 15  # of prediction and of moves, assumed
 PREVIEW_POINTS = STEPS + 1

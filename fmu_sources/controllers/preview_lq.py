@@ -53,13 +53,16 @@ class Taps:
     shift: np.ndarray
 
 
-def ride_plant(car: Component) -> LinearPlant:
+def ride_plant(car: Component, parameters: np.ndarray | None = None) -> LinearPlant:
     """The linear model of a ride car with road heights as disturbances, derived from its declaration.
+
+    Args:
+        parameters: others than those it is declared with, in their order.
 
     Raises:
         ValueError: the car's outputs depend on road rates (tyre damping): the index would need the road's slope.
     """
-    lin = car.linearize()
+    lin = car.linearize(p=parameters)
     column = {n: i for i, n in enumerate(lin.inputs)}
     row = {n: i for i, n in enumerate(lin.outputs)}
     u, w, rates = (
@@ -139,8 +142,9 @@ def preview_lq(
         notes=_NOTES,
     )
     mode = c.parameter(
-        "mode", MODES["preview"], None, "0 active, 1 active and delay, 2 active and preview", min=0, max=2
-    )
+        "mode", MODES["preview"], None, "0 active, 1 active and delay, 2 active and preview", min=0, max=2,
+        source="004: the laws of its Table 3",
+    )  # fmt: skip
     preview_time = c.parameter(
         "preview_time", 0.12, "s", "preview used ahead of the front wheels", min=0.0, max=10.0, source="004"
     )

@@ -63,7 +63,10 @@ def three_axle_trench(vehicle: ThreeAxleTrenchCar, name: str = "ThreeAxleTrench"
         notes=_NOTES,
     )
     p = declare(c, vehicle)
-    gas = c.parameter("strut.hydropneumatic", False, None, "gas springs (003 Figure 3.7) instead of linear ones")
+    gas = c.parameter(
+        "strut.hydropneumatic", False, None, "gas springs (003 Figure 3.7) instead of linear ones",
+        source="option; 003 section 3.3.2.1 has linear ones",
+    )  # fmt: skip
     driven = c.parameter(
         "wheels.driven", True, None, "wheels turn at the imposed speed; false: they roll freely and give no traction",
         source="003 section 5.4: imposed",

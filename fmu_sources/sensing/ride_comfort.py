@@ -8,7 +8,7 @@ from typing import Any
 import casadi as ca
 
 from build_fmus.component import Component
-from cosim.comfort import (
+from fmu_sources.models.comfort import (
     ABSORBED_POWER_LIMIT,
     FEET_PER_METRE,
     HUMAN_RESPONSE,
@@ -23,7 +23,7 @@ LONGEST_WINDOW = 3.0  # s, what the FMU has memory for
 
 
 def ride_comfort(name: str = "RideComfort", *, period: float = SAMPLE_TIME) -> Component:
-    """Comfort figures of a vertical acceleration. The same numbers come from `cosim.comfort` for a finished recording.
+    """Comfort figures of a vertical acceleration. The same numbers come from `fmu_sources.models.comfort` for a finished recording.
 
     ``period``: sample time [s].
     """
@@ -127,5 +127,5 @@ _NOTES = (
     "Digital filters: bilinear, each second-order section exact at its own frequency. Wk is within 0.2 dB of the analog "
     "weighting from 0.5 to 80 Hz (the standard allows 1 dB), the human response within 0.3 % in power up to 20 Hz.",
     "Wiring: body.az of any vehicle of this project. Every figure includes the sample at t; functions of the same name in "
-    "cosim.comfort give the same numbers for a recording.",
+    "fmu_sources.models.comfort give the same numbers for a recording.",
 )

@@ -118,7 +118,7 @@ def sensor_suite(sensors: SensorSet, scan: RoadScan, name: str = "SensorSuite") 
         values = c.parameter(
             f"range.{field}", [q.value for q in both], declared.unit,
             f"{type(sensors.radar).model_fields[field].description}: radar, optical", min=declared.min, max=declared.max,
-            nominal=declared.nominal, display_unit=declared.display_unit, source="; ".join(q.source for q in both),
+            nominal=declared.nominal, display_unit=declared.display_unit, source="; ".join(dict.fromkeys(q.source for q in both)),
         )  # fmt: skip
         chosen = ca.if_else(kind < 0.5, values[0], values[1])
         if field in ("response", "tilt"):

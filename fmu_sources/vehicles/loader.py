@@ -217,7 +217,7 @@ def _sentence(model: type[BaseModel], error: Any) -> str:
         return f"{field}: {error['input']!r} is not a table{_expected(model, loc)}"
     if kind == "finite_number":
         return f"{field}: {error['input']} is not a finite number"
-    if kind in ("unit", "limit"):
+    if kind in ("unit", "limit", "source"):
         return f"{field}: {error['msg']}"
     return f"{field}: {error['msg'][0].lower()}{error['msg'][1:]} (given: {error['input']!r})"
 

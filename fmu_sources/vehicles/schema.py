@@ -14,6 +14,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationInfo, field_validat
 from pydantic_core import PydanticCustomError
 
 from build_fmus import units
+from build_fmus.component import source_fault
 
 
 @dataclass(frozen=True)
@@ -34,7 +35,14 @@ class Quantity(BaseModel):
 
     value: float = Field(allow_inf_nan=False)
     unit: str
-    source: str = Field(min_length=1)
+    source: str
+
+    @field_validator("source")
+    @classmethod
+    def _is_one(cls, given: str) -> str:
+        if fault := source_fault(given):
+            raise PydanticCustomError("source", "{text}", {"text": fault})
+        return given
 
 
 def quantity(

@@ -70,7 +70,8 @@ def test_identity_follows_content() -> None:
 
     def changed(**parameter: object) -> str:
         c = oscillator()
-        c.parameter("extra", parameter.pop("start", 1.0), **{"unit": "m", "description": "extra", **parameter})  # type: ignore[arg-type]
+        told = {"start": 1.0, "unit": "m", "description": "extra", "source": "none", **parameter}
+        c.parameter("extra", **told)  # type: ignore[arg-type]
         return identity(c, arrays=False)
 
     tokens = {
@@ -80,7 +81,7 @@ def test_identity_follows_content() -> None:
         identity(oscillator(solver="am2"), arrays=False),
     }  # fmt: skip
     assert len(tokens) == 12
-    assert changed() == changed()
+    assert changed() == changed() == changed(source="another")
     assert all(re.fullmatch(r"\{[0-9a-f]{8}(-[0-9a-f]{4}){3}-[0-9a-f]{12}\}", t) for t in tokens)
 
 

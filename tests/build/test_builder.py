@@ -11,9 +11,10 @@ from pathlib import Path
 
 import pytest
 
-from build_fmus import builder, cli, safe_files
+from build_fmus import builder, safe_files
 from build_fmus.builder import Options, Stamps, source_hash, waves, with_needs
 from build_fmus.safe_files import DamagedWarning
+from fmu_sources import cli
 
 
 @dataclass(frozen=True)

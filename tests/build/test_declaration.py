@@ -67,10 +67,10 @@ CASES: dict[str, tuple[Callable[[], object], str]] = {
         lambda: [c := sampled(), c.derivative(c.state("x", "m"), 0)], r"Filter: derivative\(\) is for continuous",
     ),
     "update of a continuous one": (lambda: [c := mass(), c.update(c.state("x", "m"), 0)], r"Mass: update\(\) is for discrete"),
-    "start below min": (lambda: mass().parameter("m", -1.0, "kg", "mass", min=0.0), r"Mass\.m: start value -1 lies outside \[0\.0"),
+    "start below min": (lambda: mass().parameter("m", -1.0, "kg", "mass", min=0.0, source="none"), r"Mass\.m: start value -1 lies outside \[0\.0"),
     "start above max": (lambda: mass().input("f", "N", "force", start=2.0, max=1.0), r"Mass\.f: start value 2 lies outside"),
-    "start not finite": (lambda: mass().parameter("m", math.nan, "kg", "mass"), r"Mass\.m: start value nan is not finite"),
-    "start infinite": (lambda: mass().parameter("m", math.inf, "kg", "mass"), r"Mass\.m: start value inf is not finite"),
+    "start not finite": (lambda: mass().parameter("m", math.nan, "kg", "mass", source="none"), r"Mass\.m: start value nan is not finite"),
+    "start infinite": (lambda: mass().parameter("m", math.inf, "kg", "mass", source="none"), r"Mass\.m: start value inf is not finite"),
     "calculated start of another size": (
         lambda: [c := mass(), c.state("x", "m", start=ca.SX.sym("s", 2), shape=(3,))], r"Mass\.x: start has shape \(2, 1\), not \(3,\)",
     ),
@@ -80,12 +80,22 @@ CASES: dict[str, tuple[Callable[[], object], str]] = {
     "transposed matrix": (
         lambda: [c := sampled(), c.update(c.state("x", "m", shape=(2, 3)), ca.SX.sym("s", 3, 2))], r"Filter\.x: update has shape \(3, 2\), not \(2, 3\)",
     ),
-    "three dimensions": (lambda: mass().parameter("a", np.zeros((2, 2, 2)), "1", "a"), r"Mass\.a: shape \(2, 2, 2\)"),
+    "three dimensions": (lambda: mass().parameter("a", np.zeros((2, 2, 2)), "1", "a", source="none"), r"Mass\.a: shape \(2, 2, 2\)"),
     "empty vector": (lambda: mass().input("u", "1", "u", shape=(0,)), r"Mass\.u: shape \(0,\)"),
     "undeclared symbol": (undeclared_symbol, r"Mass: rhs uses undeclared symbols \(stranger"),
     "sample time of a continuous one": (lambda: mass(sample_time=0.01), r"Mass: a sample_time is for discrete"),
     "component name": (
         lambda: Component("9 lives", kind="continuous", description="", source=""), r"'9 lives' is not an identifier",
+    ),
+    "no source": (
+        lambda: mass().parameter("m", 1.0, "kg", "mass"), r'Mass\.m: source: empty; say where the value comes from, or "assumed"',
+    ),
+    "blank source": (lambda: mass().parameter("m", 1.0, "kg", "mass", source=" \n"), r"Mass\.m: source: empty; say where"),
+    "source without an end": (
+        lambda: mass().parameter("m", 1.0, "kg", "mass", source="x" * 4097), r"Mass\.m: source: has 4097 characters; shorten it to 4096",
+    ),
+    "source that is no text": (
+        lambda: mass().parameter("m", 1.0, "kg", "mass", source="Table\x07 2"), r"Mass\.m: source: contains the character '\\x07'",
     ),
     "stimulus of no input": (lambda: mass().stimulate({"f": math.sin}), r"Mass: stimulus for 'f', which is not an input"),
 }  # fmt: skip
@@ -147,7 +157,7 @@ def test_declaring_more_renews_what_was_derived() -> None:
 def test_elements_are_row_major_everywhere() -> None:
     """A matrix state keeps its orientation through start, update and output."""
     c = sampled()
-    k = c.parameter("k", [[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]], "1", "k")
+    k = c.parameter("k", [[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]], "1", "k", source="none")
     m = c.state("m", "1", start=2 * k, shape=(2, 3))
     n = c.state("n", "1", start=[[1, 2, 3], [4, 5, 6]], shape=(2, 3))
     c.update(m, m + k)

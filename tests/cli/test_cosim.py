@@ -22,11 +22,11 @@ def folder(built_fmus: BuiltFmus, tmp_path: Path) -> Path:  # noqa: ARG001
     [
         (["--road", "sien"], "no road 'sien'; did you mean sine? (there are: sine, curb, perryman3)"),
         (["--controller", "previw"], "no controller 'previw'; did you mean preview?"),
-        (["--speed", "0"], "speed 0 km/h: a run travels 150 m at a speed between 2 and 200 km/h"),
-        (["--speed", "500"], "speed 500 km/h: a run travels 150 m at a speed between 2 and 200 km/h"),
+        (["--speed", "0"], "speed 0 km/h: give 2 to 200 km/h"),
+        (["--speed", "500"], "speed 500 km/h: give 2 to 200 km/h"),
         (["--speed", "fast"], "Invalid value for '--speed'"),
-        (["--weight", "-1"], "control weight R = -1 must be positive"),
-        (["--hold"], "hold applies to the explicit controller only"),
+        (["--weight", "-1"], "weight -1 1/N2: give 1e-30 to 1e+30 1/N2"),
+        (["--hold"], "hold is for the explicit controller only"),
         (["--fmi", "4"], "Invalid value for '--fmi'"),
         (["--fmus", "nowhere"], "run `build-fmus --out nowhere` first"),
         (["--vehicle", "none.toml"], "--vehicle none.toml: no such file"),
@@ -51,7 +51,7 @@ def test_mistakes_in_a_run(arguments: list[str], message: str, folder: Path) -> 
         (["run", "hmmwv", "--controller", "passive", "--actuators", "ideal"], "--controller zero --actuators ideal"),
         (["run", "hmmwv", "--preview", "sensed"], "--states estimated"),
         (["run", "bench", "--controller", "mcp"], "no controller 'mcp'; did you mean mpc?"),
-        (["run", "bench", "--duration", "0"], "bump of 0 s: give 0.01 to 3 s"),
+        (["run", "bench", "--duration", "0"], "duration 0 s: give 0.01 to 3 s"),
     ],
 )
 def test_mistakes_elsewhere(arguments: list[str], message: str, folder: Path) -> None:

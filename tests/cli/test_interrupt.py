@@ -53,7 +53,7 @@ def test_a_study_keeps_its_finished_runs(built_fmus: BuiltFmus, tmp_path: Path) 
     text = interrupt(
         tmp_path, Path("results/gpc/.runs/*.json"), "cosim", "study", "gpc", "--fmus", str(FMUS), "--processes", "2"
     )
-    assert "interrupted; finished runs are kept, the same command goes on from there" in text
+    assert "interrupted; finished runs are kept, the same command continues from there" in text
     assert list((tmp_path / "results" / "gpc" / ".runs").glob("*.json"))
     assert not (tmp_path / "results" / "gpc" / "report.html").exists()
 

@@ -14,15 +14,14 @@ import numpy as np
 import pytest
 from built import FMUS, ROOT, BuiltFmus, one_at_a_time
 
-from build_fmus import cli
 from build_fmus.builder import Options
-from build_fmus.cli import UserFiles
 from cosim import System
 from cosim.experiments import bench, gpc, hmmwv, preview_lq, three_axle, trench
-from cosim.experiments.cases import FmuSet
-from cosim.experiments.cli_gpc import _fmu_set as gpc_fmu_set
 from cosim.experiments.own_files import KINDS, bases, own_fmus
+from cosim.study import FmuSet, Runner
+from fmu_sources import cli
 from fmu_sources.catalog import catalog_suffix
+from fmu_sources.cli import UserFiles
 from fmu_sources.vehicles import load_vehicle, vehicle_names
 
 OWN = FMUS / ".own"  # kept from one test run to the next like the other FMUs
@@ -30,41 +29,44 @@ RUN = 0.04  # s, longer than every sample time
 
 
 def _bench(fmus: FmuSet) -> Iterator[System]:
-    for system in bench.SYSTEMS:
-        controller, parameters = bench.SYSTEMS[system]
-        wired = bench.wire(fmus, "RoadBenchBump", controller, controller is not None)
-        if controller:
-            wired["controller"].set(parameters)
-        yield wired
+    with Runner(bench.EXPERIMENT, fmus) as runner:
+        for controller in bench.runs.CONTROLLERS:
+            yield runner.system(bench.runs.Case(controller, encoders=controller != "passive"))
 
 
 def _gpc(fmus: FmuSet) -> Iterator[System]:
-    assert isinstance(fmus, gpc.GpcFmuSet)
-    for road, controller in zip((*gpc.ROADS, "sine"), gpc.CONTROLLERS, strict=True):
-        yield gpc.wire(fmus, road, controller)
+    for road, controller in zip((*gpc.runs.ROADS, "sine"), gpc.runs.CONTROLLERS, strict=True):
+        yield gpc.runs.wire(fmus, gpc.runs.Case(road, controller=controller))
 
 
 def _hmmwv(fmus: FmuSet) -> Iterator[System]:
-    cases = [hmmwv.Case("bump", "passive"), hmmwv.Case("off-road", "skyhook", actuators="ideal")]
-    cases += [hmmwv.Case("track", "mpc-preview", states="estimated", preview="sensed"), hmmwv.Case("track", "lqr")]
-    for case in cases:
-        one = hmmwv.HmmwvBench(fmus)
-        yield one.system(case)
+    case = hmmwv.runs.Case
+    cases = [case("bump", "passive"), case("off-road", "skyhook", actuators="ideal")]
+    cases += [case("track", "mpc-preview", states="estimated", preview="sensed"), case("track", "lqr")]
+    with Runner(hmmwv.EXPERIMENT, fmus) as runner:
+        for one in cases:
+            yield runner.system(one)
 
 
 def _preview_lq(fmus: FmuSet) -> Iterator[System]:
-    for weights in preview_lq.CONTROLLERS:
-        yield preview_lq.PreviewLqBench(fmus).system(preview_lq.Case(weights=weights).controller)
+    with Runner(preview_lq.EXPERIMENT, fmus) as runner:
+        for weights in preview_lq.runs.LAWS:
+            yield runner.system(preview_lq.runs.Case(weights=weights))
 
 
 def _three_axle(fmus: FmuSet) -> Iterator[System]:
-    for system in three_axle.SYSTEMS:
-        yield three_axle.wire(fmus, system)
+    with Runner(three_axle.EXPERIMENT, fmus) as runner:
+        for controller in three_axle.runs.CONTROLLERS:
+            yield runner.system(three_axle.runs.Case(controller=controller))
 
 
 def _trench(fmus: FmuSet) -> Iterator[System]:
-    for control in ("passive", "mpc", "lqr"):
-        yield trench.TrenchBench(fmus).system(trench.Case(control=control))
+    with Runner(trench.EXPERIMENT, fmus) as runner:
+        for controller in ("passive", "mpc", "lqr"):
+            yield runner.system(trench.runs.Case(controller=controller))
+    with Runner(trench.linear.PART, fmus) as runner:
+        for vehicle in trench.linear.VEHICLES:
+            yield runner.system(trench.linear.Shallow(vehicle))
 
 
 @dataclass(frozen=True)
@@ -93,7 +95,8 @@ EXPERIMENTS = {
         ("three_axle", "three_axle_trench"), ("ThreeAxleRide{}", "LqrThreeAxle{}", "MpcThreeAxle{}", "RoadShallowTrench{}"),
     )),
     "trench": Experiment(_trench, {
-        "three_axle_trench": ("ThreeAxleTrench{}", "TrenchCrossing{}", "LqrThreeAxle{}", "MpcThreeAxle{}"),
+        "three_axle_trench": ("ThreeAxleTrench{}", "TrenchCrossing{}", "LqrThreeAxle{}", "MpcThreeAxle{}", "ThreeAxleRide{}",
+                              "RoadShallowTrench{}"),
     }),
 }  # fmt: skip
 PAIRS = [(e, b) for e in EXPERIMENTS for b in bases(e)]
@@ -143,7 +146,7 @@ def built(experiment: str, base: str) -> FmuSet:
         for fmu in (FMUS / "fmi3").glob("*.fmu"):
             if not (link := OWN / "fmi3" / fmu.name).exists():
                 link.symlink_to(fmu)
-    return gpc_fmu_set(OWN, 3, file) if experiment == "gpc" else own_fmus(experiment, OWN, 3, [file])
+    return own_fmus(experiment, OWN, 3, [file])
 
 
 @pytest.mark.parametrize(("experiment", "base"), [*map(_costly, PAIRS)])

@@ -15,11 +15,13 @@ from built import FMUS, BuiltFmus
 from programs import refused, run
 
 import fmu_sources
-from build_fmus import cli
 from build_fmus.builder import Options
-from build_fmus.cli import UserFiles
+from build_fmus.description import model_description
 from cosim import System
-from fmu_sources.catalog import own_catalog
+from cosim.fmu.model_description import parse
+from fmu_sources import cli
+from fmu_sources.catalog import Context, own_catalog
+from fmu_sources.cli import UserFiles
 from fmu_sources.vehicles import load_three_axle_trench, vehicle_files, vehicle_names
 
 FILE = 'base = "{base}"\nname = "Mine"\ndescription = "another"\n{more}'
@@ -45,8 +47,23 @@ MADE = {
 
 def own(folder: Path, base: str, more: str = "", name: str = "mine") -> Path:
     path = folder / f"{name}.toml"
-    path.write_text(FILE.format(base=base, more=more))
+    path.write_text(FILE.format(base=base, more=more), encoding="utf-8")
     return path
+
+
+@pytest.mark.parametrize("fmi", [2, 3])
+def test_the_words_of_a_file_on_its_values_come_through(fmi: int, tmp_path: Path) -> None:
+    """Whatever they are: they lie in XML, and the master reads them there."""
+    words = """Prüfstand 7 <Größe> & 'Maß' "17", siehe ]]> </Variable>\tµ≈π 質量 \U0001f697\nZeile 2 """.ljust(
+        1000, "…"
+    )
+    quoted = json.dumps(words, ensure_ascii=False)  # a string of TOML, too
+    path = own(tmp_path, "quarter_car_hmmwv", f'[body]\nmass = {{ value = 3600.0, unit = "kg", source = {quoted} }}\n')
+    car = own_catalog(path, "Mine")["QuarterCarMine"].make(Context(tmp_path, tmp_path))
+    about = parse(model_description(car, fmi, token="t", sources=[]), "mine.fmu")
+    assert len(words) == 1000
+    assert about.parameters["body.mass"].source == words
+    assert about.parameters["wheel.mass"].source == car.variable("wheel.mass").source
 
 
 @pytest.mark.parametrize("base", MADE)

@@ -1,6 +1,6 @@
 """One Python face for the C interface of an FMU, FMI 2.0 and FMI 3.0 alike.
 
-:class:`Library` is a loaded FMU, :class:`Instance` an instance of it. ``Instance.call`` passes anything to any function
+:class:`Model` is what a model description says, :class:`Library` a loaded FMU, :class:`Instance` an instance of it. ``Instance.call`` passes anything to any function
 and returns the status; the other methods wrap it for the usual cases and raise :class:`CallFailed` with the FMU's own
 message. Values are read and written by variable name.
 """
@@ -73,43 +73,24 @@ class Variable:
         return float(self.start == "true") if self.kind == "boolean" else float(self.start)
 
 
-class Library:
-    """An FMU, unpacked and loaded once; what its model description says."""
+class Model:
+    """What the model description of an FMU says."""
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        self._folder = tempfile.TemporaryDirectory(prefix="conformance-")
-        self.folder = Path(self._folder.name)
         with zipfile.ZipFile(path) as z:
-            z.extractall(self.folder)
-        self.xml = etree.parse(self.folder / "modelDescription.xml").getroot()
+            self.xml = etree.fromstring(z.read("modelDescription.xml"))
         self.fmi = int(self.xml.get("fmiVersion")[0])
         self.name: str = self.xml.get("modelName")
         self.token: str = self.xml.get("guid" if self.fmi == 2 else "instantiationToken")
-        self.binary = next(p for p in self.folder.glob("binaries/*/*") if p.suffix in (".so", ".dll", ".dylib"))
-        self.dll = c.CDLL(str(self.binary))
-        self.types: dict[str, Any] = TYPES2 if self.fmi == 2 else TYPES3
-        self.real = "Real" if self.fmi == 2 else "Float64"
         self.variables = {v.name: v for v in self._read_variables()}
         self.order = list(self.variables)
         self.by_reference = {v.reference: v for v in self.variables.values()}
-        self.state_type = "FMUstate" if self.fmi == 2 else "FMUState"
         experiment = self.xml.find("DefaultExperiment")
         self.step = float(experiment.get("stepSize"))
         component = self.xml.find(".//Component[@kind]")
         self.kind: str = component.get("kind")
         self.is_continuous = self.kind == "continuous"
-        for function in (
-            "Instantiate",
-            "InstantiateModelExchange",
-            "InstantiateCoSimulation",
-            "InstantiateScheduledExecution",
-        ):
-            if hasattr(self.dll, f"fmi{self.fmi}{function}"):
-                getattr(self.dll, f"fmi{self.fmi}{function}").restype = c.c_void_p
-        for function in ("GetVersion", "GetTypesPlatform"):
-            if hasattr(self.dll, f"fmi{self.fmi}{function}"):
-                getattr(self.dll, f"fmi{self.fmi}{function}").restype = c.c_char_p
 
     def __repr__(self) -> str:
         return f"{self.name}-fmi{self.fmi}"
@@ -164,6 +145,33 @@ class Library:
             ]
             for e in self.xml.findall(f"ModelStructure/{tag3}")
         }
+
+
+class Library(Model):
+    """An FMU, unpacked and loaded once."""
+
+    def __init__(self, path: Path) -> None:
+        super().__init__(path)
+        self._folder = tempfile.TemporaryDirectory(prefix="conformance-")
+        self.folder = Path(self._folder.name)
+        with zipfile.ZipFile(path) as z:
+            z.extractall(self.folder)
+        self.binary = next(p for p in self.folder.glob("binaries/*/*") if p.suffix in (".so", ".dll", ".dylib"))
+        self.dll = c.CDLL(str(self.binary))
+        self.types: dict[str, Any] = TYPES2 if self.fmi == 2 else TYPES3
+        self.real = "Real" if self.fmi == 2 else "Float64"
+        self.state_type = "FMUstate" if self.fmi == 2 else "FMUState"
+        for function in (
+            "Instantiate",
+            "InstantiateModelExchange",
+            "InstantiateCoSimulation",
+            "InstantiateScheduledExecution",
+        ):
+            if hasattr(self.dll, f"fmi{self.fmi}{function}"):
+                getattr(self.dll, f"fmi{self.fmi}{function}").restype = c.c_void_p
+        for function in ("GetVersion", "GetTypesPlatform"):
+            if hasattr(self.dll, f"fmi{self.fmi}{function}"):
+                getattr(self.dll, f"fmi{self.fmi}{function}").restype = c.c_char_p
 
     def documentation_csv(self, what: str) -> Signals:
         """``NAME_in.csv`` or ``NAME_ref.csv`` of the documentation."""

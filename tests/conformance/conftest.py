@@ -1,4 +1,4 @@
-"""Every test of this folder runs over every FMU of the catalog and of the tests, in both FMI versions."""
+"""Every test of this folder runs over every FMU of the catalog and of the tests that it applies to, in both FMI versions."""
 
 from __future__ import annotations
 
@@ -6,9 +6,7 @@ from collections.abc import Callable
 
 import pytest
 from api import Library
-from built import CATALOG_NAMES, PROBE_NAMES, BuiltFmus
-
-NAMES = [*PROBE_NAMES, *CATALOG_NAMES]
+from built import NAMES, BuiltFmus
 
 
 @pytest.fixture(scope="session")

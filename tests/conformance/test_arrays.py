@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +13,8 @@ from api import Library, Signals
 from built import PROBE_NAMES, BuiltFmus
 from fmpy.validation import validate_fmu
 from lxml import etree
+
+from cosim import System
 
 SCHEMA = Path(fmpy.__file__).parent / "schema" / "fmi3" / "fmi3TerminalsAndIcons.xsd"
 
@@ -76,3 +78,52 @@ def test_same_numbers(both: tuple[Path, Library]) -> None:
 def elements(name: str, shape: tuple[int, ...]) -> list[str]:
     """Scalar names of an array variable, last index fastest."""
     return [f"{name}[{','.join(str(i + 1) for i in index)}]" if index else name for index in np.ndindex(*shape)]
+
+
+@pytest.fixture
+def oscillator(built_fmus: BuiltFmus) -> Iterator[System]:
+    """The array build of a test component in a system of its own, its inputs set."""
+    if "ProbeRk4" not in PROBE_NAMES:
+        pytest.skip("FMUS_UNDER_TEST leaves it out")
+    start = {"force": 0.0, "corner.fl.kick": [0.0, 0.0, 0.0], "brake": False, "gear": 1}
+    with System() as system:
+        system.add("mass", built_fmus.path("ProbeRk4", 3, arrays=True), step="10 ms", start=start)
+        yield system
+
+
+def lags(system: System) -> list[float]:
+    """The time constants as initialization has taken them."""
+    simulation = system.initialize(record=["mass.lag"])
+    return [simulation[f"mass.lag[{i}]"] for i in (1, 2, 3)]
+
+
+def test_one_element_is_set_before_initialization(oscillator: System) -> None:
+    """The others keep their start values; an FMU may not be asked for them yet."""
+    assert lags(oscillator) == [0.05, 0.1, 0.2]
+    oscillator["mass"].set({"lag[2]": 0.5})
+    assert lags(oscillator) == [0.05, 0.5, 0.2]
+    oscillator["mass"].set({"corner.fl.kick[3]": 2.0})
+    assert oscillator.initialize()["mass.x"] == pytest.approx(-2.0 / 150.0)
+
+
+def test_elements_go_to_their_places_in_any_order(oscillator: System) -> None:
+    oscillator["mass"].set({"lag[3]": 0.3, "lag[1]": 0.4})
+    assert lags(oscillator) == [0.4, 0.1, 0.3]
+    oscillator["mass"].set({"lag[2]": 0.6})
+    assert lags(oscillator) == [0.4, 0.6, 0.3]
+
+
+def test_elements_set_one_after_the_other_add_up(oscillator: System) -> None:
+    component = oscillator["mass"].component
+    of = component.description.variables
+    lag = [of[f"lag[{i}]"] for i in (1, 2, 3)]
+    component.instantiate("mass")
+    component.set({lag[0]: 0.6})
+    component.set({lag[1]: 0.7})
+    component.enter_initialization(0.0, None)
+    assert component.get(lag) == [0.6, 0.7, 0.2]
+    component.instantiate("mass")  # reset: start values again
+    component.set({lag[2]: 0.8})
+    component.enter_initialization(0.0, None)
+    component.set({of["corner.fl.kick[2]"]: 1.5})
+    assert component.get([*lag, of["corner.fl.kick[2]"]]) == [0.05, 0.1, 0.8, 1.5]

@@ -9,6 +9,7 @@ import casadi as ca
 import numpy as np
 import pytest
 from api import ERROR, OK, CallFailed, Instance, Library
+from applies import applies_to, continuous, discrete
 
 from build_fmus.compile import ObjectCache, resolve_platforms
 from build_fmus.component import Component
@@ -68,15 +69,13 @@ def start_point(fmu: Library) -> dict[str, float]:
     return values
 
 
+@applies_to(continuous)
 def test_initialization_mode(fmu: Library) -> None:
     """With respect to inputs, parameters and start values: calculated starts are differentiated through."""
     structure = fmu.structure("InitialUnknowns", "InitialUnknown")
     unknowns = reals(fmu, list(structure))
     with fmu.instance() as a:
         a.enter_initialization()
-        if not fmu.is_continuous:
-            assert a.try_directional([], [], [])[0] == ERROR
-            return
         a.set(start_point(fmu))
         knowns = sorted({d for n in unknowns for d in structure[n] if d != "time" and fmu.variables[d].kind == "real"})
         for known in knowns:
@@ -97,10 +96,9 @@ def test_initialization_mode(fmu: Library) -> None:
             a.set({known: original})
 
 
+@applies_to(continuous)
 def test_step_mode_and_continuous_time_mode(fmu: Library) -> None:
     """With respect to inputs (Co-Simulation) and to inputs and states (Model Exchange)."""
-    if not fmu.is_continuous:
-        return
     outputs = reals(fmu, fmu.outputs)
     inputs = reals(fmu, fmu.inputs)
     with fmu.instance() as a, fmu.instance("me") as b:
@@ -140,10 +138,9 @@ def test_step_mode_and_continuous_time_mode(fmu: Library) -> None:
             b.set_states(x)
 
 
+@applies_to(continuous)
 def test_several_knowns_at_once(fmu: Library) -> None:
     """The derivative is linear in its seed, and unknowns come back in the order they were asked for."""
-    if not fmu.is_continuous:
-        return
     outputs, knowns = reals(fmu, fmu.outputs)[::-1], [*fmu.states, *reals(fmu, fmu.inputs)]
     seed = np.cos(np.arange(len(knowns)) + 1.0)
     with fmu.instance() as a:
@@ -155,13 +152,21 @@ def test_several_knowns_at_once(fmu: Library) -> None:
         np.testing.assert_allclose(together, one_by_one, rtol=1e-9, atol=1e-9 * np.abs(one_by_one).max())
 
 
+@applies_to(discrete)
+def test_sampled_components_have_none(fmu: Library) -> None:
+    with fmu.instance() as a:
+        a.enter_initialization()
+        assert a.try_directional([], [], [])[0] == ERROR
+        a.reset()
+        a.initialize(fmu.stimulus.row(0))
+        assert a.try_directional(fmu.outputs[:1], fmu.outputs[:1], [1.0])[0] == ERROR
+        assert "discrete" in a.last_message
+
+
+@applies_to(continuous)
 def test_wrong_requests(fmu: Library) -> None:
     with fmu.instance() as a:
         a.initialize(fmu.stimulus.row(0))
-        if not fmu.is_continuous:
-            assert a.try_directional(fmu.outputs[:1], fmu.outputs[:1], [1.0])[0] == ERROR
-            assert "discrete" in a.last_message
-            return
         output = reals(fmu, fmu.outputs)[-1]
         for unknown, known, seed in (
             (output, output, 1.0),

@@ -8,7 +8,8 @@ from dataclasses import dataclass
 import components
 import numpy as np
 import pytest
-from api import ERROR, OK, CallFailed, Library
+from api import ERROR, OK, CallFailed, Library, Model
+from applies import applies_to, continuous
 from built import FMUS
 
 from build_fmus.component import Component
@@ -67,10 +68,9 @@ def random_parameters(component: Component, rng: np.random.Generator) -> dict[st
     return values
 
 
+@applies_to(continuous)
 def test_the_verdict_is_that_of_the_build(fmu: Library) -> None:
     """Same verdict, same eigenvalue, same longest step as the Python check, for random parameters."""
-    if not fmu.is_continuous:
-        return
     component = declared(fmu.name)
     slots = {e.name: e.slot for e in component.elements("parameter")}
     rng, seen = np.random.default_rng(20), set()
@@ -133,11 +133,15 @@ def test_a_tunable_parameter_is_refused_when_it_is_set(load) -> None:  # type: i
             assert a.try_set({"damping": 1e5}) == OK
 
 
+def options(fmu: Model) -> list[str]:
+    """Boolean and Integer parameters."""
+    return [*fmu.names("parameter", "boolean"), *fmu.names("parameter", "integer")]
+
+
+@applies_to(continuous, options)
 def test_no_option_is_refused(fmu: Library) -> None:
     """Every Boolean and Integer parameter, each of its values: what experiments switch on and off is no false alarm."""
-    if not fmu.is_continuous:
-        return
-    for name in [*fmu.names("parameter", "boolean"), *fmu.names("parameter", "integer")]:
+    for name in options(fmu):
         v = fmu.variables[name]
         values = (0, 1) if v.kind == "boolean" else range(int(v.min or 0), int(v.max or 0) + 1)
         for value in values:

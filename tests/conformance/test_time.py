@@ -7,6 +7,7 @@ import ctypes as c
 import numpy as np
 import pytest
 from api import Instance, Library
+from applies import applies_to, continuous, discrete, inputs
 
 
 def outputs(a: Instance) -> bytes:
@@ -32,22 +33,21 @@ def test_initialization_commits_nothing(fmu: Library) -> None:
         assert a.run(10).tobytes() == b.run(10).tobytes()
 
 
+@applies_to(inputs)
 def test_outputs_follow_inputs_during_initialization(fmu: Library) -> None:
     """What initialization shows for inputs is what a fresh instance shows that knows nothing but these inputs."""
     with fmu.instance() as a, fmu.instance() as b:
         for one in (a, b):
             one.enter_initialization()
-        if fmu.inputs:
-            a.set(fmu.stimulus.row(2))
-            a.get(fmu.outputs)
-            for one in (a, b):
-                one.set(fmu.stimulus.row(9))
+        a.set(fmu.stimulus.row(2))
+        a.get(fmu.outputs)
+        for one in (a, b):
+            one.set(fmu.stimulus.row(9))
         assert outputs(a) == outputs(b)
 
 
+@applies_to(discrete)
 def test_discrete_outputs_before_the_first_sample_are_those_of_the_first_sample(fmu: Library) -> None:
-    if fmu.is_continuous:
-        return
     with fmu.instance() as a:
         a.initialize(fmu.stimulus.row(0))
         before = outputs(a)
@@ -55,10 +55,9 @@ def test_discrete_outputs_before_the_first_sample_are_those_of_the_first_sample(
         assert outputs(a) == before
 
 
+@applies_to(discrete)
 def test_many_samples_in_one_step(fmu: Library) -> None:
     """doStep over several sample times equals single steps with the same inputs; the last sample's outputs remain."""
-    if fmu.is_continuous:
-        return
     with fmu.instance() as a, fmu.instance() as b:
         for one in (a, b):
             one.initialize(fmu.stimulus.row(0))
@@ -74,9 +73,8 @@ def test_many_samples_in_one_step(fmu: Library) -> None:
         assert outputs(a) == outputs(b)
 
 
+@applies_to(discrete)
 def test_steps_shorter_than_the_sample_time_sample_once(fmu: Library) -> None:
-    if fmu.is_continuous:
-        return
     with fmu.instance() as a, fmu.instance() as b:
         for one in (a, b):
             one.initialize(fmu.stimulus.row(0))
@@ -111,10 +109,9 @@ def test_samples_are_counted_exactly(load, start: float) -> None:  # type: ignor
             assert clock == pytest.approx(start + 19_999 * fmu.step, abs=1e-9)
 
 
+@applies_to(continuous)
 def test_feedthrough_and_time_in_model_exchange(fmu: Library) -> None:
     """Outputs and derivatives follow time, states and inputs at once, in any order of calls."""
-    if not fmu.is_continuous:
-        return
     with fmu.instance("me") as a, fmu.instance("me") as b:
         for one in (a, b):
             one.initialize(fmu.stimulus.row(0)).continuous_time()

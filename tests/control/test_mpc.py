@@ -331,6 +331,41 @@ def test_kalman_gain_is_the_fixed_point_of_the_recursion(model) -> None:
     np.testing.assert_allclose(observer.gain, K, rtol=1e-6, atol=1e-9 * np.abs(K).max())
 
 
+@pytest.mark.parametrize("vector", [np.array, ca.DM], ids=["numpy", "casadi"])
+def test_one_step_of_an_observer(vector) -> None:
+    """Each matrix with a factor of its own, so that every product and sign can be told in the sum."""
+    one = lambda *values: np.array([values])  # noqa: E731
+    m = MpcModel(
+        A=one(0.5), B=one(2.0), E0=one(0.1), E1=one(0.01), C=np.array([[9.0], [3.0]]), D=np.array([[9.0], [4.0]]),
+        F0=np.array([[9.0], [0.2]]), F1=np.array([[9.0], [0.02]]), states=("x",), inputs=("u",), disturbances=("w",),
+        outputs=("other", "y"), period=0.01,
+    )  # fmt: skip
+    observer = Observer(m, ("y",), gain=one(0.25), covariance=one(1.0))
+    x, u, now, then = (vector([v]) for v in (7.0, 5.0, 30.0, 200.0))
+    assert float(observer.predict(x, u, now, then)[0]) == pytest.approx(0.5 * 7 + 2 * 5 + 0.1 * 30 + 0.01 * 200)
+    expected = 3 * 7 + 4 * 5 + 0.2 * 30 + 0.02 * 200
+    assert float(observer.correct(x, vector([expected]), u, now, then)[0]) == pytest.approx(7.0)
+    assert float(observer.correct(x, vector([expected + 4]), u, now, then)[0]) == pytest.approx(8.0)
+
+
+def test_what_an_observer_was_made_for_is_told(model) -> None:
+    measured = {"suspension.deflection": 1e-3, "body.az": 3e-2, "body.z": 2e-3}
+    observer = Observer.kalman(model, measured, input_noise=30.0, offsets={"body.az": 1e-4}, walks=5e-3)
+    assert observer.measured == tuple(measured)
+    assert observer.noise == {"measured": measured, "input": [30.0], "offsets": {"body.az": 1e-4}, "walks": 5e-3}
+    assert Observer.kalman(model, {"body.z": 1e-3}, input_noise=1.0).noise["walks"] is None
+
+
+def test_what_wanders_too_little_is_never_found(model) -> None:
+    """An offset that hardly wanders against the noise of its output is corrected by so little that the filter forgets nothing."""
+    slow = Observer.kalman(model, {"body.z": 1.0}, input_noise=1e-9, offsets={"body.z": 1.5e-9})
+    C = slow.model.C[[slow.model.outputs.index("body.z")]]
+    left = np.abs(np.linalg.eigvals(slow.model.A - slow.model.A @ slow.gain @ C)).max()
+    assert 1 - left == pytest.approx(1.5e-9, rel=1e-3)
+    with pytest.raises(MpcError, match=r"offset\.body\.z cannot all be told from body\.z; measure more, or let less wander"):
+        Observer.kalman(model, {"body.z": 1.0}, input_noise=1e-9, offsets={"body.z": 5e-10})
+
+
 def test_component_with_observer_has_the_measured_outputs_as_inputs(car, model) -> None:
     observer = Observer.kalman(model, {"body.az": 0.05, "body.z": 1e-4}, input_noise=1.0, walks=1e-3)
     mpc = settings(observer.model)

@@ -247,6 +247,20 @@ def test_weights_files(tmp_path) -> None:
         load_weights("confort")
 
 
+def test_weights_are_in_the_order_of_outputs_and_corners(tmp_path) -> None:
+    file = tmp_path / "mine.toml"
+    file.write_text(
+        'name = "m"\nsource = "s"\n[acceleration]\nheave = 1\npitch = 2\nroll = 3\n[suspension]\nfront = 4\nrear = 5\n'
+        "[tire]\nfront = 6\nrear = 7\n[force]\nfront = 8\nrear = 9\n"
+    )
+    weights = load_weights(file)
+    assert weights.outputs(("fl", "fr", "rl", "rr")) == [1, 2, 3, 4, 4, 5, 5, 6, 6, 7, 7]
+    assert weights.outputs(("rl", "fl")) == [1, 2, 3, 5, 4, 7, 6]
+    assert weights.controls(("fl", "fr", "rl", "rr")) == [8, 8, 9, 9]
+    assert weights.controls(("rr", "fl")) == [9, 8]
+    assert weights.as_dict()["tire"] == {"front": 6.0, "rear": 7.0}
+
+
 def test_an_unstabilizable_car_is_named(plant) -> None:
     from dataclasses import replace
 

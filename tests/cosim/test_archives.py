@@ -3,6 +3,7 @@
 import ast
 import contextlib
 import os
+import re
 import subprocess
 import sys
 import tempfile
@@ -16,8 +17,8 @@ from awkward import archive, description, library
 from rich.console import Console
 
 from cosim import Fmu, FmuError, System, TimeError, WiringError, describe, wiring
-from cosim.fmi_calls import platform_folder
-from cosim.timebase import rational
+from cosim.fmu.calls import platform_folder
+from cosim.time import rational
 
 pytestmark = pytest.mark.filterwarnings("ignore::cosim.UnconnectedInputsWarning")
 VERSIONS = pytest.mark.parametrize("version", [2, 3])
@@ -403,3 +404,18 @@ def test_a_tool_that_is_needed_is_shown(tmp_path):
         with console.capture() as captured:
             console.print(describe(fmu))
         assert ("needsExecutionTool" in captured.get()) is shown
+
+
+def test_sources_are_shown_where_there_are_any(tmp_path):
+    """As they are: no markup of the terminal's."""
+    said = '<Component kind="continuous"><Variable name="value" source="[bold]Table 2[/bold]"/></Component>'
+    more = f'<VendorAnnotations><Tool name="suspension-fmus">{said}</Tool></VendorAnnotations>'
+    lines = {}
+    for name, annotation in (("a", more), ("b", "")):
+        console = Console(width=150)
+        with console.capture() as captured:
+            console.print(describe(archive(tmp_path / f"{name}.fmu", description(2, more=annotation))))
+        lines[name] = captured.get()
+    assert re.search(r"^ *value .*Real.* \[bold\]Table 2\[/bold\] *$", lines["a"], re.MULTILINE)
+    assert lines["a"].count("source") == 1  # at the parameters alone
+    assert "source" not in lines["b"]

@@ -9,8 +9,8 @@ from build_fmus.compile import ObjectCache, resolve_platforms
 from build_fmus.component import Component
 from build_fmus.package import build_fmu
 from cosim import Fmu, PythonComponent, System, WiringError
-from cosim.describe import describe
-from cosim.description import parse
+from cosim.fmu.describe import describe
+from cosim.fmu.model_description import parse
 
 pytestmark = pytest.mark.filterwarnings("ignore::cosim.UnconnectedInputsWarning")
 

@@ -249,8 +249,9 @@ def test_a_million_steps_end_exactly(step, stop):
     counter = system.add("clock", Clock(), step=step)
     system.run(stop, record=["clock.y"], record_interval="1000/6" if step == "1/60" else 1)
     simulation = system._simulation
-    assert simulation._tick == 10**6
-    assert simulation._base.exact(simulation._tick) == 10**6 * counter.step
+    exchange = simulation._exchange
+    assert exchange.tick == 10**6
+    assert exchange.base.exact(exchange.tick) == 10**6 * counter.step
     assert simulation.recording["clock.y"][-1] == float(counter.step * (10**6 - 1))
     assert simulation.time == float(10**6 * counter.step)
 

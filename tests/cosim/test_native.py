@@ -17,8 +17,8 @@ pytestmark = pytest.mark.filterwarnings("ignore::cosim.UnconnectedInputsWarning"
 def mass():
     """A mass on a spring to the ground, pushed by a force."""
     c = Component("Mass", kind="continuous", description="mass on a spring", source="test")
-    m = c.parameter("mass", 2.0, "kg", "mass", min=1e-3)
-    k = c.parameter("stiffness", 50.0, "N/m", "spring", tunable=True)
+    m = c.parameter("mass", 2.0, "kg", "mass", min=1e-3, source="none")
+    k = c.parameter("stiffness", 50.0, "N/m", "spring", tunable=True, source="none")
     force = c.input("force", "N", "push")
     x = c.state("x", "m", "position", start=0.1, output=True)
     v = c.state("v", "m/s", "velocity", output=True)
@@ -40,7 +40,7 @@ def chain():
 def mixer():
     """y = gain u, with a vector and a matrix."""
     c = Component("Mixer", kind="discrete", sample_time=0.001, description="matrix gain", source="test")
-    gain = c.parameter("gain", np.zeros((2, 3)), "1", "gains")
+    gain = c.parameter("gain", np.zeros((2, 3)), "1", "gains", source="none")
     u = c.input("u", "m", "input", shape=(3,), start=1.0)
     c.output("y", gain @ u, "m", "output")
     return c

@@ -1,15 +1,17 @@
 """Exact time, timetables, recordings, descriptions, the stability check."""
 
+import re
 from fractions import Fraction
 
 import numpy as np
 import pytest
 
+from build_fmus import component
 from cosim import CosimError, PythonComponent, Recording, StabilityWarning, System
-from cosim.description import parse
 from cosim.errors import FmuError
-from cosim.timebase import TimeBase, gcd, rational
-from cosim.timetable import Clock, Timetable
+from cosim.fmu.model_description import LONGEST_SOURCE, parse
+from cosim.master.timetable import Clock, Timetable
+from cosim.time import TimeBase, gcd, rational
 
 
 @pytest.mark.parametrize(
@@ -137,6 +139,35 @@ def test_fmi2_dependencies_and_types():
     assert about.kind == "continuous"
     with pytest.raises(FmuError, match="FMI version 'unknown'"):
         parse(b"<a/>", "x.fmu")
+
+
+def annotated(xml, words):
+    """`xml` with more in its annotation."""
+    return re.sub(rb"(<Component [^>]*)/>", rb"\1>" + words.encode() + b"</Component>", xml)
+
+
+@pytest.mark.parametrize("xml", [FMI2, FMI3])
+def test_sources_of_values(xml):
+    assert {v.source for v in parse(xml, "x.fmu").variables.values()} == {None}
+    words = """<!-- <b> --><Variable name="x" source="Table 2 &lt;b&gt;"/><Variable name="gone" source="nowhere"/>
+    <Variable name="a" source="  "/><Variable name="b"/><Variable source="whose?"/><Source name="y">no</Source>
+    <Output name="y" constant="1"/><Variable name="y" source="both"/><Variable name="g" source="of an array"/>
+    <Variable name="g[2,1]" source="of one element"/>"""
+    variables = parse(annotated(xml, words), "x.fmu").variables
+    of_arrays = {n: "of an array" for n in variables if n.startswith("g[")}
+    of_arrays |= {"g[2,1]": "of one element"} if of_arrays else {}
+    of_scalars = {"x": "Table 2 <b>"} | ({"y": "both"} if "y" in variables else {})
+    assert {n: v.source for n, v in variables.items() if v.source is not None} == {**of_scalars, **of_arrays}
+    assert "y" not in variables or variables["y"].constant == 1.0
+
+
+@pytest.mark.parametrize("xml", [FMI2, FMI3])
+def test_a_source_without_an_end_is_refused_by_name(xml):
+    fits = annotated(xml, f'<Variable name="x" source="{"s" * LONGEST_SOURCE}"/>')
+    assert parse(fits, "x.fmu").variables["x"].source == "s" * LONGEST_SOURCE
+    with pytest.raises(FmuError, match=r"x\.fmu: .*Variable 'x': source has 4097 characters; it may have 4096"):
+        parse(annotated(xml, f'<Variable name="x" source="{"s" * (LONGEST_SOURCE + 1)}"/>'), "x.fmu")
+    assert LONGEST_SOURCE == component.LONGEST_SOURCE  # who writes them and who reads them agree
 
 
 class Mass(PythonComponent):

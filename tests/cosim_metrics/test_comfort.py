@@ -7,7 +7,7 @@ import pytest
 from scipy import signal
 from scipy.optimize import minimize_scalar
 
-from cosim import comfort
+from fmu_sources.models import comfort
 
 RATE = 1000.0
 # ISO 2631-1, table 3: factors of Wk (x 1000) at the nominal third-octave centres [Hz].
@@ -126,6 +126,11 @@ class TestIso2631:
     @pytest.mark.parametrize(("frequency", "factor"), [(1.0, 0.482), (6.3, 1.054), (16.0, 0.768), (31.5, 0.405)])
     def test_rms_of_a_sine(self, frequency, factor):
         assert comfort.iso2631_rms(sine(frequency, 2.0), RATE) == pytest.approx(math.sqrt(2) * factor, rel=2e-2)
+
+    def test_rms_is_of_the_whole_run(self):
+        """Three quarters of the run are silent: half of the rms is left, and nothing of a median."""
+        az = np.concatenate([sine(6.3, 2.0), np.zeros(3 * 40_000)])
+        assert comfort.iso2631_rms(az, RATE) == pytest.approx(comfort.iso2631_rms(sine(6.3, 2.0), RATE) / 2, rel=1e-3)
 
     def test_dose_of_a_sine(self):
         """(3/8 T)^(1/4) of the weighted amplitude."""

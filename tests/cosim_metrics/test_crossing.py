@@ -11,8 +11,8 @@ from itertools import product
 import numpy as np
 import pytest
 
-from cosim import metrics_crossing as mc
-from cosim.experiments import trench_published as published
+from cosim.experiments.metrics import crossing as mc
+from cosim.experiments.trench import published
 
 GRID = list(product(published.LENGTHS, published.SPEEDS))
 ROWS = published.rows()
@@ -143,6 +143,22 @@ class TestCrossing:
         assert run.pitch == pytest.approx(7.0)
         assert (run.hub_front, run.hub_middle, run.hub_rear) == (30.0, 12.0, 41.0)
 
+    @pytest.mark.parametrize(("rate", "every"), [(4000.0, 4), (2600.0, 3), (400.0, 1), (1000.0, 1)])
+    def test_root_mean_squares_are_those_at_one_kilohertz(self, rate, every):
+        """Of every n-th sample where they come faster; peaks are those of all."""
+        az = np.where(np.arange(1200) % every == 0, 2.0, 50.0)
+        run = mc.crossing(az, -az, np.zeros(1200), np.zeros((1200, 6)), rate)
+        assert (run.az_rms, run.ax_rms) == pytest.approx((2.0, 2.0))
+        assert (run.az, run.ax) == ((50.0, 50.0) if every > 1 else (2.0, 2.0))
+
+    def test_labels(self):
+        assert mc.LABELS == {
+            "az": "peak vertical acceleration [m/s2]", "ax": "peak longitudinal acceleration [m/s2]",
+            "az_rms": "vertical acceleration rms [m/s2]", "ax_rms": "longitudinal acceleration rms [m/s2]", "pitch": "peak pitch [deg]",
+            "hub_front": "peak front hub force [kN]", "hub_middle": "peak middle hub force [kN]", "hub_rear": "peak rear hub force [kN]",
+        }  # fmt: skip
+        assert list(mc.LABELS) == list(mc.WEIGHTS) == list(mc.LIMITS.as_dict())
+
     def test_failures(self):
         quiet = mc.Crossing(*(0.5 * v for v in mc.LIMITS.as_dict().values()))
         assert mc.failures(quiet, arrived=True, belly_contact=False) == ()
@@ -156,8 +172,15 @@ class TestCrossing:
         x = np.zeros(5)
         with pytest.raises(ValueError, match=r"hub forces have shape \(5, 4\)"):
             mc.crossing(x, x, x, np.zeros((5, 4)))
-        with pytest.raises(ValueError, match="different numbers of samples"):
+        lengths = "{'vertical acceleration': 5, 'longitudinal acceleration': 4, 'pitch': 5, 'hub force 1': 5, 'hub force 2': 5, "
+        with pytest.raises(ValueError, match="different numbers of samples: " + lengths):
             mc.crossing(x, x[:4], x, np.zeros((5, 6)))
+        for i, name in enumerate(("vertical acceleration", "longitudinal acceleration", "pitch")):
+            given = [np.full(5, math.nan) if i == j else x for j in range(3)]
+            with pytest.raises(ValueError, match=f"^{name} is nan at sample 0"):
+                mc.crossing(*given, np.zeros((5, 6)))
+        with pytest.raises(ValueError, match=r"^cost is nan at sample 1"):
+            mc.scores([1.0, math.nan])
         with pytest.raises(ValueError, match="hub force 2 is inf at sample 3"):
             mc.crossing(x, x, x, np.where(np.arange(30).reshape(5, 6) == 19, math.inf, 0.0))
 

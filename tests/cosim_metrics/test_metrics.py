@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy import signal
 
-from cosim import metrics
+from cosim.experiments.metrics import response as metrics
 
 RATE = 100.0
 
@@ -47,6 +47,9 @@ class TestLowPass:
     def test_refuses_rates(self, rate, cutoff):
         with pytest.raises(ValueError, match="half the sampling rate"):
             metrics.low_pass(np.ones(10), rate, cutoff)
+
+    def test_a_cutoff_just_below_half_the_rate(self):
+        np.testing.assert_allclose(metrics.low_pass(np.ones(2000), 2.1)[-1], 1.0)
 
     def test_refuses_order_and_shapes(self):
         with pytest.raises(ValueError, match="filter order 0"):

@@ -26,7 +26,7 @@ def test_the_page_shows_what_the_benchmark_prints(workplace: Path) -> None:  # n
 def test_the_lag_is_all_that_is_measured(workplace: Path) -> None:  # noqa: ARG001
     """FMPy's slaves in the order of this master give its run."""
     duration = 3.0
-    master, wired = exchange_lag.by_master(exchange_lag.GpcFmuSet(), duration)
+    master, wired = exchange_lag.by_master(exchange_lag.FmuSet(), duration)
     in_order = exchange_lag.by_fmpy(wired, duration, lag=False)
     np.testing.assert_allclose(in_order, master, rtol=0, atol=1e-9 * np.abs(master).max())
     late = exchange_lag.by_fmpy(wired, duration)

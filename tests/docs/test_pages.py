@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import csv
+import json
 import math
 import os
 import re
@@ -15,6 +17,7 @@ from pages import PAGES, ROOT, blocks, headings, links, transcripts
 
 BIN = Path(sys.executable).parent
 LINES_OF_WIRING = 20
+LINES_OF_A_STUDY = 50
 
 
 def run_blocks(page: Path) -> dict[str, object]:
@@ -57,6 +60,30 @@ def test_the_example_of_the_tutorial_is_the_file(workplace: Path) -> None:
     assert (workplace / "QuarterCarInerter.fmu").is_file()
 
 
+STUDIES = ROOT / "docs" / "studies.md"
+
+
+def test_the_study_of_the_page_is_the_example(workplace: Path) -> None:  # noqa: ARG001
+    example = (ROOT / "docs" / "examples" / "damping.py").read_text(encoding="utf-8")
+    assert files_shown(STUDIES)["damping.py"] == example
+    assert len([line for line in example.splitlines() if line.strip()]) <= LINES_OF_A_STUDY
+
+
+def test_a_study_of_ones_own_runs_resumes_and_reports(workplace: Path) -> None:
+    """What the page says of its study: every run, the best of them, what is stored, the claim that does not hold."""
+    for name, text in files_shown(STUDIES).items():
+        (workplace / name).write_text(text)
+    code = blocks(STUDIES, "python")[-1]
+    (workplace / "script.py").write_text(code + "    print(best.label)\n")
+    for _ in range(2):
+        done = subprocess.run([sys.executable, "script.py"], capture_output=True, text=True, check=True)
+        assert done.stdout == "damping-6000-duration-0.1\n"
+        stored = {p: p.stat().st_mtime_ns for p in (workplace / "results" / "runs").iterdir()}
+    assert len(stored) == len(list(csv.reader((workplace / "results" / "tables" / "runs.csv").open()))) - 1 == 8
+    summary = json.loads((workplace / "results" / "summary.json").read_text())
+    assert [(c["id"], c["verdict"]) for c in summary["claims"]] == [("soft", "not reproduced")]
+
+
 COMMANDS = [(page, *t) for page in PAGES for t in transcripts(page)]
 
 
@@ -83,10 +110,10 @@ def test_commands_print_what_the_page_shows(page: Path, command: list[str], expe
 def files_shown(page: Path) -> dict[str, str]:
     """Files that a page shows: a block whose first line is a comment with nothing but the file's name."""
     found = {}
-    for language in ("toml", "csv"):
+    for language in ("toml", "csv", "python"):
         for text in blocks(page, language):
             if match := re.match(r"# (\S+\.\w+)\n", text):
-                found[match[1]] = text[match.end() :] if language == "csv" else text
+                found[match[1]] = text if language == "toml" else text[match.end() :]
     return found
 
 

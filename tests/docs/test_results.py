@@ -8,7 +8,7 @@ import runpy
 import pytest
 from pages import ROOT
 
-from cosim.cli import EXPERIMENTS
+from cosim.cli import NAMES
 
 WRITER = runpy.run_path(str(ROOT / "docs" / "write_results.py"))
 STUDIES = WRITER["kept"]()
@@ -17,9 +17,9 @@ STUDIES = WRITER["kept"]()
 def test_every_experiment_is_there_or_said_to_be_missing() -> None:
     there = [s["experiment"] for s in STUDIES]
     assert there == sorted(set(there))
-    for name in EXPERIMENTS:
+    for name in NAMES:
         assert (f"`cosim study {name}`" in WRITER["missing"](STUDIES)) == (name not in there)
-    assert WRITER["missing"]([{"experiment": name} for name in EXPERIMENTS]) == ""
+    assert WRITER["missing"]([{"experiment": name} for name in NAMES]) == ""
 
 
 def test_the_pages_are_up_to_date() -> None:
@@ -27,6 +27,14 @@ def test_the_pages_are_up_to_date() -> None:
     readme = (ROOT / "README.md").read_text(encoding="utf-8")
     assert readme == WRITER["with_section"](readme, WRITER["section"](STUDIES)), hint
     assert (ROOT / "docs" / "results.md").read_text(encoding="utf-8") == WRITER["page"](STUDIES), hint
+
+
+def test_the_readme_names_the_pump_that_would_carry_a_claim() -> None:
+    hmmwv = next(s for s in STUDIES if s["experiment"] == "hmmwv")
+    carried = [c["reason"].split("carried by: ")[1] for c in hmmwv["claims"] if "carried by: " in c["reason"]]
+    text = WRITER["section"]([hmmwv])
+    assert carried
+    assert [pump for pump in carried if f"; carried by: {pump})" not in text] == []
 
 
 def test_counts_are_those_of_the_claims() -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from built import FMUS, BuiltFmus
 
-from cosim.experiments.cases import FmuSet
+from cosim.study import FmuSet
 
 
 @pytest.fixture(scope="session")

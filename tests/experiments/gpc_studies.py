@@ -3,20 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import asdict
-from typing import Any, get_args
+from typing import Any
 
-from cosim.experiments.gpc import CONTROLLERS, ROADS, SPEEDS_KMH, Refinement, Scenario
-from cosim.experiments.gpc_study import (
+from cosim.experiments.gpc.published import (
     CURB_SPEED,
     HISTORIES,
     MATCHED,
     OPEN_LOOP_SPEEDS_KMH,
     SEEDS,
+    SPEEDS_KMH,
     WEIGHTS,
-    Row,
-    Study,
+    refinements,
+    swept,
 )
+from cosim.experiments.gpc.results import Study
+from cosim.experiments.gpc.runs import ROADS, Case
+from cosim.study import Row
+from cosim.study.case import values
 from fmu_sources.controllers.gpc import FORCE_LIMIT
 
 
@@ -25,20 +28,15 @@ def paper_study() -> Study:
     study = Study()
     for road in ROADS:
         for v in (*SPEEDS_KMH, CURB_SPEED) if road == "curb" else SPEEDS_KMH:
-            study.comparison.append(_run(Scenario(road, v, "passive")))
+            study.comparison.append(_run(Case(road, v, "passive")))
             for seed in SEEDS:
-                study.comparison.append(_run(Scenario(road, v, "explicit", seed=seed)))
-                laws = [Scenario(road, v, c, seed=seed) for c in MATCHED]
+                study.comparison.append(_run(Case(road, v, "explicit", seed=seed)))
+                laws = [Case(road, v, c, seed=seed) for c in MATCHED]
                 study.comparison += [{**_run(s), "matched": True, "runs": 3} for s in laws]
                 study.unmatched += [_run(s) for s in laws]
     study.sweep = [_swept(v, w, s) for v in SPEEDS_KMH for w in WEIGHTS for s in SEEDS]
-    study.open_loop = [_run(Scenario("sine", v, "passive")) for v in OPEN_LOOP_SPEEDS_KMH]
-    study.refinement = [
-        _run(Scenario(road, v, c, refinement=r))
-        for road, v in HISTORIES
-        for c in CONTROLLERS
-        for r in get_args(Refinement)
-    ]
+    study.open_loop = [_run(Case("sine", v, "passive")) for v in OPEN_LOOP_SPEEDS_KMH]
+    study.refinement = [_run(c) for road, v in HISTORIES for c in refinements(road, v, 0).values()]
     return study
 
 
@@ -61,17 +59,16 @@ def _improvement(road: str, speed: float) -> float:
     return 0.60 if road == "sine" else 0.30
 
 
-def _run(s: Scenario) -> Row:
+def _run(s: Case) -> Row:
     passive = passive_response(s.road, s.speed_kmh)
     m = {"diverged": False, "response": passive, "force": 0.0, "power": 0.0, "peak_force": 0.0, "rms_az": 1.0,
-         "rms_pitch": 1.0, "rms_roll": 0.0 if s.road == "sine" else 0.5, "peak_az": 3.0, "peak_pitch": 3.0,
-         "peak_roll": 1.5, "duration": 10.0}  # fmt: skip
+         "rms_pitch": 1.0, "rms_roll": 0.0 if s.road == "sine" else 0.5, "peak_pitch": 3.0}  # fmt: skip
     if s.controller != "passive":
         m |= {"response": passive * (1 - _improvement(s.road, s.speed_kmh)), **_effort(s), **_signals(s)}
-    return {**asdict(s), **m}
+    return {**values(s), **m}
 
 
-def _effort(s: Scenario) -> dict[str, float]:
+def _effort(s: Case) -> dict[str, float]:
     if s.road == "curb":
         force, power, peak = {"implicit": (500, 150, 7e3), "explicit": (1000, 300, 9e3), "preview": (400, 100, 4e3)}[
             s.controller
@@ -83,7 +80,7 @@ def _effort(s: Scenario) -> dict[str, float]:
     return {"force": float(force), "power": float(power), "peak_force": peak}
 
 
-def _signals(s: Scenario) -> dict[str, float]:
+def _signals(s: Case) -> dict[str, float]:
     if s.road == "sine":
         az, pitch = (0.9, 0.46) if s.controller == "implicit" else (0.8, 0.5)
         return {"rms_az": az, "rms_pitch": pitch, "rms_roll": 0.1 * pitch}
@@ -93,7 +90,7 @@ def _signals(s: Scenario) -> dict[str, float]:
 def _swept(speed: float, weight: float, seed: int) -> Row:
     """Force in proportion to the improvement, power to its square; at the limit with the smallest weight."""
     gain = {1e-7: 0.5, 5e-7: 0.25, 1e-6: 0.15, 5e-6: 0.03}[weight]
-    row = _run(Scenario("sine", speed, "preview", R=weight, seed=seed))
+    row = _run(swept(speed, weight, seed))
     return row | {
         "response": passive_response("sine", speed) * (1 - gain),
         "force": 1e4 * gain,

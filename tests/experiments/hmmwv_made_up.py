@@ -2,23 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from dataclasses import replace
+from typing import Any
 
+import made_up
 import numpy as np
 
-from cosim.experiments import hmmwv_preview as preview
-from cosim.experiments import hmmwv_tracking as tracking
-from cosim.experiments.hmmwv import EXCHANGE, Case
-from cosim.experiments.hmmwv_study import Plan, Study, averaged_cases, history_cases
-from cosim.experiments.hmmwv_tracking import VARIANTS, TrackingStudy
+from cosim.experiments.hmmwv import EXPERIMENT, preview, tracking
+from cosim.experiments.hmmwv.runs import Case
+from cosim.experiments.hmmwv.tracking.published import VARIANTS
+from cosim.experiments.hmmwv.tracking.runs import FILTER
+from cosim.study import Results, Row
 
 METRICS = (
-    "absorbed_power_peak", "absorbed_power_mean", "iso2631_rms", "vdv", "rms_az", "travel_peak", "travel_over",
-    "tire_rms", "lift_off", "force_rms", "force_peak", "flow_peak", "flow_mean", "power_mean", "tracking_error_rms",
-    "saturated_time",
+    "absorbed_power_peak", "absorbed_power_mean", "iso2631_rms", "travel_peak", "travel_over", "lift_off", "force_rms", "force_peak",
+    "flow_peak", "flow_mean", "power_mean", "tracking_error_rms",
 )  # fmt: skip
-HISTORY = ("x", "power_window", "travel", "road", "force", "smoothed", "saturated", "load_cell")
 
 AS_PUBLISHED = {
     "track": {"passive": 12.0, "zero": 5.1, "skyhook": 5.3, "lqr": 5.2, "lqr-kilonewton": 5.2, "mpc": 4.8, "mpc-preview": 4.0},
@@ -27,42 +27,79 @@ AS_PUBLISHED = {
 }  # fmt: skip
 """Absorbed powers [W] with which the whole paper is right."""
 
-Change = Callable[[Case, dict[str, float]], None]
+Change = Callable[[Case, Row], None]
 
 
-def made_up_study(*changes: Change) -> Study:
-    """The paper as it stands; ``changes`` are made to the metrics of every run that they know."""
-    study = Study(Plan())
-    for case in averaged_cases():
-        for run in study.plan.expand(case):
-            row = dict.fromkeys(METRICS, 0.05)
-            row["absorbed_power"] = AS_PUBLISHED[run.road][run.controller] * (1 + 1e-3 * run.variant)
-            row |= {"travel_rms": 0.01 if run.controller.startswith("mpc") else 0.012, "solver_residual": 1e-9}
-            row |= {"saturation": 0.02 if run.controller == "mpc-preview" else 0.03, "solver_failures": 0}
-            row["absorbed_power"] *= 0.8 if run.preview == "sensed" and run.road == "track" else 1.0
-            for change in changes:
-                change(run, row)
-            study.rows[run] = row
+def made_up_study(*changes: Change, worse: Collection[str] = ()) -> Results:
+    """The vehicle as the paper has it, and parts with nothing remarkable.
+
+    ``changes`` are made to the metrics of the vehicle's runs; the named variants of the force tracking have ten times the error.
+    """
+
+    def metrics(case: Any) -> Row:
+        row = PARTS[type(case)](case)[0]
+        for change in changes if isinstance(case, Case) else ():
+            change(case, row)
+        if "error" in row and any(replace(VARIANTS[n], signal=case.signal) == case for n in worse):
+            row["error"] *= 10
+        return row
+
+    return made_up.study(EXPERIMENT, metrics, lambda case: PARTS[type(case)](case)[1])
+
+
+def vehicle(run: Case) -> tuple[Row, Row]:
+    """Metrics and signals of a run of the vehicle."""
+    row = dict.fromkeys(METRICS, 0.05)
+    row["absorbed_power"] = AS_PUBLISHED[run.road][run.controller] * (1 + 1e-3 * run.variant)
+    row |= {"travel_rms": 0.01 if run.controller.startswith("mpc") else 0.012, "solver_residual": 1e-9}
+    row |= {"saturation": 0.02 if run.controller == "mpc-preview" else 0.03, "solver_failures": 0}
+    row |= {"flow_limit": 45.0, "null_opening": 0.005}
+    row["absorbed_power"] *= 0.8 if run.preview == "sensed" and run.road == "track" else 1.0
     signal = np.arange(0, 3, 0.01).tolist()
-    for case in history_cases():
-        study.rows[study.plan.expand(case)[0]]["history"] = dict.fromkeys(HISTORY, signal)
-    return study
+    return row, dict.fromkeys(("x", "power_window", "travel", "force", "smoothed", "saturated"), signal)
+
+
+def corner(case: tracking.runs.Case) -> tuple[Row, Row]:
+    """Metrics and signals as of a good law. The loop is unstable above a density of 1.1; the filter is at 1 after 23 ms."""
+    if case.signal == FILTER:
+        t = np.arange(0, 1.0, 1e-3)
+        y = 1.01 * (1 - np.exp(-t / 5e-3))
+        return tracking.runs.measure_filter(t, y), {"time": t.tolist(), "smoothed": y.tolist()}
+    row = {
+        "error": 0.02 if case == tracking.runs.Case(case.signal) else 0.03, "early": 0.1, "late": 2.0 if case.density > 1.1 else 0.01,
+        "flow_peak": 44.0, "voltage_peak": 3.0, "voltage_jumps": 0.05, "saturated": 0.0, "flow_limit": 45.0, "friction_force": 120.0,
+    }  # fmt: skip
+    t = np.arange(0, 10, 0.004)
+    return row, {"time": t.tolist(), **{n: np.sin(t).tolist() for n in ("smoothed", "force")}}
+
+
+def chain(case: preview.runs.Case) -> tuple[Row, Row]:
+    """Metrics and signals of the preview chain on a flat road."""
+    t = np.arange(0, 3, 0.005)
+    if case.preview == "generated":
+        signals = {n: t.tolist() for n in ("x", "map", "road", "load")}
+        return {"front": 1.651, "offsets": [0.0, 0.0]}, signals
+    row = {
+        "front": 1.651, "ahead": 2.1, "resolution": 0.01, "lowest": 0.0, "highest": 0.0, "spread": [1e-3] * 5, "rate_error": 0.01,
+    }  # fmt: skip
+    names = ("time", "x", "range", "true", "true rate", "buffered", "rate", "preview valid")
+    return row, {n: t.tolist() for n in names}
+
+
+PARTS: dict[type, Callable[[Any], tuple[Row, Row]]] = {
+    Case: vehicle, tracking.runs.Case: corner, preview.runs.Case: chain,
+}  # fmt: skip
 
 
 def watts(value: float, **where: object) -> Change:
     """The absorbed power [W] of runs whose case has these fields."""
-
-    def change(run: Case, row: dict[str, float]) -> None:
-        if all(getattr(run, name) == wanted for name, wanted in where.items()):
-            row["absorbed_power"] = value
-
-    return change
+    return metric("absorbed_power", value, **where)
 
 
 def metric(name: str, value: float, **where: object) -> Change:
     """Another metric of runs whose case has these fields."""
 
-    def change(run: Case, row: dict[str, float]) -> None:
+    def change(run: Case, row: Row) -> None:
         if all(getattr(run, field) == wanted for field, wanted in where.items()):
             row[name] = value
 
@@ -70,45 +107,4 @@ def metric(name: str, value: float, **where: object) -> Change:
 
 
 def is_finer(run: Case) -> bool:
-    return run.exchange != EXCHANGE or run.solver_parts != 1
-
-
-def made_up_tracking(worse: tuple[str, ...] = ()) -> TrackingStudy:
-    """Rows as of a good law; those of the named variants are ten times worse. The loop is unstable above 1.1."""
-    study = TrackingStudy()
-    for case in tracking.all_cases():
-        names = [n for n, v in VARIANTS.items() if replace(v, signal=case.signal) == case]
-        error = 0.02 * (10 if set(names) & set(worse) else 1.5 if case != tracking.TrackingCase(case.signal) else 1)
-        density = dict(case.controller).get("fluid.density", 1.0)
-        study.rows[case] = {
-            "error": error, "error_peak": 100.0, "early": 0.1, "late": 2.0 if density > 1.1 else 0.01,
-            "flow_peak": 44.0, "voltage_peak": 3.0, "voltage_jumps": 0.05, "saturated": 0.0,
-        }  # fmt: skip
-    t = np.arange(0, 10, 0.004)
-    wave = {n: np.sin(t).tolist() for n in ("tracking.force.smoothed", "actuator.force")}
-    study.histories = {s: {"time": t.tolist(), **wave} for s in tracking.PUBLISHED}
-    t = np.arange(0, 1.0, 1e-3)
-    study.filter_step = {"time": t.tolist(), "force": (1.01 * (1 - np.exp(-t / 5e-3))).tolist()}
-    return study
-
-
-def made_up_preview(row: preview.Row | None = None) -> preview.PreviewStudy:
-    """The same run of the chain, a flat road unless given, in every place of the study."""
-    t = np.arange(0, 20, 0.005)
-    flat = {n: (0 * t).tolist() for n in ("range", "sensed", "true", "true rate", "buffered", "rate")}
-    flat |= {"buffered": (1e-3 * np.sin(50 * t)).tolist(), "rate": (0.01 * np.cos(50 * t)).tolist()}
-    flat |= {n: (1 + 0 * t).tolist() for n in ("range valid", "preview valid", "road valid")}
-    row = row or {"t": t.tolist(), "x": (9 * t).tolist(), "sensed x": (9 * t).tolist(), **flat}
-    generated = {
-        "x": [8.0, 8.5, 9.0, 14.5],
-        "map": [0.0, 0.05, 0.0, 0.03],
-        "road": [0.0] * 4,
-        "load": [0.0, 1e3, 0.0, 5e2],
-    }
-    return preview.PreviewStudy(
-        {(c, h): row for c in preview.CHAINS for h in preview.HEIGHTS},
-        dict.fromkeys(preview.DRIFTING, row),
-        dict.fromkeys(preview.SHOWN, row),
-        row,
-        dict.fromkeys(preview.SPEEDOMETER_ERRORS, generated),
-    )
+    return run.exchange_parts != 1 or run.solver_parts != 1

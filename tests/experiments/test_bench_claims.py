@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
-import dataclasses
-
 import numpy as np
 import pytest
+from altered import altered, failed
 from kept_results import kept_verdicts
 
-from cosim.experiments import bench_report, bench_study
-from cosim.experiments.bench import Bench, Case, force, states_at_samples
-from cosim.experiments.bench_study import SCENARIOS, Study
-from cosim.experiments.cases import CaseError, FmuSet
+from cosim.experiments.bench import EXPERIMENT, published
+from cosim.experiments.bench.claims import CLAIMS, ratio
+from cosim.experiments.bench.published import LONG, SCENARIOS, SHORT, at
+from cosim.experiments.bench.report import report
+from cosim.experiments.bench.runs import CONTROLLERS, Case, force, states_at_samples
+from cosim.experiments.steps import halved
+from cosim.report import write_report
+from cosim.study import CaseError, FmuSet, Results, Runner, run_study
 from fmu_sources.controllers.bench import FORCE_LIMIT, MPC_PERIOD, bench_mpc, lqr_gain
 from fmu_sources.controllers.mpc_reference import MpcReference
 from fmu_sources.plants import quarter_car
@@ -21,8 +24,14 @@ COSTS = {"mpc": "force", "mpc-moves": "moves"}
 
 
 @pytest.fixture(scope="session")
-def study(fmus: FmuSet) -> Study:
-    return bench_study.study(fmus)
+def study(fmus: FmuSet, tmp_path_factory) -> Results:
+    return run_study(EXPERIMENT, fmus, tmp_path_factory.mktemp("bench"), processes=2)
+
+
+@pytest.fixture(scope="session")
+def runner(fmus: FmuSet):
+    with Runner(EXPERIMENT, fmus) as made:
+        yield made
 
 
 @pytest.fixture(scope="session")
@@ -31,18 +40,18 @@ def car():
 
 
 @pytest.mark.parametrize("scenario", SCENARIOS)
-@pytest.mark.parametrize("system", COSTS)
-def test_every_command_is_that_of_the_independent_solver(study: Study, car, system: str, scenario: str) -> None:
-    recording = study.histories[scenario, system]
-    reference = MpcReference(bench_mpc(car, COSTS[system]))
+@pytest.mark.parametrize("controller", COSTS)
+def test_every_command_is_that_of_the_independent_solver(runner: Runner, car, controller: str, scenario: str) -> None:
+    recording = runner.record(at(scenario, controller))
+    reference = MpcReference(bench_mpc(car, COSTS[controller]))
     states = states_at_samples(recording, MPC_PERIOD)[:-1]  # nothing runs at the end
     commands = force(recording)[:: round(MPC_PERIOD * 1000)][:-1]
     previous = np.concatenate([[0.0], commands[:-1]])
-    wanted = [
+    expected = [
         reference.step(x, np.array([p])).command[0] if np.any(x) or p else 0.0
         for x, p in zip(states, previous, strict=True)
     ]
-    assert np.abs(commands - wanted).max() <= 1e-3 * FORCE_LIMIT
+    assert np.abs(commands - expected).max() <= 1e-3 * FORCE_LIMIT
     assert recording["controller.solver.residual"].max() <= 1e-6
     assert not recording["controller.command.held"].any()
     assert np.abs(force(recording)).max() <= FORCE_LIMIT
@@ -62,9 +71,12 @@ def test_lqr_is_the_state_feedback_of_the_riccati_equation(car) -> None:
     np.testing.assert_allclose(lqr_gain(car), (B.T @ P / 0.01).ravel(), rtol=1e-9)
 
 
-def test_claims_and_report(study: Study, fmus: FmuSet, tmp_path) -> None:
-    claims = bench_report.claims(study)
-    assert {c.id: c.verdict for c in claims} == {
+def verdicts(study: Results) -> dict[str, str]:
+    return {c.id: c.verdict for c in CLAIMS.judge(study)}
+
+
+def test_claims_and_report(study: Results, fmus: FmuSet, tmp_path) -> None:
+    assert verdicts(study) == {
         "force-limit": "reproduced",
         "lqr-force": "reproduced",
         "bump-lqr": "reproduced",
@@ -75,68 +87,78 @@ def test_claims_and_report(study: Study, fmus: FmuSet, tmp_path) -> None:
         "random-wheel": "reproduced",
         "solver": "holds",
     }
-    assert all(c.criterion for c in claims)
-    assert {c.id: c.verdict for c in claims} == kept_verdicts("bench")
-    long, short = (study.metrics[s, "lqr"] for s in ("bump 0.5 s", "bump 0.2 s"))
+    assert all(c.criterion for c in CLAIMS.judge(study))
+    assert verdicts(study) == kept_verdicts("bench")
+    long, short = (study[at(s, "lqr")] for s in (LONG, SHORT))
     assert long["force.max"] == pytest.approx(8.4, abs=0.05)
     assert short["force.min"] == pytest.approx(-9.2, abs=0.05)
-    assert study.metrics["bump 0.5 s", "passive"]["acceleration"] == pytest.approx(2.1, abs=0.1)
-    assert study.metrics["bump 0.5 s", "mpc"]["acceleration"] == pytest.approx(0.5, abs=0.06)
-    for s in ("bump 0.5 s", "bump 0.2 s"):
-        assert bench_study.ratio(study, s, "acceleration", "mpc", "lqr-clipped") == pytest.approx(1.0, abs=0.01)
-    assert bench_report.write(study, fmus, tmp_path).is_file()
+    assert study[at(LONG, "passive")]["acceleration"] == pytest.approx(2.1, abs=0.1)
+    assert study[at(LONG, "mpc")]["acceleration"] == pytest.approx(0.5, abs=0.06)
+    for s in (LONG, SHORT):
+        assert ratio(study, s, "acceleration", "mpc", "lqr-clipped") == pytest.approx(1.0, abs=0.01)
+    assert write_report(report(study, fmus), tmp_path).is_file()
 
 
-def test_one_good_stretch_of_road_is_no_result(study: Study) -> None:
-    passive = study.stretches["passive"]
-    worse = [{**row, "acceleration": 0.9 * row["acceleration"]} for row in passive[1:]]
-    lucky = dataclasses.replace(study, stretches={"passive": passive, "mpc": [study.stretches["mpc"][0], *worse]})
-    assert {c.id: c.verdict for c in bench_report.claims(lucky)}["random-body"] == "not reproduced"
+def test_one_good_stretch_of_road_is_no_result(study: Results) -> None:
+    passive, mpc = (published.over_stretches(c) for c in published.JUDGED)
+    worse = {m: {"acceleration": 0.9 * study[p]["acceleration"]} for m, p in zip(mpc[1:], passive[1:], strict=True)}
+    assert verdicts(altered(study, worse))["random-body"] == "not reproduced"
 
 
-def test_a_large_excess_is_not_slight(study: Study) -> None:
-    metrics = {k: dict(v) for k, v in study.metrics.items()}
-    metrics["bump 0.2 s", "lqr"]["force.min"] = -10.0
-    found = {c.id: c.verdict for c in bench_report.claims(dataclasses.replace(study, metrics=metrics))}
-    assert found["lqr-force"] == "order reproduced, magnitude not"
+def test_a_large_excess_is_not_slight(study: Results) -> None:
+    changed = altered(study, {at(SHORT, "lqr"): {"force.min": -10.0}})
+    assert verdicts(changed)["lqr-force"] == "order reproduced, magnitude not"
 
 
-def test_steps_do_not_matter(study: Study) -> None:
-    for finer in study.refined.values():
-        for system, row in finer.items():
-            assert row["acceleration"] == pytest.approx(study.metrics["bump 0.2 s", system]["acceleration"], rel=1e-3)
-    solver = study.refined["solver step"]["passive"]
-    assert solver["acceleration"] != study.metrics["bump 0.2 s", "passive"]["acceleration"]
+def test_a_failed_run_leaves_open_what_needs_it_and_nothing_else(study: Results, fmus: FmuSet, tmp_path) -> None:
+    broken = failed(study, at(LONG, "lqr"))
+    changed = {k: v for k, v in verdicts(broken).items() if v != verdicts(study)[k]}
+    assert changed == dict.fromkeys(("lqr-force", "bump-lqr", "far-superior"), "open")
+    page = write_report(report(broken, fmus), tmp_path).read_text(encoding="utf-8")
+    assert "Left out: the run lqr-bump-500ms failed: ComponentError: it broke" in page
 
 
-def test_stretches_of_the_random_road_differ(study: Study) -> None:
-    assert len({row["acceleration"] for row in study.stretches["passive"]}) == len(bench_study.STRETCHES)
-    assert study.stretches["mpc"][0] == study.metrics["random", "mpc"]
+def test_steps_do_not_matter(study: Results) -> None:
+    for controller in CONTROLLERS:
+        base = study[at(SHORT, controller)]["acceleration"]
+        for finer in halved(at(SHORT, controller)).values():
+            assert study[finer]["acceleration"] == pytest.approx(base, rel=1e-3)
+    passive = at(SHORT, "passive")
+    assert study[halved(passive)["solver step"]]["acceleration"] != study[passive]["acceleration"]
 
 
-def test_encoders_cost_little(study: Study) -> None:
-    for (scenario, system), measured in study.encoders.items():
-        exact = study.metrics[scenario, system]
-        assert measured["acceleration"] != exact["acceleration"]
-        assert measured["acceleration"] <= 1.3 * exact["acceleration"]
+def test_stretches_of_the_random_road_differ(study: Results) -> None:
+    stretches = published.over_stretches("passive")
+    assert len({study[c]["acceleration"] for c in stretches}) == len(published.STRETCHES)
+    assert published.over_stretches("mpc")[0] == at(published.RANDOM, "mpc")
 
 
-def test_fmi_2_gives_the_same_run(fmus: FmuSet, study: Study) -> None:
-    bench = Bench(FmuSet(fmus.directory, 2))
-    again = bench.record(Case("mpc", "bump", 0.2))
-    bench.close()
-    np.testing.assert_array_equal(force(again), force(study.histories["bump 0.2 s", "mpc"]))
+def test_encoders_cost_little(study: Results) -> None:
+    for scenario in SCENARIOS:
+        for controller in published.CONTROLLED:
+            exact = study[at(scenario, controller)]["acceleration"]
+            measured = study[at(scenario, controller, encoders=True)]["acceleration"]
+            assert measured != exact
+            assert measured <= 1.3 * exact
+
+
+def test_fmi_2_gives_the_same_run(fmus: FmuSet, study: Results) -> None:
+    with Runner(EXPERIMENT, FmuSet(fmus.directory, 2)) as again:
+        assert force(again.record(at(SHORT, "mpc"))).tolist() == study.signals(at(SHORT, "mpc"))["force"]
 
 
 @pytest.mark.parametrize(
     ("given", "message"),
     [
-        ({"system": "mcp"}, "no controller 'mcp'; did you mean mpc"),
+        ({"controller": "mcp"}, "no controller 'mcp'; did you mean mpc"),
         ({"road": "bumpy"}, "did you mean bump"),
-        ({"duration": 0.0}, "bump of 0 s"),
-        ({"offset": -1.0}, "random road from -1 s on"),
-        ({"height": 1.0}, "bump of 1000 mm"),
-        ({"system": "passive", "encoders": True}, "no controller that would use"),
+        ({"duration": 0.0}, "duration 0 s: give 0.01 to 3 s"),
+        ({"road": "random", "offset": -1.0}, "offset -1 s: give 0 to 100000 s"),
+        ({"height_mm": 1000.0}, "height 1000 mm: give -100 to 100 mm"),
+        ({"height_mm": float("nan")}, "height nan mm: give a finite number"),
+        ({"offset": 5.0}, "offset is for the random road only"),
+        ({"road": "random", "height_mm": 10.0}, "height is for the bump only"),
+        ({"controller": "passive", "encoders": True}, "no controller that would use"),
     ],
 )
 def test_runs_that_do_not_exist(given, message) -> None:

@@ -5,23 +5,36 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from cosim import metrics
-from cosim.experiments import gpc_claims, gpc_report, gpc_study
-from cosim.experiments.cases import CaseError
-from cosim.experiments.gpc import GpcBench, GpcFmuSet, Match, Scenario, match_weight
-from cosim.experiments.gpc_results import METRICS, Results
-from cosim.experiments.gpc_study import LAWS, MATCHED, Study
-
-
-@pytest.fixture(scope="session")
-def fmus(built_fmus) -> GpcFmuSet:
-    return GpcFmuSet(built_fmus.path("FullCarHmmwvModified", 3).parent.parent)
+from cosim.experiments.gpc import EXPERIMENT
+from cosim.experiments.gpc.claims import CLAIMS
+from cosim.experiments.gpc.judge import CONVERGED, Judge
+from cosim.experiments.gpc.matching import Match, match_weight
+from cosim.experiments.gpc.published import LAWS, MATCHED
+from cosim.experiments.gpc.report import report as make_report
+from cosim.experiments.gpc.results import METRICS, Results, Study
+from cosim.experiments.gpc.runs import Case
+from cosim.experiments.metrics import response as metrics
+from cosim.report import write_report
+from cosim.study import CaseError, FmuSet, Runner, run_study
+from cosim.study import Results as Runs
 
 
 @pytest.fixture(scope="module")
-def study(fmus: GpcFmuSet, tmp_path_factory: pytest.TempPathFactory) -> Study:
+def runs(fmus: FmuSet, tmp_path_factory: pytest.TempPathFactory) -> Runs:
     """One seed at the two speeds that claims name: every kind of run, no verdict."""
-    return gpc_study.study(fmus, tmp_path_factory.mktemp("runs"), seeds=(0,), speeds=(50.0, 80.0), processes=1)
+    options = {"seeds": (0,), "speeds": (50.0, 80.0)}
+    return run_study(EXPERIMENT, fmus, tmp_path_factory.mktemp("runs"), options=options, processes=1)
+
+
+@pytest.fixture(scope="module")
+def study(runs: Runs) -> Study:
+    return Study.of(runs)
+
+
+@pytest.fixture(scope="module")
+def runner(fmus: FmuSet):
+    with Runner(EXPERIMENT, fmus) as made:
+        yield made
 
 
 def test_a_study_has_every_run(study: Study) -> None:
@@ -57,22 +70,22 @@ def test_no_run_diverges(study: Study) -> None:
     assert Results(study).diverged() == 0
 
 
-def test_report_tells_what_the_study_found(study: Study, fmus: GpcFmuSet, tmp_path) -> None:
-    report = gpc_report.report(study, fmus)
+def test_report_tells_what_the_study_found(runs: Runs, fmus: FmuSet, tmp_path) -> None:
+    report = make_report(runs, fmus)
     ids = {f.id for f in report.figures}
     assert ids == {f"figure-{n}" for n in range(6, 13)}
     assert all(c.reason for c in report.claims if not c.well)
     assert all(c.criterion for c in report.claims)
     assert "motion_ratio" in next(c.fitted for c in report.claims if c.id == "open-loop-peak")
-    assert gpc_report.write(study, fmus, tmp_path).is_file()
+    assert write_report(report, tmp_path).is_file()
     assert (tmp_path / "summary.json").is_file()
 
 
-def test_report_has_the_distributions_and_the_refinement(study: Study, fmus: GpcFmuSet) -> None:
-    report = gpc_report.report(study, fmus)
+def test_report_has_the_distributions_and_the_refinement(runs: Runs, study: Study, fmus: FmuSet) -> None:
+    report = make_report(runs, fmus)
     tables = {t.id: t for t in report.tables}
     judged = {row[0] for t in tables.values() if t.id.startswith("distributions-") for row in t.rows}
-    assert judged == {e.claim for e in gpc_claims.claims(study).evidence}
+    assert judged == {e.claim for e in CLAIMS.judge(Judge(study)).evidence}
     refined = tables["refinement"].rows
     assert len(refined) == 3 * 3 * (1 + len(LAWS))  # roads, refinements, controllers
     passive = next(row for row in refined if row[2] == "passive")
@@ -81,26 +94,23 @@ def test_report_has_the_distributions_and_the_refinement(study: Study, fmus: Gpc
 
 def test_halved_steps_change_nothing_visible_and_something(study: Study) -> None:
     """Refined runs are really others, and differ by less than the tolerance of matching."""
-    for row, moves in Results(study).refinement():
+    for row, _, moves in Results(study).refinement():
         assert any(moves.values()), row
-        assert all(abs(x) <= gpc_claims.CONVERGED for x in moves.values()), row
+        assert all(abs(x) <= CONVERGED for x in moves.values()), row
 
 
-def test_fmi_versions_agree_bit_for_bit(fmus: GpcFmuSet) -> None:
+def test_fmi_versions_agree_bit_for_bit(fmus: FmuSet) -> None:
     results = []
     for fmi in (2, 3):
-        bench = GpcBench(GpcFmuSet(fmus.directory, fmi=fmi))
-        results.append(bench.record(Scenario("perryman3", 60.0, "preview")).data)
-        bench.close()
+        with Runner(EXPERIMENT, FmuSet(fmus.directory, fmi)) as runner:
+            results.append(runner.record(Case("perryman3", 60.0, "preview")).data)
     np.testing.assert_array_equal(*results)
 
 
-def test_holding_the_last_height_helps_on_the_curb(fmus: GpcFmuSet) -> None:
+def test_holding_the_last_height_helps_on_the_curb(runner: Runner) -> None:
     """Explicit takes the road ahead to be at height 0; behind a step up that is wrong, and holding is right."""
-    bench = GpcBench(fmus)
-    published = bench.measure(Scenario("curb", 72.0, "explicit"))
-    held = bench.measure(Scenario("curb", 72.0, "explicit", hold=True))
-    bench.close()
+    published = runner.metrics(Case("curb", 72.0, "explicit"))
+    held = runner.metrics(Case("curb", 72.0, "explicit", hold=True))
     assert held["response"] < published["response"]
 
 
@@ -130,34 +140,21 @@ def test_matching_says_not_found() -> None:
         ({"speed_kmh": 0.0}, "speed 0 km/h"),
         ({"speed_kmh": 500.0}, "speed 500 km/h"),
         ({"speed_kmh": float("nan")}, "speed nan"),
-        ({"R": -1.0}, "R = -1"),
-        ({"controller": "preview", "hold": True}, "hold"),
+        ({"R": -1.0}, "weight -1 1/N2: give 1e-30 to 1e\\+30"),
+        ({"controller": "preview", "hold": True}, "hold is for the explicit controller only"),
     ],
 )
-def test_scenarios_that_do_not_exist(choice: dict, message: str) -> None:
+def test_cases_that_do_not_exist(choice: dict, message: str) -> None:
     with pytest.raises(CaseError, match=message):
-        Scenario(**choice)
+        Case(**choice)
 
 
 def test_missing_fmus_say_how_to_build_them(tmp_path) -> None:
     with pytest.raises(FileNotFoundError, match="build-fmus"):
-        GpcBench(GpcFmuSet(tmp_path)).record(Scenario())
+        Runner(EXPERIMENT, FmuSet(tmp_path)).record(Case())
 
 
-def test_stored_runs_are_not_run_again(tmp_path) -> None:
-    from cosim.experiments.store import RunStore
-
-    calls = []
-    store = RunStore(tmp_path, "salt")
-    for _ in range(2):
-        store.get({"a": 1}, lambda: calls.append(1) or {"x": 1.5})
-    assert len(calls) == 1
-    assert RunStore(tmp_path, "other").get({"a": 1}, lambda: {"x": 2.0}) == {"x": 2.0}
-
-
-def test_metrics_of_the_passive_car(fmus: GpcFmuSet) -> None:
-    bench = GpcBench(fmus)
-    m = bench.measure(Scenario("curb", 50.0, "passive"))
-    bench.close()
+def test_metrics_of_the_passive_car(runner: Runner) -> None:
+    m = runner.metrics(Case("curb", 50.0, "passive"))
     assert m["force"] == m["power"] == 0.0
     assert np.isnan(metrics.force_normalised_effectiveness(0.0, m["force"]))

@@ -1,4 +1,4 @@
-"""Force tracking of paper 001 on one corner: tracking error, exchange of car and actuator, claims, report."""
+"""Force tracking of paper 001 on one corner, from the built FMUs: tracking error, exchange of car and actuator, a small study."""
 
 from __future__ import annotations
 
@@ -10,21 +10,28 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hmmwv_made_up import made_up_tracking
+from hmmwv_made_up import made_up_study
 
 from cosim import ComponentError, StabilityWarning, System
-from cosim.experiments import hmmwv_tracking as tracking
-from cosim.experiments.cases import CaseError, FmuSet
-from cosim.experiments.hmmwv_tracking import SIGNALS, VARIANTS, TrackingBench, TrackingCase
-from cosim.experiments.store import RunStore
+from cosim.experiments.hmmwv.tracking import EXPERIMENT
+from cosim.experiments.hmmwv.tracking.claims import CLAIMS
+from cosim.experiments.hmmwv.tracking.published import (
+    PUBLISHED,
+    VARIANTS,
+    robustness_case,
+)
+from cosim.experiments.hmmwv.tracking.report import section
+from cosim.experiments.hmmwv.tracking.runs import FILTER, Case
 from cosim.report import Report, write_report
+from cosim.study import Results, Runner, run_study
 
 pytestmark = pytest.mark.filterwarnings("ignore::cosim.UnconnectedInputsWarning")
 
 
 @pytest.fixture(scope="module")
-def bench(fmus) -> TrackingBench:
-    return TrackingBench(fmus)
+def bench(fmus):
+    with Runner(EXPERIMENT, fmus) as made:
+        yield made
 
 
 # ------------------------------------------------------------------------------------------------------- tracking
@@ -32,7 +39,7 @@ def bench(fmus) -> TrackingBench:
 
 @pytest.mark.parametrize(("signal", "limit"), [("square", 0.04), ("sweep", 0.12), ("discrete sweep", 0.12)])
 def test_the_force_follows(bench, signal, limit):
-    row = bench.measure(TrackingCase(signal))
+    row = bench.metrics(Case(signal))
     assert row["error"] < limit
     assert row["saturated"] == 0.0
     assert 30 < row["flow_peak"] < 60
@@ -40,26 +47,26 @@ def test_the_force_follows(bench, signal, limit):
 
 def test_the_physical_set_tracks_as_well_with_half_the_voltage(bench):
     """Twice the flow per stroke, known to the controller: the same forces."""
-    paper, physical = (bench.measure(TrackingCase(actuator=name)) for name in ("paper", "physical"))
+    paper, physical = (bench.metrics(Case(actuator=name)) for name in ("paper", "physical"))
     assert physical["error"] == pytest.approx(paper["error"], rel=1e-3)
     assert physical["voltage_peak"] == pytest.approx(paper["voltage_peak"] * math.sqrt(850 / 3500), rel=1e-3)
 
 
 def test_averaging_costs_most_of_the_tracking(bench):
-    averaged = bench.measure(VARIANTS["average (1.14) on"])
-    assert averaged["error"] > 4 * bench.measure(TrackingCase())["error"]
+    averaged = bench.metrics(VARIANTS["average (1.14) on"])
+    assert averaged["error"] > 4 * bench.metrics(Case())["error"]
 
 
 def test_averaging_quietens_the_command(bench):
     """What (1.14) is for: with noise in the load cell the command jumps less; the force is none the better for it."""
-    plain, averaged = (bench.measure(VARIANTS["load cell with noise" + x]) for x in ("", ", average (1.14) on"))
+    plain, averaged = (bench.metrics(VARIANTS["load cell with noise" + x]) for x in ("", ", average (1.14) on"))
     assert averaged["voltage_jumps"] < 0.6 * plain["voltage_jumps"]
     assert averaged["error"] > 4 * plain["error"]
-    assert plain["error"] > bench.measure(TrackingCase())["error"]
+    assert plain["error"] > bench.metrics(Case())["error"]
 
 
 def test_too_high_a_density_destabilises_and_too_low_does_not(bench):
-    rows = {d: bench.measure(tracking.robustness_case("step", d, 1.0)) for d in (0.7, 1.0, 1.3)}
+    rows = {d: bench.metrics(robustness_case("step", d, 1.0)) for d in (0.7, 1.0, 1.3)}
     assert rows[1.0]["late"] < 0.001
     assert rows[0.7]["late"] < rows[0.7]["early"] / 2
     assert rows[1.3]["late"] > 1.0
@@ -68,22 +75,19 @@ def test_too_high_a_density_destabilises_and_too_low_does_not(bench):
 # ------------------------------------------------------------------------------------------------------- exchange
 
 
-def force(bench: TrackingBench, case: TrackingCase) -> np.ndarray:
-    with bench.wire(case) as system:
-        return system.run(1.5, record=["actuator.force"], record_interval="1 ms")["actuator.force"]
+def force(bench: Runner, case: Case) -> np.ndarray:
+    return bench.record(case, stop_time=1.5, record=["actuator.force"])["actuator.force"]
 
 
 def test_halving_the_exchange_step_changes_the_tracked_force_by_less_than_one_percent(bench):
-    coarse, fine = (force(bench, TrackingCase(exchange=h)) for h in ("0.5 ms", "0.25 ms"))
+    coarse, fine = (force(bench, Case(exchange_parts=n)) for n in (1, 2))
     assert np.linalg.norm(coarse - fine) < 0.01 * np.linalg.norm(fine)
 
 
 def test_a_plain_exchange_lags_by_half_a_step(bench):
     """Without values of the middle of the step the error is of first order: halving the step halves the difference."""
-    exact = force(bench, TrackingCase(exchange="0.125 ms"))
-    lag = [
-        np.linalg.norm(force(bench, TrackingCase(exchange=h, extrapolate=False)) - exact) for h in ("0.5 ms", "0.25 ms")
-    ]
+    exact = force(bench, Case(exchange_parts=4))
+    lag = [np.linalg.norm(force(bench, Case(exchange_parts=n, extrapolate=False)) - exact) for n in (1, 2)]
     assert lag[0] / lag[1] == pytest.approx(2.0, abs=0.3)
     assert lag[0] > 0.01 * np.linalg.norm(exact)
 
@@ -122,89 +126,41 @@ def test_side_by_side_the_check_warns_before_the_run_diverges(fmus, exchange, ra
 # ----------------------------------------------------------------------------------------------- signals and bad input
 
 
-def test_signals():
-    assert [tracking.square(t) for t in (0.0, 0.4999, 0.5, 0.9999, 1.0)] == [2000, 2000, -2000, -2000, 2000]
-    t = np.linspace(0, 10, 2_000_001)
-    crossings = t[1:][np.diff(np.sign([tracking.sweep(x) for x in t[::20]])).nonzero()[0] * 20]
-    assert 0.5 / np.diff(crossings[:3]).mean() == pytest.approx(1.4, abs=0.3)
-    assert 0.5 / np.diff(crossings[-4:]).mean() == pytest.approx(10.0, abs=0.3)
-    assert SIGNALS["discrete sweep"][1] == 0.030
-
-
-@pytest.mark.parametrize(
-    ("choice", "words"),
-    [
-        ({"signal": "sqare"}, "did you mean square"),
-        ({"actuator": "oil"}, "no actuator 'oil'"),
-        ({"order": "gauss"}, "no order 'gauss'"),
-        ({"controller": (("fluid.density", -1.0),)}, "fluid.density"),
-        ({"noise": -1.0}, "noise -1 N"),
-    ],
-)
-def test_runs_that_do_not_exist(choice, words):
-    with pytest.raises(CaseError, match=words):
-        TrackingCase(**choice)
-
-
-# ------------------------------------------------------------------------------------------------- study and report
-
-
-def test_claims_follow_the_numbers():
-    good = {c.id: c.well for c in tracking.tracking_claims(made_up_tracking())}
-    assert good == {
-        "tracking-filter": False,  # the made-up filter is at 1 after 23 ms
-        "tracking-square": True,
-        "tracking-sweep": True,
-        "tracking-discrete-sweep": True,
-        "tracking-difference": True,
-        "tracking-average": False,
-        "tracking-notches": True,
-    }
-    bad = {c.id: c.well for c in tracking.tracking_claims(made_up_tracking(worse=(next(iter(VARIANTS)),)))}
-    assert [bad[f"tracking-{n}"] for n in ("square", "sweep", "difference", "average", "notches")] == [
-        False,
-        False,
-        False,
-        True,
-        False,
-    ]
-
-
-def test_margin_is_where_the_loop_becomes_unstable():
-    study = made_up_tracking()
-    assert tracking.largest_stable_density(study) == 1.1
-    assert tracking.largest_stable_density(study, leakage=5.0) == 1.1
-    for density in tracking.DENSITIES:
-        study.rows[tracking.robustness_case("step", density, 1.0)]["late"] = 1.0
-    assert tracking.largest_stable_density(study) is None
-
-
 def test_a_small_study_is_kept_and_reported(fmus, tmp_path):
     """Figure 1.4 from the FMU: rise, first crossing, bandwidth; stored runs are not made again."""
     seen = []
-    store = RunStore(tmp_path / "runs", "salt")
-    cases = [TrackingCase()]
-    study = tracking.tracking_study(fmus, store, lambda done, total: seen.append((done, total)), cases)
-    assert seen == [(k, 5) for k in range(6)]
-    figures = tracking.filter_figures(study)
-    assert figures["rise"] == pytest.approx(12.9e-3, abs=0.2e-3)
-    assert figures["crossing"] == pytest.approx(25e-3, abs=0.5e-3)
-    assert figures["bandwidth"] == pytest.approx(26.75, abs=0.1)
-    again = tracking.tracking_study(FmuSet(tmp_path / "nowhere"), store, cases=cases)
-    assert again.rows == study.rows
-    assert again.histories == study.histories
-    full = made_up_tracking()
-    full.filter_step, full.histories = study.filter_step, study.histories
-    page = write_report(
-        Report(
-            "tracking", "Force tracking", "Lead.", tracking.tracking_claims(full), [tracking.tracking_section(full)]
-        ),
-        tmp_path / "report",
+    cases = [t for t in EXPERIMENT.tasks() if t.signals]
+    options = {"tasks": cases, "processes": 1}
+    study = run_study(
+        EXPERIMENT, fmus, tmp_path / "runs", progress=lambda done, total: seen.append((done, total)), **options
     )
+    assert seen == [(k, 4) for k in range(5)]
+    found = study[Case(FILTER)]
+    assert found["rise"] == pytest.approx(12.9e-3, abs=0.2e-3)
+    assert found["crossing"] == pytest.approx(25e-3, abs=0.5e-3)
+    assert found["bandwidth"] == pytest.approx(26.75, abs=0.1)
+    seen.clear()
+    again = run_study(
+        EXPERIMENT, fmus, tmp_path / "runs", progress=lambda done, total: seen.append((done, total)), **options
+    )
+    assert seen == [(4, 4)]
+    assert dict(again) == dict(study)
+    assert all(again.signals(Case(s)) == study.signals(Case(s)) for s in (*PUBLISHED, FILTER))
+    full = made_up_study()
+    entries = [
+        {"metrics": full[t.case]} | ({"signals": study.signals(t.case)} if t.case in cases_of(cases) else {})
+        for t in EXPERIMENT.tasks()
+    ]
+    shown = section(Results(EXPERIMENT.tasks(), entries))
+    page = write_report(Report("tracking", "Force tracking", "Lead.", CLAIMS.judge(full), [shown]), tmp_path / "report")
     text = page.read_text(encoding="utf-8")
     for words in ("Figure 1.4", "Figure 1.8", "Robustness of the force tracking", "average (1.14) on"):
         assert words in text
-    assert "nan" not in "".join(tracking.tracking_section(full).paragraphs).lower()
+    assert "nan" not in "".join(shown.paragraphs).lower()
+
+
+def cases_of(tasks) -> set[Case]:
+    return {t.case for t in tasks}
 
 
 def test_the_corner_of_the_example(built_fmus):

@@ -2,61 +2,48 @@
 
 from __future__ import annotations
 
-import dataclasses
-
 import numpy as np
 import pytest
+from altered import altered, failed
 from kept_results import kept_verdicts
 from scipy import linalg
 
 from cosim import System, WiringError
-from cosim.experiments import preview_lq_report, preview_lq_study
-from cosim.experiments.cases import CaseError, FmuSet
-from cosim.experiments.preview_lq import WEIGHTS, Case, PreviewLqBench
-from cosim.experiments.preview_lq_study import PRINTED, PRINTED_EIGENVALUES, Study
+from cosim.experiments.preview_lq import EXPERIMENT, published
+from cosim.experiments.preview_lq.claims import CLAIMS, relative, relative_index
+from cosim.experiments.preview_lq.published import PRINTED, corrected, over_preview, plateau
+from cosim.experiments.preview_lq.report import report
+from cosim.experiments.preview_lq.runs import CONTROLLERS, LAWS, Case, passive
+from cosim.experiments.steps import HALVED, halved
+from cosim.report import write_report
+from cosim.study import CaseError, FmuSet, Results, Runner, run_study
 from fmu_sources.controllers.preview_lq import CORNERS, WEIGHTED, design_taps, ride_plant
 from fmu_sources.controllers.preview_lq_design import sampled_loop
 from fmu_sources.controllers.preview_lq_weights import load_weights
 from fmu_sources.plants import ride_car
 from fmu_sources.vehicles import load_ride_car
 
-EXPECTED_EIGENVALUES = (
-    -28.19 + 72.34j, -10.91 + 67.29j, -9.16 + 70.08j, -8.70 + 68.04j, -4.92 + 5.79j, -4.44 + 5.23j, -3.52 + 4.54j,
-)  # fmt: skip
-LOW_PAIRS = (-5.31 + 6.14j, -4.00 + 5.07j)
+
+@pytest.fixture(scope="session")
+def study(fmus: FmuSet, tmp_path_factory) -> Results:
+    return run_study(EXPERIMENT, fmus, tmp_path_factory.mktemp("preview-lq"), processes=2)
 
 
 @pytest.fixture(scope="session")
-def study(fmus: FmuSet) -> Study:
-    return preview_lq_study.study(fmus)
+def runner(fmus: FmuSet):
+    with Runner(EXPERIMENT, fmus) as made:
+        yield made
 
 
-def test_eigenvalues(study: Study) -> None:
-    for _, ours, _ in (
-        pairs := preview_lq_study.matched_eigenvalues(study.eigenvalues["comfort"], EXPECTED_EIGENVALUES)
-    ):
-        near = min(EXPECTED_EIGENVALUES, key=lambda e: abs(e - ours))
-        assert ours.real == pytest.approx(near.real, abs=0.01)
-        assert ours.imag == pytest.approx(near.imag, abs=0.01)
-    assert len(pairs) == 7
+def verdicts(study: Results) -> dict[str, str]:
+    return {c.id: c.verdict for c in CLAIMS.judge(study)}
 
 
-def test_printed_eigenvalues(study: Study) -> None:
-    for printed, _, distance in preview_lq_study.matched_eigenvalues(study.eigenvalues["comfort"], PRINTED_EIGENVALUES):
-        assert distance <= (0.08 if printed in LOW_PAIRS else 0.02)
-
-
-def test_printed_eigenvalues_lack_one_entry_of_the_cross_weight(study: Study) -> None:
-    ours = study.eigenvalues["comfort, one entry missing"]
-    for _, _, distance in preview_lq_study.matched_eigenvalues(ours, PRINTED_EIGENVALUES):
-        assert distance <= 0.01
-
-
-@pytest.mark.parametrize(("input_", "system"), PRINTED)
-def test_table_3(study: Study, input_: str, system: str) -> None:
-    ours = preview_lq_study.relative(study, input_, "comfort", system)
-    printed = preview_lq_study.corrected(input_, system)
-    assert ours[-1] == pytest.approx(PRINTED[input_, system][-1], rel=0.05)
+@pytest.mark.parametrize(("input_", "controller"), PRINTED)
+def test_table_3(study: Results, input_: str, controller: str) -> None:
+    ours = relative(study, input_, "comfort", controller)
+    printed = corrected(input_, controller)
+    assert ours[-1] == pytest.approx(PRINTED[input_, controller][-1], rel=0.05)
     for a, b in zip(ours[:-1], printed[:-1], strict=True):
         if a is not None and b is not None:
             assert a == pytest.approx(b, rel=0.25)
@@ -64,18 +51,18 @@ def test_table_3(study: Study, input_: str, system: str) -> None:
 
 @pytest.mark.parametrize("weights", ["comfort", "road-holding"])
 @pytest.mark.parametrize("input_", ["both", "left"])
-def test_information_helps(study: Study, input_: str, weights: str) -> None:
-    row = [preview_lq_study.relative_index(study, input_, weights, s) for s in ("active", "delay", "preview")]
+def test_information_helps(study: Results, input_: str, weights: str) -> None:
+    row = [relative_index(study, input_, weights, c) for c in ("active", "delay", "preview")]
     assert row[0] > row[1] > row[2]
 
 
-def test_five_milliseconds(study: Study) -> None:
-    assert study.coarse == pytest.approx(study.index["both", "comfort", "preview"], rel=0.03)
+def test_five_milliseconds(study: Results) -> None:
+    assert study[published.COARSE]["J"] == pytest.approx(study[Case("both", "comfort", "preview")]["J"], rel=0.03)
 
 
-def test_verdicts(study: Study) -> None:
+def test_verdicts(study: Results) -> None:
     """Every claim with its verdict: a changed one is a changed result."""
-    found = {c.id: c.verdict for c in preview_lq_report.claims(study)}
+    found = verdicts(study)
     others = {
         "poles-low": "not reproduced",
         "parts-left-active": "order reproduced, magnitude not",
@@ -88,30 +75,28 @@ def test_verdicts(study: Study) -> None:
     ids = ["poles", "poles-low", *parts, *(f"order-{p}" for p in "abcd"), "preview-time-comfort",
            "preview-time-road-holding", "one-side-force", "rear-rate", "short-preview"]  # fmt: skip
     assert found == {i: others.get(i, "reproduced") for i in ids}
-    assert all(c.criterion for c in preview_lq_report.claims(study))
+    assert list(found) == ids
+    assert all(c.criterion for c in CLAIMS.judge(study))
     assert found == kept_verdicts("preview-lq")
 
 
-def test_a_component_beyond_ten_percent_costs_the_magnitude(study: Study) -> None:
+def test_a_component_beyond_ten_percent_costs_the_magnitude(study: Results) -> None:
     """21 % away once counted as reproduced (the bound was 25 %)."""
-    components = {k: dict(v) for k, v in study.components.items()}
-    components["both", "comfort", "active"]["body.az"] *= 1.12
-    verdicts = {c.id: c.verdict for c in preview_lq_report.claims(dataclasses.replace(study, components=components))}
-    assert verdicts["parts-both-active"] == "order reproduced, magnitude not"
-    components["both", "comfort", "active"]["body.az"] *= 3.0
-    verdicts = {c.id: c.verdict for c in preview_lq_report.claims(dataclasses.replace(study, components=components))}
-    assert verdicts["parts-both-active"] == "not reproduced"
+    case = Case("both", "comfort", "active")
+    for factor, verdict in ((1.12, "order reproduced, magnitude not"), (3.36, "not reproduced")):
+        changed = altered(study, {case: {"body.az": factor * study[case]["body.az"]}})
+        assert verdicts(changed)["parts-both-active"] == verdict
 
 
-def test_steps_do_not_matter(study: Study) -> None:
-    assert set(study.refined) == set(preview_lq_study.REFINEMENTS)
-    for row in study.refined.values():
-        for system, j in row.items():
-            assert j == pytest.approx(study.index["both", "comfort", system], rel=1e-4)
-    assert study.refined["solver step"]["passive"] != study.index["both", "comfort", "passive"]
+def test_steps_do_not_matter(study: Results) -> None:
+    for what in HALVED:
+        for case in (Case("both", "comfort", c) for c in CONTROLLERS):
+            assert study[halved(case)[what]]["J"] == pytest.approx(study[case]["J"], rel=1e-4)
+    case = Case("both", "comfort", "passive")
+    assert study[halved(case)["solver step"]]["J"] != study[case]["J"]
 
 
-def test_a_short_preview_is_worse_by_an_independent_solution(study: Study) -> None:
+def test_a_short_preview_is_worse_by_an_independent_solution(study: Results) -> None:
     """Continuous law by quadrature on the car's matrices, nothing of the design functions: the same rise at 10, 20 ms."""
     car = ride_car(load_ride_car("sedan"), name="RideCarSedan")
     weights = load_weights("comfort")
@@ -163,37 +148,51 @@ def test_a_short_preview_is_worse_by_an_independent_solution(study: Study) -> No
         y = sum_ @ C.T + force @ D.T + w @ F.T
         return float(np.trapezoid((y**2) @ np.diag(W) + (force**2) @ np.array(weights.controls(CORNERS)), t))
 
-    base, ours = index(0.0), {r["preview_time"]: r["index"] for r in study.preview["both", "comfort"]}
+    base, ours = index(0.0), {t: study[c]["J"] for t, c in over_preview("both", "comfort").items()}
     for preview in (0.01, 0.02):
         rise = index(preview) / base
         assert rise > 1.05
         assert ours[preview] / ours[0.0] == pytest.approx(rise, abs=0.02)
 
 
-def test_holding_the_last_height_explains_it(study: Study) -> None:
+def test_holding_the_last_height_explains_it(study: Results) -> None:
     """A law that does not gain from hold_tail, or gains nothing from short previews with it, fails the check."""
-    checks = {c.id: c for c in preview_lq_report.claims(dataclasses.replace(study, held=study.preview))}
-    assert checks["short-preview"].verdict == "does not hold"
+    places = [(i, w) for i in ("both", "left") for w in ("comfort", "road-holding")]
+    changes = {
+        held: study[cut]
+        for place in places
+        for cut, held in zip(over_preview(*place).values(), over_preview(*place, hold_tail=True).values(), strict=True)
+    }
+    assert verdicts(study)["short-preview"] == "holds"
+    assert verdicts(altered(study, changes))["short-preview"] == "does not hold"
 
 
-def test_report(study: Study, fmus: FmuSet, tmp_path) -> None:
-    assert preview_lq_report.write(study, fmus, tmp_path).is_file()
-    forces = {hold: np.abs(r["controller.force.fl"][-100:]).max() for hold, r in study.offset.items()}
+def test_report(study: Results, fmus: FmuSet, tmp_path) -> None:
+    assert write_report(report(study, fmus), tmp_path).is_file()
+    forces = {h: np.abs(study.signals(plateau(hold_tail=h))["controller.force.fl"][-100:]).max() for h in (False, True)}
     assert forces[False] > 50.0
     assert forces[True] < 0.05 * forces[False]
 
 
+def test_a_failed_run_leaves_open_what_needs_it_and_nothing_else(study: Results, fmus: FmuSet, tmp_path) -> None:
+    broken = failed(study, Case("left", "comfort", "active"))
+    changed = {k: v for k, v in verdicts(broken).items() if v != verdicts(study)[k]}
+    assert changed == dict.fromkeys(("index-left-active", "parts-left-active", "order-c"), "open")
+    page = write_report(report(broken, fmus), tmp_path).read_text(encoding="utf-8")
+    assert (
+        page.count("Left out: the run left-comfort-active failed: ComponentError: it broke") == 2
+    )  # table 3, time histories
+
+
 @pytest.mark.parametrize("weights", ["comfort", "road-holding"])
-@pytest.mark.parametrize("system", ["active", "delay", "preview"])
-def test_cosimulation_equals_the_exact_discrete_loop(fmus: FmuSet, weights: str, system: str) -> None:
+@pytest.mark.parametrize("controller", ["active", "delay", "preview"])
+def test_cosimulation_equals_the_exact_discrete_loop(runner: Runner, weights: str, controller: str) -> None:
     """Car, controller and road FMUs at 1 ms against matrix exponentials and a law written down here again."""
-    bench = PreviewLqBench(fmus)
     steps, tp, tau = 1200, 120, 2.814 / (75 / 3.6) / 1e-3
-    longer = bench.record(Case("left", weights, system), duration=1.5, solver_step=1.25e-4)
-    bench.close()
+    longer = runner.record(Case("left", weights, controller, solver_parts=4), stop_time=1.5)
     height = {k: longer[f"road.road.{k}.height"] for k in CORNERS}
     plant = ride_plant(ride_car(load_ride_car("sedan"), name="RideCarSedan"))
-    taps = design_taps(plant, load_weights(WEIGHTS[weights]), 1e-3, 600)
+    taps = design_taps(plant, load_weights(LAWS[weights][1]), 1e-3, 600)
     before = 400
     past = {k: np.concatenate([np.zeros(before), height[k]]) for k in ("fl", "fr")}
 
@@ -203,8 +202,8 @@ def test_cosimulation_equals_the_exact_discrete_loop(fmus: FmuSet, weights: str,
         for side in ("fl", "fr"):
             ahead = np.interp(np.arange(236), points, height[side][k + points])
             road = np.concatenate([past[side][: before + k], ahead])  # index before + k is now
-            front = tp if system == "preview" else 0
-            rear = front + int(tau) if system != "active" else 0
+            front = tp if controller == "preview" else 0
+            rear = front + int(tau) if controller != "active" else 0
             at = np.arange(rear + 1) - tau + before + k
             behind = np.interp(at, np.arange(len(road)), road)
             for wheel, heights, n in ((side, ahead, front), ("r" + side[1], behind, rear)):
@@ -223,16 +222,13 @@ def test_cosimulation_equals_the_exact_discrete_loop(fmus: FmuSet, weights: str,
 def test_fmi_versions_agree_bit_for_bit(fmus: FmuSet) -> None:
     results = []
     for fmi in (2, 3):
-        bench = PreviewLqBench(FmuSet(fmus.directory, fmi))
-        results.append(bench.record(Case("left", "road-holding", "preview")).data)
-        bench.close()
+        with Runner(EXPERIMENT, FmuSet(fmus.directory, fmi)) as one:
+            results.append(one.record(Case("left", "road-holding", "preview")).data)
     np.testing.assert_array_equal(*results)
 
 
-def test_standstill_is_defined(fmus: FmuSet) -> None:
-    bench = PreviewLqBench(fmus)
-    recording = bench.record(Case(speed_kmh=0.0), duration=0.1)
-    bench.close()
+def test_standstill_is_defined(runner: Runner) -> None:
+    recording = runner.record(Case(speed_kmh=0.0), stop_time=0.1)
     assert recording["controller.horizon_truncated"].all()
     assert np.abs(recording["controller.force.rl"]).max() == 0.0
 
@@ -251,10 +247,12 @@ def test_a_road_with_another_step_is_refused(fmus: FmuSet) -> None:
     [
         ({"input": "booth"}, "did you mean both"),
         ({"weights": "confort"}, "did you mean comfort"),
-        ({"system": "previw"}, "did you mean preview"),
+        ({"controller": "previw"}, "did you mean preview"),
         ({"shape": "square"}, "no shape 'square'"),
         ({"preview_time": -0.1}, "preview time -0.1"),
         ({"speed_kmh": 500.0}, "speed 500"),
+        ({"controller": "delay", "preview_time": 0.2}, "preview-time is for the law with preview only"),
+        ({"controller": "passive", "hold_tail": True}, "hold-tail is for a controlled car only"),
     ],
 )
 def test_cases_that_do_not_exist(choice: dict, message: str) -> None:
@@ -262,8 +260,9 @@ def test_cases_that_do_not_exist(choice: dict, message: str) -> None:
         Case(**choice)
 
 
-def test_horizon_beyond_the_preview_is_told(fmus: FmuSet) -> None:
-    bench = PreviewLqBench(fmus)
-    recording = bench.record(Case(preview_time=0.5), duration=0.05)
-    bench.close()
-    assert recording["controller.horizon_truncated"].all()
+def test_horizon_beyond_the_preview_is_told(runner: Runner) -> None:
+    run = runner.run(Case(preview_time=0.5), stop_time=0.05)
+    assert run.recording["controller.horizon_truncated"].all()
+    assert EXPERIMENT.remarks(run) == ["horizon_truncated: preview or memory end before the horizon that was requested"]
+    assert EXPERIMENT.remarks(runner.run(Case(), stop_time=0.05)) == []
+    assert EXPERIMENT.remarks(runner.run(passive(Case()), stop_time=0.05)) == []

@@ -12,7 +12,7 @@ import pytest
 
 from build_fmus import safe_files
 from cosim import Recording
-from cosim.experiments.cli_options import write_summary
+from cosim.study.commands import write_summary
 
 
 @pytest.fixture
@@ -42,7 +42,7 @@ def full_disk(monkeypatch: pytest.MonkeyPatch) -> None:
 RECORDING = Recording(np.arange(100.0), ["x"], np.arange(100.0)[:, None])
 WRITERS = {
     "recording": ("old.csv", RECORDING.to_csv),
-    "summary": ("old.json", lambda path: write_summary(path.with_suffix(".csv"), {"passive": {"J": 1.0}})),
+    "summary": ("old.json", lambda path: write_summary(path, {"passive": {"J": 1.0}})),
     "kept value": ("old.json", lambda path: safe_files.keep_json(path, {"J": 1.0})),
     "text": ("old.html", lambda path: safe_files.write(path, "a page of some length")),
 }

@@ -9,7 +9,7 @@ from hypothesis.extra.numpy import arrays
 
 from build_fmus.reference import Evaluator, simulate
 from build_fmus.stability import check_solver, eigenvalues_by_point
-from cosim.metrics import response_objective
+from cosim.experiments.metrics.response import response_objective
 from fmu_sources.plants import full_car
 from fmu_sources.roads import RoadLayout, road_sine
 from fmu_sources.vehicles import load_full_car

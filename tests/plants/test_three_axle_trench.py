@@ -12,8 +12,8 @@ from build_fmus.component import Component, Linearization
 from build_fmus.reference import Evaluator
 from build_fmus.stability import check_solver
 from cosim import CosimError, Recording, StopWhen, System, UnconnectedInputsWarning
-from cosim.experiments import trench_published
-from cosim.metrics_crossing import Crossing, crossing, failures
+from cosim.experiments.metrics.crossing import Crossing, crossing, failures
+from cosim.experiments.trench import published as trench_published
 from fmu_sources.plants import ride_car, three_axle_trench
 from fmu_sources.vehicles import VehicleError, load_three_axle, load_three_axle_trench, load_vehicle
 

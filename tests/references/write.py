@@ -12,8 +12,8 @@ import sys
 import zipfile
 from pathlib import Path
 
-from build_fmus import cli
 from build_fmus.builder import Options
+from fmu_sources import cli
 
 HERE = Path(__file__).parent
 OUT = HERE.parents[1] / "fmus"

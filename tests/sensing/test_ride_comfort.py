@@ -1,4 +1,4 @@
-"""RideComfort says while a run goes on what `cosim.comfort` says afterwards."""
+"""RideComfort says while a run goes on what `fmu_sources.models.comfort` says afterwards."""
 
 import math
 
@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from build_fmus.reference import Evaluator
-from cosim import comfort
+from fmu_sources.models import comfort
 from fmu_sources.sensing import ride_comfort
 
 RATE = 1000.0

@@ -1,0 +1,197 @@
+"""Runs of paper 002: road, bench and controller, wired and measured."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from fractions import Fraction
+
+import numpy as np
+
+from cosim import Recording, System
+from cosim.experiments.steps import Stepped, exchange_step, set_solver_step
+from cosim.study.case import CaseError, option
+from cosim.study.experiment import Metric, Row, Run
+from cosim.study.fmus import FmuSet
+from fmu_sources.controllers.bench import FORCE_LIMIT, STATES
+
+CONTROLLERS = {  # name -> FMU, parameters
+    "passive": (None, {}),
+    "lqr": ("LqrBench", {}),
+    "lqr-clipped": ("LqrBench", {"limit": FORCE_LIMIT}),
+    "mpc": ("MpcBench", {}),
+    "mpc-moves": ("MpcBenchMoves", {}),
+}
+ROADS = {"bump": "RoadBenchBump", "random": "RoadBenchRandom"}
+ENCODERS = "BenchEncoders"
+FMUS = tuple(dict.fromkeys(["QuarterCarBench", *(f for f, _ in CONTROLLERS.values() if f), ENCODERS, *ROADS.values()]))
+BUMP_DURATION, BUMP_HEIGHT_MM, BUMP_START = 0.5, 20.0, 0.1  # s, mm, s
+EXCHANGE = Fraction(1, 1000)  # s, of the plant
+LENGTH = {"bump": 3.0, "random": 10.0}  # s, of a run
+
+_BUMP = (lambda c: c.road == "bump", "the bump")
+_RANDOM = (lambda c: c.road == "random", "the random road")
+
+
+@dataclass(frozen=True)
+class Case(Stepped):
+    """One run: controller, road, and whether the states come from encoders."""
+
+    controller: str = option("mpc", choices=CONTROLLERS, help="control of the bench", always=True)
+    road: str = option("bump", choices=ROADS, help="motion of the road", always=True)
+    duration: float = option(
+        BUMP_DURATION, unit="s", within=(0.01, LENGTH["bump"]), only=_BUMP, help="duration of the bump",
+        label=lambda s: f"{1e3 * s:g}ms", always=True,
+    )  # fmt: skip
+    height_mm: float = option(
+        BUMP_HEIGHT_MM,
+        unit="mm",
+        within=(-100, 100),
+        only=_BUMP,
+        name="height",
+        help="height of the bump",
+        label="{:g}mm",
+    )
+    encoders: bool = option(False, help="states from quantised encoders")
+    offset: float = option(
+        0.0,
+        unit="s",
+        within=(0.0, 1e5),
+        only=_RANDOM,
+        help="where in the random motion the run starts",
+        label="from-{:g}s",
+    )
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.encoders and self.controller == "passive":
+            raise CaseError("the passive bench has no controller that would use the encoders")
+
+
+def passive(case: Case) -> Case:
+    """What a run is compared with."""
+    return replace(case, controller="passive", encoders=False)
+
+
+# ------------------------------------------------------------------------------------------------------------- wiring
+
+
+def structure(case: Case) -> tuple[object, ...]:
+    """What decides the wiring."""
+    return case.road, CONTROLLERS[case.controller][0], case.encoders, case.exchange_parts
+
+
+def wire(fmus: FmuSet, case: Case) -> System:
+    """Road, bench and controller, with or without encoders in between."""
+    system = System()
+    system.add("road", fmus.path(ROADS[case.road]))
+    system.add("plant", fmus.path("QuarterCarBench"), step=exchange_step(EXCHANGE, case))
+    system.connect_matching("road", "plant")
+    controller = CONTROLLERS[case.controller][0]
+    if controller is None:
+        return system
+    system.add("controller", fmus.path(controller))
+    if case.encoders:
+        system.add("encoders", fmus.path(ENCODERS))
+        system.connect("plant.suspension.deflection", "encoders.encoder.suspension")
+        system.connect("plant.body.z", "encoders.encoder.body")
+        system.connect("road.road.height", "encoders.encoder.road")
+        system.connect_matching("encoders", "controller")
+    else:
+        system.connect_matching("plant", "controller")
+    system.connect_matching("controller", "plant", "force")
+    return system
+
+
+def configure(system: System, case: Case) -> None:
+    """Set the parameters of a case."""
+    set_solver_step(system["plant"], case)
+    if case.road == "random":
+        system["road"].set({"offset": case.offset})
+    else:
+        system["road"].set(
+            {"bump.start": BUMP_START, "bump.duration": case.duration, "bump.height": case.height_mm / 1e3}
+        )
+    controller, parameters = CONTROLLERS[case.controller]
+    if controller == "LqrBench":
+        default = {"limit": system["controller"].description.parameters["limit"].start}
+        system["controller"].set({**default, **parameters})
+
+
+def stop_time(_: System, case: Case) -> float:
+    """Length of a run [s]."""
+    return LENGTH[case.road]
+
+
+def recorded(case: Case) -> Sequence[str]:
+    """What is recorded."""
+    names = ["road.road.height", "plant.*"] + ["controller.*"] * (CONTROLLERS[case.controller][0] is not None)
+    return names + ["encoders.*"] * case.encoders
+
+
+# ---------------------------------------------------------------------------------------------------------- measuring
+
+
+METRICS = {
+    "acceleration": Metric("rms acceleration of the body", "m/s2"),
+    "overshoot": Metric("body beyond the road's extremes", "mm", 1e3),
+    "travel": Metric("rms suspension deflection", "mm", 1e3),
+    "tire": Metric("rms tire deflection", "mm", 1e3),
+    "force": Metric("rms force", "N"),
+    "force.max": Metric("largest force", "N"),
+    "force.min": Metric("smallest force", "N"),
+}
+"""What is compared between the controllers."""
+
+
+def force(recording: Recording) -> np.ndarray:
+    """Commanded force [N]; 0 on the passive bench."""
+    return recording["controller.force"] if "controller.force" in recording else np.zeros(len(recording))
+
+
+def measure(run: Run) -> Row:
+    """:data:`METRICS` in SI units, and the worst outcome of the solver."""
+    r = run.recording
+    road, body, f = r["road.road.height"], r["plant.body.z"], force(r)
+
+    def rms(signal: np.ndarray) -> float:
+        return float(np.sqrt(np.mean(signal**2)))
+
+    found = {
+        "acceleration": rms(r["plant.body.az"]),
+        "overshoot": float(max(body.max() - road.max(), road.min() - body.min(), 0.0)),
+        "travel": rms(r["plant.suspension.deflection"]),
+        "tire": rms(r["plant.tire.deflection"]),
+        "force": rms(f),
+        "force.max": float(f.max()),
+        "force.min": float(f.min()),
+    }
+    if "controller.solver.status" in r:
+        found |= {
+            f"solver.{n}": float(np.max(r[f"controller.solver.{n}"])) for n in ("status", "iterations", "residual")
+        }
+    return found
+
+
+def signals(run: Run) -> Row:
+    """Signals over time that the figures show, every millisecond [s, m, N]."""
+    r = run.recording
+    shown = {
+        "time": r.time, "road": r["road.road.height"], "wheel": r["plant.wheel.z"], "body": r["plant.body.z"], "force": force(r),
+    }  # fmt: skip
+    return {name: signal.tolist() for name, signal in shown.items()}
+
+
+def remarks(run: Run) -> list[str]:
+    """What should be said of a run."""
+    held = "controller.command.held"
+    if held in run.recording and run.recording[held].any():
+        return ["command.held: the solver found no solution at some samples; the last force was kept"]
+    return []
+
+
+def states_at_samples(recording: Recording, period: float) -> np.ndarray:
+    """States (samples, 4) that the controller saw, in the order of the paper."""
+    every = round(period * 1000)
+    source = "encoders" if "encoders.body.vz" in recording else "plant"
+    return np.column_stack([recording[f"{source}.{s}"][::every] for s in STATES])

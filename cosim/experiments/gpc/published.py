@@ -1,0 +1,134 @@
+"""The runs behind figures 6 to 12 of paper 000 and its claims."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+from cosim.experiments.gpc.matching import match_weight
+from cosim.experiments.gpc.runs import CONTROLLERS, ROADS, Case
+from cosim.study.case import values
+from cosim.study.experiment import Row, Search, Task
+
+SPEEDS_KMH = (10.0, 20.0, 30.0, 40.0, 50.0, 60.0, 70.0, 80.0)
+SEEDS = tuple(range(8))
+WEIGHTS = (1e-7, 5e-7, 1e-6, 5e-6)  # figure 6
+OPEN_LOOP_SPEEDS_KMH = (42.5, 45.0, 47.5, 52.5, 55.0, 57.5)  # about the peak, besides SPEEDS_KMH
+SINE_SPEED, CURB_SPEED, PERRYMAN_SPEED = 50.0, 72.0, 50.0  # km/h
+HISTORIES = (("sine", SINE_SPEED), ("perryman3", PERRYMAN_SPEED), ("curb", CURB_SPEED))  # figures 8, 10, 12
+LAWS = tuple(c for c in CONTROLLERS if c != "passive")
+MATCHED = ("implicit", "preview")  # laws whose weight is chosen so that their response equals explicit's
+REFINEMENTS: dict[str, dict[str, Any]] = {  # words -> fields of a case
+    "as run": {},
+    "solver step halved": {"solver_parts": 2},
+    "exchange halved": {"exchange_parts": 2},
+    "both halved": {"solver_parts": 2, "exchange_parts": 2},
+}
+
+
+def plan(seeds: Sequence[int] = SEEDS, speeds: Sequence[float] = SPEEDS_KMH) -> list[Task | Search]:
+    """The whole study, or that of fewer seeds and speeds; on the curb also :data:`CURB_SPEED`."""
+    on = {road: (*speeds, CURB_SPEED) if road == "curb" else tuple(speeds) for road in ROADS}
+    searches = [Comparison(road, v, seed) for road in ROADS for v in on[road] for seed in seeds]
+    histories = [History(road, v, seeds[0]) for road, v in HISTORIES]
+    cases = [Case(road, v, "passive") for road in ROADS for v in on[road]]
+    cases += [swept(v, w, seed) for v in speeds for seed in seeds for w in WEIGHTS]
+    cases += [Case("sine", v, "passive") for v in OPEN_LOOP_SPEEDS_KMH]
+    cases += [c for road, v in HISTORIES for c in refinements(road, v, seeds[0]).values()]
+    return [*searches, *histories, *(Task(c, cost=_seconds(c.speed_kmh)) for c in dict.fromkeys(cases))]
+
+
+def _seconds(speed: float) -> float:
+    """Rough simulated time of a run [s]."""
+    return 540 / speed
+
+
+def swept(speed: float, weight: float, seed: int) -> Case:
+    """Preview on the sine road with a weight of figure 6."""
+    return Case("sine", speed, "preview", R=weight, seed=seed)
+
+
+def refinements(road: str, speed: float, seed: int) -> dict[tuple[str, str], Case]:
+    """Runs with halved steps: (controller, words of :data:`REFINEMENTS`) -> case."""
+    return {
+        (c, words): Case(road, speed, c, seed=seed, **finer)
+        for c in CONTROLLERS
+        for words, finer in REFINEMENTS.items()
+    }
+
+
+# ---------------------------------------------------------------------------------------- runs that depend on others
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """The laws at one speed on one road from one identification: explicit, then the others at the weights that give its response.
+
+    Finds ``compared``, rows of the three laws, and ``unmatched``, the others at R = 1e-7. Where explicit does not lower the
+    response there is nothing to be matched: the row is that at R = 1e-7, and not matched.
+    """
+
+    road: str
+    speed_kmh: float
+    seed: int
+
+    @property
+    def label(self) -> str:
+        """For people."""
+        return f"comparison-{self.road}-{self.speed_kmh:g}kmh-seed{self.seed}"
+
+    @property
+    def cost(self) -> float:
+        """Rough time."""
+        return 8 * _seconds(self.speed_kmh)
+
+    def __call__(self, runner: Any) -> dict[str, list[Row]]:
+        explicit = Case(self.road, self.speed_kmh, "explicit", seed=self.seed)
+        laws = [replace(explicit, controller=c) for c in MATCHED]
+        return {
+            "compared": [row(runner, explicit), *(matched_row(runner, law) for law in laws)],
+            "unmatched": [row(runner, law) for law in laws],
+        }
+
+
+@dataclass(frozen=True)
+class History:
+    """Signals over time of the passive car and the three laws, the matched ones at their weights (figures 8, 10, 12)."""
+
+    road: str
+    speed_kmh: float
+    seed: int
+
+    @property
+    def label(self) -> str:
+        """For people."""
+        return f"history-{self.road}-{self.speed_kmh:g}kmh"
+
+    @property
+    def cost(self) -> float:
+        """Rough time."""
+        return 12 * _seconds(self.speed_kmh)
+
+    def __call__(self, runner: Any) -> list[Row]:
+        explicit = Case(self.road, self.speed_kmh, "explicit", seed=self.seed)
+        laws = [replace(explicit, controller=c) for c in MATCHED]
+        cases = [replace(explicit, controller="passive"), explicit]
+        cases += [replace(law, R=matched_row(runner, law)["R"]) for law in laws]
+        return [{**values(c), **runner.entry(c, signals=True)["signals"]} for c in cases]
+
+
+def row(runner: Any, case: Case) -> Row:
+    """A case and its metrics."""
+    return {**values(case), **runner.metrics(case)}
+
+
+def matched_row(runner: Any, case: Case) -> Row:
+    """The law of a case at the weight at which its response equals explicit's; see :class:`Comparison`."""
+    explicit, passive = (
+        runner.metrics(Case(case.road, case.speed_kmh, c, seed=s)) for c, s in (("explicit", case.seed), ("passive", 0))
+    )
+    if explicit["diverged"] or explicit["response"] >= passive["response"]:
+        return {**row(runner, case), "matched": False, "runs": 1}
+    m = match_weight(lambda R: runner.metrics(replace(case, R=R)), explicit["response"])
+    return {**values(replace(case, R=m.R)), **m.metrics, "matched": m.found, "runs": m.runs}

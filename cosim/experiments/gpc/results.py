@@ -1,0 +1,252 @@
+"""Numbers read off a study of paper 000: improvements, ratios at equal response, spreads over seeds."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field
+from typing import Any, TypeVar
+
+from cosim.experiments.gpc.published import (
+    HISTORIES,
+    OPEN_LOOP_SPEEDS_KMH,
+    REFINEMENTS,
+    SEEDS,
+    SPEEDS_KMH,
+    WEIGHTS,
+    Comparison,
+    History,
+    refinements,
+    swept,
+)
+from cosim.experiments.gpc.runs import CONTROLLERS, R_PUBLISHED, Case
+from cosim.experiments.metrics import response as metrics
+from cosim.study import Distribution, Row, RunFailed, Task
+from cosim.study import Results as Runs
+from cosim.study.case import values
+
+NAN = float("nan")
+
+
+def select(rows: Iterable[Row], **where: Any) -> list[Row]:
+    """Rows whose fields equal the given values."""
+    return [r for r in rows if all(r[k] == v for k, v in where.items())]
+
+
+@dataclass
+class Study:
+    """What the figures and claims are made of: rows that are the fields of a case, its metrics, and what a search adds.
+
+    The excitation of the identification is random, so whatever a law does is there once for each of ``seeds``.
+    """
+
+    seeds: tuple[int, ...] = SEEDS
+    speeds: tuple[float, ...] = SPEEDS_KMH  # km/h; on the curb also CURB_SPEED
+    sweep: list[Row] = field(default_factory=list)  # preview on the sine road over weights (figure 6)
+    comparison: list[Row] = field(default_factory=list)  # all laws on all roads, J matched to explicit (7, 9, 11)
+    unmatched: list[Row] = field(default_factory=list)  # the matched laws at R = 1e-7 instead
+    open_loop: list[Row] = field(default_factory=list)  # passive car on the sine road, finer speeds
+    refinement: list[Row] = field(default_factory=list)  # solver step and exchange halved, seed 0
+    histories: list[Row] = field(default_factory=list)  # time histories, seed 0 (8, 10, 12)
+    failures: Mapping[str, str] = field(default_factory=dict)  # of runs that failed: label -> message
+
+    @classmethod
+    def of(cls, runs: Runs) -> Study:
+        """The rows of a study that was run; a run that failed has none."""
+        searches = [t for t in runs.tasks if isinstance(t, Comparison)]
+        seeds = tuple(dict.fromkeys(s.seed for s in searches))
+        speeds = tuple(dict.fromkeys(s.speed_kmh for s in searches if s.road == "sine"))
+        failures = runs.failures
+        ran = set(runs.ran)
+
+        def rows(cases: Iterable[Case]) -> list[Row]:
+            return [{**values(c), **runs[c]} for c in cases if c in ran]
+
+        def found(kind: type) -> list[Any]:
+            return [runs.found(t) for t in runs.tasks if isinstance(t, kind) and t.label not in failures]  # type: ignore[union-attr, arg-type]
+
+        compared = found(Comparison)
+        passive = [t.case for t in runs.tasks if isinstance(t, Task) and t.case.controller == "passive"]
+        open_loop = [c for c in passive if c.speed_kmh in OPEN_LOOP_SPEEDS_KMH]
+        whole = [c for c in passive if c not in open_loop and c.solver_parts == c.exchange_parts == 1]
+        refined = [c for road, v in HISTORIES for c in refinements(road, v, seeds[0]).values()]
+        result = cls(
+            seeds,
+            speeds,
+            sweep=rows(swept(v, w, s) for v in speeds for s in seeds for w in WEIGHTS),
+            comparison=[*(r for c in compared for r in c["compared"]), *rows(whole)],
+            unmatched=[r for c in compared for r in c["unmatched"]],
+            open_loop=rows(open_loop),
+            refinement=rows(refined),
+            histories=[r for h in found(History) for r in h],
+            failures=failures,
+        )
+        order = list(CONTROLLERS)
+        for part in (result.sweep, result.comparison, result.unmatched, result.open_loop, result.refinement):
+            part.sort(key=lambda r: (r["road"], r["speed_kmh"], order.index(r["controller"]), r["R"], r["seed"]))
+        result.histories.sort(key=lambda r: (r["road"], order.index(r["controller"])))
+        return result
+
+    @property
+    def rows(self) -> list[Row]:
+        """All rows that are runs."""
+        return [*self.sweep, *self.comparison, *self.unmatched, *self.open_loop, *self.refinement]
+
+
+K = TypeVar("K")
+
+
+class Results:
+    """A study by road, speed, law and seed. Reading a run that is not there raises RunFailed."""
+
+    def __init__(self, study: Study) -> None:
+        self.study = study
+        self.seeds = study.seeds
+        self.speeds = study.speeds
+        self._passive = {(r["road"], r["speed_kmh"]): r for r in study.comparison if r["controller"] == "passive"}
+        self._matched = self._by_law(study.comparison)
+        # Explicit is not matched to anything: it has R = 1e-7 in the comparison.
+        self._published = self._by_law([*select(study.comparison, controller="explicit"), *study.unmatched])
+        self._sweep = {(r["speed_kmh"], r["R"], r["seed"]): r for r in study.sweep}
+
+    def _row(self, rows: Mapping[K, Row], key: K) -> Row:
+        if key not in rows:
+            first = next(iter(self.study.failures.items()), ("", "it was not run"))
+            raise RunFailed(f"there is no run {key}; {': '.join(filter(None, first))}")
+        return rows[key]
+
+    @staticmethod
+    def _by_law(rows: Iterable[Row]) -> dict[tuple[str, float, str, int], Row]:
+        return {
+            (r["road"], r["speed_kmh"], r["controller"], r["seed"]): r for r in rows if r["controller"] != "passive"
+        }
+
+    # ------------------------------------------------------------------ rows
+
+    def passive(self, road: str, speed: float) -> Row:
+        """The passive car's run."""
+        return self._row(self._passive, (road, speed))
+
+    def matched(self, road: str, speed: float, law: str, seed: int) -> Row | None:
+        """The law at the weight at which its response equals explicit's; None where there is no such weight."""
+        row = self._row(self._matched, (road, speed, law, seed))
+        return None if row["diverged"] or not row.get("matched", True) else row
+
+    def published(self, road: str, speed: float, law: str, seed: int) -> Row:
+        """The law at R = 1e-7."""
+        return self._row(self._published, (road, speed, law, seed))
+
+    def swept(self, weight: float, speed: float, seed: int) -> Row:
+        """Preview on the sine road with a weight of figure 6."""
+        return self._row(self._sweep, (speed, weight, seed))
+
+    # ------------------------------------------------------------------ one run
+
+    def improvement(self, row: Row) -> float:
+        """Response improvement (23) of a run; -inf where it diverged."""
+        if row["diverged"]:
+            return -math.inf
+        return metrics.improvement(row["response"], self.passive(row["road"], row["speed_kmh"])["response"])
+
+    def figures(self, row: Row) -> dict[str, float]:
+        """Metrics of a run in the units of the figures, NaN where it diverged."""
+        if row["diverged"]:
+            return dict.fromkeys(("response", "improvement", "force", "power", "per_force", "per_power"), NAN)
+        gain, force, power = self.improvement(row), row["force"] / 1e3, row["power"] / 1e3
+        return {
+            "response": row["response"],
+            "improvement": gain,
+            "force": force,
+            "power": row["power"],
+            "per_force": metrics.force_normalised_effectiveness(gain, force) if force else NAN,
+            "per_power": metrics.power_normalised_effectiveness(gain, power) if power else NAN,
+        }
+
+    # ------------------------------------------------------------------ over seeds
+
+    def improvements(self, road: str, speed: float, law: str) -> Distribution:
+        """Improvement of a law at R = 1e-7 [%], -inf where it diverged."""
+        return Distribution(100 * self.improvement(self.published(road, speed, law, s)) for s in self.seeds)
+
+    def at_equal_response(
+        self, road: str, speed: float, laws: Iterable[str], value: Callable[..., float]
+    ) -> Distribution | None:
+        """``value(row of each law ...)`` over the seeds in which all these laws have explicit's response; None without any."""
+        laws = tuple(laws)
+        found = []
+        for seed in self.seeds:
+            rows = [self.matched(road, speed, law, seed) for law in laws]
+            if all(row is not None for row in rows):
+                found.append(value(*rows))
+        of = "seeds" if len(found) == len(self.seeds) else f"seeds of {len(self.seeds)} that could be matched"
+        return Distribution(found, of) if found else None
+
+    def ratios(self, road: str, speed: float, quantity: str, law: str, to: str) -> Distribution | None:
+        """A metric of one law over that of another at equal response."""
+        return self.at_equal_response(road, speed, (law, to), lambda a, b: a[quantity] / b[quantity])
+
+    def changes(self, road: str, speed: float, quantity: str, law: str) -> Distribution | None:
+        """Change of a metric against the passive car [%], at explicit's response."""
+        base = self.passive(road, speed)[quantity]
+        return self.at_equal_response(road, speed, (law,), lambda row: 100 * (row[quantity] / base - 1))
+
+    def matched_seeds(self, road: str, speed: float, law: str) -> int:
+        """In how many seeds a weight gives the law explicit's response."""
+        return sum(self.matched(road, speed, law, s) is not None for s in self.seeds)
+
+    def over_weights(self, speed: float, quantity: str, seed: int) -> list[float]:
+        """A quantity of :meth:`figures` of preview on the sine road, the smallest weight first."""
+        return [self.figures(self.swept(w, speed, seed))[quantity] for w in sorted(WEIGHTS)]
+
+    # ------------------------------------------------------------------ single numbers
+
+    def open_loop(self) -> dict[float, float]:
+        """Response of the passive car on the sine road by speed [km/h], finer about the peak."""
+        rows = [*select(self._passive.values(), road="sine"), *self.study.open_loop]
+        return {r["speed_kmh"]: r["response"] for r in sorted(rows, key=lambda r: r["speed_kmh"])}
+
+    def open_loop_peak(self) -> float:
+        """Speed of the largest of :meth:`open_loop` [km/h]."""
+        responses = self.open_loop()
+        return max(responses, key=responses.__getitem__)
+
+    def worst_speed(self, road: str) -> float:
+        """Speed of the study with the largest open-loop response [km/h]."""
+        return max(self.speeds, key=lambda v: self.passive(road, v)["response"])
+
+    def refinement(self) -> list[tuple[Row, str, dict[str, float]]]:
+        """Refined runs, in words, and with the relative changes of their metrics against the run as it is; NaN where one diverged."""
+        rows = {(r["road"], r["speed_kmh"], r["controller"], _words(r)): r for r in self.study.refinement}
+        found = []
+        for (road, v, law, words), r in rows.items():
+            if words != "as run":
+                found.append((r, words, _moves(r, self._row(rows, (road, v, law, "as run")))))
+        return found
+
+    def largest_move(self) -> float:
+        """Largest relative change of a metric when steps are halved; inf where a run diverges."""
+        moves = [abs(x) for _, _, changed in self.refinement() for x in changed.values()]
+        return max((math.inf if math.isnan(x) else x for x in moves), default=math.inf)
+
+    def largest_force(self) -> float:
+        """Largest force of an actuator at R = 1e-7 on any road [N]."""
+        rows = [*self._published.values(), *(r for r in self.study.sweep if r["R"] == R_PUBLISHED)]
+        return max((r["peak_force"] for r in rows if not r["diverged"]), default=NAN)
+
+    def diverged(self) -> int:
+        """Number of diverged runs with R of at least 1e-7."""
+        return sum(bool(r["diverged"]) for r in self.study.rows if r["R"] >= R_PUBLISHED)
+
+
+METRICS = ("response", "force", "power", "peak_force", "rms_az", "rms_pitch")  # whose convergence is looked at
+
+
+def _words(row: Row) -> str:
+    steps = {k: row[k] for k in ("solver_parts", "exchange_parts")}
+    return next(words for words, finer in REFINEMENTS.items() if steps == {**dict.fromkeys(steps, 1), **finer})
+
+
+def _moves(row: Row, as_run: Row) -> dict[str, float]:
+    if row["diverged"] or as_run["diverged"]:
+        return dict.fromkeys(METRICS, NAN)
+    return {k: row[k] / as_run[k] - 1 for k in METRICS if as_run[k]}

@@ -1,0 +1,37 @@
+"""Paper 001: a HMMWV on hydraulic actuators, from the servo valve to what the driver feels.
+
+``runs`` wires, runs and measures the vehicle (``wiring``: what its parts wire too); ``published`` has the runs that the paper
+shows and what stands beside them, ``averages`` what these come to over the places of a bump; ``statements`` has what the paper
+states, ``claims`` judges it, ``pump`` and ``refinement`` look at it under other pumps and steps; ``report`` lays out.
+
+Two parts have runs of their own, in folders of the same shape: ``tracking``, the force tracking of one corner, and ``preview``,
+the preview chain.
+"""
+
+from cosim.experiments.hmmwv import published, runs
+from cosim.study.experiment import Experiment
+
+EXPERIMENT = Experiment(
+    "hmmwv",
+    runs.Case,
+    title="HMMWV with hydraulic actuators: comfort over bumps and off road (paper 001)",
+    fmus=runs.FMUS,
+    wire=runs.wire,
+    structure=runs.structure,
+    configure=runs.configure,
+    stop_time=runs.stop_time,
+    record=runs.recorded,
+    record_interval="1 ms",
+    measure=runs.measure,
+    signals=runs.signals,
+    metrics=runs.METRICS,
+    baseline=runs.passive,
+    remarks=runs.remarks,
+    plan=published.plan,
+    parts=("cosim.experiments.hmmwv.tracking:EXPERIMENT", "cosim.experiments.hmmwv.preview:EXPERIMENT"),
+    claims="cosim.experiments.hmmwv.claims:CLAIMS",
+    report="cosim.experiments.hmmwv.report:report",
+    own_fmus="cosim.experiments.own_files:own_fmus",
+    papers="fmu_sources.catalog:PAPERS",
+    module=__name__,
+)

@@ -1,0 +1,30 @@
+"""The preview chain of paper 001: what the range sensors' heights are worth under each filter (Figures 1.5, 1.7).
+
+Range sensors, filter, correction (1.18) and buffer on a car without control forces; and a known profile at the measured
+distance beside the loads of the passive hydraulic car. A part of the experiment ``hmmwv``: ``runs``, ``published``, ``claims``,
+and the sections of the report.
+"""
+
+from cosim.experiments.hmmwv.preview import published, runs
+from cosim.study.experiment import Experiment
+
+EXPERIMENT = Experiment(
+    "preview-chain",
+    runs.Case,
+    title="Preview chain of the HMMWV (paper 001)",
+    fmus=runs.FMUS,
+    wire=runs.wire,
+    structure=runs.structure,
+    configure=runs.configure,
+    stop_time=runs.stop_time,
+    record=runs.recorded,
+    record_interval="5 ms",
+    allow_unconnected=True,  # there are no actuators on the chain's car
+    measure=runs.measure,
+    signals=runs.signals,
+    metrics=runs.METRICS,
+    plan=published.plan,
+    claims="cosim.experiments.hmmwv.preview.claims:CLAIMS",
+    papers="fmu_sources.catalog:PAPERS",
+    module=__name__,
+)

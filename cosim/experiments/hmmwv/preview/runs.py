@@ -1,0 +1,208 @@
+"""Runs of the preview chain: road, car, sensors, filter, correction and buffer; wired and measured."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+
+import numpy as np
+
+from cosim import Recording, System
+from cosim.experiments.hmmwv import wiring
+from cosim.experiments.hmmwv.wiring import BUMPS, CONTROL_PERIOD, EXCHANGE, FIRST_BUMP, SPEED_KMH, bump_parameters
+from cosim.study.case import Case as AnyCase
+from cosim.study.case import option
+from cosim.study.experiment import Metric, Row, Run
+from cosim.study.fmus import FmuSet
+from fmu_sources.controllers.hmmwv_states import CORNERS
+from fmu_sources.roads.bumps import BUMP_LENGTH
+
+SPEED, TRACK = SPEED_KMH / 3.6, BUMPS["track"]
+FILTERS = {"printed": "KalmanHmmwvPrinted", "relative": "KalmanHmmwv"}
+FMUS = (
+    "SpeedProfile", "RoadBumps", "RideCarHmmwv", "SensorSuite", *FILTERS.values(), "PreviewSensor", "PreviewBuffer",
+    "HydraulicActuator",
+)  # fmt: skip
+AFTER = 6.0  # m after a bump in which a dip counts
+WINDOW = 4.0  # s, in which the spread of the buffered road's error is taken
+
+_SENSED = (lambda c: c.preview == "sensed", "the sensed preview")
+
+
+@dataclass(frozen=True)
+class Case(AnyCase):
+    """One run: what the range sensors see on a car without control forces, or a known profile beside the loads of the passive
+    hydraulic car. ``noise`` scales all sensors' noise; with 0 the ranges are not rounded either."""
+
+    preview: str = option("sensed", choices=("sensed", "generated"), help="where the preview is from", always=True)
+    filter: str = option("relative", choices=FILTERS, only=_SENSED, help="states of the filter", always=True)
+    use_road: bool = option(True, only=_SENSED, help="feed the buffered road back to filter and correction")
+    compensation: bool = option(False, only=_SENSED, help="add quarter cars on the buffered road, as the paper does")
+    road: str = option("bump", choices=BUMPS, help="road under the wheels", always=True)
+    height_mm: float = option(
+        30.0, name="height", unit="mm", within=(0, 200), only=(lambda c: c.road == "bump", "one bump"), label="{:g}mm",
+        help="height of the bump",
+    )  # fmt: skip
+    noise: float = option(0.0, within=(0, 100), only=_SENSED, label="noise-{:g}", help="scale of the sensors' noise")
+    duration: float = option(2.6, unit="s", within=(1, 60), label="{:g}s", help="length")
+    dropout: float = option(
+        0.0, unit="s", within=(0, 60), only=_SENSED, label="dropout-{:g}s", help="how long the range sensors fail"
+    )
+    dropout_start: float = option(
+        0.0, unit="s", within=(0, 60), only=_SENSED, label="from-{:g}s", help="when the range sensors fail"
+    )
+    speedometer_error: float = option(
+        0.0, unit="%", within=(-50, 50), only=(lambda c: c.preview == "generated", "the generated preview"),
+        label="speedometer{:+g}", help="what the speedometer shows too much",
+    )  # fmt: skip
+
+
+# ------------------------------------------------------------------------------------------------------------- wiring
+
+
+def structure(case: Case) -> tuple[object, ...]:
+    """What decides the wiring."""
+    return case.preview, case.filter
+
+
+def wire(fmus: FmuSet, case: Case) -> System:
+    """Road, car, sensors, and the preview: sensed, where the road goes back to filter and correction, or known beforehand and laid
+    at the measured distance."""
+    system = System()
+    sensed = case.preview == "sensed"
+    wiring.add_car(system, fmus, "RoadBumps", step=Fraction(1, 1000) if sensed else EXCHANGE)
+    if sensed:
+        system["car"].set({f"force.{k}": 0.0 for k in CORNERS})
+        wiring.add_sensors(system, fmus)
+        system.add("kalman", fmus.path(FILTERS[case.filter]))
+        system.connect_matching("sensors", "kalman")
+        wiring.add_preview_chain(system, fmus)
+        return system
+    system.add("map", fmus.path("RoadBumps"))
+    wiring.add_actuators(system, fmus, driven=False)
+    wiring.add_sensors(system, fmus)
+    system.connect("sensors.x.measured", "map.x")
+    system.connect("sensors.speed.measured", "map.speed")
+    return system
+
+
+def configure(system: System, case: Case) -> None:
+    """Set the parameters of a case."""
+    bumps = bump_parameters(TRACK if case.road == "track" else {1: case.height_mm / 1000})
+    system["speed"].set({"start.speed": SPEED, "start.x": 0.0})
+    if case.preview == "generated":
+        for name in ("road", "map"):
+            system[name].set(bumps)
+        system["sensors"].set({"speed.gain": 1.0 + case.speedometer_error / 100})
+        return
+    system["road"].set({**bumps, "length": 1000.0})
+    sensors = system["sensors"]
+    resolutions = [n for n in sensors.description.parameters if n.startswith("range.resolution")]
+    sensors.set(
+        {
+            **{n: wiring.published(sensors, n) if case.noise else 0.0 for n in resolutions},
+            "noise.scale": case.noise,
+            "range.dropout.start": case.dropout_start,
+            "range.dropout.duration": case.dropout,
+        }
+    )
+    system["kalman"].set({"use_road": case.use_road})
+    system["preview_sensor"].set({"compensation": int(case.compensation)})
+
+
+def stop_time(_: System, case: Case) -> float:
+    """Length of the run [s]."""
+    return case.duration
+
+
+def recorded(case: Case) -> Sequence[str]:
+    """What is recorded."""
+    return list((SENSED if case.preview == "sensed" else GENERATED).values())
+
+
+# ---------------------------------------------------------------------------------------------------------- measuring
+
+SENSED = {
+    "x": "speed.x",
+    "range": "sensors.range.left",
+    "range valid": "sensors.range.left.valid",
+    "sensed x": "preview_sensor.sensed.left.x",
+    "sensed": "preview_sensor.sensed.left.height",
+    "true": "road.road.fl.height",
+    "true rate": "road.road.fl.rate",
+    "buffered": "buffer.preview.fl[1]",
+    "next": "buffer.preview.fl[2]",
+    "preview valid": "buffer.preview.valid",
+    "road valid": "buffer.road.valid",
+}
+GENERATED = {"x": "speed.x", "map": "map.road.fl.height", "road": "road.road.fl.height", "load": "sensors.loadcell.fl"}
+
+METRICS = {
+    "lowest": Metric("lowest sensed height after the bump", "mm", 1e3, "{:.1f}"),
+    "highest": Metric("highest sensed height after the bump", "mm", 1e3, "{:.1f}"),
+    "rate_error": Metric("error of the buffered road's rate, rms", "m/s", form="{:.3f}"),
+}
+
+
+def signals(run: Run) -> Row:
+    """Signals over time, 5 ms apart and rounded [SI units].
+
+    ``rate`` is that of the buffered road, from two neighbouring preview heights; ``true rate`` is that of the true road as the
+    mean over the 30 ms ahead, which is what two neighbouring heights give.
+    """
+    r = run.recording
+    if run.case.preview == "generated":
+        return {name: _rounded(r[column]) for name, column in GENERATED.items()}
+    rows = {name: _rounded(r[column]) for name, column in SENSED.items()}
+    rate = np.array(rows["true rate"])
+    rows["true rate"] = np.convolve(rate, np.ones(6) / 6, "full")[5 : 5 + len(rate)].tolist()
+    del rows["next"]
+    return {"time": _rounded(r.time), **rows, "rate": _rounded(_rate(r))}
+
+
+def _rate(r: Recording) -> np.ndarray:
+    rate: np.ndarray = (r[SENSED["next"]] - r[SENSED["buffered"]]) / CONTROL_PERIOD
+    return rate
+
+
+def _rounded(values: np.ndarray) -> list[float]:
+    return [float(f"{v:.6g}") for v in values]
+
+
+def measure(run: Run) -> Row:
+    """Metrics of a run, from the signals as they are kept.
+
+    Sensed: ``lowest`` and ``highest`` sensed height [m] on the flat road after the first bump, ``spread`` [m] of the buffered road
+    about the true one in successive windows, ``rate_error`` [m/s] from where road is known under all wheels, ``ahead`` [m] of the
+    front axle that the sensors see, their ``resolution`` [m]. Generated: ``offsets`` [m], how far after the known profile's bumps
+    the car meets them. ``front`` [m] is the front axle ahead of the CG.
+    """
+    kept = {name: np.array(values) for name, values in signals(run).items()}
+    front = run.start("car.wheel.fl.x")
+    if run.case.preview == "generated":
+        return {"front": front, "offsets": [_offset(kept, place, front) for place in TRACK]}
+    sensor = f"[{1 + run.start('sensors.range.sensor')}]"
+    x, sensed, t = kept["sensed x"], kept["sensed"], kept["time"]
+    begin = FIRST_BUMP + BUMP_LENGTH + run.start(f"sensors.range.spot{sensor}") / 2
+    flat = sensed[(x > begin) & (x < begin + AFTER)]
+    error, known = kept["buffered"] - kept["true"], kept["road valid"] > 0.5
+    starts = np.arange(0.0, t[-1] - WINDOW / 2, WINDOW)
+    return {
+        "front": front,
+        "ahead": float(np.median(x - kept["x"])) - front,
+        "resolution": run.start(f"sensors.range.resolution{sensor}"),
+        "lowest": float(flat.min()),
+        "highest": float(flat.max()),
+        "spread": [float(np.std(error[(t >= s) & (t < s + WINDOW)])) for s in starts],
+        "rate_error": float(np.sqrt(np.mean((kept["rate"] - kept["true rate"])[known] ** 2))),
+    }
+
+
+def _offset(kept: dict[str, np.ndarray], place: int, front: float) -> float:
+    """From the known profile's crest to where the load of the front left wheel is largest [m], near one bump of the track."""
+    at = FIRST_BUMP + (place - 1) + BUMP_LENGTH / 2 - front  # the CG with the front wheels on the crest
+    near = np.abs(kept["x"] - at) < 1.0
+    x, shown = kept["x"][near], kept["map"][near]
+    crest = float(np.sum(x * shown) / max(np.sum(shown), 1e-12))
+    return float(x[np.argmax(np.abs(kept["load"][near]))]) - crest

@@ -1,0 +1,174 @@
+"""What pump the published figures take: flow without a limit, and the figures under pumps of several sizes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+
+from cosim.experiments.hmmwv.averages import Averages
+from cosim.experiments.hmmwv.published import (
+    ACTIVE,
+    PUBLISHED,
+    PUMP,
+    PUMPED,
+    PUMPS_L_MIN,
+    SHARED,
+    SIDE_VARIANTS,
+    WITHOUT_LIMIT,
+    Condition,
+)
+from cosim.experiments.hmmwv.runs import ROADS, Case
+from cosim.experiments.hmmwv.statements import NAMES, ROAD_NAMES, STATEMENTS, Statement
+from cosim.report import Section, Table
+from cosim.report.model import Scalar
+from cosim.study import RunFailed
+
+WHERE = {"track": "on the test track", "bump": "over one bump", "off-road": "off road"}
+
+
+@dataclass(frozen=True)
+class Need:
+    """What a statement takes. ``conditions`` are the pumps tried, from the smallest to the one without limit."""
+
+    statement: Statement
+    conditions: tuple[Condition, ...]
+    carried: tuple[bool, ...]
+
+    @property
+    def smallest(self) -> Condition | None:
+        """The smallest pump that carries the statement; None: none does."""
+        return self.conditions[self.carried.index(True)] if any(self.carried) else None
+
+    def words(self, study: Averages) -> str:
+        """ "90 l/min at each actuator, not with 75 l/min"."""
+        if self.smallest is None:
+            return "no pump that was tried"
+        first, past = self.carried.index(True), [c for c, ok in zip(self.conditions, self.carried, strict=True) if ok]
+        words = self.smallest.words(study)
+        if first:
+            words += f", not with {self.conditions[first - 1].l_min(study):g} l/min"
+        gaps = any(a and not b for a, b in pairwise(self.carried))
+        return words + (f"; no longer beyond {past[-1].words(study)}" if gaps else "")
+
+
+def conditions(study: Averages, road: str) -> list[Condition]:
+    """Pumps that were tried on a road with all controllers of :data:`PUMPED`, from the smallest on."""
+    larger = (Condition(limited=True, pump_l_min=x) for x in PUMPS_L_MIN[road])
+    return sorted((PUMP, *larger, WITHOUT_LIMIT), key=lambda c: c.l_min(study))
+
+
+def need(study: Averages, s: Statement) -> Need | None:
+    """Which pump carries a statement, of those tried whose runs did not fail; None where no larger pumps were tried for it."""
+    if not set(s.controllers) <= set(PUMPED[s.road]):
+        return None
+    carried = {}
+    for at in conditions(study, s.road):
+        try:
+            carried[at] = s.carried(study, at)
+        except RunFailed:
+            continue
+    return Need(s, tuple(carried), tuple(carried.values()))
+
+
+def section(study: Averages) -> Section:
+    """What the hydraulics do, and what pump it takes."""
+    pump, shared = (c.l_min(study) for c in (PUMP, SHARED))
+    controlled = ("skyhook", "lqr", "mpc", "mpc-preview")
+    demand = {r: [study.mean("flow_mean", Case(r, c)) for c in controlled] for r in ROADS}
+    drawn = ", ".join(f"{min(v):.0f} to {max(v):.0f} l/min {WHERE[r]}" for r, v in demand.items())
+    beyond = (max(max(v) for r, v in demand.items() if r != "off-road") - pump) / 60  # l in a second
+    return Section(
+        "What the hydraulics do, and what pump it takes",
+        [
+            f"The pump delivers {pump:g} l/min (the paper's: Table 1.4); an accumulator is not mentioned. Skyhook, LQR and MPC draw {drawn} "
+            "from a pump that holds its pressure at any flow (mean over the busiest second, off road over the run). Over bumps that is up to "
+            f"{max(beyond, 0.0):.1f} l more in a second than the pump delivers, which an accumulator could hold; off road the whole run takes "
+            f"{min(demand['off-road']) / pump:.1f} to {max(demand['off-road']) / pump:.1f} times the pump, which none could.",
+            f"How the limit is modelled: what the valve lets out of the supply is cut at the limit, and a piston that moves faster than this flow "
+            f"fills is held by its oil column. With {pump:g} l/min at each actuator, {4 * pump:g} l/min in all, every actuator may draw "
+            f"what the pump has for all four: the most generous reading. With {shared:g} l/min each the four share it evenly, the "
+            "narrowest one. What the paper's vehicle could do lies between.",
+        ],
+        tables=[_side_by_side(study), _needed(study), _flows(study)],
+    )
+
+
+def _side_by_side(study: Averages) -> Table:
+    pump, shared = (c.l_min(study) for c in (PUMP, SHARED))
+    rows: list[list[Scalar]] = []
+    for road in ROADS:
+        passive = study.power(Case(road, "passive"))
+        for controller in ACTIVE:
+            row: list[Scalar] = [ROAD_NAMES[road], NAMES[controller], round(passive, 2)]
+            for at in (WITHOUT_LIMIT, PUMP, SHARED):
+                known = at is not SHARED or controller in PUBLISHED
+                power = study.power(at(Case(road, controller))) if known else None
+                row += [None, None] if power is None else [round(power, 2), round(passive / power, 2)]
+            rows.append(row)
+    columns = ["road", "controller", "passive [W]"]
+    for what in ("no limit", f"{pump:g} l/min each", f"{shared:g} l/min each"):
+        columns += [f"{what} [W]", f"{what}, passive over it [-]"]
+    return Table(
+        "pump",
+        "Absorbed power without and with the pump's limit, side by side",
+        columns,
+        rows,
+        f"Medians over the places of the bump or the stretches; with {shared:g} l/min each over {SIDE_VARIANTS} of them.",
+    )
+
+
+def _needed(study: Averages) -> Table:
+    pump = PUMP.l_min(study)
+    rows: list[list[Scalar]] = []
+    for found in filter(None, (need(study, s) for s in STATEMENTS)):
+        s, at = found.statement, found.smallest
+        figures = [s.figure(study, c) for c in (PUMP, WITHOUT_LIMIT)]
+        shown = [s.incomparable(f) or f"{s.form.format(f.median)} {s.unit}" for f in figures]
+        flow: list[Scalar] = [None, None]
+        if at is not None:
+            driven = at(Case(s.road, s.controllers[-1]))
+            flow = [round(study.mean("flow_mean", driven)), round(study.largest("flow_peak", driven))]
+        rows.append([f"{ROAD_NAMES[s.road]}: {s.claim}", s.published, *shown, found.words(study), *flow])
+    return Table(
+        "pump-needed",
+        "What pump carries the published figures",
+        [
+            "statement", "published", f"{pump:g} l/min each", "no limit", "smallest pump that carries it",
+            "flow of all four there, mean [l/min]", "flow of all four there, peak [l/min]",
+        ],
+        rows,
+        "Of the pumps tried: "
+        + "; ".join(f"{ROAD_NAMES[r]} {', '.join(f'{c.l_min(study):g}' for c in conditions(study, r)[:-1])} l/min each" for r in ROADS)
+        + ", and none without limit. Mean: over bumps the largest over 1 s, off road that of the run.",
+    )  # fmt: skip
+
+
+def _flows(study: Averages) -> Table:
+    pump = PUMP.l_min(study)
+    rows: list[list[Scalar]] = []
+    for road in ROADS:
+        for controller in ACTIVE:
+            case = Case(road, controller)
+            mean = study.mean("flow_mean", case)
+            rows.append(
+                [
+                    ROAD_NAMES[road],
+                    NAMES[controller],
+                    round(mean),
+                    round(study.largest("flow_peak", case)),
+                    round(mean / pump, 1),
+                    round(1e-3 * study.mean("power_mean", case), 1),
+                    round(100 * study.mean("saturation", case), 1),
+                    round(study.mean("tracking_error_rms", case)),
+                ]
+            )
+    return Table(
+        "hydraulics",
+        "Flow of all four actuators without limit, saturation and tracking",
+        [
+            "road", "controller", "flow, mean [l/min]", "flow, peak [l/min]", "mean over that of the pump [-]",
+            "power from the pump, mean [kW]", "valve saturated [%]", "force error rms [N]",
+        ],
+        rows,
+        "Mean flow: over bumps the largest mean over 1 s, off road that of the run.",
+    )  # fmt: skip

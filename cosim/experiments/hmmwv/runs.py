@@ -1,0 +1,454 @@
+"""Runs of the whole vehicle: road, car, actuators with their force tracking, controller; wired and measured."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from cosim import Recording, System
+from cosim.experiments.hmmwv.wiring import (
+    BUMPS,
+    CONTROL_PERIOD,
+    EXCHANGE,
+    FIRST_BUMP,
+    LITRES_PER_MINUTE,
+    SPEED_KMH,
+    add_actuators,
+    add_car,
+    add_preview_chain,
+    add_sensors,
+    bump_parameters,
+    published,
+)
+from cosim.experiments.steps import Stepped, exchange_step, set_solver_step
+from cosim.study.case import CaseError, option
+from cosim.study.experiment import Metric, Row, Run
+from cosim.study.fmus import FmuSet
+from fmu_sources.controllers.hmmwv_states import CORNERS
+from fmu_sources.controllers.mpc_hmmwv import PREVIEW_POINTS, MpcHmmwvWeights
+from fmu_sources.models.comfort import absorbed_power_peak, absorbed_power_series, absorbed_power_window, iso2631_rms
+
+ROADS = {"track": "RoadBumps", "bump": "RoadBumps", "off-road": "RoadOffroadHmmwv"}
+CONTROLLERS = {
+    "passive": None,
+    "zero": None,
+    "skyhook": "Skyhook",
+    "lqr": "LqrHmmwv",
+    "lqr-kilonewton": "LqrHmmwvKilonewton",
+    "mpc": "MpcHmmwv",
+    "mpc-preview": "MpcHmmwv",
+}
+ACTUATORS = ("hydraulic", "ideal")
+STATES = ("true", "estimated")
+PREVIEWS = ("generated", "sensed")  # a known profile at the distance travelled, or what the range sensors see
+PREVIEW_STEPS = PREVIEW_POINTS - 1  # heights ahead of the one under the wheel, 30 ms apart
+FMUS = (
+    "SpeedProfile", *dict.fromkeys(ROADS.values()), "RideCarHmmwv", "RideComfort", *dict.fromkeys(filter(None, CONTROLLERS.values())),
+    "HydraulicActuator", "ForceTracking", "SensorSuite", "KalmanHmmwv", "PreviewSensor", "PreviewBuffer",
+)  # fmt: skip
+
+SHIFTS = 6  # places of the first bump within one control period that are averaged over
+STRETCHES = 5  # stretches of the off-road profile that do not overlap
+STRETCH = 280.0  # m
+FLAT, RAMP = 5.0, 10.0  # m, how an off-road run starts
+OFF_ROAD_START = -2.0  # m, where the CG is then
+RATE = 1000.0  # Hz, of all metrics
+TRAVEL_LIMIT = MpcHmmwvWeights().max_travel  # m, either way: Table 1.3, and where the paper's suspension saturates
+
+_PREVIEW = (lambda c: c.controller == "mpc-preview", "the controller mpc-preview")
+_HYDRAULIC = (lambda c: c.actuators == "hydraulic", "hydraulic actuators")
+_LIMITED = (lambda c: c.flow_limit, "runs with --flow-limit")
+
+
+@dataclass(frozen=True)
+class Case(Stepped):
+    """One run. ``variant`` also seeds the noise of the sensors."""
+
+    road: str = option("track", choices=ROADS, help="road under the wheels", always=True)
+    controller: str = option(
+        "mpc-preview", choices=CONTROLLERS, help="control law; zero: actuators whose desired force is zero", always=True
+    )
+    actuators: str = option("hydraulic", choices=ACTUATORS, help="ideal ones give the requested force at once")
+    states: str = option(
+        "true",
+        choices=STATES,
+        help="states that the controller gets; estimated: by the Kalman filter from noisy sensors",
+    )
+    preview: str = option(
+        "generated",
+        choices=PREVIEWS,
+        only=_PREVIEW,
+        help="where the preview is from: a known profile, or range sensors",
+    )
+    speed_kmh: float = option(
+        SPEED_KMH, name="speed", unit="km/h", within=(5, 100), label="{:g}kmh", help="speed; the paper drives 20 mph"
+    )
+    variant: int = option(
+        0, label="variant{}", help="place of the bump between two control samples, or off-road stretch"
+    )
+    preview_steps: int = option(
+        PREVIEW_STEPS,
+        within=(1, PREVIEW_STEPS),
+        only=_PREVIEW,
+        label="{}steps",
+        help="heights ahead that mpc-preview gets, 30 ms apart",
+    )
+    preview_error_ms: float = option(
+        0.0, name="preview-error", unit="ms", within=(-200, 200), only=_PREVIEW, label="{:+g}ms",
+        help="the preview shows the road this much too late",
+    )  # fmt: skip
+    flow_limit: bool = option(False, only=_HYDRAULIC, help="limit the pump's flow to each actuator")
+    friction: bool = option(False, help="dry friction in the suspensions")
+    pump_l_min: float | None = option(
+        None, name="pump", unit="l/min", within=(1, 1000), only=_LIMITED, label="{:g}lmin",
+        help="flow of the pump to each actuator; by default as in the actuator's FMU",
+    )  # fmt: skip
+    shared_pump: bool = option(
+        False, only=_LIMITED, help="four actuators share the pump: each gets a quarter of its flow"
+    )
+    lift_off: bool = option(True, help="tires lift off the road instead of taking tension")
+    null_opening_mm: float | None = option(
+        None, name="null-opening", unit="mm", within=(0.01, 50), only=_HYDRAULIC, label="{:g}mm",
+        help="opening of a valve without power; by default as in the actuator's FMU",
+    )  # fmt: skip
+    duration: float | None = option(
+        None, unit="s", label="{:g}s", help="length; by default until 1.5 s after the last bump, off road 22 s"
+    )
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if not 0 <= self.variant < self.variants:
+            raise CaseError(f"variant {self.variant}: there are 0 to {self.variants - 1} on the road {self.road!r}")
+        if self.controller == "passive" and self.actuators == "ideal":
+            raise CaseError(
+                "the passive car is its hydraulic actuators with the pump off, so it has no ideal ones; "
+                "the car without actuators is --controller zero --actuators ideal"
+            )
+        if self.states == "estimated" and CONTROLLERS[self.controller] is None:
+            raise CaseError(f"{self.controller} uses no states, so there is nothing to estimate")
+        if self.states == "estimated" and self.actuators == "ideal":
+            raise CaseError("the estimator measures the force of the hydraulic actuators: --actuators hydraulic")
+        if self.preview == "sensed" and self.states == "true":
+            raise CaseError("the sensed preview is corrected by the estimated pose: --states estimated")
+        if self.preview == "sensed" and self.preview_error_ms:
+            raise CaseError("a preview error is for the generated preview; the sensed one has its own")
+        if self.duration is not None and not 0.5 <= self.duration <= self.longest:
+            raise CaseError(f"duration {self.duration:g} s: give 0.5 to {self.longest:.1f} s")
+
+    @property
+    def variants(self) -> int:
+        """How many variants this road has."""
+        return STRETCHES if self.road == "off-road" else SHIFTS
+
+    @property
+    def speed(self) -> float:
+        """Speed [m/s]."""
+        return self.speed_kmh / 3.6
+
+    @property
+    def longest(self) -> float:
+        """Longest run [s]."""
+        return (STRETCH - 10.0 - OFF_ROAD_START) / self.speed if self.road == "off-road" else 60.0
+
+    @property
+    def separate_map(self) -> bool:
+        """Whether the generated preview comes from a road of its own, at another distance than the true one."""
+        generated = self.controller == "mpc-preview" and self.preview == "generated"
+        return generated and (self.states == "estimated" or self.preview_error_ms != 0)
+
+
+def passive(case: Case) -> Case:
+    """What a run is compared with."""
+    return Case(
+        case.road, "passive", speed_kmh=case.speed_kmh, variant=case.variant, friction=case.friction, lift_off=case.lift_off,
+        null_opening_mm=case.null_opening_mm, duration=case.duration, solver_parts=case.solver_parts,
+        exchange_parts=case.exchange_parts,
+    )  # fmt: skip
+
+
+def over_variants(case: Case, count: int | None = None) -> list[Case]:
+    """A case at every place of the bump between two control samples, or on every off-road stretch; ``count`` of them.
+
+    Without a sampled controller the place of a bump does not matter, and there is one run.
+    """
+    total = case.variants
+    if case.road != "off-road" and CONTROLLERS[case.controller] is None:
+        count = 1
+    chosen = range(total) if count is None else sorted({(i * total) // count for i in range(min(count, total))})
+    return [replace(case, variant=v) for v in chosen]
+
+
+# ------------------------------------------------------------------------------------------------------------- wiring
+
+
+def structure(case: Case) -> tuple[object, ...]:
+    """What decides the wiring."""
+    return (
+        case.road, case.controller, case.actuators, case.states, case.preview, case.preview_steps,
+        case.preview_error_ms != 0, case.exchange_parts,
+    )  # fmt: skip
+
+
+def wire(fmus: FmuSet, case: Case) -> System:
+    """The vehicle of a case: road, car, actuators with their force tracking, controller, comfort."""
+    system = System()
+    step = exchange_step(EXCHANGE, case)
+    add_car(system, fmus, ROADS[case.road], step=step)
+    system.add("comfort", fmus.path("RideComfort"))
+    system.connect_matching("car", "comfort", "body.az")
+    controller = CONTROLLERS[case.controller]
+    if controller is not None:
+        system.add("controller", fmus.path(controller))
+    if case.actuators == "ideal":
+        if controller is not None:
+            system.connect_matching("controller", "car", "force.*")
+        else:
+            system["car"].set({f"force.{k}": 0.0 for k in CORNERS})
+    else:
+        driven = case.controller != "passive"
+        add_actuators(system, fmus, driven=driven, step=step)
+        if driven:
+            _wire_tracking(system, fmus, requested=controller is not None)
+    if case.states == "estimated":
+        _wire_estimator(system, fmus)
+    if controller is not None:
+        system.connect_matching("kalman" if case.states == "estimated" else "car", "controller")
+    if controller == "MpcHmmwv":
+        _wire_preview(system, fmus, case)
+    return system
+
+
+def _wire_tracking(system: System, fmus: FmuSet, *, requested: bool) -> None:
+    """The force tracking of each actuator; ``requested``: there is a controller that requests forces."""
+    for k in CORNERS:
+        actuator, tracking = f"actuator_{k}", f"tracking_{k}"
+        system.add(tracking, fmus.path("ForceTracking"))
+        system.connect(f"{actuator}.force", f"{tracking}.force.measured")
+        system.connect(f"{actuator}.spool.position", f"{tracking}.spool.position")
+        system.connect(f"car.suspension.{k}.velocity", f"{tracking}.piston.velocity")
+        system.connect(f"{tracking}.valve.voltage", f"{actuator}.valve.voltage")
+        if requested:
+            system.connect(f"controller.force.{k}", f"{tracking}.force.desired")
+        else:
+            system[tracking].set({"force.desired": 0.0})
+
+
+def _wire_estimator(system: System, fmus: FmuSet) -> None:
+    """Sensors on car, actuators and road, and the Kalman filter downstream of them."""
+    add_sensors(system, fmus)
+    system.add("kalman", fmus.path("KalmanHmmwv"), parameters={"use_road": False})
+    system.connect_matching("sensors", "kalman")
+    system["kalman"].set({**{f"road.{k}.height": 0.0 for k in CORNERS}, "road.valid": False})
+
+
+def _wire_preview(system: System, fmus: FmuSet, case: Case) -> None:
+    """Where the MPC has its preview from. A preview that is cut short continues at its last height."""
+    if case.controller == "mpc":
+        system["controller"].set({"use_preview": False, **_flat_preview(system)})
+        return
+    system["controller"].set({"use_preview": True})
+    source = "road"
+    if case.preview == "sensed":
+        source = "buffer"
+        add_preview_chain(system, fmus)
+        system["kalman"].set({"use_road": True})
+    elif case.separate_map:
+        source = "map"
+        system.add("map", fmus.path(ROADS[case.road]))
+        if case.states == "estimated":
+            system.connect("sensors.x.measured", "map.x")
+            system.connect("sensors.speed.measured", "map.speed")
+            system.connect_matching("map", "kalman", "road.*.height")  # a known road is known to the filter as well
+            system["kalman"].set({"use_road": True, "road.valid": True})
+        else:
+            system.add("map_speed", fmus.path("SpeedProfile"))
+            system.connect("map_speed.x", "map.x")
+            system.connect("map_speed.speed", "map.speed")
+    system.connect(f"{source}.preview.step", "controller.preview.step")
+    for k in CORNERS:
+        for i in range(1, PREVIEW_STEPS + 2):
+            system.connect(f"{source}.preview.{k}[{min(i, case.preview_steps + 1)}]", f"controller.preview.{k}[{i}]")
+
+
+def _flat_preview(system: System) -> dict[str, float]:
+    """Start values of the preview inputs that nothing drives."""
+    inputs = system["controller"].description.inputs
+    return {n: float(v.start) for n, v in inputs.items() if n.startswith("preview.") and v.start is not None}  # type: ignore[arg-type]
+
+
+def start(system: System, case: Case) -> float:
+    """Where the CG is at time 0 [m]: 0.6 s before the first bump, or at the start of the flat stretch."""
+    if case.road == "off-road":
+        return OFF_ROAD_START
+    return FIRST_BUMP - published(system["car"], "wheel.fl.x") - 0.6 * case.speed
+
+
+def stop_time(system: System, case: Case) -> float:
+    """Length of the run [s]: bumps until 1.5 s after the last one, off road 22 s unless the stretch is shorter."""
+    if case.duration is not None:
+        return case.duration
+    if case.road == "off-road":
+        return min(22.0, case.longest)
+    last = FIRST_BUMP + max(BUMPS[case.road]) - 1 - published(system["car"], "wheel.rl.x") + 0.5
+    return round((last - start(system, case)) / case.speed + 1.5, 1)
+
+
+def configure(system: System, case: Case) -> None:
+    """Set the parameters of a case in a system that was wired for its structure."""
+    begin, late = start(system, case), case.preview_error_ms / 1000 * case.speed
+    system["speed"].set({"start.speed": case.speed, "start.x": begin})
+    if "map_speed" in system.members:
+        system["map_speed"].set({"start.speed": case.speed, "start.x": begin - late})
+    for name in {"road", "map"} & set(system.members):
+        if case.road == "off-road":
+            system[name].set({"offset": case.variant * STRETCH, "flat": FLAT, "ramp": RAMP})
+        else:
+            shift = case.variant / SHIFTS * CONTROL_PERIOD * case.speed
+            system[name].set(bump_parameters(BUMPS[case.road], FIRST_BUMP + shift))
+    if "sensors" in system.members:
+        system["sensors"].set({"noise.seed": case.variant + 1, "x.offset": -late})
+    system["car"].set({"tires.lift_off": case.lift_off})
+    if case.friction or "friction.acting" in system["car"].description.parameters:  # a user's car may have no friction
+        system["car"].set({"friction.acting": case.friction})
+    set_solver_step(system["car"], case)
+    if case.actuators == "hydraulic":
+        for k in CORNERS:
+            actuator = system[f"actuator_{k}"]
+            opening, pump = (published(actuator, n) for n in ("valve.null_opening", "supply.flow_limit"))
+            limit = pump if case.pump_l_min is None else case.pump_l_min / LITRES_PER_MINUTE
+            actuator.set(
+                {
+                    "supply.running": case.controller != "passive",
+                    "supply.limited": case.flow_limit,
+                    "supply.flow_limit": limit / 4 if case.shared_pump else limit,
+                    "valve.null_opening": opening if case.null_opening_mm is None else case.null_opening_mm / 1000,
+                }
+            )
+            set_solver_step(actuator, case)
+
+
+ROAD_FLAGS = {
+    "height_above_travel": "a bump is higher than the travel of the suspension",
+    "bumps_beyond_end": "a bump lies beyond the end of the road",
+}
+
+
+def recorded(case: Case) -> Sequence[str]:
+    """Variables that metrics and figures need, and those that people look at."""
+    names = ["speed.x", "car.body.az", "car.body.z", "comfort.absorbed_power"]
+    for k in CORNERS:
+        names += [f"car.suspension.{k}.deflection", f"car.tire.{k}.deflection", f"car.tire.{k}.force"]
+        names.append(f"road.road.{k}.height")
+        if case.actuators == "hydraulic":
+            names += [f"actuator_{k}.force", f"actuator_{k}.flow", f"actuator_{k}.power"]
+            if case.controller != "passive":
+                names += [f"tracking_{k}.force.smoothed", f"tracking_{k}.valve.saturated"]
+        if CONTROLLERS[case.controller] is not None:
+            names.append(f"controller.force.{k}")
+    if case.road != "off-road":
+        names += [f"road.{flag}" for flag in ROAD_FLAGS]
+    if CONTROLLERS[case.controller] == "MpcHmmwv":
+        names += ["controller.solver.status", "controller.solver.iterations", "controller.solver.residual"]
+    return names
+
+
+def remarks(run: Run) -> list[str]:
+    """What a road reports of its bumps."""
+    r = run.recording
+    return [text for flag, text in ROAD_FLAGS.items() if f"road.{flag}" in r and r[f"road.{flag}"].any()]
+
+
+# ---------------------------------------------------------------------------------------------------------- measuring
+
+METRICS = {
+    "absorbed_power": Metric("absorbed power (published figure)", "W", form="{:.2f}"),
+    "absorbed_power_peak": Metric("absorbed power, peak over 1 s", "W", form="{:.2f}"),
+    "absorbed_power_mean": Metric("absorbed power, mean", "W", form="{:.2f}"),
+    "iso2631_rms": Metric("ISO 2631 weighted rms", "m/s2", form="{:.3f}"),
+    "travel_rms": Metric("suspension travel, rms", "mm", 1e3, "{:.1f}"),
+    "travel_peak": Metric("suspension travel, largest", "mm", 1e3, "{:.1f}"),
+    "lift_off": Metric("tire off the ground", "% of the time", 100.0, "{:.1f}"),
+    "force_rms": Metric("actuator force, rms", "N", form="{:.0f}"),
+    "force_peak": Metric("actuator force, largest", "N", form="{:.0f}"),
+    "tracking_error_rms": Metric("force error, rms", "N", form="{:.0f}"),
+    "saturation": Metric("valve saturated", "% of the time", 100.0, "{:.1f}"),
+    "flow_mean": Metric("flow of the pump, mean", "l/min", form="{:.0f}"),
+}
+
+
+def measure(run: Run) -> Row:
+    """Metrics of one run.
+
+    ``absorbed_power`` [W] is the published figure: over bumps the peak of a moving mean over 1 s, off road the mean of the run
+    (after the ramp). Both from the heave of the CG. ``flow_limit`` [l/min] and ``null_opening`` [m] are those of its actuators.
+    """
+    case, r = run.case, run.recording
+    az = r["car.body.az"]
+    ramp = FLAT + RAMP - run.start("car.wheel.rl.x") if case.road == "off-road" else -math.inf
+    counts = np.asarray(r["speed.x"] > ramp)  # off road with all wheels beyond the ramp
+    peak, mean = absorbed_power_peak(az, RATE), float(absorbed_power_series(az, RATE)[counts].mean())
+    travel, load = (_columns(r, f"car.{signal}")[counts] for signal in ("suspension.{}.deflection", "tire.{}.force"))
+    force = _columns(r, "actuator_{}.force" if case.actuators == "hydraulic" else "controller.force.{}")[counts]
+    row: Row = {
+        "absorbed_power": mean if case.road == "off-road" else peak,
+        "absorbed_power_peak": peak,
+        "absorbed_power_mean": mean,
+        "iso2631_rms": iso2631_rms(az, RATE),
+        "travel_rms": float(np.sqrt(np.mean(travel**2))),
+        "travel_peak": float(np.abs(travel).max()),
+        "travel_over": float(np.mean(np.abs(travel).max(axis=1) > TRAVEL_LIMIT)),
+        "lift_off": float(np.mean(load <= 0)),
+        "force_rms": float(np.sqrt(np.mean(force**2))),
+        "force_peak": float(np.abs(force).max()),
+    }
+    if "controller.solver.status" in r:
+        row |= {
+            "solver_failures": int((r["controller.solver.status"] != 0).sum()),
+            "solver_residual": float(r["controller.solver.residual"].max()),
+        }
+    if case.actuators == "hydraulic":
+        flow = np.abs(_columns(r, "actuator_{}.flow")).sum(axis=1) * LITRES_PER_MINUTE
+        window = np.convolve(flow, np.ones(int(RATE)) / RATE)[: len(flow)]
+        row |= {
+            "flow_limit": LITRES_PER_MINUTE * run.start("actuator_fl.supply.flow_limit"),
+            "null_opening": run.start("actuator_fl.valve.null_opening"),
+            "flow_peak": float(flow[counts].max()),
+            "flow_mean": float(flow[counts].mean()) if case.road == "off-road" else float(window.max()),
+            "power_mean": float(_columns(r, "actuator_{}.power").sum(axis=1)[counts].mean()),
+        }
+        if case.controller != "passive":
+            error = force - _columns(r, "tracking_{}.force.smoothed")[counts]
+            row["tracking_error_rms"] = float(np.sqrt(np.mean(error**2)))
+            row["saturation"] = float(_columns(r, "tracking_{}.valve.saturated")[counts].mean())
+    return row
+
+
+def _columns(recording: Recording, pattern: str) -> np.ndarray:
+    """Columns of the corners (samples, 4); zeros when they were not recorded."""
+    names = [pattern.format(k) for k in CORNERS]
+    if names[0] not in recording:
+        return np.zeros((len(recording), len(CORNERS)))
+    return np.column_stack([recording[n] for n in names])
+
+
+SIGNALS = {
+    "x": "speed.x",
+    "travel": "car.suspension.fl.deflection",
+    "force": "actuator_fl.force",
+    "smoothed": "tracking_fl.force.smoothed",
+    "saturated": "tracking_fl.valve.saturated",
+}
+SIGNAL_STEP = {"track": 2, "bump": 2, "off-road": 4}  # samples of 1 ms between points
+
+
+def signals(run: Run) -> Row:
+    """Signals of a run for figures by name, thinned and rounded: :data:`SIGNALS` [SI units] and the absorbed power of the last
+    second [W]."""
+    r = run.recording
+    shown = {name: r[column] for name, column in SIGNALS.items() if column in r}
+    shown["power_window"] = absorbed_power_window(r["car.body.az"], RATE)
+    every = SIGNAL_STEP[run.case.road]
+    return {name: [float(f"{x:.6g}") for x in signal[::every]] for name, signal in shown.items()}

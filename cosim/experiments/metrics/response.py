@@ -1,0 +1,138 @@
+"""Figures of merit, one function per published metric.
+
+"Brown et al." stands for Brown, Murugan, Mazza, "Analytical Evaluation of Generalized Predictive Control Algorithms
+Using a Full Vehicle Multi-Body Dynamics Model For Mobility Enhancement". Its metrics (22)-(24) are evaluated on signals
+sampled at 100 Hz: the low-pass is causal and starts from zero, and the mean is taken over the whole run, start-up
+included, so every run that is compared must cover the same stretch of road.
+
+Every input must be finite; an error names the signal and the sample.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import numpy.typing as npt
+from scipy import constants, signal
+
+from cosim.signals import Array, finite_channels, finite_series
+
+__all__ = [
+    "STANDARD_GRAVITY",
+    "actuator_force",
+    "actuator_power",
+    "force_normalised_effectiveness",
+    "improvement",
+    "low_pass",
+    "low_pass_mean",
+    "peak",
+    "power_normalised_effectiveness",
+    "response_magnitude",
+    "response_objective",
+    "response_objective_series",
+    "root_sum_square",
+]
+
+STANDARD_GRAVITY = constants.g  # m/s2, 9.80665
+
+
+def low_pass(
+    values: npt.ArrayLike, rate_hz: float, cutoff_hz: float = 1.0, order: int = 4, *, name: str = "signal"
+) -> Array:
+    """Causal Butterworth low-pass, bilinear, zero initial state; -3 dB at `cutoff_hz`. Brown et al., below (22)."""
+    series = finite_series(name, values)
+    if not (math.isfinite(rate_hz) and math.isfinite(cutoff_hz) and 0.0 < 2.0 * cutoff_hz < rate_hz):
+        raise ValueError(f"cutoff {cutoff_hz} Hz must lie between 0 and half the sampling rate of {rate_hz} Hz")
+    if order < 1:
+        raise ValueError(f"filter order {order} must be at least 1")
+    sections = signal.butter(order, cutoff_hz, fs=rate_hz, output="sos")
+    return np.asarray(signal.sosfilt(sections, series), dtype=float)
+
+
+def low_pass_mean(
+    values: npt.ArrayLike, rate_hz: float, cutoff_hz: float = 1.0, order: int = 4, *, name: str = "signal"
+) -> float:
+    """Mean over the run of `low_pass`."""
+    return float(np.mean(low_pass(values, rate_hz, cutoff_hz, order, name=name)))
+
+
+def root_sum_square(values: npt.ArrayLike, *, name: str = "signal") -> Array:
+    """sqrt(x' x) at every sample of x (n, k): what (22a)-(22c) of Brown et al. low-pass."""
+    return np.asarray(np.linalg.norm(finite_channels(name, values), axis=1))
+
+
+def response_magnitude(az_m_s2: npt.ArrayLike, pitch_rad: npt.ArrayLike, roll_rad: npt.ArrayLike) -> Array:
+    """sqrt(y' y) at every sample, y = (vertical acceleration [g], pitch [deg], roll [deg]). Brown et al., (22a)."""
+    az, pitch, roll = (
+        finite_series(name, values)
+        for name, values in (("vertical acceleration", az_m_s2), ("pitch", pitch_rad), ("roll", roll_rad))
+    )
+    if not len(az) == len(pitch) == len(roll):
+        raise ValueError(
+            f"vertical acceleration, pitch and roll have {len(az)}, {len(pitch)} and {len(roll)} samples; "
+            "they must be sampled together"
+        )
+    return root_sum_square(np.column_stack([az / STANDARD_GRAVITY, np.degrees(pitch), np.degrees(roll)]))
+
+
+def response_objective_series(
+    az_m_s2: npt.ArrayLike, pitch_rad: npt.ArrayLike, roll_rad: npt.ArrayLike, rate_hz: float
+) -> Array:
+    """J_resp(t) = low-pass of sqrt(y' y), y in (g, deg, deg). Brown et al., (22a)."""
+    return low_pass(response_magnitude(az_m_s2, pitch_rad, roll_rad), rate_hz, name="response")
+
+
+def response_objective(
+    az_m_s2: npt.ArrayLike, pitch_rad: npt.ArrayLike, roll_rad: npt.ArrayLike, rate_hz: float
+) -> float:
+    """J_resp: mean of `response_objective_series` over the run. Brown et al., (22a)."""
+    return float(np.mean(response_objective_series(az_m_s2, pitch_rad, roll_rad, rate_hz)))
+
+
+def actuator_force(forces_n: npt.ArrayLike, rate_hz: float) -> float:
+    """Mean of the low-pass of sqrt(u' u) [N], u (n, actuators). Brown et al., (22b)."""
+    return low_pass_mean(root_sum_square(forces_n, name="force"), rate_hz, name="force")
+
+
+def actuator_power(powers_w: npt.ArrayLike, rate_hz: float) -> float:
+    """Mean of the low-pass of sqrt(P' P) [W], P (n, actuators), signs of no effect. Brown et al., (22c)."""
+    return low_pass_mean(root_sum_square(powers_w, name="power"), rate_hz, name="power")
+
+
+def improvement(j: float, j_open: float) -> float:
+    """Response improvement 1 - J / J_open loop. Brown et al., (23).
+
+    Without any open-loop response (J_open = 0) there is nothing to improve on and the result is nan.
+    """
+    _magnitude("J", j)
+    _magnitude("J of the open loop", j_open)
+    return math.nan if j_open == 0.0 else 1.0 - j / j_open
+
+
+def force_normalised_effectiveness(response_improvement: float, force_n: float) -> float:
+    """Response improvement per actuator force [1/N]. Brown et al., (24a). nan without force, or if undefined itself."""
+    return _effectiveness(response_improvement, force_n, "actuator force")
+
+
+def power_normalised_effectiveness(response_improvement: float, power_w: float) -> float:
+    """Response improvement per actuator power [1/W]. Brown et al., (24b). nan without power, or if undefined itself."""
+    return _effectiveness(response_improvement, power_w, "actuator power")
+
+
+def peak(values: npt.ArrayLike, *, name: str = "signal") -> float:
+    """Largest magnitude over the run, of a signal (n,) or of all channels of one (n, k)."""
+    array = np.asarray(values, dtype=float)
+    return float(np.max(np.abs(finite_series(name, array) if array.ndim == 1 else finite_channels(name, array))))
+
+
+def _effectiveness(response_improvement: float, effort: float, name: str) -> float:
+    if math.isinf(response_improvement):
+        raise ValueError(f"response improvement is {response_improvement}")
+    _magnitude(name, effort)
+    return math.nan if effort == 0.0 else response_improvement / effort
+
+
+def _magnitude(name: str, value: float) -> None:
+    if not (math.isfinite(value) and value >= 0.0):
+        raise ValueError(f"{name} is {value}; expected a finite number that is not negative")

@@ -1,0 +1,34 @@
+"""Paper 004: what preview buys on a seven-degree car, by optimal LQ control with three information patterns.
+
+``runs`` wires, runs and measures; ``design`` has the poles of the continuous design, which are no run; ``published`` has what
+the paper prints and the runs that stand beside it; ``claims`` judges; ``report`` lays out.
+"""
+
+from cosim.experiments.preview_lq import published, runs
+from cosim.study.experiment import Experiment
+
+EXPERIMENT = Experiment(
+    "preview-lq",
+    runs.Case,
+    title="Optimal preview LQ control of a seven-degree car (paper 004)",
+    fmus=runs.FMUS,
+    wire=runs.wire,
+    structure=runs.structure,
+    configure=runs.configure,
+    stop_time=runs.stop_time,
+    record=runs.recorded,
+    record_interval=runs.INTERVAL,
+    allow_unconnected=True,  # nothing drives the passive car's actuators
+    measure=runs.measure,
+    signals=runs.signals,
+    metrics=runs.METRICS,
+    baseline=runs.passive,
+    relative=True,
+    remarks=runs.remarks,
+    plan=published.plan,
+    claims="cosim.experiments.preview_lq.claims:CLAIMS",
+    report="cosim.experiments.preview_lq.report:report",
+    own_fmus="cosim.experiments.own_files:own_fmus",
+    papers="fmu_sources.catalog:PAPERS",
+    module=__name__,
+)

@@ -1,0 +1,220 @@
+"""Runs of paper 004: car, road and law, wired and measured."""
+
+from __future__ import annotations
+
+import json
+import zipfile
+from dataclasses import dataclass, replace
+from fractions import Fraction
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from cosim import Recording, System
+from cosim.experiments.steps import Stepped, exchange_step, set_solver_step
+from cosim.study.case import CaseError, option
+from cosim.study.experiment import Metric, Row, Run
+from cosim.study.fmus import FmuSet
+from fmu_sources.catalog import weights_name
+from fmu_sources.controllers.preview_lq import CORNERS, MODES, WEIGHTED
+from fmu_sources.controllers.preview_lq_weights import PreviewLqWeights, load_weights
+
+CAR, ROAD, SPEED = "RideCarSedan", "RoadHoleBump", "SpeedProfile"
+LAWS = {  # name of the weights -> FMU of the law, file of the weights
+    "comfort": ("PreviewLqComfort", "comfort"),
+    "road-holding": ("PreviewLqRoadHolding", "road_holding"),
+    "comfort-5ms": ("PreviewLqComfort5ms", "comfort"),
+}
+FMUS = (CAR, ROAD, SPEED, *(fmu for fmu, _ in LAWS.values()))
+CONTROLLERS = ("passive", *MODES)
+INPUTS = {"both": 0, "left": 1}  # parameter `side` of the road
+PLATEAU_MM = 50.0
+SHAPES: dict[str, dict[str, float]] = {  # parameters of the road
+    "haversine": {"shape": 0},
+    "sine": {"shape": 1},
+    "triangle": {"shape": 2},
+    "step": {"shape": 3},
+    "plateau": {"shape": 3, "hole.depth": 0.0, "bump.height": PLATEAU_MM / 1e3, "bump.length": 1e4},
+}
+SPEED_KMH = 75.0
+PREVIEW_TIME = 0.12  # s
+EXCHANGE = Fraction(1, 1000)  # s, of the car
+INTERVAL = "1 ms"  # between samples
+DURATION, PLATEAU_DURATION = 1.2, 3.0  # s, of a run: of the means in Table 3, and of driving onto a plateau
+
+_PREVIEW = (lambda c: c.controller == "preview", "the law with preview")
+_CONTROLLED = (lambda c: c.controller != "passive", "a controlled car")
+
+
+@dataclass(frozen=True)
+class Case(Stepped):
+    """One run: road, weights of the law, and what it uses of the road."""
+
+    input: str = option("both", choices=INPUTS, help="wheels that meet hole and bump", always=True)
+    weights: str = option(
+        "comfort", choices=LAWS, files=".toml", help="weights of the law, or a file of your own (build-fmus --weights)",
+        always=True,
+    )  # fmt: skip
+    controller: str = option(
+        "preview", choices=CONTROLLERS, aliases=("system",), help="what the law uses of the road", always=True
+    )
+    preview_time: float = option(
+        PREVIEW_TIME, unit="s", within=(0, 10), only=_PREVIEW, help="preview ahead of the front wheels",
+        label=lambda s: f"{1e3 * s:g}ms",
+    )  # fmt: skip
+    speed_kmh: float = option(
+        SPEED_KMH, unit="km/h", within=(0, 200), name="speed", help="speed of the car", label="{:g}kmh"
+    )
+    shape: str = option("haversine", choices=SHAPES, help="shape of hole and bump, or a plateau behind a step")
+    hold_tail: bool = option(False, only=_CONTROLLED, help="take the road to continue at its last height", label="hold")
+
+    @property
+    def own_weights(self) -> Path | None:
+        """The file of a user's weights; None for published ones."""
+        return Path(self.weights) if self.weights.endswith(".toml") else None
+
+    @property
+    def law(self) -> str | None:
+        """Name of the law's FMU; None for the passive car."""
+        if self.controller == "passive":
+            return None
+        return LAWS[self.weights][0] if self.own_weights is None else weights_name(self.own_weights)
+
+
+def passive(case: Case) -> Case:
+    """What a run is compared with."""
+    return replace(case, controller="passive", preview_time=PREVIEW_TIME, hold_tail=False)
+
+
+def weights_of(case: Case) -> PreviewLqWeights:
+    """The weights of a case's index, which are those that its law was designed with."""
+    return load_weights(case.own_weights or LAWS[case.weights][1])
+
+
+def designed_weights(law: Path) -> PreviewLqWeights:
+    """The weights that an FMU's law was designed with."""
+    with zipfile.ZipFile(law) as z:
+        return PreviewLqWeights.model_validate(json.loads(z.read("resources/provenance.json"))["weights"])
+
+
+# ------------------------------------------------------------------------------------------------------------- wiring
+
+
+def structure(case: Case) -> tuple[object, ...]:
+    """What decides the wiring."""
+    return case.law, case.weights if case.law else "", case.exchange_parts
+
+
+def wire(fmus: FmuSet, case: Case) -> System:
+    """Speed, road, car and law.
+
+    Raises:
+        FileNotFoundError: an FMU is not there; the message says how to build it.
+        CaseError: the law was designed with other weights than their file has now.
+    """
+    law = None
+    if case.law is not None:
+        law = fmus.path(case.law)
+        if designed_weights(law) != weights_of(case):
+            build = fmus.build_command(fmus.own.get(case.law, ("", ""))[1])
+            raise CaseError(f"{law} was designed with other weights than {case.weights} has now: run `{build}` again")
+    system = System()
+    system.add("speed", fmus.path(SPEED))
+    system.add("road", fmus.path(ROAD))
+    system.add("car", fmus.path(CAR), step=exchange_step(EXCHANGE, case))
+    system.connect("speed.x", "road.x")
+    system.connect("speed.speed", "road.speed")
+    system.connect_matching("road", "car", "road.*")
+    if law is not None:
+        system.add("controller", law)
+        system.connect_matching("car", "controller")
+        system.connect_matching("road", "controller")
+        system.connect("speed.speed", "controller.speed")
+        system.connect_matching("controller", "car", "force.*")
+    return system
+
+
+def configure(system: System, case: Case) -> None:
+    """Set the parameters of a case."""
+    set_solver_step(system["car"], case)
+    system["speed"].set({"start.speed": case.speed_kmh / 3.6, "start.x": 0.0})
+    known = system["road"].description.parameters
+    as_built: dict[str, Any] = {n: known[n].start for sizes in SHAPES.values() for n in sizes}
+    system["road"].set({**as_built, **SHAPES[case.shape], "side": INPUTS[case.input]})
+    if case.controller != "passive":
+        system["controller"].set(
+            {"mode": MODES[case.controller], "preview_time": case.preview_time, "hold_tail": case.hold_tail}
+        )
+
+
+def stop_time(_: System, case: Case) -> float:
+    """Length of a run [s]."""
+    return PLATEAU_DURATION if case.shape == "plateau" else DURATION
+
+
+def recorded(case: Case) -> list[str]:
+    """What is recorded."""
+    names = [f"car.{n}" for n in WEIGHTED]
+    names += [f"car.wheel.{k}.z" for k in CORNERS] + ["car.body.z"]
+    names += [f"road.road.{k}.height" for k in CORNERS]
+    if case.controller != "passive":
+        names += [f"controller.force.{k}" for k in CORNERS] + ["controller.horizon_truncated"]
+    return names
+
+
+# ---------------------------------------------------------------------------------------------------------- measuring
+
+METRICS = {
+    **{n: Metric(f"mean square of {n}", "m2" if n.endswith("deflection") else "rad2/s4") for n in WEIGHTED},
+    "body.az": Metric("mean square of body.az", "m2/s4"),
+    "J": Metric("index J"),
+    **{f"force.{k}": Metric(f"rms force, {k}", "N") for k in CORNERS},
+    **{f"force.{k}.rate": Metric(f"rms rate of the force, {k}", "N/s") for k in CORNERS},
+}
+"""The E(.) of Table 3, and what figures 6 and 7 are read for."""
+
+
+def forces(recording: Recording) -> np.ndarray:
+    """Commanded forces (samples, 4) [N] by corner fl, fr, rl, rr; zero for the passive car."""
+    if f"controller.force.{CORNERS[0]}" not in recording:
+        return np.zeros((len(recording), len(CORNERS)))
+    return np.column_stack([recording[f"controller.force.{k}"] for k in CORNERS])
+
+
+def mean_square(signal: np.ndarray) -> float:
+    """Mean square over the run, trapezoidal."""
+    square = signal**2
+    return float((square[:-1] + square[1:]).sum() / 2 / (len(square) - 1))
+
+
+def measure(run: Run) -> Row:
+    """:data:`METRICS` in SI units."""
+    r = run.recording
+    f, rates = forces(r), np.diff(forces(r), axis=0) / np.diff(r.time)[:, None]
+    weights = weights_of(run.case)
+    parts = {n: mean_square(r[f"car.{n}"]) for n in WEIGHTED}
+    # The index (10) without its factor 1/2: weighted mean squares of outputs and forces.
+    outputs = sum(w * m for w, m in zip(weights.outputs(CORNERS), parts.values(), strict=True))
+    controls = sum(w * mean_square(u) for w, u in zip(weights.controls(CORNERS), f.T, strict=True))
+    return {
+        **parts,
+        "J": float(outputs + controls),
+        **{f"force.{k}": float(np.sqrt(np.mean(u**2))) for k, u in zip(CORNERS, f.T, strict=True)},
+        **{f"force.{k}.rate": float(np.sqrt(np.mean(u**2))) for k, u in zip(CORNERS, rates.T, strict=True)},
+    }
+
+
+def signals(run: Run) -> Row:
+    """Signals over time that the figures show, every millisecond [s, m, N], by the names they were recorded under."""
+    r = run.recording
+    shown = [n for n in r if n.endswith((".z", ".height")) or n.startswith("controller.force.")]
+    return {"time": r.time.tolist(), **{n: r[n].tolist() for n in shown}}
+
+
+def remarks(run: Run) -> list[str]:
+    """What should be said of a run."""
+    cut = "controller.horizon_truncated"
+    if cut in run.recording and run.recording[cut].any():
+        return ["horizon_truncated: preview or memory end before the horizon that was requested"]
+    return []

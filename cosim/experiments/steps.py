@@ -1,0 +1,46 @@
+"""Whether results depend on how time is cut: runs with finer steps of solver and exchange, alike in all experiments."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from fractions import Fraction
+from typing import TypeVar
+
+from cosim import Member
+from cosim.study.case import Case, option
+
+PARTS = (1, 16)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Stepped(Case):
+    """A case whose plant can be solved and exchanged in finer steps; controllers and road keep their sample times."""
+
+    solver_parts: int = option(
+        1, within=PARTS, help="parts that each solver step of the plant is divided into", label="solver-in-{}"
+    )
+    exchange_parts: int = option(
+        1, within=PARTS, help="parts that each exchange step of the plant is divided into", label="exchange-in-{}"
+    )
+
+
+S = TypeVar("S", bound=Stepped)
+
+HALVED = {"solver step": {"solver_parts": 2}, "exchange step": {"exchange_parts": 2}}
+"""What is halved to see whether it matters: words -> fields of a case."""
+
+
+def halved(case: S) -> dict[str, S]:
+    """The case with each of :data:`HALVED`."""
+    return {what: replace(case, **finer) for what, finer in HALVED.items()}
+
+
+def exchange_step(coarse: Fraction, case: Stepped) -> Fraction:
+    """Exchange step [s] of a case, from that of an undivided one."""
+    return coarse / case.exchange_parts
+
+
+def set_solver_step(plant: Member, case: Stepped) -> None:
+    """Divide the solver step that the plant's FMU declares."""
+    declared = float(plant.description.parameters["solver.step"].start)  # type: ignore[arg-type]
+    plant.set({"solver.step": declared / case.solver_parts})

@@ -1,0 +1,534 @@
+"""Tables, figures and the animation of paper 003's trench crossings as a report."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from cosim.experiments.metrics.crossing import LABELS, LIMITS, WEIGHTS, cost_of_limits, normalised, reduction_percent
+from cosim.experiments.trench import EXPERIMENT, linear, published
+from cosim.experiments.trench.claims import (
+    CLAIMS,
+    costs,
+    improvements,
+    normalised_costs,
+    passes,
+    ran,
+    score,
+    verdict,
+)
+from cosim.experiments.trench.published import (
+    BOLD,
+    GRID,
+    LENGTHS,
+    OTHER_VEHICLES,
+    SPECTRUM,
+    SPEEDS,
+    SYSTEMS,
+    WITHOUT,
+    Key,
+    between,
+    matrix,
+    refined,
+    some,
+)
+from cosim.experiments.trench.runs import CORNERS, FRAME, MPC, SIDE, STEP, Case, measure, signals
+from cosim.fmu.file import Fmu
+from cosim.report import (
+    Animation,
+    Body,
+    Figure,
+    Force,
+    Layer,
+    Map,
+    Panel,
+    Parameter,
+    Phase,
+    Reading,
+    Report,
+    Result,
+    Scene,
+    Section,
+    Series,
+    Strut,
+    Table,
+    Take,
+    Wheel,
+    write_report,
+)
+from cosim.study import FmuSet, Results, Row, Run, parameters, provenance, sections
+
+CASES = (
+    "case 0: no axle over the trench",
+    "case 1: front axle over the trench",
+    "case 2: middle axle over the trench",
+    "case 3: rear axle over the trench",
+)
+_NAMES = {"passive": "passive", "mpc": "controlled"}
+_LOOKS: dict[str, Any] = {
+    "passive": {"color": "grey", "dash": "dash"},
+    "controlled": {"color": "blue", "dash": "solid"},
+}
+_AXLES = ("front", "middle", "rear")
+
+
+def report(study: Results, fmus: FmuSet) -> Report:
+    """The whole report of a study."""
+
+    def animation(study: Results) -> Section:
+        """The crossing"""
+        return _animation(study, fmus)
+
+    makers = (
+        animation, _verdicts, _reductions, _costs, _histories, _refinement, _between, _without, _vehicles, _linear, _limits,
+    )  # fmt: skip
+    return Report(
+        experiment=EXPERIMENT.name,
+        title="A 6x6 crosses trenches",
+        lead=(
+            "A three-axle vehicle drives over trenches of 1.2 to 2.0 m at 1 to 9 km/h, passive and under predictive control that "
+            "sees the trench coming, lifts the axle above it and shifts its weight. Vehicle, crossing algorithm and controller "
+            "are native FMUs. The tables of Kale's thesis stand beside what these runs give."
+        ),
+        claims=CLAIMS.judge(study),
+        results=list(_results(study)),
+        sections=sections(study, makers),
+        parameters=_parameters(fmus),
+        provenance=provenance(EXPERIMENT, fmus),
+    )
+
+
+def _results(study: Results) -> Iterator[Result]:
+    """Figures at the top, of systems none of whose runs failed."""
+    whole = [s for s in SYSTEMS if set(matrix(s)) <= set(study.ran)]
+    for s in whole:
+        yield Result(f"crossings passed, {_NAMES[s]}", passes(ran(study, matrix(s))), "of 36")
+    for s in whole:
+        yield Result(f"mean cost, {_NAMES[s]}", round(_mean(ran(study, matrix(s)))), "-")
+
+
+def page(runs: Mapping[str, Run], fmus: FmuSet, folder: Path) -> Path:
+    """Write the page of one crossing, by controller: its animation, time plots and quantities."""
+    return write_report(single(runs, fmus), folder)
+
+
+def single(runs: Mapping[str, Run], fmus: FmuSet) -> Report:
+    """The page of one crossing."""
+    rows, drawn = ({name: make(run) for name, run in runs.items()} for make in (measure, signals))
+    case: Case = [run.case for run in runs.values()][-1]
+    title = key_text((case.length, case.speed_kmh))
+    take = Take(title, [scene(_NAMES.get(s, s), run.case, rows[s], drawn[s], fmus) for s, run in runs.items()])
+    columns = ["quantity", "limit", *rows]
+    lines = [[LABELS[n], getattr(LIMITS, n), *(r[n] for r in rows.values())] for n in WEIGHTS]
+    lines += [["cost [-]", None, *(r["cost"] for r in rows.values())]]
+    lines += [["outcome", None, *(r["outcome"] for r in rows.values())]]
+    files = [f for run in runs.values() for f in run.system.fmu_files]
+    return Report(
+        experiment=EXPERIMENT.name,
+        title=f"Crossing a trench: {title}",
+        lead=f"A 6x6 drives over a trench of {case.length:g} m at {case.speed_kmh:g} km/h.",
+        sections=[
+            Section(
+                "The crossing",
+                animations=[_player("crossing", [take])],
+                figures=[_history(title, "time-histories", drawn)],
+                tables=[Table("quantities", "Quantities of Table 5.3", columns, lines)],
+            )
+        ],
+        provenance=provenance(replace(EXPERIMENT, fmus=(), parts=()), fmus, files),
+    )
+
+
+def key_text(key: Key) -> str:
+    """Length and speed."""
+    return f"{key[0]:g} m, {key[1]:g} km/h"
+
+
+def _mean(rows: list[Row]) -> float:
+    return float(np.mean([r["cost"] for r in rows]))
+
+
+# ---------------------------------------------------------------------- animation
+
+
+def scene(title: str, case: Case, row: Row, drawn: Row, fmus: FmuSet) -> Scene:
+    """The left side of the vehicle in one run."""
+    parameter = Fmu(fmus.path("ThreeAxleTrench")).description.parameters
+
+    def value(name: str) -> float:
+        return float(parameter[name].start)
+
+    offset = value("body.cg_offset") if case.cg_offset is None else case.cg_offset
+    at = {k: value(f"wheel.{k}.x") - offset for k in SIDE}  # ahead of the CG
+    first, last = at[SIDE[0]], at[SIDE[-1]]
+    signal = {n: np.asarray(v, dtype=float) for n, v in drawn["frames"].items()}
+    radius = value("disc.radius")
+    height = value("body.cg_height") + float(np.mean([signal[f"car.hub.{k}.z"][0] for k in SIDE]))  # of the CG at rest
+    outline = _outline(value, first, last)
+    start = row["trench_start"]
+    x, z, pitch = signal["car.x"] - start, height + signal["car.body.z"], signal["car.body.pitch"]
+    wheels, struts, forces = [], [], []
+    for k, axle in zip(SIDE, _AXLES, strict=True):
+        hub_x = signal[f"car.hub.{k}.x"] - start
+        rolled = (hub_x - hub_x[0]) / (radius - value("disc.rolling_loss"))
+        wheels.append(Wheel(axle, radius, hub_x, signal[f"car.hub.{k}.z"], rolled))
+        struts.append(Strut("vehicle", (at[k], 0.1), axle))
+        contact = {n: signal[f"car.contact.{k}.{n}"] for n in ("x", "z", "fx", "fz")}
+        forces.append(Force(axle, contact["x"] - start, contact["z"], contact["fx"], contact["fz"]))
+    cos, sin, nothing = np.cos(pitch), np.sin(pitch), np.zeros(len(x))
+    places = {
+        "bumper.front": outline[0],
+        "bumper.rear": outline[5],
+        "belly": ((first + last) / 2, value("outline.belly_height")),
+    }
+    for name, (bx, bz) in places.items():
+        force = signal[f"car.{name}.force"]
+        forces.append(Force(name, x + bx * cos + bz * sin, z - bx * sin + bz * cos, nothing, force, "body"))
+    readings = [
+        Reading("pitch, nose down [deg]", np.degrees(pitch)),
+        Reading("speed [km/h]", 3.6 * signal["car.speed"]),
+        Reading("vertical acceleration [m/s2]", signal["car.body.az"]),
+        Reading("front hub force [kN]", signal["car.hub.a1l.fx"] / 1e3, 0),
+    ]
+    phase = Phase(CASES, signal["crossing.case"]) if "crossing.case" in signal else None
+    length = case.length
+    ground = [(-30.0, 0.0), (0.0, 0.0), (0.0, -5.0), (length, -5.0), (length, 0.0), (length + 30.0, 0.0)]
+    return Scene(
+        title=title, step=float(FRAME), ground=ground, bodies=[Body("vehicle", outline, x, z, pitch)], wheels=wheels,
+        struts=struts, forces=forces, readings=readings, phase=phase, outcome=row["outcome"], good=row["passed"],
+    )  # fmt: skip
+
+
+def _outline(value: Any, first: float, last: float) -> list[tuple[float, float]]:
+    """Lower outline from the front bumper to the rear one as the plant has it; hull and roof are drawn for the eye only."""
+    tip, knee, belly = (value(f"outline.{n}_height") for n in ("tip", "knee", "belly"))
+    front, rear = first + value("outline.front_overhang"), last - value("outline.rear_overhang")
+    aside, flat = value("outline.knee_distance"), value("outline.belly_distance")
+    lower = [
+        (front, tip),
+        (first + aside, knee),
+        (first + flat, belly),
+        (last - flat, belly),
+        (last - aside, knee),
+        (rear, tip),
+    ]
+    upper = [(rear, 0.35), (rear + 0.2, 1.0), (first - 0.1, 1.05), (first + 0.55, 0.5), (front - 0.05, 0.25)]
+    return [*lower, *upper]
+
+
+def _player(id_: str, takes: list[Take]) -> Animation:
+    return Animation(
+        id_,
+        "The crossing from the side",
+        "Left wheels, to scale; positions count from the start of the trench. Orange: force of the ground on a tire, drawn where it "
+        "acts. Red: contact of bumpers and belly; its height is that of the part, not the very point of contact. The hull above the "
+        "belly line is drawn for the eye. Both runs share the clock; the road in view follows each vehicle. Frames are 20 ms apart: "
+        "peaks of impacts between them are in the time histories and tables. An arrow too long for the picture is cut, and says so.",
+        takes,
+    )  # fmt: skip
+
+
+def _animation(study: Results, fmus: FmuSet) -> Section:
+    takes = []
+    for key in BOLD[::-1]:
+        cases = {_NAMES[s]: Case(*key, s) for s in SYSTEMS}
+        scenes = [scene(name, c, study[c], study.signals(c), fmus) for name, c in cases.items()]
+        takes.append(Take(key_text(key), scenes))
+    text = (
+        "The six crossings that section 5.5 of the thesis shows. Before the front axle reaches the trench the controller raises the "
+        "nose by 4 degrees, so that the weight rests on the rear axles; then it retracts each axle as it comes over the trench, and "
+        "leans forward for the last one. Retracting takes over when the case changes, at 6 kN per 5 ms."
+    )
+    return Section("The crossing", [text], animations=[_player("crossing", takes)])
+
+
+# ---------------------------------------------------------------------- tables
+
+
+def _refinement(study: Results) -> Section:
+    """Steps"""
+    rows: list[list[Any]] = []
+    for system in SYSTEMS:
+        for n in WEIGHTS:
+            pairs = {k: [study[c][n] for c in (Case(*k, system), refined(Case(*k, system)))] for k in GRID}
+            change = {k: 100 * abs(fine / coarse - 1) for k, (coarse, fine) in pairs.items()}
+            worst = max(change, key=lambda k: change[k])
+            median = float(np.median(list(change.values())))
+            rows.append([_NAMES[system], LABELS[n], median, change[worst], key_text(worst), *pairs[worst]])
+    changed = [(k, s) for s in SYSTEMS for k in GRID if verdict(study, k, s) is None]
+    where = ", ".join(f"{k[0]:g} m at {k[1]:g} km/h, {_NAMES[s]}" for k, s in changed)
+    ms = 1e3 * float(STEP)
+    table = Table(
+        "refinement", f"Solver, exchange and recording step halved, from {ms:g} to {ms / 2:g} ms",
+        ["system", "quantity", "median change [%]", "largest change [%]", "where", "as run", "at half the step"], rows,
+        "Over the 36 published crossings of each system.",
+    )  # fmt: skip
+    text = f"Halving the step changes {len(changed)} of {len(SYSTEMS) * len(GRID)} verdicts"
+    return Section("Steps", [f"{text}: {where}; these are open." if changed else f"{text}."], tables=[table])
+
+
+def _verdicts(study: Results) -> Section:
+    tables = []
+    short = [
+        "az [m/s2]",
+        "ax [m/s2]",
+        "rms az [m/s2]",
+        "rms ax [m/s2]",
+        "pitch [deg]",
+        *(f"hub {a} [kN]" for a in _AXLES),
+    ]
+    for system, title, last in (
+        ("passive", "Passive crossings (Table 5.4)", "Table 5.4"),
+        ("mpc", "Controlled crossings", "largest actuator force [kN]"),
+    ):
+        rows = []
+        for key in GRID:
+            r, fine = (study[c] for c in (Case(*key, system), refined(Case(*key, system))))
+            row: list[Any] = [*key, *(r[n] for n in WEIGHTS), r["outcome"]]
+            row.append("the same" if verdict(study, key, system) is not None else fine["outcome"])
+            row.append(r["force"] if system == "mpc" else "passed" if published.passed(*key) else "failed")
+            rows.append(row)
+        columns = ["length [m]", "speed [km/h]", *short, "outcome", "at half the step", last]
+        caption = "Limits of Table 5.3: 150 and 100 m/s2, 5 m/s2 rms, 15 deg, 225 kN. Contact of bumpers is allowed, of the belly not."
+        tables.append(Table(f"{system}-crossings", title, columns, rows, caption))
+    text = (
+        "A crossing fails when a quantity exceeds its limit, when what hangs below the body touches, or when the vehicle is still in "
+        "the trench after 1.25 times the time it should take. Root mean squares are those of the whole run, from the start, some "
+        "metres ahead of the trench, until the last axle is 1.5 m behind it; the thesis does not say where its runs begin and end."
+    )
+    return Section("Verdicts", [text], tables=tables)
+
+
+def _reductions(study: Results) -> Section:
+    """Peaks, pitch and spectra"""
+    names = {"az": "az", "ax": "ax", "pitch": "pitch", "az_rms": "az rms", "ax_rms": "ax rms"}
+    rows = []
+    for key in GRID:
+        ours, base = (study[Case(*key, s)] for s in ("mpc", "passive"))
+        row: list[Any] = [*key]
+        for n, printed in names.items():
+            row += [round(reduction_percent(ours[n], base[n])), published.number(*key, f"{printed} reduction [%]")]
+        rows.append(row)
+    columns = ["length [m]", "speed [km/h]"]
+    for printed in names.values():
+        columns += [f"{printed} [%]", f"{printed}, thesis [%]"]
+    table = Table(
+        "reductions", "What control takes off, per cent of passive (Tables 5.6 to 5.8)", columns, rows,
+        "Negative: control makes it worse.",
+    )  # fmt: skip
+    return Section("Peaks, pitch and spectra", tables=[table])
+
+
+def _costs(study: Results) -> Section:
+    """Cost"""
+    rows: list[list[Any]] = []
+    scores, taken = score(study), improvements(study)
+    scaled = {s: normalised_costs(study, s) for s in SYSTEMS}
+    for key in GRID:
+        base, ours = (study[Case(*key, s)]["cost"] for s in SYSTEMS)
+        rows.append(
+            [
+                *key, round(base), published.number(*key, "passive cost"), round(ours), published.number(*key, "controlled cost"),
+                *(round(scaled[s][key], 3) for s in SYSTEMS), round(taken[key], 1) if key in taken else None,
+                published.number(*key, "improvement [%]"), round(scores[key], 1), published.number(*key, "score"),
+            ]
+        )  # fmt: skip
+    columns = [
+        "length [m]", "speed [km/h]", "passive", "passive, thesis", "controlled", "controlled, thesis", "passive, normalised",
+        "controlled, normalised", "improvement [%]", "improvement, thesis [%]", "score", "score, thesis",
+    ]  # fmt: skip
+    table = Table(
+        "costs", "Cost, normalised cost, improvement and score (Tables 5.9 to 5.11)", columns, rows,
+        "Weights of Table 5.10. Normalised over all 72 runs; scores from 5, the lowest cost of the controlled runs, to 1, the highest.",
+    )  # fmt: skip
+    layers = [Layer(_NAMES[s], [[scaled[s][length, speed] for length in LENGTHS] for speed in SPEEDS]) for s in SYSTEMS]
+    grid: dict[str, Any] = {
+        "x_label": "trench length [m]", "y_label": "speed [km/h]", "value_label": "normalised cost [-]", "x": LENGTHS, "y": SPEEDS,
+        "layers": layers,
+    }  # fmt: skip
+    limit = normalised(cost_of_limits(), costs(study))
+    contour = Map(
+        "figure-5-40", "Normalised cost over length and speed (figure 5.40)", "Both on one scale; low is good.", **grid
+    )
+    surface = Map(
+        "figure-5-41",
+        "The same as surfaces (figure 5.41)",
+        f"The plane is the cost of a crossing that just meets every limit of Table 5.3 ({limit:.2f}). Drag to turn.",
+        view="surface",
+        reference=limit,
+        **grid,
+    )
+    return Section("Cost", figures=[contour, surface], tables=[table])
+
+
+# ---------------------------------------------------------------------- figures
+
+
+def _history(title: str, id_: str, drawn: Mapping[str, Row]) -> Figure:
+    def series(signal: str, factor: float) -> list[Series]:
+        curves = {_NAMES.get(s, s): d["curves"][signal] for s, d in drawn.items()}
+        return [Series(n, x, factor * np.asarray(y), **_LOOKS.get(n, {})) for n, (x, y) in curves.items()]
+
+    time = "time [s]"
+    panels = [
+        Panel("Pitch, nose down", time, "pitch [deg]", series("car.body.pitch", math.degrees(1.0))),
+        Panel("Vertical acceleration", time, "az [m/s2]", series("car.body.az", 1.0)),
+        Panel("Longitudinal acceleration", time, "ax [m/s2]", series("car.body.ax", 1.0)),
+        Panel("Front hub force", time, "hub force [kN]", series("car.hub.a1l.fx", 1e-3)),
+    ]
+    caption = "Thinned for drawing; the lowest and highest samples of every stretch are kept, so peaks are those of the tables."
+    return Figure(id_, f"Passive and controlled, {title}", caption, panels, columns=2)
+
+
+def _histories(study: Results) -> Section:
+    """Time histories and spectra"""
+    figures = []
+    for number, key in zip(("5-23", "5-26", "5-29", "5-32", "5-35", "5-38"), BOLD, strict=True):
+        title = f"{key_text(key)} (figure {number.replace('-', '.')})"
+        figures.append(_history(title, f"figure-{number}", {s: study.signals(Case(*key, s)) for s in SYSTEMS}))
+    panels = []
+    for axis, word in (("az", "Vertical"), ("ax", "Longitudinal")):
+        spectra = {_NAMES[s]: study.signals(Case(*SPECTRUM, s))["spectra"][axis] for s in SYSTEMS}
+        curves = [Series(n, *spectrum, **_LOOKS[n]) for n, spectrum in spectra.items()]
+        y_label = f"{axis} density [(m/s2)2/Hz]"
+        panels.append(Panel(f"{word} acceleration", "frequency [Hz]", y_label, curves, x_scale="log", y_scale="log"))
+    figures.append(
+        Figure(
+            "figure-5-39",
+            f"Power spectral density, {key_text(SPECTRUM)} (figure 5.39)",
+            "Periodogram at 1 kHz, mean left in, averaged over twelfths of a decade.",
+            panels,
+            columns=2,
+        )
+    )
+    return Section("Time histories and spectra", figures=figures)
+
+
+# ---------------------------------------------------------------------- beyond the published runs
+
+
+_SUMMARY = [
+    "passed", "of", "stuck", "belly contact", "largest pitch [deg]", "largest az [m/s2]", "mean cost [-]", "failed [m]/[km/h]",
+]  # fmt: skip
+
+
+def _summary(study: Results, cases: list[Case]) -> list[Any]:
+    rows = ran(study, cases)
+    bad = [f"{c.length:g}/{c.speed_kmh:g}" for c in cases if not study[c]["passed"]]
+    stuck, touched = (sum(why in r["failures"] for r in rows) for why in ("stuck", "belly contact"))
+    pitch, az = (max(r[n] for r in rows) for n in ("pitch", "az"))
+    return [passes(rows), len(rows), stuck, touched, pitch, az, round(_mean(rows)), ", ".join(bad) or "–"]
+
+
+def _between(study: Results) -> list[Section]:
+    """Between the grid points"""
+    names = ("az", "ax", "pitch", "hub_front", "hub_middle", "hub_rear")
+    rows: list[list[Any]] = [
+        [c.length, c.speed_kmh, *(study[c][n] for n in (*names, "cost", "outcome"))] for c in between() if c in study
+    ]
+    columns = ["length [m]", "speed [km/h]", *(LABELS[n] for n in names), "cost [-]", "outcome"]
+    table = Table("between", "Controlled crossings off the published grid", columns, rows)
+    return [Section("Between the grid points", ["The same controller, nothing changed."], tables=[table])] * bool(rows)
+
+
+def _without(study: Results) -> list[Section]:
+    """What it depends on"""
+    changed = {words: some(controller) for controller, words in WITHOUT.items()}
+    text = (
+        "What makes the crossing work, seen by leaving it out. Each line is twelve crossings at 1, 3, 6 and 9 km/h. LQR and MPC "
+        "without preview get the pitch reference of the crossing algorithm; LQR has no forced ranges."
+    )
+    tables = _changed(study, "without", "one thing changed", "change", {"as it is": some(), **changed})
+    return [Section("What it depends on", [text], tables=tables)] * bool(tables)
+
+
+def _vehicles(study: Results) -> list[Section]:
+    """Where the edge is"""
+    changed = {words: some(**changes) for words, changes in OTHER_VEHICLES.items()}
+    text = "The plant is changed, the controller and what it knows of the vehicle are not."
+    tables = _changed(
+        study, "vehicles", "another vehicle", "vehicle", {"as the controller knows it": some(), **changed}
+    )
+    return [Section("Where the edge is", [text], tables=tables)] * bool(tables)
+
+
+def _changed(study: Results, id_: str, what: str, column: str, lines: Mapping[str, list[Case]]) -> list[Table]:
+    """A line for each change, from the crossings under it; no table where the study left them out."""
+    if not all(c in study for cases in lines.values() for c in cases):
+        return []
+    rows = [[words, *_summary(study, cases)] for words, cases in lines.items()]
+    return [Table(id_, f"Controlled crossings of 1.2, 1.6 and 2.0 m, {what}", [column, *_SUMMARY], rows)]
+
+
+def _linear(study: Results) -> Section:
+    """Linear against nonlinear vehicle"""
+    quantities = (
+        ("z", "Body height (figure 5.1)", "body height [m]"),
+        ("pitch", "Pitch, nose down (figure 5.2)", "pitch [deg]"),
+        ("speed", "Speed (figure 5.3)", "speed [km/h]"),
+    )
+    looks: dict[str, Any] = {
+        "linear": {"color": "orange", "dash": "dash"},
+        "nonlinear": {"color": "blue", "dash": "solid"},
+    }
+    drawn = {n: study.signals(linear.Shallow(n)) for n in looks}
+    panels = [
+        Panel(title, "time [s]", label, [Series(n, d["time"], d[q], **looks[n]) for n, d in drawn.items()])
+        for q, title, label in quantities
+    ]
+    figure = Figure(
+        "figure-5-1",
+        f"Linear and nonlinear passive vehicle, trench {linear.DEPTH:g} m deep at {linear.SPEED_KMH:g} km/h (figures 5.1 to 5.3)",
+        "The same masses, springs, wheel positions and trench with sloped edges. The linear vehicle follows the road at a point below each "
+        "wheel and keeps its speed; the nonlinear one has discs for wheels, which bridge the edges, and is slowed by them.",
+        panels,
+    )  # fmt: skip
+    return Section("Linear against nonlinear vehicle", figures=[figure])
+
+
+def _limits(_: Results) -> Section:
+    return Section(
+        "Limits of this comparison",
+        [
+            "The thesis keeps its vehicle to itself. Masses, geometry and tires of ours are assumed, some of them with Table 5.4 in view; "
+            "its multi-body model has suspension links and a tire model that a disc on solids does not replace. So peaks of impacts "
+            "agree in size at best.",
+            f"The vehicle is solved, exchanged and recorded every {1e3 * float(STEP):g} ms, and peaks are those of all these samples: where "
+            "body and ground meet, "
+            "the acceleration rises within a solver step and falls within a few milliseconds, so that samples 1 ms apart can miss its peak. "
+            "RMS values are those of samples at 1 kHz.",
+            "Readings of the thesis that matter: the forced ranges of Table 4.8 lift an axle only with their sign turned; the rate limit of "
+            "Table 4.5 counts per control interval in the thesis's tool and never binds there, here it counts as N/s; limits on outputs "
+            "(Table 4.6) are off; pitch keeps its weight of 100 in all cases, and the height of the body is weighed too. What each of "
+            "them does is in the table of changes. Windows of the cases and the pitch reference (4 deg) are not in the thesis.",
+        ],
+    )
+
+
+def _parameters(fmus: FmuSet) -> list[Parameter]:
+    """Of the vehicle without its right corners, which are as the left ones, and without what a run sets; of crossing algorithm,
+    controller and Table 5.3."""
+    aside = (
+        *(f".{k}." for k in CORNERS[1::2]),
+        "outline.left.",
+        "outline.right.",
+        "outline.points",
+        "trench.start",
+        "trench.length",
+    )
+    vehicle = parameters(fmus.path("ThreeAxleTrench"), set_to={"solver.step": float(STEP)})
+    limits = [
+        Parameter(f"limit.{n}", getattr(LIMITS, n), LABELS[n].split("[")[1][:-1], "003 Table 5.3") for n in WEIGHTS
+    ]
+    return [
+        *(p for p in vehicle if not any(n in p.name for n in aside)),
+        *parameters(fmus.path("TrenchCrossing"), prefix="crossing."),
+        *parameters(fmus.path("MpcThreeAxle"), prefix="controller.", set_to=MPC),
+        *limits,
+        *(Parameter(f"weight.{n}", w, "%", "003 Table 5.10") for n, w in WEIGHTS.items()),
+    ]

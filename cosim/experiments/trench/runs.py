@@ -1,0 +1,283 @@
+"""Runs of paper 003's trench crossings: vehicle, crossing algorithm and controller, wired and measured."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from fractions import Fraction
+from typing import Any
+
+import numpy as np
+
+from cosim import StopWhen, System
+from cosim.experiments.metrics.crossing import (
+    LABELS,
+    LIMITS,
+    PSD_RATE,
+    Crossing,
+    cost,
+    crossing,
+    failures,
+    psd,
+)
+from cosim.experiments.steps import Stepped, exchange_step
+from cosim.peaks import keep_peaks
+from cosim.study.case import option
+from cosim.study.experiment import Metric, Row, Run
+from cosim.study.fmus import FmuSet
+from fmu_sources.controllers.mpc_three_axle import CORNERS, SAMPLE_TIME
+
+CONTROLLERS: dict[
+    str, tuple[str, dict[str, Any], bool] | None
+] = {  # FMU, its parameters, whether it sees the road ahead
+    "passive": None,
+    "mpc": ("MpcThreeAxle", {}, True),
+    "mpc-no-preview": ("MpcThreeAxle", {}, False),
+    "mpc-offsets": ("MpcThreeAxle", {"estimator": 1}, False),
+    "mpc-free": ("MpcThreeAxle", {"retraction": 0}, True),
+    "mpc-printed-sign": ("MpcThreeAxle", {"retraction": 2}, True),
+    "mpc-no-height": ("MpcThreeAxle", {"hold_height": False}, True),
+    "mpc-printed-limits": ("MpcThreeAxle", {"printed_limits": True}, True),
+    "lqr": ("LqrThreeAxle", {}, False),
+}
+"""Kinds of control; what is not said of ``mpc`` holds for all of its variants."""
+
+FMUS = ("ThreeAxleTrench", "TrenchCrossing", "MpcThreeAxle", "LqrThreeAxle")
+MPC = {"estimator": 0, "retraction": 1, "hold_height": True, "printed_limits": False}
+STEP = Fraction(1, 4000)  # s, of the vehicle's solver, its exchange and recordings; the study halves it
+FRAME = Fraction(1, 50)  # s, between frames of an animation
+RUN_OUT = 1.5  # m, that the last axle drives on behind the trench
+CLEAR = 0.3  # m, level road before the first thing that happens
+TOUCH = 1.0  # N, body force that counts as contact
+
+
+@dataclass(frozen=True)
+class Case(Stepped):
+    """One run. None: as in the vehicle file."""
+
+    length: float = option(1.6, unit="m", within=(0.2, 2.5), help="length of the trench", label="{:g}m", always=True)
+    speed_kmh: float = option(
+        6.0, unit="km/h", within=(0.5, 15), name="speed", help="speed", label="{:g}kmh", always=True
+    )
+    controller: str = option(
+        "mpc", choices=CONTROLLERS, aliases=("control",), help="control law; mpc-...: mpc with one thing changed", always=True
+    )  # fmt: skip
+    depth: float | None = option(None, unit="m", within=(0.01, 10), help="depth of the trench", label="{:g}m-deep")
+    friction: float | None = option(
+        None, within=(0.001, 2), help="friction coefficient of the tires", label="{:g}friction"
+    )
+    mass: float | None = option(None, unit="kg", within=(1, 1e5), help="sprung mass", label="{:g}kg")
+    mass_factor: float = option(1.0, within=(0.1, 10), help="times the sprung mass", label="{:g}-times-mass")
+    cg_offset: float | None = option(
+        None, unit="m", within=(-0.5, 0.5), help="CG ahead of where the vehicle file has it", label="{:g}m-offset"
+    )
+    hydropneumatic: bool = option(False, help="gas springs instead of linear ones")
+
+    @property
+    def speed(self) -> float:
+        """Speed [m/s]."""
+        return self.speed_kmh / 3.6
+
+
+def passive(case: Case) -> Case:
+    """What a run is compared with."""
+    return replace(case, controller="passive")
+
+
+def step(case: Case) -> Fraction:
+    """Exchange and recording step of the vehicle [s]."""
+    return exchange_step(STEP, case)
+
+
+@dataclass(frozen=True)
+class Course:
+    """Where the trench is on the vehicle's way, positions of the CG along the road [m], and how long a run may take."""
+
+    start: float  # of the trench
+    end: float  # of the run: the last axle is RUN_OUT behind the trench
+    patience: float  # s
+
+    @classmethod
+    def of(cls, run: Run) -> Course:
+        """The course of a run, or of one that has no recording yet: it follows from the vehicle's parameters."""
+        case = run.case
+        first, last = (float(run.start(f"car.wheel.{k}.x")) for k in ("a1l", "a3l"))
+        nose = first + float(run.start("car.outline.front_overhang"))
+        lead = 0.6 + 0.8 * case.speed  # of the pitch reference
+        start = round(max(nose, first + lead + 0.2 * case.speed) + CLEAR, 3)
+        end = start + case.length - last + RUN_OUT
+        return cls(start, end, round(1.25 * end / case.speed + 2.0, 3))
+
+
+# ------------------------------------------------------------------------------------------------------------- wiring
+
+
+def structure(case: Case) -> tuple[object, ...]:
+    """What decides the wiring."""
+    chosen = CONTROLLERS[case.controller]
+    return chosen and chosen[0], case.exchange_parts
+
+
+def wire(fmus: FmuSet, case: Case) -> System:
+    """Vehicle, crossing algorithm and controller; the two latter in this order every 5 ms (LQR every 1 ms)."""
+    system = System()
+    system.add("car", fmus.path("ThreeAxleTrench"), step=step(case))
+    chosen = CONTROLLERS[case.controller]
+    if chosen is None:
+        system["car"].set({f"force.{k}": 0.0 for k in CORNERS})
+        return system
+    system.add("crossing", fmus.path("TrenchCrossing"))
+    system.connect_matching("car", "crossing")
+    system["crossing"].set({"lidar.start.valid": True, "lidar.finish.valid": True})
+    system.add("controller", fmus.path(chosen[0]))
+    system.connect_matching("car", "controller")
+    if chosen[0] == "MpcThreeAxle":
+        system.connect_matching("crossing", "controller")
+    else:
+        system.connect("crossing.reference.pitch[1]", "controller.reference.pitch")
+    system.connect_matching("controller", "car", "force.*")
+    return system
+
+
+def configure(system: System, case: Case) -> None:
+    """Set the parameters of a case."""
+    car = system["car"]
+
+    def given(name: str, value: Any) -> Any:
+        return car.description.parameters[name].start if value is None else value
+
+    named = {"trench.depth": case.depth, "disc.friction": case.friction, "body.cg_offset": case.cg_offset}
+    car.set({
+        **{name: given(name, value) for name, value in named.items()},
+        "body.mass": case.mass_factor * given("body.mass", case.mass), "strut.hydropneumatic": case.hydropneumatic,
+        "trench.length": case.length, "trench.start": Course.of(Run(case, None, system)).start, "target.speed": case.speed,
+        "solver.step": float(STEP / case.solver_parts),
+    })  # fmt: skip
+    chosen = CONTROLLERS[case.controller]
+    if chosen is not None and chosen[0] == "MpcThreeAxle":
+        system["controller"].set({**MPC, **chosen[1], "use_preview": chosen[2]})
+
+
+def stop_time(system: System, case: Case) -> float:
+    """When a run is given up [s]."""
+    return Course.of(Run(case, None, system)).patience
+
+
+def stop_when(system: System, case: Case) -> list[StopWhen]:
+    """A run ends when the last axle is clear of the trench."""
+    return [StopWhen("car.x", ">=", Course.of(Run(case, None, system)).end)]
+
+
+def recorded(case: Case) -> Sequence[str]:
+    """What is recorded: metrics, figures and animations need it, and people who look at the file."""
+    names = [f"car.{n}" for n in ("x", "speed", "body.az", "body.ax", "body.pitch", "body.roll", "body.z")]
+    names += [f"car.{n}.force" for n in ("bumper.front", "bumper.rear", "belly")]
+    for k in CORNERS:
+        names += [f"car.hub.{k}.{n}" for n in ("fx", "x", "z")]
+        if k.endswith("l"):
+            names += [f"car.contact.{k}.{n}" for n in ("fx", "fz", "x", "z")]
+    if case.controller != "passive":
+        names += ["crossing.case", "crossing.reference.pitch[1]", *(f"controller.force.{k}" for k in CORNERS)]
+    if case.controller.startswith("mpc"):
+        names += [f"controller.solver.{n}" for n in ("status", "iterations", "residual")]
+    return names
+
+
+# ---------------------------------------------------------------------------------------------------------- measuring
+
+
+def _quantity(name: str) -> Metric:
+    """One of Table 5.3, with its limit."""
+    text, _, unit = LABELS[name].rstrip("]").partition(" [")
+    return Metric(f"{text}, limit {getattr(LIMITS, name):g}", unit)
+
+
+METRICS = {name: _quantity(name) for name in LABELS} | {
+    "cost": Metric("cost", "-", form="{:.0f}"),
+    "force": Metric("largest actuator force", "kN"),
+    "bumper_front_kn": Metric("largest force on the front bumper", "kN"),
+    "bumper_rear_kn": Metric("largest force on the rear bumper", "kN"),
+    "belly_kn": Metric("largest force on the belly", "kN"),
+    "outcome": Metric("outcome"),
+}
+"""What is compared between the controllers."""
+
+
+def loads(run: Run) -> Crossing:
+    """The quantities of Table 5.3."""
+    r = run.recording
+    hubs = np.column_stack([r[f"car.hub.{k}.fx"] for k in CORNERS])
+    return crossing(r["car.body.az"], r["car.body.ax"], r["car.body.pitch"], hubs, float(1 / step(run.case)))
+
+
+def measure(run: Run) -> Row:
+    """The quantities of Table 5.3 and what became of the crossing."""
+    r, measured, course = run.recording, loads(run), Course.of(run)
+    touch = {n: float(r[f"car.{n}.force"].max()) for n in ("belly", "bumper.front", "bumper.rear")}
+    arrived = bool(r["car.x"][-1] >= course.end - 1e-6)
+    reasons = failures(measured, arrived=arrived, belly_contact=touch["belly"] > TOUCH)
+    on_bumpers = touch["bumper.front"] + touch["bumper.rear"] > TOUCH
+    row: Row = {
+        "trench_start": course.start, **measured.as_dict(), "cost": cost(measured), "passed": not reasons, "failures": list(reasons),
+        "outcome": outcome(reasons, on_bumpers=on_bumpers), "belly_kn": touch["belly"] / 1e3,
+        "bumper_front_kn": touch["bumper.front"] / 1e3, "bumper_rear_kn": touch["bumper.rear"] / 1e3,
+    }  # fmt: skip
+    if "controller.solver.status" in r:
+        steps = (r["controller.solver.status"] > 0).sum()
+        row["solver_failures"] = round(steps * float(step(run.case)) / SAMPLE_TIME)
+        row["solver_residual"] = float(r["controller.solver.residual"].max())
+    if "controller.force.a1l" in r:
+        row["force"] = max(float(np.abs(r[f"controller.force.{k}"]).max()) for k in CORNERS) / 1e3
+    return row
+
+
+def outcome(reasons: Sequence[str], *, on_bumpers: bool) -> str:
+    """How a run ended, in a few words."""
+    if not reasons:
+        return "passed, on its bumpers" if on_bumpers else "passed"
+    words = {
+        "az": "vertical acceleration", "ax": "longitudinal acceleration", "az_rms": "vertical rms",
+        "ax_rms": "longitudinal rms", "hub_front": "hub force", "hub_middle": "hub force", "hub_rear": "hub force",
+    }  # fmt: skip
+    return "failed: " + ", ".join(dict.fromkeys(words.get(f, f) for f in reasons))
+
+
+SIDE = tuple(k for k in CORNERS if k.endswith("l"))  # that is looked at
+MOVING = (
+    "car.x", "car.speed", "car.body.az", "car.body.pitch", "car.body.z", "car.hub.a1l.fx",
+    *(f"car.{n}.force" for n in ("bumper.front", "bumper.rear", "belly")), *(f"car.hub.{k}.{n}" for k in SIDE for n in "xz"),
+    *(f"car.contact.{k}.{n}" for k in SIDE for n in ("fx", "fz", "x", "z")), "crossing.case",
+)  # fmt: skip
+"""Drawn in animations."""
+CURVES = ("car.body.pitch", "car.body.az", "car.body.ax", "car.hub.a1l.fx")
+"""Drawn over time."""
+
+
+def signals(run: Run) -> Row:
+    """What animations and figures draw, in the units of the FMUs.
+
+    ``frames``: :data:`MOVING` every 20 ms. ``curves``: time and values of :data:`CURVES`, thinned so that peaks stay.
+    ``spectra``: frequency and density of both accelerations.
+    """
+    r = run.recording
+
+    def rounded(name: str, values: np.ndarray) -> list[float]:
+        found: list[float] = np.round(values, {"m": 4, "rad": 5, "N": 0}.get(r.units.get(name, ""), 3)).tolist()
+        return found
+
+    frame, sample = (int(interval / step(run.case)) for interval in (FRAME, 1 / Fraction(PSD_RATE)))
+    thinned = {name: keep_peaks(r.time, r[name]) for name in CURVES}
+    return {
+        "frames": {name: rounded(name, r[name][::frame]) for name in MOVING if name in r},
+        "curves": {name: [np.round(time, 5).tolist(), rounded(name, values)] for name, (time, values) in thinned.items()},
+        "spectra": {axis: bands(*psd(r[f"car.body.{axis}"][::sample], PSD_RATE)) for axis in ("az", "ax")},
+    }  # fmt: skip
+
+
+def bands(frequency: np.ndarray, density: np.ndarray) -> tuple[list[float], list[float]]:
+    """Means of a spectrum over bands of a twelfth of a decade, from 0.3 to 300 Hz; bands without a line are left out."""
+    edges = 10 ** np.arange(-0.5, 2.55, 1 / 12)
+    number = np.digitize(frequency, edges)
+    full = [i for i in range(1, len(edges)) if (number == i).any()]
+    means = [float(density[number == i].mean()) for i in full]
+    return [float(np.sqrt(edges[i - 1] * edges[i])) for i in full], means

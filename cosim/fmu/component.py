@@ -1,0 +1,492 @@
+"""One instance of an FMU as the master sees it, FMI 2.0 or 3.0."""
+
+from __future__ import annotations
+
+import math
+import os
+import sys
+import weakref
+from collections import deque
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+import cosim.fmu.calls as fmi
+from cosim.component import Action, Array, EndRequested, Ports
+from cosim.description import Variable
+from cosim.errors import STATUS_NAMES, CallFailed, CosimError, FmuError, WiringError
+from cosim.fmu.file import Fmu, Library
+
+
+@dataclass(frozen=True)
+class _Transfer:
+    """One bound FMI call that moves values. `move` does it and checks the status; `call` is the bare call, enough when
+    it is `direct` (the FMU works on the master's buffer)."""
+
+    move: Action
+    call: Callable[[], int]
+    function: str
+    direct: bool
+
+
+_DoStep = tuple[Callable[..., int], list[Any], Any]
+
+
+class _SavedState:
+    """A saved state, as callers hold it: freed when they drop it."""
+
+    def __init__(self, pointer: Any):
+        self.pointer = pointer
+
+
+class FmuComponent:
+    """One instance of an FMU, as a `Component`."""
+
+    def __init__(self, fmu: Fmu):
+        self.fmu = fmu
+        self.description = fmu.description
+        self.name = fmu.description.name
+        self.messages: deque[str] = deque(maxlen=200)  # everything it logged lately
+        self.problems: deque[str] = deque(maxlen=50)  # warnings and worse
+        self._ffi = fmu._ffi
+        self._v3 = fmu.major == "3"
+        self._c_types = fmi.C_TYPES3 if self._v3 else fmi.C_TYPES2
+        self._functions = fmi.FUNCTION3 if self._v3 else fmi.FUNCTION2
+        self._instance: Any = None
+        self._dead = False
+        self._keep: list[Any] = []
+        self._states: dict[int, Any] = {}  # saved and held by somebody: id of the handle -> pointer
+        self._dropped: list[Any] = []  # saved, held by nobody any more, to be freed at the next chance
+        self._may_roll_back: set[int] = set()  # of `_states`, those saved in this run
+        self._tells_values = False  # from initialization on
+        self._given: dict[int, list[Any]] = {}  # what was set before that: value reference -> all elements
+        self._step_arguments: list[Any] = [True]  # noSetFMUStatePriorToCurrentPoint, and FMI 3's flags
+
+    # Life of the instance.
+
+    def instantiate(self, name: str) -> None:
+        self._forget_messages()
+        self._tells_values = False
+        self._given.clear()
+        self._may_roll_back.clear()  # what was saved before belongs to another run
+        if self._instance is not None and not self._dead:
+            if self._call("Reset") <= fmi.WARNING:
+                return
+            self.close()
+            self._forget_messages()
+        self.name = name
+        self._dead = False
+        library = self.fmu.library()
+        self._keep = []
+        resources = library.folder / "resources"
+        token, log = self.description.token, _logger(self.messages, self.problems)
+        if self._v3:
+            path = f"{resources}{os.sep}"
+            instance = fmi.instantiate3(library.handle, (name, token, path), log, self._keep)
+        else:
+            texts = (name, token, resources.as_uri())
+            instance = fmi.instantiate2(library.handle, _process(), texts, log, self._keep)
+        if instance == self._ffi.NULL:
+            library.release()
+            said = [f"    {line}" for line in self._said()]
+            if self.description.needs_tool:
+                said.append("  it needs the tool that made it (needsExecutionTool): is that there?")
+            colon = ":\n" if said else ""
+            raise FmuError(f"{self.fmu.path}: cannot be instantiated as '{name}'{colon}" + "\n".join(said))
+        self._library, self._instance = library, instance
+        self._finalizer = weakref.finalize(self, _free, library, self._v3, instance, self._keep)
+
+    def enter_initialization(self, start: float, stop: float | None) -> None:
+        tolerance = self.description.tolerance
+        experiment = (tolerance is not None, tolerance or 0.0, start, stop is not None, stop or 0.0)
+        if self._v3:
+            self._must("EnterInitializationMode", *experiment)
+        else:
+            self._must("SetupExperiment", *experiment)
+            self._must("EnterInitializationMode")
+        self._tells_values = True
+
+    def exit_initialization(self) -> None:
+        self._must("ExitInitializationMode")
+
+    def terminate(self) -> None:
+        if self._instance is not None and not self._dead:
+            self._call("Terminate")
+
+    def close(self) -> None:
+        """Free the instance (unless it reported Fatal: then nothing of it may be called any more), and close its library
+        if it was the last one."""
+        if self._instance is not None:
+            if not self._dead:
+                self._dropped += self._states.values()
+                self._free_dropped()
+                self._finalizer()
+            self._instance = None
+            self._states.clear()
+            self._dropped.clear()
+
+    # Calls and what to do with their status.
+
+    def _call(self, name: str, *arguments: Any) -> int:
+        if self._instance is None:
+            raise CosimError(f"'{self.name}' has no instance: initialize its system first")
+        status = self._function(name)(self._instance, *arguments)
+        if status == fmi.FATAL:
+            self._die()
+        return status
+
+    def _function(self, name: str) -> Callable[..., int]:
+        try:
+            return fmi.function(self.fmu.major, self._library.handle, name)
+        except FmuError as error:
+            raise FmuError(f"{self.fmu.path}: {error}") from None
+
+    def _must(self, function: str, *arguments: Any, detail: str = "") -> None:
+        status = self._call(function, *arguments)
+        if status > fmi.WARNING:
+            self._fail(function, status, detail)
+
+    def _fail(self, function: str, status: int, detail: str = "") -> None:
+        if status == fmi.FATAL:
+            self._die()
+        signed = int(self._ffi.cast("int32_t", status))
+        known = STATUS_NAMES[: fmi.PENDING] if self._v3 else STATUS_NAMES
+        raise CallFailed(self.name, f"fmi{self.fmu.major}{function}", signed, detail, self._said(), known)
+
+    def _die(self) -> None:
+        self._dead = True
+        self._finalizer.detach()
+        self.fmu.abandon(self._library)
+        _KEEP_FOREVER.append(self._keep)
+
+    def _forget_messages(self) -> None:
+        self.messages.clear()
+        self.problems.clear()
+
+    def _said(self) -> list[str]:
+        """The last log lines, those about problems if there are any."""
+        return list(self.problems or self.messages)[-10:]
+
+    # Values, one call at a time: parameters, start values, inspection.
+
+    def set(self, values: Mapping[Variable, Any]) -> None:
+        for fmi_type, group in _by_type(values).items():
+            for reference, elements in _by_reference(group).items():
+                data = self._present(elements)
+                for variable in elements:
+                    data[variable.index] = values[variable]
+                self._set_raw(fmi_type, reference, data, elements[0].declared)
+                if not self._tells_values:
+                    self._given[reference] = data
+
+    def _present(self, elements: Sequence[Variable]) -> list[Any]:
+        """What the array of these elements holds; of a scalar, and of an array of which all are there, what will be set in
+        any case. Before initialization an FMU tells no values: they are those that were set last, else its start values."""
+        one = elements[0]
+        if len(elements) == one.size:
+            return [None] * one.size
+        if self._tells_values:
+            return self._get_raw(one.fmi_type, [one.reference], one.size)
+        if one.reference in self._given:
+            return list(self._given[one.reference])
+        data: list[Any] = [None] * one.size
+        for name in self.description.arrays[one.declared]:
+            variable = self.description.variables[name]
+            data[variable.index] = variable.start
+            if variable.start is None and variable not in elements:
+                raise WiringError(f"'{self.name}': set all of {one.declared}; the FMU tells no start value of {name}")
+        return data
+
+    def _set_raw(self, fmi_type: str, reference: int, data: list[Any], name: str) -> None:
+        c_type, ffi = self._c_types[fmi_type], self._ffi
+        if fmi_type == "String":
+            keep = [ffi.new("char[]", str(x).encode()) for x in data]
+            buffer = ffi.new("const char*[]", keep)
+        elif fmi_type == "Boolean":
+            buffer = ffi.new(f"{c_type}[]", [bool(x) for x in data])
+        elif c_type in ("double", "float"):
+            buffer = ffi.new(f"{c_type}[]", [float(x) for x in data])
+        else:
+            buffer = ffi.new(f"{c_type}[]", [int(x) for x in data])
+        detail = f"{name} = {data[0] if len(data) == 1 else data}"
+        function = f"Set{self._functions.get(fmi_type, fmi_type)}"
+        counts = (len(data),) if self._v3 else ()
+        self._must(function, ffi.new("VR[]", [reference]), 1, buffer, *counts, detail=detail[:200])
+
+    def get(self, variables: Sequence[Variable]) -> list[Any]:
+        return [self._get_raw(v.fmi_type, [v.reference], v.size)[v.index] for v in variables]
+
+    def _get_raw(self, fmi_type: str, references: list[int], size: int) -> list[Any]:
+        ffi = self._ffi
+        buffer = ffi.new(f"{self._c_types[fmi_type]}[]", size)
+        function = f"Get{self._functions.get(fmi_type, fmi_type)}"
+        self._must(function, ffi.new("VR[]", references), len(references), buffer, *((size,) if self._v3 else ()))
+        if fmi_type == "String":
+            return [fmi.text(ffi, x) for x in buffer]
+        return [bool(x) for x in buffer] if fmi_type == "Boolean" else list(buffer)
+
+    # Values, bound to the master's buffers.
+
+    def bind(self, inputs: Sequence[Variable], outputs: Sequence[Variable], u: Array, y: Array) -> Ports:
+        setters = [self._transfer("Set", t, inputs, u) for t in _by_type(inputs)]
+        getters = [self._transfer("Get", t, outputs, y) for t in _by_type(outputs)]
+        set_inputs, get_outputs = _sequence([s.move for s in setters]), _sequence([g.move for g in getters])
+        self._get_outputs = get_outputs
+        do_step = self._do_step()
+        ports = Ports.of(set_inputs, self._stepper(do_step), get_outputs)
+        if len(setters) == len(getters) == 1 and setters[0].direct and getters[0].direct:
+            return Ports(ports.set_inputs, ports.step, ports.get_outputs, self._fused(setters[0], do_step, getters[0]))
+        return ports
+
+    def _transfer(self, direction: str, fmi_type: str, variables: Sequence[Variable], buffer: Array) -> _Transfer:
+        """One FMI call that moves all variables of one type. Doubles that fill their arrays and lie side by side
+        in the master's buffer are passed in place; anything else goes through a buffer of its own."""
+        ffi, v3 = self._ffi, self._v3
+        places = [i for i, v in enumerate(variables) if v.fmi_type == fmi_type]
+        groups = _by_reference([variables[i] for i in places])
+        offsets, total = {}, 0
+        for reference, elements in groups.items():
+            offsets[reference] = total
+            total += elements[0].size
+        own = np.array([offsets[variables[i].reference] + variables[i].index for i in places], dtype=np.intp)
+        place = np.array(places, dtype=np.intp)
+        c_type = self._c_types[fmi_type]
+        contiguous = len(places) == total and np.array_equal(place, place[0] + np.arange(total))
+        in_place = c_type == "double" and contiguous and np.array_equal(own, np.arange(total))
+        data: Any = buffer[place[0] : place[0] + total] if in_place else np.zeros(total, dtype=fmi.DTYPES[c_type])
+        pointer = ffi.cast(f"{c_type}*", data.ctypes.data)
+        references = ffi.new("VR[]", list(groups))
+        self._keep += [data, references]
+        function = f"{direction}{self._functions.get(fmi_type, fmi_type)}"
+        arguments = (references, len(groups), pointer, *((total,) if v3 else ()))
+        call, fail = partial(self._function(function), self._instance, *arguments), self._fail
+        warning = fmi.WARNING
+
+        def direct() -> None:
+            status = call()
+            if status > warning:
+                fail(function, status)
+
+        def scatter() -> None:
+            data[own] = buffer[place]
+            direct()
+
+        def gather() -> None:
+            direct()
+            buffer[place] = data[own]
+
+        if direction == "Set" and total > len(places):  # elements of an array that nobody drives keep their values
+            data[:] = [x for r, e in groups.items() for x in self._get_raw(fmi_type, [r], e[0].size)]
+        return _Transfer(direct if in_place else scatter if direction == "Set" else gather, call, function, in_place)
+
+    def _do_step(self) -> _DoStep:
+        """(call, last arguments, ended): `call(t, h, *last arguments)`; `ended[0]` is true after a step that stopped
+        early or asks to end the simulation (FMI 3)."""
+        call = partial(self._function("DoStep"), self._instance)
+        if not self._v3:
+            self._step_arguments = [1]
+            return call, self._step_arguments, (0,)
+        flags, self._last = self._ffi.new("bool[4]"), self._ffi.new("double*")  # event needed, -, terminate, early
+        self._terminate, self._early = flags + 2, flags + 3
+        self._keep += [flags, self._last]
+        ended = self._ffi.cast("uint16_t*", self._terminate)
+        self._step_arguments = [True, flags, self._terminate, self._early, self._last]
+        return call, self._step_arguments, ended
+
+    def _stepper(self, do_step: _DoStep) -> Callable[[float, float], None]:
+        call, rest, ended = do_step
+        fail, warning = self._step_failed, fmi.WARNING
+
+        def step(t: float, h: float) -> None:
+            status = call(t, h, *rest)
+            if status > warning or ended[0]:
+                fail(status, t, h)
+
+        return step
+
+    def _fused(self, setter: _Transfer, do_step: _DoStep, getter: _Transfer) -> Callable[[float, float], None]:
+        """Set, step, get without a Python call in between."""
+        send, receive = setter.call, getter.call
+        call, rest, ended = do_step
+        fail, fail_step, warning = self._fail, self._step_failed, fmi.WARNING
+
+        def run(t: float, h: float) -> None:
+            status = send()
+            if status > warning:
+                fail(setter.function, status)
+            status = call(t, h, *rest)
+            if status > warning or ended[0]:
+                fail_step(status, t, h)
+            status = receive()
+            if status > warning:
+                fail(getter.function, status)
+
+        return run
+
+    def _step_failed(self, status: int, t: float, h: float) -> None:
+        """Raise what a step's status means, with what the FMU can tell about it."""
+        last, terminated, whole = None, False, False
+        if self._v3 and status <= fmi.DISCARD:
+            last, terminated = self._last[0], bool(self._terminate[0])
+            whole = status <= fmi.WARNING and not self._early[0]
+        elif status == fmi.DISCARD:
+            number, boolean = self._ffi.new("double*"), self._ffi.new("int*")
+            if self._tells("GetRealStatus", 2, number):
+                last = number[0]
+                whole = last >= t + h - 1e-6 * h
+            if self._tells("GetBooleanStatus", 3, boolean):
+                terminated = bool(boolean[0])
+        detail = f"step from {t:.9g} s, length {h:.9g} s"
+        if last is not None and not whole:
+            detail += f"; it got to {last:.9g} s"
+        if terminated:
+            text = f"component '{self.name}' asked to end the simulation ({detail})"
+            said = self._said()[-1:]
+            if whole:
+                self._get_outputs()
+            raise EndRequested(self.name, text + (f"; it says: {said[0]}" if said else ""), complete=whole)
+        if status == fmi.PENDING and not self._v3:
+            detail += "; asynchronous steps are not supported"
+        self._fail("DoStep", max(status, fmi.DISCARD), detail)
+
+    def _tells(self, function: str, *arguments: Any) -> bool:
+        """Call what an FMU need not answer, or have."""
+        try:
+            return self._call(function, *arguments) <= fmi.WARNING
+        except FmuError:
+            return False
+
+    # State and derivatives.
+
+    def save(self) -> Any:
+        self._free_dropped()
+        pointer = self._ffi.new("void**")
+        self._must("GetFMUState" if self._v3 else "GetFMUstate", pointer)
+        state = _SavedState(pointer)
+        self._states[id(state)] = pointer
+        self._may_roll_back.add(id(state))
+        self._tell_roll_back()
+        weakref.finalize(state, self._drop, id(state)).atexit = False
+        return state
+
+    def restore(self, state: Any) -> None:
+        if not self._holds(state):
+            raise CosimError(f"'{self.name}': this saved state was freed, or its instance was")
+        self._must("SetFMUState" if self._v3 else "SetFMUstate", state.pointer[0])
+
+    def forget(self, state: Any) -> None:
+        if self._holds(state):
+            self._drop(id(state))
+            self._free_dropped()
+
+    def _holds(self, state: Any) -> bool:
+        return not self._dead and id(state) in self._states
+
+    def _drop(self, key: int) -> None:
+        """Nobody can restore this state any more. Called at any time, so the FMU is not."""
+        pointer = self._states.pop(key, None)
+        if pointer is not None:
+            self._dropped.append(pointer)
+        self._may_roll_back.discard(key)
+        self._tell_roll_back()
+
+    def _free_dropped(self) -> None:
+        while self._dropped and not self._dead:
+            self._call("FreeFMUState" if self._v3 else "FreeFMUstate", self._dropped.pop())
+
+    def _tell_roll_back(self) -> None:
+        """noSetFMUStatePriorToCurrentPoint of the next steps: true unless this run may be rolled back. FMUs may keep what
+        they cannot take back until it is true: files, hardware, or all progress."""
+        self._step_arguments[0] = type(self._step_arguments[0])(not self._may_roll_back)
+
+    def linearize(self, inputs: Sequence[Variable], outputs: Sequence[Variable]) -> tuple[Array, Array, Array, Array]:
+        """(A, B, C, D) at the present state for the given inputs and outputs, by directional derivatives. States and
+        derivatives are those of the model structure. Raises CosimError when the FMU does not offer it."""
+        states, derivatives = self.description.states, self.description.derivatives
+        if not self.description.directional_derivatives:
+            raise CosimError("its FMU offers no directional derivatives")
+        unknowns, knowns, n = [*derivatives, *outputs], [*states, *inputs], len(states)
+        jacobian = np.zeros((len(unknowns), len(knowns)))
+        for column, known in enumerate(knowns):
+            if unknowns:
+                jacobian[:, column] = self._derivative(unknowns, known)
+        return jacobian[:n, :n], jacobian[:n, n:], jacobian[n:, :n], jacobian[n:, n:]
+
+    def _derivative(self, unknowns: Sequence[Variable], known: Variable) -> list[float]:
+        """d unknowns / d known; arrays are asked for whole."""
+        ffi, groups = self._ffi, _by_reference(unknowns)
+        sizes = [elements[0].size for elements in groups.values()]
+        begin = dict(zip(groups, np.cumsum([0, *sizes]).tolist(), strict=False))
+        of, by = ffi.new("VR[]", list(groups)), ffi.new("VR[]", [known.reference])
+        seed, result = ffi.new("double[]", known.size), ffi.new("double[]", sum(sizes))
+        seed[known.index] = 1.0
+        if self._v3:
+            self._must("GetDirectionalDerivative", of, len(groups), by, 1, seed, known.size, result, sum(sizes))
+        else:
+            self._must("GetDirectionalDerivative", of, len(groups), by, 1, seed, result)
+        found = [result[begin[v.reference] + v.index] for v in unknowns]
+        for variable, value in zip(unknowns, found, strict=True):
+            if not math.isfinite(value):
+                raise CosimError(f"its derivative of {variable.name} by {known.name} is {value}")
+        return found
+
+
+_KEEP_FOREVER: list[Any] = []  # callbacks of instances that reported Fatal
+_PROCESS: list[Any] = []
+
+
+def _process() -> Any:
+    """The C library with calloc and free."""
+    if not _PROCESS:
+        _PROCESS.append(fmi.ffi2.dlopen("ucrtbase.dll" if sys.platform == "win32" else None))
+    return _PROCESS[0]
+
+
+def _logger(messages: deque[str], problems: deque[str]) -> fmi.Log:
+    """What FMUs call to log. All categories are on: not every FMU files its errors under the category it declares."""
+
+    def log(status: int, category: str, message: str) -> None:
+        level = STATUS_NAMES[status] if 0 <= status < len(STATUS_NAMES) else str(status)
+        text = f"[{level}] {category + ': ' if category else ''}{message.rstrip()}"
+        messages.append(text)
+        if status >= fmi.WARNING:
+            problems.append(text)
+
+    return log
+
+
+def _free(library: Library, v3: bool, instance: Any, keep: list[Any]) -> None:
+    (library.handle.fmi3FreeInstance if v3 else library.handle.fmi2FreeInstance)(instance)
+    keep.clear()
+    library.release()
+
+
+def _by_type(variables: Any) -> dict[str, list[Variable]]:
+    groups: dict[str, list[Variable]] = {}
+    for variable in variables:
+        groups.setdefault(variable.fmi_type, []).append(variable)
+    return groups
+
+
+def _by_reference(variables: Sequence[Variable]) -> dict[int, list[Variable]]:
+    groups: dict[int, list[Variable]] = {}
+    for variable in variables:
+        groups.setdefault(variable.reference, []).append(variable)
+    return groups
+
+
+def _sequence(actions: list[Action]) -> Action:
+    if not actions:
+        return lambda: None
+    if len(actions) == 1:
+        return actions[0]
+    together = tuple(actions)
+
+    def run() -> None:
+        for action in together:
+            action()
+
+    return run

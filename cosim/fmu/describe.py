@@ -1,0 +1,117 @@
+"""What is in an FMU, as a table for people and lines ready to paste into a script.
+
+A name in an FMU is a stranger's text: it is printed as text, and gets into code only as a literal.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+from collections.abc import Sequence
+
+from rich.console import Group
+from rich.table import Table
+from rich.text import Text
+
+from cosim.description import RECORDABLE, Description, Variable, split_index
+from cosim.fmu.file import Fmu
+
+
+def describe(fmu: str | os.PathLike[str] | Fmu) -> Group:
+    """Name, versions, kind, rate, inputs, outputs and parameters of an FMU; print it with rich. The lines that put it
+    into a system are `wiring`'s, to be printed as they are.
+
+    Runs nothing of the FMU, so it works for FMUs of other platforms. Raises FmuError.
+    """
+    fmu = fmu if isinstance(fmu, Fmu) else Fmu(fmu)
+    about = fmu.description
+    facts = Table.grid(padding=(0, 2))
+    kind = about.kind or "continuous unless you say kind='discrete' (the FMU does not tell)"
+    step = about.sample_time if about.kind == "discrete" else about.default_step
+    rows = {
+        "FMU": f"{about.name}  (FMI {about.fmi_version}, {about.tool or 'tool unknown'})",
+        "": about.text,
+        "kind": kind,
+        "step": f"{step} s" if step else "none stated: give step=...",
+        "interfaces": "Co-Simulation" + (", Model Exchange" if about.model_exchange else ""),
+        "can": ", ".join(_abilities(fmu)) or "only step forward",
+        "needs": "the tool that made it (needsExecutionTool)" if about.needs_tool else "",
+        "platforms": ", ".join(fmu.platforms()) or "none",
+    }
+    for label, text in rows.items():
+        if text:
+            facts.add_row(Text(label, style="bold"), Text(text))
+    parts = [facts]
+    for title, variables in (("inputs", about.inputs), ("outputs", about.outputs), ("parameters", about.parameters)):
+        if variables:
+            parts.append(_variables(title, list(variables.values()), about))
+    return Group(*parts)
+
+
+def wiring(fmu: str | os.PathLike[str] | Fmu) -> str:
+    """Python lines that put the FMU into a system, one `connect` per input (arrays in one line). Raises FmuError."""
+    fmu = fmu if isinstance(fmu, Fmu) else Fmu(fmu)
+    about = fmu.description
+    name = re.sub(r"\W+", "_", about.name.split(".")[-1]).strip("_").lower() or "fmu"
+    arguments = [_quoted(name), _quoted(str(fmu.path))]
+    step = about.sample_time if about.kind == "discrete" else about.default_step
+    arguments.append(f"step={_quoted(str(step) if step else '1 ms')}")
+    if about.kind is None:
+        arguments.append(f"kind={_quoted('continuous')}")
+    inputs = dict.fromkeys(split_index(v.name)[0] for v in about.inputs.values())
+    lines = [f"system.add({', '.join(arguments)})"]
+    lines += [f"system.connect({_quoted(f'OTHER.{i}')}, {_quoted(f'{name}.{i}')})" for i in inputs]
+    outputs = list(dict.fromkeys(split_index(v.name)[0] for v in about.outputs.values() if v.type in RECORDABLE))
+    listed = ", ".join(_quoted(f"{name}.{o}") for o in outputs[:4])
+    lines.append(f"recording = system.run(5.0, record=[{listed}])")
+    return "\n".join(lines)
+
+
+def _quoted(text: str) -> str:
+    """A Python literal of it, in double quotes where they do."""
+    return json.dumps(text, ensure_ascii=False) if text.isprintable() else repr(text)
+
+
+def _abilities(fmu: Fmu) -> list[str]:
+    about = fmu.description
+    offered = {
+        "save and restore its state": about.can_save,
+        "serialize it": about.can_serialize,
+        "directional derivatives": about.directional_derivatives,
+        "steps of any length": about.variable_step,
+        "several instances": not about.only_once,
+    }
+    return [text for text, there in offered.items() if there]
+
+
+def _variables(title: str, variables: Sequence[Variable], about: Description) -> Table:
+    table = Table(title=f"{title} ({len(variables)})", title_justify="left", title_style="bold", box=None)
+    sourced = any(v.source for v in variables)
+    for column in ("name", "unit", "start", "range", "type", "description", *(("source",) if sourced else ())):
+        table.add_column(column, overflow="fold", justify="right" if column == "start" else "left")
+    groups: dict[str, list[Variable]] = {}
+    for variable in variables:
+        groups.setdefault(split_index(variable.name)[0], []).append(variable)
+    for base, elements in groups.items():
+        first = elements[0]
+        start = "" if first.start is None else f"{first.start:g}" if first.type == "real" else str(first.start)
+        name = first.name if len(elements) == 1 else f"{base}{_span(elements)}"
+        if len(elements) > 1 and len({v.start for v in elements}) > 1:
+            start = "..."
+        low, high = first.minimum, first.maximum
+        limits = (
+            "" if low is None and high is None else f"{'' if low is None else low:} .. {'' if high is None else high}"
+        )
+        if first.must_equal is not None:
+            limits = f"{first.must_equal:g} or 0"
+        further = [a for a, declared in about.aliases.items() if declared == first.declared]
+        text = "; ".join(x for x in (first.description, f"also {', '.join(further)}" if further else "") if x)
+        source = (first.source or "",) if sourced else ()
+        table.add_row(*map(Text, (name, first.unit_name, start, limits, first.fmi_type, text, *source)))
+    return table
+
+
+def _span(elements: Sequence[Variable]) -> str:
+    first, last = (split_index(v.name)[1] for v in (elements[0], elements[-1]))
+    return "[" + ",".join(f"{a}..{b}" for a, b in zip(first, last, strict=True)) + "]"

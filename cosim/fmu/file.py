@@ -1,0 +1,156 @@
+"""FMU files: checked when opened, unpacked and loaded when first instantiated."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import sys
+import tempfile
+import weakref
+from pathlib import Path
+from typing import Any
+
+import cosim.fmu.calls as fmi
+from cosim.description import Description
+from cosim.errors import FmuError
+from cosim.fmu.archive import Archive, check_library
+from cosim.fmu.model_description import parse
+
+
+class Library:
+    """An FMU's library in this process, and the folder of the unpacked FMU; closed with its last instance."""
+
+    def __init__(self, ffi: Any, handle: Any, folder: Path, own_folder: bool):
+        self.handle = handle
+        self.folder = folder
+        self.users = 0
+        self.open = True
+        self._ffi = ffi
+        self._own_folder = own_folder  # unpacked for this library alone
+        self._kept = False
+
+    def release(self) -> None:
+        """One instance less."""
+        self.users -= 1
+        if self.users == 0 and not self._kept:
+            self.open = False
+            self._ffi.dlclose(self.handle)
+            if self._own_folder:
+                _remove([self.folder])
+
+    def keep(self) -> None:
+        """Never close it: after a Fatal nothing of it may be called any more, its destructors included."""
+        self._kept = True
+        _KEPT.append(self)
+
+
+_KEPT: list[Library] = []
+
+
+class Fmu:
+    """A Co-Simulation FMU file (FMI 2.0 or 3.0), or the folder of an unpacked one.
+
+    Opening reads the description only. Raises FmuError for a missing, truncated or foreign file, a wrong FMI
+    version and an FMU without Co-Simulation. The library is closed with its last instance, the unpacked copy is removed
+    by `close()` or when Python ends.
+    """
+
+    def __init__(self, path: str | os.PathLike[str]):
+        self.path = Path(path)
+        self._archive = Archive(self.path)
+        self.description: Description = parse(self._archive.description(), str(self.path))
+        self.major = self.description.fmi_version[0]
+        self._library: Library | None = None
+        self._folder: Path | None = None  # unpacked, for the next library
+        self._abandoned = False
+        self._ffi = fmi.ffi2 if self.major == "2" else fmi.ffi3
+        self._owned: list[Path] = []
+        weakref.finalize(self, _remove, self._owned)
+
+    def __repr__(self) -> str:
+        return f"Fmu({str(self.path)!r})"
+
+    @property
+    def binary(self) -> str:
+        """Path of this platform's library inside the archive."""
+        folder, suffix = fmi.platform_folder(self.major)
+        return f"binaries/{folder}/{self.description.identifier}{suffix}"
+
+    def platforms(self) -> list[str]:
+        """Platforms whose library is in the archive."""
+        name = self.description.identifier
+        return sorted({folder for folder, file in self._archive.libraries() if file.rsplit(".", 1)[0] == name})
+
+    def check_platform(self) -> None:
+        """Raises FmuError when there is no binary for this machine."""
+        if self._archive.has(self.binary):
+            return
+        there = self.platforms()
+        others = [f"binaries/{folder}/{file}" for folder, file in self._archive.libraries()]
+        built = (
+            f"it was built for {', '.join(there)}" if there
+            else f"it holds {', '.join(others[:5])}, but its modelIdentifier is {self.description.identifier!r}" if others
+            else "it was built for no platform at all"
+        )  # fmt: skip
+        raise FmuError(
+            f"{self.path} has no binary for this platform ({self.binary}); {built}. Build or export it for this platform"
+        )
+
+    def library(self) -> Library:
+        """The loaded library, counted up by one user: call its `release()` when done. FMUs that allow one instance per
+        process get a fresh copy at every call."""
+        library = self._library
+        if library is None or not library.open or self.description.only_once:
+            self.check_platform()
+            folder = self._unpack()
+            library = self._library = Library(self._ffi, self._load(folder), folder, self.description.only_once)
+        library.users += 1
+        return library
+
+    def _load(self, folder: Path) -> Any:
+        file = folder / self.binary
+        try:
+            check_library(file)
+            if sys.platform == "win32":
+                os.add_dll_directory(str(file.parent))
+            handle = self._ffi.dlopen(str(file))
+        except OSError as error:
+            raise FmuError(f"{self.path}: its library cannot be loaded: {error}") from None
+        missing = [name for name in fmi.required(self.major) if not hasattr(handle, name)]
+        if missing:
+            self._ffi.dlclose(handle)
+            raise FmuError(
+                f"{self.path}: its library lacks {', '.join(missing)}, which Co-Simulation needs; build or export it again"
+            )
+        return handle
+
+    def _unpack(self) -> Path:
+        if self._archive.is_folder and not self.description.only_once and not self._abandoned:
+            return self.path.resolve()
+        if self._folder is not None and not self.description.only_once:
+            return self._folder  # its library was closed and is needed again
+        try:
+            folder = Path(tempfile.mkdtemp(prefix="cosim-"))
+        except OSError as error:
+            raise FmuError(f"cannot unpack {self.path}: {error}") from None
+        self._owned.append(folder)
+        self._archive.unpack(folder)
+        self._folder = folder
+        return folder
+
+    def abandon(self, library: Library) -> None:
+        """After a Fatal: leave this library alone; the next instance gets a copy of its own."""
+        library.keep()
+        if library is self._library:
+            self._library = self._folder = None
+            self._abandoned = True
+
+    def close(self) -> None:
+        """Remove the unpacked copy. Close the components first."""
+        self._folder = None
+        _remove(self._owned)
+
+
+def _remove(folders: list[Path]) -> None:
+    while folders:
+        shutil.rmtree(folders.pop(), ignore_errors=True)

@@ -1,0 +1,416 @@
+"""Reads modelDescription.xml of FMI 2.0 and 3.0 into a `Description`. FMI 3 arrays are expanded to their elements
+(`preview.fl[3]`, `gain.y[2,3]`, 1-based, row major), so both versions wire by the same names.
+
+Nothing in the file is believed: what cannot be read ends in one sentence that names the variable, and numbers that say how
+big something is are compared with a limit first.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from dataclasses import replace
+from fractions import Fraction
+from typing import Any
+
+from lxml import etree
+
+from cosim.description import SIZED_INTEGERS, Description, Variable, split_index
+from cosim.errors import FmuError, TimeError
+from cosim.time import rational
+from cosim.units import BASE_UNITS, Unit
+
+TOOL = "suspension-fmus"  # our vendor annotation: kind and sample time, constants that source and target must share, sources of values
+MOST_ELEMENTS = 1_000_000  # scalar variables and elements of arrays of one FMU
+LONGEST_SOURCE = 4096  # characters that say where a value comes from
+HUGE = 10_000_000  # bytes of XML from which on the parser's own limits are lifted
+
+_TYPES2 = {"Real": "real", "Integer": "integer", "Enumeration": "integer", "Boolean": "boolean", "String": "string"}
+_TYPES3 = {
+    "Float64": "real", "Float32": "real", "Boolean": "boolean", "String": "string", "Enumeration": "integer",
+    **dict.fromkeys(SIZED_INTEGERS, "integer"), "Binary": "other", "Clock": "other",
+}  # fmt: skip
+
+
+class _Unreadable(ValueError):  # noqa: N818
+    """Something in a modelDescription.xml, as a sentence."""
+
+
+def parse(xml: bytes, where: str) -> Description:
+    """Description from modelDescription.xml; `where` names the file in errors. Raises FmuError."""
+    if b"<!DOCTYPE" in (xml.replace(b"\0", b"") if b"\0" in xml[:4] else xml):
+        # Entities grow without limit; no exporter needs them.
+        raise FmuError(f"{where}: modelDescription.xml has a document type declaration; FMI knows none, remove it")
+    huge = len(xml) > HUGE
+    try:
+        root = etree.fromstring(xml, etree.XMLParser(resolve_entities=False, no_network=True, huge_tree=huge))
+    except etree.XMLSyntaxError as error:
+        raise FmuError(f"{where}: modelDescription.xml is not well-formed ({error})") from None
+    version = root.get("fmiVersion", "")
+    if root.tag != "fmiModelDescription" or not version.startswith(("2.", "3.")):
+        raise FmuError(f"{where}: FMI version '{version or 'unknown'}'; FMI 2.0 and 3.0 are supported")
+    simulation = root.find("CoSimulation")
+    if simulation is None:
+        kinds = [tag for tag in ("ModelExchange", "ScheduledExecution") if root.find(tag) is not None]
+        raise FmuError(
+            f"{where}: not a Co-Simulation FMU (it offers {' and '.join(kinds) or 'nothing'}); "
+            "export it again for Co-Simulation"
+        )
+    try:
+        read = _Fmi2(root) if version.startswith("2.") else _Fmi3(root)
+        return read.description(simulation)
+    except (_Unreadable, TimeError) as error:
+        raise FmuError(f"{where}: cannot understand modelDescription.xml: {error}") from None
+    except (LookupError, ValueError, TypeError, AttributeError, ArithmeticError) as error:
+        raise FmuError(f"{where}: cannot understand modelDescription.xml ({type(error).__name__}: {error})") from error
+
+
+def _integer(element: Any, attribute: str, what: str, low: int = 0, high: int = 2**63 - 1) -> int:
+    """An attribute as a whole number within limits."""
+    return _whole(element.get(attribute), f"{what}: {attribute}", low, high)
+
+
+def _whole(text: str | None, what: str, low: int, high: int) -> int:
+    if text is None:
+        raise _Unreadable(f"{what} is missing")
+    try:
+        value = int(text)
+    except ValueError:
+        raise _Unreadable(f"{what} is {_short(text)}, which is no whole number") from None
+    if not low <= value <= high:
+        raise _Unreadable(f"{what} is {_short(text)}; it must be within {low} and {high}")
+    return value
+
+
+def _number(text: str, what: str) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        raise _Unreadable(f"{what} is {_short(text)}, which is no number") from None
+
+
+def _short(text: str) -> str:
+    return repr(text if len(text) <= 40 else text[:37] + "...")
+
+
+class _Reader:
+    """What FMI 2.0 and 3.0 have in common."""
+
+    def __init__(self, root: Any):
+        self.root = root
+        self.units = {u.get("name"): _unit(u) for u in root.iterfind("UnitDefinitions/Unit")}
+        self.variables: dict[str, Variable] = {}
+        self.by_key: dict[int, list[Variable]] = {}  # FMI 2: 1-based position; FMI 3: value reference
+        self.aliases: dict[str, str] = {}
+
+    def description(self, simulation: Any) -> Description:
+        root = self.root
+        self.read_variables()
+        own = self.annotation()
+        if own is not None:
+            self.annotate(own)
+        structure = root.find("ModelStructure")
+        result = Description(
+            name=root.get("modelName", ""),
+            variables=self.variables,
+            fmi_version=root.get("fmiVersion"),
+            token=root.get("guid") or root.get("instantiationToken") or "",
+            identifier=_identifier(simulation),
+            text=root.get("description", ""),
+            tool=root.get("generationTool", ""),
+            can_save=_flag(simulation, "canGetAndSetFMUstate", "canGetAndSetFMUState"),
+            can_serialize=_flag(simulation, "canSerializeFMUstate", "canSerializeFMUState"),
+            only_once=_flag(simulation, "canBeInstantiatedOnlyOncePerProcess"),
+            variable_step=_flag(simulation, "canHandleVariableCommunicationStepSize"),
+            directional_derivatives=_flag(
+                simulation, "providesDirectionalDerivative", "providesDirectionalDerivatives"
+            ),
+            log_categories=[c.get("name") for c in root.iterfind("LogCategories/Category")],
+            model_exchange=root.find("ModelExchange") is not None,
+            needs_tool=_flag(simulation, "needsExecutionTool"),
+            aliases=self.aliases,
+        )
+        experiment = root.find("DefaultExperiment")
+        if experiment is not None:
+            if experiment.get("stepSize"):
+                step = _seconds(experiment.get("stepSize"), "DefaultExperiment: stepSize")
+                result.default_step = step if step > 0 else None  # some tools write 0 for "none"
+            if experiment.get("stopTime"):
+                result.default_stop = _seconds(experiment.get("stopTime"), "DefaultExperiment: stopTime")
+            if experiment.get("tolerance"):
+                result.tolerance = _number(experiment.get("tolerance"), "DefaultExperiment: tolerance")
+                if not 0 < result.tolerance < math.inf:
+                    result.tolerance = None
+        if own is not None:
+            result.kind = own.get("kind")
+            if own.get("sampleTime"):
+                result.sample_time = _seconds(own.get("sampleTime"), "Component: sampleTime")
+        if structure is not None:
+            self.read_structure(structure, result)
+        return result
+
+    def annotate(self, own: Any) -> None:
+        """Constants that the annotation tells of outputs and wants of inputs, and sources of values."""
+        changed: dict[str, Variable] = {}
+        sources: dict[str, str] = {}  # of variables and whole arrays
+        for element in own:
+            if element.tag == "Variable":
+                sources[element.get("name", "")] = _source(element)
+                continue
+            variable = self.variables.get(element.get("name", ""))
+            if variable is None:
+                continue
+            if element.tag == "Input":
+                what = f"Input '{variable.name}'"
+                value, tolerance = (_number(element.get(k, ""), f"{what}: {k}") for k in ("mustEqual", "tolerance"))
+                changed[variable.name] = replace(variable, must_equal=value, tolerance=tolerance)
+            elif element.tag == "Output":
+                changed[variable.name] = replace(
+                    variable, constant=_number(element.get("constant", ""), f"Output '{variable.name}': constant")
+                )
+        for variable in self.variables.values() if sources else ():
+            if source := sources.get(variable.name) or sources.get(split_index(variable.name)[0]):
+                changed[variable.name] = replace(changed.get(variable.name, variable), source=source)
+        self.variables.update(changed)
+        self.by_key = {key: [changed.get(v.name, v) for v in listed] for key, listed in self.by_key.items()}
+
+    def dependencies(self, element: Any) -> frozenset[str] | None:
+        listed = element.get("dependencies")
+        if listed is None:
+            return None
+        return frozenset(v.name for key in listed.split() for v in self.named(key, "dependencies"))
+
+    def named(self, key: str | None, what: str) -> list[Variable]:
+        """What a number of the model structure, or of a derivative, stands for."""
+        number = _whole(key, f"ModelStructure: {what}", 0, 2**32 - 1)
+        if number not in self.by_key:
+            raise _Unreadable(f"ModelStructure: {what} is {number}, and there is no such variable")
+        return self.by_key[number]
+
+    def unknowns(self, elements: Any, key: str, result: Description) -> list[Variable]:
+        found = []
+        for element in elements:
+            variables = self.named(element.get(key), key)
+            found += variables
+            depends = self.dependencies(element)
+            if depends is not None:
+                for variable in variables:
+                    result.dependencies[variable.name] = depends
+        return found
+
+    def pair_states(self, pairs: list[tuple[Variable, Variable | None]], result: Description) -> None:
+        result.states = [state for _, state in pairs if state is not None]
+        result.derivatives = [derivative for derivative, state in pairs if state is not None]
+
+    def read_variables(self) -> None:
+        raise NotImplementedError
+
+    def read_structure(self, structure: Any, result: Description) -> None:
+        raise NotImplementedError
+
+    def annotation(self) -> Any:
+        raise NotImplementedError
+
+
+class _Fmi2(_Reader):
+    def read_variables(self) -> None:
+        types = {t.get("name"): t[0] for t in self.root.iterfind("TypeDefinitions/SimpleType") if len(t)}
+        self.derivative_of: dict[str, int] = {}
+        for position, element in enumerate(self.root.iterfind("ModelVariables/ScalarVariable"), start=1):
+            name = _name(element, f"variable number {position}")
+            typed = next((c for c in element if c.tag in _TYPES2), None)
+            if typed is None:
+                others = [c.tag for c in element if c.tag in _TYPES3]
+                raise _Unreadable(
+                    f"variable '{name}' is {others[0]}, a type of FMI 3.0; this file says FMI 2.0" if others
+                    else f"variable '{name}' has no type; it needs one of {', '.join(_TYPES2)}"
+                )  # fmt: skip
+            declared = types.get(typed.get("declaredType"))
+            inherited: dict[str, str] = dict(declared.attrib) if declared is not None else {}
+            variable = _variable(element, (typed.tag, _TYPES2[typed.tag]), {**inherited, **typed.attrib}, self.units)
+            self.variables[variable.name] = variable
+            self.by_key[position] = [variable]
+            if typed.get("derivative"):
+                self.derivative_of[variable.name] = _integer(typed, "derivative", f"variable '{variable.name}'")
+
+    def read_structure(self, structure: Any, result: Description) -> None:
+        self.unknowns(structure.iterfind("Outputs/Unknown"), "index", result)
+        derivatives = self.unknowns(structure.iterfind("Derivatives/Unknown"), "index", result)
+        pairs: list[tuple[Variable, Variable | None]] = []
+        for derivative in derivatives:
+            position = self.derivative_of.get(derivative.name)
+            pairs.append((derivative, self.named(str(position), "derivative")[0] if position else None))
+        self.pair_states(pairs, result)
+
+    def annotation(self) -> Any:
+        return self.root.find(f"VendorAnnotations/Tool[@name='{TOOL}']/Component")
+
+
+class _Fmi3(_Reader):
+    def read_variables(self) -> None:
+        types = {t.get("name"): t for t in self.root.iterfind("TypeDefinitions/*")}
+        elements = [e for e in self.root.iterfind("ModelVariables/*") if isinstance(e.tag, str)]
+        sizes = {
+            e.get("valueReference"): e.get("start")
+            for e in elements
+            if e.get("causality") == "structuralParameter" and e.get("start")
+        }
+        self.derivative_of: dict[int, int] = {}
+        for position, element in enumerate(elements, start=1):
+            name = _name(element, f"variable number {position}")
+            if element.tag not in _TYPES3:
+                kind = (
+                    f"{element.tag}, a type of FMI 2.0; this file says FMI 3.0"
+                    if element.tag in _TYPES2
+                    else element.tag
+                )
+                raise _Unreadable(f"variable '{name}' is {kind}; the types are {', '.join(_TYPES3)}")
+            declared = types.get(element.get("declaredType"))
+            inherited: dict[str, str] = dict(declared.attrib) if declared is not None else {}
+            inherited.pop("name", None)
+            inherited.pop("description", None)
+            attributes = {**inherited, **element.attrib}
+            start = element.find("Start")
+            if start is not None:
+                attributes["start"] = start.get("value", "")
+            shape = [self.dimension(d, name, sizes) for d in element.iterfind("Dimension")]
+            if len(self.variables) + math.prod(shape) > MOST_ELEMENTS:
+                raise _Unreadable(
+                    f"array '{name}' has {' x '.join(map(str, shape))} elements; an FMU may have {MOST_ELEMENTS} in all"
+                )
+            typed = element.tag, _TYPES3[element.tag]
+            variable = _variable(element, typed, attributes, self.units, bool(shape))
+            reference, expanded = variable.reference, _expand(variable, shape)
+            self.by_key[reference] = expanded
+            self.variables.update((v.name, v) for v in expanded)
+            if element.get("derivative"):
+                self.derivative_of[reference] = _integer(element, "derivative", f"variable '{name}'")
+            self.aliases.update((_name(a, f"an Alias of '{name}'"), name) for a in element.iterfind("Alias"))
+
+    def dimension(self, element: Any, name: str, sizes: dict[str, str]) -> int:
+        text = element.get("start")
+        if text is None:
+            text = sizes.get(element.get("valueReference"))
+            if text is None:
+                raise _Unreadable(
+                    f"array '{name}': its Dimension has neither a start nor a structural parameter with one"
+                )
+        return _whole(text.strip(), f"array '{name}': Dimension", 0, 2**63 - 1)
+
+    def read_structure(self, structure: Any, result: Description) -> None:
+        self.unknowns(structure.iterfind("Output"), "valueReference", result)
+        derivatives = self.unknowns(structure.iterfind("ContinuousStateDerivative"), "valueReference", result)
+        pairs: list[tuple[Variable, Variable | None]] = []
+        for derivative in derivatives:
+            state = self.by_key.get(self.derivative_of.get(derivative.reference, -1))
+            if state and derivative.index >= len(state):
+                raise _Unreadable(
+                    f"'{derivative.declared}' has more elements than '{state[0].declared}', which it derives"
+                )
+            pairs.append((derivative, state[derivative.index] if state else None))
+        self.pair_states(pairs, result)
+
+    def annotation(self) -> Any:
+        return self.root.find(f"Annotations/Annotation[@type='{TOOL}']/Component")
+
+
+def _identifier(simulation: Any) -> str:
+    """modelIdentifier: the name of a library without its ending."""
+    name: str = simulation.get("modelIdentifier", "")
+    if not name or set(name) & set("/\\:") or name.startswith("."):
+        raise _Unreadable(f"modelIdentifier is {_short(name)}; it must be the name of the library without its ending")
+    return name
+
+
+def _name(element: Any, what: str) -> str:
+    name: str | None = element.get("name")
+    if not name:
+        raise _Unreadable(f"{what} has no name")
+    return name
+
+
+def _seconds(text: str, what: str) -> Fraction:
+    """A time as tools write it: 0.0333333333333333 means 1/30 s, to the last digit that was printed."""
+    exact = rational(text, what)
+    near = exact.limit_denominator(10**6)
+    return near if abs(near - exact) <= abs(exact) / 10**14 else exact
+
+
+def _unit(element: Any) -> Unit:
+    name = _name(element, "a unit")
+    base = element.find("BaseUnit")
+    if base is None:
+        return Unit(name)
+    what = f"unit '{name}'"
+    exponents = tuple(_whole(base.get(symbol, "0"), f"{what}: {symbol}", -100, 100) for symbol in BASE_UNITS)
+    factor, offset = (_number(base.get(a, d), f"{what}: {a}") for a, d in (("factor", "1"), ("offset", "0")))
+    if factor == 0 or not math.isfinite(factor + offset):
+        return Unit(name)  # nothing can be converted into it
+    return Unit(name, exponents, factor, offset)
+
+
+def _source(element: Any) -> str:
+    source: str = element.get("source", "")
+    if len(source) > LONGEST_SOURCE:
+        name = _short(element.get("name", ""))
+        raise _Unreadable(f"Variable {name}: source has {len(source)} characters; it may have {LONGEST_SOURCE}")
+    return source.strip()
+
+
+def _flag(element: Any, *names: str) -> bool:
+    return any(element.get(name) in ("true", "1") for name in names)
+
+
+def _variable(
+    element: Any, typed: tuple[str, str], attributes: Any, units: dict[str, Unit], array: bool = False
+) -> Variable:
+    fmi_type, kind = typed
+    name = element.get("name")
+    what = f"variable '{name}'"
+    unit = attributes.get("unit")
+    start = attributes.get("start")
+    numeric = kind in ("real", "integer")
+    constant = numeric and not array and start is not None and element.get("variability") == "constant"
+    return Variable(
+        name=name,
+        type=kind,
+        fmi_type=fmi_type,
+        causality=element.get("causality", "local"),
+        variability=element.get("variability", "continuous" if kind == "real" else "discrete"),
+        initial=element.get("initial"),
+        start=start if array else _value(kind, start, what),
+        unit=units.get(unit, Unit(unit)) if unit else None,
+        relative=attributes.get("relativeQuantity") in ("true", "1"),
+        description=element.get("description", ""),
+        minimum=_number(attributes["min"], f"{what}: min") if numeric and "min" in attributes else None,
+        maximum=_number(attributes["max"], f"{what}: max") if numeric and "max" in attributes else None,
+        reference=_integer(element, "valueReference", what, high=2**32 - 1),
+        declared=name,
+        constant=_number(start, f"{what}: start") if constant else None,
+    )
+
+
+def _value(kind: str, text: str | None, what: str) -> Any:
+    if text is None or kind in ("string", "other"):
+        return text
+    if kind == "boolean":
+        return text.strip() in ("true", "1")
+    return _number(text, f"{what}: start") if kind == "real" else _whole(text, f"{what}: start", -(2**63), 2**64 - 1)
+
+
+def _expand(variable: Variable, shape: list[int]) -> list[Variable]:
+    """The elements of an array variable, row major; a scalar gives itself."""
+    if not shape:
+        return [variable]
+    values = str(variable.start).split() if variable.start is not None else []
+    size = math.prod(shape)
+    if len(values) == 1:
+        values *= size
+    common = {name: getattr(variable, name) for name in Variable.__slots__}  # type: ignore[attr-defined]
+    elements = []
+    for index, place in enumerate(itertools.product(*(range(1, n + 1) for n in shape))):
+        what = f"variable '{variable.name}'"
+        start = _value(variable.type, values[index], what) if index < len(values) else None
+        name = f"{variable.name}[{','.join(map(str, place))}]"
+        elements.append(Variable(**{**common, "name": name, "start": start, "index": index, "size": size}))
+    return elements

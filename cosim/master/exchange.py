@@ -1,0 +1,235 @@
+"""The master algorithm: how components exchange values, instant by instant.
+
+The rule. Time is an integer count of base ticks. At every instant t at which something is due:
+
+1. Arrival. Continuous components whose step ends at t show the outputs they reached.
+2. Discrete components that are due run in topological order of direct feed-through: each reads its inputs as they
+   stand now, is stepped from t to its next sample, and its outputs are used from t on.
+3. The recorder takes its sample if it is due, and the stop conditions are looked at. A recording at t therefore
+   shows plant outputs at t together with the controllers' new outputs at t.
+4. Continuous components that are due advance from t to t + step with inputs as of t. What they reach stays hidden
+   until t + step: that is the Jacobi exchange, and it needs no order. In a Gauss-Seidel group, members see at once
+   what the members before them have reached (their latest step, if they are slower).
+
+A run ends at its stop time with an arrival and a last sample; discrete components are not run there, so their
+outputs are still those of the sample before. If the simulation is continued, the instant is completed first and its
+sample replaced: advancing in pieces gives what advancing in one go gives. Nothing is shortened to meet the stop
+time: a step that reaches beyond it was begun before it, and shows its outputs when its end is reached.
+
+A component may ask to end the simulation. When its step was done the run ends at the end of that step, as if that were
+the stop time; otherwise at its beginning, with the sample there and nobody advanced further.
+
+No component ever reads a NaN or an infinity that another one has made: outputs are looked at as soon as they are there,
+and the first that is not finite ends the run (unless `allow_nan`).
+
+A delayed connection delivers what the source showed before its latest step (discrete: its latest run).
+
+All values lie in one vector of floats. An FMU reads its outputs into its slice of it and its inputs come from it
+with one indexed copy; the master does no Python work per variable and step.
+"""
+
+from __future__ import annotations
+
+import enum
+import itertools
+from collections.abc import Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+
+from cosim.component import EndRequested, Ports
+from cosim.description import Variable
+from cosim.master.recorder import Recorder
+from cosim.master.stops import Stop
+from cosim.master.timetable import Clock, Timetable
+from cosim.master.values import Layout, Timed, make_layout
+from cosim.system.members import Member
+from cosim.system.schedule import Schedule
+from cosim.time import TimeBase
+
+
+@dataclass
+class Instant:
+    """What happens at an instant, in three parts: 1; 2 and 3; 4 of the rule above. `recorded`: it has a sample."""
+
+    arrive: tuple[Timed, ...]
+    sample: tuple[Timed, ...]
+    advance: tuple[Timed, ...]
+    recorded: bool
+
+    def __post_init__(self) -> None:
+        self.whole = self.arrive + self.sample + self.advance
+
+
+class Phase(enum.Enum):
+    """How much of the present instant is done."""
+
+    NOTHING = 0
+    ARRIVED = 1  # arrival, and a provisional sample if one is due
+    SAMPLED = 2  # all but the continuous components
+
+
+class Exchange:
+    """The components of a schedule on the vector of values, taken from instant to instant.
+
+    Made first and initialized then (`cosim.master.initialization`), which binds `ports`. `tick` and `phase` say where it
+    stands; `ending` is the tick at which a component asked it to end, and why.
+    """
+
+    def __init__(
+        self,
+        schedule: Schedule,
+        start: Fraction = Fraction(0),
+        *,
+        record: Sequence[tuple[Member, Variable]] = (),
+        watch: Sequence[tuple[Member, Variable]] = (),
+        interval: Fraction | None = None,
+        allow_nan: bool = False,
+    ):
+        """`interval` [s] is that of the recorder, a multiple of the schedule's tick; default: the smallest step."""
+        self.schedule = schedule
+        self.allow_nan = allow_nan
+        self.base: TimeBase = schedule.time_base(start)
+        self.layout: Layout = make_layout(schedule, record, watch)
+        self.values = self.layout.values
+        self.recorder = Recorder(self.values, self.layout.record_index, *self.layout.record_conversion)
+        self.ports: dict[Member, Ports] = {}
+        self.tick = 0
+        self.phase = Phase.ARRIVED
+        self.ending: tuple[int, str] | None = None
+        self._check: Timed | None = None
+        if interval is None:
+            interval = min(m.step for m in schedule.members)
+        self._clocks = [Clock(self.base.count(m.step), self.base.count(m.offset)) for m in schedule.members] + [
+            Clock(self.base.count(interval), 0)
+        ]
+        self.timetable = Timetable(self._clocks, self._compile)
+
+    @property
+    def time(self) -> float:
+        """Present time [s]."""
+        return self.base.seconds(self.tick)
+
+    def check_samples(self, check: Timed | None) -> None:
+        """Call `check` with the time after every sample from now on; it ends the run by raising Stop."""
+        self._check = check
+        self.timetable.forget()
+
+    # One instant.
+
+    def _compile(self, due: frozenset[int]) -> Instant:
+        """The instant at which the clocks numbered `due` are due."""
+        members = [m for i, m in enumerate(self.schedule.members) if i in due]
+        recording = len(self._clocks) - 1 in due
+        arrive = self.layout.arrival(members)
+        discrete = self._steps([m for m in members if m.discrete])
+        sample = [self.recorder.sample] if recording else []
+        check = [] if self._check is None else [self._check]
+        continuous = self._steps([m for m in members if not m.discrete])
+        return Instant(tuple(arrive), (*discrete, *sample, *check), tuple(continuous), recording)
+
+    def _steps(self, members: Sequence[Member]) -> list[Timed]:
+        """The steps of components in their order, each followed by a look at its outputs before anybody reads them.
+        Components that advance side by side read nothing of each other: they are looked at together."""
+        if self.allow_nan:
+            return [self._step(m) for m in members]
+        seidel = {m for group in self.schedule.groups if group.method == "gauss-seidel" for m in group.members}
+        acts: list[Timed] = []
+        together: list[Member] = []
+        for m, following in itertools.zip_longest(members, members[1:]):
+            acts.append(self._step(m))
+            together.append(m)
+            if m.discrete or following is None or following in seidel:
+                acts += self.layout.finite_checks(together)
+                together = []
+        return acts
+
+    def _step(self, member: Member) -> Timed:
+        """One communication step of a component: inputs as they stand, doStep, outputs."""
+        run, h, place = self.ports[member].run, float(member.step), self.layout.places[member]
+        take, index, u = self.values.take, place.index, place.u
+        gather = self.layout.gather(member)
+
+        def without_inputs(t: float) -> None:
+            run(t, h)
+
+        def plain(t: float) -> None:
+            take(index, 0, u, "clip")
+            run(t, h)
+
+        def converted(t: float) -> None:
+            gather(t)
+            run(t, h)
+
+        return without_inputs if place.in_place else plain if place.plain else converted
+
+    # Many instants.
+
+    def last_tick(self, end: int) -> int:
+        """`end`, or where a component asked to end if that is sooner."""
+        return end if self.ending is None else min(end, self.ending[0])
+
+    def complete(self) -> None:
+        """Do what is left of the present instant."""
+        if self.phase is Phase.NOTHING:
+            return
+        instant, t = self.timetable.at(self.tick), self.time
+        if self.phase is Phase.ARRIVED:
+            self.recorder.count -= instant.recorded  # the provisional sample
+            self.phase = Phase.SAMPLED
+            rest = instant.sample + instant.advance
+        else:
+            rest = instant.advance
+        if self._finish(rest, len(instant.advance), t):
+            self.tick += 1
+            self.phase = Phase.NOTHING
+
+    def run_instants(self, end: int) -> None:
+        """All instants from the present tick up to but not including `end`, or to where a component asks to end: the
+        hot loop."""
+        a, b, d = self.base.integers()
+        tick = self.tick
+        try:
+            for tick, instant in self.timetable.instants(tick, end):  # noqa: B020
+                t = (tick * a + b) / d
+                for act in (rest := iter(instant.whole)):
+                    act(t)
+            tick = end
+        except Stop:
+            self.phase = Phase.SAMPLED  # stop conditions are looked at after the sample
+            raise
+        except EndRequested as request:
+            self.tick = tick
+            if self._end_requested(request, tuple(rest), len(instant.advance), t):
+                tick += 1
+        finally:
+            self.tick = tick
+
+    def _end_requested(self, request: EndRequested, rest: tuple[Timed, ...], advances: int, t: float) -> bool:
+        """A component asked to end the simulation at the present tick; `rest` is what was still to be done there, its last
+        `advances` are steps of continuous components. Sets when it ends; returns whether the instant is done."""
+        step = next(self.base.count(m.step) for m in self.schedule.members if m.name == request.component)
+        ending = self.tick + step * request.complete, str(request)
+        self.ending = ending if self.ending is None else min(self.ending, ending)
+        if not request.complete:
+            self.phase = Phase.SAMPLED
+            rest, advances = rest[: max(0, len(rest) - advances)], 0
+        return self._finish(rest, advances, t) and request.complete
+
+    def _finish(self, rest: tuple[Timed, ...], advances: int, t: float) -> bool:
+        """Do the rest of an instant; returns whether it is done."""
+        acts = iter(rest)
+        try:
+            for act in acts:
+                act(t)
+        except EndRequested as request:
+            return self._end_requested(request, tuple(acts), advances, t)
+        return True
+
+    def arrive(self) -> None:
+        """Show what has been reached at the present tick, and take a provisional sample if one is due."""
+        instant, t = self.timetable.at(self.tick), self.time
+        for act in instant.arrive:
+            act(t)
+        if instant.recorded:
+            self.recorder.sample(t)
+        self.phase = Phase.ARRIVED

@@ -1,0 +1,47 @@
+"""Takes samples while a system runs."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from cosim.recording import Array, Recording
+
+
+class Recorder:
+    """Takes samples from the master's value vector into rows that grow by chunks.
+
+    `index` (variables,) picks the values; `scale` and `offset` are applied to whole columns when the recording is
+    made. `count` may be set back, which forgets later samples.
+    """
+
+    CHUNK = 4096
+
+    def __init__(self, values: Array, index: Sequence[int], scale: Array, offset: Array):
+        self.count = 0
+        self._index = np.array(index, dtype=np.intp)
+        self._scale, self._offset = scale, offset
+        self._take = values.take
+        self._times: list[Array] = []
+        self._rows: list[Array] = []
+
+    def sample(self, t: float) -> None:
+        """Append one sample."""
+        chunk, row = divmod(self.count, self.CHUNK)
+        if chunk == len(self._times):
+            self._times.append(np.empty(self.CHUNK))
+            self._rows.append(np.empty((self.CHUNK, len(self._index))))
+        self._times[chunk][row] = t
+        self._take(self._index, 0, self._rows[chunk][row], "clip")
+        self.count += 1
+
+    def recording(self, names: list[str], units: dict[str, str]) -> Recording:
+        """A copy of everything sampled so far."""
+        if not self._times:
+            return Recording(np.empty(0), names, np.empty((0, len(names))), units)
+        time = np.concatenate(self._times)[: self.count]
+        data = np.concatenate(self._rows)[: self.count]
+        if np.any(self._scale != 1.0) or np.any(self._offset != 0.0):
+            data = data * self._scale + self._offset
+        return Recording(time, names, np.asfortranarray(data), units)

@@ -1,0 +1,263 @@
+"""A system while it is being stepped: where it stands, its recording, its saved states."""
+
+from __future__ import annotations
+
+import time as clock
+from collections.abc import Sequence
+from fractions import Fraction
+from types import TracebackType
+from typing import Any
+
+from cosim.component import Action
+from cosim.description import Variable
+from cosim.errors import (
+    CallFailed,
+    ComponentError,
+    CosimError,
+    Interrupted,
+    NotFinite,
+    TimeError,
+    WiringError,
+    did_you_mean,
+)
+from cosim.master.exchange import Exchange, Phase
+from cosim.master.initialization import initialize
+from cosim.master.progress import HeldInterrupt, ProgressBar
+from cosim.master.state import SystemState
+from cosim.master.stops import Stop, StopCondition, stop_check
+from cosim.recording import Recording
+from cosim.system.members import Member
+from cosim.system.names import Members
+from cosim.system.schedule import Schedule
+from cosim.time import TimeLike, rational
+
+
+class Simulation:
+    """A system that is being stepped. Made by `System.initialize`; see `System.run` for whole runs.
+
+        simulation = system.initialize(record=["car.*"])
+        simulation.advance(2.0)
+        state = simulation.save()
+        simulation.advance(3.0)
+        simulation.restore(state)
+
+    `time` [s] is where it stands, `recording` what was recorded so far.
+    """
+
+    def __init__(
+        self,
+        schedule: Schedule,
+        start_time: TimeLike = 0,
+        *,
+        record: Sequence[tuple[Member, Variable]] = (),
+        record_interval: Fraction | None = None,
+        watch: Sequence[tuple[Member, Variable]] = (),
+        stop_time: TimeLike | None = None,
+        state: SystemState | None = None,
+        allow_nan: bool = False,
+    ):
+        """The schedule's tick must divide `record_interval` [s]. The rest is as in `System.initialize`."""
+        start = rational(start_time, "start_time") if state is None else state.owner.base.exact(state.tick)
+        stop = None if stop_time is None else rational(stop_time, "stop_time")
+        self.schedule = schedule
+        self._members = Members((m.name, m) for m in schedule.members)
+        self._exchange = Exchange(
+            schedule, start, record=record, watch=watch, interval=record_interval, allow_nan=allow_nan
+        )
+        self._layout = self._exchange.layout
+        self._over: str | None = None  # why it cannot be continued
+        self._terminated = False
+        self._stops: list[StopCondition] = []
+        self._stopped_by: str | None = None
+        self._wall_time = 0.0
+        self._guarded(lambda: initialize(self._exchange, stop, state))
+        self._exchange.recorder.sample(self.time)
+
+    # Where it stands.
+
+    @property
+    def time(self) -> float:
+        """Present time [s]."""
+        return self._exchange.time
+
+    @property
+    def finished(self) -> bool:
+        """It was closed, or ended by a failure or by a component that asked for it."""
+        return self._over is not None
+
+    @property
+    def time_ns(self) -> int:
+        """Present time, rounded to integer nanoseconds."""
+        return self._exchange.base.nanoseconds(self._exchange.tick)
+
+    def __getitem__(self, name: str) -> float:
+        """Present value of a recorded or watched variable."""
+        try:
+            slot, scale, offset = self._layout.readable[self._members.canonical(name)]
+        except KeyError:
+            hint = did_you_mean(name, self._layout.readable) or "; name it in record=[...] or watch=[...]"
+            raise KeyError(f"'{name}' is not read by this simulation{hint}") from None
+        return scale * self._exchange.values.item(slot) + offset
+
+    def set(self, name: str, value: Any) -> None:
+        """Change a tunable parameter or an unconnected input, effective from the next step on."""
+        member, variable = self._members.split(name)
+        full = self._members.canonical(name)
+        driven = next((c for c in self.schedule.connections if c.target_name == full), None)
+        if driven is not None:
+            raise WiringError(f"{name} is driven by {driven.source_name}")
+        values = {member.description.find(n, member.name): v for n, v in member.expand(variable, value).items()}
+        if any(v.causality != "input" and v.variability != "tunable" for v in values):
+            raise WiringError(
+                f"{name} is fixed while the simulation runs: set it with system['{member.name}'].set(...) before it"
+            )
+        self._guarded(lambda: member.component.set(values))
+        for changed, number in values.items():
+            slot = self._layout.constants.get((member, changed))
+            if slot is not None:
+                self._exchange.values[slot] = number
+
+    @property
+    def recording(self) -> Recording:
+        """A copy of everything recorded so far."""
+        names, units = self._layout.record_names, self._layout.record_units
+        result = self._exchange.recorder.recording(names, units)
+        result.stopped_by, result.wall_time = self._stopped_by, self._wall_time
+        result.aliases = self._layout.aliases
+        return result
+
+    def advance(
+        self, until: TimeLike, *, stop_when: Sequence[StopCondition] = (), progress: bool = False
+    ) -> str | None:
+        """Run to the first base tick at or after `until` [s], to the first instant that fulfils one of `stop_when`, or to
+        where a component asks to end (the simulation is over then). Returns the text of that condition or request, or
+        None. Raises ComponentError (the simulation is over then) and Interrupted (it stands between two instants and can
+        be continued)."""
+        exchange = self._exchange
+        end = exchange.base.at_or_after(rational(until, "until"))
+        if end < exchange.tick:
+            raise TimeError(f"cannot advance to {until} s: the simulation stands at {self.time:.9g} s")
+        if list(stop_when) != self._stops:
+            self._stops = list(stop_when)
+            exchange.check_samples(stop_check(self._stops, self.__getitem__))
+        self._stopped_by = None
+        begin = clock.perf_counter()
+        try:
+            with HeldInterrupt() as interrupt, ProgressBar(progress, self.time, exchange.base.seconds(end)) as bar:
+                self._guarded(lambda: self._run(end, interrupt, bar))
+        except Stop as stop:
+            self._stopped_by = str(stop)
+        finally:
+            self._wall_time += clock.perf_counter() - begin
+        return self._stopped_by
+
+    def _run(self, end: int, interrupt: HeldInterrupt, bar: ProgressBar) -> None:
+        """To the arrival at `end`, in pieces of about a twentieth of a second: that keeps Ctrl-C and the progress bar
+        alive at no cost per instant."""
+        exchange = self._exchange
+        if exchange.tick == end and exchange.phase is not Phase.NOTHING:
+            return
+        exchange.complete()
+        piece = 1
+        while exchange.tick < exchange.last_tick(end) and not interrupt.pending:
+            begin = clock.perf_counter()
+            exchange.run_instants(min(exchange.last_tick(end), exchange.tick + piece))
+            took = clock.perf_counter() - begin
+            piece = max(1, min(4 * piece, int(0.05 * piece / max(took, 1e-9))))
+            bar.at(self.time)
+        if exchange.phase is Phase.NOTHING:
+            exchange.arrive()
+        if exchange.ending is not None and exchange.tick >= exchange.ending[0]:
+            self._over = exchange.ending[1]
+            raise Stop(self._over)
+        if interrupt.pending:
+            raise Interrupted(self.time, self.recording)
+
+    def _guarded(self, work: Action) -> None:
+        """Do something with components. A failure ends the simulation and carries what was recorded."""
+        if self._over:
+            raise CosimError(f"this simulation cannot be continued: {self._over}")
+        try:
+            work()
+        except CallFailed as failure:
+            self._over = "a component failed"
+            recording = self.recording if self._exchange.recorder.count else None
+            raise ComponentError(self._origin(failure), self.time, recording) from failure
+        except Interrupted:
+            raise
+        except KeyboardInterrupt:
+            self._over = "it was interrupted within an instant"
+            raise Interrupted(self.time, self.recording) from None
+        except Stop:
+            raise
+        except BaseException:
+            self._over = "an error occurred"
+            raise
+
+    def _origin(self, failure: CallFailed) -> CallFailed:
+        """A component that cannot take a NaN is not to blame for it. Only initialization hands such values on."""
+        if self._exchange.allow_nan or isinstance(failure, NotFinite):
+            return failure
+        return self._layout.not_finite(self.schedule.members) or failure
+
+    # Saved states.
+
+    def save(self) -> SystemState:
+        """A copy of the whole state: components, exchanged values, time and length of the recording. Raises CosimError
+        naming the components that cannot save their state."""
+        unable = [m.name for m in self.schedule.members if not m.component.description.can_save]
+        if unable:
+            raise CosimError(
+                f"cannot save the state of {', '.join(unable)}: the FMU does not offer it "
+                "(canGetAndSetFMUState); run again from the start instead"
+            )
+        components: dict[str, Any] = {}
+
+        def save() -> None:
+            components.update((m.name, m.component.save()) for m in self.schedule.members)
+
+        self._guarded(save)
+        inputs = {m.name: p.u.copy() for m, p in self._layout.places.items()}
+        e = self._exchange
+        return SystemState(e.tick, e.phase, e.values.copy(), inputs, components, e.recorder.count, e, e.ending)
+
+    def restore(self, state: SystemState) -> None:
+        """Go back to a saved state of this simulation; samples recorded after it are dropped."""
+        if state.owner is not self._exchange:
+            raise CosimError("this state was saved by another simulation: use System.initialize(state=...)")
+
+        def restore() -> None:
+            for m in self.schedule.members:
+                m.component.restore(state.components[m.name])
+
+        self._guarded(restore)
+        exchange = self._exchange
+        exchange.tick, exchange.phase, exchange.ending = state.tick, state.phase, state.ending
+        exchange.values[:] = state.values
+        for m, place in self._layout.places.items():
+            place.u[:] = state.inputs[m.name]
+        exchange.recorder.count = state.samples
+
+    def forget(self, state: SystemState) -> None:
+        """Free a saved state; it cannot be restored any more."""
+        for m in self.schedule.members:
+            if m.name in state.components:
+                m.component.forget(state.components.pop(m.name))
+
+    # The end.
+
+    def close(self) -> None:
+        """Terminate the components. They can be initialized again by `System.initialize`."""
+        if self._terminated:
+            return
+        self._terminated = True
+        if self._over is None or self._exchange.ending is not None:
+            for m in self.schedule.members:
+                m.component.terminate()
+        self._over = self._over or "it is closed"
+
+    def __enter__(self) -> Simulation:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
+        self.close()

@@ -1,0 +1,219 @@
+"""Does the exchange itself blow up? The spectral radius of the coupled continuous components.
+
+Two stiff components that exchange once per step can diverge although each is stable and accurate alone. Each
+component is linearized at its initial state by the FMU's directional derivatives,
+
+    dx/dt = A x + B u,    y = C x + D u,
+
+made discrete exactly for inputs held over its step (matrix exponential), and put in the place of the FMU in the same
+master with the same schedule. One cycle of that schedule is a linear map of states and exchanged values; its
+spectral radius says how much a deviation grows per cycle. Discrete components are held, extrapolation is off.
+
+A plant may be unstable by nature, so the radius is compared with that of the same components coupled without any
+delay, exp(max Re(lambda) * cycle). Integrators give exactly 1; repeated ones split by rounding, hence TOLERANCE.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from scipy.linalg import eig, expm
+
+from cosim.component import Array, PythonComponent
+from cosim.description import Description, Variable
+from cosim.errors import CosimError, StabilityWarning
+from cosim.master.exchange import Exchange, Phase
+from cosim.master.initialization import initialize
+from cosim.system.members import Connection, Group, Member
+from cosim.system.schedule import Schedule, make_schedule
+
+TOLERANCE = 1e-5
+
+
+@dataclass(frozen=True)
+class Stability:
+    """`radius`: growth of a deviation per cycle of `cycle` [s]; `coupled_radius`: the same for the components coupled
+    without delay; `dominant`: components in the growing mode with their shares (participation, sum 1), largest first;
+    `unchecked`: continuous components left out, with the reason."""
+
+    radius: float
+    coupled_radius: float
+    cycle: float
+    dominant: tuple[tuple[str, float], ...]
+    unchecked: dict[str, str]
+
+    @property
+    def stable(self) -> bool:
+        """The exchange adds no growth of its own."""
+        return self.radius <= max(1.0, self.coupled_radius) + TOLERANCE
+
+    def __str__(self) -> str:
+        names = ", ".join(f"{name} ({share:.0%})" for name, share in self.dominant if share >= 0.05)
+        text = f"spectral radius {self.radius:.6g} per cycle of {self.cycle:g} s, dominated by {names or 'nothing'}"
+        if self.coupled_radius > 1.0:
+            text += f" (coupled without delay: {self.coupled_radius:.6g})"
+        for name, reason in self.unchecked.items():
+            text += f"\n  not checked: {name}, {reason}"
+        return text
+
+
+@dataclass(frozen=True)
+class _Model:
+    """Linear model of one member, inputs and outputs those of its connections."""
+
+    a: Array
+    b: Array
+    c: Array
+    d: Array
+
+
+class _Linear(PythonComponent):
+    """A component that steps a linear model exactly, from the state 0."""
+
+    def __init__(self, model: _Model, inputs: Sequence[Variable], outputs: Sequence[Variable], step: float):
+        super().__init__()
+        n = len(model.a)
+        block = np.zeros((n + len(inputs), n + len(inputs)))
+        block[:n, :n], block[:n, n:] = model.a, model.b
+        self._map = expm(block * step)[:n]
+        self._out = np.hstack([model.c, model.d])
+        self.x = np.zeros(n)
+        self.description = Description("linear", {v.name: v for v in [*inputs, *outputs]}, kind="continuous")
+        self._inputs = {v: i for i, v in enumerate(inputs)}
+        self._outputs = {v: i for i, v in enumerate(outputs)}
+
+    def instantiate(self, name: str) -> None:
+        super().instantiate(name)
+        self._u[:] = 0.0  # deviations, whatever the variables start at
+
+    def start(self, u: Array, y: Array) -> None:
+        y[:] = self._out @ np.concatenate([self.x, u])
+
+    def step(self, t: float, h: float, u: Array, y: Array) -> None:  # noqa: ARG002
+        self.x[:] = self._map @ np.concatenate([self.x, u])
+        y[:] = self._out @ np.concatenate([self.x, u])
+
+
+def warn_if_unstable(schedule: Schedule) -> None:
+    """Issue a StabilityWarning when the exchange makes the system grow; silent when nothing can be checked."""
+    try:
+        result = coupled_spectral_radius(schedule)
+    except CosimError:
+        return
+    if not result.stable:
+        warnings.warn(
+            f"the coupling is unstable with these steps: {result}. Use a Gauss-Seidel group or smaller steps",
+            StabilityWarning,
+            stacklevel=3,
+        )
+
+
+def coupled_spectral_radius(schedule: Schedule) -> Stability:
+    """Spectral radius of the continuous components over one cycle of their schedule, linearized where they stand: they
+    must be initialized. Components without directional derivatives are reported in `unchecked`; raises CosimError when
+    none is left."""
+    members = schedule.continuous
+    inner = [c for c in schedule.connections if c.source in members and c.target in members]
+    models: dict[Member, _Model] = {}
+    unchecked: dict[str, str] = {}
+    ports: dict[Member, tuple[list[Variable], list[Variable]]] = {}
+    for m in members:
+        inputs = [c.input for c in inner if c.target is m]
+        outputs = list(dict.fromkeys(c.output for c in inner if c.source is m))
+        ports[m] = (inputs, outputs)
+        try:
+            models[m] = _Model(*m.component.linearize(inputs, outputs))  # type: ignore[attr-defined]
+        except (CosimError, AttributeError) as error:
+            unchecked[m.name] = str(error) if isinstance(error, CosimError) else "it offers no linear model"
+    if not models:
+        reasons = "; ".join(f"{name}: {reason}" for name, reason in unchecked.items())
+        raise CosimError(f"no continuous component can be linearized ({reasons or 'there is none'})")
+    inner = [c for c in inner if c.source in models and c.target in models]
+    matrix, owners, cycle = _cycle_map(_linear_schedule(schedule, models, ports, inner))
+    values, left, right = eig(matrix, left=True)
+    largest = int(np.argmax(np.abs(values)))
+    coupled = np.exp(np.max(_coupled(models, ports, inner).real, initial=-np.inf) * cycle)
+    shares = _shares(np.abs(left[:, largest].conj() * right[:, largest]), owners)
+    return Stability(float(np.abs(values[largest])), float(coupled), cycle, shares, unchecked)
+
+
+def _linear_schedule(
+    schedule: Schedule,
+    models: dict[Member, _Model],
+    ports: dict[Member, tuple[list[Variable], list[Variable]]],
+    connections: Sequence[Connection],
+) -> Schedule:
+    """The same schedule with linear models in the place of the components."""
+    twin: dict[Member, Member] = {}
+    for m, model in models.items():
+        twin[m] = Member(m.name, _Linear(model, *ports[m], float(m.step)), m.step, m.offset, "continuous")
+    copies = [
+        Connection(twin[c.source], c.output, twin[c.target], c.input, c.delay, scale=c.scale) for c in connections
+    ]
+    groups = [
+        Group(g.name, tuple(twin[m] for m in g.members if m in twin), g.method) for g in schedule.groups if g.name
+    ]
+    return make_schedule(twin.values(), copies, groups)
+
+
+def _cycle_map(schedule: Schedule) -> tuple[Array, list[str], float]:
+    """Matrix of one cycle over (all states, all exchanged values), the component each belongs to, the cycle [s].
+    Column by column: a unit deviation is run through the master."""
+    exchange = Exchange(schedule, allow_nan=True)
+    initialize(exchange)
+    states = [m.component.x for m in schedule.members]  # type: ignore[attr-defined]
+    owners = [m.name for m, x in zip(schedule.members, states, strict=True) for _ in x]
+    owners += exchange.layout.owners()
+    begin, length = exchange.timetable.cycle()
+    size = len(owners)
+    matrix = np.zeros((size, size))
+    vector = np.zeros(size)
+    bounds = np.cumsum([0, *(len(x) for x in states), len(exchange.values)])
+    parts = list(zip([*states, exchange.values], bounds[:-1], bounds[1:], strict=True))
+    for column in range(size):
+        vector[:] = 0.0
+        vector[column] = 1.0
+        for part, low, high in parts:
+            part[:] = vector[low:high]
+        exchange.tick, exchange.phase = begin, Phase.NOTHING
+        exchange.run_instants(begin + length)
+        matrix[:, column] = np.concatenate([part for part, _, _ in parts])
+    return matrix, owners, exchange.base.seconds(begin + length) - exchange.base.seconds(begin)
+
+
+def _coupled(
+    models: dict[Member, _Model],
+    ports: dict[Member, tuple[list[Variable], list[Variable]]],
+    connections: Sequence[Connection],
+) -> Any:
+    """Eigenvalues [1/s] of the components coupled without delay: A + B K (I - D K)^-1 C."""
+    inputs = [(m, v) for m in models for v in ports[m][0]]
+    outputs = [(m, v) for m in models for v in ports[m][1]]
+    k = np.zeros((len(inputs), len(outputs)))
+    for c in connections:
+        k[inputs.index((c.target, c.input)), outputs.index((c.source, c.output))] = c.scale
+    a, b, c_, d = (_diagonal([getattr(model, name) for model in models.values()]) for name in "abcd")
+    closed = a + b @ k @ np.linalg.solve(np.eye(len(outputs)) - d @ k, c_)
+    return np.linalg.eigvals(closed) if len(closed) else np.zeros(0)
+
+
+def _diagonal(blocks: list[Array]) -> Array:
+    result = np.zeros((sum(b.shape[0] for b in blocks), sum(b.shape[1] for b in blocks)))
+    row = column = 0
+    for block in blocks:
+        result[row : row + block.shape[0], column : column + block.shape[1]] = block
+        row, column = row + block.shape[0], column + block.shape[1]
+    return result
+
+
+def _shares(participation: Array, owners: list[str]) -> tuple[tuple[str, float], ...]:
+    totals: dict[str, float] = {}
+    for name, amount in zip(owners, participation, strict=True):
+        totals[name] = totals.get(name, 0.0) + float(amount)
+    whole = sum(totals.values()) or 1.0
+    ordered = sorted(totals.items(), key=lambda item: (-item[1], item[0]))
+    return tuple((name, amount / whole) for name, amount in ordered)

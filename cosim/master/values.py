@@ -1,0 +1,329 @@
+"""Where every value lies in the master's one vector of floats.
+
+An output owns a visible slot. A continuous component writes its outputs to a second, latest slot, which is copied to
+the visible one when its step ends. Sources of delayed or extrapolated connections own a previous slot as well.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from cosim.component import Array
+from cosim.description import Variable
+from cosim.errors import NotFinite
+from cosim.system.members import Connection, Member
+from cosim.system.schedule import Schedule
+
+Index = npt.NDArray[np.intp]
+Timed = Callable[[float], None]
+
+_FEW = 24  # values that Python adds up faster than NumPy begins
+
+
+@dataclass
+class Place:
+    """One component's part. Inputs come from values[index], then scale and offset; `u` and `y` are its buffers, `y` a
+    slice of the values."""
+
+    inputs: list[Variable]
+    outputs: list[Variable]
+    u: Array
+    y: Array
+    index: Index
+    scale: Array | None = None
+    offset: Array | None = None
+    lines: list[tuple[int, int, int, int]] = field(default_factory=list)  # extrapolated: input, now, previous, time
+    periods: list[float] = field(default_factory=list)  # of the sources of `lines` [s]
+    since: list[float] = field(default_factory=list)  # from `time` of `lines` to when `now` was reached [s]
+    half: float = 0.0  # half of its own step [s]
+    in_place: bool = False  # `u` is a slice of the values too: nothing to copy
+
+    @property
+    def plain(self) -> bool:
+        """Inputs are a bare copy of values."""
+        return self.scale is None and not self.lines
+
+
+class Layout:
+    """Slots, buffers and the copies between them; see `make_layout`."""
+
+    def __init__(self) -> None:
+        self.values: Array = np.empty(0)
+        self.places: dict[Member, Place] = {}
+        self.visible: dict[tuple[Member, Variable], int] = {}
+        self.latest: dict[tuple[Member, Variable], int] = {}
+        self.previous: dict[tuple[Member, Variable], int] = {}
+        self.reached: dict[Member, int] = {}  # slot of the time at which the visible outputs were reached
+        self.constants: dict[tuple[Member, Variable], int] = {}  # unconnected inputs that are recorded or watched
+        self.readable: dict[str, tuple[int, float, float]] = {}  # full name -> slot, scale, offset
+        self.record_names: list[str] = []
+        self.aliases: dict[str, str] = {}  # further names of what is recorded
+        self.record_units: dict[str, str] = {}
+        self.record_index: list[int] = []
+        self.record_conversion: tuple[Array, Array] = (np.empty(0), np.empty(0))
+
+    def gather(self, member: Member) -> Timed:
+        """Copies a component's inputs from the values to its buffer, converted and extrapolated."""
+        place, take = self.places[member], self.values.take
+        index, u, scale, offset = place.index, place.u, place.scale, place.offset
+        # A few scalars per step: plain floats through memoryviews are several times faster than arrays.
+        values: Any = self.values.data
+        u_view: Any = u.data
+        ahead = place.half
+        lines = [(*line, p, ahead - s) for line, p, s in zip(place.lines, place.periods, place.since, strict=True)]
+
+        def gather(t: float) -> None:
+            if place.in_place:
+                return
+            take(index, 0, u, "clip")
+            for to, now, before, reached, period, shift in lines:
+                u_view[to] += (values[now] - values[before]) * ((t + shift - values[reached]) / period)
+            if scale is not None and offset is not None:
+                np.multiply(u, scale, u)
+                np.add(u, offset, u)
+
+        return gather
+
+    def finite_checks(self, members: Sequence[Member]) -> list[Timed]:
+        """What raises NotFinite when an output that these components have just computed is NaN or infinite."""
+        pieces: list[tuple[int, int, list[Member]]] = []  # begin and end in the values, whose
+        for m in members:
+            outputs = self.places[m].outputs
+            if outputs:
+                begin = (self.visible if m.discrete else self.latest)[m, outputs[0]]
+                owners = [m]
+                if pieces and pieces[-1][1] == begin:
+                    begin, _, before = pieces.pop()
+                    owners = [*before, m]
+                pieces.append((begin, begin + sum(len(self.places[o].outputs) for o in owners), owners))
+        return [self._finite_check(*piece) for piece in pieces]
+
+    def _finite_check(self, begin: int, end: int, owners: Sequence[Member]) -> Timed:
+        """Of a few values the sum tells (it may overflow, so a second look decides); of many, one comparison of the whole
+        piece and a search for a zero byte in its result."""
+        piece, isfinite, found = self.values[begin:end], np.isfinite, bytearray(end - begin)
+        finite, view = np.frombuffer(found, dtype=np.bool_), piece.data
+
+        def look(t: float) -> None:
+            culprit = self.not_finite(owners, t)
+            if culprit is not None:
+                raise culprit
+
+        def check_few(t: float) -> None:
+            total = sum(view)
+            if total - total:  # NaN unless finite
+                look(t)
+
+        def check_many(t: float) -> None:
+            isfinite(piece, finite)
+            if 0 in found:
+                look(t)
+
+        return check_few if end - begin <= _FEW else check_many
+
+    def not_finite(self, members: Sequence[Member], t: float | None = None) -> NotFinite | None:
+        """The first output of `members` that is NaN or infinite, after a step from `t` or after initialization."""
+        for m in members:
+            place = self.places[m]
+            for variable, value in zip(place.outputs, place.y.tolist(), strict=True):
+                if not math.isfinite(value):
+                    reached = t if t is None or m.discrete else t + float(m.step)
+                    return NotFinite(m.name, variable.name, value, reached)
+        return None
+
+    def arrival(self, due: Sequence[Member]) -> list[Timed]:
+        """What shows the outputs of the continuous components whose step has ended, and remembers previous values.
+        All copies read before any writes."""
+        pairs = [(slot, self.visible[key]) for key, slot in self.previous.items() if key[0] in due]
+        pairs += [(self.visible[key], slot) for key, slot in self.latest.items() if key[0] in due]
+        actions: list[Timed] = [self._stamp(slot) for member, slot in self.reached.items() if member in due]
+        if pairs:
+            actions.append(self._copy(sorted(pairs)))
+        return actions
+
+    def show_everything(self) -> None:
+        """Latest becomes visible becomes previous, everywhere: initial values."""
+        for to, source in ((self.visible, self.latest), (self.previous, self.visible)):
+            for key, slot in to.items():
+                if key in source:
+                    self.values[slot] = self.values[source[key]]
+
+    def take_previous(self, other: Layout, values: Array) -> None:
+        """Take the previous values that another layout's values hold."""
+        for key, slot in self.previous.items():
+            if key in other.previous:
+                self.values[slot] = values[other.previous[key]]
+
+    def owners(self) -> list[str]:
+        """Name of the component each value belongs to."""
+        names = [""] * len(self.values)
+        for slots in (self.visible, self.latest, self.previous):
+            for (member, _), slot in slots.items():
+                names[slot] = member.name
+        for member, slot in self.reached.items():
+            names[slot] = member.name
+        for (member, _), slot in self.constants.items():
+            names[slot] = member.name
+        return names
+
+    def _stamp(self, slot: int) -> Timed:
+        values = self.values
+
+        def stamp(t: float) -> None:
+            values[slot] = t
+
+        return stamp
+
+    def _copy(self, pairs: list[tuple[int, int]]) -> Timed:
+        values, count = self.values, len(pairs)
+        first_to, first_from = pairs[0]
+        if all(pair == (first_to + i, first_from + i) for i, pair in enumerate(pairs)) and (
+            abs(first_to - first_from) >= count
+        ):
+            target, source = values[first_to : first_to + count], values[first_from : first_from + count]
+
+            def copy_slice(_: float) -> None:
+                target[:] = source
+
+            return copy_slice
+        to, index = np.array(pairs, dtype=np.intp).T.copy()
+        held = np.empty(count)
+
+        def copy(_: float) -> None:
+            values.take(index, 0, held, "clip")
+            values[to] = held
+
+        return copy
+
+
+def make_layout(
+    schedule: Schedule,
+    record: Sequence[tuple[Member, Variable]],
+    watch: Sequence[tuple[Member, Variable]],
+) -> Layout:
+    """Slots for every output that is connected, recorded or watched; no other output is ever read."""
+    layout = Layout()
+    by_input = {(c.target, c.input): c for c in schedule.connections}
+    needed: dict[Member, set[Variable]] = {m: set() for m in schedule.members}
+    for c in schedule.connections:
+        needed[c.source].add(c.output)
+    constants = []
+    for member, variable in [*record, *watch]:
+        if (member, variable) in by_input:
+            c = by_input[member, variable]
+            needed[c.source].add(c.output)
+        elif variable.causality in ("input", "parameter", "structuralParameter"):
+            constants.append((member, variable))
+        else:
+            needed[member].add(variable)
+    outputs = {m: sorted(vs, key=_storage_order) for m, vs in needed.items()}
+    count = 0
+    for slots, members in ((layout.visible, schedule.members), (layout.latest, schedule.continuous)):
+        for m in members:
+            for v in outputs[m]:
+                slots[m, v] = count
+                count += 1
+    for c in schedule.connections:
+        if (c.delay or c.extrapolate) and (c.source, c.output) not in layout.previous:
+            layout.previous[c.source, c.output] = count
+            count += 1
+        if c.extrapolate and c.source not in layout.reached:
+            layout.reached[c.source] = count
+            count += 1
+    for member, variable in constants:
+        layout.constants.setdefault((member, variable), count)
+        count += 1
+    layout.values = np.zeros(count)
+    for m in schedule.members:
+        layout.places[m] = _place(layout, schedule, m, outputs[m])
+    _recorded(layout, by_input, record, watch)
+    return layout
+
+
+def _storage_order(variable: Variable) -> tuple[str, int, int]:
+    """Variables of one FMI call side by side, array elements in order."""
+    return variable.fmi_type, variable.reference, variable.index
+
+
+def _place(layout: Layout, schedule: Schedule, member: Member, outputs: list[Variable]) -> Place:
+    incoming = sorted((c for c in schedule.connections if c.target is member), key=lambda c: _storage_order(c.input))
+    ahead = _ahead(schedule, member)
+    slots = layout.visible if member.discrete else layout.latest
+    first = slots[member, outputs[0]] if outputs else 0
+    lines: list[tuple[int, int, int, int]] = []
+    periods: list[float] = []
+    since: list[float] = []
+    for i, c in enumerate(incoming):
+        if c.extrapolate:
+            # Of a source ahead of it in its group a component sees what that has just reached, one step of the source after
+            # what is visible: the line through both is interpolated.
+            key, early = (c.source, c.output), c.source in ahead
+            now, before = (layout.latest, layout.visible) if early else (layout.visible, layout.previous)
+            lines.append((i, now[key], before[key], layout.reached[c.source]))
+            periods.append(float(c.source.step))
+            since.append(float(c.source.step) if early else 0.0)
+    scale, offset = np.array([c.scale for c in incoming]), np.array([c.offset for c in incoming])
+    converts = bool(np.any(scale != 1.0) or np.any(offset != 0.0))
+    index = np.array([_source_slot(layout, c, ahead) for c in incoming], dtype=np.intp)
+    begin = int(index[0]) if len(index) else 0
+    in_place = not converts and not lines and np.array_equal(index, begin + np.arange(len(index)))
+    return Place(
+        inputs=[c.input for c in incoming],
+        outputs=outputs,
+        u=layout.values[begin : begin + len(index)] if in_place else np.zeros(len(index)),
+        y=layout.values[first : first + len(outputs)],
+        index=index,
+        scale=scale if converts else None,
+        offset=offset if converts else None,
+        lines=lines,
+        periods=periods,
+        since=since,
+        half=float(member.step) / 2,
+        in_place=in_place,
+    )
+
+
+def _ahead(schedule: Schedule, member: Member) -> tuple[Member, ...]:
+    """Members of its Gauss-Seidel group that advance before it."""
+    for group in schedule.groups:
+        if group.method == "gauss-seidel" and member in group.members:
+            return group.members[: group.members.index(member)]
+    return ()
+
+
+def _source_slot(layout: Layout, connection: Connection, ahead: Iterable[Member]) -> int:
+    key = (connection.source, connection.output)
+    if connection.delay:
+        return layout.previous[key]
+    return layout.latest[key] if connection.source in ahead else layout.visible[key]
+
+
+def _recorded(
+    layout: Layout,
+    by_input: dict[tuple[Member, Variable], Connection],
+    record: Sequence[tuple[Member, Variable]],
+    watch: Sequence[tuple[Member, Variable]],
+) -> None:
+    """Fill in what is recorded and readable. A connected input is what its source shows, converted."""
+    for member, variable in [*record, *watch]:
+        name = f"{member.name}.{variable.name}"
+        c = by_input.get((member, variable))
+        if c is not None:
+            slots = layout.previous if c.delay else layout.visible
+            layout.readable[name] = (slots[c.source, c.output], c.scale, c.offset)
+        elif (member, variable) in layout.constants:
+            layout.readable[name] = (layout.constants[member, variable], 1.0, 0.0)
+        else:
+            layout.readable[name] = (layout.visible[member, variable], 1.0, 0.0)
+    layout.record_names = [f"{m.name}.{v.name}" for m, v in record]
+    layout.aliases = {f"{m.name}.{a}": f"{m.name}.{v.name}" for m, v in record for a in m.description.names(v)[1:]}
+    layout.record_units = {f"{m.name}.{v.name}": v.unit_name for m, v in record}
+    chosen = [layout.readable[name] for name in layout.record_names]
+    layout.record_index = [slot for slot, _, _ in chosen]
+    layout.record_conversion = (np.array([s for _, s, _ in chosen]), np.array([o for _, _, o in chosen]))

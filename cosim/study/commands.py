@@ -1,0 +1,301 @@
+"""Commands of an experiment, made of what it declares: ``run`` with the options of its cases, ``study`` with those of its plan."""
+
+from __future__ import annotations
+
+import inspect
+import json
+import tempfile
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+from rich.table import Table
+from rich.text import Text
+
+from build_fmus import safe_files
+from build_fmus.terminal import APP, Command, console, one_of, show
+from cosim.errors import ComponentError, CosimError, Interrupted
+from cosim.study.case import Case, CaseError, Field, fields, grid
+from cosim.study.driver import Progressed, run_study
+from cosim.study.experiment import Experiment, Metric, Row, resolved
+from cosim.study.fmus import FmuSet
+from cosim.study.pages import default_report
+from cosim.study.runner import Runner
+
+Fmus = Annotated[Path, typer.Option("--fmus", help="directory of the FMUs (see build-fmus)")]
+Version = Annotated[int, typer.Option("--fmi", metavar="2|3", help="FMI version of the FMUs to use", min=2, max=3)]
+Vehicles = Annotated[
+    list[Path] | None,
+    typer.Option(
+        "--vehicle",
+        metavar="FILE",
+        help="vehicle, actuator or sensors file whose FMUs are used instead (build-fmus --vehicle); several may be given",
+    ),
+]
+Processes = Annotated[int | None, typer.Option("--processes", help="worker processes (default: all cores)", min=1)]
+Force = Annotated[bool, typer.Option("--force", help="make every run anew; runs stored earlier are discarded")]
+Retry = Annotated[bool, typer.Option("--retry-failed", help="run again what failed earlier")]
+Out = Annotated[Path, typer.Option("--out", help="directory for results")]
+
+_EVERYWHERE: dict[str, tuple[Any, Any]] = {
+    "fmus": (Fmus, Path("fmus")),
+    "fmi": (Version, 3),
+    "out": (Out, Path("results")),
+}
+_VEHICLE: dict[str, tuple[Any, Any]] = {"vehicle": (Vehicles, None)}
+NOTHING = 1e-20  # of a metric: below it there is nothing to compare
+EVERYWHERE = ("--fmus", "--fmi", "--vehicle", "--out", "--help")
+"""Options of every experiment, which say nothing about one of them."""
+
+
+# ------------------------------------------------------------------------------------------------------ the commands
+
+
+def run_command(experiment: Experiment) -> Any:
+    """The command that runs one case beside its baseline."""
+
+    def run(**given: Any) -> None:
+        run_case(experiment, _case(experiment, given), _fmu_set(experiment, given), given["out"])
+
+    options = {f.attribute: (Annotated[_type(f), _option(f)], f.default) for f in fields(experiment.case)}
+    return _command(run, experiment, {**options, **_own_files(experiment), **_EVERYWHERE}, "One run: metrics on the screen, time histories as CSV.")  # fmt: skip
+
+
+def study_command(experiment: Experiment) -> Any:
+    """The command that runs a study and writes its report."""
+    own_plan = experiment.plan is not None
+    plan_options = _plan_options(experiment)
+
+    def study(**given: Any) -> None:
+        chosen = {k: given[k] for k in plan_options}
+        tasks = None if own_plan else _grid(experiment, chosen)
+        write_study(
+            experiment, _fmu_set(experiment, given), given["out"], tasks=tasks, options=chosen if own_plan else {},
+            processes=given["processes"], retry_failed=given["retry_failed"], force=given["force"],
+        )  # fmt: skip
+
+    options = {
+        **plan_options,
+        **_own_files(experiment),
+        **_EVERYWHERE,
+        "processes": (Processes, None),
+        "force": (Force, False),
+        "retry_failed": (Retry, False),
+    }
+    what = "The whole study" if own_plan else "All combinations of the values given for each option"
+    return _command(study, experiment, options, f"{what}; writes results/{experiment.name}/report.html.")
+
+
+def run_case(experiment: Experiment, case: Any, fmus: FmuSet, out: Path) -> None:
+    """Run one case beside its baseline: a table on the screen, time histories and metrics as files.
+
+    Raises:
+        ComponentError: a component failed; the file holds what was recorded.
+    """
+    folder = make_folder(out / experiment.name)
+    path = folder / f"{case.label}.csv"
+    baseline = experiment.baseline(case) if experiment.baseline else None
+    with Runner(experiment, fmus) as runner:
+        with kept_recording(path):
+            run = runner.run(case, csv=path, progress=True)
+        runs, measured = {_short(case): run}, {_short(case): experiment.measure(run)}
+        remarks = experiment.remarks(run) if experiment.remarks else ()
+        if baseline is not None and baseline != case:
+            beside = runner.run(baseline)
+            runs = {_short(baseline): beside, **runs}
+            rows = experiment.measure(run), experiment.measure(beside)
+            more = experiment.compared(*rows) if experiment.compared else {}
+            measured = {_short(baseline): rows[1], _short(case): {**rows[0], **more}}
+        show(metric_table(measured, experiment.metrics or _plain(measured), relative=experiment.relative))
+        for remark in remarks:
+            console.print(f"note: {remark}")
+        if (page := resolved(experiment.page)) is not None:
+            console.print(f"page: {page(runs, fmus, folder / case.label)}")
+    summary = path.with_suffix(".json")
+    write_summary(summary, measured)
+    console.print(f"{path} and {summary.name}; {run.recording.real_time_factor:.0f}x real time")
+
+
+def write_study(experiment: Experiment, fmus: FmuSet, out: Path, **options: Any) -> Path:
+    """Run a study under a progress bar and write its page; ``options`` as for :func:`cosim.study.run_study`."""
+    from cosim.report import write_report  # fails where [reports] is missing: before the work, not after
+
+    folder = make_folder(out / experiment.name)
+    for part in experiment.every:
+        fmus.paths(part.fmus)
+    with progress_bar(f"study {experiment.name}") as progress:
+        results = run_study(experiment, fmus, folder / ".runs", progress=progress, **options)
+    failures = results.failures
+    for name, message in list(failures.items())[:5]:
+        console.print(f"failed: {name}: {message}", markup=False)
+    if failures:
+        console.print(f"{len(failures)} of {len(results.tasks)} runs failed; --retry-failed runs them again")
+    make = resolved(experiment.report)
+    report = make(results, fmus) if make is not None else default_report(experiment, results, fmus)
+    page = write_report(report, folder)
+    console.print(f"report: {page}")
+    return page
+
+
+# ------------------------------------------------------------------------------------------------------- their parts
+
+
+def _command(
+    function: Callable[..., None], experiment: Experiment, options: Mapping[str, tuple[Any, Any]], help: str
+) -> Any:
+    kinds = inspect.Parameter.KEYWORD_ONLY
+    function.__signature__ = inspect.Signature(  # type: ignore[attr-defined]
+        [inspect.Parameter(n, kinds, default=d, annotation=a) for n, (a, d) in options.items()]
+    )
+    function.__annotations__ = {n: a for n, (a, _) in options.items()}
+    function.__doc__ = f"{experiment.title}. {help}" if experiment.title else help
+    app = typer.Typer(**APP)
+    app.command(experiment.name, cls=Command)(function)
+    return typer.main.get_command(app)
+
+
+def _type(f: Field) -> Any:
+    return f.type | None if f.optional else f.type
+
+
+def _option(f: Field) -> Any:
+    """The option of a field. Ranges and choices are checked by the case, whose messages say more."""
+    about = f.option
+    metavar = None
+    if about.choices is not None:
+        metavar = one_of(map(str, about.choices), f"FILE{about.files}" if about.files else "")
+    names = [f"--{n}" for n in (f.name, *about.aliases)]
+    if f.type is bool:
+        names = [f"--{f.name}/--no-{f.name}"] if f.default else names
+    return typer.Option(*names, metavar=metavar, help=f"{about.help} [{about.unit}]" if about.unit else about.help)
+
+
+def _case(experiment: Experiment, given: Mapping[str, Any]) -> Any:
+    return experiment.case(**{f.attribute: given[f.attribute] for f in fields(experiment.case)})
+
+
+def _short(case: Any) -> str:
+    """What a case is called beside its baseline: the controller, where there is one."""
+    return str(getattr(case, "controller", None) or "run")
+
+
+def _plan_options(experiment: Experiment) -> dict[str, tuple[Any, Any]]:
+    """Options of a plan that is a function; of one that is not there, each option of the cases, given as often as one likes."""
+    if callable(experiment.plan):
+        parameters = inspect.signature(experiment.plan, eval_str=True).parameters.values()
+        return {p.name: (p.annotation, p.default) for p in parameters if _is_option(p.annotation)}
+    if experiment.plan is not None:
+        return {}
+    return {
+        f.attribute: (Annotated[list[f.type] | None, _option(f)], None)  # type: ignore[name-defined]
+        for f in fields(experiment.case)
+    }
+
+
+def _is_option(annotation: Any) -> bool:
+    return any(isinstance(m, typer.models.OptionInfo) for m in getattr(annotation, "__metadata__", ()))
+
+
+def _grid(experiment: Experiment, given: Mapping[str, list[Any] | None]) -> list[Any]:
+    axes = {name: values for name, values in given.items() if values}
+    if not axes:
+        first = fields(experiment.case)[0].name if fields(experiment.case) else "OPTION"
+        raise CaseError(f"{experiment.name} has no plan: give the values to run over, such as --{first} A --{first} B")
+    return grid(experiment.case, **axes)
+
+
+def _own_files(experiment: Experiment) -> dict[str, tuple[Any, Any]]:
+    return _VEHICLE if experiment.own_fmus is not None else {}
+
+
+def _fmu_set(experiment: Experiment, given: Mapping[str, Any]) -> FmuSet:
+    """The FMUs of an experiment, with those of a user's files."""
+    make = resolved(experiment.own_fmus)
+    if make is None:
+        return FmuSet(given["fmus"], given["fmi"])
+    case = _case(experiment, given) if all(f.attribute in given for f in fields(experiment.case)) else None
+    found: FmuSet = make(experiment.name, given["fmus"], given["fmi"], given["vehicle"], case)
+    return found
+
+
+def _plain(measured: Mapping[str, Row]) -> dict[str, Metric]:
+    return {k: Metric(k) for row in measured.values() for k, v in row.items() if isinstance(v, int | float)}
+
+
+def metric_table(measured: dict[str, Row], metrics: Mapping[str, Metric], *, relative: bool = False) -> Table:
+    """Metrics of several runs side by side; one that a run does not have is a dash.
+
+    ``relative``: the last run's also as per cent of the first one's; a dash where that is nothing but rounding.
+    """
+    first, last = next(iter(measured)), next(reversed(measured))
+    relative = relative and first != last
+    table = Table("metric", *measured, *[f"{last}, per cent of {first}"] * relative, box=None)
+    for key, metric in metrics.items():
+        cells = [metric.shown(row.get(key)) for row in measured.values()]
+        if relative:
+            base, value = (measured[n].get(key) for n in (first, last))
+            cells.append("-" if value is None or not base or abs(base) <= NOTHING else f"{100 * value / base:.1f}")
+        table.add_row(Text(metric.heading), *cells)
+    return table
+
+
+@contextmanager
+def progress_bar(title: str) -> Iterator[Progressed]:
+    """A bar on the terminal; the function that it gives is called with (done, total)."""
+    columns = [
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeElapsedColumn(),
+        TimeRemainingColumn(),
+    ]
+    with Progress(*columns, console=console) as bar:
+        task = bar.add_task(title, total=None)
+        try:
+            yield lambda done, total: bar.update(task, completed=done, total=total)
+        except KeyboardInterrupt:
+            raise KeyboardInterrupt(
+                "interrupted; finished runs are kept, the same command continues from there"
+            ) from None
+
+
+@contextmanager
+def kept_recording(csv: Path) -> Iterator[None]:
+    """Around a run that writes ``csv``: when it fails or is interrupted, say what the file holds."""
+    try:
+        yield
+    except (ComponentError, Interrupted) as error:
+        if error.recording is not None and len(error.recording):
+            console.print(f"{csv} holds the run up to t = {error.time:g} s")
+        raise
+
+
+def write_summary(path: Path, measured: Mapping[str, Row]) -> None:
+    """Metrics of runs by name as a JSON file."""
+    safe_files.write(path, json.dumps(measured, indent=1) + "\n")
+
+
+def make_folder(path: Path) -> Path:
+    """The folder, made and tried out before any work is done; OSError that says what to do."""
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+        tempfile.TemporaryFile(dir=path).close()
+    except OSError as error:
+        raise OSError(f"cannot write to {path} ({error.strerror}); choose another directory with --out") from None
+    return path
+
+
+__all__ = [
+    "Case",
+    "CosimError",
+    "make_folder",
+    "metric_table",
+    "progress_bar",
+    "run_case",
+    "run_command",
+    "study_command",
+    "write_study",
+]

@@ -1,0 +1,214 @@
+"""Runs the tasks of a study on whatever executor it is given; nothing that was finished is ever run again.
+
+Each task's result is stored as it comes. A task that fails is a row with its message and does not end the study; one whose
+process dies (an FMU can take it along) is tried once more by itself, so that only the culprit is lost.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import os
+import shutil
+import threading
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, wait
+from contextlib import AbstractContextManager, contextmanager, nullcontext
+from pathlib import Path
+from typing import Any
+
+from cosim.study import key
+from cosim.study.case import values
+from cosim.study.experiment import Experiment, Row, Search, Task
+from cosim.study.fmus import FmuSet
+from cosim.study.loading import load
+from cosim.study.processes import local_processes
+from cosim.study.results import Results
+from cosim.study.runner import Runner, entry_key
+from cosim.study.store import NotStored, RunStore
+
+DIED = "the process that ran it ended without a word, which an FMU that crashes does to it"
+Progressed = Callable[[int, int], None]
+
+
+def run_study(
+    experiment: Experiment,
+    fmus: FmuSet,
+    store: Path,
+    *,
+    tasks: Iterable[Any] | None = None,
+    options: Mapping[str, Any] | None = None,
+    executor: Executor | None = None,
+    processes: int | None = None,
+    retry_failed: bool = False,
+    force: bool = False,
+    progress: Progressed = lambda done, total: None,
+) -> Results:
+    """Run a study; what is in ``store`` already is taken from there.
+
+    Args:
+        experiment: what is run.
+        fmus: the FMU files.
+        store: folder of finished runs.
+        tasks: other tasks (or cases) than those of the experiment's plan.
+        options: of the plan.
+        executor: where tasks run; None: processes on this machine. Its workers see the same files.
+        processes: how many, on this machine; None: one per core.
+        retry_failed: run again what failed earlier.
+        force: discard what is stored and run everything.
+        progress: called with (done, total).
+
+    Raises:
+        FileNotFoundError: an FMU is missing; nothing was run.
+        KeyboardInterrupt: by Ctrl-C; what was finished is stored.
+    """
+    todo = experiment.tasks(**(options or {})) if tasks is None else experiment.placed(tasks)
+    by_part: dict[str, list[Any]] = {}
+    for task in todo:
+        by_part.setdefault(_part(task), []).append(task)
+    for name in by_part:
+        fmus.paths(experiment.part(name).fmus)
+    if force and store.exists():
+        shutil.rmtree(store)
+    salts = {name: _salt(experiment.part(name), name, fmus, own) for name, own in by_part.items()}
+    kept = {name: RunStore(store, salt) for name, salt in salts.items()}
+    entries: dict[int, Row] = {}
+    for i, task in enumerate(todo):
+        try:
+            entry = kept[_part(task)].get(task_key(task))
+        except NotStored:
+            continue
+        if not (retry_failed and "failed" in entry):
+            entries[i] = entry
+    progress(len(entries), len(todo))
+    order = sorted((i for i in range(len(todo)) if i not in entries), key=lambda i: -getattr(todo[i], "cost", 1.0))
+    ship = (experiment.module or experiment, fmus, store, salts)
+    if order:
+        for i, entry in _finished(ship, todo, order, executor, processes):
+            entries[i] = kept[_part(todo[i])].put(task_key(todo[i]), entry)
+            progress(len(entries), len(todo))
+    return Results(todo, (entries[i] for i in range(len(todo))))
+
+
+def task_key(task: Task | Search) -> Any:
+    """Key of a task's entry in a store."""
+    if isinstance(task, Task):
+        return entry_key(task.case, signals=task.signals)
+    return ["search", type(task).__name__, dataclasses.asdict(task)]  # type: ignore[call-overload]
+
+
+def _part(task: Any) -> str:
+    return getattr(task, "part", "")
+
+
+def _salt(experiment: Experiment, part: str, fmus: FmuSet, tasks: list[Any]) -> str:
+    """What all runs of an experiment depend on, or of its part of this name; two parts may be alike in everything else."""
+    searches = [t for t in tasks if not isinstance(t, Task)]
+    found = key.salt(experiment, fmus, _files(experiment, fmus, tasks), searches)
+    return f"{part}|{found}" if part else found
+
+
+def _files(experiment: Experiment, fmus: FmuSet, tasks: list[Any]) -> list[Path]:
+    """FMU files of an experiment that does not name them: those of the systems that it wires."""
+    if experiment.fmus:
+        return []
+    found: set[Path] = set()
+    seen = set()
+    for case in (t.case for t in tasks if isinstance(t, Task)):
+        structure = experiment.structure(case) if experiment.structure else None if experiment.configure else case
+        if structure not in seen:
+            seen.add(structure)
+            with experiment.wire(fmus, case) as system:
+                found |= set(system.fmu_files)
+    return sorted(found)
+
+
+def _finished(
+    ship: tuple[Any, ...], todo: list[Any], order: list[int], executor: Executor | None, processes: int | None
+) -> Iterator[tuple[int, Row]]:
+    """(index, entry) of every task as it ends."""
+    alone: list[int] = []
+    with _executor(executor, min(processes or os.cpu_count() or 1, len(order))) as pool:
+        try:
+            yield from _collect(pool, ship, todo, order)
+        except _BrokenError as broken:
+            if executor is not None:
+                raise
+            alone = broken.left
+    for i in alone:  # each in a process of its own: whose dies is the culprit
+        with local_processes(1) as pool:
+            try:
+                yield from _collect(pool, ship, todo, [i])
+            except _BrokenError:
+                yield i, {"failed": DIED}
+
+
+@contextmanager
+def _executor(given: Executor | None, processes: int) -> Iterator[Executor]:
+    context: AbstractContextManager[Executor] = nullcontext(given) if given is not None else local_processes(processes)
+    with context as pool:
+        yield pool
+
+
+class _BrokenError(RuntimeError):
+    """Workers died; ``left`` are the tasks that have no result."""
+
+    def __init__(self, left: list[int]) -> None:
+        super().__init__(
+            "the executor's workers died; what was finished is stored, and the same study continues from there"
+        )
+        self.left = left
+
+
+def _collect(pool: Executor, ship: tuple[Any, ...], todo: list[Any], order: list[int]) -> Iterator[tuple[int, Row]]:
+    futures: dict[Future[Row], int] = {}
+    left = list(order)
+    try:
+        for i in order:
+            futures[pool.submit(work, ship, _shipped(todo[i]))] = i
+        pending = set(futures)
+        while pending:
+            ready, pending = wait(pending, return_when=FIRST_COMPLETED)
+            for future in ready:
+                entry = future.result()
+                left.remove(futures[future])
+                yield futures[future], entry
+    except BrokenExecutor:
+        raise _BrokenError(left) from None
+    finally:
+        for future in futures:
+            future.cancel()
+
+
+def _shipped(task: Task | Search) -> Any:
+    """A task as it goes to another process, where a class of cases made at run time is another one."""
+    return (task.part, values(task.case), task.signals) if isinstance(task, Task) else task
+
+
+_workers = threading.local()  # runners, per thread those of one study: a system runs one simulation at a time
+
+
+def work(ship: tuple[str | Experiment, FmuSet, Path, Mapping[str, str]], task: Any) -> Row:
+    """Do one task in a worker, which gets the experiment, FMUs, folder of the store and its salt by part with it; a failure is an
+    entry that says so."""
+    place, fmus, store, salts = ship
+    try:
+        experiment = load(place) if isinstance(place, str) else place
+        if isinstance(task, tuple):
+            part, given, signals = task
+            runner = _runner(experiment, part, fmus, store, salts)
+            return runner.entry(runner.experiment.case(**given), signals=signals)
+        return {"found": task(_runner(experiment, _part(task), fmus, store, salts))}
+    except Exception as error:
+        return {"failed": f"{type(error).__name__}: {error}"}
+
+
+def _runner(experiment: Experiment, part: str, fmus: FmuSet, store: Path, salts: Mapping[str, str]) -> Runner:
+    study = (experiment.name, experiment.module, fmus, str(store), salts)
+    if getattr(_workers, "study", None) != study:
+        for runner in getattr(_workers, "runners", {}).values():
+            runner.close()
+        _workers.study, _workers.runners = study, {}
+    runners: dict[str, Runner] = _workers.runners
+    if part not in runners:
+        runners[part] = Runner(experiment.part(part), fmus, RunStore(store, salts[part]))
+    return runners[part]

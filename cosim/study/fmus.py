@@ -1,0 +1,55 @@
+"""Which FMU files a study uses: those of a folder by name, or a user's own in their place."""
+
+from __future__ import annotations
+
+import shlex
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+
+@dataclass(frozen=True)
+class FmuSet:
+    """FMU files by name.
+
+    ``own``: FMUs of a user's files that stand in for published ones or beside them: published name -> name, and the options of
+    ``build-fmus`` that make it.
+    """
+
+    directory: Path = Path("fmus")
+    fmi: int = 3
+    own: Mapping[str, tuple[str, str]] = field(default_factory=dict, hash=False)
+
+    def name(self, published: str) -> str:
+        """Name of the FMU that stands for a published one."""
+        return self.own.get(published, (published, ""))[0]
+
+    def path(self, name: str) -> Path:
+        """An FMU file, by the published name, or by its path where the name ends in ``.fmu``.
+
+        Raises:
+            FileNotFoundError: it is not there; the message says how to build it.
+        """
+        if name.endswith(".fmu"):
+            if not Path(name).is_file():
+                raise FileNotFoundError(f"{name} does not exist")
+            return Path(name)
+        used, options = self.own.get(name, (name, ""))
+        path = self.directory / f"fmi{self.fmi}" / f"{used}.fmu"
+        if not path.is_file():
+            raise FileNotFoundError(f"{path} does not exist: run `{self.build_command(options)}` first")
+        return path
+
+    def paths(self, names: Iterable[str]) -> list[Path]:
+        """Several FMU files: all are there, or FileNotFoundError names the first that is not."""
+        return [self.path(n) for n in names]
+
+    @property
+    def own_paths(self) -> list[Path]:
+        """Those files of a user's own that are there."""
+        paths = {self.directory / f"fmi{self.fmi}" / f"{name}.fmu" for name, _ in self.own.values()}
+        return sorted(p for p in paths if p.is_file())
+
+    def build_command(self, options: str = "") -> str:
+        """The command that makes the files, those of a user's files or the published ones."""
+        return " ".join(["build-fmus", *([options] if options else []), "--out", shlex.quote(str(self.directory))])

@@ -1,0 +1,71 @@
+"""What the numbers of a run depend on besides its case; everything here is found, so that nothing can be forgotten.
+
+FMU files by content, a user's own and those that a case names among them; every module of the project (or of a user's folder) that wiring, run and measurement load, with the
+data files beside it; the versions of the libraries that those modules import, and of Python.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import inspect
+import platform
+import sys
+from collections.abc import Iterable
+from functools import cache, partial
+from importlib import metadata
+from pathlib import Path
+from typing import Any
+
+from build_fmus.sources import code_hash, imported, libraries
+from cosim.study import case, loading, runner
+from cosim.study.experiment import Experiment, Search
+from cosim.study.fmus import FmuSet
+
+RUNS = (case.__file__, loading.__file__, runner.__file__)  # modules between every experiment and the master
+
+
+def content_hash(paths: Iterable[Path]) -> str:
+    """Hash of names and contents of files, in the given order."""
+    digest = hashlib.sha256()
+    for path in paths:
+        digest.update(path.name.encode() + b"\0" + path.read_bytes())
+    return digest.hexdigest()
+
+
+def entry_modules(experiment: Experiment, searches: Iterable[Search] = ()) -> list[str]:
+    """Files of the modules in which an experiment's runs begin."""
+    parts = [p.func if isinstance(p, partial) else p for p in (*experiment.functions, *(type(s) for s in searches))]
+    if experiment.module.endswith(".py"):
+        parts.append(sys.modules[loading.module_name(experiment.module)])
+    files = {inspect.getsourcefile(inspect.getmodule(p)) for p in parts if inspect.getmodule(p) is not None}  # type: ignore[arg-type]
+    return sorted({*RUNS, *(f for f in files if f)})
+
+
+def code_files(experiment: Experiment, searches: Iterable[Search] = ()) -> list[Path]:
+    """All files that the numbers depend on, FMUs aside."""
+    return imported(entry_modules(experiment, searches))
+
+
+def salt(experiment: Experiment, fmus: FmuSet, files: Iterable[Path] = (), searches: Iterable[Search] = ()) -> str:
+    """One text that changes when anything does that all runs of a study depend on.
+
+    Args:
+        files: FMU files besides those that the experiment names.
+        searches: tasks of the study that are more than one run.
+    """
+    modules = entry_modules(experiment, searches)
+    paths = sorted({*fmus.paths(experiment.fmus), *fmus.own_paths, *files})
+    used = [f"{name} {version}" for name, version in versions(libraries(modules)).items()]
+    return "|".join([content_hash(paths), code_hash(modules), *used])
+
+
+def versions(imports: Iterable[str]) -> dict[str, str]:
+    """Versions of the distributions that provide top-level modules, and of Python."""
+    known = _distributions()
+    names = sorted({d for i in imports for d in known.get(i, ())})
+    return {"python": ".".join(platform.python_version_tuple()[:2]), **{n: metadata.version(n) for n in names}}
+
+
+@cache
+def _distributions() -> Any:
+    return metadata.packages_distributions()

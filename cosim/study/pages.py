@@ -1,0 +1,167 @@
+"""What the reports of all studies have alike: provenance, parameters of the FMUs that ran, sections that survive a failed
+run, and the report of a study that has none of its own."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from importlib import metadata
+from pathlib import Path
+from typing import Any
+
+from build_fmus.terminal import PACKAGE
+from cosim.fmu.file import Fmu
+from cosim.report import Figure, Panel, Parameter, Report, Section, Series, Table
+from cosim.report.checks import Scalar
+from cosim.study import key
+from cosim.study.case import Field, differing
+from cosim.study.experiment import Experiment, Metric, resolved
+from cosim.study.fmus import FmuSet
+from cosim.study.results import Results, RunFailed
+
+MOST_METRICS = 12  # that are drawn where an experiment does not say how its metrics are shown
+
+
+def provenance(experiment: Experiment, fmus: FmuSet, files: Iterable[Path] = ()) -> dict[str, Any]:
+    """Versions, papers and hashes of the FMU files for a report; ``files`` besides those that the experiment and its parts name."""
+    used = key.libraries(m for e in experiment.every for m in key.entry_modules(e))
+    found: dict[str, Any] = {"versions": {PACKAGE: metadata.version(PACKAGE), **key.versions(used)}}
+    if experiment.papers:
+        found["papers"] = dict(resolved(experiment.papers))
+    paths = dict.fromkeys([*fmus.paths(n for e in experiment.every for n in e.fmus), *files])
+    return {
+        **found,
+        "FMI version": f"{fmus.fmi}.0",
+        "FMUs (SHA-256)": {p.stem: key.content_hash([p]) for p in paths},
+    }
+
+
+def parameters(
+    file: Path, names: Sequence[str] | None = None, *, prefix: str = "", set_to: Mapping[str, Any] | None = None
+) -> list[Parameter]:
+    """Parameters of an FMU as it is on disk, with their units and sources.
+
+    Args:
+        file: the FMU.
+        names: which ones; None for all that are numbers or truth values.
+        prefix: put ahead of each name.
+        set_to: values that a study sets them to.
+    """
+    about = Fmu(file).description
+    chosen = about.parameters if names is None else {n: about.find(n, file.stem) for n in names}
+    given = set_to or {}
+    return [
+        Parameter(
+            f"{prefix}{name}",
+            given.get(name, v.start),
+            v.unit_name or "-",
+            "set by the study" if name in given else getattr(v, "source", None) or "the FMU does not say",
+        )
+        for name, v in chosen.items()
+        if v.type != "string"
+    ]
+
+
+def sections(study: Any, makers: Iterable[Callable[[Any], Section | list[Section]]]) -> list[Section]:
+    """Sections of a report in order; one that needs a run which failed says so in its place."""
+    made: list[Section] = []
+    for maker in makers:
+        try:
+            found = maker(study)
+            made += found if isinstance(found, list) else [found]
+        except RunFailed as error:
+            title = (maker.__doc__ or maker.__name__.strip("_").replace("_", " ")).partition("\n")[0].rstrip(".")
+            made.append(Section(title[:1].upper() + title[1:], [f"Left out: {error}"]))
+    return made
+
+
+def failed_section(results: Results) -> list[Section]:
+    """A table of the runs that failed; nothing where none did."""
+    failures = results.failures
+    if not failures:
+        return []
+    table = Table("failed-runs", "Runs that failed", ["run", "message"], [[k, v] for k, v in failures.items()])
+    text = (
+        f"{len(failures)} of {len(results.tasks)} runs failed. What needs them is open; --retry-failed runs them again."
+    )
+    return [Section("Failed runs", [text], tables=[table])]
+
+
+# ------------------------------------------------------------------------------------------------- a report by default
+
+
+def default_report(experiment: Experiment, results: Results, fmus: FmuSet) -> Report:
+    """Every run in a table, and every metric over each number that differs between the runs; those of parts by themselves."""
+    claims = resolved(experiment.claims)
+    own = results.of()
+    axes = ", ".join(f.name.replace("-", " ") for f in differing(own))
+    parts = [s for part in experiment.every[1:] for s in _runs(part, results.of(part.name), f"{part.name}-")]
+    return Report(
+        experiment=experiment.name,
+        title=experiment.title or experiment.name,
+        lead=f"{len(results)} runs" + (f" over {axes}." if axes else "."),
+        claims=claims.judge(results) if claims is not None else (),
+        sections=[*_runs(experiment, own), *parts, *failed_section(results)],
+        provenance=provenance(experiment, fmus),
+    )
+
+
+def _runs(experiment: Experiment, results: Results, prefix: str = "") -> list[Section]:
+    """Sections on the runs of an experiment, or of a part, whose tables and figures are named with a prefix."""
+    axes = differing(results)
+    metrics = shown_metrics(experiment, results)
+    ran = results.ran
+    rows: list[list[Scalar]] = [
+        [*(getattr(c, f.attribute) for f in axes), *(_number(m, results[c].get(k)) for k, m in metrics.items())]
+        for c in ran
+    ]
+    columns = [*(f.text for f in axes), *(m.heading for m in metrics.values())]
+    about = f" of {experiment.name}" if prefix else ""
+    table = Table(f"{prefix}runs", f"All runs{about}", columns or ["run"], rows if columns else [[experiment.name]])
+    found = [Section(f"Runs{about}", [], tables=[table])]
+    curves = metrics if experiment.metrics else dict(list(metrics.items())[:MOST_METRICS])
+    drawn = [_figure(f, axes, curves, results, ran, prefix) for f in axes if f.type in (int, float)]
+    if drawn and metrics:
+        found.append(Section(f"What the metrics{about} depend on", [], figures=drawn))
+    return found
+
+
+def shown_metrics(experiment: Experiment, results: Results) -> dict[str, Metric]:
+    """Metrics and how they are shown: as the experiment says, else every number that was measured, by its own name."""
+    if experiment.metrics:
+        return dict(experiment.metrics)
+    names = dict.fromkeys(
+        k for c in results.ran for k, v in results[c].items() if isinstance(v, int | float) and not isinstance(v, bool)
+    )
+    return {n: Metric(n) for n in names}
+
+
+def _number(metric: Metric, value: Any) -> Scalar:
+    return metric.factor * value if isinstance(value, int | float) and not isinstance(value, bool) else value
+
+
+def _figure(
+    axis: Field, axes: list[Field], metrics: Mapping[str, Metric], results: Results, ran: list[Any], prefix: str
+) -> Figure:
+    """Every metric over one number; a curve for each combination of the other values."""
+    others = [f for f in axes if f is not axis]
+    curves: dict[str, list[Any]] = {}
+    for case in ran:
+        name = ", ".join(f"{f.name.replace('-', ' ')} {getattr(case, f.attribute)}" for f in others) or "runs"
+        curves.setdefault(name, []).append(case)
+    panels = []
+    for k, m in metrics.items():
+        series = []
+        for name, cases in curves.items():
+            points = sorted(
+                (getattr(c, axis.attribute), _number(m, results[c].get(k))) for c in cases if k in results[c]
+            )
+            if points:
+                x, y = zip(*points, strict=True)
+                series.append(Series(name, x, y, mode="line+markers"))
+        if series:
+            panels.append(Panel(m.text, _axis(axis), f"{m.text} [{m.unit or '-'}]", series))
+    return Figure(f"{prefix}over-{axis.name}", f"Metrics over {axis.name.replace('-', ' ')}", "", panels, columns=2)
+
+
+def _axis(f: Field) -> str:
+    return f.text if f.option.unit else f"{f.text} [-]"

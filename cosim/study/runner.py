@@ -1,0 +1,139 @@
+"""Runs cases of an experiment: systems are wired once per structure, reset and reused."""
+
+from __future__ import annotations
+
+import hashlib
+import warnings
+from collections.abc import Hashable, Sequence
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+from cosim import ComponentError, Recording, System, UnconnectedInputsWarning
+from cosim.study.case import check, named_files, values
+from cosim.study.experiment import Experiment, Row, Run
+from cosim.study.fmus import FmuSet
+from cosim.study.store import NotStored, RunStore
+
+SYSTEMS = 32  # that stay open; beyond that the one used longest ago is closed
+
+
+class Runner:
+    """Runs of one experiment in this process.
+
+    Args:
+        experiment: what is run.
+        fmus: the FMU files.
+        store: where finished runs are kept; None: nowhere.
+    """
+
+    def __init__(self, experiment: Experiment, fmus: FmuSet, store: RunStore | None = None) -> None:
+        self.experiment = experiment
+        self.fmus = fmus
+        self.store = store
+        self._systems: dict[Hashable, System] = {}
+
+    def __enter__(self) -> Runner:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
+        self.close()
+
+    def system(self, case: Any) -> System:
+        """The wired system of a case, with the parameters of this case set."""
+        check(case)
+        e = self.experiment
+        key: Hashable = e.structure(case) if e.structure else None if e.configure else case
+        system = self._systems.pop(key, None)
+        if system is None:
+            while len(self._systems) >= (1 if not (e.configure or e.structure) else SYSTEMS):
+                self._systems.pop(next(iter(self._systems))).close()
+            system = e.wire(self.fmus, case)
+        self._systems[key] = system
+        if e.configure is not None:
+            e.configure(system, case)
+        return system
+
+    def run(
+        self,
+        case: Any,
+        *,
+        csv: Path | None = None,
+        progress: bool = False,
+        record: Sequence[str] | None = None,
+        record_interval: Any = None,
+        stop_time: float | None = None,
+    ) -> Run:
+        """Run a case.
+
+        Args:
+            csv: file of the recording.
+            progress: show it.
+            record, record_interval, stop_time: others than the experiment's.
+
+        Raises:
+            ComponentError: a component failed (a diverging loop, for one); ``error.recording`` holds what was recorded.
+        """
+        e, system = self.experiment, self.system(case)
+        names = record or (e.record(case) if callable(e.record) else e.record)
+        interval = record_interval or (e.record_interval(case) if callable(e.record_interval) else e.record_interval)
+        end = (
+            stop_time if stop_time is not None else e.stop_time(system, case) if callable(e.stop_time) else e.stop_time
+        )
+        with warnings.catch_warnings():
+            if e.allow_unconnected:
+                warnings.simplefilter("ignore", UnconnectedInputsWarning)
+            recording = system.run(
+                end, record=names, record_interval=interval, stop_when=e.stop_when(system, case) if e.stop_when else (),
+                csv=csv, progress=progress,
+            )  # fmt: skip
+        return Run(case, recording, system)
+
+    def record(self, case: Any, **options: Any) -> Recording:
+        """The recording of :meth:`run`."""
+        found: Recording = self.run(case, **options).recording
+        return found
+
+    def entry(self, case: Any, *, signals: bool = False) -> Row:
+        """``metrics`` of a case, and ``signals`` if requested, as JSON values; stored if possible."""
+        if self.store is None:
+            return self._entry(case, signals=signals)
+        key = entry_key(case, signals=signals)
+        try:
+            found: Row = self.store.get(key)
+        except NotStored:
+            found = {"failed": ""}
+        if "failed" in found:  # whoever asks wants it run again
+            found = self.store.put(key, self._entry(case, signals=signals))
+        return found
+
+    def metrics(self, case: Any) -> Row:
+        """Metrics of a case; stored if possible."""
+        found: Row = self.entry(case)["metrics"]
+        return found
+
+    def _entry(self, case: Any, *, signals: bool) -> Row:
+        e = self.experiment
+        try:
+            run = self.run(case)
+        except ComponentError as error:
+            if e.failed is None:
+                raise
+            return {"metrics": e.failed(case, error)}
+        found: Row = {"metrics": e.measure(run)}
+        if signals and e.signals is not None:
+            found["signals"] = e.signals(run)
+        return found
+
+    def close(self) -> None:
+        """Free all FMUs."""
+        for system in self._systems.values():
+            system.close()
+        self._systems.clear()
+
+
+def entry_key(case: Any, *, signals: bool = False) -> Any:
+    """Key of a run in a store; files that the case names count by their contents, one that is not there as none."""
+    found = ["signals" if signals else "metrics", values(case)]
+    contents = [hashlib.sha256(p.read_bytes()).hexdigest() if p.is_file() else "" for p in named_files(case)]
+    return [*found, contents] if contents else found

@@ -1,0 +1,143 @@
+"""The pieces of a system: components with their rates and values, connections, groups."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from fractions import Fraction
+from typing import Any
+
+import numpy as np
+
+from cosim.component import Component
+from cosim.description import INTEGER_RANGE, Description, Variable, split_index
+from cosim.errors import WiringError
+
+
+@dataclass(eq=False)
+class Member:
+    """A component in a system, with its rate [s, exact] and the values it starts with."""
+
+    name: str
+    component: Component
+    step: Fraction
+    offset: Fraction
+    kind: str
+    values: dict[str, Any] = field(default_factory=dict)
+
+    @property
+    def description(self) -> Description:
+        return self.component.description
+
+    @property
+    def discrete(self) -> bool:
+        return self.kind == "discrete"
+
+    def set(self, values: Mapping[str, Any] | None = None, **more: Any) -> None:
+        """Parameters and start values for the next initialization, by variable name. A name without its index
+        (`gain.y`) takes an array for all of `gain.y[i,j]`, row major. Raises WiringError for unknown names, values
+        of the wrong type or shape, and values outside min and max."""
+        for name, value in {**(values or {}), **more}.items():
+            self.values.update(self.expand(name, value))
+
+    def expand(self, name: str, value: Any) -> dict[str, Any]:
+        """What `set` would set, element by element, without setting it."""
+        name = self.description.canonical(name)
+        names = self.description.arrays.get(name)
+        if names is None or name in self.description.variables:
+            variable = self.description.find(name, self.name)
+            return {name: _checked(self.name, variable, value)}
+        array = np.asarray(value)
+        shape = tuple(np.max([indices(n) for n in names], axis=0).tolist())
+        if array.shape != shape and not (array.ndim <= 1 and array.size == len(names)):
+            raise WiringError(f"{self.name}.{name} has shape {shape}, the value given has {array.shape}")
+        variables = self.description.variables
+        ordered = sorted(names, key=indices)
+        return {n: _checked(self.name, variables[n], v) for n, v in zip(ordered, array.ravel().tolist(), strict=True)}
+
+
+@dataclass(frozen=True)
+class Connection:
+    """source.output -> target.input, with target = scale * source + offset."""
+
+    source: Member
+    output: Variable
+    target: Member
+    input: Variable
+    delay: bool = False
+    extrapolate: bool = False
+    scale: float = 1.0
+    offset: float = 0.0
+
+    @property
+    def source_name(self) -> str:
+        return f"{self.source.name}.{self.output.name}"
+
+    @property
+    def target_name(self) -> str:
+        return f"{self.target.name}.{self.input.name}"
+
+    def __str__(self) -> str:
+        notes = []
+        if (self.scale, self.offset) != (1.0, 0.0):
+            notes.append(f"{self.output.unit_name} to {self.input.unit_name}")
+        if self.delay:
+            notes.append("one step of delay")
+        if self.extrapolate:
+            notes.append("extrapolated")
+        return f"{self.source_name} -> {self.target_name}" + (f" ({', '.join(notes)})" if notes else "")
+
+
+@dataclass(frozen=True)
+class Group:
+    """Continuous components that advance together, by one method."""
+
+    name: str
+    members: tuple[Member, ...]
+    method: str = "jacobi"
+
+
+def indices(name: str) -> tuple[int, ...]:
+    """`gain.y[2,3]` -> (2, 3)."""
+    return split_index(name)[1]
+
+
+def article(word: str) -> str:
+    return f"{'an' if word[:1].lower() in 'aeiou' else 'a'} {word}"
+
+
+def _checked(component: str, variable: Variable, value: Any) -> Any:
+    """The value in the variable's own type. Raises WiringError when it cannot be set or does not fit."""
+    name = f"{component}.{variable.name}"
+    settable = variable.causality in ("parameter", "input") or variable.initial in ("exact", "approx")
+    if variable.causality == "structuralParameter":
+        raise WiringError(f"{name}: structural parameters (array sizes) cannot be changed")
+    if variable.variability == "constant" or not settable:
+        raise WiringError(f"{name} cannot be set: it is {article(variable.causality)}, {variable.variability}")
+    if variable.type == "string":
+        return str(value)
+    if variable.type == "boolean":
+        if value not in (True, False, 0, 1):
+            raise WiringError(f"{name} is a Boolean, not {value!r}")
+        return bool(value)
+    try:
+        number = float(value)
+    except (TypeError, ValueError, OverflowError):
+        raise WiringError(f"{name} needs one number, not {value!r}") from None
+    if not math.isfinite(number):
+        raise WiringError(f"{name} must be finite, not {number}")
+    low, high = variable.minimum, variable.maximum
+    if (low is not None and number < low) or (high is not None and number > high):
+        limits = f"[{'-inf' if low is None else f'{low:g}'}, {'inf' if high is None else f'{high:g}'}]"
+        raise WiringError(f"{name} = {number:g} is outside {limits} {variable.unit_name}".rstrip())
+    if not variable.accepts(number):
+        raise WiringError(f"{name} {variable.refusal(number)}")
+    if variable.type == "integer":
+        if number != int(number):
+            raise WiringError(f"{name} is an Integer, not {value!r}")
+        low, high = INTEGER_RANGE.get(variable.fmi_type, INTEGER_RANGE["Int64"])
+        if not low <= int(value) <= high:
+            raise WiringError(f"{name} = {int(value)} does not fit into {variable.fmi_type}, {low} to {high}")
+        return int(value)
+    return number

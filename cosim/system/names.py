@@ -1,0 +1,86 @@
+"""The members of a system by name, and its variables by `component.variable`: the component's name ends at the first dot."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterable
+from typing import Any, NoReturn
+
+from cosim.description import RECORDABLE, Variable, split_index
+from cosim.errors import WiringError, did_you_mean
+from cosim.system.members import Member, article, indices
+
+
+class Members(dict[str, Member]):
+    """Members by name. Looking up one that is not there raises WiringError with the nearest name."""
+
+    def __missing__(self, name: str) -> NoReturn:
+        raise WiringError(f"no component '{name}'{did_you_mean(name, self)}")
+
+    def split(self, full: str) -> tuple[Member, str]:
+        """`component.variable` -> the member and the variable's own name. Raises WiringError for an unknown component."""
+        component, dot, variable = full.partition(".")
+        if not dot:
+            raise WiringError(f"'{full}': write component.variable")
+        return self[component], self[component].description.canonical(variable)
+
+    def canonical(self, full: str) -> str:
+        """`component.variable` with the variable's own name where that is an alias; other texts as they are."""
+        component, _, variable = full.partition(".")
+        member = self.get(component)
+        return full if member is None else f"{component}.{member.description.canonical(variable)}"
+
+    def select(self, patterns: str | Iterable[str] | None) -> list[tuple[Member, Variable]]:
+        """Variables by full name or pattern (`*`, `?`). A pattern selects outputs; where it fits none it selects
+        inputs, then local variables. None: every output that is no array element. Text variables are left out."""
+        if patterns is None:
+            return [
+                (m, v)
+                for m in self.values()
+                for v in m.description.outputs.values()
+                if not split_index(v.name)[1] and v.type in RECORDABLE
+            ]
+        chosen: dict[str, tuple[Member, Variable]] = {}
+        for pattern in [patterns] if isinstance(patterns, str) else patterns:
+            chosen.update((f"{m.name}.{v.name}", (m, v)) for m, v in self._fitting(pattern))
+        return list(chosen.values())
+
+    def _fitting(self, pattern: str) -> list[tuple[Member, Variable]]:
+        if not set("*?") & set(pattern):
+            member, name = self.split(pattern)
+            found = [(member, v) for v in elements(member, name)]
+            for _, variable in found:
+                if variable.type not in RECORDABLE:
+                    raise WiringError(f"'{pattern}' is {article(variable.fmi_type)} and cannot be recorded")
+            return found
+        fits = glob(pattern)
+        for causality in ("output", "input", "local"):
+            matching = [
+                (m, v)
+                for m in self.values()
+                for v in m.description.variables.values()
+                if v.causality == causality and v.type in RECORDABLE and fits_any(fits, m, v)
+            ]
+            if matching:
+                return matching
+        names = [f"{m.name}.{o}" for m in self.values() for o in m.description.outputs]
+        raise WiringError(f"'{pattern}' fits no variable{did_you_mean(pattern.replace('*', ''), names)}")
+
+
+def elements(member: Member, name: str) -> list[Variable]:
+    """A variable, or all elements of an array."""
+    about = member.description
+    if name in about.variables or name not in about.arrays:
+        return [about.find(name, member.name)]
+    return [about.variables[n] for n in sorted(about.arrays[name], key=indices)]
+
+
+def glob(pattern: str) -> Callable[[str], Any]:
+    """Predicate for names; only * and ? are special, brackets are part of names."""
+    text = re.escape(pattern).replace(r"\*", ".*").replace(r"\?", ".")
+    return re.compile(text).fullmatch
+
+
+def fits_any(fits: Callable[[str], Any], member: Member, variable: Variable) -> bool:
+    """Whether the full name, or one with an alias, fits."""
+    return any(fits(f"{member.name}.{n}") for n in member.description.names(variable))

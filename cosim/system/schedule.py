@@ -1,0 +1,157 @@
+"""The order in which a system runs, worked out once and readable as text."""
+
+from __future__ import annotations
+
+from collections.abc import Container, Iterable, Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+
+from cosim.errors import LoopError, WiringError
+from cosim.system.members import Connection, Group, Member
+from cosim.time import TimeBase, gcd
+
+
+@dataclass(frozen=True)
+class Schedule:
+    """What runs when. `discrete` in order of execution; `groups` of continuous components, each in declared order,
+    those without a group one by one; `lagging` are connections between discrete components that deliver the value of
+    the sample before, possible only into inputs without direct feed-through."""
+
+    tick: Fraction
+    discrete: tuple[Member, ...]
+    groups: tuple[Group, ...]
+    lagging: tuple[Connection, ...]
+    connections: tuple[Connection, ...]
+    unconnected: tuple[str, ...]
+
+    @property
+    def continuous(self) -> tuple[Member, ...]:
+        return tuple(m for group in self.groups for m in group.members)
+
+    @property
+    def members(self) -> tuple[Member, ...]:
+        return self.discrete + self.continuous
+
+    def time_base(self, start: Fraction) -> TimeBase:
+        return TimeBase(self.tick, start)
+
+    def __str__(self) -> str:
+        lines = [f"base tick {_seconds(self.tick)}", "", "At every instant, the components that are due:"]
+        if self.discrete:
+            lines.append("1. discrete, one after the other, each used at once:")
+            lines += [f"     {_rate(m)}" for m in self.discrete]
+        if self.continuous:
+            lines.append(f"{2 if self.discrete else 1}. continuous, from t to t + step with inputs as of t:")
+            single = [m for g in self.groups if g.method == "jacobi" for m in g.members]
+            if single:
+                lines.append("   Jacobi, side by side:")
+                lines += [f"     {_rate(m)}" for m in single]
+            for group in self.groups:
+                if group.method == "gauss-seidel":
+                    lines.append(
+                        f"   Gauss-Seidel '{group.name}', in this order, each sees those before it at t + step:"
+                    )
+                    lines += [f"     {_rate(m)}" for m in group.members]
+        lines += ["", f"{len(self.connections)} connections:", *(f"     {c}" for c in self.connections)]
+        if self.lagging:
+            lines += ["", "Inputs without direct feed-through that see the sample before:"]
+            lines += [f"     {c}" for c in self.lagging]
+        if self.unconnected:
+            lines += ["", "Unconnected inputs, at their start values:", *(f"     {name}" for name in self.unconnected)]
+        return "\n".join(lines)
+
+
+def _seconds(value: Fraction) -> str:
+    return f"{float(value):g} s" if float(value) == value or 10**9 % value.denominator == 0 else f"{value} s"
+
+
+def _rate(member: Member) -> str:
+    offset = f" from {_seconds(member.offset)}" if member.offset else ""
+    return f"{member.name} ({member.description.name}) every {_seconds(member.step)}{offset}"
+
+
+def make_schedule(
+    members: Iterable[Member],
+    connections: Iterable[Connection] = (),
+    groups: Iterable[Group] = (),
+    extra: Iterable[Fraction] = (),
+) -> Schedule:
+    """Schedule of components, of the connections between them and the groups among them. `extra` are further periods [s]
+    that the base tick must divide. Ties are settled by name, never by the order in which components were added. Raises
+    WiringError when there are no components and LoopError for a loop among discrete ones."""
+    members = sorted(members, key=lambda m: m.name)
+    if not members:
+        raise WiringError("the system has no components")
+    connections = tuple(sorted(connections, key=lambda c: c.target_name))
+    discrete, lagging = _order([m for m in members if m.discrete], connections)
+    return Schedule(
+        tick=gcd([*(m.step for m in members), *(m.offset for m in members), *extra]),
+        discrete=tuple(discrete),
+        groups=tuple(_groups(groups, [m for m in members if not m.discrete])),
+        lagging=tuple(lagging),
+        connections=connections,
+        unconnected=tuple(sorted(unconnected(members, {c.target_name for c in connections}))),
+    )
+
+
+def unconnected(members: Iterable[Member], targets: Container[str]) -> list[str]:
+    """Inputs that are not among the `targets` of connections and were given no start value."""
+    return [
+        f"{m.name}.{i}"
+        for m in members
+        for i in m.description.inputs
+        if f"{m.name}.{i}" not in targets and i not in m.values
+    ]
+
+
+def _groups(declared: Iterable[Group], continuous: list[Member]) -> Iterable[Group]:
+    ordered = sorted(declared, key=lambda g: g.name)
+    grouped = {m for g in ordered for m in g.members}
+    yield from (Group("", (m,)) for m in continuous if m not in grouped)
+    yield from ordered
+
+
+def _order(discrete: list[Member], connections: Sequence[Connection]) -> tuple[list[Member], list[Connection]]:
+    """Topological order of the discrete components, and the connections that had to be left behind.
+
+    A connection is firm when its input feeds through to some output of the target: the source must run first. Others
+    are followed where possible, and left behind (the input sees the sample before) only to break a loop.
+    """
+    undelayed = [c for c in connections if not c.delay and c.source.discrete and c.target.discrete]
+    firm = [c for c in undelayed if _feeds_through(c)]
+    waiting, order = list(discrete), []
+    while waiting:
+        ready = _without_source(waiting, undelayed) or _without_source(waiting, firm)
+        if not ready:
+            raise LoopError(_loop(waiting, firm))
+        order.append(ready)
+        waiting.remove(ready)
+    place = {m: i for i, m in enumerate(order)}
+    return order, [c for c in undelayed if place[c.source] >= place[c.target]]
+
+
+def _feeds_through(connection: Connection) -> bool:
+    about = connection.target.description
+    return any(connection.input.name in about.depends(output) for output in about.outputs)
+
+
+def _without_source(waiting: list[Member], connections: Sequence[Connection]) -> Member | None:
+    blocked = {c.target for c in connections if c.source in waiting}
+    return next((m for m in waiting if m not in blocked), None)
+
+
+def _loop(waiting: list[Member], firm: Sequence[Connection]) -> str:
+    """Name one loop, variable by variable, starting at its first component by name."""
+    into = {m: next(c for c in firm if c.target is m and c.source in waiting) for m in waiting}
+    member, seen = waiting[0], []
+    while member not in seen:
+        seen.append(member)
+        member = into[member].source
+    loop = [into[m] for m in seen[seen.index(member) :]][::-1]
+    first = min(range(len(loop)), key=lambda i: loop[i].source.name)
+    loop = loop[first:] + loop[:first]
+    path = "\n".join(f"    {c.source_name} -> {c.target_name}" for c in loop)
+    return (
+        f"the discrete components {', '.join(repr(c.source.name) for c in loop)} wait for each other at the same "
+        f"instant:\n{path}\nGive one of these connections delay=True (one step of delay) to say who comes first."
+    )

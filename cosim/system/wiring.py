@@ -1,0 +1,245 @@
+"""Components, connections and rates, checked while they are put together."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
+from fractions import Fraction
+from pathlib import Path
+from typing import Any, Literal
+
+from cosim.component import Component
+from cosim.description import Description, Variable
+from cosim.errors import WiringError, did_you_mean
+from cosim.fmu.component import FmuComponent
+from cosim.fmu.file import Fmu
+from cosim.system.members import Connection, Group, Member, article
+from cosim.system.names import Members, elements, fits_any, glob
+from cosim.system.schedule import Schedule, make_schedule, unconnected
+from cosim.time import TimeLike, positive, rational
+from cosim.units import UnitMismatchError, conversion
+
+Kind = Literal["discrete", "continuous"]
+
+
+class Wiring:
+    """What a system is made of: `members` by name, `connections` by the name of their target, `groups` by name."""
+
+    def __init__(self) -> None:
+        self.members = Members()
+        self.connections: dict[str, Connection] = {}
+        self.groups: dict[str, Group] = {}
+        self._fmus: dict[Path, Fmu] = {}
+
+    def __getitem__(self, name: str) -> Member:
+        return self.members[name]
+
+    # Putting it together.
+
+    def add(
+        self,
+        name: str,
+        fmu: str | os.PathLike[str] | Fmu | Component,
+        *,
+        step: TimeLike | None = None,
+        offset: TimeLike = 0,
+        kind: Kind | None = None,
+        parameters: Mapping[str, Any] | None = None,
+        start: Mapping[str, Any] | None = None,
+    ) -> Member:
+        """Add a component: the path of an FMU, a loaded `Fmu` or any `Component`.
+
+        `step` and `offset` [s] are exact: 0.001, "1/60", "10 ms". Without `step` a discrete component uses its sample
+        time, a continuous one the step size of its default experiment. `kind` is needed only for discrete foreign FMUs
+        (they do not say it). `parameters` and `start` set variables by name before every initialization.
+        """
+        if not name or "." in name or any(c.isspace() for c in name):
+            raise WiringError(f"a component's name may hold neither dots nor blanks: {name!r}")
+        if name in self.members:
+            raise WiringError(f"there is already a component '{name}'")
+        component = self._component(fmu)
+        about = component.description
+        kind = kind or about.kind or "continuous"  # type: ignore[assignment]
+        if kind not in ("discrete", "continuous"):
+            raise WiringError(f"component '{name}': kind is 'discrete' or 'continuous', not {kind!r}")
+        period = step if step is not None else (about.sample_time if kind == "discrete" else None) or about.default_step
+        if period is None:
+            raise WiringError(
+                f"component '{name}' ({about.name}) states no step of its own: give one, e.g. step='1 ms'"
+            )
+        begin = rational(offset, f"offset of '{name}'")
+        if begin < 0:
+            raise WiringError(f"component '{name}': the offset must not be negative, it is {offset}")
+        member = Member(name, component, positive(period, f"step of '{name}'"), begin, kind)
+        member.set(parameters)
+        member.set(start)
+        self.members[name] = member
+        return member
+
+    def _component(self, fmu: Any) -> Component:
+        if isinstance(fmu, str | os.PathLike):
+            path = Path(fmu).absolute()
+            if path not in self._fmus:
+                self._fmus[path] = Fmu(fmu)
+            fmu = self._fmus[path]
+        if isinstance(fmu, Fmu):
+            fmu.check_platform()
+            return FmuComponent(fmu)
+        if not (hasattr(fmu, "bind") and isinstance(getattr(fmu, "description", None), Description)):
+            raise WiringError(f"cannot use {fmu!r}: give the path of an .fmu file, an Fmu or a Component")
+        if any(member.component is fmu for member in self.members.values()):
+            raise WiringError("this component object is already in the system; make a second one")
+        return fmu  # type: ignore[no-any-return]
+
+    def connect(self, source: str, target: str, *, delay: bool = False, extrapolate: bool = False) -> list[Connection]:
+        """Connect an output to an input, or an array to an array by their names without index.
+
+        Units are checked and converted. `delay` gives the input the value of the source's step before (one step of
+        the source). `extrapolate` lets a continuous target see the line through the source's last two values, at the
+        middle of its step, instead of the last value (of a source ahead of it in a Gauss-Seidel group: interpolated
+        between the value before and the one just reached). Extrapolated both ways a coupling is of second order in the
+        exchange step, otherwise of first. Raises WiringError naming what does not fit.
+        """
+        from_member, output = self.members.split(source)
+        to_member, input_ = self.members.split(target)
+        outputs, inputs = elements(from_member, output), elements(to_member, input_)
+        if len(outputs) != len(inputs):
+            raise WiringError(f"{source} has {len(outputs)} element(s), {target} has {len(inputs)}")
+        made = [
+            self._connection((from_member, o), (to_member, i), delay=delay, extrapolate=extrapolate)
+            for o, i in zip(outputs, inputs, strict=True)
+        ]
+        self.connections.update((c.target_name, c) for c in made)
+        return made
+
+    def connect_matching(
+        self, source: str, target: str, pattern: str = "*", *, delay: bool = False, extrapolate: bool = False
+    ) -> list[Connection]:
+        """Connect every output of `source` whose name fits `pattern` (wildcards * and ?) to the input of the same name
+        of `target`, unless that input is connected already. Returns the connections; raises if there is none."""
+        from_member, to_member, fits = self[source], self[target], glob(pattern)
+        about, wanted = from_member.description, to_member.description
+        named = [(o.name, n) for o in about.outputs.values() for n in about.names(o) if fits(n)]
+        pairs: dict[str, str] = {}  # output by input
+        for output, name in sorted(
+            named, key=lambda pair: pair[0] != pair[1]
+        ):  # aliases after the variables' own names
+            input_ = wanted.canonical(name)
+            if input_ in wanted.inputs and f"{target}.{input_}" not in self.connections:
+                pairs.setdefault(input_, output)
+        if not pairs:
+            raise WiringError(
+                f"no output of '{source}' that fits '{pattern}' has a free input of the same name in '{target}'; "
+                f"outputs: {_some(from_member.description.outputs)}; inputs: {_some(to_member.description.inputs)}"
+            )
+        return [
+            c
+            for i, o in pairs.items()
+            for c in self.connect(f"{source}.{o}", f"{target}.{i}", delay=delay, extrapolate=extrapolate)
+        ]
+
+    def disconnect(self, pattern: str) -> list[str]:
+        """Remove the connections into the inputs whose full names fit `pattern` (`car.force.*`); returns the names.
+        Raises WiringError when there is none."""
+        fits = glob(pattern)
+        removed = [name for name, c in self.connections.items() if fits_any(fits, c.target, c.input)]
+        if not removed:
+            raise WiringError(f"'{pattern}' fits no connected input{did_you_mean(pattern, self.connections)}")
+        for name in removed:
+            del self.connections[name]
+        return removed
+
+    def group(
+        self,
+        name: str,
+        members: Sequence[str],
+        method: Literal["gauss-seidel", "jacobi"] = "gauss-seidel",
+        *,
+        extrapolate: bool = False,
+    ) -> Group:
+        """Let continuous components advance in the declared order, each using what those before it have just computed
+        (Gauss-Seidel), or side by side (Jacobi). `extrapolate` marks every connection from a continuous component
+        into the group made so far."""
+        if method not in ("gauss-seidel", "jacobi"):
+            raise WiringError(f"group '{name}': method is 'gauss-seidel' or 'jacobi', not {method!r}")
+        chosen = tuple(self[m] for m in members)
+        for member in chosen:
+            if member.discrete:
+                raise WiringError(f"group '{name}': '{member.name}' is discrete; groups are for continuous components")
+            other = next((g.name for g in self.groups.values() if member in g.members and g.name != name), None)
+            if other is not None:
+                raise WiringError(f"group '{name}': '{member.name}' is already in group '{other}'")
+        if len(set(members)) != len(members):
+            raise WiringError(f"group '{name}' names a component twice")
+        self.groups[name] = Group(name, chosen, method)
+        if extrapolate:
+            for target, c in list(self.connections.items()):
+                if c.target in chosen and not c.source.discrete and not c.delay:
+                    self.connections[target] = replace(c, extrapolate=True)
+        return self.groups[name]
+
+    def _connection(
+        self, origin: tuple[Member, Variable], goal: tuple[Member, Variable], *, delay: bool, extrapolate: bool
+    ) -> Connection:
+        (source, output), (target, input_) = origin, goal
+        names = f"{source.name}.{output.name} -> {target.name}.{input_.name}"
+        if output.causality not in ("output", "local"):
+            raise WiringError(f"{names}: '{output.name}' is no output but {article(output.causality)}")
+        if input_.causality != "input":
+            raise WiringError(f"{names}: '{input_.name}' is no input but {article(input_.causality)}")
+        already = self.connections.get(f"{target.name}.{input_.name}")
+        if already is not None:
+            raise WiringError(f"{names}: this input is already connected to {already.source_name}")
+        allowed = {("real", "real"), ("integer", "integer"), ("boolean", "boolean"), ("integer", "real")}
+        if (output.type, input_.type) not in allowed:
+            raise WiringError(f"{names}: types differ, {output.fmi_type} to {input_.fmi_type}")
+        if extrapolate and (source.discrete or target.discrete):
+            raise WiringError(f"{names}: extrapolation is between continuous components")
+        if extrapolate and delay:
+            raise WiringError(f"{names}: choose delay or extrapolation")
+        try:
+            scale, offset = conversion(output.unit, input_.unit, output.relative and input_.relative)
+        except UnitMismatchError as error:
+            raise WiringError(
+                f"units differ: {source.name}.{output.name} [{output.unit_name}] -> "
+                f"{target.name}.{input_.name} [{input_.unit_name}]: {error}"
+            ) from None
+        if output.constant is not None and not input_.accepts(value := scale * output.constant + offset):
+            raise WiringError(f"{names}: the input {input_.refusal(value)}")
+        return Connection(source, output, target, input_, delay, extrapolate, scale, offset)
+
+    # Looking at it.
+
+    @property
+    def fmu_files(self) -> list[Path]:
+        """The FMU files behind its components."""
+        return sorted(self._fmus)
+
+    def canonical(self, full: str) -> str:
+        """`component.variable` with the variable's own name where that is an alias; other texts as they are."""
+        return self.members.canonical(full)
+
+    def select(self, patterns: str | Iterable[str] | None) -> list[tuple[Member, Variable]]:
+        """Variables by full name or pattern (`*`, `?`). A pattern selects outputs; where it fits none it selects
+        inputs, then local variables. None: every output that is no array element. Text variables are left out."""
+        return self.members.select(patterns)
+
+    def unconnected(self) -> list[str]:
+        """Inputs that nothing drives and that were given no start value: they keep the FMU's own."""
+        return unconnected(self.members.values(), self.connections)
+
+    def schedule(self, *extra: Fraction) -> Schedule:
+        """The order in which everything runs; print it. Raises LoopError for a loop among discrete components.
+        `extra` are further periods the base tick must divide."""
+        return make_schedule(self.members.values(), self.connections.values(), self.groups.values(), extra)
+
+    def check(self) -> list[str]:
+        """Raise what is wrong with the system; returns `unconnected()`."""
+        self.schedule()
+        return self.unconnected()
+
+
+def _some(names: Iterable[str], count: int = 8) -> str:
+    listed = list(names)
+    return ", ".join(listed[:count]) + (", ..." if len(listed) > count else "") if listed else "none"

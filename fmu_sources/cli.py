@@ -1,0 +1,255 @@
+"""Command line ``build-fmus``: ties the catalog of components to the build pipeline."""
+
+from __future__ import annotations
+
+import functools
+import re
+import tempfile
+import time
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from rich.table import Table
+
+from build_fmus import builder, safe_files, terminal
+from build_fmus.builder import Options
+from build_fmus.compile import PLATFORMS
+from build_fmus.qp_sources import THIRD_PARTY as SOLVERS
+from build_fmus.sources import code_hash
+from build_fmus.terminal import Command, PackageVersion, console, one_of, show
+
+app = typer.Typer(**terminal.APP)
+FMI = {"2": (2,), "3": (3,), "both": (2, 3)}
+
+
+@dataclass(frozen=True)
+class UserFiles:
+    """Files of the user that FMUs are made of, instead of the published catalog."""
+
+    vehicle: Path | str | None = None  # a file, or with a road the name of a vehicle of this project
+    road: Path | None = None
+    preview: tuple[int, float] | None = None  # of the road: heights ahead, and the time between them [s]
+    weights: Path | None = None
+    source: Path | None = None  # Python file with components of the user's own
+    maker: str = "make"  # function in it
+    name: str | None = None  # of the FMU made of the road or weights file
+    period: float = 1e-3  # sample time of the law made of the weights file [s]
+
+    @property
+    def paths(self) -> list[Path]:
+        """The files that are given."""
+        return [p for p in (self.vehicle, self.road, self.weights, self.source) if isinstance(p, Path)]
+
+
+def load_catalog(user: UserFiles | None = None) -> dict[str, Any]:
+    """The default catalog, or the one of a user's files."""
+    from fmu_sources import catalog
+
+    published = catalog.default_catalog()
+    user = user or UserFiles()
+    if not user.paths:
+        return published
+    entries: dict[str, Any] = {}
+    vehicle = user.vehicle if isinstance(user.vehicle, Path) else None
+    if vehicle is not None:
+        entries = catalog.own_catalog(vehicle, catalog.catalog_suffix(vehicle))
+        if taken := sorted(entries.keys() & published):
+            raise ValueError(f"{vehicle} would replace the published {', '.join(taken)}; rename the file")
+        needed = {n for e in entries.values() for n in e.needs}
+        entries = {n: e for n, e in published.items() if n in needed} | entries
+
+    def add(path: Path, name: str, make: Callable[[str], Any]) -> None:
+        name = user.name or name
+        if name in published or name in entries:
+            raise ValueError(f"{path} would replace the FMU {name}; rename the file, or choose a name with --name")
+        entries[name] = make(name)
+
+    if (road := user.road) is not None:
+        name = f"Road{catalog.catalog_suffix(road)}"
+        add(road, name, lambda name: catalog.road_entry(road, name, user.vehicle or "hmmwv_modified", user.preview))
+    if (weights := user.weights) is not None:
+        name = catalog.weights_name(weights, vehicle)
+        add(weights, name, lambda name: catalog.preview_lq_entry(weights, name, user.period, vehicle))
+    if user.source is not None:
+        own = catalog.own_entry(user.source, user.maker)
+        if own.name in published:
+            raise ValueError(f"{user.source} would replace the published {own.name}; give the component another name")
+        entries[own.name] = own
+    return entries
+
+
+def build_entry(user: UserFiles, name: str, options: Options, versions: tuple[int, ...]) -> None:
+    """Make one catalog entry and write its FMUs (runs in worker processes)."""
+    with safe_files.anew(options.anew_since):
+        _build_entry(user, name, options, versions)
+
+
+def _build_entry(user: UserFiles, name: str, options: Options, versions: tuple[int, ...]) -> None:
+    from build_fmus.compile import ObjectCache, resolve_platforms
+    from build_fmus.package import build_fmu
+    from fmu_sources.catalog import PAPERS, Context
+
+    entry = load_catalog(user)[name]
+    component = entry.make(Context(options.out, options.cache))
+    component.bibliography = PAPERS
+    if options.qp is not None:
+        component.choose_backend(options.qp)
+    cache = ObjectCache(options.cache / "objects")
+    for fmi in versions:
+        data = build_fmu(component, fmi, resolve_platforms(options.platform), cache, arrays=options.arrays)
+        safe_files.write(options.target(name, fmi), data)
+
+
+def build(
+    names: list[str] | None,
+    options: Options,
+    *,
+    user: UserFiles | None = None,
+    force: bool = False,
+    report: Callable[[str, str], None] = lambda _name, _what: None,
+) -> list[str]:
+    """Build catalog entries (all when ``names`` is empty); returns the names that were not up to date."""
+    import fmu_sources
+    from fmu_sources.catalog import find
+
+    user = user or UserFiles()
+    catalog = load_catalog(user)
+    for name in names or ():
+        find(catalog, name)
+    try:
+        options.cache.mkdir(parents=True, exist_ok=True)
+        tempfile.TemporaryFile(dir=options.cache).close()
+    except OSError as error:
+        reason = error.strerror or error
+        raise OSError(f"cannot write to {options.out} ({reason}); choose another directory with --out") from None
+    root = Path(fmu_sources.__file__).parent
+    # Components and what builds them, with all that they import: laws are identified with the master.
+    sources = builder.source_hash(root, root.parent / "build_fmus") + code_hash(root.rglob("*.py"))
+    task = functools.partial(build_entry, user)
+    return builder.build(
+        catalog, names or list(catalog), options, sources=sources, task=task, report=report, force=force
+    )  # fmt: skip
+
+
+@app.command(cls=Command)
+def command(
+    names: Annotated[list[str] | None, typer.Argument(help="FMUs to build (all when none is given)")] = None,
+    fmi: Annotated[str, typer.Option(metavar=one_of(FMI), help="FMI version")] = "both",
+    platform: Annotated[
+        str,
+        typer.Option(
+            metavar=one_of(("host", "all", *PLATFORMS)), help="platforms of the binaries, comma between several"
+        ),
+    ] = "host",
+    vehicle: Annotated[
+        str | None,
+        typer.Option(help="vehicle file (TOML): its plant, roads and control laws; with --road also a vehicle's name"),
+    ] = None,
+    preview: Annotated[
+        str | None, typer.Option(help="preview of the road made by --road: heights x milliseconds, such as 16x30")
+    ] = None,
+    road: Annotated[Path | None, typer.Option(help="road file (CSV or OpenCRG) to make a road FMU of")] = None,
+    from_: Annotated[
+        str | None,
+        typer.Option("--from", help="Python file with a component of your own: FILE.py or FILE.py:FUNCTION (make)"),
+    ] = None,
+    weights: Annotated[
+        Path | None,
+        typer.Option(
+            help="weights file (TOML) to make a preview LQ law of: of the sedan, or of the car given by --vehicle"
+        ),
+    ] = None,
+    period: Annotated[float, typer.Option(help="sample time of the law made by --weights [s]")] = 1e-3,
+    name: Annotated[str | None, typer.Option(help="name of the FMU made by --road or --weights")] = None,
+    out: Annotated[Path, typer.Option(help="directory that receives fmi2/ and fmi3/")] = Path("fmus"),
+    fmi3_arrays: Annotated[bool, typer.Option(help="declare vectors and matrices as FMI 3.0 arrays")] = False,
+    qp: Annotated[
+        str | None,
+        typer.Option(metavar=one_of(SOLVERS), help="solver of quadratic programs (default: each component's own)"),
+    ] = None,
+    force: Annotated[
+        bool, typer.Option(help="build what is up to date too, with nothing that was kept in caches")
+    ] = False,
+    list_: Annotated[bool, typer.Option("--list", help="list the catalog and stop")] = False,
+    _version: PackageVersion = False,
+) -> None:
+    """Build FMUs from the component declarations."""
+    versions = FMI.get(fmi)
+    if versions is None:
+        raise ValueError(f"--fmi {fmi}: choose {_or(FMI)}")
+    if qp is not None and qp not in SOLVERS:
+        raise ValueError(f"--qp {qp}: choose {_or(SOLVERS)}")
+    file, _, maker = (from_ or "").partition(":")
+    user = UserFiles(
+        _vehicle(vehicle, road), road, _preview(preview, road), weights, Path(file) if file else None, maker or "make", name,
+        period,
+    )  # fmt: skip
+    for path in user.paths:
+        if not path.is_file():
+            raise FileNotFoundError(f"{path}: {'this is a folder' if path.is_dir() else 'no such file'}")
+    if name is not None and (road is None) == (weights is None):
+        raise ValueError("--name names the FMU made by --road or by --weights; give one of these files too")
+    if list_:
+        table = Table("FMU", "what it is", "needs first", box=None)
+        for entry in load_catalog(user).values():
+            table.add_row(entry.name, entry.summary, ", ".join(entry.needs))
+        show(table)
+        return
+    start = time.perf_counter()
+    total = {"built": 0, "up to date": 0}
+
+    def report(name: str, what: str) -> None:
+        total[what] += 1
+        if what == "built":
+            console.print(f"  built {name}")
+
+    options = Options(out, versions, platform, fmi3_arrays, qp)
+    build(names, options, user=user, force=force, report=report)
+    seconds = time.perf_counter() - start
+    console.print(f"{total['built']} built, {total['up to date']} up to date in {out}/ ({seconds:.1f} s)")
+
+
+def _or(names: Iterable[str]) -> str:
+    *first, last = names
+    return f"{', '.join(first)} or {last}"
+
+
+def _vehicle(given: str | None, road: Path | None) -> Path | str | None:
+    """A file, or beside a road the name of a published vehicle."""
+    from fmu_sources.vehicles import vehicle_names
+
+    if given is None or Path(given).exists():
+        return given if given is None else Path(given)
+    if given not in vehicle_names():
+        raise FileNotFoundError(f"{given}: no such file, nor a vehicle of this project ({', '.join(vehicle_names())})")
+    if road is None:
+        raise ValueError(
+            f"--vehicle {given} is a vehicle of this project: `build-fmus` makes its FMUs. Give a file of your own, or --road"
+        )
+    return given
+
+
+def _preview(given: str | None, road: Path | None) -> tuple[int, float] | None:
+    """``16x30`` as 16 heights 0.030 s apart."""
+    if given is None:
+        return None
+    if road is None:
+        raise ValueError("--preview is that of the road made by --road; give this file too")
+    match = re.fullmatch(r"(\d+)\s*x\s*(\d+(?:\.\d*)?)(?:\s*ms)?", given.strip())
+    if not match or int(match[1]) < 2 or float(match[2]) <= 0:
+        raise ValueError(f"--preview {given!r}: give heights x milliseconds between them, at least two, such as 16x30")
+    return int(match[1]), float(match[2]) / 1e3
+
+
+def main(program: str = "build-fmus", arguments: list[str] | None = None) -> None:
+    """Entry point; ``program`` is what it was called as, ``arguments`` are the command line's unless given."""
+    called = functools.partial(app, arguments, prog_name=program)
+    failures = (ValueError, KeyError, OSError, RuntimeError)
+    terminal.run(program, called, failures, "interrupted; finished FMUs are kept")
+
+
+if __name__ == "__main__":
+    main()

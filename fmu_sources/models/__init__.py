@@ -1,0 +1,1 @@
+"""What several components, and those who judge them, have in common."""

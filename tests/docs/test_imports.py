@@ -1,0 +1,111 @@
+"""Arrows between files: no circles, and between rooms only those of the table in docs/architecture.md.
+
+Imports are read, not run, wherever they stand: inside functions and under TYPE_CHECKING too.
+"""
+
+from __future__ import annotations
+
+import ast
+import re
+from collections.abc import Iterator
+from functools import cache
+from pathlib import Path
+
+from pages import ROOT, section
+
+PACKAGES = ("build_fmus", "cosim", "fmu_sources")
+CORE = ("cosim/*.py", "cosim/fmu/", "cosim/system/", "cosim/master/", "cosim/session.py", "cosim/__init__.py")
+
+
+@cache
+def files() -> frozenset[str]:
+    """All files of the packages, by their path from the root."""
+    found = (path for package in PACKAGES for path in (ROOT / package).rglob("*.py"))
+    return frozenset(path.relative_to(ROOT).as_posix() for path in found)
+
+
+@cache
+def graph() -> dict[str, set[str]]:
+    """Each file with the files that it imports."""
+    return {file: set(imports(file)) - {file} for file in files()}
+
+
+def imports(file: str) -> Iterator[str]:
+    for node in ast.walk(ast.parse((ROOT / file).read_bytes())):
+        if isinstance(node, ast.Import):
+            names = [alias.name for alias in node.names]
+        elif isinstance(node, ast.ImportFrom):
+            assert not node.level, f"{file}: write whole names instead of relative imports"
+            names = [f"{node.module}.{alias.name}" for alias in node.names]
+        else:
+            continue
+        yield from (module(n) for n in names if n.split(".")[0] in PACKAGES)
+
+
+def module(dotted: str) -> str:
+    """The file of a module, or of the one that holds what the last part names."""
+    path = dotted.replace(".", "/")
+    holder = path.rpartition("/")[0]
+    candidates = (f"{path}/__init__.py", f"{path}.py", f"{holder}/__init__.py", f"{holder}.py")
+    return next(file for file in candidates if file in files())
+
+
+def in_circles(arrows: dict[str, set[str]]) -> list[str]:
+    """The files of circles, and those between circles: what is left when files that import nothing, or that nobody
+    imports, are taken away until nothing changes."""
+    left = dict(arrows)
+    while True:
+        imported = set().union(*left.values())
+        ends = {file for file, others in left.items() if not others or file not in imported}
+        if not ends:
+            return sorted(left)
+        left = {file: others - ends for file, others in left.items() if file not in ends}
+
+
+@cache
+def rooms() -> dict[str, tuple[str, ...]]:
+    """Each room with the rooms it may import, from the table, lowest first."""
+    rows = re.findall(
+        r"^\| `([^`|]+)` \|[^|]*\|([^|]*)\|$", section("architecture.md", "Who may import whom"), re.MULTILINE
+    )
+    assert len(rows) > 10
+    return {one: tuple(re.findall(r"`([^`]+)`", arrows)) for one, arrows in rows}
+
+
+def room(file: str) -> str:
+    """The most specific room of a file: its own line, else its folder or those around, else the files of its folder."""
+    folder, *around = (p.as_posix() for p in Path(file).parents)
+    for candidate in (file, f"{folder}/*.py", f"{folder}/", *(f"{p}/" for p in around)):
+        if candidate in rooms():
+            return candidate
+    raise AssertionError(f"{file} belongs to no room: add one to the table in docs/architecture.md")
+
+
+def test_files_import_in_no_circle() -> None:
+    assert in_circles(graph()) == []
+
+
+def test_a_circle_is_found() -> None:
+    arrows = {"a": {"b", "x"}, "b": {"c"}, "c": {"a"}, "x": set(), "y": {"a"}}
+    assert in_circles(arrows) == ["a", "b", "c"]
+    assert in_circles({**arrows, "c": set()}) == []
+
+
+def test_rooms_import_only_rooms_below_them() -> None:
+    seen: list[str] = []
+    for one, arrows in rooms().items():
+        assert set(arrows) <= set(seen), f"{one} may import rooms that stand below it in the table"
+        seen.append(one)
+
+
+def test_files_import_what_their_room_may() -> None:
+    arrows = {(room(file), room(other)): (file, other) for file, others in graph().items() for other in others}
+    allowed = {(one, other) for one, others in rooms().items() for other in others}
+    wrong = {pair: files for pair, files in arrows.items() if pair[0] != pair[1] and pair not in allowed}
+    assert wrong == {}
+    assert allowed - arrows.keys() == set(), "the table in docs/architecture.md has arrows that nobody uses"
+
+
+def test_the_core_of_cosim_knows_neither_vehicles_nor_builds() -> None:
+    for one in CORE:
+        assert set(rooms()[one]) <= {*CORE, "build_fmus/safe_files/"}, one

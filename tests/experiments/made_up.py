@@ -1,0 +1,70 @@
+"""Runs and studies made by hand, to compare what is measured, tabled, drawn and said with known answers."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from cosim import Recording
+from cosim.report import Figure, Report, Series, Table
+from cosim.study import Experiment, Results, Run, Task
+
+
+@dataclass(frozen=True)
+class MadeUpRun(Run):
+    """A run whose start values are given instead of read from FMUs: ``system`` is a dictionary of them."""
+
+    def start(self, name: str) -> Any:
+        return self.system[name]
+
+
+def run(
+    case: Any,
+    time: np.ndarray,
+    signals: Mapping[str, Any],
+    starts: Mapping[str, Any],
+    units: Mapping[str, str] | None = None,
+) -> MadeUpRun:
+    """A run with these signals, arrays or numbers that do not change; one that is not given is not there."""
+    data = np.column_stack([np.broadcast_to(np.asarray(s, dtype=float), time.shape) for s in signals.values()])
+    return MadeUpRun(case, Recording(time, list(signals), data, dict(units or {})), dict(starts))
+
+
+def study(
+    experiment: Experiment,
+    metrics: Callable[[Any], Mapping[str, Any]],
+    signals: Callable[[Any], Mapping[str, Any]] = lambda _: {},
+    found: Callable[[Any], Any] | None = None,
+    **options: Any,
+) -> Results:
+    """A whole study, its plan with what functions of the case, and of each search, say; without searches where none does."""
+    tasks = [t for t in experiment.tasks(**options) if isinstance(t, Task) or found is not None]
+    entries: list[dict[str, Any]] = []
+    for t in tasks:
+        if isinstance(t, Task):
+            kept = {"signals": dict(signals(t.case))} if t.signals else {}
+            entries.append({"metrics": dict(metrics(t.case)), **kept})
+        elif found is not None:
+            entries.append({"found": found(t)})
+    return Results(tasks, entries)
+
+
+def table(report: Report, id_: str) -> list[dict[str, Any]]:
+    """Rows of a table, by heading."""
+    found: Table = next(t for s in report.sections for t in s.tables if t.id == id_)
+    return [dict(zip(found.columns, row, strict=True)) for row in found.rows]
+
+
+def series(report: Report, id_: str, panel: str, name: str) -> Series:
+    """A curve of a figure, by the panel's title and its own name."""
+    found: Figure = next(f for f in report.figures if isinstance(f, Figure) and f.id == id_)
+    return next(s for p in found.panels if p.title == panel for s in p.series if s.name == name)
+
+
+def axes(report: Report, id_: str) -> dict[str, tuple[str, str]]:
+    """Labels of the axes of a figure's panels, by the panel's title."""
+    found: Figure = next(f for f in report.figures if isinstance(f, Figure) and f.id == id_)
+    return {p.title: (p.x_label, p.y_label) for p in found.panels}

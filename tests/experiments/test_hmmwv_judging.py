@@ -1,0 +1,483 @@
+"""How paper 001 is judged, on studies in which nothing was run: verdicts, their reasons, and cases that do not exist."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from altered import altered, failed
+from hmmwv_made_up import is_finer, made_up_study, metric, watts
+
+from cosim.experiments.hmmwv.averages import Averages
+from cosim.experiments.hmmwv.claims import CLAIMS, STEPPED, unsettled
+from cosim.experiments.hmmwv.preview import runs as chains
+from cosim.experiments.hmmwv.preview.claims import CLAIMS as PREVIEW
+from cosim.experiments.hmmwv.preview.published import (
+    COMPENSATED,
+    HEIGHTS_MM,
+    PRINTED,
+    PRINTED_FED,
+    SPEEDOMETER_ERRORS,
+    generated,
+    long,
+    over,
+    words,
+)
+from cosim.experiments.hmmwv.preview.report import chain_section, generated_section
+from cosim.experiments.hmmwv.published import CONDITIONS, finer
+from cosim.experiments.hmmwv.pump import need
+from cosim.experiments.hmmwv.pump import section as pump_section
+from cosim.experiments.hmmwv.report import report
+from cosim.experiments.hmmwv.runs import CONTROLLERS, ROADS, Case, over_variants
+from cosim.experiments.hmmwv.statements import NAMES, ROAD_NAMES, STATEMENTS
+from cosim.experiments.hmmwv.tracking import runs as corners
+from cosim.experiments.hmmwv.tracking.claims import CLAIMS as TRACKING
+from cosim.experiments.hmmwv.tracking.published import DENSITIES, VARIANTS, largest_stable_density, robustness_case
+from cosim.experiments.hmmwv.tracking.runs import SIGNALS, square, sweep
+from cosim.report import Claim, Report, write_report
+from cosim.study import CaseError, Results
+
+
+def test_places_of_the_bump_cover_one_control_period():
+    cases = over_variants(Case("track", "lqr"))
+    assert [c.variant for c in cases] == list(range(6))
+    assert [c.variant for c in over_variants(Case("track", "lqr"), 2)] == [0, 3]
+    assert len(over_variants(Case("track", "passive"))) == 1  # nothing is sampled
+    assert len(over_variants(Case("off-road", "passive"))) == 5
+
+
+PARTS = {s.id for s in (*TRACKING, *PREVIEW)}
+
+
+def claims(study: Results) -> dict[str, Claim]:
+    """Claims on the vehicle; those on its parts have files of their own."""
+    return {c.id: c for c in CLAIMS.judge(study) if c.id not in PARTS}
+
+
+def judged(*changes) -> dict[str, Claim]:
+    return claims(made_up_study(*changes))
+
+
+def verdicts(*changes) -> dict[str, str]:
+    return {name: claim.verdict for name, claim in judged(*changes).items()}
+
+
+def test_the_paper_as_it_stands_is_reproduced():
+    found = judged()
+    assert {c.verdict for c in found.values() if not c.own} == {"reproduced"}
+    assert {c.verdict for c in found.values() if c.own} == {"holds"}
+
+
+def test_every_claim_says_how_it_is_judged():
+    assert [c.id for c in CLAIMS.judge(made_up_study()) if not c.criterion] == []
+
+
+def test_comparable_means_to_mpc():
+    """Skyhook and LQR alike among themselves, but far from MPC, are not what the paper says."""
+    assert verdicts(watts(4.0, road="track", controller="mpc"))["track-alike"] == "not reproduced"
+    assert verdicts(watts(5.4, road="track", controller="skyhook"))["track-alike"] == "reproduced"
+
+
+@pytest.mark.parametrize(
+    ("name", "change", "verdict"),
+    [
+        ("track-mpc-best", watts(3.5, road="track", controller="mpc"), "order reproduced, magnitude not"),
+        ("track-mpc-best", watts(5.2, road="track", controller="mpc"), "not reproduced"),
+        ("track-lqr", watts(7.0, road="track", controller="lqr"), "order reproduced, magnitude not"),
+        ("track-lqr", watts(12.5, road="track", controller="lqr"), "not reproduced"),
+        ("bump-preview", watts(2.0, road="bump", controller="mpc-preview"), "order reproduced, magnitude not"),
+        ("bump-preview", watts(4.9, road="bump", controller="mpc-preview"), "not reproduced"),
+        ("bump-threefold", watts(2.0, road="bump", controller="mpc-preview"), "order reproduced, magnitude not"),
+        ("bump-threefold", watts(13.0, road="bump", controller="mpc-preview"), "not reproduced"),
+        ("off-road-mpc-best", watts(7.5, road="off-road", controller="mpc"), "order reproduced, magnitude not"),
+        ("track-lqr", watts(6.1, road="track", controller="lqr", variant=1), "order reproduced, magnitude not"),
+    ],
+)
+def test_sizes_are_judged_within_bands(name, change, verdict):
+    assert verdicts(change)[name] == verdict
+
+
+@pytest.mark.parametrize(
+    ("name", "change"),
+    [
+        ("track-mpc-best", watts(5.3, road="track", controller="mpc", variant=4)),
+        ("off-road-mpc", watts(6.1, road="off-road", controller="mpc", variant=2)),
+        ("off-road-mpc-best", watts(8.2, road="off-road", controller="mpc", variant=2)),
+        ("off-road-travel", metric("travel_rms", 0.0121, road="off-road", controller="mpc", variant=2)),
+        ("bump-preview", watts(4.8, road="bump", controller="mpc-preview", variant=1)),
+        ("bump-saturation", metric("saturation", 0.031, road="bump", controller="mpc-preview", variant=1)),
+    ],
+)
+def test_one_stretch_or_place_on_the_other_side_is_enough(name, change):
+    """Means would still say so."""
+    found = judged(change)[name]
+    assert found.verdict == "not reproduced"
+    assert "on the claimed side in" in found.reason
+
+
+def test_travel_is_compared_with_skyhook_too():
+    assert verdicts(metric("travel_rms", 0.009, controller="skyhook"))["off-road-travel"] == "not reproduced"
+
+
+def test_each_statement_on_the_controlled_car_is_judged_without_and_with_the_pumps_limit():
+    found = judged(watts(9.0, road="track", flow_limit=True), watts(31.7, road="off-road", flow_limit=True))
+    assert found["track-lqr"].verdict == found["off-road-mpc"].verdict == "reproduced"
+    assert found["track-lqr-pump"].verdict == "order reproduced, magnitude not"
+    assert found["off-road-mpc-pump"].verdict == "not reproduced"
+    assert "pump without limit" in found["track-lqr"].claim
+    assert "45 l/min at each actuator" in found["track-lqr-pump"].claim
+    assert {f"{s.id}-pump" for s in STATEMENTS} <= set(found)
+
+
+def test_the_pump_that_carries_a_figure_is_found():
+    weak = [watts(9.0, road="track", pump_l_min=x, flow_limit=True, shared_pump=False) for x in (None, 60.0, 75.0)]
+    study = made_up_study(*weak)
+    needed = needs(study)
+    odd = made_up_study(watts(6.1, road="track", controller="mpc", pump_l_min=None, flow_limit=True, variant=1))
+    assert needs(odd)["track-mpc"].smallest.pump_l_min == 60.0
+    assert needed["track-mpc"].smallest.pump_l_min == 90.0
+    words = needed["track-mpc"].words(Averages(study))
+    assert words == "90 l/min at each actuator, not with 75 l/min"
+    assert needed["bump-threefold"].smallest.l_min(Averages(study)) == 45.0
+    never = made_up_study(watts(9.0, road="track", controller="mpc"))
+    assert needs(never)["track-mpc"].words(Averages(never)) == "no pump that was tried"
+    (table,) = (t for t in pump_section(Averages(study)).tables if t.id == "pump-needed")
+    assert [row[4] for row in table.rows if "MPC at least halves" in row[0]] == [words]
+    assert words in claims(study)["track-mpc-pump"].reason
+
+
+def test_a_pump_whose_run_failed_counts_as_not_tried():
+    case = next(c for c in made_up_study() if isinstance(c, Case) and c.pump_l_min == 75.0 and c.controller == "mpc")
+    study = failed(
+        made_up_study(
+            watts(9.0, road="track", pump_l_min=60.0), watts(9.0, road="track", pump_l_min=None, flow_limit=True)
+        ),
+        case,
+    )
+    needed = needs(study)["track-mpc"]
+    assert needed.words(Averages(study)) == "90 l/min at each actuator, not with 60 l/min"
+    assert claims(study)["track-mpc-pump"].verdict == "order reproduced, magnitude not"
+
+
+def needs(study: Results) -> dict[str, object]:
+    """What pump each statement takes."""
+    return {s.id: found for s in STATEMENTS if (found := need(Averages(study), s)) is not None}
+
+
+def test_the_pump_of_a_file_of_ones_own_is_named():
+    """Its flow, a quarter of it where four share it, and its place among the others."""
+    study = made_up_study(metric("flow_limit", 100.0))
+    found = claims(study)
+    assert found["track-mpc-pump"].claim.startswith("Test track, 100 l/min at each actuator: ")
+    assert [c.l_min(Averages(study)) for c in needs(study)["track-mpc"].conditions] == [
+        60,
+        75,
+        90,
+        100,
+        120,
+        float("inf"),
+    ]
+    (table,) = (t for t in pump_section(Averages(study)).tables if t.id == "pump")
+    assert table.columns[-1] == "25 l/min each, passive over it [-]"
+    assert "null opening of the unpowered spool, which damps the passive car: 7 mm" in (
+        judged(metric("null_opening", 0.007))["track-lqr"].fitted
+    )
+
+
+def test_nothing_over_nothing_is_open():
+    """No valve saturates under either law: less is neither right nor wrong, and no page shows what is no number."""
+    idle = metric("saturation", 0.0, road="bump", flow_limit=True, pump_l_min=None)
+    found = judged(idle)["bump-saturation-pump"]
+    assert found.verdict == "open"
+    nothing = "neither with preview nor without does a valve saturate at 6 of 6 places of the bump"
+    assert found.ours == f"{nothing}; absorbed power passive 12.00, MPC 4.71, MPC with preview 4.01 W"
+    assert found.reason == (
+        f"{nothing}, so there is nothing to compare; carried by: 60 l/min at each actuator, not with 45 l/min"
+    )
+    assert found.value is None
+    (table,) = (t for t in pump_section(Averages(made_up_study(idle))).tables if t.id == "pump-needed")
+    assert [row[2:4] for row in table.rows if "saturate less" in row[0]] == [(nothing, "33 %")]
+
+
+def test_nothing_over_nothing_somewhere_hides_no_place_that_is_against():
+    idle = metric("saturation", 0.0, road="bump", flow_limit=True, variant=2)
+    assert judged(idle)["bump-saturation-pump"].verdict == "open"
+    against = metric("saturation", 0.04, road="bump", flow_limit=True, controller="mpc-preview", variant=1)
+    found = judged(idle, against)["bump-saturation-pump"]
+    assert found.verdict == "not reproduced"
+    assert "on the claimed side in 4 of 5" in found.reason
+    assert "nan" not in found.ours
+
+
+def test_a_verdict_that_changes_with_the_steps_is_open():
+    """2.02 times as run, 1.98 times with half the steps."""
+
+    def change(run, row):
+        if run.road == "track" and run.controller == "lqr" and not run.flow_limit:
+            row["absorbed_power"] = 6.06 if is_finer(run) else 5.94
+
+    found = judged(change)
+    assert found["track-lqr"].verdict == "open"
+    assert "2.02 times" in found["track-lqr"].reason
+    assert "1.98 times" in found["track-lqr"].reason
+    assert found["converged"].verdict == "does not hold"
+    assert found["track-lqr-pump"].verdict == "reproduced"
+    assert unsettled(made_up_study(change)) == ["track-lqr"]
+
+
+def test_checks_of_ours_are_counted_apart():
+    assert {c.id for c in CLAIMS.judge(made_up_study()) if c.own} == {
+        "tracking-square", "tracking-sweep", "tracking-discrete-sweep", "off-road-kilonewton", "off-road-travel-limit",
+        "estimates-mpc", "estimates-mpc-preview", "sensed-preview", "converged", "solver", "preview-fed",
+    }  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("name", "change"),
+    [
+        ("off-road-kilonewton", watts(4.9, road="off-road", controller="lqr-kilonewton")),
+        ("off-road-travel-limit", metric("travel_peak", 0.064, road="off-road", controller="mpc", variant=3)),
+        ("estimates-mpc", watts(5.6, road="track", controller="mpc", states="estimated")),
+        ("sensed-preview", watts(4.4, road="bump", preview="sensed")),
+        ("solver", metric("solver_failures", 1, road="bump", controller="mpc", variant=3)),
+        ("solver", metric("solver_residual", 1e-3, road="bump", controller="mpc", variant=3)),
+    ],
+)
+def test_checks_follow_the_numbers(name, change):
+    assert verdicts(change)[name] == "does not hold"
+
+
+def test_what_was_chosen_stands_beside_the_verdict():
+    found = judged(watts(11.0, road="track", controller="passive", null_opening_mm=6.75),
+                   watts(9.0, road="track", controller="passive", null_opening_mm=4.0))  # fmt: skip
+    fitted = found["track-lqr"].fitted
+    assert "null opening" in fitted
+    assert "give 1.73 to 2.30 times, in and out of the band" in fitted
+    assert "class E of ISO 8608 is assumed" in found["off-road-mpc"].fitted
+    assert "0.75 to 1.20 times" in found["off-road-mpc"].fitted
+    assert all("null opening" in found[f"track-{c}{s}"].fitted for c in ("zero", "mpc") for s in CONDITIONS)
+
+
+def test_ratios_need_the_same_variants():
+    study = Averages(made_up_study())
+    with pytest.raises(ValueError, match="track-lqr has 6 variants, off-road-lqr 5"):
+        study.ratio(Case("track", "lqr"), Case("off-road", "lqr"))
+
+
+def test_a_failed_run_leaves_open_what_needs_it_and_nothing_else(fmus, tmp_path):
+    study = made_up_study()
+    broken = failed(study, Case("track", "lqr", variant=3))
+    changed = {k: v.verdict for k, v in claims(broken).items() if v.verdict != claims(study)[k].verdict}
+    assert changed == dict.fromkeys(("track-lqr", "track-alike", "track-mpc-best"), "open")
+    made = report(broken, fmus)
+    message = ("Left out: the run track-lqr-variant3 failed: ComponentError: it broke",)
+    assert [s.title for s in made.sections if s.paragraphs == message] == [
+        "Absorbed power", "Test track", "Estimated states and sensed preview", "What the hydraulics do, and what pump it takes",
+        "What the assumptions decide",
+    ]  # fmt: skip
+    assert message[0] in write_report(made, tmp_path).read_text(encoding="utf-8")
+
+
+def test_a_failed_run_with_finer_steps_leaves_its_claims_open():
+    study = failed(made_up_study(), finer(Case("track", "zero")))
+    changed = {k: v.verdict for k, v in claims(study).items() if v.verdict not in ("reproduced", "holds")}
+    assert changed == {"track-zero": "open", "track-mpc-best": "open", "converged": "does not hold"}
+
+
+def test_every_claim_on_the_vehicle_is_judged_at_both_steps():
+    own = {s.id for s in CLAIMS if s.own}
+    assert set(STEPPED) == {s.id for s in CLAIMS} - own - PARTS
+
+
+def test_the_report_has_no_number_that_no_run_gives(fmus, tmp_path):
+    """Every power in its tables is one that the made-up runs have: nothing is typed in beside them."""
+    study = made_up_study(*[watts(8.25, road=road) for road in ROADS])
+    made = report(study, fmus)
+    tables = {t.id: t for t in made.tables}
+    assert not any("expected" in column for t in tables.values() for column in t.columns)
+    for name in ("absorbed-power", "pump", "refinement"):
+        powers = [i for i, c in enumerate(tables[name].columns) if c.endswith("[W]")]
+        assert {row[i] for row in tables[name].rows for i in powers} - {None} == {8.25}
+    assert write_report(made, tmp_path).is_file()
+    assert (tmp_path / "tables" / "refinement.csv").is_file()
+
+
+def test_the_report_shows_what_refinement_changes(fmus):
+    study = made_up_study(
+        lambda run, row: row.update(absorbed_power=1.004 * row["absorbed_power"]) if is_finer(run) else None
+    )
+    (section,) = (s for s in report(study, fmus).sections if s.title == "Refinement of the steps")
+    (table,) = section.tables
+    assert {row[-1] for row in table.rows} == {0.4}
+    assert {(row[0], row[1]) for row in table.rows} == {(ROAD_NAMES[r], NAMES[c]) for r in ROADS for c in CONTROLLERS}
+    assert "No verdict changes" in section.paragraphs[0]
+    assert "exchange values every 0.5 ms" in section.paragraphs[0]
+    assert "an exchange every 0.25 ms" in section.paragraphs[0]
+
+
+def test_the_lqr_in_kilonewtons_is_shown_as_it_is(fmus):
+    kilonewton = {"road": "off-road", "controller": "lqr-kilonewton", "flow_limit": False}
+    study = made_up_study(watts(4.0, **kilonewton), metric("travel_peak", 0.105, **kilonewton))
+    (section,) = (s for s in report(study, fmus).sections if s.title == "Off road")
+    assert "it beats MPC. Its suspension moves up to 105 mm" in section.paragraphs[1]
+
+
+@pytest.mark.parametrize(
+    ("choice", "message"),
+    [
+        ({"road": "trak"}, "did you mean track"),
+        ({"controller": "skyhok"}, "did you mean skyhook"),
+        ({"actuators": "electric"}, "no actuators 'electric'"),
+        ({"controller": "passive", "actuators": "ideal"}, "--controller zero --actuators ideal"),
+        ({"speed_kmh": 0.0}, "speed 0 km/h"),
+        ({"speed_kmh": float("nan")}, "speed nan"),
+        ({"variant": 6}, "0 to 5 on the road 'track'"),
+        ({"road": "off-road", "variant": 5}, "0 to 4"),
+        ({"duration": 1e3}, "duration 1000 s"),
+        ({"null_opening_mm": 0.0}, "null opening 0 mm"),
+        ({"states": "guessed"}, "no states 'guessed'"),
+        ({"controller": "zero", "states": "estimated"}, "nothing to estimate"),
+        ({"actuators": "ideal", "states": "estimated"}, "--actuators hydraulic"),
+        ({"controller": "mpc", "preview_steps": 3}, "preview-steps is for the controller mpc-preview only"),
+        ({"preview": "sensed"}, "--states estimated"),
+        ({"preview_steps": 16}, "give 1 to 15"),
+        ({"preview": "sensed", "states": "estimated", "preview_error_ms": 5.0}, "has its own"),
+        ({"preview_error_ms": 1e3}, "preview error 1000 ms"),
+        ({"pump_l_min": 60.0}, "pump is for runs with --flow-limit only"),
+        ({"actuators": "ideal", "flow_limit": True}, "flow-limit is for hydraulic actuators only"),
+        ({"flow_limit": True, "pump_l_min": 0.0}, "1 to 1000 l/min"),
+        ({"solver_parts": 0}, "give 1 to 16"),
+    ],
+)
+def test_cases_that_do_not_exist(choice: dict, message: str) -> None:
+    with pytest.raises(CaseError, match=message):
+        Case(**choice)
+
+
+# ------------------------------------------------------------------------------------------------------------- the parts
+
+
+def test_signals():
+    assert [square(t) for t in (0.0, 0.4999, 0.5, 0.9999, 1.0)] == [2000, 2000, -2000, -2000, 2000]
+    t = np.linspace(0, 10, 2_000_001)
+    crossings = t[1:][np.diff(np.sign([sweep(x) for x in t[::20]])).nonzero()[0] * 20]
+    assert 0.5 / np.diff(crossings[:3]).mean() == pytest.approx(1.4, abs=0.3)
+    assert 0.5 / np.diff(crossings[-4:]).mean() == pytest.approx(10.0, abs=0.3)
+    assert SIGNALS["discrete sweep"][1] == 0.030
+
+
+@pytest.mark.parametrize(
+    ("choice", "words"),
+    [
+        ({"signal": "sqare"}, "did you mean square"),
+        ({"actuator": "oil"}, "no actuator 'oil'"),
+        ({"order": "gauss"}, "no order 'gauss'"),
+        ({"density": -1.0}, "density -1"),
+        ({"noise": -1.0}, "noise -1 N"),
+        ({"signal": "filter", "noise": 1.0}, "runs the filter of the desired force alone"),
+    ],
+)
+def test_runs_of_a_corner_that_do_not_exist(choice, words):
+    with pytest.raises(CaseError, match=words):
+        corners.Case(**choice)
+
+
+def well(study: Results) -> dict[str, bool]:
+    return {c.id: c.well for c in TRACKING.judge(study)}
+
+
+def test_claims_on_force_tracking_follow_the_numbers():
+    assert well(made_up_study()) == {
+        "tracking-filter": False,  # the made-up filter is at 1 after 23 ms
+        "tracking-square": True,
+        "tracking-sweep": True,
+        "tracking-discrete-sweep": True,
+        "tracking-difference": True,
+        "tracking-average": False,
+        "tracking-notches": True,
+    }
+    bad = well(made_up_study(worse=[next(iter(VARIANTS))]))
+    assert [bad[f"tracking-{n}"] for n in ("square", "sweep", "difference", "average", "notches")] == [
+        False,
+        False,
+        False,
+        True,
+        False,
+    ]
+
+
+def test_a_failed_run_of_a_corner_leaves_open_what_needs_it_and_nothing_else():
+    judged = TRACKING.judge(failed(made_up_study(), corners.Case("sweep", average=True)))
+    assert [c.id for c in judged if c.verdict == "open"] == ["tracking-average"]
+    assert "force-tracking: sweep-average failed" in next(c.reason for c in judged if c.verdict == "open")
+
+
+def test_margin_is_where_the_loop_becomes_unstable():
+    study = made_up_study()
+    assert largest_stable_density(study) == 1.1
+    assert largest_stable_density(study, leakage=5.0) == 1.1
+    rows = dict(study)
+    for density in DENSITIES:
+        case = robustness_case("step", density, 1.0)
+        rows[case] = {**rows[case], "late": 1.0}
+    assert largest_stable_density(rows) is None
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({"filter": "relativ"}, "did you mean relative"),
+        ({"speedometer_error": 1.0}, "speedometer-error is for the generated preview only"),
+        ({"preview": "generated", "noise": 1.0}, "noise is for the sensed preview only"),
+        ({"road": "track", "height_mm": 50.0}, "height is for one bump only"),
+    ],
+)
+def test_runs_of_the_chain_that_do_not_exist(given, message):
+    with pytest.raises(CaseError, match=message):
+        chains.Case(**given)
+
+
+def test_claims_and_sections_of_the_preview_chain():
+    """Every part of the report can be made; a flat road has no dip."""
+    study = made_up_study()
+    made = Report(
+        experiment="x",
+        title="x",
+        lead="x",
+        claims=PREVIEW.judge(study),
+        sections=[generated_section(study), chain_section(study)],
+    )
+    assert {c.id: c.verdict for c in made.claims} == {
+        "preview-dip": "not reproduced",
+        "preview-dip-compensated": "reproduced",
+        "preview-unstable": "not reproduced",
+        "preview-fed": "holds",
+        "preview-rate": "not reproduced",
+        "generated-loads": "reproduced",
+        "generated-drift": "not reproduced",
+    }
+    assert {f.id for f in made.figures} == {"preview-generated", "preview-chain", "preview-dropout"}
+    assert words(COMPENSATED) in [row[0] for t in made.tables for row in t.rows]
+
+
+def test_claims_on_the_preview_follow_the_numbers():
+    """The preview as the paper has it."""
+    small, big = HEIGHTS_MM
+    as_published = {
+        over(PRINTED, big): {"lowest": -0.04},
+        over(PRINTED, small): {"lowest": -0.012},
+        long(PRINTED_FED): {"spread": [0.01, 0.1, 1.0]},
+        generated(SPEEDOMETER_ERRORS[-1]): {"offsets": [0.15, 0.3]},
+    }
+    found = {c.id: c for c in PREVIEW.judge(altered(made_up_study(), as_published))}
+    assert [i for i, c in found.items() if not c.well] == ["preview-rate"]
+    assert found["preview-dip"].ours == "-40 mm after a bump of 76 mm, -12 mm after 30 mm"
+    assert found["preview-unstable"].ours.startswith(
+        "the error of the buffered road grows from 10.0 mm to 1.0 m in 20 s"
+    )
+    back = PREVIEW.judge(altered(made_up_study(), {long(PRINTED_FED): {"spread": [0.01, 0.2, 0.19]}}))
+    assert {c.id: c.verdict for c in back}["preview-unstable"] == "not reproduced"
+
+
+def test_a_failed_run_of_the_chain_leaves_open_what_needs_it_and_nothing_else():
+    judged = PREVIEW.judge(failed(made_up_study(), over(COMPENSATED, 76.0)))
+    assert [c.id for c in judged if c.verdict == "open"] == ["preview-dip-compensated"]

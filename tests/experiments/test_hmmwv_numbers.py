@@ -1,0 +1,729 @@
+"""What readers see of paper 001, from recordings and runs made by hand whose answers are known."""
+
+from __future__ import annotations
+
+import math
+import statistics
+import zlib
+from collections.abc import Iterable
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
+
+import hmmwv_made_up
+import made_up
+import numpy as np
+import pytest
+from altered import altered
+
+from cosim.experiments.hmmwv import EXPERIMENT, preview, runs, tracking
+from cosim.experiments.hmmwv.averages import Averages
+from cosim.experiments.hmmwv.claims import CLAIMS
+from cosim.experiments.hmmwv.preview import published as chains
+from cosim.experiments.hmmwv.published import PUMP, SHARED, estimated, finer
+from cosim.experiments.hmmwv.report import report
+from cosim.experiments.hmmwv.runs import METRICS, Case, measure, signals, start, stop_time
+from cosim.experiments.hmmwv.tracking import published as corners
+from cosim.experiments.steps import halved
+from cosim.report import Claim, Report
+from cosim.study import FmuSet, Results
+from fmu_sources.controllers.hmmwv_states import CORNERS
+from fmu_sources.models.comfort import absorbed_power_series, iso2631_rms
+
+# ------------------------------------------------------------------------------------------ a run of the vehicle by hand
+
+T = np.arange(4000) / 1000.0  # s
+STARTS = {"car.wheel.rl.x": -1.5, "actuator_fl.supply.flow_limit": 0.0005, "actuator_fl.valve.null_opening": 0.004}
+AZ = np.where(T < 2, 3.0, 1.0) * np.sin(2 * np.pi * 5 * T)
+
+
+def between(begin: float, end: float) -> np.ndarray:
+    return (begin - 1e-9 <= T) & (end - 1e-9 > T)
+
+
+def recording(case: Case, **others: Any) -> made_up.MadeUpRun:
+    """Each wheel, actuator and tracking with a signature of its own."""
+    columns: dict[str, Any] = {"speed.x": 10.0 * T, "car.body.az": AZ}
+    for i, k in enumerate(CORNERS):
+        columns[f"car.suspension.{k}.deflection"] = 0.01 * (i + 1)
+        columns[f"car.tire.{k}.force"] = 7000.0
+        columns[f"actuator_{k}.force"] = 100.0 * (i + 1)
+        columns[f"actuator_{k}.flow"] = 1e-4 * (i + 1)
+        columns[f"actuator_{k}.power"] = 500.0 * (i + 1)
+        columns[f"tracking_{k}.force.smoothed"] = 90.0 * (i + 1)
+        columns[f"tracking_{k}.valve.saturated"] = 0.0
+        columns[f"controller.force.{k}"] = 1000.0 * (i + 1)
+    columns["car.suspension.rr.deflection"] = np.where(between(1.0, 2.0), -0.065, 0.04)
+    columns["car.tire.rl.force"] = np.where(between(1.0, 1.4), 0.0, 7000.0)
+    columns["actuator_fr.force"] = np.where(between(0.5, 0.6), -5000.0, 200.0)
+    columns["actuator_fl.flow"] = np.where(between(1.0, 1.5), -1e-3, 1e-4)
+    columns["tracking_fr.valve.saturated"] = between(0.0, 1.0)
+    columns["controller.solver.status"] = between(1.0, 1.003)
+    columns["controller.solver.residual"] = np.where(between(1.0, 1.003), 2e-7, 1e-9)
+    return made_up.run(case, T, {**columns, **others}, STARTS)
+
+
+def rms(*parts: tuple[float, float]) -> float:
+    """Of (value, share) pairs."""
+    return math.sqrt(sum(v**2 * share for v, share in parts))
+
+
+def test_metrics_of_a_run_over_bumps() -> None:
+    found = measure(recording(Case("track", "mpc")))
+    power = absorbed_power_series(AZ, 1000.0)
+    peak = max(power[max(0, i - 1000) : i].sum() / 1000 for i in range(1, 4001))
+    assert found == pytest.approx({
+        "absorbed_power": peak, "absorbed_power_peak": peak, "absorbed_power_mean": power.mean(),
+        "iso2631_rms": iso2631_rms(AZ, 1000.0),
+        "travel_rms": rms((0.01, 0.25), (0.02, 0.25), (0.03, 0.25), (0.065, 0.0625), (0.04, 0.1875)),
+        "travel_peak": 0.065, "travel_over": 0.25, "lift_off": 0.1 / 4,
+        "force_rms": rms((100, 0.25), (200, 0.24375), (5000, 0.00625), (300, 0.25), (400, 0.25)), "force_peak": 5000.0,
+        "solver_failures": 3, "solver_residual": 2e-7, "flow_limit": 30.0, "null_opening": 0.004,
+        "flow_peak": (1e-3 + 9e-4) * 60000, "flow_mean": (0.5 * 1e-3 + 0.5 * 1e-4 + 9e-4) * 60000, "power_mean": 5000.0,
+        "tracking_error_rms": rms((10, 0.25), (20, 0.24375), (5180, 0.00625), (30, 0.25), (40, 0.25)), "saturation": 0.25 / 4,
+    })  # fmt: skip
+    assert found["absorbed_power_peak"] > 1.5 * found["absorbed_power_mean"]
+
+
+def test_what_is_shown_of_a_run() -> None:
+    found = measure(recording(Case("track", "mpc")))
+    assert {m.heading: m.shown(found[k]) for k, m in METRICS.items()} == {
+        "absorbed power (published figure) [W]": f"{found['absorbed_power']:.2f}",
+        "absorbed power, peak over 1 s [W]": f"{found['absorbed_power_peak']:.2f}",
+        "absorbed power, mean [W]": f"{found['absorbed_power_mean']:.2f}",
+        "ISO 2631 weighted rms [m/s2]": f"{found['iso2631_rms']:.3f}",
+        "suspension travel, rms [mm]": "30.2", "suspension travel, largest [mm]": "65.0", "tire off the ground [% of the time]": "2.5",
+        "actuator force, rms [N]": "481", "actuator force, largest [N]": "5000", "force error, rms [N]": "410",
+        "valve saturated [% of the time]": "6.2", "flow of the pump, mean [l/min]": "87",
+    }  # fmt: skip
+
+
+def test_off_road_counts_from_where_all_wheels_are_beyond_the_ramp() -> None:
+    """15 m of flat and ramp and 1.5 m to the rear axle: 1.65 s; the mean is the figure there."""
+    found = measure(recording(Case("off-road", "mpc", duration=4.0)))
+    counts = T > 1.65
+    assert counts.sum() == 2349
+    assert found["absorbed_power"] == found["absorbed_power_mean"] == absorbed_power_series(AZ, 1000.0)[counts].mean()
+    assert found["travel_over"] == pytest.approx(350 / 2349, abs=1e-3)
+    assert found["force_peak"] == 400.0
+    assert found["saturation"] == 0.0
+    assert found["flow_peak"] == pytest.approx(1e-3 * 60000)
+    assert found["flow_mean"] == pytest.approx(60.0)
+
+
+def test_ideal_actuators_give_what_is_commanded() -> None:
+    found = measure(recording(Case("track", "lqr", actuators="ideal")))
+    assert found["force_peak"] == 4000.0
+    assert not {"flow_mean", "saturation", "tracking_error_rms", "flow_limit"} & found.keys()
+
+
+@pytest.mark.parametrize(("road", "every"), [("track", 2), ("off-road", 4)])
+def test_signals_of_a_run(road: str, every: int) -> None:
+    given = {
+        "speed.x": 1.0, "car.suspension.fl.deflection": 2.0, "actuator_fl.force": 3.0, "tracking_fl.force.smoothed": 4.0,
+        "tracking_fl.valve.saturated": 5.0,
+    }  # fmt: skip
+    found = signals(recording(Case(road, "mpc"), **{n: factor * (1 + T) for n, factor in given.items()}))
+    names = ("x", "travel", "force", "smoothed", "saturated")
+    at = 1500  # ms
+    assert {n: found[n][at // every] for n in names} == dict(zip(names, (2.5, 5.0, 7.5, 10.0, 12.5), strict=True))
+    power = absorbed_power_series(AZ, 1000.0)
+    assert found["power_window"][at // every] == pytest.approx(power[501:1501].mean(), rel=1e-3)
+    assert all(len(s) == 4000 // every for s in found.values())
+
+
+def test_a_run_begins_and_ends_where_the_wheels_of_this_car_are() -> None:
+    """Another car's axles, as its FMU says: 2 m ahead of the CG and 3 m after it."""
+
+    axles = {"wheel.fl.x": SimpleNamespace(start=2.0), "wheel.rl.x": SimpleNamespace(start=-3.0)}
+    system = {"car": SimpleNamespace(description=SimpleNamespace(parameters=axles))}
+    case = Case("track", "lqr", speed_kmh=36.0)
+    assert start(system, case) == pytest.approx(10.0 - 2.0 - 6.0)
+    assert stop_time(system, case) == pytest.approx((10.0 + 6.0 + 3.0 + 0.5 - 2.0) / 10 + 1.5, abs=0.051)
+    assert stop_time(system, replace(case, duration=2.0)) == 2.0
+    assert start(system, Case("off-road", "lqr")) == -2.0
+
+
+# ------------------------------------------------------------------------------------------------ runs of the parts by hand
+
+
+def test_metrics_of_force_tracking() -> None:
+    """Errors of 100, 40 and 20 N by time beside a desired force of 1000 N."""
+    error = np.where(T < 0.5, 900.0, np.where(T <= 1.0, 100.0, np.where(T < 3.5, 40.0, 20.0)))
+    jump = np.where(np.arange(len(T)) % 2, 0.5, -0.3)
+    found = tracking.runs.measure(made_up.run(tracking.runs.Case("step"), T, {
+        "tracking.force.smoothed": 1000.0, "actuator.force": 1000.0 - error, "actuator.flow": np.where(T < 0.5, 9.0, -2e-4),
+        "tracking.valve.voltage": np.where(T < 0.5, 8.0, jump), "tracking.saturated": between(0.4, 1.2),
+    }, {"actuator.supply.flow_limit": 0.0005, "car.suspension.friction.force": 80.0}))  # fmt: skip
+    count = 3500
+    expected = math.sqrt((501 * 100**2 + 2499 * 40**2 + 500 * 20**2) / count) / 1000
+    assert found == pytest.approx({
+        "error": expected, "early": 100 / 2000, "late": 20 / 2000, "flow_peak": 12.0, "voltage_peak": 0.5, "voltage_jumps": 0.8,
+        "saturated": 700 / 3500, "flow_limit": 30.0, "friction_force": 80.0,
+    }, rel=1e-6)  # fmt: skip
+
+
+def test_metrics_of_the_filter() -> None:
+    """A ramp to 1.25 in 50 ms that comes back to 1: 10 to 90 % in 32 ms, first at 1 after 40 ms."""
+    y = np.minimum(25 * T, 1.25) - np.clip(5 * (T - 0.05), 0, 0.25)
+    case = tracking.runs.Case(tracking.runs.FILTER)
+    found = tracking.runs.measure(made_up.run(case, T[:1000], {"tracking.force.smoothed": y[:1000]}, {}))
+    assert found["rise"] == pytest.approx(0.032)
+    assert found["crossing"] == pytest.approx(0.040)
+    lag = 1 - np.exp(-T / 0.01)
+    assert tracking.runs.measure_filter(T[:1000], lag[:1000])["bandwidth"] == pytest.approx(
+        1 / (2 * np.pi * 0.01), rel=0.02
+    )
+    assert tracking.runs.signals(made_up.run(case, T[:9], {"tracking.force.smoothed": y[:9]}, {})) == {
+        "time": T[:9].tolist(), "smoothed": y[:9].tolist(),
+    }  # fmt: skip
+
+
+def test_signals_of_force_tracking() -> None:
+    given = {"tracking.force.smoothed": 1000 + T, "actuator.force": 2000 + T}
+    found = tracking.runs.signals(made_up.run(tracking.runs.Case(), T, given, {}))
+    assert {n: v[250] for n, v in found.items()} == {"time": 1.0, "smoothed": 1001.0, "force": 2001.0}
+
+
+TC = np.arange(800) * 0.005  # s, of the preview chain
+CHAIN = {
+    "car.wheel.fl.x": 1.5, "sensors.range.sensor": 1, "sensors.range.spot[2]": 0.2, "sensors.range.resolution[2]": 0.02,
+}  # fmt: skip
+
+
+def chain_run() -> made_up.MadeUpRun:
+    """At 10 m/s the sensors see 3.5 m ahead; the bump of 305 mm at 10 m, the spot of 200 mm: flat from 10.405 m on."""
+    seen = 10 * TC + 3.5
+    sensed = np.where(seen < 10.405, 0.05, np.where(seen < 12, -0.002, np.where(seen < 16.405, 0.003, -0.04)))
+    true = np.where(TC < 2, 0.0, 0.06)
+    return made_up.run(preview.runs.Case(), TC, {
+        "speed.x": 10 * TC, "sensors.range.left": 4 + TC, "sensors.range.left.valid": 1.0, "preview_sensor.sensed.left.x": seen,
+        "preview_sensor.sensed.left.height": sensed, "road.road.fl.height": true, "road.road.fl.rate": 6 * TC,
+        "buffer.preview.fl[1]": true + np.where(np.arange(800) % 2, 0.004, -0.004),
+        "buffer.preview.fl[2]": true + np.where(np.arange(800) % 2, 0.004, -0.004) + 0.03 * 6 * TC,
+        "buffer.preview.valid": TC > 1, "buffer.road.valid": TC < 3.5,
+    }, CHAIN)  # fmt: skip
+
+
+def test_metrics_of_the_preview_chain() -> None:
+    found = preview.runs.measure(chain_run())
+    assert found.pop("spread") == pytest.approx([0.004], rel=1e-4)
+    # the mean over the 30 ms ahead is 2.5 samples of 30 mm/s2 ahead of the rate
+    assert found == pytest.approx({
+        "front": 1.5, "ahead": 2.0, "resolution": 0.02, "lowest": -0.002, "highest": 0.003, "rate_error": 6 * 0.0125,
+    }, rel=1e-4)  # fmt: skip
+
+
+def test_signals_of_the_preview_chain() -> None:
+    found = preview.runs.signals(chain_run())
+    at = 300  # 1.5 s
+    assert {n: v[at] for n, v in found.items()} == pytest.approx({
+        "time": 1.5, "x": 15.0, "range": 5.5, "range valid": 1.0, "sensed x": 18.5, "sensed": -0.04, "true": 0.0,
+        "true rate": 6 * 1.5125, "buffered": -0.004, "rate": 9.0, "preview valid": 1.0, "road valid": 1.0,
+    })  # fmt: skip
+
+
+def test_spread_is_taken_in_windows_of_four_seconds() -> None:
+    t = np.arange(0, 12, 0.005)
+    base = chain_run()
+    signals_ = {n: np.interp(t, TC, base.recording[n]) for n in base.recording}
+    error = np.where(t < 4, 0.001, np.where(t < 8, 0.01, 0.1)) * np.where(np.arange(len(t)) % 2, 1, -1)
+    signals_["buffer.preview.fl[1]"] = signals_["road.road.fl.height"] + error
+    found = preview.runs.measure(made_up.run(preview.runs.Case(), t, signals_, CHAIN))
+    assert found["spread"] == pytest.approx([0.001, 0.01, 0.1], rel=1e-3)
+
+
+def test_metrics_of_the_generated_preview() -> None:
+    """Crests at 10.1525 and 16.1525 m, which the front wheels, 1.5 m ahead, meet at 8.6525 and 14.6525 m."""
+    x = 10 * TC
+    map_ = np.where(np.abs(x - 8.6) < 0.11, 0.05, 0.0) + np.where(np.abs(x - 14.5) < 0.11, 0.03, 0.0)
+    load = (
+        np.where(np.abs(x - 8.7) < 0.01, -4e3, 0.0)
+        + np.where(np.abs(x - 14.9) < 0.01, 2e3, 0.0)
+        + np.where(x > 20, 9e3, 0)
+    )
+    run = made_up.run(preview.runs.Case("generated", road="track"), TC, {
+        "speed.x": x, "map.road.fl.height": map_, "road.road.fl.height": 0.07, "sensors.loadcell.fl": load,
+    }, {"car.wheel.fl.x": 1.5})  # fmt: skip
+    found = preview.runs.measure(run)
+    assert found == {"front": 1.5, "offsets": pytest.approx([0.1, 0.4], abs=1e-9)}
+    found = preview.runs.signals(run)
+    assert {n: v[174] for n, v in found.items()} == {"x": 8.7, "map": 0.05, "road": 0.07, "load": -4000.0}
+
+
+# ----------------------------------------------------------------------------------------------- a study: every cell by hand
+
+
+def number(*what: object) -> float:
+    """Between 1 and 2, and no two alike."""
+    return 1 + zlib.crc32(repr(what).encode()) / 2**32
+
+
+SIZES = {
+    "absorbed_power": 10.0, "travel_rms": 0.01, "travel_peak": 0.05, "travel_over": 0.1, "lift_off": 0.2, "force_rms": 1000.0,
+    "iso2631_rms": 1.0, "flow_peak": 300.0, "flow_mean": 100.0, "power_mean": 3e4, "tracking_error_rms": 700.0, "saturation": 0.2,
+}  # fmt: skip
+NAMES = ("x", "power_window", "travel", "force", "smoothed")
+
+
+def metrics(case: Any) -> dict[str, Any]:
+    """A number of its own for every metric of every run."""
+    if isinstance(case, Case):
+        row = {k: size * number(k, case) for k, size in SIZES.items()}
+        return row | {"flow_limit": 45.0, "null_opening": 0.005, "solver_failures": 0, "solver_residual": 1e-9}
+    row = hmmwv_made_up.PARTS[type(case)](case)[0]
+    if isinstance(case, tracking.runs.Case):
+        return {k: v * number(k, case) for k, v in row.items()}
+    if case.preview == "generated":
+        return {"front": 1.5, "offsets": [0.1 * number("first", case), 0.2 * number("second", case)]}
+    return {
+        "front": 1.5, "ahead": 2.5, "resolution": 0.02, "lowest": -0.01 * number("lowest", case),
+        "highest": 0.01 * number("highest", case), "spread": [0.01 * number(i, case) for i in range(5)],
+        "rate_error": 0.1 * number("rate", case),
+    }  # fmt: skip
+
+
+def drawn(case: Any) -> dict[str, list[float]]:
+    """Five samples of each signal, which are no other's."""
+    if isinstance(case, Case):
+        found = {n: (number(n, case) * np.arange(5)).tolist() for n in NAMES}
+        return {**found, "saturated": [0.0, 1.0, 0.0, 1.0, 0.0]}
+    _, names = hmmwv_made_up.PARTS[type(case)](case)
+    return {n: (number(n, case) * np.arange(5)).tolist() for n in names}
+
+
+@pytest.fixture(scope="module")
+def study() -> Results:
+    return made_up.study(EXPERIMENT, metrics, drawn)
+
+
+@pytest.fixture(scope="module")
+def page(study: Results, fmus: FmuSet) -> Report:
+    return report(study, fmus)
+
+
+def runs_of(case: Case) -> Iterable[Case]:
+    """Where a case is run: 6 places of a bump, or 5 stretches of 20 s; 1 where nothing is sampled; 2 for what is beside."""
+    beside = case.friction or not case.lift_off or case.shared_pump
+    if case.road == "off-road":
+        return [replace(case, variant=v, duration=20.0) for v in ((0, 2) if beside else range(5))]
+    if case.controller in ("passive", "zero"):
+        return [case]
+    return [replace(case, variant=v) for v in ((0, 3) if beside else range(6))]
+
+
+def values(key: str, case: Case) -> list[float]:
+    return [metrics(c)[key] for c in runs_of(case)]
+
+
+def median(case: Case) -> float:
+    return statistics.median(values("absorbed_power", case))
+
+
+def mean(key: str, case: Case) -> float:
+    return statistics.fmean(values(key, case))
+
+
+ROADS = {"track": "test track", "bump": "one 76 mm bump", "off-road": "off road"}
+LAWS = {
+    "passive": "passive", "zero": "zero force", "skyhook": "skyhook", "lqr": "LQR", "lqr-kilonewton": "LQR, force in kN", "mpc": "MPC",
+    "mpc-preview": "MPC with preview",
+}  # fmt: skip
+
+
+def test_the_plan_has_every_place_once(study: Results) -> None:
+    assert set(study.of()) >= {run for road in ROADS for law in LAWS for run in runs_of(Case(road, law))}
+    assert len(study.tasks) == len({(t.case, t.signals) for t in study.tasks})
+
+
+def test_table_of_absorbed_power(page: Report) -> None:
+    rows = made_up.table(page, "absorbed-power")
+    assert [(r["road"], r["controller"]) for r in rows] == [(r, law) for r in ROADS.values() for law in LAWS.values()]
+    for row, case in zip(rows, (Case(road, law) for road in ROADS for law in LAWS), strict=True):
+        powers = values("absorbed_power", case)
+        ideal = None if case.controller == "passive" else round(median(replace(case, actuators="ideal")), 2)
+        assert list(row.values())[2:] == [
+            round(median(case), 2), round(min(powers), 2), round(max(powers), 2), ideal, round(mean("iso2631_rms", case), 2),
+            round(1e3 * mean("travel_rms", case), 1), round(1e3 * max(values("travel_peak", case))),
+            round(100 * mean("travel_over", case), 2), round(100 * mean("lift_off", case), 1), round(mean("force_rms", case)),
+        ]  # fmt: skip
+    assert list(rows[0])[2:] == [
+        "absorbed power [W]", "lowest [W]", "highest [W]", "with ideal actuators [W]", "ISO 2631 rms [m/s2]", "travel rms [mm]",
+        "largest travel [mm]", "travel beyond 60 mm [%]", "tire off the ground [%]", "force rms [N]",
+    ]  # fmt: skip
+
+
+def test_tables_of_the_pump(page: Report) -> None:
+    for row in made_up.table(page, "pump"):
+        case = case_of(row)
+        passive = median(Case(case.road, "passive"))
+        powers = [
+            median(case),
+            median(PUMP(case)),
+            None if case.controller == "lqr-kilonewton" else median(SHARED(case)),
+        ]
+        assert row["passive [W]"] == round(passive, 2)
+        for words, power in zip(("no limit", "45 l/min each", "11.25 l/min each"), powers, strict=True):
+            expected = (None, None) if power is None else (round(power, 2), round(passive / power, 2))
+            assert (row[f"{words} [W]"], row[f"{words}, passive over it [-]"]) == expected
+    for row in made_up.table(page, "hydraulics"):
+        case = case_of(row)
+        assert list(row.values())[2:] == [
+            round(mean("flow_mean", case)), round(max(values("flow_peak", case))), round(mean("flow_mean", case) / 45, 1),
+            round(mean("power_mean", case) / 1000, 1), round(100 * mean("saturation", case), 1),
+            round(mean("tracking_error_rms", case)),
+        ]  # fmt: skip
+
+
+def case_of(row: dict[str, Any]) -> Case:
+    """The case that a row of a table is about."""
+    road, law = ({v: k for k, v in names.items()}[row[n]] for n, names in (("road", ROADS), ("controller", LAWS)))
+    return Case(road, law)
+
+
+def test_table_of_what_pump_it_takes(fmus: FmuSet) -> None:
+    """As published, but that MPC halves the power on the track from 75 l/min on only."""
+    weak = [
+        hmmwv_made_up.watts(9.0, road="track", controller="mpc", pump_l_min=x, flow_limit=True) for x in (None, 60.0)
+    ]
+    flows = [hmmwv_made_up.metric(k, v, pump_l_min=75.0) for k, v in (("flow_mean", 123.0), ("flow_peak", 321.0))]
+    rows = made_up.table(report(hmmwv_made_up.made_up_study(*weak, *flows), fmus), "pump-needed")
+    (row,) = (r for r in rows if "MPC at least halves" in r["statement"])
+    assert row == {
+        "statement": "test track: MPC at least halves the absorbed power of the passive car", "published": "better than twofold",
+        "45 l/min each": "1.33 times", "no limit": "2.49 times",
+        "smallest pump that carries it": "75 l/min at each actuator, not with 60 l/min",
+        "flow of all four there, mean [l/min]": 123, "flow of all four there, peak [l/min]": 321,
+    }  # fmt: skip
+
+
+def test_tables_of_estimates_and_assumptions(page: Report) -> None:
+    for row in made_up.table(page, "estimates"):
+        case = case_of(row)
+        true, ours = median(case), median(estimated(case.controller, case.road))
+        sensed = median(estimated("mpc-preview", case.road, sensed=True)) if case.controller == "mpc-preview" else None
+        assert list(row.values())[2:] == [
+            round(true, 2), round(ours, 2), round(100 * (ours / true - 1), 1), None if sensed is None else round(sensed, 2),
+        ]  # fmt: skip
+    assert made_up.table(page, "null-opening") == [
+        {"road": ROADS[road], "null opening [mm]": mm, "absorbed power [W]": round(median(Case(road, "passive", null_opening_mm=mm)), 1)}
+        for road in ("track", "bump") for mm in (4.0, 5.0, 6.75)
+    ]  # fmt: skip
+    for row in made_up.table(page, "tires-and-friction"):
+        case = case_of(row)
+        assert list(row.values())[2:] == [
+            round(median(c), 2) for c in (case, replace(case, lift_off=False), replace(case, friction=True))
+        ]
+        assert list(row)[2:] == ["as in all other tables [W]", "tires that take tension [W]", "dry friction [W]"]
+
+
+def test_table_of_refinement(page: Report) -> None:
+    rows = made_up.table(page, "refinement")
+    assert len(rows) == 3 * 7 + 3 * 6
+    for row in rows:
+        case = case_of(row)
+        case = PUMP(case) if row["pump"] == "45 l/min at each actuator" else case
+        assert row["pump"] in ("45 l/min at each actuator", "off" if case.controller == "passive" else "no limit")
+        first = replace(case, duration=20.0) if case.road == "off-road" else case
+        apart = (
+            case.road != "off-road"
+            and not case.flow_limit
+            and case.controller in ("passive", "lqr", "mpc", "mpc-preview")
+        )
+        powers = [metrics(c)["absorbed_power"] for c in (first, *halved(first).values(), finer(first))]
+        powers = powers if apart else [powers[0], None, None, powers[3]]
+        assert list(row.values())[3:7] == [p if p is None else round(p, 4) for p in powers]
+        assert row["change by both [%]"] == round(100 * (powers[3] / powers[0] - 1), 2)
+
+
+def test_table_of_the_previews_error(page: Report) -> None:
+    base = median(Case("bump", "mpc"))
+    for row in made_up.table(page, "preview-error"):
+        late = row["preview too late by [ms]"]
+        power = median(Case("bump", "mpc-preview", preview_error_ms=float(late)))
+        assert row["by [m]"] == round(late * 1e-3 * 20 * 1.609344 / 3.6, 3)
+        assert row["absorbed power [W]"] == round(power, 2)
+        assert row["share of MPC without preview [%]"] == round(100 * power / base)
+    assert [r["preview too late by [ms]"] for r in made_up.table(page, "preview-error")] == [
+        -40, -30, -20, -10, -5, 0, 5, 10, 20, 30, 40,
+    ]  # fmt: skip
+
+
+def test_tables_of_the_parts(page: Report) -> None:
+    for row in made_up.table(page, "force-tracking"):
+        case = corners.VARIANTS[row["variant"]]
+        assert list(row.values())[1:] == [
+            *(round(100 * metrics(replace(case, signal=s))["error"], 1) for s in ("square", "sweep", "discrete sweep")),
+            round(metrics(case)["flow_peak"], 1), round(metrics(case)["voltage_peak"], 2), round(1e3 * metrics(case)["voltage_jumps"]),
+        ]  # fmt: skip
+    assert [list(r.values()) for r in made_up.table(page, "preview-offsets")] == [
+        [f"{e:+g} %", *(round(1e3 * o) for o in metrics(chains.generated(e))["offsets"])] for e in (0.0, 1.0, 2.0)
+    ]
+    for row, chain in zip(made_up.table(page, "preview-dips"), chains.CHAINS, strict=True):
+        rows = [metrics(replace(chain, height_mm=h)) for h in (30.0, 76.0)]
+        assert list(row.values()) == [
+            chains.words(chain),
+            *(round(1e3 * r[k], 1) for r in rows for k in ("lowest", "highest")),
+        ]
+    assert list(made_up.table(page, "preview-dips")[0])[1:] == [
+        f"{h} mm bump, {what} [mm]" for h in (30, 76) for what in ("lowest", "highest")
+    ]
+    for row, chain in zip(made_up.table(page, "preview-drift"), chains.DRIFTING, strict=True):
+        spread = metrics(replace(chain, noise=1.0, duration=20.0))["spread"]
+        assert list(row.values()) == [chains.words(chain), *(round(1e3 * s, 1) for s in spread)]
+    assert list(made_up.table(page, "preview-drift")[0])[1:] == [f"{a} to {a + 4} s [mm]" for a in (0, 4, 8, 12, 16)]
+
+
+def curve(page: Report, figure: str, panel: str, name: str) -> tuple[list[float], list[float]]:
+    found = made_up.series(page, figure, panel, name)
+    return list(np.asarray(found.x)), list(np.asarray(found.y))
+
+
+@pytest.mark.parametrize(
+    ("figure", "road"), [("figure-1-9", "track"), ("figure-1-10", "off-road"), ("figure-1-11", "bump")]
+)
+def test_figures_of_absorbed_power(page: Report, figure: str, road: str) -> None:
+    for law, name in LAWS.items():
+        if law == "lqr-kilonewton" and road != "off-road":
+            continue
+        s = drawn(next(iter(runs_of(Case(road, law)))))
+        assert curve(page, figure, ROADS[road], name) == (s["x"], s["power_window"])
+        if road == "off-road":
+            assert curve(page, figure, "suspension", name) == (s["x"], [1e3 * v for v in s["travel"]])
+    assert set(curve(page, figure, ROADS[road], "limit of the driver")[1]) == {6.0}
+    assert made_up.axes(page, figure)[ROADS[road]] == ("distance of the CG [m]", "absorbed power over 1 s [W]")
+
+
+def test_figure_of_the_actuator_on_the_track(page: Report) -> None:
+    s = drawn(Case("track", "mpc"))
+    panel = "force at the front left wheel, MPC"
+    assert curve(page, "figure-1-9", panel, "desired, smoothed") == (s["x"], s["smoothed"])
+    assert curve(page, "figure-1-9", panel, "actuator") == (s["x"], s["force"])
+    np.testing.assert_array_equal(curve(page, "figure-1-9", panel, "valve saturated")[1], [np.nan, s["force"][1], np.nan, s["force"][3], np.nan])  # fmt: skip
+    assert made_up.axes(page, "figure-1-9")[panel] == ("distance of the CG [m]", "force [N]")
+    assert set(curve(page, "figure-1-10", "suspension", "limit of travel")[1][:2]) == {60.0}
+
+
+def test_figure_of_length_and_error_of_the_preview(page: Report) -> None:
+    lengths = [1, 2, 3, 4, 6, 8, 11, 15]
+    base = median(Case("bump", "mpc"))
+    assert curve(page, "preview-length-and-error", "length", "MPC by length of preview") == (
+        [0, *lengths], [base, *(median(Case("bump", "mpc-preview", preview_steps=n)) for n in lengths)],
+    )  # fmt: skip
+    errors = [-40, -30, -20, -10, -5, 0, 5, 10, 20, 30, 40]
+    cases = [Case("bump", "mpc-preview", preview_error_ms=float(ms)) for ms in errors]
+    found = made_up.series(page, "preview-length-and-error", "position error", "MPC with displaced preview")
+    np.testing.assert_allclose(found.x, [ms / 1000 * 20 * 1.609344 / 3.6 for ms in errors])
+    np.testing.assert_array_equal(found.y, [median(c) for c in cases])
+    np.testing.assert_array_equal(found.low, [min(values("absorbed_power", c)) for c in cases])
+    np.testing.assert_array_equal(found.high, [max(values("absorbed_power", c)) for c in cases])
+    better = made_up.series(page, "preview-length-and-error", "position error", "15 % better")
+    assert [list(np.asarray(v)) for v in (better.y, better.low, better.high)] == [
+        pytest.approx([f * base] * 2) for f in (0.85, 0.8, 0.9)
+    ]
+    assert set(curve(page, "preview-length-and-error", "position error", "without preview")[1]) == {base}
+
+
+def test_figures_of_force_tracking(page: Report) -> None:
+    case = tracking.runs.Case
+    s = drawn(case(tracking.runs.FILTER))
+    shown = [i for i, t in enumerate(s["time"]) if t <= 0.06]
+    assert curve(page, "figure-1-4", "", "desired, smoothed") == (
+        [1e3 * s["time"][i] for i in shown],
+        [s["smoothed"][i] for i in shown],
+    )
+    for signal in ("sweep", "discrete sweep"):
+        s = drawn(case(signal))
+        assert curve(page, "figure-1-8", signal, "desired, smoothed") == (s["time"], s["smoothed"])
+        assert curve(page, "figure-1-8", signal, "actuator") == (s["time"], s["force"])
+    s = drawn(case("square"))
+    assert curve(page, "figure-1-8", "square", "actuator") == ([s["time"][1]], [s["force"][1]])  # from 1 to 2.5 s
+    densities = [0.7, 0.8, 0.85, 0.9, 0.95, 1.0, 1.05, 1.1, 1.15, 1.2, 1.25, 1.3]
+    for panel, signal, key in (("square wave", "square", "error"), ("after a step", "step", "late")):
+        for leakage, name in ((0.0, "no leakage"), (5.0, "leakage x 5")):
+            rows = [metrics(case(signal, density=d, leakage=leakage)) for d in densities]
+            assert curve(page, "tracking-robustness", panel, name) == (densities, [100 * r[key] for r in rows])
+
+
+def test_figures_of_the_preview_chain(page: Report) -> None:
+    for error in (0.0, 1.0, 2.0):
+        s = drawn(chains.generated(error))
+        x, panel = [v + 1.5 for v in s["x"]], f"speedometer {error:+g} %"
+        for name, key, factor in (
+            ("known profile, at the measured distance", "map", 1e3), ("road under the wheel", "road", 1e3), ("load cell, N / 100", "load", 0.01),
+        ):  # fmt: skip
+            assert curve(page, "preview-generated", panel, name) == (x, pytest.approx([factor * v for v in s[key]]))
+    first = drawn(chains.on_track(chains.PRINTED))
+    x = [v + 1.5 for v in first["x"]]
+    assert curve(page, "preview-chain", "range sensor, left", "range") == (x, first["range"])
+    for panel, factor, true, found in (
+        ("road under the front left wheel, from the buffer", 1e3, "true", "buffered"), ("its rate, mean over the 30 ms ahead", 1.0, "true rate", "rate"),
+    ):  # fmt: skip
+        assert curve(page, "preview-chain", panel, "true") == (x, [factor * v for v in first[true]])
+        for chain in chains.SHOWN:
+            s = drawn(chains.on_track(chain))
+            assert curve(page, "preview-chain", panel, chains.words(chain)) == (x, [factor * v for v in s[found]])
+    s = drawn(chains.DROPOUT)
+    for name, key, factor in (
+        ("true", "true", 1e3),
+        ("buffered", "buffered", 1e3),
+        ("preview.valid, 10 mm for true", "preview valid", 10.0),
+    ):
+        assert curve(page, "preview-dropout", "range sensors fail for 0.2 s", name) == (
+            s["time"],
+            [factor * v for v in s[key]],
+        )
+
+
+def test_axes_of_the_parts(page: Report) -> None:
+    force, front = ("time [s]", "force [N]"), "distance of the front wheels [m]"
+    assert made_up.axes(page, "figure-1-4") == {"": ("time [ms]", "force over desired force [-]")}
+    assert set(made_up.axes(page, "figure-1-8").values()) == {force}
+    assert made_up.axes(page, "preview-chain") == {
+        "range sensor, left": (front, "range [m]"), "road under the front left wheel, from the buffer": (front, "height [mm]"),
+        "its rate, mean over the 30 ms ahead": (front, "rate [m/s]"),
+    }  # fmt: skip
+    assert made_up.axes(page, "preview-dropout") == {"range sensors fail for 0.2 s": ("time [s]", "height [mm]")}
+
+
+def test_results_and_words(page: Report) -> None:
+    shown = {r.name: (r.value, r.unit) for r in page.results}
+    for road, name in ROADS.items():
+        for law in ("passive", "mpc", "mpc-preview"):
+            assert shown[f"absorbed power, {name}, {LAWS[law]}"] == (round(median(Case(road, law)), 2), "W")
+    text = {s.title: " ".join(s.paragraphs) for s in page.sections}
+    assert "see the road 2.5 m ahead of the front axle" in text["Sensed preview"]
+    assert f"put {0.5 + 4 / 3:.1f} times that error" in text["Sensed preview"]
+    about = metrics(tracking.runs.Case())
+    assert f"quarter car with {about['friction_force']:g} N of friction" in text["Force tracking"]
+    assert f"the pump has {about['flow_limit']:g} l/min" in text["Force tracking"]
+    assert "5 mm is assumed here" in text["What the assumptions decide"]
+    demand = [mean("flow_mean", Case("track", c)) for c in ("skyhook", "lqr", "mpc", "mpc-preview")]
+    assert (
+        f"draw {min(demand):.0f} to {max(demand):.0f} l/min on the test track"
+        in text["What the hydraulics do, and what pump it takes"]
+    )
+
+
+# --------------------------------------------------------------------------------------------------------- words of claims
+
+
+def said(*changes: hmmwv_made_up.Change) -> dict[str, Claim]:
+    return {c.id: c for c in CLAIMS.judge(hmmwv_made_up.made_up_study(*changes))}
+
+
+def test_words_of_the_statements() -> None:
+    found = said()
+    assert found["track-lqr"].ours == (
+        "median 2.30 times (2.30 to 2.31 times over 6 places of the bumps; holds in 6 of 6); absorbed power passive 12.00, LQR 5.21 W"
+    )
+    assert found["track-zero"].ours == "2.35 times; absorbed power passive 12.00, zero force 5.10 W"
+    assert (found["track-zero"].value, found["track-zero"].unit) == (2.3529, "times")
+    assert found["track-mpc-best"].value == pytest.approx(100 * (1 - 4.8 * 1.0025 / 5.1), rel=1e-4)
+    assert found["off-road-travel"].ours.startswith("median 16.7 % (16.7 to 16.7 % over 5 stretches; holds in 5 of 5)")
+    assert found["off-road-mpc"].ours.startswith("median 5.0 W (5.0 to 5.0 W over 5 stretches; holds in 5 of 5)")
+    assert found["off-road-passive"].ours == "median 20.0 W (20.0 to 20.1 W over 5 stretches; holds in 5 of 5)"
+    assert found["bump-saturation"].ours.startswith("median 33 % (33 to 33 % over 6 places of the bump")
+    apart = said(hmmwv_made_up.watts(4.0, road="track", controller="skyhook"))["track-alike"]
+    assert apart.value == pytest.approx(100 * (4.0 / (4.8 * 1.0025) - 1), rel=1e-4)
+
+
+def test_words_of_the_checks() -> None:
+    kilonewton = {"road": "off-road", "controller": "lqr-kilonewton"}
+    found = said(
+        hmmwv_made_up.metric("travel_peak", 0.0905, **kilonewton), hmmwv_made_up.metric("travel_over", 0.0345, **kilonewton),
+        hmmwv_made_up.metric("travel_over", 0.0123, road="off-road", controller="mpc"),
+        hmmwv_made_up.metric("travel_over", 0.2, road="off-road", controller="skyhook"),
+        hmmwv_made_up.metric("travel_peak", 0.055, road="off-road", controller="mpc", variant=1),
+        hmmwv_made_up.watts(5.5, road="bump", controller="mpc", states="estimated", lift_off=True),
+        hmmwv_made_up.watts(1.88, road="bump", preview="sensed"),
+        hmmwv_made_up.metric("solver_residual", 3e-7, road="bump", controller="mpc", variant=2),
+    )  # fmt: skip
+    assert found["off-road-kilonewton"].ours == (
+        "5.01 W with up to 55 mm of travel and 1.23 % of the time beyond 60 mm, the LQR 8.02 W with up to 90 mm of travel and 3.45 % of the "
+        "time beyond 60 mm; MPC below it by median 37.5 % (37.5 to 37.5 % over 5 stretches; holds in 5 of 5)"
+    )
+    assert found["off-road-travel-limit"].ours == (
+        "largest travel median 50 mm (50 to 55 mm over 5 stretches; holds in 5 of 5); beyond the limit 1.23 % of the time, skyhook 20.00 %, "
+        "LQR 5.00 %"
+    )
+    assert found["off-road-travel-limit"].value == 55.0
+    assert found["estimates-mpc"].ours == "test track +0 %, one 76 mm bump +17 %, off road +0 %"
+    assert found["estimates-mpc"].reason.endswith("+0 %")
+    assert found["sensed-preview"].ours == "test track 33 %, one 76 mm bump 60 %, off road 40 %"
+    assert found["sensed-preview"].value == pytest.approx(100 * (1 - 3.2 / 4.8), rel=1e-4)
+    assert found["solver"].ours == "0 samples not solved, largest residual 3.0e-07"
+
+
+def test_words_of_force_tracking() -> None:
+    study = hmmwv_made_up.made_up_study()
+    case = tracking.runs.Case
+    changes = {
+        case(tracking.runs.FILTER): {"crossing": 0.0265, "rise": 0.0131}, case("sweep"): {"error": 0.0421},
+        case("sweep", rate_filter=True): {"error": 0.0777}, case("discrete sweep", average=True): {"error": 0.55},
+        case(noise=50.0): {"voltage_jumps": 0.077, "error": 0.033}, case(average=True, noise=50.0): {"voltage_jumps": 0.011},
+        case("square", notches=True): {"error": 0.0196},
+    }  # fmt: skip
+    found = {c.id: c for c in CLAIMS.judge(altered(study, changes))}
+    assert found["tracking-filter"].ours == "first at its final value after 26.5 ms; 10 to 90 % in 13.1 ms"
+    assert (found["tracking-filter"].value, found["tracking-filter"].verdict) == (26.5, "reproduced")
+    assert found["tracking-sweep"].ours == "4.2 % rms of the smoothed desired force"
+    assert (
+        found["tracking-difference"].ours
+        == "square 2.0 against 3.0 %, sweep 4.2 against 7.8 %, discrete sweep 2.0 against 3.0 %"
+    )
+    assert (
+        found["tracking-average"].ours
+        == "square 3 instead of 2.0 %, sweep 3 instead of 4.2 %, discrete sweep 55 instead of 2.0 %"
+    )
+    assert "jumps fall from 77 to 11 mV" in found["tracking-average"].reason
+    assert "costs little (3.3 % on the square wave)" in found["tracking-average"].reason
+    assert found["tracking-notches"].ours.startswith("square 2.0 without, 2.0 % with, sweep 4.2 without, 3.0 % with")
+
+
+def test_words_of_the_preview_chain() -> None:
+    study = hmmwv_made_up.made_up_study()
+    changes = {
+        chains.over(chains.COMPENSATED, 76.0): {"lowest": -0.006, "highest": 0.0234},
+        chains.over(chains.FED, 30.0): {"lowest": -0.00045}, chains.over(chains.FED, 76.0): {"lowest": -0.00107},
+        chains.long(chains.FED): {"spread": [0.001, 0.0055]}, chains.on_track(chains.PRINTED): {"rate_error": 0.3},
+        chains.on_track(chains.FED): {"rate_error": 0.12}, chains.on_track(chains.COMPENSATED): {"rate_error": 0.25},
+        chains.generated(0.0): {"offsets": [-0.02, 0.1]}, chains.generated(2.0): {"offsets": [0.15, 0.39]},
+    }  # fmt: skip
+    found = {c.id: c for c in CLAIMS.judge(altered(study, changes))}
+    assert found["preview-dip-compensated"].ours == "-6 mm are left, and a rise of 23 mm comes with it"
+    assert found["preview-dip-compensated"].value == 23.4
+    assert found["preview-fed"].ours == (
+        "-0.45 mm after a bump of 30 mm (-1.07 mm after 76 mm); with noise the error stays at 6 mm for 20 s"
+    )
+    assert found["preview-rate"].ours == (
+        "error of the rate 0.300 m/s before, 0.120 m/s with the road fed back, 0.250 m/s with quarter cars"
+    )
+    assert (found["preview-rate"].value, found["preview-rate"].verdict) == (60.0, "reproduced")
+    assert found["generated-loads"].ours == "peaks -20 and +100 mm from the crests"
+    assert found["generated-drift"].ours == (
+        "a speedometer that shows 2 % too much: off by 170 mm at the first bump, 290 mm at the second"
+    )
+
+
+def test_finer_steps_move_every_place_in_proportion() -> None:
+    """1 % at the first place is 1 % at every one."""
+
+    def change(run: Case, row: dict[str, float]) -> None:
+        if hmmwv_made_up.is_finer(run) and run.road == "track" and run.controller == "lqr":
+            row["absorbed_power"] *= 1.01
+
+    study = hmmwv_made_up.made_up_study(change)
+    coarse, fine = (
+        Averages(study, refined=r).distribution("absorbed_power", Case("track", "lqr")) for r in (False, True)
+    )
+    assert fine.values == pytest.approx([1.01 * v for v in coarse.values])
+    assert Averages(study, refined=True).power(Case("track", "mpc")) == Averages(study).power(Case("track", "mpc"))
+    found = said(change)["converged"]
+    assert found.ours == "at most 1.00 % off, test track, LQR"
+
+
+def test_signals_belong_to_the_first_place(study: Results) -> None:
+    assert runs.SIGNALS["smoothed"] == "tracking_fl.force.smoothed"
+    found = Averages(study).signals(Case("off-road", "mpc"))
+    assert found["travel"].tolist() == drawn(Case("off-road", "mpc", duration=20.0))["travel"]

@@ -1,0 +1,497 @@
+"""What readers see of trench, from recordings and runs made by hand whose answers are known."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any
+
+import made_up
+import numpy as np
+import pytest
+from altered import altered, failed
+
+from cosim.experiments.metrics.crossing import cost_of_limits
+from cosim.experiments.trench import EXPERIMENT, linear, published
+from cosim.experiments.trench.claims import CLAIMS
+from cosim.experiments.trench.published import BETWEEN, BOLD, GRID, SPECTRUM, matrix, refined
+from cosim.experiments.trench.report import report, scene
+from cosim.experiments.trench.runs import CURVES, METRICS, MOVING, Case, Course, measure, signals
+from cosim.report import Map, Report, write_report
+from cosim.study import FmuSet, Results
+
+# ----------------------------------------------------------------------------------------------- a run: loads by hand
+
+STARTS = {"car.wheel.a1l.x": 2.0, "car.wheel.a3l.x": -1.9, "car.outline.front_overhang": 1.0}
+UNITS = {"car.body.pitch": "rad", "car.body.z": "m", "car.hub.a1l.fx": "N", "car.hub.a1l.z": "m", "car.body.az": "m/s2"}
+T = np.arange(2001) / 4000  # s
+
+
+def recording(case: Case, time: np.ndarray = T, **other: Any) -> made_up.MadeUpRun:
+    """Half a second; samples at 1 kHz count for root mean squares, all for peaks."""
+    at_1_khz = np.arange(len(time)) % round(1e-3 / time[1]) == 0
+    shown = {
+        "car.x": 8.8 + time / 5, "car.speed": 1.0, "car.body.az": np.where(at_1_khz, 2.0, -9.0),
+        "car.body.ax": np.where(at_1_khz, -1.5, 0.5), "car.body.pitch": -0.03 * np.sin(np.pi * time), "car.body.roll": 0.5,
+        "car.body.z": -0.012345 * time, "car.bumper.front.force": 0.0, "car.bumper.rear.force": 0.0, "car.belly.force": 0.5,
+        "car.hub.a1l.fx": 5000.4 + time, "car.hub.a1r.fx": -7e3, "car.hub.a2l.fx": 8e3, "car.hub.a2r.fx": 2e3,
+        "car.hub.a3l.fx": -9e3, "car.hub.a3r.fx": 3e3, "car.hub.a1l.x": 1.0, "car.hub.a1l.z": 0.58,
+        **{f"controller.force.{k}": 1e3 * i for i, k in enumerate(("a1l", "a1r", "a2l", "a3l", "a3r"))},
+        "controller.force.a2r": -130e3, "controller.solver.status": np.where(time < 0.00999, 1, 0),
+        "controller.solver.iterations": 5, "controller.solver.residual": 1e-9 * time, "crossing.case": np.where(time < 0.25, 0, 2),
+    } | {n.replace("_", "."): v for n, v in other.items()}  # fmt: skip
+    shown["car.body.az"][5] = -40.0  # peaks between the samples at 1 kHz
+    shown["car.body.ax"][7] = 12.0
+    return made_up.run(case, time, shown, STARTS, UNITS)
+
+
+LOADS = {
+    "az": 40.0, "ax": 12.0, "az_rms": 2.0, "ax_rms": 1.5, "pitch": math.degrees(0.03), "hub_front": 7.0, "hub_middle": 8.0,
+    "hub_rear": 9.0,
+}  # fmt: skip
+SHARES = {
+    "az": 12.5, "ax": 17.5, "az_rms": 12.5, "ax_rms": 15.0, "pitch": 17.5, "hub_front": 10.0, "hub_middle": 7.5, "hub_rear": 7.5,
+}  # fmt: skip
+
+
+def test_metrics_of_a_run() -> None:
+    found = measure(recording(Case(1.5, 3.6)))
+    assert found.pop("failures") == []
+    assert found == pytest.approx({
+        **LOADS, "cost": sum(SHARES[n] * v for n, v in LOADS.items()), "trench_start": 3.9, "passed": True,
+        "outcome": "passed", "belly_kn": 0.0005, "bumper_front_kn": 0.0, "bumper_rear_kn": 0.0, "solver_failures": 2,
+        "solver_residual": 0.5e-9, "force": 130.0,
+    })  # fmt: skip
+    assert {m.heading: m.shown(found[k]) for k, m in METRICS.items()} == {
+        "peak vertical acceleration, limit 150 [m/s2]": "40", "peak longitudinal acceleration, limit 100 [m/s2]": "12",
+        "vertical acceleration rms, limit 5 [m/s2]": "2", "longitudinal acceleration rms, limit 5 [m/s2]": "1.5",
+        "peak pitch, limit 15 [deg]": "1.719", "peak front hub force, limit 225 [kN]": "7",
+        "peak middle hub force, limit 225 [kN]": "8", "peak rear hub force, limit 225 [kN]": "9", "cost [-]": "985",
+        "largest actuator force [kN]": "130", "largest force on the front bumper [kN]": "0",
+        "largest force on the rear bumper [kN]": "0", "largest force on the belly [kN]": "0.0005", "outcome": "passed",
+    }  # fmt: skip
+
+
+def test_finer_steps_are_the_same_seconds() -> None:
+    """Half the step: twice the samples, of which every eighth counts for root mean squares; the solver's time stays."""
+    time = np.arange(4001) / 8000
+    case = refined(Case(1.5, 3.6))
+    coarse, fine = measure(recording(Case(1.5, 3.6))), measure(recording(case, time))
+    assert fine["az_rms"] == pytest.approx(2.0)
+    assert fine["solver_failures"] == coarse["solver_failures"]
+    assert signals(recording(case, time))["frames"]["car.x"] == signals(recording(Case(1.5, 3.6)))["frames"]["car.x"]
+
+
+@pytest.mark.parametrize(
+    ("changed", "outcome"),
+    [
+        ({"car_bumper_front_force": 700.0, "car_bumper_rear_force": 300.0}, "passed, on its bumpers"),
+        ({"car_belly_force": 2000.0}, "failed: belly contact"),
+        ({"car_x": 8.7}, "failed: stuck"),
+        ({"car_hub_a2r_fx": -226e3, "car_hub_a3r_fx": 226e3}, "failed: hub force"),
+        ({"car_body_pitch": 0.3}, "failed: pitch"),
+    ],
+)
+def test_what_became_of_a_crossing(changed: dict[str, float], outcome: str) -> None:
+    row = measure(recording(Case(1.5, 3.6), **changed))
+    assert row["outcome"] == outcome
+    assert row["passed"] == outcome.startswith("passed") == (not row["failures"])
+    assert [row[f"{n}_kn"] for n in ("bumper_front", "bumper_rear", "belly")] == [
+        changed.get(f"car_{n}_force", 0.5 if n == "belly" else 0.0) / 1e3
+        for n in ("bumper_front", "bumper_rear", "belly")
+    ]
+
+
+def test_course() -> None:
+    """Flat road until the pitch reference begins: here 0.6 m and 0.8 s, then 0.2 s and 0.3 m, ahead of the first axle."""
+    course = Course.of(recording(Case(1.5, 3.6)))
+    assert (course.start, course.end) == (3.9, pytest.approx(3.9 + 1.5 + 1.9 + 1.5))
+    assert course.patience == pytest.approx(1.25 * 8.8 / 1.0 + 2.0)
+    assert Course.of(recording(Case(1.5, 0.5))).start == pytest.approx(3.3)  # slow: the nose decides
+
+
+def test_signals_of_a_run() -> None:
+    found = signals(recording(Case(1.5, 3.6)))
+    frames = found["frames"]
+    assert frames["car.x"] == [round(8.8 + 0.02 * i / 5, 3) for i in range(26)]  # every 20 ms
+    assert frames["car.body.pitch"][5] == round(-0.03 * math.sin(math.pi * 0.1), 5)
+    assert frames["car.body.z"][25] == -0.0062
+    assert frames["car.hub.a1l.fx"][0] == 5000.0
+    assert frames["crossing.case"] == [0.0] * 13 + [2.0] * 13
+    assert "car.body.roll" not in frames
+    time, pitch = found["curves"]["car.body.pitch"]
+    assert time[-1] == 0.5
+    assert pitch[-1] == -0.03
+    az, ax = (found["curves"][f"car.body.{axis}"] for axis in ("az", "ax"))
+    assert (min(az[1]), max(ax[1])) == (-40.0, 12.0)
+    assert az[0][az[1].index(-40.0)] == 0.00125
+    assert found["curves"].keys() == {"car.body.pitch", "car.body.az", "car.body.ax", "car.hub.a1l.fx"}
+
+
+def test_spectra_are_those_of_their_axes_at_1_khz() -> None:
+    time = np.arange(8000) / 4000
+    run = recording(
+        Case(1.5, 3.6), time, car_body_az=np.sin(2 * np.pi * 10 * time), car_body_ax=np.sin(2 * np.pi * 100 * time)
+    )
+    found = signals(run)["spectra"]
+    for axis, tone in (("az", 10.0), ("ax", 100.0)):
+        frequency, density = found[axis]
+        assert frequency[int(np.argmax(density))] == pytest.approx(tone, rel=0.15)
+
+
+def test_signals_of_the_linear_comparison() -> None:
+    time = np.arange(4) / 100
+    for vehicle, speed in (("linear", "speed.speed"), ("nonlinear", "car.speed")):
+        given = {"car.body.z": -0.1 * time, "car.body.pitch": 0.01 + time, speed: 1.5 + time}
+        found = linear.signals(made_up.run(linear.Shallow(vehicle), time, given, {}))
+        assert found["time"] == time.tolist()
+        assert found["z"] == (-0.1 * time).tolist()
+        assert found["pitch"] == pytest.approx((0.01 + time) * 180 / math.pi)
+        assert found["speed"] == pytest.approx((1.5 + time) * 3.6)
+
+
+# ----------------------------------------------------------------------------------------------- a scene by hand
+
+
+def drawn(number: float) -> dict[str, Any]:
+    """Signals over four frames, no two alike."""
+    frames = {n: [number + i + 0.001 * j for j in range(4)] for i, n in enumerate(MOVING)}
+    frames |= {"car.body.pitch": [0.0, 0.1, 0.2, 0.3], "crossing.case": [0.0, 1.0, 2.0, 3.0]}
+    curves = {n: [[0.0, 1.0, 2.0], [number + i, 10.0 * i, -number]] for i, n in enumerate(CURVES)}
+    return {
+        "frames": frames,
+        "curves": curves,
+        "spectra": {a: ([1.0, 10.0], [number, i + 1.0]) for i, a in enumerate(("az", "ax"))},
+    }
+
+
+def test_a_scene_is_what_was_recorded(fmus: FmuSet) -> None:
+    signal = drawn(5.0)
+    frame = {n: np.array(v) for n, v in signal["frames"].items()}
+    row = {"trench_start": 4.0, "outcome": "passed", "passed": True}
+    found = scene("controlled", Case(1.7, 3.0, cg_offset=0.05), row, signal, fmus)
+    rest = 0.65 + np.mean([frame[f"car.hub.{k}.z"][0] for k in ("a1l", "a2l", "a3l")])
+    (body,) = found.bodies
+    np.testing.assert_allclose(body.x, frame["car.x"] - 4.0)
+    np.testing.assert_allclose(body.z, frame["car.body.z"] + rest)
+    np.testing.assert_allclose(body.angle, frame["car.body.pitch"])
+    assert body.outline[0] == pytest.approx((2.05 - 0.05 + 1.2, -0.3))
+    assert body.outline[5] == pytest.approx((-2.05 - 0.05 - 1.25, -0.3))
+    for wheel, strut, k, x in zip(found.wheels, found.struts, ("a1l", "a2l", "a3l"), (2.05, 0.0, -2.05), strict=True):
+        np.testing.assert_allclose(wheel.x, frame[f"car.hub.{k}.x"] - 4.0)
+        np.testing.assert_allclose(wheel.z, frame[f"car.hub.{k}.z"])
+        np.testing.assert_allclose(wheel.turn, (frame[f"car.hub.{k}.x"] - frame[f"car.hub.{k}.x"][0]) / (0.62 - 0.018))
+        assert wheel.radius == 0.62
+        assert strut.at[0] == pytest.approx(x - 0.05)
+    for force, k in zip(found.forces, ("a1l", "a2l", "a3l"), strict=False):
+        for name, shift in (("x", 4.0), ("z", 0.0), ("fx", 0.0), ("fz", 0.0)):
+            np.testing.assert_allclose(getattr(force, name), frame[f"car.contact.{k}.{name}"] - shift)
+    body_forces = {f.name: np.asarray(f.fz) for f in found.forces[3:]}
+    assert body_forces.keys() == {"bumper.front", "bumper.rear", "belly"}
+    for name, force in body_forces.items():
+        np.testing.assert_allclose(force, frame[f"car.{name}.force"])
+    tip = next(f for f in found.forces if f.name == "bumper.front")
+    assert np.asarray(tip.x)[1] == pytest.approx(np.asarray(body.x)[1] + 3.2 * math.cos(0.1) - 0.3 * math.sin(0.1))
+    assert np.asarray(tip.z)[1] == pytest.approx(np.asarray(body.z)[1] - 3.2 * math.sin(0.1) - 0.3 * math.cos(0.1))
+    readings = {r.label: np.asarray(r.values) for r in found.readings}
+    np.testing.assert_allclose(readings["pitch, nose down [deg]"], np.degrees([0.0, 0.1, 0.2, 0.3]))
+    np.testing.assert_allclose(readings["speed [km/h]"], 3.6 * frame["car.speed"])
+    np.testing.assert_allclose(readings["vertical acceleration [m/s2]"], frame["car.body.az"])
+    np.testing.assert_allclose(readings["front hub force [kN]"], frame["car.hub.a1l.fx"] / 1e3)
+    assert found.phase is not None
+    assert found.phase.names[1] == "case 1: front axle over the trench"
+    assert (found.step, found.outcome, found.good) == (0.02, "passed", True)
+    assert tuple(found.ground[3]) == (1.7, -5.0)
+
+
+# ----------------------------------------------------------------------------------------------- a study: every cell by hand
+
+
+def metrics(case: Any) -> dict[str, Any]:
+    """Loads grow with length and speed; costs by hand: passive 2000 to 2350, controlled 1000 to 1175."""
+    if isinstance(case, linear.Shallow):
+        return {}
+    key, passive = (case.length, case.speed_kmh), case.controller == "passive"
+    index = GRID.index(key) if key in GRID else 10
+    factor = (
+        (1 + 0.1 * index) * (3.0 if passive else 1.0) * (1.05 if case.solver_parts == case.exchange_parts == 2 else 1.0)
+    )
+    factor *= (
+        1 + (case.cg_offset or 0.0) + (case.mass_factor - 1) + 0.3 * case.hydropneumatic + 0.1 * (case.friction or 0.0)
+    )
+    loads = {n: factor * (i + 1) for i, n in enumerate(SHARES)}
+    good = published.passed(*key) if passive else case.controller != "lqr"
+    row = {
+        **loads, "cost": 2000 + 10 * index if passive else 1000 + 5 * index, "passed": good, "failures": [] if good else ["stuck"],
+        "outcome": "passed" if good else "failed: stuck", "trench_start": 4.0,
+    }  # fmt: skip
+    if not passive:
+        row |= {"force": 100.0 + index}
+    if case.controller.startswith("mpc"):
+        row |= {"solver_failures": 0, "solver_residual": 1e-12}
+    return row
+
+
+def shown(case: Any) -> dict[str, Any]:
+    if isinstance(case, linear.Shallow):
+        number = 1.0 if case.vehicle == "linear" else 2.0
+        return {"time": [0.0, 1.0], "z": [number, 0.1], "pitch": [number, 0.2], "speed": [number, 0.3]}
+    return drawn(round(100 * case.length) + case.speed_kmh + 0.5 * (case.controller == "mpc"))
+
+
+@pytest.fixture(scope="module")
+def study() -> Results:
+    return made_up.study(EXPERIMENT, metrics, shown)
+
+
+@pytest.fixture(scope="module")
+def page(study: Results, fmus: FmuSet) -> Report:
+    return report(study, fmus)
+
+
+def test_cells_of_the_crossings(page: Report) -> None:
+    loads = [
+        "az [m/s2]",
+        "ax [m/s2]",
+        "rms az [m/s2]",
+        "rms ax [m/s2]",
+        "pitch [deg]",
+        "hub front [kN]",
+        "hub middle [kN]",
+    ]
+    names = [*loads, "hub rear [kN]"]
+    rows = made_up.table(page, "passive-crossings")
+    assert [(r["length [m]"], r["speed [km/h]"]) for r in rows] == list(GRID)
+    at = GRID.index((1.4, 3.0))
+    assert rows[at] == pytest.approx({
+        "length [m]": 1.4, "speed [km/h]": 3.0, **{n: 3 * (1 + 0.1 * at) * (i + 1) for i, n in enumerate(names)},
+        "outcome": "failed: stuck", "at half the step": "the same", "Table 5.4": "failed",
+    })  # fmt: skip
+    assert rows[0]["Table 5.4"] == "passed"
+    rows = made_up.table(page, "mpc-crossings")
+    assert rows[at] == pytest.approx({
+        "length [m]": 1.4, "speed [km/h]": 3.0, **{n: (1 + 0.1 * at) * (i + 1) for i, n in enumerate(names)},
+        "outcome": "passed", "at half the step": "the same", "largest actuator force [kN]": 100.0 + at,
+    })  # fmt: skip
+
+
+def test_a_verdict_that_changes_is_told(study: Results, fmus: FmuSet) -> None:
+    case = Case(1.4, 3.0, "mpc")
+    other = {"passed": False, "failures": ["pitch"], "outcome": "failed: pitch"}
+    changed = report(altered(study, {refined(case): other}), fmus)
+    rows = made_up.table(changed, "mpc-crossings")
+    assert [r["at half the step"] for r in rows if r["at half the step"] != "the same"] == ["failed: pitch"]
+    assert rows[GRID.index((1.4, 3.0))]["outcome"] == "passed"
+    (text,) = next(s.paragraphs for s in changed.sections if s.title == "Steps")
+    assert text == "Halving the step changes 1 of 72 verdicts: 1.4 m at 3 km/h, controlled; these are open."
+
+
+def test_cells_of_what_control_takes_off(page: Report) -> None:
+    row = made_up.table(page, "reductions")[GRID.index((1.2, 3.0))]
+    assert row == {
+        "length [m]": 1.2, "speed [km/h]": 3.0, "az [%]": 67, "az, thesis [%]": 84, "ax [%]": 67, "ax, thesis [%]": 66,
+        "pitch [%]": 67, "pitch, thesis [%]": 38, "az rms [%]": 67, "az rms, thesis [%]": 22, "ax rms [%]": 67,
+        "ax rms, thesis [%]": 27,
+    }  # fmt: skip
+
+
+def test_what_control_takes_off_is_that_of_each_quantity(study: Results, fmus: FmuSet) -> None:
+    loads = {"az": 1.0, "ax": 2.0, "pitch": 3.0, "az_rms": 4.0, "ax_rms": 5.0}
+    changed = altered(study, {Case(1.2, 3.0, "passive"): dict.fromkeys(loads, 10.0), Case(1.2, 3.0): loads})
+    row = made_up.table(report(changed, fmus), "reductions")[1]
+    assert [row[f"{n} [%]"] for n in ("az", "ax", "pitch", "az rms", "ax rms")] == [90, 80, 70, 60, 50]
+
+
+def test_cells_of_the_costs(page: Report) -> None:
+    rows = made_up.table(page, "costs")
+    assert rows[-1] == {
+        "length [m]": 2.0, "speed [km/h]": 9.0, "passive": 2350, "passive, thesis": 19597.1, "controlled": 1175,
+        "controlled, thesis": 1177.5, "passive, normalised": 1.0, "controlled, normalised": 0.13, "improvement [%]": 87.0,
+        "improvement, thesis [%]": 100.0, "score": 1.0, "score, thesis": 5.0,
+    }  # fmt: skip
+    assert (rows[0]["controlled, normalised"], rows[0]["passive, normalised"], rows[0]["score"]) == (0.0, 0.741, 5.0)
+    assert rows[GRID.index((1.6, 3.0))]["score, thesis"] is None
+
+
+def test_nothing_is_a_share_of_the_cheapest_crossing(study: Results, fmus: FmuSet) -> None:
+    changed = report(altered(study, {Case(1.2, 1.0, "passive"): {"cost": 900.0}}), fmus)
+    assert made_up.table(changed, "costs")[0]["improvement [%]"] is None
+
+
+def test_cells_of_finer_steps(page: Report) -> None:
+    rows = made_up.table(page, "refinement")
+    assert [r["system"] for r in rows] == ["passive"] * 8 + ["controlled"] * 8
+    row = rows[12]  # the fifth quantity under control
+    assert (row["quantity"], row["median change [%]"]) == ("peak pitch [deg]", pytest.approx(5.0))
+    length, speed = row["where"].split(", ")
+    index = GRID.index((float(length.split()[0]), float(speed.split()[0])))
+    assert (row["as run"], row["at half the step"]) == pytest.approx(
+        (5 * (1 + 0.1 * index), 1.05 * 5 * (1 + 0.1 * index))
+    )
+
+
+def test_one_crossing_moves_most(study: Results, fmus: FmuSet) -> None:
+    changed = report(altered(study, {refined(Case(1.7, 6.0)): {"pitch": 20.0}, Case(1.7, 6.0): {"pitch": 10.0}}), fmus)
+    row = made_up.table(changed, "refinement")[12]
+    assert list(row.values())[2:] == [pytest.approx(5.0), pytest.approx(100.0), "1.7 m, 6 km/h", 10.0, 20.0]
+
+
+def test_cells_beyond_the_published_runs(page: Report) -> None:
+    rows = made_up.table(page, "between")
+    assert [(r["length [m]"], r["speed [km/h]"]) for r in rows] == list(BETWEEN)
+    assert list(rows[0].values())[2:] == pytest.approx([2.0, 4.0, 10.0, 12.0, 14.0, 16.0, 1050, "passed"])
+    assert list(rows[0])[2:5] == [
+        "peak vertical acceleration [m/s2]",
+        "peak longitudinal acceleration [m/s2]",
+        "peak pitch [deg]",
+    ]
+    assert list(rows[0])[5:8] == [f"peak {axle} hub force [kN]" for axle in ("front", "middle", "rear")]
+    steepest = 5 * (1 + 0.1 * 35)
+    rows = made_up.table(page, "without")
+    assert [r["change"] for r in rows] == ["as it is", *published.WITHOUT.values()]
+    assert rows[0] == pytest.approx({
+        "change": "as it is", "passed": 12, "of": 12, "stuck": 0, "belly contact": 0, "largest pitch [deg]": steepest,
+        "largest az [m/s2]": steepest / 5, "mean cost [-]": round(1000 + 5 * np.mean([0, 1, 2, 3, 16, 17, 18, 19, 32, 33, 34, 35])),
+        "failed [m]/[km/h]": "–",
+    })  # fmt: skip
+    assert [rows[-1][n] for n in ("change", "passed", "of", "stuck", "belly contact")] == [
+        "LQR (Table 4.1)",
+        0,
+        12,
+        12,
+        0,
+    ]
+    assert rows[-1]["failed [m]/[km/h]"].startswith("1.2/1, 1.6/1, 2/1, 1.2/3")
+    rows = made_up.table(page, "vehicles")
+    factors = [1, 1.02, 0.98, 1.05, 0.95, 1.06, 1.04, 1.1, 1.2, 1.3]
+    assert [r["largest pitch [deg]"] for r in rows] == pytest.approx([steepest * f for f in factors])
+    assert [r["vehicle"] for r in rows] == ["as the controller knows it", *published.OTHER_VEHICLES]
+
+
+def test_belly_contact_is_counted_apart(study: Results, fmus: FmuSet) -> None:
+    changed = altered(study, {Case(1.6, 3.0, "lqr"): {"failures": ["belly contact"]}})
+    row = made_up.table(report(changed, fmus), "without")[-1]
+    assert (row["stuck"], row["belly contact"]) == (11, 1)
+
+
+def test_figures_draw_what_they_say(page: Report) -> None:
+    number = "5-29", (1.5, 3.0)
+    for name, controller in (("passive", "passive"), ("controlled", "mpc")):
+        own = shown(Case(*number[1], controller))["curves"]
+        for title, signal, factor in (
+            ("Pitch, nose down", "car.body.pitch", 180 / math.pi), ("Vertical acceleration", "car.body.az", 1.0),
+            ("Longitudinal acceleration", "car.body.ax", 1.0), ("Front hub force", "car.hub.a1l.fx", 1e-3),
+        ):  # fmt: skip
+            curve = made_up.series(page, f"figure-{number[0]}", title, name)
+            assert list(curve.x) == own[signal][0]
+            np.testing.assert_allclose(curve.y, factor * np.array(own[signal][1]))
+        for word, axis in (("Vertical", "az"), ("Longitudinal", "ax")):
+            curve = made_up.series(page, "figure-5-39", f"{word} acceleration", name)
+            assert (list(curve.x), list(curve.y)) == shown(Case(*SPECTRUM, controller))["spectra"][axis]
+    for name in ("linear", "nonlinear"):
+        own = shown(linear.Shallow(name))
+        for title, signal in (
+            ("Body height (figure 5.1)", "z"), ("Pitch, nose down (figure 5.2)", "pitch"), ("Speed (figure 5.3)", "speed")
+        ):  # fmt: skip
+            curve = made_up.series(page, "figure-5-1", title, name)
+            assert (list(curve.x), list(curve.y)) == (own["time"], own[signal])
+    assert made_up.axes(page, "figure-5-29") == {
+        "Pitch, nose down": ("time [s]", "pitch [deg]"), "Vertical acceleration": ("time [s]", "az [m/s2]"),
+        "Longitudinal acceleration": ("time [s]", "ax [m/s2]"), "Front hub force": ("time [s]", "hub force [kN]"),
+    }  # fmt: skip
+    assert [y for _, y in made_up.axes(page, "figure-5-1").values()] == [
+        "body height [m]",
+        "pitch [deg]",
+        "speed [km/h]",
+    ]
+    assert [y for _, y in made_up.axes(page, "figure-5-39").values()] == [
+        f"{a} density [(m/s2)2/Hz]" for a in ("az", "ax")
+    ]
+
+
+def test_maps_of_the_cost(page: Report) -> None:
+    contour, surface = (f for f in page.figures if isinstance(f, Map))
+    assert surface.reference == pytest.approx((cost_of_limits() - 1000) / 1350)
+    for made in (contour, surface):
+        assert (list(made.x), list(made.y)) == ([1.2, 1.3, 1.4, 1.5, 1.6, 1.7, 1.8, 1.9, 2.0], [1.0, 3.0, 6.0, 9.0])
+        layers = {layer.name: np.asarray(layer.values) for layer in made.layers}
+        at = GRID.index((1.4, 6.0))
+        assert layers["passive"][2, 2] == pytest.approx((1000 + 10 * at) / 1350)
+        assert layers["controlled"][2, 2] == pytest.approx(5 * at / 1350)
+
+
+def test_the_animation_shows_the_crossings_of_section_5_5(page: Report) -> None:
+    takes = page.animations[0].takes
+    assert [t.title for t in takes] == [f"{a:g} m, {v:g} km/h" for a, v in BOLD[::-1]]
+    for take, key in zip(takes, BOLD[::-1], strict=True):
+        for seen, controller in zip(take.scenes, ("passive", "mpc"), strict=True):
+            np.testing.assert_allclose(
+                seen.bodies[0].x, np.array(shown(Case(*key, controller))["frames"]["car.x"]) - 4.0
+            )
+            assert seen.outcome == metrics(Case(*key, controller))["outcome"]
+
+
+def test_figures_at_the_top(page: Report) -> None:
+    assert {r.name: (r.value, r.unit) for r in page.results} == {
+        "crossings passed, passive": (sum(published.passed(*k) for k in GRID), "of 36"),
+        "crossings passed, controlled": (36, "of 36"), "mean cost, passive": (2175, "-"), "mean cost, controlled": (1088, "-"),
+    }  # fmt: skip
+
+
+def test_a_failed_run_is_left_out_of_the_page(study: Results, fmus: FmuSet, tmp_path: Path) -> None:
+    made = report(failed(study, Case(2.0, 9.0)), fmus)
+    assert [r.name for r in made.results] == ["crossings passed, passive", "mean cost, passive"]
+    text = write_report(made, tmp_path).read_text(encoding="utf-8")
+    assert "Left out: the run 2m-9kmh-mpc failed: ComponentError: it broke" in text
+    assert [s.title for s in made.sections if s.paragraphs and s.paragraphs[0].startswith("Left out")] == [
+        "The crossing", "Verdicts", "Peaks, pitch and spectra", "Cost", "Time histories and spectra", "Steps", "What it depends on",
+        "Where the edge is",
+    ]  # fmt: skip
+
+
+def test_a_study_of_the_published_runs_has_no_other_sections(fmus: FmuSet) -> None:
+    made = report(made_up.study(EXPERIMENT, metrics, shown, published_only=True), fmus)
+    titles = {s.title for s in made.sections}
+    assert not titles & {"Between the grid points", "What it depends on", "Where the edge is"}
+    assert titles > {"Linear against nonlinear vehicle", "Verdicts"}
+
+
+def test_words_of_the_claims(study: Results) -> None:
+    found = {c.id: (c.verdict, c.ours) for c in CLAIMS.judge(study)}
+    assert found == {
+        "passive-verdicts": ("reproduced", "36 of 36 agree"),
+        "passive-short": ("reproduced", "8 of 8"),
+        "passive-long": ("reproduced", "0 of 8"),
+        "controlled-pass": ("reproduced", "36 of 36, belly contact in 0"),
+        "controlled-faster": ("reproduced", "27 of 27"),
+        "cost-below-passive": ("reproduced", "36 of 36, by 87 to 100 % (least at 2 m, 9 km/h)"),
+        "peak-az": ("reproduced", "36 of 36"),
+        "peak-ax": ("reproduced", "36 of 36"),
+        "scores": ("not reproduced", "2.9 against 3.1"),
+        "between": ("reproduced", "15 of 15 without a change"),
+        "lqr-alone": ("reproduced", "0 of 8 crossings of 1.6 and 2.0 m meet Table 5.3"),
+        "no-preview-alone": ("not reproduced", "8 of 8 crossings of 1.6 and 2.0 m meet Table 5.3"),
+        "solver": ("holds", "0 failures in 51 crossings, largest residual 1.0e-12"),
+    }
+
+
+def test_words_where_control_does_not_help(study: Results) -> None:
+    worse = {Case(1.2, v): {"az": 99.0, "cost": 5000.0} for v in (1.0, 3.0)} | {Case(1.3, 9.0): {"ax": 99.0}}
+    found = {c.id: c.ours for c in CLAIMS.judge(altered(study, worse))}
+    assert found["peak-az"] == "34 of 36; not 1.2 m at 1, 3 km/h"
+    assert found["peak-ax"] == "35 of 36; not 1.3 m at 9 km/h"
+    assert found["cost-below-passive"].endswith("; not 1.2 m at 1, 3 km/h")
+
+
+def test_parameters_are_those_of_the_fmus(page: Report) -> None:
+    given = {p.name: (p.value, p.unit, p.source) for p in page.parameters}
+    assert given["wheel.a1l.x"] == (2.05, "m", "assumed, with 003 Table 5.5 in view")
+    assert given["solver.step"] == (0.00025, "s", "set by the study")
+    assert given["controller.hold_height"] == (True, "-", "set by the study")
+    assert given["limit.az"] == (150.0, "m/s2", "003 Table 5.3")
+    assert given["weight.pitch"] == (17.5, "%", "003 Table 5.10")
+    assert not {"wheel.a1r.x", "trench.length", "outline.points"} & given.keys()
+
+
+def test_matrix_is_by_length_and_speed() -> None:
+    assert [(c.length, c.speed_kmh) for c in matrix("passive")] == list(GRID)

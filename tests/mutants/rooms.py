@@ -1,0 +1,46 @@
+"""Which files mistakes are made in, and the tests that should notice each: the one place that says so."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+ROOT = Path(__file__).parents[2]
+
+
+@dataclass(frozen=True)
+class Room:
+    """Files and their tests, as patterns from the project's folder. ``leave``: kinds of mistakes that are not made in them."""
+
+    name: str
+    sources: tuple[str, ...]
+    tests: tuple[str, ...]
+    leave: tuple[str, ...] = ()
+
+    def files(self) -> list[Path]:
+        """The files, by name."""
+        found = {p for pattern in self.sources for p in ROOT.glob(pattern) if p.name != "__init__.py"}
+        return sorted(found)
+
+    def test_files(self) -> list[Path]:
+        """Files of the tests."""
+        return sorted({p for pattern in self.tests for p in ROOT.glob(pattern)})
+
+
+def _experiment(name: str, *tests: str) -> Room:
+    return Room(name, (f"cosim/experiments/{name}/*.py",), tests or (f"tests/experiments/test_{name}_numbers.py",))
+
+
+ROOMS = (
+    _experiment("bench"),
+    Room("hmmwv", ("cosim/experiments/hmmwv/*.py", "cosim/experiments/hmmwv/*/*.py"), ("tests/experiments/test_hmmwv_numbers.py", "tests/experiments/test_hmmwv_wiring.py")),
+    _experiment("preview_lq"),
+    _experiment("three_axle"),
+    Room("metrics", ("cosim/experiments/metrics/*.py",), ("tests/cosim_metrics/test_metrics.py", "tests/cosim_metrics/test_crossing.py")),
+    Room("study", tuple(f"cosim/study/{n}.py" for n in ("results", "pages", "claims")), ("tests/study/test_claim_lists.py", "tests/study/test_results_and_pages.py", "tests/study/test_study_parts.py")),
+    Room("report", ("cosim/report/*.py",), ("tests/report/*.py",)),
+    Room("comfort", ("fmu_sources/models/comfort.py",), ("tests/cosim_metrics/test_comfort.py",)),
+    Room("weights", ("fmu_sources/controllers/*weights*.py",), ("tests/control/test_preview_lq.py",)),
+    Room("observer", ("fmu_sources/controllers/mpc_observer.py",), ("tests/control/test_mpc.py",)),
+    Room("estimators", ("fmu_sources/estimators/*.py",), ("tests/estimators/*.py",)),
+)  # fmt: skip

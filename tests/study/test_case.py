@@ -1,0 +1,143 @@
+"""Cases: what their fields carry becomes options, checks, keys and labels."""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import dataclass
+
+import pytest
+
+from cosim.study import Case, CaseError, check_choice, fields, grid, option
+from cosim.study.case import case_of, differing, values
+
+
+@dataclass(frozen=True, kw_only=True)
+class Base(Case):
+    parts: int = option(1, within=(1, 4), help="parts of a step", label="in-{}")
+
+
+@dataclass(frozen=True)
+class Ride(Base):
+    road: str = option("sine", choices=("sine", "curb"), files=".fmu", help="road", always=True)
+    speed_kmh: float = option(
+        50.0, unit="km/h", within=(2, 200), name="speed", help="speed", label="{:g}kmh", always=True
+    )
+    law: str = option("preview", choices=("passive", "preview"), help="law")
+    hold: bool = option(False, help="hold", only=(lambda c: c.law == "preview", "the law preview"))
+    mass: float | None = option(None, unit="kg", within=(1, 1e4), help="mass")
+    free: int = 3
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({"road": "sien"}, "no road 'sien'; did you mean sine? (there are: sine, curb)"),
+        ({"road": 3}, "road 3: give a text"),
+        ({"speed_kmh": 1.0}, "speed 1 km/h: give 2 to 200 km/h"),
+        ({"speed_kmh": 201}, "speed 201 km/h: give 2 to 200 km/h"),
+        ({"speed_kmh": float("nan")}, "speed nan km/h: give a finite number"),
+        ({"speed_kmh": "fast"}, "speed 'fast': give a number"),
+        ({"speed_kmh": True}, "speed True: give a number"),
+        ({"speed_kmh": None}, "speed None: give a number"),
+        ({"law": "passive", "hold": True}, "hold is for the law preview only"),
+        ({"hold": 1}, "hold 1: give True or False"),
+        ({"mass": 0.0}, "mass 0 kg: give 1 to 10000 kg"),
+        ({"parts": 2.5}, "parts 2.5: give a whole number"),
+        ({"parts": 5}, "parts 5: give 1 to 4"),
+    ],
+)
+def test_what_cannot_be_run_cannot_be_made(given, message) -> None:
+    with pytest.raises(CaseError) as refused:
+        Ride(**given)
+    assert message in str(refused.value)
+
+
+def test_bounds_and_files_are_accepted() -> None:
+    for given in ({"speed_kmh": 2}, {"speed_kmh": 200}, {"road": "my/road.fmu"}, {"mass": None}, {"mass": 1}):
+        Ride(**given)
+
+
+def test_fields_in_the_order_of_arguments() -> None:
+    assert [(f.name, f.type, f.optional) for f in fields(Ride)] == [
+        ("road", str, False), ("speed", float, False), ("law", str, False), ("hold", bool, False), ("mass", float, True),
+        ("free", int, False), ("parts", int, False),
+    ]  # fmt: skip
+    assert [f.text for f in fields(Ride)][1] == "speed [km/h]"
+
+
+@pytest.mark.parametrize(
+    ("given", "label"),
+    [
+        ({}, "sine-50kmh"),
+        ({"road": "a/b/mine.fmu", "speed_kmh": 72.5}, "mine-72.5kmh"),
+        ({"law": "passive"}, "sine-50kmh-passive"),
+        ({"hold": True}, "sine-50kmh-hold"),
+        ({"mass": 100.0, "free": 4, "parts": 2}, "sine-50kmh-mass-100-free-4-in-2"),
+    ],
+)
+def test_labels_name_what_differs(given, label) -> None:
+    assert Ride(**given).label == label
+
+
+def test_a_key_knows_no_difference_between_1_and_1_0() -> None:
+    assert values(Ride(speed_kmh=50)) == values(Ride(speed_kmh=50.0))
+    assert isinstance(values(Ride(speed_kmh=50))["speed_kmh"], float)
+    assert list(values(Ride())) == [f.name for f in sorted(dataclasses.fields(Ride), key=lambda f: f.kw_only)]
+
+
+def test_grids() -> None:
+    cases = grid(Ride, speed_kmh=(30, 50), law=("passive", "preview"))
+    assert [(c.speed_kmh, c.law) for c in cases] == [(30, "passive"), (30, "preview"), (50, "passive"), (50, "preview")]
+    assert [f.name for f in differing(cases)] == ["speed", "law"]
+    with pytest.raises(CaseError, match="no field of Ride 'sped'"):
+        grid(Ride, sped=(1,))
+
+
+def test_cases_of_a_function() -> None:
+    def system(speed: float = 30.0, name="car", laps: int = option(2, within=(1, 9), help="laps")):
+        return speed, name, laps
+
+    case = case_of(system)
+    assert [(f.name, f.type, f.default) for f in fields(case)] == [
+        ("speed", float, 30.0),
+        ("name", str, "car"),
+        ("laps", int, 2),
+    ]
+    with pytest.raises(CaseError, match="laps 10: give 1 to 9"):
+        case(laps=10)
+
+
+@pytest.mark.parametrize(
+    ("function", "message"),
+    [
+        (lambda speed: speed, "argument 'speed' needs a name and a default"),
+        (lambda **more: more, "argument 'more' needs"),
+    ],
+)
+def test_functions_without_options(function, message) -> None:
+    with pytest.raises(CaseError, match=message):
+        case_of(function)
+
+
+def test_classes_that_are_no_cases() -> None:
+    @dataclass(frozen=True)
+    class Odd:
+        road: list = dataclasses.field(default_factory=list)
+
+    @dataclass(frozen=True)
+    class Bare:
+        speed: float
+
+    for made, message in (
+        (Odd, "a field is a str, int, float or bool"),
+        (Bare, "needs a default"),
+        (int, "is no dataclass"),
+    ):
+        with pytest.raises(CaseError, match=message):
+            fields(made)
+
+
+def test_choices_that_are_numbers() -> None:
+    check_choice("side", 1, (0, 1))
+    with pytest.raises(CaseError, match=r"no side 2 \(there are: 0, 1\)"):
+        check_choice("side", 2, (0, 1))

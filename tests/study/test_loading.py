@@ -1,0 +1,35 @@
+"""Files of users that cannot be imported: each is refused in a sentence."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from build_fmus import extras
+from cosim.study import ExperimentError, load
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("import no_such_module", "imports no_such_module, which is not installed"),
+        ("from cosim import Cosimulation", "cannot import name 'Cosimulation' from 'cosim'"),  # another project's
+    ],
+)
+def test_what_a_file_imports_is_not_there(text: str, message: str, tmp_path: Path) -> None:
+    file = tmp_path / "mine.py"
+    file.write_text(text + "\n")
+    with pytest.raises(ExperimentError, match=message) as refused:
+        load(str(file))
+    assert str(file) in str(refused.value)
+
+
+def test_a_missing_extra_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    file = tmp_path / "mine.py"
+    file.write_text("from build_fmus import extras\nextras.require('reports', 'this')\n")
+    monkeypatch.setitem(extras.EXTRAS, "reports", ("no_such_module",))
+    with pytest.raises(
+        extras.MissingExtraError, match=r"this needs the extra \[reports\]: pip install 'suspension-fmus\[reports\]'"
+    ):
+        load(str(file))
