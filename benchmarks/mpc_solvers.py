@@ -126,7 +126,7 @@ def measure(given: Problems, backend: str) -> dict[str, float]:
         "p99 [ms]": float(np.quantile(took, 0.99)),
         "p99 / half the sample time": float(np.quantile(took, 0.99) / (0.5e3 * given.mpc.model.period)),
         "iterations, most": float(iterations.max()),
-        "iterations, limit": float(program.backend.max_iterations),
+        "iterations, limit": float(program.backend.most_iterations),
         "residual, largest": float(residual.max()),
         "command error, largest": float(error.max()),
         "steps not solved": float((status > 0).sum()),

@@ -106,8 +106,7 @@ class _Sites:
     def _visit(self, node: ast.AST) -> None:
         if isinstance(node, _HIDDEN) or _is_for_type_checkers(node) or _is_hint(node):
             return
-        named = isinstance(node, ast.FunctionDef | ast.ClassDef)
-        if named:
+        if named := isinstance(node, ast.FunctionDef | ast.ClassDef):
             self._where.append(node.name)
         look = getattr(self, f"_in_{type(node).__name__.lower()}", None)
         if look is not None:
