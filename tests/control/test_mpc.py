@@ -362,7 +362,9 @@ def test_what_wanders_too_little_is_never_found(model) -> None:
     C = slow.model.C[[slow.model.outputs.index("body.z")]]
     left = np.abs(np.linalg.eigvals(slow.model.A - slow.model.A @ slow.gain @ C)).max()
     assert 1 - left == pytest.approx(1.5e-9, rel=1e-3)
-    with pytest.raises(MpcError, match=r"offset\.body\.z cannot all be told from body\.z; measure more, or let less wander"):
+    with pytest.raises(
+        MpcError, match=r"offset\.body\.z cannot all be told from body\.z; measure more, or let less wander"
+    ):
         Observer.kalman(model, {"body.z": 1.0}, input_noise=1e-9, offsets={"body.z": 5e-10})
 
 
