@@ -200,6 +200,8 @@ class Component:
         self._handles: dict[str, Any] = {}  # what parameter(), input() and state() returned
         self._sizes: dict[Role, int] = {"parameter": 0, "input": 0, "state": 0, "output": 0}
         self._next: dict[str, Any] = {}  # state name -> derivative or update expression
+        self._values: dict[str, tuple[Any, str]] = {}  # intermediate values by name, with the source of their equations
+        self.equations: dict[str, str] = {}  # output or state -> where its equation comes from
         self._start: dict[str, Any] = {}  # state name -> start expression of parameters and inputs
         self._outputs: dict[str, Any] = {}
         self.programs: list[qp.QuadraticProgram] = []
@@ -325,13 +327,36 @@ class Component:
             self._start[name] = self._flat(self._variables[name], start, "start")
         return symbol
 
-    def derivative(self, state: Any, expression: Any) -> None:
-        """``d state/dt = expression`` (continuous components)."""
-        self._relate(state, expression, "continuous", "derivative")
+    def derivative(self, state: Any, expression: Any, *, source: str = "") -> None:
+        """``d state/dt = expression`` (continuous components); ``source``: paper and number of the equation, for readers of the C."""
+        self._relate(state, expression, "continuous", "derivative", source)
 
-    def update(self, state: Any, expression: Any) -> None:
-        """``state`` after the sample instant ``= expression`` (discrete components)."""
-        self._relate(state, expression, "discrete", "update")
+    def update(self, state: Any, expression: Any, *, source: str = "") -> None:
+        """``state`` after the sample instant ``= expression`` (discrete components); ``source`` as of :meth:`derivative`."""
+        self._relate(state, expression, "discrete", "update", source)
+
+    def value(self, name: str, expression: Any, *, source: str = "") -> Any:
+        """Name an intermediate value and return it: the generated C calls it so; ``source`` as of :meth:`derivative`.
+
+        No variable of the FMU, and no other result. The name is one that C could have (``strut_force``), different from all others
+        of this kind.
+        """
+        if not re.fullmatch(r"[A-Za-z_]\w*", name, re.ASCII):
+            raise DeclarationError(f"{self.name}.{name}: the name of a value has letters, digits and _ only")
+        if name in self._values:
+            raise DeclarationError(f"{self.name}.{name}: two values of this name")
+        self._values[name] = (self._symbols(expression), source)
+        self.__dict__.pop("functions", None)
+        return expression
+
+    @property
+    def value_sources(self) -> dict[str, str]:
+        """Names of the intermediate values, in the order of ``functions["values"]``, with the sources of their equations."""
+        return {name: source for name, (_, source) in self._values.items()}
+
+    def _explain(self, name: str, source: str) -> None:
+        if source:
+            self.equations[name] = source
 
     def output(
         self,
@@ -345,8 +370,12 @@ class Component:
         max: float | None = None,
         nominal: float | None = None,
         display_unit: str | None = None,
+        source: str = "",
     ) -> None:
-        """Declare an output by its expression (column vector or matrix expressions become array variables)."""
+        """Declare an output by its expression (column vector or matrix expressions become array variables).
+
+        ``source``: paper and number of its equation, for readers of the C.
+        """
         expression = self._symbols(expression)
         shape: tuple[int, ...] = () if expression.is_scalar() else tuple(expression.shape)
         if len(shape) == 2 and shape[1] == 1:
@@ -356,6 +385,7 @@ class Component:
             display_unit=display_unit, output=True,
         )  # fmt: skip
         self._outputs[name] = expression
+        self._explain(name, source)
 
     def quadratic_program(
         self,
@@ -516,7 +546,7 @@ class Component:
             self.__dict__.pop(derived, None)
         return symbol
 
-    def _relate(self, state: Any, expression: Any, kind: Kind, verb: str) -> None:
+    def _relate(self, state: Any, expression: Any, kind: Kind, verb: str, source: str) -> None:
         if self.kind != kind:
             raise DeclarationError(f"{self.name}: {verb}() is for {kind} components")
         for v in self._variables.values():
@@ -524,6 +554,7 @@ class Component:
                 if v.name in self._next:
                     raise DeclarationError(f"{self.name}.{v.name}: {verb} given twice")
                 self._next[v.name] = self._flat(v, expression, verb)
+                self._explain(v.name, source)
                 return
         raise DeclarationError(f"{self.name}: {verb}() needs the very symbol that state() returned")
 
@@ -642,7 +673,8 @@ class Component:
         their solutions as fifth argument, and ``programs (t, x, u, p) -> data`` has q, l, u, case of each;
         ``fwd (t, x, u, p, dx, du, dp) -> d rhs, d y`` and ``fwd_start (x, u, p, dx, du, dp) -> d x0`` (continuous);
         ``jac (t, x, u, p) -> d rhs/dx, d rhs/dt`` (solver ``ros2``, and wherever its code stays short);
-        ``check (t, x, u, p) -> values`` that must be > 0 when initialization ends (components with checks).
+        ``check (t, x, u, p) -> values`` that must be > 0 when initialization ends (components with checks);
+        ``values (t, x, u, p) -> v1, v2, ...``: what :meth:`value` has named, in this order (with solutions as ``out``).
 
         Raises:
             DeclarationError: a state without derivative/update, or an expression with an undeclared symbol.
@@ -694,6 +726,8 @@ class Component:
             add("tick", [t, x, u, p, *solutions], [nxt, y])
             if self.programs:
                 add("programs", [t, x, u, p], [column([q.data for q in self.programs])])
+        if self._values:
+            add("values", [t, x, u, p, *solutions], [ca.densify(e) for e, _ in self._values.values()])
         if self._checks:
             add("check", [t, x, u, p], [column([e for e, _ in self._checks])])
             if any(ca.depends_on(e, x) for e, _ in self._checks if x.numel()):

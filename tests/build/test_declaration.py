@@ -97,6 +97,8 @@ CASES: dict[str, tuple[Callable[[], object], str]] = {
     "source that is no text": (
         lambda: mass().parameter("m", 1.0, "kg", "mass", source="Table\x07 2"), r"Mass\.m: source: contains the character '\\x07'",
     ),
+    "value with a dot": (lambda: mass().value("strut.force", 0), r"Mass\.strut\.force: the name of a value has letters"),
+    "two values of a name": (lambda: [c := mass(), c.value("f", 0), c.value("f", 1)], r"Mass\.f: two values of this name"),
     "stimulus of no input": (lambda: mass().stimulate({"f": math.sin}), r"Mass: stimulus for 'f', which is not an input"),
 }  # fmt: skip
 
@@ -106,6 +108,17 @@ def test_refusals(case: str) -> None:
     make, message = CASES[case]
     with pytest.raises(DeclarationError, match=message):
         make()
+
+
+def test_intermediate_values_are_functions_of_what_was_declared() -> None:
+    c = mass()
+    f, x = c.input("f", "N", "force"), c.state("x", "m", "position")
+    pull = c.value("pull", f - 2 * x, source="Hooke")
+    c.derivative(x, pull, source="Newton")
+    c.output("twice", 2 * pull, "N", "twice the pull", source="arithmetic")
+    assert c.value_sources == {"pull": "Hooke"}
+    assert c.equations == {"x": "Newton", "twice": "arithmetic"}
+    assert float(c.functions["values"](0.0, 3.0, 10.0, c.vector("parameter"))) == 4.0
 
 
 def test_unknown_variables_come_with_the_nearest_name() -> None:
