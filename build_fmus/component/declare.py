@@ -1,24 +1,4 @@
-"""The declaration language: one Python object per component, from which everything else is derived.
-
-A component declares its variables with CasADi symbols and relates them by expressions. The C code, both
-``modelDescription.xml`` files, exact dependencies, directional derivatives, the linear model, the documentation page
-and the Python reference evaluation all come from this one object.
-
-Continuous component::
-
-    c = Component("Mass", kind="continuous", description="A mass pushed by a force", source="Newton")
-    m = c.parameter("mass", 2.0, "kg", "mass", min=1e-3, source="assumed")
-    f = c.input("force", "N", "applied force")
-    x = c.state("x", "m", "position", output=True)
-    v = c.state("v", "m/s", "velocity", output=True)
-    c.derivative(x, v)
-    c.derivative(v, f / m)
-    c.output("a", f / m, "m/s2", "acceleration")
-
-Discrete component: ``kind="discrete"``, ``sample_time=...`` and :meth:`Component.update` instead of ``derivative``.
-At a sample instant t the outputs are evaluated from the inputs at t and the state before the update, then the state is
-updated; outputs hold until the next sample (see ``docs/architecture.md``, exchange rule).
-"""
+"""The builder of a component: what users write a declaration with, and what is derived from it."""
 
 from __future__ import annotations
 
@@ -26,125 +6,31 @@ import difflib
 import math
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from functools import cached_property
-from itertools import product
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 
 from build_fmus import extras, qp, units
+from build_fmus.component.linear import Linearization
+from build_fmus.component.variables import (
+    BaseType,
+    DeclarationError,
+    Element,
+    Kind,
+    Role,
+    Solver,
+    Variable,
+    source_fault,
+)
 
 with extras.needed("build", extras.BUILDING):
     import casadi as ca
 
-Kind = Literal["continuous", "discrete"]
-Role = Literal["time", "parameter", "input", "state", "derivative", "output"]
-Solver = Literal["rk4", "am2", "ros2", "semi_implicit"]
-BaseType = Literal["Float64", "Int32", "Boolean"]
-
 _NAME = re.compile(r"^[A-Za-z_]\w*(\.[A-Za-z_]\w*)*$", re.ASCII)
 _JACOBIAN_UP_TO = 10_000  # operations of `fwd`: beyond it a Jacobian in one piece would double the size of the FMU
 _TYPES: dict[type, BaseType] = {float: "Float64", int: "Int32", bool: "Boolean"}
-LONGEST_SOURCE = 4096  # characters; who reads an FMU believes no more
-_NO_XML = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
-_SAME = 1e-6  # relative difference at which two constants count as one: they may pass through text and other units
-
-
-class DeclarationError(ValueError):
-    """A component declaration that cannot become an FMU; the message names the component and the variable."""
-
-
-def source_fault(source: str) -> str:
-    """What is wrong with the text that says where a value comes from, with the remedy; empty when nothing is."""
-    if not (source and source.strip()):
-        return 'empty; say where the value comes from, or "assumed"'
-    if len(source) > LONGEST_SOURCE:
-        return f"has {len(source)} characters; shorten it to {LONGEST_SOURCE}"
-    if bad := _NO_XML.search(source):
-        return f"contains the character {bad[0]!a}, which XML cannot hold; remove it"
-    return ""
-
-
-@dataclass(frozen=True, eq=False)
-class Variable:
-    """One declared variable (scalar, vector or matrix).
-
-    ``slot`` is the position of its first element in the vector of its role (``p``, ``u``, ``x`` or ``y``).
-    ``start`` is flat and row-major, or None when the value is calculated. ``must_equal`` is the constant that the source of
-    an input must have, None where any value will do. ``source`` says where the value of a parameter comes from.
-    """
-
-    name: str
-    role: Role
-    unit: str | None
-    description: str
-    shape: tuple[int, ...] = ()
-    type: BaseType = "Float64"
-    start: tuple[float, ...] | None = None
-    min: float | None = None
-    max: float | None = None
-    nominal: float | None = None
-    display_unit: str | None = None
-    tunable: bool = False
-    source: str = ""
-    output: bool = False
-    exposed: bool = True
-    slot: int = 0
-    symbol: Any = field(default=None, repr=False)
-    derivative_of: str | None = None
-    must_equal: float | None = None
-
-    @property
-    def size(self) -> int:
-        """Number of scalar elements."""
-        return math.prod(self.shape)
-
-    @property
-    def tolerance(self) -> float:
-        """Difference from ``must_equal`` that passes, in the variable's unit."""
-        return math.inf if self.must_equal is None else _SAME * abs(self.must_equal)
-
-    def element_names(self) -> list[str]:
-        """Scalar names in slot order: ``gain.y[2,3]``; row-major and 1-based as FMI's structured naming has it."""
-        if not self.shape:
-            return [self.name]
-        indices = product(*(range(1, n + 1) for n in self.shape))
-        if self.role == "derivative":  # der(x)[2] is not a legal name, der(x[2]) is
-            return [f"der({self.derivative_of}[{','.join(map(str, i))}])" for i in indices]
-        return [f"{self.name}[{','.join(map(str, i))}]" for i in indices]
-
-
-@dataclass(frozen=True)
-class Element:
-    """One scalar of a variable, as FMI sees it by default."""
-
-    name: str
-    variable: Variable
-    index: int
-
-    @property
-    def slot(self) -> int:
-        """Position in the vector of the variable's role."""
-        return self.variable.slot + self.index
-
-    @property
-    def start(self) -> float | None:
-        """Start value of this element, None when calculated."""
-        return None if self.variable.start is None else self.variable.start[self.index]
-
-
-@dataclass(frozen=True)
-class Linearization:
-    """``dx/dt = A x + B u``, ``y = C x + D u`` about an operating point, with the names of rows and columns."""
-
-    A: np.ndarray
-    B: np.ndarray
-    C: np.ndarray
-    D: np.ndarray
-    states: list[str]
-    inputs: list[str]
-    outputs: list[str]
 
 
 class Component:

@@ -1,0 +1,55 @@
+"""The declaration language: one Python object per component, from which everything else is derived.
+
+A component declares its variables with CasADi symbols and relates them by expressions. The C code, both
+``modelDescription.xml`` files, exact dependencies, directional derivatives, the linear model, the documentation page
+and the Python reference evaluation all come from this one object.
+
+Continuous component::
+
+    c = Component("Mass", kind="continuous", description="A mass pushed by a force", source="Newton")
+    m = c.parameter("mass", 2.0, "kg", "mass", min=1e-3, source="assumed")
+    f = c.input("force", "N", "applied force")
+    x = c.state("x", "m", "position", output=True)
+    v = c.state("v", "m/s", "velocity", output=True)
+    c.derivative(x, v)
+    c.derivative(v, f / m)
+    c.output("a", f / m, "m/s2", "acceleration")
+
+Discrete component: ``kind="discrete"``, ``sample_time=...`` and :meth:`Component.update` instead of ``derivative``.
+At a sample instant t the outputs are evaluated from the inputs at t and the state before the update, then the state is
+updated; outputs hold until the next sample (see ``docs/architecture.md``, exchange rule).
+
+The room, lowest first:
+
+- ``variables``: variables and their scalar elements; what is wrong with a declaration;
+- ``linear``: the linear model about an operating point;
+- ``declare``: :class:`Component`, the builder.
+"""
+
+from build_fmus.component.declare import Component
+from build_fmus.component.linear import Linearization
+from build_fmus.component.variables import (
+    LONGEST_SOURCE,
+    BaseType,
+    DeclarationError,
+    Element,
+    Kind,
+    Role,
+    Solver,
+    Variable,
+    source_fault,
+)
+
+__all__ = [
+    "LONGEST_SOURCE",
+    "BaseType",
+    "Component",
+    "DeclarationError",
+    "Element",
+    "Kind",
+    "Linearization",
+    "Role",
+    "Solver",
+    "Variable",
+    "source_fault",
+]
