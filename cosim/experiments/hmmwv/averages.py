@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -18,8 +18,7 @@ from cosim.study import Distribution, Results, Row
 class Averages:
     """A view of the results of a study by cases that stand for several runs.
 
-    ``refined``: as they would be with half the steps of exchange and solvers. Each metric of a case that was also run so is
-    multiplied by what halving does to it at the case's first place.
+    ``refined``: with half the steps of exchange and solvers, where the study ran a case so too.
     """
 
     results: Results
@@ -36,14 +35,9 @@ class Averages:
             KeyError: it was not run.
             RunFailed: one of them failed.
         """
-        return [self._refined(run) if self.refined else self.results[run] for run in places(case)]
-
-    def _refined(self, run: Case) -> Row:
-        row, first = self.results[run], run if run.variant == 0 else replace(run, variant=0)
-        if finer(first) not in self.results or first not in self.results:
-            return row
-        fine, coarse = self.results[finer(first)], self.results[first]
-        return {**row, **{k: v * fine[k] / coarse[k] for k, v in row.items() if k in fine and coarse.get(k)}}
+        return [
+            self.results[finer(run) if self.refined and finer(run) in self.results else run] for run in places(case)
+        ]
 
     def mean(self, key: str, case: Case) -> float:
         """Mean of a metric over the places of a case."""

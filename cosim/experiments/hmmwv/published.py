@@ -81,7 +81,7 @@ def places(case: Case) -> tuple[Case, ...]:
     """The runs that a case stands for: places of the bump on the controllers' grid, or stretches off road."""
     if case.road == "off-road" and case.duration is None:
         case = replace(case, duration=OFF_ROAD_S)
-    if case.exchange_parts > 1 or case.solver_parts > 1:
+    if (case.exchange_parts > 1) != (case.solver_parts > 1):  # which of the two matters, apart from what claims rest on
         return tuple(over_variants(case, 1))
     beside = case.friction or not case.lift_off or case.shared_pump
     return tuple(over_variants(case, SIDE_VARIANTS if beside else None))
@@ -118,7 +118,7 @@ def published_cases() -> list[Case]:
 
 
 def refined_cases() -> list[Case]:
-    """Runs with finer steps, one place each."""
+    """Runs with finer steps: both at every place, one of the two at the first one."""
     apart = [case for road in ("track", "bump") for c in REFINED_APART for case in halved(Case(road, c)).values()]
     return [finer(case) for case in published_cases()] + apart
 

@@ -33,7 +33,7 @@ def _filter(study: Results) -> Finding:
         f"first at its final value after {crossing:.1f} ms; 10 to 90 % in {1e3 * row['rise']:.1f} ms",
         crossing in band, "more than 10 % off", crossing, "ms", band,
         criterion="time until the step response is first at its final value",
-        fitted="the paper does not define its rise time; of the usual definitions this one is the nearest to its figure",
+        fitted="the paper does not define its rise time; the whole rise is taken, the only usual definition that comes near its figure",
     )  # fmt: skip
 
 
