@@ -20,14 +20,14 @@ from benchmarks.mpc_solvers import make
 from build_fmus.qp import Backend, Daqp
 from build_fmus.reference import Evaluator
 from cosim.experiments.hmmwv.wiring import BUMPS, SPEED_KMH, bump_parameters
-from fmu_sources.controllers import mpc_hmmwv
-from fmu_sources.controllers.hmmwv_states import FORCES, RELATIVE_STATES, SUSPENSION, TIRE
+from fmu_sources.controllers.mpc import hmmwv
 from fmu_sources.models.comfort import absorbed_power
+from fmu_sources.models.hmmwv_states import FORCES, RELATIVE_STATES, SUSPENSION, TIRE
 
 SECONDS, MILLISECOND = 3.0, 1e-3
 GLITCH = {n: 0.1 if n.endswith("deflection") else 1.0 for n in RELATIVE_STATES}  # m, m/s and rad/s
 EXACT = "exact"
-_OSQP = mpc_hmmwv.BACKENDS[0]
+_OSQP = hmmwv.BACKENDS[0]
 CHOICES: dict[str, Backend] = {
     EXACT: Daqp(),
     "hold": replace(_OSQP, fallback=None),
@@ -102,12 +102,12 @@ def drive(loop: Loop, choice: str) -> dict[str, float]:
     plant = make("RideCarHmmwv")
     heights = {place: loop.scale * h for place, h in BUMPS["track"].items()}
     road = _Member(Evaluator(make("RoadBumps"), bump_parameters(heights)))
-    car, law = _Member(Evaluator(plant)), _Member(Evaluator(mpc_hmmwv.mpc_hmmwv(plant, backend=CHOICES[choice])))
+    car, law = _Member(Evaluator(plant)), _Member(Evaluator(hmmwv.mpc_hmmwv(plant, backend=CHOICES[choice])))
     watched = _Watched(law.evaluator, choice)
     law.evaluator._programs = watched  # type: ignore[assignment]
     law.take({"use_preview": float(loop.preview)})
     random = np.random.default_rng(4)
-    speed, every = SPEED_KMH / 3.6, round(mpc_hmmwv.SAMPLE_TIME / MILLISECOND)
+    speed, every = SPEED_KMH / 3.6, round(hmmwv.SAMPLE_TIME / MILLISECOND)
     az, command, largest = [], dict[str, float](), dict.fromkeys((*SUSPENSION, *TIRE), 0.0)
     for k in range(round(SECONDS / MILLISECOND)):
         road.take({"x": speed * k * MILLISECOND, "speed": speed})
@@ -117,7 +117,7 @@ def drive(loop: Loop, choice: str) -> dict[str, float]:
             glitches = random.random() < loop.glitches
             wrong = {n: size * random.choice([-1, 1]) for n, size in GLITCH.items()} if glitches else {}
             law.take(ahead | felt | wrong)
-            law.evaluator.step(mpc_hmmwv.SAMPLE_TIME)
+            law.evaluator.step(hmmwv.SAMPLE_TIME)
             said = law.give()
             command = {f: said[f] for f in FORCES}
         car.take(ahead | command)

@@ -35,10 +35,12 @@ from cosim.experiments.trench.published import matrix
 from cosim.experiments.trench.runs import MPC as TRENCH_MPC
 from cosim.study import FmuSet, Runner
 from fmu_sources.catalog import Context, default_catalog
-from fmu_sources.controllers import bench, mpc_hmmwv, mpc_three_axle
-from fmu_sources.controllers.hmmwv_states import FORCE_LIMIT
-from fmu_sources.controllers.mpc_qp import CondensedQp
-from fmu_sources.controllers.mpc_settings import Mpc
+from fmu_sources.controllers.lq import bench
+from fmu_sources.controllers.mpc import hmmwv
+from fmu_sources.controllers.mpc.qp import CondensedQp
+from fmu_sources.controllers.mpc.settings import Mpc
+from fmu_sources.controllers.mpc.three_axle import combined_gains, ride_model, three_axle_mpc
+from fmu_sources.models.hmmwv_states import FORCE_LIMIT
 from fmu_sources.plants import quarter_car, ride_car
 from fmu_sources.vehicles import load_quarter_car, load_ride_car, load_three_axle
 
@@ -200,10 +202,10 @@ def trench_runs() -> list[tuple[Recording, dict[str, float]]]:
 def step_sizes() -> dict[str, dict[str, float]]:
     """OSQP on the HMMWV's programs over higher bumps, by its step size."""
     car = ride_car(load_ride_car("ride_car_hmmwv"), name="RideCarHmmwv")
-    given = problems("MpcHmmwv", mpc_hmmwv.hmmwv_mpc(car), higher_bumps(), FORCE_LIMIT)
+    given = problems("MpcHmmwv", hmmwv.hmmwv_mpc(car), higher_bumps(), FORCE_LIMIT)
 
     def made(rho: float) -> Problems:
-        return replace(given, make=lambda: mpc_hmmwv.mpc_hmmwv(car, backend=Osqp(rho=rho)))
+        return replace(given, make=lambda: hmmwv.mpc_hmmwv(car, backend=Osqp(rho=rho)))
 
     return {f"MpcHmmwv, higher bumps, osqp, step size {rho:g}": measure(made(rho), "osqp") for rho in STEP_SIZES}
 
@@ -217,12 +219,12 @@ def solvers() -> dict[str, dict[str, float]]:
         "MpcBenchMoves": problems(
             "MpcBenchMoves", bench.bench_mpc(small, "moves"), bench_runs("mpc-moves"), bench.FORCE_LIMIT
         ),
-        "MpcHmmwv": problems("MpcHmmwv", mpc_hmmwv.hmmwv_mpc(car), hmmwv_runs(), FORCE_LIMIT),
+        "MpcHmmwv": problems("MpcHmmwv", hmmwv.hmmwv_mpc(car), hmmwv_runs(), FORCE_LIMIT),
     }
     results = {f"{name}, {backend}": measure(p, backend) for name, p in given.items() for backend in BACKENDS}
     results |= step_sizes()
     large = ride_car(load_three_axle("three_axle"), name="ThreeAxleRide")
-    mpc = mpc_three_axle.three_axle_mpc(mpc_three_axle.combined_gains(mpc_three_axle.ride_model(large))[0])
+    mpc = three_axle_mpc(combined_gains(ride_model(large))[0])
     limit = max(i.max for i in mpc.inputs)
     for title, runs, parameters in (
         ("shallow trenches", three_axle_runs, {"estimator": 1, "hold_height": False}),

@@ -348,7 +348,7 @@ def _on_car(module: str, maker: str, *args: Any) -> Make:
 
 def _lqr_hmmwv(weights: str) -> Make:
     def make(vehicle: Source, name: str, called: str) -> Component:
-        from fmu_sources.controllers import lqr_hmmwv as lqr
+        from fmu_sources.controllers.lq import hmmwv as lqr
 
         return lqr.lqr_hmmwv(_car(vehicle, f"RideCar{called}"), getattr(lqr, weights), name)
 
@@ -378,10 +378,10 @@ def _sensor_suite(sensors: Source, name: str, _: str) -> Component:
 
 
 def _preview_lq(vehicle: Source, name: str, called: str, *, weights: str | Path, period: float = 1e-3) -> Component:
-    from fmu_sources.controllers.preview_lq_weights import load_weights
+    from fmu_sources.controllers.lq.preview_weights import load_weights
 
     car = _car(vehicle, f"RideCar{called}")
-    return _call("controllers.preview_lq", "preview_lq", car, load_weights(weights), name=name, period=period)
+    return _call("controllers.lq.preview", "preview_lq", car, load_weights(weights), name=name, period=period)
 
 
 def _lq(weights: str, period: float = 1e-3) -> Make:
@@ -400,7 +400,7 @@ def _seen_road(maker: str) -> Make:
 
 def _bench_controller(maker: str) -> Make:
     return lambda vehicle, name, called: _call(
-        "controllers.bench", maker, _bench(vehicle, f"QuarterCar{called}"), name=name
+        "controllers.lq.bench", maker, _bench(vehicle, f"QuarterCar{called}"), name=name
     )
 
 
@@ -433,7 +433,7 @@ def _trench_plant(vehicle: Source, name: str, _: str = "") -> Component:
 
 
 def _trench_crossing(vehicle: Source, name: str, called: str) -> Component:
-    from fmu_sources.controllers.trench_crossing import CrossingGeometry, trench_crossing
+    from fmu_sources.controllers.trench.crossing import CrossingGeometry, trench_crossing
 
     return trench_crossing(CrossingGeometry.of(_trench_plant(vehicle, f"ThreeAxleTrench{called}")), name)
 
@@ -456,7 +456,7 @@ _HMMWV: dict[str, tuple[str, Make]] = {
     "Lqr{v}": ("LQR of paper 001, force weighted in N, as published", _lqr_hmmwv("TABLE_1_1")),
     "Lqr{v}Kilonewton": ("LQR of paper 001, force weighted in kN", _lqr_hmmwv("TABLE_1_1_KILONEWTON")),
     "Skyhook{s}": ("skyhook damping (paper 001)", _on_car("controllers.skyhook", "skyhook")),
-    "Mpc{v}": ("MPC of the HMMWV with or without preview (paper 001)", _on_car("controllers.mpc_hmmwv", "mpc_hmmwv")),
+    "Mpc{v}": ("MPC of the HMMWV with or without preview (paper 001)", _on_car("controllers.mpc.hmmwv", "mpc_hmmwv")),
     "Kalman{v}": ("Kalman filter of 15 relative states (paper 001)", _kalman("kalman_hmmwv")),
     "Kalman{v}Printed": ("Kalman filter of 14 absolute states, as printed (paper 001)", _kalman("kalman_hmmwv_printed")),
     "PreviewSensor{s}": ("road ahead from range sensors, equation (1.18) (paper 001)", _preview_sensor),
@@ -487,17 +487,17 @@ _PLAIN = {  # name -> module, maker, summary
     "RoadBenchRandom": ("roads.bench", "road_bench_random", "random motion of the bench's plate over time"),
     "RideComfort": ("sensing", "ride_comfort", "absorbed power and ISO 2631-1 (paper 001)"),
     "SpeedProfile": ("roads", "speed_profile", "constant speed or ramp, with travelled distance"),
-    "PitchReference": ("controllers.pitch_reference", "pitch_reference", "pitch that ramps up, holds and ramps down (paper 003)"),
+    "PitchReference": ("controllers.trench.pitch_reference", "pitch_reference", "pitch that ramps up, holds and ramps down (paper 003)"),
 }  # fmt: skip
 _THREE_AXLE: dict[str, tuple[str, Make]] = {
     "ThreeAxleRide{s}": ("linear 9-DOF ride model of the 6x6 of paper 003", _three_axle),
     "LqrThreeAxle{s}": (
         "linear-quadratic regulator with pitch reference (paper 003)",
-        _on_three_axle("controllers.lqr_three_axle", "lqr_three_axle"),
+        _on_three_axle("controllers.lq.three_axle", "lqr_three_axle"),
     ),
     "MpcThreeAxle{s}": (
         "MPC with preview of road and pitch for the 6x6 (paper 003)",
-        _on_three_axle("controllers.mpc_three_axle", "mpc_three_axle"),
+        _on_three_axle("controllers.mpc.three_axle", "mpc_three_axle"),
     ),
     "RoadShallowTrench{s}": ("shallow trench under the 6x6 of paper 003", _road("road_shallow_trench", CROSSING_PREVIEW)),
 }  # fmt: skip
@@ -534,8 +534,8 @@ _GPC = {
 
 def _gpc(variant: str, plant: str, road: str, name: str) -> Callable[[Context], Component]:
     def make(context: Context) -> Component:
-        from fmu_sources.controllers.gpc import gpc_controller
-        from fmu_sources.controllers.gpc_identification import published_laws
+        from fmu_sources.controllers.gpc.component import gpc_controller
+        from fmu_sources.controllers.gpc.identification import published_laws
 
         laws = published_laws(
             plant=context.fmu(plant), road=context.fmu(road), speed=context.fmu("SpeedProfile"), cache=context.cache

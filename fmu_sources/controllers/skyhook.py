@@ -7,7 +7,7 @@ there. The body's corners follow from the velocities of the rigid body.
 from __future__ import annotations
 
 from build_fmus.component import Component
-from fmu_sources.controllers.hmmwv_states import (
+from fmu_sources.models.hmmwv_states import (
     CORNERS,
     RELATIVE_STATES,
     SAMPLE_TIME,

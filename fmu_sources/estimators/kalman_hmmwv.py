@@ -15,7 +15,8 @@ import numpy as np
 import scipy.linalg
 
 from build_fmus.component import Component
-from fmu_sources.controllers.hmmwv_states import (
+from fmu_sources.estimators.kalman_design import Filter, correction, kalman_filter, sampled_model
+from fmu_sources.models.hmmwv_states import (
     CORNERS,
     FORCES,
     RELATIVE_STATES,
@@ -25,7 +26,6 @@ from fmu_sources.controllers.hmmwv_states import (
     TIRE,
     relative_model,
 )
-from fmu_sources.estimators.kalman_design import Filter, correction, kalman_filter, sampled_model
 from fmu_sources.vehicles import SensorSet
 
 SAMPLE_TIME = 5e-3  # s

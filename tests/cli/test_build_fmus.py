@@ -145,13 +145,13 @@ def test_mistakes_in_a_component_of_ones_own(source: str, argument: str, message
     ],
 )
 def test_mistakes_in_a_weights_file(change: tuple[str, str], message: str, tmp_path: Path) -> None:
-    text = (Path(fmu_sources.__file__).parent / "controllers" / "weights" / "comfort.toml").read_text()
+    text = (Path(fmu_sources.__file__).parent / "controllers" / "lq" / "weights" / "comfort.toml").read_text()
     (tmp_path / "mine.toml").write_text(text.replace(*change, 1))
     assert message in refused(tmp_path, "build-fmus", "--weights", "mine.toml")
 
 
 def test_a_law_of_ones_own_weights(tmp_path: Path) -> None:
-    text = (Path(fmu_sources.__file__).parent / "controllers" / "weights" / "comfort.toml").read_text()
+    text = (Path(fmu_sources.__file__).parent / "controllers" / "lq" / "weights" / "comfort.toml").read_text()
     (tmp_path / "my_weights.toml").write_text(text.replace("heave = 3.0", "heave = 5.0", 1))
     done = run(tmp_path, "build-fmus", "--weights", "my_weights.toml", "--period", "0.005", "--fmi", "3")
     assert done.returncode == 0

@@ -212,7 +212,7 @@ def test_what_an_experiment_cannot_take_is_refused_before_anything_is_built(
 def test_a_law_of_ones_own_weights_and_vehicle(built_fmus: BuiltFmus, tmp_path: Path) -> None:  # noqa: ARG001
     """The law of both files: neither that of the sedan nor that of the published weights; it is redesigned with its file."""
     own(tmp_path, "sedan", MASS.format(mass=2920.0), "my_sedan")
-    published = Path(fmu_sources.__file__).parent / "controllers" / "weights" / "comfort.toml"
+    published = Path(fmu_sources.__file__).parent / "controllers" / "lq" / "weights" / "comfort.toml"
     weights = tmp_path / "my_weights.toml"
     weights.write_text(published.read_text().replace("heave = 3.0", "heave = 300.0", 1))
     folder = tmp_path / "fmus" / "fmi3"

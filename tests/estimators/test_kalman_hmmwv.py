@@ -6,7 +6,9 @@ import numpy as np
 import pytest
 import scipy.linalg
 
-from fmu_sources.controllers.hmmwv_states import (
+from fmu_sources.estimators import kalman_hmmwv, kalman_hmmwv_printed
+from fmu_sources.estimators.kalman_design import kalman_filter, sampled_model
+from fmu_sources.models.hmmwv_states import (
     BODY_SPEED,
     CORNERS,
     FORCES,
@@ -17,8 +19,6 @@ from fmu_sources.controllers.hmmwv_states import (
     TIRE,
     relative_model,
 )
-from fmu_sources.estimators import kalman_hmmwv, kalman_hmmwv_printed
-from fmu_sources.estimators.kalman_design import kalman_filter, sampled_model
 from fmu_sources.plants import ride_car
 from fmu_sources.vehicles import load_ride_car, load_sensors
 

@@ -20,7 +20,7 @@ from cosim.experiments.gpc.results import Study
 from cosim.experiments.gpc.runs import ROADS, Case
 from cosim.study import Row
 from cosim.study.case import values
-from fmu_sources.controllers.gpc import FORCE_LIMIT
+from fmu_sources.controllers.gpc.component import FORCE_LIMIT
 
 
 def paper_study() -> Study:

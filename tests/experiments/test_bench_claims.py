@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from altered import altered, failed
 from kept_results import kept_verdicts
+from oracles.mpc import MpcReference
 
 from cosim.experiments.bench import EXPERIMENT, published
 from cosim.experiments.bench.claims import CLAIMS, ratio
@@ -15,8 +16,7 @@ from cosim.experiments.bench.runs import CONTROLLERS, Case, force, states_at_sam
 from cosim.experiments.steps import halved
 from cosim.report import write_report
 from cosim.study import CaseError, FmuSet, Results, Runner, run_study
-from fmu_sources.controllers.bench import FORCE_LIMIT, MPC_PERIOD, bench_mpc, lqr_gain
-from fmu_sources.controllers.mpc_reference import MpcReference
+from fmu_sources.controllers.lq.bench import FORCE_LIMIT, MPC_PERIOD, bench_mpc, lqr_gain
 from fmu_sources.plants import quarter_car
 from fmu_sources.vehicles import load_quarter_car
 

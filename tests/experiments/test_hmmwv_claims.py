@@ -12,8 +12,8 @@ from cosim.experiments.hmmwv import EXPERIMENT, runs
 from cosim.experiments.hmmwv.published import estimated, finer
 from cosim.experiments.hmmwv.runs import ROADS, Case
 from cosim.study import Runner
-from fmu_sources.controllers.hmmwv_states import CORNERS
 from fmu_sources.models.comfort import absorbed_power_peak
+from fmu_sources.models.hmmwv_states import CORNERS
 
 OFF_ROAD_S = 6.0
 

@@ -27,8 +27,8 @@ from cosim.experiments.hmmwv.tracking import published as corners
 from cosim.experiments.steps import halved
 from cosim.report import Claim, Report
 from cosim.study import FmuSet, Results
-from fmu_sources.controllers.hmmwv_states import CORNERS
 from fmu_sources.models.comfort import absorbed_power_series, iso2631_rms
+from fmu_sources.models.hmmwv_states import CORNERS
 
 # ------------------------------------------------------------------------------------------ a run of the vehicle by hand
 

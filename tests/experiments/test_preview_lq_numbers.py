@@ -24,8 +24,8 @@ from cosim.experiments.preview_lq.runs import METRICS, Case, measure, passive, r
 from cosim.experiments.steps import halved
 from cosim.report import Report
 from cosim.study import CaseError, FmuSet, Results, Runner
-from fmu_sources.controllers import preview_lq_weights
-from fmu_sources.controllers.preview_lq import CORNERS, WEIGHTED
+from fmu_sources.controllers.lq import preview_weights
+from fmu_sources.controllers.lq.preview import CORNERS, WEIGHTED
 from fmu_sources.plants import ride_car
 from fmu_sources.vehicles import load_ride_car
 
@@ -241,7 +241,7 @@ def test_a_law_of_other_weights_than_the_index_has_is_refused(fmus: FmuSet, tmp_
         return json.dumps(told).encode()
 
     weights = tmp_path / "mine.toml"
-    weights.write_text((Path(preview_lq_weights.__file__).parent / "weights" / "comfort.toml").read_text())
+    weights.write_text((Path(preview_weights.__file__).parent / "weights" / "comfort.toml").read_text())
     own = {"PreviewLqMine": ("PreviewLqMineMyCar", "--weights mine.toml")}
     made = FmuSet(tmp_path, own=own)
     for case, name, options in (

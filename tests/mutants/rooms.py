@@ -39,8 +39,8 @@ ROOMS = (
     Room("metrics", ("cosim/experiments/metrics/*.py",), ("tests/cosim_metrics/test_metrics.py", "tests/cosim_metrics/test_crossing.py")),
     Room("study", tuple(f"cosim/study/{n}.py" for n in ("results", "pages", "claims")), ("tests/study/test_claim_lists.py", "tests/study/test_results_and_pages.py", "tests/study/test_study_parts.py")),
     Room("report", ("cosim/report/*.py",), ("tests/report/*.py",)),
-    Room("comfort", ("fmu_sources/models/comfort.py",), ("tests/cosim_metrics/test_comfort.py",)),
-    Room("weights", ("fmu_sources/controllers/*weights*.py",), ("tests/control/test_preview_lq.py",)),
-    Room("observer", ("fmu_sources/controllers/mpc_observer.py",), ("tests/control/test_mpc.py",)),
+    Room("comfort", ("fmu_sources/models/comfort.py",), ("tests/models/test_comfort.py",)),
+    Room("weights", ("fmu_sources/controllers/lq/preview_weights.py",), ("tests/control/lq/test_preview_lq.py",)),
+    Room("observer", ("fmu_sources/controllers/mpc/observer.py",), ("tests/control/mpc/test_mpc.py",)),
     Room("estimators", ("fmu_sources/estimators/*.py",), ("tests/estimators/*.py",)),
 )  # fmt: skip

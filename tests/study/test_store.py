@@ -19,17 +19,17 @@ MASTER = {
     "cosim/study/case.py", "cosim/study/runner.py", "cosim/study/experiment.py",
 }  # fmt: skip
 DEPENDS = {  # what each measures with, as far as it was forgotten before or easily would be
-    "bench": {"cosim/experiments/steps.py", "fmu_sources/controllers/bench.py"},
-    "gpc": {"cosim/experiments/metrics/response.py", "fmu_sources/controllers/gpc_identification.py",
-            "cosim/experiments/gpc/matching.py", "fmu_sources/controllers/gpc_design.py"},
+    "bench": {"cosim/experiments/steps.py", "fmu_sources/controllers/lq/bench.py"},
+    "gpc": {"cosim/experiments/metrics/response.py", "fmu_sources/controllers/gpc/identification.py",
+            "cosim/experiments/gpc/matching.py", "fmu_sources/controllers/gpc/law.py"},
     "hmmwv": {"cosim/experiments/hmmwv/wiring.py", "cosim/experiments/steps.py", "fmu_sources/models/comfort.py",
-              "fmu_sources/roads/bumps.py", "fmu_sources/controllers/mpc_hmmwv.py"},
+              "fmu_sources/roads/bumps.py", "fmu_sources/controllers/mpc/hmmwv.py"},
     "force-tracking": {"cosim/experiments/hmmwv/tracking/runs.py", "cosim/experiments/hmmwv/wiring.py"},
     "preview-chain": {"cosim/experiments/hmmwv/preview/runs.py", "cosim/experiments/hmmwv/wiring.py", "fmu_sources/roads/bumps.py"},
-    "preview-lq": {"cosim/experiments/preview_lq/runs.py", "fmu_sources/controllers/preview_lq_weights.py",
-                   "fmu_sources/controllers/weights/road_holding.toml"},
+    "preview-lq": {"cosim/experiments/preview_lq/runs.py", "fmu_sources/controllers/lq/preview_weights.py",
+                   "fmu_sources/controllers/lq/weights/road_holding.toml"},
     "three-axle": {"cosim/experiments/three_axle/runs.py", "cosim/experiments/steps.py",
-                   "fmu_sources/controllers/mpc_settings.py"},
+                   "fmu_sources/controllers/mpc/settings.py"},
     "trench": {"cosim/experiments/trench/runs.py", "cosim/experiments/metrics/crossing.py", "cosim/peaks.py"},
 }  # fmt: skip
 FOUND = {e.name: e for place in EXPERIMENTS.values() for e in load(place).every}

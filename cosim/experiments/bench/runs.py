@@ -13,7 +13,7 @@ from cosim.experiments.steps import Stepped, exchange_step, set_solver_step
 from cosim.study.case import CaseError, option
 from cosim.study.experiment import Metric, Row, Run
 from cosim.study.fmus import FmuSet
-from fmu_sources.controllers.bench import FORCE_LIMIT, STATES
+from fmu_sources.controllers.lq.bench import FORCE_LIMIT, STATES
 
 CONTROLLERS = {  # name -> FMU, parameters
     "passive": (None, {}),

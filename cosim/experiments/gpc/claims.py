@@ -34,7 +34,7 @@ from cosim.experiments.gpc.judge import (
 from cosim.experiments.gpc.published import CURB_SPEED, LAWS, MATCHED, PERRYMAN_SPEED, SINE_SPEED, WEIGHTS
 from cosim.experiments.gpc.runs import R_PUBLISHED
 from cosim.study import Band, ClaimList, Distribution, Evidence, Finding, Row
-from fmu_sources.controllers.gpc import FORCE_LIMIT
+from fmu_sources.controllers.gpc.component import FORCE_LIMIT
 
 TOP_SPEED = 80.0  # km/h
 POWER_ABOVE = 50.0  # km/h: "less than 200 Watts above 50 kph"

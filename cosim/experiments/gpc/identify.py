@@ -16,9 +16,9 @@ from build_fmus.terminal import console, show
 from cosim.experiments.gpc.runs import CONTROLLERS, PLANT, R_PUBLISHED, SPEED, road_file
 from cosim.experiments.own_files import own_fmus
 from cosim.study.commands import Fmus, Out, Vehicles, Version, make_folder
-from fmu_sources.controllers.gpc_design import GpcLaw
-from fmu_sources.controllers.gpc_identification import VARIANTS, DesignSettings, IdentificationSettings
-from fmu_sources.controllers.gpc_identification import identify as identify_models
+from fmu_sources.controllers.gpc.identification import VARIANTS, DesignSettings, IdentificationSettings
+from fmu_sources.controllers.gpc.identification import identify as identify_models
+from fmu_sources.controllers.gpc.law import GpcLaw
 
 _FOUND, _DESIGN = IdentificationSettings(), DesignSettings()
 

@@ -15,7 +15,7 @@ from functools import cached_property
 from cosim.experiments.gpc.results import Results, Study
 from cosim.experiments.gpc.runs import R_PUBLISHED
 from cosim.study import Band, Distribution, Evidence, Finding
-from fmu_sources.controllers.gpc_identification import IdentificationSettings
+from fmu_sources.controllers.gpc.identification import IdentificationSettings
 
 SAME = Band(0.9, 1.1, "the same, or almost: within 10 %")
 MORE = Band(1.2, math.inf, "significantly more: by a fifth at least")

@@ -18,8 +18,8 @@ from cosim.experiments.steps import Stepped, exchange_step, set_solver_step
 from cosim.study.case import option
 from cosim.study.experiment import Metric, Row, Run
 from cosim.study.fmus import FmuSet
-from fmu_sources.controllers.gpc import CORNERS, gain_parameters
-from fmu_sources.controllers.gpc_identification import (
+from fmu_sources.controllers.gpc.component import CORNERS, gain_parameters
+from fmu_sources.controllers.gpc.identification import (
     DesignSettings,
     IdentificationSettings,
     IdentifiedModels,

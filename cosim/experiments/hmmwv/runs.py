@@ -27,9 +27,9 @@ from cosim.experiments.steps import Stepped, exchange_step, set_solver_step
 from cosim.study.case import CaseError, option
 from cosim.study.experiment import Metric, Row, Run
 from cosim.study.fmus import FmuSet
-from fmu_sources.controllers.hmmwv_states import CORNERS
-from fmu_sources.controllers.mpc_hmmwv import PREVIEW_POINTS, MpcHmmwvWeights
+from fmu_sources.controllers.mpc.hmmwv import PREVIEW_POINTS, MpcHmmwvWeights
 from fmu_sources.models.comfort import absorbed_power_peak, absorbed_power_series, absorbed_power_window, iso2631_rms
+from fmu_sources.models.hmmwv_states import CORNERS
 
 ROADS = {"track": "RoadBumps", "bump": "RoadBumps", "off-road": "RoadOffroadHmmwv"}
 CONTROLLERS = {

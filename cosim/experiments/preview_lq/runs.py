@@ -17,8 +17,8 @@ from cosim.study.case import CaseError, option
 from cosim.study.experiment import Metric, Row, Run
 from cosim.study.fmus import FmuSet
 from fmu_sources.catalog import weights_name
-from fmu_sources.controllers.preview_lq import CORNERS, MODES, WEIGHTED
-from fmu_sources.controllers.preview_lq_weights import PreviewLqWeights, load_weights
+from fmu_sources.controllers.lq.preview import CORNERS, MODES, WEIGHTED
+from fmu_sources.controllers.lq.preview_weights import PreviewLqWeights, load_weights
 
 CAR, ROAD, SPEED = "RideCarSedan", "RoadHoleBump", "SpeedProfile"
 LAWS = {  # name of the weights -> FMU of the law, file of the weights

@@ -14,7 +14,7 @@ from cosim.experiments.steps import Stepped, exchange_step, set_solver_step
 from cosim.study.case import option
 from cosim.study.experiment import Metric, Row, Run
 from cosim.study.fmus import FmuSet
-from fmu_sources.controllers.mpc_three_axle import CORNERS, ESTIMATORS, FORCES, PREDICTION, SAMPLE_TIME
+from fmu_sources.controllers.mpc.three_axle import CORNERS, ESTIMATORS, FORCES, PREDICTION, SAMPLE_TIME
 
 CONTROLLERS = {"passive": None, "lqr": "LqrThreeAxle", "mpc": "MpcThreeAxle", "mpc-preview": "MpcThreeAxle"}
 FMUS = ("SpeedProfile", "RoadShallowTrench", "PitchReference", "ThreeAxleRide", "LqrThreeAxle", "MpcThreeAxle")

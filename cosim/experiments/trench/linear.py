@@ -15,7 +15,7 @@ from cosim.fmu.file import Fmu
 from cosim.study.case import Case, option
 from cosim.study.experiment import Experiment, Row, Run, Task
 from cosim.study.fmus import FmuSet
-from fmu_sources.controllers.mpc_three_axle import CORNERS
+from fmu_sources.controllers.mpc.three_axle import CORNERS
 
 SPEED_KMH, DEPTH = 5.0, 0.15  # km/h, m
 START, LENGTH, EDGE = 6.0, 2.0, 0.2  # m, of the trench

@@ -25,7 +25,7 @@ from cosim.peaks import keep_peaks
 from cosim.study.case import option
 from cosim.study.experiment import Metric, Row, Run
 from cosim.study.fmus import FmuSet
-from fmu_sources.controllers.mpc_three_axle import CORNERS, SAMPLE_TIME
+from fmu_sources.controllers.mpc.three_axle import CORNERS, SAMPLE_TIME
 
 CONTROLLERS: dict[
     str, tuple[str, dict[str, Any], bool] | None

@@ -1,0 +1,193 @@
+"""From a vehicle FMU to GPC laws: excite it in a co-simulation, record, identify, design.
+
+The run is that of the paper: the synthetic Perryman 3 road at 40 km/h, zero-order-hold Gaussian excitation of all four
+actuators at 100 Hz. Responses and road heights are sampled as the controller FMU samples them (module ``component``).
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import warnings
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from dataclasses import asdict, dataclass
+from fractions import Fraction
+from pathlib import Path
+from typing import Any, ClassVar, cast, get_args
+
+import numpy as np
+
+from build_fmus import safe_files
+from build_fmus.sources import code_hash
+from cosim import PythonComponent, System, UnconnectedInputsWarning
+from fmu_sources.controllers.gpc.arx import ArxIdentification, identify_arx
+from fmu_sources.controllers.gpc.component import (
+    CORNERS,
+    LATCH_TICK,
+    RESPONSES,
+    SAMPLE_TIME,
+    TICK,
+    TICKS_PER_SAMPLE,
+)
+from fmu_sources.controllers.gpc.law import (
+    GpcLaw,
+    Variant,
+    gpc_law,
+    multi_step_predictor,
+)
+
+VARIANTS: tuple[Variant, ...] = get_args(Variant)
+
+
+@dataclass(frozen=True)
+class IdentificationSettings:
+    """The identification run. Defaults: Table 2 of the paper; the excitation level and the settling are assumed."""
+
+    seed: int = 0
+    order: int = 8
+    samples: int = 400
+    settling_samples: int = 200  # unexcited running first
+    excitation: float = 2000.0  # N, standard deviation per actuator
+    speed: float = 40 / 3.6  # m/s
+
+    def __post_init__(self) -> None:
+        for name in ("order", "samples"):
+            if getattr(self, name) < 1:
+                raise ValueError(f"identification: {name} must be at least 1, it is {getattr(self, name)}")
+        if self.excitation <= 0 or self.speed <= 0:
+            raise ValueError("identification: excitation and speed must be positive")
+
+
+@dataclass(frozen=True)
+class DesignSettings:
+    """Weights and horizons of the laws: Table 2 of the paper."""
+
+    h_p: int = 8
+    h_c: int = 8
+    Q: tuple[float, ...] = (50.0, 10.0, 1.0)  # vertical acceleration [1/g2], pitch, roll [1/deg2]
+    R: float = 1e-7  # 1/N2
+
+
+@dataclass(frozen=True)
+class IdentificationData:
+    """Samples at 100 Hz, trimmed: commands u (n, 4) [N], responses y (n, 3) [g, deg, deg], road heights d (n, 4) [m]."""
+
+    u: np.ndarray
+    y: np.ndarray
+    d: np.ndarray
+
+
+@dataclass(frozen=True)
+class IdentifiedModels:
+    """ARX models of one identification run: without and with the road as a measured input."""
+
+    implicit: ArxIdentification
+    explicit: ArxIdentification
+    provenance: Mapping[str, Any]
+
+    def law(self, variant: str, design: DesignSettings | None = None, *, hold: bool = False) -> GpcLaw:
+        """The control law of a variant; quick, so studies over weights redesign as they go."""
+        design = design or DesignSettings()
+        model = (self.implicit if variant == "implicit" else self.explicit).model
+        predictor = multi_step_predictor(model, design.h_p, design.h_c)
+        return gpc_law(
+            predictor,
+            design.Q,
+            design.R,
+            cast(Variant, variant),
+            hold=hold,
+            provenance={**self.provenance, "design": asdict(design)},
+        )
+
+
+class Excitation(PythonComponent):
+    """Plays back a force sequence (n, 4) [N], one row per step."""
+
+    outputs: ClassVar[Sequence[str]] = tuple(f"force.{k} [N]" for k in CORNERS)
+    feedthrough: ClassVar[Mapping[str, Sequence[str]]] = {f"force.{k}": () for k in CORNERS}
+    kind: ClassVar[str] = "discrete"
+    default_step = SAMPLE_TIME
+
+    def __init__(self, sequence: np.ndarray) -> None:
+        super().__init__()
+        self.sequence = sequence
+
+    def begin(self) -> None:
+        self.row = 0
+
+    def step(self, t: float, h: float, u: np.ndarray, y: np.ndarray) -> None:  # noqa: ARG002
+        y[:] = self.sequence[min(self.row, len(self.sequence) - 1)]
+        self.row += 1
+
+
+def record_identification(
+    plant: Path, road: Path, speed: Path, settings: IdentificationSettings | None = None
+) -> IdentificationData:
+    """Run the excited vehicle and sample it as the controller would."""
+    s = settings or IdentificationSettings()
+    n = s.settling_samples + s.samples
+    sequence = np.zeros((n + 1, len(CORNERS)))
+    sequence[s.settling_samples : n] = np.random.default_rng(s.seed).normal(
+        0.0, s.excitation, (s.samples, len(CORNERS))
+    )
+    with System() as system:
+        system.add("speed", speed, parameters={"start.speed": s.speed})
+        system.add("road", road)
+        system.add("car", plant, step=TICK)
+        system.add("excitation", Excitation(sequence))
+        system.connect("speed.speed", "car.target.speed")
+        for signal in ("x", "speed"):
+            system.connect(f"car.{signal}", f"road.{signal}")
+        system.connect_matching("road", "car", "road.*")
+        system.connect_matching("excitation", "car")
+        responses = [f"car.{name}" for name, *_ in RESPONSES]
+        heights = [f"road.road.{k}.height" for k in CORNERS]
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", UnconnectedInputsWarning)  # the driver keeps y = 0
+            recording = system.run(
+                n * Fraction(TICKS_PER_SAMPLE, 1000), record=[*responses, *heights], record_interval=Fraction(1, 1000)
+            )
+    y = np.column_stack([recording[name] / scale for name, (_, _, _, scale) in zip(responses, RESPONSES, strict=True)])
+    d = np.column_stack([recording[name] for name in heights])
+    at = np.arange(n) * TICKS_PER_SAMPLE
+    return IdentificationData(sequence[:n], (y - y[0])[at + LATCH_TICK], (d - d[0])[at])
+
+
+def identify(plant: Path, road: Path, speed: Path, settings: IdentificationSettings | None = None) -> IdentifiedModels:
+    """Record and identify both ARX models (with and without the measured road)."""
+    s = settings or IdentificationSettings()
+    data = record_identification(plant, road, speed, s)
+    implicit = identify_arx(data.u, data.y, order=s.order, samples=s.samples)
+    explicit = identify_arx(data.u, data.y, data.d, order=s.order, samples=s.samples)
+    provenance = {
+        "identification": asdict(s),
+        "plant": plant.stem,
+        "road": road.stem,
+        "fmu_sha256": {p.stem: hashlib.sha256(p.read_bytes()).hexdigest() for p in (plant, road, speed)},
+        "arx": {"implicit": implicit.summary(), "explicit": explicit.summary()},
+    }
+    return IdentifiedModels(implicit, explicit, provenance)
+
+
+def published_laws(
+    *, plant: Path, road: Path, speed: Path, cache: Path | None = None, settings: IdentificationSettings | None = None
+) -> dict[str, GpcLaw]:
+    """The three laws with the paper's tuning, identified from the given FMUs.
+
+    With ``cache`` the result is kept by the content of the FMUs, the settings and the code that computes it.
+    """
+    s = settings or IdentificationSettings()
+    path = None
+    if cache is not None:
+        digest = hashlib.sha256(json.dumps([asdict(s), asdict(DesignSettings()), code_hash([__file__])]).encode())
+        for p in (plant, road, speed):
+            digest.update(p.read_bytes())
+        path = cache / "laws" / f"{digest.hexdigest()[:32]}.json"
+        with suppress(safe_files.NotKept):
+            return {k: GpcLaw.from_dict(v) for k, v in safe_files.kept_json(path).items()}
+    models = identify(plant, road, speed, s)
+    laws: dict[str, GpcLaw] = {v: models.law(v) for v in VARIANTS}
+    if path is not None:
+        safe_files.keep_json(path, {k: v.to_dict() for k, v in laws.items()})
+    return laws

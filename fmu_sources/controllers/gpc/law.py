@@ -1,0 +1,472 @@
+"""Generalized predictive control: multi-step prediction and control laws of an ARX model (module ``arx``).
+
+Brown, Murugan, Mazza, "Analytical Evaluation of Generalized Predictive Control Algorithms Using a Full Vehicle
+Multi-Body Dynamics Model For Mobility Enhancement". Equation numbers in this file are that paper's.
+
+The model is ARX of order p, with m outputs y, rc controls u and rd measured disturbances d (rd may be 0):
+
+    y(t) = sum_{i=1..p} alpha_i y(t-i) + sum_{i=0..p} beta_i u(t-i) + sum_{i=0..p} delta_i d(t-i)          (1), (17)
+
+Three steps lead from a recorded run to a controller:
+
+    found = identify_arx(u, y, d, order=8, samples=400)            # (2)-(5), (16), (17)
+    predictor = multi_step_predictor(found.model, h_p=8, h_c=8)    # (6)-(8), (18), (20)
+    law = gpc_law(predictor, Q=[50, 10, 1], R=1e-7, variant="preview")   # (9)-(15), (19), (21)
+    u_now = law.command(y_hist, u_hist, d_hist, d_future)
+
+Everywhere a history is ordered most recent first, [x(t-1); x(t-2); ...; x(t-p)], and a future in time,
+[x(t); x(t+1); ...]. Both are passed as arrays with one row per instant, or flattened in that order. Signals are
+deviations from the static operating point: subtracting it, and the units of y, u and d, are the caller's business.
+
+Where the print is incomplete or damaged, this is what is implemented:
+
+* (8b), (8c) for every index: alpha_i^q = alpha_{i+1}^{q-1} + alpha_1^{q-1} alpha_i with alpha_{p+1} = 0; likewise
+  beta_i^q and delta_i^q, for i = 0 ... p.
+* (20): gamma has h_p block columns, d(t) ... d(t+h_p-1), lower block-Toeplitz with delta_0 on the diagonal.
+* (19), (21): delta_C and gamma_C are the first rc rows of -(tau' Q tau + R)^-1 tau' Q {delta, gamma}.
+* (18) drops gamma, so "explicit" takes the disturbance ahead to be 0. `hold` takes it to stay at d(t-1) instead.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any, Literal, get_args
+
+import numpy as np
+import numpy.typing as npt
+from scipy import linalg
+
+from fmu_sources.controllers.checks import finite_array, rows, whole_number
+from fmu_sources.controllers.gpc.arx import ArxModel
+
+__all__ = [
+    "GpcLaw",
+    "GpcSequence",
+    "MultiStepPredictor",
+    "Variant",
+    "closed_loop_spectral_radius",
+    "gpc_law",
+    "gpc_sequence",
+    "multi_step_predictor",
+]
+
+Array = npt.NDArray[np.float64]
+Variant = Literal["implicit", "explicit", "preview"]
+
+LAW_FORMAT = "gpc-law/1"
+EPS = float(np.finfo(float).eps)
+
+
+# ------------------------------------------------------------------------------------ multi-step predictor
+
+
+@dataclass(frozen=True, eq=False)
+class MultiStepPredictor:
+    """Matrices of the multi-step prediction (6), (18), (20):
+
+    [y(t) ... y(t+h_p-1)] = tau [u(t) ... u(t+h_c-1)] + alpha [y(t-1) ...] + beta [u(t-1) ...]
+                            + delta [d(t-1) ...] + gamma [d(t) ... d(t+h_p-1)]
+
+    Controls from t+h_c on are zero, as in (7).
+    """
+
+    tau: Array  # (m h_p, rc h_c)
+    alpha: Array  # (m h_p, m p)
+    beta: Array  # (m h_p, rc p)
+    delta: Array  # (m h_p, rd p)
+    gamma: Array  # (m h_p, rd h_p)
+    order: int  # p
+    outputs: int  # m
+    controls: int  # rc
+    disturbances: int  # rd
+    h_p: int
+    h_c: int
+
+    def predict(
+        self,
+        u_future: npt.ArrayLike,
+        y_hist: npt.ArrayLike,
+        u_hist: npt.ArrayLike,
+        d_hist: npt.ArrayLike | None = None,
+        d_future: npt.ArrayLike | None = None,
+    ) -> Array:
+        """(20): predicted outputs, (h_p, m). Disturbances that are not given are zero."""
+        p = self.order
+        y_future = (
+            self.tau @ rows("u_future", u_future, self.h_c, self.controls).ravel()
+            + self.alpha @ rows("y_hist", y_hist, p, self.outputs).ravel()
+            + self.beta @ rows("u_hist", u_hist, p, self.controls).ravel()
+            + self.delta @ rows("d_hist", d_hist, p, self.disturbances).ravel()
+            + self.gamma @ rows("d_future", d_future, self.h_p, self.disturbances).ravel()
+        )
+        return y_future.reshape(self.h_p, self.outputs)
+
+
+def multi_step_predictor(model: ArxModel, h_p: int, h_c: int | None = None) -> MultiStepPredictor:
+    """The matrices of (7), (18) and (20) by the recursion (8), for 1 <= h_c <= h_p (default: h_c = h_p)."""
+    h_p = whole_number("h_p", h_p)
+    h_c = h_p if h_c is None else whole_number("h_c", h_c)
+    if h_c > h_p:
+        raise ValueError(f"control horizon h_c = {h_c} exceeds the prediction horizon h_p = {h_p}")
+    p, m, rc, rd = model.order, model.outputs, model.controls, model.disturbances
+
+    # Step q of the recursion, for i = 1 ... p (alpha) and i = 0 ... p (beta, delta).
+    alpha, beta, delta = [model.alpha], [model.beta], [model.delta]
+    for q in range(1, h_p):
+        first = alpha[q - 1][0]  # alpha_1^{q-1}
+        alpha.append(_shift(alpha[q - 1]) + first @ model.alpha)  # (8b)
+        beta.append(_shift(beta[q - 1]) + first @ model.beta)  # (8a), (8c)
+        delta.append(_shift(delta[q - 1]) + first @ model.delta)
+
+    def history(steps: list[Array], width: int) -> Array:
+        """Rows q = 0 ... h_p-1, block columns i = 1 ... p."""
+        return np.stack(steps)[:, -p:].transpose(0, 2, 1, 3).reshape(m * h_p, width * p)
+
+    def future(steps: list[Array], width: int, horizon: int) -> Array:
+        """Lower block-Toeplitz matrix of the direct terms: block (q, j) is step q - j."""
+        matrix = np.zeros((h_p, m, horizon, width))
+        for j in range(horizon):
+            for q in range(j, h_p):
+                matrix[q, :, j, :] = steps[q - j][0]
+        return matrix.reshape(m * h_p, width * horizon)
+
+    return MultiStepPredictor(
+        tau=future(beta, rc, h_c),
+        alpha=history(alpha, m),
+        beta=history(beta, rc),
+        delta=history(delta, rd),
+        gamma=future(delta, rd, h_p),
+        order=p,
+        outputs=m,
+        controls=rc,
+        disturbances=rd,
+        h_p=h_p,
+        h_c=h_c,
+    )
+
+
+def _shift(coefficients: Array) -> Array:
+    """Coefficient i + 1 in the place of coefficient i; the last becomes zero."""
+    return np.concatenate([coefficients[1:], np.zeros_like(coefficients[:1])])
+
+
+# --------------------------------------------------------------------------------------------- control law
+
+
+@dataclass(frozen=True, eq=False)
+class GpcSequence:
+    """Gains to the whole optimal sequence [u(t) ... u(t+h_c-1)]: (13), (14) with the disturbance terms of (21)."""
+
+    gain_y: Array  # (rc h_c, m p), A_C
+    gain_u: Array  # (rc h_c, rc p), B_C
+    gain_d: Array  # (rc h_c, rd p)
+    gain_preview: Array  # (rc h_c, rd h_p)
+    predictor: MultiStepPredictor
+
+    def commands(
+        self,
+        y_hist: npt.ArrayLike,
+        u_hist: npt.ArrayLike,
+        d_hist: npt.ArrayLike | None = None,
+        d_future: npt.ArrayLike | None = None,
+    ) -> Array:
+        """The optimal sequence, (h_c, rc). Disturbances that are not given are zero."""
+        size = self.predictor
+        u_future = (
+            self.gain_y @ rows("y_hist", y_hist, size.order, size.outputs).ravel()
+            + self.gain_u @ rows("u_hist", u_hist, size.order, size.controls).ravel()
+            + self.gain_d @ rows("d_hist", d_hist, size.order, size.disturbances).ravel()
+            + self.gain_preview @ rows("d_future", d_future, size.h_p, size.disturbances).ravel()
+        )
+        return u_future.reshape(size.h_c, size.controls)
+
+
+def gpc_sequence(predictor: MultiStepPredictor, Q: npt.ArrayLike, R: npt.ArrayLike) -> GpcSequence:
+    """Minimise (9) over all future controls: (12), (13).
+
+    With Q = Fq' Fq and R = Fr' Fr the minimum of (9) is the least-squares solution of
+
+        [Fq tau; Fr] u = -[Fq f; 0],    f = alpha y + beta u_past + delta d + gamma d_future,
+
+    which is solved by orthogonal triangularisation, never forming tau' Q tau: its condition number would be the
+    square of this one's. Weights as in `gpc_law`.
+    """
+    q_factor = _weight_factor("Q", Q, predictor.outputs, predictor.h_p, signal="output", definite=False)
+    r_factor = _weight_factor("R", R, predictor.controls, predictor.h_c, signal="control", definite=True)
+    stacked = np.vstack([q_factor @ predictor.tau, r_factor])
+    orthogonal, triangle = linalg.qr(stacked, mode="economic")
+    condition = np.linalg.cond(triangle / linalg.norm(triangle, axis=0))
+    if not condition < 0.01 / EPS:
+        raise ValueError(
+            f"R is too small beside tau' Q tau to determine the controls in double precision "
+            f"(condition number {condition:.1e} of the least-squares problem); increase R"
+        )
+    project = orthogonal[: len(q_factor)].T @ q_factor
+
+    def gain(free_response: Array) -> Array:
+        return -linalg.solve_triangular(triangle, project @ free_response)
+
+    return GpcSequence(
+        gain_y=gain(predictor.alpha),
+        gain_u=gain(predictor.beta),
+        gain_d=gain(predictor.delta),
+        gain_preview=gain(predictor.gamma),
+        predictor=predictor,
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class GpcLaw:
+    """The receding-horizon law: u(t) from histories and, with preview, from the disturbance ahead. (15), (19), (21).
+
+    The four gains are always those of the optimisation itself. What a variant does with them:
+
+    * implicit: rd = 0, so only `gain_y` and `gain_u` act;
+    * explicit: `gain_d` acts too; with `hold` also `gain_hold` on d(t-1), which is what `gain_preview` gives for a
+      disturbance that stays at its last measured value. A controller can switch hold on and off at run time;
+    * preview: `gain_d` and `gain_preview` act.
+    """
+
+    variant: Variant
+    gain_y: Array  # (rc, m p)
+    gain_u: Array  # (rc, rc p)
+    gain_d: Array  # (rc, rd p)
+    gain_preview: Array  # (rc, rd h_p)
+    order: int  # p
+    h_p: int
+    h_c: int
+    output_weight: Array  # Q as it was given
+    control_weight: Array  # R as it was given
+    hold: bool = False
+    provenance: Mapping[str, Any] = field(default_factory=dict)  # JSON values only
+
+    def __post_init__(self) -> None:
+        if self.variant not in get_args(Variant):
+            raise ValueError(f"unknown variant {self.variant!r}; choose one of {', '.join(get_args(Variant))}")
+        for name in ("order", "h_p", "h_c"):
+            whole_number(name, getattr(self, name))
+        for name in ("gain_y", "gain_u", "gain_d", "gain_preview"):
+            object.__setattr__(self, name, finite_array(name, getattr(self, name), ndim=2))
+        for name in ("output_weight", "control_weight"):
+            object.__setattr__(self, name, finite_array(name, getattr(self, name)))
+        expected = {
+            "gain_y": self.outputs * self.order,
+            "gain_u": self.controls * self.order,
+            "gain_d": self.disturbances * self.order,
+            "gain_preview": self.disturbances * self.h_p,
+        }
+        for name, columns in expected.items():
+            shape = getattr(self, name).shape
+            if shape != (self.controls, columns):
+                raise ValueError(f"{name} has shape {shape}; expected ({self.controls}, {columns})")
+        if self.variant == "implicit" and self.disturbances:
+            raise ValueError(f"an implicit law has no disturbances, but gain_d is for {self.disturbances}")
+        if self.variant != "implicit" and not self.disturbances:
+            raise ValueError(f"the {self.variant} law needs measured disturbances, but gain_d has no columns")
+        if self.hold and self.variant != "explicit":
+            raise ValueError(f"hold applies to the explicit law only, not to {self.variant}")
+
+    @property
+    def outputs(self) -> int:
+        """m."""
+        return int(self.gain_y.shape[1]) // self.order
+
+    @property
+    def controls(self) -> int:
+        """rc."""
+        return int(self.gain_y.shape[0])
+
+    @property
+    def disturbances(self) -> int:
+        """rd."""
+        return int(self.gain_d.shape[1]) // self.order
+
+    @property
+    def gain_hold(self) -> Array:
+        """(rc, rd): gain on d(t-1) that stands for the whole future when the disturbance is held."""
+        return np.asarray(self.gain_preview.reshape(self.controls, self.h_p, self.disturbances).sum(axis=1))
+
+    @property
+    def gain_d_hold(self) -> Array:
+        """(rc, rd p): `gain_d` with `gain_hold` folded into its first block, that of d(t-1)."""
+        folded = self.gain_d.copy()
+        folded[:, : self.disturbances] += self.gain_hold
+        return folded
+
+    def command(
+        self,
+        y_hist: npt.ArrayLike,
+        u_hist: npt.ArrayLike,
+        d_hist: npt.ArrayLike | None = None,
+        d_future: npt.ArrayLike | None = None,
+    ) -> Array:
+        """u(t), (rc,). The history of u is that of the applied controls, after any limit.
+
+        `d_hist` belongs to explicit and preview, `d_future` = [d(t) ... d(t+h_p-1)] to preview only; each is refused
+        where the variant makes no use of it.
+        """
+        wanted = {"d_hist": self.variant != "implicit", "d_future": self.variant == "preview"}
+        for name, value in (("d_hist", d_hist), ("d_future", d_future)):
+            if wanted[name] and value is None:
+                raise ValueError(f"the {self.variant} law needs {name}")
+            if not wanted[name] and value is not None:
+                raise ValueError(f"the {self.variant} law has no use for {name}")
+        u = self.gain_y @ rows("y_hist", y_hist, self.order, self.outputs).ravel()
+        u += self.gain_u @ rows("u_hist", u_hist, self.order, self.controls).ravel()
+        if self.variant != "implicit":
+            gain = self.gain_d_hold if self.hold else self.gain_d
+            u += gain @ rows("d_hist", d_hist, self.order, self.disturbances).ravel()
+        if self.variant == "preview":
+            u += self.gain_preview @ rows("d_future", d_future, self.h_p, self.disturbances).ravel()
+        return u
+
+    def to_dict(self) -> dict[str, Any]:
+        """JSON values from which `from_dict` rebuilds the law exactly."""
+        return {
+            "format": LAW_FORMAT,
+            "variant": self.variant,
+            "hold": self.hold,
+            "order": self.order,
+            "h_p": self.h_p,
+            "h_c": self.h_c,
+            **{name: getattr(self, name).tolist() for name in _LAW_ARRAYS},
+            "provenance": dict(self.provenance),
+        }
+
+    @classmethod
+    def from_dict(cls, data: Mapping[str, Any]) -> GpcLaw:
+        """The law of a dictionary made by `to_dict`."""
+        if data.get("format") != LAW_FORMAT:
+            raise ValueError(f"not a stored GPC law: format is {data.get('format')!r}, expected {LAW_FORMAT!r}")
+        names = ("variant", "hold", "order", "h_p", "h_c", *_LAW_ARRAYS, "provenance")
+        missing = [name for name in names if name not in data]
+        unknown = sorted(set(data) - {"format", *names})
+        if missing or unknown:
+            raise ValueError(f"not a stored GPC law: lacks {missing}, has unknown {unknown}")
+        if not isinstance(data["hold"], bool):
+            raise ValueError(f"hold is {data['hold']!r}; expected true or false")
+        return cls(**{name: data[name] for name in names})
+
+    def to_json(self) -> str:
+        """`to_dict` as text, one matrix row per line, every number in the shortest form that reads back exactly."""
+        return _json_text(self.to_dict()) + "\n"
+
+    @classmethod
+    def from_json(cls, text: str) -> GpcLaw:
+        """The law of a text made by `to_json`."""
+        data = json.loads(text)
+        if not isinstance(data, dict):
+            raise ValueError("not a stored GPC law: the text holds no JSON object")
+        return cls.from_dict(data)
+
+
+_LAW_ARRAYS = ("output_weight", "control_weight", "gain_y", "gain_u", "gain_d", "gain_preview")
+
+
+def gpc_law(
+    predictor: MultiStepPredictor,
+    Q: npt.ArrayLike,
+    R: npt.ArrayLike,
+    variant: Variant,
+    *,
+    hold: bool = False,
+    provenance: Mapping[str, Any] | None = None,
+) -> GpcLaw:
+    """The first rc rows of the optimal sequence: (15), (19) or (21).
+
+    Q, positive semi-definite, weighs the predicted outputs: one number, one per output (m,), a matrix (m, m) used at
+    every instant, or the whole matrix (m h_p, m h_p). R, positive definite, weighs the controls: likewise with rc
+    and h_c. "implicit" needs a predictor without disturbances, the other two one with them.
+    """
+    if variant not in get_args(Variant):
+        raise ValueError(f"unknown variant {variant!r}; choose one of {', '.join(get_args(Variant))}")
+    if variant == "implicit" and predictor.disturbances:
+        raise ValueError(
+            f"the implicit law takes no account of disturbances, but the model has {predictor.disturbances}; "
+            "identify it without d"
+        )
+    if variant != "implicit" and not predictor.disturbances:
+        raise ValueError(f"the {variant} law needs measured disturbances, but the model has none; identify it with d")
+    sequence = gpc_sequence(predictor, Q, R)
+    first = slice(0, predictor.controls)
+    return GpcLaw(
+        variant=variant,
+        gain_y=sequence.gain_y[first],
+        gain_u=sequence.gain_u[first],
+        gain_d=sequence.gain_d[first],
+        gain_preview=sequence.gain_preview[first],
+        order=predictor.order,
+        h_p=predictor.h_p,
+        h_c=predictor.h_c,
+        output_weight=np.asarray(Q, dtype=float),
+        control_weight=np.asarray(R, dtype=float),
+        hold=hold,
+        provenance=dict(provenance or {}),
+    )
+
+
+def closed_loop_spectral_radius(model: ArxModel, law: GpcLaw) -> float:
+    """Largest eigenvalue magnitude of the law acting on its own model; below 1 the pair is stable.
+
+    The state is [y(t-1) ... y(t-p); u(t-1) ... u(t-p)]. Disturbances act from outside, so all variants that share
+    `gain_y` and `gain_u` share this number. The actuator limit and the plant's nonlinearity are not in it.
+    """
+    p, m, rc = model.order, model.outputs, model.controls
+    if (law.order, law.outputs, law.controls) != (p, m, rc):
+        raise ValueError(
+            f"order, outputs and controls are {(law.order, law.outputs, law.controls)} in the law "
+            f"and {(p, m, rc)} in the model"
+        )
+    control = np.hstack([law.gain_y, law.gain_u])
+    free = np.hstack([*model.alpha, *model.beta[1:]])
+    step = np.zeros(((m + rc) * p, (m + rc) * p))
+    step[:m] = free + model.beta[0] @ control
+    step[m : m * p, : m * (p - 1)] = np.eye(m * (p - 1))
+    step[m * p : m * p + rc] = control
+    step[m * p + rc :, m * p : -rc] = np.eye(rc * (p - 1))
+    return float(np.max(np.abs(linalg.eigvals(step))))
+
+
+# --------------------------------------------------------------------------------------------------- checks
+
+
+def _weight_factor(name: str, weight: npt.ArrayLike, width: int, horizon: int, *, signal: str, definite: bool) -> Array:
+    """F with F' F = the whole weight matrix, after checking the weight."""
+    value = finite_array(name, weight)
+    if value.ndim == 0:
+        value = np.full(width, float(value))
+    full = width * horizon
+    if value.shape not in ((width,), (width, width), (full, full)):
+        raise ValueError(
+            f"{name} has shape {value.shape}; expected a number, ({width},), ({width}, {width}) or ({full}, {full}) "
+            f"({signal}s: {width}, horizon: {horizon})"
+        )
+    wanted = "positive definite" if definite else "positive semi-definite"
+    if value.ndim == 1:
+        if np.any(value <= 0.0 if definite else value < 0.0):
+            k = int(np.argmin(value))
+            raise ValueError(f"{name} is not {wanted}: the weight of {signal} {k} is {value[k]:g}")
+        return np.asarray(np.diag(np.sqrt(np.tile(value, horizon))))
+    skew = np.abs(value - value.T)
+    if np.max(skew) > 1e-12 * np.max(np.abs(value)):
+        i, j = (int(k) for k in np.unravel_index(np.argmax(skew), skew.shape))
+        raise ValueError(f"{name} is not symmetric: [{i}, {j}] is {value[i, j]:g}, [{j}, {i}] is {value[j, i]:g}")
+    eigenvalues, vectors = linalg.eigh((value + value.T) / 2)
+    rounding = len(value) * EPS * np.max(np.abs(eigenvalues))
+    if eigenvalues[0] <= rounding if definite else eigenvalues[0] < -rounding:
+        raise ValueError(f"{name} is not {wanted}: its smallest eigenvalue is {eigenvalues[0]:g}")
+    factor = np.sqrt(np.maximum(eigenvalues, 0.0))[:, None] * vectors.T
+    return factor if len(value) == full else np.kron(np.eye(horizon), factor)
+
+
+def _json_text(value: Any, indent: str = "") -> str:
+    """JSON, indented, but with every list of plain values on one line."""
+    inner = indent + "  "
+    if isinstance(value, dict) and value:
+        items = [f"{inner}{json.dumps(str(key))}: {_json_text(item, inner)}" for key, item in value.items()]
+        return "{\n" + ",\n".join(items) + f"\n{indent}}}"
+    if isinstance(value, list | tuple) and any(isinstance(item, dict | list | tuple) for item in value):
+        return "[\n" + ",\n".join(inner + _json_text(item, inner) for item in value) + f"\n{indent}]"
+    return json.dumps(value, allow_nan=False)

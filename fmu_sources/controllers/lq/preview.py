@@ -1,0 +1,262 @@
+"""Optimal preview LQ control of the seven-degree car as a discrete component (paper 004, Theorem 1).
+
+u = -K x + feed-forward. The feed-forward weighs the road ahead of each wheel over a horizon: the front wheels see the
+preview, the rear wheels see what the front wheels met one wheelbase earlier, from the controller's own memory. What is
+used of it is a choice at run time (parameter ``mode``).
+
+With a period of 1 ms (the default) K is the exact sampled gain and the feed-forward the continuous integral (17) with the
+road linear between samples. Any other period uses the exact sampled form of both.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+
+from build_fmus.component import Component
+from fmu_sources.controllers.lq.design import (
+    LinearPlant,
+    continuous_lq,
+    output_index,
+    sampled_lq,
+)
+from fmu_sources.controllers.lq.preview_weights import PreviewLqWeights
+
+CORNERS = ("fl", "fr", "rl", "rr")
+SIDES = {"l": ("fl", "rl"), "r": ("fr", "rr")}
+MODES = {"active": 0, "delay": 1, "preview": 2}
+CONTINUOUS_PERIOD = 1e-3  # s; feed-forward as in (17) at this period, exact sampled form at any other
+WEIGHTED = (
+    "body.az", "body.pitch_acceleration", "body.roll_acceleration",
+    *(f"suspension.{k}.deflection" for k in CORNERS), *(f"tire.{k}.deflection" for k in CORNERS),
+)  # fmt: skip
+"""Outputs of the index (10), apart from the forces."""
+
+
+@dataclass(frozen=True)
+class Taps:
+    """What the component needs of a design, on a grid of road samples one period apart, index j = 0, 1, ...
+
+    With a horizon of n periods u = -K x + sum_{j<n} interior[j] w_j + end[n] w_n, and with the tail held + tail[n] w_n.
+    Arrays (count, controls, wheels); ``shift`` (controls,) is what is left of a unit shift of everything when the tail is
+    held, and is taken off so that it is left unchanged exactly.
+    """
+
+    K: np.ndarray
+    interior: np.ndarray
+    end: np.ndarray
+    tail: np.ndarray
+    shift: np.ndarray
+
+
+def ride_plant(car: Component, parameters: np.ndarray | None = None) -> LinearPlant:
+    """The linear model of a ride car with road heights as disturbances, derived from its declaration.
+
+    Args:
+        parameters: others than those it is declared with, in their order.
+
+    Raises:
+        ValueError: the car's outputs depend on road rates (tyre damping): the index would need the road's slope.
+    """
+    lin = car.linearize(p=parameters)
+    column = {n: i for i, n in enumerate(lin.inputs)}
+    row = {n: i for i, n in enumerate(lin.outputs)}
+    u, w, rates = (
+        [column[pattern.format(k)] for k in CORNERS] for pattern in ("force.{}", "road.{}.height", "road.{}.rate")
+    )
+    if np.abs(lin.B[:, rates]).max() > 0:
+        raise ValueError(f"{car.name}: tyre damping makes road rates a disturbance; preview LQ is for cars without it")
+    y = [row[n] for n in WEIGHTED]
+    return LinearPlant(
+        A=lin.A, B=lin.B[:, u], E=lin.B[:, w], C=lin.C[y], D=lin.D[np.ix_(y, u)], F=lin.D[np.ix_(y, w)],
+        states=tuple(lin.states), controls=tuple(f"force.{k}" for k in CORNERS),
+        disturbances=tuple(f"road.{k}.height" for k in CORNERS), outputs=WEIGHTED,
+    )  # fmt: skip
+
+
+def design_taps(plant: LinearPlant, weights: PreviewLqWeights, period: float, count: int) -> Taps:
+    """Design the law on a plant and lay its feed-forward out on ``count`` samples one period apart."""
+    index = output_index(plant, weights.outputs(CORNERS), weights.controls(CORNERS))
+    if np.any(index.Nuw):
+        raise ValueError(
+            "an output of the index depends on both a force and a road height at once: the law then needs the road under the "
+            "rear wheels now, which this controller does not measure"
+        )
+    sampled = sampled_lq(plant, index, period)
+    if math.isclose(period, CONTINUOUS_PERIOD):
+        foh = continuous_lq(plant, index).foh_weights(period, count)
+        interior, end, tail = foh.interior, foh.end, foh.tail
+    else:
+        gains = sampled.preview_gains(count)
+        interior, end = -gains, np.zeros_like(gains)
+        tail = np.stack([-sampled.tail(n) for n in range(count)])
+    # A unit shift of road, wheels and body must not ask for forces when the road is taken to continue.
+    unit = np.array(
+        [1.0 if n == "body.z" or (n.startswith("wheel.") and n.endswith(".z")) else 0.0 for n in plant.states]
+    )
+    shift = -sampled.K @ unit + (interior[: count - 1].sum(axis=0) + end[-1] + tail[-1]).sum(axis=1)
+    return Taps(sampled.K, interior, end, tail, shift)
+
+
+def preview_lq(
+    car: Component,
+    weights: PreviewLqWeights,
+    *,
+    name: str,
+    period: float = CONTINUOUS_PERIOD,
+    preview_count: int = 48,
+    preview_step: float = 5e-3,
+    memory: float = 0.5,
+) -> Component:
+    """The controller FMU for a ride car.
+
+    Args:
+        period: sample time [s].
+        preview_count, preview_step: points and spacing [s] of the preview inputs; the spacing is a multiple of period.
+        memory: longest delay of the rear wheels [s] that is remembered.
+
+    Raises:
+        ValueError: the spacing is no multiple of the period.
+        LqError: the design has no stabilizing solution.
+    """
+    every = round(preview_step / period)
+    if every < 1 or not math.isclose(every * period, preview_step):
+        raise ValueError(f"{name}: preview step {preview_step:g} s is no multiple of the period {period:g} s")
+    ahead = (preview_count - 1) * every  # periods
+    past = math.ceil(memory / period)
+    count = past + ahead + 1
+    plant = ride_plant(car)
+    taps = design_taps(plant, weights, period, count)
+
+    c = Component(
+        name,
+        kind="discrete",
+        sample_time=period,
+        description=f"Optimal preview LQ law of a seven-degree car: {weights.name}",
+        source="Marzbanrad, Hojjat, Zohoor, Nikravesh: Theorem 1, Table 2",
+        symbols=ca.MX,
+        notes=_NOTES,
+    )
+    mode = c.parameter(
+        "mode", MODES["preview"], None, "0 active, 1 active and delay, 2 active and preview", min=0, max=2,
+        source="004: the laws of its Table 3",
+    )  # fmt: skip
+    preview_time = c.parameter(
+        "preview_time", 0.12, "s", "preview used ahead of the front wheels", min=0.0, max=10.0, source="004"
+    )
+    hold_tail = c.parameter(
+        "hold_tail", False, None, "take the road to continue at its last height beyond the horizon, instead of at 0",
+        source="option; the paper's method is off",
+    )  # fmt: skip
+    front_x, rear_x = (car.variable(f"wheel.{k}.x").start for k in ("fl", "rl"))
+    assert front_x is not None  # parameters always have start values
+    assert rear_x is not None
+    base = c.parameter(
+        "wheelbase", front_x[0] - rear_x[0], "m", "distance between the axles", min=0.1, max=50.0, source="vehicle file"
+    )
+    x = ca.vertcat(*(c.input(s, car.variable(s).unit, car.variable(s).description) for s in plant.states))
+    now = {k: c.input(f"road.{k}.height", "m", f"road height under wheel {k}") for k in ("fl", "fr")}
+    preview = {
+        k: c.input(
+            f"preview.{k}",
+            "m",
+            f"road heights ahead of wheel {k}, {preview_step:g} s apart, index 1 now",
+            shape=(preview_count,),
+        )
+        for k in ("fl", "fr")
+    }
+    c.constant_input(
+        "preview.step", "s", "time between preview points: what this controller was built for", must_equal=preview_step
+    )
+    speed = c.input("speed", "m/s", "speed of the car; gives the rear wheels' delay", min=0.0)
+
+    # Horizons in periods. The rear wheels follow by `delay`; beyond the memory, or at standstill, their road is unknown.
+    asked = ca.floor(preview_time / period + 0.5)
+    front = ca.if_else(mode > 1.5, ca.fmin(asked, ahead), 0)
+    delay = base / (ca.fmax(speed, 1e-6) * period)
+    known = delay <= past
+    whole = ca.if_else(known, ca.floor(delay), past)
+    part = ca.if_else(known, delay - whole, 0)
+    rear = ca.if_else(ca.logic_and(known, mode > 0.5), front + whole, 0)
+
+    # Road of each side on the period grid: remembered, now, ahead (linear between preview points).
+    grid = ca.DM(_interpolation(preview_count, every))
+    j = ca.DM(np.arange(count, dtype=float))
+    feedforward = ca.MX.zeros(len(CORNERS))
+    last = []
+    for wheel_front, wheel_rear in SIDES.values():
+        memory_state = c.state(
+            f"memory.{wheel_front}", "m", f"past road heights under wheel {wheel_front}, newest first", shape=(past,),
+            start=ca.repmat(now[wheel_front], past, 1),
+        )  # fmt: skip
+        c.update(memory_state, ca.vertcat(now[wheel_front], memory_state[: past - 1]))
+        coming = ca.vertcat(now[wheel_front], (grid @ preview[wheel_front])[1:])
+        road = ca.vertcat(memory_state[::-1], coming)  # index past + k is k periods from now
+        at_front = ca.vertcat(coming, ca.MX.zeros(past))
+        newer = road[ca.fmin(j + past - whole, count - 1)]
+        older = road[ca.fmax(ca.fmin(j + past - whole - 1, count - 1), 0)]
+        at_rear = newer + part * (older - newer)
+        for wheel, heights, n in ((wheel_front, at_front, front), (wheel_rear, at_rear, rear)):
+            column = CORNERS.index(wheel)
+            final = heights[n]
+            last.append(final)
+            table = {
+                q: ca.DM(np.ascontiguousarray(getattr(taps, q)[:, :, column].T)) for q in ("interior", "end", "tail")
+            }
+            feedforward += table["interior"] @ ca.if_else(j < n, heights, 0)
+            feedforward += final * (_column(table["end"], n) + ca.if_else(hold_tail, _column(table["tail"], n), 0))
+    feedforward -= ca.if_else(hold_tail, 1, 0) * ca.DM(taps.shift) * ca.sum1(ca.vertcat(*last)) / len(last)
+
+    force = -ca.DM(taps.K) @ x + feedforward
+    for i, k in enumerate(CORNERS):
+        c.output(f"force.{k}", force[i], "N", f"actuator force at corner {k}", display_unit="kN")
+    truncated = ca.logic_or(
+        ca.logic_and(mode > 1.5, asked > ahead), ca.logic_and(mode > 0.5, ca.logic_not(known))
+    )  # fmt: skip
+    c.output(
+        "horizon_truncated", truncated, None,
+        "the preview inputs or the memory reach less far than mode and preview_time ask for", type=bool,
+    )  # fmt: skip
+    c.provenance = {"weights": weights.as_dict(), "car": car.name, "period": period, "feedback": taps.K.tolist()}
+    c.stimulate(_stimulus(plant.states, preview_count, preview_step))
+    return c
+
+
+def _interpolation(points: int, every: int) -> np.ndarray:
+    """Matrix from preview points to the period grid, linear in between."""
+    position = np.arange((points - 1) * every + 1) / every
+    return np.maximum(0.0, 1.0 - np.abs(position[:, None] - np.arange(points)[None, :]))
+
+
+def _column(table: ca.DM, n: ca.MX) -> ca.MX:
+    rows = table.shape[0]
+    return ca.MX(ca.vec(table))[n * rows + ca.DM(np.arange(rows, dtype=float))]
+
+
+def _stimulus(states: tuple[str, ...], points: int, step: float) -> dict[str, Callable[[float], float]]:
+    def wave(amplitude: float, rate: float, phase: float) -> Callable[[float], float]:
+        return lambda t: amplitude * math.sin(rate * t + phase)
+
+    signals: dict[str, Callable[[float], float]] = {n: wave(0.01, 5.0 + i, 0.3 * i) for i, n in enumerate(states)}
+    for i, k in enumerate(("fl", "fr")):
+        signals[f"road.{k}.height"] = wave(0.02, 9.0, i)
+        signals |= {f"preview.{k}[{m + 1}]": wave(0.02, 9.0, i + 9.0 * m * step) for m in range(points)}
+    signals["speed"] = lambda t: 20.0
+    return signals
+
+
+_NOTES = (
+    "States and forces carry the names of the car's outputs and inputs. The feedback gain is the exact sampled LQ gain for "
+    "the index with output weights; the feed-forward weighs the road under each wheel over its horizon.",
+    "Horizons: mode 0 uses no road at all; mode 1 uses, for the rear wheels, the road that the front wheels have met "
+    "(delay wheelbase/speed, from the controller's own memory); mode 2 adds preview_time ahead of the front wheels, and as much "
+    "more for the rear ones. Horizons are rounded to whole sample times. horizon_truncated tells when the preview inputs or the "
+    "memory end before the horizon; what is there is used. At standstill, or so slowly that the delay exceeds the memory, the "
+    "rear wheels have no feed-forward and horizon_truncated is true in modes 1 and 2.",
+    "Beyond the horizon the road is taken to be at height 0 (the paper's method), so a constant offset of the whole road asks "
+    "for forces. hold_tail takes the road to continue at its last height, and a constant offset changes nothing.",
+)

@@ -1,0 +1,83 @@
+"""The relative states that the HMMWV's controllers and its estimator share (paper 001), and the car's model in them.
+
+The 15 relative states are one more than the car's own because the four road heights have a warp that no motion of the
+car can take up: on a flat road the relative states stay in the 14-dimensional range of T (:mod:`.relative`).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import casadi as ca
+
+from build_fmus.component import Component
+from fmu_sources.models import relative
+from fmu_sources.models.relative import RelativeModel
+
+CORNERS = ("fl", "fr", "rl", "rr")
+SUSPENSION = tuple(f"suspension.{k}.deflection" for k in CORNERS)  # m, body minus wheel
+TIRE = tuple(f"tire.{k}.deflection" for k in CORNERS)  # m, wheel minus road
+WHEEL_SPEED = tuple(f"wheel.{k}.vz" for k in CORNERS)  # m/s
+BODY_SPEED = ("body.vz", "body.roll_rate", "body.pitch_rate")  # m/s, rad/s, rad/s
+RELATIVE_STATES = (*SUSPENSION, *TIRE, *WHEEL_SPEED, *BODY_SPEED)
+"""Names and order of the 15 states: 4 suspension and 4 tyre deflections, 4 wheel and 3 body velocities."""
+
+FORCES = tuple(f"force.{k}" for k in CORNERS)
+ROAD_HEIGHTS = tuple(f"road.{k}.height" for k in CORNERS)
+ROAD_RATES = tuple(f"road.{k}.rate" for k in CORNERS)
+SAMPLE_TIME = 0.030  # s, of all higher-level controllers of paper 001 (section 1.4)
+FORCE_LIMIT = 8000.0  # N, 001 Table 1.3
+
+
+def relative_model(car: Component) -> RelativeModel:
+    """The linear model of a four-wheeled ride car in :data:`RELATIVE_STATES`.
+
+    Raises:
+        ValueError: an output or input that is missing; a car whose relative motion depends on absolute heights.
+    """
+    return relative.relative_model(car, RELATIVE_STATES, forces=FORCES, heights=ROAD_HEIGHTS, rates=ROAD_RATES)
+
+
+def relative_inputs(c: Component, car: Component) -> Any:
+    """Declare the 15 relative states as inputs of ``c``, named and described as on the car; their column (15, 1)."""
+    symbols = []
+    for name in RELATIVE_STATES:
+        v = car.variable(name)
+        symbols.append(c.input(name, v.unit, v.description, nominal=v.nominal, display_unit=v.display_unit))
+    return ca.vertcat(*symbols)
+
+
+def force_outputs(c: Component, forces: Sequence[Any]) -> None:
+    """What every higher-level controller of this car has beside its law: ``body.az`` among the inputs, forces within a limit.
+
+    ``forces``: expressions in the order of :data:`FORCES`.
+    """
+    if "body.az" not in {v.name for v in c.all_variables}:
+        c.input("body.az", "m/s2", "vertical acceleration of the CG")
+    limit = c.parameter(
+        "force.limit", FORCE_LIMIT, "N", "largest force of an actuator that is asked for", min=0.0, max=1e6, tunable=True,
+        display_unit="kN", source="001 Table 1.3",
+    )  # fmt: skip
+    for name, corner, value in zip(FORCES, CORNERS, forces, strict=True):
+        c.output(
+            name, ca.fmin(ca.fmax(value, -limit), limit), "N", f"force that the actuator at {corner} is to give, positive lifts the body",
+            display_unit="kN",
+        )  # fmt: skip
+    c.output(
+        "force.limited",
+        ca.mmax(ca.fabs(ca.vertcat(*forces))) > limit,
+        None,
+        "a force is cut off at force.limit",
+        type=bool,
+    )
+
+
+def sines(amplitudes: Mapping[str, float]) -> dict[str, Callable[[float], float]]:
+    """Stimulus of a controller: each input a sine of its own frequency, 0.6 Hz and up."""
+
+    def wave(amplitude: float, rate: float, phase: float) -> Callable[[float], float]:
+        return lambda t: amplitude * math.sin(rate * t + phase)
+
+    return {n: wave(a, 4.0 + i, 0.4 * i) for i, (n, a) in enumerate(amplitudes.items())}

@@ -1,0 +1,274 @@
+"""The preview LQ controller as a component: modes, horizons, memory, invariance, bad input."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from build_fmus.reference import Evaluator
+from fmu_sources.controllers.lq.design import LqError, continuous_lq, output_index, sampled_lq
+from fmu_sources.controllers.lq.preview import CORNERS, MODES, WEIGHTED, design_taps, preview_lq, ride_plant
+from fmu_sources.controllers.lq.preview_weights import WeightsError, load_weights
+from fmu_sources.plants import ride_car
+from fmu_sources.vehicles import load_ride_car
+
+SPEED = 75 / 3.6
+WHEELBASE = 2.814
+
+
+@pytest.fixture(scope="module")
+def car():
+    return ride_car(load_ride_car("sedan"), name="RideCarSedan")
+
+
+@pytest.fixture(scope="module")
+def plant(car):
+    return ride_plant(car)
+
+
+@pytest.fixture(scope="module")
+def controller(car):
+    return preview_lq(car, load_weights("comfort"), name="PreviewLqComfort")
+
+
+@pytest.fixture(scope="module")
+def coarse(car):
+    return preview_lq(car, load_weights("comfort"), name="PreviewLqComfort5ms", period=5e-3)
+
+
+def run(controller, road, states, *, steps: int, offset: float = 0.0, speed: float = SPEED, **parameters: float):
+    """Feed a road (function of side and time) and states (rows); returns outputs (steps, 5) and the states' names."""
+    evaluator = Evaluator(controller, parameters)
+    slots = {e.name: e.slot for e in controller.elements("input")}
+    T = controller.sample_time
+    out = []
+    for k in range(steps):
+        u = evaluator.u
+        u[slots["speed"]] = speed
+        for side in ("fl", "fr"):
+            u[slots[f"road.{side}.height"]] = road(side, k * T) + offset
+            for i in range(48):
+                u[slots[f"preview.{side}[{i + 1}]"]] = road(side, k * T + 0.005 * i) + offset
+        for name, value in states(k).items():
+            lifted = name == "body.z" or name.endswith(".z")
+            u[slots[name]] = value + (offset if lifted else 0.0)
+        evaluator.step(T)
+        out.append(evaluator.outputs())
+    return np.array(out)
+
+
+def hills(side: str, t: float) -> float:
+    return 0.03 * np.sin(11 * t + (side == "fr")) + 0.01 * np.cos(35 * t)
+
+
+def wobble(plant):
+    def states(k: int) -> dict[str, float]:
+        return {n: 0.01 * np.sin(0.02 * k + i) for i, n in enumerate(plant.states)}
+
+    return states
+
+
+def still(plant):
+    return lambda k: dict.fromkeys(plant.states, 0.0)
+
+
+def test_plant_is_the_cars_own_linear_model(plant) -> None:
+    assert plant.A.shape == (14, 14)
+    assert plant.outputs == WEIGHTED
+    np.testing.assert_array_equal(plant.F[:7], 0.0)  # accelerations and travels do not see the road directly
+
+
+def test_cars_with_damped_tyres_are_refused() -> None:
+    hmmwv = ride_car(load_ride_car("ride_car_hmmwv"), name="RideCarHmmwv")
+    with pytest.raises(ValueError, match="tyre damping"):
+        ride_plant(hmmwv)
+
+
+def test_active_mode_is_state_feedback_alone(controller, plant) -> None:
+    index = output_index(plant, load_weights("comfort").outputs(CORNERS), load_weights("comfort").controls(CORNERS))
+    K = sampled_lq(plant, index, 1e-3).K
+    states = wobble(plant)
+    got = run(controller, hills, states, steps=20, mode=MODES["active"])
+    expected = np.array([-K @ np.array(list(states(k).values())) for k in range(20)])
+    np.testing.assert_allclose(got[:, :4], expected, rtol=0, atol=1e-9 * np.abs(expected).max())
+
+
+def test_preview_sees_ahead_and_delay_does_not(controller, plant) -> None:
+    def step_ahead(side: str, t: float) -> float:  # noqa: ARG001
+        return 0.05 if t >= 0.1 else 0.0
+
+    for mode, acts in (("active", False), ("delay", False), ("preview", True)):
+        forces = run(controller, step_ahead, still(plant), steps=5, mode=MODES[mode])[:, :4]
+        assert (np.abs(forces).max() > 1.0) == acts
+
+
+def test_rear_wheels_follow_after_the_delay(controller, plant) -> None:
+    """In delay mode the front forces stay zero; the rear ones begin when the front wheels meet the step."""
+
+    def step(side: str, t: float) -> float:
+        return 0.05 if side == "fl" and t >= 0.0995 else 0.0
+
+    forces = run(controller, step, still(plant), steps=300, mode=MODES["delay"])[:, :4]
+    active = np.abs(forces).max(axis=1) > 1e-6
+    assert active.argmax() == 100  # seen by the front wheel, known to come to the rear wheel 135 ms later
+    assert not active[:100].any()
+
+
+def test_feedforward_equals_the_integral(controller, plant) -> None:
+    """Against adaptive quadrature of (17) for a road that is linear between the preview points."""
+    weights = load_weights("comfort")
+    law = continuous_lq(plant, output_index(plant, weights.outputs(CORNERS), weights.controls(CORNERS)))
+    tp, tau = 0.12, WHEELBASE / SPEED
+
+    def road(side: str, t: float) -> float:  # linear between points 5 ms apart, at rest before 0
+        i = np.floor(t / 0.005 + 1e-9)
+        a, b = (0.02 * np.sin(40 * 0.005 * max(j, 0) + (side == "fr")) * (j > 0) for j in (i, i + 1))
+        return a + (b - a) * (t / 0.005 - i)
+
+    steps = 201
+    got = run(controller, road, still(plant), steps=steps, preview_time=tp)[-1, :4]
+    now = (steps - 1) * 1e-3
+    whole = np.floor(tau / 1e-3) * 1e-3
+    expected = np.zeros(4)
+    for column, (side, lag, horizon) in enumerate(
+        (("fl", 0.0, tp), ("fr", 0.0, tp), ("fl", tau, tp + whole), ("fr", tau, tp + whole))
+    ):
+        n = round(horizon / 1e-3)
+        s = np.linspace(0, horizon, 8 * n + 1)  # Simpson on a grid that holds every corner of the sampled road
+        knots = np.arange(n + 1) * 1e-3
+        heights = np.interp(s, knots, _sampled(road, side, now, lag, knots))
+        kernel = np.array([law.kernel(x)[:, column] for x in s])
+        weight = np.ones(len(s))
+        weight[1:-1:2], weight[2:-1:2] = 4, 2
+        expected += (weight[:, None] * kernel * heights[:, None]).sum(axis=0) * (s[1] - s[0]) / 3
+    np.testing.assert_allclose(got, expected, rtol=0, atol=1e-6 * np.abs(expected).max())
+
+
+def _sampled(road, side: str, now: float, lag: float, ahead: np.ndarray) -> np.ndarray:
+    """Road as the controller knows it at now + ahead - lag: linear between ticks of 1 ms."""
+    t = now + ahead - lag
+    k = np.floor(t / 1e-3 + 1e-9)
+    part = t / 1e-3 - k
+    return np.array(
+        [(1 - p) * road(side, i * 1e-3) + p * road(side, (i + 1) * 1e-3) for i, p in zip(k, part, strict=True)]
+    )
+
+
+@pytest.mark.parametrize("mode", MODES)
+@pytest.mark.parametrize("which", ["controller", "coarse"])
+def test_hold_tail_ignores_a_shift_of_everything(which: str, mode: str, plant, request) -> None:
+    controller = request.getfixturevalue(which)
+    results = [
+        run(controller, hills, wobble(plant), steps=150, offset=offset, mode=MODES[mode], hold_tail=True)[:, :4]
+        for offset in (0.0, 0.7)
+    ]
+    np.testing.assert_allclose(*results, rtol=0, atol=1e-9 * np.abs(results[0]).max())
+
+
+def test_without_hold_tail_a_shift_asks_for_forces(controller, plant) -> None:
+    results = [run(controller, hills, still(plant), steps=50, offset=offset)[:, :4] for offset in (0.0, 0.7)]
+    assert np.abs(results[0] - results[1]).max() > 100.0
+
+
+@pytest.mark.parametrize(
+    ("speed", "parameters", "truncated"),
+    [
+        (SPEED, {}, False),
+        (SPEED, {"preview_time": 0.235}, False),
+        (SPEED, {"preview_time": 0.236}, True),
+        (0.0, {}, True),
+        (0.0, {"mode": MODES["delay"]}, True),
+        (0.0, {"mode": MODES["active"]}, False),
+        (WHEELBASE / 0.49, {"mode": MODES["delay"]}, False),
+        (WHEELBASE / 0.51, {"mode": MODES["delay"]}, True),
+    ],
+)
+def test_truncated_horizons_are_told(controller, plant, speed: float, parameters: dict, truncated: bool) -> None:
+    got = run(controller, hills, wobble(plant), steps=3, speed=speed, **parameters)
+    assert np.isfinite(got).all()
+    assert bool(got[-1, 4]) is truncated
+
+
+def test_mirrored_input_mirrors_the_forces(controller, plant) -> None:
+    swap = str.maketrans("lr", "rl")
+
+    def mirrored_road(side: str, t: float) -> float:
+        return hills(side.translate(swap), t)
+
+    def mirror(name: str) -> str:
+        parts = name.split(".")
+        return f"wheel.{parts[1][0]}{parts[1][1].translate(swap)}.{parts[2]}" if parts[0] == "wheel" else name
+
+    states = wobble(plant)
+
+    def mirrored(k: int) -> dict[str, float]:
+        values = states(k)
+        return {n: (-1 if "roll" in n else 1) * values[mirror(n)] for n in values}
+
+    a = run(controller, hills, states, steps=200)[:, :4]
+    b = run(controller, mirrored_road, mirrored, steps=200)[:, :4]
+    np.testing.assert_allclose(b[:, [1, 0, 3, 2]], a, rtol=0, atol=1e-9 * np.abs(a).max())
+
+
+def test_taps_of_both_forms_agree_for_short_periods(plant) -> None:
+    """The exact sampled gains approach the continuous kernel as the period shrinks."""
+    weights = load_weights("comfort")
+    fine = design_taps(plant, weights, 1e-3, 100)
+    sampled = sampled_lq(plant, output_index(plant, weights.outputs(CORNERS), weights.controls(CORNERS)), 1e-3)
+    gains = -sampled.preview_gains(100)
+    scale = np.abs(gains).max()
+    assert np.abs(fine.interior[5:95] - gains[5:95]).max() < 0.1 * scale
+
+
+def test_other_steps_need_another_build(car) -> None:
+    with pytest.raises(ValueError, match="no multiple"):
+        preview_lq(car, load_weights("comfort"), name="X", period=2e-3, preview_step=5e-3)
+    built = preview_lq(car, load_weights("comfort"), name="X", preview_step=10e-3, preview_count=24)
+    assert built.variable("preview.step").must_equal == 10e-3
+
+
+def test_weights_files(tmp_path) -> None:
+    good = (tmp_path / "mine.toml").resolve()
+    text = (load_weights.__globals__["_HERE"] / "comfort.toml").read_text()
+    good.write_text(text)
+    assert load_weights(good) == load_weights("comfort")
+    for change, message in (
+        (("heave = 3.0", "heave = -3.0"), r"acceleration\.heave = -3.0"),
+        (("heave = 3.0", "heav = 3.0"), r"acceleration\.heav: unknown field; did you mean acceleration\.heave"),
+        (("front = 1e-6", "front = 0.0"), r"force\.front = 0.0"),
+        (("[tire]", "[tires]"), r"tire: missing"),
+        (("rear = 1400.0", "rear = [1400.0, 1.0]"), r"suspension\.rear"),
+    ):
+        bad = tmp_path / "bad.toml"
+        bad.write_text(text.replace(*change, 1))
+        with pytest.raises(WeightsError, match=message):
+            load_weights(bad)
+    with pytest.raises(WeightsError, match="did you mean 'comfort'"):
+        load_weights("confort")
+
+
+def test_weights_are_in_the_order_of_outputs_and_corners(tmp_path) -> None:
+    file = tmp_path / "mine.toml"
+    file.write_text(
+        'name = "m"\nsource = "s"\n[acceleration]\nheave = 1\npitch = 2\nroll = 3\n[suspension]\nfront = 4\nrear = 5\n'
+        "[tire]\nfront = 6\nrear = 7\n[force]\nfront = 8\nrear = 9\n"
+    )
+    weights = load_weights(file)
+    assert weights.outputs(("fl", "fr", "rl", "rr")) == [1, 2, 3, 4, 4, 5, 5, 6, 6, 7, 7]
+    assert weights.outputs(("rl", "fl")) == [1, 2, 3, 5, 4, 7, 6]
+    assert weights.controls(("fl", "fr", "rl", "rr")) == [8, 8, 9, 9]
+    assert weights.controls(("rr", "fl")) == [9, 8]
+    assert weights.as_dict()["tire"] == {"front": 6.0, "rear": 7.0}
+
+
+def test_an_unstabilizable_car_is_named(plant) -> None:
+    from dataclasses import replace
+
+    index = output_index(plant, load_weights("comfort").outputs(CORNERS), load_weights("comfort").controls(CORNERS))
+    A = plant.A.copy()
+    A[0, :], A[:, 0] = 0.0, 0.0
+    A[0, 0] = 0.5  # a state that runs away and no actuator reaches
+    B = plant.B.copy()
+    B[0] = 0.0
+    with pytest.raises(LqError, match=plant.states[0]):
+        continuous_lq(replace(plant, A=A, B=B), index)

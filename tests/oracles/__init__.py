@@ -1,0 +1,1 @@
+"""Independent solutions that tests, and benchmarks, compare the project's with."""
