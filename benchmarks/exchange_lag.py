@@ -21,7 +21,7 @@ from benchmarks.master_cost import Wired, flatten
 from cosim import UnconnectedInputsWarning
 from cosim.experiments.gpc.runs import CONTROLLERS, PLANT, SPEED, TRAVEL, Case, road_file, wire
 from cosim.study import FmuSet
-from fmu_sources.controllers.gpc.component import CORNERS
+from fmu_sources.models.corners import CORNERS
 
 ROAD, SPEED_KMH, CONTROLLER = "sine", 50.0, "preview"
 STEP, EVERY = 1e-3, 10  # s of exchange, steps from decision to decision

@@ -35,8 +35,7 @@ from cosim.experiments.trench.published import matrix
 from cosim.experiments.trench.runs import MPC as TRENCH_MPC
 from cosim.study import FmuSet, Runner
 from fmu_sources.catalog import Context, default_catalog
-from fmu_sources.controllers.lq import bench
-from fmu_sources.controllers.mpc import hmmwv
+from fmu_sources.controllers.mpc import bench, hmmwv
 from fmu_sources.controllers.mpc.qp import CondensedQp
 from fmu_sources.controllers.mpc.settings import Mpc
 from fmu_sources.controllers.mpc.three_axle import combined_gains, ride_model, three_axle_mpc

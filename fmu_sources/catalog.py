@@ -398,9 +398,9 @@ def _seen_road(maker: str) -> Make:
     return lambda sensors, name, _: _call("roads", maker, _layout(_HMMWV_FILE, MPC_PREVIEW, sensors), name=name)
 
 
-def _bench_controller(maker: str) -> Make:
+def _bench_controller(method: str, maker: str) -> Make:
     return lambda vehicle, name, called: _call(
-        "controllers.lq.bench", maker, _bench(vehicle, f"QuarterCar{called}"), name=name
+        f"controllers.{method}.bench", maker, _bench(vehicle, f"QuarterCar{called}"), name=name
     )
 
 
@@ -477,9 +477,9 @@ _BENCH: dict[str, tuple[str, Make]] = {
     "QuarterCar{v}": ("quarter-car bench of paper 002", _bench),
 }
 _BENCH_LAWS: dict[str, tuple[str, Make]] = {
-    "Lqr{v}": ("LQR of the quarter-car bench (paper 002)", _bench_controller("lqr_bench")),
-    "Mpc{v}": ("MPC of the quarter-car bench (paper 002)", _bench_controller("mpc_bench")),
-    "Mpc{v}Moves": ("MPC of the bench, weight on the moves (paper 002)", _bench_controller("mpc_bench_moves")),
+    "Lqr{v}": ("LQR of the quarter-car bench (paper 002)", _bench_controller("lq", "lqr_bench")),
+    "Mpc{v}": ("MPC of the quarter-car bench (paper 002)", _bench_controller("mpc", "mpc_bench")),
+    "Mpc{v}Moves": ("MPC of the bench, weight on the moves (paper 002)", _bench_controller("mpc", "mpc_bench_moves")),
 }
 _PLAIN = {  # name -> module, maker, summary
     "BenchEncoders": ("sensing.bench_encoders", "bench_encoders", "encoders of the bench, velocities estimated"),

@@ -7,14 +7,8 @@ there. The body's corners follow from the velocities of the rigid body.
 from __future__ import annotations
 
 from build_fmus.component import Component
-from fmu_sources.models.hmmwv_states import (
-    CORNERS,
-    RELATIVE_STATES,
-    SAMPLE_TIME,
-    force_outputs,
-    relative_inputs,
-    sines,
-)
+from fmu_sources.models.corners import CORNERS
+from fmu_sources.models.hmmwv_states import RELATIVE_STATES, SAMPLE_TIME, force_outputs, relative_inputs, sines
 
 SKY_DAMPING, RELATIVE_DAMPING = 2000.0, 1000.0  # N.s/m
 

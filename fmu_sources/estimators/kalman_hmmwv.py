@@ -16,8 +16,8 @@ import scipy.linalg
 
 from build_fmus.component import Component
 from fmu_sources.estimators.kalman_design import Filter, correction, kalman_filter, sampled_model
+from fmu_sources.models.corners import CORNERS
 from fmu_sources.models.hmmwv_states import (
-    CORNERS,
     FORCES,
     RELATIVE_STATES,
     ROAD_HEIGHTS,

@@ -14,9 +14,9 @@ import casadi as ca
 
 from build_fmus.component import Component
 from fmu_sources.models import relative
+from fmu_sources.models.corners import CORNERS
 from fmu_sources.models.relative import RelativeModel
 
-CORNERS = ("fl", "fr", "rl", "rr")
 SUSPENSION = tuple(f"suspension.{k}.deflection" for k in CORNERS)  # m, body minus wheel
 TIRE = tuple(f"tire.{k}.deflection" for k in CORNERS)  # m, wheel minus road
 WHEEL_SPEED = tuple(f"wheel.{k}.vz" for k in CORNERS)  # m/s

@@ -1,4 +1,15 @@
-"""Plants: one file per family."""
+"""Plants: one file per family.
+
+======================  ==========================================================================
+``quarter_car``         linear quarter car, the smallest complete example
+``ride_car``            linear ride cars on four or six wheels
+``full_car``            nonlinear car: body with six degrees of freedom, wheel spin, tires, driver
+``three_axle_trench``   6x6 over trenches and obstacles, with contact
+``obstacle``            outlines of obstacles, and how far discs touch them
+``hydraulic_actuator``  servo valve, cylinder and bypass of an active strut
+``friction``            Coulomb friction that is smooth where it changes its sign
+======================  ==========================================================================
+"""
 
 from fmu_sources.plants.full_car import full_car
 from fmu_sources.plants.hydraulic_actuator import hydraulic_actuator

@@ -19,11 +19,11 @@ import casadi as ca
 import numpy as np
 
 from build_fmus.component import Component
+from fmu_sources.models.corners import SIX_CORNERS
 from fmu_sources.plants.obstacle import Outline, Touch
 from fmu_sources.vehicles import ThreeAxleTrenchCar, declare
 
 GRAVITY = 9.81  # m/s2
-CORNERS = {f"a{axle}{side}": (f"a{axle}", side) for axle in (1, 2, 3) for side in "lr"}
 SIDES = {"l": ("left", 1), "r": ("right", -1)}
 POINTS = 6  # of an obstacle outline
 MAX_SPEED = 5.0  # m/s
@@ -332,22 +332,22 @@ def three_axle_trench(vehicle: ThreeAxleTrenchCar, name: str = "ThreeAxleTrench"
 def _wheels(p: Any) -> list[_Wheel]:
     """The wheels with their static loads: the body rests level, its weight spread as on springs under a rigid plane."""
     where = {
-        n: (getattr(p.wheel, n).x - p.body.cg_offset, SIDES[side][1] * getattr(p.wheel, n).half_track)
-        for n, (_, side) in CORNERS.items()
+        n: (getattr(p.wheel, n).x - p.body.cg_offset, SIDES[n[-1]][1] * getattr(p.wheel, n).half_track)
+        for n in SIX_CORNERS
     }
-    rows = [ca.vertcat(1, *where[n]) for n in CORNERS]
-    stiffness = [getattr(p.suspension, n).stiffness + 1e-6 for n in CORNERS]
+    rows = [ca.vertcat(1, *where[n]) for n in SIX_CORNERS]
+    stiffness = [getattr(p.suspension, n).stiffness + 1e-6 for n in SIX_CORNERS]
     gram = sum(k * r @ r.T for k, r in zip(stiffness, rows, strict=True))
     plane = ca.vertcat(*_solve([[gram[i, j] for j in range(3)] for i in range(3)], [p.body.mass * GRAVITY, 0, 0]))
     wheels = []
-    for k, row, (n, (_, side)) in zip(stiffness, rows, CORNERS.items(), strict=True):
+    for k, row, n in zip(stiffness, rows, SIX_CORNERS, strict=True):
         tire, mass = getattr(p.tire, n), getattr(p.wheel, n).mass
         load = k * ca.dot(row, plane)
         weight = load + mass * GRAVITY
         squeeze = weight / tire.stiffness
         over = ca.fmax(0, weight - tire.stiffness * p.disc.bottoming) / (tire.stiffness + p.disc.bottoming_stiffness)
         squeeze = ca.fmin(squeeze, p.disc.bottoming + over)
-        wheels.append(_Wheel(n, side, *where[n], mass, getattr(p.suspension, n), tire, load, squeeze))
+        wheels.append(_Wheel(n, n[-1], *where[n], mass, getattr(p.suspension, n), tire, load, squeeze))
     return wheels
 
 

@@ -11,7 +11,7 @@ import numpy as np
 import scipy.linalg
 
 from build_fmus.component import Component
-from fmu_sources.models.hmmwv_states import CORNERS
+from fmu_sources.models.corners import CORNERS
 from fmu_sources.vehicles import RideCar, SensorSet, declare
 
 SAMPLE_TIME = 5e-3  # s

@@ -9,7 +9,7 @@ from typing import Any
 import casadi as ca
 
 from build_fmus.component import Component
-from fmu_sources.models.hmmwv_states import CORNERS
+from fmu_sources.models.corners import CORNERS
 from fmu_sources.roads import RoadScan
 from fmu_sources.sensing.random_numbers import white_noise
 from fmu_sources.vehicles import SensorSet, declare

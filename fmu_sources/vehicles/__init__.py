@@ -1,4 +1,10 @@
-"""Vehicle files: parameter sets in TOML, each value with its unit and source."""
+"""Vehicle files: parameter sets in TOML, each value with its unit and source.
+
+==========  =============================================================
+``schema``  what a file must contain: fields, units, limits, descriptions
+``loader``  files to vehicles, and vehicles to parameters of a component
+==========  =============================================================
+"""
 
 from fmu_sources.vehicles.loader import (
     VehicleError,

@@ -15,6 +15,7 @@ from pydantic_core import PydanticCustomError
 
 from build_fmus import units
 from build_fmus.component import source_fault
+from fmu_sources.models.corners import THREE_AXLES, TWO_AXLES
 
 
 @dataclass(frozen=True)
@@ -94,14 +95,14 @@ class Axles(Section):
     In the FMU each wheel has parameters of its own (``fl fr rl rr``), so that a car may differ from side to side.
     """
 
-    axle_of: ClassVar[Mapping[str, str]] = {"fl": "front", "fr": "front", "rl": "rear", "rr": "rear"}
+    axle_of: ClassVar[Mapping[str, str]] = TWO_AXLES
     """Corner of the vehicle -> field of its axle."""
 
 
 class ThreeAxles(Axles):
     """A table with ``a1``, ``a2`` and ``a3``, counted from the front: values of one wheel of that axle."""
 
-    axle_of = {f"a{i}{side}": f"a{i}" for i in (1, 2, 3) for side in "lr"}
+    axle_of = THREE_AXLES
 
 
 class Vehicle(Section):

@@ -7,7 +7,8 @@ import pytest
 
 from build_fmus.reference import Evaluator
 from fmu_sources.controllers.skyhook import skyhook
-from fmu_sources.models.hmmwv_states import CORNERS, FORCES, RELATIVE_STATES
+from fmu_sources.models.corners import CORNERS
+from fmu_sources.models.hmmwv_states import FORCES, RELATIVE_STATES
 from fmu_sources.plants import ride_car
 from fmu_sources.vehicles import load_ride_car
 

@@ -11,6 +11,7 @@ from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
 
+import pytest
 from pages import ROOT, section
 
 PACKAGES = ("build_fmus", "cosim", "fmu_sources")
@@ -109,3 +110,23 @@ def test_files_import_what_their_room_may() -> None:
 def test_the_core_of_cosim_knows_neither_vehicles_nor_builds() -> None:
     for one in CORE:
         assert set(rooms()[one]) <= {*CORE, "build_fmus/safe_files/"}, one
+
+
+def folders() -> dict[str, list[str]]:
+    """Each folder of ``fmu_sources`` with its modules and packages."""
+    held: dict[str, list[str]] = {}
+    for path in map(Path, files()):
+        name, folder = (path.parent.name, path.parents[1]) if path.name == "__init__.py" else (path.stem, path.parent)
+        if folder.is_relative_to("fmu_sources"):
+            held.setdefault(folder.as_posix(), []).append(name)
+    return {folder: sorted(names) for folder, names in held.items()}
+
+
+def test_every_folder_of_components_has_a_line_in_the_table() -> None:
+    assert {f for f in folders() if not {f"{f}/", f"{f}/*.py"} & rooms().keys()} == set()
+
+
+@pytest.mark.parametrize("folder", sorted(folders().keys() - {"fmu_sources"}))
+def test_the_docstring_of_a_folder_names_its_modules(folder: str) -> None:
+    told = ast.get_docstring(ast.parse((ROOT / folder / "__init__.py").read_bytes())) or ""
+    assert sorted(re.findall(r"^``(\w+)``  +\S", told, re.MULTILINE)) == folders()[folder]

@@ -8,9 +8,9 @@ import scipy.linalg
 
 from fmu_sources.estimators import kalman_hmmwv, kalman_hmmwv_printed
 from fmu_sources.estimators.kalman_design import kalman_filter, sampled_model
+from fmu_sources.models.corners import CORNERS
 from fmu_sources.models.hmmwv_states import (
     BODY_SPEED,
-    CORNERS,
     FORCES,
     RELATIVE_STATES,
     ROAD_HEIGHTS,

@@ -16,7 +16,8 @@ from cosim.experiments.bench.runs import CONTROLLERS, Case, force, states_at_sam
 from cosim.experiments.steps import halved
 from cosim.report import write_report
 from cosim.study import CaseError, FmuSet, Results, Runner, run_study
-from fmu_sources.controllers.lq.bench import FORCE_LIMIT, MPC_PERIOD, bench_mpc, lqr_gain
+from fmu_sources.controllers.lq.bench import lqr_gain
+from fmu_sources.controllers.mpc.bench import FORCE_LIMIT, MPC_PERIOD, bench_mpc
 from fmu_sources.plants import quarter_car
 from fmu_sources.vehicles import load_quarter_car
 

@@ -13,7 +13,7 @@ from cosim.experiments.hmmwv.published import estimated, finer
 from cosim.experiments.hmmwv.runs import ROADS, Case
 from cosim.study import Runner
 from fmu_sources.models.comfort import absorbed_power_peak
-from fmu_sources.models.hmmwv_states import CORNERS
+from fmu_sources.models.corners import CORNERS
 
 OFF_ROAD_S = 6.0
 

@@ -28,7 +28,7 @@ from cosim.experiments.steps import halved
 from cosim.report import Claim, Report
 from cosim.study import FmuSet, Results
 from fmu_sources.models.comfort import absorbed_power_series, iso2631_rms
-from fmu_sources.models.hmmwv_states import CORNERS
+from fmu_sources.models.corners import CORNERS
 
 # ------------------------------------------------------------------------------------------ a run of the vehicle by hand
 

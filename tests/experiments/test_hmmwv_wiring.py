@@ -12,7 +12,7 @@ from cosim.experiments.hmmwv.preview import published as chains
 from cosim.experiments.hmmwv.published import estimated, finer
 from cosim.experiments.hmmwv.runs import Case, stop_time
 from cosim.study import FmuSet, Runner
-from fmu_sources.models.hmmwv_states import CORNERS
+from fmu_sources.models.corners import CORNERS
 
 
 def test_every_signal_goes_to_the_wheel_it_belongs_to(fmus):

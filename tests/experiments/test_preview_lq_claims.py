@@ -18,8 +18,9 @@ from cosim.experiments.steps import HALVED, halved
 from cosim.report import write_report
 from cosim.study import CaseError, FmuSet, Results, Runner, run_study
 from fmu_sources.controllers.lq.design import sampled_loop
-from fmu_sources.controllers.lq.preview import CORNERS, WEIGHTED, design_taps, ride_plant
+from fmu_sources.controllers.lq.preview import WEIGHTED, design_taps, ride_plant
 from fmu_sources.controllers.lq.preview_weights import load_weights
+from fmu_sources.models.corners import CORNERS
 from fmu_sources.plants import ride_car
 from fmu_sources.vehicles import load_ride_car
 

@@ -25,7 +25,8 @@ from cosim.experiments.steps import halved
 from cosim.report import Report
 from cosim.study import CaseError, FmuSet, Results, Runner
 from fmu_sources.controllers.lq import preview_weights
-from fmu_sources.controllers.lq.preview import CORNERS, WEIGHTED
+from fmu_sources.controllers.lq.preview import WEIGHTED
+from fmu_sources.models.corners import CORNERS
 from fmu_sources.plants import ride_car
 from fmu_sources.vehicles import load_ride_car
 

@@ -14,9 +14,10 @@ from cosim.experiments.steps import halved
 from cosim.experiments.three_axle import EXPERIMENT, published
 from cosim.experiments.three_axle.claims import CLAIMS
 from cosim.experiments.three_axle.report import report
-from cosim.experiments.three_axle.runs import CONTROLLERS, CORNERS, METRICS, Case, measure, signals
+from cosim.experiments.three_axle.runs import CONTROLLERS, METRICS, Case, measure, signals
 from cosim.report import Report
 from cosim.study import FmuSet, Results
+from fmu_sources.models.corners import SIX_CORNERS
 
 # ---------------------------------------------------------------------------------------- a run: errors and forces by hand
 
@@ -52,8 +53,8 @@ def recording(case: Case) -> made_up.MadeUpRun:
     return made_up.run(case, T, {
         "car.body.pitch": TARGET + error, "car.body.roll": 9.0, "reference.reference.pitch[1]": TARGET,
         "car.body.z": np.where(between(20, 20.5), -0.0712, 0.001), "car.body.az": np.where(between(14.5, 26), 50.0, -2.0),
-        **{f"road.road.{k}.height": road if k == "a1l" else 0.01 * i for i, k in enumerate(CORNERS)},
-        **{f"controller.force.{k}": force[:, i] for i, k in enumerate(CORNERS)},
+        **{f"road.road.{k}.height": road if k == "a1l" else 0.01 * i for i, k in enumerate(SIX_CORNERS)},
+        **{f"controller.force.{k}": force[:, i] for i, k in enumerate(SIX_CORNERS)},
         "controller.solver.status": np.where(between(7, 7.15), 2, 0), "controller.solver.residual": 1e-9 * T,
         "controller.solver.iterations": np.where(between(9, 9.1), 17, 3), "controller.slack": np.where(between(9, 9.1), 0.25, 0),
     }, STARTS)  # fmt: skip

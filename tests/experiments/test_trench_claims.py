@@ -16,9 +16,10 @@ from cosim.experiments.trench import EXPERIMENT, linear, published
 from cosim.experiments.trench.claims import CLAIMS, verdict
 from cosim.experiments.trench.published import GRID, matrix, refined
 from cosim.experiments.trench.report import page, single
-from cosim.experiments.trench.runs import CORNERS, METRICS, Case, bands, measure, outcome, signals
+from cosim.experiments.trench.runs import METRICS, Case, bands, measure, outcome, signals
 from cosim.study import CaseError, Results, Runner, run_study
 from cosim.study.commands import run_case
+from fmu_sources.models.corners import SIX_CORNERS
 
 
 @pytest.fixture(scope="module")
@@ -57,7 +58,7 @@ class TestCrossing:
 
     def test_forces_keep_their_limits_and_both_sides_do_the_same(self, crossings):
         recording = crossings["mpc"][0].recording
-        for k in CORNERS:
+        for k in SIX_CORNERS:
             force = recording[f"controller.force.{k}"][::20]
             assert np.abs(force).max() <= 150e3 + 1e-6
             assert np.abs(np.diff(force)).max() <= 6e3 + 1e-6

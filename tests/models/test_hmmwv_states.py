@@ -8,7 +8,8 @@ import pytest
 from build_fmus.component import Component
 from build_fmus.reference import Evaluator
 from fmu_sources.models import hmmwv_states as states
-from fmu_sources.models.hmmwv_states import CORNERS, RELATIVE_STATES, relative_inputs, relative_model
+from fmu_sources.models.corners import CORNERS
+from fmu_sources.models.hmmwv_states import RELATIVE_STATES, relative_inputs, relative_model
 from fmu_sources.plants import ride_car
 from fmu_sources.vehicles import load_ride_car
 

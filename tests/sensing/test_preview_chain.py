@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from fmu_sources.models.hmmwv_states import CORNERS
+from fmu_sources.models.corners import CORNERS
 from fmu_sources.roads import RoadLayout, RoadScan
 from fmu_sources.sensing import preview_buffer, preview_sensor, sensor_suite
 from fmu_sources.vehicles import load_ride_car, load_sensors

@@ -7,7 +7,7 @@ import pytest
 from scipy import stats
 from scipy.optimize import brentq
 
-from fmu_sources.models.hmmwv_states import CORNERS
+from fmu_sources.models.corners import CORNERS
 from fmu_sources.roads import RoadScan
 from fmu_sources.sensing import sensor_suite
 from fmu_sources.vehicles import load_sensors

@@ -19,7 +19,7 @@ MASTER = {
     "cosim/study/case.py", "cosim/study/runner.py", "cosim/study/experiment.py",
 }  # fmt: skip
 DEPENDS = {  # what each measures with, as far as it was forgotten before or easily would be
-    "bench": {"cosim/experiments/steps.py", "fmu_sources/controllers/lq/bench.py"},
+    "bench": {"cosim/experiments/steps.py", "fmu_sources/controllers/mpc/bench.py", "fmu_sources/controllers/lq/bench.py"},
     "gpc": {"cosim/experiments/metrics/response.py", "fmu_sources/controllers/gpc/identification.py",
             "cosim/experiments/gpc/matching.py", "fmu_sources/controllers/gpc/law.py"},
     "hmmwv": {"cosim/experiments/hmmwv/wiring.py", "cosim/experiments/steps.py", "fmu_sources/models/comfort.py",

@@ -15,7 +15,7 @@ from cosim.experiments.bench.published import (
 )
 from cosim.experiments.bench.runs import BUMP_HEIGHT_MM, CONTROLLERS
 from cosim.study import Band, ClaimList, Distribution, Finding, Results
-from fmu_sources.controllers.lq.bench import FORCE_LIMIT
+from fmu_sources.controllers.mpc.bench import FORCE_LIMIT
 
 NAMES = {
     "passive": "passive",

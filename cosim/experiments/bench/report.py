@@ -28,7 +28,9 @@ from cosim.experiments.steps import HALVED, halved
 from cosim.report import Figure, Panel, Parameter, Report, Result, Section, Series, Table
 from cosim.report.model import Scalar
 from cosim.study import FmuSet, Results, Row, parameters, provenance, sections
-from fmu_sources.controllers.lq.bench import FORCE_LIMIT, FORCE_WEIGHT, HORIZON, LQR_PERIOD, MPC_PERIOD, STATES, WEIGHTS
+from fmu_sources.controllers.lq.bench import FORCE_WEIGHT, LQR_PERIOD, WEIGHTS
+from fmu_sources.controllers.mpc.bench import FORCE_LIMIT, HORIZON, MPC_PERIOD
+from fmu_sources.models.bench_states import STATES
 
 _LOOKS = {"passive": "grey", "lqr": "orange", "lqr-clipped": "sky", "mpc": "green", "mpc-moves": "purple"}
 

@@ -13,7 +13,8 @@ from cosim.experiments.steps import Stepped, exchange_step, set_solver_step
 from cosim.study.case import CaseError, option
 from cosim.study.experiment import Metric, Row, Run
 from cosim.study.fmus import FmuSet
-from fmu_sources.controllers.lq.bench import FORCE_LIMIT, STATES
+from fmu_sources.controllers.mpc.bench import FORCE_LIMIT
+from fmu_sources.models.bench_states import STATES
 
 CONTROLLERS = {  # name -> FMU, parameters
     "passive": (None, {}),

@@ -18,8 +18,9 @@ from cosim.report import Claims, Evidence, Figure, Panel, Parameter, Report, Res
 from cosim.study import Distribution, FmuSet, Row, parameters, provenance, sections
 from cosim.study import Results as Runs
 from cosim.study.pages import failed_section
-from fmu_sources.controllers.gpc.component import CORNERS, FORCE_LIMIT
+from fmu_sources.controllers.gpc.component import FORCE_LIMIT
 from fmu_sources.controllers.gpc.identification import DesignSettings, IdentificationSettings
+from fmu_sources.models.corners import CORNERS
 
 NAN = float("nan")
 _ROAD_FIGURES = {"sine": ("7", "8"), "perryman3": ("9", "10"), "curb": ("11", "12")}

@@ -18,13 +18,14 @@ from cosim.experiments.steps import Stepped, exchange_step, set_solver_step
 from cosim.study.case import option
 from cosim.study.experiment import Metric, Row, Run
 from cosim.study.fmus import FmuSet
-from fmu_sources.controllers.gpc.component import CORNERS, gain_parameters
+from fmu_sources.controllers.gpc.component import gain_parameters
 from fmu_sources.controllers.gpc.identification import (
     DesignSettings,
     IdentificationSettings,
     IdentifiedModels,
     identify,
 )
+from fmu_sources.models.corners import CORNERS
 
 PLANT, SPEED = "FullCarHmmwvModified", "SpeedProfile"
 ROADS = {"sine": "RoadSine", "curb": "RoadCurb", "perryman3": "RoadPerryman3"}

@@ -7,7 +7,8 @@ from fractions import Fraction
 
 from cosim import Member, System
 from cosim.study.fmus import FmuSet
-from fmu_sources.models.hmmwv_states import CORNERS, SAMPLE_TIME
+from fmu_sources.models.corners import CORNERS
+from fmu_sources.models.hmmwv_states import SAMPLE_TIME
 from fmu_sources.roads.bumps import PLACES, START, TRACK
 
 SPEED_KMH = 20 * 1.609344  # 20 mph, the speed of all published runs

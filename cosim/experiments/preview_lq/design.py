@@ -12,7 +12,8 @@ from cosim.experiments.preview_lq.runs import CAR, LAWS, designed_weights
 from cosim.fmu.file import Fmu
 from cosim.study.runner import Runner
 from fmu_sources.controllers.lq.design import continuous_lq, output_index
-from fmu_sources.controllers.lq.preview import CORNERS, ride_plant
+from fmu_sources.controllers.lq.preview import ride_plant
+from fmu_sources.models.corners import CORNERS
 from fmu_sources.plants import ride_car
 from fmu_sources.vehicles import load_ride_car
 

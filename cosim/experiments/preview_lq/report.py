@@ -44,7 +44,7 @@ from cosim.experiments.steps import HALVED, halved
 from cosim.report import Figure, Panel, Parameter, Report, Result, Section, Series, Table
 from cosim.report.model import Scalar
 from cosim.study import FmuSet, Results, Row, parameters, provenance, sections
-from fmu_sources.controllers.lq.preview import CORNERS
+from fmu_sources.models.corners import CORNERS
 
 _SHORT = ("heave", "pitch", "roll", *(f"{q} {k}" for q in ("s", "t") for k in PAPER_CORNERS))
 _LOOKS = {

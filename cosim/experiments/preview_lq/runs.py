@@ -17,8 +17,9 @@ from cosim.study.case import CaseError, option
 from cosim.study.experiment import Metric, Row, Run
 from cosim.study.fmus import FmuSet
 from fmu_sources.catalog import weights_name
-from fmu_sources.controllers.lq.preview import CORNERS, MODES, WEIGHTED
+from fmu_sources.controllers.lq.preview import MODES, WEIGHTED
 from fmu_sources.controllers.lq.preview_weights import PreviewLqWeights, load_weights
+from fmu_sources.models.corners import CORNERS
 
 CAR, ROAD, SPEED = "RideCarSedan", "RoadHoleBump", "SpeedProfile"
 LAWS = {  # name of the weights -> FMU of the law, file of the weights

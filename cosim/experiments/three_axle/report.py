@@ -11,10 +11,11 @@ from cosim.experiments.steps import HALVED, halved
 from cosim.experiments.three_axle import EXPERIMENT
 from cosim.experiments.three_axle.claims import CLAIMS, place_text
 from cosim.experiments.three_axle.published import CONTROLLED, SHOWN, VARIANTS, Place, places, variant
-from cosim.experiments.three_axle.runs import CONTROLLERS, CORNERS, METRICS, Case, edge_time
+from cosim.experiments.three_axle.runs import CONTROLLERS, METRICS, Case, edge_time
 from cosim.report import Figure, Panel, Parameter, Report, Result, Section, Series, Table, keep_peaks
 from cosim.report.model import Scalar
 from cosim.study import FmuSet, Results, Row, parameters, provenance, sections
+from fmu_sources.models.corners import SIX_CORNERS
 
 _NAMES = {"passive": "passive", "lqr": "LQR", "mpc": "MPC", "mpc-preview": "MPC with preview"}
 _LOOKS: Mapping[str, Mapping[str, Any]] = {
@@ -207,7 +208,7 @@ def _reference(study: Results) -> Section:
 def _forces(study: Results) -> Section:
     panels = [
         Panel(f"{axle} axle, left", "time [s]", "force [kN]", [_series(study, SHOWN, c, f"force.{k}") for c in CONTROLLED])
-        for axle, k in zip(("first", "second", "third"), CORNERS[::2], strict=True)
+        for axle, k in zip(("first", "second", "third"), SIX_CORNERS[::2], strict=True)
     ]  # fmt: skip
     figure = Figure(
         "figure-5-14", f"Actuator forces, {place_text(SHOWN)} (Figure 5.14)", "Positive lifts the body. Both sides are alike.",
@@ -218,7 +219,7 @@ def _forces(study: Results) -> Section:
 
 def _parameters(fmus: FmuSet) -> list[Parameter]:
     """Of the vehicle without its right corners, which are as the left ones; of the road, the depth aside; of the reference."""
-    right = tuple(f".{k}." for k in CORNERS[1::2])
+    right = tuple(f".{k}." for k in SIX_CORNERS[1::2])
     vehicle = [p for p in parameters(fmus.path("ThreeAxleRide")) if not any(k in p.name for k in right)]
     trench = parameters(fmus.path("RoadShallowTrench"), ("trench.start", "trench.length", "trench.edge"))
     return [*vehicle, *trench, *parameters(fmus.path("PitchReference"), prefix="reference.")]

@@ -14,7 +14,8 @@ from cosim.experiments.steps import Stepped, exchange_step, set_solver_step
 from cosim.study.case import option
 from cosim.study.experiment import Metric, Row, Run
 from cosim.study.fmus import FmuSet
-from fmu_sources.controllers.mpc.three_axle import CORNERS, ESTIMATORS, FORCES, PREDICTION, SAMPLE_TIME
+from fmu_sources.controllers.mpc.three_axle import ESTIMATORS, FORCES, PREDICTION, SAMPLE_TIME
+from fmu_sources.models.corners import SIX_CORNERS
 
 CONTROLLERS = {"passive": None, "lqr": "LqrThreeAxle", "mpc": "MpcThreeAxle", "mpc-preview": "MpcThreeAxle"}
 FMUS = ("SpeedProfile", "RoadShallowTrench", "PitchReference", "ThreeAxleRide", "LqrThreeAxle", "MpcThreeAxle")
@@ -100,7 +101,7 @@ def configure(system: System, case: Case) -> None:
 def recorded(case: Case) -> Sequence[str]:
     """What is recorded."""
     names = ["car.body.pitch", "car.body.roll", "car.body.z", "car.body.az", "reference.reference.pitch[1]"]
-    names += [f"road.road.{k}.height" for k in CORNERS]
+    names += [f"road.road.{k}.height" for k in SIX_CORNERS]
     if case.controller != "passive":
         names += [f"controller.{f}" for f in FORCES]
     if case.controller.startswith("mpc"):
@@ -193,6 +194,6 @@ def signals(run: Run) -> Row:
         "pitch": np.degrees(r["car.body.pitch"]),
         "reference": np.degrees(r["reference.reference.pitch[1]"]),
         "road": 1e3 * r["road.road.a1l.height"],
-        **{f"force.{k}": force[:, i] for i, k in enumerate(CORNERS) if k.endswith("l")},
+        **{f"force.{k}": force[:, i] for i, k in enumerate(SIX_CORNERS) if k.endswith("l")},
     }
     return {name: [float(f"{x:.6g}") for x in signal] for name, signal in shown.items()}

@@ -15,7 +15,7 @@ from cosim.fmu.file import Fmu
 from cosim.study.case import Case, option
 from cosim.study.experiment import Experiment, Row, Run, Task
 from cosim.study.fmus import FmuSet
-from fmu_sources.controllers.mpc.three_axle import CORNERS
+from fmu_sources.models.corners import SIX_CORNERS
 
 SPEED_KMH, DEPTH = 5.0, 0.15  # km/h, m
 START, LENGTH, EDGE = 6.0, 2.0, 0.2  # m, of the trench
@@ -58,7 +58,7 @@ def _outline(fmus: FmuSet) -> dict[str, Any]:
         for i, (at, height) in enumerate(zip(x, z, strict=True), start=1):
             values |= {f"outline.{side}.x[{i}]": float(at), f"outline.{side}.z[{i}]": height}
     known = Fmu(fmus.path("ThreeAxleRide")).description.parameters
-    names = [f"{n}.{k}.{of}" for k in CORNERS for n, of in (("wheel", "x"), ("tire", "damping"))]
+    names = [f"{n}.{k}.{of}" for k in SIX_CORNERS for n, of in (("wheel", "x"), ("tire", "damping"))]
     return values | {n: known[n].start for n in names}
 
 

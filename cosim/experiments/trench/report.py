@@ -37,7 +37,7 @@ from cosim.experiments.trench.published import (
     refined,
     some,
 )
-from cosim.experiments.trench.runs import CORNERS, FRAME, MPC, SIDE, STEP, Case, measure, signals
+from cosim.experiments.trench.runs import FRAME, MPC, SIDE, STEP, Case, measure, signals
 from cosim.fmu.file import Fmu
 from cosim.report import (
     Animation,
@@ -62,6 +62,7 @@ from cosim.report import (
     write_report,
 )
 from cosim.study import FmuSet, Results, Row, Run, parameters, provenance, sections
+from fmu_sources.models.corners import SIX_CORNERS
 
 CASES = (
     "case 0: no axle over the trench",
@@ -514,7 +515,7 @@ def _parameters(fmus: FmuSet) -> list[Parameter]:
     """Of the vehicle without its right corners, which are as the left ones, and without what a run sets; of crossing algorithm,
     controller and Table 5.3."""
     aside = (
-        *(f".{k}." for k in CORNERS[1::2]),
+        *(f".{k}." for k in SIX_CORNERS[1::2]),
         "outline.left.",
         "outline.right.",
         "outline.points",

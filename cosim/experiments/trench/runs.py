@@ -25,7 +25,8 @@ from cosim.peaks import keep_peaks
 from cosim.study.case import option
 from cosim.study.experiment import Metric, Row, Run
 from cosim.study.fmus import FmuSet
-from fmu_sources.controllers.mpc.three_axle import CORNERS, SAMPLE_TIME
+from fmu_sources.controllers.mpc.three_axle import SAMPLE_TIME
+from fmu_sources.models.corners import SIX_CORNERS
 
 CONTROLLERS: dict[
     str, tuple[str, dict[str, Any], bool] | None
@@ -124,7 +125,7 @@ def wire(fmus: FmuSet, case: Case) -> System:
     system.add("car", fmus.path("ThreeAxleTrench"), step=step(case))
     chosen = CONTROLLERS[case.controller]
     if chosen is None:
-        system["car"].set({f"force.{k}": 0.0 for k in CORNERS})
+        system["car"].set({f"force.{k}": 0.0 for k in SIX_CORNERS})
         return system
     system.add("crossing", fmus.path("TrenchCrossing"))
     system.connect_matching("car", "crossing")
@@ -172,12 +173,12 @@ def recorded(case: Case) -> Sequence[str]:
     """What is recorded: metrics, figures and animations need it, and people who look at the file."""
     names = [f"car.{n}" for n in ("x", "speed", "body.az", "body.ax", "body.pitch", "body.roll", "body.z")]
     names += [f"car.{n}.force" for n in ("bumper.front", "bumper.rear", "belly")]
-    for k in CORNERS:
+    for k in SIX_CORNERS:
         names += [f"car.hub.{k}.{n}" for n in ("fx", "x", "z")]
         if k.endswith("l"):
             names += [f"car.contact.{k}.{n}" for n in ("fx", "fz", "x", "z")]
     if case.controller != "passive":
-        names += ["crossing.case", "crossing.reference.pitch[1]", *(f"controller.force.{k}" for k in CORNERS)]
+        names += ["crossing.case", "crossing.reference.pitch[1]", *(f"controller.force.{k}" for k in SIX_CORNERS)]
     if case.controller.startswith("mpc"):
         names += [f"controller.solver.{n}" for n in ("status", "iterations", "residual")]
     return names
@@ -206,7 +207,7 @@ METRICS = {name: _quantity(name) for name in LABELS} | {
 def loads(run: Run) -> Crossing:
     """The quantities of Table 5.3."""
     r = run.recording
-    hubs = np.column_stack([r[f"car.hub.{k}.fx"] for k in CORNERS])
+    hubs = np.column_stack([r[f"car.hub.{k}.fx"] for k in SIX_CORNERS])
     return crossing(r["car.body.az"], r["car.body.ax"], r["car.body.pitch"], hubs, float(1 / step(run.case)))
 
 
@@ -227,7 +228,7 @@ def measure(run: Run) -> Row:
         row["solver_failures"] = round(steps * float(step(run.case)) / SAMPLE_TIME)
         row["solver_residual"] = float(r["controller.solver.residual"].max())
     if "controller.force.a1l" in r:
-        row["force"] = max(float(np.abs(r[f"controller.force.{k}"]).max()) for k in CORNERS) / 1e3
+        row["force"] = max(float(np.abs(r[f"controller.force.{k}"]).max()) for k in SIX_CORNERS) / 1e3
     return row
 
 
@@ -242,7 +243,7 @@ def outcome(reasons: Sequence[str], *, on_bumpers: bool) -> str:
     return "failed: " + ", ".join(dict.fromkeys(words.get(f, f) for f in reasons))
 
 
-SIDE = tuple(k for k in CORNERS if k.endswith("l"))  # that is looked at
+SIDE = tuple(k for k in SIX_CORNERS if k.endswith("l"))  # that is looked at
 MOVING = (
     "car.x", "car.speed", "car.body.az", "car.body.pitch", "car.body.z", "car.hub.a1l.fx",
     *(f"car.{n}.force" for n in ("bumper.front", "bumper.rear", "belly")), *(f"car.hub.{k}.{n}" for k in SIDE for n in "xz"),

@@ -16,8 +16,8 @@ from scipy.constants import degree, g
 
 from build_fmus.component import Component
 from fmu_sources.controllers.gpc.law import GpcLaw
+from fmu_sources.models.corners import CORNERS
 
-CORNERS = ("fl", "fr", "rl", "rr")
 TICK = 1e-3  # s, exchange step of the published co-simulation
 TICKS_PER_SAMPLE = 10  # 100 Hz
 SAMPLE_TIME = TICK * TICKS_PER_SAMPLE  # s

@@ -25,8 +25,8 @@ from fmu_sources.controllers.lq.design import (
     sampled_lq,
 )
 from fmu_sources.controllers.lq.preview_weights import PreviewLqWeights
+from fmu_sources.models.corners import CORNERS
 
-CORNERS = ("fl", "fr", "rl", "rr")
 SIDES = {"l": ("fl", "rl"), "r": ("fr", "rr")}
 MODES = {"active": 0, "delay": 1, "preview": 2}
 CONTINUOUS_PERIOD = 1e-3  # s; feed-forward as in (17) at this period, exact sampled form at any other

@@ -1,15 +1,17 @@
 """Model predictive control as a discrete component: any plant, weights, bounds, preview, cases.
 
-===============  ====================================================================================
-``model``        prediction models: plant, delay and filters, sampled
-``settings``     weights, bounds, horizon, cases; every mistake is refused when the objects are made
-``observer``     state estimation, as designed on the prediction model
-``qp``           the condensed quadratic program
-``component``    inputs, outputs and solver of a law in a component; :func:`mpc_component` makes a whole one
-``bench``, ``hmmwv``, ``three_axle``  the published laws (papers 002, 001, 003)
-===============  ====================================================================================
+==============  ===========================================================================================
+``model``       prediction models: plant, delay and filters, sampled
+``settings``    weights, bounds, horizon, cases; every mistake is refused when the objects are made
+``observer``    state estimation
+``qp``          the condensed quadratic program
+``component``   inputs, outputs and solver of a law in a component; :func:`mpc_component` makes a whole one
+``bench``       the published laws of the quarter-car bench (paper 002)
+``hmmwv``       the published law of the HMMWV (paper 001)
+``three_axle``  the published laws of the 6x6 (paper 003)
+==============  ===========================================================================================
 
-All public names of the first five can be imported from here. ``tests/oracles/mpc.py`` computes the same step by another solver.
+Public names are imported from here. ``tests/oracles/mpc.py`` computes the same step by another solver.
 
 Example: a quarter car with preview of the road, all states measured::
 

@@ -29,8 +29,8 @@ from fmu_sources.controllers.mpc.component import (
 from fmu_sources.controllers.mpc.model import Disturbance, Filter, MpcModel, filter_inputs, filter_output
 from fmu_sources.controllers.mpc.settings import Horizon, Input, Mpc, Output
 from fmu_sources.models.comfort import FEET_PER_METRE, HUMAN_RESPONSE
+from fmu_sources.models.corners import CORNERS
 from fmu_sources.models.hmmwv_states import (
-    CORNERS,
     FORCE_LIMIT,
     FORCES,
     RELATIVE_STATES,

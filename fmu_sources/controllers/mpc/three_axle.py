@@ -30,11 +30,11 @@ from fmu_sources.controllers.mpc.component import (
 from fmu_sources.controllers.mpc.model import Disturbance, MpcModel
 from fmu_sources.controllers.mpc.observer import Observer
 from fmu_sources.controllers.mpc.settings import Case, Horizon, Input, Mpc, Output
+from fmu_sources.models.corners import SIX_CORNERS
 
 SAMPLE_TIME, PREDICTION, CONTROL = 5e-3, 50, 3  # s, steps, moves: Table 4.4
-CORNERS = ("a1l", "a1r", "a2l", "a2r", "a3l", "a3r")
-FORCES = tuple(f"force.{k}" for k in CORNERS)
-WHEELS = tuple(f"wheel.{k}.z" for k in CORNERS)
+FORCES = tuple(f"force.{k}" for k in SIX_CORNERS)
+WHEELS = tuple(f"wheel.{k}.z" for k in SIX_CORNERS)
 MEASURED = ("body.az", "body.roll", "body.pitch", *WHEELS, "body.z")
 """Outputs MO1 to MO9 of Table 4.2 and the height of the body."""
 
@@ -70,7 +70,7 @@ _FORCED: tuple[
 def ride_model(car: Component) -> MpcModel:
     """The ride car sampled at 5 ms, with the outputs of Table 4.2 and the height of the body."""
     return MpcModel.sampled(
-        car.linearize(), SAMPLE_TIME, inputs=FORCES, outputs=MEASURED, disturbances=Disturbance.roads(CORNERS)
+        car.linearize(), SAMPLE_TIME, inputs=FORCES, outputs=MEASURED, disturbances=Disturbance.roads(SIX_CORNERS)
     )
 
 
@@ -79,7 +79,7 @@ def _case(
 ) -> Case:
     """One case of Tables 4.7 to 4.10."""
     changes: dict[str, Mapping[str, float]] = {}
-    for k, force in zip(CORNERS, FORCES, strict=True):
+    for k, force in zip(SIX_CORNERS, FORCES, strict=True):
         weight = _FORCE_WEIGHTS[number][int(k[1]) - 1]
         low, high = (1e3 * f for f in _FORCED[number].get(k[:2], (-150.0, 150.0)))
         if retraction == "none":
@@ -212,7 +212,7 @@ def mpc_three_axle(car: Component, name: str = "MpcThreeAxle") -> Component:
         v = car.variable(s)
         inputs[s] = c.input(s, v.unit, v.description, nominal=v.nominal, display_unit=v.display_unit)
     y = ca.vertcat(*(inputs[s] for s in MEASURED))
-    preview = Preview({f"road.{k}": f"preview.{k}" for k in CORNERS}, PREDICTION, SAMPLE_TIME)
+    preview = Preview({f"road.{k}": f"preview.{k}" for k in SIX_CORNERS}, PREDICTION, SAMPLE_TIME)
     disturbance = preview_inputs(c, mpc, preview)
     reference = reference_inputs(c, mpc, car)
     case = c.input(
@@ -285,7 +285,7 @@ def _stimulus() -> dict[str, Callable[[float], float]]:
         "body.z": hollow(0.002, 0.1), "body.pitch": hollow(-0.002, 0.05), "body.az": hollow(0.05, 0.1),
         "case": lambda t: float(min(3, max(0, int(t / 0.25)))),
     }  # fmt: skip
-    for i, k in enumerate(CORNERS):
+    for i, k in enumerate(SIX_CORNERS):
         at = 0.1 + 0.15 * (i // 2)
         signals[f"wheel.{k}.z"] = hollow(0.005, at)
         signals |= {f"preview.{k}[{m + 1}]": hollow(0.005, at - SAMPLE_TIME * m) for m in range(PREDICTION)}

@@ -20,9 +20,9 @@ import casadi as ca
 
 from build_fmus.component import Component
 from build_fmus.reference import Evaluator
+from fmu_sources.models.corners import SIX_CORNERS, THREE_AXLES
 
-CORNERS = ("a1l", "a1r", "a2l", "a2r", "a3l", "a3r")
-AXLES = ("a1", "a2", "a3")
+AXLES = tuple(dict.fromkeys(THREE_AXLES.values()))
 COUNT, STEP = 50, 5e-3  # samples of preview and reference, and their distance [s]
 UNSEEN = 1e3  # m, where a trench is that nobody has seen
 
@@ -92,7 +92,7 @@ def trench_crossing(
         seen[end] = (dx, dz, valid)
     body_z = c.input("body.z", "m", "CG height above its static position")
     pitch = c.input("body.pitch", "rad", "pitch angle, positive nose down", display_unit="deg")
-    wheel_z = {k: c.input(f"wheel.{k}.z", "m", f"wheel centre {k} above its static height") for k in CORNERS}
+    wheel_z = {k: c.input(f"wheel.{k}.z", "m", f"wheel centre {k} above its static height") for k in SIX_CORNERS}
     speed = ca.fmax(0, c.input("speed", "m/s", "forward speed", display_unit="km/h"))
 
     # ---------------------------------------------------------------- (4.17)-(4.28): the lidar as on a body at rest
@@ -157,7 +157,7 @@ def trench_crossing(
 
     # ------------------------------------------------------------------------------------------------ effective road
     road = {}
-    for k in CORNERS:
+    for k in SIX_CORNERS:
         i = AXLES.index(k[:2])
         # Struts act along the body, so wheels move forth and back with pitch.
         below = (g.drop[i] - wheel_z[k] + body_z - g.axles[i] * ca.sin(pitch)) / ca.fmax(ca.cos(pitch), 0.1)
@@ -175,9 +175,9 @@ def trench_crossing(
         "reference.pitch", ca.vertcat(*reference), "rad", f"pitch reference now, {1e3 * step:g} ms later, ...",
         display_unit="deg",
     )  # fmt: skip
-    for k in CORNERS:
+    for k in SIX_CORNERS:
         c.output(f"preview.{k}", road[k], "m", f"effective road under wheel {k} now, {1e3 * step:g} ms later, ...")
-    for k in CORNERS:
+    for k in SIX_CORNERS:
         c.output(f"road.{k}.height", road[k][0], "m", f"effective road under wheel {k} now")
     c.output("preview.step", ca.SX(step), "s", "time between samples of preview and reference")
     c.output("trench.known", there, None, "a trench has been seen", type=bool)
@@ -306,7 +306,7 @@ def _stimulus(geometry: CrossingGeometry) -> Mapping[str, Callable[[float], floa
         "body.z": heave,
         "speed": lambda t: v,
     }
-    for i, k in enumerate(CORNERS):
+    for i, k in enumerate(SIX_CORNERS):
         signals[f"wheel.{k}.z"] = lambda t, i=i: 0.04 * math.sin(7.0 * t + i)  # type: ignore[misc]
     return signals
 

@@ -14,7 +14,7 @@ from scipy.constants import degree, g
 from build_fmus import safe_files
 from build_fmus.reference import simulate
 from fmu_sources.controllers.gpc import identification
-from fmu_sources.controllers.gpc.component import CORNERS, FORCE_LIMIT, TICKS_PER_SAMPLE, gpc_controller
+from fmu_sources.controllers.gpc.component import FORCE_LIMIT, TICKS_PER_SAMPLE, gpc_controller
 from fmu_sources.controllers.gpc.identification import (
     DesignSettings,
     IdentificationSettings,
@@ -22,6 +22,7 @@ from fmu_sources.controllers.gpc.identification import (
     published_laws,
 )
 from fmu_sources.controllers.gpc.law import GpcLaw
+from fmu_sources.models.corners import CORNERS
 
 VARIANTS = ("implicit", "explicit", "preview")
 

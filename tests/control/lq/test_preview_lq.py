@@ -7,8 +7,9 @@ import pytest
 
 from build_fmus.reference import Evaluator
 from fmu_sources.controllers.lq.design import LqError, continuous_lq, output_index, sampled_lq
-from fmu_sources.controllers.lq.preview import CORNERS, MODES, WEIGHTED, design_taps, preview_lq, ride_plant
+from fmu_sources.controllers.lq.preview import MODES, WEIGHTED, design_taps, preview_lq, ride_plant
 from fmu_sources.controllers.lq.preview_weights import WeightsError, load_weights
+from fmu_sources.models.corners import CORNERS
 from fmu_sources.plants import ride_car
 from fmu_sources.vehicles import load_ride_car
 

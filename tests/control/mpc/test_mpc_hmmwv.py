@@ -21,7 +21,8 @@ from fmu_sources.controllers.mpc.hmmwv import (
     prediction_model,
     smoothing_filter,
 )
-from fmu_sources.models.hmmwv_states import CORNERS, FORCES, RELATIVE_STATES
+from fmu_sources.models.corners import CORNERS
+from fmu_sources.models.hmmwv_states import FORCES, RELATIVE_STATES
 from fmu_sources.plants import ride_car
 from fmu_sources.vehicles import load_ride_car
 

@@ -13,8 +13,7 @@ from built import BuiltFmus
 from benchmarks.mpc_worst import CONTROLLERS, PARAMETERS, Driven, extreme_inputs, make
 from build_fmus.component import Component
 from build_fmus.reference import Evaluator
-from fmu_sources.controllers.lq import bench
-from fmu_sources.controllers.mpc import hmmwv
+from fmu_sources.controllers.mpc import bench, hmmwv
 
 README = Path(__file__).parents[3] / "benchmarks" / "README.md"
 BACKENDS = ("osqp", "daqp")

@@ -7,7 +7,6 @@ from oracles.mpc import MpcReference
 from build_fmus.reference import Evaluator
 from fmu_sources.controllers.mpc import MpcError, Observer
 from fmu_sources.controllers.mpc.three_axle import (
-    CORNERS,
     FORCES,
     MEASURED,
     SCALE,
@@ -19,6 +18,7 @@ from fmu_sources.controllers.mpc.three_axle import (
     ride_model,
     three_axle_mpc,
 )
+from fmu_sources.models.corners import SIX_CORNERS
 from fmu_sources.plants import ride_car
 from fmu_sources.vehicles import load_three_axle
 
@@ -86,7 +86,7 @@ def test_trench_cases_are_tables_4_8_to_4_10(designed, case, printed, weights, p
     del pitch  # printed; the law keeps 100
     mpc = designed[2]
     bounds = {i: settings(mpc, case, hold_height=True, retraction=i) for i in (0, 1, 2)}
-    for k, force in zip(CORNERS, FORCES, strict=True):
+    for k, force in zip(SIX_CORNERS, FORCES, strict=True):
         low, high = (1e3 * f for f in printed[k[:2]])
         assert (bounds[2][force].min, bounds[2][force].max) == (low, high)
         assert (bounds[1][force].min, bounds[1][force].max) == (-high, -low)
@@ -139,7 +139,7 @@ def test_road_estimator_finds_the_road(designed):
         for _ in range(8000):
             x = f.correct(z, y, none, none, none)
             z = f.predict(x, none, none, none)
-        walks = [x[model.states.index(f"walk.road.{k}")] for k in CORNERS]
+        walks = [x[model.states.index(f"walk.road.{k}")] for k in SIX_CORNERS]
         assert walks == pytest.approx([expected] * 6, abs=2e-3)
         offset = x[model.states.index("offset.body.z")]
         assert offset == pytest.approx(-0.1 if name == "offsets" else 0.0, abs=5e-3)
@@ -166,7 +166,7 @@ class Loop:
         """One sample: outputs of the law; the largest difference to the reference is kept."""
         for name, value in inputs.items():
             self.run.u[self.slots[name]] = value
-        for i, k in enumerate(CORNERS):
+        for i, k in enumerate(SIX_CORNERS):
             self.run.u[self.slots[f"preview.{k}[1]"] + np.arange(50)] = road[i]
         self.run.u[self.slots["reference.pitch[1]"] + np.arange(50)] = pitch
         self.run.u[self.slots["case"]], self.run.u[self.slots["use_preview"]] = case, use_preview
@@ -228,7 +228,7 @@ def test_every_command_of_a_crossing_is_that_of_quadprog(
         u = loop.step(inputs, road, pitch, 0, use_preview)
         for j in range(5):
             x = places + speed * (t + 1e-3 * j)
-            for i, c in enumerate(CORNERS):
+            for i, c in enumerate(SIX_CORNERS):
                 plant.u[slots[f"road.{c}.height"]] = trench(x[i], 0.25)
                 plant.u[slots[f"road.{c}.rate"]] = speed * (trench(x[i] + 1e-6, 0.25) - trench(x[i], 0.25)) / 1e-6
                 plant.u[slots[f"force.{c}"]] = u[i]

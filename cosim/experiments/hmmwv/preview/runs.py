@@ -15,7 +15,7 @@ from cosim.study.case import Case as AnyCase
 from cosim.study.case import option
 from cosim.study.experiment import Metric, Row, Run
 from cosim.study.fmus import FmuSet
-from fmu_sources.models.hmmwv_states import CORNERS
+from fmu_sources.models.corners import CORNERS
 from fmu_sources.roads.bumps import BUMP_LENGTH
 
 SPEED, TRACK = SPEED_KMH / 3.6, BUMPS["track"]
