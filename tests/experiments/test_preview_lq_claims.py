@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from altered import altered, failed
 from kept_results import kept_verdicts
+from oracles.lq import sampled_loop
 from scipy import linalg
 
 from cosim import System, WiringError
@@ -17,7 +18,6 @@ from cosim.experiments.preview_lq.runs import CONTROLLERS, LAWS, Case, passive
 from cosim.experiments.steps import HALVED, halved
 from cosim.report import write_report
 from cosim.study import CaseError, FmuSet, Results, Runner, run_study
-from fmu_sources.controllers.lq.design import sampled_loop
 from fmu_sources.controllers.lq.preview import WEIGHTED, design_taps, ride_plant
 from fmu_sources.controllers.lq.preview_weights import load_weights
 from fmu_sources.models.corners import CORNERS

@@ -2,7 +2,8 @@
 
 ==================  ====================================================================
 ``arx``             ARX models with measured disturbances: simulation and identification
-``law``             multi-step prediction and the control laws of an ARX model
+``prediction``      multi-step prediction with such a model
+``law``             the control laws of a prediction
 ``component``       a law as a discrete component, with the timing of the paper
 ``identification``  from a vehicle FMU to laws: excitation, recording, design
 ==================  ====================================================================

@@ -23,12 +23,8 @@ from build_fmus.sources import code_hash
 from cosim import PythonComponent, System, UnconnectedInputsWarning
 from fmu_sources.controllers.gpc.arx import ArxIdentification, identify_arx
 from fmu_sources.controllers.gpc.component import LATCH_TICK, RESPONSES, SAMPLE_TIME, TICK, TICKS_PER_SAMPLE
-from fmu_sources.controllers.gpc.law import (
-    GpcLaw,
-    Variant,
-    gpc_law,
-    multi_step_predictor,
-)
+from fmu_sources.controllers.gpc.law import GpcLaw, Variant, gpc_law
+from fmu_sources.controllers.gpc.prediction import multi_step_predictor
 from fmu_sources.models.corners import CORNERS
 
 VARIANTS: tuple[Variant, ...] = get_args(Variant)

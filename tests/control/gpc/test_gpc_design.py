@@ -8,16 +8,12 @@ import osqp
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from oracles.gpc import closed_loop_spectral_radius
 from scipy import linalg, optimize, sparse
 
 from fmu_sources.controllers.gpc.arx import ArxModel, identify_arx
-from fmu_sources.controllers.gpc.law import (
-    GpcLaw,
-    closed_loop_spectral_radius,
-    gpc_law,
-    gpc_sequence,
-    multi_step_predictor,
-)
+from fmu_sources.controllers.gpc.law import GpcLaw, gpc_law, gpc_sequence
+from fmu_sources.controllers.gpc.prediction import multi_step_predictor
 
 Q_PAPER = [50.0, 10.0, 1.0]
 

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from oracles.lq import mean_squares, sampled_loop, theorem2_lq
 from scipy import integrate, linalg
 
 from fmu_sources.controllers.lq.design import (
@@ -18,11 +19,8 @@ from fmu_sources.controllers.lq.design import (
     LqError,
     QuadraticIndex,
     continuous_lq,
-    mean_squares,
     output_index,
-    sampled_loop,
     sampled_lq,
-    theorem2_lq,
 )
 
 CORNERS = ("fl", "rl", "fr", "rr")  # the paper's order
