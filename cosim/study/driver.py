@@ -10,9 +10,9 @@ import dataclasses
 import os
 import shutil
 import threading
+from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, wait
-from contextlib import AbstractContextManager, contextmanager, nullcontext
 from pathlib import Path
 from typing import Any
 
@@ -126,56 +126,54 @@ def _finished(
     ship: tuple[Any, ...], todo: list[Any], order: list[int], executor: Executor | None, processes: int | None
 ) -> Iterator[tuple[int, Row]]:
     """(index, entry) of every task as it ends."""
-    alone: list[int] = []
-    with _executor(executor, min(processes or os.cpu_count() or 1, len(order))) as pool:
-        try:
-            yield from _collect(pool, ship, todo, order)
-        except _BrokenError as broken:
-            if executor is not None:
-                raise
-            alone = broken.left
-    for i in alone:  # each in a process of its own: whose dies is the culprit
-        with local_processes(1) as pool:
+    waiting = deque(order)
+    if executor is not None:
+        yield from _collect(executor, ship, todo, waiting, at_once=len(order))
+        return
+    while waiting:
+        count = min(processes or os.cpu_count() or 1, len(waiting))
+        suspects: list[int] = []
+        with local_processes(count) as pool:
             try:
-                yield from _collect(pool, ship, todo, [i])
-            except _BrokenError:
-                yield i, {"failed": DIED}
-
-
-@contextmanager
-def _executor(given: Executor | None, processes: int) -> Iterator[Executor]:
-    context: AbstractContextManager[Executor] = nullcontext(given) if given is not None else local_processes(processes)
-    with context as pool:
-        yield pool
+                yield from _collect(pool, ship, todo, waiting, at_once=count + 1)  # one more, so that no worker waits
+            except _BrokenError as broken:
+                suspects = broken.begun
+        for i in suspects:  # each in a process of its own: whose dies is the culprit
+            with local_processes(1) as pool:
+                try:
+                    yield from _collect(pool, ship, todo, deque([i]), at_once=1)
+                except _BrokenError:
+                    yield i, {"failed": DIED}
 
 
 class _BrokenError(RuntimeError):
-    """Workers died; ``left`` are the tasks that have no result."""
+    """Workers died; ``begun`` are the tasks that they had been given and that have no result."""
 
-    def __init__(self, left: list[int]) -> None:
+    def __init__(self, begun: list[int]) -> None:
         super().__init__(
             "the executor's workers died; what was finished is stored, and the same study continues from there"
         )
-        self.left = left
+        self.begun = begun
 
 
-def _collect(pool: Executor, ship: tuple[Any, ...], todo: list[Any], order: list[int]) -> Iterator[tuple[int, Row]]:
-    futures: dict[Future[Row], int] = {}
-    left = list(order)
+def _collect(
+    pool: Executor, ship: tuple[Any, ...], todo: list[Any], waiting: deque[int], *, at_once: int
+) -> Iterator[tuple[int, Row]]:
+    """(index, entry) of every task as it ends; takes the next of those waiting when fewer than ``at_once`` are with the workers."""
+    begun: dict[Future[Row], int] = {}
     try:
-        for i in order:
-            futures[pool.submit(work, ship, _shipped(todo[i]))] = i
-        pending = set(futures)
-        while pending:
-            ready, pending = wait(pending, return_when=FIRST_COMPLETED)
-            for future in ready:
+        while waiting or begun:
+            while waiting and len(begun) < at_once:
+                i = waiting[0]
+                begun[pool.submit(work, ship, _shipped(todo[i]))] = i
+                waiting.popleft()
+            for future in wait(begun, return_when=FIRST_COMPLETED).done:
                 entry = future.result()
-                left.remove(futures[future])
-                yield futures[future], entry
+                yield begun.pop(future), entry
     except BrokenExecutor:
-        raise _BrokenError(left) from None
+        raise _BrokenError(list(begun.values())) from None
     finally:
-        for future in futures:
+        for future in begun:
             future.cancel()
 
 
