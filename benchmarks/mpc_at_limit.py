@@ -101,8 +101,9 @@ def drive(loop: Loop, choice: str) -> dict[str, float]:
     """One closed loop: what the passengers, suspension and tires get, and how often OSQP reached its limit."""
     plant = make("RideCarHmmwv")
     heights = {place: loop.scale * h for place, h in BUMPS["track"].items()}
-    road = _Member(Evaluator(make("RoadBumps"), bump_parameters(heights)))
-    car, law = _Member(Evaluator(plant)), _Member(Evaluator(hmmwv.mpc_hmmwv(plant, backend=CHOICES[choice])))
+    road = _Member(Evaluator(make("RoadBumps").model(), bump_parameters(heights)))
+    law = _Member(Evaluator(hmmwv.mpc_hmmwv(plant, backend=CHOICES[choice]).model()))
+    car = _Member(Evaluator(plant.model()))
     watched = _Watched(law.evaluator, choice)
     law.evaluator._programs = watched  # type: ignore[assignment]
     law.take({"use_preview": float(loop.preview)})

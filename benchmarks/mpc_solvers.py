@@ -72,8 +72,9 @@ def problems(
     parameters: dict[str, float] | None = None,
 ) -> Problems:
     """Programs of recorded runs; each input is looked up under its own name, or has the value given beside the recording."""
-    component = make(name)
-    component.choose_backend("daqp")
+    declared = make(name)
+    declared.choose_backend("daqp")
+    component = declared.model()
     inputs = component.elements("input")
     runs = []
     for recording, values in recordings:
@@ -95,8 +96,9 @@ def problems(
 
 def measure(given: Problems, backend: str) -> dict[str, float]:
     """Times [ms], iterations, residual and error of the command over all steps."""
-    component = given.make()
-    component.choose_backend(backend)
+    declared = given.make()
+    declared.choose_backend(backend)
+    component = declared.model()
     program = component.programs[0]
     n, m = program.n, program.m
     qp = CondensedQp(given.mpc)

@@ -21,7 +21,7 @@ from rich.table import Table
 from benchmarks.mpc_solvers import BACKENDS, REPETITIONS, make
 from build_fmus.builder import Options
 from build_fmus.compile import ObjectCache, resolve_platforms
-from build_fmus.component import Component
+from build_fmus.component import Component, Model
 from build_fmus.package import build_fmu
 from build_fmus.qp import Daqp, Osqp
 from cosim.experiments.trench.runs import MPC as TRENCH_MPC
@@ -38,7 +38,7 @@ SCALES = (1e-3, 1.0, 3.0, 10.0, 30.0, 100.0, 1e3, 1e5, 1e8, 1e15, 1e100)
 """Times the inputs of the component's own stimulus, which reach its bounds."""
 
 
-def extreme_inputs(c: Component, samples: int, seed: int = 0) -> Iterator[tuple[str, np.ndarray]]:
+def extreme_inputs(c: Model, samples: int, seed: int = 0) -> Iterator[tuple[str, np.ndarray]]:
     """Titles and inputs (samples, input elements), within the declared limits of each input.
 
     Noise and random corners from far below to far above what the component is made for, its stimulus enlarged, magnitudes
@@ -88,7 +88,7 @@ def build(c: Component, folder: Path) -> Path:
 class Driven:
     """One compiled controller, sample by sample."""
 
-    def __init__(self, path: Path, c: Component) -> None:
+    def __init__(self, path: Path, c: Model) -> None:
         self._fmu = Fmu(path)
         self._instance = FmuComponent(self._fmu)
         self._period = c.sample_time or 0.0
@@ -131,10 +131,10 @@ def measure(name: str, backend: str, samples: int = SAMPLES, seeds: int = SEEDS)
     period = c.sample_time or 0.0
     found = []
     with tempfile.TemporaryDirectory() as tmp:
-        driven = Driven(build(c, Path(tmp)), c)
+        driven = Driven(build(c, Path(tmp)), c.model())
         status, iterations = (driven.names.index(f"solver.{n}") for n in ("status", "iterations"))
         for seed, parameters in product(range(seeds), PARAMETERS.get(name, ({},))):
-            for _, values in extreme_inputs(c, samples, seed):
+            for _, values in extreme_inputs(c.model(), samples, seed):
                 runs = [driven.run(values, parameters) for _ in range(REPETITIONS)]
                 outputs = runs[0][1]
                 if not np.isfinite(outputs).all():

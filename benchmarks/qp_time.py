@@ -148,7 +148,7 @@ def replay(component: Component, data: np.ndarray, repetitions: int = 3) -> dict
     """
     (program,) = component.programs
     n, m = program.n, program.m
-    programs = CompiledPrograms(component)
+    programs = CompiledPrograms(component.model())
     call, scratch = programs._library.solve, programs._scratch.ctypes.data
     memory, solution = programs.memory, np.zeros(n + m + 3)
     seconds, iterations, failures, residual, error = [], [], 0, 0.0, 0.0

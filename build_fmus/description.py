@@ -10,7 +10,7 @@ from lxml import etree
 
 from build_fmus import units
 from build_fmus.compile import PLATFORMS, SOURCE_FLAGS
-from build_fmus.component import Component, Variable
+from build_fmus.component import Model, Variable
 from build_fmus.generate import Reference, is_exact, references
 
 TOOL = "suspension-fmus"  # also the key of our vendor annotation, which the master reads
@@ -25,9 +25,7 @@ _CORNER = re.compile(r"(?:^|\.)(fl|fr|rl|rr|a[123][lr])(?:\.|$|\[)")
 _FMI2_TYPES = {"Float64": "Real", "Int32": "Integer", "Boolean": "Boolean"}
 
 
-def model_description(
-    component: Component, fmi: int, *, token: str, sources: Iterable[str], arrays: bool = False
-) -> bytes:
+def model_description(component: Model, fmi: int, *, token: str, sources: Iterable[str], arrays: bool = False) -> bytes:
     """The model description as UTF-8 XML.
 
     Args:
@@ -40,7 +38,7 @@ def model_description(
     return _serialize(root)
 
 
-def build_description(component: Component, sources: Iterable[str]) -> bytes:
+def build_description(component: Model, sources: Iterable[str]) -> bytes:
     """``sources/buildDescription.xml`` of FMI 3.0.
 
     The first configuration is for any platform and C99 compiler. Those of platforms whose compilers are gcc and clang name
@@ -61,7 +59,7 @@ def build_description(component: Component, sources: Iterable[str]) -> bytes:
     return _serialize(root)
 
 
-def terminals_and_icons(component: Component, *, arrays: bool = False) -> bytes:
+def terminals_and_icons(component: Model, *, arrays: bool = False) -> bytes:
     """``terminalsAndIcons/terminalsAndIcons.xml`` of FMI 3.0: the icon, and one terminal per corner of the vehicle."""
     root = etree.Element("fmiTerminalsAndIcons", fmiVersion="3.0")
     graphics = etree.SubElement(root, "GraphicalRepresentation")
@@ -116,7 +114,7 @@ def _causality(v: Variable) -> str:
     return "output" if v.output else "local"
 
 
-def _variability(component: Component, v: Variable) -> str:
+def _variability(component: Model, v: Variable) -> str:
     if v.role == "parameter":
         return "tunable" if v.tunable else "fixed"
     if v.type != "Float64" or (component.kind == "discrete" and v.role in ("output", "state")):
@@ -130,7 +128,7 @@ def _initial(v: Variable) -> str | None:
     return "exact" if is_exact(v) else "calculated"
 
 
-def _root(component: Component, version: str, **identity: str) -> etree._Element:
+def _root(component: Model, version: str, **identity: str) -> etree._Element:
     return etree.Element(
         "fmiModelDescription",
         fmiVersion=version,
@@ -144,7 +142,7 @@ def _root(component: Component, version: str, **identity: str) -> etree._Element
     )
 
 
-def _common(root: etree._Element, component: Component) -> None:
+def _common(root: etree._Element, component: Model) -> None:
     """Units, log categories and default experiment: the same elements in both versions."""
     used = dict.fromkeys(v.unit for v in component.variables if v.unit)
     definitions = etree.SubElement(root, "UnitDefinitions")
@@ -171,7 +169,7 @@ def _common(root: etree._Element, component: Component) -> None:
     )
 
 
-def _annotation(parent: etree._Element, component: Component) -> None:
+def _annotation(parent: etree._Element, component: Model) -> None:
     """What FMI has no place for: the kind of component, where values come from, and constants that a source and its target
     must agree on. All in one place, by name: beside each variable a source would stand once per element of an array."""
     attributes: dict[str, str] = {"kind": component.kind}
@@ -180,7 +178,7 @@ def _annotation(parent: etree._Element, component: Component) -> None:
     element = etree.SubElement(parent, "Component", **attributes)
     for v in component.constant_inputs:
         etree.SubElement(element, "Input", name=v.name, mustEqual=repr(v.must_equal), tolerance=repr(v.tolerance))
-    for name, value in component.constant_outputs().items():
+    for name, value in component.constant_outputs.items():
         etree.SubElement(element, "Output", name=name, constant=repr(value))
     for v in component.variables:
         if v.source:
@@ -205,7 +203,7 @@ def _value_attributes(r: Reference) -> dict[str, str]:
 # ---------------------------------------------------------------------- FMI 2.0
 
 
-def _fmi2(component: Component, token: str, sources: list[str]) -> etree._Element:
+def _fmi2(component: Model, token: str, sources: list[str]) -> etree._Element:
     root = _root(component, "2.0", guid=token)
     root.set("numberOfEventIndicators", "0")
     continuous = component.kind == "continuous"
@@ -261,7 +259,7 @@ def _fmi2(component: Component, token: str, sources: list[str]) -> etree._Elemen
     return root
 
 
-def _initial_unknowns(component: Component, refs: list[Reference]) -> list[str]:
+def _initial_unknowns(component: Model, refs: list[Reference]) -> list[str]:
     roles = ("state", "derivative") if component.kind == "continuous" else ()
     return [r.name for r in refs if (r.variable.output or r.variable.role in roles) and not is_exact(r.variable)]
 
@@ -269,7 +267,7 @@ def _initial_unknowns(component: Component, refs: list[Reference]) -> list[str]:
 # ---------------------------------------------------------------------- FMI 3.0
 
 
-def _fmi3(component: Component, token: str, arrays: bool) -> etree._Element:
+def _fmi3(component: Model, token: str, arrays: bool) -> etree._Element:
     root = _root(component, "3.0", instantiationToken=token)
     continuous = component.kind == "continuous"
     common = {
@@ -326,7 +324,7 @@ def _fmi3(component: Component, token: str, arrays: bool) -> etree._Element:
     return root
 
 
-def variable_rows(component: Component) -> list[dict[str, str]]:
+def variable_rows(component: Model) -> list[dict[str, str]]:
     """One row per declared variable for documentation pages: name, role, shape, unit, range, start, description, ..."""
     rows = []
     for v in component.variables:

@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from build_fmus import extras, qp
-from build_fmus.component import Component, Variable
+from build_fmus.component import Model, Variable
 from build_fmus.mathematics import math_files
 from build_fmus.qp_sources import THIRD_PARTY, ThirdParty
 
@@ -66,7 +66,7 @@ class Reference:
         return names if self.index is None else [names[self.index]]
 
 
-def references(component: Component, *, arrays: bool) -> list[Reference]:
+def references(component: Model, *, arrays: bool) -> list[Reference]:
     """All FMI variables; the position in the list is the value reference."""
     result = []
     for v in component.variables:
@@ -115,7 +115,7 @@ def _string(text: str) -> str:
     return json.dumps(text)
 
 
-def generate_c(component: Component, *, arrays: bool, token: str) -> str:
+def generate_c(component: Model, *, arrays: bool, token: str) -> str:
     """The complete ``model.c`` of a component; deterministic for a given CasADi version."""
     functions = component.functions
     names = ["start", "out", *(("rhs", "fwd", "fwd_start") if component.kind == "continuous" else ("tick",))]
@@ -229,7 +229,7 @@ def _bound(v: Variable) -> float:
     return _BLOWN_UP * v.nominal if v.nominal else _BLOWN_UP_UNKNOWN
 
 
-def _operating_points(component: Component) -> list[tuple[str, list[str]]]:
+def _operating_points(component: Model) -> list[tuple[str, list[str]]]:
     """Names of the operating points, and for each the values that differ from those of the start."""
     slots = {e.name: e.slot for e in component.elements("input")}
     slots |= {e.name: component.size("input") + e.slot for e in component.elements("state")}
@@ -239,7 +239,7 @@ def _operating_points(component: Component) -> list[tuple[str, list[str]]]:
     ]
 
 
-def runtime_files(component: Component) -> tuple[str, ...]:
+def runtime_files(component: Model) -> tuple[str, ...]:
     """Hand-written C files and headers that a component needs, whatever its FMI version."""
     files = [*RUNTIME_SOURCES, *RUNTIME_HEADERS]
     if component.programs:
@@ -247,12 +247,12 @@ def runtime_files(component: Component) -> tuple[str, ...]:
     return tuple(dict.fromkeys(files))
 
 
-def third_party(component: Component) -> list[ThirdParty]:
+def third_party(component: Model) -> list[ThirdParty]:
     """Solvers of others that go into the FMU of a component."""
     return [THIRD_PARTY[name]() for name in dict.fromkeys(b.name for q in component.programs for b in q.solvers)]
 
 
-def solver_files(component: Component) -> dict[str, bytes]:
+def solver_files(component: Model) -> dict[str, bytes]:
     """C files and headers of the quadratic programs of a component by their path in ``sources/``."""
     if not component.programs:
         return {}
@@ -268,7 +268,7 @@ def with_mathematics(files: dict[str, bytes]) -> dict[str, bytes]:
     return files | math_files(data for name, data in files.items() if name.endswith(".c"))
 
 
-def identity(component: Component, *, arrays: bool) -> str:
+def identity(component: Model, *, arrays: bool) -> str:
     """Instantiation token of a component: a hash of everything that determines its behaviour and interface."""
     files = {n: (RUNTIME_DIR / n).read_bytes() for n in (*RUNTIME_SOURCES, *RUNTIME_HEADERS, "fmi2.c", "fmi3.c")}
     files |= solver_files(component) | {"model.c": generate_c(component, arrays=arrays, token="").encode()}

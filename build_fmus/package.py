@@ -15,7 +15,7 @@ import fmpy
 
 from build_fmus import description, extras, generate, licences, reference, safe_files
 from build_fmus.compile import ObjectCache, Platform, find_toolchain
-from build_fmus.component import Component, DeclarationError
+from build_fmus.component import Component, DeclarationError, Model
 from build_fmus.icon import icon_png
 from build_fmus.stability import check_solver
 
@@ -32,7 +32,7 @@ _EPOCH = (1980, 1, 1, 0, 0, 0)
 def build_fmu(
     component: Component, fmi: int, platforms: Sequence[Platform], cache: ObjectCache, *, arrays: bool = False
 ) -> bytes:
-    """Compile and pack one component for one FMI version.
+    """Compile and pack one component for one FMI version. The component's declaration ends with this.
 
     Args:
         fmi: 2 or 3. ``arrays`` applies to 3 only.
@@ -42,7 +42,10 @@ def build_fmu(
         SolverStepError: the solver step is unstable at an operating point.
         CompileError: no toolchain, or the compiler failed.
     """
-    arrays = arrays and fmi == 3
+    return _pack(component.model(), fmi, platforms, cache, arrays=arrays and fmi == 3)
+
+
+def _pack(component: Model, fmi: int, platforms: Sequence[Platform], cache: ObjectCache, *, arrays: bool) -> bytes:
     if failed := component.failed_checks():
         raise DeclarationError(f"{component.name}: its own start values fail a check: {failed[0]}")
     check_solver(component)
@@ -74,12 +77,12 @@ def build_fmu(
     parts += licences.of_windows(n for n in content if n.endswith(".dll"))
     content |= licences.texts(component.name, parts)
     if component.provenance:
-        provenance = json.dumps(component.provenance, indent=1, sort_keys=True)
+        provenance = json.dumps(dict(component.provenance), indent=1, sort_keys=True)
         content["resources/provenance.json"] = f"{provenance}\n".encode()
     return _archive(content)
 
 
-def source_files(component: Component, fmi: int, *, arrays: bool = False) -> dict[str, bytes]:
+def source_files(component: Model, fmi: int, *, arrays: bool = False) -> dict[str, bytes]:
     """C files and headers of a component's FMU, by file name."""
     token = generate.identity(component, arrays=arrays)
     files = {"model.c": generate.generate_c(component, arrays=arrays, token=token).encode()}
@@ -92,7 +95,7 @@ def source_files(component: Component, fmi: int, *, arrays: bool = False) -> dic
     return files
 
 
-def _documentation(component: Component, fmi: int) -> dict[str, bytes]:
+def _documentation(component: Model, fmi: int) -> dict[str, bytes]:
     environment = jinja2.Environment(
         loader=jinja2.PackageLoader("build_fmus", "templates"), autoescape=True, trim_blocks=True, lstrip_blocks=True
     )
@@ -112,7 +115,7 @@ def _documentation(component: Component, fmi: int) -> dict[str, bytes]:
     }
 
 
-def _cited(component: Component) -> dict[str, str]:
+def _cited(component: Model) -> dict[str, str]:
     """Entries of the bibliography that the component's sources mention."""
     text = " ".join(
         [component.source, component.description, *component.notes, *(v.source for v in component.variables)]

@@ -12,7 +12,7 @@ import numpy as np
 
 from build_fmus import generate, safe_files
 from build_fmus.compile import ObjectCache, find_toolchain, host
-from build_fmus.component import Component
+from build_fmus.component import Model
 from build_fmus.qp import INFINITE
 from build_fmus.qp_sources import cache_directory
 
@@ -40,7 +40,7 @@ class CompiledPrograms:
         memory: last solutions and warm starts; zeros at first.
     """
 
-    def __init__(self, component: Component) -> None:
+    def __init__(self, component: Model) -> None:
         self._library = _library(component)
         self.memory = np.zeros(sum(q.n_memory for q in component.programs))
         self._n_data = sum(q.n_data for q in component.programs)
@@ -62,7 +62,7 @@ class CompiledPrograms:
         return solution
 
 
-def _library(component: Component) -> ctypes.CDLL:
+def _library(component: Model) -> ctypes.CDLL:
     files = generate.solver_files(component) | {"qp_exports.c": _EXPORTS.encode()}
     files["fmu_model.h"] = (generate.RUNTIME_DIR / "fmu_model.h").read_bytes()
     files = generate.with_mathematics(files)

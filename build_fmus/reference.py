@@ -14,7 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from build_fmus.component import Component
+from build_fmus.component import Model
 from build_fmus.qp_solve import CompiledPrograms
 
 
@@ -49,7 +49,7 @@ def _csv(time: np.ndarray, values: np.ndarray, names: list[str]) -> str:
 class Evaluator:
     """One instance of a component in Python: set ``u`` and ``p``, then :meth:`step`."""
 
-    def __init__(self, component: Component, parameters: Mapping[str, float] | None = None) -> None:
+    def __init__(self, component: Model, parameters: Mapping[str, float] | None = None) -> None:
         self.component = component
         self.p = component.vector("parameter")
         self.u = component.vector("input")
@@ -161,7 +161,7 @@ class Evaluator:
 
 
 def simulate(
-    component: Component,
+    component: Model,
     *,
     stimulus: Mapping[str, Callable[[float], float]] | None = None,
     parameters: Mapping[str, float] | None = None,

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from build_fmus.component import Component
+from build_fmus.component import Model
 
 
 class SolverStepError(ValueError):
@@ -60,7 +60,7 @@ class Instability:
     step: float | None
 
 
-def find_instability(component: Component, matrices: Mapping[str, np.ndarray], step: float) -> Instability | None:
+def find_instability(component: Model, matrices: Mapping[str, np.ndarray], step: float) -> Instability | None:
     """The worst of the given points, or None when the component's solver follows all of them with this step [s].
 
     A mode fails when its numerical amplification over one step exceeds both 1 and the true growth by more than 1e-6. Of
@@ -79,7 +79,7 @@ def find_instability(component: Component, matrices: Mapping[str, np.ndarray], s
     return Instability(name, complex(worst.real, abs(worst.imag)), shorter if shorter >= shortest else None)
 
 
-def check_solver(component: Component) -> None:
+def check_solver(component: Model) -> None:
     """Check every declared operating point.
 
     Raises:
@@ -98,12 +98,12 @@ def check_solver(component: Component) -> None:
         )
 
 
-def eigenvalues_by_point(component: Component) -> dict[str, np.ndarray]:
+def eigenvalues_by_point(component: Model) -> dict[str, np.ndarray]:
     """Eigenvalues [1/s] of the linearized component at each declared operating point."""
     return {n: np.linalg.eigvals(a) if a.size else np.zeros(0) for n, a in matrices_by_point(component).items()}
 
 
-def matrices_by_point(component: Component, parameters: np.ndarray | None = None) -> dict[str, np.ndarray]:
+def matrices_by_point(component: Model, parameters: np.ndarray | None = None) -> dict[str, np.ndarray]:
     """System matrix A of the linearized component at each declared operating point.
 
     ``parameters``: the vector of their values, the start values by default.
@@ -129,7 +129,7 @@ def matrices_by_point(component: Component, parameters: np.ndarray | None = None
     return result
 
 
-def _unstable(component: Component, step: float, matrix: np.ndarray) -> np.ndarray:
+def _unstable(component: Model, step: float, matrix: np.ndarray) -> np.ndarray:
     """Eigenvalues [1/s] that the solver cannot follow with this step; solver semi_implicit: the fastest as a stand-in."""
     if not matrix.size:
         return np.zeros(0)

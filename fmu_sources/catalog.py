@@ -435,7 +435,7 @@ def _trench_plant(vehicle: Source, name: str, _: str = "") -> Component:
 def _trench_crossing(vehicle: Source, name: str, called: str) -> Component:
     from fmu_sources.controllers.trench.crossing import CrossingGeometry, trench_crossing
 
-    return trench_crossing(CrossingGeometry.of(_trench_plant(vehicle, f"ThreeAxleTrench{called}")), name)
+    return trench_crossing(CrossingGeometry.of(_trench_plant(vehicle, f"ThreeAxleTrench{called}").model()), name)
 
 
 def _of_actuator(module: str, maker: str) -> Make:

@@ -18,7 +18,7 @@ from build_fmus.reference import Evaluator
 
 def in_python(c: Component, h: float, end: float) -> np.ndarray:
     """States at ``end`` with communication steps of ``h`` [s]."""
-    run = Evaluator(c)
+    run = Evaluator(c.model())
     for _ in range(round(end / h)):
         run.step(h)
     return run.x
@@ -32,7 +32,7 @@ def in_c(c: Component, h: float, end: float, directory: Path, log: list[str] | N
     """
     path = directory / f"{c.name}.fmu"
     path.write_bytes(build_fmu(c, 3, resolve_platforms("host"), ObjectCache(Options(FMUS).cache / "objects")))
-    return run_fmu(path, [e.name for e in c.elements("state")], h, end, log)
+    return run_fmu(path, [e.name for e in c.model().elements("state")], h, end, log)
 
 
 def run_fmu(

@@ -19,15 +19,24 @@ Discrete component: ``kind="discrete"``, ``sample_time=...`` and :meth:`Componen
 At a sample instant t the outputs are evaluated from the inputs at t and the state before the update, then the state is
 updated; outputs hold until the next sample (see ``docs/architecture.md``, exchange rule).
 
-The room, lowest first:
+What users write with is the builder :class:`Component`. ``component.model()`` freezes what it has collected into a :class:`Model`,
+once; the generator, the model description, the Python evaluation and the checks read that. Everything derived is computed by
+the model when it is first asked for, and since nothing changes any more, nothing derived can be out of date.
 
-- ``variables``: variables and their scalar elements; what is wrong with a declaration;
+The room, each file above those that it uses:
+
+- ``declare``: :class:`Component`, the builder;
+- ``model``: :class:`Model`, which ties the rest together;
 - ``linear``: the linear model about an operating point;
-- ``declare``: :class:`Component`, the builder.
+- ``structure``: exact dependencies, positions and velocities, constant outputs;
+- ``functions``: the CasADi functions of starts, derivatives or updates, outputs, directional derivatives and checks;
+- ``declaration``: all that was declared, as data, with the order of elements and vectors;
+- ``variables``: one variable and its scalar elements; what is wrong with a declaration.
 """
 
 from build_fmus.component.declare import Component
 from build_fmus.component.linear import Linearization
+from build_fmus.component.model import Model
 from build_fmus.component.variables import (
     LONGEST_SOURCE,
     BaseType,
@@ -48,6 +57,7 @@ __all__ = [
     "Element",
     "Kind",
     "Linearization",
+    "Model",
     "Role",
     "Solver",
     "Variable",

@@ -1,40 +1,46 @@
-"""The builder of a component: what users write a declaration with, and what is derived from it."""
+"""The builder: what users write a declaration with."""
 
 from __future__ import annotations
 
-import difflib
+import functools
 import math
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
-from functools import cached_property
-from typing import Any
+from types import MappingProxyType
+from typing import Any, Concatenate, ParamSpec, TypeVar
 
 import numpy as np
 
 from build_fmus import extras, qp, units
+from build_fmus.component.declaration import named
 from build_fmus.component.linear import Linearization
-from build_fmus.component.variables import (
-    BaseType,
-    DeclarationError,
-    Element,
-    Kind,
-    Role,
-    Solver,
-    Variable,
-    source_fault,
-)
+from build_fmus.component.model import Model
+from build_fmus.component.variables import BaseType, DeclarationError, Kind, Role, Solver, Variable, source_fault
 
 with extras.needed("build", extras.BUILDING):
     import casadi as ca
 
 _NAME = re.compile(r"^[A-Za-z_]\w*(\.[A-Za-z_]\w*)*$", re.ASCII)
-_JACOBIAN_UP_TO = 10_000  # operations of `fwd`: beyond it a Jacobian in one piece would double the size of the FMU
 _TYPES: dict[type, BaseType] = {float: "Float64", int: "Int32", bool: "Boolean"}
+
+_P = ParamSpec("_P")
+_T = TypeVar("_T")
+
+
+def _declares(method: Callable[Concatenate[Component, _P], _T]) -> Callable[Concatenate[Component, _P], _T]:
+    """A method that declares something, which is refused once the model is made."""
+
+    @functools.wraps(method)
+    def checked(self: Component, *args: _P.args, **options: _P.kwargs) -> _T:
+        self._refuse_if_made(f"{method.__name__}()")
+        return method(self, *args, **options)
+
+    return checked
 
 
 class Component:
-    """Declaration of one FMU. See the module docstring for an example.
+    """Collects the declaration of one FMU; :meth:`model` freezes it. See the docstring of the package for an example.
 
     Args:
         name: FMU name, UpperCamelCase; also the C model identifier.
@@ -73,6 +79,7 @@ class Component:
             raise DeclarationError(f"component name {name!r} is not an identifier")
         if (sample_time is not None) != (kind == "discrete"):
             raise DeclarationError(f"{name}: a sample_time is for discrete components, and only for those")
+        self._model: Model | None = None
         self.name, self.kind, self.description, self.source = name, kind, description, source
         self.sample_time = sample_time
         self.solver, self.solver_step = solver, solver_step
@@ -85,11 +92,11 @@ class Component:
         self._variables: dict[str, Variable] = {}
         self._handles: dict[str, Any] = {}  # what parameter(), input() and state() returned
         self._sizes: dict[Role, int] = {"parameter": 0, "input": 0, "state": 0, "output": 0}
-        self._next: dict[str, Any] = {}  # state name -> derivative or update expression
+        self._changes: dict[str, Any] = {}  # state name -> derivative or update expression
         self._values: dict[str, tuple[Any, str]] = {}  # intermediate values by name, with the source of their equations
         self.equations: dict[str, str] = {}  # output or state -> where its equation comes from
-        self._start: dict[str, Any] = {}  # state name -> start expression of parameters and inputs
-        self._outputs: dict[str, Any] = {}
+        self._starts: dict[str, Any] = {}  # state name -> start expression of parameters and inputs
+        self._results: dict[str, Any] = {}
         self.programs: list[qp.QuadraticProgram] = []
         self._checks: list[tuple[Any, str]] = []
         self.stimulus: dict[str, Callable[[float], float]] = {}
@@ -100,8 +107,19 @@ class Component:
                 max=1e-2, source="build option",
             )  # fmt: skip
 
+    def __setattr__(self, name: str, value: Any) -> None:
+        self._refuse_if_made(name)
+        super().__setattr__(name, value)
+
+    def _refuse_if_made(self, what: str) -> None:
+        if self.__dict__.get("_model") is not None:
+            raise DeclarationError(
+                f"{self.name}: {what} comes after the model was made, which model(), linearize() and builds do; declare it before"
+            )
+
     # ------------------------------------------------------------------ declaring
 
+    @_declares
     def parameter(
         self,
         name: str,
@@ -130,6 +148,7 @@ class Component:
             nominal=nominal, display_unit=display_unit, tunable=tunable, source=source,
         )  # fmt: skip
 
+    @_declares
     def input(
         self,
         name: str,
@@ -164,6 +183,7 @@ class Component:
             symbol = ca.if_else(symbol < min, min, symbol)
         return symbol
 
+    @_declares
     def constant_input(
         self, name: str, unit: str | None, description: str, *, must_equal: float, display_unit: str | None = None
     ) -> None:
@@ -180,6 +200,7 @@ class Component:
         )  # fmt: skip
         self.stimulus[name] = lambda _: must_equal
 
+    @_declares
     def state(
         self,
         name: str,
@@ -210,17 +231,20 @@ class Component:
             display_unit=display_unit, output=output, exposed=exposed,
         )  # fmt: skip
         if calculated:
-            self._start[name] = self._flat(self._variables[name], start, "start")
+            self._starts[name] = self._flat(self._variables[name], start, "start")
         return symbol
 
+    @_declares
     def derivative(self, state: Any, expression: Any, *, source: str = "") -> None:
         """``d state/dt = expression`` (continuous components); ``source``: paper and number of the equation, for readers of the C."""
         self._relate(state, expression, "continuous", "derivative", source)
 
+    @_declares
     def update(self, state: Any, expression: Any, *, source: str = "") -> None:
         """``state`` after the sample instant ``= expression`` (discrete components); ``source`` as of :meth:`derivative`."""
         self._relate(state, expression, "discrete", "update", source)
 
+    @_declares
     def value(self, name: str, expression: Any, *, source: str = "") -> Any:
         """Name an intermediate value and return it: the generated C calls it so; ``source`` as of :meth:`derivative`.
 
@@ -232,18 +256,13 @@ class Component:
         if name in self._values:
             raise DeclarationError(f"{self.name}.{name}: two values of this name")
         self._values[name] = (self._symbols(expression), source)
-        self.__dict__.pop("functions", None)
         return expression
-
-    @property
-    def value_sources(self) -> dict[str, str]:
-        """Names of the intermediate values, in the order of ``functions["values"]``, with the sources of their equations."""
-        return {name: source for name, (_, source) in self._values.items()}
 
     def _explain(self, name: str, source: str) -> None:
         if source:
             self.equations[name] = source
 
+    @_declares
     def output(
         self,
         name: str,
@@ -270,9 +289,10 @@ class Component:
             name, "output", unit, description, shape, start=None, type=_TYPES[type], min=min, max=max, nominal=nominal,
             display_unit=display_unit, output=True,
         )  # fmt: skip
-        self._outputs[name] = expression
+        self._results[name] = expression
         self._explain(name, source)
 
+    @_declares
     def quadratic_program(
         self,
         name: str,
@@ -349,6 +369,7 @@ class Component:
         )  # fmt: skip
         return s
 
+    @_declares
     def choose_backend(self, name: str) -> None:
         """Let all quadratic programs use the solver ``name`` (with its declared settings, or its defaults)."""
         for i, p in enumerate(self.programs):
@@ -366,17 +387,21 @@ class Component:
             raise DeclarationError(f"{where}: {what} has shape {expression.shape}, not ({size},)")
         return ca.vec(expression)
 
+    @_declares
     def operating_point(self, name: str, **values: float) -> None:
         """Name a point (variable name with ``__`` for ``.`` -> value) where the build also checks solver stability."""
         self.operating_points[name] = {k.replace("__", "."): v for k, v in values.items()}
 
+    @_declares
     def stimulate(self, signals: Mapping[str, Callable[[float], float]]) -> None:
         """Input signals over time for the reference result (``NAME_in.csv``); inputs without one keep their start."""
+        inputs = {n for v in self._variables.values() if v.role == "input" for n in v.element_names()}
         for name in signals:
-            if name not in (e.name for e in self.elements("input")):
+            if name not in inputs:
                 raise DeclarationError(f"{self.name}: stimulus for {name!r}, which is not an input")
         self.stimulus.update(signals)
 
+    @_declares
     def check(self, positive: Any, message: str) -> None:
         """Refuse parameters and inputs that do not fit together: ``positive`` must be > 0 when initialization ends.
 
@@ -388,8 +413,6 @@ class Component:
         if not expression.numel():
             raise DeclarationError(f"{self.name}: check() of nothing ({message})")
         self._checks += [(e, message) for e in ca.vertsplit(expression)]
-        for derived in ("functions", "dependencies", "initial_dependencies", "_jacobians"):
-            self.__dict__.pop(derived, None)
 
     def _add(
         self, name: str, role: Role, unit: str | None, description: str, shape: Any, *, start: Any, **rest: Any
@@ -428,8 +451,6 @@ class Component:
         self._variables[name] = variable
         self._handles[name] = symbol
         self._sizes[role] += size
-        for derived in ("functions", "dependencies", "initial_dependencies", "_jacobians"):
-            self.__dict__.pop(derived, None)
         return symbol
 
     def _relate(self, state: Any, expression: Any, kind: Kind, verb: str, source: str) -> None:
@@ -437,9 +458,9 @@ class Component:
             raise DeclarationError(f"{self.name}: {verb}() is for {kind} components")
         for v in self._variables.values():
             if v.role == "state" and state is self._handles[v.name]:
-                if v.name in self._next:
+                if v.name in self._changes:
                     raise DeclarationError(f"{self.name}.{v.name}: {verb} given twice")
-                self._next[v.name] = self._flat(v, expression, verb)
+                self._changes[v.name] = self._flat(v, expression, verb)
                 self._explain(v.name, source)
                 return
         raise DeclarationError(f"{self.name}: {verb}() needs the very symbol that state() returned")
@@ -457,316 +478,57 @@ class Component:
             f"{self.name}.{v.name}: {what} has shape {expression.shape}, not {v.shape or 'that of a scalar'}"
         )
 
-    # ------------------------------------------------------------------ reading
+    # ------------------------------------------------------------------ the model
 
-    @property
-    def variables(self) -> list[Variable]:
-        """Declared variables by role (time, parameters, inputs, states, derivatives, outputs) without hidden states."""
-        groups: dict[Role, list[Variable]] = {r: [] for r in ("parameter", "input", "state", "derivative", "output")}
-        for v in self._variables.values():
-            if v.exposed:
-                groups[v.role].append(v)
-        if self.kind == "continuous":
-            groups["derivative"] = [self._derivative_variable(v) for v in groups["state"]]
-        time = Variable("time", "time", "s", "simulation time")
-        return [time, *(v for g in groups.values() for v in g)]
-
-    @property
-    def all_variables(self) -> list[Variable]:
-        """Every declared variable in declaration order, hidden states included."""
-        return list(self._variables.values())
-
-    @staticmethod
-    def _derivative_variable(v: Variable) -> Variable:
-        unit = units.unit(v.unit) if v.unit else None
-        match = None
-        if unit is not None:
-            want = {**unit.exponents, "s": unit.exponents.get("s", 0) - 1}
-            want = {k: e for k, e in want.items() if e}
-            match = next((u.name for u in units.UNITS.values() if u.exponents == want and u.factor == 1.0), None)
-        return Variable(
-            f"der({v.name})", "derivative", match, f"time derivative of {v.name}", v.shape, slot=v.slot,
-            derivative_of=v.name,
-        )  # fmt: skip
-
-    def elements(self, *roles: Role) -> list[Element]:
-        """Scalar elements of the given roles (all when none is given), in value-reference order."""
-        return [
-            Element(n, v, i)
-            for v in self.variables
-            if not roles or v.role in roles
-            for i, n in enumerate(v.element_names())
-        ]
-
-    @property
-    def constant_inputs(self) -> list[Variable]:
-        """Inputs that take a constant of their source."""
-        return [v for v in self.variables if v.must_equal is not None]
-
-    @property
-    def clipped_inputs(self) -> list[Variable]:
-        """Inputs that the equations clip to their range."""
-        inputs = [v for v in self.variables if v.role == "input" and v.type == "Float64"]
-        return [v for v in inputs if v.min is not None or v.max is not None]
-
-    def constant_outputs(self) -> dict[str, float]:
-        """Output elements whose value is a number known now, such as the step of a preview."""
-        constant = {n: e for n, e in self._outputs.items() if e.is_constant()}
-        return {
-            element: float(value)
-            for name, e in constant.items()
-            for element, value in zip(
-                self._variables[name].element_names(), np.asarray(ca.evalf(e).full()).ravel(), strict=True
-            )
-        }
-
-    def output_elements(self) -> list[Element]:
-        """Everything with output causality: states declared as outputs, then declared outputs."""
-        return [e for e in self.elements("state", "output") if e.variable.output]
+    def declares(self, name: str) -> bool:
+        """Whether there is a variable of this name so far."""
+        return name in self._variables
 
     def variable(self, name: str) -> Variable:
-        """Variable by name; KeyError proposing the nearest name."""
-        try:
-            return self._variables[name]
-        except KeyError:
-            near = difflib.get_close_matches(name, self._variables, n=1)
-            hint = f"; did you mean {near[0]!r}?" if near else ""
-            raise KeyError(f"{self.name} has no variable {name!r}{hint}") from None
+        """Declared variable by name; KeyError proposing the nearest name."""
+        return named(self.name, self._variables, name)
 
-    def size(self, role: Role) -> int:
-        """Number of scalars of a role, hidden ones included."""
-        return self._sizes[role]
-
-    def vector(self, role: Role) -> np.ndarray:
-        """Start values of a role as one vector; hidden and calculated elements are 0."""
-        out = np.zeros(self._sizes[role])
-        for v in self._variables.values():
-            if v.role == role and v.start is not None:
-                out[v.slot : v.slot + v.size] = v.start
-        return out
-
-    def _symbol(self, role: Role) -> Any:
-        parts = [v.symbol for v in self._variables.values() if v.role == role]
-        return ca.vertcat(*parts) if parts else self._symbols(0, 1)
-
-    @cached_property
-    def functions(self) -> dict[str, ca.Function]:
-        """The component's functions, all of them with dense column vectors:
-
-        ``start (x, u, p) -> x0``: start state (declared starts pass through, calculated ones are evaluated);
-        ``rhs (t, x, u, p) -> dx`` (continuous) or ``update (t, x, u, p) -> x_next`` and
-        ``tick (t, x, u, p) -> x_next, y`` (discrete); ``out (t, x, u, p) -> y``; with quadratic programs these three take
-        their solutions as fifth argument, and ``programs (t, x, u, p) -> data`` has q, l, u, case of each;
-        ``fwd (t, x, u, p, dx, du, dp) -> d rhs, d y`` and ``fwd_start (x, u, p, dx, du, dp) -> d x0`` (continuous);
-        ``jac (t, x, u, p) -> d rhs/dx, d rhs/dt`` (solver ``ros2``, and wherever its code stays short);
-        ``check (t, x, u, p) -> values`` that must be > 0 when initialization ends (components with checks);
-        ``values (t, x, u, p) -> v1, v2, ...``: what :meth:`value` has named, in this order (with solutions as ``out``).
+    def model(self) -> Model:
+        """The frozen model, which everything else reads. The first call ends the declaration; later ones return the same model.
 
         Raises:
-            DeclarationError: a state without derivative/update, or an expression with an undeclared symbol.
+            DeclarationError: a state without derivative or update.
         """
-        verb = "derivative" if self.kind == "continuous" else "update"
-        states = [v for v in self._variables.values() if v.role == "state"]
-        missing = [v.name for v in states if v.name not in self._next]
-        if missing:
-            raise DeclarationError(f"{self.name}: no {verb} for state(s) {', '.join(missing)}")
-        empty = self._symbols(0, 1)
-        t, x, u, p = self.time, *(self._symbol(r) for r in ("state", "input", "parameter"))
-
-        def column(parts: list[Any]) -> Any:
-            return ca.densify(ca.vertcat(*parts)) if parts else empty
-
-        nxt = column([self._next[v.name] for v in states])
-        # Row-major output elements: vec() of the transpose.
-        y = column([ca.vec(self._outputs[v.name].T) for v in self._variables.values() if v.role == "output"])
-        x0 = column([self._start.get(v.name, v.symbol) for v in states])
-        functions: dict[str, ca.Function] = {}
-
-        def add(name: str, args: list[Any], outs: list[Any]) -> None:
-            if self._symbols is ca.SX and self.kind == "continuous":
-                outs = ca.cse(outs)  # what two expressions share is computed once: derivatives shrink to half
-            try:
-                functions[name] = ca.Function(f"fmu_{name}", args, outs)
-            except RuntimeError as error:
-                free = ", ".join(
-                    str(s)
-                    for e in outs
-                    for s in ca.symvar(e)
-                    if not any(ca.depends_on(a, s) for a in args if a.numel())
-                )
-                raise DeclarationError(f"{self.name}: {name} uses undeclared symbols ({free or error})") from None
-
-        solutions = [ca.vertcat(*(q.symbol for q in self.programs))] if self.programs else []
-        add("start", [x, u, p], [x0])
-        add("out", [t, x, u, p, *solutions], [y])
-        if self.kind == "continuous":
-            add("rhs", [t, x, u, p], [nxt])
-            dx, du, dp = (self._symbols.sym(f"d{n}", s.numel()) for n, s in (("x", x), ("u", u), ("p", p)))
-            knowns, seeds = ca.vertcat(x, u, p), ca.vertcat(dx, du, dp)
-            add("fwd", [t, x, u, p, dx, du, dp], [ca.densify(ca.jtimes(e, knowns, seeds)) for e in (nxt, y)])
-            add("fwd_start", [x, u, p, dx, du, dp], [ca.densify(ca.jtimes(x0, knowns, seeds))])
-            if self.solver == "ros2" or functions["fwd"].n_instructions() <= _JACOBIAN_UP_TO:
-                add("jac", [t, x, u, p], [ca.densify(ca.jacobian(nxt, v)) for v in (x, t)])
-        else:
-            add("update", [t, x, u, p, *solutions], [nxt])
-            add("tick", [t, x, u, p, *solutions], [nxt, y])
-            if self.programs:
-                add("programs", [t, x, u, p], [column([q.data for q in self.programs])])
-        if self._values:
-            add("values", [t, x, u, p, *solutions], [ca.densify(e) for e, _ in self._values.values()])
-        if self._checks:
-            add("check", [t, x, u, p], [column([e for e, _ in self._checks])])
-            if any(ca.depends_on(e, x) for e, _ in self._checks if x.numel()):
-                raise DeclarationError(f"{self.name}: a check may depend on parameters, inputs and time, not on states")
-        return functions
-
-    @property
-    def check_messages(self) -> list[str]:
-        """What to say when an element of ``functions["check"]`` is not > 0."""
-        return [m for _, m in self._checks]
-
-    def failed_checks(self, u: np.ndarray | None = None, p: np.ndarray | None = None) -> list[str]:
-        """Messages of the checks that inputs ``u`` and parameters ``p`` (start values by default) do not pass."""
-        if not self._checks:
-            return []
-        u = self.vector("input") if u is None else np.asarray(u, float)
-        p = self.vector("parameter") if p is None else np.asarray(p, float)
-        values = np.asarray(self.functions["check"](0.0, self.vector("state"), u, p)).ravel()
-        return [m for m, value in zip(self.check_messages, values, strict=True) if not value > 0]
-
-    @cached_property
-    def velocity_of(self) -> np.ndarray:
-        """For each state the slot of the state that is its derivative, or -1: positions and velocities of a mechanism.
-
-        A state is a position when its derivative is one other state and nothing else. That other state must not be a
-        position itself; chains of integrators (jerk, acceleration, velocity) count from the top.
-        """
-        n = self._sizes["state"]
-        result = np.full(n, -1)
-        if self.kind != "continuous" or not n:
-            return result
-        f = self.functions["rhs"]
-        args = [
-            self._symbols.sym(k, size)
-            for k, size in zip("txup", (1, n, self.size("input"), self.size("parameter")), strict=True)
-        ]
-        rows: list[list[int]] = [[] for _ in range(n)]
-        for r, column in zip(*ca.jacobian_sparsity(f(*args), ca.vertcat(*args)).get_triplet(), strict=True):
-            rows[r].append(column - 1)
-        points = [np.random.default_rng(seed).uniform(0.5, 1.5, n) for seed in (1, 2)]
-        values = [np.asarray(f(0.0, x, self.vector("input"), self.vector("parameter"))).ravel() for x in points]
-        driver = {}
-        for i, known in enumerate(rows):
-            if len(known) == 1 and 0 <= known[0] < n and known[0] != i:
-                j = known[0]
-                if all(v[i] == x[j] for v, x in zip(values, points, strict=True)):
-                    driver[i] = j
-
-        def is_position(i: int, seen: tuple[int, ...] = ()) -> bool:
-            return i in driver and i not in seen and not is_position(driver[i], (*seen, i))
-
-        for i, j in driver.items():
-            if is_position(i):
-                result[i] = j
-        return result
-
-    # ------------------------------------------------------------------ derived models
-
-    @cached_property
-    def dependencies(self) -> dict[str, list[str]]:
-        """Exact structural dependencies from the sparsity pattern.
-
-        Maps each output and derivative element to what it depends on directly: continuous states, inputs and ``time``
-        (discrete components: inputs and ``time``, by feed-through at a sample instant).
-        """
-        roles: tuple[Role, ...] = ("time", "state", "input") if self.kind == "continuous" else ("time", "input")
-        return self._structure(*roles, initial=False)
-
-    @cached_property
-    def initial_dependencies(self) -> dict[str, list[str]]:
-        """As :attr:`dependencies`, during initialization: of time, parameters, inputs and settable start values."""
-        return self._structure("time", "state", "input", "parameter", initial=True)
-
-    def _structure(self, *roles: Role, initial: bool) -> dict[str, list[str]]:
-        f = self.functions
-        t = self._symbols.sym("t")
-        roles_of: dict[str, Role] = {"x": "state", "u": "input", "p": "parameter"}
-        x, u, p = (self._symbols.sym(n, self._sizes[r]) for n, r in roles_of.items())
-        x_at = f["start"](x, u, p) if initial else x
-        solutions = [self._symbols.sym("s", sum(q.n_solution for q in self.programs))] if self.programs else []
-        vectors = {"output": f["out"](t, x_at, u, p, *solutions)}
-        if self.kind == "continuous":
-            vectors["derivative"] = f["rhs"](t, x_at, u, p)
-        if initial:
-            vectors["state"] = f["start"](x, u, p)
-        knowns = ca.vertcat(t, x, u, p)
-        names: list[str | None] = [None] * knowns.numel()
-        nx, nu = x.numel(), u.numel()
-        offset: dict[Role, int] = {"time": 0, "state": 1, "input": 1 + nx, "parameter": 1 + nx + nu}
-        for e in self.elements(*roles):
-            if not (initial and e.variable.role == "state" and e.start is None):
-                names[offset[e.variable.role] + e.slot] = e.name
-        of_solution: list[set[int]] = []  # knowns behind each element of the solutions
-        if self.programs:
-            data = _pattern(f["programs"](t, x_at, u, p), knowns)
-            first = 0
-            for q in self.programs:
-                of_solution += [set().union(*data[first : first + q.n_data])] * q.n_solution
-                first += q.n_data
-        result: dict[str, list[str]] = {}
-        for role, expr in vectors.items():
-            rows = _pattern(expr, knowns)
-            if role == "output":
-                for row, used in zip(rows, _pattern(expr, *solutions) if solutions else (), strict=False):
-                    row.update(*(of_solution[c] for c in used))
-            for e in self.elements(role):  # type: ignore[arg-type]
-                result[e.name] = [n for c in sorted(rows[e.slot]) if (n := names[c]) is not None]
-        if not initial:  # a state that is an output depends on itself alone
-            for e in self.elements("state"):
-                if e.variable.output:
-                    result[e.name] = [e.name] if self.kind == "continuous" else []
-        return result
+        if self._model is None:
+            states = [v.name for v in self._variables.values() if v.role == "state"]
+            if missing := [n for n in states if n not in self._changes]:
+                verb = "derivative" if self.kind == "continuous" else "update"
+                raise DeclarationError(f"{self.name}: no {verb} for state(s) {', '.join(missing)}")
+            self._model = Model(
+                name=self.name,
+                kind=self.kind,
+                description=self.description,
+                source=self.source,
+                sample_time=self.sample_time,
+                solver=self.solver,
+                solver_step=self.solver_step,
+                exchange_step=self.exchange_step,
+                stop_time=self.stop_time,
+                notes=tuple(self.notes),
+                all_variables=tuple(self._variables.values()),
+                symbols=self._symbols,
+                time=self.time,
+                starts=MappingProxyType(dict(self._starts)),
+                changes=MappingProxyType({n: self._changes[n] for n in states}),
+                results=MappingProxyType(dict(self._results)),
+                checks=tuple(self._checks),
+                values=MappingProxyType(dict(self._values)),
+                equations=MappingProxyType(dict(self.equations)),
+                programs=tuple(self.programs),
+                stimulus=MappingProxyType(dict(self.stimulus)),
+                operating_points=MappingProxyType(dict(self.operating_points)),
+                provenance=MappingProxyType(dict(self.provenance)),
+                bibliography=MappingProxyType(dict(self.bibliography)),
+            )
+        return self._model
 
     def linearize(
         self, x: np.ndarray | None = None, u: np.ndarray | None = None, p: np.ndarray | None = None
     ) -> Linearization:
-        """Linear model about ``(x, u, p)`` (start values by default); C and D cover all output elements in order.
-
-        ``x`` None means the start state for ``u`` and ``p``. Continuous components only.
-        """
-        if self.kind != "continuous":
-            raise DeclarationError(f"{self.name}: only continuous components have a linear model here")
-        u = self.vector("input") if u is None else np.asarray(u, float)
-        p = self.vector("parameter") if p is None else np.asarray(p, float)
-        if x is None:
-            x = np.asarray(self.functions["start"](self.vector("state"), u, p)).ravel()
-        nx, nu = self._sizes["state"], self._sizes["input"]
-        jac = self._jacobians
-        A, B, Cy, Dy = (np.asarray(ca.DM(m).full()) for m in jac(0.0, x, u, p))
-        outs = self.output_elements()
-        C, D = np.zeros((len(outs), nx)), np.zeros((len(outs), nu))
-        for i, e in enumerate(outs):
-            if e.variable.role == "state":
-                C[i, e.slot] = 1.0
-            else:
-                C[i], D[i] = Cy[e.slot], Dy[e.slot]
-        names = [[e.name for e in self.elements(r)] for r in ("state", "input")]  # type: ignore[arg-type]
-        return Linearization(A, B, C, D, names[0], names[1], [e.name for e in outs])
-
-    @cached_property
-    def _jacobians(self) -> ca.Function:
-        t = self._symbols.sym("t")
-        roles: dict[str, Role] = {"x": "state", "u": "input", "p": "parameter"}
-        x, u, p = (self._symbols.sym(n, self._sizes[r]) for n, r in roles.items())
-        dx, y = self.functions["rhs"](t, x, u, p), self.functions["out"](t, x, u, p)
-        blocks = [ca.densify(ca.jacobian(e, v)) for e, v in ((dx, x), (dx, u), (y, x), (y, u))]
-        return ca.Function("jacobians", [t, x, u, p], blocks)
-
-
-def _pattern(expression: Any, knowns: Any) -> list[set[int]]:
-    """For each row of a column expression the elements of ``knowns`` it depends on."""
-    rows: list[set[int]] = [set() for _ in range(expression.numel())]
-    if expression.numel() and knowns.numel():
-        for r, c in zip(*ca.jacobian_sparsity(expression, knowns).get_triplet(), strict=True):
-            rows[r].add(c)
-    return rows
+        """:meth:`Model.linearize` of the model."""
+        return self.model().linearize(x, u, p)

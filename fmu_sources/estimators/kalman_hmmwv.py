@@ -331,10 +331,11 @@ class _LostPull:
         self._tires = [RELATIVE_STATES.index(n) for n in TIRE]
         per_mass = -model.B[wheels, range(4)]  # an actuator force pushes the wheel down
         self._stiffness = -model.A[wheels, self._tires] / per_mass
+        plant = car.model()
         at_rest = np.asarray(
-            car.functions["out"](0.0, np.zeros(len(lin.states)), car.vector("input"), car.vector("parameter"))
+            plant.functions["out"](0.0, np.zeros(len(lin.states)), plant.vector("input"), plant.vector("parameter"))
         )
-        slots = {e.name: e.slot for e in car.elements("output")}
+        slots = {e.name: e.slot for e in plant.elements("output")}
         self._static = at_rest.ravel()[[slots[f"tire.{k}.force"] for k in CORNERS]]
         self._lifting = c.parameter(
             "tires.lift_off", bool(car.variable("tires.lift_off").start[0]), None, "on a known road the tyres of the model do not pull",  # type: ignore[index]

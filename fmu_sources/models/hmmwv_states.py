@@ -54,7 +54,7 @@ def force_outputs(c: Component, forces: Sequence[Any]) -> None:
 
     ``forces``: expressions in the order of :data:`FORCES`.
     """
-    if "body.az" not in {v.name for v in c.all_variables}:
+    if not c.declares("body.az"):
         c.input("body.az", "m/s2", "vertical acceleration of the CG")
     limit = c.parameter(
         "force.limit", FORCE_LIMIT, "N", "largest force of an actuator that is asked for", min=0.0, max=1e6, tunable=True,

@@ -72,13 +72,13 @@ def test_identity_follows_content() -> None:
         c = oscillator()
         told = {"start": 1.0, "unit": "m", "description": "extra", "source": "none", **parameter}
         c.parameter("extra", **told)  # type: ignore[arg-type]
-        return identity(c, arrays=False)
+        return identity(c.model(), arrays=False)
 
     tokens = {
         changed(), changed(start=2.0), changed(unit="s"), changed(description="other"), changed(max=3.0),
         changed(min=0.0), changed(tunable=True), changed(nominal=5.0), changed(display_unit="mm"),
-        identity(oscillator(), arrays=False), identity(oscillator(), arrays=True),
-        identity(oscillator(solver="am2"), arrays=False),
+        identity(oscillator().model(), arrays=False), identity(oscillator().model(), arrays=True),
+        identity(oscillator(solver="am2").model(), arrays=False),
     }  # fmt: skip
     assert len(tokens) == 12
     assert changed() == changed() == changed(source="another")
@@ -106,7 +106,7 @@ def objects(component, directory: Path) -> dict[str, str]:  # type: ignore[no-un
 @pytest.mark.parametrize("make", [oscillator, filter_bank])
 def test_no_static_data_and_no_heap_in_the_model(make, tmp_path: Path) -> None:  # type: ignore[no-untyped-def]
     """Any number of instances: nothing writable is shared. Only instantiation and snapshots allocate."""
-    for name, listing in objects(make(), tmp_path).items():
+    for name, listing in objects(make().model(), tmp_path).items():
         kinds = {line.split()[-1]: line.split()[-2] for line in listing.splitlines()}
         writable = {s for s, kind in kinds.items() if kind in "bBcC" or (kind in "dD" and not relocated(s))}
         assert not writable, f"{name}: {writable}"
@@ -183,7 +183,7 @@ def test_installed_package_has_the_runtime_and_the_templates() -> None:
 
 
 def test_generated_code_is_plain_c() -> None:
-    code = generate_c(oscillator(), arrays=False, token="{x}")
+    code = generate_c(oscillator().model(), arrays=False, token="{x}")
     assert "malloc" not in code
     assert "#include <math.h>" in code
     assert "casadi_" in code  # its helpers are inside, no library is needed

@@ -27,19 +27,19 @@ def sampled() -> Component:
 def no_derivative() -> None:
     c = mass()
     c.state("x", "m")
-    _ = c.functions
+    _ = c.model().functions
 
 
 def no_update() -> None:
     c = sampled()
     c.state("held", "m")
-    _ = c.functions
+    _ = c.model().functions
 
 
 def undeclared_symbol() -> None:
     c = mass()
     c.derivative(c.state("x", "m"), ca.SX.sym("stranger"))
-    _ = c.functions
+    _ = c.model().functions
 
 
 def twice() -> None:
@@ -116,9 +116,9 @@ def test_intermediate_values_are_functions_of_what_was_declared() -> None:
     pull = c.value("pull", f - 2 * x, source="Hooke")
     c.derivative(x, pull, source="Newton")
     c.output("twice", 2 * pull, "N", "twice the pull", source="arithmetic")
-    assert c.value_sources == {"pull": "Hooke"}
+    assert c.model().value_sources == {"pull": "Hooke"}
     assert c.equations == {"x": "Newton", "twice": "arithmetic"}
-    assert float(c.functions["values"](0.0, 3.0, 10.0, c.vector("parameter"))) == 4.0
+    assert float(c.model().functions["values"](0.0, 3.0, 10.0, c.model().vector("parameter"))) == 4.0
 
 
 def test_unknown_variables_come_with_the_nearest_name() -> None:
@@ -139,10 +139,10 @@ def test_an_unstable_solver_step_is_refused_with_one_that_works(solver: str) -> 
     with pytest.raises(
         SolverStepError, match=r"Mass: .* unstable at operating point 'start' \(eigenvalue -5000"
     ) as error:
-        check_solver(stiff(1e-3))
+        check_solver(stiff(1e-3).model())
     advised = float(re.search(r"a step of ([\d.e-]+) s", str(error.value))[1])  # type: ignore[index]
-    check_solver(stiff(advised))
-    run = Evaluator(stiff(advised))
+    check_solver(stiff(advised).model())
+    run = Evaluator(stiff(advised).model())
     run.x = np.ones(1)
     run.step(200 * advised)
     assert abs(run.x[0]) < 1
@@ -155,16 +155,41 @@ def test_an_unstable_point_other_than_the_start_is_found() -> None:
     c.derivative(v, ca.if_else(x < 0, -1e8 * x, 0) - v)  # contact
     c.operating_point("contact", x=-0.01)
     with pytest.raises(SolverStepError, match="'contact'"):
-        check_solver(c)
+        check_solver(c.model())
 
 
-def test_declaring_more_renews_what_was_derived() -> None:
+LATE: dict[str, Callable[[Component], object]] = {
+    "a variable": lambda c: c.parameter("late", 1.0, "1", "late", source="none"),
+    "an output": lambda c: c.output("late", c.time, "s", "late"),
+    "a check": lambda c: c.check(1.0, "late"),
+    "a stimulus": lambda c: c.stimulate({"f": math.sin}),
+    "an operating point": lambda c: c.operating_point("late"),
+    "a solver": lambda c: c.choose_backend("osqp"),
+    "an attribute": lambda c: setattr(c, "description", "late"),
+}
+
+
+@pytest.mark.parametrize("what", LATE)
+def test_nothing_is_declared_once_the_model_is_made(what: str) -> None:
+    """What was read from the model stays true: there is one, and what comes later is refused, not lost."""
     c = mass()
-    f = c.input("f", "N", "force")
-    c.output("y", f, "N", "force")
-    assert c.dependencies == {"y": ["f"]}
-    c.output("t", c.time, "s", "time")
-    assert c.dependencies == {"y": ["f"], "t": ["time"]}
+    c.output("y", c.input("f", "N", "force"), "N", "force")
+    model = c.model()
+    assert model.dependencies == {"y": ["f"]}
+    with pytest.raises(DeclarationError, match=r"Mass: \w+(\(\))? comes after the model was made"):
+        LATE[what](c)
+    assert c.model() is model
+    assert c.linearize().D == 1.0
+
+
+def test_a_model_does_not_change() -> None:
+    c = mass()
+    c.provenance = {"gain": 1.0}
+    model = c.model()
+    with pytest.raises(AttributeError):
+        model.name = "Other"  # type: ignore[misc]
+    with pytest.raises(TypeError):
+        model.provenance["gain"] = 2.0  # type: ignore[index]
 
 
 def test_elements_are_row_major_everywhere() -> None:
@@ -177,7 +202,7 @@ def test_elements_are_row_major_everywhere() -> None:
     c.update(n, n * 10)
     c.output("sum", m + n, "1", "sum")
     assert c.variable("sum").element_names()[:4] == ["sum[1,1]", "sum[1,2]", "sum[1,3]", "sum[2,1]"]
-    run, matrix = Evaluator(c), np.arange(1.0, 7.0)
+    run, matrix = Evaluator(c.model()), np.arange(1.0, 7.0)
     np.testing.assert_array_equal(run.outputs(), 3 * matrix)
     run.step(0.02)  # two samples; the outputs are those of the second
     np.testing.assert_array_equal(run.outputs(), 3 * matrix + 10 * matrix)

@@ -38,7 +38,7 @@ def values(f: ca.Function, *arguments: Any) -> np.ndarray:
 
 @pytest.mark.parametrize("symbols", [ca.SX, ca.MX])
 def test_real_inputs_are_clipped_in_everything_derived(symbols: Any) -> None:
-    f = pushed(symbols).functions
+    f = pushed(symbols).model().functions
     x, p = [0.3, -0.2], [5e-4]
     for name in ("rhs", "out"):
         np.testing.assert_array_equal(values(f[name], 0.0, x, BEYOND, p), values(f[name], 0.0, x, LIMIT, p))
@@ -65,7 +65,7 @@ def test_linear_models_beyond_a_limit(symbols: Any) -> None:
 
 @pytest.mark.parametrize("solver", ["rk4", "am2", "ros2", "semi_implicit"])
 def test_the_python_evaluation_clips(solver: str) -> None:
-    runs = [Evaluator(pushed(solver=solver)) for _ in range(2)]
+    runs = [Evaluator(pushed(solver=solver).model()) for _ in range(2)]
     for run, u in zip(runs, (LIMIT, BEYOND), strict=True):
         run.u[:] = u
         for _ in range(5):
@@ -81,8 +81,8 @@ def test_one_limit_and_no_limit() -> None:
     )
     c.output("sum", ca.vertcat(low, high, free), "N", "forces")
     for u, expected in (([-3.0] * 3, [0.0, -3.0, -3.0]), ([3.0] * 3, [3.0, 0.0, 3.0])):
-        np.testing.assert_array_equal(values(c.functions["out"], 0.0, [], u, [5e-4]), expected)
-    assert [v.name for v in c.clipped_inputs] == ["low", "high"]
+        np.testing.assert_array_equal(values(c.model().functions["out"], 0.0, [], u, [5e-4]), expected)
+    assert [v.name for v in c.model().clipped_inputs] == ["low", "high"]
 
 
 def test_selectors_are_not_clipped() -> None:
@@ -90,8 +90,8 @@ def test_selectors_are_not_clipped() -> None:
     c = Component("Mass", kind="continuous", description="a mass", source="Newton")
     case = c.input("case", None, "selector", type=int, min=0, max=3)
     c.output("y", 1.0 * case, "1", "its value")
-    assert values(c.functions["out"], 0.0, [], [7.0], [5e-4]) == [7.0]
-    assert c.clipped_inputs == []
+    assert values(c.model().functions["out"], 0.0, [], [7.0], [5e-4]) == [7.0]
+    assert c.model().clipped_inputs == []
 
 
 def reader() -> Component:
@@ -105,24 +105,24 @@ def reader() -> Component:
 
 def test_a_constant_input_has_no_limits_and_starts_unconnected() -> None:
     c = reader()
-    (v,) = c.constant_inputs
+    (v,) = c.model().constant_inputs
     assert (v.name, v.must_equal, v.start, v.min, v.max) == ("height.step", 0.03, (0.0,), None, None)
     assert v.tolerance == pytest.approx(3e-8)
     assert c.stimulus["height.step"](0.0) == 0.03, "the reference result shows it connected"
-    assert c.dependencies == {
+    assert c.model().dependencies == {
         "grid.step": [],
         "clock": ["time"],
         **{f"table[{i},{k}]": [] for i in (1, 2) for k in (1, 2)},
     }
-    (row,) = (r for r in variable_rows(c) if r["name"] == "height.step")
+    (row,) = (r for r in variable_rows(c.model()) if r["name"] == "height.step")
     assert row["range"] == "0.03, or 0"
     with pytest.raises(DeclarationError, match=r"Reader\.other: must_equal is nan"):
-        c.constant_input("other", "s", "other", must_equal=math.nan)
+        reader().constant_input("other", "s", "other", must_equal=math.nan)
 
 
 @pytest.mark.parametrize("fmi", [2, 3])
 def test_the_annotation_tells_constants_of_inputs_and_outputs(fmi: int) -> None:
-    text = model_description(reader(), fmi, token="t", sources=["model.c"]).decode()
+    text = model_description(reader().model(), fmi, token="t", sources=["model.c"]).decode()
     assert '<Input name="height.step" mustEqual="0.03" tolerance="' in text
     for line in ('<Output name="grid.step" constant="0.02"/>', '<Output name="table[2,1]" constant="3.0"/>'):
         assert line in text
@@ -140,7 +140,7 @@ def test_generated_code_converts_no_number_unchecked() -> None:
     c.output("read", table[at], "1", "what is there")
     exact = ca.interpolant("exact", "linear", [np.arange(4.0)], np.arange(4.0), {"lookup_mode": ["exact"]})
     c.output("interpolated", exact(at[0]), "1", "between points")
-    code = generate.generate_c(c, arrays=False, token="t")
+    code = generate.generate_c(c.model(), arrays=False, token="t")
     assert "(int) *" not in code
     assert "(casadi_int) (" not in code
     assert code.count("fmu_index(") >= 4

@@ -152,7 +152,7 @@ def test_every_function_that_generated_code_can_call_is_there() -> None:
     )  # fmt: skip
     two = (ca.atan2, ca.fmod, ca.remainder, ca.fmin, ca.fmax, ca.copysign, ca.hypot, lambda a, b: a**b)
     c.output("all", ca.vertcat(*(f(x) for f in one), *(f(x, y) for f in two)), "1", "results")
-    code = generate_c(c, arrays=False, token="")
+    code = generate_c(c.model(), arrays=False, token="")
     bodies = re.sub(r"^#.*$", "", code, flags=re.MULTILINE)
     called = {n for n in re.findall(r"\b([a-z]\w*)\(", bodies) if not n.startswith(("casadi_", "model_", "fmu_"))}
     functions = called - {"if", "switch", "sizeof", "defined"} - set(re.findall(r"(\w+)\([^()]*\)\s*\{", bodies))

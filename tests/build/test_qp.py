@@ -39,13 +39,13 @@ def of_its_own_solution(c: Component) -> object:
 
 def undeclared(c: Component) -> object:
     declare(c, linear=ca.vertcat(ca.SX.sym("stranger"), 0))
-    return c.functions
+    return c.model().functions
 
 
 def start_from_a_solution(c: Component) -> object:
     s = declare(c)
     c.update(c.state("x", "1", start=s.z[0] + 1), 0)  # type: ignore[attr-defined]
-    return c.functions
+    return c.model().functions
 
 
 MISTAKES = {
@@ -107,13 +107,13 @@ def test_dependencies_go_through_the_solver(symbols: object) -> None:
     c.output("u", s.z[0] + inputs["beside"], "1", "command")  # type: ignore[attr-defined]
     c.output("aside", inputs["beside"], "1", "not solved for")
     solved = ["linear", "lower", "case"]
-    assert c.dependencies["solver.status"] == solved
-    assert c.dependencies["u"] == [*solved, "beside"]
-    assert c.dependencies["aside"] == ["beside"]
-    at_first = c.initial_dependencies
+    assert c.model().dependencies["solver.status"] == solved
+    assert c.model().dependencies["u"] == [*solved, "beside"]
+    assert c.model().dependencies["aside"] == ["beside"]
+    at_first = c.model().initial_dependencies
     assert at_first["solver.residual"] == ["linear", "lower", "upper", "case"]
     assert at_first["aside"] == ["beside"]
-    assert b'name="solver.iterations"' in model_description(c, 2, token="", sources=[])
+    assert b'name="solver.iterations"' in model_description(c.model(), 2, token="", sources=[])
 
 
 def test_two_programs_with_two_solvers() -> None:
@@ -122,12 +122,12 @@ def test_two_programs_with_two_solvers() -> None:
     first = declare(c, "first", linear=q, backend=Daqp())
     second = declare(c, "second", linear=-2 * q, backend=Osqp(rho=1.0, eps=1e-10), upper=[0.5, 2.0])
     c.output("u", ca.vertcat(first.z, second.z), "1", "commands")  # type: ignore[attr-defined]
-    run = Evaluator(c)
+    run = Evaluator(c.model())
     run.step(0.01)
     u = run.outputs()[-4:]
     np.testing.assert_allclose(u[:2], solve_reference(H, run.u, A, -np.ones(2), np.ones(2)).z, atol=1e-12)
     np.testing.assert_allclose(u[2:], solve_reference(H, -2 * run.u, A, -np.ones(2), [0.5, 2.0]).z, atol=1e-8)
-    assert {n.split("/")[0] for n in generate.solver_files(c) if "/" in n} == {"daqp", "osqp"}
+    assert {n.split("/")[0] for n in generate.solver_files(c.model()) if "/" in n} == {"daqp", "osqp"}
 
 
 def test_cases_that_differ_in_bounds_alone_share_their_constants() -> None:
@@ -140,11 +140,11 @@ def test_cases_that_differ_in_bounds_alone_share_their_constants() -> None:
     code = generate_data(c.programs)
     assert code.count("static const double qp0_hessian") == 3
     assert code.count("static const double qp0_constraints") == 1
-    run = Evaluator(c)
+    run = Evaluator(c.model())
     for k in range(5):
         run.u[run.component.size("input") - 1] = k
-        data = np.asarray(c.functions["programs"](0.0, run.x, run.u, run.p)).ravel()
-        z = CompiledPrograms(c).solve(data)[:2]
+        data = np.asarray(c.model().functions["programs"](0.0, run.x, run.u, run.p)).ravel()
+        z = CompiledPrograms(c.model()).solve(data)[:2]
         weight = hessians[k][0, 0]
         np.testing.assert_allclose(z, np.array([1.0, -1.0]) * min(8.0 / weight, 1.0 + k), atol=1e-9)
 
@@ -154,7 +154,7 @@ def test_initialization_does_not_commit() -> None:
     c = sampled()
     q = c.input("q", "1", "linear term", shape=(2,), start=[3.0, -5.0])
     declare(c, linear=q, backend=Osqp())
-    looked, blind = Evaluator(c), Evaluator(c)
+    looked, blind = Evaluator(c.model()), Evaluator(c.model())
     cold = looked.outputs()
     assert looked.outputs().tobytes() == cold.tobytes()
     for run in (looked, blind):
@@ -177,14 +177,14 @@ def test_solvers_are_selectable_at_build_time() -> None:
     assert [p.backend for p in declared.programs] == [Daqp(), Osqp()]
     assert [p.backend for p in chosen.programs] == [Osqp(rho=7.0), Osqp()]
     assert [p.backend for p in plain.programs] == [Daqp(), Daqp()]
-    assert len({generate.identity(c, arrays=False) for c in (declared, chosen, plain)}) == 3
+    assert len({generate.identity(c.model(), arrays=False) for c in (declared, chosen, plain)}) == 3
 
 
 def test_sources_and_licences_go_into_the_fmu() -> None:
     c = sampled()
     declare(c, backend=Osqp())
-    files = package.source_files(c, 3)
-    assert b"Apache License" in generate.third_party(c)[0].licence
+    files = package.source_files(c.model(), 3)
+    assert b"Apache License" in generate.third_party(c.model())[0].licence
     assert b"CHANGED by suspension-fmus" in files["osqp/osqp_configure.h"]  # section 4b of that licence
     assert {"qp.c", "qp_osqp.c", "qp_data.c", "osqp/osqp_api.c", "osqp/osqp_configure.h"} <= files.keys()
     assert not any(n.startswith(("daqp/", "qp_daqp")) for n in files)

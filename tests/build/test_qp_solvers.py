@@ -60,7 +60,7 @@ def compiled(problem: str, backend: Backend) -> CompiledPrograms:
     c.quadratic_program(
         "solver", hessians=H, constraints=A, linear=q, lower=lo, upper=up, case=case, backend=backend
     )  # fmt: skip
-    return CompiledPrograms(c)
+    return CompiledPrograms(c.model())
 
 
 class Solved:

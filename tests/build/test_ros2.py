@@ -70,8 +70,8 @@ def test_stiff_modes_die_out_and_slow_ones_stay_accurate() -> None:
     fast = c.state("fast", "1", start=5.0)
     c.derivative(slow, -slow)
     c.derivative(fast, -1e8 * (fast - slow))
-    check_solver(c)
-    run = Evaluator(c)
+    check_solver(c.model())
+    run = Evaluator(c.model())
     run.step(0.01)
     assert abs(run.x[1] - run.x[0]) < 0.1  # the initial layer, 4 high, is gone after one step
     assert in_python(c, 0.01, 1.0) == pytest.approx([math.exp(-1), math.exp(-1)], rel=2e-5)
@@ -95,10 +95,10 @@ def test_solver_check(rate: float, fine: bool) -> None:
     x = c.state("x", "1", start=1.0)
     c.derivative(x, rate * x)
     if fine:
-        check_solver(c)
+        check_solver(c.model())
     else:
         with pytest.raises(SolverStepError, match="solver ros2 with step"):
-            check_solver(c)
+            check_solver(c.model())
 
 
 def growing(step: float) -> Component:
@@ -126,6 +126,6 @@ def test_a_singular_matrix_in_python() -> None:
     c = declare()
     x = c.state("x", "1", start=1.0)
     c.derivative(x, x)
-    run = Evaluator(c, {"solver.step": 1 / (1 - math.sqrt(0.5))})
+    run = Evaluator(c.model(), {"solver.step": 1 / (1 - math.sqrt(0.5))})
     with pytest.raises(ArithmeticError, match="Stiff: the matrix of solver ros2 is singular at time 0 s"):
         run.step(1 / (1 - math.sqrt(0.5)))

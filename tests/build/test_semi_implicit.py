@@ -70,7 +70,7 @@ def test_positions_are_found() -> None:
     c.derivative(s["by_input"], u)
     c.derivative(s["growing"], s["growing"])
     c.derivative(s["twice"], s["velocity"])
-    assert dict(zip(names, c.velocity_of, strict=True)) == {
+    assert dict(zip(names, c.model().velocity_of, strict=True)) == {
         "position": 1, "velocity": -1, "scaled": -1, "by_input": -1, "growing": -1, "twice": 1,
     }  # fmt: skip
 
@@ -82,10 +82,10 @@ def test_a_position_never_drives_a_position() -> None:
     for a, b in pairwise(s):
         c.derivative(a, b)
     c.derivative(s[-1], -s[0])
-    moving = np.flatnonzero(c.velocity_of >= 0)
+    moving = np.flatnonzero(c.model().velocity_of >= 0)
     assert moving.size
-    assert (c.velocity_of[c.velocity_of[moving]] == -1).all()
-    run = Evaluator(c)
+    assert (c.model().velocity_of[c.model().velocity_of[moving]] == -1).all()
+    run = Evaluator(c.model())
     run.x = np.array([0.0, 0.0, 0.0, 6.0])
     run.step(0.5)
     assert run.x[0] == pytest.approx(0.5**3, rel=0.01)
@@ -96,10 +96,10 @@ def test_a_vibration_keeps_its_energy(phase: float) -> None:
     """At any step below 2 / omega the amplitude neither grows nor decays, where explicit methods feed it."""
     omega = 200.0
     c = vibration(phase / omega, omega=omega)
-    check_solver(c)
-    step = step_matrix(matrices_by_point(c)["start"], c.velocity_of, phase / omega)
+    check_solver(c.model())
+    step = step_matrix(matrices_by_point(c.model())["start"], c.model().velocity_of, phase / omega)
     assert np.abs(np.linalg.eigvals(step)) == pytest.approx(1.0, abs=1e-12)
-    run = Evaluator(c)
+    run = Evaluator(c.model())
     energies = []
     for _ in range(3000):
         run.step(phase / omega)
@@ -110,8 +110,8 @@ def test_a_vibration_keeps_its_energy(phase: float) -> None:
 @pytest.mark.parametrize("damping", [5.0, 100.0, 390.0, 1500.0])
 def test_damping_takes_energy_out(damping: float) -> None:
     c = vibration(1e-3, omega=195.0, damping=damping)
-    check_solver(c)
-    run = Evaluator(c)
+    check_solver(c.model())
+    run = Evaluator(c.model())
     for _ in range(2000):
         run.step(1e-3)
     assert np.abs(run.x / [1.0, 195.0]).max() < 0.01
@@ -119,7 +119,7 @@ def test_damping_takes_energy_out(damping: float) -> None:
 
 def test_the_matrix_of_a_step_is_the_step() -> None:
     c = vibration(1e-3, omega=300.0, damping=40.0)
-    matrix = step_matrix(matrices_by_point(c)["start"], c.velocity_of, 1e-3)
+    matrix = step_matrix(matrices_by_point(c.model())["start"], c.model().velocity_of, 1e-3)
     np.testing.assert_allclose(in_python(c, 1e-3, 0.02), np.linalg.matrix_power(matrix, 20) @ [1.0, 0.0], rtol=1e-10)
 
 
@@ -128,9 +128,9 @@ def test_a_step_too_long_is_refused(omega: float, damping: float) -> None:
     with pytest.raises(
         SolverStepError, match=r"solver semi_implicit with step 0.001 s is unstable .* would do"
     ) as error:
-        check_solver(vibration(1e-3, omega=omega, damping=damping))
+        check_solver(vibration(1e-3, omega=omega, damping=damping).model())
     better = float(str(error.value).split("a step of ")[1].split()[0])
-    check_solver(vibration(better, omega=omega, damping=damping))
+    check_solver(vibration(better, omega=omega, damping=damping).model())
 
 
 def ball(step: float, *, damping: float) -> Component:
@@ -146,7 +146,7 @@ def ball(step: float, *, damping: float) -> Component:
 
 def test_bounces_do_not_grow() -> None:
     """Ten bounces without any damping return to where they began, though contact begins in the middle of steps."""
-    run = Evaluator(ball(5e-4, damping=0.0))
+    run = Evaluator(ball(5e-4, damping=0.0).model())
     highest = 0.0
     for _ in range(8000):
         run.step(5e-4)
@@ -156,7 +156,7 @@ def test_bounces_do_not_grow() -> None:
 
 def test_peaks_hardly_depend_on_the_step() -> None:
     def peak(step: float) -> float:
-        run, force = Evaluator(ball(step, damping=2e4)), 0.0
+        run, force = Evaluator(ball(step, damping=2e4).model()), 0.0
         while run.time < 0.3:
             run.step(step)
             force = max(force, float(run.rhs(0.0, run.x)[1]))
@@ -194,7 +194,7 @@ def test_checks(start: dict[str, float], message: str | None, tmp_path: Path) ->
     """Initialization of the FMU, and of the Python evaluation, fails with the message of the first check that fails."""
     c = related()
     in_c(c, 1e-3, 1e-3, tmp_path)
-    run = Evaluator(c, {k: v for k, v in start.items() if k != "u"})
+    run = Evaluator(c.model(), {k: v for k, v in start.items() if k != "u"})
     run.u[0] = start.get("u", 1.5)
     log: list[str] = []
     path = tmp_path / "Related.fmu"
@@ -224,4 +224,4 @@ def test_a_check_of_states_is_refused() -> None:
     c.derivative(x, -x)
     c.check(x, "x must be positive")
     with pytest.raises(DeclarationError, match="not on states"):
-        _ = c.functions
+        _ = c.model().functions

@@ -154,7 +154,7 @@ def test_growing_modes(growth: float, tmp_path: Path) -> None:
     rate = c.parameter("rate", 1.0, "1/s", "growth", source="none")
     x = c.state("x", "m", start=1e-9)
     c.derivative(x, rate * x)
-    check_solver(c)
+    check_solver(c.model())
     said = refusal(c, tmp_path, {"rate": growth, "solver.step": 1e-3})
     assert (said is None) == (growth == 1000.0), said
 

@@ -59,7 +59,7 @@ def test_the_words_of_a_file_on_its_values_come_through(fmi: int, tmp_path: Path
     )
     quoted = json.dumps(words, ensure_ascii=False)  # a string of TOML, too
     path = own(tmp_path, "quarter_car_hmmwv", f'[body]\nmass = {{ value = 3600.0, unit = "kg", source = {quoted} }}\n')
-    car = own_catalog(path, "Mine")["QuarterCarMine"].make(Context(tmp_path, tmp_path))
+    car = own_catalog(path, "Mine")["QuarterCarMine"].make(Context(tmp_path, tmp_path)).model()
     about = parse(model_description(car, fmi, token="t", sources=[]), "mine.fmu")
     assert len(words) == 1000
     assert about.parameters["body.mass"].source == words

@@ -12,7 +12,7 @@ from api import ERROR, OK, CallFailed, Library, Model
 from applies import applies_to, continuous
 from built import FMUS
 
-from build_fmus.component import Component
+from build_fmus.component import Model as DeclaredModel
 from build_fmus.stability import find_instability, matrices_by_point
 from fmu_sources.catalog import Context, default_catalog
 
@@ -47,13 +47,13 @@ def verdict(fmu: Library, values: dict[str, float], kind: str = "cs") -> Refusal
     return None
 
 
-def declared(name: str) -> Component:
+def declared(name: str) -> DeclaredModel:
     if name in components.MAKERS:
-        return components.MAKERS[name]()
-    return default_catalog()[name].make(Context(FMUS, FMUS / ".cache"))
+        return components.MAKERS[name]().model()
+    return default_catalog()[name].make(Context(FMUS, FMUS / ".cache")).model()
 
 
-def random_parameters(component: Component, rng: np.random.Generator) -> dict[str, float]:
+def random_parameters(component: DeclaredModel, rng: np.random.Generator) -> dict[str, float]:
     """A few parameters, far from their start values but within their limits; half of the time another solver step."""
     reals = [e for e in component.elements("parameter") if e.variable.type == "Float64" and e.name != "solver.step"]
     values = {}

@@ -6,17 +6,17 @@ import components
 from built import FMUS, BuiltFmus
 
 from build_fmus.builder import Options
-from build_fmus.component import Component
+from build_fmus.component import Model
 from cosim import Fmu
 from fmu_sources.catalog import Context, default_catalog
 
 
-def declared(name: str) -> Component:
+def declared(name: str) -> Model:
     """The component that an FMU under test is made of."""
     if name in components.MAKERS:
-        return components.MAKERS[name]()
+        return components.MAKERS[name]().model()
     options = Options(FMUS)
-    return default_catalog()[name].make(Context(options.out, options.cache))
+    return default_catalog()[name].make(Context(options.out, options.cache)).model()
 
 
 def test_every_parameter_has_the_source_that_was_declared(name: str, built_fmus: BuiltFmus) -> None:

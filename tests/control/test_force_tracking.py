@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy import signal
 
-from build_fmus.component import Component
+from build_fmus.component import Model
 from build_fmus.reference import Evaluator
 from fmu_sources.controllers.force_tracking import force_tracking, smoothing_filter
 from fmu_sources.plants import hydraulic_actuator
@@ -22,13 +22,13 @@ STROKE = 10.0 / GAIN
 
 
 @pytest.fixture(scope="module", params=list(DENSITY))
-def controller(request) -> Component:
-    return force_tracking(load_actuator(request.param), name=request.param)
+def controller(request) -> Model:
+    return force_tracking(load_actuator(request.param), name=request.param).model()
 
 
 @pytest.fixture(scope="module")
-def paper() -> Component:
-    return force_tracking(load_actuator("actuator_hmmwv"), name="actuator_hmmwv")
+def paper() -> Model:
+    return force_tracking(load_actuator("actuator_hmmwv"), name="actuator_hmmwv").model()
 
 
 class Law(Evaluator):
@@ -203,10 +203,10 @@ def test_integral_waits_at_a_limit(paper):
 @pytest.mark.parametrize("pair", [(k, k) for k in DENSITY], ids=str)
 def test_tracks_with_a_held_piston(pair):
     """Actuator behind a locked piston: the force follows the smoothed command, also through its steps."""
-    actuator = Evaluator(hydraulic_actuator(load_actuator(pair[0])))
+    actuator = Evaluator(hydraulic_actuator(load_actuator(pair[0])).model())
     names = [e.name for e in actuator.component.output_elements()]
     force, spool = names.index("force"), names.index("spool.position")
-    law = Law(force_tracking(load_actuator(pair[1])))
+    law = Law(force_tracking(load_actuator(pair[1])).model())
     errors, smoothed = [], []
     for k in range(400):
         now = actuator.outputs()

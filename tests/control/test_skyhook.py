@@ -20,7 +20,7 @@ def car():
 
 @pytest.fixture(scope="module")
 def controller(car):
-    return skyhook(car)
+    return skyhook(car).model()
 
 
 def command(controller, parameters=None, **inputs):

@@ -41,12 +41,12 @@ def car():
 
 @pytest.fixture(scope="module")
 def relative(car):
-    return kalman_hmmwv(car, load_sensors("sensors_hmmwv"))
+    return kalman_hmmwv(car, load_sensors("sensors_hmmwv")).model()
 
 
 @pytest.fixture(scope="module")
 def printed(car):
-    return kalman_hmmwv_printed(car, load_sensors("sensors_hmmwv"))
+    return kalman_hmmwv_printed(car, load_sensors("sensors_hmmwv")).model()
 
 
 class Run:
@@ -326,12 +326,12 @@ def test_the_printed_filter_is_right_on_a_flat_road(car, printed):
 
 def test_tyres_that_lift_off(car, relative):
     """The car itself over a bump of 76 mm on a known road: a filter whose tyres do not pull either is nearer to it."""
-    lin = car.linearize()
+    lin, model = car.linearize(), car.model()
     at = {n: i for i, n in enumerate(lin.inputs)}
-    outputs = {e.name: i for i, e in enumerate(car.output_elements())}
-    rhs, out = car.functions["rhs"], car.functions["out"]
-    x, u, p = np.zeros(14), car.vector("input"), car.vector("parameter")
-    slots = {e.name: e.slot for e in car.elements("output")}
+    outputs = {e.name: i for i, e in enumerate(model.output_elements())}
+    rhs, out = model.functions["rhs"], model.functions["out"]
+    x, u, p = np.zeros(14), model.vector("input"), model.vector("parameter")
+    slots = {e.name: e.slot for e in model.elements("output")}
     runs = {off: Run(relative, use_road=1, tires__lift_off=off) for off in (0, 1)}
     h, errors, tires = 5e-4, {0: [], 1: []}, []
     assert set(outputs) >= set(RELATIVE_STATES)

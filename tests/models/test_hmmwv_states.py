@@ -30,19 +30,19 @@ def model(car):
 def anywhere(car):
     """The car at random states, forces and road, with its outputs by name, its derivatives and its inputs. Its tyres pull:
     the model is that of a car on the road."""
-    evaluator = Evaluator(car, {"tires.lift_off": False})
+    evaluator = Evaluator(car.model(), {"tires.lift_off": False})
     rng = np.random.default_rng(3)
     evaluator.x[:] = rng.normal(size=evaluator.x.size)
     evaluator.u[:] = rng.normal(size=evaluator.u.size) * [
         1000.0 if "force" in n else 1.0 for n in car.linearize().inputs
     ]
-    outputs = dict(zip((e.name for e in car.output_elements()), evaluator.outputs(), strict=True))
+    outputs = dict(zip((e.name for e in car.model().output_elements()), evaluator.outputs(), strict=True))
     inputs = dict(zip(car.linearize().inputs, evaluator.u, strict=True))
     return outputs, inputs
 
 
 def test_names_and_units_are_those_of_the_car(car):
-    outputs = {e.name for e in car.output_elements()}
+    outputs = {e.name for e in car.model().output_elements()}
     assert len(RELATIVE_STATES) == len(set(RELATIVE_STATES)) == 15
     assert set(RELATIVE_STATES) <= outputs
     units = [car.variable(n).unit for n in RELATIVE_STATES]
@@ -51,7 +51,7 @@ def test_names_and_units_are_those_of_the_car(car):
     component = Component("Any", kind="discrete", sample_time=0.03, description="", source="")
     column = relative_inputs(component, car)
     assert column.shape == (15, 1)
-    assert [(e.name, e.variable.unit) for e in component.elements("input")] == list(
+    assert [(e.name, e.variable.unit) for e in component.model().elements("input")] == list(
         zip(RELATIVE_STATES, units, strict=True)
     )
 

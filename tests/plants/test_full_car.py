@@ -23,7 +23,7 @@ class Car:
 
     def __init__(self, vehicle):
         self.vehicle = load_full_car(vehicle)
-        self.c = full_car(self.vehicle, "FullCarTest")
+        self.c = full_car(self.vehicle, "FullCarTest").model()
         self.f = self.c.functions
         self.states = [e.name for e in self.c.elements("state")]
         self.inputs = [e.name for e in self.c.elements("input")]
@@ -429,7 +429,7 @@ def test_reference_run_is_finite(car):
 
 def open_loop_response(car, kmh, step=5e-4):
     """J of paper 000 (22a) on the sine road, from x = 5 m on over 150 m."""
-    road = road_sine(RoadLayout.of(car.vehicle))
+    road = road_sine(RoadLayout.of(car.vehicle)).model()
     x, p, heights = ca.SX.sym("x", len(car.states)), car.p(), road.vector("parameter")
     u0 = ca.SX(car.u(target__speed=kmh / 3.6))
     slots = {e.name: e.slot for e in car.c.elements("output")}

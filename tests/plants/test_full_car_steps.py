@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from build_fmus.component import Component
+from build_fmus.component import Model
 from build_fmus.reference import Evaluator
 from fmu_sources.plants import full_car
 from fmu_sources.vehicles import load_full_car
@@ -22,8 +22,8 @@ ARCHITECTURE = Path(__file__).parents[2] / "docs" / "architecture.md"
 
 
 @lru_cache
-def car(name: str) -> Component:
-    return full_car(load_full_car(CARS[name]), name=name)
+def car(name: str) -> Model:
+    return full_car(load_full_car(CARS[name]), name=name).model()
 
 
 @lru_cache

@@ -11,7 +11,7 @@ import pytest
 from scipy.optimize import brentq
 
 from build_fmus import units
-from build_fmus.component import Component
+from build_fmus.component import Model
 from build_fmus.reference import Evaluator, simulate
 from build_fmus.stability import check_solver, eigenvalues_by_point
 from fmu_sources.plants import hydraulic_actuator, quarter_car
@@ -24,8 +24,8 @@ OIL_COLUMN = AREA**2 * ALPHA  # 44 MN/m
 
 
 @pytest.fixture(scope="module", params=list(DENSITY))
-def actuator(request) -> Component:
-    return hydraulic_actuator(load_actuator(request.param), name=request.param)
+def actuator(request) -> Model:
+    return hydraulic_actuator(load_actuator(request.param), name=request.param).model()
 
 
 class Run(Evaluator):
@@ -46,7 +46,7 @@ class Run(Evaluator):
         return self
 
 
-def gradient(component: Component) -> float:
+def gradient(component: Model) -> float:
     """Flow per spool stroke and root of pressure."""
     return DISCHARGE * WIDTH / math.sqrt(DENSITY[component.name])
 
@@ -174,7 +174,7 @@ def test_energy_balance(actuator, parameters, bypass):
 # -------------------------------------------------------------------------------------------------------------- limits
 
 
-def top_speed(component: Component, voltage: float, parameters: dict[str, float]) -> tuple[float, float]:
+def top_speed(component: Model, voltage: float, parameters: dict[str, float]) -> tuple[float, float]:
     """Steady speed [m/s] and supply flow [m3/s] of a free piston with 300 kg on it (car first, then actuator)."""
     run, v, h = Run(component, {"solver.step": 1e-4, **parameters}), 0.0, 1e-4
     speeds, flows = [], []
@@ -272,9 +272,9 @@ def test_pressure_slope_at_the_supply_limit_is_that_of_the_smoothing(actuator):
 # --------------------------------------------------------------------------------------------- with the car, at 0.5 ms
 
 
-def coupled(component: Component, h: float) -> tuple[np.ndarray, np.ndarray]:
+def coupled(component: Model, h: float) -> tuple[np.ndarray, np.ndarray]:
     """Quarter car (1.1) and actuator, car first; force [N] at every millisecond of 1 s."""
-    car = Run(quarter_car(load_quarter_car("quarter_car_hmmwv")))
+    car = Run(quarter_car(load_quarter_car("quarter_car_hmmwv")).model())
     actuator = Run(component)
     forces = []
     for k in range(round(1.0 / h)):

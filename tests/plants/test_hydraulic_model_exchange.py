@@ -13,7 +13,7 @@ import pytest
 from built import BuiltFmus
 from scipy.integrate import solve_ivp
 
-from build_fmus.component import Component
+from build_fmus.component import Model
 from build_fmus.reference import Evaluator
 from fmu_sources.plants import hydraulic_actuator
 from fmu_sources.vehicles import load_actuator
@@ -27,8 +27,8 @@ DOCS = Path(__file__).parents[2] / "docs"
 
 
 @lru_cache
-def component(name: str) -> Component:
-    return hydraulic_actuator(load_actuator(VEHICLES[name]), name=name)
+def component(name: str) -> Model:
+    return hydraulic_actuator(load_actuator(VEHICLES[name]), name=name).model()
 
 
 @pytest.fixture(scope="module", params=list(VEHICLES))

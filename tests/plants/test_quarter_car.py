@@ -11,7 +11,7 @@ from fmu_sources.vehicles import load_quarter_car
 
 @pytest.fixture(scope="module")
 def car():
-    return quarter_car(load_quarter_car("quarter_car_hmmwv"))
+    return quarter_car(load_quarter_car("quarter_car_hmmwv")).model()
 
 
 def test_state_matrix_is_that_of_equation_1_1(car):

@@ -19,12 +19,12 @@ INPUTS = [f"{a}.{k}{b}" for a, b in (("road", ".height"), ("road", ".rate"), ("f
 
 @pytest.fixture(scope="module", params=VEHICLES)
 def car(request):
-    return ride_car(load_ride_car(VEHICLES[request.param]), name=request.param)
+    return ride_car(load_ride_car(VEHICLES[request.param]), name=request.param).model()
 
 
 @pytest.fixture(scope="module")
 def hmmwv():
-    return ride_car(load_ride_car("ride_car_hmmwv"), name="RideCarHmmwv")
+    return ride_car(load_ride_car("ride_car_hmmwv"), name="RideCarHmmwv").model()
 
 
 def parameter_vector(car, values):
@@ -130,7 +130,7 @@ def test_matrices_are_those_of_the_equations_by_hand(car, changed):
 
 def test_roll_equation_7_as_printed():
     """Numbers of 004 Table 1 put into its equation (7); x_1 ... x_4 are LF, LR, RF, RR."""
-    car = ride_car(load_ride_car("sedan"))
+    car = ride_car(load_ride_car("sedan")).model()
     model = car.linearize()
     tf, tr, inertia, ks, cs = 1.522, 1.510, 460.0, (19960.0, 17500.0), (1290.0, 1620.0)
     row = dict(zip(model.states, model.A[model.states.index("body.roll_rate")], strict=True))
@@ -368,7 +368,7 @@ def test_controllers_are_designed_on_the_car_without_friction(hmmwv):
 
 
 def test_the_sedan_has_no_friction():
-    names = [e.name for e in ride_car(load_ride_car("sedan")).elements("parameter")]
+    names = [e.name for e in ride_car(load_ride_car("sedan")).model().elements("parameter")]
     assert not [n for n in names if "friction" in n]
 
 
@@ -463,7 +463,7 @@ def test_friction_and_lift_off_of_a_file(tmp_path):
     head = 'base = "sedan"\ntires_lift_off = true\n[suspension.rear.friction]\n'
     force = 'force = { value = 0.2, unit = "kN", source = "me" }\n'
     path.write_text(head + force + 'speed = { value = 0.02, unit = "m/s", source = "me" }\n')
-    car = ride_car(load_ride_car(path))
+    car = ride_car(load_ride_car(path)).model()
     assert car.variable("tires.lift_off").start == (1.0,)
     assert car.variable("suspension.rl.friction.force").start == (200.0,)
     assert not [e for e in car.elements("parameter") if "fl.friction" in e.name]

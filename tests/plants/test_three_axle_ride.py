@@ -20,7 +20,7 @@ INPUTS = [pattern.format(k) for pattern in ("road.{}.height", "road.{}.rate", "f
 
 @pytest.fixture(scope="module")
 def car():
-    return ride_car(load_three_axle("three_axle"), name="ThreeAxleRide")
+    return ride_car(load_three_axle("three_axle"), name="ThreeAxleRide").model()
 
 
 def values_of(car):
@@ -109,7 +109,7 @@ def test_lifting_the_road_lifts_everything_by_as_much(car):
 
 def test_outputs_are_those_of_the_two_axle_car(car):
     """The same names, with the corners of three axles."""
-    two = [e.name for e in ride_car(load_ride_car("sedan")).output_elements()]
+    two = [e.name for e in ride_car(load_ride_car("sedan")).model().output_elements()]
     body = {n for n in two if n.startswith("body.")}
     patterns = [n.replace(".fl.", ".{}.") for n in two if ".fl." in n]
     assert {e.name for e in car.output_elements()} == body | {p.format(k) for p in patterns for k in CORNERS}

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from build_fmus.component import Component, Linearization
+from build_fmus.component import Linearization, Model
 from build_fmus.reference import Evaluator
 from build_fmus.stability import check_solver
 from cosim import CosimError, Recording, StopWhen, System, UnconnectedInputsWarning
@@ -23,8 +23,8 @@ STEP = 5e-4  # s, of exchange; impacts are shorter than 1 ms
 
 
 @pytest.fixture(scope="module")
-def plant() -> Component:
-    return three_axle_trench(load_three_axle_trench("three_axle_trench"))
+def plant() -> Model:
+    return three_axle_trench(load_three_axle_trench("three_axle_trench")).model()
 
 
 @pytest.fixture(scope="module")
@@ -79,7 +79,7 @@ def judge(run: Recording, length: float) -> tuple[Crossing, tuple[str, ...]]:
         {"body.mass": 60000.0, "tire.a1l.stiffness": 3e5, "strut.hydropneumatic": 1.0},  # tyres that bottom
     ],
 )
-def test_rests_exactly(plant: Component, changes: dict[str, float]) -> None:
+def test_rests_exactly(plant: Model, changes: dict[str, float]) -> None:
     """Every acceleration is 0 in the calculated start state, whatever the masses, springs and tyres are."""
     run = Run(plant, changes)
     run.u[run.slot("target.speed")] = 2.0
@@ -91,7 +91,7 @@ def test_rests_exactly(plant: Component, changes: dict[str, float]) -> None:
     assert weight == pytest.approx(9.81 * masses.sum(), rel=1e-9)
 
 
-def test_static_wheel_load_and_lidar(plant: Component) -> None:
+def test_static_wheel_load_and_lidar(plant: Model) -> None:
     run = Run(plant)
     assert run.get("contact.a1l.fz")[0] == pytest.approx(32.7e3, rel=1e-3)
     dx, dz, finish, height = run.get("lidar.start.dx", "lidar.start.dz", "lidar.finish.dx", "lidar.z")
@@ -110,12 +110,12 @@ def test_level_road_disturbs_nothing(fmu, speed: float) -> None:
 # ------------------------------------------------------------------------------------------------ against linear model
 
 
-def test_small_signals_are_those_of_the_ride_model(plant: Component) -> None:
+def test_small_signals_are_those_of_the_ride_model(plant: Model) -> None:
     """Heave exactly, pitch within 5 % when the wheels roll freely: static gain and natural frequency.
 
     With the spin imposed, pitch takes the whole mass along about the ground, see the notes.
     """
-    ride = ride_car(load_three_axle("three_axle"), name="ThreeAxleRide")
+    ride = ride_car(load_three_axle("three_axle"), name="ThreeAxleRide").model()
     shared = {e.name: e.start for e in plant.elements("parameter")}
     p = np.array([shared.get(e.name, e.start) for e in ride.elements("parameter")])
     free = plant.vector("parameter")
@@ -145,7 +145,7 @@ def test_small_signals_are_those_of_the_ride_model(plant: Component) -> None:
 # ----------------------------------------------------------------------------------------------------- mechanics
 
 
-def test_free_flight_keeps_energy_and_momentum(plant: Component) -> None:
+def test_free_flight_keeps_energy_and_momentum(plant: Model) -> None:
     """High above the road, without damping, turning and with struts in motion: only gravity acts."""
     no_damping = {f"suspension.{k}.damping": 0.0 for k in CORNERS} | {"strut.damping": 0.0}
     run = Run(plant, {"obstacle.shape": 0.0, **no_damping})
@@ -173,7 +173,7 @@ def test_free_flight_keeps_energy_and_momentum(plant: Component) -> None:
     assert along() == pytest.approx(momentum, rel=1e-4)
 
 
-def test_hydropneumatic_struts(plant: Component) -> None:
+def test_hydropneumatic_struts(plant: Model) -> None:
     """Same load and stiffness at rest, harder in compression, softer in extension; the force is that of its energy."""
 
     def force(run: Run, travel: float) -> tuple[float, float]:
@@ -218,7 +218,7 @@ def test_symmetric_vehicles_never_roll_and_never_gain_energy(fmu, length: float,
     assert np.diff(own).max() < 2e-4 * np.ptp(run["car.energy"])
 
 
-def test_standing_vehicles_lose_what_they_have(plant: Component) -> None:
+def test_standing_vehicles_lose_what_they_have(plant: Model) -> None:
     """Dropped on the road, no drive: total energy falls at every step, down to that at rest."""
     run = Run(plant, {"obstacle.shape": 0.0})
     run.u[run.slot("target.speed")] = 0.0
@@ -284,7 +284,7 @@ def test_who_crosses(fmu) -> None:
             assert (not reasons) == trench_published.passed(length, kmh), (length, kmh, reasons, metrics)
 
 
-def test_the_build_checks_the_solver(plant: Component) -> None:
+def test_the_build_checks_the_solver(plant: Model) -> None:
     check_solver(plant)
     velocities = [e.name for e in plant.elements("state") if e.slot in plant.velocity_of]
     assert len(velocities) == 10

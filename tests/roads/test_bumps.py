@@ -18,13 +18,13 @@ MPH_20 = 20 * 0.44704
 
 @pytest.fixture(scope="module")
 def road():
-    return road_bumps(RoadLayout.of(load_ride_car("ride_car_hmmwv"), preview_count=16, preview_step=0.030))
+    return road_bumps(RoadLayout.of(load_ride_car("ride_car_hmmwv"), preview_count=16, preview_step=0.030)).model()
 
 
 @pytest.fixture(scope="module")
 def simple():
     """Wheels under the CG, so that x is their position."""
-    return road_bumps(ONE_AXLE)
+    return road_bumps(ONE_AXLE).model()
 
 
 def look(road, x, speed=0.0, heights=None, **parameters):

@@ -17,13 +17,13 @@ ONE_WHEEL = RoadLayout((WheelPosition("fl", 0.0, 0.9), WheelPosition("fr", 0.0, 
 
 @pytest.fixture(scope="module")
 def road():
-    return road_hole_bump(RoadLayout.of(load_ride_car("sedan"), preview_count=48, preview_step=0.005))
+    return road_hole_bump(RoadLayout.of(load_ride_car("sedan"), preview_count=48, preview_step=0.005)).model()
 
 
 @pytest.fixture(scope="module")
 def simple():
     """Wheels under the CG, so that x is their position."""
-    return road_hole_bump(ONE_WHEEL)
+    return road_hole_bump(ONE_WHEEL).model()
 
 
 def look(road, x, speed=0.0, **parameters):

@@ -16,7 +16,7 @@ SEEDS = (1, 2, 3, 4)
 
 @pytest.fixture(scope="module")
 def road():
-    return road_iso8608(RoadLayout.of(load_ride_car("sedan"), preview_count=48, preview_step=0.005))
+    return road_iso8608(RoadLayout.of(load_ride_car("sedan"), preview_count=48, preview_step=0.005)).model()
 
 
 def look(road, x, speed=0.0, **parameters):
@@ -182,7 +182,7 @@ def test_contact_averages_over_its_length():
 
 def test_offroad_is_class_e_under_the_hmmwv():
     layout = RoadLayout.of(load_ride_car("ride_car_hmmwv"), preview_count=16, preview_step=0.030)
-    offroad = road_offroad(layout, name="RoadOffroadHmmwv")
+    offroad = road_offroad(layout, name="RoadOffroadHmmwv").model()
     assert offroad.variable("class").start == (4.0,)
     assert offroad.variable("preview.fl").shape == (16,)
     table = iso8608_table(1.82, contact=0.25)

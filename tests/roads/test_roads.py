@@ -29,6 +29,7 @@ def layout():
 
 def look(road, x, speed=0.0, **parameters):
     """Outputs of a road by name."""
+    road = road.model()
     p = road.vector("parameter")
     slots = {e.name: e.slot for e in road.elements("parameter")}
     for name, value in parameters.items():
@@ -117,7 +118,7 @@ def test_outside_the_road_and_at_speed_0(layout, maker):
 
 @pytest.mark.parametrize("maker", [road_sine, road_curb, road_perryman3])
 def test_roads_have_no_memory(layout, maker):
-    road = maker(layout)
+    road = maker(layout).model()
     assert road.size("state") == 0
     assert np.isfinite(simulate(road).outputs).all()
     assert set(road.dependencies["road.fl.height"]) == {"x"}

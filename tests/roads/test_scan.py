@@ -15,6 +15,7 @@ def layout(scan):
 
 
 def look(road, x, **parameters):
+    road = road.model()
     p = road.vector("parameter")
     at = {e.name: e.slot for e in road.elements("parameter")}
     for name, value in parameters.items():
@@ -53,7 +54,7 @@ def test_a_table_is_seen_as_the_wheels_follow_it():
 
 
 def test_only_roads_that_are_asked_for_it_have_a_scan():
-    names = {e.name for e in road_bumps(layout(None)).output_elements()}
+    names = {e.name for e in road_bumps(layout(None)).model().output_elements()}
     assert not any(n.startswith("scan.") for n in names)
 
 

@@ -15,13 +15,17 @@ START, LENGTH, DEPTH, EDGE = 5.0, 2.0, 0.15, 0.2
 
 @pytest.fixture(scope="module")
 def road():
-    return road_shallow_trench(RoadLayout.of(load_three_axle("three_axle"), preview_count=50, preview_step=0.005))
+    return road_shallow_trench(
+        RoadLayout.of(load_three_axle("three_axle"), preview_count=50, preview_step=0.005)
+    ).model()
 
 
 @pytest.fixture(scope="module")
 def simple():
     """Wheels under the CG, so that x is their position."""
-    return road_shallow_trench(RoadLayout((WheelPosition("a1l", 0.0, 1.0), WheelPosition("a1r", 0.0, -1.0)), 2, 0.005))
+    return road_shallow_trench(
+        RoadLayout((WheelPosition("a1l", 0.0, 1.0), WheelPosition("a1r", 0.0, -1.0)), 2, 0.005)
+    ).model()
 
 
 def look(road, x, speed=0.0, **parameters):

@@ -9,7 +9,7 @@ from fmu_sources.roads import speed_profile
 
 @pytest.fixture(scope="module")
 def profile():
-    return speed_profile()
+    return speed_profile().model()
 
 
 def at(profile, time, **parameters):

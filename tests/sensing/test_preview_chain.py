@@ -50,12 +50,12 @@ def layout():
 
 @pytest.fixture(scope="module")
 def sensor(sensors):
-    return preview_sensor(sensors, load_ride_car("ride_car_hmmwv"))
+    return preview_sensor(sensors, load_ride_car("ride_car_hmmwv")).model()
 
 
 @pytest.fixture(scope="module")
 def buffer(layout):
-    return preview_buffer(layout)
+    return preview_buffer(layout).model()
 
 
 # ---------------------------------------------------------------------------------------------------------------- sensor

@@ -15,7 +15,7 @@ HRF_AT_5_HZ = 12 * 10 * math.pi / math.hypot(901.3 - (10 * math.pi) ** 2, 30.02 
 
 @pytest.fixture(scope="module")
 def component():
-    return ride_comfort()
+    return ride_comfort().model()
 
 
 def run(component, az, **parameters):
@@ -102,7 +102,7 @@ def test_limit_is_a_parameter(component):
 
 def test_another_period(component):
     az = np.random.default_rng(9).standard_normal(900)
-    slow = ride_comfort("RideComfort2ms", period=2e-3)
+    slow = ride_comfort("RideComfort2ms", period=2e-3).model()
     check(run(slow, az), az, rate=500.0)
     assert slow.size("state") < component.size("state")
     with pytest.raises(ValueError, match="needs at least 500 Hz"):

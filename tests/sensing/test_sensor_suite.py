@@ -32,7 +32,7 @@ def scan():
 
 @pytest.fixture(scope="module")
 def suite(scan):
-    return sensor_suite(load_sensors("sensors_hmmwv"), scan)
+    return sensor_suite(load_sensors("sensors_hmmwv"), scan).model()
 
 
 def run(suite, rows, **parameters):

@@ -36,7 +36,7 @@ class Design:
         """Eigenvalues of the upper half plane by falling magnitude, as [real, imaginary] [1/s], and the sprung mass in them."""
         said = Fmu(runner.fmus.path(CAR)).description.parameters
         car = ride_car(load_ride_car("sedan"), name=CAR)  # the equations; the numbers are the FMU's
-        plant = ride_plant(car, np.array([float(said[e.name].start) for e in car.elements("parameter")]))  # type: ignore[arg-type]
+        plant = ride_plant(car, np.array([float(said[e.name].start) for e in car.model().elements("parameter")]))  # type: ignore[arg-type]
         chosen = designed_weights(runner.fmus.path(LAWS[self.weights][0]))
         index = output_index(plant, chosen.outputs(CORNERS), chosen.controls(CORNERS))
         if not self.without:

@@ -238,7 +238,7 @@ def mpc_component(
         name, kind="discrete", sample_time=model.period, description=description, source=source, symbols=ca.MX,
         notes=(*notes, *_NOTES),
     )  # fmt: skip
-    known = [v.name for v in plant.variables]
+    known = [v.name for v in plant.model().variables]
     read = model.states if observer is None else observer.measured
     measured = []
     for n in read:

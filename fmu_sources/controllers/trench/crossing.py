@@ -18,7 +18,7 @@ from typing import Any
 
 import casadi as ca
 
-from build_fmus.component import Component
+from build_fmus.component import Component, Model
 from build_fmus.reference import Evaluator
 from fmu_sources.models.corners import SIX_CORNERS, THREE_AXLES
 
@@ -40,7 +40,7 @@ class CrossingGeometry:
     cg_height: float  # above the road
 
     @classmethod
-    def of(cls, plant: Component) -> CrossingGeometry:
+    def of(cls, plant: Model) -> CrossingGeometry:
         """From the rest position of a declared plant (``ThreeAxleTrench``)."""
         rest = dict(zip((e.name for e in plant.output_elements()), Evaluator(plant).outputs(), strict=True))
         parameters = {e.name: e.start for e in plant.elements("parameter")}

@@ -66,7 +66,7 @@ class ByHand:
 @pytest.mark.parametrize(("variant", "hold"), [*((v, False) for v in VARIANTS), ("explicit", True)])
 def test_component_equals_the_law(variant: str, hold: bool) -> None:
     law = random_law(variant, hold)
-    component = gpc_controller(law, name="Gpc")
+    component = gpc_controller(law, name="Gpc").model()
     result = simulate(component, steps=300)
     by_hand = ByHand(law)
     expected = np.array([by_hand.step(dict(zip(result.input_names, row, strict=True))) for row in result.inputs[:-1]])
@@ -87,7 +87,7 @@ def test_fmu_equals_the_law(built_fmus, tmp_path, variant: str) -> None:
     )
     references = {v.name: v.valueReference for v in description.modelVariables}
     forces = [references[f"force.{k}"] for k in CORNERS]
-    stimulus = simulate(gpc_controller(law, name="Gpc"), steps=300)
+    stimulus = simulate(gpc_controller(law, name="Gpc").model(), steps=300)
     inputs = [references[n] for n in stimulus.input_names]
     by_hand, got, expected = ByHand(law), [], []
     fmu.instantiate()
@@ -107,7 +107,7 @@ def test_fmu_equals_the_law(built_fmus, tmp_path, variant: str) -> None:
 
 def test_no_feedthrough_but_preview() -> None:
     for variant in VARIANTS:
-        component = gpc_controller(random_law(variant), name="Gpc")
+        component = gpc_controller(random_law(variant), name="Gpc").model()
         for corner in CORNERS:
             on = set(component.dependencies[f"force.{corner}"])
             ahead = {f"preview.{k}[{j}]" for k in CORNERS for j in range(1, 9)} if variant == "preview" else set()
@@ -116,7 +116,7 @@ def test_no_feedthrough_but_preview() -> None:
 
 def test_commands_are_limited() -> None:
     law = random_law("implicit")
-    component = gpc_controller(law, name="Gpc")
+    component = gpc_controller(law, name="Gpc").model()
     quiet = simulate(component, parameters={"limit": 1.0}, steps=100)
     assert np.abs(quiet.outputs).max() == 1.0
 
@@ -169,7 +169,7 @@ def test_other_orders_and_horizons(built_fmus) -> None:
     files = (built_fmus.path(n, 3) for n in ("FullCarHmmwvModified", "RoadPerryman3", "SpeedProfile"))
     models = identify(*files, IdentificationSettings(seed=1, order=6, samples=300))
     law = models.law("preview", DesignSettings(h_p=12, h_c=5, R=1e-6))
-    component = gpc_controller(law, name="Gpc")
+    component = gpc_controller(law, name="Gpc").model()
     assert component.variable("preview.fl").shape == (12,)
     assert component.variable("gain.y").shape == (4, 18)
 

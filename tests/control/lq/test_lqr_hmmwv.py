@@ -94,7 +94,7 @@ def test_mirrored_states_give_mirrored_forces(car):
 
 
 def test_the_component_applies_the_gain(car):
-    controller = lqr_hmmwv(car)
+    controller = lqr_hmmwv(car).model()
     gain, _ = lqr_gain(car, TABLE_1_1)
     evaluator = Evaluator(controller)
     assert [e.name for e in controller.elements("input")] == [*RELATIVE_STATES, "body.az"]

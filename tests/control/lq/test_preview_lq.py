@@ -29,12 +29,12 @@ def plant(car):
 
 @pytest.fixture(scope="module")
 def controller(car):
-    return preview_lq(car, load_weights("comfort"), name="PreviewLqComfort")
+    return preview_lq(car, load_weights("comfort"), name="PreviewLqComfort").model()
 
 
 @pytest.fixture(scope="module")
 def coarse(car):
-    return preview_lq(car, load_weights("comfort"), name="PreviewLqComfort5ms", period=5e-3)
+    return preview_lq(car, load_weights("comfort"), name="PreviewLqComfort5ms", period=5e-3).model()
 
 
 def run(controller, road, states, *, steps: int, offset: float = 0.0, speed: float = SPEED, **parameters: float):

@@ -21,7 +21,7 @@ def car():
 
 @pytest.fixture(scope="module")
 def lqr(car):
-    return lqr_three_axle(car)
+    return lqr_three_axle(car).model()
 
 
 # ------------------------------------------------------------------------------------------------------ regulator
@@ -114,7 +114,7 @@ def test_a_pitch_that_is_asked_for_is_met_in_part(car, lqr):
 
 @pytest.fixture(scope="module")
 def reference():
-    return pitch_reference()
+    return pitch_reference().model()
 
 
 def at(reference, time, **parameters):

@@ -12,7 +12,7 @@ import pytest
 from oracles.mpc import MpcReference
 from scipy import integrate
 
-from build_fmus.component import Component, DeclarationError
+from build_fmus.component import Component, DeclarationError, Model
 from build_fmus.qp import Daqp, Osqp
 from build_fmus.reference import Evaluator
 from fmu_sources.controllers.mpc import (
@@ -121,11 +121,11 @@ def test_filters_in_series_have_the_product_of_the_responses(car) -> None:
 # --------------------------------------------------------------------------------------------------------- the program
 
 
-def law(mpc: Mpc, car: Component, backend=None, observer=None) -> Component:
+def law(mpc: Mpc, car: Component, backend=None, observer=None) -> Model:
     return mpc_component(
         mpc, car, name="Law", description="test", source="test", backend=backend, observer=observer,
         preview=Preview({"road": "preview"}, 21, PERIOD),
-    )  # fmt: skip
+    ).model()  # fmt: skip
 
 
 def test_component_solves_the_problem_of_the_reference(car, model) -> None:
@@ -275,7 +275,7 @@ def test_condensed_matrices(model) -> None:
 
 def test_example_of_the_docs_sees_a_bump_coming() -> None:
     path = Path(__file__).parents[3] / "docs" / "examples" / "quarter_car_mpc.py"
-    ev = Evaluator(runpy.run_path(str(path))["make"]())
+    ev = Evaluator(runpy.run_path(str(path))["make"]().model())
     slot = {e.name: e.slot for e in ev.component.elements("input")}
     names = [e.name for e in ev.component.output_elements()]
     forces = {}

@@ -11,7 +11,7 @@ import pytest
 from built import BuiltFmus
 
 from benchmarks.mpc_worst import CONTROLLERS, PARAMETERS, Driven, extreme_inputs, make
-from build_fmus.component import Component
+from build_fmus.component import Model
 from build_fmus.reference import Evaluator
 from fmu_sources.controllers.mpc import bench, hmmwv
 
@@ -26,10 +26,10 @@ LARGEST_CHANGE = {"MpcHmmwv": hmmwv.MpcHmmwvWeights().max_force_step}  # N per s
 
 
 @cache
-def component(name: str, backend: str) -> Component:
+def component(name: str, backend: str) -> Model:
     c = make(name)
     c.choose_backend(backend)
-    return c
+    return c.model()
 
 
 @cache
@@ -85,7 +85,7 @@ def test_no_input_takes_more_than_the_documented_iterations(name: str, backend: 
 
 @pytest.mark.parametrize("name", CONTROLLERS)
 def test_the_fmu_keeps_to_them(built_fmus: BuiltFmus, name: str) -> None:
-    c = make(name)  # with the back end of the catalog, as the FMU
+    c = make(name).model()  # with the back end of the catalog, as the FMU
     driven = Driven(built_fmus.path(name, 3), c)
     limit = documented()[name, c.programs[0].backend.name]
     try:

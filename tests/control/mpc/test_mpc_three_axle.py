@@ -32,7 +32,7 @@ def car():
 
 @pytest.fixture(scope="module")
 def law(car):
-    return mpc_three_axle(car)
+    return mpc_three_axle(car).model()
 
 
 @pytest.fixture(scope="module")
@@ -215,9 +215,9 @@ def test_every_command_of_a_crossing_is_that_of_quadprog(
 ):
     """The first axle goes down and the second follows, 0.25 m deep: bounds on forces and outputs are met."""
     loop = Loop(law, designed, estimator=estimator, hold_height=hold_height)
-    plant = Evaluator(car, {})
-    slots = {e.name: e.slot for e in car.elements("input")}
-    names = [e.name for e in car.output_elements()]
+    plant = Evaluator(car.model(), {})
+    slots = {e.name: e.slot for e in car.model().elements("input")}
+    names = [e.name for e in car.model().output_elements()]
     places = np.repeat([1.98, -0.02, -2.02], 2)
     for k in range(int(1.1 / speed / 0.005) if speed < 4 else 60):
         t = 0.005 * k

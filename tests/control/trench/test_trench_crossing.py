@@ -23,7 +23,7 @@ LENGTH = 1.6
 
 def test_geometry_comes_from_the_plant():
     """The vehicle file, through the plant at rest."""
-    found = CrossingGeometry.of(three_axle_trench(load_three_axle_trench("three_axle_trench")))
+    found = CrossingGeometry.of(three_axle_trench(load_three_axle_trench("three_axle_trench")).model())
     assert found.axles == pytest.approx(GEOMETRY.axles)
     assert found.drop == pytest.approx(GEOMETRY.drop)
     assert found.squeeze == pytest.approx([20000 * 9.81 / 6 / 900e3] * 3)
@@ -33,7 +33,7 @@ def test_geometry_comes_from_the_plant():
 
 @pytest.fixture(scope="module")
 def component():
-    return trench_crossing(GEOMETRY)
+    return trench_crossing(GEOMETRY).model()
 
 
 class Drive:
@@ -86,7 +86,7 @@ def test_correction_takes_the_movement_of_the_body_out(x, pitch, z):
     assert moved["case"] == rest["case"]
 
 
-_COMPONENT = trench_crossing(GEOMETRY)
+_COMPONENT = trench_crossing(GEOMETRY).model()
 
 
 def test_an_uncorrected_slope_would_be_wrong(component):
