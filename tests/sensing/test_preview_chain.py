@@ -63,7 +63,7 @@ def buffer(layout):
 
 def test_correction_undoes_what_the_pose_does_to_the_ranges(sensor, sensors):
     """SensorSuite on a flat road in any pose, and (1.18) with that pose: height 0, where the beam meets the road."""
-    suite = sensor_suite(sensors, RoadScan.of(sensors))
+    suite = sensor_suite(sensors, RoadScan.of(sensors)).model()
     exact = {"noise.scale": 0.0, "range.resolution[1]": 0.0, "range.response[1]": 0.0, "mount.bias": 0.1}
     rng = np.random.default_rng(3)
     for _ in range(20):
