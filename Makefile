@@ -25,7 +25,7 @@ studies: run
 
 test: $(VENV)/.test lint
 	$(BIN)/build-fmus
-	$(BIN)/python -m pytest -n auto --dist loadscope
+	$(BIN)/python -m pytest -n auto --dist loadscope --no-loadscope-reorder
 
 # Also runs the studies once more and compares every verdict; a study uses all cores by itself.
 test-full: test

@@ -2,11 +2,38 @@
 
 from __future__ import annotations
 
+import sys
+from pathlib import Path
+
 import pytest
-from built import BuiltFmus, build_all
+
+from build_fmus.one_thread import one_thread
+
+assert "numpy" not in sys.modules, "a plugin of pytest loads numpy before its threads are limited"
+one_thread()  # as the commands; before numpy is loaded below
+
+from built import BuiltFmus, build_all  # noqa: E402
 
 
 @pytest.fixture(scope="session")
 def built_fmus() -> BuiltFmus:
     """All FMUs under test, for this machine, up to date."""
     return build_all()
+
+
+FIRST = (
+    "cli/test_own_vehicles", "conformance/test_sanitizers", "install/test_installed", "study/test_driver", "docs/test_pages",
+    "plants/test_hydraulic_actuator", "conformance/test_compilers", "control/mpc/test_mpc_limits",
+    "experiments/test_trench_claims", "experiments/test_preview_lq_claims", "experiments/test_hmmwv_claims",
+    "cli/test_build_fmus", "cli/test_own_experiments", "cli/test_cosim", "cli/test_interrupt",
+)  # fmt: skip
+"""Files whose tests take longest, begun first, so that at the end no worker is left alone with one of them."""
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Order of the test files; within a file as they are written."""
+    here = Path(__file__).parent
+    rank = {here / f"{name}.py": i for i, name in enumerate(FIRST)}
+    missing = [path for path in rank if not path.is_file()]
+    assert not missing, f"conftest.py: no such test file: {', '.join(map(str, missing))}"
+    items.sort(key=lambda item: rank.get(item.path, len(rank)))

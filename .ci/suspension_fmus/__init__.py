@@ -89,7 +89,9 @@ def build_command() -> None:
 
 def _command(name: str, module: str) -> None:
     from build_fmus.extras import MissingExtraError
+    from build_fmus.one_thread import one_thread
 
+    one_thread()
     try:
         run: Callable[[str], None] = importlib.import_module(module).main
     except MissingExtraError as error:

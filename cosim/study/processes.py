@@ -15,6 +15,7 @@ from multiprocessing.connection import wait as wait_for
 from pathlib import Path
 
 from build_fmus import safe_files
+from build_fmus.one_thread import one_thread
 
 
 @contextmanager
@@ -28,6 +29,7 @@ def local_processes(count: int) -> Iterator[ProcessPoolExecutor]:
     in whatever way: they leave by ``_exit`` or by a signal, where nobody cleans up. When this process dies instead, each
     worker ends at once and removes that folder.
     """
+    one_thread()
     afresh = "forkserver" if "forkserver" in multiprocessing.get_all_start_methods() else "spawn"
     context = multiprocessing.get_context(afresh)
     scratch = tempfile.mkdtemp(prefix="cosim-workers-")

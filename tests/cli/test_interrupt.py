@@ -27,6 +27,7 @@ def interrupt(folder: Path, ready: Path, program: str, *arguments: str, delay: f
     end = time.monotonic() + 100
     while process.poll() is None and not list(folder.glob(str(ready))) and time.monotonic() < end:
         time.sleep(0.02)
+    assert list(folder.glob(str(ready)))
     time.sleep(delay)
     assert process.poll() is None, process.communicate()[0]
     os.killpg(process.pid, signal.SIGINT)
@@ -71,6 +72,9 @@ def test_a_run_keeps_its_recording(built_fmus: BuiltFmus, tmp_path: Path) -> Non
 
 
 def test_a_build_keeps_its_finished_fmus(tmp_path: Path) -> None:
-    text = interrupt(tmp_path, Path("fmus/fmi3/SpeedProfile.fmu"), "build-fmus")
+    finished, slow = Path("fmus/fmi3/SpeedProfile.fmu"), ("ThreeAxleTrench", "TrenchCrossing")
+    text = interrupt(tmp_path, finished, "build-fmus", finished.stem, *slow)
+    assert (tmp_path / finished).is_file()
+    assert not [p for name in slow for p in tmp_path.rglob(f"{name}.fmu")]
     assert "interrupted; finished FMUs are kept" in text
     assert not list((tmp_path / "fmus").glob("fmi*/*.tmp"))
