@@ -189,7 +189,7 @@ def _check_value(f: Field, value: Any) -> None:
             raise CaseError(f"{words} {value:g}{unit}: give a finite number")
         if about.within is not None and not about.within[0] <= value <= about.within[1]:
             low, high = about.within
-            raise CaseError(f"{words} {value:g}{unit}: give {low:g} to {high:g}{unit}")
+            raise CaseError(f"{words} {_number(value)}{unit}: give {_number(low)} to {_number(high)}{unit}")
 
 
 def check_choice(what: str, value: Any, known: Collection[Any]) -> None:
@@ -227,8 +227,14 @@ def _labelled(f: Field, value: Any) -> str:
     if f.option.files and isinstance(value, str) and value.endswith(f.option.files):
         value = Path(value).stem
     if form == "{}" and f.type in (int, float):
-        return f"{f.name}-{value:g}"
+        return f"{f.name}-{_number(value)}"
     return form.format(value)
+
+
+def _number(value: float) -> str:
+    """Short, but no two numbers alike."""
+    short = f"{value:g}"
+    return short if float(short) == value else str(value)
 
 
 def values(case: Any) -> dict[str, Any]:

@@ -35,6 +35,7 @@ class Ride(Base):
         ({"road": 3}, "road 3: give a text"),
         ({"speed_kmh": 1.0}, "speed 1 km/h: give 2 to 200 km/h"),
         ({"speed_kmh": 201}, "speed 201 km/h: give 2 to 200 km/h"),
+        ({"speed_kmh": 200.0000001}, "speed 200.0000001 km/h: give 2 to 200 km/h"),
         ({"speed_kmh": float("nan")}, "speed nan km/h: give a finite number"),
         ({"speed_kmh": "fast"}, "speed 'fast': give a number"),
         ({"speed_kmh": True}, "speed True: give a number"),
@@ -73,6 +74,7 @@ def test_fields_in_the_order_of_arguments() -> None:
         ({"law": "passive"}, "sine-50kmh-passive"),
         ({"hold": True}, "sine-50kmh-hold"),
         ({"mass": 100.0, "free": 4, "parts": 2}, "sine-50kmh-mass-100-free-4-in-2"),
+        ({"mass": 1234.5678, "free": 1234567}, "sine-50kmh-mass-1234.5678-free-1234567"),
     ],
 )
 def test_labels_name_what_differs(given, label) -> None:
