@@ -191,7 +191,7 @@ def _sine_signals(j: Judge) -> Finding:
             parts.append(f"{name} {median_text(change, '{:+.0f} %')}")
         share = r.at_equal_response("sine", SINE_SPEED, (law,), lambda row: row["rms_roll"] / row["rms_pitch"])
         rolls.append(seen.clearly(f"roll / pitch, {law}", share, lambda x: x >= VISIBLE_ROLL))
-        parts.append(f"roll {median_text(share, '{:.3f}')} of pitch")
+        parts.append(f"roll {median_text(share, '{:.3f} of pitch')}")
         words.append(f"{law} {', '.join(parts)}")
     return Finding(
         "; ".join(words) + " (medians of the seeds)",
@@ -224,7 +224,7 @@ def _sine_implicit_signals(j: Judge) -> Finding:
     known = [100 * (1 - d.median) for to in others if (d := ratio[to, "rms_pitch"]) is not None]
     return Finding(
         "; ".join(
-            f"{name} {median_text(ratio[to, key], '{:.2f}')} times {to}'s"
+            f"{name} " + median_text(ratio[to, key], f"{{:.2f}} times {to}'s")
             for name, key in (("acceleration", "rms_az"), ("pitch", "rms_pitch"))
             for to in others
         ),
@@ -375,7 +375,10 @@ def _curb_explicit_force(j: Judge) -> Finding:
     farthest = max(over.values(), key=lambda d: abs(d.median - 2), default=None)
     return Finding(
         f"highest {at_speeds(highest, j.speeds)}; "
-        + ", ".join(f"{q} {d.text('{:.1f}')} times implicit's" for q, d in over.items()),
+        + (
+            ", ".join(f"{q} {d.text('{:.1f}')} times implicit's" for q, d in over.items())
+            or "not comparable with implicit's at any speed"
+        ),
         highest == list(j.speeds),
         "explicit needs the most, by more than twice: what it spends on its assumption of height 0 ahead does little for the "
         "response, which the others match with weak control"
@@ -437,8 +440,7 @@ def _curb_preview_power(j: Judge) -> Finding:
     where = {to: j.where(seen, f"power, preview / {to}", at, lambda x: x < 1) for to, at in ratio.items()}
     least = [v for v in j.speeds if all(v in speeds for speeds in where.values())]
     return Finding(
-        f"least {at_speeds(least, j.speeds)}: {span(j, ratio['implicit'])} times implicit's, "
-        f"{span(j, ratio['explicit'])} times explicit's",
+        f"least {at_speeds(least, j.speeds)}: " + ", ".join(span(j, at, to) for to, at in ratio.items()),
         least == list(j.speeds),
         "far less than explicit everywhere, but implicit matches the same response with about as much mean power",
         criterion="less power than implicit and than explicit for the same response, clearly over the seeds, at every speed",
@@ -454,8 +456,10 @@ def _curb_preview_power(j: Judge) -> Finding:
 def _curb_peak(j: Judge) -> Finding:
     r, seen, v, laws = j.results, Evidence(), CURB_SPEED, ("preview", "implicit", "explicit")
 
-    def against_others(preview: Row, *others: Row) -> float:
-        return float(preview["peak_force"] / min(o["peak_force"] for o in others))
+    def against_others(*rows: Row) -> float:
+        """Of the first to the lower of the others; a run that diverged has no largest force."""
+        preview, *others = (math.inf if row["diverged"] else row["peak_force"] for row in rows)
+        return math.nan if math.isinf(preview) else float(preview / min(others))
 
     def lowest(share: float) -> bool:
         return share < 1

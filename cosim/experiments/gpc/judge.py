@@ -91,7 +91,7 @@ def same(j: Judge, road: str) -> Finding:
     where = {q: j.where(seen, f"{q}, preview / explicit", ratio[q], SAME.__contains__) for q in quantities}
     both = [v for v in j.speeds if all(v in where[q] for q in quantities)]
     return Finding(
-        "; ".join(f"{q} {span(j, ratio[q])} times explicit's" for q in quantities)
+        "; ".join(f"{q} {span(j, ratio[q], 'explicit')}" for q in quantities)
         + f"; both alike {at_speeds(both, j.speeds)}",
         both == list(j.speeds),
         "elsewhere preview mostly needs less for the same response: explicit takes the road ahead to be at height 0, as printed, "
@@ -112,9 +112,7 @@ def implicit_needs_more(j: Judge, road: str, quantities: Sequence[str]) -> Findi
     medians = [d.median for v in j.speeds if (d := ratio[first](v)) is not None]
     over = Distribution(medians, "speeds") if medians else None
     return Finding(
-        "; ".join(
-            f"{q} {span(j, ratio[q])} times explicit's, more {at_speeds(where[q], j.speeds)}" for q in quantities
-        ),
+        "; ".join(f"{q} {span(j, ratio[q], 'explicit')}, more {at_speeds(where[q], j.speeds)}" for q in quantities),
         both == list(j.speeds),
         "at the other speeds implicit needs about as much or less, or the seeds do not decide: explicit pays for its "
         "assumption of height 0 ahead, and where no law helps there is nothing to match",
@@ -135,11 +133,16 @@ def at_speeds(where: Sequence[float], speeds: Sequence[float]) -> str:
     return f"at {len(where)} of {len(speeds)} speeds{named}"
 
 
-def span(j: Judge, at: Callable[[float], Distribution | None]) -> str:
-    """ "0.34 to 1.02": medians of the seeds over the speeds."""
+def span(j: Judge, at: Callable[[float], Distribution | None], to: str) -> str:
+    """ "0.34 to 1.02 times explicit's": medians of the seeds over the speeds, of a ratio to another law."""
     medians = [d.median for v in j.speeds if (d := at(v)) is not None]
-    return f"{min(medians):.2f} to {max(medians):.2f}" if medians else "at no speed comparable"
+    return (
+        f"{min(medians):.2f} to {max(medians):.2f} times {to}'s"
+        if medians
+        else f"not comparable with {to}'s at any speed"
+    )
 
 
 def median_text(values: Distribution | None, form: str) -> str:
+    """The median as ``form`` has it, with what follows it."""
     return "not matched" if values is None else form.format(values.median)
