@@ -32,6 +32,8 @@ def _experiment(name: str, *tests: str) -> Room:
 
 
 ROOMS = (
+    _experiment("gpc", "tests/experiments/test_gpc_numbers.py", "tests/experiments/test_gpc_verdicts.py"),
+    _experiment("trench"),
     _experiment("bench"),
     Room("hmmwv", ("cosim/experiments/hmmwv/*.py", "cosim/experiments/hmmwv/*/*.py"), ("tests/experiments/test_hmmwv_numbers.py", "tests/experiments/test_hmmwv_wiring.py")),
     _experiment("preview_lq"),
