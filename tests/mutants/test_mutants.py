@@ -159,8 +159,9 @@ def test_a_test_that_never_ends_has_noticed(
     project: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(command.trial, "LIMIT", (3.0, 0.0))
+    monkeypatch.setattr("sys.argv", ["mutants", "--only", "| plus |"])
     (project / "tests" / "test_plus.py").write_text(
         "from cosim.plus import plus\n\n\ndef test_plus():\n    while plus(1, 2) != 3:\n        pass\n"
     )
     command.main()
-    assert "1 noticed" in capsys.readouterr().out
+    assert "1 mistakes, 1 noticed" in capsys.readouterr().out
