@@ -4,14 +4,20 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from typing import Any
 
 _FOLDER = Path(__file__).parents[2] / "docs" / "results"
 
 
+def kept_claims(experiment: str) -> list[dict[str, Any]]:
+    """Every claim as it is told, in the order of the report."""
+    found: list[dict[str, Any]] = json.loads((_FOLDER / f"{experiment}.json").read_text(encoding="utf-8"))["claims"]
+    return found
+
+
 def kept_verdicts(experiment: str) -> dict[str, str]:
     """Verdict by claim, in the order of the report."""
-    study = json.loads((_FOLDER / f"{experiment}.json").read_text(encoding="utf-8"))
-    return {c["id"]: c["verdict"] for c in study["claims"]}
+    return {c["id"]: c["verdict"] for c in kept_claims(experiment)}
 
 
 def is_kept(experiment: str) -> bool:
