@@ -21,7 +21,7 @@ VEHICLES = {
     "passive": Case("track", "passive"),
     "LQR": Case("track", "lqr"),
     "MPC with preview": Case("track", "mpc-preview"),
-    "MPC with sensed preview on estimates": Case("track", "mpc-preview", states="estimated", preview="sensed"),
+    "MPC with sensed preview and estimated states": Case("track", "mpc-preview", states="estimated", preview="sensed"),
 }
 """Four actuators each; the last one has everything: sensors, range correction, buffer, filter, MPC, force tracking."""
 

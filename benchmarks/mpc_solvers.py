@@ -1,4 +1,4 @@
-"""Solvers of the MPC's quadratic programs: time per step, residual, command against an independent solver.
+"""Solvers of the MPC's quadratic programs: time per step, residual, command compared with that of an independent solver.
 
 The programs are those of published runs: a controller's inputs are recorded from a co-simulation and fed to its Python
 evaluation, which gives the data of each step. The C code that is timed is that of the FMUs. Each run is repeated and each
@@ -117,10 +117,10 @@ def measure(given: Problems, backend: str) -> dict[str, float]:
         times.append(fastest * 1e-6)
         for row, solution in zip(data, solutions, strict=True):
             case = round(row[-1])
-            wanted = solve_reference(
+            exact = solve_reference(
                 program.hessians[case], row[:n], program.constraints[case], row[n : n + m], row[n + m : n + 2 * m]
             )
-            error = np.abs((solution[:nu] - wanted.z[:nu]) * unit).max()
+            error = np.abs((solution[:nu] - exact.z[:nu]) * unit).max()
             results.append((solution[n + m], solution[n + m + 1], solution[n + m + 2], error))
     took, (status, iterations, residual, error) = np.concatenate(times), np.array(results).T
     return {
@@ -147,7 +147,7 @@ def bench_runs(system: str) -> list[tuple[Recording, dict[str, float]]]:
 
 def hmmwv_runs() -> list[tuple[Recording, dict[str, float]]]:
     """Every published run of paper 001 under MPC, on hydraulic actuators: all places of the bumps and all stretches off
-    road, with and without preview, on true and on estimated states, and with the preview of the range sensors."""
+    road, with and without preview, with true and with estimated states, and with the preview of the range sensors."""
     runs = Runner(HMMWV, FmuSet())
     recordings = []
     variants = [("mpc", "true", "generated"), ("mpc", "estimated", "generated"), ("mpc-preview", "true", "generated")]

@@ -1,4 +1,4 @@
-"""What it costs an FMU to check its solver step against parameters that were set: time of the end of initialization.
+"""What it costs an FMU to check its solver step for parameters that were set: time of the end of initialization.
 
 python -m benchmarks.solver_check      # part of all benchmarks
 """

@@ -144,13 +144,13 @@ def _unit(unit: str) -> str:
 
 def _short(c: dict[str, Any]) -> str:
     """A claim in one line, with the pump that would carry it where its reason names one."""
-    pump = next((f"; {part}" for part in c["reason"].split("; ") if part.startswith("carried by")), "")
+    pump = next((f"; {part}" for part in c["reason"].split("; ") if part.startswith("holds with: ")), "")
     return f"{c['claim']} (published: {c['published']}; here: {c['ours']}{pump})"
 
 
 def _judged(c: dict[str, Any]) -> str:
     fitted = f" *Fitted: {c['fitted']}.*" if c["fitted"] else ""
-    return f"{c['claim']}. *Judged by: {c['criterion']}.*{fitted}"
+    return f"{c['claim']}. *Criterion: {c['criterion']}.*{fitted}"
 
 
 def _source(c: dict[str, Any]) -> str:

@@ -122,7 +122,7 @@ def optimizer(name: str = "ProbeQpDaqp", backend: Backend = Daqp()) -> Component
         stop_time=1.0,
     )  # fmt: skip
     limit = c.parameter("limit", 1.5, "N", "limit of each command", min=0.1, tunable=True, source="none")
-    wanted = c.input("wanted", "N", "commands wished for", shape=(3,), min=-1e3, max=1e3)
+    requested = c.input("requested", "N", "requested commands", shape=(3,), min=-1e3, max=1e3)
     total = c.input("total", "N", "what the first two commands add up to", min=-1e3, max=1e3)
     stiff = c.input("stiff", None, "case", type=int, start=0, min=0, max=1)
     last = c.state("last", "N", shape=(3,), start=[0.1, 0.2, 0.3])
@@ -134,7 +134,7 @@ def optimizer(name: str = "ProbeQpDaqp", backend: Backend = Daqp()) -> Component
         "solver",
         hessians=[soft, soft + np.diag([5.0, 0.0, 1.0])],
         constraints=[rows],
-        linear=-(soft @ wanted) - 0.3 * last,
+        linear=-(soft @ requested) - 0.3 * last,
         lower=ca.vertcat(*[-limit] * 3, total, -1e30),
         upper=ca.vertcat(*[limit] * 3, total, 2.0 + 0.1 * last[0]),
         case=stiff,
@@ -148,9 +148,9 @@ def optimizer(name: str = "ProbeQpDaqp", backend: Backend = Daqp()) -> Component
     c.output("failures", failures, None, "samples without a solution", type=int)
     c.stimulate(
         {
-            "wanted[1]": lambda t: 3 * math.sin(12 * t),
-            "wanted[2]": lambda t: 2 * math.cos(31 * t),
-            "wanted[3]": lambda t: 5 * t - 2,
+            "requested[1]": lambda t: 3 * math.sin(12 * t),
+            "requested[2]": lambda t: 2 * math.cos(31 * t),
+            "requested[3]": lambda t: 5 * t - 2,
             "total": lambda t: 4.0 if 0.145 < t < 0.185 else 0.5 + t,  # infeasible
             "stiff": lambda t: int(t > 0.165),
         }

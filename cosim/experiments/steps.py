@@ -1,4 +1,4 @@
-"""Whether results depend on how time is cut: runs with finer steps of solver and exchange, alike in all experiments."""
+"""Whether results depend on the steps: runs with finer ones of solver and exchange, the same in all experiments."""
 
 from __future__ import annotations
 

@@ -416,7 +416,7 @@ class FmuComponent:
         return jacobian[:n, :n], jacobian[:n, n:], jacobian[n:, :n], jacobian[n:, n:]
 
     def _derivative(self, unknowns: Sequence[Variable], known: Variable) -> list[float]:
-        """d unknowns / d known; arrays are asked for whole."""
+        """d unknowns / d known; arrays are requested as a whole."""
         ffi, groups = self._ffi, _by_reference(unknowns)
         sizes = [elements[0].size for elements in groups.values()]
         begin = dict(zip(groups, np.cumsum([0, *sizes]).tolist(), strict=False))

@@ -41,8 +41,8 @@ class ProgressBar:
 
     PATIENCE = 2.0
 
-    def __init__(self, wanted: bool, begin: float, end: float):
-        self._wanted, self._begin, self._end = wanted, begin, end
+    def __init__(self, shown: bool, begin: float, end: float):
+        self._shown, self._begin, self._end = shown, begin, end
         self._since = time.perf_counter()
         self._bar: Bar | None = None
 
@@ -55,7 +55,7 @@ class ProgressBar:
 
     def at(self, now: float) -> None:
         """Move to simulated time `now` [s]."""
-        if not self._wanted:
+        if not self._shown:
             return
         if self._bar is None:
             if time.perf_counter() - self._since < self.PATIENCE:

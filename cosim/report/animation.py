@@ -151,9 +151,9 @@ class Scene:
                 "body": (strut.body, [b.name for b in self.bodies]),
                 "wheel": (strut.wheel, [w.name for w in self.wheels]),
             }
-            for end, (wanted, there) in ends.items():
-                if wanted not in there:
-                    raise ValueError(f"{where}: a strut hangs on {end} '{wanted}', which is not there")
+            for end, (named, there) in ends.items():
+                if named not in there:
+                    raise ValueError(f"{where}: a strut hangs on {end} '{named}', which is not there")
         lengths = {part_name: len(values) for part_name, values in self._all_series()}
         if len(set(lengths.values())) > 1:
             raise ValueError(f"{where}: series have different lengths: {lengths}")

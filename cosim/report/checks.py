@@ -56,10 +56,10 @@ def items(where: str, name: str, values: Iterable[T], kind: type | tuple[type, .
     if isinstance(values, str):
         raise ValueError(f"{where}: '{name}' is one text; give a list")
     items = tuple(values)
-    wanted = " or ".join(k.__name__ for k in (kind if isinstance(kind, tuple) else (kind,)))
+    expected = " or ".join(k.__name__ for k in (kind if isinstance(kind, tuple) else (kind,)))
     for item in items:
         if not isinstance(item, kind):
-            raise ValueError(f"{where}: '{name}' holds {item!r}, which is no {wanted}")
+            raise ValueError(f"{where}: '{name}' holds {item!r}, which is no {expected}")
     return items
 
 

@@ -56,7 +56,7 @@ class Look:
 class Palette:
     """The look of every series name in some figures.
 
-    Hints come first; the remaining names take the colours nobody asked for, in order of appearance. Colour and dash
+    Hints come first; the remaining names take the colours that no hint names, in order of appearance. Colour and dash
     differ together, so that curves stay apart on a grey print.
     """
 
@@ -67,8 +67,8 @@ class Palette:
                 for series in panel.series:
                     earlier = hints.get(series.name, (None, None))
                     hints[series.name] = (earlier[0] or series.color, earlier[1] or series.dash)
-        wanted = {hint for hint, _ in hints.values()}
-        free: list[Color] = [color for color in COLORS if color not in wanted and color != "grey"] or [*COLORS]
+        hinted = {hint for hint, _ in hints.values()}
+        free: list[Color] = [color for color in COLORS if color not in hinted and color != "grey"] or [*COLORS]
         colors = itertools.cycle(free)
         self._looks: dict[str, Look] = {}
         taken: set[tuple[Color, Dash]] = set()

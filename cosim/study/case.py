@@ -90,7 +90,7 @@ def option(
         choices: all values that exist, of a text or a whole number.
         files: suffix (".fmu") of files that may be named besides the choices.
         name: of the command-line option where it is not the field's.
-        aliases: earlier names of the option, which go on working.
+        aliases: earlier names of the option, which still work.
         label: how the value stands in the run's label: a format, or a function of the value.
         always: whether it stands there also when it is the default.
         only: where the field means something, a function of the case, and that in words: "the explicit controller". Elsewhere

@@ -36,7 +36,7 @@ Vehicles = Annotated[
     ),
 ]
 Processes = Annotated[int | None, typer.Option("--processes", help="worker processes (default: all cores)", min=1)]
-Force = Annotated[bool, typer.Option("--force", help="make every run anew; runs stored earlier are discarded")]
+Force = Annotated[bool, typer.Option("--force", help="run everything again; runs stored earlier are discarded")]
 Retry = Annotated[bool, typer.Option("--retry-failed", help="run again what failed earlier")]
 Out = Annotated[Path, typer.Option("--out", help="directory for results")]
 

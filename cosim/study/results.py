@@ -45,7 +45,7 @@ class Results(Mapping[Any, Row]):
         return len(self._runs)
 
     def signals(self, case: Any) -> Row:
-        """Signals over time of a case whose task asked for them."""
+        """Signals over time of a case whose task requested them."""
         found: Row = self._part(self._runs, case, "signals")
         return found
 

@@ -119,14 +119,14 @@ class Wiring:
         """Connect every output of `source` whose name fits `pattern` (wildcards * and ?) to the input of the same name
         of `target`, unless that input is connected already. Returns the connections; raises if there is none."""
         from_member, to_member, fits = self[source], self[target], glob(pattern)
-        about, wanted = from_member.description, to_member.description
-        named = [(o.name, n) for o in about.outputs.values() for n in about.names(o) if fits(n)]
+        offered, needed = from_member.description, to_member.description
+        named = [(o.name, n) for o in offered.outputs.values() for n in offered.names(o) if fits(n)]
         pairs: dict[str, str] = {}  # output by input
         for output, name in sorted(
             named, key=lambda pair: pair[0] != pair[1]
         ):  # aliases after the variables' own names
-            input_ = wanted.canonical(name)
-            if input_ in wanted.inputs and f"{target}.{input_}" not in self.connections:
+            input_ = needed.canonical(name)
+            if input_ in needed.inputs and f"{target}.{input_}" not in self.connections:
                 pairs.setdefault(input_, output)
         if not pairs:
             raise WiringError(
@@ -180,9 +180,9 @@ class Wiring:
         return self.groups[name]
 
     def _connection(
-        self, origin: tuple[Member, Variable], goal: tuple[Member, Variable], *, delay: bool, extrapolate: bool
+        self, origin: tuple[Member, Variable], end: tuple[Member, Variable], *, delay: bool, extrapolate: bool
     ) -> Connection:
-        (source, output), (target, input_) = origin, goal
+        (source, output), (target, input_) = origin, end
         names = f"{source.name}.{output.name} -> {target.name}.{input_.name}"
         if output.causality not in ("output", "local"):
             raise WiringError(f"{names}: '{output.name}' is no output but {article(output.causality)}")

@@ -12,7 +12,7 @@ from build_fmus.package import build_fmu
 
 
 def quarter_car_inerter() -> Component:
-    """Body and wheel joined by spring, damper and inerter, above one tyre; heights count from rest."""
+    """Body and wheel joined by spring, damper and inerter, above one tire; heights count from rest."""
     c = Component(
         "QuarterCarInerter",
         kind="continuous",
@@ -24,16 +24,16 @@ def quarter_car_inerter() -> Component:
     k = c.parameter("suspension.stiffness", 240e3, "N/m", "suspension stiffness", min=0.0, source="001 appendix 1.C")
     d = c.parameter("suspension.damping", 12e3, "N.s/m", "suspension damping", min=0.0, source="001 appendix 1.C")
     b = c.parameter("suspension.inertance", 150.0, "kg", "force per relative acceleration", min=0.0, source="assumed")
-    tyre = c.parameter("tire.stiffness", 1e6, "N/m", "tyre stiffness", min=1.0, source="001 appendix 1.C")
+    tire = c.parameter("tire.stiffness", 1e6, "N/m", "tire stiffness", min=1.0, source="001 appendix 1.C")
 
-    road = c.input("road.height", "m", "road height under the tyre")
+    road = c.input("road.height", "m", "road height under the tire")
     zb = c.state("body.z", "m", "body height above rest", output=True, nominal=0.1)
     vb = c.state("body.vz", "m/s", "vertical body velocity", output=True)
     zw = c.state("wheel.z", "m", "wheel height above rest", output=True, nominal=0.1)
     vw = c.state("wheel.vz", "m/s", "vertical wheel velocity", output=True)
 
     on_body = -k * (zb - zw) - d * (vb - vw)  # N, spring and damper
-    on_wheel = tyre * (road - zw) - on_body  # N
+    on_wheel = tire * (road - zw) - on_body  # N
     # The inerter couples the accelerations: (body + b) ab - b aw = on_body, (wheel + b) aw - b ab = on_wheel.
     determinant = (body + b) * (wheel + b) - b**2
     ab = ((wheel + b) * on_body + b * on_wheel) / determinant

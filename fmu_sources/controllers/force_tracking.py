@@ -5,8 +5,8 @@ With load pressure P = F / A_p, its desired value P_d and the errors e = P - P_d
     u_des = { A_p v + C_tm P + (dP_d/dt - lambda_1 e - eta_1 s_1) / alpha } / { C_d w sqrt((P_s - sgn P) / rho) }      (1.10)
     V     = k { u + tau du_des/dt - eta_2 tau (u - u_des) }                                                              (1.12)
 
-Against the print: the divisor of (1.10) is the flow per spool stroke, so it has no spool position in it; k is in volts per
-metre of spool, so it multiplies; v = dx_s/dt - dx_u/dt; sgn is the direction of the flow that is asked for.
+Unlike the print: the divisor of (1.10) is the flow per spool stroke, so it has no spool position in it; k is in volts per
+metre of spool, so it multiplies; v = dx_s/dt - dx_u/dt; sgn is the direction of the requested flow.
 
 The desired force is smoothed by (1.16). That filter is strictly proper, so its rate is one of its states, and dP_d/dt needs
 no difference.
@@ -129,7 +129,9 @@ def force_tracking(vehicle: Actuator, name: str = "ForceTracking", *, period: fl
     # -------------------------------------------------------------------------------------------------------- inputs
 
     kilo: dict[str, Any] = {"nominal": 1e3, "display_unit": "kN"}
-    asked = c.input("force.desired", "N", "desired force, positive lifts the body and pushes the wheel down", **kilo)
+    requested = c.input(
+        "force.desired", "N", "desired force, positive lifts the body and pushes the wheel down", **kilo
+    )
     measured = c.input("force.measured", "N", "force of the actuator, by its load cell", **kilo)
     spool = c.input("spool.position", "m", "measured spool position", nominal=1e-3, display_unit="mm")
     v = c.input("piston.velocity", "m/s", "body velocity minus wheel velocity, positive extends the strut")
@@ -138,11 +140,11 @@ def force_tracking(vehicle: Actuator, name: str = "ForceTracking", *, period: fl
 
     filtered = c.state("smoothing.filter", None, "sections of (1.16): force and rate of each", shape=(4,))
     A, B = (ca.DM(m) for m in smoothing_filter(period))
-    c.update(filtered, A @ filtered + B * asked)
-    before = c.state("force.before", "N", "desired force one sample before", start=asked)
-    c.update(before, asked)
-    desired = ca.if_else(smooth, filtered[2], asked)
-    desired_rate = ca.if_else(smooth, filtered[3], (asked - before) / period)
+    c.update(filtered, A @ filtered + B * requested)
+    before = c.state("force.before", "N", "desired force one sample before", start=requested)
+    c.update(before, requested)
+    desired = ca.if_else(smooth, filtered[2], requested)
+    desired_rate = ca.if_else(smooth, filtered[3], (requested - before) / period)
 
     # ------------------------------------------------------------------------------- first surface: pressure (1.10)
 
@@ -155,17 +157,17 @@ def force_tracking(vehicle: Actuator, name: str = "ForceTracking", *, period: fl
     flow = area * v + p.cylinder.leakage * load + (desired_rate / area - lambda_1 * error - eta_1 * surface) / alpha
     available = p.supply.pressure - ca.sign(flow) * load
     drop = ca.fmax(available, floor * p.supply.pressure)
-    wanted = flow / (p.valve.discharge * p.valve.width * ca.sqrt(drop / p.fluid.density))
+    desired_spool = flow / (p.valve.discharge * p.valve.width * ca.sqrt(drop / p.fluid.density))
 
     # ---------------------------------------------------------------------- what section 1.3 does to the spool command
 
     for mode, (enabled, frequency) in notches.items():
-        wanted = _notch(c, f"notch.{mode}.memory", wanted, enabled, frequency, width, left, period)
-    earlier = c.state("average.earlier", "m", "desired spool positions, newest first", shape=(2,), start=wanted)
-    c.update(earlier, ca.vertcat(wanted, earlier[0]))
-    wanted = ca.if_else(average, ca.sum1(earlier) / 2.0, wanted)
+        desired_spool = _notch(c, f"notch.{mode}.memory", desired_spool, enabled, frequency, width, left, period)
+    earlier = c.state("average.earlier", "m", "desired spool positions, newest first", shape=(2,), start=desired_spool)
+    c.update(earlier, ca.vertcat(desired_spool, earlier[0]))
+    desired_spool = ca.if_else(average, ca.sum1(earlier) / 2.0, desired_spool)
     stroke = p.valve.max_voltage / p.valve.gain
-    target = ca.fmin(ca.fmax(wanted, -stroke), stroke)
+    target = ca.fmin(ca.fmax(desired_spool, -stroke), stroke)
 
     # ----------------------------------------------------------------------------------- second surface: spool (1.12)
 
@@ -181,25 +183,25 @@ def force_tracking(vehicle: Actuator, name: str = "ForceTracking", *, period: fl
     applied = ca.fmin(ca.fmax(voltage, -limit), limit)
 
     # The integral waits while a limit is active and it would push further into it: its rise lowers the command.
-    upper = ca.logic_or(wanted > stroke, voltage > limit)
-    lower = ca.logic_or(wanted < -stroke, voltage < -limit)
+    upper = ca.logic_or(desired_spool > stroke, voltage > limit)
+    lower = ca.logic_or(desired_spool < -stroke, voltage < -limit)
     waits = ca.logic_or(ca.logic_and(upper, error < 0), ca.logic_and(lower, error > 0))
     c.update(integral, integral + ca.if_else(waits, 0.0, period * error))
 
     # ------------------------------------------------------------------------------------------------------- outputs
 
-    spool_limited = ca.fabs(wanted) > stroke
+    spool_limited = ca.fabs(desired_spool) > stroke
     voltage_limited = ca.fabs(voltage) > limit
     starved = available < drop
     c.output("valve.voltage", applied, "V", "command to the spool valve")
-    c.output("force.smoothed", desired, "N", "desired force behind the filter (1.16)", **kilo)
+    c.output("force.smoothed", desired, "N", "desired force after the filter (1.16)", **kilo)
     c.output("force.error", measured - desired, "N", "measured minus smoothed desired force", nominal=100.0)
     c.output("spool.desired", target, "m", "desired spool position", nominal=1e-3, display_unit="mm")
     c.output(
         "spool.error", spool - target, "m", "measured minus desired spool position", nominal=1e-4, display_unit="mm"
     )
     c.output(
-        "flow.desired", flow, "m3/s", "flow that the pressure surface asks for", nominal=1e-4, display_unit="l/min"
+        "flow.desired", flow, "m3/s", "flow that the pressure surface requests", nominal=1e-4, display_unit="l/min"
     )
     saturated = ca.logic_or(ca.logic_or(spool_limited, voltage_limited), starved)
     c.output("saturated", saturated, None, "whether a limit of spool, voltage or supply is active", type=bool)

@@ -28,7 +28,7 @@ def skyhook(car: Component, name: str = "Skyhook", *, period: float = SAMPLE_TIM
         tunable=True, source="001 section 1.4",
     )  # fmt: skip
     relative = c.parameter(
-        "damping.relative", RELATIVE_DAMPING, "N.s/m", "K_vel: force per velocity of wheel against body", min=-1e6, max=1e6,
+        "damping.relative", RELATIVE_DAMPING, "N.s/m", "K_vel: force per velocity of the wheel relative to the body", min=-1e6, max=1e6,
         tunable=True, source="001 section 1.4",
     )  # fmt: skip
     place = {}

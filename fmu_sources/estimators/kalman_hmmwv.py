@@ -29,7 +29,7 @@ from fmu_sources.models.hmmwv_states import (
 from fmu_sources.vehicles import SensorSet
 
 SAMPLE_TIME = 5e-3  # s
-LARGEST_GAP = 0.1  # m between tyre and ground; assumed
+LARGEST_GAP = 0.1  # m between tire and ground; assumed
 POSE = ("body.z", "body.roll", "body.pitch")
 POSE_RATES = ("body.vz", "body.roll_rate", "body.pitch_rate")
 _HUBS = tuple(f"wheel.{k}.az" for k in CORNERS)
@@ -75,7 +75,7 @@ def relative_filter(car: Component, sensors: SensorSet, road: float, period: flo
 def absolute_filter(car: Component, sensors: SensorSet, road: float, period: float = SAMPLE_TIME) -> tuple[Filter, Any]:
     """Filter of the car's own 14 states about a road at height 0, and what a known road height adds to it.
 
-    The road's rate reaches these states through the damping of the tyres alone.
+    The road's rate reaches these states through the damping of the tires alone.
     """
     lin = car.linearize()
     u, h, w = ([lin.inputs.index(n) for n in group] for group in (FORCES, ROAD_HEIGHTS, ROAD_RATES))
@@ -155,7 +155,7 @@ def kalman_hmmwv(
         inverse = np.linalg.inv(np.linalg.cholesky(f.model.R))
         return inverse @ m.C, inverse
 
-    lost = _LostPull(c, car, period)
+    lost = _Tension(c, car, period)
     seen = last_y - ca.DM(m.D) @ last_u - ca.DM(m.F) @ rate - ca.DM(lost.measured) @ lost.force(x, between)
     gain, left = _sequential(covariance, chosen(lambda f: whitened(f)[0]))
     gain = ca.if_else(varying > 0.5, gain @ chosen(lambda f: whitened(f)[1]), chosen(lambda f: f.gain))
@@ -318,8 +318,8 @@ def _sequential(covariance: Any, C: Any) -> tuple[Any, Any]:
     return gain, P
 
 
-class _LostPull:
-    """What the linear tyres pull and those of the car do not, once they have lost their static load.
+class _Tension:
+    """Tension that the linear tires take and those of the car do not, once they have lost their static load.
 
     ``force(x, known)`` (4,) [N] on the wheels, for estimates x; ``driving`` (15, 4) and ``measured`` (12, 4) are what it does to the
     states over a sample and to the measurements.
@@ -338,7 +338,7 @@ class _LostPull:
         slots = {e.name: e.slot for e in plant.elements("output")}
         self._static = at_rest.ravel()[[slots[f"tire.{k}.force"] for k in CORNERS]]
         self._lifting = c.parameter(
-            "tires.lift_off", bool(car.variable("tires.lift_off").start[0]), None, "on a known road the tyres of the model do not pull",  # type: ignore[index]
+            "tires.lift_off", bool(car.variable("tires.lift_off").start[0]), None, "on a known road the tires of the model take no tension",  # type: ignore[index]
             tunable=True, source="vehicle file",
         )  # fmt: skip
         inputs = np.zeros((15, 4))
@@ -350,9 +350,9 @@ class _LostPull:
         self.measured[[_SENSORS.index(f"hub.{k}.az") for k in CORNERS], range(4)] = per_mass
 
     def force(self, x: Any, known: Any) -> Any:
-        """Lost pull [N] of each tyre, 0 while the road is not ``known``.
+        """Tension [N] of each tire that is to be taken off, 0 while the road is not ``known``.
 
-        Without the road nothing measures the gap under a wheel in the air: the lost pull would feed on its own estimate and
+        Without the road nothing measures the gap under a wheel in the air: the tension would feed on its own estimate and
         grow without bound. The gap that counts is limited for the same reason.
         """
         stiffness = ca.DM(self._stiffness)
@@ -384,7 +384,7 @@ def _stimulus() -> dict[str, Callable[[float], float]]:
 
 
 _NOTES = (
-    "The filter's model is the linear model of RideCarHmmwv in relative coordinates: four suspension and four tyre deflections, "
+    "The filter's model is the linear model of RideCarHmmwv in relative coordinates: four suspension and four tire deflections, "
     "four wheel and three body velocities. Heights above a datum cannot be measured on a moving car and are no states of it. "
     "The road's rate under each wheel is white noise, held over a sample, with the intensity of the sensor file (0.007 m2/s); load cells are "
     "measured inputs whose noise reaches model and accelerometers alike, which the filter knows (cross-covariance).",
@@ -392,24 +392,24 @@ _NOTES = (
     "with time_varying the covariance starts from 30 mm, 0.5 m/s, 0.3 rad/s and is carried along, and the gain follows from it; without, "
     "both are those of the steady state, which all but body.vz reach within some tenths of a second; body.vz takes seconds.",
     "use_road: road.*.height is the road under the wheels now (from PreviewBuffer by a connection with delay; the buffer gives "
-    "the road one sample ahead to make up for it). Where road.valid, its differences drive the model and only a rest of "
-    "the road's rate (0.001 m2/s) is noise; elsewhere the filter goes on as without road. The rate over a sample is known at its end, "
-    "so each measurement is weighed anew one sample later.",
-    "Between samples forces are the mean of both ends. tires.lift_off: a tyre of the model that has lost its static load pulls no more, as "
-    "in RideCarHmmwv: what the linear model has too much is taken off, the gain stays. It matters on a known road; without one an "
-    "accelerometer on a wheel that flies does not tell how high.",
+    "the road one sample ahead to make up for it). Where road.valid, its differences drive the model and only a remainder of "
+    "the road's rate (0.001 m2/s) is noise; elsewhere the filter continues as without a road. The rate over a sample is known at its end, "
+    "so each measurement is weighted again one sample later.",
+    "Between samples forces are the mean of both ends. tires.lift_off: a tire of the model that has lost its static load takes no tension, as "
+    "in RideCarHmmwv: the excess of the linear model is subtracted, the gain stays the same. It matters on a known road; without one, "
+    "the accelerometer of an airborne wheel does not tell how high it is.",
     "body.z, body.roll, body.pitch: the integrals of the estimated rates, which fade within pose.leak (5 s), so a slope or a step of the "
     "road is forgotten; a pose that lasts is not observable without road. On a known road they also follow, within pose.correction "
-    "(1 s), the pose that suspension, tyres and road give. Following it at once is unstable: an error of the buffered road tilts "
+    "(1 s), the pose that suspension, tires and road give. Following it at once is unstable: an error of the buffered road tilts "
     "the pose when the wheels reach it, and the range sensors, ahead of the front axle, put it into the buffer again 1.6 times as large.",
     "Noise levels and the road's intensity are build options (fmu_sources/vehicles/sensors_hmmwv.toml): gains follow from them. Friction and "
     "flow limits of the actuators do not matter here, since forces are measured.",
 )
 _NOTES_PRINTED = (
     "The paper's form, for comparison: heights of body and wheels are states, and they are observable only because the road is believed "
-    "to be at height 0 under every wheel. Over a bump tyre deflections are wrong by most of their size, and so is the pose: "
+    "to be at height 0 under every wheel. Over a bump tire deflections are wrong by most of their size, and so is the pose: "
     "(1.18) then sees a dip behind the bump that is not there. Use KalmanHmmwv for control.",
-    "Process noise: the road's rate through the damping of the tyres, with the same intensity as in KalmanHmmwv, and the load cells. "
+    "Process noise: the road's rate through the damping of the tires, with the same intensity as in KalmanHmmwv, and the load cells. "
     "use_road feeds road.*.height as the known height of the road; with PreviewBuffer that closes the loop which the paper reports to be unstable.",
     "sigma.* is what the filter believes; on a road that is not flat the errors are far larger.",
 )

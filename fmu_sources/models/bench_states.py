@@ -1,6 +1,6 @@
 """The states that the laws of the quarter-car bench feed back (paper 002), and the bench's model in them.
 
-Suspension deflection, body velocity, tyre deflection, wheel velocity. The plant's own states are heights; :func:`bench_model`
+Suspension deflection, body velocity, tire deflection, wheel velocity. The plant's own states are heights; :func:`bench_model`
 changes to those of the paper.
 """
 

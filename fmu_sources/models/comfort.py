@@ -117,7 +117,7 @@ def absorbed_power_series(az_m_s2: npt.ArrayLike, rate_hz: float) -> Array:
 
 
 def absorbed_power(az_m_s2: npt.ArrayLike, rate_hz: float) -> float:
-    """Mean absorbed power of the run [W], to be held against :data:`ABSORBED_POWER_LIMIT`. Donahue and Hedrick, (1.19)."""
+    """Mean absorbed power of the run [W], to be compared with :data:`ABSORBED_POWER_LIMIT`. Donahue and Hedrick, (1.19)."""
     return float(np.mean(absorbed_power_series(az_m_s2, rate_hz)))
 
 

@@ -1,7 +1,7 @@
 """The relative states that the HMMWV's controllers and its estimator share (paper 001), and the car's model in them.
 
 The 15 relative states are one more than the car's own because the four road heights have a warp that no motion of the
-car can take up: on a flat road the relative states stay in the 14-dimensional range of T (:mod:`.relative`).
+car can follow: on a flat road the relative states stay in the 14-dimensional range of T (:mod:`.relative`).
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ TIRE = tuple(f"tire.{k}.deflection" for k in CORNERS)  # m, wheel minus road
 WHEEL_SPEED = tuple(f"wheel.{k}.vz" for k in CORNERS)  # m/s
 BODY_SPEED = ("body.vz", "body.roll_rate", "body.pitch_rate")  # m/s, rad/s, rad/s
 RELATIVE_STATES = (*SUSPENSION, *TIRE, *WHEEL_SPEED, *BODY_SPEED)
-"""Names and order of the 15 states: 4 suspension and 4 tyre deflections, 4 wheel and 3 body velocities."""
+"""Names and order of the 15 states: 4 suspension and 4 tire deflections, 4 wheel and 3 body velocities."""
 
 FORCES = tuple(f"force.{k}" for k in CORNERS)
 ROAD_HEIGHTS = tuple(f"road.{k}.height" for k in CORNERS)
@@ -57,19 +57,19 @@ def force_outputs(c: Component, forces: Sequence[Any]) -> None:
     if not c.declares("body.az"):
         c.input("body.az", "m/s2", "vertical acceleration of the CG")
     limit = c.parameter(
-        "force.limit", FORCE_LIMIT, "N", "largest force of an actuator that is asked for", min=0.0, max=1e6, tunable=True,
+        "force.limit", FORCE_LIMIT, "N", "largest requested force of an actuator", min=0.0, max=1e6, tunable=True,
         display_unit="kN", source="001 Table 1.3",
     )  # fmt: skip
     for name, corner, value in zip(FORCES, CORNERS, forces, strict=True):
         c.output(
-            name, ca.fmin(ca.fmax(value, -limit), limit), "N", f"force that the actuator at {corner} is to give, positive lifts the body",
+            name, ca.fmin(ca.fmax(value, -limit), limit), "N", f"requested force of the actuator at {corner}, positive lifts the body",
             display_unit="kN",
         )  # fmt: skip
     c.output(
         "force.limited",
         ca.mmax(ca.fabs(ca.vertcat(*forces))) > limit,
         None,
-        "a force is cut off at force.limit",
+        "a force is clipped at force.limit",
         type=bool,
     )
 

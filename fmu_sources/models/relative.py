@@ -76,7 +76,7 @@ def relative_model(
     Args:
         car: continuous component.
         states: names of the relative states; more than the car's own states are allowed where roads differ from wheel to
-            wheel in a way that no motion of the car can take up.
+            wheel in a way that no motion of the car can follow.
         forces, heights, rates: names of its inputs; heights and rates in the same order.
 
     Raises:
@@ -107,9 +107,9 @@ def _in_relative(rows: np.ndarray, basis: np.ndarray) -> tuple[np.ndarray, np.nd
     return X, np.abs(X @ basis - rows).max(axis=1, initial=0.0) > 1e3 * _TOLERANCE * size
 
 
-def _columns(names: Sequence[str], wanted: Sequence[str], what: str) -> list[int]:
+def _columns(names: Sequence[str], requested: Sequence[str], what: str) -> list[int]:
     known = list(names)
-    missing = [n for n in wanted if n not in known]
+    missing = [n for n in requested if n not in known]
     if missing:
         raise ValueError(f"no {what} is called {missing[0]!r}")
-    return [known.index(n) for n in wanted]
+    return [known.index(n) for n in requested]

@@ -1,8 +1,8 @@
-"""Nonlinear full car: six-degree-of-freedom body, four wheel hops, four wheel spins, tyres with slip lags.
+"""Nonlinear full car: six-degree-of-freedom body, four wheel hops, four wheel spins, tires with slip lags.
 
 Stand-in for the multi-body vehicle of paper 000. Axes are ISO 8855: x forward, y left, z up; roll positive left side
 up, pitch positive nose down, yaw positive to the left. Forces come in pairs that do equal and opposite work on the two
-bodies they join, so energy is only lost in dampers, tyres and slip, and only gained from actuators and the driver.
+bodies they join, so energy is only lost in dampers, tires and slip, and only gained from actuators and the driver.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ def full_car(vehicle: FullCar, name: str = "FullCarHmmwv") -> Component:
     c = Component(
         name,
         kind="continuous",
-        description=f"Full car, nonlinear, 6-DOF body, 4 wheel hops, 4 wheel spins, tyre slip lags: {vehicle.name}",
+        description=f"Full car, nonlinear, 6-DOF body, 4 wheel hops, 4 wheel spins, tire slip lags: {vehicle.name}",
         source="000 section III; derivation in the source of this component",
         solver="am2",
         solver_step=5e-4,
@@ -122,9 +122,9 @@ def full_car(vehicle: FullCar, name: str = "FullCarHmmwv") -> Component:
 
     total_mass = p.body.mass + 4 * p.wheel.mass
     error = target_speed - speed
-    wanted = p.speed_control.gain * error + p.speed_control.integral_gain * speed_error  # acceleration
-    wanted *= total_mass * p.wheel.radius / 4  # torque of each wheel
-    asked = _limit(wanted, p.speed_control.max_torque)
+    requested = p.speed_control.gain * error + p.speed_control.integral_gain * speed_error  # acceleration
+    requested *= total_mass * p.wheel.radius / 4  # torque of each wheel
+    limited = _limit(requested, p.speed_control.max_torque)
     course = p.steering.offset_gain * (target_y - y) - p.steering.heading_gain * yaw
     steer = _limit(course - p.steering.yaw_rate_gain * yaw_velocity, p.steering.max_angle)
 
@@ -156,14 +156,14 @@ def full_car(vehicle: FullCar, name: str = "FullCarHmmwv") -> Component:
             + force[n]
         )
 
-        # Tyre, vertical: the road rises under the moving wheel with slope x speed; a tyre never pulls.
+        # Tire, vertical: the road rises under the moving wheel with slope x speed; a tire takes no tension.
         hub_velocity = velocity + ca.cross(omega, hub)
         gradient = _limit(slope[n], 1.0)
         static = k.static_load + p.wheel.mass * GRAVITY
-        squeeze, squeeze_rate = road[n] - zw[n], gradient * hub_velocity[0] - vw[n]
-        load[n] = ca.fmax(0, static + p.tire.stiffness * squeeze + p.tire.damping * squeeze_rate)
+        compression, compression_rate = road[n] - zw[n], gradient * hub_velocity[0] - vw[n]
+        load[n] = ca.fmax(0, static + p.tire.stiffness * compression + p.tire.damping * compression_rate)
 
-        # Tyre, horizontal: slips lag by a relaxation length; forces grow with slip and load up to the friction ellipse.
+        # Tire, horizontal: slips lag by a relaxation length; forces grow with slip and load up to the friction ellipse.
         forward, sideways = (wheel_ahead, wheel_left) if k.steered else (ahead, left)
         rolling = ca.dot(hub_velocity, forward)
         sliding = ca.dot(velocity + ca.cross(omega, patch), sideways)
@@ -174,7 +174,7 @@ def full_car(vehicle: FullCar, name: str = "FullCarHmmwv") -> Component:
         grip = load[n] / ca.sqrt(1 + (drive**2 + corner**2) / p.tire.friction**2)
 
         # Wheel; torque is eased off where it makes the wheel slip.
-        torque = ca.fmax(0, asked) * _eased(slip_x[n]) + ca.fmin(0, asked) * _eased(-slip_x[n])
+        torque = ca.fmax(0, limited) * _eased(slip_x[n]) + ca.fmin(0, limited) * _eased(-slip_x[n])
         applied += torque
         wheel_force[n] = load[n] - strut - p.wheel.mass * GRAVITY
         spin_torque[n] = torque - grip * drive * p.wheel.radius
@@ -212,7 +212,7 @@ def full_car(vehicle: FullCar, name: str = "FullCarHmmwv") -> Component:
         c.derivative(spin[n], spin_torque[n] / p.wheel.spin_inertia)
         c.derivative(slip_x[n], slip_x_rate[n])
         c.derivative(slip_y[n], slip_y_rate[n])
-    winding_up = ca.logic_and(ca.fabs(applied) < 0.999 * ca.fabs(4 * wanted), wanted * error > 0)
+    winding_up = ca.logic_and(ca.fabs(applied) < 0.999 * ca.fabs(4 * requested), requested * error > 0)
     c.derivative(speed_error, ca.if_else(winding_up, 0, error))
 
     # ----------------------------------------------------------------------------------------------------- outputs
@@ -227,7 +227,7 @@ def full_car(vehicle: FullCar, name: str = "FullCarHmmwv") -> Component:
         c.output(f"suspension.{n}.deflection", travel[n], "m", "body height minus wheel height", display_unit="mm")
         c.output(f"suspension.{n}.velocity", travel_rate[n], "m/s", "rate of the suspension deflection")
         c.output(f"tire.{n}.deflection", zw[n] - road[n], "m", "wheel height minus road height", display_unit="mm")
-        c.output(f"tire.{n}.force", load[n], "N", "vertical tyre force, never negative", display_unit="kN")
+        c.output(f"tire.{n}.force", load[n], "N", "vertical tire force, never negative", display_unit="kN")
         power = force[n] * travel_rate[n]
         c.output(f"actuator.{n}.power", power, "W", "power from the actuator into the car", display_unit="kW")
 
@@ -265,7 +265,7 @@ def _corners(p: Any) -> list[Corner]:
 def _equilibrium(corners: list[Corner], p: Any, road: dict[str, Any]) -> _Rest:
     """Where the car rests on the given wheel heights: exact on a level road, to second order in the angles otherwise.
 
-    Spring and tyre in series at each corner carry the body as one plane: heave and pitch follow the axle means, roll
+    Spring and tire in series at each corner carry the body as one plane: heave and pitch follow the axle means, roll
     is the stiffness-weighted mean of the two axles. (1e-9 N/m keeps roll determined without any spring.)
     """
     fl, fr, rl, rr = (road[k.name] for k in corners)
@@ -305,7 +305,7 @@ def _eased(slip: Any) -> Any:
 
 
 def _stop(travel: Any, stop: Any) -> Any:
-    """Force of the stops against the travel, at the wheel [N]: 0 in between, progressive from the gap on."""
+    """Force of the stops over the travel, at the wheel [N]: 0 in between, progressive from the gap on."""
     rebound, jounce = ca.fmax(0, travel - stop.travel), ca.fmax(0, -travel - stop.travel)
     return stop.stiffness * (rebound - jounce) + stop.cubic * (rebound**3 - jounce**3)
 
@@ -331,10 +331,10 @@ def _stimulus() -> dict[str, Any]:
 
 _NOTES = (
     "The car of paper 000 was a commercial multi-body model. This stand-in keeps what decides its ride: a rigid "
-    "body with six degrees of freedom, vertical wheel travel with stops, wheel spin, tyres that lift off, tyre "
+    "body with six degrees of freedom, vertical wheel travel with stops, wheel spin, tires that lift off, tire "
     "slips with relaxation lengths inside a friction ellipse, and a driver for speed and course.",
     "Left out, because the data are not public and they act on handling rather than on heave and pitch below 20 "
-    "Hz: six compliance freedoms per suspension, camber, toe and track change with travel, measured tyre tables, "
+    "Hz: six compliance freedoms per suspension, camber, toe and track change with travel, measured tire tables, "
     "powertrain and aerodynamics, gyroscopic moments of the wheels. Horizontally the wheels move with the body; "
     "their mass is added there at CG height.",
     "Springs and dampers of the vehicle file sit at the spring and act at the wheel through the motion ratio. The "
@@ -346,6 +346,6 @@ _NOTES = (
     "maximum of target.speed; the car does not reverse. Torque is eased off at slipping wheels.",
     "Wiring: connect a road's outputs road.* to the inputs of the same name, and this car's x and speed to that "
     "road; a controller drives force.*. Exchange at 1 ms.",
-    "The solver starts anew with every doStep: the same second cut into other steps than 1 ms (0.5 to 10 ms) differs by up to "
+    "The solver restarts at every doStep: the same second divided into steps other than 1 ms (0.5 to 10 ms) differs by up to "
     "2.1e-4 of the range of motions and forces, and 5.2e-4 of that of any output.",
 )

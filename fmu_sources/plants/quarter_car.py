@@ -1,4 +1,4 @@
-"""Quarter car: two masses, one suspension, one tyre (paper 001, equation 1.1; paper 002, equations 1 and 2)."""
+"""Quarter car: two masses, one suspension, one tire (paper 001, equation 1.1; paper 002, equations 1 and 2)."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from fmu_sources.vehicles import QuarterCar, declare
 
 
 def quarter_car(vehicle: QuarterCar, name: str = "QuarterCarHmmwv", *, source: str = "001 equation (1.1)") -> Component:
-    """Sprung and unsprung mass above one tyre, paper 001 equation (1.1), paper 002 (1), (2), with friction as an option.
+    """Sprung and unsprung mass above one tire, paper 001 equation (1.1), paper 002 (1), (2), with friction as an option.
 
     Equation (2) of paper 002 is printed without the spring between the masses; its matrices (6) and (7) have it.
 
@@ -25,11 +25,11 @@ def quarter_car(vehicle: QuarterCar, name: str = "QuarterCarHmmwv", *, source: s
         solver_step=5e-4,
         notes=(
             "Both masses move vertically. Displacements count from static equilibrium, so weight does not appear. The "
-            "tyre is a linear spring and damper that can also pull: for a tyre that lifts off use the full car.",
+            "tire is a linear spring and damper that also takes tension: for a tire that lifts off use the full car.",
             "friction.acting, where the vehicle file gives a friction: dry friction of the suspension, its sign smoothed. Off "
             "by default, as in the paper's own state space (1.6); the plant of force tracking has it.",
-            "Wiring: road.height and road.rate are the height under the tyre and its time derivative; both are needed "
-            "because the tyre has damping. A force controller drives force.",
+            "Wiring: road.height and road.rate are the height under the tire and its time derivative; both are needed "
+            "because the tire has damping. A force controller drives force.",
         ),
     )
     p = declare(c, vehicle)
@@ -37,8 +37,8 @@ def quarter_car(vehicle: QuarterCar, name: str = "QuarterCarHmmwv", *, source: s
     friction = getattr(p.suspension, "friction", None)
     acting = None if friction is None else declare_friction(c)
 
-    r = c.input("road.height", "m", "road height under the tyre")
-    dr = c.input("road.rate", "m/s", "time derivative of the road height under the tyre")
+    r = c.input("road.height", "m", "road height under the tire")
+    dr = c.input("road.rate", "m/s", "time derivative of the road height under the tire")
     f = c.input("force", "N", "actuator force, positive lifts the body and pushes the wheel down")
 
     zb = c.state("body.z", "m", "body height above static equilibrium", output=True, nominal=0.1)

@@ -4,12 +4,12 @@ Lagrange's equations in the coordinates ``q``: body height, roll and pitch at th
 
     d/dt dT/dq' = Q - dV/dq - dR/dq'
 
-with kinetic energy T, energy of springs and tyres V, half of the power lost in dampers and tyres R, and the generalized
-forces Q of the actuators by virtual work. All four follow from two lengths per corner, suspension and tyre deflection,
+with kinetic energy T, energy of springs and tires V, half of the power lost in dampers and tires R, and the generalized
+forces Q of the actuators by virtual work. All four follow from two lengths per corner, suspension and tire deflection,
 paper 004 equation (12). Nothing else is written down, so the equations cannot disagree with each other. How many axles
 there are is up to the vehicle: two make the seven-degree car of papers 004 and 001, three the nine-degree 6x6 of paper 003.
 
-The car is linear but for two options: friction in the suspensions, and tyres that lift off.
+The car is linear but for two options: friction in the suspensions, and tires that lift off.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ _SOURCES = {
 
 
 def ride_car(vehicle: RideCar | ThreeAxleCar, name: str = "RideCarSedan") -> Component:
-    """Ride car with tyre damping: of papers 004 (equations (1) to (9)) and 001 with two axles, of paper 003 with three.
+    """Ride car with tire damping: of papers 004 (equations (1) to (9)) and 001 with two axles, of paper 003 with three.
 
     Displacements are measured from static equilibrium. Actuator forces push the body up and the wheel down. Paper 003 has
     roll positive to the left and pitch positive nose up: both signs are those of ISO 8855 here, the other way round.
@@ -50,10 +50,10 @@ def ride_car(vehicle: RideCar | ThreeAxleCar, name: str = "RideCarSedan") -> Com
     p = declare(c, vehicle)
     part = {n: (getattr(p.wheel, n), getattr(p.suspension, n), getattr(p.tire, n)) for n in corners}
 
-    rubbing = [n for n, (_, suspension, _) in part.items() if hasattr(suspension, "friction")]
-    acting = declare_friction(c) if rubbing else None
+    with_friction = [n for n, (_, suspension, _) in part.items() if hasattr(suspension, "friction")]
+    acting = declare_friction(c) if with_friction else None
     lifting = c.parameter(
-        "tires.lift_off", vehicle.tires_lift_off, None, "whether tyres that have lost their static load do not pull",
+        "tires.lift_off", vehicle.tires_lift_off, None, "whether tires lift off: they take no tension once their static load is gone",
         tunable=True, source="vehicle file, tires_lift_off",
     )  # fmt: skip
 
@@ -84,13 +84,13 @@ def ride_car(vehicle: RideCar | ThreeAxleCar, name: str = "RideCarSedan") -> Com
     ]
 
     def lengths(q: list[Any], road: list[Any]) -> tuple[list[Any], list[Any]]:
-        """Suspension and tyre deflections of the corners; their rates when given rates. 004 equation (12)."""
+        """Suspension and tire deflections of the corners; their rates when given rates. 004 equation (12)."""
         z, roll, pitch, *wheels = q
         top = [z + corners[n] * wheel.half_track * roll - wheel.x * pitch for n, (wheel, _, _) in part.items()]
         return [a - b for a, b in zip(top, wheels, strict=True)], [a - b for a, b in zip(wheels, road, strict=True)]
 
-    travel, squeeze = lengths(q, road)
-    travel_rate, squeeze_rate = lengths(dq, road_rate)
+    travel, deflection = lengths(q, road)
+    travel_rate, deflection_rate = lengths(dq, road_rate)
 
     # ---------------------------------------------------------------------------------------------------- energies
 
@@ -100,11 +100,11 @@ def ride_car(vehicle: RideCar | ThreeAxleCar, name: str = "RideCarSedan") -> Com
     suspensions, tires = ([parts[i] for parts in part.values()] for i in (1, 2))
     masses = [p.body.mass, p.body.roll_inertia, p.body.pitch_inertia, *(wheel.mass for wheel, _, _ in part.values())]
     kinetic = halves(masses, dq)
-    potential = halves([s.stiffness for s in suspensions], travel) + halves([t.stiffness for t in tires], squeeze)
-    lost = halves([s.damping for s in suspensions], travel_rate) + halves([t.damping for t in tires], squeeze_rate)
+    potential = halves([s.stiffness for s in suspensions], travel) + halves([t.stiffness for t in tires], deflection)
+    lost = halves([s.damping for s in suspensions], travel_rate) + halves([t.damping for t in tires], deflection_rate)
     if acting is not None:
         lost += sum(friction_loss(part[n][1].friction, v, acting) for n, v in zip(part, travel_rate, strict=True)
-                    if n in rubbing)  # fmt: skip
+                    if n in with_friction)  # fmt: skip
     work = sum(f * d for f, d in zip(force, travel, strict=True))  # virtual: its gradient is the generalized force
 
     # ------------------------------------------------------------------------------------------ equations of motion
@@ -113,13 +113,13 @@ def ride_car(vehicle: RideCar | ThreeAxleCar, name: str = "RideCarSedan") -> Com
     inertia = ca.hessian(kinetic, velocity)[0]
     assert inertia.sparsity().is_diag(), "coordinates at the CG along principal axes"
     drive = ca.gradient(work, position) - ca.gradient(potential, position) - ca.gradient(lost, velocity)
-    held = [
+    dynamic = [
         -tire.stiffness * x - tire.damping * v
-        for (_, _, tire), x, v in zip(part.values(), squeeze, squeeze_rate, strict=True)
-    ]  # tyre forces beyond the static load, on the wheels
+        for (_, _, tire), x, v in zip(part.values(), deflection, deflection_rate, strict=True)
+    ]  # tire forces beyond the static load, on the wheels
     static = _static_loads(p.body.mass, [wheel for wheel, _, _ in part.values()], list(corners.values()))
-    pull = [ca.if_else(lifting, ca.fmin(h + w, 0), 0) for h, w in zip(held, static, strict=True)]  # what a tyre has not
-    drive -= ca.jtimes(ca.vertcat(*squeeze), position, ca.vertcat(*pull), True)
+    tension = [ca.if_else(lifting, ca.fmin(d + w, 0), 0) for d, w in zip(dynamic, static, strict=True)]  # not taken
+    drive -= ca.jtimes(ca.vertcat(*deflection), position, ca.vertcat(*tension), True)
     acceleration = ca.vertsplit(drive / ca.diag(inertia))
     for place, rate, value in zip(q, dq, acceleration, strict=True):
         c.derivative(place, rate)
@@ -137,11 +137,11 @@ def ride_car(vehicle: RideCar | ThreeAxleCar, name: str = "RideCarSedan") -> Com
         c.output(f"suspension.{n}.deflection", value, "m", "body height minus wheel height", display_unit="mm")
     for n, value in zip(corners, travel_rate, strict=True):
         c.output(f"suspension.{n}.velocity", value, "m/s", "rate of the suspension deflection")
-    for n, value in zip(corners, squeeze, strict=True):
+    for n, value in zip(corners, deflection, strict=True):
         c.output(f"tire.{n}.deflection", value, "m", "wheel height minus road height", display_unit="mm")
 
-    for n, h, w, lost_pull in zip(corners, held, static, pull, strict=True):
-        c.output(f"tire.{n}.force", h + w - lost_pull, "N", "tyre force on the wheel, static load included", nominal=1e3,
+    for n, d, w, t in zip(corners, dynamic, static, tension, strict=True):
+        c.output(f"tire.{n}.force", d + w - t, "N", "tire force on the wheel, static load included", nominal=1e3,
                  display_unit="kN")  # fmt: skip
 
     c.stimulate(_stimulus(list(corners)))
@@ -149,7 +149,7 @@ def ride_car(vehicle: RideCar | ThreeAxleCar, name: str = "RideCarSedan") -> Com
 
 
 def _static_loads(mass: Any, wheels: list[Any], sides: list[int]) -> list[Any]:
-    """Load [N] of each tyre at rest: its wheel's weight and its share of the body's.
+    """Load [N] of each tire at rest: its wheel's weight and its share of the body's.
 
     The body is in equilibrium on equal springs: with a car that is the same left and right, the law of the lever.
     """
@@ -185,8 +185,8 @@ def _stimulus(corners: list[str]) -> dict[str, Any]:
 _NOTES = (
     "The body heaves, rolls and pitches about its CG, small angles; the wheels hop. All stiffnesses and dampings act at "
     "the wheels. Displacements count from static equilibrium, so weight does not appear in the linear model.",
-    "tires.lift_off: a tyre that has lost its static load (its wheel's weight and its share of the body's) pulls no more. On "
-    "by default where the vehicle file says so, as that of the HMMWV does. Off, tyres are springs and dampers that also pull. "
+    "tires.lift_off: a tire that has lost its static load (its wheel's weight and its share of the body's) takes no tension. "
+    "On by default where the vehicle file says so, as that of the HMMWV does. Off, tires are springs and dampers in tension too. "
     "The linear model about rest is the same.",
     "friction.acting, where the vehicle file gives a friction: dry friction of the suspensions, its sign smoothed. Off by "
     "default, so that the linear model about rest is that without friction, which controllers are designed on.",
@@ -196,5 +196,5 @@ _NOTES = (
     "Every state is an output and may be set before the start. A, B, C and D of the linear model are the "
     "directional derivatives, at any point as long as both options are off.",
     "Wiring: connect a road's outputs road.*.height and road.*.rate to the inputs of the same name; a controller drives "
-    "force.*. The rate matters only where the tyres have damping. Exchange at 1 ms.",
+    "force.*. The rate matters only where the tires have damping. Exchange at 1 ms.",
 )

@@ -3,7 +3,7 @@
 Nonlinear plant of paper 003 (section 3.3, where a multi-body program computes it). Generalized coordinates are position
 x and z of the CG, pitch, roll and the extension of the six struts; yaw and sideways motion are locked. Equations of
 motion follow from the kinematics of the seven masses, forces from virtual work, so that energy is only lost in dampers,
-tyres, contacts and friction, and only gained from the actuators and the imposed spin of the wheels.
+tires, contacts and friction, and only gained from the actuators and the imposed spin of the wheels.
 
 Axes are ISO 8855: x forward, y left, z up; roll positive left side up, pitch positive nose down. (The thesis counts pitch
 positive nose up and roll positive to the left.)
@@ -46,7 +46,7 @@ class _Wheel:
     strut: Any
     tire: Any
     static_load: Any  # of the strut, N
-    squeeze: Any  # static penetration of the tyre, m
+    compression: Any  # static penetration of the tire, m
     below: Any = None  # wheel centre below the CG at rest, m
 
 
@@ -73,9 +73,9 @@ def three_axle_trench(vehicle: ThreeAxleTrenchCar, name: str = "ThreeAxleTrench"
     )  # fmt: skip
     wheels = _wheels(p)
     front, rear = (sum(w.x for w in wheels if w.name[:2] == axle) / 2 for axle in ("a1", "a3"))
-    mean_radius = p.disc.radius - sum(w.squeeze for w in wheels) / 6
+    mean_radius = p.disc.radius - sum(w.compression for w in wheels) / 6
     height = p.body.cg_height + mean_radius  # of the CG above the road at rest
-    wheels = [_Wheel(**{**vars(w), "below": height - (p.disc.radius - w.squeeze)}) for w in wheels]
+    wheels = [_Wheel(**{**vars(w), "below": height - (p.disc.radius - w.compression)}) for w in wheels]
     tip, tail = front + p.outline.front_overhang, rear - p.outline.rear_overhang
 
     grounds, markers = _obstacle(c, tip, tip - tail)
@@ -286,17 +286,19 @@ def three_axle_trench(vehicle: ThreeAxleTrenchCar, name: str = "ThreeAxleTrench"
         centre, velocity, total, clearance = contact[n]
         c.output(f"hub.{n}.x", centre[0], "m", "position of the wheel centre along the road")
         c.output(f"hub.{n}.z", centre[2], "m", "height of the wheel centre above the road")
-        c.output(f"wheel.{n}.z", centre[2] - (p.disc.radius - w.squeeze), "m", "wheel centre above its static height")
+        c.output(
+            f"wheel.{n}.z", centre[2] - (p.disc.radius - w.compression), "m", "wheel centre above its static height"
+        )
         c.output(f"wheel.{n}.vz", velocity[2], "m/s", "vertical velocity of the wheel")
         c.output(f"wheel.{n}.az", wheel_acceleration[n][2], "m/s2", "vertical acceleration of the wheel")
         c.output(
-            f"tire.{n}.deflection", clearance + w.squeeze, "m", "distance from the nearest ground, 0 at static load",
+            f"tire.{n}.deflection", clearance + w.compression, "m", "distance from the nearest ground, 0 at static load",
             display_unit="mm",
         )  # fmt: skip
-        c.output(f"hub.{n}.fx", hub[n][0], "N", "force of the tyre on the hub along the body", display_unit="kN")
-        c.output(f"hub.{n}.fz", hub[n][1], "N", "force of the tyre on the hub across the body", display_unit="kN")
-        c.output(f"contact.{n}.fx", total.fx, "N", "longitudinal force of the ground on the tyre", display_unit="kN")
-        c.output(f"contact.{n}.fz", total.fz, "N", "vertical force of the ground on the tyre", display_unit="kN")
+        c.output(f"hub.{n}.fx", hub[n][0], "N", "force of the tire on the hub along the body", display_unit="kN")
+        c.output(f"hub.{n}.fz", hub[n][1], "N", "force of the tire on the hub across the body", display_unit="kN")
+        c.output(f"contact.{n}.fx", total.fx, "N", "longitudinal force of the ground on the tire", display_unit="kN")
+        c.output(f"contact.{n}.fz", total.fz, "N", "vertical force of the ground on the tire", display_unit="kN")
         c.output(f"contact.{n}.x", centre[0] + total.px, "m", "where the ground force acts, along the road")
         at = centre[2] + total.pz
         at = ca.if_else(ca.fabs(at) < 1e-9, 0, at)  # rounding on level road is no height
@@ -320,7 +322,7 @@ def three_axle_trench(vehicle: ThreeAxleTrenchCar, name: str = "ThreeAxleTrench"
 
     c.operating_point("start")
     c.operating_point("axles at the stops", **{f"suspension.{w.name}.deflection": -0.25 for w in wheels})
-    c.operating_point("deep in the tyres", body__z=-0.25)
+    c.operating_point("deep in the tires", body__z=-0.25)
     c.operating_point("body on the ground", body__z=-0.61)
     c.stimulate(_stimulus())
     return c
@@ -344,16 +346,16 @@ def _wheels(p: Any) -> list[_Wheel]:
         tire, mass = getattr(p.tire, n), getattr(p.wheel, n).mass
         load = k * ca.dot(row, plane)
         weight = load + mass * GRAVITY
-        squeeze = weight / tire.stiffness
+        compression = weight / tire.stiffness
         over = ca.fmax(0, weight - tire.stiffness * p.disc.bottoming) / (tire.stiffness + p.disc.bottoming_stiffness)
-        squeeze = ca.fmin(squeeze, p.disc.bottoming + over)
-        wheels.append(_Wheel(n, n[-1], *where[n], mass, getattr(p.suspension, n), tire, load, squeeze))
+        compression = ca.fmin(compression, p.disc.bottoming + over)
+        wheels.append(_Wheel(n, n[-1], *where[n], mass, getattr(p.suspension, n), tire, load, compression))
     return wheels
 
 
 @dataclass(frozen=True)
 class _Contacts:
-    """Sum of the ground forces on one tyre; ``px``, ``pz`` from the wheel centre to where it acts."""
+    """Sum of the ground forces on one tire; ``px``, ``pz`` from the wheel centre to where it acts."""
 
     fx: Any
     fz: Any
@@ -541,7 +543,7 @@ _NOTES = (
     "trench is computed to the end.",
     "Wheels are discs. The ground below the outline of an obstacle is taken as convex solids that meet in its concave "
     "corners; a wheel touches each solid at the point closest to its centre, the force acts along the line between both, "
-    "and the forces of several solids add up (at obtuse corners less, so that a nearly straight road pushes once). A tyre "
+    "and the forces of several solids add up (at obtuse corners less, so that a nearly straight road pushes once). A tire "
     "has a stiffness, a second one from bottoming on, and a damper that sets in with the first millimetres.",
     "target.speed is the rolling speed of all wheels and is imposed: the spin does not depend on the torque, and the drives "
     "are mounted on the body, which takes the reaction. Friction limits traction: mu N tanh(sliding / slip_speed); above "
@@ -564,7 +566,7 @@ _NOTES = (
     "lidar.*.dx is the distance of the obstacle's start and finish ahead of the nose lidar, lidar.*.dz how far the lidar is above "
     "them, both along the axes of the road, as equations (4.18) to (4.28) of paper 003 need them. They are positions of markers: "
     "there are values without an obstacle too (those of the trench), and behind the vehicle dx is negative.",
-    "hub.*.fx is the force of the tyre on the hub along the body, what Table 5.3 limits. body.ax and body.az are along the axes of "
+    "hub.*.fx is the force of the tire on the hub along the body, what Table 5.3 limits. body.ax and body.az are along the axes of "
     "the road. stuck is 1 while the speed, smoothed over a second, is below 5 % of target.speed; it is a flag with jumps, not "
     "meant for Model Exchange root finding. energy minus energy.supplied never grows.",
     "Wiring: a controller drives force.*. Exchange at 1 ms; where peaks count, at 0.5 ms: when body and ground meet, the "

@@ -107,7 +107,7 @@ def road_bumps(layout: RoadLayout, name: str = "RoadBumps") -> Component:
             ),
             length=length("bump.length", BUMP_LENGTH, "length of a bump", "assumed: 12 in", unit="mm"),
             contact=length(
-                "contact.length", CONTACT_LENGTH, "length over which the tyre averages the road", "assumed", unit="mm"
+                "contact.length", CONTACT_LENGTH, "length over which the tire averages the road", "assumed", unit="mm"
             ),
             side=c.parameter(
                 "side", 0, None, "where the bumps are: 0 both sides, 1 left, 2 right", min=0, max=RIGHT,
@@ -116,7 +116,7 @@ def road_bumps(layout: RoadLayout, name: str = "RoadBumps") -> Component:
             end=length("length", 200.0, "length of the road", "assumed", least=1.0),
         )  # fmt: skip
         travel = c.parameter(
-            "travel", TRAVEL, "m", "suspension travel that a bump is held against", min=1e-3, max=5.0, display_unit="mm",
+            "travel", TRAVEL, "m", "suspension travel that a bump is compared with", min=1e-3, max=5.0, display_unit="mm",
             source="001 Table 1.3",
         )  # fmt: skip
         c.output("height_above_travel", bumps.any_above(travel), None, "a bump is higher than travel", type=bool)

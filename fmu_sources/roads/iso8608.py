@@ -42,7 +42,7 @@ def track_correlation(n: Any, track: float, decay: float = DECAY) -> Any:
 def iso8608_table(track: float, seed: int = 1, decay: float = DECAY, contact: float = 0.0) -> HeightTable:
     """Heights of both tracks of a class A road, periodic over its length, rounded to 1e-7 m.
 
-    With ``contact`` [m] the heights are means over that length, as a tyre's contact takes them.
+    With ``contact`` [m] the heights are means over that length, as a tire's contact takes them.
 
     Two waves with fixed amplitude and random phase at each multiple of 1 / ``LENGTH``: one lifts both sides, the other
     lifts one side and lowers the other.
@@ -68,7 +68,7 @@ def iso8608_table(track: float, seed: int = 1, decay: float = DECAY, contact: fl
 
 
 def road_offroad(layout: RoadLayout, name: str = "RoadOffroad") -> Component:
-    """The off-road terrain of the HMMWV of paper 001 as read here: class E, smoothed by the tyres' contact."""
+    """The off-road terrain of the HMMWV of paper 001 as read here: class E, smoothed by the tires' contact."""
     return road_iso8608(layout, name, roughness=OFFROAD_CLASS, contact=OFFROAD_CONTACT)
 
 
@@ -83,7 +83,7 @@ def road_iso8608(
 ) -> Component:
     """Random road, ISO 8608 class A to H as a parameter that starts at number ``roughness`` (0 for A).
 
-    ``seed``, ``decay`` and the ``contact`` length [m] over which the tyres average are build options.
+    ``seed``, ``decay`` and the ``contact`` length [m] over which the tires average are build options.
     """
     sides = [[w.y for w in layout.wheels if w.side == side] for side in ("left", "right")]
     track = float(np.mean(sides[0]) - np.mean(sides[1])) if all(sides) else 0.0

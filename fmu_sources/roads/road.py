@@ -130,7 +130,7 @@ def road(
 
 _SCAN_NOTE = (
     "scan.* is what range sensors may hit: heights of the surface of both tracks at fixed distances ahead of the CG, not "
-    "averaged over the contact of a tyre. SensorSuite casts its beams against them."
+    "averaged over the contact of a tire. SensorSuite casts its beams against them."
 )
 _NOTES = (
     "The road has no memory: its outputs at t follow from x and speed at t. preview.* are the heights each wheel will "

@@ -99,20 +99,20 @@ def _columns(path: Path, header: list[str]) -> list[tuple[str, int, str]]:
         names.append(re.sub(r"[\s_\-]+", " ", name).strip().lower())
         given.append(unit or "m")
     found = []
-    for wanted, variants in _COLUMNS.items():
+    for column, variants in _COLUMNS.items():
         index = next((names.index(v) for v in variants if v in names), None)
         if index is None:
-            near = difflib.get_close_matches(wanted, names, n=1)
+            near = difflib.get_close_matches(column, names, n=1)
             hint = f"; is {near[0]!r} meant to be it?" if near else ""
             raise RoadError(
-                f"{path}, line 1: no column {wanted!r} among {', '.join(map(repr, names))}{hint} (a road file starts "
+                f"{path}, line 1: no column {column!r} among {', '.join(map(repr, names))}{hint} (a road file starts "
                 f"with the line {_HEADER!r})"
             )
         try:
             units.convert(1.0, given[index], "m")
         except KeyError as error:
-            raise RoadError(f"{path}, line 1: column {wanted!r}: {error.args[0]}") from None
-        found.append((wanted, index, given[index]))
+            raise RoadError(f"{path}, line 1: column {column!r}: {error.args[0]}") from None
+        found.append((column, index, given[index]))
     return found
 
 

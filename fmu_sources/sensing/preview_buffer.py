@@ -71,7 +71,7 @@ def preview_buffer(
         source="assumed",
     )  # fmt: skip
     contact = c.parameter(
-        "contact.length", 0.0, "m", "heights are means over this length around the wheel: the contact of the tyre, where the "
+        "contact.length", 0.0, "m", "heights are means over this length around the wheel: the contact of the tire, where the "
         "range sensors' spot does not average already", min=0.0, max=1.0, source="option",
     )  # fmt: skip
     lead = c.parameter(

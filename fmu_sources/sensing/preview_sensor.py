@@ -22,7 +22,7 @@ NONE, QUARTER_CAR = 0, 1
 def preview_sensor(
     sensors: SensorSet, vehicle: RideCar, name: str = "PreviewSensor", *, period: float = SAMPLE_TIME
 ) -> Component:
-    """Correction (1.18) of both range sensors, with the paper's external tyre compensation as an option.
+    """Correction (1.18) of both range sensors, with the paper's external tire compensation as an option.
 
     In ISO 8855 (z up, pitch positive nose down, roll positive left side up) it reads
 
@@ -34,7 +34,7 @@ def preview_sensor(
 
     Args:
         sensors: geometry of the mount.
-        vehicle: its quarter car, at each wheel, is the model of the external tyre compensation.
+        vehicle: its quarter car, at each wheel, is the model of the external tire compensation.
         period: sample time [s].
     """
     c = Component(
@@ -47,7 +47,7 @@ def preview_sensor(
     )
     mount = declare(c, sensors.mount, "mount.")
     compensation = c.parameter(
-        "compensation", NONE, None, "of the tyres: 0 none, 1 quarter cars on the buffered road (the paper's)", min=0, max=1,
+        "compensation", NONE, None, "of the tires: 0 none, 1 quarter cars on the buffered road (the paper's)", min=0, max=1,
         source="001 section 1.5",
     )  # fmt: skip
     error = c.parameter(

@@ -49,7 +49,7 @@ def _draw(first: list[Any], second: list[Any]) -> tuple[list[Any], list[Any], An
 
 
 def _mod(x: Any, m: float) -> Any:
-    """``x`` modulo ``m``, exact for whole x of up to 2^53: the quotient may be off by one, which is put right."""
+    """``x`` modulo ``m``, exact for whole x of up to 2^53: the quotient may be off by one, which is corrected."""
     r = x - m * ca.floor(x / m)
     return r + ca.if_else(r < 0, m, ca.if_else(r >= m, -m, 0))
 

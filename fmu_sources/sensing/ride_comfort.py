@@ -1,4 +1,4 @@
-"""Ride comfort while a run is going on: absorbed power (Donahue, Hedrick; equation 1.19) and ISO 2631-1."""
+"""Ride comfort during a run: absorbed power (Donahue, Hedrick; equation 1.19) and ISO 2631-1."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The sensors of paper 001 (Tables 1.5 and 1.6): what a real HMMWV's computer gets to know of the car and of the road."""
+"""The sensors of paper 001 (Tables 1.5 and 1.6): what the computer of a real HMMWV learns of the car and of the road."""
 
 from __future__ import annotations
 
@@ -93,7 +93,7 @@ def sensor_suite(sensors: SensorSet, scan: RoadScan, name: str = "SensorSuite") 
     x = c.input("x", "m", "distance of the CG along the road")
     speed = c.input("speed", "m/s", "forward speed", display_unit="km/h")
     gain = c.parameter(
-        "speed.gain", 1.0, "1", "what the speedometer shows per true speed (tyre wear, slip)", min=0.5, max=1.5,
+        "speed.gain", 1.0, "1", "what the speedometer shows per true speed (tire wear, slip)", min=0.5, max=1.5,
         tunable=True, source="option",
     )  # fmt: skip
     offset = c.parameter(

@@ -140,7 +140,7 @@ def _find(name_or_path: str | Path, kind: str | None = None) -> Path:
 
 
 def _is_file(path: Path) -> bool:
-    """Is it there? Not even to be asked for: a name that is too long, a folder that may not be read."""
+    """Whether it exists. Finding out may fail: a name that is too long, a folder that may not be read."""
     try:
         return path.is_file()
     except OSError as error:

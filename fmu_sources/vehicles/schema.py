@@ -138,14 +138,14 @@ class _QuarterSuspension(Section):
 
 
 class _Tire(Section):
-    stiffness: Quantity = quantity("N/m", "vertical tyre stiffness", min=1.0, max=1e8, display_unit="N/mm")
+    stiffness: Quantity = quantity("N/m", "vertical tire stiffness", min=1.0, max=1e8, display_unit="N/mm")
     damping: Quantity = quantity(
-        "N.s/m", "vertical tyre damping", min=0.0, max=1e6, display_unit="kN.s/m", nominal=100.0
+        "N.s/m", "vertical tire damping", min=0.0, max=1e6, display_unit="kN.s/m", nominal=100.0
     )
 
 
 class QuarterCar(Vehicle):
-    """Two masses above one tyre."""
+    """Two masses above one tire."""
 
     body: _QuarterBody
     wheel: _QuarterWheel
@@ -186,7 +186,7 @@ class _RideTires(Axles):
 class RideCar(Vehicle):
     """A body that heaves, rolls and pitches above four wheels; all values act at the wheels."""
 
-    tires_lift_off: bool = False  # start of the parameter of that name: tyres do not pull
+    tires_lift_off: bool = False  # start of the parameter of that name: tires take no tension
     body: _RideBody
     wheel: _RideWheels
     suspension: _RideSuspensions
@@ -214,7 +214,7 @@ class _ThreeTires(ThreeAxles):
 class ThreeAxleCar(Vehicle):
     """A body that heaves, rolls and pitches above six wheels on three axles; all values act at the wheels."""
 
-    tires_lift_off: bool = False  # start of the parameter of that name: tyres do not pull
+    tires_lift_off: bool = False  # start of the parameter of that name: tires take no tension
     body: _RideBody
     wheel: _ThreeWheels
     suspension: _ThreeSuspensions
@@ -256,12 +256,12 @@ class _Disc(Section):
     rolling_loss: Quantity = quantity(
         "m", "unloaded radius minus rolling radius", min=0.0, max=0.09, display_unit="mm", nominal=0.01
     )
-    bottoming: Quantity = quantity("m", "penetration at which the tyre bottoms", min=0.01, max=1.0)
+    bottoming: Quantity = quantity("m", "penetration at which the tire bottoms", min=0.01, max=1.0)
     bottoming_stiffness: Quantity = quantity("N/m", "stiffness that bottoming adds", min=0.0, max=1e8)
     onset: Quantity = quantity(
-        "m", "penetration over which the tyre damping sets in", min=1e-5, max=0.1, display_unit="mm"
+        "m", "penetration over which the tire damping sets in", min=1e-5, max=0.1, display_unit="mm"
     )
-    friction: Quantity = quantity("1", "friction coefficient of the tyres", min=0.01, max=5.0)
+    friction: Quantity = quantity("1", "friction coefficient of the tires", min=0.01, max=5.0)
     slip_speed: Quantity = quantity(
         "m/s", "sliding speed of the friction law tanh(sliding / slip_speed)", min=0.01, max=10.0
     )

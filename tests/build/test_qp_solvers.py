@@ -223,7 +223,7 @@ def test_iteration_limit(limited: Backend) -> None:
         if s.status == SOLVED:
             break
         assert s.status == LIMIT
-    assert 1 < samples < 1000, "each sample goes on where the last one stopped"
+    assert 1 < samples < 1000, "each sample continues where the last one stopped"
 
 
 def test_the_fallback_takes_over_at_the_limit() -> None:
@@ -255,7 +255,7 @@ def test_the_limit_of_the_fallback() -> None:
         statuses.append(s.status)
         if s.status == SOLVED:
             break
-    assert set(statuses[:-1]) == {LIMIT}, "each sample goes on where the last one stopped"
+    assert set(statuses[:-1]) == {LIMIT}, "each sample continues where the last one stopped"
     assert statuses[-1] == SOLVED
     np.testing.assert_allclose(s.z, solve_reference(H, q, A, np.full(len(A), -0.1), np.full(len(A), 0.1)).z, atol=1e-5)
 

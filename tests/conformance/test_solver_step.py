@@ -114,7 +114,7 @@ def test_a_wheel_of_one_kilogram_is_refused(load) -> None:  # type: ignore[no-un
 
 
 def test_a_tunable_parameter_is_refused_when_it_is_set(load) -> None:  # type: ignore[no-untyped-def]
-    """The call that sets it fails and changes nothing; the run goes on with what was there before."""
+    """The call that sets it fails and changes nothing; the run continues with what was there before."""
     for fmi in (2, 3):
         fmu: Library = load("ProbeRk4", fmi)
         with fmu.instance() as a, fmu.instance() as b:

@@ -167,7 +167,7 @@ def test_failure_names_component_time_and_message_and_keeps_the_recording(status
 
             def step(t, h):
                 if t >= 0.5:
-                    raise CallFailed("bad", "fmi2DoStep", status, "step", ["tyre.force is not finite"])
+                    raise CallFailed("bad", "fmi2DoStep", status, "step", ["tire.force is not finite"])
                 ports.step(t, h)
 
             return ports.of(ports.set_inputs, step, ports.get_outputs)
@@ -179,7 +179,7 @@ def test_failure_names_component_time_and_message_and_keeps_the_recording(status
         system.run(1, csv=path)
     error = caught.value
     assert (error.component, error.function, error.status, error.time) == ("bad", "fmi2DoStep", name, 0.5)
-    assert "tyre.force is not finite" in str(error)
+    assert "tire.force is not finite" in str(error)
     assert error.recording.time[-1] == 0.5
     same(Recording.from_csv(path), error.recording)
 

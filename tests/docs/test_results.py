@@ -29,12 +29,12 @@ def test_the_pages_are_up_to_date() -> None:
     assert (ROOT / "docs" / "results.md").read_text(encoding="utf-8") == WRITER["page"](STUDIES), hint
 
 
-def test_the_readme_names_the_pump_that_would_carry_a_claim() -> None:
+def test_the_readme_names_the_pump_with_which_a_claim_holds() -> None:
     hmmwv = next(s for s in STUDIES if s["experiment"] == "hmmwv")
-    carried = [c["reason"].split("carried by: ")[1] for c in hmmwv["claims"] if "carried by: " in c["reason"]]
+    pumps = [c["reason"].split("holds with: ")[1] for c in hmmwv["claims"] if "holds with: " in c["reason"]]
     text = WRITER["section"]([hmmwv])
-    assert carried
-    assert [pump for pump in carried if f"; carried by: {pump})" not in text] == []
+    assert pumps
+    assert [pump for pump in pumps if f"; holds with: {pump})" not in text] == []
 
 
 def test_counts_are_those_of_the_claims() -> None:

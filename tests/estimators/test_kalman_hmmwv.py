@@ -180,14 +180,14 @@ def test_time_varying_gain_follows_the_riccati_recursion(car, relative, use_road
 def test_time_varying_converges_to_the_steady_state(relative):
     """Quickly but for the vertical velocity of the whole car, which only the mean of the road's rate shows."""
     run, steady = Run(relative, time_varying=1), Run(relative)
-    goal = steady.estimates(steady.tick(), "sigma.")
+    settled = steady.estimates(steady.tick(), "sigma.")
     for _ in range(200):
         y = run.tick()
-    assert run.estimates(y, "sigma.")[~VERTICAL] == pytest.approx(goal[~VERTICAL], rel=0.01)
+    assert run.estimates(y, "sigma.")[~VERTICAL] == pytest.approx(settled[~VERTICAL], rel=0.01)
     for _ in range(6000):
         y = run.tick()
-    assert run.estimates(y, "sigma.")[~VERTICAL] == pytest.approx(goal[~VERTICAL], rel=1e-6)
-    assert run.estimates(y, "sigma.")[VERTICAL] == pytest.approx(goal[VERTICAL], rel=0.03)
+    assert run.estimates(y, "sigma.")[~VERTICAL] == pytest.approx(settled[~VERTICAL], rel=1e-6)
+    assert run.estimates(y, "sigma.")[VERTICAL] == pytest.approx(settled[VERTICAL], rel=0.03)
     assert np.abs(gain_of(run) - gain_of(steady)).max() < 1e-3 * np.abs(gain_of(steady)).max()
 
 
@@ -249,7 +249,7 @@ class Truth:
         self.measured = exact + SIGMA * rng.standard_normal(exact.shape)
 
     def drive(self, component, with_road=False, **parameters):
-        """Estimates, their sigmas and the poses over the run. The car of this truth is linear: its tyres can pull."""
+        """Estimates, their sigmas and the poses over the run. The car of this truth is linear: its tires take tension."""
         if component.name == "KalmanHmmwv":
             parameters = {"tires__lift_off": 0, **parameters}
         run = Run(component, **parameters)
@@ -305,7 +305,7 @@ def over_a_bump(car):
 
 
 def test_the_printed_filter_believes_in_a_flat_road(relative, printed, over_a_bump):
-    """Tyre deflections: 15 states follow them, 14 absolute ones miss most of them; known road heights would mend that."""
+    """Tire deflections: 15 states follow them, 14 absolute ones miss most of them; known road heights would mend that."""
     tire = [RELATIVE_STATES.index(n) for n in TIRE]
     true = over_a_bump.states[:, tire]
 
@@ -324,8 +324,8 @@ def test_the_printed_filter_is_right_on_a_flat_road(car, printed):
     assert np.abs((estimate - flat.states)[:, [RELATIVE_STATES.index(n) for n in SUSPENSION]]).max() < 2e-3
 
 
-def test_tyres_that_lift_off(car, relative):
-    """The car itself over a bump of 76 mm on a known road: a filter whose tyres do not pull either is nearer to it."""
+def test_tires_that_lift_off(car, relative):
+    """The car itself over a bump of 76 mm on a known road: a filter whose tires take no tension either is closer to it."""
     lin, model = car.linearize(), car.model()
     at = {n: i for i, n in enumerate(lin.inputs)}
     outputs = {e.name: i for i, e in enumerate(model.output_elements())}
@@ -395,7 +395,7 @@ def test_pose_on_a_known_road(relative):
 
 
 def test_losing_the_road_changes_nothing_at_once(relative):
-    """road.valid may come and go: the pose goes on from where it is, and a jump of held heights drives nothing."""
+    """road.valid may come and go: the pose continues from where it is, and a jump of held heights drives nothing."""
     run = Run(relative, use_road=1)
     for k in range(400):
         height = 0.02 * math.sin(0.05 * k) if k < 200 else 0.5

@@ -100,7 +100,7 @@ def metric(name: str, value: float, **where: object) -> Change:
     """Another metric of runs whose case has these fields."""
 
     def change(run: Case, row: Row) -> None:
-        if all(getattr(run, field) == wanted for field, wanted in where.items()):
+        if all(getattr(run, field) == value for field, value in where.items()):
             row[name] = value
 
     return change

@@ -388,7 +388,7 @@ def test_words_of_the_claims(study: Results) -> None:
             None,
         ),
         "far-superior": ("not reproduced", "rms acceleration +6.2 to +8.0 % of the LQR's", None),
-        "active-constraint": ("not reproduced", "+1.2 % (0.5 s), +4.2 % (0.2 s) against the clipped LQR", None),
+        "active-constraint": ("not reproduced", "+1.2 % (0.5 s), +4.2 % (0.2 s) compared with the clipped LQR", None),
         "random-body": (
             "reproduced",
             "of passive: rms acceleration median 0.46 (0.42 to 0.50 over 8 stretches; holds in 8 of 8), overshoot "

@@ -69,7 +69,7 @@ def test_estimates_and_sensed_preview_cost_little(power):
 
 
 def test_the_filter_stays_with_the_car_off_road(bench):
-    """A whole stretch with wheels in the air, where a correction for lost tyre pull once fed on its own estimate."""
+    """A whole stretch with wheels in the air, where a correction for tire tension once fed on its own estimate."""
     case = Case("off-road", "lqr", states="estimated", variant=3)
     recording = bench.record(case, record=["car.*", "kalman.*"], record_interval="5 ms")
     lifted = np.column_stack([recording[f"car.tire.{k}.force"] for k in CORNERS]) <= 0

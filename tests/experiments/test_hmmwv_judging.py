@@ -128,7 +128,7 @@ def test_each_statement_on_the_controlled_car_is_judged_without_and_with_the_pum
     assert {f"{s.id}-pump" for s in STATEMENTS} <= set(found)
 
 
-def test_the_pump_that_carries_a_figure_is_found():
+def test_the_pump_with_which_a_figure_holds_is_found():
     weak = [watts(9.0, road="track", pump_l_min=x, flow_limit=True, shared_pump=False) for x in (None, 60.0, 75.0)]
     study = made_up_study(*weak)
     needed = needs(study)
@@ -191,7 +191,7 @@ def test_nothing_over_nothing_is_open():
     nothing = "neither with preview nor without does a valve saturate at 6 of 6 places of the bump"
     assert found.ours == f"{nothing}; absorbed power passive 12.00, MPC 4.71, MPC with preview 4.01 W"
     assert found.reason == (
-        f"{nothing}, so there is nothing to compare; carried by: 60 l/min at each actuator, not with 45 l/min"
+        f"{nothing}, so there is nothing to compare; holds with: 60 l/min at each actuator, not with 45 l/min"
     )
     assert found.value is None
     (table,) = (t for t in pump_section(Averages(made_up_study(idle))).tables if t.id == "pump-needed")

@@ -392,7 +392,7 @@ def test_table_of_what_pump_it_takes(fmus: FmuSet) -> None:
     assert row == {
         "statement": "test track: MPC at least halves the absorbed power of the passive car", "published": "better than twofold",
         "45 l/min each": "1.33 times", "no limit": "2.49 times",
-        "smallest pump that carries it": "75 l/min at each actuator, not with 60 l/min",
+        "smallest pump with which it holds": "75 l/min at each actuator, not with 60 l/min",
         "flow of all four there, mean [l/min]": 123, "flow of all four there, peak [l/min]": 321,
     }  # fmt: skip
 
@@ -671,7 +671,7 @@ def test_words_of_force_tracking() -> None:
     assert found["tracking-sweep"].ours == "4.2 % rms of the smoothed desired force"
     assert (
         found["tracking-difference"].ours
-        == "square 2.0 against 3.0 %, sweep 4.2 against 7.8 %, discrete sweep 2.0 against 3.0 %"
+        == "square 2.0 compared with 3.0 %, sweep 4.2 compared with 7.8 %, discrete sweep 2.0 compared with 3.0 %"
     )
     assert (
         found["tracking-average"].ours

@@ -47,7 +47,7 @@ def test_road_fed_to_the_filter_leaves_no_dip(bench, small):
 
 
 def test_a_flat_road_believed_makes_a_dip(bench, small):
-    """As published: behind 76 mm some 30 to 40 mm on linear tyres, more on tyres that lift off."""
+    """As published: behind 76 mm some 30 to 40 mm on linear tires, more on tires that lift off."""
     assert small[PRINTED]["lowest"] < -8e-3
     assert -0.06 < bench.metrics(over(PRINTED, 76.0))["lowest"] < -0.025
 
@@ -81,7 +81,7 @@ def test_a_sensor_that_fails_is_flagged_and_the_run_goes_on(bench):
 
 
 def test_the_optical_sensor_works_too(bench):
-    """It sees 1.2 m ahead of the front axle, sharply: the buffer averages over the contact of the tyre."""
+    """It sees 1.2 m ahead of the front axle, sharply: the buffer averages over the contact of the tire."""
     system = bench.system(FED)
     system["sensors"].set({"range.sensor": 1})
     system["buffer"].set({"contact.length": 0.25})

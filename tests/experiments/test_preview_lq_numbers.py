@@ -413,7 +413,11 @@ def test_sampling_and_finer_steps(page: Report) -> None:
     assert [list(r.values()) for r in made_up.table(page, "sampling")] == [
         [1, 31.6, 0.0], [5, 41.6, round(100 * (coarse / 0.316 - 1), 2)]
     ]  # fmt: skip
-    assert list(made_up.table(page, "sampling")[0]) == ["sample time [ms]", "J [% of passive]", "against 1 ms [%]"]
+    assert list(made_up.table(page, "sampling")[0]) == [
+        "sample time [ms]",
+        "J [% of passive]",
+        "compared with 1 ms [%]",
+    ]
     rows = [list(r.values()) for r in made_up.table(page, "refinement")]
     assert list(made_up.table(page, "refinement")[0]) == [
         "steps", "J, passive [-]", "J, active [-]", "J, delay [-]", "J, preview [-]", "largest change [%]"

@@ -237,7 +237,7 @@ def test_words_of_the_claims(study: Results) -> None:
         "before-the-edge": ("reproduced", "force 2.4 to 2.9 kN before, 20 times that without preview or more"),
         "before-the-reference": ("reproduced", "force 1.8 to 2.17 kN before, 15 times that without preview or more"),
         "ramp-preview": ("reproduced", "rms error 0.0058 deg; LQR 1.305, MPC without preview 0.290 deg"),
-        "ramp-lqr": ("not reproduced", "rms error 1.080 deg against 0.290 deg"),
+        "ramp-lqr": ("not reproduced", "rms error 1.080 deg compared with 0.290 deg"),
         "steady-mpc": ("reproduced", "0.0145 deg at most"),
         "steady-lqr": ("reproduced", "1.20 deg of 3, 83 times MPC's or more"),
         "force-limits": (

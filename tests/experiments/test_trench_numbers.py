@@ -453,7 +453,7 @@ def test_a_study_of_the_published_runs_has_no_other_sections(fmus: FmuSet) -> No
     made = report(made_up.study(EXPERIMENT, metrics, shown, published_only=True), fmus)
     titles = {s.title for s in made.sections}
     assert not titles & {"Between the grid points", "What it depends on", "Where the edge is"}
-    assert titles > {"Linear against nonlinear vehicle", "Verdicts"}
+    assert titles > {"Linear compared with nonlinear vehicle", "Verdicts"}
 
 
 def test_words_of_the_claims(study: Results) -> None:
@@ -467,7 +467,7 @@ def test_words_of_the_claims(study: Results) -> None:
         "cost-below-passive": ("reproduced", "36 of 36, by 87 to 100 % (least at 2 m, 9 km/h)"),
         "peak-az": ("reproduced", "36 of 36"),
         "peak-ax": ("reproduced", "36 of 36"),
-        "scores": ("not reproduced", "2.9 against 3.1"),
+        "scores": ("not reproduced", "2.9 compared with 3.1"),
         "between": ("reproduced", "15 of 15 without a change"),
         "lqr-alone": ("reproduced", "0 of 8 crossings of 1.6 and 2.0 m meet Table 5.3"),
         "no-preview-alone": ("not reproduced", "8 of 8 crossings of 1.6 and 2.0 m meet Table 5.3"),

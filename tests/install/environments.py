@@ -90,7 +90,7 @@ def _needed(installed: metadata.Distribution, extras: set[str]) -> set[str]:
             continue
         seen.add((name, with_extras))
         one = installed if name == NAME else metadata.distribution(name)
-        for wanted in map(Requirement, one.requires or ()):
-            if wanted.marker is None or any(wanted.marker.evaluate({"extra": e}) for e in ("", *with_extras)):
-                todo.append((canonicalize_name(wanted.name), frozenset(wanted.extras)))
+        for requirement in map(Requirement, one.requires or ()):
+            if requirement.marker is None or any(requirement.marker.evaluate({"extra": e}) for e in ("", *with_extras)):
+                todo.append((canonicalize_name(requirement.name), frozenset(requirement.extras)))
     return {name for name, _ in seen} - {NAME}

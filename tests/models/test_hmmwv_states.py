@@ -28,7 +28,7 @@ def model(car):
 
 @pytest.fixture
 def anywhere(car):
-    """The car at random states, forces and road, with its outputs by name, its derivatives and its inputs. Its tyres pull:
+    """The car at random states, forces and road, with its outputs by name, its derivatives and its inputs. Its tires take tension:
     the model is that of a car on the road."""
     evaluator = Evaluator(car.model(), {"tires.lift_off": False})
     rng = np.random.default_rng(3)
@@ -64,7 +64,7 @@ def test_the_map_gives_the_outputs_of_the_car(model, anywhere, car):
 
 
 def test_signs():
-    """Deflection grows when the body rises; a road that rises shortens the tyre; a force lifts body, pushes wheel."""
+    """Deflection grows when the body rises; a road that rises shortens the tire; a force lifts body, pushes wheel."""
     m = relative_model(ride_car(load_ride_car("ride_car_hmmwv"), name="RideCarHmmwv"))
     row = {n: i for i, n in enumerate(RELATIVE_STATES)}
     fl = 0

@@ -202,7 +202,7 @@ CONSERVATIVE = {
 
 
 def energy(car, road):
-    """Total energy as a CasADi function of the state [J], with all tyres on a road of the given heights."""
+    """Total energy as a CasADi function of the state [J], with all tires on a road of the given heights."""
     v, x = car.vehicle, ca.SX.sym("x", len(car.states))
     s = dict(zip(car.states, ca.vertsplit(x), strict=True))
     ms, mu = v.body.mass.value, v.wheel.mass.value
@@ -220,9 +220,9 @@ def energy(car, road):
         rate = v.suspension.motion_ratio.value**2 * axle.spring.value
         height = s["body.z"] - ca.sin(s["body.pitch"]) * a + ca.cos(s["body.pitch"]) * ca.sin(s["body.roll"]) * b
         travel = height - s[f"wheel.{k}.z"]
-        squeeze = road[k] - s[f"wheel.{k}.z"]
+        compression = road[k] - s[f"wheel.{k}.z"]
         e += 0.5 * rate * travel**2 - preload * travel
-        e += 0.5 * v.tire.stiffness.value * squeeze**2 + (preload + mu * G) * squeeze
+        e += 0.5 * v.tire.stiffness.value * compression**2 + (preload + mu * G) * compression
         e += 0.5 * mu * s[f"wheel.{k}.vz"] ** 2 + mu * G * s[f"wheel.{k}.z"]
         e += 0.5 * v.wheel.spin_inertia.value * s[f"wheel.{k}.spin"] ** 2
     return ca.Function("energy", [x], [e, ca.jacobian(e, x)])
@@ -285,7 +285,7 @@ def test_energy_is_kept_to_integrator_order(car):
 # ------------------------------------------------------------------------------------------------- contact, stops, grip
 
 
-def test_tyre_lifts_off_and_never_pulls(car):
+def test_tire_lifts_off_and_never_pulls(car):
     run = Evaluator(car.c)
     run.u = car.u(target__speed=10.0)
     run.x = run.x
@@ -332,7 +332,7 @@ def test_stops_are_closed_beyond_their_travel_only(car):
     assert force(0.15) == pytest.approx(-expected)
 
 
-def test_tyre_forces_stay_inside_the_friction_ellipse(car):
+def test_tire_forces_stay_inside_the_friction_ellipse(car):
     x, u = car.start(), car.u()
     for k in CORNERS:
         x[car.states.index(f"tire.{k}.slip")] = 5.0

@@ -1,4 +1,4 @@
-"""How the full car depends on how time is cut into steps: solver am2 starts anew with every doStep (docs/architecture.md)."""
+"""How the full car depends on how time is divided into steps: solver am2 restarts at every doStep (docs/architecture.md)."""
 
 from __future__ import annotations
 
@@ -88,5 +88,5 @@ def test_the_documented_error_of_the_solver_step() -> None:
 
 def test_the_note_of_the_car_names_the_largest_of_them() -> None:
     """The page inside the FMU says the same."""
-    note = " ".join(n for n in car("FullCarHmmwv").notes if "anew with every doStep" in n)
+    note = " ".join(n for n in car("FullCarHmmwv").notes if "restarts at every doStep" in n)
     assert [float(x) for x in re.findall(r"\d\.\de-\d", note)] == [max(row) for row in documented().values()]

@@ -36,7 +36,7 @@ def parameter_vector(car, values):
 
 
 def uneven(car, seed=0):
-    """Every parameter changed by a factor of its own: nothing is symmetric any more, and all tyres have damping."""
+    """Every parameter changed by a factor of its own: nothing is symmetric any more, and all tires have damping."""
     rng = np.random.default_rng(seed)
     values = {e.name: e.start * rng.uniform(0.7, 1.4) for e in car.elements("parameter") if e.name != "solver.step"}
     return values | {f"tire.{k}.damping": rng.uniform(50, 500) for k in CORNERS}
@@ -82,7 +82,7 @@ def by_hand(p):
         C[f"suspension.{k}.deflection"], D[f"suspension.{k}.deflection"] = s, 0 * f
         C[f"suspension.{k}.velocity"], D[f"suspension.{k}.velocity"] = ds, 0 * f
         C[f"tire.{k}.deflection"], D[f"tire.{k}.deflection"] = t, -r
-        # Upward forces: of the strut on the body, of the tyre on the wheel.
+        # Upward forces: of the strut on the body, of the tire on the wheel.
         strut_x, strut_u = -p[f"suspension.{k}.stiffness"] * s - p[f"suspension.{k}.damping"] * ds, f
         kt, ct = p[f"tire.{k}.stiffness"], p[f"tire.{k}.damping"]
         tire_x, tire_u = -kt * t - ct * dt, kt * r + ct * dr
@@ -143,14 +143,14 @@ def test_roll_equation_7_as_printed():
     assert [force[f"force.{k}"] * inertia for k in CORNERS] == pytest.approx([0.761, -0.761, 0.755, -0.755])
 
 
-def test_sedan_has_no_tyre_damping_and_the_hmmwv_has():
+def test_sedan_has_no_tire_damping_and_the_hmmwv_has():
     for vehicle, damped in (("sedan", False), ("ride_car_hmmwv", True)):
         model = ride_car(load_ride_car(vehicle)).linearize()
         assert bool(np.any(model.B[:, 4:8])) == damped
 
 
 def test_the_model_is_linear(car):
-    """With tyres that pull: the same matrices at any point, and nothing but them; those of the car at rest in any case."""
+    """With tires that take tension: the same matrices at any point, and nothing but them; those of the car at rest in any case."""
     rng = np.random.default_rng(1)
     x, u, p = rng.standard_normal(14), rng.standard_normal(12), parameter_vector(car, {"tires.lift_off": False})
     model, there = car.linearize(), car.linearize(x, u, p)
@@ -215,7 +215,7 @@ def test_lifting_the_road_lifts_everything(car):
 
 
 def test_static_response_to_forces(car):
-    """Equal forces at the corners of one axle lift the body there by F/ks; the tyres feel nothing."""
+    """Equal forces at the corners of one axle lift the body there by F/ks; the tires feel nothing."""
     model = car.linearize()
     dc = model.D - model.C @ np.linalg.solve(model.A, model.B)
     u = np.zeros(12)
@@ -243,7 +243,7 @@ def energy(car, x, u, p):
 
 
 def test_energy_balance(car):
-    """What actuators and road put in is stored or lost in dampers and tyres, over a run, to the solver's accuracy."""
+    """What actuators and road put in is stored or lost in dampers and tires, over a run, to the solver's accuracy."""
     run = Evaluator(car, uneven(car))
     v = {e.name: run.p[e.slot] for e in car.elements("parameter")}
     h, steps = 2e-4, 2500
@@ -260,7 +260,7 @@ def test_energy_balance(car):
             rate, tire_rate = y[f"suspension.{k}.velocity"], y[f"wheel.{k}.vz"] - u[4 + i]
             tire = v[f"tire.{k}.stiffness"] * y[f"tire.{k}.deflection"] + v[f"tire.{k}.damping"] * tire_rate
             total += u[8 + i] * rate - v[f"suspension.{k}.damping"] * rate**2
-            total -= tire * u[4 + i] + v[f"tire.{k}.damping"] * tire_rate**2  # the road's hold on the tyre
+            total -= tire * u[4 + i] + v[f"tire.{k}.damping"] * tire_rate**2  # the road's hold on the tire
         return total
 
     x = np.zeros(14)
@@ -293,7 +293,7 @@ def test_energy_is_kept_without_dampers(car):
 
 
 def test_static_loads(hmmwv):
-    """835 kg on each wheel of the HMMWV: its tyres lift off at -8191 N; elsewhere the law of the lever holds."""
+    """835 kg on each wheel of the HMMWV: its tires lift off at -8191 N; elsewhere the law of the lever holds."""
     at_rest = Evaluator(hmmwv)
     loads = dict(zip((e.name for e in hmmwv.output_elements()), at_rest.outputs(), strict=True))
     assert [loads[f"tire.{k}.force"] for k in CORNERS] == pytest.approx([8191.35] * 4, rel=1e-6)
@@ -318,7 +318,7 @@ def test_static_loads_balance_the_weight_of_any_car(hmmwv):
 
 
 def test_a_wheel_in_the_air_falls_under_its_weight(hmmwv):
-    """Road far below: no tyre force, wheel and body in free fall; with tyres that pull they are drawn down."""
+    """Road far below: no tire force, wheel and body in free fall; with tires that take tension they are drawn down."""
     for lift_off, expected in ((True, -9.81), (False, -9.81 * 0.5 * 500e3 / 8191.35)):
         run = Evaluator(hmmwv, {"tires.lift_off": lift_off})
         run.u[:4] = -0.5
@@ -331,8 +331,8 @@ def test_a_wheel_in_the_air_falls_under_its_weight(hmmwv):
         assert total == pytest.approx(expected, rel=1e-4)
 
 
-def test_tyres_never_pull(hmmwv):
-    """Any motion and road: the force is that of the linear tyre, and never below zero."""
+def test_tires_never_pull(hmmwv):
+    """Any motion and road: the force is that of the linear tire, and never below zero."""
     rng = np.random.default_rng(5)
     p, linear = (parameter_vector(hmmwv, {"tires.lift_off": on}) for on in (True, False))
     below = 0
@@ -362,9 +362,9 @@ def test_friction_only_dissipates(hmmwv):
 def test_controllers_are_designed_on_the_car_without_friction(hmmwv):
     """It is off at the start, so `linearize` has none; switched on it would be a damper of F / v_s about rest."""
     assert hmmwv.variable("friction.acting").start == (0.0,)
-    rubbing = hmmwv.linearize(p=parameter_vector(hmmwv, {"friction.acting": True}))
+    with_friction = hmmwv.linearize(p=parameter_vector(hmmwv, {"friction.acting": True}))
     damped = hmmwv.linearize(p=parameter_vector(hmmwv, {f"suspension.{k}.damping": 18e3 for k in CORNERS}))
-    np.testing.assert_allclose(rubbing.A, damped.A, rtol=1e-12, atol=1e-9)
+    np.testing.assert_allclose(with_friction.A, damped.A, rtol=1e-12, atol=1e-9)
 
 
 def test_the_sedan_has_no_friction():

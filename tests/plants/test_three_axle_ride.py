@@ -44,7 +44,7 @@ def parameter_vector(car, values):
 def from_energy(v):
     """A (18 x 18), B (18 x 6), G (18 x 12) from the quadratic forms of energy, dissipation and work.
 
-    T = q' M q / 2, V = e' K e / 2, R = e'' C e' / 2 with e = (strut lengths, tyre lengths) = E q - F road; then
+    T = q' M q / 2, V = e' K e / 2, R = e'' C e' / 2 with e = (strut lengths, tire lengths) = E q - F road; then
     M q'' = -E'K(E q - F r) - E'C(E q' - F r') + (E_struts)' u. Plain matrices; nothing of the component is used.
     """
     of = lambda pattern: np.array([v[pattern.format(k)] for k in CORNERS])  # noqa: E731
@@ -173,7 +173,7 @@ def test_a_force_lifts_the_body_and_turns_it(car):
 
 
 def test_static_response_to_forces(car):
-    """Equal forces open all struts by F/ks and no tyre feels them; forces at one axle shift load between the three."""
+    """Equal forces open all struts by F/ks and no tire feels them; forces at one axle shift load between the three."""
     model = car.linearize()
     dc = model.D - model.C @ np.linalg.solve(model.A, model.B)
     y = dict(zip(model.outputs, dc @ np.r_[np.zeros(12), np.full(6, 20e3)], strict=True))
@@ -188,7 +188,7 @@ def test_static_response_to_forces(car):
 
 
 def test_modes(car):
-    """Heave below hop as of the values in the file: body on six struts in series with their tyres."""
+    """Heave below hop as of the values in the file: body on six struts in series with their tires."""
     values = np.linalg.eigvals(car.linearize().A)
     frequencies = np.sort(np.abs(values[values.imag > 0])) / (2 * np.pi)
     series = 6 / (1 / 200e3 + 1 / 900e3)

@@ -76,11 +76,11 @@ def judge(run: Recording, length: float) -> tuple[Crossing, tuple[str, ...]]:
         {},
         {"body.mass": 21000.0, "body.cg_offset": 0.1},
         {"wheel.a2l.mass": 900.0, "tire.a3r.stiffness": 4e5, "suspension.a1l.stiffness": 1e5},
-        {"body.mass": 60000.0, "tire.a1l.stiffness": 3e5, "strut.hydropneumatic": 1.0},  # tyres that bottom
+        {"body.mass": 60000.0, "tire.a1l.stiffness": 3e5, "strut.hydropneumatic": 1.0},  # tires that bottom
     ],
 )
 def test_rests_exactly(plant: Model, changes: dict[str, float]) -> None:
-    """Every acceleration is 0 in the calculated start state, whatever the masses, springs and tyres are."""
+    """Every acceleration is 0 in the calculated start state, whatever the masses, springs and tires are."""
     run = Run(plant, changes)
     run.u[run.slot("target.speed")] = 2.0
     names = ["body.az", "body.ax", "body.pitch_acceleration", "body.roll_acceleration"]
@@ -129,15 +129,15 @@ def test_small_signals_are_those_of_the_ride_model(plant: Model) -> None:
         return complex(model.C[i] @ x + model.D[i] @ u)
 
     def pitch_frequency(model: Linearization) -> float:
-        """The hertz at which pitch lags the moment of front against rear axle by a quarter turn."""
+        """The hertz at which pitch lags the moment of the front relative to the rear axle by a quarter turn."""
         return brentq(lambda hz: response(model, (1, 0, -1), "body.pitch", hz).real, 0.5, 1.6)
 
     for hz in (0.3, 0.8, 1.3, 2.0, 4.0, 8.0, 12.0):
-        wanted = response(linear, (1, 1, 1), "body.z", hz)
-        assert abs(response(gripping, (1, 1, 1), "body.z", hz) - wanted) < 1e-6 * abs(wanted)
+        expected = response(linear, (1, 1, 1), "body.z", hz)
+        assert abs(response(gripping, (1, 1, 1), "body.z", hz) - expected) < 1e-6 * abs(expected)
     for hz in (0.01, 8.0, 12.0):
-        wanted = response(linear, (1, 0, -1), "body.pitch", hz)
-        assert abs(response(rolling, (1, 0, -1), "body.pitch", hz) - wanted) < 0.05 * abs(wanted), hz
+        expected = response(linear, (1, 0, -1), "body.pitch", hz)
+        assert abs(response(rolling, (1, 0, -1), "body.pitch", hz) - expected) < 0.05 * abs(expected), hz
     assert pitch_frequency(rolling) == pytest.approx(pitch_frequency(linear), rel=0.05)
     assert pitch_frequency(gripping) < 0.9 * pitch_frequency(linear)
 
@@ -191,7 +191,7 @@ def test_hydropneumatic_struts(plant: Model) -> None:
     assert slopes[1] == pytest.approx(slopes[0], rel=1e-3)
     assert force(gas, 0.0)[0] == pytest.approx(force(linear, 0.0)[0])
     assert force(gas, -0.15)[0] > 1.5 * force(linear, -0.15)[0] > 0
-    assert force(gas, 0.12)[0] > force(linear, 0.12)[0]  # a gas spring never pulls
+    assert force(gas, 0.12)[0] > force(linear, 0.12)[0]  # a gas spring takes no tension
     for run in (linear, gas):
         for travel in (-0.22, -0.1, 0.05, 0.17):  # into the stops too
             work = (force(run, travel + h)[1] - force(run, travel - h)[1]) / (2 * h)
@@ -329,7 +329,7 @@ def test_other_kinds_of_vehicle_are_refused() -> None:
 
 
 def test_the_ride_model_and_the_trench_share_their_numbers() -> None:
-    """The file adds to the linear one and changes axle positions and tyre damping, nothing else."""
+    """The file adds to the linear one and changes axle positions and tire damping, nothing else."""
     linear, trench = load_vehicle("three_axle"), load_vehicle("three_axle_trench")
     assert trench.body.mass == linear.body.mass  # type: ignore[attr-defined]
     assert trench.suspension == linear.suspension  # type: ignore[attr-defined]

@@ -167,7 +167,7 @@ class TestCounts:
         assert page.count('<span class="chip order">') == 1
         assert "1 order reproduced, magnitude not</span>" in page
         assert "Fitted: the mass." in page
-        assert "Judged by: magnitude between 10 and 20 %." in page
+        assert "Criterion: magnitude between 10 and 20 %." in page
         assert page.index('id="claim-c3"') < page.index('id="checks-title"') < page.index('id="claim-solver"')
 
     def test_every_verdict_has_a_look_of_its_own(self):

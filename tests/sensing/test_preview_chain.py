@@ -227,7 +227,7 @@ def test_start_holds_the_first_height(buffer):
 
 
 def test_dropout_is_held_flagged_and_passed(buffer):
-    """A sensor fails for 0.2 s: the last height stays, flags tell, and the run goes on to a valid preview."""
+    """A sensor fails for 0.2 s: the last height stays, flags tell, and the run continues to a valid preview."""
     rows = drive(buffer, 500, valid=lambda k: not 200 <= k < 240)
     assert np.isfinite([list(r.values()) for r in rows]).all()
     last = rows[199]["preview.fl[16]"]

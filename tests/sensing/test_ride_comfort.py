@@ -1,4 +1,4 @@
-"""RideComfort says while a run goes on what `fmu_sources.models.comfort` says afterwards."""
+"""RideComfort says during a run what `fmu_sources.models.comfort` says afterwards."""
 
 import math
 

@@ -42,12 +42,12 @@ class Ride(Case):
 
 @dataclass(frozen=True)
 class Match:
-    goal: float
+    target: float
     part: str = ""
 
     @property
     def label(self) -> str:
-        return f"match-{self.goal:g}"
+        return f"match-{self.target:g}"
 
     def __call__(self, runner: Any) -> None:
         """Nothing that these tests run."""

@@ -153,7 +153,7 @@ def _far_superior(study: Results) -> Finding:
 def _active_constraint(study: Results) -> Finding:
     equal = _clipped(study)
     return Finding(
-        f"{100 * (equal[0] - 1):+.1f} % (0.5 s), {100 * (equal[1] - 1):+.1f} % (0.2 s) against the clipped LQR",
+        f"{100 * (equal[0] - 1):+.1f} % (0.5 s), {100 * (equal[1] - 1):+.1f} % (0.2 s) compared with the clipped LQR",
         max(equal) <= 1 - SAME,
         f"within {100 * SAME:.0f} % of an LQR that is simply clipped, for bumps of {BUMP_HEIGHT_MM:g} mm",
         criterion=f"rms acceleration more than {100 * SAME:g} % below the clipped LQR's over both bumps",

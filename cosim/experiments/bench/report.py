@@ -92,7 +92,7 @@ def _forces(study: Results) -> Section:
     return Section(
         "Actuator force",
         [
-            f"The LQR asks for a little more than {FORCE_LIMIT:g} N, the MPC never. The rms of the MPC's force is "
+            f"The LQR requests a little more than {FORCE_LIMIT:g} N, the MPC never. The rms of the MPC's force is "
             f"{100 * ratio(study, LONG, 'force', 'mpc', 'lqr'):.0f} % of the LQR's over the longer bump, with the weight on the moves "
             f"{100 * energy:.0f} %.",
         ],
@@ -227,7 +227,7 @@ def _refinement(study: Results) -> Section:
         ["steps", "system", "rms acceleration [m/s2]", "peak force [N]", "change of the acceleration [%]"], rows,
         "Solver step and exchange step of the plant; controllers and road keep their sample times.",
     )  # fmt: skip
-    return Section("Steps", ["Whether the results depend on how time is cut."], [], [table])
+    return Section("Steps", ["Whether the results depend on the steps."], [], [table])
 
 
 def _peak(metrics: Row) -> float:

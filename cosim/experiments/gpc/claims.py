@@ -233,7 +233,7 @@ def _sine_implicit_signals(j: Judge) -> Finding:
         min(known) if known else math.nan,
         "%",
         SLIGHTLY,
-        criterion="clearly over the seeds against both others; value: by how much pitch is lower",
+        criterion="clearly over the seeds, compared with each of the others; value: by how much pitch is lower",
         fitted=f"{MATCHING}; {EXCITATION}",
         evidence=seen,
     )
@@ -389,7 +389,7 @@ def _curb_explicit_force(j: Judge) -> Finding:
         Band.around(2),
         farthest,
         criterion="more force and more power than implicit and than preview, clearly over the seeds, at every speed; value: median "
-        "over the speeds of force or power against implicit, whichever lies farther from 2",
+        "over the speeds of force or power compared with implicit, whichever lies farther from 2",
         fitted=MATCHING,
         evidence=seen,
     )
@@ -547,7 +547,7 @@ def _force_limit(j: Judge) -> Finding:
     return Finding(
         f"at most {100 * share:.0f} % of the limit in any run",
         share >= 0.99,
-        "150 kN per corner is three times the weight of the whole car; no law here asks for a tenth of that once commands are "
+        "150 kN per corner is three times the weight of the whole car; no law here requests a tenth of that once commands are "
         "trimmed and histories start filled",
         share,
         criterion="the largest force of any run on any road is the limit",

@@ -158,7 +158,7 @@ def _weights(results: Results, *, found: Claims) -> Section:
     return Section(
         "Effect of the control weight",
         [
-            "The preview law is designed anew for every weight R from the same identified model; only gain parameters of the "
+            "The preview law is redesigned for every weight R from the same identified model; only gain parameters of the "
             "controller FMU change."
         ],
         [figure],
@@ -317,8 +317,8 @@ def _refinement(results: Results) -> Section:
         "Refinement of steps",
         [
             "The car is integrated at 0.5 ms by a predictor-corrector method of Adams, Bashforth and Moulton and exchanges with "
-            "road and law every 1 ms, as in the paper. The method starts anew at every exchange, so what it does depends on how "
-            "steps are cut: with the exchange halved at the same solver step every step is a first one, and results move a little "
+            "road and law every 1 ms, as in the paper. The method restarts at every exchange, so what it does depends on how "
+            "time is divided into steps: with the exchange halved at the same solver step every step is a first one, and results move a little "
             "more than with both halved. A claim whose figure could be moved across the edge of its band by the largest number of "
             "this table would be open."
         ],

@@ -186,7 +186,7 @@ class Results:
         return self.at_equal_response(road, speed, (law, to), lambda a, b: a[quantity] / b[quantity])
 
     def changes(self, road: str, speed: float, quantity: str, law: str) -> Distribution | None:
-        """Change of a metric against the passive car [%], at explicit's response."""
+        """Change of a metric from that of the passive car [%], at explicit's response."""
         base = self.passive(road, speed)[quantity]
         return self.at_equal_response(road, speed, (law,), lambda row: 100 * (row[quantity] / base - 1))
 
@@ -215,7 +215,7 @@ class Results:
         return max(self.speeds, key=lambda v: self.passive(road, v)["response"])
 
     def refinement(self) -> list[tuple[Row, str, dict[str, float]]]:
-        """Refined runs, in words, and with the relative changes of their metrics against the run as it is; NaN where one diverged."""
+        """Refined runs, in words, and with the relative changes of their metrics from those of the run as it is; NaN where one diverged."""
         rows = {(r["road"], r["speed_kmh"], r["controller"], _words(r)): r for r in self.study.refinement}
         found = []
         for (road, v, law, words), r in rows.items():

@@ -78,16 +78,16 @@ def _state(s: Statement, suffix: str, at: Condition) -> None:
         absorbed = f"absorbed power {', '.join(f'{NAMES[c]} {p:.2f}' for c, p in powers.items())} W"
         rule, fitted = s.criterion, s.fitted(study, at)
         needed = need(study, s) if at.limited else None
-        carried = "" if needed is None else f"; carried by: {needed.words(study)}"
+        holds = "" if needed is None else f"; holds with: {needed.words(study)}"
         nothing, some = s.incomparable(found), [v for v in found.values if not math.isnan(v)]
         if nothing and all(map(s.side, some)):
-            why = f"{nothing}, so there is nothing to compare{carried}"
+            why = f"{nothing}, so there is nothing to compare{holds}"
             return Finding(f"{nothing}; {absorbed}", False, why, criterion=rule, fitted=fitted, undecided=why)
         found = Distribution(some, found.of)
         side, reason = found.everywhere(s.side), s.shortfall
         if not side:
             reason += f" (on the claimed side in {found.count(s.side)} of {len(found.values)})"
-        reason += carried
+        reason += holds
         if len(found.values) == 1:  # nothing is sampled in it, so the place of the bump does not matter
             ours = f"{s.form.format(found.median)} {s.unit}; {absorbed}"
             return Finding(ours, side, reason, found.median, s.unit, s.band, criterion=rule, fitted=fitted)
@@ -179,8 +179,8 @@ def _estimates(controller: str) -> None:
         study = Averages(results)
         costs = {r: study.ratio(estimated(controller, r), Case(r, controller)).median for r in ROADS}
         worst = max(costs, key=lambda r: costs[r])
-        pulling = Case("bump", controller, lift_off=False)
-        linear = study.power(replace(pulling, states="estimated")) / study.power(pulling)
+        tension = Case("bump", controller, lift_off=False)
+        linear = study.power(replace(tension, states="estimated")) / study.power(tension)
         return Finding(
             ", ".join(f"{ROAD_NAMES[r]} {100 * (c - 1):+.0f} %" for r, c in costs.items()),
             100 * (costs[worst] - 1) <= ESTIMATES_COST,

@@ -32,22 +32,22 @@ class Need:
 
     statement: Statement
     conditions: tuple[Condition, ...]
-    carried: tuple[bool, ...]
+    holds: tuple[bool, ...]
 
     @property
     def smallest(self) -> Condition | None:
-        """The smallest pump that carries the statement; None: none does."""
-        return self.conditions[self.carried.index(True)] if any(self.carried) else None
+        """The smallest pump with which the statement holds; None: it holds with none."""
+        return self.conditions[self.holds.index(True)] if any(self.holds) else None
 
     def words(self, study: Averages) -> str:
         """ "90 l/min at each actuator, not with 75 l/min"."""
         if self.smallest is None:
             return "no pump that was tried"
-        first, past = self.carried.index(True), [c for c, ok in zip(self.conditions, self.carried, strict=True) if ok]
+        first, past = self.holds.index(True), [c for c, ok in zip(self.conditions, self.holds, strict=True) if ok]
         words = self.smallest.words(study)
         if first:
             words += f", not with {self.conditions[first - 1].l_min(study):g} l/min"
-        gaps = any(a and not b for a, b in pairwise(self.carried))
+        gaps = any(a and not b for a, b in pairwise(self.holds))
         return words + (f"; no longer beyond {past[-1].words(study)}" if gaps else "")
 
 
@@ -58,16 +58,16 @@ def conditions(study: Averages, road: str) -> list[Condition]:
 
 
 def need(study: Averages, s: Statement) -> Need | None:
-    """Which pump carries a statement, of those tried whose runs did not fail; None where no larger pumps were tried for it."""
+    """With which pump a statement holds, of those tried whose runs did not fail; None where no larger pumps were tried for it."""
     if not set(s.controllers) <= set(PUMPED[s.road]):
         return None
-    carried = {}
+    holds = {}
     for at in conditions(study, s.road):
         try:
-            carried[at] = s.carried(study, at)
+            holds[at] = s.holds(study, at)
         except RunFailed:
             continue
-    return Need(s, tuple(carried), tuple(carried.values()))
+    return Need(s, tuple(holds), tuple(holds.values()))
 
 
 def section(study: Averages) -> Section:
@@ -84,7 +84,7 @@ def section(study: Averages) -> Section:
             "from a pump that holds its pressure at any flow (mean over the busiest second, off road over the run). Over bumps that is up to "
             f"{max(beyond, 0.0):.1f} l more in a second than the pump delivers, which an accumulator could hold; off road the whole run takes "
             f"{min(demand['off-road']) / pump:.1f} to {max(demand['off-road']) / pump:.1f} times the pump, which none could.",
-            f"How the limit is modelled: what the valve lets out of the supply is cut at the limit, and a piston that moves faster than this flow "
+            f"How the limit is modelled: the flow that the valve draws from the supply is limited, and a piston that moves faster than this flow "
             f"fills is held by its oil column. With {pump:g} l/min at each actuator, {4 * pump:g} l/min in all, every actuator may draw "
             f"what the pump has for all four: the most generous reading. With {shared:g} l/min each the four share it evenly, the "
             "narrowest one. What the paper's vehicle could do lies between.",
@@ -131,9 +131,9 @@ def _needed(study: Averages) -> Table:
         rows.append([f"{ROAD_NAMES[s.road]}: {s.claim}", s.published, *shown, found.words(study), *flow])
     return Table(
         "pump-needed",
-        "What pump carries the published figures",
+        "Which pump reproduces the published figures",
         [
-            "statement", "published", f"{pump:g} l/min each", "no limit", "smallest pump that carries it",
+            "statement", "published", f"{pump:g} l/min each", "no limit", "smallest pump with which it holds",
             "flow of all four there, mean [l/min]", "flow of all four there, peak [l/min]",
         ],
         rows,

@@ -179,10 +179,10 @@ def _test_track(study: Averages) -> Section:
     return Section(
         "Test track",
         [
-            "Two bumps, 57 and 38 mm high, 6 m apart. Skyhook, LQR and zero force take away the damping of the closed cylinders. MPC takes "
-            f"{ahead.median:.0f} % off the best of them; the paper calls it slightly better.",
+            "Two bumps, 57 and 38 mm high, 6 m apart. Skyhook, LQR and zero force remove the damping of the closed cylinders. MPC is "
+            f"{ahead.median:.0f} % below the best of them; the paper calls it slightly better.",
             "The valves saturate where a wheel meets a bump: the wheel moves faster than oil can pass, so the cylinder "
-            "holds against it whatever is requested.",
+            "resists whatever force is requested.",
         ],
         figures=[
             Figure(

@@ -245,7 +245,7 @@ def _wire_estimator(system: System, fmus: FmuSet) -> None:
 
 
 def _wire_preview(system: System, fmus: FmuSet, case: Case) -> None:
-    """Where the MPC has its preview from. A preview that is cut short continues at its last height."""
+    """Where the MPC gets its preview from. A truncated preview continues at its last height."""
     if case.controller == "mpc":
         system["controller"].set({"use_preview": False, **_flat_preview(system)})
         return

@@ -63,8 +63,8 @@ class Statement:
         count = sum(map(math.isnan, found.values))
         return f"{self.nothing} at {count} of {len(found.values)} {found.of}" if count else ""
 
-    def carried(self, study: Averages, at: Condition) -> bool:
-        """Whether this condition carries the statement in full."""
+    def holds(self, study: Averages, at: Condition) -> bool:
+        """Whether the statement holds in full under this condition."""
         found, band = self.figure(study, at), self.band
         if band is not None and not (found.everywhere(band.__contains__) if band.open else found.median in band):
             return False
@@ -259,7 +259,7 @@ STATEMENTS = (
         gain("off-road", "mpc", ("skyhook", "lqr"), "travel_rms"),
         lambda x: x > 0,
         "rms travel below that under skyhook and under LQR on every stretch; the paper gives no size",
-        "not on every stretch and against both",
+        "not on every stretch, compared with both",
         form="{:.1f}",
         fitted=lambda study, at: _reading("lqr"),
     ),

@@ -256,7 +256,7 @@ def _sampling(study: Results) -> Section:
     table = Table(
         "sampling",
         "Ride comfort with preview, both sides",
-        ["sample time [ms]", "J [% of passive]", "against 1 ms [%]"],
+        ["sample time [ms]", "J [% of passive]", "compared with 1 ms [%]"],
         [
             [1, round(100 * fine / passive, 2), 0.0],
             [5, round(100 * coarse / passive, 2), round(100 * (coarse / fine - 1), 2)],
@@ -285,7 +285,7 @@ def _refinement(study: Results) -> Section:
         ["steps", *(f"J, {c} [-]" for c in CONTROLLERS), "largest change [%]"], rows,
         "Solver step and exchange step of the car; controller and road keep their sample time of 1 ms.",
     )  # fmt: skip
-    return Section("Steps", ["Whether the results depend on how time is cut."], [], [table])
+    return Section("Steps", ["Whether the results depend on the steps."], [], [table])
 
 
 def _offset(study: Results) -> Section:
@@ -302,7 +302,7 @@ def _offset(study: Results) -> Section:
     figure = Figure(
         "offset",
         f"Driving onto a plateau of {PLATEAU_MM:g} mm",
-        "Without hold_tail the law takes the road to return to height 0 beyond its horizon, for ever, and keeps pulling the body down.",
+        "Without hold_tail the law takes the road to return to height 0 beyond its horizon, for ever, and keeps drawing the body down.",
         panels,
         columns=2,
     )
@@ -310,7 +310,7 @@ def _offset(study: Results) -> Section:
     return Section(
         "A road that does not return to zero",
         [
-            "Preview that is cut off at a horizon assumes height 0 beyond it. A constant offset or a slow drift of the road then asks for "
+            "A preview that is truncated at a horizon assumes height 0 beyond it. A constant offset or a slow drift of the road then requests "
             f"forces without end: {lasting[0]:.0f} N at the front left wheel 2.5 s after a step of {PLATEAU_MM:g} mm. With hold_tail the "
             f"road is taken to continue at its last height, and the force dies out ({lasting[1]:.1g} N)."
         ],

@@ -12,7 +12,7 @@ STEADY_DEG = 0.02
 BEFORE = 10.0  # times the force of the blind controller before the edge
 WORSE = 10.0  # times the steady error of MPC
 SELDOM = 0.01  # of the commands of a run
-FITTED = "vehicle values that the thesis keeps back, chosen with its Table 5.4 (trench crossings) in view"
+FITTED = "vehicle values that the thesis does not disclose, chosen with its Table 5.4 (trench crossings) in view"
 FITTED_LQR = "the LQR's units: forces in kN and the wheel states' weights times 1e-4, without which the printed weights do nothing"
 
 CLAIMS = ClaimList()
@@ -109,7 +109,7 @@ def _ramp_preview(study: Results) -> Finding:
 def _ramp_lqr(study: Results) -> Finding:
     lqr, blind = (values(study, "ramp_error_deg", c) for c in ("lqr", "mpc"))
     return Finding(
-        f"rms error {min(lqr):.3f} deg against {max(blind):.3f} deg", all(a < b for a, b in zip(lqr, blind, strict=True)),
+        f"rms error {min(lqr):.3f} deg compared with {max(blind):.3f} deg", all(a < b for a, b in zip(lqr, blind, strict=True)),
         "the regulator has neither integral action nor feed-forward: a third of every demand is missing, on the ramp too",
         criterion="smaller rms pitch error on the ramp in every run", fitted=f"{FITTED}; {FITTED_LQR}",
     )  # fmt: skip

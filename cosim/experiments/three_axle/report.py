@@ -37,7 +37,7 @@ def report(study: Results, fmus: FmuSet) -> Report:
         title="6x6 over shallow trenches with preview control",
         lead=(
             "A linear nine-degree model of a 6x6 drives over a trench 2 m long with rounded edges, 0.15 and 0.25 m deep, at 5, 10 and "
-            "20 km/h, and then is asked for a pitch of 3 degrees. It does so passive, under a linear-quadratic regulator, and under "
+            "20 km/h, and then has to follow a pitch of 3 degrees. It does so passive, under a linear-quadratic regulator, and under "
             "predictive control without and with preview of road and reference. Vehicle, road and controllers are native FMUs. "
             "Statements of Kale's thesis stand beside what these runs give; it prints no numbers for them."
         ),
@@ -122,7 +122,7 @@ def _refinement(study: Results) -> Section:
         ["system", "steps", *(METRICS[k].heading for k in _REFINED), "largest change [%]"], rows,
         f"{' and '.join(HALVED).capitalize()} of the vehicle; controllers, road and reference keep their sample times.",
     )  # fmt: skip
-    return Section("Steps", ["Whether the results depend on how time is cut."], [], [table])
+    return Section("Steps", ["Whether the results depend on the steps."], [], [table])
 
 
 # ------------------------------------------------------------------------------------------------------------ figures

@@ -11,7 +11,7 @@ from cosim.experiments.trench.runs import Case
 from cosim.study import Band, ClaimList, Finding, Results, Row
 
 CHANCE = 24  # of 36 verdicts: as many agree by chance in less than 5 % of all cases, if each were a toss
-FITTED_PASSIVE = "vehicle values that the thesis keeps back, chosen with Table 5.4 in view"
+FITTED_PASSIVE = "vehicle values that the thesis does not disclose, chosen with Table 5.4 in view"
 FITTED_CONTROLLED = (
     "windows of the cases, pitch reference and weight of the height, which the thesis does not print, and the sign of the forced "
     "ranges, chosen with these 36 verdicts in view"
@@ -223,13 +223,13 @@ def _peak_ax(study: Results) -> Finding:
 
 @CLAIMS.claim(
     "scores", "Crossings at middle and upper speed score higher",
-    published="4.5 against 2.9 on average over the printed cells at 6, 9 and 1, 3 km/h", source="Table 5.9",
+    published="4.5 compared with 2.9 on average over the printed cells at 6, 9 and 1, 3 km/h", source="Table 5.9",
 )  # fmt: skip
 def _scores(study: Results) -> Finding:
     found = score(study)
     fast, slow = ([v for (_, speed), v in found.items() if (speed >= 6) == upper] for upper in (True, False))
     return Finding(
-        f"{sum(fast) / len(fast):.1f} against {sum(slow) / len(slow):.1f}", sum(fast) / len(fast) > sum(slow) / len(slow),
+        f"{sum(fast) / len(fast):.1f} compared with {sum(slow) / len(slow):.1f}", sum(fast) / len(fast) > sum(slow) / len(slow),
         "our controller holds pitch at walking pace, so slow crossings cost little: peaks, hub forces and rms grow with speed",
         criterion="mean score at 6 and 9 km/h above that at 1 and 3 km/h", fitted=FITTED_CONTROLLED,
     )  # fmt: skip

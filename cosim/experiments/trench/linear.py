@@ -19,7 +19,7 @@ from fmu_sources.models.corners import SIX_CORNERS
 
 SPEED_KMH, DEPTH = 5.0, 0.15  # km/h, m
 START, LENGTH, EDGE = 6.0, 2.0, 0.2  # m, of the trench
-BEHIND = 5.0  # m, that the runs go on behind the trench
+BEHIND = 5.0  # m, that the runs continue beyond the trench
 STEP = "1 ms"  # of either vehicle's exchange
 VEHICLES = {"linear": "ThreeAxleRide", "nonlinear": "ThreeAxleTrench"}
 FMUS = ("SpeedProfile", "RoadShallowTrench", *VEHICLES.values())

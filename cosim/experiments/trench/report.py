@@ -228,7 +228,7 @@ def _player(id_: str, takes: list[Take]) -> Animation:
         "The crossing from the side",
         "Left wheels, to scale; positions count from the start of the trench. Orange: force of the ground on a tire, drawn where it "
         "acts. Red: contact of bumpers and belly; its height is that of the part, not the very point of contact. The hull above the "
-        "belly line is drawn for the eye. Both runs share the clock; the road in view follows each vehicle. Frames are 20 ms apart: "
+        "belly line is drawn for orientation. Both runs share the clock; the road in view follows each vehicle. Frames are 20 ms apart: "
         "peaks of impacts between them are in the time histories and tables. An arrow too long for the picture is cut, and says so.",
         takes,
     )  # fmt: skip
@@ -467,7 +467,7 @@ def _changed(study: Results, id_: str, what: str, column: str, lines: Mapping[st
 
 
 def _linear(study: Results) -> Section:
-    """Linear against nonlinear vehicle"""
+    """Linear compared with nonlinear vehicle"""
     quantities = (
         ("z", "Body height (figure 5.1)", "body height [m]"),
         ("pitch", "Pitch, nose down (figure 5.2)", "pitch [deg]"),
@@ -489,14 +489,14 @@ def _linear(study: Results) -> Section:
         "wheel and keeps its speed; the nonlinear one has discs for wheels, which bridge the edges, and is slowed by them.",
         panels,
     )  # fmt: skip
-    return Section("Linear against nonlinear vehicle", figures=[figure])
+    return Section("Linear compared with nonlinear vehicle", figures=[figure])
 
 
 def _limits(_: Results) -> Section:
     return Section(
         "Limits of this comparison",
         [
-            "The thesis keeps its vehicle to itself. Masses, geometry and tires of ours are assumed, some of them with Table 5.4 in view; "
+            "The thesis does not disclose its vehicle. Our masses, geometry and tires are assumed, some of them with Table 5.4 in view; "
             "its multi-body model has suspension links and a tire model that a disc on solids does not replace. So peaks of impacts "
             "agree in size at best.",
             f"The vehicle is solved, exchanged and recorded every {1e3 * float(STEP):g} ms, and peaks are those of all these samples: where "

@@ -1,7 +1,7 @@
 "use strict";
 (() => {
   const INK = "#1a2330", MUTED = "#55606e", RULE = "#aab3be", SOIL = "#d9cdb8", SOIL_EDGE = "#7a6647", SKY = "#fbfcfd";
-  const HULL = "#7f9a72", HULL_EDGE = "#3c5233", TYRE = "#2b2f36", RIM = "#c9ced6", STRUT = "#0b4f8a";
+  const HULL = "#7f9a72", HULL_EDGE = "#3c5233", TIRE = "#2b2f36", RIM = "#c9ced6", STRUT = "#0b4f8a";
   const ARROW = { ground: "#d55e00", body: "#c2185b" };
   const LINES = ["#767676", "#0072b2", "#009e73", "#b5578f"], DASHES = [[6, 4], [], [2, 3], [9, 3, 2, 3]];
   const PHASES = ["#55606e", "#0072b2", "#9a5b00", "#7b3fa0", "#00705a", "#a3341f"];
@@ -140,7 +140,7 @@
     for (const wheel of scene.wheels) {
       const x = px(at(wheel.x, place)), y = py(at(wheel.z, place)), r = wheel.radius * scale, turn = at(wheel.turn, place);
       const disc = (radius, fill) => { pen.beginPath(); pen.arc(x, y, radius, 0, 2 * Math.PI); pen.fillStyle = fill; pen.fill(); };
-      disc(r, TYRE);
+      disc(r, TIRE);
       disc(0.58 * r, RIM);
       pen.strokeStyle = "#8a929e";
       pen.lineWidth = Math.max(1.5, 0.06 * r);
@@ -151,7 +151,7 @@
         pen.lineTo(x + 0.52 * r * Math.cos(a), y + 0.52 * r * Math.sin(a));
       }
       pen.stroke();
-      disc(0.16 * r, TYRE);
+      disc(0.16 * r, TIRE);
     }
     for (const strut of scene.struts) {
       for (const [from, to, wide, style] of [[1, 2, 7, "#fff"], [0, 1, 10, "#fff"], [1, 2, 3.5, STRUT], [0, 1, 7, STRUT]]) {
@@ -438,11 +438,11 @@
     });
     // #t=3.2&take=2 shows that instant of that run
     const fromHash = () => {
-      const wanted = new URLSearchParams(location.hash.slice(1));
-      if (!wanted.has("t") && !wanted.has("take")) return false;
-      const number = Math.max(1, Math.min(data.takes.length, Number(wanted.get("take")) || 1));
+      const asked = new URLSearchParams(location.hash.slice(1));
+      if (!asked.has("t") && !asked.has("take")) return false;
+      const number = Math.max(1, Math.min(data.takes.length, Number(asked.get("take")) || 1));
       playing = false;
-      load(number - 1, Number(wanted.get("t")) || 0);
+      load(number - 1, Number(asked.get("t")) || 0);
       return true;
     };
     window.addEventListener("hashchange", fromHash);

@@ -43,9 +43,9 @@ class ArxModel:
         if p < 1 or m < 1 or alpha.shape != (p, m, m):
             raise ValueError(f"alpha has shape {alpha.shape}; expected (p, m, m) with p >= 1 and m >= 1")
         if beta.shape[:2] != (p + 1, m) or beta.shape[2] < 1:
-            raise ValueError(f"beta has shape {beta.shape}; alpha asks for ({p + 1}, {m}, rc) with rc >= 1")
+            raise ValueError(f"beta has shape {beta.shape}; alpha requires ({p + 1}, {m}, rc) with rc >= 1")
         if delta.shape[:2] != (p + 1, m):
-            raise ValueError(f"delta has shape {delta.shape}; alpha asks for ({p + 1}, {m}, rd)")
+            raise ValueError(f"delta has shape {delta.shape}; alpha requires ({p + 1}, {m}, rd)")
         for name, value in (("alpha", alpha), ("beta", beta), ("delta", delta)):
             object.__setattr__(self, name, value)
 
@@ -81,7 +81,7 @@ class ArxModel:
         """y(0) ... y(n-1) by stepping (1) through time, for u (n, rc) and d (n, rd) and given histories.
 
         Histories hold p rows, most recent first; what is not given was zero. This is the definition of the model,
-        written as plainly as possible: the predictor is tested against it.
+        written as plainly as possible: the predictor is compared with it in tests.
         """
         p = self.order
         u_run = signal("u", u, self.controls)

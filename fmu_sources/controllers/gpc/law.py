@@ -204,11 +204,11 @@ class GpcLaw:
         `d_hist` belongs to explicit and preview, `d_future` = [d(t) ... d(t+h_p-1)] to preview only; each is refused
         where the variant makes no use of it.
         """
-        wanted = {"d_hist": self.variant != "implicit", "d_future": self.variant == "preview"}
+        used = {"d_hist": self.variant != "implicit", "d_future": self.variant == "preview"}
         for name, value in (("d_hist", d_hist), ("d_future", d_future)):
-            if wanted[name] and value is None:
+            if used[name] and value is None:
                 raise ValueError(f"the {self.variant} law needs {name}")
-            if not wanted[name] and value is not None:
+            if not used[name] and value is not None:
                 raise ValueError(f"the {self.variant} law has no use for {name}")
         u = self.gain_y @ rows("y_hist", y_hist, self.order, self.outputs).ravel()
         u += self.gain_u @ rows("u_hist", u_hist, self.order, self.controls).ravel()
@@ -318,11 +318,11 @@ def _weight_factor(name: str, weight: npt.ArrayLike, width: int, horizon: int, *
             f"{name} has shape {value.shape}; expected a number, ({width},), ({width}, {width}) or ({full}, {full}) "
             f"({signal}s: {width}, horizon: {horizon})"
         )
-    wanted = "positive definite" if definite else "positive semi-definite"
+    required = "positive definite" if definite else "positive semi-definite"
     if value.ndim == 1:
         if np.any(value <= 0.0 if definite else value < 0.0):
             k = int(np.argmin(value))
-            raise ValueError(f"{name} is not {wanted}: the weight of {signal} {k} is {value[k]:g}")
+            raise ValueError(f"{name} is not {required}: the weight of {signal} {k} is {value[k]:g}")
         return np.asarray(np.diag(np.sqrt(np.tile(value, horizon))))
     skew = np.abs(value - value.T)
     if np.max(skew) > 1e-12 * np.max(np.abs(value)):
@@ -331,7 +331,7 @@ def _weight_factor(name: str, weight: npt.ArrayLike, width: int, horizon: int, *
     eigenvalues, vectors = linalg.eigh((value + value.T) / 2)
     rounding = len(value) * EPS * np.max(np.abs(eigenvalues))
     if eigenvalues[0] <= rounding if definite else eigenvalues[0] < -rounding:
-        raise ValueError(f"{name} is not {wanted}: its smallest eigenvalue is {eigenvalues[0]:g}")
+        raise ValueError(f"{name} is not {required}: its smallest eigenvalue is {eigenvalues[0]:g}")
     factor = np.sqrt(np.maximum(eigenvalues, 0.0))[:, None] * vectors.T
     return factor if len(value) == full else np.kron(np.eye(horizon), factor)
 

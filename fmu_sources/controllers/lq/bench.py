@@ -36,7 +36,7 @@ def lqr_bench(car: Component, name: str = "LqrBench") -> Component:
         description="LQR of the quarter-car bench (paper 002)",
         source="002 equations (10) to (13)",
         notes=(
-            "force = -gain x with x = suspension deflection, body velocity, tyre deflection, wheel velocity. The gain is that "
+            "force = -gain x with x = suspension deflection, body velocity, tire deflection, wheel velocity. The gain is that "
             f"of the continuous problem with weights {WEIGHTS} and {FORCE_WEIGHT:g} (documentation of the bench's maker; the "
             "paper prints none). limit is far away by default, as in the paper; 8 N makes a clipped LQR of it.",
             "Wiring: the inputs carry the names of the plant's outputs, force that of its input.",

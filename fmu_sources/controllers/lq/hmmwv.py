@@ -1,6 +1,6 @@
 """Linear-quadratic regulator of the HMMWV (paper 001, Table 1.1), sampled at 30 ms.
 
-The index is the mean of weighted squares of heave acceleration, roll and pitch rate, suspension travel, hub velocity, tyre
+The index is the mean of weighted squares of heave acceleration, roll and pitch rate, suspension travel, hub velocity, tire
 deflection and force. It is minimized on the 14 absolute states of the car, with the exact integral between samples, and the
 gain is mapped to the 15 relative states that a controller knows, ``K_relative T = K_absolute``: no force reaches the warp of
 the four road heights, so an index in relative states would have no finite optimum. Of all such gains this is the
@@ -59,7 +59,7 @@ class LqrWeights:
 
 
 TABLE_1_1 = LqrWeights(acceleration=10.0, rates=10.0, travel=1.0, hub_velocity=1.0, tire=0.1, force=1e-4)
-"""001 Table 1.1 in SI units, force in N: the reading behind the published comparison. It asks for 200 N at most."""
+"""001 Table 1.1 in SI units, force in N: the reading behind the published comparison. It requests 200 N at most."""
 
 TABLE_1_1_KILONEWTON = replace(TABLE_1_1, force=1e-4 / 1000.0**2)
 """001 Table 1.1 with the force in kN, everything else in SI: a million times cheaper forces, which saturate."""
@@ -117,8 +117,8 @@ def lqr_hmmwv(
 _NOTES = (
     "Inputs carry the names of the car's outputs, and of the estimator's: connect all of equal name. body.az is there as on "
     "every higher-level controller of this vehicle, so that one can be exchanged for another; this law does not use it.",
-    "LqrHmmwv has the weights of Table 1.1 in SI units with the force in N: the law asks for some 200 N at most and hardly "
-    "differs from zero force. LqrHmmwvKilonewton reads the force in kN: it asks for thousands of newtons and reaches "
+    "LqrHmmwv has the weights of Table 1.1 in SI units with the force in N: the law requests some 200 N at most and hardly "
+    "differs from zero force. LqrHmmwvKilonewton reads the force in kN: it requests thousands of newtons and reaches "
     "force.limit. The published comparison is with the first.",
     "The design minimizes the exact integral of the index between samples, on the car's 14 absolute states; gain acts on the "
     "15 relative states. A flat road is assumed, as in the paper: the road is a disturbance.",

@@ -1,7 +1,7 @@
 """Optimal preview LQ control of the seven-degree car as a discrete component (paper 004, Theorem 1).
 
 u = -K x + feed-forward. The feed-forward weighs the road ahead of each wheel over a horizon: the front wheels see the
-preview, the rear wheels see what the front wheels met one wheelbase earlier, from the controller's own memory. What is
+preview, the rear wheels see what the front wheels passed one wheelbase earlier, from the controller's own memory. What is
 used of it is a choice at run time (parameter ``mode``).
 
 With a period of 1 ms (the default) K is the exact sampled gain and the feed-forward the continuous integral (17) with the
@@ -60,7 +60,7 @@ def ride_plant(car: Component, parameters: np.ndarray | None = None) -> LinearPl
         parameters: others than those it is declared with, in their order.
 
     Raises:
-        ValueError: the car's outputs depend on road rates (tyre damping): the index would need the road's slope.
+        ValueError: the car's outputs depend on road rates (tire damping): the index would need the road's slope.
     """
     lin = car.linearize(p=parameters)
     column = {n: i for i, n in enumerate(lin.inputs)}
@@ -69,7 +69,7 @@ def ride_plant(car: Component, parameters: np.ndarray | None = None) -> LinearPl
         [column[pattern.format(k)] for k in CORNERS] for pattern in ("force.{}", "road.{}.height", "road.{}.rate")
     )
     if np.abs(lin.B[:, rates]).max() > 0:
-        raise ValueError(f"{car.name}: tyre damping makes road rates a disturbance; preview LQ is for cars without it")
+        raise ValueError(f"{car.name}: tire damping makes road rates a disturbance; preview LQ is for cars without it")
     y = [row[n] for n in WEIGHTED]
     return LinearPlant(
         A=lin.A, B=lin.B[:, u], E=lin.B[:, w], C=lin.C[y], D=lin.D[np.ix_(y, u)], F=lin.D[np.ix_(y, w)],
@@ -175,8 +175,8 @@ def preview_lq(
     speed = c.input("speed", "m/s", "speed of the car; gives the rear wheels' delay", min=0.0)
 
     # Horizons in periods. The rear wheels follow by `delay`; beyond the memory, or at standstill, their road is unknown.
-    asked = ca.floor(preview_time / period + 0.5)
-    front = ca.if_else(mode > 1.5, ca.fmin(asked, ahead), 0)
+    requested = ca.floor(preview_time / period + 0.5)
+    front = ca.if_else(mode > 1.5, ca.fmin(requested, ahead), 0)
     delay = base / (ca.fmax(speed, 1e-6) * period)
     known = delay <= past
     whole = ca.if_else(known, ca.floor(delay), past)
@@ -215,7 +215,7 @@ def preview_lq(
     for i, k in enumerate(CORNERS):
         c.output(f"force.{k}", force[i], "N", f"actuator force at corner {k}", display_unit="kN")
     truncated = ca.logic_or(
-        ca.logic_and(mode > 1.5, asked > ahead), ca.logic_and(mode > 0.5, ca.logic_not(known))
+        ca.logic_and(mode > 1.5, requested > ahead), ca.logic_and(mode > 0.5, ca.logic_not(known))
     )  # fmt: skip
     c.output(
         "horizon_truncated", truncated, None,
@@ -252,7 +252,7 @@ def _stimulus(states: tuple[str, ...], points: int, step: float) -> dict[str, Ca
 _NOTES = (
     "States and forces carry the names of the car's outputs and inputs. The feedback gain is the exact sampled LQ gain for "
     "the index with output weights; the feed-forward weighs the road under each wheel over its horizon.",
-    "Horizons: mode 0 uses no road at all; mode 1 uses, for the rear wheels, the road that the front wheels have met "
+    "Horizons: mode 0 uses no road at all; mode 1 uses, for the rear wheels, the road that the front wheels have passed "
     "(delay wheelbase/speed, from the controller's own memory); mode 2 adds preview_time ahead of the front wheels, and as much "
     "more for the rear ones. Horizons are rounded to whole sample times. horizon_truncated tells when the preview inputs or the "
     "memory end before the horizon; what is there is used. At standstill, or so slowly that the delay exceeds the memory, the "

@@ -48,7 +48,7 @@ class PreviewLqWeights(_Strict):
     force: _Forces
 
     def outputs(self, corners: Sequence[str]) -> list[float]:
-        """Weights in the order of the outputs: accelerations, suspension and tyre deflections by corner."""
+        """Weights in the order of the outputs: accelerations, suspension and tire deflections by corner."""
         a = self.acceleration
         return [
             a.heave, a.pitch, a.roll,

@@ -75,14 +75,14 @@ def lqr_three_axle(car: Component, weights: LqrThreeAxleWeights | None = None, n
         source="003 Table 4.5, as of the predictive controllers",
     )  # fmt: skip
     x = [c.input(s, car.variable(s).unit, car.variable(s).description) for s in states]
-    reference = c.input("reference.pitch", "rad", "pitch that is asked for now", display_unit="deg")
+    reference = c.input("reference.pitch", "rad", "requested pitch now", display_unit="deg")
     x[states.index("body.pitch")] -= reference
-    asked = ca.vertsplit(-gain @ ca.vertcat(*x))
-    for corner, force in zip(law.plant.controls, asked, strict=True):
+    requested = ca.vertsplit(-gain @ ca.vertcat(*x))
+    for corner, force in zip(law.plant.controls, requested, strict=True):
         held = ca.fmax(-limit, ca.fmin(limit, force))
         c.output(corner, held, "N", f"actuator force at {corner.removeprefix('force.')}", display_unit="kN")
-    beyond = ca.mmax(ca.fabs(ca.vertcat(*asked))) > limit
-    c.output("limit_reached", beyond, None, "a force is held at force.limit", type=bool)
+    beyond = ca.mmax(ca.fabs(ca.vertcat(*requested))) > limit
+    c.output("limit_reached", beyond, None, "a force is clipped at force.limit", type=bool)
     c.provenance = {"weights": vars(weights), "car": car.name, "gain": law.K.tolist()}
     c.stimulate({n: _wave(i) for i, n in enumerate([*states, "reference.pitch"])})
     return c
@@ -98,7 +98,7 @@ _NOTES = (
     "printed it holds the wheels still instead of the body.",
     "The gain is that of continuous time, evaluated every millisecond, the exchange step of the plant: close enough that the "
     "loop's decay rates stay within 3.5 % (20 % at the 5 ms of the predictive controllers).",
-    "There is no integral action and no feed-forward of the reference, so a pitch that is asked for is met only in part: the "
+    "There is no integral action and no feed-forward of the reference, so a requested pitch is reached only in part: the "
     "struts' springs resist it. The thesis reports the same.",
     "States and forces carry the names of the vehicle's outputs and inputs. reference.pitch is the present reference: connect "
     "reference.pitch[1] of PitchReference.",

@@ -108,13 +108,13 @@ def add_mpc(
         upper=data.upper, case=case, backend=backend,
     )  # fmt: skip
     held = solution.status > 0.5
-    wanted = previous + ca.if_else(held, 0, qp.first_move(solution.z))
-    command = clipped(mpc, wanted, previous, case)
+    requested = previous + ca.if_else(held, 0, qp.first_move(solution.z))
+    command = clipped(mpc, requested, previous, case)
     slack = solution.z[-1] * float(qp.columns[-1]) if mpc.soft else ca.MX(0)
     return MpcSolution(command, previous, held, slack)
 
 
-def clipped(mpc: Mpc, wanted: Any, previous: Any, case: Any) -> Any:
+def clipped(mpc: Mpc, requested: Any, previous: Any, case: Any) -> Any:
     """Commands (nu,) within rate bounds, and within input bounds as far as the rate bounds let them."""
 
     def limit(name: str) -> Any:
@@ -123,8 +123,8 @@ def clipped(mpc: Mpc, wanted: Any, previous: Any, case: Any) -> Any:
         return table if len(mpc.cases) == 1 else table @ (ca.DM(np.arange(len(mpc.cases), dtype=float)) == case)
 
     low, high = previous + limit("rate_min"), previous + limit("rate_max")
-    wanted = ca.fmin(ca.fmax(wanted, low), high)
-    return ca.fmin(ca.fmax(wanted, ca.fmin(limit("min"), high)), ca.fmax(limit("max"), low))
+    requested = ca.fmin(ca.fmax(requested, low), high)
+    return ca.fmin(ca.fmax(requested, ca.fmin(limit("min"), high)), ca.fmax(limit("max"), low))
 
 
 def previous_command(c: Component, mpc: Mpc, unit: str | None = None) -> Any:
@@ -179,7 +179,7 @@ def reference_inputs(c: Component, mpc: Mpc, plant: Component, count: int | None
         if o.reference not in declared:
             v = plant.variable(o.name)
             declared[o.reference] = c.input(
-                o.reference, v.unit, f"wanted {o.name} now (index 1) and later, one sample time apart", shape=(count,),
+                o.reference, v.unit, f"requested {o.name} now (index 1) and later, one sample time apart", shape=(count,),
                 display_unit=v.display_unit,
             )  # fmt: skip
         rows.append(declared[o.reference][places].T)

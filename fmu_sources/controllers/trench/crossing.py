@@ -33,7 +33,7 @@ class CrossingGeometry:
 
     axles: tuple[float, float, float]  # ahead of the CG
     drop: tuple[float, float, float]  # wheel centres below the CG
-    squeeze: tuple[float, float, float]  # static deflection of the tyres
+    deflection: tuple[float, float, float]  # static deflection of the tires
     radius: float  # of the wheels
     lidar_ahead: float  # of the CG
     lidar_above: float  # above the CG
@@ -57,7 +57,7 @@ class CrossingGeometry:
         return cls(
             axles=each(lambda a: hubs[a][0]),
             drop=each(lambda a: cg - hubs[a][1]),
-            squeeze=each(lambda a: radius - hubs[a][1]),
+            deflection=each(lambda a: radius - hubs[a][1]),
             radius=radius,
             lidar_ahead=float(rest["lidar.x"] - rest["x"]),
             lidar_above=above,
@@ -150,8 +150,8 @@ def trench_crossing(
         moved = speed * step * i
         entry = ca.logic_and(to_start[0] - moved < early, to_finish[0] - moved > -q.lag)
         exit_ = ca.logic_and(to_start[2] - moved < early, to_finish[2] - moved > -q.lag)
-        goal = ca.if_else(there, ca.if_else(entry, -q.entry, ca.if_else(exit_, q.exit, 0)), 0)
-        value = value + ca.fmax(-q.rate * step, ca.fmin(q.rate * step, goal - value))
+        target = ca.if_else(there, ca.if_else(entry, -q.entry, ca.if_else(exit_, q.exit, 0)), 0)
+        value = value + ca.fmax(-q.rate * step, ca.fmin(q.rate * step, target - value))
         reference.append(value)
     c.update(past, reference[0])
 
@@ -162,7 +162,7 @@ def trench_crossing(
         # Struts act along the body, so wheels move forth and back with pitch.
         below = (g.drop[i] - wheel_z[k] + body_z - g.axles[i] * ca.sin(pitch)) / ca.fmax(ca.cos(pitch), 0.1)
         leans = g.axles[i] * (ca.cos(pitch) - 1) - below * ca.sin(pitch)
-        hanging = wheel_z[k] - g.squeeze[i]  # road under which a linear tyre carries nothing
+        hanging = wheel_z[k] - g.deflection[i]  # road under which a linear tire carries nothing
         heights = []
         for j in range(count):
             at = speed * step * j + leans
@@ -210,7 +210,7 @@ def _edge(beyond: Any, radius: Any) -> Any:
 class _Geometry:
     axles: list[Any]
     drop: list[Any]
-    squeeze: list[Any]
+    deflection: list[Any]
     radius: Any
     ahead: Any
     above: Any
@@ -226,7 +226,7 @@ def _geometry_parameters(c: Component, geometry: CrossingGeometry) -> _Geometry:
     return _Geometry(
         axles=each("x", geometry.axles, "distance ahead of the CG"),
         drop=each("below", geometry.drop, "distance of the wheel centres at rest below the CG"),
-        squeeze=each("squeeze", geometry.squeeze, "static deflection of the tyres"),
+        deflection=each("squeeze", geometry.deflection, "static deflection of the tires"),
         radius=c.parameter(
             "wheel.radius", geometry.radius, "m", "radius of the wheels", min=0.05, max=5.0, source="vehicle file"
         ),
@@ -321,9 +321,9 @@ _NOTES = (
     "trenches nearly as long as the axle spacing one axle then carries before the next one is lifted.",
     "Pitch reference: nose up while the first axle crosses, nose down while the last one does, both begun pitch.lead_distance and "
     "pitch.lead_time early, with a limited rate. reference.pitch[1] is now; the later ones suppose that the speed stays.",
-    "Effective road: a linear tyre model pulls a wheel down to whatever road it is given, so the floor of the trench is never fed. "
+    "Effective road: a linear tire model pulls a wheel down to whatever road it is given, so the floor of the trench is never fed. "
     "A wheel that is over an edge sees the circle on which the edge carries its centre, and one that carries nothing sees the height "
-    "under which a linear tyre has no force.",
+    "under which a linear tire has no force.",
     "A lidar that does not see an edge sets .valid false: the edge is then where it was, less the distance that the speed gives. "
     "While the start was never seen there is no trench: case 0, level road. When only the finish was never seen, "
     "trench.unknown_length counts. A finish that is not behind the start counts as no trench.",

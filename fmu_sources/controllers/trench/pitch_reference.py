@@ -1,4 +1,4 @@
-"""The pitch that a vehicle is asked to take, now and over the preview of its controller (paper 003, section 5.3)."""
+"""The pitch that a vehicle is to follow, now and over the preview of its controller (paper 003, section 5.3)."""
 
 from __future__ import annotations
 

@@ -37,17 +37,17 @@ def random_plant(rng, states, m=3, inputs=8):
 def seven_degree_car():
     """A linear car of about the modified HMMWV's numbers at 100 Hz: A, B, C, D, B and D with 4 forces [N], 4 roads [m].
 
-    Body heave, pitch (nose down), roll (left up), four wheels; outputs (g, deg, deg). Tyre damping acts on the wheel
+    Body heave, pitch (nose down), roll (left up), four wheels; outputs (g, deg, deg). Tire damping acts on the wheel
     only, so that the road enters by its height alone and the zero-order hold is exact.
     """
     x, y = np.array([1.98, 1.98, -1.32, -1.32]), np.array([0.91, -0.91, 0.91, -0.91])
     strut = np.column_stack([np.ones(4), -x, y, -np.eye(4)])  # body minus wheel
-    tyre = np.hstack([np.zeros((4, 3)), np.eye(4)])
+    tire = np.hstack([np.zeros((4, 3)), np.eye(4)])
     mass = np.array([5000.0, 8700.0, 2600.0, *[110.0] * 4])[:, None]  # kg, kg m2
-    stiffness = strut.T @ np.diag([60e3, 60e3, 97e3, 97e3]) @ strut + 350e3 * tyre.T @ tyre  # N/m
-    damping = strut.T @ np.diag([3.6e3, 3.6e3, 7.2e3, 7.2e3]) @ strut + 500.0 * tyre.T @ tyre  # Ns/m
+    stiffness = strut.T @ np.diag([60e3, 60e3, 97e3, 97e3]) @ strut + 350e3 * tire.T @ tire  # N/m
+    damping = strut.T @ np.diag([3.6e3, 3.6e3, 7.2e3, 7.2e3]) @ strut + 500.0 * tire.T @ tire  # Ns/m
     a = np.block([[np.zeros((7, 7)), np.eye(7)], [-stiffness / mass, -damping / mass]])
-    b = np.vstack([np.zeros((7, 8)), np.hstack([strut.T, 350e3 * tyre.T]) / mass])
+    b = np.vstack([np.zeros((7, 8)), np.hstack([strut.T, 350e3 * tire.T]) / mass])
     step = linalg.expm(0.01 * np.block([[a, b], [np.zeros((8, 22))]]))
     c = np.vstack([a[7] / 9.80665, np.degrees(np.eye(14)[1:3])])
     d = np.vstack([b[7] / 9.80665, np.zeros((2, 8))])

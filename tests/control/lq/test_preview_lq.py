@@ -79,9 +79,9 @@ def test_plant_is_the_cars_own_linear_model(plant) -> None:
     np.testing.assert_array_equal(plant.F[:7], 0.0)  # accelerations and travels do not see the road directly
 
 
-def test_cars_with_damped_tyres_are_refused() -> None:
+def test_cars_with_damped_tires_are_refused() -> None:
     hmmwv = ride_car(load_ride_car("ride_car_hmmwv"), name="RideCarHmmwv")
-    with pytest.raises(ValueError, match="tyre damping"):
+    with pytest.raises(ValueError, match="tire damping"):
         ride_plant(hmmwv)
 
 

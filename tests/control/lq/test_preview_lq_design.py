@@ -214,7 +214,7 @@ def table3(weights, both, dt=2e-4):
     return rows
 
 
-# Misprints put right: a) active s4 is 137; c) t3 and t4 are ten times the print. Roll in a) is 0/0.
+# Misprints corrected: a) active s4 is 137; c) t3 and t4 are ten times the print. Roll in a) is 0/0.
 NONE = np.nan
 PRINTED = {
     (True, "active"): (72.7, [49.6, 47.5, NONE, 111, 141, 111, 137, 149, 245, 159, 245]),

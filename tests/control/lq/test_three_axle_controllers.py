@@ -100,7 +100,7 @@ def test_sampled_every_millisecond_it_is_the_continuous_law(car, lqr):
     assert off[1e-3] < 0.035 < off[5e-3]
 
 
-def test_a_pitch_that_is_asked_for_is_met_in_part(car, lqr):
+def test_a_requested_pitch_is_reached_in_part(car, lqr):
     """No integral action: of 3 degrees about 1 is missing, which is what the thesis shows."""
     lin = car.linearize()
     gain = np.array(lqr.provenance["gain"])

@@ -139,18 +139,18 @@ def test_component_solves_the_problem_of_the_reference(car, model) -> None:
     previous, active, slack = np.zeros(1), 0, 0.0
     for k in range(150):
         x = random.normal(size=4) * [0.03, 0.3, 0.03, 0.5]
-        road, wanted, case = random.normal(size=21) * 0.02, random.normal(size=20) * 0.05, k // 7 % 2
+        road, requested, case = random.normal(size=21) * 0.02, random.normal(size=20) * 0.05, k // 7 % 2
         for n, v in zip(STATES, x, strict=True):
             ev.u[slot[n]] = v
         ev.u[slot["case"]], ev.u[slot["use_preview"]] = case, k % 3 > 0
         for i in range(21):
             ev.u[slot[f"preview[{i + 1}]"]] = road[i]
         for i in range(20):
-            ev.u[slot[f"reference.height[{i + 1}]"]] = wanted[i]
+            ev.u[slot[f"reference.height[{i + 1}]"]] = requested[i]
         ev.step(PERIOD)
         got = dict(zip(names, ev.outputs(), strict=True))
         w = np.append(road, road[-1])[None, :] * (k % 3 > 0)
-        r = np.vstack([np.zeros((2, 20)), np.append(wanted[1:], wanted[-1])])
+        r = np.vstack([np.zeros((2, 20)), np.append(requested[1:], requested[-1])])
         step = reference.step(x, previous, w, r, case)
         assert got["solver.status"] == 0
         assert got["solver.residual"] <= 1e-6

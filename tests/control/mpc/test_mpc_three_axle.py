@@ -184,13 +184,13 @@ class Loop:
             else:
                 filter_ = Observer(self.model, MEASURED, self.gain, np.zeros((n, n)))
                 x = filter_.correct(self.z, measured, self.u, known[:, 0], known[:, 1])
-        wanted = np.zeros((len(self.mpc.outputs), 50))
-        wanted[[o.name for o in self.mpc.outputs].index("body.pitch")] = np.append(pitch[1:], pitch[-1])
+        requested = np.zeros((len(self.mpc.outputs), 50))
+        requested[[o.name for o in self.mpc.outputs].index("body.pitch")] = np.append(pitch[1:], pitch[-1])
         hold, retraction = self.choice
         number = [
             (c.case, c.hold_height, c.retraction) for c in cases()
         ].index((case, hold, retraction if case else 0))  # fmt: skip
-        solved = self.reference.step(x, self.u, known, wanted, number)
+        solved = self.reference.step(x, self.u, known, requested, number)
         u = np.array([y[f] for f in FORCES])
         assert y["solver.status"] == 0
         self.worst = max(self.worst, np.abs(u - solved.command).max() / UNSCALED)

@@ -15,7 +15,7 @@ from fmu_sources.plants import three_axle_trench
 from fmu_sources.vehicles import load_three_axle_trench
 
 GEOMETRY = CrossingGeometry(
-    axles=(2.05, 0.0, -2.05), drop=(0.65, 0.65, 0.65), squeeze=(0.036, 0.036, 0.036), radius=0.62, lidar_ahead=3.25,
+    axles=(2.05, 0.0, -2.05), drop=(0.65, 0.65, 0.65), deflection=(0.036, 0.036, 0.036), radius=0.62, lidar_ahead=3.25,
     lidar_above=0.3, cg_height=1.234,
 )  # fmt: skip
 LENGTH = 1.6
@@ -26,8 +26,8 @@ def test_geometry_comes_from_the_plant():
     found = CrossingGeometry.of(three_axle_trench(load_three_axle_trench("three_axle_trench")).model())
     assert found.axles == pytest.approx(GEOMETRY.axles)
     assert found.drop == pytest.approx(GEOMETRY.drop)
-    assert found.squeeze == pytest.approx([20000 * 9.81 / 6 / 900e3] * 3)
-    assert found.cg_height == pytest.approx(0.62 - found.squeeze[0] + 0.65)
+    assert found.deflection == pytest.approx([20000 * 9.81 / 6 / 900e3] * 3)
+    assert found.cg_height == pytest.approx(0.62 - found.deflection[0] + 0.65)
     assert (found.radius, found.lidar_ahead, found.lidar_above) == pytest.approx((0.62, 3.25, 0.3))
 
 
@@ -142,20 +142,20 @@ class TestEffectiveRoad:
         out = Drive(component).at(-2.05 - 0.2, speed=4.0)  # axle 1 is 0.2 m before the start, 0.78 m beyond in the end
         beyond = -0.2 + 4.0 * STEP * np.arange(COUNT)
         circle = -(GEOMETRY.radius - np.sqrt(np.maximum(0.0, GEOMETRY.radius**2 - np.maximum(0, beyond) ** 2)))
-        expected = np.maximum(circle, -GEOMETRY.squeeze[0])  # a linear tyre carries nothing on a road that low
+        expected = np.maximum(circle, -GEOMETRY.deflection[0])  # a linear tire carries nothing on a road that low
         np.testing.assert_allclose(preview(out, "a1l"), expected, atol=1e-12)
         np.testing.assert_array_equal(preview(out, "a3r"), 0.0)
 
     def test_never_the_floor(self, component):
-        """A wheel that hangs over the middle sees the road on which a linear tyre has no force, wherever it hangs."""
+        """A wheel that hangs over the middle sees the road on which a linear tire has no force, wherever it hangs."""
         for z in (-0.2, 0.0, 0.15):
             out = Drive(component).at(-2.05 + LENGTH / 2, speed=0.0, wheels={"a1l": z})
             edge = math.sqrt(0.62**2 - 0.8**2) - 0.62 if LENGTH / 2 < 0.62 else -0.62
-            np.testing.assert_allclose(preview(out, "a1l"), max(edge, z - GEOMETRY.squeeze[0]), atol=1e-12)
+            np.testing.assert_allclose(preview(out, "a1l"), max(edge, z - GEOMETRY.deflection[0]), atol=1e-12)
 
     def test_lifted_wheel_on_level_road(self, component):
         out = Drive(component).at(-8.0, wheels={"a2r": 0.1})
-        np.testing.assert_allclose(preview(out, "a2r"), 0.1 - GEOMETRY.squeeze[1])
+        np.testing.assert_allclose(preview(out, "a2r"), 0.1 - GEOMETRY.deflection[1])
         np.testing.assert_array_equal(preview(out, "a2l"), 0.0)
 
     def test_wheels_move_forth_and_back_with_pitch(self, component):

@@ -66,7 +66,7 @@ for _signal in PUBLISHED:
 def _difference(study: Results) -> Finding:
     base, filtered = errors(study), errors(study, "rate by the filter (1.13)")
     return Finding(
-        ", ".join(f"{s} {100 * base[s]:.1f} against {100 * filtered[s]:.1f} %" for s in PUBLISHED),
+        ", ".join(f"{s} {100 * base[s]:.1f} compared with {100 * filtered[s]:.1f} %" for s in PUBLISHED),
         all(base[s] < filtered[s] for s in PUBLISHED), "it does not for every signal", filtered["square"] / base["square"], "-",
         criterion="smaller rms error under every signal of Figure 1.8; the paper gives no size",
     )  # fmt: skip

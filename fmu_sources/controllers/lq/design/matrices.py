@@ -53,9 +53,9 @@ def symmetric(name: str, value: Array) -> Array:
 def matrix(name: str, value: npt.ArrayLike, shape: tuple[int | None, int | None], meaning: str) -> Array:
     array = np.array(value, dtype=float)  # a copy, made read-only: a plant or law never changes once it exists
     array.setflags(write=False)
-    if array.ndim != 2 or any(want not in (None, have) for want, have in zip(shape, array.shape, strict=True)):
-        wanted = ", ".join("any" if size is None else str(size) for size in shape)
-        raise ValueError(f"{name} has shape {array.shape}; expected ({wanted}){f', {meaning}' if meaning else ''}")
+    if array.ndim != 2 or any(size not in (None, have) for size, have in zip(shape, array.shape, strict=True)):
+        expected = ", ".join("any" if size is None else str(size) for size in shape)
+        raise ValueError(f"{name} has shape {array.shape}; expected ({expected}){f', {meaning}' if meaning else ''}")
     bad = np.argwhere(~np.isfinite(array))
     if len(bad):
         i, j = (int(k) for k in bad[0])
