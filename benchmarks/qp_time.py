@@ -132,7 +132,9 @@ def measure(size: Size, backend: Backend) -> dict[str, float]:
     """Solve every step of a closed-loop run (OSQP with soft rows, which can take a second per step: the first 40)."""
     run = closed_loop(size)
     n, m = len(run.hessian), len(run.rows)
-    c = Component("Program", kind="discrete", sample_time=size.period, description="", source="", symbols=ca.MX)
+    c = Component(
+        "Program", kind="discrete", sample_time=size.period, description="", source="benchmark", symbols=ca.MX
+    )
     q, lower, upper = (c.input(k, "1", k, shape=(s,)) for k, s in (("q", n), ("l", m), ("u", m)))
     c.quadratic_program(
         "solver", hessians=[run.hessian], constraints=[run.rows], linear=q, lower=lower, upper=upper, backend=backend

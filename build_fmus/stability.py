@@ -117,10 +117,6 @@ def matrices_by_point(component: Model, parameters: np.ndarray | None = None) ->
         for k, v in values.items():
             if k in inputs:
                 u[inputs[k]] = v
-            elif k not in states:
-                raise KeyError(
-                    f"{component.name}: operating point {name!r} sets {k!r}, which is neither state nor input"
-                )
         x = np.asarray(component.functions["start"](component.vector("state"), u, p)).ravel()
         for k, v in values.items():
             if k in states:

@@ -79,6 +79,8 @@ class Component:
             raise DeclarationError(f"component name {name!r} is not an identifier")
         if (sample_time is not None) != (kind == "discrete"):
             raise DeclarationError(f"{name}: a sample_time is for discrete components, and only for those")
+        if fault := source_fault(source):
+            raise DeclarationError(f"{name}: source: {fault}")
         self._model: Model | None = None
         self.name, self.kind, self.description, self.source = name, kind, description, source
         self.sample_time = sample_time
@@ -91,7 +93,7 @@ class Component:
         self._symbols = symbols
         self._variables: dict[str, Variable] = {}
         self._handles: dict[str, Any] = {}  # what parameter(), input() and state() returned
-        self._sizes: dict[Role, int] = {"parameter": 0, "input": 0, "state": 0, "output": 0}
+        self._sizes: dict[Role, int] = {"parameter": 0, "constant": 0, "input": 0, "state": 0, "output": 0}
         self._changes: dict[str, Any] = {}  # state name -> derivative or update expression
         self._values: dict[str, tuple[Any, str]] = {}  # intermediate values by name, with the source of their equations
         self.equations: dict[str, str] = {}  # output or state -> where its equation comes from
@@ -149,6 +151,17 @@ class Component:
         )  # fmt: skip
 
     @_declares
+    def constant(self, name: str, value: float, unit: str, description: str, *, source: str) -> Any:
+        """Declare a number with a unit that equations use and nobody sets, such as the acceleration of gravity.
+
+        It is no variable of the FMU: the C code has the number. Returns its symbol; a number with a dimension that stands in an
+        equation without a declaration does not pass the check of dimensions. ``source`` as of :meth:`parameter`.
+        """
+        if fault := source_fault(source):
+            raise DeclarationError(f"{self.name}.{name}: source: {fault}")
+        return self._add(name, "constant", unit, description, (), start=float(value), source=source)
+
+    @_declares
     def input(
         self,
         name: str,
@@ -178,9 +191,18 @@ class Component:
             return symbol
         # Not fmin and fmax: at a limit itself the derivative is that of the inside.
         if max is not None:
-            symbol = ca.if_else(symbol > max, max, symbol)
+            limit = self._limit(name, "max", max, unit)
+            symbol = ca.if_else(symbol > limit, limit, symbol)
         if min is not None:
-            symbol = ca.if_else(symbol < min, min, symbol)
+            limit = self._limit(name, "min", min, unit)
+            symbol = ca.if_else(symbol < limit, limit, symbol)
+        return symbol
+
+    def _limit(self, name: str, which: str, value: float, unit: str | None) -> Any:
+        """A limit of an input as a constant of the equations, in the input's unit."""
+        symbol = self._symbols.sym(f"{name}.{which}")
+        key = f"{which} of {name}"  # no name that a variable could have
+        self._variables[key] = Variable(key, "constant", unit, "", start=(float(value),), symbol=symbol)
         return symbol
 
     @_declares
@@ -235,6 +257,18 @@ class Component:
         return symbol
 
     @_declares
+    def latch(self, name: str, expression: Any, unit: str | None, description: str = "") -> Any:
+        """Declare a discrete state that keeps what ``expression`` of parameters and inputs is at the start. Returns its symbol."""
+        if self.kind != "discrete":
+            raise DeclarationError(
+                f"{self.name}: latch() is for discrete components; a continuous one has no first sample"
+            )
+        expression = self._symbols(expression)
+        symbol = self.state(name, unit, description, start=expression, shape=_shape(expression))
+        self._changes[name] = self._flat(self._variables[name], symbol, "latch")
+        return symbol
+
+    @_declares
     def derivative(self, state: Any, expression: Any, *, source: str = "") -> None:
         """``d state/dt = expression`` (continuous components); ``source``: paper and number of the equation, for readers of the C."""
         self._relate(state, expression, "continuous", "derivative", source)
@@ -282,11 +316,8 @@ class Component:
         ``source``: paper and number of its equation, for readers of the C.
         """
         expression = self._symbols(expression)
-        shape: tuple[int, ...] = () if expression.is_scalar() else tuple(expression.shape)
-        if len(shape) == 2 and shape[1] == 1:
-            shape = shape[:1]
         self._add(
-            name, "output", unit, description, shape, start=None, type=_TYPES[type], min=min, max=max, nominal=nominal,
+            name, "output", unit, description, _shape(expression), start=None, type=_TYPES[type], min=min, max=max, nominal=nominal,
             display_unit=display_unit, output=True,
         )  # fmt: skip
         self._results[name] = expression
@@ -388,16 +419,22 @@ class Component:
         return ca.vec(expression)
 
     @_declares
-    def operating_point(self, name: str, **values: float) -> None:
-        """Name a point (variable name with ``__`` for ``.`` -> value) where the build also checks solver stability."""
-        self.operating_points[name] = {k.replace("__", "."): v for k, v in values.items()}
+    def operating_point(self, name: str, values: Mapping[str, float]) -> None:
+        """Name a point (state or input -> value, the others as at the start) where the build also checks solver stability."""
+        known = self._element_names("state", "input")
+        for n in values:
+            if n not in known:
+                raise DeclarationError(
+                    f"{self.name}: operating point {name!r} sets {n!r}, which is neither state nor input"
+                )
+        self.operating_points[name] = dict(values)
 
     @_declares
     def stimulate(self, signals: Mapping[str, Callable[[float], float]]) -> None:
         """Input signals over time for the reference result (``NAME_in.csv``); inputs without one keep their start."""
-        inputs = {n for v in self._variables.values() if v.role == "input" for n in v.element_names()}
+        known = self._element_names("input")
         for name in signals:
-            if name not in inputs:
+            if name not in known:
                 raise DeclarationError(f"{self.name}: stimulus for {name!r}, which is not an input")
         self.stimulus.update(signals)
 
@@ -452,6 +489,9 @@ class Component:
         self._handles[name] = symbol
         self._sizes[role] += size
         return symbol
+
+    def _element_names(self, *roles: Role) -> set[str]:
+        return {n for v in self._variables.values() if v.role in roles for n in v.element_names()}
 
     def _relate(self, state: Any, expression: Any, kind: Kind, verb: str, source: str) -> None:
         if self.kind != kind:
@@ -532,3 +572,11 @@ class Component:
     ) -> Linearization:
         """:meth:`Model.linearize` of the model."""
         return self.model().linearize(x, u, p)
+
+
+def _shape(expression: Any) -> tuple[int, ...]:
+    """Shape of the variable that an expression gives: scalar, vector for a column, matrix."""
+    if expression.is_scalar():
+        return ()
+    rows, columns = expression.shape
+    return (rows,) if columns == 1 else (rows, columns)

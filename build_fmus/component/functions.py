@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any
 
 from build_fmus import extras
@@ -40,6 +42,33 @@ def make_functions(declaration: Declaration) -> dict[str, ca.Function]:
         if d.size("state") and ca.depends_on(positive, d.symbol("state")):
             raise DeclarationError(f"{d.name}: a check may depend on parameters, inputs and time, not on states")
     return made.functions
+
+
+def with_constants(d: Declaration) -> Declaration:
+    """The declaration with the values of its constants in place of their symbols."""
+    constants = d.of("constant")
+    if not constants:
+        return d
+    groups = (d.starts, d.changes, d.results)
+    values = [e for e, _ in d.values.values()]
+    flat = (
+        [e for group in groups for e in group.values()]
+        + [e for e, _ in d.checks]
+        + values
+        + [q.data for q in d.programs]
+    )
+    numbers = [d.symbols(float(x)) for v in constants for x in v.start or ()]
+    put_in = iter(ca.substitute(flat, [v.symbol for v in constants], numbers))
+
+    def renewed(group: Mapping[str, Any]) -> dict[str, Any]:
+        return {name: next(put_in) for name in group}
+
+    starts, changes, results = (renewed(group) for group in groups)
+    return replace(
+        d, starts=starts, changes=changes, results=results, checks=tuple((next(put_in), m) for _, m in d.checks),
+        values={name: (next(put_in), source) for name, (_, source) in d.values.items()},
+        programs=tuple(replace(q, data=next(put_in)) for q in d.programs),
+    )  # fmt: skip
 
 
 def column(d: Declaration, parts: list[Any]) -> Any:

@@ -36,7 +36,7 @@ class Model(Declaration):
         Raises:
             DeclarationError: an expression with an undeclared symbol, a check that depends on a state.
         """
-        return functions.make_functions(self)
+        return functions.make_functions(self._in_numbers)
 
     def failed_checks(self, u: np.ndarray | None = None, p: np.ndarray | None = None) -> list[str]:
         """Messages of the checks that inputs ``u`` and parameters ``p`` (start values by default) do not pass."""
@@ -64,7 +64,7 @@ class Model(Declaration):
     @cached_property
     def constant_outputs(self) -> dict[str, float]:
         """Output elements whose value is a number known now, such as the step of a preview."""
-        return structure.constant_outputs(self)
+        return structure.constant_outputs(self._in_numbers)
 
     def linearize(
         self, x: np.ndarray | None = None, u: np.ndarray | None = None, p: np.ndarray | None = None
@@ -79,6 +79,11 @@ class Model(Declaration):
         if x is None:
             x = np.asarray(self.functions["start"](self.vector("state"), u, p)).ravel()
         return linear.linearized(self, self._jacobians, x, u, p)
+
+    @cached_property
+    def _in_numbers(self) -> Declaration:
+        """The declaration with numbers for its constants."""
+        return functions.with_constants(self)
 
     @cached_property
     def _jacobians(self) -> ca.Function:

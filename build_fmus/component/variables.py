@@ -9,7 +9,7 @@ from itertools import product
 from typing import Any, Literal
 
 Kind = Literal["continuous", "discrete"]
-Role = Literal["time", "parameter", "input", "state", "derivative", "output"]
+Role = Literal["time", "parameter", "constant", "input", "state", "derivative", "output"]
 Solver = Literal["rk4", "am2", "ros2", "semi_implicit"]
 BaseType = Literal["Float64", "Int32", "Boolean"]
 

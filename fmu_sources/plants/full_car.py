@@ -232,9 +232,9 @@ def full_car(vehicle: FullCar, name: str = "FullCarHmmwv") -> Component:
         c.output(f"actuator.{n}.power", power, "W", "power from the actuator into the car", display_unit="kW")
 
     for kmh in (0, 20, 80, 120, 216):
-        c.operating_point(f"{kmh} km/h", target__speed=kmh / 3.6)
-    c.operating_point("stops closed", body__z=-0.16)
-    c.operating_point("wheels hanging", **{f"wheel.{k.name}.z": -0.16 for k in corners})
+        c.operating_point(f"{kmh} km/h", {"target.speed": kmh / 3.6})
+    c.operating_point("stops closed", {"body.z": -0.16})
+    c.operating_point("wheels hanging", {f"wheel.{k.name}.z": -0.16 for k in corners})
     c.stimulate(_stimulus())
     return c
 

@@ -107,8 +107,8 @@ def hydraulic_actuator(vehicle: Actuator, name: str = "HydraulicActuator") -> Co
 
     # --------------------------------------------------------------------------------- stiffest points, reference run
 
-    c.operating_point("stall", load_pressure=vehicle.supply.pressure.value, spool__position=_stroke(vehicle))
-    c.operating_point("bypass", bypass__area=5e-4)
+    c.operating_point("stall", {"load_pressure": vehicle.supply.pressure.value, "spool.position": _stroke(vehicle)})
+    c.operating_point("bypass", {"bypass.area": 5e-4})
     c.stimulate(
         {
             "valve.voltage": lambda t: 12.0 if 0.06 < t < 0.075 else 2.0 * sin(2 * pi * 20.0 * t),

@@ -320,10 +320,9 @@ def three_axle_trench(vehicle: ThreeAxleTrenchCar, name: str = "ThreeAxleTrench"
     c.output("power.drive", drive_power, "W", "power of the imposed wheel spin", display_unit="kW")
     c.output("power.actuators", actuator_power, "W", "power of all actuators", display_unit="kW")
 
-    c.operating_point("start")
-    c.operating_point("axles at the stops", **{f"suspension.{w.name}.deflection": -0.25 for w in wheels})
-    c.operating_point("deep in the tires", body__z=-0.25)
-    c.operating_point("body on the ground", body__z=-0.61)
+    c.operating_point("axles at the stops", {f"suspension.{w.name}.deflection": -0.25 for w in wheels})
+    c.operating_point("deep in the tires", {"body.z": -0.25})
+    c.operating_point("body on the ground", {"body.z": -0.61})
     c.stimulate(_stimulus())
     return c
 

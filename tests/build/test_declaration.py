@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from build_fmus.component import Component, DeclarationError
+from build_fmus.generate import generate_c
 from build_fmus.reference import Evaluator
 from build_fmus.stability import SolverStepError, check_solver
 
@@ -85,7 +86,20 @@ CASES: dict[str, tuple[Callable[[], object], str]] = {
     "undeclared symbol": (undeclared_symbol, r"Mass: rhs uses undeclared symbols \(stranger"),
     "sample time of a continuous one": (lambda: mass(sample_time=0.01), r"Mass: a sample_time is for discrete"),
     "component name": (
-        lambda: Component("9 lives", kind="continuous", description="", source=""), r"'9 lives' is not an identifier",
+        lambda: Component("9 lives", kind="continuous", description="", source="none"), r"'9 lives' is not an identifier",
+    ),
+    "component without a source": (
+        lambda: Component("Mass", kind="continuous", description="a mass", source=" "), r"Mass: source: empty; say where",
+    ),
+    "constant without a source": (
+        lambda: mass().constant("g", 9.81, "m/s2", "gravity", source=""), r"Mass\.g: source: empty; say where",
+    ),
+    "constant that is not finite": (
+        lambda: mass().constant("g", math.inf, "m/s2", "gravity", source="none"), r"Mass\.g: start value inf is not finite",
+    ),
+    "latch of a continuous one": (lambda: mass().latch("x0", 1.0, "m"), r"Mass: latch\(\) is for discrete components"),
+    "operating point of no state": (
+        lambda: mass().operating_point("far", {"x": 1.0}), r"Mass: operating point 'far' sets 'x', which is neither state nor input",
     ),
     "no source": (
         lambda: mass().parameter("m", 1.0, "kg", "mass"), r'Mass\.m: source: empty; say where the value comes from, or "assumed"',
@@ -153,7 +167,7 @@ def test_an_unstable_point_other_than_the_start_is_found() -> None:
     x, v = c.state("x", "m"), c.state("v", "m/s")
     c.derivative(x, v)
     c.derivative(v, ca.if_else(x < 0, -1e8 * x, 0) - v)  # contact
-    c.operating_point("contact", x=-0.01)
+    c.operating_point("contact", {"x": -0.01})
     with pytest.raises(SolverStepError, match="'contact'"):
         check_solver(c.model())
 
@@ -163,7 +177,7 @@ LATE: dict[str, Callable[[Component], object]] = {
     "an output": lambda c: c.output("late", c.time, "s", "late"),
     "a check": lambda c: c.check(1.0, "late"),
     "a stimulus": lambda c: c.stimulate({"f": math.sin}),
-    "an operating point": lambda c: c.operating_point("late"),
+    "an operating point": lambda c: c.operating_point("late", {}),
     "a solver": lambda c: c.choose_backend("osqp"),
     "an attribute": lambda c: setattr(c, "description", "late"),
 }
@@ -190,6 +204,42 @@ def test_a_model_does_not_change() -> None:
         model.name = "Other"  # type: ignore[misc]
     with pytest.raises(TypeError):
         model.provenance["gain"] = 2.0  # type: ignore[index]
+
+
+def falling(gravity: Callable[[Component], object], symbols: object) -> Component:
+    """A mass that falls from below a ceiling that the input lowers; gravity is in everything, units set aside."""
+    c = mass(symbols=symbols)
+    g, lowered = gravity(c), c.input("lowered", "m", "how far the ceiling is lowered", min=0.0, max=2.0)
+    x, v = c.state("x", "m", start=g - lowered), c.state("v", "m/s")
+    c.derivative(x, v)
+    c.derivative(v, -g)
+    c.output("weight", 2.0 * g, "N", "weight of 2 kg")
+    c.output("below", 4.0 * g - lowered - x, "m", "distance to the ceiling")
+    c.check(g - lowered, "the ceiling is too low")
+    return c
+
+
+@pytest.mark.parametrize("symbols", [ca.SX, ca.MX])
+def test_a_constant_is_a_number_in_the_code(symbols: object) -> None:
+    """No variable, no symbol in any function: the same C as with the bare number."""
+    declared = falling(lambda c: c.constant("g", 9.81, "m/s2", "gravity", source="none"), symbols).model()
+    bare = falling(lambda c: 9.81, symbols).model()
+    assert [e.name for e in declared.elements()] == [e.name for e in bare.elements()]
+    assert declared.constant_outputs == {"weight": 19.62}
+    assert generate_c(declared, arrays=False, token="") == generate_c(bare, arrays=False, token="")
+
+
+def test_a_latched_value_stays() -> None:
+    c = sampled()
+    y = c.input("y", "m", "heights", shape=(3,))
+    c.output("moved", y - c.latch("y0", y, "m", "heights at the start"), "m", "since the start")
+    run = Evaluator(c.model())
+    run.u[:] = 1.0, 2.0, 3.0
+    for _ in range(3):
+        np.testing.assert_array_equal(run.outputs(), 0.0 if run.time == 0 else [4.0, 3.0, 2.0])
+        run.step(0.01)
+        run.u[:] = 5.0
+        run.step(0.01)
 
 
 def test_elements_are_row_major_everywhere() -> None:

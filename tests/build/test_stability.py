@@ -116,7 +116,7 @@ def hardening(name: str = "Hardening") -> Component:
     x, v = c.state("x", "m", start=0.0), c.state("v", "m/s", start=0.0)
     c.derivative(x, v)
     c.derivative(v, force - stiff * (100.0 * x + 1e9 * ca.if_else(ca.fabs(x) < 1, 0, x**3)) - 5.0 * v)
-    c.operating_point("pushed", x=0.5, force=50.0)
+    c.operating_point("pushed", {"x": 0.5, "force": 50.0})
     return c
 
 

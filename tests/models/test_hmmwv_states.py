@@ -48,7 +48,7 @@ def test_names_and_units_are_those_of_the_car(car):
     units = [car.variable(n).unit for n in RELATIVE_STATES]
     assert units == ["m"] * 8 + ["m/s"] * 5 + ["rad/s"] * 2
 
-    component = Component("Any", kind="discrete", sample_time=0.03, description="", source="")
+    component = Component("Any", kind="discrete", sample_time=0.03, description="", source="none")
     column = relative_inputs(component, car)
     assert column.shape == (15, 1)
     assert [(e.name, e.variable.unit) for e in component.model().elements("input")] == list(

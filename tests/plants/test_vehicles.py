@@ -114,7 +114,7 @@ def test_file_problems_are_named(tmp_path):
 
 
 def test_fields_become_fmi_parameters():
-    c = Component("Test", kind="continuous", description="", source="")
+    c = Component("Test", kind="continuous", description="", source="none")
     p = declare(c, load_full_car("hmmwv_modified"))
     variable = c.variable("suspension.rear.spring")
     assert variable.start == (400e3,)

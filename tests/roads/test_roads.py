@@ -160,7 +160,7 @@ def test_perryman_says_that_it_is_synthetic(layout):
 def test_table_is_exact_at_nodes_and_linear_between():
     rng = np.random.default_rng(0)
     left, right = rng.standard_normal((2, 301))
-    road = road_from_table(HeightTable(-3.0, 0.1, left, right), one_wheel(), "RoadTable", description="", source="")
+    road = road_from_table(HeightTable(-3.0, 0.1, left, right), one_wheel(), "RoadTable", description="", source="none")
     for k in range(301):
         assert look(road, -3.0 + k * 0.1)["road.fl.height"] == pytest.approx(left[k], abs=1e-12)
     x = rng.uniform(-3, 27, 50)

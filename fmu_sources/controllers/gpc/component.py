@@ -60,7 +60,7 @@ def gpc_controller(law: GpcLaw, *, name: str) -> Component:
     )
 
     phase = c.state("tick", "1", "ticks since the last sample instant")
-    y_static = c.state("y_static", None, "responses at the start (trim)", shape=(len(y),), start=measured)
+    y_static = c.latch("y_static", measured, None, "responses at the start (trim)")
     past_y = c.state("past.y", None, "latched responses, newest first", shape=(len(y) * p,))
     past_u = c.state("past.u", "N", "applied commands, newest first", shape=(rc * p,))
     held = c.state("command", "N", "command being held", shape=(rc,))
@@ -70,11 +70,10 @@ def gpc_controller(law: GpcLaw, *, name: str) -> Component:
     if variant != "implicit":
         d = ca.vertcat(*(c.input(f"road.{k}.height", "m", f"road height under wheel {k}") for k in CORNERS))
         gain_d = _gain(c, "gain.d", law.gain_d, "N/m", f"gains on the last {p} road heights, newest first")
-        d_static = c.state("d_static", "m", "road heights at the start (datum)", shape=(rc,), start=d)
+        d_static = c.latch("d_static", d, "m", "road heights at the start (datum)")
         past_d = c.state("past.d", "m", "latched road heights, newest first", shape=(rc * p,))
         command += gain_d @ past_d
         c.update(past_d, ca.if_else(sampling, _shift(past_d, d - d_static), past_d))
-        c.update(d_static, d_static)
     if variant == "explicit":
         gain_hold = _gain(c, "gain.hold", law.gain_hold, "N/m", "gains on the last road height when it is held ahead")
         hold = c.parameter(
@@ -99,7 +98,6 @@ def gpc_controller(law: GpcLaw, *, name: str) -> Component:
         c.output(f"force.{k}", force[i], "N", f"commanded actuator force at corner {k}")
 
     c.update(phase, ca.fmod(phase + 1, TICKS_PER_SAMPLE))
-    c.update(y_static, y_static)
     c.update(past_y, ca.if_else(latching, _shift(past_y, measured - y_static), past_y))
     c.update(past_u, ca.if_else(sampling, _shift(past_u, limited), past_u))
     c.update(held, force)
