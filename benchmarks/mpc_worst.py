@@ -24,9 +24,9 @@ from build_fmus.compile import ObjectCache, resolve_platforms
 from build_fmus.component import Component, Model
 from build_fmus.package import build_fmu
 from build_fmus.qp import Daqp, Osqp
+from cosim import Fmu
 from cosim.experiments.trench.runs import MPC as TRENCH_MPC
 from cosim.fmu.component import FmuComponent
-from cosim.fmu.file import Fmu
 from cosim.study import FmuSet
 
 CONTROLLERS = ("MpcBench", "MpcBenchMoves", "MpcHmmwv", "MpcThreeAxle")

@@ -14,13 +14,12 @@ from cosim.errors import (
     WiringError,
 )
 from cosim.fmu.describe import describe, wiring
-from cosim.fmu.file import Fmu
 from cosim.master.simulation import Simulation
 from cosim.master.stability import Stability
 from cosim.master.state import SystemState
 from cosim.master.stops import StopWhen, View
 from cosim.recording import Recording
-from cosim.session import System
+from cosim.session import Fmu, System
 from cosim.system.members import Connection, Group, Member
 from cosim.system.schedule import Schedule
 

@@ -11,7 +11,7 @@ from typing import Any, ClassVar, Protocol
 import numpy as np
 
 from cosim.description import Description, Variable
-from cosim.errors import CallFailed
+from cosim.errors import CallFailed, CosimError
 from cosim.signals import Array
 from cosim.time import TimeLike, positive
 from cosim.units import KNOWN, Unit
@@ -200,6 +200,34 @@ class PythonComponent:
         self._u[:], self._y[:] = u, y
 
     def forget(self, state: Any) -> None: ...
+
+    def sampled_states(self) -> dict[str, float]:
+        """What it remembers between samples, element by element: attributes that are floats or arrays of floats, parameters
+        excepted. Raises CosimError for attributes of which that is not known."""
+        return {
+            f"{name}[{i}]" if isinstance(value, np.ndarray) else name: float(element)
+            for name, value in self._memory().items()
+            for i, element in enumerate(np.ravel(value), start=1)
+        }
+
+    def set_sampled_states(self, x: Array) -> None:
+        """Other values for all of `sampled_states`, in their order."""
+        begin = 0
+        for name, value in self._memory().items():
+            part = np.asarray(x[begin : begin + np.size(value)], dtype=float)
+            setattr(self, name, part.reshape(value.shape) if isinstance(value, np.ndarray) else float(part[0]))
+            begin += np.size(value)
+
+    def _memory(self) -> dict[str, Any]:
+        own = {k: v for k, v in vars(self).items() if not k.startswith("_") and k not in self.description.parameters}
+        del own["description"]
+        for name, value in own.items():
+            known = bool | int | str | float | None
+            if not isinstance(value, known) and not (isinstance(value, np.ndarray) and value.dtype == float):
+                raise CosimError(
+                    f"its attribute {name} is of type {type(value).__name__}; states are floats and arrays of floats"
+                )
+        return {k: v for k, v in own.items() if isinstance(v, float | np.ndarray)}
 
     def terminate(self) -> None: ...
 

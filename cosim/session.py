@@ -13,19 +13,25 @@ A name is `component.variable`; the component's name ends at the first dot.
 from __future__ import annotations
 
 import os
+import re
 import warnings
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from types import TracebackType
+from typing import TYPE_CHECKING, Any
 
 from cosim.errors import CosimError, UnconnectedInputsWarning
+from cosim.fmu.file import FmuFile
 from cosim.master.simulation import Simulation
 from cosim.master.stability import Stability, coupled_spectral_radius, warn_if_unstable
 from cosim.master.state import SystemState
 from cosim.master.stops import StopCondition, watched_names
 from cosim.recording import Recording
 from cosim.system.wiring import Wiring
-from cosim.time import TimeLike, positive
+from cosim.time import TimeLike, positive, rational
+
+if TYPE_CHECKING:
+    from cosim.statespace import LinearModel, Matrices
 
 
 class System(Wiring):
@@ -138,6 +144,53 @@ class System(Wiring):
                 return coupled_spectral_radius(simulation.schedule)
         return coupled_spectral_radius(running.schedule)
 
+    def linearize(
+        self,
+        inputs: str | Iterable[str] | None = None,
+        outputs: str | Iterable[str] | None = None,
+        *,
+        discrete: bool | TimeLike = False,
+        settle: TimeLike = 0,
+    ) -> LinearModel:
+        """The system's linear model about where it stands `settle` [s] after its start, as a `control.StateSpace`.
+
+        Continuous (default): the continuous members, coupled without the delays of the exchange; inputs are outputs of sampled members and
+        inputs that no continuous member drives. With `discrete=True` the whole system, sampled members included, over the least common
+        multiple of all steps, or over a multiple of it (`discrete="10 ms"`); inputs are those that nothing drives. `cosim.master.linearization`
+        says what the states are and what is left out.
+
+        `inputs` and `outputs`: names and patterns (`law.*`, `car.body.az`). Defaults: commands of the sampled members (continuous model)
+        and all unconnected Real inputs; all Real outputs. Names in the model are as `cosim.statespace` says (`car.body.az` is
+        `car_body_az`), and its `names` lead back. As in a run, components are reset and initialized with their parameters and start values
+        first. Raises CosimError naming the member or connection that has no linear model, with the reason, LoopError for
+        an algebraic loop without a solution, WiringError for names that do not fit.
+        """
+        from cosim.statespace import LinearModel
+
+        return LinearModel(self._linearized(inputs, outputs, discrete, settle))
+
+    def _linearized(
+        self,
+        inputs: str | Iterable[str] | None,
+        outputs: str | Iterable[str] | None,
+        discrete: bool | TimeLike,
+        settle: TimeLike,
+    ) -> Matrices:
+        from cosim.master import linearization as linear
+
+        sampled, after, schedule = discrete is not False, rational(settle, "settle"), self.schedule()
+        chosen_in = linear.choose_inputs(self.members, schedule, sampled, inputs)
+        chosen_out = linear.choose_outputs(self.members, schedule, sampled, outputs)
+        period = linear.common_period(schedule, None if isinstance(discrete, bool) else positive(discrete, "discrete"))
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", UnconnectedInputsWarning)  # they are inputs of the model
+            record = [linear.name_of(s) for s in chosen_out]
+            with self.initialize(record=record, record_interval=period if sampled else None) as simulation:
+                if sampled:
+                    return linear.sampled_model(simulation.exchange, period, after, chosen_in, chosen_out)
+                simulation.advance(after)
+                return linear.continuous_model(simulation.schedule, chosen_in, chosen_out)
+
     def reset(self) -> None:
         """End the simulation that is running, if any. The next `run` or `initialize` resets every component and sets
         its parameters again."""
@@ -152,6 +205,46 @@ class System(Wiring):
             member.component.close()
         for fmu in self._fmus.values():
             fmu.close()
+
+
+class Fmu(FmuFile):
+    __doc__ = FmuFile.__doc__
+
+    def linearize(
+        self,
+        inputs: str | Iterable[str] | None = None,
+        outputs: str | Iterable[str] | None = None,
+        *,
+        parameters: Mapping[str, Any] | None = None,
+        start: Mapping[str, Any] | None = None,
+        settle: TimeLike = 0,
+        period: TimeLike | None = None,
+    ) -> LinearModel:
+        """Its linear model as a `control.StateSpace` with the names of its signals (`body.az` is `body_az`; `names` leads back).
+
+        `parameters` and `start` set variables before initialization, as in `System.add`; with `settle` [s] it is stepped so long with
+        these inputs before. `inputs` and `outputs`: names and patterns, by default all Real ones. A continuous FMU needs directional
+        derivatives. A sampled one of this project gives a discrete model over its sample time, or over `period`
+        [s], after which it does the same again. Raises CosimError with the reason where there is no linear model, WiringError for names and
+        values that do not fit.
+        """
+        from cosim.statespace import LinearModel
+
+        name = re.sub(r"\W", "_", self.description.name)
+        with System() as system:
+            member = system.add(
+                name, self, step=None if self.description.default_step else "1 ms", parameters=parameters, start=start
+            )
+            chosen_in, chosen_out = _below(name, inputs), _below(name, outputs)
+            matrices = system._linearized(chosen_in, chosen_out, period or True if member.discrete else False, settle)
+        return LinearModel(matrices.within(name))
+
+
+def _below(member: str, patterns: str | Iterable[str] | None) -> list[str] | None:
+    """Names of a member's variables as those of a system."""
+    return (
+        None if patterns is None else [f"{member}.{p}" for p in ([patterns] if isinstance(patterns, str) else patterns)]
+    )
 
 
 def _check_writable(path: Path) -> None:

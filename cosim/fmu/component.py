@@ -18,7 +18,8 @@ import cosim.fmu.calls as fmi
 from cosim.component import Action, Array, EndRequested, Ports
 from cosim.description import Variable
 from cosim.errors import STATUS_NAMES, CallFailed, CosimError, FmuError, WiringError
-from cosim.fmu.file import Fmu, Library
+from cosim.fmu.file import FmuFile, Library
+from cosim.fmu.own_states import MORE_THAN_STATES, StateLayout, find_states
 
 
 @dataclass(frozen=True)
@@ -45,7 +46,7 @@ class _SavedState:
 class FmuComponent:
     """One instance of an FMU, as a `Component`."""
 
-    def __init__(self, fmu: Fmu):
+    def __init__(self, fmu: FmuFile):
         self.fmu = fmu
         self.description = fmu.description
         self.name = fmu.description.name
@@ -61,6 +62,7 @@ class FmuComponent:
         self._states: dict[int, Any] = {}  # saved and held by somebody: id of the handle -> pointer
         self._dropped: list[Any] = []  # saved, held by nobody any more, to be freed at the next chance
         self._may_roll_back: set[int] = set()  # of `_states`, those saved in this run
+        self._layout: StateLayout | None = None  # of the states of a sampled FMU of ours
         self._tells_values = False  # from initialization on
         self._given: dict[int, list[Any]] = {}  # what was set before that: value reference -> all elements
         self._step_arguments: list[Any] = [True]  # noSetFMUStatePriorToCurrentPoint, and FMI 3's flags
@@ -401,6 +403,50 @@ class FmuComponent:
         """noSetFMUStatePriorToCurrentPoint of the next steps: true unless this run may be rolled back. FMUs may keep what
         they cannot take back until it is true: files, hardware, or all progress."""
         self._step_arguments[0] = type(self._step_arguments[0])(not self._may_roll_back)
+
+    def serialize(self) -> bytes:
+        """The present state as bytes. Raises CosimError when the FMU does not offer it."""
+        if not self.description.can_serialize:
+            raise CosimError("its FMU cannot serialize its state")
+        state = self.save()
+        size = self._ffi.new("size_t*")
+        self._must("SerializedFMUStateSize" if self._v3 else "SerializedFMUstateSize", state.pointer[0], size)
+        data = self._ffi.new("char[]", size[0])
+        self._must("SerializeFMUState" if self._v3 else "SerializeFMUstate", state.pointer[0], data, size[0])
+        self.forget(state)
+        return bytes(self._ffi.buffer(data))
+
+    def deserialize(self, data: bytes) -> None:
+        """Continue from a state that `serialize` gave."""
+        pointer, given = self._ffi.new("void**"), self._ffi.from_buffer("char[]", data)
+        self._must("DeserializeFMUState" if self._v3 else "DeSerializeFMUstate", given, len(data), pointer)
+        self._must("SetFMUState" if self._v3 else "SetFMUstate", pointer[0])
+        self._call("FreeFMUState" if self._v3 else "FreeFMUstate", pointer)
+
+    def sampled_states(self) -> dict[str, float]:
+        """What a sampled FMU of this project remembers between samples, element by element: `state[1]`, ... in the order of the
+        declaration. Raises CosimError for other FMUs, and for those with a quadratic program."""
+        data = self.serialize()
+        if self._layout is None:
+            about = self.description
+            outputs = list(about.outputs.values())
+
+            def shown(other: bytes) -> list[float]:
+                self.deserialize(other)
+                return [float(v) for v in self.get(outputs)]
+
+            try:
+                self._layout = find_states(data, len(about.parameters), len(about.inputs), len(outputs), shown)
+            except CallFailed:
+                raise CosimError(MORE_THAN_STATES) from None
+            finally:
+                self.deserialize(data)
+        return {f"state[{i}]": float(x) for i, x in enumerate(self._layout.read(data), start=1)}
+
+    def set_sampled_states(self, x: Array) -> None:
+        """Other values for all of `sampled_states`, in their order; call that first."""
+        assert self._layout is not None
+        self.deserialize(self._layout.write(self.serialize(), x))
 
     def linearize(self, inputs: Sequence[Variable], outputs: Sequence[Variable]) -> tuple[Array, Array, Array, Array]:
         """(A, B, C, D) at the present state for the given inputs and outputs, by directional derivatives. States and

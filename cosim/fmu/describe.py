@@ -15,16 +15,16 @@ from rich.table import Table
 from rich.text import Text
 
 from cosim.description import RECORDABLE, Description, Variable, split_index
-from cosim.fmu.file import Fmu
+from cosim.fmu.file import FmuFile
 
 
-def describe(fmu: str | os.PathLike[str] | Fmu) -> Group:
+def describe(fmu: str | os.PathLike[str] | FmuFile) -> Group:
     """Name, versions, kind, rate, inputs, outputs and parameters of an FMU; print it with rich. The lines that put it
     into a system are `wiring`'s, to be printed as they are.
 
     Runs nothing of the FMU, so it works for FMUs of other platforms. Raises FmuError.
     """
-    fmu = fmu if isinstance(fmu, Fmu) else Fmu(fmu)
+    fmu = fmu if isinstance(fmu, FmuFile) else FmuFile(fmu)
     about = fmu.description
     facts = Table.grid(padding=(0, 2))
     kind = about.kind or "continuous unless you say kind='discrete' (the FMU does not tell)"
@@ -49,9 +49,9 @@ def describe(fmu: str | os.PathLike[str] | Fmu) -> Group:
     return Group(*parts)
 
 
-def wiring(fmu: str | os.PathLike[str] | Fmu) -> str:
+def wiring(fmu: str | os.PathLike[str] | FmuFile) -> str:
     """Python lines that put the FMU into a system, one `connect` per input (arrays in one line). Raises FmuError."""
-    fmu = fmu if isinstance(fmu, Fmu) else Fmu(fmu)
+    fmu = fmu if isinstance(fmu, FmuFile) else FmuFile(fmu)
     about = fmu.description
     name = re.sub(r"\W+", "_", about.name.split(".")[-1]).strip("_").lower() or "fmu"
     arguments = [_quoted(name), _quoted(str(fmu.path))]
@@ -73,7 +73,7 @@ def _quoted(text: str) -> str:
     return json.dumps(text, ensure_ascii=False) if text.isprintable() else repr(text)
 
 
-def _abilities(fmu: Fmu) -> list[str]:
+def _abilities(fmu: FmuFile) -> list[str]:
     about = fmu.description
     offered = {
         "save and restore its state": about.can_save,

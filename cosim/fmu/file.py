@@ -47,7 +47,7 @@ class Library:
 _KEPT: list[Library] = []
 
 
-class Fmu:
+class FmuFile:
     """A Co-Simulation FMU file (FMI 2.0 or 3.0), or the folder of an unpacked one.
 
     Opening reads the description only. Raises FmuError for a missing, truncated or foreign file, a wrong FMI
@@ -68,7 +68,7 @@ class Fmu:
         weakref.finalize(self, _remove, self._owned)
 
     def __repr__(self) -> str:
-        return f"Fmu({str(self.path)!r})"
+        return f"{type(self).__name__}({str(self.path)!r})"
 
     @property
     def binary(self) -> str:

@@ -204,6 +204,13 @@ class Exchange:
         finally:
             self.tick = tick
 
+    def run_instants_to(self, tick: int) -> None:
+        """To `tick`, of which nothing is done yet: what is left of the present instant, then all instants before it."""
+        if tick > self.tick:
+            self.complete()
+            self.run_instants(tick)
+        self.phase = Phase.NOTHING
+
     def _end_requested(self, request: EndRequested, rest: tuple[Timed, ...], advances: int, t: float) -> bool:
         """A component asked to end the simulation at the present tick; `rest` is what was still to be done there, its last
         `advances` are steps of continuous components. Sets when it ends; returns whether the instant is done."""

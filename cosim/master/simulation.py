@@ -200,6 +200,11 @@ class Simulation:
             return failure
         return self._layout.not_finite(self.schedule.members) or failure
 
+    @property
+    def exchange(self) -> Exchange:
+        """Its components on the vector of values."""
+        return self._exchange
+
     # Saved states.
 
     def save(self) -> SystemState:

@@ -21,13 +21,14 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy.linalg import eig, expm
+from scipy.linalg import eig
 
-from cosim.component import Array, PythonComponent
-from cosim.description import Description, Variable
+from cosim.component import Array
+from cosim.description import Variable
 from cosim.errors import CosimError, StabilityWarning
 from cosim.master.exchange import Exchange, Phase
 from cosim.master.initialization import initialize
+from cosim.master.twins import ContinuousTwin, Model, diagonal, model_of
 from cosim.system.members import Connection, Group, Member
 from cosim.system.schedule import Schedule, make_schedule
 
@@ -61,43 +62,6 @@ class Stability:
         return text
 
 
-@dataclass(frozen=True)
-class _Model:
-    """Linear model of one member, inputs and outputs those of its connections."""
-
-    a: Array
-    b: Array
-    c: Array
-    d: Array
-
-
-class _Linear(PythonComponent):
-    """A component that steps a linear model exactly, from the state 0."""
-
-    def __init__(self, model: _Model, inputs: Sequence[Variable], outputs: Sequence[Variable], step: float):
-        super().__init__()
-        n = len(model.a)
-        block = np.zeros((n + len(inputs), n + len(inputs)))
-        block[:n, :n], block[:n, n:] = model.a, model.b
-        self._map = expm(block * step)[:n]
-        self._out = np.hstack([model.c, model.d])
-        self.x = np.zeros(n)
-        self.description = Description("linear", {v.name: v for v in [*inputs, *outputs]}, kind="continuous")
-        self._inputs = {v: i for i, v in enumerate(inputs)}
-        self._outputs = {v: i for i, v in enumerate(outputs)}
-
-    def instantiate(self, name: str) -> None:
-        super().instantiate(name)
-        self._u[:] = 0.0  # deviations, whatever the variables start at
-
-    def start(self, u: Array, y: Array) -> None:
-        y[:] = self._out @ np.concatenate([self.x, u])
-
-    def step(self, t: float, h: float, u: Array, y: Array) -> None:  # noqa: ARG002
-        self.x[:] = self._map @ np.concatenate([self.x, u])
-        y[:] = self._out @ np.concatenate([self.x, u])
-
-
 def warn_if_unstable(schedule: Schedule) -> None:
     """Issue a StabilityWarning when the exchange makes the system grow; silent when nothing can be checked."""
     try:
@@ -118,7 +82,7 @@ def coupled_spectral_radius(schedule: Schedule) -> Stability:
     none is left."""
     members = schedule.continuous
     inner = [c for c in schedule.connections if c.source in members and c.target in members]
-    models: dict[Member, _Model] = {}
+    models: dict[Member, Model] = {}
     unchecked: dict[str, str] = {}
     ports: dict[Member, tuple[list[Variable], list[Variable]]] = {}
     for m in members:
@@ -126,9 +90,9 @@ def coupled_spectral_radius(schedule: Schedule) -> Stability:
         outputs = list(dict.fromkeys(c.output for c in inner if c.source is m))
         ports[m] = (inputs, outputs)
         try:
-            models[m] = _Model(*m.component.linearize(inputs, outputs))  # type: ignore[attr-defined]
-        except (CosimError, AttributeError) as error:
-            unchecked[m.name] = str(error) if isinstance(error, CosimError) else "it offers no linear model"
+            models[m] = model_of(m, inputs, outputs)
+        except CosimError as error:
+            unchecked[m.name] = str(error)
     if not models:
         reasons = "; ".join(f"{name}: {reason}" for name, reason in unchecked.items())
         raise CosimError(f"no continuous component can be linearized ({reasons or 'there is none'})")
@@ -143,14 +107,14 @@ def coupled_spectral_radius(schedule: Schedule) -> Stability:
 
 def _linear_schedule(
     schedule: Schedule,
-    models: dict[Member, _Model],
+    models: dict[Member, Model],
     ports: dict[Member, tuple[list[Variable], list[Variable]]],
     connections: Sequence[Connection],
 ) -> Schedule:
     """The same schedule with linear models in the place of the components."""
     twin: dict[Member, Member] = {}
     for m, model in models.items():
-        twin[m] = Member(m.name, _Linear(model, *ports[m], float(m.step)), m.step, m.offset, "continuous")
+        twin[m] = Member(m.name, ContinuousTwin(model, *ports[m], float(m.step)), m.step, m.offset, "continuous")
     copies = [
         Connection(twin[c.source], c.output, twin[c.target], c.input, c.delay, scale=c.scale) for c in connections
     ]
@@ -186,7 +150,7 @@ def _cycle_map(schedule: Schedule) -> tuple[Array, list[str], float]:
 
 
 def _coupled(
-    models: dict[Member, _Model],
+    models: dict[Member, Model],
     ports: dict[Member, tuple[list[Variable], list[Variable]]],
     connections: Sequence[Connection],
 ) -> Any:
@@ -196,18 +160,9 @@ def _coupled(
     k = np.zeros((len(inputs), len(outputs)))
     for c in connections:
         k[inputs.index((c.target, c.input)), outputs.index((c.source, c.output))] = c.scale
-    a, b, c_, d = (_diagonal([getattr(model, name) for model in models.values()]) for name in "abcd")
-    closed = a + b @ k @ np.linalg.solve(np.eye(len(outputs)) - d @ k, c_)
+    all_ = diagonal(list(models.values()))
+    closed = all_.a + all_.b @ k @ np.linalg.solve(np.eye(len(outputs)) - all_.d @ k, all_.c)
     return np.linalg.eigvals(closed) if len(closed) else np.zeros(0)
-
-
-def _diagonal(blocks: list[Array]) -> Array:
-    result = np.zeros((sum(b.shape[0] for b in blocks), sum(b.shape[1] for b in blocks)))
-    row = column = 0
-    for block in blocks:
-        result[row : row + block.shape[0], column : column + block.shape[1]] = block
-        row, column = row + block.shape[0], column + block.shape[1]
-    return result
 
 
 def _shares(participation: Array, owners: list[str]) -> tuple[tuple[str, float], ...]:

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from build_fmus.terminal import PACKAGE
-from cosim.fmu.file import Fmu
+from cosim.fmu.file import FmuFile
 from cosim.report import Figure, Panel, Parameter, Report, Section, Series, Table
 from cosim.report.checks import Scalar
 from cosim.study import key
@@ -46,7 +46,7 @@ def parameters(
         prefix: put ahead of each name.
         set_to: values that a study sets them to.
     """
-    about = Fmu(file).description
+    about = FmuFile(file).description
     chosen = about.parameters if names is None else {n: about.find(n, file.stem) for n in names}
     given = set_to or {}
     return [

@@ -13,7 +13,7 @@ from cosim.component import Component
 from cosim.description import Description, Variable
 from cosim.errors import WiringError, did_you_mean
 from cosim.fmu.component import FmuComponent
-from cosim.fmu.file import Fmu
+from cosim.fmu.file import FmuFile
 from cosim.system.members import Connection, Group, Member, article
 from cosim.system.names import Members, elements, fits_any, glob
 from cosim.system.schedule import Schedule, make_schedule, unconnected
@@ -30,7 +30,7 @@ class Wiring:
         self.members = Members()
         self.connections: dict[str, Connection] = {}
         self.groups: dict[str, Group] = {}
-        self._fmus: dict[Path, Fmu] = {}
+        self._fmus: dict[Path, FmuFile] = {}
 
     def __getitem__(self, name: str) -> Member:
         return self.members[name]
@@ -40,7 +40,7 @@ class Wiring:
     def add(
         self,
         name: str,
-        fmu: str | os.PathLike[str] | Fmu | Component,
+        fmu: str | os.PathLike[str] | FmuFile | Component,
         *,
         step: TimeLike | None = None,
         offset: TimeLike = 0,
@@ -81,9 +81,9 @@ class Wiring:
         if isinstance(fmu, str | os.PathLike):
             path = Path(fmu).absolute()
             if path not in self._fmus:
-                self._fmus[path] = Fmu(fmu)
+                self._fmus[path] = FmuFile(fmu)
             fmu = self._fmus[path]
-        if isinstance(fmu, Fmu):
+        if isinstance(fmu, FmuFile):
             fmu.check_platform()
             return FmuComponent(fmu)
         if not (hasattr(fmu, "bind") and isinstance(getattr(fmu, "description", None), Description)):

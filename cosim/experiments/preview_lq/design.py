@@ -9,7 +9,7 @@ import numpy as np
 from scipy import linalg
 
 from cosim.experiments.preview_lq.runs import CAR, LAWS, designed_weights
-from cosim.fmu.file import Fmu
+from cosim.fmu.file import FmuFile
 from cosim.study.runner import Runner
 from fmu_sources.controllers.lq.design import continuous_lq, output_index
 from fmu_sources.controllers.lq.preview import ride_plant
@@ -34,7 +34,7 @@ class Design:
 
     def __call__(self, runner: Runner) -> dict[str, Any]:
         """Eigenvalues of the upper half plane by falling magnitude, as [real, imaginary] [1/s], and the sprung mass in them."""
-        said = Fmu(runner.fmus.path(CAR)).description.parameters
+        said = FmuFile(runner.fmus.path(CAR)).description.parameters
         car = ride_car(load_ride_car("sedan"), name=CAR)  # the equations; the numbers are the FMU's
         plant = ride_plant(car, np.array([float(said[e.name].start) for e in car.model().elements("parameter")]))  # type: ignore[arg-type]
         chosen = designed_weights(runner.fmus.path(LAWS[self.weights][0]))

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from cosim import System
-from cosim.fmu.file import Fmu
+from cosim.fmu.file import FmuFile
 from cosim.study.case import Case, option
 from cosim.study.experiment import Experiment, Row, Run, Task
 from cosim.study.fmus import FmuSet
@@ -57,7 +57,7 @@ def _outline(fmus: FmuSet) -> dict[str, Any]:
     for side in ("left", "right"):
         for i, (at, height) in enumerate(zip(x, z, strict=True), start=1):
             values |= {f"outline.{side}.x[{i}]": float(at), f"outline.{side}.z[{i}]": height}
-    known = Fmu(fmus.path("ThreeAxleRide")).description.parameters
+    known = FmuFile(fmus.path("ThreeAxleRide")).description.parameters
     names = [f"{n}.{k}.{of}" for k in SIX_CORNERS for n, of in (("wheel", "x"), ("tire", "damping"))]
     return values | {n: known[n].start for n in names}
 

@@ -38,7 +38,7 @@ from cosim.experiments.trench.published import (
     some,
 )
 from cosim.experiments.trench.runs import FRAME, MPC, SIDE, STEP, Case, measure, signals
-from cosim.fmu.file import Fmu
+from cosim.fmu.file import FmuFile
 from cosim.report import (
     Animation,
     Body,
@@ -159,7 +159,7 @@ def _mean(rows: list[Row]) -> float:
 
 def scene(title: str, case: Case, row: Row, drawn: Row, fmus: FmuSet) -> Scene:
     """The left side of the vehicle in one run."""
-    parameter = Fmu(fmus.path("ThreeAxleTrench")).description.parameters
+    parameter = FmuFile(fmus.path("ThreeAxleTrench")).description.parameters
 
     def value(name: str) -> float:
         return float(parameter[name].start)

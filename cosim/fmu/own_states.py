@@ -1,0 +1,105 @@
+"""Hidden states of this project's sampled FMUs, read from a serialized state and written back into one.
+
+A sampled component shows inputs and outputs; what it remembers between samples is in its saved state only. That of our FMUs is plain
+(``build_fmus/runtime/fmu_core.c``: FmuSnapshot, State): a header with a checksum, times and flags, then doubles: parameters,
+inputs, states, derivatives (unused when sampled), outputs. How many of them are parameters and inputs is in the model description, where
+the outputs lie is asked of the FMU itself, and what is left is twice the states.
+"""
+
+from __future__ import annotations
+
+import re
+import struct
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from cosim.errors import CosimError
+from cosim.signals import Array
+
+MORE_THAN_STATES = (
+    "it remembers more than states, such as the last solution of a quadratic program: that is no linear law"
+)
+
+_HEADER = struct.Struct("=IIIIQQQ")  # magic, version, interface, -, component, length, checksum of what follows
+_STATE = struct.Struct("=3dq6i")  # times, sample, mode, has a stop time, started, 3 x what is valid
+_MAGIC, _VERSION = 0x53464D55, 2
+_OUTPUTS_VALID = _STATE.size - 2 * 4  # offset of that flag
+_RUNS = re.compile(rb"\x00+|[^\x00]+")
+_FNV_START, _FNV_FACTOR, _FNV_MASK = 14695981039346656037, 1099511628211, 2**64 - 1
+
+
+@dataclass
+class StateLayout:
+    """Where the `count` states lie: from double number `begin` on."""
+
+    begin: int
+    count: int
+    _prefix: tuple[bytes, int] = field(default=(b"", _FNV_START), repr=False)  # what was hashed last, up to the states
+
+    def read(self, data: bytes) -> Array:
+        """The states in a serialized state, in the order of their declaration."""
+        return _doubles(data)[self.begin : self.begin + self.count].copy()
+
+    def write(self, data: bytes, x: Array) -> bytes:
+        """The same serialized state with other states."""
+        doubles = _doubles(data).copy()
+        doubles[self.begin : self.begin + self.count] = x
+        return self._signed(data, data[_HEADER.size : _HEADER.size + _STATE.size] + doubles.tobytes())
+
+    def _signed(self, data: bytes, block: bytes) -> bytes:
+        """With header and checksum; up to the states it seldom changes, and need not be hashed again."""
+        border = _STATE.size + 8 * self.begin
+        if block[:border] != self._prefix[0]:
+            self._prefix = block[:border], _fnv1a(block[:border])
+        return _with_checksum(data, block, _fnv1a(block[border:], self._prefix[1]))
+
+
+def find_states(
+    data: bytes, parameters: int, inputs: int, outputs: int, shown: Callable[[bytes], Sequence[float]]
+) -> StateLayout:
+    """Layout of a serialized state with so many `parameters`, `inputs` and `outputs`; `shown` gives the outputs that the FMU shows in
+    another state. Raises CosimError where it is not laid out as this module knows."""
+    if len(data) < _HEADER.size + _STATE.size or _HEADER.unpack_from(data)[:2] != (_MAGIC, _VERSION):
+        raise CosimError("its FMU is of another origin: which part of its saved state are states is not known")
+    begin = parameters + inputs
+    rest = len(_doubles(data)) - begin
+    places = np.zeros(outputs, dtype=int)  # of each output in the rest, in binary: one bit is asked for at a time
+    for bit in range(rest.bit_length()):
+        places += np.asarray(shown(_marked(data, begin, bit)), dtype=float).astype(bool).astype(int) << bit
+    places -= 1
+    last = rest  # outputs end the block; states that are outputs lie further ahead
+    while last - 1 in places:
+        last -= 1
+    if rest < 0 or (outputs and last == rest) or last % 2:
+        raise CosimError(MORE_THAN_STATES)
+    return StateLayout(begin, last // 2)
+
+
+def _marked(data: bytes, begin: int, bit: int) -> bytes:
+    """The state whose doubles from `begin` on are bit number `bit` of 1, 2, 3, ..., outputs taken as computed."""
+    doubles = _doubles(data).copy()
+    doubles[begin:] = (np.arange(1, len(doubles) - begin + 1) >> bit) & 1
+    head = bytearray(data[_HEADER.size : _HEADER.size + _STATE.size])
+    struct.pack_into("=i", head, _OUTPUTS_VALID, 1)
+    block = bytes(head) + doubles.tobytes()
+    return _with_checksum(data, block, _fnv1a(block))
+
+
+def _doubles(data: bytes) -> Array:
+    return np.frombuffer(data, dtype=float, offset=_HEADER.size + _STATE.size)
+
+
+def _with_checksum(data: bytes, block: bytes, checksum: int) -> bytes:
+    return _HEADER.pack(*_HEADER.unpack_from(data)[:-1], checksum) + block
+
+
+def _fnv1a(data: bytes, value: int = _FNV_START) -> int:
+    for run in _RUNS.findall(data):
+        if run[0]:
+            for byte in run:
+                value = ((value ^ byte) * _FNV_FACTOR) & _FNV_MASK
+        else:  # zeros, which most of a state is
+            value = (value * pow(_FNV_FACTOR, len(run), _FNV_MASK + 1)) & _FNV_MASK
+    return value

@@ -1,0 +1,534 @@
+"""Linear models of systems about where they stand, as matrices with names.
+
+Continuous model (`continuous_model`): the continuous members, linearized by their directional derivatives and coupled through their
+connections without the delays of the exchange,
+
+    dx/dt = A x + B u,    y = C x + D u;
+
+the outputs of sampled members are inputs of it.
+
+Sampled model (`sampled_model`): the map of the whole system over one common period T of all steps, in the master's own order,
+
+    x[k+1] = A x[k] + B u[k],    y[k] = C x[k] + D u[k].
+
+x[k] is what there is right before the instant k T: states of continuous and of sampled members, and values that are held (inputs of the
+latest step of a continuous member that show in its outputs, commands between samples). u[k] is held over the period; y[k] is what a
+recording shows at k T. Continuous members are linearized where they stand at the beginning of the period and made discrete exactly for
+inputs held over their steps. Sampled members are linearized at each of their samples of one period, by perturbing their states and
+inputs (central differences) while the system runs through it. Then all are replaced by these models (`cosim.master.twins`), and the same
+master with the same schedule takes every unit deviation through the period.
+
+A state of a sampled member that never changes is a constant of the operating point, and one that acts on nothing (a counter of samples) is
+a matter of the period: both are left out. A sampled law with a kink or jump at the operating point is refused.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from fractions import Fraction
+
+import control
+import numpy as np
+
+from cosim.component import Array, Ports
+from cosim.description import Variable
+from cosim.errors import CallFailed, CosimError, LoopError, TimeError, WiringError, did_you_mean
+from cosim.master.exchange import Exchange, Phase
+from cosim.master.initialization import initialize
+from cosim.master.twins import ContinuousTwin, Model, SampledTwin, Source, diagonal, model_of
+from cosim.statespace import Matrices
+from cosim.system.members import Connection, Group, Member
+from cosim.system.names import Members, elements, fits_any, glob
+from cosim.system.schedule import Schedule
+
+Signal = tuple[Member, Variable]
+
+_STEP = float(np.finfo(float).eps) ** (1 / 3)  # of central differences, relative to max(1, |value|)
+_ROUNDING = 1e-6  # relative; differences of differences below it are none
+
+
+def name_of(signal: Signal) -> str:
+    return f"{signal[0].name}.{signal[1].name}"
+
+
+def choose_inputs(
+    members: Members, schedule: Schedule, sampled: bool, patterns: str | Iterable[str] | None
+) -> list[Signal]:
+    """Inputs of a model by name and pattern; all by default. Raises WiringError for what can be none, with the reason."""
+    driven = {(c.target, c.input): c for c in schedule.connections}
+    commands = {(c.source, c.output): None for c in schedule.connections if c.source.discrete and not c.target.discrete}
+    every = [(m, v) for m in schedule.members for v in m.description.inputs.values()]
+    free = [s for s in every if s not in driven and (sampled or not s[0].discrete)]
+    usual = [s for s in [*([] if sampled else commands), *free] if s[1].type == "real" and s[1].must_equal is None]
+    if patterns is None:
+        return usual
+
+    def refuse(signal: Signal) -> None:
+        connection = driven.get(signal)
+        if signal in usual or (
+            connection is not None and not sampled and connection.source.discrete and not signal[0].discrete
+        ):
+            return
+        name = name_of(signal)
+        if connection is not None:
+            raise WiringError(
+                f"{name} is no input of the model: {connection.source_name} drives it; disconnect it first"
+            )
+        raise WiringError(f"{name} is no input of the model; these are: {', '.join(map(name_of, usual)) or 'none'}")
+
+    chosen: dict[Signal, None] = {}
+    for pattern in [patterns] if isinstance(patterns, str) else patterns:
+        if set("*?") & set(pattern):
+            fits = glob(pattern)
+            found = [s for s in usual if fits_any(fits, *s)]
+            if not found:
+                raise WiringError(f"'{pattern}' fits no input of the model{did_you_mean(pattern, map(name_of, usual))}")
+        else:
+            member, name = members.split(pattern)
+            found = [(member, v) for v in elements(member, name)]
+        for signal in found:
+            refuse(signal)
+            chosen[signal] = None
+    return list(chosen)
+
+
+def choose_outputs(
+    members: Members, schedule: Schedule, sampled: bool, patterns: str | Iterable[str] | None
+) -> list[Signal]:
+    """Outputs of a model by name and pattern; all Real ones by default. Raises WiringError for what can be none."""
+    if patterns is None:
+        return [
+            (m, v)
+            for m in (schedule.members if sampled else schedule.continuous)
+            for v in m.description.outputs.values()
+            if v.type == "real"
+        ]
+    chosen: dict[Signal, None] = {}
+    for pattern in [patterns] if isinstance(patterns, str) else patterns:
+        found = members.select(pattern)
+        real = [(m, v) for m, v in found if v.type == "real" and v.causality in ("output", "local")]
+        if not real or (len(real) < len(found) and not set("*?") & set(pattern)):
+            raise WiringError(f"'{pattern}' is no Real output")
+        for m, v in real:
+            if m.discrete and not sampled:
+                raise WiringError(f"{m.name}.{v.name} belongs to a sampled member: linearize with discrete=True")
+            chosen[m, v] = None
+    return list(chosen)
+
+
+def _units(signals: Iterable[Signal]) -> dict[str, str]:
+    return {name_of(s): s[1].unit_name for s in signals if s[1].unit_name}
+
+
+def _point(signals: Sequence[Signal]) -> dict[str, float]:
+    return {name_of((m, v)): float(m.component.get([v])[0]) for m, v in signals}
+
+
+def _models(schedule: Schedule, ports: Mapping[Member, tuple[list[Variable], list[Variable]]]) -> dict[Member, Model]:
+    models = {}
+    for m in schedule.continuous:
+        if m.description.fmi_version and not m.description.states and not m.description.model_exchange:
+            raise CosimError(
+                f"'{m.name}' cannot be linearized: its FMU ({m.description.name}) lists no states, and without Model Exchange it may "
+                "have some"
+            )
+        try:
+            models[m] = model_of(m, *ports[m])
+        except CosimError as error:
+            raise CosimError(f"'{m.name}' cannot be linearized: {error}") from None
+    return models
+
+
+def _state_signals(m: Member, count: int) -> list[tuple[str, Variable | None]]:
+    known = m.description.states
+    return (
+        [(f"{m.name}.{v.name}", v) for v in known] if known else [(f"{m.name}.x[{i + 1}]", None) for i in range(count)]
+    )
+
+
+# Continuous.
+
+
+def continuous_model(schedule: Schedule, inputs: Sequence[Signal], outputs: Sequence[Signal]) -> Matrices:
+    """Model of the continuous members of an initialized system. `inputs`: their own inputs that no continuous member drives, or outputs of
+    sampled members; `outputs`: their own. Raises CosimError for members and connections without a linear model, LoopError for a
+    singular algebraic loop."""
+    members = schedule.continuous
+    if not members:
+        raise CosimError("no member is continuous: linearize with discrete=True")
+    inner = [c for c in schedule.connections if c.source in members and c.target in members and c.output.type == "real"]
+    for c in inner:
+        if c.delay:
+            raise CosimError(
+                f"{c} is delayed by one step, which a continuous model has not: linearize with discrete=True"
+            )
+    reached = [
+        (c, (c.source, c.output)) for c in schedule.connections if c.target in members and c.source not in members
+    ]
+    ports: dict[Member, tuple[list[Variable], list[Variable]]] = {}
+    for m in members:
+        wanted = [c.input for c in inner if c.target is m] + [
+            c.input for c, s in reached if c.target is m and s in inputs
+        ]
+        own = [*wanted, *(v for owner, v in inputs if owner is m)]
+        shown = [*(c.output for c in inner if c.source is m), *(v for owner, v in outputs if owner is m)]
+        ports[m] = (list(dict.fromkeys(own)), list(dict.fromkeys(shown)))
+    models = _models(schedule, ports)
+    all_ = diagonal(list(models.values()))
+    u = {(m, v): i for i, (m, v) in enumerate((m, v) for m in members for v in ports[m][0])}
+    y = {(m, v): i for i, (m, v) in enumerate((m, v) for m in members for v in ports[m][1])}
+    coupling = np.zeros((len(u), len(y)))
+    for c in inner:
+        coupling[u[c.target, c.input], y[c.source, c.output]] = c.scale
+    drive = np.zeros((len(u), len(inputs)))
+    for column, signal in enumerate(inputs):
+        if signal in u:
+            drive[u[signal], column] = 1.0
+        for c, source in reached:
+            if source == signal:
+                drive[u[c.target, c.input], column] = c.scale
+    a, b, c_, d = _closed(all_, coupling, list(u))
+    show = np.zeros((len(outputs), len(y)))
+    show[range(len(outputs)), [y[s] for s in outputs]] = 1.0
+    states = [s for m in members for s in _state_signals(m, len(models[m].a))]
+    known = [(m, v) for m in members for v in m.description.states]
+    return Matrices(
+        a, b @ drive, show @ c_, show @ d @ drive,
+        [name for name, _ in states], [name_of(s) for s in inputs], [name_of(s) for s in outputs],
+        units=_units([*known, *inputs, *outputs]), point=_point([*known, *inputs, *outputs]),
+    )  # fmt: skip
+
+
+def _closed(model: Model, coupling: Array, inputs: Sequence[Signal]) -> tuple[Array, Array, Array, Array]:
+    """The model with its own outputs fed back to its inputs: u = coupling y + r. Raises LoopError where y does not follow from r."""
+    if not coupling.any():
+        return model.a, model.b, model.c, model.d
+    loop = np.eye(len(coupling)) - coupling @ model.d
+    if np.linalg.cond(loop) > 1 / (1e3 * np.finfo(float).eps):
+        null = np.abs(np.linalg.svd(loop)[2][-1])
+        names = [name_of(s) for s, part in zip(inputs, null, strict=True) if part > 1e-6 * null.max()]
+        raise LoopError(
+            f"an algebraic loop has no solution: {', '.join(names)} depend on themselves at the same instant with a gain of 1; "
+            "give one of the connections delay=True and linearize with discrete=True"
+        )
+    plant = control.StateSpace(model.a, model.b, model.c, model.d, remove_useless_states=False)
+    closed = plant.feedback(control.StateSpace([], [], [], coupling), sign=1)
+    return closed.A, closed.B, closed.C, closed.D
+
+
+# Sampled.
+
+
+def common_period(schedule: Schedule, given: Fraction | None) -> Fraction:
+    """The least common multiple of all steps, or a multiple of it. Raises TimeError when it is none."""
+    ticks = math.lcm(*(int(m.step / schedule.tick) for m in schedule.members))
+    least = ticks * schedule.tick
+    if given is None:
+        return least
+    if (given / least).denominator != 1:
+        raise TimeError(
+            f"the period of the sampled model must be a multiple of {least} s, which all steps divide, not {given} s"
+        )
+    return given
+
+
+@dataclass
+class _Updates:
+    """What is found of a sampled member while the system runs through a period: a matrix [x; u] -> [x_next; y] per sample, states before
+    and after the period, and which states jump when perturbed."""
+
+    member: Member
+    inputs: list[Variable]
+    outputs: list[Variable]
+    names: list[str] = field(default_factory=list)
+    matrices: list[Array] = field(default_factory=list)
+    before: Array = field(default_factory=lambda: np.zeros(0))
+    after: Array = field(default_factory=lambda: np.zeros(0))
+    jumps: set[int] = field(default_factory=set)
+
+    def left_out(self) -> list[int]:
+        """States that are constants, and counters of samples. Raises CosimError for a counter that is not back where it was."""
+        n, drop = len(self.names), []
+        for i in range(n):
+            rows = [m[i] for m in self.matrices]
+            alone = not any(np.delete(row, i).any() for row in rows)
+            acts = any(np.delete(m[:, i], i).any() for m in self.matrices)
+            counts = not acts and (alone or i in self.jumps)
+            back = abs(self.after[i] - self.before[i]) <= 1e-9 * max(1.0, abs(self.before[i]))
+            if i in self.jumps and acts:
+                raise CosimError(
+                    f"'{self.member.name}' cannot be linearized: it jumps when its {self.names[i]} changes"
+                )
+            if counts and not back:
+                raise CosimError(
+                    f"'{self.member.name}' cannot be linearized over this period: its {self.names[i]} counts, from {self.before[i]:g} to "
+                    f"{self.after[i]:g}; give the period after which it begins anew, discrete='10 ms' (of one FMU: period='10 ms')"
+                )
+            if counts or (alone and back and all(abs(row[i] - 1) < 1e-9 for row in rows)):
+                drop.append(i)
+        return drop
+
+    def twin(self) -> tuple[SampledTwin, list[str]]:
+        """The linear model, and the names of its states."""
+        drop, width = self.left_out(), len(self.names) + len(self.inputs)
+        columns = [i for i in range(width) if i not in drop]
+        rows = [i for i in range(len(self.names) + len(self.outputs)) if i not in drop]
+        kept = [m[np.ix_(rows, columns)] for m in self.matrices]
+        names = [f"{self.member.name}.{n}" for i, n in enumerate(self.names) if i not in drop]
+        return SampledTwin(kept, self.inputs, self.outputs), names
+
+    def look(self, step: Callable[[], None]) -> None:
+        """Linearize the member's next sample about where it stands, and leave it there."""
+        component = self.member.component
+        point = component.sampled_states()  # type: ignore[attr-defined]
+        if not self.matrices:
+            self.names, self.before = list(point), np.array(list(point.values()))
+        x, u = np.array(list(point.values())), component.get(self.inputs)
+        saved, n = component.save(), len(point)
+
+        def result(column: int | None = None, change: float = 0.0) -> Array:
+            component.restore(saved)
+            if column is not None and column < n:
+                moved = x.copy()
+                moved[column] += change
+                component.set_sampled_states(moved)  # type: ignore[attr-defined]
+            elif column is not None:
+                component.set({self.inputs[column - n]: u[column - n] + change})
+            step()
+            after = component.sampled_states()  # type: ignore[attr-defined]
+            if list(after) != self.names:
+                raise CosimError(
+                    "its states are others after a step: make them floats or arrays of floats from the start"
+                )
+            return np.array([*after.values(), *component.get(self.outputs)], dtype=float)
+
+        here = result()
+        self.after = here[:n]
+        matrix = np.zeros((n + len(self.outputs), n + len(u)))
+        for column in range(n + len(u)):
+            variable = None if column < n else self.inputs[column - n]
+            if variable is not None and (variable.type != "real" or variable.must_equal is not None):
+                continue
+            matrix[:, column] = self._slope(
+                here, result, column, x[column] if variable is None else u[column - n], variable
+            )
+        component.restore(saved)
+        component.forget(saved)
+        self.matrices.append(matrix)
+
+    def _slope(
+        self, here: Array, result: Callable[[int, float], Array], column: int, value: float, variable: Variable | None
+    ) -> Array:
+        h = _STEP * max(1.0, abs(value))
+        low, high = (None, None) if variable is None else (variable.minimum, variable.maximum)
+        if low is not None and value - h < low:  # at a limit the derivative is that of the inside
+            return (result(column, h) - here) / h
+        if high is not None and value + h > high:
+            return (here - result(column, -h)) / h
+        slope, apart = _differences(here, result, column, h)
+        scale = max(np.abs(slope).max(initial=0.0), np.abs(here).max(initial=0.0), 1.0)
+        wrong = apart > _ROUNDING * scale + _ROUNDING * np.abs(slope)
+        if wrong.any():  # of a smooth law half the step halves what lies between the slopes on both sides
+            wrong &= _differences(here, result, column, h / 2)[1] > 0.75 * apart
+        rows = np.flatnonzero(wrong)
+        if not len(rows):
+            return slope
+        if variable is None and list(rows) == [column]:
+            self.jumps.add(column)
+            slope[column] = 0.0
+            return slope
+        names = [*self.names, *(v.name for v in self.outputs)]
+        cause = self.names[column] if variable is None else variable.name
+        raise CosimError(
+            f"'{self.member.name}' cannot be linearized: its {names[rows[0]]} has a kink or jump over {cause} = {value:g}"
+        )
+
+
+def _differences(here: Array, result: Callable[[int, float], Array], column: int, h: float) -> tuple[Array, Array]:
+    """Central difference, and how far the differences on both sides are apart."""
+    up, down = result(column, h), result(column, -h)
+    return (up - down) / (2 * h), np.abs((up - here) - (here - down)) / h
+
+
+def sampled_model(
+    exchange: Exchange, period: Fraction, not_before: Fraction, inputs: Sequence[Signal], outputs: Sequence[Signal]
+) -> Matrices:
+    """Model of an initialized system over one period, from the first multiple of it at or after `not_before` [s] that all offsets have
+    passed, but not the start itself. `exchange` watches `outputs`. `inputs` are driven by nothing. Raises CosimError for members without a linear model."""
+    schedule, layout = exchange.schedule, exchange.layout
+    for c in schedule.connections:
+        if c.extrapolate:
+            raise CosimError(f"{c} is extrapolated: the sampled model knows values that are held; connect without it")
+    length = int(period / schedule.tick)
+    latest = max([not_before, *(m.offset for m in schedule.members)])
+    begin = (
+        max(1, -(-latest // period)) * length
+    )  # a first sample is special: calculated start states follow its inputs
+    exchange.run_instants_to(begin)
+    real = [c for c in schedule.connections if c.output.type == c.input.type == "real"]
+    ports = {
+        m: (
+            [*(v for v in layout.places[m].inputs if v.type == "real"), *(v for owner, v in inputs if owner is m)],
+            [v for v in layout.places[m].outputs if v.type == "real"],
+        )
+        for m in schedule.members
+    }
+    models = _models(schedule, ports)
+    known = [(m, v) for m in schedule.continuous for v in m.description.states]
+    units, point = _units([*known, *inputs, *outputs]), _point([*known, *inputs, *outputs])
+    found = _through_period(exchange, length, ports)
+    twins: dict[Member, Member] = {}
+    names: dict[Member, list[str]] = {}
+    for m in schedule.members:
+        if m.discrete:
+            twin, names[m] = found[m].twin()
+        else:
+            twin = ContinuousTwin(models[m], *ports[m], float(m.step))  # type: ignore[assignment]
+            names[m] = [name for name, _ in _state_signals(m, len(models[m].a))]
+        twins[m] = Member(m.name, twin, m.step, m.offset, m.kind)
+    return _Period(schedule, twins, names, real, inputs, outputs, period, begin).matrices(units, point)
+
+
+def _through_period(
+    exchange: Exchange, length: int, ports: Mapping[Member, tuple[list[Variable], list[Variable]]]
+) -> dict[Member, _Updates]:
+    """Run one period, and linearize every sample of the sampled members on the way."""
+    found: dict[Member, _Updates] = {}
+    for m in exchange.schedule.discrete:
+        if not m.description.can_save:
+            raise CosimError(
+                f"'{m.name}' cannot be linearized: its state cannot be saved and restored, so it cannot be perturbed"
+            )
+        if not hasattr(m.component, "sampled_states"):
+            raise CosimError(f"'{m.name}' cannot be linearized: it does not say what it remembers between samples")
+        found[m] = _Updates(m, *ports[m])
+        exchange.ports[m] = _looking(exchange.ports[m], found[m])
+    exchange.timetable.forget()
+    exchange.run_instants_to(exchange.tick + length)
+    return found
+
+
+def _looking(ports: Ports, updates: _Updates) -> Ports:
+    """Ports that linearize the component before each step."""
+
+    def run(t: float, h: float) -> None:
+        ports.set_inputs()
+        try:
+            updates.look(lambda: ports.step(t, h))
+        except CallFailed as error:
+            raise CosimError(f"'{updates.member.name}' cannot be linearized: {error}") from None
+        except CosimError as error:
+            about = str(error)
+            prefix = f"'{updates.member.name}' cannot be linearized"
+            raise CosimError(about if about.startswith(prefix) else f"{prefix}: {about}") from None
+        ports.run(t, h)
+
+    return replace(ports, run=run)
+
+
+class _Period:
+    """The linear models in the place of the components of a schedule, run over one period at a time."""
+
+    def __init__(
+        self,
+        schedule: Schedule,
+        twins: dict[Member, Member],
+        names: dict[Member, list[str]],
+        real: Sequence[Connection],
+        inputs: Sequence[Signal],
+        outputs: Sequence[Signal],
+        period: Fraction,
+        begin: int,
+    ):
+        copies = [replace(c, source=twins[c.source], target=twins[c.target], offset=0.0) for c in real]
+        self._source = Source(drives := [replace(v, name=f"{m.name}.{v.name}", causality="output") for m, v in inputs])
+        first: tuple[Member, ...] = ()
+        if inputs:
+            source = Member("", self._source, period, Fraction(0), "discrete")
+            first = (source,)
+            copies += [Connection(source, drive, twins[m], v) for drive, (m, v) in zip(drives, inputs, strict=True)]
+        linear = Schedule(
+            schedule.tick,
+            first + tuple(twins[m] for m in schedule.discrete),
+            tuple(Group(g.name, tuple(twins[m] for m in g.members), g.method) for g in schedule.groups),
+            (),
+            tuple(sorted(copies, key=lambda c: c.target_name)),
+            (),
+        )
+        watched = [(twins[m], v) for m, v in outputs]
+        self.exchange = Exchange(linear, watch=watched, interval=period, allow_nan=True)
+        initialize(self.exchange)
+        self.exchange.check_samples(self._sample)
+        self._begin, self._length, self._period = begin, int(period / schedule.tick), period
+        self._shown: Array | None = None
+        layout = self.exchange.layout
+        self._out = [layout.readable[name_of(s)] for s in outputs]
+        self._inputs, self._outputs = [name_of(s) for s in inputs], [name_of(s) for s in outputs]
+        self._members = list(twins.values())
+        self._parts: list[
+            tuple[Array, list[str], bool]
+        ] = []  # an array of states, their names, whether they are held values
+        for m, twin in twins.items():
+            self._parts.append((twin.component.x, names[m], False))  # type: ignore[attr-defined]
+        for m, twin in twins.items():
+            if not m.discrete:
+                labels = [f"{m.name}.{v.name}.held" for v in twin.component._inputs]  # type: ignore[attr-defined]
+                self._parts.append((twin.component.held, labels, True))  # type: ignore[attr-defined]
+        self._slots = [
+            (slot, f"{name_of(key)}.{word}")
+            for slots, word in ((layout.visible, "shown"), (layout.previous, "before"))
+            for key, slot in slots.items()
+            if key[0] not in first
+        ]
+
+    def _sample(self, t: float) -> None:  # noqa: ARG002
+        """Called at every instant; the first one of the period counts."""
+        if self._shown is None:
+            self._shown = np.array([scale * self.exchange.values[slot] for slot, scale, _ in self._out])
+
+    def run(self, x: Array, u: Array) -> tuple[Array, Array]:
+        """x and y of one period later, and of its begin."""
+        exchange, place = self.exchange, 0
+        for part, _, _ in self._parts:
+            part[:] = x[place : place + len(part)]
+            place += len(part)
+        exchange.values[:] = 0.0
+        exchange.values[[slot for slot, _ in self._slots]] = x[place:]
+        self._source.values[:] = u
+        for m in self._members:
+            if isinstance(m.component, ContinuousTwin):
+                for variable, value in zip(m.component._outputs, m.component.outputs_now(), strict=True):
+                    exchange.values[exchange.layout.latest[m, variable]] = value
+            elif isinstance(m.component, SampledTwin):
+                m.component.sample = 0
+        exchange.tick, exchange.phase, self._shown = self._begin, Phase.NOTHING, None
+        exchange.run_instants(self._begin + self._length)
+        later = [*(part for part, _, _ in self._parts), exchange.values[[slot for slot, _ in self._slots]]]
+        assert self._shown is not None
+        return np.concatenate(later), self._shown
+
+    def matrices(self, units: Mapping[str, str], point: Mapping[str, float]) -> Matrices:
+        names = [n for _, labels, _ in self._parts for n in labels] + [n for _, n in self._slots]
+        kept = [not is_held for part, _, is_held in self._parts for _ in part] + [False for _ in self._slots]
+        n, m = len(names), len(self._inputs)
+        a, c = np.zeros((n, n)), np.zeros((len(self._outputs), n))
+        b, d = np.zeros((n, m)), np.zeros((len(self._outputs), m))
+        for i, unit in enumerate(np.eye(n + m)):
+            later, shown = self.run(unit[:n], unit[n:])
+            if i < n:
+                a[:, i], c[:, i] = later, shown
+            else:
+                b[:, i - n], d[:, i - n] = later, shown
+        keep = list(range(n))
+        for _ in itertools.count():  # values that nothing reads any more are no states
+            used = [j for j in keep if kept[j] or a[keep, j].any() or c[:, j].any()]
+            if used == keep:
+                break
+            keep = used
+        return Matrices(
+            a[np.ix_(keep, keep)], b[keep], c[:, keep], d,
+            [names[i] for i in keep], self._inputs, self._outputs, float(self._period), units, point,
+        )  # fmt: skip
