@@ -18,7 +18,7 @@ from rich.table import Table
 
 from build_fmus.component import Component
 from build_fmus.qp import Osqp
-from build_fmus.qp_solve import CompiledPrograms, solve_reference
+from build_fmus.qp_solve import CompiledPrograms
 from build_fmus.reference import Evaluator
 from cosim import Recording
 from cosim.experiments import three_axle, trench
@@ -42,6 +42,7 @@ from fmu_sources.controllers.mpc.three_axle import combined_gains, ride_model, t
 from fmu_sources.models.hmmwv_states import FORCE_LIMIT
 from fmu_sources.plants import quarter_car, ride_car
 from fmu_sources.vehicles import load_quarter_car, load_ride_car, load_three_axle
+from tests.oracles.qp import solve_reference
 
 BACKENDS = ("osqp", "daqp")
 REPETITIONS = 3

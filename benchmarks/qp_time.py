@@ -17,7 +17,8 @@ from scipy.linalg import block_diag, expm
 
 from build_fmus.component import Component
 from build_fmus.qp import INFINITE, Backend, Daqp, Osqp
-from build_fmus.qp_solve import CompiledPrograms, solve_reference
+from build_fmus.qp_solve import CompiledPrograms
+from tests.oracles.qp import solve_reference
 
 
 @dataclass(frozen=True)

@@ -30,7 +30,6 @@ __all__ = [
     "absorbed_power_peak",
     "absorbed_power_series",
     "absorbed_power_window",
-    "analog_response",
     "digital_sections",
     "iso2631_rms",
     "vdv",
@@ -74,15 +73,6 @@ HUMAN_RESPONSE = _human_response()
 
 WEIGHTING_WK = _weighting_wk()
 """Wk of ISO 2631-1, annex A (ISO 8041): band limits 0.4 and 100 Hz, transition at 12.5 Hz, step from 2.37 to 3.35 Hz."""
-
-
-def analog_response(sections: tuple[Section, ...], frequency_hz: npt.ArrayLike) -> npt.NDArray[np.complex128]:
-    """Complex gain of the analog sections in series at frequencies [Hz]."""
-    s = 2j * np.pi * np.asarray(frequency_hz, dtype=float)
-    gain = np.ones_like(s)
-    for section in sections:
-        gain = gain * np.polyval(section.b[::-1], s) / np.polyval(section.a[::-1], s)
-    return gain
 
 
 def digital_sections(sections: tuple[Section, ...], rate_hz: float) -> Array:

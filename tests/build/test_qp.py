@@ -9,12 +9,13 @@ from types import SimpleNamespace
 import casadi as ca
 import numpy as np
 import pytest
+from oracles.qp import solve_reference
 
 from build_fmus import generate, package, qp_sources
 from build_fmus.component import Component, DeclarationError
 from build_fmus.description import model_description
 from build_fmus.qp import Daqp, Osqp, ProgramError, generate_data
-from build_fmus.qp_solve import CompiledPrograms, solve_reference
+from build_fmus.qp_solve import CompiledPrograms
 from build_fmus.reference import Evaluator
 
 H = np.diag([1.0, 2.0])

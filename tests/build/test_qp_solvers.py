@@ -10,10 +10,11 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
+from oracles.qp import solve_reference
 
 from build_fmus.component import Component
 from build_fmus.qp import Backend, Daqp, Osqp
-from build_fmus.qp_solve import CompiledPrograms, solve_reference
+from build_fmus.qp_solve import CompiledPrograms
 
 INFINITE = np.inf
 BACKENDS = {

@@ -8,16 +8,18 @@ from altered import altered, failed
 from kept_results import kept_verdicts
 from oracles.mpc import MpcReference
 
+from cosim import Recording
 from cosim.experiments.bench import EXPERIMENT, published
 from cosim.experiments.bench.claims import CLAIMS, ratio
 from cosim.experiments.bench.published import LONG, SCENARIOS, SHORT, at
 from cosim.experiments.bench.report import report
-from cosim.experiments.bench.runs import CONTROLLERS, Case, force, states_at_samples
+from cosim.experiments.bench.runs import CONTROLLERS, Case, force
 from cosim.experiments.steps import halved
 from cosim.report import write_report
 from cosim.study import CaseError, FmuSet, Results, Runner, run_study
 from fmu_sources.controllers.lq.bench import lqr_gain
 from fmu_sources.controllers.mpc.bench import FORCE_LIMIT, MPC_PERIOD, bench_mpc
+from fmu_sources.models.bench_states import STATES
 from fmu_sources.plants import quarter_car
 from fmu_sources.vehicles import load_quarter_car
 
@@ -38,6 +40,13 @@ def runner(fmus: FmuSet):
 @pytest.fixture(scope="session")
 def car():
     return quarter_car(load_quarter_car("quarter_car_bench"), name="QuarterCarBench")
+
+
+def states_at_samples(recording: Recording, period: float) -> np.ndarray:
+    """States (samples, 4) that the controller saw, in the order of the paper."""
+    every = round(period * 1000)
+    source = "encoders" if "encoders.body.vz" in recording else "plant"
+    return np.column_stack([recording[f"{source}.{s}"][::every] for s in STATES])
 
 
 @pytest.mark.parametrize("scenario", SCENARIOS)

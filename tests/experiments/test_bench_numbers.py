@@ -22,7 +22,6 @@ from cosim.experiments.bench.runs import (
     passive,
     recorded,
     signals,
-    states_at_samples,
     stop_time,
     wire,
 )
@@ -102,20 +101,6 @@ def test_signals_of_a_run() -> None:
     ):
         assert {n: s[i] for n, s in found.items()} == pytest.approx(expected)
     assert set(signals(recording(Case("passive")))["force"]) == {0.0}
-
-
-def test_states_that_the_controller_saw() -> None:
-    run = recording(Case("mpc"))
-    assert states_at_samples(run.recording, 0.01).shape == (301, 4)
-    assert states_at_samples(run.recording, 0.01)[2].tolist() == pytest.approx([0.004, 4.02, -0.002, 5.02])
-    measured = {
-        "encoders.suspension.deflection": 1.0,
-        "encoders.body.vz": 2.0,
-        "encoders.tire.deflection": 3.0,
-        "encoders.wheel.vz": 4.0,
-    }
-    assert states_at_samples(recording(Case("mpc"), **measured).recording, 0.002)[-1].tolist() == [1.0, 2.0, 3.0, 4.0]
-    assert len(states_at_samples(run.recording, 0.002)) == 1501
 
 
 def test_what_is_recorded_for_how_long() -> None:

@@ -14,7 +14,6 @@ from cosim.study.case import CaseError, option
 from cosim.study.experiment import Metric, Row, Run
 from cosim.study.fmus import FmuSet
 from fmu_sources.controllers.mpc.bench import FORCE_LIMIT
-from fmu_sources.models.bench_states import STATES
 
 CONTROLLERS = {  # name -> FMU, parameters
     "passive": (None, {}),
@@ -189,10 +188,3 @@ def remarks(run: Run) -> list[str]:
     if held in run.recording and run.recording[held].any():
         return ["command.held: the solver found no solution at some samples; the last force was kept"]
     return []
-
-
-def states_at_samples(recording: Recording, period: float) -> np.ndarray:
-    """States (samples, 4) that the controller saw, in the order of the paper."""
-    every = round(period * 1000)
-    source = "encoders" if "encoders.body.vz" in recording else "plant"
-    return np.column_stack([recording[f"{source}.{s}"][::every] for s in STATES])
