@@ -67,7 +67,7 @@ def test_nothing_is_matched_where_explicit_does_not_help(study: Study) -> None:
 
 
 def test_no_run_diverges(study: Study) -> None:
-    assert Results(study).diverged() == 0
+    assert Results(study).diverged() == []
 
 
 def test_report_tells_what_the_study_found(runs: Runs, fmus: FmuSet, tmp_path) -> None:

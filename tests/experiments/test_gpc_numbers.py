@@ -568,7 +568,9 @@ def test_single_numbers(results: Results) -> None:
     assert [results.worst_speed(road) for road in ("sine", "perryman3", "curb")] == [50.0, 40.0, 40.0]
     assert results.largest_move() == pytest.approx(12e-4)
     assert results.largest_force() == pytest.approx(8e3 * 1.6 * (1 + 0.7 / 2))
-    assert results.diverged() == 2  # matched and unmatched
+    assert [(r["road"], r["speed_kmh"], r["controller"], r["seed"]) for r in results.diverged()] == [
+        DIVERGED
+    ] * 2  # matched or not
     halved = {(r["road"], r["controller"], words): moves for r, words, moves in results.refinement()}
     assert len(halved) == 3 * 4 * 3
     both = {"response": -1.0, "force": -2.0, "power": -3.0, "peak_force": -4.0, "rms_az": -5.0, "rms_pitch": -6.0}
@@ -950,6 +952,7 @@ def test_words_of_the_claims(study: Study) -> None:
     )
     assert reasons["curb-gain"].startswith("explicit is worse than the passive car in 0 of 8 seeds at 80 km/h")
     assert reasons["curb-explicit-force"].startswith("at some speeds another law")
+    assert reasons["no-divergence"] == "the first of them is GPC implicit on curb at 72 km/h, seed 2: x is not finite"
 
 
 def test_rules_of_the_claims(study: Study) -> None:

@@ -11,6 +11,7 @@ from cosim.experiments.gpc.judge import Judge
 from cosim.experiments.gpc.published import CURB_SPEED, LAWS, SEEDS, SPEEDS_KMH
 from cosim.experiments.gpc.results import Study
 from cosim.report import Claim, Claims
+from cosim.study import ClaimList
 
 BOTH = lambda r: (r["solver_parts"], r["exchange_parts"]) == (2, 2)  # noqa: E731
 SOLVER = lambda r: (r["solver_parts"], r["exchange_parts"]) == (2, 1)  # noqa: E731
@@ -27,7 +28,10 @@ def judged(study: Study, fitted: str = "") -> Claims:
 
 
 def claim(study: Study, id: str, fitted: str = "") -> Claim:
-    return next(c for c in judged(study, fitted) if c.id == id)
+    only = ClaimList()
+    only.statements[id] = CLAIMS.statements[id]
+    (found,) = only.judge(Judge(study, fitted))
+    return found
 
 
 def verdict(study: Study, id: str) -> str:

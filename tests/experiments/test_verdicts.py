@@ -23,7 +23,7 @@ def test_the_verdicts_that_are_told_are_of_these_statements(experiment: str) -> 
 
 
 @pytest.mark.full
-@pytest.mark.parametrize("experiment", filter(is_kept, EXPERIMENTS))
+@pytest.mark.parametrize("experiment", list(filter(is_kept, EXPERIMENTS)))
 def test_the_whole_study_gives_the_verdicts_that_are_told(experiment: str, fmus: FmuSet, tmp_path) -> None:
     made = load(EXPERIMENTS[experiment])
     claims = resolved(made.report)(run_study(made, fmus, tmp_path / "runs"), fmus).claims

@@ -565,11 +565,13 @@ def _force_limit(j: Judge) -> Finding:
 )
 def _no_divergence(j: Judge) -> Finding:
     diverged = j.results.diverged()
+    first = next(iter(diverged), {})
+    where = "GPC {controller} on {road} at {speed_kmh:g} km/h, seed {seed}".format(**first) if first else ""
     return Finding(
-        f"{diverged} diverged of {len(j.results.study.rows)} runs",
-        diverged == 0,
-        "some runs diverge",
-        diverged,
+        f"{len(diverged)} diverged of {len(j.results.study.rows)} runs",
+        not diverged,
+        f"the first of them is {where}: {first.get('reason', 'it did not arrive')}",
+        len(diverged),
         "runs",
         criterion="no run with a published weight or a larger one ends early, whatever the seed",
     )

@@ -233,9 +233,9 @@ class Results:
         rows = [*self._published.values(), *(r for r in self.study.sweep if r["R"] == R_PUBLISHED)]
         return max((r["peak_force"] for r in rows if not r["diverged"]), default=NAN)
 
-    def diverged(self) -> int:
-        """Number of diverged runs with R of at least 1e-7."""
-        return sum(bool(r["diverged"]) for r in self.study.rows if r["R"] >= R_PUBLISHED)
+    def diverged(self) -> list[Row]:
+        """Diverged runs with R of at least 1e-7."""
+        return [r for r in self.study.rows if r["diverged"] and r["R"] >= R_PUBLISHED]
 
 
 METRICS = ("response", "force", "power", "peak_force", "rms_az", "rms_pitch")  # whose convergence is looked at
