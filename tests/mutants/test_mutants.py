@@ -149,6 +149,11 @@ def test_what_no_test_notices_is_listed(project: Path, capsys: pytest.CaptureFix
     assert "3 mistakes, 1 noticed, 2 accepted, 0 not noticed" in capsys.readouterr().out
 
 
+def test_tests_of_the_project_run_in_a_copy_of_it() -> None:
+    with command.trial.copied_tree(ROOT) as tree:
+        assert command.trial.passes(tree, ["tests/cosim_metrics/test_metrics.py"])
+
+
 def test_tests_that_fail_without_any_mistake_are_told(project: Path) -> None:
     (project / "tests" / "test_plus.py").write_text(TEST.replace("3", "4"))
     with pytest.raises(SystemExit, match="room plus: its tests fail as they are, without any mistake"):

@@ -13,6 +13,8 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
+from build_fmus.one_thread import one_thread
+
 LIMIT = (10.0, 5.0)  # s, and times what the tests take without a mistake: a test that takes longer has noticed
 COPIED = ("build_fmus", "cosim", "fmu_sources", "tests", "docs", "pyproject.toml", "README.md")
 LIBRARIES = ["casadi", "cffi", "fmpy", "jinja2", "lxml.etree", "numpy", "plotly.graph_objects", "pydantic", "pytest", "scipy.linalg",
@@ -51,6 +53,7 @@ def changed(file: Path, text: str) -> Iterator[None]:
 
 def passes(tree: Path, tests: Sequence[str], limit: float | None = None, *, shown: bool = False) -> bool:
     """Whether tests pass in a tree, within ``limit`` seconds; in a process of their own. ``shown``: what pytest prints."""
+    one_thread()  # of the process that loads the libraries, and so of those made of it
     context = multiprocessing.get_context("forkserver")
     context.set_forkserver_preload(LIBRARIES)
     process = context.Process(target=_run, args=(str(tree), list(tests), shown))
