@@ -14,7 +14,7 @@ import numpy as np
 
 from build_fmus import extras, qp, units
 from build_fmus.component.declaration import named
-from build_fmus.component.linear import Linearization
+from build_fmus.component.linear import Linearization, statespace
 from build_fmus.component.model import Model
 from build_fmus.component.variables import BaseType, DeclarationError, Kind, Role, Solver, Variable, source_fault
 
@@ -108,6 +108,40 @@ class Component:
                 "solver.step", solver_step, "s", f"largest step of the fixed-step solver ({solver})", min=1e-6,
                 max=1e-2, source="build option",
             )  # fmt: skip
+
+    @classmethod
+    def from_statespace(
+        cls,
+        name: str,
+        system: Any,
+        *,
+        description: str,
+        source: str,
+        sample_time: float | None = None,
+        inputs: Mapping[str, str | None] | None = None,
+        outputs: Mapping[str, str | None] | None = None,
+        **options: Any,
+    ) -> Component:
+        """A linear law, filter or plant as a component.
+
+        ``system`` is a ``control.StateSpace`` or a tuple of matrices (A, B, C, D). With a sample time ``x[k+1] = A x[k] + B u[k]``,
+        ``y[k] = C x[k] + D u[k]`` at every sample, without one ``dx/dt = A x + B u`` in continuous time; states start at 0. Its matrices
+        become tunable parameters of the names A, B, C, D, those that are there; elements of D that are 0 stay 0.
+
+        Args:
+            sample_time: period [s]; needed for sampled matrices, and of systems that do not tell their own.
+            inputs, outputs: FMU name -> unit (None: no unit), in the order of the columns of B and the rows of C. By default the names of the
+                system's signals, with the names and units of the FMU where it is a model that ``cosim`` has linearized.
+            options: as of :class:`Component`.
+
+        Raises:
+            DeclarationError: shapes that do not fit, another sample time than the system's, a continuous system with a sample time.
+        """
+        model = statespace(name, system, sample_time, inputs, outputs)
+        kind: Kind = "discrete" if model.sample_time else "continuous"
+        c = cls(name, kind=kind, description=description, source=source, sample_time=model.sample_time, **options)
+        model.declare_in(c, source)
+        return c
 
     def __setattr__(self, name: str, value: Any) -> None:
         self._refuse_if_made(name)

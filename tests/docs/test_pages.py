@@ -84,6 +84,18 @@ def test_a_study_of_ones_own_runs_resumes_and_reports(workplace: Path) -> None:
     assert [(c["id"], c["verdict"]) for c in summary["claims"]] == [("soft", "not reproduced")]
 
 
+def test_a_law_designed_on_an_fmu_does_what_was_designed(workplace: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Every number that the page shows is printed by its code, and the loop has the damping of the design."""
+    page = ROOT / "docs" / "control-design.md"
+    names = run_blocks(page)
+    shown, printed = words(" ".join(blocks(page, "text"))), words(capsys.readouterr().out)
+    assert len(shown) == len(printed)
+    for a, b in zip(shown, printed, strict=True):
+        assert same(a.strip("[],"), b.strip("[],")), f"{page.name} shows {a!r}, its code prints {b!r}"
+    assert names["measured"] == pytest.approx(names["designed_modes"][0][1], rel=0.01)  # type: ignore[index]
+    assert (workplace / "QuarterCarLqr.fmu").is_file()
+
+
 COMMANDS = [(page, *t) for page in PAGES for t in transcripts(page)]
 
 
