@@ -75,3 +75,17 @@ def test_the_full_car_is_linearized_where_it_drives(built_fmus: BuiltFmus) -> No
 def test_laws_that_solve_programs_are_refused(built_fmus: BuiltFmus) -> None:
     with pytest.raises(CosimError, match=r"'MpcBench' cannot be linearized: it remembers .* quadratic program"):
         Fmu(built_fmus.path("MpcBench", 3)).linearize()
+
+
+def test_gpc_is_stable_on_the_car_it_was_designed_on(built_fmus: BuiltFmus) -> None:
+    """The nonlinear car as it drives: no mode of the loop grows (distance and course neither grow nor decay), and a disturbed run deviates as
+    the model says."""
+    with System() as system:
+        system.add("car", built_fmus.path("FullCarHmmwvModified", 3), start={"target.speed": 13.9})
+        system.add("law", built_fmus.path("GpcImplicit", 3))
+        system.connect_matching("car", "law")
+        system.connect_matching("law", "car")
+        model = system.linearize(["car.road.fl.height"], ["car.body.z", "car.body.az", "law.force.*"], discrete="10 ms")
+        seen, said = deviation(system, model, 1e-6, 30)
+    assert np.abs(control.poles(model)).max() == pytest.approx(1.0, abs=1e-6)
+    np.testing.assert_allclose(said, seen, atol=2e-3 * np.abs(seen).max(axis=0))
