@@ -49,13 +49,8 @@ class HeightTable:
 
 def node_heights(table: HeightTable) -> Callable[[Any, str], Any]:
     """Heights [m] at a column of whole node numbers of a side, as :class:`Profile` wants them; for MX graphs."""
-    # The grid of the lookup is the node number itself: whole numbers find their node without rounding.
-    nodes = np.arange(len(table.left), dtype=float)
-    lookup = {
-        side: ca.interpolant(f"height_{side}", "linear", [nodes], heights, {"lookup_mode": ["exact"]})
-        for side, heights in (("left", table.left), ("right", table.right))
-    }
-    return lambda node, side: lookup[side](node.T).T
+    heights = {"left": ca.MX(ca.DM(table.left + 0.0)), "right": ca.MX(ca.DM(table.right + 0.0))}  # no -0
+    return lambda node, side: heights[side][node]
 
 
 def road_from_table(
