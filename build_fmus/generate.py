@@ -6,23 +6,26 @@ import hashlib
 import json
 import math
 import re
+import textwrap
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from importlib import metadata
 from pathlib import Path
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from build_fmus import extras, qp
+from build_fmus import qp
 from build_fmus.component import Model, Variable
+from build_fmus.equations.functions import Functions
+from build_fmus.equations.names import WIDTH, Struct
+from build_fmus.equations.operators import constant
 from build_fmus.mathematics import math_files
 from build_fmus.qp_sources import THIRD_PARTY, ThirdParty
 
-with extras.needed("build", extras.BUILDING):
-    import casadi as ca
-
 RUNTIME_DIR = Path(__file__).parent / "runtime"
 RUNTIME_SOURCES = ("fmu_core.c", "integrators.c", "stability.c")
-RUNTIME_HEADERS = ("fmu_core.h", "fmu_math.h", "fmu_model.h", "integrators.h", "stability.h")
+RUNTIME_HEADERS = ("equations.h", "fmu_core.h", "fmu_math.h", "fmu_model.h", "integrators.h", "stability.h")
 
 _ROLES = {
     "time": "FMU_TIME", "parameter": "FMU_PARAMETER", "input": "FMU_INPUT", "state": "FMU_STATE",
@@ -82,143 +85,180 @@ def is_exact(v: Variable) -> bool:
     return v.role in ("parameter", "input") or (v.role == "state" and v.start is not None)
 
 
-_CAST = r"(?<!sizeof)\((?:casadi_)?int\)(?! ?sizeof) ?"  # a number to an index
-_TO_INDEX = """
-/* The index that a number means; one that is no index of any array for NaN and numbers beyond all integers, which C leaves
- * undefined. Lookups clip it; reading there gives NaN, and writing there does nothing. */
-static int fmu_index(double x) { return x >= -1.0 && x <= 2147483646.0 ? (int)x : x > 0.0 ? 2147483646 : -1; }
-"""
-
-
-def _with_safe_casts(code: str, name: str) -> str:
-    """Generated code in which every conversion of a number to an index is defined for every number."""
-    safe = re.sub(_CAST + r"(?:(\*cr\+\+)|(?=\())", lambda m: f"fmu_index({m[1]})" if m[1] else "fmu_index", code)
-    left = re.search(_CAST + ".{0,40}", safe)
-    if left:
-        raise RuntimeError(f"{name}: generated code converts numbers in a way this version does not know: {left[0]}")
-    return (_TO_INDEX if safe != code else "") + safe
-
-
 def _number(x: float | None, default: float = 0.0) -> str:
-    x = default if x is None else float(x)
-    if math.isinf(x):
-        return "INFINITY" if x > 0 else "-INFINITY"
-    return repr(x)
-
-
-def _array(kind: str, name: str, items: list[str]) -> str:
-    body = ",\n    ".join(items) if items else "0"
-    return f"static const {kind} {name}[] = {{\n    {body}\n}};\n"
+    return constant(default if x is None else float(x)).code
 
 
 def _string(text: str) -> str:
     return json.dumps(text)
 
 
+def _table(kind: str, name: str, items: Iterable[str]) -> str:
+    """A constant array, one item to a line."""
+    return "\n".join([f"static const {kind} {name}[] = {{", *(f"    {item}," for item in items), "};", ""])
+
+
+def _numbers(kind: str, name: str, items: Iterable[str]) -> str:
+    """A constant array of short items."""
+    return "\n".join([f"static const {kind} {name}[] = {{", _wrapped(", ".join(items)), "};", ""])
+
+
+def _wrapped(text: str, indent: str = "    ") -> str:
+    return textwrap.fill(text, WIDTH, initial_indent=indent, subsequent_indent=indent, break_on_hyphens=False)
+
+
+def _fields(**values: object) -> str:
+    """A struct by the fields that are not 0, in their order."""
+    return (
+        "{"
+        + ", ".join(f".{k} = {v}" if v != "FMU_NO_LIMITS" else str(v) for k, v in values.items() if v not in (0, None))
+        + "}"
+    )
+
+
+def _variable(r: Reference) -> str:
+    """Row of the table of variables."""
+    v = r.variable
+    limits: dict[str, object] = {"limits": "FMU_NO_LIMITS"}
+    if v.min is not None or v.max is not None:
+        limits = {"min": _number(v.min, -math.inf), "max": _number(v.max, math.inf)}
+    constant = {} if v.must_equal is None else {"must_equal": _number(v.must_equal), "tolerance": _number(v.tolerance)}
+    return _fields(
+        name=_string(r.name),
+        type=None if v.type == "Float64" else _TYPES[v.type],
+        role=_ROLES[v.role],
+        slot=str(r.slot),
+        size=str(math.prod(r.shape)),
+        is_exact=int(v.role == "state" and v.start is not None),
+        is_tunable=int(v.tunable),
+        **limits,
+        **constant,
+    )
+
+
+def _start(component: Model, structs: Mapping[str, Struct]) -> str:
+    """Start values of parameters, inputs and states, those other than 0."""
+    kinds, values = [], []
+    for pointer, role in (("p", "parameter"), ("u", "input"), ("x", "state")):
+        if pointer not in structs:
+            continue
+        kinds.append(f"    {structs[pointer].name} {pointer};")
+        vector = component.vector(role)  # type: ignore[arg-type]
+        members = [(m, vector[m.slot : m.slot + m.size]) for m in structs[pointer].members]
+        given = [f"        .{m.name} = {_initial(x, m.shape)}," for m, x in members if x.any()]
+        if given:
+            values.append("\n".join([f"    .{pointer} = {{", *given, "    },"]))
+    if not kinds:
+        return ""
+    head = ["static const struct {", *kinds]
+    return "\n".join([*head, "} start = {", *values, "};", ""] if values else [*head, "} start;", ""])
+
+
+def _initial(values: np.ndarray, shape: tuple[int, ...]) -> str:
+    if not shape:
+        return _number(values[0])
+    if len(shape) == 2:
+        rows = [_initial(row, shape[1:]) for row in values.reshape(shape)]
+        return "{\n" + "\n".join(_wrapped(f"{row},", " " * 12) for row in rows) + "\n        }"
+    text = "{" + ", ".join(_number(x) for x in values) + "}"
+    return text if len(text) < WIDTH - 40 else "{\n" + _wrapped(text[1:-1], " " * 12) + "\n        }"
+
+
+def _head(component: Model) -> str:
+    """What a reader should know before the first line of code."""
+    papers = [f"{name}: {title}" for name, title in cited(component).items()]
+    about = "c" if component.kind == "continuous" else "d"
+    reading = {
+        "c": "fmu_core.c calls the functions below, integrators.c that of the derivatives",
+        "d": "fmu_core.c calls the functions below, at each sample instant first for the outputs and the next states",
+    }[about]
+    paragraphs = [
+        f"{component.name}: {component.description}. Generated from its declaration, do not edit.",
+        f"Equations: {component.source}.",
+        *papers,
+        f"{reading}; modelDescription.xml says where the values of parameters come from.",
+    ]
+    lines = [line for p in paragraphs for line in textwrap.wrap(p, WIDTH - 3, break_long_words=False)]
+    return "/* " + "\n * ".join(lines).replace("*/", "* /") + " */"
+
+
+_written: WeakKeyDictionary[Model, Functions] = WeakKeyDictionary()
+
+
+def written_functions(component: Model) -> Functions:
+    """The C functions of a component, written once for all versions of FMI."""
+    if component not in _written:
+        _written[component] = Functions(component)
+    return _written[component]
+
+
 def generate_c(component: Model, *, arrays: bool, token: str) -> str:
     """The complete ``model.c`` of a component; deterministic for a given CasADi version."""
-    functions = component.functions
-    names = ["start", "out", *(("rhs", "fwd", "fwd_start") if component.kind == "continuous" else ("tick",))]
-    names += [n for n in ("jac", "programs", "check") if n in functions]
-    generator = ca.CodeGenerator("model", {"with_header": False, "casadi_int": "int", "verbose": False})
-    for n in names:
-        generator.add(functions[n])
-    code = generator.dump()
-    for forbidden in ("malloc(", "calloc(", "free("):
-        if forbidden in code:
-            raise RuntimeError(f"{component.name}: generated code calls {forbidden[:-1]}, which doStep must not")
-    code = _with_safe_casts(code, component.name)
-
+    functions = written_functions(component)
     refs = references(component, arrays=arrays)
-    table = [
-        "{"
-        + ", ".join(
-            [
-                _string(r.name),
-                _TYPES[r.variable.type],
-                _ROLES[r.variable.role],
-                str(r.slot),
-                str(math.prod(r.shape)),
-                str(int(is_exact(r.variable))),
-                str(int(r.variable.tunable)),
-                _number(r.variable.min, -math.inf),
-                _number(r.variable.max, math.inf),
-                _number(r.variable.must_equal),
-                _number(r.variable.tolerance),
-            ]
-        )
-        + "}"
-        for r in refs
-    ]
-    states = [v for v in component.all_variables if v.role == "state"]
-    state_names = [_string(n) for v in states for n in v.element_names()]
-    nominals = [_number(v.nominal, 1.0) for v in states for _ in range(v.size)]
-    velocity_of = component.velocity_of if component.solver == "semi_implicit" else np.full(len(nominals), -1)
-    start = [_number(x) for role in ("parameter", "input", "state") for x in component.vector(role)]  # type: ignore[arg-type]
-    used = [functions[n] for n in names]
-    sizes = [max(getattr(f, f"sz_{k}")() for f in used) for k in ("arg", "res", "iw", "w")]
-    continuous = component.kind == "continuous"
+    states = component.of("state")
+    hidden = [v for v in states if not v.exposed]
+    continuous, solver = component.kind == "continuous", component.solver
     points = _operating_points(component) if continuous else []
-    fields = [
-        _string(component.name),
-        _string(token),
-        str(int(continuous)),
-        f"FMU_{component.solver.upper()}",
-        _number(component.sample_time),
-        str(len(refs)),
-        "variables",
-        ", ".join(str(component.size(r)) for r in ("parameter", "input", "state", "output")),  # type: ignore[arg-type]
-        "start",
-        "nominals",
-        "state_names",
-        str(sum(v.size for v in states if v.start is None)),
-        "fmu_start",
-        "fmu_out",
-        "fmu_rhs" if continuous else "fmu_tick",
-        "fmu_fwd" if continuous else "NULL",
-        "fmu_fwd_start" if continuous else "NULL",
-        "fmu_jac" if "jac" in functions else "NULL",
-        "&fmu_qp_functions, fmu_programs" if component.programs else "NULL, NULL",
-        ", ".join(str(sum(getattr(q, k) for q in component.programs)) for k in ("n_data", "n_solution", "n_memory")),
-        ", ".join(map(str, sizes)),
-        "velocity_of",
-        "fmu_check" if "check" in functions else "NULL",
-        str(len(component.check_messages)),
-        "check_messages",
-        "bounds",
-        "points",
-        str(len(points)),
-    ]
+    size = component.size
+    start = _start(component, functions.structs)
+    tables = [_table("FmuVariable", "variables", map(_variable, refs)), start]
+    fields: dict[str, object] = {
+        "name": _string(component.name),
+        "token": _string(token),
+        "is_continuous": int(continuous),
+        "solver": f"FMU_{solver.upper()}" if continuous else None,
+        "sample_time": _number(component.sample_time) if component.sample_time else None,
+        "variables": "variables",
+        "n_variables": len(refs),
+    }
+    if hidden:
+        rows = (_fields(name=_string(v.name), slot=str(v.slot), size=str(v.size)) for v in hidden)
+        tables.append(_table("FmuHidden", "hidden", rows))
+        fields |= {"hidden": "hidden", "n_hidden": len(hidden)}
+    fields |= {f"n_{r}s": size(r) for r in ("parameter", "input", "state", "output")}  # type: ignore[arg-type]
+    fields |= {"n_work": functions.n_work, "start": "(const double *)&start" if start else None}
+    fields |= {name: name for name in functions.names}
+    if continuous and states:
+        for name, values in (("nominals", [v.nominal or 1.0 for v in states]), ("bounds", [_bound(v) for v in states])):
+            each = (_number(x) for v, x in zip(states, values, strict=True) for _ in range(v.size))
+            tables.append(_numbers("double", name, each))
+            fields[name] = name
+    if solver == "semi_implicit" and states:
+        tables.append(_numbers("int", "velocity_of", map(str, component.velocity_of)))
+        fields["velocity_of"] = "velocity_of"
+    if points:
+        tables += [_table("FmuSetting", f"point_{i}", settings) for i, (_, settings) in enumerate(points) if settings]
+        rows = (
+            _fields(name=_string(name), settings=f"point_{i}" if settings else None, n_settings=len(settings))
+            for i, (name, settings) in enumerate(points)
+        )
+        tables.append(_table("FmuPoint", "points", rows))
+        fields |= {"points": "points", "n_points": len(points)}
+    if component.check_messages:
+        tables.append(_table("char *const", "check_messages", map(_string, component.check_messages)))
+        fields |= {"check_messages": "check_messages", "n_checks": len(component.check_messages)}
+    if component.programs:
+        fields["qp"] = "&fmu_qp_functions"
+        fields |= {
+            f"n_qp_{k}": sum(getattr(q, f"n_{k}") for q in component.programs) for k in ("data", "solution", "memory")
+        }
+    given = [f"    .{k} = {v}," for k, v in fields.items() if v not in (0, None)]
     return "\n".join(
         [
-            f"/* {component.name}: generated, do not edit. */",
-            "#include <stddef.h>",
-            '#include "fmu_math.h"',
+            _head(component),
+            '#include "equations.h"',
             '#include "fmu_model.h"',
             "",
-            "#if defined(__GNUC__)",
-            "#define CASADI_SYMBOL_EXPORT static __attribute__((unused))",
-            "#else",
-            "#define CASADI_SYMBOL_EXPORT static",
-            "#endif",
-            code,
-            _array("FmuVariable", "variables", table),
-            _array("double", "start", start),
-            _array("double", "nominals", nominals),
-            _array("double", "bounds", [_number(_bound(v)) for v in states for _ in range(v.size)]),
-            _array("char *const", "state_names", state_names or ['""']),
-            _array("int", "velocity_of", [str(j) for j in velocity_of]),
-            _array("char *const", "check_messages", [_string(m) for m in component.check_messages] or ['""']),
-            *(_array("FmuSetting", f"point_{i}", settings) for i, (_, settings) in enumerate(points) if settings),
-            _array(
-                "FmuPoint",
-                "points",
-                [
-                    f"{{{_string(name)}, {f'point_{i}' if settings else 'NULL'}, {len(settings)}}}"
-                    for i, (name, settings) in enumerate(points)
-                ],
-            ),
-            "const FmuModel fmu_model = {\n    " + ",\n    ".join(fields) + "\n};",
+            functions.declarations,
+            "",
+            *functions.sections,
+            f"/* {'-' * 66} what the runtime has to know */",
+            "",
+            *(t for t in tables if t),
+            "const FmuModel fmu_model = {",
+            *given,
+            "};",
             "",
         ]
     )
@@ -234,9 +274,17 @@ def _operating_points(component: Model) -> list[tuple[str, list[str]]]:
     slots = {e.name: e.slot for e in component.elements("input")}
     slots |= {e.name: component.size("input") + e.slot for e in component.elements("state")}
     return [
-        (name, [f"{{{slots[k]}, {_number(v)}}}" for k, v in values.items()])
+        (name, [f"{{.slot = {slots[k]}, .value = {_number(v)}}}" for k, v in values.items()])
         for name, values in component.operating_points.items()
     ]
+
+
+def cited(component: Model) -> dict[str, str]:
+    """Entries of the bibliography that the component's sources mention."""
+    parts = [component.source, component.description, *component.notes, *component.equations.values()]
+    parts += [*component.value_sources.values(), *(v.source for v in component.variables)]
+    text = " ".join(parts)
+    return {k: t for k, t in component.bibliography.items() if re.search(rf"\b{re.escape(k)}\b", text)}
 
 
 def runtime_files(component: Model) -> tuple[str, ...]:

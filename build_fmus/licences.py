@@ -58,9 +58,12 @@ def texts(name: str, parts: Iterable[Part]) -> dict[str, bytes]:
     return {ENTRY: ("\n".join(lines) + "\n").encode(), **{f"{FOLDER}/{_file(p)}": p.text for p in parts}}
 
 
-def of_sources(files: Mapping[str, bytes], solvers: Iterable[ThirdParty]) -> list[Part]:
-    """Parts by others among the files of ``sources/``, by their path below it; ``solvers`` are those of quadratic programs."""
-    parts = [_fmi_headers(files), _casadi()]
+def of_sources(files: Mapping[str, bytes], solvers: Iterable[ThirdParty], *, uses_casadi: bool) -> list[Part]:
+    """Parts by others among the files of ``sources/``, by their path below it; ``solvers`` are those of quadratic programs.
+
+    ``uses_casadi``: whether the equations are partly in the code of CasADi's generator.
+    """
+    parts = [_fmi_headers(files), *([_casadi()] if uses_casadi else [])]
     if musl := [n for n in files if n.startswith(f"{mathematics.FOLDER}/")]:
         note = "Mathematical functions. The head of libm.h says what was changed."
         text = mathematics.copyright_notice()

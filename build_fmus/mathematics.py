@@ -17,7 +17,7 @@ HEADERS = ("fmu_math.h", f"{FOLDER}/libm.h")
 _RUNTIME = Path(__file__).parent / "runtime"
 _COMMENT = re.compile(rb"/\*.*?\*/|//[^\n]*", re.DOTALL)
 _CALL = re.compile(rb"\b([A-Za-z_]\w*)\s*\(")
-_HEADER = re.compile(rb'^#include "(fmu_math|libm|\w+_data)\.h"', re.MULTILINE)
+_HEADER = re.compile(rb'^#include "(fmu_math|equations|libm|\w+_data)\.h"', re.MULTILINE)
 
 
 def math_files(sources: Iterable[bytes]) -> dict[str, bytes]:

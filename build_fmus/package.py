@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import io
 import json
-import re
 import tempfile
 import zipfile
 from collections.abc import Sequence
@@ -73,7 +72,9 @@ def _pack(component: Model, fmi: int, platforms: Sequence[Platform], cache: Obje
         content["terminalsAndIcons/terminalsAndIcons.xml"] = description.terminals_and_icons(component, arrays=arrays)
         content["terminalsAndIcons/icon.png"] = icon
     content |= _documentation(component, fmi)
-    parts = licences.of_sources(files, generate.third_party(component))
+    parts = licences.of_sources(
+        files, generate.third_party(component), uses_casadi=generate.written_functions(component).uses_casadi
+    )
     parts += licences.of_windows(n for n in content if n.endswith(".dll"))
     content |= licences.texts(component.name, parts)
     if component.provenance:
@@ -104,7 +105,7 @@ def _documentation(component: Model, fmi: int) -> dict[str, bytes]:
         component=component,
         fmi=f"{fmi}.0",
         rows=description.variable_rows(component),
-        papers=_cited(component),
+        papers=generate.cited(component),
         version=metadata.version("suspension-fmus"),
         dependencies={e.name: component.dependencies[e.name] for e in component.output_elements()},
     )
@@ -113,14 +114,6 @@ def _documentation(component: Model, fmi: int) -> dict[str, bytes]:
         f"documentation/{component.name}_in.csv": result.input_csv().encode(),
         f"documentation/{component.name}_ref.csv": result.output_csv().encode(),
     }
-
-
-def _cited(component: Model) -> dict[str, str]:
-    """Entries of the bibliography that the component's sources mention."""
-    text = " ".join(
-        [component.source, component.description, *component.notes, *(v.source for v in component.variables)]
-    )
-    return {k: t for k, t in component.bibliography.items() if re.search(rf"\b{re.escape(k)}\b", text)}
 
 
 def _archive(content: dict[str, bytes]) -> bytes:

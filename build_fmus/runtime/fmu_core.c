@@ -55,10 +55,7 @@ struct FmuInstance {
     double *next;                           /* n_states: start values or the next states until they are found finite */
     Integrator integrator;
     double *seed, *sensitivity;             /* n_states + n_inputs + n_parameters; n_states + n_outputs */
-    const double **arg;
-    double **res;
-    int *iw;
-    double *w;
+    double *w;                              /* what the component's functions work in */
     double *qp_memory;                      /* into state->v */
     double *qp_data, *qp_solution, *qp_trial; /* quadratic programs; trial: their memory while nothing is committed */
     void *qp_scratch;
@@ -101,10 +98,7 @@ FmuInstance *fmu_create(int is_co_simulation, size_t adapter_size, FmuLog log) {
         aligned(nx * sizeof(double)),
         aligned((nx + nu + np) * sizeof(double)),
         aligned((nx + ny) * sizeof(double)),
-        aligned((size_t)M->sz_arg * sizeof(double *)),
-        aligned((size_t)M->sz_res * sizeof(double *)),
-        aligned((size_t)M->sz_iw * sizeof(int)),
-        aligned((size_t)M->sz_w * sizeof(double)),
+        aligned((size_t)M->n_work * sizeof(double)),
         M->is_continuous ? integrator_memory(M->solver, M->n_states) : 0,
         aligned(((size_t)M->n_qp_data + (size_t)M->n_qp_solution + (size_t)M->n_qp_memory) * sizeof(double)),
         M->qp ? aligned(M->qp->scratch_size()) : 0,
@@ -132,24 +126,21 @@ FmuInstance *fmu_create(int is_co_simulation, size_t adapter_size, FmuLog log) {
     self->next = part[3];
     self->seed = part[4];
     self->sensitivity = part[5];
-    self->arg = (const double **)part[6];
-    self->res = part[7];
-    self->iw = part[8];
-    self->w = part[9];
+    self->w = part[6];
     self->integrator = (Integrator){.method = M->solver, .n = M->n_states, .system = self, .rhs = rhs, .jacobian = jacobian,
                                     .nominals = M->nominals, .velocity_of = M->velocity_of};
-    if (M->is_continuous) integrator_use(&self->integrator, part[10]);
+    if (M->is_continuous) integrator_use(&self->integrator, part[7]);
     self->qp_memory = self->y + ny;
-    self->qp_data = part[11];
+    self->qp_data = part[8];
     self->qp_solution = self->qp_data + M->n_qp_data;
     self->qp_trial = self->qp_solution + M->n_qp_solution;
-    self->qp_scratch = part[12];
+    self->qp_scratch = part[9];
     if (M->qp) M->qp->setup(self->qp_scratch);
-    self->checks = part[13];
+    self->checks = part[10];
     self->stability = (Stability){.method = M->solver, .n = M->n_states, .velocity_of = M->velocity_of,
                                   .n_points = M->n_points + 1, .system = self, .linearize = linearize};
-    if (M->is_continuous && is_co_simulation) stability_use(&self->stability, part[14]);
-    self->point_u = part[15];
+    if (M->is_continuous && is_co_simulation) stability_use(&self->stability, part[11]);
+    self->point_u = part[12];
     self->point_x = self->point_u + nu;
     self->before = self->point_x + nx;
     self->logging = ~0u & ~(1u << FMU_OK); /* without debug logging, errors still tell what is wrong */
@@ -239,17 +230,23 @@ FmuStatus fmu_setup(FmuInstance *self, double start_time, int has_stop, double s
 
 /* ------------------------------------------------------------------ evaluation */
 
+/* Name of the variable or hidden state that element i of a role belongs to. */
+static const char *name_of(FmuRole role, int i) {
+    for (int k = 0; k < M->n_variables; k++) {
+        const FmuVariable *v = &M->variables[k];
+        if (v->role == role && i >= v->slot && i < v->slot + v->size) return v->name;
+    }
+    for (int k = 0; k < M->n_hidden; k++) {
+        const FmuHidden *h = &M->hidden[k];
+        if (role == FMU_STATE && i >= h->slot && i < h->slot + h->size) return h->name;
+    }
+    return "";
+}
+
 /* Name of the first of n values of a role that is not finite, or NULL. */
 static const char *not_finite(const double *values, int n, FmuRole role) {
-    for (int i = 0; i < n; i++) {
-        if (isfinite(values[i])) continue;
-        const char *name = role == FMU_STATE ? M->state_names[i] : "";
-        for (int k = 0; k < M->n_variables; k++) {
-            const FmuVariable *v = &M->variables[k];
-            if (v->role == role && i >= v->slot && i < v->slot + v->size) name = v->name;
-        }
-        return name;
-    }
+    for (int i = 0; i < n; i++)
+        if (!isfinite(values[i])) return name_of(role, i);
     return NULL;
 }
 
@@ -258,30 +255,33 @@ static FmuStatus check_finite(FmuInstance *self, const double *values, int n, Fm
     return name ? fmu_fail(self, FMU_ERROR, "%s is not finite at time %.9g s", name, self->state->time) : FMU_OK;
 }
 
-static void call(FmuInstance *self, FmuFunction f, const double **args, int n_args, double *res0, double *res1) {
-    for (int i = 0; i < n_args; i++) self->arg[i] = args[i];
-    self->res[0] = res0;
-    if (M->sz_res > 1) self->res[1] = res1;
-    (void)f(self->arg, self->res, self->iw, self->w, 0);
+static FmuArguments arguments(const FmuInstance *self, double t, const double *x) {
+    return (FmuArguments){.t = t, .x = x, .u = self->u, .p = self->p, .s = self->qp_solution, .w = self->w};
 }
 
 static void rhs(void *instance, double t, const double *x, double *dx) {
-    FmuInstance *self = instance;
-    const double *args[] = {&t, x, self->u, self->p};
-    call(self, M->next_fn, args, 4, dx, NULL);
+    const FmuArguments at = arguments(instance, t, x);
+    if (M->derivatives) M->derivatives(&at, dx);
 }
 
 static void jacobian(void *instance, double t, const double *x, double *J, double *by_time) {
-    FmuInstance *self = instance;
-    const double *args[] = {&t, x, self->u, self->p};
-    call(self, M->jac_fn, args, 4, J, by_time);
+    const FmuArguments at = arguments(instance, t, x);
+    if (M->jacobian) M->jacobian(&at, J, by_time);
+}
+
+/* Start states: `x` with what is calculated in it. */
+static void start_states(const FmuInstance *self, const double *x, const double *u, double *result) {
+    FmuArguments at = arguments(self, 0.0, x);
+    at.u = u;
+    memcpy(result, x, (size_t)M->n_states * sizeof(double));
+    if (M->start_states) M->start_states(&at, result);
 }
 
 /* Solve the quadratic programs, if there are any; `memory` holds their warm starts and receives the next ones. */
 static void solve_programs(FmuInstance *self, double t, double *memory) {
     if (!M->qp) return;
-    const double *args[] = {&t, self->x, self->u, self->p};
-    call(self, M->qp_fn, args, 4, self->qp_data, NULL);
+    const FmuArguments at = arguments(self, t, self->x);
+    M->program_data(&at, self->qp_data);
     M->qp->solve(self->qp_scratch, memory, self->qp_data, self->qp_solution);
 }
 
@@ -290,9 +290,8 @@ static FmuStatus refresh_start(FmuInstance *self) {
     State *s = self->state;
     const int still_starting = M->is_continuous ? s->mode == MODE_INITIALIZATION : !s->started;
     if (s->start_valid || !still_starting) return FMU_OK;
-    if (M->n_calculated) {
-        const double *args[] = {self->x, self->u, self->p};
-        call(self, M->start_fn, args, 3, self->next, NULL);
+    if (M->start_states) {
+        start_states(self, self->x, self->u, self->next);
         const FmuStatus status = check_finite(self, self->next, M->n_states, FMU_STATE);
         if (status != FMU_OK) return status;
         memcpy(self->x, self->next, (size_t)M->n_states * sizeof(double));
@@ -308,8 +307,9 @@ static FmuStatus refresh_outputs(FmuInstance *self) {
     if (M->is_continuous || !s->started) { /* a started discrete component holds the outputs of its last sample */
         if (M->qp) memcpy(self->qp_trial, self->qp_memory, (size_t)M->n_qp_memory * sizeof(double));
         solve_programs(self, s->time, self->qp_trial);
-        const double *args[] = {&s->time, self->x, self->u, self->p, self->qp_solution};
-        call(self, M->out_fn, args, M->qp ? 5 : 4, self->y, NULL);
+        const FmuArguments at = arguments(self, s->time, self->x);
+        if (M->outputs) M->outputs(&at, self->y);
+        if (M->sample) M->sample(&at, self->y, self->next); /* the next states are those of a sample that is not taken yet */
         status = check_finite(self, self->y, M->n_outputs, FMU_OUTPUT);
         if (status != FMU_OK) return status;
     }
@@ -334,9 +334,9 @@ FmuStatus fmu_enter_initialization(FmuInstance *self) {
 
 /* Relations between parameters that their ranges cannot express. */
 static FmuStatus check_relations(FmuInstance *self) {
-    if (!M->check_fn) return FMU_OK;
-    const double *args[] = {&self->state->time, self->x, self->u, self->p};
-    call(self, M->check_fn, args, 4, self->checks, NULL);
+    if (!M->checks) return FMU_OK;
+    const FmuArguments at = arguments(self, self->state->time, self->x);
+    M->checks(&at, self->checks);
     for (int i = 0; i < M->n_checks; i++)
         if (!(self->checks[i] > 0.0)) return fmu_fail(self, FMU_ERROR, "%s", M->check_messages[i]);
     return FMU_OK;
@@ -360,8 +360,7 @@ static int linearize(void *instance, int point, double *A) {
         memcpy(u, start, nu * sizeof(double));
         for (int i = 0; i < at->n_settings; i++)
             if (at->settings[i].slot < M->n_inputs) u[at->settings[i].slot] = at->settings[i].value;
-        const double *args[] = {start + nu, u, self->p};
-        call(self, M->start_fn, args, 3, x, NULL);
+        start_states(self, start + nu, u, x);
         for (int i = 0; i < at->n_settings; i++)
             if (at->settings[i].slot >= M->n_inputs) x[at->settings[i].slot - M->n_inputs] = at->settings[i].value;
         if (point == 0) self->present_is_a_point = 0;
@@ -369,16 +368,19 @@ static int linearize(void *instance, int point, double *A) {
             memcmp(u, self->u, nu * sizeof(double)) == 0)
             self->present_is_a_point = 1;
     }
-    if (M->jac_fn) {
-        const double *args[] = {&t, x, u, self->p};
-        call(self, M->jac_fn, args, 4, A, self->next);
+    FmuArguments at = arguments(self, t, x);
+    at.u = u;
+    if (M->jacobian) {
+        M->jacobian(&at, A, self->next);
         return 1;
     }
     memset(self->seed, 0, (nx + nu + np) * sizeof(double));
+    at.dx = self->seed;
+    at.du = self->seed + nx;
+    at.dp = self->seed + nx + nu;
     for (size_t j = 0; j < nx; j++) {
-        const double *args[] = {&t, x, u, self->p, self->seed, self->seed + nx, self->seed + nx + nu};
         self->seed[j] = 1.0;
-        call(self, M->fwd_fn, args, 7, self->sensitivity, self->sensitivity + nx);
+        M->directional(&at, self->sensitivity, self->sensitivity + nx);
         self->seed[j] = 0.0;
         memcpy(A + j * nx, self->sensitivity, nx * sizeof(double));
     }
@@ -530,7 +532,7 @@ static void warn_of_input(FmuInstance *self, const char *function, const FmuVari
                        "for every real input, and say so only once",
                        function, value, v->name, v->min, v->max);
     }
-    if (value != 0.0 && !(fabs(value - v->must_equal) <= v->tolerance) && !(self->warned & WARNED_CONSTANT)) {
+    if (value != 0.0 && v->tolerance > 0.0 && !(fabs(value - v->must_equal) <= v->tolerance) && !(self->warned & WARNED_CONSTANT)) {
         self->warned |= WARNED_CONSTANT;
         (void)fmu_fail(self, FMU_WARNING,
                        "%s: %s is %.9g, but %s is made for a source where it is %.9g: take one, or build this FMU for the "
@@ -607,7 +609,7 @@ static const double *sensitivity_of(const FmuInstance *self, const FmuVariable *
 FmuStatus fmu_directional_derivative(FmuInstance *self, const char *function, const unsigned *unknowns, size_t n_unknowns,
                                      const unsigned *knowns, size_t n_knowns, const double *seed, size_t n_seed,
                                      double *sensitivity, size_t n_sensitivity) {
-    if (!M->fwd_fn)
+    if (!M->is_continuous)
         return fmu_fail(self, FMU_ERROR, "%s: a discrete component has no directional derivatives", function);
     FmuStatus status = check_arrays(self, function, knowns, n_knowns, seed, n_seed);
     if (status == FMU_OK) status = check_arrays(self, function, unknowns, n_unknowns, sensitivity, n_sensitivity);
@@ -635,13 +637,16 @@ FmuStatus fmu_directional_derivative(FmuInstance *self, const char *function, co
     }
     if (k != n_seed) return fmu_fail(self, FMU_ERROR, "%s: %zu seed values for %zu knowns", function, n_seed, k);
 
-    if (starting && M->n_calculated) {
-        const double *args[] = {self->x, self->u, self->p, sx, su, sp};
-        call(self, M->fwd_start_fn, args, 6, self->next, NULL);
+    FmuArguments at = arguments(self, self->state->time, self->x);
+    at.dx = sx;
+    at.du = su;
+    at.dp = sp;
+    if (starting && M->directional_start) {
+        memcpy(self->next, sx, nx * sizeof(double));
+        M->directional_start(&at, self->next);
         memcpy(sx, self->next, nx * sizeof(double));
     }
-    const double *args[] = {&self->state->time, self->x, self->u, self->p, sx, su, sp};
-    call(self, M->fwd_fn, args, 7, self->sensitivity, self->sensitivity + nx);
+    if (M->directional) M->directional(&at, self->sensitivity, self->sensitivity + nx);
 
     k = 0;
     for (size_t i = 0; i < n_unknowns; i++) {
@@ -680,7 +685,7 @@ static FmuStatus advance_continuous(FmuInstance *self, const char *function, dou
             return fmu_fail(self, FMU_ERROR,
                             "%s: the matrix of solver ros2 of %s is singular or not finite at time %.9g s (state %s); "
                             "try another solver.step (here steps of %g s)",
-                            function, M->name, ti, M->state_names[found], dt);
+                            function, M->name, ti, name_of(FMU_STATE, found), dt);
         }
         for (int j = 0; j < M->n_states; j++)
             if (!(fabs(self->x[j]) <= M->bounds[j])) {
@@ -688,7 +693,7 @@ static FmuStatus advance_continuous(FmuInstance *self, const char *function, dou
                 return fmu_fail(self, FMU_ERROR,
                                 "%s: state %s left all bounds at time %.9g s: it is %g, beyond %g; look at inputs and "
                                 "parameters, and try a shorter solver.step",
-                                function, M->state_names[j], ti + dt, self->x[j], M->bounds[j]);
+                                function, name_of(FMU_STATE, j), ti + dt, self->x[j], M->bounds[j]);
             }
     }
     return FMU_OK;
@@ -704,8 +709,8 @@ static FmuStatus advance_discrete(FmuInstance *self, double t, double h) {
         if (status != FMU_OK) return status;
         s->started = 1;
         solve_programs(self, instant, self->qp_memory);
-        const double *args[] = {&instant, self->x, self->u, self->p, self->qp_solution};
-        call(self, M->next_fn, args, M->qp ? 5 : 4, self->next, self->y);
+        const FmuArguments at = arguments(self, instant, self->x);
+        M->sample(&at, self->y, self->next);
         status = check_finite(self, self->next, M->n_states, FMU_STATE);
         if (status == FMU_OK) status = check_finite(self, self->y, M->n_outputs, FMU_OUTPUT);
         if (status != FMU_OK) return status;
@@ -755,7 +760,8 @@ FmuStatus fmu_set_states(FmuInstance *self, const char *function, const double *
     FmuStatus status = check_states(self, function, x, n);
     for (size_t i = 0; i < n && status == FMU_OK; i++)
         if (!isfinite(x[i]))
-            status = fmu_fail(self, FMU_ERROR, "%s: value %g for state %s is not finite", function, x[i], M->state_names[i]);
+            status = fmu_fail(self, FMU_ERROR, "%s: value %g for state %s is not finite", function, x[i],
+                              name_of(FMU_STATE, (int)i));
     if (status != FMU_OK) return status;
     if (n) memcpy(self->x, x, n * sizeof(double));
     self->state->outputs_valid = self->state->derivatives_valid = 0;

@@ -4,7 +4,17 @@
 
 #include <stddef.h>
 
-typedef int (*FmuFunction)(const double **arg, double **res, int *iw, double *w, int mem);
+/* What the functions of a component are evaluated at, and memory for their work. */
+typedef struct {
+    double t;                   /* [s] */
+    const double *x, *u, *p;    /* states, inputs, parameters */
+    const double *s;            /* solutions of the quadratic programs */
+    const double *dx, *du, *dp; /* direction of a derivative */
+    double *w;
+} FmuArguments;
+
+typedef void (*FmuFunction)(const FmuArguments *at, double *result);
+typedef void (*FmuFunctions)(const FmuArguments *at, double *result, double *second);
 
 typedef enum { FMU_FLOAT64, FMU_INT32, FMU_BOOLEAN } FmuType;
 typedef enum { FMU_TIME, FMU_PARAMETER, FMU_INPUT, FMU_STATE, FMU_DERIVATIVE, FMU_OUTPUT } FmuRole;
@@ -17,11 +27,19 @@ typedef struct {
     FmuRole role;
     int slot;        /* first element in the vector of the role */
     int size;        /* number of elements (1 unless the FMU was built with FMI 3 arrays) */
-    int is_exact;    /* has a start value that may be set before and during initialization */
+    int is_exact;    /* state with a start value that may be set before and during initialization */
     int is_tunable;  /* parameter that may be set after initialization */
-    double min, max; /* -INFINITY, INFINITY where not declared */
-    double must_equal, tolerance; /* input that takes a constant of its source: which one, to within; INFINITY for others */
+    double min, max;
+    double must_equal, tolerance; /* input that takes a constant of its source: which one, to within; both 0 for others */
 } FmuVariable;
+
+#define FMU_NO_LIMITS .min = -INFINITY, .max = INFINITY
+
+/* States that are no FMI variables. */
+typedef struct {
+    const char *name;
+    int slot, size;
+} FmuHidden;
 
 /* Quadratic programs that a discrete component solves at each sample, one after the other (qp.c). */
 typedef struct {
@@ -45,37 +63,37 @@ typedef struct {
     int n_settings;
 } FmuPoint;
 
+/* What is not given is 0 or NULL: a component without that. */
 typedef struct {
     const char *name;
     const char *token;
     int is_continuous;
     FmuSolver solver;
     double sample_time;                    /* [s], discrete components */
-    int n_variables;
     const FmuVariable *variables;
+    int n_variables;
+    const FmuHidden *hidden;
+    int n_hidden;
     int n_parameters, n_inputs, n_states, n_outputs;
-    const double *start;                   /* parameters, inputs, states in this order */
-    const double *nominals;                /* of the states */
-    const char *const *state_names;
-    int n_calculated;                      /* states with a calculated start */
-    FmuFunction start_fn;                  /* (x, u, p) -> x0 */
-    FmuFunction out_fn;                    /* (t, x, u, p) -> y */
-    FmuFunction next_fn;                   /* continuous: (t, x, u, p) -> dx; discrete: (t, x, u, p) -> x_next, y */
-    FmuFunction fwd_fn;                    /* (t, x, u, p, dx, du, dp) -> d(dx/dt), dy; NULL for discrete */
-    FmuFunction fwd_start_fn;              /* (x, u, p, dx, du, dp) -> dx0; NULL for discrete */
-    FmuFunction jac_fn;                    /* (t, x, u, p) -> d(dx/dt)/dx dense column-major, d(dx/dt)/dt; may be NULL but for ros2 */
-    const FmuQpFunctions *qp;              /* NULL without quadratic programs */
-    FmuFunction qp_fn;                     /* (t, x, u, p) -> their data; out_fn and next_fn then take their solutions as s too:
-                                            * (t, x, u, p, s) */
-    int n_qp_data, n_qp_solution, n_qp_memory;
-    int sz_arg, sz_res, sz_iw, sz_w;       /* largest work sizes of the functions above and below */
+    int n_work;                            /* numbers that the functions work in */
+    const double *start;                   /* start values of parameters, inputs, states in this order */
+    FmuFunction start_states;              /* x, u, p -> x; NULL where no start is calculated */
+    FmuFunction derivatives;               /* continuous: t, x, u, p -> dx/dt */
+    FmuFunction outputs;                   /* continuous: t, x, u, p -> y */
+    FmuFunctions sample;                   /* discrete: t, x, u, p, s -> y, next x */
+    FmuFunctions directional;              /* continuous: t, x, u, p, dx, du, dp -> d(dx/dt), dy */
+    FmuFunction directional_start;         /* x, u, p, dx, du, dp -> dx; NULL where no start is calculated */
+    FmuFunctions jacobian;                 /* t, x, u, p -> d(dx/dt)/dx column by column, d(dx/dt)/dt; may be NULL but for ros2 */
+    const double *nominals, *bounds;       /* of the states of continuous components: beyond their bounds they have blown up */
     const int *velocity_of;                /* semi_implicit: for each state the index of its derivative among the states, or -1 */
-    FmuFunction check_fn;                  /* (t, x, u, p) -> values that must be > 0 after initialization; NULL without checks */
-    int n_checks;
-    const char *const *check_messages;
-    const double *bounds;                  /* of the states: beyond them they have blown up */
     const FmuPoint *points;                /* continuous components */
     int n_points;
+    FmuFunction checks;                    /* t, x, u, p -> values that must be > 0 after initialization */
+    const char *const *check_messages;
+    int n_checks;
+    const FmuQpFunctions *qp;
+    FmuFunction program_data;              /* t, x, u, p -> data of the quadratic programs */
+    int n_qp_data, n_qp_solution, n_qp_memory;
 } FmuModel;
 
 extern const FmuModel fmu_model;

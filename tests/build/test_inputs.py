@@ -9,7 +9,6 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from build_fmus import generate
 from build_fmus.component import Component, DeclarationError
 from build_fmus.description import model_description, variable_rows
 from build_fmus.reference import Evaluator
@@ -127,22 +126,3 @@ def test_the_annotation_tells_constants_of_inputs_and_outputs(fmi: int) -> None:
     for line in ('<Output name="grid.step" constant="0.02"/>', '<Output name="table[2,1]" constant="3.0"/>'):
         assert line in text
     assert 'name="clock" constant' not in text
-
-
-def test_generated_code_converts_no_number_unchecked() -> None:
-    """What C leaves undefined, NaN and large numbers as an index, has a value; what is not known is refused."""
-    c = Component("Table", kind="discrete", sample_time=0.01, description="lookups", source="none", symbols=ca.MX)
-    at = c.input("at", "1", "place", shape=(3,))
-    table = c.state("table", "1", shape=(8,))
-    written = ca.MX(table)
-    written.set_nz(at[:1], False, at[1:2])
-    c.update(table, written)
-    c.output("read", table[at], "1", "what is there")
-    exact = ca.interpolant("exact", "linear", [np.arange(4.0)], np.arange(4.0), {"lookup_mode": ["exact"]})
-    c.output("interpolated", exact(at[0]), "1", "between points")
-    code = generate.generate_c(c.model(), arrays=False, token="t")
-    assert "(int) *" not in code
-    assert "(casadi_int) (" not in code
-    assert code.count("fmu_index(") >= 4
-    with pytest.raises(RuntimeError, match=r"Table: generated code converts numbers .* \(int\) w\[3\]"):
-        generate._with_safe_casts("i = (int) w[3];", "Table")

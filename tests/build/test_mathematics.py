@@ -157,6 +157,7 @@ def test_every_function_that_generated_code_can_call_is_there() -> None:
     called = {n for n in re.findall(r"\b([a-z]\w*)\(", bodies) if not n.startswith(("casadi_", "model_", "fmu_"))}
     functions = called - {"if", "switch", "sizeof", "defined"} - set(re.findall(r"(\w+)\([^()]*\)\s*\{", bodies))
     exact = {"sqrt", "fabs", "copysign"}
+    functions -= set(re.findall(r"static inline double (\w+)\(", (RUNTIME_DIR / "equations.h").read_text()))
     header = (RUNTIME_DIR / "fmu_math.h").read_text()
     renamed = set(re.findall(r"^#define (\w+)\(.*\) fmu_\1\(", header, re.MULTILINE))
     assert {"sin", "pow", "remainder", "erf"} <= functions

@@ -1,8 +1,16 @@
-"""Where values come from: the FMU says of every parameter what its declaration says."""
+"""Where values and equations come from: the FMU says what its declaration says; its C code says nothing that is not needed."""
 
 from __future__ import annotations
 
+import os
+import re
+import shutil
+import subprocess
+from collections.abc import Callable
+
 import components
+import pytest
+from api import Library
 from built import FMUS, BuiltFmus
 
 from build_fmus.builder import Options
@@ -28,3 +36,36 @@ def test_every_parameter_has_the_source_that_was_declared(name: str, built_fmus:
         about = Fmu(file).description
         assert {n: p.source for n, p in about.parameters.items()} == sources
         assert not any(v.source for n, v in about.variables.items() if n not in about.parameters)
+
+
+SECTIONS = {
+    True: ("outputs", "directional derivatives"),
+    False: ("sample",),
+}  # of continuous components, of discrete ones
+
+
+def test_each_section_of_the_code_says_where_its_equations_come_from(
+    name: str, load: Callable[[str, int], Library]
+) -> None:
+    fmu, component = load(name, 3), declared(name)
+    code = (fmu.folder / "sources" / "model.c").read_text()
+    sections = re.findall(r"^/\* -+ (\w[^\n]*)\n \* (.*?) \*/\nstatic void", code, re.MULTILINE | re.DOTALL)
+    titles = [title for title, _ in sections]
+    assert len(titles) == len(re.findall(r"^static void \w+\(const FmuArguments", code, re.MULTILINE))
+    for wanted in (
+        *SECTIONS[fmu.is_continuous],
+        *(["derivatives"] if fmu.is_continuous and component.size("state") else []),
+    ):
+        assert any(t.startswith(wanted) for t in titles)
+    assert {re.sub(r"\s*\n \*", "", source) for _, source in sections} == {" ".join(component.source.split())}
+    assert "casadi" not in code.lower() or name in components.MAKERS
+
+
+@pytest.mark.skipif(shutil.which("gcc") is None, reason="needs gcc")
+def test_nothing_in_the_code_is_unused(name: str, load: Callable[[str, int], Library]) -> None:
+    """Functions, constants, arguments, macros, types: what stands in the code of the equations is there for something."""
+    sources = load(name, 3).folder / "sources"
+    flags = ["-std=c99", "-Wall", "-Wextra", "-Wunused", "-Wunused-macros", "-Werror", "-O0", f"-I{sources}"]
+    command = ["gcc", *flags, "-c", str(sources / "model.c"), "-o", os.devnull]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr

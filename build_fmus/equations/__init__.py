@@ -1,0 +1,12 @@
+"""C code that reads like the equations: CasADi functions of a component, with the names of its declaration.
+
+The room, lowest first:
+
+- ``operators``: how each operation of CasADi is written in C;
+- ``names``: C identifiers, and C structs over the runtime's vectors (``p->suspension_stiffness``);
+- ``graph``: operations of all functions of a component, each different one once, so that what has a name has it everywhere;
+- ``statements``: one C function from its operations;
+- ``casadi_code``: CasADi's own code, for functions with operations that the others do not know.
+
+The order of operations is the declaration's: the code gives the bits that CasADi's would.
+"""

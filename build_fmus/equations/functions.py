@@ -1,0 +1,303 @@
+"""The C functions of one component, with the structs and constant arrays that they share."""
+
+from __future__ import annotations
+
+import textwrap
+from collections import Counter
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+from build_fmus import extras
+from build_fmus.component import Model, Role, Variable
+from build_fmus.equations.casadi_code import casadi_code
+from build_fmus.equations.graph import Graph, Result, UnknownOperationError
+from build_fmus.equations.names import WIDTH, Struct
+from build_fmus.equations.statements import Name, Statements, Tables, Target
+
+with extras.needed("build", extras.BUILDING):
+    import casadi as ca
+
+_STRUCTS: dict[Role, tuple[str, str]] = {
+    "parameter": ("p", "Parameters"), "input": ("u", "Inputs"), "state": ("x", "States"), "output": ("y", "Outputs"),
+}  # fmt: skip
+# What functions are given, by the pointer to it, and the vector of which it is one.
+_ARGUMENTS = {"x": "x", "u": "u", "p": "p", "s": "s", "dx": "x", "du": "u", "dp": "p"}
+_INPUTS = {
+    "start": ("x", "u", "p"), "fwd": ("t", "x", "u", "p", "dx", "du", "dp"), "fwd_start": ("x", "u", "p", "dx", "du", "dp"),
+}  # fmt: skip
+_AT_AN_INSTANT = ("t", "x", "u", "p", "s")
+
+
+@dataclass(frozen=True)
+class _Part:
+    """One C function of a component.
+
+    Attributes:
+        name, title: of the C function; what its section is about.
+        function: of :attr:`Component.functions`.
+        results: for each result the index among those of CasADi's function, and where it goes.
+        skipped: slots of the first result that stay as they are.
+    """
+
+    name: str
+    title: str
+    function: str
+    results: tuple[tuple[int, Target], ...]
+    skipped: frozenset[int] = frozenset()
+
+
+class Functions:
+    """Code of a component's functions.
+
+    Attributes:
+        declarations: structs, and constant arrays.
+        sections: one for each function, in the order of reading.
+        names: of the C functions there are, which are those of the runtime's fields.
+        n_work: numbers that they work in.
+    """
+
+    def __init__(self, component: Model) -> None:
+        self._component = component
+        self._graph, self._tables = Graph(), Tables()
+        self.structs = _structs(component)
+        self.n_work = 0
+        self.names: list[str] = []
+        self.sections: list[str] = []
+        parts = self._parts()
+        read: dict[str, list[Result] | None] = {}
+        for name in dict.fromkeys(("values", "out", "rhs", *(p.function for p in parts))):
+            if name in component.functions:
+                read[name] = self._read(name)
+        self._names, self._constants = self._named(read)
+        others = [component.functions[p.function] for p in parts if read[p.function] is None]
+        code, entries = casadi_code(others) if others else ("", {})
+        if code:
+            self.sections.append(f"{_head('operations in the code of CasADi')}\n{code}\n")
+        for part in parts:
+            results = read[part.function]
+            self.sections.append(self._calls(part, entries) if results is None else self._section(part, results))
+            self.names.append(part.name)
+        self.uses_casadi = bool(others)
+
+    @property
+    def declarations(self) -> str:
+        """Structs over the vectors, and constant arrays."""
+        shown = [s.definition() for s in self.structs.values()]
+        constants = [f"{_head('constants')}\n", *self._tables.code] if self._tables.code else []
+        return "\n\n".join([*shown, *constants])
+
+    # ------------------------------------------------------------------ what there is to write
+
+    def _parts(self) -> list[_Part]:
+        c = self._component
+        functions, states, outputs = c.functions, self.structs.get("x"), self.structs.get("y")
+        nx, ny = c.size("state"), c.size("output")
+        state_sources = self._sources("state")
+        output_sources = self._sources("output")
+        calculated = frozenset(k for v in c.of("state") if v.start is not None for k in range(v.slot, v.slot + v.size))
+        parts = []
+        if nx > len(calculated):
+            target = Target("start", nx, states)
+            parts.append(_Part("start_states", "start: calculated states x(u, p)", "start", ((0, target),), calculated))
+        if c.kind == "discrete":
+            results = ((1, Target("y", ny, outputs, output_sources)), (0, Target("next", nx, states, state_sources)))
+            title = "sample: outputs y and next states at a sample instant"
+            parts.append(_Part("sample", title, "tick", results))
+            if c.programs:
+                target = Target("data", functions["programs"].numel_out(0), self.structs["data"])
+                parts.append(_Part("program_data", "data of the quadratic programs", "programs", ((0, target),)))
+        else:
+            if ny:
+                parts.append(_Part("outputs", "outputs: y", "out", ((0, Target("y", ny, outputs, output_sources)),)))
+            if nx:
+                target = Target("der", nx, states, state_sources)
+                parts.append(_Part("derivatives", "derivatives: dx/dt", "rhs", ((0, target),)))
+            if nx or ny:
+                targets = (
+                    (0, Target("d_der", nx, states, zero_first=True)),
+                    (1, Target("dy", ny, outputs, zero_first=True)),
+                )
+                title = "directional derivatives of dx/dt and y along dx, du, dp"
+                parts.append(_Part("directional", title, "fwd", targets))
+            if nx > len(calculated):
+                target = Target("d_start", nx, states)
+                title = "directional derivatives of calculated start states"
+                parts.append(_Part("directional_start", title, "fwd_start", ((0, target),), calculated))
+            if nx and "jac" in functions:
+                names = [n for v in c.of("state") for n in v.element_names()]
+                comments = {i + nx * k: f"der({names[i]}) by {names[k]}" for i in range(nx) for k in range(nx)}
+                by_time = {i: f"der({names[i]}) by time" for i in range(nx)}
+                targets = (
+                    (0, Target("result", nx * nx, comments=comments, zero_first=True)),
+                    (1, Target("second", nx, comments=by_time, zero_first=True)),
+                )
+                parts.append(_Part("jacobian", "Jacobian of dx/dt by x, column by column, and by time", "jac", targets))
+        if "check" in functions:
+            target = Target("result", len(c.check_messages))
+            parts.append(
+                _Part("checks", "relations between parameters: values that must be > 0", "check", ((0, target),))
+            )
+        return parts
+
+    def _sources(self, role: Role) -> dict[int, str]:
+        """Where equations come from, by the slot that they give."""
+        sources = self._component.equations
+        declared = [v for v in self._component.of(role) if v.name in sources]
+        return {v.slot + k: sources[v.name] for v in declared for k in range(v.size)}
+
+    def _read(self, name: str) -> list[Result] | None:
+        """Results of a function; None where CasADi is to write it."""
+        try:
+            return self._graph.read(self._component.functions[name], _INPUTS.get(name, _AT_AN_INSTANT))
+        except UnknownOperationError:
+            return None
+
+    def _named(self, read: Mapping[str, list[Result] | None]) -> tuple[dict[int, Name], dict[int, str]]:
+        """What nodes are called, and constant arrays: intermediate values, then outputs, then derivatives or next states."""
+        c, nodes = self._component, self._graph.nodes
+        names: dict[int, Name] = {}
+        constants: dict[int, str] = {}
+        sources = list(c.value_sources.items())
+        for result in read.get("values") or ():
+            name, source = sources[result.index]
+            size = c.functions["values"].numel_out(result.index)
+            text = name if nodes[result.node].size == size else f"{name}_{result.start}"
+            if nodes[result.node].operation == ca.OP_CONST:
+                constants.setdefault(result.node, text)
+            else:
+                names.setdefault(result.node, Name(text, source, is_value=True))
+        discrete = c.kind == "discrete"
+        after = ("tick", 0, "next_") if discrete else ("rhs", 0, "der_")
+        for function, index, prefix in (("tick" if discrete else "out", 1 if discrete else 0, ""), after):
+            struct = self.structs.get("x" if prefix else "y")
+            for result in read.get(function) or ():
+                if result.index != index or struct is None:
+                    continue
+                member = struct.member_at(result.start)
+                if (result.start, nodes[result.node].size) == (member.slot, member.size):
+                    names.setdefault(result.node, Name(f"{prefix}{member.name}"))
+        return names, constants
+
+    # ------------------------------------------------------------------ writing
+
+    def _section(self, part: _Part, results: list[Result]) -> str:
+        statements = Statements(self._graph, self.structs_of_arguments, self._names, self._tables, self._constants)
+        wanted = [
+            (target, r.start, r.node)
+            for index, target in part.results
+            for r in results
+            if r.index == index and not self._is_skipped(part, r)
+        ]
+        arrays = dict(zip((t.pointer for _, t in part.results), ("result", "second"), strict=False))
+        zeros = Counter(t.pointer for t, _, n in wanted if statements.is_zero(n))
+        wanted = [
+            (replace(t, array=arrays[t.pointer], zero_first=t.zero_first and zeros[t.pointer] > 1), start, n)
+            for t, start, n in wanted
+        ]
+        body = statements.write(wanted)
+        self.n_work = max(self.n_work, statements.work)
+        return self._function(part, body, statements.pointers)
+
+    def _is_skipped(self, part: _Part, r: Result) -> bool:
+        slots = range(r.start, r.start + self._graph.nodes[r.node].size)
+        return bool(part.skipped) and part.skipped.issuperset(slots)
+
+    @property
+    def structs_of_arguments(self) -> dict[str, Struct]:
+        """Structs by the pointers that functions have to what they are given."""
+        return {pointer: self.structs[vector] for pointer, vector in _ARGUMENTS.items() if vector in self.structs}
+
+    def _function(self, part: _Part, body: list[str], used: Mapping[str, None]) -> str:
+        lines = []
+        if "t" in used:
+            lines.append("const double t = at->t;")
+        for pointer, struct in self.structs_of_arguments.items():
+            if pointer in used:
+                lines.append(f"const {struct.name} *const {pointer} = (const {struct.name} *)at->{pointer};")
+        if "w" in used:
+            lines.append("double *const w = at->w;")
+        if not lines:
+            lines.append("(void)at;")
+        for parameter, (_, target) in zip(("result", "second"), part.results, strict=False):
+            if target.struct is not None and target.pointer in used:
+                lines.append(f"{target.struct.name} *const {target.pointer} = ({target.struct.name} *){parameter};")
+            elif not any(parameter in line for line in body):
+                lines.append(f"(void){parameter};")
+        indented = [f"    {line}" for line in (*lines, *([""] if body else []), *body)]
+        head = _head(part.title, self._component.source)
+        return "\n".join([head, f"{_signature(part)} {{", *(line.rstrip() for line in indented), "}", ""])
+
+    def _calls(self, part: _Part, entries: Mapping[str, str]) -> str:
+        """A function that is CasADi's code."""
+        function = self._component.functions[part.function]
+        given = [f"&at->{v}" if v == "t" else f"at->{v}" for v in _INPUTS.get(part.function, _AT_AN_INSTANT)][
+            : function.n_in()
+        ]
+        given += ["NULL"] * (function.sz_arg() - len(given))
+        parameters = {index: name for name, (index, _) in zip(("result", "second"), part.results, strict=False)}
+        taken = [parameters.get(i, "NULL") for i in range(function.n_out())]
+        taken += ["NULL"] * (function.sz_res() - len(taken))
+        self.n_work = max(self.n_work, function.sz_w())
+        lines = [
+            f"    const double *arg[] = {{{', '.join(given)}}};",
+            f"    double *res[] = {{{', '.join(taken)}}};",
+            f"    int iw[{max(1, function.sz_iw())}];",
+            f"    (void){entries[function.name()]}(arg, res, iw, at->w, 0);",
+        ]
+        head = _head(part.title, self._component.source)
+        return "\n".join([head, f"{_signature(part)} {{", *lines, "}", ""])
+
+
+def _signature(part: _Part) -> str:
+    second = ", double *second" if len(part.results) > 1 else ""
+    return f"static void {part.name}(const FmuArguments *at, double *result{second})"
+
+
+def _head(title: str, source: str = "") -> str:
+    text = f"/* {'-' * 66} {title}"
+    lines = textwrap.wrap(source, WIDTH - 3, break_long_words=False)
+    return "\n * ".join([text, *lines]) + " */"
+
+
+def _structs(component: Model) -> dict[str, Struct]:
+    """Structs over the vectors that are not empty, by their pointer."""
+    flat = component.symbols is ca.MX
+    structs = {}
+    for role, (pointer, name) in _STRUCTS.items():
+        variables = component.of(role)
+        if variables:
+            members = [(v.name, _shape(v, flat), _comment(v, flat)) for v in variables]
+            structs[pointer] = Struct(name, f"{name}: {_OF[role]}", members)
+    if component.programs:
+        solutions, data = [], []
+        for q in component.programs:
+            stem = q.name.rpartition(".")[2]
+            solutions += [
+                (f"{stem}.z", (q.n,), "solution"), (f"{stem}.multipliers", (q.m,), ""), (f"{stem}.status", (), ""),
+                (f"{stem}.iterations", (), ""), (f"{stem}.residual", (), ""),
+            ]  # fmt: skip
+            data += [
+                (f"{stem}.linear", (q.n,), "q of z'Hz / 2 + q'z"), (f"{stem}.lower", (q.m,), "bounds of A z"),
+                (f"{stem}.upper", (q.m,), ""), (f"{stem}.case", (), "which H and A"),
+            ]  # fmt: skip
+        structs["s"] = Struct("Solutions", "Solutions of the quadratic programs", solutions)
+        structs["data"] = Struct("ProgramData", "Data of the quadratic programs", data)
+    return structs
+
+
+_OF: dict[Role, str] = {
+    "parameter": "p->body_mass is the variable body.mass; elements count from 0, those of gain[2,3] row by row",
+    "input": "u",
+    "state": "x",
+    "output": "y",
+}
+
+
+def _shape(v: Variable, flat: bool) -> tuple[int, ...]:
+    return (v.size,) if flat and v.shape else v.shape
+
+
+def _comment(v: Variable, flat: bool) -> str:
+    unit = f"[{v.unit}] " if v.unit and v.type == "Float64" else ""
+    rows = f"; {v.shape[0]} x {v.shape[1]}, row by row" if flat and len(v.shape) == 2 else ""
+    return f"{unit}{v.description}{rows}"

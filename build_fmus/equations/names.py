@@ -1,0 +1,107 @@
+"""C identifiers, and C structs whose members are the elements of one of the runtime's vectors by their names."""
+
+from __future__ import annotations
+
+import bisect
+import re
+import textwrap
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass
+from math import prod
+
+from build_fmus.equations.operators import FUNCTIONS, HELPERS
+
+WIDTH = 120
+_KEYWORDS = frozenset(
+    (
+        "auto", "break", "case", "char", "const", "continue", "default", "do", "double", "else", "enum", "extern", "float", "for",
+        "goto", "if", "inline", "int", "long", "register", "restrict", "return", "short", "signed", "sizeof", "static", "struct",
+        "switch", "typedef", "union", "unsigned", "void", "volatile", "while",
+        "I", "INFINITY", "NAN", "NULL", "linux", "unix", "i386", "near", "far",  # of headers and compilers
+    )
+)  # fmt: skip
+# What generated functions call their own: arguments, pointers to vectors, indices.
+_OWN = frozenset(
+    (
+        "at", "result", "second", "t", "x", "u", "p", "s", "w", "y", "dx", "du", "dp", "dy", "der", "d_der", "next", "start",
+        "d_start", "data", "i", "j",
+    )
+)  # fmt: skip
+
+
+def identifier(name: str, taken: Collection[str] = (), *, local: bool = True) -> str:
+    """A C identifier for ``name`` (``suspension.stiffness`` -> ``suspension_stiffness``) that is not taken yet.
+
+    ``local``: of a variable in a generated function, where more names are taken than behind an arrow.
+    """
+    result = re.sub(r"\W+", "_", name)
+    while result in _KEYWORDS or result in taken or (local and result in _RESERVED):
+        result += "_"
+    return result
+
+
+_RESERVED = frozenset((*_OWN, *HELPERS, *FUNCTIONS))
+
+
+@dataclass(frozen=True)
+class Member:
+    """One member: ``shape`` () for a number, its first position in the vector, and what a reader should know."""
+
+    name: str
+    shape: tuple[int, ...]
+    slot: int
+    comment: str
+
+    @property
+    def size(self) -> int:
+        return prod(self.shape)
+
+
+class Struct:
+    """A C struct that lies over a vector, member after member without gaps."""
+
+    def __init__(self, name: str, title: str, variables: Sequence[tuple[str, tuple[int, ...], str]]) -> None:
+        """``variables``: name, shape and comment of each; the title says what the struct is."""
+        self.name, self.title = name, title
+        self.members: list[Member] = []
+        taken: set[str] = set()
+        slot = 0
+        for text, shape, comment in variables:
+            member = Member(identifier(text, taken, local=False), shape, slot, comment)
+            taken.add(member.name)
+            self.members.append(member)
+            slot += member.size
+        self.size = slot
+        self._slots = [m.slot for m in self.members]
+
+    def member_at(self, slot: int) -> Member:
+        """The member that an element of the vector belongs to."""
+        return self.members[bisect.bisect_right(self._slots, slot) - 1]
+
+    def element(self, slot: int) -> str:
+        """C code of an element, behind the pointer to the struct."""
+        m = self.member_at(slot)
+        index = slot - m.slot
+        if not m.shape:
+            return m.name
+        if len(m.shape) == 1:
+            return f"{m.name}[{index}]"
+        return f"{m.name}[{index // m.shape[1]}][{index % m.shape[1]}]"
+
+    def definition(self) -> str:
+        """The typedef, with a comment on each member."""
+        lines = [f"/* {self.title} */", "typedef struct {"]
+        column = max(len(_declaration(m)) for m in self.members) + 6
+        for m in self.members:
+            head = f"    {_declaration(m)};"
+            if m.comment:
+                wrapped = textwrap.wrap(f"/* {m.comment} */", max(50, WIDTH + 8 - column))
+                head = f"{head:<{column}}{wrapped[0]}"
+                lines += [head, *(" " * (column + 3) + line for line in wrapped[1:])]
+            else:
+                lines.append(head)
+        return "\n".join([*lines, f"}} {self.name};"])
+
+
+def _declaration(m: Member) -> str:
+    return f"double {m.name}{''.join(f'[{n}]' for n in m.shape)}"

@@ -1,0 +1,543 @@
+"""One C function from the operations of one function of a component.
+
+What is used once stands where it is used; what has a name, is used more often, or makes a line too long gets a line of its own. The
+numbers of a vector are computed in one loop as far as they do not depend on each other.
+"""
+
+from __future__ import annotations
+
+import heapq
+import textwrap
+from collections import Counter
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import numpy as np
+
+from build_fmus import extras
+from build_fmus.equations.graph import GATHER, SCATTER, Graph, Node, UnknownOperationError
+from build_fmus.equations.names import WIDTH, Struct, identifier
+from build_fmus.equations.operators import ATOM, ELEMENTWISE, Text, constant, write
+
+with extras.needed("build", extras.BUILDING):
+    import casadi as ca
+
+LONGEST = 4 * WIDTH  # characters of an expression that is not divided
+_FREE = 16  # characters of an operand that no line of its own makes shorter
+
+
+class Index(NamedTuple):
+    """A position in a vector: ``step * variable + start``; variable "" for a number."""
+
+    variable: str
+    step: int = 1
+    start: int = 0
+
+    def through(self, places: range) -> Index:
+        """This one of the given positions."""
+        return Index(self.variable, self.step * places.step, places.start + places.step * self.start)
+
+    @property
+    def code(self) -> str:
+        """The C expression."""
+        if not self.variable or not self.step:
+            return str(self.start)
+        variable = f"({self.variable})" if " " in self.variable and self.step != 1 else self.variable
+        text = variable if abs(self.step) == 1 else f"{abs(self.step)} * {variable}"
+        if self.step < 0:
+            return f"{self.start} - {text}"
+        return text if not self.start else f"{text} + {self.start}" if self.start > 0 else f"{text} - {-self.start}"
+
+
+@dataclass(frozen=True)
+class Value:
+    """How a node is written: ``at`` gives the code of one element; ``pointer`` that of the first where all lie in a row.
+
+    ``length`` is how many characters it takes, about; ``reads`` are the work arrays that it is read from. A plain value lies
+    somewhere and needs no calculation.
+    """
+
+    at: Callable[[Index], Text]
+    length: int
+    pointer: str = ""
+    reads: frozenset[str] = frozenset()
+    plain: bool = False
+
+
+@dataclass(frozen=True)
+class Name:
+    """What a node is called, where its equation comes from, and whether it gets a line although it is used once at the end."""
+
+    name: str
+    source: str = ""
+    is_value: bool = False
+
+
+@dataclass(frozen=True)
+class Target:
+    """Where a result goes: ``struct`` over ``pointer``, or an array where there is none; sources of equations and comments by element.
+
+    ``array`` is the same as an array; ``zero_first``: all elements become 0 before those that are not.
+    """
+
+    pointer: str
+    size: int
+    struct: Struct | None = None
+    sources: Mapping[int, str] = field(default_factory=dict)
+    comments: Mapping[int, str] = field(default_factory=dict)
+    zero_first: bool = False
+    array: str = "result"
+
+
+@dataclass
+class Tables:
+    """Constant arrays of a file, each different one once."""
+
+    names: dict[tuple[str, bytes], str] = field(default_factory=dict)
+    code: list[str] = field(default_factory=list)
+
+    def numbers(self, values: np.ndarray, name: str = "") -> str:
+        """Name of the array of these numbers."""
+        return self._table("double", values, [constant(v).code for v in values.tolist()], name or "table")
+
+    def positions(self, places: Sequence[int]) -> str:
+        """Name of the array of these positions."""
+        return self._table("int", np.array(places), [str(k) for k in places], "positions")
+
+    def _table(self, kind: str, values: np.ndarray, texts: list[str], stem: str) -> str:
+        key = (kind, values.tobytes())
+        if key not in self.names:
+            name = identifier(
+                stem if stem not in ("table", "positions") else f"{stem}_{len(self.code) + 1}", self.names.values()
+            )
+            self.names[key] = name
+            rows = textwrap.wrap(", ".join(texts), WIDTH - 4, break_on_hyphens=False)
+            body = "\n    ".join(rows)
+            self.code.append(f"static const {kind} {name}[{len(texts)}] = {{\n    {body}}};\n")
+        return self.names[key]
+
+
+@dataclass
+class _Line:
+    """Lines of code, with the work arrays that they write and read; ``@`` stands for the place of the one they begin."""
+
+    lines: list[str]
+    writes: str = ""
+    begins: int = 0  # numbers of the work array that begins here
+    reads: frozenset[str] = frozenset()
+
+
+class Statements:
+    """Writes the body of one C function."""
+
+    def __init__(
+        self,
+        graph: Graph,
+        structs: Mapping[str, Struct],
+        names: Mapping[int, Name],
+        tables: Tables,
+        constants: Mapping[int, str],
+    ) -> None:
+        """``structs``: those of the vectors, by the pointer's name; ``constants``: names of constant arrays."""
+        self.graph, self.structs, self.names, self.tables, self.constants = graph, structs, names, tables, constants
+        self.pointers: dict[str, None] = {}  # vectors that are used
+        self._values: dict[int, Value] = {}
+        self._inner: Counter[int] = Counter()  # operations that use a node
+        self._uses: Counter[int] = Counter()  # and results
+        self._taken: set[str] = set()
+        self._lines: list[_Line] = []
+        self._count = 0
+        self._storage: dict[int, str] = {}  # work arrays that operations own
+        self.work = 0  # numbers of work arrays
+
+    def write(self, results: Sequence[tuple[Target, int, int]]) -> list[str]:
+        """Lines for results, each a target, the first element there, and its node; in this order."""
+        self._count_uses(n for _, _, n in results)
+        zeros = {t.array: t.size for t, _, _ in results if t.zero_first}
+        for array, size in zeros.items():
+            self._lines.append(_Line([f"for (int i = 0; i < {size}; i++) {array}[i] = 0.0;"]))
+        explained = ""
+        for target, start, node in results:
+            if target.zero_first and self.is_zero(node):
+                continue
+            self._prepare(node)
+            source = target.sources.get(start, "")
+            if source and source != explained:
+                self._lines.append(_Line([f"/* {source} */"]))
+            explained = source
+            self._assign(target, start, node)
+        return self._placed()
+
+    # ------------------------------------------------------------------ which operations, in which order
+
+    def _count_uses(self, roots: Iterable[int]) -> None:
+        roots = list(roots)
+        self._uses.update(roots)
+        seen: set[int] = set()
+        open_ = list(roots)
+        while open_:
+            n = open_.pop()
+            if n in seen:
+                continue
+            seen.add(n)
+            arguments = self.graph.nodes[n].arguments
+            self._inner.update(arguments)
+            self._uses.update(arguments)
+            open_ += arguments
+
+    def _prepare(self, root: int) -> None:
+        """Values of a node and of what it needs, in the order of need."""
+        open_ = [root]
+        while open_:
+            n = open_[-1]
+            if n in self._values:
+                open_.pop()
+                continue
+            missing = [a for a in self.graph.nodes[n].arguments if a not in self._values]
+            if missing:
+                open_ += reversed(missing)
+                continue
+            open_.pop()
+            self._values[n] = self._value(n)
+
+    def is_zero(self, n: int) -> bool:
+        """Whether a node is the number 0."""
+        node = self.graph.nodes[n]
+        return node.operation == ca.OP_CONST and isinstance(node.data, float) and node.data.hex() == "0x0.0p+0"
+
+    # ------------------------------------------------------------------ values
+
+    def _value(self, n: int) -> Value:
+        node = self.graph.nodes[n]
+        if node.operation == ca.OP_INPUT:
+            vector, first = node.data
+            return self._input(vector, first, node.size)
+        if node.operation == ca.OP_CONST:
+            return self._constant(n, node)
+        if node.operation == GATHER:
+            value = self._gather(node)
+        elif node.operation == ca.OP_GETNONZEROS_PARAM:
+            value = self._looked_up(node)
+        elif node.operation in ELEMENTWISE:
+            value = self._elementwise(node)
+        else:
+            return self._computed(n, node)
+        name = self.names.get(n)
+        is_named = name is not None and (name.is_value or self._inner[n] > 0)
+        if value.plain:
+            return self._named(n, value) if is_named and node.size == 1 else value
+        return self._named(n, value) if is_named or self._uses[n] > 1 else value
+
+    def _named(self, n: int, value: Value) -> Value:
+        """The value on a line of its own, under a name."""
+        node = self.graph.nodes[n]
+        if node.size == 1:
+            text = value.at(Index(""))
+            name = self._name(n)
+            self._explain(n)
+            self._lines.append(
+                _Line([f"const {'int' if text.logical else 'double'} {name} = {text.code};"], reads=value.reads)
+            )
+            return Value(lambda _: Text(name, ATOM, text.logical), len(name), plain=True)
+        storage = self._begin(n, node.size)
+        self._loop(f"{storage}[i]", node.size, value, storage)
+        return self._stored(storage, node.size)
+
+    def _explain(self, n: int) -> None:
+        name = self.names.get(n)
+        if name is not None and name.source:
+            self._lines.append(_Line([f"/* {name.source} */"]))
+
+    def _name(self, n: int) -> str:
+        known = self.names.get(n)
+        if known is not None:
+            name = identifier(known.name, self._taken)
+        else:
+            self._count += 1
+            name = f"v{self._count}"
+        self._taken.add(name)
+        return name
+
+    def _begin(self, n: int, size: int) -> str:
+        """A work array for a node."""
+        name = self._name(n)
+        self._explain(n)
+        self._storage[n] = name
+        self._lines.append(_Line([f"double *const {name} = w + @;"], writes=name, begins=size))
+        return name
+
+    def _stored(self, storage: str, size: int) -> Value:
+        def at(index: Index) -> Text:
+            return Text(f"{storage}[{index.code if size > 1 else 0}]")
+
+        return Value(at, len(storage) + 3, storage, frozenset((storage,)), plain=True)
+
+    def _input(self, vector: str, first: int, size: int) -> Value:
+        self.pointers[vector] = None
+        struct = self.structs.get(vector)
+        if struct is None:  # time
+            return Value(lambda _: Text(vector), len(vector), plain=True)
+        if size == 1:
+            text = Text(f"{vector}->{struct.element(first)}")
+            return Value(lambda _: text, len(text.code), f"&{text.code}", plain=True)
+        member = struct.member_at(first)
+        if len(member.shape) == 1 and first + size <= member.slot + member.size:
+            array, offset = f"{vector}->{member.name}", first - member.slot
+        else:
+            array, offset = f"((const double *){vector})", first
+
+        def at(index: Index) -> Text:
+            return Text(f"{array}[{Index(index.variable, index.step, index.start + offset).code}]")
+
+        return Value(at, len(array) + 3, f"{array} + {offset}" if offset else array, plain=True)
+
+    def _constant(self, n: int, node: Node) -> Value:
+        if isinstance(node.data, float):
+            text = constant(node.data)
+            return Value(lambda _: text, len(text.code), plain=True)
+        table = self.tables.numbers(node.data, self.constants.get(n, ""))
+        return Value(lambda index: Text(f"{table}[{index.code}]"), len(table) + 3, table, plain=True)
+
+    def _gather(self, node: Node) -> Value:
+        source, places = self._values[node.arguments[0]], node.data
+        if (
+            isinstance(places, range)
+            and places.step == 1
+            and self.graph.nodes[node.arguments[0]].operation == ca.OP_INPUT
+        ):
+            vector, first = self.graph.nodes[node.arguments[0]].data
+            return self._input(vector, first + places.start, node.size)
+        if isinstance(places, range):
+            if node.size == 1:
+                index = Index("", 0, places.start)
+                return Value(lambda _: source.at(index), source.length, reads=source.reads, plain=source.plain)
+            pointer = ""
+            if source.pointer and places.step == 1:
+                pointer = f"{source.pointer} + {places.start}" if places.start else source.pointer
+            return Value(lambda i: source.at(i.through(places)), source.length + 4, pointer, source.reads, source.plain)
+        table = self.tables.positions(places)
+        length = source.length + len(table) + 4
+        return Value(lambda i: source.at(Index(f"{table}[{i.code}]")), length, reads=source.reads, plain=source.plain)
+
+    def _looked_up(self, node: Node) -> Value:
+        array, places = node.arguments
+        size, pointer = self.graph.nodes[array].size, self._pointer(array)
+        index = self._simple(places, node.size)
+        reads = self._values[array].reads | index.reads
+        return Value(
+            lambda i: Text(f"look_up({pointer}, {size}, {index.at(i).code})"),
+            index.length + len(pointer) + 16,
+            reads=reads,
+        )
+
+    def _elementwise(self, node: Node) -> Value:
+        operands = [self._simple(a, node.size) for a in node.arguments]
+        while sum(v.length for v in operands) > LONGEST:
+            longest = max(range(len(operands)), key=lambda k: operands[k].length)
+            if operands[longest].length <= _FREE:
+                break
+            a = node.arguments[longest]
+            self._values[a] = operands[longest] = self._named(a, operands[longest])
+            operands = [self._values[b] if b == a else v for b, v in zip(node.arguments, operands, strict=True)]
+        length = sum(v.length for v in operands) + 3 * len(operands)
+        reads = frozenset().union(*(v.reads for v in operands))
+        if node.size == 1:
+            text = write(node.operation, [v.at(Index("")) for v in operands])
+            return Value(lambda _: text, length, reads=reads)
+        return Value(lambda index: write(node.operation, [v.at(index) for v in operands]), length, reads=reads)
+
+    def _simple(self, a: int, size: int) -> Value:
+        """An operand; a number that all elements of a vector are computed with is computed before them."""
+        value = self._values[a]
+        if size > 1 and self.graph.nodes[a].size == 1 and not value.plain:
+            self._values[a] = value = self._named(a, value)
+        return value
+
+    def _pointer(self, a: int) -> str:
+        """Where the elements of a node lie in a row, after they have been put there."""
+        value = self._values[a]
+        if not value.pointer:
+            storage = self._begin(a, self.graph.nodes[a].size)
+            self._loop(f"{storage}[i]", self.graph.nodes[a].size, value, storage)
+            self._values[a] = value = self._stored(storage, self.graph.nodes[a].size)
+        return value.pointer
+
+    def _loop(
+        self, target: str, size: int, value: Value, writes: str = "", reads: frozenset[str] = frozenset()
+    ) -> None:
+        """``target`` = value, element by element; with ``i`` in the target."""
+        if size == 1:
+            line = f"{target.replace('[i]', '[0]')} = {value.at(Index('')).code};"
+        else:
+            line = f"for (int i = 0; i < {size}; i++) {target} = {value.at(Index('i')).code};"
+        self._lines.append(_Line([line], writes=writes, reads=value.reads | reads))
+
+    # ------------------------------------------------------------------ what is no loop over independent elements
+
+    def _computed(self, n: int, node: Node) -> Value:
+        if node.operation in (ca.OP_MMIN, ca.OP_MMAX):
+            (a,) = node.arguments
+            size, pointer = self.graph.nodes[a].size, self._pointer(a)
+            call = f"{'smallest' if node.operation == ca.OP_MMIN else 'largest'}({pointer}, {size})"
+            return self._named(n, Value(lambda _: Text(call), len(call), reads=self._values[a].reads))
+        if node.operation in (ca.OP_SETNONZEROS, ca.OP_SETNONZEROS_PARAM):
+            return self._changed(n, node)
+        if node.operation in (ca.OP_VERTCAT, ca.OP_HORZCAT):
+            storage = self._begin(n, node.size)
+            start = 0
+            for a in node.arguments:
+                size = self.graph.nodes[a].size
+                self._fill(storage, range(start, start + size), self._values[a])
+                start += size
+        elif node.operation == SCATTER:
+            storage = self._begin(n, node.size)
+            self._loop(f"{storage}[i]", node.size, _ZERO, storage)
+            self._fill(storage, node.data, self._values[node.arguments[0]])
+        elif node.operation == ca.OP_MTIMES:
+            return self._product(n, node)
+        elif node.operation in (ca.OP_HORZREPMAT, ca.OP_TRANSPOSE):
+            (a,) = node.arguments
+            ((rows, columns),) = node.data
+            value = self._values[a]
+            storage = self._begin(n, node.size)
+            if node.operation == ca.OP_TRANSPOSE:
+                element, outer, inner = f"{storage}[j + {columns} * i]", columns, rows
+                code = value.at(Index(f"i + {rows} * j")).code
+            else:
+                element, outer, inner = (
+                    f"{storage}[i + {rows * columns} * j]",
+                    node.size // (rows * columns),
+                    rows * columns,
+                )
+                code = value.at(Index("i")).code
+            line = f"for (int j = 0; j < {outer}; j++) for (int i = 0; i < {inner}; i++) {element} = {code};"
+            self._lines.append(_Line([line], writes=storage, reads=value.reads))
+        else:
+            raise UnknownOperationError(f"operation {node.operation}")
+        return self._stored(storage, node.size)
+
+    def _fill(self, storage: str, places: range | tuple[int, ...], value: Value) -> None:
+        """Set elements of a work array."""
+        if not len(places):
+            return
+        if isinstance(places, range):
+            place = Index("i" if len(places) > 1 else "").through(places).code
+        else:
+            place = f"{self.tables.positions(places)}[i]"
+        if len(places) == 1:
+            line = f"{storage}[{places[0]}] = {value.at(Index('')).code};"
+        else:
+            line = f"for (int i = 0; i < {len(places)}; i++) {storage}[{place}] = {value.at(Index('i')).code};"
+        self._lines.append(_Line([line], writes=storage, reads=value.reads))
+
+    def _own(self, n: int, a: int) -> str:
+        """A work array for node ``n`` that begins as ``a``: that of ``a`` itself where nothing else reads it."""
+        if a in self._storage and self._uses[a] == 1:
+            storage = self._storage[n] = self._storage[a]
+            return storage
+        value, size = self._values[a], self.graph.nodes[n].size
+        storage = self._begin(n, size)
+        self._loop(f"{storage}[i]", size, value, storage)
+        return storage
+
+    def _changed(self, n: int, node: Node) -> Value:
+        base, *rest = node.arguments
+        if node.operation == ca.OP_SETNONZEROS_PARAM:
+            new, places = rest
+            size = self.graph.nodes[places].size
+            value, place = self._simple(new, size), self._simple(places, size)
+            storage = self._own(n, base)
+            i = Index("i" if size > 1 else "")
+            call = f"store({storage}, {node.size}, {place.at(i).code}, {value.at(i).code});"
+            line = f"for (int i = 0; i < {size}; i++) {call}" if size > 1 else call
+            self._lines.append(_Line([line], writes=storage, reads=value.reads | place.reads))
+        else:
+            storage = self._own(n, base)
+            value = self._values[rest[0]]
+            self._fill(storage, node.data, value)
+        return self._stored(storage, node.size)
+
+    def _product(self, n: int, node: Node) -> Value:
+        z, x, y = node.arguments
+        _, (rows, inner), (_, columns) = node.data
+        left, right = self._pointer(x), self._pointer(y)
+        storage = self._own(n, z)
+        reads = self._values[x].reads | self._values[y].reads
+        self._lines.append(
+            _Line(
+                [f"add_product({storage}, {left}, {right}, {rows}, {inner}, {columns});"], writes=storage, reads=reads
+            )
+        )
+        return self._stored(storage, node.size)
+
+    # ------------------------------------------------------------------ results
+
+    def _assign(self, target: Target, start: int, n: int) -> None:
+        size, value = self.graph.nodes[n].size, self._values[n]
+        done = 0
+        while done < size:
+            slot = start + done
+            if target.struct is None:
+                element, array, count = f"{target.pointer}[{slot}]", (target.pointer, slot), size
+            else:
+                self.pointers[target.pointer] = None
+                member = target.struct.member_at(slot)
+                element = f"{target.pointer}->{target.struct.element(slot)}"
+                array = (f"{target.pointer}->{member.name}", slot - member.slot)
+                count = min(size - done, member.slot + member.size - slot) if len(member.shape) < 2 else 1
+            comment = f" /* {target.comments[slot]} */" if slot in target.comments else ""
+            if count == 1:
+                line = f"{element} = {value.at(Index('', 0, done)).code};{comment}"
+            else:
+                code = value.at(Index("i", 1, done)).code
+                line = (
+                    f"for (int i = 0; i < {count}; i++) {array[0]}[{Index('i', 1, array[1]).code}] = {code};{comment}"
+                )
+            self._lines.append(_Line([line], reads=value.reads))
+            done += count
+
+    # ------------------------------------------------------------------ work arrays
+
+    def _placed(self) -> list[str]:
+        """All lines, with a place in the work memory for every work array, from its first to its last use."""
+        last = {name: k for k, line in enumerate(self._lines) for name in (line.writes, *line.reads) if name}
+        ends: list[tuple[int, int, int]] = []  # last use, place, size
+        free: list[tuple[int, int]] = []  # place, size
+        text: list[str] = []
+        for k, line in enumerate(self._lines):
+            while ends and ends[0][0] < k:
+                _, place, size = heapq.heappop(ends)
+                free.append((place, size))
+            lines = line.lines
+            if line.begins:
+                place = self._place(free, line.begins)
+                heapq.heappush(ends, (last[line.writes], place, line.begins))
+                lines = [x.replace("w + @", f"w + {place}") for x in lines]
+                self.pointers["w"] = None
+            for x in lines:
+                text += textwrap.wrap(
+                    x, WIDTH, subsequent_indent="    ", break_long_words=False, break_on_hyphens=False
+                )
+        return text
+
+    def _place(self, free: list[tuple[int, int]], size: int) -> int:
+        """The first gap that is large enough, or the end."""
+        free.sort()
+        merged: list[tuple[int, int]] = []
+        for place, length in free:
+            if merged and merged[-1][0] + merged[-1][1] == place:
+                merged[-1] = (merged[-1][0], merged[-1][1] + length)
+            else:
+                merged.append((place, length))
+        free[:] = merged
+        for i, (place, length) in enumerate(free):
+            if length >= size:
+                free[i : i + 1] = [(place + size, length - size)] if length > size else []
+                return place
+        place = self.work
+        self.work += size
+        return place
+
+
+_ZERO = Value(lambda _: Text("0.0"), 3)

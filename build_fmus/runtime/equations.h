@@ -1,0 +1,61 @@
+/* What generated equations are written with, beside the operators of C and the functions of fmu_math.h. */
+#ifndef EQUATIONS_H
+#define EQUATIONS_H
+
+#include "fmu_math.h"
+
+static inline double square(double x) { return x * x; }
+
+/* x where it is 0 or NaN */
+static inline double sign(double x) { return x < 0.0 ? -1.0 : x > 0.0 ? 1.0 : x; }
+
+/* a where the condition holds, else 0 */
+static inline double when(double condition, double a) { return condition != 0.0 ? a : 0.0; }
+
+/* a where the condition holds, else b; a sum, so that a -0 becomes 0 */
+static inline double if_else(double condition, double a, double b) {
+    return (condition != 0.0 ? a : 0.0) + (condition != 0.0 ? 0.0 : b);
+}
+
+/* The index that a number means; one that is no index of any array for NaN and numbers beyond all integers, which C leaves
+ * undefined. */
+static inline int index_of(double x) { return x >= -1.0 && x <= 2147483646.0 ? (int)x : x > 0.0 ? 2147483646 : -1; }
+
+/* Element of an array of n, NaN where there is none. */
+static inline double look_up(const double *array, int n, double index) {
+    const int i = index_of(index);
+    return i >= 0 && i < n ? array[i] : NAN;
+}
+
+/* Set an element of an array of n; nothing where there is none. */
+static inline void store(double *array, int n, double index, double value) {
+    const int i = index_of(index);
+    if (i >= 0 && i < n) array[i] = value;
+}
+
+static inline double smallest(const double *array, int n) {
+    double least = INFINITY;
+    for (int i = 0; i < n; i++) least = fmin(least, array[i]);
+    return least;
+}
+
+static inline double largest(const double *array, int n) {
+    double most = -INFINITY;
+    for (int i = 0; i < n; i++) most = fmax(most, array[i]);
+    return most;
+}
+
+/* z += x y: matrices column by column, z rows x columns, x rows x inner, y inner x columns. */
+static inline void add_product(double *z, const double *x, const double *y, int rows, int inner, int columns) {
+    for (int i = 0; i < columns; i++)
+        for (int k = 0; k < inner; k++)
+            for (int j = 0; j < rows; j++) z[j + i * rows] += x[j + k * rows] * y[k + i * inner];
+}
+
+/* z = x y */
+static inline void product(double *z, const double *x, const double *y, int rows, int inner, int columns) {
+    for (int i = 0; i < rows * columns; i++) z[i] = 0.0;
+    add_product(z, x, y, rows, inner, columns);
+}
+
+#endif
