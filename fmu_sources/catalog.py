@@ -405,8 +405,9 @@ def _bench_controller(method: str, maker: str) -> Make:
 
 
 def _bench(vehicle: Source, name: str, _: str = "") -> Component:
+    masses = ("002 equation (1)", "002 equation (2), with the spring of matrix (6)")
     source = "002 equations (1), (2)"
-    return _call("plants", "quarter_car", _load("quarter_car", vehicle), name=name, source=source)
+    return _call("plants", "quarter_car", _load("quarter_car", vehicle), name=name, source=source, masses=masses)
 
 
 def _quarter_car(vehicle: Source, name: str, _: str) -> Component:

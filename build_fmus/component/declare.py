@@ -314,7 +314,9 @@ class Component:
 
     @_declares
     def value(self, name: str, expression: Any, *, source: str = "") -> Any:
-        """Name an intermediate value and return it: the generated C calls it so; ``source`` as of :meth:`derivative`.
+        """Name an intermediate value and return it: the generated C calls it so, and has ``source`` above it.
+
+        ``source``: paper and number of its equation, or in a few words what it is.
 
         No variable of the FMU, and no other result. The name is one that C could have (``strut_force``), different from all others
         of this kind.

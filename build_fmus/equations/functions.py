@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import textwrap
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 
 from build_fmus import extras
@@ -157,15 +157,11 @@ class Functions:
         c, nodes = self._component, self._graph.nodes
         names: dict[int, Name] = {}
         constants: dict[int, str] = {}
-        sources = list(c.value_sources.items())
-        for result in read.get("values") or ():
-            name, source = sources[result.index]
-            size = c.functions["values"].numel_out(result.index)
-            text = name if nodes[result.node].size == size else f"{name}_{result.start}"
-            if nodes[result.node].operation == ca.OP_CONST:
-                constants.setdefault(result.node, text)
+        for name, source, node in self._value_nodes(read.get("values") or ()):
+            if nodes[node].operation == ca.OP_CONST:
+                constants.setdefault(node, name)
             else:
-                names.setdefault(result.node, Name(text, source, is_value=True))
+                names.setdefault(node, Name(name, source, is_value=True))
         discrete = c.kind == "discrete"
         after = ("tick", 0, "next_") if discrete else ("rhs", 0, "der_")
         for function, index, prefix in (("tick" if discrete else "out", 1 if discrete else 0, ""), after):
@@ -177,6 +173,23 @@ class Functions:
                 if (result.start, nodes[result.node].size) == (member.slot, member.size):
                     names.setdefault(result.node, Name(f"{prefix}{member.name}"))
         return names, constants
+
+    def _value_nodes(self, results: Iterable[Result]) -> Iterator[tuple[str, str, int]]:
+        """Name, source and node of the intermediate values; of scalar graphs each element is one, ``turn_2_3``."""
+        by_index: dict[int, list[Result]] = {}
+        for r in results:
+            by_index.setdefault(r.index, []).append(r)
+        for index, (name, source) in enumerate(self._component.value_sources.items()):
+            parts = by_index.get(index, [])
+            if self._component.symbols is ca.MX or len(parts) == 1:
+                node = self._graph.joined([r.node for r in parts])
+                if node is not None:
+                    yield name, source, node
+                continue
+            rows, columns = self._component.functions["values"].size_out(index)
+            for r in parts:
+                column = f"_{r.start // rows + 1}" if columns > 1 else ""
+                yield f"{name}_{r.start % rows + 1}{column}", source, r.node
 
     # ------------------------------------------------------------------ writing
 

@@ -57,6 +57,14 @@ class Graph:
     nodes: list[Node] = field(default_factory=list)
     _known: dict[Hashable, int] = field(default_factory=dict)
 
+    def joined(self, parts: Sequence[int]) -> int | None:
+        """The node that consists of the given ones, if there is one; the only one itself."""
+        if len(parts) == 1:
+            return parts[0]
+        size = sum(self.nodes[n].size for n in parts)
+        keys = ((operation, tuple(parts), size, None) for operation in (ca.OP_VERTCAT, ca.OP_HORZCAT))
+        return next((self._known[k] for k in keys if k in self._known), None)
+
     def read(self, function: ca.Function, inputs: Sequence[str]) -> list[Result]:
         """Add the operations of a function of the given vectors; what they result in, in the function's order.
 

@@ -146,6 +146,7 @@ class Statements:
         self._inner: Counter[int] = Counter()  # operations that use a node
         self._uses: Counter[int] = Counter()  # and results
         self._taken: set[str] = set()
+        self._explained: set[str] = set()  # sources that stand somewhere above
         self._lines: list[_Line] = []
         self._count = 0
         self._storage: dict[int, str] = {}  # work arrays that operations own
@@ -202,7 +203,7 @@ class Statements:
             self._values[n] = self._value(n)
 
     def is_zero(self, n: int) -> bool:
-        """Whether a node is the number 0."""
+        """Whether a node is the number 0, or a vector of them."""
         node = self.graph.nodes[n]
         return node.operation == ca.OP_CONST and isinstance(node.data, float) and node.data.hex() == "0x0.0p+0"
 
@@ -246,7 +247,8 @@ class Statements:
 
     def _explain(self, n: int) -> None:
         name = self.names.get(n)
-        if name is not None and name.source:
+        if name is not None and name.source and name.source not in self._explained:
+            self._explained.add(name.source)
             self._lines.append(_Line([f"/* {name.source} */"]))
 
     def _name(self, n: int) -> str:
@@ -462,13 +464,10 @@ class Statements:
         z, x, y = node.arguments
         _, (rows, inner), (_, columns) = node.data
         left, right = self._pointer(x), self._pointer(y)
-        storage = self._own(n, z)
+        call, storage = ("product", self._begin(n, node.size)) if self.is_zero(z) else ("add_product", self._own(n, z))
         reads = self._values[x].reads | self._values[y].reads
-        self._lines.append(
-            _Line(
-                [f"add_product({storage}, {left}, {right}, {rows}, {inner}, {columns});"], writes=storage, reads=reads
-            )
-        )
+        line = f"{call}({storage}, {left}, {right}, {rows}, {inner}, {columns});"
+        self._lines.append(_Line([line], writes=storage, reads=reads))
         return self._stored(storage, node.size)
 
     # ------------------------------------------------------------------ results

@@ -140,7 +140,7 @@ def force_tracking(vehicle: Actuator, name: str = "ForceTracking", *, period: fl
 
     filtered = c.state("smoothing.filter", None, "sections of (1.16): force and rate of each", shape=(4,))
     A, B = (ca.DM(m) for m in smoothing_filter(period))
-    c.update(filtered, A @ filtered + B * requested)
+    c.update(filtered, A @ filtered + B * requested, source="001 (1.16), sampled for a held input")
     before = c.state("force.before", "N", "desired force one sample before", start=requested)
     c.update(before, requested)
     desired = ca.if_else(smooth, filtered[2], requested)
@@ -157,6 +157,12 @@ def force_tracking(vehicle: Actuator, name: str = "ForceTracking", *, period: fl
     flow = area * v + p.cylinder.leakage * load + (desired_rate / area - lambda_1 * error - eta_1 * surface) / alpha
     available = p.supply.pressure - ca.sign(flow) * load
     drop = ca.fmax(available, floor * p.supply.pressure)
+    c.value("alpha", alpha, source="4 beta / V_t")
+    c.value("load_pressure", load, source="P, 001 (1.7)")
+    c.value("pressure_error", error, source="e")
+    c.value("pressure_surface", surface, source="s_1, 001 (1.8)")
+    c.value("desired_flow", flow, source="001 (1.10): flow that makes the surface decay")
+    c.value("valve_drop", drop, source="P_s - sgn P of 001 (1.10), at least supply.least_drop of P_s")
     desired_spool = flow / (p.valve.discharge * p.valve.width * ca.sqrt(drop / p.fluid.density))
 
     # ---------------------------------------------------------------------- what section 1.3 does to the spool command
@@ -179,6 +185,9 @@ def force_tracking(vehicle: Actuator, name: str = "ForceTracking", *, period: fl
     target_rate = ca.if_else(numerical, (target - last) / period, filter_rate)
     tau = p.valve.time_constant
     voltage = p.valve.gain * (spool + tau * target_rate - eta_2 * tau * (spool - target))
+    c.value("desired_spool", desired_spool, source="u_des of 001 (1.10), behind the notches and the mean (1.14)")
+    c.value("desired_spool_rate", target_rate, source="001 (1.13) or (1.15)")
+    c.value("voltage", voltage, source="001 (1.12)")
     limit = p.valve.max_voltage
     applied = ca.fmin(ca.fmax(voltage, -limit), limit)
 

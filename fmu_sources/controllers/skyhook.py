@@ -51,6 +51,7 @@ def skyhook(car: Component, name: str = "Skyhook", *, period: float = SAMPLE_TIM
             + (1 if k.endswith("l") else -1) * place[k, "half_track"] * value["body.roll_rate"]
             - place[k, "x"] * value["body.pitch_rate"]
         )
+        c.value(f"body_velocity_{k}", body)
         forces.append(-sky * body + relative * (value[f"wheel.{k}.vz"] - body))
     force_outputs(c, forces)
     c.stimulate(sines(dict.fromkeys(RELATIVE_STATES[8:], 0.3)))

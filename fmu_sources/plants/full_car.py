@@ -108,9 +108,11 @@ def full_car(vehicle: FullCar, name: str = "FullCarHmmwv") -> Component:
 
     # -------------------------------------------------------------------------------------------------- kinematics
 
-    turn = _rotation(yaw, pitch, roll)  # body axes -> road axes
+    turn = c.value(
+        "turn", _rotation(yaw, pitch, roll), source="from body axes to road axes: yaw, pitch, roll (ISO 8855)"
+    )
     omega_body = ca.vertcat(*rate)
-    omega = turn @ omega_body
+    omega = c.value("omega", turn @ omega_body, source="angular velocity, road axes")
     velocity = ca.vertcat(vx, vy, vz)
     ahead = ca.vertcat(ca.cos(yaw), ca.sin(yaw), 0)
     left = ca.vertcat(-ca.sin(yaw), ca.cos(yaw), 0)
@@ -120,13 +122,16 @@ def full_car(vehicle: FullCar, name: str = "FullCarHmmwv") -> Component:
 
     # ------------------------------------------------------------------------------------------------------ driver
 
-    total_mass = p.body.mass + 4 * p.wheel.mass
+    total_mass = c.value("total_mass", p.body.mass + 4 * p.wheel.mass)
     error = target_speed - speed
     requested = p.speed_control.gain * error + p.speed_control.integral_gain * speed_error  # acceleration
     requested *= total_mass * p.wheel.radius / 4  # torque of each wheel
-    limited = _limit(requested, p.speed_control.max_torque)
+    limited = c.value(
+        "driver_torque", _limit(requested, p.speed_control.max_torque), source="driver: torque of each wheel"
+    )
     course = p.steering.offset_gain * (target_y - y) - p.steering.heading_gain * yaw
     steer = _limit(course - p.steering.yaw_rate_gain * yaw_velocity, p.steering.max_angle)
+    c.value("steering_angle", steer, source="driver: course")
 
     wheel_ahead = ca.cos(steer) * ahead + ca.sin(steer) * left
     wheel_left = ca.cos(steer) * left - ca.sin(steer) * ahead
@@ -145,6 +150,8 @@ def full_car(vehicle: FullCar, name: str = "FullCarHmmwv") -> Component:
         top = turn @ ca.vertcat(k.x, k.y, 0)
         hub = turn @ ca.vertcat(k.x, k.y, p.wheel.hub_height - p.body.cg_height)
         patch = turn @ ca.vertcat(k.x, k.y, -p.body.cg_height)
+        for point, of in ((top, "strut"), (hub, "hub"), (patch, "patch")):
+            c.value(f"{of}_{n}", point, source=f"{of} {n} from the CG, road axes")
 
         # Strut: preload, spring and damper through the motion ratio, stops, actuator; vertical, equal and opposite.
         travel[n] = zb + top[2] - zw[n]
@@ -155,9 +162,13 @@ def full_car(vehicle: FullCar, name: str = "FullCarHmmwv") -> Component:
             - _stop(travel[n], p.suspension.stop)
             + force[n]
         )
+        c.value(
+            f"strut_force_{n}", strut, source="preload, spring and damper through the motion ratio, stops, actuator"
+        )
 
         # Tire, vertical: the road rises under the moving wheel with slope x speed; a tire takes no tension.
         hub_velocity = velocity + ca.cross(omega, hub)
+        c.value(f"hub_velocity_{n}", hub_velocity)
         gradient = _limit(slope[n], 1.0)
         static = k.static_load + p.wheel.mass * GRAVITY
         compression, compression_rate = road[n] - zw[n], gradient * hub_velocity[0] - vw[n]
@@ -172,9 +183,12 @@ def full_car(vehicle: FullCar, name: str = "FullCarHmmwv") -> Component:
         slip_y_rate[n] = (-sliding - pace * slip_y[n]) / p.tire.lateral_relaxation
         drive, corner = p.tire.slip_stiffness * slip_x[n], p.tire.cornering_stiffness * slip_y[n]  # per load
         grip = load[n] / ca.sqrt(1 + (drive**2 + corner**2) / p.tire.friction**2)
+        c.value(f"drive_force_{n}", grip * drive, source="grows with slip and load up to the friction ellipse")
+        c.value(f"side_force_{n}", grip * corner, source="grows with slip angle and load up to the friction ellipse")
 
         # Wheel; torque is eased off where it makes the wheel slip.
         torque = ca.fmax(0, limited) * _eased(slip_x[n]) + ca.fmin(0, limited) * _eased(-slip_x[n])
+        c.value(f"wheel_torque_{n}", torque, source="eased off where it makes the wheel slip")
         applied += torque
         wheel_force[n] = load[n] - strut - p.wheel.mass * GRAVITY
         spin_torque[n] = torque - grip * drive * p.wheel.radius
@@ -186,6 +200,8 @@ def full_car(vehicle: FullCar, name: str = "FullCarHmmwv") -> Component:
         body_force += strut * up + at_hub + at_patch
         body_moment += ca.cross(top, strut * up) + ca.cross(hub, at_hub) + ca.cross(patch, at_patch)
         body_moment -= torque * turn[:, 1]
+    c.value("body_force", body_force, source="all forces on the body, road axes")
+    c.value("body_moment", body_moment, source="about the CG, road axes: struts, tires, reaction of the wheel torques")
 
     # --------------------------------------------------------------------------------------------- equations of motion
 
@@ -193,6 +209,7 @@ def full_car(vehicle: FullCar, name: str = "FullCarHmmwv") -> Component:
     acceleration = body_force / ca.vertcat(total_mass, total_mass, p.body.mass)
     wheels_yaw_inertia = sum(p.wheel.mass * (k.x**2 + k.y**2) for k in corners)
     inertia = ca.vertcat(p.body.roll_inertia, p.body.pitch_inertia, p.body.yaw_inertia + wheels_yaw_inertia)
+    c.value("inertia", inertia)
     angular = (turn.T @ body_moment - ca.cross(omega_body, inertia * omega_body)) / inertia  # Euler, principal axes
 
     c.derivative(x, vx)
@@ -202,16 +219,16 @@ def full_car(vehicle: FullCar, name: str = "FullCarHmmwv") -> Component:
     c.derivative(pitch, rate[1] * ca.cos(roll) - rate[2] * ca.sin(roll))
     c.derivative(yaw, yaw_velocity)
     for state, value in zip((vx, vy, vz), ca.vertsplit(acceleration), strict=True):
-        c.derivative(state, value)
+        c.derivative(state, value, source="Newton: wheels move vertically on their own, horizontally with the body")
     for state, value in zip(rate, ca.vertsplit(angular), strict=True):
-        c.derivative(state, value)
+        c.derivative(state, value, source="Euler, principal axes of the body")
     for k in corners:
         n = k.name
         c.derivative(zw[n], vw[n])
         c.derivative(vw[n], wheel_force[n] / p.wheel.mass)
         c.derivative(spin[n], spin_torque[n] / p.wheel.spin_inertia)
-        c.derivative(slip_x[n], slip_x_rate[n])
-        c.derivative(slip_y[n], slip_y_rate[n])
+        c.derivative(slip_x[n], slip_x_rate[n], source="slips lag by a relaxation length")
+        c.derivative(slip_y[n], slip_y_rate[n], source="slips lag by a relaxation length")
     winding_up = ca.logic_and(ca.fabs(applied) < 0.999 * ca.fabs(4 * requested), requested * error > 0)
     c.derivative(speed_error, ca.if_else(winding_up, 0, error))
 

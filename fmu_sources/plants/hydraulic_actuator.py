@@ -61,7 +61,8 @@ def hydraulic_actuator(vehicle: Actuator, name: str = "HydraulicActuator") -> Co
 
     limit = p.valve.max_voltage
     target = ca.if_else(running, ca.fmin(ca.fmax(voltage, -limit), limit) / p.valve.gain, p.valve.null_opening)
-    c.derivative(spool, (target - spool) / p.valve.time_constant)
+    c.value("spool_target", target, source="k v of 001 (1.4), within the voltage limit")
+    c.derivative(spool, (target - spool) / p.valve.time_constant, source="001 (1.4)")
 
     # ---------------------------------------------------------------------------------------------------------- flows
 
@@ -83,7 +84,11 @@ def hydraulic_actuator(vehicle: Actuator, name: str = "HydraulicActuator") -> Co
     leakage = p.cylinder.leakage * load
 
     stiffness = 4.0 * p.fluid.bulk_modulus / p.cylinder.volume  # alpha [N/m5]
-    c.derivative(load, stiffness * (valve - bypass - leakage - p.cylinder.area * v))
+    c.value("valve_gradient", gradient, source="C_d1 w / sqrt(rho) of 001 (1.3)")
+    c.value("leakage", leakage, source="C_tm P_L of 001 (1.3)")
+    c.value("oil_stiffness", stiffness, source="alpha of 001 (1.3), 4 beta / V_t")
+    rate = stiffness * (valve - bypass - leakage - p.cylinder.area * v)
+    c.derivative(load, rate, source="001 (1.3), divided by A_p; square roots smoothed")
 
     # -------------------------------------------------------------------------------------------------------- outputs
 
@@ -92,13 +97,18 @@ def hydraulic_actuator(vehicle: Actuator, name: str = "HydraulicActuator") -> Co
     power: dict[str, Any] = {"unit": "W", "nominal": 1e3, "display_unit": "kW"}
     c.output("force", force, "N", "force, positive lifts the body and pushes the wheel down", nominal=1e3,
              display_unit="kN")  # fmt: skip
+    c.value("flow_out_of_pump_extending", extending, source="first term of 001 (1.3), spool u_1 > 0")
+    c.value("flow_out_of_pump_retracting", retracting, source="first term of 001 (1.3), spool u_1 < 0")
     c.output("flow", drawn, description="flow drawn from the supply; negative: a load drives fluid back", **flow)
     c.output("power", supply * drawn, description="power drawn from the supply", **power)
     c.output(
         "valve.saturated", ca.fabs(voltage) > limit, None, "whether the command exceeds valve.max_voltage", type=bool
     )
     c.output("valve.flow", valve, description="flow through the spool valve into the extending chamber", **flow)
-    c.output("bypass.flow", bypass, description="flow through the bypass valve out of the extending chamber", **flow)
+    c.output(
+        "bypass.flow", bypass, description="flow through the bypass valve out of the extending chamber",
+        source="second term of 001 (1.3)", **flow,
+    )  # fmt: skip
     c.output("piston.power", force * v, description="power that the piston gives to the car", **power)
     c.output("loss.valve", supply * drawn - load * valve, description="power lost in the spool valve", **power)
     c.output("loss.bypass", load * bypass, description="power lost in the bypass valve", **power)

@@ -9,12 +9,19 @@ from fmu_sources.plants.friction import declare_friction, friction_force
 from fmu_sources.vehicles import QuarterCar, declare
 
 
-def quarter_car(vehicle: QuarterCar, name: str = "QuarterCarHmmwv", *, source: str = "001 equation (1.1)") -> Component:
+def quarter_car(
+    vehicle: QuarterCar,
+    name: str = "QuarterCarHmmwv",
+    *,
+    source: str = "001 equation (1.1)",
+    masses: tuple[str, str] = ("001 (1.1), forces on m_s", "001 (1.1), forces on m_u"),
+) -> Component:
     """Sprung and unsprung mass above one tire, paper 001 equation (1.1), paper 002 (1), (2), with friction as an option.
 
     Equation (2) of paper 002 is printed without the spring between the masses; its matrices (6) and (7) have it.
 
-    Displacements are measured from static equilibrium. The actuator force pushes the body up and the wheel down.
+    Displacements are measured from static equilibrium. The actuator force pushes the body up and the wheel down. ``masses``:
+    equations of the sprung and of the unsprung mass.
     """
     c = Component(
         name,
@@ -50,15 +57,17 @@ def quarter_car(vehicle: QuarterCar, name: str = "QuarterCarHmmwv", *, source: s
     if friction is not None:
         strut -= friction_force(friction, vb - vw, acting)
     tire = p.tire.stiffness * (r - zw) + p.tire.damping * (dr - vw)  # on the wheel, upwards
+    c.value("strut_force", strut, source="on the body, upwards")
+    c.value("tire_force", tire, source="on the wheel, upwards, beyond the static load")
     ab = strut / p.body.mass
     aw = (tire - strut) / p.wheel.mass
 
     c.derivative(zb, vb)
-    c.derivative(vb, ab)
+    c.derivative(vb, ab, source=masses[0])
     c.derivative(zw, vw)
-    c.derivative(vw, aw)
+    c.derivative(vw, aw, source=masses[1])
 
-    c.output("body.az", ab, "m/s2", "vertical body acceleration")
+    c.output("body.az", ab, "m/s2", "vertical body acceleration", source=masses[0])
     c.output("suspension.deflection", zb - zw, "m", "body height minus wheel height", display_unit="mm")
     c.output("suspension.velocity", vb - vw, "m/s", "rate of the suspension deflection")
     c.output("tire.deflection", zw - r, "m", "wheel height minus road height", display_unit="mm")

@@ -31,6 +31,22 @@ _SOURCES = {
 }
 
 
+def _numbers_004(corners: list[str]) -> list[str]:
+    """Equations of the accelerations of body height, roll, pitch and wheels; only (7) is readable in the copy at hand."""
+    others = "004, one of equations (1) to (6)"
+    return [others, "004 (7)", others, *(others for _ in corners)]
+
+
+def _numbers_003(corners: list[str]) -> list[str]:
+    """As :func:`_numbers_004`. Roll and pitch have the other sign there; the paper counts the right wheel of an axle first."""
+    printed = [f"a{axle}{side}" for axle in (1, 2, 3) for side in "rl"]
+    body = ["003 (3.13)", "003 (3.14), roll of the other sign", "003 (3.15), pitch of the other sign"]
+    return [*body, *(f"003 (3.{7 + printed.index(n)})" for n in corners)]
+
+
+_EQUATIONS = {RideCar: _numbers_004, ThreeAxleCar: _numbers_003}
+
+
 def ride_car(vehicle: RideCar | ThreeAxleCar, name: str = "RideCarSedan") -> Component:
     """Ride car with tire damping: of papers 004 (equations (1) to (9)) and 001 with two axles, of paper 003 with three.
 
@@ -121,9 +137,10 @@ def ride_car(vehicle: RideCar | ThreeAxleCar, name: str = "RideCarSedan") -> Com
     tension = [ca.if_else(lifting, ca.fmin(d + w, 0), 0) for d, w in zip(dynamic, static, strict=True)]  # not taken
     drive -= ca.jtimes(ca.vertcat(*deflection), position, ca.vertcat(*tension), True)
     acceleration = ca.vertsplit(drive / ca.diag(inertia))
-    for place, rate, value in zip(q, dq, acceleration, strict=True):
+    numbers = _EQUATIONS[type(vehicle)](list(corners))
+    for place, rate, value, number in zip(q, dq, acceleration, numbers, strict=True):
         c.derivative(place, rate)
-        c.derivative(rate, value)
+        c.derivative(rate, value, source=number)
 
     # ----------------------------------------------------------------------------------------------------- outputs
 

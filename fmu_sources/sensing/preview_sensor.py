@@ -88,8 +88,15 @@ def preview_sensor(
         mounted = mount.height + z - mount.x * ca.sin(pitch) + sign * mount.y * ca.sin(roll)
         height = mounted + mount.bias * ca.cos(tilt) - distance * ca.cos(tilt - pitch)
         ahead = mount.x + (distance - mount.bias) * ca.sin(tilt - pitch)
-        c.output(f"sensed.{side}.x", x - speed * response + ahead + error, "m", f"X_road of the {side} range sensor")
-        c.output(f"sensed.{side}.height", height, "m", f"Z_road of the {side} range sensor", display_unit="mm")
+        c.value(f"sensor_height_{side}", mounted + mount.bias * ca.cos(tilt), source="Z_sens of 001 (1.18)")
+        c.output(
+            f"sensed.{side}.x", x - speed * response + ahead + error, "m", f"X_road of the {side} range sensor",
+            source="X_road of 001 (1.18)",
+        )  # fmt: skip
+        c.output(
+            f"sensed.{side}.height", height, "m", f"Z_road of the {side} range sensor", display_unit="mm",
+            source="Z_road of 001 (1.18)",
+        )  # fmt: skip
         c.output(f"sensed.{side}.valid", valid, None, "from a range that is measured", type=bool)
     c.stimulate(_stimulus(mount_range(sensors)))
     return c

@@ -280,3 +280,27 @@ def test_matrices_have_their_names() -> None:
     assert "product(v1, A, x->x, 2, 2, 1);" in code
     assert "for (int i = 0; i < 2; i++) innovation[i] = u->u[i] - x->x[i];" in code
     assert "/* a filter */\n    for (int i = 0; i < 2; i++) next->x[i] = v1[i] + innovation[i];" in code
+
+
+@pytest.mark.parametrize(
+    ("name", "title", "lines"),
+    [
+        ("QuarterCarHmmwv", "derivatives", "/* 001 (1.1), forces on m_s */\n    der->body_vz = strut_force / p->body_mass;"),
+        ("QuarterCarBench", "derivatives", "/* 002 equation (1) */\n    der->body_vz = strut_force / p->body_mass;"),
+        ("HydraulicActuator", "derivatives", "/* 001 (1.4) */\n    der->spool_position = (spool_target - x->spool_position) /"),
+        ("ThreeAxleRide", "derivatives", "/* 003 (3.13) */\n    der->body_vz = "),
+        ("ForceTracking", "sample", "/* 001 (1.12) */\n    const double voltage = "),
+        ("MpcHmmwv", "sample", "/* 001 (1.16), four times, sampled for held commands */\n    for (int i = 0; i < 16; i++) next->smoothing_filters[i]"),
+        ("FullCarHmmwv", "derivatives", "der->body_vx = body_force_1 / total_mass;"),
+    ],
+)  # fmt: skip
+def test_equations_of_the_papers_are_found_by_their_numbers(name: str, title: str, lines: str) -> None:
+    assert lines in section(generate.generate_c(model(name), arrays=False, token="t"), title)
+
+
+def test_the_prediction_of_an_mpc_reads_like_its_model() -> None:
+    text = section(generate.generate_c(model("MpcHmmwv"), arrays=False, token="t"), "data of the quadratic programs")
+    assert "state_now[12] = u->body_vz;" in text  # a vector that is put together has its name too
+    step = r"product\((v\d+), A, state_4, 33, 33, 1\);\n.*\n.*state_5\[i\] = \1\[i\] \+ B_u\[i\] \+ E_w\[i \+ 132\];"
+    assert re.search(step, text)
+    assert text.count("x(k + 1) = A x(k) + B u + E w") == 1

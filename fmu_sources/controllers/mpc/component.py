@@ -102,7 +102,10 @@ def add_mpc(
     if not isinstance(c.time, ca.MX):
         raise MpcError(f"{c.name}: make the component with symbols=ca.MX; the program's data are matrix products")
     qp = CondensedQp(mpc)
-    data = qp.expressions(state, previous, disturbance, reference, case)
+    prefix = "" if solver == "solver" else f"{solver}_"
+    data = qp.expressions(
+        state, previous, disturbance, reference, case, lambda name, *rest, **more: c.value(prefix + name, *rest, **more)
+    )
     solution = c.quadratic_program(
         solver, hessians=qp.hessians, constraints=[qp.constraint], linear=data.linear, lower=data.lower,
         upper=data.upper, case=case, backend=backend,

@@ -154,18 +154,20 @@ def mpc_hmmwv(
     response = c.state("human_response.filter", None, "states of (1.19) at the sample before", shape=(2,))
     az_before = c.state("human_response.az", "m/s2", "acceleration at the sample before")
     step, then, now = _human_response_step()
-    felt = ca.mtimes(ca.DM(step), response) + ca.DM(then) * az_before + ca.DM(now) * az
+    step, then, now = (
+        c.value(f"human_response_{n}", ca.MX(ca.DM(m))) for n, m in (("step", step), ("before", then), ("now", now))
+    )
+    felt = ca.mtimes(step, response) + then * az_before + now * az
 
     solution = add_mpc(
         c, mpc, state=ca.vertcat(relative, actuators, felt), previous=previous, disturbance=road, backend=backend
     )
     c.update(previous, solution.command)
     inside = slice(n, last)
-    c.update(
-        actuators,
-        ca.mtimes(ca.DM(model.A[inside, inside]), actuators) + ca.mtimes(ca.DM(model.B[inside]), solution.command),
-    )
-    c.update(response, felt)
+    A, B = (c.value(f"smoothing_{n}", ca.MX(ca.DM(m[inside]))) for n, m in (("A", model.A[:, inside]), ("B", model.B)))
+    smoothed = ca.mtimes(A, actuators) + ca.mtimes(B, solution.command)
+    c.update(actuators, smoothed, source="001 (1.16), four times, sampled for held commands")
+    c.update(response, felt, source="001 (1.19), sampled for an acceleration that is linear in between")
     c.update(az_before, az)
     command_outputs(c, mpc, car, solution)
     c.provenance = {"car": car.name, "mpc": mpc.as_dict()}

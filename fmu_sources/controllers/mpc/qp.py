@@ -14,6 +14,7 @@ near 1, rows of A to length 1.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -26,6 +27,14 @@ from fmu_sources.controllers.mpc.model import position
 from fmu_sources.controllers.mpc.settings import CATCH_UP, INFINITE, Mpc
 
 _NO_EFFECT = 1e-12  # of the largest: an output row that no move reaches
+
+
+Named = Callable[..., Any]
+"""``(name, expression, source="") -> expression``, such as :meth:`Component.value`."""
+
+
+def _unnamed(_name: str, expression: Any, *, source: str = "") -> Any:  # noqa: ARG001
+    return expression
 
 
 @dataclass(frozen=True)
@@ -171,46 +180,61 @@ class CondensedQp:
             return ca.MX(table)
         return ca.mtimes(ca.MX(table), ca.MX(ca.DM(np.arange(len(values), dtype=float))) == case)
 
-    def free_response(self, x: Any, previous: Any, disturbance: Any) -> Any:
+    def free_response(self, x: Any, previous: Any, disturbance: Any, named: Named = _unnamed) -> Any:
         """Outputs (ny, prediction) when the inputs stay at ``previous``.
 
         ``x`` (n,) now, ``disturbance`` (nw, prediction + 2) from now on, index 0 now; None for none.
         """
         m, h = self.mpc.model, self.mpc.horizon
         rows = list(self._rows)
-        A, C = ca.MX(ca.DM(m.A)), ca.MX(ca.DM(m.C[rows]))
-        pushed = ca.mtimes(ca.DM(m.B), previous)
-        seen = ca.mtimes(ca.DM(m.D[rows]), previous)
+
+        def matrix(name: str, values: Array) -> Any:
+            return named(name, ca.MX(ca.DM(values)))
+
+        A, C = matrix("A", m.A), matrix("C", m.C[rows])
+        pushed = named("B_u", ca.mtimes(matrix("B", m.B), previous), source="effect of the last command, which stays")
+        seen = ca.mtimes(matrix("D", m.D[rows]), previous)
         steps = h.prediction + 1
         if disturbance is None or not m.disturbances:
             into, through = ca.MX(len(m.A), steps), ca.MX(len(rows), steps)
         else:
             now, then = disturbance[:, :steps], disturbance[:, 1 : steps + 1]
-            into = ca.mtimes(ca.DM(m.E0), now) + ca.mtimes(ca.DM(m.E1), then)
-            through = ca.mtimes(ca.DM(m.F0[rows]), now) + ca.mtimes(ca.DM(m.F1[rows]), then)
-        states = [x]
+            into = ca.mtimes(matrix("E0", m.E0), now) + ca.mtimes(matrix("E1", m.E1), then)
+            named("E_w", into, source="effect of the previewed disturbance, step by step")
+            through = ca.mtimes(matrix("F0", m.F0[rows]), now) + ca.mtimes(matrix("F1", m.F1[rows]), then)
+        states = [named("state_now", x)]
         for i in range(h.prediction):
-            states.append(ca.mtimes(A, states[-1]) + pushed + into[:, i])
+            source = "x(k + 1) = A x(k) + B u + E w: the model while the command stays" if i == 0 else ""
+            states.append(named(f"state_{i + 1}", ca.mtimes(A, states[-1]) + pushed + into[:, i], source=source))
         chosen = ca.horzcat(*states[1:])
         return ca.mtimes(C, chosen) + ca.repmat(seen, 1, h.prediction) + through[:, 1:]
 
-    def expressions(self, x: Any, previous: Any, disturbance: Any, reference: Any, case: Any) -> QpExpressions:
-        """q, l, u of the scaled program.
+    def expressions(
+        self, x: Any, previous: Any, disturbance: Any, reference: Any, case: Any, named: Named = _unnamed
+    ) -> QpExpressions:
+        """q, l, u of the scaled program; ``named`` is told what values are called.
 
         Args (CasADi MX): ``x`` (n,) state now; ``previous`` (nu,) inputs of the step before; ``disturbance`` (nw, prediction + 2)
         or None; ``reference`` (ny, prediction) or None for 0; ``case`` number of the case.
         """
         mpc, h = self.mpc, self.mpc.horizon
         cases = range(len(mpc.cases))
-        free = self.free_response(x, previous, disturbance)
-        error = free if reference is None else free - reference
+        free = named(
+            "free_response",
+            self.free_response(x, previous, disturbance, named),
+            source="predicted outputs, column by column",
+        )
+        error = free if reference is None else named("error", free - reference)
         weights = [self._weights(c) for c in cases]
         wy = self._by_case([2 * w[0] for w in weights], case)
         wu = self._by_case([2 * w[1] for w in weights], case)
         target = self._by_case([[i.target for i in mpc.case_inputs[c]] for c in cases], case)
         total = ca.DM([float(sum(i >= start for i in range(h.prediction + 1))) for start in h.moves])
-        linear = ca.mtimes(ca.DM(self.response.T), ca.vec(ca.repmat(wy, 1, h.prediction) * error))
+        response = named("response_transposed", ca.MX(ca.DM(self.response.T)))
+        weighted = named("weighted_error", ca.vec(ca.repmat(wy, 1, h.prediction) * error))
+        linear = ca.mtimes(response, weighted)
         linear += ca.vec(ca.mtimes(wu * (previous - target), total.T))
+        named("gradient", linear, source="q before scaling: of the outputs' weights, and of the inputs'")
         if mpc.soft:
             linear = ca.vertcat(linear, 0)
 
@@ -221,6 +245,8 @@ class CondensedQp:
         # An input outside its bounds (they may jump with the case) comes back as fast as its rate allows: never infeasible.
         first_low = ca.fmin(ca.fmax(down, low - previous), up)
         first_high = ca.fmax(ca.fmin(up, high - previous), down)
+        named("first_low", first_low, source="bounds of the first move")
+        named("first_high", first_high)
         lower = [first_low, ca.repmat(down, h.control - 1, 1)]
         upper = [first_high, ca.repmat(up, h.control - 1, 1)]
         for j in range(1, h.control):
@@ -233,7 +259,8 @@ class CondensedQp:
         if self._output_rows:
             ny = len(mpc.outputs)
             places = [step * ny + i for step, i, _, _ in self._output_rows]
-            there = ca.vec(free)[places]
+            column: Any = ca.vec(free)
+            there = column[places]
             bounds = []
             for which, off, value in ((-1, -INFINITE, "min"), (1, INFINITE, "max")):
                 table = [[getattr(o, value) for o in mpc.case_outputs[c]] for c in cases]
@@ -242,7 +269,8 @@ class CondensedQp:
             lower.append(bounds[0])
             upper.append(bounds[1])
         length = ca.DM(self._constraint[1])
-        q = ca.DM(self.columns) * linear
+        named("row_lengths", ca.MX(length))
+        q = named("column_scales", ca.MX(ca.DM(self.columns))) * linear
         l, u = (ca.vertcat(*parts) / length for parts in (lower, upper))  # noqa: E741
         absent = INFINITE * 1e-6  # far above any bound, far below what scaling leaves of an absent one
         return QpExpressions(q, ca.if_else(l < -absent, -INFINITE, l), ca.if_else(u > absent, INFINITE, u))
