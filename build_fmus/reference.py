@@ -14,6 +14,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from build_fmus import solvers
 from build_fmus.component import Model
 from build_fmus.qp_solve import CompiledPrograms
 
@@ -115,49 +116,28 @@ class Evaluator:
             for i in range(n):
                 t = self.time + i * dt
                 if c.solver == "rk4":
-                    k1 = self.rhs(t, x)
-                    k2 = self.rhs(t + dt / 2, x + dt / 2 * k1)
-                    k3 = self.rhs(t + dt / 2, x + dt / 2 * k2)
-                    k4 = self.rhs(t + dt, x + dt * k3)
-                    x = x + dt / 6 * (k1 + 2 * (k2 + k3) + k4)
+                    x = solvers.rk4(self.rhs, t, x, dt)
                 elif c.solver == "semi_implicit":
-                    x = self._semi_implicit(t, x, dt)
+                    x = solvers.semi_implicit(self.rhs, t, x, dt, c.velocity_of)
                 elif c.solver == "ros2":
                     x = self._ros2(t, x, dt)
                 else:
-                    now = self.rhs(t, x)
-                    predicted = x + dt * (now if before is None else 1.5 * now - 0.5 * before)
-                    x = x + dt / 2 * (now + self.rhs(t + dt, predicted))
-                    before = now
+                    x, before = solvers.am2(self.rhs, t, x, dt, before)
         self._x = x
         self.time += h
 
-    def _semi_implicit(self, t: float, x: np.ndarray, h: float) -> np.ndarray:
-        """One step of Stoermer-Verlet: positions half a step, velocities by the midpoint rule, positions half a step."""
-        velocity_of = self.component.velocity_of
-        moving = velocity_of >= 0
-        x = x.copy()
-        x[moving] += h / 2 * x[velocity_of[moving]]
-        middle = x + h / 2 * np.where(moving, 0.0, self.rhs(t + h / 2, x))
-        x = x + h * np.where(moving, 0.0, self.rhs(t + h / 2, middle))
-        x[moving] += h / 2 * x[velocity_of[moving]]
-        return x
-
     def _ros2(self, t: float, x: np.ndarray, h: float) -> np.ndarray:
-        """One step of the Rosenbrock method ROS2; states count in units of their nominal values."""
         c = self.component
         nominal = np.array([v.nominal or 1.0 for v in c.all_variables if v.role == "state" for _ in range(v.size)])
-        gh = (1 - math.sqrt(0.5)) * h
-        jac, dt = (np.asarray(m) for m in self._f["jac"](t, x, self.u, self.p))
-        matrix = np.eye(len(x)) - gh * jac * nominal / nominal[:, None]
-        by_time = gh * dt.ravel() / nominal
+
+        def jacobian(t: float, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+            by_state, by_time = self._f["jac"](t, x, self.u, self.p)
+            return np.asarray(by_state), np.asarray(by_time).ravel()
+
         try:
-            k1 = np.linalg.solve(matrix, self.rhs(t, x) / nominal + by_time)
-            ahead = self.rhs(t + h, x + h * nominal * k1) / nominal
-            k2 = np.linalg.solve(matrix, ahead - 2 * k1 - by_time)
+            return solvers.ros2(self.rhs, jacobian, t, x, h, nominal)
         except np.linalg.LinAlgError:
             raise ArithmeticError(f"{c.name}: the matrix of solver ros2 is singular at time {t:.9g} s") from None
-        return x + h / 2 * nominal * (3 * k1 + k2)
 
 
 def simulate(

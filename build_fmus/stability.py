@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from build_fmus import solvers
 from build_fmus.component import Model
 
 
@@ -20,34 +21,42 @@ class SolverStepError(ValueError):
 def amplification(solver: str, z: np.ndarray) -> np.ndarray:
     """Largest modulus of the solver's amplification factor for ``z = step * eigenvalue`` (elementwise).
 
-    rk4: the degree-4 Taylor polynomial. am2: predictor-corrector in PECE mode; the predictor is Euler in the first step
-    after an exchange and Adams-Bashforth-2 later, so the larger of both factors counts. ros2: the rational function of
-    the L-stable Rosenbrock method, at most 1 in the whole left half plane.
+    The factor is what one step of length 1 makes of x = 1 with dx/dt = z x. am2 has two: the predictor is Euler in the first
+    step after an exchange and Adams-Bashforth-2 later, so the larger of both counts.
     """
     z = np.asarray(z, dtype=complex)
+    one = np.ones_like(z)
+
+    def f(_: float, x: np.ndarray) -> np.ndarray:
+        return z * x
+
     if solver == "rk4":
-        return np.abs(1 + z + z**2 / 2 + z**3 / 6 + z**4 / 24)
+        return np.abs(solvers.rk4(f, 0.0, one, 1.0))
     if solver == "ros2":
-        gamma = 1 - np.sqrt(0.5)
-        return np.abs((1 + (1 - 2 * gamma) * z) / (1 - gamma * z) ** 2)
-    first = np.abs(1 + z + z**2 / 2)
-    # x+ = x + z/2 (x + x + 1.5 z x - 0.5 z x_before): r^2 = b r + c
-    b, c = 1 + z + 0.75 * z**2, -0.25 * z**2
-    root = np.sqrt(b**2 / 4 + c)
-    return np.maximum(first, np.maximum(np.abs(b / 2 + root), np.abs(b / 2 - root)))
+        return np.abs(np.reshape([_ros2_factor(k) for k in z.ravel()], z.shape))
+    first, before = solvers.am2(f, 0.0, one, 1.0)
+    # Later steps make b x + c x_before of two states in a row: from x = 0 after 1, and from x = 1 after 0.
+    c, rest = solvers.am2(f, 0.0, 0 * one, 1.0, before)
+    b, _ = solvers.am2(f, 0.0, one, 1.0, rest)
+    root = np.sqrt(b**2 / 4 + c)  # of r^2 = b r + c
+    return np.maximum(np.abs(first), np.maximum(np.abs(b / 2 + root), np.abs(b / 2 - root)))
+
+
+def _ros2_factor(z: complex) -> complex:
+    one = np.ones(1)
+    matrix = np.array([[z]])
+    try:
+        return complex(solvers.ros2(lambda _, x: z * x, lambda *_: (matrix, 0 * one), 0.0, one, 1.0, one)[0])
+    except np.linalg.LinAlgError:
+        return complex(np.inf)  # its pole
 
 
 def step_matrix(matrix: np.ndarray, velocity_of: np.ndarray, h: float) -> np.ndarray:
-    """One step of solver semi_implicit for ``dx/dt = matrix x``: drift, kick with the midpoint rule, drift.
+    """One step of solver semi_implicit for ``dx/dt = matrix x``.
 
     It has no scalar amplification factor, because positions and velocities advance differently.
     """
-    n = len(matrix)
-    moving = velocity_of >= 0
-    drift = np.eye(n)
-    drift[np.flatnonzero(moving), velocity_of[moving]] = h / 2
-    slope = np.where(moving[:, None], 0.0, matrix)
-    return drift @ (np.eye(n) + h * slope @ (np.eye(n) + h / 2 * slope)) @ drift
+    return solvers.semi_implicit(lambda _, x: matrix @ x, 0.0, np.eye(len(matrix)), h, velocity_of)
 
 
 @dataclass(frozen=True)
@@ -96,11 +105,6 @@ def check_solver(component: Model) -> None:
             f"{component.name}: solver {component.solver} with step {component.solver_step:g} s is unstable at "
             f"operating point {wrong.point!r} (eigenvalue {wrong.eigenvalue:.4g} 1/s); {advice}"
         )
-
-
-def eigenvalues_by_point(component: Model) -> dict[str, np.ndarray]:
-    """Eigenvalues [1/s] of the linearized component at each declared operating point."""
-    return {n: np.linalg.eigvals(a) if a.size else np.zeros(0) for n, a in matrices_by_point(component).items()}
 
 
 def matrices_by_point(component: Model, parameters: np.ndarray | None = None) -> dict[str, np.ndarray]:

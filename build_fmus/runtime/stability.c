@@ -15,9 +15,15 @@ static size_t aligned(size_t n) { return (n + 15u) & ~(size_t)15u; }
 
 static size_t n_matrices(FmuSolver method) { return method == FMU_SEMI_IMPLICIT ? 3 : 2; }
 
-size_t stability_memory(FmuSolver method, int n) {
+static int n_tried(FmuSolver method, int n) { return method == FMU_SEMI_IMPLICIT ? n : 2; } /* states of a step that is tried */
+
+static size_t matrices_size(FmuSolver method, int n) {
     const size_t side = (size_t)n;
     return aligned((n_matrices(method) * side + 2) * side * sizeof(double));
+}
+
+size_t stability_memory(FmuSolver method, int n) {
+    return matrices_size(method, n) + integrator_memory(method, n_tried(method, n));
 }
 
 void stability_use(Stability *self, void *memory) {
@@ -28,6 +34,8 @@ void stability_use(Stability *self, void *memory) {
     self->matrix = at + 2 * n;
     self->scratch = self->matrix + n * n;
     self->step_matrix = n_matrices(self->method) == 3 ? self->scratch + n * n : NULL;
+    self->solver = (Integrator){.method = self->method, .n = n_tried(self->method, self->n), .velocity_of = self->velocity_of};
+    integrator_use(&self->solver, (char *)memory + matrices_size(self->method, self->n));
 }
 
 /* ------------------------------------------------------------------ eigenvalues */
@@ -266,7 +274,6 @@ typedef struct {
 } Complex;
 
 static Complex times(Complex a, Complex b) { return (Complex){a.re * b.re - a.im * b.im, a.re * b.im + a.im * b.re}; }
-static Complex plus(double one, double f, Complex a) { return (Complex){one + f * a.re, f * a.im}; } /* one + f a */
 static double size_of(Complex a) { return magnitude(a.re, a.im); }
 
 static Complex root_of(Complex a) {
@@ -276,51 +283,68 @@ static Complex root_of(Complex a) {
     return a.re >= 0.0 ? (Complex){half, other} : (Complex){fabs(other), copysign(half, a.im)};
 }
 
-/* Largest modulus of the amplification factors of one step for z = step x eigenvalue; see stability.py for what they are. */
-static double amplification(FmuSolver method, Complex z) {
-    if (method == FMU_RK4) {
-        Complex sum = plus(1.0, 0.25, z); /* 1 + z (1 + z/2 (1 + z/3 (1 + z/4))) */
-        for (int k = 3; k > 0; k--) sum = plus(1.0, 1.0 / k, times(z, sum));
-        return size_of(sum);
-    }
-    if (method == FMU_ROS2) {
-        const double gamma = 0.29289321881345254;
-        const double pole = size_of(plus(1.0, -gamma, z));
-        return size_of(plus(1.0, 1.0 - 2.0 * gamma, z)) / (pole * pole);
-    }
-    const Complex square = times(z, z), first = {1.0 + z.re + 0.5 * square.re, z.im + 0.5 * square.im};
-    const Complex half = {0.5 * (1.0 + z.re + 0.75 * square.re), 0.5 * (z.im + 0.75 * square.im)}, h2 = times(half, half);
-    const Complex root = root_of((Complex){h2.re - 0.25 * square.re, h2.im - 0.25 * square.im});
-    const double one = magnitude(half.re + root.re, half.im + root.im), other = magnitude(half.re - root.re, half.im - root.im);
-    return fmax(size_of(first), fmax(one, other));
+/* dx/dt = lambda x for a complex x of two real states. */
+static void one_mode(void *lambda, double t, const double *x, double *dx) {
+    const Complex l = *(const Complex *)lambda;
+    (void)t;
+    dx[0] = l.re * x[0] - l.im * x[1];
+    dx[1] = l.im * x[0] + l.re * x[1];
 }
 
-/* One step of semi_implicit as a matrix: drift, kick of the velocities by the midpoint rule, drift. */
-static void fill_step_matrix(const Stability *self, double h) {
-    const int n = self->n, *v = self->velocity_of;
-    const double *a = self->matrix;
-    double *s = self->step_matrix;
-#define AT(m, i, j) m[(size_t)(j) * (size_t)n + (size_t)(i)]
-    for (int j = 0; j < n; j++) { /* I + h Q (I + h/2 Q), where Q has the rows of A that are not positions */
-        for (int i = 0; i < n; i++) AT(s, i, j) = v[i] < 0 ? h * AT(a, i, j) : 0.0;
-        for (int k = 0; k < n; k++) {
-            if (v[k] >= 0) continue;
-            const double factor = 0.5 * h * h * AT(a, k, j);
-            if (factor == 0.0) continue;
-            for (int i = 0; i < n; i++)
-                if (v[i] < 0) AT(s, i, j) += factor * AT(a, i, k);
-        }
-        AT(s, j, j) += 1.0;
+static void one_mode_jacobian(void *lambda, double t, const double *x, double *J, double *by_time) {
+    const Complex l = *(const Complex *)lambda;
+    (void)t;
+    (void)x;
+    J[0] = J[3] = l.re;
+    J[1] = l.im;
+    J[2] = -l.im;
+    by_time[0] = by_time[1] = 0.0;
+}
+
+/* What one step of the solver makes of x; not finite where it has none. */
+static Complex stepped(Integrator *solver, double h, int first, double start) {
+    double x[2] = {start, 0.0};
+    return integrator_step(solver, 0.0, h, first, x) == 2 ? (Complex){x[0], x[1]} : (Complex){HUGE_VAL, 0.0};
+}
+
+/* Largest modulus of the solver's amplification factors for one step: what it makes of x = 1. */
+static double amplification(Integrator *solver, double h, Complex lambda) {
+    static const double units[2] = {1.0, 1.0};
+    solver->system = &lambda;
+    solver->rhs = one_mode;
+    solver->jacobian = one_mode_jacobian;
+    solver->nominals = units;
+    const double first = size_of(stepped(solver, h, 1, 1.0));
+    if (solver->method != FMU_AM2) return first;
+    /* Later steps of am2 make b x + c x_before of two states in a row: from x = 0 after 1, and from x = 1 after 0. */
+    const Complex c = stepped(solver, h, 0, 0.0), b = stepped(solver, h, 0, 1.0);
+    const Complex half = {0.5 * b.re, 0.5 * b.im}, square = times(half, half); /* r^2 = b r + c */
+    const Complex root = root_of((Complex){square.re + c.re, square.im + c.im});
+    const double one = magnitude(half.re + root.re, half.im + root.im), other = magnitude(half.re - root.re, half.im - root.im);
+    return fmax(first, fmax(one, other));
+}
+
+/* dx/dt = A x with the matrix at hand. */
+static void all_modes(void *system, double t, const double *x, double *dx) {
+    const Stability *self = system;
+    const double *column = self->matrix;
+    (void)t;
+    for (int i = 0; i < self->n; i++) dx[i] = 0.0;
+    for (int j = 0; j < self->n; j++, column += self->n) {
+        if (x[j] == 0.0) continue;
+        for (int i = 0; i < self->n; i++) dx[i] += column[i] * x[j];
     }
-    for (int i = 0; i < n; i++) { /* x drift: to the right, then to the left */
-        if (v[i] < 0) continue;
-        for (int k = 0; k < n; k++) AT(s, k, v[i]) += 0.5 * h * AT(s, k, i);
+}
+
+/* One step of semi_implicit as a matrix, column by column: it has no factor for each mode. */
+static void fill_step_matrix(Stability *self, double h) {
+    self->solver.system = self;
+    self->solver.rhs = all_modes;
+    for (int j = 0; j < self->n; j++) {
+        double *column = self->step_matrix + (size_t)j * (size_t)self->n;
+        for (int i = 0; i < self->n; i++) column[i] = i == j ? 1.0 : 0.0;
+        integrator_step(&self->solver, 0.0, h, 1, column);
     }
-    for (int i = 0; i < n; i++) {
-        if (v[i] < 0) continue;
-        for (int j = 0; j < n; j++) AT(s, i, j) += 0.5 * h * AT(s, v[i], j);
-    }
-#undef AT
 }
 
 /* Eigenvalues of the matrix at hand; whether the solver follows all of them with this step, and else the largest that it
@@ -337,7 +361,7 @@ static int suits(Stability *self, double h, Instability *wrong) {
         if (self->method != FMU_SEMI_IMPLICIT) {
             /* ros2 grows a little faster than the truth where the truth grows. */
             const double truth = re > 0.0 ? exp((self->method == FMU_ROS2 ? 1.1 : 1.0) * re * h) : 1.0;
-            if (amplification(self->method, (Complex){h * re, h * im}) <= truth + SLACK) continue;
+            if (amplification(&self->solver, h, (Complex){re, im}) <= truth + SLACK) continue;
         }
         if (size <= largest) continue;
         largest = size;

@@ -6,6 +6,7 @@
 #include <stddef.h>
 
 #include "fmu_model.h"
+#include "integrators.h"
 
 typedef struct {
     FmuSolver method;
@@ -17,6 +18,7 @@ typedef struct {
     int (*linearize)(void *system, int point, double *A);
     double *matrix, *scratch, *step_matrix; /* n x n; the last for semi_implicit */
     double *real, *imag;                    /* n each */
+    Integrator solver;                      /* applied to linear dynamics */
 } Stability;
 
 typedef struct {

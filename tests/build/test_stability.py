@@ -16,7 +16,7 @@ from solver_runs import in_c, run_fmu
 from build_fmus.compile import ObjectCache, find_toolchain, host
 from build_fmus.component import Component
 from build_fmus.generate import RUNTIME_DIR, RUNTIME_HEADERS, with_mathematics
-from build_fmus.stability import check_solver
+from build_fmus.stability import amplification, check_solver
 
 _EXPORT = """
 #include "stability.h"
@@ -34,7 +34,9 @@ def eigenvalues(tmp_path_factory: pytest.TempPathFactory) -> Callable[[np.ndarra
     """The runtime's eigenvalues of a matrix, None when it says that there are none."""
     folder, tools = tmp_path_factory.mktemp("stability"), find_toolchain(host())
     headers = {n: (RUNTIME_DIR / n).read_bytes() for n in RUNTIME_HEADERS}
-    sources = {"export.c": _EXPORT.encode(), "stability.c": (RUNTIME_DIR / "stability.c").read_bytes()}
+    sources = {n: (RUNTIME_DIR / n).read_bytes() for n in ("stability.c", "integrators.c")} | {
+        "export.c": _EXPORT.encode()
+    }
     for name, data in (with_mathematics(sources) | headers).items():
         (folder / name).parent.mkdir(exist_ok=True)
         (folder / name).write_bytes(data)
@@ -102,6 +104,31 @@ def test_eigenvalues_of_special_matrices(eigenvalues: Callable) -> None:
     np.testing.assert_array_equal(eigenvalues(np.zeros((4, 4))), 0)
     for bad in (np.nan, np.inf):
         assert eigenvalues(np.full((3, 3), bad)) is None
+
+
+# ------------------------------------------------------------------------------------------------------ amplification
+
+
+def two_step_factor(z: np.ndarray) -> np.ndarray:
+    """PECE with Adams-Bashforth-2 and the trapezoidal rule: x+ = x + z/2 (x + x + 1.5 z x - 0.5 z x_before)."""
+    roots = [np.roots([1.0, -(1 + k + 0.75 * k**2), 0.25 * k**2]) for k in z]
+    return np.abs(roots).max(axis=1)
+
+
+GAMMA = 1 - np.sqrt(0.5)
+FACTORS: dict[str, Callable[[np.ndarray], np.ndarray]] = {
+    "rk4": lambda z: np.abs(np.polyval([1 / 24, 1 / 6, 1 / 2, 1, 1], z)),  # Taylor polynomial of exp
+    "am2": lambda z: np.maximum(np.abs(1 + z + z**2 / 2), two_step_factor(z)),  # first step: Euler predictor
+    "ros2": lambda z: np.abs((1 + (1 - 2 * GAMMA) * z) / (1 - GAMMA * z) ** 2),
+}
+
+
+@pytest.mark.parametrize("solver", FACTORS)
+def test_amplification_is_that_of_the_closed_forms(solver: str) -> None:
+    """What steps of the solver in Python make of dx/dt = z x."""
+    rng = np.random.default_rng(3)
+    z = np.concatenate([rng.normal(scale=2.0, size=200) + 1j * rng.normal(scale=2.0, size=200), [0.0, -1e6, 1e-9j]])
+    np.testing.assert_allclose(amplification(solver, z), FACTORS[solver](z), rtol=1e-9)
 
 
 # ------------------------------------------------------------------------------------------------------------- points

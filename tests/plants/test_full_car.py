@@ -6,9 +6,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
+from oracles.eigenvalues import eigenvalues_by_point
 
 from build_fmus.reference import Evaluator, simulate
-from build_fmus.stability import check_solver, eigenvalues_by_point
+from build_fmus.stability import check_solver
 from cosim.experiments.metrics.response import response_objective
 from fmu_sources.plants import full_car
 from fmu_sources.roads import RoadLayout, road_sine

@@ -8,12 +8,13 @@ import re
 import casadi as ca
 import numpy as np
 import pytest
+from oracles.eigenvalues import eigenvalues_by_point
 from scipy.optimize import brentq
 
 from build_fmus import units
 from build_fmus.component import Model
 from build_fmus.reference import Evaluator, simulate
-from build_fmus.stability import check_solver, eigenvalues_by_point
+from build_fmus.stability import check_solver
 from fmu_sources.plants import hydraulic_actuator, quarter_car
 from fmu_sources.vehicles import VehicleError, load_actuator, load_quarter_car, load_vehicle
 
