@@ -252,14 +252,14 @@ _NOTES = (
     "Wiring: force.measured and spool.position are outputs force and spool.position of a HydraulicActuator, piston.velocity "
     "is the suspension velocity of the car, the same that drives the actuator; valve.voltage goes to the actuator. "
     "force.desired comes from a controller at any slower rate, held in between.",
-    "What the controller believes of the actuator are its parameters, from the same vehicle file as the actuator's. Give "
+    "The controller's model of the actuator is in its parameters, from the same vehicle file as the actuator's. Give "
     "other values to study its robustness. Too high a density or too small a valve makes the loop gain too high.",
     "force.desired passes the filter (1.16), sampled exactly for a held input. smoothing.enabled false bypasses it: "
     "then the force must be smooth already, since its rate is taken by difference.",
     "Variants of section 1.3: rate.numerical off replaces the difference (1.15) by the filter (1.13); average.enabled adds "
     "(1.14), 1.5 ms of delay, which quietens the command of a noisy load cell and costs most of the tracking at these gains; "
     "notch.heave_pitch and notch.roll attenuate the desired spool position about the modes of the body, and with it the flow that "
-    "the moving piston needs: the force follows far worse then.",
+    "the moving piston needs: the force then follows far worse.",
     "Limits: the desired spool position ends at the stroke that valve.max_voltage gives, the voltage at valve.max_voltage, and "
     "the root in (1.10) at supply.least_drop of the supply pressure. Each has its flag; the integral waits at a limit.",
     "Road, friction and the car's own dynamics are disturbances to this controller. Left out: output redefinition, which "

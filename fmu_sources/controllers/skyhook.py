@@ -62,6 +62,6 @@ _NOTES = (
     "Inputs carry the names of the car's outputs, and of the estimator's: connect all of equal name. They are the 15 "
     "relative states and body.az of every higher-level controller of this vehicle, so that one can be exchanged for another; "
     "skyhook damping uses the velocities alone.",
-    "The command holds for 30 ms. Behind the smoothing filter of the force tracking and this hold much of the damping is lost: "
+    "The command holds for 30 ms. After the smoothing filter of the force tracking and this hold, much of the damping is lost: "
     "the paper's gains are those of a slow loop.",
 )

@@ -385,10 +385,10 @@ def _stimulus() -> dict[str, Callable[[float], float]]:
 
 _NOTES = (
     "The filter's model is the linear model of RideCarHmmwv in relative coordinates: four suspension and four tire deflections, "
-    "four wheel and three body velocities. Heights above a datum cannot be measured on a moving car and are no states of it. "
+    "four wheel and three body velocities. Heights above a datum cannot be measured on a moving car and are not among its states. "
     "The road's rate under each wheel is white noise, held over a sample, with the intensity of the sensor file (0.007 m2/s); load cells are "
     "measured inputs whose noise reaches model and accelerometers alike, which the filter knows (cross-covariance).",
-    "Outputs at t use the measurements at t. sigma.* are the standard deviations of the estimates by the filter's own account; "
+    "Outputs at t use the measurements at t. sigma.* are the standard deviations of the estimates as the filter itself computes them; "
     "with time_varying the covariance starts from 30 mm, 0.5 m/s, 0.3 rad/s and is carried along, and the gain follows from it; without, "
     "both are those of the steady state, which all but body.vz reach within some tenths of a second; body.vz takes seconds.",
     "use_road: road.*.height is the road under the wheels now (from PreviewBuffer by a connection with delay; the buffer gives "

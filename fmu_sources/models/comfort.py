@@ -3,7 +3,7 @@
 The filters are given once, as analog second-order sections (:data:`HUMAN_RESPONSE`, :data:`WEIGHTING_WK`), and become
 digital by the bilinear transformation; every section is prewarped at its own frequency, where its digital gain and phase
 are exact. Online components and the functions of this module use the same coefficients (:func:`digital_sections`), the
-same start (filters at rest) and the same sums (a sample stands for the sampling interval behind it).
+same start (filters at rest) and the same sums (a sample stands for the sampling interval before it).
 
 "Donahue and Hedrick" stands for "Implementation of an Active Suspension, Preview Controller for Improved Ride Comfort".
 Accelerations are vertical, in m/s2, and finite; an error names the sample.

@@ -186,9 +186,9 @@ def full_car(vehicle: FullCar, name: str = "FullCarHmmwv") -> Component:
         c.value(f"drive_force_{n}", grip * drive, source="grows with slip and load up to the friction ellipse")
         c.value(f"side_force_{n}", grip * corner, source="grows with slip angle and load up to the friction ellipse")
 
-        # Wheel; torque is eased off where it makes the wheel slip.
+        # Wheel; torque is reduced where it makes the wheel slip.
         torque = ca.fmax(0, limited) * _eased(slip_x[n]) + ca.fmin(0, limited) * _eased(-slip_x[n])
-        c.value(f"wheel_torque_{n}", torque, source="eased off where it makes the wheel slip")
+        c.value(f"wheel_torque_{n}", torque, source="reduced where it makes the wheel slip")
         applied += torque
         wheel_force[n] = load[n] - strut - p.wheel.mass * GRAVITY
         spin_torque[n] = torque - grip * drive * p.wheel.radius
@@ -360,7 +360,7 @@ _NOTES = (
     "on level ground that is an exact equilibrium.",
     "Brakes and driveline are mounted on the body: drive forces pitch the car with the lever arm of the CG height.",
     "The first value of target.speed is the start speed. The driver model holds a straight course up to the "
-    "maximum of target.speed; the car does not reverse. Torque is eased off at slipping wheels.",
+    "maximum of target.speed; the car does not reverse. Torque is reduced at slipping wheels.",
     "Wiring: connect a road's outputs road.* to the inputs of the same name, and this car's x and speed to that "
     "road; a controller drives force.*. Exchange at 1 ms.",
     "The solver restarts at every doStep: the same second divided into steps other than 1 ms (0.5 to 10 ms) differs by up to "

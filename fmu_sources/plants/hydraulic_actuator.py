@@ -137,7 +137,7 @@ _NOTES = (
     "Wiring: piston.velocity is the suspension velocity of the car (body minus wheel), force goes to the car's force input. "
     "The oil column is a spring of A_p^2 4 beta / V_t, 44 MN/m, between body and wheel: exchange at 0.5 ms or less, and let "
     "the car advance before the actuator (Gauss-Seidel). Advanced side by side (Jacobi) the pair diverges at 0.5 and 1 ms.",
-    "The command saturates at valve.max_voltage; valve.saturated tells. A spool at its centre closes the cylinder: only "
+    "The command saturates at valve.max_voltage; valve.saturated says so. A spool at its centre closes the cylinder: only "
     "leakage lets the piston move, the strut is nearly locked.",
     "Pump off (supply.running false): supply pressure 0, and the spool rests at valve.null_opening, which makes the "
     "actuator a damper. This is the passive car of paper 001.",

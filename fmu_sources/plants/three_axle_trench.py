@@ -561,7 +561,7 @@ _NOTES = (
     "stiffness at rest.",
     "For small motions heave is that of ThreeAxleRide with the same numbers; pitch is too with wheels.driven false, "
     "some 4 % softer because the CG lies above the wheels. With the spin imposed, pitching turns the vehicle about the "
-    "ground and takes the mass along: the natural frequency of pitch falls by a fifth. The linear model has no such motion.",
+    "ground and moves its mass too: the natural frequency of pitch falls by a fifth. The linear model has no such motion.",
     "lidar.*.dx is the distance of the obstacle's start and finish ahead of the nose lidar, lidar.*.dz how far the lidar is above "
     "them, both along the axes of the road, as equations (4.18) to (4.28) of paper 003 need them. They are positions of markers: "
     "there are values without an obstacle too (those of the trench), and behind the vehicle dx is negative.",

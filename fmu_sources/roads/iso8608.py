@@ -90,7 +90,7 @@ def road_iso8608(
     table = iso8608_table(track, seed, decay, contact)
     nodes = len(table.left) - 1
     smoothed = (
-        f"Heights are means over {contact:g} m of contact (assumed), which a wave {contact:g} m long does not survive.",
+        f"Heights are means over {contact:g} m of contact (assumed), which removes waves {contact:g} m long.",
     )
     tabled = node_heights(table)
 

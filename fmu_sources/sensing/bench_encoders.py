@@ -29,7 +29,7 @@ def bench_encoders(name: str = "BenchEncoders") -> Component:
         source="002 section IV; resolution and filter assumed",
         notes=(
             "Each encoder rounds to whole counts of resolution (0: no rounding). Velocities come from a second-order filter "
-            f"s w2/(s2 + 2 z w s + w2) with {CUT_OFF:g} Hz and z = {DAMPING:g} behind the encoders, sampled with the position held.",
+            f"s w2/(s2 + 2 z w s + w2) with {CUT_OFF:g} Hz and z = {DAMPING:g} after the encoders, sampled with the position held.",
             "Wiring: encoder.suspension from suspension.deflection, encoder.body from body.z and encoder.road from "
             "road.height of plant and road; the outputs go to the inputs of the same name of LqrBench or MpcBench.",
         ),

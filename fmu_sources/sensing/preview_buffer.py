@@ -248,7 +248,7 @@ def _stimulus() -> dict[str, Callable[[float], float]]:
 _NOTES = (
     "Each side has a circular memory with one cell per 25 mm of road; a cell's place follows from its distance. A sample and the one "
     "before it give all cells between them by interpolation, so samples may come in any order and spacing; a place that is measured again "
-    "is mixed with what is stored (forgetting). Samples more than 0.6 m apart, or so far behind that the memory has moved on, start it anew.",
+    "is mixed with what is stored (forgetting). Samples more than 0.6 m apart, or so far behind that the memory has moved on, restart it.",
     "Read: linear between cells, mean over contact.length, at the place where each wheel will be if the speed stays: also at "
     "standstill, where all of preview.* is the road under the wheel, and backwards, on the road that was driven over. Beyond the foremost "
     "cell the last height is held: its rate is 0, as for a controller without preview. preview.reach tells where that begins.",

@@ -44,7 +44,7 @@ def ride_comfort(name: str = "RideComfort", *, period: float = SAMPLE_TIME) -> C
         "absorbed_power.limit", ABSORBED_POWER_LIMIT, "W", "absorbed power that a driver bears for long", min=0.0,
         tunable=True, source="001 section 1.6",
     )  # fmt: skip
-    az = c.input("body.az", "m/s2", "vertical acceleration of the body, or wherever comfort is judged")
+    az = c.input("body.az", "m/s2", "vertical acceleration of the body, or wherever comfort is assessed")
 
     felt = _filtered(c, "human_response", HUMAN_RESPONSE, FEET_PER_METRE * az, period)
     weighted = _filtered(c, "weighting", WEIGHTING_WK, az, period)
@@ -115,7 +115,7 @@ def _moving_mean(c: Component, value: Any, length: Any, period: float) -> Any:
 
 
 _NOTES = (
-    "Absorbed power is the square of the acceleration behind the human response filter 12 s / (s2 + 30.02 s + 901.3). The "
+    "Absorbed power is the square of the acceleration after the human response filter 12 s / (s2 + 30.02 s + 901.3). The "
     "filter takes ft/s2 (the paper prints m/s2): so its gain is 3 to 15 % below that of the established filter of absorbed "
     "power over 1 to 10 Hz, its power 6 to 28 %, while on m/s2 it would be a tenth. Input and outputs of this FMU are SI.",
     "absorbed_power.window divides by the whole window from the start on, as if the vehicle had been at rest before; a "

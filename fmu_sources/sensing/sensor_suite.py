@@ -267,7 +267,7 @@ _NOTES = (
     "leaves the others' numbers as they are. The numbers come from the generator MRG32k3a, kept in the FMU's own state: a run "
     "can be repeated, saved and restored.",
     "Range sensors: beams in the tracks of the wheels, tilted forward, cast against the road's scan.left and scan.right "
-    "(a scan belongs to the road: RoadLayout.scan), so that a bump throws a shadow. The reading is a mean over range.spot, comes "
+    "(a scan belongs to the road: RoadLayout.scan), so that a bump casts a shadow. The reading is a mean over range.spot, comes "
     "range.response late, is rounded to range.resolution, and counts only from range.near to range.far and within the scan; "
     "otherwise range.*.valid is false and the last valid value is held. range.dropout.* makes both fail for a while.",
     "range.sensor chooses between both sensors of Table 1.6; each parameter range.* has one value for either. "

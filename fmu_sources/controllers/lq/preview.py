@@ -43,7 +43,7 @@ class Taps:
 
     With a horizon of n periods u = -K x + sum_{j<n} interior[j] w_j + end[n] w_n, and with the tail held + tail[n] w_n.
     Arrays (count, controls, wheels); ``shift`` (controls,) is what is left of a unit shift of everything when the tail is
-    held, and is taken off so that it is left unchanged exactly.
+    held, and is subtracted so that it is left unchanged exactly.
     """
 
     K: np.ndarray

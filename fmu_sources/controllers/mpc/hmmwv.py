@@ -1,7 +1,7 @@
 """MPC of the HMMWV with and without preview of the road (paper 001, Tables 1.2 and 1.3).
 
 The prediction model is the ride car in its 15 relative states, with the smoothing filter (1.16) of the force tracking
-ahead of each actuator and the human response filter (1.19) behind the acceleration of the body: 33 states. The relative
+upstream of each actuator and the human response filter (1.19) after the acceleration of the body: 33 states. The relative
 states are inputs; the filters are followed inside, by the commands given and the acceleration measured.
 """
 
@@ -149,7 +149,9 @@ def mpc_hmmwv(
     previous = previous_command(c, mpc, "N")
 
     n = len(RELATIVE_STATES)
-    actuators = c.state("smoothing.filters", None, "states of (1.16) ahead of the actuators", shape=(4 * len(FORCES),))
+    actuators = c.state(
+        "smoothing.filters", None, "states of (1.16) upstream of the actuators", shape=(4 * len(FORCES),)
+    )
     last = n + 4 * len(FORCES)
     response = c.state("human_response.filter", None, "states of (1.19) at the sample before", shape=(2,))
     az_before = c.state("human_response.az", "m/s2", "acceleration at the sample before")

@@ -192,7 +192,7 @@ class Filter:
 
 
 def filter_inputs(lin: Linearization, names: Sequence[str], filter_: Filter) -> Linearization:
-    """``lin`` with a filter ahead of each named input; filter states are ``NAME.filter[i]``, after those of ``lin``."""
+    """``lin`` with a filter upstream of each named input; filter states are ``NAME.filter[i]``, after those of ``lin``."""
     A, B, C, D, states = lin.A, lin.B.copy(), lin.C, lin.D.copy(), list(lin.states)
     for name in names:
         j = position("input of the plant", name, lin.inputs)
@@ -207,7 +207,7 @@ def filter_inputs(lin: Linearization, names: Sequence[str], filter_: Filter) -> 
 
 
 def filter_output(lin: Linearization, output: str, filter_: Filter, name: str) -> Linearization:
-    """``lin`` with one more output ``name``: ``output`` behind a filter, whose states are ``NAME.filter[i]``."""
+    """``lin`` with one more output ``name``: ``output`` after a filter, whose states are ``NAME.filter[i]``."""
     i, m, n = position("output of the plant", output, lin.outputs), len(filter_.b), len(lin.A)
     A = np.block([[lin.A, np.zeros((n, m))], [np.outer(filter_.b, lin.C[i]), filter_.A]])
     B = np.vstack([lin.B, np.outer(filter_.b, lin.D[i])])

@@ -316,11 +316,11 @@ _NOTES = (
     "reference.pitch and preview.* go to the controller, all under the same names. Both run every 5 ms; in that order there is "
     "no delay between them.",
     "Cases: axle i is over the trench from case.lead_distance and case.lead_time before it stands at the start (a negative distance: "
-    "behind it) until case.lag behind the finish, judged by the corrected slopes. When two axles are over a long trench, the front "
+    "behind it) until case.lag behind the finish, decided by the corrected slopes. When two axles are over a long trench, the front "
     "one of them counts. A wheel carries on the edge almost as on the road, so a case may begin a little late and end early: in "
     "trenches nearly as long as the axle spacing one axle then carries before the next one is lifted.",
     "Pitch reference: nose up while the first axle crosses, nose down while the last one does, both begun pitch.lead_distance and "
-    "pitch.lead_time early, with a limited rate. reference.pitch[1] is now; the later ones suppose that the speed stays.",
+    "pitch.lead_time early, with a limited rate. reference.pitch[1] is now; the later ones assume that the speed stays constant.",
     "Effective road: a linear tire model pulls a wheel down to whatever road it is given, so the floor of the trench is never fed. "
     "A wheel that is over an edge sees the circle on which the edge carries its centre, and one that carries nothing sees the height "
     "under which a linear tire has no force.",
