@@ -89,9 +89,7 @@ def road_iso8608(
     track = float(np.mean(sides[0]) - np.mean(sides[1])) if all(sides) else 0.0
     table = iso8608_table(track, seed, decay, contact)
     nodes = len(table.left) - 1
-    smoothed = (
-        f"Heights are means over {contact:g} m of contact (assumed), which removes waves {contact:g} m long.",
-    )
+    smoothed = (f"Heights are means over {contact:g} m of contact (assumed), which removes waves {contact:g} m long.",)
     tabled = node_heights(table)
 
     def profile(c: Component) -> Profile:
