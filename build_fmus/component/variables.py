@@ -16,6 +16,7 @@ BaseType = Literal["Float64", "Int32", "Boolean"]
 
 LONGEST_SOURCE = 4096  # characters; who reads an FMU believes no more
 _NO_XML = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
+_ESCAPED = re.compile("[\udc80-\udcff]")  # bytes of a name that the locale could not decode
 _SAME = 1e-6  # relative difference at which two constants count as one: they may pass through text and other units
 
 
@@ -29,6 +30,8 @@ def source_fault(source: str) -> str:
         return 'empty; say where the value comes from, or "assumed"'
     if len(source) > LONGEST_SOURCE:
         return f"has {len(source)} characters; shorten it to {LONGEST_SOURCE}"
+    if _ESCAPED.search(source):
+        return "names a file that this locale has no characters for; set PYTHONUTF8=1"
     if bad := _NO_XML.search(source):
         return f"contains the character {bad[0]!a}, which XML cannot hold; remove it"
     return ""
