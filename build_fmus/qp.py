@@ -9,7 +9,6 @@ alone is computed here, when the FMU is built, and lies in ``qp_data.c`` as cons
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Literal, Protocol
@@ -17,6 +16,8 @@ from typing import Any, Literal, Protocol
 import numpy as np
 from scipy.linalg import solve_triangular
 from scipy.sparse import csc_array
+
+from build_fmus.checks import finite, number
 
 BackendName = Literal["daqp", "osqp"]
 INFINITE = 1e30  # bounds of this size and beyond do not bind; QP_INFINITY in qp.h
@@ -203,8 +204,7 @@ class Osqp:
 
 def _positive(what: str, **values: float) -> None:
     for name, value in values.items():
-        if not (math.isfinite(value) and value > 0):
-            raise ProgramError(f"{what}: {name} is {value}, which is not a positive number")
+        number(f"{what}: {name}", value, above=0, error=ProgramError)
 
 
 BACKENDS: dict[str, Any] = {"daqp": Daqp, "osqp": Osqp}
@@ -316,8 +316,7 @@ def checked_matrices(
     for k, h in enumerate(H):
         if h.shape != (n, n):
             raise ProgramError(f"{where}: Hessian {k} has shape {h.shape}, not {(n, n)}")
-        if not np.all(np.isfinite(h)):
-            raise ProgramError(f"{where}: Hessian {k} has values that are not finite")
+        finite(f"{where}: Hessian {k} at ", h, error=ProgramError)
         if np.max(np.abs(h - h.T)) > 1e-9 * np.max(np.abs(h)):
             raise ProgramError(f"{where}: Hessian {k} is not symmetric")
         H[k] = 0.5 * (h + h.T)
@@ -332,8 +331,7 @@ def checked_matrices(
     for k, a in enumerate(A):
         if a.shape != (m, n) or m == 0:
             raise ProgramError(f"{where}: constraint matrix {k} has shape {a.shape}, not (m, {n}) with the same m >= 1")
-        if not np.all(np.isfinite(a)):
-            raise ProgramError(f"{where}: constraint matrix {k} has values that are not finite")
+        finite(f"{where}: constraint matrix {k} at ", a, error=ProgramError)
     return tuple(H), tuple(A * len(H) if len(A) == 1 else A)
 
 

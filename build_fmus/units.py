@@ -6,8 +6,9 @@ convention: ``.`` multiplies, ``/`` divides once, an integer behind a symbol is 
 
 from __future__ import annotations
 
-import difflib
 from dataclasses import dataclass, field
+
+from build_fmus.checks import did_you_mean
 
 
 @dataclass(frozen=True)
@@ -93,9 +94,8 @@ def unit(name: str) -> Unit:
         return UNITS[name]
     except KeyError:
         same = [u for u in UNITS if _bare(u) == _bare(name)]  # Nm, N*m -> N.m
-        near = same or difflib.get_close_matches(name, UNITS, n=1, cutoff=0.0)
-        hint = f"did you mean {near[0]!r}? (units are listed in build_fmus/units.py)"
-        raise KeyError(f"unknown unit {name!r}; {hint}") from None
+        hint = did_you_mean(name, same or UNITS)
+        raise KeyError(f"unknown unit {name!r}{hint} (units are listed in build_fmus/units.py)") from None
 
 
 def display_unit(unit_name: str, name: str) -> DisplayUnit:
@@ -122,6 +122,5 @@ def convert(value: float, given: str, wanted: str) -> float:
     if given in UNITS and UNITS[given].exponents == target.exponents:
         return (UNITS[given].factor * value + UNITS[given].offset - target.offset) / target.factor
     accepted = [wanted, *(d.name for d in target.display)]
-    near = difflib.get_close_matches(given, accepted, n=1)
-    hint = f"; did you mean {near[0]!r}?" if near else ""
+    hint = did_you_mean(given, accepted)
     raise KeyError(f"unit {given!r} where {wanted!r} is expected (accepted: {', '.join(accepted)}){hint}")

@@ -7,7 +7,8 @@ from dataclasses import dataclass, field
 from fractions import Fraction
 from typing import Any
 
-from cosim.errors import WiringError, did_you_mean
+from build_fmus.checks import did_you_mean
+from cosim.errors import WiringError
 from cosim.units import Unit
 
 RECORDABLE = ("real", "integer", "boolean")  # types of what can be connected and recorded

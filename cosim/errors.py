@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import difflib
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 from cosim.recording import Recording
@@ -128,12 +127,3 @@ class Interrupted(CosimError, KeyboardInterrupt):  # noqa: N818
         super().__init__(f"interrupted at t = {time:.9g} s; everything recorded up to there is kept")
         self.time = time
         self.recording = recording
-
-
-def did_you_mean(name: str, known: Iterable[str]) -> str:
-    """`"; did you mean 'a' or 'b'?"` for the nearest known names, else an empty string."""
-    candidates = list(known)
-    near = difflib.get_close_matches(name, candidates, n=3, cutoff=0.5)
-    if not near:
-        near = [c for c in candidates if name.lower() in c.lower()][:3]
-    return "; did you mean " + " or ".join(f"'{n}'" for n in near) + "?" if near else ""

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-import difflib
 import os
 import re
 from collections.abc import Iterator
@@ -13,6 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from build_fmus import safe_files
+from build_fmus.checks import did_you_mean
 from cosim.signals import Array
 
 _HEADER = re.compile(r"(.*?)(?: \[(.*)\])?")
@@ -43,9 +43,7 @@ class Recording:
         try:
             return self.data[:, self._column[self.aliases.get(name, name)]]
         except KeyError:
-            near = difflib.get_close_matches(name, self.names, n=3, cutoff=0.5)
-            hint = f"; did you mean {' or '.join(repr(n) for n in near)}?" if near else ""
-            raise KeyError(f"'{name}' was not recorded{hint}") from None
+            raise KeyError(f"'{name}' was not recorded{did_you_mean(name, self.names)}") from None
 
     def __contains__(self, name: str) -> bool:
         return self.aliases.get(name, name) in self._column

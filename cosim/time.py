@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from fractions import Fraction
 from typing import TypeVar
 
+from build_fmus.checks import number
 from cosim.errors import TimeError
 
 TimeLike = int | float | str | Fraction
@@ -42,9 +43,7 @@ def rational(value: TimeLike, what: str = "time") -> Fraction:
         except (TypeError, ValueError):
             raise TimeError(f"{what} must be a number of seconds or a text like '10 ms', not {value!r}") from None
     if isinstance(value, float):
-        if not math.isfinite(value):
-            raise TimeError(f"{what} must be finite, not {value}")
-        _bounded(value, what)
+        _bounded(number(what, value, "s", error=TimeError), what)
         near = Fraction(value).limit_denominator(10**6)
         return near if float(near) == value else Fraction(repr(float(value)))
     return _bounded(Fraction(value), what)

@@ -5,13 +5,14 @@ Importing this module costs nothing: makers import their modules when called.
 
 from __future__ import annotations
 
-import difflib
 import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+
+from build_fmus.checks import did_you_mean
 
 if TYPE_CHECKING:
     from build_fmus.component import Component
@@ -250,9 +251,7 @@ def find(catalog: dict[str, Entry], name: str) -> Entry:
     try:
         return catalog[name]
     except KeyError:
-        near = difflib.get_close_matches(name, catalog, n=1)
-        hint = f"; did you mean {near[0]}?" if near else ""
-        raise KeyError(f"no FMU named {name!r}{hint} (build-fmus --list shows all)") from None
+        raise KeyError(f"no FMU named {name!r}{did_you_mean(name, catalog)} (build-fmus --list shows all)") from None
 
 
 # ---------------------------------------------------------------------- families: what is made of one vehicle file

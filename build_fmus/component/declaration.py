@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -10,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from build_fmus import extras, qp, units
+from build_fmus.checks import did_you_mean
 from build_fmus.component.variables import Element, Kind, Role, Solver, Variable
 
 with extras.needed("build", extras.BUILDING):
@@ -146,9 +146,7 @@ def named(component: str, variables: Mapping[str, Variable], name: str) -> Varia
     try:
         return variables[name]
     except KeyError:
-        near = difflib.get_close_matches(name, variables, n=1)
-        hint = f"; did you mean {near[0]!r}?" if near else ""
-        raise KeyError(f"{component} has no variable {name!r}{hint}") from None
+        raise KeyError(f"{component} has no variable {name!r}{did_you_mean(name, variables)}") from None
 
 
 def _derivative_variable(v: Variable) -> Variable:

@@ -13,6 +13,7 @@ from typing import Any, Concatenate, ParamSpec, TypeVar
 import numpy as np
 
 from build_fmus import extras, qp, units
+from build_fmus.checks import number
 from build_fmus.component.declaration import named
 from build_fmus.component.linear import Linearization, statespace
 from build_fmus.component.model import Model
@@ -249,8 +250,7 @@ class Component:
         connected; the model description tells ``must_equal``, with which a master can refuse a wrong source by name, and
         the FMU warns once when it gets another value than that and 0.
         """
-        if not math.isfinite(must_equal):
-            raise DeclarationError(f"{self.name}.{name}: must_equal is {must_equal}")
+        number(f"{self.name}.{name}: must_equal", must_equal, error=DeclarationError)
         self._add(
             name, "input", unit, description, (), start=np.zeros(()), must_equal=float(must_equal), display_unit=display_unit
         )  # fmt: skip
@@ -510,10 +510,7 @@ class Component:
         flat = None if start is None else tuple(float(v) for v in np.asarray(start, dtype=float).ravel())
         low, high = rest.get("min"), rest.get("max")
         for v in flat or ():
-            if not math.isfinite(v):
-                raise DeclarationError(f"{where}: start value {v} is not finite")
-            if (low is not None and v < low) or (high is not None and v > high):
-                raise DeclarationError(f"{where}: start value {v:g} lies outside [{low}, {high}]")
+            number(f"{where}: start value", v, unit or "", least=low, most=high, error=DeclarationError)
         size = math.prod(shape)
         flat_symbol = self._symbols.sym(name, size)
         # Row-major elements; CasADi matrices are column-major.

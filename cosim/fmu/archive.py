@@ -13,7 +13,8 @@ import zlib
 from collections.abc import Sequence
 from pathlib import Path, PurePosixPath, PureWindowsPath
 
-from cosim.errors import FmuError, did_you_mean
+from build_fmus.checks import did_you_mean
+from cosim.errors import FmuError
 
 DESCRIPTION = "modelDescription.xml"
 LARGEST_DESCRIPTION = 128 * 2**20  # bytes; a hundred thousand variables take some 40 MB

@@ -33,9 +33,10 @@ from fractions import Fraction
 import control
 import numpy as np
 
+from build_fmus.checks import did_you_mean
 from cosim.component import Array, Ports
 from cosim.description import Variable
-from cosim.errors import CallFailed, CosimError, LoopError, TimeError, WiringError, did_you_mean
+from cosim.errors import CallFailed, CosimError, LoopError, TimeError, WiringError
 from cosim.master.exchange import Exchange, Phase
 from cosim.master.initialization import initialize
 from cosim.master.twins import ContinuousTwin, Model, SampledTwin, Source, diagonal, model_of

@@ -8,6 +8,7 @@ from fractions import Fraction
 from types import TracebackType
 from typing import Any
 
+from build_fmus.checks import did_you_mean
 from cosim.component import Action
 from cosim.description import Variable
 from cosim.errors import (
@@ -18,7 +19,6 @@ from cosim.errors import (
     NotFinite,
     TimeError,
     WiringError,
-    did_you_mean,
 )
 from cosim.master.exchange import Exchange, Phase
 from cosim.master.initialization import initialize

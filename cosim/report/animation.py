@@ -15,6 +15,7 @@ from typing import Any, Literal
 import numpy as np
 import numpy.typing as npt
 
+from build_fmus.checks import finite, number
 from cosim.report.checks import assign, check_choice, check_id, check_text, check_unique, curve, items, split_label
 
 Role = Literal["ground", "body"]
@@ -53,8 +54,7 @@ class Wheel:
     def __post_init__(self) -> None:
         where = f"wheel '{self.name}'"
         check_text(where, name=self.name)
-        if not self.radius > 0:
-            raise ValueError(f"{where}: radius {self.radius} m is not positive")
+        number(f"{where}: radius", self.radius, "m", above=0)
         _series(where, self, "x", "z", "turn")
 
 
@@ -135,8 +135,7 @@ class Scene:
     def __post_init__(self) -> None:
         where = f"scene '{self.title}'"
         check_text(where, title=self.title)
-        if not self.step > 0:
-            raise ValueError(f"{where}: step {self.step} s is not positive")
+        number(f"{where}: step", self.step, "s", above=0)
         assign(self, "good", bool(self.good))
         assign(self, "ground", _points(where, "ground", self.ground, least=2))
         for part, kind in _PARTS.items():
@@ -220,8 +219,7 @@ class Animation:
             raise ValueError(f"{where} has no takes")
         check_unique(where, "take", (t.title for t in self.takes))
         for name in ("width", "force_scale"):
-            if not getattr(self, name) > 0:
-                raise ValueError(f"{where}: {name} {getattr(self, name)} is not positive")
+            number(f"{where}: {name}", getattr(self, name), above=0)
 
 
 def animation_data(animation: Animation) -> dict[str, Any]:
@@ -293,7 +291,5 @@ def _points(where: str, name: str, points: Points, *, least: int) -> tuple[tuple
 def _series(where: str, part: object, *names: str) -> None:
     for name in names:
         values = curve(where, name, getattr(part, name))
-        bad = np.flatnonzero(~np.isfinite(values))
-        if len(bad):
-            raise ValueError(f"{where}: {name} is {values[bad[0]]} at sample {bad[0]}")
+        finite(f"{where}: {name}", values, sampled=True)
         assign(part, name, values)

@@ -12,16 +12,16 @@ of the tables and figures of a report.
 from __future__ import annotations
 
 import dataclasses
-import difflib
 import inspect
 import itertools
-import math
 import types
 import typing
 from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeVar
+
+from build_fmus.checks import did_you_mean, number, short
 
 
 class CaseError(ValueError):
@@ -184,12 +184,8 @@ def _check_value(f: Field, value: Any) -> None:
     if about.choices is not None and not (about.files and isinstance(value, str) and value.endswith(about.files)):
         check_choice(words, value, about.choices)
     if isinstance(value, int | float) and not isinstance(value, bool):
-        unit = f" {about.unit}" if about.unit else ""
-        if not math.isfinite(value):
-            raise CaseError(f"{words} {value:g}{unit}: give a finite number")
-        if about.within is not None and not about.within[0] <= value <= about.within[1]:
-            low, high = about.within
-            raise CaseError(f"{words} {_number(value)}{unit}: give {_number(low)} to {_number(high)}{unit}")
+        low, high = about.within or (None, None)
+        number(words, value, about.unit, least=low, most=high, error=CaseError)
 
 
 def check_choice(what: str, value: Any, known: Collection[Any]) -> None:
@@ -199,9 +195,7 @@ def check_choice(what: str, value: Any, known: Collection[Any]) -> None:
         CaseError: names the nearest choice and all of them.
     """
     if value not in known:
-        near = difflib.get_close_matches(str(value), [str(k) for k in known], n=1)
-        hint = f"; did you mean {near[0]}?" if near else ""
-        raise CaseError(f"no {what} {value!r}{hint} (there are: {', '.join(map(str, known))})")
+        raise CaseError(f"no {what} {value!r}{did_you_mean(value, known)} (there are: {', '.join(map(str, known))})")
 
 
 def label(case: Any) -> str:
@@ -227,14 +221,8 @@ def _labelled(f: Field, value: Any) -> str:
     if f.option.files and isinstance(value, str) and value.endswith(f.option.files):
         value = Path(value).stem
     if form == "{}" and f.type in (int, float):
-        return f"{f.name}-{_number(value)}"
+        return f"{f.name}-{short(value)}"
     return form.format(value)
-
-
-def _number(value: float) -> str:
-    """Short, but no two numbers alike."""
-    short = f"{value:g}"
-    return short if float(short) == value else str(value)
 
 
 def values(case: Any) -> dict[str, Any]:

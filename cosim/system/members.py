@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from fractions import Fraction
@@ -10,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from build_fmus.checks import number
 from cosim.component import Component
 from cosim.description import INTEGER_RANGE, Description, Variable, split_index
 from cosim.errors import WiringError
@@ -122,22 +122,17 @@ def _checked(component: str, variable: Variable, value: Any) -> Any:
             raise WiringError(f"{name} is a Boolean, not {value!r}")
         return bool(value)
     try:
-        number = float(value)
+        given = float(value)
     except (TypeError, ValueError, OverflowError):
         raise WiringError(f"{name} needs one number, not {value!r}") from None
-    if not math.isfinite(number):
-        raise WiringError(f"{name} must be finite, not {number}")
-    low, high = variable.minimum, variable.maximum
-    if (low is not None and number < low) or (high is not None and number > high):
-        limits = f"[{'-inf' if low is None else f'{low:g}'}, {'inf' if high is None else f'{high:g}'}]"
-        raise WiringError(f"{name} = {number:g} is outside {limits} {variable.unit_name}".rstrip())
-    if not variable.accepts(number):
-        raise WiringError(f"{name} {variable.refusal(number)}")
+    number(name, given, variable.unit_name, least=variable.minimum, most=variable.maximum, error=WiringError)
+    if not variable.accepts(given):
+        raise WiringError(f"{name} {variable.refusal(given)}")
     if variable.type == "integer":
-        if number != int(number):
+        if given != int(given):
             raise WiringError(f"{name} is an Integer, not {value!r}")
         low, high = INTEGER_RANGE.get(variable.fmi_type, INTEGER_RANGE["Int64"])
         if not low <= int(value) <= high:
             raise WiringError(f"{name} = {int(value)} does not fit into {variable.fmi_type}, {low} to {high}")
         return int(value)
-    return number
+    return given

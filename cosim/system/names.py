@@ -6,8 +6,9 @@ import re
 from collections.abc import Callable, Iterable
 from typing import Any, NoReturn
 
+from build_fmus.checks import did_you_mean
 from cosim.description import RECORDABLE, Variable, split_index
-from cosim.errors import WiringError, did_you_mean
+from cosim.errors import WiringError
 from cosim.system.members import Member, article, indices
 
 

@@ -9,9 +9,10 @@ from fractions import Fraction
 from pathlib import Path
 from typing import Any, Literal
 
+from build_fmus.checks import did_you_mean
 from cosim.component import Component
 from cosim.description import Description, Variable
-from cosim.errors import WiringError, did_you_mean
+from cosim.errors import WiringError
 from cosim.fmu.component import FmuComponent
 from cosim.fmu.file import FmuFile
 from cosim.system.members import Connection, Group, Member, article

@@ -5,16 +5,9 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
+from build_fmus.checks import finite
+
 Array = npt.NDArray[np.float64]
-
-
-def whole_number(name: str, value: int) -> int:
-    """``value`` as an int of at least 1; ValueError otherwise."""
-    if isinstance(value, bool) or not isinstance(value, int | np.integer):
-        raise ValueError(f"{name} is {value!r}; expected a whole number")
-    if value < 1:
-        raise ValueError(f"{name} = {value}; expected at least 1")
-    return int(value)
 
 
 def finite_array(name: str, value: npt.ArrayLike, ndim: int | None = None) -> Array:
@@ -22,10 +15,7 @@ def finite_array(name: str, value: npt.ArrayLike, ndim: int | None = None) -> Ar
     array.setflags(write=False)
     if ndim is not None and array.ndim != ndim:
         raise ValueError(f"{name} has {array.ndim} dimensions, shape {array.shape}; expected {ndim}")
-    bad = np.argwhere(~np.isfinite(array))
-    if len(bad):
-        where = ", ".join(str(int(k)) for k in bad[0])
-        raise ValueError(f"{name}[{where}] is {array[tuple(bad[0])]}" if where else f"{name} is {array}")
+    finite(name, array)
     return array
 
 
@@ -37,10 +27,7 @@ def signal(name: str, value: npt.ArrayLike | None, width: int | None = None) -> 
     if array.ndim != 2 or (width is not None and array.shape[1] != width):
         columns = "columns" if width is None else f"{width} columns"
         raise ValueError(f"{name} has shape {array.shape}; expected one row per sample and {columns}")
-    bad = np.argwhere(~np.isfinite(array))
-    if len(bad):
-        sample, column = (int(k) for k in bad[0])
-        raise ValueError(f"{name}[{column}] is {array[sample, column]} at sample {sample}")
+    finite(name, array, sampled=True)
     return array
 
 

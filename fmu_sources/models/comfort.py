@@ -18,6 +18,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy import signal
 
+from build_fmus.checks import number
 from cosim.signals import Array, finite_series
 
 __all__ = [
@@ -85,8 +86,7 @@ def digital_sections(sections: tuple[Section, ...], rate_hz: float) -> Array:
         ValueError: the rate is too low for the filter: below 100 Hz or five times its highest frequency.
     """
     least = max(LOWEST_RATE, 5 * max(s.frequency for s in sections))
-    if not (math.isfinite(rate_hz) and rate_hz >= least):
-        raise ValueError(f"sampling rate of {rate_hz} Hz: this filter needs at least {least:.0f} Hz")
+    number("sampling rate of this filter", rate_hz, "Hz", least=least)
     rows = []
     for section in sections:
         w = 2 * math.pi * section.frequency
@@ -113,8 +113,7 @@ def absorbed_power(az_m_s2: npt.ArrayLike, rate_hz: float) -> float:
 
 def window_samples(window_s: float, rate_hz: float) -> int:
     """Samples in a moving window of that length [s], at least one."""
-    if not (math.isfinite(window_s) and window_s > 0):
-        raise ValueError(f"window of {window_s} s; expected a finite, positive length")
+    number("length of the window", window_s, "s", above=0)
     return max(1, math.floor(window_s * rate_hz + 0.5))
 
 

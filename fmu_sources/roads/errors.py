@@ -1,6 +1,6 @@
 """What can be wrong with a road file."""
 
-import math
+from build_fmus.checks import number
 
 LARGEST = 1e7  # m; no road is longer or higher, and nothing computed from it leaves the range of floats
 
@@ -11,8 +11,6 @@ class RoadError(ValueError):
 
 def check_length(value: float, what: str) -> float:
     """The value [m]. Raises RoadError when it is not finite or larger than any road."""
-    if not math.isfinite(value):
-        raise RoadError(f"{what} is {value}; heights and distances must be finite numbers")
-    if abs(value) > LARGEST:
+    if abs(number(what, value, "m", error=RoadError)) > LARGEST:
         raise RoadError(f"{what} is {value:g} m, more than any road has ({LARGEST:g} m); is the unit right?")
     return value

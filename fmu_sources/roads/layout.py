@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+from build_fmus.checks import number, whole_number
 from fmu_sources.vehicles import FullCar, RideCar, SensorSet, ThreeAxleCar
 
 _HEAVE, _PITCH = 0.12, 0.08  # m, rad: motion of a range sensor that a scan allows for
@@ -34,10 +35,8 @@ class RoadScan:
     count: int
 
     def __post_init__(self) -> None:
-        if self.count < 4 or not self.step > 0:
-            raise ValueError(
-                f"scan of {self.count} heights {self.step:g} m apart: at least 4 are needed, a distance apart"
-            )
+        whole_number("number of heights in a scan", self.count, least=4)
+        number("distance between heights in a scan", self.step, "m", above=0)
 
     @classmethod
     def of(cls, sensors: SensorSet, *, step: float = 0.05) -> RoadScan:
@@ -68,9 +67,8 @@ class RoadLayout:
     def __post_init__(self) -> None:
         if not self.wheels:
             raise ValueError("a road layout needs at least one wheel")
-        if self.preview_count < 2 or not self.preview_step > 0:
-            given = f"{self.preview_count} heights {self.preview_step:g} s apart"
-            raise ValueError(f"preview of {given}: at least 2 are needed, a positive time apart")
+        whole_number("number of previewed heights", self.preview_count, least=2)
+        number("time between previewed heights", self.preview_step, "s", above=0)
 
     @classmethod
     def of(

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
+from build_fmus.checks import number
 from fmu_sources.roads.errors import RoadError, check_length
 
 _WIDTH = {"LRFI": 10, "LDFI": 20}  # characters of one value; lines have up to 80
@@ -40,8 +41,7 @@ def read_opencrg(path: Path, *, left: float, right: float) -> tuple[np.ndarray, 
 
     increment = head.get("REFERENCE_LINE_INCREMENT", 0.01)
     start = head.get("REFERENCE_LINE_START_U", 0.0)
-    if not increment > 0:
-        raise RoadError(f"{path}: REFERENCE_LINE_INCREMENT is {increment:g}; it must be positive")
+    number(f"{path}: REFERENCE_LINE_INCREMENT", increment, "m", above=0, error=RoadError)
     distance = start + increment * np.arange(len(values))
     sections_at = [(i, text) for i, text in enumerate(channels) if text.startswith("long section")]
     v = _lateral(path, [text for _, text in sections_at], head)

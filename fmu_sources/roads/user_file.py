@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import difflib
 import re
 from pathlib import Path
 
 import numpy as np
 
 from build_fmus import units
+from build_fmus.checks import nearest
 from build_fmus.component import Component
 from fmu_sources.roads.errors import RoadError, check_length
 from fmu_sources.roads.layout import RoadLayout
@@ -102,7 +102,7 @@ def _columns(path: Path, header: list[str]) -> list[tuple[str, int, str]]:
     for column, variants in _COLUMNS.items():
         index = next((names.index(v) for v in variants if v in names), None)
         if index is None:
-            near = difflib.get_close_matches(column, names, n=1)
+            near = nearest(column, names)
             hint = f"; is {near[0]!r} meant to be it?" if near else ""
             raise RoadError(
                 f"{path}, line 1: no column {column!r} among {', '.join(map(repr, names))}{hint} (a road file starts "

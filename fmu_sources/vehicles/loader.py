@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import tomllib
 from collections.abc import Collection, Iterable, Mapping
 from pathlib import Path
@@ -11,6 +10,7 @@ from typing import Any, cast, get_args
 
 from pydantic import BaseModel, ValidationError
 
+from build_fmus.checks import did_you_mean
 from build_fmus.component import Component
 from fmu_sources.vehicles.schema import (
     KINDS,
@@ -52,7 +52,9 @@ def load_vehicle(name_or_path: str | Path, kind: str | None = None) -> Vehicle:
     data = _read(path)
     given = data.get("kind")
     if not isinstance(given, str) or given not in KINDS:
-        raise VehicleError(f"{path}: kind = {given!r} is not one of {', '.join(map(repr, KINDS))}{_near(given, KINDS)}")
+        raise VehicleError(
+            f"{path}: kind = {given!r} is not one of {', '.join(map(repr, KINDS))}{did_you_mean(given, KINDS)}"
+        )
     if kind is not None and given != kind:
         raise VehicleError(f"{path}: this file describes a {given!r}, but a {kind!r} is needed here")
     model = KINDS[given]
@@ -136,7 +138,7 @@ def _find(name_or_path: str | Path, kind: str | None = None) -> Path:
         return path
     word = str(name_or_path)
     known = [n for n in vehicle_names() if kind is None or _read(_HERE / f"{n}.toml").get("kind") == kind]
-    raise VehicleError(f"no vehicle {word!r}: neither a file nor one of {', '.join(known)}{_near(word, known)}")
+    raise VehicleError(f"no vehicle {word!r}: neither a file nor one of {', '.join(known)}{did_you_mean(word, known)}")
 
 
 def _is_file(path: Path) -> bool:
@@ -207,7 +209,7 @@ def _sentence(model: type[BaseModel], error: Any) -> str:
     field, kind = ".".join(loc), error["type"]
     if kind == "extra_forbidden":
         known = list(_model_at(model, loc[:-1]).model_fields)
-        near = _near(loc[-1], known)
+        near = did_you_mean(loc[-1], known)
         return f"{field}: unknown field{near or '; known here: ' + ', '.join(known)}"
     if kind == "missing":
         if loc[-1] == "source":
@@ -238,8 +240,3 @@ def _model_at(model: type[BaseModel], loc: Iterable[str]) -> type[BaseModel]:
         assert issubclass(annotation, BaseModel)
         model = annotation
     return model
-
-
-def _near(word: Any, known: Iterable[str]) -> str:
-    near = difflib.get_close_matches(str(word), list(known), n=1)
-    return f"; did you mean {near[0]!r}?" if near else ""

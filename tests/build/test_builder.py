@@ -149,7 +149,7 @@ def test_source_hash_sees_content_and_names(tmp_path: Path) -> None:
     ("arguments", "message"),
     [
         (["NoSuchFmu"], "no FMU named 'NoSuchFmu'"),
-        (["QuarterCarHmmvw"], "did you mean QuarterCarHmmwv"),
+        (["QuarterCarHmmvw"], "did you mean 'QuarterCarHmmwv'"),
         (["--fmi", "1", "SpeedProfile"], "--fmi 1: choose 2, 3 or both"),
         (["--platform", "amiga", "SpeedProfile"], "unknown platform 'amiga'"),
         (["--vehicle", "missing.toml"], "missing.toml: no such file"),

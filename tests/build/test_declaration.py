@@ -68,10 +68,10 @@ CASES: dict[str, tuple[Callable[[], object], str]] = {
         lambda: [c := sampled(), c.derivative(c.state("x", "m"), 0)], r"Filter: derivative\(\) is for continuous",
     ),
     "update of a continuous one": (lambda: [c := mass(), c.update(c.state("x", "m"), 0)], r"Mass: update\(\) is for discrete"),
-    "start below min": (lambda: mass().parameter("m", -1.0, "kg", "mass", min=0.0, source="none"), r"Mass\.m: start value -1 lies outside \[0\.0"),
-    "start above max": (lambda: mass().input("f", "N", "force", start=2.0, max=1.0), r"Mass\.f: start value 2 lies outside"),
-    "start not finite": (lambda: mass().parameter("m", math.nan, "kg", "mass", source="none"), r"Mass\.m: start value nan is not finite"),
-    "start infinite": (lambda: mass().parameter("m", math.inf, "kg", "mass", source="none"), r"Mass\.m: start value inf is not finite"),
+    "start below min": (lambda: mass().parameter("m", -1.0, "kg", "mass", min=0.0, source="none"), r"Mass\.m: start value is -1 kg; give a finite number of at least 0 kg"),
+    "start above max": (lambda: mass().input("f", "N", "force", start=2.0, max=1.0), r"Mass\.f: start value is 2 N; give a finite number of at most 1 N"),
+    "start not finite": (lambda: mass().parameter("m", math.nan, "kg", "mass", source="none"), r"Mass\.m: start value is nan kg; give a finite number$"),
+    "start infinite": (lambda: mass().parameter("m", math.inf, "kg", "mass", source="none"), r"Mass\.m: start value is inf kg; give a finite number$"),
     "calculated start of another size": (
         lambda: [c := mass(), c.state("x", "m", start=ca.SX.sym("s", 2), shape=(3,))], r"Mass\.x: start has shape \(2, 1\), not \(3,\)",
     ),
@@ -95,7 +95,7 @@ CASES: dict[str, tuple[Callable[[], object], str]] = {
         lambda: mass().constant("g", 9.81, "m/s2", "gravity", source=""), r"Mass\.g: source: empty; say where",
     ),
     "constant that is not finite": (
-        lambda: mass().constant("g", math.inf, "m/s2", "gravity", source="none"), r"Mass\.g: start value inf is not finite",
+        lambda: mass().constant("g", math.inf, "m/s2", "gravity", source="none"), r"Mass\.g: start value is inf m/s2; give a finite number$",
     ),
     "latch of a continuous one": (lambda: mass().latch("x0", 1.0, "m"), r"Mass: latch\(\) is for discrete components"),
     "operating point of no state": (

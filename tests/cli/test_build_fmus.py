@@ -61,7 +61,7 @@ def test_mistakes_in_a_road_file(road: str, message: str, tmp_path: Path) -> Non
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["RoadSin"], "no FMU named 'RoadSin'; did you mean RoadSine?"),
+        (["RoadSin"], "no FMU named 'RoadSin'; did you mean 'RoadSine'?"),
         (["--fmi", "4"], "--fmi 4: choose 2, 3 or both"),
         (["--qp", "gurobi"], "--qp gurobi: choose daqp or osqp"),
         (["SpeedProfile", "--platform", "amiga"], "unknown platform 'amiga'; choose from host, all"),

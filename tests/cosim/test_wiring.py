@@ -119,7 +119,7 @@ def test_unconnected_inputs_are_reported_unless_they_were_given_a_value():
     [
         ({"kk": 1}, "has no variable 'kk'; did you mean 'k'?"),
         ({"k": "stiff"}, "car.k needs one number"),
-        ({"k": float("nan")}, "car.k must be finite"),
+        ({"k": float("nan")}, "car.k is nan; give a finite number"),
         ({"on": 3}, "car.on is a Boolean"),
         ({"x": 3}, "car.x cannot be set: it is an output"),
         ({"gain": np.zeros((3, 2))}, "car.gain has shape (2, 2), the value given has (3, 2)"),

@@ -126,7 +126,7 @@ class TestSpectrum:
             mc.psd([0.0, math.nan])
         with pytest.raises(ValueError, match="two at least"):
             mc.psd_rms([1.0])
-        with pytest.raises(ValueError, match="rate of 0"):
+        with pytest.raises(ValueError, match="sampling rate is 0 Hz; give a finite number above 0 Hz"):
             mc.psd_rms([1.0, 2.0], 0.0)
 
 

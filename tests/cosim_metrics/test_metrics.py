@@ -52,7 +52,7 @@ class TestLowPass:
         np.testing.assert_allclose(metrics.low_pass(np.ones(2000), 2.1)[-1], 1.0)
 
     def test_refuses_order_and_shapes(self):
-        with pytest.raises(ValueError, match="filter order 0"):
+        with pytest.raises(ValueError, match="filter order is 0; give a whole number of at least 1"):
             metrics.low_pass(np.ones(10), RATE, order=0)
         with pytest.raises(ValueError, match=r"signal has shape \(0,\)"):
             metrics.low_pass([], RATE)

@@ -325,28 +325,28 @@ def test_the_lqr_in_kilonewtons_is_shown_as_it_is(fmus):
 @pytest.mark.parametrize(
     ("choice", "message"),
     [
-        ({"road": "trak"}, "did you mean track"),
-        ({"controller": "skyhok"}, "did you mean skyhook"),
+        ({"road": "trak"}, "did you mean 'track'"),
+        ({"controller": "skyhok"}, "did you mean 'skyhook'"),
         ({"actuators": "electric"}, "no actuators 'electric'"),
         ({"controller": "passive", "actuators": "ideal"}, "--controller zero --actuators ideal"),
-        ({"speed_kmh": 0.0}, "speed 0 km/h"),
-        ({"speed_kmh": float("nan")}, "speed nan"),
+        ({"speed_kmh": 0.0}, "speed is 0 km/h"),
+        ({"speed_kmh": float("nan")}, "speed is nan"),
         ({"variant": 6}, "0 to 5 on the road 'track'"),
         ({"road": "off-road", "variant": 5}, "0 to 4"),
         ({"duration": 1e3}, "duration 1000 s"),
-        ({"null_opening_mm": 0.0}, "null opening 0 mm"),
+        ({"null_opening_mm": 0.0}, "null opening is 0 mm"),
         ({"states": "guessed"}, "no states 'guessed'"),
         ({"controller": "zero", "states": "estimated"}, "nothing to estimate"),
         ({"actuators": "ideal", "states": "estimated"}, "--actuators hydraulic"),
         ({"controller": "mpc", "preview_steps": 3}, "preview-steps is for the controller mpc-preview only"),
         ({"preview": "sensed"}, "--states estimated"),
-        ({"preview_steps": 16}, "give 1 to 15"),
+        ({"preview_steps": 16}, "give a number from 1 to 15"),
         ({"preview": "sensed", "states": "estimated", "preview_error_ms": 5.0}, "has its own"),
-        ({"preview_error_ms": 1e3}, "preview error 1000 ms"),
+        ({"preview_error_ms": 1e3}, "preview error is 1000 ms"),
         ({"pump_l_min": 60.0}, "pump is for runs with --flow-limit only"),
         ({"actuators": "ideal", "flow_limit": True}, "flow-limit is for hydraulic actuators only"),
         ({"flow_limit": True, "pump_l_min": 0.0}, "1 to 1000 l/min"),
-        ({"solver_parts": 0}, "give 1 to 16"),
+        ({"solver_parts": 0}, "give a number from 1 to 16"),
     ],
 )
 def test_cases_that_do_not_exist(choice: dict, message: str) -> None:
@@ -369,11 +369,11 @@ def test_signals():
 @pytest.mark.parametrize(
     ("choice", "words"),
     [
-        ({"signal": "sqare"}, "did you mean square"),
+        ({"signal": "sqare"}, "did you mean 'square'"),
         ({"actuator": "oil"}, "no actuator 'oil'"),
         ({"order": "gauss"}, "no order 'gauss'"),
-        ({"density": -1.0}, "density -1"),
-        ({"noise": -1.0}, "noise -1 N"),
+        ({"density": -1.0}, "density is -1"),
+        ({"noise": -1.0}, "noise is -1 N"),
         ({"signal": "filter", "noise": 1.0}, "runs the filter of the desired force alone"),
     ],
 )
@@ -426,7 +426,7 @@ def test_margin_is_where_the_loop_becomes_unstable():
 @pytest.mark.parametrize(
     ("given", "message"),
     [
-        ({"filter": "relativ"}, "did you mean relative"),
+        ({"filter": "relativ"}, "did you mean 'relative'"),
         ({"speedometer_error": 1.0}, "speedometer-error is for the generated preview only"),
         ({"preview": "generated", "noise": 1.0}, "noise is for the sensed preview only"),
         ({"road": "track", "height_mm": 50.0}, "height is for one bump only"),

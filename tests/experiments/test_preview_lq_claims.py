@@ -246,12 +246,12 @@ def test_a_road_with_another_step_is_refused(fmus: FmuSet) -> None:
 @pytest.mark.parametrize(
     ("choice", "message"),
     [
-        ({"input": "booth"}, "did you mean both"),
-        ({"weights": "confort"}, "did you mean comfort"),
-        ({"controller": "previw"}, "did you mean preview"),
+        ({"input": "booth"}, "did you mean 'both'"),
+        ({"weights": "confort"}, "did you mean 'comfort'"),
+        ({"controller": "previw"}, "did you mean 'preview'"),
         ({"shape": "square"}, "no shape 'square'"),
-        ({"preview_time": -0.1}, "preview time -0.1"),
-        ({"speed_kmh": 500.0}, "speed 500"),
+        ({"preview_time": -0.1}, "preview time is -0.1"),
+        ({"speed_kmh": 500.0}, "speed is 500"),
         ({"controller": "delay", "preview_time": 0.2}, "preview-time is for the law with preview only"),
         ({"controller": "passive", "hold_tail": True}, "hold-tail is for a controlled car only"),
     ],

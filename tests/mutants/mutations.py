@@ -320,7 +320,7 @@ def _is_for_type_checkers(node: ast.AST) -> bool:
 
 def _is_hint(node: ast.AST) -> bool:
     """A call that looks for what a user may have meant."""
-    return isinstance(node, ast.Call) and ast.unparse(node.func) in ("difflib.get_close_matches", "did_you_mean")
+    return isinstance(node, ast.Call) and ast.unparse(node.func) in ("nearest", "did_you_mean")
 
 
 def _whole_number(node: ast.AST) -> int | None:

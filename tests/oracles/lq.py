@@ -18,9 +18,10 @@ import numpy as np
 import numpy.typing as npt
 from scipy import linalg
 
-from fmu_sources.controllers.checks import Array, whole_number
+from build_fmus.checks import number, whole_number
+from fmu_sources.controllers.checks import Array
 from fmu_sources.controllers.lq.design.continuous import ContinuousLq, continuous_lq
-from fmu_sources.controllers.lq.design.matrices import even, matrix, positive, scaled_lowest, symmetric
+from fmu_sources.controllers.lq.design.matrices import even, matrix, scaled_lowest, symmetric
 from fmu_sources.controllers.lq.design.plant import LinearPlant, QuadraticIndex, index_from_outputs
 
 
@@ -144,7 +145,7 @@ def sampled_loop(
     given as an array (steps, nu) or as a function of k; in between it is held. Without K and feed_forward the plant
     runs passive.
     """
-    period, hold = positive("period", period), whole_number("hold", hold)
+    period, hold = number("period", period, "s", above=0), whole_number("hold", hold)
     n, nu = plant.B.shape
     road = matrix("w", w, (None, plant.E.shape[1]), "samples x disturbances")
     gain = matrix("K", np.zeros((nu, n)) if K is None else K, (nu, n), "controls x states")

@@ -80,11 +80,11 @@ def test_series_survive_packing():
     [
         (lambda: body(outline=BOX[:2]), "body 'car': outline needs 3 or more finite points"),
         (lambda: body(x=[0.0, np.nan]), "body 'car': x is nan at sample 1"),
-        (lambda: Wheel("w", 0.0, T, T, T), "wheel 'w': radius 0.0 m is not positive"),
+        (lambda: Wheel("w", 0.0, T, T, T), "wheel 'w': radius is 0 m; give a finite number above 0 m"),
         (lambda: Force("f", T, T, T, T, "wind"), "force 'f': role 'wind' is not one of 'ground', 'body'"),
         (lambda: Reading("pitch", T), "label 'pitch' carries no unit"),
         (lambda: Phase(["a"], [0, 1]), "an index is not one of 0 to 0"),
-        (lambda: scene(step=0.0), "step 0.0 s is not positive"),
+        (lambda: scene(step=0.0), "step is 0 s; give a finite number above 0 s"),
         (lambda: scene(bodies=[]), "has no body to follow"),
         (lambda: scene(struts=[Strut("car", (0, 0), "rear")]), "a strut hangs on wheel 'rear', which is not there"),
         (lambda: scene(bodies=[body(), body()]), "body|bodies 'car' appears more than once"),
@@ -93,7 +93,7 @@ def test_series_survive_packing():
         (lambda: Take("t", [scene(), scene()]), "scene 'passive' appears more than once"),
         (lambda: animation(takes=[]), "has no takes"),
         (lambda: animation(id="Über"), "an id names a file"),
-        (lambda: animation(width=0.0), "width 0.0 is not positive"),
+        (lambda: animation(width=0.0), "width is 0; give a finite number above 0"),
     ],
 )
 def test_refuses(make, message):

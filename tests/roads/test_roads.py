@@ -50,7 +50,7 @@ def test_layout_of_the_vehicle(layout):
     assert [w.corner for w in layout.wheels] == list(CORNERS)
     assert [w.x for w in layout.wheels] == pytest.approx([FRONT, FRONT, REAR, REAR])
     assert [w.side for w in layout.wheels] == ["left", "right", "left", "right"]
-    with pytest.raises(ValueError, match="at least 2 are needed"):
+    with pytest.raises(ValueError, match="number of previewed heights is 1; give a whole number of at least 2"):
         RoadLayout(layout.wheels, preview_count=1)
 
 

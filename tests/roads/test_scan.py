@@ -63,5 +63,5 @@ def test_a_scan_follows_from_the_sensors():
     coarse, fine = (RoadScan.of(sensors, step=s) for s in (0.1, 0.025))
     assert coarse.start <= fine.start + 0.1
     assert fine.count > 3 * coarse.count
-    with pytest.raises(ValueError, match="a distance apart"):
+    with pytest.raises(ValueError, match="distance between heights in a scan is 0 m; give a finite number above 0 m"):
         RoadScan(0.0, 0.0, 10)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
 import zipfile
 from pathlib import Path
 from typing import Annotated
@@ -12,6 +11,7 @@ import typer
 from rich.table import Table
 
 from build_fmus import safe_files
+from build_fmus.checks import number
 from build_fmus.terminal import console, show
 from cosim.experiments.gpc.runs import CONTROLLERS, PLANT, R_PUBLISHED, SPEED, road_file
 from cosim.experiments.own_files import own_fmus
@@ -39,8 +39,7 @@ def identify(
     """Identify the plant again and design the three laws; says whether they equal those in the controller FMUs."""
     chosen = own_fmus("gpc", fmus, fmi, vehicle)
     for option, value in (("excitation", excitation), ("weight", weight)):
-        if not (math.isfinite(value) and value > 0):
-            raise ValueError(f"--{option} {value:g}: it must be a positive number")
+        number(f"--{option}", value, above=0)
     settings = IdentificationSettings(seed=seed, order=order, samples=samples, excitation=excitation)
     folder = make_folder(out / "gpc" / "laws")
     models = identify_models(chosen.path(PLANT), road_file(chosen, "perryman3"), chosen.path(SPEED), settings)

@@ -15,6 +15,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy import signal
 
+from build_fmus.checks import number
 from cosim.signals import Array, finite_series
 
 __all__ = [
@@ -88,8 +89,7 @@ def psd(
         ValueError: a value is not finite, there are fewer than two, or the rate is not positive.
     """
     series = finite_series(name, acceleration_m_s2)
-    if not (math.isfinite(rate_hz) and rate_hz > 0):
-        raise ValueError(f"sampling rate of {rate_hz} Hz; expected a positive number")
+    number("sampling rate", rate_hz, "Hz", above=0)
     if len(series) < 2:
         raise ValueError(f"{name} has {len(series)} sample; a spectrum needs two at least")
     frequency, density = signal.periodogram(series, rate_hz, detrend=False)

@@ -16,6 +16,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy import constants, signal
 
+from build_fmus.checks import number, whole_number
 from cosim.signals import Array, finite_channels, finite_series
 
 __all__ = [
@@ -44,8 +45,7 @@ def low_pass(
     series = finite_series(name, values)
     if not (math.isfinite(rate_hz) and math.isfinite(cutoff_hz) and 0.0 < 2.0 * cutoff_hz < rate_hz):
         raise ValueError(f"cutoff {cutoff_hz} Hz must lie between 0 and half the sampling rate of {rate_hz} Hz")
-    if order < 1:
-        raise ValueError(f"filter order {order} must be at least 1")
+    whole_number("filter order", order)
     sections = signal.butter(order, cutoff_hz, fs=rate_hz, output="sos")
     return np.asarray(signal.sosfilt(sections, series), dtype=float)
 
@@ -105,8 +105,8 @@ def improvement(j: float, j_open: float) -> float:
 
     Without any open-loop response (J_open = 0) there is nothing to improve on and the result is nan.
     """
-    _magnitude("J", j)
-    _magnitude("J of the open loop", j_open)
+    number("J", j, least=0)
+    number("J of the open loop", j_open, least=0)
     return math.nan if j_open == 0.0 else 1.0 - j / j_open
 
 
@@ -129,10 +129,5 @@ def peak(values: npt.ArrayLike, *, name: str = "signal") -> float:
 def _effectiveness(response_improvement: float, effort: float, name: str) -> float:
     if math.isinf(response_improvement):
         raise ValueError(f"response improvement is {response_improvement}")
-    _magnitude(name, effort)
+    number(name, effort, least=0)
     return math.nan if effort == 0.0 else response_improvement / effort
-
-
-def _magnitude(name: str, value: float) -> None:
-    if not (math.isfinite(value) and value >= 0.0):
-        raise ValueError(f"{name} is {value}; expected a finite number that is not negative")

@@ -16,7 +16,8 @@ import numpy as np
 import numpy.typing as npt
 from scipy import linalg
 
-from fmu_sources.controllers.checks import finite_array, rows, signal, whole_number
+from build_fmus.checks import whole_number
+from fmu_sources.controllers.checks import finite_array, rows, signal
 
 Array = npt.NDArray[np.float64]
 EPS = float(np.finfo(float).eps)

@@ -19,6 +19,7 @@ from typing import Any, ClassVar, cast, get_args
 import numpy as np
 
 from build_fmus import safe_files
+from build_fmus.checks import number, whole_number
 from build_fmus.sources import code_hash
 from cosim import PythonComponent, System, UnconnectedInputsWarning
 from fmu_sources.controllers.gpc.arx import ArxIdentification, identify_arx
@@ -43,10 +44,9 @@ class IdentificationSettings:
 
     def __post_init__(self) -> None:
         for name in ("order", "samples"):
-            if getattr(self, name) < 1:
-                raise ValueError(f"identification: {name} must be at least 1, it is {getattr(self, name)}")
-        if self.excitation <= 0 or self.speed <= 0:
-            raise ValueError("identification: excitation and speed must be positive")
+            whole_number(f"identification: {name}", getattr(self, name))
+        number("identification: excitation", self.excitation, "N", above=0)
+        number("identification: speed", self.speed, "m/s", above=0)
 
 
 @dataclass(frozen=True)

@@ -35,7 +35,8 @@ import numpy as np
 import numpy.typing as npt
 from scipy import linalg
 
-from fmu_sources.controllers.checks import Array, finite_array, rows, whole_number
+from build_fmus.checks import whole_number
+from fmu_sources.controllers.checks import Array, finite_array, rows
 from fmu_sources.controllers.gpc.prediction import MultiStepPredictor
 
 __all__ = [

@@ -14,7 +14,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from fmu_sources.controllers.checks import Array, rows, whole_number
+from build_fmus.checks import whole_number
+from fmu_sources.controllers.checks import Array, rows
 from fmu_sources.controllers.gpc.arx import ArxModel
 
 

@@ -9,12 +9,12 @@ smallest one (least squares), which leaves the warp of the road out.
 
 from __future__ import annotations
 
-import math
 from dataclasses import astuple, dataclass, fields, replace
 
 import casadi as ca
 import numpy as np
 
+from build_fmus.checks import number
 from build_fmus.component import Component
 from fmu_sources.controllers.lq.design import LinearPlant, output_index, sampled_lq
 from fmu_sources.models.hmmwv_states import (
@@ -53,9 +53,8 @@ class LqrWeights:
 
     def __post_init__(self) -> None:
         for field, value in zip(fields(self), astuple(self), strict=True):
-            least = "above 0" if field.name == "force" else "0 or more"
-            if not math.isfinite(value) or value < 0 or (field.name == "force" and value == 0):
-                raise ValueError(f"weight {field.name} = {value}; expected a finite number, {least}")
+            may_be_zero = field.name != "force"
+            number(f"weight {field.name}", value, above=None if may_be_zero else 0, least=0 if may_be_zero else None)
 
 
 TABLE_1_1 = LqrWeights(acceleration=10.0, rates=10.0, travel=1.0, hub_velocity=1.0, tire=0.1, force=1e-4)

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-import difflib
 import tomllib
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from build_fmus.checks import did_you_mean
 
 _HERE = Path(__file__).parent / "weights"
 
@@ -81,8 +82,7 @@ def load_weights(name_or_path: str | Path) -> PreviewLqWeights:
         data = tomllib.loads(path.read_text(encoding="utf-8"))
     except FileNotFoundError:
         names = sorted(p.stem for p in _HERE.glob("*.toml"))
-        near = difflib.get_close_matches(path.stem, names, n=1)
-        hint = f"; did you mean {near[0]!r}?" if near else ""
+        hint = did_you_mean(path.stem, names)
         raise WeightsError(
             f"{path}: no such weights file{hint} (there are {', '.join(names)}, or give a path)"
         ) from None
@@ -98,10 +98,8 @@ def _sentence(error: Any) -> str:
     field = ".".join(map(str, error["loc"]))
     if error["type"] == "extra_forbidden":
         known = _fields(PreviewLqWeights)
-        near = difflib.get_close_matches(field, known, n=1)
-        return f"{field}: unknown field" + (
-            f"; did you mean {near[0]}?" if near else f" (there are {', '.join(known)})"
-        )
+        hint = did_you_mean(field, known) or f" (there are {', '.join(known)})"
+        return f"{field}: unknown field{hint}"
     if error["type"] == "missing":
         return f"{field}: missing"
     return f"{field} = {error['input']!r}: {error['msg']}"

@@ -6,7 +6,6 @@ road height that the controller may know ahead of time; its rate, where the plan
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Literal
@@ -14,6 +13,7 @@ from typing import Literal
 import numpy as np
 from scipy import linalg
 
+from build_fmus.checks import did_you_mean, number
 from build_fmus.component import Linearization
 from fmu_sources.controllers.checks import Array, finite_array
 
@@ -29,8 +29,7 @@ def position(what: str, name: str, known: Sequence[str]) -> int:
     try:
         return list(known).index(name)
     except ValueError:
-        near = difflib.get_close_matches(name, known, n=1)
-        hint = f"; did you mean {near[0]!r}?" if near else f" (there are: {', '.join(known)})"
+        hint = did_you_mean(name, known) or f" (there are: {', '.join(known)})"
         raise MpcError(f"no {what} {name!r}{hint}") from None
 
 
@@ -85,8 +84,7 @@ class MpcModel:
             if value.shape != shape:
                 raise MpcError(f"model.{name} has shape {value.shape}; its names ask for {shape}")
             object.__setattr__(self, name, value)
-        if not self.period > 0:
-            raise MpcError(f"period {self.period:g} s of the model must be positive")
+        number("the model's period", self.period, "s", above=0, error=MpcError)
 
     @classmethod
     def sampled(

@@ -17,6 +17,7 @@ import casadi as ca
 import numpy as np
 from scipy import linalg
 
+from build_fmus.checks import number
 from fmu_sources.controllers.checks import Array
 from fmu_sources.controllers.mpc.model import MpcError, MpcModel, position
 
@@ -61,8 +62,7 @@ class Observer:
         offsets = offsets or {}
         for name, value in {**{f"noise of {k}": v for k, v in measured.items()},
                             **{f"offset of {k}": v for k, v in offsets.items()}}.items():  # fmt: skip
-            if not (np.isfinite(value) and value > 0):
-                raise MpcError(f"observer: {name} is {value}; give a positive standard deviation")
+            number(f"observer: {name}", value, above=0, error=MpcError)
         if not measured:
             raise MpcError("observer: no output is measured")
         push = np.broadcast_to(np.asarray(input_noise, dtype=float), (len(plant.inputs),))

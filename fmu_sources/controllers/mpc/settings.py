@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 
+from build_fmus.checks import number, whole_number
 from fmu_sources.controllers.mpc.model import MpcError, MpcModel, position
 
 INFINITE = 1e30
@@ -18,10 +19,8 @@ CATCH_UP = 1e-6
 def _number(where: str, name: str, value: float, *, least: float | None = None, finite: bool = True) -> None:
     if isinstance(value, Sequence | Mapping) or hasattr(value, "__len__"):
         raise MpcError(f"{where}: {name} has {len(value)} values; give one number, and one entry per signal")
-    if math.isnan(value) or (finite and not math.isfinite(value)):
-        raise MpcError(f"{where}: {name} is {value}; give a finite number")
-    if least is not None and value < least:
-        raise MpcError(f"{where}: {name} is {value:g}; it must be at least {least:g}")
+    if finite or math.isnan(value):
+        number(f"{where}: {name}", value, least=least, error=MpcError)
 
 
 def _order(where: str, low: float, high: float, what: str) -> None:
@@ -105,12 +104,9 @@ class Horizon:
     blocks: tuple[int, ...] = ()
 
     def __post_init__(self) -> None:
-        for name in ("prediction", "control"):
-            value = getattr(self, name)
-            if isinstance(value, bool) or not isinstance(value, int):
-                raise MpcError(f"horizon: {name} is {value!r}; give a whole number")
-        if self.prediction < 1:
-            raise MpcError(f"horizon: prediction {self.prediction} must be at least 1")
+        for name, least in (("prediction", 1), ("control", 0)):
+            given = whole_number(f"horizon: {name}", getattr(self, name), least=least, error=MpcError)
+            object.__setattr__(self, name, given)
         blocks = tuple(self.blocks) or (1,) * self.control
         if not blocks or min(blocks) < 1:
             raise MpcError(f"horizon: moves {blocks}: give control >= 1, or blocks of at least one step each")

@@ -128,7 +128,13 @@ class TestPredictor:
 
     @pytest.mark.parametrize(
         ("h_p", "h_c", "message"),
-        [(0, 1, "h_p = 0"), (4, 5, "h_c = 5 exceeds"), (4, 0, "h_c = 0"), (2.0, 1, "whole number"), (True, 1, "h_p")],
+        [
+            (0, 1, "h_p is 0; give a whole number of at least 1"),
+            (4, 5, "h_c = 5 exceeds"),
+            (4, 0, "h_c is 0; give a whole number of at least 1"),
+            (2.0, 1, "whole number"),
+            (True, 1, "h_p"),
+        ],
     )
     def test_refuses_horizons(self, model, h_p, h_c, message):
         with pytest.raises(ValueError, match=message):
@@ -299,9 +305,9 @@ class TestIdentification:
         [
             ({}, {"order": 8, "samples": 103}, "too few samples: .* 96 .* at least 104 samples, got 103"),
             ({}, {"order": 8, "samples": 401}, "samples = 401, but only 400 were recorded"),
-            ({}, {"order": 0}, "order = 0"),
+            ({}, {"order": 0}, "order is 0; give a whole number of at least 1"),
             ({}, {"order": 2.5}, "order is 2.5"),
-            ({}, {"order": 8, "samples": -1}, "samples = -1"),
+            ({}, {"order": 8, "samples": -1}, "samples is -1; give a whole number of at least 1"),
             ({"y": (399, 3)}, {"order": 8}, "y has 399 samples, u has 400"),
             ({"d": (401, 4)}, {"order": 8}, "d has 401 samples, u has 400"),
             ({"u": (400,)}, {"order": 8}, r"u has shape \(400,\)"),
@@ -581,7 +587,7 @@ class TestStorage:
             ({"variant": "preveiw"}, "unknown variant"),
             ({"gain_u": [[1.0]]}, r"gain_u has shape \(1, 1\); expected \(4, 20\)"),
             ({"h_p": 7}, "gain_preview has shape"),
-            ({"order": 0}, "order = 0"),
+            ({"order": 0}, "order is 0; give a whole number of at least 1"),
             ({"hold": 1}, "hold is 1"),
         ],
     )

@@ -235,7 +235,7 @@ def test_weights_files(tmp_path) -> None:
     assert load_weights(good) == load_weights("comfort")
     for change, message in (
         (("heave = 3.0", "heave = -3.0"), r"acceleration\.heave = -3.0"),
-        (("heave = 3.0", "heav = 3.0"), r"acceleration\.heav: unknown field; did you mean acceleration\.heave"),
+        (("heave = 3.0", "heav = 3.0"), r"acceleration\.heav: unknown field; did you mean 'acceleration\.heave'\?"),
         (("front = 1e-6", "front = 0.0"), r"force\.front = 0.0"),
         (("[tire]", "[tires]"), r"tire: missing"),
         (("rear = 1400.0", "rear = [1400.0, 1.0]"), r"suspension\.rear"),

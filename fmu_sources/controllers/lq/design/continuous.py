@@ -9,8 +9,9 @@ import numpy as np
 import numpy.typing as npt
 from scipy import linalg
 
-from fmu_sources.controllers.checks import Array, whole_number
-from fmu_sources.controllers.lq.design.matrices import by_decay, even, matrix, positive
+from build_fmus.checks import number, whole_number
+from fmu_sources.controllers.checks import Array
+from fmu_sources.controllers.lq.design.matrices import by_decay, even, matrix
 from fmu_sources.controllers.lq.design.modes import check_modes, rate
 from fmu_sources.controllers.lq.design.plant import LinearPlant, LqError, QuadraticIndex, check_sizes
 from fmu_sources.controllers.lq.design.riccati import RESIDUAL_LIMIT, refined
@@ -37,8 +38,7 @@ class ContinuousLq:
 
     def kernel(self, s: float) -> Array:
         """(nu, nw): G(s) = -R^-1 B' exp(A_c' s) (P E + Q12 - K' Nuw), the weight of w(t + s)."""
-        if not np.isfinite(s) or s < 0.0:
-            raise ValueError(f"s = {s} s; the kernel is defined ahead of now, from s = 0 on")
+        number("the kernel's time ahead", s, "s", least=0)
         return -self.preview_gain @ linalg.expm(self.A_c.T * s) @ self.drive
 
     def foh_weights(self, step: float, count: int) -> FohWeights:
@@ -48,7 +48,7 @@ class ContinuousLq:
         over one step, the hat over node j weighs -R^-1 B' (H1 Phi^(j-1) + H0 Phi^j)(P E + Q12 - K' Nuw). All three
         are blocks of one matrix exponential, so nothing is approximated.
         """
-        step, count = positive("step", step), whole_number("count", count)
+        step, count = number("step", step, "s", above=0), whole_number("count", count)
         n, M = len(self.A_c), self.A_c.T
         ladder = np.zeros((3 * n, 3 * n))
         ladder[:n, :n] = M * step

@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy import linalg
 
+from build_fmus.checks import finite, number
 from fmu_sources.controllers.checks import Array
 
 
@@ -56,10 +57,7 @@ def matrix(name: str, value: npt.ArrayLike, shape: tuple[int | None, int | None]
     if array.ndim != 2 or any(size not in (None, have) for size, have in zip(shape, array.shape, strict=True)):
         expected = ", ".join("any" if size is None else str(size) for size in shape)
         raise ValueError(f"{name} has shape {array.shape}; expected ({expected}){f', {meaning}' if meaning else ''}")
-    bad = np.argwhere(~np.isfinite(array))
-    if len(bad):
-        i, j = (int(k) for k in bad[0])
-        raise ValueError(f"{name}[{i}, {j}] is {array[i, j]}")
+    finite(name, array)
     return array
 
 
@@ -69,12 +67,5 @@ def weights(name: str, value: npt.ArrayLike, names: Sequence[str], kind: str) ->
         given = f"{array.size} weights" if array.ndim == 1 else f"shape {array.shape}"
         raise ValueError(f"{name} has {given}; expected one for each {kind}: {', '.join(names)} ({len(names)})")
     for entry, weight in zip(names, array, strict=True):
-        if not np.isfinite(weight):
-            raise ValueError(f"the weight of {kind} {entry} is {weight}")
+        number(f"the weight of {kind} {entry}", weight)
     return array
-
-
-def positive(name: str, value: float) -> float:
-    if not np.isfinite(value) or value <= 0.0:
-        raise ValueError(f"{name} = {value} s; expected a time above 0")
-    return float(value)

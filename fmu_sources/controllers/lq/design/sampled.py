@@ -8,8 +8,9 @@ import numpy as np
 import numpy.typing as npt
 from scipy import linalg
 
-from fmu_sources.controllers.checks import Array, whole_number
-from fmu_sources.controllers.lq.design.matrices import even, positive
+from build_fmus.checks import number, whole_number
+from fmu_sources.controllers.checks import Array
+from fmu_sources.controllers.lq.design.matrices import even
 from fmu_sources.controllers.lq.design.modes import check_modes, dominant, hidden_mode, rate
 from fmu_sources.controllers.lq.design.plant import LinearPlant, LqError, QuadraticIndex, check_sizes
 from fmu_sources.controllers.lq.design.riccati import RESIDUAL_LIMIT, refined
@@ -72,7 +73,7 @@ class SampledLq:
 
 def sampled_lq(plant: LinearPlant, index: QuadraticIndex, period: float) -> SampledLq:
     """The exact sampled design: zero-order hold of u and w over `period` seconds, costs integrated in between."""
-    period = positive("period", period)
+    period = number("period", period, "s", above=0)
     check_sizes(plant, index)
     check_modes(plant, index)
     n, nu = plant.B.shape
