@@ -15,6 +15,7 @@ import numpy as np
 from build_fmus import extras, qp, units
 from build_fmus.checks import number
 from build_fmus.component.declaration import named
+from build_fmus.component.dimensions import Dimensions
 from build_fmus.component.linear import Linearization, statespace
 from build_fmus.component.model import Model
 from build_fmus.component.variables import BaseType, DeclarationError, Kind, Role, Solver, Variable, source_fault
@@ -23,6 +24,7 @@ with extras.needed("build", extras.BUILDING):
     import casadi as ca
 
 _NAME = re.compile(r"^[A-Za-z_]\w*(\.[A-Za-z_]\w*)*$", re.ASCII)
+_PERIOD = "sample time"  # no name that a variable could have
 _TYPES: dict[type, BaseType] = {float: "Float64", int: "Int32", bool: "Boolean"}
 
 _P = ParamSpec("_P")
@@ -170,8 +172,13 @@ class Component:
         display_unit: str | None = None,
         tunable: bool = False,
         source: str = "",
+        rows: Sequence[str] = (),
+        columns: Sequence[str] = (),
     ) -> Any:
         """Declare a parameter; shape and type follow from ``start`` (float, int, bool or array). Returns its symbol.
+
+        ``rows``, ``columns``: units of an array whose elements differ (``unit`` None), for the check of dimensions. An element has the
+        unit of its row, divided by that of its column where it has one: a gain has outputs as rows and inputs as columns.
 
         ``source`` says where the value comes from (paper and table, "measured", "assumed"); it goes into the model
         description, and without one the parameter is refused.
@@ -182,19 +189,46 @@ class Component:
         kind = bool if array.dtype == bool else int if array.dtype.kind == "i" else float
         return self._add(
             name, "parameter", unit, description, array.shape, start=array, type=_TYPES[kind], min=min, max=max,
-            nominal=nominal, display_unit=display_unit, tunable=tunable, source=source,
+            nominal=nominal, display_unit=display_unit, tunable=tunable, source=source, rows=tuple(rows), columns=tuple(columns),
         )  # fmt: skip
 
     @_declares
-    def constant(self, name: str, value: float, unit: str, description: str, *, source: str) -> Any:
-        """Declare a number with a unit that equations use and nobody sets, such as the acceleration of gravity.
+    def constant(
+        self,
+        name: str,
+        value: Any,
+        unit: str | None,
+        description: str,
+        *,
+        source: str,
+        rows: Sequence[str] = (),
+        columns: Sequence[str] = (),
+    ) -> Any:
+        """Declare numbers with a unit that equations use and nobody sets, such as the acceleration of gravity.
 
-        It is no variable of the FMU: the C code has the number. Returns its symbol; a number with a dimension that stands in an
-        equation without a declaration does not pass the check of dimensions. ``source`` as of :meth:`parameter`.
+        ``value`` is a number, vector or matrix. It is no variable of the FMU: the C code has the numbers. Returns its symbol; a number with
+        a dimension that stands in an equation without a declaration does not pass the check of dimensions. ``source``, ``rows`` and
+        ``columns`` as of :meth:`parameter`.
         """
         if fault := source_fault(source):
             raise DeclarationError(f"{self.name}.{name}: source: {fault}")
-        return self._add(name, "constant", unit, description, (), start=float(value), source=source)
+        array = np.asarray(value, dtype=float)
+        return self._add(
+            name, "constant", unit, description, array.shape, start=array, source=source, rows=tuple(rows), columns=tuple(columns)
+        )  # fmt: skip
+
+    @property
+    def period(self) -> Any:
+        """Symbol of the sample time [s] of a discrete component, for equations: as a constant, so that it has its dimension."""
+        if self.sample_time is None:
+            raise DeclarationError(f"{self.name}: period is for discrete components; a continuous one has no sample time")
+        if _PERIOD not in self._handles:
+            self._refuse_if_made("period")
+            symbol = self._handles[_PERIOD] = self._symbols.sym("period")
+            self._variables[_PERIOD] = Variable(
+                _PERIOD, "constant", "s", "sample time", start=(self.sample_time,), symbol=symbol
+            )
+        return self._handles[_PERIOD]
 
     @_declares
     def input(
@@ -271,12 +305,14 @@ class Component:
         max: float | None = None,
         display_unit: str | None = None,
         exposed: bool | None = None,
+        rows: Sequence[str] = (),
+        columns: Sequence[str] = (),
     ) -> Any:
         """Declare a state. Returns its symbol.
 
         ``start`` is a number or array (a start value the user may set) or a CasADi expression of parameters and
         inputs (a calculated start). States of discrete components are hidden unless ``exposed``.
-        ``output=True`` gives the variable output causality.
+        ``output=True`` gives the variable output causality. ``rows``, ``columns`` as of :meth:`parameter`.
         """
         calculated = isinstance(start, (ca.SX, ca.MX))
         if exposed is None:
@@ -284,7 +320,7 @@ class Component:
         symbol = self._add(
             name, "state", unit, description, shape,
             start=None if calculated else np.broadcast_to(start, shape), min=min, max=max, nominal=nominal,
-            display_unit=display_unit, output=output, exposed=exposed,
+            display_unit=display_unit, output=output, exposed=exposed, rows=tuple(rows), columns=tuple(columns),
         )  # fmt: skip
         if calculated:
             self._starts[name] = self._flat(self._variables[name], start, "start")
@@ -505,13 +541,21 @@ class Component:
                 units.unit(unit)
             if rest.get("display_unit"):
                 units.display_unit(unit or "", rest["display_unit"])
+            for name_of_unit in (*rest.get("rows", ()), *rest.get("columns", ())):
+                units.unit(name_of_unit)
         except KeyError as error:
             raise DeclarationError(f"{where}: {error.args[0]}") from None
+        _check_rows(where, unit, shape, rest.get("rows", ()), rest.get("columns", ()))
         flat = None if start is None else tuple(float(v) for v in np.asarray(start, dtype=float).ravel())
         low, high = rest.get("min"), rest.get("max")
         for v in flat or ():
             number(f"{where}: start value", v, unit or "", least=low, most=high, error=DeclarationError)
         size = math.prod(shape)
+        if role == "constant":  # of its shape: numbers take its place, and leave no trace of another order
+            flat_symbol = symbol = self._symbols.sym(name, *(*shape, 1, 1)[:2])
+            self._variables[name] = Variable(name, role, unit, description, shape, start=flat, symbol=symbol, **rest)
+            self._handles[name] = symbol
+            return symbol
         flat_symbol = self._symbols.sym(name, size)
         # Row-major elements; CasADi matrices are column-major.
         symbol = flat_symbol if len(shape) < 2 else ca.reshape(flat_symbol, shape[1], shape[0]).T
@@ -600,11 +644,31 @@ class Component:
             )
         return self._model
 
+    def check_dimensions(self) -> Dimensions:
+        """Refuse expressions that do not scale as the units of their variables do, which builds do too; tell what was checked.
+
+        Raises:
+            DeclarationError: naming variables, their units, and the powers of base units that they really have.
+        """
+        self.model().dimensions.check()
+        return self.model().dimensions
+
     def linearize(
         self, x: np.ndarray | None = None, u: np.ndarray | None = None, p: np.ndarray | None = None
     ) -> Linearization:
         """:meth:`Model.linearize` of the model."""
         return self.model().linearize(x, u, p)
+
+
+def _check_rows(
+    where: str, unit: str | None, shape: tuple[int, ...], rows: Sequence[str], columns: Sequence[str]
+) -> None:
+    """Refuse units by row and column that do not fit."""
+    if (rows or columns) and (unit is not None or (len(rows), *([len(columns)] if columns else [])) != shape):
+        raise DeclarationError(
+            f"{where}: {len(rows)} units of rows and {len(columns)} of columns are for unit None and that shape, not for unit {unit!r} and "
+            f"shape {shape}"
+        )
 
 
 def _shape(expression: Any) -> tuple[int, ...]:

@@ -6,6 +6,8 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
+import numpy as np
+
 from build_fmus import extras
 from build_fmus.component.declaration import VECTORS, Declaration
 from build_fmus.component.variables import DeclarationError
@@ -57,7 +59,7 @@ def with_constants(d: Declaration) -> Declaration:
         + values
         + [q.data for q in d.programs]
     )
-    numbers = [d.symbols(float(x)) for v in constants for x in v.start or ()]
+    numbers = [d.symbols(ca.DM(np.reshape(v.start, v.shape))) for v in constants if v.start is not None]
     put_in = iter(ca.substitute(flat, [v.symbol for v in constants], numbers))
 
     def renewed(group: Mapping[str, Any]) -> dict[str, Any]:

@@ -9,6 +9,7 @@ import numpy as np
 
 from build_fmus import extras
 from build_fmus.component import functions, linear, structure
+from build_fmus.component.dimensions import Dimensions, find_dimensions
 from build_fmus.component.declaration import Declaration
 from build_fmus.component.variables import DeclarationError
 
@@ -65,6 +66,11 @@ class Model(Declaration):
     def constant_outputs(self) -> dict[str, float]:
         """Output elements whose value is a number known now, such as the step of a preview."""
         return structure.constant_outputs(self._in_numbers)
+
+    @cached_property
+    def dimensions(self) -> Dimensions:
+        """Whether all expressions scale as the units of their variables do: :mod:`.dimensions`."""
+        return find_dimensions(self)
 
     def linearize(
         self, x: np.ndarray | None = None, u: np.ndarray | None = None, p: np.ndarray | None = None

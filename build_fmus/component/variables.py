@@ -43,7 +43,8 @@ class Variable:
 
     ``slot`` is the position of its first element in the vector of its role (``p``, ``u``, ``x`` or ``y``).
     ``start`` is flat and row-major, or None when the value is calculated. ``must_equal`` is the constant that the source of
-    an input must have, None where any value will do. ``source`` says where the value of a parameter comes from.
+    an input must have, None where any value will do. ``source`` says where the value of a parameter comes from. ``rows`` and ``columns``: units
+    of an array whose elements differ, see :meth:`Component.parameter`.
     """
 
     name: str
@@ -65,6 +66,8 @@ class Variable:
     symbol: Any = field(default=None, repr=False)
     derivative_of: str | None = None
     must_equal: float | None = None
+    rows: tuple[str, ...] = ()
+    columns: tuple[str, ...] = ()
 
     @property
     def size(self) -> int:

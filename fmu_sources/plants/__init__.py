@@ -8,6 +8,7 @@
 ``obstacle``            outlines of obstacles, and how far discs touch them
 ``hydraulic_actuator``  servo valve, cylinder and bypass of an active strut
 ``friction``            Coulomb friction that is smooth where it changes its sign
+``gravity``             acceleration of gravity
 ======================  ==========================================================================
 """
 

@@ -14,9 +14,9 @@ from typing import Any
 import casadi as ca
 
 from build_fmus.component import Component
+from fmu_sources.plants.gravity import gravity
 from fmu_sources.vehicles import FullCar, declare
 
-GRAVITY = 9.81  # m/s2
 LOW_SPEED = 1.0  # m/s; below it slip is formed with this speed, so that slip exists and decays at standstill
 EASE_SLIP, RELEASE_SLIP = 0.15, 0.30  # from this slip on the driver eases off, at that one torque is 0
 MAX_SPEED = 60.0  # m/s; the driver model keeps the car straight up to here
@@ -51,7 +51,9 @@ def full_car(vehicle: FullCar, name: str = "FullCarHmmwv") -> Component:
     )
     p = declare(c, vehicle)
     start_x = c.parameter("start.x", 5.0, "m", "position of the CG at the start", min=-1e6, max=1e6, source="assumed")
-    corners = _corners(p)
+    g = gravity(c)
+    low_speed = c.constant("low_speed", LOW_SPEED, "m/s", "below it slip is formed with this speed", source="assumed")
+    corners = _corners(p, g)
 
     # ------------------------------------------------------------------------------------------------------ inputs
 
@@ -72,7 +74,8 @@ def full_car(vehicle: FullCar, name: str = "FullCarHmmwv") -> Component:
 
     # ------------------------------------------------------------------------------------------------------ states
 
-    rest = _equilibrium(corners, p, road)
+    least = c.constant("least.stiffness", 1e-9, "N/m", "keeps roll at rest determined without any spring", source="own")
+    rest = _equilibrium(corners, p, road, least)
     x = c.state("x", "m", "distance of the CG along the road", start=start_x, output=True, nominal=10.0)
     y = c.state("y", "m", "lateral position of the CG, positive left", output=True)
     zb = c.state("body.z", "m", "CG height above its static position", start=rest.z, output=True, nominal=0.1)
@@ -138,7 +141,7 @@ def full_car(vehicle: FullCar, name: str = "FullCarHmmwv") -> Component:
 
     # ------------------------------------------------------------------------------------ forces, corner by corner
 
-    body_force = -p.body.mass * GRAVITY * up
+    body_force = -p.body.mass * g * up
     body_moment = ca.SX.zeros(3)  # about the CG, road axes
     applied: Any = 0.0  # torque of all wheels
     wheel_force, spin_torque, slip_x_rate, slip_y_rate = {}, {}, {}, {}
@@ -170,7 +173,7 @@ def full_car(vehicle: FullCar, name: str = "FullCarHmmwv") -> Component:
         hub_velocity = velocity + ca.cross(omega, hub)
         c.value(f"hub_velocity_{n}", hub_velocity)
         gradient = _limit(slope[n], 1.0)
-        static = k.static_load + p.wheel.mass * GRAVITY
+        static = k.static_load + p.wheel.mass * g
         compression, compression_rate = road[n] - zw[n], gradient * hub_velocity[0] - vw[n]
         load[n] = ca.fmax(0, static + p.tire.stiffness * compression + p.tire.damping * compression_rate)
 
@@ -178,7 +181,7 @@ def full_car(vehicle: FullCar, name: str = "FullCarHmmwv") -> Component:
         forward, sideways = (wheel_ahead, wheel_left) if k.steered else (ahead, left)
         rolling = ca.dot(hub_velocity, forward)
         sliding = ca.dot(velocity + ca.cross(omega, patch), sideways)
-        pace = ca.sqrt(rolling**2 + LOW_SPEED**2)
+        pace = ca.sqrt(rolling**2 + low_speed**2)
         slip_x_rate[n] = (spin[n] * p.wheel.radius - rolling - pace * slip_x[n]) / p.tire.longitudinal_relaxation
         slip_y_rate[n] = (-sliding - pace * slip_y[n]) / p.tire.lateral_relaxation
         drive, corner = p.tire.slip_stiffness * slip_x[n], p.tire.cornering_stiffness * slip_y[n]  # per load
@@ -190,7 +193,7 @@ def full_car(vehicle: FullCar, name: str = "FullCarHmmwv") -> Component:
         torque = ca.fmax(0, limited) * _eased(slip_x[n]) + ca.fmin(0, limited) * _eased(-slip_x[n])
         c.value(f"wheel_torque_{n}", torque, source="reduced where it makes the wheel slip")
         applied += torque
-        wheel_force[n] = load[n] - strut - p.wheel.mass * GRAVITY
+        wheel_force[n] = load[n] - strut - p.wheel.mass * g
         spin_torque[n] = torque - grip * drive * p.wheel.radius
 
         # Body: strut; drive force and the push of the slope at the hub; side force at the patch; the driveline is
@@ -264,11 +267,11 @@ class _Rest:
     wheel: dict[str, Any]
 
 
-def _corners(p: Any) -> list[Corner]:
+def _corners(p: Any, g: Any) -> list[Corner]:
     to_front = p.body.cg_position * p.body.wheelbase
     to_rear = p.body.wheelbase - to_front
-    on_front = p.body.mass * GRAVITY * to_rear / p.body.wheelbase / 2
-    on_rear = p.body.mass * GRAVITY * to_front / p.body.wheelbase / 2
+    on_front = p.body.mass * g * to_rear / p.body.wheelbase / 2
+    on_rear = p.body.mass * g * to_front / p.body.wheelbase / 2
     half = p.body.track / 2
     front, rear = p.suspension.front, p.suspension.rear
     return [
@@ -279,18 +282,18 @@ def _corners(p: Any) -> list[Corner]:
     ]
 
 
-def _equilibrium(corners: list[Corner], p: Any, road: dict[str, Any]) -> _Rest:
+def _equilibrium(corners: list[Corner], p: Any, road: dict[str, Any], least: Any) -> _Rest:
     """Where the car rests on the given wheel heights: exact on a level road, to second order in the angles otherwise.
 
     Spring and tire in series at each corner carry the body as one plane: heave and pitch follow the axle means, roll
-    is the stiffness-weighted mean of the two axles. (1e-9 N/m keeps roll determined without any spring.)
+    is the stiffness-weighted mean of the two axles. ``least`` stiffness [N/m] keeps roll determined without any spring.
     """
     fl, fr, rl, rr = (road[k.name] for k in corners)
     to_front, to_rear = corners[0].x, -corners[2].x
     front, rear = (fl + fr) / 2, (rl + rr) / 2
     z = (front * to_rear + rear * to_front) / p.body.wheelbase
     slope = (rear - front) / p.body.wheelbase
-    rate = {k.name: p.suspension.motion_ratio**2 * k.strut.spring + 1e-9 for k in corners}
+    rate = {k.name: p.suspension.motion_ratio**2 * k.strut.spring + least for k in corners}
     series = {n: r * p.tire.stiffness / (r + p.tire.stiffness) for n, r in rate.items()}
     twist = (series["fl"] * (fl - fr) + series["rl"] * (rl - rr)) / (series["fl"] + series["rl"]) / p.body.track
     pitch, roll = ca.atan(slope), ca.atan(twist)

@@ -21,9 +21,8 @@ import casadi as ca
 
 from build_fmus.component import Component
 from fmu_sources.plants.friction import declare_friction, friction_loss
+from fmu_sources.plants.gravity import gravity
 from fmu_sources.vehicles import RideCar, ThreeAxleCar, declare
-
-GRAVITY = 9.81  # m/s2
 
 _SOURCES = {
     RideCar: "004 equations (1) to (9), (12)",
@@ -133,7 +132,7 @@ def ride_car(vehicle: RideCar | ThreeAxleCar, name: str = "RideCarSedan") -> Com
         -tire.stiffness * x - tire.damping * v
         for (_, _, tire), x, v in zip(part.values(), deflection, deflection_rate, strict=True)
     ]  # tire forces beyond the static load, on the wheels
-    static = _static_loads(p.body.mass, [wheel for wheel, _, _ in part.values()], list(corners.values()))
+    static = _static_loads(c, p.body.mass, [wheel for wheel, _, _ in part.values()], list(corners.values()))
     tension = [ca.if_else(lifting, ca.fmin(d + w, 0), 0) for d, w in zip(dynamic, static, strict=True)]  # not taken
     drive -= ca.jtimes(ca.vertcat(*deflection), position, ca.vertcat(*tension), True)
     acceleration = ca.vertsplit(drive / ca.diag(inertia))
@@ -165,16 +164,18 @@ def ride_car(vehicle: RideCar | ThreeAxleCar, name: str = "RideCarSedan") -> Com
     return c
 
 
-def _static_loads(mass: Any, wheels: list[Any], sides: list[int]) -> list[Any]:
+def _static_loads(c: Component, mass: Any, wheels: list[Any], sides: list[int]) -> list[Any]:
     """Load [N] of each tire at rest: its wheel's weight and its share of the body's.
 
     The body is in equilibrium on equal springs: with a car that is the same left and right, the law of the lever.
     """
     arms = [ca.vertcat(1, side * wheel.half_track, -wheel.x) for side, wheel in zip(sides, wheels, strict=True)]
-    scale = 1e-9  # m2, keeps it solvable for wheels in one line or point
-    rest = sum((a @ a.T for a in arms), scale * ca.SX.eye(3))
-    share = ca.inv_minor(rest) @ ca.vertcat(mass * GRAVITY, 0, 0)
-    return [ca.dot(a, share) + wheel.mass * GRAVITY for a, wheel in zip(arms, wheels, strict=True)]
+    least = 1e-9  # keeps it solvable for wheels in one line or point
+    area = c.constant("least.area", least, "m2", "added to the second moments of the wheel positions", source="own")
+    rest = sum((a @ a.T for a in arms), ca.diag(ca.vertcat(least, area, area)))
+    g = gravity(c)
+    share = ca.inv_minor(rest) @ ca.vertcat(mass * g, 0, 0)
+    return [ca.dot(a, share) + wheel.mass * g for a, wheel in zip(arms, wheels, strict=True)]
 
 
 def _stimulus(corners: list[str]) -> dict[str, Any]:
