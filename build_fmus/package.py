@@ -37,7 +37,7 @@ def build_fmu(
         fmi: 2 or 3. ``arrays`` applies to 3 only.
 
     Raises:
-        DeclarationError: the declaration is incomplete.
+        DeclarationError: the declaration is incomplete, or an expression does not have the dimension that is declared.
         SolverStepError: the solver step is unstable at an operating point.
         CompileError: no toolchain, or the compiler failed.
     """
@@ -47,6 +47,7 @@ def build_fmu(
 def _pack(component: Model, fmi: int, platforms: Sequence[Platform], cache: ObjectCache, *, arrays: bool) -> bytes:
     if failed := component.failed_checks():
         raise DeclarationError(f"{component.name}: its own start values fail a check: {failed[0]}")
+    component.dimensions.check()
     check_solver(component)
     files = source_files(component, fmi, arrays=arrays)
     sources = [n for n in files if n.endswith(".c")]

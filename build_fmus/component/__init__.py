@@ -30,11 +30,13 @@ The room, each file above those that it uses:
 - ``linear``: the linear model about an operating point;
 - ``structure``: exact dependencies, positions and velocities, constant outputs;
 - ``functions``: the CasADi functions of starts, derivatives or updates, outputs, directional derivatives and checks;
+- ``dimensions``: whether expressions have the dimensions that their variables declare;
 - ``declaration``: all that was declared, as data, with the order of elements and vectors;
 - ``variables``: one variable and its scalar elements; what is wrong with a declaration.
 """
 
 from build_fmus.component.declare import Component
+from build_fmus.component.dimensions import Dimensions, Violation
 from build_fmus.component.linear import Linearization
 from build_fmus.component.model import Model
 from build_fmus.component.variables import (
@@ -54,6 +56,7 @@ __all__ = [
     "BaseType",
     "Component",
     "DeclarationError",
+    "Dimensions",
     "Element",
     "Kind",
     "Linearization",
@@ -61,5 +64,6 @@ __all__ = [
     "Role",
     "Solver",
     "Variable",
+    "Violation",
     "source_fault",
 ]

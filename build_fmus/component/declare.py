@@ -221,7 +221,9 @@ class Component:
     def period(self) -> Any:
         """Symbol of the sample time [s] of a discrete component, for equations: as a constant, so that it has its dimension."""
         if self.sample_time is None:
-            raise DeclarationError(f"{self.name}: period is for discrete components; a continuous one has no sample time")
+            raise DeclarationError(
+                f"{self.name}: period is for discrete components; a continuous one has no sample time"
+            )
         if _PERIOD not in self._handles:
             self._refuse_if_made("period")
             symbol = self._handles[_PERIOD] = self._symbols.sym("period")

@@ -35,11 +35,12 @@ with extras.needed("build", extras.BUILDING):
 Exponents = Mapping[str, int]
 """Base unit -> exponent, without those that are 0."""
 
-BASE_UNITS = tuple(sorted({b for u in units.UNITS.values() for b in u.exponents} - {"rad"}))
-"""What is scaled, each by itself."""
-
 _FACTORS = (4.0**16, 4.0**-16)  # far enough that a literal of any usual size shows
-_SPREADS = (0.03, 0.3, 0.3, 1.0)  # of the random values about an operating point, relative; one point each
+_SPREADS = (0.03, 0.1, 1.0, 0.01, 3.0, 0.3, 0.3, 0.03)  # of the random values about an operating point, relative
+_POINTS = (24, 40)  # over all operating points: few of long functions; half of them with the inputs of the stimulus
+_OPERATIONS = 200_000  # in all points together, roughly
+_STEPS = 200  # of the stimulus, as in the reference result
+_PARAMETERS = 0.3  # largest spread of parameters, so that they still fit together
 _TOLERANCE = 1e-12  # relative, where an operation is not exact
 _TOLD = 5  # violations in a message
 _INEXACT = (
@@ -82,7 +83,7 @@ class Dimensions:
         component: its name.
         violations: what does not scale as declared.
         unchecked: elements that are, or depend on, real values without a unit.
-        unseen: elements that were 0 or not finite at every point, so that nothing can be said of them.
+        unseen: real elements that were 0 or not finite at every point, so that nothing can be said of them.
     """
 
     component: str
@@ -136,12 +137,39 @@ def _quotient(a: Exponents, b: Exponents) -> Exponents:
 
 
 @dataclass(frozen=True)
-class _Result:
-    """One scalar that is compared."""
+class _Row:
+    """One scalar that is compared: its name and unit for messages, exponents (None: unknown), whether it is a real number."""
 
     name: str
     unit: str
     exponents: Exponents | None
+    real: bool
+
+
+@dataclass(frozen=True)
+class _Part:
+    """A start, change or output: a column of expressions, and what each of them is."""
+
+    expression: Any
+    rows: list[_Row]
+    number: bool = False  # an output that is a number: its declaration tells the unit
+
+    @classmethod
+    def of(cls, v: Variable, pattern: str, expression: Any, per: Exponents, number: bool = False) -> _Part:
+        """The expression of ``v``, or of its derivative when ``per`` is a second."""
+        units = [v.unit or "no unit"] * v.size
+        if v.rows:
+            units = [f"{r} per {c}" if c else r for r in v.rows for c in v.columns or ("",)]
+        rows = [
+            _Row(
+                pattern.format(n),
+                f"{u} per s" if per else u,
+                e if e is None else _quotient(e, per),
+                v.type == "Float64",
+            )
+            for n, u, e in zip(v.element_names(), units, element_exponents(v), strict=True)
+        ]
+        return cls(expression, rows, number)
 
 
 class _Scaling:
@@ -149,61 +177,42 @@ class _Scaling:
 
     def __init__(self, d: Declaration) -> None:
         self.d = d
+        self.exponents = {v.name: element_exponents(v) for v in d.all_variables}
         self.constants = d.of("constant")
         self.programs = [q.symbol for q in d.programs]
         self.symbols = [
             d.time, *(d.symbol(r) for r in VECTORS), *(v.symbol for v in self.constants), *self.programs
         ]  # fmt: skip
-        self.starts = column(d, list(d.starts.values()))
-        self.expressions = column(d, [self.starts, *d.changes.values(), *results(d)])
-        try:
-            self.function = ca.Function("dimensions", self.symbols, [self.expressions])
-        except RuntimeError:
-            raise DeclarationError(f"{d.name}: an expression uses undeclared symbols") from None
-
-    # ------------------------------------------------------------------ what is compared
-
-    @cached_property
-    def results(self) -> list[_Result]:
-        """Starts, changes and outputs, one for each row of the function."""
-        d = self.d
-        found: list[_Result] = []
-        per_s: Exponents = {"s": 1} if d.kind == "continuous" else {}
+        self.start = ca.Function("start", self.symbols, [column(d, list(d.starts.values()))])
         named = {v.name: v for v in d.all_variables}
-        for name in d.starts:
-            found += self._of(named[name], "start of {}")
-        for name in d.changes:
-            found += self._of(named[name], "der({})" if per_s else "{}", per_s)
-        for name in d.results:
-            found += self._of(named[name], "{}")
-        return found
-
-    @staticmethod
-    def _of(v: Variable, pattern: str, per: Exponents | None = None) -> list[_Result]:
-        declared: list[str]
-        if v.unit is not None or not v.rows:
-            declared = [v.unit or "no unit"] * v.size
-        else:
-            declared = [f"{r} per {c}" if v.columns else r for r in v.rows for c in v.columns or ("1",)]
-        return [
-            _Result(
-                pattern.format(n), u + (" per s" if per else ""), None if e is None else _quotient(e, per or {})
-            )
-            for n, u, e in zip(v.element_names(), declared, element_exponents(v), strict=True)
+        per: Exponents = {"s": 1} if d.kind == "continuous" else {}
+        parts = [_Part.of(named[n], "start of {}", e, {}) for n, e in d.starts.items()]
+        parts += [_Part.of(named[n], "der({})" if per else "{}", e, per) for n, e in d.changes.items()]
+        parts += [
+            _Part.of(named[n], "{}", e, {}, d.results[n].is_constant())
+            for n, e in zip(d.results, results(d), strict=True)
         ]
-
-    @cached_property
-    def checked(self) -> np.ndarray:
-        """Rows of the function whose unit is known and that depend on no value of unknown unit."""
-        known = np.array([r.exponents is not None for r in self.results], bool)
-        unknown = [
-            v.symbol
-            for v in self.d.all_variables
-            if v.role != "output" and None in element_exponents(v)
+        parts = [p for p in parts if not p.number]
+        checked = self._checked(parts)
+        self.unchecked = [
+            r.name for p, known in zip(parts, checked, strict=True) for r, k in zip(p.rows, known, strict=True) if not k
         ]
+        parts = [p for p, known in zip(parts, checked, strict=True) if known.any()]
+        self.rows = [r for p in parts for r in p.rows]
+        self.checked = np.concatenate([known for known in checked if known.any()] or [np.zeros(0, bool)])
+        self.expressions = column(d, [p.expression for p in parts])
+        self.function = ca.Function("dimensions", self.symbols, [self.expressions])
+
+    def _checked(self, parts: Sequence[_Part]) -> list[np.ndarray]:
+        """For each part the rows whose unit is known and that depend on no value of unknown unit."""
+        known = [np.array([r.exponents is not None for r in p.rows], bool) for p in parts]
+        unknown = [v.symbol for v in self.d.all_variables if v.role != "output" and None in self.exponents[v.name]]
         unknown += self.programs
-        if unknown and known.any():
-            known &= ~np.array(ca.which_depends(self.expressions, ca.vertcat(*unknown), 1, True), bool)
+        if unknown and parts:
+            every = column(self.d, [p.expression for p in parts])
+            tainted = np.array(ca.which_depends(every, ca.vertcat(*unknown), 1, True), bool)
+            ends = np.cumsum([len(p.rows) for p in parts])[:-1]
+            known = [k & ~t for k, t in zip(known, np.split(tainted, ends), strict=True)]
         return known
 
     # ------------------------------------------------------------------ where
@@ -230,90 +239,81 @@ class _Scaling:
 
     @cached_property
     def points(self) -> list[list[np.ndarray]]:
-        """Arguments of the function: operating points, each with random values about it."""
+        """Time, states, inputs and parameters: operating points, each with random values about it."""
         d, rng = self.d, np.random.default_rng(13)
         places = {
             role: {n: v.slot + i for v in d.of(role) for i, n in enumerate(v.element_names())}
             for role in ("state", "input")
         }
-        rest = [np.reshape(v.start or (), v.symbol.shape) for v in self.constants]
-        rest += [np.zeros(s.shape) for s in self.programs]
-        found = []
+        fixed, found = self._fixed(), []
+        calculated = [v.slot + i for n in d.starts for v in d.of("state") if v.name == n for i in range(v.size)]
+        fewest, most = _POINTS
+        count = min(most, max(fewest, _OPERATIONS // max(1, self.function.n_instructions())))
+        each = max(4, math.ceil(count / len(d.operating_points)))
         for values in d.operating_points.values():
-            for spread in _SPREADS:
+            for k in range(each):
+                driven = k % 2 == 1
+                spread = _SPREADS[k % len(_SPREADS)]
+                t = rng.uniform(0.0, _STEPS * (d.sample_time or d.exchange_step) if driven else d.stop_time)
                 u, p = d.vector("input"), d.vector("parameter")
-                for name, value in values.items():
+                moving = {n: signal(t) for n, signal in d.stimulus.items()} if driven else {}
+                for name, value in (*moving.items(), *values.items()):
                     if name in places["input"]:
                         u[places["input"][name]] = value
-                u, p = self._near("input", u, rng, spread), self._near("parameter", p, rng, spread)
-                x, t = d.vector("state"), rng.uniform(0.0, d.stop_time)
-                if d.starts:
-                    calculated = iter(np.asarray(self.function(t, x, u, p, *rest)).ravel())
-                    for name in d.starts:
-                        v = next(v for v in d.of("state") if v.name == name)
-                        x[v.slot : v.slot + v.size] = [next(calculated) for _ in range(v.size)]
+                u = self._near("input", u, rng, spread)
+                p = self._near("parameter", p, rng, min(spread, _PARAMETERS))
+                x = d.vector("state")
+                x[calculated] = np.asarray(self.start(t, x, u, p, *fixed)).ravel()
                 for name, value in values.items():
                     if name in places["state"]:
                         x[places["state"][name]] = value
-                found.append([np.array(t), self._near("state", x, rng, spread), u, p, *rest])
+                found.append([np.array(t), self._near("state", x, rng, spread), u, p])
         return found
 
     # ------------------------------------------------------------------ comparing
 
-    def _scales(self, base: str, factor: float) -> list[np.ndarray]:
-        """What each argument is multiplied with."""
-        powers = []
-        for role in VECTORS:
-            powers.append([e for v in self.d.of(role) for e in element_exponents(v)])
-        scales = [np.array(factor if base == "s" else 1.0)]
-        scales += [np.array([factor ** (e or {}).get(base, 0) for e in group]) for group in powers]
-        for v in self.constants:
-            scale = np.array([factor ** (e or {}).get(base, 0) for e in element_exponents(v)])
-            rows, columns = v.symbol.shape
-            scales.append(scale.reshape(rows, columns))
-        return scales + [np.ones(s.shape) for s in self.programs]
+    def _scale(self, variables: Sequence[Variable], base: str, factor: float) -> np.ndarray:
+        """What the elements of variables are multiplied with."""
+        return np.array([factor ** (e or {}).get(base, 0) for v in variables for e in self.exponents[v.name]])
 
-    def _used(self) -> list[str]:
-        """Base units that a variable of the component has."""
-        used = {b for v in self.d.all_variables for e in element_exponents(v) for b in e or {}}
-        return [b for b in BASE_UNITS if b in used or (b == "s")]
+    def _fixed(self, base: str = "s", factor: float = 1.0) -> list[Any]:
+        """Constants in these units, and the solutions of quadratic programs."""
+        values = [np.array(v.start or ()) * self._scale([v], base, factor) for v in self.constants]
+        fixed = [ca.DM(x.reshape(v.symbol.shape)) for x, v in zip(values, self.constants, strict=True)]
+        return fixed + [ca.DM.zeros(*s.shape) for s in self.programs]
 
     def report(self) -> Dimensions:
         """Evaluate at all points in all units."""
-        rows = np.flatnonzero(self.checked)
-        seen = np.zeros(len(self.results), bool)
-        bad: dict[tuple[int, str], list[float | None]] = {}
-        for point in self.points if rows.size else ():
-            plain = self._evaluate(point)
-            informative = np.isfinite(plain) & (plain != 0)
-            seen |= informative
-            for base in self._used():
-                for factor in _FACTORS:
-                    scaled = self._evaluate([a * s for a, s in zip(point, self._scales(base, factor), strict=True)])
-                    expected = plain * self._expected(base, factor)
-                    for i in rows[(expected != scaled)[rows] & np.isfinite(plain)[rows]]:
-                        if not self._rounded(int(i), expected[i], scaled[i]):
-                            power = _power(scaled[i] / plain[i], factor) if plain[i] else None
-                            bad.setdefault((int(i), base), []).append(power)
+        points, fixed = (self.points if self.rows else []), self._fixed()
+        plain = [self._evaluate(point, fixed) for point in points]
+        seen = np.zeros(len(self.rows), bool)
+        for values in plain:
+            seen |= np.isfinite(values) & (values != 0)
+        bad: dict[tuple[int, str], set[float | None]] = {}
+        for base in sorted({"s", *(b for known in self.exponents.values() for e in known for b in e or {})}):
+            for factor in _FACTORS:
+                scales = [np.array(factor if base == "s" else 1.0)]
+                scales += [self._scale(self.d.of(role), base, factor) for role in VECTORS]
+                fixed = self._fixed(base, factor)
+                declared = np.array([factor ** (r.exponents or {}).get(base, 0) for r in self.rows])
+                for point, values in zip(points, plain, strict=True):
+                    scaled = self._evaluate([a * s for a, s in zip(point, scales, strict=True)], fixed)
+                    expected = values * declared
+                    for i in np.flatnonzero(self.checked & (expected != scaled) & np.isfinite(values)).tolist():
+                        if not self._rounded(i, expected[i], scaled[i]):
+                            power = _power(scaled[i] / values[i], factor) if values[i] else None
+                            bad.setdefault((i, base), set()).add(power)
         violations = []
         for (i, base), powers in sorted(bad.items()):
-            r = self.results[i]
-            declared = (r.exponents or {}).get(base, 0)
-            same = powers[0] if all(p == powers[0] for p in powers) else None
-            violations.append(Violation(r.name, r.unit, base, declared, same if same != declared else None))
-        names = [r.name for r in self.results]
-        return Dimensions(
-            self.d.name,
-            tuple(violations),
-            tuple(n for n, k in zip(names, self.checked, strict=True) if not k),
-            tuple(names[i] for i in rows if not seen[i]),
-        )
+            row = self.rows[i]
+            exponent = (row.exponents or {}).get(base, 0)
+            found = powers.pop() if len(powers) == 1 else None
+            violations.append(Violation(row.name, row.unit, base, exponent, None if found == exponent else found))
+        unseen = [r.name for r, k, s in zip(self.rows, self.checked, seen, strict=True) if k and r.real and not s]
+        return Dimensions(self.d.name, tuple(violations), tuple(self.unchecked), tuple(unseen))
 
-    def _expected(self, base: str, factor: float) -> np.ndarray:
-        return np.array([factor ** (r.exponents or {}).get(base, 0) for r in self.results])
-
-    def _evaluate(self, arguments: Sequence[np.ndarray]) -> np.ndarray:
-        return np.asarray(self.function(*arguments)).ravel()
+    def _evaluate(self, point: Sequence[np.ndarray], fixed: Sequence[Any]) -> np.ndarray:
+        return np.asarray(self.function(*point, *fixed)).ravel()
 
     def _rounded(self, i: int, expected: float, scaled: float) -> bool:
         """Whether a difference is rounding, of an operation that is not exact."""

@@ -9,8 +9,8 @@ import numpy as np
 
 from build_fmus import extras
 from build_fmus.component import functions, linear, structure
-from build_fmus.component.dimensions import Dimensions, find_dimensions
 from build_fmus.component.declaration import Declaration
+from build_fmus.component.dimensions import Dimensions, find_dimensions
 from build_fmus.component.variables import DeclarationError
 
 with extras.needed("build", extras.BUILDING):
@@ -70,6 +70,7 @@ class Model(Declaration):
     @cached_property
     def dimensions(self) -> Dimensions:
         """Whether all expressions scale as the units of their variables do: :mod:`.dimensions`."""
+        _ = self.functions  # undeclared symbols are refused there
         return find_dimensions(self)
 
     def linearize(

@@ -138,8 +138,13 @@ def force_tracking(vehicle: Actuator, name: str = "ForceTracking", *, period: fl
 
     # -------------------------------------------------------------------------------------- desired force, its rate
 
-    filtered = c.state("smoothing.filter", None, "sections of (1.16): force and rate of each", shape=(4,))
-    A, B = (ca.DM(m) for m in smoothing_filter(period))
+    period, sections = c.period, ["N", "N/s"] * 2
+    filtered = c.state(
+        "smoothing.filter", None, "sections of (1.16): force and rate of each", shape=(4,), rows=sections
+    )
+    sampled, held = smoothing_filter(float(c.sample_time or 0))
+    A = c.constant("smoothing.A", sampled, None, "of (1.16)", rows=sections, columns=sections, source="001 (1.16)")
+    B = c.constant("smoothing.B", held, None, "of (1.16)", rows=["1", "1/s"] * 2, source="001 (1.16)")
     c.update(filtered, A @ filtered + B * requested, source="001 (1.16), sampled for a held input")
     before = c.state("force.before", "N", "desired force one sample before", start=requested)
     c.update(before, requested)
@@ -152,7 +157,7 @@ def force_tracking(vehicle: Actuator, name: str = "ForceTracking", *, period: fl
     alpha = 4.0 * p.fluid.bulk_modulus / p.cylinder.volume
     load = measured / area
     error = load - desired / area
-    integral = c.state("error.integral", None, "integral of the pressure error [Pa s]")
+    integral = c.state("error.integral", "Pa.s", "integral of the pressure error")
     surface = error + lambda_1 * integral
     flow = area * v + p.cylinder.leakage * load + (desired_rate / area - lambda_1 * error - eta_1 * surface) / alpha
     available = p.supply.pressure - ca.sign(flow) * load
@@ -232,7 +237,7 @@ def force_tracking(vehicle: Actuator, name: str = "ForceTracking", *, period: fl
 
 
 def _notch(
-    c: Component, name: str, signal: Any, enabled: Any, frequency: Any, width: Any, left: Any, period: float
+    c: Component, name: str, signal: Any, enabled: Any, frequency: Any, width: Any, left: Any, period: Any
 ) -> Any:
     """Second-order notch, bilinear and exact at its centre; transposed direct form II."""
     g = ca.tan(math.pi * frequency * period)
@@ -241,7 +246,7 @@ def _notch(
     b0, b2 = (1 + narrow + g * g) / a0, (1 - narrow + g * g) / a0
     a1, a2 = 2 * (g * g - 1) / a0, (1 - wide + g * g) / a0
     # Starts as if the signal had been what it is for ever.
-    memory = c.state(name, None, "memory of the notch [m]", shape=(2,),
+    memory = c.state(name, "m", "memory of the notch", shape=(2,),
                      start=ca.vertcat((1 - b0) * signal, (b2 - a2) * signal))  # fmt: skip
     out = b0 * signal + memory[0]
     c.update(memory, ca.vertcat(a1 * (signal - out) + memory[1], b2 * signal - a2 * out))

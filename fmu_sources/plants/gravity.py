@@ -9,4 +9,6 @@ from build_fmus.component import Component
 
 def gravity(c: Component) -> Any:
     """Declare the constant [m/s2]."""
-    return c.constant("gravity", 9.81, "m/s2", "acceleration of gravity", source="as all papers have it, to three digits")
+    return c.constant(
+        "gravity", 9.81, "m/s2", "acceleration of gravity", source="as all papers have it, to three digits"
+    )

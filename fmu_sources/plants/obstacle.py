@@ -38,17 +38,21 @@ class Outline:
     Args:
         x, z: coordinates [m] of N points, symbols or numbers, x not decreasing, neighbours apart. Before the first point
             and after the last one the ground is level.
+        metre: the length of 1 m, a constant where x and z are symbols of a component.
     """
 
-    def __init__(self, x: list[Any], z: list[Any]) -> None:
+    def __init__(self, x: list[Any], z: list[Any], metre: Any = 1.0) -> None:
+        self._metre, self._far = metre, FAR * metre
+        tiny = _TINY * metre**2
         self.points = list(zip(x, z, strict=True))
-        ends = [(x[0] - FAR, z[0]), *self.points, (x[-1] + FAR, z[-1])]
+        ends = [(x[0] - self._far, z[0]), *self.points, (x[-1] + self._far, z[-1])]
         self._from = ends[:-1]
         self._way = [(b[0] - a[0], b[1] - a[1]) for a, b in pairwise(ends)]
-        self._inverse = [1 / (dx * dx + dz * dz + _TINY) for dx, dz in self._way]
+        self._inverse = [1 / (dx * dx + dz * dz + tiny) for dx, dz in self._way]
+        self._inverse[-1] = 1 / (FAR * FAR + _TINY) / metre**2  # a number: its dx is FAR exactly
         turn = [a[0] * b[1] - a[1] * b[0] for a, b in pairwise(self._way)]
-        self.concave = [t > 1e-9 for t in turn]  # at each point
-        self.convex = [t < -1e-9 for t in turn]
+        self.concave = [t > 1e-9 * metre**2 for t in turn]  # at each point
+        self.convex = [t < -1e-9 * metre**2 for t in turn]
 
     def _offsets(self, x: Any, z: Any) -> list[tuple[Any, Any]]:
         """From the closest point of each straight piece to (x, z)."""
@@ -63,7 +67,7 @@ class Outline:
         """Height of the ground at x; at a vertical wall that of its end."""
         height = self._from[0][1]
         for (x0, _), (dx, dz) in zip(self._from[1:-1], self._way[1:-1], strict=True):
-            height += dz * ca.fmin(1, ca.fmax(0, (x - x0) / ca.fmax(dx, _TINY)))
+            height += dz * ca.fmin(1, ca.fmax(0, (x - x0) / ca.fmax(dx, _TINY * self._metre)))
         return height
 
     def disc(self, x: Any, z: Any, radius: Any) -> list[Touch]:
@@ -79,13 +83,13 @@ class Outline:
                 new = ca.logic_or(self.concave[k - 1], here < square)
                 best = (ca.if_else(new, ox, best[0]), ca.if_else(new, oz, best[1]))
                 square = ca.if_else(new, here, square)
-            distance = ca.sqrt(square + _TINY)
+            distance = ca.sqrt(square + _TINY * self._metre**2)
             closed = self.concave[k] if k < last else 1
             solids.append((closed, radius - distance, best[0] / distance, best[1] / distance))
         return [
-            Touch(ca.if_else(closed, depth, -FAR), nx, nz, before * after)
+            Touch(ca.if_else(closed, depth, -self._far), nx, nz, before * after)
             for (closed, depth, nx, nz), before, after in zip(
-                solids, _shares(solids), reversed(_shares(solids[::-1])), strict=True
+                solids, self._shares(solids), reversed(self._shares(solids[::-1])), strict=True
             )
         ]
 
@@ -106,23 +110,22 @@ class Outline:
             else:
                 new = here < best[0]
                 best = tuple(ca.if_else(new, a, b) for a, b in zip((here, ox, oz), best, strict=True))
-        distance = ca.sqrt(best[0] + _TINY**2)
+        distance = ca.sqrt(best[0] + (_TINY * self._metre) ** 2)
         inside = self.height(x) > z
         return ca.if_else(inside, distance, 0), -best[1] / distance, -best[2] / distance
 
+    def _shares(self, solids: list[tuple[Any, Any, Any, Any]]) -> list[Any]:
+        """What the solid before leaves to each solid.
 
-def _shares(solids: list[tuple[Any, Any, Any, Any]]) -> list[Any]:
-    """What the solid before leaves to each solid.
-
-    Two planes push a disc out by the shortest vector d with n1 d >= p1 and n2 d >= p2. At right angles each pushes by its
-    own penetration; nearly parallel ones push once. The force is the gradient of d^2 / 2, so it has a potential.
-    """
-    shares = []
-    depth, nx, nz = solids[0][1] * 0 - FAR, solids[0][2], solids[0][3]  # of the closed solid before
-    for closed, p, mx, mz in solids:
-        c = ca.fmin(1, ca.fmax(0, nx * mx + nz * mz))
-        # The small numbers give half to each of two contacts that coincide, in the middle of a straight road.
-        left = (p * (1 + _ALIKE / 2) - c * depth) / (ca.fmax(p, 1e-9) * (1 - c * c + _ALIKE))
-        shares.append(ca.if_else(depth > 0, ca.fmin(1, ca.fmax(0, left)), 1))
-        depth, nx, nz = (ca.if_else(closed, new, old) for new, old in ((p, depth), (mx, nx), (mz, nz)))
-    return shares
+        Two planes push a disc out by the shortest vector d with n1 d >= p1 and n2 d >= p2. At right angles each pushes by its
+        own penetration; nearly parallel ones push once. The force is the gradient of d^2 / 2, so it has a potential.
+        """
+        shares = []
+        depth, nx, nz = solids[0][1] * 0 - self._far, solids[0][2], solids[0][3]  # of the closed solid before
+        for closed, p, mx, mz in solids:
+            c = ca.fmin(1, ca.fmax(0, nx * mx + nz * mz))
+            # The small numbers give half to each of two contacts that coincide, in the middle of a straight road.
+            left = (p * (1 + _ALIKE / 2) - c * depth) / (ca.fmax(p, 1e-9 * self._metre) * (1 - c * c + _ALIKE))
+            shares.append(ca.if_else(depth > 0, ca.fmin(1, ca.fmax(0, left)), 1))
+            depth, nx, nz = (ca.if_else(closed, new, old) for new, old in ((p, depth), (mx, nx), (mz, nz)))
+        return shares

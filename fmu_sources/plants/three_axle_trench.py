@@ -12,6 +12,7 @@ positive nose up and roll positive to the left.)
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 from itertools import pairwise
 from typing import Any
 
@@ -20,10 +21,10 @@ import numpy as np
 
 from build_fmus.component import Component
 from fmu_sources.models.corners import SIX_CORNERS
+from fmu_sources.plants.gravity import gravity
 from fmu_sources.plants.obstacle import Outline, Touch
 from fmu_sources.vehicles import ThreeAxleTrenchCar, declare
 
-GRAVITY = 9.81  # m/s2
 SIDES = {"l": ("left", 1), "r": ("right", -1)}
 POINTS = 6  # of an obstacle outline
 MAX_SPEED = 5.0  # m/s
@@ -50,6 +51,42 @@ class _Wheel:
     below: Any = None  # wheel centre below the CG at rest, m
 
 
+@dataclass(frozen=True)
+class _Small:
+    """Constants that regularize, and times of the model."""
+
+    stiffness: Any
+    load: Any
+    metre: Any
+    speed: Any
+    friction_time: Any
+    progress_time: Any
+
+    @classmethod
+    def of(cls, c: Component) -> _Small:
+        """Declare them."""
+        return cls(
+            stiffness=c.constant(
+                "least.stiffness", 1e-6, "N/m", "added to that of a strut, which may be 0", source="own"
+            ),
+            load=c.constant(
+                "least.load", 1e-3, "N", "by which at least moments of contact forces are divided", source="own"
+            ),
+            metre=c.constant(
+                "metre", 1.0, "m", "1 m, in which lengths of the obstacle's geometry are given", source="own"
+            ),
+            speed=c.constant(
+                "least.speed", 0.01, "m/s", "target.speed above which the vehicle can be stuck", source="own"
+            ),
+            friction_time=c.constant(
+                "friction.time", FRICTION_TIME, "s", "least time in which friction stops a wheel", source="own"
+            ),
+            progress_time=c.constant(
+                "progress.time", PROGRESS_TIME, "s", "time constant of the smoothed speed", source="own"
+            ),
+        )
+
+
 def three_axle_trench(vehicle: ThreeAxleTrenchCar, name: str = "ThreeAxleTrench") -> Component:
     """The vehicle of a file of kind ``three_axle_trench`` in front of a trench or another obstacle."""
     c = Component(
@@ -71,14 +108,15 @@ def three_axle_trench(vehicle: ThreeAxleTrenchCar, name: str = "ThreeAxleTrench"
         "wheels.driven", True, None, "wheels turn at the imposed speed; false: they roll freely and give no traction",
         source="003 section 5.4: imposed",
     )  # fmt: skip
-    wheels = _wheels(p)
+    g, small = gravity(c), _Small.of(c)
+    wheels = _wheels(p, g, small)
     front, rear = (sum(w.x for w in wheels if w.name[:2] == axle) / 2 for axle in ("a1", "a3"))
     mean_radius = p.disc.radius - sum(w.compression for w in wheels) / 6
     height = p.body.cg_height + mean_radius  # of the CG above the road at rest
     wheels = [_Wheel(**{**vars(w), "below": height - (p.disc.radius - w.compression)}) for w in wheels]
     tip, tail = front + p.outline.front_overhang, rear - p.outline.rear_overhang
 
-    grounds, markers = _obstacle(c, tip, tip - tail)
+    grounds, markers = _obstacle(c, tip, tip - tail, small.metre)
     c.check(ca.vertcat(*(w.static_load for w in wheels)), "every strut must carry load at rest: move body.cg_offset or "
             "wheel.*.x so that the CG lies between the axles")  # fmt: skip
     c.check(height + ca.fmin(p.outline.belly_height, p.outline.tip_height), "the body touches the road at rest: raise "
@@ -152,7 +190,7 @@ def three_axle_trench(vehicle: ThreeAxleTrenchCar, name: str = "ThreeAxleTrench"
     # ------------------------------------------------------------------------------- wheels: kinematics and contact
 
     mass = [[0.0] * 4 for _ in range(4)]
-    load = [0.0, -p.body.mass * GRAVITY, 0.0, 0.0]  # generalized forces of x, z, pitch, roll
+    load = [0.0, -p.body.mass * g, 0.0, 0.0]  # generalized forces of x, z, pitch, roll
     mass[0][0] = mass[1][1] = p.body.mass
     mass[2][2], mass[3][3] = p.body.pitch_inertia, p.body.roll_inertia
     rolling = p.disc.radius - p.disc.rolling_loss
@@ -161,7 +199,7 @@ def three_axle_trench(vehicle: ThreeAxleTrenchCar, name: str = "ThreeAxleTrench"
         p.body.mass * (dq[0] ** 2 + dq[1] ** 2) + p.body.pitch_inertia * dq[2] ** 2 + p.body.roll_inertia * dq[3] ** 2
     )
     kinetic /= 2
-    potential = p.body.mass * GRAVITY * z
+    potential = p.body.mass * g * z
     drive_power: Any = 0.0
     actuator_power: Any = 0.0
     hub, contact, back = {}, {}, {}
@@ -174,13 +212,13 @@ def three_axle_trench(vehicle: ThreeAxleTrenchCar, name: str = "ThreeAxleTrench"
         bias = ca.jtimes(velocity, ca.vertcat(q, s), ca.vertcat(dq, ds))  # acceleration of the wheel at constant rates
 
         touches = grounds[w.side].disc(centre[0], centre[2], p.disc.radius)
-        total = _Contacts.of(touches, w.tire, p.disc, w.mass, velocity, spin, dq[2], rolling, driven)
-        strut, stored = _strut(p, w, gas, s, ds)
+        total = _Contacts.of(touches, w.tire, p.disc, w.mass, velocity, spin, dq[2], rolling, driven, small)
+        strut, stored = _strut(p, w, gas, s, ds, small)
         along = total.fx * ahead[0] + total.fz * ahead[1]
         hub[n] = (along, total.fx * up[0] + total.fz * up[1])
         contact[n] = (centre, velocity, total, grounds[w.side].clearance(touches))
 
-        outer = ca.vertcat(total.fx, 0, total.fz - w.mass * GRAVITY)
+        outer = ca.vertcat(total.fx, 0, total.fz - w.mass * g)
         inner = strut + force[n]  # along the strut, on the wheel
         free = w.mass * (by_base - by_travel @ (by_travel.T @ by_base))  # wheel slides along its strut
         share = by_base.T @ free
@@ -196,7 +234,7 @@ def three_axle_trench(vehicle: ThreeAxleTrenchCar, name: str = "ThreeAxleTrench"
         drive_power += total.traction * target_speed
         actuator_power += force[n] * ds
         kinetic += w.mass * ca.dot(velocity, velocity) / 2
-        potential += w.mass * GRAVITY * centre[2] + stored + total.energy
+        potential += w.mass * g * centre[2] + stored + total.energy
 
     # ------------------------------------------------------------------------------------------------ body contact
 
@@ -228,16 +266,18 @@ def three_axle_trench(vehicle: ThreeAxleTrenchCar, name: str = "ThreeAxleTrench"
         ("belly", front + o.belly_distance, o.belly_height), ("belly", rear - o.belly_distance, o.belly_height),
     ]  # fmt: skip
     knee = (front + o.knee_distance, o.knee_height), (rear - o.knee_distance, o.knee_height)
+    face = partial(_face, metre=small.metre)
+    overlap = 0.1 * small.metre  # of bumper and belly
     solids = [  # convex parts of the body: points on their faces, inward normals, to which part the face belongs
         [
-            (*_face(knee[1], vertices[3][1:]), *_PART["rear"]),
-            (*_face(vertices[3][1:], vertices[2][1:]), *_PART["belly"]),
-            (*_face(vertices[2][1:], knee[0]), *_PART["front"]),
+            (*face(knee[1], vertices[3][1:]), *_PART["rear"]),
+            (*face(vertices[3][1:], vertices[2][1:]), *_PART["belly"]),
+            (*face(vertices[2][1:], knee[0]), *_PART["front"]),
         ],
-        [(*face, *_PART["front"]) for face in (
-            _face(knee[0], (tip, o.tip_height)), (tip, 0, -1, 0), (knee[0][0] - 0.1, 0, 1, 0))],
-        [(*face, *_PART["rear"]) for face in (
-            _face((tail, o.tip_height), knee[1]), (tail, 0, 1, 0), (knee[1][0] + 0.1, 0, -1, 0))],
+        [(*of, *_PART["front"]) for of in (
+            face(knee[0], (tip, o.tip_height)), (tip, 0, -1, 0), (knee[0][0] - overlap, 0, 1, 0))],
+        [(*of, *_PART["rear"]) for of in (
+            face((tail, o.tip_height), knee[1]), (tail, 0, 1, 0), (knee[1][0] + overlap, 0, -1, 0))],
     ]  # fmt: skip
     for side, ground in grounds.items():
         y = SIDES[side][1] * p.body.half_width
@@ -272,7 +312,7 @@ def three_axle_trench(vehicle: ThreeAxleTrenchCar, name: str = "ThreeAxleTrench"
         c.derivative(travel_rate[w.name], second)
         wheel_acceleration[w.name] = carried + by_travel * second
     c.derivative(supplied, drive_power + actuator_power)
-    c.derivative(progress, (dq[0] - progress) / PROGRESS_TIME)
+    c.derivative(progress, (dq[0] - progress) / small.progress_time)
 
     # ----------------------------------------------------------------------------------------------------- outputs
 
@@ -301,7 +341,7 @@ def three_axle_trench(vehicle: ThreeAxleTrenchCar, name: str = "ThreeAxleTrench"
         c.output(f"contact.{n}.fz", total.fz, "N", "vertical force of the ground on the tire", display_unit="kN")
         c.output(f"contact.{n}.x", centre[0] + total.px, "m", "where the ground force acts, along the road")
         at = centre[2] + total.pz
-        at = ca.if_else(ca.fabs(at) < 1e-9, 0, at)  # rounding on level road is no height
+        at = ca.if_else(ca.fabs(at) < 1e-9 * small.metre, 0, at)  # rounding on level road is no height
         c.output(f"contact.{n}.z", at, "m", "where the ground force acts, height")
     c.output(
         "bumper.front.force", bumper["front"], "N", "contact force of the front bumper and nose", display_unit="kN"
@@ -314,7 +354,7 @@ def three_axle_trench(vehicle: ThreeAxleTrenchCar, name: str = "ThreeAxleTrench"
         c.output(f"lidar.{end}.dz", lz - mz, "m", f"nose lidar above the {end} of the obstacle, road axes")
     c.output("lidar.x", lx, "m", "position of the nose lidar along the road")
     c.output("lidar.z", lz, "m", "height of the nose lidar above the road")
-    stuck = ca.logic_and(target_speed > 0.01, progress < STUCK_BELOW * target_speed)
+    stuck = ca.logic_and(target_speed > small.speed, progress < STUCK_BELOW * target_speed)
     c.output("stuck", ca.if_else(stuck, 1.0, 0.0), "1", "1 while the smoothed speed is below 5 % of target.speed")
     c.output("energy", kinetic + potential, "J", "mechanical energy without the spin of the wheels")
     c.output("power.drive", drive_power, "W", "power of the imposed wheel spin", display_unit="kW")
@@ -330,21 +370,21 @@ def three_axle_trench(vehicle: ThreeAxleTrenchCar, name: str = "ThreeAxleTrench"
 # ---------------------------------------------------------------------------------------------------------------- parts
 
 
-def _wheels(p: Any) -> list[_Wheel]:
+def _wheels(p: Any, g: Any, small: _Small) -> list[_Wheel]:
     """The wheels with their static loads: the body rests level, its weight spread as on springs under a rigid plane."""
     where = {
         n: (getattr(p.wheel, n).x - p.body.cg_offset, SIDES[n[-1]][1] * getattr(p.wheel, n).half_track)
         for n in SIX_CORNERS
     }
     rows = [ca.vertcat(1, *where[n]) for n in SIX_CORNERS]
-    stiffness = [getattr(p.suspension, n).stiffness + 1e-6 for n in SIX_CORNERS]
+    stiffness = [getattr(p.suspension, n).stiffness + small.stiffness for n in SIX_CORNERS]
     gram = sum(k * r @ r.T for k, r in zip(stiffness, rows, strict=True))
-    plane = ca.vertcat(*_solve([[gram[i, j] for j in range(3)] for i in range(3)], [p.body.mass * GRAVITY, 0, 0]))
+    plane = ca.vertcat(*_solve([[gram[i, j] for j in range(3)] for i in range(3)], [p.body.mass * g, 0, 0]))
     wheels = []
     for k, row, n in zip(stiffness, rows, SIX_CORNERS, strict=True):
         tire, mass = getattr(p.tire, n), getattr(p.wheel, n).mass
         load = k * ca.dot(row, plane)
-        weight = load + mass * GRAVITY
+        weight = load + mass * g
         compression = weight / tire.stiffness
         over = ca.fmax(0, weight - tire.stiffness * p.disc.bottoming) / (tire.stiffness + p.disc.bottoming_stiffness)
         compression = ca.fmin(compression, p.disc.bottoming + over)
@@ -375,6 +415,7 @@ class _Contacts:
         pitch_rate: Any,
         rolling: Any,
         driven: Any,
+        small: _Small,
     ) -> _Contacts:
         fx = fz = traction = energy = px = pz = weight = ca.SX(0)
         for t in touches:
@@ -387,7 +428,7 @@ class _Contacts:
             sliding = (spin + pitch_rate) * rolling - (velocity[0] * t.nz - velocity[2] * t.nx)
             # The slope of the friction law is limited to what a wheel of this mass can follow in explicit steps of 0.5 ms.
             grip_limit = driven * disc.friction * normal
-            grip = grip_limit * ca.tanh(sliding / ca.fmax(disc.slip_speed, grip_limit * FRICTION_TIME / mass))
+            grip = grip_limit * ca.tanh(sliding / ca.fmax(disc.slip_speed, grip_limit * small.friction_time / mass))
             fx += normal * t.nx + grip * t.nz
             fz += normal * t.nz - grip * t.nx
             traction += grip
@@ -396,17 +437,17 @@ class _Contacts:
             px -= normal * reach * t.nx
             pz -= normal * reach * t.nz
             weight += normal
-        weight = ca.fmax(weight, 1e-3)
+        weight = ca.fmax(weight, small.load)
         return cls(fx, fz, traction, energy, px / weight, pz / weight)
 
 
-def _strut(p: Any, w: _Wheel, gas: Any, s: Any, ds: Any) -> tuple[Any, Any]:
+def _strut(p: Any, w: _Wheel, gas: Any, s: Any, ds: Any, small: _Small) -> tuple[Any, Any]:
     """Force of one strut (positive extends) and its stored energy: spring, damper, stops. Energy is 0 at rest."""
     linear = w.static_load - w.strut.stiffness * s
     linear_energy = -w.static_load * s + w.strut.stiffness * s**2 / 2
     # A gas column with the same load and stiffness at rest: F = F0 (L / (L + s))^n, from a fifth of its length on linear.
     n = p.strut.gas_exponent
-    column = ca.fmax(n * w.static_load / (w.strut.stiffness + 1e-6), 1e-6)
+    column = ca.fmax(n * w.static_load / (w.strut.stiffness + small.stiffness), 1e-6 * small.metre)
     stretch = ca.fmax(LEAST_COLUMN, 1 + s / column)
     beyond = ca.fmax(0, (LEAST_COLUMN - 1) * column - s)
     gas_force = w.static_load * stretch**-n
@@ -435,10 +476,10 @@ def _least(rows: list[tuple[Any, ...]]) -> tuple[Any, ...]:
     return best
 
 
-def _face(a: tuple[Any, Any], b: tuple[Any, Any]) -> tuple[Any, Any, Any, Any]:
+def _face(a: tuple[Any, Any], b: tuple[Any, Any], metre: Any) -> tuple[Any, Any, Any, Any]:
     """Face through two points of the lower outline, the second ahead of the first: a point of it, its inward normal."""
     dx, dz = b[0] - a[0], b[1] - a[1]
-    length = ca.sqrt(dx**2 + dz**2 + 1e-12)
+    length = ca.sqrt(dx**2 + dz**2 + 1e-12 * metre**2)
     return a[0], a[1], -dz / length, dx / length
 
 
@@ -460,7 +501,7 @@ def _solve(matrix: list[list[Any]], right: list[Any]) -> list[Any]:
     return x
 
 
-def _obstacle(c: Component, tip: Any, length: Any) -> tuple[dict[str, Outline], dict[str, tuple[Any, Any]]]:
+def _obstacle(c: Component, tip: Any, length: Any, metre: Any) -> tuple[dict[str, Outline], dict[str, tuple[Any, Any]]]:
     """Declare the obstacle; the ground of each side, and the places the lidar looks at."""
     assumed = "assumed"
     shape = c.parameter("obstacle.shape", 1, None, "0 level road, 1 trench, 2 outline.*", min=0, max=2, source=assumed)
@@ -494,7 +535,7 @@ def _obstacle(c: Component, tip: Any, length: Any) -> tuple[dict[str, Outline], 
         ox, oz = [px[0]], [pz[0]]
         for k in range(1, POINTS):
             counts = count > k
-            ox.append(ca.if_else(counts, px[k], ox[-1] + 1))
+            ox.append(ca.if_else(counts, px[k], ox[-1] + metre))
             oz.append(ca.if_else(counts, pz[k], oz[-1]))
         gaps = ca.vertcat(*(b - a for a, b in pairwise(ox)))
         rises = ca.vertcat(*(b - a for a, b in pairwise(oz)))
@@ -508,14 +549,14 @@ def _obstacle(c: Component, tip: Any, length: Any) -> tuple[dict[str, Outline], 
                 "begin ahead of the front bumper")  # fmt: skip
         begin = start + (0 if sign > 0 else skew)
         trench_x, trench_z = [begin, begin, begin + wide, begin + wide], [0, -deep, -deep, 0]
-        trench_x += [begin + wide + k for k in range(1, POINTS - 3)]
+        trench_x += [begin + wide + k * metre for k in range(1, POINTS - 3)]
         trench_z += [0] * (POINTS - 4)
-        level = [begin + k for k in range(POINTS)]
+        level = [begin + k * metre for k in range(POINTS)]
         gx = [
             ca.if_else(is_outline, a, ca.if_else(is_trench, b, f)) for a, b, f in zip(ox, trench_x, level, strict=True)
         ]
         gz = [ca.if_else(is_outline, a, ca.if_else(is_trench, b, 0)) for a, b in zip(oz, trench_z, strict=True)]
-        grounds[side] = Outline(gx, gz)
+        grounds[side] = Outline(gx, gz, metre)
         if sign > 0:
             end_x, end_z = ox[0], oz[0]
             for k in range(1, POINTS):

@@ -69,8 +69,10 @@ def road_bench_random(name: str = "RoadBenchRandom", *, seed: int = SEED) -> Com
     f = edges[:-1] + random.random(LINES) * np.diff(edges)
     amplitude = np.sqrt(np.diff(edges)) / f  # a line stands for its band
     amplitude *= np.sqrt(2 / np.sum(amplitude**2))  # rms 1
-    phase = ca.DM(2 * pi * f) * (c.time + offset) + ca.DM(2 * pi * random.random(LINES))
-    wave, slope = ca.dot(ca.DM(amplitude), ca.sin(phase)), ca.dot(ca.DM(amplitude * 2 * pi * f), ca.cos(phase))
+    rate = c.constant("lines", 2 * pi * f, "1/s", "angular frequencies of the lines", source="002, assumed")
+    rates = c.constant("rates", amplitude * 2 * pi * f, "1/s", "of their sizes", source="002, assumed")
+    phase = rate * (c.time + offset) + ca.DM(2 * pi * random.random(LINES))
+    wave, slope = ca.dot(ca.DM(amplitude), ca.sin(phase)), ca.dot(rates, ca.cos(phase))
     part = ca.fmax(0, ca.fmin(1, c.time / ramp))
     grown, growing = ca.sin(pi / 2 * part) ** 2, ca.if_else(part < 1, pi / 2 / ramp * ca.sin(pi * part), 0)
     c.output("road.height", rms * grown * wave, "m", "height of the plate", display_unit="mm")

@@ -90,7 +90,6 @@ def road_iso8608(
     table = iso8608_table(track, seed, decay, contact)
     nodes = len(table.left) - 1
     smoothed = (f"Heights are means over {contact:g} m of contact (assumed), which removes waves {contact:g} m long.",)
-    tabled = node_heights(table)
 
     def profile(c: Component) -> Profile:
         number = c.parameter(
@@ -105,13 +104,16 @@ def road_iso8608(
             "offset", 0.0, "m", "position on the profile where this road starts", min=0.0, max=LENGTH - 10.0,
             source="own",
         )  # fmt: skip
-        skipped = ca.floor(offset / STEP + 1e-6)
+        tabled = node_heights(c, table)
+        step = c.constant("node.step", STEP, "m", "distance between nodes", source="own")
+        least = c.constant("least.ramp", 1e-6, "m", "by which at least the way on the ramp is divided", source="own")
+        skipped = ca.floor(offset / step + 1e-6)
 
         def height(node: Any, side: str) -> Any:
-            grown = ca.fmax(0, ca.fmin(1, (node * STEP - flat) / ca.fmax(ramp, 1e-6)))
+            grown = ca.fmax(0, ca.fmin(1, (node * step - flat) / ca.fmax(ramp, least)))
             return ca.power(2, number) * grown * tabled(node + skipped, side)
 
-        return Profile(height, nodes - skipped, STEP)
+        return Profile(height, nodes - skipped, step)
 
     return road(
         name,

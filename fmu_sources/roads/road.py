@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Protocol
 
 import casadi as ca
+import numpy as np
 
 from build_fmus.component import Component
 from fmu_sources.roads.layout import RoadLayout
@@ -41,7 +42,7 @@ class Profile:
     """Heights at nodes ``0 .. last``, ``step`` metres apart from ``start`` on; linear in between, held outside.
 
     ``height(node, side)`` gives the heights [m] at a column of whole node numbers for ``"left"`` or ``"right"``.
-    ``step``, ``last`` and ``start`` may be parameters of the component.
+    ``step``, ``last`` and ``start`` may be parameters of the component; numbers become constants in metres.
     """
 
     height: Callable[[Any, str], Any]
@@ -53,6 +54,15 @@ class Profile:
         "Heights are given at equidistant nodes and are linear in between; the slope is that of the interval. Before "
         "the first and beyond the last node the nearest height is held and the slope is 0."
     )
+
+    def declared(self, c: Component) -> Profile:
+        """The same with constants of ``c`` in place of numbers."""
+
+        def length(name: str, value: Any, text: str) -> Any:
+            return c.constant(name, value, "m", text, source="see the road") if isinstance(value, float) else value
+
+        step = length("node.step", self.step, "distance between nodes")
+        return replace(self, step=step, start=length("node.start", self.start, "position of the first node"))
 
     @property
     def end(self) -> Any:
@@ -86,6 +96,8 @@ def road(
         name, kind="discrete", sample_time=1e-3, description=description, source=source, symbols=symbols
     )  # fmt: skip
     shape = profile(c)
+    if isinstance(shape, Profile):
+        shape = shape.declared(c)
     c.notes = (*notes, shape.note, *_NOTES)
     position = {
         w.corner: c.parameter(
@@ -98,7 +110,8 @@ def road(
     speed = c.input("speed", "m/s", "forward speed", display_unit="km/h")
 
     under = {w.corner: shape.at(x + position[w.corner], w.side) for w in layout.wheels}
-    later = ca.DM(range(1, layout.preview_count)) * layout.preview_step  # s
+    times = np.arange(1, layout.preview_count) * layout.preview_step
+    later = c.constant("later", times, "s", "times of the preview heights", source="road layout")
     for corner, (height, _) in under.items():
         c.output(f"road.{corner}.height", height, "m", f"road height under the {corner} wheel")
     for corner, (_, slope) in under.items():
@@ -111,7 +124,9 @@ def road(
         c.output(f"preview.{w.corner}", heights, "m", f"height under the {w.corner} wheel now, preview.step later, ...")
     if layout.scan is not None:
         scan = layout.scan
-        ahead = x + scan.start + ca.DM(range(scan.count)) * scan.step
+        first = c.constant("scan_start", scan.start, "m", "first height of the scan", source="road layout")
+        places = c.constant("scan", np.arange(scan.count) * scan.step, "m", "heights from there", source="road layout")
+        ahead = x + first + places
         seen = getattr(shape, "surface", lambda x, side: shape.at(x, side)[0])
         for side in ("left", "right"):
             c.output(

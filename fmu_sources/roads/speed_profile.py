@@ -37,11 +37,12 @@ def speed_profile(name: str = "SpeedProfile") -> Component:
 
     # Time since the ramp began, split into the part on the ramp and the part after it.
     since = ca.fmax(0, c.time - begin)
+    least = c.constant("least.duration", 1e-9, "s", "of the ramp, for divisions", source="own")
     climbing = ca.fmin(since, duration)
     gained = ca.if_else(
-        since >= duration, ca.if_else(c.time >= begin, change, 0), change * climbing / ca.fmax(duration, 1e-9)
+        since >= duration, ca.if_else(c.time >= begin, change, 0), change * climbing / ca.fmax(duration, least)
     )
-    on_ramp = change * climbing**2 / (2 * ca.fmax(duration, 1e-9))
+    on_ramp = change * climbing**2 / (2 * ca.fmax(duration, least))
 
     c.output("x", start_x + start * c.time + on_ramp + change * (since - climbing), "m", "distance along the road")
     c.output("speed", start + gained, "m/s", "speed", display_unit="km/h")

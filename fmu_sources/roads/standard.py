@@ -22,13 +22,13 @@ def road_sine(layout: RoadLayout, name: str = "RoadSine") -> Component:
         wavelength = c.parameter(
             "wavelength", 10.0, "m", "length of one wave", min=0.2, max=1e5, source="000 sine road"
         )
-        flat, last = _flat_and_last(c)
+        flat, last, step = _flat_last_and_step(c)
 
         def height(node: Any, _: str) -> Any:
-            x = node * NODE_STEP - flat
+            x = node * step - flat
             return ca.if_else(x > 0, amplitude * ca.sin(2 * pi * x / wavelength), 0)
 
-        return Profile(height, last)
+        return Profile(height, last, step)
 
     return road(
         name, layout, profile, description="Sine road of paper 000: 30 m flat, then waves 10 m long and +-0.1 m high",
@@ -44,13 +44,13 @@ def road_curb(layout: RoadLayout, name: str = "RoadCurb") -> Component:
         level = c.parameter(
             "level", 10.0, "m", "from the step up to the step down", min=0.1, max=1e5, source="000 curb road"
         )
-        flat, last = _flat_and_last(c)
+        flat, last, step = _flat_last_and_step(c)
 
         def height(node: Any, _: str) -> Any:
-            x = node * NODE_STEP - flat - NODE_STEP / 2  # half a node off: no node lies on a step
+            x = node * step - flat - step / 2  # half a node off: no node lies on a step
             return ca.if_else(ca.logic_and(x > 0, x < level), rise, 0)
 
-        return Profile(height, last)
+        return Profile(height, last, step)
 
     return road(
         name, layout, profile, description="Curb road of paper 000: 30 m flat, 0.1 m up, 10 m level, 0.1 m down",
@@ -58,10 +58,11 @@ def road_curb(layout: RoadLayout, name: str = "RoadCurb") -> Component:
     )  # fmt: skip
 
 
-def _flat_and_last(c: Component) -> tuple[Any, Any]:
-    """Parameters that both roads have: flat start, and length as the number of the last node."""
+def _flat_last_and_step(c: Component) -> tuple[Any, Any, Any]:
+    """What both roads have: flat start, length as the number of the last node, and the distance between nodes."""
+    step = c.constant("node.step", NODE_STEP, "m", "distance between nodes", source="000 road profiles")
     flat = c.parameter("flat", 30.0, "m", "flat stretch at the start", min=0.0, max=1e5, source="000 road profiles")
     length = c.parameter(
         "length", 200.0, "m", "length of the road", min=1.0, max=1e6, source="assumed: 150 m runs and margin"
     )
-    return flat, ca.floor(length / NODE_STEP + 1e-6)
+    return flat, ca.floor(length / step + 1e-6), step

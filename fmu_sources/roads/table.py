@@ -47,9 +47,12 @@ class HeightTable:
         )
 
 
-def node_heights(table: HeightTable) -> Callable[[Any, str], Any]:
-    """Heights [m] at a column of whole node numbers of a side, as :class:`Profile` wants them; for MX graphs."""
-    heights = {"left": ca.MX(ca.DM(table.left + 0.0)), "right": ca.MX(ca.DM(table.right + 0.0))}  # no -0
+def node_heights(c: Component, table: HeightTable) -> Callable[[Any, str], Any]:
+    """Heights [m] at a column of whole node numbers of a side, as :class:`Profile` wants them; ``c`` has MX symbols."""
+    heights = {
+        side: c.constant(f"heights.{side}", values + 0.0, "m", f"heights of the {side} track", source="table")  # no -0
+        for side, values in (("left", table.left), ("right", table.right))
+    }
     return lambda node, side: heights[side][node]
 
 
@@ -64,12 +67,12 @@ def road_from_table(
     stimulus_start: float | None = None,
 ) -> Component:
     """A road whose heights are the table's."""
-    last, height = len(table.left) - 1, node_heights(table)
+    last = len(table.left) - 1
 
     return road(
         name,
         layout,
-        lambda _: Profile(height, last, table.step, table.start),
+        lambda c: Profile(node_heights(c, table), last, table.step, table.start),
         description=description,
         source=source,
         symbols=ca.MX,

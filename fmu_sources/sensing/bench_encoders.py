@@ -13,6 +13,7 @@ from build_fmus.component import Component
 
 SAMPLE_TIME = 1e-3  # s
 RESOLUTION = 1e-5  # m per count, assumed
+UNITS = ("m", "m/s")  # of the states of the differentiating filter
 CUT_OFF, DAMPING = 50.0, 0.9  # Hz, of the differentiating filter; assumed
 
 
@@ -44,10 +45,11 @@ def bench_encoders(name: str = "BenchEncoders") -> Component:
         display_unit="mm",
         source="assumed",
     )
+    least = c.constant("least.count", 1e-12, "m", "by which at least positions are divided", source="own")
     read = {}
     for n, text in (("suspension", "suspension deflection"), ("body", "height of the body"), ("road", "road height")):
         position = c.input(f"encoder.{n}", "m", text, display_unit="mm")
-        count = ca.fmax(resolution, 1e-12)
+        count = ca.fmax(resolution, least)
         read[n] = ca.if_else(resolution > 0, count * ca.floor(position / count + 0.5), position)
     wheel = read["body"] - read["suspension"]
     c.output("suspension.deflection", read["suspension"], "m", "body height minus wheel height", display_unit="mm")
@@ -70,7 +72,11 @@ def _rate(c: Component, name: str, position: Any) -> Any:
     A = np.array([[0.0, 1.0], [-w * w, -2 * DAMPING * w]])
     step = linalg.expm(A * SAMPLE_TIME)
     gain = linalg.solve(A, (step - np.eye(2)) @ np.array([0.0, w * w]))
-    place = c.state(f"{name}.filter", None, "filtered position and rate", shape=(2,), start=ca.vertcat(position, 0))
-    nxt = ca.mtimes(ca.DM(step), place) + ca.DM(gain) * position
+    place = c.state(
+        f"{name}.filter", None, "filtered position and rate", shape=(2,), start=ca.vertcat(position, 0), rows=UNITS
+    )
+    A_d = c.constant(f"{name}.step", step, None, "of the filter", rows=UNITS, columns=UNITS, source="own")
+    b_d = c.constant(f"{name}.gain", gain, None, "of the filter", rows=("1", "1/s"), source="own")
+    nxt = ca.mtimes(A_d, place) + b_d * position
     c.update(place, nxt)
     return nxt[1]

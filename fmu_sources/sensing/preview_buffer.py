@@ -88,13 +88,15 @@ def preview_buffer(
     x = c.input("x", "m", "distance of the CG along the road, as in sensed.*.x")
     speed = c.input("speed", "m/s", "forward speed; negative backwards", display_unit="km/h")
 
+    size = c.constant("cell", cell, "m", "size of a cell", source="build option")
+    tiny = c.constant("tiny", _TINY, "m", "rounding of positions", source="own")
     heights: dict[str, Any] = {}
     known: dict[str, Any] = {}
     foremost: dict[str, Any] = {}
     fresh = []
     for side in SIDES:
         heights[side], known[side], foremost[side], valid = _written(
-            c, side, x, period=period, cell=cell, cells=cells, forgetting=forgetting, fade=fade
+            c, side, x, cell=size, tiny=tiny, cells=cells, forgetting=forgetting, fade=fade
         )
         fresh.append(valid)
 
@@ -109,7 +111,7 @@ def preview_buffer(
         """Heights [m] at a column of positions [m], and whether they were measured (1) or are held."""
         n = position.numel()
         spots = ca.repmat(position, 1, _CONTACT_POINTS) + ca.repmat(spread.T, n, 1) * contact
-        spots = ca.reshape(spots, n * _CONTACT_POINTS, 1) / cell
+        spots = ca.reshape(spots, n * _CONTACT_POINTS, 1) / size
         oldest = foremost[side] - (cells - _FILL - 2)
         inside = ca.fmin(ca.fmax(spots, oldest), foremost[side])
         left = ca.fmin(ca.floor(inside), foremost[side] - 1)
@@ -121,7 +123,7 @@ def preview_buffer(
         sure = ca.reshape(ca.if_else(reached, both, 0), n, _CONTACT_POINTS) @ mean
         return ca.reshape(height, n, _CONTACT_POINTS) @ mean, sure > 1 - _TINY
 
-    later = ca.DM(np.arange(count) * step)
+    later = c.constant("later", np.arange(count) * step, "s", "times of the preview heights", source="road layout")
     under_known, ahead_known, previews = [], [], {}
     for w in layout.wheels:
         place = x + places[w.corner]
@@ -133,7 +135,7 @@ def preview_buffer(
         )  # fmt: skip
         previews[w.corner] = height[1:]
         under_known.append(sure[0])
-        beyond = position[1:] + contact / 2 > foremost[w.side] * cell + _TINY
+        beyond = position[1:] + contact / 2 > foremost[w.side] * size + tiny
         ahead_known.append(ca.mmin(ca.fmax(beyond, sure[1:])))
     c.output(
         "road.valid",
@@ -157,7 +159,7 @@ def preview_buffer(
         type=bool,
     )
     front = places[max(layout.wheels, key=lambda w: w.x).corner]
-    sight = ca.fmin(*foremost.values()) * cell - x - front
+    sight = ca.fmin(*foremost.values()) * size - x - front
     c.output("preview.reach", ca.fmax(0, sight), "m", "how far ahead of the front wheels the road is known or held")
     c.stimulate(_stimulus())
     return c
@@ -169,7 +171,7 @@ def _slot(index: Any, cells: int) -> Any:
 
 
 def _written(
-    c: Component, side: str, x: Any, *, period: float, cell: float, cells: int, forgetting: Any, fade: Any
+    c: Component, side: str, x: Any, *, cell: Any, tiny: Any, cells: int, forgetting: Any, fade: Any
 ) -> tuple[Any, Any, Any, Any]:
     """Memory of one side with this sample in it: heights, whether measured, the foremost cell, and whether this is valid."""
     place = c.input(f"sensed.{side}.x", "m", f"distance along the road at which the {side} sensor sees it")
@@ -186,7 +188,7 @@ def _written(
     mean = c.state(f"{side}.mean", "m", "slow mean of the sensed heights")
 
     # A sensor that fails leaves its last height, marked as not measured, as far ahead as it last saw.
-    mean_now = mean + ca.if_else(valid, period / (period + fade), 0) * (height - mean)
+    mean_now = mean + ca.if_else(valid, c.period / (c.period + fade), 0) * (height - mean)
     c.update(mean, mean_now)
     here = ca.if_else(valid, place, x + ahead)
     value = ca.if_else(valid, height - mean_now, last_height)
@@ -204,8 +206,8 @@ def _written(
     index = first + ca.DM(np.arange(_FILL))
     slots = _slot(index, cells)
     stored, sure = memory[slots], measured[slots]
-    span = here - last_place
-    part = (index * cell - last_place) / ca.if_else(ca.fabs(span) > _TINY, span, 1)
+    span, metre = here - last_place, tiny / _TINY
+    part = (index * cell - last_place) / ca.if_else(ca.fabs(span) > tiny, span, metre)
     drawn = last_height + ca.fmax(0, ca.fmin(1, part)) * (value - last_height)
     again = ca.logic_and(index <= foremost, sure > 0.5)
     mixed = drawn + ca.if_else(again, forgetting, 0) * (stored - drawn)

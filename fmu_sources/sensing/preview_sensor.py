@@ -16,6 +16,7 @@ from fmu_sources.vehicles import RideCar, SensorSet, declare
 
 SAMPLE_TIME = 5e-3  # s
 SIDES = {"left": 1, "right": -1}
+POSE = ("m", "rad", "rad")  # units of heave, roll and pitch
 NONE, QUARTER_CAR = 0, 1
 
 
@@ -78,9 +79,9 @@ def preview_sensor(
     road = [c.input(f"road.{k}.height", "m", f"buffered road under the {k} wheel, for compensation 1") for k in CORNERS]
 
     pose = pose + ca.if_else(compensation > 0.5, _free_response(c, vehicle, road, period), 0)
-    last = c.state("pose.last", None, "heave, roll and pitch of the sample before", shape=(3,), start=pose)
+    last = c.state("pose.last", None, "heave, roll and pitch of the sample before", shape=(3,), start=pose, rows=POSE)
     c.update(last, pose)
-    then = pose + response / period * (last - pose)  # when the ranges were taken
+    then = pose + response / c.period * (last - pose)  # when the ranges were taken
     z, roll, pitch = ca.vertsplit(then)
     for side, sign in SIDES.items():
         distance = c.input(f"range.{side}", "m", f"{side} range", start=mount_range(sensors))
@@ -109,7 +110,7 @@ def mount_range(sensors: SensorSet) -> float:
 
 def _free_response(c: Component, vehicle: RideCar, road: list[Any], period: float) -> Any:
     """Heave, roll and pitch of four quarter cars (1.1) that follow the buffered road, a quarter of the body on each."""
-    heights = []
+    heights, units = [], ["m", "m", "m/s", "m/s"]
     for k, height in zip(CORNERS, road, strict=True):
         axle = vehicle.wheel.axle_of[k]
         wheel, strut, tire = (getattr(part, axle) for part in (vehicle.wheel, vehicle.suspension, vehicle.tire))
@@ -128,14 +129,29 @@ def _free_response(c: Component, vehicle: RideCar, road: list[Any], period: floa
         block = np.zeros((5, 5))
         block[:4, :4], block[:4, 4] = A, b
         block = scipy.linalg.expm(block * period)
-        state = c.state(f"quarter.{k}", None, f"quarter car at {k}", shape=(4,), nominal=0.1)
-        c.update(state, ca.DM(block[:4, :4]) @ state + ca.DM(block[:4, 4]) * height)
+        state = c.state(f"quarter.{k}", None, f"quarter car at {k}", shape=(4,), nominal=0.1, rows=units)
+        step = c.constant(
+            f"quarter.{k}.A", block[:4, :4], None, "of the quarter car", rows=units, columns=units, source="001 (1.1)"
+        )
+        held = c.constant(
+            f"quarter.{k}.b",
+            block[:4, 4],
+            None,
+            "of the quarter car",
+            rows=["1", "1", "1/s", "1/s"],
+            source="001 (1.1)",
+        )
+        c.update(state, step @ state + held * height)
         heights.append(state[0])
     places = []
     for k in CORNERS:
         wheel = getattr(vehicle.wheel, vehicle.wheel.axle_of[k])
         places.append([1.0, (1 if k[1] == "l" else -1) * wheel.half_track.value, -wheel.x.value])
-    return ca.DM(np.linalg.pinv(np.array(places))) @ ca.vertcat(*heights)
+    by_heights = c.constant(
+        "pose.by.heights", np.linalg.pinv(np.array(places)), None, "heave, roll and pitch of a plane", rows=POSE,
+        columns=["m"] * len(CORNERS), source="least squares",
+    )  # fmt: skip
+    return by_heights @ ca.vertcat(*heights)
 
 
 def _stimulus(rest: float) -> dict[str, Callable[[float], float]]:

@@ -97,7 +97,7 @@ def _moving_mean(c: Component, value: Any, length: Any, period: float) -> Any:
     silent window has a mean of exactly 0.
     """
     most = round(LONGEST_WINDOW / period)
-    n = ca.fmax(1, ca.fmin(most, ca.floor(length / period + 0.5)))
+    n = ca.fmax(1, ca.fmin(most, ca.floor(length / c.period + 0.5)))
     ring = c.state("window.ring", None, "last values of the absorbed power", shape=(most,))
     place = c.state("window.place", "1", "place of the oldest value in the ring")
     carried = c.state("window.sum", None, "sum over the window")

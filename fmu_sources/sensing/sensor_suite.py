@@ -102,7 +102,7 @@ def sensor_suite(sensors: SensorSet, scan: RoadScan, name: str = "SensorSuite") 
     measured = gain * speed + sigma["speed"] * next(noise)
     c.output("speed.measured", measured, "m/s", "speedometer", display_unit="km/h")
     distance = c.state("distance", "m", "measured distance", start=x + offset, nominal=100.0)
-    c.update(distance, distance + SAMPLE_TIME * measured)
+    c.update(distance, distance + c.period * measured)
     c.output("x.measured", distance, "m", "distance from integrating speed.measured from the true start on")
 
     # -------------------------------------------------------------------------------------------------- range sensors
@@ -135,7 +135,11 @@ def sensor_suite(sensors: SensorSet, scan: RoadScan, name: str = "SensorSuite") 
         "range.dropout.duration", 0.0, "s", "how long both range sensors fail: 0 for never", min=0.0, max=1e6,
         source="option",
     )  # fmt: skip
-    dropped = ca.logic_and(c.time >= begin - _SMALL, c.time < begin + lasting - _SMALL)
+    instant = c.constant("instant", _SMALL, "s", "rounding of times", source="own")
+    small = c.constant("small", _SMALL, "m", "rounding of lengths", source="own")
+    first = c.constant("scan.first", scan.start, "m", "first height of scan.*", source="road layout")
+    apart = c.constant("scan.apart", scan.step, "m", "distance between heights of scan.*", source="road layout")
+    dropped = ca.logic_and(c.time >= begin - instant, c.time < begin + lasting - instant)
     for what, value in (("start", scan.start), ("step", scan.step)):
         c.constant_input(
             f"scan.{what}", "m", f"{what} of scan.left and scan.right on the road: what these sensors were built for",
@@ -146,8 +150,8 @@ def sensor_suite(sensors: SensorSet, scan: RoadScan, name: str = "SensorSuite") 
     for side, sign in SIDES.items():
         surface = c.input(f"scan.{side}", "m", f"heights of the {side} track ahead of the CG", shape=(scan.count,))
         top = mount.height + z - mount.x * ca.sin(pitch) + sign * mount.y * ca.sin(roll)
-        seen = _averaged([surface[i] for i in range(scan.count)], data["spot"] / scan.step)
-        hit, length = _cast(seen, top, beam, scan.start - mount.x, scan.step)
+        seen = _averaged([surface[i] for i in range(scan.count)], data["spot"] / apart)
+        hit, length = _cast(seen, top, beam, first - mount.x, apart, small)
         length += mount.bias
         rest = mount.height / ca.cos(data["tilt"]) + mount.bias
         now = ca.if_else(hit, length, rest)
@@ -163,12 +167,12 @@ def sensor_suite(sensors: SensorSet, scan: RoadScan, name: str = "SensorSuite") 
         lengths, were = ca.vertcat(now, ring), ca.vertcat(hit, hits)
         c.update(ring, lengths[:-1])
         c.update(hits, were[:-1])
-        late = data["response"] / SAMPLE_TIME
+        late = data["response"] / c.period
         weights = [ca.fmax(0, 1 - ca.fabs(late - i)) for i in range(_DELAYS)]
         shown = sum(w * lengths[i] for i, w in enumerate(weights)) + sigma["range"] * next(noise)
         missed = sum(ca.if_else(w > _SMALL, 1 - were[i], 0) for i, w in enumerate(weights))
-        shown = _rounded(shown, data["resolution"])
-        inside = ca.logic_and(shown >= data["near"] - _SMALL, shown <= data["far"] + _SMALL)
+        shown = _rounded(shown, data["resolution"], small)
+        inside = ca.logic_and(shown >= data["near"] - small, shown <= data["far"] + small)
         valid = ca.logic_and(ca.logic_and(inside, missed < 0.5), ca.logic_not(dropped))
         held = c.state(f"range.{side}.held", "m", "last valid range", start=rest)
         reading = ca.if_else(valid, shown, held)
@@ -199,7 +203,7 @@ def _averaged(heights: list[Any], spot: Any) -> list[Any]:
     ]
 
 
-def _cast(heights: list[Any], top: Any, beam: Any, start: Any, step: float) -> tuple[Any, Any]:
+def _cast(heights: list[Any], top: Any, beam: Any, start: Any, step: Any, small: Any) -> tuple[Any, Any]:
     """Where a beam from height ``top`` at angle ``beam`` from straight down first meets a profile.
 
     ``heights`` [m] are ``step`` m apart, the first one ``start`` m ahead of the sensor; a cubic goes through the four
@@ -218,7 +222,7 @@ def _cast(heights: list[Any], top: Any, beam: Any, start: Any, step: float) -> t
         picked = [ca.if_else(here, value, old) for value, old in zip(values, picked, strict=True)]
         hit = ca.if_else(here, 1, hit)
     before, left, right, beyond, place, high, low = picked
-    drop = ca.fmax(high - low, _SMALL)
+    drop = ca.fmax(high - low, small)
 
     def height(s: Any) -> Any:
         """Catmull-Rom cubic through the four heights."""
@@ -234,9 +238,9 @@ def _cast(heights: list[Any], top: Any, beam: Any, start: Any, step: float) -> t
     return hit, (top - height(s)) / ca.cos(beam)
 
 
-def _rounded(value: Any, resolution: Any) -> Any:
-    steps = ca.floor(value / ca.fmax(resolution, _SMALL) + 0.5)
-    return ca.if_else(resolution > _SMALL, steps * resolution, value)
+def _rounded(value: Any, resolution: Any, small: Any) -> Any:
+    steps = ca.floor(value / ca.fmax(resolution, small) + 0.5)
+    return ca.if_else(resolution > small, steps * resolution, value)
 
 
 def _stimulus(scan: RoadScan) -> dict[str, Callable[[float], float]]:

@@ -43,8 +43,8 @@ def lqr_bench(car: Component, name: str = "LqrBench") -> Component:
         ),
     )
     gain = c.parameter(
-        "gain", lqr_gain(car), "1", "gains [N/m, N.s/m, N/m, N.s/m]", min=-1e5, max=1e5, tunable=True,
-        source="002 equation (13); weights assumed",
+        "gain", lqr_gain(car), None, "gains [N/m, N.s/m, N/m, N.s/m]", min=-1e5, max=1e5, tunable=True,
+        source="002 equation (13); weights assumed", rows=["N/m", "N.s/m", "N/m", "N.s/m"],
     )  # fmt: skip
     limit = c.parameter(
         "limit", 38.0, "N", "largest force", min=0.0, max=38.0, tunable=True, source="002 section V: the hardware's"

@@ -103,7 +103,8 @@ def lqr_hmmwv(
     )
     K = c.parameter(
         "gain", gain, None, "force -gain x; rows fl fr rl rr [N], columns the relative states in the order of the inputs",
-        tunable=True, source="001 Table 1.1, designed on the car",
+        tunable=True, source="001 Table 1.1, designed on the car", rows=["N"] * len(FORCES),
+        columns=[car.variable(n).unit or "1" for n in RELATIVE_STATES],
     )  # fmt: skip
     x = relative_inputs(c, car)
     force_outputs(c, ca.vertsplit(-K @ x))

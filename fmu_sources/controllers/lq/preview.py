@@ -13,6 +13,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -175,9 +176,10 @@ def preview_lq(
     speed = c.input("speed", "m/s", "speed of the car; gives the rear wheels' delay", min=0.0)
 
     # Horizons in periods. The rear wheels follow by `delay`; beyond the memory, or at standstill, their road is unknown.
-    requested = ca.floor(preview_time / period + 0.5)
+    requested = ca.floor(preview_time / c.period + 0.5)
     front = ca.if_else(mode > 1.5, ca.fmin(requested, ahead), 0)
-    delay = base / (ca.fmax(speed, 1e-6) * period)
+    least = c.constant("least.speed", 1e-6, "m/s", "speed by which at least the wheelbase is divided", source="own")
+    delay = base / (ca.fmax(speed, least) * c.period)
     known = delay <= past
     whole = ca.if_else(known, ca.floor(delay), past)
     part = ca.if_else(known, delay - whole, 0)
@@ -187,6 +189,10 @@ def preview_lq(
     grid = ca.DM(_interpolation(preview_count, every))
     j = ca.DM(np.arange(count, dtype=float))
     feedforward = ca.MX.zeros(len(CORNERS))
+
+    def gains(name: str, values: np.ndarray) -> Any:
+        return c.constant(name, values, "N/m", "force per road height", source="004 Theorem 1, designed on the car")
+
     last = []
     for wheel_front, wheel_rear in SIDES.values():
         memory_state = c.state(
@@ -204,14 +210,24 @@ def preview_lq(
             column = CORNERS.index(wheel)
             final = heights[n]
             last.append(final)
-            table = {
-                q: ca.DM(np.ascontiguousarray(getattr(taps, q)[:, :, column].T)) for q in ("interior", "end", "tail")
-            }
-            feedforward += table["interior"] @ ca.if_else(j < n, heights, 0)
-            feedforward += final * (_column(table["end"], n) + ca.if_else(hold_tail, _column(table["tail"], n), 0))
-    feedforward -= ca.if_else(hold_tail, 1, 0) * ca.DM(taps.shift) * ca.sum1(ca.vertcat(*last)) / len(last)
+            table = {q: getattr(taps, q)[:, :, column].T for q in ("interior", "end", "tail")}
+            interior = gains(f"interior.{wheel}", table["interior"])
+            end, tail = (gains(f"{q}.{wheel}", table[q].ravel(order="F")) for q in ("end", "tail"))
+            feedforward += interior @ ca.if_else(j < n, heights, 0)
+            feedforward += final * (_column(end, n) + ca.if_else(hold_tail, _column(tail, n), 0))
+    feedforward -= ca.if_else(hold_tail, 1, 0) * gains("shift", taps.shift) * ca.sum1(ca.vertcat(*last)) / len(last)
 
-    force = -ca.DM(taps.K) @ x + feedforward
+    units = [car.variable(s).unit or "1" for s in plant.states]
+    minus_K = c.constant(
+        "feedback",
+        -taps.K,
+        None,
+        "-K: force per state",
+        rows=["N"] * len(CORNERS),
+        columns=units,
+        source="004 (14), designed on the car",
+    )
+    force = minus_K @ x + feedforward
     for i, k in enumerate(CORNERS):
         c.output(f"force.{k}", force[i], "N", f"actuator force at corner {k}", display_unit="kN")
     truncated = ca.logic_or(
@@ -232,9 +248,10 @@ def _interpolation(points: int, every: int) -> np.ndarray:
     return np.maximum(0.0, 1.0 - np.abs(position[:, None] - np.arange(points)[None, :]))
 
 
-def _column(table: ca.DM, n: ca.MX) -> ca.MX:
-    rows = table.shape[0]
-    return ca.MX(ca.vec(table))[n * rows + ca.DM(np.arange(rows, dtype=float))]
+def _column(table: ca.MX, n: ca.MX) -> ca.MX:
+    """Column n of a table with a row for each corner, which is given column after column."""
+    rows = len(CORNERS)
+    return table[n * rows + ca.DM(np.arange(rows, dtype=float))]
 
 
 def _stimulus(states: tuple[str, ...], points: int, step: float) -> dict[str, Callable[[float], float]]:

@@ -68,7 +68,8 @@ def lqr_three_axle(car: Component, weights: LqrThreeAxleWeights | None = None, n
     )
     gain = c.parameter(
         "gain", law.K, None, "state feedback: rows the forces, columns the states in the order of the inputs",
-        tunable=True, source="003 (4.5), weights (4.8) and (4.9) as in the documentation",
+        tunable=True, source="003 (4.5), weights (4.8) and (4.9) as in the documentation", rows=["N"] * len(law.K),
+        columns=[car.variable(s).unit or "1" for s in states],
     )  # fmt: skip
     limit = c.parameter(
         "force.limit", 150e3, "N", "largest force of one actuator", min=0.0, max=1e7, display_unit="kN", tunable=True,

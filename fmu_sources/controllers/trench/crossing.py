@@ -99,6 +99,8 @@ def trench_crossing(
     gamma = -pitch
     shift_x = ca.cos(gamma) * g.ahead - ca.sin(gamma) * g.above - g.ahead  # (4.18), (4.24)
     shift_z = ca.sin(gamma) * g.ahead + ca.cos(gamma) * g.above - g.above  # (4.19), (4.25)
+    unseen = c.constant("unseen", UNSEEN, "m", "distance of an edge that was never seen", source="own")
+    lowest = c.constant("lowest", 0.01, "m", "lidar above an edge, at least", source="own")
     ahead: dict[str, Any] = {}  # of the lidar of a body at rest; remembered while the lidar sees nothing
     known: dict[str, Any] = {}
     level: dict[str, Any] = {}
@@ -107,11 +109,11 @@ def trench_crossing(
         last_level = c.state(
             f"memory.{end}.level", "m", "lidar above it", start=geometry.cg_height + geometry.lidar_above
         )
-        ever = c.state(f"memory.{end}.known", None, f"1 once the {end} was seen")
+        ever = c.state(f"memory.{end}.known", "1", f"1 once the {end} was seen")
         ahead[end] = ca.if_else(valid, dx + shift_x, last)
-        level[end] = ca.fmax(0.01, ca.if_else(valid, dz - shift_z - body_z, last_level))
+        level[end] = ca.fmax(lowest, ca.if_else(valid, dz - shift_z - body_z, last_level))
         known[end] = ca.fmax(ever, valid)
-        c.update(last, ca.if_else(known[end] > 0.5, ahead[end] - speed * step, UNSEEN))  # dead reckoning
+        c.update(last, ca.if_else(known[end] > 0.5, ahead[end] - speed * c.period, unseen))  # dead reckoning
         c.update(last_level, level[end])
         c.update(ever, known[end])
         c.output(
@@ -147,11 +149,11 @@ def trench_crossing(
     past = c.state("memory.reference", "rad", "reference of the sample before")
     reference, value = [], past
     for i in range(count):
-        moved = speed * step * i
+        moved = speed * c.period * i
         entry = ca.logic_and(to_start[0] - moved < early, to_finish[0] - moved > -q.lag)
         exit_ = ca.logic_and(to_start[2] - moved < early, to_finish[2] - moved > -q.lag)
         target = ca.if_else(there, ca.if_else(entry, -q.entry, ca.if_else(exit_, q.exit, 0)), 0)
-        value = value + ca.fmax(-q.rate * step, ca.fmin(q.rate * step, target - value))
+        value = value + ca.fmax(-q.rate * c.period, ca.fmin(q.rate * c.period, target - value))
         reference.append(value)
     c.update(past, reference[0])
 
@@ -165,7 +167,7 @@ def trench_crossing(
         hanging = wheel_z[k] - g.deflection[i]  # road under which a linear tire carries nothing
         heights = []
         for j in range(count):
-            at = speed * step * j + leans
+            at = speed * c.period * j + leans
             edge = ca.fmax(_edge(at - to_start[i], g.radius), _edge(to_finish[i] - at, g.radius))
             heights.append(ca.fmax(ca.if_else(there, edge, 0), hanging))
         road[k] = ca.vertcat(*heights)
@@ -183,7 +185,7 @@ def trench_crossing(
     c.output("trench.known", there, None, "a trench has been seen", type=bool)
     c.output(
         "trench.distance",
-        ca.if_else(there, to_start[0], UNSEEN),
+        ca.if_else(there, to_start[0], unseen),
         "m",
         "start of the trench ahead of axle 1, 1000 if unknown",
     )

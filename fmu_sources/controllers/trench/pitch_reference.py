@@ -46,13 +46,15 @@ def pitch_reference(name: str = "PitchReference", *, count: int = COUNT, step: f
     hold = time("hold.duration", 5.0, "duration of the hold")
     down = time("return.duration", 2.0, "duration of the ramp down, 0 for a step")
 
+    least = c.constant("least.duration", 1e-9, "s", "of a ramp, for divisions", source="own")
+
     def ramp(t: ca.SX, start: ca.SX, duration: ca.SX) -> ca.SX:
         """0 before, 1 after; 1 already at the instant of a step."""
         since = t - start
-        part = ca.fmax(0, ca.fmin(1, since / ca.fmax(duration, 1e-9)))
+        part = ca.fmax(0, ca.fmin(1, since / ca.fmax(duration, least)))
         return ca.if_else(since >= duration, ca.if_else(since >= 0, 1, 0), part)
 
-    instants = [c.time + i * step for i in range(count)]
+    instants = [c.time + i * c.period for i in range(count)]
     values = [rest + (top - rest) * (ramp(t, begin, up) - ramp(t, begin + up + hold, down)) for t in instants]
     c.output(
         "reference.pitch", ca.vertcat(*values), "rad", f"pitch reference now, {1e3 * step:g} ms later, ...",
