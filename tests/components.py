@@ -43,19 +43,23 @@ def oscillator(name: str = "ProbeRk4", solver: Solver = "rk4", fastest: float = 
     brake = c.input("brake", None, "whether the brake is on", type=bool, start=False)
     gear = c.input("gear", None, "gear", type=int, start=1, min=0, max=6)
 
+    newton = c.constant("newton", 1.0, "N", "size of the harmonic forcing", source="none")
+    hertz = c.constant("hertz", 1.0, "Hz", "its lowest frequency", source="none")
     total = force + kick[0] + 2 * kick[1] - kick[2]
     x = c.state("x", "m", "position", start=total / stiffness, output=True, nominal=0.1)
     v = c.state("v", "m/s", "velocity", start=0.1, output=True, min=-100, max=100)
     w = c.state("w", "N", "lagged forces", start=[1.0, 2.0, 3.0], shape=(3,))
-    harmonic = ca.if_else(forced, ca.sin(2 * math.pi * order * c.time), 0)
+    harmonic = ca.if_else(forced, newton * ca.sin(2 * math.pi * order * hertz * c.time), 0)
     a = (total + harmonic - stiffness * x - cubic * x**3 - damping * (1 + 4 * brake) * v) / mass
     c.derivative(x, v)
     c.derivative(v, a)
     c.derivative(w, (gear * kick - w) / lag)
     c.output("a", a, "m/s2", "acceleration")
     c.output("corner.fl.lagged", w, "N", "lagged forces", display_unit="kN")
-    c.output("sector", ca.floor(4 * x), None, "quarter metre the mass is in", type=int)
-    c.output("moving", v * v > 1e-4, None, "whether the mass moves", type=bool)
+    quarter = c.constant("quarter", 0.25, "m", "length of a sector", source="none")
+    slow = c.constant("slow", 1e-2, "m/s", "up to here the mass counts as at rest", source="none")
+    c.output("sector", ca.floor(x / quarter), None, "quarter metre the mass is in", type=int)
+    c.output("moving", v * v > slow**2, None, "whether the mass moves", type=bool)
     c.stimulate(
         {
             "force": lambda t: 10.0 * math.sin(5.0 * t),
@@ -88,14 +92,17 @@ def filter_bank(name: str = "ProbeDiscrete") -> Component:
     trim = c.input("trim", "N", "added to all", min=-1.0, max=2.0, shape=(2,))
     c.constant_input("y.step", "s", "time between measurements", must_equal=0.03)
 
+    newton = c.constant("newton", 1.0, "N", "1 N", source="none")
     held = c.state("held", "N", shape=(3,), start=y)  # the first measurement
-    table = c.state("table", "N", shape=(2, 2), start=ca.horzcat(ca.vertcat(y[0], y[1]), ca.vertcat(y[2], 7.0)))
+    table = c.state(
+        "table", "N", shape=(2, 2), start=ca.horzcat(ca.vertcat(y[0], y[1]), ca.vertcat(y[2], 7.0 * newton))
+    )
     count = c.state("count", "1", start=0.0)
     filtered = ca.if_else(valid, pole * held + (1 - pole) * y, held)
-    raw = gain @ filtered + offset + trim
+    raw = gain @ filtered + offset * newton + trim
     u = ca.fmin(ca.fmax(raw, -limit), limit)
     c.update(held, filtered)
-    c.update(table, ca.vertcat(table[1, :], table[0, :] + 0.01 * count))
+    c.update(table, ca.vertcat(table[1, :], table[0, :] + 0.01 * newton * count))
     c.update(count, count + 1)
     c.output("u", u, "N", "filtered and amplified measurements")
     c.output("turned", table, "N", "a matrix that turns over")

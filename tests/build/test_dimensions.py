@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import casadi as ca
 import numpy as np
@@ -12,7 +12,7 @@ import pytest
 from built import FMUS
 
 from build_fmus.compile import ObjectCache
-from build_fmus.component import Component, DeclarationError, Violation
+from build_fmus.component import Component, DeclarationError, Model, Violation
 from build_fmus.package import build_fmu
 from fmu_sources.catalog import Context, default_catalog
 from tests.oracles.dimensions import inconsistent
@@ -20,77 +20,92 @@ from tests.oracles.dimensions import inconsistent
 SYMBOLS = (ca.SX, ca.MX)
 
 
-def mass(symbols: Any = ca.SX) -> tuple[Component, Any, Any, Any, Any]:
-    """A mass on a spring: component, mass, force, position and velocity."""
+class Mass(NamedTuple):
+    """A component with mass, force, position and velocity."""
+
+    c: Component
+    m: Any
+    f: Any
+    x: Any
+    v: Any
+
+
+def mass(symbols: Any = ca.SX) -> Mass:
+    """A mass that a force pushes; its velocity has no derivative as yet."""
     c = Component("Mass", kind="continuous", description="a mass", source="Newton", symbols=symbols)
     m = c.parameter("mass", 2.0, "kg", "mass", min=0.1, source="none")
     f = c.input("force", "N", "force")
     x, v = c.state("x", "m", "position", output=True), c.state("v", "m/s", "velocity", output=True)
     c.derivative(x, v)
-    return c, m, f, x, v
+    return Mass(c, m, f, x, v)
 
 
-def wrong(equation: Callable[..., None], symbols: Any) -> list[tuple[str, str, int, float | None]]:
+def with_equation(equation: Callable[[Mass], None], symbols: Any = ca.SX) -> Model:
+    """The mass with one more equation, Newton's unless that is what it is."""
+    s = mass(symbols)
+    equation(s)
+    if "v" not in s.c._changes:
+        s.c.derivative(s.v, s.f / s.m)
+    return s.c.model()
+
+
+def wrong(equation: Callable[[Mass], None], symbols: Any) -> list[tuple[str, str, int, float | None]]:
     """Violations of a mass with one more equation."""
-    c, m, f, x, v = mass(symbols)
-    equation(c, m, f, x, v)
-    if "v" not in c._changes:
-        c.derivative(v, f / m)
-    found = c.model().dimensions
+    found = with_equation(equation, symbols).dimensions
     assert not found.unchecked
     assert not found.unseen
     return [(w.name, w.base, w.declared, w.found) for w in found.violations]
 
 
-def wrong_unit(c: Component, m: Any, f: Any, x: Any, v: Any) -> None:
-    c.output("a", f / m, "m/s", "acceleration")
+def wrong_unit(s: Mass) -> None:
+    s.c.output("a", s.f / s.m, "m/s", "acceleration")
 
 
-def dropped_mass(c: Component, m: Any, f: Any, x: Any, v: Any) -> None:
-    c.derivative(v, f)
+def dropped_mass(s: Mass) -> None:
+    s.c.derivative(s.v, s.f)
 
 
-def literal(c: Component, m: Any, f: Any, x: Any, v: Any) -> None:
-    c.derivative(v, f / m - 9.81)
+def literal(s: Mass) -> None:
+    s.c.derivative(s.v, s.f / s.m - 9.81)
 
 
-def alone(c: Component, m: Any, f: Any, x: Any, v: Any) -> None:
-    c.derivative(v, -9.81)
+def alone(s: Mass) -> None:
+    s.c.derivative(s.v, -9.81)
 
 
-def wrong_power(c: Component, m: Any, f: Any, x: Any, v: Any) -> None:
-    c.output("p", (m * v**2) ** 0.3, "J", "energy")
+def wrong_power(s: Mass) -> None:
+    s.c.output("p", (s.m * s.v**2) ** 0.3, "J", "energy")
 
 
-def wrong_root(c: Component, m: Any, f: Any, x: Any, v: Any) -> None:
-    c.output("w", ca.sqrt(f), "N", "force")
+def wrong_root(s: Mass) -> None:
+    s.c.output("w", ca.sqrt(s.f), "N", "force")
 
 
-def bounded(c: Component, m: Any, f: Any, x: Any, v: Any) -> None:
-    c.output("b", ca.fmax(-1.5, ca.fmin(x, 1.5)), "m", "position within bounds")
+def bounded(s: Mass) -> None:
+    s.c.output("b", ca.fmax(-1.5, ca.fmin(s.x, 1.5)), "m", "position within bounds")
 
 
-def switched(c: Component, m: Any, f: Any, x: Any, v: Any) -> None:
-    c.output("b", ca.if_else(x > 0.5, x, -x), "m", "position, turned somewhere")
+def switched(s: Mass) -> None:
+    s.c.output("b", ca.if_else(s.x > 0.5, s.x, -s.x), "m", "position, turned somewhere")
 
 
-def unlike(c: Component, m: Any, f: Any, x: Any, v: Any) -> None:
-    c.output("b", ca.if_else(x > 0 * x, x, v), "m", "position or velocity")
+def unlike(s: Mass) -> None:
+    s.c.output("b", ca.if_else(s.x > 0 * s.x, s.x, s.v), "m", "position or velocity")
 
 
-def regularized(c: Component, m: Any, f: Any, x: Any, v: Any) -> None:
-    c.output("b", x / ca.sqrt(x**2 + 1e-12), "1", "smooth sign")
+def regularized(s: Mass) -> None:
+    s.c.output("b", s.x / ca.sqrt(s.x**2 + 1e-12), "1", "smooth sign")
 
 
-def of_a_length(c: Component, m: Any, f: Any, x: Any, v: Any) -> None:
-    c.output("b", ca.sin(x), "1", "sine of a length")
+def of_a_length(s: Mass) -> None:
+    s.c.output("b", ca.sin(s.x), "1", "sine of a length")
 
 
-def started(c: Component, m: Any, f: Any, x: Any, v: Any) -> None:
-    c.derivative(c.state("y", "m", "position", start=f / m), v)
+def started(s: Mass) -> None:
+    s.c.derivative(s.c.state("y", "m", "position", start=s.f / s.m), s.v)
 
 
-WRONG: dict[str, tuple[Callable[..., None], list[tuple[str, str, int, float | None]]]] = {
+WRONG: dict[str, tuple[Callable[[Mass], None], list[tuple[str, str, int, float | None]]]] = {
     "wrong unit of an output": (wrong_unit, [("a", "s", -1, -2)]),
     "dropped mass": (dropped_mass, [("der(v)", "kg", 0, 1)]),
     "literal in a sum": (literal, [("der(v)", "m", 1, None), ("der(v)", "s", -2, None)]),
@@ -113,17 +128,17 @@ def test_errors_are_found_with_the_power_that_there_is(case: str, symbols: Any) 
     assert wrong(equation, symbols) == expected
 
 
-def declared_right(c: Component, m: Any, f: Any, x: Any, v: Any) -> None:
-    g = c.constant("g", 9.81, "m/s2", "gravity", source="none")
-    least = c.constant("least", 1e-6, "m", "regularizes", source="none")
-    angle = c.parameter("angle", 0.3, "rad", "angle", source="none")
-    c.derivative(v, f / m - g)
-    c.output("p", (m * v**2 / 2) ** 1.3 / ca.sqrt(m * v**2) ** 0.6, "J", "energy")
-    c.output("b", ca.fmax(-least, ca.fmin(x, 3 * least)), "m", "position within bounds")
-    c.output("c", ca.if_else(x > least, x, -least), "m", "position, turned somewhere")
-    c.output("d", x / ca.sqrt(x**2 + least**2), "1", "smooth sign")
-    c.output("e", x * ca.sin(angle) + x * angle + ca.atan2(x, least) * x, "m", "angles have no dimension")
-    c.output("n", 0.01, "m", "a number has the unit of its output")
+def declared_right(s: Mass) -> None:
+    g = s.c.constant("g", 9.81, "m/s2", "gravity", source="none")
+    least = s.c.constant("least", 1e-6, "m", "regularizes", source="none")
+    angle = s.c.parameter("angle", 0.3, "rad", "angle", source="none")
+    s.c.derivative(s.v, s.f / s.m - g)
+    s.c.output("p", (s.m * s.v**2 / 2) ** 1.3 / ca.sqrt(s.m * s.v**2) ** 0.6, "J", "energy")
+    s.c.output("b", ca.fmax(-least, ca.fmin(s.x, 3 * least)), "m", "position within bounds")
+    s.c.output("c", ca.if_else(s.x > least, s.x, -least), "m", "position, turned somewhere")
+    s.c.output("d", s.x / ca.sqrt(s.x**2 + least**2), "1", "smooth sign")
+    s.c.output("e", s.x * ca.sin(angle) + s.x * angle + ca.atan2(s.x, least) * s.x, "m", "angles have no dimension")
+    s.c.output("n", 0.01, "m", "a number has the unit of its output")
 
 
 @pytest.mark.parametrize("symbols", SYMBOLS)
@@ -134,15 +149,15 @@ def test_what_is_declared_passes(symbols: Any) -> None:
 def test_pow_may_round_and_nothing_else_may() -> None:
     """1e-13 of a value is found where operations are exact."""
 
-    def nearly(c: Component, m: Any, f: Any, x: Any, v: Any) -> None:
-        c.output("b", f + 1e-13 * f * m / 2.0, "N", "force, a little more")
+    def nearly(s: Mass) -> None:
+        s.c.output("b", s.f + 1e-13 * s.f * s.m / 2.0, "N", "force, a little more")
 
     assert wrong(nearly, ca.SX) == [("b", "kg", 1, None)]
 
 
 def test_degrees_are_no_unit_of_a_variable() -> None:
     """What is displayed in degrees is in radians, so no factor of 57 can hide in an equation."""
-    c = mass()[0]
+    c = mass().c
     with pytest.raises(DeclarationError, match="unknown unit 'deg'"):
         c.input("angle", "deg", "angle")
 
@@ -159,10 +174,12 @@ def test_the_sample_time_is_a_constant_with_a_unit() -> None:
         return c
 
     assert not integrated(lambda c: c.period).check_dimensions().violations
-    with pytest.raises(DeclarationError, match=r"Filter: dimensions: x: declared in m, which has s\^0, .*component\.period"):
+    with pytest.raises(
+        DeclarationError, match=r"Filter: dimensions: x: declared in m, which has s\^0, .*component\.period"
+    ):
         integrated(lambda c: 0.01).check_dimensions()
     with pytest.raises(DeclarationError, match=r"Mass: period is for discrete components"):
-        _ = mass()[0].period
+        _ = mass().c.period
 
 
 @pytest.mark.parametrize("columns", [("m", "m/s"), ("m/s", "m")])
@@ -200,11 +217,11 @@ def test_what_depends_on_a_value_without_unit_is_told_apart() -> None:
 
 
 def test_builds_refuse_by_name_unit_and_power(tmp_path: Path) -> None:
-    c, _, f, _, v = mass()
-    dropped_mass(c, 0, f, 0, v)
+    s = mass()
+    dropped_mass(s)
     message = r"^Mass: dimensions: der\(v\): declared in m/s per s, which has kg\^0, but its expression scales with kg\^1\. A number"
     with pytest.raises(DeclarationError, match=message):
-        build_fmu(c, 3, [], ObjectCache(tmp_path))
+        build_fmu(s.c, 3, [], ObjectCache(tmp_path))
 
 
 # -------------------------------------------------------------------------------------------------------------- catalog
@@ -232,9 +249,6 @@ UNSEEN = {
 """FMU -> why some element was 0 at all points."""
 
 
-
-
-
 @pytest.mark.parametrize("name", default_catalog())
 def test_the_catalog_has_the_dimensions_that_it_declares(name: str) -> None:
     model = default_catalog()[name].make(Context(FMUS, FMUS / ".cache")).model()
@@ -250,12 +264,8 @@ def test_the_catalog_has_the_dimensions_that_it_declares(name: str) -> None:
 
 
 def test_the_oracle_finds_these_errors_too() -> None:
-    for case, (equation, expected) in WRONG.items():
-        c, m, f, x, v = mass()
-        equation(c, m, f, x, v)
-        if "v" not in c._changes:
-            c.derivative(v, f / m)
-        assert inconsistent(c.model()), (case, expected)
+    for case, (equation, _) in WRONG.items():
+        assert inconsistent(with_equation(equation)), case
 
 
 def test_lists_name_fmus_that_there_are() -> None:

@@ -29,8 +29,8 @@ def declare(step: float = 1e-3) -> Component:
 def nonlinear(step: float) -> Component:
     """Prothero-Robinson with a nonlinear partner: y follows cos(t), z a product; depends on time explicitly."""
     c = declare(step)
-    y = c.state("y", "1", start=1.0)
-    z = c.state("z", "1", start=1.0)
+    y = c.state("y", None, start=1.0)
+    z = c.state("z", None, start=1.0)
     c.derivative(y, -2.0 * (y - ca.cos(c.time)) - ca.sin(c.time))
     c.derivative(z, -z * z - z * (y - ca.cos(c.time)))
     return c
@@ -55,8 +55,8 @@ def test_c_and_python_take_the_same_steps(tmp_path: Path) -> None:
     matrix -= 900.0 * np.eye(10)
     matrix[0, 0] = 0.0
     c = declare()
-    x = c.state("x", "1", start=np.linspace(-1, 1, 10), shape=(10,), nominal=1.0)
-    p = c.state("p", "Pa", start=1e6, nominal=1e7)
+    x = c.state("x", None, start=np.linspace(-1, 1, 10), shape=(10,), nominal=1.0)
+    p = c.state("p", None, start=1e6, nominal=1e7)
     c.derivative(x, matrix @ x + 30.0 * ca.cos(20 * c.time) + 1e-5 * p)
     c.derivative(p, -5e3 * p - 1e8 * x[0] ** 2)
     ours, theirs = in_python(c, 2e-3, 0.04), in_c(c, 2e-3, 0.04, tmp_path)
@@ -104,8 +104,8 @@ def test_solver_check(rate: float, fine: bool) -> None:
 def growing(step: float) -> Component:
     """A mode whose true growth makes ``1 - gamma h lambda`` zero at this step."""
     c = declare(step)
-    calm = c.state("calm", "1", start=1.0)
-    x = c.state("wild", "1", start=1.0)
+    calm = c.state("calm", None, start=1.0)
+    x = c.state("wild", None, start=1.0)
     c.derivative(calm, -calm)
     c.derivative(x, x / ((1 - math.sqrt(0.5)) * 1e-3))
     return c

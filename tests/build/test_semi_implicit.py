@@ -35,9 +35,9 @@ def vibration(step: float, *, omega: float = 1.0, damping: float = 0.0) -> Compo
 def pendulum(step: float) -> Component:
     """Large swings, damped by the square of speed, driven in time, with a filter of the speed: all kinds of states."""
     c = declare(step)
-    filtered = c.state("filtered", "rad/s", start=0.0)
-    angle = c.state("angle", "rad", start=1.5)
-    rate = c.state("rate", "rad/s", start=0.3)
+    filtered = c.state("filtered", None, start=0.0)
+    angle = c.state("angle", None, start=1.5)
+    rate = c.state("rate", None, start=0.3)
     c.derivative(filtered, 3.0 * (rate - filtered) + angle**2)
     c.derivative(angle, rate)
     c.derivative(rate, -9.81 * ca.sin(angle) - 0.3 * rate * ca.fabs(rate) + ca.cos(3 * c.time))
@@ -174,7 +174,7 @@ def related() -> Component:
     high = c.parameter("high", 2.0, "m", "upper end", source="none")
     u = c.input("u", "m", "place", start=1.5)
     x = c.state("x", "m", start=u)
-    c.derivative(x, low - x)
+    c.derivative(x, (low - x) / c.constant("second", 1.0, "s", "time constant", source="none"))
     c.check(high - low, "high must exceed low: raise high")
     c.check(ca.vertcat(u - low, high - u), "u must lie between low and high")
     return c

@@ -140,7 +140,7 @@ def hardening(name: str = "Hardening") -> Component:
     c.parameter("idle", 1.0, "1", "a parameter without effect", source="none")
     stiff = c.parameter("stiff", 1.0, "N/m", "scale of the stiffness", min=0.0, source="none")
     force = c.input("force", "N", "force")
-    x, v = c.state("x", "m", start=0.0), c.state("v", "m/s", start=0.0)
+    x, v = c.state("x", None, start=0.0), c.state("v", None, start=0.0)
     c.derivative(x, v)
     c.derivative(v, force - stiff * (100.0 * x + 1e9 * ca.if_else(ca.fabs(x) < 1, 0, x**3)) - 5.0 * v)
     c.operating_point("pushed", {"x": 0.5, "force": 50.0})
@@ -195,7 +195,7 @@ def test_a_state_that_blows_up_is_named(nominal: float | None, bound: float, tmp
     c = Component("Escape", kind="continuous", description="test", source="none", solver_step=1e-3)
     c.derivative(c.state("calm", "m", start=1.0, nominal=1.0), 0.0)
     x = c.state("x", "m", start=1.0, nominal=nominal)
-    c.derivative(x, 1000.0 * x)
+    c.derivative(x, c.constant("growth", 1000.0, "1/s", "of x", source="none") * x)
     log: list[str] = []
     with pytest.raises(FMICallException, match="fmi3DoStep"):
         in_c(c, 1e-3, 0.1, tmp_path, log)

@@ -182,9 +182,9 @@ def test_derivatives_and_starts_that_are_not_finite(fmi: int, tmp_path: Path) ->
     """A root has no derivative at 0, and 1/0 is no start: each time an error that names the variable, never a number."""
     c = Component("Root", kind="continuous", description="root of a level", source="none")
     level = c.input("level", "m", "level", start=1.0)
-    x = c.state("x", "m", "lagged", start=1 / level, output=True)
+    x = c.state("x", None, "lagged", start=1 / level, output=True)
     c.derivative(x, -x)
-    c.output("flow", ca.sqrt(level), "1", "root of the level")
+    c.output("flow", ca.sqrt(level), None, "root of the level")
     c.output("level.seen", 2 * level, "m", "twice the level")
     c.output("bounded", ca.tanh(x), "1", "finite, whatever x is")
     path = tmp_path / "Root.fmu"

@@ -29,8 +29,8 @@ def road(step):
     c = Component(
         f"Road{step * 1e3:.0f}", kind="discrete", sample_time=0.01, description="gives heights", source="test"
     )
-    slope = c.input("slope", "1", "slope")
-    c.output("height", slope * step, "m", "height")
+    slope = c.input("slope", "m/s", "rate of the height")
+    c.output("height", slope * c.constant("step", step, "s", "step", source="none"), "m", "height")
     c.output("height.step", step, "s", "time between heights")
     return c
 

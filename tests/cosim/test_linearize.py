@@ -24,9 +24,10 @@ def mass():
     force = c.input("body.force", "N", "push")
     x = c.state("body.x", "m", "position", start=0.1, output=True)
     v = c.state("body.v", "m/s", "velocity", output=True)
+    k = c.constant("stiffness", STIFFNESS, "N/m", "spring", source="none")
     c.derivative(x, v)
-    c.derivative(v, (force - STIFFNESS * x) / m)
-    c.output("body.a", (force - STIFFNESS * x) / m, "m/s2", "acceleration")
+    c.derivative(v, (force - k * x) / m)
+    c.output("body.a", (force - k * x) / m, "m/s2", "acceleration")
     return c
 
 
@@ -36,7 +37,8 @@ def pendulum():
     angle = c.state("angle", "rad", "angle", start=0.5, output=True)
     rate = c.state("rate", "rad/s", "rate", output=True)
     c.derivative(angle, rate)
-    c.derivative(rate, -9.81 * angle * angle)
+    per_length = c.constant("gravity", 9.81, "1/s2", "gravity over the length", source="none")
+    c.derivative(rate, -per_length * angle * angle)
     return c
 
 
@@ -45,21 +47,22 @@ def law():
     c = Component("Law", kind="discrete", sample_time=0.004, description="PI", source="test")
     x = c.input("x", "m", "position")
     gain = c.parameter("gain", 30.0, "N/m", "gain", source="none")
-    total = c.state("total", "m", "sum")
+    total = c.state("total", None, "sum [m.s]")
     trim = c.state("trim", "m", "trim", start=x)
     count = c.state("count", "1", "samples")
-    c.update(total, total + (x - trim) * 0.004)
+    c.update(total, total + (x - trim) * c.period)
     c.update(trim, trim)
     c.update(count, -count + 1)  # back after two samples
     c.output("force", -gain * (x - trim) - 500 * total, "N", "force")
-    c.output("high", x > 50, None, "a flag", type=bool)
+    far = c.constant("far", 50.0, "m", "far away", source="none")
+    c.output("high", x > far, None, "a flag", type=bool)
     return c
 
 
 def relay():
     c = Component("Relay", kind="discrete", sample_time=0.004, description="relay", source="test")
     x = c.input("x", "m", "position")
-    c.output("force", abs(x), "N", "force")
+    c.output("force", abs(x), None, "force")
     return c
 
 

@@ -32,7 +32,7 @@ def chain():
     """Like `mass`, with its two states in one vector and a vector of forces."""
     c = Component("Chain", kind="continuous", description="mass on a spring", source="test")
     force = c.input("force", "N", "pushes", shape=(2,))
-    x = c.state("x", "1", "position and velocity", shape=(2,), start=0.1, output=True)
+    x = c.state("x", None, "position and velocity", shape=(2,), start=0.1, output=True)
     c.derivative(x, ca.vertcat(x[1], -25 * x[0] + 0.5 * force[0] + 2 * force[1]))
     return c
 
