@@ -103,9 +103,10 @@ from build_fmus.component import Component
 
 def make():
     c = Component("MyMass", kind="continuous", description="A mass", source="Newton")
+    mass = c.parameter("mass", 2.0, "kg", "mass", min=0.1, source="own")
     force = c.input("force", "N", "applied force")
     v = c.state("v", "m/s", "velocity", output=True)
-    c.derivative(v, force / 2)
+    c.derivative(v, force / mass)
     return c
 
 
@@ -129,6 +130,8 @@ def test_a_component_of_ones_own(tmp_path: Path) -> None:
         ("import nothing_of_this_name", "own.py", "own.py: ModuleNotFoundError"),
         (OWN.replace("MyMass", "SpeedProfile"), "own.py", "own.py would replace the published SpeedProfile"),
         (OWN, "other.py", "other.py: no such file"),
+        (OWN.replace("force / mass", "force / 2"), "own.py", "MyMass: dimensions: der(v): declared in m/s per s, which has kg^0, "
+         "but its expression scales with kg^1."),
     ],
 )
 def test_mistakes_in_a_component_of_ones_own(source: str, argument: str, message: str, tmp_path: Path) -> None:
