@@ -130,8 +130,11 @@ def test_a_component_of_ones_own(tmp_path: Path) -> None:
         ("import nothing_of_this_name", "own.py", "own.py: ModuleNotFoundError"),
         (OWN.replace("MyMass", "SpeedProfile"), "own.py", "own.py would replace the published SpeedProfile"),
         (OWN, "other.py", "other.py: no such file"),
-        (OWN.replace("force / mass", "force / 2"), "own.py", "MyMass: dimensions: der(v): declared in m/s per s, which has kg^0, "
-         "but its expression scales with kg^1."),
+        (
+            OWN.replace("force / mass", "force / 2"),
+            "own.py",
+            "MyMass: dimensions: der(v): declared in m/s per s, which has kg^0, but its expression scales with kg^1.",
+        ),
     ],
 )
 def test_mistakes_in_a_component_of_ones_own(source: str, argument: str, message: str, tmp_path: Path) -> None:
