@@ -10,9 +10,8 @@ from pathlib import Path
 import numpy as np
 
 from build_fmus import generate, safe_files
-from build_fmus.compile import ObjectCache, find_toolchain, host
+from build_fmus.compile import ObjectCache, cache_directory, find_toolchain, host
 from build_fmus.component import Model
-from build_fmus.qp_sources import cache_directory
 
 _EXPORTS = """/* What Python calls. */
 #include "fmu_model.h"

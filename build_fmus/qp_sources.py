@@ -19,6 +19,7 @@ from importlib import metadata
 from pathlib import Path
 
 from build_fmus import safe_files
+from build_fmus.compile import cache_directory
 
 DAQP_VERSION = "0.11.0"
 DAQP_SHA256 = "2f27baf18d2acca14186498e651b34e0bed455627e777d3fd8ba655e7e40f920"
@@ -58,25 +59,6 @@ def licence_file(distribution: str) -> bytes:
     if found is None or not (path := Path(str(found.locate()))).is_file():
         raise SourceError(f"the installed package {distribution} has no licence file; install it from PyPI")
     return path.read_bytes()
-
-
-def cache_directory() -> Path:
-    """Where downloads and compiled solvers are kept: ``BUILD_FMUS_CACHE``, the user's cache folder, or a temporary one."""
-    if chosen := os.environ.get("BUILD_FMUS_CACHE"):
-        return Path(chosen)
-    base = os.environ.get("XDG_CACHE_HOME") or os.environ.get("LOCALAPPDATA")
-    candidates = [Path(base)] if base else []
-    if os.environ.get("HOME") or os.environ.get("USERPROFILE"):
-        candidates.append(Path.home() / ".cache")
-    for candidate in candidates:
-        directory = candidate / "suspension-fmus"
-        try:
-            directory.mkdir(parents=True, exist_ok=True)
-        except OSError:
-            continue
-        if os.access(directory, os.W_OK):
-            return directory
-    return Path(tempfile.gettempdir()) / f"suspension-fmus-{getattr(os, 'getuid', lambda: 'user')()}"
 
 
 @lru_cache

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from typing import Any, ClassVar, Protocol
 
 import numpy as np
+import numpy.typing as npt
 
 from cosim.description import Description, Variable
 from cosim.errors import CallFailed, CosimError
@@ -20,14 +21,46 @@ Action = Callable[[], None]
 
 
 @dataclass(frozen=True)
+class Transfer:
+    """An FMI call, bound to its arguments, that moves variables of one type. `data[element[i]]` belongs to `place[i]` of the
+    master's buffer; None: `data` is a part of that buffer. `call` and `references` are addresses."""
+
+    function: str
+    call: int
+    references: int
+    n_references: int
+    data: npt.NDArray[Any]
+    element: npt.NDArray[np.intp] | None = None
+    place: npt.NDArray[np.intp] | None = None
+
+
+@dataclass(frozen=True)
+class FmiCalls:
+    """The ports of an FMU as addresses, for callers that are written in C, and what turns a failure of one of these calls
+    into the exception that the ports raise."""
+
+    version: int  # 2, 3
+    instance: int
+    do_step: int
+    sets: Sequence[Transfer]
+    gets: Sequence[Transfer]
+    flags: int  # FMI 3.0: bool[4], event, (not used), terminate, early; 0 for FMI 2.0
+    last: int  # FMI 3.0: double*, the time that a step reached
+    no_set_prior: Callable[[], bool]  # noSetFMUStatePriorToCurrentPoint of the next step
+    call_failed: Callable[[str, int], None]  # (function, status)
+    step_failed: Callable[[int, float, float], None]  # (status, time at its begin [s], length [s])
+
+
+@dataclass(frozen=True)
 class Ports:
     """The three calls of one communication step, bound to the master's buffers, and `run`, the three in a row. Each
-    raises CallFailed."""
+    raises CallFailed. `fmi`: the same three as FMI calls, where they are nothing else."""
 
     set_inputs: Action
     step: Callable[[float, float], None]  # (time at its begin [s], length [s])
     get_outputs: Action
     run: Callable[[float, float], None]
+    fmi: FmiCalls | None = None
 
     @classmethod
     def of(cls, set_inputs: Action, step: Callable[[float, float], None], get_outputs: Action) -> Ports:

@@ -16,10 +16,13 @@ import os
 import re
 import warnings
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
+from fractions import Fraction
 from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Any
 
+from cosim.engine.choice import EngineChoice, choose_engine
 from cosim.errors import CosimError, UnconnectedInputsWarning
 from cosim.fmu.file import FmuFile
 from cosim.master.simulation import Simulation
@@ -27,6 +30,7 @@ from cosim.master.stability import Stability, coupled_spectral_radius, warn_if_u
 from cosim.master.state import SystemState
 from cosim.master.stops import StopCondition, watched_names
 from cosim.recording import Recording
+from cosim.system.schedule import Schedule
 from cosim.system.wiring import Wiring
 from cosim.time import TimeLike, positive, rational
 
@@ -51,6 +55,10 @@ class System(Wiring):
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
         self.close()
 
+    def schedule(self, *extra: Fraction, engine: EngineChoice = "auto") -> Schedule:
+        """As `Wiring.schedule`; it also says what executes it with this choice of `engine`, and why."""
+        return replace(super().schedule(*extra), executed_by=choose_engine(self.members.values(), engine).text)
+
     def initialize(
         self,
         start_time: TimeLike = 0,
@@ -62,6 +70,7 @@ class System(Wiring):
         check_stability: bool = False,
         state: SystemState | None = None,
         allow_nan: bool = False,
+        engine: EngineChoice = "auto",
     ) -> Simulation:
         """Reset and initialize all components and return the `Simulation` at `start_time`.
 
@@ -69,12 +78,14 @@ class System(Wiring):
         variables that can be read while it runs (`simulation["car.x"]`). `stop_time` is only told to the FMUs. With
         `state`, saved in this system, the components in it continue from there (start_time is not used) while wiring,
         rates and parameters of the others may have changed: several controllers can be tried from one instant.
-        Outputs that are NaN or infinite end the run with ComponentError unless `allow_nan`.
+        Outputs that are NaN or infinite end the run with ComponentError unless `allow_nan`. `engine`: "compiled", "python", or "auto",
+        which is compiled where that is possible (`print(system.schedule())` says which and why); both give the same bits.
         """
         if self._simulation is not None:
             self._simulation.close()
         interval = None if record_interval is None else positive(record_interval, "record_interval")
-        schedule = self.schedule(*([] if interval is None else [interval]))
+        executor = choose_engine(self.members.values(), engine)
+        schedule = self.schedule(*([] if interval is None else [interval]), engine=engine)
         if schedule.unconnected:
             listed = ", ".join(schedule.unconnected[:10])
             more = f" and {len(schedule.unconnected) - 10} more" if len(schedule.unconnected) > 10 else ""
@@ -89,6 +100,7 @@ class System(Wiring):
             stop_time=stop_time,
             state=state,
             allow_nan=allow_nan,
+            exchange=executor.exchange,
         )
         if check_stability:
             warn_if_unstable(schedule)
@@ -108,6 +120,7 @@ class System(Wiring):
         check_stability: bool = False,
         state: SystemState | None = None,
         allow_nan: bool = False,
+        engine: EngineChoice = "auto",
     ) -> Recording:
         """Initialize, run to `stop_time` [s], to the first of `stop_when` or to where a component asks to end, and return
         the recording, whose `stopped_by` tells which.
@@ -126,6 +139,7 @@ class System(Wiring):
             check_stability=check_stability,
             state=state,
             allow_nan=allow_nan,
+            engine=engine,
         ) as simulation:
             try:
                 simulation.advance(stop_time, stop_when=stop_when, progress=progress)

@@ -8,14 +8,14 @@ import sys
 import weakref
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any
 
 import numpy as np
 
 import cosim.fmu.calls as fmi
-from cosim.component import Action, Array, EndRequested, Ports
+from cosim.component import Action, Array, EndRequested, FmiCalls, Ports, Transfer
 from cosim.description import Variable
 from cosim.errors import STATUS_NAMES, CallFailed, CosimError, FmuError, WiringError
 from cosim.fmu.file import FmuFile, Library
@@ -23,14 +23,17 @@ from cosim.fmu.own_states import MORE_THAN_STATES, StateLayout, find_states
 
 
 @dataclass(frozen=True)
-class _Transfer:
+class _Bound:
     """One bound FMI call that moves values. `move` does it and checks the status; `call` is the bare call, enough when
-    it is `direct` (the FMU works on the master's buffer)."""
+    the FMU works on the master's buffer."""
 
     move: Action
     call: Callable[[], int]
-    function: str
-    direct: bool
+    transfer: Transfer
+
+    @property
+    def direct(self) -> bool:
+        return self.transfer.element is None
 
 
 _DoStep = tuple[Callable[..., int], list[Any], Any]
@@ -238,12 +241,31 @@ class FmuComponent:
         set_inputs, get_outputs = _sequence([s.move for s in setters]), _sequence([g.move for g in getters])
         self._get_outputs = get_outputs
         do_step = self._do_step()
-        ports = Ports.of(set_inputs, self._stepper(do_step), get_outputs)
+        calls = self._fmi_calls([s.transfer for s in setters], [g.transfer for g in getters])
+        ports = replace(Ports.of(set_inputs, self._stepper(do_step), get_outputs), fmi=calls)
         if len(setters) == len(getters) == 1 and setters[0].direct and getters[0].direct:
-            return Ports(ports.set_inputs, ports.step, ports.get_outputs, self._fused(setters[0], do_step, getters[0]))
+            return replace(ports, run=self._fused(setters[0], do_step, getters[0]))
         return ports
 
-    def _transfer(self, direction: str, fmi_type: str, variables: Sequence[Variable], buffer: Array) -> _Transfer:
+    def _fmi_calls(self, sets: Sequence[Transfer], gets: Sequence[Transfer]) -> FmiCalls:
+        address = self._address
+        return FmiCalls(
+            version=int(self.fmu.major),
+            instance=address(self._instance),
+            do_step=address(self._function("DoStep")),
+            sets=sets,
+            gets=gets,
+            flags=address(self._flags) if self._v3 else 0,
+            last=address(self._last) if self._v3 else 0,
+            no_set_prior=lambda: bool(self._step_arguments[0]),
+            call_failed=self._fail,
+            step_failed=self._step_failed,
+        )
+
+    def _address(self, pointer: Any) -> int:
+        return int(self._ffi.cast("uintptr_t", pointer))
+
+    def _transfer(self, direction: str, fmi_type: str, variables: Sequence[Variable], buffer: Array) -> _Bound:
         """One FMI call that moves all variables of one type. Doubles that fill their arrays and lie side by side
         in the master's buffer are passed in place; anything else goes through a buffer of its own."""
         ffi, v3 = self._ffi, self._v3
@@ -264,7 +286,8 @@ class FmuComponent:
         self._keep += [data, references]
         function = f"{direction}{self._functions.get(fmi_type, fmi_type)}"
         arguments = (references, len(groups), pointer, *((total,) if v3 else ()))
-        call, fail = partial(self._function(function), self._instance, *arguments), self._fail
+        bare, fail = self._function(function), self._fail
+        call = partial(bare, self._instance, *arguments)
         warning = fmi.WARNING
 
         def direct() -> None:
@@ -282,7 +305,10 @@ class FmuComponent:
 
         if direction == "Set" and total > len(places):  # elements of an array that nobody drives keep their values
             data[:] = [x for r, e in groups.items() for x in self._get_raw(fmi_type, [r], e[0].size)]
-        return _Transfer(direct if in_place else scatter if direction == "Set" else gather, call, function, in_place)
+        transfer = Transfer(
+            function, self._address(bare), self._address(references), len(groups), data, *(() if in_place else (own, place))
+        )
+        return _Bound(direct if in_place else scatter if direction == "Set" else gather, call, transfer)
 
     def _do_step(self) -> _DoStep:
         """(call, last arguments, ended): `call(t, h, *last arguments)`; `ended[0]` is true after a step that stopped
@@ -292,6 +318,7 @@ class FmuComponent:
             self._step_arguments = [1]
             return call, self._step_arguments, (0,)
         flags, self._last = self._ffi.new("bool[4]"), self._ffi.new("double*")  # event needed, -, terminate, early
+        self._flags = flags
         self._terminate, self._early = flags + 2, flags + 3
         self._keep += [flags, self._last]
         ended = self._ffi.cast("uint16_t*", self._terminate)
@@ -309,7 +336,7 @@ class FmuComponent:
 
         return step
 
-    def _fused(self, setter: _Transfer, do_step: _DoStep, getter: _Transfer) -> Callable[[float, float], None]:
+    def _fused(self, setter: _Bound, do_step: _DoStep, getter: _Bound) -> Callable[[float, float], None]:
         """Set, step, get without a Python call in between."""
         send, receive = setter.call, getter.call
         call, rest, ended = do_step
@@ -318,13 +345,13 @@ class FmuComponent:
         def run(t: float, h: float) -> None:
             status = send()
             if status > warning:
-                fail(setter.function, status)
+                fail(setter.transfer.function, status)
             status = call(t, h, *rest)
             if status > warning or ended[0]:
                 fail_step(status, t, h)
             status = receive()
             if status > warning:
-                fail(getter.function, status)
+                fail(getter.transfer.function, status)
 
         return run
 

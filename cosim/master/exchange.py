@@ -39,7 +39,7 @@ from fractions import Fraction
 from cosim.component import EndRequested, Ports
 from cosim.description import Variable
 from cosim.master.recorder import Recorder
-from cosim.master.stops import Stop
+from cosim.master.stops import Reader, Stop, StopCondition, stop_check
 from cosim.master.timetable import Clock, Timetable
 from cosim.master.values import Layout, Timed, make_layout
 from cosim.system.members import Member
@@ -99,10 +99,12 @@ class Exchange:
         self._check: Timed | None = None
         if interval is None:
             interval = min(m.step for m in schedule.members)
-        self._clocks = [Clock(self.base.count(m.step), self.base.count(m.offset)) for m in schedule.members] + [
-            Clock(self.base.count(interval), 0)
-        ]
-        self.timetable = Timetable(self._clocks, self._compile)
+        self._step_of: dict[Member, Timed] = {}
+        self.clocks = (  # of the members, then the recorder's
+            *(Clock(self.base.count(m.step), self.base.count(m.offset)) for m in schedule.members),
+            Clock(self.base.count(interval), 0),
+        )
+        self.timetable = Timetable(self.clocks, self._compile)
 
     @property
     def time(self) -> float:
@@ -112,6 +114,15 @@ class Exchange:
     def check_samples(self, check: Timed | None) -> None:
         """Call `check` with the time after every sample from now on; it ends the run by raising Stop."""
         self._check = check
+        self.forget()
+
+    def stop_when(self, conditions: Sequence[StopCondition], read: Reader) -> None:
+        """Look at `conditions` after every sample from now on; `read` gives the present value of a variable."""
+        self.check_samples(stop_check(conditions, read))
+
+    def forget(self) -> None:
+        """Ports or checks have changed: work out all instants again."""
+        self._step_of.clear()
         self.timetable.forget()
 
     # One instant.
@@ -119,7 +130,7 @@ class Exchange:
     def _compile(self, due: frozenset[int]) -> Instant:
         """The instant at which the clocks numbered `due` are due."""
         members = [m for i, m in enumerate(self.schedule.members) if i in due]
-        recording = len(self._clocks) - 1 in due
+        recording = len(self.clocks) - 1 in due
         arrive = self.layout.arrival(members)
         discrete = self._steps([m for m in members if m.discrete])
         sample = [self.recorder.sample] if recording else []
@@ -145,6 +156,11 @@ class Exchange:
 
     def _step(self, member: Member) -> Timed:
         """One communication step of a component: inputs as they stand, doStep, outputs."""
+        if member not in self._step_of:
+            self._step_of[member] = self._make_step(member)
+        return self._step_of[member]
+
+    def _make_step(self, member: Member) -> Timed:
         run, h, place = self.ports[member].run, float(member.step), self.layout.places[member]
         take, index, u = self.values.take, place.index, place.u
         gather = self.layout.gather(member)

@@ -407,7 +407,7 @@ def _through_period(
             raise CosimError(f"'{m.name}' cannot be linearized: it does not say what it remembers between samples")
         found[m] = _Updates(m, *ports[m])
         exchange.ports[m] = _looking(exchange.ports[m], found[m])
-    exchange.timetable.forget()
+    exchange.forget()
     exchange.run_instants_to(exchange.tick + length)
     return found
 
@@ -427,7 +427,7 @@ def _looking(ports: Ports, updates: _Updates) -> Ports:
             raise CosimError(about if about.startswith(prefix) else f"{prefix}: {about}") from None
         ports.run(t, h)
 
-    return replace(ports, run=run)
+    return replace(ports, run=run, fmi=None)
 
 
 class _Period:

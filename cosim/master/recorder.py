@@ -28,13 +28,18 @@ class Recorder:
 
     def sample(self, t: float) -> None:
         """Append one sample."""
+        times, rows, row = self.room()
+        times[row] = t
+        self._take(self._index, 0, rows[row], "clip")
+        self.count += 1
+
+    def room(self) -> tuple[Array, Array, int]:
+        """Where the next sample goes: the times and the rows of a chunk, and the place among them."""
         chunk, row = divmod(self.count, self.CHUNK)
         if chunk == len(self._times):
             self._times.append(np.empty(self.CHUNK))
             self._rows.append(np.empty((self.CHUNK, len(self._index))))
-        self._times[chunk][row] = t
-        self._take(self._index, 0, self._rows[chunk][row], "clip")
-        self.count += 1
+        return self._times[chunk], self._rows[chunk], row
 
     def recording(self, names: list[str], units: dict[str, str]) -> Recording:
         """A copy of everything sampled so far."""

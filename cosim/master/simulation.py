@@ -24,7 +24,7 @@ from cosim.master.exchange import Exchange, Phase
 from cosim.master.initialization import initialize
 from cosim.master.progress import HeldInterrupt, ProgressBar
 from cosim.master.state import SystemState
-from cosim.master.stops import Stop, StopCondition, stop_check
+from cosim.master.stops import Stop, StopCondition
 from cosim.recording import Recording
 from cosim.system.members import Member
 from cosim.system.names import Members
@@ -55,13 +55,15 @@ class Simulation:
         stop_time: TimeLike | None = None,
         state: SystemState | None = None,
         allow_nan: bool = False,
+        exchange: type[Exchange] = Exchange,
     ):
-        """The schedule's tick must divide `record_interval` [s]. The rest is as in `System.initialize`."""
+        """The schedule's tick must divide `record_interval` [s]; `exchange` executes its instants. The rest is as in
+        `System.initialize`."""
         start = rational(start_time, "start_time") if state is None else state.owner.base.exact(state.tick)
         stop = None if stop_time is None else rational(stop_time, "stop_time")
         self.schedule = schedule
         self._members = Members((m.name, m) for m in schedule.members)
-        self._exchange = Exchange(
+        self._exchange = exchange(
             schedule, start, record=record, watch=watch, interval=record_interval, allow_nan=allow_nan
         )
         self._layout = self._exchange.layout
@@ -139,7 +141,7 @@ class Simulation:
             raise TimeError(f"cannot advance to {until} s: the simulation stands at {self.time:.9g} s")
         if list(stop_when) != self._stops:
             self._stops = list(stop_when)
-            exchange.check_samples(stop_check(self._stops, self.__getitem__))
+            exchange.stop_when(self._stops, self.__getitem__)
         self._stopped_by = None
         begin = clock.perf_counter()
         try:

@@ -43,11 +43,18 @@ class Place:
     since: list[float] = field(default_factory=list)  # from `time` of `lines` to when `now` was reached [s]
     half: float = 0.0  # half of its own step [s]
     in_place: bool = False  # `u` is a slice of the values too: nothing to copy
+    first: int = 0  # slot of its first output
 
     @property
     def plain(self) -> bool:
         """Inputs are a bare copy of values."""
         return self.scale is None and not self.lines
+
+    def extrapolated(self) -> list[tuple[int, int, int, int, float, float]]:
+        """Of each extrapolated input: its number, slots of now, previous and time; period of its source, and how far from that time
+        to the middle of the next step [s]."""
+        known = zip(self.lines, self.periods, self.since, strict=True)
+        return [(*line, period, self.half - since) for line, period, since in known]
 
 
 class Layout:
@@ -75,8 +82,7 @@ class Layout:
         # A few scalars per step: plain floats through memoryviews are several times faster than arrays.
         values: Any = self.values.data
         u_view: Any = u.data
-        ahead = place.half
-        lines = [(*line, p, ahead - s) for line, p, s in zip(place.lines, place.periods, place.since, strict=True)]
+        lines = place.extrapolated()
 
         def gather(t: float) -> None:
             if place.in_place:
@@ -140,12 +146,17 @@ class Layout:
     def arrival(self, due: Sequence[Member]) -> list[Timed]:
         """What shows the outputs of the continuous components whose step has ended, and remembers previous values.
         All copies read before any writes."""
-        pairs = [(slot, self.visible[key]) for key, slot in self.previous.items() if key[0] in due]
-        pairs += [(self.visible[key], slot) for key, slot in self.latest.items() if key[0] in due]
+        pairs = [pair for m in due for part in self.copies(m) for pair in part]
         actions: list[Timed] = [self._stamp(slot) for member, slot in self.reached.items() if member in due]
         if pairs:
             actions.append(self._copy(sorted(pairs)))
         return actions
+
+    def copies(self, member: Member) -> tuple[list[tuple[int, int]], list[tuple[int, int]]]:
+        """What a component's arrival copies, as slots (to, from): what was visible is remembered, what was reached is shown."""
+        remember = [(slot, self.visible[key]) for key, slot in self.previous.items() if key[0] is member]
+        show = [(self.visible[key], slot) for key, slot in self.latest.items() if key[0] is member]
+        return remember, show
 
     def show_everything(self) -> None:
         """Latest becomes visible becomes previous, everywhere: initial values."""
@@ -286,6 +297,7 @@ def _place(layout: Layout, schedule: Schedule, member: Member, outputs: list[Var
         since=since,
         half=float(member.step) / 2,
         in_place=in_place,
+        first=first,
     )
 
 

@@ -23,6 +23,7 @@ class Schedule:
     lagging: tuple[Connection, ...]
     connections: tuple[Connection, ...]
     unconnected: tuple[str, ...]
+    executed_by: str = ""  # what executes it, and why that
 
     @property
     def continuous(self) -> tuple[Member, ...]:
@@ -36,7 +37,8 @@ class Schedule:
         return TimeBase(self.tick, start)
 
     def __str__(self) -> str:
-        lines = [f"base tick {_seconds(self.tick)}", "", "At every instant, the components that are due:"]
+        by = [f"executed by {self.executed_by}"] if self.executed_by else []
+        lines = [f"base tick {_seconds(self.tick)}", *by, "", "At every instant, the components that are due:"]
         if self.discrete:
             lines.append("1. discrete, one after the other, each used at once:")
             lines += [f"     {_rate(m)}" for m in self.discrete]

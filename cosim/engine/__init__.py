@@ -1,0 +1,8 @@
+"""The compiled engine: the schedule as flat arrays, and C that executes them with the bits of the Python master.
+
+- ``plan``: the flat arrays, made from the values and the clocks of an exchange;
+- ``library``: the C engine, compiled once per machine;
+- ``compiled``: an exchange whose instants the engine executes.
+
+``engine.h`` says what is in a plan, ``engine.c`` executes it; nothing in both knows of Python.
+"""

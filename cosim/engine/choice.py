@@ -1,0 +1,43 @@
+"""Which of the two executes a system, the compiled engine or the Python master, and why."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Literal, get_args
+
+from cosim.engine.compiled import CompiledExchange
+from cosim.engine.library import NoEngine, library
+from cosim.errors import CosimError, did_you_mean
+from cosim.master.exchange import Exchange
+from cosim.system.members import Member
+
+EngineChoice = Literal["auto", "compiled", "python"]
+
+
+@dataclass(frozen=True)
+class Engine:
+    """What executes the instants of a system, in words too."""
+
+    exchange: type[Exchange]
+    text: str
+
+
+def choose_engine(members: Iterable[Member], choice: EngineChoice = "auto") -> Engine:
+    """What executes a system of these members. Raises CosimError for an unknown choice, and when "compiled" is not possible."""
+    if choice not in get_args(EngineChoice):
+        known = get_args(EngineChoice)
+        raise CosimError(f"engine is one of {', '.join(known)}, not {choice!r}{did_you_mean(str(choice), known)}")
+    if choice == "python":
+        return Engine(Exchange, "the Python master, as requested")
+    back = [m.name for m in members if not m.description.fmi_version]
+    if choice == "auto" and len(back) == len(list(members)):
+        return Engine(Exchange, "the Python master: all components are written in Python")
+    try:
+        library()
+    except NoEngine as error:
+        if choice == "compiled":
+            raise CosimError(f"there is no compiled engine here: {error}") from None
+        return Engine(Exchange, f"the Python master: {error}")
+    called = f", which calls back {', '.join(back)}" if back else ""
+    return Engine(CompiledExchange, f"the compiled engine{called}; stop conditions that are functions take the Python master")

@@ -1,0 +1,143 @@
+/* The plan of a system's exchange as flat arrays, and the engine that executes it.
+ *
+ * The rule of exchange is that of cosim/master (its specification is written there); the Python master and this engine give the
+ * same bits. All exchanged values lie in one vector of doubles. Nothing here allocates memory, and there are no globals.
+ * Lines that do not begin with # are also read by cffi. */
+#ifndef ENGINE_H
+#define ENGINE_H
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+/* C types of the values that FMI functions move. */
+typedef enum {
+    ENGINE_DOUBLE, ENGINE_FLOAT, ENGINE_INT8, ENGINE_UINT8, ENGINE_INT16, ENGINE_UINT16, ENGINE_INT32, ENGINE_UINT32,
+    ENGINE_INT64, ENGINE_UINT64, ENGINE_BOOL
+} EngineType;
+
+/* Why engine_run returned. */
+typedef enum {
+    ENGINE_AT_END,      /* all instants before the requested end are done */
+    ENGINE_FULL,        /* no room for the sample of the next instant, of which nothing is done */
+    ENGINE_STOPPED,     /* a stop condition is fulfilled; steps of continuous members are still to be done */
+    ENGINE_NOT_FINITE,  /* an output of `member` is NaN or infinite */
+    ENGINE_CALL_FAILED, /* `call` of `member` returned `status`, or its step ended early or asks for the end */
+    ENGINE_BACK_FAILED  /* a callback, that of `member`, returned another value than 0 */
+} EngineResult;
+
+/* Statuses that are no failure are 0 and 1 in FMI 2.0 and 3.0; as unsigned numbers all others are larger. */
+typedef uint32_t (*EngineValues2)(void *instance, const uint32_t *references, size_t n, void *values);
+typedef uint32_t (*EngineValues3)(void *instance, const uint32_t *references, size_t n, void *values, size_t n_values);
+typedef uint32_t (*EngineStep2)(void *instance, double t, double h, int no_set_prior);
+typedef uint32_t (*EngineStep3)(void *instance, double t, double h, bool no_set_prior, bool *event, bool *terminate, bool *early,
+                                double *last);
+typedef int (*EngineBack)(void *context, int32_t member, double t);
+
+/* One call that sets or gets all connected variables of one type. */
+typedef struct {
+    EngineValues2 call2;
+    EngineValues3 call3;
+    const uint32_t *references;
+    size_t n_references;
+    void *data;
+    size_t n_data;
+    EngineType type;
+    size_t n;                        /* values that are moved */
+    const uint32_t *element, *place; /* data[element[i]] belongs to u[place[i]] or y[place[i]]; NULL: data is a part of u or y */
+} EngineTransfer;
+
+/* values[to + i] = values[from + i] for i < n. */
+typedef struct {
+    uint32_t to, from, n;
+} EngineCopy;
+
+/* An input that is extrapolated: u[input] += (values[now] - values[before]) * ((t + shift - values[reached]) / period). */
+typedef struct {
+    uint32_t input, now, before, reached;
+    double period, shift;
+} EngineLine;
+
+/* A component with its bound calls. */
+typedef struct {
+    int32_t fmi;                /* 2, 3, or 0: called back */
+    int32_t clock;
+    double step;                /* [s] */
+    int32_t look_before;        /* continuous: it reads what those before it have just reached */
+    int32_t n_copies_before;    /* of `copies`: values that are remembered; the others show what has been reached */
+    const EngineCopy *copies;   /* at an arrival */
+    size_t n_copies;
+    int64_t stamp;              /* slot of the time of the last arrival, or -1 */
+    const uint32_t *index;      /* u[i] = values[index[i]] * scale[i] + offset[i] */
+    size_t n_inputs;            /* 0: there are none, or they are where u points to already */
+    const double *scale, *offset; /* NULL: none is converted */
+    const EngineLine *lines;
+    size_t n_lines;
+    double *u, *y;
+    size_t n_outputs;
+    void *instance;
+    EngineStep2 step2;
+    EngineStep3 step3;
+    int32_t no_set_prior;
+    bool *flags;                /* FMI 3.0: event, (not used), terminate, early */
+    double *last;
+    const EngineTransfer *sets, *gets;
+    int32_t n_sets, n_gets;
+} EngineMember;
+
+/* Due at offset, offset + period, ... [ticks]. */
+typedef struct {
+    int64_t period, offset;
+} EngineClock;
+
+typedef enum { ENGINE_GE, ENGINE_GT, ENGINE_LE, ENGINE_LT } EngineRelation;
+
+/* Stop when scale * values[slot] + offset compares so with value. */
+typedef struct {
+    uint32_t slot;
+    EngineRelation relation;
+    double scale, offset, value;
+} EngineStop;
+
+typedef struct {
+    double *values;
+    EngineMember *members;      /* discrete ones in order of execution, then continuous ones group by group */
+    int32_t n_members, n_discrete;
+    const EngineClock *clocks;  /* the last one is the recorder's */
+    int32_t n_clocks;
+    int64_t *next;              /* for n_clocks each: work */
+    bool *due;
+    int64_t a, b, d;            /* time = (tick * a + b) / d [s] */
+    bool look;                  /* at outputs, for what is not finite */
+    const uint32_t *recorded;   /* slots */
+    size_t n_recorded;
+    double *times, *rows;       /* of samples, row by row */
+    int64_t count, room;        /* samples taken, and for how many there is room */
+    const EngineStop *stops;
+    int32_t n_stops;
+    EngineBack back;
+    void *context;
+    int64_t tick;               /* where it stands */
+    int32_t member, call;       /* what failed; call: 0 its step, k > 0 sets[k - 1], k < 0 gets[-k - 1]; or which stop */
+    uint32_t status;
+} Engine;
+
+/* All instants from `tick`, of which nothing is done yet, up to but not including `end`. Returns why it came back, with `tick` at the
+ * instant where that happened, or at `end`. */
+int engine_run(Engine *e, int64_t end);
+
+/* The parts of an instant at time t, for those that are due (`due` by clock): 1; 2 and 3; 4 of the rule. */
+void engine_arrive(Engine *e, double t);
+int engine_sample(Engine *e, double t);
+int engine_advance(Engine *e, double t);
+
+/* Which clocks are due at `tick`; sets `next` too. */
+void engine_look_up(Engine *e, int64_t tick);
+/* Inputs of a member from the values. */
+void engine_gather(const Engine *e, const EngineMember *m, double t);
+/* Hand inputs over, or fetch outputs. Returns 0, or 1 with what failed in `call` and `status`. */
+int engine_set(Engine *e, const EngineMember *m);
+int engine_get(Engine *e, const EngineMember *m);
+double engine_time(const Engine *e, int64_t tick);
+
+#endif

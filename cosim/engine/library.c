@@ -1,0 +1,11 @@
+/* What Python calls of the engine: a shared library of its own. */
+#include "engine.h"
+
+#if defined(_WIN32)
+#define EXPORT __declspec(dllexport)
+#else
+#define EXPORT __attribute__((visibility("default")))
+#endif
+
+EXPORT int cosim_engine_run(Engine *e, int64_t end) { return engine_run(e, end); }
+EXPORT size_t cosim_engine_size(void) { return sizeof(Engine) + sizeof(EngineMember); }

@@ -1,0 +1,45 @@
+"""The engine as a shared library: compiled once per machine and version of its sources, kept with a hash that is checked."""
+
+from __future__ import annotations
+
+import re
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import cffi
+
+from build_fmus.compile import CompileError, ObjectCache, cache_directory, find_toolchain, host
+
+HEADER = Path(__file__).with_name("engine.h")
+SOURCES = (Path(__file__).with_name("engine.c"), Path(__file__).with_name("library.c"))
+
+_EXPORTED = "int cosim_engine_run(Engine *e, int64_t end); size_t cosim_engine_size(void);"
+
+
+class NoEngine(Exception):  # noqa: N818
+    """There is no compiled engine here; the argument says why."""
+
+
+@lru_cache
+def interface() -> cffi.FFI:
+    """The types of `engine.h`."""
+    ffi = cffi.FFI()
+    declarations = re.sub(r"(?m)^#.*$", "", HEADER.read_text())
+    ffi.cdef(f"{declarations}\n{_EXPORTED}")
+    return ffi
+
+
+@lru_cache
+def library() -> Any:
+    """The engine, ready to be called. Raises NoEngine with the reason."""
+    ffi = interface()
+    try:
+        toolchain = find_toolchain(host())
+        path = ObjectCache(cache_directory() / "engine").library(toolchain, SOURCES, [HEADER.parent], "engine")
+        loaded: Any = ffi.dlopen(str(path))
+    except (CompileError, OSError) as error:
+        raise NoEngine(str(error).splitlines()[0]) from error
+    if loaded.cosim_engine_size() != ffi.sizeof("Engine") + ffi.sizeof("EngineMember"):
+        raise NoEngine(f"{path} lays out its data in another way than this Python")
+    return loaded

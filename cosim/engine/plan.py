@@ -1,0 +1,112 @@
+"""The plan of an exchange: what `engine.h` describes, as data without pointers."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from cosim.component import Array
+from cosim.master.exchange import Exchange
+from cosim.master.timetable import Clock
+from cosim.master.values import Index, Layout
+from cosim.system.members import Member
+
+EXACT = 2**53  # integers below it are doubles
+
+
+@dataclass(frozen=True)
+class Copy:
+    """values[to : to + n] = values[source : source + n]."""
+
+    to: int
+    source: int
+    n: int
+
+
+@dataclass(frozen=True)
+class MemberPlan:
+    """One component's part; the names are those of `EngineMember`."""
+
+    member: Member
+    clock: int
+    step: float
+    look_before: bool
+    remember: tuple[Copy, ...]
+    show: tuple[Copy, ...]
+    stamp: int | None
+    index: Index
+    in_place: bool
+    scale: Array | None
+    offset: Array | None
+    lines: tuple[tuple[int, int, int, int, float, float], ...]  # input, now, before, reached, period, shift
+    first: int  # slot of its first output
+    n_outputs: int
+
+
+@dataclass(frozen=True)
+class Plan:
+    """A whole exchange; the names are those of `Engine`. `clocks` ends with the recorder's."""
+
+    size: int
+    members: tuple[MemberPlan, ...]
+    n_discrete: int
+    clocks: tuple[Clock, ...]
+    time: tuple[int, int, int]
+    recorded: tuple[int, ...]
+
+    def exact_until(self, tick: int) -> bool:
+        """Whether all times up to a tick are quotients of integers that doubles hold, and so correctly rounded in C."""
+        a, b, d = self.time
+        return d < EXACT and abs(b) + abs(a) * (abs(tick) + 1) < EXACT
+
+
+def make_plan(exchange: Exchange) -> Plan:
+    """The plan of an exchange."""
+    layout, schedule = exchange.layout, exchange.schedule
+    clocks: dict[Clock, int] = {}
+    own = [clocks.setdefault(clock, len(clocks)) for clock in exchange.clocks[:-1]]
+    seidel = {m for g in schedule.groups if g.method == "gauss-seidel" for m in g.members}
+    return Plan(
+        size=len(layout.values),
+        members=tuple(_member(layout, m, c, m in seidel) for m, c in zip(schedule.members, own, strict=True)),
+        n_discrete=len(schedule.discrete),
+        clocks=(*clocks, exchange.clocks[-1]),
+        time=exchange.base.integers(),
+        recorded=tuple(layout.record_index),
+    )
+
+
+def _member(layout: Layout, member: Member, clock: int, seidel: bool) -> MemberPlan:
+    place = layout.places[member]
+    remember, show = layout.copies(member)
+    return MemberPlan(
+        member=member,
+        clock=clock,
+        step=float(member.step),
+        look_before=seidel,
+        remember=tuple(_runs(remember)),
+        show=tuple(_runs(show)),
+        stamp=layout.reached.get(member),
+        index=place.index,
+        in_place=place.in_place,
+        scale=place.scale,
+        offset=place.offset,
+        lines=tuple(place.extrapolated()),
+        first=place.first,
+        n_outputs=len(place.outputs),
+    )
+
+
+def _runs(pairs: Iterable[tuple[int, int]]) -> Sequence[Copy]:
+    """Pairs (to, from) as pieces that lie side by side."""
+    runs: list[Copy] = []
+    for to, source in sorted(pairs):
+        last = runs[-1] if runs else None
+        if last and (to, source) == (last.to + last.n, last.source + last.n):
+            runs[-1] = Copy(last.to, last.source, last.n + 1)
+        else:
+            runs.append(Copy(to, source, 1))
+    return runs
+
