@@ -10,7 +10,7 @@ from functools import cache
 from pathlib import Path
 
 PACKAGES = ("build_fmus", "cosim", "fmu_sources")
-DATA_SUFFIXES = (".toml", ".csv", ".json", ".txt", ".npz", ".npy")
+DATA_SUFFIXES = (".toml", ".csv", ".json", ".txt", ".npz", ".npy", ".c", ".h")
 _ROOT = Path(__file__).resolve().parents[1]
 
 

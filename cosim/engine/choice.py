@@ -40,4 +40,6 @@ def choose_engine(members: Iterable[Member], choice: EngineChoice = "auto") -> E
             raise CosimError(f"there is no compiled engine here: {error}") from None
         return Engine(Exchange, f"the Python master: {error}")
     called = f", which calls back {', '.join(back)}" if back else ""
-    return Engine(CompiledExchange, f"the compiled engine{called}; stop conditions that are functions take the Python master")
+    return Engine(
+        CompiledExchange, f"the compiled engine{called}; stop conditions that are functions take the Python master"
+    )

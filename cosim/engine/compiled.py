@@ -52,17 +52,17 @@ class CompiledExchange(Exchange):
         if self._by_hand or not self._engine.plan.exact_until(end):
             super().run_instants(end)
             return
-        while self.tick < end:
-            self._run(self._engine, end)
+        while self.tick < end and self._run(self._engine, end):
+            pass
 
-    def _run(self, engine: _Engine, end: int) -> None:
-        """Until the engine comes back."""
+    def _run(self, engine: _Engine, end: int) -> bool:
+        """Until the engine comes back; returns whether to go on."""
         try:
             result = engine.run(self.tick, end)
         finally:
             self.tick = engine.tick
         if result in (engine.AT_END, engine.FULL):
-            return
+            return True
         if result == engine.STOPPED:
             self.phase = Phase.SAMPLED
             raise Stop(str(self._stops[engine.call][0]))
@@ -74,6 +74,7 @@ class CompiledExchange(Exchange):
             rest = instant.whole[instant.whole.index(self._step(member)) + 1 :]
             if self._end_requested(request, rest, len(instant.advance), t):
                 self.tick += 1
+        return False
 
     def _raise(self, engine: _Engine, result: int, member: Member) -> None:
         """What the Python master would raise where the engine came back."""

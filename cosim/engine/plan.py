@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
-import numpy as np
-
 from cosim.component import Array
 from cosim.master.exchange import Exchange
 from cosim.master.timetable import Clock
@@ -109,4 +107,3 @@ def _runs(pairs: Iterable[tuple[int, int]]) -> Sequence[Copy]:
         else:
             runs.append(Copy(to, source, 1))
     return runs
-
