@@ -115,6 +115,19 @@ def fmu(file: Annotated[Path, typer.Argument(help="an .fmu file, of any tool")])
     show(Text(wiring(file), style="green"), as_is=True)
 
 
+@app.command(cls=Command)
+def recover(
+    file: Annotated[Path, typer.Argument(help="NAME.csv.part, or NAME.csv beside it", metavar="FILE")],
+    to: Annotated[Path | None, typer.Option(help="write the CSV there", metavar="FILE")] = None,
+) -> None:
+    """Make the CSV of a run that died from the rows that it has left."""
+    from cosim.spool import recover
+
+    path, recording = recover(file, to)
+    end = f", up to t = {recording.time[-1]:.9g} s" if len(recording) else ""
+    show(Text(f"{path}: {len(recording)} samples of {len(recording.names)} variables{end}"))
+
+
 @app.command("build", cls=Command, add_help_option=False, context_settings=_ANYTHING)
 def build(context: typer.Context) -> None:
     """Build FMUs from the component declarations."""

@@ -15,7 +15,8 @@ from __future__ import annotations
 import os
 import re
 import warnings
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import replace
 from fractions import Fraction
 from pathlib import Path
@@ -30,6 +31,7 @@ from cosim.master.stability import Stability, coupled_spectral_radius, warn_if_u
 from cosim.master.state import SystemState
 from cosim.master.stops import StopCondition, watched_names
 from cosim.recording import Recording
+from cosim.spool import Spool, spool_of
 from cosim.system.schedule import Schedule
 from cosim.system.wiring import Wiring
 from cosim.time import TimeLike, positive, rational
@@ -126,7 +128,8 @@ class System(Wiring):
         the recording, whose `stopped_by` tells which.
 
         A failing component raises ComponentError, Ctrl-C raises Interrupted; both carry the recording so far, and with
-        `csv` it is on disk in any case.
+        `csv` it is on disk in any case: of a process that dies `NAME.csv.part`, from which `cosim recover` makes the CSV, has all but
+        the last tenth of a second of its work.
         """
         if csv is not None:
             _check_writable(Path(csv))
@@ -141,11 +144,8 @@ class System(Wiring):
             allow_nan=allow_nan,
             engine=engine,
         ) as simulation:
-            try:
+            with _written(simulation, csv):
                 simulation.advance(stop_time, stop_when=stop_when, progress=progress)
-            finally:
-                if csv is not None:
-                    simulation.recording.to_csv(csv)
             return simulation.recording
 
     def coupled_spectral_radius(self) -> Stability:
@@ -259,6 +259,29 @@ def _below(member: str, patterns: str | Iterable[str] | None) -> list[str] | Non
     return (
         None if patterns is None else [f"{member}.{p}" for p in ([patterns] if isinstance(patterns, str) else patterns)]
     )
+
+
+@contextmanager
+def _written(simulation: Simulation, csv: str | os.PathLike[str] | None) -> Iterator[None]:
+    """The recording of what is done in the block goes to a file, row by row until the block ends, in whichever way."""
+    if csv is None:
+        yield
+        return
+    path = Path(os.path.realpath(csv))
+    recording = simulation.recording
+    spool = Spool(spool_of(path), recording.names, recording.units) if path.is_file() else None
+    simulation.spool(spool)
+    written = False
+    try:
+        try:
+            yield
+        finally:
+            simulation.recording.to_csv(csv)
+            written = True
+    finally:
+        simulation.spool(None)
+        if spool is not None:
+            spool.close(keep=not written)
 
 
 def _check_writable(path: Path) -> None:

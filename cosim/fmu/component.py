@@ -306,7 +306,12 @@ class FmuComponent:
         if direction == "Set" and total > len(places):  # elements of an array that nobody drives keep their values
             data[:] = [x for r, e in groups.items() for x in self._get_raw(fmi_type, [r], e[0].size)]
         transfer = Transfer(
-            function, self._address(bare), self._address(references), len(groups), data, *(() if in_place else (own, place))
+            function,
+            self._address(bare),
+            self._address(references),
+            len(groups),
+            data,
+            *(() if in_place else (own, place)),
         )
         return _Bound(direct if in_place else scatter if direction == "Set" else gather, call, transfer)
 

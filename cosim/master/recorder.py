@@ -43,10 +43,16 @@ class Recorder:
 
     def recording(self, names: list[str], units: dict[str, str]) -> Recording:
         """A copy of everything sampled so far."""
-        if not self._times:
-            return Recording(np.empty(0), names, np.empty((0, len(names))), units)
-        time = np.concatenate(self._times)[: self.count]
-        data = np.concatenate(self._rows)[: self.count]
+        time, data = self.since(0)
+        return Recording(time, names, np.asfortranarray(data), units)
+
+    def since(self, begin: int) -> tuple[Array, Array]:
+        """A copy of the samples from number `begin` on: times, and rows with their values converted."""
+        if begin >= self.count:
+            return np.empty(0), np.empty((0, len(self._index)))
+        first = begin // self.CHUNK
+        piece = slice(begin - first * self.CHUNK, self.count - first * self.CHUNK)
+        time, data = np.concatenate(self._times[first:])[piece], np.concatenate(self._rows[first:])[piece]
         if np.any(self._scale != 1.0) or np.any(self._offset != 0.0):
             data = data * self._scale + self._offset
-        return Recording(time, names, np.asfortranarray(data), units)
+        return time, data

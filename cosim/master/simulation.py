@@ -26,6 +26,7 @@ from cosim.master.progress import HeldInterrupt, ProgressBar
 from cosim.master.state import SystemState
 from cosim.master.stops import Stop, StopCondition
 from cosim.recording import Recording
+from cosim.spool import Spool
 from cosim.system.members import Member
 from cosim.system.names import Members
 from cosim.system.schedule import Schedule
@@ -72,6 +73,7 @@ class Simulation:
         self._stops: list[StopCondition] = []
         self._stopped_by: str | None = None
         self._wall_time = 0.0
+        self._spool: Spool | None = None
         self._guarded(lambda: initialize(self._exchange, stop, state))
         self._exchange.recorder.sample(self.time)
 
@@ -167,6 +169,7 @@ class Simulation:
             took = clock.perf_counter() - begin
             piece = max(1, min(4 * piece, int(0.05 * piece / max(took, 1e-9))))
             bar.at(self.time)
+            self._spill()
         if exchange.phase is Phase.NOTHING:
             exchange.arrive()
         if exchange.ending is not None and exchange.tick >= exchange.ending[0]:
@@ -174,6 +177,17 @@ class Simulation:
             raise Stop(self._over)
         if interrupt.pending:
             raise Interrupted(self.time, self.recording)
+
+    def spool(self, spool: Spool | None) -> None:
+        """Write rows to a spool while it advances, from now on; None: no more."""
+        self._spool = spool
+
+    def _spill(self) -> None:
+        """Write what the spool does not have yet, if that is due. All samples are final between two instants."""
+        spool, recorder = self._spool, self._exchange.recorder
+        if spool is not None and spool.due:
+            spool.cut(recorder.count)
+            spool.add(*recorder.since(spool.count))
 
     def _guarded(self, work: Action) -> None:
         """Do something with components. A failure ends the simulation and carries what was recorded."""
@@ -244,6 +258,8 @@ class Simulation:
         for m, place in self._layout.places.items():
             place.u[:] = state.inputs[m.name]
         exchange.recorder.count = state.samples
+        if self._spool is not None:
+            self._spool.cut(max(0, state.samples - 1))  # the last one is provisional
 
     def forget(self, state: SystemState) -> None:
         """Free a saved state; it cannot be restored any more."""

@@ -26,8 +26,8 @@ def _variables() -> list[tuple[str, str, int, str, str]]:
         ("count", "Int32", 4, "output", ""),
         ("on", "Boolean", 5, "input", 'start="false"'),
         ("off", "Boolean", 6, "output", ""),
-        ("w", "Float64", 7, "input", 'start="0 0 0"'),
-        ("total", "Float64", 8, "output", ""),
+        ("w", "Float64", 7, "input", 'start="0 0 0" unit="degC"'),
+        ("total", "Float64", 8, "output", 'unit="K"'),
     ]
     small = [
         (f"{t.lower()}{end}", t, 9 + 2 * i + k, causality, 'start="0"' if causality == "input" else "")
@@ -45,22 +45,31 @@ def description(version: int, name: str) -> str:
         size = '<Dimension start="3"/>' if variable in ("w", "total") else ""
         if not three and (old is None or size or causality == "independent"):
             continue
-        variability = "" if "variability" in more else ' variability="continuous"' if kind.startswith("Float") else ' variability="discrete"'
+        variability = (
+            ""
+            if "variability" in more
+            else ' variability="continuous"'
+            if kind.startswith("Float")
+            else ' variability="discrete"'
+        )
         tunable = ' variability="tunable"' if "tunable" in more else variability
         rest = more.replace(' variability="tunable"', "")
         common = f'name="{variable}" valueReference="{reference}" causality="{causality}"{tunable}'
         elements.append(
-            f"<{kind} {common} {rest}>{size}</{kind}>" if three else f"<ScalarVariable {common}><{old} {rest}/></ScalarVariable>"
+            f"<{kind} {common} {rest}>{size}</{kind}>"
+            if three
+            else f"<ScalarVariable {common}><{old} {rest}/></ScalarVariable>"
         )
         if causality == "output":
             outputs.append((f'valueReference="{reference}"') if three else f'index="{len(elements)}"')
     units = '<Unit name="rad"><BaseUnit rad="1"/></Unit><Unit name="deg"><BaseUnit rad="1" factor="0.017453292519943295"/></Unit>'
+    units += '<Unit name="K"><BaseUnit K="1"/></Unit><Unit name="degC"><BaseUnit K="1" offset="273.15"/></Unit>'
     lists = ("Output", "InitialUnknown") if three else ("Unknown", "Unknown")
     listed = ["".join(f"<{element} {which}/>" for which in outputs) for element in lists]
-    structure = "".join(listed) if three else "<Outputs>{}</Outputs><InitialUnknowns>{}</InitialUnknowns>".format(*listed)
-    head = (
-        'fmiVersion="3.0" instantiationToken="follower"' if three else 'fmiVersion="2.0" guid="follower"'
+    structure = (
+        "".join(listed) if three else "<Outputs>{}</Outputs><InitialUnknowns>{}</InitialUnknowns>".format(*listed)
     )
+    head = 'fmiVersion="3.0" instantiationToken="follower"' if three else 'fmiVersion="2.0" guid="follower"'
     save = "canGetAndSetFMUState" if three else "canGetAndSetFMUstate"
     return (
         f'<?xml version="1.0" encoding="UTF-8"?><fmiModelDescription {head} modelName="{name}">'

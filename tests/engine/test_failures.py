@@ -1,0 +1,172 @@
+"""What goes wrong in a compiled run says what it says in Python, at the same time and with the same recording."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import awkward
+import numpy as np
+import pytest
+from same import ENGINES, assert_same_outcome, outcome
+
+from cosim import CosimError, PythonComponent, Recording, StopWhen, System
+
+pytestmark = pytest.mark.filterwarnings("ignore::cosim.UnconnectedInputsWarning")
+
+TROUBLES = [
+    *((awkward.STATUS, status) for status in (1, 2, 3, 4, 5, 77, -1)),
+    *((awkward.GET_STATUS, status) for status in (1, 3, 4)),
+    *((awkward.NOT_FINITE, value) for value in (float("nan"), float("inf"), -float("inf"))),
+    (awkward.END, 0.0),
+    (awkward.END_EARLY, 0.0),
+    (awkward.NONE, 0.0),
+]
+
+
+@pytest.fixture(scope="session")
+def awkward_fmus(tmp_path_factory: pytest.TempPathFactory) -> dict[int, Path]:
+    """`awkward.c` as FMU by FMI version."""
+    folder = tmp_path_factory.mktemp("awkward")
+    return {
+        v: awkward.archive(folder / f"awkward{v}.fmu", awkward.description(v), binary=awkward.library(v, folder))
+        for v in (2, 3)
+    }
+
+
+class Breaks(PythonComponent):
+    """Breaks at 0.3 s in the way that it is told; before that it counts."""
+
+    outputs = ("y",)
+    parameters = {"how": ""}  # noqa: RUF012
+
+    def step(self, t: float, h: float, u: Any, y: Any) -> None:  # noqa: ARG002
+        if t > 0.29:
+            if self.how == "raise":
+                raise ValueError("the spring is broken")
+            if self.how == "interrupt":
+                raise KeyboardInterrupt
+            if self.how:
+                y[0] = float(self.how)
+                return
+        y[0] += 1.0
+
+
+@pytest.mark.parametrize("version", [2, 3])
+@pytest.mark.parametrize("kind", ["continuous", "discrete"])
+@pytest.mark.parametrize(("trouble", "value"), TROUBLES)
+def test_an_fmu_in_trouble(awkward_fmus, follower, version, kind, trouble, value):
+    """Beside components that run before and after it, some in a group where one reads what the other has just reached."""
+
+    def run(engine: str) -> Recording:
+        with System() as system:
+            parameters = {"trouble": trouble, "at": 0.3, **({"value": value} if np.isfinite(value) else {})}
+            system.add("m", awkward_fmus[version], step="50 ms", kind=kind, parameters=parameters)
+            if not np.isfinite(value):
+                system["m"].values["value"] = value
+            for name, step in (("a", "10 ms"), ("z", "30 ms")):
+                system.add(name, follower[version], step=step, start={"u": 1.0})
+            system.connect("a.off", "z.on")
+            if kind == "continuous":
+                system.group("all", ["z", "m", "a"], "gauss-seidel")
+            return system.run(0.6, engine=engine)
+
+    said, recording = assert_same_outcome(run)
+    assert recording is not None
+    assert len(recording) > 10
+    harmless = trouble == awkward.NONE or (trouble != awkward.NOT_FINITE and value == 1)
+    if harmless or trouble in (awkward.END, awkward.END_EARLY):
+        assert said == ""
+        assert (recording.stopped_by is None) == harmless
+    else:
+        assert "'m'" in said or "m.y" in said
+
+
+@pytest.mark.parametrize("how", ["raise", "interrupt", "nan", "inf", ""])
+def test_a_python_component_in_trouble(follower, how):
+    def run(engine: str) -> Recording:
+        with System() as system:
+            system.add("p", Breaks(), step="20 ms", parameters={"how": how})
+            system.add("f", follower[3], step="10 ms")
+            system.connect("p.y", "f.u")
+            return system.run(0.6, engine=engine)
+
+    said, recording = assert_same_outcome(run)
+    assert {"raise": "the spring is broken", "interrupt": "Interrupted", "nan": "y is nan", "inf": "y is inf", "": ""}[
+        how
+    ] in said
+    assert how == "interrupt" or recording is not None
+
+
+def test_not_finite_values_are_handed_on_where_that_is_allowed(follower):
+    def run(engine: str) -> Recording:
+        with System() as system:
+            system.add("p", Breaks(), step="20 ms", parameters={"how": "nan"})
+            system.add("f", follower[2], step="10 ms")
+            system.connect("p.y", "f.u")
+            return system.run(0.6, engine=engine, allow_nan=True)
+
+    said, recording = assert_same_outcome(run)
+    assert said == ""
+    assert np.isnan(recording["f.y"][-1])
+
+
+def test_what_can_be_read_and_what_cannot_end_a_run(follower):
+    """The name of a stop condition may be wrong; then both say so alike."""
+
+    def run(engine: str) -> Recording:
+        with System() as system:
+            system.add("f", follower[2], step="10 ms", start={"u": 1.0})
+            with system.initialize(record=["f.y"], engine=engine) as simulation:
+                simulation.advance(0.1, stop_when=[StopWhen("f.x", ">", 0.0)])
+                return simulation.recording
+
+    said, _ = assert_same_outcome(run)
+    assert "f.x" in said
+
+
+def test_a_function_as_stop_condition_sees_the_same(follower):
+    def run(engine: str) -> Recording:
+        def late(view: Any) -> bool:
+            return view.time > 0.05 and view["f.y"] > 0.0
+
+        with System() as system:
+            system.add("f", follower[2], step="10 ms", start={"u": 1.0})
+            return system.run(0.2, stop_when=[late], engine=engine)
+
+    said, recording = assert_same_outcome(run)
+    assert (said, recording.stopped_by) == ("", "late")
+    assert recording.time[-1] == 0.06
+
+
+def test_times_beyond_exact_doubles_are_left_to_python(follower):
+    """A tick so short that the engine's one division would not be correctly rounded."""
+    steps = {}
+    for engine in ENGINES:
+        with System() as system:
+            system.add("f", follower[2], step="1 ms")
+            system.add("g", follower[2], step="1/1000003")
+            steps[engine] = outcome(lambda s=system, e=engine: s.run("10000000.01", start_time=10**7, engine=e))
+    assert steps["python"][0] == steps["compiled"][0] == ""
+    np.testing.assert_array_equal(steps["python"][1].time, steps["compiled"][1].time)
+
+
+def test_the_choice_is_said_and_refused(follower, monkeypatch):
+    with System() as system:
+        system.add("p", Breaks(), step="20 ms")
+        assert "all components are written in Python" in str(system.schedule())
+        system.add("f", follower[2], step="10 ms")
+        assert "the compiled engine, which calls back p" in str(system.schedule())
+        assert "as requested" in str(system.schedule(engine="python"))
+        with pytest.raises(CosimError, match=r"engine is one of auto, compiled, python, not 'compile'; did you mean"):
+            system.run(0.1, engine="compile")
+        from cosim.engine import choice, library
+
+        def none() -> None:
+            raise library.NoEngine("no C compiler")
+
+        monkeypatch.setattr(choice, "library", none)
+        assert "the Python master: no C compiler" in str(system.schedule())
+        assert len(system.run(0.1)) > 5
+        with pytest.raises(CosimError, match="there is no compiled engine here: no C compiler"):
+            system.run(0.1, engine="compiled")
