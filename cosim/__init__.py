@@ -2,6 +2,7 @@
 
 from cosim.component import Component, Ports, PythonComponent
 from cosim.description import Description, Variable
+from cosim.engine.choice import EngineChoice
 from cosim.errors import (
     ComponentError,
     CosimError,
@@ -29,6 +30,7 @@ __all__ = [
     "Connection",
     "CosimError",
     "Description",
+    "EngineChoice",
     "Fmu",
     "FmuError",
     "Group",

@@ -8,7 +8,7 @@ import tempfile
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, get_args
 
 import typer
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
@@ -17,6 +17,7 @@ from rich.text import Text
 
 from build_fmus import safe_files
 from build_fmus.terminal import APP, Command, console, one_of, show
+from cosim import EngineChoice
 from cosim.errors import ComponentError, CosimError, Interrupted
 from cosim.study.case import Case, CaseError, Field, fields, grid
 from cosim.study.driver import Progressed, run_study
@@ -39,15 +40,24 @@ Processes = Annotated[int | None, typer.Option("--processes", help="worker proce
 Force = Annotated[bool, typer.Option("--force", help="run everything again; runs stored earlier are discarded")]
 Retry = Annotated[bool, typer.Option("--retry-failed", help="run again what failed earlier")]
 Out = Annotated[Path, typer.Option("--out", help="directory for results")]
+Engines = Annotated[
+    str,
+    typer.Option(
+        "--engine",
+        metavar=one_of(get_args(EngineChoice)),
+        help="what executes systems; the numbers are the same, to the last bit",
+    ),
+]
 
 _EVERYWHERE: dict[str, tuple[Any, Any]] = {
     "fmus": (Fmus, Path("fmus")),
     "fmi": (Version, 3),
     "out": (Out, Path("results")),
+    "engine": (Engines, "auto"),
 }
 _VEHICLE: dict[str, tuple[Any, Any]] = {"vehicle": (Vehicles, None)}
 NOTHING = 1e-20  # of a metric: below it there is nothing to compare
-EVERYWHERE = ("--fmus", "--fmi", "--vehicle", "--out", "--help")
+EVERYWHERE = ("--fmus", "--fmi", "--vehicle", "--out", "--engine", "--help")
 """Options of every experiment, which say nothing about one of them."""
 
 
@@ -58,7 +68,7 @@ def run_command(experiment: Experiment) -> Any:
     """The command that runs one case beside its baseline."""
 
     def run(**given: Any) -> None:
-        run_case(experiment, _case(experiment, given), _fmu_set(experiment, given), given["out"])
+        run_case(experiment, _case(experiment, given), _fmu_set(experiment, given), given["out"], given["engine"])
 
     options = {f.attribute: (Annotated[_type(f), _option(f)], f.default) for f in fields(experiment.case)}
     return _command(run, experiment, {**options, **_own_files(experiment), **_EVERYWHERE}, "One run: metrics on the screen, time histories as CSV.")  # fmt: skip
@@ -74,7 +84,7 @@ def study_command(experiment: Experiment) -> Any:
         tasks = None if own_plan else _grid(experiment, chosen)
         write_study(
             experiment, _fmu_set(experiment, given), given["out"], tasks=tasks, options=chosen if own_plan else {},
-            processes=given["processes"], retry_failed=given["retry_failed"], force=given["force"],
+            processes=given["processes"], retry_failed=given["retry_failed"], force=given["force"], engine=given["engine"],
         )  # fmt: skip
 
     options = {
@@ -89,7 +99,7 @@ def study_command(experiment: Experiment) -> Any:
     return _command(study, experiment, options, f"{what}; writes results/{experiment.name}/report.html.")
 
 
-def run_case(experiment: Experiment, case: Any, fmus: FmuSet, out: Path) -> None:
+def run_case(experiment: Experiment, case: Any, fmus: FmuSet, out: Path, engine: EngineChoice = "auto") -> None:
     """Run one case beside its baseline: a table on the screen, time histories and metrics as files.
 
     Raises:
@@ -98,7 +108,7 @@ def run_case(experiment: Experiment, case: Any, fmus: FmuSet, out: Path) -> None
     folder = make_folder(out / experiment.name)
     path = folder / f"{case.label}.csv"
     baseline = experiment.baseline(case) if experiment.baseline else None
-    with Runner(experiment, fmus) as runner:
+    with Runner(experiment, fmus, engine=engine) as runner:
         with kept_recording(path):
             run = runner.run(case, csv=path, progress=True)
         runs, measured = {_short(case): run}, {_short(case): experiment.measure(run)}

@@ -16,6 +16,7 @@ from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future
 from pathlib import Path
 from typing import Any
 
+from cosim import EngineChoice
 from cosim.study import key
 from cosim.study.case import values
 from cosim.study.experiment import Experiment, Row, Search, Task
@@ -41,6 +42,7 @@ def run_study(
     processes: int | None = None,
     retry_failed: bool = False,
     force: bool = False,
+    engine: EngineChoice = "auto",
     progress: Progressed = lambda done, total: None,
 ) -> Results:
     """Run a study; what is in ``store`` already is taken from there.
@@ -55,6 +57,7 @@ def run_study(
         processes: how many, on this machine; None: one per core.
         retry_failed: run again what failed earlier.
         force: discard what is stored and run everything.
+        engine: what executes systems, see :meth:`cosim.System.initialize`; no part of the key, since the numbers are the same.
         progress: called with (done, total).
 
     Raises:
@@ -81,7 +84,7 @@ def run_study(
             entries[i] = entry
     progress(len(entries), len(todo))
     order = sorted((i for i in range(len(todo)) if i not in entries), key=lambda i: -getattr(todo[i], "cost", 1.0))
-    ship = (experiment.module or experiment, fmus, store, salts)
+    ship = (experiment.module or experiment, fmus, store, salts, engine)
     if order:
         for i, entry in _finished(ship, todo, order, executor, processes):
             entries[i] = kept[_part(todo[i])].put(task_key(todo[i]), entry)
@@ -185,28 +188,30 @@ def _shipped(task: Task | Search) -> Any:
 _workers = threading.local()  # runners, per thread those of one study: a system runs one simulation at a time
 
 
-def work(ship: tuple[str | Experiment, FmuSet, Path, Mapping[str, str]], task: Any) -> Row:
-    """Do one task in a worker, which gets the experiment, FMUs, folder of the store and its salt by part with it; a failure is an
-    entry that says so."""
-    place, fmus, store, salts = ship
+def work(ship: tuple[str | Experiment, FmuSet, Path, Mapping[str, str], EngineChoice], task: Any) -> Row:
+    """Do one task in a worker, which gets the experiment, FMUs, folder of the store, its salt by part and the engine with it; a
+    failure is an entry that says so."""
+    place, fmus, store, salts, engine = ship
     try:
         experiment = load(place) if isinstance(place, str) else place
         if isinstance(task, tuple):
             part, given, signals = task
-            runner = _runner(experiment, part, fmus, store, salts)
+            runner = _runner(experiment, part, fmus, store, salts, engine)
             return runner.entry(runner.experiment.case(**given), signals=signals)
-        return {"found": task(_runner(experiment, _part(task), fmus, store, salts))}
+        return {"found": task(_runner(experiment, _part(task), fmus, store, salts, engine))}
     except Exception as error:
         return {"failed": f"{type(error).__name__}: {error}"}
 
 
-def _runner(experiment: Experiment, part: str, fmus: FmuSet, store: Path, salts: Mapping[str, str]) -> Runner:
-    study = (experiment.name, experiment.module, fmus, str(store), salts)
+def _runner(
+    experiment: Experiment, part: str, fmus: FmuSet, store: Path, salts: Mapping[str, str], engine: EngineChoice
+) -> Runner:
+    study = (experiment.name, experiment.module, fmus, str(store), salts, engine)
     if getattr(_workers, "study", None) != study:
         for runner in getattr(_workers, "runners", {}).values():
             runner.close()
         _workers.study, _workers.runners = study, {}
     runners: dict[str, Runner] = _workers.runners
     if part not in runners:
-        runners[part] = Runner(experiment.part(part), fmus, RunStore(store, salts[part]))
+        runners[part] = Runner(experiment.part(part), fmus, RunStore(store, salts[part]), engine)
     return runners[part]

@@ -9,7 +9,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any
 
-from cosim import ComponentError, Recording, System, UnconnectedInputsWarning
+from cosim import ComponentError, EngineChoice, Recording, System, UnconnectedInputsWarning
 from cosim.study.case import check, named_files, values
 from cosim.study.experiment import Experiment, Row, Run
 from cosim.study.fmus import FmuSet
@@ -25,12 +25,16 @@ class Runner:
         experiment: what is run.
         fmus: the FMU files.
         store: where finished runs are kept; None: nowhere.
+        engine: what executes systems, see :meth:`cosim.System.initialize`.
     """
 
-    def __init__(self, experiment: Experiment, fmus: FmuSet, store: RunStore | None = None) -> None:
+    def __init__(
+        self, experiment: Experiment, fmus: FmuSet, store: RunStore | None = None, engine: EngineChoice = "auto"
+    ) -> None:
         self.experiment = experiment
         self.fmus = fmus
         self.store = store
+        self.engine = engine
         self._systems: dict[Hashable, System] = {}
 
     def __enter__(self) -> Runner:
@@ -85,7 +89,7 @@ class Runner:
                 warnings.simplefilter("ignore", UnconnectedInputsWarning)
             recording = system.run(
                 end, record=names, record_interval=interval, stop_when=e.stop_when(system, case) if e.stop_when else (),
-                csv=csv, progress=progress,
+                csv=csv, progress=progress, engine=self.engine,
             )  # fmt: skip
         return Run(case, recording, system)
 
