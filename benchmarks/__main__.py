@@ -13,6 +13,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from benchmarks import (
+    chain,
     exchange_lag,
     hmmwv_real_time,
     mathematics,
@@ -25,7 +26,7 @@ from benchmarks import (
 )
 from benchmarks.master_cost import measure
 from build_fmus import safe_files
-from cosim import System
+from cosim import EngineChoice, System
 from cosim.experiments.gpc import EXPERIMENT as GPC
 from cosim.experiments.gpc.runs import PLANT
 from cosim.study import FmuSet, run_study
@@ -43,13 +44,17 @@ def full_car() -> dict[str, float]:
 
 
 def study() -> dict[str, float]:
-    """The whole published study from nothing, on all cores."""
-    with tempfile.TemporaryDirectory() as tmp:
-        begin = time.perf_counter()
-        result = run_study(GPC, FmuSet(), Path(tmp))
-        seconds = time.perf_counter() - begin
-        runs = len(list(Path(tmp).glob("*.json")))
-    return {"wall time [s]": seconds, "runs": runs, "tasks": len(result.tasks)}
+    """The whole published study from nothing, on all cores, by the engine and by the Python master."""
+    found: dict[str, float] = {}
+    engines: dict[str, EngineChoice] = {"engine": "compiled", "Python master": "python"}
+    for name, engine in engines.items():
+        with tempfile.TemporaryDirectory() as tmp:
+            begin = time.perf_counter()
+            result = run_study(GPC, FmuSet(), Path(tmp), engine=engine)
+            found[f"{name}, wall time [s]"] = time.perf_counter() - begin
+            found |= {"runs": len(list(Path(tmp).glob("*.json"))), "tasks": len(result.tasks)}
+    slow, fast = (found[f"{name}, wall time [s]"] for name in reversed(engines))
+    return {**found, "Python master / engine": slow / fast}
 
 
 def main() -> None:
@@ -58,6 +63,7 @@ def main() -> None:
         "full car alone": full_car(),
         "master, passive system (3 FMUs)": measure("passive"),
         "master, preview system (4 FMUs)": measure("preview"),
+        **{f"chain of three trivial FMUs, FMI {v}": chain.measure(v) for v in (2, 3)},
         "hydraulic HMMWV, simulated time / processor time of one core": hmmwv_real_time.measure(),
         "contact plant of paper 003, trench of 1.5 m at 3 km/h": trench_plant.measure(),
         "solver step checked at initialization": solver_check.measure(),

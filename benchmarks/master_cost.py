@@ -1,7 +1,7 @@
-"""Cost of the master per FMU step, beside FMPy's wrapper calls and a bare C loop over the same FMUs, in one run.
+"""Cost of the engine and of the Python master per FMU step, beside FMPy's wrapper calls and a bare C loop over the same FMUs, in one run.
 
-All three exchange the same variables of the same FMI 3.0 FMUs in the same order; the bare loop is the time the FMUs
-themselves need, so the difference to it is what a master adds.
+All exchange the same variables of the same FMUs in the same order; the bare loop is the time the FMUs themselves need, so the
+difference to it is what a master adds. All times are of the processor, so that other work on the machine hardly counts.
 """
 
 from __future__ import annotations
@@ -10,21 +10,25 @@ import subprocess
 import tempfile
 import time
 import warnings
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import fmpy
 import jinja2
 from fmpy import read_model_description
+from fmpy.fmi2 import FMU2Slave
 from fmpy.fmi3 import FMU3Slave
 
 from build_fmus.compile import find_toolchain, host
 from cosim import System, UnconnectedInputsWarning
 from cosim.experiments.gpc.runs import CONTROLLERS, PLANT, SPEED, Case, road_file, wire
+from cosim.fmu.calls import platform_folder
 from cosim.study import FmuSet
 
-STEPS = 20_000
+STEPS = 20_000  # of 1 ms
 
 
 @dataclass
@@ -33,6 +37,7 @@ class Wired:
 
     name: str
     fmu: Path
+    version: int  # FMI
     inputs: list[int]  # value references
     sources: list[int]  # positions in the vector of all outputs
     outputs: list[int]  # value references
@@ -48,7 +53,8 @@ def flatten(system: System, paths: dict[str, Path]) -> list[Wired]:
         first = len(position)
         position.update((n, first + i) for i, n in enumerate(used))
         outputs = [member.description.outputs[n.split(".", 1)[1]].reference for n in used]
-        result.append(Wired(member.name, paths[member.name], [], [], outputs, first))
+        version = int(member.description.fmi_version[0])
+        result.append(Wired(member.name, paths[member.name], version, [], [], outputs, first))
     for wired in result:
         for c in system.connections.values():
             if c.target.name == wired.name:
@@ -57,96 +63,128 @@ def flatten(system: System, paths: dict[str, Path]) -> list[Wired]:
     return result
 
 
-def time_master(system: System, steps: int, *, allow_nan: bool = False) -> float:
-    """Seconds for ``steps`` steps by our master, recording one variable at 10 Hz."""
+def time_master(system: System, steps: int, record: str, **options: Any) -> float:
+    """Seconds for ``steps`` steps of 1 ms by our master, recording ``record``, at 10 Hz unless ``options`` of the run say otherwise."""
     warnings.simplefilter("ignore", UnconnectedInputsWarning)
-    return system.run(steps * 1e-3, record=["car.x"], record_interval="100 ms", allow_nan=allow_nan).wall_time
+    with system.initialize(record=[record], **{"record_interval": "100 ms", **options}) as simulation:
+        begin = time.process_time()
+        simulation.advance(steps * 1e-3)
+        return time.process_time() - begin
 
 
 def time_fmpy(components: list[Wired], steps: int) -> float:
     """Seconds for the same loop with FMPy's slave objects."""
     slaves, folders = [], []
+
+    def get(slave: Any, w: Wired) -> Any:
+        return slave.getReal(w.outputs) if w.version == 2 else slave.getFloat64(w.outputs)
+
+    def put(slave: Any, w: Wired, numbers: list[float]) -> None:
+        (slave.setReal if w.version == 2 else slave.setFloat64)(w.inputs, numbers)
+
     for w in components:
         description = read_model_description(w.fmu)
         folders.append(tempfile.TemporaryDirectory())
         unzipped = fmpy.extract(w.fmu, folders[-1].name)
-        slave = FMU3Slave(
+        slave = (FMU2Slave if w.version == 2 else FMU3Slave)(
             guid=description.guid, unzipDirectory=unzipped, modelIdentifier=description.coSimulation.modelIdentifier,
             instanceName=w.name,
         )  # fmt: skip
         slave.instantiate()
+        if w.version == 2:
+            slave.setupExperiment()
         slave.enterInitializationMode()
         slave.exitInitializationMode()
         slaves.append(slave)
     values: dict[int, float] = {}
     for w, slave in zip(components, slaves, strict=True):
-        values.update(zip(range(w.first, w.first + len(w.outputs)), slave.getFloat64(w.outputs), strict=True))
-    begin = time.perf_counter()
+        values.update(zip(range(w.first, w.first + len(w.outputs)), get(slave, w), strict=True))
+    begin = time.process_time()
     for k in range(steps):
         for w, slave in zip(components, slaves, strict=True):
             if w.inputs:
-                slave.setFloat64(w.inputs, [values[s] for s in w.sources])
+                put(slave, w, [values[s] for s in w.sources])
             slave.doStep(k * 1e-3, 1e-3)
-            for i, value in enumerate(slave.getFloat64(w.outputs), w.first):
+            for i, value in enumerate(get(slave, w), w.first):
                 values[i] = value
-    seconds = time.perf_counter() - begin
+    seconds = time.process_time() - begin
     for slave in slaves:
         slave.terminate()
         slave.freeInstance()
     return seconds
 
 
-def bare_program(components: list[Wired], steps: int, folder: Path) -> Path:
-    """A program in ``folder`` that runs the same loop in C and prints the seconds it took, compiled with the host toolchain."""
+def bare_program(components: list[Wired], steps: int, folder: Path, length: float = 1e-3) -> Path:
+    """A program in ``folder`` that runs the same loop in C, with steps of ``length`` [s], and prints the seconds it took, compiled with
+    the host toolchain."""
     template = jinja2.Template((Path(__file__).parent / "bare_loop.c.j2").read_text())
     items: list[dict[str, Any]] = []
     for i, w in enumerate(components):
-        description = read_model_description(w.fmu)
+        description = read_model_description(w.fmu, validate=False)  # not everybody's is valid
         unpacked = folder / str(i)
         fmpy.extract(w.fmu, unpacked)
-        library = next((unpacked / "binaries" / host()).iterdir())
-        items.append({**vars(w), "library": library, "token": description.guid})
+        place, suffix = platform_folder(str(w.version))
+        library = unpacked / "binaries" / place / f"{description.coSimulation.modelIdentifier}{suffix}"
+        resources = (unpacked / "resources").as_uri() if w.version == 2 else f"{unpacked / 'resources'}/"
+        items.append({**vars(w), "library": library, "token": description.guid, "resources": resources})
     size = max(w.first + len(w.outputs) + len(w.inputs) for w in components) + 1
     source, program = folder / "loop.c", folder / "loop"
-    source.write_text(template.render(components=items, steps=steps, size=size))
+    source.write_text(template.render(components=items, steps=steps, size=size, length=length))
     headers = Path(fmpy.__file__).parent / "c-code"
     command = [*find_toolchain(host()).command, "-O2", "-std=gnu99", f"-I{headers}", source, "-o", program, "-ldl"]
     subprocess.run(list(map(str, command)), check=True)
     return program
 
 
-def seconds(program: Path) -> float:
-    """What the program of :func:`bare_program` prints."""
-    return float(subprocess.run([program], check=True, capture_output=True, text=True).stdout)
+def seconds(command: Sequence[str | Path]) -> float:
+    """What a program prints last, such as that of :func:`bare_program`."""
+    return float(subprocess.run(command, check=True, capture_output=True, text=True).stdout.splitlines()[-1])
 
 
-def time_bare(components: list[Wired], steps: int) -> float:
-    """Seconds for the same loop in C."""
-    with tempfile.TemporaryDirectory() as tmp:
-        return seconds(bare_program(components, steps, Path(tmp)))
-
-
-def measure(controller: str = "preview", steps: int = STEPS, repeats: int = 3) -> dict[str, float]:
+def measure(controller: str = "preview", steps: int = STEPS, repeats: int = 5) -> dict[str, float]:
     """Best of ``repeats`` for each loop, as microseconds per FMU step and ratios."""
     fmus = FmuSet()
     paths = {"speed": fmus.path(SPEED), "road": road_file(fmus, "sine"), "car": fmus.path(PLANT)}
     if name := CONTROLLERS[controller]:
         paths["controller"] = fmus.path(name)
     with wire(fmus, Case("sine", controller=controller)) as system:
-        components = flatten(system, paths)
-        bare = min(time_bare(components, steps) for _ in range(repeats))
-        runs = [(time_master(system, steps), time_master(system, steps, allow_nan=True)) for _ in range(repeats)]
-        ours, unchecked = map(min, zip(*runs, strict=True))
-    peer = min(time_fmpy(components, steps) for _ in range(repeats))
+        return compare(system, flatten(system, paths), "car.x", steps, repeats)
+
+
+def compare(
+    system: System,
+    components: list[Wired],
+    record: str,
+    steps: int,
+    repeats: int,
+    more: Mapping[str, Sequence[str]] | None = None,
+) -> dict[str, float]:
+    """Best of ``repeats`` of every loop over one system, and of ``more`` programs that run it and print their seconds, all in turn."""
+    loops: dict[str, Callable[[], float]] = {
+        "engine": lambda: time_master(system, steps, record, engine="compiled"),
+        "engine, recording every step": lambda: time_master(
+            system, steps, record, engine="compiled", record_interval="1 ms"
+        ),
+        "engine, not looking for NaN": lambda: time_master(system, steps, record, engine="compiled", allow_nan=True),
+        "Python master": lambda: time_master(system, steps // 4, record, engine="python") * 4,
+        "FMPy wrapper calls": lambda: time_fmpy(components, steps // 4) * 4,
+    }
+    with tempfile.TemporaryDirectory() as tmp:
+        program = bare_program(components, steps, Path(tmp))
+        loops = {"bare C loop": lambda: seconds([program]), **loops}
+        loops |= {name: partial(seconds, command) for name, command in (more or {}).items()}
+        took = {name: min(times) for name, times in _in_turn(loops, repeats).items()}
     n = steps * len(components)
+    bare, ours = took["bare C loop"], took["engine"]
     return {
         "fmus": len(components),
-        "bare C loop [us per FMU step]": bare / n * 1e6,
-        "this master [us per FMU step]": ours / n * 1e6,
-        "FMPy wrapper calls [us per FMU step]": peer / n * 1e6,
-        "this master / bare loop": ours / bare,
-        "looking for NaN / not looking": ours / unchecked,
-        "FMPy / this master": peer / ours,
-        "FMPy overhead / this master's overhead": (peer - bare) / (ours - bare),
+        **{f"{name} [us per FMU step]": t / n * 1e6 for name, t in took.items()},
+        **{f"{name} / bare C loop": t / bare for name, t in took.items() if t is not bare},
         "simulated time / wall time": steps * 1e-3 / ours,
     }
+
+
+def _in_turn(loops: dict[str, Callable[[], float]], repeats: int) -> dict[str, list[float]]:
+    """Times of all loops, one after the other and that ``repeats`` times, so that a slow moment meets them all."""
+    rounds = [{name: loop() for name, loop in loops.items()} for _ in range(repeats)]
+    return {name: [r[name] for r in rounds] for name in loops}

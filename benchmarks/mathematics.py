@@ -68,8 +68,8 @@ def measure(names: tuple[str, ...] = NAMES) -> dict[str, float]:
             programs = []
             for label, fmu in (("ours", ours), ("system", system)):
                 (Path(tmp) / label).mkdir()
-                programs.append(bare_program([Wired(name, fmu, [], [], real, 0)], STEPS, Path(tmp) / label))
-            times = [[seconds(p) / STEPS * 1e6 for p in programs] for _ in range(REPEATS)]
+                programs.append(bare_program([Wired(name, fmu, 3, [], [], real, 0)], STEPS, Path(tmp) / label))
+            times = [[seconds([p]) / STEPS * 1e6 for p in programs] for _ in range(REPEATS)]
             own, other = map(min, zip(*times, strict=True))
             a, b = trajectory(ours), trajectory(system)
         scale = np.maximum(np.abs(a).max(axis=0), np.finfo(float).tiny)

@@ -116,6 +116,8 @@ class _Engine:
         e.clocks = self._array("EngineClock", [{"period": c.period, "offset": c.offset} for c in plan.clocks])
         e.n_clocks = len(plan.clocks)
         e.next, e.due = self._new(f"int64_t[{e.n_clocks}]"), self._new(f"bool[{e.n_clocks}]")
+        e.list, e.reached = self._new(f"EngineMember*[{e.n_members}]"), self._new(f"EnginePiece[{e.n_members}]")
+        e.shown = self._new(f"EngineCopy[{sum(len(m.show) for m in plan.members)}]")
         e.a, e.b, e.d = plan.time
         e.look = not exchange.allow_nan
         e.recorded, e.n_recorded = self._slots(plan.recorded), len(plan.recorded)
@@ -176,7 +178,7 @@ class _Engine:
             m.scale, m.offset = self._pointer("double*", plan.scale), self._pointer("double*", plan.offset)
         m.lines, m.n_lines = self._array("EngineLine", [list(line) for line in plan.lines]), len(plan.lines)
         m.u, m.y = self._pointer("double*", place.u), self._pointer("double*", place.y)
-        m.n_outputs = plan.n_outputs
+        m.first, m.n_outputs = plan.first, plan.n_outputs
         self._calls.append(ports.fmi)
         if ports.fmi is not None:
             self._bind(m, ports.fmi)
@@ -189,6 +191,9 @@ class _Engine:
             m.flags, m.last = ffi.cast("bool*", calls.flags), ffi.cast("double*", calls.last)
         m.sets, m.n_sets = self._transfers(calls.version, calls.sets), len(calls.sets)
         m.gets, m.n_gets = self._transfers(calls.version, calls.gets), len(calls.gets)
+        m.direct = len(calls.sets) == len(calls.gets) == 1 and all(
+            t.element is None for t in (*calls.sets, *calls.gets)
+        )
 
     def _transfers(self, version: int, transfers: Sequence[Transfer]) -> Any:
         ffi = self._ffi

@@ -19,8 +19,7 @@ double engine_time(const Engine *e, int64_t tick) {
 
 /* ------------------------------------------------------------------ values */
 
-void engine_gather(const Engine *e, const EngineMember *m, double t) {
-    const double *values = e->values;
+static inline void gather(const double *values, const EngineMember *m, double t) {
     double *u = m->u;
     for (size_t i = 0; i < m->n_inputs; i++) u[i] = values[m->index[i]];
     for (size_t i = 0; i < m->n_lines; i++) {
@@ -32,6 +31,8 @@ void engine_gather(const Engine *e, const EngineMember *m, double t) {
         for (size_t i = 0; i < m->n_inputs; i++) u[i] += m->offset[i];
     }
 }
+
+void engine_gather(const Engine *e, const EngineMember *m, double t) { gather(e->values, m, t); }
 
 #define FOR_ALL(type, to, from) \
     for (size_t i = 0; i < s->n; i++) to = (type)(from); \
@@ -76,54 +77,81 @@ static void collect(const EngineTransfer *s, double *y) {
 static int failed(Engine *e, int32_t call, uint32_t status) {
     e->call = call;
     e->status = status;
-    return 1;
+    return ENGINE_CALL_FAILED;
 }
 
-static uint32_t move(const EngineMember *m, const EngineTransfer *s) {
-    return m->fmi == 3 ? s->call3(m->instance, s->references, s->n_references, s->data, s->n_data)
-                       : s->call2(m->instance, s->references, s->n_references, s->data);
-}
+/* The three calls of a member, once for each version of FMI: what differs are the arguments. */
+#define CALL2(s) (s)->call2(m->instance, (s)->references, (s)->n_references, (s)->data)
+#define CALL3(s) (s)->call3(m->instance, (s)->references, (s)->n_references, (s)->data, (s)->n_data)
+#define SET_ALL(CALL)                                                   \
+    for (const EngineTransfer *s = m->sets, *end = s + m->n_sets; s < end; s++) { \
+        if (s->element) scatter(s, m->u);                               \
+        const uint32_t status = CALL(s);                                \
+        if (status > LARGEST_SUCCESS) return failed(e, (int32_t)(s - m->sets) + 1, status); \
+    }
+#define GET_ALL(CALL)                                                   \
+    for (const EngineTransfer *s = m->gets, *end = s + m->n_gets; s < end; s++) { \
+        const uint32_t status = CALL(s);                                \
+        if (status > LARGEST_SUCCESS) return failed(e, (int32_t)(m->gets - s) - 1, status); \
+        if (s->element) collect(s, m->y);                               \
+    }
 
 int engine_set(Engine *e, const EngineMember *m) {
-    for (int32_t k = 0; k < m->n_sets; k++) {
-        const EngineTransfer *s = &m->sets[k];
-        if (s->element) scatter(s, m->u);
-        const uint32_t status = move(m, s);
-        if (status > LARGEST_SUCCESS) return failed(e, k + 1, status);
-    }
-    return 0;
+    if (m->fmi == 3) SET_ALL(CALL3)
+    else SET_ALL(CALL2)
+    return ENGINE_AT_END;
 }
 
 int engine_get(Engine *e, const EngineMember *m) {
-    for (int32_t k = 0; k < m->n_gets; k++) {
-        const EngineTransfer *s = &m->gets[k];
-        const uint32_t status = move(m, s);
-        if (status > LARGEST_SUCCESS) return failed(e, -k - 1, status);
-        if (s->element) collect(s, m->y);
-    }
-    return 0;
+    if (m->fmi == 3) GET_ALL(CALL3)
+    else GET_ALL(CALL2)
+    return ENGINE_AT_END;
 }
 
 /* ------------------------------------------------------------------ steps */
 
-static int do_step(Engine *e, const EngineMember *m, double t) {
-    if (m->fmi == 3) {
-        bool *flags = m->flags;
-        const uint32_t status =
-            m->step3(m->instance, t, m->step, m->no_set_prior != 0, flags, flags + 2, flags + 3, m->last);
-        return status > LARGEST_SUCCESS || flags[2] || flags[3] ? failed(e, 0, status) : 0;
+static inline int run2(Engine *e, const EngineMember *m, double t) {
+    if (m->direct) {
+        uint32_t status = CALL2(m->sets);
+        if (status > LARGEST_SUCCESS) return failed(e, 1, status);
+        status = m->step2(m->instance, t, m->step, m->no_set_prior);
+        if (status > LARGEST_SUCCESS) return failed(e, 0, status);
+        status = CALL2(m->gets);
+        return status > LARGEST_SUCCESS ? failed(e, -1, status) : ENGINE_AT_END;
     }
+    SET_ALL(CALL2)
     const uint32_t status = m->step2(m->instance, t, m->step, m->no_set_prior);
-    return status > LARGEST_SUCCESS ? failed(e, 0, status) : 0;
+    if (status > LARGEST_SUCCESS) return failed(e, 0, status);
+    GET_ALL(CALL2)
+    return ENGINE_AT_END;
 }
 
-/* One communication step of member i: inputs as they stand, doStep, outputs. */
-static int run_member(Engine *e, int32_t i, double t) {
-    const EngineMember *m = &e->members[i];
-    e->member = i;
-    if (m->n_inputs) engine_gather(e, m, t);
-    if (!m->fmi) return e->back(e->context, i, t) ? ENGINE_BACK_FAILED : ENGINE_AT_END;
-    return engine_set(e, m) || do_step(e, m, t) || engine_get(e, m) ? ENGINE_CALL_FAILED : ENGINE_AT_END;
+static inline int run3(Engine *e, const EngineMember *m, double t) {
+    bool *flags = m->flags;
+    if (m->direct) {
+        uint32_t status = CALL3(m->sets);
+        if (status > LARGEST_SUCCESS) return failed(e, 1, status);
+        status = m->step3(m->instance, t, m->step, m->no_set_prior, flags, flags + 2, flags + 3, m->last);
+        if (status > LARGEST_SUCCESS || flags[2] || flags[3]) return failed(e, 0, status);
+        status = CALL3(m->gets);
+        return status > LARGEST_SUCCESS ? failed(e, -1, status) : ENGINE_AT_END;
+    }
+    SET_ALL(CALL3)
+    const uint32_t status = m->step3(m->instance, t, m->step, m->no_set_prior, flags, flags + 2, flags + 3, m->last);
+    if (status > LARGEST_SUCCESS || flags[2] || flags[3]) return failed(e, 0, status);
+    GET_ALL(CALL3)
+    return ENGINE_AT_END;
+}
+
+/* One communication step of a member: inputs as they stand, doStep, outputs. */
+static inline int run_member(Engine *e, const EngineMember *m, double t) {
+    if (m->n_inputs) gather(e->values, m, t);
+    const int result = m->fmi == 3                                            ? run3(e, m, t)
+                       : m->fmi == 2                                          ? run2(e, m, t)
+                       : e->back(e->context, (int32_t)(m - e->members), t) == 0 ? ENGINE_AT_END
+                                                                              : ENGINE_BACK_FAILED;
+    if (result) e->member = (int32_t)(m - e->members);
+    return result;
 }
 
 static bool all_finite(const double *y, size_t n) {
@@ -137,37 +165,44 @@ static bool all_finite(const double *y, size_t n) {
     return !found;
 }
 
-/* Whether the outputs of the members from `first` to before `end` that are due are finite. */
+/* Whether the outputs of the members that are due are finite, of those from number `first` to before `end` in their list. */
 static int look_at(Engine *e, int32_t first, int32_t end) {
     if (!e->look) return ENGINE_AT_END;
-    for (int32_t i = first; i < end; i++) {
-        const EngineMember *m = &e->members[i];
-        if (e->due[m->clock] && !all_finite(m->y, m->n_outputs)) {
-            e->member = i;
+    for (int32_t k = first; k < end; k++) {
+        const EngineMember *m = e->list[k];
+        if (!all_finite(m->y, m->n_outputs)) {
+            e->member = (int32_t)(m - e->members);
             return ENGINE_NOT_FINITE;
         }
     }
     return ENGINE_AT_END;
 }
 
-static void copy(double *values, const EngineCopy *c) {
-    if (c->n == 1) values[c->to] = values[c->from];
-    else memcpy(values + c->to, values + c->from, c->n * sizeof(double)); /* the pieces never overlap */
+/* The same for all continuous members that are due, piece by piece; who it is is looked up if something is found. */
+static int look_at_reached(Engine *e) {
+    if (!e->look) return ENGINE_AT_END;
+    for (int32_t k = 0; k < e->n_reached; k++)
+        if (!all_finite(e->values + e->reached[k].from, e->reached[k].n)) return look_at(e, e->n_due_discrete, e->n_due);
+    return ENGINE_AT_END;
+}
+
+/* A few values are copied one by one: what was stored as doubles a moment ago and is loaded in larger pieces has to wait until it has
+ * left the processor's store buffer. */
+static inline void copy(double *values, const EngineCopy *c) {
+    if (c->n > 32) memcpy(values + c->to, values + c->from, c->n * sizeof(double)); /* the two never overlap */
+    else
+        for (uint32_t i = 0; i < c->n; i++) values[c->to + i] = values[c->from + i];
 }
 
 void engine_arrive(Engine *e, double t) {
     double *values = e->values;
-    for (int32_t i = 0; i < e->n_members; i++) { /* what is remembered was visible until now */
-        const EngineMember *m = &e->members[i];
-        if (!e->due[m->clock]) continue;
-        if (m->stamp >= 0) values[m->stamp] = t;
-        for (int32_t k = 0; k < m->n_copies_before; k++) copy(values, &m->copies[k]);
-    }
-    for (int32_t i = e->n_discrete; i < e->n_members; i++) {
-        const EngineMember *m = &e->members[i];
-        if (!e->due[m->clock]) continue;
-        for (size_t k = (size_t)m->n_copies_before; k < m->n_copies; k++) copy(values, &m->copies[k]);
-    }
+    if (e->remembers)
+        for (int32_t k = 0; k < e->n_due; k++) { /* what was visible until now */
+            const EngineMember *m = e->list[k];
+            if (m->stamp >= 0) values[m->stamp] = t;
+            for (int32_t c = 0; c < m->n_copies_before; c++) copy(values, &m->copies[c]);
+        }
+    for (int32_t k = 0; k < e->n_shown; k++) copy(values, &e->shown[k]);
 }
 
 static bool holds(const EngineStop *s, const double *values) {
@@ -181,10 +216,9 @@ static bool holds(const EngineStop *s, const double *values) {
 }
 
 int engine_sample(Engine *e, double t) {
-    for (int32_t i = 0; i < e->n_discrete; i++) {
-        if (!e->due[e->members[i].clock]) continue;
-        int result = run_member(e, i, t);
-        if (!result) result = look_at(e, i, i + 1);
+    for (int32_t k = 0; k < e->n_due_discrete; k++) {
+        int result = run_member(e, e->list[k], t);
+        if (!result) result = look_at(e, k, k + 1);
         if (result) return result;
     }
     if (e->due[e->n_clocks - 1]) {
@@ -201,19 +235,58 @@ int engine_sample(Engine *e, double t) {
 }
 
 int engine_advance(Engine *e, double t) {
-    int32_t first = e->n_discrete;
-    for (int32_t i = first; i < e->n_members; i++) {
-        const EngineMember *m = &e->members[i];
-        if (!e->due[m->clock]) continue;
-        int result = ENGINE_AT_END;
-        if (m->look_before) {
-            result = look_at(e, first, i);
-            first = i;
+    const int32_t n = e->n_due;
+    if (e->in_line) {
+        int32_t first = e->n_due_discrete;
+        for (int32_t k = first; k < n; k++) {
+            int result = ENGINE_AT_END;
+            if (e->list[k]->look_before) {
+                result = look_at(e, first, k);
+                first = k;
+            }
+            if (!result) result = run_member(e, e->list[k], t);
+            if (result) return result;
         }
-        if (!result) result = run_member(e, i, t);
+        return look_at(e, first, n);
+    }
+    for (int32_t k = e->n_due_discrete; k < n; k++) {
+        const int result = run_member(e, e->list[k], t);
         if (result) return result;
     }
-    return look_at(e, first, e->n_members);
+    return look_at_reached(e);
+}
+
+/* ------------------------------------------------------------------ instants */
+
+/* What a continuous member shows at its arrival, and where its outputs are, behind what others have. */
+static void append(Engine *e, const EngineMember *m) {
+    for (int32_t c = m->n_copies_before; c < m->n_copies; c++) {
+        const EngineCopy new = m->copies[c];
+        EngineCopy *last = e->shown + e->n_shown - 1;
+        if (e->n_shown && last->to + last->n == new.to && last->from + last->n == new.from) last->n += new.n;
+        else e->shown[e->n_shown++] = new;
+    }
+    EnginePiece *last = e->reached + e->n_reached - 1;
+    if (e->n_reached && last->from + last->n == m->first) last->n += m->n_outputs;
+    else e->reached[e->n_reached++] = (EnginePiece){m->first, m->n_outputs};
+}
+
+/* List the members that are due, and what that means. */
+static void list_due(Engine *e) {
+    e->n_due = e->n_due_discrete = e->n_shown = e->n_reached = 0;
+    e->remembers = e->in_line = false;
+    for (int32_t i = 0; i < e->n_members; i++) {
+        const EngineMember *m = &e->members[i];
+        if (!e->due[m->clock]) continue;
+        e->list[e->n_due++] = m;
+        if (m->stamp >= 0 || m->n_copies_before) e->remembers = true;
+        if (i < e->n_discrete) {
+            e->n_due_discrete++;
+            continue;
+        }
+        if (m->look_before) e->in_line = true;
+        append(e, m);
+    }
 }
 
 void engine_look_up(Engine *e, int64_t tick) {
@@ -223,28 +296,46 @@ void engine_look_up(Engine *e, int64_t tick) {
         e->next[i] = since <= 0 ? c->offset : c->offset + (since + c->period - 1) / c->period * c->period;
         e->due[i] = e->next[i] == tick;
     }
+    list_due(e);
+}
+
+/* Begin the instant at a tick; returns the tick of the one after it. */
+static int64_t begin_instant(Engine *e, int64_t tick) {
+    bool changed = false;
+    int64_t after = INT64_MAX;
+    for (int32_t i = 0; i < e->n_clocks; i++) {
+        int64_t next = e->next[i];
+        const bool due = next == tick;
+        if (due) e->next[i] = next += e->clocks[i].period;
+        if (next < after) after = next;
+        changed |= due != e->due[i];
+        e->due[i] = due;
+    }
+    if (changed) list_due(e);
+    return after;
 }
 
 int engine_run(Engine *e, int64_t end) {
+    const bool *const recorded = &e->due[e->n_clocks - 1];
     engine_look_up(e, e->tick);
-    for (;;) {
-        int64_t tick = INT64_MAX;
-        for (int32_t i = 0; i < e->n_clocks; i++)
-            if (e->next[i] < tick) tick = e->next[i];
-        if (tick >= end) {
-            e->tick = end;
-            return ENGINE_AT_END;
+    int64_t tick = INT64_MAX;
+    for (int32_t i = 0; i < e->n_clocks; i++)
+        if (e->next[i] < tick) tick = e->next[i];
+    while (tick < end) {
+        const int64_t after = begin_instant(e, tick);
+        int result = *recorded && e->count == e->room ? ENGINE_FULL : ENGINE_AT_END;
+        if (!result) {
+            const double t = engine_time(e, tick);
+            engine_arrive(e, t);
+            result = engine_sample(e, t);
+            if (!result) result = engine_advance(e, t);
         }
-        e->tick = tick;
-        for (int32_t i = 0; i < e->n_clocks; i++) {
-            e->due[i] = e->next[i] == tick;
-            if (e->due[i]) e->next[i] += e->clocks[i].period;
+        if (result) {
+            e->tick = tick;
+            return result;
         }
-        if (e->due[e->n_clocks - 1] && e->count == e->room) return ENGINE_FULL;
-        const double t = engine_time(e, tick);
-        engine_arrive(e, t);
-        int result = engine_sample(e, t);
-        if (!result) result = engine_advance(e, t);
-        if (result) return result;
+        tick = after;
     }
+    e->tick = end;
+    return ENGINE_AT_END;
 }

@@ -66,7 +66,7 @@ typedef struct {
     int32_t look_before;        /* continuous: it reads what those before it have just reached */
     int32_t n_copies_before;    /* of `copies`: values that are remembered; the others show what has been reached */
     const EngineCopy *copies;   /* at an arrival */
-    size_t n_copies;
+    int32_t n_copies;
     int64_t stamp;              /* slot of the time of the last arrival, or -1 */
     const uint32_t *index;      /* u[i] = values[index[i]] * scale[i] + offset[i] */
     size_t n_inputs;            /* 0: there are none, or they are where u points to already */
@@ -74,7 +74,7 @@ typedef struct {
     const EngineLine *lines;
     size_t n_lines;
     double *u, *y;
-    size_t n_outputs;
+    uint32_t first, n_outputs;  /* slots of the outputs, y = values + first */
     void *instance;
     EngineStep2 step2;
     EngineStep3 step3;
@@ -83,7 +83,13 @@ typedef struct {
     double *last;
     const EngineTransfer *sets, *gets;
     int32_t n_sets, n_gets;
+    int32_t direct;             /* there is one of each, and their data are u and y */
 } EngineMember;
+
+/* Outputs of members that lie side by side: values[from] to values[from + n - 1]. */
+typedef struct {
+    uint32_t from, n;
+} EnginePiece;
 
 /* Due at offset, offset + period, ... [ticks]. */
 typedef struct {
@@ -105,8 +111,16 @@ typedef struct {
     int32_t n_members, n_discrete;
     const EngineClock *clocks;  /* the last one is the recorder's */
     int32_t n_clocks;
-    int64_t *next;              /* for n_clocks each: work */
-    bool *due;
+    int64_t *next;              /* of n_clocks: when each is due next */
+    bool *due;                  /* of n_clocks: which are due now */
+    const EngineMember **list;  /* of n_members: those that are due, in their order */
+    int32_t n_due, n_due_discrete;
+    bool remembers;             /* some of them have values to remember at their arrival */
+    bool in_line;               /* some of the continuous ones read what those before them have just reached */
+    EngineCopy *shown;          /* of all copies: what they show at their arrival */
+    int32_t n_shown;
+    EnginePiece *reached;       /* of n_members: where the outputs are that continuous ones compute */
+    int32_t n_reached;
     int64_t a, b, d;            /* time = (tick * a + b) / d [s] */
     bool look;                  /* at outputs, for what is not finite */
     const uint32_t *recorded;   /* slots */
@@ -131,7 +145,7 @@ void engine_arrive(Engine *e, double t);
 int engine_sample(Engine *e, double t);
 int engine_advance(Engine *e, double t);
 
-/* Which clocks are due at `tick`; sets `next` too. */
+/* Find what is due at `tick`, and when everything is due next. */
 void engine_look_up(Engine *e, int64_t tick);
 /* Inputs of a member from the values. */
 void engine_gather(const Engine *e, const EngineMember *m, double t);

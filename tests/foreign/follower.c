@@ -1,6 +1,6 @@
 /* A small FMU that owes nothing to this project but its descriptions (followers.py): FMI 2.0 or 3.0, from the standard's headers alone.
  *
- * x follows u: x += (1 - 1/(1 + h rate)) (u - x), y = x. Variables of other types are handed through, so that every type is
+ * y follows u, dy/dt = rate (u - y), by implicit Euler with steps of 0.1 ms at most, as exported models do. Variables of other types are handed through, so that every type is
  * exchanged; `count` also counts steps, and `total` (FMI 3.0) is an array that adds up the array `w`. */
 #include <stdbool.h>
 #include <stdint.h>
@@ -41,7 +41,11 @@ static void start(Model *m) {
 }
 
 static void advance(Model *m, double h) {
-    m->real[Y] += (1.0 - 1.0 / (1.0 + h * m->real[RATE])) * (m->real[U] - m->real[Y]);
+    const int n = h > 1e-4 ? (int)(h / 1e-4 + 0.5) : 1;
+    for (int i = 0; i < n; i++) {
+        const double a = h / n * m->real[RATE];
+        m->real[Y] = (m->real[Y] + a * m->real[U]) / (1.0 + a);
+    }
     for (int i = 0; i < 3; i++) m->total[i] += h * m->w[i];
     m->steps++;
 }
@@ -98,6 +102,14 @@ Status fmi2SetBoolean(Instance c, const fmi2ValueReference vr[], size_t n, const
 Status fmi2GetFMUstate(Instance m, fmi2FMUstate *state) { return (*state = copy_of(m, *state)) ? fmi2OK : fmi2Error; }
 Status fmi2SetFMUstate(Instance m, fmi2FMUstate state) { memcpy(m, state, sizeof(Model)); return fmi2OK; }
 Status fmi2FreeFMUstate(Instance m, fmi2FMUstate *state) { free(*state); *state = NULL; return fmi2OK; }
+Status fmi2SerializedFMUstateSize(Instance m, fmi2FMUstate state, size_t *size) { *size = sizeof(Model); return fmi2OK; }
+Status fmi2SerializeFMUstate(Instance m, fmi2FMUstate state, fmi2Byte bytes[], size_t size) {
+    memcpy(bytes, state, sizeof(Model));
+    return fmi2OK;
+}
+Status fmi2DeSerializeFMUstate(Instance m, const fmi2Byte bytes[], size_t size, fmi2FMUstate *state) {
+    return size == sizeof(Model) && (*state = copy_of((const void *)bytes, *state)) ? fmi2OK : fmi2Error;
+}
 Status fmi2DoStep(Instance m, fmi2Real t, fmi2Real h, fmi2Boolean no_set_prior) { advance(m, h); return fmi2OK; }
 Status fmi2GetRealStatus(Instance m, const fmi2StatusKind kind, fmi2Real *value) { return fmi2Discard; }
 Status fmi2GetBooleanStatus(Instance m, const fmi2StatusKind kind, fmi2Boolean *value) { return fmi2Discard; }
@@ -170,6 +182,14 @@ ALIKE(UInt64, uint64_t, u64)
 Status fmi3GetFMUState(Instance m, fmi3FMUState *state) { return (*state = copy_of(m, *state)) ? fmi3OK : fmi3Error; }
 Status fmi3SetFMUState(Instance m, fmi3FMUState state) { memcpy(m, state, sizeof(Model)); return fmi3OK; }
 Status fmi3FreeFMUState(Instance m, fmi3FMUState *state) { free(*state); *state = NULL; return fmi3OK; }
+Status fmi3SerializedFMUStateSize(Instance m, fmi3FMUState state, size_t *size) { *size = sizeof(Model); return fmi3OK; }
+Status fmi3SerializeFMUState(Instance m, fmi3FMUState state, fmi3Byte bytes[], size_t size) {
+    memcpy(bytes, state, sizeof(Model));
+    return fmi3OK;
+}
+Status fmi3DeserializeFMUState(Instance m, const fmi3Byte bytes[], size_t size, fmi3FMUState *state) {
+    return size == sizeof(Model) && (*state = copy_of((const void *)bytes, *state)) ? fmi3OK : fmi3Error;
+}
 Status fmi3DoStep(Instance m, double t, double h, Flag no_set_prior, Flag *event, Flag *terminate, Flag *early, double *last) {
     advance(m, h);
     *event = *terminate = *early = false;

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import subprocess
 import zipfile
 from pathlib import Path
@@ -12,6 +13,10 @@ from build_fmus.compile import find_toolchain, host
 from cosim.fmu.calls import platform_folder
 
 SMALL = ("Float32", "Int8", "UInt8", "Int16", "UInt16", "UInt32", "Int64", "UInt64")
+SAVING = {
+    2: ("canGetAndSetFMUstate", "canSerializeFMUstate"),
+    3: ("canGetAndSetFMUState", "canSerializeFMUState"),
+}
 TYPED = tuple(name.lower() for name in SMALL)
 
 
@@ -70,27 +75,28 @@ def description(version: int, name: str) -> str:
         "".join(listed) if three else "<Outputs>{}</Outputs><InitialUnknowns>{}</InitialUnknowns>".format(*listed)
     )
     head = 'fmiVersion="3.0" instantiationToken="follower"' if three else 'fmiVersion="2.0" guid="follower"'
-    save = "canGetAndSetFMUState" if three else "canGetAndSetFMUstate"
+    save = " ".join(f'{can}="true"' for can in SAVING[version])
     return (
         f'<?xml version="1.0" encoding="UTF-8"?><fmiModelDescription {head} modelName="{name}">'
-        f'<CoSimulation modelIdentifier="follower" canHandleVariableCommunicationStepSize="true" {save}="true"/>'
+        f'<CoSimulation modelIdentifier="follower" canHandleVariableCommunicationStepSize="true" {save}/>'
         f"<UnitDefinitions>{units}</UnitDefinitions><ModelVariables>{''.join(elements)}</ModelVariables>"
         f"<ModelStructure>{structure}</ModelStructure></fmiModelDescription>"
     )
 
 
-def build(version: int, folder: Path) -> Path:
-    """The FMU for this machine, in a folder."""
+def build(version: int, folder: Path, *, units: bool = True) -> Path:
+    """The FMU for this machine, in a folder. Without ``units`` values are exchanged as they are."""
     path = folder / f"Follower{version}.fmu"
     where, suffix = platform_folder(str(version))
     library = folder / f"follower{version}{suffix}"
     headers = Path(fmpy.__file__).parent / "c-code"
-    source = Path(__file__).with_name("follower.c")
+    sources = [Path(__file__).with_name(name) for name in ("follower.c", "not_offered.c")]
     command = [
-        *find_toolchain(host()).command, "-O2", "-shared", "-fPIC", "-std=c99", f"-DFMI={version}", f"-I{headers}", source, "-o", library,
+        *find_toolchain(host()).command, "-O2", "-shared", "-fPIC", "-std=c99", f"-DFMI={version}", f"-I{headers}", *sources, "-o", library,
     ]  # fmt: skip
     subprocess.run(list(map(str, command)), check=True, capture_output=True)
+    text = description(version, f"Follower{version}")
     with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
-        archive.writestr("modelDescription.xml", description(version, f"Follower{version}"))
+        archive.writestr("modelDescription.xml", text if units else re.sub(r' unit="\w+"', "", text))
         archive.write(library, f"binaries/{where}/follower{suffix}")
     return path
