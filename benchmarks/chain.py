@@ -6,6 +6,7 @@ a C program steps by 0.1 s, 100 inner steps at a time; Ecos runs it by itself.
 
 from __future__ import annotations
 
+import itertools
 import json
 import logging
 import shutil
@@ -52,7 +53,7 @@ def measure(version: int) -> dict[str, float]:
         fmu = followers.build(version, Path(tmp), units=False)
         for name in NAMES:
             system.add(name, fmu, step="1 ms", parameters={"rate": 50.0})
-        for source, target in zip(NAMES, NAMES[1:], strict=False):
+        for source, target in itertools.pairwise(NAMES):
             system.connect(f"{source}.y", f"{target}.u")
         components = flatten(system, dict.fromkeys(NAMES, fmu))
         results = compare(system, components, "c.y", STEPS, REPEATS, {
@@ -76,7 +77,7 @@ def _toolbox(fmu: Path, folder: Path) -> list[str]:
     for name in NAMES:
         shutil.copy(fmu, folder / f"{name}.fmu")
         node.add_fmu(f"{name}.fmu")
-    for source, target in zip(NAMES, NAMES[1:], strict=False):
+    for source, target in itertools.pairwise(NAMES):
         node.add_link(f"{source}.fmu", "y", f"{target}.fmu", "u")
     node.add_input("u", "a.fmu", "u")
     node.add_output("c.fmu", "y", "y")
