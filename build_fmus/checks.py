@@ -31,6 +31,12 @@ def did_you_mean(name: object, known: Iterable[object]) -> str:
     return "; did you mean " + " or ".join(f"'{n}'" for n in near) + "?" if near else ""
 
 
+def unknown(what: str, value: object, known: Iterable[object]) -> str:
+    """The sentence about a value that is none of those that are known."""
+    names = list(map(str, known))
+    return f"no {what} {value!r}{did_you_mean(value, names)} (there are: {', '.join(names)})"
+
+
 def number(
     what: str,
     value: float,

@@ -6,9 +6,10 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Literal, get_args
 
+from build_fmus.checks import unknown
 from cosim.engine.compiled import CompiledExchange
 from cosim.engine.library import NoEngine, library
-from cosim.errors import CosimError, did_you_mean
+from cosim.errors import CosimError
 from cosim.master.exchange import Exchange
 from cosim.system.members import Member
 
@@ -27,7 +28,7 @@ def choose_engine(members: Iterable[Member], choice: EngineChoice = "auto") -> E
     """What executes a system of these members. Raises CosimError for an unknown choice, and when "compiled" is not possible."""
     if choice not in get_args(EngineChoice):
         known = get_args(EngineChoice)
-        raise CosimError(f"engine is one of {', '.join(known)}, not {choice!r}{did_you_mean(str(choice), known)}")
+        raise CosimError(unknown("engine", choice, known))
     if choice == "python":
         return Engine(Exchange, "the Python master, as requested")
     back = [m.name for m in members if not m.description.fmi_version]

@@ -21,7 +21,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeVar
 
-from build_fmus.checks import did_you_mean, number, short
+from build_fmus.checks import number, short, unknown
 
 
 class CaseError(ValueError):
@@ -195,7 +195,7 @@ def check_choice(what: str, value: Any, known: Collection[Any]) -> None:
         CaseError: names the nearest choice and all of them.
     """
     if value not in known:
-        raise CaseError(f"no {what} {value!r}{did_you_mean(value, known)} (there are: {', '.join(map(str, known))})")
+        raise CaseError(unknown(what, value, known))
 
 
 def label(case: Any) -> str:

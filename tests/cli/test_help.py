@@ -6,7 +6,7 @@ import re
 import subprocess
 from importlib import metadata
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import pytest
 import typer
@@ -18,6 +18,7 @@ import cosim.cli
 import fmu_sources.cli
 from build_fmus import terminal
 from build_fmus.compile import PLATFORMS
+from cosim import EngineChoice
 from cosim.experiments.bench import runs as bench
 from cosim.experiments.gpc import runs as gpc
 from cosim.experiments.hmmwv import runs as hmmwv
@@ -81,7 +82,8 @@ CHOICES = {
 def test_choices_are_listed_and_a_wrong_one_names_them(experiment: str, tmp_path: Path) -> None:
     """Every option of text is one of these, and takes nothing else."""
     shown = help_of("run", experiment)
-    for option, names in CHOICES[experiment].items():
+    choices = {**CHOICES[experiment], "--engine": get_args(EngineChoice)}
+    for option, names in choices.items():
         assert re.search(
             rf"{option}(, --\S+)* {re.escape('|'.join(names))} ", shown
         )  # earlier names of the option beside it
@@ -89,7 +91,7 @@ def test_choices_are_listed_and_a_wrong_one_names_them(experiment: str, tmp_path
         known = ", ".join(n for n in names if not n.startswith("FILE"))
         assert str(refused.exception).endswith(f"'xyzzy' (there are: {known})")
     free = {p.opts[0] for p in COSIM["run", experiment].params if isinstance(p.default, str)}
-    assert free == CHOICES[experiment].keys()
+    assert free == choices.keys()
 
 
 def test_choices_of_build_fmus() -> None:
@@ -123,7 +125,8 @@ def test_lists_in_pipes_are_neither_wrapped_nor_cut(built_fmus: BuiltFmus, tmp_p
     lines = piped(tmp_path, "cosim", "list")
     assert [line.split()[0] for line in lines[1:]] == list(CHOICES)
     for experiment, line in zip(CHOICES, lines[1:], strict=True):
-        for option, names in CHOICES[experiment].items():
+        choices = {**CHOICES[experiment], "--engine": get_args(EngineChoice)}
+    for option, names in choices.items():
             assert f"{option} {'|'.join(names)}" in line
     lines = piped(tmp_path, "cosim", "fmu", str(FMUS / "fmi3" / "RoadSine.fmu"))
     assert [line for line in lines if line.startswith("system.add(") and line.endswith(")")]
