@@ -149,17 +149,9 @@ def _common(root: etree._Element, component: Model) -> None:
     for name in used:
         u = units.unit(name)
         element = etree.SubElement(definitions, "Unit", name=name)
-        base = {k: str(e) for k, e in u.exponents.items()}
-        if u.factor != 1.0:
-            base["factor"] = repr(u.factor)
-        if u.offset != 0.0:
-            base["offset"] = repr(u.offset)
-        etree.SubElement(element, "BaseUnit", **base)
+        etree.SubElement(element, "BaseUnit", **{k: str(n) for k, n in u.powers.items()})
         for d in u.display:
-            attributes = {"name": d.name, "factor": repr(d.factor)}
-            if d.offset:
-                attributes["offset"] = repr(d.offset)
-            etree.SubElement(element, "DisplayUnit", **attributes)
+            etree.SubElement(element, "DisplayUnit", name=d.name, factor=repr(d.factor))
     categories = etree.SubElement(root, "LogCategories")
     for name, description in LOG_CATEGORIES.items():
         etree.SubElement(categories, "Category", name=name, description=description)

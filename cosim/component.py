@@ -11,11 +11,11 @@ from typing import Any, ClassVar, Protocol
 import numpy as np
 import numpy.typing as npt
 
+from build_fmus.units import KNOWN, Unit
 from cosim.description import Description, Variable
 from cosim.errors import CallFailed, CosimError
 from cosim.signals import Array
 from cosim.time import TimeLike, positive
-from cosim.units import KNOWN, Unit
 
 Action = Callable[[], None]
 

@@ -8,8 +8,8 @@ from fractions import Fraction
 from typing import Any
 
 from build_fmus.checks import did_you_mean
+from build_fmus.units import Unit
 from cosim.errors import WiringError
-from cosim.units import Unit
 
 RECORDABLE = ("real", "integer", "boolean")  # types of what can be connected and recorded
 

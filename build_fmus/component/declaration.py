@@ -151,11 +151,7 @@ def named(component: str, variables: Mapping[str, Variable], name: str) -> Varia
 
 def _derivative_variable(v: Variable) -> Variable:
     unit = units.unit(v.unit) if v.unit else None
-    match = None
-    if unit is not None:
-        want = {**unit.exponents, "s": unit.exponents.get("s", 0) - 1}
-        want = {k: e for k, e in want.items() if e}
-        match = next((u.name for u in units.UNITS.values() if u.exponents == want and u.factor == 1.0), None)
+    match = units.derivative(unit) if unit else None
     return Variable(
         f"der({v.name})", "derivative", match, f"time derivative of {v.name}", v.shape, slot=v.slot, derivative_of=v.name
     )  # fmt: skip

@@ -118,7 +118,7 @@ def find_dimensions(declaration: Declaration) -> Dimensions:
 
 def exponents(name: str) -> Exponents:
     """Base-unit exponents of a unit, without radians."""
-    return {b: e for b, e in units.unit(name).exponents.items() if b != "rad" and e}
+    return {b: e for b, e in units.unit(name).powers.items() if b != "rad"}
 
 
 def element_exponents(v: Variable) -> list[Exponents | None]:

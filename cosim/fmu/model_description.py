@@ -15,10 +15,10 @@ from typing import Any
 
 from lxml import etree
 
+from build_fmus.units import BASE_UNITS, Unit
 from cosim.description import SIZED_INTEGERS, Description, Variable, split_index
 from cosim.errors import FmuError, TimeError
 from cosim.time import rational
-from cosim.units import BASE_UNITS, Unit
 
 TOOL = "suspension-fmus"  # our vendor annotation: kind and sample time, constants that source and target must share, sources of values
 MOST_ELEMENTS = 1_000_000  # scalar variables and elements of arrays of one FMU

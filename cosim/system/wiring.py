@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from build_fmus.checks import did_you_mean
+from build_fmus.units import UnitMismatchError, conversion
 from cosim.component import Component
 from cosim.description import Description, Variable
 from cosim.errors import WiringError
@@ -19,7 +20,6 @@ from cosim.system.members import Connection, Group, Member, article
 from cosim.system.names import Members, elements, fits_any, glob
 from cosim.system.schedule import Schedule, make_schedule, unconnected
 from cosim.time import TimeLike, positive, rational
-from cosim.units import UnitMismatchError, conversion
 
 Kind = Literal["discrete", "continuous"]
 

@@ -14,24 +14,13 @@ from typing import Any
 import casadi as ca
 
 from build_fmus.component import Component
+from fmu_sources.models.corners import TWO_AXLES, Corners
 from fmu_sources.plants.gravity import gravity
 from fmu_sources.vehicles import FullCar, declare
 
 LOW_SPEED = 1.0  # m/s; below it slip is formed with this speed, so that slip exists and decays at standstill
 EASE_SLIP, RELEASE_SLIP = 0.15, 0.30  # from this slip on the driver eases off, at that one torque is 0
 MAX_SPEED = 60.0  # m/s; the driver model keeps the car straight up to here
-
-
-@dataclass(frozen=True)
-class Corner:
-    """One wheel: position relative to the CG [m], parameters of its axle, and what the driver may do with it."""
-
-    name: str
-    x: Any
-    y: Any
-    strut: Any
-    static_load: Any  # of the strut, N
-    steered: bool
 
 
 def full_car(vehicle: FullCar, name: str = "FullCarHmmwv") -> Component:
@@ -57,15 +46,12 @@ def full_car(vehicle: FullCar, name: str = "FullCarHmmwv") -> Component:
 
     # ------------------------------------------------------------------------------------------------------ inputs
 
-    road, slope, force = {}, {}, {}
-    for k in corners:
-        road[k.name] = c.input(f"road.{k.name}.height", "m", f"road height under the {k.name} wheel")
-    for k in corners:
-        slope[k.name] = c.input(f"road.{k.name}.slope", "1", f"slope dz/dx of the road under the {k.name} wheel")
-    for k in corners:
-        force[k.name] = c.input(
-            f"force.{k.name}", "N", f"actuator force at {k.name}, positive lifts the body and pushes the wheel down"
-        )
+    lifts = "positive lifts the body and pushes the wheel down"
+    corners.each(
+        road=lambda k: c.input(f"road.{k}.height", "m", f"road height under the {k} wheel"),
+        slope=lambda k: c.input(f"road.{k}.slope", "1", f"slope dz/dx of the road under the {k} wheel"),
+        force=lambda k: c.input(f"force.{k}", "N", f"actuator force at {k}, {lifts}"),
+    )
     target_speed = c.input(
         "target.speed", "m/s", "speed the driver keeps; its first value is the start speed", start=50.0 / 3.6, min=0.0,
         max=MAX_SPEED, display_unit="km/h",
@@ -75,7 +61,7 @@ def full_car(vehicle: FullCar, name: str = "FullCarHmmwv") -> Component:
     # ------------------------------------------------------------------------------------------------------ states
 
     least = c.constant("least.stiffness", 1e-9, "N/m", "keeps roll at rest determined without any spring", source="own")
-    rest = _equilibrium(corners, p, road, least)
+    rest = _equilibrium(corners, p, least)
     x = c.state("x", "m", "distance of the CG along the road", start=start_x, output=True, nominal=10.0)
     y = c.state("y", "m", "lateral position of the CG, positive left", output=True)
     zb = c.state("body.z", "m", "CG height above its static position", start=rest.z, output=True, nominal=0.1)
@@ -90,23 +76,19 @@ def full_car(vehicle: FullCar, name: str = "FullCarHmmwv") -> Component:
         c.state(f"body.{axis}_rate", "rad/s", f"{axis} rate about the body axis", output=True, nominal=0.1)
         for axis in ("roll", "pitch", "yaw")
     ]
-    zw, vw, spin, slip_x, slip_y = {}, {}, {}, {}, {}
-    for k in corners:
-        n = k.name
-        zw[n] = c.state(
-            f"wheel.{n}.z", "m", "wheel centre above its static height", start=rest.wheel[n], output=True, nominal=0.1
-        )
-    for k in corners:
-        vw[k.name] = c.state(f"wheel.{k.name}.vz", "m/s", "vertical velocity of the wheel", output=True)
-    rolling = target_speed / p.wheel.radius
-    for k in corners:
-        spin[k.name] = c.state(
-            f"wheel.{k.name}.spin", "rad/s", "spin, positive forward", start=rolling, output=True, nominal=10.0
-        )
-    for k in corners:
-        slip_x[k.name] = c.state(f"tire.{k.name}.slip", "1", "lagged slip, positive driving", nominal=0.1)
-    for k in corners:
-        slip_y[k.name] = c.state(f"tire.{k.name}.slip_angle", "rad", "lagged slip angle, positive left", nominal=0.1)
+    shown: dict[str, Any] = {"output": True}
+    start_spin = target_speed / p.wheel.radius
+    corners.each(
+        z=lambda k: c.state(
+            f"wheel.{k}.z", "m", "wheel centre above its static height", start=k.rest, nominal=0.1, **shown
+        ),
+        vz=lambda k: c.state(f"wheel.{k}.vz", "m/s", "vertical velocity of the wheel", **shown),
+        spin=lambda k: c.state(
+            f"wheel.{k}.spin", "rad/s", "spin, positive forward", start=start_spin, nominal=10.0, **shown
+        ),
+        slip_x=lambda k: c.state(f"tire.{k}.slip", "1", "lagged slip, positive driving", nominal=0.1),
+        slip_y=lambda k: c.state(f"tire.{k}.slip_angle", "rad", "lagged slip angle, positive left", nominal=0.1),
+    )
     speed_error = c.state("driver.speed_error", "m", "integral of the speed error")
 
     # -------------------------------------------------------------------------------------------------- kinematics
@@ -144,61 +126,58 @@ def full_car(vehicle: FullCar, name: str = "FullCarHmmwv") -> Component:
     body_force = -p.body.mass * g * up
     body_moment = ca.SX.zeros(3)  # about the CG, road axes
     applied: Any = 0.0  # torque of all wheels
-    wheel_force, spin_torque, slip_x_rate, slip_y_rate = {}, {}, {}, {}
-    load, travel, travel_rate = {}, {}, {}
     for k in corners:
-        n = k.name
         # Points of the body: where the strut acts, beside the hub, and above the contact patch. The strut acts at CG
         # height, which leaves the weight no lever arm when the body pitches.
         top = turn @ ca.vertcat(k.x, k.y, 0)
         hub = turn @ ca.vertcat(k.x, k.y, p.wheel.hub_height - p.body.cg_height)
         patch = turn @ ca.vertcat(k.x, k.y, -p.body.cg_height)
         for point, of in ((top, "strut"), (hub, "hub"), (patch, "patch")):
-            c.value(f"{of}_{n}", point, source=f"{of} {n} from the CG, road axes")
+            c.value(f"{of}_{k}", point, source=f"{of} {k} from the CG, road axes")
 
         # Strut: preload, spring and damper through the motion ratio, stops, actuator; vertical, equal and opposite.
-        travel[n] = zb + top[2] - zw[n]
-        travel_rate[n] = vz + ca.cross(omega, top)[2] - vw[n]
+        k.travel = zb + top[2] - k.z
+        k.travel_rate = vz + ca.cross(omega, top)[2] - k.vz
         strut = (
             k.static_load
-            - p.suspension.motion_ratio**2 * (k.strut.spring * travel[n] + k.strut.damper * travel_rate[n])
-            - _stop(travel[n], p.suspension.stop)
-            + force[n]
+            - p.suspension.motion_ratio**2 * (k.strut.spring * k.travel + k.strut.damper * k.travel_rate)
+            - _stop(k.travel, p.suspension.stop)
+            + k.force
         )
         c.value(
-            f"strut_force_{n}", strut, source="preload, spring and damper through the motion ratio, stops, actuator"
+            f"strut_force_{k}", strut, source="preload, spring and damper through the motion ratio, stops, actuator"
         )
 
         # Tire, vertical: the road rises under the moving wheel with slope x speed; a tire takes no tension.
         hub_velocity = velocity + ca.cross(omega, hub)
-        c.value(f"hub_velocity_{n}", hub_velocity)
-        gradient = _limit(slope[n], 1.0)
+        c.value(f"hub_velocity_{k}", hub_velocity)
+        gradient = _limit(k.slope, 1.0)
         static = k.static_load + p.wheel.mass * g
-        compression, compression_rate = road[n] - zw[n], gradient * hub_velocity[0] - vw[n]
-        load[n] = ca.fmax(0, static + p.tire.stiffness * compression + p.tire.damping * compression_rate)
+        compression, compression_rate = k.road - k.z, gradient * hub_velocity[0] - k.vz
+        k.load = ca.fmax(0, static + p.tire.stiffness * compression + p.tire.damping * compression_rate)
 
         # Tire, horizontal: slips lag by a relaxation length; forces grow with slip and load up to the friction ellipse.
         forward, sideways = (wheel_ahead, wheel_left) if k.steered else (ahead, left)
         rolling = ca.dot(hub_velocity, forward)
         sliding = ca.dot(velocity + ca.cross(omega, patch), sideways)
         pace = ca.sqrt(rolling**2 + low_speed**2)
-        slip_x_rate[n] = (spin[n] * p.wheel.radius - rolling - pace * slip_x[n]) / p.tire.longitudinal_relaxation
-        slip_y_rate[n] = (-sliding - pace * slip_y[n]) / p.tire.lateral_relaxation
-        drive, corner = p.tire.slip_stiffness * slip_x[n], p.tire.cornering_stiffness * slip_y[n]  # per load
-        grip = load[n] / ca.sqrt(1 + (drive**2 + corner**2) / p.tire.friction**2)
-        c.value(f"drive_force_{n}", grip * drive, source="grows with slip and load up to the friction ellipse")
-        c.value(f"side_force_{n}", grip * corner, source="grows with slip angle and load up to the friction ellipse")
+        k.slip_x_rate = (k.spin * p.wheel.radius - rolling - pace * k.slip_x) / p.tire.longitudinal_relaxation
+        k.slip_y_rate = (-sliding - pace * k.slip_y) / p.tire.lateral_relaxation
+        drive, corner = p.tire.slip_stiffness * k.slip_x, p.tire.cornering_stiffness * k.slip_y  # per load
+        grip = k.load / ca.sqrt(1 + (drive**2 + corner**2) / p.tire.friction**2)
+        c.value(f"drive_force_{k}", grip * drive, source="grows with slip and load up to the friction ellipse")
+        c.value(f"side_force_{k}", grip * corner, source="grows with slip angle and load up to the friction ellipse")
 
         # Wheel; torque is reduced where it makes the wheel slip.
-        torque = ca.fmax(0, limited) * _eased(slip_x[n]) + ca.fmin(0, limited) * _eased(-slip_x[n])
-        c.value(f"wheel_torque_{n}", torque, source="reduced where it makes the wheel slip")
+        torque = ca.fmax(0, limited) * _eased(k.slip_x) + ca.fmin(0, limited) * _eased(-k.slip_x)
+        c.value(f"wheel_torque_{k}", torque, source="reduced where it makes the wheel slip")
         applied += torque
-        wheel_force[n] = load[n] - strut - p.wheel.mass * g
-        spin_torque[n] = torque - grip * drive * p.wheel.radius
+        k.wheel_force = k.load - strut - p.wheel.mass * g
+        k.spin_torque = torque - grip * drive * p.wheel.radius
 
         # Body: strut; drive force and the push of the slope at the hub; side force at the patch; the driveline is
         # mounted on the body, so the reaction of the wheel torque turns it.
-        at_hub = grip * drive * forward - load[n] * gradient * ca.vertcat(1, 0, 0)
+        at_hub = grip * drive * forward - k.load * gradient * ca.vertcat(1, 0, 0)
         at_patch = grip * corner * sideways
         body_force += strut * up + at_hub + at_patch
         body_moment += ca.cross(top, strut * up) + ca.cross(hub, at_hub) + ca.cross(patch, at_patch)
@@ -226,12 +205,11 @@ def full_car(vehicle: FullCar, name: str = "FullCarHmmwv") -> Component:
     for state, value in zip(rate, ca.vertsplit(angular), strict=True):
         c.derivative(state, value, source="Euler, principal axes of the body")
     for k in corners:
-        n = k.name
-        c.derivative(zw[n], vw[n])
-        c.derivative(vw[n], wheel_force[n] / p.wheel.mass)
-        c.derivative(spin[n], spin_torque[n] / p.wheel.spin_inertia)
-        c.derivative(slip_x[n], slip_x_rate[n], source="slips lag by a relaxation length")
-        c.derivative(slip_y[n], slip_y_rate[n], source="slips lag by a relaxation length")
+        c.derivative(k.z, k.vz)
+        c.derivative(k.vz, k.wheel_force / p.wheel.mass)
+        c.derivative(k.spin, k.spin_torque / p.wheel.spin_inertia)
+        c.derivative(k.slip_x, k.slip_x_rate, source="slips lag by a relaxation length")
+        c.derivative(k.slip_y, k.slip_y_rate, source="slips lag by a relaxation length")
     winding_up = ca.logic_and(ca.fabs(applied) < 0.999 * ca.fabs(4 * requested), requested * error > 0)
     c.derivative(speed_error, ca.if_else(winding_up, 0, error))
 
@@ -242,19 +220,18 @@ def full_car(vehicle: FullCar, name: str = "FullCarHmmwv") -> Component:
     for i, axis in enumerate(("roll", "pitch", "yaw")):
         c.output(f"body.{axis}_acceleration", angular[i], "rad/s2", f"{axis} acceleration about the body axis")
     for k in corners:
-        n = k.name
-        c.output(f"wheel.{n}.az", wheel_force[n] / p.wheel.mass, "m/s2", "vertical acceleration of the wheel")
-        c.output(f"suspension.{n}.deflection", travel[n], "m", "body height minus wheel height", display_unit="mm")
-        c.output(f"suspension.{n}.velocity", travel_rate[n], "m/s", "rate of the suspension deflection")
-        c.output(f"tire.{n}.deflection", zw[n] - road[n], "m", "wheel height minus road height", display_unit="mm")
-        c.output(f"tire.{n}.force", load[n], "N", "vertical tire force, never negative", display_unit="kN")
-        power = force[n] * travel_rate[n]
-        c.output(f"actuator.{n}.power", power, "W", "power from the actuator into the car", display_unit="kW")
+        c.output(f"wheel.{k}.az", k.wheel_force / p.wheel.mass, "m/s2", "vertical acceleration of the wheel")
+        c.output(f"suspension.{k}.deflection", k.travel, "m", "body height minus wheel height", display_unit="mm")
+        c.output(f"suspension.{k}.velocity", k.travel_rate, "m/s", "rate of the suspension deflection")
+        c.output(f"tire.{k}.deflection", k.z - k.road, "m", "wheel height minus road height", display_unit="mm")
+        c.output(f"tire.{k}.force", k.load, "N", "vertical tire force, never negative", display_unit="kN")
+        power = k.force * k.travel_rate
+        c.output(f"actuator.{k}.power", power, "W", "power from the actuator into the car", display_unit="kW")
 
     for kmh in (0, 20, 80, 120, 216):
         c.operating_point(f"{kmh} km/h", {"target.speed": kmh / 3.6})
     c.operating_point("stops closed", {"body.z": -0.16})
-    c.operating_point("wheels hanging", {f"wheel.{k.name}.z": -0.16 for k in corners})
+    c.operating_point("wheels hanging", {f"wheel.{k}.z": -0.16 for k in corners})
     c.stimulate(_stimulus())
     return c
 
@@ -264,45 +241,49 @@ class _Rest:
     z: Any
     roll: Any
     pitch: Any
-    wheel: dict[str, Any]
 
 
-def _corners(p: Any, g: Any) -> list[Corner]:
+def _corners(p: Any, g: Any) -> Corners:
+    """Corners with their position relative to the CG [m], parameters of the axle, static load of the strut [N], and whether they steer."""
     to_front = p.body.cg_position * p.body.wheelbase
     to_rear = p.body.wheelbase - to_front
     on_front = p.body.mass * g * to_rear / p.body.wheelbase / 2
     on_rear = p.body.mass * g * to_front / p.body.wheelbase / 2
     half = p.body.track / 2
-    front, rear = p.suspension.front, p.suspension.rear
-    return [
-        Corner("fl", to_front, half, front, on_front, steered=True),
-        Corner("fr", to_front, -half, front, on_front, steered=True),
-        Corner("rl", -to_rear, half, rear, on_rear, steered=False),
-        Corner("rr", -to_rear, -half, rear, on_rear, steered=False),
-    ]
+    corners = Corners(TWO_AXLES)
+    corners.each(
+        x=lambda k: to_front if k.axle == "front" else -to_rear,
+        y=lambda k: half if k.side > 0 else -half,
+        strut=lambda k: getattr(p.suspension, k.axle),
+        static_load=lambda k: on_front if k.axle == "front" else on_rear,
+        steered=lambda k: k.axle == "front",
+    )
+    return corners
 
 
-def _equilibrium(corners: list[Corner], p: Any, road: dict[str, Any], least: Any) -> _Rest:
-    """Where the car rests on the given wheel heights: exact on a level road, to second order in the angles otherwise.
+def _equilibrium(corners: Corners, p: Any, least: Any) -> _Rest:
+    """Where the car rests on the given wheel heights: exact on a level road, to second order in the angles otherwise. Corners learn
+    the ``rest`` of their wheels [m].
 
     Spring and tire in series at each corner carry the body as one plane: heave and pitch follow the axle means, roll
     is the stiffness-weighted mean of the two axles. ``least`` stiffness [N/m] keeps roll determined without any spring.
     """
-    fl, fr, rl, rr = (road[k.name] for k in corners)
+    fl, fr, rl, rr = corners.all("road")
     to_front, to_rear = corners[0].x, -corners[2].x
     front, rear = (fl + fr) / 2, (rl + rr) / 2
     z = (front * to_rear + rear * to_front) / p.body.wheelbase
     slope = (rear - front) / p.body.wheelbase
-    rate = {k.name: p.suspension.motion_ratio**2 * k.strut.spring + least for k in corners}
-    series = {n: r * p.tire.stiffness / (r + p.tire.stiffness) for n, r in rate.items()}
-    twist = (series["fl"] * (fl - fr) + series["rl"] * (rl - rr)) / (series["fl"] + series["rl"]) / p.body.track
+    corners.each(
+        rate=lambda k: p.suspension.motion_ratio**2 * k.strut.spring + least,
+        series=lambda k: k.rate * p.tire.stiffness / (k.rate + p.tire.stiffness),
+    )
+    at_front, _, at_rear, _ = corners.all("series")
+    twist = (at_front * (fl - fr) + at_rear * (rl - rr)) / (at_front + at_rear) / p.body.track
     pitch, roll = ca.atan(slope), ca.atan(twist)
-    wheel = {}
     for k in corners:
         body = z - k.x * slope + k.y * twist
-        r = rate[k.name]
-        wheel[k.name] = (p.tire.stiffness * road[k.name] + r * body) / (p.tire.stiffness + r)
-    return _Rest(z, roll, pitch, wheel)
+        k.rest = (p.tire.stiffness * k.road + k.rate * body) / (p.tire.stiffness + k.rate)
+    return _Rest(z, roll, pitch)
 
 
 def _rotation(yaw: Any, pitch: Any, roll: Any) -> Any:

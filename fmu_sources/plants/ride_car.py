@@ -20,6 +20,7 @@ from typing import Any
 import casadi as ca
 
 from build_fmus.component import Component
+from fmu_sources.models.corners import Corner, Corners
 from fmu_sources.plants.friction import declare_friction, friction_loss
 from fmu_sources.plants.gravity import gravity
 from fmu_sources.vehicles import RideCar, ThreeAxleCar, declare
@@ -52,7 +53,7 @@ def ride_car(vehicle: RideCar | ThreeAxleCar, name: str = "RideCarSedan") -> Com
     Displacements are measured from static equilibrium. Actuator forces push the body up and the wheel down. Paper 003 has
     roll positive to the left and pitch positive nose up: both signs are those of ISO 8855 here, the other way round.
     """
-    corners = {n: 1 if n.endswith("l") else -1 for n in vehicle.wheel.axle_of}  # -> side of the CG: 1 left, -1 right
+    corners = Corners(vehicle.wheel.axle_of)
     c = Component(
         name,
         kind="continuous",
@@ -63,9 +64,12 @@ def ride_car(vehicle: RideCar | ThreeAxleCar, name: str = "RideCarSedan") -> Com
         notes=_NOTES,
     )
     p = declare(c, vehicle)
-    part = {n: (getattr(p.wheel, n), getattr(p.suspension, n), getattr(p.tire, n)) for n in corners}
-
-    with_friction = [n for n, (_, suspension, _) in part.items() if hasattr(suspension, "friction")]
+    corners.each(
+        wheel=lambda k: getattr(p.wheel, k.name),
+        suspension=lambda k: getattr(p.suspension, k.name),
+        tire=lambda k: getattr(p.tire, k.name),
+    )
+    with_friction = [k for k in corners if hasattr(k.suspension, "friction")]
     acting = declare_friction(c) if with_friction else None
     lifting = c.parameter(
         "tires.lift_off", vehicle.tires_lift_off, None, "whether tires lift off: they take no tension once their static load is gone",
@@ -74,12 +78,12 @@ def ride_car(vehicle: RideCar | ThreeAxleCar, name: str = "RideCarSedan") -> Com
 
     # ------------------------------------------------------------------------------------------------------ inputs
 
-    road = [c.input(f"road.{n}.height", "m", f"road height under the {n} wheel") for n in corners]
-    road_rate = [c.input(f"road.{n}.rate", "m/s", f"rate of the road height under the {n} wheel") for n in corners]
-    force = [
-        c.input(f"force.{n}", "N", f"actuator force at {n}, positive lifts the body and pushes the wheel down")
-        for n in corners
-    ]
+    lifts = "positive lifts the body and pushes the wheel down"
+    corners.each(
+        road=lambda k: c.input(f"road.{k}.height", "m", f"road height under the {k} wheel"),
+        road_rate=lambda k: c.input(f"road.{k}.rate", "m/s", f"rate of the road height under the {k} wheel"),
+        force=lambda k: c.input(f"force.{k}", "N", f"actuator force at {k}, {lifts}"),
+    )
 
     # --------------------------------------------------------------------------------- coordinates and their rates
 
@@ -88,39 +92,41 @@ def ride_car(vehicle: RideCar | ThreeAxleCar, name: str = "RideCarSedan") -> Com
         c.state("body.z", "m", "CG height above static equilibrium", output=True, nominal=0.1),
         c.state("body.roll", "rad", "roll angle, positive left side up", **angle),
         c.state("body.pitch", "rad", "pitch angle, positive nose down", **angle),
-        *(c.state(f"wheel.{n}.z", "m", "wheel height above static equilibrium", output=True, nominal=0.1)
-          for n in corners),
+        *(c.state(f"wheel.{k}.z", "m", "wheel height above static equilibrium", output=True, nominal=0.1)
+          for k in corners),
     ]  # fmt: skip
     dq = [
         c.state("body.vz", "m/s", "vertical velocity of the CG", output=True),
         c.state("body.roll_rate", "rad/s", "roll rate", output=True, nominal=0.1, display_unit="deg/s"),
         c.state("body.pitch_rate", "rad/s", "pitch rate", output=True, nominal=0.1, display_unit="deg/s"),
-        *(c.state(f"wheel.{n}.vz", "m/s", "vertical velocity of the wheel", output=True) for n in corners),
+        *(c.state(f"wheel.{k}.vz", "m/s", "vertical velocity of the wheel", output=True) for k in corners),
     ]
 
-    def lengths(q: list[Any], road: list[Any]) -> tuple[list[Any], list[Any]]:
-        """Suspension and tire deflections of the corners; their rates when given rates. 004 equation (12)."""
+    def lengths(k: Corner, q: list[Any], road: Any) -> tuple[Any, Any]:
+        """Suspension and tire deflection of a corner; their rates when given rates. 004 equation (12)."""
         z, roll, pitch, *wheels = q
-        top = [z + corners[n] * wheel.half_track * roll - wheel.x * pitch for n, (wheel, _, _) in part.items()]
-        return [a - b for a, b in zip(top, wheels, strict=True)], [a - b for a, b in zip(wheels, road, strict=True)]
+        wheel = wheels[k.place]
+        top = z + k.side * k.wheel.half_track * roll - k.wheel.x * pitch
+        return top - wheel, wheel - road
 
-    travel, deflection = lengths(q, road)
-    travel_rate, deflection_rate = lengths(dq, road_rate)
+    for k in corners:
+        k.travel, k.deflection = lengths(k, q, k.road)
+        k.travel_rate, k.deflection_rate = lengths(k, dq, k.road_rate)
 
     # ---------------------------------------------------------------------------------------------------- energies
 
-    def halves(factors: list[Any], values: list[Any]) -> Any:
-        return sum(f * v * v / 2 for f, v in zip(factors, values, strict=True))
+    def half(factor: Any, value: Any) -> Any:
+        return factor * value * value / 2
 
-    suspensions, tires = ([parts[i] for parts in part.values()] for i in (1, 2))
-    masses = [p.body.mass, p.body.roll_inertia, p.body.pitch_inertia, *(wheel.mass for wheel, _, _ in part.values())]
-    kinetic = halves(masses, dq)
-    potential = halves([s.stiffness for s in suspensions], travel) + halves([t.stiffness for t in tires], deflection)
-    lost = halves([s.damping for s in suspensions], travel_rate) + halves([t.damping for t in tires], deflection_rate)
+    masses = [p.body.mass, p.body.roll_inertia, p.body.pitch_inertia, *(k.wheel.mass for k in corners)]
+    kinetic = sum(half(m, v) for m, v in zip(masses, dq, strict=True))
+    potential = sum(half(k.suspension.stiffness, k.travel) for k in corners)
+    potential += sum(half(k.tire.stiffness, k.deflection) for k in corners)
+    lost = sum(half(k.suspension.damping, k.travel_rate) for k in corners)
+    lost += sum(half(k.tire.damping, k.deflection_rate) for k in corners)
     if acting is not None:
-        lost += sum(friction_loss(part[n][1].friction, v, acting) for n, v in zip(part, travel_rate, strict=True)
-                    if n in with_friction)  # fmt: skip
-    work = sum(f * d for f, d in zip(force, travel, strict=True))  # virtual: its gradient is the generalized force
+        lost += sum(friction_loss(k.suspension.friction, k.travel_rate, acting) for k in with_friction)
+    work = sum(k.force * k.travel for k in corners)  # virtual: its gradient is the generalized force
 
     # ------------------------------------------------------------------------------------------ equations of motion
 
@@ -128,15 +134,14 @@ def ride_car(vehicle: RideCar | ThreeAxleCar, name: str = "RideCarSedan") -> Com
     inertia = ca.hessian(kinetic, velocity)[0]
     assert inertia.sparsity().is_diag(), "coordinates at the CG along principal axes"
     drive = ca.gradient(work, position) - ca.gradient(potential, position) - ca.gradient(lost, velocity)
-    dynamic = [
-        -tire.stiffness * x - tire.damping * v
-        for (_, _, tire), x, v in zip(part.values(), deflection, deflection_rate, strict=True)
-    ]  # tire forces beyond the static load, on the wheels
-    static = _static_loads(c, p.body.mass, [wheel for wheel, _, _ in part.values()], list(corners.values()))
-    tension = [ca.if_else(lifting, ca.fmin(d + w, 0), 0) for d, w in zip(dynamic, static, strict=True)]  # not taken
-    drive -= ca.jtimes(ca.vertcat(*deflection), position, ca.vertcat(*tension), True)
+    _static_loads(c, p.body.mass, corners)
+    for k in corners:
+        k.dynamic = -k.tire.stiffness * k.deflection - k.tire.damping * k.deflection_rate  # beyond the static load
+        k.tension = ca.if_else(lifting, ca.fmin(k.dynamic + k.static, 0), 0)  # that the tire does not take
+    tension, deflection = (ca.vertcat(*corners.all(n)) for n in ("tension", "deflection"))
+    drive -= ca.jtimes(deflection, position, tension, True)
     acceleration = ca.vertsplit(drive / ca.diag(inertia))
-    numbers = _EQUATIONS[type(vehicle)](list(corners))
+    numbers = _EQUATIONS[type(vehicle)](corners.all("name"))
     for place, rate, value, number in zip(q, dq, acceleration, numbers, strict=True):
         c.derivative(place, rate)
         c.derivative(rate, value, source=number)
@@ -147,35 +152,35 @@ def ride_car(vehicle: RideCar | ThreeAxleCar, name: str = "RideCarSedan") -> Com
     c.output("body.az", az, "m/s2", "vertical acceleration of the CG")
     c.output("body.roll_acceleration", roll_acceleration, "rad/s2", "roll acceleration", display_unit="deg/s2")
     c.output("body.pitch_acceleration", pitch_acceleration, "rad/s2", "pitch acceleration", display_unit="deg/s2")
-    for n, value in zip(corners, wheel_az, strict=True):
-        c.output(f"wheel.{n}.az", value, "m/s2", "vertical acceleration of the wheel")
-    for n, value in zip(corners, travel, strict=True):
-        c.output(f"suspension.{n}.deflection", value, "m", "body height minus wheel height", display_unit="mm")
-    for n, value in zip(corners, travel_rate, strict=True):
-        c.output(f"suspension.{n}.velocity", value, "m/s", "rate of the suspension deflection")
-    for n, value in zip(corners, deflection, strict=True):
-        c.output(f"tire.{n}.deflection", value, "m", "wheel height minus road height", display_unit="mm")
+    for k, value in zip(corners, wheel_az, strict=True):
+        c.output(f"wheel.{k}.az", value, "m/s2", "vertical acceleration of the wheel")
+    for k in corners:
+        c.output(f"suspension.{k}.deflection", k.travel, "m", "body height minus wheel height", display_unit="mm")
+    for k in corners:
+        c.output(f"suspension.{k}.velocity", k.travel_rate, "m/s", "rate of the suspension deflection")
+    for k in corners:
+        c.output(f"tire.{k}.deflection", k.deflection, "m", "wheel height minus road height", display_unit="mm")
 
-    for n, d, w, t in zip(corners, dynamic, static, tension, strict=True):
-        c.output(f"tire.{n}.force", d + w - t, "N", "tire force on the wheel, static load included", nominal=1e3,
-                 display_unit="kN")  # fmt: skip
+    for k in corners:
+        c.output(f"tire.{k}.force", k.dynamic + k.static - k.tension, "N", "tire force on the wheel, static load included",
+                 nominal=1e3, display_unit="kN")  # fmt: skip
 
-    c.stimulate(_stimulus(list(corners)))
+    c.stimulate(_stimulus(corners.all("name")))
     return c
 
 
-def _static_loads(c: Component, mass: Any, wheels: list[Any], sides: list[int]) -> list[Any]:
-    """Load [N] of each tire at rest: its wheel's weight and its share of the body's.
+def _static_loads(c: Component, mass: Any, corners: Corners) -> None:
+    """Give each corner ``static``, the load [N] of its tire at rest: its wheel's weight and its share of the body's.
 
     The body is in equilibrium on equal springs: with a car that is the same left and right, the law of the lever.
     """
-    arms = [ca.vertcat(1, side * wheel.half_track, -wheel.x) for side, wheel in zip(sides, wheels, strict=True)]
+    corners.each(arms=lambda k: ca.vertcat(1, k.side * k.wheel.half_track, -k.wheel.x))
     least = 1e-9  # keeps it solvable for wheels in one line or point
     area = c.constant("least.area", least, "m2", "added to the second moments of the wheel positions", source="own")
-    rest = sum((a @ a.T for a in arms), ca.diag(ca.vertcat(least, area, area)))
+    rest = sum((k.arms @ k.arms.T for k in corners), ca.diag(ca.vertcat(least, area, area)))
     g = gravity(c)
     share = ca.inv_minor(rest) @ ca.vertcat(mass * g, 0, 0)
-    return [ca.dot(a, share) + wheel.mass * g for a, wheel in zip(arms, wheels, strict=True)]
+    corners.each(static=lambda k: ca.dot(k.arms, share) + k.wheel.mass * g)
 
 
 def _stimulus(corners: list[str]) -> dict[str, Any]:

@@ -20,7 +20,7 @@ import casadi as ca
 import numpy as np
 
 from build_fmus.component import Component
-from fmu_sources.models.corners import SIX_CORNERS
+from fmu_sources.models.corners import THREE_AXLES, Corner, Corners
 from fmu_sources.plants.gravity import gravity
 from fmu_sources.plants.obstacle import Outline, Touch
 from fmu_sources.vehicles import ThreeAxleTrenchCar, declare
@@ -33,22 +33,6 @@ LEAST_COLUMN = 0.2  # of the length of a gas column at rest; compressed further,
 FRICTION_TIME = 4e-4  # s; least time in which friction stops a wheel that slides along its strut
 PROGRESS_TIME = 1.0  # s; time constant of the smoothed speed behind `stuck`
 STUCK_BELOW = 0.05  # of target.speed
-
-
-@dataclass(frozen=True)
-class _Wheel:
-    """One wheel: position relative to the CG, parameters, and its rest."""
-
-    name: str
-    side: str
-    x: Any  # ahead of the CG
-    y: Any  # left of the CG
-    mass: Any
-    strut: Any
-    tire: Any
-    static_load: Any  # of the strut, N
-    compression: Any  # static penetration of the tire, m
-    below: Any = None  # wheel centre below the CG at rest, m
 
 
 @dataclass(frozen=True)
@@ -110,10 +94,10 @@ def three_axle_trench(vehicle: ThreeAxleTrenchCar, name: str = "ThreeAxleTrench"
     )  # fmt: skip
     g, small = gravity(c), _Small.of(c)
     wheels = _wheels(p, g, small)
-    front, rear = (sum(w.x for w in wheels if w.name[:2] == axle) / 2 for axle in ("a1", "a3"))
+    front, rear = (sum(w.x for w in wheels if w.axle == axle) / 2 for axle in ("a1", "a3"))
     mean_radius = p.disc.radius - sum(w.compression for w in wheels) / 6
     height = p.body.cg_height + mean_radius  # of the CG above the road at rest
-    wheels = [_Wheel(**{**vars(w), "below": height - (p.disc.radius - w.compression)}) for w in wheels]
+    wheels.each(below=lambda w: height - (p.disc.radius - w.compression))
     tip, tail = front + p.outline.front_overhang, rear - p.outline.rear_overhang
 
     grounds, markers = _obstacle(c, tip, tip - tail, small.metre)
@@ -124,15 +108,8 @@ def three_axle_trench(vehicle: ThreeAxleTrenchCar, name: str = "ThreeAxleTrench"
 
     # ------------------------------------------------------------------------------------------------------ inputs
 
-    force = {
-        w.name: c.input(
-            f"force.{w.name}",
-            "N",
-            f"actuator force at {w.name}, positive lifts the body and pushes the wheel down",
-            nominal=1e4,
-        )
-        for w in wheels
-    }
+    lifts = "positive lifts the body and pushes the wheel down"
+    wheels.each(force=lambda w: c.input(f"force.{w}", "N", f"actuator force at {w}, {lifts}", nominal=1e4))
     target_speed = c.input(
         "target.speed", "m/s", "rolling speed of the wheels, imposed; its first value is the start speed",
         start=3 / 3.6, min=0.0, max=MAX_SPEED, display_unit="km/h",
@@ -147,13 +124,12 @@ def three_axle_trench(vehicle: ThreeAxleTrenchCar, name: str = "ThreeAxleTrench"
         c.state("body.pitch", "rad", "pitch angle, positive nose down", **angle),
         c.state("body.roll", "rad", "roll angle, positive left side up", **angle),
     ]
-    travel = {
-        w.name: c.state(
-            f"suspension.{w.name}.deflection", "m", "extension of the strut from rest", output=True, nominal=0.1,
+    wheels.each(
+        travel=lambda w: c.state(
+            f"suspension.{w}.deflection", "m", "extension of the strut from rest", output=True, nominal=0.1,
             display_unit="mm",
         )
-        for w in wheels
-    }  # fmt: skip
+    )  # fmt: skip
     base_rate = [
         c.state(
             "speed", "m/s", "forward speed of the CG", start=target_speed, output=True, nominal=1.0, display_unit="km/h"
@@ -162,10 +138,9 @@ def three_axle_trench(vehicle: ThreeAxleTrenchCar, name: str = "ThreeAxleTrench"
         c.state("body.pitch_rate", "rad/s", "pitch rate", output=True, nominal=0.1, display_unit="deg/s"),
         c.state("body.roll_rate", "rad/s", "roll rate", output=True, nominal=0.1, display_unit="deg/s"),
     ]
-    travel_rate = {
-        w.name: c.state(f"suspension.{w.name}.velocity", "m/s", "rate of the strut extension", output=True)
-        for w in wheels
-    }
+    wheels.each(
+        travel_rate=lambda w: c.state(f"suspension.{w}.velocity", "m/s", "rate of the strut extension", output=True)
+    )
     supplied = c.state(
         "energy.supplied", "J", "work of the wheel drives and actuators so far", output=True, nominal=1e4
     )
@@ -202,24 +177,23 @@ def three_axle_trench(vehicle: ThreeAxleTrenchCar, name: str = "ThreeAxleTrench"
     potential = p.body.mass * g * z
     drive_power: Any = 0.0
     actuator_power: Any = 0.0
-    hub, contact, back = {}, {}, {}
     for w in wheels:
-        n = w.name
-        s, ds = travel[n], travel_rate[n]
+        s, ds = w.travel, w.travel_rate
         centre = ca.vertcat(*place(w.x, w.y, -(w.below + s)))
         by_base, by_travel = ca.jacobian(centre, q), ca.jacobian(centre, s)  # 3 x 4, 3 x 1; by_travel has length 1
         velocity = by_base @ dq + by_travel * ds
         bias = ca.jtimes(velocity, ca.vertcat(q, s), ca.vertcat(dq, ds))  # acceleration of the wheel at constant rates
 
-        touches = grounds[w.side].disc(centre[0], centre[2], p.disc.radius)
+        touches = grounds[_side(w)].disc(centre[0], centre[2], p.disc.radius)
         total = _Contacts.of(touches, w.tire, p.disc, w.mass, velocity, spin, dq[2], rolling, driven, small)
         strut, stored = _strut(p, w, gas, s, ds, small)
         along = total.fx * ahead[0] + total.fz * ahead[1]
-        hub[n] = (along, total.fx * up[0] + total.fz * up[1])
-        contact[n] = (centre, velocity, total, grounds[w.side].clearance(touches))
+        w.hub_fx, w.hub_fz = along, total.fx * up[0] + total.fz * up[1]
+        w.centre, w.velocity, w.contact = centre, velocity, total
+        w.clearance = grounds[_side(w)].clearance(touches)
 
         outer = ca.vertcat(total.fx, 0, total.fz - w.mass * g)
-        inner = strut + force[n]  # along the strut, on the wheel
+        inner = strut + w.force  # along the strut, on the wheel
         free = w.mass * (by_base - by_travel @ (by_travel.T @ by_base))  # wheel slides along its strut
         share = by_base.T @ free
         own = ca.dot(by_travel, outer) + inner  # generalized force of the extension
@@ -229,10 +203,10 @@ def three_axle_trench(vehicle: ThreeAxleTrenchCar, name: str = "ThreeAxleTrench"
             for j in range(4):
                 mass[i][j] += share[i, j]
         load[2] -= total.traction * rolling  # the drives are mounted on the body: reaction of their torque
-        back[n] = (by_base, by_travel, own, bias)
+        w.by_base, w.by_travel, w.own, w.bias = by_base, by_travel, own, bias
 
         drive_power += total.traction * target_speed
-        actuator_power += force[n] * ds
+        actuator_power += w.force * ds
         kinetic += w.mass * ca.dot(velocity, velocity) / 2
         potential += w.mass * g * centre[2] + stored + total.energy
 
@@ -303,14 +277,12 @@ def three_axle_trench(vehicle: ThreeAxleTrenchCar, name: str = "ThreeAxleTrench"
     for place_, rate, value in zip(base, base_rate, acceleration, strict=True):
         c.derivative(place_, rate)
         c.derivative(rate, value)
-    wheel_acceleration = {}
     for w in wheels:
-        by_base, by_travel, own, bias = back[w.name]
-        carried = by_base @ ca.vertcat(*acceleration) + bias
-        second = own / w.mass - ca.dot(by_travel, carried)
-        c.derivative(travel[w.name], travel_rate[w.name])
-        c.derivative(travel_rate[w.name], second)
-        wheel_acceleration[w.name] = carried + by_travel * second
+        carried = w.by_base @ ca.vertcat(*acceleration) + w.bias
+        second = w.own / w.mass - ca.dot(w.by_travel, carried)
+        c.derivative(w.travel, w.travel_rate)
+        c.derivative(w.travel_rate, second)
+        w.acceleration = carried + w.by_travel * second
     c.derivative(supplied, drive_power + actuator_power)
     c.derivative(progress, (dq[0] - progress) / small.progress_time)
 
@@ -322,27 +294,26 @@ def three_axle_trench(vehicle: ThreeAxleTrenchCar, name: str = "ThreeAxleTrench"
     c.output("body.roll_acceleration", roll_acceleration, "rad/s2", "roll acceleration", display_unit="deg/s2")
     c.output("body.pitch_acceleration", pitch_acceleration, "rad/s2", "pitch acceleration", display_unit="deg/s2")
     for w in wheels:
-        n = w.name
-        centre, velocity, total, clearance = contact[n]
-        c.output(f"hub.{n}.x", centre[0], "m", "position of the wheel centre along the road")
-        c.output(f"hub.{n}.z", centre[2], "m", "height of the wheel centre above the road")
+        centre, total = w.centre, w.contact
+        c.output(f"hub.{w}.x", centre[0], "m", "position of the wheel centre along the road")
+        c.output(f"hub.{w}.z", centre[2], "m", "height of the wheel centre above the road")
         c.output(
-            f"wheel.{n}.z", centre[2] - (p.disc.radius - w.compression), "m", "wheel centre above its static height"
+            f"wheel.{w}.z", centre[2] - (p.disc.radius - w.compression), "m", "wheel centre above its static height"
         )
-        c.output(f"wheel.{n}.vz", velocity[2], "m/s", "vertical velocity of the wheel")
-        c.output(f"wheel.{n}.az", wheel_acceleration[n][2], "m/s2", "vertical acceleration of the wheel")
+        c.output(f"wheel.{w}.vz", w.velocity[2], "m/s", "vertical velocity of the wheel")
+        c.output(f"wheel.{w}.az", w.acceleration[2], "m/s2", "vertical acceleration of the wheel")
         c.output(
-            f"tire.{n}.deflection", clearance + w.compression, "m", "distance from the nearest ground, 0 at static load",
+            f"tire.{w}.deflection", w.clearance + w.compression, "m", "distance from the nearest ground, 0 at static load",
             display_unit="mm",
         )  # fmt: skip
-        c.output(f"hub.{n}.fx", hub[n][0], "N", "force of the tire on the hub along the body", display_unit="kN")
-        c.output(f"hub.{n}.fz", hub[n][1], "N", "force of the tire on the hub across the body", display_unit="kN")
-        c.output(f"contact.{n}.fx", total.fx, "N", "longitudinal force of the ground on the tire", display_unit="kN")
-        c.output(f"contact.{n}.fz", total.fz, "N", "vertical force of the ground on the tire", display_unit="kN")
-        c.output(f"contact.{n}.x", centre[0] + total.px, "m", "where the ground force acts, along the road")
+        c.output(f"hub.{w}.fx", w.hub_fx, "N", "force of the tire on the hub along the body", display_unit="kN")
+        c.output(f"hub.{w}.fz", w.hub_fz, "N", "force of the tire on the hub across the body", display_unit="kN")
+        c.output(f"contact.{w}.fx", total.fx, "N", "longitudinal force of the ground on the tire", display_unit="kN")
+        c.output(f"contact.{w}.fz", total.fz, "N", "vertical force of the ground on the tire", display_unit="kN")
+        c.output(f"contact.{w}.x", centre[0] + total.px, "m", "where the ground force acts, along the road")
         at = centre[2] + total.pz
         at = ca.if_else(ca.fabs(at) < 1e-9 * small.metre, 0, at)  # rounding on level road is no height
-        c.output(f"contact.{n}.z", at, "m", "where the ground force acts, height")
+        c.output(f"contact.{w}.z", at, "m", "where the ground force acts, height")
     c.output(
         "bumper.front.force", bumper["front"], "N", "contact force of the front bumper and nose", display_unit="kN"
     )
@@ -360,7 +331,7 @@ def three_axle_trench(vehicle: ThreeAxleTrenchCar, name: str = "ThreeAxleTrench"
     c.output("power.drive", drive_power, "W", "power of the imposed wheel spin", display_unit="kW")
     c.output("power.actuators", actuator_power, "W", "power of all actuators", display_unit="kW")
 
-    c.operating_point("axles at the stops", {f"suspension.{w.name}.deflection": -0.25 for w in wheels})
+    c.operating_point("axles at the stops", {f"suspension.{w}.deflection": -0.25 for w in wheels})
     c.operating_point("deep in the tires", {"body.z": -0.25})
     c.operating_point("body on the ground", {"body.z": -0.61})
     c.stimulate(_stimulus())
@@ -370,26 +341,36 @@ def three_axle_trench(vehicle: ThreeAxleTrenchCar, name: str = "ThreeAxleTrench"
 # ---------------------------------------------------------------------------------------------------------------- parts
 
 
-def _wheels(p: Any, g: Any, small: _Small) -> list[_Wheel]:
-    """The wheels with their static loads: the body rests level, its weight spread as on springs under a rigid plane."""
-    where = {
-        n: (getattr(p.wheel, n).x - p.body.cg_offset, SIDES[n[-1]][1] * getattr(p.wheel, n).half_track)
-        for n in SIX_CORNERS
-    }
-    rows = [ca.vertcat(1, *where[n]) for n in SIX_CORNERS]
-    stiffness = [getattr(p.suspension, n).stiffness + small.stiffness for n in SIX_CORNERS]
-    gram = sum(k * r @ r.T for k, r in zip(stiffness, rows, strict=True))
+def _wheels(p: Any, g: Any, small: _Small) -> Corners:
+    """The wheels: position relative to the CG [m], parameters, static load of the strut [N] and compression of the tire [m] at rest.
+
+    The body rests level, its weight spread as on springs under a rigid plane.
+    """
+    wheels = Corners(THREE_AXLES)
+    wheels.each(
+        x=lambda w: getattr(p.wheel, w.name).x - p.body.cg_offset,
+        y=lambda w: w.side * getattr(p.wheel, w.name).half_track,
+        mass=lambda w: getattr(p.wheel, w.name).mass,
+        strut=lambda w: getattr(p.suspension, w.name),
+        tire=lambda w: getattr(p.tire, w.name),
+        row=lambda w: ca.vertcat(1, w.x, w.y),
+        stiffness=lambda w: w.strut.stiffness + small.stiffness,
+    )
+    gram = sum(w.stiffness * w.row @ w.row.T for w in wheels)
     plane = ca.vertcat(*_solve([[gram[i, j] for j in range(3)] for i in range(3)], [p.body.mass * g, 0, 0]))
-    wheels = []
-    for k, row, n in zip(stiffness, rows, SIX_CORNERS, strict=True):
-        tire, mass = getattr(p.tire, n), getattr(p.wheel, n).mass
-        load = k * ca.dot(row, plane)
-        weight = load + mass * g
-        compression = weight / tire.stiffness
-        over = ca.fmax(0, weight - tire.stiffness * p.disc.bottoming) / (tire.stiffness + p.disc.bottoming_stiffness)
-        compression = ca.fmin(compression, p.disc.bottoming + over)
-        wheels.append(_Wheel(n, n[-1], *where[n], mass, getattr(p.suspension, n), tire, load, compression))
+    for w in wheels:
+        w.static_load = w.stiffness * ca.dot(w.row, plane)
+        weight = w.static_load + w.mass * g
+        compression = weight / w.tire.stiffness
+        over = ca.fmax(0, weight - w.tire.stiffness * p.disc.bottoming) / (
+            w.tire.stiffness + p.disc.bottoming_stiffness
+        )
+        w.compression = ca.fmin(compression, p.disc.bottoming + over)
     return wheels
+
+
+def _side(w: Corner) -> str:
+    return w.name[-1]
 
 
 @dataclass(frozen=True)
@@ -441,7 +422,7 @@ class _Contacts:
         return cls(fx, fz, traction, energy, px / weight, pz / weight)
 
 
-def _strut(p: Any, w: _Wheel, gas: Any, s: Any, ds: Any, small: _Small) -> tuple[Any, Any]:
+def _strut(p: Any, w: Corner, gas: Any, s: Any, ds: Any, small: _Small) -> tuple[Any, Any]:
     """Force of one strut (positive extends) and its stored energy: spring, damper, stops. Energy is 0 at rest."""
     linear = w.static_load - w.strut.stiffness * s
     linear_energy = -w.static_load * s + w.strut.stiffness * s**2 / 2

@@ -11,7 +11,7 @@ import numpy as np
 import scipy.linalg
 
 from build_fmus.component import Component
-from fmu_sources.models.corners import CORNERS
+from fmu_sources.models.corners import CORNERS, Corners
 from fmu_sources.vehicles import RideCar, SensorSet, declare
 
 SAMPLE_TIME = 5e-3  # s
@@ -76,9 +76,12 @@ def preview_sensor(
     )
     x = c.input("x", "m", "distance of the CG along the road")
     speed = c.input("speed", "m/s", "forward speed", display_unit="km/h")
-    road = [c.input(f"road.{k}.height", "m", f"buffered road under the {k} wheel, for compensation 1") for k in CORNERS]
+    corners = Corners(vehicle.wheel.axle_of)
+    corners.each(
+        road=lambda k: c.input(f"road.{k}.height", "m", f"buffered road under the {k} wheel, for compensation 1")
+    )
 
-    pose = pose + ca.if_else(compensation > 0.5, _free_response(c, vehicle, road, period), 0)
+    pose = pose + ca.if_else(compensation > 0.5, _free_response(c, vehicle, corners, period), 0)
     last = c.state("pose.last", None, "heave, roll and pitch of the sample before", shape=(3,), start=pose, rows=POSE)
     c.update(last, pose)
     then = pose + response / c.period * (last - pose)  # when the ranges were taken
@@ -108,13 +111,12 @@ def mount_range(sensors: SensorSet) -> float:
     return sensors.mount.height.value / math.cos(sensors.radar.tilt.value) + sensors.mount.bias.value
 
 
-def _free_response(c: Component, vehicle: RideCar, road: list[Any], period: float) -> Any:
+def _free_response(c: Component, vehicle: RideCar, corners: Corners, period: float) -> Any:
     """Heave, roll and pitch of four quarter cars (1.1) that follow the buffered road, a quarter of the body on each."""
     heights, units = [], ["m", "m", "m/s", "m/s"]
-    for k, height in zip(CORNERS, road, strict=True):
-        axle = vehicle.wheel.axle_of[k]
-        wheel, strut, tire = (getattr(part, axle) for part in (vehicle.wheel, vehicle.suspension, vehicle.tire))
-        ms, mu = vehicle.body.mass.value / 4, wheel.mass.value
+    for k in corners:
+        k.wheel, strut, tire = (getattr(part, k.axle) for part in (vehicle.wheel, vehicle.suspension, vehicle.tire))
+        ms, mu = vehicle.body.mass.value / 4, k.wheel.mass.value
         ks, cs, kt, ct = strut.stiffness.value, strut.damping.value, tire.stiffness.value, tire.damping.value
         # body and wheel height and velocity; the wheel's velocity less ct/mu of the road, which spares the road's rate
         A = np.array(
@@ -141,15 +143,12 @@ def _free_response(c: Component, vehicle: RideCar, road: list[Any], period: floa
             rows=["1", "1", "1/s", "1/s"],
             source="001 (1.1)",
         )
-        c.update(state, step @ state + held * height)
+        c.update(state, step @ state + held * k.road)
         heights.append(state[0])
-    places = []
-    for k in CORNERS:
-        wheel = getattr(vehicle.wheel, vehicle.wheel.axle_of[k])
-        places.append([1.0, (1 if k[1] == "l" else -1) * wheel.half_track.value, -wheel.x.value])
+    places = [[1.0, k.side * k.wheel.half_track.value, -k.wheel.x.value] for k in corners]
     by_heights = c.constant(
         "pose.by.heights", np.linalg.pinv(np.array(places)), None, "heave, roll and pitch of a plane", rows=POSE,
-        columns=["m"] * len(CORNERS), source="least squares",
+        columns=["m"] * len(corners), source="least squares",
     )  # fmt: skip
     return by_heights @ ca.vertcat(*heights)
 

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from probes import Clock, Delta, Integrator
 
+from build_fmus.units import KNOWN, Unit, UnitMismatchError, conversion
 from cosim import PythonComponent, System, TimeError, UnconnectedInputsWarning, WiringError
-from cosim.units import KNOWN, Unit, UnitMismatchError, conversion
 
 
 class Road(PythonComponent):

@@ -18,7 +18,7 @@ PACKAGES = ("build_fmus", "cosim", "fmu_sources")
 CORE = (
     "cosim/*.py", "cosim/fmu/", "cosim/system/", "cosim/master/", "cosim/engine/", "cosim/session.py", "cosim/__init__.py",
 )  # fmt: skip
-BELOW = ("build_fmus/safe_files/", "build_fmus/checks.py", "build_fmus/compile.py")
+BELOW = tuple(f"build_fmus/{name}" for name in ("safe_files/", "checks.py", "units.py", "compile.py"))
 
 
 @cache

@@ -158,7 +158,9 @@ def test_the_choice_is_said_and_refused(follower, monkeypatch):
         system.add("f", follower[2], step="10 ms")
         assert "the compiled engine, which calls back p" in str(system.schedule())
         assert "as requested" in str(system.schedule(engine="python"))
-        with pytest.raises(CosimError, match=r"no engine 'compile'; did you mean 'compiled'\? \(there are: auto, compiled, python\)"):
+        with pytest.raises(
+            CosimError, match=r"no engine 'compile'; did you mean 'compiled'\? \(there are: auto, compiled, python\)"
+        ):
             system.run(0.1, engine="compile")
         from cosim.engine import choice, library
 

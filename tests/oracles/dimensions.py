@@ -106,4 +106,4 @@ def _times(a: Exponents | None, b: Exponents, sign: int) -> Exponents:
 
 
 def _of(unit: str | None) -> Exponents:
-    return {b: Fraction(e) for b, e in units.unit(unit).exponents.items() if b != "rad"} if unit else NONE
+    return {b: Fraction(e) for b, e in units.unit(unit).powers.items() if b != "rad"} if unit else NONE

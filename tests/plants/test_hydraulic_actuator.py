@@ -348,7 +348,7 @@ def exponents(text: str) -> dict[str, int]:
     """Base units of a product like ``Pa`` or ``m3/s``; several factors separated by spaces."""
     total: dict[str, int] = {}
     for part in text.split():
-        for base, n in units.unit(part).exponents.items():
+        for base, n in units.unit(part).powers.items():
             total[base] = total.get(base, 0) + n
     return {b: n for b, n in total.items() if n}
 

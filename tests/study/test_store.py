@@ -101,7 +101,7 @@ def test_imports_wherever_they_stand(tmp_path: Path) -> None:
     (tmp_path / "study.py").write_text("def late():\n    from cosim import units\nimport build_fmus.qp_sources as q\n")
     names = {str(p.relative_to(ROOT)) for p in sources.imported([tmp_path / "study.py"]) if p.is_relative_to(ROOT)}
     assert {
-        "cosim/units.py",
+        "build_fmus/units.py",
         "cosim/__init__.py",
         "build_fmus/qp_sources.py",
         "build_fmus/safe_files/whole.py",

@@ -20,7 +20,7 @@ import casadi as ca
 
 from build_fmus.component import Component, Model
 from build_fmus.reference import Evaluator
-from fmu_sources.models.corners import SIX_CORNERS, THREE_AXLES
+from fmu_sources.models.corners import SIX_CORNERS, THREE_AXLES, Corners
 
 AXLES = tuple(dict.fromkeys(THREE_AXLES.values()))
 COUNT, STEP = 50, 5e-3  # samples of preview and reference, and their distance [s]
@@ -92,7 +92,8 @@ def trench_crossing(
         seen[end] = (dx, dz, valid)
     body_z = c.input("body.z", "m", "CG height above its static position")
     pitch = c.input("body.pitch", "rad", "pitch angle, positive nose down", display_unit="deg")
-    wheel_z = {k: c.input(f"wheel.{k}.z", "m", f"wheel centre {k} above its static height") for k in SIX_CORNERS}
+    corners = Corners(THREE_AXLES)
+    corners.each(z=lambda k: c.input(f"wheel.{k}.z", "m", f"wheel centre {k} above its static height"))
     speed = ca.fmax(0, c.input("speed", "m/s", "forward speed", display_unit="km/h"))
 
     # ---------------------------------------------------------------- (4.17)-(4.28): the lidar as on a body at rest
@@ -158,29 +159,28 @@ def trench_crossing(
     c.update(past, reference[0])
 
     # ------------------------------------------------------------------------------------------------ effective road
-    road = {}
-    for k in SIX_CORNERS:
-        i = AXLES.index(k[:2])
+    for k in corners:
+        i = AXLES.index(k.axle)
         # Struts act along the body, so wheels move forth and back with pitch.
-        below = (g.drop[i] - wheel_z[k] + body_z - g.axles[i] * ca.sin(pitch)) / ca.fmax(ca.cos(pitch), 0.1)
+        below = (g.drop[i] - k.z + body_z - g.axles[i] * ca.sin(pitch)) / ca.fmax(ca.cos(pitch), 0.1)
         leans = g.axles[i] * (ca.cos(pitch) - 1) - below * ca.sin(pitch)
-        hanging = wheel_z[k] - g.deflection[i]  # road under which a linear tire carries nothing
+        hanging = k.z - g.deflection[i]  # road under which a linear tire carries nothing
         heights = []
         for j in range(count):
             at = speed * c.period * j + leans
             edge = ca.fmax(_edge(at - to_start[i], g.radius), _edge(to_finish[i] - at, g.radius))
             heights.append(ca.fmax(ca.if_else(there, edge, 0), hanging))
-        road[k] = ca.vertcat(*heights)
+        k.road = ca.vertcat(*heights)
 
     c.output("case", case, None, "axle over the trench, 0 when there is none", type=int, min=0, max=3)
     c.output(
         "reference.pitch", ca.vertcat(*reference), "rad", f"pitch reference now, {1e3 * step:g} ms later, ...",
         display_unit="deg",
     )  # fmt: skip
-    for k in SIX_CORNERS:
-        c.output(f"preview.{k}", road[k], "m", f"effective road under wheel {k} now, {1e3 * step:g} ms later, ...")
-    for k in SIX_CORNERS:
-        c.output(f"road.{k}.height", road[k][0], "m", f"effective road under wheel {k} now")
+    for k in corners:
+        c.output(f"preview.{k}", k.road, "m", f"effective road under wheel {k} now, {1e3 * step:g} ms later, ...")
+    for k in corners:
+        c.output(f"road.{k}.height", k.road[0], "m", f"effective road under wheel {k} now")
     c.output("preview.step", ca.SX(step), "s", "time between samples of preview and reference")
     c.output("trench.known", there, None, "a trench has been seen", type=bool)
     c.output(
