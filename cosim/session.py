@@ -73,6 +73,7 @@ class System(Wiring):
         state: SystemState | None = None,
         allow_nan: bool = False,
         engine: EngineChoice = "auto",
+        allow_unconnected: bool = False,
     ) -> Simulation:
         """Reset and initialize all components and return the `Simulation` at `start_time`.
 
@@ -81,17 +82,19 @@ class System(Wiring):
         `state`, saved in this system, the components in it continue from there (start_time is not used) while wiring,
         rates and parameters of the others may have changed: several controllers can be tried from one instant.
         Outputs that are NaN or infinite end the run with ComponentError unless `allow_nan`. `engine`: "compiled", "python", or "auto",
-        which is compiled where that is possible (`print(system.schedule())` says which and why); both give the same bits.
+        which is compiled where that is possible (`print(system.schedule())` says which and why); both give the same bits. Inputs that
+        nothing drives keep their start values, with an UnconnectedInputsWarning that names them unless `allow_unconnected`.
         """
         if self._simulation is not None:
             self._simulation.close()
         interval = None if record_interval is None else positive(record_interval, "record_interval")
-        executor = choose_engine(self.members.values(), engine)
         schedule = self.schedule(*([] if interval is None else [interval]), engine=engine)
-        if schedule.unconnected:
+        if schedule.unconnected and not allow_unconnected:
             listed = ", ".join(schedule.unconnected[:10])
             more = f" and {len(schedule.unconnected) - 10} more" if len(schedule.unconnected) > 10 else ""
-            text = f"unconnected inputs keep their start values: {listed}{more}"
+            text = (
+                f"unconnected inputs keep their start values: {listed}{more} (allow_unconnected=True if that is meant)"
+            )
             warnings.warn(text, UnconnectedInputsWarning, stacklevel=3)
         self._simulation = Simulation(
             schedule,
@@ -102,7 +105,7 @@ class System(Wiring):
             stop_time=stop_time,
             state=state,
             allow_nan=allow_nan,
-            exchange=executor.exchange,
+            exchange=choose_engine(self.members.values(), engine).exchange,
         )
         if check_stability:
             warn_if_unstable(schedule)
@@ -123,13 +126,14 @@ class System(Wiring):
         state: SystemState | None = None,
         allow_nan: bool = False,
         engine: EngineChoice = "auto",
+        allow_unconnected: bool = False,
     ) -> Recording:
         """Initialize, run to `stop_time` [s], to the first of `stop_when` or to where a component asks to end, and return
         the recording, whose `stopped_by` tells which.
 
         A failing component raises ComponentError, Ctrl-C raises Interrupted; both carry the recording so far, and with
         `csv` it is on disk in any case: of a process that dies `NAME.csv.part`, from which `cosim recover` makes the CSV, has all but
-        the last tenth of a second of its work.
+        the last tenth of a second of its work. The other arguments are those of `initialize`.
         """
         if csv is not None:
             _check_writable(Path(csv))
@@ -143,18 +147,19 @@ class System(Wiring):
             state=state,
             allow_nan=allow_nan,
             engine=engine,
+            allow_unconnected=allow_unconnected,
         ) as simulation:
             with _written(simulation, csv):
                 simulation.advance(stop_time, stop_when=stop_when, progress=progress)
             return simulation.recording
 
-    def coupled_spectral_radius(self) -> Stability:
+    def coupled_spectral_radius(self, *, allow_unconnected: bool = False) -> Stability:
         """How the coupled continuous components, linearized at their initial state, amplify a deviation over one cycle
         of the schedule; see `cosim.master.stability`. Uses the simulation that is running, or initializes one. Raises
         CosimError when no component can be linearized."""
         running = self._simulation
         if running is None or running.finished:
-            with self.initialize(record=[]) as simulation:
+            with self.initialize(record=[], allow_unconnected=allow_unconnected) as simulation:
                 return coupled_spectral_radius(simulation.schedule)
         return coupled_spectral_radius(running.schedule)
 
@@ -196,14 +201,15 @@ class System(Wiring):
         chosen_in = linear.choose_inputs(self.members, schedule, sampled, inputs)
         chosen_out = linear.choose_outputs(self.members, schedule, sampled, outputs)
         period = linear.common_period(schedule, None if isinstance(discrete, bool) else positive(discrete, "discrete"))
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", UnconnectedInputsWarning)  # they are inputs of the model
-            record = [linear.name_of(s) for s in chosen_out]
-            with self.initialize(record=record, record_interval=period if sampled else None) as simulation:
-                if sampled:
-                    return linear.sampled_model(simulation.exchange, period, after, chosen_in, chosen_out)
-                simulation.advance(after)
-                return linear.continuous_model(simulation.schedule, chosen_in, chosen_out)
+        with self.initialize(
+            record=[linear.name_of(s) for s in chosen_out],
+            record_interval=period if sampled else None,
+            allow_unconnected=True,  # they are inputs of the model
+        ) as simulation:
+            if sampled:
+                return linear.sampled_model(simulation.exchange, period, after, chosen_in, chosen_out)
+            simulation.advance(after)
+            return linear.continuous_model(simulation.schedule, chosen_in, chosen_out)
 
     def reset(self) -> None:
         """End the simulation that is running, if any. The next `run` or `initialize` resets every component and sets

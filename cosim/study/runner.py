@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import hashlib
-import warnings
 from collections.abc import Hashable, Sequence
 from pathlib import Path
 from types import TracebackType
 from typing import Any
 
-from cosim import ComponentError, EngineChoice, Recording, System, UnconnectedInputsWarning
+from cosim import ComponentError, EngineChoice, Recording, System
 from cosim.study.case import check, named_files, values
 from cosim.study.experiment import Experiment, Row, Run
 from cosim.study.fmus import FmuSet
@@ -84,13 +83,10 @@ class Runner:
         end = (
             stop_time if stop_time is not None else e.stop_time(system, case) if callable(e.stop_time) else e.stop_time
         )
-        with warnings.catch_warnings():
-            if e.allow_unconnected:
-                warnings.simplefilter("ignore", UnconnectedInputsWarning)
-            recording = system.run(
-                end, record=names, record_interval=interval, stop_when=e.stop_when(system, case) if e.stop_when else (),
-                csv=csv, progress=progress, engine=self.engine,
-            )  # fmt: skip
+        recording = system.run(
+            end, record=names, record_interval=interval, stop_when=e.stop_when(system, case) if e.stop_when else (),
+            csv=csv, progress=progress, allow_unconnected=e.allow_unconnected, engine=self.engine,
+        )  # fmt: skip
         return Run(case, recording, system)
 
     def record(self, case: Any, **options: Any) -> Recording:

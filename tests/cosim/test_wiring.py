@@ -1,14 +1,13 @@
 """Wiring by name: units, types, nearest matches, parameters; every mistake is named."""
 
 import re
-import warnings
 
 import numpy as np
 import pytest
 from probes import Clock, Delta, Integrator
 
 from build_fmus.units import KNOWN, Unit, UnitMismatchError, conversion
-from cosim import PythonComponent, System, TimeError, UnconnectedInputsWarning, WiringError
+from cosim import CosimError, PythonComponent, System, TimeError, UnconnectedInputsWarning, WiringError
 
 
 class Road(PythonComponent):
@@ -108,10 +107,27 @@ def test_unconnected_inputs_are_reported_unless_they_were_given_a_value():
     assert s.check() == ["car.preview.fl[1]", "car.preview.fl[2]"]
     with pytest.warns(UnconnectedInputsWarning, match=r"car\.preview\.fl\[1\], car\.preview\.fl\[2\]"):
         s.run(0.001)
+    with pytest.warns(UnconnectedInputsWarning, match=r"\(allow_unconnected=True if that is meant\)"):
+        s.initialize()
+    s.reset()
+    with pytest.warns(UnconnectedInputsWarning), pytest.raises(CosimError, match="it offers no linear model"):
+        s.coupled_spectral_radius()
+
+
+@pytest.mark.filterwarnings("error")
+def test_unconnected_inputs_that_are_meant_so_are_not_reported():
+    s = System()
+    s.add("car", Car(), start={"speed": 3.0})
+    s.add("road", Road(), start={"x": 0.0})
+    s.connect_matching("road", "car", "road.*")
+    assert len(s.run(0.001, allow_unconnected=True))
+    assert s.initialize(allow_unconnected=True).time_ns == 0
+    s.reset()
+    with pytest.raises(CosimError, match="it offers no linear model"):
+        s.coupled_spectral_radius(allow_unconnected=True)
     s.connect("road.preview.fl", "car.preview.fl")
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        s.run(0.001)
+    assert s.check() == []
+    s.run(0.001)
 
 
 @pytest.mark.parametrize(
