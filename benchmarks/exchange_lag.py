@@ -18,6 +18,7 @@ from fmpy.fmi3 import FMU3Slave
 
 from benchmarks.master_cost import Wired, flatten
 from cosim.experiments.gpc.runs import CONTROLLERS, PLANT, SPEED, TRAVEL, Case, road_file, wire
+from cosim.signals import rms
 from cosim.study import FmuSet
 from fmu_sources.models.corners import CORNERS
 
@@ -112,9 +113,6 @@ def measure(distance: float = TRAVEL) -> dict[str, float]:
     force, late = master[:, :-1], jacobi[:, :-1]
     span = np.ptp(force)
     decided, decided_late = force[::EVERY], late[1::EVERY]  # what is decided at t acts from t, or from t + 1 ms
-
-    def rms(x: np.ndarray) -> float:
-        return float(np.sqrt(np.mean(x**2)))
 
     return {
         "range of the commands [N]": float(span),

@@ -1,4 +1,5 @@
-"""Sampled signals as metrics take them: finite, and of the expected shape. Errors name the signal and the sample."""
+"""Sampled signals as metrics take them: finite, and of the expected shape, with errors that name the signal and the sample; and
+the two figures that every study has of them."""
 
 from __future__ import annotations
 
@@ -26,3 +27,14 @@ def finite_channels(name: str, values: npt.ArrayLike) -> Array:
         raise ValueError(f"{name} has shape {array.shape}; expected one row per sample, one column per channel")
     finite(name, array, sampled=True)
     return array
+
+
+def rms(values: npt.ArrayLike) -> float:
+    """Root mean square over all samples and channels."""
+    return float(np.sqrt(np.mean(np.square(values))))
+
+
+def peak(values: npt.ArrayLike, *, name: str = "signal") -> float:
+    """Largest magnitude over the run, of a signal (n,) or of all channels of one (n, k), which must be finite."""
+    array = np.asarray(values, dtype=float)
+    return float(np.max(np.abs(finite_series(name, array) if array.ndim == 1 else finite_channels(name, array))))

@@ -18,6 +18,7 @@ import numpy as np
 
 from build_fmus import extras
 from cosim.errors import CosimError
+from cosim.signals import rms
 from cosim.study.case import case_of, values
 from cosim.study.experiment import Experiment, Metric, Row, Run
 from cosim.study.fmus import FmuSet
@@ -137,7 +138,7 @@ def extremes(run: Run) -> Row:
         found |= {
             f"{name} min": float(signal.min()),
             f"{name} max": float(signal.max()),
-            f"{name} rms": float(np.sqrt(np.mean(signal**2))),
+            f"{name} rms": rms(signal),
             f"{name} last": float(signal[-1]),
         }
     return found

@@ -19,7 +19,7 @@ import numpy.typing as npt
 from scipy import signal
 
 from build_fmus.checks import number
-from cosim.signals import Array, finite_series
+from cosim.signals import Array, finite_series, rms
 
 __all__ = [
     "ABSORBED_POWER_LIMIT",
@@ -146,7 +146,7 @@ def weighted_acceleration(az_m_s2: npt.ArrayLike, rate_hz: float) -> Array:
 
 def iso2631_rms(az_m_s2: npt.ArrayLike, rate_hz: float) -> float:
     """Root mean square of the Wk-weighted acceleration over the run [m/s2]. ISO 2631-1, 6.1, equation (1)."""
-    return float(np.sqrt(np.mean(weighted_acceleration(az_m_s2, rate_hz) ** 2)))
+    return rms(weighted_acceleration(az_m_s2, rate_hz))
 
 
 def vdv(az_m_s2: npt.ArrayLike, rate_hz: float) -> float:

@@ -7,6 +7,7 @@ import pytest
 from scipy import signal
 
 from cosim.experiments.metrics import response as metrics
+from cosim.signals import peak, rms
 
 RATE = 100.0
 
@@ -143,12 +144,20 @@ class TestRatios:
 
 class TestPeak:
     def test_largest_magnitude(self):
-        assert metrics.peak([1.0, -3.0, 2.0]) == 3.0
-        assert metrics.peak([[1.0, -3.0], [5.0, 2.0]]) == 5.0
+        assert peak([1.0, -3.0, 2.0]) == 3.0
+        assert peak([[1.0, -3.0], [5.0, 2.0]]) == 5.0
 
     def test_refuses_empty(self):
         with pytest.raises(ValueError, match="signal has shape"):
-            metrics.peak([])
+            peak([])
+
+
+class TestRms:
+    def test_of_all_samples_and_channels(self):
+        assert rms([1.0, -1.0, 1.0]) == 1.0
+        assert rms([[3.0, 0.0], [0.0, -4.0]]) == 2.5
+        t = np.arange(1000) / 1000
+        assert rms(2 * np.sin(2 * np.pi * 5 * t)) == pytest.approx(np.sqrt(2.0), rel=1e-12)
 
 
 class TestNonFinite:
@@ -166,7 +175,7 @@ class TestNonFinite:
             rf"roll is {value} at sample 12": lambda: metrics.response_objective(good, good, bad, RATE),
             rf"force\[3\] is {value} at sample 12": lambda: metrics.actuator_force(wide, RATE),
             rf"power\[3\] is {value} at sample 12": lambda: metrics.actuator_power(wide, RATE),
-            rf"yaw is {value} at sample 12": lambda: metrics.peak(bad, name="yaw"),
+            rf"yaw is {value} at sample 12": lambda: peak(bad, name="yaw"),
         }
         for message, call in cases.items():
             with pytest.raises(ValueError, match=message):

@@ -10,6 +10,7 @@ import numpy as np
 
 from cosim import Recording, System
 from cosim.experiments.steps import Stepped, exchange_step, set_solver_step
+from cosim.signals import rms
 from cosim.study.case import CaseError, option
 from cosim.study.experiment import Metric, Row, Run
 from cosim.study.fmus import FmuSet
@@ -153,9 +154,6 @@ def measure(run: Run) -> Row:
     """:data:`METRICS` in SI units, and the worst outcome of the solver."""
     r = run.recording
     road, body, f = r["road.road.height"], r["plant.body.z"], force(r)
-
-    def rms(signal: np.ndarray) -> float:
-        return float(np.sqrt(np.mean(signal**2)))
 
     found = {
         "acceleration": rms(r["plant.body.az"]),

@@ -15,6 +15,7 @@ import numpy as np
 from cosim import Recording, StopWhen, System
 from cosim.experiments.metrics import response as metrics
 from cosim.experiments.steps import Stepped, exchange_step, set_solver_step
+from cosim.signals import peak, rms
 from cosim.study.case import option
 from cosim.study.experiment import Metric, Row, Run
 from cosim.study.fmus import FmuSet
@@ -175,11 +176,11 @@ def measure(run: Run) -> Row:
         "response": metrics.response_objective(az, pitch, roll, SAMPLE_RATE),
         "force": metrics.actuator_force(u, SAMPLE_RATE),
         "power": metrics.actuator_power(power, SAMPLE_RATE),
-        "peak_force": metrics.peak(u),
-        "peak_pitch": metrics.peak(pitch),
-        "rms_az": float(np.sqrt(np.mean(az**2))),
-        "rms_pitch": float(np.sqrt(np.mean(pitch**2))),
-        "rms_roll": float(np.sqrt(np.mean(roll**2))),
+        "peak_force": peak(u),
+        "peak_pitch": peak(pitch),
+        "rms_az": rms(az),
+        "rms_pitch": rms(pitch),
+        "rms_roll": rms(roll),
     }
 
 

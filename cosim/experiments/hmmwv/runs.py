@@ -24,6 +24,7 @@ from cosim.experiments.hmmwv.wiring import (
     published,
 )
 from cosim.experiments.steps import Stepped, exchange_step, set_solver_step
+from cosim.signals import peak, rms
 from cosim.study.case import CaseError, option
 from cosim.study.experiment import Metric, Row, Run
 from cosim.study.fmus import FmuSet
@@ -389,20 +390,20 @@ def measure(run: Run) -> Row:
     az = r["car.body.az"]
     ramp = FLAT + RAMP - run.start("car.wheel.rl.x") if case.road == "off-road" else -math.inf
     counts = np.asarray(r["speed.x"] > ramp)  # off road with all wheels beyond the ramp
-    peak, mean = absorbed_power_peak(az, RATE), float(absorbed_power_series(az, RATE)[counts].mean())
+    worst, mean = absorbed_power_peak(az, RATE), float(absorbed_power_series(az, RATE)[counts].mean())
     travel, load = (_columns(r, f"car.{signal}")[counts] for signal in ("suspension.{}.deflection", "tire.{}.force"))
     force = _columns(r, "actuator_{}.force" if case.actuators == "hydraulic" else "controller.force.{}")[counts]
     row: Row = {
-        "absorbed_power": mean if case.road == "off-road" else peak,
-        "absorbed_power_peak": peak,
+        "absorbed_power": mean if case.road == "off-road" else worst,
+        "absorbed_power_peak": worst,
         "absorbed_power_mean": mean,
         "iso2631_rms": iso2631_rms(az, RATE),
-        "travel_rms": float(np.sqrt(np.mean(travel**2))),
-        "travel_peak": float(np.abs(travel).max()),
+        "travel_rms": rms(travel),
+        "travel_peak": peak(travel),
         "travel_over": float(np.mean(np.abs(travel).max(axis=1) > TRAVEL_LIMIT)),
         "lift_off": float(np.mean(load <= 0)),
-        "force_rms": float(np.sqrt(np.mean(force**2))),
-        "force_peak": float(np.abs(force).max()),
+        "force_rms": rms(force),
+        "force_peak": peak(force),
     }
     if "controller.solver.status" in r:
         row |= {
@@ -421,7 +422,7 @@ def measure(run: Run) -> Row:
         }
         if case.controller != "passive":
             error = force - _columns(r, "tracking_{}.force.smoothed")[counts]
-            row["tracking_error_rms"] = float(np.sqrt(np.mean(error**2)))
+            row["tracking_error_rms"] = rms(error)
             row["saturation"] = float(_columns(r, "tracking_{}.valve.saturated")[counts].mean())
     return row
 

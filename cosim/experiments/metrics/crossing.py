@@ -16,7 +16,7 @@ import numpy.typing as npt
 from scipy import signal
 
 from build_fmus.checks import number
-from cosim.signals import Array, finite_series
+from cosim.signals import Array, finite_series, peak
 
 __all__ = [
     "LABELS",
@@ -137,11 +137,11 @@ def crossing(
     every = max(1, round(rate_hz / PSD_RATE))
     axles = np.abs(hubs).reshape(-1, 3, 2).max(axis=(0, 2)) / 1e3
     return Crossing(
-        az=float(np.abs(az).max()),
-        ax=float(np.abs(ax).max()),
+        az=peak(az),
+        ax=peak(ax),
         az_rms=psd_rms(az[::every], rate_hz / every, name="vertical acceleration"),
         ax_rms=psd_rms(ax[::every], rate_hz / every, name="longitudinal acceleration"),
-        pitch=math.degrees(float(np.abs(pitch).max())),
+        pitch=math.degrees(peak(pitch)),
         hub_front=float(axles[0]),
         hub_middle=float(axles[1]),
         hub_rear=float(axles[2]),

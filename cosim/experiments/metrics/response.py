@@ -27,7 +27,6 @@ __all__ = [
     "improvement",
     "low_pass",
     "low_pass_mean",
-    "peak",
     "power_normalised_effectiveness",
     "response_magnitude",
     "response_objective",
@@ -118,12 +117,6 @@ def force_normalised_effectiveness(response_improvement: float, force_n: float) 
 def power_normalised_effectiveness(response_improvement: float, power_w: float) -> float:
     """Response improvement per actuator power [1/W]. Brown et al., (24b). nan without power, or if undefined itself."""
     return _effectiveness(response_improvement, power_w, "actuator power")
-
-
-def peak(values: npt.ArrayLike, *, name: str = "signal") -> float:
-    """Largest magnitude over the run, of a signal (n,) or of all channels of one (n, k)."""
-    array = np.asarray(values, dtype=float)
-    return float(np.max(np.abs(finite_series(name, array) if array.ndim == 1 else finite_channels(name, array))))
 
 
 def _effectiveness(response_improvement: float, effort: float, name: str) -> float:

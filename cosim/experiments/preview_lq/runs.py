@@ -13,6 +13,7 @@ import numpy as np
 
 from cosim import Recording, System
 from cosim.experiments.steps import Stepped, exchange_step, set_solver_step
+from cosim.signals import rms
 from cosim.study.case import CaseError, option
 from cosim.study.experiment import Metric, Row, Run
 from cosim.study.fmus import FmuSet
@@ -201,8 +202,8 @@ def measure(run: Run) -> Row:
     return {
         **parts,
         "J": float(outputs + controls),
-        **{f"force.{k}": float(np.sqrt(np.mean(u**2))) for k, u in zip(CORNERS, f.T, strict=True)},
-        **{f"force.{k}.rate": float(np.sqrt(np.mean(u**2))) for k, u in zip(CORNERS, rates.T, strict=True)},
+        **{f"force.{k}": rms(u) for k, u in zip(CORNERS, f.T, strict=True)},
+        **{f"force.{k}.rate": rms(u) for k, u in zip(CORNERS, rates.T, strict=True)},
     }
 
 

@@ -11,6 +11,7 @@ import numpy as np
 
 from cosim import Recording, System
 from cosim.experiments.steps import Stepped, exchange_step, set_solver_step
+from cosim.signals import peak, rms
 from cosim.study.case import option
 from cosim.study.experiment import Metric, Row, Run
 from cosim.study.fmus import FmuSet
@@ -160,30 +161,26 @@ def measure(run: Run) -> Row:
     force = np.abs(forces(r)) / 1e3
     before_edge = t < edge_time(t, r["road.road.a1l.height"], run.case.depth)
     found: Row = {
-        "peak_error_deg": float(np.abs(error[trench]).max()),
-        "rms_error_deg": _rms(error[trench]),
+        "peak_error_deg": peak(error[trench]),
+        "rms_error_deg": rms(error[trench]),
         "peak_force_kN": float(force.max()),
         "at_limit": float(np.mean(force >= LIMIT - 1e-6)),
         "force_before_edge_kN": float(force[before_edge].max()),
-        "peak_heave_m": float(np.abs(r["car.body.z"]).max()),
-        "rms_az": _rms(r["car.body.az"][trench]),
+        "peak_heave_m": peak(r["car.body.z"]),
+        "rms_az": rms(r["car.body.az"][trench]),
     }
     if t[-1] >= ends + back:
         ahead = forces(r)[(t >= rises - HORIZON) & (t < rises)] / 1e3
         settled = (t >= ends - SETTLED[0]) & (t < ends - SETTLED[1])
-        found["force_before_ramp_kN"] = float(np.abs(ahead - ahead[0]).max())  # change within the horizon
-        found["ramp_error_deg"] = _rms(error[(t >= rises) & (t < rises + ramp)])
-        found["steady_error_deg"] = float(np.abs(error[settled]).max())
+        found["force_before_ramp_kN"] = peak(ahead - ahead[0])  # change within the horizon
+        found["ramp_error_deg"] = rms(error[(t >= rises) & (t < rises + ramp)])
+        found["steady_error_deg"] = peak(error[settled])
     if "controller.solver.status" in r:
         found["solver_failures"] = int(np.count_nonzero(r["controller.solver.status"]))
         found["solver_residual"] = float(r["controller.solver.residual"].max())
         found["solver_iterations"] = int(r["controller.solver.iterations"].max())
         found["slack"] = float(r["controller.slack"].max())
     return found
-
-
-def _rms(values: np.ndarray) -> float:
-    return float(np.sqrt(np.mean(values**2)))
 
 
 def signals(run: Run) -> Row:

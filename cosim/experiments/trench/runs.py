@@ -22,6 +22,7 @@ from cosim.experiments.metrics.crossing import (
 )
 from cosim.experiments.steps import Stepped, exchange_step
 from cosim.peaks import keep_peaks
+from cosim.signals import peak
 from cosim.study.case import option
 from cosim.study.experiment import Metric, Row, Run
 from cosim.study.fmus import FmuSet
@@ -228,7 +229,7 @@ def measure(run: Run) -> Row:
         row["solver_failures"] = round(steps * float(step(run.case)) / SAMPLE_TIME)
         row["solver_residual"] = float(r["controller.solver.residual"].max())
     if "controller.force.a1l" in r:
-        row["force"] = max(float(np.abs(r[f"controller.force.{k}"]).max()) for k in SIX_CORNERS) / 1e3
+        row["force"] = max(peak(r[f"controller.force.{k}"]) for k in SIX_CORNERS) / 1e3
     return row
 
 

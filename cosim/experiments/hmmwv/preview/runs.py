@@ -11,6 +11,7 @@ import numpy as np
 from cosim import Recording, System
 from cosim.experiments.hmmwv import wiring
 from cosim.experiments.hmmwv.wiring import BUMPS, CONTROL_PERIOD, EXCHANGE, FIRST_BUMP, SPEED_KMH, bump_parameters
+from cosim.signals import rms
 from cosim.study.case import Case as AnyCase
 from cosim.study.case import option
 from cosim.study.experiment import Metric, Row, Run
@@ -195,7 +196,7 @@ def measure(run: Run) -> Row:
         "lowest": float(flat.min()),
         "highest": float(flat.max()),
         "spread": [float(np.std(error[(t >= s) & (t < s + WINDOW)])) for s in starts],
-        "rate_error": float(np.sqrt(np.mean((kept["rate"] - kept["true rate"])[known] ** 2))),
+        "rate_error": rms((kept["rate"] - kept["true rate"])[known]),
     }
 
 

@@ -13,6 +13,7 @@ from cosim import PythonComponent, System
 from cosim.component import Array
 from cosim.experiments.hmmwv.wiring import CONTROL_PERIOD, EXCHANGE, LITRES_PER_MINUTE, connect_corner, published
 from cosim.experiments.steps import Stepped, exchange_step, set_solver_step
+from cosim.signals import peak, rms
 from cosim.study.case import CaseError, fields, option
 from cosim.study.experiment import Metric, Row, Run
 from cosim.study.fmus import FmuSet
@@ -213,14 +214,14 @@ def measure(run: Run) -> Row:
     voltage = r["tracking.valve.voltage"][counts]
 
     def within(span: tuple[float, float]) -> float:
-        return _rms(error[(r.time >= span[0]) & (r.time <= span[1])]) / AMPLITUDE
+        return rms(error[(r.time >= span[0]) & (r.time <= span[1])]) / AMPLITUDE
 
     return {
-        "error": _rms(error[counts]) / _rms(desired[counts]),
+        "error": rms(error[counts]) / rms(desired[counts]),
         "early": within(EARLY),
         "late": within(LATE),
         "flow_peak": float(np.abs(r["actuator.flow"][counts]).max() * LITRES_PER_MINUTE),
-        "voltage_peak": float(np.abs(voltage).max()),
+        "voltage_peak": peak(voltage),
         "voltage_jumps": float(np.std(np.diff(voltage))),
         "saturated": float(r["tracking.saturated"][counts].mean()),
         "flow_limit": LITRES_PER_MINUTE * run.start("actuator.supply.flow_limit"),
@@ -251,7 +252,3 @@ def signals(run: Run) -> Row:
         return {"time": r.time.tolist(), "smoothed": r["tracking.force.smoothed"].tolist()}
     shown = {"time": r.time, "smoothed": r["tracking.force.smoothed"], "force": r["actuator.force"]}
     return {name: [float(f"{x:.6g}") for x in signal[::4]] for name, signal in shown.items()}
-
-
-def _rms(values: np.ndarray) -> float:
-    return float(np.sqrt(np.mean(values**2)))
