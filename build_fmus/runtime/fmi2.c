@@ -45,7 +45,6 @@ const char *fmi2GetVersion(void) { return fmi2Version; }
 
 fmi2Component fmi2Instantiate(fmi2String instanceName, fmi2Type fmuType, fmi2String fmuGUID, fmi2String fmuResourceLocation,
                               const fmi2CallbackFunctions *functions, fmi2Boolean visible, fmi2Boolean loggingOn) {
-    (void)fmuResourceLocation;
     (void)visible;
     const char *reason = NULL;
     if (!functions) return NULL;
@@ -68,6 +67,10 @@ fmi2Component fmi2Instantiate(fmi2String instanceName, fmi2Type fmuType, fmi2Str
     a->logger = functions->logger;
     a->environment = functions->componentEnvironment;
     memcpy(a->name, instanceName, length);
+    if (fmu_open(self, fmuResourceLocation) != FMU_OK) {
+        fmu_free(self);
+        return NULL;
+    }
     if (loggingOn) (void)fmu_set_logging(self, __func__, 1, 0, NULL);
     return self;
 }

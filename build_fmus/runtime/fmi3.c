@@ -36,8 +36,9 @@ fmi3Status fmi3SetDebugLogging(fmi3Instance instance, fmi3Boolean loggingOn, siz
 
 /* ------------------------------------------------------------------ life cycle */
 
-static fmi3Instance instantiate(int is_co_simulation, fmi3String name, fmi3String token, fmi3Boolean loggingOn,
-                                fmi3InstanceEnvironment environment, fmi3LogMessageCallback log, const char *refusal) {
+static fmi3Instance instantiate(int is_co_simulation, fmi3String name, fmi3String token, fmi3String resources,
+                                fmi3Boolean loggingOn, fmi3InstanceEnvironment environment, fmi3LogMessageCallback log,
+                                const char *refusal) {
     if (!refusal && (!name || !*name)) refusal = "instanceName is missing";
     if (!refusal && (!token || strcmp(token, fmu_model.token) != 0))
         refusal = "instantiationToken is not that of this FMU; modelDescription.xml and binary do not belong together";
@@ -50,6 +51,10 @@ static fmi3Instance instantiate(int is_co_simulation, fmi3String name, fmi3Strin
     Adapter *a = fmu_adapter(self);
     a->log = log;
     a->environment = environment;
+    if (fmu_open(self, resources) != FMU_OK) {
+        fmu_free(self);
+        return NULL;
+    }
     if (loggingOn) (void)fmu_set_logging(self, __func__, 1, 0, NULL);
     return self;
 }
@@ -57,9 +62,8 @@ static fmi3Instance instantiate(int is_co_simulation, fmi3String name, fmi3Strin
 fmi3Instance fmi3InstantiateModelExchange(fmi3String instanceName, fmi3String instantiationToken, fmi3String resourcePath,
                                           fmi3Boolean visible, fmi3Boolean loggingOn,
                                           fmi3InstanceEnvironment instanceEnvironment, fmi3LogMessageCallback logMessage) {
-    (void)resourcePath;
     (void)visible;
-    return instantiate(0, instanceName, instantiationToken, loggingOn, instanceEnvironment, logMessage,
+    return instantiate(0, instanceName, instantiationToken, resourcePath, loggingOn, instanceEnvironment, logMessage,
                        fmu_model.is_continuous ? NULL : "this component is discrete and offers Co-Simulation only");
 }
 
@@ -70,13 +74,12 @@ fmi3Instance fmi3InstantiateCoSimulation(fmi3String instanceName, fmi3String ins
                                          size_t nRequiredIntermediateVariables,
                                          fmi3InstanceEnvironment instanceEnvironment, fmi3LogMessageCallback logMessage,
                                          fmi3IntermediateUpdateCallback intermediateUpdate) {
-    (void)resourcePath;
     (void)visible;
     (void)earlyReturnAllowed;
     (void)requiredIntermediateVariables;
     (void)nRequiredIntermediateVariables;
     (void)intermediateUpdate;
-    return instantiate(1, instanceName, instantiationToken, loggingOn, instanceEnvironment, logMessage,
+    return instantiate(1, instanceName, instantiationToken, resourcePath, loggingOn, instanceEnvironment, logMessage,
                        eventModeUsed ? "this FMU has no event mode (hasEventMode is false)" : NULL);
 }
 
@@ -86,12 +89,11 @@ fmi3Instance fmi3InstantiateScheduledExecution(fmi3String instanceName, fmi3Stri
                                                fmi3LogMessageCallback logMessage, fmi3ClockUpdateCallback clockUpdate,
                                                fmi3LockPreemptionCallback lockPreemption,
                                                fmi3UnlockPreemptionCallback unlockPreemption) {
-    (void)resourcePath;
     (void)visible;
     (void)clockUpdate;
     (void)lockPreemption;
     (void)unlockPreemption;
-    return instantiate(0, instanceName, instantiationToken, loggingOn, instanceEnvironment, logMessage,
+    return instantiate(0, instanceName, instantiationToken, resourcePath, loggingOn, instanceEnvironment, logMessage,
                        "Scheduled Execution is not offered");
 }
 

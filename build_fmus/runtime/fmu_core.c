@@ -10,11 +10,11 @@
 #include <stdlib.h>
 #include <string.h>
 
+#include "fmu_base.h"
 #include "fmu_math.h"
 #include "integrators.h"
 #include "stability.h"
 
-#define MESSAGE_LENGTH 1024
 #define MAX_STEPS_PER_CALL 10000000.0 /* solver steps or samples in one doStep: beyond it the step size is a mistake */
 #define SNAPSHOT_MAGIC 0x53464d55u    /* 'SFMU'; also tells a foreign byte order */
 #define SNAPSHOT_VERSION 2u
@@ -45,10 +45,7 @@ struct FmuSnapshot {
 };
 
 struct FmuInstance {
-    FmuLog log;
-    void *adapter;
-    int is_co_simulation;
-    unsigned logging; /* one bit per category */
+    FmuBase base;
     unsigned warned;  /* one bit per kind of warning about inputs; beside the state, so that saved states do not depend on it */
     State *state;
     double *p, *u, *x, *dx, *y;             /* into state->v */
@@ -79,13 +76,6 @@ static size_t state_size(void) { return sizeof(State) + n_values() * sizeof(doub
 
 static size_t aligned(size_t n) { return (n + 15u) & ~(size_t)15u; }
 
-static uint64_t fnv1a(const void *data, size_t n) {
-    const unsigned char *bytes = data;
-    uint64_t h = 14695981039346656037ull;
-    for (size_t i = 0; i < n; i++) h = (h ^ bytes[i]) * 1099511628211ull;
-    return h;
-}
-
 /* ------------------------------------------------------------------ life cycle */
 
 FmuInstance *fmu_create(int is_co_simulation, size_t adapter_size, FmuLog log) {
@@ -114,10 +104,8 @@ FmuInstance *fmu_create(int is_co_simulation, size_t adapter_size, FmuLog log) {
     for (size_t i = 0, offset = 0; i < sizeof sizes / sizeof *sizes; offset += sizes[i], i++) part[i] = block + offset;
 
     FmuInstance *self = part[0];
-    self->log = log;
-    self->is_co_simulation = is_co_simulation;
-    self->adapter = part[1];
     self->state = part[2];
+    fmu_base_use(&self->base, is_co_simulation, part[1], log, &self->state->mode);
     self->p = self->state->v;
     self->u = self->p + np;
     self->x = self->u + nu;
@@ -143,64 +131,19 @@ FmuInstance *fmu_create(int is_co_simulation, size_t adapter_size, FmuLog log) {
     self->point_u = part[12];
     self->point_x = self->point_u + nu;
     self->before = self->point_x + nx;
-    self->logging = ~0u & ~(1u << FMU_OK); /* without debug logging, errors still tell what is wrong */
     (void)fmu_reset(self);
     return self;
 }
 
-void fmu_free(FmuInstance *self) { free(self); }
-void *fmu_adapter(FmuInstance *self) { return self->adapter; }
-int fmu_is_co_simulation(const FmuInstance *self) { return self->is_co_simulation; }
-FmuMode fmu_mode(const FmuInstance *self) { return (FmuMode)self->state->mode; }
-void fmu_set_mode(FmuInstance *self, FmuMode mode) { self->state->mode = (int32_t)mode; }
-double fmu_time(const FmuInstance *self) { return self->state->time; }
-
-/* By status; modelDescription.xml lists the same. */
-static const char *const categories[] = {"logEvents", "logStatusWarning", "logStatusDiscard", "logStatusError",
-                                         "logStatusFatal"};
-
-FmuStatus fmu_fail(FmuInstance *self, FmuStatus status, const char *format, ...) {
-    char message[MESSAGE_LENGTH];
-    if (!(self->logging >> status & 1u)) return status;
-    va_list args;
-    va_start(args, format);
-    (void)vsnprintf(message, sizeof message, format, args);
-    va_end(args);
-    if (self->log) (*self->log)(self->adapter, status, categories[status], message);
-    return status;
-}
-
-FmuStatus fmu_set_logging(FmuInstance *self, const char *function, int on, size_t n, const char *const names[]) {
-    if (n && !names) return fmu_fail(self, FMU_ERROR, "%s: NULL array argument", function);
-    unsigned mask = 0;
-    for (size_t i = 0; i < n; i++) {
-        unsigned found = 0;
-        for (unsigned k = 0; k < sizeof categories / sizeof *categories; k++)
-            if (names[i] && strcmp(names[i], categories[k]) == 0) found = 1u << k;
-        if (!found)
-            return fmu_fail(self, FMU_ERROR, "%s: unknown log category '%s'", function, names[i] ? names[i] : "");
-        mask |= found;
-    }
-    self->logging = !on ? 0u : n ? mask : ~0u;
+FmuStatus fmu_open(FmuInstance *self, const char *resources) {
+    (void)self;
+    (void)resources;
     return FMU_OK;
 }
 
-static const char *mode_name(int32_t mode) {
-    switch (mode) {
-        case MODE_INSTANTIATED: return "instantiated";
-        case MODE_INITIALIZATION: return "initialization mode";
-        case MODE_EVENT: return "event mode";
-        case MODE_CONTINUOUS_TIME: return "continuous-time mode";
-        case MODE_STEP: return "step mode";
-        case MODE_TERMINATED: return "terminated";
-        default: return "error";
-    }
-}
-
-FmuStatus fmu_allowed(FmuInstance *self, unsigned modes, const char *function) {
-    if (modes & (unsigned)self->state->mode) return FMU_OK;
-    return fmu_fail(self, FMU_ERROR, "%s: not allowed in state '%s'", function, mode_name(self->state->mode));
-}
+void fmu_free(FmuInstance *self) { free(self); }
+void fmu_set_mode(FmuInstance *self, FmuMode mode) { self->state->mode = (int32_t)mode; }
+double fmu_time(const FmuInstance *self) { return self->state->time; }
 
 static void touch(FmuInstance *self) {
     self->state->start_valid = 0;
@@ -398,7 +341,7 @@ static const char *solver_name(FmuSolver solver) {
 
 /* Whether the solver follows the dynamics that the parameters make, which the build has found for their start values. */
 static FmuStatus check_solver_step(FmuInstance *self) {
-    if (!M->is_continuous || !self->is_co_simulation || !M->n_states) return FMU_OK;
+    if (!M->is_continuous || !self->base.is_co_simulation || !M->n_states) return FMU_OK;
     if (memcmp(self->p, M->start, (size_t)M->n_parameters * sizeof(double)) == 0) return FMU_OK;
     double shortest = 0.0;
     for (int i = 0; i < M->n_variables; i++)
@@ -422,7 +365,7 @@ FmuStatus fmu_exit_initialization(FmuInstance *self) {
     if (status == FMU_OK) status = refresh_outputs(self);
     if (status == FMU_OK && M->is_continuous) status = refresh_derivatives(self);
     if (status == FMU_OK) status = check_solver_step(self);
-    self->state->mode = status != FMU_OK ? MODE_ERROR : self->is_co_simulation ? MODE_STEP : MODE_EVENT;
+    self->state->mode = status != FMU_OK ? MODE_ERROR : self->base.is_co_simulation ? MODE_STEP : MODE_EVENT;
     if (status == FMU_OK) (void)fmu_fail(self, FMU_OK, "%s initialized at %.9g s", M->name, self->state->time);
     return status;
 }
@@ -440,10 +383,6 @@ static double *storage(FmuInstance *self, const FmuVariable *v) {
     }
 }
 
-static const char *type_name(FmuType type) {
-    return type == FMU_FLOAT64 ? "Float64 (Real)" : type == FMU_INT32 ? "Int32 (Integer)" : "Boolean";
-}
-
 /* The variable behind reference i, or NULL after an error. */
 static const FmuVariable *lookup(FmuInstance *self, const char *function, FmuType type, const unsigned *refs, size_t i) {
     if (refs[i] >= (unsigned)M->n_variables) {
@@ -452,22 +391,10 @@ static const FmuVariable *lookup(FmuInstance *self, const char *function, FmuTyp
     }
     const FmuVariable *v = &M->variables[refs[i]];
     if (v->type != type) {
-        (void)fmu_fail(self, FMU_ERROR, "%s: variable %s is of type %s", function, v->name, type_name(v->type));
+        (void)fmu_fail(self, FMU_ERROR, "%s: variable %s is of type %s", function, v->name, fmu_type_name(v->type));
         return NULL;
     }
     return v;
-}
-
-static FmuStatus check_arrays(FmuInstance *self, const char *function, const void *refs, size_t n_refs, const void *values,
-                              size_t count) {
-    if ((n_refs && !refs) || (count && !values)) return fmu_fail(self, FMU_ERROR, "%s: NULL array argument", function);
-    return FMU_OK;
-}
-
-/* Nearest value that fits, 0 for NaN: other conversions are undefined in C. */
-int32_t fmu_to_int(double value) {
-    if (isnan(value)) return 0;
-    return value >= (double)INT32_MAX ? INT32_MAX : value <= (double)INT32_MIN ? INT32_MIN : (int32_t)value;
 }
 
 static double read_double(const void *values, size_t i) { return ((const double *)values)[i]; }
@@ -475,7 +402,7 @@ static void write_double(void *values, size_t i, double value) { ((double *)valu
 
 FmuStatus fmu_get_as(FmuInstance *self, const char *function, FmuType type, const unsigned *refs, size_t n_refs,
                      void *values, size_t count, FmuWrite write) {
-    FmuStatus status = check_arrays(self, function, refs, n_refs, values, count);
+    FmuStatus status = fmu_check_arrays(self, function, refs, n_refs, values, count);
     size_t k = 0;
     for (size_t i = 0; i < n_refs && status == FMU_OK; i++) {
         const FmuVariable *v = lookup(self, function, type, refs, i);
@@ -514,7 +441,7 @@ static FmuStatus check_settable(FmuInstance *self, const char *function, const F
     if (modes & mode) return FMU_OK;
     if (!modes) return fmu_fail(self, FMU_ERROR, "%s: variable %s is calculated and cannot be set", function, v->name);
     return fmu_fail(self, FMU_ERROR, "%s: variable %s cannot be set in state '%s'", function, v->name,
-                    mode_name(self->state->mode));
+                    fmu_mode_name(self->state->mode));
 }
 
 static int in_range(const FmuVariable *v, double value) { return value >= v->min && value <= v->max; }
@@ -543,7 +470,7 @@ static void warn_of_input(FmuInstance *self, const char *function, const FmuVari
 
 FmuStatus fmu_set_as(FmuInstance *self, const char *function, FmuType type, const unsigned *refs, size_t n_refs,
                      const void *values, size_t count, FmuRead read) {
-    FmuStatus status = check_arrays(self, function, refs, n_refs, values, count);
+    FmuStatus status = fmu_check_arrays(self, function, refs, n_refs, values, count);
     if (status != FMU_OK) return status;
     /* First look at everything, then store: a call that fails changes nothing. */
     size_t k = 0;
@@ -611,8 +538,8 @@ FmuStatus fmu_directional_derivative(FmuInstance *self, const char *function, co
                                      double *sensitivity, size_t n_sensitivity) {
     if (!M->is_continuous)
         return fmu_fail(self, FMU_ERROR, "%s: a discrete component has no directional derivatives", function);
-    FmuStatus status = check_arrays(self, function, knowns, n_knowns, seed, n_seed);
-    if (status == FMU_OK) status = check_arrays(self, function, unknowns, n_unknowns, sensitivity, n_sensitivity);
+    FmuStatus status = fmu_check_arrays(self, function, knowns, n_knowns, seed, n_seed);
+    if (status == FMU_OK) status = fmu_check_arrays(self, function, unknowns, n_unknowns, sensitivity, n_sensitivity);
     if (status == FMU_OK) status = refresh_start(self);
     if (status != FMU_OK) return status;
 
@@ -753,7 +680,7 @@ FmuStatus fmu_set_time(FmuInstance *self, const char *function, double time) {
 
 static FmuStatus check_states(FmuInstance *self, const char *function, const void *values, size_t n) {
     if (n != (size_t)M->n_states) return fmu_fail(self, FMU_ERROR, "%s: %zu states, expected %d", function, n, M->n_states);
-    return check_arrays(self, function, NULL, 0, values, n);
+    return fmu_check_arrays(self, function, NULL, 0, values, n);
 }
 
 FmuStatus fmu_set_states(FmuInstance *self, const char *function, const double *x, size_t n) {
@@ -793,8 +720,8 @@ FmuStatus fmu_get_nominals(FmuInstance *self, const char *function, double *nomi
 static State *snapshot_state(const void *snapshot) { return (State *)((char *)snapshot + sizeof(FmuSnapshot)); }
 
 static FmuSnapshot header_of(const FmuInstance *self) {
-    const FmuSnapshot h = {SNAPSHOT_MAGIC, SNAPSHOT_VERSION, (uint32_t)self->is_co_simulation, 0,
-                           fnv1a(M->token, strlen(M->token)), state_size(), fnv1a(self->state, state_size())};
+    const FmuSnapshot h = {SNAPSHOT_MAGIC, SNAPSHOT_VERSION, (uint32_t)self->base.is_co_simulation, 0,
+                           fmu_hash(M->token, strlen(M->token)), state_size(), fmu_hash(self->state, state_size())};
     return h;
 }
 
@@ -805,9 +732,9 @@ static FmuStatus check_snapshot(FmuInstance *self, const char *function, const v
     if (h.magic != SNAPSHOT_MAGIC) return fmu_fail(self, FMU_ERROR, "%s: this is not a state of this FMU", function);
     if (h.version != SNAPSHOT_VERSION)
         return fmu_fail(self, FMU_ERROR, "%s: state format %u, this FMU reads %u", function, h.version, SNAPSHOT_VERSION);
-    if (h.model != fnv1a(M->token, strlen(M->token)) || h.length != state_size())
+    if (h.model != fmu_hash(M->token, strlen(M->token)) || h.length != state_size())
         return fmu_fail(self, FMU_ERROR, "%s: the state belongs to another component or build than %s", function, M->name);
-    if (h.is_co_simulation != (uint32_t)self->is_co_simulation)
+    if (h.is_co_simulation != (uint32_t)self->base.is_co_simulation)
         return fmu_fail(self, FMU_ERROR, "%s: the state is one of a %s instance", function,
                         h.is_co_simulation ? "Co-Simulation" : "Model Exchange");
     return FMU_OK;
@@ -859,7 +786,7 @@ static const char *wrong_in(const State *s, int is_co_simulation) {
 }
 
 static FmuStatus check_state(FmuInstance *self, const char *function, const State *s) {
-    const char *wrong = wrong_in(s, self->is_co_simulation);
+    const char *wrong = wrong_in(s, self->base.is_co_simulation);
     return wrong ? fmu_fail(self, FMU_ERROR, "%s: this cannot be a state of %s: %s", function, M->name, wrong) : FMU_OK;
 }
 
@@ -920,7 +847,7 @@ FmuStatus fmu_deserialize(FmuInstance *self, const char *function, const unsigne
     if (status != FMU_OK) return status;
     FmuSnapshot h;
     memcpy(&h, bytes, sizeof h);
-    if (size != need || h.checksum != fnv1a(bytes + sizeof h, state_size()))
+    if (size != need || h.checksum != fmu_hash(bytes + sizeof h, state_size()))
         return fmu_fail(self, FMU_ERROR, "%s: the serialized state of %s is damaged", function, M->name);
     void *copy = malloc(need);
     if (!copy) return fmu_fail(self, FMU_ERROR, "%s: out of memory", function);

@@ -29,6 +29,8 @@ typedef struct FmuSnapshot FmuSnapshot;
 /* Life cycle. Allocates one block for everything the instance will ever need; NULL when out of memory. */
 FmuInstance *fmu_create(int is_co_simulation, size_t adapter_size, FmuLog log);
 void *fmu_adapter(FmuInstance *self);
+/* The rest of creation, when messages can be sent: what it needs from the FMU's resources (a path, or a file URI). */
+FmuStatus fmu_open(FmuInstance *self, const char *resources);
 void fmu_free(FmuInstance *self);
 int fmu_is_co_simulation(const FmuInstance *self);
 FmuStatus fmu_set_logging(FmuInstance *self, const char *function, int on, size_t n, const char *const categories[]);
