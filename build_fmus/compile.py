@@ -103,8 +103,9 @@ class Toolchain:
         pic = () if self.platform.is_windows else ("-fPIC",)
         self._run([*CFLAGS, *pic, *(f"-I{i}" for i in include), "-c", str(source), "-o", str(output)])
 
-    def link(self, objects: Sequence[Path], output: Path) -> None:
-        """Objects to a shared library without undefined symbols, which a loader knows by the name of ``output``.
+    def link(self, objects: Sequence[Path], output: Path, *, loads: bool = False) -> None:
+        """Objects to a shared library without undefined symbols, which a loader knows by the name of ``output``; ``loads``: it
+        opens other libraries itself.
 
         The system's mathematical library is not linked: the objects carry their own (:mod:`build_fmus.mathematics`).
         """
@@ -113,7 +114,8 @@ class Toolchain:
             flags += ["-Wl,--no-undefined", "-Wl,--build-id=none"]
         elif self.platform.suffix == ".dylib":
             flags += [f"-Wl,-install_name,@rpath/{output.name}"]
-        self._run([*flags, *map(str, objects), "-o", str(output)])
+        more = ["-ldl"] if loads and self.platform.suffix == ".so" else []  # a library of its own until glibc 2.34
+        self._run([*flags, *map(str, objects), *more, "-o", str(output)])
 
     def _run(self, arguments: list[str]) -> None:
         environment = dict(os.environ)
@@ -206,19 +208,25 @@ class ObjectCache:
     def __init__(self, directory: Path) -> None:
         self.directory = directory
 
-    def library(self, toolchain: Toolchain, sources: Sequence[Path], include: Sequence[Path], name: str) -> Path:
-        """The shared library built from ``sources``; every object is compiled once per content and toolchain."""
-        objects = [self._object(toolchain, s, include) for s in sources]
-        key = self._key(toolchain, name.encode(), *(o.name.encode() for o in objects))
+    def library(
+        self, toolchain: Toolchain, sources: Sequence[Path], include: Sequence[Path], name: str, *, loads: bool = False
+    ) -> Path:
+        """The shared library built from ``sources``; every object is compiled once per content and toolchain.
+
+        ``loads``: it opens other libraries itself.
+        """
+        objects = [self.object(toolchain, s, include) for s in sources]
+        key = self._key(toolchain, name.encode(), *(o.name.encode() for o in objects), *([b"loads"] if loads else []))
 
         def link(out: Path) -> None:
             named = out.with_name(f"{name}{out.suffix}")  # the name that the loader will find in the library
-            toolchain.link(objects, named)
+            toolchain.link(objects, named, loads=loads)
             named.replace(out)
 
         return self._kept(key, toolchain.platform.suffix, link)
 
-    def _object(self, toolchain: Toolchain, source: Path, include: Sequence[Path]) -> Path:
+    def object(self, toolchain: Toolchain, source: Path, include: Sequence[Path]) -> Path:
+        """The object file of one C file, compiled once per content and toolchain."""
         headers = included_headers(source, include)
         contents = [source.read_bytes(), *(h.name.encode() + b"\0" + h.read_bytes() for h in headers)]
         key = self._key(toolchain, *contents)

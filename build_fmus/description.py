@@ -35,10 +35,10 @@ def model_description(component: Model, fmi: int, *, token: str, sources: Iterab
         arrays: real FMI 3 arrays instead of scalar elements.
     """
     root = _fmi2(component, token, list(sources)) if fmi == 2 else _fmi3(component, token, arrays)
-    return _serialize(root)
+    return serialize(root)
 
 
-def build_description(component: Model, sources: Iterable[str]) -> bytes:
+def build_description(name: str, sources: Iterable[str]) -> bytes:
     """``sources/buildDescription.xml`` of FMI 3.0.
 
     The first configuration is for any platform and C99 compiler. Those of platforms whose compilers are gcc and clang name
@@ -48,15 +48,15 @@ def build_description(component: Model, sources: Iterable[str]) -> bytes:
     root = etree.Element("fmiBuildDescription", fmiVersion="3.0")
     names = list(sources)
     for platform in (None, *(p for p in PLATFORMS.values() if p.compiler)):
-        configuration = etree.SubElement(root, "BuildConfiguration", modelIdentifier=component.name)
+        configuration = etree.SubElement(root, "BuildConfiguration", modelIdentifier=name)
         files = etree.SubElement(configuration, "SourceFileSet", language="C99")
         if platform:
             configuration.set("platform", platform.name)
             files.set("compiler", platform.compiler)
             files.set("compilerOptions", " ".join(SOURCE_FLAGS))
-        for name in names:
-            etree.SubElement(files, "SourceFile", name=name)
-    return _serialize(root)
+        for source in names:
+            etree.SubElement(files, "SourceFile", name=source)
+    return serialize(root)
 
 
 def terminals_and_icons(component: Model, *, arrays: bool = False) -> bytes:
@@ -86,7 +86,7 @@ def terminals_and_icons(component: Model, *, arrays: bool = False) -> bytes:
                     memberName=_without_corner(name, corner),
                     variableKind="signal",
                 )
-    return _serialize(root)
+    return serialize(root)
 
 
 def _without_corner(name: str, corner: str) -> str:
@@ -94,11 +94,13 @@ def _without_corner(name: str, corner: str) -> str:
     return re.sub(rf"(^|\.){corner}(\.|\[|$)", lambda m: m[2] if m[2] == "[" else (m[1] and m[2]), name, count=1)
 
 
-def _serialize(root: etree._Element) -> bytes:
+def serialize(root: etree._Element) -> bytes:
+    """A document as UTF-8 XML."""
     return etree.tostring(root, xml_declaration=True, encoding="UTF-8", pretty_print=True)
 
 
-def _text(x: float, kind: str = "Float64") -> str:
+def text(x: float, kind: str = "Float64") -> str:
+    """A value as XML has it."""
     if kind == "Int32":
         return str(int(x))
     if kind == "Boolean":
@@ -129,12 +131,17 @@ def _initial(v: Variable) -> str | None:
 
 
 def _root(component: Model, version: str, **identity: str) -> etree._Element:
+    return root_element(component.name, component.description, version, **identity)
+
+
+def root_element(name: str, description: str, version: str, **identity: str) -> etree._Element:
+    """``fmiModelDescription`` of an FMU that this software has made; ``identity`` is its token under the name of the version."""
     return etree.Element(
         "fmiModelDescription",
         fmiVersion=version,
-        modelName=component.name,
+        modelName=name,
         **identity,
-        description=component.description,
+        description=description,
         version=metadata.version(TOOL),
         license="BSD-3-Clause",
         generationTool=f"{TOOL} {metadata.version(TOOL)}",
@@ -145,20 +152,25 @@ def _root(component: Model, version: str, **identity: str) -> etree._Element:
 def _common(root: etree._Element, component: Model) -> None:
     """Units, log categories and default experiment: the same elements in both versions."""
     used = dict.fromkeys(v.unit for v in component.variables if v.unit)
+    step = component.sample_time if component.kind == "discrete" else component.exchange_step
+    add_common(root, map(units.unit, used), component.stop_time, step)
+
+
+def add_common(root: etree._Element, used: Iterable[units.Unit], stop_time: float, step: float | None) -> None:
+    """Unit definitions, log categories and default experiment below ``root``."""
     definitions = etree.SubElement(root, "UnitDefinitions")
-    for name in used:
-        u = units.unit(name)
-        element = etree.SubElement(definitions, "Unit", name=name)
-        etree.SubElement(element, "BaseUnit", **{k: str(n) for k, n in u.powers.items()})
+    for u in used:
+        element = etree.SubElement(definitions, "Unit", name=u.name)
+        if u.exponents is not None:
+            powers = {k: str(n) for k, n in u.powers.items()}
+            more = {k: repr(x) for k, x, default in (("factor", u.factor, 1.0), ("offset", u.offset, 0.0)) if x != default}
+            etree.SubElement(element, "BaseUnit", **powers, **more)
         for d in u.display:
             etree.SubElement(element, "DisplayUnit", name=d.name, factor=repr(d.factor))
     categories = etree.SubElement(root, "LogCategories")
     for name, description in LOG_CATEGORIES.items():
         etree.SubElement(categories, "Category", name=name, description=description)
-    step = component.sample_time if component.kind == "discrete" else component.exchange_step
-    etree.SubElement(
-        root, "DefaultExperiment", startTime="0.0", stopTime=repr(component.stop_time), stepSize=repr(step)
-    )
+    etree.SubElement(root, "DefaultExperiment", startTime="0.0", stopTime=repr(stop_time), stepSize=repr(step))
 
 
 def _annotation(parent: etree._Element, component: Model) -> None:
@@ -186,9 +198,9 @@ def _value_attributes(r: Reference) -> dict[str, str]:
     for key in ("min", "max", "nominal"):
         x = getattr(v, key)
         if x is not None and v.type != "Boolean" and not (key == "nominal" and v.type != "Float64"):
-            out[key] = _text(x, v.type)
+            out[key] = text(x, v.type)
     if r.start is not None:
-        out["start"] = " ".join(_text(x, v.type) for x in r.start)
+        out["start"] = " ".join(text(x, v.type) for x in r.start)
     return out
 
 
@@ -204,7 +216,7 @@ def _fmi2(component: Model, token: str, sources: list[str]) -> etree._Element:
         "canNotUseMemoryManagementFunctions": "true",
         "canGetAndSetFMUstate": "true",
         "canSerializeFMUstate": "true",
-        "providesDirectionalDerivative": _text(continuous, "Boolean"),
+        "providesDirectionalDerivative": text(continuous, "Boolean"),
     }
     interfaces = []
     if continuous:
@@ -266,7 +278,7 @@ def _fmi3(component: Model, token: str, arrays: bool) -> etree._Element:
         "modelIdentifier": component.name,
         "canGetAndSetFMUState": "true",
         "canSerializeFMUState": "true",
-        "providesDirectionalDerivatives": _text(continuous, "Boolean"),
+        "providesDirectionalDerivatives": text(continuous, "Boolean"),
     }
     if continuous:
         etree.SubElement(root, "ModelExchange", **common)

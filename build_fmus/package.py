@@ -69,7 +69,7 @@ def _pack(component: Model, fmi: int, platforms: Sequence[Platform], cache: Obje
     if fmi == 2:
         content["model.png"] = icon
     else:
-        content["sources/buildDescription.xml"] = description.build_description(component, sources)
+        content["sources/buildDescription.xml"] = description.build_description(component.name, sources)
         content["terminalsAndIcons/terminalsAndIcons.xml"] = description.terminals_and_icons(component, arrays=arrays)
         content["terminalsAndIcons/icon.png"] = icon
     content |= _documentation(component, fmi)
@@ -81,7 +81,7 @@ def _pack(component: Model, fmi: int, platforms: Sequence[Platform], cache: Obje
     if component.provenance:
         provenance = json.dumps(dict(component.provenance), indent=1, sort_keys=True)
         content["resources/provenance.json"] = f"{provenance}\n".encode()
-    return _archive(content)
+    return archive(content)
 
 
 def source_files(component: Model, fmi: int, *, arrays: bool = False) -> dict[str, bytes]:
@@ -117,7 +117,8 @@ def _documentation(component: Model, fmi: int) -> dict[str, bytes]:
     }
 
 
-def _archive(content: dict[str, bytes]) -> bytes:
+def archive(content: dict[str, bytes]) -> bytes:
+    """The bytes of a zip archive with these files by path: the same for the same content."""
     out = io.BytesIO()
     with zipfile.ZipFile(out, "w", zipfile.ZIP_DEFLATED, compresslevel=9) as z:
         for name in sorted(content):

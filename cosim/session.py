@@ -211,6 +211,36 @@ class System(Wiring):
             simulation.advance(after)
             return linear.continuous_model(simulation.schedule, chosen_in, chosen_out)
 
+    def export_fmu(
+        self,
+        path: str | os.PathLike[str],
+        *,
+        inputs: str | Iterable[str] | None = None,
+        outputs: str | Iterable[str] | None = None,
+        parameters: str | Iterable[str] | None = "*",
+        without: Iterable[str] = (),
+        fmi: int = 3,
+        platforms: str = "host",
+        text: str = "",
+    ) -> Path:
+        """Write the system as one FMU, Co-Simulation, which any tool runs: engine, exchange and members in one file.
+
+        Its variables are those of the members, as `member.variable`. `inputs`: names and patterns; default all that no member drives.
+        `outputs`: as in `select`; default all outputs that are no array elements. `parameters`: default all of all members, starting
+        at the values that they have here. `without`: members that stay outside, with their connections; what they drove become
+        inputs. `fmi`: 2 or 3. `platforms`: "host", "all", or names separated by commas. `text`: the FMU's description.
+
+        FMUs of this project are linked from their sources, for every platform; those of others travel with the libraries that they
+        have. Its step is a whole number of ticks of the schedule; the numbers are those of `advance`. Needs the extra [build] and
+        a C compiler or ziglang. Raises WiringError and CosimError naming what cannot be in it, CompileError.
+        """
+        from cosim.export.system_fmu import export_fmu
+
+        return export_fmu(
+            self, Path(path), inputs=inputs, outputs=outputs, parameters=parameters, without=without, fmi=fmi,
+            platforms=platforms, text=text,
+        )  # fmt: skip
+
     def reset(self) -> None:
         """End the simulation that is running, if any. The next `run` or `initialize` resets every component and sets
         its parameters again."""

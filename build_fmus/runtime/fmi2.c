@@ -52,7 +52,7 @@ fmi2Component fmi2Instantiate(fmi2String instanceName, fmi2Type fmuType, fmi2Str
     else if (!fmuGUID || strcmp(fmuGUID, fmu_model.token) != 0)
         reason = "fmi2Instantiate: fmuGUID is not that of this FMU; modelDescription.xml and binary do not belong together";
     else if (fmuType == fmi2ModelExchange && !fmu_model.is_continuous)
-        reason = "fmi2Instantiate: this component is discrete and offers Co-Simulation only";
+        reason = "fmi2Instantiate: this FMU offers Co-Simulation only";
     else if (fmuType != fmi2ModelExchange && fmuType != fmi2CoSimulation)
         reason = "fmi2Instantiate: fmuType is neither ModelExchange nor CoSimulation";
     if (reason) {
@@ -346,7 +346,7 @@ fmi2Status fmi2GetBooleanStatus(fmi2Component c, const fmi2StatusKind s, fmi2Boo
     ENTER_STATUS;
     if (s != fmi2Terminated) return no_status(self, __func__);
     if (!value) return (fmi2Status)fmu_fail(self, FMU_ERROR, "%s: NULL argument", __func__);
-    *value = fmi2False;
+    *value = fmu_ended(self) ? fmi2True : fmi2False;
     return fmi2OK;
 }
 

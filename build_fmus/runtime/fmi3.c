@@ -64,7 +64,7 @@ fmi3Instance fmi3InstantiateModelExchange(fmi3String instanceName, fmi3String in
                                           fmi3InstanceEnvironment instanceEnvironment, fmi3LogMessageCallback logMessage) {
     (void)visible;
     return instantiate(0, instanceName, instantiationToken, resourcePath, loggingOn, instanceEnvironment, logMessage,
-                       fmu_model.is_continuous ? NULL : "this component is discrete and offers Co-Simulation only");
+                       fmu_model.is_continuous ? NULL : "this FMU offers Co-Simulation only");
 }
 
 fmi3Instance fmi3InstantiateCoSimulation(fmi3String instanceName, fmi3String instantiationToken, fmi3String resourcePath,
@@ -427,5 +427,6 @@ fmi3Status fmi3DoStep(fmi3Instance instance, fmi3Float64 currentCommunicationPoi
     *eventHandlingNeeded = *terminateSimulation = *earlyReturn = false;
     const FmuStatus status = fmu_do_step(self, __func__, currentCommunicationPoint, communicationStepSize);
     *lastSuccessfulTime = fmu_time(self);
+    *terminateSimulation = fmu_ended(self) != 0;
     return (fmi3Status)status;
 }

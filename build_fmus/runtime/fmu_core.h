@@ -67,6 +67,7 @@ FmuStatus fmu_directional_derivative(FmuInstance *self, const char *function, co
 /* Co-Simulation. */
 FmuStatus fmu_do_step(FmuInstance *self, const char *function, double time, double step);
 double fmu_time(const FmuInstance *self);
+int fmu_ended(const FmuInstance *self); /* a step was discarded because the simulation shall end */
 
 /* Model Exchange. */
 FmuStatus fmu_set_time(FmuInstance *self, const char *function, double time);

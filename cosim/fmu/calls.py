@@ -93,6 +93,13 @@ ffi3.cdef(_FMI3)
 # FMI type -> C type of one value, for buffers.
 C_TYPES2 = {"Real": "double", "Integer": "int", "Enumeration": "int", "Boolean": "int", "String": "const char*"}
 C_TYPES3 = {**_TYPES3, "Enumeration": "int64_t"}
+
+
+def c_types(version: int) -> dict[str, str]:
+    """C type of one value by FMI type."""
+    return C_TYPES3 if version == 3 else C_TYPES2
+
+
 DTYPES = {
     "double": np.float64, "float": np.float32, "int": np.intc, "bool": np.bool_, "int8_t": np.int8, "uint8_t": np.uint8,
     "int16_t": np.int16, "uint16_t": np.uint16, "int32_t": np.int32, "uint32_t": np.uint32, "int64_t": np.int64,

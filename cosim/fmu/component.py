@@ -20,6 +20,7 @@ from cosim.description import Variable
 from cosim.errors import STATUS_NAMES, CallFailed, CosimError, FmuError, WiringError
 from cosim.fmu.file import FmuFile, Library
 from cosim.fmu.own_states import MORE_THAN_STATES, StateLayout, find_states
+from cosim.fmu.transfers import Arrangement, arrangements, by_reference, by_type
 
 
 @dataclass(frozen=True)
@@ -57,7 +58,7 @@ class FmuComponent:
         self.problems: deque[str] = deque(maxlen=50)  # warnings and worse
         self._ffi = fmu._ffi
         self._v3 = fmu.major == "3"
-        self._c_types = fmi.C_TYPES3 if self._v3 else fmi.C_TYPES2
+        self._c_types = fmi.c_types(int(fmu.major))
         self._functions = fmi.FUNCTION3 if self._v3 else fmi.FUNCTION2
         self._instance: Any = None
         self._dead = False
@@ -178,8 +179,8 @@ class FmuComponent:
     # Values, one call at a time: parameters, start values, inspection.
 
     def set(self, values: Mapping[Variable, Any]) -> None:
-        for fmi_type, group in _by_type(values).items():
-            for reference, elements in _by_reference(group).items():
+        for fmi_type, group in by_type(values).items():
+            for reference, elements in by_reference(group).items():
                 data = self._present(elements)
                 for variable in elements:
                     data[variable.index] = values[variable]
@@ -236,8 +237,8 @@ class FmuComponent:
     # Values, bound to the master's buffers.
 
     def bind(self, inputs: Sequence[Variable], outputs: Sequence[Variable], u: Array, y: Array) -> Ports:
-        setters = [self._transfer("Set", t, inputs, u) for t in _by_type(inputs)]
-        getters = [self._transfer("Get", t, outputs, y) for t in _by_type(outputs)]
+        setters = [self._transfer("Set", how, u) for how in arrangements(int(self.fmu.major), inputs)]
+        getters = [self._transfer("Get", how, y) for how in arrangements(int(self.fmu.major), outputs)]
         set_inputs, get_outputs = _sequence([s.move for s in setters]), _sequence([g.move for g in getters])
         self._get_outputs = get_outputs
         do_step = self._do_step()
@@ -265,27 +266,18 @@ class FmuComponent:
     def _address(self, pointer: Any) -> int:
         return int(self._ffi.cast("uintptr_t", pointer))
 
-    def _transfer(self, direction: str, fmi_type: str, variables: Sequence[Variable], buffer: Array) -> _Bound:
+    def _transfer(self, direction: str, how: Arrangement, buffer: Array) -> _Bound:
         """One FMI call that moves all variables of one type. Doubles that fill their arrays and lie side by side
         in the master's buffer are passed in place; anything else goes through a buffer of its own."""
-        ffi, v3 = self._ffi, self._v3
-        places = [i for i, v in enumerate(variables) if v.fmi_type == fmi_type]
-        groups = _by_reference([variables[i] for i in places])
-        offsets, total = {}, 0
-        for reference, elements in groups.items():
-            offsets[reference] = total
-            total += elements[0].size
-        own = np.array([offsets[variables[i].reference] + variables[i].index for i in places], dtype=np.intp)
-        place = np.array(places, dtype=np.intp)
-        c_type = self._c_types[fmi_type]
-        contiguous = len(places) == total and np.array_equal(place, place[0] + np.arange(total))
-        in_place = c_type == "double" and contiguous and np.array_equal(own, np.arange(total))
-        data: Any = buffer[place[0] : place[0] + total] if in_place else np.zeros(total, dtype=fmi.DTYPES[c_type])
+        ffi, v3, total = self._ffi, self._v3, how.total
+        element, place, c_type = how.element, how.place, self._c_types[how.fmi_type]
+        first = int(place[0])
+        data: Any = buffer[first : first + total] if how.in_place else np.zeros(total, dtype=fmi.DTYPES[c_type])
         pointer = ffi.cast(f"{c_type}*", data.ctypes.data)
-        references = ffi.new("VR[]", list(groups))
+        references = ffi.new("VR[]", list(how.arrays))
         self._keep += [data, references]
-        function = f"{direction}{self._functions.get(fmi_type, fmi_type)}"
-        arguments = (references, len(groups), pointer, *((total,) if v3 else ()))
+        function = f"{direction}{self._functions.get(how.fmi_type, how.fmi_type)}"
+        arguments = (references, len(how.arrays), pointer, *((total,) if v3 else ()))
         bare, fail = self._function(function), self._fail
         call = partial(bare, self._instance, *arguments)
         warning = fmi.WARNING
@@ -296,24 +288,24 @@ class FmuComponent:
                 fail(function, status)
 
         def scatter() -> None:
-            data[own] = buffer[place]
+            data[element] = buffer[place]
             direct()
 
         def gather() -> None:
             direct()
-            buffer[place] = data[own]
+            buffer[place] = data[element]
 
-        if direction == "Set" and total > len(places):  # elements of an array that nobody drives keep their values
-            data[:] = [x for r, e in groups.items() for x in self._get_raw(fmi_type, [r], e[0].size)]
+        if direction == "Set" and how.keeps:  # elements of an array that nobody drives keep their values
+            data[:] = [x for r, e in how.arrays.items() for x in self._get_raw(how.fmi_type, [r], e[0].size)]
         transfer = Transfer(
             function,
             self._address(bare),
             self._address(references),
-            len(groups),
+            len(how.arrays),
             data,
-            *(() if in_place else (own, place)),
+            *(() if how.in_place else (element, place)),
         )
-        return _Bound(direct if in_place else scatter if direction == "Set" else gather, call, transfer)
+        return _Bound(direct if how.in_place else scatter if direction == "Set" else gather, call, transfer)
 
     def _do_step(self) -> _DoStep:
         """(call, last arguments, ended): `call(t, h, *last arguments)`; `ended[0]` is true after a step that stopped
@@ -495,7 +487,7 @@ class FmuComponent:
 
     def _derivative(self, unknowns: Sequence[Variable], known: Variable) -> list[float]:
         """d unknowns / d known; arrays are requested as a whole."""
-        ffi, groups = self._ffi, _by_reference(unknowns)
+        ffi, groups = self._ffi, by_reference(unknowns)
         sizes = [elements[0].size for elements in groups.values()]
         begin = dict(zip(groups, np.cumsum([0, *sizes]).tolist(), strict=False))
         of, by = ffi.new("VR[]", list(groups)), ffi.new("VR[]", [known.reference])
@@ -540,20 +532,6 @@ def _free(library: Library, v3: bool, instance: Any, keep: list[Any]) -> None:
     (library.handle.fmi3FreeInstance if v3 else library.handle.fmi2FreeInstance)(instance)
     keep.clear()
     library.release()
-
-
-def _by_type(variables: Any) -> dict[str, list[Variable]]:
-    groups: dict[str, list[Variable]] = {}
-    for variable in variables:
-        groups.setdefault(variable.fmi_type, []).append(variable)
-    return groups
-
-
-def _by_reference(variables: Sequence[Variable]) -> dict[int, list[Variable]]:
-    groups: dict[int, list[Variable]] = {}
-    for variable in variables:
-        groups.setdefault(variable.reference, []).append(variable)
-    return groups
 
 
 def _sequence(actions: list[Action]) -> Action:

@@ -53,6 +53,7 @@ class Recorder:
         first = begin // self.CHUNK
         piece = slice(begin - first * self.CHUNK, self.count - first * self.CHUNK)
         time, data = np.concatenate(self._times[first:])[piece], np.concatenate(self._rows[first:])[piece]
-        if np.any(self._scale != 1.0) or np.any(self._offset != 0.0):
-            data = data * self._scale + self._offset
+        converted = (self._scale != 1.0) | (self._offset != 0.0)
+        if converted.any():
+            data[:, converted] = data[:, converted] * self._scale[converted] + self._offset[converted]
         return time, data

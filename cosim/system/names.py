@@ -46,6 +46,17 @@ class Members(dict[str, Member]):
             chosen.update((f"{m.name}.{v.name}", (m, v)) for m, v in self._fitting(pattern))
         return list(chosen.values())
 
+    def fitting(self, pattern: str, causality: str) -> list[tuple[Member, Variable]]:
+        """Variables of a full name (all elements of an array), or those of one causality that fit a pattern."""
+        if not set("*?") & set(pattern):
+            member, name = self.split(pattern)
+            return [(member, v) for v in elements(member, name)]
+        fits = glob(pattern)
+        variables = (
+            (m, v) for m in self.values() for v in m.description.variables.values() if v.causality == causality
+        )
+        return [(m, v) for m, v in variables if fits_any(fits, m, v)]
+
     def _fitting(self, pattern: str) -> list[tuple[Member, Variable]]:
         if not set("*?") & set(pattern):
             member, name = self.split(pattern)

@@ -1,0 +1,8 @@
+"""A system as something that travels: one FMU.
+
+- ``system_fmu``: the archive, made of the schedule;
+- ``variables``: which variables of its members it has;
+- ``description``: its modelDescription.xml;
+- ``parts``: how its members travel, ``symbols``: what must be renamed so that they can be in one library;
+- ``runtime/``: the C that carries out the functions of FMI with the engine and the members.
+"""

@@ -1,0 +1,141 @@
+"""How the FMUs of a system travel in its FMU: linked from their sources, or carried in its resources."""
+
+from __future__ import annotations
+
+import json
+import re
+import zipfile
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from lxml import etree
+
+from build_fmus.compile import ObjectCache, Toolchain
+from build_fmus.description import TOOL
+from cosim.errors import CosimError
+from cosim.export.symbols import defined
+from cosim.fmu.file import FmuFile
+
+SOURCES = "sources/"
+_FMI = re.compile(r"fmi[23][A-Z]\w*")
+
+
+@dataclass(frozen=True, eq=False)
+class Part:
+    """One FMU in the FMU of a system; several members may be instances of it.
+
+    Attributes:
+        name: an identifier, unique in the system's FMU.
+        linked: from its sources; otherwise it is carried as it is.
+        files: what there is of it, by path in its own archive.
+        c_files: those to compile, by path below `sources/`.
+    """
+
+    name: str
+    fmu: FmuFile
+    linked: bool
+    files: dict[str, bytes] = field(repr=False)
+    c_files: tuple[str, ...] = ()
+
+    @property
+    def prefix(self) -> str:
+        """Of all its names in the library."""
+        return f"{self.name}_"
+
+    @property
+    def version(self) -> int:
+        return int(self.fmu.major)
+
+    @property
+    def resources(self) -> str:
+        """Folder of its own resources below those of the system's FMU."""
+        return self.name if self.linked else f"{self.name}/resources"
+
+    def resource_files(self) -> dict[str, bytes]:
+        """What goes below `resources/` of the system's FMU."""
+        if not self.linked:
+            wanted = ("binaries/", "resources/", "modelDescription.xml")
+            return {f"{self.name}/{n}": d for n, d in self.files.items() if n.startswith(wanted)}
+        own = {n.removeprefix("resources/"): d for n, d in self.files.items() if n.startswith("resources/")}
+        return {f"{self.name}/{n}": d for n, d in own.items() if n != "provenance.json" or len(own) > 1}
+
+    def licences(self) -> dict[str, bytes]:
+        """Its licence texts, by path below `documentation/licenses/` of the system's FMU."""
+        folders = ("documentation/licenses/", "licenses/")
+        return {
+            f"{self.name}/{n.removeprefix(f)}": d for f in folders for n, d in self.files.items() if n.startswith(f)
+        }
+
+    def platforms(self) -> list[str]:
+        """Platforms that it has a library for, in the words of its own version of FMI."""
+        return self.fmu.platforms()
+
+    def sources(self) -> dict[str, bytes]:
+        """Its own sources, in a folder of their own below `sources/` of the system's FMU."""
+        return {f"{self.name}/{n.removeprefix(SOURCES)}": d for n, d in self.files.items() if n.startswith(SOURCES)}
+
+    def wrappers(self, names: Sequence[str]) -> dict[str, bytes]:
+        """C files that compile its sources under names of its own, the header with these, and its table of functions."""
+        renamed = "".join(f"#undef {n}\n#define {n} {self.prefix}{n}\n" for n in names)
+        header = (
+            f"/* Names of {self.fmu.description.name} in this library. Generated. */\n"
+            f"#undef FMI{self.version}_FUNCTION_PREFIX\n#define FMI{self.version}_FUNCTION_PREFIX {self.prefix}\n{renamed}"
+        )
+        files = {f"{self.name}/names.h": header.encode()}
+        for name in self.c_files:
+            flat = name.replace("/", "_")
+            files[f"{self.prefix}{flat}"] = f'#include "{self.name}/names.h"\n#include "{self.name}/{name}"\n'.encode()
+        files[f"{self.prefix}functions.c"] = (
+            f'#include "{self.name}/names.h"\n#include "member.h"\n\n'
+            f"extern const Functions{self.version} {self.prefix}functions;\n"
+            f"const Functions{self.version} {self.prefix}functions = FUNCTIONS{self.version};\n"
+        ).encode()
+        return files
+
+    def names(self, folder: Path, toolchain: Toolchain, cache: ObjectCache) -> list[str]:
+        """Names that its sources define for each other, but for the functions of FMI; `folder` holds its sources."""
+        objects = [cache.object(toolchain, folder / name, [folder]) for name in self.c_files]
+        return sorted(n for path in objects for n in defined(path) if not _FMI.fullmatch(n))
+
+
+def part_of(name: str, fmu: FmuFile) -> Part:
+    """How an FMU travels: those of this project from their sources, others as they are."""
+    files = dict(_contents(fmu.path))
+    c_files = _c_files(files) if fmu.description.tool.startswith(TOOL) else ()
+    return Part(name, fmu, bool(c_files), files, c_files)
+
+
+def _contents(path: Path) -> Iterator[tuple[str, bytes]]:
+    if path.is_dir():
+        for file in sorted(p for p in path.rglob("*") if p.is_file()):
+            yield file.relative_to(path).as_posix(), file.read_bytes()
+        return
+    try:
+        with zipfile.ZipFile(path) as archive:
+            for info in archive.infolist():
+                if not info.is_dir():
+                    yield info.filename, archive.read(info)
+    except (OSError, zipfile.BadZipFile) as error:
+        raise CosimError(f"{path}: cannot be read again ({error})") from None
+
+
+def _c_files(files: dict[str, bytes]) -> tuple[str, ...]:
+    """Sources to compile, as the FMU itself lists them: any platform's, for any C99 compiler."""
+    if "sources/buildDescription.xml" in files:
+        root = etree.fromstring(files["sources/buildDescription.xml"])
+        for configuration in root.iterfind("BuildConfiguration"):
+            if configuration.get("platform") is None:
+                return tuple(e.get("name") for e in configuration.iterfind("SourceFileSet/SourceFile"))
+        return ()
+    root = etree.fromstring(files["modelDescription.xml"])
+    return tuple(e.get("name") for e in root.iterfind("CoSimulation/SourceFiles/File"))
+
+
+def shown(parts: Sequence[Part]) -> str:
+    """What is where, for people and programs: `resources/members.json`."""
+    about = [
+        {"name": p.name, "model": p.fmu.description.name, "fmi": p.fmu.description.fmi_version, "linked": p.linked}
+        for p in parts
+    ]
+    return json.dumps(about, indent=1) + "\n"

@@ -1,0 +1,840 @@
+/* A system of FMUs as one instance: the functions of fmu_core.h, carried out by its members and the engine.
+ *
+ * The order of everything is that of the Python master (cosim/master): initialization, one instant after the other, arrival at the
+ * end of a step. What changes lies in one block without pointers, and in the members. */
+
+#include <float.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "fmu_base.h"
+#include "fmu_core.h"
+#include "fmu_math.h"
+#include "system.h"
+
+#define STATE_MAGIC 0x53594d55u /* 'UMYS'; also tells a foreign byte order */
+#define STATE_VERSION 1u
+#define EXACT 9007199254740992 /* 2^53: integers below it are doubles */
+#define WITHIN 1e-9            /* of a tick: how near to a whole number of them a time must be */
+#define MOST_TICKS 10000000.0  /* in one step: beyond it the step size is a mistake */
+
+static const Plan *const P = &plan;
+
+/* Everything that changes, but for what is in the members. */
+typedef struct {
+    int64_t tick, stop_tick; /* stop_tick: INT64_MAX without a stop time */
+    int64_t a, b, d;         /* time = (tick * a + b) / d */
+    double start;
+    int32_t mode;
+    int32_t settled;         /* while initializing: outputs follow from inputs and parameters */
+    int32_t ended;           /* a member has asked for the end */
+    int32_t reserved;
+    double v[];              /* values, inputs of members, buffers of calls */
+} State;
+
+typedef struct {
+    uint32_t magic, version;
+    uint64_t model, length, members, checksum; /* of the system, the state block and all members' states, in bytes */
+} Header;
+
+/* A saved state: header, state block, the members' states. */
+typedef struct {
+    Header header;
+    void *members[];
+} Saved;
+
+struct FmuInstance {
+    FmuBase base;
+    State *state;
+    double *values, *before, *old; /* before: the values of a moment ago; old: those of variables that are being set */
+    Engine engine;
+    EngineMember *bound;
+    Member *members;
+    EngineTransfer *transfers;
+    bool *flags;
+    double *last;
+    int32_t logging;                /* the member that logs */
+};
+
+static size_t aligned(size_t n) { return (n + 15u) & ~(size_t)15u; }
+static size_t n_numbers(void) { return (size_t)P->n_values + P->n_u + (P->n_buffer + 7u) / 8u; }
+static size_t state_size(void) { return sizeof(State) + n_numbers() * sizeof(double); }
+
+/* ------------------------------------------------------------------ life cycle */
+
+static void from_member(void *context, int status, const char *message);
+
+typedef struct {
+    FmuInstance *self;
+    int32_t member;
+} Source;
+
+static size_t n_transfers(void) {
+    size_t n = 0;
+    for (int32_t i = 0; i < P->n_members; i++) n += (size_t)(P->members[i].n_sets + P->members[i].n_gets);
+    return n;
+}
+
+FmuInstance *fmu_create(int is_co_simulation, size_t adapter_size, FmuLog log) {
+    const size_t n = (size_t)P->n_members, c = (size_t)P->n_clocks;
+    const size_t sizes[] = {
+        aligned(sizeof(FmuInstance)), aligned(adapter_size), aligned(state_size()), aligned(P->n_values * sizeof(double)),
+        aligned((size_t)P->n_variables * sizeof(double)), aligned(n * sizeof(EngineMember)), aligned(n * sizeof(Member)),
+        aligned(n_transfers() * sizeof(EngineTransfer)), aligned(n * 4 * sizeof(bool)), aligned(n * sizeof(double)),
+        aligned(n * sizeof(Source)), aligned(c * sizeof(int64_t)), aligned(c * sizeof(bool)), aligned(n * sizeof(EngineMember *)),
+        aligned(P->n_shown * sizeof(EngineCopy)), aligned(n * sizeof(EnginePiece)),
+        aligned(n * (sizeof(Functions2) + sizeof(Functions3))),
+    };
+    size_t total = 0;
+    for (size_t i = 0; i < sizeof sizes / sizeof *sizes; i++) total += sizes[i];
+    char *block = calloc(1, total);
+    if (!block) return NULL;
+    void *part[sizeof sizes / sizeof *sizes];
+    for (size_t i = 0, offset = 0; i < sizeof sizes / sizeof *sizes; offset += sizes[i], i++) part[i] = block + offset;
+
+    FmuInstance *self = part[0];
+    self->state = part[2];
+    fmu_base_use(&self->base, is_co_simulation, part[1], log, &self->state->mode);
+    self->values = self->state->v;
+    self->before = part[3];
+    self->old = part[4];
+    self->bound = part[5];
+    self->members = part[6];
+    self->transfers = part[7];
+    self->flags = part[8];
+    self->last = part[9];
+    Source *sources = part[10];
+    char *functions = part[16];
+    for (int32_t i = 0; i < P->n_members; i++) {
+        const PlanMember *p = &P->members[i];
+        Member *m = &self->members[i];
+        sources[i] = (Source){self, i};
+        m->version = p->version;
+        m->f2 = p->version != 2 ? NULL : p->functions ? p->functions : (Functions2 *)(void *)functions;
+        m->f3 = p->version != 3 ? NULL : p->functions ? p->functions : (Functions3 *)(void *)functions;
+        functions += sizeof(Functions2) + sizeof(Functions3);
+        m->log = from_member;
+        m->context = &sources[i];
+    }
+    self->engine = (Engine){.values = self->values, .members = self->bound, .n_members = P->n_members,
+                            .n_discrete = P->n_discrete, .clocks = P->clocks, .n_clocks = P->n_clocks, .next = part[11],
+                            .due = part[12], .list = part[13], .shown = part[14], .reached = part[15], .look = true};
+    self->state->mode = MODE_INSTANTIATED;
+    return self;
+}
+
+/* Of what a member says, errors and warnings are passed on. */
+static void from_member(void *context, int status, const char *message) {
+    const Source *source = context;
+    if (status == (int)fmi3OK) return;
+    (void)fmu_fail(source->self, status <= (int)fmi3Fatal ? (FmuStatus)status : FMU_ERROR, "%s: %s",
+                   P->members[source->member].name, message);
+}
+
+/* What a member's call has returned, as this FMU's status, with a message. */
+static FmuStatus member_failed(FmuInstance *self, int32_t i, const char *what, uint32_t status) {
+    const char *names[] = {"OK", "Warning", "Discard", "Error", "Fatal", "Pending"};
+    const char *name = status < sizeof names / sizeof *names ? names[status] : "no FMI status";
+    return fmu_fail(self, FMU_ERROR, "member '%s': %s returned %s at time %.9g s", P->members[i].name, what, name, fmu_time(self));
+}
+
+/* The start values that the system gives. */
+static FmuStatus set_starts(FmuInstance *self, int32_t i) {
+    const PlanMember *p = &P->members[i];
+    for (uint32_t k = 0; k < p->n_starts; k++) {
+        const PlanStart *s = &p->starts[k];
+        const uint32_t status = s->text ? member_set_text(&self->members[i], s->reference, s->text)
+                                        : member_set(&self->members[i], s->kind, s->reference, s->values, s->n);
+        if (status > fmi3Warning) return member_failed(self, i, "setting a start value", status);
+    }
+    return FMU_OK;
+}
+
+/* Path of the resources; FMI 2.0 gives a URI. */
+static void resource_path(const char *given, char *path, size_t n) {
+    const char *from = given ? given : "";
+    const int is_uri = strncmp(from, "file:", 5) == 0;
+    size_t k = 0;
+    if (is_uri) {
+        from += 5;
+        if (strncmp(from, "//", 2) == 0)
+            for (from += 2; *from && *from != '/'; from++) continue; /* a host */
+#ifdef _WIN32
+        if (from[0] == '/' && from[1] && from[2] == ':') from++;
+#endif
+    }
+    for (; *from && k + 1 < n; from++) {
+        unsigned code;
+        if (is_uri && *from == '%' && sscanf(from + 1, "%2x", &code) == 1) {
+            path[k++] = (char)code;
+            from += 2;
+        } else {
+            path[k++] = *from;
+        }
+    }
+    while (k > 0 && (path[k - 1] == '/' || path[k - 1] == '\\')) k--;
+    path[k] = '\0';
+}
+
+FmuStatus fmu_open(FmuInstance *self, const char *resources) {
+    char path[4096], own[4096 + 256], reason[512];
+    resource_path(resources, path, sizeof path);
+    for (int32_t i = 0; i < P->n_members; i++) {
+        const PlanMember *p = &P->members[i];
+        Member *m = &self->members[i];
+        (void)snprintf(own, sizeof own, "%s/%s/", path, p->resources);
+        if (p->folder) {
+            void *functions = p->version == 2 ? (void *)(uintptr_t)m->f2 : (void *)(uintptr_t)m->f3;
+            m->close = P->close;
+            m->library = P->open(path, p->folder, p->identifier, p->version, functions, reason, sizeof reason);
+            if (!m->library) return fmu_fail(self, FMU_ERROR, "member '%s': %s", p->name, reason);
+        }
+        if (!member_instantiate(m, p->name, p->token, own))
+            return fmu_fail(self, FMU_ERROR, "member '%s' cannot be instantiated", p->name);
+        const FmuStatus status = set_starts(self, i);
+        if (status != FMU_OK) return status;
+    }
+    return FMU_OK;
+}
+
+void fmu_free(FmuInstance *self) {
+    for (int32_t i = P->n_members - 1; i >= 0; i--) member_free(&self->members[i]);
+    free(self);
+}
+
+void fmu_set_mode(FmuInstance *self, FmuMode mode) {
+    if (mode == MODE_TERMINATED && self->state->mode == MODE_STEP)
+        for (int32_t i = 0; i < P->n_members; i++)
+            if (!self->members[i].dead) (void)member_terminate(&self->members[i]);
+    self->state->mode = (int32_t)mode;
+}
+
+FmuStatus fmu_reset(FmuInstance *self) {
+    memset(self->state, 0, state_size());
+    self->state->mode = MODE_INSTANTIATED;
+    for (int32_t i = 0; i < P->n_members; i++) {
+        if (self->members[i].dead) {
+            self->state->mode = MODE_ERROR;
+            return fmu_fail(self, FMU_ERROR, "member '%s' has failed for good: free this instance", P->members[i].name);
+        }
+        const uint32_t status = member_reset(&self->members[i]);
+        if (status > fmi3Warning) {
+            self->state->mode = MODE_ERROR;
+            return member_failed(self, i, "Reset", status);
+        }
+        if (set_starts(self, i) != FMU_OK) return FMU_ERROR;
+    }
+    return FMU_OK;
+}
+
+/* ------------------------------------------------------------------ time */
+
+double fmu_time(const FmuInstance *self) {
+    const State *s = self->state;
+    return s->d ? (double)(s->tick * s->a + s->b) / (double)s->d : 0.0;
+}
+
+int fmu_ended(const FmuInstance *self) { return self->state->ended; }
+
+static int64_t gcd(int64_t a, int64_t b) {
+    while (b) {
+        const int64_t rest = a % b;
+        a = b;
+        b = rest;
+    }
+    return a;
+}
+
+static double nearest(double x) { return floor(x + 0.5); }
+
+/* The simplest fraction that is the start time: that of the shortest denominator, as the Python master finds it. */
+static FmuStatus use_start(FmuInstance *self, double start) {
+    State *s = self->state;
+    for (int64_t q = 1; q <= 1000000; q++) {
+        const double p = nearest(start * (double)q);
+        if (!(fabs(p) < (double)EXACT)) break;
+        if (p / (double)q != start) continue;
+        const int64_t d = P->d / gcd(P->d, q) * q; /* least common multiple */
+        s->a = P->a * (d / P->d);
+        s->b = (int64_t)p * (d / q);
+        s->d = d;
+        s->start = start;
+        return d < EXACT && fabs((double)s->b) < (double)EXACT ? FMU_OK
+                                                              : fmu_fail(self, FMU_ERROR, "startTime %.17g cannot be kept exactly", start);
+    }
+    return fmu_fail(self, FMU_ERROR, "startTime %.17g is no fraction of seconds with a denominator up to a million", start);
+}
+
+/* Number of ticks in a duration, or -1 with an error. `slack`: times that are differences of others have their rounding. */
+static int64_t ticks_in(FmuInstance *self, const char *what, double duration, double slack) {
+    const double tick = (double)P->a / (double)P->d, ticks = duration / tick, whole = nearest(ticks);
+    if (fabs(ticks - whole) <= WITHIN + slack / tick && whole >= 0.0 && whole < (double)EXACT) return (int64_t)whole;
+    (void)fmu_fail(self, FMU_ERROR, "%s %.17g s is no whole number of ticks of %.9g s, the common divisor of its members' steps", what, duration,
+                   tick);
+    return -1;
+}
+
+FmuStatus fmu_setup(FmuInstance *self, double start_time, int has_stop, double stop_time) {
+    State *s = self->state;
+    if (!isfinite(start_time)) return fmu_fail(self, FMU_ERROR, "startTime %g is not finite", start_time);
+    if (has_stop && !(isfinite(stop_time) && stop_time >= start_time))
+        return fmu_fail(self, FMU_ERROR, "stopTime %g is not a time after startTime %g", stop_time, start_time);
+    const FmuStatus status = use_start(self, start_time);
+    if (status != FMU_OK) return status;
+    s->tick = 0;
+    s->stop_tick = INT64_MAX;
+    if (has_stop) {
+        const double tick = (double)P->a / (double)P->d, ticks = (stop_time - start_time) / tick;
+        if (ticks < (double)EXACT) s->stop_tick = (int64_t)floor(ticks * (1.0 + 4.0 * DBL_EPSILON) + WITHIN);
+    }
+    s->settled = 0;
+    return FMU_OK;
+}
+
+/* ------------------------------------------------------------------ initialization */
+
+/* Calls and buffers of a member for the engine, as far as they do not change. */
+static void bind(FmuInstance *self) {
+    EngineTransfer *t = self->transfers;
+    double *u = self->values + P->n_values;
+    char *buffers = (char *)(u + P->n_u);
+    for (int32_t i = 0; i < P->n_members; i++) {
+        const PlanMember *p = &P->members[i];
+        const Member *m = &self->members[i];
+        double *own = p->in_place ? self->values + p->u : u + p->u, *y = self->values + p->first;
+        EngineMember *e = &self->bound[i];
+        *e = (EngineMember){.fmi = p->version, .clock = p->clock, .step = p->step, .look_before = p->look_before,
+                            .n_copies_before = p->n_copies_before, .copies = p->copies, .n_copies = p->n_copies, .stamp = p->stamp,
+                            .index = p->index, .n_inputs = p->in_place ? 0 : p->n_inputs, .scale = p->scale, .offset = p->offset,
+                            .lines = p->lines, .n_lines = p->n_lines, .u = own, .y = y, .first = p->first,
+                            .n_outputs = p->n_outputs, .instance = m->instance, .flags = self->flags + 4 * i,
+                            .last = self->last + i, .no_set_prior = 0, .n_sets = p->n_sets, .n_gets = p->n_gets};
+        if (p->version == 2) e->step2 = (EngineStep2)m->f2->DoStep;
+        else e->step3 = (EngineStep3)m->f3->DoStep;
+        bool direct = p->n_sets == 1 && p->n_gets == 1;
+        for (int set = 1; set >= 0; set--) {
+            if (set) e->sets = t;
+            else e->gets = t;
+            for (int32_t k = 0; k < (set ? p->n_sets : p->n_gets); k++, t++) {
+                const PlanTransfer *from = set ? &p->sets[k] : &p->gets[k];
+                void *data = from->element ? (void *)(buffers + from->buffer) : (void *)((set ? own : y) + from->at);
+                *t = (EngineTransfer){.references = from->references, .n_references = from->n_references, .data = data,
+                                      .n_data = from->n_data, .n = from->n, .element = from->element, .place = from->place};
+                member_values(m, from->kind, set != 0, t);
+                direct = direct && !from->element;
+            }
+        }
+        e->direct = direct;
+    }
+}
+
+/* A call of member i that the engine has made has failed. */
+static FmuStatus call_failed(FmuInstance *self, int32_t i) {
+    const int32_t call = self->engine.call;
+    if (self->engine.status == fmi3Fatal) self->members[i].dead = true;
+    return member_failed(self, i, call > 0 ? "setting its inputs" : call < 0 ? "getting its outputs" : "DoStep", self->engine.status);
+}
+
+static void show_everything(FmuInstance *self) {
+    for (int pass = 0; pass < 2; pass++) /* what was reached is shown, then what is shown is remembered */
+        for (int32_t i = 0; i < P->n_members; i++) {
+            const PlanMember *p = &P->members[i];
+            const int32_t first = pass ? 0 : p->n_copies_before, end = pass ? p->n_copies_before : p->n_copies;
+            for (int32_t k = first; k < end; k++)
+                memcpy(self->values + p->copies[k].to, self->values + p->copies[k].from, p->copies[k].n * sizeof(double));
+        }
+}
+
+/* Pass outputs to inputs, in order of execution, until nothing changes any more, but for rounding. */
+static FmuStatus settle(FmuInstance *self) {
+    State *s = self->state;
+    if (s->settled) return FMU_OK;
+    for (int32_t round = 0; round < 20 + P->n_members; round++) {
+        memcpy(self->before, self->values, P->n_values * sizeof(double));
+        for (int32_t i = 0; i < P->n_members; i++) {
+            EngineMember *e = &self->bound[i];
+            if (e->n_inputs) engine_gather(&self->engine, e, 0.0);
+            if (engine_set(&self->engine, e) || engine_get(&self->engine, e)) return call_failed(self, i);
+            show_everything(self);
+        }
+        bool moved = false;
+        for (uint32_t k = 0; k < P->n_values; k++) {
+            const double was = fabs(self->before[k]);
+            if (fabs(self->values[k] - self->before[k]) > 1e-12 * (was > 1.0 ? was : 1.0)) moved = true;
+        }
+        if (!moved) {
+            s->settled = 1;
+            return FMU_OK;
+        }
+    }
+    s->settled = 1;
+    (void)fmu_fail(self, FMU_WARNING, "initial values do not settle, there is a loop among them");
+    return FMU_OK;
+}
+
+FmuStatus fmu_enter_initialization(FmuInstance *self) {
+    State *s = self->state;
+    if (!s->d) { /* FMI 2.0 allows leaving out SetupExperiment */
+        const FmuStatus status = fmu_setup(self, 0.0, 0, 0.0);
+        if (status != FMU_OK) return status;
+    }
+    s->mode = MODE_INITIALIZATION;
+    s->settled = 0;
+    for (int32_t i = 0; i < P->n_members; i++) {
+        const PlanMember *p = &P->members[i];
+        const EngineClock *clock = &P->clocks[p->clock];
+        s->tick = clock->offset;
+        const double begin = fmu_time(self);
+        s->tick = s->stop_tick;
+        const bool met = s->stop_tick != INT64_MAX && s->stop_tick > clock->offset && (s->stop_tick - clock->offset) % clock->period == 0;
+        const double stop = met ? fmu_time(self) : 0.0;
+        s->tick = 0;
+        const uint32_t status = member_enter(&self->members[i], p->has_tolerance, p->tolerance, begin, met, stop);
+        if (status > fmi3Warning) {
+            s->mode = MODE_ERROR;
+            return member_failed(self, i, "EnterInitializationMode", status);
+        }
+    }
+    bind(self);
+    for (int32_t i = 0; i < P->n_members; i++) /* elements that nobody drives */
+        for (int32_t k = 0; k < P->members[i].n_sets; k++)
+            if (P->members[i].sets[k].keeps) {
+                EngineTransfer t = self->bound[i].sets[k];
+                member_values(&self->members[i], P->members[i].sets[k].kind, false, &t);
+                t.element = NULL;
+                EngineMember e = self->bound[i];
+                e.gets = &t;
+                e.n_gets = 1;
+                if (engine_get(&self->engine, &e)) return call_failed(self, i);
+            }
+    for (int32_t i = 0; i < P->n_variables; i++) { /* inputs and parameters that are shown as values too */
+        const PlanVariable *v = &P->variables[i];
+        if (v->slot >= 0 && (v->role == FMU_INPUT || v->role == FMU_PARAMETER)) {
+            const uint32_t status = member_get(&self->members[v->member], v->kind, v->reference, self->values + v->slot, 1);
+            if (status > fmi3Warning) return member_failed(self, v->member, "getting a value", status);
+        }
+    }
+    show_everything(self);
+    return FMU_OK;
+}
+
+static FmuStatus check_finite(FmuInstance *self) {
+    for (uint32_t k = 0; k < P->n_values; k++)
+        if (!isfinite(self->values[k]))
+            return fmu_fail(self, FMU_ERROR, "%s is %g at time %.9g s", P->owners[k], self->values[k], fmu_time(self));
+    return FMU_OK;
+}
+
+FmuStatus fmu_exit_initialization(FmuInstance *self) {
+    State *s = self->state;
+    FmuStatus result = settle(self);
+    for (int32_t i = 0; i < P->n_members && result == FMU_OK; i++) {
+        const uint32_t status = member_exit(&self->members[i]);
+        if (status > fmi3Warning) result = member_failed(self, i, "ExitInitializationMode", status);
+        else if (engine_get(&self->engine, &self->bound[i])) result = call_failed(self, i);
+    }
+    show_everything(self);
+    if (result == FMU_OK) result = check_finite(self);
+    s->mode = result == FMU_OK ? MODE_STEP : MODE_ERROR;
+    if (result == FMU_OK) (void)fmu_fail(self, FMU_OK, "%s initialized at %.9g s", fmu_model.name, fmu_time(self));
+    return result;
+}
+
+/* ------------------------------------------------------------------ values */
+
+static double read_double(const void *values, size_t i) { return ((const double *)values)[i]; }
+static void write_double(void *values, size_t i, double value) { ((double *)values)[i] = value; }
+
+static const PlanVariable *lookup(FmuInstance *self, const char *function, FmuType type, unsigned reference) {
+    if (reference >= (unsigned)P->n_variables) {
+        (void)fmu_fail(self, FMU_ERROR, "%s: unknown value reference %u", function, reference);
+        return NULL;
+    }
+    const PlanVariable *v = &P->variables[reference];
+    if (v->type == type) return v;
+    (void)fmu_fail(self, FMU_ERROR, "%s: variable %s is of type %s", function, v->name, fmu_type_name(v->type));
+    return NULL;
+}
+
+static FmuStatus value_of(FmuInstance *self, const PlanVariable *v, double *value) {
+    if (v->role == FMU_TIME) {
+        *value = fmu_time(self);
+        return FMU_OK;
+    }
+    if (v->role == FMU_OUTPUT) {
+        if (self->state->mode == MODE_INITIALIZATION) {
+            const FmuStatus status = settle(self);
+            if (status != FMU_OK) return status;
+        }
+        *value = self->values[v->slot];
+        if (v->scale != 1.0 || v->shift != 0.0) *value = v->scale * *value + v->shift;
+        return FMU_OK;
+    }
+    Member *m = &self->members[v->member];
+    if (m->dead) return fmu_fail(self, FMU_ERROR, "member '%s' has failed for good", P->members[v->member].name);
+    const uint32_t status = member_get(m, v->kind, v->reference, value, 1);
+    return status > fmi3Warning ? member_failed(self, v->member, "getting a value", status) : FMU_OK;
+}
+
+FmuStatus fmu_get_as(FmuInstance *self, const char *function, FmuType type, const unsigned *refs, size_t n_refs, void *values,
+                     size_t count, FmuWrite write) {
+    FmuStatus status = fmu_check_arrays(self, function, refs, n_refs, values, count);
+    if (status == FMU_OK && n_refs != count)
+        status = fmu_fail(self, FMU_ERROR, "%s: nValues is %zu, the variables have %zu", function, count, n_refs);
+    for (size_t i = 0; i < n_refs && status == FMU_OK; i++) {
+        const PlanVariable *v = lookup(self, function, type, refs[i]);
+        if (!v) return FMU_ERROR;
+        double value = 0.0;
+        status = value_of(self, v, &value);
+        if (status == FMU_OK) write(values, i, value);
+    }
+    return status;
+}
+
+FmuStatus fmu_get(FmuInstance *self, const char *function, FmuType type, const unsigned *refs, size_t n_refs, double *values,
+                  size_t count) {
+    return fmu_get_as(self, function, type, refs, n_refs, values, count, write_double);
+}
+
+static FmuStatus check_settable(FmuInstance *self, const char *function, const PlanVariable *v, double value) {
+    const unsigned before = MODE_INSTANTIATED | MODE_INITIALIZATION, mode = (unsigned)self->state->mode;
+    const unsigned modes = v->role == FMU_INPUT       ? before | MODE_STEP
+                           : v->role == FMU_PARAMETER ? before | (v->is_tunable ? (unsigned)MODE_STEP : 0u)
+                                                      : 0u;
+    if (!modes) return fmu_fail(self, FMU_ERROR, "%s: variable %s is calculated and cannot be set", function, v->name);
+    if (!(modes & mode))
+        return fmu_fail(self, FMU_ERROR, "%s: variable %s cannot be set in state '%s'", function, v->name, fmu_mode_name(self->state->mode));
+    if (!isfinite(value)) return fmu_fail(self, FMU_ERROR, "%s: value %g for %s is not finite", function, value, v->name);
+    const bool is_signal = v->role == FMU_INPUT && v->type == FMU_FLOAT64; /* clipped by its member */
+    if (!is_signal && !(value >= v->min && value <= v->max))
+        return fmu_fail(self, FMU_ERROR, "%s: value %.9g for %s is outside its range [%.9g, %.9g]", function, value, v->name, v->min, v->max);
+    return FMU_OK;
+}
+
+static uint32_t hand_over(FmuInstance *self, const PlanVariable *v, double value) {
+    const uint32_t status = member_set(&self->members[v->member], v->kind, v->reference, &value, 1);
+    if (status <= fmi3Warning && v->slot >= 0) self->values[v->slot] = value;
+    return status;
+}
+
+FmuStatus fmu_set_as(FmuInstance *self, const char *function, FmuType type, const unsigned *refs, size_t n_refs,
+                     const void *values, size_t count, FmuRead read) {
+    FmuStatus status = fmu_check_arrays(self, function, refs, n_refs, values, count);
+    if (status == FMU_OK && n_refs != count)
+        status = fmu_fail(self, FMU_ERROR, "%s: nValues is %zu, the variables have %zu", function, count, n_refs);
+    /* First look at everything, then set it: a call that fails changes nothing. */
+    for (size_t i = 0; i < n_refs && status == FMU_OK; i++) {
+        const PlanVariable *v = lookup(self, function, type, refs[i]);
+        status = v ? check_settable(self, function, v, read(values, i)) : FMU_ERROR;
+    }
+    if (status != FMU_OK) return status;
+    const bool can_read = self->state->mode != MODE_INSTANTIATED; /* before that a member tells no values */
+    size_t done = 0;
+    for (; done < n_refs; done++) {
+        const PlanVariable *v = &P->variables[refs[done]];
+        if (can_read && n_refs <= (size_t)P->n_variables) (void)value_of(self, v, &self->old[done]);
+        const uint32_t said = hand_over(self, v, read(values, done));
+        if (said <= fmi3Warning) continue;
+        status = member_failed(self, v->member, v->name, said);
+        break;
+    }
+    if (status != FMU_OK && can_read && n_refs <= (size_t)P->n_variables)
+        while (done-- > 0) (void)hand_over(self, &P->variables[refs[done]], self->old[done]);
+    self->state->settled = 0;
+    return status;
+}
+
+FmuStatus fmu_set(FmuInstance *self, const char *function, FmuType type, const unsigned *refs, size_t n_refs,
+                  const double *values, size_t count) {
+    return fmu_set_as(self, function, type, refs, n_refs, values, count, read_double);
+}
+
+/* ------------------------------------------------------------------ stepping */
+
+/* What an instant of the engine has ended with. */
+static FmuStatus outcome(FmuInstance *self, int result) {
+    const int32_t i = self->engine.member;
+    if (result == ENGINE_AT_END) return FMU_OK;
+    self->state->tick = self->engine.tick;
+    if (result == ENGINE_NOT_FINITE) {
+        const PlanMember *p = &P->members[i];
+        for (uint32_t k = p->first; k < p->first + p->n_outputs; k++)
+            if (!isfinite(self->values[k]))
+                return fmu_fail(self, FMU_ERROR, "%s is %g at time %.9g s", P->owners[k], self->values[k],
+                                fmu_time(self) + (i < P->n_discrete ? 0.0 : p->step));
+    }
+    const bool asked = self->engine.call == 0 && (P->members[i].version == 3 ? self->flags[4 * i + 2] && self->engine.status <= fmi3Warning
+                                                                             : self->engine.status == fmi2Discard && member_asked_to_end(&self->members[i]));
+    if (asked) {
+        self->state->ended = 1;
+        (void)fmu_fail(self, FMU_DISCARD, "member '%s' asks to end the simulation at time %.9g s", P->members[i].name, fmu_time(self));
+        return FMU_DISCARD;
+    }
+    return call_failed(self, i);
+}
+
+FmuStatus fmu_do_step(FmuInstance *self, const char *function, double time, double step) {
+    State *s = self->state;
+    Engine *e = &self->engine;
+    const double now = fmu_time(self), rounding = 4.0 * DBL_EPSILON * (fabs(time) + fabs(step));
+    if (!isfinite(step) || step <= 0.0)
+        return fmu_fail(self, FMU_ERROR, "%s: communicationStepSize %g is not a positive number", function, step);
+    if (!isfinite(time)) return fmu_fail(self, FMU_ERROR, "%s: currentCommunicationPoint %g is not finite", function, time);
+    if (fabs(time - now) > WITHIN * (double)P->a / (double)P->d + rounding)
+        return fmu_fail(self, FMU_ERROR, "%s: currentCommunicationPoint %.17g, but the instance is at %.17g", function, time, now);
+    const int64_t n = ticks_in(self, "communicationStepSize", step, rounding);
+    if (n < 0) return FMU_ERROR;
+    if (n == 0 || (double)n > MOST_TICKS)
+        return fmu_fail(self, FMU_ERROR, "%s: communicationStepSize %g s is %lld ticks", function, step, (long long)n);
+    const int64_t end = s->tick + n;
+    if (end > s->stop_tick)
+        return fmu_fail(self, FMU_ERROR, "%s: the step ends at %.12g, after stopTime", function, time + step);
+    if ((double)end * (double)s->a + fabs((double)s->b) >= (double)EXACT)
+        return fmu_fail(self, FMU_ERROR, "%s: times from %.12g s on cannot be kept exactly", function, time);
+    e->a = s->a;
+    e->b = s->b;
+    e->d = s->d;
+    e->tick = s->tick;
+    engine_look_up(e, s->tick); /* arrived already */
+    int result = engine_sample(e, now);
+    if (!result) result = engine_advance(e, now);
+    if (!result) {
+        e->tick = s->tick + 1;
+        result = engine_run(e, end);
+    }
+    const FmuStatus status = outcome(self, result);
+    if (status != FMU_OK) {
+        s->mode = MODE_ERROR;
+        return status;
+    }
+    s->tick = end;
+    engine_look_up(e, end);
+    engine_arrive(e, fmu_time(self));
+    return FMU_OK;
+}
+
+/* ------------------------------------------------------------------ what a system does not offer */
+
+FmuStatus fmu_directional_derivative(FmuInstance *self, const char *function, const unsigned *unknowns, size_t n_unknowns,
+                                     const unsigned *knowns, size_t n_knowns, const double *seed, size_t n_seed,
+                                     double *sensitivity, size_t n_sensitivity) {
+    (void)unknowns, (void)n_unknowns, (void)knowns, (void)n_knowns, (void)seed, (void)n_seed, (void)sensitivity, (void)n_sensitivity;
+    return fmu_fail(self, FMU_ERROR, "%s: a system of FMUs offers no directional derivatives", function);
+}
+
+static FmuStatus no_model_exchange(FmuInstance *self, const char *function) {
+    return fmu_fail(self, FMU_ERROR, "%s: a system of FMUs offers Co-Simulation only", function);
+}
+
+FmuStatus fmu_set_time(FmuInstance *self, const char *function, double time) {
+    (void)time;
+    return no_model_exchange(self, function);
+}
+
+FmuStatus fmu_set_states(FmuInstance *self, const char *function, const double *x, size_t n) {
+    (void)x, (void)n;
+    return no_model_exchange(self, function);
+}
+
+FmuStatus fmu_get_states(FmuInstance *self, const char *function, double *x, size_t n) {
+    (void)x, (void)n;
+    return no_model_exchange(self, function);
+}
+
+FmuStatus fmu_get_derivatives(FmuInstance *self, const char *function, double *dx, size_t n) {
+    (void)dx, (void)n;
+    return no_model_exchange(self, function);
+}
+
+FmuStatus fmu_get_nominals(FmuInstance *self, const char *function, double *nominals, size_t n) {
+    (void)nominals, (void)n;
+    return no_model_exchange(self, function);
+}
+
+/* ------------------------------------------------------------------ saved states */
+
+static State *state_in(const void *saved) { return (State *)((char *)(uintptr_t)saved + sizeof(Saved) + (size_t)P->n_members * sizeof(void *)); }
+static size_t saved_size(void) { return sizeof(Saved) + (size_t)P->n_members * sizeof(void *) + state_size(); }
+static uint64_t identity(void) { return fmu_hash(fmu_model.token, strlen(fmu_model.token)); }
+
+static FmuStatus check_can_save(FmuInstance *self, const char *function) {
+    return P->can_save ? FMU_OK : fmu_fail(self, FMU_ERROR, "%s: not all members of %s can save their state", function, fmu_model.name);
+}
+
+static FmuStatus check_header(FmuInstance *self, const char *function, const void *saved) {
+    Header h;
+    FmuStatus status = check_can_save(self, function);
+    if (status != FMU_OK) return status;
+    if (!saved) return fmu_fail(self, FMU_ERROR, "%s: the FMU state is NULL", function);
+    memcpy(&h, saved, sizeof h);
+    if (h.magic != STATE_MAGIC) return fmu_fail(self, FMU_ERROR, "%s: this is not a state of this FMU", function);
+    if (h.version != STATE_VERSION)
+        return fmu_fail(self, FMU_ERROR, "%s: state format %u, this FMU reads %u", function, h.version, STATE_VERSION);
+    if (h.model != identity() || h.length != state_size())
+        return fmu_fail(self, FMU_ERROR, "%s: the state belongs to another system or build than %s", function, fmu_model.name);
+    return FMU_OK;
+}
+
+/* What of a state block cannot be of this system; NULL when there is nothing. */
+static const char *wrong_in(const State *s) {
+    const unsigned mode = (unsigned)s->mode, modes = MODE_INSTANTIATED | MODE_INITIALIZATION | MODE_STEP | MODE_TERMINATED | MODE_ERROR;
+    if (!mode || mode & (mode - 1u) || mode & ~modes) return "its mode";
+    if ((s->settled | s->ended) & ~1) return "its flags";
+    if (s->tick < 0 || s->tick >= EXACT || s->stop_tick < 0 || s->tick > s->stop_tick) return "its time";
+    if (!isfinite(s->start) || s->d < 0 || s->d >= EXACT || s->a < 0 || s->a >= EXACT || s->b <= -EXACT || s->b >= EXACT) return "its start time";
+    if ((mode == MODE_STEP || mode == MODE_TERMINATED) && (!s->d || !s->a || !((double)s->tick * (double)s->a + fabs((double)s->b) < (double)EXACT)))
+        return "its start time";
+    if (s->d && (s->d % P->d || s->a != P->a * (s->d / P->d) || (double)s->b / (double)s->d != s->start)) return "its start time";
+    if (mode == MODE_STEP)
+        for (uint32_t k = 0; k < P->n_values + P->n_u; k++)
+            if (!isfinite(s->v[k])) return k < P->n_values ? P->owners[k] : "an input of a member";
+    return NULL;
+}
+
+static void forget_members(FmuInstance *self, Saved *saved) {
+    for (int32_t i = 0; i < P->n_members; i++)
+        if (saved->members[i] && !self->members[i].dead) (void)member_forget(&self->members[i], &saved->members[i]);
+}
+
+static FmuStatus check_alive(FmuInstance *self, const char *function) {
+    for (int32_t i = 0; i < P->n_members; i++)
+        if (self->members[i].dead) return fmu_fail(self, FMU_ERROR, "%s: member '%s' has failed for good", function, P->members[i].name);
+    return FMU_OK;
+}
+
+FmuStatus fmu_snapshot(FmuInstance *self, const char *function, void **snapshot) {
+    FmuStatus status = check_can_save(self, function);
+    if (status == FMU_OK) status = check_alive(self, function);
+    if (status == FMU_OK && !snapshot) status = fmu_fail(self, FMU_ERROR, "%s: NULL argument", function);
+    if (status == FMU_OK && *snapshot) status = check_header(self, function, *snapshot);
+    if (status != FMU_OK) return status;
+    Saved *saved = *snapshot ? *snapshot : calloc(1, saved_size());
+    if (!saved) return fmu_fail(self, FMU_ERROR, "%s: out of memory", function);
+    for (int32_t i = 0; i < P->n_members; i++) {
+        const uint32_t said = member_save(&self->members[i], &saved->members[i]);
+        if (said <= fmi3Warning) continue;
+        if (!*snapshot) {
+            forget_members(self, saved);
+            free(saved);
+        }
+        return member_failed(self, i, "GetFMUState", said);
+    }
+    saved->header = (Header){.magic = STATE_MAGIC, .version = STATE_VERSION, .model = identity(), .length = state_size()};
+    memcpy(state_in(saved), self->state, state_size());
+    *snapshot = saved;
+    return FMU_OK;
+}
+
+FmuStatus fmu_restore(FmuInstance *self, const char *function, const void *snapshot) {
+    FmuStatus status = check_header(self, function, snapshot);
+    if (status == FMU_OK) status = check_alive(self, function);
+    const char *wrong = status == FMU_OK ? wrong_in(state_in(snapshot)) : NULL;
+    if (wrong) status = fmu_fail(self, FMU_ERROR, "%s: this cannot be a state of %s: %s", function, fmu_model.name, wrong);
+    const Saved *saved = snapshot;
+    for (int32_t i = 0; i < P->n_members && status == FMU_OK; i++) {
+        const uint32_t said = member_restore(&self->members[i], saved->members[i]);
+        if (said > fmi3Warning) {
+            self->state->mode = MODE_ERROR; /* members before it have been restored */
+            status = member_failed(self, i, "SetFMUState", said);
+        }
+    }
+    if (status != FMU_OK) return status;
+    memcpy(self->state, state_in(snapshot), state_size());
+    bind(self);
+    return FMU_OK;
+}
+
+FmuStatus fmu_free_snapshot(FmuInstance *self, const char *function, void **snapshot) {
+    if (!snapshot) return fmu_fail(self, FMU_ERROR, "%s: NULL argument", function);
+    if (!*snapshot) return FMU_OK;
+    const FmuStatus status = check_header(self, function, *snapshot);
+    if (status != FMU_OK) return status;
+    forget_members(self, *snapshot);
+    free(*snapshot);
+    *snapshot = NULL;
+    return FMU_OK;
+}
+
+/* Bytes: header, state block, and for each member the number of its bytes and these. */
+FmuStatus fmu_serialized_size(FmuInstance *self, const char *function, const void *snapshot, size_t *size) {
+    FmuStatus status = check_header(self, function, snapshot);
+    if (status == FMU_OK) status = check_alive(self, function);
+    if (status == FMU_OK && !size) status = fmu_fail(self, FMU_ERROR, "%s: NULL argument", function);
+    if (status != FMU_OK) return status;
+    const Saved *saved = snapshot;
+    size_t total = sizeof(Header) + state_size();
+    for (int32_t i = 0; i < P->n_members; i++) {
+        size_t own = 0;
+        const uint32_t said = member_size(&self->members[i], saved->members[i], &own);
+        if (said > fmi3Warning) return member_failed(self, i, "SerializedFMUStateSize", said);
+        total += sizeof(uint64_t) + own;
+    }
+    *size = total;
+    return FMU_OK;
+}
+
+FmuStatus fmu_serialize(FmuInstance *self, const char *function, const void *snapshot, unsigned char *bytes, size_t size) {
+    size_t need = 0;
+    FmuStatus status = fmu_serialized_size(self, function, snapshot, &need);
+    if (status != FMU_OK) return status;
+    if (!bytes || size < need)
+        return fmu_fail(self, FMU_ERROR, "%s: %zu bytes are too few, need %zu", function, bytes ? size : 0, need);
+    const Saved *saved = snapshot;
+    unsigned char *to = bytes + sizeof(Header);
+    memcpy(to, state_in(snapshot), state_size());
+    to += state_size();
+    for (int32_t i = 0; i < P->n_members; i++) {
+        size_t own = 0;
+        uint32_t said = member_size(&self->members[i], saved->members[i], &own);
+        const uint64_t length = own;
+        memcpy(to, &length, sizeof length);
+        to += sizeof length;
+        if (said <= fmi3Warning) said = member_serialize(&self->members[i], saved->members[i], to, own);
+        if (said > fmi3Warning) return member_failed(self, i, "SerializeFMUState", said);
+        to += own;
+    }
+    Header h = saved->header;
+    h.members = need - sizeof(Header) - state_size();
+    h.checksum = fmu_hash(bytes + sizeof(Header), need - sizeof(Header));
+    memcpy(bytes, &h, sizeof h);
+    return FMU_OK;
+}
+
+FmuStatus fmu_deserialize(FmuInstance *self, const char *function, const unsigned char *bytes, size_t size, void **snapshot) {
+    if (!bytes || !snapshot) return fmu_fail(self, FMU_ERROR, "%s: NULL argument", function);
+    if (size < sizeof(Header)) return fmu_fail(self, FMU_ERROR, "%s: %zu bytes are not a serialized state", function, size);
+    FmuStatus status = check_header(self, function, bytes);
+    if (status == FMU_OK) status = check_alive(self, function);
+    if (status != FMU_OK) return status;
+    Header h;
+    memcpy(&h, bytes, sizeof h);
+    if (size - sizeof h < state_size() || h.members != size - sizeof h - state_size() ||
+        h.checksum != fmu_hash(bytes + sizeof h, size - sizeof h))
+        return fmu_fail(self, FMU_ERROR, "%s: the serialized state of %s is damaged", function, fmu_model.name);
+    Saved *saved = calloc(1, saved_size());
+    if (!saved) return fmu_fail(self, FMU_ERROR, "%s: out of memory", function);
+    saved->header = (Header){.magic = h.magic, .version = h.version, .model = h.model, .length = h.length};
+    memcpy(state_in(saved), bytes + sizeof h, state_size());
+    const unsigned char *from = bytes + sizeof h + state_size(), *end = bytes + size;
+    const char *wrong = wrong_in(state_in(saved));
+    if (wrong) status = fmu_fail(self, FMU_ERROR, "%s: this cannot be a state of %s: %s", function, fmu_model.name, wrong);
+    for (int32_t i = 0; i < P->n_members && status == FMU_OK; i++) {
+        uint64_t own = 0;
+        if ((size_t)(end - from) >= sizeof own) memcpy(&own, from, sizeof own);
+        if ((size_t)(end - from) < sizeof own || own > (uint64_t)(end - from) - sizeof own) {
+            status = fmu_fail(self, FMU_ERROR, "%s: the serialized state of %s is damaged", function, fmu_model.name);
+            break;
+        }
+        const uint32_t said = member_deserialize(&self->members[i], from + sizeof own, (size_t)own, &saved->members[i]);
+        if (said > fmi3Warning) status = member_failed(self, i, "DeserializeFMUState", said);
+        from += sizeof own + own;
+    }
+    if (status == FMU_OK) {
+        *snapshot = saved;
+        return FMU_OK;
+    }
+    forget_members(self, saved);
+    free(saved);
+    return status;
+}

@@ -1,0 +1,81 @@
+/* Libraries of FMUs of others, which travel in the resources of the system's FMU. */
+#define _POSIX_C_SOURCE 200809L
+#include <stdio.h>
+#include <string.h>
+
+#include "member.h"
+
+#if defined(_WIN32)
+#include <windows.h>
+#define OPEN(path) ((void *)LoadLibraryA(path))
+#define FIND(library, name) ((void *)GetProcAddress((HMODULE)(library), name))
+#define CLOSE(library) FreeLibrary((HMODULE)(library))
+#define SUFFIX ".dll"
+#define SYSTEM2 "win"
+#define SYSTEM3 "windows"
+#else
+#include <dlfcn.h>
+#define OPEN(path) dlopen(path, RTLD_NOW | RTLD_LOCAL)
+#define FIND(library, name) dlsym(library, name)
+#define CLOSE(library) dlclose(library)
+#if defined(__APPLE__)
+#define SUFFIX ".dylib"
+#define SYSTEM2 "darwin"
+#define SYSTEM3 "darwin"
+#else
+#define SUFFIX ".so"
+#define SYSTEM2 "linux"
+#define SYSTEM3 "linux"
+#endif
+#endif
+
+#if defined(__aarch64__) || defined(_M_ARM64)
+#define MACHINE3 "aarch64"
+#define PLATFORM2 "aarch64-" SYSTEM3
+#else
+#define MACHINE3 "x86_64"
+#define PLATFORM2 SYSTEM2 "64"
+#endif
+#define PLATFORM3 MACHINE3 "-" SYSTEM3
+
+/* Data pointers to function pointers: what POSIX promises and C does not. */
+#define FIND2(name) { void *found = FIND(library, "fmi2" #name); memcpy(&f2->name, &found, sizeof found); if (!found) missing = "fmi2" #name; }
+#define FIND3(name) { void *found = FIND(library, "fmi3" #name); memcpy(&f3->name, &found, sizeof found); if (!found) missing = "fmi3" #name; }
+
+void *foreign_open(const char *resources, const char *folder, const char *identifier, int version, void *functions, char *reason,
+                   size_t n_reason) {
+    char path[4096 + 512];
+    (void)snprintf(path, sizeof path, "%s/%s/binaries/%s/%s%s", resources, folder, version == 2 ? PLATFORM2 : PLATFORM3, identifier, SUFFIX);
+    void *library = OPEN(path);
+    if (!library) {
+#if defined(_WIN32)
+        (void)snprintf(reason, n_reason, "its library %s cannot be loaded (error %lu)", path, (unsigned long)GetLastError());
+#else
+        const char *said = dlerror();
+        (void)snprintf(reason, n_reason, "its library cannot be loaded: %s", said ? said : path);
+#endif
+        return NULL;
+    }
+    const char *missing = NULL;
+    if (version == 2) {
+        Functions2 *f2 = functions;
+        FMI2_STATE_CALLS(FIND2)
+        FIND2(GetBooleanStatus)
+        FIND2(SetString)
+        missing = NULL; /* not every FMU has these, and they are called only where its description says so */
+        FMI2_CALLS(FIND2)
+        if (missing && (!strcmp(missing, "fmi2GetBooleanStatus") || !strcmp(missing, "fmi2SetString"))) missing = NULL;
+    } else {
+        Functions3 *f3 = functions;
+        FMI3_STATE_CALLS(FIND3)
+        missing = NULL;
+        FMI3_CALLS(FIND3)
+        if (missing && !strcmp(missing, "fmi3SetString")) missing = NULL;
+    }
+    if (!missing) return library;
+    (void)snprintf(reason, n_reason, "its library lacks %s", missing);
+    CLOSE(library);
+    return NULL;
+}
+
+void foreign_close(void *library) { CLOSE(library); }

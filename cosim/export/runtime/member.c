@@ -1,0 +1,155 @@
+/* Calls into the members of a system: see member.h. */
+#include "member.h"
+
+#include <stdarg.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+/* ------------------------------------------------------------------ messages */
+
+static void message2(fmi2ComponentEnvironment environment, fmi2String name, fmi2Status status, fmi2String category, fmi2String format, ...) {
+    const Member *m = environment;
+    char text[1024];
+    (void)name;
+    (void)category;
+    va_list arguments;
+    va_start(arguments, format);
+    (void)vsnprintf(text, sizeof text, format ? format : "", arguments);
+    va_end(arguments);
+    m->log(m->context, (int)status, text);
+}
+
+static void message3(fmi3InstanceEnvironment environment, fmi3Status status, fmi3String category, fmi3String message) {
+    const Member *m = environment;
+    (void)category;
+    m->log(m->context, (int)status, message ? message : "");
+}
+
+/* ------------------------------------------------------------------ life */
+
+static uint32_t seen(Member *m, uint32_t status) {
+    if (status == fmi3Fatal) m->dead = true; /* as fmi2Fatal */
+    return status;
+}
+
+#define CALL(two, three) seen(m, (uint32_t)(m->version == 2 ? m->f2->two : m->f3->three))
+
+bool member_instantiate(Member *m, const char *name, const char *token, const char *resources) {
+    if (m->version == 2) {
+        char uri[4096];
+        (void)snprintf(uri, sizeof uri, "file://%s%s", *resources == '/' ? "" : "/", resources);
+        m->callbacks = (fmi2CallbackFunctions){message2, calloc, free, NULL, m};
+        m->instance = m->f2->Instantiate(name, fmi2CoSimulation, token, uri, &m->callbacks, fmi2False, fmi2False);
+    } else {
+        m->instance = m->f3->InstantiateCoSimulation(name, token, resources, false, false, false, false, NULL, 0, m, message3, NULL);
+    }
+    return m->instance != NULL;
+}
+
+void member_free(Member *m) {
+    if (m->instance && !m->dead) {
+        if (m->version == 2) m->f2->FreeInstance(m->instance);
+        else m->f3->FreeInstance(m->instance);
+    }
+    m->instance = NULL;
+    if (m->library && !m->dead) m->close(m->library);
+    m->library = NULL;
+}
+
+uint32_t member_enter(Member *m, bool has_tolerance, double tolerance, double start, bool has_stop, double stop) {
+    if (m->version == 3)
+        return seen(m, (uint32_t)m->f3->EnterInitializationMode(m->instance, has_tolerance, tolerance, start, has_stop, stop));
+    const uint32_t status = seen(m, (uint32_t)m->f2->SetupExperiment(m->instance, has_tolerance, tolerance, start, has_stop, stop));
+    return status > fmi2Warning ? status : seen(m, (uint32_t)m->f2->EnterInitializationMode(m->instance));
+}
+
+uint32_t member_exit(Member *m) { return CALL(ExitInitializationMode(m->instance), ExitInitializationMode(m->instance)); }
+uint32_t member_reset(Member *m) { return CALL(Reset(m->instance), Reset(m->instance)); }
+uint32_t member_terminate(Member *m) { return CALL(Terminate(m->instance), Terminate(m->instance)); }
+uint32_t member_save(Member *m, void **state) { return CALL(GetFMUstate(m->instance, state), GetFMUState(m->instance, state)); }
+uint32_t member_restore(Member *m, void *state) { return CALL(SetFMUstate(m->instance, state), SetFMUState(m->instance, state)); }
+uint32_t member_forget(Member *m, void **state) { return CALL(FreeFMUstate(m->instance, state), FreeFMUState(m->instance, state)); }
+
+uint32_t member_size(Member *m, void *state, size_t *size) {
+    return CALL(SerializedFMUstateSize(m->instance, state, size), SerializedFMUStateSize(m->instance, state, size));
+}
+
+uint32_t member_serialize(Member *m, void *state, void *bytes, size_t size) {
+    return CALL(SerializeFMUstate(m->instance, state, bytes, size), SerializeFMUState(m->instance, state, bytes, size));
+}
+
+uint32_t member_deserialize(Member *m, const void *bytes, size_t size, void **state) {
+    return CALL(DeSerializeFMUstate(m->instance, bytes, size, state), DeserializeFMUState(m->instance, bytes, size, state));
+}
+
+/* ------------------------------------------------------------------ values */
+
+static EngineType type_of(int version, Kind kind) {
+    static const EngineType types[] = {ENGINE_DOUBLE, ENGINE_FLOAT, ENGINE_INT8, ENGINE_UINT8, ENGINE_INT16, ENGINE_UINT16,
+                                       ENGINE_INT32, ENGINE_UINT32, ENGINE_INT64, ENGINE_UINT64, ENGINE_BOOL};
+    return version == 2 && kind == KIND_BOOLEAN ? ENGINE_INT32 : types[kind];
+}
+
+#define CASE2(KIND, NAME)                                                                                                    \
+    case KIND_##KIND: t->call2 = set ? (EngineValues2)m->f2->Set##NAME : (EngineValues2)m->f2->Get##NAME; break
+#define CASE3(KIND, NAME)                                                                                                    \
+    case KIND_##KIND: t->call3 = set ? (EngineValues3)m->f3->Set##NAME : (EngineValues3)m->f3->Get##NAME; break
+
+void member_values(const Member *m, Kind kind, bool set, EngineTransfer *t) {
+    t->type = type_of(m->version, kind);
+    if (m->version == 2) switch (kind) {
+        CASE2(FLOAT64, Real);
+        CASE2(INT32, Integer);
+        CASE2(BOOLEAN, Boolean);
+        default: break;
+    }
+    else switch (kind) {
+        CASE3(FLOAT64, Float64);
+        CASE3(FLOAT32, Float32);
+        CASE3(INT8, Int8);
+        CASE3(UINT8, UInt8);
+        CASE3(INT16, Int16);
+        CASE3(UINT16, UInt16);
+        CASE3(INT32, Int32);
+        CASE3(UINT32, UInt32);
+        CASE3(INT64, Int64);
+        CASE3(UINT64, UInt64);
+        CASE3(BOOLEAN, Boolean);
+        default: break;
+    }
+}
+
+/* One variable through a buffer of its own; the engine's conversions are those of the connections. */
+static uint32_t move_values(Member *m, Kind kind, uint32_t reference, double *values, size_t n, bool set) {
+    double buffer[MEMBER_LARGEST];
+    uint32_t numbers[MEMBER_LARGEST];
+    if (n > MEMBER_LARGEST) return fmi3Error;
+    for (size_t i = 0; i < n; i++) numbers[i] = (uint32_t)i;
+    EngineTransfer t = {.references = &reference, .n_references = 1, .data = buffer, .n_data = n, .n = n,
+                        .element = numbers, .place = numbers};
+    member_values(m, kind, set, &t);
+    Engine none = {0};
+    const EngineMember e = {.fmi = m->version, .instance = m->instance, .u = values, .y = values, .sets = &t, .gets = &t,
+                            .n_sets = 1, .n_gets = 1};
+    const int failed = set ? engine_set(&none, &e) : engine_get(&none, &e);
+    return seen(m, failed ? none.status : fmi3OK);
+}
+
+uint32_t member_set(Member *m, Kind kind, uint32_t reference, const double *values, size_t n) {
+    return move_values(m, kind, reference, (double *)(uintptr_t)values, n, true);
+}
+
+uint32_t member_get(Member *m, Kind kind, uint32_t reference, double *values, size_t n) {
+    return move_values(m, kind, reference, values, n, false);
+}
+
+uint32_t member_set_text(Member *m, uint32_t reference, const char *text) {
+    return CALL(SetString(m->instance, &reference, 1, &text), SetString(m->instance, &reference, 1, &text, 1));
+}
+
+bool member_asked_to_end(Member *m) {
+    fmi2Boolean ended = fmi2False;
+    return m->version == 2 && m->f2->GetBooleanStatus && m->f2->GetBooleanStatus(m->instance, fmi2Terminated, &ended) <= fmi2Warning &&
+           ended;
+}

@@ -1,0 +1,90 @@
+/* A member of a system behind its FMI functions, whichever version, linked or loaded. */
+#ifndef MEMBER_H
+#define MEMBER_H
+
+#include <stdbool.h>
+#include <stddef.h>
+#include <stdint.h>
+
+#include "engine.h"
+#include "fmi2Functions.h"
+#include "fmi3Functions.h"
+
+/* Which function moves a value. FMI 2.0 knows Float64 (Real), Int32 (Integer), Boolean and String. */
+typedef enum {
+    KIND_FLOAT64, KIND_FLOAT32, KIND_INT8, KIND_UINT8, KIND_INT16, KIND_UINT16, KIND_INT32, KIND_UINT32, KIND_INT64, KIND_UINT64,
+    KIND_BOOLEAN, KIND_STRING
+} Kind;
+
+/* The functions that are called, without the part of their name that says the version. */
+#define FMI2_CALLS(X)                                                                                                        \
+    X(Instantiate) X(FreeInstance) X(SetupExperiment) X(EnterInitializationMode) X(ExitInitializationMode) X(Terminate)     \
+    X(Reset) X(GetReal) X(GetInteger) X(GetBoolean) X(SetReal) X(SetInteger) X(SetBoolean) X(SetString) X(DoStep)           \
+    X(GetBooleanStatus)
+#define FMI2_STATE_CALLS(X)                                                                                                  \
+    X(GetFMUstate) X(SetFMUstate) X(FreeFMUstate) X(SerializedFMUstateSize) X(SerializeFMUstate) X(DeSerializeFMUstate)
+#define FMI3_CALLS(X)                                                                                                        \
+    X(InstantiateCoSimulation) X(FreeInstance) X(EnterInitializationMode) X(ExitInitializationMode) X(Terminate) X(Reset)   \
+    X(GetFloat64) X(GetFloat32) X(GetInt8) X(GetUInt8) X(GetInt16) X(GetUInt16) X(GetInt32) X(GetUInt32) X(GetInt64)        \
+    X(GetUInt64) X(GetBoolean) X(SetFloat64) X(SetFloat32) X(SetInt8) X(SetUInt8) X(SetInt16) X(SetUInt16) X(SetInt32)      \
+    X(SetUInt32) X(SetInt64) X(SetUInt64) X(SetBoolean) X(SetString) X(DoStep)
+#define FMI3_STATE_CALLS(X)                                                                                                  \
+    X(GetFMUState) X(SetFMUState) X(FreeFMUState) X(SerializedFMUStateSize) X(SerializeFMUState) X(DeserializeFMUState)
+
+#define POINTER2(name) fmi2##name##TYPE *name;
+#define POINTER3(name) fmi3##name##TYPE *name;
+typedef struct { FMI2_CALLS(POINTER2) FMI2_STATE_CALLS(POINTER2) } Functions2;
+typedef struct { FMI3_CALLS(POINTER3) FMI3_STATE_CALLS(POINTER3) } Functions3;
+
+/* Tables of linked members: the names have their prefixes where these are used. */
+#define NAMED2(name) .name = fmi2##name,
+#define NAMED3(name) .name = fmi3##name,
+#define FUNCTIONS2 {FMI2_CALLS(NAMED2) FMI2_STATE_CALLS(NAMED2)}
+#define FUNCTIONS3 {FMI3_CALLS(NAMED3) FMI3_STATE_CALLS(NAMED3)}
+
+/* An FMU of others: its library below the resources of the system's FMU. Returns NULL, with the reason, where that fails. */
+void *foreign_open(const char *resources, const char *folder, const char *identifier, int version, void *functions, char *reason,
+                   size_t n_reason);
+void foreign_close(void *library);
+
+typedef void (*MemberLog)(void *context, int status, const char *message);
+
+typedef struct {
+    int version;
+    const Functions2 *f2;
+    const Functions3 *f3;
+    void *instance;
+    void *library;  /* of others, and what closes it */
+    void (*close)(void *library);
+    bool dead;      /* it has returned Fatal, and nothing of it may be called any more */
+    MemberLog log;
+    void *context;
+    fmi2CallbackFunctions callbacks;
+} Member;
+
+bool member_instantiate(Member *m, const char *name, const char *token, const char *resources);
+void member_free(Member *m);
+
+/* Each returns the status that the FMU has returned; a larger one than 1 (Warning) is a failure. */
+uint32_t member_enter(Member *m, bool has_tolerance, double tolerance, double start, bool has_stop, double stop);
+uint32_t member_exit(Member *m);
+uint32_t member_reset(Member *m);
+uint32_t member_terminate(Member *m);
+uint32_t member_save(Member *m, void **state);
+uint32_t member_restore(Member *m, void *state);
+uint32_t member_forget(Member *m, void **state);
+uint32_t member_size(Member *m, void *state, size_t *size);
+uint32_t member_serialize(Member *m, void *state, void *bytes, size_t size);
+uint32_t member_deserialize(Member *m, const void *bytes, size_t size, void **state);
+
+/* All elements of a variable, from or to doubles; at most MEMBER_LARGEST of them. */
+enum { MEMBER_LARGEST = 1024 };
+uint32_t member_set(Member *m, Kind kind, uint32_t reference, const double *values, size_t n);
+uint32_t member_get(Member *m, Kind kind, uint32_t reference, double *values, size_t n);
+uint32_t member_set_text(Member *m, uint32_t reference, const char *text);
+
+/* What the engine calls for a kind; 0 where the version has no such function. */
+void member_values(const Member *m, Kind kind, bool set, EngineTransfer *transfer);
+bool member_asked_to_end(Member *m);
+
+#endif

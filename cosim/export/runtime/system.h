@@ -1,0 +1,90 @@
+/* What the generated plan.c says about a system: constants, which container.c binds to an instance's memory. */
+#ifndef SYSTEM_H
+#define SYSTEM_H
+
+#include "fmu_model.h"
+#include "member.h"
+
+/* One call that moves all connected variables of one type. */
+typedef struct {
+    Kind kind;
+    const uint32_t *references;
+    uint32_t n_references;
+    uint32_t n_data;                 /* elements of its variables */
+    const uint32_t *element, *place; /* as in EngineTransfer; NULL: the data are u or y from `at` on */
+    uint32_t n, at;
+    uint32_t buffer;                 /* otherwise: where they are among the buffers, in bytes */
+    bool keeps;                      /* it has elements that nobody drives, which keep their values */
+} PlanTransfer;
+
+/* A value that the system sets before initialization. */
+typedef struct {
+    Kind kind;
+    uint32_t reference;
+    uint32_t n;
+    const double *values;
+    const char *text;
+} PlanStart;
+
+typedef struct {
+    const char *name, *token;
+    const char *resources;           /* its own, below those of the system */
+    const char *folder, *identifier; /* of others: where its binaries are, below the resources; NULL: linked */
+    int version;
+    const void *functions;           /* of linked members: Functions2 or Functions3 */
+    int32_t clock;
+    double step;
+    bool look_before;
+    int32_t n_copies_before, n_copies;
+    const EngineCopy *copies;
+    int64_t stamp;
+    const uint32_t *index;
+    uint32_t n_inputs;
+    bool in_place;                   /* inputs are values already, from `u` on; otherwise u is that much behind the values */
+    uint32_t u;
+    const double *scale, *offset;
+    const EngineLine *lines;
+    uint32_t n_lines;
+    uint32_t first, n_outputs;
+    const PlanTransfer *sets, *gets;
+    int32_t n_sets, n_gets;
+    const PlanStart *starts;
+    uint32_t n_starts;
+    bool has_tolerance;
+    double tolerance;
+} PlanMember;
+
+/* A variable of the system's FMU; its value reference is its index. */
+typedef struct {
+    const char *name;
+    FmuType type;
+    FmuRole role;                    /* time, parameter, input, output */
+    bool is_tunable;
+    double min, max;
+    int32_t member;                  /* parameters and inputs: whose, and which */
+    Kind kind;
+    uint32_t reference;
+    int64_t slot;                    /* outputs; of others where their value is shown too, or -1 */
+    double scale, shift;             /* outputs: shown as scale * value + shift */
+} PlanVariable;
+
+typedef struct {
+    const PlanMember *members;
+    int32_t n_members, n_discrete;
+    const EngineClock *clocks;
+    int32_t n_clocks;
+    int64_t a, d;                    /* the tick is a / d seconds */
+    uint32_t n_values, n_u, n_buffer; /* doubles, doubles, bytes */
+    uint32_t n_shown;
+    const char *const *owners;       /* of each value: "member.variable" */
+    const PlanVariable *variables;
+    int32_t n_variables;
+    bool can_save;
+    void *(*open)(const char *resources, const char *folder, const char *identifier, int version, void *functions, char *reason,
+                  size_t n_reason);  /* FMUs of others; NULL: there are none */
+    void (*close)(void *library);
+} Plan;
+
+extern const Plan plan;
+
+#endif

@@ -1,0 +1,158 @@
+"""The variables of a system's FMU: which of its members', in which order, with which values."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from build_fmus.units import Unit
+from cosim.description import Variable
+from cosim.errors import WiringError
+from cosim.system.members import Connection, Member
+from cosim.system.names import Members
+from cosim.system.schedule import Schedule
+
+TYPES = {"real": "Float64", "integer": "Int32", "boolean": "Boolean"}
+_FITS = {"Real", "Float64", "Float32", "Integer", "Int32", "Int16", "UInt16", "Int8", "UInt8", "Boolean"}
+
+
+@dataclass(frozen=True)
+class Exported:
+    """One variable of the system's FMU: `member.variable`."""
+
+    member: Member
+    variable: Variable
+    causality: str  # parameter, input, output
+    start: Any  # of parameters and inputs
+
+    @property
+    def name(self) -> str:
+        return f"{self.member.name}.{self.variable.name}"
+
+    @property
+    def type(self) -> str:
+        """FMI 3.0 type."""
+        return TYPES[self.variable.type]
+
+    @property
+    def tunable(self) -> bool:
+        return self.causality == "parameter" and self.variable.variability == "tunable"
+
+    @property
+    def limits(self) -> tuple[float, float]:
+        """Range of its values."""
+        low, high = self.variable.minimum, self.variable.maximum
+        return (-math.inf if low is None else low), (math.inf if high is None else high)
+
+
+def choose(
+    schedule: Schedule,
+    inputs: str | Iterable[str] | None,
+    outputs: str | Iterable[str] | None,
+    parameters: str | Iterable[str] | None,
+) -> list[Exported]:
+    """Parameters, inputs and outputs by names and patterns.
+
+    `inputs`: default all that no member drives. `outputs`: default all outputs that are no array elements. `parameters`: "*", all.
+    Raises WiringError for a name that fits nothing, that is driven, or whose type no system's FMU has.
+    """
+    members = Members((m.name, m) for m in schedule.members)
+    driven = {c.target_name: c for c in schedule.connections}
+    found = [
+        *_chosen(members, parameters, "parameter", {}),
+        *_chosen(members, inputs if inputs is not None else "*", "input", driven),
+    ]
+    shown = [(m, v) for m, v in members.select(outputs) if v.causality != "parameter"]
+    taken = {e.name for e in found}
+    found += [Exported(m, v, "output", None) for m, v in shown if f"{m.name}.{v.name}" not in taken]
+    return found
+
+
+def _chosen(
+    members: Members, patterns: str | Iterable[str] | None, causality: str, driven: dict[str, Connection]
+) -> list[Exported]:
+    """Variables of one causality: all that can be had for a pattern, every one for a plain name."""
+    chosen: dict[str, Exported] = {}
+    for pattern in [patterns] if isinstance(patterns, str) else patterns or ():
+        plain = not set("*?") & set(pattern)
+        candidates = members.fitting(pattern, causality)
+        for member, variable in candidates:
+            name = f"{member.name}.{variable.name}"
+            reason = _unfit(variable, causality, driven.get(name))
+            if reason and plain:
+                raise WiringError(
+                    f"{name} cannot be {'an input' if causality == 'input' else f'a {causality}'} of the FMU: {reason}"
+                )
+            if not reason:
+                chosen[name] = Exported(member, variable, causality, _start(member, variable))
+        if plain and not candidates:
+            raise WiringError(f"'{pattern}' is no {causality} of a member")
+    return list(chosen.values())
+
+
+def _unfit(variable: Variable, causality: str, connection: Connection | None) -> str:
+    if variable.causality != causality:
+        return f"it is {variable.causality}"
+    if connection is not None:
+        return f"it is driven by {connection.source_name}"
+    if variable.fmi_type not in _FITS:
+        return f"its type is {variable.fmi_type}; what can be are {', '.join(sorted(_FITS))}"
+    if variable.size > 1:
+        return f"it is an element of the array {variable.declared}; set it in the system before the export"
+    return ""
+
+
+def _start(member: Member, variable: Variable) -> Any:
+    value = member.values.get(variable.name, variable.start)
+    return 0 if value is None else value
+
+
+def units_of(variables: Sequence[Exported]) -> list[Unit]:
+    """Units by their names. Raises WiringError when two members mean different units by one name."""
+    found: dict[str, tuple[Unit, str]] = {}
+    for e in variables:
+        unit = e.variable.unit
+        if unit is None or e.type != "Float64":
+            continue
+        other, name = found.setdefault(unit.name, (unit, e.name))
+        if other.exponents is None:
+            found[unit.name] = unit, e.name
+        elif unit.exponents is not None and (other.exponents, other.factor, other.offset) != (
+            unit.exponents,
+            unit.factor,
+            unit.offset,
+        ):
+            raise WiringError(
+                f"{name} and {e.name} both have the unit '{unit.name}', which their FMUs define differently: leave one out"
+            )
+    return [unit for unit, _ in found.values()]
+
+
+def feedthrough(schedule: Schedule, variables: Sequence[Exported]) -> dict[str, list[str]]:
+    """Inputs that an output depends on within the same step, by name: those of sampled systems, whose outputs count from the sample
+    on. What continuous members reach in a step counts at its end."""
+    inputs = {e.name for e in variables if e.causality == "input"}
+    ahead = {c.target_name: c for c in schedule.connections if not c.delay and c not in schedule.lagging}
+    found: dict[str, frozenset[str]] = {}
+
+    def of(member: Member, output: str) -> frozenset[str]:
+        name = f"{member.name}.{output}"
+        if name not in found:
+            found[name] = frozenset()
+            for needed in member.description.depends(output) if member.discrete else ():
+                found[name] |= at(f"{member.name}.{needed}")
+        return found[name]
+
+    def at(target: str) -> frozenset[str]:
+        connection = ahead.get(target)
+        if connection is not None:
+            return of(connection.source, connection.output.name)
+        return frozenset({target}) & inputs
+
+    return {
+        e.name: sorted(at(e.name) if e.variable.causality == "input" else of(e.member, e.variable.name))
+        for e in variables
+        if e.causality == "output"
+    }
