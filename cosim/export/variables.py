@@ -7,6 +7,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from build_fmus import units
 from build_fmus.units import Unit
 from cosim.description import Variable
 from cosim.errors import WiringError
@@ -110,8 +111,8 @@ def _start(member: Member, variable: Variable) -> Any:
 
 
 def units_of(variables: Sequence[Exported]) -> list[Unit]:
-    """Units by their names. Raises WiringError when two members mean different units by one name."""
-    found: dict[str, tuple[Unit, str]] = {}
+    """Units by their names, that of time first. Raises WiringError when two members mean different units by one name."""
+    found: dict[str, tuple[Unit, str]] = {"s": (units.unit("s"), "time")}
     for e in variables:
         unit = e.variable.unit
         if unit is None or e.type != "Float64":
