@@ -18,7 +18,10 @@ PACKAGES = ("build_fmus", "cosim", "fmu_sources")
 CORE = (
     "cosim/*.py", "cosim/fmu/", "cosim/system/", "cosim/master/", "cosim/engine/", "cosim/session.py", "cosim/__init__.py",
 )  # fmt: skip
-BELOW = tuple(f"build_fmus/{name}" for name in ("safe_files/", "checks.py", "units.py", "compile.py"))
+BELOW = (
+    *(f"build_fmus/{name}" for name in ("safe_files/", "checks.py", "units.py", "compile.py")),
+    "cosim/export/",  # which builds, and is asked for by one function of `System`
+)
 
 
 @cache
