@@ -189,6 +189,15 @@ def _annotation(parent: etree._Element, component: Model) -> None:
             etree.SubElement(element, "Variable", name=v.name, source=v.source)
 
 
+def _attributes(component: Model, r: Reference, value_reference: int) -> dict[str, str]:
+    """Those of a variable that both versions have, in the order of the elements."""
+    v = r.variable
+    attributes = {"name": r.name, "valueReference": str(value_reference), "description": v.description}
+    attributes |= {"causality": _causality(v), "variability": _variability(component, v)}
+    initial = _initial(v)
+    return attributes | ({"initial": initial} if initial else {})
+
+
 def _value_attributes(r: Reference) -> dict[str, str]:
     v, out = r.variable, {}
     if v.unit and v.type == "Float64":
@@ -234,10 +243,7 @@ def _fmi2(component: Model, token: str, sources: list[str]) -> etree._Element:
     variables = etree.SubElement(root, "ModelVariables")
     for vr, r in enumerate(refs):
         v = r.variable
-        attributes = {"name": r.name, "valueReference": str(vr), "description": v.description}
-        attributes |= {"causality": _causality(v), "variability": _variability(component, v)}
-        if initial := _initial(v):
-            attributes["initial"] = initial
+        attributes = _attributes(component, r, vr)
         scalar = etree.SubElement(variables, "ScalarVariable", **attributes)
         values = _value_attributes(r)
         if v.role == "derivative":
@@ -293,11 +299,7 @@ def _fmi3(component: Model, token: str, arrays: bool) -> etree._Element:
     variables = etree.SubElement(root, "ModelVariables")
     for vr, r in enumerate(refs):
         v = r.variable
-        attributes = {"name": r.name, "valueReference": str(vr), "description": v.description}
-        attributes |= {"causality": _causality(v), "variability": _variability(component, v)}
-        if initial := _initial(v):
-            attributes["initial"] = initial
-        attributes |= _value_attributes(r)
+        attributes = _attributes(component, r, vr) | _value_attributes(r)
         if v.role == "derivative":
             attributes["derivative"] = str(value_reference[r.name[4:-1]])
         element = etree.SubElement(variables, v.type, **attributes)

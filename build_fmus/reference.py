@@ -52,11 +52,8 @@ class Evaluator:
 
     def __init__(self, component: Model, parameters: Mapping[str, float] | None = None) -> None:
         self.component = component
-        self.p = component.vector("parameter")
+        self.p = component.vector("parameter", parameters)
         self.u = component.vector("input")
-        slots = {e.name: e.slot for e in component.elements("parameter")}
-        for name, value in (parameters or {}).items():
-            self.p[slots[name]] = value
         self._f = component.functions
         self._shown = [(e.variable.role == "state", e.slot) for e in component.output_elements()]
         self.time, self._sample, self._y = 0.0, 0, np.zeros(component.size("output"))

@@ -115,12 +115,18 @@ class Declaration:
         """Number of scalars of a role, hidden ones included."""
         return sum(v.size for v in self.of(role))
 
-    def vector(self, role: Role) -> np.ndarray:
-        """Start values of a role as one vector; hidden and calculated elements are 0."""
+    def vector(self, role: Role, values: Mapping[str, float] | None = None) -> np.ndarray:
+        """Start values of a role as one vector; hidden and calculated elements are 0. Elements that are in ``values``, by name,
+        have that value instead; KeyError for a name that no element has."""
         out = np.zeros(self.size(role))
         for v in self.of(role):
             if v.start is not None:
                 out[v.slot : v.slot + v.size] = v.start
+        slots = {e.name: e.slot for e in self.elements(role)} if values else {}
+        for name, value in (values or {}).items():
+            if name not in slots:
+                raise KeyError(f"{self.name} has no {role} {name!r}{did_you_mean(name, slots)}")
+            out[slots[name]] = value
         return out
 
     def symbol(self, role: Role) -> Any:

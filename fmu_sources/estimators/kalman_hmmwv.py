@@ -7,7 +7,7 @@ filter of 14 absolute states that takes the road to be at height 0.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import Any
 
 import casadi as ca
@@ -197,12 +197,7 @@ def kalman_hmmwv(
     _pose_outputs(c, car, now)
     C, D, _ = relative_model(car).output(("body.az",))
     c.output("body.az", ca.DM(C) @ estimate + ca.DM(D) @ u, "m/s2", "vertical acceleration of the CG, of the model")
-    for i, state in enumerate(RELATIVE_STATES):
-        v = car.variable(state)
-        c.output(
-            f"sigma.{state}", ca.sqrt(ca.fmax(0, variance[i])), v.unit, f"standard deviation of {state}",
-            display_unit=v.display_unit,
-        )  # fmt: skip
+    _deviation_outputs(c, car, [ca.sqrt(ca.fmax(0, variance[i])) for i in range(len(RELATIVE_STATES))])
     c.output("road.used", used, None, "the road under the wheels is used now", type=bool)
     c.provenance = {"car": car.name, "sensors": sensors.name, "period": period, "gain": unknown.gain.tolist()}
     c.stimulate(_stimulus())
@@ -249,12 +244,7 @@ def kalman_hmmwv_printed(
     az = ca.DM(lin.C[row][None]) @ estimate + ca.DM(lin.D[row, forces][None]) @ u
     c.output("body.az", az, "m/s2", "vertical acceleration of the CG, of the model")
     sigma = np.sqrt(np.diag(T @ correction(f.prior, m.C, m.R)[1] @ T.T))
-    for i, state in enumerate(RELATIVE_STATES):
-        v = car.variable(state)
-        c.output(
-            f"sigma.{state}", sigma[i], v.unit, f"standard deviation of {state}, were the road flat",
-            display_unit=v.display_unit,
-        )  # fmt: skip
+    _deviation_outputs(c, car, sigma, ", were the road flat")
     c.output("road.used", used, None, "the road under the wheels is used now", type=bool)
     c.provenance = {"car": car.name, "sensors": sensors.name, "period": period, "gain": f.gain.tolist()}
     c.stimulate(_stimulus())
@@ -295,6 +285,15 @@ def _estimate_outputs(c: Component, car: Component, names: tuple[str, ...], valu
     for i, name in enumerate(names):
         v = car.variable(name)
         c.output(name, values[i], v.unit, f"estimate: {v.description}", display_unit=v.display_unit)
+
+
+def _deviation_outputs(c: Component, car: Component, sigma: Iterable[Any], when: str = "") -> None:
+    """Standard deviations of the relative states."""
+    for state, value in zip(RELATIVE_STATES, sigma, strict=True):
+        v = car.variable(state)
+        c.output(
+            f"sigma.{state}", value, v.unit, f"standard deviation of {state}{when}", display_unit=v.display_unit
+        )  # fmt: skip
 
 
 def _pose_outputs(c: Component, car: Component, values: Any) -> None:

@@ -257,3 +257,13 @@ def test_elements_are_row_major_everywhere() -> None:
     run.step(0.02)  # two samples; the outputs are those of the second
     np.testing.assert_array_equal(run.outputs(), 3 * matrix + 10 * matrix)
     np.testing.assert_array_equal(run.x, np.concatenate([4 * matrix, 100 * matrix]))
+
+
+def test_vectors_have_the_values_that_are_given_by_name() -> None:
+    component = mass().model()
+    names = [e.name for e in component.elements("parameter")]
+    changed = component.vector("parameter", {names[-1]: 7.5})
+    assert changed[-1] == 7.5
+    assert (changed[:-1] == component.vector("parameter")[:-1]).all()
+    with pytest.raises(KeyError, match=f"Mass has no parameter '{names[-1]}x'; did you mean '{names[-1]}'"):
+        component.vector("parameter", {f"{names[-1]}x": 7.5})

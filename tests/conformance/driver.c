@@ -1,8 +1,8 @@
 /* A stand-alone host for one FMU, linked with its sources under AddressSanitizer and UndefinedBehaviorSanitizer.
  *
  * It goes through the life cycle, wrong calls, states and Model Exchange, and ends with 0 when every call returned what
- * it should. Compile with -DFMI=2 or -DFMI=3 and -DSTEP=<communication step>. Variables come from the table that the
- * FMU's own code holds (fmu_model.h). */
+ * it should. Compile with -DFMI=2 or -DFMI=3; its one argument is the communication step [s]. Variables come from the
+ * table that the FMU's own code holds (fmu_model.h). */
 #include <math.h>
 #include <stdarg.h>
 #include <stdint.h>
@@ -33,6 +33,7 @@ typedef fmi3Boolean Flag;
 #endif
 
 static int failures;
+static double step;
 
 #define EXPECT(condition)                                              \
     do {                                                               \
@@ -231,7 +232,7 @@ static void hostile_states(Instance c, double t) {
             EXPECT(status == 0 || status == 3);
             if (status != 0) continue;
             EXPECT(STATE(Set, )(c, copy) == 0);
-            (void)do_step(c, t, STEP);
+            (void)do_step(c, t, step);
             look(c);
             EXPECT(STATE(Free, )(c, &copy) == 0);
         }
@@ -253,8 +254,8 @@ static void extreme_inputs(void) {
             if (v->role == FMU_INPUT && v->type == FMU_FLOAT64) EXPECT(set(c, (unsigned)i, v, i % 3 ? far[k] : -far[k]) == 0);
             if (v->role == FMU_INPUT && v->type == FMU_BOOLEAN) EXPECT(set(c, (unsigned)i, v, 1.0) == 0);
         }
-        (void)do_step(c, 0.0, STEP);
-        (void)do_step(c, STEP, STEP);
+        (void)do_step(c, 0.0, step);
+        (void)do_step(c, step, step);
         look(c);
         EXPECT(F(Reset)(c) == 0);
     }
@@ -267,9 +268,9 @@ static void wrong_calls(Instance c) {
     EXPECT(do_step(c, 0.0, NAN) == 3);
     EXPECT(do_step(c, 0.0, -1.0) == 3);
     EXPECT(do_step(c, 0.0, 0.0) == 3);
-    EXPECT(do_step(c, 1e9, STEP) == 3);
-    EXPECT(do_step(c, NAN, STEP) == 3);
-    EXPECT(do_step(NULL, 0.0, STEP) == 3);
+    EXPECT(do_step(c, 1e9, step) == 3);
+    EXPECT(do_step(c, NAN, step) == 3);
+    EXPECT(do_step(NULL, 0.0, step) == 3);
 #if FMI == 2
     EXPECT(fmi2GetReal(c, &vr, 1, &value) == 3);
     EXPECT(fmi2SetReal(c, &vr, 1, &value) == 3);
@@ -299,7 +300,7 @@ static void co_simulation(void) {
     Instance other = instantiate(fmu_model.token, 1);
     EXPECT(c != NULL && other != NULL);
     for (int round = 0; round < 2; round++) {
-        EXPECT(do_step(c, 0.0, STEP) == 3);
+        EXPECT(do_step(c, 0.0, step) == 3);
         set_all(c);
         states(c);
         EXPECT(initialize(c, 0.0) == 0);
@@ -309,22 +310,22 @@ static void co_simulation(void) {
         EXPECT(F(ExitInitializationMode)(c) == 0);
         wrong_calls(c);
         for (int k = 0; k < 40; k++) {
-            set_inputs(c, k * STEP);
-            EXPECT(do_step(c, k * STEP, STEP) == 0);
+            set_inputs(c, k * step);
+            EXPECT(do_step(c, k * step, step) == 0);
             read_all(c);
         }
         differentiate(c);
         states(c);
-        if (round == 0) hostile_states(c, 40 * STEP);
+        if (round == 0) hostile_states(c, 40 * step);
         Saved saved = NULL;
         EXPECT(STATE(Get, )(c, &saved) == 0);
         EXPECT(STATE(Set, )(other, saved) == 0);
-        EXPECT(do_step(other, 40 * STEP, 7.3 * STEP) == 0);
-        EXPECT(do_step(other, 47.3 * STEP, 1e300) == 3);
+        EXPECT(do_step(other, 40 * step, 7.3 * step) == 0);
+        EXPECT(do_step(other, 47.3 * step, 1e300) == 3);
         EXPECT(STATE(Free, )(other, &saved) == 0);
         EXPECT(F(Terminate)(c) == 0);
         read_all(c);
-        EXPECT(do_step(c, 40 * STEP, STEP) == 3);
+        EXPECT(do_step(c, 40 * step, step) == 3);
         EXPECT(F(Reset)(c) == 0);
     }
     F(FreeInstance)(c);
@@ -379,7 +380,9 @@ static void model_exchange(void) {
     free(dx);
 }
 
-int main(void) {
+int main(int argc, char **argv) {
+    if (argc != 2) return 2;
+    step = strtod(argv[1], NULL);
     co_simulation();
     model_exchange();
     extreme_inputs();

@@ -38,7 +38,7 @@ ROOMS = (
     Room("hmmwv", ("cosim/experiments/hmmwv/*.py", "cosim/experiments/hmmwv/*/*.py"), ("tests/experiments/test_hmmwv_numbers.py", "tests/experiments/test_hmmwv_wiring.py")),
     _experiment("preview_lq"),
     _experiment("three_axle"),
-    Room("metrics", ("cosim/experiments/metrics/*.py",), ("tests/cosim_metrics/test_metrics.py", "tests/cosim_metrics/test_crossing.py")),
+    Room("metrics", ("cosim/experiments/metrics/*.py", "cosim/signals.py"), ("tests/cosim_metrics/test_metrics.py", "tests/cosim_metrics/test_crossing.py")),
     Room("study", tuple(f"cosim/study/{n}.py" for n in ("results", "pages", "claims")), ("tests/study/test_claim_lists.py", "tests/study/test_results_and_pages.py", "tests/study/test_study_parts.py")),
     Room("report", ("cosim/report/*.py",), ("tests/report/*.py",)),
     Room("comfort", ("fmu_sources/models/comfort.py",), ("tests/models/test_comfort.py",)),

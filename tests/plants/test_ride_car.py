@@ -1,9 +1,9 @@
 """Ride car against equations written by hand, mirror images, energy, and the modes of its papers."""
 
 import numpy as np
+import positive
 import pytest
 from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from build_fmus.reference import Evaluator, simulate
 from build_fmus.stability import check_solver
@@ -25,14 +25,6 @@ def car(request):
 @pytest.fixture(scope="module")
 def hmmwv():
     return ride_car(load_ride_car("ride_car_hmmwv"), name="RideCarHmmwv").model()
-
-
-def parameter_vector(car, values):
-    p = car.vector("parameter")
-    slots = {e.name: e.slot for e in car.elements("parameter")}
-    for name, value in values.items():
-        p[slots[name]] = value
-    return p
 
 
 def uneven(car, seed=0):
@@ -112,7 +104,7 @@ def by_hand(p):
 @pytest.mark.parametrize("changed", [False, True])
 def test_matrices_are_those_of_the_equations_by_hand(car, changed):
     values = uneven(car) if changed else {e.name: e.start for e in car.elements("parameter")}
-    model = car.linearize(p=parameter_vector(car, values))
+    model = car.linearize(p=car.vector("parameter", values))
     A, B, C, D = by_hand(values)
     assert model.states == POSITIONS + RATES
     assert model.inputs == INPUTS
@@ -152,7 +144,7 @@ def test_sedan_has_no_tire_damping_and_the_hmmwv_has():
 def test_the_model_is_linear(car):
     """With tires that take tension: the same matrices at any point, and nothing but them; those of the car at rest in any case."""
     rng = np.random.default_rng(1)
-    x, u, p = rng.standard_normal(14), rng.standard_normal(12), parameter_vector(car, {"tires.lift_off": False})
+    x, u, p = rng.standard_normal(14), rng.standard_normal(12), car.vector("parameter", {"tires.lift_off": False})
     model, there = car.linearize(), car.linearize(x, u, p)
     np.testing.assert_array_equal(model.A, there.A)
     np.testing.assert_array_equal(model.B, there.B)
@@ -202,7 +194,7 @@ def test_mirror_image(car):
 
 def test_lifting_the_road_lifts_everything(car):
     """A raised, tilted road plane carries the whole car: no deflection, no acceleration."""
-    p = parameter_vector(car, uneven(car))
+    p = car.vector("parameter", uneven(car))
     v = {e.name: p[e.slot] for e in car.elements("parameter")}
     lift, roll, pitch = 0.3, 0.02, -0.01
     side = {"fl": 1, "fr": -1, "rl": 1, "rr": -1}
@@ -284,7 +276,7 @@ def test_energy_balance(car):
 
 def test_energy_is_kept_without_dampers(car):
     still = {f"{part}.{k}.damping": 0.0 for part in ("suspension", "tire") for k in CORNERS}
-    model = car.linearize(p=parameter_vector(car, uneven(car) | still))
+    model = car.linearize(p=car.vector("parameter", uneven(car) | still))
     eigenvalues = np.linalg.eigvals(model.A)
     assert np.abs(eigenvalues.real).max() < 1e-9 * np.abs(eigenvalues).max()
 
@@ -334,7 +326,7 @@ def test_a_wheel_in_the_air_falls_under_its_weight(hmmwv):
 def test_tires_never_pull(hmmwv):
     """Any motion and road: the force is that of the linear tire, and never below zero."""
     rng = np.random.default_rng(5)
-    p, linear = (parameter_vector(hmmwv, {"tires.lift_off": on}) for on in (True, False))
+    p, linear = (hmmwv.vector("parameter", {"tires.lift_off": on}) for on in (True, False))
     below = 0
     for _ in range(200):
         x, u = 0.05 * rng.standard_normal(14), 0.05 * rng.standard_normal(12)
@@ -348,7 +340,7 @@ def test_tires_never_pull(hmmwv):
 def test_friction_only_dissipates(hmmwv):
     """Friction takes F |v| from each suspension, to within its smoothing; off, the car is the same without it."""
     rng = np.random.default_rng(6)
-    p, without = (parameter_vector(hmmwv, {"friction.acting": on}) for on in (True, False))
+    p, without = (hmmwv.vector("parameter", {"friction.acting": on}) for on in (True, False))
     mass = np.array([2800.0, 1450.0, 7632.0, *[135.0] * 4])
     for _ in range(50):
         x, u = 0.1 * rng.standard_normal(14), np.zeros(12)
@@ -362,8 +354,8 @@ def test_friction_only_dissipates(hmmwv):
 def test_controllers_are_designed_on_the_car_without_friction(hmmwv):
     """It is off at the start, so `linearize` has none; switched on it would be a damper of F / v_s about rest."""
     assert hmmwv.variable("friction.acting").start == (0.0,)
-    with_friction = hmmwv.linearize(p=parameter_vector(hmmwv, {"friction.acting": True}))
-    damped = hmmwv.linearize(p=parameter_vector(hmmwv, {f"suspension.{k}.damping": 18e3 for k in CORNERS}))
+    with_friction = hmmwv.linearize(p=hmmwv.vector("parameter", {"friction.acting": True}))
+    damped = hmmwv.linearize(p=hmmwv.vector("parameter", {f"suspension.{k}.damping": 18e3 for k in CORNERS}))
     np.testing.assert_allclose(with_friction.A, damped.A, rtol=1e-12, atol=1e-9)
 
 
@@ -398,24 +390,10 @@ def test_heave_roll_and_pitch_are_what_their_names_say(hmmwv):
         assert np.abs(values[moves & low]) / (2 * np.pi) == pytest.approx(frequency, abs=0.005)
 
 
-POSITIVE = {
-    "body.mass": (10.0, 1e5), "body.roll_inertia": (1.0, 1e6), "body.pitch_inertia": (1.0, 1e6),
-    **{f"wheel.{k}.mass": (1.0, 5e3) for k in CORNERS},
-    **{f"wheel.{k}.x": (0.3, 5.0) if k[0] == "f" else (-5.0, -0.3) for k in CORNERS},
-    **{f"wheel.{k}.half_track": (0.2, 3.0) for k in CORNERS},
-    **{f"suspension.{k}.stiffness": (1e3, 1e6) for k in CORNERS},
-    **{f"suspension.{k}.damping": (1e2, 1e5) for k in CORNERS},
-    **{f"tire.{k}.stiffness": (1e4, 1e7) for k in CORNERS},
-    **{f"tire.{k}.damping": (0.0, 1e4) for k in CORNERS},
-}  # fmt: skip
-
-
-@given(st.fixed_dictionaries({n: st.floats(*limits) for n, limits in POSITIVE.items()}))
+@given(positive.parameters({k: (0.3, 5.0) if k[0] == "f" else (-5.0, -0.3) for k in CORNERS}))
 @settings(deadline=None, max_examples=100)
 def test_positive_parameters_are_always_stable(hmmwv, values):
-    """Masses, springs and dampers above zero: every mode decays, up to the rounding of the eigenvalues."""
-    eigenvalues = np.linalg.eigvals(hmmwv.linearize(p=parameter_vector(hmmwv, values)).A)
-    assert eigenvalues.real.max() < 1e-10 * np.abs(eigenvalues).max()
+    positive.check_stable(hmmwv, values)
 
 
 def test_reference_run_is_finite_and_solver_stable(car):

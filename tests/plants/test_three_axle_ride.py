@@ -1,9 +1,9 @@
 """Nine-degree ride model of the 6x6 against an independent derivation from energy, statics, mirror images, stability."""
 
 import numpy as np
+import positive
 import pytest
 from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from build_fmus.reference import Evaluator
 from build_fmus.stability import check_solver
@@ -33,14 +33,6 @@ def uneven(car, seed=0):
     return {name: value * rng.uniform(0.6, 1.6) for name, value in values_of(car).items()}
 
 
-def parameter_vector(car, values):
-    p = car.vector("parameter")
-    slots = {e.name: e.slot for e in car.elements("parameter")}
-    for name, value in values.items():
-        p[slots[name]] = value
-    return p
-
-
 def from_energy(v):
     """A (18 x 18), B (18 x 6), G (18 x 12) from the quadratic forms of energy, dissipation and work.
 
@@ -65,7 +57,7 @@ def from_energy(v):
 @pytest.mark.parametrize("seed", [None, 0, 1, 2])
 def test_matrices_are_those_of_the_energies(car, seed):
     values = values_of(car) if seed is None else uneven(car, seed)
-    model = car.linearize(p=parameter_vector(car, values))
+    model = car.linearize(p=car.vector("parameter", values))
     assert model.states == POSITIONS + RATES
     assert model.inputs == INPUTS
     A, B, G = from_energy(values)
@@ -81,7 +73,7 @@ def test_signs_that_the_printed_equations_have_wrong(car):
     and those of one angle in the equation of the other do not.
     """
     values = uneven(car)
-    model = car.linearize(p=parameter_vector(car, values))
+    model = car.linearize(p=car.vector("parameter", values))
     rows = dict(zip(model.states, (dict(zip(model.states, r, strict=True)) for r in model.A), strict=True))
     k_s = {k: values[f"suspension.{k}.stiffness"] for k in CORNERS}
     x = {k: values[f"wheel.{k}.x"] for k in CORNERS}
@@ -99,7 +91,7 @@ def test_signs_that_the_printed_equations_have_wrong(car):
 def test_lifting_the_road_lifts_everything_by_as_much(car):
     """DC gain of a rigid lift: 1 for body and wheels, 0 for angles and deflections."""
     for values in (values_of(car), uneven(car)):
-        model = car.linearize(p=parameter_vector(car, values))
+        model = car.linearize(p=car.vector("parameter", values))
         lift = np.concatenate([np.ones(6), np.zeros(12)])
         gain = dict(zip(model.outputs, (model.D - model.C @ np.linalg.solve(model.A, model.B)) @ lift, strict=True))
         for name, value in gain.items():
@@ -198,24 +190,10 @@ def test_modes(car):
     check_solver(car)
 
 
-POSITIVE = {
-    "body.mass": (10.0, 1e5), "body.roll_inertia": (1.0, 1e6), "body.pitch_inertia": (1.0, 1e6),
-    **{f"wheel.{k}.mass": (1.0, 5e3) for k in CORNERS},
-    **{f"wheel.{k}.x": {"a1": (0.3, 5.0), "a2": (-2.0, 2.0), "a3": (-5.0, -0.3)}[k[:2]] for k in CORNERS},
-    **{f"wheel.{k}.half_track": (0.2, 3.0) for k in CORNERS},
-    **{f"suspension.{k}.stiffness": (1e3, 1e6) for k in CORNERS},
-    **{f"suspension.{k}.damping": (1e2, 1e5) for k in CORNERS},
-    **{f"tire.{k}.stiffness": (1e4, 1e7) for k in CORNERS},
-    **{f"tire.{k}.damping": (0.0, 1e4) for k in CORNERS},
-}  # fmt: skip
-
-
-@given(st.fixed_dictionaries({n: st.floats(*limits) for n, limits in POSITIVE.items()}))
+@given(positive.parameters({k: {"a1": (0.3, 5.0), "a2": (-2.0, 2.0), "a3": (-5.0, -0.3)}[k[:2]] for k in CORNERS}))
 @settings(deadline=None, max_examples=60)
 def test_positive_parameters_are_always_stable(car, values):
-    """Masses, springs and dampers above zero: every mode decays, up to the rounding of the eigenvalues."""
-    eigenvalues = np.linalg.eigvals(car.linearize(p=parameter_vector(car, values)).A)
-    assert eigenvalues.real.max() < 1e-10 * np.abs(eigenvalues).max()
+    positive.check_stable(car, values)
 
 
 def test_layout_of_a_road_has_six_wheels():

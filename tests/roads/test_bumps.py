@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from looks import check_preview, look
 from scipy.integrate import quad
 
 from build_fmus.reference import simulate
@@ -27,17 +28,9 @@ def simple():
     return road_bumps(ONE_AXLE).model()
 
 
-def look(road, x, speed=0.0, heights=None, **parameters):
-    """Outputs of a road by name, at one position or as columns over many; ``heights`` by place, counted from 1."""
-    p = road.vector("parameter")
-    slots = {e.name: e.slot for e in road.elements("parameter")}
-    if heights is not None:
-        parameters |= {f"bump.height[{i}]": heights.get(i, 0.0) for i in range(1, 11)}
-    for name, value in parameters.items():
-        p[slots[name.replace("__", ".")]] = value
-    out = road.functions["out"]
-    y = np.array([np.asarray(out(0.0, [], [xi, speed], p)).ravel() for xi in np.atleast_1d(x)])
-    return {e.name: y[:, e.slot] if np.ndim(x) else y[0, e.slot] for e in road.output_elements()}
+def bumps(heights):
+    """Heights of the bumps as parameters, by place counted from 1; the others are 0."""
+    return {f"bump.height[{i}]": heights.get(i, 0.0) for i in range(1, 11)}
 
 
 def parabola(x, start=START, length=LENGTH):
@@ -49,7 +42,7 @@ def parabola(x, start=START, length=LENGTH):
 @pytest.mark.parametrize("contact", [0.01, 0.25, 0.305, 1.0])
 def test_height_is_the_mean_of_the_parabola_over_the_contact(simple, contact):
     x = START + np.linspace(-0.6, 0.9, 61)
-    y = look(simple, x, 7.0, {1: 0.076}, contact__length=contact)
+    y = look(simple, x, 7.0, **bumps({1: 0.076}), contact__length=contact)
     corners = (START, START + LENGTH)
     for k, xi in enumerate(x):
         a, b = xi - contact / 2, xi + contact / 2
@@ -72,17 +65,17 @@ def test_slope_is_the_derivative_of_the_height(simple):
 
 def test_crest_and_area(simple):
     """At its crest 1 - (contact / length)^2 / 3 of the height; smoothing keeps the area of 2/3 height x length."""
-    crest = look(simple, START + LENGTH / 2, heights={1: 0.076})["road.fl.height"]
+    crest = look(simple, START + LENGTH / 2, **bumps({1: 0.076}))["road.fl.height"]
     assert crest == pytest.approx(0.076 * (1 - (CONTACT / LENGTH) ** 2 / 3), rel=1e-12)
     assert crest == pytest.approx(0.0590, abs=5e-5)
     x = np.linspace(START - 0.2, START + 0.5, 7001)
-    area = np.sum(look(simple, x, heights={1: 0.076})["road.fl.height"]) * (x[1] - x[0])
+    area = np.sum(look(simple, x, **bumps({1: 0.076}))["road.fl.height"]) * (x[1] - x[0])
     assert area == pytest.approx(2 / 3 * 0.076 * LENGTH, rel=1e-6)
 
 
 def test_short_contact_follows_the_parabola_itself(simple):
     x = START + np.linspace(0.01, 0.29, 15)
-    y = look(simple, x, heights={1: 0.05}, contact__length=1e-3)["road.fl.height"]
+    y = look(simple, x, **bumps({1: 0.05}), contact__length=1e-3)["road.fl.height"]
     assert y == pytest.approx([0.05 * parabola(xi) for xi in x], abs=1e-6)
 
 
@@ -98,14 +91,14 @@ def test_default_track_is_57_then_38_mm_6_m_apart(simple):
 def test_ten_places(simple):
     heights = {i: 0.01 * i for i in range(1, 11)}
     crests = START + LENGTH / 2 + 1.3 * np.arange(10)
-    y = look(simple, crests, heights=heights, bump__spacing=1.3)["road.fr.height"]
+    y = look(simple, crests, **bumps(heights), bump__spacing=1.3)["road.fr.height"]
     assert y == pytest.approx([0.01 * i * (1 - (CONTACT / LENGTH) ** 2 / 3) for i in range(1, 11)])
 
 
 def test_overlapping_bumps_add_up(simple):
     x = np.linspace(9.5, 11, 40)
-    both = look(simple, x, heights={1: 0.05, 2: 0.03}, bump__spacing=0.2)["road.fl.height"]
-    one, two = (look(simple, x, heights=h, bump__spacing=0.2)["road.fl.height"] for h in ({1: 0.05}, {2: 0.03}))
+    both = look(simple, x, **bumps({1: 0.05, 2: 0.03}), bump__spacing=0.2)["road.fl.height"]
+    one, two = (look(simple, x, **bumps(h), bump__spacing=0.2)["road.fl.height"] for h in ({1: 0.05}, {2: 0.03}))
     assert both == pytest.approx(one + two, abs=1e-15)
 
 
@@ -117,7 +110,7 @@ def test_flat_elsewhere_and_without_bumps(simple):
         assert not y[f"road.{k}.height"].any()
         assert not y[f"road.{k}.slope"].any()
     assert list(y["end_of_road"]) == [0] * 8 + [1]
-    none = look(simple, np.linspace(0, 30, 200), 20.0, {})
+    none = look(simple, np.linspace(0, 30, 200), 20.0, **bumps({}))
     assert not none["road.fl.height"].any()
     assert not none["height_above_travel"].any()
 
@@ -142,12 +135,7 @@ def test_rear_wheels_follow_by_the_wheelbase(road):
 @given(st.floats(-5, 40), st.floats(0, 30), st.integers(0, 2))
 @settings(deadline=None, max_examples=40)
 def test_preview_is_what_the_wheels_meet_later(road, x, speed, side):
-    now = look(road, x, speed, side=side)
-    assert now["preview.step"] == 0.030
-    for i in (0, 1, 7, 15):
-        later = look(road, x + speed * 0.030 * i, speed, side=side)
-        for k in CORNERS:
-            assert now[f"preview.{k}[{i + 1}]"] == pytest.approx(later[f"road.{k}.height"], abs=1e-9)
+    check_preview(road, x, speed, (0, 1, 7, 15), step=0.030, within=1e-9, side=side)
 
 
 @pytest.mark.parametrize(
@@ -155,25 +143,25 @@ def test_preview_is_what_the_wheels_meet_later(road, x, speed, side):
     [({1: 0.06}, 0), ({1: 0.0601}, 1), ({10: 0.076}, 1), ({5: -0.076}, 1), ({1: 0.057, 7: 0.038}, 0), ({}, 0)],
 )
 def test_a_bump_above_the_travel_is_reported(simple, heights, above):
-    assert look(simple, 0.0, heights=heights)["height_above_travel"] == above
-    assert look(simple, 0.0, heights=heights, travel=0.1)["height_above_travel"] == 0
+    assert look(simple, 0.0, **bumps(heights))["height_above_travel"] == above
+    assert look(simple, 0.0, **bumps(heights), travel=0.1)["height_above_travel"] == 0
 
 
 def test_a_bump_beyond_the_end_is_reported_and_not_driven_over(simple):
     heights = {1: 0.05, 10: 0.05}
     last = START + 9.0
-    assert look(simple, 0.0, heights=heights)["bumps_beyond_end"] == 0
-    assert look(simple, 0.0, heights=heights, length=15.0)["bumps_beyond_end"] == 1
-    assert look(simple, 0.0, heights={1: 0.05}, length=15.0)["bumps_beyond_end"] == 0  # empty places do not count
+    assert look(simple, 0.0, **bumps(heights))["bumps_beyond_end"] == 0
+    assert look(simple, 0.0, **bumps(heights), length=15.0)["bumps_beyond_end"] == 1
+    assert look(simple, 0.0, **bumps({1: 0.05}), length=15.0)["bumps_beyond_end"] == 0  # empty places do not count
     whole = last + LENGTH + CONTACT / 2
-    assert look(simple, 0.0, heights=heights, length=whole + 1e-6)["bumps_beyond_end"] == 0
-    assert look(simple, 0.0, heights=heights, length=whole - 1e-6)["bumps_beyond_end"] == 1
-    assert not look(simple, np.linspace(15, 30, 300), heights=heights, length=15.0)["road.fl.height"].any()
+    assert look(simple, 0.0, **bumps(heights), length=whole + 1e-6)["bumps_beyond_end"] == 0
+    assert look(simple, 0.0, **bumps(heights), length=whole - 1e-6)["bumps_beyond_end"] == 1
+    assert not look(simple, np.linspace(15, 30, 300), **bumps(heights), length=15.0)["road.fl.height"].any()
 
 
 def test_beyond_its_end_the_road_is_held_at_its_last_height(simple):
     end = START + LENGTH / 2 - 0.05
-    y = look(simple, end + np.array([-1e-9, 1e-9, 0.1, 50.0]), 10.0, {1: 0.05}, length=end)
+    y = look(simple, end + np.array([-1e-9, 1e-9, 0.1, 50.0]), 10.0, **bumps({1: 0.05}), length=end)
     assert y["road.fl.height"] == pytest.approx([y["road.fl.height"][0]] * 4, abs=1e-9)
     assert y["road.fl.height"][0] > 0.03
     assert list(y["road.fl.slope"] != 0) == [True, False, False, False]

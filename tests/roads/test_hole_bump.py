@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from looks import check_preview, look
 
 from build_fmus.reference import simulate
 from fmu_sources.roads import RoadLayout, WheelPosition, road_hole_bump
@@ -24,17 +25,6 @@ def road():
 def simple():
     """Wheels under the CG, so that x is their position."""
     return road_hole_bump(ONE_WHEEL).model()
-
-
-def look(road, x, speed=0.0, **parameters):
-    """Outputs of a road by name, at one position or as columns over many."""
-    p = road.vector("parameter")
-    slots = {e.name: e.slot for e in road.elements("parameter")}
-    for name, value in parameters.items():
-        p[slots[name.replace("__", ".")]] = value
-    out = road.functions["out"]
-    y = np.array([np.asarray(out(0.0, [], [xi, speed], p)).ravel() for xi in np.atleast_1d(x)])
-    return {e.name: y[:, e.slot] if np.ndim(x) else y[0, e.slot] for e in road.output_elements()}
 
 
 def shapes(part):
@@ -145,12 +135,7 @@ def test_hole_and_bump_without_a_gap(simple):
 @given(st.floats(-20, 60), st.floats(0, 40), st.integers(0, 3), st.integers(0, 2))
 @settings(deadline=None, max_examples=60)
 def test_preview_is_what_the_wheels_meet_later(road, x, speed, shape, side):
-    now = look(road, x, speed, shape=shape, side=side)
-    assert now["preview.step"] == 0.005
-    for i in (0, 1, 17, 47):
-        later = look(road, x + speed * 0.005 * i, speed, shape=shape, side=side)
-        for k in CORNERS:
-            assert now[f"preview.{k}[{i + 1}]"] == pytest.approx(later[f"road.{k}.height"], abs=1e-9)
+    check_preview(road, x, speed, (0, 1, 17, 47), step=0.005, within=1e-9, shape=shape, side=side)
 
 
 def test_road_has_no_memory_and_says_what_it_depends_on(road):

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from looks import check_preview, look
 from scipy.signal import csd, welch
 
 from build_fmus.reference import simulate
@@ -17,17 +18,6 @@ SEEDS = (1, 2, 3, 4)
 @pytest.fixture(scope="module")
 def road():
     return road_iso8608(RoadLayout.of(load_ride_car("sedan"), preview_count=48, preview_step=0.005)).model()
-
-
-def look(road, x, speed=0.0, **parameters):
-    """Outputs of a road by name as columns over positions."""
-    p = road.vector("parameter")
-    slots = {e.name: e.slot for e in road.elements("parameter")}
-    for name, value in parameters.items():
-        p[slots[name.replace("__", ".")]] = value
-    out = road.functions["out"]
-    y = np.array([np.asarray(out(0.0, [], [xi, speed], p)).ravel() for xi in np.atleast_1d(x)])
-    return {e.name: y[:, e.slot] for e in road.output_elements()}
 
 
 def spectra(seed, track=TRACK):
@@ -146,11 +136,7 @@ def test_offset_starts_elsewhere_on_the_profile(road):
 
 
 def test_preview_is_what_the_wheels_meet_later(road):
-    now = look(road, 100.0, 20.0)
-    for i in (0, 1, 20, 47):
-        later = look(road, 100.0 + 20.0 * 0.005 * i, 20.0)
-        for k in CORNERS:
-            assert now[f"preview.{k}[{i + 1}]"] == pytest.approx(later[f"road.{k}.height"], abs=1e-9)
+    check_preview(road, 100.0, 20.0, (0, 1, 20, 47), step=0.005, within=1e-9)
 
 
 def test_track_follows_the_wheels():

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from looks import check_preview, look
 
 from build_fmus.reference import simulate
 from fmu_sources.roads import (
@@ -25,17 +26,6 @@ FRONT, REAR = 0.6 * 3.302, -0.4 * 3.302
 @pytest.fixture(scope="module")
 def layout():
     return RoadLayout.of(load_full_car("hmmwv_modified"))
-
-
-def look(road, x, speed=0.0, **parameters):
-    """Outputs of a road by name."""
-    road = road.model()
-    p = road.vector("parameter")
-    slots = {e.name: e.slot for e in road.elements("parameter")}
-    for name, value in parameters.items():
-        p[slots[name.replace("__", ".")]] = value
-    y = np.asarray(road.functions["out"](0.0, [], [x, speed], p)).ravel()
-    return {e.name: y[e.slot] for e in road.output_elements()}
 
 
 def one_wheel(count=2, step=0.01):
@@ -86,13 +76,7 @@ def test_curb_steps_within_one_node():
 
 @pytest.mark.parametrize("maker", [road_sine, road_curb, road_perryman3])
 def test_preview_is_what_the_wheels_meet_later(layout, maker):
-    road = maker(layout)
-    now = look(road, 33.0, speed=12.0)
-    assert now["preview.step"] == 0.01
-    for i in range(8):
-        later = look(road, 33.0 + 12.0 * 0.01 * i, speed=12.0)
-        for k in CORNERS:
-            assert now[f"preview.{k}[{i + 1}]"] == pytest.approx(later[f"road.{k}.height"], abs=1e-12)
+    check_preview(maker(layout), 33.0, 12.0, range(8), step=0.01, within=1e-12)
 
 
 @pytest.mark.parametrize("maker", [road_sine, road_curb, road_perryman3])

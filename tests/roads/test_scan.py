@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from looks import look
 
 from fmu_sources.roads import RoadLayout, RoadScan, road_bumps, road_iso8608
 from fmu_sources.vehicles import load_ride_car, load_sensors
@@ -12,16 +13,6 @@ LENGTH, CONTACT, FIRST = 0.305, 0.25, 10.0
 
 def layout(scan):
     return RoadLayout.of(load_ride_car("ride_car_hmmwv"), preview_count=16, preview_step=0.030, scan=scan)
-
-
-def look(road, x, **parameters):
-    road = road.model()
-    p = road.vector("parameter")
-    at = {e.name: e.slot for e in road.elements("parameter")}
-    for name, value in parameters.items():
-        p[at[name.replace("__", ".")]] = value
-    y = np.asarray(road.functions["out"](0.0, [], [x, 9.0], p)).ravel()
-    return {e.name: y[e.slot] for e in road.output_elements()}
 
 
 def test_bumps_are_seen_as_they_are():

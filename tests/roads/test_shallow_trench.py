@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from looks import check_preview, look
 
 from build_fmus.reference import simulate
 from fmu_sources.roads import RoadLayout, WheelPosition, road_shallow_trench
@@ -26,17 +27,6 @@ def simple():
     return road_shallow_trench(
         RoadLayout((WheelPosition("a1l", 0.0, 1.0), WheelPosition("a1r", 0.0, -1.0)), 2, 0.005)
     ).model()
-
-
-def look(road, x, speed=0.0, **parameters):
-    """Outputs of a road by name, at one position or as columns over many."""
-    p = road.vector("parameter")
-    slots = {e.name: e.slot for e in road.elements("parameter")}
-    for name, value in parameters.items():
-        p[slots[name.replace("__", ".")]] = value
-    out = road.functions["out"]
-    y = np.array([np.asarray(out(0.0, [], [xi, speed], p)).ravel() for xi in np.atleast_1d(x)])
-    return {e.name: y[:, e.slot] if np.ndim(x) else y[0, e.slot] for e in road.output_elements()}
 
 
 @pytest.mark.parametrize("depth", [0.15, 0.25])
@@ -96,12 +86,7 @@ def test_axles_meet_the_trench_one_after_the_other(road):
 @given(st.floats(-5, 20), st.floats(0, 10), st.integers(0, 2))
 @settings(deadline=None, max_examples=25)
 def test_preview_is_what_the_wheels_meet_later(road, x, speed, side):
-    now = look(road, x, speed, side=side)
-    assert now["preview.step"] == 0.005
-    for i in (0, 1, 24, 49):
-        later = look(road, x + speed * 0.005 * i, speed, side=side)
-        for k in CORNERS:
-            assert now[f"preview.{k}[{i + 1}]"] == pytest.approx(later[f"road.{k}.height"], abs=1e-12)
+    check_preview(road, x, speed, (0, 1, 24, 49), step=0.005, within=1e-12, side=side)
 
 
 def test_reference_run_crosses_the_trench(road):
