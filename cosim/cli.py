@@ -13,7 +13,7 @@ from rich.text import Text
 from build_fmus import extras, terminal
 from build_fmus.terminal import Command, Commands, PackageVersion, show
 from cosim.experiments import EXPERIMENTS, IDENTIFY
-from cosim.study.commands import EVERYWHERE, run_command, study_command
+from cosim.study.commands import EVERYWHERE, export_command, run_command, study_command
 from cosim.study.experiment import resolved
 from cosim.study.loading import load
 
@@ -48,6 +48,10 @@ class Studies(Experiments):
     make = staticmethod(study_command)
 
 
+class Exports(Experiments):
+    make = staticmethod(export_command)
+
+
 class Laws(Commands):
     """One command per experiment whose laws are identified."""
 
@@ -75,6 +79,12 @@ app.add_typer(typer.Typer(cls=Runs, help="Run one case of an experiment. " + FIL
 app.add_typer(
     typer.Typer(cls=Studies, help="Run a whole study and write its report. " + FILE.format("study"), **GROUP),
     name="study",
+)
+app.add_typer(
+    typer.Typer(
+        cls=Exports, help="Write the system of one case as one FMU, for any tool. " + FILE.format("export"), **GROUP
+    ),
+    name="export",
 )
 app.add_typer(
     typer.Typer(cls=Laws, help="Derive the control laws again from their plant FMU.", **GROUP), name="identify"

@@ -19,6 +19,10 @@ from cosim.fmu.file import FmuFile
 
 SOURCES = "sources/"
 _FMI = re.compile(r"fmi[23][A-Z]\w*")
+_PREFIXED = {  # what gives the functions of FMI a prefix; not every header of FMI 2.0 knows FMI2_FUNCTION_PREFIX
+    2: '#include "fmi2Functions.h"\n#undef fmi2FullName\n#define fmi2FullName(name) {prefix}##name\n',
+    3: "#undef FMI3_FUNCTION_PREFIX\n#define FMI3_FUNCTION_PREFIX {prefix}\n",
+}
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,14 +84,14 @@ class Part:
         renamed = "".join(f"#undef {n}\n#define {n} {self.prefix}{n}\n" for n in names)
         header = (
             f"/* Names of {self.fmu.description.name} in this library. Generated. */\n"
-            f"#undef FMI{self.version}_FUNCTION_PREFIX\n#define FMI{self.version}_FUNCTION_PREFIX {self.prefix}\n{renamed}"
+            f"{_PREFIXED[self.version].format(prefix=self.prefix)}{renamed}"
         )
         files = {f"{self.name}/names.h": header.encode()}
         for name in self.c_files:
             flat = name.replace("/", "_")
             files[f"{self.prefix}{flat}"] = f'#include "{self.name}/names.h"\n#include "{self.name}/{name}"\n'.encode()
         files[f"{self.prefix}functions.c"] = (
-            f'#include "{self.name}/names.h"\n#include "member.h"\n\n'
+            f'#include "{self.name}/names.h"\n#include "member.h"\n\nDECLARED{self.version}\n'
             f"extern const Functions{self.version} {self.prefix}functions;\n"
             f"const Functions{self.version} {self.prefix}functions = FUNCTIONS{self.version};\n"
         ).encode()

@@ -162,7 +162,9 @@ class _Exporter:
         carried = [p for p in self.distinct if not p.linked]
         cache = ObjectCache(cache_directory() / "export")
         files = self._sources(cache, platforms)
-        c_files = sorted(["plan.c", *(n for n in files if n.endswith(".c") and ("/" not in n or n.startswith("musl/")))])
+        c_files = sorted(
+            ["plan.c", *(n for n in files if n.endswith(".c") and ("/" not in n or n.startswith("musl/")))]
+        )
         token = self._token(files)
         files["plan.c"] = self._plan_c(token).encode()
         content = {f"sources/{name}": data for name, data in files.items()}

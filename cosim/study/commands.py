@@ -16,6 +16,7 @@ from rich.table import Table
 from rich.text import Text
 
 from build_fmus import safe_files
+from build_fmus.compile import PLATFORMS
 from build_fmus.terminal import APP, Command, console, one_of, show
 from cosim import EngineChoice
 from cosim.errors import ComponentError, CosimError, Interrupted
@@ -55,6 +56,36 @@ _EVERYWHERE: dict[str, tuple[Any, Any]] = {
     "out": (Out, Path("results")),
     "engine": (Engines, "auto"),
 }
+Target = Annotated[Path, typer.Option("--fmu", metavar="FILE", help="the FMU to write, NAME.fmu")]
+Patterns = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--input",
+        metavar="NAME",
+        help="inputs, as MEMBER.VARIABLE or a pattern (default: all that nothing drives); several may be given",
+    ),
+]
+Outputs = Annotated[list[str] | None, typer.Option("--output", metavar="NAME", help="outputs, likewise (default: all)")]
+Without = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--without",
+        metavar="MEMBER",
+        help="a member that stays outside: what it drove becomes inputs; several may be given",
+    ),
+]
+Where = Annotated[
+    str,
+    typer.Option(
+        "--platform", metavar=one_of(("host", "all", *PLATFORMS)), help="for which systems; several with commas"
+    ),
+]
+_EXPORT: dict[str, tuple[Any, Any]] = {
+    "inputs": (Patterns, None),
+    "outputs": (Outputs, None),
+    "without": (Without, None),
+    "platform": (Where, "host"),
+}
 _VEHICLE: dict[str, tuple[Any, Any]] = {"vehicle": (Vehicles, None)}
 NOTHING = 1e-20  # of a metric: below it there is nothing to compare
 EVERYWHERE = ("--fmus", "--fmi", "--vehicle", "--out", "--engine", "--help")
@@ -72,6 +103,26 @@ def run_command(experiment: Experiment) -> Any:
 
     options = {f.attribute: (Annotated[_type(f), _option(f)], f.default) for f in fields(experiment.case)}
     return _command(run, experiment, {**options, **_own_files(experiment), **_EVERYWHERE}, "One run: metrics on the screen, time histories as CSV.")  # fmt: skip
+
+
+def export_command(experiment: Experiment) -> Any:
+    """The command that writes the system of one case as an FMU."""
+
+    def export(**given: Any) -> None:
+        case = _case(experiment, given)
+        with Runner(experiment, _fmu_set(experiment, given)) as runner:
+            path = runner.system(case).export_fmu(
+                given["fmu"], inputs=given["inputs"], outputs=given["outputs"], without=given["without"] or (), fmi=given["fmi"],
+                platforms=given["platform"], text=f"{experiment.title}: {case.label}" if experiment.title else "",
+            )  # fmt: skip
+        console.print(f"{path}, FMI {given['fmi']}.0; cosim fmu {path} shows what is in it")
+
+    options = {f.attribute: (Annotated[_type(f), _option(f)], f.default) for f in fields(experiment.case)}
+    more = {k: v for k, v in _EVERYWHERE.items() if k in ("fmus", "fmi")}
+    return _command(
+        export, experiment, {"fmu": (Target, ...), **options, **_EXPORT, **_own_files(experiment), **more},
+        "The system of one case as one FMU, with all that is in it.",
+    )  # fmt: skip
 
 
 def study_command(experiment: Experiment) -> Any:

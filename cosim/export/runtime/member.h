@@ -39,6 +39,10 @@ typedef struct { FMI3_CALLS(POINTER3) FMI3_STATE_CALLS(POINTER3) } Functions3;
 /* Tables of linked members: the names have their prefixes where these are used. */
 #define NAMED2(name) .name = fmi2##name,
 #define NAMED3(name) .name = fmi3##name,
+#define DECLARATION2(name) fmi2##name##TYPE fmi2##name;
+#define DECLARATION3(name) fmi3##name##TYPE fmi3##name;
+#define DECLARED2 FMI2_CALLS(DECLARATION2) FMI2_STATE_CALLS(DECLARATION2)
+#define DECLARED3 FMI3_CALLS(DECLARATION3) FMI3_STATE_CALLS(DECLARATION3)
 #define FUNCTIONS2 {FMI2_CALLS(NAMED2) FMI2_STATE_CALLS(NAMED2)}
 #define FUNCTIONS3 {FMI3_CALLS(NAMED3) FMI3_STATE_CALLS(NAMED3)}
 
