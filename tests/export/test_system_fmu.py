@@ -1,0 +1,233 @@
+"""A system of this project's FMUs, and of others', as one FMU: the same numbers, its description, its states, what it refuses."""
+
+from __future__ import annotations
+
+import json
+import zipfile
+from pathlib import Path
+from typing import Any
+
+import fmpy
+import numpy as np
+import pytest
+from built import BuiltFmus
+from fmpy.validation import validate_fmu
+from same import bits
+
+from cosim import CosimError, FmuError, PythonComponent, System, WiringError
+from cosim.experiments.gpc.runs import Case, wire
+from cosim.study import FmuSet
+
+pytestmark = pytest.mark.filterwarnings("ignore::cosim.UnconnectedInputsWarning")
+RECORD = ["car.body.az", "car.tire.fl.force", "controller.force.fl", "speed.x"]
+
+
+@pytest.fixture(scope="module")
+def ride(built_fmus: BuiltFmus, tmp_path_factory: pytest.TempPathFactory) -> dict[int, Path]:
+    """The closed loop of GPC with preview as one FMU, by FMI version."""
+    folder = tmp_path_factory.mktemp("ride")
+    fmus = FmuSet(built_fmus.path("RoadSine", 3).parents[1])
+    with wire(fmus, Case("sine", controller="preview")) as system:
+        return {fmi: system.export_fmu(folder / str(fmi) / "Ride.fmu", fmi=fmi, outputs=RECORD) for fmi in (2, 3)}
+
+
+@pytest.fixture(scope="module")
+def shown(built_fmus: BuiltFmus) -> np.ndarray:
+    """What the system itself shows every 10 ms of 2 s, plant values at their time and commands of the sample before."""
+    fmus = FmuSet(built_fmus.path("RoadSine", 3).parents[1])
+    with wire(fmus, Case("sine", controller="preview")) as system, system.initialize(record=RECORD) as simulation:
+        rows = [[simulation[n] for n in RECORD]]
+        for k in range(1, 201):
+            simulation.advance(f"{k}/100")
+            rows.append([simulation[n] for n in RECORD])
+    return np.array(rows)
+
+
+@pytest.mark.parametrize("fmi", [2, 3])
+def test_fmpy_sees_what_the_system_shows(ride, shown, fmi):
+    assert not validate_fmu(ride[fmi])
+    result = fmpy.simulate_fmu(ride[fmi], stop_time=2.0, output_interval=0.01, output=RECORD)
+    np.testing.assert_array_equal(bits([list(row)[1:] for row in result]), bits(shown))
+
+
+def test_a_container_in_a_container_shows_the_same(ride, shown, tmp_path):
+    """Linked from its sources like any other FMU of this project, two instances of it; FMI 2.0 inside of FMI 3.0."""
+    with System() as inner:
+        inner.add("one", ride[2], step="10 ms")
+        inner.add("two", ride[2], step="10 ms")
+        nested = inner.export_fmu(tmp_path / "Nested.fmu", fmi=3)
+    assert not validate_fmu(nested)
+    with zipfile.ZipFile(nested) as archive:
+        assert [m["linked"] for m in json.loads(archive.read("resources/members.json"))] == [True]
+    with System() as outer:
+        outer.add("all", nested, step="10 ms")
+        result = outer.run(2, record=[f"all.{which}.{n}" for which in ("one", "two") for n in RECORD])
+    np.testing.assert_array_equal(bits(result.data), bits(np.hstack([shown, shown])))
+
+
+@pytest.mark.parametrize("fmi", [2, 3])
+def test_states_continue_with_the_same_bits(ride, fmi):
+    """Saved, restored, serialized into another instance; also a system with FMUs of others."""
+    with System() as system:
+        system.add("ride", ride[fmi], step="10 ms")
+        with system.initialize(record=[f"ride.{n}" for n in RECORD]) as simulation:
+            simulation.advance("1/2")
+            state, data = simulation.save(), system["ride"].component.serialize()
+            simulation.advance(1)
+            first = simulation.recording
+            simulation.restore(state)
+            simulation.advance(1)
+            np.testing.assert_array_equal(bits(simulation.recording.data), bits(first.data))
+            simulation.restore(state)
+            system["ride"].component.deserialize(data)
+            simulation.advance(1)
+            np.testing.assert_array_equal(bits(simulation.recording.data), bits(first.data))
+
+
+def test_damaged_states_are_refused(ride):
+    with System() as system:
+        system.add("ride", ride[3], step="10 ms")
+        with system.initialize() as simulation:
+            simulation.advance("1/10")
+            component = system["ride"].component
+            data = component.serialize()
+            for place in (0, 4, 8, 16, 24, 32, 60, 200, len(data) // 2, len(data) - 1):
+                damaged = bytearray(data)
+                damaged[place] ^= 0x41
+                with pytest.raises(Exception, match=r"damaged|not a state|belongs to another|format|cannot be a state"):
+                    component.deserialize(bytes(damaged))
+            for length in (0, 5, 39, 40, 100, len(data) - 1):
+                with pytest.raises(Exception, match=r"damaged|not a serialized state|NULL"):
+                    component.deserialize(data[:length])
+            component.deserialize(data)
+            simulation.advance("2/10")
+
+
+def test_what_others_made_travels_in_resources(follower, built_fmus, tmp_path):
+    """Both versions of FMI, converted units and offsets, values of every type that the system sets; beside one of this project."""
+    with System() as system:
+        for version in (2, 3):
+            system.add(f"f{version}", follower[version], step="2 ms", parameters={"rate": 7.0}, start={"u": 30.0, "on": True})
+        system.add("again", follower[3], step="1 ms", start={"w": [1.0, 2.0, 3.0], "int64_in": 2**40})
+        system.add("ours", built_fmus.path("QuarterCarHmmwv", 3), step="1 ms", start={"force": 100.0})
+        system.connect("f2.y", "f3.u")
+        system.connect("f3.total[2]", "again.w[1]")
+        system.connect("f2.count", "f3.count_in")
+        names = ["f3.y", "f3.count", "f3.off", "again.total[1]", "again.total[3]", "ours.body.z"]
+        fmu = system.export_fmu(tmp_path / "Mixed.fmu", outputs=names, fmi=2)
+        with system.initialize(record=names) as simulation:
+            simulation.advance("1/10")
+            expected = [simulation[n] for n in names]
+    with zipfile.ZipFile(fmu) as archive:
+        held = archive.namelist()
+        assert {m["name"]: m["linked"] for m in json.loads(archive.read("resources/members.json"))} == {
+            "follower": False, "follower_2": False, "QuarterCarHmmwv": True,
+        }  # fmt: skip
+    assert len([n for n in held if n.startswith("resources/follower") and n.endswith(".so")]) == 2
+    assert any(n.startswith("documentation/licenses/QuarterCarHmmwv/") for n in held)
+    assert not validate_fmu(fmu)
+    result = fmpy.simulate_fmu(fmu, stop_time=0.1, output_interval=0.002, output=names)
+    np.testing.assert_array_equal(bits([float(result[n][-1]) for n in names]), bits(expected))
+
+
+def test_inputs_and_parameters_act_as_in_the_system(built_fmus, tmp_path):
+    """A car with its road outside: what the road drove are inputs, and the tunable law is among the parameters."""
+    fmus = FmuSet(built_fmus.path("RoadSine", 3).parents[1])
+    with wire(fmus, Case("sine", controller="explicit")) as system:
+        system["car"].set({"body.mass": 2500.0} if "body.mass" in system["car"].description.variables else {})
+        fmu = system.export_fmu(tmp_path / "Open.fmu", without=["road", "speed"], outputs=["car.*"])
+    with System() as outer:
+        member = outer.add("open", fmu)
+        assert member.step == 1 / 1000 or float(member.step) == 1e-3
+        assert member.kind == "continuous"
+        assert {"car.road.fl.height", "controller.road.rr.height", "car.target.speed"} <= set(member.description.inputs)
+        assert member.description.inputs["car.road.fl.height"].unit_name == "m"
+        parameter = member.description.parameters["controller.gain.y[1,1]"]
+        assert (parameter.variability, parameter.source is not None) == ("tunable", True)
+        with outer.initialize(record=["open.car.body.az"]) as simulation:
+            simulation.advance("1/100")
+            still = simulation["open.car.body.az"]
+            simulation.set("open.car.road.fl.height", 0.01)
+            simulation.advance("2/100")
+            assert simulation["open.car.body.az"] != still
+            simulation.set("open.controller.gain.y[1,1]", 0.0)
+            assert member.component.get([parameter]) == [0.0]
+
+
+def test_the_same_system_gives_the_same_bytes(follower, tmp_path):
+    made = []
+    for k in (1, 2):
+        with System() as system:
+            for name in ("a", "b") if k == 1 else ("b", "a"):
+                system.add(name, follower[3], step="1 ms")
+            system.connect("a.y", "b.u")
+            made.append(system.export_fmu(tmp_path / str(k) / "Same.fmu").read_bytes())
+    assert made[0] == made[1]
+
+
+def test_steps_and_times_are_whole_ticks(follower, tmp_path):
+    """Within 1e-9 of a tick; errors name the tick. From any start that is a simple fraction of a second."""
+    with System() as system:
+        system.add("a", follower[3], step="2 ms", start={"u": 30.0})
+        system.add("b", follower[3], step="5 ms")
+        system.connect("a.y", "b.u")
+        fmu = system.export_fmu(tmp_path / "Ticks.fmu")
+    for begin in (0.0, 0.001, 1 / 3, 100.0):
+        with System() as outer:
+            outer.add("ticks", fmu, step="10 ms")
+            with outer.initialize(begin, record=["ticks.b.y"]) as simulation:
+                simulation.advance(begin + 0.1)
+                assert simulation["ticks.b.y"] > 0
+    with System() as outer:
+        outer.add("ticks", fmu, step="1.5 ms")
+        with pytest.raises(CosimError, match=r"0\.0015 s is no whole number of ticks of 0\.001 s, the common divisor"):
+            outer.run(0.1)
+    with System() as outer:
+        outer.add("ticks", fmu, step="1 ms")
+        with pytest.raises(CosimError, match="is no fraction of seconds"):
+            outer.run(1, start_time=0.1234567890123)
+
+
+class InPython(PythonComponent):
+    outputs = ("y",)
+
+    def step(self, t: float, h: float, u: Any, y: Any) -> None: ...
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({}, r"'p' is written in Python.*without=\['p'\]"),
+        ({"without": ["p"], "inputs": ["b.u"]}, r"b\.u cannot be an input of the FMU: it is driven by a\.y"),
+        ({"without": ["p"], "inputs": ["a.rate"]}, r"a\.rate cannot be an input of the FMU: it is parameter"),
+        ({"without": ["p"], "inputs": ["a.int64_in"]}, r"a\.int64_in cannot be an input of the FMU: its type is Int64"),
+        ({"without": ["p"], "inputs": ["a.w[2]"]}, r"a\.w\[2\] cannot be an input of the FMU: it is an element of the array w"),
+        ({"without": ["p"], "outputs": ["a.z"]}, r"has no variable 'z'"),
+        ({"without": ["q"]}, r"no component 'q'"),
+        ({"without": ["p"], "fmi": 1}, r"there is no FMI 1"),
+        ({"without": ["p"], "platforms": "x86_64-windows"}, r"'a' .* has no library for x86_64-windows"),
+        ({"without": ["p"], "file": "My System.fmu"}, r"name the file IDENTIFIER\.fmu"),
+    ],
+)
+def test_what_cannot_be_in_it_is_named(follower, tmp_path, options, message):
+    with System() as system:
+        system.add("p", InPython(), step="1 ms")
+        for name in ("a", "b"):
+            system.add(name, follower[3], step="1 ms")
+        system.connect("a.y", "b.u")
+        options = dict(options)
+        path = tmp_path / options.pop("file", "No.fmu")
+        with pytest.raises((WiringError, CosimError), match=message):
+            system.export_fmu(path, **options)
+        assert not path.exists()
+
+
+def test_a_library_that_is_gone_is_named(follower, tmp_path):
+    with System() as system:
+        system.add("a", follower[3], step="1 ms")
+        fmu = system.export_fmu(tmp_path / "Gone.fmu")
+    folder = Path(fmpy.extract(fmu, tmp_path / "gone"))
+    next(folder.glob("resources/follower/binaries/*/*")).unlink()
+    with System() as outer, pytest.raises(FmuError, match=r"(?s)cannot be instantiated.*member 'a': its library cannot be loaded"):
+        outer.add("gone", folder)
+        outer.run(0.1)
