@@ -11,6 +11,7 @@ import io
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -47,6 +48,36 @@ def _csv(time: np.ndarray, values: np.ndarray, names: list[str]) -> str:
     return out.getvalue()
 
 
+class _Called:
+    """A CasADi function with arrays of its own for its dense arguments and results: the numbers of a call with arrays, in a
+    thirtieth of the time where the function is small."""
+
+    def __init__(self, function: Any) -> None:
+        self._buffer, self._evaluate = function.buffer()
+        self._name = function.name()
+        self._arguments: list[Any] = [np.zeros(function.numel_in(i)) for i in range(function.n_in())]
+        self._results: list[Any] = [np.zeros(function.numel_out(i)) for i in range(function.n_out())]
+        self._shapes = [function.size_out(i) for i in range(function.n_out())]
+        for i, argument in enumerate(self._arguments):
+            assert function.sparsity_in(i).is_dense(), f"{self._name}: argument {i} is not dense"
+            self._buffer.set_arg(i, memoryview(argument))
+        for i, result in enumerate(self._results):
+            assert function.sparsity_out(i).is_dense(), f"{self._name}: result {i} is not dense"
+            self._buffer.set_res(i, memoryview(result))
+
+    def __call__(self, *arguments: Any) -> list[np.ndarray]:
+        """The results: columns as vectors, others as matrices."""
+        for own, given in zip(self._arguments, arguments, strict=True):
+            own[:] = given
+        self._evaluate()
+        if self._buffer.ret():
+            raise ArithmeticError(f"{self._name} cannot be evaluated")
+        return [
+            result.copy() if columns == 1 else result.reshape((rows, columns), order="F").copy()
+            for result, (rows, columns) in zip(self._results, self._shapes, strict=True)
+        ]
+
+
 class Evaluator:
     """One instance of a component in Python: set ``u`` and ``p``, then :meth:`step`."""
 
@@ -54,24 +85,30 @@ class Evaluator:
         self.component = component
         self.p = component.vector("parameter", parameters)
         self.u = component.vector("input")
-        self._f = component.functions
-        self._shown = [(e.variable.role == "state", e.slot) for e in component.output_elements()]
+        self._called: dict[str, _Called] = {}
+        shown = ((component.size("state") * (e.variable.role != "state") + e.slot) for e in component.output_elements())
+        self._shown = np.array(list(shown), dtype=int)  # among states and outputs
         self.time, self._sample, self._y = 0.0, 0, np.zeros(component.size("output"))
         self._x: np.ndarray | None = None
         self._programs = CompiledPrograms(component) if component.programs else None
+
+    def _call(self, name: str, *arguments: Any) -> list[np.ndarray]:
+        if name not in self._called:
+            self._called[name] = _Called(self.component.functions[name])
+        return self._called[name](*arguments)
 
     def _solutions(self, t: float, x: np.ndarray, *, commit: bool) -> list[np.ndarray]:
         """Solutions of the quadratic programs as further argument of ``out`` and ``tick``."""
         if self._programs is None:
             return []
-        data = np.asarray(self._f["programs"](t, x, self.u, self.p)).ravel()
+        (data,) = self._call("programs", t, x, self.u, self.p)
         return [self._programs.solve(data, commit=commit)]
 
     @property
     def x(self) -> np.ndarray:
         """State; until the first step it follows inputs and parameters (calculated starts)."""
         if self._x is None:
-            return np.asarray(self._f["start"](self.component.vector("state"), self.u, self.p)).ravel()
+            return self._call("start", self.component.vector("state"), self.u, self.p)[0]
         return self._x
 
     @x.setter
@@ -80,18 +117,17 @@ class Evaluator:
 
     def rhs(self, t: float, x: np.ndarray) -> np.ndarray:
         """State derivative (continuous components)."""
-        return np.asarray(self._f["rhs"](t, x, self.u, self.p)).ravel()
+        return self._call("rhs", t, x, self.u, self.p)[0]
 
     def outputs(self) -> np.ndarray:
         """All output elements in order (states declared as outputs, then declared outputs)."""
         if self.component.kind == "continuous" or self._x is None:
             x = self.x
             solutions = self._solutions(self.time, x, commit=False)
-            y = np.asarray(self._f["out"](self.time, x, self.u, self.p, *solutions)).ravel()
+            (y,) = self._call("out", self.time, x, self.u, self.p, *solutions)
         else:
             y = self._y
-        x = self.x
-        return np.array([x[slot] if is_state else y[slot] for is_state, slot in self._shown])
+        return np.concatenate([self.x, y])[self._shown]
 
     def step(self, h: float) -> None:
         """Advance by ``h`` [s] with the inputs held."""
@@ -103,8 +139,7 @@ class Evaluator:
             assert c.sample_time is not None
             while (instant := self._sample * c.sample_time) < self.time + h - 1e-6 * c.sample_time:
                 solutions = self._solutions(instant, x, commit=True)
-                nxt, y = self._f["tick"](instant, x, self.u, self.p, *solutions)
-                x, self._y = np.asarray(nxt).ravel(), np.asarray(y).ravel()
+                x, self._y = self._call("tick", instant, x, self.u, self.p, *solutions)
                 self._sample += 1
         else:
             n = max(1, math.ceil(h / self.p[0] * (1 - 1e-9)))
@@ -128,8 +163,8 @@ class Evaluator:
         nominal = np.array([v.nominal or 1.0 for v in c.all_variables if v.role == "state" for _ in range(v.size)])
 
         def jacobian(t: float, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-            by_state, by_time = self._f["jac"](t, x, self.u, self.p)
-            return np.asarray(by_state), np.asarray(by_time).ravel()
+            by_state, by_time = self._call("jac", t, x, self.u, self.p)
+            return by_state, by_time
 
         try:
             return solvers.ros2(self.rhs, jacobian, t, x, h, nominal)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
@@ -14,12 +14,17 @@ import components
 import build_fmus
 from build_fmus import builder
 from build_fmus.builder import Options
+from build_fmus.compile import ObjectCache
 from fmu_sources import cli
 from fmu_sources.catalog import default_catalog
 
 ROOT = Path(__file__).parents[1]
 FMUS = ROOT / "fmus"
 PROBES = FMUS / ".probes"  # FMUs of the test components
+
+OBJECTS = ObjectCache(
+    Options(FMUS).cache / "objects"
+)  # where tests compile, too: what has been compiled is not compiled again
 
 # While a component is being written, FMUS_UNDER_TEST=QuarterCarHmmwv,ProbeRk4 builds and tests those alone.
 _ASKED = [n for n in os.environ.get("FMUS_UNDER_TEST", "").split(",") if n]
@@ -56,13 +61,22 @@ def one_at_a_time(path: Path) -> Iterator[None]:
         yield
 
 
+def share_objects(out: Path) -> Path:
+    """A folder in which `build-fmus` uses and keeps the compiled objects of the FMUs under test."""
+    (out / ".cache").mkdir(parents=True, exist_ok=True)
+    OBJECTS.directory.mkdir(parents=True, exist_ok=True)
+    with suppress(FileExistsError):
+        (out / ".cache" / "objects").symlink_to(OBJECTS.directory, target_is_directory=True)
+    return out
+
+
 @cache
 def build_all() -> BuiltFmus:
     """Bring all FMUs under test up to date, for this machine; once per process."""
     with one_at_a_time(FMUS / ".cache" / "tests.lock"):
         sources = builder.source_hash(Path(build_fmus.__file__).parent)
         for folder, versions, arrays in (("scalars", (2, 3), False), ("arrays", (3,), True)):
-            options = Options(PROBES / folder, versions, arrays=arrays)
+            options = Options(share_objects(PROBES / folder), versions, arrays=arrays)
             builder.build(
                 components.CATALOG, PROBE_NAMES, options, sources=sources, task=components.build_entry
             )  # fmt: skip

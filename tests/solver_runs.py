@@ -5,12 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 
 import numpy as np
-from built import FMUS
+from built import OBJECTS
 from fmpy import extract, read_model_description
 from fmpy.fmi3 import FMU3Slave
 
-from build_fmus.builder import Options
-from build_fmus.compile import ObjectCache, resolve_platforms
+from build_fmus.compile import resolve_platforms
 from build_fmus.component import Component
 from build_fmus.package import build_fmu
 from build_fmus.reference import Evaluator
@@ -31,7 +30,7 @@ def in_c(c: Component, h: float, end: float, directory: Path, log: list[str] | N
         FMICallException: initialization or a step failed.
     """
     path = directory / f"{c.name}.fmu"
-    path.write_bytes(build_fmu(c, 3, resolve_platforms("host"), ObjectCache(Options(FMUS).cache / "objects")))
+    path.write_bytes(build_fmu(c, 3, resolve_platforms("host"), OBJECTS))
     return run_fmu(path, [e.name for e in c.model().elements("state")], h, end, log)
 
 

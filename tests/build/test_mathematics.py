@@ -11,8 +11,9 @@ from pathlib import Path
 import casadi as ca
 import numpy as np
 import pytest
+from built import OBJECTS
 
-from build_fmus.compile import ObjectCache, find_toolchain, host
+from build_fmus.compile import find_toolchain, host
 from build_fmus.component import Component
 from build_fmus.generate import RUNTIME_DIR, generate_c
 from build_fmus.mathematics import FOLDER, HEADERS, copyright_notice, math_files
@@ -68,7 +69,7 @@ void evaluate(int function, int n, const double *x, const double *y, double *out
         (folder / name).parent.mkdir(exist_ok=True, parents=True)
         (folder / name).write_bytes(data)
     sources = [folder / n for n in files if n.endswith(".c")]
-    path = ObjectCache(folder / "cache").library(find_toolchain(host()), sources, [folder], "mathematics")
+    path = OBJECTS.library(find_toolchain(host()), sources, [folder], "mathematics")
     function = ctypes.CDLL(str(path)).evaluate
     function.argtypes, function.restype = [ctypes.c_int, ctypes.c_int, *[ctypes.c_void_p] * 3], None
 

@@ -10,10 +10,11 @@ from pathlib import Path
 import casadi as ca
 import numpy as np
 import pytest
+from built import OBJECTS
 from fmpy.fmi1 import FMICallException
 from solver_runs import in_c, run_fmu
 
-from build_fmus.compile import ObjectCache, find_toolchain, host
+from build_fmus.compile import find_toolchain, host
 from build_fmus.component import Component
 from build_fmus.generate import RUNTIME_DIR, RUNTIME_HEADERS, with_mathematics
 from build_fmus.stability import amplification, check_solver
@@ -40,7 +41,7 @@ def eigenvalues(tmp_path_factory: pytest.TempPathFactory) -> Callable[[np.ndarra
     for name, data in (with_mathematics(sources) | headers).items():
         (folder / name).parent.mkdir(exist_ok=True)
         (folder / name).write_bytes(data)
-    library = ObjectCache(folder / "cache").library(tools, sorted(folder.rglob("*.c")), [folder], "stability")
+    library = OBJECTS.library(tools, sorted(folder.rglob("*.c")), [folder], "stability")
     function = ctypes.CDLL(str(library)).eigenvalues
 
     def call(matrix: np.ndarray) -> np.ndarray | None:

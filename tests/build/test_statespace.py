@@ -5,8 +5,9 @@ from pathlib import Path
 import control
 import numpy as np
 import pytest
+from built import OBJECTS
 
-from build_fmus.compile import ObjectCache, resolve_platforms
+from build_fmus.compile import resolve_platforms
 from build_fmus.component import Component, DeclarationError
 from build_fmus.package import build_fmu
 from cosim import Fmu
@@ -19,7 +20,7 @@ TEXT = {"description": "a law", "source": "test"}
 
 def build(component: Component, folder: Path) -> Fmu:
     path = folder / f"{component.name}.fmu"
-    path.write_bytes(build_fmu(component, 2, resolve_platforms("host"), ObjectCache(folder / "objects")))
+    path.write_bytes(build_fmu(component, 2, resolve_platforms("host"), OBJECTS))
     return Fmu(path)
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+from built import share_objects
 from programs import refused, run
 
 import fmu_sources
@@ -117,6 +118,7 @@ def number():
 
 def test_a_component_of_ones_own(tmp_path: Path) -> None:
     (tmp_path / "own.py").write_text(OWN)
+    share_objects(tmp_path / "fmus")
     done = run(tmp_path, "build-fmus", "--from", "own.py", "--fmi", "2")
     assert done.returncode == 0
     assert (tmp_path / "fmus" / "fmi2" / "MyMass.fmu").is_file()
@@ -159,6 +161,7 @@ def test_mistakes_in_a_weights_file(change: tuple[str, str], message: str, tmp_p
 def test_a_law_of_ones_own_weights(tmp_path: Path) -> None:
     text = (Path(fmu_sources.__file__).parent / "controllers" / "lq" / "weights" / "comfort.toml").read_text()
     (tmp_path / "my_weights.toml").write_text(text.replace("heave = 3.0", "heave = 5.0", 1))
+    share_objects(tmp_path / "fmus")
     done = run(tmp_path, "build-fmus", "--weights", "my_weights.toml", "--period", "0.005", "--fmi", "3")
     assert done.returncode == 0
     assert (tmp_path / "fmus" / "fmi3" / "PreviewLqMyWeights.fmu").is_file()

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from built import FMUS, ROOT, BuiltFmus, one_at_a_time
+from built import FMUS, ROOT, BuiltFmus, one_at_a_time, share_objects
 
 from build_fmus.builder import Options
 from cosim import System
@@ -137,7 +137,7 @@ def own_names(experiment: str, base: str) -> list[str]:
 
 def built(experiment: str, base: str) -> FmuSet:
     """The FMUs of an experiment on a file that is only based on a published vehicle, built beside links to the published ones."""
-    with one_at_a_time(OWN / "lock"):
+    with one_at_a_time(share_objects(OWN) / "lock"):
         file = OWN / f"on_{base}.toml"
         file.write_text(f'base = "{base}"\nname = "Mine"\ndescription = "another"\n')
         cli.build(["SpeedProfile"], Options(OWN, fmi=(3,)))  # which laws of a full car need too

@@ -11,7 +11,7 @@ from typing import Any
 import fmpy
 import numpy as np
 import pytest
-from built import FMUS, BuiltFmus
+from built import FMUS, BuiltFmus, share_objects
 from programs import refused, run
 
 import fmu_sources
@@ -81,6 +81,7 @@ def test_every_published_vehicle_can_be_a_base() -> None:
 def test_a_heavier_car_under_its_own_mpc(tmp_path: Path) -> None:
     """Plant, law and road of one file run together; the law is another one than that of the published car."""
     own(tmp_path, "ride_car_hmmwv", MASS.format(mass=3600.0), "my_car")
+    share_objects(tmp_path / "fmus")
     names = ("RideCarMyCar", "MpcMyCar", "RoadBumpsMyCar")
     done = run(tmp_path, "build-fmus", *names, "--vehicle", "my_car.toml", "--fmi", "3")
     assert done.returncode == 0, done.stderr
@@ -117,6 +118,7 @@ def test_linear_part_of_a_trench_vehicle(tmp_path: Path) -> None:
 )
 def test_a_road_under_any_vehicle(vehicle: str, count: int, step: float, corners: int, tmp_path: Path) -> None:
     own(tmp_path, "sedan")
+    share_objects(tmp_path / "fmus")
     (tmp_path / "washboard.csv").write_text(ROAD)
     preview = ["--preview", "48x5"] if vehicle == "mine.toml" else []
     done = run(
@@ -136,6 +138,7 @@ def test_a_road_under_any_vehicle(vehicle: str, count: int, step: float, corners
 
 def test_a_build_follows_its_options_and_all_files_that_a_vehicle_builds_on(tmp_path: Path) -> None:
     """Nothing stale is taken for up to date."""
+    share_objects(tmp_path / "fmus")
     (tmp_path / "washboard.csv").write_text(ROAD)
     own(tmp_path, "quarter_car_hmmwv", name="ancestor")
     own(tmp_path, "ancestor.toml", name="heir")
@@ -158,8 +161,8 @@ def test_a_build_follows_its_options_and_all_files_that_a_vehicle_builds_on(tmp_
 def test_an_experiment_on_ones_own_vehicle(built_fmus: BuiltFmus, tmp_path: Path) -> None:  # noqa: ARG001
     """Half the sprung mass under the published law's weights: other FMUs, other numbers, and a hint as long as they are missing."""
     own(tmp_path, "sedan", MASS.format(mass=730.0), "my_sedan")
-    folder = tmp_path / "fmus" / "fmi3"
-    folder.mkdir(parents=True)
+    folder = share_objects(tmp_path / "fmus") / "fmi3"
+    folder.mkdir()
     for fmu in ("RideCarSedan", "PreviewLqComfort", "RoadHoleBump", "SpeedProfile"):
         (folder / f"{fmu}.fmu").symlink_to(FMUS / "fmi3" / f"{fmu}.fmu")
     experiment = ["cosim", "run", "preview-lq", "--system", "active", "--out"]
@@ -215,8 +218,8 @@ def test_a_law_of_ones_own_weights_and_vehicle(built_fmus: BuiltFmus, tmp_path: 
     published = Path(fmu_sources.__file__).parent / "controllers" / "lq" / "weights" / "comfort.toml"
     weights = tmp_path / "my_weights.toml"
     weights.write_text(published.read_text().replace("heave = 3.0", "heave = 300.0", 1))
-    folder = tmp_path / "fmus" / "fmi3"
-    folder.mkdir(parents=True)
+    folder = share_objects(tmp_path / "fmus") / "fmi3"
+    folder.mkdir()
     for fmu in ("RideCarSedan", "RoadHoleBump", "SpeedProfile"):
         (folder / f"{fmu}.fmu").symlink_to(FMUS / "fmi3" / f"{fmu}.fmu")
     both = ["--vehicle", "my_sedan.toml", "--weights", "my_weights.toml"]

@@ -10,8 +10,9 @@ import numpy as np
 import pytest
 from api import ERROR, OK, CallFailed, Instance, Library
 from applies import applies_to, continuous, discrete
+from built import OBJECTS
 
-from build_fmus.compile import ObjectCache, resolve_platforms
+from build_fmus.compile import resolve_platforms
 from build_fmus.component import Component
 from build_fmus.package import build_fmu
 
@@ -188,7 +189,7 @@ def test_derivatives_and_starts_that_are_not_finite(fmi: int, tmp_path: Path) ->
     c.output("level.seen", 2 * level, "m", "twice the level")
     c.output("bounded", ca.tanh(x), "1", "finite, whatever x is")
     path = tmp_path / "Root.fmu"
-    path.write_bytes(build_fmu(c, fmi, resolve_platforms("host"), ObjectCache(tmp_path / "objects")))
+    path.write_bytes(build_fmu(c, fmi, resolve_platforms("host"), OBJECTS))
     fmu = Library(path)
     with fmu.instance() as a:
         a.initialize()

@@ -3,9 +3,10 @@
 import io
 
 import pytest
+from built import OBJECTS
 from rich.console import Console
 
-from build_fmus.compile import ObjectCache, resolve_platforms
+from build_fmus.compile import resolve_platforms
 from build_fmus.component import Component
 from build_fmus.package import build_fmu
 from cosim import Fmu, PythonComponent, System, WiringError
@@ -53,13 +54,12 @@ class Ruler(PythonComponent):
 @pytest.fixture(scope="session")
 def fmus(tmp_path_factory):
     folder = tmp_path_factory.mktemp("constants")
-    cache = ObjectCache(folder / "objects")
     paths = {}
     for component in (reader(), road(0.03), road(0.01)):
         for version, arrays in ((2, False), (3, False), (3, True)):
             name = f"{component.name}{version}{'a' if arrays else ''}"
             paths[name] = folder / f"{name}.fmu"
-            paths[name].write_bytes(build_fmu(component, version, resolve_platforms("host"), cache, arrays=arrays))
+            paths[name].write_bytes(build_fmu(component, version, resolve_platforms("host"), OBJECTS, arrays=arrays))
     return paths
 
 

@@ -6,10 +6,11 @@ import sys
 import control
 import numpy as np
 import pytest
+from built import OBJECTS
 from deviations import deviation
 from scipy.linalg import expm
 
-from build_fmus.compile import ObjectCache, resolve_platforms
+from build_fmus.compile import resolve_platforms
 from build_fmus.component import Component
 from build_fmus.package import build_fmu
 from cosim import CosimError, Fmu, LoopError, PythonComponent, System, TimeError, WiringError
@@ -69,12 +70,11 @@ def relay():
 @pytest.fixture(scope="session")
 def small(tmp_path_factory):
     folder = tmp_path_factory.mktemp("linearize")
-    cache = ObjectCache(folder / "objects")
     paths = {}
     for make, versions in ((mass, (2, 3)), (pendulum, (2,)), (law, (2, 3)), (relay, (3,))):
         for version in versions:
             paths[f"{make.__name__}{version}"] = folder / f"{make.__name__}{version}.fmu"
-            archive = build_fmu(make(), version, resolve_platforms("host"), cache)
+            archive = build_fmu(make(), version, resolve_platforms("host"), OBJECTS)
             paths[f"{make.__name__}{version}"].write_bytes(archive)
     return paths
 

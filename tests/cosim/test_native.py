@@ -5,8 +5,9 @@ import pickle
 import casadi as ca
 import numpy as np
 import pytest
+from built import OBJECTS
 
-from build_fmus.compile import ObjectCache, resolve_platforms
+from build_fmus.compile import resolve_platforms
 from build_fmus.component import Component
 from build_fmus.package import build_fmu
 from cosim import ComponentError, CosimError, PythonComponent, System
@@ -49,14 +50,13 @@ def mixer():
 @pytest.fixture(scope="session")
 def native(tmp_path_factory):
     folder = tmp_path_factory.mktemp("native")
-    cache = ObjectCache(folder / "objects")
     paths = {}
     both = [(make, version, False) for make in (mass, mixer) for version in (2, 3)]
     variants = [*both, (mixer, 3, True), (chain, 3, True)]
     for make, version, arrays in variants:
         name = f"{make.__name__}{version}{'a' if arrays else ''}"
         paths[name] = folder / f"{name}.fmu"
-        paths[name].write_bytes(build_fmu(make(), version, resolve_platforms("host"), cache, arrays=arrays))
+        paths[name].write_bytes(build_fmu(make(), version, resolve_platforms("host"), OBJECTS, arrays=arrays))
     return paths
 
 

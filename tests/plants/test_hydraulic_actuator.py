@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+from functools import cached_property
 
 import casadi as ca
 import numpy as np
@@ -32,14 +33,21 @@ def actuator(request) -> Model:
 class Run(Evaluator):
     """An evaluator whose inputs and outputs have names."""
 
+    @cached_property
+    def inputs(self) -> dict[str, int]:
+        return {e.name.replace(".", "_"): e.slot for e in self.component.elements("input")}
+
+    @cached_property
+    def names(self) -> list[str]:
+        return [e.name for e in self.component.output_elements()]
+
     def set(self, **values: float) -> Run:
-        slots = {e.name.replace(".", "_"): e.slot for e in self.component.elements("input")}
         for name, value in values.items():
-            self.u[slots[name]] = value
+            self.u[self.inputs[name]] = value
         return self
 
     def get(self, name: str) -> float:
-        return float(self.outputs()[[e.name for e in self.component.output_elements()].index(name)])
+        return float(self.outputs()[self.names.index(name)])
 
     def settle(self, seconds: float = 0.5) -> Run:
         for _ in range(round(seconds / 5e-4)):
@@ -150,9 +158,10 @@ def test_energy_balance(actuator, parameters, bypass):
     supplied = used = throughput = 0.0
     stored_before = run.get("stored_energy")
     sinks = ("piston.power", "loss.valve", "loss.bypass", "loss.leakage")
+    shown = [run.names.index(n) for n in ("power", *sinks)]
 
     def powers() -> np.ndarray:
-        return np.array([run.get("power"), *(run.get(n) for n in sinks)])
+        return run.outputs()[shown]
 
     for k in range(1500):
         t = k * h
