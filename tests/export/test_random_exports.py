@@ -56,7 +56,12 @@ def stepped(fmu: Path, names: list[str], times: list[Fraction]) -> np.ndarray:
 
 
 # Shrinking would build hundreds of FMUs more.
-@settings(max_examples=25, deadline=None, phases=[Phase.explicit, Phase.generate], suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow])
+@settings(
+    max_examples=25,
+    deadline=None,
+    phases=[Phase.explicit, Phase.generate],
+    suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow],
+)
 @given(plan=systems(python=False), fmi=st.sampled_from([2, 3]), every=st.integers(1, 7))
 def test_one_fmu_shows_what_the_system_shows(plan: dict[str, Any], fmi: int, every: int, follower, tmp_path_factory):
     try:

@@ -107,7 +107,9 @@ def test_what_others_made_travels_in_resources(follower, built_fmus, tmp_path):
     """Both versions of FMI, converted units and offsets, values of every type that the system sets; beside one of this project."""
     with System() as system:
         for version in (2, 3):
-            system.add(f"f{version}", follower[version], step="2 ms", parameters={"rate": 7.0}, start={"u": 30.0, "on": True})
+            system.add(
+                f"f{version}", follower[version], step="2 ms", parameters={"rate": 7.0}, start={"u": 30.0, "on": True}
+            )
         system.add("again", follower[3], step="1 ms", start={"w": [1.0, 2.0, 3.0], "int64_in": 2**40})
         system.add("ours", built_fmus.path("QuarterCarHmmwv", 3), step="1 ms", start={"force": 100.0})
         system.connect("f2.y", "f3.u")
@@ -201,7 +203,10 @@ class InPython(PythonComponent):
         ({"without": ["p"], "inputs": ["b.u"]}, r"b\.u cannot be an input of the FMU: it is driven by a\.y"),
         ({"without": ["p"], "inputs": ["a.rate"]}, r"a\.rate cannot be an input of the FMU: it is parameter"),
         ({"without": ["p"], "inputs": ["a.int64_in"]}, r"a\.int64_in cannot be an input of the FMU: its type is Int64"),
-        ({"without": ["p"], "inputs": ["a.w[2]"]}, r"a\.w\[2\] cannot be an input of the FMU: it is an element of the array w"),
+        (
+            {"without": ["p"], "inputs": ["a.w[2]"]},
+            r"a\.w\[2\] cannot be an input of the FMU: it is an element of the array w",
+        ),
         ({"without": ["p"], "outputs": ["a.z"]}, r"has no variable 'z'"),
         ({"without": ["q"]}, r"no component 'q'"),
         ({"without": ["p"], "fmi": 1}, r"there is no FMI 1"),
@@ -228,6 +233,9 @@ def test_a_library_that_is_gone_is_named(follower, tmp_path):
         fmu = system.export_fmu(tmp_path / "Gone.fmu")
     folder = Path(fmpy.extract(fmu, tmp_path / "gone"))
     next(folder.glob("resources/follower/binaries/*/*")).unlink()
-    with System() as outer, pytest.raises(FmuError, match=r"(?s)cannot be instantiated.*member 'a': its library cannot be loaded"):
+    with (
+        System() as outer,
+        pytest.raises(FmuError, match=r"(?s)cannot be instantiated.*member 'a': its library cannot be loaded"),
+    ):
         outer.add("gone", folder)
         outer.run(0.1)
