@@ -90,6 +90,18 @@ ffi2.cdef(_FMI2)
 ffi3 = cffi.FFI()
 ffi3.cdef(_FMI3)
 
+
+
+def close(ffi: cffi.FFI, library: Any) -> None:
+    """Close a library that `ffi` has opened. cffi itself keeps a list of all that it ever opened, closed ones too, which grows
+    by some ten kilobytes each."""
+    ffi.dlclose(library)
+    opened, caches = getattr(ffi, "_libraries", []), getattr(ffi, "_function_caches", [])
+    if library in opened and len(opened) == len(caches):
+        place = opened.index(library)
+        del opened[place], caches[place]
+
+
 # FMI type -> C type of one value, for buffers.
 C_TYPES2 = {"Real": "double", "Integer": "int", "Enumeration": "int", "Boolean": "int", "String": "const char*"}
 C_TYPES3 = {**_TYPES3, "Enumeration": "int64_t"}

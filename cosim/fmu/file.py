@@ -34,7 +34,7 @@ class Library:
         self.users -= 1
         if self.users == 0 and not self._kept:
             self.open = False
-            self._ffi.dlclose(self.handle)
+            fmi.close(self._ffi, self.handle)
             if self._own_folder:
                 _remove([self.folder])
 
@@ -118,7 +118,7 @@ class FmuFile:
             raise FmuError(f"{self.path}: its library cannot be loaded: {error}") from None
         missing = [name for name in fmi.required(self.major) if not hasattr(handle, name)]
         if missing:
-            self._ffi.dlclose(handle)
+            fmi.close(self._ffi, handle)
             raise FmuError(
                 f"{self.path}: its library lacks {', '.join(missing)}, which Co-Simulation needs; build or export it again"
             )

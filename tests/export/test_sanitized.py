@@ -46,9 +46,18 @@ def test_clean_under_sanitizers(unpacked, tmp_path, sanitizers, told):
     objects.append(kept_object(DRIVER, sources, *told, sanitizers=sanitizers))
     program = tmp_path / "driver"
     gcc(*sanitizers, *map(str, objects), "-lm", "-ldl", "-lpthread", "-o", str(program))
-    environment = {**os.environ, "ASAN_OPTIONS": "detect_leaks=1:detect_stack_use_after_return=1", "TSAN_OPTIONS": "exitcode=66"}
+    environment = {
+        **os.environ,
+        "ASAN_OPTIONS": "detect_leaks=1:detect_stack_use_after_return=1",
+        "TSAN_OPTIONS": "exitcode=66",
+    }
     run = subprocess.run(
-        [str(program), STEP, str(unpacked / "resources")], capture_output=True, text=True, check=False, env=environment, timeout=300
+        [str(program), STEP, str(unpacked / "resources")],
+        capture_output=True,
+        text=True,
+        check=False,
+        env=environment,
+        timeout=300,
     )
     assert run.returncode == 0, run.stdout[-3000:] + run.stderr[-3000:]
     assert run.stderr == ""
