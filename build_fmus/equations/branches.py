@@ -7,8 +7,8 @@ distance, and not its friction. Lines with the same condition are brought togeth
 
 from __future__ import annotations
 
-from collections import Counter
-from collections.abc import Iterable, Iterator, Sequence
+from collections import defaultdict
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from build_fmus import extras
@@ -51,12 +51,11 @@ def guards(graph: Graph, roots: Iterable[int], needed: Iterable[int]) -> dict[in
             found[a] = found[a] & guard if a in found else guard
     # A condition that itself stands under others is known inside of these only.
     ordered = {g: tuple(sorted(g, key=lambda b: (len(found[b[0]]), b))) for g in set(found.values())}
-    total: Counter[Guard] = Counter()
+    total: dict[Guard, float] = defaultdict(float)
     operations = [n for n in order if graph.nodes[n].arguments]
     for n in operations:
-        guard = ordered[found[n]]
-        for k in range(len(guard)):
-            total[guard[: k + 1]] += _cost(graph.nodes[n].operation)
+        for k in range(len(ordered[found[n]])):
+            total[ordered[found[n]][: k + 1]] += _cost(graph.nodes[n].operation)
     worth = {n: _worth(ordered[found[n]], total) for n in operations}
     return {n: guard for n, guard in worth.items() if guard}
 
@@ -80,7 +79,7 @@ def _cost(operation: int) -> float:
     return 1.0 if operation in _CHEAP else _COSTS.get(operation, _FUNCTION)
 
 
-def _worth(guard: Guard, total: Counter[Guard]) -> Guard:
+def _worth(guard: Guard, total: Mapping[Guard, float]) -> Guard:
     n = next((k for k in range(len(guard)) if total[guard[: k + 1]] < WORTH), len(guard))
     return guard[:n]
 
