@@ -61,7 +61,7 @@ def _imported_names(file: Path) -> tuple[tuple[Path | None, str], ...]:
     if file.suffix != ".py":
         return ()
     found: list[tuple[Path | None, str]] = []
-    for node in _run(ast.parse(file.read_bytes())):
+    for node in _statements(ast.parse(file.read_bytes())):
         if isinstance(node, ast.Import):
             found += [(file.parent, alias.name) for alias in node.names]
         elif isinstance(node, ast.ImportFrom):
@@ -71,15 +71,16 @@ def _imported_names(file: Path) -> tuple[tuple[Path | None, str], ...]:
     return tuple(found)
 
 
-def _run(node: ast.AST) -> Iterator[ast.AST]:
-    """All nodes below a node but those that only type checkers read."""
-    if isinstance(node, ast.If) and isinstance(node.test, ast.Name) and node.test.id == "TYPE_CHECKING":
-        children: Iterable[ast.AST] = node.orelse
-    else:
-        yield node
-        children = ast.iter_child_nodes(node)
-    for child in children:
-        yield from _run(child)
+_BLOCKS = ("body", "orelse", "finalbody", "handlers", "cases")
+
+
+def _statements(node: ast.AST) -> Iterator[ast.AST]:
+    """All statements below a node but those that only type checkers read; no expressions, which are most of a file."""
+    for_checkers = isinstance(node, ast.If) and isinstance(node.test, ast.Name) and node.test.id == "TYPE_CHECKING"
+    for block in ("orelse",) if for_checkers else _BLOCKS:
+        for child in getattr(node, block, ()):
+            yield child
+            yield from _statements(child)
 
 
 @cache

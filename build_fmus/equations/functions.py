@@ -194,7 +194,11 @@ class Functions:
     # ------------------------------------------------------------------ writing
 
     def _section(self, part: _Part, results: list[Result]) -> str:
-        statements = Statements(self._graph, self.structs_of_arguments, self._names, self._tables, self._constants)
+        # Derivatives are asked for seldom, and are long: with branches compilers take half as long again.
+        statements = Statements(
+            self._graph, self.structs_of_arguments, self._names, self._tables, self._constants,
+            branches=part.function not in ("fwd", "fwd_start", "jac"),
+        )  # fmt: skip
         wanted = [
             (target, r.start, r.node)
             for index, target in part.results

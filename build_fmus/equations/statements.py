@@ -1,7 +1,8 @@
 """One C function from the operations of one function of a component.
 
 What is used once stands where it is used; what has a name, is used more often, or makes a line too long gets a line of its own. The
-numbers of a vector are computed in one loop as far as they do not depend on each other.
+numbers of a vector are computed in one loop as far as they do not depend on each other. What only one value of a choice needs stands
+under its condition (:mod:`branches`).
 """
 
 from __future__ import annotations
@@ -16,9 +17,10 @@ from typing import NamedTuple
 import numpy as np
 
 from build_fmus import extras
+from build_fmus.equations.branches import Block, Branch, Guard, arranged, guards, homes
 from build_fmus.equations.graph import GATHER, SCATTER, Graph, Node, UnknownOperationError
 from build_fmus.equations.names import WIDTH, Struct, identifier
-from build_fmus.equations.operators import ATOM, ELEMENTWISE, Text, constant, write
+from build_fmus.equations.operators import ATOM, ELEMENTWISE, SUM, Text, constant, write
 
 with extras.needed("build", extras.BUILDING):
     import casadi as ca
@@ -54,8 +56,8 @@ class Index(NamedTuple):
 class Value:
     """How a node is written: ``at`` gives the code of one element; ``pointer`` that of the first where all lie in a row.
 
-    ``length`` is how many characters it takes, about; ``reads`` are the work arrays that it is read from. A plain value lies
-    somewhere and needs no calculation.
+    ``length`` is how many characters it takes, about; ``reads`` are the work arrays and named numbers that it is read from. A plain
+    value lies somewhere and needs no calculation.
     """
 
     at: Callable[[Index], Text]
@@ -120,12 +122,17 @@ class Tables:
 
 @dataclass
 class _Line:
-    """Lines of code, with the work arrays that they write and read; ``@`` stands for the place of the one they begin."""
+    """Lines of code, with the work arrays and named numbers that they write and read; ``@`` stands for the place of the array they begin.
+
+    ``kind`` is the type of a number whose line does not say it, because that depends on where the number is read.
+    """
 
     lines: list[str]
     writes: str = ""
     begins: int = 0  # numbers of the work array that begins here
     reads: frozenset[str] = frozenset()
+    kind: str = ""
+    guard: Guard = ()
 
 
 class Statements:
@@ -138,8 +145,12 @@ class Statements:
         names: Mapping[int, Name],
         tables: Tables,
         constants: Mapping[int, str],
+        *,
+        branches: bool = True,
     ) -> None:
-        """``structs``: those of the vectors, by the pointer's name; ``constants``: names of constant arrays."""
+        """``structs``: those of the vectors, by the pointer's name; ``constants``: names of constant arrays; ``branches``: whether
+        what only one value of a choice needs stands under its condition."""
+        self._branches = branches
         self.graph, self.structs, self.names, self.tables, self.constants = graph, structs, names, tables, constants
         self.pointers: dict[str, None] = {}  # vectors that are used
         self._values: dict[int, Value] = {}
@@ -149,12 +160,17 @@ class Statements:
         self._explained: set[str] = set()  # sources that stand somewhere above
         self._lines: list[_Line] = []
         self._count = 0
+        self._live: set[int] = set()  # all nodes that are needed
+        self._guards: dict[int, Guard] = {}
+        self._own_lines: set[int] = set()  # nodes that need one because they stand under other conditions, or are one
         self._storage: dict[int, str] = {}  # work arrays that operations own
         self.work = 0  # numbers of work arrays
 
     def write(self, results: Sequence[tuple[Target, int, int]]) -> list[str]:
         """Lines for results, each a target, the first element there, and its node; in this order."""
-        self._count_uses(n for _, _, n in results)
+        roots = [n for _, _, n in results]
+        self._count_uses(roots)
+        self._guard(roots)
         zeros = {t.array: t.size for t, _, _ in results if t.zero_first}
         for array, size in zeros.items():
             self._lines.append(_Line([f"for (int i = 0; i < {size}; i++) {array}[i] = 0.0;"]))
@@ -168,9 +184,21 @@ class Statements:
                 self._lines.append(_Line([f"/* {source} */"]))
             explained = source
             self._assign(target, start, node)
-        return self._placed()
+        return self._in_branches() if self._guards else self._placed()
 
     # ------------------------------------------------------------------ which operations, in which order
+
+    def _guard(self, roots: list[int]) -> None:
+        """Find what stands under conditions."""
+        if not self._branches:
+            return
+        self._guards = guards(self.graph, roots, self._live)
+        for guard in self._guards.values():
+            self._own_lines.update(condition for condition, _ in guard)
+        if self._guards:
+            for n in self._live:
+                operands = self.graph.nodes[n].arguments
+                self._own_lines.update(a for a in operands if self._guards.get(a, ()) != self._guards.get(n, ()))
 
     def _count_uses(self, roots: Iterable[int]) -> None:
         roots = list(roots)
@@ -186,6 +214,7 @@ class Statements:
             self._inner.update(arguments)
             self._uses.update(arguments)
             open_ += arguments
+        self._live = seen
 
     def _prepare(self, root: int) -> None:
         """Values of a node and of what it needs, in the order of need."""
@@ -225,7 +254,7 @@ class Statements:
         else:
             return self._computed(n, node)
         name = self.names.get(n)
-        is_named = name is not None and (name.is_value or self._inner[n] > 0)
+        is_named = (name is not None and (name.is_value or self._inner[n] > 0)) or n in self._own_lines
         if value.plain:
             return self._named(n, value) if is_named and node.size == 1 else value
         return self._named(n, value) if is_named or self._uses[n] > 1 else value
@@ -236,20 +265,23 @@ class Statements:
         if node.size == 1:
             text = value.at(Index(""))
             name = self._name(n)
-            self._explain(n)
-            self._lines.append(
-                _Line([f"const {'int' if text.logical else 'double'} {name} = {text.code};"], reads=value.reads)
-            )
-            return Value(lambda _: Text(name, ATOM, text.logical), len(name), plain=True)
+            guard = self._guards.get(n, ())
+            kind = "int" if text.logical else "double"
+            reads = value.reads.union(*(self._values[c].reads for c, _ in guard))
+            lines = [*self._explanation(n), f"{name} = {text.code};"]
+            self._lines.append(_Line(lines, writes=name, reads=reads, kind=kind, guard=guard))
+            return Value(lambda _: Text(name, ATOM, text.logical), len(name), reads=frozenset((name,)), plain=True)
         storage = self._begin(n, node.size)
         self._loop(f"{storage}[i]", node.size, value, storage)
         return self._stored(storage, node.size)
 
-    def _explain(self, n: int) -> None:
+    def _explanation(self, n: int) -> list[str]:
+        """Where the equation of a node comes from, unless that stands above."""
         name = self.names.get(n)
-        if name is not None and name.source and name.source not in self._explained:
-            self._explained.add(name.source)
-            self._lines.append(_Line([f"/* {name.source} */"]))
+        if name is None or not name.source or name.source in self._explained:
+            return []
+        self._explained.add(name.source)
+        return [f"/* {name.source} */"]
 
     def _name(self, n: int) -> str:
         known = self.names.get(n)
@@ -264,9 +296,9 @@ class Statements:
     def _begin(self, n: int, size: int) -> str:
         """A work array for a node."""
         name = self._name(n)
-        self._explain(n)
         self._storage[n] = name
-        self._lines.append(_Line([f"double *const {name} = w + @;"], writes=name, begins=size))
+        lines = [*self._explanation(n), f"double *const {name} = w + @;"]
+        self._lines.append(_Line(lines, writes=name, begins=size))
         return name
 
     def _stored(self, storage: str, size: int) -> Value:
@@ -508,17 +540,57 @@ class Statements:
             while ends and ends[0][0] < k:
                 _, place, size = heapq.heappop(ends)
                 free.append((place, size))
-            lines = line.lines
+            lines = self._declared(line)
             if line.begins:
                 place = self._place(free, line.begins)
                 heapq.heappush(ends, (last[line.writes], place, line.begins))
                 lines = [x.replace("w + @", f"w + {place}") for x in lines]
                 self.pointers["w"] = None
-            for x in lines:
-                text += textwrap.wrap(
-                    x, WIDTH, subsequent_indent="    ", break_long_words=False, break_on_hyphens=False
-                )
+            text += _wrapped(lines)
         return text
+
+    @staticmethod
+    def _declared(line: _Line) -> list[str]:
+        """The lines with the type of the number that they define."""
+        return [*line.lines[:-1], f"const {line.kind} {line.lines[-1]}"] if line.kind else line.lines
+
+    # ------------------------------------------------------------------ branches
+
+    def _in_branches(self) -> list[str]:
+        """All lines, those under conditions in blocks; a number that is read outside of its block is declared before it."""
+        place = {line.writes: k for k, line in enumerate(self._lines) if line.writes}
+        needs = [frozenset(place[r] for r in line.reads if r in place) for line in self._lines]
+        items = arranged([line.guard for line in self._lines], needs)
+        home = homes(items)
+        outside: dict[int, int] = {}  # lines whose numbers are read outside of their block: how many blocks have both
+        for k, of in enumerate(needs):
+            for n in of:
+                both = next((i for i, (a, b) in enumerate(zip(home[k], home[n], strict=False)) if a != b), len(home[k]))
+                if both < len(home[n]):
+                    outside[n] = min(both, outside.get(n, both))
+        return self._block(items, outside, 0)
+
+    def _block(self, items: Sequence[int | Block], outside: Mapping[int, int], depth: int) -> list[str]:
+        text: list[str] = []
+        for item in items:
+            if not isinstance(item, Block):
+                line = self._lines[item]
+                text += _wrapped(line.lines if item in outside else self._declared(line), depth)
+                continue
+            before = [self._lines[k] for k in sorted(item.lines()) if outside.get(k) == depth]
+            for kind, zero in (("double", "0.0"), ("int", "0")):
+                names = [f"{line.writes} = {zero}" for line in before if line.kind == kind]
+                text += _wrapped([f"{kind} {', '.join(names)};"] if names else [], depth)
+            inner = self._block(item.items, outside, depth + 1)
+            text += [*_wrapped([f"if ({self._condition(item.branch)}) {{"], depth), *inner, *_wrapped(["}"], depth)]
+        return text
+
+    def _condition(self, branch: Branch) -> str:
+        node, holds = branch
+        text = self._values[node].at(Index(""))
+        if text.logical:
+            return text.code if holds else f"!{text.within(ATOM)}"
+        return f"{text.within(SUM)} {'!=' if holds else '=='} 0.0"
 
     def _place(self, free: list[tuple[int, int]], size: int) -> int:
         """The first gap that is large enough, or the end."""
@@ -537,6 +609,25 @@ class Statements:
         place = self.work
         self.work += size
         return place
+
+
+_INDENT = " " * 4
+
+
+def _wrapped(lines: Iterable[str], depth: int = 0) -> list[str]:
+    indent = _INDENT * depth
+    return [
+        part
+        for line in lines
+        for part in textwrap.wrap(
+            line,
+            WIDTH,
+            initial_indent=indent,
+            subsequent_indent=indent + _INDENT,
+            break_long_words=False,
+            break_on_hyphens=False,
+        )
+    ]
 
 
 _ZERO = Value(lambda _: Text("0.0"), 3)

@@ -4,6 +4,9 @@ An outline is a chain of points along the road with the ground below it. Straigh
 one convex solid; a disc touches each solid at most once, at the point closest to its centre. For a trench these solids
 are the two quarter-planes beside it and its floor. All of it is found from the points at run time, so an outline is a
 parameter of an FMU.
+
+What is far away is cheap: values are chosen such that whatever needs a root or a quotient is needed on one side of a condition only
+(a solid that there is, a point not above everything), and is not computed on the other.
 """
 
 from __future__ import annotations
@@ -16,12 +19,14 @@ import casadi as ca
 
 FAR = 1e4  # m; the ground is level from the ends of an outline up to here
 _TINY = 1e-12
+_ABOVE = 1e-6  # m; this far above all points no rounding puts the ground above a place
 _ALIKE = 1e-7  # contacts whose directions differ by less count as one
 
 
 @dataclass(frozen=True)
 class Touch:
-    """One possible contact of a disc: penetration [m] (negative: distance), outward normal of the ground, its share.
+    """One possible contact of a disc: penetration [m] (negative: distance), outward normal of the ground (0 where there is no
+    solid), its share.
 
     ``share`` is 1 for a contact by itself, and less where two solids that meet at an obtuse corner push the same way.
     """
@@ -87,7 +92,12 @@ class Outline:
             closed = self.concave[k] if k < last else 1
             solids.append((closed, radius - distance, best[0] / distance, best[1] / distance))
         return [
-            Touch(ca.if_else(closed, depth, -self._far), nx, nz, before * after)
+            Touch(
+                ca.if_else(closed, depth, -self._far),
+                ca.if_else(closed, nx, 0),
+                ca.if_else(closed, nz, 0),
+                before * after,
+            )
             for (closed, depth, nx, nz), before, after in zip(
                 solids, self._shares(solids), reversed(self._shares(solids[::-1])), strict=True
             )
@@ -101,7 +111,7 @@ class Outline:
         return clearance
 
     def point(self, x: Any, z: Any) -> tuple[Any, Any, Any]:
-        """Depth of a point below the ground (0 outside) and the unit vector of the shortest way out."""
+        """Depth of a point below the ground and the unit vector of the shortest way out, all 0 outside."""
         best: Any = None
         for ox, oz in self._offsets(x, z):
             here = ox * ox + oz * oz
@@ -111,8 +121,13 @@ class Outline:
                 new = here < best[0]
                 best = tuple(ca.if_else(new, a, b) for a, b in zip((here, ox, oz), best, strict=True))
         distance = ca.sqrt(best[0] + (_TINY * self._metre) ** 2)
-        inside = self.height(x) > z
-        return ca.if_else(inside, distance, 0), -best[1] / distance, -best[2] / distance
+        highest = self.points[0][1]
+        for _, top in self.points[1:]:
+            highest = ca.fmax(highest, top)
+        near = z < highest + _ABOVE * self._metre
+        inside = ca.if_else(near, self.height(x) > z, 0)
+        depth, nx, nz = (ca.if_else(inside, v, 0) for v in (distance, -best[1] / distance, -best[2] / distance))
+        return depth, nx, nz
 
     def _shares(self, solids: list[tuple[Any, Any, Any, Any]]) -> list[Any]:
         """What the solid before leaves to each solid.

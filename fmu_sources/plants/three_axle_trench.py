@@ -226,12 +226,11 @@ def three_axle_trench(vehicle: ThreeAxleTrenchCar, name: str = "ThreeAxleTrench"
         sliding = vx * nz - vz * nx
         rub = -p.contact.friction * normal * ca.tanh(sliding / p.disc.slip_speed)
         fx, fz = normal * nx + rub * nz, normal * nz - rub * nx
-        load[0] += fx
-        load[1] += fz
-        load[2] += px * fx + pz * fz
-        load[3] += r * (up[0] * fx + up[1] * fz)
+        touching = partial(_where, depth > 0)
+        for i, force in enumerate((fx, fz, px * fx + pz * fz, r * (up[0] * fx + up[1] * fz))):
+            load[i] += touching(force)
         for part, its in parts.items():
-            bumper[part] += its * normal
+            bumper[part] += touching(its * normal)
         potential += p.contact.stiffness / 4 * depth**2
 
     o = p.outline
@@ -267,7 +266,8 @@ def three_axle_trench(vehicle: ThreeAxleTrenchCar, name: str = "ThreeAxleTrench"
                 for faces in solids
             ]
             depth, nx, nz, *parts = _least([(-d, *rest) for d, *rest in inside])
-            depth = ca.if_else(convex, ca.fmax(0, -depth), 0)
+            depth, *parts = (ca.if_else(convex, v, 0) for v in (ca.fmax(0, -depth), *parts))
+            nx, nz = (ca.if_else(convex, v, 0) for v in (nx, nz))
             nx, nz = (nx * ahead[i] + nz * up[i] for i in (0, 1))
             touch(dict(zip(_PART, parts, strict=True)), bx, y, bz, depth, nx, nz)
 
@@ -400,6 +400,7 @@ class _Contacts:
     ) -> _Contacts:
         fx = fz = traction = energy = px = pz = weight = ca.SX(0)
         for t in touches:
+            touching = partial(_where, t.depth > 0)  # else nothing of it is needed
             depth = ca.fmax(0, t.depth)
             over = ca.fmax(0, depth - disc.bottoming)
             rate = -(velocity[0] * t.nx + velocity[2] * t.nz)
@@ -410,14 +411,14 @@ class _Contacts:
             # The slope of the friction law is limited to what a wheel of this mass can follow in explicit steps of 0.5 ms.
             grip_limit = driven * disc.friction * normal
             grip = grip_limit * ca.tanh(sliding / ca.fmax(disc.slip_speed, grip_limit * small.friction_time / mass))
-            fx += normal * t.nx + grip * t.nz
-            fz += normal * t.nz - grip * t.nx
-            traction += grip
-            energy += t.share * (tire.stiffness * depth**2 + disc.bottoming_stiffness * over**2) / 2
+            fx += touching(normal * t.nx + grip * t.nz)
+            fz += touching(normal * t.nz - grip * t.nx)
+            traction += touching(grip)
+            energy += touching(t.share * (tire.stiffness * depth**2 + disc.bottoming_stiffness * over**2) / 2)
             reach = disc.radius - depth
-            px -= normal * reach * t.nx
-            pz -= normal * reach * t.nz
-            weight += normal
+            px -= touching(normal * reach * t.nx)
+            pz -= touching(normal * reach * t.nz)
+            weight += touching(normal)
         weight = ca.fmax(weight, small.load)
         return cls(fx, fz, traction, energy, px / weight, pz / weight)
 
@@ -446,6 +447,10 @@ def _strut(p: Any, w: Corner, gas: Any, s: Any, ds: Any, small: _Small) -> tuple
     out, out_energy = stop(s - p.strut.extension, ds)
     in_, in_energy = stop(-p.strut.compression - s, -ds)
     return spring - w.strut.damping * ds - out + in_, energy + out_energy + in_energy
+
+
+def _where(condition: Any, value: Any) -> Any:
+    return ca.if_else(condition, value, 0)
 
 
 def _least(rows: list[tuple[Any, ...]]) -> tuple[Any, ...]:

@@ -10,7 +10,7 @@ import casadi as ca
 import numpy as np
 
 from build_fmus.component import Component
-from fmu_sources.roads.layout import RoadLayout
+from fmu_sources.roads.layout import RoadLayout, WheelPosition
 
 NODE_STEP = 0.1  # m, spacing of the road points in paper 000
 _NODE_TOLERANCE = 1e-9  # a position this close (in node steps) below a node counts as on it
@@ -43,12 +43,14 @@ class Profile:
 
     ``height(node, side)`` gives the heights [m] at a column of whole node numbers for ``"left"`` or ``"right"``.
     ``step``, ``last`` and ``start`` may be parameters of the component; numbers become constants in metres.
+    ``alike``: both tracks have the same heights, so that those under two wheels of one axle are computed once.
     """
 
     height: Callable[[Any, str], Any]
     last: Any
     step: Any = NODE_STEP
     start: Any = 0.0
+    alike: bool = False
 
     note = (
         "Heights are given at equidistant nodes and are linear in between; the slope is that of the interval. Before "
@@ -109,7 +111,19 @@ def road(
     x = c.input("x", "m", "distance of the CG along the road")
     speed = c.input("speed", "m/s", "forward speed", display_unit="km/h")
 
-    under = {w.corner: shape.at(x + position[w.corner], w.side) for w in layout.wheels}
+    def common(of: Callable[[WheelPosition], tuple[Any, ...]]) -> dict[str, tuple[Any, ...]]:
+        """Something by wheel; where both tracks are alike, a wheel beside another one has what that one has."""
+        found: dict[str, tuple[Any, ...]] = {}
+        for w in layout.wheels:
+            found[w.corner] = of(w)
+            beside = next((v for v in layout.wheels if v.x == w.x and v.corner in found), w)
+            if getattr(shape, "alike", False) and beside is not w:
+                both = zip(found[beside.corner], found[w.corner], strict=True)
+                same = position[w.corner] == position[beside.corner]
+                found[w.corner] = tuple(ca.if_else(same, other, own) for other, own in both)
+        return found
+
+    under = common(lambda w: shape.at(x + position[w.corner], w.side))
     times = np.arange(1, layout.preview_count) * layout.preview_step
     later = c.constant("later", times, "s", "times of the preview heights", source="road layout")
     for corner, (height, _) in under.items():
@@ -118,19 +132,19 @@ def road(
         c.output(f"road.{corner}.slope", slope, "1", f"slope dz/dx under the {corner} wheel")
     for corner, (_, slope) in under.items():
         c.output(f"road.{corner}.rate", slope * speed, "m/s", f"rate of the road height under the {corner} wheel")
-    for w in layout.wheels:
-        ahead, _ = shape.at(x + position[w.corner] + speed * later, w.side)
-        heights = ca.vertcat(under[w.corner][0], ahead)
-        c.output(f"preview.{w.corner}", heights, "m", f"height under the {w.corner} wheel now, preview.step later, ...")
+    ahead = common(lambda w: shape.at(x + position[w.corner] + speed * later, w.side))
+    for corner, (height, _) in under.items():
+        heights = ca.vertcat(height, ahead[corner][0])
+        c.output(f"preview.{corner}", heights, "m", f"height under the {corner} wheel now, preview.step later, ...")
     if layout.scan is not None:
         scan = layout.scan
         first = c.constant("scan_start", scan.start, "m", "first height of the scan", source="road layout")
         places = c.constant("scan", np.arange(scan.count) * scan.step, "m", "heights from there", source="road layout")
-        ahead = x + first + places
+        scanned = x + first + places
         seen = getattr(shape, "surface", lambda x, side: shape.at(x, side)[0])
         for side in ("left", "right"):
             c.output(
-                f"scan.{side}", seen(ahead, side), "m", f"height of the surface of the {side} track, scan.step apart"
+                f"scan.{side}", seen(scanned, side), "m", f"height of the surface of the {side} track, scan.step apart"
             )
         c.output("scan.start", scan.start, "m", "distance of the first height of scan.* ahead of the CG")
         c.output("scan.step", scan.step, "m", "distance between heights of scan.*")

@@ -28,7 +28,7 @@ def road_sine(layout: RoadLayout, name: str = "RoadSine") -> Component:
             x = node * step - flat
             return ca.if_else(x > 0, amplitude * ca.sin(2 * pi * x / wavelength), 0)
 
-        return Profile(height, last, step)
+        return Profile(height, last, step, alike=True)
 
     return road(
         name, layout, profile, description="Sine road of paper 000: 30 m flat, then waves 10 m long and +-0.1 m high",
@@ -50,7 +50,7 @@ def road_curb(layout: RoadLayout, name: str = "RoadCurb") -> Component:
             x = node * step - flat - step / 2  # half a node off: no node lies on a step
             return ca.if_else(ca.logic_and(x > 0, x < level), rise, 0)
 
-        return Profile(height, last, step)
+        return Profile(height, last, step, alike=True)
 
     return road(
         name, layout, profile, description="Curb road of paper 000: 30 m flat, 0.1 m up, 10 m level, 0.1 m down",
