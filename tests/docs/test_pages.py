@@ -53,6 +53,15 @@ def test_tutorial(workplace: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert (workplace / "inerter.html").is_file()
 
 
+def test_a_system_as_one_fmu_runs_in_fmpy(workplace: Path) -> None:
+    names = run_blocks(ROOT / "docs" / "other-tools.md")
+    result = names["result"]
+    assert {"car.body.z", "car.body.az"} <= set(result.dtype.names)
+    assert result["time"][-1] == 2.0
+    assert abs(result["car.body.z"]).max() > 0.01
+    assert (workplace / "Bumps.fmu").is_file()
+
+
 def test_the_example_of_the_tutorial_is_the_file(workplace: Path) -> None:
     source = (ROOT / "docs" / "examples" / "quarter_car_inerter.py").read_text(encoding="utf-8")
     (shown,) = (b for b in blocks(ROOT / "docs" / "tutorial.md", "python") if "def quarter_car_inerter" in b)
