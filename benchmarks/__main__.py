@@ -1,9 +1,9 @@
-"""``python -m benchmarks``: all benchmarks, as ratios measured in one run. Needs the FMUs (``build-fmus``)."""
+"""``python -m benchmarks [--json FILE] [--old FOLDER]``: all benchmarks, as ratios measured in one run. Needs the FMUs (``build-fmus``)."""
 
 from __future__ import annotations
 
+import argparse
 import json
-import sys
 import tempfile
 import time
 from pathlib import Path
@@ -15,6 +15,7 @@ from rich.table import Table
 from benchmarks import (
     chain,
     exchange_lag,
+    fmu_cost,
     hmmwv_real_time,
     mathematics,
     mpc_at_limit,
@@ -58,7 +59,13 @@ def study() -> dict[str, float]:
 
 
 def main() -> None:
-    """Run and print; ``--json FILE`` keeps the numbers."""
+    """Run and print; ``--json FILE`` keeps the numbers, ``--old FOLDER`` has FMUs compared with older ones."""
+    parser = argparse.ArgumentParser(
+        prog="python -m benchmarks", description="all benchmarks, as ratios measured in one run"
+    )
+    parser.add_argument("--json", type=Path, help="file for the numbers")
+    parser.add_argument("--old", type=Path, help="folder with older FMUs that the present ones are compared with")
+    options = parser.parse_args()
     results = {
         "full car alone": full_car(),
         "master, passive system (3 FMUs)": measure("passive"),
@@ -72,6 +79,8 @@ def main() -> None:
         exchange_lag.TITLE: exchange_lag.measure(),
         **qp_time.table(),
     }
+    if options.old:
+        results[fmu_cost.TITLE] = fmu_cost.measure(options.old)
     programs = mpc_solvers.solvers()
     longest, at_limit = mpc_worst.worst(), mpc_at_limit.choices()
     for shown in (mpc_solvers.table(programs), mpc_worst.table(longest), mpc_at_limit.table(at_limit)):
@@ -81,9 +90,9 @@ def main() -> None:
         for name, value in rows.items():
             table.add_row(escape(name), f"{value:.3g}")
         Console().print(table)
-    if sys.argv[1:2] == ["--json"]:
+    if options.json:
         kept = {**results, **programs, "longest sample": longest, "at the limit": at_limit}
-        safe_files.write(sys.argv[2], json.dumps(kept, indent=1) + "\n")
+        safe_files.write(options.json, json.dumps(kept, indent=1) + "\n")
 
 
 if __name__ == "__main__":

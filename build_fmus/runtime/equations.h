@@ -12,10 +12,8 @@ static inline double sign(double x) { return x < 0.0 ? -1.0 : x > 0.0 ? 1.0 : x;
 /* a where the condition holds, else 0 */
 static inline double when(double condition, double a) { return condition != 0.0 ? a : 0.0; }
 
-/* a where the condition holds, else b; a sum, so that a -0 becomes 0 */
-static inline double if_else(double condition, double a, double b) {
-    return (condition != 0.0 ? a : 0.0) + (condition != 0.0 ? 0.0 : b);
-}
+/* a where the condition holds, else b; a -0 becomes 0, as in the sum of both values that it stands for */
+static inline double if_else(double condition, double a, double b) { return (condition != 0.0 ? a : b) + 0.0; }
 
 /* The index that a number means; one that is no index of any array for NaN and numbers beyond all integers, which C leaves
  * undefined. */

@@ -6,6 +6,7 @@
 #include "fmu_core.h"
 
 #include <stdarg.h>
+#include <float.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -49,6 +50,7 @@ struct FmuInstance {
     unsigned warned;  /* one bit per kind of warning about inputs; beside the state, so that saved states do not depend on it */
     State *state;
     double *p, *u, *x, *dx, *y;             /* into state->v */
+    double *of_role[FMU_OUTPUT + 1];        /* the same by role, and time */
     double *next;                           /* n_states: start values or the next states until they are found finite */
     Integrator integrator;
     double *seed, *sensitivity;             /* n_states + n_inputs + n_parameters; n_states + n_outputs */
@@ -111,6 +113,12 @@ FmuInstance *fmu_create(int is_co_simulation, size_t adapter_size, FmuLog log) {
     self->x = self->u + nu;
     self->dx = self->x + nx;
     self->y = self->dx + nx;
+    self->of_role[FMU_TIME] = &self->state->time;
+    self->of_role[FMU_PARAMETER] = self->p;
+    self->of_role[FMU_INPUT] = self->u;
+    self->of_role[FMU_STATE] = self->x;
+    self->of_role[FMU_DERIVATIVE] = self->dx;
+    self->of_role[FMU_OUTPUT] = self->y;
     self->next = part[3];
     self->seed = part[4];
     self->sensitivity = part[5];
@@ -193,6 +201,9 @@ static const char *name_of(FmuRole role, int i) {
 
 /* Name of the first of n values of a role that is not finite, or NULL. */
 static const char *not_finite(const double *values, int n, FmuRole role) {
+    int finite = 1;
+    for (int i = 0; i < n; i++) finite &= fabs(values[i]) <= DBL_MAX; /* all of them without a branch */
+    if (finite) return NULL;
     for (int i = 0; i < n; i++)
         if (!isfinite(values[i])) return name_of(role, i);
     return NULL;
@@ -377,19 +388,10 @@ FmuStatus fmu_exit_initialization(FmuInstance *self) {
 
 /* ------------------------------------------------------------------ values */
 
-static double *storage(FmuInstance *self, const FmuVariable *v) {
-    switch (v->role) {
-        case FMU_TIME: return &self->state->time;
-        case FMU_PARAMETER: return self->p + v->slot;
-        case FMU_INPUT: return self->u + v->slot;
-        case FMU_STATE: return self->x + v->slot;
-        case FMU_DERIVATIVE: return self->dx + v->slot;
-        default: return self->y + v->slot;
-    }
-}
+static inline double *storage(const FmuInstance *self, const FmuVariable *v) { return self->of_role[v->role] + v->slot; }
 
 /* The variable behind reference i, or NULL after an error. */
-static const FmuVariable *lookup(FmuInstance *self, const char *function, FmuType type, const unsigned *refs, size_t i) {
+static inline const FmuVariable *lookup(FmuInstance *self, const char *function, FmuType type, const unsigned *refs, size_t i) {
     if (refs[i] >= (unsigned)M->n_variables) {
         (void)fmu_fail(self, FMU_ERROR, "%s: unknown value reference %u", function, refs[i]);
         return NULL;
@@ -405,33 +407,34 @@ static const FmuVariable *lookup(FmuInstance *self, const char *function, FmuTyp
 static double read_double(const void *values, size_t i) { return ((const double *)values)[i]; }
 static void write_double(void *values, size_t i, double value) { ((double *)values)[i] = value; }
 
-FmuStatus fmu_get_as(FmuInstance *self, const char *function, FmuType type, const unsigned *refs, size_t n_refs,
-                     void *values, size_t count, FmuWrite write) {
+/* Inlined below with the conversion of the type, so that no number of a real variable is passed by a call. */
+static inline FmuStatus get_with(FmuInstance *self, const char *function, FmuType type, const unsigned *refs, size_t n_refs,
+                                 void *values, size_t count, FmuWrite write) {
     FmuStatus status = fmu_check_arrays(self, function, refs, n_refs, values, count);
+    unsigned fresh = self->state->mode == MODE_ERROR ? ~0u : 0u; /* one bit per role; after an error: the values as they are */
     size_t k = 0;
     for (size_t i = 0; i < n_refs && status == FMU_OK; i++) {
         const FmuVariable *v = lookup(self, function, type, refs, i);
         if (!v) return FMU_ERROR;
         if (k + (size_t)v->size > count)
             return fmu_fail(self, FMU_ERROR, "%s: nValues is %zu, too few for the variables up to %s", function, count, v->name);
-        if (self->state->mode != MODE_ERROR) /* after an error: the values as they are */
+        if (!(fresh >> v->role & 1u)) {
             status = v->role == FMU_OUTPUT       ? refresh_outputs(self)
                      : v->role == FMU_DERIVATIVE ? refresh_derivatives(self)
                      : v->role == FMU_STATE      ? refresh_start(self)
                                                  : FMU_OK;
-        if (status != FMU_OK) return status;
+            if (status != FMU_OK) return status;
+            fresh |= 1u << v->role;
+        }
         const double *from = storage(self, v);
-        if (write == write_double)
-            for (int j = 0; j < v->size; j++) ((double *)values)[k++] = from[j];
-        else
-            for (int j = 0; j < v->size; j++) write(values, k++, from[j]);
+        for (int j = 0; j < v->size; j++) write(values, k++, from[j]);
     }
     if (status == FMU_OK && k != count)
         status = fmu_fail(self, FMU_ERROR, "%s: nValues is %zu, the variables have %zu", function, count, k);
     return status;
 }
 
-static FmuStatus check_settable(FmuInstance *self, const char *function, const FmuVariable *v) {
+static inline FmuStatus check_settable(FmuInstance *self, const char *function, const FmuVariable *v) {
     const unsigned mode = (unsigned)self->state->mode;
     const unsigned before = MODE_INSTANTIATED | MODE_INITIALIZATION;
     unsigned modes = 0;
@@ -473,15 +476,17 @@ static void warn_of_input(FmuInstance *self, const char *function, const FmuVari
     }
 }
 
-FmuStatus fmu_set_as(FmuInstance *self, const char *function, FmuType type, const unsigned *refs, size_t n_refs,
-                     const void *values, size_t count, FmuRead read) {
+static inline FmuStatus set_with(FmuInstance *self, const char *function, FmuType type, const unsigned *refs, size_t n_refs,
+                                 const void *values, size_t count, FmuRead read) {
     FmuStatus status = fmu_check_arrays(self, function, refs, n_refs, values, count);
     if (status != FMU_OK) return status;
     /* First look at everything, then store: a call that fails changes nothing. */
     size_t k = 0;
+    int parameters = 0;
     for (size_t i = 0; i < n_refs; i++) {
         const FmuVariable *v = lookup(self, function, type, refs, i);
         if (!v) return FMU_ERROR;
+        parameters |= v->role == FMU_PARAMETER;
         status = check_settable(self, function, v);
         if (status != FMU_OK) return status;
         if (k + (size_t)v->size > count)
@@ -496,7 +501,8 @@ FmuStatus fmu_set_as(FmuInstance *self, const char *function, FmuType type, cons
         }
     }
     if (k != count) return fmu_fail(self, FMU_ERROR, "%s: nValues is %zu, the variables have %zu", function, count, k);
-    const int running = self->state->mode == MODE_STEP && M->is_continuous; /* what was set before is checked at the start */
+    /* What was set before is checked at the start. */
+    const int running = parameters && self->state->mode == MODE_STEP && M->is_continuous;
     const size_t n_parameters = (size_t)M->n_parameters * sizeof(double);
     const size_t n_kept = n_parameters + (size_t)M->n_inputs * sizeof(double);
     if (running) memcpy(self->before, self->p, n_kept);
@@ -505,7 +511,7 @@ FmuStatus fmu_set_as(FmuInstance *self, const char *function, FmuType type, cons
         double *to = storage(self, v);
         for (int j = 0; j < v->size; j++) {
             to[j] = read(values, n++);
-            if (is_signal(v)) warn_of_input(self, function, v, to[j]);
+            if (is_signal(v) && (!in_range(v, to[j]) || v->tolerance > 0.0)) warn_of_input(self, function, v, to[j]);
         }
     }
     if (running && memcmp(self->before, self->p, n_parameters) != 0 && check_solver_step(self) != FMU_OK) {
@@ -518,12 +524,22 @@ FmuStatus fmu_set_as(FmuInstance *self, const char *function, FmuType type, cons
 
 FmuStatus fmu_get(FmuInstance *self, const char *function, FmuType type, const unsigned *refs, size_t n_refs, double *values,
                   size_t count) {
-    return fmu_get_as(self, function, type, refs, n_refs, values, count, write_double);
+    return get_with(self, function, type, refs, n_refs, values, count, write_double);
 }
 
 FmuStatus fmu_set(FmuInstance *self, const char *function, FmuType type, const unsigned *refs, size_t n_refs,
                   const double *values, size_t count) {
-    return fmu_set_as(self, function, type, refs, n_refs, values, count, read_double);
+    return set_with(self, function, type, refs, n_refs, values, count, read_double);
+}
+
+FmuStatus fmu_get_as(FmuInstance *self, const char *function, FmuType type, const unsigned *refs, size_t n_refs,
+                     void *values, size_t count, FmuWrite write) {
+    return get_with(self, function, type, refs, n_refs, values, count, write);
+}
+
+FmuStatus fmu_set_as(FmuInstance *self, const char *function, FmuType type, const unsigned *refs, size_t n_refs,
+                     const void *values, size_t count, FmuRead read) {
+    return set_with(self, function, type, refs, n_refs, values, count, read);
 }
 
 /* ------------------------------------------------------------------ directional derivatives */
@@ -619,7 +635,9 @@ static FmuStatus advance_continuous(FmuInstance *self, const char *function, dou
                             "try another solver.step (here steps of %g s)",
                             function, M->name, ti, name_of(FMU_STATE, found), dt);
         }
-        for (int j = 0; j < M->n_states; j++)
+        int within = 1;
+        for (int j = 0; j < M->n_states; j++) within &= fabs(self->x[j]) <= M->bounds[j]; /* all of them without a branch */
+        for (int j = 0; !within && j < M->n_states; j++)
             if (!(fabs(self->x[j]) <= M->bounds[j])) {
                 self->state->time = ti + dt;
                 return fmu_fail(self, FMU_ERROR,

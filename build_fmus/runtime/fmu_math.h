@@ -24,6 +24,13 @@
 #define FMU_HIDDEN
 #endif
 
+/* Whether the compiler knows the number. */
+#ifdef __GNUC__
+#define FMU_IS_CONSTANT(x) __builtin_constant_p(x)
+#else
+#define FMU_IS_CONSTANT(x) 0
+#endif
+
 #define acos(x) fmu_acos(x)
 #define acosh(x) fmu_acosh(x)
 #define asin(x) fmu_asin(x)
@@ -84,6 +91,7 @@ FMU_HIDDEN double fmu_tanh(double x);
 
 /* The larger one; +0 is larger than -0, and a NaN counts for nothing. Inlined: some components have thousands of calls. */
 static inline double fmu_fmax(double x, double y) {
+    if (FMU_IS_CONSTANT(x) && x == x && !(x == 0.0 && signbit(x))) return y > x ? y : x; /* one instruction */
     if (x > y) return x;
     if (x < y) return y;
     if (x == y) return signbit(x) ? y : x;
@@ -91,6 +99,7 @@ static inline double fmu_fmax(double x, double y) {
 }
 
 static inline double fmu_fmin(double x, double y) {
+    if (FMU_IS_CONSTANT(x) && x == x && !(x == 0.0 && !signbit(x))) return y < x ? y : x;
     if (x < y) return x;
     if (x > y) return y;
     if (x == y) return signbit(x) ? x : y;

@@ -179,3 +179,27 @@ def test_only_what_is_called_comes_along() -> None:
         math_files([b'#include "fmu_math.h"\ndouble f(double x) { return log(x); }'])
     )
     assert b"standard MIT license" in copyright_notice()
+
+
+def test_extremes_of_numbers_that_the_compiler_knows(tmp_path: Path) -> None:
+    """They take a shorter way, with the same bits for zeros of both signs, infinities and NaN."""
+    constants = ["0.0", "-0.0", "1.0", "-2.5", "INFINITY", "-INFINITY", "NAN", "5e-324"]
+    calls = [(f, x) for f in ("fmax", "fmin") for x in constants]
+    cases = "\n".join(
+        f"        case {k}: return known ? {f}({x}, y) : {f}(at_run_time[{k}], y);" for k, (f, x) in enumerate(calls)
+    )
+    numbers = ", ".join(x for _, x in calls)
+    source = tmp_path / "extremes.c"
+    source.write_text(
+        f'#include "fmu_math.h"\nstatic volatile double at_run_time[] = {{{numbers}}};\n'
+        '__attribute__((visibility("default"))) double extreme(int k, int known, double y) {\n'
+        f"    switch (k) {{\n{cases}\n    }}\n    return 0.0;\n}}\n"
+    )
+    library = OBJECTS.library(find_toolchain(host()), [source], [RUNTIME_DIR], "extremes")
+    extreme = ctypes.CDLL(str(library)).extreme
+    extreme.restype, extreme.argtypes = ctypes.c_double, (ctypes.c_int, ctypes.c_int, ctypes.c_double)
+    for k, (f, x) in enumerate(calls):
+        for y in (0.0, -0.0, 1.0, -1.0, 1.5, -3.0, 5e-324, -5e-324, math.inf, -math.inf, math.nan):
+            a, b = extreme(k, 1, y), extreme(k, 0, y)
+            same = a == b and math.copysign(1.0, a) == math.copysign(1.0, b)
+            assert same or (math.isnan(a) and math.isnan(b)), (f, x, y, a, b)
