@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import os
+import signal
+import threading
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +13,7 @@ import numpy as np
 import pytest
 from same import ENGINES, assert_same_outcome, outcome
 
-from cosim import CosimError, PythonComponent, Recording, StopWhen, System
+from cosim import CosimError, Interrupted, PythonComponent, Recording, StopWhen, System
 
 pytestmark = pytest.mark.filterwarnings("ignore::cosim.UnconnectedInputsWarning")
 
@@ -172,3 +175,19 @@ def test_the_choice_is_said_and_refused(follower, monkeypatch):
         assert len(system.run(0.1)) > 5
         with pytest.raises(CosimError, match="there is no compiled engine here: no C compiler"):
             system.run(0.1, engine="compiled")
+
+
+def test_ctrl_c_ends_a_compiled_run_between_two_instants(follower):
+    """It comes while the engine runs, is seen when that comes back, and the simulation can be continued."""
+    with System() as system:
+        system.add("f", follower[3], step="1 ms", start={"u": 30.0})
+        with system.initialize(record=["f.y"], record_interval="1 s", engine="compiled") as simulation:
+            alarm = threading.Timer(0.2, lambda: os.kill(os.getpid(), signal.SIGINT))
+            alarm.start()
+            with pytest.raises(Interrupted, match="interrupted at t ="):
+                simulation.advance(10**9)
+            alarm.join()
+            reached = simulation.time
+            assert 0 < reached < 10**9
+            simulation.advance(reached + 1)
+            assert simulation.time > reached

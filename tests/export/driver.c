@@ -127,9 +127,11 @@ int main(int argc, char **argv) {
     step = atof(argv[1]);
     resources = argv[2];
 #ifdef THREADS
+    fmi3Instance keeps = instantiate(); /* libraries of members open: the loader's own memory is none of ours, and its lock is hidden */
     pthread_t threads[3];
     for (int i = 0; i < 3; i++) pthread_create(&threads[i], NULL, live, NULL);
     for (int i = 0; i < 3; i++) pthread_join(threads[i], NULL);
+    fmi3FreeInstance(keeps);
 #endif
     live(NULL);
     return failures != 0;
