@@ -117,6 +117,11 @@ class Toolchain:
         more = ["-ldl"] if loads and self.platform.suffix == ".so" else []  # a library of its own until glibc 2.34
         self._run([*flags, *map(str, objects), *more, "-o", str(output)])
 
+    def link_program(self, objects: Sequence[Path], output: Path) -> None:
+        """Objects to a program that opens libraries and has threads."""
+        more = ("-ldl", "-lpthread", "-lm") if self.platform.suffix == ".so" else ()
+        self._run(["-s", *map(str, objects), *more, "-o", str(output)])
+
     def _run(self, arguments: list[str]) -> None:
         environment = dict(os.environ)
         if not environment.get("HOME"):  # ziglang keeps its cache there
@@ -224,6 +229,14 @@ class ObjectCache:
             named.replace(out)
 
         return self._kept(key, toolchain.platform.suffix, link)
+
+    def program(self, toolchain: Toolchain, sources: Sequence[Path], include: Sequence[Path]) -> Path:
+        """The program built from ``sources``, which a process can run."""
+        objects = [self.object(toolchain, s, include) for s in sources]
+        key = self._key(toolchain, b"program", *(o.name.encode() for o in objects))
+        path = self._kept(key, ".program", lambda out: toolchain.link_program(objects, out))
+        path.chmod(0o755)
+        return path
 
     def object(self, toolchain: Toolchain, source: Path, include: Sequence[Path]) -> Path:
         """The object file of one C file, compiled once per content and toolchain."""

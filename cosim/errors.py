@@ -52,6 +52,10 @@ class StabilityWarning(UserWarning):
     """The coupled continuous components amplify their own errors with the chosen steps."""
 
 
+class ProcessLostWarning(UserWarning):
+    """An isolated FMU was lost after its last step."""
+
+
 class CallFailed(CosimError):  # noqa: N818
     """One call into a component failed. The master turns it into a `ComponentError` with the time.
 
@@ -100,10 +104,26 @@ class NotFinite(CallFailed):
         )
 
 
+class ProcessLost(CallFailed):
+    """An isolated FMU was lost in a call; `how` says in which way."""
+
+    def __init__(self, component: str, function: str, how: str, messages: Sequence[str] = ()):
+        self.how = how
+        super().__init__(component, function, 4, "", messages)
+        self.status = "lost"
+
+    def _text(self, time: float | None) -> str:
+        when = "" if time is None else f" at t = {time:.9g} s"
+        text = f"component '{self.component}' was lost in {self.function}{when}: {self.how}"
+        if self.messages:
+            text += "\n  its last words:\n" + "\n".join(f"    {line}" for line in self.messages)
+        return text
+
+
 class ComponentError(CosimError):
     """A component ended the run.
 
-    Attributes: `component`, `function`, `status` ("Discard", "Error", "Fatal", ..., "not finite", or a number that is none of
+    Attributes: `component`, `function`, `status` ("Discard", "Error", "Fatal", ..., "not finite", "lost", or a number that is none of
     FMI's), `time` [s], `variable` (the one that is not finite, else None), `messages` (the component's own log
     lines, oldest first), `recording` (everything up to the failure, None when it came before the first sample).
     """

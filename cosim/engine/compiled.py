@@ -162,6 +162,10 @@ class _Engine:
             return int(self._library.cosim_engine_run(e, end))
         finally:
             recorder.count = begin + int(e.count)
+            for struct, calls in zip(self._members, self._calls, strict=True):
+                if calls is not None and struct.changed:
+                    calls.changed(int(struct.changed))
+                    struct.changed = 0
 
     # Making the structs.
 
@@ -189,6 +193,7 @@ class _Engine:
         setattr(m, f"step{calls.version}", ffi.cast(f"EngineStep{calls.version}", calls.do_step))
         if calls.version == 3:
             m.flags, m.last = ffi.cast("bool*", calls.flags), ffi.cast("double*", calls.last)
+        m.foreign = calls.foreign
         m.sets, m.n_sets = self._transfers(calls.version, calls.sets), len(calls.sets)
         m.gets, m.n_gets = self._transfers(calls.version, calls.gets), len(calls.gets)
         m.direct = len(calls.sets) == len(calls.gets) == 1 and all(

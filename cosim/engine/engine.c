@@ -1,6 +1,8 @@
 /* Executes a plan: see engine.h. */
 #include "engine.h"
 
+#include "environment.h"
+
 #include <string.h>
 
 #if defined(_MSC_VER) && !defined(__clang__)
@@ -150,6 +152,10 @@ static inline int run_member(Engine *e, const EngineMember *m, double t) {
                        : m->fmi == 2                                          ? run2(e, m, t)
                        : e->back(e->context, (int32_t)(m - e->members), t) == 0 ? ENGINE_AT_END
                                                                               : ENGINE_BACK_FAILED;
+    if (m->foreign) {
+        const uint32_t changed = environment_restore(e->environment);
+        if (changed) ((EngineMember *)m)->changed |= changed;
+    }
     if (result) e->member = (int32_t)(m - e->members);
     return result;
 }
@@ -317,6 +323,7 @@ static int64_t begin_instant(Engine *e, int64_t tick) {
 
 int engine_run(Engine *e, int64_t end) {
     const bool *const recorded = &e->due[e->n_clocks - 1];
+    e->environment = environment_bits();
     engine_look_up(e, e->tick);
     int64_t tick = INT64_MAX;
     for (int32_t i = 0; i < e->n_clocks; i++)

@@ -84,6 +84,8 @@ typedef struct {
     const EngineTransfer *sets, *gets;
     int32_t n_sets, n_gets;
     int32_t direct;             /* there is one of each, and their data are u and y */
+    int32_t foreign;            /* the floating-point environment is restored after its calls */
+    uint32_t changed;           /* what it has changed there (environment.h) */
 } EngineMember;
 
 /* Outputs of members that lie side by side: values[from] to values[from + n - 1]. */
@@ -122,6 +124,7 @@ typedef struct {
     EnginePiece *reached;       /* of n_members: where the outputs are that continuous ones compute */
     int32_t n_reached;
     int64_t a, b, d;            /* time = (tick * a + b) / d [s] */
+    uint32_t environment;       /* the floating-point environment at the begin of engine_run */
     bool look;                  /* at outputs, for what is not finite */
     const uint32_t *recorded;   /* slots */
     size_t n_recorded;

@@ -24,6 +24,7 @@ from cosim.errors import CosimError, WiringError
 from cosim.export import description
 from cosim.export.parts import Part, part_of, shown
 from cosim.export.variables import Exported, choose
+from cosim.fmu.environment import HEADER as ENVIRONMENT
 from cosim.fmu.component import FmuComponent
 from cosim.fmu.transfers import Arrangement, arrangements, by_reference
 from cosim.master.exchange import Exchange
@@ -40,6 +41,7 @@ _ENGINE = _HERE.parent / "engine"
 _OWN = (
     *(_RUNTIME / n for n in ("container.c", "member.c", "member.h", "system.h")),
     *(_ENGINE / n for n in ("engine.c", "engine.h")),
+    ENVIRONMENT,
     *(generate.RUNTIME_DIR / n for n in ("fmu_base.c", "fmu_base.h", "fmu_core.h", "fmu_model.h")),
 )
 _FOREIGN = _RUNTIME / "foreign.c"

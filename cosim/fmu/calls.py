@@ -144,6 +144,11 @@ def required(version: str) -> list[str]:
     return [f"fmi{version}{name}" for name in (*more, *_REQUIRED)]
 
 
+def declared(version: str) -> list[str]:
+    """Names of all C functions that may be called of an FMU."""
+    return re.findall(rf"\bfmi{version}\w+(?=\()", _FMI3 if version == "3" else _FMI2)
+
+
 def function(version: str, library: Any, name: str) -> Callable[..., int]:
     """A C function of an FMU's library. Raises FmuError when the library does not have it."""
     try:

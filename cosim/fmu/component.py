@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import os
-import sys
+import warnings
 import weakref
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
@@ -17,8 +17,10 @@ import numpy as np
 import cosim.fmu.calls as fmi
 from cosim.component import Action, Array, EndRequested, FmiCalls, Ports, Transfer
 from cosim.description import Variable
-from cosim.errors import STATUS_NAMES, CallFailed, CosimError, FmuError, WiringError
+from cosim.errors import STATUS_NAMES, CallFailed, CosimError, FmuError, ProcessLost, ProcessLostWarning, WiringError
+from cosim.fmu.environment import restorer, what_changed
 from cosim.fmu.file import FmuFile, Library
+from cosim.fmu.isolation import IsolatedLibrary, Isolation, Lost
 from cosim.fmu.own_states import MORE_THAN_STATES, StateLayout, find_states
 from cosim.fmu.transfers import Arrangement, arrangements, by_reference, by_type
 
@@ -48,10 +50,11 @@ class _SavedState:
 
 
 class FmuComponent:
-    """One instance of an FMU, as a `Component`."""
+    """One instance of an FMU, as a `Component`; in this process, or isolated in one of its own."""
 
-    def __init__(self, fmu: FmuFile):
+    def __init__(self, fmu: FmuFile, isolation: Isolation | None = None):
         self.fmu = fmu
+        self.isolation = isolation
         self.description = fmu.description
         self.name = fmu.description.name
         self.messages: deque[str] = deque(maxlen=200)  # everything it logged lately
@@ -60,6 +63,9 @@ class FmuComponent:
         self._v3 = fmu.major == "3"
         self._c_types = fmi.c_types(int(fmu.major))
         self._functions = fmi.FUNCTION3 if self._v3 else fmi.FUNCTION2
+        self._foreign = False  # another's, in this process
+        self._restore = _nothing_to_restore
+        self._told: set[int] = set()  # what it has changed of the floating-point environment, as far as that was said
         self._instance: Any = None
         self._dead = False
         self._keep: list[Any] = []
@@ -78,25 +84,27 @@ class FmuComponent:
         self._tells_values = False
         self._given.clear()
         self._may_roll_back.clear()  # what was saved before belongs to another run
-        if self._instance is not None and not self._dead:
+        if self._instance is not None and not self._dead and self._library.isolation == self.isolation:
             if self._call("Reset") <= fmi.WARNING:
                 return
-            self.close()
-            self._forget_messages()
+        self.close()
+        self._forget_messages()
         self.name = name
         self._dead = False
-        library = self.fmu.library()
+        self._foreign = self.description.kind is None and self.isolation is None
+        self._restore = restorer() if self._foreign else _nothing_to_restore
+        library = self._open()
         self._keep = []
         resources = library.folder / "resources"
-        token, log = self.description.token, _logger(self.messages, self.problems)
-        if self._v3:
-            path = f"{resources}{os.sep}"
-            instance = fmi.instantiate3(library.handle, (name, token, path), log, self._keep)
-        else:
-            texts = (name, token, resources.as_uri())
-            instance = fmi.instantiate2(library.handle, _process(), texts, log, self._keep)
+        log = _logger(self.messages, self.problems)
+        texts = (name, self.description.token, f"{resources}{os.sep}" if self._v3 else resources.as_uri())
+        instance = library.instantiate(texts, log, self._keep)
+        self._look_at_environment()
         if instance == self._ffi.NULL:
+            lost = library.lost()
             library.release()
+            if lost:
+                raise ProcessLost(name, f"fmi{self.fmu.major}Instantiate", lost, self._said())
             said = [f"    {line}" for line in self._said()]
             if self.description.needs_tool:
                 said.append("  it needs the tool that made it (needsExecutionTool): is that there?")
@@ -104,6 +112,15 @@ class FmuComponent:
             raise FmuError(f"{self.fmu.path}: cannot be instantiated as '{name}'{colon}" + "\n".join(said))
         self._library, self._instance = library, instance
         self._finalizer = weakref.finalize(self, _free, library, self._v3, instance, self._keep)
+
+    def _open(self) -> Library | IsolatedLibrary:
+        """The library for a new instance."""
+        if self.isolation is None:
+            return self.fmu.library()
+        try:
+            return self.fmu.isolated(self.isolation)
+        except Lost as lost:
+            raise ProcessLost(self.name, "loading its library", str(lost)) from None
 
     def enter_initialization(self, start: float, stop: float | None) -> None:
         tolerance = self.description.tolerance
@@ -121,6 +138,7 @@ class FmuComponent:
     def terminate(self) -> None:
         if self._instance is not None and not self._dead:
             self._call("Terminate")
+            self._tell_lost("Terminate")
 
     def close(self) -> None:
         """Free the instance (unless it reported Fatal: then nothing of it may be called any more), and close its library
@@ -130,9 +148,17 @@ class FmuComponent:
                 self._dropped += self._states.values()
                 self._free_dropped()
                 self._finalizer()
+                self._tell_lost("FreeInstance")
             self._instance = None
             self._states.clear()
             self._dropped.clear()
+
+    def _tell_lost(self, function: str) -> None:
+        """Warn where an isolated FMU was lost when nothing more was wanted of it."""
+        lost = self._library.lost()
+        if lost:
+            said = str(ProcessLost(self.name, f"fmi{self.fmu.major}{function}", lost, self._said()))
+            warnings.warn(said, ProcessLostWarning, stacklevel=3)
 
     # Calls and what to do with their status.
 
@@ -140,9 +166,21 @@ class FmuComponent:
         if self._instance is None:
             raise CosimError(f"'{self.name}' has no instance: initialize its system first")
         status = self._function(name)(self._instance, *arguments)
+        self._look_at_environment()
         if status == fmi.FATAL:
             self._die()
         return status
+
+    def _look_at_environment(self) -> None:
+        changed = self._restore()
+        if changed:
+            self._tell_changed(changed)
+
+    def _tell_changed(self, bits: int) -> None:
+        if bits not in self._told:
+            self._told.add(bits)
+            text = f"component '{self.name}' ({self.fmu.path.name}) changes {what_changed(bits)}; it is put back after its calls"
+            warnings.warn(text, stacklevel=2)
 
     def _function(self, name: str) -> Callable[..., int]:
         try:
@@ -156,17 +194,27 @@ class FmuComponent:
             self._fail(function, status, detail)
 
     def _fail(self, function: str, status: int, detail: str = "") -> None:
-        if status == fmi.FATAL:
+        lost = self._library.lost()
+        function, detail = self._library.blamed(function), self._library.misdeed() or detail
+        if status == fmi.FATAL or lost:
             self._die()
+        if lost:
+            raise ProcessLost(self.name, f"fmi{self.fmu.major}{function}", lost, self._said())
         signed = int(self._ffi.cast("int32_t", status))
         known = STATUS_NAMES[: fmi.PENDING] if self._v3 else STATUS_NAMES
         raise CallFailed(self.name, f"fmi{self.fmu.major}{function}", signed, detail, self._said(), known)
 
     def _die(self) -> None:
+        """Nothing of this instance may be called any more."""
+        if self._dead:
+            return
         self._dead = True
         self._finalizer.detach()
-        self.fmu.abandon(self._library)
-        _KEEP_FOREVER.append(self._keep)
+        if isinstance(self._library, Library):
+            self.fmu.abandon(self._library)
+            _KEEP_FOREVER.append(self._keep)
+        else:
+            self._library.release()
 
     def _forget_messages(self) -> None:
         self.messages.clear()
@@ -245,8 +293,22 @@ class FmuComponent:
         calls = self._fmi_calls([s.transfer for s in setters], [g.transfer for g in getters])
         ports = replace(Ports.of(set_inputs, self._stepper(do_step), get_outputs), fmi=calls)
         if len(setters) == len(getters) == 1 and setters[0].direct and getters[0].direct:
-            return replace(ports, run=self._fused(setters[0], do_step, getters[0]))
-        return ports
+            ports = replace(ports, run=self._fused(setters[0], do_step, getters[0]))
+        return replace(ports, run=self._guarded(ports.run)) if self._foreign else ports
+
+    def _guarded(self, run: Callable[[float, float], None]) -> Callable[[float, float], None]:
+        """The floating-point environment is put back after it."""
+        restore, tell = self._restore, self._tell_changed
+
+        def guarded(t: float, h: float) -> None:
+            try:
+                run(t, h)
+            finally:
+                changed = restore()
+                if changed:
+                    tell(changed)
+
+        return guarded
 
     def _fmi_calls(self, sets: Sequence[Transfer], gets: Sequence[Transfer]) -> FmiCalls:
         address = self._address
@@ -261,6 +323,8 @@ class FmuComponent:
             no_set_prior=lambda: bool(self._step_arguments[0]),
             call_failed=self._fail,
             step_failed=self._step_failed,
+            foreign=self._foreign,
+            changed=self._tell_changed,
         )
 
     def _address(self, pointer: Any) -> int:
@@ -355,6 +419,8 @@ class FmuComponent:
     def _step_failed(self, status: int, t: float, h: float) -> None:
         """Raise what a step's status means, with what the FMU can tell about it."""
         last, terminated, whole = None, False, False
+        if (blamed := self._library.blamed("DoStep")) != "DoStep":
+            self._fail(blamed, status)
         if self._v3 and status <= fmi.DISCARD:
             last, terminated = self._last[0], bool(self._terminate[0])
             whole = status <= fmi.WARNING and not self._early[0]
@@ -504,15 +570,11 @@ class FmuComponent:
         return found
 
 
+def _nothing_to_restore() -> int:
+    return 0
+
+
 _KEEP_FOREVER: list[Any] = []  # callbacks of instances that reported Fatal
-_PROCESS: list[Any] = []
-
-
-def _process() -> Any:
-    """The C library with calloc and free."""
-    if not _PROCESS:
-        _PROCESS.append(fmi.ffi2.dlopen("ucrtbase.dll" if sys.platform == "win32" else None))
-    return _PROCESS[0]
 
 
 def _logger(messages: deque[str], problems: deque[str]) -> fmi.Log:

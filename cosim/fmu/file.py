@@ -7,6 +7,7 @@ import shutil
 import sys
 import tempfile
 import weakref
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -14,20 +15,31 @@ import cosim.fmu.calls as fmi
 from cosim.description import Description
 from cosim.errors import FmuError
 from cosim.fmu.archive import Archive, check_library
+from cosim.fmu.isolation import IsolatedLibrary, Isolation, NoIsolation
 from cosim.fmu.model_description import parse
 
 
 class Library:
     """An FMU's library in this process, and the folder of the unpacked FMU; closed with its last instance."""
 
-    def __init__(self, ffi: Any, handle: Any, folder: Path, own_folder: bool):
+    isolation = None
+
+    def __init__(self, version: str, ffi: Any, handle: Any, folder: Path, own_folder: bool):
         self.handle = handle
         self.folder = folder
+        self._version = version
         self.users = 0
         self.open = True
         self._ffi = ffi
         self._own_folder = own_folder  # unpacked for this library alone
         self._kept = False
+
+    def instantiate(self, texts: tuple[str, str, str], log: fmi.Log, keep: list[Any]) -> Any:
+        """An instance, or NULL. `texts` = name, token, folder of resources as its version of FMI wants it; whatever must outlive the
+        instance is put into `keep`."""
+        if self._version == "3":
+            return fmi.instantiate3(self.handle, texts, log, keep)
+        return fmi.instantiate2(self.handle, _process(), texts, log, keep)
 
     def release(self) -> None:
         """One instance less."""
@@ -38,6 +50,18 @@ class Library:
             if self._own_folder:
                 _remove([self.folder])
 
+    def lost(self) -> str | None:
+        """How the FMU was lost, in words: in this process it is there as long as the process is."""
+        return None
+
+    def blamed(self, function: str) -> str:
+        """The function that failed, where `function` was called."""
+        return function
+
+    def misdeed(self) -> str:
+        """What is to be said about a call that failed, apart from its status."""
+        return ""
+
     def keep(self) -> None:
         """Never close it: after a Fatal nothing of it may be called any more, its destructors included."""
         self._kept = True
@@ -45,6 +69,14 @@ class Library:
 
 
 _KEPT: list[Library] = []
+_PROCESS: list[Any] = []
+
+
+def _process() -> Any:
+    """The C library with calloc and free."""
+    if not _PROCESS:
+        _PROCESS.append(fmi.ffi2.dlopen("ucrtbase.dll" if sys.platform == "win32" else None))
+    return _PROCESS[0]
 
 
 class FmuFile:
@@ -103,9 +135,31 @@ class FmuFile:
         if library is None or not library.open or self.description.only_once:
             self.check_platform()
             folder = self._unpack()
-            library = self._library = Library(self._ffi, self._load(folder), folder, self.description.only_once)
+            library = self._library = Library(
+                self.major, self._ffi, self._load(folder), folder, self.description.only_once
+            )
         library.users += 1
         return library
+
+    def isolated(self, isolation: Isolation) -> IsolatedLibrary:
+        """The library in a process of its own, for one instance. Raises FmuError, NoIsolation and Lost."""
+        self.check_platform()
+        folder = self._folder or self._unpack()
+        file = folder / self.binary
+        try:
+            check_library(file)
+            library = IsolatedLibrary(self.major, file, folder, isolation)
+        except NoIsolation:
+            raise
+        except (OSError, FmuError) as error:
+            raise FmuError(f"{self.path}: its library cannot be loaded: {error}") from None
+        if library.missing:
+            library.release()
+            raise FmuError(self._lacks(library.missing))
+        return library
+
+    def _lacks(self, missing: Iterable[str]) -> str:
+        return f"{self.path}: its library lacks {', '.join(missing)}, which Co-Simulation needs; build or export it again"
 
     def _load(self, folder: Path) -> Any:
         file = folder / self.binary
@@ -119,9 +173,7 @@ class FmuFile:
         missing = [name for name in fmi.required(self.major) if not hasattr(handle, name)]
         if missing:
             fmi.close(self._ffi, handle)
-            raise FmuError(
-                f"{self.path}: its library lacks {', '.join(missing)}, which Co-Simulation needs; build or export it again"
-            )
+            raise FmuError(self._lacks(missing))
         return handle
 
     def _unpack(self) -> Path:

@@ -1,39 +1,13 @@
-"""Ctrl-C held back until the master stands between two instants, and the progress bar."""
+"""The progress bar of a run."""
 
 from __future__ import annotations
 
-import signal
-import threading
 import time
-from types import FrameType, TracebackType
-from typing import TYPE_CHECKING, Any
+from types import TracebackType
+from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from rich.progress import Progress as Bar
-
-
-class HeldInterrupt:
-    """Inside the block the first Ctrl-C only sets `pending`; a second one interrupts at once. Does nothing outside the
-    main thread, or where the program has a handler of its own."""
-
-    def __init__(self) -> None:
-        self.pending = False
-        self._old: Any = None
-
-    def __enter__(self) -> HeldInterrupt:
-        mine = threading.current_thread() is threading.main_thread()
-        if mine and signal.getsignal(signal.SIGINT) is signal.default_int_handler:
-            self._old = signal.signal(signal.SIGINT, self._hold)
-        return self
-
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
-        if self._old is not None:
-            signal.signal(signal.SIGINT, self._old)
-
-    def _hold(self, number: int, frame: FrameType | None) -> None:
-        if self.pending:
-            signal.default_int_handler(number, frame)
-        self.pending = True
 
 
 class ProgressBar:

@@ -20,9 +20,10 @@ from cosim.errors import (
     TimeError,
     WiringError,
 )
+from cosim.interrupt import HeldInterrupt
 from cosim.master.exchange import Exchange, Phase
 from cosim.master.initialization import initialize
-from cosim.master.progress import HeldInterrupt, ProgressBar
+from cosim.master.progress import ProgressBar
 from cosim.master.state import SystemState
 from cosim.master.stops import Stop, StopCondition
 from cosim.recording import Recording

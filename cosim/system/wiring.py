@@ -9,13 +9,14 @@ from fractions import Fraction
 from pathlib import Path
 from typing import Any, Literal
 
-from build_fmus.checks import did_you_mean
+from build_fmus.checks import did_you_mean, unknown
 from build_fmus.units import UnitMismatchError, conversion
 from cosim.component import Component
 from cosim.description import Description, Variable
 from cosim.errors import WiringError
 from cosim.fmu.component import FmuComponent
 from cosim.fmu.file import FmuFile
+from cosim.fmu.isolation import Isolation
 from cosim.system.members import Connection, Group, Member, article
 from cosim.system.names import Members, elements, fits_any, glob
 from cosim.system.schedule import Schedule, make_schedule, unconnected
@@ -48,12 +49,16 @@ class Wiring:
         kind: Kind | None = None,
         parameters: Mapping[str, Any] | None = None,
         start: Mapping[str, Any] | None = None,
+        isolated: bool = False,
+        step_timeout: float | None = None,
+        memory_limit: int | None = None,
     ) -> Member:
         """Add a component: the path of an FMU, a loaded `Fmu` or any `Component`.
 
         `step` and `offset` [s] are exact: 0.001, "1/60", "10 ms". Without `step` a discrete component uses its sample
         time, a continuous one the step size of its default experiment. `kind` is needed only for discrete foreign FMUs
-        (they do not say it). `parameters` and `start` set variables by name before every initialization.
+        (they do not say it). `parameters` and `start` set variables by name before every initialization. `isolated`,
+        with `step_timeout` and `memory_limit`: as in `isolate`.
         """
         if not name or "." in name or any(c.isspace() for c in name):
             raise WiringError(f"a component's name may hold neither dots nor blanks: {name!r}")
@@ -76,7 +81,31 @@ class Wiring:
         member.set(parameters)
         member.set(start)
         self.members[name] = member
+        if isolated:
+            self.isolate(name, step_timeout=step_timeout, memory_limit=memory_limit)
+        elif step_timeout is not None or memory_limit is not None:
+            raise WiringError(f"component '{name}': step_timeout and memory_limit are limits of isolated FMUs (isolated=True)")
         return member
+
+    def isolate(self, *names: str, step_timeout: float | None = None, memory_limit: int | None = None) -> None:
+        """From the next initialization on, run these FMUs (names and patterns, `"*"` for all) each in a process of its own: a crash, a hang
+        or endless allocation there ends the run with ComponentError and hurts nothing else. Numbers stay the same.
+
+        `step_timeout`: wall time of one call [s], default 60; `memory_limit`: bytes that an FMU may allocate, default half of what the
+        machine has. Raises WiringError for names that there are not and for components that are no FMUs.
+        """
+        limits = Isolation(memory_limit=memory_limit)
+        if step_timeout is not None:
+            limits = replace(limits, step_timeout=step_timeout)
+        for pattern in names:
+            found = [m for m in self.members.values() if glob(pattern)(m.name)]
+            if not found:
+                raise WiringError(unknown("component", pattern, self.members))
+            for member in found:
+                if isinstance(member.component, FmuComponent):
+                    member.component.isolation = limits
+                elif member.name == pattern:
+                    raise WiringError(f"component '{pattern}' is no FMU, so it cannot be isolated")
 
     def _component(self, fmu: Any) -> Component:
         if isinstance(fmu, str | os.PathLike):

@@ -11,6 +11,7 @@
 #include "fmu_base.h"
 #include "fmu_core.h"
 #include "fmu_math.h"
+#include "environment.h"
 #include "system.h"
 
 #define STATE_MAGIC 0x53594d55u /* 'UMYS'; also tells a foreign byte order */
@@ -309,7 +310,7 @@ static void bind(FmuInstance *self) {
                             .index = p->index, .n_inputs = p->in_place ? 0 : p->n_inputs, .scale = p->scale, .offset = p->offset,
                             .lines = p->lines, .n_lines = p->n_lines, .u = own, .y = y, .first = p->first,
                             .n_outputs = p->n_outputs, .instance = m->instance, .flags = self->flags + 4 * i,
-                            .last = self->last + i, .no_set_prior = 0, .n_sets = p->n_sets, .n_gets = p->n_gets};
+                            .last = self->last + i, .foreign = p->folder != NULL, .no_set_prior = 0, .n_sets = p->n_sets, .n_gets = p->n_gets};
         if (p->version == 2) e->step2 = (EngineStep2)m->f2->DoStep;
         else e->step3 = (EngineStep3)m->f3->DoStep;
         bool direct = p->n_sets == 1 && p->n_gets == 1;
@@ -596,6 +597,7 @@ FmuStatus fmu_do_step(FmuInstance *self, const char *function, double time, doub
     e->b = s->b;
     e->d = s->d;
     e->tick = s->tick;
+    e->environment = environment_bits();
     engine_look_up(e, s->tick); /* arrived already */
     int result = engine_sample(e, now);
     if (!result) result = engine_advance(e, now);

@@ -1,0 +1,270 @@
+"""The process of one isolated FMU: started, asked, and lost with a sentence that says how."""
+
+from __future__ import annotations
+
+import contextlib
+import mmap
+import os
+import re
+import signal
+import socket
+import subprocess
+import sys
+import tempfile
+import weakref
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import cffi
+
+import cosim.fmu.calls as fmi
+from build_fmus.checks import number
+from build_fmus.compile import CompileError, ObjectCache, cache_directory, find_toolchain, host
+from cosim.errors import FmuError
+from cosim.fmu.environment import HEADER as ENVIRONMENT
+from cosim.fmu.environment import what_changed
+from cosim.interrupt import CANCELLERS
+
+_FOLDER = Path(__file__).parent
+_REGION = 64 * 2**20  # bytes; pages that nobody touches cost nothing
+_SPIN = 50.0  # microseconds for which the master looks for an answer before it sleeps
+
+_EXPORTED = """
+typedef void (*LinkLogger)(int status, const char *category, const char *text);
+typedef struct Link Link;
+void link_cancel(int yes);
+Link *link_open(void *memory, size_t size, bool shared, int fd, int pid, double timeout, double spin_us);
+void link_close(Link *l);
+int link_end(const Link *l);
+const char *link_failed(const Link *l);
+uint32_t link_environment(const Link *l);
+uint32_t link_no_memory(const Link *l);
+int link_load(Link *l, const char *library, const char *functions, int version);
+const char *link_said(const Link *l);
+bool link_instantiate(Link *l, const char *name, const char *token, const char *resources, LinkLogger log);
+"""
+
+
+class NoIsolation(FmuError):
+    """FMUs cannot be isolated on this machine; the message says why."""
+
+
+@dataclass(frozen=True)
+class Isolation:
+    """What an isolated FMU may take.
+
+    Args:
+        step_timeout: wall time of one call into the FMU [s]; None: any. What takes longer is ended.
+        memory_limit: bytes that it may allocate; None: half of what the machine has.
+        shared_memory: False: everything goes through a socket, as where there is no shared memory.
+    """
+
+    step_timeout: float | None = 60.0
+    memory_limit: int | None = None
+    shared_memory: bool = True
+
+    def __post_init__(self) -> None:
+        if self.step_timeout is not None:
+            number("step_timeout", self.step_timeout, "s", above=0.0)
+        if self.memory_limit is not None:
+            number("memory_limit", self.memory_limit, "bytes", least=2**20)
+
+    @property
+    def bytes(self) -> int:
+        """The memory that it may allocate."""
+        if self.memory_limit is not None:
+            return int(self.memory_limit)
+        return os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") // 2
+
+
+@lru_cache
+def _interface() -> tuple[cffi.FFI, Any, Path, Path]:
+    """Types, client library and its path, and the worker's program. Raises NoIsolation."""
+    if sys.platform == "win32":
+        raise NoIsolation("FMUs can be isolated on Linux and macOS only; run without isolated=True")
+    ffi = cffi.FFI()
+    header = re.sub(r"(?m)^#.*$", "", (_FOLDER / "link.h").read_text())
+    ffi.cdef(header + _EXPORTED)
+    try:
+        toolchain, cache = find_toolchain(host()), ObjectCache(cache_directory() / "isolation")
+        client = cache.library(toolchain, [_FOLDER / "client.c"], [_FOLDER], "client")
+        worker = cache.program(toolchain, [_FOLDER / "worker.c"], [_FOLDER, ENVIRONMENT.parent])
+        return ffi, ffi.dlopen(str(client)), client, worker
+    except (CompileError, OSError) as error:
+        raise NoIsolation(f"FMUs cannot be isolated here: {str(error).splitlines()[0]}") from error
+
+
+@lru_cache
+def _functions(version: str) -> Any:
+    """FMI's functions of the client library."""
+    return (fmi.ffi3 if version == "3" else fmi.ffi2).dlopen(str(_interface()[2]))
+
+
+def _cancel(yes: bool) -> None:
+    """Let go of all calls that this process is waiting for (yes), or let them be waited for again."""
+    if _interface.cache_info().currsize:
+        _interface()[1].link_cancel(yes)
+
+
+CANCELLERS.append(_cancel)
+
+
+class _Handle:
+    """An FMU's functions, those that its library has."""
+
+    def __init__(self, version: str, missing: frozenset[str]):
+        self._functions, self._missing = _functions(version), missing
+
+    def __getattr__(self, name: str) -> Any:
+        if name in self._missing:
+            raise AttributeError(name)
+        return getattr(self._functions, name)
+
+
+class IsolatedLibrary:
+    """The library of an FMU in a process of its own, for one instance.
+
+    Raises FmuError where it cannot be loaded, NoIsolation where nothing can be isolated, and `Lost` where it ends its process.
+    """
+
+    def __init__(self, version: str, library: Path, folder: Path, isolation: Isolation):
+        self.folder = folder
+        self.isolation = isolation
+        self._version = version
+        self._last_words: tuple[str | None, str, str] | None = None  # of `lost`, `blamed` and `misdeed`, once it is released
+        ffi, client, _, worker = _interface()
+        self._ffi, self._client = ffi, client
+        limit = isolation.bytes
+        memory = _shared_memory() if isolation.shared_memory else None
+        ours, theirs = socket.socketpair()
+        with contextlib.ExitStack() as stack:
+            stack.callback(theirs.close)
+            given = [theirs.fileno()]
+            if memory is not None:
+                stack.callback(os.close, memory)
+                given.append(memory)
+            arguments = [theirs.fileno(), -1 if memory is None else memory, _REGION, limit, os.getpid()]
+            try:
+                self._process = subprocess.Popen(
+                    [str(worker), *map(str, arguments)], pass_fds=given, stdin=subprocess.DEVNULL, start_new_session=True
+                )
+            except OSError as error:
+                ours.close()
+                raise NoIsolation(f"cannot start a process for an FMU: {error.strerror or error}") from None
+            region = mmap.mmap(-1 if memory is None else memory, _REGION)
+        self._buffer = ffi.from_buffer(region)
+        self._socket = ours
+        spin = _SPIN if (os.cpu_count() or 1) > 1 else 0.0
+        self._link = client.link_open(
+            self._buffer, _REGION, memory is not None, ours.fileno(), self._process.pid, isolation.step_timeout or 0.0, spin
+        )
+        self._finalizer = weakref.finalize(self, _end, self._process, ours, self._ffi, client, self._link, [self._buffer, region])
+        result = client.link_load(self._link, os.fsencode(library), " ".join(fmi.declared(version)).encode(), int(version))
+        if result:
+            lost = self.lost()
+            said = "" if result < 0 else self._said()
+            self.release()
+            raise Lost(lost) if lost else FmuError(said)
+        missing = frozenset(self._said().split())
+        self.missing = [name for name in fmi.required(version) if name in missing]
+        self.handle = _Handle(version, missing)
+
+    def _said(self) -> str:
+        return fmi.text(self._ffi, self._client.link_said(self._link))
+
+    def instantiate(self, texts: tuple[str, str, str], log: fmi.Log, keep: list[Any]) -> Any:
+        """The instance, or NULL. `texts` = name, token, folder of resources as this version of FMI wants it."""
+        ffi = self._ffi
+
+        @ffi.callback("LinkLogger", onerror=fmi._quiet)
+        def logger(status: int, category: Any, message: Any) -> None:
+            log(status, fmi.text(ffi, category), fmi.text(ffi, message))
+
+        keep.append(logger)
+        there = self._client.link_instantiate(self._link, *(t.encode() for t in texts), logger)
+        types = fmi.ffi3 if self._version == "3" else fmi.ffi2
+        return types.cast("Component", int(ffi.cast("uintptr_t", self._link)) if there else 0)
+
+    def lost(self) -> str | None:
+        """How the FMU was lost, in words; None: it is there."""
+        if self._last_words is not None:
+            return self._last_words[0]
+        client = self._client
+        end = client.link_end(self._link)
+        if end == client.LINK_ALIVE:
+            return None
+        if end == client.LINK_TOO_SLOW:
+            return f"it did not come back within step_timeout = {self.isolation.step_timeout:g} s, and its process was ended"
+        if end == client.LINK_CANCELLED:
+            return "it was waited for no longer, and its process was ended"
+        if end == client.LINK_LIED:
+            return "its process spoiled what it shares with the master, and was ended"
+        try:
+            code = self._process.wait(0.5)
+        except subprocess.TimeoutExpired:
+            return "it closed the connection of its process, which was ended"
+        text = f"its process ended itself with exit code {code}"
+        if code < 0:
+            text = f"its process was ended by signal {-code} ({signal.strsignal(-code) or 'unknown'})"
+        if client.link_no_memory(self._link):
+            text += f"; it had used up its memory_limit of {self.isolation.bytes / 1e6:,.0f} MB"
+        return text
+
+    def blamed(self, function: str) -> str:
+        """The function that failed, where `function` was called: values that are set travel with the step after them."""
+        name = self._last_words[1] if self._last_words else fmi.text(self._ffi, self._client.link_failed(self._link))
+        return name.removeprefix(f"fmi{self._version}") or function
+
+    def misdeed(self) -> str:
+        """What is to be said about a call that failed, apart from its status."""
+        if self._last_words is not None:
+            return self._last_words[2]
+        client = self._client
+        changed = client.link_environment(self._link)
+        if changed:
+            return f"it changed {what_changed(changed)}"
+        if client.link_no_memory(self._link):
+            return f"it has used up its memory_limit of {self.isolation.bytes / 1e6:,.0f} MB"
+        return ""
+
+    def release(self) -> None:
+        """End the process."""
+        if self._last_words is None:
+            self._last_words = self.lost(), self.blamed(""), self.misdeed()
+            self._finalizer()
+
+
+class Lost(Exception):  # noqa: N818
+    """An isolated FMU was lost; the argument says how."""
+
+
+def _end(process: Any, ours: socket.socket, ffi: Any, client: Any, link: Any, keep: list[Any]) -> None:
+    ours.close()  # which ends it, if it listens
+    try:
+        process.wait(0.0)
+    except subprocess.TimeoutExpired:
+        process.kill()
+        process.wait()
+    client.link_close(link)
+    buffer, region = keep
+    ffi.release(buffer)
+    with contextlib.suppress(BufferError):
+        region.close()
+
+
+def _shared_memory() -> int | None:
+    """File descriptor of memory that two processes can share; None: there is none to be had."""
+    try:
+        if hasattr(os, "memfd_create"):
+            descriptor = os.memfd_create("cosim")
+        else:
+            descriptor, name = tempfile.mkstemp(prefix="cosim-")
+            os.unlink(name)
+        os.ftruncate(descriptor, _REGION)
+    except OSError:
+        return None
+    return descriptor
+
+

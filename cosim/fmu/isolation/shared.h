@@ -1,0 +1,103 @@
+/* The region of memory behind link.h, for the two C files that use it. */
+#ifndef SHARED_H
+#define SHARED_H
+
+#if !defined(_GNU_SOURCE)
+#define _GNU_SOURCE /* for what POSIX and Linux have beyond C11 */
+#endif
+
+#include "link.h"
+
+#include <errno.h>
+#include <poll.h>
+#include <sched.h>
+#include <stdatomic.h>
+#include <string.h>
+#include <sys/socket.h>
+#include <time.h>
+#include <unistd.h>
+
+#if !defined(MSG_NOSIGNAL)
+#define MSG_NOSIGNAL 0 /* macOS; both sides ignore SIGPIPE */
+#endif
+
+typedef struct {
+    _Alignas(64) _Atomic uint32_t request;
+    _Atomic uint32_t worker_waits;
+    _Alignas(64) _Atomic uint32_t reply;
+    _Atomic uint32_t master_waits;
+    _Alignas(64) uint32_t op;
+    uint32_t n_sets;            /* records in the request area that are set before anything else */
+    double t, h;
+    uint64_t a, b;              /* other arguments, and what is answered to them */
+    uint64_t request_used, reply_used, results_used, log_used; /* bytes of the areas */
+    uint64_t log_lost;          /* messages for which there was no room */
+    uint32_t status;
+    uint32_t failed;            /* 0: the call itself, k > 0: the k-th of the records that are set before it */
+    uint32_t missing;           /* the library does not have that function */
+    uint32_t environment;       /* what it changed: environment.h */
+    uint32_t no_memory;         /* the limit is reached */
+    bool flags[4];              /* event, (not used), terminate, early */
+    double last;
+} Head;
+
+typedef struct {
+    Head *head;
+    char *log, *request, *reply, *results;
+    size_t area;                /* bytes of each of the last three */
+} Region;
+
+#define ALIGNED(n) (((size_t)(n) + 7) & ~(size_t)7)
+
+static inline bool region_of(Region *r, void *memory, size_t size) {
+    const size_t head = (sizeof(Head) + 63) & ~(size_t)63;
+    if (size < head + LINK_LOG + 3 * 4096) return false;
+    r->head = memory;
+    r->log = (char *)memory + head;
+    r->area = (size - head - LINK_LOG) / 3 & ~(size_t)63;
+    r->request = r->log + LINK_LOG;
+    r->reply = r->request + r->area;
+    r->results = r->reply + r->area;
+    return true;
+}
+
+static inline size_t value_size(uint32_t type) {
+    static const unsigned char size[LINK_TYPES] = {8, 4, 4, 0, 8, 4, 1, 1, 2, 2, 4, 4, 8, 8, sizeof(bool), 0};
+    return type < LINK_TYPES ? size[type] : 0;
+}
+
+static inline int64_t now_ns(void) {
+    struct timespec t;
+    clock_gettime(CLOCK_MONOTONIC, &t);
+    return (int64_t)t.tv_sec * 1000000000 + t.tv_nsec;
+}
+
+static inline void breathe(void) {
+#if defined(__x86_64__) || defined(__i386__)
+    __builtin_ia32_pause();
+#elif defined(__aarch64__)
+    __asm__ volatile("yield");
+#endif
+}
+
+/* Look for another value of a number than `old`, for `ns` nanoseconds; soon with a place for others on this core, since there may be
+ * more processes that look than cores. */
+static inline bool spin(const _Atomic uint32_t *number, uint32_t old, int64_t ns) {
+    for (int i = 0; i < 64; i++) {
+        if (atomic_load_explicit(number, memory_order_acquire) != old) return true;
+        breathe();
+    }
+    for (const int64_t end = ns > 0 ? now_ns() + ns : 0; ns > 0 && now_ns() < end; sched_yield())
+        for (int i = 0; i < 8; i++) {
+            if (atomic_load_explicit(number, memory_order_acquire) != old) return true;
+            breathe();
+        }
+    return false;
+}
+
+/* One byte for whoever waits at the other end; false: it is gone. When there is no room, enough bytes are there. */
+static inline bool ring(int fd) {
+    return send(fd, "", 1, MSG_DONTWAIT | MSG_NOSIGNAL) >= 0 || errno == EAGAIN || errno == EINTR;
+}
+
+#endif

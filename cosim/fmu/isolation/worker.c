@@ -1,0 +1,511 @@
+/* The process of one isolated FMU: loads its library and does, one after the other, the calls that the master hands over.
+ *
+ *     worker SOCKET MEMORY SIZE LIMIT PARENT
+ *
+ * SOCKET and MEMORY are inherited file descriptors (MEMORY -1: everything travels through the socket), SIZE the bytes of the region,
+ * LIMIT the bytes that the FMU may allocate (0: any), PARENT the process without which this one ends. */
+#include "shared.h"
+
+#include "environment.h"
+
+#include <dlfcn.h>
+#include <pthread.h>
+#include <signal.h>
+#include <stdarg.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <sys/mman.h>
+#include <sys/resource.h>
+
+enum { SPIN_NS = 100000, LARGEST_SUCCESS = LINK_WARNING, SAMPLE = 1 << 22 };
+
+typedef struct { void *logger, *allocate, *release, *finished, *environment; } Callbacks2;
+
+typedef struct {
+    uint32_t type, n_references;
+    uint64_t n_values;
+    uint32_t *references;
+} Planned;
+
+static Region region;
+static bool shared;
+static int bell, version;
+static pid_t parent;
+static rlim_t limit;
+static void *library, *instance;
+static void *setters[LINK_TYPES], *getters[LINK_TYPES], *do_step;
+static Planned plan[LINK_PLANNED];
+static int n_plan;
+static char *blob;
+static size_t blob_size;
+
+/* ------------------------------------------------------------------ the FMU's surroundings */
+
+static uint32_t expected;
+
+static void restore_environment(void) { region.head->environment |= environment_restore(expected); }
+
+/* Whether nothing more can be allocated. Also called where a signal has ended the FMU. */
+static bool no_memory(void) {
+    if (!limit) return false;
+    void *p = mmap(NULL, SAMPLE, PROT_READ | PROT_WRITE, MAP_PRIVATE | MAP_ANONYMOUS, -1, 0);
+    if (p == MAP_FAILED) return true;
+    munmap(p, SAMPLE);
+    return false;
+}
+
+static void dying(int number) {
+    if (shared) region.head->no_memory = no_memory();
+    signal(number, SIG_DFL);
+    raise(number);
+}
+
+static void catch_signals(void) {
+    static char stack[1 << 16];
+    const stack_t own = {.ss_sp = stack, .ss_size = sizeof stack};
+    struct sigaction act = {.sa_handler = dying, .sa_flags = SA_ONSTACK | SA_NODEFER | SA_RESETHAND};
+    sigaltstack(&own, NULL);
+    sigaction(SIGSEGV, &act, NULL);
+    sigaction(SIGBUS, &act, NULL);
+    sigaction(SIGABRT, &act, NULL);
+    signal(SIGINT, SIG_IGN); /* Ctrl-C is the master's */
+    signal(SIGPIPE, SIG_IGN);
+}
+
+static rlim_t used_memory(void) {
+    rlim_t pages = 0;
+#if defined(__linux__)
+    FILE *file = fopen("/proc/self/statm", "r"); /* size resident shared text lib data */
+    if (file) {
+        unsigned long long data = 0;
+        if (fscanf(file, "%*u %*u %*u %*u %*u %llu", &data) == 1) pages = (rlim_t)data;
+        fclose(file);
+    }
+#endif
+    return pages * (rlim_t)sysconf(_SC_PAGESIZE);
+}
+
+static void limit_memory(void) {
+    if (!limit) return;
+    const rlim_t most = used_memory() + limit;
+    const struct rlimit r = {most, most};
+    setrlimit(RLIMIT_DATA, &r);
+#if !defined(__linux__)
+    setrlimit(RLIMIT_AS, &r);
+#endif
+}
+
+/* Ends the process when the master is gone, whatever the FMU does meanwhile. */
+static void *watch(void *nothing) {
+    (void)nothing;
+    for (;;) {
+        struct pollfd gone = {bell, 0, 0};
+        if (poll(&gone, 1, 500) > 0 || getppid() != parent) _exit(0);
+    }
+}
+
+/* ------------------------------------------------------------------ messages */
+
+static void say(int status, const char *category, const char *text) {
+    Head *h = region.head;
+    const size_t first = strnlen(category, 255), second = strnlen(text, 8191), need = 4 + first + 1 + second + 1;
+    if (need > LINK_LOG - h->log_used) {
+        h->log_lost++;
+        return;
+    }
+    char *p = region.log + h->log_used;
+    memcpy(p, &(int32_t){status}, 4);
+    memcpy(p + 4, category, first);
+    p[4 + first] = 0;
+    memcpy(p + 4 + first + 1, text, second);
+    p[need - 1] = 0;
+    h->log_used += need;
+}
+
+static void say2(void *environment, const char *name, int status, const char *category, const char *format, ...) {
+    static char text[8192];
+    va_list arguments;
+    (void)environment, (void)name;
+    va_start(arguments, format);
+    vsnprintf(text, sizeof text, format ? format : "", arguments);
+    va_end(arguments);
+    say(status, category ? category : "", text);
+}
+
+static void say3(void *environment, int status, const char *category, const char *text) {
+    (void)environment;
+    say(status, category ? category : "", text ? text : "");
+}
+
+/* ------------------------------------------------------------------ loading */
+
+static void *function(const char *name) {
+    char full[80];
+    snprintf(full, sizeof full, "fmi%d%s", version, name);
+    void *found = dlsym(library, full);
+    if (!found) region.head->missing = 1;
+    return found;
+}
+
+static void find_values(void) {
+    static const char *names[LINK_TYPES] = {"Real", "Integer", "Boolean", "String", "Float64", "Float32", "Int8", "UInt8", "Int16", "UInt16", "Int32", "UInt32", "Int64", "UInt64", "Boolean", "String"};
+    for (int i = version == 2 ? LINK_Real : LINK_Float64; i < (version == 2 ? LINK_Float64 : LINK_TYPES); i++) {
+        char full[40];
+        snprintf(full, sizeof full, "Set%s", names[i]);
+        setters[i] = function(full);
+        snprintf(full, sizeof full, "Get%s", names[i]);
+        getters[i] = function(full);
+    }
+    do_step = function("DoStep");
+}
+
+/* The library, then the names that must be in it, all with their ends. */
+static uint32_t load(void) {
+    const char *path = region.request, *names = path + strlen(path) + 1;
+    version = (int)region.head->a;
+    limit_memory();
+    library = dlopen(path, RTLD_NOW | RTLD_LOCAL);
+    if (!library) {
+        snprintf(region.reply, 4096, "%s", dlerror());
+        region.head->reply_used = strlen(region.reply) + 1;
+        return LINK_ERROR;
+    }
+    char *out = region.reply;
+    for (const char *p = names; *p;) { /* separated by blanks */
+        char name[80];
+        const size_t n = strcspn(p, " ");
+        snprintf(name, sizeof name, "%.*s", (int)n, p);
+        if (!dlsym(library, name)) out += snprintf(out, sizeof name + 1, "%s ", name);
+        p += n + strspn(p + n, " ");
+    }
+    *out = 0;
+    region.head->reply_used = (size_t)(out - region.reply) + 1;
+    find_values();
+    region.head->missing = 0;
+    environment_restore(expected); /* some libraries change it when they are loaded: -ffast-math does */
+    return LINK_OK;
+}
+
+static uint32_t instantiate(void) {
+    const char *name = region.request, *token = name + strlen(name) + 1, *resources = token + strlen(token) + 1;
+    void *make = function(version == 2 ? "Instantiate" : "InstantiateCoSimulation");
+    if (!make) return LINK_ERROR;
+    if (version == 2) {
+        static Callbacks2 callbacks;
+        callbacks = (Callbacks2){(void *)say2, (void *)calloc, (void *)free, NULL, NULL};
+        instance = ((void *(*)(const char *, int, const char *, const char *, const Callbacks2 *, int, int))make)(name, 1, token, resources, &callbacks, 0, 1);
+    } else {
+        instance = ((void *(*)(const char *, const char *, const char *, bool, bool, bool, bool, const uint32_t *, size_t, void *, void *, void *))make)(
+            name, token, resources, false, true, false, false, NULL, 0, NULL, (void *)say3, NULL);
+    }
+    return instance ? LINK_OK : LINK_ERROR;
+}
+
+/* ------------------------------------------------------------------ values */
+
+static char *after(const LinkValues *v, size_t bytes) {
+    return (char *)(v + 1) + ALIGNED((size_t)v->n_references * 4) + ALIGNED(bytes);
+}
+
+static uint32_t call_values(void *call, const uint32_t *references, size_t n, void *values, size_t n_values) {
+    if (version == 2) return ((uint32_t(*)(void *, const uint32_t *, size_t, void *))call)(instance, references, n, values);
+    return ((uint32_t(*)(void *, const uint32_t *, size_t, void *, size_t))call)(instance, references, n, values, n_values);
+}
+
+static bool text(uint32_t type) { return type == LINK_String2 || type == LINK_String3; }
+
+/* Sets what a record says, and moves on to the next one. */
+static uint32_t set_record(const char **at) {
+    const LinkValues *v = (const LinkValues *)(const void *)*at;
+    char *values = after(v, 0);
+    if (!text(v->type)) {
+        *at = values + ALIGNED(v->n_values * value_size(v->type));
+        return setters[v->type] ? call_values(setters[v->type], (uint32_t *)(void *)(v + 1), v->n_references, values, v->n_values) : LINK_ERROR;
+    }
+    const char **texts = calloc(v->n_values + 1, sizeof *texts);
+    if (!texts || !setters[v->type]) return free(texts), LINK_ERROR;
+    char *p = values;
+    for (size_t i = 0; i < v->n_values; i++) texts[i] = p, p += strlen(p) + 1;
+    *at = values + ALIGNED(p - values);
+    const uint32_t status = call_values(setters[v->type], (uint32_t *)(void *)(v + 1), v->n_references, texts, v->n_values);
+    free(texts);
+    return status;
+}
+
+static uint32_t get_record(const char *at) {
+    const LinkValues *v = (const LinkValues *)(const void *)at;
+    uint32_t *references = (uint32_t *)(void *)(v + 1);
+    if (!getters[v->type]) return region.head->missing = 1, LINK_ERROR;
+    if (!text(v->type)) {
+        region.head->reply_used = v->n_values * value_size(v->type);
+        return call_values(getters[v->type], references, v->n_references, region.reply, v->n_values);
+    }
+    const char **texts = calloc(v->n_values + 1, sizeof *texts);
+    if (!texts) return LINK_ERROR;
+    const uint32_t status = call_values(getters[v->type], references, v->n_references, texts, v->n_values);
+    size_t used = 0;
+    for (size_t i = 0; status <= LARGEST_SUCCESS && i < v->n_values; i++) {
+        const char *found = texts[i] ? texts[i] : "";
+        const size_t n = strnlen(found, region.area - used);
+        if (n == region.area - used) break;
+        memcpy(region.reply + used, found, n);
+        region.reply[used + n] = 0;
+        used += n + 1;
+    }
+    region.head->reply_used = used;
+    free(texts);
+    return status;
+}
+
+static uint32_t learn(const char *at) {
+    for (int i = 0; i < n_plan; i++) free(plan[i].references);
+    n_plan = 0;
+    for (uint64_t i = 0; i < region.head->a && i < LINK_PLANNED; i++) {
+        const LinkValues *v = (const LinkValues *)(const void *)at;
+        uint32_t *references = malloc(v->n_references * 4 + 4);
+        if (!references) return LINK_ERROR;
+        memcpy(references, v + 1, (size_t)v->n_references * 4);
+        plan[n_plan++] = (Planned){v->type, v->n_references, v->n_values, references};
+        at = after(v, 0);
+    }
+    return LINK_OK;
+}
+
+static uint32_t step(void) {
+    Head *h = region.head;
+    const bool prior = h->a != 0;
+    uint32_t status;
+    memset(h->flags, 0, sizeof h->flags);
+    h->last = h->t;
+    if (version == 2) {
+        status = ((uint32_t(*)(void *, double, double, int))do_step)(instance, h->t, h->h, prior);
+    } else {
+        bool event = false, terminate = false, early = false;
+        double last = h->t;
+        status = ((uint32_t(*)(void *, double, double, bool, bool *, bool *, bool *, double *))do_step)(instance, h->t, h->h, prior, &event, &terminate, &early, &last);
+        h->flags[0] = event, h->flags[2] = terminate, h->flags[3] = early;
+        h->last = last;
+    }
+    restore_environment();
+    if (status > LARGEST_SUCCESS) return status;
+    char *p = region.results;
+    for (int i = 0; i < n_plan; i++) {
+        const Planned *g = &plan[i];
+        const uint32_t one = call_values(getters[g->type], g->references, g->n_references, p + 8, g->n_values);
+        memcpy(p, &one, 4);
+        p += 8 + ALIGNED(g->n_values * value_size(g->type));
+    }
+    h->results_used = (size_t)(p - region.results);
+    return status;
+}
+
+/* ------------------------------------------------------------------ the calls */
+
+#define CALL(name, parameters, arguments)                               \
+    do {                                                                \
+        void *const f_ = function(name);                                \
+        return f_ ? ((uint32_t(*) parameters)f_)arguments : LINK_ERROR; \
+    } while (0)
+#define NAMED(two, three) (version == 2 ? (two) : (three))
+
+static uint32_t enter(const double *given) {
+    const int has_tolerance = given[0] != 0, has_stop = given[3] != 0;
+    if (version == 2) CALL("SetupExperiment", (void *, int, double, double, int, double), (instance, has_tolerance, given[1], given[2], has_stop, given[4]));
+    CALL("EnterInitializationMode", (void *, bool, double, double, bool, double), (instance, has_tolerance, given[1], given[2], has_stop, given[4]));
+}
+
+static uint32_t free_instance(void) {
+    void *f = function("FreeInstance");
+    if (f && instance) ((void (*)(void *))f)(instance);
+    instance = NULL;
+    return LINK_OK;
+}
+
+static uint32_t a_state(const char *name, bool by_address) {
+    void *state = (void *)(uintptr_t)region.head->a;
+    void *f = function(name);
+    if (!f) return LINK_ERROR;
+    const uint32_t status = by_address ? ((uint32_t(*)(void *, void **))f)(instance, &state) : ((uint32_t(*)(void *, void *))f)(instance, state);
+    region.head->a = (uint64_t)(uintptr_t)state;
+    return status;
+}
+
+static uint32_t state_size(void) {
+    size_t size = 0;
+    void *f = function(NAMED("SerializedFMUstateSize", "SerializedFMUStateSize"));
+    if (!f) return LINK_ERROR;
+    const uint32_t status = ((uint32_t(*)(void *, void *, size_t *))f)(instance, (void *)(uintptr_t)region.head->a, &size);
+    region.head->a = size;
+    return status;
+}
+
+static bool room(size_t size) {
+    if (size <= blob_size) return true;
+    char *bigger = realloc(blob, size);
+    if (!bigger) return false;
+    blob = bigger;
+    blob_size = size;
+    return true;
+}
+
+static uint32_t serialize(void) {
+    if (!room(region.head->b)) return say(LINK_ERROR, "", "no memory for its serialized state"), LINK_ERROR;
+    CALL(NAMED("SerializeFMUstate", "SerializeFMUState"), (void *, void *, char *, size_t), (instance, (void *)(uintptr_t)region.head->a, blob, region.head->b));
+}
+
+static uint32_t deserialize(void) {
+    void *state = NULL, *f = function(NAMED("DeSerializeFMUstate", "DeserializeFMUState"));
+    if (!f || !room(region.head->b)) return LINK_ERROR;
+    const uint32_t status = ((uint32_t(*)(void *, const char *, size_t, void **))f)(instance, blob, region.head->b, &state);
+    region.head->a = (uint64_t)(uintptr_t)state;
+    return status;
+}
+
+static uint32_t derivative(void) {
+    const LinkValues *by = (const LinkValues *)(const void *)region.request;
+    const double *seed = (const double *)(const void *)after(by, 0);
+    const LinkValues *of = (const LinkValues *)(const void *)after(by, by->n_values * 8);
+    double *result = (double *)(void *)region.reply;
+    region.head->reply_used = of->n_values * 8;
+    const uint32_t *r_of = (const uint32_t *)(of + 1), *r_by = (const uint32_t *)(by + 1);
+    if (version == 2) CALL("GetDirectionalDerivative", (void *, const uint32_t *, size_t, const uint32_t *, size_t, const double *, double *), (instance, r_of, of->n_references, r_by, by->n_references, seed, result));
+    CALL("GetDirectionalDerivative", (void *, const uint32_t *, size_t, const uint32_t *, size_t, const double *, size_t, double *, size_t),
+         (instance, r_of, of->n_references, r_by, by->n_references, seed, by->n_values, result, of->n_values));
+}
+
+static uint32_t tell_status(void) {
+    const int kind = (int)region.head->a;
+    int yes = 0;
+    uint32_t status;
+    void *f = function(region.head->b ? "GetBooleanStatus" : "GetRealStatus");
+    if (!f) return LINK_ERROR;
+    if (region.head->b) status = ((uint32_t(*)(void *, int, int *))f)(instance, kind, &yes);
+    else status = ((uint32_t(*)(void *, int, double *))f)(instance, kind, &region.head->last);
+    region.head->a = yes != 0;
+    return status;
+}
+
+static uint32_t plain(const char *name) { CALL(name, (void *), (instance)); }
+
+static uint32_t dispatch(const char *rest) {
+    Head *h = region.head;
+    switch ((LinkOp)h->op) {
+        case LINK_LOAD: return load();
+        case LINK_INSTANTIATE: return instantiate();
+        case LINK_FREE: return free_instance();
+        case LINK_SETUP: return enter((const double *)(const void *)rest);
+        case LINK_ENTER: return version == 2 ? plain("EnterInitializationMode") : enter((const double *)(const void *)rest);
+        case LINK_EXIT: return plain("ExitInitializationMode");
+        case LINK_TERMINATE: return plain("Terminate");
+        case LINK_RESET: n_plan = 0; return plain("Reset");
+        case LINK_SET: return LINK_OK; /* all that was to be set is */
+        case LINK_GET: return get_record(rest);
+        case LINK_PLAN: return learn(rest);
+        case LINK_STEP: return step();
+        case LINK_STATUS: return tell_status();
+        case LINK_GET_STATE: return a_state(NAMED("GetFMUstate", "GetFMUState"), true);
+        case LINK_SET_STATE: return a_state(NAMED("SetFMUstate", "SetFMUState"), false);
+        case LINK_FREE_STATE: return a_state(NAMED("FreeFMUstate", "FreeFMUState"), true);
+        case LINK_STATE_SIZE: return state_size();
+        case LINK_SERIALIZE: return serialize();
+        case LINK_DESERIALIZE: return deserialize();
+        case LINK_READ_BYTES:
+            memcpy(region.reply, blob + h->a, h->b);
+            h->reply_used = h->b;
+            return LINK_OK;
+        case LINK_WRITE_BYTES:
+            if (!room(h->b)) return LINK_ERROR;
+            memcpy(blob + h->a, region.request, h->request_used);
+            return LINK_OK;
+        case LINK_DERIVATIVE: return derivative();
+    }
+    return LINK_ERROR;
+}
+
+static void work(void) {
+    Head *h = region.head;
+    const char *at = region.request;
+    uint32_t status = LINK_OK, failed = 0;
+    for (uint32_t i = 0; i < h->n_sets && status <= LARGEST_SUCCESS; i++) {
+        status = set_record(&at);
+        failed = i + 1;
+    }
+    if (status <= LARGEST_SUCCESS) {
+        status = dispatch(at);
+        failed = 0;
+    }
+    h->failed = failed;
+    h->status = status;
+    restore_environment();
+    if (status > LARGEST_SUCCESS) h->no_memory = no_memory();
+}
+
+/* ------------------------------------------------------------------ the loop */
+
+static bool read_all(void *to, size_t n) {
+    for (char *p = to; n > 0;) {
+        const ssize_t done = read(bell, p, n);
+        if (done == 0 || (done < 0 && errno != EINTR)) return false;
+        if (done > 0) p += done, n -= (size_t)done;
+    }
+    return true;
+}
+
+static bool write_all(const void *bytes, size_t n) {
+    for (const char *p = bytes; n > 0;) {
+        const ssize_t done = write(bell, p, n);
+        if (done < 0 && errno != EINTR) return false;
+        if (done > 0) p += done, n -= (size_t)done;
+    }
+    return true;
+}
+
+static void serve_memory(int64_t spin_ns) {
+    Head *h = region.head;
+    for (uint32_t seen = 0;;) {
+        if (!spin(&h->request, seen, spin_ns)) {
+            atomic_store(&h->worker_waits, 1);
+            while (atomic_load(&h->request) == seen) {
+                char rung[64];
+                if (read(bell, rung, sizeof rung) == 0) return;
+            }
+            atomic_store(&h->worker_waits, 0);
+        }
+        seen = atomic_load(&h->request);
+        work();
+        atomic_fetch_add(&h->reply, 1);
+        if (atomic_load(&h->master_waits) && !ring(bell)) return;
+    }
+}
+
+static void serve_socket(void) {
+    Head *h = region.head;
+    while (read_all(h, sizeof *h) && h->request_used <= region.area && read_all(region.request, h->request_used)) {
+        work();
+        if (!write_all(h, sizeof *h) || !write_all(region.log, h->log_used) ||
+            !write_all(region.reply, h->reply_used) || !write_all(region.results, h->results_used))
+            return;
+    }
+}
+
+int main(int n, char **argument) {
+    if (n != 6) return 2;
+    bell = atoi(argument[1]);
+    const int memory = atoi(argument[2]);
+    const size_t size = strtoull(argument[3], NULL, 10);
+    limit = (rlim_t)strtoull(argument[4], NULL, 10);
+    parent = (pid_t)atoi(argument[5]);
+    shared = memory >= 0;
+    void *p = mmap(NULL, size, PROT_READ | PROT_WRITE, shared ? MAP_SHARED : MAP_PRIVATE | MAP_ANONYMOUS, memory, 0);
+    if (p == MAP_FAILED || !region_of(&region, p, size)) return 2;
+    expected = environment_bits();
+    catch_signals();
+    pthread_t watcher;
+    pthread_attr_t small;
+    pthread_attr_init(&small);
+    pthread_attr_setstacksize(&small, 1 << 16);
+    if (pthread_create(&watcher, &small, watch, NULL)) return 2;
+    if (shared) serve_memory(sysconf(_SC_NPROCESSORS_ONLN) > 1 ? SPIN_NS : 0);
+    else serve_socket();
+    _exit(0); /* the FMU's destructors have nothing to say any more */
+}

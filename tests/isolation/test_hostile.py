@@ -1,0 +1,148 @@
+"""Hostile FMUs in processes of their own: the host lives, the error names component, function and time, and what was recorded is there."""
+
+from __future__ import annotations
+
+import re
+import warnings
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from foreign.hostile import ENDS, HARMLESS, LIES, PHASES, STEPPING, build
+
+from cosim import ComponentError, CosimError, EngineChoice, ProcessLostWarning, System
+
+VERSIONS = (2, 3)
+PATIENCE = 0.3  # s, of a call
+FUNCTIONS = {
+    "load": "loading its library", "instantiate": "fmi.Instantiate", "enter": "fmi.(SetupExperiment|EnterInitializationMode)",
+    "exit": "fmi.ExitInitializationMode", "set": "fmi.Set(Real|Float64)", "step": "fmi.DoStep",
+    "get": "fmi.(Get(Real|Float64)|DoStep)", "terminate": "fmi.Terminate", "free": "fmi.FreeInstance", "save": "fmi.GetFMU[sS]tate",
+    "restore": "fmi.SetFMU[sS]tate", "size": "fmi.SerializedFMU[sS]tateSize", "serialize": "fmi.SerializeFMU[sS]tate",
+    "deserialize": "fmi.De[sS]erializeFMU[sS]tate",
+}  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("hostile")
+
+
+@pytest.fixture
+def system(folder: Path) -> Iterator[System]:
+    with System() as made:
+        yield made
+
+
+def wired(system: System, path: Path, **limits: object) -> System:
+    """The FMU between two that do nothing wrong."""
+    good = build(2, path.parent, "step", "nothing")
+    system.add("before", good)
+    system.add("bad", path, isolated=True, **{"step_timeout": PATIENCE, "memory_limit": 100_000_000, **limits})  # type: ignore[arg-type]
+    system.add("after", good)
+    system.connect("before.y", "bad.u")
+    system.connect("bad.y", "after.u")
+    return system
+
+
+def run(system: System, engine: EngineChoice = "auto") -> None:
+    system.run(0.02, record=["before.y", "bad.y", "after.y"], engine=engine, allow_unconnected=True)
+
+
+def words(deed: str) -> str:
+    return {**ENDS, **LIES}[deed]
+
+
+def check(error: ComponentError, phase: str, deed: str) -> None:
+    assert error.component == "bad"
+    assert re.search(words(deed), str(error)), error
+    assert re.search(FUNCTIONS[phase], error.function), error
+    if deed in ENDS:
+        assert error.status == "lost"
+    if phase == "step":
+        assert error.time == pytest.approx(0.009)
+        assert error.recording is not None
+        assert error.recording["bad.y"][:9].tolist() == pytest.approx([*range(9)], abs=0.1)
+
+
+@pytest.mark.parametrize("version", VERSIONS)
+@pytest.mark.parametrize("deed", [*ENDS, *LIES])
+@pytest.mark.parametrize("engine", ["compiled", "python"])
+def test_a_bad_deed_in_a_step_is_an_error_that_names_it(
+    system: System, folder: Path, version: int, deed: str, engine: EngineChoice
+) -> None:
+    with pytest.raises(ComponentError) as caught:
+        run(wired(system, build(version, folder, "step", deed)), engine)
+    check(caught.value, "step", deed)
+
+
+@pytest.mark.parametrize("version", VERSIONS)
+@pytest.mark.parametrize("phase", [p for p in PHASES[: PHASES.index("terminate")] if p not in ("step",)])
+def test_a_crash_in_any_phase_is_an_error_that_names_the_function(system: System, folder: Path, version: int, phase: str) -> None:
+    with pytest.raises(ComponentError) as caught:
+        run(wired(system, build(version, folder, phase, "segfault")))
+    check(caught.value, phase, "segfault")
+
+
+@pytest.mark.parametrize("version", VERSIONS)
+@pytest.mark.parametrize("phase", ["terminate", "free"])
+@pytest.mark.parametrize("deed", ["abort", "hang"])
+def test_a_loss_after_the_last_step_is_a_warning(folder: Path, version: int, phase: str, deed: str) -> None:
+    with pytest.warns(ProcessLostWarning, match=FUNCTIONS[phase]), System() as system:
+        recording = wired(system, build(version, folder, phase, deed)).run(0.02, record=["bad.y"], allow_unconnected=True)
+    assert recording["bad.y"][-1] > 19
+
+
+@pytest.mark.parametrize("version", VERSIONS)
+@pytest.mark.parametrize("deed", HARMLESS)
+def test_what_hurts_nobody_passes(system: System, folder: Path, version: int, deed: str) -> None:
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        run(wired(system, build(version, folder, "step", deed)))
+
+
+@pytest.mark.parametrize("version", VERSIONS)
+@pytest.mark.parametrize("phase", ["save", "restore", "size", "serialize", "deserialize"])
+@pytest.mark.parametrize("deed", ["segfault", "hang"])
+def test_a_loss_while_a_state_is_handled_is_an_error(system: System, folder: Path, version: int, phase: str, deed: str) -> None:
+    wired(system, build(version, folder, phase, deed))
+    simulation = system.initialize(record=["bad.y"], allow_unconnected=True)
+    simulation.advance(0.005)
+    component = system["bad"].component
+    with pytest.raises(CosimError, match=FUNCTIONS[phase]) as caught:
+        state = simulation.save()
+        simulation.restore(state)
+        component.deserialize(component.serialize())  # type: ignore[attr-defined]
+    assert re.search(words(deed), str(caught.value))
+
+
+@pytest.mark.parametrize("version", VERSIONS)
+def test_memory_that_is_overwritten_hurts_only_who_did_it(system: System, folder: Path, version: int) -> None:
+    with pytest.raises(ComponentError) as caught:
+        run(wired(system, build(version, folder, "step", "scribble")))
+    assert caught.value.component == "bad"
+    assert caught.value.recording is not None
+
+
+@pytest.mark.parametrize("version", VERSIONS)
+def test_the_others_can_be_used_again(system: System, folder: Path, version: int) -> None:
+    wired(system, build(version, folder, "step", "segfault"))
+    for _ in range(3):
+        with pytest.raises(ComponentError):
+            run(system)
+    system["bad"].component.fmu = type(system["bad"].component.fmu)(build(version, folder, "step", "nothing"))  # type: ignore[attr-defined]
+    run(system)
+
+
+@pytest.mark.full
+@pytest.mark.parametrize("version", VERSIONS)
+@pytest.mark.parametrize("phase", PHASES[: PHASES.index("terminate")])
+@pytest.mark.parametrize("deed", [*ENDS, *LIES])
+def test_every_deed_in_every_phase(system: System, folder: Path, version: int, phase: str, deed: str) -> None:
+    if phase in ("load", "instantiate") and deed in ("words", "round", "flush", "status", "negative"):
+        phase = "enter"  # nobody can speak, and there is no status yet
+    if phase in STEPPING and deed in LIES and phase != "step":
+        phase = "step"
+    with pytest.raises(CosimError) as caught:
+        run(wired(system, build(version, folder, phase, deed)))
+    assert re.search(words(deed), str(caught.value)) or deed in LIES, caught.value
