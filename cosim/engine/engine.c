@@ -13,6 +13,14 @@
 #pragma GCC optimize("fp-contract=off")
 #endif
 
+#if defined(__GNUC__)
+#define RARELY(condition) __builtin_expect(condition, 0)
+#define ASIDE __attribute__((noinline, cold)) /* what hardly ever runs stays out of the way of what does */
+#else
+#define RARELY(condition) (condition)
+#define ASIDE
+#endif
+
 enum { LARGEST_SUCCESS = 1 }; /* OK and Warning */
 
 double engine_time(const Engine *e, int64_t tick) {
@@ -76,7 +84,7 @@ static void collect(const EngineTransfer *s, double *y) {
     }
 }
 
-static int failed(Engine *e, int32_t call, uint32_t status) {
+static ASIDE int failed(Engine *e, int32_t call, uint32_t status) {
     e->call = call;
     e->status = status;
     return ENGINE_CALL_FAILED;
@@ -145,6 +153,10 @@ static inline int run3(Engine *e, const EngineMember *m, double t) {
     return ENGINE_AT_END;
 }
 
+static ASIDE void put_back(Engine *e, const EngineMember *m) {
+    e->members[m - e->members].changed |= environment_restore(e->environment);
+}
+
 /* One communication step of a member: inputs as they stand, doStep, outputs. */
 static inline int run_member(Engine *e, const EngineMember *m, double t) {
     if (m->n_inputs) gather(e->values, m, t);
@@ -152,10 +164,7 @@ static inline int run_member(Engine *e, const EngineMember *m, double t) {
                        : m->fmi == 2                                          ? run2(e, m, t)
                        : e->back(e->context, (int32_t)(m - e->members), t) == 0 ? ENGINE_AT_END
                                                                               : ENGINE_BACK_FAILED;
-    if (m->foreign) {
-        const uint32_t changed = environment_restore(e->environment);
-        if (changed) ((EngineMember *)m)->changed |= changed;
-    }
+    if (RARELY(m->foreign && environment_looks_changed())) put_back(e, m);
     if (result) e->member = (int32_t)(m - e->members);
     return result;
 }
@@ -166,13 +175,13 @@ static bool all_finite(const double *y, size_t n) {
     for (size_t i = 0; i < n; i++) {
         uint64_t bits;
         memcpy(&bits, &y[i], sizeof bits);
-        found |= (bits & exponent) == exponent;
+        found |= (bits & exponent) + (UINT64_C(1) << 52); /* into the highest bit, where all bits of the exponent are set */
     }
-    return !found;
+    return !(found >> 63);
 }
 
 /* Whether the outputs of the members that are due are finite, of those from number `first` to before `end` in their list. */
-static int look_at(Engine *e, int32_t first, int32_t end) {
+static ASIDE int look_at(Engine *e, int32_t first, int32_t end) {
     if (!e->look) return ENGINE_AT_END;
     for (int32_t k = first; k < end; k++) {
         const EngineMember *m = e->list[k];
