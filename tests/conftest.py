@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import signal
 import sys
 from pathlib import Path
 
@@ -15,6 +16,8 @@ limited = all(
 )  # in a process that loaded numpy after that, as of `make mutants`
 assert limited or "numpy" not in sys.modules, "a plugin of pytest loads numpy before its threads are limited"
 one_thread()  # as the commands; before numpy is loaded below
+if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # as in the background of a shell; the programs that tests interrupt inherit it
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 from built import BuiltFmus, build_all  # noqa: E402
 
