@@ -9,7 +9,8 @@ from typing import Any
 
 import cffi
 
-from build_fmus.compile import CompileError, ObjectCache, cache_directory, find_toolchain, host
+from build_fmus import safe_files
+from build_fmus.compile import CompileError, ObjectCache, find_toolchain, host
 
 HEADER = Path(__file__).with_name("engine.h")
 SOURCES = (Path(__file__).with_name("engine.c"), Path(__file__).with_name("library.c"))
@@ -36,7 +37,7 @@ def library() -> Any:
     ffi = interface()
     try:
         toolchain = find_toolchain(host())
-        path = ObjectCache(cache_directory() / "engine").library(toolchain, SOURCES, [HEADER.parent], "engine")
+        path = ObjectCache(safe_files.cache_directory() / "engine").library(toolchain, SOURCES, [HEADER.parent], "engine")
         loaded: Any = ffi.dlopen(str(path))
     except (CompileError, OSError) as error:
         raise NoEngine(str(error).splitlines()[0]) from error
