@@ -48,18 +48,20 @@ class Wiring:
         kind: Kind | None = None,
         parameters: Mapping[str, Any] | None = None,
         start: Mapping[str, Any] | None = None,
+        strict: bool = False,
     ) -> Member:
         """Add a component: the path of an FMU, a loaded `Fmu` or any `Component`.
 
         `step` and `offset` [s] are exact: 0.001, "1/60", "10 ms". Without `step` a discrete component uses its sample
         time, a continuous one the step size of its default experiment. `kind` is needed only for discrete foreign FMUs
-        (they do not say it). `parameters` and `start` set variables by name before every initialization.
+        (they do not say it). `parameters` and `start` set variables by name before every initialization. `strict` refuses an FMU that
+        deviates from the standard (FmuError), which otherwise is warned of (FmuWarning).
         """
         if not name or "." in name or any(c.isspace() for c in name):
             raise WiringError(f"a component's name may hold neither dots nor blanks: {name!r}")
         if name in self.members:
             raise WiringError(f"there is already a component '{name}'")
-        component = self._component(fmu)
+        component = self._component(fmu, strict)
         about = component.description
         kind = kind or about.kind or "continuous"  # type: ignore[assignment]
         if kind not in ("discrete", "continuous"):
@@ -78,13 +80,15 @@ class Wiring:
         self.members[name] = member
         return member
 
-    def _component(self, fmu: Any) -> Component:
+    def _component(self, fmu: Any, strict: bool) -> Component:
         if isinstance(fmu, str | os.PathLike):
             path = Path(fmu).absolute()
             if path not in self._fmus:
-                self._fmus[path] = FmuFile(fmu)
+                self._fmus[path] = FmuFile(fmu, strict=strict)
             fmu = self._fmus[path]
         if isinstance(fmu, FmuFile):
+            if strict:
+                fmu.require_standard()
             fmu.check_platform()
             return FmuComponent(fmu)
         if not (hasattr(fmu, "bind") and isinstance(getattr(fmu, "description", None), Description)):
