@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from build_fmus import generate, safe_files
-from build_fmus.compile import ObjectCache, cache_directory, find_toolchain, host
+from build_fmus.compile import ObjectCache, find_toolchain, host
 from build_fmus.component import Model
 
 _EXPORTS = """/* What Python calls. */
@@ -68,7 +68,7 @@ def _library(component: Model) -> ctypes.CDLL:
             (Path(tmp) / name).parent.mkdir(exist_ok=True)
             (Path(tmp) / name).write_bytes(data)
         sources = [Path(tmp) / n for n in files if n.endswith(".c")]
-        cache = ObjectCache(cache_directory() / "solvers")
+        cache = ObjectCache(safe_files.cache_directory() / "solvers")
         return _load(cache.library(find_toolchain(host()), sources, [Path(tmp)], "solver"))
 
 

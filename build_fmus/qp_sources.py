@@ -19,7 +19,6 @@ from importlib import metadata
 from pathlib import Path
 
 from build_fmus import safe_files
-from build_fmus.compile import cache_directory
 
 DAQP_VERSION = "0.11.0"
 DAQP_SHA256 = "2f27baf18d2acca14186498e651b34e0bed455627e777d3fd8ba655e7e40f920"
@@ -112,7 +111,7 @@ def _daqp_sdist(chosen: Path | None) -> bytes:
         if not _is_pinned(data):
             raise SourceError(f"{DAQP_VARIABLE}={chosen} is not the published {name} (its SHA-256 differs)")
         return data
-    kept = cache_directory() / name
+    kept = safe_files.cache_directory() / name
     if kept.is_file() and _is_pinned(data := kept.read_bytes()):
         return data
     data = _download(name)

@@ -7,6 +7,7 @@ from cosim.errors import (
     ComponentError,
     CosimError,
     FmuError,
+    FmuWarning,
     Interrupted,
     LoopError,
     ProcessLostWarning,
@@ -16,6 +17,7 @@ from cosim.errors import (
     WiringError,
 )
 from cosim.fmu.describe import describe, wiring
+from cosim.fmu.limits import Limits
 from cosim.master.simulation import Simulation
 from cosim.master.stability import Stability
 from cosim.master.state import SystemState
@@ -34,8 +36,10 @@ __all__ = [
     "EngineChoice",
     "Fmu",
     "FmuError",
+    "FmuWarning",
     "Group",
     "Interrupted",
+    "Limits",
     "LoopError",
     "ProcessLostWarning",
     "Member",

@@ -116,13 +116,25 @@ def _options(command: Any) -> str:
 
 
 @app.command(cls=Command)
-def fmu(file: Annotated[Path, typer.Argument(help="an .fmu file, of any tool")]) -> None:
-    """Show what is in an FMU, ready to wire."""
+def fmu(
+    file: Annotated[Path, typer.Argument(help="an .fmu file, of any tool")],
+    strict: Annotated[bool, typer.Option("--strict", help="refuse what deviates from the FMI standard")] = False,
+    limit: Annotated[
+        list[str] | None,
+        typer.Option(metavar="NAME=NUMBER", help="raise a limit, as variables=1000000; may be given several times"),
+    ] = None,
+) -> None:
+    """Show what is in an FMU, ready to wire, and where it deviates from the FMI standard."""
     from cosim.fmu.describe import describe, wiring
+    from cosim.fmu.file import FmuFile
+    from cosim.fmu.limits import Limits
 
-    show(describe(file))
+    opened = FmuFile(file, limits=Limits.of(limit or []), quiet=True)
+    show(describe(opened))
+    if strict:
+        opened.require_standard()
     show(Text("\nready to paste:", style="bold"))
-    show(Text(wiring(file), style="green"), as_is=True)
+    show(Text(wiring(opened), style="green"), as_is=True)
 
 
 @app.command(cls=Command)

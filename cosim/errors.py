@@ -48,6 +48,10 @@ class UnconnectedInputsWarning(UserWarning):
     """Inputs that nothing drives: they keep their start values."""
 
 
+class FmuWarning(UserWarning):
+    """An FMU deviates from the standard, or says what contradicts itself: it can be run, but may not do what is expected."""
+
+
 class StabilityWarning(UserWarning):
     """The coupled continuous components amplify their own errors with the chosen steps."""
 

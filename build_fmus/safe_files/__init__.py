@@ -14,12 +14,14 @@ from build_fmus.safe_files.kept import (
     kept_json,
     plain_warnings,
 )
+from build_fmus.safe_files.place import cache_directory
 from build_fmus.safe_files.whole import named, opened, sentence, write
 
 __all__ = [
     "DamagedWarning",
     "NotKept",
     "anew",
+    "cache_directory",
     "clock",
     "keep_file",
     "keep_json",

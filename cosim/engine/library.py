@@ -9,7 +9,8 @@ from typing import Any
 
 import cffi
 
-from build_fmus.compile import CompileError, ObjectCache, cache_directory, find_toolchain, host
+from build_fmus import safe_files
+from build_fmus.compile import CompileError, ObjectCache, find_toolchain, host
 from cosim.fmu.environment import HEADER as ENVIRONMENT
 
 HEADER = Path(__file__).with_name("engine.h")
@@ -37,7 +38,7 @@ def library() -> Any:
     ffi = interface()
     try:
         toolchain = find_toolchain(host())
-        path = ObjectCache(cache_directory() / "engine").library(toolchain, SOURCES, [HEADER.parent, ENVIRONMENT.parent], "engine")
+        path = ObjectCache(safe_files.cache_directory() / "engine").library(toolchain, SOURCES, [HEADER.parent, ENVIRONMENT.parent], "engine")
         loaded: Any = ffi.dlopen(str(path))
     except (CompileError, OSError) as error:
         raise NoEngine(str(error).splitlines()[0]) from error

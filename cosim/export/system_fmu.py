@@ -17,7 +17,7 @@ import fmpy
 
 from build_fmus import description as base
 from build_fmus import extras, generate, licences, package, safe_files
-from build_fmus.compile import ObjectCache, Platform, cache_directory, find_toolchain, host, resolve_platforms
+from build_fmus.compile import ObjectCache, Platform, find_toolchain, host, resolve_platforms
 from build_fmus.icon import icon_png
 from cosim.engine.plan import MemberPlan, Plan, make_plan
 from cosim.errors import CosimError, WiringError
@@ -162,7 +162,7 @@ class _Exporter:
     def archive(self, platforms: Sequence[Platform]) -> bytes:
         self._check_platforms(platforms)
         carried = [p for p in self.distinct if not p.linked]
-        cache = ObjectCache(cache_directory() / "export")
+        cache = ObjectCache(safe_files.cache_directory() / "export")
         files = self._sources(cache, platforms)
         c_files = sorted(
             ["plan.c", *(n for n in files if n.endswith(".c") and ("/" not in n or n.startswith("musl/")))]

@@ -12,14 +12,23 @@ import zipfile
 import zlib
 from collections.abc import Sequence
 from pathlib import Path, PurePosixPath, PureWindowsPath
+from typing import IO
 
 from build_fmus.checks import did_you_mean
 from cosim.errors import FmuError
+from cosim.fmu.limits import Limits
+from cosim.fmu.xml import one_line
 
 DESCRIPTION = "modelDescription.xml"
-LARGEST_DESCRIPTION = 128 * 2**20  # bytes; a hundred thousand variables take some 40 MB
-SMALL_ARCHIVE = 2**30  # bytes; unpacked archives up to this size are not looked at further
+ENTRY = 128  # bytes of an archive's directory for one file, name included, on average
 LARGEST_RATIO = 100  # of unpacked to packed bytes; text compresses by 10 to 30, a bomb by 1000 and more
+
+_END = struct.Struct(
+    "<12xI6x"
+)  # of an archive: the size of its directory; the same beyond 4 GB, and the bytes between the two
+_WIDE_END = struct.Struct("<40xQ8x")
+_LOCATOR = 20
+_METHODS = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)  # of compression, those that FMI allows
 
 _DAMAGED = (
     zipfile.BadZipFile, zlib.error, lzma.LZMAError, EOFError, RuntimeError, ValueError, ArithmeticError, LookupError,
@@ -31,16 +40,19 @@ _DAMAGED = (
 class Archive:
     """An FMU file, or the folder of an unpacked one. Raises FmuError for what is missing or no FMU."""
 
-    def __init__(self, path: Path):
+    def __init__(self, path: Path, limits: Limits):
         self.path = path
+        self.limits = limits
         self._require()
         self.is_folder = path.is_dir()
         self.names: Sequence[str] = ()
 
     def _require(self) -> None:
         try:
-            if self.path.exists():
+            if self.path.is_dir() or self.path.is_file():
                 return
+            if self.path.exists():  # a pipe, a device
+                raise FmuError(f"{self.path} is not an FMU: it is neither a file nor a folder")
             siblings = [p.name for p in self.path.parent.glob("*.fmu")] if self.path.parent.is_dir() else []
         except OSError as error:  # a name that is too long, a folder that may not be read
             raise FmuError(f"cannot read {self.path}: {error.strerror or error}") from None
@@ -52,23 +64,38 @@ class Archive:
             if self.is_folder:
                 file = self.path / DESCRIPTION
                 self._check_description(file.stat().st_size)
+                if not file.is_file():
+                    raise FmuError(f"{self.path} is not an FMU: its {DESCRIPTION} is no file")
                 return file.read_bytes()
-            with zipfile.ZipFile(self.path) as archive:
+            with self._opened() as archive:
                 self.names = archive.namelist()
-                self._check_description(archive.getinfo(DESCRIPTION).file_size)
-                return archive.read(DESCRIPTION)
+                if self.names.count(DESCRIPTION) > 1:
+                    raise FmuError(f"{self.path} is no FMU to be trusted: it holds more than one {DESCRIPTION}")
+                member = archive.getinfo(DESCRIPTION)
+                self._check_description(member.file_size)
+                _check_method(member)
+                with archive.open(member) as stream:  # a part at a time: what is packed may be larger than it says
+                    return b"".join(iter(lambda: stream.read(2**20), b""))
         except (KeyError, FileNotFoundError):
             raise FmuError(f"{self.path} is not an FMU: it holds no {DESCRIPTION}") from None
         except OSError as error:
             raise FmuError(f"cannot read {self.path}: {error.strerror or error}") from None
         except _DAMAGED as error:
-            raise FmuError(f"{self.path} is not an FMU or is incomplete ({error}); copy or build it again") from None
+            reason = one_line(str(error))
+            raise FmuError(f"{self.path} is not an FMU or is incomplete ({reason}); copy or build it again") from None
 
     def _check_description(self, size: int) -> None:
-        if size > LARGEST_DESCRIPTION:
-            raise FmuError(
-                f"{self.path}: its {DESCRIPTION} has {_megabytes(size)}; at most {_megabytes(LARGEST_DESCRIPTION)} are read"
-            )
+        self.limits.check("xml_bytes", size, f"{self.path}: its {DESCRIPTION} has {_megabytes(size)}")
+
+    def _opened(self) -> zipfile.ZipFile:
+        """The archive, whose directory is of a size that can be read."""
+        with self.path.open("rb") as file:
+            size = _directory_size(file)
+        count = size // ENTRY
+        self.limits.check(
+            "files", count, f"{self.path}: its directory has {_megabytes(size)}, enough for {count} files"
+        )
+        return zipfile.ZipFile(self.path)
 
     def has(self, name: str) -> bool:
         """Is there a file of that name?"""
@@ -89,7 +116,7 @@ class Archive:
             if self.is_folder:
                 shutil.copytree(self.path, folder, dirs_exist_ok=True)
                 return
-            with zipfile.ZipFile(self.path) as archive:
+            with self._opened() as archive:
                 self._check_contents(archive.infolist(), folder)
                 archive.extractall(folder)
         except OSError as error:
@@ -100,24 +127,33 @@ class Archive:
                 f"cannot unpack {self.path}: this locale has no characters for {name!r} in a file's name; set PYTHONUTF8=1"
             ) from None
         except _DAMAGED as error:
-            raise FmuError(f"{self.path} is damaged ({error}); copy or build it again") from None
+            raise FmuError(f"{self.path} is damaged ({one_line(str(error))}); copy or build it again") from None
 
     def _check_contents(self, members: Sequence[zipfile.ZipInfo], folder: Path) -> None:
         for member in members:
             posix, windows = PurePosixPath(member.filename), PureWindowsPath(member.filename)
+            _check_method(member)
             if posix.is_absolute() or windows.drive or windows.root or ".." in (*posix.parts, *windows.parts):
-                raise FmuError(f"{self.path} is no FMU to be trusted: it holds {member.filename!r}, outside of itself")
+                name = one_line(member.filename)
+                raise FmuError(f"{self.path} is no FMU to be trusted: it holds {name!r}, outside of itself")
         size = sum(member.file_size for member in members)
-        if size > max(SMALL_ARCHIVE, LARGEST_RATIO * self.path.stat().st_size):
-            raise FmuError(
-                f"{self.path} would unpack to {_megabytes(size)}, more than {LARGEST_RATIO} times its own size; "
-                "if that is right, unpack it and give the folder"
-            )
+        if size > LARGEST_RATIO * self.path.stat().st_size:
+            what = f"{self.path} would unpack to {_megabytes(size)}, more than {LARGEST_RATIO} times its own size"
+            self.limits.check("unpacked_bytes", size, what)
         free = shutil.disk_usage(folder).free
         if size > free:
             raise FmuError(
                 f"cannot unpack {self.path}: it needs {_megabytes(size)}, and {folder.parent} has {_megabytes(free)} free"
             )
+
+
+def _check_method(member: zipfile.ZipInfo) -> None:
+    """Raise NotImplementedError for methods of compression that FMI does not know: some unpack without bounds."""
+    if member.compress_type not in _METHODS:
+        name = one_line(member.filename, 80)
+        raise NotImplementedError(
+            f"{name!r} is packed by method {member.compress_type}; FMI allows 0 (stored) and 8 (deflate)"
+        )
 
 
 def check_library(path: Path) -> None:
@@ -147,6 +183,24 @@ def check_library(path: Path) -> None:
             raise OSError(f"{path.name} ends within its header") from None
     if max(ends) > size:
         raise OSError(f"{path.name} is cut short: it has {size} of {max(ends)} bytes")
+
+
+def _directory_size(file: IO[bytes]) -> int:
+    """Bytes of an archive's directory as its end says, found as `zipfile` finds it; 0 for what is no archive. It is read whole, and holds
+    46 bytes and a name for each file."""
+    end = file.seek(0, 2)
+    file.seek(max(0, end - 2**16 - _END.size - _WIDE_END.size - _LOCATOR))  # a comment may follow
+    tail = file.read()
+    at = len(tail) - _END.size
+    if not (tail[at:].startswith(b"PK\x05\x06") and tail.endswith(b"\0\0")):
+        at = tail.rfind(b"PK\x05\x06")
+    if at < 0 or len(tail) - at < _END.size:
+        return 0
+    (size,) = _END.unpack_from(tail, at)
+    wide = at - _LOCATOR - _WIDE_END.size
+    if wide >= 0 and tail[wide:].startswith(b"PK\x06\x06"):
+        (size,) = _WIDE_END.unpack_from(tail, wide)
+    return min(int(size), end)
 
 
 def _megabytes(size: int) -> str:

@@ -16,6 +16,7 @@ from rich.text import Text
 
 from cosim.description import RECORDABLE, Description, Variable, split_index
 from cosim.fmu.file import FmuFile
+from cosim.fmu.gate import Finding
 
 
 def describe(fmu: str | os.PathLike[str] | FmuFile) -> Group:
@@ -24,7 +25,7 @@ def describe(fmu: str | os.PathLike[str] | FmuFile) -> Group:
 
     Runs nothing of the FMU, so it works for FMUs of other platforms. Raises FmuError.
     """
-    fmu = fmu if isinstance(fmu, FmuFile) else FmuFile(fmu)
+    fmu = fmu if isinstance(fmu, FmuFile) else FmuFile(fmu, quiet=True)
     about = fmu.description
     facts = Table.grid(padding=(0, 2))
     kind = about.kind or "continuous unless you say kind='discrete' (the FMU does not tell)"
@@ -46,12 +47,17 @@ def describe(fmu: str | os.PathLike[str] | FmuFile) -> Group:
     for title, variables in (("inputs", about.inputs), ("outputs", about.outputs), ("parameters", about.parameters)):
         if variables:
             parts.append(_variables(title, list(variables.values()), about))
+    verdict = fmu.verdict
+    if verdict.findings:
+        parts.append(_findings(f"deviations from FMI {about.fmi_version}", verdict.findings, verdict.more_findings))
+    if verdict.quirks:
+        parts.append(_findings("known quirks of its tool, harmless", verdict.quirks, verdict.more_quirks))
     return Group(*parts)
 
 
 def wiring(fmu: str | os.PathLike[str] | FmuFile) -> str:
     """Python lines that put the FMU into a system, one `connect` per input (arrays in one line). Raises FmuError."""
-    fmu = fmu if isinstance(fmu, FmuFile) else FmuFile(fmu)
+    fmu = fmu if isinstance(fmu, FmuFile) else FmuFile(fmu, quiet=True)
     about = fmu.description
     name = re.sub(r"\W+", "_", about.name.split(".")[-1]).strip("_").lower() or "fmu"
     arguments = [_quoted(name), _quoted(str(fmu.path))]
@@ -109,6 +115,20 @@ def _variables(title: str, variables: Sequence[Variable], about: Description) ->
         text = "; ".join(x for x in (first.description, f"also {', '.join(further)}" if further else "") if x)
         source = (first.source or "",) if sourced else ()
         table.add_row(*map(Text, (name, first.unit_name, start, limits, first.fmi_type, text, *source)))
+    return table
+
+
+def _findings(title: str, findings: Sequence[Finding], more: int) -> Table:
+    table = Table(title=f"{title} ({len(findings) + more})", title_justify="left", title_style="bold", box=None)
+    table.add_column("line", justify="right")
+    table.add_column("finding", overflow="fold")
+    quirks = any(f.quirk for f in findings)
+    if quirks:
+        table.add_column("why it is harmless", overflow="fold")
+    for finding in findings:
+        table.add_row(*map(Text, (str(finding.line), finding.text, *((finding.quirk,) if quirks else ()))))
+    if more:
+        table.add_row("", Text(f"and {more} more"))
     return table
 
 

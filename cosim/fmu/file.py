@@ -6,6 +6,7 @@ import os
 import shutil
 import sys
 import tempfile
+import warnings
 import weakref
 from collections.abc import Iterable
 from pathlib import Path
@@ -13,10 +14,13 @@ from typing import Any
 
 import cosim.fmu.calls as fmi
 from cosim.description import Description
-from cosim.errors import FmuError
+from cosim.errors import FmuError, FmuWarning
+from cosim.fmu import gate
 from cosim.fmu.archive import Archive, check_library
 from cosim.fmu.isolation import IsolatedLibrary, Isolation, NoIsolation
-from cosim.fmu.model_description import parse
+from cosim.fmu.limits import Limits
+from cosim.fmu.model_description import read
+from cosim.fmu.xml import tree
 
 
 class Library:
@@ -83,14 +87,26 @@ class FmuFile:
     """A Co-Simulation FMU file (FMI 2.0 or 3.0), or the folder of an unpacked one.
 
     Opening reads the description only. Raises FmuError for a missing, truncated or foreign file, a wrong FMI
-    version and an FMU without Co-Simulation. The library is closed with its last instance, the unpacked copy is removed
-    by `close()` or when Python ends.
+    version, an FMU without Co-Simulation, and what cannot be run safely: names that are not unique, sizes beyond `limits`. What else
+    deviates from the standard is in `verdict`; an FmuWarning tells of it unless `quiet`, and with `strict` it is refused too.
+    The library is closed with its last instance, the unpacked copy is removed by `close()` or when Python ends.
     """
 
-    def __init__(self, path: str | os.PathLike[str]):
+    def __init__(
+        self, path: str | os.PathLike[str], *, strict: bool = False, limits: Limits | None = None, quiet: bool = False
+    ):
         self.path = Path(path)
-        self._archive = Archive(self.path)
-        self.description: Description = parse(self._archive.description(), str(self.path))
+        limits = limits or Limits()
+        self._archive = Archive(self.path, limits)
+        xml = self._archive.description()
+        root = tree(xml, str(self.path), limits)
+        self.description: Description = read(root, str(self.path), limits)
+        self.verdict = gate.verdict(xml, root, self.description)
+        if strict:
+            self.require_standard()
+        elif self.verdict and not quiet:
+            text = f"{self.path}: modelDescription.xml deviates from FMI {self.description.fmi_version}: {self.verdict.summary()}"
+            warnings.warn(text, FmuWarning, stacklevel=2)
         self.major = self.description.fmi_version[0]
         self._library: Library | None = None
         self._folder: Path | None = None  # unpacked, for the next library
@@ -101,6 +117,14 @@ class FmuFile:
 
     def __repr__(self) -> str:
         return f"{type(self).__name__}({str(self.path)!r})"
+
+    def require_standard(self) -> None:
+        """Raises FmuError when the description deviates from the standard, other than by a known quirk of its tool."""
+        if self.verdict:
+            version = self.description.fmi_version
+            raise FmuError(
+                f"{self.path}: modelDescription.xml deviates from FMI {version}, which strict refuses: {self.verdict.summary()}"
+            )
 
     @property
     def binary(self) -> str:

@@ -1,29 +1,28 @@
 """Reads modelDescription.xml of FMI 2.0 and 3.0 into a `Description`. FMI 3 arrays are expanded to their elements
 (`preview.fl[3]`, `gain.y[2,3]`, 1-based, row major), so both versions wire by the same names.
 
-Nothing in the file is believed: what cannot be read ends in one sentence that names the variable, and numbers that say how
-big something is are compared with a limit first.
+Nothing in the file is believed: what cannot be read, or run safely, ends in one sentence that names the variable and its line, and
+numbers that say how big something is are compared with a limit first.
 """
 
 from __future__ import annotations
 
 import itertools
 import math
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from fractions import Fraction
 from typing import Any
 
-from lxml import etree
-
 from build_fmus.units import BASE_UNITS, Unit
 from cosim.description import SIZED_INTEGERS, Description, Variable, split_index
 from cosim.errors import FmuError, TimeError
+from cosim.fmu.limits import Limits
+from cosim.fmu.xml import one_line, tree
 from cosim.time import rational
 
 TOOL = "suspension-fmus"  # our vendor annotation: kind and sample time, constants that source and target must share, sources of values
-MOST_ELEMENTS = 1_000_000  # scalar variables and elements of arrays of one FMU
 LONGEST_SOURCE = 4096  # characters that say where a value comes from
-HUGE = 10_000_000  # bytes of XML from which on the parser's own limits are lifted
 
 _TYPES2 = {"Real": "real", "Integer": "integer", "Enumeration": "integer", "Boolean": "boolean", "String": "string"}
 _TYPES3 = {
@@ -36,19 +35,16 @@ class _Unreadable(ValueError):  # noqa: N818
     """Something in a modelDescription.xml, as a sentence."""
 
 
-def parse(xml: bytes, where: str) -> Description:
+def parse(xml: bytes, where: str, limits: Limits | None = None) -> Description:
     """Description from modelDescription.xml; `where` names the file in errors. Raises FmuError."""
-    if b"<!DOCTYPE" in (xml.replace(b"\0", b"") if b"\0" in xml[:4] else xml):
-        # Entities grow without limit; no exporter needs them.
-        raise FmuError(f"{where}: modelDescription.xml has a document type declaration; FMI knows none, remove it")
-    huge = len(xml) > HUGE
-    try:
-        root = etree.fromstring(xml, etree.XMLParser(resolve_entities=False, no_network=True, huge_tree=huge))
-    except etree.XMLSyntaxError as error:
-        raise FmuError(f"{where}: modelDescription.xml is not well-formed ({error})") from None
+    return read(tree(xml, where, limits or Limits()), where, limits or Limits())
+
+
+def read(root: Any, where: str, limits: Limits) -> Description:
+    """Description from the root element of modelDescription.xml. Raises FmuError."""
     version = root.get("fmiVersion", "")
     if root.tag != "fmiModelDescription" or not version.startswith(("2.", "3.")):
-        raise FmuError(f"{where}: FMI version '{version or 'unknown'}'; FMI 2.0 and 3.0 are supported")
+        raise FmuError(f"{where}: FMI version '{one_line(version, 40) or 'unknown'}'; FMI 2.0 and 3.0 are supported")
     simulation = root.find("CoSimulation")
     if simulation is None:
         kinds = [tag for tag in ("ModelExchange", "ScheduledExecution") if root.find(tag) is not None]
@@ -56,13 +52,15 @@ def parse(xml: bytes, where: str) -> Description:
             f"{where}: not a Co-Simulation FMU (it offers {' and '.join(kinds) or 'nothing'}); "
             "export it again for Co-Simulation"
         )
+    reader = (_Fmi2 if version.startswith("2.") else _Fmi3)(root, limits)
     try:
-        read = _Fmi2(root) if version.startswith("2.") else _Fmi3(root)
-        return read.description(simulation)
+        return reader.description(simulation)
     except (_Unreadable, TimeError) as error:
-        raise FmuError(f"{where}: cannot understand modelDescription.xml: {error}") from None
+        why = f": {one_line(str(error))}"
     except (LookupError, ValueError, TypeError, AttributeError, ArithmeticError) as error:
-        raise FmuError(f"{where}: cannot understand modelDescription.xml ({type(error).__name__}: {error})") from error
+        why = f" ({type(error).__name__}: {one_line(str(error))})"
+    line = "" if reader.at is None else f", line {reader.at.sourceline}"
+    raise FmuError(f"{where}: cannot understand modelDescription.xml{line}{why}")
 
 
 def _integer(element: Any, attribute: str, what: str, low: int = 0, high: int = 2**63 - 1) -> int:
@@ -96,20 +94,26 @@ def _short(text: str) -> str:
 class _Reader:
     """What FMI 2.0 and 3.0 have in common."""
 
-    def __init__(self, root: Any):
+    def __init__(self, root: Any, limits: Limits):
         self.root = root
-        self.units = {u.get("name"): _unit(u) for u in root.iterfind("UnitDefinitions/Unit")}
+        self.limits = limits
+        self.at: Any = None  # the element that is being read
+        self.lines: dict[str, int] = {}  # of each name
+        self.listed: dict[str, frozenset[str]] = {}  # dependencies by their text
+        self.count = 0  # of names in them
         self.variables: dict[str, Variable] = {}
         self.by_key: dict[int, list[Variable]] = {}  # FMI 2: 1-based position; FMI 3: value reference
         self.aliases: dict[str, str] = {}
 
     def description(self, simulation: Any) -> Description:
         root = self.root
+        self.units = {u.get("name"): _unit(u) for u in self.each(root.iterfind("UnitDefinitions/Unit"))}
         self.read_variables()
         own = self.annotation()
         if own is not None:
             self.annotate(own)
         structure = root.find("ModelStructure")
+        self.at = simulation
         result = Description(
             name=root.get("modelName", ""),
             variables=self.variables,
@@ -132,6 +136,7 @@ class _Reader:
         )
         experiment = root.find("DefaultExperiment")
         if experiment is not None:
+            self.at = experiment
             if experiment.get("stepSize"):
                 step = _seconds(experiment.get("stepSize"), "DefaultExperiment: stepSize")
                 result.default_step = step if step > 0 else None  # some tools write 0 for "none"
@@ -142,18 +147,39 @@ class _Reader:
                 if not 0 < result.tolerance < math.inf:
                     result.tolerance = None
         if own is not None:
+            self.at = own
             result.kind = own.get("kind")
             if own.get("sampleTime"):
                 result.sample_time = _seconds(own.get("sampleTime"), "Component: sampleTime")
+        self.at = structure
         if structure is not None:
             self.read_structure(structure, result)
         return result
+
+    def each(self, elements: Iterable[Any]) -> Iterator[Any]:
+        """The elements; messages tell the line of the one that is being read."""
+        for self.at in elements:
+            yield self.at
+        self.at = None
+
+    def take(self, name: str) -> None:
+        """Note a name, which no other variable may have."""
+        line = self.at.sourceline
+        if name in self.lines:
+            raise _Unreadable(f"there is a variable '{one_line(name, 80)}' already, in line {self.lines[name]}")
+        self.lines[name] = line
+
+    def check_count(self, more: int, what: str) -> None:
+        """Raise when so many variables more are too many."""
+        count = len(self.variables) + more
+        if count > self.limits.variables:
+            raise _Unreadable(f"{what}, {count} variables in all; {self.limits.remedy('variables', count)}")
 
     def annotate(self, own: Any) -> None:
         """Constants that the annotation tells of outputs and wants of inputs, and sources of values."""
         changed: dict[str, Variable] = {}
         sources: dict[str, str] = {}  # of variables and whole arrays
-        for element in own:
+        for element in self.each(own):
             if element.tag == "Variable":
                 sources[element.get("name", "")] = _source(element)
                 continue
@@ -178,7 +204,14 @@ class _Reader:
         listed = element.get("dependencies")
         if listed is None:
             return None
-        return frozenset(v.name for key in listed.split() for v in self.named(key, "dependencies"))
+        if listed not in self.listed:
+            names = [v.name for key in listed.split() for v in self.named(key, "dependencies")]
+            self.count += len(names)
+            if self.count > self.limits.dependencies:
+                remedy = self.limits.remedy("dependencies", self.count)
+                raise _Unreadable(f"ModelStructure: its dependencies have {self.count} names; {remedy}")
+            self.listed[listed] = frozenset(names)
+        return self.listed[listed]
 
     def named(self, key: str | None, what: str) -> list[Variable]:
         """What a number of the model structure, or of a derivative, stands for."""
@@ -189,7 +222,7 @@ class _Reader:
 
     def unknowns(self, elements: Any, key: str, result: Description) -> list[Variable]:
         found = []
-        for element in elements:
+        for element in self.each(elements):
             variables = self.named(element.get(key), key)
             found += variables
             depends = self.dependencies(element)
@@ -216,8 +249,11 @@ class _Fmi2(_Reader):
     def read_variables(self) -> None:
         types = {t.get("name"): t[0] for t in self.root.iterfind("TypeDefinitions/SimpleType") if len(t)}
         self.derivative_of: dict[str, int] = {}
-        for position, element in enumerate(self.root.iterfind("ModelVariables/ScalarVariable"), start=1):
+        scalars = self.each(self.root.iterfind("ModelVariables/ScalarVariable"))
+        for position, element in enumerate(scalars, start=1):
             name = _name(element, f"variable number {position}")
+            self.take(name)
+            self.check_count(1, f"with variable '{one_line(name, 80)}'")
             typed = next((c for c in element if c.tag in _TYPES2), None)
             if typed is None:
                 others = [c.tag for c in element if c.tag in _TYPES3]
@@ -256,7 +292,8 @@ class _Fmi3(_Reader):
             if e.get("causality") == "structuralParameter" and e.get("start")
         }
         self.derivative_of: dict[int, int] = {}
-        for position, element in enumerate(elements, start=1):
+        self.declared: dict[int, str] = {}  # names by reference
+        for position, element in enumerate(self.each(elements), start=1):
             name = _name(element, f"variable number {position}")
             if element.tag not in _TYPES3:
                 kind = (
@@ -274,18 +311,29 @@ class _Fmi3(_Reader):
             if start is not None:
                 attributes["start"] = start.get("value", "")
             shape = [self.dimension(d, name, sizes) for d in element.iterfind("Dimension")]
-            if len(self.variables) + math.prod(shape) > MOST_ELEMENTS:
-                raise _Unreadable(
-                    f"array '{name}' has {' x '.join(map(str, shape))} elements; an FMU may have {MOST_ELEMENTS} in all"
-                )
+            if len(shape) > self.limits.dimensions:
+                remedy = self.limits.remedy("dimensions", len(shape))
+                raise _Unreadable(f"array '{name}' has {len(shape)} dimensions; {remedy}")
+            what = f"array '{name}' has {' x '.join(map(str, shape))} elements" if shape else f"with variable '{name}'"
+            self.check_count(math.prod(shape), what)
+            if shape and len(name) * math.prod(shape) > self.limits.xml_bytes:
+                raise _Unreadable(f"the names of {math.prod(shape)} elements of {_short(name)} are too long")
             typed = element.tag, _TYPES3[element.tag]
             variable = _variable(element, typed, attributes, self.units, bool(shape))
             reference, expanded = variable.reference, _expand(variable, shape)
-            self.by_key[reference] = expanded
+            if reference in self.by_key:
+                other = self.declared[reference]
+                raise _Unreadable(f"variable '{name}' has the value reference {reference}, which '{other}' has already")
+            self.by_key[reference], self.declared[reference] = expanded, name
+            for one in dict.fromkeys([name, *(v.name for v in expanded)]):
+                self.take(one)
             self.variables.update((v.name, v) for v in expanded)
             if element.get("derivative"):
                 self.derivative_of[reference] = _integer(element, "derivative", f"variable '{name}'")
-            self.aliases.update((_name(a, f"an Alias of '{name}'"), name) for a in element.iterfind("Alias"))
+            for alias in element.iterfind("Alias"):
+                further = _name(alias, f"an Alias of '{name}'")
+                self.take(further)
+                self.aliases[further] = name
 
     def dimension(self, element: Any, name: str, sizes: dict[str, str]) -> int:
         text = element.get("start")

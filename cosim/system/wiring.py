@@ -49,6 +49,7 @@ class Wiring:
         kind: Kind | None = None,
         parameters: Mapping[str, Any] | None = None,
         start: Mapping[str, Any] | None = None,
+        strict: bool = False,
         isolated: bool = False,
         step_timeout: float | None = None,
         memory_limit: int | None = None,
@@ -57,14 +58,15 @@ class Wiring:
 
         `step` and `offset` [s] are exact: 0.001, "1/60", "10 ms". Without `step` a discrete component uses its sample
         time, a continuous one the step size of its default experiment. `kind` is needed only for discrete foreign FMUs
-        (they do not say it). `parameters` and `start` set variables by name before every initialization. `isolated`,
-        with `step_timeout` and `memory_limit`: as in `isolate`.
+        (they do not say it). `parameters` and `start` set variables by name before every initialization. `strict` refuses an FMU that
+        deviates from the standard (FmuError), which otherwise is warned of (FmuWarning). `isolated`, with `step_timeout` and
+        `memory_limit`: as in `isolate`.
         """
         if not name or "." in name or any(c.isspace() for c in name):
             raise WiringError(f"a component's name may hold neither dots nor blanks: {name!r}")
         if name in self.members:
             raise WiringError(f"there is already a component '{name}'")
-        component = self._component(fmu)
+        component = self._component(fmu, strict)
         about = component.description
         kind = kind or about.kind or "continuous"  # type: ignore[assignment]
         if kind not in ("discrete", "continuous"):
@@ -107,13 +109,15 @@ class Wiring:
                 elif member.name == pattern:
                     raise WiringError(f"component '{pattern}' is no FMU, so it cannot be isolated")
 
-    def _component(self, fmu: Any) -> Component:
+    def _component(self, fmu: Any, strict: bool) -> Component:
         if isinstance(fmu, str | os.PathLike):
             path = Path(fmu).absolute()
             if path not in self._fmus:
-                self._fmus[path] = FmuFile(fmu)
+                self._fmus[path] = FmuFile(fmu, strict=strict)
             fmu = self._fmus[path]
         if isinstance(fmu, FmuFile):
+            if strict:
+                fmu.require_standard()
             fmu.check_platform()
             return FmuComponent(fmu)
         if not (hasattr(fmu, "bind") and isinstance(getattr(fmu, "description", None), Description)):

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from oracles.qp import solve_reference
 
-from build_fmus import compile, generate, package, qp_sources
+from build_fmus import generate, package, qp_sources, safe_files
 from build_fmus.component import Component, DeclarationError
 from build_fmus.description import model_description
 from build_fmus.qp import Daqp, Osqp, ProgramError, generate_data
@@ -208,7 +208,7 @@ def test_daqp_from_a_folder_and_from_the_sdist(fresh: Path, monkeypatch: pytest.
     qp_sources.daqp.cache_clear()
     monkeypatch.delenv("BUILD_FMUS_CACHE")
     original = qp_sources.daqp()  # downloaded, or kept from before
-    sdist = compile.cache_directory() / f"daqp-{qp_sources.DAQP_VERSION}.tar.gz"
+    sdist = safe_files.cache_directory() / f"daqp-{qp_sources.DAQP_VERSION}.tar.gz"
     monkeypatch.setenv("BUILD_FMUS_CACHE", str(fresh / "cache"))
     with tarfile.open(sdist) as tar:
         tar.extractall(fresh, filter="data")

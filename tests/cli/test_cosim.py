@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+from awkward import archive, description
 from built import FMUS, BuiltFmus
 from programs import refused, run
 
@@ -72,6 +73,22 @@ def test_files_that_are_no_fmus(folder: Path) -> None:
     assert ". is not an FMU: it holds no modelDescription.xml" in refused(folder, "cosim", "fmu", ".")
     text = refused(folder, "cosim", "fmu", "fmus/fmi3/GpcPreveiw.fmu")
     assert "no such FMU: fmus/fmi3/GpcPreveiw.fmu; did you mean 'GpcPreview.fmu'" in text
+
+
+def test_fmus_that_deviate_from_the_standard(folder: Path) -> None:
+    """They are shown with what deviates; --strict refuses them, and a limit that is too low for one can be raised."""
+    xml = description(2, '<ScalarVariable name="wheel" valueReference="0"><Real min="2" max="1"/></ScalarVariable>')
+    archive(folder / "odd.fmu", xml)
+    done = run(folder, "cosim", "fmu", "odd.fmu")
+    assert done.returncode == 0
+    assert "deviations from FMI 2.0 (1)" in done.stdout
+    assert "variable 'wheel': min is 2 and max is 1" in done.stdout
+    assert "warning" not in done.stderr
+    assert "strict refuses: line 2: variable 'wheel': min" in refused(folder, "cosim", "fmu", "odd.fmu", "--strict")
+    few = ("cosim", "fmu", "odd.fmu", "--limit", "xml_nodes=10", "--limit")
+    assert "at most 10 are taken unless Limits(xml_nodes=" in refused(folder, *few, "files=7")
+    assert "no limit 'variable'; did you mean 'variables'" in refused(folder, *few, "variable=7")
+    assert run(folder, *few, "xml_nodes=1000").returncode == 0
 
 
 def test_brackets_in_a_name_survive(folder: Path) -> None:

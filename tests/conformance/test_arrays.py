@@ -15,6 +15,8 @@ from fmpy.validation import validate_fmu
 from lxml import etree
 
 from cosim import System
+from cosim.fmu.file import FmuFile
+from cosim.fmu.gate import Verdict
 
 SCHEMA = Path(fmpy.__file__).parent / "schema" / "fmi3" / "fmi3TerminalsAndIcons.xsd"
 
@@ -30,6 +32,7 @@ def both(
 def test_validates_without_finding(both: tuple[Path, Library]) -> None:
     path, scalars = both
     assert validate_fmu(str(path)) == []
+    assert FmuFile(path, strict=True).verdict == Verdict()
     arrays = Library(path)
     assert arrays.token != scalars.token
     etree.XMLSchema(file=str(SCHEMA)).assertValid(

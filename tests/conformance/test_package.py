@@ -17,6 +17,8 @@ from lxml import etree
 from build_fmus import units
 from build_fmus.compile import PLATFORMS
 from build_fmus.generate import RUNTIME_DIR
+from cosim.fmu.file import FmuFile
+from cosim.fmu.gate import Verdict
 
 SCHEMAS = Path(fmpy.__file__).parent / "schema" / "fmi3"
 CORNERS = ("fl", "fr", "rl", "rr", "a1l", "a1r", "a2l", "a2r", "a3l", "a3r")
@@ -30,6 +32,7 @@ MATHEMATICS = {
 
 def test_validates_without_finding(fmu: Library) -> None:
     assert validate_fmu(str(fmu.path)) == []
+    assert FmuFile(fmu.path, strict=True).verdict == Verdict()
 
 
 def test_further_descriptions_follow_their_schemas(fmu: Library) -> None:

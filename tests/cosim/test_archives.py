@@ -20,7 +20,7 @@ from cosim import Fmu, FmuError, System, TimeError, WiringError, describe, wirin
 from cosim.fmu.calls import platform_folder
 from cosim.time import rational
 
-pytestmark = pytest.mark.filterwarnings("ignore::cosim.UnconnectedInputsWarning")
+pytestmark = pytest.mark.filterwarnings("ignore::cosim.UnconnectedInputsWarning", "ignore::cosim.FmuWarning")
 VERSIONS = pytest.mark.parametrize("version", [2, 3])
 
 
@@ -54,7 +54,7 @@ def float64(name="x", reference="0", inner="", more=""):
         (2, real("wheel", inner='<Integer start="1.0"/>'), ["'wheel': start is '1.0'"]),
         (2, real("wheel", inner='<Real min="low"/>'), ["'wheel': min is 'low'"]),
         (2, real("wheel", inner='<Real derivative="x"/>'), ["'wheel': derivative is 'x'"]),
-        (3, float64("wheel", inner='<Dimension start="1000000000"/>'), ["'wheel' has 1000000000", "1000000 in all"]),
+        (3, float64("wheel", inner='<Dimension start="1000000000"/>'), ["'wheel' has 1000000000 elements", "at most 200000", "Limits(variables=1000000000)"]),
         (3, float64("wheel", inner='<Dimension start="100000"/>' * 4), ["'wheel' has 100000 x 100000"]),
         (3, float64("wheel", inner='<Dimension start="-3"/>'), ["'wheel': Dimension is '-3'"]),
         (3, float64("wheel", inner='<Dimension start="two"/>'), ["'wheel': Dimension is 'two'"]),
@@ -189,7 +189,7 @@ def test_a_description_of_many_bytes_is_not_read(tmp_path):
     with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as file, file.open("modelDescription.xml", "w") as xml:
         for _ in range(140):
             xml.write(b" " * 2**20)
-    with pytest.raises(FmuError, match=r"bomb\.fmu: its modelDescription\.xml has 147 MB; at most 134 MB"):
+    with pytest.raises(FmuError, match=r"bomb\.fmu: its modelDescription\.xml has 147 MB; .*Limits\(xml_bytes=146800640\)"):
         Fmu(path)
     folder = tmp_path / "folder"
     folder.mkdir()
@@ -207,7 +207,7 @@ def test_an_archive_that_would_unpack_to_gigabytes(tmp_path, awkward_fmus):
     archive(path, members["modelDescription.xml"], binary=binary, **{"resources/zeros": b"0"})
     system = System()
     system.add("a", sized(path, "resources/zeros", 2**32 - 2))
-    with pytest.raises(FmuError, match=r"bomb\.fmu would unpack to 4,29\d MB, more than 100 times.*give the folder"):
+    with pytest.raises(FmuError, match=r"bomb\.fmu would unpack to 4,29\d MB, more than 100 times.*Limits\(unpacked_bytes=4\d+\)"):
         system.run(0.1)
 
 

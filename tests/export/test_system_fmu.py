@@ -14,8 +14,9 @@ from built import BuiltFmus
 from fmpy.validation import validate_fmu
 from same import bits
 
-from cosim import CosimError, FmuError, PythonComponent, System, WiringError
+from cosim import CosimError, Fmu, FmuError, PythonComponent, System, WiringError
 from cosim.experiments.gpc.runs import Case, wire
+from cosim.fmu.gate import Verdict
 from cosim.study import FmuSet
 
 pytestmark = pytest.mark.filterwarnings("ignore::cosim.UnconnectedInputsWarning")
@@ -46,6 +47,7 @@ def shown(built_fmus: BuiltFmus) -> np.ndarray:
 @pytest.mark.parametrize("fmi", [2, 3])
 def test_fmpy_sees_what_the_system_shows(ride, shown, fmi):
     assert not validate_fmu(ride[fmi])
+    assert Fmu(ride[fmi], strict=True).verdict == Verdict()
     result = fmpy.simulate_fmu(ride[fmi], stop_time=2.0, output_interval=0.01, output=RECORD)
     np.testing.assert_array_equal(bits([list(row)[1:] for row in result]), bits(shown))
 
@@ -57,6 +59,7 @@ def test_a_container_in_a_container_shows_the_same(ride, shown, tmp_path):
         inner.add("two", ride[2], step="10 ms")
         nested = inner.export_fmu(tmp_path / "Nested.fmu", fmi=3)
     assert not validate_fmu(nested)
+    assert Fmu(nested, strict=True).verdict == Verdict()
     with zipfile.ZipFile(nested) as archive:
         assert [m["linked"] for m in json.loads(archive.read("resources/members.json"))] == [True]
     with System() as outer:
@@ -128,6 +131,7 @@ def test_what_others_made_travels_in_resources(follower, built_fmus, tmp_path):
     assert len([n for n in held if n.startswith("resources/follower") and n.endswith(".so")]) == 2
     assert any(n.startswith("documentation/licenses/QuarterCarHmmwv/") for n in held)
     assert not validate_fmu(fmu)
+    assert Fmu(fmu, strict=True).verdict == Verdict()
     result = fmpy.simulate_fmu(fmu, stop_time=0.1, output_interval=0.002, output=names)
     np.testing.assert_array_equal(bits([float(result[n][-1]) for n in names]), bits(expected))
 

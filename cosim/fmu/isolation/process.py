@@ -21,7 +21,8 @@ import cffi
 
 import cosim.fmu.calls as fmi
 from build_fmus.checks import number
-from build_fmus.compile import CompileError, ObjectCache, cache_directory, find_toolchain, host
+from build_fmus import safe_files
+from build_fmus.compile import CompileError, ObjectCache, find_toolchain, host
 from cosim.errors import FmuError
 from cosim.fmu.environment import HEADER as ENVIRONMENT
 from cosim.fmu.environment import what_changed
@@ -88,7 +89,7 @@ def _interface() -> tuple[cffi.FFI, Any, Path, Path]:
     header = re.sub(r"(?m)^#.*$", "", (_FOLDER / "link.h").read_text())
     ffi.cdef(header + _EXPORTED)
     try:
-        toolchain, cache = find_toolchain(host()), ObjectCache(cache_directory() / "isolation")
+        toolchain, cache = find_toolchain(host()), ObjectCache(safe_files.cache_directory() / "isolation")
         client = cache.library(toolchain, [_FOLDER / "client.c"], [_FOLDER], "client")
         worker = cache.program(toolchain, [_FOLDER / "worker.c"], [_FOLDER, ENVIRONMENT.parent])
         return ffi, ffi.dlopen(str(client)), client, worker

@@ -1,0 +1,312 @@
+"""What is wrong with a modelDescription.xml that can be run nevertheless: findings, known quirks among them.
+
+What cannot be read or run safely is refused by the parser (`xml`, `model_description`) at every opening. What is looked for
+here is advice: deviations from the schemas of FMI 2.0 and 3.0, and values that contradict each other. It depends on the file alone, so the
+verdict is kept by the hash of the file and of everything that it is made with.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import math
+import re
+import tomllib
+from collections.abc import Iterable, Iterator
+from contextlib import suppress
+from dataclasses import astuple, dataclass
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+from lxml import etree
+
+from build_fmus import safe_files
+from cosim.description import Description, Variable
+from cosim.fmu.xml import one_line
+
+MOST = 200  # findings of each kind that are kept; of the others only the number
+WORTH_KEEPING = 8192  # bytes of XML from which on a verdict is read sooner than it is found
+_NAMED = 50  # findings of the schema whose variable is looked up
+
+_HERE = Path(__file__).parent
+_QUIRKS = _HERE / "quirks.toml"
+_XSI = "http://www.w3.org/2001/XMLSchema-instance"
+_CONTINUOUS = ("Real", "Float32", "Float64")
+_BASE = {"Enumeration": "Integer"}  # FMI 2.0: types that are set and read by the functions of another one
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One thing that is wrong, at a line of modelDescription.xml; `quirk` says why it does no harm, of a quirk of the tool that made it."""
+
+    line: int
+    text: str
+    quirk: str = ""
+
+    def __str__(self) -> str:
+        return f"line {self.line}: {self.text}"
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """Findings that matter and known quirks, by line, and how many more there are of each."""
+
+    findings: tuple[Finding, ...] = ()
+    quirks: tuple[Finding, ...] = ()
+    more_findings: int = 0
+    more_quirks: int = 0
+
+    def __bool__(self) -> bool:
+        """Whether there is anything that matters."""
+        return bool(self.findings)
+
+    def summary(self, longest: int = 4) -> str:
+        """The first findings and the number of the others, in a line."""
+        shown = [*map(str, self.findings[:longest])]
+        if left := len(self.findings) + self.more_findings - len(shown):
+            shown.append(f"and {left} more")
+        return "; ".join(shown)
+
+
+@dataclass(frozen=True)
+class Quirk:
+    """A deviation that a tool is known for: wildcards that its name and the finding fit, why it does no harm, where it is documented."""
+
+    tool: str
+    finding: str
+    reason: str
+    source: str
+
+    def fits(self, tool: str, finding: str) -> bool:
+        return bool(_wildcard(self.tool).fullmatch(tool) and _wildcard(self.finding).fullmatch(finding))
+
+
+@cache
+def quirks() -> tuple[Quirk, ...]:
+    """The table of `quirks.toml`."""
+    return tuple(Quirk(**entry) for entry in tomllib.loads(_QUIRKS.read_text(encoding="utf-8"))["quirk"])
+
+
+@cache
+def _wildcard(pattern: str) -> re.Pattern[str]:
+    text = re.escape(pattern).replace(r"\*", ".*").replace(r"\?", ".")
+    return re.compile(text, re.IGNORECASE | re.DOTALL)
+
+
+def verdict(xml: bytes, root: Any, about: Description) -> Verdict:
+    """What is wrong with a description that has been read: the one that was kept, or found now and kept."""
+    if len(xml) < WORTH_KEEPING:
+        return judge(root, about)
+    path = safe_files.cache_directory() / "verdicts" / f"{_key(xml)}.json"
+    with suppress(safe_files.NotKept, OSError, ValueError, TypeError):
+        found, known, *more = safe_files.kept_json(path)
+        return Verdict(tuple(Finding(*f) for f in found), tuple(Finding(*f) for f in known), *more)
+    made = judge(root, about)
+    with suppress(OSError):  # a place where nothing can be kept
+        safe_files.keep_json(path, astuple(made))
+    return made
+
+
+def _key(xml: bytes) -> str:
+    return hashlib.sha256(_makers() + xml).hexdigest()[:32]
+
+
+@cache
+def _makers() -> bytes:
+    """Hash of what verdicts are made with: this room's code, the quirks and the schemas."""
+    files = [*_HERE.glob("*.py"), _QUIRKS, *_HERE.glob("schemas/*/*.xsd")]
+    return hashlib.sha256(b"\0".join(f.name.encode() + b"\0" + f.read_bytes() for f in sorted(files))).digest()
+
+
+def judge(root: Any, about: Description) -> Verdict:
+    """What is wrong with a description that has been read. Changes the tree: it names no schemas any more."""
+    major = about.fmi_version[0]
+    found = [*_structure(root, about, major), *_values(root, about, major)]
+    ordered = sorted([*_schema(root, major), *found], key=lambda f: f.line)
+    sorted_out: tuple[list[Finding], list[Finding]] = [], []
+    for finding in ordered:
+        reason = next((q.reason for q in quirks() if q.fits(about.tool, finding.text)), "")
+        sorted_out[bool(reason)].append(Finding(finding.line, finding.text, reason))
+    plain, known = sorted_out
+    return Verdict(tuple(plain[:MOST]), tuple(known[:MOST]), max(0, len(plain) - MOST), max(0, len(known) - MOST))
+
+
+# ------------------------------------------------------------------------------------------------------------- schema
+
+
+@cache
+def _compiled(major: str) -> Any:
+    path = _HERE / "schemas" / f"fmi{major}" / f"fmi{major}ModelDescription.xsd"
+    return etree.XMLSchema(etree.parse(str(path), etree.XMLParser(no_network=True)))
+
+
+def _schema(root: Any, major: str) -> Iterator[Finding]:
+    """Deviations from the schema, one for each element."""
+    for element in root.xpath("//*[@xsi:*]", namespaces={"xsi": _XSI}):
+        for hint in ("schemaLocation", "noNamespaceSchemaLocation"):  # the validator would open what they name
+            element.attrib.pop(f"{{{_XSI}}}{hint}", None)
+    schema = _compiled(major)
+    if schema.validate(root):
+        return
+    seen: set[str] = set()
+    for error in schema.error_log:
+        if error.path in seen:
+            continue  # one wrong value breaks several rules
+        seen.add(error.path)
+        owner = _owner(root, error.path) if len(seen) <= _NAMED else ""
+        text = one_line(error.message).rstrip(".")
+        yield Finding(error.line, owner + text[:1].lower() + text[1:])
+
+
+def _owner(root: Any, path: str | None) -> str:
+    """`variable 'x': ` for the place of an element of that variable."""
+    match = re.match(r"(/fmiModelDescription/ModelVariables/[^/]+)", path or "")
+    with suppress(etree.XPathError, IndexError):
+        return f"variable {one_line(root.xpath(match[1])[0].get('name', ''), 80)!r}: " if match else ""
+    return ""
+
+
+# ------------------------------------------------------------------------------------------------------------- values
+
+
+def _values(root: Any, about: Description, major: str) -> Iterator[Finding]:
+    """Each variable by itself: limits, start, type, unit; and variables that share a place."""
+    definitions = "TypeDefinitions/SimpleType" if major == "2" else "TypeDefinitions/*"
+    known = {
+        kind: _names(root.iterfind(where)) for kind, where in (("type", definitions), ("unit", "UnitDefinitions/Unit"))
+    }
+    for kind, lines in known.items():
+        for name, (origin, *others) in lines.items():
+            for again in others:
+                yield Finding(
+                    again, f"there is a {kind} {one_line(name, 80)!r} already, in line {origin}; the last one counts"
+                )
+    settable: dict[tuple[str, int], str] = {}
+    arrays: dict[str, list[Variable]] = {}
+    for variable in about.variables.values():
+        arrays.setdefault(variable.declared, []).append(variable)
+    for element in root.iterfind("ModelVariables/*"):
+        variables = arrays.get(element.get("name", ""))
+        if not variables:  # an array without elements
+            continue
+        first, line = variables[0], element.sourceline
+        what = f"variable {one_line(first.declared, 80)!r}"
+        for text in _of_variable(element, variables, known, major):
+            yield Finding(line, f"{what}: {text}")
+        if major == "2" and first.causality in ("input", "parameter"):
+            place = (_BASE.get(first.fmi_type) or first.fmi_type, first.reference)
+            if place in settable:
+                other = one_line(settable[place], 80)
+                yield Finding(
+                    line, f"{what}: it has the value reference of {other!r}; what is set last counts for both"
+                )
+            settable.setdefault(place, first.declared)
+    experiment = root.find("DefaultExperiment")
+    if experiment is not None and experiment.get("stepSize") and about.default_step is None:
+        yield Finding(experiment.sourceline, "DefaultExperiment: stepSize is not above 0; it counts as none")
+
+
+def _names(elements: Iterable[Any]) -> dict[str, list[int]]:
+    lines: dict[str, list[int]] = {}
+    for element in elements:
+        lines.setdefault(element.get("name", ""), []).append(element.sourceline)
+    return lines
+
+
+def _of_variable(
+    element: Any, variables: list[Variable], known: dict[str, dict[str, list[int]]], major: str
+) -> Iterator[str]:
+    first = variables[0]
+    low = -math.inf if first.minimum is None else first.minimum
+    high = math.inf if first.maximum is None else first.maximum
+    if not low <= high:
+        yield f"min is {low:g} and max is {high:g}"
+    elif first.type in ("real", "integer"):
+        outside = next((v for v in variables if v.start is not None and not low <= v.start <= high), None)
+        if outside is not None:
+            yield f"start is {outside.start:g}, outside of its range {low:g} to {high:g}"
+    typed = element if major == "3" else element[0] if len(element) else element
+    if (declared := typed.get("declaredType")) is not None and declared not in known["type"]:
+        yield f"type {one_line(declared, 80)!r} is not among the TypeDefinitions"
+    if first.unit is not None and first.unit.name not in known["unit"]:
+        yield f"unit {one_line(first.unit.name, 80)!r} is not among the UnitDefinitions"
+    elif typed.get("unit") == "" and "" not in known["unit"]:
+        yield "unit '' is not among the UnitDefinitions"
+    variability = element.get("variability", "continuous" if major == "2" else first.variability)
+    if variability == "continuous" and first.fmi_type not in _CONTINUOUS:
+        kind = first.fmi_type
+        yield f"{'an' if kind[0] in 'AEIOU' else 'a'} {kind} is continuous, which only {'Real' if major == '2' else 'Float32 and Float64'} may be"
+    needs = (
+        first.causality in ("input", "parameter")
+        or first.initial in ("exact", "approx")
+        or first.variability == "constant"
+    )
+    if needs and first.start is None and first.fmi_type != "Clock" and element.find("Start") is None:
+        yield f"{'an' if first.causality == 'input' else 'a'} {first.causality} has no start value"
+    if first.start is not None and (first.initial == "calculated" or first.causality == "independent"):
+        yield "it has a start value, although it is calculated or independent; that is not used"
+
+
+# ---------------------------------------------------------------------------------------------------------- structure
+
+
+def _structure(root: Any, about: Description, major: str) -> Iterator[Finding]:
+    """The model structure: outputs that are not in it, that are none, that depend on themselves."""
+    structure = root.find("ModelStructure")
+    if structure is None:
+        return
+    where, key = ("Outputs/Unknown", "index") if major == "2" else ("Output", "valueReference")
+    elements = [*structure.iterfind(where)]
+    by_key: dict[str, Variable] = {}
+    for position, variable in enumerate(about.variables.values(), start=1):
+        by_key.setdefault(str(position if major == "2" else variable.reference), variable)
+    listed: dict[str, int] = {}
+    for element in elements:
+        variable = by_key.get(_plain(element.get(key)))  # type: ignore[assignment]
+        if variable is None:
+            continue
+        name = variable.declared
+        if variable.causality != "output":
+            yield Finding(
+                element.sourceline, f"{one_line(name, 80)!r} is among the outputs of ModelStructure, but is none"
+            )
+        if name in listed:
+            yield Finding(element.sourceline, f"{one_line(name, 80)!r} is twice among the outputs of ModelStructure")
+        listed.setdefault(name, element.sourceline)
+    for name in dict.fromkeys(v.declared for v in about.outputs.values()):
+        if name not in listed:
+            text = f"output {one_line(name, 80)!r} is not in ModelStructure; it counts as depending on all inputs"
+            yield Finding(structure.sourceline, text)
+    for circle in _circles(about):
+        line = listed.get(about.variables[circle[0]].declared, structure.sourceline)
+        path = " -> ".join(one_line(n, 40) for n in [*circle[:5], *(["..."] if len(circle) > 5 else []), circle[0]])
+        yield Finding(line, f"output {one_line(circle[0], 80)!r} depends on itself: {path}")
+
+
+def _plain(text: str | None) -> str:
+    """A whole number, as it is written without signs around it."""
+    return str(int(text)) if text else ""
+
+
+def _circles(about: Description) -> Iterator[list[str]]:
+    """Outputs that depend on themselves, directly or by way of others: one circle for each way back. A state may: its value is known."""
+    states = {v.name for v in about.states}
+    outputs = about.outputs.keys() - states
+    done: set[str] = set()
+    for start in about.outputs:
+        path: list[str] = []
+        on_path: dict[str, int] = {}
+        ways: list[Iterator[str]] = [iter([start] if start in outputs else [])]
+        while ways:
+            name = next(ways[-1], None)
+            if name is None:
+                ways.pop()
+                if path:
+                    done.add(last := path.pop())
+                    del on_path[last]
+            elif name in on_path:
+                yield path[on_path[name] :]
+            elif name not in done:
+                on_path[name] = len(path)
+                path.append(name)
+                ways.append(iter(sorted(about.dependencies.get(name, frozenset()) & outputs)))

@@ -1,0 +1,53 @@
+"""modelDescription.xml as a tree: nothing is loaded from elsewhere, and nothing grows beyond the limits."""
+
+from __future__ import annotations
+
+import re
+from typing import Any
+
+from lxml import etree
+
+from cosim.errors import FmuError
+from cosim.fmu.limits import Limits
+
+HUGE = 10_000_000  # bytes of XML from which on the parser's own limits are lifted; ours hold
+
+_ENCODING = re.compile(rb"^[^<]{0,4}<\?xml[^>]*?encoding\s*=\s*[\"']([^\"'>]*)[\"']")
+_LIKE_ASCII = re.compile(
+    rb"utf-?8|us-ascii|ascii|(iso-?8859|windows|cp)-?\d+(-\d+)?|latin-?\d|utf-?16(le|be)?", re.IGNORECASE
+)
+"""Encodings in which a document type declaration can be seen: others can hide it from whoever looks at bytes."""
+
+
+def tree(xml: bytes, where: str, limits: Limits) -> Any:
+    """The root element of modelDescription.xml; `where` names the file in errors. Raises FmuError."""
+    file = f"{where}: modelDescription.xml"
+    limits.check("xml_bytes", len(xml), f"{file} has {len(xml)} bytes")
+    wide = b"\0" in xml[:4]
+    if b"<!DOCTYPE" in (xml.replace(b"\0", b"") if wide else xml):
+        # Entities grow without limit; no exporter needs them.
+        raise FmuError(f"{file} has a document type declaration; FMI knows none, remove it")
+    declared = _ENCODING.match(xml)
+    if (declared and not _LIKE_ASCII.fullmatch(declared[1])) or xml[:3] == b"\x4c\x6f\xa7":  # the last is EBCDIC
+        name = declared[1].decode("ascii", "replace") if declared else "EBCDIC"
+        raise FmuError(f"{file} is encoded as {one_line(name, 40)!r}; FMI wants UTF-8")
+    nodes = xml.count(b"<") + xml.count(b"=")
+    limits.check("xml_nodes", nodes, f"{file} has some {nodes} elements and attributes")
+    parser = etree.XMLParser(
+        resolve_entities=False, no_network=True, load_dtd=False, huge_tree=len(xml) > HUGE, remove_comments=True, remove_pis=True
+    )  # fmt: skip
+    try:
+        root = etree.fromstring(xml, parser)
+    except (etree.XMLSyntaxError, ValueError) as error:
+        raise FmuError(f"{file} is not well-formed ({one_line(str(error))})") from None
+    if root.getroottree().docinfo.internalDTD is not None:
+        raise FmuError(f"{file} has a document type declaration; FMI knows none, remove it")
+    return root
+
+
+def one_line(text: str, longest: int = 300) -> str:
+    """A stranger's text, in messages: cut where it is long, without line breaks and signs that steer a terminal."""
+    cut = text if len(text) <= longest else text[: longest - 3] + "..."
+    if cut.isprintable():
+        return cut
+    return "".join(c if c.isprintable() else c.encode("unicode_escape", "replace").decode() for c in cut)

@@ -1,0 +1,381 @@
+"""The gate at opening: what is refused, what is warned of, what is a known quirk of its tool, and what that costs."""
+
+import os
+import re
+import sys
+import warnings
+import zipfile
+
+import pytest
+from awkward import archive, description
+from rich.console import Console
+
+from build_fmus.safe_files import DamagedWarning
+from cosim import Fmu, FmuError, FmuWarning, Limits, System, describe
+from cosim.fmu import gate
+from cosim.fmu.model_description import parse
+
+VERSIONS = pytest.mark.parametrize("version", [2, 3])
+OUTPUT = {2: '<Outputs><Unknown index="{0}" {1}/></Outputs>', 3: '<Output valueReference="{0}" {1}/>'}
+
+
+def variable(version, name, reference, attributes="", inner="", kind="Real"):
+    """A variable on a line of its own; `attributes` of the value stand where the version has them, `inner` says what it is."""
+    if version == 2:
+        return f'\n<ScalarVariable name="{name}" valueReference="{reference}" {inner}><{kind} {attributes}/></ScalarVariable>'
+    kind = {"Real": "Float64", "Integer": "Int32"}.get(kind, kind)
+    return f'\n<{kind} name="{name}" valueReference="{reference}" {inner} {attributes}/>'
+
+
+def xml(version, variables, structure="", *, tool="", more="", head=""):
+    """A description that follows the schema, with what is given."""
+    text = description(version, variables, experiment='stepSize="0.1"', more=more).decode()
+    text = text.replace(
+        "<ModelStructure/>", f"<ModelStructure>{structure}</ModelStructure>" if structure else "<ModelStructure/>"
+    )
+    return text.replace("<fmiModelDescription ", f'<fmiModelDescription generationTool="{tool}" {head} ').encode()
+
+
+def input_(version, reference="0", name="u"):
+    return variable(version, name, reference, 'start="0"', 'causality="input"')
+
+
+def findings(path):
+    return [str(f) for f in Fmu(path, quiet=True).verdict.findings]
+
+
+# ------------------------------------------------------------------------------------------------------------- warned
+
+
+@VERSIONS
+@pytest.mark.parametrize(
+    ("attributes", "words"),
+    [
+        ('min="2" max="1"', "min is 2 and max is 1"),
+        ('min="0" max="1" start="1.5"', "start is 1.5, outside of its range 0 to 1"),
+        ('start="-1" min="0"', "start is -1, outside of its range 0 to inf"),
+        ('declaredType="Length"', "type 'Length' is not among the TypeDefinitions"),
+        ('unit="furlong"', "unit 'furlong' is not among the UnitDefinitions"),
+        ('colour="red"', "attribute 'colour': The attribute 'colour' is not allowed"),
+    ],
+)
+def test_values_that_contradict_each_other(tmp_path, version, attributes, words):
+    path = archive(tmp_path / "odd.fmu", xml(version, input_(version) + variable(version, "wheel", "1", attributes)))
+    with pytest.warns(
+        FmuWarning, match=rf"odd\.fmu: modelDescription\.xml deviates from FMI {version}\.0: line 4: variable 'wheel': "
+    ) as told:
+        Fmu(path)
+    assert words in str(told[0].message)
+    assert len(told) == 1
+    with pytest.raises(FmuError, match=r"odd\.fmu: .* deviates .* which strict refuses: line 4: variable 'wheel': "):
+        Fmu(path, strict=True)
+    with pytest.raises(FmuError, match="strict refuses"):
+        System().add("a", path, strict=True)
+
+
+@VERSIONS
+def test_findings_come_in_one_warning(tmp_path, version):
+    many = "".join(variable(version, f"x{i}", i, 'min="2" max="1"') for i in range(300))
+    path = archive(tmp_path / "many.fmu", xml(version, many))
+    with pytest.warns(FmuWarning, match="variable 'x3': min is 2 and max is 1; and 296 more$") as told:
+        verdict = Fmu(path).verdict
+    assert len(told) == 1
+    assert (len(verdict.findings), verdict.more_findings) == (gate.MOST, 300 - gate.MOST)
+
+
+@VERSIONS
+def test_outputs_that_depend_on_themselves(tmp_path, version):
+    both = (
+        input_(version)
+        + variable(version, "y", "1", "", 'causality="output"')
+        + variable(version, "z", "2", "", 'causality="output"')
+    )
+    y, z, first = ("2", "3", "1") if version == 2 else ("1", "2", "0")
+    entry = (
+        '<Unknown index="{}" dependencies="{}"/>' if version == 2 else '<Output valueReference="{}" dependencies="{}"/>'
+    )
+
+    def told(*pairs):
+        listed = "".join(entry.format(*pair) for pair in pairs)
+        return findings(
+            archive(tmp_path / "a.fmu", xml(version, both, f"<Outputs>{listed}</Outputs>" if version == 2 else listed))
+        )
+
+    assert told((y, first), (z, first)) == []
+    assert told((y, first), (z, y)) == []
+    assert [t.split(": ", 1)[1] for t in told((y, y), (z, first))] == ["output 'y' depends on itself: y -> y"]
+    assert [t.split(": ", 1)[1] for t in told((y, z), (z, y))] == ["output 'y' depends on itself: y -> z -> y"]
+
+
+def test_an_output_that_is_a_state_may_depend_on_itself(tmp_path):
+    variables = variable(3, "x", "1", 'start="0"', 'causality="output" initial="exact"') + variable(
+        3, "der(x)", "2", 'derivative="1"'
+    )
+    structure = '<Output valueReference="1" dependencies="1"/><ContinuousStateDerivative valueReference="2"/>'
+    assert findings(archive(tmp_path / "a.fmu", xml(3, variables, structure))) == []
+
+
+@VERSIONS
+def test_lists_of_outputs(tmp_path, version):
+    variables = input_(version) + variable(version, "y", "1", "", 'causality="output"')
+    path = archive(tmp_path / "a.fmu", xml(version, variables, OUTPUT[version].format(1 if version == 2 else 0, "")))
+    assert sorted(f.split(": ", 1)[1] for f in findings(path)) == [
+        "'u' is among the outputs of ModelStructure, but is none",
+        "output 'y' is not in ModelStructure; it counts as depending on all inputs",
+    ]
+
+
+@pytest.mark.parametrize(
+    ("kind", "inner", "words"),
+    [
+        ("Integer", 'causality="input"', "an Integer is continuous, which only Real may be"),
+        ("Real", 'causality="parameter" variability="fixed"', "a parameter has no start value"),
+        (
+            "Real",
+            'causality="calculatedParameter" variability="fixed" initial="approx"',
+            "a calculatedParameter has no start value",
+        ),
+    ],
+)
+def test_what_fmi_2_wants_to_be_said(tmp_path, kind, inner, words):
+    path = archive(tmp_path / "a.fmu", xml(2, variable(2, "n", "0", "", inner, kind)))
+    assert f"line 3: variable 'n': {words}" in findings(path)
+
+
+def test_inputs_that_share_a_place(tmp_path):
+    path = archive(tmp_path / "a.fmu", xml(2, input_(2, "5", "u") + input_(2, "5", "v")))
+    assert findings(path) == [
+        "line 4: variable 'v': it has the value reference of 'u'; what is set last counts for both"
+    ]
+
+
+def test_aliases_of_fmi_2_are_legal(tmp_path):
+    """Outputs of the same type with the same reference, and the same reference for another type."""
+    variables = (
+        input_(2, "7") + variable(2, "a", "7", "", 'causality="local"') + variable(2, "b", "7", "", 'causality="local"')
+        + variable(2, "n", "7", 'start="1"', 'causality="input" variability="discrete"', "Integer")
+    )  # fmt: skip
+    assert findings(archive(tmp_path / "a.fmu", xml(2, variables))) == []
+
+
+# ------------------------------------------------------------------------------------------------------------ refused
+
+
+@VERSIONS
+def test_names_that_are_not_unique(tmp_path, version):
+    path = archive(tmp_path / "two.fmu", xml(version, input_(version) + input_(version, "9")))
+    with pytest.raises(
+        FmuError, match=r"two\.fmu: .*modelDescription\.xml, line 4: there is a variable 'u' already, in line 3$"
+    ):
+        Fmu(path)
+
+
+@pytest.mark.parametrize(
+    ("variables", "words"),
+    [
+        ('<Float64 name="a" valueReference="1"/>\n<Float64 name="b" valueReference="1"/>', "line 3: variable 'b' has the value reference 1, which 'a'"),
+        ('<Float64 name="a" valueReference="1"><Dimension start="2"/></Float64>\n<Float64 name="a[2]" valueReference="2"/>', "line 3: there is a variable 'a[2]' already, in line 2"),
+        ('<Float64 name="a" valueReference="1"><Alias name="c"/></Float64>\n<Float64 name="c" valueReference="2"/>', "line 3: there is a variable 'c' already, in line 2"),
+        ('<Float64 name="a" valueReference="1"><Dimension start="0"/></Float64>\n<Float64 name="a" valueReference="2"/>', "line 3: there is a variable 'a' already"),
+        ('<Float64 name="a" valueReference="1">' + '<Dimension start="1"/>' * 17 + "</Float64>", "array 'a' has 17 dimensions; at most 16"),
+        (f'<Float64 name="{"a" * 10**6}" valueReference="1"><Dimension start="100000"/></Float64>', "are too long"),
+        ('<Float64 name="a&#10;b&#27;[31m" valueReference="-1"/>', r"variable 'a\nb"),
+    ],
+)  # fmt: skip
+def test_what_cannot_be_run_safely_in_fmi_3(tmp_path, variables, words):
+    variables = variables.replace("&#27;", "&#155;")
+    with pytest.raises(FmuError) as caught:
+        Fmu(archive(tmp_path / "a.fmu", description(3, variables)))
+    assert words in str(caught.value)
+    assert str(caught.value).isprintable()
+    assert len(str(caught.value)) < 500
+
+
+@pytest.mark.parametrize(
+    ("name", "number", "make"),
+    [
+        ("variables", 3, lambda: xml(2, "".join(input_(2, i, f"u{i}") for i in range(3)))),
+        ("variables", 4, lambda: xml(3, '<Float64 name="u" valueReference="0"><Dimension start="2"/><Dimension start="2"/></Float64>')),
+        ("dimensions", 2, lambda: xml(3, '<Float64 name="u" valueReference="0"><Dimension start="2"/><Dimension start="2"/></Float64>')),
+        ("dependencies", 2, lambda: xml(2, input_(2) + input_(2, "1", "v") + variable(2, "y", "2", "", 'causality="output"'), OUTPUT[2].format(3, 'dependencies="1 2"'))),
+        ("xml_bytes", 1000, lambda: xml(2, input_(2)).ljust(1000)),
+        ("xml_nodes", 60, lambda: xml(2, input_(2) + "<a/>" * 31)),
+    ],
+)  # fmt: skip
+def test_limits_can_be_raised(tmp_path, name, number, make):
+    made = make()
+    if name == "xml_nodes":
+        number = made.count(b"<") + made.count(b"=")
+    path = archive(tmp_path / "large.fmu", made)
+    with pytest.raises(
+        FmuError, match=rf"large\.fmu.*at most {number - 1} are taken unless Limits\({name}={number}\) allows more$"
+    ):
+        Fmu(path, limits=Limits(**{name: number - 1}), quiet=True)
+    assert Fmu(path, limits=Limits(**{name: number}), quiet=True).description.variables
+
+
+@pytest.mark.parametrize("wrong", [{"variables": 0}, {"variables": -1}, {"files": 1.5}, {"files": True}])
+def test_limits_are_whole_numbers(wrong):
+    with pytest.raises(FmuError, match=r"Limits: \w+ is .*; a limit is a whole number"):
+        Limits(**wrong)
+    with pytest.raises(FmuError, match="no limit 'variable'; did you mean 'variables'"):
+        Limits.of(["variable=3"])
+    with pytest.raises(FmuError, match="limit files is 'many'"):
+        Limits.of(["files=many"])
+    assert Limits.of(["files=3", "variables=5"]) == Limits(files=3, variables=5)
+
+
+@pytest.mark.parametrize(
+    ("made", "words"),
+    [
+        (b'<?xml version="1.0" encoding="UTF-7"?>+ADwAIQ-DOCTYPE a+AD4-<a/>', "is encoded as 'UTF-7'"),
+        ('<?xml version="1.0" encoding="cp037"?><!DOCTYPE a [<!ENTITY b "c">]><a b="&b;"/>'.encode("cp037"), "is encoded as 'EBCDIC'"),
+    ],
+)  # fmt: skip
+def test_encodings_that_hide_a_document_type(tmp_path, made, words):
+    with pytest.raises(FmuError, match=words):
+        Fmu(archive(tmp_path / "a.fmu", made))
+
+
+@VERSIONS
+def test_schemas_that_a_description_names_are_not_opened(tmp_path, version):
+    trap = tmp_path / "trap.xsd"
+    if sys.platform == "win32":
+        trap.write_text("no schema")
+    else:
+        os.mkfifo(trap)  # who opens it waits forever
+    head = f'xmlns:xsi="http://www.w3.org/2001/XMLSchema-instance" xsi:noNamespaceSchemaLocation="{trap.as_uri()}"'
+    path = archive(tmp_path / "a.fmu", xml(version, input_(version), head=head))
+    assert findings(path) == []
+    if sys.platform != "win32":
+        with pytest.raises(FmuError, match="neither a file nor a folder"):
+            Fmu(trap)
+
+
+# ------------------------------------------------------------------------------------------------------------- quirks
+
+_VENDOR = '<VendorAnnotations><Tool name="Dymola"/></VendorAnnotations>'
+_UNIT = variable(2, "a", "1", 'unit="{}"')
+_DATE = {"head": 'generationDateAndTime="2019-05-10_16_10"'}
+KNOWN = {
+    "element 'VendorAnnotations'": ("Dymola Version 2023x", 3, {"more": _VENDOR}),
+    "attribute 'order'": ("Dymola Version 2024x", 3, {"variables": '<Float64 name="a" valueReference="1"><Annotations><Annotation type="t" order="1"/></Annotations></Float64>'}),
+    "element 'Annotations'": ("Dymola Version 2024x", 3, {"variables": '<Float64 name="a" valueReference="1"><Alias name="b"/><Annotations><Annotation type="t"/></Annotations></Float64>'}),
+    "element 'Outputs'": ("OpenModelica Compiler 1.9.4", 2, {"structure": "<Outputs></Outputs>"}),
+    "unit * is": ("OpenModelica Compiler OpenModelica v1.15.0 (64-bit)", 2, {"variables": _UNIT.format("A")}),
+    "unit '' is": ("MapleSim 2015.1", 2, {"variables": _UNIT.format("")}),
+    "unit 'user-defined'": ("MSC Easy5 2017.1", 2, {"variables": _UNIT.format("user-defined")}),
+    "attribute 'needsExecutionTool'": ("JModelica.org", 2, {"head": 'needsExecutionTool="true"'}),
+    "Hopsan": ("HOPSAN 2.11", 2, _DATE),
+    "qfmu": ("qfmu", 2, _DATE),
+    "PythonFMU * is continuous": ("PythonFMU 0.6.9", 2, {"variables": variable(2, "n", "1", "", 'causality="output"', "Integer"), "structure": OUTPUT[2].format(2, "")}),
+    "MWorks": ("MWorks 2016", 2, {"variables": variable(2, "b", "1", "", "", "Boolean")}),
+    "element 'ModelVariables'": ("PythonFMU 0.6.9", 2, {"without": True}),
+    "element 'SourceFiles'": ("FMPy 0.3.1 FMU Container", 2, {"sources": True}),
+    "no start value": ("Simulink with FMI Kit 2.8", 2, {"variables": variable(2, "p", "1", "", 'causality="parameter" variability="tunable"')}),
+}  # fmt: skip
+
+
+def test_every_quirk_has_a_case_and_a_source():
+    assert len(KNOWN) == len(gate.quirks())
+    for quirk, key in zip(gate.quirks(), KNOWN, strict=True):
+        assert key.split(" ")[0].lower() in f"{quirk.tool} {quirk.finding}".lower()
+        assert re.match(r"https://\S+/\d+$", quirk.source)
+        assert quirk.reason
+
+
+@pytest.mark.parametrize("key", KNOWN)
+def test_quirks_are_listed_and_not_warned_of(tmp_path, key):
+    tool, version, given = KNOWN[key]
+    given = dict(given)
+    variables = "" if given.pop("without", False) else input_(version) + given.pop("variables", "")
+    sources = given.pop("sources", False)
+
+    def made(tool):
+        text = xml(version, variables, **{**given, "tool": tool})
+        if sources:
+            text = re.sub(rb"(<CoSimulation [^>]*)/>", rb"\1><SourceFiles/></CoSimulation>", text)
+        return archive(tmp_path / "a.fmu", text)
+
+    path = made(tool)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", FmuWarning)
+        fmu = Fmu(path, strict=True)
+    assert len(fmu.verdict.quirks) == 1
+    console = Console(width=200)
+    with console.capture() as captured:
+        console.print(describe(fmu))
+    assert "known quirks of its tool, harmless (1)" in captured.get()
+    with pytest.warns(FmuWarning):
+        assert Fmu(made("Somebody's")).verdict.quirks == ()
+
+
+# -------------------------------------------------------------------------------------------------------------- cache
+
+
+def test_verdicts_are_kept(tmp_path, monkeypatch):
+    monkeypatch.setenv("BUILD_FMUS_CACHE", str(tmp_path / "cache"))
+    many = "".join(variable(2, f"x{i}", i, 'min="2" max="1"') for i in range(300))
+    path = archive(tmp_path / "a.fmu", xml(2, many))
+    first = Fmu(path, quiet=True).verdict
+    (kept,) = (tmp_path / "cache" / "verdicts").iterdir()
+    with monkeypatch.context() as patch:
+        patch.setattr(gate, "judge", None)
+        assert Fmu(path, quiet=True).verdict == first
+    kept.write_text(kept.read_text().replace("min is 2", "min is 3", 1))
+    with pytest.warns(DamagedWarning):
+        assert Fmu(path, quiet=True).verdict == first
+    kept.unlink()
+    kept.mkdir()  # nothing can be kept there
+    assert Fmu(path, quiet=True).verdict == first
+
+
+# ----------------------------------------------------------------------------------------------------------- archives
+
+
+@pytest.mark.parametrize("method", [zipfile.ZIP_BZIP2, zipfile.ZIP_LZMA])
+def test_methods_of_compression_without_bounds(tmp_path, method):
+    path = tmp_path / "a.fmu"
+    with zipfile.ZipFile(path, "w", method) as file:
+        file.writestr("modelDescription.xml", description(2))
+    with pytest.raises(
+        FmuError, match=rf"a\.fmu is not an FMU .*packed by method {method}; FMI allows 0 \(stored\) and 8"
+    ):
+        Fmu(path)
+
+
+def test_two_descriptions(tmp_path):
+    path = tmp_path / "a.fmu"
+    with zipfile.ZipFile(path, "w") as file:
+        file.writestr("modelDescription.xml", description(2))
+        with pytest.warns(UserWarning, match="Duplicate name"):
+            file.writestr("modelDescription.xml", description(2, name="Other"))
+    with pytest.raises(FmuError, match="more than one modelDescription"):
+        Fmu(path)
+
+
+def test_a_directory_of_many_files(tmp_path):
+    path = tmp_path / "a.fmu"
+    with zipfile.ZipFile(path, "w") as file:
+        file.writestr("modelDescription.xml", xml(2, input_(2)))
+        for i in range(40):
+            file.writestr(f"resources/{'x' * 60}{i}", b"")
+    with pytest.raises(FmuError, match=r"its directory has 0 MB, enough for \d+ files; .*Limits\(files="):
+        Fmu(path, limits=Limits(files=10))
+    assert Fmu(path, limits=Limits(files=50), quiet=True).description.inputs
+
+
+def test_a_description_larger_than_it_says(tmp_path):
+    """What is unpacked is never more than the size that was compared with the limit."""
+    path = archive(tmp_path / "a.fmu", description(2).ljust(50 * 2**20))
+    data = bytearray(path.read_bytes())
+    for at, offset in ((data.index(b"PK\x03\x04"), 22), (data.index(b"PK\x01\x02"), 24)):
+        data[at + offset : at + offset + 4] = (1000).to_bytes(4, "little")
+    path.write_bytes(data)
+    with pytest.raises(FmuError, match=r"a\.fmu is not an FMU or is incomplete \(Bad CRC"):
+        Fmu(path)
+
+
+def test_parse_takes_limits():
+    with pytest.raises(FmuError, match="Limits"):
+        parse(xml(2, input_(2)), "a.fmu", Limits(xml_bytes=10))
