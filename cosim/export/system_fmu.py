@@ -24,8 +24,8 @@ from cosim.errors import CosimError, WiringError
 from cosim.export import description
 from cosim.export.parts import Part, part_of, shown
 from cosim.export.variables import Exported, choose
-from cosim.fmu.environment import HEADER as ENVIRONMENT
 from cosim.fmu.component import FmuComponent
+from cosim.fmu.environment import HEADER as ENVIRONMENT
 from cosim.fmu.transfers import Arrangement, arrangements, by_reference
 from cosim.master.exchange import Exchange
 from cosim.system.members import Group, Member

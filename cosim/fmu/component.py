@@ -66,6 +66,7 @@ class FmuComponent:
         self._foreign = False  # another's, in this process
         self._restore = _nothing_to_restore
         self._told: set[int] = set()  # what it has changed of the floating-point environment, as far as that was said
+        self._library: Library | IsolatedLibrary
         self._instance: Any = None
         self._dead = False
         self._keep: list[Any] = []
@@ -84,9 +85,9 @@ class FmuComponent:
         self._tells_values = False
         self._given.clear()
         self._may_roll_back.clear()  # what was saved before belongs to another run
-        if self._instance is not None and not self._dead and self._library.isolation == self.isolation:
-            if self._call("Reset") <= fmi.WARNING:
-                return
+        reusable = self._instance is not None and not self._dead and self._library.isolation == self.isolation
+        if reusable and self._call("Reset") <= fmi.WARNING:
+            return
         self.close()
         self._forget_messages()
         self.name = name
@@ -198,6 +199,8 @@ class FmuComponent:
         function, detail = self._library.blamed(function), self._library.misdeed() or detail
         if status == fmi.FATAL or lost:
             self._die()
+        if self._library.cancelled:
+            raise KeyboardInterrupt
         if lost:
             raise ProcessLost(self.name, f"fmi{self.fmu.major}{function}", lost, self._said())
         signed = int(self._ffi.cast("int32_t", status))
@@ -294,19 +297,22 @@ class FmuComponent:
         ports = replace(Ports.of(set_inputs, self._stepper(do_step), get_outputs), fmi=calls)
         if len(setters) == len(getters) == 1 and setters[0].direct and getters[0].direct:
             ports = replace(ports, run=self._fused(setters[0], do_step, getters[0]))
-        return replace(ports, run=self._guarded(ports.run)) if self._foreign else ports
+        if not self._foreign:
+            return ports
+        guard = self._guarded
+        return replace(
+            ports, set_inputs=guard(ports.set_inputs), step=guard(ports.step), get_outputs=guard(ports.get_outputs), run=guard(ports.run)
+        )
 
-    def _guarded(self, run: Callable[[float, float], None]) -> Callable[[float, float], None]:
+    def _guarded(self, call: Callable[..., None]) -> Callable[..., None]:
         """The floating-point environment is put back after it."""
-        restore, tell = self._restore, self._tell_changed
+        look = self._look_at_environment
 
-        def guarded(t: float, h: float) -> None:
+        def guarded(*arguments: float) -> None:
             try:
-                run(t, h)
+                call(*arguments)
             finally:
-                changed = restore()
-                if changed:
-                    tell(changed)
+                look()
 
         return guarded
 
@@ -590,7 +596,7 @@ def _logger(messages: deque[str], problems: deque[str]) -> fmi.Log:
     return log
 
 
-def _free(library: Library, v3: bool, instance: Any, keep: list[Any]) -> None:
+def _free(library: Library | IsolatedLibrary, v3: bool, instance: Any, keep: list[Any]) -> None:
     (library.handle.fmi3FreeInstance if v3 else library.handle.fmi2FreeInstance)(instance)
     keep.clear()
     library.release()

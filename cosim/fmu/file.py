@@ -27,6 +27,7 @@ class Library:
     """An FMU's library in this process, and the folder of the unpacked FMU; closed with its last instance."""
 
     isolation = None
+    cancelled = False
 
     def __init__(self, version: str, ffi: Any, handle: Any, folder: Path, own_folder: bool):
         self.handle = handle

@@ -1,5 +1,5 @@
 /* An FMU that does one bad deed in one phase of its life, FMI 2.0 or 3.0: `resources/deed.txt` says "PHASE DEED". y counts steps and
- * adds u; it does nothing wrong before its tenth step. */
+ * adds u; it does nothing wrong before its tenth step, or that of HOSTILE_STEP, and with HOSTILE_SLOW each takes a millisecond. */
 #if !defined(_GNU_SOURCE)
 #define _GNU_SOURCE
 #endif
@@ -29,11 +29,11 @@ typedef fmi3Status Status;
 #define OK fmi3OK
 #endif
 
-enum { FAULTY_STEP = 10 };
 
 static char phase[32], deed[32];
 static double u, y, bad;
-static int steps, status;
+static int steps, status, faulty_step = 10;
+static bool slow;
 #if FMI == 2
 static const fmi2CallbackFunctions *callbacks;
 #else
@@ -116,7 +116,7 @@ static void commit(void) {
 
 static void at(const char *now) {
     status = OK;
-    if (strcmp(phase, now) == 0 && (strcmp(now, "step") != 0 || steps == FAULTY_STEP)) commit();
+    if (strcmp(phase, now) == 0 && (strcmp(now, "step") != 0 || steps == faulty_step)) commit();
 }
 
 static void find_deed(void) {
@@ -132,6 +132,9 @@ static void find_deed(void) {
 }
 
 __attribute__((constructor)) static void loaded(void) {
+    const char *late = getenv("HOSTILE_STEP");
+    if (late) faulty_step = atoi(late);
+    slow = getenv("HOSTILE_SLOW") != NULL;
     find_deed();
     at("load");
 }
@@ -146,6 +149,7 @@ static Instance made(void) {
 
 static void step(double h) {
     steps++;
+    if (slow) usleep(1000);
     y += 1 + h * u;
     at("step");
     y += bad;

@@ -23,13 +23,8 @@ FUNCTIONS = {
 }  # fmt: skip
 
 
-@pytest.fixture(scope="module")
-def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return tmp_path_factory.mktemp("hostile")
-
-
 @pytest.fixture
-def system(folder: Path) -> Iterator[System]:
+def system() -> Iterator[System]:
     with System() as made:
         yield made
 
@@ -109,10 +104,13 @@ def test_a_loss_while_a_state_is_handled_is_an_error(system: System, folder: Pat
     simulation = system.initialize(record=["bad.y"], allow_unconnected=True)
     simulation.advance(0.005)
     component = system["bad"].component
-    with pytest.raises(CosimError, match=FUNCTIONS[phase]) as caught:
-        state = simulation.save()
-        simulation.restore(state)
+
+    def there_and_back() -> None:
+        simulation.restore(simulation.save())
         component.deserialize(component.serialize())  # type: ignore[attr-defined]
+
+    with pytest.raises(CosimError, match=FUNCTIONS[phase]) as caught:
+        there_and_back()
     assert re.search(words(deed), str(caught.value))
 
 

@@ -20,8 +20,8 @@ from typing import Any
 import cffi
 
 import cosim.fmu.calls as fmi
-from build_fmus.checks import number
 from build_fmus import safe_files
+from build_fmus.checks import number
 from build_fmus.compile import CompileError, ObjectCache, find_toolchain, host
 from cosim.errors import FmuError
 from cosim.fmu.environment import HEADER as ENVIRONMENT
@@ -48,7 +48,7 @@ bool link_instantiate(Link *l, const char *name, const char *token, const char *
 """
 
 
-class NoIsolation(FmuError):
+class NoIsolation(FmuError):  # noqa: N818
     """FMUs cannot be isolated on this machine; the message says why."""
 
 
@@ -133,6 +133,7 @@ class IsolatedLibrary:
     def __init__(self, version: str, library: Path, folder: Path, isolation: Isolation):
         self.folder = folder
         self.isolation = isolation
+        self.cancelled = False  # a second Ctrl-C ended it
         self._version = version
         self._last_words: tuple[str | None, str, str] | None = None  # of `lost`, `blamed` and `misdeed`, once it is released
         ffi, client, _, worker = _interface()
@@ -199,6 +200,7 @@ class IsolatedLibrary:
         if end == client.LINK_TOO_SLOW:
             return f"it did not come back within step_timeout = {self.isolation.step_timeout:g} s, and its process was ended"
         if end == client.LINK_CANCELLED:
+            self.cancelled = True
             return "it was waited for no longer, and its process was ended"
         if end == client.LINK_LIED:
             return "its process spoiled what it shares with the master, and was ended"

@@ -1,0 +1,98 @@
+"""FMUs of others in this process: what they do to the floating-point environment is put back, and a hang can be ended."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+from foreign import hostile
+from same import ENGINES, assert_same
+
+from cosim import Recording, System
+from cosim.spool import recover, spool_of
+
+pytestmark = pytest.mark.filterwarnings("ignore::cosim.UnconnectedInputsWarning")
+
+
+def beside(follower: Path, culprit: Path, engine: str) -> Recording:
+    """What a neighbour computes whose numbers depend on rounding, in a run with that FMU before it."""
+    with System() as system:
+        system.add("culprit", culprit)
+        system.add("neighbour", follower, step="1 ms", start={"u": 1.0})
+        return system.run(0.05, record=["culprit.y", "neighbour.y"], engine=engine)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("version", [2, 3])
+@pytest.mark.parametrize("engine", ENGINES)
+@pytest.mark.parametrize(("deed", "what"), [("round", "the rounding mode"), ("flush", "the treatment of subnormal numbers")])
+@pytest.mark.parametrize("phase", ["load", "step", "get", "enter"])
+def test_the_floating_point_environment_is_put_back(folder, follower, harmless, version, engine, deed, what, phase):
+    right = beside(follower[version], harmless, engine)
+    with pytest.warns(UserWarning, match=rf"component 'culprit' \(.*\) changes {what}"):
+        found = beside(follower[version], hostile.build(version, folder, phase, deed), engine)
+    assert_same(right, found)
+
+
+HANGS = """
+import sys
+from cosim import System
+system = System()
+system.add("bad", sys.argv[1], isolated=sys.argv[3] == "isolated")
+try:
+    system.run(100, record=["bad.y"], csv=sys.argv[2], allow_unconnected=True, engine=sys.argv[4])
+except KeyboardInterrupt as error:
+    print("interrupted:", error)
+    sys.exit(7)
+"""
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+@pytest.mark.parametrize("where", ["isolated", "here"])
+def test_a_second_interrupt_ends_a_hang(folder, tmp_path, engine, where):
+    csv = tmp_path / "out.csv"
+    command = [sys.executable, "-c", HANGS, hostile.build(2, folder, "step", "hang"), csv, where, engine]
+    process = subprocess.Popen(list(map(str, command)), stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    end = time.monotonic() + 30
+    while not spool_of(csv).exists() and time.monotonic() < end:
+        time.sleep(0.02)
+    time.sleep(0.5)  # it has begun, and hangs after ten steps
+    for _ in range(2):
+        process.send_signal(signal.SIGINT)
+        time.sleep(0.2)
+    said, errors = process.communicate(timeout=20)
+    if where == "isolated":
+        assert process.returncode == 7, errors
+        assert "interrupted" in said
+        assert csv.stat().st_size > 0
+    else:
+        assert process.returncode == 128 + signal.SIGINT, (said, errors)
+        assert "does not come back" in errors
+        assert "cosim recover" in errors
+
+
+LOST = """
+import os, sys
+from cosim import System
+system = System()
+system.add("bad", sys.argv[1], start={"u": 0.0})
+system.run(100, record=["bad.y"], csv=sys.argv[2], allow_unconnected=True, engine=sys.argv[3])
+"""
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+@pytest.mark.parametrize("deed", ["segfault", "quit"])
+def test_rows_that_were_spooled_outlive_the_process(folder, tmp_path, engine, deed):
+    """The FMU does its deed late: after half a second of steps that take a millisecond each."""
+    csv = tmp_path / "out.csv"
+    environment = {**os.environ, "HOSTILE_STEP": "400", "HOSTILE_SLOW": "1"}
+    command = [sys.executable, "-c", LOST, hostile.build(3, folder, "step", deed), csv, engine]
+    done = subprocess.run(list(map(str, command)), env=environment, capture_output=True, check=False, timeout=60)
+    assert done.returncode == {"segfault": -signal.SIGSEGV, "quit": 0}[deed]
+    _, recovered = recover(csv)
+    assert len(recovered) > 100
+    assert recovered["bad.y"][:50].tolist() == list(range(50))
