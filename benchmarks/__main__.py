@@ -30,7 +30,7 @@ from build_fmus import safe_files
 from cosim import EngineChoice, System
 from cosim.experiments.gpc import EXPERIMENT as GPC
 from cosim.experiments.gpc.runs import PLANT
-from cosim.study import FmuSet, run_study
+from cosim.study import Execution, FmuSet, run_study
 
 
 def full_car() -> dict[str, float]:
@@ -51,7 +51,7 @@ def study() -> dict[str, float]:
     for name, engine in engines.items():
         with tempfile.TemporaryDirectory() as tmp:
             begin = time.perf_counter()
-            result = run_study(GPC, FmuSet(), Path(tmp), engine=engine)
+            result = run_study(GPC, FmuSet(), Path(tmp), execution=Execution(engine))
             found[f"{name}, wall time [s]"] = time.perf_counter() - begin
             found |= {"runs": len(list(Path(tmp).glob("*.json"))), "tasks": len(result.tasks)}
     slow, fast = (found[f"{name}, wall time [s]"] for name in reversed(engines))

@@ -6,12 +6,13 @@ import copy
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, ClassVar, Protocol
+from typing import Any, ClassVar, Protocol, runtime_checkable
 
 import numpy as np
 import numpy.typing as npt
 
 from build_fmus.units import KNOWN, Unit
+from cosim import plain
 from cosim.description import Description, Variable
 from cosim.errors import CallFailed, CosimError
 from cosim.signals import Array
@@ -111,6 +112,23 @@ class Component(Protocol):
     def close(self) -> None: ...
 
 
+@runtime_checkable
+class Portable(Protocol):
+    """A component whose saved states can continue in another instance of the same component, in another process too."""
+
+    def identity(self) -> Mapping[str, str]:
+        """What tells its states from those of other components: texts that must be equal, by what they say."""
+
+    def pack(self, state: Any) -> bytes:
+        """What `save` gave, as bytes. Raises CosimError saying why that cannot be."""
+
+    def unpack(self, data: bytes) -> None:
+        """Continue from what `pack` gave, maybe that of another instance. Raises CosimError for anything else."""
+
+
+_FIXED = ("description", "_inputs", "_outputs", "_u", "_y")  # attributes of a PythonComponent that are no state
+_OF_THE_INSTANCE = ("_name", "_initializing")
+_U, _Y = "inputs", "outputs"  # beside the attributes; these two are lists of names in every class
 _NAME = re.compile(r"(\S+)(?:\s+\[(.*)\])?")
 
 
@@ -226,15 +244,45 @@ class PythonComponent:
         return Ports.of(set_inputs, step, get_outputs)
 
     def save(self) -> Any:
-        own = {k: v for k, v in vars(self).items() if k not in ("description", "_inputs", "_outputs", "_u", "_y")}
-        return copy.deepcopy(own), self._u.copy(), self._y.copy()
+        own = {k: v for k, v in vars(self).items() if k not in _FIXED}
+        shared = plain.sharing({**own, "its inputs": self._u, "its outputs": self._y})
+        return copy.deepcopy(own), self._u.copy(), self._y.copy(), shared
 
     def restore(self, state: Any) -> None:
-        own, u, y = state
+        own, u, y, _ = state
         vars(self).update(copy.deepcopy(own))
         self._u[:], self._y[:] = u, y
 
     def forget(self, state: Any) -> None: ...
+
+    def identity(self) -> Mapping[str, str]:
+        declared = [f"{v.causality} {v.name} [{v.unit_name}] {v.type}" for v in self.description.variables.values()]
+        return {"class": type(self).__qualname__, "list of variables": "; ".join(declared)}
+
+    def pack(self, state: Any) -> bytes:
+        """What it remembers as plain data. Raises CosimError naming the attribute that is none (`cosim.plain`)."""
+        own, u, y, shared = state
+        try:
+            if shared is not None:
+                raise plain.NotPlain(f"{shared[0]} and {shared[1]} share memory, which copies would not")
+            return plain.encode({**{k: v for k, v in own.items() if k not in _OF_THE_INSTANCE}, _U: u, _Y: y})
+        except plain.NotPlain as error:
+            raise CosimError(f"its attribute {error}") from None
+
+    def unpack(self, data: bytes) -> None:
+        try:
+            own = plain.decode(data)
+        except plain.NotPlain as error:
+            raise CosimError(f"the state of '{self._name}' {error}") from None
+        for name, buffer in ((_U, self._u), (_Y, self._y)):
+            values = own.pop(name, None)
+            if not isinstance(values, np.ndarray) or values.dtype != float or values.shape != buffer.shape:
+                raise CosimError(f"the state of '{self._name}' does not hold its {name}")
+            buffer[:] = values
+        hidden = [n for n in own if n in (*_FIXED, *_OF_THE_INSTANCE) or callable(getattr(type(self), n, None))]
+        if hidden:
+            raise CosimError(f"the state of '{self._name}' would replace its {hidden[0]}, which is no state")
+        vars(self).update(own)
 
     def sampled_states(self) -> dict[str, float]:
         """What it remembers between samples, element by element: attributes that are floats or arrays of floats, parameters

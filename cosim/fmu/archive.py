@@ -5,12 +5,14 @@ A declared size costs a sender nothing, so every size is compared with a limit b
 
 from __future__ import annotations
 
+import hashlib
 import lzma
 import shutil
 import struct
 import zipfile
 import zlib
 from collections.abc import Sequence
+from contextlib import nullcontext
 from pathlib import Path, PurePosixPath, PureWindowsPath
 from typing import IO
 
@@ -96,6 +98,20 @@ class Archive:
             "files", count, f"{self.path}: its directory has {_megabytes(size)}, enough for {count} files"
         )
         return zipfile.ZipFile(self.path)
+
+    def digest(self, *names: str) -> str:
+        """SHA-256 of some of its files, one after the other with their lengths."""
+        digest = hashlib.sha256()
+        try:
+            with nullcontext() if self.is_folder else zipfile.ZipFile(self.path) as archive:
+                for name in names:
+                    content = (self.path / name).read_bytes() if archive is None else archive.read(name)
+                    digest.update(len(content).to_bytes(8, "little") + content)
+        except OSError as error:
+            raise FmuError(f"cannot read {self.path}: {error.strerror or error}") from None
+        except (KeyError, *_DAMAGED) as error:
+            raise FmuError(f"{self.path} is damaged or was replaced ({error}); copy or build it again") from None
+        return digest.hexdigest()
 
     def has(self, name: str) -> bool:
         """Is there a file of that name?"""

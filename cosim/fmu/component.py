@@ -24,6 +24,8 @@ from cosim.fmu.isolation import IsolatedLibrary, Isolation, Lost
 from cosim.fmu.own_states import MORE_THAN_STATES, StateLayout, find_states
 from cosim.fmu.transfers import Arrangement, arrangements, by_reference, by_type
 
+LARGEST = 2**30  # bytes of a serialized state
+
 
 @dataclass(frozen=True)
 class _Bound:
@@ -505,12 +507,41 @@ class FmuComponent:
         if not self.description.can_serialize:
             raise CosimError("its FMU cannot serialize its state")
         state = self.save()
+        try:
+            return self._serialized(state)
+        finally:
+            self.forget(state)
+
+    def _serialized(self, state: _SavedState) -> bytes:
         size = self._ffi.new("size_t*")
         self._must("SerializedFMUStateSize" if self._v3 else "SerializedFMUstateSize", state.pointer[0], size)
+        if size[0] > LARGEST:
+            raise CosimError(f"its FMU says that its state takes {size[0]:,} bytes; at most {LARGEST:,} are taken")
         data = self._ffi.new("char[]", size[0])
         self._must("SerializeFMUState" if self._v3 else "SerializeFMUstate", state.pointer[0], data, size[0])
-        self.forget(state)
         return bytes(self._ffi.buffer(data))
+
+    def identity(self) -> Mapping[str, str]:
+        about = self.description
+        return {
+            "model": about.name,
+            "FMI version": about.fmi_version,
+            "token": about.token,
+            "content (SHA-256 of description and library)": self.fmu.digest,
+        }
+
+    def pack(self, state: Any) -> bytes:
+        """A saved state as the FMU serializes it. Raises CosimError when it does not offer that."""
+        if not self.description.can_serialize:
+            raise CosimError("its FMU does not serialize states (canSerializeFMUState)")
+        if not self._holds(state):
+            raise CosimError("this saved state was freed, or its instance was")
+        return self._serialized(state)
+
+    def unpack(self, data: bytes) -> None:
+        if not self.description.can_serialize:
+            raise CosimError(f"'{self.name}' takes no serialized states (canSerializeFMUState)")
+        self.deserialize(data)
 
     def deserialize(self, data: bytes) -> None:
         """Continue from a state that `serialize` gave."""

@@ -9,6 +9,7 @@ import tempfile
 import warnings
 import weakref
 from collections.abc import Iterable
+from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +17,7 @@ import cosim.fmu.calls as fmi
 from cosim.description import Description
 from cosim.errors import FmuError, FmuWarning
 from cosim.fmu import gate
-from cosim.fmu.archive import Archive, check_library
+from cosim.fmu.archive import DESCRIPTION, Archive, check_library
 from cosim.fmu.isolation import IsolatedLibrary, Isolation, NoIsolation
 from cosim.fmu.limits import Limits
 from cosim.fmu.model_description import read
@@ -132,6 +133,11 @@ class FmuFile:
         """Path of this platform's library inside the archive."""
         folder, suffix = fmi.platform_folder(self.major)
         return f"binaries/{folder}/{self.description.identifier}{suffix}"
+
+    @cached_property
+    def digest(self) -> str:
+        """SHA-256 of its description and of this platform's library: equal where states of one instance fit another."""
+        return self._archive.digest(DESCRIPTION, self.binary)
 
     def platforms(self) -> list[str]:
         """Platforms whose library is in the archive."""

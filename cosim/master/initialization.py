@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import warnings
 from collections.abc import Sequence
 from fractions import Fraction
@@ -10,14 +11,14 @@ import numpy as np
 
 from cosim.errors import CosimError, NotFinite, WiringError
 from cosim.master.exchange import Exchange, Phase
-from cosim.master.state import SystemState
-from cosim.master.timetable import Clock
+from cosim.master.state import Packed, SystemState, difference, unpack
 from cosim.system.members import Member
 
 
 def initialize(exchange: Exchange, stop: Fraction | None = None, state: SystemState | None = None) -> None:
     """All components into initialization mode; inputs and outputs settle; out of it again. Components that are in
-    `state` continue from there, and the others settle to them."""
+    `state` continue from there, and the others settle to them; a system that is that of the state stands where that stood,
+    to the last bit, also within steps."""
     members = exchange.schedule.members
     restored = [] if state is None else _continued(exchange, state)
     for m in members:
@@ -35,8 +36,15 @@ def initialize(exchange: Exchange, stop: Fraction | None = None, state: SystemSt
         exchange.values[slot] = float(m.component.get([variable])[0])
     for m in restored:
         m.component.exit_initialization()
-        m.component.restore(state.components[m.name])  # type: ignore[union-attr]
+        saved = state.components[m.name]  # type: ignore[union-attr]
+        if isinstance(saved, Packed):
+            unpack(m, saved)
+        else:
+            m.component.restore(saved)
         exchange.ports[m].get_outputs()
+    for (m, variable), slot in exchange.layout.constants.items():
+        if m in restored:
+            exchange.values[slot] = float(m.component.get([variable])[0])
     exchange.layout.show_everything()
     fresh = [m for m in members if m not in restored]
     _settle(exchange, fresh)
@@ -47,7 +55,38 @@ def initialize(exchange: Exchange, stop: Fraction | None = None, state: SystemSt
     exchange.layout.show_everything()
     _check_initial_values(exchange)
     if state is not None:
-        exchange.layout.take_previous(state.owner.layout, state.values)
+        _take(exchange, state)
+
+
+def _take(exchange: Exchange, state: SystemState) -> None:
+    """The exchanged values of a state: all of them where the system continues as it was, else what was shown before."""
+    stored, continues = dict(zip(state.keys, state.values.tolist(), strict=True)), state.continues(exchange.schedule)
+    if continues:
+        tick = exchange.base.at_or_after(state.base.exact(state.tick))
+        exchange.tick, exchange.phase = tick, state.phase
+        if state.ending is not None:
+            exchange.ending = exchange.base.at_or_after(state.base.exact(state.ending[0])), state.ending[1]
+    within = {m.name for m in exchange.schedule.continuous if continues and _within(state, m.name)}
+    for slot, key in enumerate(exchange.layout.keys):
+        part, member, variable = key
+        if key in stored and (
+            (continues and part != "constant") or (part == "previous" and member in state.components)
+        ):
+            exchange.values[slot] = stored[key]
+        elif continues and (part in ("previous", "reached") or (part == "visible" and member in within)):
+            raise CosimError(
+                f"the state does not hold what {member}.{variable} shows until the step of '{member}' ends: record or watch it "
+                "where the state is saved"
+            )
+        if not exchange.allow_nan and not math.isfinite(exchange.values[slot]):
+            value = float(exchange.values[slot])
+            raise CosimError(f"the state's value of {member}.{variable} is {value}; give allow_nan=True to let it pass")
+
+
+def _within(state: SystemState, member: str) -> bool:
+    """Whether a member was within a step."""
+    clock = state.clock(member)
+    return state.tick > clock.offset and not clock.due(state.tick)
 
 
 def _check_initial_values(exchange: Exchange) -> None:
@@ -62,19 +101,32 @@ def _check_initial_values(exchange: Exchange) -> None:
 
 
 def _continued(exchange: Exchange, state: SystemState) -> list[Member]:
-    """The members that are in a saved state, checked to be at the end of a step there."""
-    owner = state.owner
-    if not set(owner.schedule.members) <= set(exchange.schedule.members):  # members are never taken out of a system
-        raise CosimError("this state was saved in another system; FMU states belong to their instances")
+    """The members that are in a saved state. Where the system is not that of the state, they must be at the end of a step."""
+    schedule = exchange.schedule
+    if not set(state.members.values()) <= set(schedule.members):  # members are never taken out of a system
+        raise CosimError(
+            "this state was saved in another system; FMU states belong to their instances: give it as bytes, "
+            "SystemState.from_bytes(state.to_bytes()), or in a file"
+        )
+    restored = [m for m in schedule.members if m.name in state.components]
+    if state.continues(schedule):
+        return restored
+    why = f"; {difference(state, schedule)}, so it does not simply continue"
+    strange = sorted({*state.components} - {m.name for m in restored})
+    if strange:
+        raise CosimError(f"this state was saved in another system: '{strange[0]}' is not in this one")
     if state.phase is not Phase.ARRIVED:
-        raise CosimError("this state was saved at a stop condition; save it after an advance that reached its time")
-    restored = [m for m in exchange.schedule.members if m in owner.schedule.members and m.name in state.components]
+        raise CosimError(
+            f"this state was saved at a stop condition; save it after an advance that reached its time{why}"
+        )
     for m in restored:
-        clock = Clock(owner.base.count(m.step), owner.base.count(m.offset))
-        if m.offset or not clock.due(state.tick):
+        clock, (kind, *_) = state.clock(m.name), state.wiring["members"][m.name]
+        if kind != m.kind:
+            raise CosimError(f"'{m.name}' is {m.kind} here, and {kind} in the state")
+        if clock.offset or not clock.due(state.tick):
             raise CosimError(
                 f"'{m.name}' is within a step (or has an offset) at t = {state.time:.9g} s: save the state at a "
-                "common multiple of all steps"
+                f"common multiple of all steps{why}"
             )
     return restored
 

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import time as clock
+import weakref
 from collections.abc import Sequence
+from dataclasses import replace
 from fractions import Fraction
+from functools import cached_property
 from types import TracebackType
 from typing import Any
 
 from build_fmus.checks import did_you_mean
-from cosim.component import Action
+from cosim.component import Action, Portable
 from cosim.description import Variable
 from cosim.errors import (
     CallFailed,
@@ -24,14 +27,14 @@ from cosim.interrupt import HeldInterrupt
 from cosim.master.exchange import Exchange, Phase
 from cosim.master.initialization import initialize
 from cosim.master.progress import ProgressBar
-from cosim.master.state import SystemState
+from cosim.master.state import SystemState, Wiring, wiring_of
 from cosim.master.stops import Stop, StopCondition
 from cosim.recording import Recording
 from cosim.spool import Spool
 from cosim.system.members import Member
 from cosim.system.names import Members
 from cosim.system.schedule import Schedule
-from cosim.time import TimeLike, rational
+from cosim.time import TimeLike, gcd, rational
 
 
 class Simulation:
@@ -61,7 +64,12 @@ class Simulation:
     ):
         """The schedule's tick must divide `record_interval` [s]; `exchange` executes its instants. The rest is as in
         `System.initialize`."""
-        start = rational(start_time, "start_time") if state is None else state.owner.base.exact(state.tick)
+        start = rational(start_time, "start_time")
+        if state is not None:
+            start = state.base.exact(state.tick)
+            if state.continues(schedule):
+                schedule = replace(schedule, tick=gcd([schedule.tick, start - state.base.start]))
+                start = state.base.start
         stop = None if stop_time is None else rational(stop_time, "stop_time")
         self.schedule = schedule
         self._members = Members((m.name, m) for m in schedule.members)
@@ -76,7 +84,8 @@ class Simulation:
         self._wall_time = 0.0
         self._spool: Spool | None = None
         self._guarded(lambda: initialize(self._exchange, stop, state))
-        self._exchange.recorder.sample(self.time)
+        if self._exchange.clocks[-1].due(self._exchange.tick):
+            self._exchange.recorder.sample(self.time)
 
     # Where it stands.
 
@@ -217,6 +226,10 @@ class Simulation:
             return failure
         return self._layout.not_finite(self.schedule.members) or failure
 
+    @cached_property
+    def _wiring(self) -> Wiring:
+        return wiring_of(self.schedule)
+
     @property
     def exchange(self) -> Exchange:
         """Its components on the vector of values."""
@@ -224,9 +237,10 @@ class Simulation:
 
     # Saved states.
 
-    def save(self) -> SystemState:
-        """A copy of the whole state: components, exchanged values, time and length of the recording. Raises CosimError
-        naming the components that cannot save their state."""
+    def save(self, *, travels: bool = True) -> SystemState:
+        """A copy of the whole state: components, exchanged values, time and length of the recording. Pickled or written to a file it
+        continues in other processes, for which FMUs serialize their states now, unless `travels` is false. Raises CosimError naming the
+        components that cannot save their state."""
         unable = [m.name for m in self.schedule.members if not m.component.description.can_save]
         if unable:
             raise CosimError(
@@ -234,18 +248,30 @@ class Simulation:
                 "(canGetAndSetFMUState); run again from the start instead"
             )
         components: dict[str, Any] = {}
+        serialized: dict[str, bytes | CosimError] = {}
 
         def save() -> None:
-            components.update((m.name, m.component.save()) for m in self.schedule.members)
+            for m in self.schedule.members:
+                components[m.name] = saved = m.component.save()
+                if travels and m.description.can_serialize and isinstance(m.component, Portable):
+                    try:
+                        serialized[m.name] = m.component.pack(saved)
+                    except CosimError as error:
+                        if isinstance(error, CallFailed) and error.status not in ("Discard", "Error"):
+                            raise
+                        serialized[m.name] = error  # told when it is asked for
 
         self._guarded(save)
-        inputs = {m.name: p.u.copy() for m, p in self._layout.places.items()}
         e = self._exchange
-        return SystemState(e.tick, e.phase, e.values.copy(), inputs, components, e.recorder.count, e, e.ending)
+        return SystemState(
+            tick=e.tick, phase=e.phase, base=e.base, values=e.values.copy(), keys=self._layout.keys,
+            components=components, wiring=self._wiring, serialized=serialized, samples=e.recorder.count, ending=e.ending,
+            members={m.name: m for m in self.schedule.members}, owner=weakref.ref(e),
+        )  # fmt: skip
 
     def restore(self, state: SystemState) -> None:
         """Go back to a saved state of this simulation; samples recorded after it are dropped."""
-        if state.owner is not self._exchange:
+        if state.owner is None or state.owner() is not self._exchange:
             raise CosimError("this state was saved by another simulation: use System.initialize(state=...)")
 
         def restore() -> None:
@@ -256,8 +282,6 @@ class Simulation:
         exchange = self._exchange
         exchange.tick, exchange.phase, exchange.ending = state.tick, state.phase, state.ending
         exchange.values[:] = state.values
-        for m, place in self._layout.places.items():
-            place.u[:] = state.inputs[m.name]
         exchange.recorder.count = state.samples
         if self._spool is not None:
             self._spool.cut(max(0, state.samples - 1))  # the last one is provisional
@@ -265,7 +289,7 @@ class Simulation:
     def forget(self, state: SystemState) -> None:
         """Free a saved state; it cannot be restored any more."""
         for m in self.schedule.members:
-            if m.name in state.components:
+            if m.name in state.components and state.members.get(m.name) is m:
                 m.component.forget(state.components.pop(m.name))
 
     # The end.

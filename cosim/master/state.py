@@ -1,28 +1,277 @@
-"""Saved states."""
+"""Saved states: of a simulation that goes on, and on their way to another process or another day.
+
+A live state holds what the components themselves saved; it belongs to their instances. As bytes (`to_bytes`, `write`, pickle) it holds what
+they serialized, the exchanged values by name, the exact time, and what tells systems apart: members with their FMUs, rates, wiring.
+"""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from typing import Any
+import os
+import re
+import weakref
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from fractions import Fraction
+from pathlib import Path
+from typing import Any, NoReturn
 
-from cosim.component import Array
+import numpy as np
+
+from build_fmus import safe_files
+from cosim import sealed
+from cosim.component import Array, Portable
+from cosim.errors import CosimError
 from cosim.master.exchange import Exchange, Phase
+from cosim.master.timetable import Clock
+from cosim.master.values import Key
+from cosim.system.members import Member
+from cosim.system.schedule import Schedule
+from cosim.time import LONGEST, MOST_TICKS, TimeBase
+
+MAGIC = b"state of a co-simulation, version 1\n"
+_PARTS = ("visible", "latest", "previous", "reached", "constant")
+_PHASES = {"arrived": Phase.ARRIVED, "sampled": Phase.SAMPLED}
+_FRACTION = re.compile(r"-?\d{1,40}(/\d{1,40})?")
+Wiring = dict[str, Any]
 
 
-@dataclass
+@dataclass(frozen=True)
+class Packed:
+    """A component's state away from its instance. `identity` says of which component, `data` what it remembers."""
+
+    identity: Mapping[str, str]
+    data: bytes
+
+
+@dataclass(eq=False)
 class SystemState:
-    """A saved state of a simulation at `time` [s]. Give it to `Simulation.restore` of the same simulation, or to
-    `System.initialize(state=...)` of the same system after changing its wiring; any number of times."""
+    """A saved state of a simulation at `time` [s], made by `Simulation.save`; to be used any number of times.
+
+    Give it to `Simulation.restore` of the same simulation, or to `System.initialize(state=...)` of the same system, whose
+    wiring may have changed. Pickled, or written to a file (`write`, `read`), it also continues in other processes, in a system
+    that is put together in the same way; all members must be able to serialize their states then. `components` holds
+    what each member remembers: a member that is deleted there begins afresh.
+    """
 
     tick: int
     phase: Phase
+    base: TimeBase
     values: Array
-    inputs: dict[str, Array]
+    keys: Sequence[Key]
     components: dict[str, Any]
-    samples: int
-    owner: Exchange
+    wiring: Wiring
+    serialized: dict[str, bytes | CosimError] = field(default_factory=dict, repr=False)  # by FMUs, when it was saved
+    samples: int = 0
     ending: tuple[int, str] | None = None
+    members: Mapping[str, Member] = field(
+        default_factory=dict, repr=False
+    )  # whose instances hold it; none when it travelled
+    owner: weakref.ref[Exchange] | None = field(default=None, repr=False)
 
     @property
     def time(self) -> float:
-        return self.owner.base.seconds(self.tick)
+        return self.base.seconds(self.tick)
+
+    def clock(self, name: str) -> Clock:
+        """When a member was due, in ticks of `base`."""
+        _, step, offset = self.wiring["members"][name]
+        return Clock(self.base.count(Fraction(step)), self.base.count(Fraction(offset)))
+
+    def continues(self, schedule: Schedule) -> bool:
+        """Whether a system of this schedule goes on as if it had never been interrupted: all members, rates and connections are those
+        of the state."""
+        return len(self.components) == len(schedule.members) and self.wiring == wiring_of(schedule)
+
+    # As bytes.
+
+    def to_bytes(self) -> bytes:
+        """The state in a form of its own, for other processes; see `read`. Raises CosimError naming the members that cannot serialize
+        their states, and why."""
+        packed, unable = {}, []
+        for name, saved in self.components.items():
+            try:
+                packed[name] = saved if isinstance(saved, Packed) else self._packed(self.members[name], saved)
+            except CosimError as error:
+                unable.append(f"'{name}': {error}")
+        if unable:
+            raise CosimError(f"this state cannot leave its process, because of {'; '.join(unable)}")
+        description = {
+            "tick": self.tick,
+            "phase": self.phase.name.lower(),
+            "ending": None if self.ending is None else list(self.ending),
+            "base": [str(self.base.tick), str(self.base.start)],
+            "wiring": self.wiring,
+            "keys": [list(key) for key in self.keys],
+            "components": [[name, dict(p.identity)] for name, p in packed.items()],
+        }
+        return sealed.seal(MAGIC, description, [_doubles(self.values), *(p.data for p in packed.values())])
+
+    def _packed(self, member: Member, saved: Any) -> Packed:
+        """What a live component saved. No FMU is called here: pools pickle in threads of their own, when the FMU may be within a step."""
+        component = member.component
+        if not isinstance(component, Portable):
+            raise CosimError(f"{type(component).__name__} does not say how (identity, pack and unpack of cosim.component)")
+        data = self.serialized.get(member.name)
+        if isinstance(data, CosimError):
+            raise data
+        if data is None and member.description.fmi_version:
+            raise CosimError(
+                "it was saved with travels=False" if member.description.can_serialize
+                else "its FMU does not serialize states (canSerializeFMUState)"
+            )  # fmt: skip
+        return Packed(component.identity(), component.pack(saved) if data is None else data)
+
+    @classmethod
+    def from_bytes(cls, data: bytes) -> SystemState:
+        """What `to_bytes` gave. Raises CosimError for anything else."""
+        return _read(data, "this state")
+
+    def write(self, path: str | os.PathLike[str]) -> Path:
+        """Write it to a file, which replaces an older one when it is whole. Raises CosimError as `to_bytes`, OSError naming the path."""
+        return safe_files.write(path, self.to_bytes())
+
+    @classmethod
+    def read(cls, path: str | os.PathLike[str]) -> SystemState:
+        """What `write` wrote. Nothing in the file is executed, and nothing believed that was not checked: CosimError says in a sentence what
+        is wrong with a file that is damaged, or was made by somebody else. What the FMUs remember is for them to judge."""
+        file = Path(path)
+        with safe_files.named(file):
+            size = file.stat().st_size
+            if size > sealed.LARGEST + len(MAGIC) + 32:
+                raise CosimError(f"{file} has {size:,} bytes; a state of more than {sealed.LARGEST:,} is not read")
+            data = file.read_bytes()
+        return _read(data, str(file))
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return SystemState.from_bytes, (self.to_bytes(),)
+
+
+def wiring_of(schedule: Schedule) -> Wiring:
+    """What decides how values are exchanged, in types that JSON has."""
+    return {
+        "members": {m.name: [m.kind, str(m.step), str(m.offset)] for m in schedule.members},
+        "connections": [
+            [c.source_name, c.target_name, c.delay, c.extrapolate, c.scale, c.offset] for c in schedule.connections
+        ],
+        "groups": [[g.method, [m.name for m in g.members]] for g in schedule.groups],
+    }
+
+
+def difference(state: SystemState, schedule: Schedule) -> str:
+    """The first thing by which a system differs from that of a state, in words; empty when nothing does."""
+    there, here = state.wiring, wiring_of(schedule)
+    for name in sorted({*there["members"], *here["members"]}):
+        old, new = there["members"].get(name), here["members"].get(name)
+        if old is None or new is None:
+            return f"'{name}' is only in {'this system' if old is None else 'the state'}"
+        for what, a, b in zip(("kind", "step", "offset"), old, new, strict=True):
+            if a != b:
+                return (
+                    f"the {what} of '{name}' is {b}{' s' * (what != 'kind')}, in the state {a}{' s' * (what != 'kind')}"
+                )
+    old, new = ({c[1]: c for c in w["connections"]} for w in (there, here))
+    for target in sorted({*old, *new}):
+        if old.get(target) != new.get(target):
+            return f"{target} is connected to {_source(new.get(target))}, in the state to {_source(old.get(target))}"
+    if there["groups"] != here["groups"]:
+        return "the groups are others"
+    missing = sorted({*here["members"]} - {*state.components})
+    return f"'{missing[0]}' begins afresh" if missing else ""
+
+
+def _source(connection: Sequence[Any] | None) -> str:
+    if connection is None:
+        return "nothing"
+    source, _, delay, extrapolate, scale, offset = connection
+    notes = ["delayed"] * delay + ["extrapolated"] * extrapolate
+    notes += [f"times {scale:g} plus {offset:g}"] * ((scale, offset) != (1.0, 0.0))
+    return source + (f" ({', '.join(notes)})" if notes else "")
+
+
+def unpack(member: Member, packed: Packed) -> None:
+    """Continue a member's component from what another instance remembered. Raises CosimError naming the member when they differ."""
+    component = member.component
+    if not isinstance(component, Portable):
+        raise CosimError(
+            f"'{member.name}' is of type {type(component).__name__}, which takes no state of another instance"
+        )
+    here = component.identity()
+    for what in dict.fromkeys([*here, *packed.identity]):
+        a, b = packed.identity.get(what, "none"), here.get(what, "none")
+        if a != b:
+            raise CosimError(f"'{member.name}' is another component than in the state: its {what} is {b}, there {a}")
+    component.unpack(packed.data)
+
+
+def _doubles(values: Array) -> bytes:
+    return np.ascontiguousarray(values, dtype="<f8").tobytes()
+
+
+def _read(data: bytes, what: str) -> SystemState:
+    about, pieces = sealed.opened(MAGIC, data, what)
+
+    def refuse(part: str) -> NoReturn:
+        raise CosimError(f"{what} was not written by this program: {part}")
+
+    try:
+        wiring, keys, named = about["wiring"], [tuple(k) for k in about["keys"]], about["components"]
+        base = TimeBase(*(_fraction(text) for text in about["base"]))
+        tick, ending = about["tick"], about["ending"]
+        _check_wiring(wiring)
+        if base.tick <= 0 or abs(base.start) > LONGEST or base.tick > LONGEST:
+            refuse("its ticks have no length")
+        if type(tick) is not int or not 0 <= tick <= MOST_TICKS:
+            refuse("its time is none")
+        if ending is not None:
+            end, text = ending
+            if type(end) is not int or type(text) is not str or not tick <= end <= MOST_TICKS:
+                refuse("its end is none")
+        if about["phase"] not in _PHASES:
+            refuse("its phase is none")
+        known = wiring["members"]
+        if len(set(keys)) != len(keys) or any(k[0] not in _PARTS or k[1] not in known for k in keys):
+            refuse("its values have no names")
+        if any(len(k) != 3 or type(k[2]) is not str for k in keys):
+            refuse("its values have no names")
+        if len(pieces) != 1 + len(named) or len(pieces[0]) != 8 * len(keys):
+            refuse("it holds more or less than it names")
+        components: dict[str, Any] = {}
+        for (name, identity), piece in zip(named, pieces[1:], strict=True):
+            if name not in known or name in components:
+                refuse("it names members that it does not have")
+            if type(identity) is not dict or any(type(v) is not str for v in identity.values()):
+                refuse(f"it does not say what '{name}' is")
+            components[name] = Packed(identity, piece)
+        state = SystemState(
+            tick=tick, phase=_PHASES[about["phase"]], base=base,
+            values=np.frombuffer(pieces[0], dtype="<f8").astype(float), keys=keys, components=components, wiring=wiring,
+            ending=None if ending is None else (ending[0], ending[1]),
+        )  # fmt: skip
+        for name in known:
+            state.clock(name)
+        return state
+    except (KeyError, ValueError, TypeError, AttributeError, IndexError, ZeroDivisionError) as error:
+        if isinstance(error, CosimError):
+            refuse(str(error))
+        refuse("its description lacks something, or has it in another form")
+
+
+def _check_wiring(wiring: Any) -> None:
+    """Raises ValueError or TypeError for what is none."""
+    members, connections, groups = wiring["members"], wiring["connections"], wiring["groups"]
+    for name, (kind, step, offset) in members.items():
+        if not name or kind not in ("discrete", "continuous") or _fraction(step) <= 0 or _fraction(offset) < 0:
+            raise ValueError(name)
+    for source, target, delay, extrapolate, scale, offset in connections:
+        kinds = [type(x) for x in (source, target, delay, extrapolate, scale, offset)]
+        if kinds[:4] != [str, str, bool, bool] or not {*kinds[4:]} <= {int, float}:
+            raise ValueError(target)
+    for method, names in groups:
+        if type(method) is not str or any(n not in members for n in names):
+            raise ValueError(method)
+
+
+def _fraction(text: str) -> Fraction:
+    if type(text) is not str or not _FRACTION.fullmatch(text):
+        raise ValueError("no fraction")
+    return Fraction(text)

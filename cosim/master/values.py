@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -22,6 +23,7 @@ from cosim.system.schedule import Schedule
 
 Index = npt.NDArray[np.intp]
 Timed = Callable[[float], None]
+Key = tuple[str, str, str]
 
 _FEW = 24  # values that Python adds up faster than NumPy begins
 
@@ -165,23 +167,21 @@ class Layout:
                 if key in source:
                     self.values[slot] = self.values[source[key]]
 
-    def take_previous(self, other: Layout, values: Array) -> None:
-        """Take the previous values that another layout's values hold."""
-        for key, slot in self.previous.items():
-            if key in other.previous:
-                self.values[slot] = values[other.previous[key]]
+    @cached_property
+    def keys(self) -> tuple[Key, ...]:
+        """What each value is: which part, of which component, of which variable (of `reached` none)."""
+        found: list[Key] = [("", "", "")] * len(self.values)
+        parts = {"visible": self.visible, "latest": self.latest, "previous": self.previous, "constant": self.constants}
+        for part, slots in parts.items():
+            for (member, variable), slot in slots.items():
+                found[slot] = (part, member.name, variable.name)
+        for member, slot in self.reached.items():
+            found[slot] = ("reached", member.name, "")
+        return tuple(found)
 
     def owners(self) -> list[str]:
         """Name of the component each value belongs to."""
-        names = [""] * len(self.values)
-        for slots in (self.visible, self.latest, self.previous):
-            for (member, _), slot in slots.items():
-                names[slot] = member.name
-        for member, slot in self.reached.items():
-            names[slot] = member.name
-        for (member, _), slot in self.constants.items():
-            names[slot] = member.name
-        return names
+        return [member for _, member, _ in self.keys]
 
     def _stamp(self, slot: int) -> Timed:
         values = self.values

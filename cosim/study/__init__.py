@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from cosim.study.loading import ExperimentError, load
     from cosim.study.pages import default_report, parameters, provenance, sections
     from cosim.study.results import Results, RunFailed
-    from cosim.study.runner import Runner
+    from cosim.study.runner import Execution, Runner
 
 _PLACES = {
     "cosim.report.claims": (
@@ -62,7 +62,7 @@ _PLACES = {
         "Results",
         "RunFailed",
     ),
-    "cosim.study.runner": ("Runner",),
+    "cosim.study.runner": ("Execution", "Runner"),
 }
 _MODULES = {name: module for module, names in _PLACES.items() for name in names}
 
@@ -80,6 +80,7 @@ __all__ = [
     "ClaimList",
     "Distribution",
     "Evidence",
+    "Execution",
     "Experiment",
     "ExperimentError",
     "Finding",

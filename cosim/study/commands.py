@@ -25,7 +25,7 @@ from cosim.study.driver import Progressed, run_study
 from cosim.study.experiment import Experiment, Metric, Row, resolved
 from cosim.study.fmus import FmuSet
 from cosim.study.pages import default_report
-from cosim.study.runner import Runner
+from cosim.study.runner import Execution, Runner
 
 Fmus = Annotated[Path, typer.Option("--fmus", help="directory of the FMUs (see build-fmus)")]
 Version = Annotated[int, typer.Option("--fmi", metavar="2|3", help="FMI version of the FMUs to use", min=2, max=3)]
@@ -50,11 +50,27 @@ Engines = Annotated[
     ),
 ]
 
+Isolate = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--isolate",
+        metavar="MEMBER",
+        help="a component, or a pattern such as '*', whose FMU runs in a process of its own; several may be given",
+    ),
+]
+Timeout = Annotated[
+    float | None, typer.Option("--step-timeout", metavar="S", help="longest wall time of one call of these FMUs [s]")
+]
+Memory = Annotated[float | None, typer.Option("--memory-limit", metavar="MB", help="what such an FMU may allocate [MB]")]
+
 _EVERYWHERE: dict[str, tuple[Any, Any]] = {
     "fmus": (Fmus, Path("fmus")),
     "fmi": (Version, 3),
     "out": (Out, Path("results")),
     "engine": (Engines, "auto"),
+    "isolate": (Isolate, None),
+    "step_timeout": (Timeout, None),
+    "memory_limit": (Memory, None),
 }
 Target = Annotated[Path, typer.Option("--fmu", metavar="FILE", help="the FMU to write, NAME.fmu")]
 Patterns = Annotated[
@@ -88,7 +104,9 @@ _EXPORT: dict[str, tuple[Any, Any]] = {
 }
 _VEHICLE: dict[str, tuple[Any, Any]] = {"vehicle": (Vehicles, None)}
 NOTHING = 1e-20  # of a metric: below it there is nothing to compare
-EVERYWHERE = ("--fmus", "--fmi", "--vehicle", "--out", "--engine", "--help")
+EVERYWHERE = (
+    "--fmus", "--fmi", "--vehicle", "--out", "--engine", "--isolate", "--step-timeout", "--memory-limit", "--help",
+)  # fmt: skip
 """Options of every experiment, which say nothing about one of them."""
 
 
@@ -99,7 +117,7 @@ def run_command(experiment: Experiment) -> Any:
     """The command that runs one case beside its baseline."""
 
     def run(**given: Any) -> None:
-        run_case(experiment, _case(experiment, given), _fmu_set(experiment, given), given["out"], given["engine"])
+        run_case(experiment, _case(experiment, given), _fmu_set(experiment, given), given["out"], _execution(given))
 
     options = {f.attribute: (Annotated[_type(f), _option(f)], f.default) for f in fields(experiment.case)}
     return _command(run, experiment, {**options, **_own_files(experiment), **_EVERYWHERE}, "One run: metrics on the screen, time histories as CSV.")  # fmt: skip
@@ -135,7 +153,7 @@ def study_command(experiment: Experiment) -> Any:
         tasks = None if own_plan else _grid(experiment, chosen)
         write_study(
             experiment, _fmu_set(experiment, given), given["out"], tasks=tasks, options=chosen if own_plan else {},
-            processes=given["processes"], retry_failed=given["retry_failed"], force=given["force"], engine=given["engine"],
+            processes=given["processes"], retry_failed=given["retry_failed"], force=given["force"], execution=_execution(given),
         )  # fmt: skip
 
     options = {
@@ -150,7 +168,7 @@ def study_command(experiment: Experiment) -> Any:
     return _command(study, experiment, options, f"{what}; writes results/{experiment.name}/report.html.")
 
 
-def run_case(experiment: Experiment, case: Any, fmus: FmuSet, out: Path, engine: EngineChoice = "auto") -> None:
+def run_case(experiment: Experiment, case: Any, fmus: FmuSet, out: Path, execution: Execution | None = None) -> None:
     """Run one case beside its baseline: a table on the screen, time histories and metrics as files.
 
     Raises:
@@ -159,7 +177,7 @@ def run_case(experiment: Experiment, case: Any, fmus: FmuSet, out: Path, engine:
     folder = make_folder(out / experiment.name)
     path = folder / f"{case.label}.csv"
     baseline = experiment.baseline(case) if experiment.baseline else None
-    with Runner(experiment, fmus, engine=engine) as runner:
+    with Runner(experiment, fmus, execution=execution) as runner:
         with kept_recording(path):
             run = runner.run(case, csv=path, progress=True)
         runs, measured = {_short(case): run}, {_short(case): experiment.measure(run)}
@@ -202,6 +220,13 @@ def write_study(experiment: Experiment, fmus: FmuSet, out: Path, **options: Any)
 
 
 # ------------------------------------------------------------------------------------------------------- their parts
+
+
+def _execution(given: Mapping[str, Any]) -> Execution:
+    limit = given["memory_limit"]
+    return Execution(
+        given["engine"], tuple(given["isolate"] or ()), given["step_timeout"], None if limit is None else int(limit * 1e6)
+    )
 
 
 def _command(

@@ -16,7 +16,6 @@ from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future
 from pathlib import Path
 from typing import Any
 
-from cosim import EngineChoice
 from cosim.study import key
 from cosim.study.case import values
 from cosim.study.experiment import Experiment, Row, Search, Task
@@ -24,7 +23,7 @@ from cosim.study.fmus import FmuSet
 from cosim.study.loading import load
 from cosim.study.processes import local_processes
 from cosim.study.results import Results
-from cosim.study.runner import Runner, entry_key
+from cosim.study.runner import Execution, Runner, entry_key
 from cosim.study.store import NotStored, RunStore
 
 DIED = "the process that ran it ended without a word, which an FMU that crashes does to it"
@@ -42,7 +41,7 @@ def run_study(
     processes: int | None = None,
     retry_failed: bool = False,
     force: bool = False,
-    engine: EngineChoice = "auto",
+    execution: Execution | None = None,
     progress: Progressed = lambda done, total: None,
 ) -> Results:
     """Run a study; what is in ``store`` already is taken from there.
@@ -57,7 +56,7 @@ def run_study(
         processes: how many, on this machine; None: one per core.
         retry_failed: run again what failed earlier.
         force: discard what is stored and run everything.
-        engine: what executes systems, see :meth:`cosim.System.initialize`; no part of the key, since the numbers are the same.
+        execution: how systems are executed; no part of the key, since the numbers are the same.
         progress: called with (done, total).
 
     Raises:
@@ -84,7 +83,7 @@ def run_study(
             entries[i] = entry
     progress(len(entries), len(todo))
     order = sorted((i for i in range(len(todo)) if i not in entries), key=lambda i: -getattr(todo[i], "cost", 1.0))
-    ship = (experiment.module or experiment, fmus, store, salts, engine)
+    ship = (experiment.module or experiment, fmus, store, salts, execution)
     if order:
         for i, entry in _finished(ship, todo, order, executor, processes):
             entries[i] = kept[_part(todo[i])].put(task_key(todo[i]), entry)
@@ -188,30 +187,30 @@ def _shipped(task: Task | Search) -> Any:
 _workers = threading.local()  # runners, per thread those of one study: a system runs one simulation at a time
 
 
-def work(ship: tuple[str | Experiment, FmuSet, Path, Mapping[str, str], EngineChoice], task: Any) -> Row:
-    """Do one task in a worker, which gets the experiment, FMUs, folder of the store, its salt by part and the engine with it; a
+def work(ship: tuple[str | Experiment, FmuSet, Path, Mapping[str, str], Execution | None], task: Any) -> Row:
+    """Do one task in a worker, which gets the experiment, FMUs, folder of the store, its salt by part and the execution with it; a
     failure is an entry that says so."""
-    place, fmus, store, salts, engine = ship
+    place, fmus, store, salts, execution = ship
     try:
         experiment = load(place) if isinstance(place, str) else place
         if isinstance(task, tuple):
             part, given, signals = task
-            runner = _runner(experiment, part, fmus, store, salts, engine)
+            runner = _runner(experiment, part, fmus, store, salts, execution)
             return runner.entry(runner.experiment.case(**given), signals=signals)
-        return {"found": task(_runner(experiment, _part(task), fmus, store, salts, engine))}
+        return {"found": task(_runner(experiment, _part(task), fmus, store, salts, execution))}
     except Exception as error:
         return {"failed": f"{type(error).__name__}: {error}"}
 
 
 def _runner(
-    experiment: Experiment, part: str, fmus: FmuSet, store: Path, salts: Mapping[str, str], engine: EngineChoice
+    experiment: Experiment, part: str, fmus: FmuSet, store: Path, salts: Mapping[str, str], execution: Execution | None
 ) -> Runner:
-    study = (experiment.name, experiment.module, fmus, str(store), salts, engine)
+    study = (experiment.name, experiment.module, fmus, str(store), salts, execution)
     if getattr(_workers, "study", None) != study:
         for runner in getattr(_workers, "runners", {}).values():
             runner.close()
         _workers.study, _workers.runners = study, {}
     runners: dict[str, Runner] = _workers.runners
     if part not in runners:
-        runners[part] = Runner(experiment.part(part), fmus, RunStore(store, salts[part]), engine)
+        runners[part] = Runner(experiment.part(part), fmus, RunStore(store, salts[part]), execution)
     return runners[part]

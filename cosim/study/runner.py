@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Hashable, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
 from typing import Any
@@ -13,6 +14,29 @@ from cosim.study.case import check, named_files, values
 from cosim.study.experiment import Experiment, Row, Run
 from cosim.study.fmus import FmuSet
 from cosim.study.store import NotStored, RunStore
+
+
+@dataclass(frozen=True)
+class Execution:
+    """How systems are executed; the numbers are the same in any way.
+
+    Args:
+        engine: see :meth:`cosim.System.initialize`.
+        isolate: names and patterns of the components that run in processes of their own, see :meth:`cosim.System.isolate`.
+        step_timeout: of these, wall time of one call [s].
+        memory_limit: of these, bytes.
+    """
+
+    engine: EngineChoice = "auto"
+    isolate: tuple[str, ...] = ()
+    step_timeout: float | None = None
+    memory_limit: int | None = None
+
+    def prepare(self, system: System) -> None:
+        """Isolate what is to be isolated of a system."""
+        if self.isolate:
+            system.isolate(*self.isolate, step_timeout=self.step_timeout, memory_limit=self.memory_limit)
+
 
 SYSTEMS = 32  # that stay open; beyond that the one used longest ago is closed
 
@@ -24,16 +48,16 @@ class Runner:
         experiment: what is run.
         fmus: the FMU files.
         store: where finished runs are kept; None: nowhere.
-        engine: what executes systems, see :meth:`cosim.System.initialize`.
+        execution: how systems are executed.
     """
 
     def __init__(
-        self, experiment: Experiment, fmus: FmuSet, store: RunStore | None = None, engine: EngineChoice = "auto"
+        self, experiment: Experiment, fmus: FmuSet, store: RunStore | None = None, execution: Execution | None = None
     ) -> None:
         self.experiment = experiment
         self.fmus = fmus
         self.store = store
-        self.engine = engine
+        self.execution = execution or Execution()
         self._systems: dict[Hashable, System] = {}
 
     def __enter__(self) -> Runner:
@@ -52,6 +76,7 @@ class Runner:
             while len(self._systems) >= (1 if not (e.configure or e.structure) else SYSTEMS):
                 self._systems.pop(next(iter(self._systems))).close()
             system = e.wire(self.fmus, case)
+            self.execution.prepare(system)
         self._systems[key] = system
         if e.configure is not None:
             e.configure(system, case)
@@ -85,7 +110,7 @@ class Runner:
         )
         recording = system.run(
             end, record=names, record_interval=interval, stop_when=e.stop_when(system, case) if e.stop_when else (),
-            csv=csv, progress=progress, allow_unconnected=e.allow_unconnected, engine=self.engine,
+            csv=csv, progress=progress, allow_unconnected=e.allow_unconnected, engine=self.execution.engine,
         )  # fmt: skip
         return Run(case, recording, system)
 

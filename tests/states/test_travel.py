@@ -1,0 +1,437 @@
+"""States that travel: a run that goes on in another process has the bits of the one that went on here."""
+
+from __future__ import annotations
+
+import gc
+import json
+import pickle
+import struct
+from pathlib import Path
+
+import numpy as np
+import pytest
+from built import CATALOG_NAMES, PROBE_NAMES, BuiltFmus
+from forks import another_process, assert_tail, continued, played
+from hypothesis import HealthCheck, given, settings
+from random_systems import SampledSaw, Saw, systems, wired
+from same import ENGINES, assert_same
+
+from cosim import CosimError, LoopError, PythonComponent, StopWhen, System, SystemState, plain, sealed
+from cosim.master.state import MAGIC
+
+pytestmark = pytest.mark.filterwarnings("ignore::cosim.UnconnectedInputsWarning", "ignore:initial values do not settle")
+
+
+@pytest.fixture(scope="module")
+def elsewhere():
+    with another_process() as pool:
+        yield lambda *args, **options: pool.submit(continued, *args, **options).result()
+
+
+# ------------------------------------------------------------------------------------------------- in another process
+
+
+@settings(
+    max_examples=40, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow]
+)
+@given(plan=systems())
+def test_a_fork_continues_bit_for_bit_whatever_is_wired(plan, follower, elsewhere):
+    """Several rates, offsets, delays, extrapolation, groups, types, components in Python; within steps and at stop conditions."""
+    stop = [] if plan["stop"] is None else [StopWhen("m0.y", *plan["stop"])]
+    for engine in ENGINES:
+        with wired(plan, follower) as system:
+            every = [f"{m}.{v}" for m in system.members for v in system.members[m].description.outputs if "[" not in v]
+            options = {
+                "record": [*every, "m0.u"], "watch": ["m0.y"], "record_interval": plan["interval"], "engine": engine,
+            }  # fmt: skip
+            try:
+                simulation = system.initialize(**options)
+            except LoopError:
+                return
+            with simulation:
+                for until in plan["cuts"] or [0.05]:
+                    if simulation.advance(until, stop_when=stop):
+                        break
+                state = simulation.save()
+                simulation.advance(0.12, stop_when=stop)
+                whole = simulation.recording
+        assert_tail(elsewhere(wired, (plan, follower), state, [0.12], stop, **options), whole, state.time)
+
+
+STILL = ("Road", "PitchReference", "PreviewBuffer")  # outputs may not move here: flat, too early, nothing valid is seen
+
+
+@pytest.mark.parametrize("fmi", [2, 3])
+@pytest.mark.parametrize("name", [*PROBE_NAMES, *CATALOG_NAMES])
+def test_every_fmu_continues_in_another_process(built_fmus: BuiltFmus, elsewhere, name, fmi):
+    path = built_fmus.path(name, fmi)
+    with played(path) as system:
+        period = max(system["fmu"].step, system.members["player"].step if "player" in system.members else 0)
+        with system.initialize(record="fmu.*", allow_unconnected=True) as simulation:
+            simulation.advance(14 * period)
+            state = simulation.save()
+            simulation.advance(40 * period)
+            whole = simulation.recording
+    assert name.startswith(STILL) or np.ptp(whole.data[whole.time >= state.time], axis=0).any()
+    fork = elsewhere(played, (path,), state, [40 * period], record="fmu.*")
+    assert_tail(fork, whole, state.time)
+
+
+# --------------------------------------------------------------------------------------------- what a system must be
+
+
+def chain(*, step="2 ms", law: type[PythonComponent] = SampledSaw, delay=False, rename="law") -> System:
+    system = System()
+    system.add("plant", Saw(), step=step)
+    system.add(rename, law(), step="2 ms")
+    system.connect("plant.y", f"{rename}.u")
+    system.connect(f"{rename}.y", "plant.u", delay=delay)
+    return system
+
+
+def taken(system: System, until: float = 0.1) -> bytes:
+    with system.initialize(record_interval="1 ms") as simulation:
+        simulation.advance(until)
+        return simulation.save().to_bytes()
+
+
+class Other(SampledSaw):
+    """Another class of the same variables."""
+
+
+class More(SampledSaw):
+    inputs = ("u [rad]", "v")
+
+
+More.__qualname__ = "SampledSaw"
+
+
+@pytest.mark.parametrize(
+    ("other", "said"),
+    [
+        (lambda: chain(rename="law2"), r"'law' is not in this one"),
+        (
+            lambda: chain(law=Other),
+            r"'law' is another component than in the state: its class is Other, there SampledSaw",
+        ),
+        (lambda: chain(law=More), r"'law' is another component than in the state: its list of variables is .*input v"),
+    ],
+)
+def test_another_system_is_refused_by_name_of_what_differs(other, said):
+    state = SystemState.from_bytes(taken(chain()))
+    with pytest.raises(CosimError, match=said):
+        other().initialize(state=state)
+
+
+def test_rates_and_wiring_may_change_at_a_common_multiple_of_all_steps():
+    """As for states that never left: at the end of everybody's step."""
+    at_end, within = (SystemState.from_bytes(taken(chain(), t)) for t in (0.1, 0.101))
+    for changed, said in (
+        (lambda: chain(delay=True), "plant.u is connected to law.y .delayed., in the state to law.y"),
+        (lambda: chain(step="1 ms"), "the step of 'plant' is 1/1000 s, in the state 1/500 s"),
+    ):
+        assert changed().initialize(state=at_end).time == 0.1
+        with pytest.raises(CosimError, match=f"within a step.*{said}"):
+            changed().initialize(state=within)
+    assert chain().initialize(state=within).time == 0.101
+
+
+def test_another_fmu_under_the_same_name_is_refused(built_fmus):
+    def car(name, fmi):
+        system = System()
+        system.add("car", built_fmus.path(name, fmi), step="1 ms")
+        return system
+
+    with car("QuarterCarHmmwv", 3) as system:
+        state = SystemState.from_bytes(taken(system, 0.01))
+    for other, said in (
+        (("QuarterCarHmmwv", 2), r"its FMI version is 2\.0, there 3\.0"),
+        (("QuarterCarBench", 3), "its model is QuarterCarBench, there QuarterCarHmmwv"),
+    ):
+        with car(*other) as system, pytest.raises(CosimError, match=f"'car' is another component.*{said}"):
+            system.initialize(state=state)
+
+
+def test_what_was_not_recorded_there_can_be_recorded_here_at_the_end_of_a_step():
+    state = SystemState.from_bytes(taken(two_rates(), 0.004))
+    whole = two_rates().run(0.02)
+    assert_tail(two_rates().run(0.02, state=state), whole, 0.004)
+    system = two_rates()
+    with system.initialize(record=["fast.y"]) as simulation:
+        simulation.advance(0.005)
+        within = simulation.save()
+        simulation.advance(0.02)
+    system.run(0.02, state=within, record=["fast.y"])
+    with pytest.raises(CosimError, match=r"slow.y shows until the step of 'slow' ends: record or watch it where"):
+        system.run(0.02, state=within)
+
+
+def two_rates() -> System:
+    system = System()
+    system.add("fast", Saw(), step="1 ms")
+    system.add("slow", Saw(), step="4 ms")
+    return system
+
+
+def test_the_grid_of_the_recorder_goes_on():
+    whole = chain().run(0.1, record_interval="10 ms")
+    state = SystemState.from_bytes(taken(chain(), 0.025))
+    assert_tail(chain().run(0.1, record_interval="10 ms", state=state), whole, 0.025)
+
+
+# ------------------------------------------------------------------------------------------------ what can be packed
+
+
+class Remembers(PythonComponent):
+    outputs = ("y",)
+
+    def begin(self) -> None:
+        self.what = self.given
+
+    def step(self, t, h, u, y):  # noqa: ARG002
+        y[0] = t
+
+
+@pytest.mark.parametrize(
+    ("value", "said"),
+    [
+        (np.random.default_rng(1), "its attribute what is of type Generator"),
+        ({"a": [1, {2, 3}]}, "its attribute what is of type set"),
+        (np.array(["a"]), "dtype <U1"),
+        (np.array([None]), "dtype object"),
+        (10**2000, "more than 1024 hexadecimal digits"),
+        (lambda: 1, "of type function"),
+    ],
+)
+def test_what_is_no_plain_data_is_refused_by_member_and_attribute(value, said):
+    system = System()
+    component = Remembers()
+    component.given = None
+    system.add("mind", component, step="1 ms")
+    with system.initialize() as simulation:
+        component.what = value
+        if not callable(value):
+            state = simulation.save()
+            with pytest.raises(CosimError, match=f"cannot leave its process, because of 'mind': .*{said}"):
+                state.to_bytes()
+
+
+def test_arrays_that_share_memory_are_refused():
+    system = System()
+    component = Remembers()
+    component.given = None
+    system.add("mind", component, step="1 ms")
+    with system.initialize() as simulation:
+        component.what = np.arange(4.0)
+        component.part = component.what[1:]
+        with pytest.raises(CosimError, match="its attribute what and part share memory"):
+            simulation.save().to_bytes()
+        component.what, component.part = component._u, 1
+        with pytest.raises(CosimError, match="its attribute what and its inputs share memory"):
+            simulation.save().to_bytes()
+
+
+def test_plain_data_comes_back_as_it_was():
+    values = {
+        "f": -0.0, "nan": float("nan"), "i": -(2**70), "b": True, "n": None, "s": "\u00e9\ud800", "c": np.float32(0.1),
+        "l": [1, (2.5, {"k": [None]}), {}], "e": np.zeros((0, 3)), "z": np.array(1.5),
+        "a": np.arange(24, dtype=np.int16).reshape(2, 3, 4).transpose(2, 0, 1), "k": {(1, "x"): 2, 3.5: np.bool_(True)},
+    }  # fmt: skip
+    back = plain.decode(plain.encode(values))
+    assert list(back) == list(values)
+    assert repr(back) == repr(values)
+    assert [type(v) for v in back.values()] == [type(v) for v in values.values()]
+    assert back["a"].strides == values["a"].copy(order="K").strides
+    assert back["a"].flags.writeable
+    assert np.signbit(back["f"])
+    assert back["n"] is None
+
+
+def test_fmus_that_do_not_serialize_are_named(awkward_fmus):
+    with System() as system:
+        system.add("plant", awkward_fmus[3])
+        system.add("saw", Saw(), step="1 ms")
+        with system.initialize() as simulation:
+            state = simulation.save()
+            with pytest.raises(CosimError, match=r"because of 'plant': its FMU does not serialize states"):
+                pickle.dumps(state)
+            simulation.restore(state)  # here it can be used
+
+
+def test_states_without_a_copy_for_others(follower):
+    with System() as system:
+        system.add("plant", follower[3], step="1 ms")
+        with system.initialize() as simulation:
+            state = simulation.save(travels=False)
+            simulation.advance(0.1)
+            simulation.restore(state)
+            with pytest.raises(CosimError, match="'plant': it was saved with travels=False"):
+                state.to_bytes()
+
+
+# ------------------------------------------------------------------------------------------------------------- files
+
+
+def test_a_file_is_whole_or_not_there(tmp_path):
+    with chain().initialize() as simulation:
+        simulation.advance(0.1)
+        state = simulation.save()
+        simulation.advance(0.2)
+        whole = simulation.recording
+    path = state.write(tmp_path / "folder" / "settled.state")
+    assert [p.name for p in path.parent.iterdir()] == ["settled.state"]
+    assert path.read_bytes() == state.to_bytes() == SystemState.read(path).to_bytes()
+    assert_tail(chain().run(0.2, state=SystemState.read(path)), whole, 0.1)
+    with pytest.raises(OSError, match=r"none\.state"):
+        SystemState.read(tmp_path / "none.state")
+    assert b"pickle" not in path.read_bytes()
+
+
+@pytest.fixture(scope="module")
+def good(follower) -> bytes:
+    with System() as system:
+        system.add("plant", follower[3], step="1 ms", start={"u": 1.0})
+        system.add("law", SampledSaw(), step="2 ms")
+        system.connect("plant.y", "law.u", delay=True)
+        return taken(system, 0.003)
+
+
+def test_every_flipped_byte_and_every_cut_is_refused(good):
+    for i in range(len(good)):
+        damaged = bytearray(good)
+        damaged[i] ^= 1 << (i % 8)
+        with pytest.raises(CosimError, match=r"damaged or incomplete|does not begin with|is of version"):
+            SystemState.from_bytes(bytes(damaged))
+        with pytest.raises(CosimError, match=r"damaged or incomplete|does not begin with"):
+            SystemState.from_bytes(good[:i])
+
+
+def resealed(good: bytes, change) -> bytes:
+    """With something else in it, under a right digest."""
+    about, pieces = sealed.opened(MAGIC, good, "it")
+    return sealed.seal(MAGIC, *change(about, pieces))
+
+
+def value_of(new):
+    def change(about, pieces):
+        values = np.frombuffer(pieces[0]).copy()
+        values[0] = new
+        return about, [values.tobytes(), *pieces[1:]]
+
+    return change
+
+
+def about_of(*path_and_value):
+    *path, new = path_and_value
+
+    def change(about, pieces):
+        inner = about = json.loads(json.dumps(about))
+        for key in path[:-1]:
+            inner = inner[key]
+        inner[path[-1]] = new
+        return about, pieces
+
+    return change
+
+
+FORGED = [
+    about_of("tick", -1), about_of("tick", 2**60), about_of("tick", "3"), about_of("tick", True), about_of("phase", "nothing"),
+    about_of("ending", [0, "x"]), about_of("ending", 3), about_of("base", ["0", "0"]), about_of("base", ["1/0", "0"]),
+    about_of("base", ["1", "9" * 41]), about_of("base", ["1/7", "0"]), about_of("wiring", {}), about_of("wiring", 1),
+    about_of("wiring", "members", "law", ["other", "1", "0"]), about_of("wiring", "members", "law", ["discrete", "-1", "0"]),
+    about_of("wiring", "members", "law", ["discrete", "1e9", "0"]), about_of("wiring", "connections", 0, ["a"]),
+    about_of("wiring", "connections", 0, ["a", "b", 1, 2, 3, 4]), about_of("wiring", "groups", [["jacobi", ["x"]]]),
+    about_of("keys", []), about_of("keys", 0, ["visible", "nobody", "y"]), about_of("keys", 0, ["other", "law", "y"]),
+    about_of("keys", 0, ["visible", "law", 1]), about_of("keys", 0, [[], [], []]), about_of("components", []),
+    about_of("components", 0, ["nobody", {}]), about_of("components", 0, ["law", {"class": 3}]), about_of("components", 5),
+    lambda a, p: (a, p[:-1]), lambda a, p: (a, [*p, b""]), lambda a, p: (a, [p[0][:-8], *p[1:]]), lambda a, p: ({}, p),
+    lambda a, p: (a | {"components": [a["components"][0]] * 2}, p),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("change", FORGED, ids=range(len(FORGED)))
+def test_forged_states_are_refused_in_a_sentence(good, change):
+    with pytest.raises(CosimError, match=r"this state was not written by this program: .") as caught:
+        SystemState.from_bytes(resealed(good, change))
+    assert "\n" not in str(caught.value)
+
+
+USED = [
+    (value_of(np.nan), "the state's value of law.y is nan"),
+    (value_of(np.inf), "the state's value of law.y is inf"),
+    (lambda a, p: (a | {"keys": a["keys"][:-1]}, [p[0][:-8], *p[1:]]), "the state does not hold what"),
+    (lambda a, p: (a, [p[0], b"[]", p[2]]), "'law' does not hold its inputs"),
+    (lambda a, p: (a, [p[0], b"{}", p[2]]), "'law' is no list"),
+    (lambda a, p: (a, [p[0], b"[" * 10**6, p[2]]), "'law' cannot be read"),
+    (lambda a, p: (a, [p[0], p[1][:-1] + b',["step",["float","0000000000000000"]]]', p[2]]), "would replace its step"),
+    (lambda a, p: (a, [p[0], p[1][:-1] + b',["description",["none"]]]', p[2]]), "would replace its description"),
+    (lambda a, p: (a, [p[0], p[1][:-1] + b',["a",["array","float64",[0],[1000000000000],""]]]', p[2]]), "of shape"),
+    (lambda a, p: (a, [p[0], p[1][:-1] + b',["a",["array","object",[],[],""]]]', p[2]]), "cannot be read"),
+    (lambda a, p: (a, [p[0], p[1][:-1] + b',["a",["array","bool",[],[],"Ag=="]]]', p[2]]), "neither true nor false"),
+    (lambda a, p: (a, [p[0], p[1], p[2][:-1]]), "fmi3DeserializeFMUState"),
+    (lambda a, p: (a, [p[0], p[1], b""]), "fmi3DeserializeFMUState"),
+]
+
+
+@pytest.mark.parametrize(("change", "said"), USED, ids=range(len(USED)))
+def test_what_shows_only_when_it_is_used_is_refused_then(good, follower, change, said):
+    state = SystemState.from_bytes(resealed(good, change))
+    with System() as system:
+        system.add("plant", follower[3], step="1 ms", start={"u": 1.0})
+        system.add("law", SampledSaw(), step="2 ms")
+        system.connect("plant.y", "law.u", delay=True)
+        with pytest.raises(CosimError, match=said):
+            system.initialize(state=state)
+        good_again = system.run(0.01, state=SystemState.from_bytes(good))
+        assert np.isfinite(good_again.data).all()
+
+
+def test_sizes_are_compared_before_they_are_believed(good):
+    for length in (2**63, 2**64 - 1, len(good), 2**27):
+        body = struct.pack("<Q", length) + good[len(MAGIC) + 40 :]
+        with pytest.raises(CosimError, match="its parts do not fit together"):
+            SystemState.from_bytes(MAGIC + sealed.hashlib.sha256(body).digest() + body)
+
+
+# ------------------------------------------------------------------------------------------------------------- users
+
+
+def test_a_hundred_runs_from_one_settled_state(elsewhere, follower, tmp_path):
+    """A warm start: the state from a file, in another process; what a run changes does not touch the next."""
+    with wired_pair(follower) as system, system.initialize(record=["b.y"]) as simulation:
+        simulation.advance(0.5)
+        path = simulation.save().write(tmp_path / "settled.state")
+    first, *others = [
+        elsewhere(wired_pair, (follower,), SystemState.read(path), [0.6], record=["b.y"]) for _ in range(3)
+    ]
+    for other in others:
+        assert_same(first, other)
+
+
+def wired_pair(follower: dict[int, Path]) -> System:
+    system = System()
+    system.add("a", follower[2], step="1 ms", start={"u": 3.0})
+    system.add("b", follower[3], step="3 ms", parameters={"rate": 20.0})
+    system.connect("a.y", "b.u", extrapolate=True)
+    return system
+
+
+def test_states_that_travel_hold_no_instance_and_live_ones_let_go(follower):
+    with wired_pair(follower) as system, system.initialize(record=["b.y"]) as simulation:
+        simulation.advance(0.5)
+        travelled = SystemState.from_bytes(simulation.save().to_bytes())
+        gc.collect()
+        assert not system["a"].component._states
+        assert travelled.owner is None
+        assert not travelled.members
+        with pytest.raises(CosimError, match="another simulation"):
+            simulation.restore(travelled)
+        fork = system.initialize(record=["b.y"], state=travelled)  # in the system where it comes from
+        fork.advance(0.6)
+        assert not system["a"].component._states
+        kept = fork.save()
+        exchange = kept.owner
+        system.initialize()
+        del fork, simulation
+        gc.collect()
+        assert exchange() is None  # a state that is kept does not keep the recording of its run
