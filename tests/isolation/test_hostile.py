@@ -6,6 +6,7 @@ import re
 import warnings
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 from foreign.hostile import ENDS, HARMLESS, LIES, PHASES, STEPPING, build
@@ -144,3 +145,12 @@ def test_every_deed_in_every_phase(system: System, folder: Path, version: int, p
     with pytest.raises(CosimError) as caught:
         run(wired(system, build(version, folder, phase, deed)))
     assert re.search(words(deed), str(caught.value)) or deed in LIES, caught.value
+
+
+@pytest.mark.parametrize("version", VERSIONS)
+@pytest.mark.parametrize("isolated", [False, True])
+def test_a_state_of_any_size_is_refused_before_room_is_made_for_it(system: System, folder: Path, version: int, isolated: bool) -> None:
+    component: Any = system.add("bad", build(version, folder, "size", "huge"), isolated=isolated).component
+    system.initialize(record=[], allow_unconnected=True)
+    with pytest.raises(CosimError, match="1152921504606846976 bytes"):
+        component.serialize()

@@ -82,6 +82,8 @@ static bool dead(const Link *l) {
     return waitid(P_PID, (id_t)l->pid, &info, WEXITED | WNOHANG | WNOWAIT) != 0 || info.si_pid != 0;
 }
 
+static int64_t deadline_of(const Link *l) { return l->timeout_ns ? now_ns() + l->timeout_ns : 0; }
+
 /* Wait until there is something to read (POLLIN), or room to write (POLLOUT). 0, or why not. */
 static int wait_for(Link *l, short what, int64_t deadline) {
     for (;;) {
@@ -128,43 +130,46 @@ static int write_all(Link *l, const void *from, size_t n, int64_t deadline) {
     return LINK_ALIVE;
 }
 
-static int answered(Link *l, uint32_t before, int64_t deadline) {
-    Head *h = l->region.head;
-    if (spin(&h->reply, before, l->spin_ns)) return LINK_ALIVE;
+static int answered(Link *l, uint32_t before) {
+    Answer *h = l->region.answer;
+    if (spin(&h->number, before, l->spin_ns)) {
+        __builtin_prefetch(l->region.results); /* another line of the cache, which is on its way while this one is read */
+        return LINK_ALIVE;
+    }
     int end = LINK_ALIVE;
+    const int64_t deadline = deadline_of(l);
     atomic_store(&h->master_waits, 1);
-    while (!end && atomic_load(&h->reply) == before) {
+    while (!end && atomic_load(&h->number) == before) {
         char bell[64];
         end = wait_for(l, POLLIN, deadline);
         if (!end && read(l->fd, bell, sizeof bell) == 0) end = LINK_DIED;
     }
     atomic_store(&h->master_waits, 0);
-    return atomic_load(&h->reply) == before ? end : LINK_ALIVE; /* it may have answered before it died */
+    return atomic_load(&h->number) == before ? end : LINK_ALIVE; /* it may have answered before it died */
 }
 
-static int by_socket(Link *l, int64_t deadline) {
+static int by_socket(Link *l) {
+    const int64_t deadline = deadline_of(l);
     const Region *r = &l->region;
-    Head *h = r->head;
-    int end = write_all(l, h, sizeof *h, deadline);
-    if (!end) end = write_all(l, r->request, h->request_used, deadline);
-    if (!end) end = read_all(l, h, sizeof *h, deadline);
+    int end = write_all(l, r->ask, APART + r->ask->used, deadline);
+    if (!end) end = read_all(l, r->answer, APART, deadline);
     if (end) return end;
-    if (h->log_used > LINK_LOG || h->reply_used > r->area || h->results_used > r->area) return LINK_LIED;
-    if (!(end = read_all(l, r->log, h->log_used, deadline)) && !(end = read_all(l, r->reply, h->reply_used, deadline)))
-        end = read_all(l, r->results, h->results_used, deadline);
+    const Answer a = *r->answer;
+    if (a.log_used > LINK_LOG || a.reply_used > r->area || a.results_used > r->area) return LINK_LIED;
+    if (!(end = read_all(l, r->results, a.results_used, deadline)) && !(end = read_all(l, r->reply, a.reply_used, deadline)))
+        end = read_all(l, r->log, a.log_used, deadline);
     return end;
 }
 
-static int by_memory(Link *l, int64_t deadline) {
-    Head *h = l->region.head;
-    const uint32_t before = atomic_load_explicit(&h->reply, memory_order_relaxed);
-    atomic_fetch_add(&h->request, 1); /* a full fence: the worker's flag is read after it */
-    if (atomic_load(&h->worker_waits) && !ring(l->fd)) return LINK_DIED;
-    return answered(l, before, deadline);
+static int by_memory(Link *l) {
+    const uint32_t before = atomic_load_explicit(&l->region.answer->number, memory_order_relaxed);
+    atomic_fetch_add(&l->region.ask->number, 1); /* a full fence: the worker's flag is read after it */
+    if (atomic_load(&l->region.ask->worker_waits) && !ring(l->fd)) return LINK_DIED;
+    return answered(l, before);
 }
 
 static void hand_over_log(Link *l) {
-    const Head *h = l->region.head;
+    const Answer *h = l->region.answer;
     const char *p = l->region.log;
     size_t left = h->log_used;
     if (left > LINK_LOG) left = 0;
@@ -187,16 +192,14 @@ static void hand_over_log(Link *l) {
 }
 
 static uint32_t transact(Link *l, LinkOp op) {
-    Head *h = l->region.head;
+    Ask *ask = l->region.ask;
+    const Answer *h = l->region.answer;
     l->failed = NULL;
     if (l->end) return LINK_FATAL;
-    h->op = op;
-    h->request_used = l->waiting;
-    h->n_sets = l->n_waiting;
-    h->reply_used = h->results_used = h->log_used = h->log_lost = 0;
-    h->failed = h->missing = h->environment = h->no_memory = 0;
-    const int64_t deadline = l->timeout_ns ? now_ns() + l->timeout_ns : 0;
-    const int end = l->shared ? by_memory(l, deadline) : by_socket(l, deadline);
+    ask->op = op;
+    ask->used = l->waiting;
+    ask->n_sets = l->n_waiting;
+    const int end = l->shared ? by_memory(l) : by_socket(l);
     l->waiting = 0;
     const uint32_t n_sets = l->n_waiting;
     l->n_waiting = 0;
@@ -220,8 +223,8 @@ static uint32_t simple(Link *l, LinkOp op) {
 }
 
 static uint32_t with(Link *l, LinkOp op, uint64_t a, uint64_t b) {
-    l->region.head->a = a;
-    l->region.head->b = b;
+    l->region.ask->a = a;
+    l->region.ask->b = b;
     return simple(l, op);
 }
 
@@ -328,7 +331,7 @@ static uint32_t get_strings(Link *l, uint32_t type, const uint32_t *references, 
     if (!record(l, type, references, n, n_values, 0)) return too_much(l);
     const uint32_t status = transact(l, LINK_GET);
     if (status > LINK_WARNING || l->end) return status;
-    const size_t used = l->region.head->reply_used;
+    const size_t used = l->region.answer->reply_used;
     if (used > l->region.area) return LINK_ERROR;
     if (used > l->text_room) {
         char *text = realloc(l->text, used + 1);
@@ -347,7 +350,7 @@ static uint32_t get_strings(Link *l, uint32_t type, const uint32_t *references, 
 }
 
 static uint32_t step(Link *l, double t, double h, bool no_set_prior, bool *flags[3], double *last) {
-    Head *head = l->region.head;
+    Ask *ask = l->region.ask;
     if (l->end) return LINK_FATAL;
     if (l->n_planned < l->n_plan) {
         if (l->n_waiting) {
@@ -356,19 +359,19 @@ static uint32_t step(Link *l, double t, double h, bool no_set_prior, bool *flags
         }
         for (int i = 0; i < l->n_plan; i++)
             if (!record(l, l->plan[i].type, l->plan[i].references, l->plan[i].n_references, l->plan[i].n_values, 0)) return too_much(l);
-        head->a = (uint64_t)l->n_plan;
+        ask->a = (uint64_t)l->n_plan;
         const uint32_t status = simple(l, LINK_PLAN);
         if (status > LINK_WARNING) return status;
         l->n_planned = l->n_plan;
     }
-    head->t = t;
-    head->h = h;
-    head->a = no_set_prior;
+    ask->t = t;
+    ask->h = h;
+    ask->a = no_set_prior;
     const uint32_t status = simple(l, LINK_STEP);
     l->stepping = true;
     if (l->end) return status;
-    for (int i = 0; flags && i < 3; i++) *flags[i] = ((const unsigned char *)head->flags)[i == 0 ? 0 : i + 1] != 0;
-    if (last) *last = head->last;
+    for (int i = 0; flags && i < 3; i++) *flags[i] = ((const unsigned char *)l->region.answer->flags)[i == 0 ? 0 : i + 1] != 0;
+    if (last) *last = l->region.answer->last;
     l->fresh = status <= LINK_WARNING;
     return status;
 }
@@ -434,7 +437,7 @@ static uint32_t enter(Link *l, bool has_tolerance, double tolerance, double star
 static uint32_t get_state(Link *l, void **state) {
     FLUSH
     const uint32_t status = with(l, LINK_GET_STATE, (uint64_t)(uintptr_t)*state, 0);
-    if (status <= LINK_WARNING) *state = (void *)(uintptr_t)l->region.head->a;
+    if (status <= LINK_WARNING) *state = (void *)(uintptr_t)l->region.answer->value;
     return status;
 }
 
@@ -453,7 +456,7 @@ static uint32_t free_state(Link *l, void **state) {
 static uint32_t state_size(Link *l, void *state, size_t *size) {
     FLUSH
     const uint32_t status = with(l, LINK_STATE_SIZE, (uint64_t)(uintptr_t)state, 0);
-    *size = l->end ? 0 : (size_t)l->region.head->a;
+    *size = l->end ? 0 : (size_t)l->region.answer->value;
     return status;
 }
 
@@ -480,7 +483,7 @@ static uint32_t deserialize(Link *l, const char *bytes, size_t size, void **stat
         if (status > LINK_WARNING) return status;
     }
     const uint32_t status = with(l, LINK_DESERIALIZE, 0, size);
-    if (status <= LINK_WARNING) *state = (void *)(uintptr_t)l->region.head->a;
+    if (status <= LINK_WARNING) *state = (void *)(uintptr_t)l->region.answer->value;
     return status;
 }
 
@@ -516,13 +519,13 @@ uint32_t fmi2GetDirectionalDerivative(Link *l, const uint32_t *of, size_t n_of, 
 uint32_t fmi2GetRealStatus(Link *l, int kind, double *value) {
     FLUSH
     const uint32_t status = with(l, LINK_STATUS, (uint64_t)kind, 0);
-    *value = l->region.head->last;
+    *value = l->region.answer->last;
     return status;
 }
 uint32_t fmi2GetBooleanStatus(Link *l, int kind, int *value) {
     FLUSH
     const uint32_t status = with(l, LINK_STATUS, (uint64_t)kind, 1);
-    *value = l->region.head->a != 0;
+    *value = l->region.answer->value != 0;
     return status;
 }
 

@@ -21,44 +21,55 @@
 #define MSG_NOSIGNAL 0 /* macOS; both sides ignore SIGPIPE */
 #endif
 
+/* What is written by one side and read by the other has to travel, line by line of the cache: one line for each direction, with its
+ * values right behind it. */
 typedef struct {
-    _Alignas(64) _Atomic uint32_t request;
+    _Atomic uint32_t number;    /* of the call */
     _Atomic uint32_t worker_waits;
-    _Alignas(64) _Atomic uint32_t reply;
-    _Atomic uint32_t master_waits;
-    _Alignas(64) uint32_t op;
+    uint32_t op;
     uint32_t n_sets;            /* records in the request area that are set before anything else */
     double t, h;
-    uint64_t a, b;              /* other arguments, and what is answered to them */
-    uint64_t request_used, reply_used, results_used, log_used; /* bytes of the areas */
-    uint64_t log_lost;          /* messages for which there was no room */
-    uint32_t status;
-    uint32_t failed;            /* 0: the call itself, k > 0: the k-th of the records that are set before it */
-    uint32_t missing;           /* the library does not have that function */
-    uint32_t environment;       /* what it changed: environment.h */
-    uint32_t no_memory;         /* the limit is reached */
-    bool flags[4];              /* event, (not used), terminate, early */
-    double last;
-} Head;
+    uint64_t a, b;              /* other arguments */
+    uint64_t used;              /* bytes of the request area */
+} Ask;
 
 typedef struct {
-    Head *head;
-    char *log, *request, *reply, *results;
-    size_t area;                /* bytes of each of the last three */
+    _Atomic uint32_t number;    /* of the call that is done */
+    _Atomic uint32_t master_waits;
+    uint32_t status;
+    uint32_t failed;            /* 0: the call itself, k > 0: the k-th of the records that are set before it */
+    uint64_t value;             /* what is answered, apart from the areas */
+    double last;
+    uint32_t log_used, reply_used, results_used; /* bytes of the areas */
+    uint32_t log_lost;          /* messages for which there was no room */
+    bool flags[4];              /* event, (not used), terminate, early */
+    uint8_t missing;            /* the library does not have that function */
+    uint8_t environment;        /* what it changed: environment.h */
+    uint8_t no_memory;          /* the limit is reached */
+} Answer;
+
+typedef struct {
+    Ask *ask;
+    char *request;
+    Answer *answer;
+    char *results, *reply, *log;
+    size_t area;                /* bytes of request, results and reply */
 } Region;
 
+enum { LINE = 64, APART = 256, PAGE = 4096 };
 #define ALIGNED(n) (((size_t)(n) + 7) & ~(size_t)7)
 
 static inline bool region_of(Region *r, void *memory, size_t size) {
-    const size_t head = (sizeof(Head) + 63) & ~(size_t)63;
-    if (size < head + LINK_LOG + 3 * 4096) return false;
-    r->head = memory;
-    r->log = (char *)memory + head;
-    r->area = (size - head - LINK_LOG) / 3 & ~(size_t)63;
-    r->request = r->log + LINK_LOG;
-    r->reply = r->request + r->area;
-    r->results = r->reply + r->area;
-    return true;
+    if (size < LINK_LOG + 6 * PAGE) return false;
+    const size_t third = (size - LINK_LOG) / 3 / PAGE * PAGE;
+    r->ask = memory;
+    r->answer = (void *)((char *)memory + third);
+    r->request = (char *)r->ask + APART;
+    r->results = (char *)r->answer + APART;
+    r->reply = (char *)memory + 2 * third;
+    r->log = r->reply + third;
+    r->area = third - APART;
+    return sizeof(Ask) <= LINE && sizeof(Answer) <= LINE;
 }
 
 static inline size_t value_size(uint32_t type) {
@@ -80,13 +91,11 @@ static inline void breathe(void) {
 #endif
 }
 
-/* Look for another value of a number than `old`, for `ns` nanoseconds; soon with a place for others on this core, since there may be
- * more processes that look than cores. */
+/* Look for another value of a number than `old`, for `ns` nanoseconds; after a while with a place for others on this core, since there
+ * may be more processes that look than cores. */
 static inline bool spin(const _Atomic uint32_t *number, uint32_t old, int64_t ns) {
-    for (int i = 0; i < 64; i++) {
+    for (int i = 0; i < 400; i++)
         if (atomic_load_explicit(number, memory_order_acquire) != old) return true;
-        breathe();
-    }
     for (const int64_t end = ns > 0 ? now_ns() + ns : 0; ns > 0 && now_ns() < end; sched_yield())
         for (int i = 0; i < 8; i++) {
             if (atomic_load_explicit(number, memory_order_acquire) != old) return true;

@@ -43,7 +43,9 @@ static size_t blob_size;
 
 static uint32_t expected;
 
-static void restore_environment(void) { region.head->environment |= environment_restore(expected); }
+static void restore_environment(void) {
+    if (environment_looks_changed()) region.answer->environment |= (uint8_t)environment_restore(expected);
+}
 
 /* Whether nothing more can be allocated. Also called where a signal has ended the FMU. */
 static bool no_memory(void) {
@@ -55,7 +57,7 @@ static bool no_memory(void) {
 }
 
 static void dying(int number) {
-    if (shared) region.head->no_memory = no_memory();
+    if (shared) region.answer->no_memory = no_memory();
     signal(number, SIG_DFL);
     raise(number);
 }
@@ -107,7 +109,7 @@ static void *watch(void *nothing) {
 /* ------------------------------------------------------------------ messages */
 
 static void say(int status, const char *category, const char *text) {
-    Head *h = region.head;
+    Answer *h = region.answer;
     const size_t first = strnlen(category, 255), second = strnlen(text, 8191), need = 4 + first + 1 + second + 1;
     if (need > LINK_LOG - h->log_used) {
         h->log_lost++;
@@ -119,7 +121,7 @@ static void say(int status, const char *category, const char *text) {
     p[4 + first] = 0;
     memcpy(p + 4 + first + 1, text, second);
     p[need - 1] = 0;
-    h->log_used += need;
+    h->log_used += (uint32_t)need;
 }
 
 static void say2(void *environment, const char *name, int status, const char *category, const char *format, ...) {
@@ -143,7 +145,7 @@ static void *function(const char *name) {
     char full[80];
     snprintf(full, sizeof full, "fmi%d%s", version, name);
     void *found = dlsym(library, full);
-    if (!found) region.head->missing = 1;
+    if (!found) region.answer->missing = 1;
     return found;
 }
 
@@ -162,12 +164,12 @@ static void find_values(void) {
 /* The library, then the names that must be in it, all with their ends. */
 static uint32_t load(void) {
     const char *path = region.request, *names = path + strlen(path) + 1;
-    version = (int)region.head->a;
+    version = (int)region.ask->a;
     limit_memory();
     library = dlopen(path, RTLD_NOW | RTLD_LOCAL);
     if (!library) {
         snprintf(region.reply, 4096, "%s", dlerror());
-        region.head->reply_used = strlen(region.reply) + 1;
+        region.answer->reply_used = (uint32_t)strlen(region.reply) + 1;
         return LINK_ERROR;
     }
     char *out = region.reply;
@@ -179,9 +181,9 @@ static uint32_t load(void) {
         p += n + strspn(p + n, " ");
     }
     *out = 0;
-    region.head->reply_used = (size_t)(out - region.reply) + 1;
+    region.answer->reply_used = (uint32_t)(out - region.reply) + 1;
     find_values();
-    region.head->missing = 0;
+    region.answer->missing = 0;
     environment_restore(expected); /* some libraries change it when they are loaded: -ffast-math does */
     return LINK_OK;
 }
@@ -235,9 +237,9 @@ static uint32_t set_record(const char **at) {
 static uint32_t get_record(const char *at) {
     const LinkValues *v = (const LinkValues *)(const void *)at;
     uint32_t *references = (uint32_t *)(void *)(v + 1);
-    if (!getters[v->type]) return region.head->missing = 1, LINK_ERROR;
+    if (!getters[v->type]) return region.answer->missing = 1, LINK_ERROR;
     if (!text(v->type)) {
-        region.head->reply_used = v->n_values * value_size(v->type);
+        region.answer->reply_used = (uint32_t)(v->n_values * value_size(v->type));
         return call_values(getters[v->type], references, v->n_references, region.reply, v->n_values);
     }
     const char **texts = calloc(v->n_values + 1, sizeof *texts);
@@ -252,7 +254,7 @@ static uint32_t get_record(const char *at) {
         region.reply[used + n] = 0;
         used += n + 1;
     }
-    region.head->reply_used = used;
+    region.answer->reply_used = (uint32_t)used;
     free(texts);
     return status;
 }
@@ -260,7 +262,7 @@ static uint32_t get_record(const char *at) {
 static uint32_t learn(const char *at) {
     for (int i = 0; i < n_plan; i++) free(plan[i].references);
     n_plan = 0;
-    for (uint64_t i = 0; i < region.head->a && i < LINK_PLANNED; i++) {
+    for (uint64_t i = 0; i < region.ask->a && i < LINK_PLANNED; i++) {
         const LinkValues *v = (const LinkValues *)(const void *)at;
         uint32_t *references = malloc(v->n_references * 4 + 4);
         if (!references) return LINK_ERROR;
@@ -272,21 +274,21 @@ static uint32_t learn(const char *at) {
 }
 
 static uint32_t step(void) {
-    Head *h = region.head;
-    const bool prior = h->a != 0;
+    Answer *h = region.answer;
+    const double t = region.ask->t, length = region.ask->h;
+    const bool prior = region.ask->a != 0;
     uint32_t status;
     memset(h->flags, 0, sizeof h->flags);
-    h->last = h->t;
+    h->last = t;
     if (version == 2) {
-        status = ((uint32_t(*)(void *, double, double, int))do_step)(instance, h->t, h->h, prior);
+        status = ((uint32_t(*)(void *, double, double, int))do_step)(instance, t, length, prior);
     } else {
         bool event = false, terminate = false, early = false;
-        double last = h->t;
-        status = ((uint32_t(*)(void *, double, double, bool, bool *, bool *, bool *, double *))do_step)(instance, h->t, h->h, prior, &event, &terminate, &early, &last);
+        double last = t;
+        status = ((uint32_t(*)(void *, double, double, bool, bool *, bool *, bool *, double *))do_step)(instance, t, length, prior, &event, &terminate, &early, &last);
         h->flags[0] = event, h->flags[2] = terminate, h->flags[3] = early;
         h->last = last;
     }
-    restore_environment();
     if (status > LARGEST_SUCCESS) return status;
     char *p = region.results;
     for (int i = 0; i < n_plan; i++) {
@@ -295,7 +297,7 @@ static uint32_t step(void) {
         memcpy(p, &one, 4);
         p += 8 + ALIGNED(g->n_values * value_size(g->type));
     }
-    h->results_used = (size_t)(p - region.results);
+    h->results_used = (uint32_t)(p - region.results);
     return status;
 }
 
@@ -322,11 +324,11 @@ static uint32_t free_instance(void) {
 }
 
 static uint32_t a_state(const char *name, bool by_address) {
-    void *state = (void *)(uintptr_t)region.head->a;
+    void *state = (void *)(uintptr_t)region.ask->a;
     void *f = function(name);
     if (!f) return LINK_ERROR;
     const uint32_t status = by_address ? ((uint32_t(*)(void *, void **))f)(instance, &state) : ((uint32_t(*)(void *, void *))f)(instance, state);
-    region.head->a = (uint64_t)(uintptr_t)state;
+    region.answer->value = (uint64_t)(uintptr_t)state;
     return status;
 }
 
@@ -334,8 +336,8 @@ static uint32_t state_size(void) {
     size_t size = 0;
     void *f = function(NAMED("SerializedFMUstateSize", "SerializedFMUStateSize"));
     if (!f) return LINK_ERROR;
-    const uint32_t status = ((uint32_t(*)(void *, void *, size_t *))f)(instance, (void *)(uintptr_t)region.head->a, &size);
-    region.head->a = size;
+    const uint32_t status = ((uint32_t(*)(void *, void *, size_t *))f)(instance, (void *)(uintptr_t)region.ask->a, &size);
+    region.answer->value = size;
     return status;
 }
 
@@ -349,15 +351,15 @@ static bool room(size_t size) {
 }
 
 static uint32_t serialize(void) {
-    if (!room(region.head->b)) return say(LINK_ERROR, "", "no memory for its serialized state"), LINK_ERROR;
-    CALL(NAMED("SerializeFMUstate", "SerializeFMUState"), (void *, void *, char *, size_t), (instance, (void *)(uintptr_t)region.head->a, blob, region.head->b));
+    if (!room(region.ask->b)) return say(LINK_ERROR, "", "no memory for its serialized state"), LINK_ERROR;
+    CALL(NAMED("SerializeFMUstate", "SerializeFMUState"), (void *, void *, char *, size_t), (instance, (void *)(uintptr_t)region.ask->a, blob, region.ask->b));
 }
 
 static uint32_t deserialize(void) {
     void *state = NULL, *f = function(NAMED("DeSerializeFMUstate", "DeserializeFMUState"));
-    if (!f || !room(region.head->b)) return LINK_ERROR;
-    const uint32_t status = ((uint32_t(*)(void *, const char *, size_t, void **))f)(instance, blob, region.head->b, &state);
-    region.head->a = (uint64_t)(uintptr_t)state;
+    if (!f || !room(region.ask->b)) return LINK_ERROR;
+    const uint32_t status = ((uint32_t(*)(void *, const char *, size_t, void **))f)(instance, blob, region.ask->b, &state);
+    region.answer->value = (uint64_t)(uintptr_t)state;
     return status;
 }
 
@@ -366,7 +368,7 @@ static uint32_t derivative(void) {
     const double *seed = (const double *)(const void *)after(by, 0);
     const LinkValues *of = (const LinkValues *)(const void *)after(by, by->n_values * 8);
     double *result = (double *)(void *)region.reply;
-    region.head->reply_used = of->n_values * 8;
+    region.answer->reply_used = (uint32_t)(of->n_values * 8);
     const uint32_t *r_of = (const uint32_t *)(of + 1), *r_by = (const uint32_t *)(by + 1);
     if (version == 2) CALL("GetDirectionalDerivative", (void *, const uint32_t *, size_t, const uint32_t *, size_t, const double *, double *), (instance, r_of, of->n_references, r_by, by->n_references, seed, result));
     CALL("GetDirectionalDerivative", (void *, const uint32_t *, size_t, const uint32_t *, size_t, const double *, size_t, double *, size_t),
@@ -374,22 +376,21 @@ static uint32_t derivative(void) {
 }
 
 static uint32_t tell_status(void) {
-    const int kind = (int)region.head->a;
+    const int kind = (int)region.ask->a;
     int yes = 0;
     uint32_t status;
-    void *f = function(region.head->b ? "GetBooleanStatus" : "GetRealStatus");
+    void *f = function(region.ask->b ? "GetBooleanStatus" : "GetRealStatus");
     if (!f) return LINK_ERROR;
-    if (region.head->b) status = ((uint32_t(*)(void *, int, int *))f)(instance, kind, &yes);
-    else status = ((uint32_t(*)(void *, int, double *))f)(instance, kind, &region.head->last);
-    region.head->a = yes != 0;
+    if (region.ask->b) status = ((uint32_t(*)(void *, int, int *))f)(instance, kind, &yes);
+    else status = ((uint32_t(*)(void *, int, double *))f)(instance, kind, &region.answer->last);
+    region.answer->value = yes != 0;
     return status;
 }
 
 static uint32_t plain(const char *name) { CALL(name, (void *), (instance)); }
 
 static uint32_t dispatch(const char *rest) {
-    Head *h = region.head;
-    switch ((LinkOp)h->op) {
+    switch ((LinkOp)region.ask->op) {
         case LINK_LOAD: return load();
         case LINK_INSTANTIATE: return instantiate();
         case LINK_FREE: return free_instance();
@@ -410,12 +411,12 @@ static uint32_t dispatch(const char *rest) {
         case LINK_SERIALIZE: return serialize();
         case LINK_DESERIALIZE: return deserialize();
         case LINK_READ_BYTES:
-            memcpy(region.reply, blob + h->a, h->b);
-            h->reply_used = h->b;
+            memcpy(region.reply, blob + region.ask->a, region.ask->b);
+            region.answer->reply_used = (uint32_t)region.ask->b;
             return LINK_OK;
         case LINK_WRITE_BYTES:
-            if (!room(h->b)) return LINK_ERROR;
-            memcpy(blob + h->a, region.request, h->request_used);
+            if (!room(region.ask->b)) return LINK_ERROR;
+            memcpy(blob + region.ask->a, region.request, region.ask->used);
             return LINK_OK;
         case LINK_DERIVATIVE: return derivative();
     }
@@ -423,10 +424,13 @@ static uint32_t dispatch(const char *rest) {
 }
 
 static void work(void) {
-    Head *h = region.head;
+    Answer *h = region.answer;
     const char *at = region.request;
     uint32_t status = LINK_OK, failed = 0;
-    for (uint32_t i = 0; i < h->n_sets && status <= LARGEST_SUCCESS; i++) {
+    const uint32_t n_sets = region.ask->n_sets;
+    h->reply_used = h->results_used = h->log_used = h->log_lost = 0;
+    h->missing = h->environment = h->no_memory = 0;
+    for (uint32_t i = 0; i < n_sets && status <= LARGEST_SUCCESS; i++) {
         status = set_record(&at);
         failed = i + 1;
     }
@@ -461,30 +465,29 @@ static bool write_all(const void *bytes, size_t n) {
 }
 
 static void serve_memory(int64_t spin_ns) {
-    Head *h = region.head;
+    Ask *ask = region.ask;
     for (uint32_t seen = 0;;) {
-        if (!spin(&h->request, seen, spin_ns)) {
-            atomic_store(&h->worker_waits, 1);
-            while (atomic_load(&h->request) == seen) {
+        if (!spin(&ask->number, seen, spin_ns)) {
+            atomic_store(&ask->worker_waits, 1);
+            while (atomic_load(&ask->number) == seen) {
                 char rung[64];
                 if (read(bell, rung, sizeof rung) == 0) return;
             }
-            atomic_store(&h->worker_waits, 0);
+            atomic_store(&ask->worker_waits, 0);
         }
-        seen = atomic_load(&h->request);
+        __builtin_prefetch(region.request); /* another line of the cache, which is on its way while this one is read */
+        seen = atomic_load(&ask->number);
         work();
-        atomic_fetch_add(&h->reply, 1);
-        if (atomic_load(&h->master_waits) && !ring(bell)) return;
+        atomic_fetch_add(&region.answer->number, 1);
+        if (atomic_load(&region.answer->master_waits) && !ring(bell)) return;
     }
 }
 
 static void serve_socket(void) {
-    Head *h = region.head;
-    while (read_all(h, sizeof *h) && h->request_used <= region.area && read_all(region.request, h->request_used)) {
+    const Answer *a = region.answer;
+    while (read_all(region.ask, APART) && region.ask->used <= region.area && read_all(region.request, region.ask->used)) {
         work();
-        if (!write_all(h, sizeof *h) || !write_all(region.log, h->log_used) ||
-            !write_all(region.reply, h->reply_used) || !write_all(region.results, h->results_used))
-            return;
+        if (!write_all(a, APART + a->results_used) || !write_all(region.reply, a->reply_used) || !write_all(region.log, a->log_used)) return;
     }
 }
 
