@@ -26,9 +26,6 @@ from cosim.fmu.transfers import Arrangement, arrangements, by_reference, by_type
 
 LARGEST = 2**30  # bytes of a serialized state
 
-LARGEST_STATE = 2**30  # bytes of one serialized state
-
-
 @dataclass(frozen=True)
 class _Bound:
     """One bound FMI call that moves values. `move` does it and checks the status; `call` is the bare call, enough when
@@ -519,8 +516,6 @@ class FmuComponent:
         self._must("SerializedFMUStateSize" if self._v3 else "SerializedFMUstateSize", state.pointer[0], size)
         if size[0] > LARGEST:
             raise CosimError(f"its FMU says that its state takes {size[0]:,} bytes; at most {LARGEST:,} are taken")
-        if size[0] > LARGEST_STATE:
-            raise CosimError(f"its FMU says that its state takes {size[0]} bytes; at most {LARGEST_STATE} are kept")
         data = self._ffi.new("char[]", size[0])
         self._must("SerializeFMUState" if self._v3 else "SerializeFMUstate", state.pointer[0], data, size[0])
         return bytes(self._ffi.buffer(data))

@@ -152,5 +152,5 @@ def test_every_deed_in_every_phase(system: System, folder: Path, version: int, p
 def test_a_state_of_any_size_is_refused_before_room_is_made_for_it(system: System, folder: Path, version: int, isolated: bool) -> None:
     component: Any = system.add("bad", build(version, folder, "size", "huge"), isolated=isolated).component
     system.initialize(record=[], allow_unconnected=True)
-    with pytest.raises(CosimError, match="1152921504606846976 bytes"):
+    with pytest.raises(CosimError, match="1,152,921,504,606,846,976 bytes"):
         component.serialize()
