@@ -13,6 +13,7 @@ import numpy as np
 
 from build_fmus import safe_files
 from build_fmus.checks import did_you_mean
+from cosim.real_time import RealTime
 from cosim.signals import Array
 
 _HEADER = re.compile(r"(.*?)(?: \[(.*)\])?")
@@ -23,7 +24,8 @@ class Recording:
     """What was recorded: `time` [s] of shape (samples,), `data` of shape (samples, variables).
 
     `recording["car.body.az"]` is one column; an FMU's aliases of a name give the same column. `stopped_by` says which stop condition, or which component that asked for
-    it, ended the run (None: it reached its stop time); `wall_time` [s] is what the stepping took.
+    it, ended the run (None: it reached its stop time); `wall_time` [s] is what the stepping took; `real_time` is how a run with
+    `real_time=...` kept pace with the clock.
     """
 
     time: Array
@@ -33,6 +35,7 @@ class Recording:
     stopped_by: str | None = None
     wall_time: float = 0.0
     aliases: dict[str, str] = field(default_factory=dict)
+    real_time: RealTime | None = None
 
     def __post_init__(self) -> None:
         self._column = {name: i for i, name in enumerate(self.names)}

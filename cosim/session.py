@@ -127,13 +127,15 @@ class System(Wiring):
         allow_nan: bool = False,
         engine: EngineChoice = "auto",
         allow_unconnected: bool = False,
+        real_time: float | None = None,
     ) -> Recording:
         """Initialize, run to `stop_time` [s], to the first of `stop_when` or to where a component asks to end, and return
         the recording, whose `stopped_by` tells which.
 
         A failing component raises ComponentError, Ctrl-C raises Interrupted; both carry the recording so far, and with
         `csv` it is on disk in any case: of a process that dies `NAME.csv.part`, from which `cosim recover` makes the CSV, has all but
-        the last tenth of a second of its work. The other arguments are those of `initialize`.
+        the last tenth of a second of its work. `real_time` paces it, see `Simulation.advance`. The other arguments are those of
+        `initialize`.
         """
         if csv is not None:
             _check_writable(Path(csv))
@@ -150,7 +152,7 @@ class System(Wiring):
             allow_unconnected=allow_unconnected,
         ) as simulation:
             with _written(simulation, csv):
-                simulation.advance(stop_time, stop_when=stop_when, progress=progress)
+                simulation.advance(stop_time, stop_when=stop_when, progress=progress, real_time=real_time)
             return simulation.recording
 
     def coupled_spectral_radius(self, *, allow_unconnected: bool = False) -> Stability:

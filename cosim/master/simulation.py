@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time as clock
 import weakref
 from collections.abc import Sequence
@@ -29,12 +30,15 @@ from cosim.master.initialization import initialize
 from cosim.master.progress import ProgressBar
 from cosim.master.state import SystemState, Wiring, wiring_of
 from cosim.master.stops import Stop, StopCondition
+from cosim.real_time import Pace, RealTime
 from cosim.recording import Recording
 from cosim.spool import Spool
 from cosim.system.members import Member
 from cosim.system.names import Members
 from cosim.system.schedule import Schedule
 from cosim.time import TimeLike, gcd, rational
+
+_SHOWN = 0.05  # s between looks at the progress bar and the spool in a paced run
 
 
 class Simulation:
@@ -82,6 +86,8 @@ class Simulation:
         self._stops: list[StopCondition] = []
         self._stopped_by: str | None = None
         self._wall_time = 0.0
+        self._pace: Pace | None = None
+        self._kept_pace: RealTime | None = None
         self._spool: Spool | None = None
         self._guarded(lambda: initialize(self._exchange, stop, state))
         if self._exchange.clocks[-1].due(self._exchange.tick):
@@ -138,15 +144,26 @@ class Simulation:
         result = self._exchange.recorder.recording(names, units)
         result.stopped_by, result.wall_time = self._stopped_by, self._wall_time
         result.aliases = self._layout.aliases
+        result.real_time = None if self._kept_pace is None else self._kept_pace.copy()
         return result
 
     def advance(
-        self, until: TimeLike, *, stop_when: Sequence[StopCondition] = (), progress: bool = False
+        self,
+        until: TimeLike,
+        *,
+        stop_when: Sequence[StopCondition] = (),
+        progress: bool = False,
+        real_time: float | None = None,
     ) -> str | None:
         """Run to the first base tick at or after `until` [s], to the first instant that fulfils one of `stop_when`, or to
         where a component asks to end (the simulation is over then). Returns the text of that condition or request, or
         None. Raises ComponentError (the simulation is over then) and Interrupted (it stands between two instants and can
-        be continued)."""
+        be continued).
+
+        With `real_time` every instant begins when it is due by the clock, 1.0 at its pace, 2.0 twice as fast; what comes too late is
+        caught up with. Due times count from the first of such calls, so that time between them is not lost, until one with
+        another pace or none, or `restore`. `recording.real_time` says how it went.
+        """
         exchange = self._exchange
         end = exchange.base.at_or_after(rational(until, "until"))
         if end < exchange.tick:
@@ -155,6 +172,7 @@ class Simulation:
             self._stops = list(stop_when)
             exchange.stop_when(self._stops, self.__getitem__)
         self._stopped_by = None
+        self._set_pace(real_time)
         begin = clock.perf_counter()
         try:
             with HeldInterrupt() as interrupt, ProgressBar(progress, self.time, exchange.base.seconds(end)) as bar:
@@ -172,8 +190,10 @@ class Simulation:
         if exchange.tick == end and exchange.phase is not Phase.NOTHING:
             return
         exchange.complete()
+        if self._pace is not None:
+            self._run_paced(self._pace, end, interrupt, bar)
         piece = 1
-        while exchange.tick < exchange.last_tick(end) and not interrupt.pending:
+        while self._pace is None and exchange.tick < exchange.last_tick(end) and not interrupt.pending:
             begin = clock.perf_counter()
             exchange.run_instants(min(exchange.last_tick(end), exchange.tick + piece))
             took = clock.perf_counter() - begin
@@ -187,6 +207,34 @@ class Simulation:
             raise Stop(self._over)
         if interrupt.pending:
             raise Interrupted(self.time, self.recording)
+
+    def _set_pace(self, real_time: float | None) -> None:
+        """The pace of the next instants: that of the call before, if it is the same and nothing came in between."""
+        if real_time is None:
+            self._pace = None
+            return
+        factor, exchange, old = _factor(real_time), self._exchange, self._pace
+        if old is None or old.kept.factor != factor or old.tick != exchange.tick:
+            self._pace = Pace(factor, exchange.tick, exchange.base.tick)
+            if self._kept_pace is not None and self._kept_pace.factor == factor:
+                self._pace.kept = self._kept_pace
+        self._kept_pace = self._pace.kept if self._pace is not None else None
+
+    def _run_paced(self, pace: Pace, end: int, interrupt: HeldInterrupt, bar: ProgressBar) -> None:
+        """As `_run`, instant by instant, each when it is due."""
+        exchange, shown = self._exchange, clock.perf_counter()
+        for tick, _ in exchange.timetable.instants(exchange.tick, end):
+            if tick >= exchange.last_tick(end) or not pace.wait(tick, interrupt):
+                break
+            exchange.run_instants(tick + 1)
+            if clock.perf_counter() > shown + _SHOWN:
+                bar.at(self.time)
+                self._spill()
+                shown = clock.perf_counter()
+        last = exchange.last_tick(end)
+        if pace.wait(last, interrupt):
+            exchange.run_instants(last)
+        pace.tick = exchange.tick
 
     def spool(self, spool: Spool | None) -> None:
         """Write rows to a spool while it advances, from now on; None: no more."""
@@ -280,6 +328,7 @@ class Simulation:
 
         self._guarded(restore)
         exchange = self._exchange
+        self._pace = None
         exchange.tick, exchange.phase, exchange.ending = state.tick, state.phase, state.ending
         exchange.values[:] = state.values
         exchange.recorder.count = state.samples
@@ -309,3 +358,12 @@ class Simulation:
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
         self.close()
+
+
+def _factor(real_time: object) -> float:
+    """The pace that was given. Raises TimeError for what is no positive number."""
+    if isinstance(real_time, bool) or not isinstance(real_time, int | float) or not 0 < real_time < math.inf:
+        raise TimeError(
+            f"real_time is {real_time!r}; give a positive number: 1.0 for the clock's pace, 2.0 for twice that"
+        )
+    return float(real_time)

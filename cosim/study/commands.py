@@ -7,6 +7,7 @@ import json
 import tempfile
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
+from itertools import zip_longest
 from pathlib import Path
 from typing import Annotated, Any, get_args
 
@@ -102,10 +103,20 @@ _EXPORT: dict[str, tuple[Any, Any]] = {
     "without": (Without, None),
     "platform": (Where, "host"),
 }
+RealTime = Annotated[
+    float | None,
+    typer.Option(
+        "--real-time",
+        metavar="[FACTOR]",
+        help="keep pace with the clock: 1 (which need not be written) is its own, 2 twice as fast; says how well that went",
+    ),
+]
+_PACE: dict[str, tuple[Any, Any]] = {"real_time": (RealTime, None)}
 _VEHICLE: dict[str, tuple[Any, Any]] = {"vehicle": (Vehicles, None)}
 NOTHING = 1e-20  # of a metric: below it there is nothing to compare
 EVERYWHERE = (
-    "--fmus", "--fmi", "--vehicle", "--out", "--engine", "--isolate", "--step-timeout", "--memory-limit", "--help",
+    "--fmus", "--fmi", "--vehicle", "--out", "--engine", "--isolate", "--step-timeout", "--memory-limit",
+    "--real-time", "--help",
 )  # fmt: skip
 """Options of every experiment, which say nothing about one of them."""
 
@@ -117,10 +128,15 @@ def run_command(experiment: Experiment) -> Any:
     """The command that runs one case beside its baseline."""
 
     def run(**given: Any) -> None:
-        run_case(experiment, _case(experiment, given), _fmu_set(experiment, given), given["out"], _execution(given))
+        run_case(
+            experiment, _case(experiment, given), _fmu_set(experiment, given), given["out"], _execution(given),
+            real_time=given["real_time"],
+        )  # fmt: skip
 
     options = {f.attribute: (Annotated[_type(f), _option(f)], f.default) for f in fields(experiment.case)}
-    return _command(run, experiment, {**options, **_own_files(experiment), **_EVERYWHERE}, "One run: metrics on the screen, time histories as CSV.")  # fmt: skip
+    more = {**_own_files(experiment), **_EVERYWHERE, **_PACE}
+    text = "One run: metrics on the screen, time histories as CSV."
+    return _command(run, experiment, {**options, **more}, text, _Paced)
 
 
 def export_command(experiment: Experiment) -> Any:
@@ -168,8 +184,21 @@ def study_command(experiment: Experiment) -> Any:
     return _command(study, experiment, options, f"{what}; writes results/{experiment.name}/report.html.")
 
 
-def run_case(experiment: Experiment, case: Any, fmus: FmuSet, out: Path, execution: Execution | None = None) -> None:
-    """Run one case beside its baseline: a table on the screen, time histories and metrics as files.
+class _Paced(Command):
+    """A command whose ``--real-time`` may stand without its factor."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        given: list[str] = []
+        for text, following in zip_longest(args, args[1:], fillvalue="-"):
+            given += [text, "1"] if text == "--real-time" and following.startswith("-") else [text]
+        return super().parse_args(ctx, given)
+
+
+def run_case(
+    experiment: Experiment, case: Any, fmus: FmuSet, out: Path, execution: Execution | None = None, *,
+    real_time: float | None = None,
+) -> None:  # fmt: skip
+    """Run one case beside its baseline: a table on the screen, time histories and metrics as files. ``real_time`` paces the case.
 
     Raises:
         ComponentError: a component failed; the file holds what was recorded.
@@ -179,7 +208,7 @@ def run_case(experiment: Experiment, case: Any, fmus: FmuSet, out: Path, executi
     baseline = experiment.baseline(case) if experiment.baseline else None
     with Runner(experiment, fmus, execution=execution) as runner:
         with kept_recording(path):
-            run = runner.run(case, csv=path, progress=True)
+            run = runner.run(case, csv=path, progress=True, real_time=real_time)
         runs, measured = {_short(case): run}, {_short(case): experiment.measure(run)}
         remarks = experiment.remarks(run) if experiment.remarks else ()
         if baseline is not None and baseline != case:
@@ -193,6 +222,8 @@ def run_case(experiment: Experiment, case: Any, fmus: FmuSet, out: Path, executi
             console.print(f"note: {remark}")
         if (page := resolved(experiment.page)) is not None:
             console.print(f"page: {page(runs, fmus, folder / case.label)}")
+    if run.recording.real_time is not None:
+        console.print(str(run.recording.real_time), markup=False)
     summary = path.with_suffix(".json")
     write_summary(summary, measured)
     console.print(f"{path} and {summary.name}; {run.recording.real_time_factor:.0f}x real time")
@@ -230,8 +261,9 @@ def _execution(given: Mapping[str, Any]) -> Execution:
 
 
 def _command(
-    function: Callable[..., None], experiment: Experiment, options: Mapping[str, tuple[Any, Any]], help: str
-) -> Any:
+    function: Callable[..., None], experiment: Experiment, options: Mapping[str, tuple[Any, Any]], help: str,
+    kind: type[Command] = Command,
+) -> Any:  # fmt: skip
     kinds = inspect.Parameter.KEYWORD_ONLY
     function.__signature__ = inspect.Signature(  # type: ignore[attr-defined]
         [inspect.Parameter(n, kinds, default=d, annotation=a) for n, (a, d) in options.items()]
@@ -239,7 +271,7 @@ def _command(
     function.__annotations__ = {n: a for n, (a, _) in options.items()}
     function.__doc__ = f"{experiment.title}. {help}" if experiment.title else help
     app = typer.Typer(**APP)
-    app.command(experiment.name, cls=Command)(function)
+    app.command(experiment.name, cls=kind)(function)
     return typer.main.get_command(app)
 
 

@@ -91,6 +91,7 @@ class Runner:
         record: Sequence[str] | None = None,
         record_interval: Any = None,
         stop_time: float | None = None,
+        real_time: float | None = None,
     ) -> Run:
         """Run a case.
 
@@ -98,6 +99,7 @@ class Runner:
             csv: file of the recording.
             progress: show it.
             record, record_interval, stop_time: others than the experiment's.
+            real_time: pace, see :meth:`cosim.System.run`.
 
         Raises:
             ComponentError: a component failed (a diverging loop, for one); ``error.recording`` holds what was recorded.
@@ -111,6 +113,7 @@ class Runner:
         recording = system.run(
             end, record=names, record_interval=interval, stop_when=e.stop_when(system, case) if e.stop_when else (),
             csv=csv, progress=progress, allow_unconnected=e.allow_unconnected, engine=self.execution.engine,
+            real_time=real_time,
         )  # fmt: skip
         return Run(case, recording, system)
 

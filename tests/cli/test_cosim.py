@@ -53,10 +53,19 @@ def test_mistakes_in_a_run(arguments: list[str], message: str, folder: Path) -> 
         (["run", "hmmwv", "--preview", "sensed"], "--states estimated"),
         (["run", "bench", "--controller", "mcp"], "no controller 'mcp'; did you mean 'mpc'?"),
         (["run", "bench", "--duration", "0"], "duration is 0 s; give a number from 0.01 to 3 s"),
+        (["run", "bench", "--real-time", "0"], "real_time is 0.0; give a positive number"),
+        (["run", "bench", "--real-time", "fast"], "Invalid value for '--real-time'"),
+        (["run", "bench", "--real-time", "--controller", "mcp"], "no controller 'mcp'"),  # its factor may be left out
     ],
 )
 def test_mistakes_elsewhere(arguments: list[str], message: str, folder: Path) -> None:
     assert message in refused(folder, "cosim", *arguments)
+
+
+def test_a_run_that_keeps_pace_says_how_well(folder: Path) -> None:
+    said = run(folder, "cosim", "run", "bench", "--controller", "passive", "--real-time", "100").stderr
+    assert "100 times real time: " in said
+    assert " overruns, the latest " in said
 
 
 def test_fmus_of_a_vehicle_that_were_not_built(folder: Path) -> None:
