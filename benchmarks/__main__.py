@@ -24,6 +24,7 @@ from benchmarks import (
     mpc_worst,
     qp_time,
     solver_check,
+    states,
     trench_plant,
 )
 from benchmarks.master_cost import measure
@@ -74,6 +75,8 @@ def main() -> None:
         **{f"chain of three trivial FMUs, FMI {v}": chain.measure(v) for v in (2, 3)},
         "an isolated FMU": isolation.measure(),
         "hydraulic HMMWV, simulated time / processor time of one core": hmmwv_real_time.measure(),
+        "saved states of one corner": states.measure(),
+        "one corner by hand, and in real time": states.by_hand(),
         "contact plant of paper 003, trench of 1.5 m at 3 km/h": trench_plant.measure(),
         "solver step checked at initialization": solver_check.measure(),
         "mathematical library inside the FMUs": mathematics.measure(),

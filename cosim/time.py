@@ -11,6 +11,7 @@ import math
 import re
 from dataclasses import dataclass
 from fractions import Fraction
+from functools import cached_property
 from typing import TypeVar
 
 from build_fmus.checks import number
@@ -122,12 +123,17 @@ class TimeBase:
 
     def integers(self) -> tuple[int, int, int]:
         """(a, b, d) with time = (tick * a + b) / d: Python's integer division is correctly rounded."""
+        return self._integers
+
+    @cached_property
+    def _integers(self) -> tuple[int, int, int]:
         d = math.lcm(self.tick.denominator, self.start.denominator)
         return int(self.tick * d), int(self.start * d), d
 
     def seconds(self, tick: int) -> float:
         """Time of a tick [s], the float nearest to the exact value."""
-        return float(self.exact(tick))
+        a, b, d = self._integers
+        return (tick * a + b) / d
 
     def nanoseconds(self, tick: int) -> int:
         """Time of a tick rounded to integer nanoseconds."""

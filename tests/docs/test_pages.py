@@ -94,6 +94,22 @@ def test_a_study_of_ones_own_runs_resumes_and_reports(workplace: Path) -> None:
     assert [(c["id"], c["verdict"]) for c in summary["claims"]] == [("soft", "not reproduced")]
 
 
+STATES = ROOT / "docs" / "states-and-real-time.md"
+
+
+def test_states_and_real_time(workplace: Path) -> None:
+    """Its code, block by block; the blocks that are files are those of the examples."""
+    shown = files_shown(STATES)
+    assert {name: (ROOT / "docs" / "examples" / name).read_text(encoding="utf-8") for name in shown} == shown
+    namespace: dict[str, object] = {}
+    for code in blocks(STATES, "python"):
+        if not code.startswith("# "):
+            exec(compile(code, STATES.name, "exec"), namespace)
+    assert (workplace / "before-the-bump.state").is_file()
+    by_hand = namespace["simulation"].recording  # type: ignore[attr-defined]
+    assert (len(by_hand), by_hand.real_time.instants) == (101, 100)
+
+
 def test_a_law_designed_on_an_fmu_does_what_was_designed(workplace: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Every number that the page shows is printed by its code, and the loop has the damping of the design."""
     page = ROOT / "docs" / "control-design.md"
@@ -118,9 +134,9 @@ def test_commands_print_what_the_page_shows(page: Path, command: list[str], expe
     for name, text in files_shown(page).items():
         (workplace / name).write_text(text)
     program, *arguments = command
-    done = subprocess.run(
-        [BIN / program, *arguments], capture_output=True, text=True, check=False, env={**os.environ, "COLUMNS": "120"}
-    )
+    path = os.pathsep.join(filter(None, [str(ROOT / "docs" / "examples"), os.environ.get("PYTHONPATH")]))
+    environment = {**os.environ, "COLUMNS": "120", "PYTHONPATH": path}  # examples may import each other
+    done = subprocess.run([BIN / program, *arguments], capture_output=True, text=True, check=False, env=environment)
     shown, printed = words(expected), words(done.stdout + done.stderr)
     if shown and shown[-1] == "...":
         shown, printed = shown[:-1], printed[: len(shown) - 1]

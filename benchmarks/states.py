@@ -1,0 +1,89 @@
+"""What it costs to save, to take along and to continue a state, and what stepping by hand and pacing cost: the corner of the HMMWV, six FMUs.
+
+Costs are processor times as parts of what it takes to simulate a millisecond of the same system. How late paced instants begin depends on
+what else the machine does; the numbers are those of one run.
+"""
+
+from __future__ import annotations
+
+import runpy
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+from cosim import System, SystemState
+
+CORNER = Path(__file__).parents[1] / "docs" / "examples" / "hmmwv_corner.py"
+RECORD = ["car.body.az"]
+INPUT = "tracking.force.desired"
+LONG = 3.0  # s of simulated time
+
+
+def seconds(work: Callable[[], object], repeats: int, rounds: int = 5) -> float:
+    """Processor time of one call, the best of some rounds."""
+
+    def once() -> float:
+        begin = time.process_time()
+        for _ in range(repeats):
+            work()
+        return (time.process_time() - begin) / repeats
+
+    return min(once() for _ in range(rounds))
+
+
+def initialize(system: System, state: SystemState | None = None) -> object:
+    return system.initialize(record=RECORD, record_interval="1 ms", allow_unconnected=True, state=state)
+
+
+def measure() -> dict[str, float]:
+    """Costs of states, as parts of a simulated millisecond."""
+    with runpy.run_path(str(CORNER))["corner"]() as system:
+        with system.initialize(record=RECORD, record_interval="1 ms", allow_unconnected=True) as simulation:
+            begin = time.process_time()
+            simulation.advance(LONG)
+            millisecond = (time.process_time() - begin) / (LONG * 1e3)
+            state = simulation.save()
+            data = state.to_bytes()
+            took = {
+                "save": seconds(simulation.save, 200),
+                "save, travels=False": seconds(lambda: simulation.save(travels=False), 200),
+                "restore": seconds(lambda: simulation.restore(state), 200),
+                "to_bytes": seconds(state.to_bytes, 200),
+                "from_bytes": seconds(lambda: SystemState.from_bytes(data), 200),
+            }
+        travelled = SystemState.from_bytes(data)
+        took["initialize"] = seconds(lambda: initialize(system), 20)
+        took["initialize with the state of another process"] = seconds(lambda: initialize(system, travelled), 20)
+    return {
+        "a simulated millisecond [us]": millisecond * 1e6,
+        "bytes of the state": len(data),
+        **{f"{name} / simulated millisecond": t / millisecond for name, t in took.items()},
+    }
+
+
+def by_hand() -> dict[str, float]:
+    """Stepping by hand at 1 kHz, and what a paced run adds: processor time as a part of the clock's millisecond; lateness."""
+    with runpy.run_path(str(CORNER))["corner"]() as system:
+        with system.initialize(record=RECORD, record_interval="1 ms", allow_unconnected=True) as simulation:
+            count = 0
+
+            def step() -> None:
+                nonlocal count
+                count += 1
+                simulation.advance(count / 1000)
+
+            took = {
+                "advance by 1 ms": seconds(step, 400),
+                "set an input": seconds(lambda: simulation.set(INPUT, 1.0), 1000),
+                "read a variable": seconds(lambda: simulation[RECORD[0]], 1000),
+            }
+        paced = system.run(LONG, record=RECORD, record_interval="1 ms", allow_unconnected=True, real_time=1.0).real_time
+    assert paced is not None
+    return {
+        **{f"{name}, per cent of 1 ms": t * 1e5 for name, t in took.items()},
+        "paced instants per second": paced.instants / LONG,
+        "begun within 10 us [%]": 100 * paced.within(1e-5),
+        "begun within 100 us [%]": 100 * paced.within(1e-4),
+        "overruns [%]": 100 * paced.overruns / paced.instants,
+        "the latest [ms]": 1e3 * paced.worst,
+    }
