@@ -62,6 +62,10 @@ def test_a_system_as_one_fmu_runs_in_fmpy(workplace: Path) -> None:
     assert (workplace / "Bumps.fmu").is_file()
 
 
+def test_an_isolated_fmu_gives_the_same_numbers(workplace: Path) -> None:  # noqa: ARG001
+    assert len(run_blocks(ROOT / "docs" / "foreign-fmus.md")["at_arms_length"]) == 1001  # type: ignore[arg-type]
+
+
 def test_the_example_of_the_tutorial_is_the_file(workplace: Path) -> None:
     source = (ROOT / "docs" / "examples" / "quarter_car_inerter.py").read_text(encoding="utf-8")
     (shown,) = (b for b in blocks(ROOT / "docs" / "tutorial.md", "python") if "def quarter_car_inerter" in b)
