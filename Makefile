@@ -10,7 +10,7 @@ ifeq ($(HOST_CC),)
 RUN_EXTRAS := studies,zig
 endif
 
-.PHONY: run studies test test-full lint bench mutants fmus clean
+.PHONY: run studies test test-full lint bench mutants fuzz fmus clean
 
 run: $(VENV)/.run
 	$(BIN)/build-fmus
@@ -43,6 +43,11 @@ bench: $(VENV)/.test
 mutants: $(VENV)/.test
 	$(BIN)/build-fmus
 	$(BIN)/python -m tests.mutants
+
+# A million cases of what others' files may hold; one that does not end as it should becomes a file of tests/fuzz/corpus.
+fuzz: $(VENV)/.test
+	$(BIN)/build-fmus
+	$(BIN)/python -m tests.fuzz --cases 1000000
 
 fmus: $(VENV)/.run
 	$(BIN)/build-fmus

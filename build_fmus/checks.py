@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import difflib
 import math
+import re
 from collections.abc import Iterable
 
 import numpy as np
@@ -35,6 +36,22 @@ def unknown(what: str, value: object, known: Iterable[object]) -> str:
     """The sentence about a value that is none of those that are known."""
     names = list(map(str, known))
     return f"no {what} {value!r}{did_you_mean(value, names)} (there are: {', '.join(names)})"
+
+
+def one_line(text: str, longest: int = 300) -> str:
+    """A stranger's text, for a message: cut where it is long, without line breaks and signs that steer a terminal."""
+    cut = text if len(text) <= longest else text[: longest - 3] + "..."
+    if cut.isprintable():
+        return cut
+    return "".join(c if c.isprintable() else c.encode("unicode_escape", "replace").decode() for c in cut)
+
+
+def plain(message: str) -> str:
+    """A message with strangers' texts in it, line by line: long words and lines cut, no signs that steer a terminal."""
+    return "\n".join(one_line(_LONG_WORD.sub(r"\1...", line), 2000) for line in message.split("\n"))
+
+
+_LONG_WORD = re.compile(r"(\S{200})\S{300,}")  # longer than paths are
 
 
 def number(

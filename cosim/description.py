@@ -20,13 +20,15 @@ SIZED_INTEGERS = {
 }
 INTEGER_RANGE = {**SIZED_INTEGERS, "Integer": SIZED_INTEGERS["Int32"], "Enumeration": SIZED_INTEGERS["Int32"]}
 
-_ELEMENT = re.compile(r"(.+)\[(\d+(?:,\d+)*)\]", re.DOTALL)
+_INDEX = re.compile(r"\d{1,18}(?:,\d{1,18})*")
 
 
 def split_index(name: str) -> tuple[str, tuple[int, ...]]:
     """`gain.y[2,3]` -> (`gain.y`, (2, 3)); a name that is no element of an array -> itself and ()."""
-    match = _ELEMENT.fullmatch(name)
-    return (match[1], tuple(int(i) for i in match[2].split(","))) if match else (name, ())
+    at = name.rfind("[")  # names are a stranger's: a pattern for all of one would look at it again from every bracket
+    if at < 1 or not name.endswith("]") or not _INDEX.fullmatch(name, at + 1, len(name) - 1):
+        return name, ()
+    return name[:at], tuple(int(i) for i in name[at + 1 : -1].split(","))
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -12,11 +12,11 @@ from pathlib import Path
 import numpy as np
 
 from build_fmus import safe_files
-from build_fmus.checks import did_you_mean
+from build_fmus.checks import did_you_mean, plain
 from cosim.real_time import RealTime
 from cosim.signals import Array
 
-_HEADER = re.compile(r"(.*?)(?: \[(.*)\])?")
+_HEADER = re.compile(r"(.*?)(?: \[(.*)\])?", re.DOTALL)
 
 
 @dataclass
@@ -83,14 +83,18 @@ class Recording:
         """Read what `to_csv` wrote. Raises ValueError naming the file and line that cannot be read."""
         with Path(path).open(newline="", encoding="utf-8") as file:
             reader = csv.reader(file)
-            header = next(reader, None)
-            if not header or _HEADER.fullmatch(header[0])[1] != "time":  # type: ignore[index]
-                raise ValueError(f"{path}: the first column must be 'time [s]'")
+            rows: list[list[float]] = []
             try:
-                rows = [[float(x) for x in row] for row in reader if row]
-                table = np.array(rows, dtype=float).reshape(len(rows), len(header))
-            except ValueError as error:
-                raise ValueError(f"{path}, near line {reader.line_num}: {error}") from None
+                header = next(reader, [""])
+                if not header or _HEADER.fullmatch(header[0])[1] != "time":  # type: ignore[index]
+                    raise ValueError("the first column must be 'time [s]'")
+                for row in filter(None, reader):
+                    if len(row) != len(header):
+                        raise ValueError(f"{len(row)} numbers for {len(header)} columns")
+                    rows.append([float(x) for x in row])
+            except (ValueError, csv.Error) as error:
+                raise ValueError(plain(f"{path}, near line {reader.line_num}: {error}")) from None
+        table = np.array(rows, dtype=float).reshape(len(rows), len(header))
         pairs = [_HEADER.fullmatch(text).groups() for text in header[1:]]  # type: ignore[union-attr]
         names = [str(name) for name, _ in pairs]
         return cls(table[:, 0], names, table[:, 1:], {str(name): unit or "" for name, unit in pairs})

@@ -81,7 +81,7 @@ def read_spool(path: str | os.PathLike[str]) -> Recording:
     try:
         about = json.loads(head if data.startswith(_MAGIC) else b"")
         names, units = [str(n) for n in about["names"]], {str(k): str(v) for k, v in about["units"].items()}
-    except (ValueError, TypeError, KeyError, AttributeError):
+    except (ValueError, TypeError, KeyError, AttributeError, RecursionError):
         raise CosimError(
             f"{path}: these are not the rows of a run; give the file NAME.csv{SUFFIX} that a run with csv=NAME.csv has left"
         ) from None

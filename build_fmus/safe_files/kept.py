@@ -50,7 +50,7 @@ def kept_json(path: Path) -> Any:
         entry = json.loads(path.read_bytes())
         if entry["sha256"] == _digest(path.name, entry["value"]):
             return entry["value"]
-    except (ValueError, KeyError, TypeError):
+    except (ValueError, KeyError, TypeError, RecursionError):  # the last of brackets without an end
         pass
     _discard(path)
     raise NotKept(path)

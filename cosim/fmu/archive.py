@@ -16,10 +16,9 @@ from contextlib import nullcontext
 from pathlib import Path, PurePosixPath, PureWindowsPath
 from typing import IO
 
-from build_fmus.checks import did_you_mean
+from build_fmus.checks import did_you_mean, one_line
 from cosim.errors import FmuError
 from cosim.fmu.limits import Limits
-from cosim.fmu.xml import one_line
 
 DESCRIPTION = "modelDescription.xml"
 ENTRY = 128  # bytes of an archive's directory for one file, name included, on average

@@ -21,8 +21,8 @@ from typing import Any
 from lxml import etree
 
 from build_fmus import safe_files
+from build_fmus.checks import one_line
 from cosim.description import Description, Variable
-from cosim.fmu.xml import one_line
 
 MOST = 200  # findings of each kind that are kept; of the others only the number
 WORTH_KEEPING = 8192  # bytes of XML from which on a verdict is read sooner than it is found

@@ -14,11 +14,12 @@ from dataclasses import replace
 from fractions import Fraction
 from typing import Any
 
+from build_fmus.checks import one_line
 from build_fmus.units import BASE_UNITS, Unit
 from cosim.description import SIZED_INTEGERS, Description, Variable, split_index
 from cosim.errors import FmuError, TimeError
 from cosim.fmu.limits import Limits
-from cosim.fmu.xml import one_line, tree
+from cosim.fmu.xml import tree
 from cosim.time import rational
 
 TOOL = "suspension-fmus"  # our vendor annotation: kind and sample time, constants that source and target must share, sources of values
@@ -452,6 +453,8 @@ def _expand(variable: Variable, shape: list[int]) -> list[Variable]:
         return [variable]
     values = str(variable.start).split() if variable.start is not None else []
     size = math.prod(shape)
+    if not size:  # whatever the other dimensions are
+        return []
     if len(values) == 1:
         values *= size
     common = {name: getattr(variable, name) for name in Variable.__slots__}  # type: ignore[attr-defined]

@@ -7,6 +7,7 @@ from typing import Any
 
 from lxml import etree
 
+from build_fmus.checks import one_line
 from cosim.errors import FmuError
 from cosim.fmu.limits import Limits
 
@@ -43,11 +44,3 @@ def tree(xml: bytes, where: str, limits: Limits) -> Any:
     if root.getroottree().docinfo.internalDTD is not None:
         raise FmuError(f"{file} has a document type declaration; FMI knows none, remove it")
     return root
-
-
-def one_line(text: str, longest: int = 300) -> str:
-    """A stranger's text, in messages: cut where it is long, without line breaks and signs that steer a terminal."""
-    cut = text if len(text) <= longest else text[: longest - 3] + "..."
-    if cut.isprintable():
-        return cut
-    return "".join(c if c.isprintable() else c.encode("unicode_escape", "replace").decode() for c in cut)

@@ -69,18 +69,19 @@ def _take(exchange: Exchange, state: SystemState) -> None:
     within = {m.name for m in exchange.schedule.continuous if continues and _within(state, m.name)}
     for slot, key in enumerate(exchange.layout.keys):
         part, member, variable = key
+        name = f"{member}.{variable}" if variable else f"the time of {member}"
         if key in stored and (
             (continues and part != "constant") or (part == "previous" and member in state.components)
         ):
             exchange.values[slot] = stored[key]
         elif continues and (part in ("previous", "reached") or (part == "visible" and member in within)):
             raise CosimError(
-                f"the state does not hold what {member}.{variable} shows until the step of '{member}' ends: record or watch it "
+                f"the state does not hold what {name} shows until the step of '{member}' ends: record or watch it "
                 "where the state is saved"
             )
         if not exchange.allow_nan and not math.isfinite(exchange.values[slot]):
             value = float(exchange.values[slot])
-            raise CosimError(f"the state's value of {member}.{variable} is {value}; give allow_nan=True to let it pass")
+            raise CosimError(f"the state's value of {name} is {value}; give allow_nan=True to let it pass")
 
 
 def _within(state: SystemState, member: str) -> bool:

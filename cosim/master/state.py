@@ -32,6 +32,8 @@ MAGIC = b"state of a co-simulation, version 1\n"
 _PARTS = ("visible", "latest", "previous", "reached", "constant")
 _PHASES = {"arrived": Phase.ARRIVED, "sampled": Phase.SAMPLED}
 _FRACTION = re.compile(r"-?\d{1,40}(/\d{1,40})?")
+_CONTROL = re.compile(r"[\x00-\x1f\x7f-\x9f]")
+LONGEST_TEXT = 2**20  # of names in a state
 Wiring = dict[str, Any]
 
 
@@ -110,7 +112,9 @@ class SystemState:
         """What a live component saved. No FMU is called here: pools pickle in threads of their own, when the FMU may be within a step."""
         component = member.component
         if not isinstance(component, Portable):
-            raise CosimError(f"{type(component).__name__} does not say how (identity, pack and unpack of cosim.component)")
+            raise CosimError(
+                f"{type(component).__name__} does not say how (identity, pack and unpack of cosim.component)"
+            )
         data = self.serialized.get(member.name)
         if isinstance(data, CosimError):
             raise data
@@ -199,8 +203,14 @@ def unpack(member: Member, packed: Packed) -> None:
     for what in dict.fromkeys([*here, *packed.identity]):
         a, b = packed.identity.get(what, "none"), here.get(what, "none")
         if a != b:
-            raise CosimError(f"'{member.name}' is another component than in the state: its {what} is {b}, there {a}")
+            raise CosimError(
+                f"'{member.name}' is another component than in the state: its {what} is {_short(b)}, there {_short(a)}"
+            )
     component.unpack(packed.data)
+
+
+def _short(text: str) -> str:
+    return text if len(text) <= 200 else f"{text[:120]} ... {text[-60:]}"
 
 
 def _doubles(values: Array) -> bytes:
@@ -231,7 +241,7 @@ def _read(data: bytes, what: str) -> SystemState:
         known = wiring["members"]
         if len(set(keys)) != len(keys) or any(k[0] not in _PARTS or k[1] not in known for k in keys):
             refuse("its values have no names")
-        if any(len(k) != 3 or type(k[2]) is not str for k in keys):
+        if any(len(k) != 3 or not _readable(k[2]) for k in keys):
             refuse("its values have no names")
         if len(pieces) != 1 + len(named) or len(pieces[0]) != 8 * len(keys):
             refuse("it holds more or less than it names")
@@ -239,7 +249,7 @@ def _read(data: bytes, what: str) -> SystemState:
         for (name, identity), piece in zip(named, pieces[1:], strict=True):
             if name not in known or name in components:
                 refuse("it names members that it does not have")
-            if type(identity) is not dict or any(type(v) is not str for v in identity.values()):
+            if type(identity) is not dict or not all(_readable(text) for pair in identity.items() for text in pair):
                 refuse(f"it does not say what '{name}' is")
             components[name] = Packed(identity, piece)
         state = SystemState(
@@ -260,15 +270,27 @@ def _check_wiring(wiring: Any) -> None:
     """Raises ValueError or TypeError for what is none."""
     members, connections, groups = wiring["members"], wiring["connections"], wiring["groups"]
     for name, (kind, step, offset) in members.items():
-        if not name or kind not in ("discrete", "continuous") or _fraction(step) <= 0 or _fraction(offset) < 0:
+        if (
+            not name
+            or not _readable(name)
+            or kind not in ("discrete", "continuous")
+            or _fraction(step) <= 0
+            or _fraction(offset) < 0
+        ):
             raise ValueError(name)
     for source, target, delay, extrapolate, scale, offset in connections:
-        kinds = [type(x) for x in (source, target, delay, extrapolate, scale, offset)]
-        if kinds[:4] != [str, str, bool, bool] or not {*kinds[4:]} <= {int, float}:
+        kinds = [type(x) for x in (delay, extrapolate, scale, offset)]
+        named = _readable(source) and _readable(target)
+        if not named or kinds[:2] != [bool, bool] or not {*kinds[2:]} <= {int, float}:
             raise ValueError(target)
     for method, names in groups:
-        if type(method) is not str or any(n not in members for n in names):
+        if not _readable(method) or any(n not in members for n in names):
             raise ValueError(method)
+
+
+def _readable(text: Any) -> bool:
+    """Whether it is a text that messages may show."""
+    return type(text) is str and len(text) <= LONGEST_TEXT and not _CONTROL.search(text)
 
 
 def _fraction(text: str) -> Fraction:

@@ -10,7 +10,7 @@ from typing import Any, cast, get_args
 
 from pydantic import BaseModel, ValidationError
 
-from build_fmus.checks import did_you_mean
+from build_fmus.checks import did_you_mean, plain
 from build_fmus.component import Component
 from fmu_sources.vehicles.schema import (
     KINDS,
@@ -32,6 +32,9 @@ _HERE = Path(__file__).parent
 
 class VehicleError(ValueError):
     """A vehicle file that cannot be used. The message names the file, the field and what to do."""
+
+    def __init__(self, message: str) -> None:
+        super().__init__(plain(message))
 
 
 def vehicle_names() -> list[str]:

@@ -35,7 +35,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy import linalg
 
-from build_fmus.checks import whole_number
+from build_fmus.checks import plain, whole_number
 from fmu_sources.controllers.checks import Array, finite_array, rows
 from fmu_sources.controllers.gpc.prediction import MultiStepPredictor
 
@@ -254,10 +254,13 @@ class GpcLaw:
     @classmethod
     def from_json(cls, text: str) -> GpcLaw:
         """The law of a text made by `to_json`."""
-        data = json.loads(text)
-        if not isinstance(data, dict):
-            raise ValueError("not a stored GPC law: the text holds no JSON object")
-        return cls.from_dict(data)
+        try:
+            data = json.loads(text)
+            if not isinstance(data, dict):
+                raise ValueError("not a stored GPC law: the text holds no JSON object")
+            return cls.from_dict(data)
+        except (ValueError, TypeError, RecursionError) as error:  # numbers that are none, brackets without an end
+            raise ValueError(plain(str(error))) from None
 
 
 _LAW_ARRAYS = ("output_weight", "control_weight", "gain_y", "gain_u", "gain_d", "gain_preview")

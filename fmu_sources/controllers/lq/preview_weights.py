@@ -9,13 +9,16 @@ from typing import Any
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
-from build_fmus.checks import did_you_mean
+from build_fmus.checks import did_you_mean, plain
 
 _HERE = Path(__file__).parent / "weights"
 
 
 class WeightsError(ValueError):
     """A weights file that cannot be used; the message names file, field and remedy."""
+
+    def __init__(self, message: str) -> None:
+        super().__init__(plain(message))
 
 
 class _Strict(BaseModel):

@@ -1,0 +1,155 @@
+"""Files of users: roads, vehicles, weights, laws; recordings, the rows of a run that died, stored results.
+
+A case is a line with its kind, then the file.
+"""
+
+from __future__ import annotations
+
+import json
+import random
+from collections.abc import Callable
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+
+from build_fmus import safe_files
+from cosim import CosimError, Recording
+from cosim.spool import SUFFIX, Spool, recover
+from cosim.study.store import NotStored, RunStore
+from fmu_sources.controllers.gpc.law import GpcLaw
+from fmu_sources.controllers.lq.preview_weights import WeightsError, load_weights
+from fmu_sources.roads.errors import RoadError
+from fmu_sources.roads.layout import RoadLayout, WheelPosition
+from fmu_sources.roads.user_file import road_from_file
+from fmu_sources.vehicles.loader import VehicleError, load_vehicle
+
+from . import mutate
+
+SOURCES = Path(__file__).parents[2] / "fmu_sources"
+KEY = {"case": {"speed": 50.0, "road": "sine"}}
+
+
+class Refused(Exception):  # noqa: N818
+    """A file was refused as its reader says that it does."""
+
+
+ALLOWED = (Refused,)
+
+# -------------------------------------------------------------------------------------------------------------- seeds
+
+
+@cache
+def _seeds() -> dict[str, tuple[bytes, ...]]:
+    import tempfile
+
+    x = np.linspace(0, 3, 31)
+    rows = [f"{a:.1f},{0.02 * np.sin(a):.5f},{0.03 * np.cos(a):.5f}" for a in x]
+    head = "distance [m],left [m],right [m]\n"
+    semicolons = "\n".join(r.replace(",", ";").replace(".", ",") for r in rows)
+    recording = Recording(x, ["car.x", "gain.y[2,3]"], np.column_stack([np.sin(x), np.cos(x)]), {"car.x": "m"})
+    with tempfile.TemporaryDirectory() as folder:
+        csv = recording.to_csv(Path(folder) / "a.csv").read_bytes()
+        spool = Spool(Path(folder) / "rows", recording.names, recording.units)
+        spool.add(recording.time, recording.data)
+        spool.close(keep=True)
+        spooled = (Path(folder) / "rows").read_bytes()
+        store = RunStore(Path(folder), "salt")
+        store.put(KEY, {"metrics": {"rms": 1.5, "worst": float("nan")}, "signals": {"z": [1.0, 2.0]}})
+        stored = store.path(KEY).read_bytes()
+    vehicles = sorted((SOURCES / "vehicles").glob("*.toml"))
+    weights = sorted((SOURCES / "controllers" / "lq").rglob("*.toml"))
+    return {
+        "road.csv": ((head + "\n".join(rows)).encode(), (b"left [mm]\tdistance [m]\tright [mm]\n1\t0\t2\n2\t1\t3\n"), (head.replace(",", ";") + semicolons).encode()),
+        "road.crg": (_crg("LRFI", ""), _crg("LDFI", "REFERENCE_LINE_START_S = 0.01\n")),
+        "vehicle.toml": tuple(p.read_bytes() for p in vehicles),
+        "weights.toml": tuple(p.read_bytes() for p in weights),
+        "law.json": (_law().encode(),),
+        "recording.csv": (csv,),
+        "rows": (spooled,),
+        "run.json": (stored,),
+    }  # fmt: skip
+
+
+def _crg(form: str, more: str) -> bytes:
+    width = 10 if form == "LRFI" else 20
+    text = f"$CT ! comment\nmade by a test\n$\n$ROAD_CRG\nREFERENCE_LINE_INCREMENT = 0.5 ! m\n{more}$\n$KD_Definition\n#:{form}\nU:reference line u,m,0.0,0.5\n"
+    text += "D:reference line slope,m/m\n" + "".join(f"D:long section at v = {v},m\n" for v in (-1.0, 0.0, 1.0)) + "$\n" + "$" * 80 + "\n"
+    return (text + "".join("".join(f"{0.01 * i * k:{width}.6f}" for k in range(4)) + "\n" for i in range(9))).encode()
+
+
+def _law() -> str:
+    """A law of one control and one output, order and horizons of two."""
+    return json.dumps(
+        {
+            "format": "gpc-law/1", "variant": "preview", "hold": False, "order": 2, "h_p": 2, "h_c": 2, "output_weight": [1.0], "control_weight": 1e-7,
+            "gain_y": [[1.0, 2.0]], "gain_u": [[1.0, 2.0]], "gain_d": [[1.0, 2.0]], "gain_preview": [[1.0, 2.0]], "provenance": {"plant": "x"},
+        }
+    )  # fmt: skip
+
+
+# -------------------------------------------------------------------------------------------------------------- trial
+
+
+def _road(path: Path) -> None:
+    road_from_file(path, RoadLayout((WheelPosition("fl", 0.0, 0.9),), 2, 0.01))
+
+
+def _weights(path: Path) -> None:
+    load_weights(path).as_dict()
+
+
+def _law_of(path: Path) -> None:
+    GpcLaw.from_json(path.read_text(encoding="utf-8")).to_json()
+
+
+def _recording(path: Path) -> None:
+    """One that can be read is read again as it was written."""
+    read = Recording.from_csv(path)
+    again = Recording.from_csv(read.to_csv(path.with_name("again.csv")))
+    np.testing.assert_array_equal(read.data, again.data)
+    np.testing.assert_array_equal(read.time, again.time)
+
+
+def _rows(path: Path) -> None:
+    recover(path.rename(path.with_name("a.csv" + SUFFIX)))
+
+
+def _run(path: Path) -> None:
+    """A result that is found is the one that was stored."""
+    store = RunStore(path.parent / "store", "salt")
+    store.directory.mkdir()
+    path.rename(store.path(KEY))
+    assert store.get(KEY)["metrics"]["rms"] == 1.5
+    safe_files.keep_json(path, store.get(KEY))
+
+
+_READERS: dict[str, tuple[Callable[[Path], object], type[Exception], bool]] = {  # what it raises, and whether it names the file
+    "road.csv": (_road, RoadError, True),
+    "road.crg": (_road, RoadError, True),
+    "vehicle.toml": (load_vehicle, VehicleError, True),
+    "weights.toml": (_weights, WeightsError, True),
+    "law.json": (_law_of, ValueError, False),
+    "recording.csv": (_recording, ValueError, True),
+    "rows": (_rows, CosimError, True),
+    "run.json": (_run, NotStored, False),
+}
+
+
+def make(rng: random.Random) -> bytes:
+    kind = rng.choice(list(_READERS))
+    seed = rng.choice(_seeds()[kind])
+    return kind.encode() + b"\n" + mutate.several(rng, seed, mutate.BYTES if kind in ("rows", "run.json") else mutate.TEXTS)
+
+
+def run(case: bytes, folder: Path) -> None:
+    first, _, content = case.partition(b"\n")
+    reader, error, named = _READERS[first.decode()]
+    path = folder / first.decode()
+    path.write_bytes(content)
+    try:
+        reader(path)
+    except error as refused:
+        if named and str(folder) not in str(refused):
+            raise AssertionError(f"the message does not name the file: {refused}") from refused
+        raise Refused(str(refused)) from None
