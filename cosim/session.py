@@ -79,8 +79,9 @@ class System(Wiring):
 
         `record`: names and patterns as in `select`; `record_interval` [s], default the smallest step; `watch`: further
         variables that can be read while it runs (`simulation["car.x"]`). `stop_time` is only told to the FMUs. With
-        `state`, saved in this system, the components in it continue from there (start_time is not used) while wiring,
-        rates and parameters of the others may have changed: several controllers can be tried from one instant.
+        `state`, saved in this system or, read from a file or unpickled, in one that was put together in the same way elsewhere, the
+        simulation continues from there with the same bits (start_time is not used). Wiring, rates and parameters of components that are
+        not in it may have changed, at a common multiple of all steps: several controllers can be tried from one instant.
         Outputs that are NaN or infinite end the run with ComponentError unless `allow_nan`. `engine`: "compiled", "python", or "auto",
         which is compiled where that is possible (`print(system.schedule())` says which and why); both give the same bits. Inputs that
         nothing drives keep their start values, with an UnconnectedInputsWarning that names them unless `allow_unconnected`.

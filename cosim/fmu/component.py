@@ -77,6 +77,7 @@ class FmuComponent:
         self._layout: StateLayout | None = None  # of the states of a sampled FMU of ours
         self._tells_values = False  # from initialization on
         self._given: dict[int, list[Any]] = {}  # what was set before that: value reference -> all elements
+        self._kept: list[Action] = []  # what reads values of elements that nobody drives into the master's buffers
         self._step_arguments: list[Any] = [True]  # noSetFMUStatePriorToCurrentPoint, and FMI 3's flags
 
     # Life of the instance.
@@ -85,6 +86,7 @@ class FmuComponent:
         self._forget_messages()
         self._tells_values = False
         self._given.clear()
+        self._kept.clear()
         self._may_roll_back.clear()  # what was saved before belongs to another run
         reusable = self._instance is not None and not self._dead and self._library.isolation == self.isolation
         if reusable and self._call("Reset") <= fmi.WARNING:
@@ -239,6 +241,12 @@ class FmuComponent:
                 self._set_raw(fmi_type, reference, data, elements[0].declared)
                 if not self._tells_values:
                     self._given[reference] = data
+        self._keep_values()
+
+    def _keep_values(self) -> None:
+        """The values of elements that nobody drives may have changed: they are handed on with those of their arrays that somebody does."""
+        for keep in self._kept:
+            keep()
 
     def _present(self, elements: Sequence[Variable]) -> list[Any]:
         """What the array of these elements holds; of a scalar, and of an array of which all are there, what will be set in
@@ -289,6 +297,7 @@ class FmuComponent:
     # Values, bound to the master's buffers.
 
     def bind(self, inputs: Sequence[Variable], outputs: Sequence[Variable], u: Array, y: Array) -> Ports:
+        self._kept.clear()
         setters = [self._transfer("Set", how, u) for how in arrangements(int(self.fmu.major), inputs)]
         getters = [self._transfer("Get", how, y) for how in arrangements(int(self.fmu.major), outputs)]
         set_inputs, get_outputs = _sequence([s.move for s in setters]), _sequence([g.move for g in getters])
@@ -367,7 +376,12 @@ class FmuComponent:
             buffer[place] = data[element]
 
         if direction == "Set" and how.keeps:  # elements of an array that nobody drives keep their values
-            data[:] = [x for r, e in how.arrays.items() for x in self._get_raw(how.fmi_type, [r], e[0].size)]
+
+            def keep() -> None:
+                data[:] = [x for r, e in how.arrays.items() for x in self._get_raw(how.fmi_type, [r], e[0].size)]
+
+            keep()
+            self._kept.append(keep)
         transfer = Transfer(
             function,
             self._address(bare),
@@ -475,6 +489,7 @@ class FmuComponent:
         if not self._holds(state):
             raise CosimError(f"'{self.name}': this saved state was freed, or its instance was")
         self._must("SetFMUState" if self._v3 else "SetFMUstate", state.pointer[0])
+        self._keep_values()
 
     def forget(self, state: Any) -> None:
         if self._holds(state):
@@ -548,6 +563,7 @@ class FmuComponent:
         self._must("DeserializeFMUState" if self._v3 else "DeSerializeFMUstate", given, len(data), pointer)
         self._must("SetFMUState" if self._v3 else "SetFMUstate", pointer[0])
         self._call("FreeFMUState" if self._v3 else "FreeFMUstate", pointer)
+        self._keep_values()
 
     def sampled_states(self) -> dict[str, float]:
         """What a sampled FMU of this project remembers between samples, element by element: `state[1]`, ... in the order of the

@@ -495,3 +495,33 @@ def test_forged_states_by_the_hundred_are_refused_or_harmless(built_fmus):
                 assert recording is None or np.isfinite(recording.data).all()
     assert 20 < ran < 200
     assert all(text.isprintable() or "says:" in text for text in said)  # the FMU's own words
+
+
+def partly(follower: dict[int, Path]) -> System:
+    """One element of the array m.w is driven, the others keep their values."""
+    system = System()
+    system.add("m", follower[3], step="1 ms", start={"u": 1.0, "w": [0.1, 0.2, 0.3]})
+    system.add("n", follower[3], step="1 ms", start={"w": [1.0, 1.0, 1.0]})
+    system.connect("n.total[1]", "m.w[1]")
+    return system
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_elements_beside_driven_ones_can_be_set_while_it_runs(follower, elsewhere, engine):
+    """total[2] adds up w[2]: what is set counts from then on, and is part of the state."""
+    options = {"record": ["m.w[2]", "m.total[2]", "m.total[1]"], "engine": engine}
+    with partly(follower) as system, system.initialize(**options) as simulation:
+        simulation.advance(0.01)
+        simulation.set("m.w[2]", 50.0)
+        simulation.advance(0.02)
+        assert simulation["m.total[2]"] == pytest.approx(0.01 * 0.2 + 0.01 * 50.0)
+        assert simulation["m.total[1]"] != 0  # driven, in degrees Celsius
+        state = simulation.save()
+        simulation.set("m.w[2]", 7.0)
+        simulation.advance(0.03)
+        assert simulation["m.total[2]"] == pytest.approx(0.01 * 0.2 + 0.01 * 50.0 + 0.01 * 7.0)
+        simulation.restore(state)
+        simulation.advance(0.03)
+        assert simulation["m.total[2]"] == pytest.approx(0.01 * 0.2 + 0.02 * 50.0)
+        whole = simulation.recording
+    assert_tail(elsewhere(partly, (follower,), state, [0.03], **options), whole, 0.02)
