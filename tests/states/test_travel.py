@@ -541,3 +541,16 @@ def test_an_end_that_was_asked_for_is_remembered(awkward_fmus, engine):
             whole = simulation.recording
         assert whole.time[-1] == 0.4
         assert_tail(system.run(0.7, state=state, engine=engine), whole, 0.35)
+
+
+def test_repeated_runs_keep_nothing_of_those_before(follower):
+    """Also where every run begins with the same state."""
+    with wired_pair(follower) as system:
+        with system.initialize() as simulation:
+            simulation.advance(0.3)
+            state = SystemState.from_bytes(simulation.save().to_bytes())
+        kept = []
+        for _ in range(3):
+            system.run(0.4, state=state)
+            kept.append([len(system[name].component._keep) for name in ("a", "b")])
+        assert kept[0] == kept[1] == kept[2]
