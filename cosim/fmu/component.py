@@ -71,6 +71,7 @@ class FmuComponent:
         self._instance: Any = None
         self._dead = False
         self._keep: list[Any] = []
+        self._kept_from_start = 0  # of `_keep`, what the instance itself needs
         self._states: dict[int, Any] = {}  # saved and held by somebody: id of the handle -> pointer
         self._dropped: list[Any] = []  # saved, held by nobody any more, to be freed at the next chance
         self._may_roll_back: set[int] = set()  # of `_states`, those saved in this run
@@ -114,7 +115,7 @@ class FmuComponent:
                 said.append("  it needs the tool that made it (needsExecutionTool): is that there?")
             colon = ":\n" if said else ""
             raise FmuError(f"{self.fmu.path}: cannot be instantiated as '{name}'{colon}" + "\n".join(said))
-        self._library, self._instance = library, instance
+        self._library, self._instance, self._kept_from_start = library, instance, len(self._keep)
         self._finalizer = weakref.finalize(self, _free, library, self._v3, instance, self._keep)
 
     def _open(self) -> Library | IsolatedLibrary:
@@ -298,6 +299,7 @@ class FmuComponent:
 
     def bind(self, inputs: Sequence[Variable], outputs: Sequence[Variable], u: Array, y: Array) -> Ports:
         self._kept.clear()
+        del self._keep[self._kept_from_start :]  # buffers of the run before
         setters = [self._transfer("Set", how, u) for how in arrangements(int(self.fmu.major), inputs)]
         getters = [self._transfer("Get", how, y) for how in arrangements(int(self.fmu.major), outputs)]
         set_inputs, get_outputs = _sequence([s.move for s in setters]), _sequence([g.move for g in getters])

@@ -9,6 +9,7 @@ import random
 import struct
 from pathlib import Path
 
+import awkward
 import numpy as np
 import pytest
 from built import CATALOG_NAMES, PROBE_NAMES, BuiltFmus
@@ -525,3 +526,31 @@ def test_elements_beside_driven_ones_can_be_set_while_it_runs(follower, elsewher
         assert simulation["m.total[2]"] == pytest.approx(0.01 * 0.2 + 0.02 * 50.0)
         whole = simulation.recording
     assert_tail(elsewhere(partly, (follower,), state, [0.03], **options), whole, 0.02)
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_an_end_that_was_asked_for_is_remembered(awkward_fmus, engine):
+    """The FMU asks in its step from 0.3 to 0.4 s; the state is saved between, where others still step."""
+    with System() as system:
+        system.add("plant", awkward_fmus[3], parameters={"trouble": awkward.END, "at": 0.3, "value": 0.0})
+        system.add("fast", Saw(), step="10 ms")
+        with system.initialize(engine=engine) as simulation:
+            simulation.advance(0.35)
+            state = simulation.save()
+            assert "asked to end" in simulation.advance(0.7)
+            whole = simulation.recording
+        assert whole.time[-1] == 0.4
+        assert_tail(system.run(0.7, state=state, engine=engine), whole, 0.35)
+
+
+def test_repeated_runs_keep_nothing_of_those_before(follower):
+    """Also where every run begins with the same state."""
+    with wired_pair(follower) as system:
+        with system.initialize() as simulation:
+            simulation.advance(0.3)
+            state = SystemState.from_bytes(simulation.save().to_bytes())
+        kept = []
+        for _ in range(3):
+            system.run(0.4, state=state)
+            kept.append([len(system[name].component._keep) for name in ("a", "b")])
+        assert kept[0] == kept[1] == kept[2]
