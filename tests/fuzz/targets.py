@@ -14,6 +14,8 @@ TARGETS = (
     "xml",
     "archives",
     "data",
+    "api",
+    "hostile",
 )
 
 
