@@ -12,8 +12,6 @@ static const unsigned char *at, *end;
 static Instance c;
 static double now, step;
 static Saved saved[SAVED];
-static unsigned char *blob;
-static size_t blob_size;
 
 static unsigned byte(void) { return at < end ? *at++ : 0; }
 static unsigned two(void) {
@@ -21,7 +19,10 @@ static unsigned two(void) {
     return high << 8 | byte();
 }
 
+static int tracing;
+
 static Status seen(Status status) {
+    if (tracing) printf(" -> %d\n", (int)status);
     if ((unsigned)status > 3) {
         printf("a status of %d\n", (int)status);
         abort();
@@ -29,9 +30,10 @@ static Status seen(Status status) {
     return status;
 }
 
+/* After a failed step an instance may be looked at, as FMI allows for debugging; nobody may go on with what it shows. */
 static void finite(double value, const char *what) {
-    if (isfinite(value)) return;
-    printf("%s gives %g with OK\n", what, value);
+    if (isfinite(value) || do_step(c, now, step) > 1) return;
+    printf("%s gives %g with OK, and goes on\n", what, value);
     abort();
 }
 
@@ -108,14 +110,18 @@ static void all_inputs(void) {
     }
 }
 
+/* Initialization, mostly with arguments that make sense. */
 static void begin(void) {
+    const int usual = byte() % 4 != 0;
+    const double tolerance = usual ? 1e-6 : odd(NULL), start = usual ? 0.0 : odd(NULL), stop = usual ? 1e3 : odd(NULL);
+    const int has_tolerance = byte() % 2, has_stop = byte() % 4 == 0;
 #if FMI == 2
-    (void)seen(fmi2SetupExperiment(c, byte() % 2, odd(NULL), byte() % 3 ? 0.0 : odd(NULL), byte() % 4 == 0, odd(NULL)));
+    (void)seen(fmi2SetupExperiment(c, has_tolerance, tolerance, start, has_stop, stop));
     (void)seen(fmi2EnterInitializationMode(c));
 #else
-    (void)seen(fmi3EnterInitializationMode(c, byte() % 2, odd(NULL), byte() % 3 ? 0.0 : odd(NULL), byte() % 4 == 0, odd(NULL)));
+    (void)seen(fmi3EnterInitializationMode(c, has_tolerance, tolerance, start, has_stop, stop));
 #endif
-    now = 0.0;
+    now = usual ? 0.0 : start;
 }
 
 static void forget(void) {
@@ -123,35 +129,35 @@ static void forget(void) {
         if (c && saved[i]) (void)STATE(Free, )(c, &saved[i]);
 }
 
-static void serialize(Saved state) {
-    size_t size = 0;
-    if (seen(STATE(Serialized, Size)(c, state, &size)) != 0 || size > MOST * 64) return;
-    free(blob);
-    blob = malloc(size ? size : 1);
-    blob_size = size;
-    if (seen(STATE(Serialize, )(c, state, (void *)blob, size)) != 0) blob_size = 0;
-}
-
-/* Bytes changed here and there, and a checksum that fits again (fmu_core.c: the last 8 bytes of a head of 40, FNV-1a of the rest). */
-static void forge(Saved *state) {
+/* The present state as bytes, changed here and there, with a checksum that fits again (fmu_core.c: the last 8 bytes of a head of 40,
+ * FNV-1a of the rest): refused, or good to go on with. */
+static void forge(void) {
     enum { HEADER = 40, CHECKSUM = 32 };
-    if (blob_size < HEADER) return;
-    unsigned char *other = malloc(blob_size);
-    memcpy(other, blob, blob_size);
+    Saved state = NULL;
+    size_t size = 0;
+    if (seen(STATE(Get, )(c, &state)) != 0) return;
+    if (seen(STATE(Serialized, Size)(c, state, &size)) != 0) abort();
+    unsigned char *bytes = malloc(size);
+    if (seen(STATE(Serialize, )(c, state, (void *)bytes, size)) != 0) abort();
+    (void)STATE(Free, )(c, &state);
     for (unsigned n = byte() % 6; n > 0; n--) {
-        const size_t place = (two() * 8u) % blob_size;
+        const size_t place = byte() % 4 ? HEADER + two() * 8u % (size - HEADER) : two() % size;
         const double value = odd(NULL);
-        if (byte() % 2 && place + 8 <= blob_size) memcpy(other + place, &value, 8);
-        else other[place] ^= (unsigned char)(1u << byte() % 8);
+        if (byte() % 4 && place + 8 <= size) memcpy(bytes + place, &value, 8);
+        else bytes[place] ^= (unsigned char)(1u << byte() % 8);
     }
-    if (byte() % 4) {
+    if (byte() % 8) {
         uint64_t h = 14695981039346656037ull;
-        for (size_t b = HEADER; b < blob_size; b++) h = (h ^ other[b]) * 1099511628211ull;
-        memcpy(other + CHECKSUM, &h, sizeof h);
+        for (size_t b = HEADER; b < size; b++) h = (h ^ bytes[b]) * 1099511628211ull;
+        memcpy(bytes + CHECKSUM, &h, sizeof h);
     }
-    const size_t n = byte() % 8 ? blob_size : two() % (blob_size + 1);
-    if (*state == NULL) (void)seen(DESERIALIZE(c, (void *)other, n, state));
-    free(other);
+    const size_t n = byte() % 8 ? size : two() % (size + 1);
+    if (seen(DESERIALIZE(c, (void *)bytes, n, &state)) == 0) {
+        if (seen(STATE(Set, )(c, state)) != 0) abort();
+        (void)STATE(Free, )(c, &state);
+        (void)seen(do_step(c, now, step));
+    }
+    free(bytes);
 }
 
 static void differentiate(void) {
@@ -207,6 +213,7 @@ static void exchange(unsigned which) {
 
 static void call(unsigned what) {
     Saved *one = &saved[byte() % SAVED];
+    if (tracing) printf("call %u", what % 24);
     switch (what % 24) {
         case 0: case 1:
             if (c && byte() % 4) break; /* a new one, now and then */
@@ -217,7 +224,13 @@ static void call(unsigned what) {
         case 2: begin(); break;
         case 3: (void)seen(F(ExitInitializationMode)(c)); break;
         case 4: if (byte() % 4 == 0) (void)seen(F(Terminate)(c)); break;
-        case 5: if (byte() % 2 == 0) (void)seen(F(Reset)(c)); now = 0.0; break;
+        case 5:
+            (void)seen(F(Reset)(c));
+            now = 0.0;
+            if (byte() % 4 == 0) break;
+            begin();
+            (void)seen(F(ExitInitializationMode)(c));
+            break;
         case 6: case 7: set_one(); break;
         case 8: get_one(); break;
         case 9: several(1); break;
@@ -230,8 +243,7 @@ static void call(unsigned what) {
         case 16: (void)seen(STATE(Get, )(c, one)); break;
         case 17: (void)seen(STATE(Set, )(c, *one)); break;
         case 18: if (c) (void)seen(STATE(Free, )(c, one)); break;
-        case 19: if (*one) serialize(*one); break;
-        case 20: forge(one); break;
+        case 19: case 20: forge(); break;
         case 21: differentiate(); break;
         case 22: {
             const char *categories[2] = {"logStatusError", "none, %s %n"};
@@ -255,9 +267,6 @@ static void play(const unsigned char *bytes, size_t n) {
     forget();
     F(FreeInstance)(c);
     c = NULL;
-    free(blob);
-    blob = NULL;
-    blob_size = 0;
 }
 
 static int all(void *to, size_t n) {
@@ -271,8 +280,10 @@ static int all(void *to, size_t n) {
 }
 
 int main(int argc, char **argv) {
-    if (argc != 2) return 2;
+    if (argc < 2) return 2;
+    tracing = argc > 2; /* for whoever looks at one case */
     step = strtod(argv[1], NULL);
+    setvbuf(stdout, NULL, _IONBF, 0);
     uint32_t n;
     static unsigned char bytes[MOST];
     while (all(&n, sizeof n) && n <= MOST && all(bytes, n)) {
