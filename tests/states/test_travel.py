@@ -417,10 +417,10 @@ def tells_no_roll_back(system: System) -> list[bool]:
     return [bool(system[name].component._step_arguments[0]) for name in ("a", "b")]
 
 
-def wired_pair(follower: dict[int, Path]) -> System:
+def wired_pair(follower: dict[int, Path], isolated: bool = False) -> System:
     system = System()
     system.add("a", follower[2], step="1 ms", start={"u": 3.0})
-    system.add("b", follower[3], step="3 ms", parameters={"rate": 20.0})
+    system.add("b", follower[3], step="3 ms", parameters={"rate": 20.0}, isolated=isolated)
     system.connect("a.y", "b.u", extrapolate=True)
     return system
 
@@ -554,3 +554,13 @@ def test_repeated_runs_keep_nothing_of_those_before(follower):
             system.run(0.4, state=state)
             kept.append([len(system[name].component._keep) for name in ("a", "b")])
         assert kept[0] == kept[1] == kept[2]
+
+
+@pytest.mark.parametrize("isolated", [False, True])
+def test_whether_an_fmu_is_isolated_is_nothing_to_its_state(follower, elsewhere, isolated):
+    with wired_pair(follower, isolated=isolated) as system, system.initialize(record=["b.y"]) as simulation:
+        simulation.advance(0.3)
+        state = simulation.save()
+        simulation.advance(0.6)
+        whole = simulation.recording
+    assert_tail(elsewhere(wired_pair, (follower, not isolated), state, [0.6], record=["b.y"]), whole, 0.3)
