@@ -235,6 +235,49 @@ def test_arrays_that_share_memory_are_refused():
             simulation.save().to_bytes()
 
 
+class Views(PythonComponent):
+    """Names for parts of one state vector, and for the inputs: what is written to one shows in the other."""
+
+    inputs = ("u",)
+    outputs = ("y", "z")
+
+    def begin(self) -> None:
+        self.state = np.zeros((3, 2), order="F")
+        self.first, self.last, self.back = self.state[:, 0], self.state[1:, 1], [self.state[::-1, 1]]
+        self.received = self._u
+        self.rows = {"row": self.state[1]}
+
+    def step(self, t, h, u, y):  # noqa: ARG002
+        self.state += np.arange(6.0).reshape(3, 2) + t
+        self.first += 1.0
+        self.last[0] *= 0.5
+        self.back[0][0] -= self.received[0]
+        self.rows["row"][1] += 0.25
+        y[0], y[1] = self.state.sum(), self.first[1]
+
+
+def test_arrays_that_share_memory_still_do_after_they_were_restored():
+    system = System()
+    views = Views()
+    system.add("views", views, step="1 ms")
+    system.add("saw", Saw(), step="2 ms")
+    system.connect("saw.y", "views.u")
+    whole = system.run(0.03)
+    with system.initialize() as simulation:
+        simulation.advance(0.01)
+        state = simulation.save()
+        for _ in range(2):
+            simulation.advance(0.03)
+            assert_same(simulation.recording, whole)
+            simulation.restore(state)
+        assert views.received is views._u
+        views.state[:] = 7.0
+        assert (views.first == 7.0).all()
+        simulation.restore(state)
+        with pytest.raises(CosimError, match=r"its attribute state and \w+ share memory"):
+            state.to_bytes()
+
+
 def test_plain_data_comes_back_as_it_was():
     values = {
         "f": -0.0, "nan": float("nan"), "i": -(2**70), "b": True, "n": None, "s": "\u00e9\ud800", "c": np.float32(0.1),
