@@ -58,7 +58,10 @@ class Link:
         return self.force
 
     def _receive(self, step: int) -> None:
-        data, sender = self.socket.recvfrom(64)
+        try:
+            data, sender = self.socket.recvfrom(64)
+        except ConnectionError:  # Windows tells here that the controller has gone
+            return
         number, force = COMMAND.unpack(data) if len(data) == COMMAND.size else (0, math.nan)
         if sender != self.peer or not 0 < number <= step or not math.isfinite(force):
             self.odd += 1
