@@ -128,7 +128,7 @@ class Portable(Protocol):
 
 _FIXED = ("description", "_inputs", "_outputs", "_u", "_y")  # attributes of a PythonComponent that are no state
 _OF_THE_INSTANCE = ("_name", "_initializing")
-_U, _Y = "inputs", "outputs"  # beside the attributes; these two are lists of names in every class
+_U, _Y = "its inputs", "its outputs"  # beside the attributes in a saved state, whose names have no blanks
 _NAME = re.compile(r"(\S+)(?:\s+\[(.*)\])?")
 
 
@@ -244,14 +244,16 @@ class PythonComponent:
         return Ports.of(set_inputs, step, get_outputs)
 
     def save(self) -> Any:
-        own = {k: v for k, v in vars(self).items() if k not in _FIXED}
-        shared = plain.sharing({**own, "its inputs": self._u, "its outputs": self._y})
-        return copy.deepcopy(own), self._u.copy(), self._y.copy(), shared
+        own = {k: v for k, v in vars(self).items() if k not in _FIXED} | {_U: self._u, _Y: self._y}
+        shared = plain.sharing(own)
+        return plain.copied(own) if shared else copy.deepcopy(own), shared
 
     def restore(self, state: Any) -> None:
-        own, u, y, _ = state
-        vars(self).update(copy.deepcopy(own))
-        self._u[:], self._y[:] = u, y
+        saved, shared = state
+        self._u[:], self._y[:] = saved[_U], saved[_Y]
+        onto = [(saved[_U], self._u), (saved[_Y], self._y)]
+        own = plain.copied(saved, onto) if shared else copy.deepcopy(saved)
+        vars(self).update({k: v for k, v in own.items() if k not in (_U, _Y)})
 
     def forget(self, state: Any) -> None: ...
 
@@ -261,11 +263,11 @@ class PythonComponent:
 
     def pack(self, state: Any) -> bytes:
         """What it remembers as plain data. Raises CosimError naming the attribute that is none (`cosim.plain`)."""
-        own, u, y, shared = state
+        own, shared = state
         try:
             if shared is not None:
                 raise plain.NotPlain(f"{shared[0]} and {shared[1]} share memory, which copies would not")
-            return plain.encode({**{k: v for k, v in own.items() if k not in _OF_THE_INSTANCE}, _U: u, _Y: y})
+            return plain.encode({k: v for k, v in own.items() if k not in _OF_THE_INSTANCE})
         except plain.NotPlain as error:
             raise CosimError(f"its attribute {error}") from None
 
@@ -277,7 +279,7 @@ class PythonComponent:
         for name, buffer in ((_U, self._u), (_Y, self._y)):
             values = own.pop(name, None)
             if not isinstance(values, np.ndarray) or values.dtype != float or values.shape != buffer.shape:
-                raise CosimError(f"the state of '{self._name}' does not hold its {name}")
+                raise CosimError(f"the state of '{self._name}' does not hold {name}")
             buffer[:] = values
         hidden = [n for n in own if n in (*_FIXED, *_OF_THE_INSTANCE) or callable(getattr(type(self), n, None))]
         if hidden:

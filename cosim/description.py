@@ -151,6 +151,11 @@ class Description:
         index = variable.name[len(variable.declared) :]
         return [variable.name, *(alias + index for alias in self._aliases.get(variable.declared, ()))]
 
+    def feeds(self, input_: str, output: str) -> bool:
+        """Whether an output depends on an input directly."""
+        known = self.dependencies.get(output)
+        return known is None or input_ in known
+
     def depends(self, output: str) -> frozenset[str]:
         """Names of the inputs an output depends on directly."""
         known = self.dependencies.get(output)

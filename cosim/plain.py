@@ -8,10 +8,12 @@ from __future__ import annotations
 
 import base64
 import binascii
+import copy
 import json
 import math
 import struct
-from collections.abc import Iterator, Mapping
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -75,14 +77,48 @@ def sharing(values: Mapping[str, Any]) -> tuple[str, str] | None:
     return None
 
 
+def copied(values: Mapping[str, Any], onto: Sequence[tuple[Any, Any]] = ()) -> dict[str, Any]:
+    """A deep copy in which arrays that share memory still do. `onto`: arrays that own memory, and those that take their places."""
+    memo: dict[int, Any] = {id(old): new for old, new in onto}
+    arrays = {id(a): a for value in values.values() for a in _arrays(value, 0)}
+    owners = {i: _owner(a) for i, a in arrays.items()}
+    counts = Counter(id(owner) for owner in owners.values())
+    for i, array in arrays.items():
+        owner = owners[i]
+        if i not in memo and (counts[id(owner)] > 1 or id(owner) in memo) and not owner.dtype.hasobject:
+            new = memo.setdefault(id(owner), owner.copy(order="K"))
+            if array is not owner and new.strides == owner.strides:
+                memo[i] = _view(array, owner, new)
+    return copy.deepcopy(dict(values), memo)
+
+
+def _view(array: Any, owner: Any, new: Any) -> Any:
+    """The part of `new` that `array` is of `owner`, which lies in memory in the same way."""
+    offset = array.__array_interface__["data"][0] - owner.__array_interface__["data"][0]
+    flat = new.transpose(sorted(range(new.ndim), key=lambda i: -new.strides[i])).reshape(-1)
+    return np.ndarray(array.shape, array.dtype, buffer=flat.view(np.uint8), offset=offset, strides=array.strides)
+
+
+def _owner(array: Any) -> Any:
+    while isinstance(array.base, np.ndarray):
+        array = array.base
+    return array
+
+
+def _arrays(value: Any, depth: int) -> Iterator[Any]:
+    if type(value) is np.ndarray:
+        yield value
+    elif isinstance(value, list | tuple | dict) and depth < DEEPEST:
+        for inner in value.values() if isinstance(value, dict) else value:
+            yield from _arrays(inner, depth + 1)
+
+
 def _mutable(value: Any, depth: int) -> Iterator[Any]:
     """Lists, dicts and owners of arrays' memory in a value."""
     if depth > DEEPEST:
         return
     if isinstance(value, np.ndarray):
-        while isinstance(value.base, np.ndarray):
-            value = value.base
-        yield value
+        yield _owner(value)
     elif isinstance(value, list | tuple | dict):
         if not isinstance(value, tuple):
             yield value

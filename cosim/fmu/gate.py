@@ -26,6 +26,7 @@ from cosim.description import Description, Variable
 
 MOST = 200  # findings of each kind that are kept; of the others only the number
 WORTH_KEEPING = 8192  # bytes of XML from which on a verdict is read sooner than it is found
+_SLICE = 4000  # elements and attributes that are compared with the schema at a time
 _NAMED = 50  # findings of the schema whose variable is looked up
 
 _HERE = Path(__file__).parent
@@ -119,10 +120,10 @@ def _makers() -> bytes:
 
 
 def judge(root: Any, about: Description) -> Verdict:
-    """What is wrong with a description that has been read. Changes the tree: it names no schemas any more."""
+    """What is wrong with a description that has been read. Nothing of the tree is left afterwards."""
     major = about.fmi_version[0]
-    found = [*_structure(root, about, major), *_values(root, about, major)]
-    ordered = sorted([*_schema(root, major), *found], key=lambda f: f.line)
+    found = [*_structure(root, about, major), *_values(root, about, major), *_schema(root, major)]  # the last takes the tree apart
+    ordered = sorted(found, key=lambda f: f.line)
     sorted_out: tuple[list[Finding], list[Finding]] = [], []
     for finding in ordered:
         reason = next((q.reason for q in quirks() if q.fits(about.tool, finding.text)), "")
@@ -146,16 +147,60 @@ def _schema(root: Any, major: str) -> Iterator[Finding]:
         for hint in ("schemaLocation", "noNamespaceSchemaLocation"):  # the validator would open what they name
             element.attrib.pop(f"{{{_XSI}}}{hint}", None)
     schema = _compiled(major)
-    if schema.validate(root):
-        return
-    seen: set[str] = set()
-    for error in schema.error_log:
-        if error.path in seen:
-            continue  # one wrong value breaks several rules
-        seen.add(error.path)
-        owner = _owner(root, error.path) if len(seen) <= _NAMED else ""
-        text = one_line(error.message).rstrip(".")
-        yield Finding(error.line, owner + text[:1].lower() + text[1:])
+    found: dict[tuple[int, str], Finding] = {}
+    for slice_ in _slices(root):
+        for element, children in slice_:
+            element[:] = children
+        if schema.validate(root):
+            continue
+        seen: set[str] = set()
+        for error in schema.error_log:
+            if error.path in seen:
+                continue  # one wrong value breaks several rules
+            seen.add(error.path)
+            text = one_line(error.message).rstrip(".")
+            text = text[:1].lower() + text[1:]
+            if (key := (error.line, text)) not in found:
+                owner = _owner(root, error.path) if len(found) < _NAMED else ""
+                found[key] = Finding(error.line, owner + text)
+        if len(found) > MOST:
+            break  # the rest is not better
+    yield from found.values()
+
+
+def _slices(root: Any) -> Iterator[list[tuple[Any, list[Any]]]]:
+    """The children to leave in each long element, a slice of the description after another: the place of each error is found by counting
+    all that stand before it. Sections are shown side by side, since the schema wants all; of a long section one part at a time."""
+    parts = [_parts(section) for section in root]
+    for i in range(max(map(len, parts), default=1)):
+        yield [step for part in parts for step in part[min(i, len(part) - 1)]]
+
+
+def _parts(element: Any) -> list[list[tuple[Any, list[Any]]]]:
+    """What to show of an element, part by part."""
+    if _weight(element) <= _SLICE:
+        return [[]]
+    parts: list[list[tuple[Any, list[Any]]]] = []
+    group: list[Any] = []
+    weight = 0
+    for child in element:
+        of_child = _weight(child)
+        if group and weight + of_child > _SLICE:
+            parts.append([(element, group)])
+            group, weight = [], 0
+        if of_child > _SLICE:
+            parts += [[(element, [child]), *part] for part in _parts(child)]
+        else:
+            group.append(child)
+            weight += of_child
+    return [*parts, [(element, group)]] if group else parts
+
+
+def _weight(element: Any) -> int:
+    """Elements and attributes of it."""
+    if not len(element):
+        return 1 + len(element.attrib)
+    return int(element.xpath("count(descendant-or-self::*) + count(descendant-or-self::*/@*)"))
 
 
 def _owner(root: Any, path: str | None) -> str:
@@ -278,7 +323,7 @@ def _structure(root: Any, about: Description, major: str) -> Iterator[Finding]:
             text = f"output {one_line(name, 80)!r} is not in ModelStructure; it counts as depending on all inputs"
             yield Finding(structure.sourceline, text)
     for circle in _circles(about):
-        line = listed.get(about.variables[circle[0]].declared, structure.sourceline)
+        line = listed.get(circle[0], structure.sourceline)
         path = " -> ".join(one_line(n, 40) for n in [*circle[:5], *(["..."] if len(circle) > 5 else []), circle[0]])
         yield Finding(line, f"output {one_line(circle[0], 80)!r} depends on itself: {path}")
 
@@ -289,17 +334,25 @@ def _plain(text: str | None) -> str:
 
 
 def _circles(about: Description) -> Iterator[list[str]]:
-    """Outputs that depend on themselves, directly or by way of others: one circle for each way back. A state may: its value is known."""
-    states = {v.name for v in about.states}
-    outputs = about.outputs.keys() - states
+    """Outputs that depend on themselves, directly or by way of others: one circle for each way back. A state may: its value is known. An
+    array counts as one."""
+    states = {v.declared for v in about.states}
+    declared = {name: v.declared for name, v in about.outputs.items() if v.declared not in states}
+    needed: dict[str, dict[str, None]] = {name: {} for name in declared.values()}
+    looked_at: set[tuple[str, int]] = set()  # elements of an array share their dependencies
+    for name, output in declared.items():
+        known = about.dependencies.get(name, frozenset())
+        if (output, id(known)) not in looked_at:
+            looked_at.add((output, id(known)))
+            needed[output].update(dict.fromkeys(declared[n] for n in known if n in declared))
     done: set[str] = set()
-    for start in about.outputs:
+    for start in needed:
         path: list[str] = []
         on_path: dict[str, int] = {}
-        ways: list[Iterator[str]] = [iter([start] if start in outputs else [])]
+        ways: list[Iterator[str]] = [iter([start])]
         while ways:
-            name = next(ways[-1], None)
-            if name is None:
+            name = next(ways[-1], "")
+            if not name:
                 ways.pop()
                 if path:
                     done.add(last := path.pop())
@@ -309,4 +362,4 @@ def _circles(about: Description) -> Iterator[list[str]]:
             elif name not in done:
                 on_path[name] = len(path)
                 path.append(name)
-                ways.append(iter(sorted(about.dependencies.get(name, frozenset()) & outputs)))
+                ways.append(iter(sorted(needed[name])))

@@ -16,7 +16,7 @@ class Limits:
     Raise what a large FMU needs: `Fmu("large.fmu", limits=Limits(variables=1_000_000))`.
     """
 
-    xml_bytes: int = 32 * 2**20
+    xml_bytes: int = 24 * 2**20
     """bytes of modelDescription.xml"""
     xml_nodes: int = 600_000
     """elements and attributes in modelDescription.xml, counted by their signs < and ="""

@@ -206,11 +206,12 @@ class _Reader:
         if listed is None:
             return None
         if listed not in self.listed:
-            names = [v.name for key in listed.split() for v in self.named(key, "dependencies")]
-            self.count += len(names)
-            if self.count > self.limits.dependencies:
-                remedy = self.limits.remedy("dependencies", self.count)
-                raise _Unreadable(f"ModelStructure: its dependencies have {self.count} names; {remedy}")
+            self.check_dependencies(listed.count(" ") + 1)
+            keys = dict.fromkeys(listed.split())
+            named = [self.named(key, "dependencies") for key in keys]
+            self.count += sum(map(len, named))
+            self.check_dependencies(0)
+            names = [v.name for variables in named for v in variables]
             self.listed[listed] = frozenset(names)
         return self.listed[listed]
 
@@ -220,6 +221,13 @@ class _Reader:
         if number not in self.by_key:
             raise _Unreadable(f"ModelStructure: {what} is {number}, and there is no such variable")
         return self.by_key[number]
+
+    def check_dependencies(self, more: int) -> None:
+        """Raise when so many names more in lists of dependencies are too many."""
+        count = self.count + more
+        if count > self.limits.dependencies:
+            remedy = self.limits.remedy("dependencies", count)
+            raise _Unreadable(f"ModelStructure: its dependencies have {count} names; {remedy}")
 
     def unknowns(self, elements: Any, key: str, result: Description) -> list[Variable]:
         found = []
@@ -451,10 +459,10 @@ def _expand(variable: Variable, shape: list[int]) -> list[Variable]:
     """The elements of an array variable, row major; a scalar gives itself."""
     if not shape:
         return [variable]
-    values = str(variable.start).split() if variable.start is not None else []
     size = math.prod(shape)
     if not size:  # whatever the other dimensions are
         return []
+    values = str(variable.start).split(None, size)[:size] if variable.start is not None else []
     if len(values) == 1:
         values *= size
     common = {name: getattr(variable, name) for name in Variable.__slots__}  # type: ignore[attr-defined]

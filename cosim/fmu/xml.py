@@ -13,6 +13,8 @@ from cosim.fmu.limits import Limits
 
 HUGE = 10_000_000  # bytes of XML from which on the parser's own limits are lifted; ours hold
 
+ATTRIBUTES = 1000  # of one element; they are looked at together
+
 _ENCODING = re.compile(rb"^[^<]{0,4}<\?xml[^>]*?encoding\s*=\s*[\"']([^\"'>]*)[\"']")
 _LIKE_ASCII = re.compile(
     rb"utf-?8|us-ascii|ascii|(iso-?8859|windows|cp)-?\d+(-\d+)?|latin-?\d|utf-?16(le|be)?", re.IGNORECASE
@@ -43,4 +45,6 @@ def tree(xml: bytes, where: str, limits: Limits) -> Any:
         raise FmuError(f"{file} is not well-formed ({one_line(str(error))})") from None
     if root.getroottree().docinfo.internalDTD is not None:
         raise FmuError(f"{file} has a document type declaration; FMI knows none, remove it")
+    if root.xpath(f"boolean(//*[count(@*) > {ATTRIBUTES}])"):
+        raise FmuError(f"{file} has an element with more than {ATTRIBUTES} attributes; FMI knows none with more than thirty")
     return root

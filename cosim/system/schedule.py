@@ -134,7 +134,7 @@ def _order(discrete: list[Member], connections: Sequence[Connection]) -> tuple[l
 
 def _feeds_through(connection: Connection) -> bool:
     about = connection.target.description
-    return any(connection.input.name in about.depends(output) for output in about.outputs)
+    return any(about.feeds(connection.input.name, output) for output in about.outputs)
 
 
 def _without_source(waiting: list[Member], connections: Sequence[Connection]) -> Member | None:

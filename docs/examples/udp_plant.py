@@ -58,7 +58,10 @@ class Link:
         return self.force
 
     def _receive(self, step: int) -> None:
-        data, sender = self.socket.recvfrom(64)
+        try:
+            data, sender = self.socket.recvfrom(64)
+        except ConnectionError:  # Windows tells here that the controller has gone
+            return
         number, force = COMMAND.unpack(data) if len(data) == COMMAND.size else (0, math.nan)
         if sender != self.peer or not 0 < number <= step or not math.isfinite(force):
             self.odd += 1
@@ -104,11 +107,12 @@ def repeat(recording: Recording, fmus: Path = Path("fmus/fmi3")) -> Recording:
 def main() -> None:
     parser = argparse.ArgumentParser(description="a quarter car in real time, controlled over UDP")
     parser.add_argument("--seconds", type=float, default=5.0)
+    parser.add_argument("--host", default="127.0.0.1", help="address to listen at; 0.0.0.0 for other machines")
     parser.add_argument("--port", type=int, default=47000, help="0: any that is free; it is printed")
     parser.add_argument("--csv", type=Path, help="file of the recording")
     options = parser.parse_args()
     with corner() as system, socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as server:
-        server.bind(("127.0.0.1", options.port))
+        server.bind((options.host, options.port))
         print(f"waiting for a controller at port {server.getsockname()[1]}", flush=True)
         with system.initialize(record=[*SENT, FORCE], record_interval="1 ms") as simulation:
             link, steps = meet(server), round(options.seconds * RATE)

@@ -379,3 +379,31 @@ def test_a_description_larger_than_it_says(tmp_path):
 def test_parse_takes_limits():
     with pytest.raises(FmuError, match="Limits"):
         parse(xml(2, input_(2)), "a.fmu", Limits(xml_bytes=10))
+
+
+def test_an_element_of_many_attributes(tmp_path):
+    attributes = " ".join(f'a{i}=""' for i in range(1001))
+    with pytest.raises(FmuError, match=r"a\.fmu: .* has an element with more than 1000 attributes"):
+        Fmu(archive(tmp_path / "a.fmu", xml(2, variable(2, "x", "0", attributes))))
+
+
+@VERSIONS
+def test_long_descriptions_are_compared_in_parts(tmp_path, version):
+    """The same is found in parts as at once, with the same lines; when there is more than is told, the rest is left."""
+    right = "".join(variable(version, f"x{i}", i) for i in range(3000))
+    wrong = variable(version, "odd", 9000, 'colour="red"')
+    assert findings(archive(tmp_path / "a.fmu", xml(version, right))) == []
+    (one,) = findings(archive(tmp_path / "b.fmu", xml(version, right + wrong)))
+    assert one.startswith("line 3003: variable 'odd': element")
+    many = right + "".join(variable(version, f"odd{i}", 9000 + i, 'colour="red"') for i in range(1000))
+    verdict = Fmu(archive(tmp_path / "c.fmu", xml(version, many)), quiet=True).verdict
+    assert verdict.findings[0].line == 3003
+    assert len(verdict.findings) == gate.MOST
+    assert verdict.more_findings < 1000
+
+
+def test_an_array_that_depends_on_itself_as_a_whole(tmp_path):
+    """Each of its elements has the same dependencies, and so has each state of an array of states."""
+    output = '\n<Float64 name="y" valueReference="1" causality="output"><Dimension start="1000"/></Float64>'
+    told = findings(archive(tmp_path / "a.fmu", xml(3, output, OUTPUT[3].format(1, 'dependencies="1"'))))
+    assert told == ["line 3: output 'y' depends on itself: y -> y"]

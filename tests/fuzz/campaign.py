@@ -23,6 +23,7 @@ from .targets import target
 
 ROOT = Path(__file__).parents[2]
 CORPUS = Path(__file__).parent / "corpus"
+MEMORY = Path("/dev/shm")  # where there is such a place: folders are made and removed by the thousand
 SILENCE = 60  # s without a new case, after which the process is ended
 _NUMBER = struct.Struct("<q")
 
@@ -83,7 +84,7 @@ def _command(*arguments: str) -> list[str]:
 
 def _worker(name: str, seed: int, first: int, end: int) -> tuple[int, str | None]:
     """Run cases from `first`; the number of the case that failed, and how; or None when none did."""
-    with tempfile.TemporaryDirectory(prefix="fuzz-") as folder:
+    with tempfile.TemporaryDirectory(prefix="fuzz-", dir=MEMORY if MEMORY.is_dir() else None) as folder:
         progress, out = Path(folder) / "progress", Path(folder) / "out"
         progress.write_bytes(_NUMBER.pack(first))
         temporary = {**os.environ, "TMPDIR": folder, "BUILD_FMUS_CACHE": os.environ.get("BUILD_FMUS_CACHE", folder)}

@@ -228,8 +228,8 @@ def run(case: bytes, folder: Path) -> None:
     (folder / "modelDescription.xml").write_bytes(case)
     fmu = Fmu(folder)
     about = fmu.description
-    with (folder / "shown").open("w", encoding="utf-8", errors="replace") as file:
-        if len(about.variables) < 500:
+    if len(about.variables) < 500 and len(case) % 8 == 0:  # most of the time of a case
+        with (folder / "shown").open("w", encoding="utf-8", errors="replace") as file:
             Console(file=file, width=100).print(describe(fmu))
     ast.parse(wiring(fmu))
     binary = folder / fmu.binary

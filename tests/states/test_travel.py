@@ -235,6 +235,49 @@ def test_arrays_that_share_memory_are_refused():
             simulation.save().to_bytes()
 
 
+class Views(PythonComponent):
+    """Names for parts of one state vector, and for the inputs: what is written to one shows in the other."""
+
+    inputs = ("u",)
+    outputs = ("y", "z")
+
+    def begin(self) -> None:
+        self.state = np.zeros((3, 2), order="F")
+        self.first, self.last, self.back = self.state[:, 0], self.state[1:, 1], [self.state[::-1, 1]]
+        self.received = self._u
+        self.rows = {"row": self.state[1]}
+
+    def step(self, t, h, u, y):  # noqa: ARG002
+        self.state += np.arange(6.0).reshape(3, 2) + t
+        self.first += 1.0
+        self.last[0] *= 0.5
+        self.back[0][0] -= self.received[0]
+        self.rows["row"][1] += 0.25
+        y[0], y[1] = self.state.sum(), self.first[1]
+
+
+def test_arrays_that_share_memory_still_do_after_they_were_restored():
+    system = System()
+    views = Views()
+    system.add("views", views, step="1 ms")
+    system.add("saw", Saw(), step="2 ms")
+    system.connect("saw.y", "views.u")
+    whole = system.run(0.03)
+    with system.initialize() as simulation:
+        simulation.advance(0.01)
+        state = simulation.save()
+        for _ in range(2):
+            simulation.advance(0.03)
+            assert_same(simulation.recording, whole)
+            simulation.restore(state)
+        assert views.received is views._u
+        views.state[:] = 7.0
+        assert (views.first == 7.0).all()
+        simulation.restore(state)
+        with pytest.raises(CosimError, match=r"its attribute state and \w+ share memory"):
+            state.to_bytes()
+
+
 def test_plain_data_comes_back_as_it_was():
     values = {
         "f": -0.0, "nan": float("nan"), "i": -(2**70), "b": True, "n": None, "s": "\u00e9\ud800", "c": np.float32(0.1),
@@ -417,10 +460,10 @@ def tells_no_roll_back(system: System) -> list[bool]:
     return [bool(system[name].component._step_arguments[0]) for name in ("a", "b")]
 
 
-def wired_pair(follower: dict[int, Path]) -> System:
+def wired_pair(follower: dict[int, Path], isolated: bool = False) -> System:
     system = System()
     system.add("a", follower[2], step="1 ms", start={"u": 3.0})
-    system.add("b", follower[3], step="3 ms", parameters={"rate": 20.0})
+    system.add("b", follower[3], step="3 ms", parameters={"rate": 20.0}, isolated=isolated)
     system.connect("a.y", "b.u", extrapolate=True)
     return system
 
@@ -554,3 +597,13 @@ def test_repeated_runs_keep_nothing_of_those_before(follower):
             system.run(0.4, state=state)
             kept.append([len(system[name].component._keep) for name in ("a", "b")])
         assert kept[0] == kept[1] == kept[2]
+
+
+@pytest.mark.parametrize("isolated", [False, True])
+def test_whether_an_fmu_is_isolated_is_nothing_to_its_state(follower, elsewhere, isolated):
+    with wired_pair(follower, isolated=isolated) as system, system.initialize(record=["b.y"]) as simulation:
+        simulation.advance(0.3)
+        state = simulation.save()
+        simulation.advance(0.6)
+        whole = simulation.recording
+    assert_tail(elsewhere(wired_pair, (follower, not isolated), state, [0.6], record=["b.y"]), whole, 0.3)
