@@ -29,10 +29,7 @@ def variable(version, name, reference, attributes="", inner="", kind="Real"):
 
 def xml(version, variables, structure="", *, tool="", more="", head=""):
     """A description that follows the schema, with what is given."""
-    text = description(version, variables, experiment='stepSize="0.1"', more=more).decode()
-    text = text.replace(
-        "<ModelStructure/>", f"<ModelStructure>{structure}</ModelStructure>" if structure else "<ModelStructure/>"
-    )
+    text = description(version, variables, experiment='stepSize="0.1"', more=more, structure=structure).decode()
     return text.replace("<fmiModelDescription ", f'<fmiModelDescription generationTool="{tool}" {head} ').encode()
 
 
