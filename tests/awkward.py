@@ -24,9 +24,12 @@ _FMI3 = {"Real": "Float64", "Integer": "Int32"}
 
 def description(
     version: int, variables: str | None = None, *, name: str = "Awkward", identifier: str = "Awkward", simulation: str = "",
-    experiment: str = 'stepSize="0.1"', more: str = "",
+    experiment: str = 'stepSize="0.1"', more: str = "", structure: str | None = None,
 ) -> bytes:  # fmt: skip
-    """A modelDescription.xml; `variables` are elements below ModelVariables, else those of `awkward.c`."""
+    """A modelDescription.xml; `variables` are elements below ModelVariables, else those of `awkward.c`, whose outputs are then in
+    the model structure."""
+    if structure is None:
+        structure = _outputs(version) if variables is None else ""
     if variables is None:
         variables = "".join(_variable(version, *v) for v in _VARIABLES)
     token, version_text = ("guid", "2.0") if version == 2 else ("instantiationToken", "3.0")
@@ -34,9 +37,18 @@ def description(
     return (
         f'<?xml version="1.0" encoding="UTF-8"?>\n<fmiModelDescription fmiVersion="{version_text}" modelName="{name}" '
         f'{token}="awkward"><CoSimulation modelIdentifier="{identifier}" {save}="true" {simulation}/>{more}'
-        f"<DefaultExperiment {experiment}/><ModelVariables>{variables}</ModelVariables><ModelStructure/>"
+        f"<DefaultExperiment {experiment}/><ModelVariables>{variables}</ModelVariables>"
+        f"<ModelStructure>{structure}</ModelStructure>"
         "</fmiModelDescription>"
     ).encode()
+
+
+def _outputs(version: int) -> str:
+    places = [(i, v[2]) for i, v in enumerate(_VARIABLES, start=1) if v[3] == "output"]
+    if version == 3:
+        return "".join(f'<Output valueReference="{reference}"/>' for _, reference in places)
+    listed = "".join(f'<Unknown index="{index}"/>' for index, _ in places)
+    return f"<Outputs>{listed}</Outputs>"
 
 
 def _variable(

@@ -23,6 +23,7 @@ from cosim.fmu.xml import tree
 from cosim.time import rational
 
 TOOL = "suspension-fmus"  # our vendor annotation: kind and sample time, constants that source and target must share, sources of values
+LONGEST_IDENTIFIER = 200  # bytes of a library's name without its ending; file systems take some fifty more
 LONGEST_SOURCE = 4096  # characters that say where a value comes from
 
 _TYPES2 = {"Real": "real", "Integer": "integer", "Enumeration": "integer", "Boolean": "boolean", "String": "string"}
@@ -374,7 +375,7 @@ class _Fmi3(_Reader):
 def _identifier(simulation: Any) -> str:
     """modelIdentifier: the name of a library without its ending."""
     name: str = simulation.get("modelIdentifier", "")
-    if not name or set(name) & set("/\\:") or name.startswith("."):
+    if not name or set(name) & set("/\\:") or name.startswith(".") or len(name.encode()) > LONGEST_IDENTIFIER:
         raise _Unreadable(f"modelIdentifier is {_short(name)}; it must be the name of the library without its ending")
     return name
 

@@ -89,9 +89,9 @@ def test_variables_that_cannot_be_read(tmp_path, version, variables, words):
         (description(2, identifier=""), ["modelIdentifier is ''"]),
         (description(2, identifier="../../../evil"), ["modelIdentifier is '../../../evil'"]),
         (description(2, more='<UnitDefinitions><Unit name="N"><BaseUnit kg="a"/></Unit></UnitDefinitions>'), ["unit 'N': kg"]),
-        (description(2).replace(b"<ModelStructure/>", b'<ModelStructure><Outputs><Unknown index="9"/></Outputs></ModelStructure>'), ["index is 9", "no such variable"]),
-        (description(3).replace(b"<ModelStructure/>", b'<ModelStructure><Output valueReference="1" dependencies="77"/></ModelStructure>'), ["dependencies is 77"]),
-        (description(3).replace(b"<ModelStructure/>", b"<ModelStructure><Output/></ModelStructure>"), ["valueReference is missing"]),
+        (description(2, structure='<Outputs><Unknown index="9"/></Outputs>'), ["index is 9", "no such variable"]),
+        (description(3, structure='<Output valueReference="1" dependencies="77"/>'), ["dependencies is 77"]),
+        (description(3, structure="<Output/>"), ["valueReference is missing"]),
         (b'<!DOCTYPE a [<!ENTITY b "&c;">]>' + description(2).split(b"\n", 1)[1], ["document type declaration"]),
         (('<!DOCTYPE a [<!ENTITY b "&c;">]>' + description(2).decode().split("\n", 1)[1]).encode("utf-16"), ["document type"]),
         (b"<a>" * 300, ["not well-formed"]),
@@ -110,9 +110,9 @@ def test_derivatives_of_arrays_of_different_size(tmp_path):
         float64("x", "0", '<Dimension start="2"/>')
         + float64("der(x)", "1", '<Dimension start="3"/>', 'derivative="0"')
     )  # fmt: skip
-    structure = b'<ModelStructure><ContinuousStateDerivative valueReference="1"/></ModelStructure>'
+    structure = '<ContinuousStateDerivative valueReference="1"/>'
     with pytest.raises(FmuError, match=r"'der\(x\)' has more elements than 'x'"):
-        Fmu(archive(tmp_path / "a.fmu", description(3, variables).replace(b"<ModelStructure/>", structure)))
+        Fmu(archive(tmp_path / "a.fmu", description(3, variables, structure=structure)))
 
 
 def test_what_is_odd_but_harmless_is_read(tmp_path):

@@ -9,7 +9,7 @@ from probes import Clock, DiscreteProbe, Integrator
 
 from cosim import ComponentError, CosimError, PythonComponent, System, UnconnectedInputsWarning
 
-pytestmark = pytest.mark.filterwarnings("ignore::cosim.UnconnectedInputsWarning", "ignore::cosim.FmuWarning")
+pytestmark = pytest.mark.filterwarnings("ignore::cosim.UnconnectedInputsWarning")
 VERSIONS = pytest.mark.parametrize("version", [2, 3])
 
 

@@ -29,10 +29,7 @@ def variable(version, name, reference, attributes="", inner="", kind="Real"):
 
 def xml(version, variables, structure="", *, tool="", more="", head=""):
     """A description that follows the schema, with what is given."""
-    text = description(version, variables, experiment='stepSize="0.1"', more=more).decode()
-    text = text.replace(
-        "<ModelStructure/>", f"<ModelStructure>{structure}</ModelStructure>" if structure else "<ModelStructure/>"
-    )
+    text = description(version, variables, experiment='stepSize="0.1"', more=more, structure=structure).decode()
     return text.replace("<fmiModelDescription ", f'<fmiModelDescription generationTool="{tool}" {head} ').encode()
 
 
@@ -407,3 +404,9 @@ def test_an_array_that_depends_on_itself_as_a_whole(tmp_path):
     output = '\n<Float64 name="y" valueReference="1" causality="output"><Dimension start="1000"/></Float64>'
     told = findings(archive(tmp_path / "a.fmu", xml(3, output, OUTPUT[3].format(1, 'dependencies="1"'))))
     assert told == ["line 3: output 'y' depends on itself: y -> y"]
+
+
+@pytest.mark.parametrize("identifier", ["x" * 201, "ä" * 101])
+def test_an_identifier_longer_than_names_of_files(tmp_path, identifier):
+    with pytest.raises(FmuError, match=r"modelIdentifier is '.*\.\.\.'; it must be the name of the library"):
+        Fmu(archive(tmp_path / "a.fmu", description(2, identifier=identifier)))
