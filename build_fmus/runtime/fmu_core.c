@@ -649,9 +649,14 @@ static FmuStatus advance_continuous(FmuInstance *self, const char *function, dou
     return FMU_OK;
 }
 
-static FmuStatus advance_discrete(FmuInstance *self, double t, double h) {
+static FmuStatus advance_discrete(FmuInstance *self, const char *function, double t, double h) {
     State *s = self->state;
     const double Ts = M->sample_time, end = t + h - 1e-6 * Ts;
+    const double first = s->start_time + (double)s->sample * Ts;
+    if (!(first + 0.5 * Ts > first))
+        return fmu_fail(self, FMU_ERROR, "%s: at time %g s samples every %g s cannot be told apart", function, first, Ts);
+    if ((end - first) / Ts > MAX_STEPS_PER_CALL)
+        return fmu_fail(self, FMU_ERROR, "%s: up to %.12g s there are %.3g samples to be made up", function, end, (end - first) / Ts);
     for (;;) {
         const double instant = s->start_time + (double)s->sample * Ts;
         if (!(instant < end)) return FMU_OK;
@@ -671,12 +676,14 @@ static FmuStatus advance_discrete(FmuInstance *self, double t, double h) {
 
 FmuStatus fmu_do_step(FmuInstance *self, const char *function, double time, double step) {
     State *s = self->state;
-    const double tolerance = 1e-9 * (1.0 + fabs(s->time));
     if (!isfinite(step) || step <= 0.0)
         return fmu_fail(self, FMU_ERROR, "%s: communicationStepSize %g is not a positive number", function, step);
+    const double tolerance = fmin(1e-9 * (1.0 + fabs(s->time)), 0.5 * step);
     if (!(fabs(time - s->time) <= tolerance))
         return fmu_fail(self, FMU_ERROR, "%s: currentCommunicationPoint %.12g, but the instance is at %.12g", function, time,
                         s->time);
+    if (!(time + 0.5 * step > time))
+        return fmu_fail(self, FMU_ERROR, "%s: communicationStepSize %g s is lost beside the time, %g s", function, step, time);
     if (s->has_stop && time + step > s->stop_time + 1e-9 * (1.0 + fabs(s->stop_time)))
         return fmu_fail(self, FMU_ERROR, "%s: the step ends at %.12g, after stopTime %.12g", function, time + step, s->stop_time);
     const double pieces = step / (M->is_continuous ? self->p[FMU_SOLVER_STEP_SLOT] : M->sample_time);
@@ -684,7 +691,7 @@ FmuStatus fmu_do_step(FmuInstance *self, const char *function, double time, doub
         return fmu_fail(self, FMU_ERROR, "%s: communicationStepSize %g s asks for %.3g %s", function, step, pieces,
                         M->is_continuous ? "solver steps" : "samples");
     const FmuStatus status =
-        M->is_continuous ? advance_continuous(self, function, time, step) : advance_discrete(self, time, step);
+        M->is_continuous ? advance_continuous(self, function, time, step) : advance_discrete(self, function, time, step);
     s->outputs_valid = M->is_continuous ? 0 : status == FMU_OK && s->started;
     s->derivatives_valid = 0;
     if (status == FMU_OK) s->time = time + step;
