@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
+from build_fmus.checks import plain
 from cosim.recording import Recording
 
 STATUS_NAMES = ("OK", "Warning", "Discard", "Error", "Fatal", "Pending")  # FMI 3.0 has no Pending
@@ -38,6 +39,9 @@ class TimeError(CosimError, ValueError):
 
 class WiringError(CosimError, ValueError):
     """Components, variables, units or connections that do not fit together."""
+
+    def __init__(self, message: str):
+        super().__init__(plain(message))  # names are those of FMUs, of whatever length
 
 
 class LoopError(WiringError):

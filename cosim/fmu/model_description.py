@@ -151,6 +151,8 @@ class _Reader:
         if own is not None:
             self.at = own
             result.kind = own.get("kind")
+            if result.kind not in (None, "discrete", "continuous"):
+                raise _Unreadable(f"Component: kind is {_short(result.kind)}; it must be discrete or continuous")
             if own.get("sampleTime"):
                 result.sample_time = _seconds(own.get("sampleTime"), "Component: sampleTime")
         self.at = structure

@@ -410,3 +410,9 @@ def test_an_array_that_depends_on_itself_as_a_whole(tmp_path):
 def test_an_identifier_longer_than_names_of_files(tmp_path, identifier):
     with pytest.raises(FmuError, match=r"modelIdentifier is '.*\.\.\.'; it must be the name of the library"):
         Fmu(archive(tmp_path / "a.fmu", description(2, identifier=identifier)))
+
+
+def test_a_kind_that_there_is_not(tmp_path):
+    own = '<VendorAnnotations><Tool name="suspension-fmus"><Component kind="hybrid"/></Tool></VendorAnnotations>'
+    with pytest.raises(FmuError, match="Component: kind is 'hybrid'; it must be discrete or continuous"):
+        Fmu(archive(tmp_path / "a.fmu", xml(2, input_(2), more=own)))

@@ -57,7 +57,7 @@ def run(case: bytes, folder: Path) -> None:  # noqa: ARG001
     player.stdin.flush()
     with selectors.DefaultSelector() as selector:
         selector.register(player.stdout, selectors.EVENT_READ)
-        answer = player.stdout.read1(1) if selector.select(LONGEST) else None
+        answer = os.read(player.stdout.fileno(), 1) if selector.select(LONGEST) else None
     if answer == b"+":
         return
     if answer is None:
