@@ -69,7 +69,8 @@ def _seconds(value: Fraction) -> str:
 
 def _rate(member: Member) -> str:
     offset = f" from {_seconds(member.offset)}" if member.offset else ""
-    return f"{member.name} ({member.description.name}) every {_seconds(member.step)}{offset}"
+    apart = ", in a process of its own" if getattr(member.component, "isolation", None) else ""
+    return f"{member.name} ({member.description.name}) every {_seconds(member.step)}{offset}{apart}"
 
 
 def make_schedule(

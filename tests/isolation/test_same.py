@@ -135,6 +135,9 @@ def test_only_what_is_asked_for_is_isolated(harmless):
         before = children()
         system.run(0.01)
         assert len(children() - before) == 1
+        said = [line.strip() for line in str(system.schedule()).splitlines()]
+        assert "there (Hostile) every 0.001 s, in a process of its own" in said
+        assert "here (Hostile) every 0.001 s" in said
 
 
 @pytest.mark.parametrize("limits", [{"step_timeout": 0.0}, {"step_timeout": float("nan")}, {"memory_limit": 10}])
