@@ -31,10 +31,12 @@ def main() -> int:
     arguments = parser.parse_args()
     if unknown := set(arguments.targets) - set(TARGETS):
         parser.error(f"no target {', '.join(sorted(unknown))}; there are {', '.join(TARGETS)}")
-    chosen = arguments.targets or TARGETS
+    chosen = arguments.targets or list(TARGETS)
+    every = sum(TARGETS[name] for name in chosen)
     failed = 0
     for i, name in enumerate(chosen):
-        count = arguments.cases * (i + 1) // len(chosen) - arguments.cases * i // len(chosen)
+        before, after = (sum(TARGETS[n] for n in chosen[:k]) for k in (i, i + 1))
+        count = arguments.cases * after // every - arguments.cases * before // every
         begin = time.perf_counter()
         failures, tried = campaign(name, arguments.seed, arguments.first, count)
         for failure in failures:

@@ -13,8 +13,8 @@ import awkward
 import numpy as np
 import pytest
 from built import CATALOG_NAMES, PROBE_NAMES, BuiltFmus
-from forged_states import forged
 from forks import another_process, assert_tail, continued, played
+from fuzz import states
 from hypothesis import HealthCheck, given, settings
 from random_systems import SampledSaw, Saw, systems, wired
 from same import ENGINES, assert_same
@@ -510,33 +510,15 @@ def as_one(path: Path) -> System:
     return system
 
 
-def test_forged_states_by_the_hundred_are_refused_or_harmless(built_fmus):
-    """One of our FMUs in both versions of FMI, a component in Python, several rates; under right digests."""
-
-    def build() -> System:
-        system = System()
-        for name, fmi, step in (("plant", 3, "1 ms"), ("other", 2, "3 ms")):
-            system.add(name, built_fmus.path("QuarterCarHmmwv", fmi), step=step)
-        system.add("law", SampledSaw(), step="2 ms")
-        system.connect("plant.body.z", "other.road.height", extrapolate=True)
-        system.connect("other.body.z", "plant.road.height", delay=True)
-        system.group("group", ["plant", "other"])
-        return system
-
-    with build() as system:
-        about, pieces = sealed.opened(MAGIC, taken(system, 0.0073), "it")
-    ran, said, rng = 0, [], random.Random(15)
-    with build() as system:
-        for _ in range(600):
-            data = sealed.seal(MAGIC, *forged(about, pieces, rng))
-            try:
-                state = SystemState.from_bytes(data)
-                recording = system.run(min(state.time + 0.01, 1e6), state=state) if state.time < 1 else None
-            except CosimError as refused:
-                said.append(str(refused))
-            else:
-                ran += 1
-                assert recording is None or np.isfinite(recording.data).all()
+def test_forged_states_by_the_hundred_are_refused_or_harmless(built_fmus, tmp_path):  # noqa: ARG001
+    ran, said = 0, []
+    for i in range(500):
+        try:
+            states.run(states.make(random.Random(i)), tmp_path)
+        except CosimError as refused:
+            said.append(str(refused))
+        else:
+            ran += 1
     assert 20 < ran < 200
     assert all(text.isprintable() or "says:" in text for text in said)  # the FMU's own words
 
