@@ -207,6 +207,7 @@ def run_case(
     path = folder / f"{case.label}.csv"
     baseline = experiment.baseline(case) if experiment.baseline else None
     with Runner(experiment, fmus, execution=execution) as runner:
+        runner.execution.prepare(runner.system(case), every=True)
         with kept_recording(path):
             run = runner.run(case, csv=path, progress=True, real_time=real_time)
         runs, measured = {_short(case): run}, {_short(case): experiment.measure(run)}

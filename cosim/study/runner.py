@@ -32,10 +32,12 @@ class Execution:
     step_timeout: float | None = None
     memory_limit: int | None = None
 
-    def prepare(self, system: System) -> None:
-        """Isolate what is to be isolated of a system."""
-        if self.isolate:
-            system.isolate(*self.isolate, step_timeout=self.step_timeout, memory_limit=self.memory_limit)
+    def prepare(self, system: System, *, every: bool = False) -> None:
+        """Isolate what is to be isolated of a system. Names that fit nothing are passed over, since not every case has every component;
+        with ``every`` they raise WiringError."""
+        system.isolate(
+            *self.isolate, step_timeout=self.step_timeout, memory_limit=self.memory_limit, missing_ok=not every
+        )
 
 
 SYSTEMS = 32  # that stay open; beyond that the one used longest ago is closed

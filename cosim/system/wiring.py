@@ -89,19 +89,21 @@ class Wiring:
             raise WiringError(f"component '{name}': step_timeout and memory_limit are limits of isolated FMUs (isolated=True)")
         return member
 
-    def isolate(self, *names: str, step_timeout: float | None = None, memory_limit: int | None = None) -> None:
+    def isolate(
+        self, *names: str, step_timeout: float | None = None, memory_limit: int | None = None, missing_ok: bool = False
+    ) -> None:
         """From the next initialization on, run these FMUs (names and patterns, `"*"` for all) each in a process of its own: a crash, a hang
         or endless allocation there ends the run with ComponentError and hurts nothing else. Numbers stay the same.
 
         `step_timeout`: wall time of one call [s], default 60; `memory_limit`: bytes that an FMU may allocate, default half of what the
-        machine has. Raises WiringError for names that there are not and for components that are no FMUs.
+        machine has. Raises WiringError for names that there are not (unless `missing_ok`) and for components that are no FMUs.
         """
         limits = Isolation(memory_limit=memory_limit)
         if step_timeout is not None:
             limits = replace(limits, step_timeout=step_timeout)
         for pattern in names:
             found = [m for m in self.members.values() if glob(pattern)(m.name)]
-            if not found:
+            if not found and not missing_ok:
                 raise WiringError(unknown("component", pattern, self.members))
             for member in found:
                 if isinstance(member.component, FmuComponent):

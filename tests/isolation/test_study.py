@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 from foreign import hostile
 
-from cosim import System
+from cosim import System, WiringError
 from cosim.study import Case, Execution, Experiment, FmuSet, Run, option, run_study
 
 DEEDS = ("segfault", "hang", "abort", "devour", "quit", "round", "status", "kill", "overflow", "fork")
@@ -63,3 +63,14 @@ def test_a_hostile_case_costs_its_own_row(folder, tmp_path):
 @pytest.mark.full
 def test_ten_of_a_thousand_cases(folder, tmp_path):
     study(folder, tmp_path / "runs", 1000)
+
+
+def test_names_of_what_not_every_case_has_are_passed_over(harmless):
+    with System() as system:
+        system.add("plant", harmless)
+        execution = Execution(isolate=("plant", "controller*"))
+        execution.prepare(system)
+        component: Any = system["plant"].component
+        assert component.isolation is not None
+        with pytest.raises(WiringError, match="no component 'controller"):
+            execution.prepare(system, every=True)
