@@ -1,4 +1,4 @@
-"""Run one FMU in Ecos: reads a job as JSON from standard input, prints the outputs after its steps as JSON."""
+"""Run one FMU in Ecos: reads a job as JSON from standard input, prints the outputs before and after each of its steps as JSON."""
 
 import ctypes
 import json
@@ -21,7 +21,10 @@ with EcosSimulation(structure=structure, step_size=job["step"]) as simulation:
     for name, value in job["inputs"].items():
         kind = job["kinds"][name]
         getattr(simulation, f"set_{SUFFIX[kind]}")(f"model::{name}", CAST[kind](value))
-    simulation.step(job["steps"])
-    values = [getattr(simulation, f"get_{SUFFIX[job['kinds'][n]]}")(f"model::{n}") for n in job["outputs"]]
+    get = [(getattr(simulation, f"get_{SUFFIX[job['kinds'][n]]}"), f"model::{n}") for n in job["outputs"]]
+    rows = [[read(name) for read, name in get]]
+    for _ in range(job["steps"]):
+        simulation.step(1)
+        rows.append([read(name) for read, name in get])
     simulation.terminate()
-print(json.dumps(values))
+print(json.dumps(rows))

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import subprocess
+import sys
 import zipfile
 from pathlib import Path
 from typing import Any
@@ -10,33 +12,37 @@ from typing import Any
 import fmpy
 import numpy as np
 import pytest
-from built import BuiltFmus
+from built import FMUS, BuiltFmus
 from fmpy.validation import validate_fmu
 from same import bits
 
 from cosim import CosimError, Fmu, FmuError, PythonComponent, System, WiringError
+from cosim.experiments.gpc import EXPERIMENT
 from cosim.experiments.gpc.runs import Case, wire
 from cosim.fmu.gate import Verdict
-from cosim.study import FmuSet
+from cosim.study import FmuSet, Runner
 
 pytestmark = pytest.mark.filterwarnings("ignore::cosim.UnconnectedInputsWarning")
+IN_ECOS = Path(__file__).parents[1] / "conformance" / "run_in_ecos.py"
 RECORD = ["car.body.az", "car.tire.fl.force", "controller.force.fl", "speed.x"]
 
 
 @pytest.fixture(scope="module")
-def ride(built_fmus: BuiltFmus, tmp_path_factory: pytest.TempPathFactory) -> dict[int, Path]:
-    """The closed loop of GPC with preview as one FMU, by FMI version."""
+def ride(built_fmus: BuiltFmus, tmp_path_factory: pytest.TempPathFactory) -> dict[int, Path]:  # noqa: ARG001
+    """The closed loop of GPC with preview as one FMU, by FMI version, as the command line exports it."""
     folder = tmp_path_factory.mktemp("ride")
-    fmus = FmuSet(built_fmus.path("RoadSine", 3).parents[1])
-    with wire(fmus, Case("sine", controller="preview")) as system:
-        return {fmi: system.export_fmu(folder / str(fmi) / "Ride.fmu", fmi=fmi, outputs=RECORD) for fmi in (2, 3)}
+    program, outputs = Path(sys.executable).with_name("cosim"), [x for n in RECORD for x in ("--output", n)]
+    found = {fmi: folder / str(fmi) / "Ride.fmu" for fmi in (2, 3)}
+    for fmi, path in found.items():
+        command = ["export", "gpc", "--controller", "preview", "--fmus", FMUS, "--fmi", fmi, "--fmu", path, *outputs]
+        subprocess.run([program, *map(str, command)], check=True, capture_output=True)
+    return found
 
 
 @pytest.fixture(scope="module")
-def shown(built_fmus: BuiltFmus) -> np.ndarray:
+def shown(built_fmus: BuiltFmus) -> np.ndarray:  # noqa: ARG001
     """What the system itself shows every 10 ms of 2 s, plant values at their time and commands of the sample before."""
-    fmus = FmuSet(built_fmus.path("RoadSine", 3).parents[1])
-    with wire(fmus, Case("sine", controller="preview")) as system, system.initialize(record=RECORD) as simulation:
+    with Runner(EXPERIMENT, FmuSet(FMUS)) as runner, runner.system(Case()).initialize(record=RECORD) as simulation:
         rows = [[simulation[n] for n in RECORD]]
         for k in range(1, 201):
             simulation.advance(f"{k}/100")
@@ -50,6 +56,24 @@ def test_fmpy_sees_what_the_system_shows(ride, shown, fmi):
     assert Fmu(ride[fmi], strict=True).verdict == Verdict()
     result = fmpy.simulate_fmu(ride[fmi], stop_time=2.0, output_interval=0.01, output=RECORD)
     np.testing.assert_array_equal(bits([list(row)[1:] for row in result]), bits(shown))
+
+
+@pytest.mark.parametrize("fmi", [2, 3])
+def test_ecos_sees_what_the_system_shows(ride, shown, fmi, tmp_path):
+    """An importer of another origin, in a process of its own."""
+    job = {
+        "fmu": str(ride[fmi]),
+        "step": 0.01,
+        "steps": len(shown) - 1,
+        "inputs": {},
+        "outputs": RECORD,
+        "kinds": dict.fromkeys(RECORD, "real"),
+    }
+    done = subprocess.run(
+        [sys.executable, str(IN_ECOS)], input=json.dumps(job), capture_output=True, text=True, cwd=tmp_path, check=False
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    np.testing.assert_array_equal(bits(json.loads(done.stdout.splitlines()[-1])), bits(shown))
 
 
 def test_a_container_in_a_container_shows_the_same(ride, shown, tmp_path):
