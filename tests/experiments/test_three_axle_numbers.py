@@ -284,3 +284,28 @@ def test_close_is_a_quarter(study: Results) -> None:
 def test_finer_steps_are_those_of_the_hardest_place() -> None:
     finer = {c for t in published.plan() for c in [t.case] if c.solver_parts * c.exchange_parts > 1}
     assert finer == {c for k in CONTROLLERS for c in halved(Case(20.0, 0.25, k)).values()}
+
+
+def test_a_change_counts_in_either_direction(fmus: FmuSet) -> None:
+    """Finer steps that lower everything by 1 %."""
+    lower = lambda case: {k: v * (0.99 if case.solver_parts > 1 else 1.0) for k, v in BASE.items()}  # noqa: E731
+    rows = made_up.table(report(made_up.study(EXPERIMENT, lower, drawn), fmus), "refinement")
+    assert [r["largest change [%]"] for r in rows[:3]] == pytest.approx([0.0, 1.0, 0.0])
+
+
+def test_sections_and_parameters_of_the_page(page: Report) -> None:
+    assert {"Steps", "At the trench"} <= {s.title for s in page.sections}
+    names = {p.name for p in page.parameters}
+    assert {"suspension.a1l.stiffness", "trench.length", "reference.ramp.start"} <= names
+    assert not {n for n in names if ".a1r." in n or ".a2r." in n or ".a3r." in n}
+    assert {n.split(".")[1] for n in names if n.startswith("suspension.a")} == {"a1l", "a2l", "a3l"}
+
+
+def test_the_system_of_a_case(fmus: FmuSet) -> None:
+    case = Case(18.0, 0.25, "passive")
+    with EXPERIMENT.wire(fmus, case) as system:
+        assert EXPERIMENT.configure is not None
+        EXPERIMENT.configure(system, case)
+        assert system["speed"].values["start.speed"] == pytest.approx(5.0)
+        assert system["road"].values["trench.depth"] == 0.25
+        assert float(system["car"].step) == 0.001
