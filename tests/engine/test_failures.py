@@ -11,7 +11,8 @@ from typing import Any
 import awkward
 import numpy as np
 import pytest
-from same import ENGINES, assert_same_outcome, outcome
+from rich.progress import Progress
+from same import ENGINES, assert_same_outcome, bits, outcome
 
 from cosim import CosimError, Interrupted, PythonComponent, Recording, StopWhen, System
 
@@ -191,3 +192,44 @@ def test_ctrl_c_ends_a_compiled_run_between_two_instants(follower):
             assert 0 < reached < 10**9
             simulation.advance(reached + 1)
             assert simulation.time > reached
+
+
+def test_ctrl_c_keeps_what_a_compiled_run_has_recorded(follower, tmp_path):
+    """Raised with the recording, which is in the file too; both are the begin of a run that nobody has interrupted."""
+    with System() as system:
+        system.add("f", follower[2], step="1 ms", start={"u": 30.0})
+        alarm = threading.Timer(0.2, lambda: os.kill(os.getpid(), signal.SIGINT))
+        alarm.start()
+        with pytest.raises(Interrupted) as raised:
+            system.run(10**9, record=["f.y"], record_interval="1 s", engine="compiled", csv=tmp_path / "run.csv")
+        alarm.join()
+        kept = raised.value.recording
+        whole = system.run(kept.time[-1], record=["f.y"], record_interval="1 s", engine="compiled")
+    assert len(kept) > 2
+    np.testing.assert_array_equal(bits(kept.time), bits(whole.time))
+    np.testing.assert_array_equal(bits(kept.data), bits(whole.data))
+    rows = np.loadtxt(tmp_path / "run.csv", delimiter=",", skiprows=1)
+    np.testing.assert_array_equal(bits(rows), bits(np.column_stack([kept.time, kept.data])))
+    assert [p.name for p in tmp_path.iterdir()] == ["run.csv"]
+
+
+def test_the_progress_bar_of_a_compiled_run_moves(follower, monkeypatch):
+    """From where the simulation stands to the end, while the engine runs."""
+    seen: list[tuple[float, float, str]] = []
+
+    def update(self: Progress, task: Any, *, completed: float, description: str) -> None:
+        seen.append((completed, self.tasks[task].total or 0.0, description))
+
+    monkeypatch.setattr(Progress, "update", update)
+    monkeypatch.setattr("cosim.master.progress.ProgressBar.PATIENCE", 0.0)
+    with System() as system:
+        system.add("f", follower[3], step="1 ms", start={"u": 30.0})
+        with system.initialize(record=["f.y"], record_interval="1 s", engine="compiled") as simulation:
+            simulation.advance(1)
+            simulation.advance(101, progress=True)
+    done = [completed for completed, _, _ in seen]
+    assert len(done) > 3
+    assert done == sorted(set(done))
+    assert {total for _, total, _ in seen} == {100.0}
+    assert 0 < done[0] < 1
+    assert (done[-1], seen[-1][2]) == (100.0, "101 of 101 s")
