@@ -13,7 +13,8 @@ import socket
 import sys
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from types import FrameType, TracebackType
 from typing import Any
 
@@ -47,6 +48,16 @@ class HeldInterrupt:
         if self.pending:
             signal.default_int_handler(number, frame)
         self.pending = True
+
+
+@contextmanager
+def held() -> Iterator[None]:
+    """As `HeldInterrupt`, for what cannot stop in between: KeyboardInterrupt follows when it is done. Within a `HeldInterrupt` the
+    outer one decides."""
+    with HeldInterrupt() as interrupt:
+        yield
+    if interrupt.pending:
+        raise KeyboardInterrupt
 
 
 class _Watcher:

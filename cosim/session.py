@@ -26,6 +26,7 @@ from typing import TYPE_CHECKING, Any
 from cosim.engine.choice import EngineChoice, choose_engine
 from cosim.errors import CosimError, UnconnectedInputsWarning
 from cosim.fmu.file import FmuFile
+from cosim.interrupt import held
 from cosim.master.simulation import Simulation
 from cosim.master.stability import Stability, coupled_spectral_radius, warn_if_unstable
 from cosim.master.state import SystemState
@@ -109,7 +110,7 @@ class System(Wiring):
             exchange=choose_engine(self.members.values(), engine).exchange,
         )
         if check_stability:
-            warn_if_unstable(schedule)
+            self._simulation.guarded(lambda: warn_if_unstable(schedule))
         return self._simulation
 
     def run(
@@ -254,8 +255,9 @@ class System(Wiring):
     def close(self) -> None:
         """Free all instances and remove unpacked FMUs."""
         self.reset()
-        for member in self.members.values():
-            member.component.close()
+        with held():
+            for member in self.members.values():
+                member.component.close()
         for fmu in self._fmus.values():
             fmu.close()
 

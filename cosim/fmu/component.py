@@ -89,7 +89,7 @@ class FmuComponent:
         self._given.clear()
         self._kept.clear()
         self._may_roll_back.clear()  # what was saved before belongs to another run
-        reusable = self._instance is not None and not self._dead and self._library.isolation == self.isolation
+        reusable = self._instance is not None and not self._dead and self._library.reusable(self.isolation)
         if reusable and self._call("Reset") <= fmi.WARNING:
             return
         self.close()
@@ -110,7 +110,8 @@ class FmuComponent:
             library.release()
             if lost:
                 raise ProcessLost(name, f"fmi{self.fmu.major}Instantiate", lost, self._said())
-            said = [f"    {line}" for line in self._said()]
+            misdeed = library.misdeed()
+            said = [f"    {line}" for line in [*self._said(), *([misdeed] if misdeed else [])]]
             if self.description.needs_tool:
                 said.append("  it needs the tool that made it (needsExecutionTool): is that there?")
             colon = ":\n" if said else ""
@@ -170,6 +171,8 @@ class FmuComponent:
     def _call(self, name: str, *arguments: Any) -> int:
         if self._instance is None:
             raise CosimError(f"'{self.name}' has no instance: initialize its system first")
+        if self._dead:
+            raise CosimError(f"'{self.name}' was lost: initialize its system again")
         status = self._function(name)(self._instance, *arguments)
         self._look_at_environment()
         if status == fmi.FATAL:

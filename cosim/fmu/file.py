@@ -27,8 +27,12 @@ from cosim.fmu.xml import tree
 class Library:
     """An FMU's library in this process, and the folder of the unpacked FMU; closed with its last instance."""
 
-    isolation = None
     cancelled = False
+
+    def reusable(self, isolation: Isolation | None) -> bool:
+        """Whether its instance will do for one that is isolated so."""
+        return isolation is None
+
 
     def __init__(self, version: str, ffi: Any, handle: Any, folder: Path, own_folder: bool):
         self.handle = handle

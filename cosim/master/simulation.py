@@ -24,7 +24,7 @@ from cosim.errors import (
     TimeError,
     WiringError,
 )
-from cosim.interrupt import HeldInterrupt
+from cosim.interrupt import HeldInterrupt, held
 from cosim.master.exchange import Exchange, Phase
 from cosim.master.initialization import initialize
 from cosim.master.progress import ProgressBar
@@ -89,7 +89,7 @@ class Simulation:
         self._pace: Pace | None = None
         self._kept_pace: RealTime | None = None
         self._spool: Spool | None = None
-        self._guarded(lambda: initialize(self._exchange, stop, state))
+        self.guarded(lambda: initialize(self._exchange, stop, state))
         if self._exchange.clocks[-1].due(self._exchange.tick):
             self._exchange.recorder.sample(self.time)
 
@@ -131,7 +131,7 @@ class Simulation:
             raise WiringError(
                 f"{name} is fixed while the simulation runs: set it with system['{member.name}'].set(...) before it"
             )
-        self._guarded(lambda: member.component.set(values))
+        self.guarded(lambda: member.component.set(values))
         for changed, number in values.items():
             slot = self._layout.constants.get((member, changed))
             if slot is not None:
@@ -176,7 +176,7 @@ class Simulation:
         begin = clock.perf_counter()
         try:
             with HeldInterrupt() as interrupt, ProgressBar(progress, self.time, exchange.base.seconds(end)) as bar:
-                self._guarded(lambda: self._run(end, interrupt, bar))
+                self.guarded(lambda: self._run(end, interrupt, bar))
         except Stop as stop:
             self._stopped_by = str(stop)
         finally:
@@ -247,12 +247,14 @@ class Simulation:
             spool.cut(recorder.count)
             spool.add(*recorder.since(spool.count))
 
-    def _guarded(self, work: Action) -> None:
-        """Do something with components. A failure ends the simulation and carries what was recorded."""
+    def guarded(self, work: Action) -> None:
+        """Do something with components. A failure ends the simulation and carries what was recorded; a second Ctrl-C ends what
+        does not come back."""
         if self._over:
             raise CosimError(f"this simulation cannot be continued: {self._over}")
         try:
-            work()
+            with held():
+                work()
         except CallFailed as failure:
             self._over = "a component failed"
             recording = self.recording if self._exchange.recorder.count else None
@@ -309,7 +311,7 @@ class Simulation:
                             raise
                         serialized[m.name] = error  # told when it is asked for
 
-        self._guarded(save)
+        self.guarded(save)
         e = self._exchange
         return SystemState(
             tick=e.tick, phase=e.phase, base=e.base, values=e.values.copy(), keys=self._layout.keys,
@@ -326,7 +328,7 @@ class Simulation:
             for m in self.schedule.members:
                 m.component.restore(state.components[m.name])
 
-        self._guarded(restore)
+        self.guarded(restore)
         exchange = self._exchange
         self._pace = None
         exchange.tick, exchange.phase, exchange.ending = state.tick, state.phase, state.ending
@@ -349,8 +351,9 @@ class Simulation:
             return
         self._terminated = True
         if self._over is None or self._exchange.ending is not None:
-            for m in self.schedule.members:
-                m.component.terminate()
+            with held():
+                for m in self.schedule.members:
+                    m.component.terminate()
         self._over = self._over or "it is closed"
 
     def __enter__(self) -> Simulation:

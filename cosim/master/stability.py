@@ -25,7 +25,7 @@ from scipy.linalg import eig
 
 from cosim.component import Array
 from cosim.description import Variable
-from cosim.errors import CosimError, StabilityWarning
+from cosim.errors import CosimError, ProcessLost, StabilityWarning
 from cosim.master.exchange import Exchange, Phase
 from cosim.master.initialization import initialize
 from cosim.master.twins import ContinuousTwin, Model, diagonal, model_of
@@ -66,6 +66,8 @@ def warn_if_unstable(schedule: Schedule) -> None:
     """Issue a StabilityWarning when the exchange makes the system grow; silent when nothing can be checked."""
     try:
         result = coupled_spectral_radius(schedule)
+    except ProcessLost:
+        raise
     except CosimError:
         return
     if not result.stable:
@@ -91,6 +93,8 @@ def coupled_spectral_radius(schedule: Schedule) -> Stability:
         ports[m] = (inputs, outputs)
         try:
             models[m] = model_of(m, inputs, outputs)
+        except ProcessLost:
+            raise
         except CosimError as error:
             unchecked[m.name] = str(error)
     if not models:
@@ -98,6 +102,8 @@ def coupled_spectral_radius(schedule: Schedule) -> Stability:
         raise CosimError(f"no continuous component can be linearized ({reasons or 'there is none'})")
     inner = [c for c in inner if c.source in models and c.target in models]
     matrix, owners, cycle = _cycle_map(_linear_schedule(schedule, models, ports, inner))
+    if not len(matrix):
+        return Stability(0.0, 0.0, cycle, _shares(np.zeros(0), owners), unchecked)  # nothing remembers a deviation
     values, left, right = eig(matrix, left=True)
     largest = int(np.argmax(np.abs(values)))
     coupled = np.exp(np.max(_coupled(models, ports, inner).real, initial=-np.inf) * cycle)

@@ -256,6 +256,8 @@ def write_study(experiment: Experiment, fmus: FmuSet, out: Path, **options: Any)
 
 def _execution(given: Mapping[str, Any]) -> Execution:
     limit = given["memory_limit"]
+    if not given["isolate"] and (limit is not None or given["step_timeout"] is not None):
+        raise CosimError("--step-timeout and --memory-limit are limits of isolated FMUs: say which with --isolate")
     return Execution(
         given["engine"], tuple(given["isolate"] or ()), given["step_timeout"], None if limit is None else int(limit * 1e6)
     )

@@ -17,6 +17,7 @@ from cosim.errors import WiringError
 from cosim.fmu.component import FmuComponent
 from cosim.fmu.file import FmuFile
 from cosim.fmu.isolation import Isolation
+from cosim.fmu.isolation import require as require_isolation
 from cosim.system.members import Connection, Group, Member, article
 from cosim.system.names import Members, elements, fits_any, glob
 from cosim.system.schedule import Schedule, make_schedule, unconnected
@@ -82,11 +83,11 @@ class Wiring:
         member = Member(name, component, positive(period, f"step of '{name}'"), begin, kind)
         member.set(parameters)
         member.set(start)
-        self.members[name] = member
         if isolated:
-            self.isolate(name, step_timeout=step_timeout, memory_limit=memory_limit)
+            _isolate(member, _limits(step_timeout, memory_limit), required=True)
         elif step_timeout is not None or memory_limit is not None:
             raise WiringError(f"component '{name}': step_timeout and memory_limit are limits of isolated FMUs (isolated=True)")
+        self.members[name] = member
         return member
 
     def isolate(
@@ -98,18 +99,13 @@ class Wiring:
         `step_timeout`: wall time of one call [s], default 60; `memory_limit`: bytes that an FMU may allocate, default half of what the
         machine has. Raises WiringError for names that there are not (unless `missing_ok`) and for components that are no FMUs.
         """
-        limits = Isolation(memory_limit=memory_limit)
-        if step_timeout is not None:
-            limits = replace(limits, step_timeout=step_timeout)
+        limits = _limits(step_timeout, memory_limit)
         for pattern in names:
             found = [m for m in self.members.values() if glob(pattern)(m.name)]
             if not found and not missing_ok:
                 raise WiringError(unknown("component", pattern, self.members))
             for member in found:
-                if isinstance(member.component, FmuComponent):
-                    member.component.isolation = limits
-                elif member.name == pattern:
-                    raise WiringError(f"component '{pattern}' is no FMU, so it cannot be isolated")
+                _isolate(member, limits, required=member.name == pattern)
 
     def _component(self, fmu: Any, strict: bool) -> Component:
         if isinstance(fmu, str | os.PathLike):
@@ -279,3 +275,16 @@ class Wiring:
 def _some(names: Iterable[str], count: int = 8) -> str:
     listed = list(names)
     return ", ".join(listed[:count]) + (", ..." if len(listed) > count else "") if listed else "none"
+
+
+def _limits(step_timeout: float | None, memory_limit: int | None) -> Isolation:
+    given = {"step_timeout": step_timeout, "memory_limit": memory_limit}
+    return Isolation(**{k: v for k, v in given.items() if v is not None})  # type: ignore[arg-type]
+
+
+def _isolate(member: Member, limits: Isolation, *, required: bool) -> None:
+    if isinstance(member.component, FmuComponent):
+        require_isolation(f"component '{member.name}'")
+        member.component.isolation = limits
+    elif required:
+        raise WiringError(f"component '{member.name}' is no FMU, so it cannot be isolated")

@@ -102,6 +102,12 @@ static void commit(void) {
     if (IS(infinite)) bad = INFINITY;
     if (IS(chatter)) for (int i = 0; i < 100000; i++) say("a message of some length, again and again and again");
     if (IS(fork) && fork() >= 0) _exit(4);
+    if (IS(shrink)) for (int i = 3; i < 64; i++) if (ftruncate(i, 0)) continue;
+    if (IS(print)) {
+        printf("this was printed\n");
+        abort();
+    }
+    if (IS(child) && fork() == 0) for (;;) pause();
     if (IS(scribble)) scribble();
     if (IS(thread)) {
         pthread_t one;
@@ -116,6 +122,10 @@ static void commit(void) {
 
 static void at(const char *now) {
     status = OK;
+    if (strncmp(phase, "late-", 5) == 0) { /* only when it has made its steps */
+        if (strcmp(phase + 5, now) == 0 && steps >= faulty_step) commit();
+        return;
+    }
     if (strcmp(phase, now) == 0 && (strcmp(now, "step") != 0 || steps == faulty_step)) commit();
 }
 

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import re
+import subprocess
+import sys
+import time
 import warnings
 from collections.abc import Iterator
 from pathlib import Path
@@ -154,3 +157,75 @@ def test_a_state_of_any_size_is_refused_before_room_is_made_for_it(system: Syste
     system.initialize(record=[], allow_unconnected=True)
     with pytest.raises(CosimError, match="1,152,921,504,606,846,976 bytes"):
         component.serialize()
+
+
+@pytest.mark.parametrize("version", VERSIONS)
+@pytest.mark.parametrize("engine", ["compiled", "python"])
+@pytest.mark.parametrize(("phase", "function"), [("late-set", "Set(Real|Float64)"), ("late-get", "Get(Real|Float64)")])
+@pytest.mark.parametrize("deed", ["segfault", "sleep"])
+def test_the_function_that_was_called_is_named_also_when_it_travels_with_a_step(
+    system: System, folder: Path, version: int, engine: EngineChoice, phase: str, function: str, deed: str
+) -> None:
+    with pytest.raises(ComponentError) as caught:
+        run(wired(system, build(version, folder, phase, deed)), engine)
+    assert re.fullmatch(f"fmi{version}{function}", caught.value.function), caught.value
+
+
+def test_after_a_loss_nothing_of_it_is_called(system: System, folder: Path) -> None:
+    wired(system, build(3, folder, "step", "segfault"))
+    with pytest.raises(ComponentError):
+        run(system)
+    component: Any = system["bad"].component
+    outputs = list(component.description.outputs.values())
+    for call in (lambda: component.get(outputs), component.serialize, component.save):
+        with pytest.raises(CosimError, match="'bad' was lost: initialize its system again"):
+            call()
+
+
+def test_memory_that_is_shrunk_there_is_refused(system: System, folder: Path) -> None:
+    run(wired(system, build(3, folder, "step", "shrink")))
+
+
+def test_what_it_prints_before_it_crashes_is_there(folder: Path) -> None:
+    code = f"""
+from cosim import System
+with System() as system:
+    system.add("bad", {str(build(2, folder, "step", "print"))!r}, isolated=True)
+    try:
+        system.run(0.02, allow_unconnected=True)
+    except Exception as error:
+        print(type(error).__name__)
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.splitlines() == ["this was printed", "ComponentError"]
+
+
+def test_what_it_has_started_ends_with_it(system: System, folder: Path) -> None:
+    run(wired(system, build(2, folder, "step", "child")))
+    group = system["bad"].component._library._process.pid  # type: ignore[attr-defined]
+    assert len(of_group(group)) == 2
+    system.close()
+    end = time.monotonic() + 5
+    while of_group(group):
+        assert time.monotonic() < end, "a child lives on"
+        time.sleep(0.02)
+
+
+def of_group(group: int) -> list[str]:
+    """Processes of a group that are no zombies."""
+    found = []
+    for stat in Path("/proc").glob("[0-9]*/stat"):
+        try:
+            words = stat.read_text().rpartition(")")[2].split()
+        except OSError:
+            continue
+        if int(words[2]) == group and words[0] != "Z":
+            found.append(stat.parent.name)
+    return found
+
+
+def test_a_refused_component_is_not_in_the_system(system: System, harmless: Path) -> None:
+    for wrong in ({"isolated": True, "step_timeout": -1.0}, {"step_timeout": 1.0}):
+        with pytest.raises(ValueError, match="step_timeout"):
+            system.add("a", harmless, **wrong)  # type: ignore[arg-type]
+    system.add("a", harmless, isolated=True)

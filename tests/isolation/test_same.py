@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import multiprocessing
 import os
 import signal
 import subprocess
 import sys
 import time
+from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -168,3 +170,30 @@ def test_the_process_of_an_fmu_ends_with_its_master(harmless):
     while Path(f"/proc/{worker}").exists() and Path(f"/proc/{worker}/stat").read_text().split()[2] != "Z":
         assert time.monotonic() < end, "it lives on"
         time.sleep(0.02)
+
+
+def steps_of(path: Path) -> list[float]:
+    """What a system shows in a process that was forked while another one was at work here."""
+    with SYSTEMS[0] as system:
+        found = system.run(0.05, record=["one.y", "two.y"], allow_unconnected=True)
+        return [float(found[n][-1]) for n in found.names] + [len(path.name)]
+
+
+SYSTEMS: list[System] = []
+
+
+@pytest.mark.filterwarnings("ignore::DeprecationWarning")
+def test_a_forked_process_gets_fmus_of_its_own(follower):
+    with System() as system:
+        system.add("one", follower[2], step="1 ms", start={"u": 1.0}, isolated=True)
+        system.add("two", follower[3], step="1 ms", isolated=True)
+        system.connect("one.y", "two.u")
+        simulation = system.initialize(record=["one.y", "two.y"], allow_unconnected=True)
+        simulation.advance(0.02)
+        before = simulation.recording
+        SYSTEMS[:] = [system]
+        with ProcessPoolExecutor(2, multiprocessing.get_context("fork")) as pool:
+            found = list(pool.map(steps_of, [follower[2]] * 4))
+        simulation.advance(0.05)  # nobody has moved what belongs to this process
+        own = [float(simulation.recording[n][-1]) for n in before.names]
+        assert [f[:2] for f in found] == [own] * 4

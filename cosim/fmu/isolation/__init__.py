@@ -4,6 +4,6 @@
 over; ``worker.c`` is the process; ``link.h`` and ``shared.h`` say what the two share.
 """
 
-from cosim.fmu.isolation.process import IsolatedLibrary, Isolation, Lost, NoIsolation
+from cosim.fmu.isolation.process import IsolatedLibrary, Isolation, Lost, NoIsolation, require
 
-__all__ = ["IsolatedLibrary", "Isolation", "Lost", "NoIsolation"]
+__all__ = ["IsolatedLibrary", "Isolation", "Lost", "NoIsolation", "require"]

@@ -20,6 +20,7 @@ typedef struct {
     uint64_t n_values;
     const uint32_t *references;
     size_t at; /* in the results */
+    const char *name; /* of the function */
 } Planned;
 
 typedef struct {
@@ -29,6 +30,7 @@ typedef struct {
     pid_t pid;
     int64_t timeout_ns, spin_ns;
     int end;                    /* LinkEnd */
+    int generation;             /* of processes: a forked one must not use what its parent uses */
     LinkLogger log;
     const char *failed;         /* function that really failed, if that is not the one that was called */
     uint32_t environment, no_memory, missing;
@@ -46,6 +48,19 @@ typedef struct {
 } Link;
 
 static volatile int cancelled;
+static int generation;
+
+void link_forked(void) { generation++; }
+
+/* Nothing more is wanted of it. */
+void link_release(Link *l) {
+    if (!l->end) l->end = LINK_RELEASED;
+}
+
+static bool lost(Link *l) {
+    if (!l->end && l->generation != generation) l->end = LINK_INHERITED;
+    return l->end != LINK_ALIVE;
+}
 
 void link_cancel(int yes) { cancelled = yes; }
 
@@ -53,6 +68,7 @@ Link *link_open(void *memory, size_t size, bool shared, int fd, int pid, double 
     Link *l = calloc(1, sizeof *l);
     if (!l || !region_of(&l->region, memory, size)) return free(l), NULL;
     l->shared = shared;
+    l->generation = generation;
     l->fd = fd;
     l->pid = (pid_t)pid;
     l->timeout_ns = timeout > 0 && timeout < 1e9 ? (int64_t)(timeout * 1e9) : 0;
@@ -90,14 +106,14 @@ static int wait_for(Link *l, short what, int64_t deadline) {
         int64_t left = LOOK_NS;
         if (deadline) {
             left = deadline - now_ns();
-            if (left <= 0) return LINK_TOO_SLOW;
             if (left > LOOK_NS) left = LOOK_NS;
         }
         struct pollfd wait = {l->fd, what, 0};
-        const int found = poll(&wait, 1, (int)((left + 999999) / 1000000));
+        const int found = poll(&wait, 1, left <= 0 ? 0 : (int)((left + 999999) / 1000000));
         if (cancelled) return LINK_CANCELLED;
         if (found > 0) return wait.revents & what ? LINK_ALIVE : LINK_DIED;
         if (found == 0 && dead(l)) return LINK_DIED;
+        if (found == 0 && left <= 0) return LINK_TOO_SLOW; /* looked at once more: this process may have been stopped itself */
     }
 }
 
@@ -195,15 +211,18 @@ static uint32_t transact(Link *l, LinkOp op) {
     Ask *ask = l->region.ask;
     const Answer *h = l->region.answer;
     l->failed = NULL;
-    if (l->end) return LINK_FATAL;
+    if (lost(l)) return LINK_FATAL;
     ask->op = op;
     ask->used = l->waiting;
     ask->n_sets = l->n_waiting;
     const int end = l->shared ? by_memory(l) : by_socket(l);
     l->waiting = 0;
-    const uint32_t n_sets = l->n_waiting;
+    const uint32_t n_sets = l->n_waiting, failed = h->failed;
     l->n_waiting = 0;
     l->no_memory = h->no_memory;
+    if (failed && failed <= n_sets && failed <= LINK_PLANNED) l->failed = l->waiting_for[failed - 1];
+    if (op == LINK_STEP && failed >= LINK_FETCHING && failed - LINK_FETCHING < (uint32_t)l->n_planned)
+        l->failed = l->plan[failed - LINK_FETCHING].name;
     if (end) {
         l->end = end;
         if (l->shared) hand_over_log(l); /* its last words */
@@ -212,8 +231,7 @@ static uint32_t transact(Link *l, LinkOp op) {
     if (h->log_used || h->log_lost) hand_over_log(l);
     l->environment = h->environment;
     l->missing = h->missing;
-    const uint32_t status = h->status, failed = h->failed;
-    if (failed && failed <= n_sets && failed <= LINK_PLANNED) l->failed = l->waiting_for[failed - 1];
+    const uint32_t status = h->status;
     return l->environment && status <= LINK_WARNING ? LINK_ERROR : status;
 }
 
@@ -250,7 +268,7 @@ static uint32_t too_much(Link *l) {
 }
 
 static uint32_t set_values(Link *l, uint32_t type, const char *name, const uint32_t *references, size_t n, const void *values, size_t n_values) {
-    if (l->end) return LINK_FATAL;
+    if (lost(l)) return LINK_FATAL;
     if (l->n_waiting == LINK_PLANNED) { /* that many do not wait */
         const uint32_t status = simple(l, LINK_SET);
         if (status > LINK_WARNING) return status;
@@ -265,7 +283,7 @@ static uint32_t set_values(Link *l, uint32_t type, const char *name, const uint3
 }
 
 static uint32_t set_strings(Link *l, uint32_t type, const char *name, const uint32_t *references, size_t n, const char *const *values, size_t n_values) {
-    if (l->end) return LINK_FATAL;
+    if (lost(l)) return LINK_FATAL;
     if (l->n_waiting) {
         const uint32_t status = simple(l, LINK_SET);
         if (status > LINK_WARNING) return status;
@@ -279,7 +297,7 @@ static uint32_t set_strings(Link *l, uint32_t type, const char *name, const uint
     return simple(l, LINK_SET);
 }
 
-static void learn(Link *l, uint32_t type, const uint32_t *references, size_t n, size_t n_values) {
+static void learn(Link *l, uint32_t type, const char *name, const uint32_t *references, size_t n, size_t n_values) {
     size_t at = 0;
     if (l->n_plan) {
         const Planned *last = &l->plan[l->n_plan - 1];
@@ -290,12 +308,12 @@ static void learn(Link *l, uint32_t type, const uint32_t *references, size_t n, 
     uint32_t *own = l->references + l->n_plan_references;
     memcpy(own, references, n * 4);
     l->n_plan_references += n;
-    l->plan[l->n_plan++] = (Planned){type, (uint32_t)n, 0, n_values, own, at};
+    l->plan[l->n_plan++] = (Planned){type, (uint32_t)n, 0, n_values, own, at, name};
 }
 
-static uint32_t get_values(Link *l, uint32_t type, const uint32_t *references, size_t n, void *values, size_t n_values) {
+static uint32_t get_values(Link *l, uint32_t type, const char *name, const uint32_t *references, size_t n, void *values, size_t n_values) {
     const size_t bytes = n_values * value_size(type);
-    if (l->end) return LINK_FATAL;
+    if (lost(l)) return LINK_FATAL;
     l->failed = NULL;
     if (l->fresh) {
         int i = 0;
@@ -308,7 +326,7 @@ static uint32_t get_values(Link *l, uint32_t type, const uint32_t *references, s
             memcpy(values, from + 8, bytes);
             return status;
         }
-        if (i == l->n_planned && l->n_plan == l->n_planned) learn(l, type, references, n, n_values);
+        if (i == l->n_planned && l->n_plan == l->n_planned) learn(l, type, name, references, n, n_values);
     }
     const bool fresh = l->fresh && !l->n_waiting;
     if (l->n_waiting) {
@@ -323,7 +341,7 @@ static uint32_t get_values(Link *l, uint32_t type, const uint32_t *references, s
 }
 
 static uint32_t get_strings(Link *l, uint32_t type, const uint32_t *references, size_t n, const char **values, size_t n_values) {
-    if (l->end) return LINK_FATAL;
+    if (lost(l)) return LINK_FATAL;
     if (l->n_waiting) {
         const uint32_t status = simple(l, LINK_SET);
         if (status > LINK_WARNING) return status;
@@ -351,7 +369,7 @@ static uint32_t get_strings(Link *l, uint32_t type, const uint32_t *references, 
 
 static uint32_t step(Link *l, double t, double h, bool no_set_prior, bool *flags[3], double *last) {
     Ask *ask = l->region.ask;
-    if (l->end) return LINK_FATAL;
+    if (lost(l)) return LINK_FATAL;
     if (l->n_planned < l->n_plan) {
         if (l->n_waiting) {
             const uint32_t status = simple(l, LINK_SET);
@@ -428,7 +446,7 @@ static uint32_t enter(Link *l, bool has_tolerance, double tolerance, double star
 
 /* What waits is done first, by itself: the calls below need the request area. */
 #define FLUSH                                                  \
-    if (l->end) return LINK_FATAL;                             \
+    if (lost(l)) return LINK_FATAL;                             \
     if (l->n_waiting) {                                        \
         const uint32_t flushed = simple(l, LINK_SET);          \
         if (flushed > LINK_WARNING) return flushed;            \
@@ -502,7 +520,7 @@ static uint32_t derivative(Link *l, const uint32_t *of, size_t n_of, const uint3
 
 #define VALUES2(Name, Type, ctype)                                                                                         \
     uint32_t fmi2Set##Name(Link *l, const uint32_t *r, size_t n, const ctype *v) { return set_values(l, LINK_##Type, "fmi2Set" #Name, r, n, v, n); } \
-    uint32_t fmi2Get##Name(Link *l, const uint32_t *r, size_t n, ctype *v) { return get_values(l, LINK_##Type, r, n, v, n); }
+    uint32_t fmi2Get##Name(Link *l, const uint32_t *r, size_t n, ctype *v) { return get_values(l, LINK_##Type, "fmi2Get" #Name, r, n, v, n); }
 VALUES2(Real, Real, double)
 VALUES2(Integer, Integer, int)
 VALUES2(Boolean, Boolean2, int)
@@ -533,7 +551,7 @@ uint32_t fmi2GetBooleanStatus(Link *l, int kind, int *value) {
 
 #define VALUES3(Name, Type, ctype)                                                                                         \
     uint32_t fmi3Set##Name(Link *l, const uint32_t *r, size_t n, const ctype *v, size_t m) { return set_values(l, LINK_##Type, "fmi3Set" #Name, r, n, v, m); } \
-    uint32_t fmi3Get##Name(Link *l, const uint32_t *r, size_t n, ctype *v, size_t m) { return get_values(l, LINK_##Type, r, n, v, m); }
+    uint32_t fmi3Get##Name(Link *l, const uint32_t *r, size_t n, ctype *v, size_t m) { return get_values(l, LINK_##Type, "fmi3Get" #Name, r, n, v, m); }
 VALUES3(Float64, Float64, double)
 VALUES3(Float32, Float32, float)
 VALUES3(Int8, Int8, int8_t)

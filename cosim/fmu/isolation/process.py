@@ -19,6 +19,9 @@ from typing import Any
 
 import cffi
 
+if sys.platform != "win32":
+    import fcntl
+
 import cosim.fmu.calls as fmi
 from build_fmus import safe_files
 from build_fmus.checks import number
@@ -38,6 +41,8 @@ typedef struct Link Link;
 void link_cancel(int yes);
 Link *link_open(void *memory, size_t size, bool shared, int fd, int pid, double timeout, double spin_us);
 void link_close(Link *l);
+void link_release(Link *l);
+void link_forked(void);
 int link_end(const Link *l);
 const char *link_failed(const Link *l);
 uint32_t link_environment(const Link *l);
@@ -92,9 +97,19 @@ def _interface() -> tuple[cffi.FFI, Any, Path, Path]:
         toolchain, cache = find_toolchain(host()), ObjectCache(safe_files.cache_directory() / "isolation")
         client = cache.library(toolchain, [_FOLDER / "client.c"], [_FOLDER], "client")
         worker = cache.program(toolchain, [_FOLDER / "worker.c"], [_FOLDER, ENVIRONMENT.parent])
-        return ffi, ffi.dlopen(str(client)), client, worker
+        loaded = ffi.dlopen(str(client))
+        os.register_at_fork(after_in_child=loaded.link_forked)
+        return ffi, loaded, client, worker
     except (CompileError, OSError) as error:
         raise NoIsolation(f"FMUs cannot be isolated here: {str(error).splitlines()[0]}") from error
+
+
+def require(what: str) -> None:
+    """Raise NoIsolation where FMUs cannot be isolated; the message begins with `what`."""
+    try:
+        _interface()
+    except NoIsolation as error:
+        raise NoIsolation(f"{what}: {error}") from None
 
 
 @lru_cache
@@ -149,20 +164,26 @@ class IsolatedLibrary:
                 given.append(memory)
             arguments = [theirs.fileno(), -1 if memory is None else memory, _REGION, limit, os.getpid()]
             try:
+                region = mmap.mmap(-1 if memory is None else memory, _REGION)
                 self._process = subprocess.Popen(
                     [str(worker), *map(str, arguments)], pass_fds=given, stdin=subprocess.DEVNULL, start_new_session=True
                 )
             except OSError as error:
                 ours.close()
                 raise NoIsolation(f"cannot start a process for an FMU: {error.strerror or error}") from None
-            region = mmap.mmap(-1 if memory is None else memory, _REGION)
-        self._buffer = ffi.from_buffer(region)
         self._socket = ours
+        self.owner = os.getpid()
         spin = _SPIN if (os.cpu_count() or 1) > 1 else 0.0
+        buffer = ffi.from_buffer(region)
         self._link = client.link_open(
-            self._buffer, _REGION, memory is not None, ours.fileno(), self._process.pid, isolation.step_timeout or 0.0, spin
+            buffer, _REGION, memory is not None, ours.fileno(), self._process.pid, isolation.step_timeout or 0.0, spin
         )
-        self._finalizer = weakref.finalize(self, _end, self._process, ours, self._ffi, client, self._link, [self._buffer, region])
+        self._finalizer = weakref.finalize(self, _end, self._process, ours, self.owner)
+        if self._link == ffi.NULL:
+            self._finalizer()
+            raise NoIsolation("cannot isolate an FMU: there is no memory left")
+        # Whoever holds this may still call, and is told that it is lost; so the link lives as long.
+        weakref.finalize(self, _forget, ffi, client, self._link, buffer, region)
         result = client.link_load(self._link, os.fsencode(library), " ".join(fmi.declared(version)).encode(), int(version))
         if result:
             lost = self.lost()
@@ -189,6 +210,10 @@ class IsolatedLibrary:
         types = fmi.ffi3 if self._version == "3" else fmi.ffi2
         return types.cast("Component", int(ffi.cast("uintptr_t", self._link)) if there else 0)
 
+    def reusable(self, isolation: Isolation | None) -> bool:
+        """Whether its instance will do for one that is isolated so: not in a process that was forked since."""
+        return isolation == self.isolation and os.getpid() == self.owner
+
     def lost(self) -> str | None:
         """How the FMU was lost, in words; None: it is there."""
         if self._last_words is not None:
@@ -202,6 +227,10 @@ class IsolatedLibrary:
         if end == client.LINK_CANCELLED:
             self.cancelled = True
             return "it was waited for no longer, and its process was ended"
+        if end == client.LINK_INHERITED:
+            return "its process is that of the process from which this one was forked; run a system of your own"
+        if end == client.LINK_RELEASED:
+            return "it is closed"
         if end == client.LINK_LIED:
             return "its process spoiled what it shares with the master, and was ended"
         try:
@@ -236,6 +265,7 @@ class IsolatedLibrary:
         """End the process."""
         if self._last_words is None:
             self._last_words = self.lost(), self.blamed(""), self.misdeed()
+            self._client.link_release(self._link)
             self._finalizer()
 
 
@@ -243,15 +273,18 @@ class Lost(Exception):  # noqa: N818
     """An isolated FMU was lost; the argument says how."""
 
 
-def _end(process: Any, ours: socket.socket, ffi: Any, client: Any, link: Any, keep: list[Any]) -> None:
-    ours.close()  # which ends it, if it listens
-    try:
-        process.wait(0.0)
-    except subprocess.TimeoutExpired:
-        process.kill()
-        process.wait()
+def _end(process: Any, ours: socket.socket, owner: int) -> None:
+    """End the process of an FMU and all that it has started; a forked child leaves them to its parent."""
+    ours.close()
+    if os.getpid() != owner:
+        return
+    with contextlib.suppress(ProcessLookupError, PermissionError):
+        os.killpg(process.pid, signal.SIGKILL)
+    process.wait()
+
+
+def _forget(ffi: Any, client: Any, link: Any, buffer: Any, region: mmap.mmap) -> None:
     client.link_close(link)
-    buffer, region = keep
     ffi.release(buffer)
     with contextlib.suppress(BufferError):
         region.close()
@@ -261,11 +294,14 @@ def _shared_memory() -> int | None:
     """File descriptor of memory that two processes can share; None: there is none to be had."""
     try:
         if hasattr(os, "memfd_create"):
-            descriptor = os.memfd_create("cosim")
+            descriptor = os.memfd_create("cosim", os.MFD_CLOEXEC | os.MFD_ALLOW_SEALING)
+            os.ftruncate(descriptor, _REGION)
+            sizes = fcntl.F_SEAL_SHRINK | fcntl.F_SEAL_GROW | fcntl.F_SEAL_SEAL  # what shrinks would end the master by SIGBUS
+            fcntl.fcntl(descriptor, fcntl.F_ADD_SEALS, sizes)
         else:
             descriptor, name = tempfile.mkstemp(prefix="cosim-")
             os.unlink(name)
-        os.ftruncate(descriptor, _REGION)
+            os.ftruncate(descriptor, _REGION)
     except OSError:
         return None
     return descriptor

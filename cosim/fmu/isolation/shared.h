@@ -37,7 +37,8 @@ typedef struct {
     _Atomic uint32_t number;    /* of the call that is done */
     _Atomic uint32_t master_waits;
     uint32_t status;
-    uint32_t failed;            /* 0: the call itself, k > 0: the k-th of the records that are set before it */
+    uint32_t failed;            /* what is being done: 0 the call itself, k > 0 the k-th of the records that are set before it,
+                                   LINK_FETCHING + k the k-th fetch after a step */
     uint64_t value;             /* what is answered, apart from the areas */
     double last;
     uint32_t log_used, reply_used, results_used; /* bytes of the areas */
@@ -66,8 +67,8 @@ static inline bool region_of(Region *r, void *memory, size_t size) {
     r->answer = (void *)((char *)memory + third);
     r->request = (char *)r->ask + APART;
     r->results = (char *)r->answer + APART;
-    r->reply = (char *)memory + 2 * third;
-    r->log = r->reply + third;
+    r->log = (char *)memory + 2 * third; /* not at the end: an FMU may write there while it is read */
+    r->reply = r->log + LINK_LOG;
     r->area = third - APART;
     return sizeof(Ask) <= LINE && sizeof(Answer) <= LINE;
 }

@@ -99,11 +99,12 @@ static void limit_memory(void) {
 
 /* Ends the process when the master is gone, whatever the FMU does meanwhile. */
 static void *watch(void *nothing) {
-    (void)nothing;
     for (;;) {
         struct pollfd gone = {bell, 0, 0};
-        if (poll(&gone, 1, 500) > 0 || getppid() != parent) _exit(0);
+        if (poll(&gone, 1, 500) > 0 || getppid() != parent) break;
     }
+    kill(0, SIGKILL); /* with all that the FMU has started */
+    return nothing;
 }
 
 /* ------------------------------------------------------------------ messages */
@@ -293,11 +294,13 @@ static uint32_t step(void) {
     char *p = region.results;
     for (int i = 0; i < n_plan; i++) {
         const Planned *g = &plan[i];
+        h->failed = LINK_FETCHING + (uint32_t)i;
         const uint32_t one = call_values(getters[g->type], g->references, g->n_references, p + 8, g->n_values);
         memcpy(p, &one, 4);
         p += 8 + ALIGNED(g->n_values * value_size(g->type));
     }
     h->results_used = (uint32_t)(p - region.results);
+    h->failed = 0;
     return status;
 }
 
@@ -426,19 +429,18 @@ static uint32_t dispatch(const char *rest) {
 static void work(void) {
     Answer *h = region.answer;
     const char *at = region.request;
-    uint32_t status = LINK_OK, failed = 0;
+    uint32_t status = LINK_OK;
     const uint32_t n_sets = region.ask->n_sets;
     h->reply_used = h->results_used = h->log_used = h->log_lost = 0;
     h->missing = h->environment = h->no_memory = 0;
     for (uint32_t i = 0; i < n_sets && status <= LARGEST_SUCCESS; i++) {
+        h->failed = i + 1; /* before it is done: it may be the last thing that is */
         status = set_record(&at);
-        failed = i + 1;
     }
     if (status <= LARGEST_SUCCESS) {
+        h->failed = 0;
         status = dispatch(at);
-        failed = 0;
     }
-    h->failed = failed;
     h->status = status;
     restore_environment();
     if (status > LARGEST_SUCCESS) h->no_memory = no_memory();
@@ -501,6 +503,8 @@ int main(int n, char **argument) {
     shared = memory >= 0;
     void *p = mmap(NULL, size, PROT_READ | PROT_WRITE, shared ? MAP_SHARED : MAP_PRIVATE | MAP_ANONYMOUS, memory, 0);
     if (p == MAP_FAILED || !region_of(&region, p, size)) return 2;
+    if (shared) close(memory);
+    setvbuf(stdout, NULL, _IOLBF, 0); /* what the FMU prints is there when it crashes */
     expected = environment_bits();
     catch_signals();
     pthread_t watcher;
