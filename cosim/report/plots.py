@@ -74,6 +74,8 @@ class Palette:
         taken: set[tuple[Color, Dash]] = set()
         for number, (name, (hint, dash)) in enumerate(hints.items()):
             color: Color = next(colors) if hint is None else hint
+            if hint is None and (color, dash) in taken:  # a name that brings its dash is told apart by the colour
+                color = next((c for c in free if (c, dash) not in taken), color)
             # where the colours have run out, the dash tells two names apart
             dashes = [d for d in DASHES if (color, d) not in taken] or DASHES
             chosen = dash or dashes[0 if hint else number % len(dashes)]

@@ -136,19 +136,23 @@ class Model:
         if self.fmi == 2:
             group = self.xml.find(f"ModelStructure/{tag2}")
             return {
-                self.order[int(e.get("index")) - 1]: [self.order[int(i) - 1] for i in e.get("dependencies").split()]
+                self.order[int(e.get("index")) - 1]: [
+                    self.order[int(i) - 1] for i in (e.get("dependencies") or "").split()
+                ]
                 for e in (group if group is not None else ())
             }
         return {
             self.by_reference[int(e.get("valueReference"))].name: [
-                self.by_reference[int(i)].name for i in e.get("dependencies").split()
+                self.by_reference[int(i)].name for i in (e.get("dependencies") or "").split()
             ]
             for e in self.xml.findall(f"ModelStructure/{tag3}")
         }
 
 
 class Library(Model):
-    """An FMU, unpacked and loaded once."""
+    """An FMU, unpacked and loaded once; ``resources`` is what instances are told of their place: nothing, most need none."""
+
+    resources: bytes | None = None
 
     def __init__(self, path: Path) -> None:
         super().__init__(path)
@@ -228,7 +232,7 @@ class Instance:
             self._logger: Any = LOGGER2(self._log2) if logger else LOGGER2()
             self._callbacks = Callbacks2(self._logger, None, None, None, None)
             handle = self.raw(
-                "Instantiate", name.encode(), 1 if kind == "cs" else 0, token_bytes, b"", c.byref(self._callbacks), 0,
+                "Instantiate", name.encode(), 1 if kind == "cs" else 0, token_bytes, library.resources or b"", c.byref(self._callbacks), 0,
                 int(logging),
             )  # fmt: skip
         else:
@@ -236,7 +240,7 @@ class Instance:
             tail = (None, self._logger, None) if kind == "cs" else (None, self._logger)
             flags = (False, c.c_bool(logging), False, False, None, c.c_size_t(0)) if kind == "cs" else (False, logging)
             handle = self.raw(
-                f"Instantiate{'CoSimulation' if kind == 'cs' else 'ModelExchange'}", name.encode(), token_bytes, None,
+                f"Instantiate{'CoSimulation' if kind == 'cs' else 'ModelExchange'}", name.encode(), token_bytes, library.resources,
                 *flags, *tail,
             )  # fmt: skip
         self.handle = c.c_void_p(handle) if handle else None

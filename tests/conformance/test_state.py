@@ -179,11 +179,11 @@ def test_two_threads(fmu: Library) -> None:
 def test_instances_leave_no_memory_behind(fmu: Library) -> None:
     with fmu.instance() as a:
         if fmu.fmi == 2:
-            arguments = (b"x", 1, fmu.token.encode(), b"", c.byref(a._callbacks), 0, 0)
+            arguments = (b"x", 1, fmu.token.encode(), fmu.resources or b"", c.byref(a._callbacks), 0, 0)
             function = "Instantiate"
         else:
             arguments = (
-                b"x", fmu.token.encode(), None, False, False, False, False, None, c.c_size_t(0), None, a._logger, None,
+                b"x", fmu.token.encode(), fmu.resources, False, False, False, False, None, c.c_size_t(0), None, a._logger, None,
             )  # fmt: skip
             function = "InstantiateCoSimulation"
         get, free_state, free = (

@@ -302,6 +302,24 @@ def page(study: Results, fmus: FmuSet) -> Report:
     return report(study, fmus)
 
 
+def test_captions_carry_no_second_number(page: Report) -> None:
+    titles = [x.title for s in page.sections for x in (*s.tables, *s.figures)]
+    assert [t for t in titles if t.startswith(("Table", "Figure"))] == []
+
+
+def test_what_preview_takes_off_is_what_its_claim_says(study: Results, fmus: FmuSet) -> None:
+    """The median of the shares, place by place, not the share of the medians (which is 60 % here)."""
+    with_preview, without = (places(Case("bump", c)) for c in ("mpc-preview", "mpc"))
+    changed = altered(
+        study,
+        {c: {"absorbed_power": p} for c, p in zip(with_preview, (1.0, 1.0, 1.0, 3.0, 3.0, 3.0), strict=True)}
+        | {c: {"absorbed_power": p} for c, p in zip(without, (10.0, 5.0, 3.0, 5.0, 5.0, 10.0), strict=True)},
+    )
+    found = report(changed, fmus)
+    assert next(c.ours for c in found.claims if c.id == "bump-preview").startswith("median 68 % ")
+    assert "Preview takes 68 % off" in " ".join(p for s in found.sections for p in s.paragraphs)
+
+
 def runs_of(case: Case) -> Iterable[Case]:
     """Where a case is run: 6 places of a bump, or 5 stretches of 20 s; 1 where nothing is sampled; 2 for what is beside."""
     beside = case.friction or not case.lift_off or case.shared_pump
@@ -642,7 +660,7 @@ def test_words_of_the_checks() -> None:
     )  # fmt: skip
     assert found["off-road-kilonewton"].ours == (
         "5.01 W with up to 55 mm of travel and 1.23 % of the time beyond 60 mm, the LQR 8.02 W with up to 90 mm of travel and 3.45 % of the "
-        "time beyond 60 mm; MPC below it by median 37.5 % (37.5 to 37.5 % over 5 stretches; holds in 5 of 5)"
+        "time beyond 60 mm; what MPC saves over it: median 37.5 % (37.5 to 37.5 % over 5 stretches; holds in 5 of 5)"
     )
     assert found["off-road-travel-limit"].ours == (
         "largest travel median 50 mm (50 to 55 mm over 5 stretches; holds in 5 of 5); beyond the limit 1.23 % of the time, skyhook 20.00 %, "
@@ -695,7 +713,7 @@ def test_words_of_the_preview_chain() -> None:
     assert found["preview-dip-compensated"].ours == "-6 mm are left, and a rise of 23 mm comes with it"
     assert found["preview-dip-compensated"].value == 23.4
     assert found["preview-fed"].ours == (
-        "-0.45 mm after a bump of 30 mm (-1.07 mm after 76 mm); with noise the error stays at 6 mm for 20 s"
+        "-0.45 mm after a bump of 30 mm (-1.07 mm after 76 mm); with noise the standard deviation of the error is at most 5.5 mm in any 4 s of 20"
     )
     assert found["preview-rate"].ours == (
         "error of the rate 0.300 m/s before, 0.120 m/s with the road fed back, 0.250 m/s with quarter cars"

@@ -154,7 +154,12 @@ def test_a_small_study_is_kept_and_reported(fmus, tmp_path):
     shown = section(Results(EXPERIMENT.tasks(), entries))
     page = write_report(Report("tracking", "Force tracking", "Lead.", CLAIMS.judge(full), [shown]), tmp_path / "report")
     text = page.read_text(encoding="utf-8")
-    for words in ("Figure 1.4", "Figure 1.8", "Robustness of the force tracking", "average (1.14) on"):
+    for words in (
+        "(figure 1.4 of the paper)",
+        "(figure 1.8 of the paper)",
+        "Robustness of the force tracking",
+        "average (1.14) on",
+    ):
         assert words in text
     assert "nan" not in "".join(shown.paragraphs).lower()
 

@@ -328,6 +328,11 @@ def page(study: Results, fmus: FmuSet) -> Report:
     return report(study, fmus)
 
 
+def test_captions_carry_no_second_number(page: Report) -> None:
+    titles = [x.title for s in page.sections for x in (*s.tables, *s.figures)]
+    assert [t for t in titles if t.startswith(("Table", "Figure"))] == []
+
+
 def test_plan() -> None:
     tasks = published.plan()
     cases = [t.case for t in tasks if not isinstance(t, Design)]

@@ -218,7 +218,7 @@ def test_axes_of_the_figures(page: Report) -> None:
 
 def test_figures_at_the_top(page: Report) -> None:
     assert {r.name: (r.value, r.unit) for r in page.results}["peak pitch error with preview, 20 km/h, 0.25 m"] == (
-        0.072,
+        0.0725,
         "deg",
     )
     assert len(page.results) == 6
@@ -245,6 +245,12 @@ def test_words_of_the_claims(study: Results) -> None:
         ),
         "solver": ("holds", "0 failures in 36 runs, largest residual 1.0e-08, 9 iterations at most"),
     }  # fmt: skip
+
+
+def test_a_range_that_prints_as_one_figure_is_one(study: Results) -> None:
+    changed = altered(study, {c: {"force_before_ramp_kN": 2.17} for c in study if c.controller == "mpc-preview"})
+    ours = {c.id: c.ours for c in CLAIMS.judge(changed)}["before-the-reference"]
+    assert ours.startswith("force 2.17 kN before, ")
 
 
 @pytest.mark.parametrize(

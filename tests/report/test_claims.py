@@ -167,6 +167,7 @@ class TestCounts:
         assert page.count('<span class="chip order">') == 1
         assert "1 order reproduced, magnitude not</span>" in page
         assert "Fitted: the mass." in page
+        assert all(page.count(f"<code>{c['id']}</code>") == 1 for c in data["claims"]), "tables and words name claims by id"
         assert "Criterion: magnitude between 10 and 20 %." in page
         assert page.index('id="claim-c3"') < page.index('id="checks-title"') < page.index('id="claim-solver"')
 

@@ -30,6 +30,22 @@ def test_different_names_look_different():
     assert len({(palette[n].color, palette[n].dash) for n in names}) == len(names)
 
 
+def test_a_name_that_brings_its_dash_does_not_look_like_another():
+    """Figure 3 of paper 004 has "index J, last height held" dashed, where the colours had come round to a dashed one."""
+    for mine in ("dash", "dot"):
+        curves = [Series(f"curve {i}", [0, 1], [0, 1]) for i in range(len(COLORS) - 1)]
+        curves.insert(len(curves) // 2, Series("held", [0, 1], [0, 1], dash=mine))
+        looks = Palette([Figure("f", "F", "", [Panel("", "time [s]", "force [N]", curves)])])
+        assert looks["held"].dash == mine
+        assert len({(looks[c.name].color, looks[c.name].dash) for c in curves}) == len(curves)
+    hinted = [Series(f"h{c}", [0, 1], [0, 1], color=c) for c in ("black", "grey", "orange", "blue", "green")]
+    curves = [*hinted, *(Series(n, [0, 1], [0, 1]) for n in "abcd"), Series("held", [0, 1], [0, 1], dash="dash")]
+    for swapped in range(5):
+        order = curves[swapped:] + curves[:swapped]
+        looks = Palette([Figure("f", "F", "", [Panel("", "time [s]", "force [N]", order)])])
+        assert len({(looks[c.name].color, looks[c.name].dash) for c in order}) == len(order)
+
+
 def test_axes_carry_their_units_and_the_legend_each_name_once(make_report):
     figure = plotly_figure(make_report().figures[0])
     assert figure.layout.yaxis.title.text == "pitch [deg]"

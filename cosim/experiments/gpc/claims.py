@@ -547,7 +547,7 @@ def _force_limit(j: Judge) -> Finding:
     return Finding(
         f"at most {100 * share:.0f} % of the limit in any run",
         share >= 0.99,
-        "150 kN per corner is three times the weight of the whole car; no law here requests a tenth of that once commands are "
+        "150 kN per corner is three times the weight of the whole car; no law here comes near that once commands are "
         "trimmed and histories start filled",
         share,
         criterion="the largest force of any run on any road is the limit",

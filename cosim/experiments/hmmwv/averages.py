@@ -13,6 +13,10 @@ from cosim.experiments.hmmwv.published import VARIANTS, finer, places
 from cosim.experiments.hmmwv.runs import Case
 from cosim.study import Distribution, Results, Row
 
+OF_MEDIANS = (
+    "Ratios here are those of the medians; claims take the median of the ratios place by place, or stretch by stretch."
+)
+
 
 @dataclass(frozen=True)
 class Averages:

@@ -141,7 +141,7 @@ def _off_road_kilonewton(results: Results) -> Finding:
 
     return Finding(
         f"{study.power(mpc):.2f} W with {beyond(mpc)}, the LQR {study.power(kilonewton):.2f} W with {beyond(kilonewton)}; "
-        f"MPC below it by {ahead.text('{:.1f}', '%', _less)}",
+        f"what MPC saves over it: {ahead.text('{:.1f}', '%', _less)}",
         ahead.everywhere(_less),
         "read so the LQR uses its forces as freely as MPC, knows no limit of travel and pays with travel; with "
         f"{PUMP.words(study)} {study.power(PUMP(kilonewton)):.1f} W, MPC {study.power(PUMP(mpc)):.1f} W",
@@ -182,7 +182,7 @@ def _estimates(controller: str) -> None:
         tension = Case("bump", controller, lift_off=False)
         linear = study.power(replace(tension, states="estimated")) / study.power(tension)
         return Finding(
-            ", ".join(f"{ROAD_NAMES[r]} {100 * (c - 1):+.0f} %" for r, c in costs.items()),
+            ", ".join(f"{ROAD_NAMES[r]} {round(100 * (c - 1)):+d} %" for r, c in costs.items()),
             100 * (costs[worst] - 1) <= ESTIMATES_COST,
             f"more than {ESTIMATES_COST:g} % on {ROAD_NAMES[worst]}; over the bump with tires that take tension, as the filter's "
             f"linear model has them, {100 * (linear - 1):+.0f} %",

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from itertools import pairwise
 
-from cosim.experiments.hmmwv.averages import Averages
+from cosim.experiments.hmmwv.averages import OF_MEDIANS, Averages
 from cosim.experiments.hmmwv.published import (
     ACTIVE,
     PUBLISHED,
@@ -113,7 +113,7 @@ def _side_by_side(study: Averages) -> Table:
         "Absorbed power without and with the pump's limit, side by side",
         columns,
         rows,
-        f"Medians over the places of the bump or the stretches; with {shared:g} l/min each over {SIDE_VARIANTS} of them.",
+        f"Medians over the places of the bump or the stretches; with {shared:g} l/min each over {SIDE_VARIANTS} of them. {OF_MEDIANS}",
     )
 
 
@@ -139,7 +139,7 @@ def _needed(study: Averages) -> Table:
         rows,
         "Of the pumps tried: "
         + "; ".join(f"{ROAD_NAMES[r]} {', '.join(f'{c.l_min(study):g}' for c in conditions(study, r)[:-1])} l/min each" for r in ROADS)
-        + ", and none without limit. Mean: over bumps the largest over 1 s, off road that of the run.",
+        + ", and one without limit. Mean: over bumps the largest over 1 s, off road that of the run.",
     )  # fmt: skip
 
 

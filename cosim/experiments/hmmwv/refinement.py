@@ -85,7 +85,7 @@ def section(study: Averages, undecided: list[str]) -> Section:
                 "refinement",
                 "Absorbed power over steps of exchange and solvers",
                 [
-                    "road", "controller", "pump", "as in all other tables [W]", "solver steps halved [W]",
+                    "road", "controller", "pump", "steps of all other tables [W]", "solver steps halved [W]",
                     "exchange step halved [W]", "both halved [W]", "largest change by both [%]",
                 ],
                 rows,

@@ -66,7 +66,7 @@ def report(study: Results, fmus: FmuSet) -> Report:
     makers = (_poles, _table3, _figure3, _histories, _sampling, _refinement, _offset)
     return Report(
         experiment=EXPERIMENT.name,
-        title="Optimal preview control of a seven-degree car",
+        title="Optimal preview control of a car with seven degrees of freedom",
         lead=(
             f"A linear sedan crosses a hole and a bump at {SPEED_KMH:g} km/h, passive and under the optimal LQ law with three "
             "information patterns: none of the road, the rear wheels' road from the front wheels, and preview ahead. Car, road and "
@@ -104,7 +104,7 @@ def _poles(study: Results) -> Section:
             rows += [[_design(design), None, _complex(o), None] for o in ours]
     table = Table(
         "table-2",
-        "Table 2: closed-loop eigenvalues, upper half plane",
+        "Closed-loop eigenvalues, upper half plane (table 2 of the paper)",
         ["design", "printed [1/s]", "ours [1/s]", "distance [%]"],
         rows,
     )
@@ -141,7 +141,7 @@ def _table3(study: Results) -> Section:
         tables.append(
             Table(
                 f"table-3{part}",
-                f"Table 3{part}: {INPUT_NAMES[input_]}, {WEIGHT_NAMES[weights]}, per cent of passive",
+                f"{INPUT_NAMES[input_].capitalize()}, {WEIGHT_NAMES[weights]}, per cent of passive (table 3{part} of the paper)",
                 ["system", "row", *(f"{n} [%]" for n in _SHORT), "J [%]"],
                 rows,
             )
@@ -151,7 +151,7 @@ def _table3(study: Results) -> Section:
         [
             f"Means over {DURATION:g} s; preview {PREVIEW_TIME:g} s. The size of hole and bump cancels. Columns in the paper's order: left "
             "front, left rear, right front, right rear.",
-            "Misprints of the table: in a) the active system's s4 is 137.0, not 1370; in c) t3 and t4 are ten times too small; roll with "
+            "Misprints of the table: in a) the active system's s4 (s rr) is 137.0, not 1370; in c) t3 and t4 (t fr, t rr) are ten times too small; roll with "
             "both sides equal is 0/0, printed as 100.",
             "Where ours and the printed components differ by more than a few per cent, the printed design differs too: its two low pole "
             "pairs are off (see the poles).",
@@ -182,7 +182,7 @@ def _figure3(study: Results) -> Section:
             "previews make it better. The law with a finite horizon takes the road beyond it to be at height 0. Seen from the middle of a "
             "bump, a horizon of 10 ms says that the road is about to fall to 0 within 10 ms, and the front actuators prepare for an edge "
             "that is not there; the longer the horizon, the farther off and the less urgent the supposed edge. Without any preview the front "
-            "road does not enter the law at all, so nothing false is believed. The dashed curve shows it: if the road is taken to "
+            "road does not enter the law at all, so nothing false is believed. The dashed curve of the index shows it: if the road is taken to "
             "continue at its last height instead (hold_tail), every preview is better than none.",
         ],
         [

@@ -73,13 +73,18 @@ def _lqr_near_mpc(study: Results) -> Finding:
     )  # fmt: skip
 
 
+def _span(values: list[float]) -> str:
+    """ "0.563 to 150", or the one figure where the ends print alike."""
+    return " to ".join(dict.fromkeys(f"{v:.3g}" for v in (min(values), max(values))))
+
+
 def _acts_before(id_: str, metric: str, event: str, figure: str) -> None:
     @CLAIMS.claim(id_, f"MPC with preview acts before {event}", published="acts before", source=figure)
     def judge(study: Results) -> Finding:
         seeing, blind = (values(study, metric, c) for c in ("mpc-preview", "mpc"))
         early = min(a / b for a, b in zip(seeing, blind, strict=True))
         return Finding(
-            f"force {min(seeing):.3g} to {max(seeing):.3g} kN before, {early:.0f} times that without preview or more", early >= BEFORE,
+            f"force {_span(seeing)} kN before, {early:.0f} times that without preview or more", early >= BEFORE,
             f"less than {BEFORE:g} times the force of the controller that knows nothing of it",
             criterion=f"largest force before (change within the {HORIZON:g} s of the horizon, for the reference) at least "
             f"{BEFORE:g} times that without preview, at every speed and depth",

@@ -36,14 +36,18 @@ def report(study: Results, fmus: FmuSet) -> Report:
         experiment=EXPERIMENT.name,
         title="6x6 over shallow trenches with preview control",
         lead=(
-            "A linear nine-degree model of a 6x6 drives over a trench 2 m long with rounded edges, 0.15 and 0.25 m deep, at 5, 10 and "
+            "A linear model of a 6x6 with nine degrees of freedom drives over a trench 2 m long with rounded edges, 0.15 and 0.25 m deep, at 5, 10 and "
             "20 km/h, and then has to follow a pitch of 3 degrees. It does so passive, under a linear-quadratic regulator, and under "
             "predictive control without and with preview of road and reference. Vehicle, road and controllers are native FMUs. "
             "Statements of Kale's thesis stand beside what these runs give; it prints no numbers for them."
         ),
         claims=CLAIMS.judge(study),
         results=[
-            Result(f"peak pitch error with preview, {place_text(p)}", round(study[c]["peak_error_deg"], 3), "deg")
+            Result(
+                f"peak pitch error with preview, {place_text(p)}",
+                float(METRICS["peak_error_deg"].shown(study[c]["peak_error_deg"])),
+                "deg",
+            )
             for p, c in seeing.items()
             if c in study.ran
         ],

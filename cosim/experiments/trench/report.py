@@ -498,7 +498,7 @@ def _limits(_: Results) -> Section:
         [
             "The thesis does not disclose its vehicle. Our masses, geometry and tires are assumed, some of them with Table 5.4 in view; "
             "its multi-body model has suspension links and a tire model that a disc on solids does not replace. So peaks of impacts "
-            "agree in size at best.",
+            "agree in order of magnitude at best.",
             f"The vehicle is solved, exchanged and recorded every {1e3 * float(STEP):g} ms, and peaks are those of all these samples: where "
             "body and ground meet, "
             "the acceleration rises within a solver step and falls within a few milliseconds, so that samples 1 ms apart can miss its peak. "

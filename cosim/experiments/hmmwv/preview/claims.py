@@ -90,7 +90,7 @@ def _fed(study: Results) -> Finding:
     (small, _), (big, _), steady = (*(extremes(study, FED, h) for h in HEIGHTS_MM), study[long(FED)]["spread"])
     return Finding(
         f"{small:.2f} mm after a bump of {SMALL:.0f} mm ({big:.2f} mm after {BIG:.0f} mm); "
-        f"with noise the error stays at {1e3 * steady[-1]:.0f} mm for {LONG:g} s",
+        f"with noise the standard deviation of the error is at most {1e3 * max(steady):.1f} mm in any {WINDOW:g} s of {LONG:g}",
         small >= -1.0 and 1e3 * max(steady) < SMALL, "the dip is deeper than 1 mm or the error grows", -small, "mm",
         criterion=f"dip of at most 1 mm after {SMALL:.0f} mm without noise, and with noise an error below the bump's height for {LONG:g} s",
         fitted="noise of the sensors and times of the slow corrections assumed",

@@ -69,7 +69,7 @@ def generated_section(study: Results) -> Section:
         [
             Figure(
                 "preview-generated",
-                "Figure 1.5: generated preview and loads",
+                "Generated preview and loads (figure 1.5 of the paper)",
                 "Front left wheel, passive hydraulic car at 20 mph on the test track.",
                 panels,
             )
@@ -108,7 +108,7 @@ def chain_section(study: Results) -> Section:
         [
             Figure(
                 "preview-chain",
-                "Figure 1.7: range, corrected road and its rate",
+                "Range, corrected road and its rate (figure 1.7 of the paper)",
                 f"Test track at 20 mph, radar with noise and its resolution of {1e3 * row['resolution']:g} mm, car without control forces.",
                 _track_panels(study),
             ),

@@ -96,7 +96,7 @@ def _filter_figure(study: Results) -> Figure:
     ]
     return Figure(
         "figure-1-4",
-        "Figure 1.4: step response of the filter of the desired force",
+        "Step response of the filter of the desired force (figure 1.4 of the paper)",
         "From the force tracking FMU.",
         [Panel("", "time [ms]", "force over desired force [-]", curves)],
     )
@@ -114,7 +114,7 @@ def _tracking_figure(study: Results) -> Figure:
         panels.append(Panel(signal, "time [s]", "force [N]", curves))
     return Figure(
         "figure-1-8",
-        "Figure 1.8: force tracking",
+        "Force tracking (figure 1.8 of the paper)",
         "Filtered square wave, sweep from 1 to 10 Hz, and the same sweep sampled every 30 ms.",
         panels,
     )
