@@ -114,8 +114,14 @@ class Toolchain:
             flags += ["-Wl,--no-undefined", "-Wl,--build-id=none"]
         elif self.platform.suffix == ".dylib":
             flags += [f"-Wl,-install_name,@rpath/{output.name}"]
-        more = ["-ldl"] if loads and self.platform.suffix == ".so" else []  # a library of its own until glibc 2.34
+        more = self._loader() if loads and self.platform.suffix == ".so" else []
         self._run([*flags, *map(str, objects), *more, "-o", str(output)])
+
+    def _loader(self) -> list[str]:
+        """Flags for the functions that open libraries: until glibc 2.34 they are in a library of their own, which must be
+        named for these older systems also where a newer glibc links."""
+        ours = "ziglang" not in self.version and host_platform.libc_ver()[0] == "glibc"
+        return ["-Wl,--no-as-needed", "-l:libdl.so.2", "-Wl,--as-needed"] if ours else ["-ldl"]
 
     def link_program(self, objects: Sequence[Path], output: Path) -> None:
         """Objects to a program that opens libraries and has threads."""

@@ -41,7 +41,6 @@ LEFT_OUT = {
 
 NOT_WITH_FOREIGN = {
     "test_units_are_defined_by_base_units": "they may have units that our table does not know",
-    "test_binaries_run_on_old_systems_and_share_nothing": "they are loaded by functions of the C library, in the version of the machine that compiled it",
 }
 """Test -> why it is about systems without FMUs of others."""
 

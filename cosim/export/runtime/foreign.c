@@ -26,6 +26,18 @@
 #define SUFFIX ".so"
 #define SYSTEM2 "linux"
 #define SYSTEM3 "linux"
+#if defined(__GLIBC__) && defined(__x86_64__)
+/* The versions that every glibc has: a newer one has others by default, which older systems do not. */
+__asm__(".symver dlopen,dlopen@GLIBC_2.2.5");
+__asm__(".symver dlsym,dlsym@GLIBC_2.2.5");
+__asm__(".symver dlclose,dlclose@GLIBC_2.2.5");
+__asm__(".symver dlerror,dlerror@GLIBC_2.2.5");
+#elif defined(__GLIBC__) && defined(__aarch64__)
+__asm__(".symver dlopen,dlopen@GLIBC_2.17");
+__asm__(".symver dlsym,dlsym@GLIBC_2.17");
+__asm__(".symver dlclose,dlclose@GLIBC_2.17");
+__asm__(".symver dlerror,dlerror@GLIBC_2.17");
+#endif
 #endif
 #endif
 
