@@ -37,6 +37,7 @@ class Library:
     def __init__(self, version: str, ffi: Any, handle: Any, folder: Path, own_folder: bool):
         self.handle = handle
         self.folder = folder
+        self._owner = os.getpid()
         self._version = version
         self.users = 0
         self.open = True
@@ -58,7 +59,7 @@ class Library:
             self.open = False
             fmi.close(self._ffi, self.handle)
             if self._own_folder:
-                _remove([self.folder])
+                _remove([self.folder], self._owner)
 
     def lost(self) -> str | None:
         """How the FMU was lost, in words: in this process it is there as long as the process is."""
@@ -119,7 +120,8 @@ class FmuFile:
         self._abandoned = False
         self._ffi = fmi.ffi2 if self.major == "2" else fmi.ffi3
         self._owned: list[Path] = []
-        weakref.finalize(self, _remove, self._owned)
+        self._owner = os.getpid()
+        weakref.finalize(self, _remove, self._owned, self._owner)
 
     def __repr__(self) -> str:
         return f"{type(self).__name__}({str(self.path)!r})"
@@ -235,9 +237,10 @@ class FmuFile:
     def close(self) -> None:
         """Remove the unpacked copy. Close the components first."""
         self._folder = None
-        _remove(self._owned)
+        _remove(self._owned, self._owner)
 
 
-def _remove(folders: list[Path]) -> None:
-    while folders:
+def _remove(folders: list[Path], owner: int) -> None:
+    """Remove what a process has unpacked; one that was forked from it leaves that alone."""
+    while os.getpid() == owner and folders:
         shutil.rmtree(folders.pop(), ignore_errors=True)
