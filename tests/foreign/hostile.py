@@ -20,7 +20,7 @@ PHASES = (
 ENDS = {  # deed -> words of the error
     "segfault": "signal 11", "abort": "signal 6", "exit": "exit code 3", "quit": "exit code 0", "hang": "step_timeout",
     "sleep": "step_timeout", "devour": "memory_limit", "overflow": "signal 11", "trap": "signal 4", "divide": "signal 8",
-    "kill": "signal 9", "stop": "step_timeout", "terminate": "signal 15", "close": "step_timeout|closed the connection|exit code 0", "fork": "exit code 4",
+    "kill": "signal 9", "stop": "step_timeout", "terminate": "signal 15", "close": "step_timeout|closed the connection|signal 9", "fork": "exit code 4",
     "thread": "signal 11", "words": "these are my last words",
 }  # fmt: skip
 """Deeds that end the process, or must end it."""
