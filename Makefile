@@ -10,7 +10,7 @@ ifeq ($(HOST_CC),)
 RUN_EXTRAS := studies,zig
 endif
 
-.PHONY: run studies test test-full lint bench mutants fuzz fmus clean
+.PHONY: run studies test test-full test-courses test-platforms release lint bench mutants fuzz fmus clean
 
 run: $(VENV)/.run
 	$(BIN)/build-fmus
@@ -30,6 +30,21 @@ test: $(VENV)/.test lint
 # Also runs the studies once more and compares every verdict; a study uses all cores by itself.
 test-full: test
 	$(BIN)/python -m pytest -m full
+
+# Reads the measured courses (OpenCRG) in the folder that SUSPENSION_ROADS names; they are no part of the repository.
+test-courses: $(VENV)/.test
+	@test -n "$$SUSPENSION_ROADS" || { echo "skipped: SUSPENSION_ROADS names no folder of measured courses (*.crg)"; exit 0; }; \
+	$(BIN)/python -m pytest -m courses tests/roads
+
+# Builds all FMUs for all platforms (ziglang) and runs those for Windows under Wine and those for ARM under QEMU. From Debian:
+# apt install wine64 qemu-user-static libc6-arm64-cross. What is not installed is skipped, and said.
+test-platforms: $(VENV)/.test
+	$(BIN)/build-fmus
+	$(BIN)/python -m pytest -m platforms -rs tests/conformance/test_other_platforms.py
+
+# What is published: all FMUs for all platforms (ziglang, some ten minutes the first time), wheel and source distribution.
+release: $(VENV)/.test
+	$(BIN)/python .ci/release.py build/release
 
 lint: $(VENV)/.test
 	$(BIN)/ruff check .

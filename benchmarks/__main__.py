@@ -18,6 +18,7 @@ from benchmarks import (
     fmu_cost,
     hmmwv_real_time,
     isolation,
+    learning,
     mathematics,
     mpc_at_limit,
     mpc_solvers,
@@ -33,6 +34,7 @@ from cosim import EngineChoice, System
 from cosim.experiments.gpc import EXPERIMENT as GPC
 from cosim.experiments.gpc.runs import PLANT
 from cosim.study import Execution, FmuSet, run_study
+from cosim.study.store import Store
 
 
 def full_car() -> dict[str, float]:
@@ -55,7 +57,7 @@ def study() -> dict[str, float]:
             begin = time.perf_counter()
             result = run_study(GPC, FmuSet(), Path(tmp), execution=Execution(engine))
             found[f"{name}, wall time [s]"] = time.perf_counter() - begin
-            found |= {"runs": len(list(Path(tmp).glob("*.json"))), "tasks": len(result.tasks)}
+            found |= {"runs": len(Store(Path(tmp))), "tasks": len(result.tasks)}
     slow, fast = (found[f"{name}, wall time [s]"] for name in reversed(engines))
     return {**found, "Python master / engine": slow / fast}
 
@@ -77,6 +79,7 @@ def main() -> None:
         "hydraulic HMMWV, simulated time / processor time of one core": hmmwv_real_time.measure(),
         "saved states of one corner": states.measure(),
         "one corner by hand, and in real time": states.by_hand(),
+        learning.TITLE: learning.measure(),
         "contact plant of paper 003, trench of 1.5 m at 3 km/h": trench_plant.measure(),
         "solver step checked at initialization": solver_check.measure(),
         "mathematical library inside the FMUs": mathematics.measure(),

@@ -8,7 +8,8 @@ from __future__ import annotations
 import difflib
 import math
 import re
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -103,3 +104,9 @@ def short(value: float) -> str:
     """Few digits, but no two numbers alike."""
     text = f"{value:g}"
     return text if float(text) == value or not math.isfinite(value) else str(value)
+
+
+def glob(pattern: str) -> Callable[[str], Any]:
+    """Predicate for names; only * and ? are special, brackets are part of names."""
+    text = re.escape(pattern).replace(r"\*", ".*").replace(r"\?", ".")
+    return re.compile(text).fullmatch

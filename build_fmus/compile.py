@@ -200,6 +200,11 @@ class ObjectCache:
     def __init__(self, directory: Path) -> None:
         self.directory = directory
 
+    @classmethod
+    def of_user(cls, name: str) -> ObjectCache:
+        """The one of this name among the user's."""
+        return cls(safe_files.cache_directory() / name)
+
     def library(
         self, toolchain: Toolchain, sources: Sequence[Path], include: Sequence[Path], name: str, *, loads: bool = False
     ) -> Path:

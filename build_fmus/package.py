@@ -12,7 +12,7 @@ from pathlib import Path
 
 import fmpy
 
-from build_fmus import description, extras, generate, licences, reference, safe_files
+from build_fmus import description, extras, generate, licences, reference, related, safe_files
 from build_fmus.compile import ObjectCache, Platform, find_toolchain
 from build_fmus.component import Component, DeclarationError, Model
 from build_fmus.icon import icon_png
@@ -61,10 +61,12 @@ def _pack(component: Model, fmi: int, platforms: Sequence[Platform], cache: Obje
             (Path(tmp) / name).parent.mkdir(exist_ok=True)
             (Path(tmp) / name).write_bytes(data)
         paths = [Path(tmp) / n for n in sources]
+        compilers = {}
         for platform in platforms:
-            library = cache.library(find_toolchain(platform.name), paths, [Path(tmp)], component.name)
             folder = platform.fmi2_name if fmi == 2 else platform.name
-            content[f"binaries/{folder}/{component.name}{platform.suffix}"] = library.read_bytes()
+            path = f"binaries/{folder}/{component.name}{platform.suffix}"
+            compilers[path] = find_toolchain(platform.name)
+            content[path] = cache.library(compilers[path], paths, [Path(tmp)], component.name).read_bytes()
     icon = icon_png(component.kind)
     if fmi == 2:
         content["model.png"] = icon
@@ -72,7 +74,8 @@ def _pack(component: Model, fmi: int, platforms: Sequence[Platform], cache: Obje
         content["sources/buildDescription.xml"] = description.build_description(component.name, sources)
         content["terminalsAndIcons/terminalsAndIcons.xml"] = description.terminals_and_icons(component, arrays=arrays)
         content["terminalsAndIcons/icon.png"] = icon
-    content |= _documentation(component, fmi)
+    result = reference.simulate(component)
+    content |= _documentation(component, fmi, result)
     parts = licences.of_sources(
         files, generate.third_party(component), uses_casadi=generate.written_functions(component).uses_casadi
     )
@@ -81,6 +84,11 @@ def _pack(component: Model, fmi: int, platforms: Sequence[Platform], cache: Obje
     if component.provenance:
         provenance = json.dumps(dict(component.provenance), indent=1, sort_keys=True)
         content["resources/provenance.json"] = f"{provenance}\n".encode()
+    stimuli, references = (f"documentation/{component.name}_{what}.csv" for what in ("in", "ref"))
+    experiment = related.Experiment(
+        float(result.time[-1]), float(result.time[1]), stimuli if result.input_names else None, references
+    )
+    content |= related.files(component.name, content, parts, compilers, experiment=experiment)
     return archive(content)
 
 
@@ -97,11 +105,10 @@ def source_files(component: Model, fmi: int, *, arrays: bool = False) -> dict[st
     return files
 
 
-def _documentation(component: Model, fmi: int) -> dict[str, bytes]:
+def _documentation(component: Model, fmi: int, result: reference.ReferenceResult) -> dict[str, bytes]:
     environment = jinja2.Environment(
         loader=jinja2.PackageLoader("build_fmus", "templates"), autoescape=True, trim_blocks=True, lstrip_blocks=True
     )
-    result = reference.simulate(component)
     page = environment.get_template("documentation.html").render(
         component=component,
         fmi=f"{fmi}.0",

@@ -1,5 +1,7 @@
 """How FMUs run together: the co-simulation master, its experiments and reports."""
 
+from importlib import metadata
+
 from cosim.component import Component, Ports, PythonComponent
 from cosim.description import Description, Variable
 from cosim.engine.choice import EngineChoice
@@ -11,6 +13,8 @@ from cosim.errors import (
     Interrupted,
     LoopError,
     ProcessLostWarning,
+    SspError,
+    SspWarning,
     StabilityWarning,
     TimeError,
     UnconnectedInputsWarning,
@@ -18,6 +22,7 @@ from cosim.errors import (
 )
 from cosim.fmu.describe import describe, wiring
 from cosim.fmu.limits import Limits
+from cosim.formats import FormatError
 from cosim.master.simulation import Simulation
 from cosim.master.stability import Stability
 from cosim.master.state import SystemState
@@ -26,6 +31,7 @@ from cosim.recording import Recording
 from cosim.session import Fmu, System
 from cosim.system.members import Connection, Group, Member
 from cosim.system.schedule import Schedule
+from cosim.tables import Table, TableError
 
 __all__ = [
     "Component",
@@ -37,6 +43,7 @@ __all__ = [
     "Fmu",
     "FmuError",
     "FmuWarning",
+    "FormatError",
     "Group",
     "Interrupted",
     "Limits",
@@ -48,11 +55,15 @@ __all__ = [
     "Recording",
     "Schedule",
     "Simulation",
+    "SspError",
+    "SspWarning",
     "Stability",
     "StabilityWarning",
     "StopWhen",
     "System",
     "SystemState",
+    "Table",
+    "TableError",
     "TimeError",
     "UnconnectedInputsWarning",
     "Variable",
@@ -61,3 +72,9 @@ __all__ = [
     "describe",
     "wiring",
 ]
+
+
+def __getattr__(name: str) -> str:
+    if name == "__version__":  # looked up when somebody asks
+        return metadata.version("suspension-fmus")
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

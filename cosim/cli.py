@@ -12,10 +12,12 @@ from rich.text import Text
 
 from build_fmus import extras, terminal
 from build_fmus.terminal import Command, Commands, PackageVersion, show
+from cosim.check.command import check_command
 from cosim.experiments import EXPERIMENTS, IDENTIFY
-from cosim.study.commands import EVERYWHERE, export_command, run_command, study_command
+from cosim.study.commands import EVERYWHERE, export_command, run_command, study_command, wiring_command
 from cosim.study.experiment import resolved
 from cosim.study.loading import load
+from cosim.study.sweep_command import sweep_command
 
 GROUP: dict[str, Any] = {**terminal.APP, "no_args_is_help": True}
 _ANYTHING = {"allow_extra_args": True, "ignore_unknown_options": True}  # which another command reads
@@ -35,7 +37,7 @@ class Experiments(Commands):
     def get_command(self, ctx: Any, cmd_name: str) -> Any:  # noqa: ARG002
         if cmd_name in NAMES:
             extras.require("studies", f"the experiment {cmd_name}")
-        if cmd_name in EXPERIMENTS or cmd_name.endswith(".py"):
+        if cmd_name in EXPERIMENTS or cmd_name.endswith((".py", ".ssp")):
             return type(self).make(load(EXPERIMENTS.get(cmd_name, cmd_name)))
         return None
 
@@ -48,8 +50,16 @@ class Studies(Experiments):
     make = staticmethod(study_command)
 
 
+class Sweeps(Experiments):
+    make = staticmethod(sweep_command)
+
+
 class Exports(Experiments):
     make = staticmethod(export_command)
+
+
+class Drawings(Experiments):
+    make = staticmethod(wiring_command)
 
 
 class Laws(Commands):
@@ -67,7 +77,7 @@ class Laws(Commands):
 
 
 app = typer.Typer(cls=Commands, **GROUP)
-FILE = "NAME is one of ours, or a file of yours: cosim {0} my_experiment.py"
+FILE = "NAME is one of ours, or a file of yours: cosim {0} my_experiment.py, cosim {0} Any.ssp"
 
 
 @app.callback()
@@ -82,9 +92,18 @@ app.add_typer(
 )
 app.add_typer(
     typer.Typer(
-        cls=Exports, help="Write the system of one case as one FMU, for any tool. " + FILE.format("export"), **GROUP
+        cls=Sweeps, help="Run an experiment over a design of its parameters. " + FILE.format("sweep"), **GROUP
+    ),
+    name="sweep",
+)
+app.add_typer(
+    typer.Typer(
+        cls=Exports, help="Write the system of one case as one FMU, for any tool, or as an SSP. " + FILE.format("export"), **GROUP
     ),
     name="export",
+)
+app.add_typer(
+    typer.Typer(cls=Drawings, help="Draw the system of one case as SVG. " + FILE.format("wiring"), **GROUP), name="wiring"
 )
 app.add_typer(
     typer.Typer(cls=Laws, help="Derive the control laws again from their plant FMU.", **GROUP), name="identify"
@@ -135,6 +154,9 @@ def fmu(
         opened.require_standard()
     show(Text("\nready to paste:", style="bold"))
     show(Text(wiring(opened), style="green"), as_is=True)
+
+
+app.command("check", cls=Command)(check_command)
 
 
 @app.command(cls=Command)

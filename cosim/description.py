@@ -8,7 +8,7 @@ from fractions import Fraction
 from typing import Any
 
 from build_fmus.checks import did_you_mean
-from build_fmus.units import Unit
+from build_fmus.units import DisplayUnit, Unit
 from cosim.errors import WiringError
 
 RECORDABLE = ("real", "integer", "boolean")  # types of what can be connected and recorded
@@ -54,6 +54,7 @@ class Variable:
     constant: float | None = None  # the value that an output always has
     must_equal: float | None = None  # of an input: the constant that its source must have
     tolerance: float = 0.0  # difference from `must_equal` that passes
+    display: DisplayUnit | None = None  # the unit in which the FMU wants it displayed
     source: str | None = None  # where its value comes from, in words, if the FMU says so
 
     @property
@@ -101,6 +102,7 @@ class Description:
     derivatives: list[Variable] = field(default_factory=list)
     log_categories: list[str] = field(default_factory=list)
     model_exchange: bool = False
+    native: bool = False  # no FMU, but with calls that are functions of C too: the engine need not call Python back
     needs_tool: bool = False  # the FMU is a door to a tool that must be installed
     aliases: dict[str, str] = field(default_factory=dict)
 

@@ -33,6 +33,10 @@ class FmuError(CosimError):
     """A file is missing, is no FMU, or is an FMU that cannot run here."""
 
 
+class SspError(CosimError):
+    """An SSP is missing or damaged, or holds what cannot be represented; or a system cannot travel as one."""
+
+
 class TimeError(CosimError, ValueError):
     """A time or step that cannot be read or used."""
 
@@ -54,6 +58,10 @@ class UnconnectedInputsWarning(UserWarning):
 
 class FmuWarning(UserWarning):
     """An FMU deviates from the standard, or says what contradicts itself: it can be run, but may not do what is expected."""
+
+
+class SspWarning(UserWarning):
+    """An SSP deviates from the standard: it can be read, but may not be what was meant."""
 
 
 class StabilityWarning(UserWarning):

@@ -1,22 +1,24 @@
-"""Results in memory and on disk: time and one column per variable."""
+"""Results in memory, on disk and in other libraries: time and one column per variable."""
 
 from __future__ import annotations
 
-import csv
 import os
-import re
-from collections.abc import Iterator
-from dataclasses import dataclass, field
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-
-import numpy as np
+from typing import TYPE_CHECKING
 
 from build_fmus import safe_files
-from build_fmus.checks import did_you_mean, plain
+from build_fmus.checks import did_you_mean, glob
+from build_fmus.units import KNOWN, DisplayUnit, UnitMismatchError, conversion
+from cosim import formats, frames
 from cosim.real_time import RealTime
 from cosim.signals import Array
 
-_HEADER = re.compile(r"(.*?)(?: \[(.*)\])?", re.DOTALL)
+if TYPE_CHECKING:
+    import pandas as pd
+    import plotly.graph_objects as go
+    import xarray as xr
 
 
 @dataclass
@@ -25,7 +27,8 @@ class Recording:
 
     `recording["car.body.az"]` is one column; an FMU's aliases of a name give the same column. `stopped_by` says which stop condition, or which component that asked for
     it, ended the run (None: it reached its stop time); `wall_time` [s] is what the stepping took; `real_time` is how a run with
-    `real_time=...` kept pace with the clock.
+    `real_time=...` kept pace with the clock. `types` names what stands for "integer" or "boolean" values, `display` the units in
+    which FMUs want their variables displayed.
     """
 
     time: Array
@@ -36,6 +39,8 @@ class Recording:
     wall_time: float = 0.0
     aliases: dict[str, str] = field(default_factory=dict)
     real_time: RealTime | None = None
+    types: dict[str, str] = field(default_factory=dict)
+    display: dict[str, DisplayUnit] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         self._column = {name: i for i, name in enumerate(self.names)}
@@ -64,37 +69,91 @@ class Recording:
         span = float(self.time[-1] - self.time[0]) if len(self.time) else 0.0
         return span / self.wall_time if self.wall_time > 0 else float("inf")
 
+    # As a file.
+
+    def write(self, path: str | os.PathLike[str]) -> Path:
+        """Write it in the format of the file's ending: .csv, .parquet, .nc, .h5, .hdf5 or .mf4 (`cosim.formats`). `read` gives the
+        same bits, names, units, order and types back; a CSV has no types. Makes the folder; an older file is replaced when the new one
+        is whole. Raises FormatError (a ValueError) for other endings, MissingExtraError without the extra [data], OSError naming the path."""
+        return formats.write(path, self)
+
+    @classmethod
+    def read(cls, path: str | os.PathLike[str]) -> Recording:
+        """Read what `write` wrote. Raises FormatError (a ValueError) naming the file that cannot be read, of a CSV also the line."""
+        return cls._of(formats.read(path))
+
     def to_csv(self, path: str | os.PathLike[str]) -> Path:
-        """Write `time [s]` and every column with a header `name [unit]`; floats are written so that reading them
-        back gives the same bits. Makes the folder; an older file is replaced when the new one is whole. Raises OSError
-        naming the path."""
-        path = Path(path)
-        units = [self.units.get(name, "") for name in self.names]
-        header = ["time [s]", *(f"{n} [{u}]" if u else n for n, u in zip(self.names, units, strict=True))]
-        with safe_files.opened(path, newline="", encoding="utf-8") as file:
-            writer = csv.writer(file, lineterminator="\n")
-            writer.writerow(header)
-            for t, row in zip(self.time.tolist(), self.data.tolist(), strict=True):
-                writer.writerow([t, *row])
-        return path
+        """Write it as CSV, whatever the file's ending: `time [s]` and every column with a header `name [unit]`; see `write`."""
+        with safe_files.opened(path, "wb") as file:
+            formats.write_csv(file, self)
+        return Path(path)
 
     @classmethod
     def from_csv(cls, path: str | os.PathLike[str]) -> Recording:
         """Read what `to_csv` wrote. Raises ValueError naming the file and line that cannot be read."""
-        with Path(path).open(newline="", encoding="utf-8") as file:
-            reader = csv.reader(file)
-            rows: list[list[float]] = []
-            try:
-                header = next(reader, [""])
-                if not header or _HEADER.fullmatch(header[0])[1] != "time":  # type: ignore[index]
-                    raise ValueError("the first column must be 'time [s]'")
-                for row in filter(None, reader):
-                    if len(row) != len(header):
-                        raise ValueError(f"{len(row)} numbers for {len(header)} columns")
-                    rows.append([float(x) for x in row])
-            except (ValueError, csv.Error) as error:
-                raise ValueError(plain(f"{path}, near line {reader.line_num}: {error}")) from None
-        table = np.array(rows, dtype=float).reshape(len(rows), len(header))
-        pairs = [_HEADER.fullmatch(text).groups() for text in header[1:]]  # type: ignore[union-attr]
-        names = [str(name) for name, _ in pairs]
-        return cls(table[:, 0], names, table[:, 1:], {str(name): unit or "" for name, unit in pairs})
+        return cls._of(formats.read_csv(Path(path)))
+
+    @classmethod
+    def _of(cls, content: formats.Content) -> Recording:
+        return cls(content.time, content.names, content.data, content.units, types=content.types)
+
+    # In other libraries.
+
+    def to_pandas(self) -> pd.DataFrame:
+        """A DataFrame over the time [s]; integers and Booleans have columns of their type, `attrs["units"]` has the units by name.
+        Raises MissingExtraError without the extra [data]."""
+        return frames.to_pandas(self)
+
+    def to_xarray(self) -> xr.Dataset:
+        """A Dataset over the time [s], with units as attributes; arrays that were recorded whole are one variable each.
+        Raises MissingExtraError without the extra [data]."""
+        return frames.to_xarray(self)
+
+    def plot(self, *names: str, title: str = "") -> go.Figure:
+        """A plotly figure of these names and patterns (`*`, `?`; none: everything), one diagram for each unit. Shown by a notebook, or by
+        `.show()`. Raises KeyError for a name that was not recorded, MissingExtraError without the extra [reports]."""
+        return frames.figure(self, self.select(*names), title)
+
+    def select(self, *names: str) -> list[str]:
+        """Recorded names that fit these names and patterns (`*`, `?`), all without any. Raises KeyError for one that fits none."""
+        chosen: dict[str, None] = {}
+        for name in names or ("*",):
+            own = self.aliases.get(name, name)
+            found = [own] if own in self._column else [n for n in self.names if glob(name)(n)]
+            if not found and self.names:
+                raise KeyError(f"'{name}' was not recorded{did_you_mean(name, self.names)}")
+            chosen.update(dict.fromkeys(found))
+        return list(chosen)
+
+    def in_units(self, units: Mapping[str, str] | None = None) -> Recording:
+        """A copy in other units: those in which FMUs want their variables displayed (rad in deg, m/s in km/h), or, by name or pattern,
+        those that are given, `{"car.body.pitch*": "deg"}`. Numbers and units change together, so files and frames say what they hold.
+        Raises KeyError for names that were not recorded, units that are not known or measure something else."""
+        changes = self.display
+        if units is not None:
+            changes = {n: _change(n, self.units.get(n, ""), unit) for p, unit in units.items() for n in self.select(p)}
+        data, named = self.data.copy(order="F"), dict(self.units)
+        for name, to in changes.items():
+            if name in self._column and (to.factor, to.offset) != (1.0, 0.0):
+                column = self._column[name]
+                data[:, column] = data[:, column] * to.factor + to.offset
+            named[name] = to.name
+        types = {n: t for n, t in self.types.items() if n not in changes}
+        left = {n: d for n, d in self.display.items() if n not in changes}
+        return replace(self, data=data, units=named, types=types, display=left)
+
+    def _repr_html_(self) -> str:
+        span = f" from {self.time[0]:.9g} to {self.time[-1]:.9g} s" if len(self) else ""
+        return frames.page(self, f"{len(self)} samples of {len(self.names)} variables{span}")
+
+
+def _change(name: str, given: str, to: str) -> DisplayUnit:
+    """What turns values of one unit into those of another. Raises KeyError naming the variable."""
+    for unit in (given, to):
+        if unit not in KNOWN:
+            what = f"it has the unit '{unit}'" if unit else "it has no unit"
+            raise KeyError(f"'{name}' in {to}: " + (f"no unit '{to}'{did_you_mean(to, KNOWN)}" if unit == to else f"{what}, which is not known"))
+    try:
+        return DisplayUnit(to, *conversion(KNOWN[given], KNOWN[to]))
+    except UnitMismatchError as error:
+        raise KeyError(f"'{name}' has the unit {given}, not converted to {to}: {error}") from None

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 import os
 import re
+import tempfile
 import warnings
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -26,6 +27,7 @@ from typing import TYPE_CHECKING, Any
 from cosim.engine.choice import EngineChoice, choose_engine
 from cosim.errors import CosimError, UnconnectedInputsWarning
 from cosim.fmu.file import FmuFile
+from cosim.formats import format_of
 from cosim.interrupt import held
 from cosim.master.simulation import Simulation
 from cosim.master.stability import Stability, coupled_spectral_radius, warn_if_unstable
@@ -51,6 +53,46 @@ class System(Wiring):
     def __init__(self) -> None:
         super().__init__()
         self._simulation: Simulation | None = None
+        self._room: tempfile.TemporaryDirectory[str] | None = None  # files of an SSP
+        self._ssp: Path | None = None
+        self.experiment: tuple[Fraction, Fraction | None] = Fraction(0), None
+        """Start and stop time [s] that an SSP proposes."""
+
+    @classmethod
+    def from_ssp(
+        cls,
+        path: str | os.PathLike[str],
+        *,
+        variant: str | None = None,
+        step: TimeLike | Mapping[str, TimeLike] | None = None,
+        strict: bool = False,
+    ) -> System:
+        """The system of an SSP 1.0 or 2.0 file, of any tool, or of the folder of an unpacked one. One that `export_ssp` has written gives the same
+        numbers, bit for bit.
+
+        Components of nested systems are named `system.component`. `variant`: another description than SystemStructure.ssd, by its name or
+        that of its file. `step` [s]: by name or pattern how often components are stepped, or one for all for which neither the SSP
+        (annotations of this project, of the Open Simulation Platform, of OMSimulator) nor the FMU says it. `strict`: as in `add`.
+        `experiment` has start and stop time of the file's default experiment. What the standard's schemas do not allow is warned of
+        (SspWarning); what cannot be represented, or leads out of the file, is refused by name (SspError).
+        """
+        from cosim.ssp.read import read_ssp
+
+        system = cls()
+        system._room = room = tempfile.TemporaryDirectory(prefix="cosim-ssp-")
+        try:
+            found = read_ssp(system, Path(path), Path(room.name), variant=variant, step=step, strict=strict)
+        except BaseException:
+            system.close()
+            raise
+        system.experiment = found.start_time, found.stop_time
+        system._ssp = Path(path).absolute()
+        return system
+
+    @property
+    def fmu_files(self) -> list[Path]:
+        """The files behind its components: FMUs, or the SSP that they are from."""
+        return super().fmu_files if self._ssp is None else [self._ssp]
 
     def __enter__(self) -> System:
         return self
@@ -64,7 +106,7 @@ class System(Wiring):
 
     def initialize(
         self,
-        start_time: TimeLike = 0,
+        start_time: TimeLike | None = None,
         *,
         record: str | Iterable[str] | None = None,
         record_interval: TimeLike | None = None,
@@ -76,7 +118,8 @@ class System(Wiring):
         engine: EngineChoice = "auto",
         allow_unconnected: bool = False,
     ) -> Simulation:
-        """Reset and initialize all components and return the `Simulation` at `start_time`.
+        """Reset and initialize all components and return the `Simulation` at `start_time` [s], by default 0, or what the
+        system's SSP says.
 
         `record`: names and patterns as in `select`; `record_interval` [s], default the smallest step; `watch`: further
         variables that can be read while it runs (`simulation["car.x"]`). `stop_time` is only told to the FMUs. With
@@ -100,7 +143,7 @@ class System(Wiring):
             warnings.warn(text, UnconnectedInputsWarning, stacklevel=3)
         self._simulation = Simulation(
             schedule,
-            start_time,
+            self.experiment[0] if start_time is None else start_time,
             record=self.select(record),
             record_interval=interval,
             watch=[pair for name in watch for pair in self.select([name])],
@@ -117,12 +160,14 @@ class System(Wiring):
         self,
         stop_time: TimeLike,
         *,
-        start_time: TimeLike = 0,
+        start_time: TimeLike | None = None,
         record: str | Iterable[str] | None = None,
         record_interval: TimeLike | None = None,
         stop_when: Sequence[StopCondition] = (),
         watch: Iterable[str] = (),
+        output: str | os.PathLike[str] | None = None,
         csv: str | os.PathLike[str] | None = None,
+        display_units: bool = False,
         progress: bool = False,
         check_stability: bool = False,
         state: SystemState | None = None,
@@ -134,13 +179,18 @@ class System(Wiring):
         """Initialize, run to `stop_time` [s], to the first of `stop_when` or to where a component asks to end, and return
         the recording, whose `stopped_by` tells which.
 
-        A failing component raises ComponentError, Ctrl-C raises Interrupted; both carry the recording so far, and with
-        `csv` it is on disk in any case: of a process that dies `NAME.csv.part`, from which `cosim recover` makes the CSV, has all but
-        the last tenth of a second of its work. `real_time` paces it, see `Simulation.advance`. The other arguments are those of
+        `output`: a file for the recording, in the format of its ending, as `Recording.write` says (`csv` is an older name for it); with
+        `display_units` in the units in which FMUs want their variables displayed. A failing component raises ComponentError, Ctrl-C
+        raises Interrupted; both carry the recording so far, and with `output` it is on disk in any case: of a process that dies
+        `NAME.csv.part`, from which `cosim recover` makes the file, has all but the last tenth of a second of its work. An ending that
+        stands for no format raises FormatError before anything runs. `real_time` paces it, see `Simulation.advance`. The other arguments are those of
         `initialize`.
         """
-        if csv is not None:
-            _check_writable(Path(csv))
+        if output is not None and csv is not None:
+            raise CosimError("give the recording's file as output=... or as csv=..., not both")
+        file = csv if output is None else output
+        if file is not None:
+            _check_writable(Path(file))
         with self.initialize(
             start_time,
             record=record,
@@ -153,7 +203,7 @@ class System(Wiring):
             engine=engine,
             allow_unconnected=allow_unconnected,
         ) as simulation:
-            with _written(simulation, csv):
+            with _written(simulation, file, display_units):
                 simulation.advance(stop_time, stop_when=stop_when, progress=progress, real_time=real_time)
             return simulation.recording
 
@@ -245,6 +295,43 @@ class System(Wiring):
             platforms=platforms, text=text,
         )  # fmt: skip
 
+    def export_ssp(
+        self,
+        path: str | os.PathLike[str],
+        *,
+        version: str = "1.0",
+        inputs: str | Iterable[str] = (),
+        stop_time: TimeLike | None = None,
+        text: str = "",
+    ) -> Path:
+        """Write the system as an SSP, "1.0" or "2.0" (System Structure and Parameterization), which other tools read: its FMUs, how they are
+        connected, their values, rates and places in a picture. `from_ssp` makes the same system of it again.
+
+        SSP 1.0 takes FMUs of FMI 2.0: of one of FMI 3.0 that `build-fmus` has made, its other version. SSP 2.0 takes that of FMI 3.0 where
+        there is one. `inputs`: names and patterns of inputs that nothing drives, which become inputs of the system (not every reader takes
+        systems that have any); default none, they keep their start values. `stop_time` [s]: of the default experiment; default the longest of the members'. `text`: its description. The
+        system is initialized, since readers that step before they exchange need what connected inputs show then.
+        Raises SspError naming what cannot travel: components in Python, isolated ones, FMUs in no version that fits.
+        """
+        from cosim.ssp.write import export_ssp, files_of, open_inputs
+
+        schedule = self.schedule()
+        opened = open_inputs(schedule, [inputs] if isinstance(inputs, str) else inputs)
+        files_of(schedule, version)  # before anything runs
+        with self.initialize(record=[], watch=[c.target_name for c in schedule.connections], allow_unconnected=True) as started:
+            initial = {c.target_name: started[c.target_name] for c in schedule.connections}
+        return export_ssp(
+            self.members.values(), schedule, Path(path), version=version, inputs=opened, initial=initial, text=text,
+            stop_time=None if stop_time is None else positive(stop_time, "stop_time"),
+        )  # fmt: skip
+
+    def draw(self, title: str = "") -> bytes:
+        """The system as a picture, SVG: its components with their rates, a line for each bundle of signals. The same system gives the
+        same bytes."""
+        from cosim.picture.svg import draw
+
+        return draw(self.schedule(), title)
+
     def reset(self) -> None:
         """End the simulation that is running, if any. The next `run` or `initialize` resets every component and sets
         its parameters again."""
@@ -260,6 +347,8 @@ class System(Wiring):
                 member.component.close()
         for fmu in self._fmus.values():
             fmu.close()
+        if self._room is not None:
+            self._room.cleanup()
 
 
 class Fmu(FmuFile):
@@ -303,21 +392,22 @@ def _below(member: str, patterns: str | Iterable[str] | None) -> list[str] | Non
 
 
 @contextmanager
-def _written(simulation: Simulation, csv: str | os.PathLike[str] | None) -> Iterator[None]:
+def _written(simulation: Simulation, file: str | os.PathLike[str] | None, display_units: bool) -> Iterator[None]:
     """The recording of what is done in the block goes to a file, row by row until the block ends, in whichever way."""
-    if csv is None:
+    if file is None:
         yield
         return
-    path = Path(os.path.realpath(csv))
+    path = Path(os.path.realpath(file))
     recording = simulation.recording
-    spool = Spool(spool_of(path), recording.names, recording.units) if path.is_file() else None
+    spool = Spool(spool_of(path), recording.names, recording.units, recording.types) if path.is_file() else None
     simulation.spool(spool)
     written = False
     try:
         try:
             yield
         finally:
-            simulation.recording.to_csv(csv)
+            recording = simulation.recording
+            (recording.in_units() if display_units else recording).write(file)
             written = True
     finally:
         simulation.spool(None)
@@ -326,7 +416,8 @@ def _written(simulation: Simulation, csv: str | os.PathLike[str] | None) -> Iter
 
 
 def _check_writable(path: Path) -> None:
-    """Raise CosimError now rather than after a long run."""
+    """Raise FormatError, MissingExtraError or CosimError now rather than after a long run."""
+    format_of(path)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         path.open("a").close()

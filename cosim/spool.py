@@ -1,7 +1,7 @@
 """Rows of a run on disk while it runs, so that a run that dies has lost no more than the last tenth of a second.
 
-`NAME.csv.part` lies beside `NAME.csv`: a line that says what it is, a line of JSON with names and units, then rows of little-endian
-doubles, time first. No text is made from numbers while a system runs; the CSV is made at the end, or by `recover`.
+`NAME.csv.part` lies beside `NAME.csv` (as `NAME.parquet.part` beside `NAME.parquet`): a line that says what it is, a line of JSON with names and units, then rows of little-endian
+doubles, time first. No text is made from numbers while a system runs; the file is made at the end, or by `recover`.
 """
 
 from __future__ import annotations
@@ -29,10 +29,12 @@ class Spool:
 
     EVERY = 0.1
 
-    def __init__(self, path: Path, names: Sequence[str], units: Mapping[str, str]):
+    def __init__(
+        self, path: Path, names: Sequence[str], units: Mapping[str, str], types: Mapping[str, str] | None = None
+    ):
         self.path = path
         self.count = 0  # rows that are written
-        head = json.dumps({"names": list(names), "units": dict(units)}).encode() + b"\n"
+        head = json.dumps({"names": list(names), "units": dict(units), "types": dict(types or {})}).encode() + b"\n"
         self._begin = len(_MAGIC) + len(head)
         self._width = (1 + len(names)) * _ROW.itemsize
         with safe_files.named(path):
@@ -68,9 +70,9 @@ class Spool:
             self.path.unlink(missing_ok=True)
 
 
-def spool_of(csv: Path) -> Path:
-    """Where the rows of a run lie until its CSV is made."""
-    return csv.with_name(csv.name + SUFFIX)
+def spool_of(file: Path) -> Path:
+    """Where the rows of a run lie until its file is made."""
+    return file.with_name(file.name + SUFFIX)
 
 
 def read_spool(path: str | os.PathLike[str]) -> Recording:
@@ -80,7 +82,8 @@ def read_spool(path: str | os.PathLike[str]) -> Recording:
     head, _, rows = data[len(_MAGIC) :].partition(b"\n")
     try:
         about = json.loads(head if data.startswith(_MAGIC) else b"")
-        names, units = [str(n) for n in about["names"]], {str(k): str(v) for k, v in about["units"].items()}
+        names = [str(n) for n in about["names"]]
+        units, types = ({str(k): str(v) for k, v in about.get(key, {}).items()} for key in ("units", "types"))
     except (ValueError, TypeError, KeyError, AttributeError, RecursionError):
         raise CosimError(
             f"{path}: these are not the rows of a run; give the file NAME.csv{SUFFIX} that a run with csv=NAME.csv has left"
@@ -88,13 +91,14 @@ def read_spool(path: str | os.PathLike[str]) -> Recording:
     width = 1 + len(names)
     whole = len(rows) // (width * _ROW.itemsize) * width
     table = np.frombuffer(rows, dtype=_ROW, count=whole).reshape(-1, width).astype(float)
-    return Recording(table[:, 0].copy(), names, np.asfortranarray(table[:, 1:]), units)
+    return Recording(table[:, 0].copy(), names, np.asfortranarray(table[:, 1:]), units, types=types)
 
 
 def recover(path: str | os.PathLike[str], to: str | os.PathLike[str] | None = None) -> tuple[Path, Recording]:
-    """Make the CSV of a run that died from `NAME.csv.part` (or from `NAME.csv`, beside which that lies), and remove the rows.
+    """Make the file of a run that died from `NAME.csv.part` (or from `NAME.csv`, beside which that lies), and remove the rows.
 
-    The CSV is `NAME.csv`, or `to`. Raises CosimError when there are no rows of a run, or when `NAME.csv` holds something already.
+    It is `NAME.csv`, or `to`, in the format of its ending, as of `NAME.parquet`. Raises CosimError when there are no rows of a run, or
+    when `NAME.csv` holds something already, FormatError for an ending that stands for no format.
     """
     part = Path(path)
     if part.suffix != SUFFIX:
@@ -107,6 +111,6 @@ def recover(path: str | os.PathLike[str], to: str | os.PathLike[str] | None = No
     recording = read_spool(part)
     if to is None and target.exists() and target.stat().st_size:
         raise CosimError(f"{target} is there already, from a run before: name another file with --to")
-    recording.to_csv(target)
+    recording.write(target)
     part.unlink()
     return target, recording

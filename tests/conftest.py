@@ -19,13 +19,32 @@ one_thread()  # as the commands; before numpy is loaded below
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # as in the background of a shell; the programs that tests interrupt inherit it
     signal.signal(signal.SIGINT, signal.default_int_handler)
 
+import awkward  # noqa: E402
 from built import BuiltFmus, build_all  # noqa: E402
+from foreign import followers  # noqa: E402
 
 
 @pytest.fixture(scope="session")
 def built_fmus() -> BuiltFmus:
     """All FMUs under test, for this machine, up to date."""
     return build_all()
+
+
+@pytest.fixture(scope="session")
+def follower(tmp_path_factory: pytest.TempPathFactory) -> dict[int, Path]:
+    """`foreign/follower.c` as FMU by FMI version: small, of somebody else's making, with states that it serializes."""
+    folder = tmp_path_factory.mktemp("followers")
+    return {version: followers.build(version, folder) for version in (2, 3)}
+
+
+@pytest.fixture(scope="session")
+def awkward_fmus(tmp_path_factory: pytest.TempPathFactory) -> dict[int, Path]:
+    """`awkward.c` as FMU by FMI version."""
+    folder = tmp_path_factory.mktemp("awkward")
+    return {
+        v: awkward.archive(folder / f"awkward{v}.fmu", awkward.description(v), binary=awkward.library(v, folder))
+        for v in (2, 3)
+    }
 
 
 FIRST = (

@@ -31,7 +31,7 @@ def choose_engine(members: Iterable[Member], choice: EngineChoice = "auto") -> E
         raise CosimError(unknown("engine", choice, known))
     if choice == "python":
         return Engine(Exchange, "the Python master, as requested")
-    back = [m.name for m in members if not m.description.fmi_version]
+    back = [m.name for m in members if not (m.description.fmi_version or m.description.native)]
     if choice == "auto" and len(back) == len(list(members)):
         return Engine(Exchange, "the Python master: all components are written in Python")
     try:

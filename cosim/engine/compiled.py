@@ -100,6 +100,7 @@ class _Engine:
         self._exchange = exchange
         self._keep: list[Any] = []
         self._failure: BaseException | None = None
+        self._rows: Any = None  # the recorder's chunk that the engine writes to
         ffi = self._ffi
         names = ("AT_END", "FULL", "STOPPED", "NOT_FINITE", "CALL_FAILED", "BACK_FAILED")
         self.AT_END, self.FULL, self.STOPPED, self.NOT_FINITE, self.CALL_FAILED, self.BACK_FAILED = (
@@ -153,7 +154,9 @@ class _Engine:
         e, recorder = self._state, self._exchange.recorder
         times, rows, row = recorder.room()
         begin = recorder.count - row
-        e.times, e.rows = self._address("double*", times), self._address("double*", rows)
+        if rows is not self._rows:
+            self._rows = rows
+            e.times, e.rows = self._address("double*", times), self._address("double*", rows)
         e.count, e.room, e.tick = row, len(times), tick
         for struct, calls in zip(self._members, self._calls, strict=True):
             if calls is not None:

@@ -9,14 +9,18 @@ from typing import Any
 
 import cffi
 
-from build_fmus import safe_files
 from build_fmus.compile import CompileError, ObjectCache, find_toolchain, host
 from cosim.fmu.environment import HEADER as ENVIRONMENT
 
 HEADER = Path(__file__).with_name("engine.h")
-SOURCES = (Path(__file__).with_name("engine.c"), Path(__file__).with_name("library.c"))
+TABLE = Path(__file__).with_name("table.h")
+SOURCES = tuple(Path(__file__).with_name(name) for name in ("engine.c", "table.c", "library.c"))
 
-_EXPORTED = "int cosim_engine_run(Engine *e, int64_t end); size_t cosim_engine_size(void);"
+_EXPORTED = """
+int cosim_engine_run(Engine *e, int64_t end);
+size_t cosim_engine_size(void);
+uint32_t cosim_table_step(void *table, double t, double h, int no_set_prior);
+"""
 
 
 class NoEngine(Exception):  # noqa: N818
@@ -25,9 +29,9 @@ class NoEngine(Exception):  # noqa: N818
 
 @lru_cache
 def interface() -> cffi.FFI:
-    """The types of `engine.h`."""
+    """The types of `engine.h` and `table.h`."""
     ffi = cffi.FFI()
-    declarations = re.sub(r"(?m)^#.*$", "", HEADER.read_text())
+    declarations = re.sub(r"(?m)^#.*$", "", HEADER.read_text() + TABLE.read_text())
     ffi.cdef(f"{declarations}\n{_EXPORTED}")
     return ffi
 
@@ -38,10 +42,10 @@ def library() -> Any:
     ffi = interface()
     try:
         toolchain = find_toolchain(host())
-        path = ObjectCache(safe_files.cache_directory() / "engine").library(toolchain, SOURCES, [HEADER.parent, ENVIRONMENT.parent], "engine")
+        path = ObjectCache.of_user("engine").library(toolchain, SOURCES, [HEADER.parent, ENVIRONMENT.parent], "engine")
         loaded: Any = ffi.dlopen(str(path))
     except (CompileError, OSError) as error:
         raise NoEngine(str(error).splitlines()[0]) from error
-    if loaded.cosim_engine_size() != ffi.sizeof("Engine") + ffi.sizeof("EngineMember"):
+    if loaded.cosim_engine_size() != ffi.sizeof("Engine") + ffi.sizeof("EngineMember") + ffi.sizeof("Table"):
         raise NoEngine(f"{path} lays out its data in another way than this Python")
     return loaded

@@ -16,7 +16,7 @@ from typing import Any
 import fmpy
 
 from build_fmus import description as base
-from build_fmus import extras, generate, licences, package, safe_files
+from build_fmus import extras, generate, licences, package, related, safe_files
 from build_fmus.compile import ObjectCache, Platform, find_toolchain, host, resolve_platforms
 from build_fmus.icon import icon_png
 from cosim.engine.plan import MemberPlan, Plan, make_plan
@@ -162,7 +162,7 @@ class _Exporter:
     def archive(self, platforms: Sequence[Platform]) -> bytes:
         self._check_platforms(platforms)
         carried = [p for p in self.distinct if not p.linked]
-        cache = ObjectCache(safe_files.cache_directory() / "export")
+        cache = ObjectCache.of_user("export")
         files = self._sources(cache, platforms)
         c_files = sorted(
             ["plan.c", *(n for n in files if n.endswith(".c") and ("/" not in n or n.startswith("musl/")))]
@@ -174,25 +174,29 @@ class _Exporter:
         with tempfile.TemporaryDirectory() as tmp, safe_files.named(tmp):
             _write(Path(tmp), files)
             paths = [Path(tmp) / n for n in c_files]
+            compilers = {}
             for platform in platforms:
                 folder = platform.fmi2_name if self.fmi == 2 else platform.name
-                library = cache.library(
-                    find_toolchain(platform.name), paths, [Path(tmp)], self.name, loads=bool(carried)
-                )
-                content[f"binaries/{folder}/{self.name}{platform.suffix}"] = library.read_bytes()
+                path = f"binaries/{folder}/{self.name}{platform.suffix}"
+                compilers[path] = find_toolchain(platform.name)
+                library = cache.library(compilers[path], paths, [Path(tmp)], self.name, loads=bool(carried))
+                content[path] = library.read_bytes()
         for part in self.distinct:
             content |= {f"resources/{n}": d for n, d in part.resource_files().items()}
             content |= {f"{licences.FOLDER}/{n}": d for n, d in part.licences().items()}
         content["resources/members.json"] = shown(self.distinct).encode()
         content["documentation/schedule.txt"] = f"{self.schedule}\n".encode()
         content["documentation/index.html"] = self._page().encode()
-        content |= self._licences(files, content)
+        parts = self._licensed(files, content)
+        content |= self._licences(parts, content)
         icon = icon_png(self.facts.kind)
         if self.fmi == 2:
             content["model.png"] = icon
         else:
             content["sources/buildDescription.xml"] = base.build_description(self.name, c_files)
             content["terminalsAndIcons/icon.png"] = icon
+        members = [related.member(p.name, p.files) for p in self.distinct]
+        content |= related.files(self.name, content, parts, compilers, members=members)
         return package.archive(content)
 
     def _check_platforms(self, platforms: Sequence[Platform]) -> None:
@@ -240,11 +244,15 @@ class _Exporter:
             self.fmi, self.facts, self.schedule, self.variables, token=token, sources=c_files
         )
 
-    def _licences(self, files: dict[str, bytes], content: dict[str, bytes]) -> dict[str, bytes]:
-        """The entry point, and the texts of what the system's own files hold; those of members are in folders of their own."""
+    @staticmethod
+    def _licensed(files: dict[str, bytes], content: dict[str, bytes]) -> list[licences.Part]:
+        """Work of others in the system's own files."""
         own = {n: d for n, d in files.items() if "/" not in n or n.startswith("musl/")}
         parts = licences.of_sources(own, [], uses_casadi=False)
-        parts += licences.of_windows(n for n in content if n.endswith(".dll") and n.startswith("binaries/"))
+        return parts + licences.of_windows(n for n in content if n.endswith(".dll") and n.startswith("binaries/"))
+
+    def _licences(self, parts: list[licences.Part], content: dict[str, bytes]) -> dict[str, bytes]:
+        """The entry point, and the texts of what the system's own files hold; those of members are in folders of their own."""
         texts = licences.texts(self.name, parts)
         folders = sorted(
             {

@@ -14,10 +14,10 @@ import zlib
 from collections.abc import Sequence
 from contextlib import nullcontext
 from pathlib import Path, PurePosixPath, PureWindowsPath
-from typing import IO
+from typing import IO, ClassVar
 
 from build_fmus.checks import did_you_mean, one_line
-from cosim.errors import FmuError
+from cosim.errors import CosimError, FmuError
 from cosim.fmu.limits import Limits
 
 DESCRIPTION = "modelDescription.xml"
@@ -39,7 +39,11 @@ _DAMAGED = (
 
 
 class Archive:
-    """An FMU file, or the folder of an unpacked one. Raises FmuError for what is missing or no FMU."""
+    """An FMU file, or the folder of an unpacked one. Raises FmuError (`error`) for what is missing or no FMU (`kind`)."""
+
+    error: ClassVar[type[CosimError]] = FmuError
+    kind: ClassVar[str] = "FMU"
+    main: ClassVar[str] = DESCRIPTION
 
     def __init__(self, path: Path, limits: Limits):
         self.path = path
@@ -53,40 +57,40 @@ class Archive:
             if self.path.is_dir() or self.path.is_file():
                 return
             if self.path.exists():  # a pipe, a device
-                raise FmuError(f"{self.path} is not an FMU: it is neither a file nor a folder")
-            siblings = [p.name for p in self.path.parent.glob("*.fmu")] if self.path.parent.is_dir() else []
+                raise self.error(f"{self.path} is not an {self.kind}: it is neither a file nor a folder")
+            siblings = [p.name for p in self.path.parent.glob(f"*.{self.kind.lower()}")] if self.path.parent.is_dir() else []
         except OSError as error:  # a name that is too long, a folder that may not be read
-            raise FmuError(f"cannot read {self.path}: {error.strerror or error}") from None
-        raise FmuError(f"no such FMU: {self.path}{did_you_mean(self.path.name, siblings)}")
+            raise self.error(f"cannot read {self.path}: {error.strerror or error}") from None
+        raise self.error(f"no such {self.kind}: {self.path}{did_you_mean(self.path.name, siblings)}")
 
     def description(self) -> bytes:
-        """modelDescription.xml."""
+        """modelDescription.xml, or what else is its main file."""
         try:
             if self.is_folder:
-                file = self.path / DESCRIPTION
+                file = self.path / self.main
                 self._check_description(file.stat().st_size)
                 if not file.is_file():
-                    raise FmuError(f"{self.path} is not an FMU: its {DESCRIPTION} is no file")
+                    raise self.error(f"{self.path} is not an {self.kind}: its {self.main} is no file")
                 return file.read_bytes()
             with self._opened() as archive:
                 self.names = archive.namelist()
-                if self.names.count(DESCRIPTION) > 1:
-                    raise FmuError(f"{self.path} is no FMU to be trusted: it holds more than one {DESCRIPTION}")
-                member = archive.getinfo(DESCRIPTION)
+                if self.names.count(self.main) > 1:
+                    raise self.error(f"{self.path} is no {self.kind} to be trusted: it holds more than one {self.main}")
+                member = archive.getinfo(self.main)
                 self._check_description(member.file_size)
                 _check_method(member)
                 with archive.open(member) as stream:  # a part at a time: what is packed may be larger than it says
                     return b"".join(iter(lambda: stream.read(2**20), b""))
         except (KeyError, FileNotFoundError):
-            raise FmuError(f"{self.path} is not an FMU: it holds no {DESCRIPTION}") from None
+            raise self.error(f"{self.path} is not an {self.kind}: it holds no {self.main}") from None
         except OSError as error:
-            raise FmuError(f"cannot read {self.path}: {error.strerror or error}") from None
+            raise self.error(f"cannot read {self.path}: {error.strerror or error}") from None
         except _DAMAGED as error:
             reason = one_line(str(error))
-            raise FmuError(f"{self.path} is not an FMU or is incomplete ({reason}); copy or build it again") from None
+            raise self.error(f"{self.path} is not an {self.kind} or is incomplete ({reason}); copy or build it again") from None
 
     def _check_description(self, size: int) -> None:
-        self.limits.check("xml_bytes", size, f"{self.path}: its {DESCRIPTION} has {_megabytes(size)}")
+        self.limits.check("xml_bytes", size, f"{self.path}: its {self.main} has {_megabytes(size)}")
 
     def _opened(self) -> zipfile.ZipFile:
         """The archive, whose directory is of a size that can be read."""
@@ -107,9 +111,9 @@ class Archive:
                     content = (self.path / name).read_bytes() if archive is None else archive.read(name)
                     digest.update(len(content).to_bytes(8, "little") + content)
         except OSError as error:
-            raise FmuError(f"cannot read {self.path}: {error.strerror or error}") from None
+            raise self.error(f"cannot read {self.path}: {error.strerror or error}") from None
         except (KeyError, *_DAMAGED) as error:
-            raise FmuError(f"{self.path} is damaged or was replaced ({error}); copy or build it again") from None
+            raise self.error(f"{self.path} is damaged or was replaced ({error}); copy or build it again") from None
         return digest.hexdigest()
 
     def has(self, name: str) -> bool:
@@ -135,14 +139,14 @@ class Archive:
                 self._check_contents(archive.infolist(), folder)
                 archive.extractall(folder)
         except OSError as error:
-            raise FmuError(f"cannot unpack {self.path} to {folder}: {error.strerror or error}") from None
+            raise self.error(f"cannot unpack {self.path} to {folder}: {error.strerror or error}") from None
         except UnicodeEncodeError as error:
             name = error.object[error.start : error.end]
-            raise FmuError(
+            raise self.error(
                 f"cannot unpack {self.path}: this locale has no characters for {name!r} in a file's name; set PYTHONUTF8=1"
             ) from None
         except _DAMAGED as error:
-            raise FmuError(f"{self.path} is damaged ({one_line(str(error))}); copy or build it again") from None
+            raise self.error(f"{self.path} is damaged ({one_line(str(error))}); copy or build it again") from None
 
     def _check_contents(self, members: Sequence[zipfile.ZipInfo], folder: Path) -> None:
         for member in members:
@@ -150,14 +154,14 @@ class Archive:
             _check_method(member)
             if posix.is_absolute() or windows.drive or windows.root or ".." in (*posix.parts, *windows.parts):
                 name = one_line(member.filename)
-                raise FmuError(f"{self.path} is no FMU to be trusted: it holds {name!r}, outside of itself")
+                raise self.error(f"{self.path} is no {self.kind} to be trusted: it holds {name!r}, outside of itself")
         size = sum(member.file_size for member in members)
         if size > LARGEST_RATIO * self.path.stat().st_size:
             what = f"{self.path} would unpack to {_megabytes(size)}, more than {LARGEST_RATIO} times its own size"
             self.limits.check("unpacked_bytes", size, what)
         free = shutil.disk_usage(folder).free
         if size > free:
-            raise FmuError(
+            raise self.error(
                 f"cannot unpack {self.path}: it needs {_megabytes(size)}, and {folder.parent} has {_megabytes(free)} free"
             )
 

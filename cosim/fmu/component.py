@@ -26,6 +26,7 @@ from cosim.fmu.transfers import Arrangement, arrangements, by_reference, by_type
 
 LARGEST = 2**30  # bytes of a serialized state
 
+
 @dataclass(frozen=True)
 class _Bound:
     """One bound FMI call that moves values. `move` does it and checks the status; `call` is the bare call, enough when

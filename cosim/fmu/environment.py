@@ -12,7 +12,6 @@ from pathlib import Path
 
 import cffi
 
-from build_fmus import safe_files
 from build_fmus.compile import CompileError, ObjectCache, find_toolchain, host
 
 HEADER = Path(__file__).with_name("environment.h")
@@ -29,7 +28,7 @@ def restorer() -> Callable[[], int]:
     ffi = cffi.FFI()
     try:
         ffi.cdef("uint32_t cosim_environment_bits(void); uint32_t cosim_environment_restore(uint32_t before);")
-        path = ObjectCache(safe_files.cache_directory() / "engine").library(find_toolchain(host()), [_SOURCE], [HEADER.parent], "environment")
+        path = ObjectCache.of_user("engine").library(find_toolchain(host()), [_SOURCE], [HEADER.parent], "environment")
         own = ffi.dlopen(str(path))
         before = own.cosim_environment_bits()
         return lambda: int(own.cosim_environment_restore(before))

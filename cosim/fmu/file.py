@@ -134,6 +134,21 @@ class FmuFile:
                 f"{self.path}: modelDescription.xml deviates from FMI {version}, which strict refuses: {self.verdict.summary()}"
             )
 
+    def enumeration(self, variable: str) -> tuple[str, dict[str, int]] | None:
+        """Name and items, value by name, of the enumeration that is the type of a variable (of an array: by its name without index); None
+        for what is none, or is not defined."""
+        root = tree(self._archive.description(), str(self.path), self._archive.limits)
+        scalar = root.xpath("ModelVariables/*[@name=$name]", name=variable)
+        typed = [e for s in scalar for e in (s, *s) if e.tag == "Enumeration"]
+        name = typed[0].get("declaredType") if typed else None
+        where = "TypeDefinitions/SimpleType[@name=$name]/Enumeration/Item | TypeDefinitions/EnumerationType[@name=$name]/Item"
+        items = {i.get("name", ""): i.get("value", "") for i in root.xpath(where, name=name or "")}
+        if not items:
+            return None
+        numbers = items.values()
+        values = [int(n) if n.lstrip("-").isdecimal() and len(n) < 12 else k for k, n in enumerate(numbers, start=1)]
+        return str(name), dict(zip(items, values, strict=True))
+
     @property
     def binary(self) -> str:
         """Path of this platform's library inside the archive."""

@@ -15,7 +15,7 @@ from fractions import Fraction
 from typing import Any
 
 from build_fmus.checks import one_line
-from build_fmus.units import BASE_UNITS, Unit
+from build_fmus.units import BASE_UNITS, DisplayUnit, Unit
 from cosim.description import SIZED_INTEGERS, Description, Variable, split_index
 from cosim.errors import FmuError, TimeError
 from cosim.fmu.limits import Limits
@@ -103,13 +103,17 @@ class _Reader:
         self.lines: dict[str, int] = {}  # of each name
         self.listed: dict[str, frozenset[str]] = {}  # dependencies by their text
         self.count = 0  # of names in them
+        self.units: dict[str, Unit] = {}
+        self.displays: dict[tuple[str, str], DisplayUnit | None] = {}  # by the names of both units
         self.variables: dict[str, Variable] = {}
         self.by_key: dict[int, list[Variable]] = {}  # FMI 2: 1-based position; FMI 3: value reference
         self.aliases: dict[str, str] = {}
 
     def description(self, simulation: Any) -> Description:
         root = self.root
-        self.units = {u.get("name"): _unit(u) for u in self.each(root.iterfind("UnitDefinitions/Unit"))}
+        for unit in self.each(root.iterfind("UnitDefinitions/Unit")):
+            self.units[unit.get("name")] = _unit(unit)
+            self.displays |= {(unit.get("name"), d.get("name")): _display(d) for d in unit.iterfind("DisplayUnit")}
         self.read_variables()
         own = self.annotation()
         if own is not None:
@@ -275,7 +279,7 @@ class _Fmi2(_Reader):
                 )  # fmt: skip
             declared = types.get(typed.get("declaredType"))
             inherited: dict[str, str] = dict(declared.attrib) if declared is not None else {}
-            variable = _variable(element, (typed.tag, _TYPES2[typed.tag]), {**inherited, **typed.attrib}, self.units)
+            variable = _variable(element, (typed.tag, _TYPES2[typed.tag]), {**inherited, **typed.attrib}, self)
             self.variables[variable.name] = variable
             self.by_key[position] = [variable]
             if typed.get("derivative"):
@@ -331,7 +335,7 @@ class _Fmi3(_Reader):
             if shape and len(name) * math.prod(shape) > self.limits.xml_bytes:
                 raise _Unreadable(f"the names of {math.prod(shape)} elements of {_short(name)} are too long")
             typed = element.tag, _TYPES3[element.tag]
-            variable = _variable(element, typed, attributes, self.units, bool(shape))
+            variable = _variable(element, typed, attributes, self, bool(shape))
             reference, expanded = variable.reference, _expand(variable, shape)
             if reference in self.by_key:
                 other = self.declared[reference]
@@ -409,6 +413,16 @@ def _unit(element: Any) -> Unit:
     return Unit(name, exponents, factor, offset)
 
 
+def _display(element: Any) -> DisplayUnit | None:
+    """A unit for people; None where no number can be shown in it, which keeps nobody from running the FMU."""
+    try:
+        factor, offset = (float(element.get(a, d)) for a, d in (("factor", "1"), ("offset", "0")))
+    except ValueError:
+        return None
+    usable = factor and math.isfinite(factor) and math.isfinite(offset) and not _flag(element, "inverse")
+    return DisplayUnit(element.get("name", ""), factor, offset) if usable else None
+
+
 def _source(element: Any) -> str:
     source: str = element.get("source", "")
     if len(source) > LONGEST_SOURCE:
@@ -422,7 +436,7 @@ def _flag(element: Any, *names: str) -> bool:
 
 
 def _variable(
-    element: Any, typed: tuple[str, str], attributes: Any, units: dict[str, Unit], array: bool = False
+    element: Any, typed: tuple[str, str], attributes: Any, known: _Reader, array: bool = False
 ) -> Variable:
     fmi_type, kind = typed
     name = element.get("name")
@@ -430,6 +444,8 @@ def _variable(
     unit = attributes.get("unit")
     start = attributes.get("start")
     numeric = kind in ("real", "integer")
+    relative = attributes.get("relativeQuantity") in ("true", "1")
+    display = known.displays.get((unit, attributes.get("displayUnit")))
     constant = numeric and not array and start is not None and element.get("variability") == "constant"
     return Variable(
         name=name,
@@ -439,8 +455,9 @@ def _variable(
         variability=element.get("variability", "continuous" if kind == "real" else "discrete"),
         initial=element.get("initial"),
         start=start if array else _value(kind, start, what),
-        unit=units.get(unit, Unit(unit)) if unit else None,
-        relative=attributes.get("relativeQuantity") in ("true", "1"),
+        unit=known.units.get(unit, Unit(unit)) if unit else None,
+        display=replace(display, offset=0.0) if display and relative else display,
+        relative=relative,
         description=element.get("description", ""),
         minimum=_number(attributes["min"], f"{what}: min") if numeric and "min" in attributes else None,
         maximum=_number(attributes["max"], f"{what}: max") if numeric and "max" in attributes else None,

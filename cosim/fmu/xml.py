@@ -22,18 +22,18 @@ _LIKE_ASCII = re.compile(
 """Encodings in which a document type declaration can be seen: others can hide it from whoever looks at bytes."""
 
 
-def tree(xml: bytes, where: str, limits: Limits) -> Any:
-    """The root element of modelDescription.xml; `where` names the file in errors. Raises FmuError."""
-    file = f"{where}: modelDescription.xml"
+def tree(xml: bytes, where: str, limits: Limits, name: str = "modelDescription.xml") -> Any:
+    """The root element of modelDescription.xml, or of another file of that `name`; `where` names the archive in errors. Raises FmuError."""
+    file = f"{where}: {name}"
     limits.check("xml_bytes", len(xml), f"{file} has {len(xml)} bytes")
     wide = b"\0" in xml[:4]
     if b"<!DOCTYPE" in (xml.replace(b"\0", b"") if wide else xml):
         # Entities grow without limit; no exporter needs them.
-        raise FmuError(f"{file} has a document type declaration; FMI knows none, remove it")
+        raise FmuError(f"{file} has a document type declaration; the standard knows none, remove it")
     declared = _ENCODING.match(xml)
     if (declared and not _LIKE_ASCII.fullmatch(declared[1])) or xml[:3] == b"\x4c\x6f\xa7":  # the last is EBCDIC
         name = declared[1].decode("ascii", "replace") if declared else "EBCDIC"
-        raise FmuError(f"{file} is encoded as {one_line(name, 40)!r}; FMI wants UTF-8")
+        raise FmuError(f"{file} is encoded as {one_line(name, 40)!r}; the standard wants UTF-8")
     nodes = xml.count(b"<") + xml.count(b"=")
     limits.check("xml_nodes", nodes, f"{file} has some {nodes} elements and attributes")
     parser = etree.XMLParser(
@@ -44,7 +44,7 @@ def tree(xml: bytes, where: str, limits: Limits) -> Any:
     except (etree.XMLSyntaxError, ValueError) as error:
         raise FmuError(f"{file} is not well-formed ({one_line(str(error))})") from None
     if root.getroottree().docinfo.internalDTD is not None:
-        raise FmuError(f"{file} has a document type declaration; FMI knows none, remove it")
+        raise FmuError(f"{file} has a document type declaration; the standard knows none, remove it")
     if root.xpath(f"boolean(//*[count(@*) > {ATTRIBUTES}])"):
-        raise FmuError(f"{file} has an element with more than {ATTRIBUTES} attributes; FMI knows none with more than thirty")
+        raise FmuError(f"{file} has an element with more than {ATTRIBUTES} attributes; the standard knows none with more than thirty")
     return root

@@ -227,6 +227,18 @@ class Exchange:
             self.run_instants(tick)
         self.phase = Phase.NOTHING
 
+    def step_to(self, end: int) -> None:
+        """To the arrival at `end`: `complete`, `run_instants` and `arrive`, for loops that step by hand. Where no value is remembered from
+        before, the present instant is done again from its beginning instead of completed: what has arrived arrives alike."""
+        if self.phase is Phase.ARRIVED and not self.layout.previous and not self.layout.reached:
+            self.recorder.count -= self.clocks[-1].due(self.tick)  # the provisional sample
+            self.phase = Phase.NOTHING
+        else:
+            self.complete()
+        self.run_instants(self.last_tick(end))
+        if self.phase is Phase.NOTHING:
+            self.arrive()
+
     def _end_requested(self, request: EndRequested, rest: tuple[Timed, ...], advances: int, t: float) -> bool:
         """A component asked to end the simulation at the present tick; `rest` is what was still to be done there, its last
         `advances` are steps of continuous components. Sets when it ends; returns whether the instant is done."""

@@ -33,7 +33,7 @@ from fractions import Fraction
 import control
 import numpy as np
 
-from build_fmus.checks import did_you_mean
+from build_fmus.checks import did_you_mean, glob
 from cosim.component import Array, Ports
 from cosim.description import Variable
 from cosim.errors import CallFailed, CosimError, LoopError, TimeError, WiringError
@@ -42,7 +42,7 @@ from cosim.master.initialization import initialize
 from cosim.master.twins import ContinuousTwin, Model, SampledTwin, Source, diagonal, model_of
 from cosim.statespace import Matrices
 from cosim.system.members import Connection, Group, Member
-from cosim.system.names import Members, elements, fits_any, glob
+from cosim.system.names import Members, elements, fits_any
 from cosim.system.schedule import Schedule
 
 Signal = tuple[Member, Variable]

@@ -22,6 +22,8 @@ class Recorder:
         self.count = 0
         self._index = np.array(index, dtype=np.intp)
         self._scale, self._offset = scale, offset
+        self._converted = (scale != 1.0) | (offset != 0.0)
+        self._converts = bool(self._converted.any())
         self._take = values.take
         self._times: list[Array] = []
         self._rows: list[Array] = []
@@ -50,10 +52,13 @@ class Recorder:
         """A copy of the samples from number `begin` on: times, and rows with their values converted."""
         if begin >= self.count:
             return np.empty(0), np.empty((0, len(self._index)))
-        first = begin // self.CHUNK
+        first, last = begin // self.CHUNK, (self.count - 1) // self.CHUNK
         piece = slice(begin - first * self.CHUNK, self.count - first * self.CHUNK)
-        time, data = np.concatenate(self._times[first:])[piece], np.concatenate(self._rows[first:])[piece]
-        converted = (self._scale != 1.0) | (self._offset != 0.0)
-        if converted.any():
+        if first == last:
+            time, data = self._times[first][piece].copy(), self._rows[first][piece].copy()
+        else:
+            time, data = np.concatenate(self._times[first:])[piece], np.concatenate(self._rows[first:])[piece]
+        if self._converts:
+            converted = self._converted
             data[:, converted] = data[:, converted] * self._scale[converted] + self._offset[converted]
         return time, data

@@ -5,15 +5,17 @@ from __future__ import annotations
 import math
 import time as clock
 import weakref
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from fractions import Fraction
 from functools import cached_property
 from types import TracebackType
 from typing import Any
 
+import numpy as np
+
 from build_fmus.checks import did_you_mean
-from cosim.component import Action, Portable
+from cosim.component import Action, Array, Portable
 from cosim.description import Variable
 from cosim.errors import (
     CallFailed,
@@ -36,7 +38,7 @@ from cosim.spool import Spool
 from cosim.system.members import Member
 from cosim.system.names import Members
 from cosim.system.schedule import Schedule
-from cosim.time import TimeLike, gcd, rational
+from cosim.time import TimeLike, gcd, positive, rational
 
 _SHOWN = 0.05  # s between looks at the progress bar and the spool in a paced run
 
@@ -122,20 +124,57 @@ class Simulation:
     def set(self, name: str, value: Any) -> None:
         """Change a tunable parameter or an unconnected input, effective from the next step on."""
         member, variable = self._members.split(name)
-        full = self._members.canonical(name)
-        driven = next((c for c in self.schedule.connections if c.target_name == full), None)
-        if driven is not None:
-            raise WiringError(f"{name} is driven by {driven.source_name}")
         values = {member.description.find(n, member.name): v for n, v in member.expand(variable, value).items()}
-        if any(v.causality != "input" and v.variability != "tunable" for v in values):
-            raise WiringError(
-                f"{name} is fixed while the simulation runs: set it with system['{member.name}'].set(...) before it"
-            )
+        self._check_settable(name, member, values)
         self.guarded(lambda: member.component.set(values))
         for changed, number in values.items():
             slot = self._layout.constants.get((member, changed))
             if slot is not None:
                 self._exchange.values[slot] = number
+
+    def _check_settable(self, name: str, member: Member, variables: Iterable[Variable]) -> None:
+        full = self._members.canonical(name)
+        driven = next((c for c in self.schedule.connections if c.target_name == full), None)
+        if driven is not None:
+            raise WiringError(f"{name} is driven by {driven.source_name}")
+        if any(v.causality != "input" and v.variability != "tunable" for v in variables):
+            raise WiringError(
+                f"{name} is fixed while the simulation runs: set it with system['{member.name}'].set(...) before it"
+            )
+
+    def setter(self, names: Sequence[str]) -> Callable[[Array], None]:
+        """What sets these variables, as `set` does, to values (n,) in their order: names are looked up once, for loops that step by hand.
+        The values must be finite and within the variables' limits, which is not looked at again."""
+        found = [self._members.split(n) for n in names]
+        variables = [m.description.find(v, m.name) for m, v in found]
+        for name, (member, _), variable in zip(names, found, variables, strict=True):
+            self._check_settable(name, member, [variable])
+        of: dict[Member, list[int]] = {}
+        for i, (member, _) in enumerate(found):
+            of.setdefault(member, []).append(i)
+        groups = [(m.component, [(variables[i], i) for i in places]) for m, places in of.items()]
+        keys = [(m, v) for (m, _), v in zip(found, variables, strict=True)]
+        shown = [(self._layout.constants[k], i) for i, k in enumerate(keys) if k in self._layout.constants]
+        values = self._exchange.values
+
+        def put(given: Sequence[float]) -> None:
+            for component, places in groups:
+                component.set({variable: given[i] for variable, i in places})
+            for slot, i in shown:
+                values[slot] = given[i]
+
+        return lambda given: self._tried(lambda: put(given.tolist()))
+
+    def reader(self, names: Sequence[str]) -> Callable[[], Array]:
+        """What gives the present values (n,) of recorded or watched variables, in this order."""
+        for name in names:
+            self[name]
+        slots, scale, offset = zip(*(self._layout.readable[self._members.canonical(n)] for n in names), strict=True)
+        index, values = np.array(slots, dtype=np.intp), self._exchange.values
+        if set(scale) == {1.0} and set(offset) == {0.0}:
+            return lambda: values.take(index)
+        factor, shift = np.array(scale), np.array(offset)
+        return lambda: factor * values.take(index) + shift
 
     @property
     def recording(self) -> Recording:
@@ -143,7 +182,9 @@ class Simulation:
         names, units = self._layout.record_names, self._layout.record_units
         result = self._exchange.recorder.recording(names, units)
         result.stopped_by, result.wall_time = self._stopped_by, self._wall_time
-        result.aliases = self._layout.aliases
+        result.aliases, result.types, result.display = (
+            self._layout.aliases, self._layout.record_types, self._layout.record_display
+        )  # fmt: skip
         result.real_time = None if self._kept_pace is None else self._kept_pace.copy()
         return result
 
@@ -208,6 +249,34 @@ class Simulation:
         if interrupt.pending:
             raise Interrupted(self.time, self.recording)
 
+    def stepper(self, step: TimeLike, *, stop_when: Sequence[StopCondition] = ()) -> Callable[[], str | None]:
+        """What does `advance` by `step` [s], a multiple of the tick, at little cost, for loops that step by hand: with the same bits and the
+        same answers, without pace, progress and spool. Ctrl-C within a step ends the simulation."""
+        exchange, stops = self._exchange, list(stop_when)
+        ticks = exchange.base.count(positive(step, "step"))
+
+        def go() -> None:
+            exchange.step_to(exchange.tick + ticks)
+            if exchange.ending is not None and exchange.tick >= exchange.ending[0]:
+                self._over = exchange.ending[1]
+                raise Stop(self._over)
+
+        def run() -> str | None:
+            if self._stops != stops:
+                self._stops = stops
+                exchange.stop_when(stops, self.__getitem__)
+            self._stopped_by, self._pace = None, None
+            begin = clock.perf_counter()
+            try:
+                self._tried(go)
+            except Stop as stop:
+                self._stopped_by = str(stop)
+            finally:
+                self._wall_time += clock.perf_counter() - begin
+            return self._stopped_by
+
+        return run
+
     def _set_pace(self, real_time: float | None) -> None:
         """The pace of the next instants: that of the call before, if it is the same and nothing came in between."""
         if real_time is None:
@@ -250,11 +319,19 @@ class Simulation:
     def guarded(self, work: Action) -> None:
         """Do something with components. A failure ends the simulation and carries what was recorded; a second Ctrl-C ends what
         does not come back."""
+
+        def hold() -> None:
+            with held():
+                work()
+
+        self._tried(hold)
+
+    def _tried(self, work: Callable[[], None]) -> None:
+        """As `guarded`; a Ctrl-C within `work` ends the simulation."""
         if self._over:
             raise CosimError(f"this simulation cannot be continued: {self._over}")
         try:
-            with held():
-                work()
+            work()
         except CallFailed as failure:
             self._over = "a component failed"
             recording = self.recording if self._exchange.recorder.count else None

@@ -47,10 +47,20 @@ class Timetable(Generic[Entry]):
         """Compile all entries again."""
         self._entries: dict[frozenset[int], Entry] = {}
         self._by_mask: dict[int, Entry] = {}
+        self._by_place: dict[int, Entry] = {}
         self._table: list[tuple[int, Entry]] | None = None
 
     def at(self, tick: int) -> Entry:
         """The entry of a tick, also of one at which nothing is due."""
+        place = (tick - self._steady) % self._period
+        if tick < self._steady or place not in self._by_place:
+            entry = self._found(tick)
+            if tick < self._steady or len(self._by_place) >= self.LONGEST:
+                return entry
+            self._by_place[place] = entry
+        return self._by_place[place]
+
+    def _found(self, tick: int) -> Entry:
         due = frozenset(i for i, c in enumerate(self._clocks) if c.due(tick))
         if due not in self._entries:
             self._entries[due] = self._compile(due)

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from build_fmus.units import DisplayUnit
 from cosim.component import Array
 from cosim.description import Variable
 from cosim.errors import NotFinite
@@ -74,6 +75,8 @@ class Layout:
         self.record_names: list[str] = []
         self.aliases: dict[str, str] = {}  # further names of what is recorded
         self.record_units: dict[str, str] = {}
+        self.record_types: dict[str, str] = {}  # of what is recorded and no real number
+        self.record_display: dict[str, DisplayUnit] = {}
         self.record_index: list[int] = []
         self.record_conversion: tuple[Array, Array] = (np.empty(0), np.empty(0))
 
@@ -336,6 +339,8 @@ def _recorded(
     layout.record_names = [f"{m.name}.{v.name}" for m, v in record]
     layout.aliases = {f"{m.name}.{a}": f"{m.name}.{v.name}" for m, v in record for a in m.description.names(v)[1:]}
     layout.record_units = {f"{m.name}.{v.name}": v.unit_name for m, v in record}
+    layout.record_types = {f"{m.name}.{v.name}": v.type for m, v in record if v.type != "real"}
+    layout.record_display = {f"{m.name}.{v.name}": v.display for m, v in record if v.display is not None}
     chosen = [layout.readable[name] for name in layout.record_names]
     layout.record_index = [slot for slot, _, _ in chosen]
     layout.record_conversion = (np.array([s for _, s, _ in chosen]), np.array([o for _, _, o in chosen]))

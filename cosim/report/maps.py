@@ -50,7 +50,10 @@ class Layer:
 
 @dataclass(frozen=True, eq=False)
 class Map:
-    """Layers over the same grid, on one scale of values. ``reference`` is a plane drawn among surfaces."""
+    """Layers over the same grid, on one scale of values. ``reference`` is a plane drawn among surfaces.
+
+    ``value_range``: that scale (lowest, highest), the same for maps that are to be compared; None for the extent of the values.
+    """
 
     id: str
     title: str
@@ -63,6 +66,7 @@ class Map:
     layers: Sequence[Layer]
     view: View = "contour"
     reference: float | None = None
+    value_range: tuple[float, float] | None = None
 
     def __post_init__(self) -> None:
         where = f"map '{self.id}'"
@@ -81,6 +85,17 @@ class Map:
         for layer in self.layers:
             if np.shape(layer.values) != shape:
                 raise ValueError(f"{where}: layer '{layer.name}' has shape {np.shape(layer.values)}, the grid {shape}")
+        low, high = self.extent
+        if self.value_range is not None and not self.value_range[0] <= low <= high <= self.value_range[1]:
+            raise ValueError(f"{where}: values from {low:g} to {high:g} exceed value_range {self.value_range}")
+
+    @property
+    def extent(self) -> tuple[float, float]:
+        """Lowest and highest of all that is drawn."""
+        drawn = [np.asarray(layer.values).ravel() for layer in self.layers]
+        drawn += [] if self.reference is None else [np.array([self.reference])]
+        every = np.concatenate(drawn)
+        return float(every.min()), float(every.max())
 
     def columns(self) -> list[tuple[str, Array]]:
         """(header, values) of a CSV file, one row per grid point."""
@@ -111,7 +126,7 @@ def _contours(figure: Map, narrow: bool) -> go.Figure:
     import plotly.graph_objects as go
 
     values = [np.asarray(layer.values) for layer in figure.layers]
-    low, high = min(v.min() for v in values), max(v.max() for v in values)
+    low, high = figure.value_range or (min(v.min() for v in values), max(v.max() for v in values))
     count, traces = len(values), []
     rows = count if narrow else 1
     layout = _base((300 if narrow else 380) * rows)
@@ -177,6 +192,8 @@ def _surfaces(figure: Map, narrow: bool) -> go.Figure:
         "camera": {"eye": {"x": -1.5, "y": -1.5, "z": 0.75}},
         "aspectratio": {"x": 1.2, "y": 1.0, "z": 0.75},
     }
+    if figure.value_range is not None:
+        layout["scene"]["zaxis"]["range"] = list(figure.value_range)
     layout["legend"] = {"orientation": "h", "x": 0, "y": 1}
     return go.Figure(traces, layout)
 

@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from cosim.study.case import Case, CaseError, check_choice, fields, grid, option
     from cosim.study.claims import ClaimList, Evidence, Finding
     from cosim.study.driver import run_study
+    from cosim.study.executors import dask
     from cosim.study.experiment import Experiment, Metric, Row, Run, Search, Task
     from cosim.study.fmus import FmuSet
     from cosim.study.loading import ExperimentError, load
@@ -39,6 +40,7 @@ _PLACES = {
         "Finding",
     ),
     "cosim.study.driver": ("run_study",),
+    "cosim.study.executors": ("dask",),
     "cosim.study.experiment": (
         "Experiment",
         "Metric",
@@ -94,6 +96,7 @@ __all__ = [
     "Search",
     "Task",
     "check_choice",
+    "dask",
     "default_report",
     "fields",
     "grid",

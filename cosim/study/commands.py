@@ -5,7 +5,8 @@ from __future__ import annotations
 import inspect
 import json
 import tempfile
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import Executor
 from contextlib import contextmanager
 from itertools import zip_longest
 from pathlib import Path
@@ -19,10 +20,12 @@ from rich.text import Text
 from build_fmus import safe_files
 from build_fmus.compile import PLATFORMS
 from build_fmus.terminal import APP, Command, console, one_of, show
-from cosim import EngineChoice
+from cosim import EngineChoice, System
 from cosim.errors import ComponentError, CosimError, Interrupted
+from cosim.formats import FORMATS, format_of
 from cosim.study.case import Case, CaseError, Field, fields, grid
 from cosim.study.driver import Progressed, run_study
+from cosim.study.executors import dask
 from cosim.study.experiment import Experiment, Metric, Row, resolved
 from cosim.study.fmus import FmuSet
 from cosim.study.pages import default_report
@@ -39,6 +42,14 @@ Vehicles = Annotated[
     ),
 ]
 Processes = Annotated[int | None, typer.Option("--processes", help="worker processes (default: all cores)", min=1)]
+Dask = Annotated[
+    str | None,
+    typer.Option(
+        "--dask",
+        metavar="ADDRESS|local",
+        help="run on a Dask cluster: the address of its scheduler, tcp://HOST:8786, or local for one that is started here",
+    ),
+]
 Force = Annotated[bool, typer.Option("--force", help="run everything again; runs stored earlier are discarded")]
 Retry = Annotated[bool, typer.Option("--retry-failed", help="run again what failed earlier")]
 Out = Annotated[Path, typer.Option("--out", help="directory for results")]
@@ -73,13 +84,27 @@ _EVERYWHERE: dict[str, tuple[Any, Any]] = {
     "step_timeout": (Timeout, None),
     "memory_limit": (Memory, None),
 }
-Target = Annotated[Path, typer.Option("--fmu", metavar="FILE", help="the FMU to write, NAME.fmu")]
+EVERYWHERE_OF_STUDIES: dict[str, tuple[Any, Any]] = {
+    **_EVERYWHERE,
+    "processes": (Processes, None),
+    "dask": (Dask, None),
+    "force": (Force, False),
+    "retry_failed": (Retry, False),
+}
+"""Options of whatever makes many runs."""
+Target = Annotated[Path | None, typer.Option("--fmu", metavar="FILE", help="the FMU to write, NAME.fmu")]
+Package = Annotated[
+    Path | None, typer.Option("--ssp", metavar="FILE", help="the SSP to write, NAME.ssp: FMUs and wiring, for tools that read SSP")
+]
+Structure = Annotated[
+    str, typer.Option("--ssp-version", metavar="1.0|2.0", help="SSP 1.0 holds FMUs of FMI 2.0, SSP 2.0 those of FMI 3.0")
+]
 Patterns = Annotated[
     list[str] | None,
     typer.Option(
         "--input",
         metavar="NAME",
-        help="inputs, as MEMBER.VARIABLE or a pattern (default: all that nothing drives); several may be given",
+        help="inputs, as MEMBER.VARIABLE or a pattern (default: of an FMU all that nothing drives, of an SSP none); several may be given",
     ),
 ]
 Outputs = Annotated[list[str] | None, typer.Option("--output", metavar="NAME", help="outputs, likewise (default: all)")]
@@ -98,11 +123,16 @@ Where = Annotated[
     ),
 ]
 _EXPORT: dict[str, tuple[Any, Any]] = {
+    "fmu": (Target, None),
+    "ssp": (Package, None),
+    "ssp_version": (Structure, "1.0"),
     "inputs": (Patterns, None),
     "outputs": (Outputs, None),
     "without": (Without, None),
     "platform": (Where, "host"),
 }
+Drawing = Annotated[Path | None, typer.Option("--svg", metavar="FILE", help="the picture to write (default: NAME.svg)")]
+Title = Annotated[str | None, typer.Option("--title", help="its heading; '' for none")]
 RealTime = Annotated[
     float | None,
     typer.Option(
@@ -111,12 +141,37 @@ RealTime = Annotated[
         help="keep pace with the clock: 1 (which need not be written) is its own, 2 twice as fast; says how well that went",
     ),
 ]
-_PACE: dict[str, tuple[Any, Any]] = {"real_time": (RealTime, None)}
+DisplayUnits = Annotated[
+    bool, typer.Option("--display-units", help="time histories in the units in which FMUs want them displayed (deg, km/h), not in SI")
+]
+HoldInput = Annotated[bool, typer.Option("--hold-input", help="a run that is longer than such a file keeps its last values")]
+
+
+def _one_run(experiment: Experiment) -> dict[str, tuple[Any, Any]]:
+    """Options of one run, beside those of its case. Names that the case has for its own options are the case's."""
+    own = {f"--{n}" for f in fields(experiment.case) for n in (f.name, *f.option.aliases)}
+    signals = typer.Option(
+        *(n for n in ("--signals", "--input") if n not in own), metavar="FILE",
+        help="a CSV or Parquet file whose columns, 'time [s]' and 'MEMBER.INPUT [unit]', drive these inputs; several may be given",
+    )  # fmt: skip
+    recording = typer.Option(
+        *(n for n in ("--recording", "--output") if n not in own), metavar="FILE",
+        help=f"where time histories go, by its ending: {', '.join(FORMATS)} (default: a CSV in --out)",
+    )  # fmt: skip
+    return {
+        "signals_": (Annotated[list[Path] | None, signals], None),
+        "hold_input": (HoldInput, False),
+        "recording_": (Annotated[Path | None, recording], None),
+        "display_units": (DisplayUnits, False),
+        "real_time": (RealTime, None),
+    }
+
+
 _VEHICLE: dict[str, tuple[Any, Any]] = {"vehicle": (Vehicles, None)}
 NOTHING = 1e-20  # of a metric: below it there is nothing to compare
 EVERYWHERE = (
     "--fmus", "--fmi", "--vehicle", "--out", "--engine", "--isolate", "--step-timeout", "--memory-limit",
-    "--real-time", "--help",
+    "--signals", "--hold-input", "--recording", "--display-units", "--real-time", "--help",
 )  # fmt: skip
 """Options of every experiment, which say nothing about one of them."""
 
@@ -129,34 +184,77 @@ def run_command(experiment: Experiment) -> Any:
 
     def run(**given: Any) -> None:
         run_case(
-            experiment, _case(experiment, given), _fmu_set(experiment, given), given["out"], _execution(given),
-            real_time=given["real_time"],
+            experiment, _case(experiment, given), fmu_set(experiment, given), given["out"], execution(given),
+            inputs=given["signals_"] or (), hold_inputs=given["hold_input"], output=given["recording_"], display_units=given["display_units"], real_time=given["real_time"],
         )  # fmt: skip
 
-    options = {f.attribute: (Annotated[_type(f), _option(f)], f.default) for f in fields(experiment.case)}
-    more = {**_own_files(experiment), **_EVERYWHERE, **_PACE}
-    text = "One run: metrics on the screen, time histories as CSV."
-    return _command(run, experiment, {**options, **more}, text, _Paced)
+    options = field_options(experiment)
+    more = {**own_files(experiment), **_EVERYWHERE, **_one_run(experiment)}
+    text = "One run: metrics on the screen, time histories as a file."
+    return command(run, experiment, {**options, **more}, text, _Paced)
 
 
 def export_command(experiment: Experiment) -> Any:
-    """The command that writes the system of one case as an FMU."""
+    """The command that writes the system of one case as an FMU or as an SSP."""
 
     def export(**given: Any) -> None:
         case = _case(experiment, given)
-        with Runner(experiment, _fmu_set(experiment, given)) as runner:
-            path = runner.system(case).export_fmu(
+        text = f"{experiment.title}: {case.label}" if experiment.title else ""
+        if (given["fmu"] is None) == (given["ssp"] is None):
+            raise CosimError("say what to write: --fmu NAME.fmu or --ssp NAME.ssp")
+        with Runner(experiment, fmu_set(experiment, given)) as runner:
+            system = runner.system(case)
+            if given["ssp"] is not None:
+                _export_ssp(system, given, text, _end(experiment, system, case))
+                return
+            path = system.export_fmu(
                 given["fmu"], inputs=given["inputs"], outputs=given["outputs"], without=given["without"] or (), fmi=given["fmi"],
-                platforms=given["platform"], text=f"{experiment.title}: {case.label}" if experiment.title else "",
+                platforms=given["platform"], text=text,
             )  # fmt: skip
         console.print(f"{path}, FMI {given['fmi']}.0; cosim fmu {path} shows what is in it")
 
+    options = field_options(experiment)
+    more = {k: v for k, v in _EVERYWHERE.items() if k in ("fmus", "fmi")}
+    return command(
+        export, experiment, {**options, **_EXPORT, **own_files(experiment), **more},
+        "The system of one case as one FMU, with all that is in it, or as an SSP: its FMUs and how they are connected.",
+    )  # fmt: skip
+
+
+def wiring_command(experiment: Experiment) -> Any:
+    """The command that draws the system of one case."""
+
+    def wiring(**given: Any) -> None:
+        case = _case(experiment, given)
+        path = given["svg"] or Path(f"{experiment.name}.svg")
+        with Runner(experiment, fmu_set(experiment, given)) as runner:
+            system = runner.system(case)
+            safe_files.write(path, system.draw(experiment.title if given["title"] is None else given["title"]))
+            show(Text(str(system.schedule())))
+        console.print(f"{path}")
+
     options = {f.attribute: (Annotated[_type(f), _option(f)], f.default) for f in fields(experiment.case)}
     more = {k: v for k, v in _EVERYWHERE.items() if k in ("fmus", "fmi")}
-    return _command(
-        export, experiment, {"fmu": (Target, ...), **options, **_EXPORT, **_own_files(experiment), **more},
-        "The system of one case as one FMU, with all that is in it.",
+    return command(
+        wiring, experiment, {"svg": (Drawing, None), "title": (Title, None), **options, **own_files(experiment), **more},
+        "The system of one case as a picture: its components with their rates, a line for each bundle of signals.",
     )  # fmt: skip
+
+
+def _export_ssp(system: System, given: Mapping[str, Any], text: str, stop_time: float) -> None:
+    for option, name in (("outputs", "--output"), ("without", "--without")):
+        if given[option]:
+            raise CosimError(f"{name} is of a system as one FMU; in an SSP every member has all its outputs")
+    path = system.export_ssp(
+        given["ssp"], version=given["ssp_version"], inputs=given["inputs"] or (), stop_time=stop_time, text=text
+    )
+    console.print(f"{path}, SSP {given['ssp_version']}; cosim wiring {path} draws it, cosim run {path} runs it")
+
+
+def _end(experiment: Experiment, system: System, case: Any) -> float:
+    """How long a case runs at most [s]."""
+    end = experiment.stop_time
+    return end(system, case) if callable(end) else end
 
 
 def study_command(experiment: Experiment) -> Any:
@@ -168,20 +266,13 @@ def study_command(experiment: Experiment) -> Any:
         chosen = {k: given[k] for k in plan_options}
         tasks = None if own_plan else _grid(experiment, chosen)
         write_study(
-            experiment, _fmu_set(experiment, given), given["out"], tasks=tasks, options=chosen if own_plan else {},
-            processes=given["processes"], retry_failed=given["retry_failed"], force=given["force"], execution=_execution(given),
+            experiment, fmu_set(experiment, given), given["out"], tasks=tasks, options=chosen if own_plan else {},
+            processes=given["processes"], cluster=given["dask"], retry_failed=given["retry_failed"], force=given["force"], execution=execution(given),
         )  # fmt: skip
 
-    options = {
-        **plan_options,
-        **_own_files(experiment),
-        **_EVERYWHERE,
-        "processes": (Processes, None),
-        "force": (Force, False),
-        "retry_failed": (Retry, False),
-    }
+    options = {**plan_options, **own_files(experiment), **EVERYWHERE_OF_STUDIES}
     what = "The whole study" if own_plan else "All combinations of the values given for each option"
-    return _command(study, experiment, options, f"{what}; writes results/{experiment.name}/report.html.")
+    return command(study, experiment, options, f"{what}; writes results/{experiment.name}/report.html.")
 
 
 class _Paced(Command):
@@ -196,20 +287,23 @@ class _Paced(Command):
 
 def run_case(
     experiment: Experiment, case: Any, fmus: FmuSet, out: Path, execution: Execution | None = None, *,
+    inputs: Sequence[Path] = (), hold_inputs: bool = False, output: Path | None = None, display_units: bool = False,
     real_time: float | None = None,
 ) -> None:  # fmt: skip
-    """Run one case beside its baseline: a table on the screen, time histories and metrics as files. ``real_time`` paces the case.
+    """Run one case beside its baseline: a table on the screen, time histories and metrics as files. ``output``, ``display_units`` and
+    ``real_time`` of the case: see :meth:`cosim.System.run`; ``inputs`` and ``hold_inputs`` of both: see :class:`Runner`.
 
     Raises:
         ComponentError: a component failed; the file holds what was recorded.
     """
     folder = make_folder(out / experiment.name)
-    path = folder / f"{case.label}.csv"
+    path = output or folder / f"{case.label}.csv"
+    format_of(path)  # refused before FMUs are loaded
     baseline = experiment.baseline(case) if experiment.baseline else None
-    with Runner(experiment, fmus, execution=execution) as runner:
+    with Runner(experiment, fmus, execution=execution, inputs=inputs, hold_inputs=hold_inputs) as runner:
         runner.execution.prepare(runner.system(case), every=True)
         with kept_recording(path):
-            run = runner.run(case, csv=path, progress=True, real_time=real_time)
+            run = runner.run(case, output=path, display_units=display_units, progress=True, real_time=real_time)
         runs, measured = {_short(case): run}, {_short(case): experiment.measure(run)}
         remarks = experiment.remarks(run) if experiment.remarks else ()
         if baseline is not None and baseline != case:
@@ -225,20 +319,21 @@ def run_case(
             console.print(f"page: {page(runs, fmus, folder / case.label)}")
     if run.recording.real_time is not None:
         console.print(str(run.recording.real_time), markup=False)
-    summary = path.with_suffix(".json")
+    summary = folder / f"{case.label}.json"
     write_summary(summary, measured)
-    console.print(f"{path} and {summary.name}; {run.recording.real_time_factor:.0f}x real time")
+    console.print(f"{path} and {summary if output else summary.name}; {run.recording.real_time_factor:.0f}x real time")
 
 
-def write_study(experiment: Experiment, fmus: FmuSet, out: Path, **options: Any) -> Path:
-    """Run a study under a progress bar and write its page; ``options`` as for :func:`cosim.study.run_study`."""
+def write_study(experiment: Experiment, fmus: FmuSet, out: Path, *, cluster: str | None = None, **options: Any) -> Path:
+    """Run a study under a progress bar and write its page; ``cluster``: of Dask, that it runs on, see :func:`cosim.study.dask`;
+    ``options`` as for :func:`cosim.study.run_study`."""
     from cosim.report import write_report  # fails where [reports] is missing: before the work, not after
 
     folder = make_folder(out / experiment.name)
     for part in experiment.every:
         fmus.paths(part.fmus)
-    with progress_bar(f"study {experiment.name}") as progress:
-        results = run_study(experiment, fmus, folder / ".runs", progress=progress, **options)
+    with on(cluster, options.get("processes")) as executor, progress_bar(f"study {experiment.name}") as progress:
+        results = run_study(experiment, fmus, folder / ".runs", executor=executor, progress=progress, **options)
     failures = results.failures
     for name, message in list(failures.items())[:5]:
         console.print(f"failed: {name}: {message}", markup=False)
@@ -254,7 +349,17 @@ def write_study(experiment: Experiment, fmus: FmuSet, out: Path, **options: Any)
 # ------------------------------------------------------------------------------------------------------- their parts
 
 
-def _execution(given: Mapping[str, Any]) -> Execution:
+@contextmanager
+def on(cluster: str | None, processes: int | None) -> Iterator[Executor | None]:
+    """The executor of a Dask cluster, or None for processes of this machine."""
+    if cluster is None:
+        yield None
+    else:
+        with dask(cluster, processes) as executor:
+            yield executor
+
+
+def execution(given: Mapping[str, Any]) -> Execution:
     limit = given["memory_limit"]
     if not given["isolate"] and (limit is not None or given["step_timeout"] is not None):
         raise CosimError("--step-timeout and --memory-limit are limits of isolated FMUs: say which with --isolate")
@@ -263,7 +368,7 @@ def _execution(given: Mapping[str, Any]) -> Execution:
     )
 
 
-def _command(
+def command(
     function: Callable[..., None], experiment: Experiment, options: Mapping[str, tuple[Any, Any]], help: str,
     kind: type[Command] = Command,
 ) -> Any:  # fmt: skip
@@ -292,6 +397,11 @@ def _option(f: Field) -> Any:
     if f.type is bool:
         names = [f"--{f.name}/--no-{f.name}"] if f.default else names
     return typer.Option(*names, metavar=metavar, help=f"{about.help} [{about.unit}]" if about.unit else about.help)
+
+
+def field_options(experiment: Experiment) -> dict[str, tuple[Any, Any]]:
+    """Options of the fields of an experiment's cases, by attribute."""
+    return {f.attribute: (Annotated[_type(f), _option(f)], f.default) for f in fields(experiment.case)}
 
 
 def _case(experiment: Experiment, given: Mapping[str, Any]) -> Any:
@@ -328,11 +438,11 @@ def _grid(experiment: Experiment, given: Mapping[str, list[Any] | None]) -> list
     return grid(experiment.case, **axes)
 
 
-def _own_files(experiment: Experiment) -> dict[str, tuple[Any, Any]]:
+def own_files(experiment: Experiment) -> dict[str, tuple[Any, Any]]:
     return _VEHICLE if experiment.own_fmus is not None else {}
 
 
-def _fmu_set(experiment: Experiment, given: Mapping[str, Any]) -> FmuSet:
+def fmu_set(experiment: Experiment, given: Mapping[str, Any]) -> FmuSet:
     """The FMUs of an experiment, with those of a user's files."""
     make = resolved(experiment.own_fmus)
     if make is None:
@@ -384,13 +494,13 @@ def progress_bar(title: str) -> Iterator[Progressed]:
 
 
 @contextmanager
-def kept_recording(csv: Path) -> Iterator[None]:
-    """Around a run that writes ``csv``: when it fails or is interrupted, say what the file holds."""
+def kept_recording(path: Path) -> Iterator[None]:
+    """Around a run that writes a file: when it fails or is interrupted, say what the file holds."""
     try:
         yield
     except (ComponentError, Interrupted) as error:
         if error.recording is not None and len(error.recording):
-            console.print(f"{csv} holds the run up to t = {error.time:g} s")
+            console.print(f"{path} holds the run up to t = {error.time:g} s")
         raise
 
 

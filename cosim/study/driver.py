@@ -1,32 +1,32 @@
 """Runs the tasks of a study on whatever executor it is given; nothing that was finished is ever run again.
 
-Each task's result is stored as it comes. A task that fails is a row with its message and does not end the study; one whose
-process dies (an FMU can take it along) is tried once more by itself, so that only the culprit is lost.
+Each task's result is stored as it comes. A task that fails is a row with its message and does not end the study.
 """
 
 from __future__ import annotations
 
 import dataclasses
 import os
-import shutil
-import threading
-from collections import deque
-from collections.abc import Callable, Iterable, Iterator, Mapping
-from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, wait
+import time
+from collections.abc import Callable, Generator, Iterable, Mapping, Sequence
+from concurrent.futures import Executor
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
 from cosim.study import key
-from cosim.study.case import values
-from cosim.study.experiment import Experiment, Row, Search, Task
+from cosim.study.dispatch import Dispatch, Making
+from cosim.study.executors import width
+from cosim.study.experiment import Experiment, Search, Task
 from cosim.study.fmus import FmuSet
-from cosim.study.loading import load
 from cosim.study.processes import local_processes
 from cosim.study.results import Results
-from cosim.study.runner import Execution, Runner, entry_key
-from cosim.study.store import NotStored, RunStore
+from cosim.study.runner import Execution, entry_key
+from cosim.study.store import NotStored, RunStore, Store, Stored
+from cosim.study.swept import Parameters
+from cosim.study.work import Ship, given, hashes
 
-DIED = "the process that ran it ended without a word, which an FMU that crashes does to it"
+Arriving = Generator[tuple[int, bytes], None, None]
 Progressed = Callable[[int, int], None]
 
 
@@ -37,7 +37,7 @@ def run_study(
     *,
     tasks: Iterable[Any] | None = None,
     options: Mapping[str, Any] | None = None,
-    executor: Executor | None = None,
+    executor: Executor | Making | None = None,
     processes: int | None = None,
     retry_failed: bool = False,
     force: bool = False,
@@ -52,7 +52,8 @@ def run_study(
         store: folder of finished runs.
         tasks: other tasks (or cases) than those of the experiment's plan.
         options: of the plan.
-        executor: where tasks run; None: processes on this machine. Its workers see the same files.
+        executor: where tasks run, or a function that gives a context with one, which is asked for another when it breaks; None:
+            processes on this machine. Its workers have this project and the user's file; FMUs go there by themselves.
         processes: how many, on this machine; None: one per core.
         retry_failed: run again what failed earlier.
         force: discard what is stored and run everything.
@@ -61,6 +62,8 @@ def run_study(
 
     Raises:
         FileNotFoundError: an FMU is missing; nothing was run.
+        ExecutorLostError: the executor can do no more; what was finished is stored.
+        OSError: results cannot be written, for want of room for one; what was finished is stored.
         KeyboardInterrupt: by Ctrl-C; what was finished is stored.
     """
     todo = experiment.tasks(**(options or {})) if tasks is None else experiment.placed(tasks)
@@ -69,26 +72,72 @@ def run_study(
         by_part.setdefault(_part(task), []).append(task)
     for name in by_part:
         fmus.paths(experiment.part(name).fmus)
-    if force and store.exists():
-        shutil.rmtree(store)
-    salts = {name: _salt(experiment.part(name), name, fmus, own) for name, own in by_part.items()}
-    kept = {name: RunStore(store, salt) for name, salt in salts.items()}
-    entries: dict[int, Row] = {}
-    for i, task in enumerate(todo):
+    kept = Store(store)
+    if force:
+        kept.discard()
+    salts = {name: salt_of(experiment.part(name), name, fmus, own) for name, own in by_part.items()}
+    runs = {name: RunStore(kept, salt) for name, salt in salts.items()}
+    names = [runs[_part(task)].name(task_key(task)) for task in todo]
+    order = [i for i, name in enumerate(names) if not usable(kept, name, failed=not retry_failed)]
+    order.sort(key=lambda i: -getattr(todo[i], "cost", 1.0))
+    done = len(todo) - len(order)
+    progress(done, len(todo))
+    searches = any(not isinstance(todo[i], Task) for i in order)  # alone ask for runs, which others may have made
+    ship = ship_of(experiment, fmus, by_part, salts, execution, store if searches else None)
+    dispatch = Dispatch(ship, lambda i: given(names[i], todo[i]), lambda i: getattr(todo[i], "cost", 1.0), width)
+    for _ in stored(dispatch, kept, order, executor, processes):
+        progress(done := done + 1, len(todo))
+    return Results(todo, Stored(kept, names))
+
+
+def ship_of(
+    experiment: Experiment, fmus: FmuSet, parts: Iterable[str], salts: Mapping[str, str], execution: Execution | None,
+    store: Path | None = None, parameters: Parameters = (),
+) -> Ship:  # fmt: skip
+    """What workers need for runs of an experiment and of some of its parts."""
+    files = [*(p for name in parts for p in fmus.paths(experiment.part(name).fmus)), *fmus.own_paths]
+    group = f"of{os.getpid()}x{time.time_ns():x}"
+    return Ship(experiment.module or experiment, fmus, hashes(files), store, group, salts, execution, parameters)
+
+
+def stored(
+    dispatch: Dispatch, kept: Store, order: Sequence[int], executor: Executor | Making | None, processes: int | None
+) -> Arriving:
+    """Do tasks, and give each with its line as it is stored. Without an executor they are done by processes on this machine.
+
+    Raises:
+        OSError: a result could not be stored; those before are.
+    """
+    if not order:
+        return
+    if executor is None:
+        found = dispatch.through_new(
+            lambda: local_processes(min(processes or os.cpu_count() or 1, len(order))), order, len(order)
+        )
+    elif isinstance(executor, Executor):
+        found = dispatch.through(executor, order, len(order))
+    else:
+        found = dispatch.through_new(executor, order, len(order))
+    with closing(found):
         try:
-            entry = kept[_part(task)].get(task_key(task))
-        except NotStored:
-            continue
-        if not (retry_failed and "failed" in entry):
-            entries[i] = entry
-    progress(len(entries), len(todo))
-    order = sorted((i for i in range(len(todo)) if i not in entries), key=lambda i: -getattr(todo[i], "cost", 1.0))
-    ship = (experiment.module or experiment, fmus, store, salts, execution)
-    if order:
-        for i, entry in _finished(ship, todo, order, executor, processes):
-            entries[i] = kept[_part(todo[i])].put(task_key(todo[i]), entry)
-            progress(len(entries), len(todo))
-    return Results(todo, (entries[i] for i in range(len(todo))))
+            for i, line in found:
+                kept.append([line])
+                yield i, line
+        except BaseException:
+            kept.close()
+            raise
+    kept.flush()
+    if executor is None:
+        kept.absorb(dispatch.ship.group)
+
+
+def usable(kept: Store, name: str, *, failed: bool) -> bool:
+    """Whether a result is stored, as it was written, and one of a failed run is enough."""
+    try:
+        text = kept.text(name)
+    except NotStored:
+        return False
+    return failed or not text.startswith('{"failed"')
 
 
 def task_key(task: Task | Search) -> Any:
@@ -102,7 +151,7 @@ def _part(task: Any) -> str:
     return getattr(task, "part", "")
 
 
-def _salt(experiment: Experiment, part: str, fmus: FmuSet, tasks: list[Any]) -> str:
+def salt_of(experiment: Experiment, part: str, fmus: FmuSet, tasks: list[Any]) -> str:
     """What all runs of an experiment depend on, or of its part of this name; two parts may be alike in everything else."""
     searches = [t for t in tasks if not isinstance(t, Task)]
     found = key.salt(experiment, fmus, _files(experiment, fmus, tasks), searches)
@@ -122,95 +171,3 @@ def _files(experiment: Experiment, fmus: FmuSet, tasks: list[Any]) -> list[Path]
             with experiment.wire(fmus, case) as system:
                 found |= set(system.fmu_files)
     return sorted(found)
-
-
-def _finished(
-    ship: tuple[Any, ...], todo: list[Any], order: list[int], executor: Executor | None, processes: int | None
-) -> Iterator[tuple[int, Row]]:
-    """(index, entry) of every task as it ends."""
-    waiting = deque(order)
-    if executor is not None:
-        yield from _collect(executor, ship, todo, waiting, at_once=len(order))
-        return
-    while waiting:
-        count = min(processes or os.cpu_count() or 1, len(waiting))
-        suspects: list[int] = []
-        with local_processes(count) as pool:
-            try:
-                yield from _collect(pool, ship, todo, waiting, at_once=count + 1)  # one more, so that no worker waits
-            except _BrokenError as broken:
-                suspects = broken.begun
-        for i in suspects:  # each in a process of its own: whose dies is the culprit
-            with local_processes(1) as pool:
-                try:
-                    yield from _collect(pool, ship, todo, deque([i]), at_once=1)
-                except _BrokenError:
-                    yield i, {"failed": DIED}
-
-
-class _BrokenError(RuntimeError):
-    """Workers died; ``begun`` are the tasks that they had been given and that have no result."""
-
-    def __init__(self, begun: list[int]) -> None:
-        super().__init__(
-            "the executor's workers died; what was finished is stored, and the same study continues from there"
-        )
-        self.begun = begun
-
-
-def _collect(
-    pool: Executor, ship: tuple[Any, ...], todo: list[Any], waiting: deque[int], *, at_once: int
-) -> Iterator[tuple[int, Row]]:
-    """(index, entry) of every task as it ends; takes the next of those waiting when fewer than ``at_once`` are with the workers."""
-    begun: dict[Future[Row], int] = {}
-    try:
-        while waiting or begun:
-            while waiting and len(begun) < at_once:
-                i = waiting[0]
-                begun[pool.submit(work, ship, _shipped(todo[i]))] = i
-                waiting.popleft()
-            for future in wait(begun, return_when=FIRST_COMPLETED).done:
-                entry = future.result()
-                yield begun.pop(future), entry
-    except BrokenExecutor:
-        raise _BrokenError(list(begun.values())) from None
-    finally:
-        for future in begun:
-            future.cancel()
-
-
-def _shipped(task: Task | Search) -> Any:
-    """A task as it goes to another process, where a class of cases made at run time is another one."""
-    return (task.part, values(task.case), task.signals) if isinstance(task, Task) else task
-
-
-_workers = threading.local()  # runners, per thread those of one study: a system runs one simulation at a time
-
-
-def work(ship: tuple[str | Experiment, FmuSet, Path, Mapping[str, str], Execution | None], task: Any) -> Row:
-    """Do one task in a worker, which gets the experiment, FMUs, folder of the store, its salt by part and the execution with it; a
-    failure is an entry that says so."""
-    place, fmus, store, salts, execution = ship
-    try:
-        experiment = load(place) if isinstance(place, str) else place
-        if isinstance(task, tuple):
-            part, given, signals = task
-            runner = _runner(experiment, part, fmus, store, salts, execution)
-            return runner.entry(runner.experiment.case(**given), signals=signals)
-        return {"found": task(_runner(experiment, _part(task), fmus, store, salts, execution))}
-    except Exception as error:
-        return {"failed": f"{type(error).__name__}: {error}"}
-
-
-def _runner(
-    experiment: Experiment, part: str, fmus: FmuSet, store: Path, salts: Mapping[str, str], execution: Execution | None
-) -> Runner:
-    study = (experiment.name, experiment.module, fmus, str(store), salts, execution)
-    if getattr(_workers, "study", None) != study:
-        for runner in getattr(_workers, "runners", {}).values():
-            runner.close()
-        _workers.study, _workers.runners = study, {}
-    runners: dict[str, Runner] = _workers.runners
-    if part not in runners:
-        runners[part] = Runner(experiment.part(part), fmus, RunStore(store, salts[part]), execution)
-    return runners[part]

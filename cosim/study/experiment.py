@@ -30,7 +30,7 @@ class Run:
 
     def start(self, name: str) -> Any:
         """Start value ``component.variable`` of this run: as set for it, else the FMU's own."""
-        component, _, variable = name.partition(".")
+        component, variable = self.system.members.parts(name)
         member = self.system[component]
         found = member.description.find(variable, component)
         return member.values.get(found.name, found.start)

@@ -2,10 +2,19 @@
 
 from __future__ import annotations
 
+import json
 import shlex
+import zipfile
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
+
+
+def designed_with(file: Path) -> Mapping[str, Any]:
+    """What the law in an FMU was designed with, as the FMU tells in ``resources/provenance.json``."""
+    with zipfile.ZipFile(file) as z:
+        return dict(json.loads(z.read("resources/provenance.json")))
 
 
 @dataclass(frozen=True)
@@ -13,12 +22,13 @@ class FmuSet:
     """FMU files by name.
 
     ``own``: FMUs of a user's files that stand in for published ones or beside them: published name -> name, and the options of
-    ``build-fmus`` that make it.
+    ``build-fmus`` that make it. ``at``: where files lie on this machine that are elsewhere, by their path.
     """
 
     directory: Path = Path("fmus")
     fmi: int = 3
     own: Mapping[str, tuple[str, str]] = field(default_factory=dict, hash=False)
+    at: Mapping[str, str] = field(default_factory=dict, hash=False)
 
     def name(self, published: str) -> str:
         """Name of the FMU that stands for a published one."""
@@ -31,14 +41,17 @@ class FmuSet:
             FileNotFoundError: it is not there; the message says how to build it.
         """
         if name.endswith(".fmu"):
-            if not Path(name).is_file():
+            if not (found := self._placed(Path(name))).is_file():
                 raise FileNotFoundError(f"{name} does not exist")
-            return Path(name)
+            return found
         used, options = self.own.get(name, (name, ""))
-        path = self.directory / f"fmi{self.fmi}" / f"{used}.fmu"
+        path = self._placed(self.directory / f"fmi{self.fmi}" / f"{used}.fmu")
         if not path.is_file():
             raise FileNotFoundError(f"{path} does not exist: run `{self.build_command(options)}` first")
         return path
+
+    def _placed(self, path: Path) -> Path:
+        return Path(self.at.get(str(path), path))
 
     def paths(self, names: Iterable[str]) -> list[Path]:
         """Several FMU files: all are there, or FileNotFoundError names the first that is not."""

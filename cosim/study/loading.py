@@ -19,6 +19,7 @@ import numpy as np
 from build_fmus import extras
 from cosim.errors import CosimError
 from cosim.signals import rms
+from cosim.study import packages
 from cosim.study.case import case_of, values
 from cosim.study.experiment import Experiment, Metric, Row, Run
 from cosim.study.fmus import FmuSet
@@ -30,11 +31,13 @@ class ExperimentError(CosimError, ValueError):
 
 @cache
 def load(place: str) -> Experiment:
-    """The experiment of a module (``cosim.experiments.gpc``) or of a Python file.
+    """The experiment of a module (``cosim.experiments.gpc``), of a Python file, or of an SSP file.
 
     Raises:
         ExperimentError: there is no such module or file, it cannot be run, or it has no experiment.
     """
+    if place.lower().endswith(packages.SUFFIX):
+        return packages.ssp_experiment(place, extremes)
     module = _from_file(Path(place)) if place.endswith(".py") else _from_name(place)
     found = getattr(module, "EXPERIMENT", None)
     if isinstance(found, Experiment):

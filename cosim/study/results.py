@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
 from cosim.study.case import values
@@ -23,16 +23,16 @@ class Results(Mapping[Any, Row]):
 
     def __init__(self, tasks: Iterable[Task | Search], entries: Iterable[Row]) -> None:
         self.tasks = list(tasks)
-        self._entries = list(entries)
-        self._labels = {t.case if isinstance(t, Task) else t: t.label for t in self.tasks}
-        self._runs: dict[Any, Row] = {}
-        self._found: dict[Any, Row] = {}
-        for task, entry in zip(self.tasks, self._entries, strict=True):
+        self._entries = entries if isinstance(entries, Sequence) else list(entries)
+        if len(self._entries) != len(self.tasks):
+            raise ValueError(f"{len(self.tasks)} tasks have {len(self._entries)} entries")
+        self._runs: dict[Any, tuple[int, ...]] = {}  # numbers of the tasks of a case: its signals may be another task
+        self._found: dict[Any, tuple[int, ...]] = {}
+        for i, task in enumerate(self.tasks):
             if isinstance(task, Task):
-                known = self._runs.get(task.case)
-                self._runs[task.case] = entry if known is None else {**known, **entry}
+                self._runs[task.case] = (*self._runs.get(task.case, ()), i)
             else:
-                self._found[task] = entry
+                self._found[task] = (i,)
 
     def __getitem__(self, case: Any) -> Row:
         found: Row = self._part(self._runs, case, "metrics")
@@ -56,31 +56,51 @@ class Results(Mapping[Any, Row]):
     @property
     def ran(self) -> list[Any]:
         """Cases whose runs did not fail."""
-        return [case for case, entry in self._runs.items() if "failed" not in entry]
+        return [case for case, places in self._runs.items() if "failed" not in self._entry(places)]
 
     @property
     def failures(self) -> dict[str, str]:
         """Message of every failed task by its label."""
-        return {self._labels[k]: e["failed"] for k, e in {**self._runs, **self._found}.items() if "failed" in e}
+        found = ((places, self._entry(places)) for places in (*self._runs.values(), *self._found.values()))
+        return {self.tasks[places[0]].label: e["failed"] for places, e in found if "failed" in e}
 
     def of(self, part: str = "") -> Results:
         """The results of one part of the experiment; without a name, of what belongs to none."""
         chosen = [i for i, t in enumerate(self.tasks) if getattr(t, "part", "") == part]
-        return Results([self.tasks[i] for i in chosen], [self._entries[i] for i in chosen])
+        return Results([self.tasks[i] for i in chosen], _Chosen(self._entries, chosen))
 
     def rows(self) -> list[Row]:
         """Every run as a flat row, for tables and files: the fields of its case, then its metrics or ``failed``."""
-        return [
-            {**values(case), **({"failed": e["failed"]} if "failed" in e else e["metrics"])}
-            for case, e in self._runs.items()
-        ]
+        found = ((case, self._entry(places)) for case, places in self._runs.items())
+        return [{**values(c), **({"failed": e["failed"]} if "failed" in e else e["metrics"])} for c, e in found]
 
-    def _part(self, entries: Mapping[Any, Row], key: Any, part: str) -> Any:
-        entry = entries.get(key)
-        if entry is None:
+    def _entry(self, places: tuple[int, ...]) -> Row:
+        if len(places) == 1:
+            return self._entries[places[0]]
+        return {k: v for i in places for k, v in self._entries[i].items()}
+
+    def _part(self, entries: Mapping[Any, tuple[int, ...]], key: Any, part: str) -> Any:
+        places = entries.get(key)
+        if places is None:
             raise KeyError(f"the study has no run {getattr(key, 'label', key)}")
+        entry = self._entry(places)
+        label = self.tasks[places[0]].label
         if "failed" in entry:
-            raise RunFailed(f"the run {self._labels[key]} failed: {entry['failed']}")
+            raise RunFailed(f"the run {label} failed: {entry['failed']}")
         if part not in entry:
-            raise KeyError(f"the study kept no {part} of the run {self._labels[key]}")
+            raise KeyError(f"the study kept no {part} of the run {label}")
         return entry[part]
+
+
+class _Chosen(Sequence[Row]):
+    """Some of a sequence of entries, which are read when they are asked for."""
+
+    def __init__(self, entries: Sequence[Row], chosen: Sequence[int]) -> None:
+        self._entries = entries
+        self._chosen = chosen
+
+    def __len__(self) -> int:
+        return len(self._chosen)
+
+    def __getitem__(self, i: Any) -> Any:
+        return self._entries[self._chosen[i]]

@@ -7,13 +7,16 @@ from collections.abc import Hashable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from cosim import ComponentError, EngineChoice, Recording, System
 from cosim.study.case import check, named_files, values
 from cosim.study.experiment import Experiment, Row, Run
 from cosim.study.fmus import FmuSet
-from cosim.study.store import NotStored, RunStore
+from cosim.tables import drive
+
+if TYPE_CHECKING:  # how results are kept is no part of what they depend on
+    from cosim.study.store import RunStore
 
 
 @dataclass(frozen=True)
@@ -51,15 +54,25 @@ class Runner:
         fmus: the FMU files.
         store: where finished runs are kept; None: nowhere.
         execution: how systems are executed.
+        inputs: files whose columns drive the inputs that they name, see :func:`cosim.tables.drive`; their runs are not stored.
+        hold_inputs: a run may last longer than these files.
     """
 
     def __init__(
-        self, experiment: Experiment, fmus: FmuSet, store: RunStore | None = None, execution: Execution | None = None
+        self,
+        experiment: Experiment,
+        fmus: FmuSet,
+        store: RunStore | None = None,
+        execution: Execution | None = None,
+        *,
+        inputs: Sequence[Path] = (),
+        hold_inputs: bool = False,
     ) -> None:
         self.experiment = experiment
         self.fmus = fmus
-        self.store = store
+        self.store = None if inputs else store
         self.execution = execution or Execution()
+        self.inputs, self.hold_inputs = tuple(inputs), hold_inputs
         self._systems: dict[Hashable, System] = {}
 
     def __enter__(self) -> Runner:
@@ -78,6 +91,8 @@ class Runner:
             while len(self._systems) >= (1 if not (e.configure or e.structure) else SYSTEMS):
                 self._systems.pop(next(iter(self._systems))).close()
             system = e.wire(self.fmus, case)
+            for path in self.inputs:
+                drive(system, path, after="hold" if self.hold_inputs else "error")
             self.execution.prepare(system)
         self._systems[key] = system
         if e.configure is not None:
@@ -88,7 +103,8 @@ class Runner:
         self,
         case: Any,
         *,
-        csv: Path | None = None,
+        output: Path | None = None,
+        display_units: bool = False,
         progress: bool = False,
         record: Sequence[str] | None = None,
         record_interval: Any = None,
@@ -98,7 +114,7 @@ class Runner:
         """Run a case.
 
         Args:
-            csv: file of the recording.
+            output, display_units: file of the recording, see :meth:`cosim.System.run`.
             progress: show it.
             record, record_interval, stop_time: others than the experiment's.
             real_time: pace, see :meth:`cosim.System.run`.
@@ -114,7 +130,7 @@ class Runner:
         )
         recording = system.run(
             end, record=names, record_interval=interval, stop_when=e.stop_when(system, case) if e.stop_when else (),
-            csv=csv, progress=progress, allow_unconnected=e.allow_unconnected, engine=self.execution.engine,
+            output=output, display_units=display_units, progress=progress, allow_unconnected=e.allow_unconnected, engine=self.execution.engine,
             real_time=real_time,
         )  # fmt: skip
         return Run(case, recording, system)
@@ -129,12 +145,10 @@ class Runner:
         if self.store is None:
             return self._entry(case, signals=signals)
         key = entry_key(case, signals=signals)
-        try:
-            found: Row = self.store.get(key)
-        except NotStored:
-            found = {"failed": ""}
-        if "failed" in found:  # whoever asks wants it run again
-            found = self.store.put(key, self._entry(case, signals=signals))
+        found: Row | None = self.store.find(key)
+        if found is None or "failed" in found:  # whoever asks wants it run again
+            stored: Row = self.store.put(key, self._entry(case, signals=signals))
+            return stored
         return found
 
     def metrics(self, case: Any) -> Row:

@@ -81,7 +81,9 @@ class Connection:
     def __str__(self) -> str:
         notes = []
         if (self.scale, self.offset) != (1.0, 0.0):
-            notes.append(f"{self.output.unit_name} to {self.input.unit_name}")
+            named = self.output.unit_name != self.input.unit_name
+            linear = f"times {self.scale:g} plus {self.offset:g}"
+            notes.append(f"{self.output.unit_name} to {self.input.unit_name}" if named else linear)
         if self.delay:
             notes.append("one step of delay")
         if self.extrapolate:

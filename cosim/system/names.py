@@ -1,12 +1,12 @@
-"""The members of a system by name, and its variables by `component.variable`: the component's name ends at the first dot."""
+"""The members of a system by name, and its variables by `component.variable`: the component's name ends at the first dot. Where components
+of nested systems have dots in theirs, `sub.component.variable`, it ends where there is a component of that name: no name continues another."""
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable, Iterable
 from typing import Any, NoReturn
 
-from build_fmus.checks import did_you_mean
+from build_fmus.checks import did_you_mean, glob
 from cosim.description import RECORDABLE, Variable, split_index
 from cosim.errors import WiringError
 from cosim.system.members import Member, article, indices
@@ -20,14 +20,24 @@ class Members(dict[str, Member]):
 
     def split(self, full: str) -> tuple[Member, str]:
         """`component.variable` -> the member and the variable's own name. Raises WiringError for an unknown component."""
-        component, dot, variable = full.partition(".")
-        if not dot:
+        component, variable = self.parts(full)
+        if component == full:
             raise WiringError(f"'{full}': write component.variable")
         return self[component], self[component].description.canonical(variable)
 
+    def parts(self, full: str) -> tuple[str, str]:
+        """`component.variable` as the component's name, if there is one, and the rest; else as what is ahead of the first dot, and the rest."""
+        at = full.find(".")
+        while at >= 0:
+            if full[:at] in self:
+                return full[:at], full[at + 1 :]
+            at = full.find(".", at + 1)
+        component, _, variable = full.partition(".")
+        return component, variable
+
     def canonical(self, full: str) -> str:
         """`component.variable` with the variable's own name where that is an alias; other texts as they are."""
-        component, _, variable = full.partition(".")
+        component, variable = self.parts(full)
         member = self.get(component)
         return full if member is None else f"{component}.{member.description.canonical(variable)}"
 
@@ -85,12 +95,6 @@ def elements(member: Member, name: str) -> list[Variable]:
     if name in about.variables or name not in about.arrays:
         return [about.find(name, member.name)]
     return [about.variables[n] for n in sorted(about.arrays[name], key=indices)]
-
-
-def glob(pattern: str) -> Callable[[str], Any]:
-    """Predicate for names; only * and ? are special, brackets are part of names."""
-    text = re.escape(pattern).replace(r"\*", ".*").replace(r"\?", ".")
-    return re.compile(text).fullmatch
 
 
 def fits_any(fits: Callable[[str], Any], member: Member, variable: Variable) -> bool:

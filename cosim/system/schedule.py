@@ -38,7 +38,7 @@ class Schedule:
 
     def __str__(self) -> str:
         by = [f"executed by {self.executed_by}"] if self.executed_by else []
-        lines = [f"base tick {_seconds(self.tick)}", *by, "", "At every instant, the components that are due:"]
+        lines = [f"base tick {seconds(self.tick)}", *by, "", "At every instant, the components that are due:"]
         if self.discrete:
             lines.append("1. discrete, one after the other, each used at once:")
             lines += [f"     {_rate(m)}" for m in self.discrete]
@@ -63,14 +63,15 @@ class Schedule:
         return "\n".join(lines)
 
 
-def _seconds(value: Fraction) -> str:
+def seconds(value: Fraction) -> str:
+    """A duration as people write it: `0.001 s`, `1/60 s`."""
     return f"{float(value):g} s" if float(value) == value or 10**9 % value.denominator == 0 else f"{value} s"
 
 
 def _rate(member: Member) -> str:
-    offset = f" from {_seconds(member.offset)}" if member.offset else ""
+    offset = f" from {seconds(member.offset)}" if member.offset else ""
     apart = ", in a process of its own" if getattr(member.component, "isolation", None) else ""
-    return f"{member.name} ({member.description.name}) every {_seconds(member.step)}{offset}{apart}"
+    return f"{member.name} ({member.description.name}) every {seconds(member.step)}{offset}{apart}"
 
 
 def make_schedule(

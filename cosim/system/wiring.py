@@ -9,7 +9,7 @@ from fractions import Fraction
 from pathlib import Path
 from typing import Any, Literal
 
-from build_fmus.checks import did_you_mean, unknown
+from build_fmus.checks import did_you_mean, glob, number, unknown
 from build_fmus.units import UnitMismatchError, conversion
 from cosim.component import Component
 from cosim.description import Description, Variable
@@ -19,7 +19,7 @@ from cosim.fmu.file import FmuFile
 from cosim.fmu.isolation import Isolation
 from cosim.fmu.isolation import require as require_isolation
 from cosim.system.members import Connection, Group, Member, article
-from cosim.system.names import Members, elements, fits_any, glob
+from cosim.system.names import Members, elements, fits_any
 from cosim.system.schedule import Schedule, make_schedule, unconnected
 from cosim.time import TimeLike, positive, rational
 
@@ -63,10 +63,13 @@ class Wiring:
         deviates from the standard (FmuError), which otherwise is warned of (FmuWarning). `isolated`, with `step_timeout` and
         `memory_limit`: as in `isolate`.
         """
-        if not name or "." in name or any(c.isspace() for c in name):
-            raise WiringError(f"a component's name may hold neither dots nor blanks: {name!r}")
+        if not all(name.split(".")) or any(c.isspace() for c in name):
+            raise WiringError(f"a component's name may hold no blanks, and dots only between its parts: {name!r}")
         if name in self.members:
             raise WiringError(f"there is already a component '{name}'")
+        other = next((n for n in self.members if n.startswith(f"{name}.") or name.startswith(f"{n}.")), None)
+        if other is not None:
+            raise WiringError(f"a component '{name}' beside '{other}' would make names of variables ambiguous")
         component = self._component(fmu, strict)
         about = component.description
         kind = kind or about.kind or "continuous"  # type: ignore[assignment]
@@ -124,14 +127,23 @@ class Wiring:
             raise WiringError("this component object is already in the system; make a second one")
         return fmu  # type: ignore[no-any-return]
 
-    def connect(self, source: str, target: str, *, delay: bool = False, extrapolate: bool = False) -> list[Connection]:
+    def connect(
+        self,
+        source: str,
+        target: str,
+        *,
+        delay: bool = False,
+        extrapolate: bool = False,
+        linear: tuple[float, float] | None = None,
+    ) -> list[Connection]:
         """Connect an output to an input, or an array to an array by their names without index.
 
         Units are checked and converted. `delay` gives the input the value of the source's step before (one step of
         the source). `extrapolate` lets a continuous target see the line through the source's last two values, at the
         middle of its step, instead of the last value (of a source ahead of it in a Gauss-Seidel group: interpolated
         between the value before and the one just reached). Extrapolated both ways a coupling is of second order in the
-        exchange step, otherwise of first. Raises WiringError naming what does not fit.
+        exchange step, otherwise of first. `linear`: factor and offset by which the target's value follows from the source's, instead of
+        the conversion of units. Raises WiringError naming what does not fit.
         """
         from_member, output = self.members.split(source)
         to_member, input_ = self.members.split(target)
@@ -139,7 +151,7 @@ class Wiring:
         if len(outputs) != len(inputs):
             raise WiringError(f"{source} has {len(outputs)} element(s), {target} has {len(inputs)}")
         made = [
-            self._connection((from_member, o), (to_member, i), delay=delay, extrapolate=extrapolate)
+            self._connection((from_member, o), (to_member, i), delay=delay, extrapolate=extrapolate, linear=linear)
             for o, i in zip(outputs, inputs, strict=True)
         ]
         self.connections.update((c.target_name, c) for c in made)
@@ -212,7 +224,13 @@ class Wiring:
         return self.groups[name]
 
     def _connection(
-        self, origin: tuple[Member, Variable], end: tuple[Member, Variable], *, delay: bool, extrapolate: bool
+        self,
+        origin: tuple[Member, Variable],
+        end: tuple[Member, Variable],
+        *,
+        delay: bool,
+        extrapolate: bool,
+        linear: tuple[float, float] | None = None,
     ) -> Connection:
         (source, output), (target, input_) = origin, end
         names = f"{source.name}.{output.name} -> {target.name}.{input_.name}"
@@ -231,7 +249,11 @@ class Wiring:
         if extrapolate and delay:
             raise WiringError(f"{names}: choose delay or extrapolation")
         try:
-            scale, offset = conversion(output.unit, input_.unit, output.relative and input_.relative)
+            scale, offset = (
+                conversion(output.unit, input_.unit, output.relative and input_.relative)
+                if linear is None
+                else (number(f"{names}: {what}", x, error=WiringError) for what, x in zip(("factor", "offset"), linear, strict=True))
+            )
         except UnitMismatchError as error:
             raise WiringError(
                 f"units differ: {source.name}.{output.name} [{output.unit_name}] -> "

@@ -7,7 +7,7 @@ Lagrange's equations in the coordinates ``q``: body height, roll and pitch at th
 with kinetic energy T, energy of springs and tires V, half of the power lost in dampers and tires R, and the generalized
 forces Q of the actuators by virtual work. All four follow from two lengths per corner, suspension and tire deflection,
 paper 004 equation (12). Nothing else is written down, so the equations cannot disagree with each other. How many axles
-there are is up to the vehicle: two make the seven-degree car of papers 004 and 001, three the nine-degree 6x6 of paper 003.
+there are is up to the vehicle: two make the car of papers 004 and 001 with seven degrees of freedom, three the 6x6 of paper 003 with nine.
 
 The car is linear but for two options: friction in the suspensions, and tires that lift off.
 """

@@ -1,4 +1,4 @@
-"""Ride comfort during a run: absorbed power (Donahue, Hedrick; equation 1.19) and ISO 2631-1."""
+"""Ride comfort during a run: absorbed power by both definitions (Donahue, Hedrick; equation 1.19, and ride-quality literature) and ISO 2631-1."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from fmu_sources.models.comfort import (
     ABSORBED_POWER_LIMIT,
     FEET_PER_METRE,
     HUMAN_RESPONSE,
+    HUMAN_RESPONSE_NRMM,
     WEIGHTING_WK,
     Section,
     digital_sections,
@@ -48,15 +49,17 @@ def ride_comfort(name: str = "RideComfort", *, period: float = SAMPLE_TIME) -> C
 
     felt = _filtered(c, "human_response", HUMAN_RESPONSE, FEET_PER_METRE * az, period)
     weighted = _filtered(c, "weighting", WEIGHTING_WK, az, period)
-    power = felt * felt
+    felt_nrmm = _filtered(c, "human_response.nrmm", HUMAN_RESPONSE_NRMM, FEET_PER_METRE * az, period)
+    power, power_nrmm = felt * felt, felt_nrmm * felt_nrmm
     window = _moving_mean(c, power, length, period)
 
     count = c.state("count", "1", "samples so far")
     energy = c.state("sum.power", None, "sum of the absorbed power")
+    energy_nrmm = c.state("sum.power.nrmm", None, "sum of the absorbed power of the filter of third order")
     squares = c.state("sum.squares", None, "sum of the squares of the weighted acceleration")
     fourths = c.state("sum.fourths", None, "sum of its fourth powers")
     peak = c.state("peak", "W", "largest mean over the window before this sample")
-    sums = {count: 1, energy: power, squares: weighted**2, fourths: weighted**4}
+    sums = {count: 1, energy: power, energy_nrmm: power_nrmm, squares: weighted**2, fourths: weighted**4}
     for state, term in sums.items():
         c.update(state, state + term)
     highest = ca.fmax(peak, window)
@@ -69,6 +72,10 @@ def ride_comfort(name: str = "RideComfort", *, period: float = SAMPLE_TIME) -> C
     c.output(
         "absorbed_power.above_limit", window > limit, None, "absorbed_power.window is above absorbed_power.limit",
         type=bool,
+    )  # fmt: skip
+    c.output("absorbed_power.nrmm", power_nrmm, "W", "absorbed power by the filter of third order of the ride-quality literature")
+    c.output(
+        "absorbed_power.nrmm.mean", (energy_nrmm + power_nrmm) / (count + 1), "W", "mean of absorbed_power.nrmm since the start"
     )  # fmt: skip
     c.output("iso2631.acceleration", weighted, "m/s2", "acceleration weighted with Wk of ISO 2631-1")
     c.output(
@@ -118,6 +125,8 @@ _NOTES = (
     "Absorbed power is the square of the acceleration after the human response filter 12 s / (s2 + 30.02 s + 901.3). The "
     "filter takes ft/s2 (the paper prints m/s2): so its gain is 3 to 15 % below that of the established filter of absorbed "
     "power over 1 to 10 Hz, its power 6 to 28 %, while on m/s2 it would be a tenth. Input and outputs of this FMU are SI.",
+    "absorbed_power.nrmm is by that established filter, 14.5 s (s + 44) / ((s + 63) (s2 + 24 s + 750)) on ft/s2, which mobility "
+    "models such as NRMM use. 6 W by one is not 6 W by the other: compare like with like.",
     "absorbed_power.window divides by the whole window from the start on, as if the vehicle had been at rest before; a "
     "window longer than the run therefore shows less than absorbed_power.mean. Judge single bumps by absorbed_power.peak, "
     "rough terrain by absorbed_power.mean.",

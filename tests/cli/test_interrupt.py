@@ -52,10 +52,10 @@ def gone(group: int, within: float) -> bool:
 
 def test_a_study_keeps_its_finished_runs(built_fmus: BuiltFmus, tmp_path: Path) -> None:  # noqa: ARG001
     text = interrupt(
-        tmp_path, Path("results/gpc/.runs/*.json"), "cosim", "study", "gpc", "--fmus", str(FMUS), "--processes", "2"
+        tmp_path, Path("results/gpc/.runs/*.lines"), "cosim", "study", "gpc", "--fmus", str(FMUS), "--processes", "2"
     )
     assert "interrupted; finished runs are kept, the same command continues from there" in text
-    assert list((tmp_path / "results" / "gpc" / ".runs").glob("*.json"))
+    assert list((tmp_path / "results" / "gpc" / ".runs").glob("*.lines"))
     assert not (tmp_path / "results" / "gpc" / "report.html").exists()
 
 

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 
 import pytest
 from api import Library
 from built import NAMES, BuiltFmus
+
+from cosim.check import Workers
 
 
 @pytest.fixture(scope="session")
@@ -20,6 +22,13 @@ def load(built_fmus: BuiltFmus) -> Callable[[str, int], Library]:
         return loaded[name, fmi]
 
     return get
+
+
+@pytest.fixture(scope="session")
+def workers() -> Iterator[Workers]:
+    """The process that checks FMUs."""
+    with Workers() as found:
+        yield found
 
 
 @pytest.fixture(params=NAMES)

@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 from api import DISCARD, ERROR, OK, Instance, Library, Model
-from applies import applies_to, continuous
+from applies import applies_to
 
 # States of an instance, one letter each.
 INSTANTIATED, INITIALIZATION, EVENT, CONTINUOUS, STEP, TERMINATED = "INECST"
@@ -510,19 +510,3 @@ def test_instantiation_with_null_arguments(fmu: Library) -> None:
             assert a.raw("InstantiateCoSimulation", b"x", fmu.token.encode(), *event_mode) is None
             scheduled = (None, False, True, None, a._logger, None, None, None)
             assert a.raw("InstantiateScheduledExecution", b"x", fmu.token.encode(), *scheduled) is None
-
-
-@applies_to(continuous)
-def test_nominal_values_are_those_of_the_description(fmu: Library) -> None:
-    with fmu.instance("me") as a:
-        put_into(a, CONTINUOUS)
-        n = len(fmu.states)
-        values = (c.c_double * n)()
-        a.must("GetNominalsOfContinuousStates", values, c.c_size_t(n))
-        assert values[:] == [fmu.variables[s].nominal or 1.0 for s in fmu.states]
-
-
-def test_version(fmu: Library) -> None:
-    assert getattr(fmu.dll, f"fmi{fmu.fmi}GetVersion")() == {2: b"2.0", 3: b"3.0"}[fmu.fmi]
-    if fmu.fmi == 2:
-        assert fmu.dll.fmi2GetTypesPlatform() == b"default"

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import hashlib
+import json
 import re
 import zipfile
 from collections.abc import Callable
@@ -9,13 +11,16 @@ from pathlib import Path
 
 import binaries
 import fmpy
+import pytest
 from api import OK, Library, Model, structured_name
 from applies import applies_to
+from cyclonedx.schema import SchemaVersion
+from cyclonedx.validation.json import JsonStrictValidator
 from fmpy.validation import validate_fmu
 from lxml import etree
 
 from build_fmus import units
-from build_fmus.compile import PLATFORMS
+from build_fmus.compile import PLATFORMS, find_toolchain, host
 from build_fmus.generate import RUNTIME_DIR
 from cosim.fmu.file import FmuFile
 from cosim.fmu.gate import Verdict
@@ -37,7 +42,7 @@ def test_validates_without_finding(fmu: Library) -> None:
 
 def test_further_descriptions_follow_their_schemas(fmu: Library) -> None:
     found = {p.name: p for p in fmu.folder.rglob("*.xml")}
-    expected = {"modelDescription.xml"}
+    expected = {"modelDescription.xml", "fmi-ls-manifest.xml"}
     if fmu.fmi == 3:
         expected |= {"buildDescription.xml", "terminalsAndIcons.xml"}
         for name, schema in (("buildDescription", "BuildDescription"), ("terminalsAndIcons", "TerminalsAndIcons")):
@@ -259,3 +264,82 @@ def test_binaries_run_on_old_systems_and_share_nothing(fmu: Library) -> None:
         assert binary.glibc <= (2, 17)
         assert binary.libraries <= SYSTEM_LIBRARIES or file.suffix == ".dll"
         assert not binary.imported & MATHEMATICS
+
+
+ROLE = re.compile(  # of the draft 1.0.0-alpha.1 of FMI-LS-REF
+    "document|requirement|specification|model|parameter|system|testcase|experiment(/(smoke-test|validation|uncertainty-analysis))?|result|"
+    "method|rationale|report|request|delivery|configuration|signature|serialized-state(/.*)?|meta-data|other"
+)
+
+
+def related_files(fmu: Library) -> dict[str, list[Path]]:
+    """What the manifest of FMI-LS-REF names, by role."""
+    base = fmu.folder / "extra" / "org.fmi-standard.fmi-ls-ref"
+    manifest = etree.parse(base / "fmi-ls-manifest.xml").getroot()
+    layered = "{http://fmi-standard.org/fmi-ls-manifest}fmi-ls-"
+    assert manifest.tag == "fmiReferences"
+    assert {k.removeprefix(layered): v for k, v in manifest.attrib.items()} == {
+        "name": base.name,
+        "version": "1.0.0-alpha.1",
+        "description": "Layered Standard providing information on related files included in an FMU.",
+    }
+    by_role: dict[str, list[Path]] = {}
+    for related in manifest:
+        assert related.tag == "Related"
+        assert ROLE.fullmatch(related.get("role"))
+        path = (base / related.get("source")).resolve()
+        assert hashlib.sha3_256(path.read_bytes()).hexdigest() == related.get("checksum").lower()
+        by_role.setdefault(related.get("role"), []).append(path)
+    return by_role
+
+
+def test_related_files_are_there_with_their_hashes(fmu: Library) -> None:
+    assert any(p.name.endswith(".cdx.json") for p in related_files(fmu)["meta-data"])
+
+
+def test_other_validators_find_the_reference_result(fmu: Library) -> None:
+    """FMI-LS-REF: the experiment is that of the documentation."""
+    by_role = related_files(fmu)
+    documentation = fmu.folder.resolve() / "documentation"
+    assert by_role["result"] == [documentation / f"{fmu.name}_ref.csv"]
+    (path,) = by_role["experiment/smoke-test"]
+    (experiment,) = etree.parse(path).getroot()
+    times = experiment.find("TransientSimulation")
+    stop, step = float(times.get("stopTime")), float(times.get("stepSize"))
+    assert float(times.get("startTime")) == 0.0
+    assert step == pytest.approx(fmu.step, rel=1e-12)
+    assert round(stop / step) == len(fmu.stimulus.time) - 1
+    sources = {e.tag: (path.parent / e.get("source")).resolve() for e in experiment if e is not times}
+    assert sources.pop("References") == documentation / f"{fmu.name}_ref.csv"
+    assert sources == ({"Stimuli": documentation / f"{fmu.name}_in.csv"} if fmu.stimulus.names else {})
+
+
+def test_bill_of_materials(fmu: Library) -> None:
+    """CycloneDX: judged by its own library; it lists what the licences list, and the binary with its compiler."""
+    text = (fmu.folder / "extra" / "org.fmi-standard.fmi-ls-ref" / "bill-of-materials.cdx.json").read_text()
+    assert JsonStrictValidator(SchemaVersion.V1_6).validate_str(text) is None
+    bill = json.loads(text)
+    libraries = {
+        c["name"]: c for c in bill["components"] if c["type"] == "library" and not c["name"].endswith(".fmu")
+    }
+    licences = fmu.folder / "documentation" / "licenses"
+    assert {n.replace(" ", "-") for n in libraries} - {"suspension-fmus"} == {
+        p.stem for p in licences.iterdir() if p.is_file() and p.name != "license.txt"
+    }
+    entry = (licences / "license.txt").read_text()
+    for name, library in libraries.items():
+        (licence,) = library["licenses"]
+        assert licence["license"]["id"] in entry
+        assert name == "suspension-fmus" or f"{name} {library.get('version', library.get('description'))}, " in entry
+    files = [f for c in libraries.values() for f in c.get("components", [])]
+    binaries = [c for c in bill["components"] if c["type"] == "file"]
+    for file in files + binaries:
+        (digest,) = file["hashes"]
+        assert hashlib.sha256((fmu.folder / file["name"]).read_bytes()).hexdigest() == digest["content"]
+    assert {b["name"] for b in binaries} == {
+        p.relative_to(fmu.folder).as_posix() for p in (fmu.folder / "binaries").rglob("*") if p.is_file()
+    }
+    for binary in binaries:
+        about = {p["name"].rpartition(":")[2]: p["value"] for p in binary["properties"]}
+        assert about["compiler"] == find_toolchain(host()).version
+        assert "-ffp-contract=off" in about["flags"].split()

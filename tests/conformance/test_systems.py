@@ -5,6 +5,7 @@ Their tests are those of the other files, as they are; `LEFT_OUT` says which are
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable
 from fractions import Fraction
 from pathlib import Path
@@ -13,6 +14,7 @@ from typing import Any
 import numpy as np
 import pytest
 import test_calls
+import test_compliance
 import test_inputs
 import test_package
 import test_state
@@ -35,6 +37,7 @@ LEFT_OUT = {
     "test_every_file_by_others_has_its_licence": "those of members have folders of theirs",
     "test_build_options_are_for_compilers_that_know_them": "their sources compile without options",
     "test_foreign_states_are_refused": "the others are the components of the tests",
+    "test_other_validators_find_the_reference_result": "systems have no reference result",
     "test_samples_are_counted_exactly": "about one component of the tests",
 }
 """Test -> why no system is asked; besides those with `applies_to`, which are about what systems do not offer, or do by their members."""
@@ -44,7 +47,7 @@ NOT_WITH_FOREIGN = {
 }
 """Test -> why it is about systems without FMUs of others."""
 
-for _module in (test_calls, test_inputs, test_package, test_state, test_time):
+for _module in (test_calls, test_compliance, test_inputs, test_package, test_state, test_time):
     for _name, _test in vars(_module).items():
         _of = [m for m in getattr(_test, "pytestmark", []) if m.name == "parametrize" and "name" in m.args[0]]
         if _name.startswith("test_") and _name not in LEFT_OUT and not _of:
@@ -160,3 +163,15 @@ def test_a_step_is_a_whole_number_of_ticks(fmu: SystemLibrary) -> None:
         for k in range(60):
             assert b.do_step(k * fmu.tick, fmu.tick) == OK
         assert outputs(a) == outputs(b)
+
+
+def test_the_bill_of_materials_lists_members_with_what_they_are_made_of(load: Callable[[str, int], Library]) -> None:
+    found = {}
+    for name in ("LawAndPlant", "WithForeign"):
+        bill = load(name, 3).folder / "extra" / "org.fmi-standard.fmi-ls-ref" / "bill-of-materials.cdx.json"
+        for component in json.loads(bill.read_text())["components"]:
+            if component["name"].endswith(".fmu"):
+                found[component["name"]] = {c["name"] for c in component.get("components", [])}
+    assert set(found) == {"QuarterCarBench.fmu", "MpcBench.fmu", "follower.fmu", "follower_2.fmu", "QuarterCarHmmwv.fmu"}
+    assert {"suspension-fmus", "DAQP"} <= found["MpcBench.fmu"]
+    assert found["follower.fmu"] == set()

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import awkward
 import pytest
 import pythonfmu.builder as pythonfmu
 import pythonfmu3.builder as pythonfmu3
@@ -107,13 +106,3 @@ def foreign(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
         script.write_text(source)
         builder.build_FMU(script, dest=folder)
     return {name: folder / f"{name}.fmu" for name in ("AddOne2", "AddOne3", "Refuses2")}
-
-
-@pytest.fixture(scope="session")
-def awkward_fmus(tmp_path_factory: pytest.TempPathFactory) -> dict[int, Path]:
-    """`awkward.c` as FMU by FMI version."""
-    folder = tmp_path_factory.mktemp("awkward")
-    return {
-        v: awkward.archive(folder / f"awkward{v}.fmu", awkward.description(v), binary=awkward.library(v, folder))
-        for v in (2, 3)
-    }

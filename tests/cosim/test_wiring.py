@@ -155,7 +155,9 @@ def test_arrays_are_set_whole_or_by_element():
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        ({"name": "a.b"}, "neither dots nor blanks"),
+        ({"name": "a..b"}, "dots only between its parts"),
+        ({"name": ".a"}, "dots only between its parts"),
+        ({"name": "a b"}, "no blanks"),
         ({"name": "car"}, "already a component 'car'"),
         ({"step": 0}, "step of 'new' must be positive"),
         ({"step": "fast"}, "step of 'new': cannot read 'fast'"),

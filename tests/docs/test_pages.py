@@ -15,6 +15,9 @@ from pathlib import Path
 
 import pytest
 from pages import PAGES, ROOT, blocks, headings, links, transcripts
+from pyarrow import parquet as pq
+
+from cosim import Recording
 
 BIN = Path(sys.executable).parent
 LINES_OF_WIRING = 20
@@ -62,8 +65,27 @@ def test_a_system_as_one_fmu_runs_in_fmpy(workplace: Path) -> None:
     assert (workplace / "Bumps.fmu").is_file()
 
 
+def test_systems_as_ssp(workplace: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Written in both versions and read again; the page itself compares the numbers."""
+    run_blocks(ROOT / "docs" / "ssp.md")
+    assert capsys.readouterr().out.count("car (RideCarHmmwv) every 0.001 s") == 2
+    assert (workplace / "Bumps2.ssp").is_file()
+
+
 def test_an_isolated_fmu_gives_the_same_numbers(workplace: Path) -> None:  # noqa: ARG001
     assert len(run_blocks(ROOT / "docs" / "foreign-fmus.md")["at_arms_length"]) == 1001  # type: ignore[arg-type]
+
+
+COMPLIANCE = ROOT / "docs" / "compliance.md"
+
+
+def test_compliance_lists_every_check(workplace: Path, capsys: pytest.CaptureFixture[str]) -> None:  # noqa: ARG001
+    from cosim.check import CHECKS
+
+    run_blocks(COMPLIANCE)
+    assert capsys.readouterr().out.startswith("no finding; ")
+    rows = re.findall(r"^\| `(\w+)` \| ((?:`\w+` ?)+)\|", COMPLIANCE.read_text(encoding="utf-8"), re.MULTILINE)
+    assert {f"{group}.{name}" for group, names in rows for name in re.findall(r"\w+", names)} == set(CHECKS)
 
 
 def test_the_example_of_the_tutorial_is_the_file(workplace: Path) -> None:
@@ -87,15 +109,47 @@ def test_a_study_of_ones_own_runs_resumes_and_reports(workplace: Path) -> None:
     """What the page says of its study: every run, the best of them, what is stored, the claim that does not hold."""
     for name, text in files_shown(STUDIES).items():
         (workplace / name).write_text(text)
-    code = blocks(STUDIES, "python")[-1]
+    code = "".join(blocks(STUDIES, "python")[-2:])  # here, and on an executor
     (workplace / "script.py").write_text(code + "    print(best.label)\n")
     for _ in range(2):
         done = subprocess.run([sys.executable, "script.py"], capture_output=True, text=True, check=True)
         assert done.stdout == "damping-6000-duration-0.1\n"
         stored = {p: p.stat().st_mtime_ns for p in (workplace / "results" / "runs").iterdir()}
-    assert len(stored) == len(list(csv.reader((workplace / "results" / "tables" / "runs.csv").open()))) - 1 == 8
+    assert sum(pq.read_metadata(p).num_rows for p in stored) == len(list(csv.reader((workplace / "results" / "tables" / "runs.csv").open()))) - 1 == 8
     summary = json.loads((workplace / "results" / "summary.json").read_text())
     assert [(c["id"], c["verdict"]) for c in summary["claims"]] == [("soft", "not reproduced")]
+
+
+SWEEPS = ROOT / "docs" / "sweeps.md"
+
+
+def test_a_sweep_from_python(workplace: Path) -> None:
+    """The table that a command has written, and a sweep in a script."""
+    for name, text in files_shown(SWEEPS).items():
+        (workplace / name).write_text(text)
+    subprocess.run([BIN / "cosim", "sweep", "ride.py", "--design", "loads.toml", "--processes", "1"], capture_output=True, check=True)
+    printed = []
+    for code in blocks(SWEEPS, "python"):
+        if not code.startswith("# "):
+            (workplace / "script.py").write_text(code)
+            printed += subprocess.run([sys.executable, "script.py"], capture_output=True, text=True, check=True).stdout.split()
+    rows, worst, mean = map(float, printed)
+    assert rows == 64
+    assert 2.0 < worst < 8.0
+    assert 1.0 < mean < 2.5
+
+
+def test_signals_go_in_and_results_come_out(workplace: Path) -> None:
+    """The road of the file moves the car, and every format gives the recording back (asserted on the page, too)."""
+    names = run_blocks(ROOT / "docs" / "data.md")
+    recording, shown = names["recording"], names["shown"]
+    assert abs(recording["car.body.z"]).max() > 0.02  # type: ignore[index]
+    written = Recording.read(workplace / "ride.parquet")
+    assert (written.units, written.names) == (recording.units, recording.names)  # type: ignore[attr-defined]
+    assert (written.data == recording.data).all()  # type: ignore[attr-defined]
+    assert abs(shown["car.tire.deflection"] - 1000 * recording["car.tire.deflection"]).max() < 1e-12  # type: ignore[index]
+    assert Recording.read(workplace / "displayed.nc").units["car.tire.deflection"] == "mm"
+    assert len(names["figure"].data) == 3  # type: ignore[attr-defined]
 
 
 STATES = ROOT / "docs" / "states-and-real-time.md"
@@ -112,6 +166,54 @@ def test_states_and_real_time(workplace: Path) -> None:
     assert (workplace / "before-the-bump.state").is_file()
     by_hand = namespace["simulation"].recording  # type: ignore[attr-defined]
     assert (len(by_hand), by_hand.real_time.instants) == (101, 100)
+
+
+def test_a_system_as_a_learning_environment(workplace: Path) -> None:  # noqa: ARG001
+    names = run_blocks(ROOT / "docs" / "learning.md")
+    assert names["other"].time == pytest.approx(names["env"].time + 0.01)  # type: ignore[attr-defined]
+    assert set(names["worth"]) == {-1.0, 0.0, 1.0}  # type: ignore[call-overload]
+    for env in ("env", "other"):
+        names[env].close()  # type: ignore[attr-defined]
+
+
+def test_optimisation_and_calibration(workplace: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """What the page says of its fit, and that its search is a search."""
+    names = run_blocks(ROOT / "docs" / "optimisation.md")
+    assert (workplace / "ride.log").is_file()
+    found, fit = names["found"], names["fit"]
+    assert len(found.trials) == 24  # type: ignore[attr-defined]
+    assert 1 < len(found.front) < 24  # type: ignore[attr-defined]
+    assert not fit.leaves_more  # type: ignore[attr-defined]
+    pairs = {frozenset(pair[:2]) for pair in fit.correlated}  # type: ignore[attr-defined]
+    assert frozenset({"car.body.mass", "car.suspension.stiffness"}) in pairs
+    assert "Told together only" in capsys.readouterr().out
+    names["system"].close()  # type: ignore[attr-defined]
+
+
+def test_the_examples_of_laws_build_what_they_try(workplace: Path) -> None:  # noqa: ARG001
+    """A law that is built with more weight on the tires holds the road better than the published one, and is less comfortable."""
+    front = runpy.run_path(str(ROOT / "docs" / "examples" / "preview_lq_front.py"))
+    firm = front["with_weights"]({"suspension": 1e3, "tire": 1e6, "force": 1e-6})
+    published, other = (front["drive"](w) for w in (front["PUBLISHED"]["comfort"], firm))
+    assert other["grip"] < published["grip"]
+    assert other["comfort"] > published["comfort"]
+
+
+def test_the_learning_example_learns_and_compares(
+    workplace: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch  # noqa: ARG001
+) -> None:  # fmt: skip
+    """With a budget of seconds: no worse than at its beginning, and the published controllers where they always are."""
+    example = runpy.run_path(str(ROOT / "docs" / "examples" / "learn_bench.py"))
+    unseen = example["UNSEEN"]
+    monkeypatch.setitem(example["learned"].__globals__, "UNSEEN", unseen[:1])
+    monkeypatch.setitem(example["learned"].__globals__, "SECONDS", 5.0)
+    assert min(unseen) >= max(example["OFFSETS"])  # nothing of what is compared was trained on
+    lqr, passive = (example["published"](c)[0] for c in ("lqr-clipped", "passive"))
+    before, after = (example["learned"](example["train"](generations))[0] for generations in (0, 8))
+    assert lqr < 0.4 * passive
+    assert before == pytest.approx(passive, rel=1e-3)  # it begins at no force
+    assert after < 0.9 * passive
+    assert capsys.readouterr().out == ""
 
 
 def test_a_law_designed_on_an_fmu_does_what_was_designed(workplace: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import signal
 import threading
-from pathlib import Path
 from typing import Any
 
 import awkward
@@ -26,16 +25,6 @@ TROUBLES = [
     (awkward.END_EARLY, 0.0),
     (awkward.NONE, 0.0),
 ]
-
-
-@pytest.fixture(scope="session")
-def awkward_fmus(tmp_path_factory: pytest.TempPathFactory) -> dict[int, Path]:
-    """`awkward.c` as FMU by FMI version."""
-    folder = tmp_path_factory.mktemp("awkward")
-    return {
-        v: awkward.archive(folder / f"awkward{v}.fmu", awkward.description(v), binary=awkward.library(v, folder))
-        for v in (2, 3)
-    }
 
 
 class Breaks(PythonComponent):

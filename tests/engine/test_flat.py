@@ -63,6 +63,7 @@ def test_many_systems_leave_nothing(follower, tmp_path, monkeypatch, count):
             chain(system, follower)
             system.run(0.005, engine="compiled")
         if k in (199, count - 1):
+            gc.collect()  # a system has circles; when they are collected depends on what else was imported
             seen.append(held())
     before, after = seen
     assert after["pages"] - before["pages"] < 3 * (

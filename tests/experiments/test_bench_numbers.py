@@ -244,6 +244,13 @@ def test_comparison(page: Report) -> None:
     assert rows[13]["rms acceleration of the body [m/s2]"] == 0.212  # 0.2125
 
 
+def test_the_stretch_of_the_random_road_is_named(page: Report) -> None:
+    words = "Random: 0 to 10 s of the random motion, the first of its 8 stretches."
+    captions = {t.id: t.caption for t in page.tables}
+    assert [captions[k] for k in ("comparison", "encoders", "solver")] == [words] * 3
+    assert next(f for f in page.figures if f.id == "figure-10").caption == f"The paper shows the MPC alone. {words}"
+
+
 def test_random_stretches(page: Report) -> None:
     rows = made_up.table(page, "random-stretches")
     assert [list(r.values()) for r in rows] == [

@@ -624,7 +624,7 @@ def test_spread_over_seeds(page: Report) -> None:
     rows = made_up.table(page, "seeds")
     assert [(r["road"], r["speed [km/h]"], r["law"], r["seed"]) for r in rows] == [
         (road, v, law, s)
-        for road, v in (("sine", 50.0), ("perryman3", 40.0), ("curb", 72.0))
+        for road, v in (("sine", 50.0), ("Perryman 3", 40.0), ("curb", 72.0))
         for law in ("implicit", "explicit", "preview")
         for s in range(8)
     ]
@@ -652,7 +652,7 @@ def test_refinement(page: Report) -> None:
     cells = {tuple(r.values())[:4]: list(r.values())[4:] for r in rows}
     assert cells["curb", 72.0, "explicit", "solver step halved"] == [0.01, 0.02, 0.03, 0.04, 0.05, 0.06]
     assert cells["curb", 72.0, "passive", "exchange halved"] == [-0.02, None, None, None, -0.1, -0.12]
-    assert cells["perryman3", 50.0, "preview", "both halved"] == [-0.01, -0.02, -0.03, -0.04, -0.05, -0.06]
+    assert cells["Perryman 3", 50.0, "preview", "both halved"] == [-0.01, -0.02, -0.03, -0.04, -0.05, -0.06]
     assert next(t.caption for t in page.tables if t.id == "refinement").startswith("R = 1e-7, seed 0;")
 
 
@@ -840,6 +840,9 @@ def test_parameters_and_provenance(page: Report) -> None:
         ("actuator limit", 150e3, "N", "000 Table 2"), ("travel per run", 150.0, "m", "000, text"),
     ]  # fmt: skip
     assert [p.unit for p in page.parameters if p.name == "body.mass"] == ["kg"]
+    assert "suspension.motion_ratio = 0.4925 (assumed; puts the modes of the modified vehicle where 000 figure 6 has its peak)" in {
+        c.fitted for c in page.claims
+    }
     given = page.provenance
     assert given["identification"] == {
         "seed": 0, "order": 8, "samples": 400, "settling_samples": 200, "excitation": 2000.0, "speed": 40 / 3.6,

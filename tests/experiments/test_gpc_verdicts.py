@@ -233,6 +233,12 @@ class TestWords:
         assert "excitation" in claim(study, "implicit-power").fitted
         assert all("matched" in claim(study, id).fitted for id in ("curb-peak", "sine-same-force", "perryman-implicit"))
 
+    def test_why_preview_does_not_need_the_same_is_told_in_figures(self, study) -> None:
+        scale(study, of("sine", "preview", 50), power=1.2)
+        assert claim(study, "sine-same-force").reason.startswith(
+            "at the other speeds force or power is not between 0.9 and 1.1 times explicit's, or the seeds do not decide: explicit takes"
+        )
+
     def test_that_a_road_is_synthetic_is_said_beside_its_verdicts_and_no_other(self, study) -> None:
         said = {c.id for c in judged(study) if "synthetic" in c.fitted}
         assert said == {c.id for c in judged(study) if "Perryman" in c.claim}

@@ -225,7 +225,7 @@ def test_poles_are_those_of_the_car_that_runs(fmus: FmuSet, tmp_path: Path, pole
     with Runner(EXPERIMENT, FmuSet(tmp_path)) as own:
         light = DESIGNS["comfort"](own)
     assert light["sprung mass"] == (
-        "730 kg: 004; Table 1 prints 1400 kg, the eigenvalues of its Table 2 follow from 1460 kg"
+        "730 kg (source: 004; Table 1 prints 1400 kg, the eigenvalues of its Table 2 follow from 1460 kg)"
     )
     assert (
         max(distance for *_, distance in matched([complex(*e) for e in light["eigenvalues"]], tuple(poles["comfort"])))
@@ -315,7 +315,7 @@ def found(design: Design) -> dict[str, Any]:
     if design == DESIGNS["road-holding"]:
         off = [0.5] * 7
     poles = [p * (1 + o) for p, o in zip(PRINTED_EIGENVALUES, off, strict=True)]
-    return {"eigenvalues": [[p.real, p.imag] for p in poles], "sprung mass": "1460 kg: weighed"}
+    return {"eigenvalues": [[p.real, p.imag] for p in poles], "sprung mass": "1460 kg (source: weighed)"}
 
 
 @pytest.fixture(scope="module")
@@ -532,7 +532,7 @@ def test_words_of_the_sections(page: Report) -> None:
     words = {s.title: " ".join(s.paragraphs) for s in page.sections}
     assert list(words) == ["Closed-loop poles", "Mean squares and index", "Preview time", "Time histories", "Sample time", "Steps",
                            "A road that does not return to zero"]  # fmt: skip
-    assert "with the sprung mass, 1460 kg: weighed." in words["Closed-loop poles"]
+    assert "with the sprung mass of 1460 kg (source: weighed)." in words["Closed-loop poles"]
     assert "worse, by up to 12 %, before" in words["Preview time"]
     assert words["Mean squares and index"].startswith("Means over 1.2 s; preview 0.12 s.")
     assert "at 75 km/h" in page.lead
@@ -586,7 +586,9 @@ def test_words_of_the_claims(study: Results) -> None:
         "holds", "index up by 9 to 12 % at its worst; with the last height held -2 % at most", None
     )  # fmt: skip
     for c in CLAIMS.judge(study):
-        assert c.fitted == ("the sprung mass, 1460 kg: weighed" if c.id.startswith(("poles", "index", "parts")) else "")
+        assert c.fitted == (
+            "the sprung mass of 1460 kg (source: weighed)" if c.id.startswith(("poles", "index", "parts")) else ""
+        )
 
 
 def verdict(study: Results, id_: str) -> str:

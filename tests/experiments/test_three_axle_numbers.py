@@ -135,7 +135,11 @@ def drawn(case: Case) -> dict[str, list[float]]:
     number = 100 * (1 + list(CONTROLLERS).index(case.controller)) + case.speed_kmh + case.depth
     names = ("pitch", "reference", "force.a1l", "force.a2l", "force.a3l")
     found = {n: (number * (i + 1) + time**2).tolist() for i, n in enumerate(names)}
-    return {"time": time.tolist(), **found, "road": np.where(time < 7, 0.0, -1e3 * case.depth).tolist()}
+    return {
+        "time": time.tolist(),
+        **found,
+        "road": np.select([time < 6, time < 7], [0.0, -2 * case.depth], -1e3 * case.depth).tolist(),
+    }
 
 
 @pytest.fixture(scope="module")
@@ -285,6 +289,10 @@ def test_close_is_a_quarter(study: Results) -> None:
     ):
         changed = altered(study, {Case(*published.SHOWN, "lqr"): {"peak_error_deg": 1.2 * peak}})
         assert {c.id: c.verdict for c in CLAIMS.judge(changed)}["lqr-near-mpc"] == verdict
+    said = next(c for c in CLAIMS.judge(changed) if c.id == "lqr-near-mpc")
+    assert (said.reason, said.criterion) == (
+        "more than 25 % apart", "peaks of the pitch error within 25 % of each other in the run that is shown"
+    )  # fmt: skip
 
 
 def test_finer_steps_are_those_of_the_hardest_place() -> None:
@@ -305,6 +313,33 @@ def test_sections_and_parameters_of_the_page(page: Report) -> None:
     assert {"suspension.a1l.stiffness", "trench.length", "reference.ramp.start"} <= names
     assert not {n for n in names if ".a1r." in n or ".a2r." in n or ".a3r." in n}
     assert {n.split(".")[1] for n in names if n.startswith("suspension.a")} == {"a1l", "a2l", "a3l"}
+
+
+def test_weights_and_bounds_of_the_laws_are_among_the_parameters(page: Report) -> None:
+    """As printed in Tables 4.3 to 4.7 and (4.8), (4.9) of the thesis; of both sides, the left one."""
+    given = {p.name: (p.value, p.unit) for p in page.parameters if p.name.startswith(("LQR", "MPC"))}
+    assert given["LQR weight, pitch"] == (50e5, "1/rad2")
+    assert given["LQR weight, body states but pitch"] == (1e5, "1/SI2")
+    assert given["LQR weight, wheel states"] == (pytest.approx(10.0), "1/SI2")
+    assert given["LQR weight, force"] == (pytest.approx(1e-6), "1/N2")
+    assert given["LQR force.limit"] == (150e3, "N")
+    assert [given[f"MPC {n}"] for n in ("sample time", "prediction horizon", "control horizon")] == [
+        (5.0, "ms"), (50, "-"), (3, "-")
+    ]  # fmt: skip
+    assert {n.partition(", ")[2]: v for n, v in given.items() if n.startswith("MPC force.a2l")} == {
+        "scale": (3e5, "N"), "bound": (150e3, "N"), "bound of the change per sample": (1.2e6, "N"), "weight": (0.1, "-"),
+        "weight of the change": (0.1, "-"),
+    }  # fmt: skip
+    assert {n.partition(", ")[2]: v for n, v in given.items() if n.startswith("MPC body.pitch")} == {
+        "scale": (0.2, "rad"), "bound": (0.1, "rad"), "weight": (100.0, "-"), "softness of the bound": (0.5, "-"),
+    }  # fmt: skip
+    assert {n for n in given if n.startswith("MPC body.z")} == {"MPC body.z, scale", "MPC body.z, weight"}
+    assert given["MPC body.z, weight"] == (20.0, "-")
+    assert given["MPC weight of the slack"] == (1e3, "-")
+    assert [n for n in given if "r." in n.split(",")[0].removeprefix("MPC ").replace("wheel", "") and ".a" in n] == []
+    sources = {p.name: p.source for p in page.parameters}
+    assert sources["MPC wheel.a1l.z, weight"] == "003 Table 4.7"
+    assert sources["MPC body.z, weight"] == "assumed; 0 unless the height is held"
 
 
 def test_the_system_of_a_case(fmus: FmuSet) -> None:

@@ -16,7 +16,7 @@ from cosim.experiments.trench import EXPERIMENT, linear, published
 from cosim.experiments.trench.claims import CLAIMS
 from cosim.experiments.trench.published import BETWEEN, BOLD, GRID, SPECTRUM, matrix, refined
 from cosim.experiments.trench.report import report, scene
-from cosim.experiments.trench.runs import CURVES, METRICS, MOVING, Case, Course, measure, signals
+from cosim.experiments.trench.runs import CURVES, METRICS, MOVING, Case, Course, configure, measure, signals, wire
 from cosim.report import Map, Report, write_report
 from cosim.study import FmuSet, Results
 
@@ -201,7 +201,58 @@ def test_a_scene_is_what_was_recorded(fmus: FmuSet) -> None:
     assert found.phase is not None
     assert found.phase.names[1] == "case 1: front axle over the trench"
     assert (found.step, found.outcome, found.good) == (0.02, "passed", True)
-    assert tuple(found.ground[3]) == (1.7, -5.0)
+    assert found.ground == ((-30.0, 0.0), (0.0, 0.0), (0.0, -5.0), (1.7, -5.0), (1.7, 0.0), (31.7, 0.0))
+
+
+# ----------------------------------------------------------------------------------------------- systems
+
+
+@pytest.mark.parametrize(
+    ("controller", "set_to"),
+    [
+        ("mpc", {"estimator": 0, "retraction": 1, "hold_height": True, "printed_limits": False, "use_preview": True}),
+        ("mpc-no-preview", {"estimator": 0, "retraction": 1, "hold_height": True, "printed_limits": False, "use_preview": False}),
+        ("mpc-offsets", {"estimator": 1, "retraction": 1, "hold_height": True, "printed_limits": False, "use_preview": False}),
+        ("mpc-free", {"estimator": 0, "retraction": 0, "hold_height": True, "printed_limits": False, "use_preview": True}),
+        ("mpc-printed-sign", {"estimator": 0, "retraction": 2, "hold_height": True, "printed_limits": False, "use_preview": True}),
+        ("mpc-no-height", {"estimator": 0, "retraction": 1, "hold_height": False, "printed_limits": False, "use_preview": True}),
+        ("mpc-printed-limits", {"estimator": 0, "retraction": 1, "hold_height": True, "printed_limits": True, "use_preview": True}),
+        ("lqr", {}),
+    ],
+)  # fmt: skip
+def test_the_controller_of_a_case(fmus: FmuSet, controller: str, set_to: dict[str, Any]) -> None:
+    case = Case(1.4, 9.0, controller, friction=0.3, mass_factor=1.1)
+    with wire(fmus, case) as system:
+        configure(system, case)
+        name = "LqrThreeAxle" if controller == "lqr" else "MpcThreeAxle"
+        assert {f.stem for f in system.fmu_files} == {"ThreeAxleTrench", "TrenchCrossing", name}
+        assert {n: system["controller"].values.get(n) for n in set_to} == set_to
+        car = system["car"].values
+        assert (car["trench.length"], car["disc.friction"], car["solver.step"]) == (1.4, 0.3, 0.00025)
+        assert car["target.speed"] == pytest.approx(2.5)
+        assert car["body.mass"] == pytest.approx(1.1 * float(system["car"].description.parameters["body.mass"].start))
+        wires = {target: c.source_name for target, c in system.connections.items()}
+        assert wires["car.force.a2r"] == "controller.force.a2r"
+        reference = "controller.reference.pitch" + "[1]" * (controller != "lqr")
+        assert wires.get(reference, wires.get("controller.reference.pitch", "")).startswith("crossing.reference.pitch")
+
+
+def test_the_two_vehicles_of_the_linear_comparison_meet_one_trench(fmus: FmuSet) -> None:
+    """2 m long from 6 m on, 0.15 m deep, at 5 km/h; its edges are slopes over 0.2 m to either side."""
+    with linear.wire(fmus, linear.Shallow("linear")) as system:
+        assert {f.stem for f in system.fmu_files} == {"SpeedProfile", "RoadShallowTrench", "ThreeAxleRide"}
+        assert system["speed"].values["start.speed"] == pytest.approx(5 / 3.6)
+        road = system["road"].values
+        assert [road[f"trench.{n}"] for n in ("start", "length", "depth", "edge")] == [6.0, 2.0, 0.15, 0.2]
+    with linear.wire(fmus, linear.Shallow("nonlinear")) as system:
+        car = system["car"]
+        assert [f.stem for f in system.fmu_files] == ["ThreeAxleTrench"]
+        assert car.values["target.speed"] == pytest.approx(5 / 3.6)
+        for side in ("left", "right"):
+            x, z = ([car.values[f"outline.{side}.{n}[{i}]"] for i in (1, 2, 3, 4)] for n in "xz")
+            assert x == pytest.approx([5.8, 6.2, 7.8, 8.2])
+            assert z == [0.0, -0.15, -0.15, 0.0]
+        assert (car.values["wheel.a1l.x"], car.values["wheel.a3r.x"]) == (1.98, -2.02)  # of the linear vehicle
 
 
 # ----------------------------------------------------------------------------------------------- a study: every cell by hand
@@ -321,6 +372,9 @@ def test_nothing_is_a_share_of_the_cheapest_crossing(study: Results, fmus: FmuSe
 def test_cells_of_finer_steps(page: Report) -> None:
     rows = made_up.table(page, "refinement")
     assert [r["system"] for r in rows] == ["passive"] * 8 + ["controlled"] * 8
+    assert next(t.title for t in page.tables if t.id == "refinement") == (
+        "Solver, exchange and recording step halved, from 0.25 to 0.125 ms"
+    )
     row = rows[12]  # the fifth quantity under control
     assert (row["quantity"], row["median change [%]"]) == ("peak pitch [deg]", pytest.approx(5.0))
     length, speed = row["where"].split(", ")
@@ -412,6 +466,7 @@ def test_figures_draw_what_they_say(page: Report) -> None:
 def test_maps_of_the_cost(page: Report) -> None:
     contour, surface = (f for f in page.figures if isinstance(f, Map))
     assert surface.reference == pytest.approx((cost_of_limits() - 1000) / 1350)
+    assert contour.value_range == surface.value_range == (0.0, max(1.0, surface.reference or 0.0))
     for made in (contour, surface):
         assert (list(made.x), list(made.y)) == ([1.2, 1.3, 1.4, 1.5, 1.6, 1.7, 1.8, 1.9, 2.0], [1.0, 3.0, 6.0, 9.0])
         layers = {layer.name: np.asarray(layer.values) for layer in made.layers}
@@ -481,6 +536,30 @@ def test_words_where_control_does_not_help(study: Results) -> None:
     assert found["peak-az"] == "34 of 36; not 1.2 m at 1, 3 km/h"
     assert found["peak-ax"] == "35 of 36; not 1.3 m at 9 km/h"
     assert found["cost-below-passive"].endswith("; not 1.2 m at 1, 3 km/h")
+
+
+def test_a_crossing_that_fails_at_one_step_alone_decides_nothing(study: Results) -> None:
+    """One of 36 that halving the step turns leaves the claim open; one that fails at both makes it false."""
+    fails = {"passed": False, "failures": ["stuck"]}
+    one = altered(study, {refined(Case(1.7, 6.0)): fails})
+    found = {c.id: c for c in CLAIMS.judge(one)}["controlled-pass"]
+    assert (found.verdict, found.reason) == ("open", "halving the step changes the verdict of 1.7 m at 6 km/h: stuck")
+    both = altered(study, {Case(1.7, 6.0): fails, refined(Case(1.7, 6.0)): fails})
+    found = {c.id: c for c in CLAIMS.judge(both)}["controlled-pass"]
+    assert (found.verdict, found.reason) == ("not reproduced", "see the failures in the table of controlled runs")
+
+
+def test_dear_slow_crossings_score_lower(study: Results) -> None:
+    dear = altered(study, {Case(k[0], k[1]): {"cost": 1999.0} for k in GRID if k[1] <= 3})
+    assert {c.id: c.verdict for c in CLAIMS.judge(dear)}["scores"] == "reproduced"
+
+
+def test_slow_crossings_and_small_steps_cost_most_and_the_passive_vehicle_least() -> None:
+    costs = {t.case: t.cost for t in published.plan()}
+    assert costs[Case(1.6, 1.0)] == 1.0
+    assert costs[Case(1.6, 1.0, "passive")] == 0.3
+    assert costs[refined(Case(1.6, 1.0))] == 2.0
+    assert costs[Case(1.6, 6.0)] == pytest.approx(1 / 6)
 
 
 def test_parameters_are_those_of_the_fmus(page: Report) -> None:

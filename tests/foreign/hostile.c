@@ -95,6 +95,8 @@ static void commit(void) {
     if (IS(round)) fesetround(FE_UPWARD);
 #if defined(__x86_64__)
     if (IS(flush)) __builtin_ia32_ldmxcsr(__builtin_ia32_stmxcsr() | 0x8040);
+#elif defined(__aarch64__)
+    if (IS(flush)) __asm__ volatile("msr fpcr, %0" : : "r"((uint64_t)1 << 24));
 #endif
     if (IS(status)) status = 77;
     if (IS(negative)) status = -1;

@@ -14,9 +14,9 @@ from pathlib import Path
 import numpy as np
 
 from build_fmus import safe_files
-from cosim import CosimError, Recording
+from cosim import CosimError, Recording, Table, TableError
 from cosim.spool import SUFFIX, Spool, recover
-from cosim.study.store import NotStored, RunStore
+from cosim.study.store import NotStored, RunStore, Store
 from fmu_sources.controllers.gpc.law import GpcLaw
 from fmu_sources.controllers.lq.preview_weights import WeightsError, load_weights
 from fmu_sources.roads.errors import RoadError
@@ -54,20 +54,29 @@ def _seeds() -> dict[str, tuple[bytes, ...]]:
         spool.add(recording.time, recording.data)
         spool.close(keep=True)
         spooled = (Path(folder) / "rows").read_bytes()
-        store = RunStore(Path(folder), "salt")
+        store = RunStore(Store(Path(folder) / "runs"), "salt")
         store.put(KEY, {"metrics": {"rms": 1.5, "worst": float("nan")}, "signals": {"z": [1.0, 2.0]}})
-        stored = store.path(KEY).read_bytes()
+        (lines,) = store.store.directory.iterdir()
+        stored = lines.read_bytes()
+        store.store.flush()
+        (batch,) = store.store.directory.iterdir()
+        batched = batch.read_bytes()
+        safe_files.keep_json(Path(folder) / "run.json", {"rms": 1.5, "worst": float("nan")})
+        kept = (Path(folder) / "run.json").read_bytes()
     vehicles = sorted((SOURCES / "vehicles").glob("*.toml"))
     weights = sorted((SOURCES / "controllers" / "lq").rglob("*.toml"))
     return {
         "road.csv": ((head + "\n".join(rows)).encode(), (b"left [mm]\tdistance [m]\tright [mm]\n1\t0\t2\n2\t1\t3\n"), (head.replace(",", ";") + semicolons).encode()),
-        "road.crg": (_crg("LRFI", ""), _crg("LDFI", "REFERENCE_LINE_START_S = 0.01\n")),
+        "road.crg": (_crg("LRFI", ""), _crg("LDFI", "REFERENCE_LINE_START_S = 0.01\n"), _crg("KRBI", "REFERENCE_LINE_END_U = 4.0\n"), _crg("KDBI", "$\n$ROAD_CRG_MODS\nSCALE_Z_GRID = 2\n")),
         "vehicle.toml": tuple(p.read_bytes() for p in vehicles),
         "weights.toml": tuple(p.read_bytes() for p in weights),
         "law.json": (_law().encode(),),
         "recording.csv": (csv,),
+        "table.csv": (csv, b"# logger\nt [ms];z (mm);on\n0,0;1,5;true\n1,5;2,5;false\n2;3;true\n", b"time\tp[1]\tp[2] [N]\n0\t1\t2\n1\t2\t3\n"),
         "rows": (spooled,),
-        "run.json": (stored,),
+        "run.json": (kept,),
+        "runs.lines": (stored,),
+        "runs.parquet": (batched,),
     }  # fmt: skip
 
 
@@ -75,6 +84,10 @@ def _crg(form: str, more: str) -> bytes:
     width = 10 if form == "LRFI" else 20
     text = f"$CT ! comment\nmade by a test\n$\n$ROAD_CRG\nREFERENCE_LINE_INCREMENT = 0.5 ! m\n{more}$\n$KD_Definition\n#:{form}\nU:reference line u,m,0.0,0.5\n"
     text += "D:reference line slope,m/m\n" + "".join(f"D:long section at v = {v},m\n" for v in (-1.0, 0.0, 1.0)) + "$\n" + "$" * 80 + "\n"
+    if form in ("KRBI", "KDBI"):
+        size = 4 if form == "KRBI" else 8
+        values = np.outer(np.arange(10), 0.01 * np.arange(4))  # whole blocks of 80 bytes
+        return text.encode() + values[: 9 if form == "KRBI" else 10].astype(f">f{size}").tobytes() + b"\x7f\xc0\x00\x00" * (4 if form == "KRBI" else 0)
     return (text + "".join("".join(f"{0.01 * i * k:{width}.6f}" for k in range(4)) + "\n" for i in range(9))).encode()
 
 
@@ -111,17 +124,33 @@ def _recording(path: Path) -> None:
     np.testing.assert_array_equal(read.time, again.time)
 
 
+def _table(path: Path) -> None:
+    """One that can be read shows numbers at its begin and at its end."""
+    table = Table(path, after="hold")
+    outputs = list(table.description.outputs.values())
+    for t in table.times[[0, -1]]:
+        table.restore(t)
+        assert np.isfinite(table.times).all()
+        assert len(table.get(outputs)) == len(outputs)
+
+
 def _rows(path: Path) -> None:
     recover(path.rename(path.with_name("a.csv" + SUFFIX)))
 
 
 def _run(path: Path) -> None:
     """A result that is found is the one that was stored."""
-    store = RunStore(path.parent / "store", "salt")
-    store.directory.mkdir()
-    path.rename(store.path(KEY))
+    folder = path.parent / "store"
+    folder.mkdir()
+    path.rename(folder / path.name)
+    store = RunStore(Store(folder), "salt")
     assert store.get(KEY)["metrics"]["rms"] == 1.5
     safe_files.keep_json(path, store.get(KEY))
+
+
+def _kept(path: Path) -> None:
+    """A value that is found is the one that was kept."""
+    assert safe_files.kept_json(path)["rms"] == 1.5
 
 
 _READERS: dict[str, tuple[Callable[[Path], object], type[Exception], bool]] = {  # what it raises, and whether it names the file
@@ -131,15 +160,18 @@ _READERS: dict[str, tuple[Callable[[Path], object], type[Exception], bool]] = { 
     "weights.toml": (_weights, WeightsError, True),
     "law.json": (_law_of, ValueError, False),
     "recording.csv": (_recording, ValueError, True),
+    "table.csv": (_table, TableError, True),
     "rows": (_rows, CosimError, True),
-    "run.json": (_run, NotStored, False),
+    "run.json": (_kept, safe_files.NotKept, False),
+    "runs.lines": (_run, NotStored, False),
+    "runs.parquet": (_run, NotStored, False),
 }
 
 
 def make(rng: random.Random) -> bytes:
     kind = rng.choice(list(_READERS))
     seed = rng.choice(_seeds()[kind])
-    return kind.encode() + b"\n" + mutate.several(rng, seed, mutate.BYTES if kind in ("rows", "run.json") else mutate.TEXTS)
+    return kind.encode() + b"\n" + mutate.several(rng, seed, mutate.BYTES if kind in ("rows", "run.json", "runs.lines") or b"\0" in seed else mutate.TEXTS)
 
 
 def run(case: bytes, folder: Path) -> None:

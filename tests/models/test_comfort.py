@@ -16,6 +16,8 @@ WK = {
     0.5: 418, 0.63: 459, 0.8: 477, 1: 482, 1.25: 484, 1.6: 494, 2: 531, 2.5: 631, 3.15: 804, 4: 967, 5: 1039, 6.3: 1054,
     8: 1036, 10: 988, 12.5: 902, 16: 768, 20: 636, 25: 513, 31.5: 405, 40: 314, 50: 246, 63: 186, 80: 132,
 }  # fmt: skip
+# Power of the filter of third order over that of second order by frequency [Hz], from the transfer functions.
+POWER_RATIOS = {1: 1.06, 2: 1.17, 3: 1.33, 4: 1.38, 5: 1.24, 8: 1.07, 20: 1.31}
 
 
 def digital_gain(sections, frequency, rate=RATE):
@@ -61,6 +63,32 @@ class TestHumanResponse:
         established = np.abs(14.5 * s * (s + 44) / ((s + 63) * (s**2 + 24 * s + 750)))
         ratio = np.abs(analog_response(comfort.HUMAN_RESPONSE, f)) / established
         assert np.all((ratio > 0.845) & (ratio < 0.975))
+
+
+class TestBothDefinitions:
+    def test_third_order_is_that_of_the_literature(self):
+        f = np.geomspace(0.1, 30, 60)
+        s = 2j * np.pi * f
+        written_out = np.abs(14.5 * s * (s + 44) / ((s + 63) * (s**2 + 24 * s + 750)))
+        assert np.abs(analog_response(comfort.HUMAN_RESPONSE_NRMM, f)) == pytest.approx(written_out, rel=1e-12)
+        digital = np.abs(digital_gain(comfort.HUMAN_RESPONSE_NRMM, f))
+        assert np.abs(digital / written_out - 1).max() < 5e-3
+
+    @pytest.mark.parametrize(("frequency", "ratio"), POWER_RATIOS.items())
+    def test_power_differs_by_frequency(self, frequency, ratio):
+        az = sine(frequency, seconds=20.0)
+        one, other = (
+            comfort.absorbed_power(az, RATE, r) for r in (comfort.HUMAN_RESPONSE_NRMM, comfort.HUMAN_RESPONSE)
+        )
+        assert one / other == pytest.approx(ratio, abs=0.012)
+
+    def test_a_section_of_first_order_forgets(self):
+        """After a pulse its output dies away; with a pole on the unit circle it would not."""
+        (_, slow) = comfort.digital_sections(comfort.HUMAN_RESPONSE_NRMM, RATE)
+        assert slow[2] == slow[5] == 0.0
+        pulse = np.zeros(4000)
+        pulse[0] = 1.0
+        assert np.abs(comfort.absorbed_power_series(pulse, RATE, comfort.HUMAN_RESPONSE_NRMM)[-1]) < 1e-25
 
 
 class TestWk:

@@ -10,12 +10,16 @@ ROOT = Path(__file__).parents[2]
 
 @dataclass(frozen=True)
 class Room:
-    """Files and their tests, as patterns from the project's folder. ``leave``: kinds of mistakes that are not made in them."""
+    """Files and their tests, as patterns from the project's folder.
+
+    ``leave``: kinds of mistakes that are not made in them. ``slower``: tests that are tried on what the others did not notice.
+    """
 
     name: str
     sources: tuple[str, ...]
     tests: tuple[str, ...]
     leave: tuple[str, ...] = ()
+    slower: tuple[str, ...] = ()
 
     def files(self) -> list[Path]:
         """The files, by name."""
@@ -23,8 +27,12 @@ class Room:
         return sorted(found)
 
     def test_files(self) -> list[Path]:
-        """Files of the tests."""
+        """Files of the tests, but for the slower ones."""
         return sorted({p for pattern in self.tests for p in ROOT.glob(pattern)})
+
+    def slower_files(self) -> list[Path]:
+        """Files of the slower tests."""
+        return sorted({p for pattern in self.slower for p in ROOT.glob(pattern)})
 
 
 def _experiment(name: str, *tests: str) -> Room:
@@ -35,7 +43,8 @@ ROOMS = (
     _experiment("gpc", "tests/experiments/test_gpc_numbers.py", "tests/experiments/test_gpc_verdicts.py"),
     _experiment("trench"),
     _experiment("bench"),
-    Room("hmmwv", ("cosim/experiments/hmmwv/*.py", "cosim/experiments/hmmwv/*/*.py"), ("tests/experiments/test_hmmwv_numbers.py", "tests/experiments/test_hmmwv_wiring.py")),
+    Room("environment", ("cosim/experiments/hmmwv/environment.py",), ("tests/learning/test_registered.py",)),
+    Room("hmmwv", ("cosim/experiments/hmmwv/[!e]*.py", "cosim/experiments/hmmwv/*/*.py"), ("tests/experiments/test_hmmwv_numbers.py", "tests/experiments/test_hmmwv_wiring.py"), slower=("tests/experiments/test_hmmwv_judging.py", "tests/experiments/test_verdicts.py")),
     _experiment("preview_lq"),
     _experiment("three_axle"),
     Room("metrics", ("cosim/experiments/metrics/*.py", "cosim/signals.py"), ("tests/cosim_metrics/test_metrics.py", "tests/cosim_metrics/test_crossing.py")),

@@ -102,6 +102,7 @@ def test_rooms_have_files_tests_and_nothing_accepted_that_cannot_be_made() -> No
     for room in ROOMS:
         assert room.files(), room.name
         assert room.test_files(), room.name
+        assert len(room.slower_files()) >= len(room.slower), room.name
         known |= {m.id for m in command.of_room(room)}
     for name, reason in command.accepted().items():
         assert name in known, f"accepted.txt: there is no such mistake any more: {name}"
@@ -137,7 +138,7 @@ def test_what_no_test_notices_is_listed(project: Path, capsys: pytest.CaptureFix
              Mutant("cosim/plus.py", "unseen", "times", "2 * a", "2 / a", 1).id]  # fmt: skip
     assert command.main() == 1
     assert capsys.readouterr().out.splitlines()[-3:] == [
-        "3 mistakes, 1 noticed, 0 accepted, 2 not noticed", names[1], names[0]
+        names[1], names[0], "3 mistakes, 1 noticed, 0 accepted, 2 not noticed"
     ]  # fmt: skip
     assert (project / "cosim" / "plus.py").read_text() == PLUS
     (project / "accepted.txt").write_text(
@@ -158,6 +159,18 @@ def test_tests_that_fail_without_any_mistake_are_told(project: Path) -> None:
     (project / "tests" / "test_plus.py").write_text(TEST.replace("3", "4"))
     with pytest.raises(SystemExit, match="room plus: its tests fail as they are, without any mistake"):
         command.main()
+
+
+def test_slower_tests_are_tried_on_what_the_others_did_not_notice(
+    project: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (project / "tests" / "test_slow.py").write_text(
+        "from cosim.plus import plus, unseen\n\n\ndef test_all():\n    assert plus(1, 2) == 3\n    assert unseen(3) == 6\n"
+    )
+    room = Room("plus", ("cosim/plus.py",), ("tests/test_plus.py",), slower=("tests/test_slow.py",))
+    monkeypatch.setattr(command, "ROOMS", (room,))
+    assert command.main() == 0
+    assert "3 mistakes, 3 noticed, 0 accepted, 0 not noticed" in capsys.readouterr().out
 
 
 def test_a_test_that_never_ends_has_noticed(

@@ -71,6 +71,7 @@ def test_series_survive_packing():
         for name, error in names.items():
             np.testing.assert_allclose(unpacked(theirs[name]), getattr(ours, name), atol=error * 1.001)
     np.testing.assert_array_equal(unpacked(data["phase"]["index"]), T > 0.3)
+    assert [data["forces"][0][n]["decimals"] for n in ("x", "z")] == [2, 2]  # a centimetre: a pixel of a page 900 wide
     assert data["struts"] == [{"body": 0, "at": (0.7, 0.3), "wheel": 0}]
     assert (made.samples, made.duration) == (N, pytest.approx(0.5))
 
@@ -86,6 +87,7 @@ def test_series_survive_packing():
         (lambda: Phase(["a"], [0, 1]), "an index is not one of 0 to 0"),
         (lambda: scene(step=0.0), "step is 0 s; give a finite number above 0 s"),
         (lambda: scene(bodies=[]), "has no body to follow"),
+        (lambda: scene(ground=[(0, 0)]), r"scene 'passive': ground needs 2 or more finite points \(x, z\)"),
         (lambda: scene(struts=[Strut("car", (0, 0), "rear")]), "a strut hangs on wheel 'rear', which is not there"),
         (lambda: scene(bodies=[body(), body()]), "body|bodies 'car' appears more than once"),
         (lambda: scene(readings=[Reading("pitch [deg]", T[:-1])]), "series have different lengths"),

@@ -9,7 +9,7 @@ import re
 import numpy as np
 import pytest
 
-from cosim.report import Layer, Map, Report, Section, write_report
+from cosim.report import Layer, Map, Report, Section, maps, write_report
 
 X, Y = (1.0, 2.0, 3.0), (10.0, 20.0)
 LOW, HIGH = np.arange(6.0).reshape(2, 3), 10 + np.arange(6.0).reshape(2, 3)
@@ -33,6 +33,13 @@ def made(**changes) -> Map:
         (lambda: made(layers=[Layer("a", LOW), Layer("a", HIGH)]), "layer 'a' appears more than once"),
         (lambda: made(view="globe"), "view 'globe' is not one of 'contour', 'surface'"),
         (lambda: made(x_label="length"), "label 'length' carries no unit"),
+        (lambda: made(x=[[1.0, 2.0]]), "map 'cost': x "),
+        (lambda: made(y=[[1.0, 2.0]]), "map 'cost': y "),
+        (lambda: made(value_range=(0.0, 14.0)), r"values from 0 to 15 exceed value_range \(0.0, 14.0\)"),
+        (
+            lambda: made(reference=16.0, value_range=(0.0, 15.0)),
+            r"values from 0 to 16 exceed value_range \(0.0, 15.0\)",
+        ),
     ],
 )
 def test_refuses(make, message):
@@ -55,3 +62,31 @@ def test_page_has_the_layers_on_one_scale(view, count, tmp_path):
         rows = list(csv.reader(file))
     assert rows[0] == ["length [m]", "speed [km/h]", "a <b>: cost [-]", "c: cost [-]"]
     assert [float(v) for v in rows[5]] == [2.0, 20.0, 4.0, 14.0]
+
+
+def plotted(figure: Map, *, narrow: bool = False) -> dict:
+    return maps.map_plot(figure, narrow=narrow)
+
+
+def test_contours_have_a_dozen_steps_and_one_bar_of_colors() -> None:
+    """Twelve between the lowest and the highest of all layers; the bar stands at the right of the last one."""
+    data = plotted(made())["data"]
+    assert [(t["contours"]["start"], t["contours"]["end"], t["contours"]["size"]) for t in data] == [
+        (0.0, 15.0, 1.25)
+    ] * 2
+    assert [t["showscale"] for t in data] == [False, True]
+
+
+def test_maps_that_are_compared_have_one_scale() -> None:
+    contours, surfaces = (
+        plotted(made(view=v, value_range=(-5.0, 19.0), reference=7.0)) for v in ("contour", "surface")
+    )
+    assert [(t["zmin"], t["zmax"], t["contours"]["size"]) for t in contours["data"]] == [(-5.0, 19.0, 2.0)] * 2
+    assert surfaces["layout"]["scene"]["zaxis"]["range"] == [-5.0, 19.0]
+    assert "range" not in plotted(made(view="surface"))["layout"]["scene"]["zaxis"]
+
+
+def test_surfaces_are_seen_from_the_corner_of_low_x_and_low_y_from_above() -> None:
+    eye = plotted(made(view="surface"))["layout"]["scene"]["camera"]["eye"]
+    assert eye["x"] < 0
+    assert eye["y"] < 0 < eye["z"]

@@ -82,6 +82,35 @@ def test_panels_lie_inside_the_figure_without_overlap():
             assert r1 < l2 or r2 < l1 or t1 < b2 or t2 < b1
 
 
+def stacked(*panels, **fields):
+    """Layout of a figure of panels, each (x label, x)."""
+    made = [Panel("", label, "force [N]", [Series("a", x, np.zeros(len(x)))]) for label, x in panels]
+    return plotly_figure(Figure("f", "F", "", made, **fields)).layout
+
+
+def test_panels_stand_one_below_the_other_unless_columns_are_given():
+    two = [("time [s]", [0, 1])] * 2
+    assert stacked(*two).xaxis.domain == stacked(*two).xaxis2.domain == (0, 1)
+    assert stacked(*two, columns=2).xaxis2.domain[0] > 0.5
+
+
+def test_an_x_label_stands_once_below_panels_that_share_it():
+    """The lowest panel has it; where labels differ each has its own, and the figure is as much taller."""
+    shared, apart = stacked(*[("time [s]", [0, 1])] * 2), stacked(("time [s]", [0, 1]), ("speed [km/h]", [0, 1]))
+    assert [a.title.text for a in (shared.xaxis, shared.xaxis2)] == [None, "time [s]"]
+    assert [a.showticklabels for a in (shared.xaxis, shared.xaxis2)] == [False, True]
+    assert [a.title.text for a in (apart.xaxis, apart.xaxis2)] == ["time [s]", "speed [km/h]"]
+    assert [a.showticklabels for a in (apart.xaxis, apart.xaxis2)] == [True, True]
+    assert apart.height > shared.height
+    assert [(a.yaxis2.anchor, a.xaxis2.anchor) for a in (shared, apart)] == [("x2", "y2")] * 2
+
+
+def test_panels_zoom_together_over_the_same_range_alone():
+    first = ("time [s]", [0, 1])
+    assert stacked(first, first).xaxis2.matches == "x"
+    assert [stacked(first, ("time [s]", x)).xaxis2.matches for x in ([0.5, 1], [0, 2])] == [None, None]
+
+
 def test_infinite_values_leave_gaps():
     figure = Figure("f", "F", "", [Panel("", "time [s]", "force [N]", [Series("a", [0, 1], [1, float("inf")])])])
     assert np.isnan(plotly_figure(figure).data[0].y[1])
@@ -92,6 +121,13 @@ def test_a_band_is_drawn_behind_its_curve_and_toggles_with_it(make_report):
     assert high.fill == "tonexty"
     assert low.legendgroup == high.legendgroup == curve.legendgroup
     assert curve.mode == "lines+markers"
+
+
+def test_a_band_has_the_color_of_its_curve_but_paler():
+    """Blue of Okabe and Ito is (0, 114, 178)."""
+    curve = Series("a", [0, 1], [1, 2], low=[0, 1], high=[2, 3], color="blue")
+    low, *_ = plotly_figure(Figure("f", "F", "", [Panel("", "time [s]", "force [N]", [curve])])).data
+    assert low.fillcolor == "rgba(0,114,178,0.16)"
 
 
 class TestColumns:

@@ -11,7 +11,7 @@ import pytest
 
 from cosim.errors import CosimError
 from cosim.report import Claim, Figure, Panel, Parameter, Result, Section, Series, Table, write_report
-from cosim.report.write import number, render
+from cosim.report.write import number, render, summary
 
 LOADING = {"src", "srcset", "data", "poster", "background", "action", "formaction", "xlink:href"}
 HOSTILE = "</script><script>alert(1)</script><img src=x onerror=alert(1)> \"'&{{ 7*7 }} <!-- ]]>"
@@ -61,6 +61,17 @@ def test_the_files_and_nothing_else(make_report, tmp_path):
         "figures/speeds.csv",
         "tables/matched.csv",
     }
+
+
+def test_the_summary_begins_with_what_it_is_of(make_report):
+    found = summary(make_report())
+    assert (found["experiment"], found["title"], found["lead"]) == ("gpc", "A car on three roads", "Three laws.")
+
+
+def test_figures_and_tables_are_counted_from_one(page):
+    text = " ".join(page.text.split())
+    for words in ("Figure 1 Body motion", "Figure 2 Over speed", "Table 1 Matched"):
+        assert words in text
 
 
 def test_two_writes_are_the_same_bytes(make_report, tmp_path):
@@ -239,3 +250,10 @@ def test_the_floats_of_a_column_share_their_decimals(make_report):
     text = Page(render(report)).text.split()
     assert [text[text.index("413") + k] for k in range(0, 8, 2)] == ["413", "1044", "0", "98"]
     assert "10⁻⁹" in text
+
+
+def test_small_numbers_of_a_column_keep_four_digits(make_report):
+    """0.5123 has four decimals, so 0.25 has them too."""
+    report = make_report(sections=[Section("S", [], [], [Table("t", "T", ["a [W]"], [[0.51234], [0.25]])])])
+    text = Page(render(report)).text.split()
+    assert {"0.5123", "0.2500"} <= set(text)

@@ -17,6 +17,7 @@ from fmu_sources.roads import (
     road_perryman3,
     road_sine,
 )
+from fmu_sources.roads.opencrg import read_opencrg
 from fmu_sources.vehicles import load_full_car
 
 CORNERS = ("fl", "fr", "rl", "rr")
@@ -154,7 +155,7 @@ def test_table_is_exact_at_nodes_and_linear_between():
 
 def write(tmp_path, text, name="road.csv"):
     path = tmp_path / name
-    path.write_text(text)
+    path.write_bytes(text if isinstance(text, bytes) else text.encode())
     return path
 
 
@@ -240,12 +241,17 @@ def test_files_that_cannot_be_read(tmp_path, layout):
 # -------------------------------------------------------------------------------------------------------- OpenCRG
 
 
-def crg(rows, sections, *, form="LRFI", head="", channels=(), increment=0.5):
-    """An OpenCRG file: rows of values, first the extra channels, then one per long section."""
-    width = 10 if form == "LRFI" else 20
-    text = f"$CT ! comment\nmade by a test\n$\n$ROAD_CRG\nREFERENCE_LINE_INCREMENT = {increment} ! m\n{head}$\n"
+def crg(rows, sections, *, form="LRFI", head="", channels=(), increment=0.5, more=""):
+    """An OpenCRG file: rows of values, first the extra channels, then one per long section; `more`: further blocks."""
+    text = f"$CT ! comment\nmade by a test\n$\n$ROAD_CRG\nREFERENCE_LINE_INCREMENT = {increment} ! m\n{head}$\n{more}"
     text += f"$KD_Definition\n#:{form}\nU:reference line u,m,0.0,{increment}\n"
     text += "".join(f"D:{c}\n" for c in (*channels, *sections)) + "$\n" + "$" * 80 + "\n"
+    if form in ("KRBI", "KDBI"):
+        size = 4 if form == "KRBI" else 8
+        values = np.array([np.nan if v is None else v for row in rows for v in row], dtype=f">f{size}")
+        padding = np.full(-values.size % (80 // size), np.nan, dtype=values.dtype)
+        return text.encode() + values.tobytes() + padding.tobytes()
+    width = 10 if form == "LRFI" else 20
     for row in rows:
         cells = ["*" * width if v is None else f"{v:{width}.6f}" for v in row]
         per_line = 80 // width
@@ -253,7 +259,7 @@ def crg(rows, sections, *, form="LRFI", head="", channels=(), increment=0.5):
     return text
 
 
-@pytest.mark.parametrize("form", ["LRFI", "LDFI"])
+@pytest.mark.parametrize("form", ["LRFI", "LDFI", "KRBI", "KDBI"])
 def test_opencrg_samples_the_wheel_tracks(tmp_path, layout, form):
     """z = 0.02 u + 0.1 v on eleven long sections: a cross-section takes two or three lines."""
     sections = [f"long section at v = {v:.2f},m" for v in np.linspace(-1.25, 1.25, 11)]
@@ -264,6 +270,66 @@ def test_opencrg_samples_the_wheel_tracks(tmp_path, layout, form):
     for k, x, side in (("fl", FRONT, 1), ("fr", FRONT, -1), ("rl", REAR, 1), ("rr", REAR, -1)):
         assert y[f"road.{k}.height"] == pytest.approx(0.02 * (10 + x) + side * 0.091, abs=1e-6)
         assert y[f"road.{k}.slope"] == pytest.approx(0.02, abs=1e-5)
+
+
+SEVEN = [f"long section at v = {v:.2f},m" for v in np.linspace(-1.5, 1.5, 7)]
+
+
+def random_grid():
+    """Heights (21, 7), multiples of 2^-10 m: every format holds them to the last bit."""
+    return np.random.default_rng(3).integers(-64, 65, (21, 7)) / 1024
+
+
+@pytest.mark.parametrize("form", ["LDFI", "KRBI", "KDBI"])
+def test_opencrg_heights_are_those_of_the_grid(tmp_path, form):
+    """Between long sections heights are linear, in every format the same to rounding; ASCII has six decimals here."""
+    grid = random_grid()
+    path = write(tmp_path, crg(grid, SEVEN, form=form), "grid.crg")
+    distance, left, right = read_opencrg(path, left=0.7, right=-1.5)
+    exact = 1e-6 if form == "LDFI" else 1e-15
+    np.testing.assert_array_equal(distance, 0.5 * np.arange(21))
+    np.testing.assert_allclose(left, 0.6 * grid[:, 4] + 0.4 * grid[:, 5], rtol=0, atol=exact)
+    np.testing.assert_allclose(right, grid[:, 0], rtol=0, atol=exact)
+
+
+def test_opencrg_reference_line_channels(tmp_path):
+    """Slope belongs to the piece before a cross-section, the first value is not used; banking rises to the left. Heading and
+    curvature move the road on the map, not its heights over the distance along it."""
+    grid, slope = random_grid(), np.linspace(0, 0.1, 21)
+    banking, heading = np.linspace(-0.02, 0.05, 21), np.linspace(0, 0.4, 21)
+    rows = [[None if i == 0 else heading[i], None if i == 0 else slope[i], banking[i], *grid[i]] for i in range(21)]
+    channels = ("reference line phi,rad", "reference line slope,m/m", "reference line banking,m/m")
+    path = write(tmp_path, crg(rows, SEVEN, form="KDBI", channels=channels), "curved.crg")
+    _, left, right = read_opencrg(path, left=1.0, right=-0.5)
+    line = np.concatenate([[0.0], np.cumsum(0.5 * slope[1:])])
+    np.testing.assert_allclose(left, grid[:, 5] + line + banking, rtol=0, atol=1e-14)
+    np.testing.assert_allclose(right, grid[:, 2] + line - 0.5 * banking, rtol=0, atol=1e-14)
+
+
+def test_opencrg_modifiers(tmp_path):
+    """Scales of grid, slope, banking, length and width; the offset of the whole line; what fills missing heights."""
+    grid, slope, banking = random_grid(), np.linspace(0, 0.1, 21), np.linspace(-0.02, 0.05, 21)
+    rows = [[slope[i], banking[i], *grid[i]] for i in range(21)]
+    rows[4][2] = None  # at v = -1.5, times 2
+    mods = "SCALE_Z_GRID = 3\nSCALE_SLOPE = 2\nSCALE_BANKING = 0.5\nSCALE_LENGTH = 4\nSCALE_WIDTH = 2\n"
+    mods += "REFLINE_OFFSET_Z = 7\nREFLINE_OFFSET_PHI = 0.3\nGRID_NAN_MODE = 2\nGRID_NAN_OFFSET = -0.25\n"
+    channels = ("reference line slope,m/m", "reference line banking,m/m")
+    text = crg(rows, SEVEN, form="KDBI", channels=channels, more=f"$ROAD_CRG_MODS\n{mods}$\n")
+    distance, left, right = read_opencrg(write(tmp_path, text, "changed.crg"), left=2.0, right=-3.0)
+    line = 4 * 2 * np.concatenate([[0.0], np.cumsum(0.5 * slope[1:])]) + 7
+    outer = 3 * grid[:, 0]
+    outer[4] = 3 * grid[4, 1] - 0.25  # the last height there is, and the offset
+    np.testing.assert_allclose(distance, 2.0 * np.arange(21), rtol=0, atol=1e-13)
+    np.testing.assert_allclose(left, 3 * grid[:, 5] + line + 0.5 * banking * 2.0, rtol=0, atol=1e-13)
+    np.testing.assert_allclose(right, outer + line - 0.5 * banking * 3.0, rtol=0, atol=1e-13)
+
+
+def test_opencrg_modifiers_in_a_file_of_their_own(tmp_path):
+    grid = random_grid()
+    write(tmp_path, crg(grid, SEVEN, form="KRBI"), "grid.crg")
+    text = "$ROAD_CRG_MODS\nSCALE_Z_GRID = 2\n$\n$ROAD_CRG_FILE\ngrid\n.crg ! in pieces\n$\n" + "$" * 80 + "\n"
+    _, left, _ = read_opencrg(write(tmp_path, text, "twice.crg"), left=1.5, right=-1.5)
+    np.testing.assert_array_equal(left, 2 * grid[:, 6])
 
 
 def test_opencrg_slope_banking_and_numbered_sections(tmp_path, layout):
@@ -277,13 +343,26 @@ def test_opencrg_slope_banking_and_numbered_sections(tmp_path, layout):
 
 
 TWO = ["long section at v = -1.0,m", "long section at v = 1.0,m"]
+THREE = [TWO[0], "long section at v = 0.0,m", TWO[1]]
 
 
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ("hello\n", ["$$$$", "not an OpenCRG"]),
-        (crg([[0, 0]] * 3, TWO, form="KRBI"), ["KRBI", "binary"]),
+        ("hello\n", ["not an OpenCRG"]),
+        (crg([[0, 0]] * 3, TWO).replace("LRFI", "KRBI"), ["cut short in cross-section", "changed as text", "KRBI"]),
+        (crg([[0, 0]] * 3, TWO).replace("LRFI", "XRBI"), ["'XRBI'", "KRBI, KDBI, LRFI, LDFI"]),
+        (crg([[0, 0]] * 90, TWO, form="KRBI", head="REFERENCE_LINE_END_U = 44.5\n")[:-80], ["80 cross-sections", "90 by", "after cross-section 80"]),
+        (crg([[0, 0]] * 90, TWO, form="KRBI", head="REFERENCE_LINE_END_U = 2.0\n"), ["90 cross-sections", "5 by", "END_U"]),
+        (crg([[0, 0]] * 30, TWO, form="KDBI", head="REFERENCE_LINE_END_U = 1e7\n"), ["30 cross-sections", "20000001 by"]),
+        (crg([[0, 0, 0]] * 30, THREE, form="KRBI")[:-80], ["cross-section 27 is cut short", "at value 2 of 3"]),
+        (crg([[0, 0]] * 30, TWO, form="KRBI")[:-3], ["237 bytes", "4 bytes", "cross-section 30"]),
+        (crg([[0, 0]] * 9 + [[0, None]] + [[0, 0]] * 9, TWO, form="KRBI"), ["gaps", "4.5 m", "cross-section 10"]),
+        (crg([[0, 0]] * 9 + [[0, np.inf]] + [[0, 0]] * 9, TWO, form="KDBI"), ["cross-section 10", "infinite"]),
+        (crg([[None, None]] * 3, TWO, form="KDBI"), ["0 cross-section(s)", "at least two"]),
+        (crg([[0, 0]] * 3, [TWO[1], TWO[1]]), ["same lateral position"]),
+        (crg([[0, 0]] * 3, TWO, more="$ROAD_CRG_MODS\nSCALE_LENGTH = -1\n$\n"), ["scale_length"]),
+        (crg([[0, 0]] * 3, TWO, more="$ROAD_CRG_MODS\nSCALE_Z_GRID = big\n$\n"), ["scale_z_grid", "'big'"]),
         (crg([[0, 0], [0, None], [0, 0]], TWO), ["gaps", "0.5 m"]),
         (crg([[0, 0]] * 3, TWO[:1]), ["long section"]),
         (crg([[0, 0]], TWO), ["at least two"]),
@@ -292,7 +371,7 @@ TWO = ["long section at v = -1.0,m", "long section at v = 1.0,m"]
         (crg([[0, 0]] * 3, ["long section 1,m", "long section 2,m"]), ["LONG_SECTION_V_RIGHT"]),
         (crg([[0, 0]] * 3, TWO).replace("  0.000000", "  0.0zz000", 1), ["line 14", "0.0zz000"]),
         (crg([[0.0] * 9] * 3, [f"long section at v = {v},m" for v in range(-4, 5)]).rsplit("\n", 2)[0], ["cut short"]),
-        ("$ROAD_CRG_FILE\nother.crg\n$\n$$$$\n", ["another file"]),
+        ("$ROAD_CRG_FILE\nother.crg\n$\n$$$$\n", ["another file", "other.crg", "not there"]),
         (crg([[0, 0]] * 3, TWO, increment="1.e"), ["REFERENCE_LINE_INCREMENT is '1.e'", "not a number"]),
         (crg([[0, 0]] * 3, TWO, increment="1e999"), ["REFERENCE_LINE_INCREMENT is inf"]),
         (crg([[0, 0]] * 3, TWO, increment="half a metre"), ["REFERENCE_LINE_INCREMENT is 'half a metre'"]),
@@ -307,7 +386,7 @@ TWO = ["long section at v = -1.0,m", "long section at v = 1.0,m"]
         (crg([[0, 0]] * 3, TWO).replace("  0.000000", "      -1.e", 1), ["line 14", "'-1.e'"]),
         (
             crg([[9e6, 9e6]] * 3, TWO, form="LDFI", head="REFERENCE_LINE_START_B = 9e6\n"),
-            ["largest height", "any road"],
+            ["cross-section 1", "1.719e+07 m", "any road"],
         ),
     ],
 )

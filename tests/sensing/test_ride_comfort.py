@@ -36,7 +36,10 @@ def check(y, az, rate=RATE, window=1.0, limit=6.0):
     moving = comfort.absorbed_power_window(az, rate, window)
     weighted = comfort.weighted_acceleration(az, rate)
     count = np.arange(1, len(az) + 1)
+    nrmm = comfort.absorbed_power_series(az, rate, comfort.HUMAN_RESPONSE_NRMM)
     expected = {
+        "absorbed_power.nrmm": nrmm,
+        "absorbed_power.nrmm.mean": np.cumsum(nrmm) / count,
         "absorbed_power": comfort.absorbed_power_series(az, rate),
         "absorbed_power.window": moving,
         "absorbed_power.mean": np.cumsum(comfort.absorbed_power_series(az, rate)) / count,

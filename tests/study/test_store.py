@@ -3,15 +3,23 @@
 from __future__ import annotations
 
 import dataclasses
+import errno
+import json
+import os
+import subprocess
+import sys
 from pathlib import Path
+from typing import Any
 
+import pyarrow as pa
 import pytest
+from pyarrow import parquet as pq
 
-from build_fmus import sources
+from build_fmus import extras, safe_files, sources
 from build_fmus.safe_files import DamagedWarning
 from cosim.experiments import EXPERIMENTS
 from cosim.study import FmuSet, Search, key, load
-from cosim.study.store import NotStored, RunStore
+from cosim.study.store import NotStored, RunStore, Store, Stored
 
 ROOT = Path(sources.__file__).parents[1]
 MASTER = {
@@ -125,20 +133,258 @@ def test_libraries_that_modules_import(tmp_path: Path) -> None:
     assert sources.libraries([tmp_path / "mine.py"]) == {"scipy", "pandas"}
 
 
+def runs(folder: Path, salt: str = "salt") -> RunStore:
+    return RunStore(Store(folder), salt)
+
+
 def test_a_stored_result_is_found_under_its_key_and_salt_only(tmp_path: Path) -> None:
-    store = RunStore(tmp_path, "salt")
+    store = runs(tmp_path)
     assert store.put(["case", 1], {"J": 1.5, "pair": (1, 2)}) == {"J": 1.5, "pair": [1, 2]}
     assert store.get(["case", 1]) == {"J": 1.5, "pair": [1, 2]}
-    for other, name in ((store, ["case", 2]), (RunStore(tmp_path, "other"), ["case", 1])):
+    for other, name in ((store, ["case", 2]), (runs(tmp_path, "other"), ["case", 1])):
+        assert other.find(name) is None
         with pytest.raises(NotStored):
             other.get(name)
 
 
-def test_an_edited_result_is_discarded(tmp_path: Path) -> None:
-    store = RunStore(tmp_path, "salt")
-    store.put(["case", 1], {"J": 1.5})
+ODD = {
+    "nan": float("nan"),
+    "inf": float("inf"),
+    "text": "a b\nü\u2028",
+    "none": None,
+    "deep": [[0.1, -0.0, 1e-320], {"x": True}],
+}
+
+
+@pytest.mark.parametrize("flushed", [False, True])
+def test_what_is_read_is_what_was_stored(tmp_path: Path, flushed: bool) -> None:
+    """To the last bit, from lines and from a batch, by this process and by the next one."""
+    store = runs(tmp_path)
+    store.put("odd", ODD)
+    if flushed:
+        store.store.flush()
+    assert [p.suffix for p in tmp_path.iterdir()] == [".parquet" if flushed else ".lines"]
+    for reader in (store, runs(tmp_path)):
+        assert json.dumps(reader.get("odd")) == json.dumps(ODD)
+
+
+def test_batches(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Ten results in batches of four: two files of Parquet, and a file of lines until the end."""
+    monkeypatch.setattr(Store, "RESULTS", 4)
+    store = runs(tmp_path)
+    for i in range(10):
+        store.put(i, {"n": i})
+    assert sorted(p.suffix for p in tmp_path.iterdir()) == [".lines", ".parquet", ".parquet"]
+    store.store.flush()
+    table = pq.read_table(tmp_path)
+    assert table.column_names == ["key", "sha256", "entry"]
+    assert sorted(json.loads(t)["n"] for t in table["entry"].to_pylist()) == list(range(10))
+    monkeypatch.setattr(Store, "CACHE", 1)  # one batch at a time in memory
+    for reader in (store, runs(tmp_path)):
+        assert [reader.get(i)["n"] for i in reversed(range(10))] == list(reversed(range(10)))
+        assert len(reader.store) == 10
+
+
+def test_a_batch_ends_when_it_is_large(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(Store, "SIZE", 1000)
+    store = runs(tmp_path)
+    store.put(1, {"z": [0.5] * 100})
+    assert [p.suffix for p in tmp_path.iterdir()] == [".lines"]
+    store.put(2, {"z": [0.5] * 200})
+    assert [p.suffix for p in tmp_path.iterdir()] == [".parquet"]
+
+
+def test_what_was_stored_last_counts(tmp_path: Path) -> None:
+    """A run that failed and was made again, in the same batch and in another."""
+    store = runs(tmp_path)
+    for value in ("failed", "better"):
+        store.put("run", {value: ""})
+    assert store.get("run") == runs(tmp_path).get("run") == {"better": ""}
+    store.store.flush()
+    store.put("run", {"best": ""})
+    assert store.get("run") == runs(tmp_path).get("run") == {"best": ""}
+    store.store.flush()
+    assert store.get("run") == runs(tmp_path).get("run") == {"best": ""}
+
+
+WRITER = """
+import os, signal, sys
+from pathlib import Path
+from cosim.study.store import RunStore, Store
+store = RunStore(Store(Path(sys.argv[1])), "salt")
+for i in range(int(sys.argv[2])):
+    store.put(i, {"n": i})
+os.kill(os.getpid(), signal.SIGKILL)
+"""
+
+
+@pytest.mark.skipif(os.name == "nt", reason="sends signals")
+def test_a_killed_process_loses_nothing_that_it_was_given(tmp_path: Path) -> None:
+    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+    subprocess.run([sys.executable, "-c", WRITER, str(tmp_path), "5000"], env=environment, check=False)
+    assert sorted(p.suffix for p in tmp_path.iterdir()) == [".lines", ".parquet"]
+    store = runs(tmp_path)
+    assert [store.get(i)["n"] for i in range(5000)] == list(range(5000))
+
+
+def test_half_a_line_costs_one_result(tmp_path: Path) -> None:
+    """What a power failure leaves; what is written from then on goes into another file."""
+    store = runs(tmp_path)
+    for i in range(3):
+        store.put(i, {"n": i})
     (path,) = tmp_path.iterdir()
-    path.write_text(path.read_text().replace("1.5", "0.5"))
-    with pytest.warns(DamagedWarning, match=path.name), pytest.raises(NotStored):
+    path.write_bytes(path.read_bytes()[:-5])
+    after = runs(tmp_path)
+    assert [after.find(i) for i in range(3)] == [{"n": 0}, {"n": 1}, None]
+    after.put(2, {"n": 2})
+    assert [runs(tmp_path).find(i) for i in range(3)] == [{"n": 0}, {"n": 1}, {"n": 2}]
+
+
+def test_two_processes_see_what_the_other_has_stored(tmp_path: Path) -> None:
+    one, other = runs(tmp_path), runs(tmp_path)
+    one.put(1, {"n": 1})
+    assert other.get(1) == {"n": 1}
+    other.put(2, {"n": 2})
+    assert one.get(2) == {"n": 2}
+    one.store.flush()  # its lines are gone, and what was read of them is still right
+    assert other.get(1) == {"n": 1}
+    one.put(3, {"n": 3})
+    one.store.flush()
+    assert other.get(3) == {"n": 3}
+    other.store.flush()
+    assert [runs(tmp_path).get(i)["n"] for i in (1, 2, 3)] == [1, 2, 3]
+
+
+def test_lines_of_workers_are_taken_over(tmp_path: Path) -> None:
+    worker = RunStore(Store(tmp_path, "group"), "salt")
+    worker.put(1, {"n": 1})
+    other = RunStore(Store(tmp_path, "others"), "salt")
+    other.put(2, {"n": 2})
+    worker.store.close()
+    parent = runs(tmp_path)
+    parent.store.absorb("group")
+    assert sorted(p.suffix for p in tmp_path.iterdir()) == [".lines", ".parquet"]
+    assert [parent.get(i)["n"] for i in (1, 2)] == [1, 2]
+
+
+class Full:
+    """A file on a disk with room for ``room`` more bytes."""
+
+    def __init__(self, file: Any, room: int) -> None:
+        self.file, self.room = file, room
+
+    def write(self, data: Any) -> int:
+        if not self.room:
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        written: int = self.file.write(bytes(data)[: self.room])
+        self.room -= written
+        return written
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self.file, name)
+
+
+def test_a_full_disk_keeps_what_is_there(tmp_path: Path) -> None:
+    """The error names the file, no half line stays, and with room again the same process goes on."""
+    store = runs(tmp_path)
+    store.put(1, {"n": 1})
+    (path,) = tmp_path.iterdir()
+    whole = path.read_bytes()
+    store.store._file = Full(store.store._file, 20)
+    with pytest.raises(OSError, match="No space left") as caught:
+        store.put(2, {"n": 2})
+    assert caught.value.filename == str(path)
+    assert "make room there" in safe_files.sentence(caught.value)
+    assert path.read_bytes() == whole
+    assert store.find(2) is None
+    store.store._file = store.store._file.file
+    store.put(3, {"n": 3})
+    store.store.flush()
+    assert [runs(tmp_path).find(i) for i in (1, 2, 3)] == [{"n": 1}, None, {"n": 3}]
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="a disk that is full")
+def test_a_batch_that_does_not_fit_leaves_its_lines(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    store = runs(tmp_path)
+    store.put(1, {"n": 1})
+
+    def full(*_: Any, **__: Any) -> None:
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(pq, "write_table", full)
+    with pytest.raises(OSError, match=r"No space left.*\.parquet"):
+        store.store.flush()
+    assert [p.suffix for p in tmp_path.iterdir()] == [".lines"]
+    assert runs(tmp_path).get(1) == {"n": 1}
+
+
+def edit(path: Path, old: str, new: str) -> None:
+    """Change a stored text, in lines or in a batch."""
+    if path.suffix == ".lines":
+        path.write_text(path.read_text().replace(old, new))
+    else:
+        table = pq.read_table(path)
+        texts = [t.replace(old, new) for t in table["entry"].to_pylist()]
+        pq.write_table(table.set_column(2, "entry", pa.array(texts)), path)
+
+
+@pytest.mark.parametrize("flushed", [False, True])
+def test_an_edited_result_is_made_again(tmp_path: Path, flushed: bool) -> None:
+    store = runs(tmp_path)
+    store.put(["case", 1], {"J": 1.5})
+    store.put(["case", 2], {"J": 2.5})
+    if flushed:
+        store.store.flush()
+    (path,) = tmp_path.iterdir()
+    edit(path, "1.5", "0.5")
+    store = runs(tmp_path)
+    with pytest.warns(DamagedWarning, match=r"is damaged: it is made again"), pytest.raises(NotStored):
         store.get(["case", 1])
+    assert store.get(["case", 2]) == {"J": 2.5}
+    store.put(["case", 1], {"J": 1.5})
+    store.store.flush()
+    assert runs(tmp_path).get(["case", 1]) == {"J": 1.5}
+
+
+@pytest.mark.parametrize("content", [b"", b"no Parquet", b"PAR1" + bytes(100) + b"PAR1"])
+def test_a_damaged_batch_is_discarded(tmp_path: Path, content: bytes) -> None:
+    store = runs(tmp_path)
+    store.put(1, {"n": 1})
+    store.store.flush()
+    store.put(2, {"n": 2})
+    (path,) = tmp_path.glob("*.parquet")
+    path.write_bytes(content)
+    with pytest.warns(DamagedWarning, match=path.name):
+        after = runs(tmp_path)
     assert not path.exists()
+    assert [after.find(i) for i in (1, 2)] == [None, {"n": 2}]
+
+
+def test_columns_of_something_else(tmp_path: Path) -> None:
+    """Parquet by somebody else is no batch."""
+    path = tmp_path / "1.parquet"
+    pq.write_table(pa.table({"key": [1, 2], "x": [0.5, 1.5]}), path)
+    with pytest.warns(DamagedWarning, match="1.parquet"):
+        assert len(Store(tmp_path)) == 0
+
+
+def test_results_that_are_read_when_asked_for(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    store = runs(tmp_path)
+    for i in range(5):
+        store.put(i, {"n": [i] * 10})
+    monkeypatch.setattr(Stored, "CACHE", 100)
+    found = Stored(store.store, [store.name(i) for i in (3, 1, 3)])
+    assert [e["n"][0] for e in found] == [3, 1, 3]
+    assert found[0] is found[0]
+    assert len(found) == 3
+
+
+def test_without_parquet_lines_stay_lines(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(extras, "missing", lambda extra: extra == "reports")
+    monkeypatch.setattr(Store, "RESULTS", 2)
+    store = runs(tmp_path)
+    for i in range(5):
+        store.put(i, {"n": i})
+    store.store.flush()
+    assert {p.suffix for p in tmp_path.iterdir()} == {".lines"}
+    assert [reader.get(i)["n"] for reader in (store, runs(tmp_path)) for i in range(5)] == [*range(5)] * 2

@@ -32,6 +32,8 @@ from fmu_sources.controllers.lq.bench import FORCE_WEIGHT, LQR_PERIOD, WEIGHTS
 from fmu_sources.controllers.mpc.bench import FORCE_LIMIT, HORIZON, MPC_PERIOD
 from fmu_sources.models.bench_states import STATES
 
+_FIRST = SCENARIOS[RANDOM].offset
+_RANDOM_IS = f"Random: {_FIRST:g} to {_FIRST + LENGTH['random']:g} s of the random motion, the first of its {len(STRETCHES)} stretches."
 _LOOKS = {"passive": "grey", "lqr": "orange", "lqr-clipped": "sky", "mpc": "green", "mpc-moves": "purple"}
 
 
@@ -119,7 +121,7 @@ def _random(study: Results) -> Section:
     figure = Figure(
         "figure-10",
         "Plates on the random road (figure 10 of the paper)",
-        "The paper shows the MPC alone.",
+        f"The paper shows the MPC alone. {_RANDOM_IS}",
         panels,
         columns=1,
     )
@@ -141,6 +143,7 @@ def _comparison(study: Results) -> Section:
         "All systems on all roads",
         ["road", "system", *(m.heading for m in METRICS.values())],
         rows,
+        _RANDOM_IS,
     )
     return Section(
         "Comparison",
@@ -184,7 +187,7 @@ def _encoders(study: Results) -> Section:
     table = Table(
         "encoders", "States from encoders",
         ["road", "system", "exact states [m/s2]", "encoders [m/s2]", "change [%]", "largest force [N]", "smallest force [N]"],
-        rows,
+        rows, _RANDOM_IS,
     )  # fmt: skip
     return Section(
         "Encoders",
@@ -202,7 +205,7 @@ def _solver(study: Results) -> Section:
     ]
     table = Table(
         "solver", "Quadratic programs, worst of each run",
-        ["road", "system", "status [-]", "iterations [-]", "residual [-]"], rows,
+        ["road", "system", "status [-]", "iterations [-]", "residual [-]"], rows, _RANDOM_IS,
     )  # fmt: skip
     return Section(
         "Solver",

@@ -94,8 +94,8 @@ def same(j: Judge, road: str) -> Finding:
         "; ".join(f"{q} {span(j, ratio[q], 'explicit')}" for q in quantities)
         + f"; both alike {at_speeds(both, j.speeds)}",
         both == list(j.speeds),
-        "elsewhere preview mostly needs less for the same response: explicit takes the road ahead to be at height 0, as printed, "
-        "and pays for that where it is not",
+        f"at the other speeds force or power is not {SAME.text('times')} explicit's, or the seeds do not decide: explicit takes the "
+        "road ahead to be at height 0, as printed, and pays for that where it is not",
         criterion=f"force and power {SAME.text('times')} explicit's ({SAME.reason}), clearly over the seeds, at every speed",
         fitted=chosen(MATCHING, STAND_IN.get(road)),
         evidence=seen,

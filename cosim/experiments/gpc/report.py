@@ -24,6 +24,7 @@ from fmu_sources.models.corners import CORNERS
 
 NAN = float("nan")
 _ROAD_FIGURES = {"sine": ("7", "8"), "perryman3": ("9", "10"), "curb": ("11", "12")}
+_NAMES = {"sine": "sine", "perryman3": "Perryman 3", "curb": "curb"}  # in tables
 _TITLES = {"sine": "Sine road", "perryman3": "Perryman 3 road (synthetic)", "curb": "Curb"}
 _LOOKS = {
     "passive": ("grey", "solid"),
@@ -76,7 +77,7 @@ def _headlines(results: Results) -> list[Result]:
 
 def _fitted(parameters: Iterable[Parameter]) -> str:
     """What of the vehicle was chosen with a figure of the paper in view: its source says so."""
-    return "; ".join(f"{p.name} = {p.value:g}: {p.source}" for p in parameters if "000 figure" in p.source)  # type: ignore[str-bytes-safe]
+    return "; ".join(f"{p.name} = {p.value:g} ({p.source})" for p in parameters if "000 figure" in p.source)  # type: ignore[str-bytes-safe]
 
 
 # ---------------------------------------------------------------------- figures
@@ -288,7 +289,7 @@ def _seeds(results: Results) -> Section:
                         round(r["peak_force"], 0),
                     ]
                 )
-                rows.append([road, v, law, seed, *own])
+                rows.append([_NAMES[road], v, law, seed, *own])
     return Section(
         "Spread over identification seeds",
         [
@@ -312,7 +313,7 @@ def _refinement(results: Results) -> Section:
     rows: list[list[float | str | None]] = []
     for r, words, moves in results.refinement():
         cells = [None if k not in moves or math.isnan(moves[k]) else float(f"{100 * moves[k]:.2g}") for k in METRICS]
-        rows.append([r["road"], r["speed_kmh"], r["controller"], words, *cells])
+        rows.append([_NAMES[r["road"]], r["speed_kmh"], r["controller"], words, *cells])
     return Section(
         "Refinement of steps",
         [

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from cosim.experiments.hmmwv.averages import Averages
 from cosim.experiments.hmmwv.published import PUMP, finer, places, published_cases
-from cosim.experiments.hmmwv.runs import Case
+from cosim.experiments.hmmwv.runs import SHIFTS, STRETCHES, Case
 from cosim.experiments.hmmwv.statements import NAMES, ROAD_NAMES
 from cosim.experiments.hmmwv.wiring import EXCHANGE
 from cosim.experiments.steps import halved
@@ -89,8 +89,9 @@ def section(study: Averages, undecided: list[str]) -> Section:
                     "exchange step halved [W]", "both halved [W]", "largest change by both [%]",
                 ],
                 rows,
-                "Powers at the first place of the bump or stretch, the largest change over all of them. A solver's step is never longer "
-                "than the exchange. A dash: not run.",
+                f"Powers over bumps: the bump at the first of its {SHIFTS} places on the controllers' grid; off road: the first of the {STRETCHES} "
+                "stretches of the class E road, which figure 1.10 shows. The largest change is that over all places and all stretches. A solver's "
+                "step is never longer than the exchange. A dash: not run.",
             )
         ],
     )  # fmt: skip

@@ -1,4 +1,4 @@
-"""Paper 004: what preview buys on a seven-degree car, by optimal LQ control with three information patterns.
+"""Paper 004: what preview buys on a car with seven degrees of freedom, by optimal LQ control with three information patterns.
 
 ``runs`` wires, runs and measures; ``design`` has the poles of the continuous design, which are no run; ``published`` has what
 the paper prints and the runs that stand beside it; ``claims`` judges; ``report`` lays out.
@@ -10,7 +10,7 @@ from cosim.study.experiment import Experiment
 EXPERIMENT = Experiment(
     "preview-lq",
     runs.Case,
-    title="Optimal preview LQ control of a seven-degree car (paper 004)",
+    title="Optimal preview LQ control of a car with seven degrees of freedom (paper 004)",
     fmus=runs.FMUS,
     wire=runs.wire,
     structure=runs.structure,

@@ -56,7 +56,7 @@ def matched(
 
 def sprung_mass(study: Results) -> str:
     """What was chosen with Table 2 in view."""
-    return f"the sprung mass, {study.found(DESIGNS['comfort'])['sprung mass']}"
+    return f"the sprung mass of {study.found(DESIGNS['comfort'])['sprung mass']}"
 
 
 def relative_index(study: Results, input_: str, weights: str, controller: str) -> float:

@@ -51,7 +51,7 @@ class Design:
         mass = said["body.mass"]
         return {
             "eigenvalues": [[e.real, e.imag] for e in upper[np.argsort(-np.abs(upper))].tolist()],
-            "sprung mass": f"{mass.start:g} kg: {mass.source}",
+            "sprung mass": f"{mass.start:g} kg (source: {mass.source})",
         }
 
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import json
-import zipfile
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from pathlib import Path
@@ -16,7 +14,7 @@ from cosim.experiments.steps import Stepped, exchange_step, set_solver_step
 from cosim.signals import rms
 from cosim.study.case import CaseError, option
 from cosim.study.experiment import Metric, Row, Run
-from cosim.study.fmus import FmuSet
+from cosim.study.fmus import FmuSet, designed_with
 from fmu_sources.catalog import weights_name
 from fmu_sources.controllers.lq.preview import MODES, WEIGHTED
 from fmu_sources.controllers.lq.preview_weights import PreviewLqWeights, load_weights
@@ -96,8 +94,7 @@ def weights_of(case: Case) -> PreviewLqWeights:
 
 def designed_weights(law: Path) -> PreviewLqWeights:
     """The weights that an FMU's law was designed with."""
-    with zipfile.ZipFile(law) as z:
-        return PreviewLqWeights.model_validate(json.loads(z.read("resources/provenance.json"))["weights"])
+    return PreviewLqWeights.model_validate(designed_with(law)["weights"])
 
 
 # ------------------------------------------------------------------------------------------------------------- wiring

@@ -12,9 +12,11 @@ from cosim.experiments.three_axle import EXPERIMENT
 from cosim.experiments.three_axle.claims import CLAIMS, place_text
 from cosim.experiments.three_axle.published import CONTROLLED, SHOWN, VARIANTS, Place, places, variant
 from cosim.experiments.three_axle.runs import CONTROLLERS, METRICS, Case, edge_time
+from cosim.fmu.file import FmuFile
 from cosim.report import Figure, Panel, Parameter, Report, Result, Section, Series, Table, keep_peaks
 from cosim.report.model import Scalar
 from cosim.study import FmuSet, Results, Row, parameters, provenance, sections
+from cosim.study.fmus import designed_with
 from fmu_sources.models.corners import SIX_CORNERS
 
 _NAMES = {"passive": "passive", "lqr": "LQR", "mpc": "MPC", "mpc-preview": "MPC with preview"}
@@ -79,7 +81,7 @@ def _table(study: Results) -> Section:
         "All runs",
         [
             "Everything exchanges every millisecond, the predictive controllers every five. They have the weights and bounds of "
-            "Tables 4.2 to 4.7 and estimate the state from the nine outputs of Table 4.2 and the height of the body, with "
+            "Tables 4.2 to 4.7, which the parameters list, and estimate the state from the nine outputs of Table 4.2 and the height of the body, with "
             "integrating offsets on them: the default of the tool of the thesis, which itself says nothing of it. Without "
             "preview they know neither the road nor the reference ahead.",
             "The regulator's forces count in kN and its weights of the wheels' states are 1e-4 of those printed; in SI units "
@@ -222,8 +224,55 @@ def _forces(study: Results) -> Section:
 
 
 def _parameters(fmus: FmuSet) -> list[Parameter]:
-    """Of the vehicle without its right corners, which are as the left ones; of the road, the depth aside; of the reference."""
+    """Of the vehicle without its right corners, which are as the left ones; of the road, the depth aside; of the reference; of the
+    laws, what they were designed with."""
     right = tuple(f".{k}." for k in SIX_CORNERS[1::2])
     vehicle = [p for p in parameters(fmus.path("ThreeAxleRide")) if not any(k in p.name for k in right)]
     trench = parameters(fmus.path("RoadShallowTrench"), ("trench.start", "trench.length", "trench.edge"))
-    return [*vehicle, *trench, *parameters(fmus.path("PitchReference"), prefix="reference.")]
+    reference = parameters(fmus.path("PitchReference"), prefix="reference.")
+    return [*vehicle, *trench, *reference, *_of_the_regulator(fmus), *_of_the_predictive(fmus)]
+
+
+def _of_the_regulator(fmus: FmuSet) -> list[Parameter]:
+    """Weights of the squares, and the limit of the forces."""
+    file = fmus.path("LqrThreeAxle")
+    weights = designed_with(file)["weights"]
+    named = {
+        "state": ("body states but pitch", "1/SI2", "003 (4.8)"),
+        "pitch": ("pitch", "1/rad2", "003 (4.8)"),
+        "wheel": ("wheel states", "1/SI2", "003 (4.8) times 1e-4, assumed"),
+        "force": ("force", "1/N2", "003 (4.9), per squared kN"),
+    }
+    rows = [Parameter(f"LQR weight, {text}", weights[k], *rest) for k, (text, *rest) in named.items()]
+    return [*rows, *parameters(file, ["force.limit"], prefix="LQR ")]
+
+
+def _of_the_predictive(fmus: FmuSet) -> list[Parameter]:
+    """Horizon, weights, scales and bounds, which are alike on both sides; bounds count in both directions."""
+    mpc = designed_with(fmus.path("MpcThreeAxle"))["mpc"]
+    car = FmuFile(fmus.path("ThreeAxleRide")).description
+    case = mpc["cases"]["nominal, height held"]
+    rows = [
+        Parameter("MPC sample time", 1e3 * mpc["period"], "ms", "003 Table 4.4"),
+        Parameter("MPC prediction horizon", mpc["prediction"], "-", "003 Table 4.4"),
+        Parameter("MPC control horizon", len(mpc["moves"]), "-", "003 Table 4.4"),
+        Parameter("MPC weight of the slack", mpc["slack_weight"], "-", "assumed"),
+    ]
+    tables = {"scale": "4.3", "max": "4.5", "rate_max": "4.5", "weight": "4.7", "rate_weight": "4.7", "ecr": "4.6"}
+    words = {"scale": "scale", "max": "bound", "rate_max": "bound of the change per sample", "weight": "weight",
+             "rate_weight": "weight of the change", "ecr": "softness of the bound"}  # fmt: skip
+    for signal in (*case["inputs"], *case["outputs"]):
+        name = signal["name"]
+        if any(f".{k}" in name for k in SIX_CORNERS[1::2]):
+            continue
+        unit = car.find(name, "ThreeAxleRide").unit_name or "-"
+        for key, table in tables.items():
+            if key in signal and (key != "ecr" or "max" in signal):
+                source = (
+                    f"003 Table {table}"
+                    if name != "body.z"
+                    else "assumed" + "; 0 unless the height is held" * (key == "weight")
+                )
+                in_unit = unit if key in ("scale", "max", "rate_max") else "-"
+                rows.append(Parameter(f"MPC {name}, {words[key]}", signal[key], in_unit, source))
+    return rows

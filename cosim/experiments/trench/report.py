@@ -348,13 +348,16 @@ def _costs(study: Results) -> Section:
         "Weights of Table 5.10. Normalised over all 72 runs; scores from 5, the lowest cost of the controlled runs, to 1, the highest.",
     )  # fmt: skip
     layers = [Layer(_NAMES[s], [[scaled[s][length, speed] for length in LENGTHS] for speed in SPEEDS]) for s in SYSTEMS]
+    limit = normalised(cost_of_limits(), costs(study))
     grid: dict[str, Any] = {
         "x_label": "trench length [m]", "y_label": "speed [km/h]", "value_label": "normalised cost [-]", "x": LENGTHS, "y": SPEEDS,
-        "layers": layers,
+        "layers": layers, "value_range": (0.0, max(1.0, limit)),
     }  # fmt: skip
-    limit = normalised(cost_of_limits(), costs(study))
     contour = Map(
-        "figure-5-40", "Normalised cost over length and speed (figure 5.40)", "Both on one scale; low is good.", **grid
+        "figure-5-40",
+        "Normalised cost over length and speed (figure 5.40)",
+        "Both on one scale, that of figure 5.41; low is good.",
+        **grid,
     )
     surface = Map(
         "figure-5-41",

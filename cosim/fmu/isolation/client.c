@@ -33,7 +33,7 @@ typedef struct {
     int generation;             /* of processes: a forked one must not use what its parent uses */
     LinkLogger log;
     const char *failed;         /* function that really failed, if that is not the one that was called */
-    uint32_t environment, no_memory, missing;
+    uint32_t environment, no_memory;
     bool stepping;              /* from the first step on: calls may wait for the next step */
     size_t waiting;             /* bytes of the request area that wait for it */
     uint32_t n_waiting;
@@ -230,7 +230,6 @@ static uint32_t transact(Link *l, LinkOp op) {
     }
     if (h->log_used || h->log_lost) hand_over_log(l);
     l->environment = h->environment;
-    l->missing = h->missing;
     const uint32_t status = h->status;
     return l->environment && status <= LINK_WARNING ? LINK_ERROR : status;
 }
@@ -316,8 +315,7 @@ static uint32_t get_values(Link *l, uint32_t type, const char *name, const uint3
     if (lost(l)) return LINK_FATAL;
     l->failed = NULL;
     if (l->fresh) {
-        int i = 0;
-        for (; i < l->n_planned; i++) {
+        for (int i = 0; i < l->n_planned; i++) {
             const Planned *p = &l->plan[i];
             if (p->type != type || p->n_references != n || p->n_values != n_values || memcmp(p->references, references, n * 4)) continue;
             const char *from = l->region.results + p->at;
@@ -326,9 +324,9 @@ static uint32_t get_values(Link *l, uint32_t type, const char *name, const uint3
             memcpy(values, from + 8, bytes);
             return status;
         }
-        if (i == l->n_planned && l->n_plan == l->n_planned) learn(l, type, name, references, n, n_values);
+        if (l->n_plan == l->n_planned) learn(l, type, name, references, n, n_values); /* one for each step, so that none is learned twice */
     }
-    const bool fresh = l->fresh && !l->n_waiting;
+    const bool fresh = l->fresh; /* not if anything waits */
     if (l->n_waiting) {
         const uint32_t status = simple(l, LINK_SET);
         if (status > LINK_WARNING) return status;

@@ -21,7 +21,7 @@ typedef enum {
 typedef enum { LINK_ALIVE, LINK_DIED, LINK_TOO_SLOW, LINK_CANCELLED, LINK_LIED, LINK_INHERITED, LINK_RELEASED } LinkEnd;
 
 enum {
-    LINK_OK = 0, LINK_WARNING = 1, LINK_DISCARD = 2, LINK_ERROR = 3, LINK_FATAL = 4, /* statuses of FMI */
+    LINK_OK = 0, LINK_WARNING = 1, LINK_ERROR = 3, LINK_FATAL = 4, /* statuses of FMI */
     LINK_LOG = 1 << 16,  /* bytes for messages of one call */
     LINK_PLANNED = 16,   /* calls that fetch outputs with a step */
     LINK_FETCHING = 256  /* of Answer.failed: and which of these */

@@ -11,6 +11,7 @@ import socket
 import subprocess
 import sys
 import tempfile
+import time
 import weakref
 from dataclasses import dataclass
 from functools import lru_cache
@@ -23,7 +24,6 @@ if sys.platform != "win32":
     import fcntl
 
 import cosim.fmu.calls as fmi
-from build_fmus import safe_files
 from build_fmus.checks import number
 from build_fmus.compile import CompileError, ObjectCache, find_toolchain, host
 from cosim.errors import FmuError
@@ -33,6 +33,7 @@ from cosim.interrupt import CANCELLERS
 
 _FOLDER = Path(__file__).parent
 _REGION = 64 * 2**20  # bytes; pages that nobody touches cost nothing
+_PATIENCE = 0.5  # s for a process that has closed its connection to end
 _SPIN = 50.0  # microseconds for which the master looks for an answer before it sleeps
 
 _EXPORTED = """
@@ -94,7 +95,7 @@ def _interface() -> tuple[cffi.FFI, Any, Path, Path]:
     header = re.sub(r"(?m)^#.*$", "", (_FOLDER / "link.h").read_text())
     ffi.cdef(header + _EXPORTED)
     try:
-        toolchain, cache = find_toolchain(host()), ObjectCache(safe_files.cache_directory() / "isolation")
+        toolchain, cache = find_toolchain(host()), ObjectCache.of_user("isolation")
         client = cache.library(toolchain, [_FOLDER / "client.c"], [_FOLDER], "client")
         worker = cache.program(toolchain, [_FOLDER / "worker.c"], [_FOLDER, ENVIRONMENT.parent])
         loaded = ffi.dlopen(str(client))
@@ -171,7 +172,6 @@ class IsolatedLibrary:
             except OSError as error:
                 ours.close()
                 raise NoIsolation(f"cannot start a process for an FMU: {error.strerror or error}") from None
-        self._socket = ours
         self.owner = os.getpid()
         spin = _SPIN if (os.cpu_count() or 1) > 1 else 0.0
         buffer = ffi.from_buffer(region)
@@ -233,9 +233,8 @@ class IsolatedLibrary:
             return "it is closed"
         if end == client.LINK_LIED:
             return "its process spoiled what it shares with the master, and was ended"
-        try:
-            code = self._process.wait(0.5)
-        except subprocess.TimeoutExpired:
+        code = _exit_code(self._process)
+        if code is None:
             return "it closed the connection of its process, which was ended"
         text = f"its process ended itself with exit code {code}"
         if code < 0:
@@ -271,6 +270,21 @@ class IsolatedLibrary:
 
 class Lost(Exception):  # noqa: N818
     """An isolated FMU was lost; the argument says how."""
+
+
+def _exit_code(process: Any) -> int | None:
+    """How a process has ended, or ends within half a second; negative: by a signal. Where the system lets us, it stays a zombie, so that
+    nobody else can get the number by which its group is ended."""
+    if not hasattr(os, "waitid"):
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            return int(process.wait(_PATIENCE))
+        return None
+    end = time.monotonic() + _PATIENCE
+    while (found := os.waitid(os.P_PID, process.pid, os.WEXITED | os.WNOHANG | os.WNOWAIT)) is None:
+        if time.monotonic() > end:
+            return None
+        time.sleep(0.001)
+    return found.si_status if found.si_code == os.CLD_EXITED else -found.si_status
 
 
 def _end(process: Any, ours: socket.socket, owner: int) -> None:

@@ -44,7 +44,6 @@ typedef struct {
     uint32_t log_used, reply_used, results_used; /* bytes of the areas */
     uint32_t log_lost;          /* messages for which there was no room */
     bool flags[4];              /* event, (not used), terminate, early */
-    uint8_t missing;            /* the library does not have that function */
     uint8_t environment;        /* what it changed: environment.h */
     uint8_t no_memory;          /* the limit is reached */
 } Answer;

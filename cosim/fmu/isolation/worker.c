@@ -145,9 +145,7 @@ static void say3(void *environment, int status, const char *category, const char
 static void *function(const char *name) {
     char full[80];
     snprintf(full, sizeof full, "fmi%d%s", version, name);
-    void *found = dlsym(library, full);
-    if (!found) region.answer->missing = 1;
-    return found;
+    return dlsym(library, full);
 }
 
 static void find_values(void) {
@@ -184,7 +182,6 @@ static uint32_t load(void) {
     *out = 0;
     region.answer->reply_used = (uint32_t)(out - region.reply) + 1;
     find_values();
-    region.answer->missing = 0;
     environment_restore(expected); /* some libraries change it when they are loaded: -ffast-math does */
     return LINK_OK;
 }
@@ -238,7 +235,7 @@ static uint32_t set_record(const char **at) {
 static uint32_t get_record(const char *at) {
     const LinkValues *v = (const LinkValues *)(const void *)at;
     uint32_t *references = (uint32_t *)(void *)(v + 1);
-    if (!getters[v->type]) return region.answer->missing = 1, LINK_ERROR;
+    if (!getters[v->type]) return LINK_ERROR;
     if (!text(v->type)) {
         region.answer->reply_used = (uint32_t)(v->n_values * value_size(v->type));
         return call_values(getters[v->type], references, v->n_references, region.reply, v->n_values);
@@ -432,7 +429,7 @@ static void work(void) {
     uint32_t status = LINK_OK;
     const uint32_t n_sets = region.ask->n_sets;
     h->reply_used = h->results_used = h->log_used = h->log_lost = 0;
-    h->missing = h->environment = h->no_memory = 0;
+    h->environment = h->no_memory = 0;
     for (uint32_t i = 0; i < n_sets && status <= LARGEST_SUCCESS; i++) {
         h->failed = i + 1; /* before it is done: it may be the last thing that is */
         status = set_record(&at);

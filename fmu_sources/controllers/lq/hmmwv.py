@@ -97,7 +97,7 @@ def lqr_hmmwv(
         name,
         kind="discrete",
         sample_time=period,
-        description="Linear-quadratic regulator of a seven-degree car on its relative states",
+        description="Linear-quadratic regulator of a car with seven degrees of freedom, on its relative states",
         source="001 section 1.4, Table 1.1",
         notes=_NOTES,
     )

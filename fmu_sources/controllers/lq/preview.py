@@ -1,4 +1,4 @@
-"""Optimal preview LQ control of the seven-degree car as a discrete component (paper 004, Theorem 1).
+"""Optimal preview LQ control of the car with seven degrees of freedom as a discrete component (paper 004, Theorem 1).
 
 u = -K x + feed-forward. The feed-forward weighs the road ahead of each wheel over a horizon: the front wheels see the
 preview, the rear wheels see what the front wheels passed one wheelbase earlier, from the controller's own memory. What is
@@ -137,7 +137,7 @@ def preview_lq(
         name,
         kind="discrete",
         sample_time=period,
-        description=f"Optimal preview LQ law of a seven-degree car: {weights.name}",
+        description=f"Optimal preview LQ law of a car with seven degrees of freedom: {weights.name}",
         source="Marzbanrad, Hojjat, Zohoor, Nikravesh: Theorem 1, Table 2",
         symbols=ca.MX,
         notes=_NOTES,

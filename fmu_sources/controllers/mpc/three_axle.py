@@ -39,6 +39,7 @@ MEASURED = ("body.az", "body.roll", "body.pitch", *WHEELS, "body.z")
 """Outputs MO1 to MO9 of Table 4.2 and the height of the body."""
 
 FORCE_SCALE = 3e5  # N, Table 4.3
+FORCE_LIMIT = 150e3  # N, of an actuator, either way
 SCALE = {"body.az": 4.0, "body.roll": 0.02, "body.pitch": 0.2, **dict.fromkeys(WHEELS, 1.0), "body.z": 0.2}
 """Table 4.3; the height's is assumed."""
 
@@ -81,9 +82,9 @@ def _case(
     changes: dict[str, Mapping[str, float]] = {}
     for k, force in zip(SIX_CORNERS, FORCES, strict=True):
         weight = _FORCE_WEIGHTS[number][int(k[1]) - 1]
-        low, high = (1e3 * f for f in _FORCED[number].get(k[:2], (-150.0, 150.0)))
+        low, high = (1e3 * f for f in _FORCED[number].get(k[:2], (-FORCE_LIMIT / 1e3, FORCE_LIMIT / 1e3)))
         if retraction == "none":
-            low, high = -150e3, 150e3
+            low, high = -FORCE_LIMIT, FORCE_LIMIT
         elif retraction == "forced":  # the printed ranges pull the axle up: with extension positive their sign turns
             low, high = -high, -low
         changes[force] = {"weight": weight, "min": low, "max": high}
@@ -128,7 +129,7 @@ def cases() -> dict[Choice, Case]:
 def three_axle_mpc(model: MpcModel) -> Mpc:
     """Weights, bounds and horizon on a model with the names of :data:`MEASURED`; cases as :func:`cases` numbers them."""
     forces = tuple(
-        Input(n, scale=FORCE_SCALE, weight=0.1, rate_weight=0.1, min=-150e3, max=150e3, rate_min=-_RATE, rate_max=_RATE)
+        Input(n, scale=FORCE_SCALE, weight=0.1, rate_weight=0.1, min=-FORCE_LIMIT, max=FORCE_LIMIT, rate_min=-_RATE, rate_max=_RATE)
         for n in FORCES
     )
     outputs = (

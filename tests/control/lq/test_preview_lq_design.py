@@ -1,6 +1,6 @@
 """Preview LQ design: Riccati solutions, feed-forward weights, sampled design, Theorem 2 (Marzbanrad et al.).
 
-The seven-degree car is derived here from its energies, independently of the component that the FMUs are built from.
+The car with seven degrees of freedom is derived here from its energies, independently of the component that the FMUs are built from.
 """
 
 import re

@@ -59,7 +59,7 @@ def generated_section(study: Results) -> Section:
                 ],
             )
         )
-        rows.append([f"{error:+g} %", *(round(1e3 * o) for o in study[case]["offsets"])])
+        rows.append([f"{error:+g}", *(round(1e3 * o) for o in study[case]["offsets"])])
     return Section(
         "Generated preview",
         [

@@ -1,0 +1,83 @@
+"""``python .ci/release.py FOLDER``: all that a release publishes, the same bytes from the same sources and compilers.
+
+- ``suspension-fmus-VERSION-fmus.zip``: every FMU in FMI 2.0 and 3.0 for all five platforms, what they are, their bill of materials, their checksums;
+- the wheel and the source distribution;
+- ``SHA256SUMS`` of these.
+"""
+
+from __future__ import annotations
+
+import argparse
+import hashlib
+import sys
+import tomllib
+from collections.abc import Mapping
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).parent))
+import backend
+
+from build_fmus import package, related, safe_files
+from build_fmus.builder import Options
+from build_fmus.compile import PLATFORMS
+from fmu_sources import cli
+
+ROOT = Path(__file__).parents[1]
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+PAGES = ("LICENSE", "docs/fmus.md", "docs/other-tools.md", "docs/changelog.md")
+BILL = "bill-of-materials.cdx.json"
+SUMS = "SHA256SUMS"
+README = """{name} {version}: {n} FMUs, each in FMI 2.0 (fmi2) and FMI 3.0 (fmi3), with binaries for
+{platforms}.
+
+{description}
+
+docs/fmus.md lists every variable, docs/other-tools.md says how to set them up in the tool that you have, and which
+platforms have been run and how. Each FMU has its sources, its documentation and the licences of all its parts inside.
+`sha256sum --check {sums}` looks whether the files are whole; {bill} lists what is in them.
+"""
+
+
+def fmu_archive(built: Path, names: list[str]) -> bytes:
+    """The zip of all FMUs, from the folder in which they were built."""
+    fmus = {f"fmi{v}/{n}.fmu": (built / f"fmi{v}" / f"{n}.fmu").read_bytes() for v in (2, 3) for n in names}
+    text = README.format(
+        n=len(names), platforms=", ".join(PLATFORMS), sums=SUMS, bill=BILL, **{k: PROJECT[k] for k in ("name", "version", "description")}
+    )  # fmt: skip
+    pages = {"README.txt": text.encode(), **{n: (ROOT / n).read_bytes() for n in PAGES}}
+    content = {**pages, **fmus, BILL: bill(fmus)}
+    return package.archive({**content, SUMS: sums(content)})
+
+
+def bill(fmus: Mapping[str, bytes]) -> bytes:
+    """What the FMUs are: each by its hash and with the parts that its own bill lists."""
+    release = {"type": "application", "name": PROJECT["name"], "version": PROJECT["version"]}
+    return related.bill(release, [related.archived(path, data) for path, data in fmus.items()])
+
+
+def sums(content: Mapping[str, bytes]) -> bytes:
+    """Checksums as ``sha256sum`` writes and reads them."""
+    return "".join(f"{hashlib.sha256(data).hexdigest()}  {name}\n" for name, data in sorted(content.items())).encode()
+
+
+def main() -> None:
+    """Build what is out of date, and write the files of the release."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("folder", type=Path, help="receives the files")
+    parser.add_argument("--fmus", type=Path, default=ROOT / "build" / "platforms", help="where FMUs for all platforms are built and kept")
+    parser.add_argument("names", nargs="*", help="FMUs (default: all)")
+    options = parser.parse_args()
+    names = options.names or list(cli.load_catalog(cli.UserFiles()))
+    cli.build(names, Options(options.fmus, platform="all"), report=lambda name, what: print(f"  {what} {name}", flush=True))
+    options.folder.mkdir(parents=True, exist_ok=True)
+    files = {f"{PROJECT['name']}-{PROJECT['version']}-fmus.zip": fmu_archive(options.fmus, names)}
+    for make in (backend.build_wheel, backend.build_sdist):
+        name = make(str(options.folder))
+        files[name] = (options.folder / name).read_bytes()
+    for name, data in {**files, SUMS: sums(files)}.items():
+        safe_files.write(options.folder / name, data)
+        print(f"{options.folder / name}: {len(data) / 1e6:.1f} MB" if name != SUMS else options.folder / name)
+
+
+if __name__ == "__main__":
+    main()

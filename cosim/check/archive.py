@@ -1,0 +1,168 @@
+"""Checks of the archive: what a ZIP file must be to be an FMU, and what must lie where in it."""
+
+from __future__ import annotations
+
+import re
+import zipfile
+from collections.abc import Iterator
+from functools import cache
+from importlib import resources
+from typing import Any
+
+from lxml import etree
+
+from build_fmus.checks import one_line
+from cosim.check.description import File
+from cosim.check.rules import Finding, NotApplicable, check, names, note, warning
+from cosim.errors import FmuError
+from cosim.fmu.limits import Limits
+from cosim.fmu.xml import tree
+
+Found = Iterator["str | tuple[int, str] | Finding"]
+
+_TOP = {
+    "2": {"modelDescription.xml", "model.png", "documentation", "sources", "binaries", "resources", "extra", "terminalsAndIcons", "icons", "licenses"},
+    "3": {"modelDescription.xml", "documentation", "sources", "binaries", "resources", "extra", "terminalsAndIcons"},
+}  # fmt: skip
+
+
+def entries(file: File) -> list[str]:
+    """Paths of all files, with forward slashes."""
+    root = file.folder
+    return sorted(p.relative_to(root).as_posix() for p in root.rglob("*") if p.is_file())
+
+
+@check(
+    "archive.zip", "the ZIP file is one that every tool can read",
+    fmi2="2.3 FMU Distribution", fmi3="2.5 FMU Distribution",
+    advice="Pack with deflate (or store), no encryption, forward slashes in paths, and the ending .fmu.",
+)  # fmt: skip
+def zip_file(file: File) -> Found:
+    if file.archive.is_folder:
+        raise NotApplicable("it is a folder, not an archive")
+    if file.archive.path.suffix != ".fmu":
+        yield warning(f"the name {file.archive.path.name!r} does not end in .fmu")
+    with zipfile.ZipFile(file.archive.path) as archive:
+        seen: set[str] = set()
+        for info in archive.infolist():
+            name = info.orig_filename
+            what = f"file {one_line(name, 80)!r} in the archive"
+            if "\\" in name:
+                yield f"{what} has a backslash in its path"
+            if info.flag_bits & 1:
+                yield f"{what} is encrypted"
+            if info.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
+                yield f"{what} is packed by method {info.compress_type}; FMI allows store and deflate"
+            if file.model.version == "3" and info.extract_version > 20 and info.file_size < 2**32 - 1:
+                yield warning(f"{what} needs version {info.extract_version / 10:g} of ZIP; FMI 3.0 allows 2.0")
+            if name.lower() in seen:
+                yield warning(f"{what} is there twice, where case does not count")
+            seen.add(name.lower())
+
+
+@check(
+    "archive.layout", "what lies in the archive lies where the standard says",
+    fmi2="2.3 FMU Distribution (structure of the ZIP file)", fmi3="2.5.1 Structure of the ZIP file",
+    advice="Move data of your own into resources/ or extra/; give the documentation its index.html and the licences their entry file.",
+)  # fmt: skip
+def layout(file: File) -> Found:
+    found, v = entries(file), file.model.version
+    others = sorted({p.split("/")[0] for p in found} - _TOP[v])
+    if others:
+        yield note(f"{names(others)} at the top of the archive is not foreseen by the standard")
+    inside = {p for p in found if p.startswith("documentation/")}
+    if any(p.count("/") == 1 for p in inside) and not inside & {"documentation/index.html", "documentation/_main.html"}:
+        yield note("there is documentation, but no documentation/index.html, where readers begin")
+    licences = [p.lower() for p in inside if p.startswith("documentation/licenses/")]
+    entry = {f"documentation/licenses/license.{e}" for e in ("txt", "html", "spdx")}
+    if v == "3" and licences and not entry & set(licences):
+        yield "documentation/licenses/ has no license.txt, license.html or license.spdx to begin with"
+    wrong = [p for p in found if re.fullmatch(r"documentation/licen[cs]e(s?)\.(txt|html)|licenses?/.*", p)]
+    if v == "3" and wrong and not licences:
+        yield note(f"{wrong[0]}: licences belong into documentation/licenses/")
+
+
+@check(
+    "archive.implementation", "there is a binary or the sources for every interface that is offered",
+    fmi2="2.3 FMU Distribution", fmi3="2.5 FMU Distribution",
+    advice="Name each library after modelIdentifier, in the folder of its platform, or add the sources with their description.",
+)  # fmt: skip
+def implementation(file: File) -> Found:
+    m = file.model
+    found = file.archive.libraries()
+    sources = any(p.startswith("sources/") for p in entries(file))
+    for i in m.interfaces.values():
+        platforms = {folder for folder, name in found if name.rpartition(".")[0] == i.identifier}
+        if platforms or sources:
+            continue
+        there = f"; it holds {names((f'{a}/{b}' for a, b in found), 3)}" if found else ""
+        yield i.line, f"there is neither a library {i.identifier!r} nor a source file{there}"
+
+
+@check(
+    "archive.sources", "the sources that are named are there, and how to build them",
+    fmi2="2.3 FMU Distribution; 3.3.1, 4.3.1 (SourceFiles)", fmi3="2.5.1.4 Directory sources",
+    advice="List every file to compile, by its path from sources/; FMI 3.0 wants a buildDescription.xml.",
+)  # fmt: skip
+def sources(file: File) -> Found:
+    found = entries(file)
+    there = {p.removeprefix("sources/") for p in found if p.startswith("sources/")}
+    if not there and (file.model.version == "3" or file.root.find(".//SourceFiles") is None):
+        raise NotApplicable("there are no sources")
+    if file.model.version == "2":
+        for element in file.root.iterfind(".//SourceFiles/File"):
+            if element.get("name") not in there:
+                yield element.sourceline, f"source file {element.get('name')!r} is not in sources/"
+        return
+    if "buildDescription.xml" not in there:
+        yield warning("sources/ has no buildDescription.xml, which says what to compile")
+        return
+    build = yield from _validated(file, "sources/buildDescription.xml", "fmi3BuildDescription.xsd")
+    if build is None:
+        return
+    identifiers = {i.identifier for i in file.model.interfaces.values()}
+    for configuration in build.iterfind("BuildConfiguration"):
+        if identifiers and configuration.get("modelIdentifier") not in identifiers and not file.model.scheduled:
+            yield f"sources/buildDescription.xml, line {configuration.sourceline}: no interface has the modelIdentifier {configuration.get('modelIdentifier')!r}"
+    for element in build.iter("SourceFile"):
+        if element.get("name") not in there:
+            yield f"sources/buildDescription.xml, line {element.sourceline}: {element.get('name')!r} is not in sources/"
+
+
+@check(
+    "archive.terminals", "terminals keep to their schema and name variables that exist",
+    fmi3="2.4.9 Terminals and Icons",
+    advice="Correct terminalsAndIcons/terminalsAndIcons.xml.",
+)  # fmt: skip
+def terminals(file: File) -> Found:
+    path = "terminalsAndIcons/terminalsAndIcons.xml"
+    if not (file.folder / path).is_file():
+        raise NotApplicable("there are no terminals")
+    root = yield from _validated(file, path, "fmi3TerminalsAndIcons.xsd")
+    if root is None:
+        return
+    known = {n for v in file.model.variables for n in (v.name, *v.aliases)}
+    for element in root.iter("TerminalMemberVariable"):
+        if element.get("variableName") not in known:
+            yield f"{path}, line {element.sourceline}: there is no variable {element.get('variableName')!r}"
+
+
+def _validated(file: File, path: str, schema: str) -> Any:
+    """Yields what is wrong with an XML file; returns its root, None if it cannot be read."""
+    try:
+        root = tree((file.folder / path).read_bytes(), path, Limits())
+    except (FmuError, OSError) as error:
+        yield str(error)
+        return None
+    validator = _schema(schema)
+    if not validator.validate(root):
+        for entry in list(validator.error_log)[:5]:
+            yield f"{path}, line {entry.line}: {one_line(entry.message)}"
+    return root
+
+
+@cache
+def _schema(name: str) -> Any:
+    """A schema of FMI 3.0, as it comes with fmpy."""
+    path = str(resources.files("fmpy") / "schema" / "fmi3" / name)
+    return etree.XMLSchema(etree.parse(path, etree.XMLParser(no_network=True)))

@@ -1,0 +1,473 @@
+"""An FMU as the checks call it: any function with any arguments, rightly or wrongly, in the process of the check.
+
+`Fmu` is a loaded library, `Instance` an instance of it. `call` returns whatever status comes back; the other methods do what an importer does and
+raise `Refused` where the FMU does not. What is being called is written into memory that outlives a crash, so that the crash has a name.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import ctypes as c
+import math
+import struct
+import sys
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from cosim.check.model import Interface, Model, Var
+
+OK, WARNING, DISCARD, ERROR, FATAL, PENDING = range(6)
+STATUS = ("OK", "Warning", "Discard", "Error", "Fatal", "Pending")
+TYPES: dict[str, Any] = {
+    "Real": c.c_double, "Integer": c.c_int, "Float64": c.c_double, "Float32": c.c_float, "Int8": c.c_int8, "UInt8": c.c_uint8,
+    "Int16": c.c_int16, "UInt16": c.c_uint16, "Int32": c.c_int32, "UInt32": c.c_uint32, "Int64": c.c_int64, "UInt64": c.c_uint64,
+    "String": c.c_char_p,
+}  # fmt: skip
+LOGGER2 = c.CFUNCTYPE(None, c.c_void_p, c.c_char_p, c.c_int, c.c_char_p, c.c_char_p)
+LOGGER3 = c.CFUNCTYPE(None, c.c_void_p, c.c_int, c.c_char_p, c.c_char_p)
+_ALLOCATE = c.CFUNCTYPE(c.c_void_p, c.c_size_t, c.c_size_t)
+_RELEASE = c.CFUNCTYPE(None, c.c_void_p)
+
+MOST_LOGGED = 200  # messages of an instance that are kept
+LONGEST = 300  # characters of a message that are shown
+LOOP = 100  # event iterations
+
+
+class Callbacks2(c.Structure):
+    """`fmi2CallbackFunctions`."""
+
+    _fields_ = (("logger", LOGGER2), ("allocate", c.c_void_p), ("release", c.c_void_p), ("finished", c.c_void_p), ("environment", c.c_void_p))
+
+
+class EventInfo2(c.Structure):
+    """`fmi2EventInfo`."""
+
+    _fields_ = (*((n, c.c_int) for n in ("again", "terminate", "nominals", "values", "timed")), ("next", c.c_double))
+
+
+class Refused(Exception):  # noqa: N818
+    """A call did not return OK or Warning: `function`, `status`, and in words."""
+
+    def __init__(self, function: str, status: int | None, message: str, where: str):
+        self.function, self.status = function, status
+        said = f": {message}" if message else ""
+        super().__init__(f"{function} {where} returned {shown(status)}{said}")
+
+
+class Ended(Exception):  # noqa: N818
+    """The FMU asks to end the simulation."""
+
+
+def shown(status: int | None) -> str:
+    """A status by its name."""
+    if status is None:
+        return "NULL"
+    return STATUS[status] if 0 <= status < len(STATUS) else f"{status}, which is no FMI status"
+
+
+class Fmu:
+    """A loaded library. Raises OSError where it cannot be loaded."""
+
+    def __init__(self, model: Model, folder: Path, libraries: Mapping[str, Path], say: Any = None):
+        self.model = model
+        self.folder = folder
+        self.version = model.version
+        self.libraries = libraries
+        self.say = say or (lambda text: None)
+        self._loaded: dict[Path, Any] = {}
+        self.types = {**TYPES, "Boolean": c.c_int if self.version == "2" else c.c_bool}
+        self.flag = c.c_int if self.version == "2" else c.c_bool
+
+    def dll(self, kind: str) -> Any:
+        """The library of an interface."""
+        path = self.libraries[kind]
+        if path not in self._loaded:
+            self.say(f"loading {path.name}")
+            if sys.platform == "win32":
+                import os
+
+                os.add_dll_directory(str(path.parent))
+            self._loaded[path] = c.CDLL(str(path))
+        return self._loaded[path]
+
+    def has(self, kind: str, function: str) -> bool:
+        return hasattr(self.dll(kind), f"fmi{self.version}{function}")
+
+    def instance(self, kind: str, **options: Any) -> Instance:
+        return Instance(self, kind, **options)
+
+    def groups(self, variables: Iterable[Var]) -> dict[str, list[Var]]:
+        """Variables by the functions that access them."""
+        found: dict[str, list[Var]] = {}
+        for v in variables:
+            found.setdefault(v.access, []).append(v)
+        return found
+
+    def readable(self, variables: Iterable[Var]) -> list[Var]:
+        """Those that can be read at any time in a run."""
+        return [v for v in variables if v.access in self.types and not v.clocked and v.reference is not None and v.size > 0]
+
+
+class Instance:
+    """An instance, and the state of FMI's state machine that it is in. `messages`: (status, text) of what it has logged."""
+
+    def __init__(self, fmu: Fmu, kind: str, *, logging: bool = True, token: str | None = None, name: str = "check", event_mode: bool | None = None):
+        self.fmu, self.kind, self.version = fmu, kind, fmu.version
+        self.model: Model = fmu.model
+        self.interface: Interface = fmu.model.interfaces[kind]
+        self.messages: list[tuple[int, str]] = []
+        self.state = "before instantiation"
+        self.time = fmu.model.start_time
+        self.handle: Any = None
+        self.next_event = math.inf
+        self.indicators: list[float] = []
+        self._dll = fmu.dll(kind)
+        self._saved: list[Any] = []
+        if event_mode is None:
+            event_mode = fmu.model.clocks and self.interface.can("hasEventMode")
+        self.event_mode = event_mode and kind == "cs"
+        text = (fmu.model.token if token is None else token).encode()
+        self._keep: list[Any] = []
+        if self.version == "2":
+            handle = self._instantiate2(name.encode(), text, logging)
+        else:
+            handle = self._instantiate3(name.encode(), text, logging)
+        self.handle = c.c_void_p(handle) if handle else None
+        self.state = "instantiated"
+
+    def _instantiate2(self, name: bytes, token: bytes, logging: bool) -> Any:
+        logger = LOGGER2(self._log2)
+        libc = c.CDLL("ucrtbase.dll" if sys.platform == "win32" else None)
+        callbacks = Callbacks2(logger, c.cast(libc.calloc, c.c_void_p), c.cast(libc.free, c.c_void_p), None, None)
+        self._keep += [logger, callbacks, libc]
+        place = (self.fmu.folder / "resources").resolve().as_uri().encode()
+        function = self.raw("Instantiate")
+        function.restype = c.c_void_p
+        return function(name, 1 if self.kind == "cs" else 0, token, place, c.byref(callbacks), 0, int(logging))
+
+    def _instantiate3(self, name: bytes, token: bytes, logging: bool) -> Any:
+        import os
+
+        logger = LOGGER3(self._log3)
+        self._keep.append(logger)
+        place = (str((self.fmu.folder / "resources").resolve()) + os.sep).encode()
+        flags: list[Any] = [c.c_bool(False), c.c_bool(logging)]
+        if self.kind == "cs":
+            flags += [c.c_bool(self.event_mode), c.c_bool(False), None, c.c_size_t(0)]
+        function = self.raw("InstantiateCoSimulation" if self.kind == "cs" else "InstantiateModelExchange")
+        function.restype = c.c_void_p
+        return function(name, token, place, *flags, None, logger, *((None,) if self.kind == "cs" else ()))
+
+    def _log2(self, _: Any, __: Any, status: int, category: Any, message: Any) -> None:
+        self._log3(None, status, category, message)
+
+    def _log3(self, _: Any, status: int, category: Any, message: Any) -> None:  # noqa: ARG002
+        if len(self.messages) < MOST_LOGGED:
+            self.messages.append((status, (message or b"").decode("utf-8", "replace")))
+
+    # ---------------------------------------------------------------------------------------------------------- calls
+
+    @property
+    def where(self) -> str:
+        """Its interface and state, in words."""
+        return f"({'Co-Simulation' if self.kind == 'cs' else 'Model Exchange'}, {self.state})"
+
+    def raw(self, function: str) -> Any:
+        """A function, announced as the one that is called next."""
+        name = f"fmi{self.version}{function}"
+        self.fmu.say(f"{name} {self.where}")
+        try:
+            return getattr(self._dll, name)
+        except AttributeError:
+            raise Refused(name, None, "the library does not have it", self.where) from None
+
+    def call(self, function: str, *arguments: Any) -> int:
+        """Call on this instance; floats pass as double, bools as the Boolean of this version. Returns the status."""
+        passed = [self._argument(a) for a in arguments]
+        f = self.raw(function)
+        f.restype = c.c_int
+        return int(f(self.handle, *passed))
+
+    def _argument(self, value: Any) -> Any:
+        if isinstance(value, bool):
+            return self.fmu.flag(value)
+        return c.c_double(value) if isinstance(value, float) else value
+
+    def must(self, function: str, *arguments: Any) -> None:
+        """Call that has to succeed. Raises Refused."""
+        before = len(self.messages)
+        status = self.call(function, *arguments)
+        if status not in (OK, WARNING):
+            raise Refused(f"fmi{self.version}{function}", status, self.said(before), self.where)
+
+    def said(self, since: int = 0) -> str:
+        """Its latest message."""
+        texts = [" ".join(t.split()) for _, t in self.messages[since:] if t.strip()]
+        return texts[-1][:LONGEST] if texts else ""
+
+    # ----------------------------------------------------------------------------------------------------- life cycle
+
+    def require(self) -> Instance:
+        """Itself; raises Refused where it could not be instantiated."""
+        if self.handle is None:
+            name = f"fmi{self.version}Instantiate" + ("" if self.version == "2" else "CoSimulation" if self.kind == "cs" else "ModelExchange")
+            raise Refused(name, None, self.said(), f"({'Co-Simulation' if self.kind == 'cs' else 'Model Exchange'})")
+        return self
+
+    def setup(self, stop: float | None = None) -> tuple[Any, ...]:
+        """Arguments of fmi2SetupExperiment and fmi3EnterInitializationMode."""
+        return (False, 0.0, float(self.model.start_time), stop is not None, float(stop or 0.0))
+
+    def enter_initialization(self, stop: float | None = None) -> Instance:
+        self.time = self.model.start_time
+        if self.version == "2":
+            self.must("SetupExperiment", *self.setup(stop))
+            self.must("EnterInitializationMode")
+        else:
+            self.must("EnterInitializationMode", *self.setup(stop))
+        self.state = "initialization mode"
+        return self
+
+    def exit_initialization(self) -> Instance:
+        """To step mode, or to event mode."""
+        self.must("ExitInitializationMode")
+        self.state = "step mode" if self.kind == "cs" and not self.event_mode else "event mode"
+        if self.state == "event mode" and self.kind == "cs":
+            self.handle_events()
+        return self
+
+    def initialize(self, values: Mapping[Var, Sequence[Any]] | None = None) -> Instance:
+        """Through initialization; ME instances to continuous-time mode."""
+        if values:
+            self.set(values)
+        self.enter_initialization().exit_initialization()
+        if self.kind == "me":
+            self.handle_events()
+        return self
+
+    def handle_events(self) -> None:
+        """Iterate in event mode and leave it. Raises Ended, Refused."""
+        for _ in range(LOOP):
+            if self.version == "2":
+                info = EventInfo2()
+                self.must("NewDiscreteStates", c.byref(info))
+                again, ends, timed, at = info.again, info.terminate, info.timed, info.next
+            else:
+                flags, next_ = [c.c_bool() for _ in range(5)], c.c_double()
+                self.must("UpdateDiscreteStates", *map(c.byref, flags), c.byref(next_))
+                again, ends, timed, at = flags[0].value, flags[1].value, flags[4].value, next_.value
+            self.next_event = at if timed else math.inf
+            if ends:
+                raise Ended
+            if not again:
+                break
+        else:
+            raise Refused(f"fmi{self.version}{'NewDiscreteStates' if self.version == '2' else 'UpdateDiscreteStates'}", OK, f"{LOOP} times in a row, and wants more event iterations", self.where)  # fmt: skip
+        self.must("EnterContinuousTimeMode" if self.kind == "me" else "EnterStepMode")
+        self.state = "continuous-time mode" if self.kind == "me" else "step mode"
+        if self.kind == "me":
+            self.indicators = self.get_indicators()
+
+    def terminate(self) -> None:
+        self.must("Terminate")
+        self.state = "terminated"
+
+    def reset(self) -> None:
+        self.must("Reset")
+        self.state = "instantiated"
+        self.time = self.model.start_time
+        self.next_event = math.inf
+
+    def free(self) -> None:
+        if self.handle is not None:
+            f = self.raw("FreeInstance")
+            f.restype = None
+            f(self.handle)
+            self.handle = None
+
+    def __enter__(self) -> Instance:
+        return self.require()
+
+    def __exit__(self, *_: object) -> None:
+        if self.handle is None:
+            return
+        for state in self._saved:
+            with contextlib.suppress(Refused):
+                self.call(f"Free{self.saved}", c.byref(state))
+        self.free()
+
+    # --------------------------------------------------------------------------------------------------------- values
+
+    @staticmethod
+    def references(variables: Iterable[Var]) -> Any:
+        found = [v.reference or 0 for v in variables]
+        return (c.c_uint32 * max(1, len(found)))(*found)
+
+    def get_raw(self, access: str, variables: Sequence[Var]) -> tuple[int, Any]:
+        """Status, and a C array of the values of variables of one type."""
+        n = sum(v.size for v in variables)
+        buffer = (self.fmu.types[access] * max(1, n))()
+        count = () if self.version == "2" else (c.c_size_t(n),)
+        return self.call(f"Get{access}", self.references(variables), c.c_size_t(len(variables)), buffer, *count), buffer
+
+    def set_raw(self, access: str, variables: Sequence[Var], values: Sequence[Any]) -> int:
+        """Status of setting variables of one type."""
+        buffer = self._buffer(access, values)
+        count = () if self.version == "2" else (c.c_size_t(len(values)),)
+        return self.call(f"Set{access}", self.references(variables), c.c_size_t(len(variables)), buffer, *count)
+
+    def _buffer(self, access: str, values: Sequence[Any]) -> Any:
+        kind = self.fmu.types[access]
+        if access == "String":
+            values = [v if isinstance(v, bytes) else str(v).encode() for v in values]
+        elif kind not in (c.c_double, c.c_float):
+            values = [int(v) for v in values]
+        return (kind * max(1, len(values)))(*values)
+
+    def set(self, values: Mapping[Var, Sequence[Any]]) -> bool:
+        """Set variables; true. Raises Refused."""
+        for access, variables in self.fmu.groups(values).items():
+            flat = [x for v in variables for x in values[v]]
+            before = len(self.messages)
+            status = self.set_raw(access, variables, flat)
+            if status not in (OK, WARNING):
+                raise Refused(f"fmi{self.version}Set{access}", status, self.said(before), self.where)
+        return True
+
+    def get(self, variables: Sequence[Var]) -> dict[Var, list[Any]]:
+        """Values of variables, as Python numbers and bytes. Raises Refused."""
+        found: dict[Var, list[Any]] = {}
+        for access, group in self.fmu.groups(variables).items():
+            before = len(self.messages)
+            status, buffer = self.get_raw(access, group)
+            if status not in (OK, WARNING):
+                raise Refused(f"fmi{self.version}Get{access}", status, self.said(before), self.where)
+            values, at = list(buffer), 0
+            for v in group:
+                found[v] = values[at : at + v.size]
+                at += v.size
+        return found
+
+    # ----------------------------------------------------------------------------------------------------------- time
+
+    def do_step(self, time: float, step: float) -> int:
+        """Status of DoStep; follows what it says about events and ends. Raises Ended."""
+        if self.version == "2":
+            return self.call("DoStep", float(time), float(step), True)
+        flags, last = [c.c_bool() for _ in range(3)], c.c_double(math.nan)
+        status = self.call("DoStep", float(time), float(step), True, *map(c.byref, flags), c.byref(last))
+        self.last_time, self.early = last.value, flags[2].value
+        if status in (OK, WARNING) and flags[1].value:
+            raise Ended
+        if status in (OK, WARNING) and flags[0].value and self.event_mode:
+            self.must("EnterEventMode")
+            self.state = "event mode"
+            self.handle_events()
+        return status
+
+    def step(self, step: float) -> None:
+        """Advance: a communication step, or with Model Exchange an explicit Euler step with its events. Raises Refused, Ended."""
+        if self.kind == "me":
+            self._euler(step)
+            return
+        before = len(self.messages)
+        status = self.do_step(self.time, step)
+        if status not in (OK, WARNING):
+            raise Refused(f"fmi{self.version}DoStep", status, self.said(before), f"{self.where} from {self.time:.9g} to {self.time + step:.9g} s")
+        self.time += step
+
+    def _euler(self, step: float) -> None:
+        n = self.model.n_states
+        if n:
+            x, dx = self.get_states(), self.get_derivatives()
+        step = min(step, self.next_event - self.time) if self.next_event > self.time else step
+        self.time += step
+        self.must("SetTime", self.time)
+        if n:
+            self.set_states([a + step * b for a, b in zip(x, dx, strict=True)])
+        new = self.get_indicators()
+        crossed = any((a > 0) != (b > 0) for a, b in zip(self.indicators, new, strict=False))
+        enter, ends = self.fmu.flag(), self.fmu.flag()
+        if self.interface.wants_completed_steps(self.version):
+            self.must("CompletedIntegratorStep", True, c.byref(enter), c.byref(ends))
+        if ends.value:
+            raise Ended
+        if crossed or enter.value or self.time >= self.next_event:
+            self.must("EnterEventMode")
+            self.state = "event mode"
+            self.handle_events()
+        else:
+            self.indicators = new
+
+    # ---------------------------------------------------------------------------------------------------------- states
+
+    @property
+    def saved(self) -> str:
+        return "FMUstate" if self.version == "2" else "FMUState"
+
+    def save(self) -> Any:
+        """An FMU state, freed with the instance."""
+        state = c.c_void_p()
+        self.must(f"Get{self.saved}", c.byref(state))
+        self._saved.append(state)
+        return state
+
+    def restore(self, state: Any) -> None:
+        self.must(f"Set{self.saved}", state)
+
+    def serialize(self, state: Any) -> bytes:
+        size = c.c_size_t()
+        self.must(f"Serialized{self.saved}Size", state, c.byref(size))
+        data = c.create_string_buffer(max(1, size.value))
+        self.must(f"Serialize{self.saved}", state, data, size)
+        return data.raw[: size.value]
+
+    def deserialize(self, data: bytes) -> Any:
+        state = c.c_void_p()
+        name = ("DeSerialize" if self.version == "2" else "Deserialize") + self.saved
+        self.must(name, data, c.c_size_t(len(data)), c.byref(state))
+        self._saved.append(state)
+        return state
+
+    # -------------------------------------------------------------------------------------------------- model exchange
+
+    def _vector(self, function: str, n: int) -> list[float]:
+        data = (c.c_double * max(1, n))()
+        self.must(function, data, c.c_size_t(n))
+        return list(data)[:n]
+
+    def get_states(self) -> list[float]:
+        return self._vector("GetContinuousStates", self.model.n_states)
+
+    def set_states(self, x: Sequence[float]) -> bool:
+        self.must("SetContinuousStates", (c.c_double * max(1, len(x)))(*x), c.c_size_t(len(x)))
+        return True
+
+    def get_derivatives(self) -> list[float]:
+        return self._vector("GetDerivatives" if self.version == "2" else "GetContinuousStateDerivatives", self.model.n_states)
+
+    def get_nominals(self) -> list[float]:
+        return self._vector("GetNominalsOfContinuousStates", self.model.n_states)
+
+    def get_indicators(self) -> list[float]:
+        n = self.model.n_indicators
+        return self._vector("GetEventIndicators", n) if n else []
+
+    # ----------------------------------------------------------------------------------------------------- derivatives
+
+    def directional(self, unknowns: Sequence[Var], knowns: Sequence[Var], seed: Sequence[float], adjoint: bool = False) -> list[float]:
+        """Product of the Jacobian with a seed of the knowns; `adjoint`: of its transpose with one of the unknowns."""
+        z, v = self.references(unknowns), self.references(knowns)
+        nz, nv = sum(x.size for x in unknowns), sum(x.size for x in knowns)
+        size = nv if adjoint else nz
+        given, result = (c.c_double * max(1, len(seed)))(*seed), (c.c_double * max(1, size))()
+        lists = (z, c.c_size_t(len(unknowns)), v, c.c_size_t(len(knowns)))
+        tail = (given, result) if self.version == "2" else (given, c.c_size_t(len(seed)), result, c.c_size_t(size))
+        self.must("GetAdjointDerivative" if adjoint else "GetDirectionalDerivative", *lists, *tail)
+        return list(result)[:size]
+
+
+def bits(values: Mapping[Var, Sequence[Any]]) -> dict[Var, bytes]:
+    """Values of variables as bytes, for which NaN equals NaN."""
+    return {v: b"\0".join(struct.pack("d", x) if isinstance(x, float) else repr(x).encode() for x in xs) for v, xs in values.items()}

@@ -1,0 +1,130 @@
+"""The command `cosim check`: tables on the screen, files for others, and an exit code."""
+
+from __future__ import annotations
+
+import sys
+from contextlib import nullcontext
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.table import Table
+from rich.text import Text
+
+from build_fmus import extras, safe_files
+from build_fmus.terminal import console, show
+from cosim.check.report import UNCHECKED, Report, section, to_json, to_junit
+from cosim.check.rules import SEVERITIES
+from cosim.check.runner import Options, Unchecked, Workers, check, ordered
+from cosim.errors import CosimError
+from cosim.fmu.limits import Limits
+
+_COLOURS = {"error": "bold red", "warning": "yellow", "note": "cyan", "passed": "green", "not applicable": "dim"}
+
+
+def check_command(
+    files: Annotated[list[Path] | None, typer.Argument(help="FMU files, of any tool", metavar="FILE.fmu ...")] = None,
+    only: Annotated[list[str] | None, typer.Option(metavar="CHECK", help="only this check, group or pattern, as saved or 'runs.*'; may be given several times")] = None,
+    skip: Annotated[list[str] | None, typer.Option(metavar="CHECK", help="not this check, group or pattern; may be given several times")] = None,
+    interface: Annotated[str | None, typer.Option(metavar="cs|me", help="only Co-Simulation or Model Exchange")] = None,
+    fmi: Annotated[str | None, typer.Option(metavar="2|3", help="the FMI version that the FMUs must be of")] = None,
+    strict: Annotated[bool, typer.Option("--strict", help="warnings fail, too")] = False,
+    every: Annotated[bool, typer.Option("--all", help="show every check, also those that passed or do not apply")] = False,
+    junit: Annotated[Path | None, typer.Option(metavar="FILE", help="write JUnit XML, for CI")] = None,
+    html: Annotated[Path | None, typer.Option(metavar="FILE", help="write a page")] = None,
+    json: Annotated[Path | None, typer.Option(metavar="FILE", help="write everything as JSON")] = None,
+    timeout: Annotated[float, typer.Option(metavar="SECONDS", help="time of one check")] = 20.0,
+    memory_limit: Annotated[float | None, typer.Option(metavar="MB", help="memory of one check (default: half of the machine's)")] = None,
+    limit: Annotated[list[str] | None, typer.Option(metavar="NAME=NUMBER", help="raise a limit, as variables=1000000; may be given several times")] = None,
+    list_: Annotated[bool, typer.Option("--list", help="list the checks and stop")] = False,
+) -> None:  # fmt: skip
+    """Check whether an FMU keeps to the FMI standard: what it says, and what it does. Ends with 0 when it is clean, 1 when errors were found,
+    2 when it could not be checked."""
+    if list_:
+        table = Table("check", "what is looked at", "worst", box=None)
+        for c in ordered():
+            table.add_row(c.id, Text(c.title), Text(c.worst, style=_COLOURS[c.worst]))
+        show(table)
+        return
+    try:
+        code = _checked(files, only, skip, interface, fmi, strict, every, junit, html, json, timeout, memory_limit, limit)
+    except CosimError as error:
+        console.print(Text(f"cosim check: {error}", style="red"))
+        code = UNCHECKED
+    raise typer.Exit(code)
+
+
+def _checked(files, only, skip, interface, fmi, strict, every, junit, html, json, timeout, memory_limit, limit) -> int:  # type: ignore[no-untyped-def]
+    if not files:
+        raise Unchecked("say which FMU: cosim check FILE.fmu")
+    for name, value, choices in (("--interface", interface, ("cs", "me")), ("--fmi", fmi, ("2", "3"))):
+        if value is not None and value not in choices:
+            raise Unchecked(f"{name} is {value!r}; it is {' or '.join(choices)}")
+    if not timeout > 0:
+        raise Unchecked(f"--timeout is {timeout:g} s; it must be above 0")
+    if memory_limit is not None and not memory_limit >= 1:
+        raise Unchecked(f"--memory-limit is {memory_limit:g} MB; it must be at least 1")
+    if html:
+        extras.require("reports", extras.WRITING)
+    options = Options(
+        only=tuple(only or ()), skip=tuple(skip or ()), kinds=(interface,) if interface else ("cs", "me"), fmi=fmi, seconds=timeout,
+        memory=None if memory_limit is None else int(memory_limit * 1e6), limits=Limits.of(limit or []),
+    )  # fmt: skip
+    options.chosen()
+    reports: list[Report] = []
+    code = 0
+    with Workers() as workers:
+        for file in files:
+            with console.status("") if sys.stderr.isatty() else nullcontext() as status:
+
+                def progress(what: str, done: int, of: int, file: Path = file, status=status) -> None:  # type: ignore[no-untyped-def]
+                    if status is not None:
+                        status.update(f"{file.name}: {what} ({done + 1} of {of})")
+
+                try:
+                    report = check(file, options, workers=workers, progress=progress)
+                except Unchecked as error:
+                    console.print(Text(f"cosim check: {error}", style="red"))
+                    code = code or UNCHECKED
+                    continue
+            _show(report, every)
+            reports.append(report)
+    ends = [r.exit_code(strict) for r in reports]
+    for path, content in ((junit, lambda: to_junit(reports, strict).decode()), (json, lambda: to_json(reports)), (html, lambda: _page(reports))):
+        if path is not None:
+            safe_files.write(path, content())
+    return 1 if 1 in ends else code or max(ends, default=UNCHECKED)
+
+
+def _page(reports: list[Report]) -> str:
+    from cosim.check.page import to_html
+
+    return to_html(reports)
+
+
+def _show(report: Report, every: bool) -> None:
+    """The table of one FMU."""
+    title = Text(f"{report.path.name}", style="bold")
+    title.append(f"  {report.name}, FMI {report.fmi}, {' and '.join(report.interfaces) or 'no interface'}", style="not bold")
+    if report.tool:
+        title.append(f", made by {report.tool}", style="not bold")
+    show(title)
+    if report.not_run:
+        show(Text(f"  not run: {report.not_run}", style="yellow"))
+    table = Table("", "check", "finding", box=None, padding=(0, 1))
+    table.columns[2].overflow = "fold"
+    for result, finding in report.findings():
+        text = Text(str(finding))
+        text.append(f"\n{section(result, report)}. {result.check.advice}", style="dim")
+        table.add_row(Text(finding.severity, style=_COLOURS[finding.severity]), result.name, text)
+    for result in report.results if every else ():
+        if result.verdict not in SEVERITIES:
+            table.add_row(Text(result.verdict, style=_COLOURS[result.verdict]), result.name, Text(result.inapplicable or result.check.title))
+    for result in report.results:
+        if result.more:
+            table.add_row("", result.name, Text(f"and {result.more} more"))
+    if table.row_count:
+        show(table)
+    for name, value in report.measures.items() if every else ():
+        show(Text(f"  {name}: {value}", style="dim"))
+    show(Text(f"  {report.summary()} ({report.seconds:.1f} s)"))

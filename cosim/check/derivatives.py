@@ -1,0 +1,451 @@
+"""Checks of what is declared about derivatives and dependencies, and of Model Exchange: compared with differences."""
+
+from __future__ import annotations
+
+import ctypes as c
+import math
+from collections.abc import Callable, Sequence
+
+from cosim.check.bench import Bench, Found, Values, attempt, moved, same, tried
+from cosim.check.calls import Ended, Instance, Refused
+from cosim.check.model import Unknown, Var
+from cosim.check.rules import NotApplicable, check, names, note, warning
+
+_STRUCTURE2, _STRUCTURE3 = "2.2.8 Definition of the Model Structure (dependencies)", "2.4.8 Model Structure (dependencies)"
+_PARTIAL2, _PARTIAL3 = "2.1.9 Getting Partial Derivatives", "2.2.11 Getting Partial Derivatives"
+MOST = 24  # knowns that are tried
+TOLERANCE = 1e-3  # of a column: what is above is another derivative, not the error of a difference
+AGREE = 1e-5  # of a column: up to which differences with two steps agree, so that they are believed
+
+Vector = list[float]
+
+
+def _flat(values: Values) -> Vector:
+    return [float(x) for xs in values.values() for x in xs]
+
+
+@check(
+    "derivatives.initial", "in initialization an unknown moves only with what it declares to depend on",
+    fmi2=_STRUCTURE2, fmi3=_STRUCTURE3,
+    advice="Add the known to the dependencies of the InitialUnknown, or leave dependencies out: then it depends on all.", kinds=("cs", "me"), worst="warning",
+)  # fmt: skip
+def initial(bench: Bench) -> Found:
+    m = bench.model
+    listed = [(u, m.by_key[u.key]) for u in m.structure if u.group == "InitialUnknown" and u.depends is not None and u.key in m.by_key]
+    of = {v: u for u, v in listed if v in set(bench.fmu.readable(m.variables)) and v.is_number}
+    knowns = [v for v in bench.settable("input", "parameter") if v.is_float]
+    knowns += [v for v in bench.fmu.readable(m.of("output", "local")) if v.says.get("initial") == "exact" and v.is_float and v.starts() is not None and v.variability == "continuous"]
+    if not of or not knowns:
+        raise NotApplicable("no dependencies of initial unknowns are declared" if not of else "there is nothing to move")
+    bench.several()
+    unknowns = list(of)
+    aliases = _aliases(bench)
+    for known in tried(knowns, MOST):
+        values = moved(known, known.starts() or ())
+        if values is None:
+            continue
+        with bench.instance() as a:
+            a.enter_initialization()
+            before = a.get(unknowns)
+            again = a.get(unknowns)
+            if attempt(lambda a=a, known=known, values=values: a.set({known: values})) is None:  # type: ignore[misc]
+                continue
+            after = attempt(lambda a=a: a.get(unknowns))  # type: ignore[misc]
+        if after is None:
+            continue
+        found = [
+            v.name for v, u in of.items()
+            if not (aliases[m.key(known)] & set(u.depends or ())) and v.key != known.key and not _close(before[v], after[v]) and _close(before[v], again[v])
+        ]  # fmt: skip
+        if found:
+            text = f"{names(found)} {'move' if len(found) > 1 else 'moves'} with {known.name!r} in initialization, but {'do' if len(found) > 1 else 'does'} not declare to depend on it"
+            # Leaving parameters out is how a tool says that nobody may solve for them.
+            yield note(text) if known.causality == "parameter" else text
+
+
+def _other(x: Sequence[float]) -> list[float]:
+    """Values near these, none of them the same."""
+    return [v + 1e-3 * max(abs(v), 1e-3) for v in x]
+
+
+def _close(a: Sequence[float], b: Sequence[float]) -> bool:
+    """Equal but for what an iterative solution inside an FMU may leave, of the largest of them."""
+    size = max((abs(float(x)) for x in (*a, *b) if math.isfinite(x)), default=0.0)
+    return all(same(float(x), float(y), 1e-6) or abs(x - y) <= max(1e-6 * size, 1e-9) for x, y in zip(a, b, strict=True))
+
+
+def _aliases(bench: Bench) -> dict[int | None, set[int | None]]:
+    """Keys of each variable and of all that are the same one."""
+    sets: dict[tuple[int | None, str], set[int | None]] = {}
+    for v in bench.model.variables:
+        sets.setdefault(v.key, set()).add(bench.model.key(v))
+    return {bench.model.key(v): sets[v.key] for v in bench.model.variables}
+
+
+def _evaluating(bench: Bench) -> Instance:
+    """A Model Exchange instance, a step from its start, so that it lies off special points."""
+    a = bench.instance().require()
+    try:
+        a.initialize()
+        for _ in range(2):
+            a.step(bench.step)
+    except Ended:
+        a.free()
+        raise NotApplicable("it asks to end the simulation") from None
+    except Refused:
+        a.free()
+        raise
+    return a
+
+
+def _known(bench: Bench) -> list[tuple[str, Var, int]]:
+    """(what, variable, element) of states and continuous inputs."""
+    m = bench.model
+    found = [("state", s, i) for s in m.states for i in range(s.size)]
+    found += [("input", v, i) for v in bench.settable("input") if v.is_float and v.variability == "continuous" for i in range(v.size)]
+    return found
+
+
+def _function(bench: Bench, a: Instance, what: str, known: Var, element: int, unknowns: Sequence[Var]) -> tuple[Callable[[float], Values], float]:
+    """Unknowns as a function of one known, and where that is now."""
+    if what == "state":
+        x = a.get_states()
+        at = sum(s.size for s in bench.model.states[: bench.model.states.index(known)]) + element
+
+        def f(value: float) -> Values:
+            a.set_states([*x[:at], value, *x[at + 1 :]])
+            return a.get(unknowns)
+
+        return f, x[at]
+    values = a.get([known])[known]
+
+    def g(value: float) -> Values:
+        a.set({known: [*values[:element], value, *values[element + 1 :]]})
+        return a.get(unknowns)
+
+    return g, values[element]
+
+
+def _unknowns(bench: Bench) -> dict[Var, Unknown]:
+    """Continuous outputs and derivatives."""
+    m = bench.model
+    readable = set(bench.fmu.readable(m.variables))
+    found: dict[Var, Unknown] = {}
+    for u in m.structure:
+        v = m.by_key.get(u.key)  # type: ignore[arg-type]
+        if u.group in ("Output", "Derivative") and v is not None and v in readable and v.is_float and v.variability == "continuous":
+            found.setdefault(v, u)
+    return found
+
+
+@check(
+    "derivatives.dependencies", "outputs and derivatives move only with states and inputs that they declare to depend on",
+    fmi2=_STRUCTURE2, fmi3=_STRUCTURE3,
+    advice="Add the known to the dependencies of the unknown, or leave dependencies out: then it depends on all.", kinds=("me",),
+)  # fmt: skip
+def dependencies(bench: Bench) -> Found:
+    m, unknowns = bench.model, {v: u for v, u in _unknowns(bench).items() if u.depends is not None}
+    knowns = _known(bench)
+    if not unknowns or not knowns:
+        raise NotApplicable("no dependencies are declared" if not unknowns else "there is nothing to move")
+    aliases = _aliases(bench)
+    with _evaluating(bench) as a:
+        read = list(unknowns)
+        reported: set[tuple[str, str]] = set()
+        for what, known, element in tried(knowns, 2 * MOST):
+            f, at = _function(bench, a, what, known, element, read)
+            before = attempt(lambda f=f, at=at: f(at))  # type: ignore[misc]
+            size = 1e-3 * max(abs(at), known.nominal or 0.0, 1e-2)
+            after = attempt(lambda f=f, at=at, size=size: f(at + size))  # type: ignore[misc]
+            again = attempt(lambda f=f, at=at: f(at))  # type: ignore[misc]
+            if before is None or after is None or again is None:
+                continue
+            for v, u in unknowns.items():
+                if aliases[m.key(known)] & set(u.depends or ()) or v.key == known.key:
+                    continue
+                if not _close(before[v], after[v]) and _close(before[v], again[v]) and (v.name, known.name) not in reported:
+                    reported.add((v.name, known.name))
+                    yield f"{v.name!r} moves with the {what} {known.name!r}, but does not declare to depend on it"
+                    if len(reported) >= 5:
+                        return
+
+
+@check(
+    "derivatives.directional", "directional derivatives are those that differences give",
+    fmi2=_PARTIAL2, fmi3=_PARTIAL3,
+    advice="Correct the derivative, or take back the promise of directional derivatives.", kinds=("cs", "me"),
+)  # fmt: skip
+def directional(bench: Bench) -> Found:
+    bench.require(bench.interface.directional, "it does not promise directional derivatives")
+    if bench.kind == "me":
+        unknowns = list(_unknowns(bench))
+        knowns = _known(bench)
+        with _evaluating(bench) as a:
+            yield from _columns(bench, a, unknowns, knowns, "")
+        return
+    m = bench.model  # between steps nothing may be read after it was set, but in initialization it may
+    readable = set(bench.fmu.readable(m.variables))
+    unknowns = [v for v in dict.fromkeys(m.listed("InitialUnknown")) if v in readable and v.is_float and v.variability == "continuous" and v.causality == "output"]
+    knowns = [("input", v, i) for v in bench.settable("input") if v.is_float and v.variability == "continuous" for i in range(v.size)]
+    with bench.instance() as a:
+        a.enter_initialization()
+        yield from _columns(bench, a, unknowns, knowns, " in initialization")
+
+
+def _columns(bench: Bench, a: Instance, unknowns: list[Var], knowns: list[tuple[str, Var, int]], where: str) -> Found:
+    if not unknowns or not knowns:
+        raise NotApplicable("there is nothing to differentiate")
+    m = bench.model
+    groups = ("InitialUnknown",) if where else ("Output", "Derivative")
+    of = {u.key: u for u in m.structure if u.group in groups}
+    aliases = _aliases(bench)
+    reported = 0
+    for what, known, element in tried(knowns, MOST):
+        depending = [v for v in unknowns if (u := of.get(m.key(v))) is None or u.depends is None or aliases[m.key(known)] & set(u.depends)]
+        depending = [v for v in depending if v.key != known.key]
+        if not depending:
+            continue
+        f, at = _function(bench, a, what, known, element, depending)
+
+        def g(x: float, f: Callable[[float], Values] = f) -> Vector:
+            return _flat(f(x))
+
+        expected = attempt(lambda g=g, at=at, known=known: difference(g, at, max(abs(at), known.nominal or 1e-2)))  # type: ignore[misc]
+        if attempt(lambda f=f, at=at: f(at)) is None or expected is None:  # type: ignore[misc]
+            continue
+        seed = [float(i == element) for i in range(known.size)]
+        column = a.directional(depending, [known], seed)
+        scale = max(map(abs, (*expected, *(x for x in column if math.isfinite(x)))), default=0.0)
+        flat = [(v, i) for v in depending for i in range(v.size)]
+        for (v, i), x, y in zip(flat, column, expected, strict=True):
+            if not abs(x - y) <= TOLERANCE * scale + 1e-9:
+                index = f"[{i + 1}]" if v.size > 1 else ""
+                yield f"d {v.name}{index} / d {known.name}{where} is {x:.6g} by the FMU, {y:.6g} by differences"
+                reported += 1
+                break
+        if reported >= 3:
+            return
+
+
+def difference(f: Callable[[float], Vector], at: float, size: float) -> Vector | None:
+    """The derivative of `f` by central differences, or None where it has none that can be believed: at kinks, jumps and limits."""
+    best: Vector | None = None
+    gap_of_best = math.inf
+    for relative in (1e-1, 1e-2, 1e-3, 1e-4, 1e-5):
+        h = relative * size
+        try:
+            coarse, fine = ([(x - y) / (2 * d) for x, y in zip(f(at + d), f(at - d), strict=True)] for d in (h, h / 2))
+        except Refused:
+            continue
+        scale = max(map(abs, fine), default=0.0)
+        gap = max((abs(x - y) for x, y in zip(coarse, fine, strict=True)), default=0.0)
+        if scale == 0.0 and gap == 0.0:
+            return fine
+        if math.isfinite(gap) and gap / scale < gap_of_best:
+            best, gap_of_best = fine, gap / scale
+    return best if gap_of_best < AGREE else None
+
+
+@check(
+    "derivatives.adjoint", "adjoint derivatives are the transpose of directional ones",
+    fmi3="2.2.11 Getting Partial Derivatives (fmi3GetAdjointDerivative)",
+    advice="Correct one of the two, or take back the promise.", kinds=("cs", "me"),
+)  # fmt: skip
+def adjoint(bench: Bench) -> Found:
+    bench.require(bench.interface.adjoint and bench.interface.directional, "it does not promise directional and adjoint derivatives")
+    unknowns = list(_unknowns(bench))
+    knowns = [v for v in bench.settable("input") if v.is_float and v.variability == "continuous"]
+    if bench.kind == "me":
+        knowns = [*bench.model.states, *knowns]
+    both = {v.key for v in knowns}
+    unknowns = [v for v in unknowns if v.key not in both]  # a state that is an output is both
+    if not unknowns or not knowns:
+        raise NotApplicable("there is nothing to differentiate")
+    with _evaluating(bench) as a:
+        n, k = sum(v.size for v in unknowns), sum(v.size for v in knowns)
+        x, y = [math.cos(i + 1.0) for i in range(k)], [math.sin(i + 1.0) for i in range(n)]
+        forward, backward = a.directional(unknowns, knowns, x), a.directional(unknowns, knowns, y, adjoint=True)
+        one, other = (sum(p * q for p, q in zip(u, w, strict=True)) for u, w in ((y, forward), (backward, x)))
+        size = sum(abs(p * q) for p, q in zip(y, forward, strict=True))
+        if not abs(one - other) <= 1e-6 * size + 1e-12:
+            yield f"for one seed of each, the product of both is {one:.9g} by directional and {other:.9g} by adjoint derivatives"
+
+
+@check(
+    "derivatives.rates", "an output that is declared as the derivative of another one is that",
+    fmi2="2.2.7 Definition of Model Variables (derivative)", fmi3="2.4.7.5 Type specific properties (derivative)",
+    advice="Correct the attribute derivative, or what is computed.", kinds=("cs",),
+)  # fmt: skip
+def rates(bench: Bench) -> Found:
+    m = bench.model
+    readable = set(bench.fmu.readable(m.variables))
+    pairs = [(v, s) for v in m.variables if (s := m.state_of(v)) is not None and {v, s} <= readable and v.is_float and s.is_float and v.size == s.size]
+    pairs = pairs[:100]
+    if not pairs:
+        raise NotApplicable("no variable is declared as the derivative of another one")
+    with bench.instance() as a:
+        a.initialize()
+        h = bench.step / 4 if bench.interface.variable_step else bench.step
+        watched = list(dict.fromkeys(v for pair in pairs for v in pair))
+        found = []
+        try:
+            for _ in range(12):
+                a.step(h)
+                found.append(a.get(watched))
+        except Ended:
+            pass
+    for v, s in pairs:
+        for i in range(v.size):
+            x, dx = [f[s][i] for f in found], [f[v][i] for f in found]
+            if _wrong_rate(x, dx, h):
+                k = max(range(len(dx) - 1), key=lambda k: abs(dx[k]))
+                yield f"{v.name!r} is declared as the derivative of {s.name!r}, which changes by {(x[k + 1] - x[k]) / h:.6g} per second while it is {dx[k]:.6g}"
+                break
+
+
+def _wrong_rate(x: Vector, dx: Vector, h: float) -> bool:
+    """Whether hardly any step fits, by a margin that no solver's error explains: where the rate itself is smooth."""
+    wrong = smooth = 0
+    for k in range(len(x) - 1):
+        moved_, mean, bend = x[k + 1] - x[k], 0.5 * h * (dx[k] + dx[k + 1]), abs(h * (dx[k + 1] - dx[k]))
+        size = max(abs(moved_), abs(mean))
+        if not math.isfinite(size) or size <= 1e-9 * max(abs(x[k]), 1e-6) or bend > 0.2 * size:
+            continue
+        smooth += 1
+        wrong += abs(moved_ - mean) > 0.3 * size + bend
+    return smooth >= 5 and wrong >= 0.8 * smooth
+
+
+# ------------------------------------------------------------------------------------------------------ model exchange
+
+
+@check(
+    "exchange.states", "state vector and derivative vector are the variables that the model structure lists, in its order",
+    fmi2="2.2.8 Definition of the Model Structure (Derivatives); 3.2.2 Evaluation of Model Equations",
+    fmi3="2.4.8 Model Structure (ContinuousStateDerivative); 3.2.1",
+    advice="Return states and derivatives in the order of ModelStructure.", kinds=("me",),
+)  # fmt: skip
+def state_vector(bench: Bench) -> Found:
+    m = bench.model
+    states, derivatives = m.states, m.listed("Derivative")
+    bench.require(bool(derivatives), "it has no continuous states")
+    readable = set(bench.fmu.readable(m.variables))
+    if len(states) != len(derivatives) or not {*states, *derivatives} <= readable:
+        raise NotApplicable("not all states can be read as variables")
+    with _evaluating(bench) as a:
+        x, dx = a.get_states(), a.get_derivatives()
+        for what, vector, variables in (("state", x, states), ("derivative", dx, derivatives)):
+            read = a.get(variables)
+            flat = [(v, value) for v in variables for value in read[v]]
+            wrong = [(v, value, got) for (v, value), got in zip(flat, vector, strict=True) if not same(float(value), got, 1e-6)]
+            if wrong:
+                v, value, got = wrong[0]
+                more = f", and {len(wrong) - 1} more differ" if len(wrong) > 1 else ""
+                yield f"{what} {v.name!r} is {value:.9g} as a variable and {got:.9g} in the vector{more}"
+                return
+        # What is set is what is there.
+        new = _other(x)
+        if attempt(lambda: a.set_states(new)) and not all(same(p, q) for p, q in zip(a.get_states(), new, strict=True)):
+            yield "states that were set are not those that are read"
+
+
+@check(
+    "exchange.pure", "derivatives depend on time, states and inputs only, in whatever order these are set",
+    fmi2="3.2.1 Providing Independent Variables and Re-initialization of Caching", fmi3="3.2.1 Providing Independent Variables and Re-initialization of Caching",
+    advice="Invalidate cached values whenever time, states or inputs are set; change nothing else when something is evaluated.", kinds=("me",),
+)  # fmt: skip
+def pure(bench: Bench) -> Found:
+    bench.require(bench.model.n_states > 0, "it has no continuous states")
+    with _evaluating(bench) as a:
+        x, before = a.get_states(), a.get_derivatives()
+        twice = a.get_derivatives()
+        if not _close(before, twice):
+            yield "derivatives that are read twice differ"
+            return
+        other = _other(x)
+        attempt(lambda: a.set_states(other))
+        attempt(a.get_derivatives)
+        t = a.time
+        attempt(lambda: a.must("SetTime", t + bench.step))
+        attempt(a.get_derivatives)
+        a.must("SetTime", t)
+        a.set_states(x)
+        if not _close(before, a.get_derivatives()):
+            yield "derivatives differ after other states and times were tried and the first ones set again"
+            return
+    bench.several()
+    found = []
+    for evaluated in (False, True):  # states that are set count, whether anything was evaluated before or not
+        with bench.instance() as a:
+            a.initialize()
+            x = a.get_states()
+            if evaluated:
+                a.get_derivatives()
+            other = _other(x)
+            if attempt(lambda a=a, other=other: a.set_states(other)) is None:  # type: ignore[misc]
+                return
+            found.append(attempt(a.get_derivatives))
+    if found[0] is not None and found[1] is not None and not _close(*found):
+        yield "derivatives at new states depend on whether they were evaluated at old ones before"
+
+
+@check(
+    "exchange.nominals", "nominal values of the states are above 0, and those of the description",
+    fmi2="3.2.2 Evaluation of Model Equations (nominals)", fmi3="2.3.3 State: Initialization Mode (fmi3GetNominalsOfContinuousStates)",
+    advice="Return 1 where nothing is known.", kinds=("me",),
+)  # fmt: skip
+def nominals(bench: Bench) -> Found:
+    m = bench.model
+    bench.require(m.n_states > 0, "it has no continuous states")
+    with bench.instance() as a:
+        a.initialize()
+        found = a.get_nominals()
+    declared = [(s, s.nominal if s.nominal is not None else 1.0) for s in m.states for _ in range(s.size)]
+    for (s, expected), nominal in zip(declared, found, strict=False):
+        if not (nominal > 0 and math.isfinite(nominal)):
+            yield f"the nominal value of {s.name!r} is {nominal:g}; it must be above 0"
+            return
+        if s.nominal is not None and not same(nominal, expected, 1e-6):
+            yield warning(f"the nominal value of {s.name!r} is {nominal:g}, by the description {expected:g}")
+            return
+
+
+@check(
+    "exchange.counts", "there are as many states and event indicators as the description says, and they are finite",
+    fmi2="3.2.2 Evaluation of Model Equations (event indicators)", fmi3="2.3.2 State: Instantiated (fmi3GetNumberOf...); 2.4.8 Model Structure",
+    advice="List every state derivative and every event indicator.", kinds=("me",),
+)  # fmt: skip
+def counts(bench: Bench) -> Found:
+    m = bench.model
+    with bench.instance() as a:
+        if bench.version == "3" and not m.structural:
+            for function, what, expected in (
+                ("GetNumberOfContinuousStates", "continuous states", m.n_states), ("GetNumberOfEventIndicators", "event indicators", m.n_indicators),
+            ):  # fmt: skip
+                n = c.c_size_t()
+                a.must(function, c.byref(n))
+                if n.value != expected:
+                    yield f"{function} returns {n.value}; ModelStructure lists {expected} {what}"
+        a.initialize()
+        for what, vector in (("event indicator", a.get_indicators()), ("state", a.get_states()), ("derivative", a.get_derivatives())):
+            wrong = [i for i, value in enumerate(vector) if not math.isfinite(value)]
+            if wrong:
+                yield f"{what} number {wrong[0] + 1} is {vector[wrong[0]]} at the start"
+
+
+@check(
+    "exchange.together", "Co-Simulation and Model Exchange begin with the same outputs",
+    fmi2="2.2.7 Definition of Model Variables (start)", fmi3="2.3.3 State: Initialization Mode",
+    advice="One model, two interfaces: initialization is the same for both.", kinds=("me",), worst="warning",
+)  # fmt: skip
+def together(bench: Bench) -> Found:
+    if "cs" not in bench.model.interfaces or "cs" not in bench.fmu.libraries:
+        raise NotApplicable("it has one interface only")
+    found = []
+    for kind in ("cs", "me"):
+        with bench.fmu.instance(kind) as a:
+            a.enter_initialization()
+            found.append(a.get([v for v in bench.watched() if v.causality == "output" and v.is_number]))
+    wrong = [v.name for v in found[0] if not _close(found[0][v], found[1][v])]
+    if wrong:
+        yield f"in initialization mode {names(wrong)} {'differ' if len(wrong) > 1 else 'differs'} between the two"

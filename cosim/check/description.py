@@ -1,0 +1,454 @@
+"""Checks of modelDescription.xml: the schema, and the rules that no schema can say."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+from build_fmus.checks import one_line
+from cosim.check.model import DEFAULT_INITIAL, Model, Unknown, Var, default_initial
+from cosim.check.rules import Finding, NotApplicable, check, names, note, warning
+from cosim.fmu import gate
+from cosim.fmu.archive import Archive
+
+Found = Iterator["str | tuple[int, str] | Finding"]
+
+
+@dataclass
+class File:
+    """An FMU as a file: its archive, its description as a tree and as data, and where it is unpacked."""
+
+    archive: Archive
+    root: Any
+    model: Model
+    folder: Any = None  # Path; set once it is unpacked
+
+
+@check(
+    "description.schema", "modelDescription.xml keeps to the schema of its FMI version",
+    fmi2="2.2 FMI Description Schema", fmi3="2.4 FMI Description Schema",
+    advice="Write the description as the schema of its FMI version wants it; an importer may refuse it otherwise.",
+)  # fmt: skip
+def schema(file: File) -> Found:
+    from copy import deepcopy
+
+    found = list(gate._schema(deepcopy(file.root), file.model.version))
+    known = list(gate.quirks())
+    for f in found:
+        reason = next((q.reason for q in known if q.fits(file.model.tool, f.text)), "")
+        yield warning(f"{f.text} (known of this tool: {reason})", f.line) if reason else (f.line, f.text)
+
+
+@check(
+    "description.version", "fmiVersion is one that exists",
+    fmi2="2.2.1 Definition of an FMU (fmiModelDescription)", fmi3="2.4.1 Definition of an FMU (fmiModelDescription)",
+    advice='Write fmiVersion="2.0" for every FMI 2.0.x, and "3.0" (or "3.0.x" from pre-releases of tools) for FMI 3.0.',
+)  # fmt: skip
+def version(file: File) -> Found:
+    m = file.model
+    if m.version == "2" and m.fmi != "2.0":
+        yield f'fmiVersion is "{m.fmi}"; of every FMI 2.0.x it is "2.0"'
+    if m.version == "3" and not re.fullmatch(r"3\.0(\.\d+)?(-.+)?", m.fmi):
+        yield warning(f'fmiVersion is "{m.fmi}"; of FMI 3.0 it is "3.0"')
+    if not m.interfaces and not m.scheduled:
+        yield "it offers neither Co-Simulation nor Model Exchange" + (" nor Scheduled Execution" if m.version == "3" else "")
+    if not m.token:
+        yield f"{'guid' if m.version == '2' else 'instantiationToken'} is empty; the library cannot tell whose description this is"
+
+
+@check(
+    "description.identifier", "modelIdentifier can be the prefix of C functions and the name of a library",
+    fmi2="2.1.1 Header Files and Naming of Functions", fmi3="2.2.2 Header Files and Naming of Functions",
+    advice="Use letters, digits and underscores only, and begin with a letter or an underscore.",
+)  # fmt: skip
+def identifier(file: File) -> Found:
+    for interface in file.model.interfaces.values():
+        if not re.fullmatch(r"[A-Za-z_]\w*", interface.identifier, re.ASCII):
+            yield interface.line, f"modelIdentifier {interface.identifier!r} is no name in C"
+        elif len(interface.identifier) > 64:
+            yield note(f"modelIdentifier has {len(interface.identifier)} characters; some file systems and tools have limits", interface.line)
+
+
+@check(
+    "description.names", "names of variables are unique, and follow the naming convention that is declared",
+    fmi2="2.2.7 Definition of Model Variables; 2.2.9 Variable Naming Conventions", fmi3="2.4.7.5.1 Variable Naming Conventions",
+    advice='Rename what breaks the convention (quote odd names with \'...\'), or declare variableNamingConvention="flat".',
+)  # fmt: skip
+def variable_names(file: File) -> Found:
+    seen: dict[str, Var] = {}
+    for v in file.model.variables:
+        for name in (v.name, *v.aliases):
+            if not name:
+                yield v.line, f"variable number {v.position} has no name"
+            elif name in seen:
+                yield v.line, f"variable {name!r}: there is another of that name in line {seen[name].line}"
+            seen.setdefault(name, v)
+            if re.search(r"[\r\n\t]", name):
+                yield v.line, f"variable {name!r}: line feeds and tabs are not allowed in names"
+    if file.model.says.get("variableNamingConvention") == "structured":
+        for name, v in seen.items():
+            if name and not _STRUCTURED.fullmatch(name):
+                yield v.line, f"variable {name!r} is no structured name"
+
+
+_Q = r"'(?:[A-Za-z_0-9!#$%&()*+,\-./:;<>=?@\[\]^{}|~ ]|\\['\"?\\abfnrtv])+'"
+_B = rf"(?:[A-Za-z_][A-Za-z_0-9]*|{_Q})(?:\[\d+(?:,\d+)*\])?"
+_ID = rf"{_B}(?:\.{_B})*"
+_STRUCTURED = re.compile(rf"{_ID}|der\({_ID}(?:,\d+)?\)")
+
+
+@check(
+    "description.references", "value references say which variables are one",
+    fmi2="2.2.7 Definition of Model Variables (valueReference, alias variables)", fmi3="2.4.7.4 Variable Attributes (valueReference)",
+    advice="Give each variable a value reference of its own; aliases (FMI 3.0: <Alias> elements) share one, and with it everything but name and display.",
+)  # fmt: skip
+def references(file: File) -> Found:
+    sets: dict[Any, list[Var]] = {}
+    for v in file.model.variables:
+        if v.reference is None or not 0 <= v.reference < 2**32:
+            yield v.line, f"variable {v.name!r}: its valueReference is no number from 0 to 4294967295"
+            continue
+        sets.setdefault(v.key if file.model.version == "2" else v.reference, []).append(v)
+    for same in sets.values():
+        if len(same) < 2:
+            continue
+        shown, line = names(v.name for v in same), same[1].line
+        if file.model.version == "3":
+            yield line, f"variables {shown} have the same value reference {same[0].reference}"
+            continue
+        settable = [v for v in same if _settable(v)]
+        if len(settable) > 1:
+            yield line, f"aliases {names(v.name for v in settable)} can all be set; of an alias set at most one may"
+        starts = [v for v in same if v.start is not None and v.variability != "constant"]
+        if len(starts) > 1 and len(settable) < 2:
+            yield line, f"aliases {names(v.name for v in starts)} all have a start value; of an alias set at most one may"
+        if len({v.variability == "constant" for v in same}) > 1:
+            yield line, f"aliases {shown}: some are constant, others not"
+        if len({v.unit for v in same}) > 1:
+            yield warning(f"aliases {shown} have different units", line)
+
+
+def _settable(v: Var) -> bool:
+    return v.causality in ("input", "parameter") or (v.variability != "constant" and v.says.get("initial") in ("exact", "approx"))
+
+
+@check(
+    "description.variability", "causality, variability and initial fit together",
+    fmi2="2.2.7 Definition of Model Variables (tables of causality, variability and initial)",
+    fmi3="2.4.7.4 Variable Attributes (tables of variability/causality and of initial)",
+    advice="Choose a combination of the standard's tables.",
+)  # fmt: skip
+def variability(file: File) -> Found:
+    for v in file.model.variables:
+        if v.type in ("Clock", "Binary") and file.model.version == "3" and v.type == "Clock":
+            if v.causality not in ("input", "output", "local"):
+                yield v.line, f"clock {v.name!r} has causality {v.causality}"
+            continue
+        what = f"variable {v.name!r}"
+        written = "variability" in v.says
+        if v.variability == "continuous" and not v.is_float:
+            text = f"{what}: {v.type} cannot be continuous" + ("" if written else ', which is the default; write variability="discrete"')
+            yield (v.line, text) if written else warning(text, v.line)
+            continue
+        default = default_initial(v.variability, v.causality)
+        if default is None:
+            allowed = ", ".join(sorted(a for pairs in DEFAULT_INITIAL.values() for a, c in pairs if c == v.causality))
+            text = f"{what}: {v.variability}{'' if written else ' (the default)'} is not allowed for causality {v.causality}; allowed: {allowed}"
+            yield (v.line, text) if written else warning(text, v.line)
+            continue
+        initial = v.says.get("initial")
+        if initial is None:
+            continue
+        options = {
+            "exact": ("exact",), "calculated": ("approx", "calculated", *(("exact",) if v.variability in ("discrete", "continuous") else ())),
+            "input": ("exact",) if file.model.version == "3" else (), "none": (),
+        }[default]  # fmt: skip
+        if initial not in options:
+            which = " or ".join(options) or "none at all"
+            text = f"{what}: initial={initial} is not allowed for a {v.variability} {v.causality} ({which})"
+            yield (v.line, text) if default != "input" else warning(text, v.line)
+
+
+@check(
+    "description.start", "start values are there where they must be, can be read, and lie in their range",
+    fmi2="2.2.7 Definition of Model Variables (start)", fmi3="2.4.7.5 Type specific properties (start)",
+    advice="Inputs, parameters, constants and everything with initial exact or approx need a start value; what is calculated must have none.",
+)  # fmt: skip
+def start(file: File) -> Found:
+    for v in file.model.variables:
+        if v.type == "Clock" or default_initial(v.variability, v.causality) is None:
+            continue
+        what = f"variable {v.name!r}"
+        needs = v.causality in ("input", "parameter", "structuralParameter") or v.variability == "constant" or v.initial in ("exact", "approx")
+        if needs and v.start is None:
+            yield v.line, f"{what}: {'an' if v.causality[0] in 'aeiou' else 'a'} {v.causality} with initial={v.initial} has no start value"
+        own = v.says.get("start") is not None
+        if own and (v.causality == "independent" or v.initial == "calculated"):
+            why = "the independent variable" if v.causality == "independent" else "calculated"
+            yield v.line, f"{what}: it has a start value, although it is {why}"
+        if v.start is None or v.type == "Binary" or not own or (v.access == "String"):
+            continue
+        values = v.starts()
+        if values is None:
+            count = f" for {v.size} elements" if v.size != 1 else ""
+            yield v.line, f"{what}: start={one_line(v.start, 60)!r} cannot be read as {v.type}{count}"
+            continue
+        if v.is_number and v.low is not None and v.high is not None and v.low > v.high:
+            yield v.line, f"{what}: min {v.low:g} is above max {v.high:g}"
+        elif v.is_number:
+            for value in values:
+                if not math.isfinite(value):
+                    yield v.line, f"{what}: its start is {value}"
+                    break
+                if (v.low is not None and value < v.low) or (v.high is not None and value > v.high):
+                    limits = f"{-math.inf if v.low is None else v.low:g} to {math.inf if v.high is None else v.high:g}"
+                    yield v.line, f"{what}: start {value:g} is outside of its range {limits}"
+                    break
+
+
+@check(
+    "description.types", "types that are named are defined, and enumerations have items",
+    fmi2="2.2.3 Definition of Types", fmi3="2.4.4 Definition of Types",
+    advice="Add the type to TypeDefinitions, or correct declaredType.",
+)  # fmt: skip
+def types(file: File) -> Found:
+    root = file.root
+    defined: dict[str, Any] = {}
+    for element in root.iterfind("TypeDefinitions/SimpleType" if file.model.version == "2" else "TypeDefinitions/*"):
+        name = element.get("name", "")
+        if name in defined:
+            yield element.sourceline, f"there are two types of the name {name!r}"
+        defined[name] = element
+    for v in file.model.variables:
+        declared = v.says.get("declaredType")
+        if declared is not None and declared not in defined:
+            yield v.line, f"variable {v.name!r}: there is no type {declared!r} among the TypeDefinitions"
+        elif declared is not None:
+            element = defined[declared]
+            kind = (element[0].tag if len(element) else "") if file.model.version == "2" else element.tag.removesuffix("Type")
+            if kind != v.type:
+                yield v.line, f"variable {v.name!r} is {v.type}, but its type {declared!r} is of {kind or 'nothing'}"
+        elif v.type == "Enumeration":
+            yield v.line, f"variable {v.name!r} is an Enumeration without declaredType, so nobody knows its items"
+
+
+@check(
+    "description.units", "units that are named are defined, and can be converted",
+    fmi2="2.2.2 Definition of Units", fmi3="2.4.3 Definition of Units",
+    advice="Add the unit to UnitDefinitions with its base unit, or correct the name.",
+)  # fmt: skip
+def units(file: File) -> Found:
+    defined: dict[str, Any] = {}
+    for unit in file.root.iterfind("UnitDefinitions/Unit"):
+        name = unit.get("name", "")
+        if name in defined:
+            yield unit.sourceline, f"there are two units of the name {name!r}"
+        defined[name] = unit
+        base = unit.find("BaseUnit")
+        if base is not None and _zero(base.get("factor", "1")):
+            yield unit.sourceline, f"unit {name!r}: its factor is 0, so nothing can be converted"
+        displays = [d.get("name") for d in unit.iterfind("DisplayUnit")]
+        if len(displays) != len(set(displays)):
+            yield unit.sourceline, f"unit {name!r} has two display units of the same name"
+        for display in unit.iterfind("DisplayUnit"):
+            if _zero(display.get("factor", "1")):
+                yield display.sourceline, f"display unit {display.get('name')!r}: its factor is 0, so nothing can be converted"
+    for v in file.model.variables:
+        shown = v.says.get("displayUnit")
+        if v.unit is not None and v.unit not in defined:
+            yield v.line, f"variable {v.name!r}: there is no unit {one_line(v.unit, 60)!r} among the UnitDefinitions"
+        elif shown is not None and v.unit is None:
+            yield warning(f"variable {v.name!r} has a displayUnit, but no unit", v.line)
+        elif shown is not None and shown != v.unit and v.unit is not None and shown not in [d.get("name") for d in defined[v.unit].iterfind("DisplayUnit")]:
+            text = f"variable {v.name!r}: unit {v.unit!r} has no display unit {one_line(shown, 60)!r}"
+            yield (v.line, text) if file.model.version == "3" else warning(text, v.line)
+
+
+def _zero(text: str) -> bool:
+    try:
+        return float(text) == 0
+    except ValueError:
+        return False  # the schema says so
+
+
+@check(
+    "description.structure", "ModelStructure lists every output, derivative and unknown of initialization, once, and nothing else",
+    fmi2="2.2.8 Definition of the Model Structure", fmi3="2.4.8 Model Structure",
+    advice="List exactly the variables that the standard names for each part of ModelStructure.",
+)  # fmt: skip
+def structure(file: File) -> Found:
+    m = file.model
+    for group in ("Output", "Derivative", "InitialUnknown", "EventIndicator", "ClockedState"):
+        seen: set[int | None] = set()
+        for u in (u for u in m.structure if u.group == group):
+            if u.key not in m.by_key:
+                yield u.line, f"{_shown(m, group)}: {_key(m)} {u.key} is no variable's"
+            elif u.key in seen:
+                yield u.line, f"{_shown(m, group)}: {m.by_key[u.key].name!r} is listed twice"
+            seen.add(u.key)
+    outputs = {m.key(v): v for v in m.of("output")}
+    listed = {u.key for u in m.structure if u.group == "Output"}
+    missing = [v.name for k, v in outputs.items() if k not in listed]
+    if missing:
+        yield f"outputs {names(missing)} are not among the Outputs of ModelStructure" if len(missing) > 1 else f"output {missing[0]!r} is not among the Outputs of ModelStructure"
+    for u in m.structure:
+        v = m.by_key.get(u.key)  # type: ignore[arg-type]
+        if v is None:
+            continue
+        if u.group == "Output" and v.causality != "output":
+            yield u.line, f"{v.name!r} is among the Outputs of ModelStructure, but is no output"
+        if u.group == "Derivative":
+            for line, text in _derivative(m, u, v):
+                yield (line, text) if _counts(m) else warning(text, line)
+        if u.group == "InitialUnknown" and v.causality in ("input", "parameter", "structuralParameter", "independent"):
+            yield u.line, f"{v.name!r} is among the unknowns of initialization, but is known: {v.causality}"
+    states = [s.name for s in dict.fromkeys(m.states) if s.causality not in ("local", "output")]
+    if states:
+        yield warning(f"{names(states)}: states that are neither local nor outputs")
+    yield from _unknowns_of_initialization(m)
+
+
+def _counts(m: Model) -> bool:
+    """Whether anybody looks at the derivatives: with Co-Simulation only if there are directional derivatives."""
+    return "me" in m.interfaces or any(i.directional for i in m.interfaces.values())
+
+
+def _derivative(m: Model, u: Unknown, v: Var) -> Iterator[tuple[int, str]]:
+    state = m.state_of(v)
+    if v.derivative is None:
+        yield u.line, f"{v.name!r} is among the derivatives, but does not say which state it derives (attribute derivative)"
+    elif state is None:
+        yield v.line, f"{v.name!r} derives {_key(m)} {v.derivative}, which is no variable's"
+    elif not state.is_float or state.variability != "continuous":
+        yield state.line, f"{state.name!r} is a continuous state, as {v.name!r} says, but is {state.variability} {state.type}"
+    elif state.size != v.size:
+        yield v.line, f"{v.name!r} has {v.size} elements, the state {state.name!r} {state.size}"
+    elif state is v:
+        yield v.line, f"{v.name!r} is its own derivative"
+
+
+def _unknowns_of_initialization(m: Model) -> Found:
+    derivatives = m.listed("Derivative")
+    calculated = [
+        v for v in (*m.of("output", "calculatedParameter"), *(m.states if _counts(m) else ()), *(derivatives if _counts(m) else ()))
+        if v.initial in ("approx", "calculated") and not v.clocked and v.type != "Clock"
+    ]  # fmt: skip
+    listed = {u.key for u in m.structure if u.group == "InitialUnknown"}
+    # Of an alias set one entry may stand for all.
+    there = {m.by_key[k].key for k in listed if k in m.by_key}
+    missing = list(dict.fromkeys(v.name for v in calculated if m.key(v) not in listed and v.key not in there))
+    if missing:
+        is_ = "are" if len(missing) > 1 else "is"
+        yield f"{names(missing)} {is_} calculated in initialization, but not among the {'InitialUnknowns' if m.version == '2' else 'InitialUnknown elements'}"
+    if m.version == "2":
+        may = {m.key(v) for v in (*calculated, *m.states, *derivatives)}
+        found = [m.by_key[u.key].name for u in m.structure if u.group == "InitialUnknown" and u.key in m.by_key and u.key not in may and m.by_key[u.key].causality in ("output", "local")]
+        if found:
+            is_ = "are" if len(found) > 1 else "is"
+            yield warning(f"{names(found)} {is_} among the InitialUnknowns, but no calculated outputs, calculated parameters, states or derivatives")
+
+
+def _shown(m: Model, group: str) -> str:
+    if m.version == "2":
+        return {"Output": "Outputs", "Derivative": "Derivatives", "InitialUnknown": "InitialUnknowns"}.get(group, group)
+    return {"Derivative": "ContinuousStateDerivative"}.get(group, group)
+
+
+def _key(m: Model) -> str:
+    return "index" if m.version == "2" else "value reference"
+
+
+@check(
+    "description.dependencies", "declared dependencies name variables that can be depended on, each with its kind",
+    fmi2="2.2.8 Definition of the Model Structure (dependencies)", fmi3="2.4.8 Model Structure (dependencies)",
+    advice="List the knowns only (inputs, states, the independent variable; for initialization also what is exact), with one kind for each.",
+)  # fmt: skip
+def dependencies(file: File) -> Found:
+    m = file.model
+    states = {m.key(s) for s in m.states}
+    for u in m.structure:
+        v = m.by_key.get(u.key)  # type: ignore[arg-type]
+        name = v.name if v else f"{_key(m)} {u.key}"
+        if u.kinds is not None and u.depends is None:
+            yield u.line, f"{name!r} has dependenciesKind, but no dependencies"
+        elif u.kinds is not None and u.depends is not None and len(u.kinds) != len(u.depends):
+            yield u.line, f"{name!r} has {len(u.depends)} dependencies, but {len(u.kinds)} dependenciesKind"
+        unknown = [d for d in u.depends or () if d not in m.by_key]
+        if unknown:
+            yield u.line, f"{name!r} depends on {_key(m)} {unknown[0]}, which is no variable's"
+        if len(set(u.depends or ())) != len(u.depends or ()):
+            yield warning(f"{name!r} has a dependency twice", u.line)
+        for d in u.depends or ():
+            known = m.by_key.get(d)
+            if known is None or d in states or known.causality in ("input", "independent") or known.clocked:
+                continue
+            if u.group == "InitialUnknown":
+                if known.initial == "calculated" and known.causality not in ("output", "local"):
+                    yield u.line, f"{name!r} depends on {known.name!r} in initialization, which is calculated itself"
+                continue
+            if known.causality in ("parameter", "structuralParameter") and known.variability == "tunable" and m.version == "3":
+                continue
+            if known.type == "Clock" or (m.version == "3" and u.group == "ClockedState") or known.variability == "discrete":
+                continue
+            text = f"{name!r} depends on {known.name!r}, a {known.variability} {known.causality}, which is no known there"
+            yield warning(text, u.line)
+            break
+
+
+@check(
+    "description.experiment", "the default experiment is one that can be run",
+    fmi2="2.2.5 Definition of a Default Experiment", fmi3="2.4.6 Definition of a Default Experiment",
+    advice="stopTime above startTime, stepSize and tolerance above 0, all finite.",
+)  # fmt: skip
+def experiment(file: File) -> Found:
+    element = file.root.find("DefaultExperiment")
+    if element is None:
+        raise NotApplicable("there is no DefaultExperiment")
+    e, line = file.model.experiment, element.sourceline
+    for name in ("stepSize", "tolerance"):
+        if name in e and not 0 < e[name] < math.inf:
+            yield line, f"{name} is {e[name]:g}"
+    for name in ("startTime", "stopTime"):
+        if name in e and not math.isfinite(e[name]):
+            yield line, f"{name} is {e[name]:g}"
+    if e.get("stopTime", math.inf) < e.get("startTime", 0.0):
+        yield line, f"stopTime {e['stopTime']:g} is before startTime {e.get('startTime', 0.0):g}"
+    elif "stopTime" in e and e.get("stepSize", 0.0) > e["stopTime"] - e.get("startTime", 0.0) > 0:
+        yield warning(f"stepSize {e['stepSize']:g} is longer than the whole experiment", line)
+
+
+@check(
+    "description.capabilities", "flags that belong together are set together",
+    fmi2="3.3.1 and 4.3.1 FMI Description Schema (capability flags)", fmi3="2.4.9, 3.3 and 4.3 (capability flags)",
+    advice="Set the flag that is required by the other, or neither.", worst="error",
+)  # fmt: skip
+def capabilities(file: File) -> Found:
+    m = file.model
+    for i in m.interfaces.values():
+        suffix = "state" if m.version == "2" else "State"
+        if i.can(f"canSerializeFMU{suffix}") and not i.saves:
+            yield i.line, f"canSerializeFMU{suffix} is true, but canGetAndSetFMU{suffix} is not"
+        if m.version == "3" and i.kind == "cs":
+            if i.can("canReturnEarlyAfterIntermediateUpdate") and not i.can("providesIntermediateUpdate"):
+                yield warning("canReturnEarlyAfterIntermediateUpdate is true, but providesIntermediateUpdate is not", i.line)
+            if m.clocks and not i.can("hasEventMode"):
+                yield warning("it has clocks, but hasEventMode is not true", i.line)
+    if m.version == "3":
+        independent = m.of("independent")
+        if len(independent) != 1:
+            yield f"it has {len(independent)} independent variables; FMI 3.0 wants exactly one"
+    elif len(m.of("independent")) > 1:
+        yield f"variables {names(v.name for v in m.of('independent'))} are all independent; one may be"
+    for v in m.of("independent"):
+        if not v.is_float:
+            yield v.line, f"the independent variable {v.name!r} is {v.type}; it must be {'Real' if m.version == '2' else 'Float32 or Float64'}"
+    if "me" in m.interfaces and m.version == "2":
+        derived = {v.key for v in m.listed("Derivative")}
+        for v in m.variables:
+            state = m.state_of(v)
+            if state is not None and v.key not in derived and v.causality == "local" and state.causality == "local" and not m.listed("Derivative"):
+                yield warning(f"{v.name!r} derives {state.name!r}, but ModelStructure lists no derivatives, so the state is hidden from the integrator", v.line)
+                break

@@ -1,0 +1,336 @@
+"""What a modelDescription.xml says, taken at its word: nothing is refused, so that everything can be checked.
+
+`cosim.fmu.model_description` reads for the master, which refuses what it cannot run. Here what is missing or nonsense is None, for a check to find.
+Plain data without the XML tree, so that it can be handed to the process in which the FMU runs.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from typing import Any
+
+INTEGERS = ("Int8", "UInt8", "Int16", "UInt16", "Int32", "UInt32", "Int64", "UInt64")
+TYPES = {
+    "2": ("Real", "Integer", "Boolean", "String", "Enumeration"),
+    "3": ("Float32", "Float64", *INTEGERS, "Boolean", "String", "Binary", "Enumeration", "Clock"),
+}
+FLOATS = ("Real", "Float64", "Float32")
+_ACCESS = {"2": {"Enumeration": "Integer"}, "3": {"Enumeration": "Int64"}}  # types that are read and set as others
+
+DEFAULT_INITIAL = {
+    "exact": {("constant", "output"), ("constant", "local"), *((v, c) for v in ("fixed", "tunable") for c in ("parameter", "structuralParameter"))},
+    "calculated": {
+        *((v, c) for v in ("fixed", "tunable") for c in ("calculatedParameter", "local")),
+        *((v, c) for v in ("discrete", "continuous") for c in ("output", "local")),
+    },
+    "input": {("discrete", "input"), ("continuous", "input")},
+    "none": {("continuous", "independent")},
+}  # fmt: skip
+"""(variability, causality) -> the default of `initial`; what is not here is not allowed."""
+
+INDICES = 4000  # of a list of dependencies that are kept one by one
+
+
+@dataclass(frozen=True, eq=False)
+class Var:
+    """One variable as it is declared, an array included.
+
+    Attributes:
+        type: name of its element (`Real`, `Float64`, ...); access: name in the functions that get and set it.
+        variability, initial: as they count, defaults put in; `says` holds what is written.
+        start: text, None without; size: number of elements, 1 for scalars; derivative: key of what it derives (FMI 2: position, FMI 3: reference).
+    """
+
+    name: str
+    position: int
+    line: int
+    reference: int | None
+    type: str
+    access: str
+    causality: str
+    variability: str
+    initial: str | None
+    says: dict[str, str]
+    start: str | None
+    low: float | None
+    high: float | None
+    nominal: float | None
+    unit: str | None
+    derivative: int | None
+    size: int = 1
+    aliases: tuple[str, ...] = ()
+    clocked: bool = False
+
+    @property
+    def is_float(self) -> bool:
+        return self.type in FLOATS
+
+    @property
+    def is_number(self) -> bool:
+        return self.is_float or self.access == "Integer" or self.access in INTEGERS
+
+    @property
+    def key(self) -> tuple[int | None, str]:
+        return self.reference, self.access
+
+    def starts(self) -> list[Any] | None:
+        """Start values of all elements; None: there are none, or they cannot be read."""
+        if self.start is None or self.type in ("Binary", "Clock"):
+            return None
+        if self.access == "String":
+            return [self.start] if self.size == 1 else None
+        read = {"Boolean": _boolean}.get(self.access, float if self.is_float else int)
+        try:
+            values = [read(t) for t in self.start.split()]
+        except ValueError:
+            return None
+        if len(values) == 1:
+            values *= self.size
+        return values if len(values) == self.size else None
+
+
+@dataclass(frozen=True)
+class Unknown:
+    """An element of ModelStructure: the variable, and what it depends on (None: on everything)."""
+
+    group: str  # Output, Derivative, InitialUnknown, EventIndicator, ClockedState
+    line: int
+    key: int | None
+    depends: tuple[int, ...] | None
+    kinds: tuple[str, ...] | None
+
+
+@dataclass
+class Interface:
+    """A `CoSimulation` or `ModelExchange` element."""
+
+    kind: str
+    identifier: str
+    line: int
+    says: dict[str, str]
+
+    def can(self, *flags: str) -> bool:
+        return any(self.says.get(f) in ("true", "1") for f in flags)
+
+    @property
+    def saves(self) -> bool:
+        return self.can("canGetAndSetFMUstate", "canGetAndSetFMUState")
+
+    @property
+    def serializes(self) -> bool:
+        return self.saves and self.can("canSerializeFMUstate", "canSerializeFMUState")
+
+    @property
+    def directional(self) -> bool:
+        return self.can("providesDirectionalDerivative", "providesDirectionalDerivatives")
+
+    @property
+    def adjoint(self) -> bool:
+        return self.can("providesAdjointDerivatives")
+
+    def wants_completed_steps(self, version: str) -> bool:
+        """Whether it is to be told of every step of the integrator."""
+        return not self.can("completedIntegratorStepNotNeeded") if version == "2" else self.can("needsCompletedIntegratorStep")
+
+    @property
+    def once(self) -> bool:
+        return self.can("canBeInstantiatedOnlyOncePerProcess")
+
+    @property
+    def needs_tool(self) -> bool:
+        return self.can("needsExecutionTool")
+
+    @property
+    def variable_step(self) -> bool:
+        return self.can("canHandleVariableCommunicationStepSize")
+
+
+@dataclass
+class Model:
+    """A modelDescription.xml. Keys of variables are positions from 1 on in FMI 2, value references in FMI 3."""
+
+    version: str  # "2" or "3"
+    fmi: str  # as it is written
+    name: str
+    token: str
+    tool: str
+    says: dict[str, str]
+    variables: list[Var]
+    structure: list[Unknown]
+    interfaces: dict[str, Interface]
+    experiment: dict[str, float]
+    categories: list[str] = field(default_factory=list)
+    indicators: int = 0
+    scheduled: bool = False
+    structural: bool = False
+    clocks: bool = False
+
+    def __post_init__(self) -> None:
+        self.by_key: dict[int, Var] = {}
+        for v in self.variables:
+            key = v.position if self.version == "2" else v.reference
+            if key is not None:
+                self.by_key.setdefault(key, v)
+
+    def key(self, v: Var) -> int | None:
+        return v.position if self.version == "2" else v.reference
+
+    def of(self, *causalities: str) -> list[Var]:
+        return [v for v in self.variables if v.causality in causalities]
+
+    def listed(self, group: str) -> list[Var]:
+        """Variables of a group of ModelStructure, in order."""
+        return [self.by_key[u.key] for u in self.structure if u.group == group and u.key in self.by_key]
+
+    def state_of(self, derivative: Var) -> Var | None:
+        return None if derivative.derivative is None else self.by_key.get(derivative.derivative)
+
+    @property
+    def states(self) -> list[Var]:
+        """Continuous states in the order of their derivatives."""
+        found = (self.state_of(d) for d in self.listed("Derivative"))
+        return [s for s in found if s is not None]
+
+    @property
+    def n_states(self) -> int:
+        return sum(v.size for v in self.listed("Derivative"))
+
+    @property
+    def n_indicators(self) -> int:
+        return self.indicators if self.version == "2" else sum(v.size for v in self.listed("EventIndicator"))
+
+    @property
+    def start_time(self) -> float:
+        return self.experiment.get("startTime", 0.0)
+
+    @property
+    def step(self) -> float:
+        """A communication step [s]: that of the default experiment, or a thousandth of it."""
+        step = self.experiment.get("stepSize", math.nan)
+        if step > 0 and math.isfinite(step):
+            return step
+        stop = self.experiment.get("stopTime", math.nan) - self.start_time
+        return stop / 1000 if 0 < stop < math.inf else 1e-3
+
+
+def read(root: Any) -> Model:
+    """From the root element of modelDescription.xml."""
+    version = "3" if root.get("fmiVersion", "").startswith("3") else "2"
+    variables = _variables2(root) if version == "2" else _variables3(root)
+    interfaces = {}
+    for kind, tag in (("cs", "CoSimulation"), ("me", "ModelExchange")):
+        element = root.find(tag)
+        if element is not None:
+            interfaces[kind] = Interface(kind, element.get("modelIdentifier", ""), element.sourceline, dict(element.attrib))
+    experiment = root.find("DefaultExperiment")
+    numbers = {} if experiment is None else {k: _number(v) for k, v in experiment.attrib.items()}
+    return Model(
+        version=version,
+        fmi=root.get("fmiVersion", ""),
+        name=root.get("modelName", ""),
+        token=root.get("guid" if version == "2" else "instantiationToken", ""),
+        tool=root.get("generationTool", ""),
+        says=dict(root.attrib),
+        variables=variables,
+        structure=list(_structure(root, version)),
+        interfaces=interfaces,
+        experiment={k: v for k, v in numbers.items() if v is not None},
+        categories=[c.get("name", "") for c in root.iterfind("LogCategories/Category")],
+        indicators=_whole(root.get("numberOfEventIndicators")) or 0,
+        scheduled=root.find("ScheduledExecution") is not None,
+        structural=any(v.causality == "structuralParameter" for v in variables),
+        clocks=any(v.type == "Clock" for v in variables),
+    )
+
+
+def default_initial(variability: str, causality: str) -> str | None:
+    """What `initial` is where it is not written: "exact", "calculated", "input", "none"; None: the combination is not allowed."""
+    return next((d for d, pairs in DEFAULT_INITIAL.items() if (variability, causality) in pairs), None)
+
+
+def _variables2(root: Any) -> list[Var]:
+    types = {t.get("name"): dict(t[0].attrib) for t in root.iterfind("TypeDefinitions/SimpleType") if len(t)}
+    found = []
+    for position, element in enumerate(root.iterfind("ModelVariables/ScalarVariable"), start=1):
+        typed = next((c for c in element if c.tag in TYPES["2"]), None)
+        if typed is None:
+            continue
+        attributes = {**types.get(typed.get("declaredType"), {}), **typed.attrib}
+        found.append(_variable(element, typed.tag, position, attributes, "2", {**typed.attrib, **element.attrib}))
+    return found
+
+
+def _variables3(root: Any) -> list[Var]:
+    types = {t.get("name"): dict(t.attrib) for t in root.iterfind("TypeDefinitions/*")}
+    elements = [e for e in root.iterfind("ModelVariables/*") if e.tag in TYPES["3"]]
+    sizes = {e.get("valueReference"): e.get("start") for e in elements if e.get("causality") == "structuralParameter"}
+    found = []
+    for position, element in enumerate(elements, start=1):
+        inherited = {k: v for k, v in types.get(element.get("declaredType"), {}).items() if k not in ("name", "description")}
+        attributes = {**inherited, **element.attrib}
+        starts = [s.get("value", "") for s in element.iterfind("Start")]
+        if starts:
+            attributes["start"] = starts[0] if len(starts) == 1 else " ".join(starts)
+        size = 1
+        for d in element.iterfind("Dimension"):
+            text = d.get("start") if d.get("start") is not None else sizes.get(d.get("valueReference"))
+            size *= _whole(text) or 0
+        aliases = tuple(a.get("name", "") for a in element.iterfind("Alias"))
+        found.append(_variable(element, element.tag, position, attributes, "3", dict(element.attrib), size, aliases))
+    return found
+
+
+def _variable(
+    element: Any, type_: str, position: int, attributes: dict[str, str], version: str, says: dict[str, str], size: int = 1, aliases: tuple[str, ...] = ()
+) -> Var:  # fmt: skip
+    causality = element.get("causality", "local")
+    variability = element.get("variability", "continuous" if version == "2" or type_ in FLOATS else "discrete")
+    default = default_initial(variability, causality)
+    initial = element.get("initial") or {"input": "exact", "none": None}.get(default or "none", default)
+    low, high, nominal = (_number(attributes.get(k)) for k in ("min", "max", "nominal"))
+    return Var(
+        name=element.get("name", ""), position=position, line=element.sourceline, reference=_whole(element.get("valueReference")),
+        type=type_, access=_ACCESS[version].get(type_, type_), causality=causality, variability=variability, initial=initial, says=says,
+        start=attributes.get("start"), low=low, high=high, nominal=nominal, unit=attributes.get("unit"),
+        derivative=_whole(attributes.get("derivative")), size=size, aliases=aliases, clocked="clocks" in says,
+    )  # fmt: skip
+
+
+_GROUPS = {
+    "2": (("Output", "Outputs/Unknown"), ("Derivative", "Derivatives/Unknown"), ("InitialUnknown", "InitialUnknowns/Unknown")),
+    "3": (
+        ("Output", "Output"), ("Derivative", "ContinuousStateDerivative"), ("InitialUnknown", "InitialUnknown"),
+        ("EventIndicator", "EventIndicator"), ("ClockedState", "ClockedState"),
+    ),
+}  # fmt: skip
+
+
+def _structure(root: Any, version: str) -> Iterable[Unknown]:
+    for group, path in _GROUPS[version]:
+        for element in root.iterfind(f"ModelStructure/{path}"):
+            depends, kinds = element.get("dependencies"), element.get("dependenciesKind")
+            yield Unknown(
+                group, element.sourceline, _whole(element.get("index" if version == "2" else "valueReference")),
+                None if depends is None else tuple(-1 if (k := _whole(d)) is None else k for d in depends.split()),
+                None if kinds is None else tuple(kinds.split()),
+            )  # fmt: skip
+
+
+def _number(text: str | None) -> float | None:
+    try:
+        return None if text is None else float(text)
+    except ValueError:
+        return None
+
+
+def _whole(text: str | None) -> int | None:
+    return int(text) if text is not None and re.fullmatch(r"\s*[+-]?\d{1,19}\s*", text) else None
+
+
+def _boolean(text: str) -> bool:
+    if text not in ("true", "false", "1", "0"):
+        raise ValueError(text)
+    return text in ("true", "1")

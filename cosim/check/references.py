@@ -1,0 +1,142 @@
+"""Checks against reference results that travel inside an FMU."""
+
+from __future__ import annotations
+
+import csv
+import itertools
+import math
+from pathlib import Path
+from typing import Any
+
+from cosim.check.bench import Bench, Found
+from cosim.check.calls import Ended, Refused
+from cosim.check.model import Var
+from cosim.check.rules import NotApplicable, check, names, note
+from cosim.errors import FmuError
+from cosim.fmu.limits import Limits
+from cosim.fmu.xml import tree
+
+MOST_ROWS = 2000
+TOLERANCE = 1e-3  # of the largest value of a column: what the FMI cross-check asks for is similar
+
+
+@check(
+    "references.results", "the FMU gives the reference results that it brings along",
+    fmi2="FMI Cross-Check Rules (NAME_in.csv, NAME_ref.csv); 2.3 FMU Distribution (documentation)", fmi3="FMI-LS-REF (reference results); 2.5.1.1 Directory documentation",
+    advice="Make the reference results again, or find out what has changed.", kinds=("cs",), worst="warning",
+)  # fmt: skip
+def results(bench: Bench) -> Found:
+    folder = bench.fmu.folder
+    found = sorted({*folder.glob("documentation/**/*_ref.csv"), *folder.glob("resources/*_ref.csv"), *_listed(folder)})
+    if not found:
+        raise NotApplicable("there are no reference results inside (NAME_ref.csv)")
+    for path in found[:4]:
+        inputs = path.with_name(path.name.removesuffix("_ref.csv") + "_in.csv")
+        try:
+            reference = _table(path)
+            signals = _table(inputs) if inputs.is_file() else ([], [])
+        except ValueError as error:
+            yield f"{path.name}: {error}"
+            continue
+        yield from _compared(bench, path.name, reference, signals)
+
+
+LAYERED = "extra/org.fmi-standard.fmi-ls-ref"
+
+
+def _listed(folder: Path) -> list[Path]:
+    """Tables that FMI-LS-REF calls results: those of its manifest, and those by their names in its folder."""
+    found = [*folder.glob(f"{LAYERED}/**/*_ref.csv")]
+    manifest = folder / LAYERED / "fmi-ls-manifest.xml"
+    if manifest.is_file():
+        try:
+            root = tree(manifest.read_bytes(), str(manifest), Limits())
+        except FmuError:
+            return found
+        for related in root.iterfind(".//Related"):
+            path = (manifest.parent / related.get("source", "")).resolve()
+            if related.get("role", "").startswith("result") and path.suffix == ".csv" and path.is_file() and folder.resolve() in path.parents:
+                found.append(folder / path.relative_to(folder.resolve()))
+    return found
+
+
+Table = tuple[list[str], list[list[float]]]
+
+
+def _table(path: Path) -> Table:
+    """Names and rows of a table that begins with time. Raises ValueError."""
+    with path.open(newline="", encoding="utf-8-sig") as file:
+        rows = list(csv.reader(file))
+    if len(rows) < 2 or not rows[0] or rows[0][0].strip().strip('"').lower() != "time":
+        raise ValueError("it is no table that begins with a column time")
+    try:
+        table = [[float(x) if x.strip() not in ("true", "false") else float(x.strip() == "true") for x in row] for row in rows[1 : MOST_ROWS + 2] if row]
+    except ValueError:
+        raise ValueError("a value is no number") from None
+    header = [h.strip() for h in rows[0]]
+    if any(len(row) != len(header) for row in table):
+        raise ValueError("its rows are not of one length")
+    return header, table
+
+
+def _compared(bench: Bench, name: str, reference: Table, signals: Table) -> Found:
+    columns = _columns(bench, reference[0][1:])
+    missing = [n for n in reference[0][1:] if n not in columns]
+    if missing:
+        yield note(f"{name}: there are no variables {names(missing)}")
+    driven = _columns(bench, signals[0][1:]) if signals[0] else {}
+    times = [row[0] for row in reference[1]]
+    steps = [b - a for a, b in itertools.pairwise(times)]
+    if not columns or not steps or min(steps) <= 0:
+        raise NotApplicable("its reference results are not sampled one step after another")
+    if not bench.interface.variable_step and max(steps) - min(steps) > 1e-6 * max(steps):
+        raise NotApplicable("its reference results have steps of different lengths, which it does not promise to take")
+    rows = []
+    with bench.instance() as a:
+        held = _row(signals, 0)
+        a.model.experiment["startTime"] = times[0]
+        a.set(_values(driven, held))
+        try:
+            a.initialize()
+            rows.append(a.get(list(columns.values())))
+            k = 0
+            for i in range(1, len(times)):
+                while k + 1 < len(signals[1]) and signals[1][k + 1][0] <= times[i - 1] + 1e-9 * steps[0]:
+                    k += 1
+                if driven:
+                    a.set(_values(driven, _row(signals, k)))
+                a.step(times[i] - times[i - 1])
+                rows.append(a.get(list(columns.values())))
+        except Ended:
+            pass
+        except Refused as refused:
+            yield f"{name}: {refused}"
+            return
+    worst, at = 0.0, ""
+    for j, column in enumerate(reference[0][1:], start=1):
+        v = columns.get(column)
+        if v is None:
+            continue
+        expected = [row[j] for row in reference[1][: len(rows)]]
+        scale = max(*map(abs, expected), 1e-9)
+        for e, got in zip(expected, rows, strict=True):
+            error = abs(float(got[v][0]) - e) / scale
+            if not error <= worst:
+                worst, at = (math.inf if math.isnan(error) else error), column
+    bench.measures[f"deviation from {name}"] = f"{worst:.2g} of the largest value" if at else "none"
+    if worst > TOLERANCE:
+        yield f"{name}: {at!r} deviates by {100 * worst:.3g} % of its largest value"
+
+
+def _columns(bench: Bench, header: list[str]) -> dict[str, Var]:
+    by_name = {v.name: v for v in bench.fmu.readable(bench.model.variables) if v.size == 1 and (v.is_number or v.access == "Boolean")}
+    return {n: by_name[n] for n in header if n in by_name}
+
+
+def _row(signals: Table, k: int) -> dict[str, float]:
+    names_, rows = signals
+    return dict(zip(names_[1:], rows[k][1:], strict=True)) if rows else {}
+
+
+def _values(driven: dict[str, Var], row: dict[str, float]) -> dict[Var, list[Any]]:
+    return {v: [row[n] if v.is_float else int(row[n])] for n, v in driven.items()}

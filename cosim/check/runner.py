@@ -1,0 +1,301 @@
+"""Runs the checks of an FMU: of its file here, of what it does in processes of its own."""
+
+from __future__ import annotations
+
+import contextlib
+import fnmatch
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from build_fmus.checks import did_you_mean
+from cosim.check import archive, binary, description, worker
+from cosim.check.binary import claimed
+from cosim.check.description import File
+from cosim.check.model import Model, read
+from cosim.check.report import Report, Result
+from cosim.check.rules import CHECKS, GROUPS, MOST, Check, Finding, NotApplicable
+from cosim.check.worker import Answer, Job, receive, send
+from cosim.errors import CosimError, FmuError
+from cosim.fmu import calls
+from cosim.fmu.archive import Archive
+from cosim.fmu.limits import Limits
+from cosim.fmu.xml import tree
+
+__all__ = ["Options", "Workers", "archive", "binary", "check", "description", "worker"]
+_KINDS = {"cs": "Co-Simulation", "me": "Model Exchange"}
+LIFE = "states.life"  # without which nothing else can be run
+WRONG_CALLS = ("states.step", "states.arguments", "values.unknown", "values.extreme", "saved.damaged")
+"""Checks that make mistakes on purpose; an FMU that hangs in them is waited for less long."""
+PATIENCE = 5.0  # s
+ONCE_PER_FMU = ("states.version",)  # what is the same for both interfaces
+
+
+class Unchecked(CosimError):  # noqa: N818 (reads as what happened)
+    """A file that cannot be checked at all; the message says why."""
+
+
+@dataclass(frozen=True)
+class Options:
+    """What is checked, and what it may take.
+
+    Args:
+        only, skip: ids of checks, or patterns (`runs.*`); without `only` all.
+        kinds: interfaces; fmi: version that the FMU must be of ("2", "3"), None any.
+        seconds: time of one check [s]; memory: of its process [bytes], None half of the machine's.
+        limits: of what is read.
+    """
+
+    only: tuple[str, ...] = ()
+    skip: tuple[str, ...] = ()
+    kinds: tuple[str, ...] = ("cs", "me")
+    fmi: str | None = None
+    seconds: float = 20.0
+    memory: int | None = None
+    limits: Limits = field(default_factory=Limits)
+
+    def chosen(self) -> list[Check]:
+        """The checks, in order. Raises Unchecked for ids and patterns that fit none."""
+        for pattern in (*self.only, *self.skip):
+            if not any(_fits(c, (pattern,)) for c in CHECKS.values()):
+                near = did_you_mean(pattern, [*CHECKS, *GROUPS])
+                raise Unchecked(f"there is no check {pattern!r}{near}; cosim check --list shows them all")
+        return [c for c in ordered() if (not self.only or _fits(c, self.only)) and not _fits(c, self.skip)]
+
+    @property
+    def bytes(self) -> int:
+        if self.memory is not None:
+            return self.memory
+        with contextlib.suppress(AttributeError, ValueError, OSError):
+            return os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") // 2
+        return 4 * 2**30
+
+
+def ordered() -> list[Check]:
+    """All checks by group, as they are run."""
+    return sorted(CHECKS.values(), key=lambda c: GROUPS.index(c.group))
+
+
+def _fits(check: Check, patterns: Iterable[str]) -> bool:
+    return any(fnmatch.fnmatchcase(check.id, p) or check.group == p for p in patterns)
+
+
+class Workers:
+    """The process that runs checks. Starting it takes a second, so several FMUs share one."""
+
+    def __init__(self) -> None:
+        self._process: subprocess.Popen[bytes] | None = None
+
+    def __enter__(self) -> Workers:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def _start(self) -> subprocess.Popen[bytes]:
+        if self._process is None or self._process.poll() is not None:
+            root = str(Path(__file__).parents[2])
+            path = os.pathsep.join([root, *filter(None, [os.environ.get("PYTHONPATH")])])
+            environment = {**os.environ, "PYTHONPATH": path}
+            command = [sys.executable, "-c", "from cosim.check.worker import main; main()"]
+            self._process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, env=environment)
+        return self._process
+
+    def run(self, job: Job) -> Answer:
+        """The answer to a job, whatever becomes of its process."""
+        process = self._start()
+        begin = time.monotonic()
+        watch = None if hasattr(os, "fork") else _kill_later(process, job.seconds)
+        try:
+            send(process.stdin, job)  # type: ignore[arg-type]
+            answer = receive(process.stdout)  # type: ignore[arg-type]
+        except (BrokenPipeError, OSError):
+            answer = None
+        finally:
+            if watch is not None:
+                watch.cancel()
+        if answer is None:
+            code = process.wait()
+            self._process = None
+            answer = Answer(lost=f"its process ended with exit code {code}", seconds=time.monotonic() - begin)
+        return answer  # type: ignore[no-any-return]
+
+    def close(self) -> None:
+        """End the process."""
+        process, self._process = self._process, None
+        if process is not None:
+            for stream in (process.stdin, process.stdout):
+                with contextlib.suppress(OSError):
+                    stream.close()  # type: ignore[union-attr]
+            try:
+                process.wait(5)
+            except subprocess.TimeoutExpired:
+                process.kill()
+                process.wait()
+
+
+def _kill_later(process: subprocess.Popen[bytes], seconds: float) -> Any:
+    import threading
+
+    timer = threading.Timer(seconds, process.kill)
+    timer.start()
+    return timer
+
+
+Progress = Callable[[str, int, int], None]
+
+
+def check(path: str | os.PathLike[str], options: Options | None = None, *, workers: Workers | None = None, progress: Progress | None = None) -> Report:
+    """Check an FMU. Raises Unchecked where there is nothing that can be checked: no file, no FMU, a version that is not known."""
+    options = options or Options()
+    chosen = options.chosen()
+    begin = time.monotonic()
+    report = Report(Path(path))
+    with contextlib.ExitStack() as stack:
+        file = _opened(report, options, stack)
+        if file is not None:
+            if workers is None:
+                workers = stack.enter_context(Workers())
+            _run_all(report, file, chosen, options, workers, progress or (lambda what, done, of: None))
+    report.seconds = time.monotonic() - begin
+    return report
+
+
+READABLE = Check(
+    "archive.readable", "the archive and its description can be read",
+    {"2": "2.3 FMU Distribution", "3": "2.5 FMU Distribution"}, "Pack and write it again.", ("2", "3"), (), "error", lambda *_: (),
+)  # fmt: skip
+CHECKS.setdefault(READABLE.id, READABLE)
+
+
+def _opened(report: Report, options: Options, stack: contextlib.ExitStack) -> File | None:
+    """The FMU, unpacked; None where it cannot be read, which the report then says."""
+    path = report.path
+    try:
+        file = Archive(path, options.limits)
+        xml = file.description()
+    except FmuError as error:
+        raise Unchecked(str(error)) from None
+    try:
+        root = tree(xml, str(path), options.limits)
+    except FmuError as error:
+        report.fmi = "?"
+        report.results.append(Result(READABLE, "", (Finding(str(error).removeprefix(f"{path}: "), "error"),)))
+        return None
+    version = root.get("fmiVersion", "")
+    if root.tag != "fmiModelDescription" or not version.startswith(("2.", "3.")):
+        raise Unchecked(f"{path}: FMI version {version[:40]!r} is not known; FMI 2.0 and 3.0 can be checked")
+    if options.fmi is not None and version[0] != options.fmi:
+        raise Unchecked(f"{path} is an FMU of FMI {version[:40]}, not of FMI {options.fmi}.0 as requested")
+    found = File(file, root, read(root))
+    model = found.model
+    report.name, report.fmi, report.tool = model.name, model.fmi, model.tool
+    report.interfaces = (*(_KINDS[k] for k in model.interfaces), *(["Scheduled Execution"] if model.scheduled else []))
+    folder = Path(tempfile.mkdtemp(prefix="cosim-check-"))
+    stack.callback(shutil.rmtree, folder, ignore_errors=True)
+    try:
+        file.unpack(folder)
+    except FmuError as error:
+        report.results.append(Result(READABLE, "", (Finding(str(error).removeprefix(f"{path}: "), "error"),)))
+        return None
+    (folder / "resources").mkdir(exist_ok=True)
+    found.folder = folder
+    return found
+
+
+def _run_all(report: Report, file: File, chosen: list[Check], options: Options, workers: Workers, progress: Progress) -> None:
+    version, model = file.model.version, file.model
+    mine = [c for c in chosen if version in c.versions and c.id != READABLE.id]
+    still = [c for c in mine if not c.kinds]
+    moving = [c for c in mine if c.kinds]
+    for done, c in enumerate(still):
+        progress(c.id, done, len(mine))
+        report.results.append(_of_file(c, file))
+    _measure_libraries(report, file)
+    kinds = [k for k in model.interfaces if k in options.kinds]
+    reasons = {k: _cannot_run(file, k) for k in kinds}
+    if model.scheduled and not kinds:
+        report.not_run = "it offers Scheduled Execution only, which is not run"
+    elif kinds and all(reasons.values()):
+        report.not_run = reasons[kinds[0]]
+    libraries = {k: file.folder / _binary(model, k) for k in kinds if not reasons[k]}
+    done = len(still)
+    for kind in kinds:
+        of_kind = [c for c in moving if kind in c.kinds]
+        reason = reasons[kind]
+        if not reason:  # first of all it must live
+            result = _of_instance(CHECKS[LIFE], kind, file, libraries, options, workers, report)
+            if result.findings and result.verdict == "error":
+                reason = f"the FMU cannot be run (see {LIFE})"
+                if model.interfaces[kind].needs_tool:
+                    why = f"it needs its tool, which does not answer here: {result.findings[0].text}"
+                    result = Result(result.check, kind, (), why, result.seconds)
+                    report.not_run = report.not_run or why
+            if any(c.id == LIFE for c in of_kind) or result.findings:
+                report.results.append(result)
+            of_kind = [c for c in of_kind if c.id != LIFE]
+        for c in of_kind:
+            progress(f"{c.id}, {_KINDS[kind]}", min(done, len(mine) - 1), len(mine))
+            done += 1
+            if c.id in ONCE_PER_FMU and kind != kinds[0]:
+                continue
+            if reason:
+                report.results.append(Result(c, kind, (), reason))
+            else:
+                report.results.append(_of_instance(c, kind, file, libraries, options, workers, report))
+
+
+def _binary(model: Model, kind: str) -> str:
+    """Path of this platform's library in the archive."""
+    folder, suffix = calls.platform_folder(model.version)
+    return f"binaries/{folder}/{model.interfaces[kind].identifier}{suffix}"
+
+
+def _cannot_run(file: File, kind: str) -> str:
+    """Why an interface cannot be run here; empty: it can."""
+    path = _binary(file.model, kind)
+    if (file.folder / path).is_file():
+        return ""
+    others = sorted({folder for folder, _ in file.archive.libraries() if claimed(folder, file.model.version)})
+    there = f"it has binaries for {', '.join(others)}" if others else "it has no binaries"
+    return f"there is no binary for this platform ({path}); {there}"
+
+
+def _measure_libraries(report: Report, file: File) -> None:
+    """Newest versions of glibc that the libraries need."""
+    for path, (library, _) in binary.libraries(file).items():
+        if isinstance(library, binary.Library) and library.glibc:
+            report.measures[f"{path} needs glibc"] = ".".join(map(str, library.glibc))
+
+
+def _of_file(check: Check, file: File) -> Result:
+    begin = time.monotonic()
+    found: list[Finding] = []
+    reason = ""
+    try:
+        found = list(check.run(file))
+    except NotApplicable as why:
+        reason = str(why)
+    return Result(check, "", tuple(found[:MOST]), reason, time.monotonic() - begin, max(0, len(found) - MOST))
+
+
+def _of_instance(check: Check, kind: str, file: File, libraries: dict[str, Path], options: Options, workers: Workers, report: Report) -> Result:
+    seconds = min(options.seconds, PATIENCE) if check.id in WRONG_CALLS else options.seconds
+    answer = workers.run(Job(check.id, kind, file.model, file.folder, libraries, seconds, options.bytes))
+    if answer.broken:
+        raise RuntimeError(f"the check {check.id} has failed, which is a mistake of ours:\n{answer.broken}")
+    findings = list(answer.findings)
+    if answer.lost:
+        doing = f" in {answer.doing}" if answer.doing else ""
+        words = f"; its last words: {answer.words}" if answer.words else ""
+        findings.append(Finding(f"the process of the FMU was lost{doing}: {answer.lost}{words}", check.worst))
+    for name, value in answer.measures.items():
+        report.measures[f"{name} ({_KINDS[kind]})"] = value
+    return Result(check, kind, tuple(findings), answer.inapplicable, answer.seconds)

@@ -1,0 +1,375 @@
+"""Checks of the state machine: what is allowed in a state succeeds, what is not returns an error, and nothing of it ends the process."""
+
+from __future__ import annotations
+
+import ctypes as c
+from collections.abc import Callable
+from typing import Any
+
+from cosim.check.bench import Bench, Found, good
+from cosim.check.calls import DISCARD, ERROR, FATAL, EventInfo2, Instance, Refused, shown
+from cosim.check.rules import check, names, note, warning
+
+_MACHINE2 = "3.2.3 and 4.2.4 State Machine of Calling Sequence"
+_MACHINE3 = "2.3 State Machine and Semantics; 3.2 and 4.2"
+
+
+@check(
+    "states.version", "the library says the FMI version of its description",
+    fmi2="2.1.4 Inquire Platform and Version Number of Header Files", fmi3="2.2.5 Inquire Version Number of Header Files",
+    advice="Return the version of the header files.", kinds=("cs", "me"),
+)  # fmt: skip
+def version(bench: Bench) -> Found:
+    dll = bench.fmu.dll(bench.kind)
+    for function, expected in ((f"fmi{bench.version}GetVersion", bench.version + ".0"), ("fmi2GetTypesPlatform", "default")):
+        if not hasattr(dll, function):
+            continue
+        bench.fmu.say(function)
+        f = getattr(dll, function)
+        f.restype = c.c_char_p
+        said = (f() or b"").decode("utf-8", "replace")
+        if said != expected:
+            text = f"{function} returns {said!r}; it must return {expected!r}"
+            yield warning(text) if said.startswith(expected) else text
+
+
+@check(
+    "states.life", "an instance goes through its life: instantiation, initialization, steps, termination, and is freed",
+    fmi2=_MACHINE2, fmi3=_MACHINE3,
+    advice="Look at the message, if there is one; with start values and without connections an FMU must run.", kinds=("cs", "me"),
+)  # fmt: skip
+def life(bench: Bench) -> Found:
+    import time
+
+    from cosim.check.calls import Ended
+
+    a = bench.instance()
+    if a.handle is None:
+        a.require()
+    with a:
+        read = bench.watched()
+        a.enter_initialization()
+        a.get(read)
+        a.exit_initialization()
+        times = []
+        try:
+            if a.kind == "me":
+                a.handle_events()
+            for _ in range(10):
+                begin = time.perf_counter()
+                a.step(bench.step)
+                times.append(time.perf_counter() - begin)
+                a.get(read)
+        except Ended:
+            yield note(f"it asks to end the simulation at {a.time:.9g} s, with start values and inputs as they are")
+        except Refused as refused:
+            if refused.status == DISCARD and a.time > bench.model.start_time:
+                yield note(str(refused))
+                return
+            raise
+        if times:
+            bench.measures["time of a step"] = f"{sorted(times)[len(times) // 2] * 1e6:.0f} us"
+        a.terminate()
+
+
+def _states(bench: Bench) -> list[str]:
+    return ["instantiated", "initialization mode", *(["step mode"] if bench.kind == "cs" else ["event mode", "continuous-time mode"]), "terminated"]
+
+
+def put_into(a: Instance, state: str) -> Instance:
+    """Bring a new instance into a state."""
+    if state == "instantiated":
+        return a
+    a.enter_initialization()
+    if state == "initialization mode":
+        return a
+    a.exit_initialization()
+    if state == "event mode":
+        return a
+    if a.kind == "me":
+        a.handle_events()
+    if state == "terminated":
+        a.terminate()
+    return a
+
+
+Call = Callable[[Bench, Instance], int]
+ANY, RUNNING = ("instantiated", "initialization mode", "event mode", "continuous-time mode", "step mode", "terminated"), ("event mode", "continuous-time mode", "step mode")
+READ = ANY[1:]
+
+
+def _get(bench: Bench, a: Instance) -> int:
+    worst = 0
+    for access, group in bench.fmu.groups(bench.watched()).items():
+        worst = max(worst, a.get_raw(access, group)[0])
+    return worst
+
+
+def _set_inputs(bench: Bench, a: Instance) -> int:
+    """Inputs to their start values; in continuous-time mode only the continuous ones may change."""
+    inputs = [v for v in bench.settable("input") if a.state != "continuous-time mode" or v.variability == "continuous"]
+    worst = 0
+    for access, group in bench.fmu.groups(inputs).items():
+        values = [x for v in group for x in v.starts() or ()]
+        worst = max(worst, a.set_raw(access, group, values))
+    return worst
+
+
+def _set_parameters(bench: Bench, a: Instance) -> int:
+    worst = 0
+    for access, group in bench.fmu.groups(bench.settable("parameter")).items():
+        values = [x for v in group for x in v.starts() or ()]
+        worst = max(worst, a.set_raw(access, group, values))
+    return worst
+
+
+def _logging(bench: Bench, a: Instance) -> int:
+    categories = [x.encode() for x in bench.model.categories]
+    array = (c.c_char_p * max(1, len(categories)))(*categories)
+    status = a.call("SetDebugLogging", True, c.c_size_t(len(categories)), array)
+    return max(status, a.call("SetDebugLogging", False, c.c_size_t(0), None))
+
+
+def _save(bench: Bench, a: Instance) -> int:  # noqa: ARG001
+    state = c.c_void_p()
+    status = a.call(f"Get{a.saved}", c.byref(state))
+    if good(status):
+        status = max(status, a.call(f"Set{a.saved}", state))
+        status = max(status, a.call(f"Free{a.saved}", c.byref(state)))
+    return status
+
+
+def _vector(name: str) -> Call:
+    def call(bench: Bench, a: Instance) -> int:
+        n = bench.model.n_indicators if name == "GetEventIndicators" else bench.model.n_states
+        if n == 0:
+            return 0
+        return a.call(name, (c.c_double * max(1, n))(), c.c_size_t(n))
+
+    return call
+
+
+def _time(bench: Bench, a: Instance) -> int:  # noqa: ARG001
+    return a.call("SetTime", a.time)
+
+
+def _completed(bench: Bench, a: Instance) -> int:  # noqa: ARG001
+    enter, ends = a.fmu.flag(), a.fmu.flag()
+    return a.call("CompletedIntegratorStep", True, c.byref(enter), c.byref(ends))
+
+
+def _directional(bench: Bench, a: Instance) -> int:
+    knowns = [v for v in bench.settable("input") if v.is_float and v.variability == "continuous"][:1]
+    unknowns = [v for v in bench.model.of("output") if v.is_float and v.variability == "continuous"][:1]
+    if not knowns or not unknowns:
+        return 0
+    try:
+        a.directional(unknowns, knowns, [1.0] * knowns[0].size)
+    except Refused as refused:
+        return -1 if refused.status is None else refused.status
+    return 0
+
+
+def _events(bench: Bench, a: Instance) -> int:  # noqa: ARG001
+    if a.version == "2":
+        return a.call("NewDiscreteStates", c.byref(EventInfo2()))
+    return a.call("UpdateDiscreteStates", *[c.byref(c.c_bool()) for _ in range(5)], c.byref(c.c_double()))
+
+
+def allowed(bench: Bench) -> list[tuple[str, tuple[str, ...], Call]]:
+    """(what is called, states in which it is allowed, the call) of what every correct importer may do."""
+    i, me = bench.interface, bench.kind == "me"
+    found: list[tuple[str, tuple[str, ...], Call]] = [
+        ("Get of variables", READ, _get),
+        ("Set of inputs", ("instantiated", "initialization mode", *RUNNING), _set_inputs),
+        ("Set of parameters", ("instantiated", "initialization mode"), _set_parameters),
+        ("SetDebugLogging", ANY, _logging),
+    ]
+    if i.saves:
+        found.append((f"Get, Set and Free of the {'FMUstate' if bench.version == '2' else 'FMUState'}", ANY, _save))
+    if i.directional:
+        found.append(("GetDirectionalDerivative", (*READ[:1], *RUNNING), _directional))
+    if me:
+        get = "GetDerivatives" if bench.version == "2" else "GetContinuousStateDerivatives"
+        evaluated = ("initialization mode", "event mode", "continuous-time mode")
+        found += [
+            (get, evaluated, _vector(get)),
+            ("GetContinuousStates", evaluated, _vector("GetContinuousStates")),
+            ("GetNominalsOfContinuousStates", ("event mode", "continuous-time mode"), _vector("GetNominalsOfContinuousStates")),
+            ("GetEventIndicators", evaluated, _vector("GetEventIndicators")),
+            ("SetTime", ("continuous-time mode",), _time),
+            ("NewDiscreteStates" if bench.version == "2" else "UpdateDiscreteStates", ("event mode",), _events),
+        ]
+        if i.wants_completed_steps(bench.version):
+            found.append(("CompletedIntegratorStep", ("continuous-time mode",), _completed))
+    return found
+
+
+@check(
+    "states.allowed", "every function succeeds in every state where it is allowed",
+    fmi2=_MACHINE2, fmi3=_MACHINE3,
+    advice="Allow what the state machine allows; functions that a capability flag promises must work.", kinds=("cs", "me"),
+)  # fmt: skip
+def every_allowed(bench: Bench) -> Found:
+    for state in _states(bench):
+        for what, where, call in allowed(bench):
+            if state not in where or (what.startswith("Get of") and state == "terminated" and bench.version == "2" and bench.kind == "me"):
+                continue
+            with bench.instance() as a:
+                put_into(a, state)
+                before = len(a.messages)
+                status = call(bench, a)
+                if not good(status) and status != DISCARD:
+                    said = a.said(before)
+                    yield f"{what} {a.where} returns {shown(status)}{': ' + said if said else ''}"
+                if status == FATAL:
+                    a.handle = None  # nothing may be called any more
+    for state in _states(bench):  # and a second life from each
+        with bench.instance() as a:
+            put_into(a, state)
+            a.reset()
+            a.initialize()
+
+
+def _step(bench: Bench, a: Instance) -> int:
+    return a.do_step(a.time, bench.step)
+
+
+def _enter(bench: Bench, a: Instance) -> int:  # noqa: ARG001
+    return a.call("EnterInitializationMode", *(() if a.version == "2" else a.setup()))
+
+
+def _plain(name: str) -> Call:
+    return lambda bench, a: a.call(name)
+
+
+@check(
+    "states.forbidden", "a function that is not allowed in a state returns an error",
+    fmi2="2.1.3 Status Returned by Functions; " + _MACHINE2, fmi3="2.2.4 Status Returned by Functions; " + _MACHINE3,
+    advice="Check the state at the top of each function, and return Error with a message. Importers make mistakes, too.",
+    kinds=("cs", "me"), worst="warning",
+)  # fmt: skip
+def forbidden(bench: Bench) -> Found:
+    calls: list[tuple[str, tuple[str, ...], Call]] = [
+        ("ExitInitializationMode", tuple(s for s in ANY if s != "initialization mode"), _plain("ExitInitializationMode")),
+        ("EnterInitializationMode", tuple(s for s in ANY if s != "instantiated"), _enter),
+        ("Terminate", ("instantiated", "initialization mode", "terminated"), _plain("Terminate")),
+    ]
+    if bench.kind == "cs":
+        calls.append(("DoStep", ("instantiated", "initialization mode", "terminated"), _step))
+    else:
+        calls += [
+            ("EnterContinuousTimeMode", ("instantiated", "initialization mode", "terminated"), _plain("EnterContinuousTimeMode")),
+            ("EnterEventMode", ("instantiated", "initialization mode", "terminated"), _plain("EnterEventMode")),
+            ("SetContinuousStates", ("instantiated", "terminated"), _vector("SetContinuousStates")),
+        ]
+    taken: dict[str, list[str]] = {}
+    for what, where, call in calls:
+        for state in where:
+            if state not in _states(bench):
+                continue
+            with bench.instance() as a:
+                put_into(a, state)
+                status = call(bench, a)
+                if status not in (ERROR, DISCARD):
+                    taken.setdefault(f"{what} returns {shown(status)}", []).append(state)
+                if status == FATAL:
+                    a.handle = None
+    if taken:
+        yield "; ".join(f"{text} in {' and in '.join(where_)}" for text, where_ in taken.items()) + ", where it is not allowed"
+
+
+@check(
+    "states.step", "step sizes that are none and times that do not fit are refused",
+    fmi2="4.2.2 Computation", fmi3="2.2.5.1 Advancing Time; 4.2 (fmi3DoStep)",
+    advice="Refuse steps that are not above 0 or not finite, and steps beyond stopTime.", kinds=("cs",), worst="warning",
+)  # fmt: skip
+def wrong_steps(bench: Bench) -> Found:
+    taken = []
+    for h in (-bench.step, float("nan"), float("inf")):
+        with bench.instance() as a:
+            a.initialize()
+            status = a.do_step(a.time, h)
+            if good(status):
+                taken.append(f"{h:g}")
+    if taken:
+        yield f"DoStep accepts a communicationStepSize of {', '.join(taken)}"
+    with bench.instance() as a:
+        a.enter_initialization(stop=bench.model.start_time + bench.step)
+        a.exit_initialization()
+        a.step(bench.step)
+        if good(a.do_step(a.time, bench.step)):
+            yield "DoStep goes beyond the stopTime that it was told; it has to return an error there"
+
+
+@check(
+    "states.null", "FreeInstance ignores NULL",
+    fmi2="2.1.5 Creation, Destruction and Logging of FMU Instances (fmi2FreeInstance)", fmi3="2.3.1 Super State: FMU State Setable (fmi3FreeInstance)",
+    advice="Return at once when the instance is NULL.", kinds=("cs", "me"),
+)  # fmt: skip
+def free_null(bench: Bench) -> Found:
+    f = bench.instance().require()
+    free = f.raw("FreeInstance")
+    free.restype = None
+    free(None)
+    f.free()
+    yield from ()
+
+
+@check(
+    "states.arguments", "NULL arguments and unknown log categories are no crash",
+    fmi2="2.1.3 Status Returned by Functions", fmi3="2.2.1 Requirements for Implementations of the C-API (NULL)",
+    advice="Guard against NULL: the standard forbids it to importers, and recommends it to FMUs.", kinds=("cs", "me"), worst="note",
+)  # fmt: skip
+def null_arguments(bench: Bench) -> Found:
+    floats = "Real" if bench.version == "2" else "Float64"
+    one = c.c_size_t(1)
+    tail: tuple[Any, ...] = () if bench.version == "2" else (one,)
+    with bench.instance() as a:
+        put_into(a, "step mode" if bench.kind == "cs" else "continuous-time mode")
+        room = (c.c_double * 1)()
+        reference = (c.c_uint32 * 1)(next((v.reference or 0 for v in bench.watched() if v.access == floats), 0))
+        a.call(f"Get{floats}", reference, one, None, *tail)
+        a.call(f"Get{floats}", None, one, room, *tail)
+        a.call(f"Set{floats}", None, one, room, *tail)
+        nonsense = (c.c_char_p * 1)(b"no category, %s %n")
+        a.call("SetDebugLogging", True, one, nonsense)
+    yield from ()
+
+
+@check(
+    "states.token", "an FMU that is told the token of another description cannot be instantiated",
+    fmi2="2.1.5 Creation, Destruction and Logging of FMU Instances (fmuGUID)", fmi3="2.3.1 Super State: FMU State Setable (instantiationToken)",
+    advice="Compare the token with the one that was compiled in, and return NULL with a message where they differ.",
+    kinds=("cs", "me"), worst="warning",
+)  # fmt: skip
+def token(bench: Bench) -> Found:
+    a = bench.instance(token=bench.model.token + "-of-another")
+    if a.handle is not None:
+        a.free()
+        yield note("it can be instantiated with a wrong " + ("GUID" if bench.version == "2" else "instantiationToken"))
+
+
+@check(
+    "states.statuses", "statuses are those of FMI, and errors are explained",
+    fmi2="2.1.3 Status Returned by Functions", fmi3="2.2.4 Status Returned by Functions and Logging Mechanism",
+    advice="Log a message before an Error is returned, while logging is on.", kinds=("cs", "me"), worst="warning",
+)  # fmt: skip
+def explained(bench: Bench) -> Found:
+    silent = []
+    for what, state, call in (
+        ("ExitInitializationMode", "instantiated", _plain("ExitInitializationMode")),
+        ("Terminate", "instantiated", _plain("Terminate")),
+    ):
+        with bench.instance() as a:
+            put_into(a, state)
+            a.messages.clear()
+            status = call(bench, a)
+            if status == ERROR and not a.messages:
+                silent.append(what)
+            if status < 0 or status > 5:
+                yield f"{what} {a.where} returns {shown(status)}"
+    if silent:
+        yield note(f"{names(silent)}: Error is returned without a message, although logging is on")
+
+

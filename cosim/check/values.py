@@ -1,0 +1,287 @@
+"""Checks of values: those of the start, those that are set, and those that cannot be."""
+
+from __future__ import annotations
+
+import ctypes as c
+import math
+from typing import Any
+
+from cosim.check.bench import Bench, Found, Values, attempt, good, moved, same, shown, tried
+from cosim.check.calls import Ended, Refused
+from cosim.check.model import Var
+from cosim.check.rules import NotApplicable, check, names, warning
+
+_VALUES2 = "2.1.7 Getting and Setting Variable Values"
+_VALUES3 = "2.2.6.2 Getting and Setting Variable Values"
+MOST_NAMED = 5
+
+
+@check(
+    "values.start", "before anything is set, variables have the start values of the description",
+    fmi2="2.2.7 Definition of Model Variables (start)", fmi3="2.4.7.5 Type specific properties (start)",
+    advice="Write the same start values into the description and into the code.", kinds=("cs", "me"),
+)  # fmt: skip
+def start(bench: Bench) -> Found:
+    with bench.instance() as a:
+        a.enter_initialization()
+        found = list(_not_at_start(a.get(_exact(bench))))
+    yield from found[:MOST_NAMED]
+    if len(found) > MOST_NAMED:
+        yield f"and {len(found) - MOST_NAMED} more"
+
+
+def _exact(bench: Bench) -> list[Var]:
+    readable = bench.fmu.readable(bench.model.variables)
+    return [v for v in readable if v.initial == "exact" and v.starts() is not None and v.causality != "independent"]
+
+
+def _not_at_start(values: Values) -> Found:
+    for v, got in values.items():
+        for x, y in zip(got, v.starts() or (), strict=True):
+            value = x.decode("utf-8", "replace") if isinstance(x, bytes) else x
+            expected = y if isinstance(y, str | bool) else float(y) if v.is_float else int(y)
+            if v.access == "Boolean":
+                value = bool(value)
+            if v.type == "Float32" and isinstance(value, float):
+                if same(value, float(expected), 1e-6):
+                    continue
+            elif same(value, expected, 1e-5) or (isinstance(value, str) and value.split() == str(expected).split()):
+                continue
+            if isinstance(value, str):  # where resources lie is known in a run only
+                yield warning(f"{v.name!r} is {shown(value)} in initialization mode; its start is {shown(expected)}")
+                break
+            yield f"{v.name!r} is {shown(value)} in initialization mode; its start is {shown(expected)}"
+            break
+
+
+@check(
+    "values.set", "what is set is what is read, in initialization and between steps",
+    fmi2=_VALUES2, fmi3=_VALUES3,
+    advice="Keep values that were set until they are set again.", kinds=("cs", "me"),
+)  # fmt: skip
+def set_and_read(bench: Bench) -> Found:
+    inputs = tried(bench.settable("input"), 60)
+    floats = [v for v in bench.settable("parameter") if v.is_float]
+    before: Values = {v: m for v in [*tried(floats, 40), *inputs] if (m := moved(v, v.starts() or (), 1e-3)) is not None}
+    if not before:
+        raise NotApplicable("there is nothing to set")
+
+    def wrong(values: Values, running: bool) -> list[str] | None:
+        """Names of what is not kept; None: the FMU does not take these values."""
+        with bench.instance() as a:
+            try:
+                if not running:
+                    a.set(values)
+                    a.enter_initialization()
+                else:
+                    a.initialize()
+                    a.set(values)
+                    if a.kind == "cs":  # nothing may be read between set and step
+                        a.step(bench.step)
+                return [_kept(v, values[v], got) for v, got in a.get(list(values)).items() if _kept(v, values[v], got)]
+            except (Refused, Ended):
+                return None
+
+    found = wrong(before, False)
+    if found is None:  # together they do not fit: one by one
+        found = [t for v in tried([*before]) for t in wrong({v: before[v]}, False) or ()]
+    for text in found[:MOST_NAMED]:
+        yield f"{text} (set before initialization)"
+    continuous = {v: before[v] for v in inputs if v in before and (bench.kind == "cs" or v.variability == "continuous")}
+    if continuous:
+        for text in (wrong(continuous, True) or [])[:MOST_NAMED]:
+            yield f"{text} (an input set {'between steps' if bench.kind == 'cs' else 'in continuous-time mode'})"
+
+
+def _kept(v: Var, was: list[Any], got: list[Any]) -> str:
+    for x, y in zip(was, got, strict=True):
+        if not same(float(x), float(y), 1e-6):  # some pass through single precision
+            return f"{v.name!r} was set to {shown(x)} and is {shown(y)}"
+    return ""
+
+
+@check(
+    "values.discrete", "integers and Booleans that are set are what is read",
+    fmi2=_VALUES2, fmi3=_VALUES3,
+    advice="Keep values that were set until they are set again.", kinds=("cs", "me"),
+)  # fmt: skip
+def set_discrete(bench: Bench) -> Found:
+    candidates = [v for v in bench.settable("input", "parameter") if not v.is_float]
+    if not candidates:
+        raise NotApplicable("there are no integers or Booleans to set")
+    for v in tried(candidates):
+        value = moved(v, v.starts() or ())
+        if value is None:
+            continue
+        with bench.instance() as a:
+            if attempt(lambda a=a, v=v, value=value: a.set({v: value}) and a.enter_initialization()) is None:  # type: ignore[misc]
+                continue
+            got = a.get([v])[v]
+            if [int(x) for x in got] != [int(x) for x in value]:
+                yield f"{v.name!r} was set to {shown(value[0])} and is {shown(got[0])}"
+
+
+@check(
+    "values.reset", "reset brings all start values back",
+    fmi2="2.1.6 Initialization, Termination, and Resetting an FMU (fmi2Reset)", fmi3="2.3.1 Super State: FMU State Setable (fmi3Reset)",
+    advice="In Reset do everything that instantiation does; all variables have their start values again.", kinds=("cs", "me"),
+)  # fmt: skip
+def reset(bench: Bench) -> Found:
+    floats = [v for v in bench.settable("parameter", "input") if v.is_float]
+    values: Values = {v: m for v in tried(floats, 40) if (m := moved(v, v.starts() or (), 1e-3)) is not None}
+    with bench.instance() as a:
+        if values and attempt(lambda: a.set(values)) is None:
+            raise NotApplicable("it does not take other values")
+        attempt(a.initialize)
+        attempt(lambda: a.step(bench.step))
+        a.reset()
+        a.enter_initialization()
+        found = [f"after reset {t}" for t in _not_at_start(a.get(_exact(bench)))]
+    with bench.instance() as b:  # what is not at its start anyway is no fault of reset
+        b.enter_initialization()
+        anyway = {f"after reset {t}" for t in _not_at_start(b.get(_exact(bench)))}
+    found = [t for t in found if t not in anyway]
+    yield from found[:MOST_NAMED]
+    if len(found) > MOST_NAMED:
+        yield f"and {len(found) - MOST_NAMED} more"
+
+
+@check(
+    "values.effect", "parameters take effect on a fresh and on a reset instance alike",
+    fmi2="2.1.6 Initialization, Termination, and Resetting an FMU", fmi3="2.3.1 Super State: FMU State Setable; 2.3.2 State: Instantiated",
+    advice="Compute everything that depends on parameters when initialization mode is left, also after Reset.", kinds=("cs", "me"),
+)  # fmt: skip
+def effect(bench: Bench) -> Found:
+    from cosim.check.bench import difference
+
+    base = bench.repeatable()
+    parameters = tried([v for v in bench.settable("parameter") if v.is_float], 6)
+    if not parameters:
+        raise NotApplicable("there are no parameters to set")
+    for v in parameters:
+        values = moved(v, v.starts() or ())
+        if values is None:
+            continue
+        fresh = attempt(lambda v=v, values=values: bench.fresh({v: values}))  # type: ignore[misc]
+        if not fresh or not difference(base, fresh):
+            continue
+        with bench.instance() as a:
+            attempt(lambda a=a: bench.run(a.initialize()))  # type: ignore[misc]
+            a.reset()
+            again = attempt(lambda a=a, v=v, values=values: bench.run(a.initialize({v: values})))  # type: ignore[misc]
+        if again and (text := difference(fresh, again)):
+            yield f"with {v.name!r} = {shown(values[0])} a fresh instance and one that was reset give different results: {text}"
+
+
+@check(
+    "values.readonly", "what may not be set cannot be set",
+    fmi2="2.1.3 Status Returned by Functions; 2.2.7 (causality, variability)", fmi3="2.2.4 Status Returned by Functions (setting a constant)",
+    advice="Return Error when a constant, an output or another calculated variable is set.", kinds=("cs", "me"), worst="warning",
+)  # fmt: skip
+def readonly(bench: Bench) -> Found:
+    readable = bench.fmu.readable(bench.model.variables)
+    exact = {v.key for v in bench.model.variables if v.causality in ("input", "parameter") or (v.says.get("initial") in ("exact", "approx"))}
+    states = {v.key for v in bench.model.states}
+    constants = [v for v in readable if v.variability == "constant" and v.is_number]
+    calculated = [v for v in readable if v.causality in ("output", "calculatedParameter") and v.initial == "calculated" and v.is_number]
+    fixed = [v for v in bench.settable("parameter") if v.variability == "fixed"]
+    taken: dict[str, list[str]] = {}
+    for what, group, running in (("constants", constants, False), ("calculated variables", calculated, True), ("fixed parameters, after initialization,", fixed, True)):
+        for v in tried(group, 4):
+            if what != "fixed parameters, after initialization," and (v.key in exact or v.key in states):
+                continue  # an alias of it may be set
+            with bench.instance() as a:
+                if running:
+                    a.initialize()
+                if good(a.set_raw(v.access, [v], v.starts() or [0] * v.size)):
+                    taken.setdefault(what, []).append(v.name)
+    for what, found in taken.items():
+        yield f"{what} can be set: {names(found)}"
+
+
+@check(
+    "values.unknown", "value references that do not exist, and functions of another type, return an error",
+    fmi2="2.1.3 Status Returned by Functions; " + _VALUES2, fmi3="2.2.4 Status Returned by Functions; " + _VALUES3,
+    advice="Look value references up, and return Error for those that are not there.", kinds=("cs", "me"), worst="warning",
+)  # fmt: skip
+def unknown(bench: Bench) -> Found:
+    used: dict[str, set[int]] = {}
+    for v in bench.model.variables:
+        used.setdefault(v.access if bench.version == "2" else "", set()).add(v.reference or 0)
+    floats = "Real" if bench.version == "2" else "Float64"
+    nobodys = next(r for r in range(2**20, 2**32) if all(r not in u for u in used.values()))
+    taken = []
+    for reference in (nobodys, 2**32 - 1):
+        if any(reference in u for u in used.values()):
+            continue
+        for direction in ("Get", "Set"):
+            with bench.instance() as a:
+                a.initialize()
+                room, one = (c.c_double * 1)(), c.c_size_t(1)
+                status = a.call(f"{direction}{floats}", (c.c_uint32 * 1)(reference), one, room, *(() if bench.version == "2" else (one,)))
+                if good(status):
+                    taken.append(f"{direction}{floats} of value reference {reference}")
+    if taken:
+        yield f"accepted: {', '.join(taken)}"
+    other = "Integer" if bench.version == "2" else "Int32"
+    for v in [v for v in bench.watched() if v.access == floats and v.size == 1][:1]:
+        if bench.version == "2" and v.reference in used.get("Integer", ()):
+            continue
+        with bench.instance() as a:
+            a.initialize()
+            if good(a.get_raw(other, [v])[0]):
+                yield f"Get{other} reads {v.name!r}, which is {v.type}"
+
+
+@check(
+    "values.extreme", "NaN, infinity and values beyond their range are refused or survived",
+    fmi2=_VALUES2 + " (min, max)", fmi3="2.2.6.3 Handling min/max Range Violations",
+    advice="Refuse values that cannot be used with Discard or Error; never crash or hang on them.", kinds=("cs", "me"), worst="warning",
+)  # fmt: skip
+def extreme(bench: Bench) -> Found:
+    inputs = [v for v in bench.settable("input") if v.is_float]
+    parameters = [v for v in bench.settable("parameter") if v.is_float]
+    if not inputs and not parameters:
+        raise NotApplicable("there are no real inputs or parameters")
+    tries: list[tuple[list[Var], float]] = [(inputs, x) for x in (math.nan, math.inf, -1e300)]
+    tries += [(tried(parameters, 2), x) for x in (math.nan, math.inf)]
+    for group, value in tries:
+        if not group:
+            continue
+        running = group is inputs
+        with bench.instance() as a:
+            if running:
+                a.initialize()
+            bench.fmu.say(f"with {value:g} in {names(v.name for v in group)}")
+            if attempt(lambda a=a, group=group, value=value: a.set({v: [value] * v.size for v in group})) is None:  # type: ignore[misc]
+                continue
+            attempt(lambda a=a, running=running: running or a.initialize())  # type: ignore[misc]
+            for _ in range(2):
+                attempt(lambda a=a: a.step(bench.step))  # type: ignore[misc]
+            attempt(lambda a=a: a.get(bench.watched()))  # type: ignore[misc]
+    yield from ()
+
+
+@check(
+    "values.range", "values in a run are finite and lie in the range that is declared",
+    fmi2="2.2.7 Definition of Model Variables (min, max)", fmi3="2.2.6.3 Handling min/max Range Violations",
+    advice="Correct min and max, or what is computed.", kinds=("cs", "me"), worst="warning",
+)  # fmt: skip
+def in_range(bench: Bench) -> Found:
+    seen: set[str] = set()
+    for values in bench.fresh():
+        for v, got in values.items():
+            if v.name in seen or not v.is_number:
+                continue
+            for x in got:
+                margin = 1e-6 * max(abs(v.low or 0.0), abs(v.high or 0.0), v.nominal or 0.0) if v.is_float else 0
+                if v.is_float and not math.isfinite(x):
+                    seen.add(v.name)
+                    yield warning(f"{v.name!r} is {shown(x)} with start values")
+                    break
+                if (v.low is not None and x < v.low - margin) or (v.high is not None and x > v.high + margin):
+                    seen.add(v.name)
+                    limits = f"{-math.inf if v.low is None else v.low:g} to {math.inf if v.high is None else v.high:g}"
+                    text = f"{v.name!r} is {shown(x)}, outside of its range {limits}"
+                    yield warning(text)
+                    break

@@ -1,0 +1,76 @@
+"""The bench as a learning environment: ``gymnasium.make("suspension/QuarterCar-v0")``.
+
+What its LQR and its MPC know and may do: the four states every 10 ms, 8 N, and their index as the cost.
+"""
+
+from __future__ import annotations
+
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from cosim import StopWhen, System
+from cosim.experiments.bench.runs import Case, configure, wire
+from cosim.gym import Step, SystemEnv
+from cosim.study.fmus import FmuSet
+from fmu_sources.controllers.lq.bench import FORCE_WEIGHT, WEIGHTS
+from fmu_sources.controllers.mpc.bench import FORCE_LIMIT, MPC_PERIOD
+from fmu_sources.models.bench_states import STATES
+
+FORCE = "plant.force"
+RANGES = {
+    "suspension.deflection": (-0.04, 0.04), "body.vz": (-0.5, 0.5), "tire.deflection": (-0.04, 0.04), "wheel.vz": (-1.0, 1.0)
+}  # fmt: skip
+"""Of the states [SI]: some three times what the passive bench reaches on the random road."""
+LENGTH = 5.0  # s, of an episode
+LIFTED = 0.15  # m, of suspension travel: the bench would be broken
+OFFSETS = (0.0, 5e4)  # s, where in the random motion episodes start; what is beyond is for tests
+FAILED = -1000.0  # of a step, where an undisturbed one costs 0 and a passive one some 0.1
+
+
+def cost(step: Step) -> float:
+    """The index of LqrBench, negative, as a mean over a step."""
+    states = np.column_stack([step.over(f"plant.{name}") for name in STATES])
+    return -float(np.mean(states**2 @ np.array(WEIGHTS)) + FORCE_WEIGHT * step.action[FORCE] ** 2)
+
+
+def somewhere(rng: np.random.Generator, within: tuple[float, float] = OFFSETS) -> dict[str, float]:
+    """Where in the random motion an episode starts."""
+    return {"road.offset": float(rng.uniform(*within))}
+
+
+def system(fmus: FmuSet) -> System:
+    """The passive bench on the random road; nothing drives its force."""
+    case = Case("passive", "random")
+    made = wire(fmus, case)
+    configure(made, case)
+    return made
+
+
+def environment(
+    fmus: str | Path = "fmus", *, fmi: int = 3, offsets: tuple[float, float] = OFFSETS, render_mode: str | None = None
+) -> SystemEnv:
+    """The environment.
+
+    Args:
+        fmus: folder of the FMUs, with ``fmi2`` and ``fmi3`` in it.
+        fmi: version of FMI.
+        offsets: where in the random motion episodes start [s], within 0 to 1e5.
+        render_mode: see :class:`SystemEnv`.
+    """
+    travel = "plant.suspension.deflection"
+    settings: dict[str, Any] = {
+        "actions": {FORCE: (-FORCE_LIMIT, FORCE_LIMIT)},
+        "observations": {f"plant.{name}": RANGES[name] for name in STATES},
+        "reward": cost,
+        "step": MPC_PERIOD,
+        "length": LENGTH,
+        "terminated": [StopWhen(travel, ">", LIFTED), StopWhen(travel, "<", -LIFTED)],
+        "failure_reward": FAILED,
+        "scenario": partial(somewhere, within=offsets),
+        "record": ["plant.body.az"],
+        "record_interval": "1 ms",
+    }
+    return SystemEnv(partial(system, FmuSet(Path(fmus), fmi)), render_mode=render_mode, **settings)

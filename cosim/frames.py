@@ -1,0 +1,110 @@
+"""Recordings in the hands of other libraries: pandas, xarray, plotly, and a page of HTML for notebooks."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from lxml import html
+from lxml.html import builder as E  # noqa: N812
+
+from build_fmus import extras
+from cosim.formats import TIME, FormatError, Recorded, blocks, columns
+
+if TYPE_CHECKING:
+    import pandas as pd
+    import plotly.graph_objects as go
+    import xarray as xr
+
+_ROWS = 25  # variables that a notebook shows
+_POINTS = 4000  # of a curve; more cannot be told apart on a screen
+
+
+def to_pandas(recorded: Recorded) -> pd.DataFrame:
+    """One row per sample over the time [s], one column per variable, integers and Booleans as such; `attrs["units"]` by name."""
+    with extras.needed("data", "a recording in pandas"):
+        import pandas as pd
+    found = list(columns(recorded))
+    units = {TIME: "s", **{name: unit for name, _, unit in found if unit}}
+    frame = pd.DataFrame(dict(enumerate(v for _, v, _ in found)), index=pd.Index(recorded.time, name=TIME))
+    frame.columns = pd.Index([name for name, _, _ in found], dtype=object)
+    frame.attrs["units"] = units
+    return frame
+
+
+def to_xarray(recorded: Recorded) -> xr.Dataset:
+    """One variable per name over the time [s], with its unit as the attribute `units`. An array of which all elements were recorded
+    is one variable, `gain.y` for `gain.y[1,1]` and so on, with dimensions `gain.y_1`, `gain.y_2` that count from 1. `attrs["names"]`:
+    names of the columns in order."""
+    with extras.needed("data", "a recording in xarray"):
+        import xarray as xr
+    variables: dict[str, Any] = {}
+    axes: dict[str, Any] = {TIME: (TIME, recorded.time, {"units": "s"})}
+    for block in blocks(recorded):
+        if block.name in axes or block.name in variables:
+            raise FormatError(f"two variables of the recording would be '{block.name}'")
+        own = [f"{block.name}_{k}" for k in range(1, len(block.shape) + 1)]
+        axes |= {axis: np.arange(1, n + 1) for axis, n in zip(own, block.shape, strict=True)}
+        variables[block.name] = ((TIME, *own), block.values(recorded), {"units": block.unit} if block.unit else {})
+    return xr.Dataset(variables, axes, attrs={"names": list(recorded.names)})
+
+
+def figure(recorded: Recorded, names: Sequence[str], title: str = "") -> go.Figure:
+    """Curves over time, those of one unit in one diagram below each other."""
+    with extras.needed("reports", "plotting a recording"):
+        import plotly.graph_objects as go
+        from plotly.subplots import make_subplots
+    place = {name: i for i, name in enumerate(recorded.names)}
+    units = list(dict.fromkeys(recorded.units.get(name, "") for name in names))
+    if not units:
+        raise ValueError("there is nothing to plot: no variable was recorded")
+    drawn = make_subplots(rows=len(units), shared_xaxes=True, vertical_spacing=0.3 / (len(units) + 5))
+    step = max(1, len(recorded.time) // _POINTS)
+    for name in names:
+        row = units.index(recorded.units.get(name, "")) + 1
+        shape = "hv" if name in recorded.types else "linear"
+        time, values = recorded.time, recorded.data[:, place[name]]
+        if step > 1 and shape == "linear":
+            time, values = _envelope(time, values, step)
+        drawn.add_trace(go.Scatter(x=time, y=values, name=name, line={"shape": shape, "width": 1.5}), row=row, col=1)
+    for row, unit in enumerate(units, start=1):
+        drawn.update_yaxes(title_text=f"[{unit}]" if unit else "", row=row, col=1)
+    drawn.update_xaxes(title_text="time [s]", row=len(units), col=1)
+    drawn.update_layout(title=title or None, height=160 + 220 * len(units), template="plotly_white", showlegend=True)
+    return drawn
+
+
+def _envelope(time: Any, values: Any, step: int) -> tuple[Any, Any]:
+    """The smallest and largest value of every stretch of 2 `step` samples, in the order in which they come, so that no peak is lost."""
+    count = len(values) // (2 * step)
+    pieces = np.nan_to_num(values[: 2 * step * count]).reshape(count, 2 * step)
+    extremes = np.stack([pieces.argmin(1), pieces.argmax(1)]) + 2 * step * np.arange(count)
+    picked = np.unique(np.concatenate([[0], extremes.ravel(), np.arange(2 * step * count, len(values))]))
+    return time[picked], values[picked]
+
+
+def page(recorded: Recorded, about: str) -> str:
+    """What it holds as a table, for notebooks: of each variable its unit, and its first, smallest, largest and last value."""
+    head = E.TR(*(E.TH(text) for text in ("variable", "unit", "first", "smallest", "largest", "last")))
+    rows = [E.TR(E.TD(n), E.TD(recorded.units.get(n, "")), *map(E.TD, _figures(v))) for n, v in _shown(recorded)]
+    more = len(recorded.names) - len(rows)
+    parts = [E.P(about), E.TABLE(E.THEAD(head), E.TBODY(*rows))]
+    if more:
+        parts.append(E.P(f"and {more} more"))
+    text: str = html.tostring(E.DIV(*parts), encoding="unicode")
+    return text
+
+
+def _shown(recorded: Recorded) -> list[tuple[str, Any]]:
+    return [(_printable(name), recorded.data[:, i]) for i, name in enumerate(recorded.names[:_ROWS])]
+
+
+def _printable(name: str) -> str:
+    return "".join(c if c.isprintable() else "?" for c in name)
+
+
+def _figures(values: Any) -> list[str]:
+    if not len(values):
+        return ["", "", "", ""]
+    return [f"{x:.6g}" for x in (values[0], values.min(), values.max(), values[-1])]

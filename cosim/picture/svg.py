@@ -1,0 +1,109 @@
+"""A system as SVG: a box for each member with its rate, a line for each bundle of signals. The same system gives the same bytes."""
+
+from __future__ import annotations
+
+from fractions import Fraction
+from itertools import pairwise
+
+from lxml import etree
+
+from cosim.picture.layout import LANE, Box, Line, Picture, arrange
+from cosim.system.members import Member
+from cosim.system.schedule import Schedule, seconds
+
+_COLOURS = {"discrete": ("#fff3d6", "#c98a00", "#8a5f00"), "continuous": ("#dfecfb", "#2a6fb0", "#1d5488")}
+_INK, _LINE = "#222", "#444"
+_HEAD = 34.0  # room for the title
+
+
+def draw(schedule: Schedule, title: str) -> bytes:
+    """The picture of a system as UTF-8 SVG."""
+    picture = arrange(schedule)
+    head = _HEAD if title else 0.0
+    width, height = round(picture.width), round(picture.height + head)
+    root = etree.Element(
+        "svg", nsmap={None: "http://www.w3.org/2000/svg"}, viewBox=f"0 0 {width} {height}", width=str(width), height=str(height),
+        role="img",
+    )  # fmt: skip
+    root.set("font-family", "Helvetica, Arial, sans-serif")
+    root.set("font-size", "12")
+    etree.SubElement(root, "title").text = title or "A system of components"
+    tip = etree.SubElement(
+        etree.SubElement(root, "defs"), "marker", id="tip", viewBox="0 0 10 10", refX="9", refY="5", markerWidth="7",
+        markerHeight="7", orient="auto",
+    )  # fmt: skip
+    etree.SubElement(tip, "path", d="M0 0 L10 5 L0 10 z", fill=_LINE)
+    etree.SubElement(root, "rect", width=str(width), height=str(height), rx="10", fill="#ffffff")
+    if title:
+        _text(root, width / 2, 24, title, bold=True, size=14)
+    body = etree.SubElement(root, "g", transform=f"translate(0 {_n(head)})")
+    _lines(body, picture)
+    for member, box in picture.boxes.items():
+        _box(body, member, box)
+    etree.indent(root)
+    return bytes(etree.tostring(root, encoding="utf-8", xml_declaration=False)) + b"\n"
+
+
+def _lines(body: etree._Element, picture: Picture) -> None:
+    group = etree.SubElement(body, "g", stroke=_LINE, fill="none")
+    group.set("stroke-width", "1.5")
+    for line in picture.lines:
+        path = etree.SubElement(group, "path", d=_path(line.points))
+        path.set("marker-end", "url(#tip)")
+        if any(c.delay for c in line.bundle.connections):
+            path.set("stroke-dasharray", "6 4")
+        tip = etree.SubElement(path, "title")
+        tip.text = "\n".join(map(str, line.bundle.connections))
+    for line in picture.lines:
+        _text(body, *line.label_at, _label(line), colour=_LINE, anchor="start", halo=True)
+
+
+def _label(line: Line) -> str:
+    delayed = any(c.delay for c in line.bundle.connections)
+    return line.bundle.label + (", delayed" if delayed else "")
+
+
+def _path(points: tuple[tuple[float, float], ...]) -> str:
+    parts = [f"M{_n(points[0][0])} {_n(points[0][1])}"]
+    for (x0, y0), (x, y) in pairwise(points):
+        parts.append(f"H{_n(x)}" if y == y0 else f"V{_n(y)}" if x == x0 else f"L{_n(x)} {_n(y)}")
+    return " ".join(parts)
+
+
+def _box(body: etree._Element, member: Member, box: Box) -> None:
+    fill, stroke, ink = _COLOURS[member.kind]
+    rect = etree.SubElement(
+        body, "rect", x=_n(box.x), y=_n(box.y), width=_n(box.width), height=_n(box.height), rx="6", fill=fill, stroke=stroke
+    )
+    rect.set("stroke-width", "2")
+    middle, y = box.x + box.width / 2, box.y + box.height / 2 - LANE
+    _text(body, middle, y + 2, member.name, bold=True, size=14)
+    _text(body, middle, y + 20, member.description.name)
+    offset = f", from {_duration(member.offset)}" if member.offset else ""
+    _text(body, middle, y + 38, f"{member.kind}, {_duration(member.step)}{offset}", colour=ink)
+
+
+def _duration(value: Fraction) -> str:
+    """`0.5 ms`, `1/60 s`."""
+    milliseconds = value * 1000
+    short = value < 1 and 1000 % milliseconds.denominator == 0
+    return f"{float(milliseconds):g} ms" if short else seconds(value)
+
+
+def _text(
+    parent: etree._Element, x: float, y: float, text: str, *, colour: str = _INK, anchor: str = "middle", bold: bool = False,
+    size: int = 12, halo: bool = False,
+) -> None:  # fmt: skip
+    element = etree.SubElement(parent, "text", x=_n(x), y=_n(y), fill=colour)
+    element.set("text-anchor", anchor)
+    element.set("font-size", str(size))
+    if bold:
+        element.set("font-weight", "bold")
+    if halo:
+        for name, value in (("paint-order", "stroke"), ("stroke", "#ffffff"), ("stroke-width", "4")):
+            element.set(name, value)
+    element.text = text
+
+
+def _n(x: float) -> str:
+    return f"{x:.1f}".rstrip("0").rstrip(".")

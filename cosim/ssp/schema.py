@@ -1,0 +1,38 @@
+"""The standard's schemas: what they find in a file."""
+
+from __future__ import annotations
+
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+from lxml import etree
+
+from build_fmus.checks import one_line
+
+_FILES = {
+    "SystemStructureDescription": "SystemStructureDescription",
+    "ParameterSet": "SystemStructureParameterValues",
+    "ParameterMapping": "SystemStructureParameterMapping",
+    "SignalDictionary": "SystemStructureSignalDictionary",
+}
+_HERE = Path(__file__).parent / "schemas"
+
+
+@cache
+def _compiled(name: str, major: str) -> Any:
+    path = _HERE / f"ssp{major}" / f"{_FILES[name]}.xsd"
+    return etree.XMLSchema(etree.parse(str(path), etree.XMLParser(no_network=True)))
+
+
+def deviation(root: Any) -> str:
+    """The first thing that the schema of the file's own version finds wrong with it, with its line; "" if there is none."""
+    name = etree.QName(root).localname
+    if name not in _FILES:
+        return f"its element is {one_line(name, 60)}; one of {', '.join(_FILES)} is expected"
+    major = "1" if str(root.get("version", "")).startswith("1") else "2"
+    schema = _compiled(name, major)
+    if schema.validate(root):
+        return ""
+    error = schema.error_log[0]
+    return f"line {error.line}: {one_line(error.message)}"

@@ -1,0 +1,539 @@
+"""What the files of an SSP say: systems, components, connectors, connections, parameter sets; nested descriptions and packages in their
+places. Nothing here knows FMUs."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
+from fractions import Fraction
+from pathlib import Path
+from typing import Any
+
+from lxml import etree
+
+from build_fmus.checks import did_you_mean, one_line, unknown
+from build_fmus.units import BASE_UNITS, Unit
+from cosim.errors import SspError, TimeError
+from cosim.ssp import names
+from cosim.ssp.names import OMS, OSP, OWN, SSB, SSC, SSD, SSM, SSV
+from cosim.ssp.package import Package
+from cosim.time import positive, rational
+
+DEEPEST = 20  # systems in systems
+MOST = 10_000  # components in all
+_LARGEST = 1_000_000  # elements of one array
+
+KINDS = ("input", "output", "parameter", "calculatedParameter", "structuralParameter", "constant", "local", "inout", "unspecified")
+_TRANSFORMATIONS = ("Linear", "BooleanMapping", "IntegerMapping", "EnumerationMapping")
+
+
+@dataclass(frozen=True)
+class Transformation:
+    """Linear (factor, offset), or a table of Booleans, integers or names of items."""
+
+    kind: str
+    factor: float = 1.0
+    offset: float = 0.0
+    table: dict[Any, Any] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class Connector:
+    name: str
+    kind: str
+    type: str = ""  # "" where the file says none
+    unit: Unit | None = None
+    items: dict[str, int] | None = None  # of an enumeration
+    shape: tuple[int, ...] = ()
+
+
+@dataclass(frozen=True)
+class End:
+    """One end of a connection: an element's connector, or (element "") the system's own."""
+
+    element: str
+    connector: str
+    indices: tuple[int, ...] = ()
+
+    def __str__(self) -> str:
+        return f"{self.element}.{self.connector}" if self.element else self.connector
+
+
+@dataclass(frozen=True)
+class Connection:
+    start: End
+    end: End
+    line: int
+    transformation: Transformation | None = None
+    suppress: bool = False
+    delay: bool = False
+    extrapolate: bool = False
+
+
+@dataclass(frozen=True)
+class Value:
+    """One parameter of a parameter set, as its binding applies it to `name`."""
+
+    name: str
+    type: str
+    texts: tuple[str, ...]
+    unit: Unit | None = None
+    transformation: Transformation | None = None
+    suppress: bool = False
+
+
+@dataclass
+class Element:
+    name: str
+    connectors: dict[str, Connector]
+    values: list[list[Value]]  # of each binding, in their order
+
+
+@dataclass
+class Component(Element):
+    fmu: Path
+    hint: Fraction | None = None  # for its step [s]
+    own: dict[str, str] = field(default_factory=dict)  # what our annotation says
+    initial: frozenset[str] = frozenset()  # values that are there for other tools
+
+
+@dataclass
+class Reference(Element):
+    dictionary: str
+
+
+@dataclass
+class System(Element):
+    elements: dict[str, Element]
+    connections: list[Connection]
+    dictionaries: dict[str, dict[str, Connector]]
+    step: Fraction | None = None  # of its components [s]
+    groups: list[tuple[str, str, tuple[str, ...]]] = field(default_factory=list)  # name, method, members
+
+    def components(self) -> Iterator[tuple[tuple[str, ...], Component]]:
+        """All in it, with their paths."""
+        for e in self.elements.values():
+            if isinstance(e, Component):
+                yield (e.name,), e
+            elif isinstance(e, System):
+                for path, c in e.components():
+                    yield (e.name, *path), c
+
+
+@dataclass(frozen=True)
+class Structure:
+    """A description of structure, with all that is nested in it."""
+
+    name: str
+    system: System
+    start_time: Fraction
+    stop_time: Fraction | None
+
+
+def read(package: Package, variant: str | None) -> Structure:
+    """The structure of a package: the description that counts by itself, or a variant by its name or that of its file. Raises SspError."""
+    files = package.descriptions()
+    if variant is None:
+        return _File(package, files[0], _Count(), ()).structure()
+    if not variant.endswith(".ssd"):
+        for file in files:
+            if file.stem == variant or package.root(file).get("name") == variant:
+                return _File(package, file, _Count(), ()).structure()
+    for file in files:
+        if file.name == variant:
+            return _File(package, file, _Count(), ()).structure()
+    raise SspError(f"{package.title}: {unknown('variant', variant, (f.name for f in files))}")
+
+
+class _Count:
+    """Components so far."""
+
+    def __init__(self) -> None:
+        self.components = 0
+
+
+class _File:
+    """One description of structure. `above`: what it is nested in, of the same package."""
+
+    def __init__(self, package: Package, file: Path, count: _Count, above: tuple[tuple[Path, str], ...]):
+        self.package, self.file, self.count, self.above = package, file, count, above
+        self.where = f"{package.title}: {file.relative_to(package.folder).as_posix()}"
+        self.root = package.root(file)
+        if self.root.tag != f"{SSD}SystemStructureDescription":
+            raise self.error(self.root, f"its element is {etree.QName(self.root).localname}, not SystemStructureDescription")
+        self.units = units_of(self.root, f"{SSD}Units/{SSC}Unit", self.where)
+        self.items = _enumerations_of(self.root, f"{SSD}Enumerations/{SSC}Enumeration", self.where)
+
+    def error(self, element: Any, text: str) -> SspError:
+        return SspError(f"{self.where}, line {element.sourceline}: {text}")
+
+    def text(self, element: Any, attribute: str) -> str:
+        """An attribute that must be there."""
+        value: str | None = element.get(attribute)
+        if not value:
+            raise self.error(element, f"{etree.QName(element).localname} has no {attribute}")
+        return value
+
+    def structure(self) -> Structure:
+        experiment = self.root.find(f"{SSD}DefaultExperiment")
+        start, stop, step = Fraction(0), None, None
+        if experiment is not None:
+            start = self.time(experiment, "startTime") or Fraction(0)
+            stop = self.time(experiment, "stopTime")
+            hint = experiment.find(f".//{OSP}FixedStepAlgorithm")
+            step = None if hint is None else self.time(hint, "baseStepSize", above_zero=True)
+        made = self.system(self.top(), step)
+        return Structure(self.root.get("name", self.file.stem), made, start, stop)
+
+    def top(self) -> Any:
+        system = self.root.find(f"{SSD}System")
+        if system is None:
+            raise self.error(self.root, "it has no System")
+        return system
+
+    def time(self, element: Any, attribute: str, *, above_zero: bool = False) -> Fraction | None:
+        text = element.get(attribute)
+        if text is None:
+            return None
+        what = f"{etree.QName(element).localname} {attribute}"
+        try:
+            seconds = float(text) if "/" not in text else text
+            return positive(seconds, what) if above_zero else rational(seconds, what)
+        except (TimeError, ValueError) as error:
+            reason = str(error) if isinstance(error, TimeError) else f"{what}: {one_line(text, 40)!r} is no number of seconds"
+            raise self.error(element, reason) from None
+
+    # Systems and what is in them.
+
+    def system(self, element: Any, step: Fraction | None) -> System:
+        """A system. `step`: what the one around it says."""
+        key = (self.file, element.getroottree().getpath(element))
+        if key in self.above:
+            raise self.error(element, f"cyclic nesting: the system '{element.get('name', '')}' is part of itself")
+        if len(self.above) >= DEEPEST:
+            raise self.error(element, f"systems are nested more than {DEEPEST} deep")
+        above, self.above = self.above, (*self.above, key)
+        master = element.find(f"{SSD}Annotations/{SSC}Annotation[@type='{names.OF_OPENMODELICA}']//{OMS}FixedStepMaster")
+        if master is not None:
+            step = self.time(master, "stepSize", above_zero=True) or step
+        made = System(
+            **self.element(element), elements={}, dictionaries=self.dictionaries(element), step=step,
+            connections=[self.connection(c) for c in element.iterfind(f"{SSD}Connections/{SSD}Connection")],
+        )  # fmt: skip
+        for child in element.iterfind(f"{SSD}Elements/*"):
+            found = self.child(child, step)
+            if found.name in made.elements:
+                raise self.error(child, f"there is already an element '{found.name}' in '{made.name}'")
+            made.elements[found.name] = found
+        own = element.find(f"{SSD}Annotations/{SSC}Annotation[@type='{names.OURS}']/{OWN}System")
+        for group in own.iterfind(f"{OWN}Group") if own is not None else ():
+            members = tuple(self.text(m, "name") for m in group.iterfind(f"{OWN}Member"))
+            made.groups.append((self.text(group, "name"), group.get("method", "jacobi"), members))
+        self.above = above
+        return made
+
+    def child(self, element: Any, step: Fraction | None) -> Element:
+        kind = etree.QName(element).localname
+        if kind == "System":
+            return self.system(element, step)
+        if kind == "SignalDictionaryReference":
+            return Reference(**self.element(element), dictionary=self.text(element, "dictionary"))
+        if kind != "Component":
+            raise self.error(element, f"{kind} is no element of a system: Component, System and SignalDictionaryReference are")
+        return self.component(element, step)
+
+    def element(self, element: Any) -> dict[str, Any]:
+        """What all elements have."""
+        connectors: dict[str, Connector] = {}
+        for c in element.iterfind(f"{SSD}Connectors/{SSD}Connector"):
+            connector = self.connector(c)
+            if connector.name in connectors:
+                raise self.error(c, f"there is already a connector '{connector.name}' of '{element.get('name', '')}'")
+            connectors[connector.name] = connector
+        bindings = [self.binding(b, element) for b in element.iterfind(f"{SSD}ParameterBindings/{SSD}ParameterBinding")]
+        return {"name": self.text(element, "name"), "connectors": connectors, "values": bindings}
+
+    def component(self, element: Any, step: Fraction | None) -> Element:
+        name, kind = self.text(element, "name"), element.get("type", names.FMU)
+        self.count.components += 1
+        if self.count.components > MOST:
+            raise self.error(element, f"more than {MOST} components")
+        source = element.get("source")
+        if source is None:
+            raise self.error(element, f"component '{name}' has no source: there is nothing to run")
+        if kind in (names.DEFINITION, names.PACKAGE):
+            return self.nested(element, name, kind, source, step)
+        if kind != names.FMU:
+            known = (names.FMU, names.DEFINITION, names.PACKAGE)
+            raise self.error(element, f"component '{name}' is of type {one_line(kind, 80)!r}; what can be run is {', '.join(known)}")
+        implementation = element.get("implementation", "any")
+        if implementation not in ("any", "CoSimulation"):
+            raise self.error(element, f"component '{name}' is to run as {one_line(implementation, 40)}; cosim runs FMUs for Co-Simulation")
+        annotations = f"{SSD}Annotations/{SSC}Annotation"
+        hint = element.find(f"{annotations}[@type='{names.OF_OSP}']//{OSP}StepSizeHint")
+        own = element.find(f"{annotations}[@type='{names.OURS}']/{OWN}Member")
+        return Component(
+            **self.element(element), fmu=self.package.file(source, self.file, f"component '{name}'"),
+            hint=None if hint is None else self.time(hint, "value", above_zero=True), own={} if own is None else dict(own.attrib),
+            initial=frozenset(i.get("name", "") for i in (() if own is None else own.iterfind(f"{OWN}Initial"))),
+        )  # fmt: skip
+
+    def nested(self, element: Any, name: str, kind: str, source: str, step: Fraction | None) -> System:
+        """A component that is another description, of this package or of one in it, or a system of this file by its id."""
+        path, _, fragment = source.partition("#")
+        what = f"component '{name}'"
+        if not path:
+            found = [e for e in self.root.iter(f"{SSD}System") if e.get("id") == fragment]
+            if not found:
+                raise self.error(element, f"{what}: there is no System with the id {one_line(fragment, 60)!r}")
+            inner = self.system(found[0], step)
+        elif kind == names.DEFINITION:
+            file = _File(self.package, self.package.file(path, self.file, what), self.count, self.above)
+            inner = file.system(file.top(), step)
+        else:
+            if len(self.above) >= DEEPEST:
+                raise self.error(element, f"systems are nested more than {DEEPEST} deep")
+            packed = self.package.file(path, self.file, what)
+            package = Package(packed, self.package.folder.parent, f"{self.package.title}: {path}")
+            files = {f.name: f for f in package.descriptions()}
+            if fragment and fragment not in files:
+                raise SspError(f"{package.title}: {unknown('variant', fragment, files)}")
+            file = _File(package, files[fragment or names.ENTRY], self.count, self.above)
+            inner = file.system(file.top(), step)
+        outer = self.element(element)
+        return replace(
+            inner, name=name, connectors={**outer["connectors"], **inner.connectors}, values=[*inner.values, *outer["values"]]
+        )
+
+    # Connectors and connections.
+
+    def connector(self, element: Any) -> Connector:
+        name, kind = self.text(element, "name"), self.text(element, "kind")
+        if kind not in KINDS:
+            raise self.error(element, f"connector '{name}': {unknown('kind', kind, KINDS)}")
+        return self.typed(element, name, kind)
+
+    def typed(self, element: Any, name: str, kind: str) -> Connector:
+        """A connector, or an entry of a dictionary: its type, unit and size."""
+        typed = next((e for e in element if e.tag.startswith(SSC) and not e.tag.endswith("}Dimension")), None)
+        shape = tuple(self.whole(d, "size") for d in element.iterfind(f"{SSC}Dimension") if d.get("sizeConnector") is None)
+        if len(shape) < len(element.findall(f"{SSC}Dimension")):
+            raise self.error(element, f"'{name}' has a size that another connector says, which cosim does not support")
+        if math.prod(shape) > _LARGEST:
+            raise self.error(element, f"'{name}' has {math.prod(shape)} elements")
+        if typed is None:
+            return Connector(name, kind, shape=shape)
+        unit, items = typed.get("unit"), typed.get("name")
+        if unit is not None and unit not in self.units:
+            raise self.error(typed, f"'{name}' has the unit {one_line(unit, 40)!r}, which is not among the Units{did_you_mean(unit, self.units)}")
+        return Connector(
+            name, kind, etree.QName(typed).localname, None if unit is None else self.units[unit],
+            self.items.get(items) if items is not None else None, shape,
+        )  # fmt: skip
+
+    def whole(self, element: Any, attribute: str) -> int:
+        text = self.text(element, attribute)
+        if not text.strip().isdecimal() or len(text) > 18:
+            raise self.error(element, f"{etree.QName(element).localname} {attribute} is {one_line(text, 40)!r}, no whole number")
+        return int(text)
+
+    def connection(self, element: Any) -> Connection:
+        ends = []
+        for which in ("start", "end"):
+            texts = element.get(f"{which}Indices", "").split()
+            if not all(t.isdecimal() and len(t) < 10 for t in texts):
+                raise self.error(element, f"{which}Indices are no whole numbers")
+            ends.append(End(element.get(f"{which}Element") or "", self.text(element, f"{which}Connector"), tuple(map(int, texts))))
+        own = element.find(f"{SSD}Annotations/{SSC}Annotation[@type='{names.OURS}']/{OWN}Connection")
+        flags = {} if own is None else {k: own.get(k) == "true" for k in ("delay", "extrapolate")}
+        return Connection(
+            ends[0], ends[1], element.sourceline, transformation_of(element, self.where), _true(element, "suppressUnitConversion"), **flags
+        )
+
+    def dictionaries(self, element: Any) -> dict[str, dict[str, Connector]]:
+        found: dict[str, dict[str, Connector]] = {}
+        for d in element.iterfind(f"{SSD}SignalDictionaries/{SSD}SignalDictionary"):
+            name = self.text(d, "name")
+            if name in found:
+                raise self.error(d, f"there is already a signal dictionary '{name}'")
+            root, base = self.content(d, f"signal dictionary '{name}'", names.DICTIONARY, f"{SSB}SignalDictionary")
+            reader = self.beside(root, base, f"{SSB}Units/{SSC}Unit", f"{SSB}Enumerations/{SSC}Enumeration")
+            entries: dict[str, Connector] = {}
+            for e in root.iterfind(f"{SSB}DictionaryEntry"):
+                entry = reader.typed(e, reader.text(e, "name"), "inout")
+                if entry.name in entries:
+                    raise reader.error(e, f"there is already an entry '{entry.name}' in the signal dictionary '{name}'")
+                entries[entry.name] = entry
+            found[name] = entries
+        return found
+
+    def beside(self, root: Any, file: Path, units: str, items: str) -> _File:
+        """A reader of another file's elements, with that file's units and enumerations."""
+        other = object.__new__(_File)
+        other.__dict__.update(self.__dict__)
+        other.file = file
+        other.where = f"{self.package.title}: {file.relative_to(self.package.folder).as_posix()}"
+        other.units = units_of(root, units, other.where) or self.units
+        other.items = _enumerations_of(root, items, other.where) or self.items
+        return other
+
+    def content(self, element: Any, what: str, kind: str, tag: str, source: Any = None) -> tuple[Any, Path]:
+        """What an element holds inline, or the file that it names."""
+        if (found := element.get("type", kind)) != kind:
+            raise self.error(element, f"{what} is of type {one_line(found, 80)!r}; {kind} can be read")
+        uri = element.get("source")
+        if uri is None:
+            inline = (element if source is None else source).find(tag)
+            if inline is None:
+                raise self.error(element, f"{what} has neither a source nor a {tag.split('}')[1]}")
+            return inline, self.file
+        if element.get("sourceBase", "SSD") != "SSD":
+            raise self.error(element, f"{what}: its file is within the component, where cosim reads none")
+        path = self.package.file(uri, self.file, what)
+        root = self.package.root(path)
+        if root.tag != tag:
+            raise SspError(f"{self.package.title}: {uri} holds {etree.QName(root).localname}, not {tag.split('}')[1]}")
+        return root, path
+
+    # Parameters.
+
+    def binding(self, element: Any, owner: Any) -> list[Value]:
+        what = f"a parameter binding of '{owner.get('name', '')}'"
+        root, base = self.content(
+            element, what, names.PARAMETERS, f"{SSV}ParameterSet", element.find(f"{SSD}ParameterValues")
+        )
+        reader = self.beside(root, base, f"{SSV}Units/{SSC}Unit", f"{SSV}Enumerations/{SSC}Enumeration")
+        prefix = element.get("prefix", "")
+        values: dict[str, Value] = {}
+        for p in root.iterfind(f"{SSV}Parameters/{SSV}Parameter"):
+            value = reader.value(p, prefix)
+            if value.name in values:
+                raise reader.error(p, f"there is already a parameter '{value.name}'")
+            values[value.name] = value
+        mapping = element.find(f"{SSD}ParameterMapping")
+        if mapping is None:
+            return list(values.values())
+        entries, base = self.content(mapping, f"the mapping of {what}", names.MAPPING, f"{SSM}ParameterMapping")
+        reader = self.beside(entries, base, f"{SSM}none", f"{SSM}none")
+        found: dict[str, Value] = {}
+        for e in entries.iterfind(f"{SSM}MappingEntry"):
+            source, target = reader.text(e, "source"), reader.text(e, "target")
+            if target in found:
+                raise reader.error(e, f"'{target}' is mapped twice")
+            change = transformation_of(e, reader.where)
+            if source in values:
+                found[target] = replace(
+                    values[source], name=target, transformation=change, suppress=_true(e, "suppressUnitConversion")
+                )
+        return list(found.values())
+
+    def value(self, element: Any, prefix: str) -> Value:
+        name = self.text(element, "name")
+        typed = next((e for e in element if e.tag.startswith(SSV)), None)
+        if typed is None:
+            raise self.error(element, f"parameter '{name}' has no type")
+        kind = etree.QName(typed).localname
+        if kind == "Binary":
+            raise self.error(element, f"parameter '{name}' is Binary, which cosim does not set")
+        single, listed = typed.get("value"), [v.get("value", "") for v in typed.iterfind(f"{SSV}Value")]
+        if single is None and not listed:
+            raise self.error(element, f"parameter '{name}' has no value")
+        texts = listed or ([single] if kind in ("String", "Enumeration") else single.split())
+        if not texts:
+            raise self.error(element, f"parameter '{name}' has no value")
+        unit = typed.get("unit")
+        if unit is not None and unit not in self.units:
+            raise self.error(typed, f"parameter '{name}' has the unit {one_line(unit, 40)!r}, which is not among the Units")
+        return Value(prefix + name, kind, tuple(texts), None if unit is None else self.units[unit])
+
+
+def _true(element: Any, attribute: str) -> bool:
+    return element.get(attribute, "false").strip() in ("true", "1")
+
+
+def transformation_of(element: Any, where: str) -> Transformation | None:
+    """The transformation of a connection or of an entry of a mapping. Raises SspError for one that there is not."""
+    for e in element:
+        name = etree.QName(e).localname
+        if not name.endswith("Transformation"):
+            continue
+        kind = name.removesuffix("Transformation")
+        here = f"{where}, line {e.sourceline}"
+        if kind not in _TRANSFORMATIONS or not e.tag.startswith(SSC):
+            raise SspError(f"{here}: {unknown('transformation', name, (f'{t}Transformation' for t in _TRANSFORMATIONS))}")
+        if kind == "Linear":
+            return Transformation(kind, _number(e, "factor", 1.0, here), _number(e, "offset", 0.0, here))
+        read_one = {"BooleanMapping": _boolean, "IntegerMapping": _integer}.get(kind, _item)
+        table: dict[Any, Any] = {}
+        for entry in e.iterfind(f"{SSC}MapEntry"):
+            source, target = (read_one(entry.get(k), f"{here}: MapEntry {k}") for k in ("source", "target"))
+            if source in table:
+                raise SspError(f"{here}: {source!r} is mapped twice")
+            table[source] = target
+        if not table:
+            raise SspError(f"{here}: {name} has no MapEntry")
+        return Transformation(kind, table=table)
+    return None
+
+
+def _number(element: Any, attribute: str, default: float, where: str) -> float:
+    text = element.get(attribute)
+    if text is None:
+        return default
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value):
+        raise SspError(f"{where}: {attribute} is {one_line(text, 40)!r}, no finite number")
+    return value
+
+
+def _boolean(text: str | None, what: str) -> bool:
+    known = {"true": True, "1": True, "false": False, "0": False}
+    if text not in known:
+        raise SspError(f"{what} is {text!r}; true or false is expected")
+    return known[text]
+
+
+def _integer(text: str | None, what: str) -> int:
+    if text is None or len(text) > 20 or not text.strip().removeprefix("-").isdecimal():
+        raise SspError(f"{what} is {text!r}, no whole number")
+    return int(text)
+
+
+def _item(text: str | None, what: str) -> str:
+    if not text:
+        raise SspError(f"{what} names no item")
+    return text
+
+
+def units_of(root: Any, path: str, where: str) -> dict[str, Unit]:
+    """Units by name."""
+    found: dict[str, Unit] = {}
+    for e in root.iterfind(path):
+        name = e.get("name", "")
+        here = f"{where}, line {e.sourceline}: unit '{name}'"
+        if name in found:
+            raise SspError(f"{here} is defined twice")
+        base = e.find(f"{SSC}BaseUnit")
+        if base is None:
+            raise SspError(f"{here} has no BaseUnit")
+        exponents = tuple(_integer(base.get(b, "0"), f"{here}: {b}") for b in BASE_UNITS)
+        factor, offset = _number(base, "factor", 1.0, here), _number(base, "offset", 0.0, here)
+        if factor == 0 or max(map(abs, exponents)) > 100:
+            raise SspError(f"{here} has a factor of 0 or an exponent beyond 100")
+        found[name] = Unit(name, exponents, factor, offset)
+    return found
+
+
+def _enumerations_of(root: Any, path: str, where: str) -> dict[str, dict[str, int]]:
+    found: dict[str, dict[str, int]] = {}
+    for e in root.iterfind(path):
+        name = e.get("name", "")
+        here = f"{where}, line {e.sourceline}: enumeration '{name}'"
+        if name in found:
+            raise SspError(f"{here} is defined twice")
+        found[name] = {i.get("name", ""): _integer(i.get("value"), here) for i in e.iterfind(f"{SSC}Item")}
+    return found

@@ -1,0 +1,321 @@
+"""Calibration of parameters against a response, and what the response tells of them.
+
+    model = SystemResponse(system, ["car.body.az"], stop_time=5.0, interval="10 ms")
+    found = calibrate(model, measured, {"car.body.mass": (2800.0, 1000.0, 6000.0)})
+    print(found.text())
+
+Nonlinear least squares in the logarithms of the parameters, which are positive. What the data do not tell is found from the Jacobian of the
+response there, by central differences: with noise of standard deviation s its Fisher information is J'J / s^2, whose inverse bounds the covariance of
+every unbiased estimate (Cramer and Rao), and whose smallest eigenvalues belong to combinations of parameters that move nothing one could measure.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property, partial
+from itertools import combinations as pairs_of
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from scipy import optimize, stats
+
+from build_fmus.checks import finite
+from cosim import System
+from cosim.errors import CosimError
+from cosim.signals import Array
+from cosim.time import TimeLike
+
+Response = Callable[[Mapping[str, float]], npt.ArrayLike]
+Range = tuple[float, float, float]
+"""Where a parameter is looked for: first value, lowest, highest; all positive."""
+
+VAGUE = 0.5  # relative standard deviation beyond which the data do not tell a parameter
+CORRELATED = 0.95  # correlation beyond which the data tell a combination of two parameters, and hardly either
+CONFIDENCE = 0.95
+STEPS = (1e-2, 1e-4)  # of the logarithm of a parameter, for differences: first across kinks of the response, then for the result
+
+
+class CalibrationError(CosimError, ValueError):
+    """Parameters or data with which there is nothing to calibrate."""
+
+
+class SystemResponse:
+    """What a system shows for values of its parameters, by full name: (samples, outputs), reset and run again for each.
+
+    Args:
+        system: put together; it stays the caller's.
+        outputs: full names.
+        stop_time, interval: of a run, and between samples [s].
+        allow_unconnected: as of :meth:`cosim.System.run`.
+    """
+
+    def __init__(
+        self, system: System, outputs: Sequence[str], *, stop_time: TimeLike, interval: TimeLike, allow_unconnected: bool = False
+    ) -> None:  # fmt: skip
+        self.outputs = [f"{m.name}.{v.name}" for m, v in system.select(list(outputs))]
+        self._system, self._stop, self._interval, self._open = system, stop_time, interval, allow_unconnected
+
+    def __call__(self, values: Mapping[str, float]) -> Array:
+        for name, value in values.items():
+            member, variable = self._system.members.split(name)
+            member.set({variable: value})
+        recording = self._system.run(
+            self._stop, record=self.outputs, record_interval=self._interval, allow_unconnected=self._open
+        )
+        return np.column_stack([recording[n] for n in self.outputs])
+
+
+@dataclass(frozen=True)
+class Calibration:
+    """What was found, and how well the data tell it.
+
+    Attributes:
+        names: of the parameters; ``values`` (n,): at the smallest sum of squares; ``bounds``: where they were looked for.
+        residuals: (samples, outputs), data less response.
+        jacobian: (samples * outputs, n), of the response over its noise, by the logarithms of the parameters.
+        noise: standard deviation of each output (outputs,), as given, or estimated from the residuals.
+        estimated: the noise is an estimate.
+        inflation: factor on variances for residuals that are not independent from sample to sample.
+        converged: the fit ended where the sum of squares no longer falls.
+    """
+
+    names: Sequence[str]
+    values: Array
+    bounds: Sequence[tuple[float, float]]
+    residuals: Array
+    jacobian: Array
+    noise: Array
+    estimated: bool
+    inflation: float
+    converged: bool
+
+    @cached_property
+    def information(self) -> Array:
+        """Fisher information (n, n) of the logarithms of the parameters."""
+        found: Array = self.jacobian.T @ self.jacobian / self.inflation
+        return found
+
+    @cached_property
+    def _spectrum(self) -> tuple[Array, Array]:
+        """Eigenvalues of the information, largest first, and its eigenvectors as columns."""
+        _, singular, rows = np.linalg.svd(self.jacobian, full_matrices=False)
+        return singular**2 / self.inflation, rows.T
+
+    @cached_property
+    def covariance(self) -> Array:
+        """Of the logarithms (n, n), the bound of Cramer and Rao; infinite entries where the data tell nothing."""
+        size, axes = self._spectrum
+        told = size > np.finfo(float).eps * max(size[0], 1e-300) * len(self.jacobian)
+        found: Array = (axes[:, told] / size[told]) @ axes[:, told].T
+        lost = (np.abs(axes[:, ~told]) > 1e-6).any(axis=1)
+        found[lost, :] = found[:, lost] = 0.0
+        found[lost, lost] = np.inf
+        return found
+
+    @cached_property
+    def deviations(self) -> Array:
+        """Relative standard deviations of the parameters (n,)."""
+        return np.sqrt(np.diag(self.covariance))
+
+    @property
+    def intervals(self) -> list[tuple[float, float]]:
+        """Of each parameter, at 95 % in the logarithms; (0, inf) where the data tell nothing."""
+        free = max(1, self.jacobian.shape[0] - len(self.names))
+        width = (stats.t.ppf if self.estimated else lambda q, _: stats.norm.ppf(q))((1 + CONFIDENCE) / 2, free)
+        with np.errstate(over="ignore"):
+            return [
+                (v * float(np.exp(-width * d)), v * float(np.exp(width * d)))
+                for v, d in zip(self.values.tolist(), self.deviations.tolist(), strict=True)
+            ]
+
+    @property
+    def untold(self) -> list[str]:
+        """Parameters that these data do not tell: a relative standard deviation beyond one half, or a fit that ended at a bound."""
+        return [
+            n for n, d, at in zip(self.names, self.deviations.tolist(), self.at_bounds, strict=True) if d > VAGUE or at
+        ]
+
+    @property
+    def at_bounds(self) -> list[bool]:
+        """Which parameters the fit left at an end of their range: there the value is the range's, not the data's."""
+        return [
+            abs(math.log(v / low)) < 1e-4 or abs(math.log(v / high)) < 1e-4
+            for v, (low, high) in zip(self.values.tolist(), self.bounds, strict=True)
+        ]
+
+    @property
+    def correlated(self) -> list[tuple[str, str, float]]:
+        """Pairs of which the data tell a combination, and hardly either: names and correlation, strongest first."""
+        d, c = self.deviations, self.covariance
+        found = [
+            (self.names[i], self.names[j], float(c[i, j] / (d[i] * d[j])))
+            for i, j in pairs_of(range(len(self.names)), 2)
+            if np.isfinite(d[i]) and np.isfinite(d[j]) and d[i] > 0 and d[j] > 0
+        ]
+        return sorted((p for p in found if abs(p[2]) > CORRELATED), key=lambda p: -abs(p[2]))
+
+    @property
+    def combinations(self) -> list[tuple[float, dict[str, float]]]:
+        """From the best told: relative standard deviation of a product of powers of the parameters, and the powers (above 0.1)."""
+        size, axes = self._spectrum
+        with np.errstate(divide="ignore"):
+            return [
+                (float(1 / np.sqrt(s)), {n: round(float(p), 2) for n, p in zip(self.names, axis, strict=True) if abs(p) > 0.1})
+                for s, axis in zip(size, axes.T, strict=True)
+            ]
+
+    @property
+    def misfit(self) -> float:
+        """Mean square of the residuals over that of the noise as given: 1 for a model that lacks nothing and the right minimum; 1 by
+        definition where the noise was estimated."""
+        return float(np.mean((self.residuals / self.noise) ** 2))
+
+    @property
+    def leaves_more(self) -> bool:
+        """Whether the residuals are larger than noise as given would be in one of a thousand cases."""
+        free = self.residuals.size - len(self.names)
+        return not self.estimated and self.misfit * self.residuals.size > float(stats.chi2.ppf(0.999, free))
+
+    def text(self) -> str:
+        """For people: values with their intervals, then what the data do not tell."""
+        lines = []
+        for name, value, (low, high), d in zip(
+            self.names, self.values.tolist(), self.intervals, self.deviations.tolist(), strict=True
+        ):
+            lines.append(f"{name:32} {value:11.5g}   {low:.4g} to {high:.4g} ({100 * d:.2g} %)")
+        if not self.converged:
+            lines.append("The fit did not converge: none of this is a result.")
+        for name, at in zip(self.names, self.at_bounds, strict=True):
+            if at:
+                lines.append(f"{name} ended at a bound of its range: its value is that of the range.")
+        if self.untold:
+            lines.append(f"Not told by these data: {', '.join(self.untold)}.")
+        lines += [f"Told together only: {a} and {b} (correlation {r:+.3f})." for a, b, r in self.correlated]
+        kind = "estimated from the residuals" if self.estimated else "as given"
+        lines.append(f"Noise {kind}: {', '.join(f'{s:.3g}' for s in self.noise.tolist())}.")
+        if self.leaves_more:
+            lines.append(
+                f"The residuals are larger than the noise (mean square {self.misfit:.3f} of it): the model lacks something, or this is not the "
+                "smallest sum of squares (others=... tries more first values). The intervals say nothing of that."
+            )
+        if self.inflation > 1.5:
+            lines.append(
+                f"Residuals follow each other (variances times {self.inflation:.3g}): the model lacks something, and the intervals say "
+                "nothing of that."
+            )
+        return "\n".join(lines)
+
+
+def calibrate(
+    response: Response,
+    measured: npt.ArrayLike,
+    parameters: Mapping[str, Range],
+    *,
+    noise: npt.ArrayLike | None = None,
+    others: int = 0,
+    seed: int = 0,
+) -> Calibration:
+    """Fit parameters to a measured response, and look at what it tells of them.
+
+    Args:
+        response: values by name -> (samples, outputs) or (samples,).
+        measured: of the same shape.
+        parameters: first value, lowest and highest of each, all positive.
+        noise: standard deviation of each output, or one for all; None: outputs count by their own size, and the noise is estimated
+            from the residuals.
+        others: further first values, at random within the ranges; the best fit counts.
+        seed: of these.
+
+    Raises:
+        CalibrationError: ranges upside down or not positive, data of another shape or not finite, a parameter that is none, fewer data than
+            parameters.
+    """
+    names = list(parameters)
+    start, low, high = _ranges(parameters)
+    data = np.atleast_2d(np.asarray(measured, dtype=float).T).T
+    finite("the measured response", data, sampled=True, error=CalibrationError)
+    shape = np.asarray(response(dict(zip(names, start.tolist(), strict=True))), dtype=float)
+    if np.atleast_2d(shape.T).T.shape != data.shape:
+        raise CalibrationError(f"the response has shape {shape.shape}, what was measured {np.shape(measured)}")
+    if data.size <= len(names):
+        raise CalibrationError(f"{data.size} measured values for {len(names)} parameters")
+    scale = _scale(data) if noise is None else np.broadcast_to(np.asarray(noise, dtype=float), data.shape[1:]).copy()
+    if not (scale > 0).all():
+        raise CalibrationError(f"the noise is {noise!r}; give positive standard deviations")
+
+    def residuals(logs: Array) -> Array:
+        found = np.asarray(response(dict(zip(names, np.exp(logs).tolist(), strict=True))), dtype=float).reshape(data.shape)
+        finite("the response", found, sampled=True, error=CalibrationError)
+        return ((found - data) / scale).ravel()
+
+    def jacobian(logs: Array, step: float) -> Array:
+        columns = []
+        for i in range(len(logs)):
+            a, b = logs.copy(), logs.copy()
+            a[i], b[i] = min(logs[i] + step, math.log(high[i])), max(logs[i] - step, math.log(low[i]))
+            columns.append((residuals(a) - residuals(b)) / (a[i] - b[i]))
+        return np.column_stack(columns)
+
+    random = np.random.default_rng(seed)
+    begins = [np.log(start), *(random.uniform(np.log(low), np.log(high)) for _ in range(others))]
+
+    def fit(logs: Array) -> Any:
+        for step in STEPS:
+            found = optimize.least_squares(
+                residuals, logs, jac=partial(jacobian, step=step), bounds=(np.log(low), np.log(high)), x_scale="jac", xtol=1e-10
+            )
+            logs = found.x
+        return found
+
+    best = min((fit(b) for b in begins), key=lambda f: f.cost)
+    logs = best.x
+    left = (-best.fun.reshape(data.shape)) * scale
+    final, sigma = jacobian(logs, STEPS[-1]), scale
+    if noise is None:
+        free = max(1, len(data) - len(names) / data.shape[1])
+        sigma = np.maximum(np.sqrt((left**2).sum(axis=0) / free), 1e-12 * scale)
+        final = (final.reshape(*data.shape, -1) * (scale / sigma)[:, None]).reshape(data.size, -1)
+    return Calibration(
+        names, np.exp(logs), list(zip(low.tolist(), high.tolist(), strict=True)), left, final, sigma, noise is None,
+        _inflation(left) if noise is None else 1.0, bool(best.status > 0),
+    )  # fmt: skip
+
+
+def _ranges(parameters: Mapping[str, Range]) -> tuple[Array, Array, Array]:
+    if not parameters:
+        raise CalibrationError("no parameter to calibrate")
+    for name, given in parameters.items():
+        try:
+            start, low, high = (float(v) for v in given)
+        except (TypeError, ValueError):
+            raise CalibrationError(f"the range of {name} is {given!r}; give first value, lowest, highest") from None
+        if not 0 < low < start < high < math.inf:
+            raise CalibrationError(
+                f"{name} begins at {start:g} and is looked for from {low:g} to {high:g}; give positive numbers, the first between the others"
+            )
+    columns = np.array([tuple(map(float, v)) for v in parameters.values()])
+    return columns[:, 0], columns[:, 1], columns[:, 2]
+
+
+def _scale(data: Array) -> Array:
+    """Size of each output, so that none counts more for its unit."""
+    size = data.std(axis=0)
+    return np.where(size > 0, size, np.maximum(np.abs(data).max(axis=0), 1.0))
+
+
+def _inflation(residuals: Array) -> float:
+    """Factor on variances for residuals with correlation r from sample to sample: (1 + r) / (1 - r), of the worst output."""
+    found = 1.0
+    for column in _columns(residuals):
+        power = float(column @ column)
+        if power > 0:
+            r = min(0.999, max(0.0, float(column[1:] @ column[:-1]) / power))
+            found = max(found, (1 + r) / (1 - r))
+    return found
+
+
+def _columns(table: Array) -> Iterable[Array]:
+    return (c - c.mean() for c in table.T)

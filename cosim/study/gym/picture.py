@@ -1,0 +1,26 @@
+"""An episode as a figure: what was set, and what was seen."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from cosim import Recording
+from cosim.peaks import keep_peaks
+from cosim.report.model import Figure, Panel, Series
+from cosim.study.gym.signals import Signals
+
+
+def picture(recording: Recording, actions: Signals, observations: Signals) -> Any:
+    """A plotly figure with one panel per unit, actions first. MissingExtraError without the extra [reports]."""
+    from cosim.report.plots import plotly_figure
+
+    panels = []
+    for what, signals in (("set", actions), ("seen", observations)):
+        for unit in dict.fromkeys(signals.units.values()):
+            series = [
+                Series(name, *keep_peaks(recording.time, recording[name]))
+                for name, own in signals.units.items()
+                if own == unit
+            ]
+            panels.append(Panel(what, "time [s]", f"value [{unit or '-'}]", series))
+    return plotly_figure(Figure("episode", "Episode", "", panels))

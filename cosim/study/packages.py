@@ -1,0 +1,121 @@
+"""An experiment of an SSP file: its default experiment is the run, its parameters and steps are options of the cases."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+from weakref import WeakKeyDictionary
+
+from cosim import System
+from cosim.errors import SspError
+from cosim.study.case import case_of, option
+from cosim.study.experiment import Experiment
+from cosim.study.fmus import FmuSet
+
+SUFFIX = ".ssp"
+
+
+def ssp_experiment(place: str, measure: Any) -> Experiment:
+    """The experiment of an SSP file; ``measure`` as of any experiment.
+
+    Raises:
+        SspError: there is no such file.
+    """
+    path = Path(place)
+    if not path.exists():
+        raise SspError(f"no such SSP: {place}")
+
+    def wired(
+        file: str = option(place, files=SUFFIX, help="another file", label=lambda f: Path(f).stem),
+        variant: str = option("", help="description of the system, where the file has several"),
+        step: str = option("", help="'1 ms' for components that say nothing, or 'NAME=1 ms, NAME=2 ms'", label=_label),
+        parameters: str = option(
+            "", name="set", help="values to set, 'car.body.mass=1200, road.amplitude=0.05'", label=_label
+        ),
+        record: str = option("", help="what is recorded, names and patterns with commas (default: all outputs)", label=lambda _: "some"),
+        stop_time: float | None = option(None, unit="s", within=(1e-9, 1e9), help="end of the run, instead of the file's"),
+    ) -> None: ...
+
+    return Experiment(
+        name=path.stem.replace(" ", "_"),
+        title=f"The system of {path.name}",
+        case=case_of(wired),
+        wire=_wire,
+        structure=_structure,
+        configure=_configure,
+        measure=measure,
+        stop_time=_stop_time,
+        record=_record,
+        allow_unconnected=True,  # the file says what is connected
+        module=place,
+    )
+
+
+def _wire(_: FmuSet, case: Any) -> System:
+    steps = _pairs(case.step, "--step") if "=" in case.step else case.step.strip() or None
+    system = System.from_ssp(case.file, variant=case.variant or None, step=steps)
+    _own[system] = {n: dict(m.values) for n, m in system.members.items()}
+    return system
+
+
+_own: WeakKeyDictionary[System, dict[str, dict[str, Any]]] = WeakKeyDictionary()
+"""Values of the file, of systems that are used for several cases."""
+
+
+def _structure(case: Any) -> tuple[str, ...]:
+    return case.file, case.variant, case.step
+
+
+def _configure(system: System, case: Any) -> None:
+    for name, values in _own[system].items():
+        system[name].values = dict(values)
+    for full, text in _pairs(case.parameters, "--set").items():
+        member, variable = system.members.split(full)
+        kind = member.description.find(variable, member.name).type if variable not in member.description.arrays else "real"
+        member.set({variable: _value(text, kind, full)})
+
+
+def _value(text: str, kind: str, name: str) -> Any:
+    if kind == "string":
+        return text
+    if kind == "boolean":
+        known = {"true": True, "false": False, "1": True, "0": False}
+        if text.lower() not in known:
+            raise SspError(f"{name} is {text!r}; give true or false")
+        return known[text.lower()]
+    try:
+        numbers = [float(t) for t in text.split()]
+    except ValueError:
+        raise SspError(f"{name} is {text!r}, which is no number") from None
+    return numbers[0] if len(numbers) == 1 else numbers
+
+
+def _pairs(text: str, option_name: str) -> dict[str, str]:
+    """`a=1, b=2` by name."""
+    found: dict[str, str] = {}
+    for part in filter(None, (p.strip() for p in text.split(","))):
+        name, equals, value = (p.strip() for p in part.partition("="))
+        if not equals or not name or not value:
+            raise SspError(f"{option_name}: {part!r} is not NAME=VALUE")
+        found[name] = value
+    return found
+
+
+def _label(text: str) -> str:
+    return "".join(c if c.isalnum() or c in ".=" else "_" for c in text.replace(" ", ""))
+
+
+def _record(case: Any) -> Any:
+    return [p.strip() for p in case.record.split(",") if p.strip()] or None
+
+
+def _stop_time(system: System, case: Any) -> float:
+    if case.stop_time is not None:
+        return float(case.stop_time)
+    if system.experiment[1] is not None:
+        return float(system.experiment[1])
+    ends = [m.description.default_stop for m in system.members.values() if m.description.default_stop]
+    if not ends:
+        raise SspError(f"neither {case.file} nor its FMUs say how long it runs: give --stop-time")
+    return float(max(ends))
+

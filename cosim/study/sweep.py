@@ -1,0 +1,235 @@
+"""A sweep: many runs of one experiment over a design, whose table is read from the store, so that a hundred thousand need no more memory
+than a hundred."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Callable, Mapping
+from concurrent.futures import Executor
+from contextlib import closing
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from build_fmus.checks import Array, unknown
+from build_fmus.sources import code_hash
+from cosim.errors import WiringError
+from cosim.study import swept as sweeping
+from cosim.study.case import Field, fields
+from cosim.study.design import Design, DesignError, whole
+from cosim.study.dispatch import Dispatch, Making, failed
+from cosim.study.driver import salt_of, ship_of, stored, usable
+from cosim.study.executors import width
+from cosim.study.experiment import Experiment, Task
+from cosim.study.fmus import FmuSet
+from cosim.study.runner import Execution, Runner, entry_key
+from cosim.study.store import NotStored, RunStore, Store, write_table
+from cosim.study.swept import KINDS, Parameters, attribute, set_parameters, swept
+from cosim.study.work import given
+
+Watch = Callable[[int, int, int], None]
+
+
+@dataclass(frozen=True)
+class Sweep:
+    """An experiment and a design that fit together: made by :func:`prepare`.
+
+    Attributes:
+        experiment: as it was given.
+        design: with whole numbers where parameters are such.
+        parameters: of the system, among those that vary.
+        units: of the axes, by name.
+        base: fields of the cases that do not vary.
+        case: class of the cases, with the parameters.
+        attributes: field of each axis.
+    """
+
+    experiment: Experiment
+    design: Design
+    parameters: Parameters
+    units: Mapping[str, str]
+    base: Mapping[str, Any]
+    case: type
+    attributes: tuple[str, ...] = ()
+    _columns: list[list[Any]] = field(default_factory=list)
+
+    def __len__(self) -> int:
+        return len(self._columns[0])
+
+    def point(self, i: int) -> tuple[Any, ...]:
+        """Values of the axes of run number i."""
+        return tuple(column[i] for column in self._columns)
+
+    def of(self, i: int) -> Any:
+        """The case of run number i."""
+        return self.case(**{**self.base, **dict(zip(self.attributes, self.point(i), strict=True))})
+
+
+def prepare(experiment: Experiment, fmus: FmuSet, design: Design, base: Mapping[str, Any] | None = None) -> Sweep:
+    """Check a design against an experiment, before anything runs.
+
+    Args:
+        base: fields of the cases that do not vary, by attribute.
+
+    Raises:
+        DesignError, CaseError, WiringError: a parameter does not exist, or cannot have a value that the design gives it.
+        FileNotFoundError: an FMU is missing.
+    """
+    fmus.paths(experiment.fmus)
+    own = {f.name: f for f in fields(experiment.case)} | {f.attribute: f for f in fields(experiment.case)}
+    base = dict(base or {})
+    for name, value in design.fixed.items():
+        if name not in own:
+            raise DesignError(unknown("option", name, sorted({f.name for f in own.values()})))
+        base[own[name].attribute] = value
+    case = experiment.case(**base)
+    variables = {}
+    with Runner(experiment, fmus) as runner:
+        inner = [a for a in design.axes if a.name not in own]
+        system = runner.system(case) if inner or not experiment.fmus else None
+        for a in inner:
+            variables[a.name] = _variable(system, a.name, own)
+        wholes = [n for n, v in variables.items() if v.type == "integer"]
+        wholes += [a.name for a in design.axes if a.name in own and own[a.name].type is int]
+        design = whole(design, wholes)
+        for a in design.axes:
+            for value in _extremes(a):
+                if a.name in own:
+                    experiment.case(**{**base, own[a.name].attribute: _fitting(own[a.name], value)})
+                else:
+                    set_parameters(system, {a.name: value})
+    parameters = tuple((n, v.type) for n, v in variables.items())
+    made = swept(experiment, parameters)
+    attributes = tuple(
+        own[a.name].attribute if a.name in own else attribute(list(variables).index(a.name)) for a in design.axes
+    )
+    units = {a.name: own[a.name].option.unit if a.name in own else variables[a.name].unit_name for a in design.axes}
+    columns = design.columns()
+    for k, a in enumerate(design.axes):
+        if a.name in own and own[a.name].type is float:
+            columns[k] = [float(v) if isinstance(v, int) else v for v in columns[k]]
+    return Sweep(experiment, design, parameters, units, base, made.case, attributes, columns)
+
+
+def _fitting(f: Field, value: Any) -> Any:
+    return float(value) if f.type is float and isinstance(value, int) and not isinstance(value, bool) else value
+
+
+def _variable(system: Any, name: str, own: Mapping[str, Field]) -> Any:
+    member, dot, variable = name.partition(".")
+    if not dot or member not in system.members:
+        options = sorted({f.name for f in own.values()})
+        what = unknown("component", member, system.members) if dot else unknown("option", name, options)
+        raise DesignError(f"{name}: {what}; vary an option of the cases, or a parameter of a component as COMPONENT.NAME")
+    found = system[member].description.find(variable, member)
+    if found.type not in KINDS:
+        raise WiringError(f"{name} is of type {found.fmi_type}; numbers, truth values and texts can vary")
+    return found
+
+
+def _extremes(axis: Any) -> list[Any]:
+    """Values at the ends of an axis, as far as it has ends."""
+    if axis.kind == "values":
+        return list(axis.values)
+    ends = {"uniform": (0, 1), "triangular": (0, 2), "truncnormal": (2, 3)}.get(axis.kind, ())
+    return [int(axis.numbers[k]) if axis.whole else axis.numbers[k] for k in ends]
+
+
+# ------------------------------------------------------------------------------------------------------------- running
+
+
+@dataclass(frozen=True)
+class SweepTable:
+    """What a sweep found, by columns.
+
+    Attributes:
+        sweep: what was run.
+        axes: values by name.
+        metrics: numbers (runs,) by name; NaN where a run failed or has none.
+        failures: message by number of the run.
+    """
+
+    sweep: Sweep
+    axes: Mapping[str, list[Any]]
+    metrics: Mapping[str, Array]
+    failures: Mapping[int, str]
+
+    def write(self, path: Path) -> Path:
+        """A Parquet file: ``run``, the axes, the metrics, ``failed``. The same results give the same bytes."""
+        n = len(self.sweep)
+        failures = [self.failures.get(i, "") for i in range(n)]
+        write_table(path, {"run": np.arange(n), **self.axes, **self.metrics, "failed": failures})
+        return path
+
+
+def run_sweep(
+    sweep: Sweep,
+    fmus: FmuSet,
+    store: Path,
+    *,
+    executor: Executor | Making | None = None,
+    processes: int | None = None,
+    retry_failed: bool = False,
+    force: bool = False,
+    execution: Execution | None = None,
+    progress: Watch = lambda done, total, lost: None,
+) -> SweepTable:
+    """Run a sweep; what is in ``store`` already is taken from there. Options and errors as of :func:`cosim.study.run_study`;
+    ``progress`` is called with (done, total, failed)."""
+    kept = Store(store)
+    if force:
+        kept.discard()
+    one = [Task(sweep.experiment.case(**sweep.base))]
+    salt = "|".join(
+        ["sweep", code_hash([sweeping.__file__]), repr(sweep.parameters), salt_of(sweep.experiment, "", fmus, one)]
+    )
+    runs = RunStore(kept, salt)
+    total = len(sweep)
+
+    def name(i: int) -> str:
+        return runs.name(entry_key(sweep.of(i)))
+
+    first: dict[str, int] = {}  # two points of a design may be the same
+    order, lost = [], 0
+    for i in range(total):
+        key = name(i)
+        if first.setdefault(key, i) != i:
+            continue
+        if not usable(kept, key, failed=not retry_failed):
+            order.append(i)
+        elif kept.text(key).startswith('{"failed"'):
+            lost += 1
+    del first
+    done = total - len(order)
+    progress(done, total, lost)
+    ship = ship_of(sweep.experiment, fmus, [""], {"": salt}, execution, parameters=sweep.parameters)
+    dispatch = Dispatch(ship, lambda i: given(name(i), Task(sweep.of(i))), lambda _: 1.0, width)
+    with closing(stored(dispatch, kept, order, executor, processes)) as found:
+        for _, line in found:
+            lost += failed(line)
+            progress(done := done + 1, total, lost)
+    return _table(sweep, kept, name)
+
+
+def _table(sweep: Sweep, kept: Store, name: Callable[[int], str]) -> SweepTable:
+    total = len(sweep)
+    metrics: dict[str, Array] = {}
+    failures = {}
+    for i in range(total):
+        try:
+            entry = json.loads(kept.text(name(i)))
+        except NotStored:
+            entry = {"failed": "what was stored of it is damaged; run it again"}
+        if "failed" in entry:
+            failures[i] = entry["failed"]
+            continue
+        for key, value in entry["metrics"].items():
+            if isinstance(value, int | float):
+                if key not in metrics:
+                    metrics[key] = np.full(total, math.nan)
+                metrics[key][i] = value
+    axes = {a.name: column for a, column in zip(sweep.design.axes, sweep._columns, strict=True)}
+    return SweepTable(sweep, axes, metrics, failures)

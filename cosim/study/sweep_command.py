@@ -1,0 +1,160 @@
+"""The command `cosim sweep`, made of what an experiment declares."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+
+from build_fmus.terminal import console, one_of
+from cosim.study.case import fields
+from cosim.study.commands import (
+    EVERYWHERE_OF_STUDIES,
+    command,
+    execution,
+    field_options,
+    fmu_set,
+    make_folder,
+    on,
+    own_files,
+    run_case,
+)
+from cosim.study.design import MANY, METHODS, Design, DesignError, axis, from_file
+from cosim.study.experiment import Experiment
+from cosim.study.sweep import Sweep, prepare, run_sweep
+from cosim.study.swept import swept
+
+Vary = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--vary",
+        metavar="NAME=LOW:HIGH",
+        help="an option of the cases, or COMPONENT.PARAMETER of the system: a range, a list NAME=A,B,C or a distribution "
+        "NAME=normal(MEAN,DEVIATION); several may be given",
+    ),
+]
+Samples = Annotated[int, typer.Option("--samples", help="points of the design", min=1)]
+Method = Annotated[
+    str, typer.Option("--method", metavar=one_of(METHODS), help="how they fill the space of the parameters")
+]
+Seed = Annotated[int, typer.Option("--random-seed", help="seed of the design", min=0)]
+File = Annotated[
+    Path | None, typer.Option("--design", metavar="FILE", help="the design as a .toml file, or DESIGN of a .py file")
+]
+Worst = Annotated[
+    str | None, typer.Option("--worst", metavar="METRIC", help="whose largest values are the worst (default: the first)")
+]
+One = Annotated[
+    int | None, typer.Option("--run", metavar="NUMBER", help="make one run of the sweep again, with its time histories", min=0)
+]
+Yes = Annotated[bool, typer.Option("--yes", help=f"do not ask before more than {MANY} runs")]
+
+_OPTIONS: dict[str, tuple[Any, Any]] = {
+    "vary": (Vary, None),
+    "samples": (Samples, 100),
+    "method": (Method, "lhs"),
+    "random_seed": (Seed, 1),
+    "design": (File, None),
+    "worst": (Worst, None),
+    "run": (One, None),
+    "yes": (Yes, False),
+}
+
+
+def sweep_command(experiment: Experiment) -> Any:
+    """The command that runs an experiment over a design."""
+
+    def sweep(**given: Any) -> None:
+        design = _design(given)
+        _ask(design, given["yes"])
+        fmus = fmu_set(experiment, given)
+        base = {f.attribute: given[f.attribute] for f in fields(experiment.case) if f.attribute in given}
+        prepared = prepare(experiment, fmus, design, base)
+        if given["run"] is not None:
+            _one(prepared, given["run"], fmus, given)
+            return
+        write_sweep(
+            prepared, fmus, given["out"], worst=given["worst"], cluster=given["dask"], processes=given["processes"],
+            retry_failed=given["retry_failed"], force=given["force"], execution=execution(given),
+        )  # fmt: skip
+
+    own = {k: v for k, v in field_options(experiment).items() if k not in _OPTIONS}
+    text = f"Runs over a design of its parameters; writes results/{experiment.name}/sweep/report.html."
+    return command(sweep, experiment, {**_OPTIONS, **own, **own_files(experiment), **EVERYWHERE_OF_STUDIES}, text)
+
+
+def write_sweep(
+    sweep: Sweep, fmus: Any, out: Path, *, worst: str | None = None, cluster: str | None = None, **options: Any
+) -> Path:
+    """Run a sweep under a progress bar, and write its table and page; ``options`` as for :func:`cosim.study.run_sweep`."""
+    from cosim.report import write_report  # fails where [reports] is missing: before the work, not after
+    from cosim.study.sweep_report import sweep_report
+
+    folder = make_folder(out / sweep.experiment.name / "sweep")
+    columns = [
+        TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), TimeRemainingColumn(),
+        TextColumn("{task.fields[failed]} failed"),
+    ]  # fmt: skip
+    with on(cluster, options.get("processes")) as executor, Progress(*columns, console=console) as bar:
+        task = bar.add_task(f"sweep {sweep.experiment.name}", total=len(sweep), failed=0)
+        try:
+            table = run_sweep(
+                sweep, fmus, folder / ".runs", executor=executor,
+                progress=lambda done, total, lost: bar.update(task, completed=done, total=total, failed=lost), **options,
+            )  # fmt: skip
+        except KeyboardInterrupt:
+            raise KeyboardInterrupt(
+                "interrupted; finished runs are kept, the same command continues from there"
+            ) from None
+    for number, message in list(table.failures.items())[:5]:
+        console.print(f"failed: run {number}: {message}", markup=False)
+    if table.failures:
+        console.print(f"{len(table.failures)} of {len(sweep)} runs failed; --retry-failed runs them again")
+    path = table.write(folder / "table.parquet")
+    page = write_report(sweep_report(table, fmus, worst=worst), folder)
+    console.print(f"table: {path}")
+    console.print(f"report: {page}")
+    return page
+
+
+def _design(given: Mapping[str, Any]) -> Design:
+    if given["design"] is None:
+        axes = tuple(axis(text) for text in given["vary"] or ())
+        return Design(axes, given["method"], given["samples"], given["random_seed"])
+    found = from_file(given["design"])
+    if given["vary"]:
+        more = tuple(axis(text) for text in given["vary"])
+        names = {a.name for a in more}
+        if found.method == "list":
+            raise DesignError(f"{given['design']} gives points one by one: --vary has no meaning beside it")
+        found = dataclasses.replace(found, axes=(*(a for a in found.axes if a.name not in names), *more))
+    return found
+
+
+def _ask(design: Design, yes: bool) -> None:
+    """Whether so many runs are meant.
+
+    Raises:
+        DesignError: they are not, or nobody is there to say so.
+    """
+    if design.runs <= MANY or yes:
+        return
+    hours = design.runs * 0.1 / 3600
+    often = f"{hours:.0f} hours" if hours < 48 else f"{hours / 24:.0f} days" if hours < 24 * 730 else f"{hours / 24 / 365:.0f} years"
+    text = f"{design.runs:.6g} runs: at 0.1 s each some {often} on one core"
+    if not (console.is_terminal and typer.confirm(f"{text}. Run them?", default=False)):
+        raise DesignError(f"{text}; nothing was run. Take fewer --samples, or give --yes")
+
+
+def _one(sweep: Sweep, number: int, fmus: Any, given: Mapping[str, Any]) -> None:
+    if number >= len(sweep):
+        raise DesignError(f"--run {number}: the design has runs 0 to {len(sweep) - 1}")
+    made = swept(sweep.experiment, sweep.parameters)
+    kind = type("Run", (made.case,), {"label": f"run-{number}"})  # which names its files
+    case = kind(**{**sweep.base, **dict(zip(sweep.attributes, sweep.point(number), strict=True))})
+    named = dataclasses.replace(made, name="sweep", baseline=None)
+    run_case(named, case, fmus, given["out"] / made.name, execution(given))

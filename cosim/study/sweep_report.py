@@ -1,0 +1,359 @@
+"""The page of a sweep: distributions, quantiles with their confidence, scatter, parallel coordinates, sensitivity, worst cases."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from build_fmus import extras
+from build_fmus.checks import Array
+from cosim.report import Figure, Panel, Report, Section, Series, Table
+from cosim.report.checks import Scalar
+from cosim.report.model import Mode
+from cosim.study.design import METHODS
+from cosim.study.experiment import Metric
+from cosim.study.fmus import FmuSet
+from cosim.study.pages import provenance
+from cosim.study.runner import Runner
+from cosim.study.sweep import Sweep, SweepTable
+from cosim.study.swept import swept
+
+QUANTILES = (0.05, 0.25, 0.5, 0.75, 0.95)
+CONFIDENCE = 0.95
+MOST_METRICS = 6  # that are drawn
+POINTS = 2000  # of a scatter plot
+LINES = 100  # of parallel coordinates
+WORST = 3  # runs that are made again for their time histories
+SAMPLES = 2000  # of a time history that is drawn
+
+
+def sweep_report(table: SweepTable, fmus: FmuSet, *, worst: str | None = None) -> Report:
+    """The page. ``worst``: metric whose largest values are the worst, by default the first.
+
+    Raises:
+        ValueError: no run has such a metric.
+    """
+    sweep, experiment = table.sweep, table.sweep.experiment
+    metrics = _shown(table)
+    n, lost = len(sweep), len(table.failures)
+    method = METHODS.get(sweep.design.method, "points that were given")
+    sections: list[Section] = []
+    if metrics:
+        drawn = dict(list(metrics.items())[:MOST_METRICS])
+        sections += [_distributions(table, metrics, drawn), _scatter(table, drawn), _sensitivity(table, drawn)]
+        key = worst or next(iter(metrics))
+        if key not in metrics:
+            raise ValueError(f"--worst {key}: no run has this metric (there are: {', '.join(metrics)})")
+        sections.append(_worst(table, fmus, key, metrics))
+    if lost:
+        rows: list[list[Scalar]] = [[i, *_cells(sweep, i), m] for i, m in list(table.failures.items())[:100]]
+        text = f"{lost} of {n} runs failed; --retry-failed runs them again." + " The first hundred:" * (lost > 100)
+        sections.append(
+            Section(
+                "Failed runs",
+                [text],
+                tables=[Table("failed-runs", "Runs that failed", ["run", *_headings(sweep), "message"], rows)],
+            )
+        )
+    axes: list[list[Scalar]] = [[a.name, sweep.units[a.name] or "-", str(a)] for a in sweep.design.axes]
+    sections.append(
+        Section(
+            "Design",
+            [f"{method}, seed {sweep.design.seed}."],
+            tables=[Table("design", "Parameters that vary", ["parameter", "unit", "values"], axes)],
+        )
+    )
+    return Report(
+        experiment=f"{experiment.name} sweep",
+        title=f"{experiment.title or experiment.name}: sweep",
+        lead=f"{n} runs over {', '.join(a.name for a in sweep.design.axes)}; {lost} failed.",
+        sections=sections,
+        provenance=provenance(experiment, fmus),
+    )
+
+
+def _shown(table: SweepTable) -> dict[str, Metric]:
+    said = {k: m for k, m in table.sweep.experiment.metrics.items() if k in table.metrics}
+    return said or {k: Metric(k) for k in table.metrics}
+
+
+def _headings(sweep: Sweep) -> list[str]:
+    return [f"{a.name} [{sweep.units[a.name]}]" if sweep.units[a.name] else a.name for a in sweep.design.axes]
+
+
+def _cells(sweep: Sweep, i: int) -> list[Scalar]:
+    return list(sweep.point(i))
+
+
+def _label(metric: Metric) -> str:
+    return f"{metric.text} [{metric.unit or '-'}]"
+
+
+def _values(table: SweepTable, key: str, metric: Metric) -> Array:
+    return table.metrics[key] * metric.factor
+
+
+# -------------------------------------------------------------------------------------------------------- distributions
+
+
+def quantile_interval(values: Array, q: float, confidence: float = CONFIDENCE) -> tuple[float, float, float]:
+    """A quantile of the distribution that values (n,) are drawn from, and the order statistics that enclose it with this confidence,
+    whatever the distribution (David and Nagaraja, Order Statistics, 7.1); infinite where n is too small."""
+    from scipy.stats import binom
+
+    ordered = np.sort(values)
+    n = len(ordered)
+    tail = (1 - confidence) / 2
+    low, high = int(binom.ppf(tail, n, q)) - 1, int(binom.ppf(1 - tail, n, q))
+    return (
+        float(np.quantile(ordered, q)),
+        float(ordered[low]) if low >= 0 else -math.inf,
+        float(ordered[high]) if high < n else math.inf,
+    )
+
+
+def _distributions(table: SweepTable, metrics: Mapping[str, Metric], drawn: Mapping[str, Metric]) -> Section:
+    rows: list[list[Scalar]] = []
+    for key, metric in metrics.items():
+        values = _values(table, key, metric)
+        values = values[np.isfinite(values)]
+        if len(values):
+            for q in QUANTILES:
+                found, low, high = quantile_interval(values, q)
+                rows.append(
+                    [metric.heading, q, found, *(x if math.isfinite(x) else None for x in (low, high)), len(values)]
+                )
+    panels = []
+    for key, metric in drawn.items():
+        values = np.sort(_values(table, key, metric))
+        values = values[np.isfinite(values)]
+        if len(values):
+            share = (np.arange(len(values)) + 0.5) / len(values)
+            panels.append(
+                Panel(
+                    metric.text,
+                    _label(metric),
+                    "share of the runs below [-]",
+                    [_points("distribution", values, share)],
+                )
+            )
+    columns = ["metric", "quantile", "value", f"at least ({CONFIDENCE:.0%})", f"at most ({CONFIDENCE:.0%})", "runs"]
+    independent = table.sweep.design.method == "random"
+    text = "Bounds are order statistics that hold for any distribution" + (
+        "."
+        if independent
+        else "; they take the runs for independent, and are too wide for a design that fills space evenly."
+    )
+    figures = (
+        [Figure("distributions", "Distributions", "Empirical distribution of each metric.", panels, columns=2)]
+        if panels
+        else []
+    )
+    return Section("Distributions", [text], figures=figures, tables=[Table("quantiles", "Quantiles", columns, rows)])
+
+
+def _points(name: str, x: Array, y: Array, mode: Mode = "line") -> Series:
+    """A curve of at most about POINTS points."""
+    step = max(1, len(x) // POINTS)
+    return Series(name, x[::step], y[::step], mode=mode)
+
+
+# --------------------------------------------------------------------------------------------------------------- scatter
+
+
+def _numeric(table: SweepTable) -> dict[str, Array]:
+    """Axes of numbers; of texts the number of the value in its list."""
+    found = {}
+    for a in table.sweep.design.axes:
+        column = table.axes[a.name]
+        if any(isinstance(v, str) for v in column):
+            order = list(dict.fromkeys(a.values))
+            column = [order.index(v) for v in column]
+        found[a.name] = np.asarray(column, dtype=float)
+    return found
+
+
+def _scatter(table: SweepTable, drawn: Mapping[str, Metric]) -> Section:
+    axes, units = _numeric(table), table.sweep.units
+    panels = [
+        Panel(
+            "",
+            f"{name} [{units[name] or '-'}]",
+            _label(m),
+            [_points("runs", x, _values(table, k, m), mode="markers")],
+        )
+        for k, m in drawn.items()
+        for name, x in axes.items()
+    ]
+    figures = [
+        Figure(
+            "scatter",
+            "Metrics over parameters",
+            "One point for each run; a design of more is thinned out.",
+            panels,
+            columns=min(3, max(1, len(axes))),
+        )
+    ]
+    return Section("Scatter", [], figures=[*figures, _parallel(table, axes, drawn)])
+
+
+def _parallel(table: SweepTable, axes: Mapping[str, Array], drawn: Mapping[str, Metric]) -> Figure:
+    """Every run is a line over all columns, each scaled from its smallest to its largest value; the worst tenth stands out."""
+    columns = [*axes.values(), *(_values(table, k, m) for k, m in drawn.items())]
+    scaled = np.column_stack([_scaled(c) for c in columns])
+    first = _values(table, *next(iter(drawn.items())))
+    ranked = np.argsort(-np.nan_to_num(first, nan=-np.inf), kind="stable")
+    chosen = ranked[:: max(1, len(ranked) // LINES)]
+    worst = {int(i) for i in ranked[: max(1, len(ranked) // 10)]}
+    series = []
+    for name, rows in (
+        ("other runs", [i for i in chosen if int(i) not in worst]),
+        ("worst tenth", [i for i in chosen if int(i) in worst]),
+    ):
+        if rows:
+            x = np.tile([*range(1, len(columns) + 1), math.nan], len(rows))
+            y = np.concatenate([[*scaled[i], math.nan] for i in rows])
+            series.append(Series(name, x, y))
+    names = ", ".join(f"{i} {n}" for i, n in enumerate([*axes, *(m.text for m in drawn.values())], start=1))
+    return Figure(
+        "parallel",
+        "Parallel coordinates",
+        f"Columns: {names}.",
+        [Panel("", "column [-]", "from smallest to largest [-]", series)],
+    )
+
+
+def _scaled(values: Array) -> Array:
+    low, high = np.nanmin(values, initial=np.inf), np.nanmax(values, initial=-np.inf)
+    return (values - low) / (high - low) if high > low else np.where(np.isfinite(values), 0.5, np.nan)
+
+
+# ----------------------------------------------------------------------------------------------------------- sensitivity
+
+
+def sobol_indices(table: SweepTable, key: str) -> list[tuple[str, float, float, float, float]]:
+    """(parameter, first-order index, its half width of 95 % confidence, total index, its half width) of a metric of a sweep by
+    the method "saltelli" (Saltelli et al., Computer Physics Communications 181, 2010)."""
+    with extras.needed("sensitivity", "indices of Sobol"):
+        from SALib.analyze import sobol
+
+    found = sobol.analyze(
+        table.sweep.design.problem, table.metrics[key], calc_second_order=False, seed=table.sweep.design.seed
+    )
+    columns = [np.asarray(found[c], dtype=float).tolist() for c in ("S1", "S1_conf", "ST", "ST_conf")]
+    return list(zip([a.name for a in table.sweep.design.axes], *columns, strict=True))
+
+
+def morris_effects(table: SweepTable, key: str) -> list[tuple[str, float, float]]:
+    """(parameter, mean of the magnitudes of elementary effects, their standard deviation) of a metric of a sweep by the method "morris",
+    over the whole range of the parameter (Campolongo et al., Environmental Modelling and Software 22, 2007)."""
+    with extras.needed("sensitivity", "effects of Morris"):
+        from SALib.analyze import morris
+
+    design = table.sweep.design
+    found = morris.analyze(design.problem, design.cube(), table.metrics[key], num_levels=8, seed=design.seed)
+    return [(a.name, float(found["mu_star"][i]), float(found["sigma"][i])) for i, a in enumerate(design.axes)]
+
+
+def rank_correlations(table: SweepTable, key: str) -> list[tuple[str, float]]:
+    """(parameter, Spearman's rank correlation with a metric); NaN where one of them does not vary."""
+    from scipy.stats import rankdata
+
+    values = table.metrics[key]
+    fine = np.isfinite(values)
+    found = []
+    for name, x in _numeric(table).items():
+        a, b = rankdata(x[fine]), rankdata(values[fine])
+        varies = len(a) > 1 and np.ptp(a) > 0 and np.ptp(b) > 0
+        found.append((name, float(np.corrcoef(a, b)[0, 1]) if varies else math.nan))
+    return found
+
+
+def _sensitivity(table: SweepTable, drawn: Mapping[str, Metric]) -> Section:
+    rows: list[list[Scalar]] = []
+    whole = not table.failures and all(np.isfinite(table.metrics[k]).all() for k in drawn)
+    method = table.sweep.design.method
+    paragraphs = []
+    if method in ("saltelli", "morris") and not whole:
+        paragraphs = ["Indices need every run of the design, and some have failed: rank correlations instead."]
+        method = ""
+    if method == "saltelli":
+        columns = ["metric", "parameter", "first-order index", "+-", "total index", "+-, of the total"]
+        rows = [[m.text, *found] for k, m in drawn.items() for found in sobol_indices(table, k)]
+        paragraphs = [
+            "Sobol indices: the share of the variance that a parameter explains alone, and with all its interactions; with 95 % confidence."
+        ]
+    elif method == "morris":
+        columns = ["metric", "parameter", "mean magnitude of the effect", "standard deviation of the effect"]
+        rows = [
+            [m.text, n, mean * m.factor, s * m.factor]
+            for k, m in drawn.items()
+            for n, mean, s in morris_effects(table, k)
+        ]
+        paragraphs = [
+            "Elementary effects (Morris), over the whole range of a parameter: a deviation as large as the mean tells of interactions or curvature."
+        ]
+    else:
+        columns = ["metric", "parameter", "rank correlation"]
+        rows = [
+            [m.text, n, r if math.isfinite(r) else None]
+            for k, m in drawn.items()
+            for n, r in rank_correlations(table, k)
+        ]
+        paragraphs += [
+            "Spearman's rank correlation. --method saltelli gives Sobol indices, --method morris elementary effects."
+        ]
+    return Section("Sensitivity", paragraphs, tables=[Table("sensitivity", "Sensitivity", columns, rows)])
+
+
+# ----------------------------------------------------------------------------------------------------------- worst cases
+
+
+def worst_runs(table: SweepTable, key: str, count: int = WORST) -> list[int]:
+    """Numbers of the runs with the largest values of a metric."""
+    values = np.nan_to_num(table.metrics[key], nan=-np.inf)
+    ranked: Sequence[int] = np.argsort(-values, kind="stable").tolist()
+    return [i for i in ranked[:count] if math.isfinite(values[i])]
+
+
+def _worst(table: SweepTable, fmus: FmuSet, key: str, metrics: Mapping[str, Metric]) -> Section:
+    """The worst runs, made once more for their time histories."""
+    sweep = table.sweep
+    runs = worst_runs(table, key)
+    rows: list[list[Scalar]] = [
+        [i, *_cells(sweep, i), *(float(_values(table, k, m)[i]) for k, m in metrics.items())] for i in runs
+    ]
+    rows = [[None if isinstance(c, float) and not math.isfinite(c) else c for c in row] for row in rows]
+    columns = list(dict.fromkeys(["run", *_headings(sweep), *(m.heading for m in metrics.values())]))
+    tables = (
+        [Table("worst", f"Largest {metrics[key].text}", columns, rows)] if rows and len(columns) == len(rows[0]) else []
+    )
+    histories: dict[str, list[Series]] = {}
+    labels: dict[str, str] = {}
+    with Runner(swept(sweep.experiment, sweep.parameters), fmus) as runner:
+        for i in runs:
+            recording: Any = runner.record(runner.experiment.case(**_given(sweep, i)))
+            for name in list(recording.names)[:MOST_METRICS]:
+                step = max(1, len(recording) // SAMPLES)
+                signal = np.asarray(recording[name], dtype=float)[::step]
+                histories.setdefault(name, []).append(Series(f"run {i}", np.asarray(recording.time)[::step], signal))
+                labels[name] = f"{name} [{recording.units.get(name) or '-'}]"
+    panels = [Panel(name, "time [s]", labels[name], series) for name, series in histories.items()]
+    text = (
+        f"The same run again, with its files: the command of the sweep with --run {runs[0]}."
+        if runs
+        else "No run has this metric."
+    )
+    figures = (
+        [Figure("worst-runs", "Time histories of the worst runs", "Made again for this page.", panels, columns=2)]
+        if panels
+        else []
+    )
+    return Section("Worst cases", [text], figures=figures, tables=tables)
+
+
+def _given(sweep: Sweep, i: int) -> dict[str, Any]:
+    return {**sweep.base, **dict(zip(sweep.attributes, sweep.point(i), strict=True))}

@@ -1,0 +1,89 @@
+"""An experiment whose cases also have parameters of the system, ``member.variable``, that a sweep varies."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+from functools import lru_cache, partial
+from typing import Any
+
+from cosim.study.case import Case, fields, option
+from cosim.study.experiment import Experiment
+from cosim.study.loading import load
+
+KINDS: dict[str, type] = {"real": float, "integer": int, "boolean": bool, "string": str}
+Parameters = tuple[tuple[str, str], ...]
+"""Names of parameters, ``member.variable``, with the type of each, a key of KINDS."""
+
+
+def attribute(number: int) -> str:
+    """The field of a case that holds the parameter of this number."""
+    return f"parameter_{number}"
+
+
+def swept(experiment: Experiment, parameters: Parameters) -> Experiment:
+    """The experiment with these parameters of its system among the fields of its cases; None leaves one as the experiment sets it."""
+    if not parameters:
+        return dataclasses.replace(experiment, parts=(), plan=None, claims=None)
+    more = [
+        (attribute(i), KINDS[kind] | None, option(None, help=f"start value of {name}", name=name))
+        for i, (name, kind) in enumerate(parameters)
+    ]
+    names = [name for name, _ in parameters]
+    made = dataclasses.make_dataclass(
+        "Point",
+        more,
+        bases=(_Point, experiment.case),
+        frozen=True,
+        namespace={"__module__": __name__, "base": experiment.case},
+    )
+    return dataclasses.replace(
+        experiment, case=made, wire=partial(_wire, experiment), structure=partial(_structure, experiment),
+        configure=partial(_configure, experiment, tuple(names)), parts=(), plan=None, claims=None,
+    )  # fmt: skip
+
+
+class _Point(Case):
+    """What is checked of these fields is checked by the FMU's description when they are set."""
+
+    def __post_init__(self) -> None:
+        own(self)
+
+
+def own(point: Any) -> Any:
+    """The case of the experiment itself, without the parameters."""
+    case = type(point).base
+    return case(**{f.attribute: getattr(point, f.attribute) for f in fields(case)})
+
+
+def _wire(experiment: Experiment, fmus: Any, point: Any) -> Any:
+    return experiment.wire(fmus, own(point))
+
+
+def _structure(experiment: Experiment, point: Any) -> Any:
+    case = own(point)
+    return experiment.structure(case) if experiment.structure else None if experiment.configure else case
+
+
+def _configure(experiment: Experiment, names: Sequence[str], system: Any, point: Any) -> None:
+    if experiment.configure is not None:
+        experiment.configure(system, own(point))
+    set_parameters(system, {n: getattr(point, attribute(i)) for i, n in enumerate(names)})
+
+
+def set_parameters(system: Any, given: Mapping[str, Any]) -> None:
+    """Set parameters and start values by ``member.variable``.
+
+    Raises:
+        WiringError: there is no such member or variable, or the value cannot be.
+    """
+    for name, value in given.items():
+        member, _, variable = name.partition(".")
+        if value is not None:
+            system[member].set({variable: value})
+
+
+@lru_cache(8)
+def load_swept(place: str, parameters: Parameters) -> Experiment:
+    """The experiment of a module or file, with these parameters."""
+    return swept(load(place), parameters)

@@ -1,0 +1,185 @@
+"""What a worker does: it gets runs in chunks, by the values of their cases, and gives their results back as lines of the store.
+
+Experiment, FMUs and systems stay with a worker from one chunk to the next: a system is wired once and reset for each run. An FMU that is
+not there, or not the same, is asked for by the hash of its content (:attr:`Reply.missing`); it comes with the chunk that is then given
+again, and stays in the cache of that machine.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import threading
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+from build_fmus import safe_files
+from cosim.study.case import values
+from cosim.study.experiment import Experiment, Row, Search, Task
+from cosim.study.fmus import FmuSet
+from cosim.study.loading import load
+from cosim.study.runner import Execution, Runner
+from cosim.study.store import RunStore, Store, seal
+from cosim.study.swept import Parameters, load_swept, swept
+
+
+@dataclass(frozen=True)
+class Ship:
+    """What goes with every chunk.
+
+    Attributes:
+        experiment: itself, or where it can be imported from.
+        fmus: the FMU files, as the study names them.
+        hashes: SHA-256 of each by its path.
+        store: folder in which a worker looks for runs that others have made, and keeps its own; None: nowhere.
+        group: part of the names of its files there.
+        salts: of the keys, by part.
+        execution: how systems are executed.
+        parameters: of the system, that the cases have besides their own fields.
+    """
+
+    experiment: str | Experiment
+    fmus: FmuSet
+    hashes: Mapping[str, str]
+    store: Path | None
+    group: str
+    salts: Mapping[str, str]
+    execution: Execution | None
+    parameters: Parameters = ()
+
+
+@dataclass(frozen=True)
+class Reply:
+    """What comes back: a line for each run, or hashes of the FMUs without which none could be made.
+
+    ``seconds``: wall time of the chunk.
+    """
+
+    lines: Sequence[bytes] = ()
+    missing: Sequence[str] = ()
+    seconds: float = 0.0
+
+
+Given = tuple[str, Any]
+"""A task as it goes to another process, where a class of cases made at run time is another one: name of its key, and (part, values of the
+case, whether signals are kept) or a search."""
+
+
+def given(name: str, task: Task | Search) -> Given:
+    """A task as it travels."""
+    return name, (task.part, values(task.case), task.signals) if isinstance(task, Task) else task
+
+
+def work(ship: Ship, chunk: Sequence[Given], contents: Mapping[str, bytes] | None = None) -> Reply:
+    """Do tasks; a failure is an entry that says so. ``contents`` are FMUs by hash."""
+    since = time.perf_counter()
+    try:
+        places, missing = _places(ship.hashes, contents or {})
+    except OSError as error:  # no room for them here
+        lines = [seal(name, _failure(error)) for name, _ in chunk]
+        return Reply(lines, seconds=time.perf_counter() - since)
+    if missing:
+        return Reply(missing=missing)
+    fmus = replace(ship.fmus, at=places) if places else ship.fmus
+    try:
+        experiment = _experiment(ship)
+    except Exception as error:
+        lines = [seal(name, _failure(error)) for name, _ in chunk]
+    else:
+        lines = [_line(ship, experiment, fmus, name, task) for name, task in chunk]
+    return Reply(lines, seconds=time.perf_counter() - since)
+
+
+def _experiment(ship: Ship) -> Experiment:
+    if isinstance(ship.experiment, str):
+        return load_swept(ship.experiment, ship.parameters) if ship.parameters else load(ship.experiment)
+    return swept(ship.experiment, ship.parameters) if ship.parameters else ship.experiment
+
+
+def _line(ship: Ship, experiment: Experiment, fmus: FmuSet, name: str, task: Any) -> bytes:
+    try:
+        return seal(name, _entry(ship, experiment, fmus, task))
+    except Exception as error:
+        return seal(name, _failure(error))
+
+
+def _failure(error: Exception) -> Row:
+    return {"failed": f"{type(error).__name__}: {error}"}
+
+
+def _entry(ship: Ship, experiment: Experiment, fmus: FmuSet, task: Any) -> Row:
+    if isinstance(task, tuple):
+        part, case, signals = task
+        runner = _runner(experiment, part, ship, fmus)
+        return runner.entry(runner.experiment.case(**case), signals=signals)
+    return {"found": task(_runner(experiment, getattr(task, "part", ""), ship, fmus))}
+
+
+# ---------------------------------------------------------------------------------------------- FMUs that have travelled
+
+
+def _places(hashes: Mapping[str, str], contents: Mapping[str, bytes]) -> tuple[dict[str, str], list[str]]:
+    """Where the FMUs lie that are not under their own path, and hashes of those that are nowhere."""
+    places, missing = {}, []
+    for path, digest in hashes.items():
+        if _hash(Path(path)) == digest:
+            continue
+        kept = safe_files.cache_directory() / "fmus" / digest / Path(path).name
+        if digest in contents:
+            safe_files.write(kept, contents[digest])
+        if _hash(kept) == digest:
+            places[path] = str(kept)
+        else:
+            missing.append(digest)
+    return places, missing
+
+
+def _hash(path: Path) -> str:
+    """SHA-256 of a file, computed again only when it has changed; "" of one that is not there."""
+    try:
+        about = path.stat()
+        return _hash_of(path, about.st_mtime_ns, about.st_size)
+    except OSError:
+        return ""
+
+
+@cache
+def _hash_of(path: Path, _changed: int, _size: int) -> str:
+    return hashlib.sha256(path.read_bytes()).hexdigest()
+
+
+def hashes(paths: Sequence[Path]) -> dict[str, str]:
+    """SHA-256 of FMU files by their path."""
+    return {str(p): _hash(p) for p in paths}
+
+
+# ------------------------------------------------------------------------------------------------------ what stays here
+
+_here = threading.local()  # per thread, since a system runs one simulation at a time
+
+
+def _runner(experiment: Experiment, part: str, ship: Ship, fmus: FmuSet) -> Runner:
+    study = (experiment.name, experiment.module, fmus, ship.hashes, ship.salts, ship.execution, ship.parameters, os.getpid())
+    if getattr(_here, "study", None) != study:
+        for runner in getattr(_here, "runners", {}).values():
+            runner.close()
+        _here.study, _here.runners = study, {}
+    runners: dict[str, Runner] = _here.runners
+    if part not in runners:
+        runners[part] = Runner(experiment.part(part), fmus, execution=ship.execution)
+    runners[part].store = None if ship.store is None else RunStore(_store(ship.store, ship.group), ship.salts[part])
+    return runners[part]
+
+
+def _store(directory: Path, group: str) -> Store:
+    """The store of a worker, one for each study."""
+    known: Store | None = getattr(_here, "store", None)
+    if known is None or known.group != group:
+        if known is not None:
+            known.close()
+        known = _here.store = Store(directory, group)
+    return known

@@ -1,0 +1,24 @@
+"""FMUs with one fault each, and the process that checks them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+from foreign.faulty import build
+
+from cosim.check import Workers
+
+
+@pytest.fixture(scope="session")
+def workers() -> Iterator[Workers]:
+    with Workers() as found:
+        yield found
+
+
+@pytest.fixture(scope="session")
+def faulty(tmp_path_factory: pytest.TempPathFactory) -> Callable[[int, str], Path]:
+    """The FMU of a version with a fault."""
+    folder = tmp_path_factory.mktemp("faulty")
+    return lambda version, fault="": build(version, folder, fault)

@@ -1,0 +1,76 @@
+"""`cosim run` with signals in and results out."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from built import FMUS, BuiltFmus
+from programs import refused, run
+
+from cosim import Recording
+
+RIDE = """
+from cosim import System
+
+STOP_TIME = 1.0
+RECORD = ["car.body.z", "car.road.height", "car.tire.deflection"]
+
+def system(mass: float = 500.0):
+    made = System()
+    made.add("road", "fmus/fmi3/RoadBenchBump.fmu", start={"bump.start": 0.3})
+    made.add("car", "fmus/fmi3/QuarterCarHmmwv.fmu", step="1 ms", start={"force": 0.0})
+    made.connect_matching("road", "car")
+    return made
+"""
+TIME = np.arange(1001) / 1000
+
+
+@pytest.fixture
+def folder(built_fmus: BuiltFmus, tmp_path: Path) -> Path:  # noqa: ARG001
+    (tmp_path / "fmus").symlink_to(FMUS, target_is_directory=True)
+    (tmp_path / "ride.py").write_text(RIDE)
+    frame = pd.DataFrame({"time [s]": TIME, "car.road.height [mm]": 50 * np.sin(9 * TIME), "car.road.rate [m/s]": 0.45 * np.cos(9 * TIME)})
+    frame.to_csv(tmp_path / "track.csv", index=False)
+    frame.to_parquet(tmp_path / "track.parquet")
+    frame[:500].to_csv(tmp_path / "short.csv", index=False)
+    frame.rename(columns={"car.road.height [mm]": "car.rod.height"}).to_csv(tmp_path / "strange.csv", index=False)
+    return tmp_path
+
+
+def test_a_measured_signal_drives_an_input_and_the_result_is_parquet(folder: Path) -> None:
+    """From CSV and Parquet the same; it takes the place of the road that the system has."""
+    for source in ("track.csv", "track.parquet"):
+        run(folder, "cosim", "run", "ride.py", "--input", source, "--output", f"out/{source}.parquet")
+    one, other = (Recording.read(folder / "out" / f"track.{e}.parquet") for e in ("csv", "parquet"))
+    np.testing.assert_array_equal(one.data, other.data)
+    assert set(one.units.values()) == {"m"}
+    np.testing.assert_allclose(one["car.road.height"][:-1], 0.05 * np.sin(9 * one.time[:-1]), rtol=0, atol=1e-15)
+    assert abs(one["car.body.z"]).max() > 1e-3
+    run(folder, "cosim", "run", "ride.py", "--display-units", "--output", "mm.nc")
+    assert Recording.read(folder / "mm.nc").units["car.tire.deflection"] == "mm"
+
+
+def test_a_shorter_file_is_held_on_request(folder: Path) -> None:
+    said = refused(folder, "cosim", "run", "ride.py", "--input", "short.csv")
+    assert "'short': short.csv ends at t = 0.499 s, the run at 1 s; after='hold' (--hold-input) keeps its last values" in said
+    run(folder, "cosim", "run", "ride.py", "--input", "short.csv", "--hold-input", "--output", "a.csv")
+    held = Recording.read(folder / "a.csv")["car.road.height"]
+    assert np.ptp(held[500:]) == 0.0
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["--output", "x.txt"], "x.txt: no format has the ending '.txt'; choose one of .csv, .parquet, .nc, .h5, .hdf5, .mf4"),
+        (["--input", "strange.csv"], "strange.csv: the column 'car.rod.height' names no input of the system, MEMBER.INPUT; did you mean 'car.road.height'"),
+        (["--input", "nowhere.csv"], "nowhere.csv: there is no such file"),
+        (["--input", "ride.py"], "ride.py: a table is .csv or .parquet"),
+    ],
+)
+def test_mistakes(arguments: list[str], message: str, folder: Path) -> None:
+    before = set(folder.rglob("*"))
+    assert message in refused(folder, "cosim", "run", "ride.py", *arguments)
+    assert [p for p in set(folder.rglob("*")) - before if p.suffix in (".csv", ".txt", ".part")] == []

@@ -1,0 +1,289 @@
+"""`faulty.c` as FMUs of FMI 2.0 and 3.0: each keeps to the standard but for one deliberate fault, in its code, description, archive or library."""
+
+from __future__ import annotations
+
+import math
+import re
+import subprocess
+import zipfile
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import fmpy
+
+from build_fmus.compile import find_toolchain, host
+from cosim.check.binary import required
+from cosim.fmu.calls import platform_folder
+
+BOTH = (2, 3)
+
+
+@dataclass(frozen=True)
+class Fault:
+    """A fault: checks that must find it, others that may notice what follows from it, and FMI versions that can have it."""
+
+    found: tuple[str, ...]
+    also: tuple[str, ...] = ()
+    versions: tuple[int, ...] = BOTH
+    spoil: Callable[[dict[str, bytes], int], None] | None = field(default=None, repr=False)
+    """Changes the files of the archive; without, `faulty.c` has the fault."""
+    macros: tuple[str, ...] = ()
+
+
+def _replaced(pattern: str, new: str, file: str = "modelDescription.xml", count: int = 1) -> Callable[[dict[str, bytes], int], None]:
+    def spoil(files: dict[str, bytes], version: int) -> None:  # noqa: ARG001
+        text, n = re.subn(pattern, new, files[file].decode(), count=count)
+        assert n, f"{pattern} is not in {file}"
+        files[file] = text.encode()
+
+    return spoil
+
+
+def _without_dependency(unknown: int, known: int, group: str) -> Callable[[dict[str, bytes], int], None]:
+    """Take one known out of the dependencies of an unknown."""
+
+    def spoil(files: dict[str, bytes], version: int) -> None:
+        text = files["modelDescription.xml"].decode()
+        key = f'index="{unknown + 1}"' if version == 2 else f'valueReference="{unknown}"'
+        known_ = str(known + 1 if version == 2 else known)
+        begin = text.index(f"<{group}" if version == 3 else f"<{group}s>")
+        at = text.index(key, begin)
+        head, element, tail = text[:at], *text[at:].partition(">")[::2]
+        changed = re.sub(rf'(dependencies="[^"]*?)\b{known_}\b ?', r"\1", element).replace(' "', '"')
+        assert changed != element
+        files["modelDescription.xml"] = (head + changed + ">" + tail).encode()
+
+    return spoil
+
+
+def _moved_library(files: dict[str, bytes], version: int) -> None:
+    path = next(p for p in files if p.startswith("binaries/"))
+    files["binaries/win64/faulty.dll" if version == 2 else "binaries/x86_64-windows/faulty.dll"] = files[path]
+
+
+def _damaged_library(files: dict[str, bytes], version: int) -> None:
+    files["binaries/win64/faulty.dll" if version == 2 else "binaries/x86_64-windows/faulty.dll"] = b"no library at all"
+
+
+def _reference(files: dict[str, bytes], version: int) -> None:  # noqa: ARG001
+    files["documentation/Faulty_ref.csv"] = reference(1.02).encode()
+
+
+def _licence(files: dict[str, bytes], version: int) -> None:  # noqa: ARG001
+    files["documentation/licenses/readme.txt"] = b"see elsewhere"
+
+
+def _sources(files: dict[str, bytes], version: int) -> None:
+    if version == 2:
+        _replaced(r"(<CoSimulation [^>]*)/>", r'\1><SourceFiles><File name="lost.c"/></SourceFiles></CoSimulation>')(files, version)
+    else:
+        text = '<fmiBuildDescription fmiVersion="3.0"><BuildConfiguration modelIdentifier="faulty"><SourceFileSet><SourceFile name="lost.c"/></SourceFileSet></BuildConfiguration></fmiBuildDescription>'
+        files["sources/buildDescription.xml"] = text.encode()
+
+
+def _terminals(files: dict[str, bytes], version: int) -> None:  # noqa: ARG001
+    text = '<fmiTerminalsAndIcons fmiVersion="3.0"><Terminals><Terminal name="a" matchingRule="plug"><TerminalMemberVariable variableKind="signal" memberName="a" variableName="nobody"/></Terminal></Terminals></fmiTerminalsAndIcons>'
+    files["terminalsAndIcons/terminalsAndIcons.xml"] = text.encode()
+
+
+STATES = ("saved.replay", "saved.parameters", "saved.states", "saved.serialize")
+FAULTS = {
+    # -------------------------------------------------------------------------------------------- description, archive
+    "schema": Fault(("description.schema",), spoil=_replaced("<DefaultExperiment ", '<DefaultExperiment colour="blue" ')),
+    "version": Fault(("description.version",), versions=(2,), spoil=_replaced('fmiVersion="2.0"', 'fmiVersion="2.0.4"'), also=("description.schema",)),
+    "identifier": Fault(("description.identifier",), ("archive.implementation",), spoil=_replaced('modelIdentifier="faulty"', 'modelIdentifier="faulty-1"', count=2)),
+    "duplicate-name": Fault(("description.names",), spoil=_replaced('name="gain"', 'name="on"')),
+    "unstructured-name": Fault(("description.names",), spoil=_replaced('name="force"', 'name="total force"')),
+    "two-starts": Fault(("description.references",), versions=(2,), spoil=_replaced(r"</ModelVariables>", '<ScalarVariable name="u2" valueReference="1" causality="input" variability="continuous"><Real start="0" unit="m"/></ScalarVariable></ModelVariables>')),
+    "same-reference": Fault(("description.references",), ("values.start", "values.set", "values.reset", "saved.parameters"), versions=(3,), spoil=_replaced(r"</ModelVariables>", '<Float64 name="u2" valueReference="1" causality="local" variability="constant" start="0"/></ModelVariables>')),
+    "continuous-integer": Fault(("description.variability",), spoil=_replaced('name="count" valueReference="9" causality="output" variability="discrete"', 'name="count" valueReference="9" causality="output" variability="continuous"')),
+    "discrete-parameter": Fault(("description.variability",), spoil=_replaced('causality="parameter" variability="tunable"', 'causality="parameter" variability="discrete"')),
+    "no-start": Fault(("description.start",), spoil=_replaced('(name="u"[^>]*>?(?:<Real)?[^>]*) start="0"', r"\1")),
+    "start-out-of-range": Fault(("description.start",), spoil=_replaced('max="3"', 'max="1"'), also=("values.discrete",)),
+    "unknown-type": Fault(("description.types",), spoil=_replaced(' start="4"', ' start="4" declaredType="Stiffness"')),
+    "unknown-unit": Fault(("description.units",), spoil=_replaced('unit="m"', 'unit="ell"')),
+    "no-output": Fault(("description.structure",), spoil=lambda f, v: _replaced(r'<Unknown index="10" dependencies=""/></Outputs>' if v == 2 else r'<Output valueReference="9" dependencies=""/>', "</Outputs>" if v == 2 else "")(f, v)),
+    "no-initial-unknown": Fault(("description.structure",), spoil=lambda f, v: _replaced(r'(<InitialUnknowns>)<Unknown index="7"[^>]*/>' if v == 2 else r'<InitialUnknown valueReference="6"[^>]*/>', r"\1" if v == 2 else "")(f, v)),
+    "kinds": Fault(("description.dependencies",), spoil=_replaced('dependencies="5"' , 'dependencies="5" dependenciesKind="dependent fixed"')),
+    "experiment": Fault(("description.experiment",), spoil=_replaced('stopTime="1"', 'stopTime="-1"')),
+    "serialize-without-saving": Fault(("description.capabilities",), spoil=_replaced(r'canGetAndSetFMU[sS]tate="true"', "", count=2)),
+    "no-time": Fault(("description.capabilities",), versions=(3,), spoil=_replaced(r'<Float64 name="time"[^>]*/>', "")),
+    "licence": Fault(("archive.layout",), versions=(3,), spoil=_licence),
+    "sources": Fault(("archive.sources",), spoil=_sources),
+    "terminals": Fault(("archive.terminals",), versions=(3,), spoil=_terminals),
+    "lost-library": Fault(("archive.implementation",), spoil=_replaced('modelIdentifier="faulty"', 'modelIdentifier="other"', count=2)),
+    # ---------------------------------------------------------------------------------------------------------- binary
+    "wrong-folder": Fault(("binary.header",), spoil=_moved_library),
+    "no-library": Fault(("binary.header",), spoil=_damaged_library),
+    "symbol": Fault(("binary.symbols",), macros=("LACKING",)),
+    "library-version": Fault(("states.version",), macros=('VERSION="1.0"',)),
+    # ---------------------------------------------------------------------------------------------------------- states
+    "terminate": Fault(("states.life",), ("states.allowed",)),
+    "step-fails": Fault(("states.life",)),
+    "step-crash": Fault(("states.life",)),
+    "step-hang": Fault(("states.life",)),
+    "step-devour": Fault(("states.life",)),
+    "step-exit": Fault(("states.life",)),
+    "status": Fault(("states.life",)),
+    "endless-events": Fault(("states.life",)),
+    "get-terminated": Fault(("states.allowed",)),
+    "reset-fails": Fault(("states.allowed", "runs.reset"), ("values.reset", "values.effect")),
+    "reset-crash": Fault(("states.allowed", "runs.reset")),
+    "logging": Fault(("states.allowed",)),
+    "forbidden": Fault(("states.forbidden",), ("states.step",)),
+    "wrong-steps": Fault(("states.step",)),
+    "beyond-stop": Fault(("states.step",)),
+    "free-null": Fault(("states.null",)),
+    "token": Fault(("states.token",)),
+    # ---------------------------------------------------------------------------------------------------------- values
+    "start": Fault(("values.start",), ("references.results",)),
+    "set-ignored": Fault(("values.set",)),
+    "input-ignored": Fault(("values.set",), ("derivatives.directional",)),
+    "integer-clipped": Fault(("values.discrete",)),
+    "readonly": Fault(("values.readonly",)),
+    "unknown-accepted": Fault(("values.unknown",)),
+    "unknown-crash": Fault(("values.unknown",)),
+    "hang-on-nan": Fault(("values.extreme",)),
+    "nan": Fault(("values.range",)),
+    "reset-keeps-parameter": Fault(("values.reset",), ("values.effect", "values.start")),
+    "reset-ignores-parameters": Fault(("values.effect",)),
+    # ------------------------------------------------------------------------------------------------------------ runs
+    "random": Fault(("runs.repeat",), ("runs.steps", "derivatives.rates", "references.results")),
+    "reset-keeps-count": Fault(("runs.reset",), ("values.effect",)),
+    "reset-keeps-state": Fault(("runs.reset",), ("values.reset", "values.effect")),
+    "shared": Fault(("runs.instances",), ("runs.threads", "runs.reset", *STATES)),
+    "threads": Fault(("runs.threads",)),
+    "time": Fault(("runs.time",)),
+    "steps": Fault(("runs.steps",), ("derivatives.rates", "references.results")),
+    "rounding": Fault(("runs.floating_point",)),
+    "leak": Fault(("runs.memory",)),
+    # ----------------------------------------------------------------------------------------------------- saved states
+    "state-forgets-velocity": Fault(("saved.replay",), STATES),
+    "state-forgets-count": Fault(("saved.replay",), STATES),
+    "state-forgets-input": Fault(("saved.parameters",), STATES),
+    "one-buffer": Fault(("saved.states",), STATES),
+    "dangling": Fault(("saved.states",)),
+    "serialized-pointer": Fault(("saved.serialize",), STATES),
+    "damaged-accepted": Fault(("saved.damaged",)),
+    # ------------------------------------------------------------------------------------------ derivatives, dependencies
+    "initial-dependency": Fault(("derivatives.initial",), spoil=_without_dependency(8, 2, "InitialUnknown")),
+    "dependency": Fault(("derivatives.dependencies",), spoil=_without_dependency(8, 1, "Output")),
+    "directional": Fault(("derivatives.directional",), ("derivatives.adjoint",)),
+    "adjoint": Fault(("derivatives.adjoint",), versions=(3,)),
+    "rate": Fault(("derivatives.rates", "exchange.states"), ("derivatives.directional",)),
+    # -------------------------------------------------------------------------------------------------- model exchange
+    "order": Fault(("exchange.states",)),
+    "stale": Fault(("exchange.pure",), ("derivatives.directional", "derivatives.initial", "derivatives.dependencies", "exchange.states", "runs.instances", *STATES)),
+    "nominal": Fault(("exchange.nominals",)),
+    "indicators": Fault(("exchange.counts",), versions=(3,)),
+    "reference": Fault(("references.results",), spoil=_reference),
+}  # fmt: skip
+"""Name -> what is wrong and which checks say so."""
+
+TIME, U, K, D, X, V, DX, DV, FORCE, COUNT, GAIN, ON, C, Z = range(14)
+_VARIABLES = [  # name, type of FMI 3.0, causality, variability, further attributes of the variable, of its value
+    ("time", "Float64", "independent", "continuous", "", 'unit="s"'),
+    ("u", "Float64", "input", "continuous", "", 'start="0" unit="m"'),
+    ("k", "Float64", "parameter", "fixed", "", 'start="4" min="0.1"'),
+    ("d", "Float64", "parameter", "tunable", "", 'start="0.4"'),
+    ("x", "Float64", "output", "continuous", 'initial="exact"', 'start="1" unit="m"'),
+    ("v", "Float64", "local", "continuous", 'initial="exact"', 'start="0"'),
+    ("der(x)", "Float64", "local", "continuous", "", f'derivative="{X}"'),
+    ("der(v)", "Float64", "local", "continuous", "", f'derivative="{V}"'),
+    ("force", "Float64", "output", "continuous", "", ""),
+    ("count", "Int32", "output", "discrete", "", ""),
+    ("gain", "Int32", "parameter", "fixed", "", 'start="2" min="1" max="3"'),
+    ("on", "Boolean", "input", "discrete", "", 'start="true"'),
+    ("c", "Float64", "local", "constant", "", 'start="3.5"'),
+    ("z", "Float64", "local", "continuous", "", ""),
+]
+_OUTPUTS = {X: [X], FORCE: [U, X, ON], COUNT: []}
+_DERIVATIVES = {DX: [V], DV: [U, X, V, ON]}
+_INITIAL = {DX: [V], DV: [U, K, D, X, V, GAIN, ON], FORCE: [U, K, X, GAIN, ON], COUNT: []}
+
+
+def description(version: int) -> str:
+    """modelDescription.xml, without a fault."""
+    three = version == 3
+    old = {"Float64": "Real", "Int32": "Integer", "Boolean": "Boolean"}
+    variables = []
+    for reference_, (name, kind, causality, variability, more, given) in enumerate(_VARIABLES):
+        typed = given if three else re.sub(r'derivative="(\d+)"', lambda m: f'derivative="{int(m[1]) + 1}"', given)
+        head = f'name="{name}" valueReference="{reference_}" causality="{causality}" variability="{variability}" {more}'
+        variables.append(f"<{kind} {head} {typed}/>" if three else f"<ScalarVariable {head}><{old[kind]} {typed}/></ScalarVariable>")
+
+    def listed(group: str, unknowns: dict[int, list[int]]) -> str:
+        elements = []
+        for unknown, knowns in unknowns.items():
+            key = f'valueReference="{unknown}"' if three else f'index="{unknown + 1}"'
+            depends = " ".join(str(k if three else k + 1) for k in knowns)
+            elements.append(f'<{group if three else "Unknown"} {key} dependencies="{depends}"/>')
+        return "".join(elements) if three else f"<{group}s>{''.join(elements)}</{group}s>"
+
+    structure = listed("Output", _OUTPUTS) + listed("ContinuousStateDerivative" if three else "Derivative", _DERIVATIVES) + listed("InitialUnknown", _INITIAL)
+    if three:
+        structure += f'<EventIndicator valueReference="{Z}"/>'
+    state = "State" if three else "state"
+    flags = f'modelIdentifier="faulty" canGetAndSetFMU{state}="true" canSerializeFMU{state}="true" '
+    flags += 'providesDirectionalDerivatives="true" providesAdjointDerivatives="true"' if three else 'providesDirectionalDerivative="true"'
+    head = 'fmiVersion="3.0" instantiationToken="faulty"' if three else 'fmiVersion="2.0" guid="faulty" numberOfEventIndicators="1"'
+    return (
+        f'<?xml version="1.0" encoding="UTF-8"?>\n<fmiModelDescription {head} modelName="Faulty" variableNamingConvention="structured">\n'
+        f'<ModelExchange {flags}/>\n<CoSimulation {flags} canHandleVariableCommunicationStepSize="true"/>\n'
+        '<UnitDefinitions><Unit name="m"><BaseUnit m="1"/></Unit><Unit name="s"><BaseUnit s="1"/></Unit></UnitDefinitions>\n'
+        '<LogCategories><Category name="logStatusError"/></LogCategories>\n<DefaultExperiment startTime="0" stopTime="1" stepSize="0.01"/>\n'
+        "<ModelVariables>\n" + "\n".join(variables) + f"\n</ModelVariables>\n<ModelStructure>{structure}</ModelStructure>\n</fmiModelDescription>\n"
+    )  # fmt: skip
+
+
+def reference(factor: float = 1.0) -> str:
+    """The free motion from x = 1, as a table."""
+    w, decay = math.sqrt(4.0 - 0.04), 0.2
+    rows = ["time,x"]
+    for i in range(51):
+        t = i * 0.01
+        x = math.exp(-decay * t) * (math.cos(w * t) + decay / w * math.sin(w * t))
+        rows.append(f"{t:.17g},{factor * x:.17g}")
+    return "\n".join(rows) + "\n"
+
+
+def compile_library(version: int, folder: Path, macros: tuple[str, ...] = ()) -> Path:
+    """The library for this machine. Functions that `faulty.c` lacks return an error."""
+    name = re.sub(r"\W", "_", "_".join(macros))
+    library = folder / f"faulty{version}{name}{platform_folder(str(version))[1]}"
+    if not library.is_file():
+        headers = Path(fmpy.__file__).parent / "c-code"
+        left_out = {"fmi2GetStatus", "fmi3GetClock"} if "LACKING" in macros else set()
+        stubs = folder / f"stubs{version}{name}.c"
+        stubs.write_text("".join(f"__attribute__((weak)) int {f}(void) {{ return 3; }}\n" for f in required(str(version), {"cs", "me"}) if f not in left_out))
+        given = [f"-D{m}" for m in macros if "=" not in m]
+        given.append('-DVERSION="1.0"' if any(m.startswith("VERSION") for m in macros) else f'-DVERSION="{version}.0"')
+        command = [
+            *find_toolchain(host()).command, "-O1", "-shared", "-fPIC", "-std=gnu99", "-w", f"-DFMI={version}", *given, f"-I{headers}",
+            Path(__file__).with_name("faulty.c"), stubs, "-o", library, "-lm",
+        ]  # fmt: skip
+        subprocess.run(list(map(str, command)), check=True, capture_output=True)
+    return library
+
+
+def build(version: int, folder: Path, fault: str = "") -> Path:
+    """The FMU with this fault; without, it has none."""
+    about = FAULTS.get(fault)
+    where, suffix = platform_folder(str(version))
+    library = compile_library(version, folder, about.macros if about else ())
+    files = {
+        "modelDescription.xml": description(version).encode(),
+        f"binaries/{where}/faulty{suffix}": library.read_bytes(),
+        "documentation/index.html": b"<!DOCTYPE html><title>Faulty</title>",
+        "documentation/Faulty_ref.csv": reference().encode(),
+        "resources/fault.txt": f"{fault or 'none'}\n".encode(),
+    }
+    if about and about.spoil:
+        about.spoil(files, version)
+        files["resources/fault.txt"] = b"none\n"
+    path = folder / f"Faulty{version}_{fault or 'none'}.fmu"
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
+        for name, content in files.items():
+            archive.writestr(name, content)
+    return path

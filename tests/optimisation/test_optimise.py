@@ -1,0 +1,207 @@
+"""Searches whose answers are known, interrupted and resumed; what users do wrong."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from cosim import System
+from cosim.report.fronts import front_section, non_dominated
+from cosim.study import Case, Experiment, FmuSet, option
+from cosim.study.optimise import CaseRuns, OptimisationError, optimise
+
+SPACE = {"x": (-2.0, 2.0), "y": (-1.0, 1.0)}
+TWO = {"a": "min", "b": "min"}
+
+
+def circles(values: Mapping[str, Any]) -> dict[str, float]:
+    """Distances from (0, 0) and (1, 0), squared: the front is the line between them."""
+    x, y = values["x"], values["y"]
+    return {"a": x * x + y * y, "b": (x - 1) ** 2 + y * y, "unused": 3.0}
+
+
+def test_one_objective_finds_the_minimum_and_two_the_front() -> None:
+    one = optimise(circles, SPACE, {"a": "min"}, trials=48, seed=1)
+    assert one.best.row["a"] < 0.05
+    two = optimise(circles, SPACE, TWO, trials=64, seed=1)
+    chance = optimise(circles, SPACE, TWO, trials=8, seed=1)
+    assert len(two.front) > len(chance.front)
+    for t in two.front:
+        assert t.row["unused"] == 3.0
+        assert not any(o.row["a"] < t.row["a"] and o.row["b"] < t.row["b"] for o in two.trials)
+    assert [t.row["a"] for t in two.front] == sorted(t.row["a"] for t in two.front)
+    with pytest.raises(OptimisationError, match="2 objectives, so there is a front"):
+        _ = two.best
+
+
+def test_large_is_good_where_that_is_said() -> None:
+    found = optimise(lambda v: {"a": -abs(v["x"] - 1.5)}, {"x": (-2.0, 2.0)}, {"a": "max"}, trials=32)
+    assert abs(found.best.values["x"] - 1.5) < 0.2
+
+
+def test_whole_numbers_logarithms_and_choices() -> None:
+    space = {"n": (1, 4), "k": (1e-3, 1e3, "log"), "kind": ["red", "blue"]}
+    found = optimise(lambda v: {"a": float(v["n"])}, space, {"a": "min"}, trials=24)
+    assert {t.values["n"] for t in found.trials} <= {1, 2, 3, 4}
+    assert {t.values["kind"] for t in found.trials} == {"red", "blue"}
+    tried = [t.values["k"] for t in found.trials]
+    assert min(tried) < 0.1
+    assert max(tried) > 10
+
+
+def test_an_interrupted_search_comes_to_the_trials_of_one_that_was_not(tmp_path: Path) -> None:
+    whole = optimise(circles, SPACE, TWO, trials=24, seed=5)
+    calls = 0
+
+    def interrupted(values: Mapping[str, Any]) -> dict[str, float]:
+        nonlocal calls
+        calls += 1
+        if calls in (4, 11):
+            raise KeyboardInterrupt
+        return circles(values)
+
+    for _ in range(2):
+        with pytest.raises(KeyboardInterrupt):
+            optimise(interrupted, SPACE, TWO, trials=24, seed=5, storage=tmp_path / "kept" / "search.log")
+    again = optimise(interrupted, SPACE, TWO, trials=24, seed=5, storage=tmp_path / "kept" / "search.log")
+    assert again == whole
+    assert calls == 24 + 2  # nothing that was finished is done again
+    assert optimise(interrupted, SPACE, TWO, trials=24, seed=5, storage=tmp_path / "kept" / "search.log") == whole
+    assert calls == 24 + 2
+    longer = optimise(circles, SPACE, TWO, trials=40, seed=5, storage=tmp_path / "kept" / "search.log")
+    assert longer == optimise(circles, SPACE, TWO, trials=40, seed=5)
+
+
+def test_a_line_that_a_killed_process_left_is_taken_away(tmp_path: Path) -> None:
+    file = tmp_path / "search.log"
+    optimise(circles, SPACE, TWO, trials=8, storage=file)
+    with file.open("ab") as f:
+        f.write(b'{"op_code": 5, "trial')
+    assert optimise(circles, SPACE, TWO, trials=16, storage=file) == optimise(circles, SPACE, TWO, trials=16)
+
+
+def test_an_executor_gives_the_same_trials() -> None:
+    with ThreadPoolExecutor(3) as pool:
+        assert optimise(circles, SPACE, TWO, trials=16, executor=pool) == optimise(circles, SPACE, TWO, trials=16)
+    assert optimise(circles, SPACE, TWO, trials=16, seed=1) != optimise(circles, SPACE, TWO, trials=16)
+
+
+def test_what_is_published_is_tried_first() -> None:
+    found = optimise(circles, SPACE, TWO, trials=10, first=[{"x": 0.5, "y": 0.25}, {"x": 0.0, "y": 0.0}])
+    assert [dict(t.values) for t in found.trials[:2]] == [{"x": 0.5, "y": 0.25}, {"x": 0.0, "y": 0.0}]
+    assert found.trials[0].row["a"] == 0.3125
+
+
+def test_failures_are_kept_with_their_message_and_do_not_end_the_search() -> None:
+    def partly(values: Mapping[str, Any]) -> dict[str, float]:
+        if values["x"] > 0:
+            raise ValueError("too far")
+        return {"a": float("nan")} if values["x"] > -1 else {"a": values["x"]}
+
+    found = optimise(partly, {"x": (-2.0, 2.0)}, {"a": "min"}, trials=24)
+    assert {t.failed for t in found.trials} == {"", "ValueError: too far", "a is nan"}
+    assert found.best.values["x"] < -1
+    nothing = optimise(lambda v: {"b": 1.0}, {"x": (-2.0, 2.0)}, {"a": "min"}, trials=3)
+    with pytest.raises(OptimisationError, match="no trial gave numbers: no number 'a'"):
+        _ = nothing.front
+
+
+# --------------------------------------------------------------------------------------------------------- of an experiment
+
+
+@dataclass(frozen=True)
+class Drop(Case):
+    height: float = option(1.0, unit="m", within=(0.1, 3.0), help="height", always=True)
+    kind: str = option("soft", choices=("soft", "hard"), help="kind")
+
+
+def wire(_: FmuSet, case: Drop) -> System:
+    if case.height > 2:
+        raise ValueError("it broke")
+    return System()
+
+
+EXPERIMENT = Experiment("drop", Drop, wire=wire, measure=lambda run: {})
+
+
+def test_cases_of_an_experiment_need_its_fields_and_a_bad_one_fails(tmp_path: Path) -> None:
+    runs = CaseRuns(EXPERIMENT, FmuSet(), Drop(), tmp_path, processes=1)
+    with pytest.raises(OptimisationError, match="no field of the cases of drop 'heigth'; did you mean 'height'"):
+        optimise(runs, {"heigth": (0.1, 1.0)}, {"a": "min"}, trials=1)
+    assert [str(r["failed"])[:15] for r in runs.together([{"height": 5.0}])] == ["height is 5 m; "]
+
+
+# -------------------------------------------------------------------------------------------------------- what users do wrong
+
+
+@pytest.mark.parametrize(
+    ("changes", "said"),
+    [
+        ({"space": {"x": (2.0, -2.0)}}, "the limits of x are 2 to -2; the lower one comes first"),
+        ({"space": {"x": (0.0, 1.0, "log")}}, "a logarithmic scale has positive ones"),
+        ({"space": {"x": (0.0, 1.0, "lin")}}, r"give \(low, high\)"),
+        ({"space": {"x": (0.0, float("inf"))}}, r"give \(low, high\)"),
+        ({"space": {"x": 3}}, r"the limits of x are 3; give"),
+        ({"space": {"x": "soft"}}, "the limits of x are 'soft'"),
+        ({"space": {}}, "something to vary"),
+        ({"objectives": {}}, "something to vary and an objective"),
+        ({"objectives": {"a": "smaller"}}, "the objective a is 'smaller'; give 'min' or 'max'"),
+        ({"trials": 0}, "trials is 0; give a whole number"),
+        ({"batch": 0}, "batch is 0"),
+        ({"first": [{"x": 1.0}]}, "first values are of x; give those of x, y"),
+    ],
+)
+def test_searches_that_cannot_be_made(changes: dict[str, Any], said: str) -> None:
+    given: dict[str, Any] = {"space": SPACE, "objectives": TWO, "trials": 4, **changes}
+    with pytest.raises(OptimisationError, match=said):
+        optimise(circles, given.pop("space"), given.pop("objectives"), **given)
+
+
+def test_another_search_in_the_same_file(tmp_path: Path) -> None:
+    file = tmp_path / "search.log"
+    optimise(circles, SPACE, TWO, trials=2, storage=file)
+    for changes in ({"space": {"x": (-2.0, 3.0), "y": (-1.0, 1.0)}}, {"objectives": {"a": "min", "b": "max"}}):
+        given: dict[str, Any] = {"space": SPACE, "objectives": TWO, **changes}
+        with pytest.raises(OptimisationError, match=r"holds another search 'search'|cannot be read"):
+            optimise(circles, given["space"], given["objectives"], trials=2, storage=file)
+    with pytest.raises(OptimisationError, match="its seed is 0, here 4; give another file or another name"):
+        optimise(circles, SPACE, TWO, trials=2, storage=file, seed=4)
+    optimise(circles, SPACE, TWO, trials=2, storage=file, seed=4, name="other")
+    (tmp_path / "rubbish.log").write_text("no log\n\n")
+    with pytest.raises(OptimisationError, match=r"rubbish\.log cannot be read as the trials"):
+        optimise(circles, SPACE, TWO, trials=2, storage=tmp_path / "rubbish.log")
+
+
+# ---------------------------------------------------------------------------------------------------------------- the front
+
+
+def test_what_is_on_a_front() -> None:
+    points = [[0, 3], [1, 1], [3, 0], [1, 2], [3, 3], [1, 1]]
+    assert non_dominated(points).tolist() == [True, True, True, False, False, True]
+    assert non_dominated([[2.0], [1.0], [1.0]]).tolist() == [False, True, True]
+    for bad in ([1.0, 2.0], [[float("nan"), 1.0]]):
+        with pytest.raises(ValueError, match="a table of finite numbers"):
+            non_dominated(bad)
+
+
+def test_a_front_on_a_page() -> None:
+    tried = [{"a": a, "b": b} for a, b in ([0.0, 3.0], [1.0, 1.0], [1.0, 2.0])]
+    found = front_section(
+        "Front", {"a": "a [m]", "b": "b [N]"}, {"a": "min", "b": "max"}, tried, [{"x": float(i)} for i in range(3)],
+        {"published": {"a": 2.0, "b": 2.5}},
+    )  # fmt: skip
+    (table,), (figure,) = found.tables, found.figures
+    assert table.columns == ("a [m]", "b [N]", "x")
+    assert table.rows == ((0.0, 3.0, 0.0),)
+    assert "1 of 3 trials" in found.paragraphs[0]
+    series = {s.name: (np.asarray(s.x).tolist(), np.asarray(s.y).tolist()) for s in figure.panels[0].series}  # type: ignore[union-attr]
+    assert series == {"front": ([0.0], [3.0]), "tried": ([1.0, 1.0], [1.0, 2.0]), "published": ([2.0], [2.5])}
+    assert len(front_section("F", {k: f"{k} [-]" for k in "abc"}, dict.fromkeys("abc", "min"), [dict.fromkeys("abc", 1.0)], [{}]).figures[0].panels) == 3  # type: ignore[union-attr]
+    with pytest.raises(ValueError, match="takes two objectives"):
+        front_section("F", {"a": "a [m]"}, {"a": "min"}, tried, [{}] * 3)

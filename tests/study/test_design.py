@@ -1,0 +1,173 @@
+"""Designs of sweeps: how parameters are written, what points methods give, what is refused."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from cosim.study.design import METHODS, Axis, Design, DesignError, axis, from_file
+
+ONE, TWO = axis("a=10:20"), axis("b=0:1")
+
+
+@pytest.mark.parametrize(
+    ("text", "values"),
+    [
+        ("x=1:3", [1.0, 1.5, 2.0, 3.0]),
+        ("x=a,b", ["a", "a", "b", "b"]),
+        ("x=1,2.5", [1, 1, 2.5, 2.5]),
+        ("x=true,false", [True, True, False, False]),
+        ("x=uniform(0,4)", [0.0, 1.0, 2.0, 4.0]),
+        ("x=triangular(0,1,2)", [0.0, 0.7071067811865476, 1.0, 2.0]),
+        ("x=truncnormal(0,1,-1,1)", [-1.0, stats.truncnorm(-1, 1).ppf(0.25), 0.0, 1.0]),
+    ],
+)
+def test_values_at_quantiles(text: str, values: list[object]) -> None:
+    found = axis(text).at(np.array([0.0, 0.25, 0.5, 1.0]))
+    assert found == [pytest.approx(v, abs=1e-12) if isinstance(v, float) else v for v in values]
+
+
+@pytest.mark.parametrize(
+    ("text", "law"),
+    [
+        ("x=normal(5,2)", stats.norm(5, 2)),
+        ("x=lognormal(5,0.2)", stats.lognorm(0.2, scale=5)),
+        ("x=triangular(1,2,5)", stats.triang(0.25, loc=1, scale=4)),
+        ("x=truncnormal(5,2,4,9)", stats.truncnorm(-0.5, 2, loc=5, scale=2)),
+    ],
+)
+def test_distributions(text: str, law) -> None:
+    u = np.linspace(0.001, 0.999, 999)
+    np.testing.assert_allclose(axis(text).at(u), law.ppf(u), rtol=1e-9)
+
+
+def test_whole_numbers() -> None:
+    """Each is as likely as the others, both ends included."""
+    found = Axis("n", "uniform", (1, 3), whole=True).at(np.linspace(0, 1, 3001))
+    assert np.abs(np.bincount(found)[1:] - 1000).max() <= 1
+    assert Axis("n", "uniform", (1, 4), whole=True, count=9).grid() == [1, 2, 3, 4]
+    assert all(isinstance(n, int) for n in Axis("n", "normal", (5, 2), whole=True).at(np.array([0.1, 0.5])))
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("x", "write NAME=LOW:HIGH"),
+        ("x=", "write NAME=LOW:HIGH"),
+        ("x=2:1", "x: the range 2 to 1 is upside down or empty"),
+        ("x=1:1", "upside down or empty"),
+        ("x=1:b", "x: 'b' is no number"),
+        ("x=1:2:3:4", "a range is LOW:HIGH"),
+        ("x=1:2:1", "two values at least"),
+        ("x=nan:1", "finite"),
+        ("x=normal(1)", "normal needs mean, deviation, not 1 numbers"),
+        ("x=normal(1,0)", "positive deviation"),
+        ("x=lognormal(-1,1)", "positive deviation and median"),
+        ("x=triangular(0,5,1)", "the mode 5 is not between 0 and 1"),
+        ("x=truncnormal(0,1,3,2)", "upside down"),
+        ("x=nomal(1,2)", "no distribution 'nomal'; did you mean 'normal'"),
+    ],
+)
+def test_what_is_refused(text: str, message: str) -> None:
+    with pytest.raises(DesignError, match=message):
+        axis(text)
+
+
+@pytest.mark.parametrize("method", [m for m in METHODS if m != "grid"])
+def test_points_fill_the_ranges_and_are_the_same_every_time(method: str) -> None:
+    design = Design((ONE, TWO), method, 64, 3)
+    first, second = design.columns()
+    assert len(first) == len(second) == design.runs
+    assert all(10 <= x <= 20 for x in first)
+    assert all(0 <= x <= 1 for x in second)
+    assert abs(np.mean(first) - 15) < 1
+    assert Design((ONE, TWO), method, 64, 3).columns() == [first, second]
+    assert Design((ONE, TWO), method, 64, 4).columns() != [first, second]
+
+
+def test_one_point_in_each_of_many_slices() -> None:
+    (found, _) = Design((ONE, TWO), "lhs", 50).columns()
+    assert sorted(int((x - 10) * 5) for x in found) == list(range(50))
+
+
+def test_a_grid_has_all_combinations() -> None:
+    design = Design((axis("a=0:1:3"), axis("b=x,y")), "grid")
+    assert design.columns() == [[0.0, 0.0, 0.5, 0.5, 1.0, 1.0], ["x", "y"] * 3]
+    assert design.runs == 6
+    with pytest.raises(DesignError, match="a grid needs a range or a list, not a normal distribution"):
+        Design((axis("a=normal(0,1)"),), "grid").columns()
+
+
+@pytest.mark.parametrize("method", ["sobol", "saltelli"])
+def test_sobol_sequences_come_in_powers_of_two(method: str) -> None:
+    with pytest.raises(DesignError, match=r"100 samples: .* balanced for powers of two only, such as 64 or 128"):
+        Design((ONE,), method, 100).columns()
+
+
+def test_designs_that_cannot_be() -> None:
+    for options, message in (
+        ({"axes": ()}, "nothing varies"),
+        ({"axes": (ONE, ONE)}, "a is given twice"),
+        ({"axes": (ONE,), "method": "lsh"}, "no method 'lsh'; did you mean 'lhs'"),
+        ({"axes": (ONE,), "samples": 0}, "0 samples"),
+    ):
+        with pytest.raises(DesignError, match=message):
+            Design(**options)  # type: ignore[arg-type]
+
+
+FILE = """
+method = "halton"
+samples = 32
+seed = 5
+[vary]
+"car.body.mass" = "4000:6000"
+damping = [6e3, 12e3]
+[set]
+duration = 0.5
+"""
+
+
+def test_design_files(tmp_path: Path) -> None:
+    (tmp_path / "a.toml").write_text(FILE)
+    found = from_file(tmp_path / "a.toml")
+    assert found == Design(
+        (axis("car.body.mass=4000:6000"), Axis("damping", "values", values=(6e3, 12e3))), "halton", 32, 5, fixed={"duration": 0.5}
+    )
+    (tmp_path / "a.py").write_text("DESIGN = {'cases': [{'x': i, 'y': i**2} for i in range(3)], 'set': {'z': 1}}\n")
+    found = from_file(tmp_path / "a.py")
+    assert found.columns() == [[0, 1, 2], [0, 1, 4]]
+    assert (found.method, found.runs, found.fixed) == ("list", 3, {"z": 1})
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("metod = 1", "no entry 'metod'; did you mean 'method'"),
+        ("samples = 'many'", "samples is to be a whole number"),
+        ("samples = true", "samples is to be a whole number"),
+        ("[vary]", "nothing varies"),
+        ("[vary]\nx = 3", "x: give a text such as '4000:6000', or a list of values"),
+        ("[vary]\nx = '2:1'", "upside down"),
+        ("[vary]\nx = []", "x: a list without values"),
+        ("seed = 1\n[[cases]]\nx = 1", "cases are a design of their own"),
+        ("[[cases]]\nx = 1\n[[cases]]\ny = 1", "case 2 names y; the first one names x"),
+        ("cases = []", "cases are to be tables"),
+        ("x = [", "Invalid value|Unclosed"),
+    ],
+)
+def test_design_files_that_are_refused(text: str, message: str, tmp_path: Path) -> None:
+    (tmp_path / "a.toml").write_text(text)
+    with pytest.raises(DesignError, match=message) as refused:
+        from_file(tmp_path / "a.toml")
+    assert str(refused.value).startswith(str(tmp_path / "a.toml"))
+
+
+def test_files_that_are_none(tmp_path: Path) -> None:
+    for name, message in (("no.toml", "does not exist"), ("a.json", "a .toml or a .py file"), ("b.py", "DESIGN is to be a dict")):
+        if name == "b.py":
+            (tmp_path / name).write_text("X = 1")
+        with pytest.raises(DesignError, match=message):
+            from_file(tmp_path / name)

@@ -1,0 +1,337 @@
+"""Sweeps: what varies is set, every run has its row, the same table whoever makes it, and what the page says of it."""
+
+from __future__ import annotations
+
+import math
+import os
+import signal
+import subprocess
+import sys
+import time
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from pyarrow import parquet as pq
+from sine import OMEGA
+
+from cosim import WiringError
+from cosim.report import write_report
+from cosim.study import CaseError, FmuSet, dask, load
+from cosim.study.design import Axis, Design, DesignError, axis
+from cosim.study.dispatch import DIED
+from cosim.study.sweep import SweepTable, prepare, run_sweep
+from cosim.study.sweep_report import (
+    morris_effects,
+    quantile_interval,
+    rank_correlations,
+    sobol_indices,
+    sweep_report,
+    worst_runs,
+)
+
+HERE = Path(__file__).parent
+ROOT = HERE.parents[1]
+FILE = HERE / "falling.py"
+FMUS = FmuSet()
+
+
+@pytest.fixture(scope="module")
+def experiment() -> Any:
+    return load(str(FILE))
+
+
+def made(experiment: Any, *texts: str, base: Any = None, **options: Any) -> Any:
+    return prepare(experiment, FMUS, Design(tuple(map(axis, texts)), **options), base)
+
+
+def test_parameters_of_components_and_options_of_cases_vary(experiment: Any, tmp_path: Path) -> None:
+    sweep = made(experiment, "mass.rate=1:3:3", "offset=0,5", "count=1,2", method="grid")
+    seen: list[tuple[int, int, int]] = []
+    table = run_sweep(sweep, FMUS, tmp_path / "runs", processes=1, progress=lambda *p: seen.append(p))
+    rates, offsets = (np.array(table.axes[n]) for n in ("mass.rate", "offset"))
+    np.testing.assert_allclose(table.metrics["fallen"], 0.1 * rates + offsets)
+    assert table.metrics["count"].tolist() == table.axes["count"] == [1, 2] * 6
+    assert seen == [(i, 12, 0) for i in range(13)]
+    path = table.write(tmp_path / "t.parquet")
+    read = pq.read_table(path)
+    assert read.column_names == ["run", "mass.rate", "offset", "count", "fallen", "failed"]
+    assert read["fallen"].to_pylist() == table.metrics["fallen"].tolist()
+
+
+def test_failures_are_rows(experiment: Any, tmp_path: Path) -> None:
+    """An error, and the end of a process: both are rows, and the others have their numbers."""
+    sweep = prepare(experiment, FMUS, Design((Axis("mass.rate", "values", values=(1, 2, 850, 3, 950)),), "grid"))
+    table = run_sweep(sweep, FMUS, tmp_path, processes=2)
+    assert set(table.failures) == {2, 4}
+    assert "too fast" in table.failures[2]
+    assert table.failures[4] == DIED
+    assert np.isnan(table.metrics["fallen"]).tolist() == [False, False, True, False, True]
+    page = sweep_report(table, FMUS)
+    assert [row[0] for row in page.sections[-2].tables[0].rows] == [2, 4]
+
+
+def test_what_is_there_is_not_run_again(experiment: Any, tmp_path: Path) -> None:
+    """A larger design shares what points it has with a smaller one, and every executor finds the same."""
+    small = made(experiment, "mass.rate=1,2", method="grid")
+    run_sweep(small, FMUS, tmp_path, processes=1)
+    seen = []
+    large = made(experiment, "mass.rate=1,2,3", method="grid")
+    with ThreadPoolExecutor(1) as here:
+        table = run_sweep(large, FMUS, tmp_path, executor=here, progress=lambda *p: seen.append(p))
+    assert seen == [(2, 3, 0), (3, 3, 0)]
+    np.testing.assert_allclose(table.metrics["fallen"], [0.1, 0.2, 0.3])
+
+
+def test_points_that_are_alike_are_run_once(experiment: Any, tmp_path: Path) -> None:
+    design = Design((axis("mass.rate=1,2"),), "list", 3, listed=((1.0,), (2.0,), (1.0,)))
+    seen = []
+    table = run_sweep(prepare(experiment, FMUS, design), FMUS, tmp_path, processes=1, progress=lambda *p: seen.append(p))
+    assert table.metrics["fallen"][0] == table.metrics["fallen"][2]
+    assert seen[-1] == (3, 3, 0)
+    assert len(seen) == 3
+
+
+@pytest.mark.parametrize(
+    ("text", "error", "message"),
+    [
+        ("mass.rat=1:2", WiringError, "no variable 'rat'; did you mean 'rate'"),
+        ("mess.rate=1:2", DesignError, "mess.rate: no component 'mess'; did you mean 'mass'"),
+        ("ofset=1:2", DesignError, "no option 'ofset'; did you mean 'offset'"),
+        ("offset=a,b", CaseError, "offset 'a': give a number"),
+        ("mass.rate=a,b", WiringError, "needs one number, not 'a'"),
+        ("mass.z=1:2", WiringError, "cannot be set"),
+    ],
+)
+def test_what_cannot_vary(experiment: Any, text: str, error: type[Exception], message: str) -> None:
+    with pytest.raises(error, match=message):
+        made(experiment, text)
+
+
+def test_whole_numbers_are_found_out(experiment: Any) -> None:
+    sweep = made(experiment, "count=1:3", samples=30, base={"offset": 2.0})
+    assert {p for i in range(30) for p in sweep.point(i)} == {1, 2, 3}
+    assert sweep.of(0).offset == 2.0
+    with pytest.raises(DesignError, match="no option 'ofset'; did you mean 'offset'"):
+        prepare(experiment, FMUS, Design((axis("count=1:3"),), fixed={"ofset": 1}))
+
+
+def run(folder: Path, *arguments: str) -> subprocess.Popen[str]:
+    program = "import sys; from cosim.cli import main; sys.exit(main())"
+    environment = {**os.environ, "PYTHONPATH": str(ROOT), "COLUMNS": "150"}
+    return subprocess.Popen(
+        [sys.executable, "-c", program, "sweep", str(FILE), *arguments], cwd=folder, env=environment, text=True, stdout=-1, stderr=-2
+    )
+
+
+DESIGN = ("--vary", "mass.rate=1:3", "--vary", "mass.height=0:1", "--samples", "300", "--processes", "1")
+
+
+def test_a_killed_sweep_continues_to_the_same_table_and_page(tmp_path: Path) -> None:
+    for name in ("whole", "broken"):
+        (tmp_path / name).mkdir()
+    process = run(tmp_path / "whole", *DESIGN)
+    text, _ = process.communicate()
+    assert process.returncode == 0, text
+    assert "300/300" in text
+    assert "0 failed" in text
+    process = run(tmp_path / "broken", *DESIGN)
+    runs = tmp_path / "broken" / "results" / "falling" / "sweep" / ".runs"
+    end = time.monotonic() + 60
+    while sum(p.read_bytes().count(b"\n") for p in runs.glob("*.lines")) < 3:
+        assert time.monotonic() < end
+        time.sleep(0.005)
+    process.send_signal(signal.SIGKILL)
+    process.communicate()
+    process = run(tmp_path / "broken", *DESIGN)
+    process.communicate()
+    found = [
+        {p.relative_to(folder).as_posix(): p.read_bytes() for p in folder.rglob("*") if p.is_file() and ".runs" not in p.parts}
+        for folder in (tmp_path / "whole", tmp_path / "broken")
+    ]
+    assert found[0] == found[1]
+    assert "results/falling/sweep/table.parquet" in found[0]
+
+
+def test_one_run_of_a_sweep_again(tmp_path: Path) -> None:
+    process = run(tmp_path, *DESIGN, "--run", "7")
+    text, _ = process.communicate()
+    assert process.returncode == 0, text
+    assert (tmp_path / "results" / "falling" / "sweep" / "run-7.csv").read_text().startswith("time [s],mass.z [m]")
+    process = run(tmp_path, *DESIGN, "--run", "300")
+    assert "the design has runs 0 to 299" in process.communicate()[0]
+
+
+def test_a_design_of_a_thousand_million_runs_is_not_begun(tmp_path: Path) -> None:
+    process = run(tmp_path, "--vary", "mass.rate=1:3", "--samples", "1000000000")
+    text, _ = process.communicate()
+    assert process.returncode == 1
+    assert "1e+09 runs: at 0.1 s each some 3 years on one core; nothing was run. Take fewer --samples, or give --yes" in " ".join(text.split())
+    assert not (tmp_path / "results").exists()
+
+
+# ------------------------------------------------------------------------------------------------------------- the page
+
+
+def table_of(experiment: Any, function: Any, *texts: str, **options: Any) -> SweepTable:
+    """The table of a sweep whose metric is a function of what varies, without a run."""
+    sweep = made(experiment, *texts, **options)
+    axes = {a.name: [sweep.point(i)[k] for i in range(len(sweep))] for k, a in enumerate(sweep.design.axes)}
+    values = function(*(np.array(v, dtype=float) for v in axes.values()))
+    return SweepTable(sweep, axes, {"y": values}, {})
+
+
+def test_quantiles_and_their_bounds() -> None:
+    """Of 1 to 100: the median's bounds are the 40th and the 61st, those of tables of order statistics."""
+    values = np.arange(1.0, 101.0)[::-1]
+    assert quantile_interval(values, 0.5) == (50.5, 40.0, 61.0)
+    assert quantile_interval(values[:5], 0.95)[2] == math.inf
+    random = np.random.default_rng(1)
+    inside = [low <= 0.0 <= high for _ in range(2000) for _, low, high in [quantile_interval(random.normal(size=50), 0.5)]]
+    assert 0.94 < np.mean(inside) < 0.99
+
+
+def test_sobol_indices_of_a_product(experiment: Any) -> None:
+    """y = a b with a, b uniform in 0 to 1: first-order indices 3/7 each, total ones 4/7 (7/144 of variance, 3/144 for each alone)."""
+    table = table_of(experiment, lambda a, b: a * b, "mass.rate=0:1", "mass.height=0:1", method="saltelli", samples=1024)
+    for (name, first, _, total, _), expected in zip(sobol_indices(table, "y"), ("mass.rate", "mass.height"), strict=True):
+        assert name == expected
+        assert first == pytest.approx(3 / 7, abs=0.02)
+        assert total == pytest.approx(4 / 7, abs=0.02)
+
+
+def test_effects_of_morris(experiment: Any) -> None:
+    """Of a sum with weights: the weights times the ranges, without deviation."""
+    table = table_of(experiment, lambda a, b: 2 * a + 3 * b, "mass.rate=0:10", "mass.height=0:1", method="morris", samples=10)
+    assert [(n, pytest.approx(m), pytest.approx(s, abs=1e-9)) for n, m, s in morris_effects(table, "y")] == [
+        ("mass.rate", 20.0, 0.0), ("mass.height", 3.0, 0.0),
+    ]  # fmt: skip
+
+
+def test_rank_correlations(experiment: Any) -> None:
+    table = table_of(experiment, lambda a, b: np.exp(-a) + 0 * b, "mass.rate=0:1", "mass.height=0:1", samples=200)
+    (_, one), (_, other) = rank_correlations(table, "y")
+    assert one == pytest.approx(-1)
+    assert abs(other) < 0.2
+
+
+def test_the_page_of_a_sweep(experiment: Any, tmp_path: Path) -> None:
+    """Its worst runs are those with the largest values, and their time histories are of these runs."""
+    sweep = made(experiment, "mass.rate=1:3", "mass.height=0:1", samples=30)
+    table = run_sweep(sweep, FMUS, tmp_path / "runs", processes=1)
+    worst = worst_runs(table, "fallen")
+    assert worst == sorted(range(30), key=lambda i: -table.axes["mass.rate"][i])[:3]
+    page = sweep_report(table, FMUS, worst="fallen")
+    (figure,) = [f for f in page.drawn if f.id == "worst-runs"]
+    (series, *_) = figure.panels[0].series
+    assert series.name == f"run {worst[0]}"
+    assert series.y[0] - series.y[-1] == pytest.approx(table.metrics["fallen"][worst[0]])  # type: ignore[index]
+    assert [f.id for f in page.drawn] == ["distributions", "scatter", "parallel", "worst-runs"]
+    assert [t.id for t in page.tables] == ["quantiles", "sensitivity", "worst", "design"]
+    assert write_report(page, tmp_path).is_file()
+    with pytest.raises(ValueError, match="--worst height: no run has this metric"):
+        sweep_report(table, FMUS, worst="height")
+
+
+# ------------------------------------------------------------------------------------- a quarter car on a sine road, full
+
+RANGES = {"car.body.mass": (2000.0, 3600.0), "car.suspension.stiffness": (120e3, 360e3), "car.suspension.damping": (6e3, 24e3)}
+WHEEL, TIRE, TIRE_DAMPING = 270.0, 1e6, 200.0
+
+
+def amplitude(mass: Any, stiffness: Any, damping: Any) -> Any:
+    """Of the body's acceleration in closed form: |s^2 z / r| times 1 cm, at s = j OMEGA."""
+    s = 1j * OMEGA
+    strut, tire = stiffness + damping * s, TIRE + TIRE_DAMPING * s
+    body = strut * tire / ((mass * s**2 + strut) * (WHEEL * s**2 + strut + tire) - strut**2)
+    return np.abs(s**2 * body) * 0.01
+
+
+def quadrature_indices() -> tuple[list[float], list[float]]:
+    """First-order and total Sobol indices by Gauss-Legendre quadrature with 24 points for each parameter."""
+    nodes, weights = np.polynomial.legendre.leggauss(24)
+    points = [low + (nodes + 1) / 2 * (high - low) for low, high in RANGES.values()]
+    w = weights / 2
+    y = amplitude(*np.meshgrid(*points, indexing="ij"))
+
+    def mean(values: Any, over: tuple[int, ...]) -> Any:
+        for k in sorted(over, reverse=True):
+            values = np.tensordot(values, w, axes=(k, 0))
+        return values
+
+    total = mean(y**2, (0, 1, 2)) - mean(y, (0, 1, 2)) ** 2
+    first, whole = [], []
+    for k in range(3):
+        others = tuple(i for i in range(3) if i != k)
+        first.append(float((w @ mean(y, others) ** 2 - mean(y, (0, 1, 2)) ** 2) / total))
+        without = mean(y, (k,))
+        whole.append(float(1 - (mean(without**2, (0, 1)) - mean(y, (0, 1, 2)) ** 2) / total))
+    return first, whole
+
+
+def test_the_closed_form_is_that_of_the_fmu() -> None:
+    """At the nominal values, so that the indices below are of the same function."""
+    found = load(str(HERE / "sine.py"))
+    table = run_one(found)
+    assert table == pytest.approx(amplitude(2800.0, 240e3, 12e3), rel=2e-3)
+
+
+def run_one(experiment: Any) -> float:
+    from cosim.study import Runner
+
+    with Runner(experiment, FMUS) as runner:
+        return float(runner.metrics(experiment.case())["amplitude"])
+
+
+@pytest.mark.full
+def test_sobol_indices_of_a_quarter_car(tmp_path: Path) -> None:
+    """Within 0.05 of a Gauss quadrature of its closed-form response."""
+    texts = [f"{name}={low}:{high}" for name, (low, high) in RANGES.items()]
+    sweep = prepare(load(str(HERE / "sine.py")), FMUS, Design(tuple(map(axis, texts)), "saltelli", 1024))
+    table = run_sweep(sweep, FMUS, tmp_path, processes=2)
+    assert not table.failures
+    first, whole = quadrature_indices()
+    for found, s1, st in zip(sobol_indices(table, "amplitude"), first, whole, strict=True):
+        assert found[1] == pytest.approx(s1, abs=0.05)
+        assert found[3] == pytest.approx(st, abs=0.05)
+
+
+def test_sobol_indices_of_the_closed_form(experiment: Any) -> None:
+    """The same design on the closed form itself: the sampling error alone is far below 0.05."""
+    texts = [f"{name}={low}:{high}" for name, low, high in (("mass.rate", 0, 1), ("mass.height", 0, 1), ("offset", 0, 1))]
+    ranges = list(RANGES.values())
+
+    def response(*u: Any) -> Any:
+        return amplitude(*(low + x * (high - low) for x, (low, high) in zip(u, ranges, strict=True)))
+
+    table = table_of(experiment, response, *texts, method="saltelli", samples=2048)
+    first, whole = quadrature_indices()
+    for found, s1, st in zip(sobol_indices(table, "y"), first, whole, strict=True):
+        assert found[1] == pytest.approx(s1, abs=0.03)
+        assert found[3] == pytest.approx(st, abs=0.03)
+
+
+@pytest.mark.full
+def test_full_cars_on_random_roads_give_one_table_everywhere(tmp_path: Path) -> None:
+    """On two processes, and begun there, ended in the middle and continued on a Dask cluster: the same bytes."""
+    texts = ("road.class=1,2,3,4,5", "road.offset=0:150", "car.body.mass=2000:3200", "speed.start.speed=5:20")
+    sweep = prepare(load(str(ROOT / "benchmarks" / "random_roads.py")), FMUS, Design(tuple(map(axis, texts)), "lhs", 400))
+    whole = run_sweep(sweep, FMUS, tmp_path / "whole", processes=2).write(tmp_path / "whole.parquet").read_bytes()
+
+    class EndedError(Exception):
+        pass
+
+    def end(done: int, *_: int) -> None:
+        if done == 200:
+            raise EndedError
+
+    with pytest.raises(EndedError):
+        run_sweep(sweep, FMUS, tmp_path / "parts", processes=2, progress=end)
+    first: list[int] = []
+    with dask("local", 2) as executor:
+        parts = run_sweep(sweep, FMUS, tmp_path / "parts", executor=executor, progress=lambda done, *_: first.append(done))
+    assert first[0] == 200
+    assert parts.write(tmp_path / "parts.parquet").read_bytes() == whole
+    assert not parts.failures
