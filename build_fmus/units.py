@@ -48,6 +48,7 @@ _MULTIPLES: dict[str, tuple[str, Fraction | int]] = {  # name -> the unit it is 
     "mm": ("m", Fraction(1, 1000)),
     "cm": ("m", Fraction(1, 100)),
     "km": ("m", 1000),
+    "in": ("m", Fraction(254, 10000)),
     "mm2": ("m2", Fraction(1, 10**6)),
     "l": ("m3", Fraction(1, 1000)),
     "l/min": ("m3/s", Fraction(1, 60000)),

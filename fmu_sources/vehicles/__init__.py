@@ -17,12 +17,14 @@ from fmu_sources.vehicles.loader import (
     load_three_axle,
     load_three_axle_trench,
     load_vehicle,
+    load_wishbone_car,
     vehicle_files,
     vehicle_names,
 )
 from fmu_sources.vehicles.schema import (
     Actuator,
     FullCar,
+    Numbers,
     Quantity,
     QuarterCar,
     RideCar,
@@ -30,11 +32,13 @@ from fmu_sources.vehicles.schema import (
     ThreeAxleCar,
     ThreeAxleTrenchCar,
     Vehicle,
+    WishboneCar,
 )
 
 __all__ = [
     "Actuator",
     "FullCar",
+    "Numbers",
     "Quantity",
     "QuarterCar",
     "RideCar",
@@ -43,6 +47,7 @@ __all__ = [
     "ThreeAxleTrenchCar",
     "Vehicle",
     "VehicleError",
+    "WishboneCar",
     "declare",
     "load_actuator",
     "load_full_car",
@@ -52,6 +57,7 @@ __all__ = [
     "load_three_axle",
     "load_three_axle_trench",
     "load_vehicle",
+    "load_wishbone_car",
     "vehicle_files",
     "vehicle_names",
 ]

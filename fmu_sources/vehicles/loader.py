@@ -17,6 +17,7 @@ from fmu_sources.vehicles.schema import (
     Actuator,
     Axles,
     FullCar,
+    Numbers,
     Quantity,
     QuarterCar,
     RideCar,
@@ -25,6 +26,7 @@ from fmu_sources.vehicles.schema import (
     ThreeAxleCar,
     ThreeAxleTrenchCar,
     Vehicle,
+    WishboneCar,
 )
 
 _HERE = Path(__file__).parent
@@ -92,6 +94,11 @@ def load_full_car(name_or_path: str | Path) -> FullCar:
     return cast(FullCar, load_vehicle(name_or_path, "full_car"))
 
 
+def load_wishbone_car(name_or_path: str | Path) -> WishboneCar:
+    """Load a vehicle of kind ``wishbone_car``; see :func:`load_vehicle`."""
+    return cast(WishboneCar, load_vehicle(name_or_path, "wishbone_car"))
+
+
 def load_actuator(name_or_path: str | Path) -> Actuator:
     """Load a file of kind ``actuator``; see :func:`load_vehicle`."""
     return cast(Actuator, load_vehicle(name_or_path, "actuator"))
@@ -115,7 +122,7 @@ def declare(c: Component, section: Section, prefix: str = "", leave_out: Collect
         if prefix + name in leave_out:
             continue
         value, declared = getattr(section, name), type(section).declared(name)
-        if isinstance(value, Quantity) and declared is not None:
+        if isinstance(value, Quantity | Numbers) and declared is not None:
             symbol = c.parameter(
                 prefix + name, value.value, declared.unit, info.description or "", min=declared.min, max=declared.max,
                 nominal=declared.nominal, display_unit=declared.display_unit, source=value.source,
@@ -222,7 +229,7 @@ def _sentence(model: type[BaseModel], error: Any) -> str:
         return f"{field}: {error['input']!r} is not a table{_expected(model, loc)}"
     if kind == "finite_number":
         return f"{field}: {error['input']} is not a finite number"
-    if kind in ("unit", "limit", "source"):
+    if kind in ("unit", "limit", "source", "row"):
         return f"{field}: {error['msg']}"
     return f"{field}: {error['msg'][0].lower()}{error['msg'][1:]} (given: {error['input']!r})"
 

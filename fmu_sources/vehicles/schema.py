@@ -8,14 +8,16 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from functools import lru_cache
+from typing import Annotated, Any, ClassVar
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationInfo, field_validator
+from pydantic import BaseModel, ConfigDict, Field, ValidationInfo, field_validator, model_validator
 from pydantic_core import PydanticCustomError
 
 from build_fmus import units
 from build_fmus.component import source_fault
 from fmu_sources.models.corners import THREE_AXLES, TWO_AXLES
+from fmu_sources.models.double_wishbone import POINTS, DoubleWishbone, HardpointError, WheelMotion, wheel_motion
 
 
 @dataclass(frozen=True)
@@ -27,6 +29,8 @@ class Declared:
     max: float
     display_unit: str | None = None
     nominal: float | None = None
+    size: int | None = None
+    increasing: bool = False
 
 
 class Quantity(BaseModel):
@@ -44,6 +48,34 @@ class Quantity(BaseModel):
         if fault := source_fault(given):
             raise PydanticCustomError("source", "{text}", {"text": fault})
         return given
+
+
+class Numbers(BaseModel):
+    """Several values of one unit in a vehicle file: the coordinates of a point, or a row of a table."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    value: tuple[Annotated[float, Field(allow_inf_nan=False)], ...]
+    unit: str
+    source: str
+
+    _is_one = field_validator("source")(Quantity._is_one.__func__)  # type: ignore[attr-defined]
+
+
+def numbers(
+    unit: str,
+    description: str,
+    *,
+    min: float,
+    max: float,
+    size: int | None = None,
+    increasing: bool = False,
+    display_unit: str | None = None,
+    nominal: float | None = None,
+) -> Any:
+    """Declare a field of type :class:`Numbers`: ``size`` of them (None: two at least), ``increasing`` where a table counts on it."""
+    declared = Declared(unit, min, max, display_unit, nominal, size, increasing)
+    return Field(description=description, json_schema_extra={"declared": declared})  # type: ignore[dict-item]
 
 
 def quantity(
@@ -74,19 +106,42 @@ class Section(BaseModel):
     @field_validator("*", mode="after")
     @classmethod
     def _in_declared_unit(cls, given: Any, info: ValidationInfo) -> Any:
-        if not isinstance(given, Quantity):
+        if not isinstance(given, Quantity | Numbers):
             return given
         declared = cls.declared(info.field_name or "")
-        assert declared is not None, f"{cls.__name__}.{info.field_name}: declare it with quantity()"
-        try:
-            value = units.convert(given.value, given.unit, declared.unit)
-        except KeyError as error:
-            raise PydanticCustomError("unit", "{text}", {"text": error.args[0]}) from None
-        if not declared.min <= value <= declared.max:
-            word, bound = ("least", declared.min) if value < declared.min else ("most", declared.max)
-            text = f"{given.value:g} {given.unit} is out of range: it must be at {word} {bound:g} {declared.unit}"
-            raise PydanticCustomError("limit", "{text}", {"text": text})
-        return Quantity(value=value, unit=declared.unit, source=given.source)
+        assert declared is not None, f"{cls.__name__}.{info.field_name}: declare it with quantity() or numbers()"
+        if isinstance(given, Quantity):
+            return Quantity(value=_converted(declared, given.value, given.unit), unit=declared.unit, source=given.source)
+        values = tuple(_converted(declared, v, given.unit, f"value {i}: ") for i, v in enumerate(given.value, 1))
+        if fault := _row_fault(declared, values):
+            raise PydanticCustomError("row", "{text}", {"text": fault})
+        return Numbers(value=values, unit=declared.unit, source=given.source)
+
+
+def _converted(declared: Declared, given: float, unit: str, where: str = "") -> float:
+    """A value of a file in the declared unit; what is wrong with it as a pydantic error."""
+    try:
+        value = units.convert(given, unit, declared.unit)
+    except KeyError as error:
+        raise PydanticCustomError("unit", "{text}", {"text": error.args[0]}) from None
+    if not declared.min <= value <= declared.max:
+        word, bound = ("least", declared.min) if value < declared.min else ("most", declared.max)
+        text = f"{where}{given:g} {unit} is out of range: it must be at {word} {bound:g} {declared.unit}"
+        raise PydanticCustomError("limit", "{text}", {"text": text})
+    return value
+
+
+def _row_fault(declared: Declared, values: tuple[float, ...]) -> str:
+    """What is wrong with the values of a row together; empty when nothing is."""
+    if declared.size is not None and len(values) != declared.size:
+        return f"{len(values)} values; {declared.size} are needed"
+    if len(values) < 2:
+        return f"{len(values)} value(s); two at least are needed"
+    if declared.increasing:
+        for i, (before, after) in enumerate(zip(values, values[1:], strict=False), 1):
+            if after <= before:
+                return f"value {i + 1} is {after:g} {declared.unit} after {before:g} {declared.unit}; the values of this row must increase"
+    return ""
 
 
 class Axles(Section):
@@ -373,6 +428,200 @@ class FullCar(Vehicle):
     steering: _Steering
 
 
+# ------------------------------------------------------------------------------------------------------ double wishbones
+
+
+class _Table(Section):
+    """A table of two rows that have as many values each."""
+
+    @model_validator(mode="after")
+    def _as_long(self) -> Any:
+        rows = {n: len(v.value) for n in type(self).model_fields if isinstance(v := getattr(self, n), Numbers)}
+        if len(set(rows.values())) > 1:
+            told = ", ".join(f"{n} has {size} values" for n, size in rows.items())
+            raise PydanticCustomError("row", "{text}", {"text": f"{told}; rows of a table have the same number"})
+        return self
+
+
+class _SpringTable(_Table):
+    free_length: Quantity = quantity("m", "length of the spring without load", min=0.01, max=5.0)
+    compression: Numbers = numbers(
+        "m", "compression of the spring from its free length, increasing from 0; the force is linear between and odd",
+        min=0.0, max=5.0, increasing=True, display_unit="mm", nominal=0.1,
+    )  # fmt: skip
+    force: Numbers = numbers("N", "force of the spring at that compression", min=0.0, max=1e7, display_unit="kN", nominal=1e4)
+
+
+class _LengthStop(Section):
+    bump: Quantity = quantity("m", "length of the spring below which the bump stop is compressed", min=0.0, max=5.0)
+    rebound: Quantity = quantity("m", "length of the spring above which the rebound stop is compressed", min=0.0, max=5.0)
+
+
+class _StopTable(_Table):
+    penetration: Numbers = numbers(
+        "m", "compression of a stop, increasing from 0; the force is linear between and constant beyond",
+        min=0.0, max=1.0, increasing=True, display_unit="mm", nominal=0.01,
+    )  # fmt: skip
+    force: Numbers = numbers("N", "force of a stop at that compression", min=0.0, max=1e7, display_unit="kN", nominal=1e4)
+
+
+class _SwitchedDamper(Section):
+    compression: Quantity = quantity("N.s/m", "rate in compression within the range of lengths", min=0.0, max=1e7, display_unit="kN.s/m")
+    rebound: Quantity = quantity("N.s/m", "rate in rebound within the range of lengths", min=0.0, max=1e7, display_unit="kN.s/m")
+    outer_compression: Quantity = quantity("N.s/m", "rate in compression outside of the range", min=0.0, max=1e7, display_unit="kN.s/m")
+    outer_rebound: Quantity = quantity("N.s/m", "rate in rebound outside of the range", min=0.0, max=1e7, display_unit="kN.s/m")
+
+
+class _DamperRange(Section):
+    least: Quantity = quantity("m", "length at which the range of the inner rates begins", min=0.0, max=5.0)
+    most: Quantity = quantity("m", "length at which it ends", min=0.0, max=5.0)
+    blend: Quantity = quantity("m", "length over which the rates change at either end", min=1e-5, max=0.1, display_unit="mm")
+
+
+def _point(what: str) -> Any:
+    return numbers("m", f"{what}, left side: forward, left, up from the reference point of the axle", min=-50.0, max=50.0, size=3)
+
+
+class _Hardpoints(Section):
+    wheel_centre: Numbers = _point("wheel centre")
+    upright_com: Numbers = _point("centre of mass of the upright")
+    upper_front: Numbers = _point("front pivot of the upper arm")
+    upper_rear: Numbers = _point("rear pivot of the upper arm")
+    upper_ball: Numbers = _point("upper ball joint")
+    upper_com: Numbers = _point("centre of mass of the upper arm")
+    lower_front: Numbers = _point("front pivot of the lower arm")
+    lower_rear: Numbers = _point("rear pivot of the lower arm")
+    lower_ball: Numbers = _point("lower ball joint")
+    lower_com: Numbers = _point("centre of mass of the lower arm")
+    damper_top: Numbers = _point("damper on the chassis")
+    damper_bottom: Numbers = _point("damper on the lower arm")
+    spring_top: Numbers = _point("spring on the chassis")
+    spring_bottom: Numbers = _point("spring on the lower arm")
+    tierod_inner: Numbers = _point("tierod on the chassis")
+    tierod_outer: Numbers = _point("tierod on the upright")
+
+
+class _Travel(Section):
+    least: Quantity = quantity("m", "travel of the wheel from design to which the kinematics are computed, down", min=-2.0, max=-0.01)
+    most: Quantity = quantity("m", "travel of the wheel from design to which the kinematics are computed, up", min=0.01, max=2.0)
+
+
+class _WishboneAxle(Section):
+    reference: Quantity = quantity("m", "reference point of the axle's hardpoints ahead of the chassis frame", min=-50.0, max=50.0)
+    travel: _Travel
+    points: _Hardpoints
+    spring: _SpringTable
+    stop: _LengthStop
+    damper: _SwitchedDamper
+
+    @property
+    def mechanism(self) -> DoubleWishbone:
+        """The kinematics of the left side, in the frame of the reference point."""
+        return _mechanism(tuple(getattr(self.points, n).value for n in POINTS))
+
+    @property
+    def motion(self) -> WheelMotion:
+        """The motion of the left wheel over its travel."""
+        return _motion(self.mechanism, self.travel.least.value, self.travel.most.value)
+
+    @model_validator(mode="after")
+    def _closes(self) -> Any:
+        try:
+            self.motion  # noqa: B018 -- computing it is the check
+        except HardpointError as error:
+            raise PydanticCustomError("row", "{text}", {"text": f"points: {error}"}) from None
+        return self
+
+
+@lru_cache(maxsize=16)
+def _mechanism(points: tuple[tuple[float, ...], ...]) -> DoubleWishbone:
+    return DoubleWishbone(dict(zip(POINTS, points, strict=True)))
+
+
+@lru_cache(maxsize=16)
+def _motion(mechanism: DoubleWishbone, least: float, most: float) -> WheelMotion:
+    return wheel_motion(mechanism, least, most)
+
+
+class _Wishbones(Section):
+    front: _WishboneAxle
+    rear: _WishboneAxle
+    stop: _StopTable
+    damper_range: _DamperRange
+
+
+class _FramedBody(Section):
+    mass: Quantity = quantity("kg", "mass of the chassis body", min=10.0, max=1e6)
+    com_x: Quantity = quantity("m", "its centre of mass ahead of the origin of the chassis frame", min=-50.0, max=50.0, nominal=0.1)
+    com_z: Quantity = quantity("m", "its centre of mass above the origin of the chassis frame", min=-10.0, max=10.0, nominal=0.1)
+    roll_inertia: Quantity = quantity("kg.m2", "roll inertia of the chassis body about its centre of mass", min=1.0, max=1e8)
+    pitch_inertia: Quantity = quantity("kg.m2", "pitch inertia of the chassis body about its centre of mass", min=1.0, max=1e8)
+    yaw_inertia: Quantity = quantity("kg.m2", "yaw inertia of the chassis body about its centre of mass", min=1.0, max=1e8)
+
+
+class _Mounted(Section):
+    mass: Quantity = quantity("kg", "mass of a part on the chassis", min=0.0, max=1e5)
+    position: Numbers = numbers("m", "its position in the chassis frame", min=-50.0, max=50.0, size=3)
+
+
+class _SteeringGear(Section):
+    link: _Mounted
+    pitman: _Mounted
+
+
+class _SolidWheel(Section):
+    mass: Quantity = quantity("kg", "mass of wheel, tire and spindle", min=1.0, max=1e5)
+    spin_inertia: Quantity = quantity("kg.m2", "inertia of wheel, tire and spindle about the axle", min=0.01, max=1e4)
+    tilt_inertia: Quantity = quantity("kg.m2", "inertia of wheel, tire and spindle about a diameter", min=0.0, max=1e4)
+    shaft_inertia: Quantity = quantity("kg.m2", "inertia of the axle shaft, reduced to the wheel", min=0.0, max=1e4)
+
+
+class _Solid(Section):
+    mass: Quantity = quantity("kg", "mass", min=0.0, max=1e5)
+    inertia: Numbers = numbers("kg.m2", "moments of inertia about its centre of mass, along its axes", min=0.0, max=1e6, size=3)
+
+
+class _TableTire(_Table):
+    radius: Quantity = quantity("m", "radius of the unloaded tire", min=0.05, max=3.0)
+    deflection: Numbers = numbers(
+        "m", "deflection of the tire on a flat road, increasing from 0; the force is linear between and goes on so beyond",
+        min=0.0, max=3.0, increasing=True, display_unit="mm", nominal=0.1,
+    )  # fmt: skip
+    force: Numbers = numbers("N", "vertical force at that deflection", min=0.0, max=1e7, display_unit="kN", nominal=1e4)
+    damping: Quantity = quantity("N.s/m", "vertical damping in contact", min=0.0, max=1e6, display_unit="kN.s/m", nominal=100.0)
+    slip_stiffness: Quantity = quantity("1", "longitudinal force per slip and load", min=0.0, max=200.0)
+    cornering_stiffness: Quantity = quantity("1", "lateral force per slip angle and load", min=0.0, max=200.0)
+    longitudinal_friction: Quantity = quantity("1", "largest longitudinal force per load", min=0.01, max=5.0)
+    lateral_friction: Quantity = quantity("1", "largest lateral force per load", min=0.01, max=5.0)
+    rolling_resistance: Quantity = quantity("1", "rolling resistance per load", min=0.0, max=1.0)
+    relaxation: Quantity = quantity("m", "relaxation length of the longitudinal slip", min=0.05, max=5.0)
+
+
+class _ForceDriver(Section):
+    gain: Quantity = quantity("N.s/m", "drive force per speed error", min=0.0, max=1e7)
+    integral_gain: Quantity = quantity("N/m", "drive force per integral of the speed error", min=0.0, max=1e7)
+    max_force: Quantity = quantity("N", "largest drive or brake force", min=0.0, max=1e7, display_unit="kN")
+    lever: Quantity = quantity("m", "torque of all wheels per drive force", min=0.01, max=5.0)
+
+
+class WishboneCar(Vehicle):
+    """Two axles of double wishbones with hardpoints, tables of springs, stops and tires; driver included.
+
+    The chassis frame has its origin where the file counts positions from, x forward, y left, z up.
+    """
+
+    body: _FramedBody
+    steering_gear: _SteeringGear
+    wheel: _SolidWheel
+    upright: _Solid
+    upper_arm: _Solid
+    lower_arm: _Solid
+    suspension: _Wishbones
+    tire: _TableTire
+    speed_control: _ForceDriver
+    steering: _Steering
+
+
 # ------------------------------------------------------------------------------------------------------------- actuator
 
 
@@ -503,6 +752,7 @@ KINDS: dict[str, type[Vehicle]] = {
     "three_axle": ThreeAxleCar,
     "three_axle_trench": ThreeAxleTrenchCar,
     "full_car": FullCar,
+    "wishbone_car": WishboneCar,
     "actuator": Actuator,
     "sensors": SensorSet,
 }
