@@ -70,6 +70,7 @@ def default_catalog() -> dict[str, Entry]:
         *_family(_TRENCH, "three_axle_trench", ""),
         *_family(_ACTUATOR, "actuator_hmmwv", ""),
         *_family(_ACTUATOR, "actuator_hmmwv_physical", "Physical", about=", density of real oil"),
+        *_family(_WISHBONE, "hmmwv_public", "HmmwvPublic"),
         *vehicle_catalog("hmmwv", plant="FullCarHmmwv", suffix=None).values(),
         *vehicle_catalog("hmmwv_modified", plant=_GPC_PLANT, suffix="").values(),
     ]
@@ -266,6 +267,7 @@ _HMMWV_FILE = "ride_car_hmmwv"
 GPC_PREVIEW, MPC_PREVIEW, LQ_PREVIEW, CROSSING_PREVIEW = (8, 0.010), (16, 0.030), (48, 0.005), (50, 0.005)
 _PREVIEWS: dict[str, Preview] = {  # by kind of vehicle: what its controllers read
     "full_car": GPC_PREVIEW, "ride_car": MPC_PREVIEW, "three_axle": CROSSING_PREVIEW, "three_axle_trench": CROSSING_PREVIEW,
+    "wishbone_car": GPC_PREVIEW,
 }  # fmt: skip
 
 
@@ -432,6 +434,10 @@ def _trench_plant(vehicle: Source, name: str, _: str = "") -> Component:
     return _call("plants", "three_axle_trench", _load("three_axle_trench", vehicle), name=name)
 
 
+def _wishbone_car(vehicle: Source, name: str, _: str = "") -> Component:
+    return _call("plants", "wishbone_car", _load("wishbone_car", vehicle), name=name)
+
+
 def _trench_crossing(vehicle: Source, name: str, called: str) -> Component:
     from fmu_sources.controllers.trench.crossing import CrossingGeometry, trench_crossing
 
@@ -509,11 +515,15 @@ _ACTUATOR: dict[str, tuple[str, Make]] = {
     "HydraulicActuator{v}": ("electro-hydraulic actuator (paper 001)", _of_actuator("plants", "hydraulic_actuator")),
     "ForceTracking{v}": ("hydraulic force tracking (paper 001)", _of_actuator("controllers.force_tracking", "force_tracking")),
 }  # fmt: skip
+_WISHBONE: dict[str, tuple[str, Make]] = {
+    "FullCar{v}": ("full car on double wishbones by their hardpoints, tables, enveloping tires", _wishbone_car),
+}
 _KINDS: dict[str, tuple[tuple[dict[str, tuple[str, Make]], tuple[str, ...]], ...]] = {
     "quarter_car": ((_QUARTER_CAR, ("Hmmwv", "Bench")), (_BENCH_LAWS, ("Bench",))),
     "ride_car": ((_HMMWV, ("Hmmwv",)), (_SEDAN, ("Sedan",))),
     "three_axle": ((_THREE_AXLE, ("",)),),
     "three_axle_trench": ((_TRENCH, ("",)), (_THREE_AXLE, ("",))),
+    "wishbone_car": ((_WISHBONE, ("HmmwvPublic",)),),
     "actuator": ((_ACTUATOR, ("", "Physical")),),
     "sensors": ((_SENSORS, ("Hmmwv",)), (_AROUND_SENSORS, ("Hmmwv",))),
 }

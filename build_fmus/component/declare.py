@@ -603,6 +603,19 @@ class Component:
         """Whether there is a variable of this name so far."""
         return name in self._variables
 
+    def known(self) -> tuple[Any, np.ndarray]:
+        """Symbols (n,) of all elements of parameters and constants declared so far, and their values.
+
+        For numbers that follow from a declaration, such as a rest position.
+        """
+        given = [v for v in self._variables.values() if v.role in ("parameter", "constant") and v.start is not None]
+
+        def values(v: Variable) -> np.ndarray:
+            start = np.array(v.start, dtype=float)
+            return start.reshape(v.shape).T.ravel() if v.role == "constant" and len(v.shape) == 2 else start
+
+        return ca.vertcat(*(ca.vec(v.symbol) for v in given)), np.concatenate([values(v) for v in given])
+
     def variable(self, name: str) -> Variable:
         """Declared variable by name; KeyError proposing the nearest name."""
         return named(self.name, self._variables, name)

@@ -5,6 +5,9 @@
 ``ride_car``            linear ride cars on four or six wheels
 ``full_car``            nonlinear car: body with six degrees of freedom, wheel spin, tires, driver
 ``three_axle_trench``   6x6 over trenches and obstacles, with contact
+``wishbone_car``        nonlinear car on double wishbones: paths of their hardpoints, tables, enveloping tires
+``enveloping``          contact of a tire with a road that is uneven within the length of the contact
+``tables``              tables that are linear in between, as parameters
 ``obstacle``            outlines of obstacles, and how far discs touch them
 ``hydraulic_actuator``  servo valve, cylinder and bypass of an active strut
 ``friction``            Coulomb friction that is smooth where it changes its sign
@@ -18,5 +21,6 @@ from fmu_sources.plants.hydraulic_actuator import hydraulic_actuator
 from fmu_sources.plants.quarter_car import quarter_car
 from fmu_sources.plants.ride_car import ride_car
 from fmu_sources.plants.three_axle_trench import three_axle_trench
+from fmu_sources.plants.wishbone_car import wishbone_car
 
-__all__ = ["full_car", "hydraulic_actuator", "quarter_car", "ride_car", "three_axle_trench"]
+__all__ = ["full_car", "hydraulic_actuator", "quarter_car", "ride_car", "three_axle_trench", "wishbone_car"]

@@ -6,7 +6,8 @@ import math
 from dataclasses import dataclass
 
 from build_fmus.checks import number, whole_number
-from fmu_sources.vehicles import FullCar, RideCar, SensorSet, ThreeAxleCar
+from fmu_sources.plants.enveloping import CONTACT_COUNT, CONTACT_STEP, SLOPE_BASE
+from fmu_sources.vehicles import FullCar, RideCar, SensorSet, ThreeAxleCar, WishboneCar
 
 _HEAVE, _PITCH = 0.12, 0.08  # m, rad: motion of a range sensor that a scan allows for
 _STEEPEST = 1.4  # rad, largest angle of a beam that a scan follows
@@ -53,16 +54,36 @@ class RoadScan:
 
 
 @dataclass(frozen=True)
+class RoadContact:
+    """What a tire that envelops short obstacles touches: ``count`` heights ``step`` m apart along it, the middle one under the wheel.
+
+    The slope under such a wheel is that over the next ``slope_base`` metres.
+    """
+
+    step: float
+    count: int
+    slope_base: float
+
+    def __post_init__(self) -> None:
+        whole_number("number of heights along a tire", self.count, least=3)
+        number("distance between heights along a tire", self.step, "m", above=0)
+        number("length that the slope under a wheel is taken over", self.slope_base, "m", above=0)
+        if self.count % 2 == 0:
+            raise ValueError(f"{self.count} heights along a tire have no middle one; take an odd number")
+
+
+@dataclass(frozen=True)
 class RoadLayout:
     """Corners of the vehicle on the road, and preview of ``preview_count`` heights ``preview_step`` seconds apart.
 
-    With ``scan`` the road also shows what range sensors see.
+    With ``scan`` the road also shows what range sensors see, with ``contact`` what tires touch that envelop it.
     """
 
     wheels: tuple[WheelPosition, ...]
     preview_count: int = 8
     preview_step: float = 0.010
     scan: RoadScan | None = None
+    contact: RoadContact | None = None
 
     def __post_init__(self) -> None:
         if not self.wheels:
@@ -73,13 +94,22 @@ class RoadLayout:
     @classmethod
     def of(
         cls,
-        vehicle: FullCar | RideCar | ThreeAxleCar,
+        vehicle: FullCar | RideCar | ThreeAxleCar | WishboneCar,
         *,
         preview_count: int = 8,
         preview_step: float = 0.010,
         scan: RoadScan | None = None,
     ) -> RoadLayout:
-        """Layout of a vehicle."""
+        """Layout of a vehicle: wheels at design, and what its tires touch where they envelop."""
+        if isinstance(vehicle, WishboneCar):
+            contact = RoadContact(CONTACT_STEP, CONTACT_COUNT, SLOPE_BASE)
+            places = tuple(
+                WheelPosition(f"{axle[0]}{side[0]}", x, sign * y)
+                for axle in ("front", "rear")
+                for x, y in [vehicle.wheel_place(axle)]
+                for side, sign in (("left", 1), ("right", -1))
+            )
+            return cls(places, preview_count, preview_step, scan, contact)
         if not isinstance(vehicle, FullCar):
             corners = {c: getattr(vehicle.wheel, axle) for c, axle in vehicle.wheel.axle_of.items()}
             places = tuple(

@@ -10,7 +10,7 @@ import casadi as ca
 import numpy as np
 
 from build_fmus.component import Component
-from fmu_sources.roads.layout import RoadLayout, WheelPosition
+from fmu_sources.roads.layout import RoadContact, RoadLayout, WheelPosition
 
 NODE_STEP = 0.1  # m, spacing of the road points in paper 000
 _NODE_TOLERANCE = 1e-9  # a position this close (in node steps) below a node counts as on it
@@ -124,6 +124,8 @@ def road(
         return found
 
     under = common(lambda w: shape.at(x + position[w.corner], w.side))
+    if layout.contact is not None:
+        touched, under = _contact(c, layout.contact, shape, x, position, common)
     times = np.arange(1, layout.preview_count) * layout.preview_step
     later = c.constant("later", times, "s", "times of the preview heights", source="road layout")
     for corner, (height, _) in under.items():
@@ -136,15 +138,21 @@ def road(
     for corner, (height, _) in under.items():
         heights = ca.vertcat(height, ahead[corner][0])
         c.output(f"preview.{corner}", heights, "m", f"height under the {corner} wheel now, preview.step later, ...")
+    if layout.contact is not None:
+        for corner, heights in touched.items():
+            c.output(
+                f"contact.{corner}", heights, "m", f"heights along the {corner} tire, contact.step apart, above road.{corner}.height"
+            )
+        c.output("contact.step", layout.contact.step, "m", "distance between heights of contact.*", display_unit="mm")
+        c.notes = (*c.notes, _CONTACT_NOTE)
     if layout.scan is not None:
         scan = layout.scan
         first = c.constant("scan_start", scan.start, "m", "first height of the scan", source="road layout")
         places = c.constant("scan", np.arange(scan.count) * scan.step, "m", "heights from there", source="road layout")
         scanned = x + first + places
-        seen = getattr(shape, "surface", lambda x, side: shape.at(x, side)[0])
         for side in ("left", "right"):
             c.output(
-                f"scan.{side}", seen(scanned, side), "m", f"height of the surface of the {side} track, scan.step apart"
+                f"scan.{side}", _surface(shape, scanned, side), "m", f"height of the surface of the {side} track, scan.step apart"
             )
         c.output("scan.start", scan.start, "m", "distance of the first height of scan.* ahead of the CG")
         c.output("scan.step", scan.step, "m", "distance between heights of scan.*")
@@ -157,6 +165,32 @@ def road(
     return c
 
 
+def _contact(
+    c: Component, contact: RoadContact, shape: Shape, x: Any, position: dict[str, Any], common: Callable[..., Any]
+) -> tuple[dict[str, Any], dict[str, tuple[Any, Any]]]:
+    """By corner, the heights [m] along the tire above that under the wheel; height under the wheel [m], and slope over the next metres."""
+    offsets = (np.arange(contact.count) - contact.count // 2) * contact.step
+    places = c.constant("contact.places", offsets, "m", "heights along a tire", source="road layout")
+    base = c.constant("contact.slope_base", contact.slope_base, "m", "length that the slope is taken over", source="road layout")
+    heights = common(lambda w: (_surface(shape, x + position[w.corner] + places, w.side),))
+    ahead = common(lambda w: (_surface(shape, x + position[w.corner] + base, w.side),))
+    below = {corner: found[contact.count // 2] for corner, (found,) in heights.items()}
+    return (
+        {corner: found - below[corner] for corner, (found,) in heights.items()},
+        {corner: (below[corner], (found - below[corner]) / base) for corner, (found,) in ahead.items()},
+    )
+
+
+def _surface(shape: Shape, x: Any, side: str) -> Any:
+    """Height [m] of the surface itself at a column of positions [m]."""
+    seen = getattr(shape, "surface", lambda x, side: shape.at(x, side)[0])
+    return seen(x, side)
+
+
+_CONTACT_NOTE = (
+    "contact.* are what tires touch that envelop short obstacles: heights of the surface along each tire, contact.step apart, the middle one under the "
+    "wheel centre, counted from there. Under such wheels road.*.slope is that over the next 50 mm."
+)
 _SCAN_NOTE = (
     "scan.* is what range sensors may hit: heights of the surface of both tracks at fixed distances ahead of the CG, not "
     "averaged over the contact of a tire. SensorSuite casts its beams against them."

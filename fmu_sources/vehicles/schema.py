@@ -627,6 +627,7 @@ class WishboneCar(Vehicle):
 
     body: _FramedBody
     steering_gear: _SteeringGear
+    seat: _Seat = Field(default_factory=_Seat.at_cg)
     wheel: _SolidWheel
     upright: _Solid
     upper_arm: _Solid
@@ -635,6 +636,12 @@ class WishboneCar(Vehicle):
     tire: _TableTire
     speed_control: _ForceDriver
     steering: _Steering
+
+    def wheel_place(self, axle: str) -> tuple[float, float]:
+        """Where the left wheel of an axle is at design: ahead of the CG and to its left [m]."""
+        given = getattr(self.suspension, axle)
+        forward, left, _ = given.points.wheel_centre.value
+        return given.reference.value + forward - self.body.com_x.value, left
 
 
 # ------------------------------------------------------------------------------------------------------------- actuator

@@ -1,0 +1,668 @@
+"""Car on double wishbones: body with six degrees of freedom, wheels on the paths that their hardpoints give, tables, enveloping tires.
+
+Each wheel moves with one degree of freedom, its travel q: vertical in the chassis, from design, positive upwards. Where the wheel centre is and
+how the upright is turned are functions of q, splines that :mod:`fmu_sources.models.double_wishbone` computes from the hardpoints. With them
+the kinetic energy of wheel, upright and arms is
+
+    T = m V^2/2 + V.(w x s) + w.J w/2 + sum over wheels of (P.V + H.w) q' + M q'^2/2
+
+with V and w the velocity of the CG and the angular velocity of the body, in body axes; s(q), J(q) the first and second moments of all masses,
+P = ds/dq and H the momenta per travel rate and M the effective mass of a wheel. The equations of motion follow from T as those of Lagrange for q
+and those of Kirchhoff for V and w:
+
+    dp/dt + w x p = F,   dh/dt + w x h + V x p = N,   d/dt dT/dq' - dT/dq = Q
+
+Axes are ISO 8855; roll positive left side up, pitch positive nose down. Nothing of the motion is linearized but rotations of uprights, which are taken
+to second order. The wheels' spin is that of rotors: it has its own equation, and its angular momentum turns with the axle.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import pi, sin
+from types import SimpleNamespace
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from build_fmus.component import Component
+from fmu_sources.models.corners import TWO_AXLES, Corner, Corners
+from fmu_sources.models.double_wishbone import Spline
+from fmu_sources.plants.enveloping import CONTACT_COUNT, CONTACT_STEP, Disc
+from fmu_sources.plants.gravity import gravity
+from fmu_sources.plants.seat import SEAT_NOTE, of_rigid_body, seat_outputs
+from fmu_sources.plants.tables import check_increasing, linear_table
+from fmu_sources.vehicles import WishboneCar, declare
+
+LOW_SPEED = 1.0  # m/s; below it slip is formed with this speed, so that slip exists and decays at standstill
+MAX_SPEED = 60.0  # m/s
+_NEWTON = 6  # steps to the rest position from that of the vehicle file
+_LEFT_OUT = (
+    "body.com_x", "body.com_z", "steering_gear", "upper_arm", "lower_arm",
+    *(f"suspension.{axle}.{what}" for axle in ("front", "rear") for what in ("reference", "travel", "points")),
+)  # fmt: skip
+_COMPUTED = "computed from the hardpoints, masses and inertias of the vehicle file"
+
+
+def wishbone_car(vehicle: WishboneCar, name: str = "FullCarHmmwvPublic") -> Component:
+    """Car of a vehicle file with hardpoints. All ``z`` count from where the car of the file rests on a road at height 0."""
+    c = Component(
+        name,
+        kind="continuous",
+        description=f"Full car on double wishbones, 6-DOF body, wheels on the paths of their hardpoints: {vehicle.name}",
+        source="Lagrange's and Kirchhoff's equations, in the source of this component; data: see the parameters",
+        solver="am2",
+        solver_step=5e-4,
+        notes=(*_NOTES, SEAT_NOTE),
+    )
+    p = declare(c, vehicle, leave_out=_LEFT_OUT)
+    _declare_computed(c, p, vehicle)
+    g = gravity(c)
+    low_speed = c.constant("low_speed", LOW_SPEED, "m/s", "below it slip is formed with this speed", source="assumed")
+    start_x = c.parameter("start.x", 5.0, "m", "position of the CG at the start", min=-1e6, max=1e6, source="assumed")
+    for table in ("suspension.stop.penetration", "tire.deflection", *(f"suspension.{a}.spring.compression" for a in ("front", "rear"))):
+        check_increasing(c, _at(p, table), table)
+
+    # ------------------------------------------------------------------------------------------------------ inputs
+
+    corners = Corners(TWO_AXLES)
+    corners.each(geometry=lambda k: getattr(p.suspension, k.axle))
+    lifts = "positive lifts the body and pushes the wheel down"
+    corners.each(
+        road=lambda k: c.input(f"road.{k}.height", "m", f"road height under the {k} wheel"),
+        slope=lambda k: c.input(f"road.{k}.slope", "1", f"slope dz/dx of the road under the {k} wheel"),
+        force=lambda k: c.input(f"force.{k}", "N", f"actuator force at {k}, {lifts}"),
+    )
+    target_speed = c.input(
+        "target.speed", "m/s", "speed the driver keeps; its first value is the start speed", start=50.0 / 3.6, min=0.0,
+        max=MAX_SPEED, display_unit="km/h",
+    )  # fmt: skip
+    target_y = c.input("target.y", "m", "lateral position the driver keeps, positive left", min=-1e6, max=1e6)
+    corners.each(
+        contact=lambda k: c.input(
+            f"contact.{k}", "m", f"heights of the road along the {k} tire, contact.step apart, above road.{k}.height",
+            shape=(CONTACT_COUNT,),
+        )
+    )  # fmt: skip
+    c.constant_input("contact.step", "m", "distance between the heights along a tire", must_equal=CONTACT_STEP, display_unit="mm")
+    step = c.constant("contact_step", CONTACT_STEP, "m", "between heights along a tire", source="build option")
+    disc = Disc(p.tire.radius, step, CONTACT_COUNT)
+
+    # ------------------------------------------------------------------------------------------------------ states
+
+    start = _rest(c, p, g, target_speed / low_speed)
+    on = _plane(corners, p)
+    x = c.state("x", "m", "distance of the CG along the road", start=start_x, output=True, nominal=10.0)
+    y = c.state("y", "m", "lateral position of the CG, positive left", output=True)
+    zb = c.state("body.z", "m", "CG height above its static position", start=start.z + on.z, output=True, nominal=0.1)
+    angle: dict[str, Any] = {"output": True, "nominal": 0.1, "display_unit": "deg"}
+    roll = c.state("body.roll", "rad", "roll angle, positive left side up", start=on.roll, **angle)
+    pitch = c.state("body.pitch", "rad", "pitch angle, positive nose down", start=start.pitch + on.pitch, **angle)
+    yaw = c.state("body.yaw", "rad", "yaw angle, positive to the left", **angle)
+    vx = c.state("body.vx", "m/s", "velocity of the CG along the road", start=target_speed, nominal=10.0)
+    vy = c.state("body.vy", "m/s", "lateral velocity of the CG in road axes")
+    vz = c.state("body.vz", "m/s", "vertical velocity of the CG", output=True)
+    rate = [
+        c.state(f"body.{axis}_rate", "rad/s", f"{axis} rate about the body axis", output=True, nominal=0.1)
+        for axis in ("roll", "pitch", "yaw")
+    ]
+    rolling_radius = p.tire.radius - start.deflection / 3
+    corners.each(
+        q=lambda k: c.state(
+            f"wheel.{k}.travel", "m", "travel of the wheel in the chassis, from design, positive upwards", start=start.travel[k.axle],
+            nominal=0.1, output=True,
+        ),
+        dq=lambda k: c.state(f"wheel.{k}.travel_rate", "m/s", "rate of the travel"),
+        spin=lambda k: c.state(
+            f"wheel.{k}.spin", "rad/s", "spin, positive forward", start=target_speed / rolling_radius, nominal=10.0, output=True
+        ),
+        slip_x=lambda k: c.state(f"tire.{k}.slip", "1", "lagged slip, positive driving", nominal=0.1),
+    )  # fmt: skip
+    speed_error = c.state("driver.speed_error", "m", "integral of the speed error")
+
+    # -------------------------------------------------------------------------------------------------- kinematics
+
+    turn = c.value("turn", _rotation(yaw, pitch, roll), source="from body axes to road axes: yaw, pitch, roll (ISO 8855)")
+    w = ca.vertcat(*rate)
+    velocity = ca.vertcat(vx, vy, vz)
+    v = c.value("body_velocity", turn.T @ velocity, source="of the CG, body axes")
+    up = turn.T @ ca.vertcat(0, 0, 1)  # in body axes
+    ahead = ca.vertcat(ca.cos(yaw), ca.sin(yaw), 0)
+    left = ca.vertcat(-ca.sin(yaw), ca.cos(yaw), 0)
+    speed = ca.dot(velocity, ahead)
+    yaw_velocity = (rate[1] * ca.sin(roll) + rate[2] * ca.cos(roll)) / ca.cos(pitch)
+    height = p.rest.height + zb
+
+    for k in corners:
+        _move(k, p, k.q)
+        _inertia(k, p)
+        for of in ("centre", "spring_length", "damper_length"):
+            c.value(f"{of}_{k}", getattr(k, of), source=f"{k} wheel: splines of its travel")
+        k.momentum = k.spindle * (p.wheel.spin_inertia + p.wheel.shaft_inertia) * k.spin
+
+    # ------------------------------------------------------------------------------------------------------ driver
+
+    error = target_speed - speed
+    requested = p.speed_control.gain * error + p.speed_control.integral_gain * speed_error
+    limited = _limit(requested, p.speed_control.max_force)
+    torque = c.value("wheel_torque", limited * p.speed_control.lever / 4, source="driver: torque of each wheel")
+    course = p.steering.offset_gain * (target_y - y) - p.steering.heading_gain * yaw
+    steer = _limit(course - p.steering.yaw_rate_gain * yaw_velocity, p.steering.max_angle)
+    c.value("steering_angle", steer, source="driver: course")
+
+    # ------------------------------------------------------------------------------------ masses, and what acts on them
+
+    mass, first, inertia = _body_inertia(p)
+    mass += sum(k.mass for k in corners)
+    first += sum(k.first for k in corners)
+    inertia += sum(k.inertia for k in corners)
+    c.value("total_mass", mass)
+    force = -mass * g * up  # body axes
+    moment = ca.cross(first, -g * up)  # about the CG, body axes
+    for k in corners:
+        _strut(k, p)
+        c.value(f"strut_{k}", k.strut, source=f"{k} spring, stops and damper, at the wheel along its travel")
+        k.along = k.strut - k.force - g * ca.dot(k.first_d, up)  # generalized force of the travel
+
+        # Tire, vertical.
+        k.from_cg = turn @ k.centre
+        k.hub_rate = v + ca.cross(w, k.centre) + k.centre_d * k.dq  # body axes
+        hub_velocity = c.value(f"hub_velocity_{k}", turn @ k.hub_rate, source=f"{k} wheel centre, road axes")
+        k.height = height + k.from_cg[2]
+        k.depth = c.value(
+            f"tire_depth_{k}", disc.depth(disc.area(k.height - k.road, k.contact)), source="area rule: see enveloping.py"
+        )
+        normal = ca.vertcat(-k.slope, 0, 1) / ca.sqrt(1 + k.slope**2)
+        bearing = linear_table(k.depth, p.tire.deflection, p.tire.force, beyond=True) - p.tire.damping * ca.dot(hub_velocity, normal)
+        k.load = ca.if_else(k.depth > 0, ca.fmax(0, bearing), 0)
+
+        # Tire, horizontal: the longitudinal slip lags by a short length; forces grow with slip and load up to the friction ellipse.
+        heading = k.lean[2] + (steer if k.axle == "front" else 0)
+        forward = ca.cos(heading) * ahead + ca.sin(heading) * left
+        sideways = ca.cos(heading) * left - ca.sin(heading) * ahead
+        below = (p.tire.radius - k.depth) * (ca.dot(up, k.spindle) * k.spindle - up)  # from the centre to the contact, body axes
+        patch_d = k.centre_d + ca.cross(k.turning, below)
+        patch_rate = v + ca.cross(w, k.centre + below) + patch_d * k.dq
+        rolling = ca.dot(hub_velocity, forward)
+        pace = ca.sqrt(rolling**2 + low_speed**2)
+        k.slip_x_rate = (k.spin * (p.tire.radius - k.depth / 3) - rolling - pace * k.slip_x) / p.tire.relaxation
+        drive = p.tire.slip_stiffness * k.slip_x  # per load
+        side = -p.tire.cornering_stiffness * ca.dot(turn @ patch_rate, sideways) / pace
+        grip = k.load / _saturation(p, drive, side)
+        c.value(f"drive_force_{k}", grip * drive, source="grows with slip and load up to the friction ellipse")
+        c.value(f"side_force_{k}", grip * side, source="grows with slip angle and load up to the friction ellipse")
+
+        # The drive force acts at the hub, since the wheel turns on its bearing; what the road presses and holds acts below it.
+        at_hub = turn.T @ (grip * drive * forward)
+        at_patch = turn.T @ (k.load * normal + grip * side * sideways)
+        force += at_hub + at_patch
+        moment += ca.cross(k.centre, at_hub) + ca.cross(k.centre + below, at_patch)
+        k.along += ca.dot(k.centre_d, at_hub) + ca.dot(patch_d, at_patch)
+        resistance = p.tire.rolling_resistance * k.load * p.tire.radius * ca.tanh(k.spin * p.tire.radius / low_speed)
+        k.spin_torque = torque - grip * drive * (p.tire.radius - k.depth) - resistance
+    c.value("body_force", force, source="all forces from outside, body axes")
+    c.value("body_moment", moment, source="of these about the CG, body axes")
+
+    # --------------------------------------------------------------------------------------------- equations of motion
+
+    momentum = mass * v + ca.cross(w, first) + sum(k.first_d * k.dq for k in corners)
+    spinning = sum(k.momentum for k in corners)
+    turning = ca.cross(first, v) + inertia @ w + sum(k.turn_d * k.dq for k in corners) + spinning
+    first_rate = sum(k.first_d * k.dq for k in corners)
+    inertia_rate = sum(k.inertia_d * k.dq for k in corners)
+    force -= ca.cross(w, momentum) + ca.cross(w, first_rate) + sum(k.first_dd * k.dq**2 for k in corners)
+    moment -= ca.cross(w, turning) + ca.cross(v, momentum) + ca.cross(first_rate, v) + inertia_rate @ w
+    for k in corners:
+        rotor = (p.wheel.spin_inertia + p.wheel.shaft_inertia) * k.spin
+        moment -= k.turn_dd * k.dq**2 + k.spindle_d * (rotor * k.dq)
+        k.along += ca.dot(v, ca.cross(w, k.first_d)) + ca.dot(w, k.inertia_d @ w) / 2 - k.effective_d * k.dq**2 / 2
+        k.along += rotor * ca.dot(k.spindle_d, w)
+        k.row = ca.vertcat(k.first_d, k.turn_d)
+    skew = ca.vertcat(
+        ca.horzcat(0, first[2], -first[1]), ca.horzcat(-first[2], 0, first[0]), ca.horzcat(first[1], -first[0], 0)
+    )
+    matrix = ca.vertcat(ca.horzcat(mass * ca.SX.eye(3), skew), ca.horzcat(skew.T, inertia))
+    right = ca.vertcat(force, moment)
+    for k in corners:  # the wheels' own accelerations eliminated
+        matrix -= k.row @ k.row.T / k.effective
+        right -= k.row * (k.along / k.effective)
+    solved = _solve(matrix, right)
+    angular = solved[3:]
+    acceleration = turn @ (solved[:3] + ca.cross(w, v))
+    c.value("acceleration", acceleration, source="of the CG, road axes")
+    c.value("angular_acceleration", angular, source="body axes")
+    for k in corners:
+        k.ddq = c.value(f"travel_acceleration_{k}", (k.along - ca.dot(k.row, solved)) / k.effective, source="Lagrange")
+
+    c.derivative(x, vx)
+    c.derivative(y, vy)
+    c.derivative(zb, vz)
+    c.derivative(roll, rate[0] + ca.sin(pitch) * yaw_velocity)
+    c.derivative(pitch, rate[1] * ca.cos(roll) - rate[2] * ca.sin(roll))
+    c.derivative(yaw, yaw_velocity)
+    for state, value in zip((vx, vy, vz), ca.vertsplit(acceleration), strict=True):
+        c.derivative(state, value, source="Kirchhoff, turned into road axes")
+    for state, value in zip(rate, ca.vertsplit(angular), strict=True):
+        c.derivative(state, value, source="Kirchhoff")
+    for k in corners:
+        c.derivative(k.q, k.dq)
+        c.derivative(k.dq, k.ddq, source="Lagrange")
+        c.derivative(k.spin, k.spin_torque / (p.wheel.spin_inertia + p.wheel.shaft_inertia))
+        c.derivative(k.slip_x, k.slip_x_rate, source="slip lags by a relaxation length")
+    winding_up = ca.logic_and(ca.fabs(requested) > p.speed_control.max_force, requested * error > 0)
+    c.derivative(speed_error, ca.if_else(winding_up, 0, error))
+
+    # ----------------------------------------------------------------------------------------------------- outputs
+
+    c.output("speed", speed, "m/s", "forward speed of the CG", display_unit="km/h")
+    c.output("body.az", acceleration[2], "m/s2", "vertical acceleration of the CG")
+    for i, axis in enumerate(("roll", "pitch", "yaw")):
+        c.output(f"body.{axis}_acceleration", angular[i], "rad/s2", f"{axis} acceleration about the body axis")
+    at_seat = of_rigid_body(acceleration, turn @ angular, turn @ w, turn @ ca.vertcat(p.seat.x, p.seat.y, p.seat.z))
+    seat_outputs(c, at_seat[0], at_seat[2])
+    for k in corners:
+        rest = getattr(p.rest, k.axle)
+        moved = ca.cross(angular, k.centre) + ca.cross(w, ca.cross(w, k.centre) + 2 * k.centre_d * k.dq)
+        moved += k.centre_d * k.ddq + k.centre_dd * k.dq**2
+        c.output(f"wheel.{k}.z", k.height - rest.wheel_height, "m", "wheel centre above its static height", display_unit="mm")
+        c.output(f"wheel.{k}.vz", (turn @ k.hub_rate)[2], "m/s", "vertical velocity of the wheel centre")
+        c.output(f"wheel.{k}.az", acceleration[2] + (turn @ moved)[2], "m/s2", "vertical acceleration of the wheel centre")
+        c.output(f"wheel.{k}.camber", -k.side * k.lean[0], "rad", "camber since design, positive where the top leans outwards", display_unit="deg")
+        c.output(f"wheel.{k}.toe", k.side * k.lean[2], "rad", "toe since design, positive outwards", display_unit="deg")
+        c.output(f"wheel.{k}.half_track", k.side * k.centre[1], "m", "distance of the wheel centre to the side of the CG")
+        c.output(f"suspension.{k}.deflection", rest.travel - k.q, "m", "body height minus wheel height", display_unit="mm")
+        c.output(f"suspension.{k}.velocity", -k.dq, "m/s", "rate of the suspension deflection")
+        c.output(f"spring.{k}.length", k.spring_length, "m", "length of the spring", display_unit="mm")
+        c.output(f"spring.{k}.force", k.spring_force, "N", "force of the spring, stops not included", display_unit="kN")
+        c.output(f"damper.{k}.length", k.damper_length, "m", "length of the damper", display_unit="mm")
+        c.output(f"tire.{k}.deflection", -k.depth, "m", "minus the depth that bears the load on a flat road; 0 in the air", display_unit="mm")
+        c.output(f"tire.{k}.force", k.load, "N", "force of the road on the tire along its normal, never negative", display_unit="kN")
+        c.output(f"actuator.{k}.power", -k.force * k.dq, "W", "power from the actuator into the car", display_unit="kW")
+
+    for kmh in (0, 20, 80, 120, 216):
+        c.operating_point(f"{kmh} km/h", {"target.speed": kmh / 3.6})
+    c.operating_point("in jounce", {f"wheel.{k}.travel": 0.05 for k in corners})
+    c.operating_point("wheels hanging", {f"wheel.{k}.travel": -0.155 for k in corners})
+    c.stimulate(_stimulus())
+    return c
+
+
+# ---------------------------------------------------------------------------------------------------- computed parameters
+
+
+def _declare_computed(c: Component, p: Any, vehicle: WishboneCar) -> None:
+    """Declare what follows from the hardpoints, and put the symbols into ``p``."""
+
+    def number(name: str, value: Any, unit: str, text: str, **options: Any) -> Any:
+        return c.parameter(name, value, unit, text, source=_COMPUTED, **options)
+
+    fixed: list[tuple[float, np.ndarray]] = [  # in the plane of symmetry, which the car is taken to have
+        (part.mass.value, np.array(part.position.value) * [1, 0, 1] - _cg(vehicle))
+        for part in (vehicle.steering_gear.link, vehicle.steering_gear.pitman)
+    ]
+    for name in ("front", "rear"):
+        axle, symbols = getattr(vehicle.suspension, name), getattr(p.suspension, name)
+        mechanism, motion = axle.mechanism, axle.motion
+        origin = np.array([axle.reference.value, 0.0, 0.0]) - _cg(vehicle)
+        centre = mechanism.points["wheel_centre"]
+        at, of = f"suspension.{name}", f"of the left {name} wheel"
+        symbols.centre = number(f"{at}.wheel", origin + centre, "m", f"wheel centre {of} at design, from the CG", nominal=1.0)
+        symbols.upright = number(f"{at}.upright", mechanism.points["upright_com"] - centre, "m", f"centre of mass of the upright {of} from its centre", nominal=0.1)
+        for which in ("upper", "lower"):
+            solid, arm = getattr(vehicle, f"{which}_arm"), mechanism.arm(which)
+            at_ball, at_com, at_axis = arm.lumps(solid.mass.value, solid.inertia.value[0])
+            foot = arm.ball - arm.from_axis(arm.ball)
+            fixed += [(at_axis, (origin + foot) * [1, side, 1]) for side in (1, -1)]
+            part = SimpleNamespace()
+            part.ball = number(f"{at}.{which}_arm.ball", arm.ball - centre, "m", f"{which} ball joint {of} at design, from its centre", nominal=0.1)
+            part.com = number(f"{at}.{which}_arm.com", arm.com - centre, "m", f"centre of mass of the {which} arm {of} at design, from its centre", nominal=0.1)
+            part.share = number(
+                f"{at}.{which}_arm.share", float(arm.from_axis(arm.com) @ arm.from_axis(arm.ball)) / arm.reach**2, "1",
+                f"how far the centre of mass of the {which} arm is from its axis, of the way to the ball joint", min=0.0, max=1.0,
+            )  # fmt: skip
+            part.ball_mass = number(f"{at}.{which}_arm.ball_mass", at_ball, "kg", f"mass of the {which} arm that moves as its ball joint does")
+            part.com_mass = number(f"{at}.{which}_arm.com_mass", at_com, "kg", f"mass of the {which} arm that moves as its centre of mass does")
+            setattr(symbols, which, part)
+        spline = motion.spline
+        symbols.first = number(f"{at}.knots.first", spline.first, "m", f"first knot of the splines over the travel {of}", min=-5.0, max=5.0)
+        symbols.step = number(f"{at}.knots.step", spline.step, "m", f"distance between the knots of the splines {of}", min=1e-4, max=1.0)
+        rows = {
+            "forward": ("m", "motion of the wheel centre forward"), "outward": ("m", "motion of the wheel centre outward"),
+            "roll": ("rad", "rotation of the upright about x (camber)"), "pitch": ("rad", "rotation of the upright about y (caster)"),
+            "yaw": ("rad", "rotation of the upright about z (toe)"), "spring": ("m", "length of the spring"),
+            "damper": ("m", "length of the damper"),
+        }  # fmt: skip
+        symbols.rows = {
+            row: number(f"{at}.kinematics.{row}", getattr(motion, row), unit, f"{text} {of}: coefficients of a cubic B-spline over its travel", nominal=0.1)
+            for row, (unit, text) in rows.items()
+        }
+        symbols.count = spline.count
+    total = sum(m for m, _ in fixed)
+    place = sum(m * r for m, r in fixed) / total
+    second = sum(m * (r @ r * np.eye(3) - np.outer(r, r)) for m, r in fixed)
+    p.fixed = SimpleNamespace(
+        mass=number("fixed.mass", total, "kg", "steering gear and the parts of the arms at their axes: fixed to the body"),
+        position=number("fixed.position", place, "m", "their centre of mass from the CG", nominal=0.1),
+        inertia=number("fixed.inertia", second, "kg.m2", "their inertia about the CG", nominal=100.0),
+    )
+
+
+def _cg(vehicle: WishboneCar) -> np.ndarray:
+    """Centre of mass of the chassis body in the chassis frame [m]."""
+    return np.array([vehicle.body.com_x.value, 0.0, vehicle.body.com_z.value])
+
+
+def _at(p: Any, path: str) -> Any:
+    for name in path.split("."):
+        p = getattr(p, name)
+    return p
+
+
+# -------------------------------------------------------------------------------------------------------- one corner
+
+
+def _move(k: Corner, p: Any, q: Any) -> None:
+    """Give a corner what its travel decides, with first and second derivatives ``_d``, ``_dd``: ``centre`` of the wheel from the CG, ``lean`` of
+    the upright (rotation vector), ``turning`` (angular velocity per travel rate), direction of the ``spindle``, lengths of spring and damper.
+
+    Beyond the knots everything goes on along its tangent.
+    """
+    axle = k.geometry
+    t = (q - axle.first) / axle.step
+    inside = ca.fmax(1, ca.fmin(axle.count - 2, t))
+    beyond = t - inside
+    within = ca.if_else(beyond == 0, 1, 0)
+    weights = [[], [], []]
+    for knot in range(axle.count):
+        distance = inside - knot
+        value, slope, bend = _basis(distance)
+        weights[0].append(value + slope * beyond)
+        weights[1].append(slope / axle.step)
+        weights[2].append(bend * within / axle.step**2)
+    value, slope, bend = (ca.horzcat(*row) for row in weights)
+
+    def three(name: str) -> tuple[Any, Any, Any]:
+        return value @ axle.rows[name], slope @ axle.rows[name], bend @ axle.rows[name]
+
+    mirror = k.side
+    forward, outward = three("forward"), three("outward")
+    design = ca.vertcat(axle.centre[0], mirror * axle.centre[1], axle.centre[2])
+    k.centre = design + ca.vertcat(forward[0], mirror * outward[0], q)
+    k.centre_d = ca.vertcat(forward[1], mirror * outward[1], 1)
+    k.centre_dd = ca.vertcat(forward[2], mirror * outward[2], 0)
+    lean = [ca.vertcat(mirror * a, b, mirror * d) for a, b, d in zip(three("roll"), three("pitch"), three("yaw"), strict=True)]
+    k.lean, k.lean_d, k.lean_dd = lean
+    k.turning = k.lean_d + ca.cross(k.lean, k.lean_d) / 2
+    k.turning_d = k.lean_dd + ca.cross(k.lean, k.lean_dd) / 2
+    k.spindle = ca.vertcat(-k.lean[2], 1, k.lean[0])
+    k.spindle_d = ca.vertcat(-k.lean_d[2], 0, k.lean_d[0])
+    k.spring_length, k.spring_d, _ = three("spring")
+    k.damper_length, k.damper_d, _ = three("damper")
+
+
+def _basis(distance: Any) -> tuple[Any, Any, Any]:
+    """:meth:`Spline.basis` with its first and second derivative."""
+    away, sign = ca.fabs(distance), ca.sign(distance)
+    wide, narrow = ca.fmax(0, 2 - away), ca.fmax(0, 1 - away)
+    return Spline.basis(distance, ca.fmax, ca.fabs), sign * (2 * narrow**2 - wide**2 / 2), wide - 4 * narrow
+
+
+def _inertia(k: Corner, p: Any) -> None:
+    """Give a corner its ``mass``, moments and momenta about the CG as functions of its travel, with their derivatives."""
+    axle = k.geometry
+    solids = [(p.wheel.mass, ca.SX.zeros(3), 1), (p.upright.mass, axle.upright, 1)]
+    for arm in (axle.upper, axle.lower):
+        solids += [(arm.ball_mass, arm.ball, 1), (arm.com_mass, arm, arm.share)]
+    k.mass, k.effective, k.effective_d = 0, 0, 0
+    k.first, k.first_d, k.first_dd, k.turn_d, k.turn_dd = (ca.SX.zeros(3) for _ in range(5))
+    k.inertia, k.inertia_d = ca.SX.zeros(3, 3), ca.SX.zeros(3, 3)
+    for m, what, share in solids:
+        if isinstance(what, SimpleNamespace):  # centre of mass of an arm: moves as its ball joint does, less
+            r, d, dd = _on_upright(k, what.ball)
+            place = ca.vertcat(axle.centre[0], k.side * axle.centre[1], axle.centre[2])
+            ball, com = (_mirrored(k, v) for v in (what.ball, what.com))
+            r, d, dd = place + com + share * (r - place - ball), share * d, share * dd
+        else:
+            r, d, dd = _on_upright(k, what)
+        k.mass += m
+        k.first += m * r
+        k.first_d += m * d
+        k.first_dd += m * dd
+        k.turn_d += m * ca.cross(r, d)
+        k.turn_dd += m * ca.cross(r, dd)
+        k.effective += m * ca.dot(d, d)
+        k.effective_d += 2 * m * ca.dot(d, dd)
+        k.inertia += m * (ca.dot(r, r) * ca.SX.eye(3) - r @ r.T)
+        k.inertia_d += m * (2 * ca.dot(r, d) * ca.SX.eye(3) - r @ d.T - d @ r.T)
+    own = p.upright.inertia + ca.vertcat(p.wheel.tilt_inertia, 0, p.wheel.tilt_inertia)  # the wheel turns on its axle by itself
+    k.inertia += ca.diag(own)
+    k.turn_d += own * k.turning
+    k.turn_dd += own * k.turning_d
+    k.effective += ca.dot(k.turning, own * k.turning)
+    k.effective_d += 2 * ca.dot(k.turning, own * k.turning_d)
+
+
+def _mirrored(k: Corner, place: Any) -> Any:
+    return ca.vertcat(place[0], k.side * place[1], place[2])
+
+
+def _on_upright(k: Corner, place: Any) -> tuple[Any, Any, Any]:
+    """A point of the upright, ``place`` from the wheel centre at design on the left: from the CG, and its derivatives by the travel."""
+    arm = _mirrored(k, place)
+    a, b, d = k.lean, k.lean_d, k.lean_dd
+
+    def cross(u: Any, v: Any) -> Any:
+        return ca.cross(u, v)
+
+    turned = arm + cross(a, arm) + cross(a, cross(a, arm)) / 2
+    first = cross(b, arm) + (cross(b, cross(a, arm)) + cross(a, cross(b, arm))) / 2
+    second = cross(d, arm) + (cross(d, cross(a, arm)) + cross(a, cross(d, arm))) / 2 + cross(b, cross(b, arm))
+    return k.centre + turned, k.centre_d + first, k.centre_dd + second
+
+
+def _body_inertia(p: Any) -> tuple[Any, Any, Any]:
+    """Mass, first moment and inertia about the CG of what is fixed to the body."""
+    inertia = ca.diag(ca.vertcat(p.body.roll_inertia, p.body.pitch_inertia, p.body.yaw_inertia)) + p.fixed.inertia
+    return p.body.mass + p.fixed.mass, p.fixed.mass * p.fixed.position, inertia
+
+
+def _strut(k: Corner, p: Any, *, moving: bool = True) -> None:
+    """Give a corner its ``spring_force`` and ``strut``, the generalized force of spring, stops and damper on the travel [N]."""
+    axle, stops = k.geometry, p.suspension.stop
+    compression = axle.spring.free_length - k.spring_length
+    sign = ca.if_else(compression < 0, -1, 1)
+    k.spring_force = sign * linear_table(ca.fabs(compression), axle.spring.compression, axle.spring.force, beyond=True)
+    bump = linear_table(axle.stop.bump - k.spring_length, stops.penetration, stops.force, beyond=False)
+    rebound = linear_table(k.spring_length - axle.stop.rebound, stops.penetration, stops.force, beyond=False)
+    k.strut = (k.spring_force + bump - rebound) * k.spring_d
+    if not moving:
+        return
+    velocity = k.damper_d * k.dq
+    span = p.suspension.damper_range
+    inner = _blend((k.damper_length - span.least) / span.blend) * _blend((span.most - k.damper_length) / span.blend)
+    damper = axle.damper
+    compressed = damper.outer_compression + (damper.compression - damper.outer_compression) * inner
+    extended = damper.outer_rebound + (damper.rebound - damper.outer_rebound) * inner
+    k.strut -= ca.if_else(velocity < 0, compressed, extended) * velocity * k.damper_d
+
+
+def _blend(part: Any) -> Any:
+    """From 0 at -1/2 to 1 at 1/2, smoothly."""
+    t = ca.fmax(0, ca.fmin(1, part + 0.5))
+    return t * t * (3 - 2 * t)
+
+
+# ----------------------------------------------------------------------------------------------------------------- rest
+
+
+@dataclass(frozen=True)
+class _Rest:
+    z: Any
+    pitch: Any
+    travel: dict[str, Any]
+    deflection: Any
+
+
+def _rest(c: Component, p: Any, g: Any, speed: Any) -> _Rest:
+    """Where the car rests on a level road at a ``speed`` (in parts of that below which slip is formed with it).
+
+    Newton's method from where the car of the vehicle file rests, standing, which is declared as ``rest.*``.
+    """
+    unknown, rolling = ca.SX.sym("unknown", 4), ca.SX.sym("rolling")
+    residual, wheels, _ = _static(p, g, unknown, rolling)
+    symbols, values = c.known()
+    newton = unknown - _solve(ca.densify(ca.jacobian(residual, unknown)), residual)
+    step = ca.Function("rest_step", [unknown, rolling, symbols], [newton, wheels])
+    at = np.array([0.8, 0.0, -0.1, -0.1])
+    for _ in range(200):
+        change = np.asarray(step(at, 0, values)[0]).ravel() - at
+        at = at + change * min(1.0, 0.02 / max(np.abs(change).max(), 1e-300))
+        if np.abs(change).max() < 1e-14:
+            break
+    else:
+        raise ValueError(f"{c.name}: the car of the vehicle file finds no rest on its springs and tires; look at their tables")
+    heights = np.asarray(step(at, 0, values)[1]).ravel()
+
+    def known(name: str, value: float, unit: str, text: str) -> Any:
+        return c.parameter(name, float(value), unit, text, source="computed: rest of the car of the vehicle file, standing on a level road", nominal=0.1)
+
+    p.rest = SimpleNamespace(
+        height=known("rest.height", at[0], "m", "height of the CG at rest, from which body.z counts"),
+        pitch=known("rest.pitch", at[1], "rad", "pitch at rest"),
+    )
+    for i, axle in enumerate(("front", "rear")):
+        rest = SimpleNamespace(
+            wheel_height=known(f"rest.{axle}.wheel_height", heights[i], "m", f"height of the {axle} wheel centres at rest, from which wheel.*.z counts"),
+            travel=known(f"rest.{axle}.travel", at[2 + i], "m", f"travel of the {axle} wheels at rest, from which suspension.*.deflection counts"),
+        )
+        setattr(p.rest, axle, rest)
+    found = ca.vertcat(p.rest.height, p.rest.pitch, p.rest.front.travel, p.rest.rear.travel)
+    for _ in range(_NEWTON):
+        found = step(found, speed, symbols)[0]
+    _, _, deep = _static(p, g, found, speed)
+    return _Rest(found[0] - p.rest.height, found[1], {"front": found[2], "rear": found[3]}, (deep[0] + deep[1]) / 2)
+
+
+def _static(p: Any, g: Any, unknown: Any, speed: Any) -> tuple[Any, Any, Any]:
+    """What must vanish at rest on a level road: vertical force, pitch moment, generalized forces of front and rear travel. Then heights of the
+    wheel centres, and deflections of the tires. ``unknown``: height of the CG, pitch, travels. A rolling tire that toes in presses against the road."""
+    height, pitch = unknown[0], unknown[1]
+    turn = _rotation(0, pitch, 0)
+    up = turn.T @ ca.vertcat(0, 0, 1)
+    mass, first, _ = _body_inertia(p)
+    force, moment, along, wheels, depths = -mass * g, ca.cross(first, -g * up)[1], [], [], []
+    for i, axle in enumerate(("front", "rear")):
+        k = Corner(axle + "l", axle, i)
+        k.geometry = getattr(p.suspension, axle)
+        _move(k, p, unknown[2 + i])
+        _inertia(k, p)
+        _strut(k, p, moving=False)
+        centre = height + (turn @ k.centre)[2]
+        depth = p.tire.radius - centre
+        load = linear_table(depth, p.tire.deflection, p.tire.force, beyond=True)
+        below = (p.tire.radius - depth) * (ca.dot(up, k.spindle) * k.spindle - up)
+        patch_d = k.centre_d + ca.cross(k.turning, below)
+        force += 2 * (load - k.mass * g)
+        moment += 2 * (ca.cross(k.centre + below, load * up)[1] + ca.cross(k.first, -g * up)[1])
+        side = p.tire.cornering_stiffness * ca.sin(k.lean[2]) * speed / ca.sqrt(speed**2 + 1)
+        sideways = load * side / _saturation(p, 0, side) * patch_d[1]
+        along.append(k.strut - g * ca.dot(k.first_d, up) + load * ca.dot(patch_d, up) + sideways)
+        wheels.append(centre)
+        depths.append(depth)
+    return ca.vertcat(force, moment, *along), ca.vertcat(*wheels), depths
+
+
+@dataclass(frozen=True)
+class _Plane:
+    z: Any
+    roll: Any
+    pitch: Any
+
+
+def _plane(corners: Corners, p: Any) -> _Plane:
+    """How the given road heights lift and turn the car at rest: the plane through the means of axles and sides."""
+    fl, fr, rl, rr = corners.all("road")
+    front, rear = p.suspension.front.centre, p.suspension.rear.centre
+    base = front[0] - rear[0]
+    slope = (fl + fr - rl - rr) / 2 / base
+    twist = (fl - fr + rl - rr) / 2 / (front[1] + rear[1])
+    return _Plane((fl + fr) / 2 - slope * front[0], ca.atan(twist), -ca.atan(slope))
+
+
+# ----------------------------------------------------------------------------------------------------------- mathematics
+
+
+def _solve(matrix: Any, right: Any) -> Any:
+    """Solution of a small dense system, Gaussian elimination without exchange of rows: for positive definite matrices."""
+    n = matrix.shape[0]
+    a = [[matrix[i, j] for j in range(n)] + [right[i]] for i in range(n)]
+    for i in range(n):
+        for j in range(i + 1, n):
+            factor = a[j][i] / a[i][i]
+            a[j] = [b - factor * d if place > i else b for place, (b, d) in enumerate(zip(a[j], a[i], strict=True))]
+    x: list[Any] = [0.0] * n
+    for i in reversed(range(n)):
+        x[i] = (a[i][n] - sum(a[i][j] * x[j] for j in range(i + 1, n))) / a[i][i]
+    return ca.vertcat(*x)
+
+
+def _rotation(yaw: Any, pitch: Any, roll: Any) -> Any:
+    """Rotation matrix from body to road axes: yaw, then pitch, then roll (ISO 8855)."""
+    cy, sy, cp, sp, cr, sr = (f(a) for a in (yaw, pitch, roll) for f in (ca.cos, ca.sin))
+    return ca.vertcat(
+        ca.horzcat(cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr),
+        ca.horzcat(sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr),
+        ca.horzcat(-sp, cp * sr, cp * cr),
+    )
+
+
+def _saturation(p: Any, drive: Any, side: Any) -> Any:
+    """What divides forces that would grow linearly with slip, given per load, so that they stay within the friction ellipse."""
+    return ca.sqrt(1 + (drive / p.tire.longitudinal_friction) ** 2 + (side / p.tire.lateral_friction) ** 2)
+
+
+def _limit(value: Any, bound: Any) -> Any:
+    return ca.fmax(-bound, ca.fmin(bound, value))
+
+
+def _stimulus() -> dict[str, Any]:
+    """A rough patch taken at an angle, some actuator work and a little steering, for the reference result."""
+
+    def bump(at: float, height: float) -> Any:
+        return lambda t: height * sin(pi * (t - at) / 0.1) ** 2 if at <= t < at + 0.1 else 0.0
+
+    edge = CONTACT_COUNT // 2 + 5  # a ridge ahead of the middle of a contact
+    return {
+        "target.speed": lambda t: 15.0 if t < 0.05 else 16.0,
+        "target.y": lambda t: 0.0 if t < 0.02 else 0.3,
+        "road.fl.height": bump(0.02, 0.04),
+        "road.fr.height": bump(0.03, 0.05),
+        "road.rl.height": bump(0.08, 0.04),
+        "road.rr.height": bump(0.09, 0.05),
+        "road.fl.slope": lambda t: 0.05 * sin(2 * pi * 8 * t),
+        **{f"contact.fl[{i}]": bump(0.06, 0.03) for i in range(edge, edge + 3)},
+        "force.fl": lambda t: 3000.0 * sin(2 * pi * 5 * t),
+        "force.rr": lambda t: 2000.0 * sin(2 * pi * 3 * t),
+    }
+
+
+_NOTES = (
+    "The car of a published open multibody model, with the same masses, hardpoints, springs, stops, dampers and vertical law of the tires. Joints "
+    "are ideal. What is simplified: rotations of uprights are taken to second order, the centre of mass of an arm moves along with its ball joint, the steering "
+    "is held, and the horizontal forces of the tires are those of a friction ellipse.",
+    "wheel.*.travel is the coordinate of the suspension; paths of the wheel centres, camber, caster, toe and the lengths of springs and dampers are cubic "
+    "B-splines over it, twice continuously differentiable, whose coefficients are parameters (suspension.*.kinematics.*). They are computed from the hardpoints of the "
+    "vehicle file when the FMU is built. Beyond the knots everything goes on along its tangent.",
+    "Springs, stops and tires are tables that are linear in between (suspension.*.spring.*, suspension.stop.*, tire.deflection and tire.force). Rows that do "
+    "not increase are refused at initialization. The rates of a damper switch with its length; they change smoothly over suspension.damper_range.blend.",
+    "Tires envelop what is shorter than their contact: contact.* are the heights of the road along each tire, contact.step apart and counted from road.*.height, the "
+    "middle one under the wheel centre. The area of the tire's disc below them decides the depth. Roads that are made for this vehicle have these outputs; "
+    "without a connection they are 0 and the tires touch a level road at road.*.height, which is right for roads that are long and smooth.",
+    "At initialization the car rests on a level road, or on the plane through the road heights that are given then, by six steps of Newton's method from where the "
+    "car of the vehicle file rests: exact for this car, and for others whose springs do not reach another line of their table.",
+    "The actuator acts between body and wheel along the travel with ratio 1. The driver's torque is applied to the wheels and not supported by the body, as in the model "
+    "that this car is compared with. The first value of target.speed is the start speed.",
+    "Wiring: connect a road's outputs road.*, contact.* to the inputs of the same name, and this car's x and speed to that road; a "
+    "controller drives force.*. Exchange at 1 ms.",
+)
