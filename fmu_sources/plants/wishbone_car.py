@@ -181,7 +181,8 @@ def wishbone_car(vehicle: WishboneCar, name: str = "FullCarHmmwvPublic") -> Comp
         heading = k.lean[2] + (steer if k.axle == "front" else 0)
         forward = ca.cos(heading) * ahead + ca.sin(heading) * left
         sideways = ca.cos(heading) * left - ca.sin(heading) * ahead
-        below = (p.tire.radius - k.depth) * (ca.dot(up, k.spindle) * k.spindle - up)  # from the centre to the contact, body axes
+        against = turn.T @ normal  # body axes
+        below = (p.tire.radius - k.depth) * (ca.dot(against, k.spindle) * k.spindle - against)  # from the centre to the contact
         patch_d = k.centre_d + ca.cross(k.turning, below)
         patch_rate = v + ca.cross(w, k.centre + below) + patch_d * k.dq
         rolling = ca.dot(hub_velocity, forward)

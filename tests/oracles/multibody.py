@@ -1,0 +1,317 @@
+"""The car of a file with hardpoints in Exudyn, a multibody code of other authors: rigid bodies, joints, and forces between them.
+
+Nothing of our equations is used. Bodies are where the file's hardpoints have them at design, with the file's masses and inertias; the arms turn
+about their pivots, ball joints and tierods close the mechanisms, the wheels turn on their uprights. Springs, stops, dampers, tires and the driver
+are written once more from the file's parameters, the tires with the exact area of a disc below a finely divided profile. Exudyn finds the motion with
+the generalized-alpha method in redundant coordinates.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from fmu_sources.vehicles.schema import WishboneCar
+
+GRAVITY = 9.81  # m/s2
+DIVISIONS = 100  # of a tire's disc
+SLOPE_BASE = 0.05  # m, over which the road's normal is taken
+LOW_SPEED = 1.0  # m/s, below which slip is formed with it
+CORNERS = ("fl", "fr", "rl", "rr")
+
+Road = Callable[[np.ndarray], np.ndarray]
+"""Height [m] at positions [m], the same left and right."""
+
+
+def half_round(height: float, start: float) -> Road:
+    """A half cylinder of a height [m], which begins at ``start`` [m], on a level road."""
+    return lambda x: np.sqrt(np.maximum(0.0, height**2 - (x - start - height) ** 2))
+
+
+def level(x: np.ndarray) -> np.ndarray:
+    """A level road."""
+    return np.zeros_like(x)
+
+
+@dataclass(frozen=True)
+class Motion:
+    """What was recorded at every step: times (n,) [s], and signals (n,) by the names that our FMU has for them."""
+
+    time: np.ndarray
+    signals: dict[str, np.ndarray]
+
+    def __getitem__(self, name: str) -> np.ndarray:
+        return self.signals[name]
+
+
+class MultibodyCar:
+    """The car over a road. ``force`` (4,) [N]: of the actuators, at all times; ``speed`` [m/s] at the start, which the driver keeps."""
+
+    def __init__(
+        self, vehicle: WishboneCar, road: Road = level, *, speed: float = 0.0, start: float = 5.0, height: float = 0.80,
+        force: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0),
+    ) -> None:  # fmt: skip
+        import exudyn as exu
+        from exudyn.utilities import RigidBodyInertia
+
+        self.exu, self.vehicle, self.road, self.speed, self.force = exu, vehicle, road, speed, force
+        self._areas = _disc_areas(vehicle.tire.radius.value)
+        self.container = exu.SystemContainer()
+        self.mbs = self.container.AddSystem()
+        self._slip = [0.0] * 4
+        self._integral = 0.0
+        self._torque = 0.0
+        self._step = 1e-3
+        self._tire = [(0.0, 0.0)] * 4  # load and slip, as evaluated last
+
+        body = vehicle.body
+        self.cg = np.array([start, 0.0, height])
+        self.frame = self.cg - [body.com_x.value, 0.0, body.com_z.value]  # origin of the chassis frame
+
+        def rigid(mass: float, inertia: np.ndarray, place: np.ndarray, turn: np.ndarray | None = None, **more: Any) -> Any:
+            tensor = np.asarray(inertia)
+            if turn is not None:
+                tensor = turn @ tensor @ turn.T
+            return self.mbs.CreateRigidBody(
+                referencePosition=list(place), inertia=RigidBodyInertia(mass, tensor), gravity=[0, 0, -GRAVITY],
+                initialVelocity=[speed, 0, 0], **more,
+            )  # fmt: skip
+
+        # The steering gear is fixed to the chassis: one body about the common centre of mass.
+        parts = [(body.mass.value, np.zeros(3), np.diag([body.roll_inertia.value, body.pitch_inertia.value, body.yaw_inertia.value]))]
+        for part in (vehicle.steering_gear.link, vehicle.steering_gear.pitman):
+            place = np.array(part.position.value) * [1, 0, 1] - [body.com_x.value, 0.0, body.com_z.value]
+            parts.append((part.mass.value, place, np.zeros((3, 3))))
+        total = sum(m for m, _, _ in parts)
+        self.com = sum(m * r for m, r, _ in parts) / total
+        tensor = np.zeros((3, 3))
+        for m, r, own in parts:
+            d = r - self.com
+            tensor += own + m * (d @ d * np.eye(3) - np.outer(d, d))
+        self.chassis = rigid(total, tensor, self.cg + self.com)
+        self.wheels, self.uprights = [], []
+        for i, corner in enumerate(CORNERS):
+            self._corner(i, corner, rigid)
+        self.mbs.SetPreStepUserFunction(self._advance)
+        self.mbs.Assemble()
+
+    # ------------------------------------------------------------------------------------------------------- building
+
+    def _corner(self, i: int, corner: str, rigid: Callable[..., Any]) -> None:
+        vehicle, mbs = self.vehicle, self.mbs
+        axle = getattr(vehicle.suspension, "front" if corner[0] == "f" else "rear")
+        mirror = np.array([1.0, 1.0 if corner[1] == "l" else -1.0, 1.0])
+
+        def at(name: str) -> np.ndarray:
+            point = np.array(getattr(axle.points, name).value) + [axle.reference.value, 0.0, 0.0]
+            return np.asarray(self.frame + point * mirror)
+
+        centre = at("wheel_centre")
+        wheel = vehicle.wheel
+        spin = self.speed / (vehicle.tire.radius.value - 0.005)
+        turning = np.diag([wheel.tilt_inertia.value, wheel.spin_inertia.value + wheel.shaft_inertia.value, wheel.tilt_inertia.value])
+        disc = rigid(wheel.mass.value, turning, centre, initialAngularVelocity=[0, spin, 0])
+        upright = rigid(vehicle.upright.mass.value, np.diag(vehicle.upright.inertia.value), at("upright_com"))
+        mbs.CreateGenericJoint(bodyNumbers=[upright, disc], position=list(centre), constrainedAxes=[1, 1, 1, 1, 0, 1])
+        arms = {}
+        for which in ("upper", "lower"):
+            solid = getattr(vehicle, f"{which}_arm")
+            front, rear, ball, com = (at(f"{which}_{n}") for n in ("front", "rear", "ball", "com"))
+            along = (front - rear) / np.linalg.norm(front - rear)
+            normal = np.cross(along, ball - rear)
+            normal /= np.linalg.norm(normal)
+            turn = np.column_stack([along, np.cross(normal, along), normal])
+            arm = rigid(solid.mass.value, np.diag(solid.inertia.value), com, turn)
+            axes = np.column_stack([np.cross(normal, along), normal, along])
+            mbs.CreateGenericJoint(
+                bodyNumbers=[self.chassis, arm], position=list((front + rear) / 2), rotationMatrixAxes=axes, constrainedAxes=[1, 1, 1, 1, 1, 0]
+            )
+            mbs.CreateSphericalJoint(bodyNumbers=[arm, upright], position=list(ball))
+            arms[which] = com
+            if which == "lower":
+                lower = arm
+        body_at = self.cg + self.com
+        mbs.CreateDistanceConstraint(
+            bodyNumbers=[self.chassis, upright], localPosition0=list(at("tierod_inner") - body_at),
+            localPosition1=list(at("tierod_outer") - at("upright_com")),
+        )  # fmt: skip
+        for name, law in (("spring", self._spring(axle)), ("damper", self._damper(axle))):
+            top, bottom = at(f"{name}_top"), at(f"{name}_bottom")
+            mbs.CreateSpringDamper(
+                bodyNumbers=[self.chassis, lower], localPosition0=list(top - body_at), localPosition1=list(bottom - arms["lower"]),
+                referenceLength=1e-9, stiffness=1.0, springForceUserFunction=law,
+            )  # fmt: skip
+        exu = self.exu
+        ground = mbs.AddMarker(exu.utilities.MarkerBodyRigid(bodyNumber=mbs.CreateGround()))
+        hub = mbs.AddMarker(exu.utilities.MarkerBodyRigid(bodyNumber=disc))
+        mbs.AddObject(
+            exu.utilities.ObjectConnectorRigidBodySpringDamper(
+                markerNumbers=[ground, hub], stiffness=np.zeros((6, 6)), damping=np.zeros((6, 6)),
+                springForceTorqueUserFunction=self._tire_law(i, disc),
+            )
+        )  # fmt: skip
+        if self.force[i]:
+            on_body = mbs.AddMarker(exu.utilities.MarkerBodyRigid(bodyNumber=self.chassis))
+            mbs.AddObject(
+                exu.utilities.ObjectConnectorRigidBodySpringDamper(
+                    markerNumbers=[on_body, hub], stiffness=np.zeros((6, 6)), damping=np.zeros((6, 6)),
+                    springForceTorqueUserFunction=_actuator(self.force[i]),
+                )
+            )  # fmt: skip
+        self.wheels.append(disc)
+        self.uprights.append(upright)
+
+    def _spring(self, axle: Any) -> Callable[..., float]:
+        """Tension of a spring with its stops [N], by its length."""
+        table, stops = axle.spring, self.vehicle.suspension.stop
+        lengths, forces = np.array(table.compression.value), np.array(table.force.value)
+        free, bump, rebound = table.free_length.value, axle.stop.bump.value, axle.stop.rebound.value
+        into, resist = np.array(stops.penetration.value), np.array(stops.force.value)
+
+        def law(_mbs: Any, _t: float, _n: int, length: float, *_: float) -> float:
+            short = free - length
+            pressed = np.copysign(np.interp(abs(short), lengths, forces), short)
+            return float(np.interp(length - rebound, into, resist) - np.interp(bump - length, into, resist) - pressed)
+
+        return law
+
+    def _damper(self, axle: Any) -> Callable[..., float]:
+        """Tension of a damper [N], by its length and rate."""
+        rates, span = axle.damper, self.vehicle.suspension.damper_range
+        inner = (rates.compression.value, rates.rebound.value)
+        outer = (rates.outer_compression.value, rates.outer_rebound.value)
+        least, most, blend = span.least.value, span.most.value, span.blend.value
+
+        def eased(into: float) -> float:
+            t = min(1.0, max(0.0, into / blend + 0.5))
+            return t * t * (3 - 2 * t)
+
+        def law(_mbs: Any, _t: float, _n: int, length: float, rate: float, *_: float) -> float:
+            out = rate > 0
+            share = eased(length - least) * eased(most - length)
+            return (outer[out] + (inner[out] - outer[out]) * share) * rate
+
+        return law
+
+    def _tire_law(self, i: int, disc: Any) -> Callable[..., list[float]]:
+        """Force and moment of the road on a wheel, as a connector to the ground wants them."""
+        tire, exu = self.vehicle.tire, self.exu
+        radius = tire.radius.value
+        deflections, loads = np.array(tire.deflection.value), np.array(tire.force.value)
+        beyond = (loads[-1] - loads[-2]) / (deflections[-1] - deflections[-2])
+        offsets = np.linspace(-radius, radius, DIVISIONS + 1)
+        edge = np.sqrt(np.maximum(0.0, radius**2 - offsets**2))
+        depths, areas = self._areas
+
+        def law(mbs: Any, _t: float, _n: int, place: Any, _r: Any, velocity: Any, turning: Any, *_: Any) -> list[float]:
+            x, z = place[0], place[2]
+            profile = self.road(x + offsets)
+            over = np.maximum(0.0, profile - (z - edge))
+            area = float(np.sum(over)) * (offsets[1] - offsets[0])
+            depth = float(np.interp(area, areas, depths))
+            axle = mbs.GetObjectOutputBody(disc, exu.OutputVariableType.RotationMatrix).reshape(3, 3)[:, 1]
+            spin = float(axle @ turning)
+            if depth <= 0:
+                share, pace = self._step / tire.relaxation.value, np.hypot(velocity[0], LOW_SPEED)
+                self._tire[i] = (0.0, (self._slip[i] + share * (spin * radius - velocity[0])) / (1 + share * pace))
+                return [0.0, 0.0, 0.0, *(-self._torque * axle)]
+            here, ahead = self.road(np.array([x, x + SLOPE_BASE]))
+            slope = (ahead - here) / SLOPE_BASE
+            normal = np.array([-slope, 0.0, 1.0]) / np.sqrt(1 + slope**2)
+            bearing = np.interp(depth, deflections, loads) + max(0.0, depth - deflections[-1]) * beyond
+            load = max(0.0, float(bearing) - tire.damping.value * float(velocity @ normal))
+            forward = np.array([axle[1], -axle[0], 0.0])
+            forward /= np.linalg.norm(forward)
+            side = np.array([-forward[1], forward[0], 0.0])
+            below = (radius - depth) * ((axle @ normal) * axle - normal)
+            rolling = float(velocity @ forward)
+            pace = np.hypot(rolling, LOW_SPEED)
+            patch = velocity + _cross(turning - spin * axle, below)
+            # The slip at the end of the step, implicitly: with the lag alone it would swing against the wheel's spin.
+            share = self._step / tire.relaxation.value
+            slip = (self._slip[i] + share * (spin * (radius - depth / 3) - rolling)) / (1 + share * pace)
+            drive = tire.slip_stiffness.value * slip
+            corner = -tire.cornering_stiffness.value * float(patch @ side) / pace
+            grip = load / np.sqrt(1 + (drive / tire.longitudinal_friction.value) ** 2 + (corner / tire.lateral_friction.value) ** 2)
+            force = load * normal + grip * (drive * forward + corner * side)
+            resistance = tire.rolling_resistance.value * load * radius * np.tanh(spin * radius / LOW_SPEED)
+            moment = _cross(below, load * normal + grip * corner * side)
+            moment += (self._torque - resistance - (radius - depth) * grip * drive) * axle
+            self._tire[i] = (load, slip)
+            return [*(-force), *(-moment)]
+
+        return law
+
+    # -------------------------------------------------------------------------------------------------------- running
+
+    def _advance(self, _mbs: Any, _t: float) -> bool:
+        """Driver and slips, once a step."""
+        control = self.vehicle.speed_control
+        velocity = self.mbs.GetObjectOutputBody(self.chassis, self.exu.OutputVariableType.Velocity)
+        error = self.speed - float(velocity[0])
+        requested = control.gain.value * error + control.integral_gain.value * self._integral
+        limit = control.max_force.value
+        if not (abs(requested) > limit and requested * error > 0):
+            self._integral += error * self._step
+        self._torque = float(np.clip(requested, -limit, limit)) * control.lever.value / 4
+        self._slip = [slip for _, slip in self._tire]
+        return True
+
+    def run(self, duration: float, step: float = 1e-3) -> Motion:
+        """The motion over ``duration`` [s] in steps of ``step`` [s]."""
+        exu, mbs, self._step = self.exu, self.mbs, step
+        rows: list[list[float]] = []
+        kinds = exu.OutputVariableType
+        seat = self.vehicle.seat
+        arm = [v.value - c for v, c in zip((seat.x, seat.y, seat.z), self.com, strict=True)]
+
+        def record(_mbs: Any, t: float) -> bool:
+            cg = mbs.GetObjectOutputBody(self.chassis, kinds.Position, list(-self.com))
+            az = mbs.GetObjectOutputBody(self.chassis, kinds.Acceleration, list(-self.com))[2]
+            at_seat = mbs.GetObjectOutputBody(self.chassis, kinds.Acceleration, arm)[2]
+            turn = mbs.GetObjectOutputBody(self.chassis, kinds.RotationMatrix)
+            wheels = [mbs.GetObjectOutputBody(w, kinds.Position)[2] for w in self.wheels]
+            rows.append([t, cg[0], cg[2], az, at_seat, -turn[6], turn[7], *wheels, *(load for load, _ in self._tire)])
+            return True
+
+        settings = exu.SimulationSettings()
+        settings.timeIntegration.numberOfSteps = round(duration / step)
+        settings.timeIntegration.endTime = duration
+        settings.timeIntegration.generalizedAlpha.spectralRadius = 0.8
+        settings.timeIntegration.newton.useModifiedNewton = True
+        settings.timeIntegration.verboseMode = 0
+        settings.solutionSettings.writeSolutionToFile = False
+        settings.solutionSettings.sensorsWritePeriod = duration
+        settings.displayStatistics = False
+        mbs.SetPostStepUserFunction(record)
+        mbs.SolveDynamic(settings)
+        names = ["time", "x", "height", "body.az", "seat.az", "pitch", "roll", *(f"wheel.{c}.height" for c in CORNERS), *(f"tire.{c}.force" for c in CORNERS)]
+        columns = dict(zip(names, np.array(rows).T, strict=True))
+        return Motion(columns.pop("time"), columns)
+
+
+def _actuator(force: float) -> Callable[..., list[float]]:
+    """An actuator along the vertical of the chassis, that pushes it up and the wheel down, without a moment on either.
+
+    The connector acts at the centre of the chassis; the moment that goes with the force at the wheel is added there.
+    """
+
+    def law(_mbs: Any, _t: float, _n: int, place: Any, *_: Any) -> list[float]:
+        return [0.0, 0.0, force, *np.cross(place, [0.0, 0.0, force])]
+
+    return law
+
+
+def _cross(a: Any, b: Any) -> np.ndarray:
+    """Cross product of two vectors (3,), faster than numpy's."""
+    return np.array([a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]])
+
+
+def _disc_areas(radius: float) -> tuple[np.ndarray, np.ndarray]:
+    """Depths [m] of a disc below a flat road and its areas there [m2], both increasing."""
+    depths = np.concatenate([[0.0], np.geomspace(1e-6, 0.95 * radius, 2000)])
+    cosine = (radius - depths) / radius
+    return depths, radius**2 * (np.arccos(cosine) - cosine * np.sqrt(1 - cosine**2))
