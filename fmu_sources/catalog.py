@@ -438,6 +438,11 @@ def _wishbone_car(vehicle: Source, name: str, _: str = "") -> Component:
     return _call("plants", "wishbone_car", _load("wishbone_car", vehicle), name=name)
 
 
+def _half_round(vehicle: Source, name: str, _: str) -> Component:
+    radius = _load("wishbone_car", vehicle).tire.radius.value
+    return _call("roads", "road_half_round", _layout(vehicle, GPC_PREVIEW), name=name, radius=radius)
+
+
 def _trench_crossing(vehicle: Source, name: str, called: str) -> Component:
     from fmu_sources.controllers.trench.crossing import CrossingGeometry, trench_crossing
 
@@ -517,6 +522,7 @@ _ACTUATOR: dict[str, tuple[str, Make]] = {
 }  # fmt: skip
 _WISHBONE: dict[str, tuple[str, Make]] = {
     "FullCar{v}": ("full car on double wishbones by their hardpoints, tables, enveloping tires", _wishbone_car),
+    "RoadHalfRound{v}": ("half-round under tires that envelop it", _half_round),
 }
 _KINDS: dict[str, tuple[tuple[dict[str, tuple[str, Make]], tuple[str, ...]], ...]] = {
     "quarter_car": ((_QUARTER_CAR, ("Hmmwv", "Bench")), (_BENCH_LAWS, ("Bench",))),

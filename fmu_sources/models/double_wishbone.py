@@ -250,7 +250,7 @@ class WheelMotion:
     error: float
 
 
-def wheel_motion(mechanism: DoubleWishbone, least: float, most: float, count: int = 15) -> WheelMotion:
+def wheel_motion(mechanism: DoubleWishbone, least: float, most: float, count: int = 12) -> WheelMotion:
     """The motion of a wheel from travel ``least`` to ``most`` [m] as splines with ``count`` knots.
 
     Raises:

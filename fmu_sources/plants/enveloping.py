@@ -14,8 +14,8 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-CONTACT_STEP, CONTACT_COUNT = 0.02, 47
-"""Distance [m] between the heights below a disc and their number, an odd one: 0.46 m to either side of the wheel centre."""
+CONTACT_STEP, CONTACT_COUNT = 0.03, 31
+"""Distance [m] between the heights below a disc and their number, an odd one: 0.45 m to either side of the wheel centre."""
 SLOPE_BASE = 0.05
 """Length [m] ahead of the wheel centre over which the direction of the road's normal is taken, as in the public model."""
 

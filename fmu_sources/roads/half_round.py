@@ -41,6 +41,10 @@ class RolledHalfRound:
         root = ca.sqrt(ca.if_else(over, together**2 - s**2, together**2))
         return ca.if_else(over, root - self.wheel, 0), ca.if_else(over, -s / root, 0)
 
+    def surface(self, x: Any, _side: str) -> Any:
+        """Height [m] of the half-round itself at a column of positions [m]."""
+        return ca.sqrt(ca.fmax(0, self.height**2 - (x - self.place) ** 2))
+
 
 def road_half_round(layout: RoadLayout, name: str = "RoadHalfRound", *, radius: float) -> Component:
     """A half-round under wheels of ``radius`` [m]; heights of 4 to 12 inches are usual."""

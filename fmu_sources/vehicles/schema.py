@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import lru_cache
+from itertools import pairwise
 from typing import Annotated, Any, ClassVar
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationInfo, field_validator, model_validator
@@ -138,7 +139,7 @@ def _row_fault(declared: Declared, values: tuple[float, ...]) -> str:
     if len(values) < 2:
         return f"{len(values)} value(s); two at least are needed"
     if declared.increasing:
-        for i, (before, after) in enumerate(zip(values, values[1:], strict=False), 1):
+        for i, (before, after) in enumerate(pairwise(values), 1):
             if after <= before:
                 return f"value {i + 1} is {after:g} {declared.unit} after {before:g} {declared.unit}; the values of this row must increase"
     return ""

@@ -106,8 +106,8 @@ class MultibodyCar:
         mirror = np.array([1.0, 1.0 if corner[1] == "l" else -1.0, 1.0])
 
         def at(name: str) -> np.ndarray:
-            point = np.array(getattr(axle.points, name).value) + [axle.reference.value, 0.0, 0.0]
-            return np.asarray(self.frame + point * mirror)
+            forward, left, up = getattr(axle.points, name).value
+            return np.asarray(self.frame + mirror * [forward + axle.reference.value, left, up])
 
         centre = at("wheel_centre")
         wheel = vehicle.wheel
@@ -115,7 +115,7 @@ class MultibodyCar:
         turning = np.diag([wheel.tilt_inertia.value, wheel.spin_inertia.value + wheel.shaft_inertia.value, wheel.tilt_inertia.value])
         disc = rigid(wheel.mass.value, turning, centre, initialAngularVelocity=[0, spin, 0])
         upright = rigid(vehicle.upright.mass.value, np.diag(vehicle.upright.inertia.value), at("upright_com"))
-        mbs.CreateGenericJoint(bodyNumbers=[upright, disc], position=list(centre), constrainedAxes=[1, 1, 1, 1, 0, 1])
+        mbs.CreateGenericJoint(itemNumbers=[upright, disc], position=list(centre), constrainedAxes=[1, 1, 1, 1, 0, 1])
         arms = {}
         for which in ("upper", "lower"):
             solid = getattr(vehicle, f"{which}_arm")
@@ -127,21 +127,21 @@ class MultibodyCar:
             arm = rigid(solid.mass.value, np.diag(solid.inertia.value), com, turn)
             axes = np.column_stack([np.cross(normal, along), normal, along])
             mbs.CreateGenericJoint(
-                bodyNumbers=[self.chassis, arm], position=list((front + rear) / 2), rotationMatrixAxes=axes, constrainedAxes=[1, 1, 1, 1, 1, 0]
+                itemNumbers=[self.chassis, arm], position=list((front + rear) / 2), rotationMatrixAxes=axes, constrainedAxes=[1, 1, 1, 1, 1, 0]
             )
-            mbs.CreateSphericalJoint(bodyNumbers=[arm, upright], position=list(ball))
+            mbs.CreateSphericalJoint(itemNumbers=[arm, upright], position=list(ball))
             arms[which] = com
             if which == "lower":
                 lower = arm
         body_at = self.cg + self.com
         mbs.CreateDistanceConstraint(
-            bodyNumbers=[self.chassis, upright], localPosition0=list(at("tierod_inner") - body_at),
+            itemNumbers=[self.chassis, upright], localPosition0=list(at("tierod_inner") - body_at),
             localPosition1=list(at("tierod_outer") - at("upright_com")),
         )  # fmt: skip
         for name, law in (("spring", self._spring(axle)), ("damper", self._damper(axle))):
             top, bottom = at(f"{name}_top"), at(f"{name}_bottom")
             mbs.CreateSpringDamper(
-                bodyNumbers=[self.chassis, lower], localPosition0=list(top - body_at), localPosition1=list(bottom - arms["lower"]),
+                itemNumbers=[self.chassis, lower], localPosition0=list(top - body_at), localPosition1=list(bottom - arms["lower"]),
                 referenceLength=1e-9, stiffness=1.0, springForceUserFunction=law,
             )  # fmt: skip
         exu = self.exu
@@ -283,9 +283,8 @@ class MultibodyCar:
         settings.timeIntegration.generalizedAlpha.spectralRadius = 0.8
         settings.timeIntegration.newton.useModifiedNewton = True
         settings.timeIntegration.verboseMode = 0
-        settings.solutionSettings.writeSolutionToFile = False
-        settings.solutionSettings.sensorsWritePeriod = duration
-        settings.displayStatistics = False
+        settings.solution.file.write = False
+        settings.show.statistics = False
         mbs.SetPostStepUserFunction(record)
         mbs.SolveDynamic(settings)
         names = ["time", "x", "height", "body.az", "seat.az", "pitch", "roll", *(f"wheel.{c}.height" for c in CORNERS), *(f"tire.{c}.force" for c in CORNERS)]
