@@ -266,7 +266,8 @@ def wheel_motion(mechanism: DoubleWishbone, least: float, most: float, count: in
     )
     fits = spline.fitted(travels, exact)
     error = float(np.abs(spline.matrix(travels) @ fits - exact).max())
-    return WheelMotion(spline, *fits.T, error=error)
+    forward, outward, roll, pitch, yaw, spring, damper = fits.T
+    return WheelMotion(spline, forward, outward, roll, pitch, yaw, spring, damper, error)
 
 
 def rotation_vector(turn: np.ndarray) -> np.ndarray:

@@ -135,7 +135,7 @@ def wishbone_car(vehicle: WishboneCar, name: str = "FullCarHmmwvPublic") -> Comp
     height = p.rest.height + zb
 
     for k in corners:
-        _move(k, p, k.q)
+        _move(k, k.q)
         _inertia(k, p)
         for of in ("centre", "spring_length", "damper_length"):
             c.value(f"{of}_{k}", getattr(k, of), source=f"{k} wheel: splines of its travel")
@@ -363,7 +363,7 @@ def _at(p: Any, path: str) -> Any:
 # -------------------------------------------------------------------------------------------------------- one corner
 
 
-def _move(k: Corner, p: Any, q: Any) -> None:
+def _move(k: Corner, q: Any) -> None:
     """Give a corner what its travel decides, with first and second derivatives ``_d``, ``_dd``: ``centre`` of the wheel from the CG, ``lean`` of
     the upright (rotation vector), ``turning`` (angular velocity per travel rate), direction of the ``spindle``, lengths of spring and damper.
 
@@ -374,7 +374,7 @@ def _move(k: Corner, p: Any, q: Any) -> None:
     inside = ca.fmax(1, ca.fmin(axle.count - 2, t))
     beyond = t - inside
     within = ca.if_else(beyond == 0, 1, 0)
-    weights = [[], [], []]
+    weights: list[list[Any]] = [[], [], []]
     for knot in range(axle.count):
         distance = inside - knot
         value, slope, bend = _basis(distance)
@@ -452,10 +452,7 @@ def _on_upright(k: Corner, place: Any) -> tuple[Any, Any, Any]:
     """A point of the upright, ``place`` from the wheel centre at design on the left: from the CG, and its derivatives by the travel."""
     arm = _mirrored(k, place)
     a, b, d = k.lean, k.lean_d, k.lean_dd
-
-    def cross(u: Any, v: Any) -> Any:
-        return ca.cross(u, v)
-
+    cross = ca.cross
     turned = arm + cross(a, arm) + cross(a, cross(a, arm)) / 2
     first = cross(b, arm) + (cross(b, cross(a, arm)) + cross(a, cross(b, arm))) / 2
     second = cross(d, arm) + (cross(d, cross(a, arm)) + cross(a, cross(d, arm))) / 2 + cross(b, cross(b, arm))
@@ -556,7 +553,7 @@ def _static(p: Any, g: Any, unknown: Any, speed: Any) -> tuple[Any, Any, Any]:
     for i, axle in enumerate(("front", "rear")):
         k = Corner(axle + "l", axle, i)
         k.geometry = getattr(p.suspension, axle)
-        _move(k, p, unknown[2 + i])
+        _move(k, unknown[2 + i])
         _inertia(k, p)
         _strut(k, p, moving=False)
         centre = height + (turn @ k.centre)[2]

@@ -44,9 +44,11 @@ static void set_inputs(Instance c, double t) {
     }
 }
 
+/* Derivatives of all pairs of variables; of FMUs with hundreds of them every so manieth pair, each variable on both sides. */
 static void differentiate(Instance c) {
+    const int stride = 1 + fmu_model.n_variables / 100;
     for (int i = 0; i < fmu_model.n_variables; i++)
-        for (int k = 0; k < fmu_model.n_variables; k++) {
+        for (int k = i % stride; k < fmu_model.n_variables; k += stride) {
             double result;
             (void)derivative(c, (unsigned)i, (unsigned)k, &result);
         }

@@ -48,16 +48,21 @@ class Motion:
 
 
 class MultibodyCar:
-    """The car over a road. ``force`` (4,) [N]: of the actuators, at all times; ``speed`` [m/s] at the start, which the driver keeps."""
+    """The car over a road.
+
+    ``force`` (4,) [N]: of the actuators, at all times; ``speed`` [m/s] at the start, which the driver keeps. ``shifted``: the road bears the tire where
+    the code of the public model has it, not below the wheel centre along the normal: at the point of the road (radius - depth) times the normal away,
+    so behind the wheel where it climbs, with the normal that the road has there.
+    """
 
     def __init__(
         self, vehicle: WishboneCar, road: Road = level, *, speed: float = 0.0, start: float = 5.0, height: float = 0.80,
-        force: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0),
+        force: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0), shifted: bool = False,
     ) -> None:  # fmt: skip
         import exudyn as exu
         from exudyn.utilities import RigidBodyInertia
 
-        self.exu, self.vehicle, self.road, self.speed, self.force = exu, vehicle, road, speed, force
+        self.exu, self.vehicle, self.road, self.speed, self.force, self.shifted = exu, vehicle, road, speed, force, shifted
         self._areas = _disc_areas(vehicle.tire.radius.value)
         self.container = exu.SystemContainer()
         self.mbs = self.container.AddSystem()
@@ -86,13 +91,13 @@ class MultibodyCar:
             place = np.array(part.position.value) * [1, 0, 1] - [body.com_x.value, 0.0, body.com_z.value]
             parts.append((part.mass.value, place, np.zeros((3, 3))))
         total = sum(m for m, _, _ in parts)
-        self.com = sum(m * r for m, r, _ in parts) / total
+        self.com = np.sum([m * r for m, r, _ in parts], axis=0) / total
         tensor = np.zeros((3, 3))
         for m, r, own in parts:
             d = r - self.com
             tensor += own + m * (d @ d * np.eye(3) - np.outer(d, d))
         self.chassis = rigid(total, tensor, self.cg + self.com)
-        self.wheels, self.uprights = [], []
+        self.wheels: list[Any] = []
         for i, corner in enumerate(CORNERS):
             self._corner(i, corner, rigid)
         self.mbs.SetPreStepUserFunction(self._advance)
@@ -162,7 +167,6 @@ class MultibodyCar:
                 )
             )  # fmt: skip
         self.wheels.append(disc)
-        self.uprights.append(upright)
 
     def _spring(self, axle: Any) -> Callable[..., float]:
         """Tension of a spring with its stops [N], by its length."""
@@ -218,15 +222,18 @@ class MultibodyCar:
                 share, pace = self._step / tire.relaxation.value, np.hypot(velocity[0], LOW_SPEED)
                 self._tire[i] = (0.0, (self._slip[i] + share * (spin * radius - velocity[0])) / (1 + share * pace))
                 return [0.0, 0.0, 0.0, *(-self._torque * axle)]
-            here, ahead = self.road(np.array([x, x + SLOPE_BASE]))
-            slope = (ahead - here) / SLOPE_BASE
-            normal = np.array([-slope, 0.0, 1.0]) / np.sqrt(1 + slope**2)
+            normal, here = self._normal(x)
+            if self.shifted:
+                moved = x + (radius - depth) * normal[0]
+                normal, here = self._normal(moved)
             bearing = np.interp(depth, deflections, loads) + max(0.0, depth - deflections[-1]) * beyond
             load = max(0.0, float(bearing) - tire.damping.value * float(velocity @ normal))
             forward = np.array([axle[1], -axle[0], 0.0])
             forward /= np.linalg.norm(forward)
             side = np.array([-forward[1], forward[0], 0.0])
             below = (radius - depth) * ((axle @ normal) * axle - normal)
+            if self.shifted:
+                below = np.array([moved - x, 0.0, here - z])
             rolling = float(velocity @ forward)
             pace = np.hypot(rolling, LOW_SPEED)
             patch = velocity + _cross(turning - spin * axle, below)
@@ -244,6 +251,12 @@ class MultibodyCar:
             return [*(-force), *(-moment)]
 
         return law
+
+    def _normal(self, x: float) -> tuple[np.ndarray, float]:
+        """Direction (3,) of the road's normal at a position [m], by a forward difference, and the height there [m]."""
+        here, ahead = self.road(np.array([x, x + SLOPE_BASE]))
+        slope = (ahead - here) / SLOPE_BASE
+        return np.array([-slope, 0.0, 1.0]) / np.sqrt(1 + slope**2), float(here)
 
     # -------------------------------------------------------------------------------------------------------- running
 

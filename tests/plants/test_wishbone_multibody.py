@@ -2,13 +2,13 @@
 
 import numpy as np
 import pytest
+from built import OBJECTS
 from oracles.multibody import MultibodyCar, half_round, level
 from scipy.integrate import solve_ivp
 
 from build_fmus.compile import resolve_platforms
 from build_fmus.package import build_fmu
 from build_fmus.reference import Evaluator
-from built import OBJECTS
 from cosim import System
 from fmu_sources.plants import wishbone_car
 from fmu_sources.roads import RoadLayout, road_from_file

@@ -1,0 +1,159 @@
+"""Write how ``FullCarHmmwvPublic`` compares with the published model, and rigid bodies with both, into ``public-hmmwv.md``.
+
+    python docs/write_public_hmmwv.py                       # half-rounds, with rigid bodies beside them: five minutes
+    python docs/write_public_hmmwv.py --courses FOLDER      # also the measured courses, which are data of others
+
+Without a folder the table of courses stays as it is.
+"""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import tempfile
+from pathlib import Path
+
+import numpy as np
+
+HERE = Path(__file__).parent
+sys.path.insert(0, str(HERE.parent / "tests"))
+
+from oracles.multibody import MultibodyCar, half_round  # noqa: E402
+
+from build_fmus.compile import ObjectCache, resolve_platforms  # noqa: E402
+from build_fmus.package import build_fmu  # noqa: E402
+from cosim import System  # noqa: E402
+from fmu_sources.roads import RoadLayout, road_from_file  # noqa: E402
+from fmu_sources.vehicles import load_wishbone_car  # noqa: E402
+
+PAGE = HERE / "public-hmmwv.md"
+FMUS = HERE.parent / "fmus" / "fmi3"
+INCH, MPH = 0.0254, 0.44704
+CHASSIS = 0.056  # m, the CG ahead of the origin that published windows count from
+CORNERS = ("fl", "fr", "rl", "rr")
+
+Figures = tuple[float, float, float, float, float, float]
+"""Largest and least az of the CG and of the seat, their standard deviations [m/s2]."""
+
+PUBLISHED: dict[tuple[str, int], tuple[float, float, Figures]] = {  # course, mph -> window of x [m], figures
+    ("half-round 4 in", 5): (47.34, 57.48, (7.02, -7.91, 9.88, -9.70, 2.451, 2.675)),
+    ("half-round 4 in", 10): (47.34, 63.07, (7.84, -10.62, 13.73, -21.11, 2.512, 2.851)),
+    ("half-round 4 in", 15): (47.34, 68.66, (9.26, -11.36, 17.22, -22.64, 2.369, 2.729)),
+    ("half-round 4 in", 20): (47.34, 74.24, (9.87, -11.61, 18.91, -22.74, 2.179, 2.559)),
+    ("half-round 8 in", 5): (47.34, 57.68, (13.56, -10.09, 20.37, -18.52, 4.088, 4.582)),
+    ("half-round 8 in", 10): (47.34, 63.27, (16.49, -13.62, 22.09, -27.68, 5.163, 5.816)),
+    ("half-round 8 in", 15): (47.34, 68.86, (30.20, -15.97, 29.88, -29.58, 6.212, 6.888)),
+    ("half-round 8 in", 20): (47.34, 74.45, (23.22, -14.90, 32.01, -30.62, 4.853, 6.665)),
+    ("RMS course 1 in", 5): (100.0, 404.8, (8.56, -10.52, 10.73, -16.01, 1.408, 1.604)),
+    ("RMS course 1 in", 10): (100.0, 404.8, (11.82, -12.09, 19.45, -24.05, 2.520, 2.948)),
+    ("RMS course 1 in", 15): (100.0, 404.8, (21.08, -16.91, 26.18, -27.44, 4.222, 4.553)),
+    ("RMS course 1 in", 20): (100.0, 404.8, (20.36, -16.71, 27.69, -27.45, 4.830, 5.871)),
+    ("RMS course 1 in", 25): (100.0, 404.8, (20.01, -18.59, 27.68, -28.26, 4.435, 6.389)),
+    ("RMS course 2 in", 10): (100.0, 404.8, (15.98, -13.54, 18.22, -22.11, 3.979, 4.467)),
+    ("RMS course 2 in", 15): (100.0, 404.8, (28.81, -19.20, 28.57, -28.83, 7.103, 7.827)),
+    ("RMS course 2 in", 20): (100.0, 404.8, (24.60, -25.18, 43.58, -38.57, 7.199, 10.308)),
+    ("RMS course 2 in", 25): (100.0, 404.8, (29.11, -25.58, 44.18, -39.41, 6.989, 10.735)),
+}
+"""Responses of the full model (Project Chrono, commit 7689fbc), half-rounds at a quarter of its usual step, courses at half of it."""
+JUDGED = [("half-round 4 in", 10), ("half-round 4 in", 20), ("half-round 8 in", 10), ("half-round 8 in", 20)]
+HEAD = "| course | mph | CG az max, min | seat az max, min | CG az rms | seat az rms |\n|---|---|---|---|---|---|\n"
+
+
+def figures(x: np.ndarray, body: np.ndarray, seat: np.ndarray, window: tuple[float, float]) -> Figures:
+    """Of the samples whose CG is within a window of the chassis' position [m]."""
+    inside = (x >= window[0] + CHASSIS) & (x <= window[1] + CHASSIS)
+    a, b = body[inside], seat[inside]
+    return (a.max(), a.min(), b.max(), b.min(), float(a.std()), float(b.std()))
+
+
+def start_and_duration(course: str, speed: float, end: float) -> tuple[float, float]:
+    """Where a run begins [m], with a few metres of level road, and how long it lasts [s]."""
+    start = 40.0 if "half" in course else 90.0
+    return start, (end - start) / speed * 1.04 + 0.3
+
+
+def ours(course: str, mph: int, folder: Path | None) -> Figures:
+    """The FMU over a course, with the driver and the start of the published runs."""
+    low, high, _ = PUBLISHED[course, mph]
+    speed = mph * MPH
+    start, duration = start_and_duration(course, speed, high)
+    with tempfile.TemporaryDirectory() as place, System() as system:
+        if folder is None:
+            height = float(course.split()[1]) * INCH
+            system.add("road", FMUS / "RoadHalfRoundHmmwvPublic.fmu", parameters={"height": height, "position": 50.0 + height})
+        else:
+            file = folder / f"detrended_rms_course_{course.split()[2]}in.crg"
+            road = road_from_file(file, RoadLayout.of(load_wishbone_car("hmmwv_public")))
+            path = Path(place) / "RoadUser.fmu"
+            path.write_bytes(build_fmu(road, 3, resolve_platforms("host"), ObjectCache(Path(place) / "objects")))
+            system.add("road", path)
+        inputs = {"target.speed": speed, "target.y": 0.0, **{f"force.{k}": 0.0 for k in CORNERS}}
+        system.add("car", FMUS / "FullCarHmmwvPublic.fmu", step="1 ms", start=inputs, parameters={"start.x": start})
+        system.connect("car.x", "road.x")
+        system.connect("car.speed", "road.speed")
+        system.connect_matching("road", "car", "*")
+        r = system.run(round(duration, 3), record=["car.x", "car.body.az", "car.seat.az"], record_interval="1 ms")
+        x, body, seat = (np.array(r[f"car.{n}"]) for n in ("x", "body.az", "seat.az"))
+    return figures(x, body, seat, (low, high))
+
+
+def rigid(course: str, mph: int, *, shifted: bool) -> Figures:
+    """Rigid bodies in Exudyn over a half-round; ``shifted``: with the contact point of the public model's code."""
+    low, high, _ = PUBLISHED[course, mph]
+    start, duration = start_and_duration(course, mph * MPH, high)
+    road = half_round(float(course.split()[1]) * INCH, 50.0)
+    car = MultibodyCar(load_wishbone_car("hmmwv_public"), road, speed=mph * MPH, start=start, shifted=shifted)
+    m = car.run(duration)
+    return figures(m["x"], m["body.az"], m["seat.az"], (low, high))
+
+
+def cells(found: Figures, published: Figures | None = None) -> str:
+    """The columns of a row; with ``published`` also by how much rms differs."""
+
+    def rms(i: int) -> str:
+        return f"{found[i]:.2f}" + (f" ({100 * (found[i] / published[i] - 1):+.0f} %)" if published else "")
+
+    return f"{found[0]:.1f}, {found[1]:.1f} | {found[2]:.1f}, {found[3]:.1f} | {rms(4)} | {rms(5)} |\n"
+
+
+def table(courses: list[tuple[str, int]], folder: Path | None) -> str:
+    """Published and our figures, row by row."""
+    text = HEAD
+    for course, mph in courses:
+        published = PUBLISHED[course, mph][2]
+        text += f"| {course}, published | {mph} | {cells(published)}| ours | | {cells(ours(course, mph, folder), published)}"
+    return text
+
+
+def judged() -> str:
+    """Rigid bodies over half-rounds beside both."""
+    text = HEAD
+    for course, mph in JUDGED:
+        published = PUBLISHED[course, mph][2]
+        text += f"| {course}, published | {mph} | {cells(published)}| ours | | {cells(ours(course, mph, None), published)}"
+        text += f"| rigid bodies | | {cells(rigid(course, mph, shifted=False), published)}"
+        text += f"| rigid bodies, contact as in the public code | | {cells(rigid(course, mph, shifted=True), published)}"
+    return text
+
+
+def put(text: str, name: str, new: str) -> str:
+    """The page with what stands between the marks of a table replaced."""
+    begin, end = f"<!-- {name}: written by docs/write_public_hmmwv.py -->\n", f"<!-- end of {name} -->"
+    before, rest = text.split(begin)
+    return before + begin + new + end + rest.split(end, 1)[1]
+
+
+def main() -> None:
+    """Run, and write the page."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--courses", type=Path, help="folder with detrended_rms_course_1in.crg and ..._2in.crg")
+    folder = parser.parse_args().courses
+    text = PAGE.read_text(encoding="utf-8")
+    text = put(text, "half-rounds", table([c for c in PUBLISHED if "half" in c[0]], None))
+    if folder is not None:
+        text = put(text, "courses", table([c for c in PUBLISHED if "RMS" in c[0]], folder))
+    PAGE.write_text(put(text, "rigid bodies", judged()), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()
