@@ -1,0 +1,666 @@
+"""Many copies of one system, stepped together. See `Batch`."""
+
+from __future__ import annotations
+
+import os
+import time as clock
+import warnings
+from collections.abc import Iterable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field
+from types import TracebackType
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from build_fmus.checks import did_you_mean, whole_number
+from cosim.batch.library import Target, batch_library, choose_target, interface, lane_library
+from cosim.batch.source import LaneSource, NoLanes, lane_source
+from cosim.component import EndRequested
+from cosim.description import Variable
+from cosim.engine.compiled import BoundEngine, CompiledExchange
+from cosim.engine.plan import MemberPlan, Plan, make_plan
+from cosim.errors import CallFailed, ComponentError, CosimError, TimeError, UnconnectedInputsWarning, WiringError
+from cosim.fmu.component import FmuComponent
+from cosim.interrupt import HeldInterrupt
+from cosim.master.exchange import Exchange
+from cosim.master.simulation import Simulation
+from cosim.session import System
+from cosim.signals import Array
+from cosim.system.members import Member
+from cosim.time import TimeLike, positive, rational
+
+_HEADER = 8  # rows of a group's memory before the values of its instances (lane_member.h)
+_STATE = 96  # bytes of a serialized state before these values (fmu_core.c)
+_PIECE = 0.1  # s of wall time between looks at Ctrl-C
+_TYPES = {"FMU_FLOAT64": 0, "FMU_INT32": 1, "FMU_BOOLEAN": 2}
+
+
+class CopyFailedWarning(UserWarning):
+    """A copy has ended with an error; the others continue."""
+
+
+@dataclass(frozen=True)
+class CopyFailure:
+    """Why a copy has ended: its index, the member that failed, the time [s] at which its step began, and the message."""
+
+    copy: int
+    member: str
+    time: float
+    message: str
+
+    def __str__(self) -> str:
+        return f"copy {self.copy} ended at t = {self.time:.9g} s: {self.message}"
+
+
+@dataclass(frozen=True)
+class BatchRecording:
+    """What was recorded: `time` [s] (samples,), `data` (copies, samples, variables), `names` and `units` of the variables. After a copy
+    has ended its values are NaN. `recording["car.body.az"]` is one variable, (copies, samples)."""
+
+    time: Array
+    names: list[str]
+    data: Array
+    units: dict[str, str] = field(default_factory=dict)
+
+    def __getitem__(self, name: str) -> Array:
+        if name not in self.names:
+            raise KeyError(f"'{name}' was not recorded{did_you_mean(name, self.names)}")
+        found: Array = self.data[:, :, self.names.index(name)]
+        return found
+
+
+@dataclass
+class _Lanes:
+    """A member whose copies lie side by side."""
+
+    source: LaneSource
+    library: Any
+    memory: npt.NDArray[np.float64]  # (groups, rows, lanes)
+
+    def row(self, variable: Variable) -> int:
+        """Where a variable is."""
+        found = self.source.rows[variable.reference]
+        return _HEADER + self.source.first(found.role) + found.slot + variable.index
+
+    def values(self) -> npt.NDArray[np.float64]:
+        """Parameters, inputs, states, derivatives and outputs (groups, values, lanes)."""
+        return self.memory[:, _HEADER : _HEADER + self.source.n_values]
+
+
+class Batch:
+    """`copies` of a system, stepped together on all cores; each has the bits of a run of its own.
+
+        batch = Batch(system, 1000, start={"car.body.mass": masses}, inputs=["car.force.*"], outputs=["car.body.az"])
+        batch.advance("0.1 s")
+        az = batch.step("0.01 s", forces)         # (1000, 4) in, (1000, 1) out
+
+    FMUs of this project whose equations have no control flow of their own for each copy run in *lanes*: 2, 4 or 8 copies in one vector
+    of the processor. Others (quadratic programs, stiff solvers, FMUs of others, signals from tables) run one by one in the same batch.
+    `print(batch)` names both, and why.
+
+    Args:
+        system: whose components, connections and rates every copy has. The batch uses its components: it has no other simulation
+            meanwhile.
+        copies: how many.
+        start: parameters and start values by full name: one value for all copies, or an array (copies,); of an array variable
+            (copies, ...).
+        inputs: names and patterns of real inputs that nothing drives, which `set` and `step` take as (copies, n); their order is
+            `input_names`. Default: none.
+        outputs: names and patterns of what `outputs` and `step` give as (copies, n); their order is `output_names`.
+        record, record_interval, start_time: as in `System.initialize`.
+        threads: default one for each core that this process may use. The bits do not depend on it.
+        vectors: "avx512", "avx2", "baseline" (what every processor has), or "auto", the widest that this one has. Nor on this.
+        allow_unconnected: no warning of inputs that nothing drives and that are not among `inputs`.
+
+    A copy that fails (a state without bounds, an FMU's error, an output that is not finite) ends; the others go on. It is in `failures`,
+    a CopyFailedWarning tells of it, and its outputs are NaN from then on. An output that nothing reads is not computed in lanes, so a
+    copy does not end when only such an output is not finite.
+
+    Raises WiringError for names and values that do not fit, CosimError for a system that cannot be in a batch, and where there is no C
+    compiler, ComponentError when no copy can be initialized.
+    """
+
+    def __init__(
+        self,
+        system: System,
+        copies: int,
+        *,
+        start: Mapping[str, Any] | None = None,
+        inputs: str | Iterable[str] = (),
+        outputs: str | Iterable[str] = (),
+        record: str | Iterable[str] = (),
+        record_interval: TimeLike | None = None,
+        start_time: TimeLike | None = None,
+        threads: int | None = None,
+        vectors: str = "auto",
+        allow_unconnected: bool = False,
+    ):
+        whole_number("copies", copies, error=CosimError)
+        self.copies = int(copies)
+        self.system = system
+        for m in system.members.values():
+            if not isinstance(m.component, FmuComponent) and not m.description.native:
+                raise CosimError(
+                    f"'{m.name}' is written in Python, and a batch has no Python in its loop: declare it as a component that build-fmus "
+                    "makes an FMU of, or run the copies one by one"
+                )
+        if threads is not None:
+            whole_number("threads", threads, error=CosimError)
+        self.threads = int(threads) if threads is not None else _cores()
+        self._inputs = self._free_inputs(inputs)
+        self.input_names = [f"{m.name}.{v.name}" for m, v in self._inputs]
+        self._outputs = system.select(_listed(outputs)) if _listed(outputs) else []
+        self.output_names = [f"{m.name}.{v.name}" for m, v in self._outputs]
+        self._record = system.select(_listed(record)) if _listed(record) else []
+        self._interval = None if record_interval is None else positive(record_interval, "record_interval")
+        self._start_time = system.experiment[0] if start_time is None else rational(start_time, "start_time")
+        free = [n for n in system.unconnected() if n not in self.input_names and n not in (start or {})]
+        if free and not allow_unconnected:
+            more = f" and {len(free) - 10} more" if len(free) > 10 else ""
+            text = f"inputs that nothing drives keep their start values: {', '.join(free[:10])}{more} (allow_unconnected=True if that is meant)"
+            warnings.warn(text, UnconnectedInputsWarning, stacklevel=2)
+        self._target: Target = choose_target(vectors)
+        self._sources: dict[Member, LaneSource] = {}
+        self.one_by_one: dict[str, str] = {}
+        """Names of members whose copies run one by one, and why."""
+        self._fixed_reasons: dict[Member, str] = {}
+        for m in system.members.values():
+            try:
+                self._sources[m] = self._lanes_of(m)
+            except NoLanes as reason:
+                self._fixed_reasons[m] = str(reason)
+        self._twins: dict[Member, list[Any]] = {}
+        self._pool: ThreadPoolExecutor | None = None
+        self.failures: list[CopyFailure] = []
+        """Copies that have ended, in the order in which that was found."""
+        self.reset(start)
+
+    def _lanes_of(self, member: Member) -> LaneSource:
+        component = member.component
+        if not isinstance(component, FmuComponent):
+            raise NoLanes("its signals are from a table")
+        if component.isolation is not None:
+            raise NoLanes("it is isolated in a process of its own")
+        source = lane_source(component.fmu)
+        source.code((), self._target.lanes, self._target.number)
+        return source
+
+    def _free_inputs(self, names: str | Iterable[str]) -> list[tuple[Member, Variable]]:
+        members, driven = self.system.members, self.system.connections
+        found: dict[tuple[Member, Variable], None] = {}
+        for name in _listed(names):
+            pattern = "*" in name or "?" in name
+            chosen = [(m, v) for m, v in members.fitting(name, "input") if not pattern or f"{m.name}.{v.name}" not in driven]
+            if not chosen:
+                free = ", ".join(self.system.unconnected()) or "none"
+                raise WiringError(f"'{name}' fits no input that nothing drives; there are: {free}")
+            for m, v in chosen:
+                full = f"{m.name}.{v.name}"
+                if full in driven:
+                    raise WiringError(f"{full} is driven by {driven[full].source_name}")
+                if v.causality != "input":
+                    raise WiringError(f"{full} is no input, but {v.causality}: give it in start=..., or to reset()")
+                if v.type != "real":
+                    raise WiringError(f"{full} is of type {v.fmi_type}; inputs of a batch are real")
+                found[m, v] = None
+        return list(found)
+
+    # Beginning.
+
+    def reset(self, start: Mapping[str, Any] | None = None) -> None:
+        """All copies at the start time, with these parameters and start values (see the class) beside those of the system."""
+        given = self._given(start or {})
+        self._forget()
+        self.failures = []
+        self._alone = dict(self._fixed_reasons)
+        for m in self._sources:
+            steps = given.get((m, "solver.step"))
+            if steps is not None and len(set(steps)) > 1:
+                self._alone[m] = "its copies have different solver.step"
+        self.one_by_one = {m.name: why for m, why in sorted(self._alone.items(), key=lambda item: item[0].name)}
+        lanes = self._target.lanes
+        self._groups = -(-self.copies // lanes)
+        for m in self._alone:
+            self._twins.setdefault(m, [m.component.twin() for _ in range(self.copies)])  # type: ignore[attr-defined]
+        self._begin(given)
+
+    def _given(self, start: Mapping[str, Any]) -> dict[tuple[Member, str], list[Any]]:
+        """Start values of all copies, element by element."""
+        found: dict[tuple[Member, str], list[Any]] = {}
+        for name, value in start.items():
+            member, variable = self.system.members.split(name)
+            array = np.asarray(value)
+            own = member.description.arrays.get(member.description.canonical(variable))
+            is_array = own is not None and member.description.canonical(variable) not in member.description.variables
+            each = array.ndim >= 1 and len(array) == self.copies and (not is_array or array.ndim > 1)
+            if not each and array.ndim >= 1 and not is_array:
+                raise WiringError(f"{name} has shape {array.shape}; give one value for all copies, or an array of shape ({self.copies},)")
+            for copy in range(self.copies):
+                try:
+                    expanded = member.expand(variable, (array[copy] if array.ndim > 1 else array[copy].item()) if each else value)
+                except WiringError as error:
+                    raise WiringError(f"copy {copy}: {error}" if each else str(error)) from None
+                for n, v in expanded.items():
+                    found.setdefault((member, n), [None] * self.copies)[copy] = v
+                if not each:
+                    for n in expanded:
+                        found[member, n] = [found[member, n][0]] * self.copies
+                    break
+        return found
+
+    def _begin(self, given: Mapping[tuple[Member, str], list[Any]]) -> None:
+        """Initialize the copies: those that differ in nothing once, in all members with lanes."""
+        system = self.system
+        interval = [] if self._interval is None else [self._interval]
+        with system.initialize(self._start_time, record=[], allow_unconnected=True):
+            pass  # ends what ran on this system
+        self._schedule = schedule = system.schedule(*interval)
+        kept = {m: (dict(m.values), m.component) for m in schedule.members}
+        lanes, groups = self._target.lanes, self._groups
+        first: Simulation | None = None
+        seen: dict[tuple[Any, ...], int] = {}
+        exchanges: list[Exchange | None] = [None] * self.copies
+        errors: dict[int, ComponentError] = {}
+        sources = [m for m in schedule.members if m not in self._alone]
+        try:
+            for copy in range(self.copies):
+                key = tuple(values[copy] for values in given.values())
+                if not self._alone and key in seen:
+                    self._copy_lane(seen[key], copy)
+                    if seen[key] in errors:
+                        errors[copy] = errors[seen[key]]
+                    continue
+                for m, (values, _) in kept.items():
+                    m.values = dict(values)
+                    if m in self._alone:
+                        m.component = self._twins[m][copy]
+                for (m, name), each in given.items():
+                    m.values[name] = each[copy]
+                seen[key] = copy
+                try:
+                    simulation = Simulation(
+                        schedule, self._start_time, record=self._record, record_interval=self._interval,
+                        watch=[*self._outputs, *self._inputs], exchange=CompiledExchange,
+                    )  # fmt: skip
+                except ComponentError as error:
+                    errors[copy] = error
+                    continue
+                exchanges[copy] = simulation.exchange
+                if first is None:
+                    first = simulation
+                    self._prepare(simulation.exchange, sources)
+                group, lane = divmod(copy, lanes)
+                self._values[group, :, lane] = simulation.exchange.values
+                for m in sources:
+                    data = m.component.serialize()  # type: ignore[attr-defined]
+                    self._lanes[m].values()[group, :, lane] = np.frombuffer(
+                        data, dtype=float, offset=_STATE, count=self._lanes[m].source.n_values
+                    )
+        finally:
+            for m, (values, component) in kept.items():
+                m.values, m.component = values, component
+        if first is None:
+            raise errors[0]
+        good = next(c for c in range(self.copies) if c not in errors)
+        for copy in [*errors, *range(self.copies, groups * lanes)]:
+            self._copy_lane(good, copy)
+        self._alive[self.copies :] = 0
+        self._start_lanes(sources)
+        self._bind(exchanges, good)
+        for copy, error in errors.items():
+            self._alive[copy] = 0
+            self._ended(CopyFailure(copy, error.component, float(self._start_time), str(error)))
+
+    def _copy_lane(self, source: int, to: int) -> None:
+        lanes = self._target.lanes
+        (g, i), (h, k) = divmod(source, lanes), divmod(to, lanes)
+        for array in (self._values, *(each.memory for each in self._lanes.values())):
+            array[h, :, k] = array[g, :, i]
+
+    def _prepare(self, exchange: Exchange, sources: Sequence[Member]) -> None:
+        """Memory of all copies, once the exchange is known."""
+        self._plan: Plan = make_plan(exchange)
+        self._exchange = exchange
+        lanes, groups = self._target.lanes, self._groups
+        self._values = _aligned(groups, self._plan.size, lanes)
+        self._alive = np.ones(groups * lanes, dtype=np.uint8)
+        self._lanes: dict[Member, _Lanes] = {}
+        for m in sources:
+            source, outputs = self._sources[m], exchange.layout.places[m].outputs
+            shown = tuple(sorted({source.rows[v.reference].slot + v.index for v in outputs if source.rows[v.reference].role == "FMU_OUTPUT"}))
+            library = lane_library(source, shown, self._target)
+            self._lanes[m] = _Lanes(source, library, _aligned(groups, library.cosim_lanes_rows(), lanes))
+
+    def _start_lanes(self, sources: Sequence[Member]) -> None:
+        ffi, base = interface(), self._exchange.base
+        for m in sources:
+            begin = float(base.start + m.offset)
+            lanes = self._lanes[m]
+            lanes.memory[:, 0:2] = begin
+            lanes.memory[:, 2:_HEADER] = 0.0
+            for group in lanes.memory:
+                lanes.library.cosim_lanes_prepare(ffi.cast("void*", group.ctypes.data))
+
+    def _bind(self, exchanges: Sequence[Exchange | None], good: int) -> None:
+        """The plan as the structs of batch.h."""
+        ffi, plan = interface(), self._plan
+        self._keep: list[Any] = []
+        self._engines: list[BoundEngine | None] = []
+        if self._alone:
+            self._engines = [None if e is None else BoundEngine(e, ()) for e in exchanges]
+            # Where a copy could not be initialized nothing is called.
+            pointers = [ffi.NULL if e is None else ffi.cast("Engine*", e.struct) for e in self._engines]
+            pointers += [ffi.NULL] * (self._groups * self._target.lanes - self.copies)
+            self._alone_engines = self._new("Engine*[]", pointers)
+        self._members = self._new("BatchMember[]", len(plan.members))
+        for number, (struct, member) in enumerate(zip(self._members, plan.members, strict=True)):
+            self._fill(struct, member, number)
+        self._batch = b = self._new("Batch*")
+        b.members, b.n_members, b.n_discrete = self._members, len(plan.members), plan.n_discrete
+        b.clocks = self._new("EngineClock[]", [{"period": c.period, "offset": c.offset} for c in plan.clocks])
+        b.n_clocks = len(plan.clocks)
+        b.a, b.b, b.d = plan.time
+        b.n_copies_of_system, b.n_groups = self.copies, self._groups
+        b.values, b.n_values = self._address("char*", self._values), plan.size
+        b.alive = self._address("uint8_t*", self._alive)
+        self._failures = self._new("BatchFailure[]", len(self._alive))
+        b.failures = self._failures
+        scale, offset = self._exchange.layout.record_conversion
+        b.recorded, b.n_recorded = self._array("uint32_t", plan.recorded), len(plan.recorded)
+        b.record_scale, b.record_offset = self._array("double", scale), self._array("double", offset)
+        self._workers = [self._worker() for _ in range(self.threads)]
+        self._tick = self._exchange.tick
+        self._chunks: list[tuple[int, npt.NDArray[np.float64]]] = []  # number of the first sample, samples
+
+    def _worker(self) -> Any:
+        plan = self._plan
+        w = self._new("BatchWorker*")
+        w.next, w.due = self._new(f"int64_t[{len(plan.clocks)}]"), self._new(f"bool[{len(plan.clocks)}]")
+        w.list = self._new(f"int32_t[{len(plan.members)}]")
+        return w
+
+    def _fill(self, m: Any, plan: MemberPlan, number: int) -> None:
+        ffi = interface()
+        m.clock, m.step, m.look_before, m.number = plan.clock, plan.step, plan.look_before, number
+        copies = [*plan.remember, *plan.show]
+        m.copies = self._new("EngineCopy[]", [{"to": c.to, "from": c.source, "n": c.n} for c in copies]) if copies else ffi.NULL
+        m.n_copies_before, m.n_copies = len(plan.remember), len(copies)
+        m.stamp = -1 if plan.stamp is None else plan.stamp
+        m.index, m.n_inputs = self._array("uint32_t", plan.index), len(plan.index)
+        if plan.scale is not None and plan.offset is not None:
+            m.scale, m.offset = self._array("double", plan.scale), self._array("double", plan.offset)
+        m.lines = self._new("EngineLine[]", [list(line) for line in plan.lines]) if plan.lines else ffi.NULL
+        m.n_lines, m.first, m.n_outputs = len(plan.lines), plan.first, plan.n_outputs
+        if plan.member in self._alone:
+            reads = {int(i) for i in plan.index} | {i for line in plan.lines for i in line[1:4]}
+            m.reads, m.n_reads = self._array("uint32_t", sorted(reads)), len(reads)
+            m.alone = self._alone_engines
+            return
+        lanes, place = self._lanes[plan.member], self._exchange.layout.places[plan.member]
+        m.run = ffi.cast("BatchStep", lanes.library.cosim_lanes_step)
+        m.memory, m.stride = self._address("char*", lanes.memory), lanes.memory[0].nbytes
+        rows = lanes.source.rows
+        m.to = self._array("uint32_t", [lanes.row(v) for v in place.inputs])
+        setattr(m, "from", self._array("uint32_t", [lanes.row(v) for v in place.outputs]))
+        types = [_TYPES[rows[v.reference].type] for v in place.inputs]
+        m.to_type = self._array("uint8_t", types)
+        m.from_type = self._array("uint8_t", [_TYPES[rows[v.reference].type] for v in place.outputs])
+        largest = float(np.finfo(float).max)
+        limited = [rows[v.reference] if kind else None for v, kind in zip(place.inputs, types, strict=True)]
+        m.least = self._array("double", [max(r.least, -largest) if r else -largest for r in limited])
+        m.most = self._array("double", [min(r.most, largest) if r else largest for r in limited])
+        m.checked = any(types) or plan.scale is not None or bool(plan.lines)
+
+    def _new(self, *what: Any) -> Any:
+        made = interface().new(*what)
+        self._keep.append(made)
+        return made
+
+    def _array(self, of: str, values: Sequence[float] | npt.NDArray[Any]) -> Any:
+        types = {"uint32_t": np.uint32, "double": np.float64, "uint8_t": np.uint8}
+        array = np.array(values, dtype=types[of])
+        return self._address(f"{of}*", array)
+
+    def _address(self, of: str, array: npt.NDArray[Any]) -> Any:
+        self._keep.append(array)
+        return interface().cast(of, array.ctypes.data)
+
+    # Stepping.
+
+    @property
+    def time(self) -> float:
+        """Present time [s] of all copies that run."""
+        return self._exchange.base.seconds(self._tick)
+
+    @property
+    def running(self) -> npt.NDArray[np.bool_]:
+        """Which copies have not ended, (copies,)."""
+        return self._alive[: self.copies].astype(np.bool_)
+
+    def set(self, values: npt.ArrayLike) -> None:
+        """Other values (copies, n) for `inputs`, in the order of `input_names`, effective from the next step on. Raises WiringError for
+        another shape and for numbers that are not finite."""
+        given = np.asarray(values, dtype=float)
+        if given.shape != (self.copies, len(self._inputs)):
+            raise WiringError(f"the inputs have shape {given.shape}; give {(self.copies, len(self._inputs))}, a row for each copy")
+        running = self.running
+        wrong = np.argwhere(~np.isfinite(given) & running[:, None])
+        if len(wrong):
+            copy, i = wrong[0]
+            raise WiringError(f"copy {copy}: {self.input_names[i]} is {given[copy, i]}; inputs are finite")
+        constants = self._exchange.layout.constants
+        for i, (m, v) in enumerate(self._inputs):
+            column = np.where(running, given[:, i], 0.0)
+            if m in self._lanes:
+                self._put(self._lanes[m].memory, self._lanes[m].row(v), column)
+            if (m, v) in constants:
+                self._put(self._values, constants[m, v], column)
+        for m in self._alone:
+            mine = [(i, v) for i, (owner, v) in enumerate(self._inputs) if owner is m]
+            for copy in np.flatnonzero(running) if mine else ():
+                self._twins[m][copy].set({v: float(given[copy, i]) for i, v in mine})
+
+    def _put(self, array: npt.NDArray[np.float64], row: int, column: Array) -> None:
+        full = np.zeros(array.shape[0] * array.shape[2])
+        full[: self.copies] = column
+        array[:, row, :] = full.reshape(array.shape[0], array.shape[2])
+
+    def step(self, duration: TimeLike, inputs: npt.ArrayLike | None = None) -> Array:
+        """Set `inputs` (copies, n) if given, advance by `duration` [s], and give the outputs (copies, n)."""
+        if inputs is not None:
+            self.set(inputs)
+        self.advance(self._exchange.base.exact(self._tick) + positive(duration, "duration"))
+        return self.outputs
+
+    def advance(self, until: TimeLike) -> None:
+        """All copies to the first base tick at or after `until` [s]. Ctrl-C stops between two instants, at the same one for all copies."""
+        exchange = self._exchange
+        end = exchange.base.at_or_after(rational(until, "until"))
+        if end < self._tick:
+            raise TimeError(f"cannot advance to {until} s: the batch stands at {self.time:.9g} s")
+        if not self._plan.exact_until(end):
+            raise TimeError(f"{until} s is beyond what the compiled engine counts exactly with a tick of {float(self._schedule.tick):g} s")
+        if end == self._tick:
+            return
+        self._make_room(end)
+        length = max(1, (end - self._tick) // 64)
+        with HeldInterrupt() as interrupt:
+            while self._tick < end and self._alive.any():
+                begin = clock.perf_counter()
+                self._run(min(end, self._tick + length))
+                if interrupt.pending:
+                    break
+                took = clock.perf_counter() - begin
+                length = max(1, int(length * min(8.0, _PIECE / max(took, 1e-6))))
+        if interrupt.pending:
+            raise KeyboardInterrupt
+        self._tick = end
+
+    def _make_room(self, end: int) -> None:
+        period = self._plan.clocks[-1].period
+        first, last = -(-self._tick // period), end // period
+        b = self._batch
+        count = last - first + 1 if self._plan.recorded else 0
+        rows = np.full((self.copies, max(count, 0), len(self._plan.recorded)), np.nan)
+        if count > 0:
+            self._chunks.append((first, rows))
+        self._rows = rows
+        b.rows, b.first_row, b.n_rows = interface().cast("double*", rows.ctypes.data), first, rows.shape[1]
+
+    def _run(self, end: int) -> None:
+        """One piece, by all threads."""
+        b, run = self._batch, batch_library(self._target).cosim_batch_run
+        b.next_group, b.cancel = 0, 0
+        before = self._alive.copy()
+        count = min(self.threads, self._groups)
+        if count == 1:
+            run(b, self._workers[0], self._tick, end)
+        else:
+            if self._pool is None:
+                self._pool = ThreadPoolExecutor(self.threads, thread_name_prefix="cosim-batch")
+            list(self._pool.map(lambda w: run(b, w, self._tick, end), self._workers[:count]))
+        self._tick = end
+        for copy in np.flatnonzero(before != self._alive):
+            self._ended(self._failure(int(copy)))
+
+    # What failed.
+
+    def _ended(self, failure: CopyFailure) -> None:
+        self.failures.append(failure)
+        warnings.warn(str(failure), CopyFailedWarning, stacklevel=4)
+
+    def _failure(self, copy: int) -> CopyFailure:
+        found = self._failures[copy]
+        member = self._plan.members[found.member].member
+        t = self._exchange.base.seconds(found.tick)
+        if member in self._lanes:
+            return CopyFailure(copy, member.name, t, self._lane_message(copy, member, found))
+        engine = self._engines[copy]
+        assert engine is not None
+        # What is raised is what a run of this copy alone would raise.
+        try:
+            if found.result == engine.NOT_FINITE:
+                text = f"component '{member.name}': an output is not finite"
+            else:
+                engine.fail(member, found.call, found.status, t)
+                text = f"component '{member.name}' failed"
+        except CallFailed as failure:
+            text = str(ComponentError(failure, t, None))
+        except EndRequested as request:
+            text = str(request)
+        return CopyFailure(copy, member.name, t, text)
+
+    def _lane_message(self, copy: int, member: Member, found: Any) -> str:
+        """In the words of the FMU (fmu_core.c)."""
+        group, lane = divmod(copy, self._target.lanes)
+        lanes, place = self._lanes[member], self._exchange.layout.places[member]
+        memory = lanes.memory[group, :, lane]
+        if found.result == self._refused:
+            row = lanes.source.rows[place.inputs[found.call].reference]
+            value = float(memory[lanes.row(place.inputs[found.call])])
+            why = "is not finite" if not np.isfinite(value) else f"is outside its range [{row.least:.9g}, {row.most:.9g}]"
+            return f"component '{member.name}': value {value:.9g} for {row.name} {why}"
+        why, slot, when, value = (int(memory[4]), int(memory[5]), float(memory[6]), float(memory[7]))
+        role = "FMU_OUTPUT" if why == 3 else "FMU_STATE"
+        name = lanes.source.name_of(role, slot)
+        if why != 1:
+            return f"component '{member.name}': {name} is not finite at time {when:.9g} s"
+        return (
+            f"component '{member.name}': state {name} left all bounds at time {when:.9g} s: it is {value:g}, beyond "
+            f"{lanes.source.bound(slot):g}; look at inputs and parameters, and try a shorter solver.step"
+        )
+
+    _refused = 101  # BATCH_INPUT_REFUSED
+
+    # Looking at it.
+
+    def __getitem__(self, name: str) -> Array:
+        """Present values (copies,) of a variable among `outputs`, `inputs` or `record`; NaN of copies that have ended."""
+        readable = self._exchange.layout.readable
+        full = self.system.members.canonical(name)
+        if full not in readable:
+            raise KeyError(f"'{name}' is not read by this batch{did_you_mean(name, readable)}; name it in outputs=[...]")
+        slot, scale, offset = readable[full]
+        found: Array = scale * self._values[:, slot, :].reshape(-1)[: self.copies] + offset
+        found[~self.running] = np.nan
+        return found
+
+    @property
+    def outputs(self) -> Array:
+        """Present values (copies, n) of `output_names`; NaN of copies that have ended."""
+        return np.column_stack([self[n] for n in self.output_names]) if self.output_names else np.empty((self.copies, 0))
+
+    @property
+    def recording(self) -> BatchRecording:
+        """What was recorded so far; the last sample is provisional, as in `Simulation.recording`."""
+        layout, clocks = self._exchange.layout, self._plan.clocks
+        parts, numbers = [], []
+        for (first, rows), following in zip(self._chunks, [*self._chunks[1:], None], strict=True):
+            count = rows.shape[1] if following is None else min(rows.shape[1], following[0] - first)
+            parts.append(rows[:, :count])
+            numbers += range(first, first + count)
+        data = parts[0] if len(parts) == 1 else np.concatenate(parts, axis=1) if parts else np.empty((self.copies, 0, 0))
+        reached = [n for n in numbers if n * clocks[-1].period <= self._tick]
+        time = np.array([self._exchange.base.seconds(n * clocks[-1].period) for n in reached])
+        return BatchRecording(time, list(layout.record_names), data[:, : len(reached)], dict(layout.record_units))
+
+    def __str__(self) -> str:
+        t = self._target
+        lines = [
+            f"{self.copies} copies in {self._groups} groups of {t.lanes} ({t.name}), {self.threads} thread{'s' * (self.threads != 1)}, "
+            f"at t = {self.time:.9g} s"
+        ]
+        together = [m for m in self._schedule.members if m in self._lanes]
+        if together:
+            lines.append("in lanes:")
+            lines += [f"     {m.name} ({m.description.name})" for m in together]
+        if self._alone:
+            lines.append("one by one:")
+            lines += [f"     {m.name} ({m.description.name}): {self._alone[m]}" for m in self._schedule.members if m in self._alone]
+        if self.failures:
+            lines.append(f"{len(self.failures)} ended:")
+            lines += [f"     {f}" for f in self.failures[:10]]
+        return "\n".join(lines)
+
+    # The end.
+
+    def _forget(self) -> None:
+        self._keep: list[Any] = []
+        self._lanes = {}
+        self._engines = []
+
+    def close(self) -> None:
+        """Free the copies' own instances; the system stays."""
+        if self._pool is not None:
+            self._pool.shutdown()
+            self._pool = None
+        for twins in self._twins.values():
+            for component in twins:
+                component.close()
+        self._twins.clear()
+
+    def __enter__(self) -> Batch:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
+        self.close()
+
+
+def _listed(names: str | Iterable[str]) -> list[str]:
+    return [names] if isinstance(names, str) else list(names)
+
+
+def _cores() -> int:
+    """Cores that this process may use."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
+
+
+def _aligned(groups: int, rows: int, lanes: int) -> npt.NDArray[np.float64]:
+    """Zeros (groups, rows, lanes) that begin at a multiple of 64 bytes, as vectors must."""
+    raw = np.zeros(groups * rows * lanes + 8)
+    begin = (-raw.ctypes.data % 64) // 8
+    return raw[begin : begin + groups * rows * lanes].reshape(groups, rows, lanes)
