@@ -162,6 +162,7 @@ class Batch:
             text = f"inputs that nothing drives keep their start values: {', '.join(free[:10])}{more} (allow_unconnected=True if that is meant)"
             warnings.warn(text, UnconnectedInputsWarning, stacklevel=2)
         self._target: Target = choose_target(vectors)
+        self._schedule = system.schedule(*([] if self._interval is None else [self._interval]))
         self._sources: dict[Member, LaneSource] = {}
         self.one_by_one: dict[str, str] = {}
         """Names of members whose copies run one by one, and why."""
@@ -251,67 +252,67 @@ class Batch:
         return found
 
     def _begin(self, given: Mapping[tuple[Member, str], list[Any]]) -> None:
-        """Initialize the copies: those that differ in nothing once, in all members with lanes."""
-        system = self.system
-        interval = [] if self._interval is None else [self._interval]
-        with system.initialize(self._start_time, record=[], allow_unconnected=True):
-            pass  # ends what ran on this system
-        self._schedule = schedule = system.schedule(*interval)
-        kept = {m: (dict(m.values), m.component) for m in schedule.members}
-        lanes, groups = self._target.lanes, self._groups
-        first: Simulation | None = None
-        seen: dict[tuple[Any, ...], int] = {}
+        """Initialize the copies, one after the other; where all members have lanes, equal ones once."""
+        self.system.end_simulation()
+        schedule = self._schedule
+        kept = [(m, dict(m.values), m.component) for m in schedule.members]
+        sources = [m for m in schedule.members if m not in self._alone]
         exchanges: list[Exchange | None] = [None] * self.copies
         errors: dict[int, ComponentError] = {}
-        sources = [m for m in schedule.members if m not in self._alone]
+        first_of: dict[tuple[Any, ...], int] = {}
+        like: dict[int, int] = {}  # copies that are like another one
         try:
             for copy in range(self.copies):
-                key = tuple(values[copy] for values in given.values())
-                if not self._alone and key in seen:
-                    self._copy_lane(seen[key], copy)
-                    if seen[key] in errors:
-                        errors[copy] = errors[seen[key]]
+                source = copy if self._alone else first_of.setdefault(tuple(values[copy] for values in given.values()), copy)
+                if source != copy:
+                    like[copy] = source
                     continue
-                for m, (values, _) in kept.items():
+                for m, values, _ in kept:
                     m.values = dict(values)
                     if m in self._alone:
                         m.component = self._twins[m][copy]
                 for (m, name), each in given.items():
                     m.values[name] = each[copy]
-                seen[key] = copy
                 try:
-                    simulation = Simulation(
-                        schedule, self._start_time, record=self._record, record_interval=self._interval,
-                        watch=[*self._outputs, *self._inputs], exchange=CompiledExchange,
-                    )  # fmt: skip
+                    exchanges[copy] = exchange = self._initialized()
                 except ComponentError as error:
                     errors[copy] = error
                     continue
-                exchanges[copy] = simulation.exchange
-                if first is None:
-                    first = simulation
-                    self._prepare(simulation.exchange, sources)
-                group, lane = divmod(copy, lanes)
-                self._values[group, :, lane] = simulation.exchange.values
-                for m in sources:
-                    data = m.component.serialize()  # type: ignore[attr-defined]
-                    self._lanes[m].values()[group, :, lane] = np.frombuffer(
-                        data, dtype=float, offset=_STATE, count=self._lanes[m].source.n_values
-                    )
+                if len(errors) == copy - len(like):
+                    self._prepare(exchange, sources)
+                self._take(exchange, copy)
         finally:
-            for m, (values, component) in kept.items():
+            for m, values, component in kept:
                 m.values, m.component = values, component
-        if first is None:
+        errors |= {copy: errors[source] for copy, source in like.items() if source in errors}
+        if len(errors) == self.copies:
             raise errors[0]
         good = next(c for c in range(self.copies) if c not in errors)
-        for copy in [*errors, *range(self.copies, groups * lanes)]:
-            self._copy_lane(good, copy)
+        padding = dict.fromkeys((*errors, *range(self.copies, len(self._alive))), good)
+        for copy, source in (like | padding).items():
+            self._copy_lane(source, copy)
         self._alive[self.copies :] = 0
-        self._start_lanes(sources)
-        self._bind(exchanges, good)
-        for copy, error in errors.items():
-            self._alive[copy] = 0
-            self._ended(CopyFailure(copy, error.component, float(self._start_time), str(error)))
+        self._alive[list(errors)] = 0
+        self._start_lanes()
+        self._bind(exchanges)
+        for copy in sorted(errors):
+            self._ended(CopyFailure(copy, errors[copy].component, float(self._start_time), str(errors[copy])))
+
+    def _initialized(self) -> Exchange:
+        """The exchange of one copy, whose components are initialized."""
+        watch = [*self._outputs, *self._inputs]
+        made = Simulation(
+            self._schedule, self._start_time, record=self._record, record_interval=self._interval, watch=watch, exchange=CompiledExchange
+        )
+        return made.exchange
+
+    def _take(self, exchange: Exchange, copy: int) -> None:
+        """Values and states of a copy that has been initialized."""
+        group, lane = divmod(copy, self._target.lanes)
+        self._values[group, :, lane] = exchange.values
+        for m, lanes in self._lanes.items():
+            data = m.component.serialize()  # type: ignore[attr-defined]
+            lanes.values()[group, :, lane] = np.frombuffer(data, dtype=float, offset=_STATE, count=lanes.source.n_values)
 
     def _copy_lane(self, source: int, to: int) -> None:
         lanes = self._target.lanes
@@ -326,28 +327,26 @@ class Batch:
         lanes, groups = self._target.lanes, self._groups
         self._values = _aligned(groups, self._plan.size, lanes)
         self._alive = np.ones(groups * lanes, dtype=np.uint8)
-        self._lanes: dict[Member, _Lanes] = {}
         for m in sources:
             source, outputs = self._sources[m], exchange.layout.places[m].outputs
             shown = tuple(sorted({source.rows[v.reference].slot + v.index for v in outputs if source.rows[v.reference].role == "FMU_OUTPUT"}))
             library = lane_library(source, shown, self._target)
             self._lanes[m] = _Lanes(source, library, _aligned(groups, library.cosim_lanes_rows(), lanes))
 
-    def _start_lanes(self, sources: Sequence[Member]) -> None:
+    def _start_lanes(self) -> None:
         ffi, base = interface(), self._exchange.base
-        for m in sources:
+        for m, lanes in self._lanes.items():
             begin = float(base.start + m.offset)
-            lanes = self._lanes[m]
             lanes.memory[:, 0:2] = begin
             lanes.memory[:, 2:_HEADER] = 0.0
             for group in lanes.memory:
                 lanes.library.cosim_lanes_prepare(ffi.cast("void*", group.ctypes.data))
 
-    def _bind(self, exchanges: Sequence[Exchange | None], good: int) -> None:
+    def _bind(self, exchanges: Sequence[Exchange | None]) -> None:
         """The plan as the structs of batch.h."""
         ffi, plan = interface(), self._plan
-        self._keep: list[Any] = []
-        self._engines: list[BoundEngine | None] = []
+        self._keep = []
+        self._engines = []
         if self._alone:
             self._engines = [None if e is None else BoundEngine(e, ()) for e in exchanges]
             # Where a copy could not be initialized nothing is called.
@@ -370,6 +369,7 @@ class Batch:
         scale, offset = self._exchange.layout.record_conversion
         b.recorded, b.n_recorded = self._array("uint32_t", plan.recorded), len(plan.recorded)
         b.record_scale, b.record_offset = self._array("double", scale), self._array("double", offset)
+        b.record_converted = self._array("uint8_t", (np.asarray(scale) != 1.0) | (np.asarray(offset) != 0.0))
         self._workers = [self._worker() for _ in range(self.threads)]
         self._tick = self._exchange.tick
         self._chunks: list[tuple[int, npt.NDArray[np.float64]]] = []  # number of the first sample, samples
@@ -450,6 +450,7 @@ class Batch:
         if len(wrong):
             copy, i = wrong[0]
             raise WiringError(f"copy {copy}: {self.input_names[i]} is {given[copy, i]}; inputs are finite")
+        self._check_limits(given, running)
         constants = self._exchange.layout.constants
         for i, (m, v) in enumerate(self._inputs):
             column = np.where(running, given[:, i], 0.0)
@@ -461,6 +462,17 @@ class Batch:
             mine = [(i, v) for i, (owner, v) in enumerate(self._inputs) if owner is m]
             for copy in np.flatnonzero(running) if mine else ():
                 self._twins[m][copy].set({v: float(given[copy, i]) for i, v in mine})
+
+    def _check_limits(self, given: Array, running: npt.NDArray[np.bool_]) -> None:
+        """As those of `Simulation.set`."""
+        for i, (m, v) in enumerate(self._inputs):
+            low, high = (b if b is not None else s for b, s in ((v.minimum, -np.inf), (v.maximum, np.inf)))
+            suspect = (given[:, i] < low) | (given[:, i] > high) | (v.must_equal is not None)
+            for copy in np.flatnonzero(suspect & running):
+                try:
+                    m.expand(v.name, float(given[copy, i]))
+                except WiringError as error:
+                    raise WiringError(f"copy {copy}: {error}") from None
 
     def _put(self, array: npt.NDArray[np.float64], row: int, column: Array) -> None:
         full = np.zeros(array.shape[0] * array.shape[2])
@@ -562,10 +574,10 @@ class Batch:
             value = float(memory[lanes.row(place.inputs[found.call])])
             why = "is not finite" if not np.isfinite(value) else f"is outside its range [{row.least:.9g}, {row.most:.9g}]"
             return f"component '{member.name}': value {value:.9g} for {row.name} {why}"
-        why, slot, when, value = (int(memory[4]), int(memory[5]), float(memory[6]), float(memory[7]))
-        role = "FMU_OUTPUT" if why == 3 else "FMU_STATE"
+        kind, slot, when, value = (int(memory[4]), int(memory[5]), float(memory[6]), float(memory[7]))
+        role = "FMU_OUTPUT" if kind == 3 else "FMU_STATE"
         name = lanes.source.name_of(role, slot)
-        if why != 1:
+        if kind != 1:
             return f"component '{member.name}': {name} is not finite at time {when:.9g} s"
         return (
             f"component '{member.name}': state {name} left all bounds at time {when:.9g} s: it is {value:g}, beyond "
@@ -583,7 +595,9 @@ class Batch:
         if full not in readable:
             raise KeyError(f"'{name}' is not read by this batch{did_you_mean(name, readable)}; name it in outputs=[...]")
         slot, scale, offset = readable[full]
-        found: Array = scale * self._values[:, slot, :].reshape(-1)[: self.copies] + offset
+        found: Array = self._values[:, slot, :].flatten()[: self.copies]
+        if (scale, offset) != (1.0, 0.0):
+            found = scale * found + offset
         found[~self.running] = np.nan
         return found
 
@@ -596,7 +610,8 @@ class Batch:
     def recording(self) -> BatchRecording:
         """What was recorded so far; the last sample is provisional, as in `Simulation.recording`."""
         layout, clocks = self._exchange.layout, self._plan.clocks
-        parts, numbers = [], []
+        parts: list[Array] = []
+        numbers: list[int] = []
         for (first, rows), following in zip(self._chunks, [*self._chunks[1:], None], strict=True):
             count = rows.shape[1] if following is None else min(rows.shape[1], following[0] - first)
             parts.append(rows[:, :count])
@@ -628,8 +643,8 @@ class Batch:
 
     def _forget(self) -> None:
         self._keep: list[Any] = []
-        self._lanes = {}
-        self._engines = []
+        self._lanes: dict[Member, _Lanes] = {}
+        self._engines: list[BoundEngine | None] = []
 
     def close(self) -> None:
         """Free the copies' own instances; the system stays."""

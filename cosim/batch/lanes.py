@@ -24,7 +24,6 @@ from cosim.batch.statements import (
     Statement,
     Work,
     read_function,
-    without_comments,
 )
 
 FUNCTIONS = frozenset(
@@ -142,12 +141,11 @@ class Structs:
             self.code[name] = f"typedef struct {{\n{body}\n}} {name};\n".replace("double ", "lanes ")
 
 
-def translated(model: str, outputs: Iterable[int]) -> tuple[str, list[str]]:
-    """The functions of a `model.c` over lanes, of which the outputs with these slots are needed; with their names.
+def translated(code: str, outputs: Iterable[int]) -> tuple[str, list[str]]:
+    """The functions of a `model.c` without comments over lanes, of which the outputs with these slots are needed; with their names.
 
     Raises NotRead for what is not written as the generator writes it.
     """
-    code = without_comments(model)
     structs = Structs(code)
     tables = {name: kind for kind, name in _TABLE.findall(code)}
     fixed = Fixed()
@@ -214,10 +212,10 @@ class _Function:
                     self._live.update(s.value.names())
             elif isinstance(s, If):
                 body = self._wanted(s.body)
-                if not body:
-                    continue
-                self._live.update(s.condition.names())
-                s = If(s.condition, tuple(body))
+                if body:
+                    self._live.update(s.condition.names())
+                    kept.append(If(s.condition, tuple(body)))
+                continue
             elif not self._writes_needed(s):
                 continue
             kept.append(s)

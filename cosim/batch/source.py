@@ -47,10 +47,9 @@ class LaneSource:
     """What lanes of an FMU are made of.
 
     Attributes:
-        model: text of its `model.c`.
+        model: text of its `model.c` without comments.
         fields: of the runtime's FmuModel that are not 0, as text.
         rows: its variables, by value reference.
-        bounds: beyond which a state has blown up, as text, by state.
         files: C files and headers by path below `sources/`.
     """
 
@@ -128,7 +127,7 @@ def lane_source(fmu: FmuFile) -> LaneSource:
     files = _sources(fmu.path)
     if "model.c" not in files:
         raise NoLanes("it has no sources" if not files else "it is a system in one FMU")
-    model = files["model.c"].decode()
+    model = without_comments(files["model.c"].decode())
     found = _MODEL.search(model)
     if found is None:
         raise NoLanes("its sources are those of another version of build-fmus")
@@ -143,7 +142,7 @@ def lane_source(fmu: FmuFile) -> LaneSource:
         raise NoLanes("it has no equations")
     if any(files.get(name) != data for name, data in _expected(frozenset(files)).items()):
         raise NoLanes("its sources are those of another version of build-fmus: build it again")
-    rows = tuple(map(_row, _ROW.findall(without_comments(model).partition("variables[] = {")[2].partition("\n};")[0])))
+    rows = tuple(map(_row, _ROW.findall(model.partition("variables[] = {")[2].partition("\n};")[0])))
     if len(rows) != int(fields.get("n_variables", "0")):
         raise NoLanes("its sources are those of another version of build-fmus")
     return LaneSource(model, fields, rows, files)

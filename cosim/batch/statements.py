@@ -8,14 +8,15 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import lru_cache
+from typing import NamedTuple
 
 
 class NotRead(Exception):  # noqa: N818
     """Code that is not written as the generator writes it; the argument says what."""
 
 
-@dataclass(frozen=True)
-class Expression:
+class Expression(NamedTuple):
     """`kind`: number, name, member (pointer->name), index (array[i]), flat (all of a vector), unary, binary, call or cast; `text`: number,
     name, operator or function; `parts`: operands."""
 
@@ -93,6 +94,7 @@ def without_comments(code: str) -> str:
     return _COMMENT.sub(" ", code)
 
 
+@lru_cache(maxsize=16)
 def read_function(code: str, name: str) -> tuple[Statement, ...] | None:
     """Statements of a generated function of a `model.c` without comments; None where there is no such function."""
     found = re.search(_FUNCTION.format(name=name), code, re.DOTALL | re.MULTILINE)
@@ -104,12 +106,13 @@ class _Reader:
         self._tokens: list[str] = []
         self._at, place = 0, 0
         code = code.rstrip()
-        while place < len(code):
-            match = _TOKEN.match(code, place)
-            if match is None:
-                raise NotRead(f"its code has '{code[place : place + 20].strip()}'")
+        for match in _TOKEN.finditer(code):
+            if match.start() != place:
+                break
             self._tokens.append(match[match.lastindex or 0])
             place = match.end()
+        if place < len(code):
+            raise NotRead(f"its code has '{code[place : place + 20].strip()}'")
 
     # Tokens.
 

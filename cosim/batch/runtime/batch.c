@@ -126,7 +126,7 @@ static void record(const Group *g, int64_t tick) {
         const int there = g->alive >> i & 1u;
         for (size_t k = 0; k < b->n_recorded; k++) {
             const double value = ((const double *)&g->values[b->recorded[k]])[i];
-            to[k] = there ? value * b->record_scale[k] + b->record_offset[k] : NAN;
+            to[k] = !there ? NAN : b->record_converted[k] ? value * b->record_scale[k] + b->record_offset[k] : value;
         }
     }
 }

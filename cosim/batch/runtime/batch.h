@@ -54,6 +54,7 @@ typedef struct {
     BatchFailure *failures;   /* of all copies */
     const uint32_t *recorded;
     const double *record_scale, *record_offset;
+    const uint8_t *record_converted;
     size_t n_recorded;
     double *rows;             /* copies x n_rows x n_recorded */
     int64_t first_row, n_rows; /* number of the sample in the first row */
