@@ -15,13 +15,13 @@ import numpy as np
 import numpy.typing as npt
 
 from build_fmus.checks import did_you_mean, whole_number
-from cosim.batch.library import Target, batch_library, choose_target, interface, lane_library
+from cosim.batch.library import Target, choose_target, interface, lane_library
 from cosim.batch.source import LaneSource, NoLanes, lane_source
-from cosim.component import EndRequested
+from cosim.batch.structs import HEADER, CopyFailure, Lanes, Structs, aligned
 from cosim.description import Variable
-from cosim.engine.compiled import BoundEngine, CompiledExchange
-from cosim.engine.plan import MemberPlan, Plan, make_plan
-from cosim.errors import CallFailed, ComponentError, CosimError, TimeError, UnconnectedInputsWarning, WiringError
+from cosim.engine.compiled import CompiledExchange
+from cosim.engine.plan import Plan, make_plan
+from cosim.errors import ComponentError, CosimError, TimeError, UnconnectedInputsWarning, WiringError
 from cosim.fmu.component import FmuComponent
 from cosim.interrupt import HeldInterrupt
 from cosim.master.exchange import Exchange
@@ -31,27 +31,12 @@ from cosim.signals import Array
 from cosim.system.members import Member
 from cosim.time import TimeLike, positive, rational
 
-_HEADER = 8  # rows of a group's memory before the values of its instances (lane_member.h)
 _STATE = 96  # bytes of a serialized state before these values (fmu_core.c)
 _PIECE = 0.1  # s of wall time between looks at Ctrl-C
-_TYPES = {"FMU_FLOAT64": 0, "FMU_INT32": 1, "FMU_BOOLEAN": 2}
 
 
 class CopyFailedWarning(UserWarning):
     """A copy has ended with an error; the others continue."""
-
-
-@dataclass(frozen=True)
-class CopyFailure:
-    """Why a copy has ended: its index, the member that failed, the time [s] at which its step began, and the message."""
-
-    copy: int
-    member: str
-    time: float
-    message: str
-
-    def __str__(self) -> str:
-        return f"copy {self.copy} ended at t = {self.time:.9g} s: {self.message}"
 
 
 @dataclass(frozen=True)
@@ -69,24 +54,6 @@ class BatchRecording:
             raise KeyError(f"'{name}' was not recorded{did_you_mean(name, self.names)}")
         found: Array = self.data[:, :, self.names.index(name)]
         return found
-
-
-@dataclass
-class _Lanes:
-    """A member whose copies lie side by side."""
-
-    source: LaneSource
-    library: Any
-    memory: npt.NDArray[np.float64]  # (groups, rows, lanes)
-
-    def row(self, variable: Variable) -> int:
-        """Where a variable is."""
-        found = self.source.rows[variable.reference]
-        return _HEADER + self.source.first(found.role) + found.slot + variable.index
-
-    def values(self) -> npt.NDArray[np.float64]:
-        """Parameters, inputs, states, derivatives and outputs (groups, values, lanes)."""
-        return self.memory[:, _HEADER : _HEADER + self.source.n_values]
 
 
 class Batch:
@@ -294,7 +261,11 @@ class Batch:
         self._alive[self.copies :] = 0
         self._alive[list(errors)] = 0
         self._start_lanes()
-        self._bind(exchanges)
+        self._structs = Structs(
+            self._plan, self._exchange, exchanges, self._lanes, self._alone, self._values, self._alive, self._target, self.threads
+        )
+        self._tick = self._exchange.tick
+        self._chunks: list[tuple[int, npt.NDArray[np.float64]]] = []  # number of the first sample, samples
         for copy in sorted(errors):
             self._ended(CopyFailure(copy, errors[copy].component, float(self._start_time), str(errors[copy])))
 
@@ -325,107 +296,22 @@ class Batch:
         self._plan: Plan = make_plan(exchange)
         self._exchange = exchange
         lanes, groups = self._target.lanes, self._groups
-        self._values = _aligned(groups, self._plan.size, lanes)
+        self._values = aligned(groups, self._plan.size, lanes)
         self._alive = np.ones(groups * lanes, dtype=np.uint8)
         for m in sources:
             source, outputs = self._sources[m], exchange.layout.places[m].outputs
             shown = tuple(sorted({source.rows[v.reference].slot + v.index for v in outputs if source.rows[v.reference].role == "FMU_OUTPUT"}))
             library = lane_library(source, shown, self._target)
-            self._lanes[m] = _Lanes(source, library, _aligned(groups, library.cosim_lanes_rows(), lanes))
+            self._lanes[m] = Lanes(source, library, aligned(groups, library.cosim_lanes_rows(), lanes))
 
     def _start_lanes(self) -> None:
         ffi, base = interface(), self._exchange.base
         for m, lanes in self._lanes.items():
             begin = float(base.start + m.offset)
             lanes.memory[:, 0:2] = begin
-            lanes.memory[:, 2:_HEADER] = 0.0
+            lanes.memory[:, 2:HEADER] = 0.0
             for group in lanes.memory:
                 lanes.library.cosim_lanes_prepare(ffi.cast("void*", group.ctypes.data))
-
-    def _bind(self, exchanges: Sequence[Exchange | None]) -> None:
-        """The plan as the structs of batch.h."""
-        ffi, plan = interface(), self._plan
-        self._keep = []
-        self._engines = []
-        if self._alone:
-            self._engines = [None if e is None else BoundEngine(e, ()) for e in exchanges]
-            # Where a copy could not be initialized nothing is called.
-            pointers = [ffi.NULL if e is None else ffi.cast("Engine*", e.struct) for e in self._engines]
-            pointers += [ffi.NULL] * (self._groups * self._target.lanes - self.copies)
-            self._alone_engines = self._new("Engine*[]", pointers)
-        self._members = self._new("BatchMember[]", len(plan.members))
-        for number, (struct, member) in enumerate(zip(self._members, plan.members, strict=True)):
-            self._fill(struct, member, number)
-        self._batch = b = self._new("Batch*")
-        b.members, b.n_members, b.n_discrete = self._members, len(plan.members), plan.n_discrete
-        b.clocks = self._new("EngineClock[]", [{"period": c.period, "offset": c.offset} for c in plan.clocks])
-        b.n_clocks = len(plan.clocks)
-        b.a, b.b, b.d = plan.time
-        b.n_copies_of_system, b.n_groups = self.copies, self._groups
-        b.values, b.n_values = self._address("char*", self._values), plan.size
-        b.alive = self._address("uint8_t*", self._alive)
-        self._failures = self._new("BatchFailure[]", len(self._alive))
-        b.failures = self._failures
-        scale, offset = self._exchange.layout.record_conversion
-        b.recorded, b.n_recorded = self._array("uint32_t", plan.recorded), len(plan.recorded)
-        b.record_scale, b.record_offset = self._array("double", scale), self._array("double", offset)
-        b.record_converted = self._array("uint8_t", (np.asarray(scale) != 1.0) | (np.asarray(offset) != 0.0))
-        self._workers = [self._worker() for _ in range(self.threads)]
-        self._tick = self._exchange.tick
-        self._chunks: list[tuple[int, npt.NDArray[np.float64]]] = []  # number of the first sample, samples
-
-    def _worker(self) -> Any:
-        plan = self._plan
-        w = self._new("BatchWorker*")
-        w.next, w.due = self._new(f"int64_t[{len(plan.clocks)}]"), self._new(f"bool[{len(plan.clocks)}]")
-        w.list = self._new(f"int32_t[{len(plan.members)}]")
-        return w
-
-    def _fill(self, m: Any, plan: MemberPlan, number: int) -> None:
-        ffi = interface()
-        m.clock, m.step, m.look_before, m.number = plan.clock, plan.step, plan.look_before, number
-        copies = [*plan.remember, *plan.show]
-        m.copies = self._new("EngineCopy[]", [{"to": c.to, "from": c.source, "n": c.n} for c in copies]) if copies else ffi.NULL
-        m.n_copies_before, m.n_copies = len(plan.remember), len(copies)
-        m.stamp = -1 if plan.stamp is None else plan.stamp
-        m.index, m.n_inputs = self._array("uint32_t", plan.index), len(plan.index)
-        if plan.scale is not None and plan.offset is not None:
-            m.scale, m.offset = self._array("double", plan.scale), self._array("double", plan.offset)
-        m.lines = self._new("EngineLine[]", [list(line) for line in plan.lines]) if plan.lines else ffi.NULL
-        m.n_lines, m.first, m.n_outputs = len(plan.lines), plan.first, plan.n_outputs
-        if plan.member in self._alone:
-            reads = {int(i) for i in plan.index} | {i for line in plan.lines for i in line[1:4]}
-            m.reads, m.n_reads = self._array("uint32_t", sorted(reads)), len(reads)
-            m.alone = self._alone_engines
-            return
-        lanes, place = self._lanes[plan.member], self._exchange.layout.places[plan.member]
-        m.run = ffi.cast("BatchStep", lanes.library.cosim_lanes_step)
-        m.memory, m.stride = self._address("char*", lanes.memory), lanes.memory[0].nbytes
-        rows = lanes.source.rows
-        m.to = self._array("uint32_t", [lanes.row(v) for v in place.inputs])
-        setattr(m, "from", self._array("uint32_t", [lanes.row(v) for v in place.outputs]))
-        types = [_TYPES[rows[v.reference].type] for v in place.inputs]
-        m.to_type = self._array("uint8_t", types)
-        m.from_type = self._array("uint8_t", [_TYPES[rows[v.reference].type] for v in place.outputs])
-        largest = float(np.finfo(float).max)
-        limited = [rows[v.reference] if kind else None for v, kind in zip(place.inputs, types, strict=True)]
-        m.least = self._array("double", [max(r.least, -largest) if r else -largest for r in limited])
-        m.most = self._array("double", [min(r.most, largest) if r else largest for r in limited])
-        m.checked = any(types) or plan.scale is not None or bool(plan.lines)
-
-    def _new(self, *what: Any) -> Any:
-        made = interface().new(*what)
-        self._keep.append(made)
-        return made
-
-    def _array(self, of: str, values: Sequence[float] | npt.NDArray[Any]) -> Any:
-        types = {"uint32_t": np.uint32, "double": np.float64, "uint8_t": np.uint8}
-        array = np.array(values, dtype=types[of])
-        return self._address(f"{of}*", array)
-
-    def _address(self, of: str, array: npt.NDArray[Any]) -> Any:
-        self._keep.append(array)
-        return interface().cast(of, array.ctypes.data)
 
     # Stepping.
 
@@ -513,78 +399,33 @@ class Batch:
     def _make_room(self, end: int) -> None:
         period = self._plan.clocks[-1].period
         first, last = -(-self._tick // period), end // period
-        b = self._batch
         count = last - first + 1 if self._plan.recorded else 0
         rows = np.full((self.copies, max(count, 0), len(self._plan.recorded)), np.nan)
         if count > 0:
             self._chunks.append((first, rows))
         self._rows = rows
-        b.rows, b.first_row, b.n_rows = interface().cast("double*", rows.ctypes.data), first, rows.shape[1]
+        self._structs.record_to(rows, first)
 
     def _run(self, end: int) -> None:
         """One piece, by all threads."""
-        b, run = self._batch, batch_library(self._target).cosim_batch_run
-        b.next_group, b.cancel = 0, 0
+        run, workers = self._structs.run, self._structs.workers[: min(self.threads, self._groups)]
         before = self._alive.copy()
-        count = min(self.threads, self._groups)
-        if count == 1:
-            run(b, self._workers[0], self._tick, end)
+        self._structs.batch.next_group = 0
+        if len(workers) == 1:
+            run(workers[0], self._tick, end)
         else:
             if self._pool is None:
                 self._pool = ThreadPoolExecutor(self.threads, thread_name_prefix="cosim-batch")
-            list(self._pool.map(lambda w: run(b, w, self._tick, end), self._workers[:count]))
+            list(self._pool.map(lambda w: run(w, self._tick, end), workers))
         self._tick = end
         for copy in np.flatnonzero(before != self._alive):
-            self._ended(self._failure(int(copy)))
+            self._ended(self._structs.failure(int(copy)))
 
     # What failed.
 
     def _ended(self, failure: CopyFailure) -> None:
         self.failures.append(failure)
         warnings.warn(str(failure), CopyFailedWarning, stacklevel=4)
-
-    def _failure(self, copy: int) -> CopyFailure:
-        found = self._failures[copy]
-        member = self._plan.members[found.member].member
-        t = self._exchange.base.seconds(found.tick)
-        if member in self._lanes:
-            return CopyFailure(copy, member.name, t, self._lane_message(copy, member, found))
-        engine = self._engines[copy]
-        assert engine is not None
-        # What is raised is what a run of this copy alone would raise.
-        try:
-            if found.result == engine.NOT_FINITE:
-                text = f"component '{member.name}': an output is not finite"
-            else:
-                engine.fail(member, found.call, found.status, t)
-                text = f"component '{member.name}' failed"
-        except CallFailed as failure:
-            text = str(ComponentError(failure, t, None))
-        except EndRequested as request:
-            text = str(request)
-        return CopyFailure(copy, member.name, t, text)
-
-    def _lane_message(self, copy: int, member: Member, found: Any) -> str:
-        """In the words of the FMU (fmu_core.c)."""
-        group, lane = divmod(copy, self._target.lanes)
-        lanes, place = self._lanes[member], self._exchange.layout.places[member]
-        memory = lanes.memory[group, :, lane]
-        if found.result == self._refused:
-            row = lanes.source.rows[place.inputs[found.call].reference]
-            value = float(memory[lanes.row(place.inputs[found.call])])
-            why = "is not finite" if not np.isfinite(value) else f"is outside its range [{row.least:.9g}, {row.most:.9g}]"
-            return f"component '{member.name}': value {value:.9g} for {row.name} {why}"
-        kind, slot, when, value = (int(memory[4]), int(memory[5]), float(memory[6]), float(memory[7]))
-        role = "FMU_OUTPUT" if kind == 3 else "FMU_STATE"
-        name = lanes.source.name_of(role, slot)
-        if kind != 1:
-            return f"component '{member.name}': {name} is not finite at time {when:.9g} s"
-        return (
-            f"component '{member.name}': state {name} left all bounds at time {when:.9g} s: it is {value:g}, beyond "
-            f"{lanes.source.bound(slot):g}; look at inputs and parameters, and try a shorter solver.step"
-        )
-
-    _refused = 101  # BATCH_INPUT_REFUSED
 
     # Looking at it.
 
@@ -642,9 +483,7 @@ class Batch:
     # The end.
 
     def _forget(self) -> None:
-        self._keep: list[Any] = []
-        self._lanes: dict[Member, _Lanes] = {}
-        self._engines: list[BoundEngine | None] = []
+        self._lanes: dict[Member, Lanes] = {}
 
     def close(self) -> None:
         """Free the copies' own instances; the system stays."""
@@ -672,10 +511,3 @@ def _cores() -> int:
     if hasattr(os, "sched_getaffinity"):
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1
-
-
-def _aligned(groups: int, rows: int, lanes: int) -> npt.NDArray[np.float64]:
-    """Zeros (groups, rows, lanes) that begin at a multiple of 64 bytes, as vectors must."""
-    raw = np.zeros(groups * rows * lanes + 8)
-    begin = (-raw.ctypes.data % 64) // 8
-    return raw[begin : begin + groups * rows * lanes].reshape(groups, rows, lanes)

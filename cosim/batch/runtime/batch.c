@@ -7,8 +7,6 @@
 #include "batch.h"
 #include "environment.h"
 
-#include <limits.h>
-
 typedef struct {
     Batch *b;
     BatchWorker *w;
@@ -31,9 +29,6 @@ static void end_copies(Group *g, unsigned failed, int32_t member, int64_t tick, 
 }
 
 INLINE double time_of(const Batch *b, int64_t tick) { return (double)(tick * b->a + b->b) / (double)b->d; }
-
-/* Inputs of a member, converted and extrapolated: input i of all copies. */
-INLINE lanes input(const lanes *values, const BatchMember *m, size_t i) { return values[m->index[i]]; }
 
 /* An input that is no real number, as the FMI call takes it. */
 static lanes as_type(lanes u, int type) {
@@ -200,14 +195,9 @@ static void run_group(Group *g, int64_t tick, int64_t end) {
 EXPORT void cosim_batch_run(Batch *b, BatchWorker *w, int64_t tick, int64_t end) {
     for (;;) {
         const int64_t group = __atomic_fetch_add(&b->next_group, 1, __ATOMIC_RELAXED);
-        if (group >= b->n_groups || b->cancel) return;
+        if (group >= b->n_groups) return;
         Group g = {.b = b, .w = w, .group = group, .values = (lanes *)b->values + (size_t)group * b->n_values};
         for (int i = 0; i < LANES; i++) g.alive |= (unsigned)b->alive[group * LANES + i] << i;
         if (g.alive) run_group(&g, tick, end);
-        else if (b->n_recorded) /* rows of copies that have all ended */
-            for (int i = 0; i < LANES && group * LANES + i < b->n_copies_of_system; i++) {
-                double *const to = b->rows + (size_t)(group * LANES + i) * (size_t)b->n_rows * b->n_recorded;
-                for (size_t k = 0; k < (size_t)b->n_rows * b->n_recorded; k++) to[k] = NAN;
-            }
     }
 }

@@ -59,7 +59,6 @@ typedef struct {
     double *rows;             /* copies x n_rows x n_recorded */
     int64_t first_row, n_rows; /* number of the sample in the first row */
     int64_t next_group;       /* to be done */
-    volatile int32_t cancel;  /* no further group */
 } Batch;
 
 /* What one thread needs. */
