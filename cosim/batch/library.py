@@ -29,26 +29,6 @@ void cosim_lanes_prepare(void *memory);
 unsigned cosim_lanes_step(void *memory, double t, double h, unsigned of);
 unsigned cosim_processor(void);
 """
-_PROCESSOR = """/* Vector instructions of this machine, one bit each. */
-#if defined(_WIN32)
-__declspec(dllexport)
-#else
-__attribute__((visibility("default")))
-#endif
-unsigned cosim_processor(void) {
-    unsigned found = 0;
-#if defined(__x86_64__)
-    __builtin_cpu_init();
-    if (__builtin_cpu_supports("avx2")) found |= 1u;
-    if (__builtin_cpu_supports("avx2") && __builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512dq") &&
-        __builtin_cpu_supports("avx512vl"))
-        found |= 2u;
-#endif
-    return found;
-}
-"""
-
-
 @dataclass(frozen=True)
 class Target:
     """Vector instructions: name, how many copies side by side, LANES_TARGET, and the bits that the processor must have."""
@@ -87,7 +67,8 @@ def interface() -> cffi.FFI:
 
 @lru_cache
 def _processor() -> int:
-    return int(_compiled({"processor.c": _PROCESSOR.encode()}, ("processor.c",), "processor").cosim_processor())
+    source = (_HERE / "processor.c").read_bytes()
+    return int(_compiled({"processor.c": source}, ("processor.c",), "processor").cosim_processor())
 
 
 @lru_cache
@@ -119,4 +100,6 @@ def _compiled(files: Mapping[str, bytes], sources: tuple[str, ...], name: str) -
             library = ObjectCache.of_user("batch").library(toolchain, [folder / s for s in sources], include, name)
         return interface().dlopen(str(library))
     except (CompileError, OSError) as error:
-        raise CosimError(f"a batch is compiled, and that failed: {str(error).splitlines()[0]}") from error
+        said = str(error).splitlines()
+        why = next((line for line in said if "error" in line), said[0])
+        raise CosimError(f"a batch needs a C compiler, and that failed: {why}") from error

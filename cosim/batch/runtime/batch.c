@@ -201,3 +201,7 @@ EXPORT void cosim_batch_run(Batch *b, BatchWorker *w, int64_t tick, int64_t end)
         if (g.alive) run_group(&g, tick, end);
     }
 }
+
+#if LANES_TARGET && defined(__clang__)
+#pragma clang attribute pop
+#endif

@@ -170,3 +170,7 @@ EXPORT void cosim_lanes_prepare(void *memory) {
     prepare((const Parameters *)P, &m->fixed);
 }
 EXPORT unsigned cosim_lanes_step(void *memory, double t, double h, unsigned of) { return step(memory, t, h, of); }
+
+#if LANES_TARGET && defined(__clang__)
+#pragma clang attribute pop
+#endif

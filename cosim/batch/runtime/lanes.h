@@ -14,7 +14,7 @@
 #include "equations.h"
 
 #if LANES_TARGET == 512 && defined(__clang__)
-#pragma clang attribute push(__attribute__((target("avx512f,avx512dq,avx512vl,avx2,evex512"))), apply_to = function)
+#pragma clang attribute push(__attribute__((target("avx512f,avx512dq,avx512vl,avx2"))), apply_to = function)
 #elif LANES_TARGET == 2 && defined(__clang__)
 #pragma clang attribute push(__attribute__((target("avx2"))), apply_to = function)
 #elif LANES_TARGET == 512
