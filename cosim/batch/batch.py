@@ -26,6 +26,7 @@ from cosim.fmu.component import FmuComponent
 from cosim.interrupt import HeldInterrupt
 from cosim.master.exchange import Exchange
 from cosim.master.simulation import Simulation
+from cosim.recording import Recording
 from cosim.session import System
 from cosim.signals import Array
 from cosim.system.members import Member
@@ -54,6 +55,10 @@ class BatchRecording:
             raise KeyError(f"'{name}' was not recorded{did_you_mean(name, self.names)}")
         found: Array = self.data[:, :, self.names.index(name)]
         return found
+
+    def one(self, copy: int) -> Recording:
+        """What was recorded of one copy."""
+        return Recording(self.time, list(self.names), np.asfortranarray(self.data[copy]), dict(self.units))
 
 
 class Batch:

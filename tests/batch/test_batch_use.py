@@ -74,6 +74,9 @@ def test_steps_in_pieces_are_those_in_one_go(bench: System) -> None:
         assert recording.time.tolist() == [k * 3 / 1000 for k in range(34)]
         assert recording.data.shape == (3, 34, len(recording.names))
         np.testing.assert_array_equal(recording["plant.body.z"], recording.data[:, :, recording.names.index("plant.body.z")])
+        one = recording.one(1)
+        assert (one.names, one.time.tolist()) == (recording.names, recording.time.tolist())
+        np.testing.assert_array_equal(one["plant.body.z"], recording["plant.body.z"][1])
         return recording.data
 
     np.testing.assert_array_equal(bits(run([0.1])), bits(run([0.001, 0.001, 0.0045, 0.006, 0.05, 0.1])))
