@@ -9,6 +9,7 @@
 ``hole_bump``       hole, flat and bump (paper 004)
 ``bumps``           test track of speed bumps (paper 001)
 ``iso8608``         random roads of ISO 8608, and off-road terrain
+``random_road``     random roads with class, seed and length as parameters
 ``shallow_trench``  shallow trench under the 6x6 (paper 003)
 ``bench``           motion of the bench's plate over time (paper 002)
 ``user_file``       a road from a user's file
@@ -24,6 +25,7 @@ from fmu_sources.roads.hole_bump import road_hole_bump
 from fmu_sources.roads.iso8608 import iso8608_table, road_iso8608, road_offroad
 from fmu_sources.roads.layout import RoadLayout, RoadScan, WheelPosition
 from fmu_sources.roads.perryman3 import perryman3_table, road_perryman3
+from fmu_sources.roads.random_road import road_random
 from fmu_sources.roads.road import Profile, Shape, road
 from fmu_sources.roads.shallow_trench import road_shallow_trench
 from fmu_sources.roads.speed_profile import speed_profile
@@ -50,6 +52,7 @@ __all__ = [
     "road_iso8608",
     "road_offroad",
     "road_perryman3",
+    "road_random",
     "road_shallow_trench",
     "road_sine",
     "speed_profile",
