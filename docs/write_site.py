@@ -33,6 +33,7 @@ MODULES = ("cosim", "cosim.study", "cosim.study.design", "cosim.study.sweep", "c
            "cosim.gym", "cosim.check", "build_fmus.component", "fmu_sources.catalog", "fmu_sources.vehicles")  # fmt: skip
 OTHERS = {"README.md": "index.md", "benchmarks/README.md": "benchmarks.md", "docs/fmus.md": "fmus/index.md"}
 """Pages of the site whose file is elsewhere in the repository, or has another name."""
+_SHIM = "https://unpkg.com/iframe-worker/shim"  # what the theme would fetch for search without a server; ours does the same
 _FENCE = re.compile(r"^```.*?^```", re.MULTILINE | re.DOTALL)
 _LINK = re.compile(r"(\]\()([^)\s#]*)(#[^)\s]*)?(\))")
 _SHOWN = {
@@ -94,7 +95,7 @@ class Pages:
                 shown = "\n".join(f"- `{n}`" for n in names)
             else:
                 shown = f"````{_SHOWN.get(file.suffix, 'text')}\n{file.read_text(encoding='utf-8')}\n````"
-            self.texts[found] = f"# {path}\n\n{shown}\n"
+            self.texts[found] = f"---\nsearch: {{exclude: true}}\n---\n\n# {path}\n\n{shown}\n"
         return found
 
 
@@ -196,7 +197,7 @@ def gather(
     import runpy
 
     pages = Pages()
-    files: dict[str, Path] = {"site.css": HERE / "site.css"}
+    files = {name: HERE / name for name in ("site.css", "iframe_worker.js")}
     for file in (ROOT / "README.md", ROOT / "benchmarks" / "README.md", *sorted(HERE.glob("*.md"))):
         source = file.relative_to(ROOT).as_posix()
         if source != "docs/fmus.md":
@@ -233,6 +234,11 @@ def build(fmus: Path, results: Path, site: Path = SITE) -> None:
     config = load_config(str(HERE / "mkdocs.yml"), docs_dir=str(site / "pages"), site_dir=str(site / "html"))
     config["nav"] = _filled(config["nav"], [p for p in texts if p.endswith(".md")])
     mkdocs_build(config)
+    for page in (site / "html").rglob("*.html"):
+        text = page.read_text(encoding="utf-8")
+        if _SHIM in text:
+            ours = posixpath.relpath("iframe_worker.js", page.parent.relative_to(site / "html").as_posix())
+            safe_files.write(page, text.replace(_SHIM, ours))
 
 
 def _filled(nav: Any, places: Sequence[str]) -> Any:
