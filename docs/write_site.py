@@ -30,7 +30,7 @@ SITE = ROOT / "build" / "site"
 NOTEBOOKS = ("tutorial", "control-design")
 """Pages whose code a reader runs from top to bottom."""
 MODULES = ("cosim", "cosim.study", "cosim.study.design", "cosim.study.sweep", "cosim.study.optimise", "cosim.study.calibration",
-           "cosim.gym", "cosim.check", "build_fmus.component", "fmu_sources.catalog", "fmu_sources.vehicles")  # fmt: skip
+           "cosim.batch", "cosim.gym", "cosim.check", "build_fmus.component", "fmu_sources.catalog", "fmu_sources.vehicles")  # fmt: skip
 OTHERS = {"README.md": "index.md", "benchmarks/README.md": "benchmarks.md", "docs/fmus.md": "fmus/index.md"}
 """Pages of the site whose file is elsewhere in the repository, or has another name."""
 _SHIM = "https://unpkg.com/iframe-worker/shim"  # what the theme would fetch for search without a server; ours does the same
