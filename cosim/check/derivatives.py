@@ -241,7 +241,7 @@ def difference(f: Callable[[float], Vector], at: float, size: float) -> Vector |
         gap = max((abs(x - y) for x, y in zip(coarse, fine, strict=True)), default=0.0)
         if scale == 0.0 and gap == 0.0:
             return fine
-        if math.isfinite(gap) and gap / scale < gap_of_best:
+        if scale > 0.0 and math.isfinite(gap) and gap / scale < gap_of_best:
             best, gap_of_best = fine, gap / scale
     return best if gap_of_best < AGREE else None
 

@@ -525,17 +525,15 @@ def _rest(c: Component, p: Any, g: Any, speed: Any) -> _Rest:
     def known(name: str, value: float, unit: str, text: str) -> Any:
         return c.parameter(name, float(value), unit, text, source="computed: rest of the car of the vehicle file, standing on a level road", nominal=0.1)
 
-    p.rest = SimpleNamespace(
-        height=known("rest.height", at[0], "m", "height of the CG at rest, from which body.z counts"),
-        pitch=known("rest.pitch", at[1], "rad", "pitch at rest"),
-    )
+    p.rest = SimpleNamespace(height=known("rest.height", at[0], "m", "height of the CG at rest, from which body.z counts"))
     for i, axle in enumerate(("front", "rear")):
         rest = SimpleNamespace(
             wheel_height=known(f"rest.{axle}.wheel_height", heights[i], "m", f"height of the {axle} wheel centres at rest, from which wheel.*.z counts"),
             travel=known(f"rest.{axle}.travel", at[2 + i], "m", f"travel of the {axle} wheels at rest, from which suspension.*.deflection counts"),
         )
         setattr(p.rest, axle, rest)
-    found = ca.vertcat(p.rest.height, p.rest.pitch, p.rest.front.travel, p.rest.rear.travel)
+    source = "computed: rest of the car of the vehicle file"
+    found = c.constant("rest_guess", at, None, "height of the CG, pitch and travels at rest", source=source, rows=("m", "rad", "m", "m"))
     for _ in range(_NEWTON):
         found = step(found, speed, symbols)[0]
     _, _, deep = _static(p, g, found, speed)
