@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterable
 from importlib import metadata
 
 from lxml import etree
 
-from build_fmus import units
+from build_fmus import quantities, units
 from build_fmus.compile import PLATFORMS, SOURCE_FLAGS
 from build_fmus.component import Model, Variable
 from build_fmus.generate import Reference, is_exact, references
@@ -21,7 +20,6 @@ LOG_CATEGORIES = {
     "logStatusError": "errors, with the variable concerned and the reason",
     "logStatusFatal": "fatal errors",
 }
-_CORNER = re.compile(r"(?:^|\.)(fl|fr|rl|rr|a[123][lr])(?:\.|$|\[)")
 _FMI2_TYPES = {"Float64": "Real", "Int32": "Integer", "Boolean": "Boolean"}
 
 
@@ -60,38 +58,36 @@ def build_description(name: str, sources: Iterable[str]) -> bytes:
 
 
 def terminals_and_icons(component: Model, *, arrays: bool = False) -> bytes:
-    """``terminalsAndIcons/terminalsAndIcons.xml`` of FMI 3.0: the icon, and one terminal per corner of the vehicle."""
+    """``terminalsAndIcons/terminalsAndIcons.xml`` of FMI 3.0: the icon, and inputs and outputs by what they belong to.
+
+    ``road.fl.height`` is the member ``height`` of the terminal ``fl`` in the terminal ``road`` (:func:`quantities.place`). The rule is
+    ``bus``: what both sides have is connected, since a vehicle feels the slope of a road whose rate of height it does not need.
+    """
     root = etree.Element("fmiTerminalsAndIcons", fmiVersion="3.0")
     graphics = etree.SubElement(root, "GraphicalRepresentation")
     box = {"x1": "-100", "y1": "-100", "x2": "100", "y2": "100"}
     etree.SubElement(graphics, "CoordinateSystem", **box, suggestedScalingFactorTo_mm="0.1")
     etree.SubElement(graphics, "Icon", **box)
-    corners: dict[str, list[str]] = {}
+    members: dict[tuple[str, ...], dict[str, str]] = {}  # by the names of the terminals around them
     for r in references(component, arrays=arrays):
-        v = r.variable
-        match = _CORNER.search(r.name)
-        if match and (v.role == "input" or v.output):
-            corners.setdefault(match.group(1), []).append(r.name)
-    if corners:
-        terminals = etree.SubElement(root, "Terminals")
-        for corner, names in corners.items():
-            terminal = etree.SubElement(
-                terminals, "Terminal", name=corner, matchingRule="none", description=f"signals of corner {corner}"
-            )
-            for name in names:
-                etree.SubElement(
-                    terminal,
-                    "TerminalMemberVariable",
-                    variableName=name,
-                    memberName=_without_corner(name, corner),
-                    variableKind="signal",
-                )
+        if r.variable.role == "input" or r.variable.output:
+            path, name = quantities.place(r.name, array=bool(r.shape))
+            for length in range(1, len(path) + 1):
+                members.setdefault(path[:length], {})
+            members[path].setdefault(name, r.name)
+    if members:
+        _terminals(etree.SubElement(root, "Terminals"), (), members)
     return serialize(root)
 
 
-def _without_corner(name: str, corner: str) -> str:
-    """``road.fl.height`` -> ``road.height``, ``force.fl`` -> ``force``, ``preview.fl[3]`` -> ``preview[3]``."""
-    return re.sub(rf"(^|\.){corner}(\.|\[|$)", lambda m: m[2] if m[2] == "[" else (m[1] and m[2]), name, count=1)
+def _terminals(parent: etree._Element, around: tuple[str, ...], members: dict[tuple[str, ...], dict[str, str]]) -> None:
+    """The terminals directly within those that are around, and what they hold."""
+    for path in [p for p in members if p[:-1] == around]:
+        text = f"inputs and outputs of {'.'.join(path)}"
+        terminal = etree.SubElement(parent, "Terminal", name=path[-1], matchingRule="bus", description=text)
+        for name, variable in members[path].items():
+            etree.SubElement(terminal, "TerminalMemberVariable", variableName=variable, memberName=name, variableKind="signal")
+        _terminals(terminal, path, members)
 
 
 def serialize(root: etree._Element) -> bytes:

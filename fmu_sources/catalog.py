@@ -541,6 +541,7 @@ _ROADS = {  # name -> maker in fmu_sources.roads (none: with the wheels of the v
     "RoadCurb": ("road_curb", "curb road of paper 000"),
     "RoadPerryman3": ("road_perryman3", "synthetic stand-in for the Perryman 3 test course"),
     "RoadProvingGround": ("", "synthetic RMS courses and a half-round under the full car"),
+    "RoadRandom": ("road_random", "random road, ISO 8608: class, seed and length are parameters"),
 }
 _GPC_PLANT = "FullCarHmmwvModified"
 _GPC = {

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 import zipfile
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from functools import cache
 from importlib import resources
 from typing import Any
@@ -17,6 +17,7 @@ from cosim.check.rules import Finding, NotApplicable, check, names, note, warnin
 from cosim.errors import FmuError
 from cosim.fmu.limits import Limits
 from cosim.fmu.xml import tree
+from cosim.terminals import BUS, FLOWS, PLUG, RULES
 
 Found = Iterator["str | tuple[int, str] | Finding"]
 
@@ -130,7 +131,7 @@ def sources(file: File) -> Found:
 
 
 @check(
-    "archive.terminals", "terminals keep to their schema and name variables that exist",
+    "archive.terminals", "terminals keep to their schema, name variables that exist, and can be matched",
     fmi3="2.4.9 Terminals and Icons",
     advice="Correct terminalsAndIcons/terminalsAndIcons.xml.",
 )  # fmt: skip
@@ -141,10 +142,45 @@ def terminals(file: File) -> Found:
     root = yield from _validated(file, path, "fmi3TerminalsAndIcons.xsd")
     if root is None:
         return
-    known = {n for v in file.model.variables for n in (v.name, *v.aliases)}
-    for element in root.iter("TerminalMemberVariable"):
-        if element.get("variableName") not in known:
-            yield f"{path}, line {element.sourceline}: there is no variable {element.get('variableName')!r}"
+    causality = {n: v.causality for v in file.model.variables for n in (v.name, *v.aliases)}
+    for element in root.iter("TerminalMemberVariable", "TerminalStreamMemberVariable"):
+        for attribute in ("variableName", "inStreamVariableName", "outStreamVariableName"):
+            name, at = element.get(attribute), f"{path}, line {element.sourceline}"
+            if name is None:
+                continue
+            if name not in causality:
+                yield f"{at}: there is no variable {name!r}"
+            elif causality[name] not in ("input", "output", "parameter", "calculatedParameter"):
+                yield f"{at}: variable {name!r} is {causality[name]}; a terminal has inputs, outputs and parameters"
+    for holder in root.iter("Terminals", "Terminal"):
+        yield from (f"{path}, line {line}: there is a terminal {name!r} already" for name, line in _twice(holder.iterfind("Terminal"), "name"))
+    for terminal in root.iter("Terminal"):
+        yield from (f"{path}, {text}" for text in _unmatchable(terminal))
+
+
+def _unmatchable(terminal: Any) -> Iterator[str]:
+    """Why members of a terminal cannot be matched."""
+    members = terminal.findall("TerminalMemberVariable")
+    rule, line = terminal.get("matchingRule", ""), f"line {terminal.sourceline}"
+    if rule not in RULES and "." not in rule:
+        yield f"{line}: matching rule {rule!r} is none of FMI's ({', '.join(RULES)}), nor a name in reverse domain notation"
+    if rule in (PLUG, BUS):
+        yield from (f"line {m.sourceline}: a member of a {rule} needs a memberName" for m in members if not m.get("memberName"))
+        yield from (f"line {at}: there is a member {name!r} already" for name, at in _twice(members, "memberName"))
+    flows = sum(m.get("variableKind") in FLOWS for m in members)
+    if terminal.find("TerminalStreamMemberVariable") is not None and flows > 1:
+        yield f"{line}: streams are carried by one flow, and this terminal has {flows}"
+
+
+def _twice(elements: Iterable[Any], attribute: str) -> Iterator[tuple[str, int]]:
+    """Names that an element before had, with the line."""
+    seen: set[str] = set()
+    for element in elements:
+        name = element.get(attribute)
+        if name in seen:
+            yield name, element.sourceline
+        if name:
+            seen.add(name)
 
 
 def _validated(file: File, path: str, schema: str) -> Any:

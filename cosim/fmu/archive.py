@@ -65,32 +65,36 @@ class Archive:
 
     def description(self) -> bytes:
         """modelDescription.xml, or what else is its main file."""
+        return self.xml(self.main)
+
+    def xml(self, name: str) -> bytes:
+        """The bytes of one of its XML files."""
         try:
             if self.is_folder:
-                file = self.path / self.main
-                self._check_description(file.stat().st_size)
+                file = self.path / name
+                self._check_xml(name, file.stat().st_size)
                 if not file.is_file():
-                    raise self.error(f"{self.path} is not an {self.kind}: its {self.main} is no file")
+                    raise self.error(f"{self.path} is not an {self.kind}: its {name} is no file")
                 return file.read_bytes()
             with self._opened() as archive:
                 self.names = archive.namelist()
-                if self.names.count(self.main) > 1:
-                    raise self.error(f"{self.path} is no {self.kind} to be trusted: it holds more than one {self.main}")
-                member = archive.getinfo(self.main)
-                self._check_description(member.file_size)
+                if self.names.count(name) > 1:
+                    raise self.error(f"{self.path} is no {self.kind} to be trusted: it holds more than one {name}")
+                member = archive.getinfo(name)
+                self._check_xml(name, member.file_size)
                 _check_method(member)
                 with archive.open(member) as stream:  # a part at a time: what is packed may be larger than it says
                     return b"".join(iter(lambda: stream.read(2**20), b""))
         except (KeyError, FileNotFoundError):
-            raise self.error(f"{self.path} is not an {self.kind}: it holds no {self.main}") from None
+            raise self.error(f"{self.path} is not an {self.kind}: it holds no {name}") from None
         except OSError as error:
             raise self.error(f"cannot read {self.path}: {error.strerror or error}") from None
         except _DAMAGED as error:
             reason = one_line(str(error))
             raise self.error(f"{self.path} is not an {self.kind} or is incomplete ({reason}); copy or build it again") from None
 
-    def _check_description(self, size: int) -> None:
-        self.limits.check("xml_bytes", size, f"{self.path}: its {self.main} has {_megabytes(size)}")
+    def _check_xml(self, name: str, size: int) -> None:
+        self.limits.check("xml_bytes", size, f"{self.path}: its {name} has {_megabytes(size)}")
 
     def _opened(self) -> zipfile.ZipFile:
         """The archive, whose directory is of a size that can be read."""

@@ -15,6 +15,7 @@ from rich.table import Table
 from rich.text import Text
 
 from cosim.description import RECORDABLE, Description, Variable, split_index
+from cosim.errors import FmuError
 from cosim.fmu.file import FmuFile
 from cosim.fmu.gate import Finding
 
@@ -47,6 +48,7 @@ def describe(fmu: str | os.PathLike[str] | FmuFile) -> Group:
     for title, variables in (("inputs", about.inputs), ("outputs", about.outputs), ("parameters", about.parameters)):
         if variables:
             parts.append(_variables(title, list(variables.values()), about))
+    parts += _terminals(fmu)
     verdict = fmu.verdict
     if verdict.findings:
         parts.append(_findings(f"deviations from FMI {about.fmi_version}", verdict.findings, verdict.more_findings))
@@ -116,6 +118,28 @@ def _variables(title: str, variables: Sequence[Variable], about: Description) ->
         source = (first.source or "",) if sourced else ()
         table.add_row(*map(Text, (name, first.unit_name, start, limits, first.fmi_type, text, *source)))
     return table
+
+
+def _terminals(fmu: FmuFile) -> list[Table]:
+    """What belongs together, if it says so: a row per terminal, those in others after these."""
+    try:
+        found = [t for terminal in fmu.terminals for t in terminal.all() if t.members or t.streams]
+    except FmuError as error:
+        table = Table(title="terminals", title_justify="left", title_style="bold", box=None)
+        table.add_row(Text(f"cannot be understood: {error}"))
+        return [table]
+    if not found:
+        return []
+    table = Table(title=f"terminals ({len(found)})", title_justify="left", title_style="bold", box=None)
+    for column in ("name", "rule", "members"):
+        table.add_column(column, overflow="fold")
+    for terminal in found:
+        streams = [m for s in terminal.streams for m in (s.entering, s.leaving)]
+        names = [m.name or m.variables[0] for m in (*terminal.members, *streams)]
+        shown = names if len(names) <= 8 else [*names[:3], "...", names[-1]]
+        kind = f", {terminal.kind}" if terminal.kind else ""
+        table.add_row(*map(Text, (terminal.path, terminal.rule + kind, "  ".join(shown))))
+    return [table]
 
 
 def _findings(title: str, findings: Sequence[Finding], more: int) -> Table:

@@ -16,12 +16,13 @@ from typing import Any
 import cosim.fmu.calls as fmi
 from cosim.description import Description
 from cosim.errors import FmuError, FmuWarning
-from cosim.fmu import gate
+from cosim.fmu import gate, terminals
 from cosim.fmu.archive import DESCRIPTION, Archive, check_library
 from cosim.fmu.isolation import IsolatedLibrary, Isolation, NoIsolation
 from cosim.fmu.limits import Limits
 from cosim.fmu.model_description import read
 from cosim.fmu.xml import tree
+from cosim.terminals import Terminal
 
 
 class Library:
@@ -148,6 +149,13 @@ class FmuFile:
         numbers = items.values()
         values = [int(n) if n.lstrip("-").isdecimal() and len(n) < 12 else k for k, n in enumerate(numbers, start=1)]
         return str(name), dict(zip(items, values, strict=True))
+
+    @cached_property
+    def terminals(self) -> tuple[Terminal, ...]:
+        """The terminals that it declares (FMI 3.0); none where it has no file of them. Raises FmuError for one that cannot be understood."""
+        if self.major == "2" or not self._archive.has(terminals.FILE):
+            return ()
+        return terminals.read(self._archive.xml(terminals.FILE), str(self.path), self.description, self._archive.limits)
 
     @property
     def binary(self) -> str:

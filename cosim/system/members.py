@@ -59,7 +59,7 @@ class Member:
 
 @dataclass(frozen=True)
 class Connection:
-    """source.output -> target.input, with target = scale * source + offset."""
+    """source.output -> target.input, with target = scale * source + offset. `flow`: what one gives the other takes, so nobody else may."""
 
     source: Member
     output: Variable
@@ -69,6 +69,7 @@ class Connection:
     extrapolate: bool = False
     scale: float = 1.0
     offset: float = 0.0
+    flow: bool = False
 
     @property
     def source_name(self) -> str:

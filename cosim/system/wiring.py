@@ -18,6 +18,7 @@ from cosim.fmu.component import FmuComponent
 from cosim.fmu.file import FmuFile
 from cosim.fmu.isolation import Isolation
 from cosim.fmu.isolation import require as require_isolation
+from cosim.system import terminals
 from cosim.system.members import Connection, Group, Member, article
 from cosim.system.names import Members, elements, fits_any
 from cosim.system.schedule import Schedule, make_schedule, unconnected
@@ -161,7 +162,10 @@ class Wiring:
         self, source: str, target: str, pattern: str = "*", *, delay: bool = False, extrapolate: bool = False
     ) -> list[Connection]:
         """Connect every output of `source` whose name fits `pattern` (wildcards * and ?) to the input of the same name
-        of `target`, unless that input is connected already. Returns the connections; raises if there is none."""
+        of `target`, unless that input is connected already. Returns the connections; raises if there is none.
+
+        Where an FMU declares terminals, names are also those that its variables have there (`terminal.member`), and two terminals of one name must
+        fit, see `connect_terminals`; WiringError says what does not."""
         from_member, to_member, fits = self[source], self[target], glob(pattern)
         offered, needed = from_member.description, to_member.description
         named = [(o.name, n) for o in offered.outputs.values() for n in offered.names(o) if fits(n)]
@@ -172,16 +176,61 @@ class Wiring:
             input_ = needed.canonical(name)
             if input_ in needed.inputs and f"{target}.{input_}" not in self.connections:
                 pairs.setdefault(input_, output)
-        if not pairs:
+        further = [
+            wire
+            for first, second in terminals.common(from_member, to_member)
+            if any(fits(n) for place in (first, second) for n in terminals.names(place.terminal))
+            for wire in terminals.wires(first, second, nested=False)
+            if wire.source is from_member and wire.input not in pairs and f"{target}.{wire.input}" not in self.connections
+            if any(fits(n) for n in (*wire.labels, wire.output))
+        ]
+        if not pairs and not further:
             raise WiringError(
                 f"no output of '{source}' that fits '{pattern}' has a free input of the same name in '{target}'; "
                 f"outputs: {_some(from_member.description.outputs)}; inputs: {_some(to_member.description.inputs)}"
             )
-        return [
+        made = [
             c
             for i, o in pairs.items()
             for c in self.connect(f"{source}.{o}", f"{target}.{i}", delay=delay, extrapolate=extrapolate)
         ]
+        return made + self._wired(further, delay=delay, extrapolate=extrapolate)
+
+    def connect_terminals(self, first: str, second: str, *, delay: bool = False, extrapolate: bool = False) -> list[Connection]:
+        """Connect two terminals, each written as `component.terminal` (`road.road.fl`, `car.road.fl`), in both directions, with the terminals in
+        them; `delay` and `extrapolate` as in `connect`, of every connection made. Returns the connections.
+
+        Members match as FMI 3.0 says (2.4.9.2): by name, all of a `plug`, those that both have of a `bus`; by order in a `sequence`. Flows change
+        their sign where both sides count alike, and what a stream carries out of one side enters the other. Of an FMU without terminals
+        (FMI 2.0), and of a component in Python, names make them: `road.fl.height` is the member `height` of `road.fl`, a bus. Parameters are
+        not wired. Raises WiringError naming terminal and member that do not fit, FmuError for an FMU whose terminals cannot be understood.
+        """
+        found = list(terminals.wires(terminals.find(self.members, first), terminals.find(self.members, second)))
+        if not found:
+            raise WiringError(f"terminals {first} and {second}: no output of one is an input of the other")
+        return self._wired(found, delay=delay, extrapolate=extrapolate)
+
+    def _wired(self, found: Iterable[terminals.Wire], *, delay: bool, extrapolate: bool) -> list[Connection]:
+        """Connect what terminals say, all or nothing."""
+        made: dict[str, Connection] = {}
+        flows = {c.source_name: c for c in self.connections.values() if c.flow}
+        for wire in found:
+            ends = [(m, m.description.find(v, m.name)) for m, v in ((wire.source, wire.output), (wire.target, wire.input))]
+            new = self._connection(ends[0], ends[1], delay=delay, extrapolate=extrapolate)
+            if wire.flow:
+                sign = -1.0 if wire.negated else 1.0
+                new = replace(new, flow=True, scale=sign * new.scale, offset=sign * new.offset)
+                if new.source_name in flows:
+                    raise WiringError(
+                        f"{wire.at}: {new.source_name} flows into {flows[new.source_name].target_name} already, and flows add up to "
+                        "zero where they meet; put a component between them that adds"
+                    )
+                flows[new.source_name] = new
+            if new.target_name in made:
+                raise WiringError(f"{wire.at}: {new.target_name} would be connected twice")
+            made[new.target_name] = new
+        self.connections.update(made)
+        return list(made.values())
 
     def disconnect(self, pattern: str) -> list[str]:
         """Remove the connections into the inputs whose full names fit `pattern` (`car.force.*`); returns the names.

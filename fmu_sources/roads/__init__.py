@@ -12,6 +12,7 @@
 ``rms_course``      profiles with the rms and spectrum of measured courses
 ``half_round``      half-round obstacle as a wheel rolls over it
 ``proving_ground``  RMS courses and half-round under one car
+``random_road``     random roads with class, seed and length as parameters
 ``enveloping``      what the centre of a rolling wheel follows
 ``shallow_trench``  shallow trench under the 6x6 (paper 003)
 ``bench``           motion of the bench's plate over time (paper 002)
@@ -29,6 +30,7 @@ from fmu_sources.roads.iso8608 import iso8608_table, road_iso8608, road_offroad
 from fmu_sources.roads.layout import RoadLayout, RoadScan, WheelPosition
 from fmu_sources.roads.perryman3 import perryman3_table, road_perryman3
 from fmu_sources.roads.proving_ground import road_proving_ground
+from fmu_sources.roads.random_road import road_random
 from fmu_sources.roads.road import Profile, Shape, road
 from fmu_sources.roads.shallow_trench import road_shallow_trench
 from fmu_sources.roads.speed_profile import speed_profile
@@ -56,6 +58,8 @@ __all__ = [
     "road_offroad",
     "road_perryman3",
     "road_proving_ground",
+    "road_random",
+    "road_rms_course",
     "road_shallow_trench",
     "road_sine",
     "speed_profile",

@@ -24,9 +24,9 @@ from build_fmus.compile import PLATFORMS, find_toolchain, host
 from build_fmus.generate import RUNTIME_DIR
 from cosim.fmu.file import FmuFile
 from cosim.fmu.gate import Verdict
+from cosim.terminals import by_names, by_path
 
 SCHEMAS = Path(fmpy.__file__).parent / "schema" / "fmi3"
-CORNERS = ("fl", "fr", "rl", "rr", "a1l", "a1r", "a2l", "a2r", "a3l", "a3r")
 PNG = b"\x89PNG\r\n\x1a\n"
 MATHEMATICS = {
     f"{n}{suffix}"
@@ -236,15 +236,25 @@ def test_dependencies_are_real(fmu: Library) -> None:
         a.free_state(state)
 
 
-def test_terminals_group_the_signals_of_a_corner(pair: tuple[Library, Library]) -> None:
+def test_terminals_hold_every_signal_once_under_its_name(pair: tuple[Library, Library]) -> None:
+    """`road.fl.height` is the member `height` of `road`, `fl`; what is read from the file is what names alone say (of FMI 2.0)."""
     fmu = pair[1]
     tree = etree.parse(fmu.folder / "terminalsAndIcons" / "terminalsAndIcons.xml")
-    grouped = {t.get("name"): {e.get("variableName") for e in t} for t in tree.iterfind(".//Terminal")}
-    signals = {k: {n for n in fmu.inputs + fmu.outputs if re.search(rf"(^|\.){k}(\.|$|\[)", n)} for k in CORNERS}
-    assert grouped == {corner: names for corner, names in signals.items() if names}
-    for terminal in tree.iterfind(".//Terminal"):
-        members = [e.get("memberName") for e in terminal]
-        assert len(members) == len(set(members))
+    members = list(tree.iterfind(".//TerminalMemberVariable"))
+    assert sorted(m.get("variableName") for m in members) == sorted(fmu.inputs + fmu.outputs)
+    for member in members:
+        around = [t.get("name") for t in reversed([*member.iterancestors("Terminal")])]
+        name, own = member.get("variableName"), member.get("memberName")
+        if "[" in name:
+            own = re.sub(r".*\[", "[", own)
+        assert name in (".".join(around) + own, ".".join([*around, own]), own)
+    files = [FmuFile(f.path) for f in pair]
+    assert files[0].terminals == ()
+    declared, named = (
+        {t.path: (t.rule, set(t.members)) for t in by_path(terminals).values()}
+        for terminals in (files[1].terminals, by_names(files[0].description))
+    )
+    assert declared == named
 
 
 SYSTEM_LIBRARIES = {"libc.so.6", "libdl.so.2", "/usr/lib/libSystem.B.dylib"}

@@ -82,9 +82,18 @@ def _sources(files: dict[str, bytes], version: int) -> None:
         files["sources/buildDescription.xml"] = text.encode()
 
 
-def _terminals(files: dict[str, bytes], version: int) -> None:  # noqa: ARG001
-    text = '<fmiTerminalsAndIcons fmiVersion="3.0"><Terminals><Terminal name="a" matchingRule="plug"><TerminalMemberVariable variableKind="signal" memberName="a" variableName="nobody"/></Terminal></Terminals></fmiTerminalsAndIcons>'
-    files["terminalsAndIcons/terminalsAndIcons.xml"] = text.encode()
+def _terminals(inner: str) -> Callable[[dict[str, bytes], int], None]:
+    """A file of terminals with this in it."""
+
+    def spoil(files: dict[str, bytes], version: int) -> None:  # noqa: ARG001
+        text = f'<fmiTerminalsAndIcons fmiVersion="3.0"><Terminals>{inner}</Terminals></fmiTerminalsAndIcons>'
+        files["terminalsAndIcons/terminalsAndIcons.xml"] = text.encode()
+
+    return spoil
+
+
+def _member(variable: str, name: str = 'memberName="a" ') -> str:
+    return f'<TerminalMemberVariable variableKind="signal" {name}variableName="{variable}"/>'
 
 
 STATES = ("saved.replay", "saved.parameters", "saved.states", "saved.serialize")
@@ -111,7 +120,12 @@ FAULTS = {
     "no-time": Fault(("description.capabilities",), versions=(3,), spoil=_replaced(r'<Float64 name="time"[^>]*/>', "")),
     "licence": Fault(("archive.layout",), versions=(3,), spoil=_licence),
     "sources": Fault(("archive.sources",), spoil=_sources),
-    "terminals": Fault(("archive.terminals",), versions=(3,), spoil=_terminals),
+    "terminals": Fault(("archive.terminals",), versions=(3,), spoil=_terminals(f'<Terminal name="a" matchingRule="plug">{_member("nobody")}</Terminal>')),
+    "terminal-of-time": Fault(("archive.terminals",), versions=(3,), spoil=_terminals(f'<Terminal name="a" matchingRule="bus">{_member("time")}</Terminal>')),
+    "terminal-rule": Fault(("archive.terminals",), versions=(3,), spoil=_terminals(f'<Terminal name="a" matchingRule="none">{_member("u")}</Terminal>')),
+    "terminal-member": Fault(("archive.terminals",), versions=(3,), spoil=_terminals(f'<Terminal name="a" matchingRule="bus">{_member("u", "")}</Terminal>')),
+    "terminal-twice": Fault(("archive.terminals",), versions=(3,), spoil=_terminals(f'<Terminal name="a" matchingRule="bus">{_member("u") * 2}</Terminal>')),
+    "terminals-alike": Fault(("archive.terminals",), versions=(3,), spoil=_terminals('<Terminal name="a" matchingRule="bus"/>' * 2)),
     "lost-library": Fault(("archive.implementation",), spoil=_replaced('modelIdentifier="faulty"', 'modelIdentifier="other"', count=2)),
     # ---------------------------------------------------------------------------------------------------------- binary
     "wrong-folder": Fault(("binary.header",), spoil=_moved_library),

@@ -1,0 +1,199 @@
+"""What is wired when two terminals are connected, by the rules of FMI 3.0 (2.4.9.2), and what does not fit.
+
+| rule | members match by | connected |
+|---|---|---|
+| `plug` | name | only if both sides have all of them |
+| `bus` | name | those that both sides have |
+| `sequence` | their order | only if both sides have as many |
+
+A plug may be connected to a bus that has all its members. The rule is about one level: terminals within terminals are connected by their
+own rules where both sides have one of that name.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+from build_fmus.checks import did_you_mean
+from cosim.errors import FmuError, FmuWarning, WiringError
+from cosim.fmu.component import FmuComponent
+from cosim.system.members import Member, article
+from cosim.system.names import Members
+from cosim.terminals import (
+    BUS,
+    FLOWS,
+    KINDS,
+    PLUG,
+    RULES,
+    SEQUENCE,
+    Terminal,
+    TerminalMember,
+    by_names,
+    by_path,
+    expanded,
+)
+
+
+@dataclass(frozen=True)
+class Place:
+    """A terminal of a component."""
+
+    member: Member
+    terminal: Terminal
+
+    def __str__(self) -> str:
+        return f"{self.member.name}.{self.terminal.path}"
+
+
+@dataclass(frozen=True)
+class Wire:
+    """Two variables to be connected. `labels`: what they are called in the terminals; `at`: these, for messages. `flow`: one of those that
+    add up to zero; `negated`: both sides count what flows towards them, or both what flows away."""
+
+    source: Member
+    output: str
+    target: Member
+    input: str
+    at: str
+    labels: tuple[str, ...]
+    flow: bool = False
+    negated: bool = False
+
+
+def of(member: Member, *, tolerant: bool = False) -> dict[str, Terminal]:
+    """The terminals of a component by path: those that it declares, else those by the structure of its names. Raises FmuError where its
+    file cannot be understood; if `tolerant` that is a warning, and names count."""
+    declared: tuple[Terminal, ...] = ()
+    if isinstance(member.component, FmuComponent):
+        try:
+            declared = member.component.fmu.terminals
+        except FmuError as error:
+            if not tolerant:
+                raise
+            warnings.warn(f"{error}; terminals follow from the names of variables instead", FmuWarning, stacklevel=4)
+    return by_path(declared or by_names(member.description))
+
+
+def find(members: Members, full: str) -> Place:
+    """`component.terminal`, with the names of the terminals around it. Raises WiringError with the nearest name."""
+    name, path = members.parts(full)
+    if name == full:
+        raise WiringError(f"'{full}': write component.terminal")
+    member = members[name]
+    there = of(member)
+    if path not in there:
+        listed = f"; it has {', '.join(list(there)[:12])}{', ...' if len(there) > 12 else ''}" if there else "; it has none"
+        raise WiringError(f"component '{name}' has no terminal '{path}'{did_you_mean(path, there) or listed}")
+    return Place(member, there[path])
+
+
+def wires(first: Place, second: Place, *, nested: bool = True) -> Iterator[Wire]:
+    """What connecting two terminals of different components wires, in both directions, with the terminals in them if `nested`. Raises
+    WiringError naming what does not fit."""
+    at = f"terminals {first} and {second}"
+    if first.member is second.member:
+        raise WiringError(f"{at}: both are of component '{first.member.name}'")
+    a, b = first.terminal, second.terminal
+    if a.kind and b.kind and a.kind != b.kind:
+        raise WiringError(f"{at}: their kinds differ, {a.kind!r} and {b.kind!r}")
+    for one, other in _matches(a, b, at):
+        yield from _wire(first, second, one, other, at, strict=BUS not in (a.rule, b.rule))
+    yield from _streams(first, second, at)
+    there = {t.path.rsplit(".", 1)[-1]: t for t in b.nested}
+    for inner in a.nested if nested else ():
+        if (name := inner.path.rsplit(".", 1)[-1]) in there:
+            yield from wires(Place(first.member, inner), Place(second.member, there[name]))
+
+
+def common(source: Member, target: Member) -> list[tuple[Place, Place]]:
+    """The terminals, those in others too, that two components both have by name and whose kinds and rules do not rule it out. None where
+    neither declares any: the names of their variables say the same."""
+    ours, theirs = of(source, tolerant=True), of(target, tolerant=True)
+    if not any(t.declared for t in (*ours.values(), *theirs.values())):
+        return []
+    return [
+        (Place(source, t), Place(target, theirs[path]))
+        for path, t in ours.items()
+        if path in theirs and _may_meet(t, theirs[path])
+    ]
+
+
+def _may_meet(a: Terminal, b: Terminal) -> bool:
+    return {a.rule, b.rule} <= set(RULES) and (not a.kind or not b.kind or a.kind == b.kind)
+
+
+def _matches(a: Terminal, b: Terminal, at: str) -> list[tuple[TerminalMember, TerminalMember]]:
+    """Members that belong together, by the rule."""
+    for terminal in (a, b):
+        if terminal.rule not in RULES:
+            raise WiringError(f"{at}: the matching rule {terminal.rule!r} is not known here; known are {', '.join(RULES)}")
+    if (a.rule == SEQUENCE) != (b.rule == SEQUENCE):
+        raise WiringError(f"{at}: their matching rules differ, {a.rule!r} and {b.rule!r}")
+    if a.rule == SEQUENCE:
+        if len(a.members) != len(b.members):
+            raise WiringError(f"{at}: a sequence of {len(a.members)} members and one of {len(b.members)}")
+        pairs = []
+        for i, (one, other) in enumerate(zip(a.members, b.members, strict=True), start=1):
+            if len(one.variables) != len(other.variables):
+                raise WiringError(f"{at}: their members number {i} have {len(one.variables)} and {len(other.variables)} elements")
+            pairs += list(zip(expanded((one,)), expanded((other,)), strict=True))
+        return pairs
+    ours, theirs = ({m.name: m for m in expanded(t.members)} for t in (a, b))
+    for rule, own, there, whose in ((a.rule, ours, theirs, "second"), (b.rule, theirs, ours, "first")):
+        missing = [name for name in own if name not in there]
+        if rule == PLUG and missing:
+            raise WiringError(f"{at}: a plug fits as a whole only, and the {whose} has no member {', '.join(map(repr, missing[:5]))}")
+    return [(m, theirs[name]) for name, m in ours.items() if name in theirs]
+
+
+def _wire(
+    first: Place, second: Place, one: TerminalMember, other: TerminalMember, at: str, *, strict: bool
+) -> Iterator[Wire]:
+    """The connection of two members, from the output to the input. Parameters are not wired."""
+    (name,), (opposite,) = one.variables, other.variables
+    kinds = [p.member.description.variables[v].causality for p, v in ((first, name), (second, opposite))]
+    if any("arameter" in kind for kind in kinds):
+        return
+    what = f"{at}: member {one.name or other.name or name!r}"
+    for m in (one, other):
+        if m.kind not in KINDS:
+            raise WiringError(f"{what} is of the kind {m.kind!r}, which is not known here; known are {', '.join(KINDS)}")
+    flow = one.kind in FLOWS
+    if flow != (other.kind in FLOWS):
+        raise WiringError(f"{what} is {article(one.kind)} on one side and {article(other.kind)} on the other")
+    if sorted(kinds) != ["input", "output"]:
+        if strict:
+            sides = f"{article(kinds[0])} on one side and {article(kinds[1])} on the other"
+            raise WiringError(f"{what} is {sides}; one must be an output and one an input")
+        return
+    ends = [(first, name, one), (second, opposite, other)]
+    (source, output, _), (target, input_, _) = ends if kinds[0] == "output" else ends[::-1]
+    labels = tuple(f"{p.terminal.path}.{m.name}" for p, _, m in ends if m.name)
+    yield Wire(source.member, output, target.member, input_, at, labels, flow, flow and one.kind == other.kind)
+
+
+def _streams(first: Place, second: Place, at: str) -> Iterator[Wire]:
+    """What leaves one side with the flow enters the other, where two terminals are connected."""
+    ours, theirs = ({(s.entering.name, s.leaving.name): s for s in p.terminal.streams} for p in (first, second))
+    if ours.keys() != theirs.keys() and BUS not in (first.terminal.rule, second.terminal.rule):
+        odd = sorted(name for _, name in ours.keys() ^ theirs.keys())
+        raise WiringError(f"{at}: only one of them has the stream {odd[0]!r}")
+    for key in [k for k in ours if k in theirs]:
+        for source, leaving, target, entering in (
+            (first, ours[key].leaving, second, theirs[key].entering), (second, theirs[key].leaving, first, ours[key].entering)
+        ):  # fmt: skip
+            if len(leaving.variables) != len(entering.variables):
+                sizes = f"{len(leaving.variables)} and {len(entering.variables)} elements"
+                raise WiringError(f"{at}: the two sides of stream {leaving.name!r} have {sizes}")
+            labels = (f"{source.terminal.path}.{leaving.name}", f"{target.terminal.path}.{entering.name}")
+            for o, i in zip(leaving.variables, entering.variables, strict=True):
+                yield Wire(source.member, o, target.member, i, at, labels)
+
+
+def names(terminal: Terminal) -> Iterator[str]:
+    """What patterns are compared with: `terminal.member` of its own members, and their variables."""
+    for m in (*expanded(terminal.members), *(m for s in terminal.streams for m in (s.entering, s.leaving))):
+        yield f"{terminal.path}.{m.name}"
+        yield from m.variables
