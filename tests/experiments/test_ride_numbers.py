@@ -399,6 +399,14 @@ def test_checks_fail_when_they_should(study: Results, check: str, where: tuple[s
     assert judged(study)[check][0]
 
 
+def test_a_study_of_one_car_is_not_judged(fmus: FmuSet) -> None:
+    alone = made_up.study(EXPERIMENT, lambda _: {}, found=found_by_hand, car="6x6")
+    page = report(alone, fmus)
+    assert not page.claims
+    assert {r["car"] for r in made_up.table(page, "six-watts")} == {"6x6 (003)"}
+    assert not judged(alone)["preview-is-faster"][0]
+
+
 def test_a_failed_search_leaves_its_row_out(study: Results, fmus: FmuSet) -> None:
     search = first(study, "6x6", "lqr", "1in")
     page = report(failed(study, search), fmus)
