@@ -277,12 +277,13 @@ def run_sweep(
     def kept_history(key: str) -> bool:
         return folder is None or (folder / history_name(key)).is_file()
 
-    first: dict[str, int] = {}  # two points of a design may be the same
+    seen: set[bytes] = set()  # two points of a design may be the same
     order, lost = [], 0
     for i in range(total):
         key = name(i)
-        if first.setdefault(key, i) != i:
+        if (short := bytes.fromhex(key)) in seen:
             continue
+        seen.add(short)
         if not usable(kept, key, failed=not retry_failed):
             order.append(i)
             continue
@@ -294,7 +295,7 @@ def run_sweep(
             continue
         if running is not None:
             running.add(text)
-    del first
+    del seen
     done = total - len(order)
     progress(done, total, lost)
     ship = replace(ship_of(sweep.experiment, fmus, [""], {"": salt}, execution, parameters=sweep.parameters), histories=folder)
