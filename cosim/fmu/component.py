@@ -82,6 +82,10 @@ class FmuComponent:
         self._kept: list[Action] = []  # what reads values of elements that nobody drives into the master's buffers
         self._step_arguments: list[Any] = [True]  # noSetFMUStatePriorToCurrentPoint, and FMI 3's flags
 
+    def twin(self) -> FmuComponent:
+        """Another component of the same FMU, with an instance of its own."""
+        return FmuComponent(self.fmu, self.isolation)
+
     # Life of the instance.
 
     def instantiate(self, name: str) -> None:
