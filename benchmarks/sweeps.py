@@ -91,17 +91,17 @@ def by_hand(_: int, points: Points) -> Any:
         return np.array(pool.map(_one, points, chunksize=max(1, len(points) // (8 * WORKERS))))
 
 
-_system: Any = None
+_here: dict[str, Any] = {}  # of a worker
 
 
 def _begin() -> None:
-    global _system
-    _system = sweeps_car.system()
+    _here["system"] = sweeps_car.system()
 
 
 def _one(point: tuple[float, ...]) -> list[float]:
-    _system["car"].set(dict(zip(VARIED, point, strict=True)))
-    recording = _system.run(END, record=sweeps_car.RECORD)
+    system = _here["system"]
+    system["car"].set(dict(zip(VARIED, point, strict=True)))
+    recording = system.run(END, record=sweeps_car.RECORD)
     return [float(np.mean(recording[f"car.{name}"])) for name in OUTPUTS]
 
 
