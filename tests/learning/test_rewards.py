@@ -65,10 +65,10 @@ def test_limits_of_the_trench(changed: dict[str, Sequence[float]], expected: flo
 
 def test_index_of_the_bench() -> None:
     """Its LQR's weights of the paper: each state on its own, then the force."""
-    still = {f"plant.{n}": [0.0, 0.0] for n in bench.STATES}
+    still = {f"plant.{n}": [0.0] * 3 for n in bench.STATES}
     for name, weight in zip(bench.STATES, bench.WEIGHTS, strict=True):
-        found = bench.cost(step({**still, f"plant.{name}": [0.1, -0.3]}, {"plant.force": 0.0}))
-        assert found == pytest.approx(-weight * 0.05, rel=1e-12)
+        found = bench.cost(step({**still, f"plant.{name}": [0.1, -0.3, 0.0]}, {"plant.force": 0.0}))
+        assert found == pytest.approx(-weight * 0.1 / 3, rel=1e-12)
     assert bench.cost(step(still, {"plant.force": 3.0})) == pytest.approx(-9.0 * bench.FORCE_WEIGHT, rel=1e-12)
 
 
