@@ -186,7 +186,7 @@ def test_depth_on_a_half_round_is_that_of_the_exact_area(ahead, height):
 
 
 def test_road_shows_what_tires_touch(vehicle):
-    road = road_half_round(RoadLayout.of(vehicle), radius=vehicle.tire.radius.value).model()
+    road = road_half_round(RoadLayout.of(vehicle)).model()
     run = Evaluator(road)
     names = [e.name for e in road.elements("input")]
     run.p = road.vector("parameter")
