@@ -10,7 +10,7 @@ ifeq ($(HOST_CC),)
 RUN_EXTRAS := studies,zig
 endif
 
-.PHONY: run studies test test-full test-courses test-platforms test-pythons release lint bench mutants fuzz fmus clean
+.PHONY: run studies test test-full test-courses test-platforms test-pythons release lint bench mutants fuzz docs fmus clean
 
 run: $(VENV)/.run
 	$(BIN)/build-fmus
@@ -68,6 +68,11 @@ mutants: $(VENV)/.test
 fuzz: $(VENV)/.test
 	$(BIN)/build-fmus
 	$(BIN)/python -m tests.fuzz --cases 1000000
+
+# The documentation as a site: build/site/html/index.html, with the reports that `make studies` has left.
+docs: $(VENV)/.test
+	$(BIN)/build-fmus
+	$(BIN)/python docs/write_site.py
 
 fmus: $(VENV)/.run
 	$(BIN)/build-fmus

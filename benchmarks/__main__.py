@@ -13,6 +13,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from benchmarks import (
+    batch,
     chain,
     exchange_lag,
     fmu_cost,
@@ -80,6 +81,7 @@ def main() -> None:
         "saved states of one corner": states.measure(),
         "one corner by hand, and in real time": states.by_hand(),
         learning.TITLE: learning.measure(),
+        batch.TITLE: batch.measure(),
         "contact plant of paper 003, trench of 1.5 m at 3 km/h": trench_plant.measure(),
         "solver step checked at initialization": solver_check.measure(),
         "mathematical library inside the FMUs": mathematics.measure(),

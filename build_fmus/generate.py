@@ -16,7 +16,7 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from build_fmus import qp
+from build_fmus import qp, random_profiles
 from build_fmus.component import Model, Variable
 from build_fmus.equations.functions import Functions
 from build_fmus.equations.names import WIDTH, Struct
@@ -203,6 +203,7 @@ def generate_c(component: Model, *, arrays: bool, token: str, clocks: bool = Fal
     """The complete ``model.c`` of a component; deterministic for a given CasADi version. ``clocks``: of FMI 3.0, a discrete component may be
     sampled by a clock."""
     functions = written_functions(component)
+    headers = ["equations.h", "fmu_model.h", *(random_profiles.HEADERS if component.profiles else ())]
     refs = references(component, arrays=arrays)
     states = component.of("state")
     hidden = [v for v in states if not v.exposed]
@@ -229,7 +230,7 @@ def generate_c(component: Model, *, arrays: bool, token: str, clocks: bool = Fal
         fields |= {"hidden": "hidden", "n_hidden": len(hidden)}
     fields |= {f"n_{r}s": size(r) for r in ("parameter", "input", "state", "output")}  # type: ignore[arg-type]
     fields |= {"n_work": functions.n_work, "start": "(const double *)&start" if start else None}
-    fields |= {name: name for name in functions.names}
+    fields |= {name: name for name in functions.names if name not in random_profiles.FUNCTIONS}
     if continuous and states:
         for name, values in (("nominals", [v.nominal or 1.0 for v in states]), ("bounds", [_bound(v) for v in states])):
             each = (_number(x) for v, x in zip(states, values, strict=True) for _ in range(v.size))
@@ -258,8 +259,7 @@ def generate_c(component: Model, *, arrays: bool, token: str, clocks: bool = Fal
     return "\n".join(
         [
             _head(component),
-            '#include "equations.h"',
-            '#include "fmu_model.h"',
+            *(f'#include "{name}"' for name in headers),
             "",
             functions.declarations,
             "",
@@ -303,12 +303,20 @@ def runtime_files(component: Model) -> tuple[str, ...]:
     files = [*RUNTIME_SOURCES, *RUNTIME_HEADERS]
     if component.programs:
         files += [*qp.SOURCES, *qp.HEADERS, *(f for q in component.programs for b in q.solvers for f in b.sources)]
+    if component.profiles:
+        files += [*random_profiles.SOURCES, *random_profiles.HEADERS]
     return tuple(dict.fromkeys(files))
 
 
 def third_party(component: Model) -> list[ThirdParty]:
     """Solvers of others that go into the FMU of a component."""
     return [THIRD_PARTY[name]() for name in dict.fromkeys(b.name for q in component.programs for b in q.solvers)]
+
+
+def profile_files(component: Model) -> dict[str, bytes]:
+    """C files and headers of the random profiles of a component by their path in ``sources/``."""
+    names = (*random_profiles.SOURCES, *random_profiles.HEADERS) if component.profiles else ()
+    return {name: (RUNTIME_DIR / name).read_bytes() for name in names}
 
 
 def solver_files(component: Model) -> dict[str, bytes]:
@@ -330,7 +338,8 @@ def with_mathematics(files: dict[str, bytes]) -> dict[str, bytes]:
 def identity(component: Model, *, arrays: bool, clocks: bool = False) -> str:
     """Instantiation token of a component: a hash of everything that determines its behaviour and interface."""
     files = {n: (RUNTIME_DIR / n).read_bytes() for n in (*RUNTIME_SOURCES, *RUNTIME_HEADERS, "fmi2.c", "fmi3.c")}
-    files |= solver_files(component) | {"model.c": generate_c(component, arrays=arrays, token="", clocks=clocks).encode()}
+    files |= solver_files(component) | profile_files(component)
+    files["model.c"] = generate_c(component, arrays=arrays, token="", clocks=clocks).encode()
     digest = hashlib.sha256()
     for _, data in sorted(with_mathematics(files).items()):
         digest.update(data)

@@ -101,7 +101,7 @@ def source_files(component: Model, fmi: int, *, arrays: bool = False, clocks: bo
     files = {"model.c": generate.generate_c(component, arrays=arrays, token=token, clocks=clocks).encode()}
     runtime = (*generate.RUNTIME_SOURCES, f"fmi{fmi}.c", *generate.RUNTIME_HEADERS)
     files |= {name: (generate.RUNTIME_DIR / name).read_bytes() for name in runtime}
-    files |= generate.solver_files(component)
+    files |= generate.solver_files(component) | generate.profile_files(component)
     files = generate.with_mathematics(files)
     headers = Path(fmpy.__file__).parent / "c-code"
     files |= {name: (headers / name).read_bytes() for name in FMI_HEADERS[fmi]}

@@ -91,6 +91,7 @@ class Evaluator:
         self.time, self._sample, self._y = 0.0, 0, np.zeros(component.size("output"))
         self._x: np.ndarray | None = None
         self._programs = CompiledPrograms(component) if component.programs else None
+        self._profiles: tuple[bytes, list[np.ndarray]] = (b"", [])
 
     def _call(self, name: str, *arguments: Any) -> list[np.ndarray]:
         if name not in self._called:
@@ -98,11 +99,23 @@ class Evaluator:
         return self._called[name](*arguments)
 
     def _solutions(self, t: float, x: np.ndarray, *, commit: bool) -> list[np.ndarray]:
-        """Solutions of the quadratic programs as further argument of ``out`` and ``tick``."""
+        """Solutions of the quadratic programs, and random profiles, as further arguments of ``out`` and ``tick``."""
         if self._programs is None:
-            return []
+            return self.random_profiles()
         (data,) = self._call("programs", t, x, self.u, self.p)
-        return [self._programs.solve(data, commit=commit)]
+        return [self._programs.solve(data, commit=commit), *self.random_profiles()]
+
+    def random_profiles(self) -> list[np.ndarray]:
+        """Random profiles of the parameters as they are, in a list of one; empty for components without."""
+        if self.component.profiles and self._profiles[0] != self.p.tobytes():
+            x, (q,) = self.component.vector("state"), self.component.profiles
+            (settings,) = self._call("profile_settings", 0.0, x, self.u, self.p)
+
+            def spectra(k: np.ndarray) -> np.ndarray:
+                return np.array([self._call("spectra", n, x, self.u, self.p)[0] for n in k]).T
+
+            self._profiles = self.p.tobytes(), [q.evaluate(settings, spectra)]
+        return self._profiles[1]
 
     @property
     def x(self) -> np.ndarray:

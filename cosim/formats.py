@@ -224,10 +224,20 @@ def write_parquet(file: IO[bytes], recorded: Recorded) -> None:
     parquet.write_table(pa.table([pa.array(v) for _, v, _ in found], schema=schema), file)
 
 
-def read_parquet(path: Path) -> Content:
+def parquet_table(path: Path, columns: list[str] | None = None) -> Any:
+    """A Parquet file as a table of Arrow, all of it or some columns, read by the thread that asks.
+
+    Arrow's own threads read ahead by default (`pre_buffer`) and let go of what they read when they please; when the interpreter has ended
+    in the meantime, they abort the process.
+    """
     from pyarrow import parquet
 
-    table = parquet.read_table(path)
+    with parquet.ParquetFile(path, pre_buffer=False) as file:
+        return file.read(columns, use_threads=False)
+
+
+def read_parquet(path: Path) -> Content:
+    table = parquet_table(path)
     found = [
         (f.name, table.column(i).to_numpy(), (f.metadata or {}).get(b"unit", b"").decode())
         for i, f in enumerate(table.schema)

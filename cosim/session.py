@@ -130,8 +130,7 @@ class System(Wiring):
         which is compiled where that is possible (`print(system.schedule())` says which and why); both give the same bits. Inputs that
         nothing drives keep their start values, with an UnconnectedInputsWarning that names them unless `allow_unconnected`.
         """
-        if self._simulation is not None:
-            self._simulation.close()
+        self.end_simulation()
         interval = None if record_interval is None else positive(record_interval, "record_interval")
         schedule = self.schedule(*([] if interval is None else [interval]), engine=engine)
         if schedule.unconnected and not allow_unconnected:
@@ -155,6 +154,11 @@ class System(Wiring):
         if check_stability:
             self._simulation.guarded(lambda: warn_if_unstable(schedule))
         return self._simulation
+
+    def end_simulation(self) -> None:
+        """End the simulation that runs on this system, if there is one: its components are free for something else."""
+        if self._simulation is not None:
+            self._simulation.close()
 
     def run(
         self,

@@ -523,6 +523,7 @@ _ROADS = {  # name -> maker in fmu_sources.roads, summary
     "RoadSine": ("road_sine", "sine road of paper 000"),
     "RoadCurb": ("road_curb", "curb road of paper 000"),
     "RoadPerryman3": ("road_perryman3", "synthetic stand-in for the Perryman 3 test course"),
+    "RoadRandom": ("road_random", "random road, ISO 8608: class, seed and length are parameters"),
 }
 _GPC_PLANT = "FullCarHmmwvModified"
 _GPC = {

@@ -11,6 +11,7 @@ import numpy as np
 from build_fmus import extras, qp, units
 from build_fmus.checks import did_you_mean
 from build_fmus.component.variables import Element, Kind, Role, Solver, Variable
+from build_fmus.random_profiles import RandomProfiles
 
 with extras.needed("build", extras.BUILDING):
     import casadi as ca
@@ -34,6 +35,7 @@ class Declaration:
         values: name of an intermediate value -> its expression, and where its equation comes from.
         equations: output or state -> where its equation comes from.
         programs: quadratic programs, whose symbols are among those of the expressions.
+        profiles: random profiles, one pair at most, whose symbol is among those of the expressions.
         stimulus: input element -> its signal over time in the reference result.
         operating_points: name -> values of states and inputs at which the build also checks the solver's stability.
         provenance: what goes into the FMU as ``resources/provenance.json``, unless empty.
@@ -62,6 +64,7 @@ class Declaration:
     values: Mapping[str, tuple[Any, str]]
     equations: Mapping[str, str]
     programs: tuple[qp.QuadraticProgram, ...]
+    profiles: tuple[RandomProfiles, ...]
     stimulus: Mapping[str, Callable[[float], float]]
     operating_points: Mapping[str, Mapping[str, float]]
     provenance: Mapping[str, Any]

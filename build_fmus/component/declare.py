@@ -19,6 +19,7 @@ from build_fmus.component.dimensions import Dimensions
 from build_fmus.component.linear import Linearization, statespace
 from build_fmus.component.model import Model
 from build_fmus.component.variables import BaseType, DeclarationError, Kind, Role, Solver, Variable, source_fault
+from build_fmus.random_profiles import RandomProfiles
 
 with extras.needed("build", extras.BUILDING):
     import casadi as ca
@@ -103,6 +104,7 @@ class Component:
         self._starts: dict[str, Any] = {}  # state name -> start expression of parameters and inputs
         self._results: dict[str, Any] = {}
         self.programs: list[qp.QuadraticProgram] = []
+        self.profiles: list[RandomProfiles] = []
         self._checks: list[tuple[Any, str]] = []
         self.stimulus: dict[str, Callable[[float], float]] = {}
         self.operating_points: dict[str, dict[str, float]] = {"start": {}}
@@ -475,6 +477,65 @@ class Component:
         return s
 
     @_declares
+    def random_profiles(
+        self,
+        name: str,
+        *,
+        seed: Any,
+        length: Any,
+        spectra: Callable[[Any], tuple[Any, Any]],
+        step: float,
+        nodes: tuple[int, int],
+        wave_numbers: tuple[float, float],
+    ) -> tuple[Any, Any]:
+        """Two random profiles of heights [m], left and right, that follow from parameters: sums of waves with random phases.
+
+        The FMU computes them in each instance, again when a parameter changes (:mod:`build_fmus.random_profiles`). Declare the
+        component with ``symbols=ca.MX``. Discrete components only, one pair for each.
+
+        Args:
+            name: begins their names in the C code.
+            seed, length: expressions of parameters: a whole number from 0 on, and what the profiles cover at least [m].
+            spectra: of the wave number [cycles/m], one-sided power spectral densities [m3] of half the sum and half the difference of
+                both profiles; expressions of it and of parameters.
+            step: distance between nodes [m].
+            nodes: least and largest number of nodes, powers of two: of those between, the first that covers the length is taken. The
+                profiles have waves at multiples of 1 / (nodes step).
+            wave_numbers: lowest and highest [cycles/m].
+
+        Returns:
+            Columns of the heights of both at the nodes, to be indexed with whole numbers.
+
+        Raises:
+            DeclarationError: wrong kind of component or of numbers, settings that depend on more than parameters.
+        """
+        where = f"{self.name}.{name}"
+        if self.kind != "discrete" or self._symbols is not ca.MX or self.profiles:
+            raise DeclarationError(
+                f"{where}: random profiles are for discrete components with symbols=ca.MX, once in each"
+            )
+        least, most = nodes
+        if not 4 <= least <= most or any(n & (n - 1) for n in nodes):
+            raise DeclarationError(f"{where}: nodes {nodes} must be powers of two from 4 on, the smaller one first")
+        lowest, highest = wave_numbers
+        number(f"{where}: step", step, "m", above=0, error=DeclarationError)
+        number(f"{where}: highest wave number", highest, "1/m", above=lowest, most=0.5 / step, error=DeclarationError)
+        wave_number = ca.MX.sym("wave_number")
+        settings = ca.densify(ca.vertcat(self._symbols(seed), self._symbols(length)))
+        densities = ca.densify(ca.vertcat(*(self._symbols(s) for s in spectra(wave_number))))
+        if settings.shape != (2, 1) or densities.shape != (2, 1):
+            raise DeclarationError(f"{where}: seed, length and both spectra must be numbers, not vectors")
+        parameters = [v.symbol for v in self._variables.values() if v.role in ("parameter", "constant")]
+        known, used = ca.vertcat(*parameters, wave_number), ca.symvar(ca.vertcat(settings, densities))
+        free = [str(s) for s in used if not ca.depends_on(known, s)]
+        if free:
+            raise DeclarationError(f"{where}: what profiles follow from are parameters; {', '.join(free)} is none")
+        symbol = ca.MX.sym(name, 2 * most)
+        made = RandomProfiles(name, least, most, float(step), lowest, highest, wave_number, settings, densities, symbol)
+        self.profiles.append(made)
+        return symbol[:most], symbol[most:]
+
+    @_declares
     def choose_backend(self, name: str) -> None:
         """Let all quadratic programs use the solver ``name`` (with its declared settings, or its defaults)."""
         for i, p in enumerate(self.programs):
@@ -639,6 +700,7 @@ class Component:
                 values=MappingProxyType(dict(self._values)),
                 equations=MappingProxyType(dict(self.equations)),
                 programs=tuple(self.programs),
+                profiles=tuple(self.profiles),
                 stimulus=MappingProxyType(dict(self.stimulus)),
                 operating_points=MappingProxyType(dict(self.operating_points)),
                 provenance=MappingProxyType(dict(self.provenance)),

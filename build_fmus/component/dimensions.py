@@ -181,7 +181,8 @@ class _Scaling:
         self.constants = d.of("constant")
         self.programs = [q.symbol for q in d.programs]
         self.symbols = [
-            d.time, *(d.symbol(r) for r in VECTORS), *(v.symbol for v in self.constants), *self.programs
+            d.time, *(d.symbol(r) for r in VECTORS), *(v.symbol for v in self.constants), *self.programs,
+            *(s for q in d.profiles for s in (q.symbol, q.wave_number)),
         ]  # fmt: skip
         self.start = ca.Function("start", self.symbols, [column(d, list(d.starts.values()))])
         named = {v.name: v for v in d.all_variables}
@@ -192,6 +193,10 @@ class _Scaling:
             _Part.of(named[n], "{}", e, {}, d.results[n].is_constant())
             for n, e in zip(d.results, results(d), strict=True)
         ]
+        for q in d.profiles:
+            rows = [_Row(f"seed of {q.name}", "no unit", {}, False), _Row(f"length of {q.name}", "m", {"m": 1}, True)]
+            rows += [_Row(f"spectrum of {q.name}", "m3", {"m": 3}, True)] * 2
+            parts.append(_Part(ca.vertcat(q.settings, q.spectra), rows))
         parts = [p for p in parts if not p.number]
         checked = self._checked(parts)
         self.unchecked = [
@@ -277,10 +282,15 @@ class _Scaling:
         return np.array([factor ** (e or {}).get(base, 0) for v in variables for e in self.exponents[v.name]])
 
     def _fixed(self, base: str = "s", factor: float = 1.0) -> list[Any]:
-        """Constants in these units, and the solutions of quadratic programs."""
+        """Constants in these units, the solutions of quadratic programs, and random profiles with a wave number."""
         values = [np.array(v.start or ()) * self._scale([v], base, factor) for v in self.constants]
         fixed = [ca.DM(x.reshape(v.symbol.shape)) for x, v in zip(values, self.constants, strict=True)]
-        return fixed + [ca.DM.zeros(*s.shape) for s in self.programs]
+        fixed += [ca.DM.zeros(*s.shape) for s in self.programs]
+        metre = factor if base == "m" else 1.0
+        for q in self.d.profiles:
+            heights = np.random.default_rng(7).standard_normal(q.symbol.numel())
+            fixed += [ca.DM(heights * metre), ca.DM(np.sqrt(q.lowest * q.highest) / metre)]
+        return fixed
 
     def report(self) -> Dimensions:
         """Evaluate at all points in all units."""

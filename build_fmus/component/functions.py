@@ -27,17 +27,20 @@ def make_functions(declaration: Declaration) -> dict[str, ca.Function]:
     d, made = declaration, _Maker(declaration)
     x0, change, result = (column(d, parts) for parts in (starts(d), list(d.changes.values()), results(d)))
     made.add("start", made.start_arguments, x0)
-    made.add("out", made.arguments + made.solutions, result)
+    made.add("out", made.at_an_instant, result)
     if d.kind == "continuous":
         made.add("rhs", made.arguments, change)
         made.add_derivatives(x0, change, result)
     else:
-        made.add("update", made.arguments + made.solutions, change)
-        made.add("tick", made.arguments + made.solutions, change, result)
+        made.add("update", made.at_an_instant, change)
+        made.add("tick", made.at_an_instant, change, result)
         if d.programs:
             made.add("programs", made.arguments, column(d, [q.data for q in d.programs]))
+        for q in d.profiles:
+            made.add("profile_settings", made.arguments, q.settings)
+            made.add("spectra", [q.wave_number, *made.start_arguments], q.spectra)
     if d.values:
-        made.add("values", made.arguments + made.solutions, *(ca.densify(e) for e, _ in d.values.values()))
+        made.add("values", made.at_an_instant, *(ca.densify(e) for e, _ in d.values.values()))
     if d.checks:
         positive = column(d, [e for e, _ in d.checks])
         made.add("check", made.arguments, positive)
@@ -58,6 +61,7 @@ def with_constants(d: Declaration) -> Declaration:
         + [e for e, _ in d.checks]
         + values
         + [q.data for q in d.programs]
+        + [e for q in d.profiles for e in (q.settings, q.spectra)]
     )
     numbers = [d.symbols(ca.DM(np.reshape(v.start, v.shape))) for v in constants if v.start is not None]
     put_in = iter(ca.substitute(flat, [v.symbol for v in constants], numbers))
@@ -70,6 +74,7 @@ def with_constants(d: Declaration) -> Declaration:
         d, starts=starts, changes=changes, results=results, checks=tuple((next(put_in), m) for _, m in d.checks),
         values={name: (next(put_in), source) for name, (_, source) in d.values.items()},
         programs=tuple(replace(q, data=next(put_in)) for q in d.programs),
+        profiles=tuple(replace(q, settings=next(put_in), spectra=next(put_in)) for q in d.profiles),
     )  # fmt: skip
 
 
@@ -95,7 +100,8 @@ class _Maker:
         self.d = d
         self.start_arguments = [d.symbol(role) for role in VECTORS]
         self.arguments = [d.time, *self.start_arguments]
-        self.solutions = [ca.vertcat(*(q.symbol for q in d.programs))] if d.programs else []
+        solutions = [ca.vertcat(*(q.symbol for q in d.programs))] if d.programs else []
+        self.at_an_instant = [*self.arguments, *solutions, *(q.symbol for q in d.profiles)]
         self.functions: dict[str, ca.Function] = {}
 
     def add(self, name: str, arguments: list[Any], *expressions: Any) -> None:

@@ -10,6 +10,7 @@ import numpy as np
 from build_fmus import extras
 from build_fmus.component.declaration import VECTORS, Declaration
 from build_fmus.component.variables import Role
+from build_fmus.random_profiles import FUNCTIONS
 
 with extras.needed("build", extras.BUILDING):
     import casadi as ca
@@ -38,7 +39,12 @@ def dependencies(d: Declaration, functions: Mapping[str, ca.Function], *, initia
     x, u, p = (d.symbols.sym(r, d.size(r)) for r in VECTORS)
     x_at = functions["start"](x, u, p) if initial else x
     solutions = [d.symbols.sym("s", sum(q.n_solution for q in d.programs))] if d.programs else []
-    vectors: dict[Role, Any] = {"output": functions["out"](t, x_at, u, p, *solutions)}
+    profiles = []  # each node depends on all that these come from
+    for pair in d.profiles:
+        n = d.symbols.sym("wave_number")
+        made_of = ca.vertcat(*(functions[name](n, x_at, u, p) for name in FUNCTIONS))
+        profiles.append(ca.repmat(ca.sum1(made_of), pair.symbol.numel(), 1))
+    vectors: dict[Role, Any] = {"output": functions["out"](t, x_at, u, p, *solutions, *profiles)}
     if d.kind == "continuous":
         vectors["derivative"] = functions["rhs"](t, x_at, u, p)
     if initial:

@@ -7,7 +7,7 @@ from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 
-from build_fmus import extras
+from build_fmus import extras, random_profiles
 from build_fmus.component import Model, Role, Variable
 from build_fmus.equations.casadi_code import casadi_code
 from build_fmus.equations.graph import Graph, Result, UnknownOperationError
@@ -21,11 +21,11 @@ _STRUCTS: dict[Role, tuple[str, str]] = {
     "parameter": ("p", "Parameters"), "input": ("u", "Inputs"), "state": ("x", "States"), "output": ("y", "Outputs"),
 }  # fmt: skip
 # What functions are given, by the pointer to it, and the vector of which it is one.
-_ARGUMENTS = {"x": "x", "u": "u", "p": "p", "s": "s", "dx": "x", "du": "u", "dp": "p"}
+_ARGUMENTS = {"x": "x", "u": "u", "p": "p", "s": "s", "c": "c", "dx": "x", "du": "u", "dp": "p"}
 _INPUTS = {
     "start": ("x", "u", "p"), "fwd": ("t", "x", "u", "p", "dx", "du", "dp"), "fwd_start": ("x", "u", "p", "dx", "du", "dp"),
 }  # fmt: skip
-_AT_AN_INSTANT = ("t", "x", "u", "p", "s")
+_ARGUMENT_CODE = {"t": "&at->t", "c": "profiles(at)"}  # of others: at->NAME
 
 
 @dataclass(frozen=True)
@@ -77,6 +77,12 @@ class Functions:
             results = read[part.function]
             self.sections.append(self._calls(part, entries) if results is None else self._section(part, results))
             self.names.append(part.name)
+        for pair in component.profiles:
+            # After what they come from, before what reads them; their memory lies behind that of the others.
+            body = random_profiles.code(pair, component.size("parameter"), self.n_work)
+            head = _head("random profiles: computed again when a parameter has changed")
+            self.sections.insert(bool(code) + len(random_profiles.FUNCTIONS), f"{head}\n{body}")
+            self.n_work += random_profiles.memory(pair, component.size("parameter"))
         self.uses_casadi = bool(others)
 
     @property
@@ -96,6 +102,8 @@ class Functions:
         output_sources = self._sources("output")
         calculated = frozenset(k for v in c.of("state") if v.start is not None for k in range(v.slot, v.slot + v.size))
         parts = []
+        for name, title in random_profiles.FUNCTIONS.items() if c.profiles else ():
+            parts.append(_Part(name, f"random profiles: {title}", name, ((0, Target("result", 2)),)))
         if nx > len(calculated):
             target = Target("start", nx, states)
             parts.append(_Part("start_states", "start: calculated states x(u, p)", "start", ((0, target),), calculated))
@@ -148,9 +156,15 @@ class Functions:
     def _read(self, name: str) -> list[Result] | None:
         """Results of a function; None where CasADi is to write it."""
         try:
-            return self._graph.read(self._component.functions[name], _INPUTS.get(name, _AT_AN_INSTANT))
+            return self._graph.read(self._component.functions[name], self._inputs(name))
         except UnknownOperationError:
             return None
+
+    def _inputs(self, function: str) -> tuple[str, ...]:
+        """What a function of :attr:`Component.functions` is given; what it does not take may follow."""
+        c = self._component
+        further = [p for p, there in (("s", c.programs), ("c", c.profiles)) if there]
+        return _INPUTS.get(function, ("t", "x", "u", "p", *further))
 
     def _named(self, read: Mapping[str, list[Result] | None]) -> tuple[dict[int, Name], dict[int, str]]:
         """What nodes are called, and constant arrays: intermediate values, then outputs, then derivatives or next states."""
@@ -230,7 +244,7 @@ class Functions:
             lines.append("const double t = at->t;")
         for pointer, struct in self.structs_of_arguments.items():
             if pointer in used:
-                lines.append(f"const {struct.name} *const {pointer} = (const {struct.name} *)at->{pointer};")
+                lines.append(f"const {struct.name} *const {pointer} = (const {struct.name} *){_argument(pointer)};")
         if "w" in used:
             lines.append("double *const w = at->w;")
         if not lines:
@@ -247,9 +261,7 @@ class Functions:
     def _calls(self, part: _Part, entries: Mapping[str, str]) -> str:
         """A function that is CasADi's code."""
         function = self._component.functions[part.function]
-        given = [f"&at->{v}" if v == "t" else f"at->{v}" for v in _INPUTS.get(part.function, _AT_AN_INSTANT)][
-            : function.n_in()
-        ]
+        given = [_argument(v) for v in self._inputs(part.function)][: function.n_in()]
         given += ["NULL"] * (function.sz_arg() - len(given))
         parameters = {index: name for name, (index, _) in zip(("result", "second"), part.results, strict=False)}
         taken = [parameters.get(i, "NULL") for i in range(function.n_out())]
@@ -263,6 +275,10 @@ class Functions:
         ]
         head = _head(part.title, self._component.source)
         return "\n".join([head, f"{_signature(part)} {{", *lines, "}", ""])
+
+
+def _argument(pointer: str) -> str:
+    return _ARGUMENT_CODE.get(pointer, f"at->{pointer}")
 
 
 def _signature(part: _Part) -> str:
@@ -299,6 +315,9 @@ def _structs(component: Model) -> dict[str, Struct]:
             ]  # fmt: skip
         structs["s"] = Struct("Solutions", "Solutions of the quadratic programs", solutions)
         structs["data"] = Struct("ProgramData", "Data of the quadratic programs", data)
+    for pair in component.profiles:
+        heights = [(f"{pair.name}.{side}", (pair.most,), "[m] at its nodes") for side in ("left", "right")]
+        structs["c"] = Struct("Profiles", "Random profiles", heights)
     return structs
 
 

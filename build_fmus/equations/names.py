@@ -24,7 +24,7 @@ _KEYWORDS = frozenset(
 _OWN = frozenset(
     (
         "at", "result", "second", "t", "x", "u", "p", "s", "w", "y", "dx", "du", "dp", "dy", "der", "d_der", "next", "start",
-        "d_start", "data", "i", "j",
+        "d_start", "data", "i", "j", "c", "profiles", "profile_settings", "spectra",
     )
 )  # fmt: skip
 

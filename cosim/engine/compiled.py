@@ -30,7 +30,7 @@ _TYPES = {
 class CompiledExchange(Exchange):
     """As `Exchange`, of which it is one: initialization, saved states and whatever is not the hot loop are the same code."""
 
-    _engine: _Engine | None = None
+    _engine: BoundEngine | None = None
     _by_hand = False  # there are stop conditions that only Python can look at
     _stops: Sequence[_Stop] = ()
 
@@ -48,14 +48,14 @@ class CompiledExchange(Exchange):
 
     def run_instants(self, end: int) -> None:
         if self._engine is None:
-            self._engine = _Engine(self, self._stops)
+            self._engine = BoundEngine(self, self._stops)
         if self._by_hand or not self._engine.plan.exact_until(end):
             super().run_instants(end)
             return
         while self.tick < end and self._run(self._engine, end):
             pass
 
-    def _run(self, engine: _Engine, end: int) -> bool:
+    def _run(self, engine: BoundEngine, end: int) -> bool:
         """Until the engine comes back; returns whether to go on."""
         try:
             result = engine.run(self.tick, end)
@@ -68,7 +68,7 @@ class CompiledExchange(Exchange):
             raise Stop(str(self._stops[engine.call][0]))
         member = self.schedule.members[engine.member]
         try:
-            self._raise(engine, result, member)
+            self.raise_failure(engine, result, member)
         except EndRequested as request:
             instant, t = self.timetable.at(self.tick), self.time
             rest = instant.whole[instant.whole.index(self._step(member)) + 1 :]
@@ -76,23 +76,17 @@ class CompiledExchange(Exchange):
                 self.tick += 1
         return False
 
-    def _raise(self, engine: _Engine, result: int, member: Member) -> None:
+    def raise_failure(self, engine: BoundEngine, result: int, member: Member) -> None:
         """What the Python master would raise where the engine came back."""
         if result == engine.NOT_FINITE:
             culprit = self.layout.not_finite([member], self.time)
             raise culprit or NotFinite(member.name, "?", float("nan"), self.time)
         if result == engine.BACK_FAILED:
             raise engine.take_failure()
-        calls = self.ports[member].fmi
-        assert calls is not None
-        if engine.call:
-            transfer = calls.sets[engine.call - 1] if engine.call > 0 else calls.gets[-engine.call - 1]
-            calls.call_failed(transfer.function, engine.status)
-        else:
-            calls.step_failed(engine.status, self.time, float(member.step))
+        engine.fail(member, engine.call, engine.status, self.time)
 
 
-class _Engine:
+class BoundEngine:
     """The engine's structs for one exchange, and what keeps their arrays alive."""
 
     def __init__(self, exchange: Exchange, stops: Sequence[_Stop]):
@@ -128,6 +122,12 @@ class _Engine:
     # Where it stands, and what it says about a failure.
 
     @property
+    def struct(self) -> Any:
+        """The `Engine*`, ready for calls of single members; it lives as long as this object."""
+        self.ready()
+        return self._state
+
+    @property
     def tick(self) -> int:
         return int(self._state.tick)
 
@@ -149,6 +149,16 @@ class _Engine:
         assert failure is not None
         return failure
 
+    def fail(self, member: Member, call: int, status: int, t: float) -> None:
+        """Raise what the ports of a member raise when this call of its FMU returns this status, in an instant at `t` [s]."""
+        calls = self._exchange.ports[member].fmi
+        assert calls is not None
+        if call:
+            transfer = calls.sets[call - 1] if call > 0 else calls.gets[-call - 1]
+            calls.call_failed(transfer.function, status)
+        else:
+            calls.step_failed(status, t, float(member.step))
+
     def run(self, tick: int, end: int) -> int:
         """Execute instants from `tick` to before `end`; returns why it came back."""
         e, recorder = self._state, self._exchange.recorder
@@ -158,9 +168,7 @@ class _Engine:
             self._rows = rows
             e.times, e.rows = self._address("double*", times), self._address("double*", rows)
         e.count, e.room, e.tick = row, len(times), tick
-        for struct, calls in zip(self._members, self._calls, strict=True):
-            if calls is not None:
-                struct.no_set_prior = calls.no_set_prior()
+        self.ready()
         try:
             return int(self._library.cosim_engine_run(e, end))
         finally:
@@ -169,6 +177,12 @@ class _Engine:
                 if calls is not None and struct.changed:
                     calls.changed(int(struct.changed))
                     struct.changed = 0
+
+    def ready(self) -> None:
+        """Before members are stepped: whether their FMUs may be rolled back is known."""
+        for struct, calls in zip(self._members, self._calls, strict=True):
+            if calls is not None:
+                struct.no_set_prior = calls.no_set_prior()
 
     # Making the structs.
 

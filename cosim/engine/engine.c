@@ -179,6 +179,8 @@ INLINE int run_member(Engine *e, const EngineMember *m, double t) {
     return result;
 }
 
+int engine_member(Engine *e, int32_t number, double t) { return run_member(e, &e->members[number], t); }
+
 INLINE bool all_finite(const double *y, size_t n) {
     const uint64_t exponent = UINT64_C(0x7ff) << 52;
     uint64_t found = 0;

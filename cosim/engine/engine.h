@@ -155,6 +155,8 @@ void engine_gather(const Engine *e, const EngineMember *m, double t);
 /* Hand inputs over, or fetch outputs. Returns 0, or 1 with what failed in `call` and `status`. */
 int engine_set(Engine *e, const EngineMember *m);
 int engine_get(Engine *e, const EngineMember *m);
+/* One communication step of member number `number`; what fails is in `member`, `call` and `status`. */
+int engine_member(Engine *e, int32_t number, double t);
 double engine_time(const Engine *e, int64_t tick);
 
 #endif

@@ -93,6 +93,10 @@ class FmuComponent:
         about = self.description
         return bool(about.clocks) and about.event_mode and not (self.isolation is not None and about.kind is not None)
 
+    def twin(self) -> FmuComponent:
+        """Another component of the same FMU, with an instance of its own."""
+        return FmuComponent(self.fmu, self.isolation)
+
     # Life of the instance.
 
     def instantiate(self, name: str) -> None:

@@ -152,10 +152,9 @@ def _settle(exchange: Exchange, members: Sequence[Member]) -> None:
 
 def _check_constants(exchange: Exchange, members: Sequence[Member]) -> None:
     """Refuse sources that do not have the constant which an input must equal, where only now they show it."""
-    connections = {(c.target, c.input): c for c in exchange.schedule.connections}
     for m in members:
         place = exchange.layout.places[m]
         for variable, value in zip(place.inputs, place.u, strict=True):
             if not variable.accepts(float(value)):
-                connection = connections[m, variable]
+                connection = next(c for c in exchange.schedule.connections if (c.target, c.input) == (m, variable))
                 raise WiringError(f"{connection}: the input {variable.refusal(float(value))}")

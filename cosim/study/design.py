@@ -135,10 +135,11 @@ class Axis:
 
 
 _CALL = re.compile(r"([a-z]+)\((.*)\)")
+_WHOLE = re.compile(r"(-?\d+)\.\.(-?\d+)")
 
 
 def axis(text: str) -> Axis:
-    """``NAME=LOW:HIGH``, ``NAME=LOW:HIGH:COUNT`` (of a grid), ``NAME=A,B,C`` or ``NAME=normal(5000,200)``.
+    """``NAME=LOW:HIGH``, ``NAME=LOW:HIGH:COUNT`` (of a grid), ``NAME=A,B,C``, ``NAME=1..1000`` or ``NAME=normal(5000,200)``.
 
     Raises:
         DesignError: it is none of these.
@@ -148,6 +149,11 @@ def axis(text: str) -> Axis:
         raise DesignError(f"{text!r}: write NAME=LOW:HIGH, NAME=A,B,C or NAME=normal(MEAN,DEVIATION)")
     if call := _CALL.fullmatch(spec):
         return Axis(name, call[1], tuple(_number(name, x) for x in call[2].split(",")))
+    if numbers := _WHOLE.fullmatch(spec):
+        low, high = map(int, numbers.groups())
+        if low == high:
+            return Axis(name, "values", values=(low,))
+        return Axis(name, "uniform", (low, high), count=high - low + 1, whole=True)
     if ":" in spec:
         parts = spec.split(":")
         if len(parts) > 3:

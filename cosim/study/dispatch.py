@@ -1,6 +1,6 @@
 """Runs go to an executor in chunks, and come back in the order in which they end, whatever happens to the workers.
 
-Chunks last about `CHUNK` s, so what a chunk costs is shared by its runs; long runs go alone. What is lost with a worker is run again, run by
+Chunks last about `CHUNK` s, those of a cluster `CLUSTER` s, so what a chunk costs is shared by its runs; long runs go alone. What is lost with a worker is run again, run by
 run, and where a worker may hold several (Dask's do) in the end one at a time, so that only the culprit is lost. It is tried `TRIES` times at
 least and then recorded as failed, with the reason.
 """
@@ -23,6 +23,7 @@ from cosim.study.store import seal
 from cosim.study.work import Given, Reply, Ship, work
 
 CHUNK = 0.2  # s
+CLUSTER = 1.0  # s, of executors whose tasks cost client and scheduler some 7 ms (Dask)
 LARGEST = 500  # runs of a chunk
 TRIES = 2
 HEAD = 32 + 1 + 64 + 1  # of a line: name and hash
@@ -52,6 +53,7 @@ class Dispatch:
     ) -> None:
         self.ship, self.given, self.cost, self.width = ship, given, cost, width
         self._pace: float | None = None  # s per cost
+        self._chunk = CHUNK
         self._tries: dict[int, int] = {}
         self._began = False  # whether any worker has given anything back
         self._unbegun = 0
@@ -87,6 +89,7 @@ class Dispatch:
         alone: deque[int] = deque()
         suspects: deque[int] = deque()  # lost alone, but perhaps with a worker that others had brought down
         exact = careful or getattr(executor, "loses_only_its_own", False)
+        self._chunk = CHUNK if getattr(executor, "loses_only_its_own", False) else CLUSTER
         workers, looked = 1 if careful else self.width(executor), time.monotonic()
         most = 1 if careful else 2 * workers
 
@@ -146,7 +149,7 @@ class Dispatch:
         cost = 0.0
         while len(chunk) < most and (i := waiting.peek()) is not None:
             cost += self.cost(i)
-            if chunk and cost * (self._pace or 0.0) > CHUNK:
+            if chunk and cost * (self._pace or 0.0) > self._chunk:
                 break
             chunk.append(waiting.take())
         return chunk

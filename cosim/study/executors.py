@@ -5,9 +5,11 @@ Any `concurrent.futures.Executor` will do: loky's, `mpi4py.futures.MPIPoolExecut
 
 from __future__ import annotations
 
+import multiprocessing
+import signal
 from collections.abc import Iterator
 from concurrent.futures import Executor
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from typing import Any
 
 from build_fmus import extras
@@ -16,6 +18,7 @@ from cosim.errors import CosimError
 
 LOCAL = "local"
 ANSWER = 10.0  # s, in which a scheduler answers
+PATIENCE = 20.0  # s, that a cluster on this machine may take to end
 WORKERS = 60.0  # s, in which it has a worker
 UNKNOWN = 8  # workers of an executor that does not say
 
@@ -44,6 +47,51 @@ def _asked(client: Any) -> Iterator[None]:
         ) from None
 
 
+def _local_cluster(theirs: Any, settings: dict[str, Any], options: dict[str, Any]) -> None:
+    """The main program of a process with a scheduler and its workers: they live until the other end of the pipe is closed, in whichever
+    way. Ctrl-C goes to the process that asked for them."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    import dask as configuration
+    from distributed import LocalCluster
+
+    one_thread()
+    try:
+        with configuration.config.set(settings), LocalCluster(**options) as cluster:
+            theirs.send((True, cluster.scheduler_address))
+            with suppress(EOFError, OSError):
+                theirs.recv()
+    except Exception as error:
+        with suppress(OSError):
+            theirs.send((False, f"{type(error).__name__}: {error}"))
+
+
+@contextmanager
+def _own_cluster(settings: dict[str, Any], processes: int | None) -> Iterator[str]:
+    """The address of a cluster on this machine that ends with the block, or with this process. Its scheduler has a process of its own:
+    what it does for every task does not delay this one."""
+    ours, theirs = multiprocessing.get_context("spawn").Pipe()
+    options = {
+        "n_workers": processes, "threads_per_worker": 1, "processes": True, "dashboard_address": None, "silence_logs": 50,
+    }  # fmt: skip
+    process = multiprocessing.get_context("spawn").Process(target=_local_cluster, args=(theirs, settings, options))
+    process.start()
+    theirs.close()
+    try:
+        try:
+            good, found = ours.recv()
+        except EOFError:
+            good, found = False, "its process ended"
+        if not good:
+            raise ClusterError(f"a Dask cluster on this machine does not start: {found}")
+        yield found
+    finally:
+        ours.close()
+        process.join(PATIENCE)
+        if process.is_alive():
+            process.terminate()
+            process.join()
+
+
 @contextmanager
 def dask(address: str, processes: int | None = None) -> Iterator[Executor]:
     """The executor of a Dask cluster.
@@ -57,40 +105,34 @@ def dask(address: str, processes: int | None = None) -> Iterator[Executor]:
         ClusterError: the scheduler does not answer, or has no workers.
     """
     with extras.needed("cluster", "a Dask cluster"):
-        from distributed import Client, LocalCluster
+        from distributed import Client
 
-    import dask as settings
+    import dask as configuration
 
-    one_thread()
-    with settings.config.set({
+    settings = {
         "distributed.scheduler.allowed-failures": 0,  # of our own cluster: who tries again, and how often, is the study's
         "distributed.worker.daemon": False,  # isolated FMUs are processes of the workers
         "distributed.comm.timeouts.connect": f"{ANSWER:g}s",
         "distributed.admin.low-level-log-length": 100,
-        "distributed.admin.tick.interval": "500ms",  # of a scheduler in this process, which has better things to do
+        "distributed.admin.tick.interval": "500ms",
         "distributed.worker.profile.enabled": False,
-    }):  # fmt: skip
-        cluster = None
+    }  # fmt: skip
+    one_thread()
+    with configuration.config.set(settings), ExitStack() as stack:
+        if address == LOCAL:
+            address = stack.enter_context(_own_cluster(settings, processes))
         try:
-            if address == LOCAL:
-                cluster = LocalCluster(
-                    n_workers=processes, threads_per_worker=1, processes=True, dashboard_address=None, silence_logs=50
-                )
+            client = Client(address, timeout=ANSWER, set_as_default=False)
+        except (OSError, TimeoutError, ValueError) as error:
+            raise ClusterError(
+                f"no Dask scheduler answers at {address} ({error}); `dask scheduler` starts one and prints its address"
+            ) from None
+        with client:
             try:
-                client = Client(cluster or address, timeout=ANSWER, set_as_default=False)
-            except (OSError, TimeoutError, ValueError) as error:
+                client.wait_for_workers(1, timeout=WORKERS)
+            except TimeoutError:
                 raise ClusterError(
-                    f"no Dask scheduler answers at {address} ({error}); `dask scheduler` starts one and prints its address"
+                    f"the Dask scheduler at {address} has no workers; `dask worker {address}` starts one"
                 ) from None
-            with client:
-                try:
-                    client.wait_for_workers(1, timeout=WORKERS)
-                except TimeoutError:
-                    raise ClusterError(
-                        f"the Dask scheduler at {address} has no workers; `dask worker {address}` starts one"
-                    ) from None
-                with client.get_executor(pure=False, retries=0) as executor:
-                    yield executor
-        finally:
-            if cluster is not None:
-                cluster.close()
+            with client.get_executor(pure=False, retries=0) as executor:
+                yield executor

@@ -23,6 +23,7 @@ from typing import Any
 import numpy as np
 
 from build_fmus import extras, safe_files
+from cosim.formats import parquet_table
 
 LINES, BATCH = ".lines", ".parquet"
 STORED = "reading stored runs"  # what needs the extra [reports], in messages
@@ -287,12 +288,9 @@ class Store:
 
 def _read(path: Path, columns: list[str]) -> Any:
     """A table of texts. FileNotFoundError, or ValueError, TypeError or an OSError without a number where it is no such file."""
-    with extras.needed("reports", STORED):
-        from pyarrow import parquet
-
     try:
-        with path.open("rb") as file:
-            table = parquet.ParquetFile(file).read(columns, use_threads=False)
+        with extras.needed("reports", STORED):
+            table = parquet_table(path, columns)
     except (KeyError, RecursionError, MemoryError, NotImplementedError) as error:
         raise ValueError(error) from None
     if table.column_names != columns or any(str(f.type) != "string" for f in table.schema):

@@ -21,7 +21,7 @@ from build_fmus import extras
 from build_fmus.checks import did_you_mean, one_line, plain
 from build_fmus.units import KNOWN, Unit, conversion
 from cosim.errors import CosimError
-from cosim.formats import TIME
+from cosim.formats import TIME, parquet_table
 from cosim.recording import Recording
 from cosim.signals import Array
 
@@ -183,7 +183,7 @@ def _of_parquet(path: Path, only: Sequence[str] | None) -> _Raw:
         wanted = None
         if only is not None:  # the others are not read at all
             wanted = [n for n in schema.names if _taken(split_header(n)[0], only)]
-        table = parquet.read_table(path, columns=wanted)
+        table = parquet_table(path, wanted)
     except Exception as error:  # whatever a library makes of a file that nobody wrote
         raise TableError(f"{path}: cannot be read as Parquet: {str(error).splitlines()[0] if str(error) else error!r}") from None
     found = []

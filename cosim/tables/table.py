@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import hashlib
 import struct
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -79,6 +80,12 @@ class Table:
             native=self._compiled is not None, dependencies={n: frozenset() for n in variables},
         )  # fmt: skip
         self._column = {v: i for i, v in enumerate(variables.values())}
+
+    def twin(self) -> Table:
+        """Another component that plays the same signals."""
+        other = copy.copy(self)
+        other._now = np.zeros(1)
+        return other
 
     # What the master calls.
 

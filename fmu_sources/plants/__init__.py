@@ -9,6 +9,7 @@
 ``hydraulic_actuator``  servo valve, cylinder and bypass of an active strut
 ``friction``            Coulomb friction that is smooth where it changes its sign
 ``gravity``             acceleration of gravity
+``seat``                acceleration of the driver's seat
 ======================  ==========================================================================
 """
 

@@ -16,6 +16,7 @@ import casadi as ca
 from build_fmus.component import Component
 from fmu_sources.models.corners import TWO_AXLES, Corners
 from fmu_sources.plants.gravity import gravity
+from fmu_sources.plants.seat import SEAT_NOTE, of_rigid_body, seat_outputs
 from fmu_sources.vehicles import FullCar, declare
 
 LOW_SPEED = 1.0  # m/s; below it slip is formed with this speed, so that slip exists and decays at standstill
@@ -36,7 +37,7 @@ def full_car(vehicle: FullCar, name: str = "FullCarHmmwv") -> Component:
         source="000 section III; derivation in the source of this component",
         solver="am2",
         solver_step=5e-4,
-        notes=_NOTES,
+        notes=(*_NOTES, SEAT_NOTE),
     )
     p = declare(c, vehicle)
     start_x = c.parameter("start.x", 5.0, "m", "position of the CG at the start", min=-1e6, max=1e6, source="assumed")
@@ -219,6 +220,8 @@ def full_car(vehicle: FullCar, name: str = "FullCarHmmwv") -> Component:
     c.output("body.az", acceleration[2], "m/s2", "vertical acceleration of the CG")
     for i, axis in enumerate(("roll", "pitch", "yaw")):
         c.output(f"body.{axis}_acceleration", angular[i], "rad/s2", f"{axis} acceleration about the body axis")
+    at_seat = of_rigid_body(acceleration, turn @ angular, omega, turn @ ca.vertcat(p.seat.x, p.seat.y, p.seat.z))
+    seat_outputs(c, at_seat[0], at_seat[2])
     for k in corners:
         c.output(f"wheel.{k}.az", k.wheel_force / p.wheel.mass, "m/s2", "vertical acceleration of the wheel")
         c.output(f"suspension.{k}.deflection", k.travel, "m", "body height minus wheel height", display_unit="mm")

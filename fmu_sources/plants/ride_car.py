@@ -23,6 +23,7 @@ from build_fmus.component import Component
 from fmu_sources.models.corners import Corner, Corners
 from fmu_sources.plants.friction import declare_friction, friction_loss
 from fmu_sources.plants.gravity import gravity
+from fmu_sources.plants.seat import SEAT_NOTE, seat_outputs
 from fmu_sources.vehicles import RideCar, ThreeAxleCar, declare
 
 _SOURCES = {
@@ -61,7 +62,7 @@ def ride_car(vehicle: RideCar | ThreeAxleCar, name: str = "RideCarSedan") -> Com
         source=f"{_SOURCES[type(vehicle)]}; derived from energies in the source of this component",
         solver="rk4",
         solver_step=5e-4,
-        notes=_NOTES,
+        notes=(*_NOTES, SEAT_NOTE),
     )
     p = declare(c, vehicle)
     corners.each(
@@ -152,6 +153,8 @@ def ride_car(vehicle: RideCar | ThreeAxleCar, name: str = "RideCarSedan") -> Com
     c.output("body.az", az, "m/s2", "vertical acceleration of the CG")
     c.output("body.roll_acceleration", roll_acceleration, "rad/s2", "roll acceleration", display_unit="deg/s2")
     c.output("body.pitch_acceleration", pitch_acceleration, "rad/s2", "pitch acceleration", display_unit="deg/s2")
+    # Small angles: the seat rises with y roll - x pitch and moves ahead with z pitch.
+    seat_outputs(c, p.seat.z * pitch_acceleration, az + p.seat.y * roll_acceleration - p.seat.x * pitch_acceleration)
     for k, value in zip(corners, wheel_az, strict=True):
         c.output(f"wheel.{k}.az", value, "m/s2", "vertical acceleration of the wheel")
     for k in corners:

@@ -23,6 +23,7 @@ from build_fmus.component import Component
 from fmu_sources.models.corners import THREE_AXLES, Corner, Corners
 from fmu_sources.plants.gravity import gravity
 from fmu_sources.plants.obstacle import Outline, Touch
+from fmu_sources.plants.seat import SEAT_NOTE, seat_outputs
 from fmu_sources.vehicles import ThreeAxleTrenchCar, declare
 
 SIDES = {"l": ("left", 1), "r": ("right", -1)}
@@ -81,7 +82,7 @@ def three_axle_trench(vehicle: ThreeAxleTrenchCar, name: str = "ThreeAxleTrench"
         solver="semi_implicit",
         solver_step=5e-4,
         stop_time=10.0,
-        notes=_NOTES,
+        notes=(*_NOTES, SEAT_NOTE),
     )
     p = declare(c, vehicle)
     gas = c.parameter(
@@ -293,6 +294,10 @@ def three_axle_trench(vehicle: ThreeAxleTrenchCar, name: str = "ThreeAxleTrench"
     c.output("body.ax", ax, "m/s2", "longitudinal acceleration of the CG")
     c.output("body.roll_acceleration", roll_acceleration, "rad/s2", "roll acceleration", display_unit="deg/s2")
     c.output("body.pitch_acceleration", pitch_acceleration, "rad/s2", "pitch acceleration", display_unit="deg/s2")
+    seat = ca.vertcat(*place(p.seat.x - p.body.cg_offset, p.seat.y, p.seat.z))
+    by_body = ca.jacobian(seat, q)  # and what it accelerates by at constant rates
+    at_seat = by_body @ ca.vertcat(*acceleration) + ca.jtimes(by_body @ dq, q, dq)
+    seat_outputs(c, at_seat[0], at_seat[2])
     for w in wheels:
         centre, total = w.centre, w.contact
         c.output(f"hub.{w}.x", centre[0], "m", "position of the wheel centre along the road")

@@ -39,6 +39,12 @@ def track_correlation(n: Any, track: float, decay: float = DECAY) -> Any:
     return np.exp(-decay * track * n)
 
 
+def sum_of_waves(waves: np.ndarray) -> np.ndarray:
+    """Heights over one period, of 2 (m + 1) points, of waves (m,): complex amplitudes, the k-th with k + 1 waves in the period."""
+    count = 2 * (len(waves) + 1)
+    return np.asarray(np.fft.irfft(np.concatenate([[0], count / 2 * waves, [0]]), count))
+
+
 def iso8608_table(track: float, seed: int = 1, decay: float = DECAY, contact: float = 0.0) -> HeightTable:
     """Heights of both tracks of a class A road, periodic over its length, rounded to 1e-7 m.
 
@@ -55,13 +61,10 @@ def iso8608_table(track: float, seed: int = 1, decay: float = DECAY, contact: fl
     amplitude = np.where(inside, np.sqrt(2 * displacement_spectrum(n, 0) / LENGTH), 0) * np.sinc(n * contact)
     phases = 2 * np.pi * np.random.default_rng(seed).random((2, len(n)))
     shared = track_correlation(n, track, decay)
-
-    def wave(share: np.ndarray, phase: np.ndarray) -> np.ndarray:
-        lines = np.zeros(count // 2 + 1, dtype=complex)
-        lines[1:-1] = count / 2 * amplitude * np.sqrt(share) * np.exp(1j * phase)
-        return np.fft.irfft(lines, count)
-
-    both, opposite = wave((1 + shared) / 2, phases[0]), wave((1 - shared) / 2, phases[1])
+    both, opposite = (
+        sum_of_waves(amplitude * np.sqrt((1 + sign * shared) / 2) * np.exp(1j * phase))
+        for sign, phase in zip((1, -1), phases, strict=True)
+    )
     tracks = np.round([both + opposite, both - opposite], 7)
     left, right = np.column_stack([tracks, tracks[:, :1]])
     return HeightTable(0.0, STEP, left, right)

@@ -22,6 +22,7 @@ _BINARY = {"KRBI": 4, "KDBI": 8}  # bytes of one value
 _ASCII = {"LRFI": 10, "LDFI": 20}  # characters of one value; lines have up to 80
 _LINE = 80
 _TOLERANCE = 1e-6  # m
+_CLOSE = 1e-3  # m, of positions across that are given twice
 _GUESSED = ("cannot read", "badly written")  # how warnings of the library begin that name a value it has replaced
 
 
@@ -89,6 +90,26 @@ def _check_header(path: Path, header: Any) -> None:
     given = {"LONG_SECTION_V_INCREMENT", "LONG_SECTION_V_LEFT"} & head.keys()
     if len(placed) < len(sections) and not ("LONG_SECTION_V_RIGHT" in head and given):
         raise RoadError(f"{path}: LONG_SECTION_V_RIGHT and LONG_SECTION_V_INCREMENT are needed for numbered long sections")
+    _check_sides(path, head, positions, len(sections))
+
+
+def _check_sides(path: Path, head: dict[str, float], positions: list[float], sections: int) -> None:
+    """What the header says of the positions across, which count from right to left, fits together: else the sides may be swapped."""
+    right, left, apart = (head.get(f"LONG_SECTION_V_{n}") for n in ("RIGHT", "LEFT", "INCREMENT"))
+    swapped = "v counts to the left, so left and right are swapped"
+    if right is not None and left is not None and right >= left:
+        raise RoadError(f"{path}: LONG_SECTION_V_RIGHT = {right:g} m is not to the right of LONG_SECTION_V_LEFT = {left:g} m; {swapped}")
+    if apart is not None and apart <= 0:
+        raise RoadError(f"{path}: LONG_SECTION_V_INCREMENT = {apart:g} m is not above 0; {swapped}")
+    first, last = right, left
+    if positions:
+        first, last = min(positions), max(positions)
+    elif right is not None and apart is not None:
+        last = right + apart * (sections - 1)
+    for name, told, found in (("RIGHT", right, first), ("LEFT", left, last)):
+        if told is not None and found is not None and abs(told - found) > _CLOSE:
+            where = f"the outermost of {sections} long sections is at {found:g} m"
+            raise RoadError(f"{path}: LONG_SECTION_V_{name} = {told:g} m, but {where}: which side is which cannot be told")
 
 
 def _numbers(path: Path, lines: list[str]) -> dict[str, float]:

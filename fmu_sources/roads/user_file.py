@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +11,7 @@ import numpy as np
 from build_fmus import units
 from build_fmus.checks import nearest
 from build_fmus.component import Component
+from fmu_sources.roads.enveloping import rolled
 from fmu_sources.roads.errors import RoadError, check_length
 from fmu_sources.roads.layout import RoadLayout
 from fmu_sources.roads.opencrg import read_opencrg
@@ -24,13 +26,13 @@ _SHORTEST = 0.01  # m
 _HEADER = "distance [m],left [m],right [m]"
 
 
-def road_from_file(path: Path | str, layout: RoadLayout, name: str = "RoadUser") -> Component:
+def road_from_file(path: Path | str, layout: RoadLayout, name: str = "RoadUser", *, radius: float = 0.0) -> Component:
     """A road from a CSV file with the columns ``distance [m],left [m],right [m]``, or from an OpenCRG file (``.crg``).
 
     Comma or semicolon separate; with semicolons a decimal comma is understood. Distances must increase. Equidistant
     points are used as they are, others are sampled at their smallest spacing, see :meth:`HeightTable.resampled`. From
     OpenCRG the tracks of the layout's wheels are sampled. Heights are shifted so that the road starts at 0 (mean of
-    both tracks).
+    both tracks). With a ``radius`` [m] they are those that a rigid wheel follows, see :func:`fmu_sources.roads.enveloping.rolled`.
 
     Raises:
         RoadError: naming the file, the line and what is wrong.
@@ -48,11 +50,13 @@ def road_from_file(path: Path | str, layout: RoadLayout, name: str = "RoadUser")
         )
     datum = (left[0] + right[0]) / 2
     table = HeightTable.resampled(distance, left - datum, right - datum)
+    table = replace(table, left=rolled(table.left, table.step, radius), right=rolled(table.right, table.step, radius))
     return road_from_table(
         table, layout, name, description=f"Road from the file {path.name}", source=f"file {path.name}",
         notes=(
             f"Heights from the file {path.name}: {len(distance)} points over {distance[-1] - distance[0]:g} m, held "
             f"every {table.step:g} m, shifted by {-datum:g} m so that the road starts at height 0.",
+            *((f"Heights are those that a rigid wheel of {radius:g} m radius follows.",) if radius else ()),
         ),
     )  # fmt: skip
 

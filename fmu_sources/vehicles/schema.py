@@ -113,6 +113,18 @@ class Vehicle(Section):
     description: str = Field(min_length=1)
 
 
+class _Seat(Section):
+    x: Quantity = quantity("m", "position of the driver's seat ahead of the CG", min=-50.0, max=50.0, nominal=1.0)
+    y: Quantity = quantity("m", "position of the driver's seat to the left of the CG", min=-10.0, max=10.0, nominal=1.0)
+    z: Quantity = quantity("m", "height of the driver's seat above the CG at rest", min=-10.0, max=10.0, nominal=1.0)
+
+    @classmethod
+    def at_cg(cls) -> _Seat:
+        """Of a file that does not say where it is."""
+        here = Quantity(value=0.0, unit="m", source="assumed: no [seat] in the vehicle file, so the seat is at the CG")
+        return cls(x=here, y=here, z=here)
+
+
 # ---------------------------------------------------------------------------------------------------------- quarter car
 
 
@@ -188,6 +200,7 @@ class RideCar(Vehicle):
 
     tires_lift_off: bool = False  # start of the parameter of that name: tires take no tension
     body: _RideBody
+    seat: _Seat = Field(default_factory=_Seat.at_cg)
     wheel: _RideWheels
     suspension: _RideSuspensions
     tire: _RideTires
@@ -216,6 +229,7 @@ class ThreeAxleCar(Vehicle):
 
     tires_lift_off: bool = False  # start of the parameter of that name: tires take no tension
     body: _RideBody
+    seat: _Seat = Field(default_factory=_Seat.at_cg)
     wheel: _ThreeWheels
     suspension: _ThreeSuspensions
     tire: _ThreeTires
@@ -229,7 +243,7 @@ class _TrenchBody(_RideBody):
         "m", "height of the CG above the mean of the wheel centres at rest", min=0.0, max=5.0
     )
     cg_offset: Quantity = quantity(
-        "m", "CG ahead of where wheel.*.x has it; wheels and outline stay together", min=-1.0, max=1.0, nominal=0.01
+        "m", "CG ahead of where wheel.*.x has it; wheels, seat and outline stay together", min=-1.0, max=1.0, nominal=0.01
     )
     half_width: Quantity = quantity("m", "distance of the body's outline to the side of the CG", min=0.0, max=5.0)
 
@@ -297,8 +311,8 @@ class ThreeAxleTrenchCar(ThreeAxleCar):
         """The car of small motions: without what only obstacles need, the wheels where ``body.cg_offset`` has them."""
         data = {n: value for n, value in self.model_dump().items() if n in ThreeAxleCar.model_fields}
         data |= {"kind": "three_axle", "body": {n: data["body"][n] for n in _RideBody.model_fields}}
-        for wheel in data["wheel"].values():
-            wheel["x"]["value"] -= self.body.cg_offset.value
+        for part in (*data["wheel"].values(), data["seat"]):
+            part["x"]["value"] -= self.body.cg_offset.value
         return ThreeAxleCar.model_validate(data)
 
 
@@ -366,6 +380,7 @@ class FullCar(Vehicle):
     """Two axles, four wheels, driver included."""
 
     body: _Body
+    seat: _Seat = Field(default_factory=_Seat.at_cg)
     wheel: _Wheel
     suspension: _Suspension
     tire: _RollingTire

@@ -72,6 +72,13 @@ def test_systems_as_ssp(workplace: Path, capsys: pytest.CaptureFixture[str]) -> 
     assert (workplace / "Bumps2.ssp").is_file()
 
 
+def test_many_copies(workplace: Path, capsys: pytest.CaptureFixture[str]) -> None:  # noqa: ARG001
+    names = run_blocks(ROOT / "docs" / "batch.md")
+    assert "in lanes:\n     road (RoadIso8608)" in capsys.readouterr().out
+    assert names["seen"].shape == (100, 2)  # type: ignore[attr-defined]
+    assert len(set(names["rms"].tolist())) == 100  # type: ignore[attr-defined]
+
+
 def test_an_isolated_fmu_gives_the_same_numbers(workplace: Path) -> None:  # noqa: ARG001
     assert len(run_blocks(ROOT / "docs" / "foreign-fmus.md")["at_arms_length"]) == 1001  # type: ignore[arg-type]
 

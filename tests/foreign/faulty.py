@@ -97,11 +97,10 @@ def _member(variable: str, name: str = 'memberName="a" ') -> str:
 
 
 def _clocked(files: dict[str, bytes], version: int) -> None:
-    """An event mode that it has, a clock that others would tick, and a clocked variable that may change at any time."""
+    """A clock that others would tick, and a clocked variable that may change at any time."""
     clock = '<Clock name="clock" valueReference="77" causality="input" intervalVariability="triggered"/>'
     clocked = '<Float64 name="clocked" valueReference="78" causality="local" variability="continuous" clocks="77"/>'
     _replaced(r"</ModelVariables>", f"{clock}{clocked}</ModelVariables>")(files, version)
-    _replaced("<CoSimulation ", '<CoSimulation hasEventMode="true" ')(files, version)
 
 
 STATES = ("saved.replay", "saved.parameters", "saved.states", "saved.serialize")
@@ -124,7 +123,7 @@ FAULTS = {
     "no-initial-unknown": Fault(("description.structure",), spoil=lambda f, v: _replaced(r'(<InitialUnknowns>)<Unknown index="7"[^>]*/>' if v == 2 else r'<InitialUnknown valueReference="6"[^>]*/>', r"\1" if v == 2 else "")(f, v)),
     "kinds": Fault(("description.dependencies",), spoil=_replaced('dependencies="5"' , 'dependencies="5" dependenciesKind="dependent fixed"')),
     "clock-without-interval": Fault(("description.clocks",), ("description.capabilities",), versions=(3,), spoil=_replaced(r"</ModelVariables>", '<Clock name="clock" valueReference="77" causality="input" intervalVariability="constant"/></ModelVariables>')),
-    "clocked-continuous": Fault(("description.clocks",), versions=(3,), spoil=_clocked),
+    "clocked-continuous": Fault(("description.clocks",), ("description.capabilities",), versions=(3,), spoil=_clocked),
     "experiment": Fault(("description.experiment",), spoil=_replaced('stopTime="1"', 'stopTime="-1"')),
     "serialize-without-saving": Fault(("description.capabilities",), spoil=_replaced(r'canGetAndSetFMU[sS]tate="true"', "", count=2)),
     "no-time": Fault(("description.capabilities",), versions=(3,), spoil=_replaced(r'<Float64 name="time"[^>]*/>', "")),

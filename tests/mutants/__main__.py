@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 import argparse
+import os
 import signal
 import sys
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor, as_completed
+from contextlib import ExitStack
 from pathlib import Path
+from queue import SimpleQueue
 
 from . import trial
 from .mutations import Mutant, mutants, mutated, sample
@@ -46,9 +50,10 @@ def main() -> int:
             print(m.id)
         return 0
     known, count, new = accepted(), 0, 0
-    with trial.copied_tree(ROOT) as tree:
+    with ExitStack() as stack:
+        trees = [stack.enter_context(trial.copied_tree(ROOT)) for _ in range(arguments.processes)]
         for room, found in chosen.items():
-            for m in _unnoticed(room, found, tree):
+            for m in _unnoticed(room, found, trees):
                 count += 1
                 if m.id not in known:
                     new += 1
@@ -58,8 +63,8 @@ def main() -> int:
     return 1 if new else 0
 
 
-def _unnoticed(room: Room, found: list[Mutant], tree: Path) -> Iterator[Mutant]:
-    """Mistakes of a room that its tests pass with."""
+def _unnoticed(room: Room, found: list[Mutant], trees: list[Path]) -> Iterator[Mutant]:
+    """Mistakes of a room that its tests pass with; as many are tried at a time as there are copies of the project."""
     from build_fmus.sources import imported
 
     tests, slower = (
@@ -70,27 +75,42 @@ def _unnoticed(room: Room, found: list[Mutant], tree: Path) -> Iterator[Mutant]:
     files = sorted(
         {*imported([*room.test_files(), *room.slower_files(), *room.files()]), *(ROOT / "tests").rglob("conftest.py")}
     )
-    limit: float | None = None
-    for i, m in enumerate(found, start=1):
-        text = mutated(m, (ROOT / m.file).read_text(encoding="utf-8"))
-        kept = STORE / trial.content_key([m.id, text, *tests, *slower], files)
-        if not kept.is_file():
-            if limit is None:
-                well, seconds = trial.timed(tree, tests)
-                if not well:
-                    sys.exit(f"room {room.name}: its tests fail as they are, without any mistake")
-                limit = trial.LIMIT[0] + trial.LIMIT[1] * seconds
-            with trial.changed(tree / m.file, text):
-                passed = trial.passes(tree, tests, limit) and (not slower or trial.passes(tree, slower))
-                result = "passed" if passed else "noticed"
-            STORE.mkdir(parents=True, exist_ok=True)
-            kept.write_text(result)
+    texts = {m: mutated(m, (ROOT / m.file).read_text(encoding="utf-8")) for m in found}
+    kept = {m: STORE / trial.content_key([m.id, text, *tests, *slower], files) for m, text in texts.items()}
+    todo = [m for m in found if not kept[m].is_file()]
+    if todo:
+        usual = trial.baseline(trees[0], tests)
+        if not usual.passed:
+            sys.exit(f"room {room.name}: its tests fail as they are, without any mistake")
+        limit = trial.LIMIT[0] + trial.LIMIT[1] * usual.seconds
+        STORE.mkdir(parents=True, exist_ok=True)
+        free: SimpleQueue[Path] = SimpleQueue()
+        for tree in trees:
+            free.put(tree)
+
+        def attempt(m: Mutant) -> None:
+            tree = free.get()
+            try:
+                with trial.changed(tree / m.file, texts[m]):
+                    first = usual.callers.get(m.place, ())
+                    passed = trial.passes(tree, tests, limit, first) and (not slower or trial.passes(tree, slower))
+                kept[m].write_text("passed" if passed else "noticed")
+            finally:
+                free.put(tree)
+
+        with ThreadPoolExecutor(len(trees)) as pool:
+            tries = [pool.submit(attempt, m) for m in todo]
+            try:
+                for i, done in enumerate(as_completed(tries), start=1):
+                    done.result()
+                    if sys.stderr.isatty():
+                        print(f"\r{room.name}: {i} of {len(todo)} ", end="", file=sys.stderr, flush=True)
+            except BaseException:
+                pool.shutdown(cancel_futures=True)
+                raise
         if sys.stderr.isatty():
-            print(f"\r{room.name}: {i} of {len(found)} ", end="", file=sys.stderr, flush=True)
-        if kept.read_text() == "passed":
-            yield m
-    if sys.stderr.isatty():
-        print(file=sys.stderr)
+            print(file=sys.stderr)
+    yield from (m for m in found if kept[m].read_text() == "passed")
 
 
 def _arguments() -> argparse.Namespace:
@@ -100,6 +120,13 @@ def _arguments() -> argparse.Namespace:
     )
     parser.add_argument("--only", default="", metavar="TEXT", help="mistakes whose name has this text")
     parser.add_argument("--most", type=int, default=3, metavar="N", help="of each kind in each file (default: 3)")
+    parser.add_argument(
+        "--processes",
+        type=int,
+        default=os.cpu_count() or 1,
+        metavar="N",
+        help="tried at a time (default: as many as there are cores)",
+    )
     parser.add_argument("--list", action="store_true", help="name the mistakes and run nothing")
     return parser.parse_args()
 

@@ -40,7 +40,12 @@ class Mutant:
     @property
     def id(self) -> str:
         """Names the mistake as long as its function stays as it is, whatever is written around it."""
-        return " | ".join([self.file, self.where, self.kind, f"{self.before} -> {self.after}", str(self.number)])
+        return " | ".join([self.place, self.kind, f"{self.before} -> {self.after}", str(self.number)])
+
+    @property
+    def place(self) -> str:
+        """File and function."""
+        return f"{self.file} | {self.where}"
 
 
 @dataclass(frozen=True)

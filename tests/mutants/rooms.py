@@ -36,14 +36,14 @@ class Room:
 
 
 def _experiment(name: str, *tests: str) -> Room:
-    return Room(name, (f"cosim/experiments/{name}/*.py",), tests or (f"tests/experiments/test_{name}_numbers.py",))
+    return Room(name, (f"cosim/experiments/{name}/[!e]*.py",), tests or (f"tests/experiments/test_{name}_numbers.py",))
 
 
 ROOMS = (
     _experiment("gpc", "tests/experiments/test_gpc_numbers.py", "tests/experiments/test_gpc_verdicts.py"),
     _experiment("trench"),
     _experiment("bench"),
-    Room("environment", ("cosim/experiments/hmmwv/environment.py",), ("tests/learning/test_registered.py",)),
+    Room("environment", ("cosim/experiments/*/environment.py",), ("tests/learning/test_re[gw]*.py",)),
     Room("hmmwv", ("cosim/experiments/hmmwv/[!e]*.py", "cosim/experiments/hmmwv/*/*.py"), ("tests/experiments/test_hmmwv_numbers.py", "tests/experiments/test_hmmwv_wiring.py"), slower=("tests/experiments/test_hmmwv_judging.py", "tests/experiments/test_verdicts.py")),
     _experiment("preview_lq"),
     _experiment("three_axle"),

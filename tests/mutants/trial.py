@@ -3,20 +3,26 @@
 from __future__ import annotations
 
 import hashlib
+import json
 import multiprocessing
 import os
+import re
 import shutil
 import sys
 import tempfile
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass
+from multiprocessing.process import BaseProcess
 from pathlib import Path
+from typing import Any
 
 from build_fmus.one_thread import one_thread
 
 LIMIT = (10.0, 5.0)  # s, and times what the tests take without a mistake: a test that takes longer has noticed
 COPIED = ("build_fmus", "cosim", "fmu_sources", "tests", "docs", "pyproject.toml", "README.md")
+ENDED = 100  # exit code of tests that passed
 LIBRARIES = ["casadi", "cffi", "fmpy", "jinja2", "lxml.etree", "numpy", "plotly.graph_objects", "pydantic", "pytest", "scipy.linalg",
              "scipy.signal", "scipy.stats", "typer"]  # fmt: skip
 """What most tests load and no mistake is made in: loaded once."""
@@ -51,25 +57,44 @@ def changed(file: Path, text: str) -> Iterator[None]:
         os.utime(file, ns=(times.st_atime_ns, times.st_mtime_ns))
 
 
-def passes(tree: Path, tests: Sequence[str], limit: float | None = None, *, shown: bool = False) -> bool:
-    """Whether tests pass in a tree, within ``limit`` seconds; in a process of their own. ``shown``: what pytest prints."""
-    one_thread()  # of the process that loads the libraries, and so of those made of it
-    context = multiprocessing.get_context("forkserver")
-    context.set_forkserver_preload(LIBRARIES)
-    process = context.Process(target=_run, args=(str(tree), list(tests), shown))
-    process.start()
+def passes(tree: Path, tests: Sequence[str], limit: float | None = None, first: Sequence[str] = ()) -> bool:
+    """Whether tests pass in a tree, within ``limit`` seconds, in a process of their own.
+
+    ``first``: names of the tests that run before the others, since they are likely to fail; the first that does ends the trial.
+    """
+    process = _started(tree, tests, None, first)
     process.join(limit)
     if process.is_alive():
         process.kill()
         process.join()
         return False
-    return process.exitcode == 0
+    return _passed(process)
 
 
-def timed(tree: Path, tests: Sequence[str]) -> tuple[bool, float]:
-    """Whether tests pass in a tree, and the seconds that they take."""
+@dataclass(frozen=True)
+class Baseline:
+    """What tests do without a mistake.
+
+    Attributes:
+        passed: whether they pass.
+        seconds: that they take.
+        callers: names of the tests that call a function, the quickest first, by "FILE | FUNCTION".
+    """
+
+    passed: bool
+    seconds: float
+    callers: Mapping[str, Sequence[str]]
+
+
+def baseline(tree: Path, tests: Sequence[str]) -> Baseline:
+    """Run tests in a tree, and note which functions of it they call; what pytest prints is shown."""
     begin = time.monotonic()
-    return passes(tree, tests, shown=True), time.monotonic() - begin
+    with tempfile.TemporaryDirectory() as folder:
+        notes = Path(folder, "calls.json")
+        process = _started(tree, tests, notes)
+        process.join()
+        passed = _passed(process)
+        return Baseline(passed, time.monotonic() - begin, json.loads(notes.read_text()) if passed else {})
 
 
 def content_key(texts: Sequence[str], files: Sequence[Path]) -> str:
@@ -80,13 +105,30 @@ def content_key(texts: Sequence[str], files: Sequence[Path]) -> str:
     return digest.hexdigest()[:32]
 
 
-def _run(tree: str, tests: list[str], shown: bool) -> None:
-    """Run tests in a process that has loaded nothing of the project; ends it with pytest's code."""
+def _started(tree: Path, tests: Sequence[str], notes: Path | None, first: Sequence[str] = ()) -> BaseProcess:
+    one_thread()  # of the process that loads the libraries, and so of those made of it
+    context = multiprocessing.get_context("forkserver")
+    context.set_forkserver_preload(LIBRARIES)
+    process = context.Process(target=_run, args=(str(tree), list(tests), notes, list(first)))
+    process.start()
+    return process
+
+
+def _passed(process: BaseProcess) -> bool:
+    code = process.exitcode
+    assert code is not None
+    if 0 <= code < ENDED:  # no test has said anything
+        raise RuntimeError(f"the process of the tests ended with {code}")
+    return code == ENDED
+
+
+def _run(tree: str, tests: list[str], notes: Path | None, first: list[str]) -> None:
+    """Run tests in a process that has loaded nothing of the project; ends it with :data:`ENDED` and pytest's code."""
     os.chdir(tree)
     sys.path[:] = [tree, f"{tree}/tests", *(p for p in sys.path if not (Path(p or ".") / "fmu_sources").is_dir())]
     for name in [n for n in sys.modules if n.partition(".")[0] in ("cosim", "build_fmus", "fmu_sources", "tests")]:
         del sys.modules[name]
-    if not shown:
+    if notes is None:
         sink = os.open(os.devnull, os.O_WRONLY)
         os.dup2(sink, 1)
         os.dup2(sink, 2)
@@ -94,4 +136,46 @@ def _run(tree: str, tests: list[str], shown: bool) -> None:
     import pytest
 
     built.build_all = built.BuiltFmus
-    sys.exit(int(pytest.main(["-x", "-q", "-p", "no:cacheprovider", "-p", "no:randomly", *tests])))
+    plugin = _First(first) if notes is None else _Calls(tree, notes)
+    sys.exit(
+        ENDED + int(pytest.main(["-x", "-q", "-p", "no:cacheprovider", "-p", "no:randomly", *tests], plugins=[plugin]))
+    )
+
+
+class _First:
+    """Lets some tests run before the others."""
+
+    def __init__(self, names: Sequence[str]) -> None:
+        self._rank = {name: i for i, name in enumerate(names)}
+
+    def pytest_collection_modifyitems(self, items: list[Any]) -> None:
+        items.sort(key=lambda item: self._rank.get(item.nodeid, len(self._rank)))
+
+
+class _Calls:
+    """Notes which functions of the project each test calls, and how long it takes."""
+
+    def __init__(self, tree: str, notes: Path) -> None:
+        self._prefix, self._notes = f"{tree}{os.sep}", notes
+        self._callers: dict[str, set[str]] = {}
+        self._seconds: dict[str, float] = {}
+
+    def pytest_runtest_logstart(self, nodeid: str) -> None:
+        begin = time.monotonic()
+
+        def note(frame: Any, event: str, _: object) -> None:
+            code = frame.f_code
+            if event == "call" and code.co_filename.startswith(self._prefix):
+                file = code.co_filename.removeprefix(self._prefix).replace(os.sep, "/")
+                where = re.sub(r"\.<(?!locals).*|\.<locals>", "", code.co_qualname)  # a lambda is its function's
+                self._callers.setdefault(f"{file} | {where}", set()).add(nodeid)
+                self._seconds[nodeid] = time.monotonic() - begin
+
+        sys.setprofile(note)
+
+    def pytest_runtest_logfinish(self) -> None:
+        sys.setprofile(None)
+
+    def pytest_sessionfinish(self) -> None:
+        found = {where: sorted(names, key=self._seconds.__getitem__) for where, names in self._callers.items()}
+        self._notes.write_text(json.dumps(found))

@@ -187,7 +187,7 @@ def test_mirror_symmetry(car, seed):
     xm, um = mirrored(car.states, x), mirrored(car.inputs, u)
     dx = car.rhs(x, u)
     assert car.rhs(xm, um) == pytest.approx(mirrored(car.states, dx), rel=1e-9, abs=1e-9)
-    y, ym = car.y(x, u), car.y(xm, um)
+    y, ym = car.y(x, u), car.y(xm, um, car.p(seat__y=-car.vehicle.seat.y.value))
     assert np.array(list(ym.values())) == pytest.approx(
         mirrored(car.outputs, np.array(list(y.values()))), rel=1e-9, abs=1e-9
     )

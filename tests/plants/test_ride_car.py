@@ -96,6 +96,10 @@ def by_hand(p):
     )
     for name, rate in zip(accelerations, RATES, strict=True):
         C[name], D[name] = A[state[rate]], B[state[rate]]
+    for matrix in (C, D):  # the seat rises with y roll - x pitch, and moves ahead with z pitch
+        roll, pitch = (matrix[f"body.{angle}_acceleration"] for angle in ("roll", "pitch"))
+        matrix["seat.az"] = matrix["body.az"] + p["seat.y"] * roll - p["seat.x"] * pitch
+        matrix["seat.ax"] = p["seat.z"] * pitch
     for name, i in state.items():
         C[name], D[name] = np.eye(14)[i], np.zeros(12)
     return A, B, C, D
@@ -171,7 +175,8 @@ def test_mirror_image(car):
     start = dict(zip(POSITIONS + RATES, 0.02 * rng.standard_normal(14), strict=True))
     runs = []
     for turn in (lambda n: n, mirrored):
-        run = Evaluator(car, {turn(n): v for n, v in values.items()})
+        seat = values["seat.y"] * (-1.0 if turn is mirrored else 1.0)
+        run = Evaluator(car, {turn(n): v for n, v in values.items()} | {"seat.y": seat})
         sign = (lambda n: 1.0) if turn is not mirrored else mirror_sign
         run.x = [start[turn(n)] * sign(n) for n in POSITIONS + RATES]
         names = [e.name for e in car.output_elements()]

@@ -102,7 +102,7 @@ def test_lifting_the_road_lifts_everything_by_as_much(car):
 def test_outputs_are_those_of_the_two_axle_car(car):
     """The same names, with the corners of three axles."""
     two = [e.name for e in ride_car(load_ride_car("sedan")).model().output_elements()]
-    body = {n for n in two if n.startswith("body.")}
+    body = {n for n in two if n.startswith(("body.", "seat."))}
     patterns = [n.replace(".fl.", ".{}.") for n in two if ".fl." in n]
     assert {e.name for e in car.output_elements()} == body | {p.format(k) for p in patterns for k in CORNERS}
 
@@ -126,7 +126,7 @@ def test_mirror_image(car):
         def sign(name, image=image):
             return -1.0 if image and "roll" in name else 1.0
 
-        run = Evaluator(car, {turn(n): v for n, v in values.items()})
+        run = Evaluator(car, {turn(n): v for n, v in values.items()} | {"seat.y": (-1 if image else 1) * values["seat.y"]})
         run.x = [start[turn(n)] * sign(n) for n in POSITIONS + RATES]
         inputs, rows = np.random.default_rng(3), []
         for _ in range(200):

@@ -344,6 +344,8 @@ def test_opencrg_slope_banking_and_numbered_sections(tmp_path, layout):
 
 TWO = ["long section at v = -1.0,m", "long section at v = 1.0,m"]
 THREE = [TWO[0], "long section at v = 0.0,m", TWO[1]]
+NUMBERED = ["long section 1,m", "long section 2,m"]
+SIDES = "LONG_SECTION_V_RIGHT = {}\nLONG_SECTION_V_LEFT = {}\nLONG_SECTION_V_INCREMENT = {}\n"
 
 
 @pytest.mark.parametrize(
@@ -369,6 +371,10 @@ THREE = [TWO[0], "long section at v = 0.0,m", TWO[1]]
         (crg([[0, 0]] * 3, TWO, increment=-1), ["REFERENCE_LINE_INCREMENT"]),
         (crg([[0, 0]] * 3, ["long section at v = -0.3,m", "long section at v = 0.3,m"]), ["-0.3 to 0.3 m", "0.91"]),
         (crg([[0, 0]] * 3, ["long section 1,m", "long section 2,m"]), ["LONG_SECTION_V_RIGHT"]),
+        (crg([[0, 0]] * 3, NUMBERED, head=SIDES.format(2, -2, 4)), ["V_RIGHT = 2 m", "V_LEFT = -2 m", "left and right are swapped"]),
+        (crg([[0, 0]] * 3, NUMBERED, head=SIDES.format(-2, 2, -4)), ["V_INCREMENT = -4 m", "left and right are swapped"]),
+        (crg([[0, 0]] * 3, NUMBERED, head=SIDES.format(-2, 2, 3)), ["V_LEFT = 2 m", "is at 1 m", "which side is which"]),
+        (crg([[0, 0]] * 3, TWO, head="LONG_SECTION_V_RIGHT = -3\n"), ["V_RIGHT = -3 m", "is at -1 m", "which side is which"]),
         (crg([[0, 0]] * 3, TWO).replace("  0.000000", "  0.0zz000", 1), ["line 14", "0.0zz000"]),
         (crg([[0.0] * 9] * 3, [f"long section at v = {v},m" for v in range(-4, 5)]).rsplit("\n", 2)[0], ["cut short"]),
         ("$ROAD_CRG_FILE\nother.crg\n$\n$$$$\n", ["another file", "other.crg", "not there"]),

@@ -44,6 +44,19 @@ def test_distributions(text: str, law) -> None:
     np.testing.assert_allclose(axis(text).at(u), law.ppf(u), rtol=1e-9)
 
 
+def test_seeds_from_one_to_many() -> None:
+    """``1..N`` is every whole number from 1 to N: once each in a grid, and in a Latin hypercube of N samples."""
+    seeds = axis("road.seed=1..200")
+    assert seeds.grid() == list(range(1, 201))
+    (found,) = Design((seeds,), samples=200).columns()
+    assert sorted(found) == list(range(1, 201))
+    assert Design((seeds, axis("x=0:1:3")), "grid").runs == 600
+    assert axis("n=-2..2").grid() == [-2, -1, 0, 1, 2]
+    assert axis("n=3..3").grid() == [3]
+    with pytest.raises(DesignError, match="the range 5 to 2 is upside down"):
+        axis("n=5..2")
+
+
 def test_whole_numbers() -> None:
     """Each is as likely as the others, both ends included."""
     found = Axis("n", "uniform", (1, 3), whole=True).at(np.linspace(0, 1, 3001))

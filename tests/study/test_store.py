@@ -388,3 +388,20 @@ def test_without_parquet_lines_stay_lines(tmp_path: Path, monkeypatch: pytest.Mo
     store.store.flush()
     assert {p.suffix for p in tmp_path.iterdir()} == {".lines"}
     assert [reader.get(i)["n"] for reader in (store, runs(tmp_path)) for i in range(5)] == [*range(5)] * 2
+
+
+def test_reading_a_batch_starts_no_thread(tmp_path: Path) -> None:
+    """Threads of Arrow that let go of a file when the interpreter has ended abort the process: one sweep in 250."""
+    path = tmp_path / "a.parquet"
+    pq.write_table(pa.table({"a": [0.5 * k for k in range(4096)]}), path)
+    code = f"""
+import os, pathlib
+from cosim.formats import parquet_table
+count = lambda: len(os.listdir("/proc/self/task"))
+import pyarrow.parquet
+before = count()
+table = parquet_table(pathlib.Path({str(path)!r}))
+print(table.num_rows, count() - before)
+"""
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.split() == ["4096", "0"]

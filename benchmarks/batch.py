@@ -1,0 +1,76 @@
+"""Passive full cars simulated per second and core: one by one by the engine, and as copies of one batch, on each kind of vectors.
+
+Simulated time of all copies over the processor time of their steps, so that other work on the machine hardly counts and the number of
+threads does not. Initialization, which is the same for both, is measured apart. Every copy has a mass and a speed of its own.
+"""
+
+from __future__ import annotations
+
+import time
+
+import numpy as np
+
+from benchmarks.random_roads import system as on_random_road
+from cosim import System
+from cosim.batch import Batch
+from cosim.batch.library import TARGETS, choose_target
+from cosim.experiments.gpc.runs import Case, wire
+from cosim.study import FmuSet
+
+COPIES, SECONDS, ROUNDS = 256, 2.0, 3
+TITLE = "passive full cars, simulated time of all copies / processor time"
+SYSTEMS = {
+    "sine road": lambda: wire(FmuSet(), Case("sine", controller="passive")),
+    "random road (class C, by nodes)": on_random_road,
+}
+
+
+def one_by_one(system: System, runs: int = 8) -> tuple[float, float]:
+    """Simulated time over processor time of the steps of some runs by the engine, and the processor time of an initialization [s]."""
+    begun = stepped = 0.0
+    for mass in np.linspace(2500.0, 5000.0, runs):
+        system["car"].set({"body.mass": mass})
+        begin = time.process_time()
+        simulation = system.initialize(record=["car.body.az"], record_interval="10 ms", engine="compiled", allow_unconnected=True)
+        begun += time.process_time() - begin
+        begin = time.process_time()
+        simulation.advance(SECONDS)
+        stepped += time.process_time() - begin
+    return runs * SECONDS / stepped, begun / runs
+
+
+def in_batch(system: System, vectors: str, threads: int) -> tuple[float, float]:
+    """The same of a batch, per copy."""
+    start = {"car.body.mass": np.linspace(2500.0, 5000.0, COPIES), "speed.start.speed": np.linspace(8.0, 20.0, COPIES)}
+    with Batch(
+        system, COPIES, record=["car.body.az"], record_interval="10 ms", vectors=vectors, threads=threads, allow_unconnected=True
+    ) as batch:
+        begin = time.process_time()
+        batch.reset(start)
+        begun = time.process_time() - begin
+        begin = time.process_time()
+        batch.advance(SECONDS)
+        stepped = time.process_time() - begin
+        assert not batch.failures
+        return COPIES * SECONDS / stepped, begun / COPIES
+
+
+def measure() -> dict[str, float]:
+    """The best of some rounds, in which all take turns."""
+    found: dict[str, float] = {}
+    kinds = [name for name, target in TARGETS.items() if target.lanes <= choose_target().lanes]
+    for road, make in SYSTEMS.items():
+        with make() as system:
+            for _ in range(ROUNDS):
+                took = {"one by one": one_by_one(system), **{f"lanes, {k}": in_batch(system, k, 1) for k in kinds}}
+                took["lanes, two threads"] = in_batch(system, "auto", 2)
+                for name, (factor, begun) in took.items():
+                    key, init = f"{road}, {name}", f"{road}, {name}, initialization [ms per copy]"
+                    found[key] = max(found.get(key, 0.0), factor)
+                    found[init] = min(found.get(init, np.inf), begun * 1e3)
+    return found
+
+
+if __name__ == "__main__":
+    for what, value in measure().items():
+        print(f"{what}: {value:.3g}")

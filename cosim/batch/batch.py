@@ -1,0 +1,518 @@
+"""Many copies of one system, stepped together. See `Batch`."""
+
+from __future__ import annotations
+
+import os
+import time as clock
+import warnings
+from collections.abc import Iterable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field
+from types import TracebackType
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from build_fmus.checks import did_you_mean, whole_number
+from cosim.batch.library import Target, choose_target, interface, lane_library
+from cosim.batch.source import LaneSource, NoLanes, lane_source
+from cosim.batch.structs import HEADER, CopyFailure, Lanes, Structs, aligned
+from cosim.description import Variable
+from cosim.engine.compiled import CompiledExchange
+from cosim.engine.plan import Plan, make_plan
+from cosim.errors import ComponentError, CosimError, TimeError, UnconnectedInputsWarning, WiringError
+from cosim.fmu.component import FmuComponent
+from cosim.interrupt import HeldInterrupt
+from cosim.master.exchange import Exchange
+from cosim.master.simulation import Simulation
+from cosim.recording import Recording
+from cosim.session import System
+from cosim.signals import Array
+from cosim.system.members import Member
+from cosim.time import TimeLike, positive, rational
+
+_STATE = 96  # bytes of a serialized state before these values (fmu_core.c)
+_PIECE = 0.1  # s of wall time between looks at Ctrl-C
+
+
+class CopyFailedWarning(UserWarning):
+    """A copy has ended with an error; the others continue."""
+
+
+@dataclass(frozen=True)
+class BatchRecording:
+    """What was recorded: `time` [s] (samples,), `data` (copies, samples, variables), `names` and `units` of the variables. After a copy
+    has ended its values are NaN. `recording["car.body.az"]` is one variable, (copies, samples)."""
+
+    time: Array
+    names: list[str]
+    data: Array
+    units: dict[str, str] = field(default_factory=dict)
+
+    def __getitem__(self, name: str) -> Array:
+        if name not in self.names:
+            raise KeyError(f"'{name}' was not recorded{did_you_mean(name, self.names)}")
+        found: Array = self.data[:, :, self.names.index(name)]
+        return found
+
+    def one(self, copy: int) -> Recording:
+        """What was recorded of one copy."""
+        return Recording(self.time, list(self.names), np.asfortranarray(self.data[copy]), dict(self.units))
+
+
+class Batch:
+    """`copies` of a system, stepped together on all cores; each has the bits of a run of its own.
+
+        batch = Batch(system, 1000, start={"car.body.mass": masses}, inputs=["car.force.*"], outputs=["car.body.az"])
+        batch.advance("0.1 s")
+        az = batch.step("0.01 s", forces)         # (1000, 4) in, (1000, 1) out
+
+    FMUs of this project whose equations have no control flow of their own for each copy run in *lanes*: 2, 4 or 8 copies in one vector
+    of the processor. Others (quadratic programs, stiff solvers, FMUs of others, signals from tables) run one by one in the same batch.
+    `print(batch)` names both, and why.
+
+    Args:
+        system: whose components, connections and rates every copy has. The batch uses its components: it has no other simulation
+            meanwhile.
+        copies: how many.
+        start: parameters and start values by full name: one value for all copies, or an array (copies,); of an array variable
+            (copies, ...).
+        inputs: names and patterns of real inputs that nothing drives, which `set` and `step` take as (copies, n); their order is
+            `input_names`. Default: none.
+        outputs: names and patterns of what `outputs` and `step` give as (copies, n); their order is `output_names`.
+        record, record_interval, start_time: as in `System.initialize`.
+        threads: default one for each core that this process may use. The bits do not depend on it.
+        vectors: "avx512", "avx2", "baseline" (what every processor has), or "auto", the widest that this one has. Nor on this.
+        allow_unconnected: no warning of inputs that nothing drives and that are not among `inputs`.
+
+    A copy that fails (a state without bounds, an FMU's error, an output that is not finite) ends; the others go on. It is in `failures`,
+    a CopyFailedWarning tells of it, and its outputs are NaN from then on. An output that nothing reads is not computed in lanes, so a
+    copy does not end when only such an output is not finite.
+
+    Raises WiringError for names and values that do not fit, CosimError for a system that cannot be in a batch, and where there is no C
+    compiler, ComponentError when no copy can be initialized.
+    """
+
+    def __init__(
+        self,
+        system: System,
+        copies: int,
+        *,
+        start: Mapping[str, Any] | None = None,
+        inputs: str | Iterable[str] = (),
+        outputs: str | Iterable[str] = (),
+        record: str | Iterable[str] = (),
+        record_interval: TimeLike | None = None,
+        start_time: TimeLike | None = None,
+        threads: int | None = None,
+        vectors: str = "auto",
+        allow_unconnected: bool = False,
+    ):
+        whole_number("copies", copies, error=CosimError)
+        self.copies = int(copies)
+        self.system = system
+        for m in system.members.values():
+            if not isinstance(m.component, FmuComponent) and not m.description.native:
+                raise CosimError(
+                    f"'{m.name}' is written in Python, and a batch has no Python in its loop: declare it as a component that build-fmus "
+                    "makes an FMU of, or run the copies one by one"
+                )
+        if threads is not None:
+            whole_number("threads", threads, error=CosimError)
+        self.threads = int(threads) if threads is not None else _cores()
+        self._inputs = self._free_inputs(inputs)
+        self.input_names = [f"{m.name}.{v.name}" for m, v in self._inputs]
+        self._outputs = system.select(_listed(outputs)) if _listed(outputs) else []
+        self.output_names = [f"{m.name}.{v.name}" for m, v in self._outputs]
+        self._record = system.select(_listed(record)) if _listed(record) else []
+        self._interval = None if record_interval is None else positive(record_interval, "record_interval")
+        self._start_time = system.experiment[0] if start_time is None else rational(start_time, "start_time")
+        free = [n for n in system.unconnected() if n not in self.input_names and n not in (start or {})]
+        if free and not allow_unconnected:
+            more = f" and {len(free) - 10} more" if len(free) > 10 else ""
+            text = f"inputs that nothing drives keep their start values: {', '.join(free[:10])}{more} (allow_unconnected=True if that is meant)"
+            warnings.warn(text, UnconnectedInputsWarning, stacklevel=2)
+        self._target: Target = choose_target(vectors)
+        self._schedule = system.schedule(*([] if self._interval is None else [self._interval]))
+        self._sources: dict[Member, LaneSource] = {}
+        self.one_by_one: dict[str, str] = {}
+        """Names of members whose copies run one by one, and why."""
+        self._fixed_reasons: dict[Member, str] = {}
+        for m in system.members.values():
+            try:
+                self._sources[m] = self._lanes_of(m)
+            except NoLanes as reason:
+                self._fixed_reasons[m] = str(reason)
+        self._twins: dict[Member, list[Any]] = {}
+        self._pool: ThreadPoolExecutor | None = None
+        self.failures: list[CopyFailure] = []
+        """Copies that have ended, in the order in which that was found."""
+        self.reset(start)
+
+    def _lanes_of(self, member: Member) -> LaneSource:
+        component = member.component
+        if not isinstance(component, FmuComponent):
+            raise NoLanes("its signals are from a table")
+        if component.isolation is not None:
+            raise NoLanes("it is isolated in a process of its own")
+        source = lane_source(component.fmu)
+        source.code((), self._target.lanes, self._target.number)
+        return source
+
+    def _free_inputs(self, names: str | Iterable[str]) -> list[tuple[Member, Variable]]:
+        members, driven = self.system.members, self.system.connections
+        found: dict[tuple[Member, Variable], None] = {}
+        for name in _listed(names):
+            pattern = "*" in name or "?" in name
+            chosen = [(m, v) for m, v in members.fitting(name, "input") if not pattern or f"{m.name}.{v.name}" not in driven]
+            if not chosen:
+                free = ", ".join(self.system.unconnected()) or "none"
+                raise WiringError(f"'{name}' fits no input that nothing drives; there are: {free}")
+            for m, v in chosen:
+                full = f"{m.name}.{v.name}"
+                if full in driven:
+                    raise WiringError(f"{full} is driven by {driven[full].source_name}")
+                if v.causality != "input":
+                    raise WiringError(f"{full} is no input, but {v.causality}: give it in start=..., or to reset()")
+                if v.type != "real":
+                    raise WiringError(f"{full} is of type {v.fmi_type}; inputs of a batch are real")
+                found[m, v] = None
+        return list(found)
+
+    # Beginning.
+
+    def reset(self, start: Mapping[str, Any] | None = None) -> None:
+        """All copies at the start time, with these parameters and start values (see the class) beside those of the system."""
+        given = self._given(start or {})
+        self._forget()
+        self.failures = []
+        self._alone = dict(self._fixed_reasons)
+        for m in self._sources:
+            steps = given.get((m, "solver.step"))
+            if steps is not None and len(set(steps)) > 1:
+                self._alone[m] = "its copies have different solver.step"
+        self.one_by_one = {m.name: why for m, why in sorted(self._alone.items(), key=lambda item: item[0].name)}
+        lanes = self._target.lanes
+        self._groups = -(-self.copies // lanes)
+        for m in self._alone:
+            self._twins.setdefault(m, [m.component.twin() for _ in range(self.copies)])  # type: ignore[attr-defined]
+        self._begin(given)
+
+    def _given(self, start: Mapping[str, Any]) -> dict[tuple[Member, str], list[Any]]:
+        """Start values of all copies, element by element."""
+        found: dict[tuple[Member, str], list[Any]] = {}
+        for name, value in start.items():
+            member, variable = self.system.members.split(name)
+            array = np.asarray(value)
+            own = member.description.arrays.get(member.description.canonical(variable))
+            is_array = own is not None and member.description.canonical(variable) not in member.description.variables
+            each = array.ndim >= 1 and len(array) == self.copies and (not is_array or array.ndim > 1)
+            if not each and array.ndim >= 1 and not is_array:
+                raise WiringError(f"{name} has shape {array.shape}; give one value for all copies, or an array of shape ({self.copies},)")
+            for copy in range(self.copies):
+                try:
+                    expanded = member.expand(variable, (array[copy] if array.ndim > 1 else array[copy].item()) if each else value)
+                except WiringError as error:
+                    raise WiringError(f"copy {copy}: {error}" if each else str(error)) from None
+                for n, v in expanded.items():
+                    found.setdefault((member, n), [None] * self.copies)[copy] = v
+                if not each:
+                    for n in expanded:
+                        found[member, n] = [found[member, n][0]] * self.copies
+                    break
+        return found
+
+    def _begin(self, given: Mapping[tuple[Member, str], list[Any]]) -> None:
+        """Initialize the copies, one after the other; where all members have lanes, equal ones once."""
+        self.system.end_simulation()
+        schedule = self._schedule
+        kept = [(m, dict(m.values), m.component) for m in schedule.members]
+        sources = [m for m in schedule.members if m not in self._alone]
+        exchanges: list[Exchange | None] = [None] * self.copies
+        errors: dict[int, ComponentError] = {}
+        first_of: dict[tuple[Any, ...], int] = {}
+        like: dict[int, int] = {}  # copies that are like another one
+        try:
+            for copy in range(self.copies):
+                source = copy if self._alone else first_of.setdefault(tuple(values[copy] for values in given.values()), copy)
+                if source != copy:
+                    like[copy] = source
+                    continue
+                for m, values, _ in kept:
+                    m.values = dict(values)
+                    if m in self._alone:
+                        m.component = self._twins[m][copy]
+                for (m, name), each in given.items():
+                    m.values[name] = each[copy]
+                try:
+                    exchanges[copy] = exchange = self._initialized()
+                except ComponentError as error:
+                    errors[copy] = error
+                    continue
+                if len(errors) == copy - len(like):
+                    self._prepare(exchange, sources)
+                self._take(exchange, copy)
+        finally:
+            for m, values, component in kept:
+                m.values, m.component = values, component
+        errors |= {copy: errors[source] for copy, source in like.items() if source in errors}
+        if len(errors) == self.copies:
+            raise errors[0]
+        good = next(c for c in range(self.copies) if c not in errors)
+        padding = dict.fromkeys((*errors, *range(self.copies, len(self._alive))), good)
+        for copy, source in (like | padding).items():
+            self._copy_lane(source, copy)
+        self._alive[self.copies :] = 0
+        self._alive[list(errors)] = 0
+        self._start_lanes()
+        self._structs = Structs(
+            self._plan, self._exchange, exchanges, self._lanes, self._alone, self._values, self._alive, self._target, self.threads
+        )
+        self._tick = self._exchange.tick
+        self._chunks: list[tuple[int, npt.NDArray[np.float64]]] = []  # number of the first sample, samples
+        for copy in sorted(errors):
+            self._ended(CopyFailure(copy, errors[copy].component, float(self._start_time), str(errors[copy])))
+
+    def _initialized(self) -> Exchange:
+        """The exchange of one copy, whose components are initialized."""
+        watch = [*self._outputs, *self._inputs]
+        made = Simulation(
+            self._schedule, self._start_time, record=self._record, record_interval=self._interval, watch=watch, exchange=CompiledExchange
+        )
+        return made.exchange
+
+    def _take(self, exchange: Exchange, copy: int) -> None:
+        """Values and states of a copy that has been initialized."""
+        group, lane = divmod(copy, self._target.lanes)
+        self._values[group, :, lane] = exchange.values
+        for m, lanes in self._lanes.items():
+            data = m.component.serialize()  # type: ignore[attr-defined]
+            lanes.values()[group, :, lane] = np.frombuffer(data, dtype=float, offset=_STATE, count=lanes.source.n_values)
+
+    def _copy_lane(self, source: int, to: int) -> None:
+        lanes = self._target.lanes
+        (g, i), (h, k) = divmod(source, lanes), divmod(to, lanes)
+        for array in (self._values, *(each.memory for each in self._lanes.values())):
+            array[h, :, k] = array[g, :, i]
+
+    def _prepare(self, exchange: Exchange, sources: Sequence[Member]) -> None:
+        """Memory of all copies, once the exchange is known."""
+        self._plan: Plan = make_plan(exchange)
+        self._exchange = exchange
+        lanes, groups = self._target.lanes, self._groups
+        self._values = aligned(groups, self._plan.size, lanes)
+        self._alive = np.ones(groups * lanes, dtype=np.uint8)
+        for m in sources:
+            source, outputs = self._sources[m], exchange.layout.places[m].outputs
+            shown = tuple(sorted({source.rows[v.reference].slot + v.index for v in outputs if source.rows[v.reference].role == "FMU_OUTPUT"}))
+            library = lane_library(source, shown, self._target)
+            self._lanes[m] = Lanes(source, library, aligned(groups, library.cosim_lanes_rows(), lanes))
+
+    def _start_lanes(self) -> None:
+        ffi, base = interface(), self._exchange.base
+        for m, lanes in self._lanes.items():
+            begin = float(base.start + m.offset)
+            lanes.memory[:, 0:2] = begin
+            lanes.memory[:, 2:HEADER] = 0.0
+            for group in lanes.memory:
+                lanes.library.cosim_lanes_prepare(ffi.cast("void*", group.ctypes.data))
+
+    # Stepping.
+
+    @property
+    def time(self) -> float:
+        """Present time [s] of all copies that run."""
+        return self._exchange.base.seconds(self._tick)
+
+    @property
+    def running(self) -> npt.NDArray[np.bool_]:
+        """Which copies have not ended, (copies,)."""
+        return self._alive[: self.copies].astype(np.bool_)
+
+    def set(self, values: npt.ArrayLike) -> None:
+        """Other values (copies, n) for `inputs`, in the order of `input_names`, effective from the next step on. Raises WiringError for
+        another shape and for numbers that are not finite."""
+        given = np.asarray(values, dtype=float)
+        if given.shape != (self.copies, len(self._inputs)):
+            raise WiringError(f"the inputs have shape {given.shape}; give {(self.copies, len(self._inputs))}, a row for each copy")
+        running = self.running
+        wrong = np.argwhere(~np.isfinite(given) & running[:, None])
+        if len(wrong):
+            copy, i = wrong[0]
+            raise WiringError(f"copy {copy}: {self.input_names[i]} is {given[copy, i]}; inputs are finite")
+        self._check_limits(given, running)
+        constants = self._exchange.layout.constants
+        for i, (m, v) in enumerate(self._inputs):
+            column = np.where(running, given[:, i], 0.0)
+            if m in self._lanes:
+                self._put(self._lanes[m].memory, self._lanes[m].row(v), column)
+            if (m, v) in constants:
+                self._put(self._values, constants[m, v], column)
+        for m in self._alone:
+            mine = [(i, v) for i, (owner, v) in enumerate(self._inputs) if owner is m]
+            for copy in np.flatnonzero(running) if mine else ():
+                self._twins[m][copy].set({v: float(given[copy, i]) for i, v in mine})
+
+    def _check_limits(self, given: Array, running: npt.NDArray[np.bool_]) -> None:
+        """As those of `Simulation.set`."""
+        for i, (m, v) in enumerate(self._inputs):
+            low, high = (b if b is not None else s for b, s in ((v.minimum, -np.inf), (v.maximum, np.inf)))
+            suspect = (given[:, i] < low) | (given[:, i] > high) | (v.must_equal is not None)
+            for copy in np.flatnonzero(suspect & running):
+                try:
+                    m.expand(v.name, float(given[copy, i]))
+                except WiringError as error:
+                    raise WiringError(f"copy {copy}: {error}") from None
+
+    def _put(self, array: npt.NDArray[np.float64], row: int, column: Array) -> None:
+        full = np.zeros(array.shape[0] * array.shape[2])
+        full[: self.copies] = column
+        array[:, row, :] = full.reshape(array.shape[0], array.shape[2])
+
+    def step(self, duration: TimeLike, inputs: npt.ArrayLike | None = None) -> Array:
+        """Set `inputs` (copies, n) if given, advance by `duration` [s], and give the outputs (copies, n)."""
+        if inputs is not None:
+            self.set(inputs)
+        self.advance(self._exchange.base.exact(self._tick) + positive(duration, "duration"))
+        return self.outputs
+
+    def advance(self, until: TimeLike) -> None:
+        """All copies to the first base tick at or after `until` [s]. Ctrl-C stops between two instants, at the same one for all copies."""
+        exchange = self._exchange
+        end = exchange.base.at_or_after(rational(until, "until"))
+        if end < self._tick:
+            raise TimeError(f"cannot advance to {until} s: the batch stands at {self.time:.9g} s")
+        if not self._plan.exact_until(end):
+            raise TimeError(f"{until} s is beyond what the compiled engine counts exactly with a tick of {float(self._schedule.tick):g} s")
+        if end == self._tick:
+            return
+        self._make_room(end)
+        length = max(1, (end - self._tick) // 64)
+        with HeldInterrupt() as interrupt:
+            while self._tick < end and self._alive.any():
+                begin = clock.perf_counter()
+                self._run(min(end, self._tick + length))
+                if interrupt.pending:
+                    break
+                took = clock.perf_counter() - begin
+                length = max(1, int(length * min(8.0, _PIECE / max(took, 1e-6))))
+        if interrupt.pending:
+            raise KeyboardInterrupt
+        self._tick = end
+
+    def _make_room(self, end: int) -> None:
+        period = self._plan.clocks[-1].period
+        first, last = -(-self._tick // period), end // period
+        count = last - first + 1 if self._plan.recorded else 0
+        rows = np.full((self.copies, max(count, 0), len(self._plan.recorded)), np.nan)
+        if count > 0:
+            self._chunks.append((first, rows))
+        self._rows = rows
+        self._structs.record_to(rows, first)
+
+    def _run(self, end: int) -> None:
+        """One piece, by all threads."""
+        run, workers = self._structs.run, self._structs.workers[: min(self.threads, self._groups)]
+        before = self._alive.copy()
+        self._structs.batch.next_group = 0
+        if len(workers) == 1:
+            run(workers[0], self._tick, end)
+        else:
+            if self._pool is None:
+                self._pool = ThreadPoolExecutor(self.threads, thread_name_prefix="cosim-batch")
+            list(self._pool.map(lambda w: run(w, self._tick, end), workers))
+        self._tick = end
+        for copy in np.flatnonzero(before != self._alive):
+            self._ended(self._structs.failure(int(copy)))
+
+    # What failed.
+
+    def _ended(self, failure: CopyFailure) -> None:
+        self.failures.append(failure)
+        warnings.warn(str(failure), CopyFailedWarning, stacklevel=4)
+
+    # Looking at it.
+
+    def __getitem__(self, name: str) -> Array:
+        """Present values (copies,) of a variable among `outputs`, `inputs` or `record`; NaN of copies that have ended."""
+        readable = self._exchange.layout.readable
+        full = self.system.members.canonical(name)
+        if full not in readable:
+            raise KeyError(f"'{name}' is not read by this batch{did_you_mean(name, readable)}; name it in outputs=[...]")
+        slot, scale, offset = readable[full]
+        found: Array = self._values[:, slot, :].flatten()[: self.copies]
+        if (scale, offset) != (1.0, 0.0):
+            found = scale * found + offset
+        found[~self.running] = np.nan
+        return found
+
+    @property
+    def outputs(self) -> Array:
+        """Present values (copies, n) of `output_names`; NaN of copies that have ended."""
+        return np.column_stack([self[n] for n in self.output_names]) if self.output_names else np.empty((self.copies, 0))
+
+    @property
+    def recording(self) -> BatchRecording:
+        """What was recorded so far; the last sample is provisional, as in `Simulation.recording`."""
+        layout, clocks = self._exchange.layout, self._plan.clocks
+        parts: list[Array] = []
+        numbers: list[int] = []
+        for (first, rows), following in zip(self._chunks, [*self._chunks[1:], None], strict=True):
+            count = rows.shape[1] if following is None else min(rows.shape[1], following[0] - first)
+            parts.append(rows[:, :count])
+            numbers += range(first, first + count)
+        data = parts[0] if len(parts) == 1 else np.concatenate(parts, axis=1) if parts else np.empty((self.copies, 0, 0))
+        reached = [n for n in numbers if n * clocks[-1].period <= self._tick]
+        time = np.array([self._exchange.base.seconds(n * clocks[-1].period) for n in reached])
+        return BatchRecording(time, list(layout.record_names), data[:, : len(reached)], dict(layout.record_units))
+
+    def __str__(self) -> str:
+        t = self._target
+        lines = [
+            f"{self.copies} copies in {self._groups} groups of {t.lanes} ({t.name}), {self.threads} thread{'s' * (self.threads != 1)}, "
+            f"at t = {self.time:.9g} s"
+        ]
+        together = [m for m in self._schedule.members if m in self._lanes]
+        if together:
+            lines.append("in lanes:")
+            lines += [f"     {m.name} ({m.description.name})" for m in together]
+        if self._alone:
+            lines.append("one by one:")
+            lines += [f"     {m.name} ({m.description.name}): {self._alone[m]}" for m in self._schedule.members if m in self._alone]
+        if self.failures:
+            lines.append(f"{len(self.failures)} ended:")
+            lines += [f"     {f}" for f in self.failures[:10]]
+        return "\n".join(lines)
+
+    # The end.
+
+    def _forget(self) -> None:
+        self._lanes: dict[Member, Lanes] = {}
+
+    def close(self) -> None:
+        """Free the copies' own instances; the system stays."""
+        if self._pool is not None:
+            self._pool.shutdown()
+            self._pool = None
+        for twins in self._twins.values():
+            for component in twins:
+                component.close()
+        self._twins.clear()
+
+    def __enter__(self) -> Batch:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
+        self.close()
+
+
+def _listed(names: str | Iterable[str]) -> list[str]:
+    return [names] if isinstance(names, str) else list(names)
+
+
+def _cores() -> int:
+    """Cores that this process may use."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1

@@ -1,0 +1,105 @@
+"""The compiled parts of a batch: for one kind of processor, the engine of groups of copies, and the lanes of each FMU."""
+
+from __future__ import annotations
+
+import re
+import tempfile
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import cffi
+
+from build_fmus.checks import unknown
+from build_fmus.compile import CompileError, ObjectCache, find_toolchain, host
+from cosim.batch.source import RUNTIME as OF_FMUS
+from cosim.batch.source import LaneSource
+from cosim.engine import library as engine
+from cosim.errors import CosimError
+from cosim.fmu.environment import HEADER as ENVIRONMENT
+
+_HERE = Path(__file__).parent / "runtime"
+_HEADER = _HERE / "batch.h"
+_EXPORTED = """
+void cosim_batch_run(Batch *b, BatchWorker *w, int64_t tick, int64_t end);
+size_t cosim_lanes_rows(void);
+void cosim_lanes_prepare(void *memory);
+unsigned cosim_lanes_step(void *memory, double t, double h, unsigned of);
+unsigned cosim_processor(void);
+"""
+@dataclass(frozen=True)
+class Target:
+    """Vector instructions: name, how many copies side by side, LANES_TARGET, and the bits that the processor must have."""
+
+    name: str
+    lanes: int
+    number: int
+    needs: int
+
+
+TARGETS = {t.name: t for t in (Target("avx512", 8, 512, 2), Target("avx2", 4, 2, 1), Target("baseline", 2, 0, 0))}
+
+
+def choose_target(name: str = "auto") -> Target:
+    """What to compile for: "auto" is the widest that this processor has. Raises CosimError for what it does not have, or without a
+    compiler."""
+    found = _processor()
+    if name == "auto":
+        return next(t for t in TARGETS.values() if found & t.needs == t.needs)
+    if name not in TARGETS:
+        raise CosimError(unknown("kind of vector instructions", name, ("auto", *TARGETS)))
+    target = TARGETS[name]
+    if found & target.needs != target.needs:
+        raise CosimError(f"this processor has no {name}; vectors='auto' takes what it has")
+    return target
+
+
+@lru_cache
+def interface() -> cffi.FFI:
+    """The types of `engine.h` and `batch.h`."""
+    ffi = cffi.FFI()
+    ffi.include(engine.interface())
+    ffi.cdef(re.sub(r"(?m)^#.*$", "", _HEADER.read_text()) + _EXPORTED)
+    return ffi
+
+
+@lru_cache
+def _processor() -> int:
+    source = (_HERE / "processor.c").read_bytes()
+    return int(_compiled({"processor.c": source}, ("processor.c",), "processor").cosim_processor())
+
+
+@lru_cache
+def batch_library(target: Target) -> Any:
+    """The engine of groups."""
+    stub = f'#define LANES {target.lanes}\n#define LANES_TARGET {target.number}\n#include "batch.c"\n'
+    sources = {"batch_lanes.c": stub.encode(), "engine.c": (engine.HEADER.with_suffix(".c")).read_bytes()}
+    return _compiled(sources, ("batch_lanes.c", "engine.c"), f"batch_{target.name}")
+
+
+def lane_library(source: LaneSource, outputs: tuple[int, ...], target: Target) -> Any:
+    """Lanes of an FMU, of which outputs with these slots are read. Raises NoLanes, and CosimError without a compiler."""
+    code = source.code(outputs, target.lanes, target.number)
+    mathematics = [n for n in source.files if n.startswith("musl/") and n.endswith(".c")]
+    files = {n: d for n, d in source.files.items() if n in mathematics or n.endswith(".h")}
+    return _compiled(files | {"lanes.c": code.encode()}, ("lanes.c", *mathematics), f"lanes_{target.name}")
+
+
+def _compiled(files: Mapping[str, bytes], sources: tuple[str, ...], name: str) -> Any:
+    """A library of these files, compiled once per machine and content."""
+    try:
+        toolchain = find_toolchain(host())
+        with tempfile.TemporaryDirectory(prefix="cosim-") as temporary:
+            folder = Path(temporary)
+            for path, data in files.items():
+                (folder / path).parent.mkdir(exist_ok=True)
+                (folder / path).write_bytes(data)
+            include = [folder, _HERE, engine.HEADER.parent, ENVIRONMENT.parent, OF_FMUS]
+            library = ObjectCache.of_user("batch").library(toolchain, [folder / s for s in sources], include, name)
+        return interface().dlopen(str(library))
+    except (CompileError, OSError) as error:
+        said = str(error).splitlines()
+        why = next((line for line in said if "error" in line), said[0])
+        raise CosimError(f"a batch needs a C compiler, and that failed: {why}") from error

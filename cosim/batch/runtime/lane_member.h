@@ -1,0 +1,176 @@
+/* One component in LANES copies: steps of its solver, or its samples, over the translated functions above. Included last.
+ *
+ * In the operations of fmu_core.c and integrators.c, for lanes that are at one time and have one solver step. A copy that fails is
+ * reported by its lane; the others are not concerned. */
+
+enum { N_VALUES = N_PARAMETERS + N_INPUTS + 2 * N_STATES + N_OUTPUTS };
+enum { FINE, STATE_BEYOND, STATE_NOT_FINITE, OUTPUT_NOT_FINITE }; /* why a lane failed */
+
+typedef struct {
+    lanes time, start_time, sample, started; /* the first number of each counts */
+    lanes failure, which, when, value;       /* of lanes that have failed: why, slot, time, and the state */
+    lanes v[N_VALUES + 1];                   /* parameters, inputs, states, derivatives, outputs: as in an instance's state */
+    lanes k[5][N_STATES + 1];
+    lanes w[N_WORK + 1];
+    Fixed fixed;
+} Member;
+
+#define P (m->v)
+#define U (P + N_PARAMETERS)
+#define X (U + N_INPUTS)
+#define Y (X + 2 * N_STATES)
+
+#if defined(_WIN32)
+#define EXPORT __declspec(dllexport)
+#else
+#define EXPORT __attribute__((visibility("default")))
+#endif
+
+INLINE Arguments arguments(Member *m, double t, const lanes *x) {
+    return (Arguments){.t = t, .x = x, .u = U, .p = P, .f = &m->fixed, .w = m->w};
+}
+
+static void fail(Member *m, unsigned failed, int why, int which, double when, const lanes *value) {
+    for (int i = 0; i < LANES; i++)
+        if (failed >> i & 1u) {
+            m->failure[i] = why;
+            m->which[i] = which;
+            m->when[i] = when;
+            m->value[i] = (*value)[i];
+        }
+}
+
+/* Which of the lanes in `of` have a value that is not finite; they are noted. */
+static unsigned not_finite(Member *m, unsigned of, const lanes *values, const int *slots, int n, int why, double when) {
+    unsigned failed = 0;
+    for (int i = 0; i < n; i++) {
+        const int slot = slots ? slots[i] : i;
+        const unsigned now = lanes_bits(~(mask)(lanes_fabs(values[slot]) <= DBL_MAX)) & of & ~failed;
+        if (now) fail(m, now, why, slot, when, &values[slot]);
+        failed |= now;
+    }
+    return failed;
+}
+
+#if IS_CONTINUOUS
+INLINE void rhs(Member *m, double t, const lanes *x, lanes *dx) {
+#if N_STATES
+    const Arguments at = arguments(m, t, x);
+    derivatives(&at, dx);
+#endif
+}
+
+static void step_solver(Member *m, double t, double h, int first) {
+    lanes *const x = X, *const s = m->k[0], *const k1 = m->k[1], *const k2 = m->k[2], *const k3 = m->k[3], *const k4 = m->k[4];
+    const int n = N_STATES;
+    (void)first;
+    (void)k4;
+#if SOLVER == FMU_RK4
+    rhs(m, t, x, k1);
+    for (int i = 0; i < n; i++) s[i] = x[i] + 0.5 * h * k1[i];
+    rhs(m, t + 0.5 * h, s, k2);
+    for (int i = 0; i < n; i++) s[i] = x[i] + 0.5 * h * k2[i];
+    rhs(m, t + 0.5 * h, s, k3);
+    for (int i = 0; i < n; i++) s[i] = x[i] + h * k3[i];
+    rhs(m, t + h, s, k4);
+    for (int i = 0; i < n; i++) x[i] += h / 6.0 * (k1[i] + 2.0 * (k2[i] + k3[i]) + k4[i]);
+#elif SOLVER == FMU_AM2
+    rhs(m, t, x, k1);
+    if (first) for (int i = 0; i < n; i++) s[i] = x[i] + h * k1[i];
+    else for (int i = 0; i < n; i++) s[i] = x[i] + h * (1.5 * k1[i] - 0.5 * k2[i]);
+    rhs(m, t + h, s, k3);
+    for (int i = 0; i < n; i++) {
+        x[i] += 0.5 * h * (k1[i] + k3[i]);
+        k2[i] = k1[i];
+    }
+#elif SOLVER == FMU_SEMI_IMPLICIT
+    for (int i = 0; i < n; i++)
+        if (velocity_of[i] >= 0) x[i] += 0.5 * h * x[velocity_of[i]];
+    rhs(m, t + 0.5 * h, x, k1);
+    for (int i = 0; i < n; i++) s[i] = velocity_of[i] >= 0 ? x[i] : x[i] + 0.5 * h * k1[i];
+    rhs(m, t + 0.5 * h, s, k2);
+    for (int i = 0; i < n; i++)
+        if (velocity_of[i] < 0) x[i] += h * k2[i];
+    for (int i = 0; i < n; i++)
+        if (velocity_of[i] >= 0) x[i] += 0.5 * h * x[velocity_of[i]];
+    (void)k3;
+#endif
+}
+
+/* One communication step of all lanes; returns which of those in `of` have failed. */
+static unsigned step(Member *m, double t, double h, unsigned of) {
+    const double count = ceil(h / ((const double *)&P[0])[0] * (1.0 - 1e-9));
+    const int64_t n = count < 1.0 ? 1 : (int64_t)count;
+    const double dt = h / (double)n;
+    unsigned failed = 0;
+    for (int64_t i = 0; i < n; i++) {
+        const double ti = t + (double)i * dt;
+        step_solver(m, ti, dt, i == 0);
+        mask within = ~(mask){0};
+        for (int j = 0; j < N_STATES; j++) within &= (mask)(lanes_fabs(X[j]) <= bounds[j]);
+        const unsigned beyond = lanes_bits(~within) & of & ~failed;
+        unsigned noted = 0;
+        for (int j = 0; beyond & ~noted && j < N_STATES; j++) {
+            const unsigned now = lanes_bits(~(mask)(lanes_fabs(X[j]) <= bounds[j])) & beyond & ~noted;
+            if (now) fail(m, now, STATE_BEYOND, j, ti + dt, &X[j]);
+            noted |= now;
+        }
+        failed |= beyond;
+    }
+    const double reached = t + h;
+    *(double *)&m->time = reached;
+#if N_SHOWN
+    const Arguments at = arguments(m, reached, X);
+    outputs(&at, Y);
+    mask finite = ~(mask){0};
+    for (int i = 0; i < N_SHOWN; i++) finite &= (mask)(lanes_fabs(Y[shown[i]]) <= DBL_MAX);
+    if (lanes_bits(~finite) & of & ~failed) failed |= not_finite(m, of & ~failed, Y, shown, N_SHOWN, OUTPUT_NOT_FINITE, reached);
+#endif
+    return failed;
+}
+#else
+static unsigned step(Member *m, double t, double h, unsigned of) {
+    const double Ts = SAMPLE_TIME, end = t + h - 1e-6 * Ts, start = *(const double *)&m->start_time;
+    double *const sample_number = (double *)&m->sample, *const started = (double *)&m->started;
+    unsigned failed = 0;
+    for (;;) {
+        const double instant = start + *sample_number * Ts;
+        if (!(instant < end)) break;
+        const double time = *(const double *)&m->time;
+        const Arguments at = arguments(m, instant, X);
+#if HAS_START
+        if (*started == 0.0) {
+            Arguments begin = at;
+            begin.t = 0.0;
+            start_states(&begin, X);
+            failed |= not_finite(m, of & ~failed, X, NULL, N_STATES, STATE_NOT_FINITE, time);
+        }
+#endif
+        *started = 1.0;
+        lanes *const next = m->k[0];
+        sample(&at, Y, next);
+        mask finite = ~(mask){0};
+        for (int i = 0; i < N_STATES; i++) finite &= (mask)(lanes_fabs(next[i]) <= DBL_MAX);
+        for (int i = 0; i < N_SHOWN; i++) finite &= (mask)(lanes_fabs(Y[shown[i]]) <= DBL_MAX);
+        if (lanes_bits(~finite) & of & ~failed) {
+            failed |= not_finite(m, of & ~failed, next, NULL, N_STATES, STATE_NOT_FINITE, time);
+            failed |= not_finite(m, of & ~failed, Y, shown, N_SHOWN, OUTPUT_NOT_FINITE, time);
+        }
+        memcpy(X, next, N_STATES * sizeof(lanes));
+        *sample_number += 1.0;
+    }
+    *(double *)&m->time = t + h;
+    return failed;
+}
+#endif
+
+EXPORT size_t cosim_lanes_rows(void) { return sizeof(Member) / sizeof(lanes); }
+EXPORT void cosim_lanes_prepare(void *memory) {
+    Member *const m = memory;
+    prepare((const Parameters *)P, &m->fixed);
+}
+EXPORT unsigned cosim_lanes_step(void *memory, double t, double h, unsigned of) { return step(memory, t, h, of); }
+
+#if LANES_TARGET && defined(__clang__)
+#pragma clang attribute pop
+#endif

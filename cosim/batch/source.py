@@ -1,0 +1,180 @@
+"""The sources that an FMU of this project carries, as far as lanes need them, and why an FMU cannot have lanes."""
+
+from __future__ import annotations
+
+import re
+import zipfile
+from dataclasses import dataclass, field
+from functools import lru_cache
+from pathlib import Path
+
+from build_fmus import compile as building
+from cosim.batch.lanes import FUNCTIONS, translated
+from cosim.batch.statements import NotRead, without_comments
+from cosim.fmu.file import FmuFile
+
+RUNTIME = Path(building.__file__).with_name("runtime")
+_SAME = ("equations.h", "fmu_core.c", "fmu_math.h", "integrators.c")  # of which lanes carry out the operations
+_MODEL = re.compile(r"const FmuModel fmu_model = \{\n(.*?)\n\};", re.DOTALL)
+_FIELD = re.compile(r"^ *\.(\w+) = (.+),$", re.MULTILINE)
+_ROW = re.compile(r"^ *\{(\.name = .*)\},$", re.MULTILINE)
+_IN_ROW = re.compile(r"\.(\w+) = (\"(?:[^\"\\]|\\.)*\"|[^,]+)")
+_NUMBERS = re.compile(r"static const (?:double|int) (bounds|velocity_of)\[\] = \{[^}]*\};\n")
+_SOLVERS = ("FMU_RK4", "FMU_AM2", "FMU_SEMI_IMPLICIT")
+_TWO = frozenset(("pow", "atan2", "fmod", "hypot", "remainder"))
+_IN_LANES = frozenset(("sqrt", "sin", "cos", "floor", "ceil", "fabs", "sign", "copysign", "fmin", "fmax", "square"))  # lanes.h
+
+
+class NoLanes(Exception):  # noqa: N818
+    """An FMU whose copies run one by one; the argument says why."""
+
+
+@dataclass(frozen=True)
+class Row:
+    """A variable of the FMU, at its value reference: in which vector, where, and its limits."""
+
+    name: str
+    type: str
+    role: str
+    slot: int
+    size: int
+    least: float
+    most: float
+
+
+@dataclass(frozen=True)
+class LaneSource:
+    """What lanes of an FMU are made of.
+
+    Attributes:
+        model: text of its `model.c` without comments.
+        fields: of the runtime's FmuModel that are not 0, as text.
+        rows: its variables, by value reference.
+        files: C files and headers by path below `sources/`.
+    """
+
+    model: str = field(repr=False)
+    fields: dict[str, str]
+    rows: tuple[Row, ...] = field(repr=False)
+    files: dict[str, bytes] = field(repr=False)
+
+    @property
+    def continuous(self) -> bool:
+        return "is_continuous" in self.fields
+
+    def size(self, role: str) -> int:
+        """Length of the vector of a role: parameters, inputs, states, outputs."""
+        return int(self.fields.get(f"n_{role}", "0"))
+
+    def first(self, role: str) -> int:
+        """Where the vector of a role begins among the values of an instance."""
+        counts = [self.size(r) for r in ("parameters", "inputs", "states", "states")]
+        return sum(counts[: ("FMU_PARAMETER", "FMU_INPUT", "FMU_STATE", "FMU_DERIVATIVE", "FMU_OUTPUT").index(role)])
+
+    @property
+    def n_values(self) -> int:
+        return self.first("FMU_OUTPUT") + self.size("outputs")
+
+    def name_of(self, role: str, slot: int) -> str:
+        """Name of a variable, or of a hidden state, by its slot."""
+        for r in self.rows:
+            if r.role == role and r.slot <= slot < r.slot + r.size:
+                return r.name
+        for text in re.findall(r"FmuHidden hidden\[\] = \{\n(.*?)\n\};", self.model, re.DOTALL):
+            for found in _ROW.findall(text):
+                row = dict(_IN_ROW.findall(found))
+                if int(row["slot"]) <= slot < int(row["slot"]) + int(row["size"]):
+                    return row["name"].strip('"')
+        return ""
+
+    def bound(self, state: int) -> float:
+        """Magnitude beyond which a state has blown up."""
+        text = next(m[0] for m in _NUMBERS.finditer(self.model) if m[1] == "bounds")
+        return float(text[text.index("{") + 1 : text.index("}")].split(",")[state])
+
+    def code(self, outputs: tuple[int, ...], lanes: int, target: int) -> str:
+        """C code of its lanes, of which the outputs with these slots are read. Raises NoLanes."""
+        try:
+            functions, names = translated(self.model, outputs)
+        except NotRead as error:
+            raise NoLanes(f"lanes cannot follow its sources: {error}") from None
+        apart = sorted((FUNCTIONS - _IN_LANES) & set(re.findall(r"lanes_(\w+)\(", functions)))
+        wrapped = [f"IN_EACH_LANE{'_OF_TWO' if name in _TWO else ''}({name}, {name})" for name in apart]
+        constants = {
+            "N_PARAMETERS": self.size("parameters"), "N_INPUTS": self.size("inputs"), "N_STATES": self.size("states"),
+            "N_OUTPUTS": self.size("outputs"), "N_WORK": self.fields.get("n_work", "0"), "N_SHOWN": len(outputs),
+            "IS_CONTINUOUS": int(self.continuous), "HAS_START": int("start_states" in names and not self.continuous),
+            "SAMPLE_TIME": self.fields.get("sample_time", "0.0"),
+        }  # fmt: skip
+        solvers = {"FMU_RK4": 0, "FMU_AM2": 1, "FMU_SEMI_IMPLICIT": 3}
+        defines = [*(f"#define {k} {v}" for k, v in (constants | solvers).items())]
+        defines.append(f"#define SOLVER {self.fields.get('solver', 'FMU_RK4')}")
+        numbers = [m[0] for m in _NUMBERS.finditer(self.model)]
+        shown = f"static const int shown[] = {{{', '.join(map(str, outputs)) or '0'}}};\n"
+        return "\n".join(
+            [
+                f"/* {self.fields['name'].strip(chr(34))} in lanes. Generated from its sources. */",
+                f"#define LANES {lanes}", f"#define LANES_TARGET {target}", '#include "lanes.h"', "",
+                *wrapped, "", functions, *numbers, shown, *defines, '#include "lane_member.h"', "",
+            ]
+        )  # fmt: skip
+
+
+def lane_source(fmu: FmuFile) -> LaneSource:
+    """What lanes of an FMU are made of. Raises NoLanes saying why it has none."""
+    if fmu.description.kind is None:
+        raise NoLanes("it is no FMU of this project")
+    files = _sources(fmu.path)
+    if "model.c" not in files:
+        raise NoLanes("it has no sources" if not files else "it is a system in one FMU")
+    model = without_comments(files["model.c"].decode())
+    found = _MODEL.search(model)
+    if found is None:
+        raise NoLanes("its sources are those of another version of build-fmus")
+    fields = dict(_FIELD.findall(found[1]))
+    if fields.get("token", "").strip('"') != fmu.description.token:
+        raise NoLanes("its sources are not those of its binary")
+    if "qp" in fields:
+        raise NoLanes("it solves quadratic programs")
+    if fields.get("solver", "FMU_RK4") == "FMU_ROS2":
+        raise NoLanes("its solver (ros2) chooses pivots, each copy its own")
+    if "is_continuous" not in fields and "sample" not in fields:
+        raise NoLanes("it has no equations")
+    if any(files.get(name) != data for name, data in _expected(frozenset(files)).items()):
+        raise NoLanes("its sources are those of another version of build-fmus: build it again")
+    rows = tuple(map(_row, _ROW.findall(model.partition("variables[] = {")[2].partition("\n};")[0])))
+    if len(rows) != int(fields.get("n_variables", "0")):
+        raise NoLanes("its sources are those of another version of build-fmus")
+    return LaneSource(model, fields, rows, files)
+
+
+@lru_cache
+def _expected(names: frozenset[str]) -> dict[str, bytes]:
+    """The runtime's own files, of which an FMU must have the same."""
+    return {n: (RUNTIME / n).read_bytes() for n in names if n in _SAME or (n.startswith("musl/") and (RUNTIME / n).exists())} | {
+        n: (RUNTIME / n).read_bytes() for n in _SAME
+    }
+
+
+def _row(text: str) -> Row:
+    row = dict(_IN_ROW.findall(text))
+    limits = {"INFINITY": "inf", "-INFINITY": "-inf"}
+    least, most = (row.get(k, d).strip() for k, d in (("min", "-inf"), ("max", "inf")))
+    return Row(
+        row["name"].strip('"'), row.get("type", "FMU_FLOAT64"), row["role"], int(row["slot"]), int(row["size"]),
+        float(limits.get(least, least)), float(limits.get(most, most)),
+    )  # fmt: skip
+
+
+def _sources(path: Path) -> dict[str, bytes]:
+    """Files below `sources/` of an FMU or of the folder of one."""
+    prefix = "sources/"
+    if path.is_dir():
+        folder = path / prefix
+        return {f.relative_to(folder).as_posix(): f.read_bytes() for f in sorted(folder.rglob("*")) if f.is_file()}
+    try:
+        with zipfile.ZipFile(path) as archive:
+            names = [n for n in archive.namelist() if n.startswith(prefix) and not n.endswith("/")]
+            return {n.removeprefix(prefix): archive.read(n) for n in names}
+    except (OSError, zipfile.BadZipFile) as error:
+        raise NoLanes(f"{path} cannot be read again ({error})") from None

@@ -1,0 +1,214 @@
+"""The structs of `batch.h` for the copies of one system, and what they say of copies that failed."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from cosim.batch.library import Target, batch_library, interface
+from cosim.batch.source import LaneSource
+from cosim.component import EndRequested
+from cosim.description import Variable
+from cosim.engine.compiled import BoundEngine
+from cosim.engine.plan import MemberPlan, Plan
+from cosim.errors import CallFailed, ComponentError
+from cosim.master.exchange import Exchange
+from cosim.system.members import Member
+
+HEADER = 8  # rows of a group's memory before the values of its instances (lane_member.h)
+_INPUT_REFUSED = 101  # BATCH_INPUT_REFUSED
+_TYPES = {"FMU_FLOAT64": 0, "FMU_INT32": 1, "FMU_BOOLEAN": 2}
+
+
+@dataclass(frozen=True)
+class CopyFailure:
+    """Why a copy has ended: its index, the member that failed, the time [s] at which its step began, and the message."""
+
+    copy: int
+    member: str
+    time: float
+    message: str
+
+    def __str__(self) -> str:
+        return f"copy {self.copy} ended at t = {self.time:.9g} s: {self.message}"
+
+
+@dataclass
+class Lanes:
+    """A member whose copies lie side by side."""
+
+    source: LaneSource
+    library: Any
+    memory: npt.NDArray[np.float64]  # (groups, rows, lanes)
+
+    def row(self, variable: Variable) -> int:
+        """Where a variable is."""
+        found = self.source.rows[variable.reference]
+        return HEADER + self.source.first(found.role) + found.slot + variable.index
+
+    def values(self) -> npt.NDArray[np.float64]:
+        """Parameters, inputs, states, derivatives and outputs (groups, values, lanes)."""
+        return self.memory[:, HEADER : HEADER + self.source.n_values]
+
+
+class Structs:
+    """A plan for all copies, ready for the compiled engine.
+
+    `exchanges`: of each copy, None where it could not be initialized; those of copies with members that run one by one are kept.
+    """
+
+    def __init__(
+        self,
+        plan: Plan,
+        exchange: Exchange,
+        exchanges: Sequence[Exchange | None],
+        lanes: Mapping[Member, Lanes],
+        alone: Collection[Member],
+        values: npt.NDArray[np.float64],
+        alive: npt.NDArray[np.uint8],
+        target: Target,
+        threads: int,
+    ):
+        self._plan, self._exchange, self._lanes, self._target = plan, exchange, lanes, target
+        self._keep: list[Any] = []
+        self._engines: list[BoundEngine | None] = []
+        ffi, copies = interface(), len(exchanges)
+        if alone:
+            self._engines = [None if e is None else BoundEngine(e, ()) for e in exchanges]
+            # Where a copy could not be initialized nothing is called.
+            pointers = [ffi.NULL if e is None else ffi.cast("Engine*", e.struct) for e in self._engines]
+            self._alone_engines = self._new("Engine*[]", pointers + [ffi.NULL] * (len(alive) - copies))
+        self._members = self._new("BatchMember[]", len(plan.members))
+        for number, (struct, member) in enumerate(zip(self._members, plan.members, strict=True)):
+            self._fill(struct, member, number)
+        self.batch = b = self._new("Batch*")
+        b.members, b.n_members, b.n_discrete = self._members, len(plan.members), plan.n_discrete
+        b.clocks = self._new("EngineClock[]", [{"period": c.period, "offset": c.offset} for c in plan.clocks])
+        b.n_clocks = len(plan.clocks)
+        b.a, b.b, b.d = plan.time
+        b.n_copies_of_system, b.n_groups = copies, len(values)
+        b.values, b.n_values = self._address("char*", values), plan.size
+        b.alive = self._address("uint8_t*", alive)
+        self._failures = self._new("BatchFailure[]", len(alive))
+        b.failures = self._failures
+        scale, offset = exchange.layout.record_conversion
+        b.recorded, b.n_recorded = self._array("uint32_t", plan.recorded), len(plan.recorded)
+        b.record_scale, b.record_offset = self._array("double", scale), self._array("double", offset)
+        b.record_converted = self._array("uint8_t", (scale != 1.0) | (offset != 0.0))
+        self.workers = [self._worker() for _ in range(threads)]
+
+    def record_to(self, rows: npt.NDArray[np.float64], first: int) -> None:
+        """Where samples go (copies, samples, variables), from sample number `first` on. The caller keeps the array."""
+        b = self.batch
+        b.rows, b.first_row, b.n_rows = interface().cast("double*", rows.ctypes.data), first, rows.shape[1]
+
+    def run(self, worker: Any, tick: int, end: int) -> None:
+        """Groups that no other worker has taken, to the arrival at `end`."""
+        batch_library(self._target).cosim_batch_run(self.batch, worker, tick, end)
+
+    def _worker(self) -> Any:
+        plan = self._plan
+        w = self._new("BatchWorker*")
+        w.next, w.due = self._new(f"int64_t[{len(plan.clocks)}]"), self._new(f"bool[{len(plan.clocks)}]")
+        w.list = self._new(f"int32_t[{len(plan.members)}]")
+        return w
+
+    def _fill(self, m: Any, plan: MemberPlan, number: int) -> None:
+        ffi = interface()
+        m.clock, m.step, m.look_before, m.number = plan.clock, plan.step, plan.look_before, number
+        copies = [*plan.remember, *plan.show]
+        m.copies = self._new("EngineCopy[]", [{"to": c.to, "from": c.source, "n": c.n} for c in copies]) if copies else ffi.NULL
+        m.n_copies_before, m.n_copies = len(plan.remember), len(copies)
+        m.stamp = -1 if plan.stamp is None else plan.stamp
+        m.index, m.n_inputs = self._array("uint32_t", plan.index), len(plan.index)
+        if plan.scale is not None and plan.offset is not None:
+            m.scale, m.offset = self._array("double", plan.scale), self._array("double", plan.offset)
+        m.lines = self._new("EngineLine[]", [list(line) for line in plan.lines]) if plan.lines else ffi.NULL
+        m.n_lines, m.first, m.n_outputs = len(plan.lines), plan.first, plan.n_outputs
+        if plan.member not in self._lanes:
+            reads = {int(i) for i in plan.index} | {i for line in plan.lines for i in line[1:4]}
+            m.reads, m.n_reads = self._array("uint32_t", sorted(reads)), len(reads)
+            m.alone = self._alone_engines
+            return
+        lanes, place = self._lanes[plan.member], self._exchange.layout.places[plan.member]
+        m.run = ffi.cast("BatchStep", lanes.library.cosim_lanes_step)
+        m.memory, m.stride = self._address("char*", lanes.memory), lanes.memory[0].nbytes
+        rows = lanes.source.rows
+        m.to = self._array("uint32_t", [lanes.row(v) for v in place.inputs])
+        setattr(m, "from", self._array("uint32_t", [lanes.row(v) for v in place.outputs]))
+        types = [_TYPES[rows[v.reference].type] for v in place.inputs]
+        m.to_type = self._array("uint8_t", types)
+        m.from_type = self._array("uint8_t", [_TYPES[rows[v.reference].type] for v in place.outputs])
+        largest = float(np.finfo(float).max)
+        limited = [rows[v.reference] if kind else None for v, kind in zip(place.inputs, types, strict=True)]
+        m.least = self._array("double", [max(r.least, -largest) if r else -largest for r in limited])
+        m.most = self._array("double", [min(r.most, largest) if r else largest for r in limited])
+        m.checked = any(types) or plan.scale is not None or bool(plan.lines)
+
+    def _new(self, *what: Any) -> Any:
+        made = interface().new(*what)
+        self._keep.append(made)
+        return made
+
+    def _array(self, of: str, values: Sequence[float] | npt.NDArray[Any]) -> Any:
+        types = {"uint32_t": np.uint32, "double": np.float64, "uint8_t": np.uint8}
+        array = np.array(values, dtype=types[of])
+        return self._address(f"{of}*", array)
+
+    def _address(self, of: str, array: npt.NDArray[Any]) -> Any:
+        self._keep.append(array)
+        return interface().cast(of, array.ctypes.data)
+
+    # What failed.
+
+    def failure(self, copy: int) -> CopyFailure:
+        found = self._failures[copy]
+        member = self._plan.members[found.member].member
+        t = self._exchange.base.seconds(found.tick)
+        if member in self._lanes:
+            return CopyFailure(copy, member.name, t, self._lane_message(copy, member, found))
+        engine = self._engines[copy]
+        assert engine is not None
+        # What is raised is what a run of this copy alone would raise.
+        try:
+            if found.result == engine.NOT_FINITE:
+                text = f"component '{member.name}': an output is not finite"
+            else:
+                engine.fail(member, found.call, found.status, t)
+                text = f"component '{member.name}' failed"
+        except CallFailed as failure:
+            text = str(ComponentError(failure, t, None))
+        except EndRequested as request:
+            text = str(request)
+        return CopyFailure(copy, member.name, t, text)
+
+    def _lane_message(self, copy: int, member: Member, found: Any) -> str:
+        """In the words of the FMU (fmu_core.c)."""
+        group, lane = divmod(copy, self._target.lanes)
+        lanes, place = self._lanes[member], self._exchange.layout.places[member]
+        memory = lanes.memory[group, :, lane]
+        if found.result == _INPUT_REFUSED:
+            row = lanes.source.rows[place.inputs[found.call].reference]
+            value = float(memory[lanes.row(place.inputs[found.call])])
+            why = "is not finite" if not np.isfinite(value) else f"is outside its range [{row.least:.9g}, {row.most:.9g}]"
+            return f"component '{member.name}': value {value:.9g} for {row.name} {why}"
+        kind, slot, when, value = (int(memory[4]), int(memory[5]), float(memory[6]), float(memory[7]))
+        role = "FMU_OUTPUT" if kind == 3 else "FMU_STATE"
+        name = lanes.source.name_of(role, slot)
+        if kind != 1:
+            return f"component '{member.name}': {name} is not finite at time {when:.9g} s"
+        return (
+            f"component '{member.name}': state {name} left all bounds at time {when:.9g} s: it is {value:g}, beyond "
+            f"{lanes.source.bound(slot):g}; look at inputs and parameters, and try a shorter solver.step"
+        )
+
+
+def aligned(groups: int, rows: int, lanes: int) -> npt.NDArray[np.float64]:
+    """Zeros (groups, rows, lanes) that begin at a multiple of 64 bytes, as vectors must."""
+    raw = np.zeros(groups * rows * lanes + 8)
+    begin = (-raw.ctypes.data % 64) // 8
+    return raw[begin : begin + groups * rows * lanes].reshape(groups, rows, lanes)

@@ -1,0 +1,263 @@
+"""Write the documentation as a site that needs no server and no network: ``build/site/html/index.html``.
+
+make docs
+
+The pages are those of this folder, the README and what is made of the sources: a page for each FMU from the FMUs themselves, for each module
+from its docstrings, and the tutorials run as notebooks, whose outputs stand below their code. Links to other files of the repository lead to
+copies of them. Whatever leads nowhere, and a page that has no place in ``mkdocs.yml``, ends this with an error.
+"""
+
+from __future__ import annotations
+
+import argparse
+import logging
+import os
+import posixpath
+import re
+import shutil
+import sys
+import tempfile
+from collections.abc import Callable, Iterator, Sequence
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+from build_fmus import safe_files
+
+HERE = Path(__file__).parent
+ROOT = HERE.parent
+SITE = ROOT / "build" / "site"
+NOTEBOOKS = ("tutorial", "control-design")
+"""Pages whose code a reader runs from top to bottom."""
+MODULES = ("cosim", "cosim.study", "cosim.study.design", "cosim.study.sweep", "cosim.study.optimise", "cosim.study.calibration",
+           "cosim.batch", "cosim.gym", "cosim.check", "build_fmus.component", "fmu_sources.catalog", "fmu_sources.vehicles")  # fmt: skip
+OTHERS = {"README.md": "index.md", "benchmarks/README.md": "benchmarks.md", "docs/fmus.md": "fmus/index.md"}
+"""Pages of the site whose file is elsewhere in the repository, or has another name."""
+_SHIM = "https://unpkg.com/iframe-worker/shim"  # what the theme would fetch for search without a server; ours does the same
+_FENCE = re.compile(r"^```.*?^```", re.MULTILINE | re.DOTALL)
+_LINK = re.compile(r"(\]\()([^)\s#]*)(#[^)\s]*)?(\))")
+_SHOWN = {
+    ".py": "python",
+    ".toml": "toml",
+    ".c": "c",
+    ".h": "c",
+    ".csv": "text",
+    ".txt": "text",
+    ".json": "json",
+    "": "text",
+}
+
+
+class Pages:
+    """Pages by their place in the site, and the files of the repository that they lead to."""
+
+    def __init__(self) -> None:
+        self.texts: dict[str, str] = {}
+        self.images: dict[str, Path] = {}
+        self._sources: dict[str, str] = {}
+
+    def add(self, source: str, text: str) -> None:
+        """A Markdown file of the repository, by its path there: links lead to where their targets are in the site."""
+        place = _place(source)
+        parts, last = [], 0
+        for block in [*_FENCE.finditer(text), None]:
+            prose = text[last : block.start() if block else len(text)]
+            parts.append(_LINK.sub(lambda m: m[1] + self._target(m[2], m[3] or "", source, place) + m[4], prose))
+            if block:
+                parts.append(block[0])
+                last = block.end()
+        self.texts[place] = "".join(parts)
+
+    def _target(self, target: str, anchor: str, source: str, place: str) -> str:
+        if not target or "://" in target or target.startswith("mailto:"):
+            return target + anchor
+        path = posixpath.normpath(posixpath.join(posixpath.dirname(source), target))
+        file = ROOT / path
+        if not file.exists():
+            raise FileNotFoundError(f"{source}: the link {target} leads nowhere")
+        if file.suffix in (".svg", ".png"):
+            found = f"images/{file.name}"
+            self.images[found] = file
+        elif file.suffix == ".md":
+            found = _place(path)
+        else:
+            found = self._copy(path)
+        return posixpath.relpath(found, posixpath.dirname(place) or ".") + anchor
+
+    def _copy(self, path: str) -> str:
+        """The page that shows a file, or what is in a folder."""
+        found, file = f"sources/{path}.md", ROOT / path
+        if found not in self.texts:
+            if file.is_dir():
+                names = sorted(
+                    p.name for p in file.iterdir() if p.suffix in _SHOWN and not p.name.startswith((".", "__pycache__"))
+                )
+                shown = "\n".join(f"- `{n}`" for n in names)
+            else:
+                shown = f"````{_SHOWN.get(file.suffix, 'text')}\n{file.read_text(encoding='utf-8')}\n````"
+            self.texts[found] = f"---\nsearch: {{exclude: true}}\n---\n\n# {path}\n\n{shown}\n"
+        return found
+
+
+def _place(source: str) -> str:
+    if source in OTHERS:
+        return OTHERS[source]
+    folder, name = posixpath.split(source)
+    if folder != "docs":
+        raise FileNotFoundError(f"{source} is no page of the site")
+    return name
+
+
+def fmu_pages(reference: str) -> dict[str, str]:
+    """A page for each FMU, and the first one, which lists them, from the whole reference (``write_fmus.py``)."""
+    head, *parts = re.split(r"^## ", reference, flags=re.MULTILINE)
+    pages, rows = {}, []
+    for part in parts:
+        name, _, text = part.partition("\n")
+        pages[f"fmus/{name}.md"] = f"# {name}\n{text}"
+        about, facts = text.strip().split("\n\n")[:2]
+        rows.append(f"| [{name}]({name}.md) | {about} | {facts.partition(' Catalog:')[0]} |")
+    table = "\n".join(["| FMU | what it is | kind and step |", "|---|---|---|", *rows])
+    return {"fmus/index.md": f"{head}\n{table}\n", **pages}
+
+
+def module_pages(modules: Sequence[str] = MODULES) -> dict[str, str]:
+    """A page for each module, made of its docstrings when the site is built."""
+    pages = {f"python/{m}.md": f"# `{m}`\n\n::: {m}\n    options: {{show_root_heading: false}}\n" for m in modules}
+    listed = "\n".join(f"- [`{m}`]({m}.md)" for m in modules)
+    return {"python/index.md": f"# Python\n\nThe names for users, by module.\n\n{listed}\n", **pages}
+
+
+def report_page(results: Path, files: dict[str, Path]) -> str:
+    """The gallery: each report that a study has left in ``results``, which is copied beside it (into ``files``)."""
+    lines = []
+    for report in sorted(results.glob("*/report.html")):
+        name = report.parent.name
+        files[f"reports/{name}.html"] = report
+        title = re.search(r"<title>(.*?)</title>", report.read_text(encoding="utf-8"), re.DOTALL)
+        lines.append(f'- <a href="reports/{name}.html">{title[1].strip() if title else name}</a>')
+    none = "This site was built without any: `make studies` makes them, `make docs` then brings them here."
+    return (
+        "# Reports\n\nEvery study writes one: figures, tables, claims with their verdicts, parameters.\n\n"
+        + ("\n".join(lines) or none)
+        + "\n"
+    )
+
+
+def executed(name: str, text: str) -> tuple[str, str]:
+    """A page as a notebook that was run (JSON), and the page with what its code printed and drew.
+
+    Raises:
+        CellExecutionError: a block of code failed; it says which.
+    """
+    import nbformat
+    from nbclient import NotebookClient
+
+    book = nbformat.v4.new_notebook()
+    book.cells = [
+        (nbformat.v4.new_code_cell if code else nbformat.v4.new_markdown_cell)(part, id=f"{name}-{i}")
+        for i, (code, part) in enumerate(_cells(text))
+    ]
+    with tempfile.TemporaryDirectory() as folder:
+        Path(folder, "fmus").symlink_to(ROOT / "fmus", target_is_directory=True)
+        paths = os.pathsep.join(filter(None, [str(ROOT), os.environ.get("PYTHONPATH")]))
+        client = NotebookClient(book, timeout=600, kernel_name="python3", record_timing=False)
+        client.create_kernel_manager()
+        client.execute(cwd=folder, env={**os.environ, "PYTHONPATH": paths})
+    parts = []
+    for cell in book.cells:
+        if cell.cell_type == "markdown":
+            parts.append(cell.source)
+        else:
+            parts += [f"```python\n{cell.source}\n```\n", *_outputs(cell.outputs)]
+    heading, _, rest = "\n".join(parts).partition("\n")
+    note = f'\n<a href="{name}.ipynb" download>This page as a notebook</a>; what stands below its code is what it printed when the site was built.\n'
+    return nbformat.writes(book), f"{heading}\n{note}\n{rest}"
+
+
+def _cells(text: str) -> Iterator[tuple[bool, str]]:
+    last = 0
+    for block in re.finditer(r"^```python\n(.*?)^```\n?", text, re.MULTILINE | re.DOTALL):
+        yield False, text[last : block.start()]
+        yield True, block[1].rstrip("\n")
+        last = block.end()
+    yield False, text[last:]
+
+
+def _outputs(outputs: Sequence[Any]) -> Iterator[str]:
+    for output in outputs:
+        if output.output_type == "stream" and output.name == "stdout":
+            yield f"```{{.text .out}}\n{output.text.rstrip()}\n```\n"
+
+
+def gather(
+    fmus: Path, results: Path, run: Callable[[str, str], tuple[str, str]] = executed
+) -> tuple[dict[str, str], dict[str, Path]]:
+    """All pages by their place, and the files that are copied as they are."""
+    import runpy
+
+    pages = Pages()
+    files = {name: HERE / name for name in ("site.css", "iframe_worker.js")}
+    for file in (ROOT / "README.md", ROOT / "benchmarks" / "README.md", *sorted(HERE.glob("*.md"))):
+        source = file.relative_to(ROOT).as_posix()
+        if source != "docs/fmus.md":
+            pages.add(source, file.read_text(encoding="utf-8"))
+    for name in NOTEBOOKS:
+        book, pages.texts[f"{name}.md"] = run(name, pages.texts[f"{name}.md"])
+        pages.texts[f"{name}.ipynb"] = book
+    pages.texts |= fmu_pages(runpy.run_path(str(HERE / "write_fmus.py"))["reference"](fmus))
+    pages.texts |= module_pages()
+    pages.texts["reports.md"] = report_page(results, files)
+    return pages.texts, files | pages.images
+
+
+def build(fmus: Path, results: Path, site: Path = SITE) -> None:
+    """The whole site, anew.
+
+    Raises:
+        FileNotFoundError: a link of a page leads nowhere.
+        Abort: something else does, or a page has no place; it was said what.
+    """
+    from mkdocs.commands.build import build as mkdocs_build
+    from mkdocs.config import load_config
+
+    texts, files = gather(fmus, results)
+    shutil.rmtree(site, ignore_errors=True)
+    for place, text in texts.items():
+        (site / "pages" / place).parent.mkdir(parents=True, exist_ok=True)
+        safe_files.write(site / "pages" / place, text)
+    for place, file in files.items():
+        (site / "pages" / place).parent.mkdir(parents=True, exist_ok=True)
+        shutil.copyfile(file, site / "pages" / place)
+    logging.basicConfig(level=logging.WARNING, format="%(levelname)s: %(message)s")  # what mkdocs has to say
+    os.environ.setdefault("SOURCE_DATE_EPOCH", "0")  # of the dates in its list of pages
+    config = load_config(str(HERE / "mkdocs.yml"), docs_dir=str(site / "pages"), site_dir=str(site / "html"))
+    config["nav"] = _filled(config["nav"], [p for p in texts if p.endswith(".md")])
+    mkdocs_build(config)
+    for page in (site / "html").rglob("*.html"):
+        text = page.read_text(encoding="utf-8")
+        if _SHIM in text:
+            ours = posixpath.relpath("iframe_worker.js", page.parent.relative_to(site / "html").as_posix())
+            safe_files.write(page, text.replace(_SHIM, ours))
+
+
+def _filled(nav: Any, places: Sequence[str]) -> Any:
+    """Folders in the list of pages become the pages that they have, the first one first."""
+    if isinstance(nav, str):
+        if not nav.endswith("/"):
+            return nav
+        return sorted((p for p in places if p.startswith(nav)), key=lambda p: (not p.endswith("/index.md"), p))
+    if isinstance(nav, dict):
+        return {title: _filled(entry, places) for title, entry in nav.items()}
+    return [_filled(entry, places) for entry in nav]
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--fmus", type=Path, default=ROOT / "fmus", help="folder with fmi3/")
+    parser.add_argument("--results", type=Path, default=ROOT / "results", help="folder with the reports of studies")
+    arguments = parser.parse_args()
+    if find_spec("mkdocs") is None or find_spec("nbclient") is None:
+        sys.exit("the documentation site needs more packages: pip install -e '.[docs]', or `make docs`")
+    build(arguments.fmus, arguments.results)
+    print(SITE / "html" / "index.html")

@@ -1,0 +1,137 @@
+"""The documentation site: every page has its place, every link leads somewhere, and nothing is fetched from elsewhere."""
+
+from __future__ import annotations
+
+import json
+import re
+import runpy
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+from built import FMUS, BuiltFmus
+from lxml import html
+from mkdocs.exceptions import Abort
+from pages import PAGES, ROOT
+
+from fmu_sources.catalog import default_catalog
+
+WRITE = runpy.run_path(str(ROOT / "docs" / "write_site.py"))
+
+
+@pytest.fixture(scope="module")
+def site(built_fmus: BuiltFmus, tmp_path_factory: pytest.TempPathFactory) -> Path:  # noqa: ARG001
+    """The whole site, with one report."""
+    results, place = tmp_path_factory.mktemp("results"), tmp_path_factory.mktemp("site")
+    (results / "bench").mkdir()
+    (results / "bench" / "report.html").write_text("<title>A quarter car</title>")
+    WRITE["build"](FMUS, results, place)
+    return place / "html"
+
+
+def test_every_page_has_a_place() -> None:
+    """And its links to files lead somewhere, or there was an error."""
+    texts, files = WRITE["gather"](FMUS, ROOT / "results", lambda name, text: (name, text))
+    nav = yaml.load((ROOT / "docs" / "mkdocs.yml").read_text(), _Loader)["nav"]
+    listed = [*_leaves(WRITE["_filled"](nav, list(texts)))]
+    assert len(listed) == len(set(listed))
+    assert set(listed) == {p for p in texts if p.endswith(".md") and not p.startswith("sources/")}
+    assert "images/system.svg" in files
+
+
+class _Loader(yaml.SafeLoader):
+    """Functions that are named in the file are none of ours."""
+
+
+_Loader.add_multi_constructor("tag:yaml.org,2002:python/", lambda *_: None)
+
+
+def _leaves(entry: Any) -> Iterator[str]:
+    if isinstance(entry, str):
+        yield entry
+    else:
+        for part in entry.values() if isinstance(entry, dict) else entry:
+            yield from _leaves(part)
+
+
+@pytest.mark.full
+def test_every_page_of_the_repository_is_there(site: Path) -> None:
+    for page in PAGES:
+        assert (site / WRITE["_place"](page.relative_to(ROOT).as_posix()).replace(".md", ".html")).is_file(), page
+    assert {p.stem for p in (site / "fmus").glob("*.html")} == {"index", *default_catalog()}
+    listed = html.parse(site / "fmus" / "index.html").findall(".//article//td/a")
+    assert [a.get("href") for a in listed] == [f"{n}.html" for n in default_catalog()]
+
+
+@pytest.mark.full
+def test_nothing_is_fetched_from_elsewhere(site: Path) -> None:
+    for page in site.rglob("*.html"):
+        tree = html.parse(page)
+        fetched = [
+            *tree.xpath("//script/@src | //img/@src | //iframe/@src"),
+            *tree.xpath("//link[@rel='stylesheet' or @rel='preload']/@href"),
+        ]
+        assert fetched
+        for target in fetched:
+            assert "//" not in target, f"{page.name}: {target}"
+            assert (page.parent / target.partition("?")[0]).resolve().is_file() or "search/" in target, (
+                f"{page.name}: {target}"
+            )
+
+
+@pytest.mark.full
+def test_search_knows_fmus_and_functions(site: Path) -> None:
+    found = json.loads((site / "search" / "search_index.json").read_text())["docs"]
+    places = {d["location"] for d in found}
+    assert {"fmus/MpcHmmwv.html", "python/cosim.html#cosim.System.run"} <= places
+
+
+@pytest.mark.full
+def test_tutorials_were_run(site: Path) -> None:
+    for name in WRITE["NOTEBOOKS"]:
+        book = json.loads((site / f"{name}.ipynb").read_text())
+        printed = [
+            "".join(o["text"])
+            for c in book["cells"]
+            if c["cell_type"] == "code"
+            for o in c["outputs"]
+            if o.get("name") == "stdout"
+        ]
+        assert printed
+        shown = [code.text_content().strip() for code in html.parse(site / f"{name}.html").getroot().find_class("out")]
+        assert shown == [text.strip() for text in printed]
+    assert re.search(r"body moves 0\.1\d\d m on a road of 0\.040 m", (site / "tutorial.html").read_text())
+
+
+@pytest.mark.full
+def test_reports_are_brought_along(site: Path) -> None:
+    (link,) = html.parse(site / "reports.html").findall(".//article//li/a")
+    assert (link.text, link.get("href")) == ("A quarter car", "reports/bench.html")
+    assert (site / "reports" / "bench.html").read_text() == "<title>A quarter car</title>"
+
+
+@pytest.mark.full
+def test_links_to_files_lead_to_copies_of_them(site: Path) -> None:
+    shown = html.parse(site / "sources" / "fmu_sources" / "plants" / "quarter_car.py.html").find(".//article//code")
+    assert shown.text_content().strip() == (ROOT / "fmu_sources" / "plants" / "quarter_car.py").read_text().strip()
+
+
+def test_a_link_that_leads_nowhere_is_an_error(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    page = tmp_path / "docs"
+    page.mkdir()
+    pages = WRITE["Pages"]()
+    with pytest.raises(FileNotFoundError, match=r"docs/tutorial.md: the link examples/gone.py leads nowhere"):
+        pages.add("docs/tutorial.md", "See [this](examples/gone.py).\n")
+    texts: dict[str, Any] = {"index.md": "# A\n", "orphan.md": "# B\n"}
+    monkeypatch.setitem(WRITE["build"].__globals__, "gather", lambda *_: (texts, {}))
+    with pytest.raises(Abort):
+        WRITE["build"](FMUS, tmp_path, tmp_path / "site")
+
+
+def test_code_is_left_as_it_is() -> None:
+    pages = WRITE["Pages"]()
+    code = "```python\nnames[0](of.py)\n```\n"
+    pages.add("docs/ssp.md", f"[a](../README.md#run-it), [b](https://example.org/x)\n{code}")
+    assert pages.texts["ssp.md"] == f"[a](index.md#run-it), [b](https://example.org/x)\n{code}"

@@ -1,0 +1,163 @@
+"""Synthetic RMS courses: rms, spectrum and correlation are those that are claimed; half-rounds and rolling wheels by geometry."""
+
+import numpy as np
+import pytest
+from looks import check_preview, look
+from scipy.signal import csd, periodogram, welch
+
+from fmu_sources.roads import RoadLayout, road_from_file, road_half_round, road_rms_course
+from fmu_sources.roads.enveloping import rolled
+from fmu_sources.roads.rms_course import (
+    COURSES,
+    INCH,
+    KNOTS,
+    LENGTH,
+    RAMP,
+    STEP,
+    course_heights,
+    course_spectrum,
+    driven,
+)
+from fmu_sources.vehicles import load_ride_car
+
+TRACK = 1.82  # m
+RADIUS = 0.47  # m
+RMS = {"1in": 0.02462, "2in": 0.04430, "4in": 0.08383}  # m, of the headers of the measured courses
+PEAK = {"1in": (0.16, 1.0e-3), "2in": (0.16, 4.5e-3), "4in": (0.16, 2.6e-2)}  # cycles/m, m3: least that is near the peak
+SMOOTH = {"fs": 1 / STEP, "nperseg": 2048}
+
+
+@pytest.fixture(scope="module")
+def layout():
+    return RoadLayout.of(load_ride_car("ride_car_hmmwv"), preview_count=4, preview_step=0.03)
+
+
+@pytest.fixture(scope="module")
+def road(layout):
+    return road_rms_course(layout, radius=RADIUS).model()
+
+
+@pytest.mark.parametrize("course", COURSES)
+@pytest.mark.parametrize("alike", [True, False])
+def test_rms_is_that_of_the_measured_course(course, alike):
+    for seed in (1, 7, 100):
+        for heights in course_heights(course, seed, TRACK, alike=alike):
+            assert len(heights) == round(LENGTH / STEP) + 1
+            assert np.sqrt(np.mean(heights[:-1] ** 2)) == pytest.approx(RMS[course], rel=5e-4)
+            assert heights[:-1].mean() == pytest.approx(0.0, abs=1e-12)
+            slope = np.polyfit(np.arange(len(heights)) * STEP, heights, 1)[0]
+            assert abs(slope) * LENGTH < 0.15 * RMS[course]  # no trend is left
+
+
+def spectrum(heights):
+    """Wave numbers [cycles/m] and one-sided spectrum [m3] of one period."""
+    return periodogram(heights[:-1], 1 / STEP)
+
+
+@pytest.mark.parametrize("course", COURSES)
+def test_spectrum_is_the_fitted_one(course):
+    """Alike: of every profile, band by band. Otherwise of the mean of both sides over seeds, since what they share adds or cancels."""
+    alike = [spectrum(course_heights(course, seed, TRACK)[0]) for seed in (1, 2)]
+    apart = [spectrum(z) for seed in range(8) for z in course_heights(course, seed, TRACK, alike=False)]
+    n = alike[0][0]
+    for low in np.geomspace(0.02, 6.0, 12):
+        band = (n >= low) & (n < 1.5 * low)
+        expected = course_spectrum(course, n[band]).mean()
+        for _, found in alike:
+            assert found[band].mean() == pytest.approx(expected, rel=0.01), low
+        assert np.mean([found[band].mean() for _, found in apart]) == pytest.approx(expected, rel=0.1), low
+    n0, least = PEAK[course]
+    assert course_spectrum(course, np.array([n0]))[0] > least
+    assert course_spectrum(course, np.array([KNOTS[0], KNOTS[-1]])).max() < 0.01 * course_spectrum(course, np.array([n0]))[0]
+
+
+def test_sides_are_alike_or_correlated_as_stated():
+    left, right = course_heights("2in", 1, TRACK)
+    np.testing.assert_array_equal(left, right)
+    ratios = []
+    for seed in range(1, 9):
+        a, b = course_heights("2in", seed, TRACK, alike=False)
+        n, cross = csd(a[:-1], b[:-1], **SMOOTH)
+        ratios.append(cross.real / welch(a[:-1], **SMOOTH)[1])
+    found = np.mean(ratios, axis=0)
+    for low, high in ((0.1, 0.2), (0.3, 0.5), (0.8, 1.6)):
+        band = (n >= low) & (n < high)
+        assert found[band].mean() == pytest.approx(np.exp(-2 * TRACK * n[band]).mean(), abs=0.08)
+
+
+def test_seeds_are_different_roads():
+    first, second = (course_heights("1in", seed, TRACK)[0] for seed in (1, 2))
+    assert abs(np.corrcoef(first, second)[0, 1]) < 0.2
+
+
+def test_a_road_shows_what_a_wheel_follows(road):
+    """In the course, on its ramps, and beyond; of the side and seed that were chosen."""
+    left, right = course_heights("4in", 3, TRACK, alike=False)
+    nodes = np.array([0, 7, 1234, round(LENGTH / STEP)])
+    front = 1.651
+    for alike in (True, False):
+        seen = look(road, nodes * STEP - front, course=2, seed=3, alike=alike)
+        ramp = round(RAMP / STEP)
+        np.testing.assert_allclose(seen["road.fl.height"], driven(left, RADIUS)[ramp + nodes], atol=1e-9)
+        other = left if alike else right
+        np.testing.assert_allclose(seen["road.fr.height"], driven(other, RADIUS)[ramp + nodes], atol=1e-9)
+    for x in (-RAMP - 3.0, LENGTH + RAMP + 3.0):
+        assert look(road, x - front, course=2)["road.fl.height"] == pytest.approx(0.0, abs=1e-9)
+
+
+def test_preview_is_what_comes(road):
+    check_preview(road, 100.0, 9.0, (1, 3), step=0.03, within=1e-12, course=1, seed=2, alike=False)
+
+
+# ------------------------------------------------------------------------------------------------------- rolling wheels
+
+
+def test_a_disc_touches_a_half_round_where_geometry_says():
+    """The path over a half circle is an arc of the sum of the radii, and nothing before the disc touches."""
+    step, height, radius = 0.002, 0.2, 0.5
+    s = np.arange(-1500, 1501) * step
+    ground = np.sqrt(np.maximum(height**2 - s**2, 0.0))
+    expected = np.maximum(np.sqrt(np.maximum((height + radius) ** 2 - s**2, 0.0)) - radius, 0.0)
+    np.testing.assert_allclose(rolled(ground, step, radius), expected, atol=2e-3)
+
+
+def test_rolling_keeps_long_waves_and_bridges_short_ones():
+    x = np.arange(4000) * 0.01
+    long, short = 0.05 * np.sin(2 * np.pi * x / 10), 0.02 * np.sin(2 * np.pi * x / 0.1)
+    np.testing.assert_allclose(rolled(long, 0.01, 0.5)[100:-100], long[100:-100], atol=5e-4)
+    bridged = rolled(short, 0.01, 0.5)[100:-100]
+    assert bridged.min() > 0.015
+    np.testing.assert_array_equal(rolled(short, 0.01, 0.0), short)
+    with pytest.raises(ValueError, match="radius of the wheel"):
+        rolled(short, 0.01, -1.0)
+
+
+@pytest.mark.parametrize("height", [0.1016, 0.3048])
+def test_half_round_is_the_path_of_the_disc(layout, height):
+    road = road_half_round(layout, radius=RADIUS).model()
+    x = 30.0 + np.linspace(-1.2, 1.2, 241)
+    seen = look(road, x - 1.651, speed=2.0, height=height)
+    s = x - 30.0
+    reach = np.sqrt((height + RADIUS) ** 2 - RADIUS**2)
+    inside = np.abs(s) < reach - 1e-6
+    arc = np.sqrt((height + RADIUS) ** 2 - s[inside] ** 2)
+    for k in ("fl", "fr"):
+        np.testing.assert_allclose(seen[f"road.{k}.height"][inside], arc - RADIUS, atol=1e-12)
+        np.testing.assert_allclose(seen[f"road.{k}.slope"][inside], -s[inside] / arc, atol=1e-12)
+        np.testing.assert_allclose(seen[f"road.{k}.rate"], 2.0 * seen[f"road.{k}.slope"], atol=1e-12)
+        assert (seen[f"road.{k}.height"][np.abs(s) > reach + 1e-6] == 0).all()
+    assert seen["road.fl.height"].max() == pytest.approx(height)
+    check_preview(road, 27.0, 10.0, (1, 2), step=0.03, within=1e-12)
+
+
+def test_a_users_file_is_rolled_over_too(tmp_path, layout):
+    """A wall of 0.1 m: the wheel rises before it, on the arc about its edge."""
+    path = tmp_path / "step.csv"
+    path.write_text("distance [m],left [m],right [m]\n" + "".join(f"{x / 100},{z},{z}\n" for x in range(1001) for z in [0.1 * (x >= 500)]))
+    front = 1.651
+    point, disc = (road_from_file(path, layout, radius=r) for r in (0.0, RADIUS))
+    ahead = 5.0 - 0.2 - front
+    assert look(point, ahead)["road.fl.height"] == 0.0
+    expected = 0.1 + np.sqrt(RADIUS**2 - 0.2**2) - RADIUS
+    assert look(disc, ahead)["road.fl.height"] == pytest.approx(expected, abs=1e-9)
+    assert COURSES["1in"].rms / INCH == pytest.approx(0.96944)
