@@ -10,6 +10,7 @@ from types import TracebackType
 from typing import TYPE_CHECKING, Any
 
 from cosim import ComponentError, EngineChoice, Recording, System
+from cosim.formats import write
 from cosim.study.case import check, named_files, values
 from cosim.study.experiment import Experiment, Row, Run
 from cosim.study.fmus import FmuSet
@@ -140,10 +141,10 @@ class Runner:
         found: Recording = self.run(case, **options).recording
         return found
 
-    def entry(self, case: Any, *, signals: bool = False) -> Row:
-        """``metrics`` of a case, and ``signals`` if requested, as JSON values; stored if possible."""
+    def entry(self, case: Any, *, signals: bool = False, history: Path | None = None) -> Row:
+        """``metrics`` of a case, and ``signals`` if requested, as JSON values; stored if possible. ``history``: file for the recording."""
         if self.store is None:
-            return self._entry(case, signals=signals)
+            return self._entry(case, signals=signals, history=history)
         key = entry_key(case, signals=signals)
         found: Row | None = self.store.find(key)
         if found is None or "failed" in found:  # whoever asks wants it run again
@@ -156,14 +157,18 @@ class Runner:
         found: Row = self.entry(case)["metrics"]
         return found
 
-    def _entry(self, case: Any, *, signals: bool) -> Row:
+    def _entry(self, case: Any, *, signals: bool, history: Path | None = None) -> Row:
         e = self.experiment
         try:
             run = self.run(case)
         except ComponentError as error:
+            if history is not None and error.recording is not None:
+                write(history, error.recording)
             if e.failed is None:
                 raise
             return {"metrics": e.failed(case, error)}
+        if history is not None:
+            write(history, run.recording)
         found: Row = {"metrics": e.measure(run)}
         if signals and e.signals is not None:
             found["signals"] = e.signals(run)

@@ -308,6 +308,7 @@ def _write(path: Path, lines: list[bytes]) -> None:
 
 def write_table(path: Path, columns: Mapping[str, Any]) -> None:
     """A Parquet file of texts, whole numbers, real numbers and truth values, which is on the disk when this returns."""
+    os.environ.setdefault("ARROW_DEFAULT_MEMORY_POOL", "system")  # that of Arrow keeps 10 MB for itself
     with extras.needed("reports", STORED):
         import pyarrow as pa
         from pyarrow import parquet

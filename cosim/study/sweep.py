@@ -5,22 +5,26 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Callable, Mapping
+import shutil
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
 from contextlib import closing
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from build_fmus import extras
 from build_fmus.checks import Array, unknown
 from build_fmus.sources import code_hash
 from cosim.errors import WiringError
+from cosim.formats import parquet_table
+from cosim.recording import Recording
 from cosim.study import swept as sweeping
 from cosim.study.case import Field, fields
 from cosim.study.design import Design, DesignError, whole
-from cosim.study.dispatch import Dispatch, Making, failed
+from cosim.study.dispatch import HEAD, Dispatch, Making, failed
 from cosim.study.driver import salt_of, ship_of, stored, usable
 from cosim.study.executors import width
 from cosim.study.experiment import Experiment, Task
@@ -28,9 +32,10 @@ from cosim.study.fmus import FmuSet
 from cosim.study.runner import Execution, Runner, entry_key
 from cosim.study.store import NotStored, RunStore, Store, write_table
 from cosim.study.swept import KINDS, Parameters, attribute, set_parameters, swept
-from cosim.study.work import given
+from cosim.study.work import given, history_name
 
 Watch = Callable[[int, int, int], None]
+HISTORIES = "histories"  # folder beside the table
 
 
 @dataclass(frozen=True)
@@ -150,19 +155,84 @@ class SweepTable:
         axes: values by name.
         metrics: numbers (runs,) by name; NaN where a run failed or has none.
         failures: message by number of the run.
+        histories: for each run the file of its recording, relative to the table; "" where there is none. Empty where none were kept.
     """
 
     sweep: Sweep
     axes: Mapping[str, list[Any]]
     metrics: Mapping[str, Array]
     failures: Mapping[int, str]
+    histories: Sequence[str] = ()
 
     def write(self, path: Path) -> Path:
-        """A Parquet file: ``run``, the axes, the metrics, ``failed``. The same results give the same bytes."""
+        """A Parquet file: ``run``, the axes, the metrics, ``failed``, and ``history`` where these were kept. The same results give the
+        same bytes."""
         n = len(self.sweep)
         failures = [self.failures.get(i, "") for i in range(n)]
-        write_table(path, {"run": np.arange(n), **self.axes, **self.metrics, "failed": failures})
+        more = {"history": list(self.histories)} if self.histories else {}
+        write_table(path, {"run": np.arange(n), **self.axes, **self.metrics, "failed": failures, **more})
         return path
+
+
+def history(table: str | Path, run: int) -> Recording:
+    """Time histories of a run of a sweep that was made with ``--histories``, or ``run_sweep(..., histories=True)``.
+
+    Args:
+        table: ``table.parquet`` of the sweep, or the folder that it lies in.
+        run: number of the run, its row in the table.
+
+    Returns:
+        What the run has recorded.
+
+    Raises:
+        DesignError: there is no such run, or nothing was kept of it.
+        OSError, ArrowInvalid: there is no such table.
+    """
+    path = Path(table)
+    path = path / "table.parquet" if path.is_dir() else path
+    with extras.needed("reports", "reading tables of sweeps"):
+        found = parquet_table(path)
+    if not 0 <= run < found.num_rows:
+        raise DesignError(f"{path} has runs 0 to {found.num_rows - 1}, not {run}")
+    name = found["history"][run].as_py() if "history" in found.column_names else ""
+    if not name:
+        raise DesignError(f"{path}: nothing was kept of run {run} over time; cosim sweep ... --histories keeps it, --run {run} makes it again")
+    return Recording.read(path.parent / name)
+
+
+class Running:
+    """Statistics of the metrics of runs as they arrive, without keeping these (Welford 1962).
+
+    Attributes:
+        failed: how many have failed.
+    """
+
+    def __init__(self) -> None:
+        self.failed = 0
+        self._found: dict[str, list[float]] = {}  # count, mean, sum of squared deviations, smallest, largest
+
+    def add(self, text: str | bytes) -> None:
+        """A stored result."""
+        entry = json.loads(text)
+        if "failed" in entry:
+            self.failed += 1
+            return
+        for name, value in entry["metrics"].items():
+            if not isinstance(value, int | float) or not math.isfinite(value):
+                continue
+            s = self._found.setdefault(name, [0, 0.0, 0.0, math.inf, -math.inf])
+            s[0] += 1
+            deviation = value - s[1]
+            s[1] += deviation / s[0]
+            s[2] += deviation * (value - s[1])
+            s[3], s[4] = min(s[3], value), max(s[4], value)
+
+    def rows(self) -> list[tuple[str, int, float, float, float, float]]:
+        """For each metric: name, runs, mean, standard deviation (NaN of one run), smallest, largest."""
+        return [
+            (name, int(n), mean, math.sqrt(m2 / (n - 1)) if n > 1 else math.nan, low, high)
+            for name, (n, mean, m2, low, high) in list(self._found.items())
+        ]
 
 
 def run_sweep(
@@ -176,9 +246,17 @@ def run_sweep(
     force: bool = False,
     execution: Execution | None = None,
     progress: Watch = lambda done, total, lost: None,
+    running: Running | None = None,
+    histories: bool = False,
 ) -> SweepTable:
-    """Run a sweep; what is in ``store`` already is taken from there. Options and errors as of :func:`cosim.study.run_study`;
-    ``progress`` is called with (done, total, failed)."""
+    """Run a sweep; what is in ``store`` already is taken from there. Options and errors as of :func:`cosim.study.run_study`.
+
+    Args:
+        progress: called with (done, total, failed).
+        running: gets each result as it is there.
+        histories: whether each run's recording is kept, as a Parquet file in ``histories`` beside ``store``. Workers write it, so on a
+            cluster that folder must be one that they all reach. A stored run without one is made again. See :func:`history`.
+    """
     kept = Store(store)
     if force:
         kept.discard()
@@ -192,26 +270,47 @@ def run_sweep(
     def name(i: int) -> str:
         return runs.name(entry_key(sweep.of(i)))
 
-    first: dict[str, int] = {}  # two points of a design may be the same
+    folder = store.resolve().parent / HISTORIES if histories else None
+    if force and folder is not None:
+        shutil.rmtree(folder, ignore_errors=True)
+
+    def kept_history(key: str) -> bool:
+        return folder is None or (folder / history_name(key)).is_file()
+
+    seen: set[bytes] = set()  # two points of a design may be the same
     order, lost = [], 0
     for i in range(total):
         key = name(i)
-        if first.setdefault(key, i) != i:
+        if (short := bytes.fromhex(key)) in seen:
             continue
+        seen.add(short)
         if not usable(kept, key, failed=not retry_failed):
             order.append(i)
-        elif kept.text(key).startswith('{"failed"'):
+            continue
+        text = kept.text(key)
+        if text.startswith('{"failed"'):
             lost += 1
-    del first
+        elif not kept_history(key):
+            order.append(i)
+            continue
+        if running is not None:
+            running.add(text)
+    del seen
     done = total - len(order)
     progress(done, total, lost)
-    ship = ship_of(sweep.experiment, fmus, [""], {"": salt}, execution, parameters=sweep.parameters)
+    ship = replace(ship_of(sweep.experiment, fmus, [""], {"": salt}, execution, parameters=sweep.parameters), histories=folder)
     dispatch = Dispatch(ship, lambda i: given(name(i), Task(sweep.of(i))), lambda _: 1.0, width)
     with closing(stored(dispatch, kept, order, executor, processes)) as found:
         for _, line in found:
             lost += failed(line)
+            if running is not None:
+                running.add(line[HEAD:])
             progress(done := done + 1, total, lost)
-    return _table(sweep, kept, name)
+    table = _table(sweep, kept, name)
+    if folder is None:
+        return table
+    names = (name(i) for i in range(total))
+    return replace(table, histories=[f"{folder.name}/{history_name(n)}" if kept_history(n) else "" for n in names])
 
 
 def _table(sweep: Sweep, kept: Store, name: Callable[[int], str]) -> SweepTable:

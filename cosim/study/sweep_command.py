@@ -3,12 +3,17 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
+from rich.console import Group
+from rich.live import Live
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+from rich.table import Table
+from rich.text import Text
 
 from build_fmus.terminal import console, one_of
 from cosim.study.case import fields
@@ -25,8 +30,11 @@ from cosim.study.commands import (
 )
 from cosim.study.design import MANY, METHODS, Design, DesignError, axis, from_file
 from cosim.study.experiment import Experiment
-from cosim.study.sweep import Sweep, prepare, run_sweep
+from cosim.study.sweep import HISTORIES, Running, Sweep, Watch, prepare, run_sweep
 from cosim.study.swept import swept
+
+REFRESH = 2.0  # 1/s, of the table on the screen
+MOST = 12  # metrics in it
 
 Vary = Annotated[
     list[str] | None,
@@ -51,6 +59,9 @@ Worst = Annotated[
 One = Annotated[
     int | None, typer.Option("--run", metavar="NUMBER", help="make one run of the sweep again, with its time histories", min=0)
 ]
+Histories = Annotated[
+    bool, typer.Option("--histories", help="keep the time histories of every run too, as Parquet files beside the table; workers write them")
+]
 Yes = Annotated[bool, typer.Option("--yes", help=f"do not ask before more than {MANY} runs")]
 
 _OPTIONS: dict[str, tuple[Any, Any]] = {
@@ -61,6 +72,7 @@ _OPTIONS: dict[str, tuple[Any, Any]] = {
     "design": (File, None),
     "worst": (Worst, None),
     "run": (One, None),
+    "histories": (Histories, False),
     "yes": (Yes, False),
 }
 
@@ -79,7 +91,7 @@ def sweep_command(experiment: Experiment) -> Any:
             return
         write_sweep(
             prepared, fmus, given["out"], worst=given["worst"], cluster=given["dask"], processes=given["processes"],
-            retry_failed=given["retry_failed"], force=given["force"], execution=execution(given),
+            retry_failed=given["retry_failed"], force=given["force"], execution=execution(given), histories=given["histories"],
         )  # fmt: skip
 
     own = {k: v for k, v in field_options(experiment).items() if k not in _OPTIONS}
@@ -95,16 +107,10 @@ def write_sweep(
     from cosim.study.sweep_report import sweep_report
 
     folder = make_folder(out / sweep.experiment.name / "sweep")
-    columns = [
-        TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), TimeRemainingColumn(),
-        TextColumn("{task.fields[failed]} failed"),
-    ]  # fmt: skip
-    with on(cluster, options.get("processes")) as executor, Progress(*columns, console=console) as bar:
-        task = bar.add_task(f"sweep {sweep.experiment.name}", total=len(sweep), failed=0)
+    with on(cluster, options.get("processes")) as executor, _shown(sweep) as (progress, running):
         try:
             table = run_sweep(
-                sweep, fmus, folder / ".runs", executor=executor,
-                progress=lambda done, total, lost: bar.update(task, completed=done, total=total, failed=lost), **options,
+                sweep, fmus, folder / ".runs", executor=executor, progress=progress, running=running, **options
             )  # fmt: skip
         except KeyboardInterrupt:
             raise KeyboardInterrupt(
@@ -114,11 +120,45 @@ def write_sweep(
         console.print(f"failed: run {number}: {message}", markup=False)
     if table.failures:
         console.print(f"{len(table.failures)} of {len(sweep)} runs failed; --retry-failed runs them again")
+    if missing := sum(not h for i, h in enumerate(table.histories) if i not in table.failures):
+        console.print(f"{missing} histories are not in {folder / HISTORIES}: do all workers reach that folder?")
     path = table.write(folder / "table.parquet")
     page = write_report(sweep_report(table, fmus, worst=worst), folder)
     console.print(f"table: {path}")
     console.print(f"report: {page}")
     return page
+
+
+@contextmanager
+def _shown(sweep: Sweep) -> Iterator[tuple[Watch, Running | None]]:
+    """A progress bar; on a terminal with a table below it, of the metrics as they stand."""
+    columns = [
+        TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), TimeRemainingColumn(),
+        TextColumn("{task.fields[failed]} failed"),
+    ]  # fmt: skip
+    bar = Progress(*columns, console=console)
+    task = bar.add_task(f"sweep {sweep.experiment.name}", total=len(sweep), failed=0)
+
+    def progress(done: int, total: int, lost: int) -> None:
+        bar.update(task, completed=done, total=total, failed=lost)
+
+    if not console.is_terminal:
+        with bar:
+            yield progress, None
+        return
+    running = Running()
+    with Live(get_renderable=lambda: Group(bar, running_table(running)), console=console, refresh_per_second=REFRESH):
+        yield progress, running
+
+
+def running_table(running: Running) -> Table:
+    """The metrics of the runs so far, as a table for the screen."""
+    table = Table("metric", "runs", "mean", "deviation", "smallest", "largest", box=None)
+    for name, *numbers in running.rows()[:MOST]:
+        table.add_row(Text(name), *(f"{x:.4g}" for x in numbers))
+    if (more := len(running.rows()) - MOST) > 0:
+        table.add_row(Text(f"and {more} more"))
+    return table
 
 
 def _design(given: Mapping[str, Any]) -> Design:

@@ -40,6 +40,7 @@ class Ship:
         salts: of the keys, by part.
         execution: how systems are executed.
         parameters: of the system, that the cases have besides their own fields.
+        histories: folder in which a worker writes the recording of each run, by the name of its key; None: nowhere.
     """
 
     experiment: str | Experiment
@@ -50,6 +51,7 @@ class Ship:
     salts: Mapping[str, str]
     execution: Execution | None
     parameters: Parameters = ()
+    histories: Path | None = None
 
 
 @dataclass(frozen=True)
@@ -67,6 +69,11 @@ class Reply:
 Given = tuple[str, Any]
 """A task as it goes to another process, where a class of cases made at run time is another one: name of its key, and (part, values of the
 case, whether signals are kept) or a search."""
+
+
+def history_name(name: str) -> str:
+    """File of the recording of a run, by the name of its key."""
+    return f"{name}.parquet"
 
 
 def given(name: str, task: Task | Search) -> Given:
@@ -102,7 +109,7 @@ def _experiment(ship: Ship) -> Experiment:
 
 def _line(ship: Ship, experiment: Experiment, fmus: FmuSet, name: str, task: Any) -> bytes:
     try:
-        return seal(name, _entry(ship, experiment, fmus, task))
+        return seal(name, _entry(ship, experiment, fmus, name, task))
     except Exception as error:
         return seal(name, _failure(error))
 
@@ -111,11 +118,12 @@ def _failure(error: Exception) -> Row:
     return {"failed": f"{type(error).__name__}: {error}"}
 
 
-def _entry(ship: Ship, experiment: Experiment, fmus: FmuSet, task: Any) -> Row:
+def _entry(ship: Ship, experiment: Experiment, fmus: FmuSet, name: str, task: Any) -> Row:
     if isinstance(task, tuple):
         part, case, signals = task
         runner = _runner(experiment, part, ship, fmus)
-        return runner.entry(runner.experiment.case(**case), signals=signals)
+        history = None if ship.histories is None else ship.histories / history_name(name)
+        return runner.entry(runner.experiment.case(**case), signals=signals, history=history)
     return {"found": task(_runner(experiment, getattr(task, "part", ""), ship, fmus))}
 
 

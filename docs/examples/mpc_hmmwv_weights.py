@@ -46,7 +46,7 @@ def drive(values: Mapping[str, float], stretch: int = SEEN, seconds: float = 10.
         for fmu in Path("fmus/fmi3").resolve().glob("*.fmu"):
             if fmu.stem != law.name:
                 (beside / fmu.name).symlink_to(fmu)
-        built = build_fmu(law, 3, resolve_platforms("host"), ObjectCache(Path(folder) / "objects"))
+        built = build_fmu(law, 3, resolve_platforms("host"), ObjectCache(Path("results/objects")))
         (beside / f"{law.name}.fmu").write_bytes(built)
         case = Case("off-road", "mpc-preview", variant=stretch, duration=seconds)
         with Runner(EXPERIMENT, FmuSet(Path(folder))) as runner:

@@ -46,7 +46,7 @@ def drive(weights: PreviewLqWeights) -> dict[str, float]:
     law = preview_lq(ride_car(load_vehicle("sedan"), "RideCarSedan"), weights, name="Tried", period=1e-3)
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "Tried.fmu"
-        path.write_bytes(build_fmu(law, 3, resolve_platforms("host"), ObjectCache(Path(folder) / "objects")))
+        path.write_bytes(build_fmu(law, 3, resolve_platforms("host"), ObjectCache(Path("results/objects"))))
         with System() as system:
             system.add("speed", "fmus/fmi3/SpeedProfile.fmu", parameters={"start.speed": SPEED})
             system.add("road", "fmus/fmi3/RoadHoleBump.fmu")

@@ -15,6 +15,7 @@ from concurrent.futures import Executor, Future, ProcessPoolExecutor
 from pathlib import Path
 from typing import Any
 
+import psutil
 import pytest
 
 from build_fmus import safe_files
@@ -289,6 +290,33 @@ def test_a_local_cluster_gives_the_same(experiment: Any, cluster: Executor, tmp_
     ours = run_study(experiment, FMUS, tmp_path / "ours", processes=1)
     theirs = run_study(experiment, FMUS, tmp_path / "theirs", executor=cluster)
     assert theirs.rows() == ours.rows()
+
+
+OWN_CLUSTER = """
+import time
+from cosim.study import dask
+if __name__ == "__main__":
+    with dask("local", 1):
+        print("there", flush=True)
+        time.sleep(600)
+"""
+
+
+@pytest.mark.skipif(os.name == "nt", reason="sends signals")
+def test_a_local_cluster_ends_with_who_asked_for_it(tmp_path: Path) -> None:
+    """However it ends: scheduler and worker are processes of their own."""
+    program = tmp_path / "own.py"
+    program.write_text(OWN_CLUSTER)
+    environment = {**os.environ, "PYTHONPATH": str(ROOT)}
+    process = subprocess.Popen([sys.executable, str(program)], env=environment, stdout=subprocess.PIPE, text=True)
+    assert process.stdout is not None
+    assert process.stdout.readline() == "there\n"
+    others = psutil.Process(process.pid).children(recursive=True)
+    assert len(others) >= 2
+    process.kill()
+    process.communicate()
+    _, alive = psutil.wait_procs(others, timeout=60)
+    assert not alive
 
 
 @pytest.mark.skipif(os.name == "nt", reason="sends signals")
