@@ -21,19 +21,16 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
-from typing import TYPE_CHECKING, Any, NoReturn
+from typing import Any, NoReturn, Protocol
 
 import numpy as np
 
 from cosim.component import Action, EndRequested, Ports
 from cosim.description import Clock, Description, Variable
 from cosim.errors import CallFailed, CosimError
-from cosim.fmu.transfers import arrangements
+from cosim.fmu.transfers import Arrangement, arrangements
 from cosim.signals import Array
 from cosim.time import rational
-
-if TYPE_CHECKING:
-    from cosim.fmu.component import FmuComponent
 
 ITERATIONS = 1000  # of an event, and ticks at one instant; beyond it goes on for ever
 NOT_YET_KNOWN, UNCHANGED, CHANGED = range(3)  # fmi3IntervalQualifier
@@ -48,6 +45,23 @@ def refusal(about: Description) -> str:
         if clock.causality == "input" and not about.event_mode:
             return f"its clock '{clock.name}' needs event mode, which it does not offer (hasEventMode)"
     return ""
+
+
+class Instance(Protocol):
+    """What is needed of an instance: its calls, and how its values are moved."""
+
+    name: str
+    description: Description
+    _ffi: Any
+    _flags: Any
+
+    def _must(self, function: str, *arguments: Any) -> None: ...
+
+    def _set_values(self, values: Mapping[Variable, Any]) -> None: ...
+
+    def _transfer(self, direction: str, how: Arrangement, buffer: Array) -> Any: ...
+
+    def _advance(self, t: float, h: float) -> None: ...
 
 
 @dataclass(frozen=True)
@@ -82,7 +96,7 @@ class _Group:
 class EventMode:
     """The clocks of one instance."""
 
-    def __init__(self, component: FmuComponent):
+    def __init__(self, component: Instance):
         self.component = component
         self.about = component.description
         self.clocks = {c.reference: c for c in self.about.clocks if c.causality == "input"}
