@@ -22,6 +22,7 @@ studies: run
 	$(BIN)/cosim study three-axle
 	$(BIN)/cosim study trench
 	$(BIN)/cosim study hmmwv
+	$(BIN)/cosim study ride
 
 test: $(VENV)/.test lint
 	$(BIN)/build-fmus

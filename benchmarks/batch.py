@@ -10,7 +10,7 @@ import time
 
 import numpy as np
 
-from benchmarks.random_roads import system as on_random_road
+from benchmarks.random_roads import system as on_random_roads
 from cosim import System
 from cosim.batch import Batch
 from cosim.batch.library import TARGETS, choose_target
@@ -19,9 +19,24 @@ from cosim.study import FmuSet
 
 COPIES, SECONDS, ROUNDS = 256, 2.0, 3
 TITLE = "passive full cars, simulated time of all copies / processor time"
+
+
+def on_nodes() -> System:
+    """Over a road that is looked up node by node, and tells 16 heights ahead under each wheel."""
+    system, fmus = System(), FmuSet()
+    for name, fmu in (("speed", "SpeedProfile"), ("road", "RoadOffroadHmmwv"), ("car", "FullCarHmmwv")):
+        system.add(name, fmus.path(fmu))
+    system.connect("speed.speed", "car.target.speed")
+    system.connect("car.x", "road.x")
+    system.connect("car.speed", "road.speed")
+    system.connect_matching("road", "car")
+    return system
+
+
 SYSTEMS = {
     "sine road": lambda: wire(FmuSet(), Case("sine", controller="passive")),
-    "random road (class C, by nodes)": on_random_road,
+    "road of nodes, with preview": on_nodes,
+    "random roads, the road one by one": on_random_roads,
 }
 
 

@@ -157,7 +157,7 @@ def vehicle_catalog(vehicle: str | Path, *, plant: str, suffix: str | None) -> d
     entries = [Entry(plant, f"nonlinear full car, vehicle file {vehicle}", full_car, files=files)]
     if suffix is not None:
         for name, (maker, summary) in _ROADS.items():
-            make_road = _road(maker, GPC_PREVIEW)
+            make_road = _road(maker, GPC_PREVIEW) if maker else _proving_ground(GPC_PREVIEW)
             entries.append(Entry(name + suffix, summary, partial(make_road, vehicle, name + suffix), files=files))
         needs = (plant, "RoadPerryman3" + suffix, "SpeedProfile")
         for name, (summary, variant) in _GPC.items():
@@ -264,6 +264,7 @@ _PREVIEW_LQ = "PreviewLq"  # begins the names of these laws
 _SENSOR_FILE = "sensors_hmmwv"
 _HMMWV_FILE = "ride_car_hmmwv"
 GPC_PREVIEW, MPC_PREVIEW, LQ_PREVIEW, CROSSING_PREVIEW = (8, 0.010), (16, 0.030), (48, 0.005), (50, 0.005)
+WHEEL_RADIUS = {"hmmwv": 0.47, "sedan": 0.31, "6x6": 0.62, "full-car": 0.45}  # m: 37 x 12.5 tires, assumed, files of obstacle runs, vehicle file
 _PREVIEWS: dict[str, Preview] = {  # by kind of vehicle: what its controllers read
     "full_car": GPC_PREVIEW, "ride_car": MPC_PREVIEW, "three_axle": CROSSING_PREVIEW, "three_axle_trench": CROSSING_PREVIEW,
 }  # fmt: skip
@@ -334,6 +335,16 @@ def _layout(vehicle: Source, preview: Preview, sensors: Source | None = None) ->
 
 def _road(maker: str, preview: Preview, sensors: Source | None = None) -> Make:
     return lambda vehicle, name, _: _call("roads", maker, _layout(vehicle, preview, sensors), name=name)
+
+
+def _proving_ground(preview: Preview, radius: float | None = None) -> Make:
+    """Courses under wheels of that ``radius`` [m]; None: that of the vehicle file."""
+
+    def make(vehicle: Source, name: str, _: str = "") -> Component:
+        of_file = _load("full_car", vehicle).wheel.radius.value if radius is None else radius
+        return _call("roads", "road_proving_ground", _layout(vehicle, preview), name=name, radius=of_file)
+
+    return make
 
 
 def _car(vehicle: Source, name: str, _: str = "") -> Component:
@@ -463,6 +474,7 @@ _HMMWV: dict[str, tuple[str, Make]] = {
     "PreviewBuffer{s}": ("road ahead by distance, read under each wheel (paper 001)", _preview_buffer),
     "RoadBumps{s}": ("test track of speed bumps (paper 001)", _road("road_bumps", MPC_PREVIEW, _SENSOR_FILE)),
     "RoadOffroad{v}": ("off-road terrain under the HMMWV (paper 001)", _road("road_offroad", MPC_PREVIEW, _SENSOR_FILE)),
+    "RoadProvingGround{v}": ("synthetic RMS courses and a half-round under the HMMWV", _proving_ground(MPC_PREVIEW, WHEEL_RADIUS["hmmwv"])),
 }  # fmt: skip
 _SEDAN: dict[str, tuple[str, Make]] = {
     "RideCar{v}": ("linear 7-DOF ride car of paper 004", _car),
@@ -471,6 +483,7 @@ _SEDAN: dict[str, tuple[str, Make]] = {
     "PreviewLqRoadHolding{s}": ("preview LQ law of paper 004, road holding", _lq("road_holding")),
     "RoadHoleBump{s}": ("hole, flat and bump of paper 004", _road("road_hole_bump", LQ_PREVIEW)),
     "RoadIso8608{s}": ("random road, ISO 8608 class A to H", _road("road_iso8608", LQ_PREVIEW)),
+    "RoadProvingGround5ms{s}": ("synthetic RMS courses and a half-round under the sedan", _proving_ground(LQ_PREVIEW, WHEEL_RADIUS["sedan"])),
 }
 _QUARTER_CAR: dict[str, tuple[str, Make]] = {"QuarterCar{v}": ("quarter car of the HMMWV (paper 001)", _quarter_car)}
 _BENCH: dict[str, tuple[str, Make]] = {
@@ -500,6 +513,10 @@ _THREE_AXLE: dict[str, tuple[str, Make]] = {
         _on_three_axle("controllers.mpc.three_axle", "mpc_three_axle"),
     ),
     "RoadShallowTrench{s}": ("shallow trench under the 6x6 of paper 003", _road("road_shallow_trench", CROSSING_PREVIEW)),
+    "RoadProvingGroundThreeAxle{s}": (
+        "synthetic RMS courses and a half-round under the 6x6",
+        _proving_ground(CROSSING_PREVIEW, WHEEL_RADIUS["6x6"]),
+    ),
 }  # fmt: skip
 _TRENCH: dict[str, tuple[str, Make]] = {
     "ThreeAxleTrench{s}": ("6x6 of paper 003 over trenches and obstacles, with contact", _trench_plant),
@@ -519,10 +536,11 @@ _KINDS: dict[str, tuple[tuple[dict[str, tuple[str, Make]], tuple[str, ...]], ...
 }
 """By kind of vehicle file: what is made of it, and what the vehicles are called that this is published for."""
 
-_ROADS = {  # name -> maker in fmu_sources.roads, summary
+_ROADS = {  # name -> maker in fmu_sources.roads (none: with the wheels of the vehicle file), summary
     "RoadSine": ("road_sine", "sine road of paper 000"),
     "RoadCurb": ("road_curb", "curb road of paper 000"),
     "RoadPerryman3": ("road_perryman3", "synthetic stand-in for the Perryman 3 test course"),
+    "RoadProvingGround": ("", "synthetic RMS courses and a half-round under the full car"),
     "RoadRandom": ("road_random", "random road, ISO 8608: class, seed and length are parameters"),
 }
 _GPC_PLANT = "FullCarHmmwvModified"

@@ -21,7 +21,7 @@ from cosim.batch.structs import HEADER, CopyFailure, Lanes, Structs, aligned
 from cosim.description import Variable
 from cosim.engine.compiled import CompiledExchange
 from cosim.engine.plan import Plan, make_plan
-from cosim.errors import ComponentError, CosimError, TimeError, UnconnectedInputsWarning, WiringError
+from cosim.errors import CallFailed, ComponentError, CosimError, TimeError, UnconnectedInputsWarning, WiringError
 from cosim.fmu.component import FmuComponent
 from cosim.interrupt import HeldInterrupt
 from cosim.master.exchange import Exchange
@@ -156,9 +156,7 @@ class Batch:
             raise NoLanes("its signals are from a table")
         if component.isolation is not None:
             raise NoLanes("it is isolated in a process of its own")
-        source = lane_source(component.fmu)
-        source.code((), self._target.lanes, self._target.number)
-        return source
+        return lane_source(component.fmu)
 
     def _free_inputs(self, names: str | Iterable[str]) -> list[tuple[Member, Variable]]:
         members, driven = self.system.members, self.system.connections
@@ -352,7 +350,11 @@ class Batch:
         for m in self._alone:
             mine = [(i, v) for i, (owner, v) in enumerate(self._inputs) if owner is m]
             for copy in np.flatnonzero(running) if mine else ():
-                self._twins[m][copy].set({v: float(given[copy, i]) for i, v in mine})
+                try:
+                    self._twins[m][copy].set({v: float(given[copy, i]) for i, v in mine})
+                except CallFailed as failure:
+                    self._alive[copy] = 0
+                    self._ended(CopyFailure(int(copy), m.name, self.time, str(ComponentError(failure, self.time, None))))
 
     def _check_limits(self, given: Array, running: npt.NDArray[np.bool_]) -> None:
         """As those of `Simulation.set`."""

@@ -36,6 +36,7 @@ FUNCTIONS = frozenset(
 """What generated statements call on numbers; `runtime/lanes.h` has each as lanes_NAME."""
 
 VECTORS = {"x": "States", "u": "Inputs", "p": "Parameters"}
+_POINTERS = {"States": ("x", "next", "der", "start"), "Inputs": ("u",), "Parameters": ("p",), "Outputs": ("y",)}
 _RESULTS = frozenset(("y", "next", "der", "start"))
 _STRUCT = re.compile(r"typedef struct \{\n(.*?)\n\} (\w+);\n", re.DOTALL)
 _MEMBER = re.compile(r"double (\w+)((?:\[\d+\])*);")
@@ -127,6 +128,7 @@ class Structs:
     def __init__(self, code: str):
         self.code: dict[str, str] = {}
         self.members: dict[str, list[tuple[str, int]]] = {}
+        self.arrays: set[str] = set()  # members that are arrays, as pointer->name
         for body, name in _STRUCT.findall(code):
             rows = [_MEMBER.fullmatch(line.strip()) for line in body.split("\n") if line.strip()]
             if not all(rows):
@@ -138,6 +140,8 @@ class Structs:
                 for length in re.findall(r"\d+", row[2]):
                     size *= int(length)
                 self.members[name].append((row[1], size))
+                if row[2]:
+                    self.arrays.update(f"{pointer}->{row[1]}" for pointer in _POINTERS.get(name, ()))
             self.code[name] = f"typedef struct {{\n{body}\n}} {name};\n".replace("double ", "lanes ")
 
 
@@ -345,6 +349,8 @@ class _Function:
         if e.kind == "name" and self._tables.get(e.text) == "double":
             return e.text, "table"
         if e.kind == "member":
+            if e.text not in self._structs.arrays:
+                raise NotRead(f"its code has {e.text} in place of an array")
             return self._checked(e.text), "lanes"
         if e.kind == "index":  # a row of a matrix
             array, kind = self._pointer(e.parts[0])

@@ -98,6 +98,8 @@ class LaneSource:
             functions, names = translated(self.model, outputs)
         except NotRead as error:
             raise NoLanes(f"lanes cannot follow its sources: {error}") from None
+        if missing := [n for n in ("start_states", "derivatives", "outputs", "sample") if n in self.fields and n not in names]:
+            raise NoLanes(f"lanes cannot follow its sources: there is no function {missing[0]}")
         apart = sorted((FUNCTIONS - _IN_LANES) & set(re.findall(r"lanes_(\w+)\(", functions)))
         wrapped = [f"IN_EACH_LANE{'_OF_TWO' if name in _TWO else ''}({name}, {name})" for name in apart]
         constants = {
@@ -136,6 +138,8 @@ def lane_source(fmu: FmuFile) -> LaneSource:
         raise NoLanes("its sources are not those of its binary")
     if "qp" in fields:
         raise NoLanes("it solves quadratic programs")
+    if "random_profiles.h" in files:
+        raise NoLanes("it computes random profiles, each copy its own")
     if fields.get("solver", "FMU_RK4") == "FMU_ROS2":
         raise NoLanes("its solver (ros2) chooses pivots, each copy its own")
     if "is_continuous" not in fields and "sample" not in fields:
@@ -145,7 +149,9 @@ def lane_source(fmu: FmuFile) -> LaneSource:
     rows = tuple(map(_row, _ROW.findall(model.partition("variables[] = {")[2].partition("\n};")[0])))
     if len(rows) != int(fields.get("n_variables", "0")):
         raise NoLanes("its sources are those of another version of build-fmus")
-    return LaneSource(model, fields, rows, files)
+    source = LaneSource(model, fields, rows, files)
+    source.code(tuple(range(source.size("outputs"))), 2, 0)
+    return source
 
 
 @lru_cache

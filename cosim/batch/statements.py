@@ -98,7 +98,7 @@ def without_comments(code: str) -> str:
 def read_function(code: str, name: str) -> tuple[Statement, ...] | None:
     """Statements of a generated function of a `model.c` without comments; None where there is no such function."""
     found = re.search(_FUNCTION.format(name=name), code, re.DOTALL | re.MULTILINE)
-    return None if found is None else tuple(_Reader(found[1]).statements())
+    return None if found is None else _Reader(found[1]).all()
 
 
 class _Reader:
@@ -149,6 +149,13 @@ class _Reader:
         return int(token)
 
     # Statements.
+
+    def all(self) -> tuple[Statement, ...]:
+        """Everything there is."""
+        found = tuple(self.statements())
+        if self._peek():
+            raise NotRead(f"its code has '{' '.join(self._tokens[max(0, self._at - 4) : self._at + 3])}'")
+        return found
 
     def statements(self) -> Iterator[Statement]:
         while self._peek() and self._peek() != "}":

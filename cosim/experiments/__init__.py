@@ -1,4 +1,4 @@
-"""The experiments of the five papers; each is a folder of one shape, whose ``EXPERIMENT`` says what it is.
+"""The experiments of the five papers, and `ride`, which compares their cars; each is a folder of one shape, whose ``EXPERIMENT`` says what it is.
 
 ``__init__`` (EXPERIMENT), ``runs`` (wiring and measuring), ``published`` (what the paper prints, and the plan of the study),
 ``claims``, ``report``.
@@ -6,7 +6,7 @@
 
 EXPERIMENTS = {
     name: f"cosim.experiments.{name.replace('-', '_')}"
-    for name in ("bench", "gpc", "hmmwv", "preview-lq", "three-axle", "trench")
+    for name in ("bench", "gpc", "hmmwv", "preview-lq", "ride", "three-axle", "trench")
 }
 """Name on the command line -> module that has it."""
 

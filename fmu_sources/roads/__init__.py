@@ -9,9 +9,10 @@
 ``hole_bump``       hole, flat and bump (paper 004)
 ``bumps``           test track of speed bumps (paper 001)
 ``iso8608``         random roads of ISO 8608, and off-road terrain
+``rms_course``      profiles with the rms and spectrum of measured courses
+``half_round``      half-round obstacle as a wheel rolls over it
+``proving_ground``  RMS courses and half-round under one car
 ``random_road``     random roads with class, seed and length as parameters
-``rms_course``      synthetic courses with the rms and spectrum of measured ones
-``half_round``      half-round obstacle
 ``enveloping``      what the centre of a rolling wheel follows
 ``shallow_trench``  shallow trench under the 6x6 (paper 003)
 ``bench``           motion of the bench's plate over time (paper 002)
@@ -24,13 +25,12 @@
 
 from fmu_sources.roads.bumps import road_bumps
 from fmu_sources.roads.errors import RoadError
-from fmu_sources.roads.half_round import road_half_round
 from fmu_sources.roads.hole_bump import road_hole_bump
 from fmu_sources.roads.iso8608 import iso8608_table, road_iso8608, road_offroad
 from fmu_sources.roads.layout import RoadLayout, RoadScan, WheelPosition
 from fmu_sources.roads.perryman3 import perryman3_table, road_perryman3
+from fmu_sources.roads.proving_ground import road_proving_ground
 from fmu_sources.roads.random_road import road_random
-from fmu_sources.roads.rms_course import road_rms_course
 from fmu_sources.roads.road import Profile, Shape, road
 from fmu_sources.roads.shallow_trench import road_shallow_trench
 from fmu_sources.roads.speed_profile import speed_profile
@@ -53,11 +53,11 @@ __all__ = [
     "road_curb",
     "road_from_file",
     "road_from_table",
-    "road_half_round",
     "road_hole_bump",
     "road_iso8608",
     "road_offroad",
     "road_perryman3",
+    "road_proving_ground",
     "road_random",
     "road_rms_course",
     "road_shallow_trench",

@@ -1,12 +1,12 @@
 """Synthetic courses with the roughness of a proving ground's RMS courses, on which absorbed power and the 6 W speed are judged.
 
 Three courses of a proving ground in Michigan, detrended, of nominally 1, 2 and 4 inches rms and 1000 ft long, were measured; they are
-data of others. Here are profiles of the same detrended rms and spectrum: sums of waves whose amplitudes follow the fitted spectrum
-and whose phases are random. The spectrum was fitted to each course by maximum likelihood (Whittle) of its periodogram from
+data of others. Here are Gaussian profiles of the same detrended rms and spectrum: sums of waves with random amplitudes and phases, whose
+mean squares follow the fitted spectrum, brought to exactly the rms. The spectrum was fitted to each course by maximum likelihood (Whittle) of its periodogram from
 0.015 to 9 cycles/m, straight between :data:`KNOTS` on logarithmic scales; band averages of the measured course are within 20 % of it.
 
-Unlike the measured ones these profiles are Gaussian (the 1 inch course has a kurtosis of 5.1, with single bumps of five times its
-rms), and every seed has the amplitudes of the fit, so seeds differ in where the waves meet and not in how strong they are.
+The measured courses of 2 and 4 inches are nearly Gaussian too (kurtosis 3.5 and 2.9); that of 1 inch is not (5.1): it has single bumps of
+five times its rms, which these profiles lack.
 
 The measured courses are the same left and right (``alike``). How the sides of such ground differ was not measured there: the other
 choice has the correlation that the random road of :mod:`fmu_sources.roads.iso8608` assumes.
@@ -15,17 +15,12 @@ choice has the correlation that the random road of :mod:`fmu_sources.roads.iso86
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
-import casadi as ca
 import numpy as np
 
 from build_fmus.checks import whole_number
-from build_fmus.component import Component
 from fmu_sources.roads.enveloping import rolled
 from fmu_sources.roads.iso8608 import sum_of_waves, track_correlation
-from fmu_sources.roads.layout import RoadLayout
-from fmu_sources.roads.road import Profile, road
 
 INCH = 0.0254  # m
 LENGTH, STEP = 304.8, 0.05  # m: 1000 ft, and the distance of the measured heights
@@ -66,9 +61,8 @@ def course_heights(course: str, seed: int, track: float, *, alike: bool = True) 
     whole_number("seed of a course", seed, least=0)
     count = round(LENGTH / STEP)
     n = np.arange(1, count // 2) / LENGTH
-    phases = 2 * np.pi * np.random.default_rng(seed).random((2, len(n)))
-    amplitude = np.sqrt(2 * course_spectrum(course, n) / LENGTH)
-    first, second = amplitude * np.exp(1j * phases)
+    drawn = np.random.default_rng(seed).standard_normal((2, 2, len(n)))
+    first, second = np.sqrt(course_spectrum(course, n) / LENGTH) * (drawn[0] + 1j * drawn[1])  # mean square 2 G dn, of both parts
     shared = np.ones(len(n)) if alike else track_correlation(n, track)
     sides = (sum_of_waves(first), sum_of_waves(shared * first + np.sqrt(1 - shared**2) * second))
     left, right = (COURSES[course].rms / np.sqrt(np.mean(z**2)) * np.append(z, z[0]) for z in sides)
@@ -81,52 +75,3 @@ def driven(heights: np.ndarray, radius: float) -> np.ndarray:
     grown = 0.5 - 0.5 * np.cos(np.pi * np.arange(ramp) / ramp)
     before, behind = heights[-ramp - 1 : -1] * grown, heights[1 : ramp + 1] * grown[::-1]  # it is periodic
     return np.round(rolled(np.concatenate([before, heights, behind]), STEP, radius), 6)
-
-
-def road_rms_course(layout: RoadLayout, name: str = "RoadRmsCourse", *, radius: float) -> Component:
-    """The synthetic courses under wheels of ``radius`` [m]: parameters ``course``, ``seed`` and ``alike``."""
-    sides = [[w.y for w in layout.wheels if w.side == side] for side in ("left", "right")]
-    track = float(np.mean(sides[0]) - np.mean(sides[1]))
-    tables: dict[str, list[np.ndarray]] = {"left": [], "right": []}
-    for course in COURSES:
-        for seed in range(1, SEEDS + 1):
-            for side, heights in zip(tables, course_heights(course, seed, track, alike=False), strict=True):
-                tables[side].append(driven(heights, radius))
-    nodes = len(tables["left"][0])
-
-    def profile(c: Component) -> Profile:
-        names = ", ".join(f"{i} {n}" for i, n in enumerate(COURSES))
-        course = c.parameter("course", 0, None, f"course: {names} rms", min=0, max=len(COURSES) - 1, source="names of the measured courses")
-        seed = c.parameter("seed", 1, None, "which of the random profiles", min=1, max=SEEDS, source="own")
-        alike = c.parameter("alike", True, None, "left and right are the same, as on the measured courses", source="as measured")
-        held = {
-            side: c.constant(f"heights.{side}", np.concatenate(found) + 0.0, "m", f"heights of the {side} track", source="spectrum as fitted")
-            for side, found in tables.items()
-        }
-        first = (course * SEEDS + seed - 1) * nodes
-
-        def height(node: Any, side: str) -> Any:
-            own = held[side][first + node]
-            return own if side == "left" else ca.if_else(alike, held["left"][first + node], own)
-
-        return Profile(height, nodes - 1, STEP, -RAMP)
-
-    rms = ", ".join(f"{1e3 * c.rms:.1f}" for c in COURSES.values())
-    return road(
-        name,
-        layout,
-        profile,
-        description=f"Synthetic RMS courses of a proving ground, {SEEDS} seeds each",
-        source="rms and spectrum fitted to measured RMS courses of a proving ground in Michigan; phases random",
-        symbols=ca.MX,
-        notes=(
-            f"Courses from 0 to {LENGTH:g} m, flat before and behind with {RAMP:g} m of ramp: {', '.join(COURSES)} with {rms} mm rms, the "
-            "detrended rms and spectrum of the measured courses of these names. Phases are random and amplitudes those of the fit, so "
-            "heights are Gaussian; the measured ones have single bumps besides.",
-            f"Heights are those that a rigid wheel of {radius:g} m radius follows, which bridges waves shorter than itself; rms and spectrum "
-            "are those of the ground below it.",
-            "alike: both sides are the same, as on the measured courses. Otherwise their correlation falls with wave number as "
-            f"exp(-2 track n), with a track of {track:g} m (assumed; it was not measured there), and cars roll.",
-        ),
-        stimulus_start=40.0,
-    )

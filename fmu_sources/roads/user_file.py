@@ -38,11 +38,7 @@ def road_from_file(path: Path | str, layout: RoadLayout, name: str = "RoadUser",
         RoadError: naming the file, the line and what is wrong.
     """
     path = Path(path)
-    if path.suffix.lower() == ".crg":
-        half = max(abs(w.y) for w in layout.wheels)
-        distance, left, right = read_opencrg(path, left=half, right=-half)
-    else:
-        distance, left, right = read_csv(path)
+    distance, left, right = heights_from_file(path, max(abs(w.y) for w in layout.wheels))
     check_length(float(np.abs([left, right]).max()), f"{path}: the largest height")
     if not distance[-1] - distance[0] >= _SHORTEST:
         raise RoadError(
@@ -59,6 +55,17 @@ def road_from_file(path: Path | str, layout: RoadLayout, name: str = "RoadUser",
             *((f"Heights are those that a rigid wheel of {radius:g} m radius follows.",) if radius else ()),
         ),
     )  # fmt: skip
+
+
+def heights_from_file(path: Path, half_track: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Distance, left and right height [m] of a road file; of OpenCRG at ``half_track`` [m] to both sides of the reference line.
+
+    Raises:
+        RoadError: as :func:`road_from_file`.
+    """
+    if path.suffix.lower() == ".crg":
+        return read_opencrg(path, left=half_track, right=-half_track)
+    return read_csv(path)
 
 
 def read_csv(path: Path) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

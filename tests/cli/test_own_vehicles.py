@@ -27,12 +27,12 @@ from fmu_sources.vehicles import load_three_axle_trench, vehicle_files, vehicle_
 FILE = 'base = "{base}"\nname = "Mine"\ndescription = "another"\n{more}'
 MASS = '[body]\nmass = {{ value = {mass}, unit = "kg", source = "assumed" }}\n'
 ROAD = "distance [m],left [m],right [m]\n0,0,0\n20,0,0\n20.3,0.05,0.02\n20.6,0,0\n100,0,0\n"
-FULL_CAR = {"FullCar", "RoadSine", "RoadCurb", "RoadPerryman3", "RoadRandom", "GpcImplicit", "GpcExplicit",
+FULL_CAR = {"FullCar", "RoadSine", "RoadCurb", "RoadPerryman3", "RoadRandom", "RoadProvingGround", "GpcImplicit", "GpcExplicit",
             "GpcPreview"}  # fmt: skip
 HMMWV = {"RideCar", "Lqr", "Lqr{}Kilonewton", "Skyhook", "Mpc", "Kalman", "Kalman{}Printed", "PreviewSensor", "PreviewBuffer", "RoadBumps", "RoadOffroad",
-         "RoadHoleBump", "RoadIso8608"}  # fmt: skip
+         "RoadHoleBump", "RoadIso8608", "RoadProvingGround", "RoadProvingGround5ms"}  # fmt: skip
 BENCH = {"QuarterCar", "Lqr", "Mpc", "Mpc{}Moves"}
-SIX = {"ThreeAxleRide", "LqrThreeAxle", "MpcThreeAxle", "RoadShallowTrench"}
+SIX = {"ThreeAxleRide", "LqrThreeAxle", "MpcThreeAxle", "RoadShallowTrench", "RoadProvingGroundThreeAxle"}
 MADE = {
     "hmmwv": FULL_CAR,
     "ride_car_hmmwv": HMMWV,

@@ -74,7 +74,7 @@ def test_systems_as_ssp(workplace: Path, capsys: pytest.CaptureFixture[str]) -> 
 
 def test_many_copies(workplace: Path, capsys: pytest.CaptureFixture[str]) -> None:  # noqa: ARG001
     names = run_blocks(ROOT / "docs" / "batch.md")
-    assert "in lanes:\n     road (RoadIso8608)" in capsys.readouterr().out
+    assert "in lanes:\n     road (RoadSine)" in capsys.readouterr().out
     assert names["seen"].shape == (100, 2)  # type: ignore[attr-defined]
     assert len(set(names["rms"].tolist())) == 100  # type: ignore[attr-defined]
 

@@ -12,9 +12,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 from looks import look
+from scipy.signal import periodogram
 
 from fmu_sources.roads import RoadLayout, road_from_file
 from fmu_sources.roads.opencrg import read_opencrg
+from fmu_sources.roads.rms_course import COURSES, LENGTH, course_spectrum
 from fmu_sources.vehicles import load_full_car
 
 VARIABLE = "SUSPENSION_ROADS"
@@ -65,6 +67,21 @@ def test_the_rms_is_that_of_the_header(path: Path) -> None:
     np.testing.assert_array_equal(left, right)
     stretch = left[(distance >= begin) & (distance <= begin + length)]
     assert np.sqrt(np.mean(stretch**2)) / INCH == pytest.approx(told, rel=0.013)
+
+
+@pytest.mark.parametrize("path", named("Detrended RMS"), ids=lambda p: p.stem)
+def test_the_synthetic_course_of_that_rms_has_its_spectrum(path: Path) -> None:
+    """rms of the header; band by band the spectrum that was fitted to the file, within 25 % and what that many lines scatter."""
+    told = float(re.search(r"Detrended RMS = ([\d.]+)", comments(path))[1]) * INCH  # type: ignore[index]
+    name = next(n for n, c in COURSES.items() if c.rms == pytest.approx(told, rel=1e-4))
+    assert name in path.stem
+    distance, left, _ = read_opencrg(path, left=HALF, right=-HALF)
+    stretch = left[(distance >= 100) & (distance < 100 + LENGTH)]
+    n, found = periodogram(stretch, 1 / np.diff(distance)[0])
+    for low in np.geomspace(0.05, 6.0, 10):
+        band = (n >= low) & (n < 1.6 * low)
+        expected = course_spectrum(name, n[band]).mean() * np.mean(stretch**2) / told**2
+        assert found[band].mean() == pytest.approx(expected, rel=0.25 + 2 / np.sqrt(band.sum())), low
 
 
 @pytest.mark.parametrize("path", named("halfround obstacle H ="), ids=lambda p: p.stem)

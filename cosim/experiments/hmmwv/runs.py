@@ -311,6 +311,11 @@ def configure(system: System, case: Case) -> None:
             system[name].set(bump_parameters(BUMPS[case.road], FIRST_BUMP + shift))
     if "sensors" in system.members:
         system["sensors"].set({"noise.seed": case.variant + 1, "x.offset": -late})
+    configure_vehicle(system, case)
+
+
+def configure_vehicle(system: System, case: Case) -> None:
+    """What of a case concerns car and actuators, on any road."""
     system["car"].set({"tires.lift_off": case.lift_off})
     if case.friction or "friction.acting" in system["car"].description.parameters:  # a user's car may have no friction
         system["car"].set({"friction.acting": case.friction})

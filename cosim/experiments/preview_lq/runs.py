@@ -141,6 +141,11 @@ def configure(system: System, case: Case) -> None:
     known = system["road"].description.parameters
     as_built: dict[str, Any] = {n: known[n].start for sizes in SHAPES.values() for n in sizes}
     system["road"].set({**as_built, **SHAPES[case.shape], "side": INPUTS[case.input]})
+    configure_law(system, case)
+
+
+def configure_law(system: System, case: Case) -> None:
+    """What of a case concerns its law, on any road."""
     if case.controller != "passive":
         system["controller"].set(
             {"mode": MODES[case.controller], "preview_time": case.preview_time, "hold_tail": case.hold_tail}

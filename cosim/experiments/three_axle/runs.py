@@ -92,6 +92,11 @@ def configure(system: System, case: Case) -> None:
     set_solver_step(system["car"], case)
     system["speed"].set({"start.speed": case.speed_kmh / 3.6, "start.x": 0.0})
     system["road"].set({"trench.depth": case.depth})
+    configure_law(system, case)
+
+
+def configure_law(system: System, case: Case) -> None:
+    """What of a case concerns its law, on any road."""
     if CONTROLLERS[case.controller] == "MpcThreeAxle":
         system["controller"].set({
             "estimator": ESTIMATORS.index(case.estimator), "hold_height": case.hold_height,

@@ -1,0 +1,33 @@
+"""Courses of a proving ground: absorbed power, 6 W speed and 2.5 g speed of every car under every law that fits it.
+
+``runs`` wires (as the cars' own experiments do), runs and measures; ``course`` makes roads of OpenCRG files; ``search`` looks for the
+speeds at which a limit is reached; ``published`` has the plan of the study, ``claims`` its checks, ``report`` lays out.
+"""
+
+from cosim.experiments.ride import published, runs
+from cosim.study.experiment import Experiment
+
+EXPERIMENT = Experiment(
+    "ride",
+    runs.Case,
+    title="Every car over the courses of a proving ground: absorbed power, 6 W speed, obstacles at 2.5 g",
+    fmus=runs.FMUS,
+    wire=runs.wire,
+    structure=runs.structure,
+    configure=runs.configure,
+    stop_time=runs.stop_time,
+    stop_when=runs.stop_when,
+    record=runs.recorded,
+    record_interval="1 ms",
+    allow_unconnected=True,  # as in the experiments that the wirings are from
+    measure=runs.measure,
+    failed=runs.diverged,
+    metrics=runs.METRICS,
+    baseline=runs.passive,
+    remarks=runs.remarks,
+    plan=published.plan,
+    claims="cosim.experiments.ride.claims:CLAIMS",
+    report="cosim.experiments.ride.report:report",
+    papers="fmu_sources.catalog:PAPERS",
+    module=__name__,
+)

@@ -1,0 +1,123 @@
+"""Checks of the study: what must hold of any car, and what the published preview laws promise on these courses."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+from cosim.experiments.ride.published import HEIGHTS, POWERS
+from cosim.experiments.ride.results import CAR_NAMES, name, on, ran, speeds, system_of
+from cosim.experiments.ride.search import LIMITS, TOLERANCE, SpeedLimit
+from cosim.study import ClaimList, Finding, Results, Row, RunFailed
+from fmu_sources.roads.rms_course import COURSES
+
+NRMM, DONAHUE = POWERS
+SLACK = 2 * TOLERANCE  # by which two searches may differ without meaning anything
+
+CLAIMS = ClaimList()
+
+
+def _named(search: SpeedLimit) -> str:
+    system = system_of(search)
+    return f"{CAR_NAMES[system[0]]}, {name(system)}"
+
+
+def _more(texts: list[str]) -> str:
+    return f"not of {'; '.join(texts[:3])}" + (f" and {len(texts) - 3} more" if len(texts) > 3 else "")
+
+
+def _extent(ratios: dict[str, float]) -> str:
+    """ "0.91 to 0.97"; RunFailed where nothing was run that could be compared, which leaves a check open."""
+    if not ratios:
+        raise RunFailed("no runs of this study can be compared in this respect")
+    return f"{min(ratios.values()):.2f} to {max(ratios.values()):.2f}"
+
+
+@CLAIMS.check(
+    "search", "Every speed that is reported has a run just below its limit and one just above, or one at it",
+    expected=f"runs on both sides within {100 * TOLERANCE:g} % of the speed, or one within {100 * TOLERANCE:g} % of the limit",
+)  # fmt: skip
+def _search(study: Results) -> Finding:
+    wrong, total = [], 0
+    for search in ran(study):
+        found: Row = study.found(search)
+        for metric, by_seed in found["speeds"].items():
+            for seed, v in enumerate(by_seed, start=1):
+                if v is None:
+                    continue
+                total += 1
+                near = [r for r in found["runs"] if r["seed"] == seed and abs(r["speed_kmh"] / v - 1) <= TOLERANCE]
+                shares = [r[metric] / LIMITS[metric] if r["arrived"] else 2.0 for r in near]
+                if not any(abs(s - 1) <= TOLERANCE for s in shares) and not (shares and min(shares) < 1 < max(shares)):
+                    wrong.append(f"{_named(search)} at {v:g} km/h")
+    return Finding(f"{total - len(wrong)} of {total} speeds", not wrong, _more(wrong), criterion="every speed of every search")
+
+
+@CLAIMS.check("rougher-is-slower", "A rougher course is driven more slowly at 6 W", expected="of every car under every law")
+def _rougher(study: Results) -> Finding:
+    wrong, total = [], 0
+    courses = list(COURSES)
+    for search in on(study, course=courses[0], sides="alike"):
+        own = [speeds(study, s, NRMM).median for c in courses for s in on(study, course=c, sides="alike") if system_of(s) == system_of(search)]
+        steps = [(a, b) for a, b in pairwise(own) if a is not None and b is not None]
+        total += 1
+        if any(b > a * (1 + SLACK) for a, b in steps):
+            wrong.append(_named(search))
+    return Finding(
+        f"{total - len(wrong)} of {total}", not wrong, _more(wrong), criterion="median speed of 6 W (third order) falls from course to course",
+    )  # fmt: skip
+
+
+@CLAIMS.check(
+    "definitions", "6 W by the filter of third order is reached at a lower speed than 6 W by that of second order",
+    expected="its power is 1.06 to 1.38 times as high from 1 to 8 Hz",
+)  # fmt: skip
+def _definitions(study: Results) -> Finding:
+    ratios = {}
+    for search in ran(study):
+        if set(POWERS) <= set(search.metrics):
+            third, second = (speeds(study, search, m).median for m in POWERS)
+            if third is not None and second is not None:
+                ratios[search.label] = third / second
+    wrong = [n for n, r in ratios.items() if r > 1 + SLACK]
+    return Finding(
+        f"{_extent(ratios)} of it", not wrong, _more(wrong), criterion="of every car under every law on every course"
+    )
+
+
+@CLAIMS.check(
+    "preview-is-faster", "The HMMWV under MPC reaches 6 W at a higher speed with preview than without",
+    expected="on every course, with ideal and with hydraulic actuators",
+)  # fmt: skip
+def _preview(study: Results) -> Finding:
+    ratios = {}
+    for search in on(study, car="hmmwv", controller="mpc-preview"):
+        if search.metrics != POWERS or search.case.course not in COURSES:
+            continue
+        blind = next((s for s in on(study, car="hmmwv", controller="mpc") if _same_course(s, search)), None)
+        if blind is None:
+            continue
+        fast, slow = speeds(study, search, NRMM).median, speeds(study, blind, NRMM).median
+        if fast is not None and slow is not None:
+            ratios[search.label] = fast / slow
+    wrong = [n for n, r in ratios.items() if r <= 1]
+    return Finding(f"{_extent(ratios)} times as fast", not wrong, _more(wrong), criterion="median speed of 6 W (third order)")
+
+
+def _same_course(a: SpeedLimit, b: SpeedLimit) -> bool:
+    x, y = a.case, b.case
+    return (x.course, x.sides, x.actuators, a.metrics) == (y.course, y.sides, y.actuators, b.metrics)
+
+
+@CLAIMS.check("higher-is-slower", "A higher half-round is crossed more slowly at 2.5 g", expected="of every car under every law")
+def _higher(study: Results) -> Finding:
+    wrong, total = [], 0
+    for search in on(study, course="half-round", height=HEIGHTS[0]):
+        own = {
+            h: speeds(study, s, "seat_peak").median for h in HEIGHTS for s in on(study, course="half-round", height=h)
+            if system_of(s) == system_of(search)
+        }  # fmt: skip
+        steps = [(a, b) for a, b in pairwise(own.values()) if a is not None and b is not None]
+        total += 1
+        if any(b > a * (1 + SLACK) for a, b in steps):
+            wrong.append(_named(search))
+    return Finding(f"{total - len(wrong)} of {total}", not wrong, _more(wrong), criterion="speed of 2.5 g falls from height to height")

@@ -1,0 +1,93 @@
+"""A measured course from an OpenCRG file under any of the cars: its road FMU is made when a run needs it, once per process."""
+
+from __future__ import annotations
+
+import atexit
+import shutil
+import tempfile
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+
+from build_fmus import safe_files
+from build_fmus.compile import ObjectCache, resolve_platforms
+from build_fmus.package import build_fmu
+from cosim.fmu.file import FmuFile
+from cosim.study.fmus import FmuSet
+from fmu_sources.roads import RoadError, RoadLayout, WheelPosition, road_from_file
+from fmu_sources.roads.user_file import heights_from_file
+
+LEVEL = 1e-3  # m: within it of its ends a course has not begun, or has ended
+
+
+@dataclass(frozen=True)
+class FileCourse:
+    """The road FMU of a file, and where its heights begin to differ from those at its ends [m along it]."""
+
+    fmu: Path
+    begin: float
+    end: float
+
+
+def extent(path: Path, half_track: float, wheelbase: float) -> tuple[float, float]:
+    """Where the course in a file begins and ends [m], between level stretches at its ends.
+
+    Raises:
+        RoadError: it is level, or shorter than a car with this ``wheelbase`` [m]; or it cannot be read.
+    """
+    distance, left, right = heights_from_file(path, half_track)
+    length = float(distance[-1] - distance[0])
+    if length < wheelbase:
+        raise RoadError(f"{path}: the course is {length:g} m long, shorter than the car between its first and last axle ({wheelbase:g} m)")
+    both = np.column_stack([left, right])
+    begun = np.flatnonzero((np.abs(both - both[0]) > LEVEL).any(axis=1))
+    ended = np.flatnonzero((np.abs(both - both[-1]) > LEVEL).any(axis=1))
+    if not begun.size or not ended.size:
+        raise RoadError(f"{path}: the course is level, within {1e3 * LEVEL:g} mm; there is nothing to ride over")
+    return float(distance[max(begun[0] - 1, 0)]), float(distance[min(ended[-1] + 1, len(distance) - 1)])
+
+
+def wheels_of(car: FmuFile) -> tuple[WheelPosition, ...]:
+    """Where the wheels of a car's FMU are."""
+    values = {n: float(v.start) for n, v in car.description.parameters.items() if isinstance(v.start, int | float)}
+    if "body.wheelbase" in values:
+        front = values["body.cg_position"] * values["body.wheelbase"]
+        half = values["body.track"] / 2
+        places = {"fl": (front, half), "fr": (front, -half)}
+        places |= {k: (front - values["body.wheelbase"], y) for k, y in (("rl", half), ("rr", -half))}
+        return tuple(WheelPosition(k, *at) for k, at in places.items())
+    corners = [n.split(".")[1] for n in values if n.startswith("wheel.") and n.endswith(".half_track")]
+    return tuple(
+        WheelPosition(k, values[f"wheel.{k}.x"], (1 if k.endswith("l") else -1) * values[f"wheel.{k}.half_track"]) for k in corners
+    )
+
+
+def course_under(fmus: FmuSet, path: str, plant: str, preview: tuple[int, float], radius: float) -> FileCourse:
+    """The road FMU of a course file under a car.
+
+    Args:
+        fmus: where the car's FMU is.
+        path: of the file.
+        plant: name of the car's FMU, which says where its wheels are.
+        preview: heights ahead and the time between them [s], that the car's laws read.
+        radius: of its wheels [m].
+
+    Raises:
+        RoadError: the file cannot be used; the message names it and what is wrong.
+    """
+    return _made(Path(path), Path(path).stat().st_mtime_ns if Path(path).is_file() else 0, fmus.path(plant), fmus.fmi, preview, radius)
+
+
+@cache
+def _made(path: Path, _changed: int, car: Path, fmi: int, preview: tuple[int, float], radius: float) -> FileCourse:
+    wheels = wheels_of(FmuFile(car))
+    axles = [w.x for w in wheels]
+    begin, end = extent(path, max(abs(w.y) for w in wheels), max(axles) - min(axles))
+    component = road_from_file(path, RoadLayout(wheels, *preview), "RoadCourse", radius=radius)
+    folder = Path(tempfile.mkdtemp(prefix="cosim-course-"))
+    atexit.register(shutil.rmtree, folder, ignore_errors=True)
+    fmu = folder / "RoadCourse.fmu"
+    safe_files.write(fmu, build_fmu(component, fmi, resolve_platforms("host"), ObjectCache(folder / "objects")))
+    return FileCourse(fmu, begin, end)

@@ -1,0 +1,270 @@
+"""Maps that mobility engineers draw: speed over roughness at 6 W, over obstacles at 2.5 g, absorbed power over speed."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from cosim.experiments.ride import EXPERIMENT
+from cosim.experiments.ride.claims import CLAIMS, NRMM
+from cosim.experiments.ride.published import APART, HEIGHTS, POWERS, System
+from cosim.experiments.ride.results import CAR_NAMES, name, nearest, on, ran, runs, speeds, system_of
+from cosim.experiments.ride.runs import CARS, LIMIT_G, METRICS, NUMBER, OBSTACLE
+from cosim.experiments.ride.search import LIMITS, TOLERANCE, WITHIN, SpeedLimit
+from cosim.report import Figure, Panel, Parameter, Report, Result, Section, Series, Table
+from cosim.report.model import Scalar
+from cosim.study import FmuSet, Results, parameters, provenance, sections
+from fmu_sources.models.comfort import ABSORBED_POWER_LIMIT
+from fmu_sources.roads.rms_course import COURSES
+
+_COLORS = {
+    "passive": "black", "zero": "grey", "skyhook": "sky", "lqr": "orange", "lqr-kilonewton": "vermilion", "mpc": "blue", "mpc-preview": "green",
+    "comfort-active": "blue", "comfort-preview": "green", "road-holding-active": "orange", "road-holding-preview": "vermilion",
+    "implicit": "blue", "explicit": "orange", "preview": "green",
+}  # fmt: skip
+_SHOWN = ("iso2631_rms", "travel_rms", "travel_peak", "force_rms", "power_given", "power_supply")  # beside a 6 W speed
+_NUMBER: Mapping[str, int] = {"iso2631_rms": 2, "travel_rms": 1, "travel_peak": 0, "force_rms": 2, "power_given": 2, "power_supply": 1}
+
+
+def report(study: Results, fmus: FmuSet) -> Report:
+    """The whole report of a study."""
+    file = _file(study)
+    makers = (_on_file,) if file else (_speeds, _roughness, _power, _obstacles, _definitions, _sides)
+    course = f"the course {file}" if file else "synthetic courses with the rms and spectrum of a proving ground's, and over half-rounds"
+    return Report(
+        experiment=EXPERIMENT.name,
+        title="Absorbed power and obstacles: how fast each car can be driven",
+        lead=(
+            f"Every car of the project under every law that fits it drives over {course}. How fast it can be driven is where "
+            f"its driver absorbs {ABSORBED_POWER_LIMIT:g} W, and over an obstacle where the seat sees {LIMIT_G:g} g. Everything is of the "
+            "driver's seat, without seat and cushion. Absorbed power is by both definitions in use, which must not be mixed."
+        ),
+        claims=CLAIMS.judge(study) if not file and _cars(study) == list(CARS) else [],  # they compare cars
+        results=[] if file else _results(study),
+        sections=sections(study, makers),
+        parameters=_parameters(fmus),
+        provenance=provenance(EXPERIMENT, fmus),
+    )
+
+
+def _file(study: Results) -> str:
+    """The course file that was driven; empty for the synthetic ones."""
+    return next((s.case.course for s in ran(study) if s.case.course not in NUMBER), "")
+
+
+def _results(study: Results) -> list[Result]:
+    found = []
+    for search in on(study, course=APART, sides="alike"):
+        if study_failed(study, search):
+            continue
+        car, _, _ = system = system_of(search)
+        own = speeds(study, search, NRMM).median
+        if own is not None:
+            found.append(Result(f"speed of 6 W, {CAR_NAMES[car]}, {name(system)}, {APART} rms", round(own, 1), "km/h"))
+    return found
+
+
+def study_failed(study: Results, search: SpeedLimit) -> bool:
+    """Whether a search failed, so that nothing is known of it."""
+    return search.label in study.failures
+
+
+def _of(study: Results, car: str, **fields: Any) -> list[SpeedLimit]:
+    return [s for s in on(study, car=car, **fields) if not study_failed(study, s)]
+
+
+def _cars(study: Results) -> list[str]:
+    return [c for c in CARS if any(s.case.car == c for s in ran(study))]
+
+
+# ------------------------------------------------------------------------------------------------------------- tables
+
+
+def _speeds(study: Results) -> Section:
+    rows: list[list[Scalar]] = []
+    for car in _cars(study):
+        for course in COURSES:
+            rows += [[CAR_NAMES[car], course, *_row(study, s)] for s in _of(study, car, course=course, sides="alike")]
+    table = Table(
+        "six-watts", "Speeds of 6 W", ["car", "course", *_HEADINGS], rows,
+        "Speeds are medians over seeds, with the lowest and the highest. What stands beside them is of the run of the first seed that is nearest "
+        "to 6 W by the filter of third order. Power given: what all actuators together give while they give; what they take back is lost. A "
+        f"speed is 'never' where {WITHIN[1]:g} km/h stays below 6 W, 'at any speed' where {WITHIN[0]:g} km/h is above.",
+    )  # fmt: skip
+    return Section(
+        "Speeds of 6 W",
+        [
+            f"Each speed is found by driving the whole course, {TOLERANCE:.0%} closely. The courses are the same left and right, as the measured "
+            "ones are, so that a car heaves and pitches on them and does not roll.",
+            "Laws are those of the papers, with their published weights and for their published roads. A law that is tuned for another purpose (pitch of "
+            "the 6x6 over a trench, road holding of the sedan) may well be worse here than no law.",
+        ],
+        [],
+        [table],
+    )
+
+
+_HEADINGS = ("system", "6 W, third order [km/h]", "6 W, second order [km/h]", *(METRICS[k].heading for k in _SHOWN))
+
+
+def _row(study: Results, search: SpeedLimit) -> list[Scalar]:
+    """System, speeds of 6 W by both definitions, and what else there is at the first of them."""
+    words = [speeds(study, search, m).words for m in POWERS]
+    near = nearest(study, search, NRMM) or {}
+    more = [round(METRICS[k].factor * near[k], _NUMBER[k]) if k in near else None for k in _SHOWN]
+    return [name(system_of(search)), *words, *more]
+
+
+def _definitions(study: Results) -> Section:
+    rows: list[list[Scalar]] = []
+    for search in (s for s in ran(study) if s.metrics == POWERS and not study_failed(study, s) and s.case.sides == "alike"):
+        third, second = (speeds(study, search, m).median for m in POWERS)
+        if third is not None and second is not None:
+            system = system_of(search)
+            rows.append([CAR_NAMES[system[0]], name(system), search.case.course, round(third, 1), round(second, 1), round(third / second, 3)])
+    table = Table(
+        "definitions", "Speeds of 6 W by both definitions",
+        ["car", "system", "course", "third order [km/h]", "second order [km/h]", "third over second [-]"], rows,
+    )  # fmt: skip
+    return Section(
+        "Two absorbed powers",
+        ["The filter of third order is that of the ride-quality literature and of mobility models, the one of second order that of paper 001. "
+         "The same ride has more watts by the former, so its 6 W are reached earlier."],
+        [], [table],
+    )  # fmt: skip
+
+
+def _sides(study: Results) -> Section:
+    rows: list[list[Scalar]] = []
+    for search in on(study, course=APART, sides="apart"):
+        alike = next((s for s in on(study, course=APART, sides="alike") if system_of(s) == system_of(search)), None)
+        if alike is None or study_failed(study, search) or study_failed(study, alike):
+            continue
+        system = system_of(search)
+        first = study.found(alike)["speeds"][NRMM][0]
+        own = study.found(search)["speeds"][NRMM][0]
+        change = None if first is None or own is None else round(100 * (own / first - 1), 1)
+        rows.append([CAR_NAMES[system[0]], name(system), first, own, change])
+    table = Table(
+        "sides", f"Speed of 6 W on the {APART} course, left and right alike and not",
+        ["car", "system", "alike [km/h]", "correlated [km/h]", "change [%]"], rows, "The first seed; third order.",
+    )  # fmt: skip
+    return Section(
+        "Left and right",
+        ["The measured courses are the same on both sides. Where the sides differ, each with the same rms and spectrum and a correlation that falls "
+         "with wave number (assumed as on the other random roads of the project), a car heaves less and rolls."],
+        [], [table],
+    )  # fmt: skip
+
+
+# ------------------------------------------------------------------------------------------------------------ figures
+
+
+def _series(system: System, x: Sequence[float], y: Sequence[float], **band: Any) -> Series:
+    dash = "dash" if system[2] == "hydraulic" and system[1] != "passive" else "solid"
+    return Series(name(system), x, y, color=_COLORS[system[1]], dash=dash, mode="line+markers", **band)  # type: ignore[arg-type]
+
+
+def _systems(study: Results, car: str) -> list[System]:
+    return list(dict.fromkeys(system_of(s) for s in ran(study) if s.case.car == car))
+
+
+def _roughness(study: Results) -> Section:
+    panels = []
+    for car in _cars(study):
+        series = []
+        for system in _systems(study, car):
+            known = {s.case.course: speeds(study, s, NRMM) for s in _of(study, car, sides="alike") if s.case.course in COURSES and system_of(s) == system}
+            own = {c: v for c, v in known.items() if v.median is not None}
+            if own:
+                band = {"low": [min(v.found) for v in own.values()], "high": [max(v.found) for v in own.values()]}
+                medians = [v.median for v in own.values() if v.median is not None]
+                series.append(_series(system, [1e3 * COURSES[c].rms for c in own], medians, **band))
+        if series:
+            panels.append(Panel(CAR_NAMES[car], "detrended rms of the course [mm]", "speed of 6 W [km/h]", series))
+    return Section(
+        "Speed over roughness",
+        [],
+        [Figure("roughness", "Speed at which the driver absorbs 6 W", "Third order; bands from the lowest to the highest of the seeds.", panels, columns=2)],
+    )
+
+
+def _power(study: Results) -> Section:
+    figures = []
+    for course in COURSES:
+        panels = [_curves(study, car, course) for car in _cars(study)]
+        drawn = [p for p in panels if p is not None]
+        if drawn:
+            figures.append(Figure(f"power-{course}", f"Absorbed power over speed, {course} rms", "Third order, first seed; points are runs.", drawn, columns=2))
+    return Section("Absorbed power over speed", [], figures)
+
+
+def _curves(study: Results, car: str, course: str) -> Panel | None:
+    series = []
+    for search in _of(study, car, course=course, sides="alike"):
+        rows = runs(study, search)
+        if rows:
+            series.append(_series(system_of(search), [r["speed_kmh"] for r in rows], [r[NRMM] for r in rows]))
+    if not series:
+        return None
+    ends = [min(float(np.min(s.x_values)) for s in series), max(float(np.max(s.x_values)) for s in series)]
+    limit = Series("6 W", ends, [ABSORBED_POWER_LIMIT] * 2, color="purple", dash="dot")
+    return Panel(CAR_NAMES[car], "speed [km/h]", "absorbed power [W]", [*series, limit], y_scale="log")
+
+
+def _obstacles(study: Results) -> Section:
+    panels, rows = [], []
+    for car in _cars(study):
+        series = []
+        for system in _systems(study, car):
+            known = {s.case.height: speeds(study, s, "seat_peak") for s in _of(study, car, course=OBSTACLE) if system_of(s) == system}
+            own = {h: v.median for h, v in known.items() if v.median is not None}
+            if own:
+                series.append(_series(system, [1e3 * h for h in own], list(own.values())))
+            if known:
+                rows.append([CAR_NAMES[car], name(system), *(known[h].words if h in known else "-" for h in HEIGHTS)])
+        if series:
+            panels.append(Panel(CAR_NAMES[car], "height of the half-round [mm]", f"speed of {LIMIT_G:g} g [km/h]", series))
+    table = Table(
+        "obstacles", f"Speeds of {LIMIT_G:g} g over half-rounds", ["car", "system", *(f"{1e3 * h:.0f} mm [km/h]" for h in HEIGHTS)], rows,
+        "The largest vertical acceleration of the seat either way, of samples 1 ms apart without a filter.",
+    )  # fmt: skip
+    figures = [Figure("obstacles", f"Speed at which the seat sees {LIMIT_G:g} g", "Half-rounds across the road.", panels, columns=2)] if panels else []
+    return Section(
+        "Obstacles",
+        ["Wheels roll over a half-round as rigid discs, which meet its edge harder than a tire does, and the cars but for the full car "
+         "have no stops: speeds over the higher half-rounds compare laws rather than tell what a vehicle stands."],
+        figures, [table],
+    )  # fmt: skip
+
+
+def _on_file(study: Results) -> Section:
+    rows: list[list[Scalar]] = []
+    for car in _cars(study):
+        for search in _of(study, car):
+            words = speeds(study, search, "seat_peak").words
+            rows.append([CAR_NAMES[car], *_row(study, search), words])
+    table = Table(
+        "course", "Speeds of 6 W and of 2.5 g", ["car", *_HEADINGS, f"{LIMIT_G:g} g [km/h]"], rows,
+        "What stands beside the speeds is of the run that is nearest to 6 W by the filter of third order.",
+    )  # fmt: skip
+    file = _file(study)
+    panels = [p for car in _cars(study) if (p := _curves(study, car, file)) is not None]
+    figures = [Figure("power", "Absorbed power over speed", "Third order; points are runs.", panels, columns=2)] if panels else []
+    return Section(f"Course {file}", ["Both tracks are those of the file, as wheels roll over them."], figures, [table])
+
+
+def _parameters(fmus: FmuSet) -> list[Parameter]:
+    rows = [
+        Parameter("limit of absorbed power", LIMITS[NRMM], "W", "ride-quality literature; 001 section 1.6"),
+        Parameter("limit of the seat's acceleration", LIMIT_G, "g", "mobility models"),
+        Parameter("closeness of speeds", TOLERANCE, "1", "own"),
+    ]
+    for car in CARS.values():
+        for p in parameters(fmus.path(car.plant)):
+            if p.name.startswith("seat."):
+                rows.append(Parameter(f"{car.plant} {p.name}", p.value, p.unit, p.source))
+        rows.append(Parameter(f"{car.plant} wheel radius", car.radius, "m", "rolling wheel of the course: tires, vehicle file, or assumed"))
+    return rows

@@ -1,0 +1,310 @@
+"""Runs over the courses of a proving ground: every car with every law that fits it, wired as its own experiment wires it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+from weakref import WeakKeyDictionary
+
+import numpy as np
+
+from cosim import StopWhen, System
+from cosim.experiments.gpc import runs as gpc
+from cosim.experiments.hmmwv import runs as hmmwv
+from cosim.experiments.metrics.response import STANDARD_GRAVITY
+from cosim.experiments.preview_lq import runs as preview_lq
+from cosim.experiments.ride.course import FileCourse, course_under
+from cosim.experiments.three_axle import runs as three_axle
+from cosim.signals import peak, rms
+from cosim.study.case import Case as BaseCase
+from cosim.study.case import CaseError, check_choice, option
+from cosim.study.experiment import Metric, Row, Run
+from cosim.study.fmus import FmuSet
+from fmu_sources.catalog import CROSSING_PREVIEW, GPC_PREVIEW, LQ_PREVIEW, MPC_PREVIEW, WHEEL_RADIUS
+from fmu_sources.models.comfort import HUMAN_RESPONSE_NRMM, absorbed_power_series, weighted_acceleration
+from fmu_sources.roads import RoadLayout
+from fmu_sources.roads.proving_ground import HALF_ROUND, POSITION
+from fmu_sources.roads.rms_course import COURSES, LENGTH, RAMP, SEEDS
+from fmu_sources.vehicles import load_vehicle
+
+RATE = 1000.0  # Hz, of all metrics
+AHEAD = 1.0  # m of level road between the front wheels and the course at the start
+BEFORE = 3.0  # m before an obstacle, where its metrics begin
+BEHIND = (1.0, 1.0)  # s and m by which a run goes on when the last axle has left the obstacle
+OBSTACLE = "half-round"
+NUMBER = {**{n: i for i, n in enumerate(COURSES)}, OBSTACLE: HALF_ROUND}
+
+
+@dataclass(frozen=True)
+class Car:
+    """A car of another experiment, and the road that stands in for the one of that experiment.
+
+    Attributes:
+        vehicle: name of its vehicle file.
+        corners: of its wheels.
+        laws: control laws that fit it -> fields of a case of the other experiment.
+        fmus: names of the FMUs that this needs besides car and road.
+        plant: name of the car's FMU.
+        road: name of its courses.
+        instead: name of the road that they stand in for.
+        preview: heights ahead that its laws read, and the time between them [s].
+        radius: of its wheels [m].
+        case: the other experiment's case.
+        wire: its wiring.
+        configure: sets what of such a case concerns car and law.
+    """
+
+    vehicle: str
+    corners: tuple[str, ...]
+    laws: dict[str, dict[str, Any]]
+    plant: str
+    road: str
+    instead: str
+    preview: tuple[int, float]
+    radius: float
+    case: Callable[..., Any]
+    wire: Callable[[FmuSet, Any], System]
+    configure: Callable[[System, Any], None]
+
+    @property
+    def size(self) -> tuple[float, float]:
+        """Distance of its outermost wheels from the middle, and of its first from its last axle [m]."""
+        wheels = RoadLayout.of(load_vehicle(self.vehicle)).wheels  # type: ignore[arg-type]
+        axles = [w.x for w in wheels]
+        return max(abs(w.y) for w in wheels), max(axles) - min(axles)
+
+
+def _as_it_is(_system: System, _case: Any) -> None:
+    """The laws of paper 000 are in their FMUs."""
+
+
+_LQ = {f"{w}-{mode}": {"weights": w, "controller": mode} for w in ("comfort", "road-holding") for mode in preview_lq.MODES}
+CARS = {
+    "hmmwv": Car(
+        "ride_car_hmmwv", hmmwv.CORNERS, {c: {"controller": c} for c in hmmwv.CONTROLLERS}, "RideCarHmmwv", "RoadProvingGroundHmmwv", hmmwv.ROADS["bump"],
+        MPC_PREVIEW, WHEEL_RADIUS["hmmwv"], lambda **fields: hmmwv.Case("bump", **fields), hmmwv.wire, hmmwv.configure_vehicle,
+    ),
+    "sedan": Car(
+        "sedan", preview_lq.CORNERS, {"passive": {"controller": "passive"}, **_LQ}, preview_lq.CAR, "RoadProvingGround5ms", preview_lq.ROAD,
+        LQ_PREVIEW, WHEEL_RADIUS["sedan"], preview_lq.Case, preview_lq.wire, preview_lq.configure_law,
+    ),
+    "6x6": Car(
+        "three_axle", three_axle.SIX_CORNERS, {c: {"controller": c} for c in three_axle.CONTROLLERS}, "ThreeAxleRide", "RoadProvingGroundThreeAxle",
+        "RoadShallowTrench", CROSSING_PREVIEW, WHEEL_RADIUS["6x6"], three_axle.Case, three_axle.wire, three_axle.configure_law,
+    ),
+    "full-car": Car(
+        "hmmwv_modified", gpc.CORNERS, {c: {"controller": c} for c in gpc.CONTROLLERS}, gpc.PLANT, "RoadProvingGround", gpc.ROADS["sine"],
+        GPC_PREVIEW, WHEEL_RADIUS["full-car"], lambda **fields: gpc.Case("sine", **fields), gpc.wire, _as_it_is,
+    ),
+}  # fmt: skip
+"""Cars by their names. Quarter cars are left out: no course is under one wheel only."""
+LAWS = tuple(dict.fromkeys(law for car in CARS.values() for law in car.laws))
+ROADS = tuple(car.road for car in CARS.values())
+FMUS = tuple(dict.fromkeys([
+    *ROADS, *hmmwv.FMUS[:1], "RideComfort", "RideCarHmmwv", *filter(None, hmmwv.CONTROLLERS.values()), "HydraulicActuator", "ForceTracking",
+    preview_lq.CAR, *(preview_lq.LAWS[w][0] for w in ("comfort", "road-holding")), *(n for n in three_axle.FMUS if not n.startswith("Road")),
+    gpc.PLANT, *filter(None, gpc.CONTROLLERS.values()),
+]))  # fmt: skip
+SIDES = ("alike", "apart")
+LIMIT_G = 2.5  # of the driver's seat, over obstacles
+STANDSTILL = 0.5  # of the speed that was set; below it on average a car has not driven the course
+
+_HYDRAULIC = (lambda c: c.car == "hmmwv", "the hmmwv")
+_RMS = (lambda c: c.course in COURSES, "the synthetic RMS courses")
+_OVER = (lambda c: c.course == OBSTACLE, "the half-round")
+
+
+@dataclass(frozen=True)
+class Case(BaseCase):
+    """One run: a car under a law over a course at a speed."""
+
+    car: str = option("full-car", choices=CARS, help="car", always=True)
+    controller: str = option("passive", choices=LAWS, help="control law; each car has those of its own paper", always=True)
+    actuators: str = option("ideal", choices=hmmwv.ACTUATORS, only=_HYDRAULIC, help="ideal ones give the requested force at once")
+    course: str = option("1in", choices=NUMBER, files=".crg", help="course, or an OpenCRG file", always=True)
+    speed_kmh: float = option(20.0, name="speed", unit="km/h", within=(1, 200), label="{:.4g}kmh", help="speed", always=True)
+    seed: int = option(1, within=(1, SEEDS), only=_RMS, label="seed{}", help="profile of an RMS course")
+    sides: str = option("alike", choices=SIDES, only=_RMS, help="left and right of an RMS course: the same, as measured, or correlated")
+    height: float = option(
+        0.2032, unit="m", within=(0.01, 1.0), only=_OVER, label=lambda m: f"{1e3 * m:.4g}mm", help="height of the half-round"
+    )
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        check_choice(f"controller of the {self.car}", self.controller, CARS[self.car].laws)
+        if self.controller == "passive" and self.car == "hmmwv" and self.actuators == "ideal":
+            raise CaseError("the passive hmmwv has its hydraulic actuators with the pump off: --actuators hydraulic; without any: --controller zero")
+
+    @property
+    def speed(self) -> float:
+        """Speed [m/s]."""
+        return self.speed_kmh / 3.6
+
+    @property
+    def other(self) -> Any:
+        """The case of the experiment that this car is from."""
+        more = {"actuators": self.actuators} if self.car == "hmmwv" else {}
+        return CARS[self.car].case(**CARS[self.car].laws[self.controller], **more)
+
+
+def passive(case: Case) -> Case:
+    """What a run is compared with."""
+    return replace(case, controller="passive", actuators="hydraulic" if case.car == "hmmwv" else "ideal")
+
+
+# ------------------------------------------------------------------------------------------------------------- wiring
+
+
+def structure(case: Case) -> tuple[object, ...]:
+    """What decides the wiring: courses of an FMU are chosen by its parameters."""
+    return case.car, case.controller, case.actuators, case.course if case.course not in NUMBER else ""
+
+
+def wire(fmus: FmuSet, case: Case) -> System:
+    """The car as its own experiment wires it, on these courses."""
+    car = CARS[case.car]
+    name, build = fmus.own.get(car.road, (car.road, ""))
+    if case.course in NUMBER:
+        return car.wire(replace(fmus, own={**fmus.own, car.instead: (name, build)}), case.other)
+    file = course_under(fmus, case.course, car.plant, car.preview, car.radius)
+    place = str(fmus.directory / f"fmi{fmus.fmi}" / f"{file.fmu.name}")
+    made = replace(fmus, own={**fmus.own, car.instead: (file.fmu.stem, "")}, at={**fmus.at, place: str(file.fmu)})
+    system = car.wire(made, case.other)
+    _files[system] = file
+    return system
+
+
+_files: WeakKeyDictionary[System, FileCourse] = WeakKeyDictionary()  # what the courses from files are
+
+
+def stretch(system: System, case: Case) -> tuple[float, float]:
+    """Where the course begins and ends for a wheel [m]: where it is of full height, or the middle of the half-round."""
+    if case.course in COURSES:
+        return 0.0, LENGTH
+    return (POSITION, POSITION) if case.course == OBSTACLE else (_files[system].begin, _files[system].end)
+
+
+def axles(run: Run) -> tuple[float, float]:
+    """Position of the first and the last axle ahead of the CG [m]."""
+    places = [float(run.start(f"road.wheel.{k}.x")) for k in CARS[run.case.car].corners]
+    return max(places), min(places)
+
+
+def window(run: Run) -> tuple[float, float]:
+    """Positions of the CG [m] between which metrics are taken: all wheels on the course; or, where that is shorter than the car, from
+    before it until the last axle is behind it."""
+    (begin, end), (first, last) = stretch(run.system, run.case), axles(run)
+    if end - begin < first - last:
+        return begin - first - BEFORE, end - last + BEHIND[0] * run.case.speed + BEHIND[1]
+    return begin - last, end - first
+
+
+def configure(system: System, case: Case) -> None:
+    """Set the parameters of a case."""
+    level = RAMP if case.course in COURSES else BEFORE
+    start = stretch(system, case)[0] - level - AHEAD - axles(Run(case, None, system))[0]
+    system["speed"].set({"start.speed": case.speed, "start.x": start})
+    if case.car == "full-car":
+        system["car"].set({"start.x": start})
+    if case.course in NUMBER:
+        own = {"course": NUMBER[case.course], "seed": case.seed, "alike": case.sides == "alike", "half_round.height": case.height}
+        system["road"].set(own)
+    if "reference" in system.members:
+        system["reference"].set({"pitch": 0.0})  # level, all the way
+    CARS[case.car].configure(system, case.other)
+
+
+def distance(case: Case) -> str:
+    """Variable with the position of the CG."""
+    return "car.x" if case.car == "full-car" else "speed.x"
+
+
+def stop_time(system: System, case: Case) -> float:
+    """Longest run [s]: cars with a driver may be slowed down."""
+    begin = float(system["speed"].values["start.x"])
+    needed = (window(Run(case, None, system))[1] - begin) / case.speed
+    return float(np.ceil(1e3 * (needed / STANDSTILL if case.car == "full-car" else needed)) / 1e3)
+
+
+def stop_when(system: System, case: Case) -> list[StopWhen]:
+    """A car with a driver has arrived."""
+    return [StopWhen("car.x", ">=", window(Run(case, None, system))[1])] if case.car == "full-car" else []
+
+
+def recorded(case: Case) -> Sequence[str]:
+    """What is recorded."""
+    names = [distance(case), "car.seat.az", "car.body.az"]
+    for k in CARS[case.car].corners:
+        names += [f"car.suspension.{k}.deflection", f"car.suspension.{k}.velocity"]
+        if case.controller != "passive" and case.actuators == "ideal" and case.controller != "zero":
+            names.append(f"controller.force.{k}")
+        if case.actuators == "hydraulic":
+            names += [f"actuator_{k}.force", f"actuator_{k}.power"]
+    return names
+
+
+# ---------------------------------------------------------------------------------------------------------- measuring
+
+METRICS = {
+    "absorbed_power_nrmm": Metric("absorbed power, third order", "W", form="{:.2f}"),
+    "absorbed_power": Metric("absorbed power, second order", "W", form="{:.2f}"),
+    "iso2631_rms": Metric("ISO 2631-1 weighted rms", "m/s2", form="{:.3f}"),
+    "seat_peak": Metric("largest acceleration of the seat", "g", 1 / STANDARD_GRAVITY, "{:.2f}"),
+    "seat_rms": Metric("rms acceleration of the seat", "m/s2", form="{:.3f}"),
+    "body_rms": Metric("rms acceleration of the CG", "m/s2", form="{:.3f}"),
+    "travel_rms": Metric("suspension travel, rms", "mm", 1e3, "{:.1f}"),
+    "travel_peak": Metric("suspension travel, largest", "mm", 1e3, "{:.0f}"),
+    "force_rms": Metric("actuator force, rms", "kN", 1e-3, "{:.2f}"),
+    "power_given": Metric("power that actuators give to the car", "kW", 1e-3, "{:.2f}"),
+    "power_supply": Metric("power drawn from the hydraulic supply", "kW", 1e-3, "{:.2f}"),
+}
+
+
+def measure(run: Run) -> Row:
+    """:data:`METRICS` in SI units, of the driver's seat where nothing else is said.
+
+    ``power_given`` counts what the actuators of all corners together give while they give; what they take back is lost.
+    A run whose car did not arrive has ``arrived`` false.
+    """
+    case, r = run.case, run.recording
+    x = r[distance(case)]
+    begin, end = window(run)
+    counts = (x >= begin) & (x <= end)
+    arrived = bool(x[-1] >= end - 2 * case.speed / RATE)
+    if not arrived or not counts.any():
+        return {"arrived": False, "speed": float(np.mean(np.diff(x)) * RATE)}
+    az = r["car.seat.az"]
+    corners = CARS[case.car].corners
+    travel = np.column_stack([r[f"car.suspension.{k}.deflection"] for k in corners])[counts]
+    row: Row = {
+        "arrived": True,
+        "speed": float((x[counts][-1] - x[counts][0]) / ((counts.sum() - 1) / RATE)),
+        "absorbed_power_nrmm": float(absorbed_power_series(az, RATE, HUMAN_RESPONSE_NRMM)[counts].mean()),
+        "absorbed_power": float(absorbed_power_series(az, RATE)[counts].mean()),
+        "iso2631_rms": rms(weighted_acceleration(az, RATE)[counts]),
+        "seat_peak": peak(az[counts]),
+        "seat_rms": rms(az[counts]),
+        "body_rms": rms(r["car.body.az"][counts]),
+        "travel_rms": rms(travel),
+        "travel_peak": peak(travel),
+    }
+    source = "actuator_{}.force" if case.actuators == "hydraulic" else "controller.force.{}"
+    if source.format(corners[0]) in r:
+        force = np.column_stack([r[source.format(k)] for k in corners])[counts]
+        rate = np.column_stack([r[f"car.suspension.{k}.velocity"] for k in corners])[counts]
+        row["force_rms"] = rms(force)
+        row["power_given"] = float(np.maximum((force * rate).sum(axis=1), 0.0).mean())
+    if case.actuators == "hydraulic":
+        row["power_supply"] = float(sum(r[f"actuator_{k}.power"][counts] for k in corners).mean())
+    return row
+
+
+def diverged(_: Case, error: Exception) -> Row:
+    """Metrics of a run that a component ended: a closed loop that diverges is an outcome."""
+    return {"arrived": False, "reason": str(error)}
+
+
+def remarks(run: Run) -> list[str]:
+    """What should be said of a run."""
+    return [] if measure(run)["arrived"] else ["the car did not come to the end of the course"]
