@@ -23,6 +23,7 @@ from cosim.experiments.bench import runs as bench
 from cosim.experiments.gpc import runs as gpc
 from cosim.experiments.hmmwv import runs as hmmwv
 from cosim.experiments.preview_lq import runs as preview_lq
+from cosim.experiments.ride import runs as ride
 from cosim.experiments.three_axle import runs as three_axle
 from cosim.experiments.trench import runs as trench
 from fmu_sources.catalog import default_catalog
@@ -72,6 +73,10 @@ CHOICES = {
     "preview-lq": {
         "--input": preview_lq.INPUTS, "--weights": [*preview_lq.LAWS, "FILE.toml"], "--controller": preview_lq.CONTROLLERS,
         "--shape": preview_lq.SHAPES,
+    },
+    "ride": {
+        "--car": ride.CARS, "--controller": ride.LAWS, "--actuators": hmmwv.ACTUATORS, "--course": [*ride.NUMBER, "FILE.crg"],
+        "--sides": ride.SIDES,
     },
     "three-axle": {"--controller": three_axle.CONTROLLERS, "--estimator": three_axle.ESTIMATORS},
     "trench": {"--controller": trench.CONTROLLERS},
