@@ -10,7 +10,7 @@ ifeq ($(HOST_CC),)
 RUN_EXTRAS := studies,zig
 endif
 
-.PHONY: run studies test test-full test-courses test-platforms release lint bench mutants fuzz docs fmus clean
+.PHONY: run studies test test-full test-courses test-platforms test-pythons release lint bench mutants fuzz docs fmus clean
 
 run: $(VENV)/.run
 	$(BIN)/build-fmus
@@ -42,6 +42,11 @@ test-courses: $(VENV)/.test
 test-platforms: $(VENV)/.test
 	$(BIN)/build-fmus
 	$(BIN)/python -m pytest -m platforms -rs tests/conformance/test_other_platforms.py
+
+# Installs the wheel, with what it needs from PyPI, into a fresh environment of every supported Python that is found (PATH, pyenv, or
+# those that SUSPENSION_PYTHONS names), builds an FMU there and runs it. Which are not found is said.
+test-pythons: $(VENV)/.test
+	$(BIN)/python -m pytest -m pythons -rs tests/install/test_pythons.py
 
 # What is published: all FMUs for all platforms (ziglang, some ten minutes the first time), wheel and source distribution.
 release: $(VENV)/.test

@@ -48,6 +48,7 @@ class Options:
     fmi: tuple[int, ...] = (2, 3)
     platform: str = "host"
     arrays: bool = False
+    clocks: bool = False
     qp: str | None = None  # solver of all quadratic programs instead of each component's own
     anew_since: int = 0  # ns: what was kept in caches before is not used, see safe_files.anew
 
@@ -99,7 +100,7 @@ def stamp_key(entry: Buildable, options: Options, fmi: int, sources: str) -> str
     digest = hashlib.sha256()
     compilers = toolchain_identity(options.platform)
     parts = [sources, entry.name, str(fmi), options.platform, str(options.arrays and fmi == 3), compilers]
-    parts += [options.qp or "", entry.choices, qp_sources.identity()]
+    parts += [str(options.clocks and fmi == 3), options.qp or "", entry.choices, qp_sources.identity()]
     parts += [f"{n}={metadata.version(n)}" for n in _LIBRARIES]
     digest.update("|".join(parts).encode())
     for path in entry.files:

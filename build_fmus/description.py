@@ -7,11 +7,12 @@ from importlib import metadata
 
 from lxml import etree
 
-from build_fmus import quantities, units
+from build_fmus import generate, quantities, units
 from build_fmus.compile import PLATFORMS, SOURCE_FLAGS
-from build_fmus.component import Model, Variable
+from build_fmus.component import DeclarationError, Model, Variable
 from build_fmus.generate import Reference, is_exact, references
 
+CLOCK = "sample.clock"  # name of the variable
 TOOL = "suspension-fmus"  # also the key of our vendor annotation, which the master reads
 LOG_CATEGORIES = {
     "logEvents": "events of the instance's life cycle",
@@ -23,7 +24,9 @@ LOG_CATEGORIES = {
 _FMI2_TYPES = {"Float64": "Real", "Int32": "Integer", "Boolean": "Boolean"}
 
 
-def model_description(component: Model, fmi: int, *, token: str, sources: Iterable[str], arrays: bool = False) -> bytes:
+def model_description(
+    component: Model, fmi: int, *, token: str, sources: Iterable[str], arrays: bool = False, clocks: bool = False
+) -> bytes:
     """The model description as UTF-8 XML.
 
     Args:
@@ -31,8 +34,13 @@ def model_description(component: Model, fmi: int, *, token: str, sources: Iterab
         token: instantiation token (GUID in FMI 2.0) compiled into the binary.
         sources: C files below ``sources/`` (FMI 2.0 lists them here).
         arrays: real FMI 3 arrays instead of scalar elements.
+        clocks: of FMI 3.0, a discrete component has a clock, and its inputs and outputs belong to it.
+
+    Raises:
+        DeclarationError: a variable has the name of the clock.
     """
-    root = _fmi2(component, token, list(sources)) if fmi == 2 else _fmi3(component, token, arrays)
+    clocks = clocks and component.kind == "discrete"
+    root = _fmi2(component, token, list(sources)) if fmi == 2 else _fmi3(component, token, arrays, clocks)
     return serialize(root)
 
 
@@ -273,7 +281,7 @@ def _initial_unknowns(component: Model, refs: list[Reference]) -> list[str]:
 # ---------------------------------------------------------------------- FMI 3.0
 
 
-def _fmi3(component: Model, token: str, arrays: bool) -> etree._Element:
+def _fmi3(component: Model, token: str, arrays: bool, clocks: bool) -> etree._Element:
     root = _root(component, "3.0", instantiationToken=token)
     continuous = component.kind == "continuous"
     common = {
@@ -284,9 +292,8 @@ def _fmi3(component: Model, token: str, arrays: bool) -> etree._Element:
     }
     if continuous:
         etree.SubElement(root, "ModelExchange", **common)
-    etree.SubElement(
-        root, "CoSimulation", **common, canHandleVariableCommunicationStepSize="true", hasEventMode="false"
-    )
+    has_events = {"canHandleVariableCommunicationStepSize": "true", "hasEventMode": text(clocks, "Boolean")}
+    etree.SubElement(root, "CoSimulation", **common, **has_events)
     _common(root, component)
 
     refs = references(component, arrays=arrays)
@@ -298,9 +305,14 @@ def _fmi3(component: Model, token: str, arrays: bool) -> etree._Element:
         attributes = _attributes(component, r, vr) | _value_attributes(r)
         if v.role == "derivative":
             attributes["derivative"] = str(value_reference[r.name[4:-1]])
+        if clocks and v.role in ("input", "state", "output"):
+            attributes |= {"variability": "discrete", "clocks": str(len(refs))}
         element = etree.SubElement(variables, v.type, **attributes)
         for n in r.shape:
             etree.SubElement(element, "Dimension", start=str(n))
+
+    if clocks:
+        _clock(variables, component, len(refs))
 
     structure = etree.SubElement(root, "ModelStructure")
     dependencies, initial_dependencies = component.dependencies, component.initial_dependencies
@@ -311,7 +323,7 @@ def _fmi3(component: Model, token: str, arrays: bool) -> etree._Element:
             structure, tag, valueReference=str(value_reference[r.name]), dependencies=" ".join(map(str, on))
         )
 
-    initial_names = set(_initial_unknowns(component, refs))
+    initial_names = set() if clocks else set(_initial_unknowns(component, refs))  # what belongs to a clock begins at its first tick
     for r in refs:
         if r.variable.output:
             unknown("Output", r, dependencies)
@@ -324,6 +336,18 @@ def _fmi3(component: Model, token: str, arrays: bool) -> etree._Element:
     annotations = etree.SubElement(root, "Annotations")
     _annotation(etree.SubElement(annotations, "Annotation", type=TOOL), component)
     return root
+
+
+def _clock(variables: etree._Element, component: Model, reference: int) -> None:
+    """The clock at whose ticks a discrete component is sampled."""
+    if any(v.get("name") == CLOCK for v in variables):
+        raise DeclarationError(f"{component.name}: a variable is called {CLOCK!r}, as the clock would be; build it without clocks, or rename it")
+    every = generate.ticks(component)
+    etree.SubElement(
+        variables, "Clock", name=CLOCK, valueReference=str(reference), description="ticks at each sample", causality="input",
+        intervalVariability="constant", intervalDecimal=repr(component.sample_time), supportsFraction="true",
+        resolution=str(every.denominator), intervalCounter=str(every.numerator),
+    )  # fmt: skip
 
 
 def variable_rows(component: Model) -> list[dict[str, str]]:

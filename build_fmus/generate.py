@@ -9,6 +9,7 @@ import re
 import textwrap
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from fractions import Fraction
 from importlib import metadata
 from pathlib import Path
 from weakref import WeakKeyDictionary
@@ -192,8 +193,15 @@ def written_functions(component: Model) -> Functions:
     return _written[component]
 
 
-def generate_c(component: Model, *, arrays: bool, token: str) -> str:
-    """The complete ``model.c`` of a component; deterministic for a given CasADi version."""
+def ticks(component: Model) -> Fraction:
+    """The sample time of a discrete component, exactly [s]."""
+    near = Fraction(component.sample_time or 0).limit_denominator(10**6)
+    return near if float(near) == component.sample_time else Fraction(repr(component.sample_time))
+
+
+def generate_c(component: Model, *, arrays: bool, token: str, clocks: bool = False) -> str:
+    """The complete ``model.c`` of a component; deterministic for a given CasADi version. ``clocks``: of FMI 3.0, a discrete component may be
+    sampled by a clock."""
     functions = written_functions(component)
     headers = ["equations.h", "fmu_model.h", *(random_profiles.HEADERS if component.profiles else ())]
     refs = references(component, arrays=arrays)
@@ -213,6 +221,9 @@ def generate_c(component: Model, *, arrays: bool, token: str) -> str:
         "variables": "variables",
         "n_variables": len(refs),
     }
+    if clocks and not continuous:
+        every = ticks(component)
+        fields |= {"has_clock": 1, "clock_counter": f"{every.numerator}u", "clock_resolution": f"{every.denominator}u"}
     if hidden:
         rows = (_fields(name=_string(v.name), slot=str(v.slot), size=str(v.size)) for v in hidden)
         tables.append(_table("FmuHidden", "hidden", rows))
@@ -324,10 +335,11 @@ def with_mathematics(files: dict[str, bytes]) -> dict[str, bytes]:
     return files | math_files(data for name, data in files.items() if name.endswith(".c"))
 
 
-def identity(component: Model, *, arrays: bool) -> str:
+def identity(component: Model, *, arrays: bool, clocks: bool = False) -> str:
     """Instantiation token of a component: a hash of everything that determines its behaviour and interface."""
     files = {n: (RUNTIME_DIR / n).read_bytes() for n in (*RUNTIME_SOURCES, *RUNTIME_HEADERS, "fmi2.c", "fmi3.c")}
-    files |= solver_files(component) | profile_files(component) | {"model.c": generate_c(component, arrays=arrays, token="").encode()}
+    files |= solver_files(component) | profile_files(component)
+    files["model.c"] = generate_c(component, arrays=arrays, token="", clocks=clocks).encode()
     digest = hashlib.sha256()
     for _, data in sorted(with_mathematics(files).items()):
         digest.update(data)

@@ -29,32 +29,35 @@ _EPOCH = (1980, 1, 1, 0, 0, 0)
 
 
 def build_fmu(
-    component: Component, fmi: int, platforms: Sequence[Platform], cache: ObjectCache, *, arrays: bool = False
+    component: Component, fmi: int, platforms: Sequence[Platform], cache: ObjectCache, *, arrays: bool = False, clocks: bool = False
 ) -> bytes:
     """Compile and pack one component for one FMI version. The component's declaration ends with this.
 
     Args:
-        fmi: 2 or 3. ``arrays`` applies to 3 only.
+        fmi: 2 or 3. ``arrays`` and ``clocks`` apply to 3 only.
+        clocks: a discrete component can be sampled in event mode, at the ticks of a periodic clock, and as otherwise.
 
     Raises:
         DeclarationError: the declaration is incomplete, or an expression does not have the dimension that is declared.
         SolverStepError: the solver step is unstable at an operating point.
         CompileError: no toolchain, or the compiler failed.
     """
-    return _pack(component.model(), fmi, platforms, cache, arrays=arrays and fmi == 3)
+    return _pack(component.model(), fmi, platforms, cache, arrays=arrays and fmi == 3, clocks=clocks and fmi == 3)
 
 
-def _pack(component: Model, fmi: int, platforms: Sequence[Platform], cache: ObjectCache, *, arrays: bool) -> bytes:
+def _pack(
+    component: Model, fmi: int, platforms: Sequence[Platform], cache: ObjectCache, *, arrays: bool, clocks: bool
+) -> bytes:
     if failed := component.failed_checks():
         raise DeclarationError(f"{component.name}: its own start values fail a check: {failed[0]}")
     component.dimensions.check()
     check_solver(component)
-    files = source_files(component, fmi, arrays=arrays)
+    files = source_files(component, fmi, arrays=arrays, clocks=clocks)
     sources = [n for n in files if n.endswith(".c")]
-    token = generate.identity(component, arrays=arrays)
+    token = generate.identity(component, arrays=arrays, clocks=clocks)
     content: dict[str, bytes] = {f"sources/{name}": data for name, data in files.items()}
     content["modelDescription.xml"] = description.model_description(
-        component, fmi, token=token, sources=sources, arrays=arrays
+        component, fmi, token=token, sources=sources, arrays=arrays, clocks=clocks
     )
     with tempfile.TemporaryDirectory() as tmp, safe_files.named(tmp):
         for name, data in files.items():
@@ -92,10 +95,10 @@ def _pack(component: Model, fmi: int, platforms: Sequence[Platform], cache: Obje
     return archive(content)
 
 
-def source_files(component: Model, fmi: int, *, arrays: bool = False) -> dict[str, bytes]:
+def source_files(component: Model, fmi: int, *, arrays: bool = False, clocks: bool = False) -> dict[str, bytes]:
     """C files and headers of a component's FMU, by file name."""
-    token = generate.identity(component, arrays=arrays)
-    files = {"model.c": generate.generate_c(component, arrays=arrays, token=token).encode()}
+    token = generate.identity(component, arrays=arrays, clocks=clocks)
+    files = {"model.c": generate.generate_c(component, arrays=arrays, token=token, clocks=clocks).encode()}
     runtime = (*generate.RUNTIME_SOURCES, f"fmi{fmi}.c", *generate.RUNTIME_HEADERS)
     files |= {name: (generate.RUNTIME_DIR / name).read_bytes() for name in runtime}
     files |= generate.solver_files(component) | generate.profile_files(component)

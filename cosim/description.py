@@ -56,6 +56,7 @@ class Variable:
     tolerance: float = 0.0  # difference from `must_equal` that passes
     display: DisplayUnit | None = None  # the unit in which the FMU wants it displayed
     source: str | None = None  # where its value comes from, in words, if the FMU says so
+    clocks: tuple[int, ...] = ()  # value references of the clocks that it belongs to: it changes when one of them ticks
 
     @property
     def unit_name(self) -> str:
@@ -74,11 +75,26 @@ class Variable:
         )
 
 
+@dataclass(frozen=True)
+class Clock:
+    """A clock of an FMI 3.0 FMU. `kind` is its intervalVariability; `interval` and `shift` [s] as far as modelDescription.xml says them;
+    `fractions`: the FMU tells them exactly."""
+
+    name: str
+    reference: int
+    causality: str
+    kind: str
+    interval: Fraction | None = None
+    shift: Fraction = Fraction(0)
+    fractions: bool = False
+
+
 @dataclass
 class Description:
     """A component's variables and capabilities. `dependencies` maps an output to the names of the variables
     it depends on directly; an output that is missing there depends on all inputs. `aliases` maps further names of
-    variables and arrays (FMI 3.0) to their names; they are accepted wherever names are."""
+    variables and arrays (FMI 3.0) to their names; they are accepted wherever names are. Clocks are neither among the inputs nor among the
+    outputs: nobody connects them."""
 
     name: str
     variables: dict[str, Variable]
@@ -105,10 +121,14 @@ class Description:
     native: bool = False  # no FMU, but with calls that are functions of C too: the engine need not call Python back
     needs_tool: bool = False  # the FMU is a door to a tool that must be installed
     aliases: dict[str, str] = field(default_factory=dict)
+    event_mode: bool = False  # FMI 3.0, Co-Simulation: it can be told when events happen
+    clocks: list[Clock] = field(default_factory=list)
+    initial_unknowns: frozenset[str] = frozenset()  # declared names of what initialization computes
 
     def __post_init__(self) -> None:
-        self.inputs = {v.name: v for v in self.variables.values() if v.causality == "input"}
-        self.outputs = {v.name: v for v in self.variables.values() if v.causality == "output"}
+        values = [v for v in self.variables.values() if v.fmi_type != "Clock"]
+        self.inputs = {v.name: v for v in values if v.causality == "input"}
+        self.outputs = {v.name: v for v in values if v.causality == "output"}
         self.parameters = {
             v.name: v for v in self.variables.values() if v.causality in ("parameter", "structuralParameter")
         }

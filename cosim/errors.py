@@ -36,6 +36,9 @@ class FmuError(CosimError):
 class SspError(CosimError):
     """An SSP is missing or damaged, or holds what cannot be represented; or a system cannot travel as one."""
 
+    def __init__(self, message: str):
+        super().__init__(plain(message))
+
 
 class TimeError(CosimError, ValueError):
     """A time or step that cannot be read or used."""

@@ -99,7 +99,7 @@ def _build_entry(user: UserFiles, name: str, options: Options, versions: tuple[i
         component.choose_backend(options.qp)
     cache = ObjectCache(options.cache / "objects")
     for fmi in versions:
-        data = build_fmu(component, fmi, resolve_platforms(options.platform), cache, arrays=options.arrays)
+        data = build_fmu(component, fmi, resolve_platforms(options.platform), cache, arrays=options.arrays, clocks=options.clocks)
         safe_files.write(options.target(name, fmi), data)
 
 
@@ -166,6 +166,9 @@ def command(
     name: Annotated[str | None, typer.Option(help="name of the FMU made by --road or --weights")] = None,
     out: Annotated[Path, typer.Option(help="directory that receives fmi2/ and fmi3/")] = Path("fmus"),
     fmi3_arrays: Annotated[bool, typer.Option(help="declare vectors and matrices as FMI 3.0 arrays")] = False,
+    clocks: Annotated[
+        bool, typer.Option("--clocks", help="give sampled FMUs of FMI 3.0 a clock and event mode, for tools that use them")
+    ] = False,
     qp: Annotated[
         str | None,
         typer.Option(metavar=one_of(SOLVERS), help="solver of quadratic programs (default: each component's own)"),
@@ -206,7 +209,7 @@ def command(
         if what == "built":
             console.print(f"  built {name}")
 
-    options = Options(out, versions, platform, fmi3_arrays, qp)
+    options = Options(out, versions, platform, fmi3_arrays, clocks, qp)
     build(names, options, user=user, force=force, report=report)
     seconds = time.perf_counter() - start
     console.print(f"{total['built']} built, {total['up to date']} up to date in {out}/ ({seconds:.1f} s)")

@@ -10,17 +10,24 @@ typedef struct {
     fmi3InstanceEnvironment environment;
 } Adapter;
 
-#define ANY_MODE 127u
-#define READABLE (MODE_INITIALIZATION | MODE_EVENT | MODE_CONTINUOUS_TIME | MODE_STEP | MODE_TERMINATED | MODE_ERROR)
-#define WRITABLE (MODE_INSTANTIATED | MODE_INITIALIZATION | MODE_EVENT | MODE_CONTINUOUS_TIME | MODE_STEP)
+#define ANY_MODE 255u
+#define EVENT_MODE (MODE_EVENT | MODE_TICK)
+#define READABLE (MODE_INITIALIZATION | EVENT_MODE | MODE_CONTINUOUS_TIME | MODE_STEP | MODE_TERMINATED | MODE_ERROR)
+#define WRITABLE (MODE_INSTANTIATED | MODE_INITIALIZATION | EVENT_MODE | MODE_CONTINUOUS_TIME | MODE_STEP)
 #define WRITABLE_DISCRETE (WRITABLE & ~MODE_CONTINUOUS_TIME) /* all that is not a floating-point number */
-#define RUNNING (MODE_EVENT | MODE_CONTINUOUS_TIME | MODE_STEP)
+#define RUNNING (EVENT_MODE | MODE_CONTINUOUS_TIME | MODE_STEP)
 
 /* Every function starts with the modes in which it may be called. */
 #define ENTER(modes)                                                    \
     FmuInstance *self = (FmuInstance *)instance;                        \
     if (!self) return fmi3Error;                                        \
     if (fmu_allowed(self, (modes), __func__) != FMU_OK) return fmi3Error
+
+/* Functions of Model Exchange that may be called in modes of Co-Simulation, too: refuse them on such an instance. */
+#define ENTER_MODEL_EXCHANGE(modes) \
+    ENTER(modes);                   \
+    if (fmu_is_co_simulation(self)) \
+    return (fmi3Status)fmu_fail(self, FMU_ERROR, "%s: the instance was created for Co-Simulation", __func__)
 
 static void log_message(void *adapter, FmuStatus status, const char *category, const char *message) {
     const Adapter *a = adapter;
@@ -79,8 +86,11 @@ fmi3Instance fmi3InstantiateCoSimulation(fmi3String instanceName, fmi3String ins
     (void)requiredIntermediateVariables;
     (void)nRequiredIntermediateVariables;
     (void)intermediateUpdate;
-    return instantiate(1, instanceName, instantiationToken, resourcePath, loggingOn, instanceEnvironment, logMessage,
-                       eventModeUsed ? "this FMU has no event mode (hasEventMode is false)" : NULL);
+    fmi3Instance instance =
+        instantiate(1, instanceName, instantiationToken, resourcePath, loggingOn, instanceEnvironment, logMessage,
+                    eventModeUsed && !fmu_model.has_clock ? "this FMU has no event mode (hasEventMode is false)" : NULL);
+    if (instance && eventModeUsed) fmu_use_events((FmuInstance *)instance);
+    return instance;
 }
 
 fmi3Instance fmi3InstantiateScheduledExecution(fmi3String instanceName, fmi3String instantiationToken,
@@ -116,7 +126,9 @@ fmi3Status fmi3ExitInitializationMode(fmi3Instance instance) {
 }
 
 fmi3Status fmi3EnterEventMode(fmi3Instance instance) {
-    ENTER(MODE_CONTINUOUS_TIME);
+    ENTER(MODE_CONTINUOUS_TIME | MODE_STEP);
+    if (fmu_is_co_simulation(self) && !fmu_uses_events(self))
+        return (fmi3Status)fmu_fail(self, FMU_ERROR, "%s: the instance was created without event mode", __func__);
     fmu_set_mode(self, MODE_EVENT);
     return fmi3OK;
 }
@@ -225,11 +237,82 @@ fmi3Status fmi3SetBinary(fmi3Instance instance, const fmi3ValueReference valueRe
     return no_variables(self, __func__, nValueReferences + nValues);
 }
 
-/* ------------------------------------------------------------------ what is not offered: clocks, configuration, ... */
-
 static fmi3Status not_offered(FmuInstance *self, const char *function, const char *what) {
     return (fmi3Status)fmu_fail(self, FMU_ERROR, "%s: %s", function, what);
 }
+
+/* ------------------------------------------------------------------ the clock of a sampled component */
+
+/* Every reference must be that of the clock. */
+static fmi3Status check_clocks(FmuInstance *self, const char *function, const fmi3ValueReference references[], size_t n,
+                               const void *values, const void *more) {
+    if (!fmu_model.has_clock) return not_offered(self, function, "there are no clocks");
+    if (n && (!references || !values || !more)) return not_offered(self, function, "NULL argument");
+    for (size_t i = 0; i < n; i++)
+        if (references[i] != (fmi3ValueReference)fmu_model.n_variables)
+            return (fmi3Status)fmu_fail(self, FMU_ERROR, "%s: value reference %u is no clock", function, references[i]);
+    return fmi3OK;
+}
+
+#define ENTER_CLOCK(modes, values, more)                                                                        \
+    ENTER(ANY_MODE);                                                                                            \
+    if (check_clocks(self, __func__, references, n, (values), (more)) != fmi3OK) return fmi3Error;              \
+    if (fmu_allowed(self, fmu_uses_events(self) ? (modes) : 0u, __func__) != FMU_OK) return fmi3Error
+
+fmi3Status fmi3GetClock(fmi3Instance instance, const fmi3ValueReference references[], size_t n, fmi3Clock values[]) {
+    ENTER_CLOCK(EVENT_MODE, values, values);
+    for (size_t i = 0; i < n; i++) values[i] = fmu_mode(self) == MODE_TICK;
+    return fmi3OK;
+}
+
+fmi3Status fmi3SetClock(fmi3Instance instance, const fmi3ValueReference references[], size_t n, const fmi3Clock values[]) {
+    ENTER_CLOCK(EVENT_MODE, values, values);
+    for (size_t i = 0; i < n; i++) {
+        if (fmu_mode(self) == MODE_TICK && !values[i]) return not_offered(self, __func__, "canBeDeactivated is false");
+        if (fmu_mode(self) == MODE_EVENT && values[i] && fmu_tick(self, __func__) != FMU_OK) return fmi3Error;
+    }
+    return fmi3OK;
+}
+
+fmi3Status fmi3GetIntervalDecimal(fmi3Instance instance, const fmi3ValueReference references[], size_t n, fmi3Float64 intervals[],
+                                  fmi3IntervalQualifier qualifiers[]) {
+    ENTER_CLOCK(MODE_INITIALIZATION | EVENT_MODE, intervals, qualifiers);
+    for (size_t i = 0; i < n; i++) {
+        intervals[i] = fmu_model.sample_time;
+        qualifiers[i] = fmi3IntervalUnchanged;
+    }
+    return fmi3OK;
+}
+
+fmi3Status fmi3GetIntervalFraction(fmi3Instance instance, const fmi3ValueReference references[], size_t n, fmi3UInt64 counters[],
+                                   fmi3UInt64 resolutions[], fmi3IntervalQualifier qualifiers[]) {
+    ENTER_CLOCK(MODE_INITIALIZATION | EVENT_MODE, counters, qualifiers);
+    if (n && !resolutions) return not_offered(self, __func__, "NULL argument");
+    for (size_t i = 0; i < n; i++) {
+        counters[i] = fmu_model.clock_counter;
+        resolutions[i] = fmu_model.clock_resolution;
+        qualifiers[i] = fmi3IntervalUnchanged;
+    }
+    return fmi3OK;
+}
+
+fmi3Status fmi3GetShiftDecimal(fmi3Instance instance, const fmi3ValueReference references[], size_t n, fmi3Float64 shifts[]) {
+    ENTER_CLOCK(MODE_INITIALIZATION | EVENT_MODE, shifts, shifts);
+    for (size_t i = 0; i < n; i++) shifts[i] = 0.0;
+    return fmi3OK;
+}
+
+fmi3Status fmi3GetShiftFraction(fmi3Instance instance, const fmi3ValueReference references[], size_t n, fmi3UInt64 counters[],
+                                fmi3UInt64 resolutions[]) {
+    ENTER_CLOCK(MODE_INITIALIZATION | EVENT_MODE, counters, resolutions);
+    for (size_t i = 0; i < n; i++) {
+        counters[i] = 0;
+        resolutions[i] = fmu_model.clock_resolution;
+    }
+    return fmi3OK;
+}
+
+/* ------------------------------------------------------------------ what is not offered: setting clocks, configuration, ... */
 
 #define NOT_OFFERED(function, parameters, what)        \
     fmi3Status function parameters {                   \
@@ -242,36 +325,20 @@ static fmi3Status not_offered(FmuInstance *self, const char *function, const cha
 #pragma GCC diagnostic ignored "-Wunused-parameter"
 #endif
 
-NOT_OFFERED(fmi3GetClock, (fmi3Instance instance, const fmi3ValueReference r[], size_t n, fmi3Clock v[]), "there are no clocks")
-NOT_OFFERED(fmi3SetClock, (fmi3Instance instance, const fmi3ValueReference r[], size_t n, const fmi3Clock v[]),
-            "there are no clocks")
-NOT_OFFERED(fmi3GetIntervalDecimal,
-            (fmi3Instance instance, const fmi3ValueReference r[], size_t n, fmi3Float64 v[], fmi3IntervalQualifier q[]),
-            "there are no clocks")
-NOT_OFFERED(fmi3GetIntervalFraction,
-            (fmi3Instance instance, const fmi3ValueReference r[], size_t n, fmi3UInt64 c[], fmi3UInt64 s[],
-             fmi3IntervalQualifier q[]),
-            "there are no clocks")
-NOT_OFFERED(fmi3GetShiftDecimal, (fmi3Instance instance, const fmi3ValueReference r[], size_t n, fmi3Float64 v[]),
-            "there are no clocks")
-NOT_OFFERED(fmi3GetShiftFraction,
-            (fmi3Instance instance, const fmi3ValueReference r[], size_t n, fmi3UInt64 c[], fmi3UInt64 s[]),
-            "there are no clocks")
 NOT_OFFERED(fmi3SetIntervalDecimal, (fmi3Instance instance, const fmi3ValueReference r[], size_t n, const fmi3Float64 v[]),
-            "there are no clocks")
+            "no interval and no shift of a clock can be set")
 NOT_OFFERED(fmi3SetIntervalFraction,
             (fmi3Instance instance, const fmi3ValueReference r[], size_t n, const fmi3UInt64 c[], const fmi3UInt64 s[]),
-            "there are no clocks")
+            "no interval and no shift of a clock can be set")
 NOT_OFFERED(fmi3SetShiftDecimal, (fmi3Instance instance, const fmi3ValueReference r[], size_t n, const fmi3Float64 v[]),
-            "there are no clocks")
+            "no interval and no shift of a clock can be set")
 NOT_OFFERED(fmi3SetShiftFraction,
             (fmi3Instance instance, const fmi3ValueReference r[], size_t n, const fmi3UInt64 c[], const fmi3UInt64 s[]),
-            "there are no clocks")
+            "no interval and no shift of a clock can be set")
 NOT_OFFERED(fmi3ActivateModelPartition, (fmi3Instance instance, fmi3ValueReference clock, fmi3Float64 time),
             "Scheduled Execution is not offered")
 NOT_OFFERED(fmi3EnterConfigurationMode, (fmi3Instance instance), "there are no structural parameters")
 NOT_OFFERED(fmi3ExitConfigurationMode, (fmi3Instance instance), "there are no structural parameters")
-NOT_OFFERED(fmi3EnterStepMode, (fmi3Instance instance), "this FMU has no event mode (hasEventMode is false)")
 NOT_OFFERED(fmi3EvaluateDiscreteStates, (fmi3Instance instance), "not offered (providesEvaluateDiscreteStates is false)")
 NOT_OFFERED(fmi3GetNumberOfVariableDependencies, (fmi3Instance instance, fmi3ValueReference r, size_t *n),
             "not offered (providesPerElementDependencies is false)")
@@ -290,6 +357,14 @@ NOT_OFFERED(fmi3GetOutputDerivatives,
 #ifdef __GNUC__
 #pragma GCC diagnostic pop
 #endif
+
+fmi3Status fmi3EnterStepMode(fmi3Instance instance) {
+    ENTER(ANY_MODE);
+    if (!fmu_uses_events(self)) return not_offered(self, __func__, "the instance was created without event mode");
+    if (fmu_allowed(self, MODE_EVENT, __func__) != FMU_OK) return fmi3Error; /* while the clock ticks states have to be updated first */
+    fmu_set_mode(self, MODE_STEP);
+    return fmi3OK;
+}
 
 /* ------------------------------------------------------------------ state */
 
@@ -338,18 +413,18 @@ fmi3Status fmi3UpdateDiscreteStates(fmi3Instance instance, fmi3Boolean *discrete
                                     fmi3Boolean *terminateSimulation, fmi3Boolean *nominalsOfContinuousStatesChanged,
                                     fmi3Boolean *valuesOfContinuousStatesChanged, fmi3Boolean *nextEventTimeDefined,
                                     fmi3Float64 *nextEventTime) {
-    ENTER(MODE_EVENT);
+    ENTER(EVENT_MODE);
     if (!discreteStatesNeedUpdate || !terminateSimulation || !nominalsOfContinuousStatesChanged ||
         !valuesOfContinuousStatesChanged || !nextEventTimeDefined || !nextEventTime)
         return (fmi3Status)fmu_fail(self, FMU_ERROR, "%s: NULL argument", __func__);
     *discreteStatesNeedUpdate = *terminateSimulation = *nominalsOfContinuousStatesChanged = false;
     *valuesOfContinuousStatesChanged = *nextEventTimeDefined = false;
     *nextEventTime = 0.0;
-    return fmi3OK;
+    return fmu_mode(self) == MODE_TICK ? (fmi3Status)fmu_take_sample(self, __func__) : fmi3OK;
 }
 
 fmi3Status fmi3EnterContinuousTimeMode(fmi3Instance instance) {
-    ENTER(MODE_EVENT);
+    ENTER_MODEL_EXCHANGE(MODE_EVENT);
     fmu_set_mode(self, MODE_CONTINUOUS_TIME);
     return fmi3OK;
 }
@@ -364,7 +439,7 @@ fmi3Status fmi3CompletedIntegratorStep(fmi3Instance instance, fmi3Boolean noSetF
 }
 
 fmi3Status fmi3SetTime(fmi3Instance instance, fmi3Float64 time) {
-    ENTER(MODE_EVENT | MODE_CONTINUOUS_TIME);
+    ENTER_MODEL_EXCHANGE(MODE_EVENT | MODE_CONTINUOUS_TIME);
     return (fmi3Status)fmu_set_time(self, __func__, time);
 }
 
@@ -372,12 +447,6 @@ fmi3Status fmi3SetContinuousStates(fmi3Instance instance, const fmi3Float64 cont
     ENTER(MODE_CONTINUOUS_TIME);
     return (fmi3Status)fmu_set_states(self, __func__, continuousStates, nContinuousStates);
 }
-
-/* Functions of model exchange that may also be called while initializing: refuse them on a co-simulation instance. */
-#define ENTER_MODEL_EXCHANGE(modes) \
-    ENTER(modes);                   \
-    if (fmu_is_co_simulation(self)) \
-    return (fmi3Status)fmu_fail(self, FMU_ERROR, "%s: the instance was created for Co-Simulation", __func__)
 
 fmi3Status fmi3GetContinuousStateDerivatives(fmi3Instance instance, fmi3Float64 derivatives[], size_t nContinuousStates) {
     ENTER_MODEL_EXCHANGE(MODE_INITIALIZATION | MODE_EVENT | MODE_CONTINUOUS_TIME | MODE_TERMINATED);

@@ -56,7 +56,8 @@ const char *fmu_mode_name(int32_t mode) {
     switch (mode) {
         case MODE_INSTANTIATED: return "instantiated";
         case MODE_INITIALIZATION: return "initialization mode";
-        case MODE_EVENT: return "event mode";
+        case MODE_EVENT:
+        case MODE_TICK: return "event mode";
         case MODE_CONTINUOUS_TIME: return "continuous-time mode";
         case MODE_STEP: return "step mode";
         case MODE_TERMINATED: return "terminated";

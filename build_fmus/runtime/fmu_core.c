@@ -47,6 +47,7 @@ struct FmuSnapshot {
 
 struct FmuInstance {
     FmuBase base;
+    int uses_events;  /* samples are taken when the clock ticks */
     unsigned warned;  /* one bit per kind of warning about inputs; beside the state, so that saved states do not depend on it */
     State *state;
     double *p, *u, *x, *dx, *y;             /* into state->v */
@@ -152,6 +153,8 @@ FmuStatus fmu_open(FmuInstance *self, const char *resources) {
 void fmu_free(FmuInstance *self) { free(self); }
 void fmu_set_mode(FmuInstance *self, FmuMode mode) { self->state->mode = (int32_t)mode; }
 double fmu_time(const FmuInstance *self) { return self->state->time; }
+void fmu_use_events(FmuInstance *self) { self->uses_events = 1; }
+int fmu_uses_events(const FmuInstance *self) { return self->uses_events; }
 
 int fmu_ended(const FmuInstance *self) {
     (void)self;
@@ -259,14 +262,18 @@ static FmuStatus refresh_start(FmuInstance *self) {
     return FMU_OK;
 }
 
+static double next_sample(const State *s) { return s->start_time + (double)s->sample * M->sample_time; }
+
 static FmuStatus refresh_outputs(FmuInstance *self) {
     State *s = self->state;
     FmuStatus status = refresh_start(self);
     if (status != FMU_OK || s->outputs_valid) return status;
-    if (M->is_continuous || !s->started) { /* a started discrete component holds the outputs of its last sample */
+    const int ticks = s->mode == MODE_TICK;
+    if (M->is_continuous || !s->started || ticks) { /* else a discrete component holds the outputs of its last sample */
+        const double t = ticks ? next_sample(s) : s->time;
         if (M->qp) memcpy(self->qp_trial, self->qp_memory, (size_t)M->n_qp_memory * sizeof(double));
-        solve_programs(self, s->time, self->qp_trial);
-        const FmuArguments at = arguments(self, s->time, self->x);
+        solve_programs(self, t, self->qp_trial);
+        const FmuArguments at = arguments(self, t, self->x);
         if (M->outputs) M->outputs(&at, self->y);
         if (M->sample) M->sample(&at, self->y, self->next); /* the next states are those of a sample that is not taken yet */
         status = check_finite(self, self->y, M->n_outputs, FMU_OUTPUT);
@@ -381,7 +388,8 @@ FmuStatus fmu_exit_initialization(FmuInstance *self) {
     if (status == FMU_OK) status = refresh_outputs(self);
     if (status == FMU_OK && M->is_continuous) status = refresh_derivatives(self);
     if (status == FMU_OK) status = check_solver_step(self);
-    self->state->mode = status != FMU_OK ? MODE_ERROR : self->base.is_co_simulation ? MODE_STEP : MODE_EVENT;
+    const FmuMode next = self->base.is_co_simulation && !self->uses_events ? MODE_STEP : MODE_EVENT;
+    self->state->mode = (int32_t)(status != FMU_OK ? MODE_ERROR : next);
     if (status == FMU_OK) (void)fmu_fail(self, FMU_OK, "%s initialized at %.9g s", M->name, self->state->time);
     return status;
 }
@@ -439,9 +447,12 @@ static inline FmuStatus check_settable(FmuInstance *self, const char *function, 
     const unsigned before = MODE_INSTANTIATED | MODE_INITIALIZATION;
     unsigned modes = 0;
     switch (v->role) {
-        case FMU_PARAMETER: modes = before | (v->is_tunable ? MODE_EVENT | MODE_STEP : 0u); break;
-        case FMU_INPUT: /* Integers and Booleans are discrete: they change at events only */
-            modes = before | MODE_EVENT | MODE_STEP | (v->type == FMU_FLOAT64 ? MODE_CONTINUOUS_TIME : 0u);
+        case FMU_PARAMETER:
+            modes = before | (v->is_tunable ? (self->uses_events ? MODE_EVENT | MODE_TICK : MODE_EVENT | MODE_STEP) : 0u);
+            break;
+        case FMU_INPUT: /* Integers and Booleans are discrete: they change at events only; where there is a clock all when it ticks */
+            modes = before | (self->uses_events ? (unsigned)MODE_TICK
+                                                : MODE_EVENT | MODE_STEP | (v->type == FMU_FLOAT64 ? MODE_CONTINUOUS_TIME : 0u));
             break;
         case FMU_STATE: modes = v->is_exact ? before : 0u; break;
         default: break;
@@ -649,29 +660,56 @@ static FmuStatus advance_continuous(FmuInstance *self, const char *function, dou
     return FMU_OK;
 }
 
+static FmuStatus take_sample(FmuInstance *self) {
+    State *s = self->state;
+    const double instant = next_sample(s);
+    FmuStatus status = refresh_start(self);
+    if (status != FMU_OK) return status;
+    s->started = 1;
+    solve_programs(self, instant, self->qp_memory);
+    const FmuArguments at = arguments(self, instant, self->x);
+    M->sample(&at, self->y, self->next);
+    status = check_finite(self, self->next, M->n_states, FMU_STATE);
+    if (status == FMU_OK) status = check_finite(self, self->y, M->n_outputs, FMU_OUTPUT);
+    if (status != FMU_OK) return status;
+    memcpy(self->x, self->next, (size_t)M->n_states * sizeof(double));
+    s->sample++;
+    return FMU_OK;
+}
+
+FmuStatus fmu_tick(FmuInstance *self, const char *function) {
+    const State *s = self->state;
+    const double instant = next_sample(s);
+    if (!(fabs(s->time - instant) <= 1e-6 * M->sample_time + 1e-9 * (1.0 + fabs(instant))))
+        return fmu_fail(self, FMU_ERROR, "%s: the clock ticks at %.12g s, and the instance is at %.12g s", function, instant, s->time);
+    self->state->mode = MODE_TICK;
+    self->state->outputs_valid = 0;
+    return FMU_OK;
+}
+
+FmuStatus fmu_take_sample(FmuInstance *self, const char *function) {
+    (void)function;
+    const FmuStatus status = take_sample(self);
+    self->state->mode = status == FMU_OK ? MODE_EVENT : MODE_ERROR;
+    self->state->outputs_valid = status == FMU_OK;
+    return status;
+}
+
 static FmuStatus advance_discrete(FmuInstance *self, const char *function, double t, double h) {
     State *s = self->state;
     const double Ts = M->sample_time, end = t + h - 1e-6 * Ts;
-    const double first = s->start_time + (double)s->sample * Ts;
+    const double first = next_sample(s);
     if (!(first + 0.5 * Ts > first))
         return fmu_fail(self, FMU_ERROR, "%s: at time %g s samples every %g s cannot be told apart", function, first, Ts);
     if ((end - first) / Ts > MAX_STEPS_PER_CALL)
         return fmu_fail(self, FMU_ERROR, "%s: up to %.12g s there are %.3g samples to be made up", function, end, (end - first) / Ts);
-    for (;;) {
-        const double instant = s->start_time + (double)s->sample * Ts;
-        if (!(instant < end)) return FMU_OK;
-        FmuStatus status = refresh_start(self);
+    if (self->uses_events && first < end)
+        return fmu_fail(self, FMU_ERROR, "%s: up to %.12g s, but the clock ticks at %.12g s: set it in event mode then", function, t + h, first);
+    while (next_sample(s) < end) {
+        const FmuStatus status = take_sample(self);
         if (status != FMU_OK) return status;
-        s->started = 1;
-        solve_programs(self, instant, self->qp_memory);
-        const FmuArguments at = arguments(self, instant, self->x);
-        M->sample(&at, self->y, self->next);
-        status = check_finite(self, self->next, M->n_states, FMU_STATE);
-        if (status == FMU_OK) status = check_finite(self, self->y, M->n_outputs, FMU_OUTPUT);
-        if (status != FMU_OK) return status;
-        memcpy(self->x, self->next, (size_t)M->n_states * sizeof(double));
-        s->sample++;
     }
+    return FMU_OK;
 }
 
 FmuStatus fmu_do_step(FmuInstance *self, const char *function, double time, double step) {
@@ -749,8 +787,13 @@ FmuStatus fmu_get_nominals(FmuInstance *self, const char *function, double *nomi
 
 static State *snapshot_state(const void *snapshot) { return (State *)((char *)snapshot + sizeof(FmuSnapshot)); }
 
+/* The interfaces differ in their modes: 0 Model Exchange, 1 Co-Simulation, 3 with event mode. */
+static uint32_t interface_of(const FmuInstance *self) {
+    return (uint32_t)self->base.is_co_simulation + 2u * (uint32_t)(self->uses_events != 0);
+}
+
 static FmuSnapshot header_of(const FmuInstance *self) {
-    const FmuSnapshot h = {SNAPSHOT_MAGIC, SNAPSHOT_VERSION, (uint32_t)self->base.is_co_simulation, 0,
+    const FmuSnapshot h = {SNAPSHOT_MAGIC, SNAPSHOT_VERSION, interface_of(self), 0,
                            fmu_hash(M->token, strlen(M->token)), state_size(), fmu_hash(self->state, state_size())};
     return h;
 }
@@ -764,9 +807,9 @@ static FmuStatus check_snapshot(FmuInstance *self, const char *function, const v
         return fmu_fail(self, FMU_ERROR, "%s: state format %u, this FMU reads %u", function, h.version, SNAPSHOT_VERSION);
     if (h.model != fmu_hash(M->token, strlen(M->token)) || h.length != state_size())
         return fmu_fail(self, FMU_ERROR, "%s: the state belongs to another component or build than %s", function, M->name);
-    if (h.is_co_simulation != (uint32_t)self->base.is_co_simulation)
-        return fmu_fail(self, FMU_ERROR, "%s: the state is one of a %s instance", function,
-                        h.is_co_simulation ? "Co-Simulation" : "Model Exchange");
+    if (h.is_co_simulation != interface_of(self))
+        return fmu_fail(self, FMU_ERROR, "%s: the state is one of a %s instance%s", function,
+                        h.is_co_simulation ? "Co-Simulation" : "Model Exchange", h.is_co_simulation == 3u ? " with event mode" : "");
     return FMU_OK;
 }
 
@@ -783,8 +826,10 @@ static int sample_ok(const State *s, unsigned mode) {
 
 /* What of a state block cannot be of this component, as whatever the equations and solvers take for granted must be; NULL when
  * there is nothing. After an error numbers are as the error left them, and nothing is computed from them any more. */
-static const char *wrong_in(const State *s, int is_co_simulation) {
-    const unsigned own = is_co_simulation ? MODE_STEP : MODE_EVENT | MODE_CONTINUOUS_TIME;
+static const char *wrong_in(const State *s, uint32_t interface) {
+    const unsigned own = interface == 1u   ? MODE_STEP
+                         : interface == 3u ? MODE_STEP | MODE_EVENT | MODE_TICK
+                                           : MODE_EVENT | MODE_CONTINUOUS_TIME;
     const unsigned modes = MODE_INSTANTIATED | MODE_INITIALIZATION | MODE_TERMINATED | MODE_ERROR | own;
     const unsigned mode = (unsigned)s->mode;
     if (!mode || mode & (mode - 1u) || mode & ~modes) return "its mode";
@@ -816,7 +861,7 @@ static const char *wrong_in(const State *s, int is_co_simulation) {
 }
 
 static FmuStatus check_state(FmuInstance *self, const char *function, const State *s) {
-    const char *wrong = wrong_in(s, self->base.is_co_simulation);
+    const char *wrong = wrong_in(s, interface_of(self));
     return wrong ? fmu_fail(self, FMU_ERROR, "%s: this cannot be a state of %s: %s", function, M->name, wrong) : FMU_OK;
 }
 

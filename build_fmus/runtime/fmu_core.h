@@ -18,7 +18,8 @@ typedef enum {
     MODE_CONTINUOUS_TIME = 8,
     MODE_STEP = 16,
     MODE_TERMINATED = 32,
-    MODE_ERROR = 64
+    MODE_ERROR = 64,
+    MODE_TICK = 128 /* event mode while the clock ticks: the sample is taken when discrete states are updated */
 } FmuMode;
 
 typedef void (*FmuLog)(void *adapter, FmuStatus status, const char *category, const char *message);
@@ -67,6 +68,12 @@ FmuStatus fmu_directional_derivative(FmuInstance *self, const char *function, co
 /* Co-Simulation. */
 FmuStatus fmu_do_step(FmuInstance *self, const char *function, double time, double step);
 double fmu_time(const FmuInstance *self);
+
+/* Event mode of Co-Simulation, where the model has a clock: samples are taken when it ticks, and not by steps. */
+void fmu_use_events(FmuInstance *self);
+int fmu_uses_events(const FmuInstance *self);
+FmuStatus fmu_tick(FmuInstance *self, const char *function);
+FmuStatus fmu_take_sample(FmuInstance *self, const char *function); /* where the clock ticks; then it does no more */
 int fmu_ended(const FmuInstance *self); /* a step was discarded because the simulation shall end */
 
 /* Model Exchange. */

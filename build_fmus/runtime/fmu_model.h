@@ -70,6 +70,8 @@ typedef struct {
     int is_continuous;
     FmuSolver solver;
     double sample_time;                    /* [s], discrete components */
+    int has_clock;                         /* FMI 3.0: samples can be taken in event mode, when a clock ticks; its reference is n_variables */
+    unsigned long long clock_counter, clock_resolution; /* sample_time as a fraction */
     const FmuVariable *variables;
     int n_variables;
     const FmuHidden *hidden;

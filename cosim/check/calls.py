@@ -124,6 +124,7 @@ class Instance:
         self.indicators: list[float] = []
         self._dll = fmu.dll(kind)
         self._saved: list[Any] = []
+        self._ticking: list[tuple[int, float, float]] = []
         if event_mode is None:
             event_mode = fmu.model.clocks and self.interface.can("hasEventMode")
         self.event_mode = event_mode and kind == "cs"
@@ -231,11 +232,25 @@ class Instance:
 
     def exit_initialization(self) -> Instance:
         """To step mode, or to event mode."""
+        if self.event_mode:
+            self._ticking = [self._asked(*clock) for clock in self.model.ticking]
         self.must("ExitInitializationMode")
         self.state = "step mode" if self.kind == "cs" and not self.event_mode else "event mode"
         if self.state == "event mode" and self.kind == "cs":
             self.handle_events()
         return self
+
+    def _asked(self, reference: int, interval: float, shift: float) -> tuple[int, float, float]:
+        """Reference, interval and shift of a clock, of which importers have to ask what is not written."""
+        if math.isnan(interval):
+            which, seconds, qualifier = (c.c_uint32 * 1)(reference), (c.c_double * 1)(), (c.c_int * 1)()
+            self.must("GetIntervalDecimal", which, c.c_size_t(1), seconds, qualifier)
+            interval = seconds[0]
+            self.must("GetShiftDecimal", which, c.c_size_t(1), seconds)
+            shift = seconds[0]
+            if not 0 < interval < math.inf:
+                raise Refused("fmi3GetIntervalDecimal", OK, f"says {interval:g} s", self.where)
+        return reference, interval, shift
 
     def initialize(self, values: Mapping[Var, Sequence[Any]] | None = None) -> Instance:
         """Through initialization; ME instances to continuous-time mode."""
@@ -355,6 +370,35 @@ class Instance:
         """Status of DoStep; follows what it says about events and ends. Raises Ended."""
         if self.version == "2":
             return self.call("DoStep", float(time), float(step), True)
+        begin, end, near = time, time + step, 1e-9 * (1.0 + abs(time))
+        sensible = self._ticking and 0 < step < 1000 * min(interval for _, interval, _ in self._ticking)
+        while sensible and self.state == "step mode":
+            following = {r: self._following(time, interval, shift) for r, interval, shift in self._ticking}
+            if due := [r for r, at in following.items() if at <= time + near]:
+                self.tick(due)
+            to = min(following[r] if r not in due else following[r] + interval for r, interval, _ in self._ticking)
+            if to >= end - near:
+                break
+            status = self._do_step(time, to - time)
+            if status not in (OK, WARNING):
+                return status
+            time = to
+        return self._do_step(time, step if time == begin else end - time)
+
+    def _following(self, time: float, interval: float, shift: float) -> float:
+        """The first tick of a clock that is not before a time."""
+        begin = self.model.start_time + shift
+        return begin + max(0, math.ceil((time - begin) / interval - 1e-6)) * interval
+
+    def tick(self, references: Sequence[int]) -> None:
+        """Event mode in which these clocks tick. Raises Ended, Refused."""
+        self.must("EnterEventMode")
+        self.state = "event mode"
+        n = len(references)
+        self.must("SetClock", (c.c_uint32 * n)(*references), c.c_size_t(n), (c.c_bool * n)(*[True] * n))
+        self.handle_events()
+
+    def _do_step(self, time: float, step: float) -> int:
         flags, last = [c.c_bool() for _ in range(3)], c.c_double(math.nan)
         status = self.call("DoStep", float(time), float(step), True, *map(c.byref, flags), c.byref(last))
         self.last_time, self.early = last.value, flags[2].value

@@ -5,11 +5,12 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
 
 from build_fmus.checks import one_line
-from cosim.check.model import DEFAULT_INITIAL, Model, Unknown, Var, default_initial
+from cosim.check.model import DEFAULT_INITIAL, Model, Unknown, Var, clock_seconds, default_initial
 from cosim.check.rules import Finding, NotApplicable, check, names, note, warning
 from cosim.fmu import gate
 from cosim.fmu.archive import Archive
@@ -418,6 +419,48 @@ def experiment(file: File) -> Found:
         yield line, f"stopTime {e['stopTime']:g} is before startTime {e.get('startTime', 0.0):g}"
     elif "stopTime" in e and e.get("stepSize", 0.0) > e["stopTime"] - e.get("startTime", 0.0) > 0:
         yield warning(f"stepSize {e['stepSize']:g} is longer than the whole experiment", line)
+
+
+@check(
+    "description.clocks", "clocks say when they tick, and clocked variables name clocks that exist",
+    fmi3="2.2.9 Clocks; 2.4.7 Definition of Model Variables",
+    advice="Give constant clocks their interval, and clocked variables the value references of their clocks.",
+)  # fmt: skip
+def clocks(file: File) -> Found:
+    m = file.model
+    if not m.clocks:
+        raise NotApplicable("there are no clocks")
+    references = {v.reference for v in m.variables if v.type == "Clock"}
+    for v in m.variables:
+        if v.type == "Clock":
+            yield from ((v.line, f"clock {v.name!r} {text}") for text in _of_clock(v))
+        if not v.clocked:
+            continue
+        for word in v.says.get("clocks", "").split():
+            if _reference(word) not in references:
+                yield v.line, f"variable {v.name!r} belongs to clock {word}, which is none"
+        if v.variability != "discrete":
+            yield v.line, f"variable {v.name!r} belongs to a clock and is {v.variability}; it must be discrete"
+
+
+def _of_clock(v: Var) -> Iterator[str]:
+    kind, interval = v.says.get("intervalVariability", ""), clock_seconds(v.says, "interval")
+    if v.causality != "input" and kind != "triggered":
+        yield f"is {kind} and of causality {v.causality}; clocks that tick by time are inputs"
+    if kind == "constant" and interval is None:
+        yield "is constant and has no interval"
+    if interval is not None and interval <= 0:
+        yield f"has the interval {interval:g} s"
+    written = v.says.get("intervalDecimal")
+    with suppress(ValueError):
+        if interval and written is not None and abs(float(written) - interval) > 1e-5 * interval:
+            yield f"has the interval {float(written):g} s, and as a fraction {interval:g} s"
+    if kind == "constant" and v.says.get("supportsFraction") in ("true", "1") and not ("resolution" in v.says and "intervalCounter" in v.says):
+        yield "supports fractions, but tells neither resolution nor intervalCounter"
+
+
+def _reference(text: str) -> int | None:
+    return int(text) if text.isascii() and text.isdecimal() else None
 
 
 @check(

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -167,6 +167,7 @@ class Model:
     scheduled: bool = False
     structural: bool = False
     clocks: bool = False
+    ticking: tuple[tuple[int, float, float], ...] = ()  # periodic input clocks: reference, interval, shift [s]; NaN: the FMU says it
 
     def __post_init__(self) -> None:
         self.by_key: dict[int, Var] = {}
@@ -243,7 +244,22 @@ def read(root: Any) -> Model:
         scheduled=root.find("ScheduledExecution") is not None,
         structural=any(v.causality == "structuralParameter" for v in variables),
         clocks=any(v.type == "Clock" for v in variables),
+        ticking=tuple(_ticking(variables)),
     )
+
+
+def clock_seconds(says: dict[str, str], what: str) -> float | None:
+    """`interval` or `shift` of a clock [s], as far as it is written: exactly as a counter, else as a decimal number."""
+    resolution, counter = _whole(says.get("resolution")), _whole(says.get(f"{what}Counter"))
+    return counter / resolution if resolution and counter is not None else _number(says.get(f"{what}Decimal"))
+
+
+def _ticking(variables: Iterable[Var]) -> Iterator[tuple[int, float, float]]:
+    for v in variables:
+        periodic = v.type == "Clock" and v.causality == "input" and v.says.get("intervalVariability") in ("constant", "fixed", "tunable")
+        interval = clock_seconds(v.says, "interval")
+        if periodic and v.reference is not None and (interval is None or 0 < interval < math.inf):
+            yield v.reference, math.nan if interval is None else interval, clock_seconds(v.says, "shift") or 0.0
 
 
 def default_initial(variability: str, causality: str) -> str | None:

@@ -31,9 +31,10 @@ def choose_engine(members: Iterable[Member], choice: EngineChoice = "auto") -> E
         raise CosimError(unknown("engine", choice, known))
     if choice == "python":
         return Engine(Exchange, "the Python master, as requested")
-    back = [m.name for m in members if not (m.description.fmi_version or m.description.native)]
-    if choice == "auto" and len(back) == len(list(members)):
-        return Engine(Exchange, "the Python master: all components are written in Python")
+    members = list(members)
+    back = [m.name for m in members if _called_back(m)]
+    if choice == "auto" and len(back) == len(members):
+        return Engine(Exchange, "the Python master: all components are written in Python or have clocks, which only it drives")
     try:
         library()
     except NoEngine as error:
@@ -44,3 +45,9 @@ def choose_engine(members: Iterable[Member], choice: EngineChoice = "auto") -> E
     return Engine(
         CompiledExchange, f"the compiled engine{called}; stop conditions that are functions take the Python master"
     )
+
+
+def _called_back(member: Member) -> bool:
+    """Whether its steps are Python's: a component in Python, or an FMU whose clocks are driven there."""
+    about = member.description
+    return not (about.fmi_version or about.native) or getattr(member.component, "in_event_mode", False)

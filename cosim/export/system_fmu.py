@@ -92,6 +92,10 @@ def _schedule(wiring: Wiring, without: Iterable[str]) -> Schedule:
                 f"'{m.name}' is written in Python, and an FMU holds FMUs only: leave it out (without=['{m.name}']), or declare it as "
                 "a component that build-fmus makes an FMU of"
             )
+        if m.component.in_event_mode and m.component.description.kind is None:
+            raise CosimError(
+                f"'{m.name}' has clocks, which a system's FMU does not tick: leave it out (without=['{m.name}'])"
+            )
     connections = [c for c in wiring.connections.values() if not {c.source, c.target} & left_out]
     groups = [Group(g.name, tuple(m for m in g.members if m not in left_out), g.method) for g in wiring.groups.values()]
     return make_schedule(members, connections, [g for g in groups if g.members])

@@ -85,10 +85,22 @@ Status fmi3DoStep(Component, double, double, bool, bool*, bool*, bool*, double*)
     for name, c in _TYPES3.items()
 )
 
+_EVENTS3 = """
+Status fmi3EnterEventMode(Component);
+Status fmi3EnterStepMode(Component);
+Status fmi3UpdateDiscreteStates(Component, bool*, bool*, bool*, bool*, bool*, double*);
+Status fmi3GetClock(Component, const VR*, size_t, bool*);
+Status fmi3SetClock(Component, const VR*, size_t, const bool*);
+Status fmi3GetIntervalDecimal(Component, const VR*, size_t, double*, int*);
+Status fmi3GetIntervalFraction(Component, const VR*, size_t, uint64_t*, uint64_t*, int*);
+Status fmi3GetShiftDecimal(Component, const VR*, size_t, double*);
+Status fmi3GetShiftFraction(Component, const VR*, size_t, uint64_t*, uint64_t*);
+"""  # what FMUs with clocks have, in this process
+
 ffi2 = cffi.FFI()
 ffi2.cdef(_FMI2)
 ffi3 = cffi.FFI()
-ffi3.cdef(_FMI3)
+ffi3.cdef(_FMI3 + _EVENTS3)
 
 
 
@@ -212,8 +224,8 @@ def instantiate2(library: Any, process: Any, texts: tuple[str, str, str], log: L
     return library.fmi2Instantiate(name.encode(), 1, token.encode(), resources.encode(), callbacks, 0, 1)
 
 
-def instantiate3(library: Any, texts: tuple[str, str, str], log: Log, keep: list[Any]) -> Any:
-    """fmi3InstantiateCoSimulation without event mode and early return; `texts` = name, token, resource path."""
+def instantiate3(library: Any, texts: tuple[str, str, str], log: Log, keep: list[Any], *, event_mode: bool = False) -> Any:
+    """fmi3InstantiateCoSimulation without early return and intermediate updates; `texts` = name, token, resource path."""
     name, token, resources = texts
     ffi = ffi3
 
@@ -223,6 +235,6 @@ def instantiate3(library: Any, texts: tuple[str, str, str], log: Log, keep: list
 
     keep.append(logger)
     return library.fmi3InstantiateCoSimulation(
-        name.encode(), token.encode(), resources.encode(), False, True, False, False, ffi.NULL, 0,
+        name.encode(), token.encode(), resources.encode(), False, True, event_mode, False, ffi.NULL, 0,
         ffi.NULL, ffi.cast("void*", logger), ffi.NULL,
     )  # fmt: skip

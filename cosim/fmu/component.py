@@ -19,6 +19,7 @@ from cosim.component import Action, Array, EndRequested, FmiCalls, Ports, Transf
 from cosim.description import Variable
 from cosim.errors import STATUS_NAMES, CallFailed, CosimError, FmuError, ProcessLost, ProcessLostWarning, WiringError
 from cosim.fmu.environment import restorer, what_changed
+from cosim.fmu.event_mode import EventMode, refusal
 from cosim.fmu.file import FmuFile, Library
 from cosim.fmu.isolation import IsolatedLibrary, Isolation, Lost
 from cosim.fmu.own_states import MORE_THAN_STATES, StateLayout, find_states
@@ -47,14 +48,17 @@ _DoStep = tuple[Callable[..., int], list[Any], Any]
 class _SavedState:
     """A saved state, as callers hold it: freed when they drop it."""
 
-    def __init__(self, pointer: Any):
+    def __init__(self, pointer: Any, events: Any = None):
         self.pointer = pointer
+        self.events = events  # when clocks tick next, and what they have shown
 
 
 class FmuComponent:
     """One instance of an FMU, as a `Component`; in this process, or isolated in one of its own."""
 
     def __init__(self, fmu: FmuFile, isolation: Isolation | None = None):
+        if why := refusal(fmu.description):
+            raise FmuError(f"{fmu.path}: {why}")
         self.fmu = fmu
         self.isolation = isolation
         self.description = fmu.description
@@ -81,6 +85,13 @@ class FmuComponent:
         self._given: dict[int, list[Any]] = {}  # what was set before that: value reference -> all elements
         self._kept: list[Action] = []  # what reads values of elements that nobody drives into the master's buffers
         self._step_arguments: list[Any] = [True]  # noSetFMUStatePriorToCurrentPoint, and FMI 3's flags
+        self._events: EventMode | None = None
+
+    @property
+    def in_event_mode(self) -> bool:
+        """Whether it is told when its clocks tick. A sampled FMU of this project that is isolated is not: it counts its samples itself."""
+        about = self.description
+        return bool(about.clocks) and about.event_mode and not (self.isolation is not None and about.kind is not None)
 
     def twin(self) -> FmuComponent:
         """Another component of the same FMU, with an instance of its own."""
@@ -95,6 +106,10 @@ class FmuComponent:
         self._kept.clear()
         self._may_roll_back.clear()  # what was saved before belongs to another run
         reusable = self._instance is not None and not self._dead and self._library.reusable(self.isolation)
+        events = EventMode(self) if self.in_event_mode else None
+        if events is not None and self.isolation is not None:
+            raise FmuError(f"component '{name}': FMUs with clocks are not isolated; run it without isolated=True")
+        self._events = events
         if reusable and self._call("Reset") <= fmi.WARNING:
             return
         self.close()
@@ -108,7 +123,8 @@ class FmuComponent:
         resources = library.folder / "resources"
         log = _logger(self.messages, self.problems)
         texts = (name, self.description.token, f"{resources}{os.sep}" if self._v3 else resources.as_uri())
-        instance = library.instantiate(texts, log, self._keep)
+        with_events = {"event_mode": True} if events is not None else {}
+        instance = library.instantiate(texts, log, self._keep, **with_events)
         self._look_at_environment()
         if instance == self._ffi.NULL:
             lost = library.lost()
@@ -142,9 +158,14 @@ class FmuComponent:
             self._must("SetupExperiment", *experiment)
             self._must("EnterInitializationMode")
         self._tells_values = True
+        if self._events is not None:
+            self._events.enter_initialization(start)
 
     def exit_initialization(self) -> None:
-        self._must("ExitInitializationMode")
+        if self._events is not None:
+            self._events.exit_initialization()
+        else:
+            self._must("ExitInitializationMode")
 
     def terminate(self) -> None:
         if self._instance is not None and not self._dead:
@@ -242,6 +263,12 @@ class FmuComponent:
     # Values, one call at a time: parameters, start values, inspection.
 
     def set(self, values: Mapping[Variable, Any]) -> None:
+        if self._events is not None and self._tells_values and not self._events.initializing:
+            self._events.set(values)
+        else:
+            self._set_values(values)
+
+    def _set_values(self, values: Mapping[Variable, Any]) -> None:
         for fmi_type, group in by_type(values).items():
             for reference, elements in by_reference(group).items():
                 data = self._present(elements)
@@ -308,6 +335,11 @@ class FmuComponent:
     def bind(self, inputs: Sequence[Variable], outputs: Sequence[Variable], u: Array, y: Array) -> Ports:
         self._kept.clear()
         del self._keep[self._kept_from_start :]  # buffers of the run before
+        if self._events is not None:
+            self._bound_step = self._do_step()
+            ports = self._events.ports(inputs, outputs, u, y)
+            self._get_outputs = ports.get_outputs
+            return self._with_guards(ports)
         setters = [self._transfer("Set", how, u) for how in arrangements(int(self.fmu.major), inputs)]
         getters = [self._transfer("Get", how, y) for how in arrangements(int(self.fmu.major), outputs)]
         set_inputs, get_outputs = _sequence([s.move for s in setters]), _sequence([g.move for g in getters])
@@ -317,6 +349,17 @@ class FmuComponent:
         ports = replace(Ports.of(set_inputs, self._stepper(do_step), get_outputs), fmi=calls)
         if len(setters) == len(getters) == 1 and setters[0].direct and getters[0].direct:
             ports = replace(ports, run=self._fused(setters[0], do_step, getters[0]))
+        return self._with_guards(ports)
+
+    def _advance(self, t: float, h: float) -> None:
+        """One fmi3DoStep, for steps with events."""
+        call, rest, ended = self._bound_step
+        status = call(t, h, *rest)
+        if status > fmi.WARNING or ended[0]:
+            self._step_failed(status, t, h)
+
+    def _with_guards(self, ports: Ports) -> Ports:
+        """Put back the floating-point environment after calls into FMUs of others."""
         if not self._foreign:
             return ports
         guard = self._guarded
@@ -465,6 +508,8 @@ class FmuComponent:
         detail = f"step from {t:.9g} s, length {h:.9g} s"
         if last is not None and not whole:
             detail += f"; it got to {last:.9g} s"
+        if self._v3 and status <= fmi.WARNING and self._early[0]:
+            detail += "; it returned early, which it was not allowed to (earlyReturnAllowed is false)"
         if terminated:
             text = f"component '{self.name}' asked to end the simulation ({detail})"
             said = self._said()[-1:]
@@ -488,7 +533,7 @@ class FmuComponent:
         self._free_dropped()
         pointer = self._ffi.new("void**")
         self._must("GetFMUState" if self._v3 else "GetFMUstate", pointer)
-        state = _SavedState(pointer)
+        state = _SavedState(pointer, None if self._events is None else self._events.saved())
         self._states[id(state)] = pointer
         self._may_roll_back.add(id(state))
         self._tell_roll_back()
@@ -499,6 +544,8 @@ class FmuComponent:
         if not self._holds(state):
             raise CosimError(f"'{self.name}': this saved state was freed, or its instance was")
         self._must("SetFMUState" if self._v3 else "SetFMUstate", state.pointer[0])
+        if self._events is not None:
+            self._events.restore(state.events)
         self._keep_values()
 
     def forget(self, state: Any) -> None:
@@ -556,6 +603,8 @@ class FmuComponent:
 
     def pack(self, state: Any) -> bytes:
         """A saved state as the FMU serializes it. Raises CosimError when it does not offer that."""
+        if self._events is not None:
+            raise CosimError("it has clocks, and when they tick is not in what the FMU serializes")
         if not self.description.can_serialize:
             raise CosimError("its FMU does not serialize states (canSerializeFMUState)")
         if not self._holds(state):

@@ -14,7 +14,7 @@ from rich.console import Group
 from rich.table import Table
 from rich.text import Text
 
-from cosim.description import RECORDABLE, Description, Variable, split_index
+from cosim.description import RECORDABLE, Clock, Description, Variable, split_index
 from cosim.errors import FmuError
 from cosim.fmu.file import FmuFile
 from cosim.fmu.gate import Finding
@@ -38,6 +38,7 @@ def describe(fmu: str | os.PathLike[str] | FmuFile) -> Group:
         "step": f"{step} s" if step else "none stated: give step=...",
         "interfaces": "Co-Simulation" + (", Model Exchange" if about.model_exchange else ""),
         "can": ", ".join(_abilities(fmu)) or "only step forward",
+        "clocks": ", ".join(map(_clock, about.clocks)),
         "needs": "the tool that made it (needsExecutionTool)" if about.needs_tool else "",
         "platforms": ", ".join(fmu.platforms()) or "none",
     }
@@ -74,6 +75,11 @@ def wiring(fmu: str | os.PathLike[str] | FmuFile) -> str:
     listed = ", ".join(_quoted(f"{name}.{o}") for o in outputs[:4])
     lines.append(f"recording = system.run(5.0, record=[{listed}])")
     return "\n".join(lines)
+
+
+def _clock(clock: Clock) -> str:
+    every = "" if clock.interval is None else f", every {float(clock.interval):g} s"
+    return f"{clock.name} ({clock.causality}, {clock.kind}{every})"
 
 
 def _quoted(text: str) -> str:

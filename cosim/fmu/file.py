@@ -46,11 +46,11 @@ class Library:
         self._own_folder = own_folder  # unpacked for this library alone
         self._kept = False
 
-    def instantiate(self, texts: tuple[str, str, str], log: fmi.Log, keep: list[Any]) -> Any:
+    def instantiate(self, texts: tuple[str, str, str], log: fmi.Log, keep: list[Any], *, event_mode: bool = False) -> Any:
         """An instance, or NULL. `texts` = name, token, folder of resources as its version of FMI wants it; whatever must outlive the
-        instance is put into `keep`."""
+        instance is put into `keep`. `event_mode` is for FMI 3.0."""
         if self._version == "3":
-            return fmi.instantiate3(self.handle, texts, log, keep)
+            return fmi.instantiate3(self.handle, texts, log, keep, event_mode=event_mode)
         return fmi.instantiate2(self.handle, _process(), texts, log, keep)
 
     def release(self) -> None:

@@ -16,7 +16,7 @@ from typing import Any
 
 from build_fmus.checks import one_line
 from build_fmus.units import BASE_UNITS, DisplayUnit, Unit
-from cosim.description import SIZED_INTEGERS, Description, Variable, split_index
+from cosim.description import SIZED_INTEGERS, Clock, Description, Variable, split_index
 from cosim.errors import FmuError, TimeError
 from cosim.fmu.limits import Limits
 from cosim.fmu.xml import tree
@@ -108,6 +108,7 @@ class _Reader:
         self.variables: dict[str, Variable] = {}
         self.by_key: dict[int, list[Variable]] = {}  # FMI 2: 1-based position; FMI 3: value reference
         self.aliases: dict[str, str] = {}
+        self.clocks: list[Clock] = []
 
     def description(self, simulation: Any) -> Description:
         root = self.root
@@ -139,6 +140,8 @@ class _Reader:
             model_exchange=root.find("ModelExchange") is not None,
             needs_tool=_flag(simulation, "needsExecutionTool"),
             aliases=self.aliases,
+            event_mode=_flag(simulation, "hasEventMode"),
+            clocks=self.clocks,
         )
         experiment = root.find("DefaultExperiment")
         if experiment is not None:
@@ -346,6 +349,8 @@ class _Fmi3(_Reader):
             self.variables.update((v.name, v) for v in expanded)
             if element.get("derivative"):
                 self.derivative_of[reference] = _integer(element, "derivative", f"variable '{name}'")
+            if element.tag == "Clock":
+                self.clocks.append(_clock(variable, attributes))
             for alias in element.iterfind("Alias"):
                 further = _name(alias, f"an Alias of '{name}'")
                 self.take(further)
@@ -363,6 +368,9 @@ class _Fmi3(_Reader):
 
     def read_structure(self, structure: Any, result: Description) -> None:
         self.unknowns(structure.iterfind("Output"), "valueReference", result)
+        if self.clocks:  # otherwise nobody asks
+            listed = [self.named(e.get("valueReference"), "valueReference") for e in self.each(structure.iterfind("InitialUnknown"))]
+            result.initial_unknowns = frozenset(v.declared for variables in listed for v in variables)
         derivatives = self.unknowns(structure.iterfind("ContinuousStateDerivative"), "valueReference", result)
         pairs: list[tuple[Variable, Variable | None]] = []
         for derivative in derivatives:
@@ -435,6 +443,32 @@ def _flag(element: Any, *names: str) -> bool:
     return any(element.get(name) in ("true", "1") for name in names)
 
 
+_CLOCKS = ("constant", "fixed", "tunable", "changing", "countdown", "triggered")
+
+
+def _clock(variable: Variable, attributes: dict[str, str]) -> Clock:
+    """Interval and shift are exact where they are counted: counter / resolution."""
+    what, kind = f"clock '{variable.name}'", attributes.get("intervalVariability", "")
+    if kind not in _CLOCKS:
+        raise _Unreadable(f"{what}: intervalVariability is {_short(kind)}; it is one of {', '.join(_CLOCKS)}")
+    resolution = _whole(attributes["resolution"], f"{what}: resolution", 1, 2**64 - 1) if "resolution" in attributes else None
+
+    def seconds(which: str) -> Fraction | None:
+        if resolution is not None and f"{which}Counter" in attributes:
+            return Fraction(_whole(attributes[f"{which}Counter"], f"{what}: {which}Counter", 0, 2**64 - 1), resolution)
+        text = attributes.get(f"{which}Decimal")
+        return None if text is None else _seconds(text, f"{what}: {which}Decimal")
+
+    fractions = attributes.get("supportsFraction") in ("true", "1")
+    return Clock(
+        variable.name, variable.reference, variable.causality, kind, seconds("interval"), seconds("shift") or Fraction(0), fractions
+    )
+
+
+def _references(text: str | None, what: str) -> tuple[int, ...]:
+    return tuple(_whole(word, f"{what}: clocks", 0, 2**32 - 1) for word in (text or "").split())
+
+
 def _variable(
     element: Any, typed: tuple[str, str], attributes: Any, known: _Reader, array: bool = False
 ) -> Variable:
@@ -464,6 +498,7 @@ def _variable(
         reference=_integer(element, "valueReference", what, high=2**32 - 1),
         declared=name,
         constant=_number(start, f"{what}: start") if constant else None,
+        clocks=_references(element.get("clocks"), what),
     )
 
 

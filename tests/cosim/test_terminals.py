@@ -8,7 +8,7 @@ from functools import partial
 from pathlib import Path
 
 import pytest
-from built import FMUS
+from built import BuiltFmus
 from foreign import followers
 
 from cosim import FmuError, FmuWarning, PythonComponent, System, WiringError
@@ -76,11 +76,11 @@ class Wheel(PythonComponent):
 
 
 @pytest.mark.parametrize("version", [2, 3])
-def test_a_road_is_wired_by_what_belongs_together(version: int) -> None:
+def test_a_road_is_wired_by_what_belongs_together(built_fmus: BuiltFmus, version: int) -> None:
     """FMI 2.0 has no terminals: names make them, as they do for components in Python."""
     with System() as system:
-        system.add("road", FMUS / f"fmi{version}" / "RoadSine.fmu")
-        system.add("car", FMUS / "fmi3" / "FullCarHmmwv.fmu")
+        system.add("road", built_fmus.path("RoadSine", version))
+        system.add("car", built_fmus.path("FullCarHmmwv", 3))
         system.add("wheel", Wheel(), step="1 ms")
         fl = {f"road.road.fl.{q} -> car.road.fl.{q}" for q in ("height", "slope")}
         assert shown(system.connect_terminals("road.road.fl", "car.road.fl")) == fl

@@ -96,6 +96,13 @@ def _member(variable: str, name: str = 'memberName="a" ') -> str:
     return f'<TerminalMemberVariable variableKind="signal" {name}variableName="{variable}"/>'
 
 
+def _clocked(files: dict[str, bytes], version: int) -> None:
+    """A clock that others would tick, and a clocked variable that may change at any time."""
+    clock = '<Clock name="clock" valueReference="77" causality="input" intervalVariability="triggered"/>'
+    clocked = '<Float64 name="clocked" valueReference="78" causality="local" variability="continuous" clocks="77"/>'
+    _replaced(r"</ModelVariables>", f"{clock}{clocked}</ModelVariables>")(files, version)
+
+
 STATES = ("saved.replay", "saved.parameters", "saved.states", "saved.serialize")
 FAULTS = {
     # -------------------------------------------------------------------------------------------- description, archive
@@ -115,6 +122,8 @@ FAULTS = {
     "no-output": Fault(("description.structure",), spoil=lambda f, v: _replaced(r'<Unknown index="10" dependencies=""/></Outputs>' if v == 2 else r'<Output valueReference="9" dependencies=""/>', "</Outputs>" if v == 2 else "")(f, v)),
     "no-initial-unknown": Fault(("description.structure",), spoil=lambda f, v: _replaced(r'(<InitialUnknowns>)<Unknown index="7"[^>]*/>' if v == 2 else r'<InitialUnknown valueReference="6"[^>]*/>', r"\1" if v == 2 else "")(f, v)),
     "kinds": Fault(("description.dependencies",), spoil=_replaced('dependencies="5"' , 'dependencies="5" dependenciesKind="dependent fixed"')),
+    "clock-without-interval": Fault(("description.clocks",), ("description.capabilities",), versions=(3,), spoil=_replaced(r"</ModelVariables>", '<Clock name="clock" valueReference="77" causality="input" intervalVariability="constant"/></ModelVariables>')),
+    "clocked-continuous": Fault(("description.clocks",), ("description.capabilities",), versions=(3,), spoil=_clocked),
     "experiment": Fault(("description.experiment",), spoil=_replaced('stopTime="1"', 'stopTime="-1"')),
     "serialize-without-saving": Fault(("description.capabilities",), spoil=_replaced(r'canGetAndSetFMU[sS]tate="true"', "", count=2)),
     "no-time": Fault(("description.capabilities",), versions=(3,), spoil=_replaced(r'<Float64 name="time"[^>]*/>', "")),

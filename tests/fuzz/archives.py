@@ -65,8 +65,8 @@ def make(rng: random.Random) -> bytes:
     if way < 0.2:
         return data
     if way < 0.75:
-        return mutate.several(rng, data, _CHANGES, 4)
-    return mutate.several(rng, data, (*mutate.BYTES, *_CHANGES), 3)
+        return mutate.several(rng, data, CHANGES, 4)
+    return mutate.several(rng, data, (*mutate.BYTES, *CHANGES), 3)
 
 
 def _archive(rng: random.Random) -> bytes:
@@ -183,7 +183,7 @@ def _wide(rng: random.Random, data: bytes) -> bytes:
     return data[:at] + record + locator + end
 
 
-_CHANGES: tuple[Callable[[random.Random, bytes], bytes], ...] = (_field, _field, _field, _field, _both, _both, _overlap, _around, _wide, mutate.cut)
+CHANGES: tuple[Callable[[random.Random, bytes], bytes], ...] = (_field, _field, _field, _field, _both, _both, _overlap, _around, _wide, mutate.cut)
 
 
 # -------------------------------------------------------------------------------------------------------------- trial

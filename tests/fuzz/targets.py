@@ -14,7 +14,9 @@ TARGETS = {
     "xml": 15,
     "archives": 15,
     "data": 15,
-    "api": 49,
+    "ssp": 4,
+    "terminals": 5,
+    "api": 40,
     "states": 5,
     "hostile": 1,
 }

@@ -102,15 +102,15 @@ def make(rng: random.Random) -> bytes:
     xml = rng.choice(seeds())
     way = rng.random()
     if way < 0.75:
-        xml = _structure(rng, xml)
+        xml = structure(rng, xml)
     if way > 0.65:
-        xml = mutate.several(rng, xml, (*mutate.BYTES, mutate.number, mutate.word, mutate.encoding, _head), 4)
+        xml = mutate.several(rng, xml, (*mutate.BYTES, mutate.number, mutate.word, mutate.encoding, head), 4)
     if rng.random() < 0.0005:
         xml = _grow(rng, xml)
     return xml
 
 
-def _structure(rng: random.Random, xml: bytes) -> bytes:
+def structure(rng: random.Random, xml: bytes) -> bytes:
     root = etree.fromstring(xml)
     for _ in range(rng.choice((1, 1, 1, 2, 3, 8))):
         elements = [e for e in root.iter() if isinstance(e.tag, str)]
@@ -198,7 +198,7 @@ def _text(rng: random.Random, element: Any, _elements: list[Any]) -> None:
 _CHANGES = (_set,) * 8 + (_unset, _unset, _all, _remove, _remove, _copy, _copy, _move, _move, _rename, _new, _new, _dimension, _deep, _text)
 
 
-def _head(rng: random.Random, xml: bytes) -> bytes:
+def head(rng: random.Random, xml: bytes) -> bytes:
     """Another declaration, a document type, another version."""
     body = re.sub(rb"^\s*<\?xml[^>]*\?>", b"", xml)
     declared = rng.choice(("UTF-8", "utf-16", "latin1", "UTF-7", "cp037", "nonsense", "ISO-8859-15", "UCS-4"))

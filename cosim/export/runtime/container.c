@@ -238,6 +238,15 @@ double fmu_time(const FmuInstance *self) {
 
 int fmu_ended(const FmuInstance *self) { return self->state->ended; }
 
+/* A system has no clock that others could tick. */
+void fmu_use_events(FmuInstance *self) { (void)self; }
+int fmu_uses_events(const FmuInstance *self) {
+    (void)self;
+    return 0;
+}
+FmuStatus fmu_tick(FmuInstance *self, const char *function) { return fmu_fail(self, FMU_ERROR, "%s: there are no clocks", function); }
+FmuStatus fmu_take_sample(FmuInstance *self, const char *function) { return fmu_tick(self, function); }
+
 static int64_t gcd(int64_t a, int64_t b) {
     while (b) {
         const int64_t rest = a % b;

@@ -1,0 +1,337 @@
+"""An FMI 3.0 Co-Simulation FMU with time-based clocks: when each ticks, and what is done in event mode (FMI 3.0, 2.2.9 and 4.2).
+
+A communication step from t to t + h holds the ticks in [t, t + h): at each the FMU is in event mode, its clocks are set, the inputs of these clocks are
+set, their outputs are read, discrete states are updated, and `fmi3DoStep` goes on to the next tick or to the end. Inputs that are discrete without
+a clock are set in event mode at t. What a clock computes shows until it ticks again.
+
+| clock | its interval |
+|---|---|
+| constant | in modelDescription.xml |
+| fixed, tunable | there, or what the FMU says at the end of initialization; of a tunable one again when a parameter was set |
+| changing | what the FMU says at each tick: the time to the next |
+| countdown | what the FMU says in any event mode, if it knows it |
+
+FMUs whose clocks others must tick (triggered inputs) are refused: no clocks are connected here. Early return is not allowed to the FMU and no
+intermediate update is requested, which are rights of whoever imports it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from fractions import Fraction
+from typing import Any, NoReturn, Protocol
+
+import numpy as np
+
+from cosim.component import Action, EndRequested, Ports
+from cosim.description import Clock, Description, Variable
+from cosim.errors import CallFailed, CosimError
+from cosim.fmu.transfers import Arrangement, arrangements
+from cosim.signals import Array
+from cosim.time import rational
+
+ITERATIONS = 1000  # of an event, and ticks at one instant; beyond it goes on for ever
+NOT_YET_KNOWN, UNCHANGED, CHANGED = range(3)  # fmi3IntervalQualifier
+PERIODIC = ("constant", "fixed", "tunable")
+
+
+def refusal(about: Description) -> str:
+    """Why the clocks of an FMU cannot be driven; empty if they can, or if there are none."""
+    for clock in about.clocks:
+        if clock.causality == "input" and clock.kind == "triggered":
+            return f"its clock '{clock.name}' ticks when another FMU says so (triggered), and clocks of FMUs are not connected here"
+        if clock.causality == "input" and not about.event_mode:
+            return f"its clock '{clock.name}' needs event mode, which it does not offer (hasEventMode)"
+    return ""
+
+
+class Instance(Protocol):
+    """What is needed of an instance: its calls, and how its values are moved."""
+
+    name: str
+    description: Description
+    _ffi: Any
+    _flags: Any
+
+    def _must(self, function: str, *arguments: Any) -> None: ...
+
+    def _set_values(self, values: Mapping[Variable, Any]) -> None: ...
+
+    def _transfer(self, direction: str, how: Arrangement, buffer: Array) -> Any: ...
+
+    def _advance(self, t: float, h: float) -> None: ...
+
+
+@dataclass(frozen=True)
+class Due:
+    """When a clock ticks: at `base + count * interval` [s], exactly; `interval` None: not known yet."""
+
+    base: Fraction
+    count: int = 0
+    interval: Fraction | None = None
+
+    @property
+    def next(self) -> float:
+        return math.inf if self.interval is None else float(self.base + self.count * self.interval)
+
+
+@dataclass
+class _Group:
+    """Variables that are moved together, `places` of the master's buffer."""
+
+    variables: list[Variable]
+    clocks: frozenset[int]  # that they belong to; none: to no clock
+    at_events: bool  # inputs that are discrete without belonging to a clock
+    places: Any
+    buffer: Array
+    moves: tuple[Action, ...]
+
+    def move(self) -> None:
+        for move in self.moves:
+            move()
+
+
+class EventMode:
+    """The clocks of one instance."""
+
+    def __init__(self, component: Instance):
+        self.component = component
+        self.about = component.description
+        self.clocks = {c.reference: c for c in self.about.clocks if c.causality == "input"}
+        self.told = [c.reference for c in self.about.clocks if c.causality == "output"]  # that the FMU itself ticks
+        self.due: dict[int, Due] = {}
+        self.now, self.next_event = 0.0, math.inf
+        self.initializing = False
+        self._start = Fraction(0)
+        self._later: dict[Variable, Any] = {}  # inputs of clocks that were set between their ticks
+        self._inputs: list[_Group] = []
+        self._outputs: list[_Group] = []
+
+    # Initialization.
+
+    def enter_initialization(self, start: float) -> None:
+        self.now, self._start, self.initializing = start, rational(start, "start time"), True
+        self._later.clear()
+
+    def exit_initialization(self) -> None:
+        """Ask for intervals, leave initialization, and event mode that follows it, for step mode. Nothing has ticked yet."""
+        for clock in self.clocks.values():
+            self.due[clock.reference] = self._first(clock)
+        self.component._must("ExitInitializationMode")
+        self.initializing = False
+        self._update(frozenset())
+        self.component._must("EnterStepMode")
+
+    def _first(self, clock: Clock) -> Due:
+        if clock.kind not in PERIODIC:
+            qualifier, interval = self._ask(clock)
+            return Due(self._start + interval, 0, interval) if qualifier != NOT_YET_KNOWN else Due(self._start)
+        if clock.interval is not None:
+            return Due(self._start + clock.shift, 0, self._positive(clock, clock.interval))
+        shift = self._seconds(clock, "Shift")
+        return Due(self._start + shift, 0, self._positive(clock, self._ask(clock)[1]))
+
+    def _ask(self, clock: Clock) -> tuple[int, Fraction]:
+        """fmi3GetInterval: (qualifier, interval)."""
+        qualifier = self.component._ffi.new("int[1]", [UNCHANGED])
+        interval = self._seconds(clock, "Interval", qualifier)
+        return qualifier[0], interval
+
+    def _seconds(self, clock: Clock, what: str, *more: Any) -> Fraction:
+        """What fmi3GetIntervalDecimal or its like says, exactly where the FMU can; 0 where it does not know."""
+        new, reference = self.component._ffi.new, self.component._ffi.new("VR[]", [clock.reference])
+        if clock.fractions:
+            counter, resolution = new("uint64_t[1]"), new("uint64_t[1]", [1])
+            self.component._must(f"Get{what}Fraction", reference, 1, counter, resolution, *more)
+            if not resolution[0]:
+                self._refuse(clock, f"its {what.lower()} is {counter[0]} / 0")
+            return Fraction(counter[0], resolution[0])
+        value = new("double[1]")
+        self.component._must(f"Get{what}Decimal", reference, 1, value, *more)
+        if more and more[0][0] == NOT_YET_KNOWN:
+            return Fraction(0)
+        if not (math.isfinite(value[0]) and value[0] >= 0):
+            self._refuse(clock, f"its {what.lower()} is {value[0]:g} s")
+        return rational(value[0], f"{what.lower()} of clock '{clock.name}'")
+
+    def _positive(self, clock: Clock, interval: Fraction) -> Fraction:
+        if interval <= 0:
+            self._refuse(clock, f"its interval is {float(interval):g} s")
+        return interval
+
+    def _refuse(self, clock: Clock, why: str) -> NoReturn:
+        raise CosimError(f"'{self.component.name}': clock '{clock.name}' cannot be driven: {why}")
+
+    # Values.
+
+    def ports(self, inputs: Sequence[Variable], outputs: Sequence[Variable], u: Array, y: Array) -> Ports:
+        self._inputs, self._outputs = self._grouped("Set", inputs), self._grouped("Get", outputs)
+        self._u, self._y = u, y
+        first = None if self.about.kind is not None else self.about.initial_unknowns  # FMUs of this project compute them all
+        at_first = [g for g in self._outputs if not g.clocks or first is None or all(v.declared in first for v in g.variables)]
+
+        def set_inputs() -> None:
+            if self.initializing:  # later they are set when they may be: in the step
+                self._set(lambda _: True)
+
+        def get_outputs() -> None:
+            self._get(lambda g: g in at_first if self.initializing else not g.clocks)
+
+        return Ports.of(set_inputs, self.step, get_outputs)
+
+    def _grouped(self, direction: str, variables: Sequence[Variable]) -> list[_Group]:
+        """Variables by their clocks; inputs that are discrete apart from those that are not."""
+        groups: dict[tuple[frozenset[int], bool], list[int]] = {}
+        for i, v in enumerate(variables):
+            at_events = direction == "Set" and not v.clocks and v.variability == "discrete"
+            groups.setdefault((frozenset(v.clocks), at_events), []).append(i)
+        made = []
+        for (clocks, at_events), places in groups.items():
+            buffer, own = np.zeros(len(places)), [variables[i] for i in places]
+            moves = [self.component._transfer(direction, how, buffer).move for how in arrangements(3, own)]
+            made.append(_Group(own, clocks, at_events, np.array(places, dtype=np.intp), buffer, tuple(moves)))
+        return made
+
+    def _set(self, which: Callable[[_Group], bool]) -> None:
+        for group in self._inputs:
+            if which(group):
+                group.buffer[:] = self._u[group.places]
+                group.move()
+
+    def _get(self, which: Callable[[_Group], bool]) -> None:
+        """Read these outputs; those of clocks that do not tick keep what they showed."""
+        for group in self._outputs:
+            if which(group):
+                group.move()
+            self._y[group.places] = group.buffer
+
+    def set(self, values: Mapping[Variable, Any]) -> None:
+        """Parameters and inputs while it runs: in event mode. Inputs of a clock wait for its next tick; what a tunable clock's interval
+        becomes counts from now."""
+        self._later |= {v: x for v, x in values.items() if v.clocks}
+        if now := {v: x for v, x in values.items() if not v.clocks}:
+            self.component._must("EnterEventMode")
+            self.component._set_values(now)
+            self._update(frozenset())
+            for clock in self.clocks.values():
+                if clock.kind == "tunable" and clock.interval is None:
+                    qualifier, interval = self._ask(clock)
+                    if qualifier == CHANGED:
+                        time = rational(self.now, "time")
+                        self.due[clock.reference] = Due(time + self._positive(clock, interval), 0, interval)
+            self.component._must("EnterStepMode")
+
+    # What a saved state has beside that of the FMU.
+
+    def saved(self) -> Any:
+        held = {v: float(x) for g in self._outputs if g.clocks for v, x in zip(g.variables, g.buffer, strict=True)}
+        return dict(self.due), self.now, self.next_event, dict(self._later), held
+
+    def restore(self, state: Any) -> None:
+        due, self.now, self.next_event, later, held = state
+        self.due, self._later = dict(due), dict(later)
+        for group in self._outputs:
+            if group.clocks:
+                group.buffer[:] = [held.get(v, x) for v, x in zip(group.variables, group.buffer, strict=True)]
+
+    # Time.
+
+    def step(self, t: float, h: float) -> None:
+        """A communication step with all ticks in [t, t + h)."""
+        end, near = t + h, min(1e-9 * (1.0 + abs(t)), 1e-3 * h)
+        self.now = t
+        self._set(lambda g: not g.clocks and not g.at_events)
+        self._events(near, first=any(g.at_events for g in self._inputs))
+        for _ in range(ITERATIONS):
+            following = min([self.next_event, *(due.next for due in self.due.values())])
+            to = following if following < end - near else end
+            if to < end and not self.about.variable_step:
+                self._stop(
+                    f"a clock ticks at {to:.9g} s, within a step from {t:.9g} s to {end:.9g} s, and the FMU takes no steps of other lengths "
+                    "(canHandleVariableCommunicationStepSize): give it a step such that ticks begin steps"
+                )
+            self._advance(to, within=to < end)
+            if to == end:
+                return
+            self._events(near)
+        self._stop(f"its clocks tick more than {ITERATIONS} times from {t:.9g} s to {end:.9g} s")
+
+    def _advance(self, to: float, *, within: bool) -> None:
+        """`fmi3DoStep` from where it stands."""
+        try:
+            self.component._advance(self.now, to - self.now)
+        except EndRequested as request:
+            raise EndRequested(request.component, str(request), complete=request.complete and not within) from None
+        self.now = to
+        if self.component._flags[0] and not within:
+            self._event(frozenset())
+
+    def _events(self, near: float, *, first: bool = False) -> None:
+        """Everything that happens at the present time; `first`: at the beginning of a step, where discrete inputs change."""
+        for _ in range(ITERATIONS):
+            ticking = frozenset(r for r, due in self.due.items() if due.next <= self.now + near)
+            wanted = bool(self.component._flags[0]) or self.next_event <= self.now + near
+            if not (ticking or first or wanted):
+                return
+            self._event(ticking, first=first)
+            first = False
+        self._stop("its clocks tick for ever")
+
+    def _event(self, ticking: frozenset[int], *, first: bool = False) -> None:
+        """Event mode: clocks tick, what belongs to them is exchanged, discrete states are updated."""
+        must, new = self.component._must, self.component._ffi.new
+        must("EnterEventMode")
+        self.component._flags[0] = False
+        if ticking:
+            references = sorted(ticking)
+            must("SetClock", new("VR[]", references), len(references), new("bool[]", [True] * len(references)))
+        self._set(lambda g: bool(g.clocks & ticking) or (first and g.at_events))
+        if later := {v: x for v, x in self._later.items() if ticking & set(v.clocks)}:
+            self.component._set_values(later)
+            self._later = {v: x for v, x in self._later.items() if v not in later}
+        for reference in ticking:
+            self.due[reference] = replace(self.due[reference], count=self.due[reference].count + 1)
+        self._update(ticking)
+        must("EnterStepMode")
+
+    def _stop(self, why: str) -> NoReturn:
+        raise CallFailed(self.component.name, "event mode", 3, f"{why} (at {self.now:.9g} s)")
+
+    def _update(self, ticking: frozenset[int]) -> None:
+        """Read what clocks compute, update discrete states until they stay, and ask for intervals that may have changed."""
+        flags, when = self.component._ffi.new("bool[5]"), self.component._ffi.new("double*")
+        for _ in range(ITERATIONS):
+            active = ticking | self._told_now()
+            if active:
+                self._get(lambda g, active=active: bool(g.clocks & active))  # type: ignore[misc]
+            self._reschedule(ticking)
+            self.component._must("UpdateDiscreteStates", *(flags + k for k in range(5)), when)
+            ticking = frozenset()
+            if flags[1]:
+                text = f"component '{self.component.name}' asked to end the simulation (in event mode at {self.now:.9g} s)"
+                raise EndRequested(self.component.name, text, complete=False)
+            if not flags[0]:
+                self._reschedule(ticking)
+                self.next_event = when[0] if flags[4] else math.inf
+                return
+        self._stop("its discrete states want to be updated for ever")
+
+    def _told_now(self) -> frozenset[int]:
+        """Output clocks that tick."""
+        if not self.told:
+            return frozenset()
+        values = self.component._ffi.new("bool[]", len(self.told))
+        self.component._must("GetClock", self.component._ffi.new("VR[]", self.told), len(self.told), values)
+        return frozenset(r for r, ticks in zip(self.told, values, strict=True) if ticks)
+
+    def _reschedule(self, ticking: frozenset[int]) -> None:
+        """Intervals that the FMU tells in event mode."""
+        for reference, clock in self.clocks.items():
+            if clock.kind == "countdown" or (clock.kind == "changing" and reference in ticking):
+                now, (qualifier, interval) = rational(self.now, "time"), self._ask(clock)
+                if qualifier == CHANGED:
+                    self.due[reference] = Due(now + interval, 0, interval)
+                elif clock.kind == "countdown" and reference in ticking:
+                    self.due[reference] = Due(now)

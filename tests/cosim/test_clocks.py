@@ -1,0 +1,219 @@
+"""FMUs of others with clocks and event mode: when each kind ticks, what is exchanged then, and what is refused by name."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from foreign import clocked
+
+from cosim import ComponentError, CosimError, FmuError, PythonComponent, System
+from cosim.check import Options, check
+from cosim.fmu.file import FmuFile
+
+ENGINES = ("python", "compiled")
+Build = Callable[..., Path]
+
+
+@pytest.fixture(scope="module")
+def fmu(tmp_path_factory: pytest.TempPathFactory) -> Build:
+    """An FMU by the kind of its clock; each is built once."""
+    made: dict[str, Path] = {}
+
+    def of(kind: str) -> Path:
+        if kind not in made:
+            made[kind] = clocked.build(kind, tmp_path_factory.mktemp(kind))
+        return made[kind]
+
+    return of
+
+
+class Ramp(PythonComponent):
+    """1, 2, 3, ... at its samples."""
+
+    outputs = ("y",)
+    kind = "discrete"
+
+    def begin(self) -> None:
+        self.n = 0.0
+
+    def step(self, t, h, u, y):  # noqa: ARG002
+        self.n += 1.0
+        y[0] = self.n
+
+
+def run(path: Path, stop: float = 0.1, *, step: str = "10 ms", engine: str = "python", **start: object) -> dict[str, list[float]]:
+    with System() as system:
+        system.add("c", path, step=step, start={"u": 1.0, "begin": False, **start})
+        recording = system.run(stop, record=["c.*"], engine=engine)  # type: ignore[arg-type]
+    return {n.removeprefix("c."): recording[n].round(9).tolist() for n in recording.names}
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_a_constant_clock_ticks_exactly_where_its_counters_say(fmu: Build, engine: str) -> None:
+    """Every 1/300 s, three times in each step of 10 ms; the FMU fails where a tick is passed or comes at another time."""
+    found = run(fmu("constant"), engine=engine)
+    assert found["ticks"] == [3.0 * k for k in range(11)]
+    assert found["last"][1:] == [round((3 * k + 2) / 300, 9) for k in range(10)]
+    assert found["y"] == found["ticks"], "u is added at every tick"
+    z = [sum(n / 300 for n in range(1, 3 * k + 1)) for k in range(11)]
+    assert found["z"] == pytest.approx(z, abs=1e-9), "what holds between ticks is integrated"
+    assert run(fmu("constant"), 12.0, engine=engine)["ticks"][-1] == 3600.0
+
+
+def test_a_fixed_clock_has_the_interval_and_shift_of_its_parameters(fmu: Build) -> None:
+    found = run(fmu("fixed"), period=0.03, shift=0.005)
+    assert found["last"] == [-1.0, *[0.005] * 3, *[0.035] * 3, *[0.065] * 3, 0.095]
+    assert found["ticks"][-1] == 4.0
+
+
+def test_a_tunable_clock_follows_its_parameter_from_when_it_is_set(fmu: Build) -> None:
+    with System() as system:
+        system.add("c", fmu("tunable"), step="10 ms", start={"u": 1.0, "begin": False})
+        with system.initialize(record=["c.last", "c.ticks"], engine="python") as simulation:
+            simulation.advance(0.04)
+            simulation.set("c.period", 0.025)
+            simulation.advance(0.12)
+            recording = simulation.recording
+    assert recording["c.last"].round(9).tolist()[4:] == [0.03, 0.03, 0.03, 0.065, 0.065, 0.065, 0.09, 0.09, 0.115]
+    assert recording["c.ticks"][-1] == 7.0
+
+
+def test_a_changing_clock_says_at_each_tick_when_the_next_one_is(fmu: Build) -> None:
+    found = run(fmu("changing"), 0.16, step="40 ms")  # ticks at 10, 20, 40, 70, 80, 100, 130, 140 ms
+    assert found["ticks"] == [0.0, 2.0, 4.0, 6.0, 8.0]
+    assert found["last"][1:] == [0.02, 0.07, 0.1, 0.14]
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_a_countdown_begins_at_an_event(fmu: Build, engine: str) -> None:
+    """A discrete input is set in event mode; 15 ms later, within a step, the clock ticks."""
+
+    class Begin(PythonComponent):
+        outputs = ("y",)
+        kind = "discrete"
+
+        def step(self, t, h, u, y):  # noqa: ARG002
+            y[0] = float(0.035 < t < 0.045 or t > 0.075)
+
+    class Truth(Begin):
+        def __init__(self) -> None:
+            super().__init__()
+            y = self.description.variables["y"]
+            object.__setattr__(y, "type", "boolean")
+
+    with System() as system:
+        system.add("begin", Truth(), step="10 ms")
+        system.add("c", fmu("countdown"), step="10 ms", start={"u": 1.0})
+        system.connect("begin.y", "c.begin")
+        recording = system.run(0.12, record=["c.last", "c.ticks"], engine=engine)  # type: ignore[arg-type]
+    assert recording["c.ticks"].tolist() == [0.0] * 6 + [1.0] * 4 + [2.0] * 3
+    assert recording["c.last"][-1] == pytest.approx(0.095, abs=1e-12)
+
+
+def test_what_an_output_clock_carries_shows_when_the_fmu_says_that_it_ticks(fmu: Build) -> None:
+    found = run(fmu("tunable"))
+    assert found["w"] == [0.0, 0.0, 0.0, 3.0, 3.0, 3.0, 6.0, 6.0, 6.0, 9.0, 9.0], "at every third tick"
+
+
+def test_inputs_of_a_clock_are_taken_when_it_ticks(fmu: Build) -> None:
+    with System() as system:
+        system.add("ramp", Ramp(), step="10 ms")
+        system.add("c", fmu("fixed"), step="10 ms", kind="discrete", start={"begin": False})
+        system.connect("ramp.y", "c.u")
+        recording = system.run(0.1, record=["c.y", "ramp.y"], engine="python")
+    assert recording["ramp.y"].tolist()[:5] == [1.0, 2.0, 3.0, 4.0, 5.0]
+    assert recording["c.y"].tolist() == [1.0, 1.0, 4.0, 4.0, 9.0, 9.0, 16.0, 16.0, 25.0, 25.0, 25.0], "every second sample counts"
+
+
+def test_an_input_that_is_set_between_ticks_waits_for_the_next(fmu: Build) -> None:
+    with System() as system:
+        system.add("c", fmu("fixed"), step="10 ms", start={"u": 1.0, "begin": False})
+        with system.initialize(record=["c.y"], engine="python") as simulation:
+            simulation.advance(0.03)
+            simulation.set("c.u", 10.0)
+            simulation.advance(0.06)
+            assert simulation.recording["c.y"].tolist() == [0.0, 1.0, 1.0, 2.0, 2.0, 12.0, 12.0]
+
+
+@pytest.mark.parametrize("kind", ["constant", "changing"])
+def test_saved_states_hold_when_clocks_tick(fmu: Build, kind: str) -> None:
+    with System() as system:
+        system.add("c", fmu(kind), step="15 ms", start={"u": 1.0, "begin": False})
+        with system.initialize(record=["c.*"], engine="python") as simulation:
+            simulation.advance(0.06)
+            state = simulation.save()
+            simulation.advance(0.15)
+            once = simulation.recording["c.z"][-1]
+            simulation.restore(state)
+            simulation.advance(0.15)
+            assert simulation.recording["c.z"][-1] == once
+            with pytest.raises(CosimError, match="this state cannot leave its process, because of 'c'"):
+                state.to_bytes()
+
+
+def test_repeated_runs_are_alike(fmu: Build) -> None:
+    with System() as system:
+        system.add("c", fmu("changing"), step="10 ms", start={"u": 1.0, "begin": False})
+        first, second = (system.run(0.1, record=["c.*"], engine="python") for _ in range(2))
+    assert all(np.array_equal(first[n], second[n]) for n in first.names)
+
+
+def test_who_drives_them_is_said(fmu: Build) -> None:
+    with System() as system:
+        system.add("c", fmu("constant"), step="10 ms")
+        assert "have clocks, which only it drives" in str(system.schedule())
+        assert system.unconnected() == ["c.u", "c.begin"], "clocks are no inputs to be connected"
+
+
+@pytest.mark.parametrize(
+    ("kind", "options", "message"),
+    [
+        ("triggered", {}, r"its clock 'clock' ticks when another FMU says so \(triggered\)"),
+        ("constant", {"event_mode": False}, r"its clock 'clock' needs event mode, which it does not offer \(hasEventMode\)"),
+    ],
+)
+def test_clocks_that_cannot_be_driven_are_refused_by_name(tmp_path: Path, kind: str, options: dict[str, bool], message: str) -> None:
+    path = clocked.build(kind, tmp_path, **options)
+    assert [c.name for c in FmuFile(path, quiet=True).description.clocks] == ["clock", "pulse"], "it can be looked at"
+    with System() as system, pytest.raises(FmuError, match=message):
+        system.add("c", path, step="10 ms")
+
+
+def test_a_tick_within_a_step_needs_steps_of_other_lengths(tmp_path: Path) -> None:
+    path = clocked.build("changing", tmp_path, variable_step=False)
+    assert run(path, 0.05)["ticks"][-1] == 3.0, "ticks begin steps: nothing is divided"
+    with pytest.raises(ComponentError, match=r"a clock ticks at 0\.01 s, within a step from 0 s to 0\.04 s.*canHandleVariableCommunicationStepSize"):
+        run(path, 0.08, step="40 ms")
+
+
+def test_early_return_and_endless_events_are_refused_by_name(fmu: Build) -> None:
+    with pytest.raises(ComponentError, match=r"it returned early, which it was not allowed to \(earlyReturnAllowed is false\)"):
+        run(fmu("early"))
+    with pytest.raises(ComponentError, match="its discrete states want to be updated for ever"):
+        run(fmu("endless"))
+
+
+def test_systems_with_clocks_of_others_are_not_exported_as_fmu(fmu: Build, tmp_path: Path) -> None:
+    with System() as system:
+        system.add("c", fmu("constant"), step="10 ms")
+        with pytest.raises(CosimError, match=r"'c' has clocks, which a system's FMU does not tick: leave it out \(without=\['c'\]\)"):
+            system.export_fmu(tmp_path / "Clocks.fmu")
+
+
+@pytest.mark.parametrize("kind", ["constant", "fixed", "tunable"])
+def test_check_ticks_them(fmu: Build, kind: str) -> None:
+    """The FMU is strict, and no check asks of it what clocks do not allow."""
+    chosen = ("description.clocks", "states.life", "runs.repeat", "runs.reset", "saved.replay")
+    report = check(fmu(kind), Options(only=chosen))
+    assert [str(f) for _, f in report.findings()] == []
+    assert {r.check.id for r in report.results if not r.inapplicable} == set(chosen)
+
+
+def test_fmus_with_clocks_are_not_isolated(fmu: Build) -> None:
+    with System() as system:
+        system.add("c", fmu("constant"), step="10 ms", start={"u": 1.0, "begin": False}, isolated=True)
+        with pytest.raises(CosimError, match="component 'c': FMUs with clocks are not isolated"):
+            system.run(0.1)

@@ -1,0 +1,255 @@
+/* A small FMI 3.0 FMU with a clock, which owes nothing to this project but its description (clocked.py): from the standard's headers alone.
+ *
+ * When the clock ticks, x := x + u and y := x; z is the integral of y. It is strict: whatever the standard does not allow in a state is an Error, clocked
+ * variables outside of their ticks and steps beyond a tick included. KIND says how its interval is known; `pulse` ticks at every third tick. */
+#include <math.h>
+#include <stdarg.h>
+#include <stdbool.h>
+#include <stdint.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "fmi3Functions.h"
+
+enum { CONSTANT, FIXED, TUNABLE, CHANGING, COUNTDOWN, EARLY, ENDLESS };
+enum { U, Y, Z, TICKS, LAST, PERIOD, SHIFT, START, CLOCK, PULSE, W, TIME = 100 }; /* value references */
+enum { INSTANTIATED, INITIALIZATION, EVENT, STEP, TERMINATED };
+
+typedef struct {
+    int state;
+    bool events, ticking, pulsing, begin, start, told, known;
+    int32_t ticks;
+    double now, u, x, y, z, w, last, period, shift, next;
+} Values;
+
+typedef struct {
+    Values v;
+    fmi3LogMessageCallback log;
+    fmi3InstanceEnvironment environment;
+} Model;
+
+static fmi3Status error(Model *m, const char *format, ...) {
+    char text[200];
+    va_list list;
+    va_start(list, format);
+    vsnprintf(text, sizeof text, format, list);
+    va_end(list);
+    if (m->log) m->log(m->environment, fmi3Error, "", text);
+    return fmi3Error;
+}
+
+#define IN(states)                                                                             \
+    Model *m = instance;                                                                       \
+    if (!((states) >> m->v.state & 1)) return error(m, "%s in state %d", __func__, m->v.state)
+#define ANY 31
+#define BIT(state) (1 << (state))
+
+static void start(Model *m) {
+    const bool events = m->v.events;
+    memset(&m->v, 0, sizeof m->v);
+    m->v.events = events;
+    m->v.period = KIND == CONSTANT ? 1.0 / 300.0 : KIND == FIXED ? 0.02 : 0.01;
+    m->v.last = -1.0;
+}
+
+static bool due(const Model *m) { return m->v.known && fabs(m->v.next - m->v.now) < 1e-9; }
+
+const char *fmi3GetVersion(void) { return fmi3Version; }
+fmi3Instance fmi3InstantiateCoSimulation(fmi3String name, fmi3String token, fmi3String resources, fmi3Boolean visible, fmi3Boolean log,
+                                         fmi3Boolean events, fmi3Boolean early, const fmi3ValueReference required[], size_t n,
+                                         fmi3InstanceEnvironment environment, fmi3LogMessageCallback message,
+                                         fmi3IntermediateUpdateCallback update) {
+    Model *m = calloc(1, sizeof *m);
+    if (!m || early || n || update) return NULL; /* nobody has asked for these */
+    m->log = message;
+    m->environment = environment;
+    m->v.events = events;
+    start(m);
+    return m;
+}
+void fmi3FreeInstance(fmi3Instance instance) { free(instance); }
+fmi3Status fmi3SetDebugLogging(fmi3Instance instance, fmi3Boolean on, size_t n, const fmi3String categories[]) { return fmi3OK; }
+fmi3Status fmi3EnterInitializationMode(fmi3Instance instance, fmi3Boolean a, double tolerance, double begin, fmi3Boolean b, double end) {
+    IN(BIT(INSTANTIATED));
+    m->v.now = begin;
+    m->v.state = INITIALIZATION;
+    return fmi3OK;
+}
+fmi3Status fmi3ExitInitializationMode(fmi3Instance instance) {
+    IN(BIT(INITIALIZATION));
+    if (m->v.events && KIND >= FIXED && KIND <= COUNTDOWN && !m->v.told) return error(m, "nobody has asked for the interval");
+    m->v.state = m->v.events ? EVENT : STEP;
+    if (KIND == COUNTDOWN) return fmi3OK;
+    m->v.next = m->v.now + (KIND == CHANGING ? m->v.period : KIND == FIXED ? m->v.shift : 0.0);
+    m->v.known = true;
+    return fmi3OK;
+}
+fmi3Status fmi3EnterEventMode(fmi3Instance instance) {
+    IN(BIT(STEP));
+    if (!m->v.events) return error(m, "event mode is not used");
+    m->v.state = EVENT;
+    return fmi3OK;
+}
+fmi3Status fmi3EnterStepMode(fmi3Instance instance) {
+    IN(BIT(EVENT));
+    if (m->v.ticking || m->v.pulsing) return error(m, "discrete states have not been updated");
+    m->v.state = STEP;
+    return fmi3OK;
+}
+fmi3Status fmi3Terminate(fmi3Instance instance) {
+    IN(BIT(STEP) | BIT(EVENT));
+    m->v.state = TERMINATED;
+    return fmi3OK;
+}
+fmi3Status fmi3Reset(fmi3Instance instance) {
+    start(instance);
+    return fmi3OK;
+}
+
+fmi3Status fmi3SetClock(fmi3Instance instance, const fmi3ValueReference vr[], size_t n, const fmi3Clock value[]) {
+    IN(BIT(EVENT));
+    for (size_t i = 0; i < n; i++) {
+        if (vr[i] != CLOCK) return error(m, "%u is no input clock", vr[i]);
+        if (!value[i]) continue;
+        if (m->v.ticking) return error(m, "the clock ticks already");
+        if (!due(m)) return error(m, "the clock ticks at %.12g, not at %.12g", m->v.next, m->v.now);
+        m->v.ticking = true;
+        m->v.known = false;
+        m->v.pulsing = m->v.ticks % 3 == 2;
+    }
+    return fmi3OK;
+}
+fmi3Status fmi3GetClock(fmi3Instance instance, const fmi3ValueReference vr[], size_t n, fmi3Clock value[]) {
+    IN(BIT(EVENT));
+    for (size_t i = 0; i < n; i++) value[i] = vr[i] == PULSE ? m->v.pulsing : m->v.ticking;
+    return fmi3OK;
+}
+static double following(Model *m) { return KIND == CHANGING ? 0.01 * (1 + m->v.ticks % 3) : m->v.period; }
+fmi3Status fmi3GetIntervalDecimal(fmi3Instance instance, const fmi3ValueReference vr[], size_t n, double value[], fmi3IntervalQualifier q[]) {
+    IN(BIT(INITIALIZATION) | BIT(EVENT));
+    m->v.told = true;
+    if (KIND == COUNTDOWN) {
+        q[0] = m->v.start ? fmi3IntervalChanged : fmi3IntervalNotYetKnown;
+        value[0] = 0.015;
+        if (m->v.start) m->v.next = m->v.now + 0.015, m->v.known = true;
+        m->v.start = false;
+        return fmi3OK;
+    }
+    if (KIND == CHANGING && m->v.state == EVENT && !m->v.ticking) return error(m, "the clock does not tick");
+    value[0] = m->v.state == INITIALIZATION ? m->v.period : following(m);
+    q[0] = m->v.state == INITIALIZATION || KIND == TUNABLE || KIND == CHANGING ? fmi3IntervalChanged : fmi3IntervalUnchanged;
+    if (KIND == TUNABLE && m->v.state == EVENT) m->v.next = m->v.now + m->v.period;
+    return fmi3OK;
+}
+fmi3Status fmi3GetIntervalFraction(fmi3Instance instance, const fmi3ValueReference vr[], size_t n, uint64_t counter[], uint64_t resolution[],
+                                   fmi3IntervalQualifier q[]) {
+    return error(instance, "no fractions here");
+}
+fmi3Status fmi3GetShiftDecimal(fmi3Instance instance, const fmi3ValueReference vr[], size_t n, double value[]) {
+    IN(BIT(INITIALIZATION));
+    value[0] = m->v.shift;
+    return fmi3OK;
+}
+fmi3Status fmi3GetShiftFraction(fmi3Instance instance, const fmi3ValueReference vr[], size_t n, uint64_t counter[], uint64_t resolution[]) {
+    return error(instance, "no fractions here");
+}
+fmi3Status fmi3UpdateDiscreteStates(fmi3Instance instance, fmi3Boolean *again, fmi3Boolean *terminate, fmi3Boolean *nominals,
+                                    fmi3Boolean *values, fmi3Boolean *has_next, double *next) {
+    IN(BIT(EVENT));
+    *terminate = *nominals = *values = *has_next = false;
+    *again = KIND == ENDLESS;
+    *next = 0.0;
+    if (m->v.ticking) {
+        m->v.x = m->v.y = m->v.x + m->v.u;
+        m->v.last = m->v.now;
+        if (m->v.pulsing) m->v.w = m->v.x;
+        if (KIND != COUNTDOWN) m->v.next += following(m), m->v.known = true;
+        m->v.ticks++;
+    }
+    m->v.ticking = m->v.pulsing = false;
+    return fmi3OK;
+}
+
+fmi3Status fmi3GetFloat64(fmi3Instance instance, const fmi3ValueReference vr[], size_t n, double value[], size_t k) {
+    IN(BIT(INITIALIZATION) | BIT(EVENT) | BIT(STEP) | BIT(TERMINATED));
+    for (size_t i = 0; i < n; i++) {
+        const bool initializing = m->v.state == INITIALIZATION;
+        switch (vr[i]) {
+            case Z: value[i] = m->v.z; break;
+            case TIME: value[i] = m->v.now; break;
+            case PERIOD: value[i] = m->v.period; break;
+            case SHIFT: value[i] = m->v.shift; break;
+            case W:
+                if (!m->v.pulsing) return error(m, "w is read while pulse does not tick");
+                value[i] = m->v.x + m->v.u;
+                break;
+            default:
+                if (!m->v.ticking && !initializing) return error(m, "%u is read while its clock does not tick", vr[i]);
+                value[i] = vr[i] == LAST ? (m->v.ticking ? m->v.now : m->v.last) : initializing ? m->v.x : m->v.x + m->v.u;
+        }
+    }
+    return fmi3OK;
+}
+fmi3Status fmi3SetFloat64(fmi3Instance instance, const fmi3ValueReference vr[], size_t n, const double value[], size_t k) {
+    IN(BIT(INSTANTIATED) | BIT(INITIALIZATION) | BIT(EVENT) | BIT(STEP));
+    for (size_t i = 0; i < n; i++) {
+        const bool before = m->v.state <= INITIALIZATION;
+        if (vr[i] == U) {
+            if (!before && !m->v.ticking) return error(m, "u is set while its clock does not tick");
+            m->v.u = value[i];
+        } else if (vr[i] == PERIOD) {
+            if (!before && (KIND != TUNABLE || m->v.state != EVENT)) return error(m, "period is set in state %d", m->v.state);
+            m->v.period = value[i];
+        } else {
+            if (!before) return error(m, "shift is fixed");
+            m->v.shift = value[i];
+        }
+    }
+    return fmi3OK;
+}
+fmi3Status fmi3GetInt32(fmi3Instance instance, const fmi3ValueReference vr[], size_t n, int32_t value[], size_t k) {
+    IN(BIT(INITIALIZATION) | BIT(EVENT));
+    if (!m->v.ticking && m->v.state == EVENT) return error(m, "ticks is read while its clock does not tick");
+    for (size_t i = 0; i < n; i++) value[i] = m->v.ticks + m->v.ticking;
+    return fmi3OK;
+}
+fmi3Status fmi3SetBoolean(fmi3Instance instance, const fmi3ValueReference vr[], size_t n, const bool value[], size_t k) {
+    IN(BIT(INSTANTIATED) | BIT(INITIALIZATION) | BIT(EVENT)); /* discrete: not in step mode */
+    for (size_t i = 0; i < n; i++) {
+        m->v.start |= value[i] && !m->v.begin; /* a rising edge */
+        m->v.begin = value[i];
+    }
+    return fmi3OK;
+}
+fmi3Status fmi3GetBoolean(fmi3Instance instance, const fmi3ValueReference vr[], size_t n, bool value[], size_t k) {
+    for (size_t i = 0; i < n; i++) value[i] = ((Model *)instance)->v.begin;
+    return fmi3OK;
+}
+fmi3Status fmi3GetFMUState(fmi3Instance instance, fmi3FMUState *state) {
+    if (!*state) *state = malloc(sizeof(Values));
+    memcpy(*state, &((Model *)instance)->v, sizeof(Values));
+    return fmi3OK;
+}
+fmi3Status fmi3SetFMUState(fmi3Instance instance, fmi3FMUState state) {
+    memcpy(&((Model *)instance)->v, state, sizeof(Values));
+    return fmi3OK;
+}
+fmi3Status fmi3FreeFMUState(fmi3Instance instance, fmi3FMUState *state) {
+    free(*state);
+    *state = NULL;
+    return fmi3OK;
+}
+fmi3Status fmi3DoStep(fmi3Instance instance, double t, double h, fmi3Boolean no_set_prior, fmi3Boolean *event, fmi3Boolean *terminate,
+                      fmi3Boolean *early, double *last) {
+    IN(BIT(STEP));
+    if (fabs(t - m->v.now) > 1e-9) return error(m, "a step from %.12g, but it is %.12g", t, m->v.now);
+    if (m->v.events && m->v.known && m->v.next < t + h - 1e-9) return error(m, "a step to %.12g passes the tick at %.12g", t + h, m->v.next);
+    if (KIND == EARLY) h *= 0.5;
+    m->v.z += h * m->v.y;
+    m->v.now = t + h;
+    *event = *terminate = false;
+    *early = KIND == EARLY;
+    *last = m->v.now;
+    return fmi3OK;
+}

@@ -1,0 +1,68 @@
+"""`clocked.c` as FMI 3.0 FMUs, one for each kind of clock, as somebody else would make them."""
+
+from __future__ import annotations
+
+import subprocess
+import zipfile
+from pathlib import Path
+
+import fmpy
+
+from build_fmus.compile import find_toolchain, host
+from cosim.fmu.calls import platform_folder
+
+KINDS = ("constant", "fixed", "tunable", "changing", "countdown", "early", "endless")
+CLOCK = {
+    "constant": 'intervalVariability="constant" intervalDecimal="0.00333333" supportsFraction="false" resolution="300" intervalCounter="1"',
+    "fixed": 'intervalVariability="fixed"',
+    "tunable": 'intervalVariability="tunable"',
+    "changing": 'intervalVariability="changing"',
+    "countdown": 'intervalVariability="countdown"',
+    "triggered": 'intervalVariability="triggered"',
+    "early": 'intervalVariability="constant" intervalDecimal="0.01"',
+    "endless": 'intervalVariability="constant" intervalDecimal="0.01"',
+}
+
+
+def description(kind: str, *, variable_step: bool = True, event_mode: bool = True) -> str:
+    """modelDescription.xml."""
+    variability = "tunable" if kind == "tunable" else "fixed"
+    return f"""<?xml version="1.0" encoding="UTF-8"?>
+<fmiModelDescription fmiVersion="3.0" modelName="Clocked" instantiationToken="clocked">
+  <CoSimulation modelIdentifier="clocked" canHandleVariableCommunicationStepSize="{str(variable_step).lower()}"
+    canGetAndSetFMUState="true" hasEventMode="{str(event_mode).lower()}"/>
+  <ModelVariables>
+    <Float64 name="time" valueReference="100" causality="independent" variability="continuous"/>
+    <Float64 name="u" valueReference="0" causality="input" variability="discrete" start="0" clocks="8"/>
+    <Float64 name="y" valueReference="1" causality="output" variability="discrete" clocks="8"/>
+    <Float64 name="z" valueReference="2" causality="output" variability="continuous"/>
+    <Int32 name="ticks" valueReference="3" causality="output" variability="discrete" clocks="8"/>
+    <Float64 name="last" valueReference="4" causality="output" variability="discrete" clocks="8"/>
+    <Float64 name="period" valueReference="5" causality="parameter" variability="{variability}" start="{0.02 if kind == "fixed" else 0.01}"/>
+    <Float64 name="shift" valueReference="6" causality="parameter" variability="fixed" start="0"/>
+    <Boolean name="begin" valueReference="7" causality="input" variability="discrete" start="false"/>
+    <Clock name="clock" valueReference="8" causality="input" {CLOCK[kind]}/>
+    <Clock name="pulse" valueReference="9" causality="output" intervalVariability="triggered"/>
+    <Float64 name="w" valueReference="10" causality="output" variability="discrete" clocks="9"/>
+  </ModelVariables>
+  <ModelStructure>
+    <Output valueReference="1" dependencies="0"/><Output valueReference="2"/><Output valueReference="3"/><Output valueReference="4"/>
+    <Output valueReference="9"/><Output valueReference="10"/>
+    <InitialUnknown valueReference="1"/><InitialUnknown valueReference="2"/><InitialUnknown valueReference="3"/><InitialUnknown valueReference="4"/>
+  </ModelStructure>
+</fmiModelDescription>"""
+
+
+def build(kind: str, folder: Path, *, variable_step: bool = True, event_mode: bool = True) -> Path:
+    """The FMU for this machine, in a folder; `kind`: that of its clock, or "early", which returns early though it may not, or "endless"."""
+    path = folder / f"Clocked{kind.capitalize()}.fmu"
+    where, suffix = platform_folder("3")
+    library = folder / f"clocked_{kind}{suffix}"
+    headers, sources = Path(fmpy.__file__).parent / "c-code", Path(__file__).with_name("clocked.c")
+    number = KINDS.index(kind) if kind in KINDS else 0
+    command = [*find_toolchain(host()).command, "-O1", "-shared", "-fPIC", "-std=c99", f"-DKIND={number}", f"-I{headers}", sources, "-lm", "-o", library]
+    subprocess.run(list(map(str, command)), check=True, capture_output=True)
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
+        archive.writestr("modelDescription.xml", description(kind, variable_step=variable_step, event_mode=event_mode))
+        archive.write(library, f"binaries/{where}/clocked{suffix}")
+    return path
