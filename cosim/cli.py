@@ -17,6 +17,7 @@ from cosim.experiments import EXPERIMENTS, IDENTIFY
 from cosim.study.commands import EVERYWHERE, export_command, run_command, study_command, wiring_command
 from cosim.study.experiment import resolved
 from cosim.study.loading import load
+from cosim.study.optimise_command import optimise_command
 from cosim.study.sweep_command import sweep_command
 
 GROUP: dict[str, Any] = {**terminal.APP, "no_args_is_help": True}
@@ -52,6 +53,10 @@ class Studies(Experiments):
 
 class Sweeps(Experiments):
     make = staticmethod(sweep_command)
+
+
+class Searches(Experiments):
+    make = staticmethod(optimise_command)
 
 
 class Exports(Experiments):
@@ -95,6 +100,12 @@ app.add_typer(
         cls=Sweeps, help="Run an experiment over a design of its parameters. " + FILE.format("sweep"), **GROUP
     ),
     name="sweep",
+)
+app.add_typer(
+    typer.Typer(
+        cls=Searches, help="Search for parameters of an experiment with small or large metrics. " + FILE.format("optimise"), **GROUP
+    ),
+    name="optimise",
 )
 app.add_typer(
     typer.Typer(

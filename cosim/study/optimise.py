@@ -14,7 +14,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 
@@ -38,6 +38,19 @@ Values = Mapping[str, Any]
 Evaluate = Callable[[Values], Mapping[str, float]]
 Limits = tuple[float, float] | tuple[float, float, str] | Sequence[str]
 """Lowest and highest value, whole numbers if both are; ``(low, high, "log")`` for a logarithmic scale; or a list of texts to choose from."""
+
+
+@runtime_checkable
+class Together(Protocol):
+    """What tries several values at once, as :class:`CaseRuns` does."""
+
+    def check(self, names: Sequence[str]) -> None:
+        """Refuse names that it has not."""
+        ...
+
+    def together(self, tried: Sequence[Values]) -> list[Row]:
+        """Numbers by name of each; ``{"failed": message}`` where one has none."""
+        ...
 
 
 class OptimisationError(CosimError, ValueError):
@@ -136,7 +149,7 @@ class CaseRuns:
 
 
 def optimise(
-    evaluate: Evaluate | CaseRuns,
+    evaluate: Evaluate | Together,
     space: Mapping[str, Limits],
     objectives: Mapping[str, str],
     *,
@@ -221,10 +234,10 @@ def _suggest(trial: Any, name: str, limits: Limits) -> None:
 
 
 def _rows(
-    evaluate: Evaluate | CaseRuns, tried: Sequence[Values], executor: Executor | None
+    evaluate: Evaluate | Together, tried: Sequence[Values], executor: Executor | None
 ) -> Iterable[Mapping[str, Any]]:
     """The numbers of some trials, in their order, as they come."""
-    if isinstance(evaluate, CaseRuns):
+    if isinstance(evaluate, Together):
         return evaluate.together(tried)
     if executor is None:
         return (_row(evaluate, values) for values in tried)
@@ -294,14 +307,14 @@ def _opened(path: Path) -> Any:
 
 
 def _check(
-    space: Mapping[str, Limits], objectives: Mapping[str, str], evaluate: Evaluate | CaseRuns, first: Sequence[Values]
+    space: Mapping[str, Limits], objectives: Mapping[str, str], evaluate: Evaluate | Together, first: Sequence[Values]
 ) -> None:
     if not space or not objectives:
         raise OptimisationError("a search needs something to vary and an objective")
     for name, direction in objectives.items():
         if direction not in ("min", "max"):
             raise OptimisationError(f"the objective {name} is {direction!r}; give 'min' or 'max'")
-    if isinstance(evaluate, CaseRuns):
+    if isinstance(evaluate, Together):
         evaluate.check(list(space))
     for name, limits in space.items():
         _check_limits(name, limits)

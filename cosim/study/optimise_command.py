@@ -1,0 +1,189 @@
+"""The command `cosim optimise`: a search over parameters of any experiment, by what its metrics say."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from build_fmus.terminal import console
+from cosim.study.case import fields
+from cosim.study.commands import (
+    EVERYWHERE_OF_STUDIES,
+    command,
+    execution,
+    field_options,
+    fmu_set,
+    make_folder,
+    on,
+    own_files,
+    progress_bar,
+)
+from cosim.study.design import Axis, Design, DesignError, axis
+from cosim.study.experiment import Experiment, Row
+from cosim.study.fmus import FmuSet
+from cosim.study.processes import local_processes
+from cosim.study.runner import Execution
+from cosim.study.sweep import Sweep, prepare, run_sweep
+
+if TYPE_CHECKING:  # needs the extra [optimisation]
+    from cosim.study.optimise import Limits, Outcome
+
+Vary = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--vary", metavar="NAME=LOW:HIGH",
+        help="what is tried: an option of the cases, or COMPONENT.PARAMETER of the system, in a range or among texts NAME=A,B,C; several may be given",
+    ),
+]  # fmt: skip
+Log = Annotated[list[str] | None, typer.Option("--log", metavar="NAME", help="of these, one on a logarithmic scale; several may be given")]
+Minimise = Annotated[
+    list[str] | None, typer.Option("--minimise", metavar="METRIC", help="an objective: a metric to be small; several may be given")
+]
+Maximise = Annotated[
+    list[str] | None, typer.Option("--maximise", metavar="METRIC", help="an objective: a metric to be large; several may be given")
+]
+Trials = Annotated[int, typer.Option("--trials", help="how many in all, those of an earlier run of the same command among them", min=1)]
+Seed = Annotated[int, typer.Option("--random-seed", help="seed of the search", min=0)]
+
+_OPTIONS: dict[str, tuple[Any, Any]] = {
+    "vary": (Vary, None),
+    "log": (Log, None),
+    "minimise": (Minimise, None),
+    "maximise": (Maximise, None),
+    "trials": (Trials, 40),
+    "random_seed": (Seed, 0),
+}
+
+
+@dataclass(frozen=True)
+class PointRuns:
+    """Points of a sweep as what :func:`cosim.study.optimise.optimise` tries: values of its axes, numbers are its metrics.
+
+    Args:
+        sweep: any of this experiment and these axes.
+        store: folder of finished runs.
+        executor: that makes them, any of ``concurrent.futures``.
+    """
+
+    sweep: Sweep
+    fmus: FmuSet
+    store: Path
+    executor: Any = None
+    execution: Execution | None = None
+
+    def check(self, names: Sequence[str]) -> None:
+        """All were checked when the sweep was prepared; here that they are the same."""
+        assert set(names) == {a.name for a in self.sweep.design.axes}
+
+    def together(self, tried: Sequence[Mapping[str, Any]]) -> list[Row]:
+        """Rows of several points; ``{"failed": message}`` where one has none."""
+        columns = [[values[a.name] for values in tried] for a in self.sweep.design.axes]
+        table = run_sweep(
+            replace(self.sweep, _columns=columns), self.fmus, self.store, executor=self.executor, execution=self.execution
+        )
+        rows: list[Row] = [{n: float(v[i]) for n, v in table.metrics.items()} for i in range(len(tried))]
+        return [{"failed": table.failures[i]} if i in table.failures else row for i, row in enumerate(rows)]
+
+
+def optimise_command(experiment: Experiment) -> Any:
+    """The command that searches."""
+
+    def optimise(**given: Any) -> None:
+        objectives = {**dict.fromkeys(given["minimise"] or (), "min"), **dict.fromkeys(given["maximise"] or (), "max")}
+        if not objectives:
+            raise DesignError("a search needs an objective: give --minimise METRIC or --maximise METRIC")
+        fmus = fmu_set(experiment, given)
+        base = {f.attribute: given[f.attribute] for f in fields(experiment.case) if f.attribute in given}
+        axes = tuple(axis(text) for text in given["vary"] or ())
+        prepared = prepare(experiment, fmus, Design(axes, samples=1), base)
+        folder = make_folder(given["out"] / experiment.name / "optimise")
+        space = limits(prepared.design.axes, given["log"] or ())
+        found = _search(prepared, fmus, space, objectives, folder, given)
+        _write(experiment, found, folder)
+
+    own = {k: v for k, v in field_options(experiment).items() if k not in _OPTIONS}
+    everywhere = {k: v for k, v in EVERYWHERE_OF_STUDIES.items() if k not in ("force", "retry_failed")}
+    text = f"Searches for parameters with small or large metrics; writes results/{experiment.name}/optimise/report.html."
+    return command(optimise, experiment, {**_OPTIONS, **own, **own_files(experiment), **everywhere}, text)
+
+
+def limits(axes: Sequence[Axis], logarithmic: Sequence[str]) -> dict[str, Limits]:
+    """Axes as a space to search.
+
+    Raises:
+        DesignError: an axis that is neither a range nor a list of texts, a scale of nothing.
+    """
+    if unknown := set(logarithmic) - {a.name for a in axes}:
+        raise DesignError(f"--log {sorted(unknown)[0]}: that does not vary")
+    found: dict[str, Limits] = {}
+    for a in axes:
+        if a.kind == "values" and all(isinstance(v, str) for v in a.values):
+            found[a.name] = list(a.values)
+        elif a.kind == "uniform":
+            low, high = (int(x) if a.whole else float(x) for x in a.numbers)
+            found[a.name] = (low, high, "log") if a.name in logarithmic else (low, high)
+        else:
+            raise DesignError(f"{a.name}: a search takes a range LOW:HIGH or texts A,B,C, not {a}")
+    return found
+
+
+def _search(
+    sweep: Sweep, fmus: FmuSet, space: Mapping[str, Limits], objectives: Mapping[str, str], folder: Path, given: Mapping[str, Any]
+) -> Outcome:  # fmt: skip
+    from cosim.report import write_report  # noqa: F401 - fails where [reports] is missing: before the work, not after
+    from cosim.study.optimise import optimise
+
+    count = given["processes"]
+    with on(given["dask"], count) as cluster, progress_bar(f"optimise {sweep.experiment.name}") as progress:
+        def search(executor: Any) -> Outcome:
+            runs = PointRuns(sweep, fmus, folder / ".runs", executor, execution(given))
+            return optimise(
+                runs, space, objectives, trials=given["trials"], storage=folder / "trials.log", seed=given["random_seed"], progress=progress
+            )  # fmt: skip
+
+        if cluster is not None:
+            return search(cluster)
+        with local_processes(count or 1) as executor:
+            return search(executor)
+
+
+def _unit(experiment: Experiment, metric: str) -> str:
+    """As the experiment declares it; "-" where it does not."""
+    declared = (experiment.metrics or {}).get(metric)
+    return declared.unit if declared is not None and declared.unit and declared.factor == 1 else "-"
+
+
+def _write(experiment: Experiment, found: Outcome, folder: Path) -> None:
+    """The page, and what is best on the screen."""
+    from cosim.report import Report, write_report
+    from cosim.report.fronts import front_section
+    from cosim.report.model import Section, Table
+
+    failed = [t for t in found.trials if t.failed]
+    for trial in failed[:5]:
+        console.print(f"failed: trial {trial.number}: {trial.failed}", markup=False)
+    done, names = found.done, list(found.objectives)
+    best = found.front  # refuses a search without numbers
+    parameters = list(best[0].values)
+    rows = [[*(t.row[n] for n in names), *t.values.values()] for t in best]
+    sections = []
+    if len(names) > 1:
+        sections.append(
+            front_section("Front", {n: f"{n} [{_unit(experiment, n)}]" for n in names}, found.objectives, [t.row for t in done], [t.values for t in done])
+        )
+    every = [[t.number, *(t.row[n] for n in names), *t.values.values()] for t in done]
+    text = f"{len(done)} of {len(found.trials)} trials gave numbers; {len(best)} of them " + ("are on the front." if len(names) > 1 else "is the best.")
+    sections.append(Section("Trials", [text], tables=[Table("trials", "All trials", ["trial", *names, *parameters], every)]))
+    aims = " and ".join(f"{n} ({'large' if d == 'max' else 'small'})" for n, d in found.objectives.items())
+    report = Report(f"{experiment.name}-optimise", f"Search: {experiment.title or experiment.name}", f"Objectives: {aims}.", sections=sections)
+    for row in rows[:5]:
+        said = ", ".join(f"{n} {v:.4g}" if isinstance(v, float) else f"{n} {v}" for n, v in zip([*names, *parameters], row, strict=True))
+        console.print(f"{'front' if len(names) > 1 else 'best'}: {said}", markup=False)
+    if len(rows) > 5:
+        console.print(f"and {len(rows) - 5} more on the front")
+    console.print(f"trials: {folder / 'trials.log'}")
+    console.print(f"report: {write_report(report, folder)}")

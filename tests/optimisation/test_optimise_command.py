@@ -1,0 +1,101 @@
+"""`cosim optimise`: a search whose answer is known, interrupted and continued, and what users do wrong."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from cosim.cli import app
+
+SYSTEM = '''
+from cosim import PythonComponent, System
+
+STOP_TIME = 0.02
+RECORD = ["bowl.a"]
+
+
+class Bowl(PythonComponent):
+    outputs = ("a",)
+    parameters = {"x": 0.0, "y": 0.0}
+
+    def start(self, u, y):
+        y[0] = 0.0
+
+    def step(self, t, h, u, y):
+        if self.x > 1.9:
+            raise ValueError("over the edge")
+        y[0] = (self.x - 1.0) ** 2 + self.y**2
+
+
+def system(name: str = "round"):
+    made = System()
+    made.add("bowl", Bowl(), step="10 ms")
+    return made
+
+
+def measure(run):
+    a = float(run.recording["bowl.a"][-1])
+    return {"depth": a, "height": -a, "width": a + (0.0 if run.case.name == "round" else 5.0)}
+'''
+
+
+@pytest.fixture(autouse=True)
+def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "bowl.py").write_text(SYSTEM)
+    return tmp_path
+
+
+def run(*arguments: str, good: bool = True) -> str:
+    done = CliRunner().invoke(app, ["optimise", "bowl.py", "--processes", "1", *arguments])
+    text = " ".join((done.output + str(done.exception or "")).split())
+    assert (done.exit_code == 0) == good, text
+    return text
+
+
+VARY = ("--vary", "bowl.x=-2:2", "--vary", "bowl.y=-1:1")
+
+
+def test_a_search_continues_and_finds_the_bottom(folder: Path) -> None:
+    search = ("--vary", "bowl.x=-2:2", "--minimise", "depth")
+    run(*search, "--trials", "8")
+    trials = folder / "results" / "bowl" / "optimise" / "trials.log"
+    before = trials.read_text()
+    text = run(*search, "--trials", "24")
+    assert trials.read_text().startswith(before)
+    assert "best: depth" in text
+    page = json.loads((folder / "results" / "bowl" / "optimise" / "summary.json").read_text())
+    assert page["experiment"] == "bowl-optimise"
+    found = float(text.split("best: depth ")[1].split(",")[0])
+    assert 0 <= found < 0.05
+
+
+def test_several_objectives(folder: Path) -> None:
+    """`height` is minus `depth`, so every trial that gives numbers is on the front."""
+    text = run(*VARY, "--minimise", "depth", "--minimise", "height", "--trials", "8")
+    assert "and 3 more on the front" in text
+    assert (folder / "results" / "bowl" / "optimise" / "report.html").is_file()
+
+
+def test_texts_are_chosen_among(folder: Path) -> None:  # noqa: ARG001
+    text = run("--vary", "name=round,square", "--minimise", "width", "--trials", "8")
+    assert "best: width 1, name round" in text
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (VARY, "a search needs an objective"),
+        (("--minimise", "depth"), "nothing varies"),
+        ((*VARY, "--minimise", "depth", "--log", "bowl.z"), "--log bowl.z: that does not vary"),
+        ((*VARY, "--minimise", "depth", "--log", "bowl.x"), "a logarithmic scale has positive ones"),
+        (("--vary", "bowl.x=normal(0,1)", "--minimise", "depth"), "a search takes a range"),
+        (("--vary", "bowl.z=0:1", "--minimise", "depth"), "no variable 'z'"),
+        ((*VARY, "--minimise", "dept", "--trials", "2"), "did you mean 'depth'"),
+    ],
+)
+def test_what_users_do_wrong(arguments: tuple[str, ...], said: str) -> None:
+    assert said in run(*arguments, good=False)
