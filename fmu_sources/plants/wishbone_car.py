@@ -37,7 +37,7 @@ from fmu_sources.vehicles import WishboneCar, declare
 
 LOW_SPEED = 1.0  # m/s; below it slip is formed with this speed, so that slip exists and decays at standstill
 MAX_SPEED = 60.0  # m/s
-_NEWTON = 4  # steps to the rest position from that of the vehicle file
+_NEWTON = 5  # steps to the rest position from that of the vehicle file
 _LEFT_OUT = (
     "body.com_x", "body.com_z", "steering_gear", "upper_arm", "lower_arm",
     *(f"suspension.{axle}.{what}" for axle in ("front", "rear") for what in ("reference", "travel", "points")),
@@ -655,7 +655,7 @@ _NOTES = (
     "Tires envelop what is shorter than their contact: contact.* are the heights of the road along each tire, contact.step apart and counted from road.*.height, the "
     "middle one under the wheel centre. The area of the tire's disc below them decides the depth. Roads that are made for this vehicle have these outputs; "
     "without a connection they are 0 and the tires touch a level road at road.*.height, which is right for roads that are long and smooth.",
-    "At initialization the car rests on a level road, or on the plane through the road heights that are given then, by four steps of Newton's method from where the "
+    "At initialization the car rests on a level road, or on the plane through the road heights that are given then, by five steps of Newton's method from where the "
     "car of the vehicle file rests: exact for this car, and for others whose springs do not reach another line of their table.",
     "The actuator acts between body and wheel along the travel with ratio 1. The driver's torque is applied to the wheels and not supported by the body, as in the model "
     "that this car is compared with. The first value of target.speed is the start speed.",
