@@ -533,7 +533,9 @@ def _rest(c: Component, p: Any, g: Any, speed: Any) -> _Rest:
         )
         setattr(p.rest, axle, rest)
     source = "computed: rest of the car of the vehicle file"
-    found = c.constant("rest_guess", at, None, "height of the CG, pitch and travels at rest", source=source, rows=("m", "rad", "m", "m"))
+    guess = (("height", "m"), ("pitch", "rad"), ("front_travel", "m"), ("rear_travel", "m"))
+    parts = [c.constant(f"rest_{n}", float(v), unit, f"{n} at rest", source=source) for (n, unit), v in zip(guess, at, strict=True)]
+    found = ca.vertcat(*parts)
     for _ in range(_NEWTON):
         found = step(found, speed, symbols)[0]
     _, _, deep = _static(p, g, found, speed)

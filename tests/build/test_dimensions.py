@@ -245,6 +245,7 @@ UNSEEN = {
     "RoadBumps": "the points lie beside some bumps",
     "RoadHoleBump": "the points lie beside the bump in some previews",
     "RoadCurb": "the points lie beside the steps, 0.1 m long",
+    "RoadHalfRoundHmmwvPublic": "the points lie beside the half-round",
     "ThreeAxleTrench": "the front bumper touches the ground at none of the points",
 }
 """FMU -> why some element was 0 at all points."""

@@ -41,6 +41,7 @@ MADE = {
     "quarter_car_bench": BENCH,
     "three_axle": SIX,
     "three_axle_trench": SIX | {"ThreeAxleTrench", "TrenchCrossing"},
+    "hmmwv_public": {"FullCar", "RoadHalfRound"},
     "actuator_hmmwv": {"HydraulicActuator", "ForceTracking"},
     "sensors_hmmwv": {"SensorSuite", "Kalman", "PreviewSensor", "RoadBumps", "RoadOffroad"},
 }

@@ -55,7 +55,7 @@ def test_falls_from_its_design_position_as_rigid_bodies_do(vehicle, car):
     for state in ours.y.T:
         run.x = state
         shown.append(dict(zip(outputs, run.outputs(), strict=True)))
-    for name, close in (("body.az", 0.05), ("seat.az", 0.1)):  # m/s2, of up to 36
+    for name, close in (("body.az", 0.1), ("seat.az", 0.15)):  # m/s2, of up to 36
         apart = np.abs(np.array([s[name] for s in shown]) - judge[name][: len(shown)])
         assert apart.max() < close, (name, judge.time[apart.argmax()])
     for k in ("fl", "rl"):
