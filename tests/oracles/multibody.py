@@ -62,9 +62,10 @@ class MultibodyCar:
         import exudyn as exu
         from exudyn.utilities import RigidBodyInertia
 
-        self.exu, self.vehicle, self.road, self.speed, self.force, self.shifted = exu, vehicle, road, speed, force, shifted
+        self.exu: Any = exu
+        self.vehicle, self.road, self.speed, self.force, self.shifted = vehicle, road, speed, force, shifted
         self._areas = _disc_areas(vehicle.tire.radius.value)
-        self.container = exu.SystemContainer()
+        self.container = self.exu.SystemContainer()
         self.mbs = self.container.AddSystem()
         self._slip = [0.0] * 4
         self._integral = 0.0
@@ -100,6 +101,8 @@ class MultibodyCar:
         self.wheels: list[Any] = []
         for i, corner in enumerate(CORNERS):
             self._corner(i, corner, rigid)
+        if any(force):
+            self._actuators()
         self.mbs.SetPreStepUserFunction(self._advance)
         self.mbs.Assemble()
 
@@ -158,15 +161,33 @@ class MultibodyCar:
                 springForceTorqueUserFunction=self._tire_law(i, disc),
             )
         )  # fmt: skip
-        if self.force[i]:
-            on_body = mbs.AddMarker(exu.utilities.MarkerBodyRigid(bodyNumber=self.chassis))
-            mbs.AddObject(
-                exu.utilities.ObjectConnectorRigidBodySpringDamper(
-                    markerNumbers=[on_body, hub], stiffness=np.zeros((6, 6)), damping=np.zeros((6, 6)),
-                    springForceTorqueUserFunction=_actuator(self.force[i]),
-                )
-            )  # fmt: skip
         self.wheels.append(disc)
+
+    def _actuators(self) -> None:
+        """Forces along the vertical of the chassis between it and the wheel centres, as connectors to the ground want them."""
+        mbs, kinds = self.mbs, self.exu.OutputVariableType
+        ground = mbs.CreateGround()
+
+        def upwards() -> np.ndarray:
+            return np.array(mbs.GetObjectOutputBody(self.chassis, kinds.RotationMatrix).reshape(3, 3)[:, 2])
+
+        def on_wheel(force: float) -> Callable[..., list[float]]:
+            return lambda *_: [*(force * upwards()), 0.0, 0.0, 0.0]
+
+        def on_chassis(_mbs: Any, _t: float, _n: int, place: Any, *_: Any) -> list[float]:
+            up, moment = upwards(), np.zeros(3)
+            for wheel, force in zip(self.wheels, self.force, strict=True):
+                moment += _cross(mbs.GetObjectOutputBody(wheel, kinds.Position) - np.array(place), force * up)
+            return [*(-sum(self.force) * up), *(-moment)]
+
+        laws = [(self.chassis, on_chassis), *((w, on_wheel(f)) for w, f in zip(self.wheels, self.force, strict=True))]
+        for body, law in laws:
+            markers = [mbs.AddMarker(self.exu.utilities.MarkerBodyRigid(bodyNumber=b)) for b in (ground, body)]
+            mbs.AddObject(
+                self.exu.utilities.ObjectConnectorRigidBodySpringDamper(
+                    markerNumbers=markers, stiffness=np.zeros((6, 6)), damping=np.zeros((6, 6)), springForceTorqueUserFunction=law
+                )
+            )
 
     def _spring(self, axle: Any) -> Callable[..., float]:
         """Tension of a spring with its stops [N], by its length."""
@@ -303,18 +324,6 @@ class MultibodyCar:
         names = ["time", "x", "height", "body.az", "seat.az", "pitch", "roll", *(f"wheel.{c}.height" for c in CORNERS), *(f"tire.{c}.force" for c in CORNERS)]
         columns = dict(zip(names, np.array(rows).T, strict=True))
         return Motion(columns.pop("time"), columns)
-
-
-def _actuator(force: float) -> Callable[..., list[float]]:
-    """An actuator along the vertical of the chassis, that pushes it up and the wheel down, without a moment on either.
-
-    The connector acts at the centre of the chassis; the moment that goes with the force at the wheel is added there.
-    """
-
-    def law(_mbs: Any, _t: float, _n: int, place: Any, *_: Any) -> list[float]:
-        return [0.0, 0.0, force, *np.cross(place, [0.0, 0.0, force])]
-
-    return law
 
 
 def _cross(a: Any, b: Any) -> np.ndarray:
