@@ -85,7 +85,7 @@ def test_a_users_file_cannot_replace_a_published_fmu(tmp_path: Path) -> None:
     assert "sine.csv would replace the FMU RoadSine; rename the file, or choose a name with --name" in text
     (tmp_path / "hmmwv.toml").write_text(VEHICLE)
     text = refused(tmp_path, "build-fmus", "--vehicle", "hmmwv.toml")
-    assert "hmmwv.toml would replace the published FullCarHmmwv; rename the file" in text
+    assert "hmmwv.toml would replace the published FullCarHmmwv, RoadProvingGroundHmmwv; rename the file" in text
     (tmp_path / "+.toml").write_text(VEHICLE)
     assert "its name needs letters or digits" in refused(tmp_path, "build-fmus", "--vehicle", "+.toml")
 
