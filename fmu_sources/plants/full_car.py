@@ -8,20 +8,29 @@ bodies they join, so energy is only lost in dampers, tires and slip, and only ga
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import pi, sin
 from typing import Any
 
 import casadi as ca
 
 from build_fmus.component import Component
 from fmu_sources.models.corners import TWO_AXLES, Corners
+from fmu_sources.plants.free_body import (
+    LOW_SPEED,
+    body_motion,
+    body_outputs,
+    body_states,
+    course_steering,
+    driver_inputs,
+    limit,
+    road_and_force_inputs,
+    rough_patch,
+    start_position,
+)
 from fmu_sources.plants.gravity import gravity
-from fmu_sources.plants.seat import SEAT_NOTE, of_rigid_body, seat_outputs
+from fmu_sources.plants.seat import SEAT_NOTE
 from fmu_sources.vehicles import FullCar, declare
 
-LOW_SPEED = 1.0  # m/s; below it slip is formed with this speed, so that slip exists and decays at standstill
 EASE_SLIP, RELEASE_SLIP = 0.15, 0.30  # from this slip on the driver eases off, at that one torque is 0
-MAX_SPEED = 60.0  # m/s; the driver model keeps the car straight up to here
 
 
 def full_car(vehicle: FullCar, name: str = "FullCarHmmwv") -> Component:
@@ -40,43 +49,21 @@ def full_car(vehicle: FullCar, name: str = "FullCarHmmwv") -> Component:
         notes=(*_NOTES, SEAT_NOTE),
     )
     p = declare(c, vehicle)
-    start_x = c.parameter("start.x", 5.0, "m", "position of the CG at the start", min=-1e6, max=1e6, source="assumed")
+    start_x = start_position(c)
     g = gravity(c)
     low_speed = c.constant("low_speed", LOW_SPEED, "m/s", "below it slip is formed with this speed", source="assumed")
     corners = _corners(p, g)
 
     # ------------------------------------------------------------------------------------------------------ inputs
 
-    lifts = "positive lifts the body and pushes the wheel down"
-    corners.each(
-        road=lambda k: c.input(f"road.{k}.height", "m", f"road height under the {k} wheel"),
-        slope=lambda k: c.input(f"road.{k}.slope", "1", f"slope dz/dx of the road under the {k} wheel"),
-        force=lambda k: c.input(f"force.{k}", "N", f"actuator force at {k}, {lifts}"),
-    )
-    target_speed = c.input(
-        "target.speed", "m/s", "speed the driver keeps; its first value is the start speed", start=50.0 / 3.6, min=0.0,
-        max=MAX_SPEED, display_unit="km/h",
-    )  # fmt: skip
-    target_y = c.input("target.y", "m", "lateral position the driver keeps, positive left", min=-1e6, max=1e6)
+    road_and_force_inputs(c, corners)
+    target_speed, target_y = driver_inputs(c)
 
     # ------------------------------------------------------------------------------------------------------ states
 
     least = c.constant("least.stiffness", 1e-9, "N/m", "keeps roll at rest determined without any spring", source="own")
     rest = _equilibrium(corners, p, least)
-    x = c.state("x", "m", "distance of the CG along the road", start=start_x, output=True, nominal=10.0)
-    y = c.state("y", "m", "lateral position of the CG, positive left", output=True)
-    zb = c.state("body.z", "m", "CG height above its static position", start=rest.z, output=True, nominal=0.1)
-    angle: dict[str, Any] = {"output": True, "nominal": 0.1, "display_unit": "deg"}
-    roll = c.state("body.roll", "rad", "roll angle, positive left side up", start=rest.roll, **angle)
-    pitch = c.state("body.pitch", "rad", "pitch angle, positive nose down", start=rest.pitch, **angle)
-    yaw = c.state("body.yaw", "rad", "yaw angle, positive to the left", **angle)
-    vx = c.state("body.vx", "m/s", "velocity of the CG along the road", start=target_speed, nominal=10.0)
-    vy = c.state("body.vy", "m/s", "lateral velocity of the CG in road axes")
-    vz = c.state("body.vz", "m/s", "vertical velocity of the CG", output=True)
-    rate = [
-        c.state(f"body.{axis}_rate", "rad/s", f"{axis} rate about the body axis", output=True, nominal=0.1)
-        for axis in ("roll", "pitch", "yaw")
-    ]
+    body = body_states(c, start_x, rest.z, rest.roll, rest.pitch, target_speed)
     shown: dict[str, Any] = {"output": True}
     start_spin = target_speed / p.wheel.radius
     corners.each(
@@ -94,29 +81,22 @@ def full_car(vehicle: FullCar, name: str = "FullCarHmmwv") -> Component:
 
     # -------------------------------------------------------------------------------------------------- kinematics
 
-    turn = c.value(
-        "turn", _rotation(yaw, pitch, roll), source="from body axes to road axes: yaw, pitch, roll (ISO 8855)"
-    )
-    omega_body = ca.vertcat(*rate)
+    turn = c.value("turn", body.turn, source="from body axes to road axes: yaw, pitch, roll (ISO 8855)")
+    omega_body = ca.vertcat(*body.rates)
     omega = c.value("omega", turn @ omega_body, source="angular velocity, road axes")
-    velocity = ca.vertcat(vx, vy, vz)
-    ahead = ca.vertcat(ca.cos(yaw), ca.sin(yaw), 0)
-    left = ca.vertcat(-ca.sin(yaw), ca.cos(yaw), 0)
-    up = ca.vertcat(0, 0, 1)
-    speed = ca.dot(velocity, ahead)
-    yaw_velocity = (rate[1] * ca.sin(roll) + rate[2] * ca.cos(roll)) / ca.cos(pitch)
+    velocity = ca.vertcat(*body.velocity)
+    ahead, left, up = body.ahead, body.left, ca.vertcat(0, 0, 1)
 
     # ------------------------------------------------------------------------------------------------------ driver
 
     total_mass = c.value("total_mass", p.body.mass + 4 * p.wheel.mass)
-    error = target_speed - speed
+    error = target_speed - body.speed
     requested = p.speed_control.gain * error + p.speed_control.integral_gain * speed_error  # acceleration
     requested *= total_mass * p.wheel.radius / 4  # torque of each wheel
     limited = c.value(
-        "driver_torque", _limit(requested, p.speed_control.max_torque), source="driver: torque of each wheel"
+        "driver_torque", limit(requested, p.speed_control.max_torque), source="driver: torque of each wheel"
     )
-    course = p.steering.offset_gain * (target_y - y) - p.steering.heading_gain * yaw
-    steer = _limit(course - p.steering.yaw_rate_gain * yaw_velocity, p.steering.max_angle)
+    steer = course_steering(p.steering, body, target_y)
     c.value("steering_angle", steer, source="driver: course")
 
     wheel_ahead = ca.cos(steer) * ahead + ca.sin(steer) * left
@@ -137,8 +117,8 @@ def full_car(vehicle: FullCar, name: str = "FullCarHmmwv") -> Component:
             c.value(f"{of}_{k}", point, source=f"{of} {k} from the CG, road axes")
 
         # Strut: preload, spring and damper through the motion ratio, stops, actuator; vertical, equal and opposite.
-        k.travel = zb + top[2] - k.z
-        k.travel_rate = vz + ca.cross(omega, top)[2] - k.vz
+        k.travel = body.z + top[2] - k.z
+        k.travel_rate = body.velocity[2] + ca.cross(omega, top)[2] - k.vz
         strut = (
             k.static_load
             - p.suspension.motion_ratio**2 * (k.strut.spring * k.travel + k.strut.damper * k.travel_rate)
@@ -152,7 +132,7 @@ def full_car(vehicle: FullCar, name: str = "FullCarHmmwv") -> Component:
         # Tire, vertical: the road rises under the moving wheel with slope x speed; a tire takes no tension.
         hub_velocity = velocity + ca.cross(omega, hub)
         c.value(f"hub_velocity_{k}", hub_velocity)
-        gradient = _limit(k.slope, 1.0)
+        gradient = limit(k.slope, 1.0)
         static = k.static_load + p.wheel.mass * g
         compression, compression_rate = k.road - k.z, gradient * hub_velocity[0] - k.vz
         k.load = ca.fmax(0, static + p.tire.stiffness * compression + p.tire.damping * compression_rate)
@@ -195,16 +175,8 @@ def full_car(vehicle: FullCar, name: str = "FullCarHmmwv") -> Component:
     c.value("inertia", inertia)
     angular = (turn.T @ body_moment - ca.cross(omega_body, inertia * omega_body)) / inertia  # Euler, principal axes
 
-    c.derivative(x, vx)
-    c.derivative(y, vy)
-    c.derivative(zb, vz)
-    c.derivative(roll, rate[0] + ca.sin(pitch) * yaw_velocity)
-    c.derivative(pitch, rate[1] * ca.cos(roll) - rate[2] * ca.sin(roll))
-    c.derivative(yaw, yaw_velocity)
-    for state, value in zip((vx, vy, vz), ca.vertsplit(acceleration), strict=True):
-        c.derivative(state, value, source="Newton: wheels move vertically on their own, horizontally with the body")
-    for state, value in zip(rate, ca.vertsplit(angular), strict=True):
-        c.derivative(state, value, source="Euler, principal axes of the body")
+    newton = "Newton: wheels move vertically on their own, horizontally with the body"
+    body_motion(c, body, acceleration, angular, (newton, "Euler, principal axes of the body"))
     for k in corners:
         c.derivative(k.z, k.vz)
         c.derivative(k.vz, k.wheel_force / p.wheel.mass)
@@ -216,12 +188,7 @@ def full_car(vehicle: FullCar, name: str = "FullCarHmmwv") -> Component:
 
     # ----------------------------------------------------------------------------------------------------- outputs
 
-    c.output("speed", speed, "m/s", "forward speed of the CG", display_unit="km/h")
-    c.output("body.az", acceleration[2], "m/s2", "vertical acceleration of the CG")
-    for i, axis in enumerate(("roll", "pitch", "yaw")):
-        c.output(f"body.{axis}_acceleration", angular[i], "rad/s2", f"{axis} acceleration about the body axis")
-    at_seat = of_rigid_body(acceleration, turn @ angular, omega, turn @ ca.vertcat(p.seat.x, p.seat.y, p.seat.z))
-    seat_outputs(c, at_seat[0], at_seat[2])
+    body_outputs(c, body, acceleration, angular, omega, p.seat)
     for k in corners:
         c.output(f"wheel.{k}.az", k.wheel_force / p.wheel.mass, "m/s2", "vertical acceleration of the wheel")
         c.output(f"suspension.{k}.deflection", k.travel, "m", "body height minus wheel height", display_unit="mm")
@@ -235,7 +202,7 @@ def full_car(vehicle: FullCar, name: str = "FullCarHmmwv") -> Component:
         c.operating_point(f"{kmh} km/h", {"target.speed": kmh / 3.6})
     c.operating_point("stops closed", {"body.z": -0.16})
     c.operating_point("wheels hanging", {f"wheel.{k}.z": -0.16 for k in corners})
-    c.stimulate(_stimulus())
+    c.stimulate(rough_patch())
     return c
 
 
@@ -289,20 +256,6 @@ def _equilibrium(corners: Corners, p: Any, least: Any) -> _Rest:
     return _Rest(z, roll, pitch)
 
 
-def _rotation(yaw: Any, pitch: Any, roll: Any) -> Any:
-    """Rotation matrix from body to road axes: yaw, then pitch, then roll (ISO 8855)."""
-    cy, sy, cp, sp, cr, sr = (f(a) for a in (yaw, pitch, roll) for f in (ca.cos, ca.sin))
-    return ca.vertcat(
-        ca.horzcat(cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr),
-        ca.horzcat(sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr),
-        ca.horzcat(-sp, cp * sr, cp * cr),
-    )
-
-
-def _limit(value: Any, bound: Any) -> Any:
-    return ca.fmax(-bound, ca.fmin(bound, value))
-
-
 def _eased(slip: Any) -> Any:
     """Part of the torque that is left at a slip in its direction."""
     return ca.fmax(0, ca.fmin(1, (RELEASE_SLIP - slip) / (RELEASE_SLIP - EASE_SLIP)))
@@ -312,25 +265,6 @@ def _stop(travel: Any, stop: Any) -> Any:
     """Force of the stops over the travel, at the wheel [N]: 0 in between, progressive from the gap on."""
     rebound, jounce = ca.fmax(0, travel - stop.travel), ca.fmax(0, -travel - stop.travel)
     return stop.stiffness * (rebound - jounce) + stop.cubic * (rebound**3 - jounce**3)
-
-
-def _stimulus() -> dict[str, Any]:
-    """A rough patch taken at an angle, some actuator work and a little steering, for the reference result."""
-
-    def bump(at: float, height: float) -> Any:
-        return lambda t: height * sin(pi * (t - at) / 0.1) ** 2 if at <= t < at + 0.1 else 0.0
-
-    return {
-        "target.speed": lambda t: 15.0 if t < 0.05 else 16.0,
-        "target.y": lambda t: 0.0 if t < 0.02 else 0.3,
-        "road.fl.height": bump(0.02, 0.04),
-        "road.fr.height": bump(0.03, 0.05),
-        "road.rl.height": bump(0.08, 0.04),
-        "road.rr.height": bump(0.09, 0.05),
-        "road.fl.slope": lambda t: 0.05 * sin(2 * pi * 8 * t),
-        "force.fl": lambda t: 3000.0 * sin(2 * pi * 5 * t),
-        "force.rr": lambda t: 2000.0 * sin(2 * pi * 3 * t),
-    }
 
 
 _NOTES = (

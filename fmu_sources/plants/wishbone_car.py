@@ -19,7 +19,6 @@ to second order. The wheels' spin is that of rotors: it has its own equation, an
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import pi, sin
 from types import SimpleNamespace
 from typing import Any
 
@@ -30,13 +29,25 @@ from build_fmus.component import Component
 from fmu_sources.models.corners import TWO_AXLES, Corner, Corners
 from fmu_sources.models.double_wishbone import Spline
 from fmu_sources.plants.enveloping import CONTACT_COUNT, CONTACT_STEP, Disc
+from fmu_sources.plants.free_body import (
+    LOW_SPEED,
+    body_motion,
+    body_outputs,
+    body_states,
+    bump,
+    course_steering,
+    driver_inputs,
+    limit,
+    road_and_force_inputs,
+    rotation,
+    rough_patch,
+    start_position,
+)
 from fmu_sources.plants.gravity import gravity
-from fmu_sources.plants.seat import SEAT_NOTE, of_rigid_body, seat_outputs
+from fmu_sources.plants.seat import SEAT_NOTE
 from fmu_sources.plants.tables import check_increasing, linear_table
 from fmu_sources.vehicles import WishboneCar, declare
 
-LOW_SPEED = 1.0  # m/s; below it slip is formed with this speed, so that slip exists and decays at standstill
-MAX_SPEED = 60.0  # m/s
 _NEWTON = 5  # steps to the rest position from that of the vehicle file
 _LEFT_OUT = (
     "body.com_x", "body.com_z", "steering_gear", "upper_arm", "lower_arm",
@@ -60,7 +71,7 @@ def wishbone_car(vehicle: WishboneCar, name: str = "FullCarHmmwvPublic") -> Comp
     _declare_computed(c, p, vehicle)
     g = gravity(c)
     low_speed = c.constant("low_speed", LOW_SPEED, "m/s", "below it slip is formed with this speed", source="assumed")
-    start_x = c.parameter("start.x", 5.0, "m", "position of the CG at the start", min=-1e6, max=1e6, source="assumed")
+    start_x = start_position(c)
     for table in ("suspension.stop.penetration", "tire.deflection", *(f"suspension.{a}.spring.compression" for a in ("front", "rear"))):
         check_increasing(c, _at(p, table), table)
 
@@ -68,17 +79,8 @@ def wishbone_car(vehicle: WishboneCar, name: str = "FullCarHmmwvPublic") -> Comp
 
     corners = Corners(TWO_AXLES)
     corners.each(geometry=lambda k: getattr(p.suspension, k.axle))
-    lifts = "positive lifts the body and pushes the wheel down"
-    corners.each(
-        road=lambda k: c.input(f"road.{k}.height", "m", f"road height under the {k} wheel"),
-        slope=lambda k: c.input(f"road.{k}.slope", "1", f"slope dz/dx of the road under the {k} wheel"),
-        force=lambda k: c.input(f"force.{k}", "N", f"actuator force at {k}, {lifts}"),
-    )
-    target_speed = c.input(
-        "target.speed", "m/s", "speed the driver keeps; its first value is the start speed", start=50.0 / 3.6, min=0.0,
-        max=MAX_SPEED, display_unit="km/h",
-    )  # fmt: skip
-    target_y = c.input("target.y", "m", "lateral position the driver keeps, positive left", min=-1e6, max=1e6)
+    road_and_force_inputs(c, corners)
+    target_speed, target_y = driver_inputs(c)
     corners.each(
         contact=lambda k: c.input(
             f"contact.{k}", "m", f"heights of the road along the {k} tire, contact.step apart, above road.{k}.height",
@@ -93,20 +95,7 @@ def wishbone_car(vehicle: WishboneCar, name: str = "FullCarHmmwvPublic") -> Comp
 
     start = _rest(c, p, g, target_speed / low_speed)
     on = _plane(corners, p)
-    x = c.state("x", "m", "distance of the CG along the road", start=start_x, output=True, nominal=10.0)
-    y = c.state("y", "m", "lateral position of the CG, positive left", output=True)
-    zb = c.state("body.z", "m", "CG height above its static position", start=start.z + on.z, output=True, nominal=0.1)
-    angle: dict[str, Any] = {"output": True, "nominal": 0.1, "display_unit": "deg"}
-    roll = c.state("body.roll", "rad", "roll angle, positive left side up", start=on.roll, **angle)
-    pitch = c.state("body.pitch", "rad", "pitch angle, positive nose down", start=start.pitch + on.pitch, **angle)
-    yaw = c.state("body.yaw", "rad", "yaw angle, positive to the left", **angle)
-    vx = c.state("body.vx", "m/s", "velocity of the CG along the road", start=target_speed, nominal=10.0)
-    vy = c.state("body.vy", "m/s", "lateral velocity of the CG in road axes")
-    vz = c.state("body.vz", "m/s", "vertical velocity of the CG", output=True)
-    rate = [
-        c.state(f"body.{axis}_rate", "rad/s", f"{axis} rate about the body axis", output=True, nominal=0.1)
-        for axis in ("roll", "pitch", "yaw")
-    ]
+    body = body_states(c, start_x, start.z + on.z, on.roll, start.pitch + on.pitch, target_speed)
     rolling_radius = p.tire.radius - start.deflection / 3
     corners.each(
         q=lambda k: c.state(
@@ -123,16 +112,12 @@ def wishbone_car(vehicle: WishboneCar, name: str = "FullCarHmmwvPublic") -> Comp
 
     # -------------------------------------------------------------------------------------------------- kinematics
 
-    turn = c.value("turn", _rotation(yaw, pitch, roll), source="from body axes to road axes: yaw, pitch, roll (ISO 8855)")
-    w = ca.vertcat(*rate)
-    velocity = ca.vertcat(vx, vy, vz)
+    turn = c.value("turn", body.turn, source="from body axes to road axes: yaw, pitch, roll (ISO 8855)")
+    w = ca.vertcat(*body.rates)
+    velocity = ca.vertcat(*body.velocity)
     v = c.value("body_velocity", turn.T @ velocity, source="of the CG, body axes")
     up = turn.T @ ca.vertcat(0, 0, 1)  # in body axes
-    ahead = ca.vertcat(ca.cos(yaw), ca.sin(yaw), 0)
-    left = ca.vertcat(-ca.sin(yaw), ca.cos(yaw), 0)
-    speed = ca.dot(velocity, ahead)
-    yaw_velocity = (rate[1] * ca.sin(roll) + rate[2] * ca.cos(roll)) / ca.cos(pitch)
-    height = p.rest.height + zb
+    height = p.rest.height + body.z
 
     for k in corners:
         _move(k, k.q)
@@ -143,12 +128,11 @@ def wishbone_car(vehicle: WishboneCar, name: str = "FullCarHmmwvPublic") -> Comp
 
     # ------------------------------------------------------------------------------------------------------ driver
 
-    error = target_speed - speed
+    error = target_speed - body.speed
     requested = p.speed_control.gain * error + p.speed_control.integral_gain * speed_error
-    limited = _limit(requested, p.speed_control.max_force)
+    limited = limit(requested, p.speed_control.max_force)
     torque = c.value("wheel_torque", limited * p.speed_control.lever / 4, source="driver: torque of each wheel")
-    course = p.steering.offset_gain * (target_y - y) - p.steering.heading_gain * yaw
-    steer = _limit(course - p.steering.yaw_rate_gain * yaw_velocity, p.steering.max_angle)
+    steer = course_steering(p.steering, body, target_y)
     c.value("steering_angle", steer, source="driver: course")
 
     # ------------------------------------------------------------------------------------ masses, and what acts on them
@@ -179,8 +163,8 @@ def wishbone_car(vehicle: WishboneCar, name: str = "FullCarHmmwvPublic") -> Comp
 
         # Tire, horizontal: the longitudinal slip lags by a short length; forces grow with slip and load up to the friction ellipse.
         heading = k.lean[2] + (steer if k.axle == "front" else 0)
-        forward = ca.cos(heading) * ahead + ca.sin(heading) * left
-        sideways = ca.cos(heading) * left - ca.sin(heading) * ahead
+        forward = ca.cos(heading) * body.ahead + ca.sin(heading) * body.left
+        sideways = ca.cos(heading) * body.left - ca.sin(heading) * body.ahead
         against = turn.T @ normal  # body axes
         below = (p.tire.radius - k.depth) * (ca.dot(against, k.spindle) * k.spindle - against)  # from the centre to the contact
         patch_d = k.centre_d + ca.cross(k.turning, below)
@@ -236,16 +220,7 @@ def wishbone_car(vehicle: WishboneCar, name: str = "FullCarHmmwvPublic") -> Comp
     for k in corners:
         k.ddq = c.value(f"travel_acceleration_{k}", (k.along - ca.dot(k.row, solved)) / k.effective, source="Lagrange")
 
-    c.derivative(x, vx)
-    c.derivative(y, vy)
-    c.derivative(zb, vz)
-    c.derivative(roll, rate[0] + ca.sin(pitch) * yaw_velocity)
-    c.derivative(pitch, rate[1] * ca.cos(roll) - rate[2] * ca.sin(roll))
-    c.derivative(yaw, yaw_velocity)
-    for state, value in zip((vx, vy, vz), ca.vertsplit(acceleration), strict=True):
-        c.derivative(state, value, source="Kirchhoff, turned into road axes")
-    for state, value in zip(rate, ca.vertsplit(angular), strict=True):
-        c.derivative(state, value, source="Kirchhoff")
+    body_motion(c, body, acceleration, angular, ("Kirchhoff, turned into road axes", "Kirchhoff"))
     for k in corners:
         c.derivative(k.q, k.dq)
         c.derivative(k.dq, k.ddq, source="Lagrange")
@@ -256,12 +231,7 @@ def wishbone_car(vehicle: WishboneCar, name: str = "FullCarHmmwvPublic") -> Comp
 
     # ----------------------------------------------------------------------------------------------------- outputs
 
-    c.output("speed", speed, "m/s", "forward speed of the CG", display_unit="km/h")
-    c.output("body.az", acceleration[2], "m/s2", "vertical acceleration of the CG")
-    for i, axis in enumerate(("roll", "pitch", "yaw")):
-        c.output(f"body.{axis}_acceleration", angular[i], "rad/s2", f"{axis} acceleration about the body axis")
-    at_seat = of_rigid_body(acceleration, turn @ angular, turn @ w, turn @ ca.vertcat(p.seat.x, p.seat.y, p.seat.z))
-    seat_outputs(c, at_seat[0], at_seat[2])
+    body_outputs(c, body, acceleration, angular, turn @ w, p.seat)
     for k in corners:
         rest = getattr(p.rest, k.axle)
         moved = ca.cross(angular, k.centre) + ca.cross(w, ca.cross(w, k.centre) + 2 * k.centre_d * k.dq)
@@ -546,7 +516,7 @@ def _static(p: Any, g: Any, unknown: Any, speed: Any) -> tuple[Any, Any, Any]:
     """What must vanish at rest on a level road: vertical force, pitch moment, generalized forces of front and rear travel. Then heights of the
     wheel centres, and deflections of the tires. ``unknown``: height of the CG, pitch, travels. A rolling tire that toes in presses against the road."""
     height, pitch = unknown[0], unknown[1]
-    turn = _rotation(0, pitch, 0)
+    turn = rotation(0, pitch, 0)
     up = turn.T @ ca.vertcat(0, 0, 1)
     mass, first, _ = _body_inertia(p)
     force, moment, along, wheels, depths = -mass * g, ca.cross(first, -g * up)[1], [], [], []
@@ -605,44 +575,14 @@ def _solve(matrix: Any, right: Any) -> Any:
     return ca.vertcat(*x)
 
 
-def _rotation(yaw: Any, pitch: Any, roll: Any) -> Any:
-    """Rotation matrix from body to road axes: yaw, then pitch, then roll (ISO 8855)."""
-    cy, sy, cp, sp, cr, sr = (f(a) for a in (yaw, pitch, roll) for f in (ca.cos, ca.sin))
-    return ca.vertcat(
-        ca.horzcat(cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr),
-        ca.horzcat(sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr),
-        ca.horzcat(-sp, cp * sr, cp * cr),
-    )
-
-
 def _saturation(p: Any, drive: Any, side: Any) -> Any:
     """What divides forces that would grow linearly with slip, given per load, so that they stay within the friction ellipse."""
     return ca.sqrt(1 + (drive / p.tire.longitudinal_friction) ** 2 + (side / p.tire.lateral_friction) ** 2)
 
 
-def _limit(value: Any, bound: Any) -> Any:
-    return ca.fmax(-bound, ca.fmin(bound, value))
-
-
 def _stimulus() -> dict[str, Any]:
-    """A rough patch taken at an angle, some actuator work and a little steering, for the reference result."""
-
-    def bump(at: float, height: float) -> Any:
-        return lambda t: height * sin(pi * (t - at) / 0.1) ** 2 if at <= t < at + 0.1 else 0.0
-
     edge = CONTACT_COUNT // 2 + 5  # a ridge ahead of the middle of a contact
-    return {
-        "target.speed": lambda t: 15.0 if t < 0.05 else 16.0,
-        "target.y": lambda t: 0.0 if t < 0.02 else 0.3,
-        "road.fl.height": bump(0.02, 0.04),
-        "road.fr.height": bump(0.03, 0.05),
-        "road.rl.height": bump(0.08, 0.04),
-        "road.rr.height": bump(0.09, 0.05),
-        "road.fl.slope": lambda t: 0.05 * sin(2 * pi * 8 * t),
-        **{f"contact.fl[{i}]": bump(0.06, 0.03) for i in range(edge, edge + 3)},
-        "force.fl": lambda t: 3000.0 * sin(2 * pi * 5 * t),
-        "force.rr": lambda t: 2000.0 * sin(2 * pi * 3 * t),
-    }
+    return {**rough_patch(), **{f"contact.fl[{i}]": bump(0.06, 0.03) for i in range(edge, edge + 3)}}
 
 
 _NOTES = (

@@ -5,7 +5,7 @@ from __future__ import annotations
 import casadi as ca
 
 from build_fmus.component import Component
-from fmu_sources.plants.full_car import MAX_SPEED
+from fmu_sources.plants.free_body import MAX_SPEED
 
 
 def speed_profile(name: str = "SpeedProfile") -> Component:
