@@ -82,27 +82,32 @@ class SystemCode:
         variables: of the system; the value reference of each is its place here, counted from 1 (0 is time).
         fmi: version of the functions that it has, 2 or 3.
         parts: how each member travels.
+
+    Args:
+        known: how FMUs travel, by path and token, filled here; for systems that are linked together and share what they have in common.
     """
 
-    def __init__(self, name: str, schedule: Schedule, variables: Sequence[Exported], fmi: int):
+    def __init__(
+        self, name: str, schedule: Schedule, variables: Sequence[Exported], fmi: int,
+        known: dict[tuple[str, str], Part] | None = None,
+    ):  # fmt: skip
         self.name, self.schedule, self.variables, self.fmi = name, schedule, variables, fmi
         outputs = [(e.member, e.variable) for e in variables if e.causality == "output"]
         self.exchange = Exchange(schedule, record=outputs)
         self.plan: Plan = make_plan(self.exchange)
-        self.parts = self._parts()
+        self.parts = self._parts({} if known is None else known)
 
-    def _parts(self) -> dict[Member, Part]:
+    def _parts(self, found: dict[tuple[str, str], Part]) -> dict[Member, Part]:
         """One part per FMU file, whatever number of members is made of it."""
-        found: dict[tuple[str, str], Part] = {}
         parts: dict[Member, Part] = {}
         for m in self.schedule.members:
             fmu = m.component.fmu  # type: ignore[attr-defined]
             key = (str(fmu.path), fmu.description.token)
+            other = next((o.name for o, p in parts.items() if p is found.get(key)), None)
+            if other and m.description.only_once:
+                raise WiringError(f"'{other}' and '{m.name}' are instances of {fmu.path}, which allows one per process")
             if key not in found:
                 found[key] = part_of(_identifier(fmu.description.identifier, [p.name for p in found.values()]), fmu)
-            elif m.description.only_once:
-                other = next(o.name for o, p in parts.items() if p is found[key])
-                raise WiringError(f"'{other}' and '{m.name}' are instances of {fmu.path}, which allows one per process")
             parts[m] = found[key]
         return parts
 
