@@ -172,6 +172,17 @@ def mpc_hmmwv(
     c.update(response, felt, source="001 (1.19), sampled for an acceleration that is linear in between")
     c.update(az_before, az)
     command_outputs(c, mpc, car, solution)
+    for i, name in enumerate(FORCES):
+        c.output(
+            f"planned.{name}", solution.planned[i, :].T, "N", f"{name} as planned: now (index 1) and later, a sample time apart"
+        )
+    for name in SUSPENSION:
+        row = next(k for k, o in enumerate(mpc.outputs) if o.name == name)
+        v = car.variable(name)
+        c.output(
+            f"predicted.{name}", solution.predicted[row, :].T, v.unit,
+            f"{name} as predicted: at the next sample (index 1) and later, a sample time apart", display_unit=v.display_unit,
+        )  # fmt: skip
     c.provenance = {"car": car.name, "mpc": mpc.as_dict()}
     c.stimulate(_stimulus(preview_points, preview_step))
     return c
