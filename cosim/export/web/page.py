@@ -11,11 +11,11 @@ import gzip
 import json
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from fractions import Fraction
 from importlib import metadata
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
 from build_fmus import description as base
 from build_fmus import safe_files
@@ -26,7 +26,7 @@ from cosim.export.code import SystemCode, exported_schedule, template
 from cosim.export.parts import Part
 from cosim.export.variables import TYPES, Exported, choose
 from cosim.export.web.module import Module, compile_module
-from cosim.export.web.scene import Scene, scene_data
+from cosim.export.web.scene import Scene, Value, scene_data
 from cosim.system.wiring import Wiring
 
 _ASSETS = Path(__file__).parent / "assets"
@@ -39,6 +39,7 @@ _STEPS = 200  # of a slider from end to end
 _MOST = 4  # systems side by side
 
 Kind = Literal["number", "check", "choice"]
+How = Literal["peak", "largest", "rms"]
 
 
 @dataclass(frozen=True)
@@ -63,6 +64,39 @@ class Control:
 
 
 @dataclass(frozen=True)
+class Measure:
+    """A number of the whole run, in a table with a column for each system.
+
+    Attributes:
+        label: for people.
+        names: outputs; of several the worst counts.
+        how: the largest magnitude, the largest value, or the root mean square.
+        unit: in which it is shown, ``factor`` times the output's.
+        limit: in that unit; what is above it is marked, and fails a run that has a `Finish`.
+    """
+
+    label: str
+    names: Sequence[str]
+    how: How = "peak"
+    unit: str = ""
+    factor: float = 1.0
+    limit: float | None = None
+    decimals: int = 2
+
+    def __post_init__(self) -> None:
+        if self.how not in get_args(How):
+            raise CosimError(f"measure '{self.label}': {self.how!r} is none of {', '.join(get_args(How))}")
+
+
+@dataclass(frozen=True)
+class Finish:
+    """A run is over where ``when`` is no longer negative, and has failed where that is not reached within ``patience`` [s]."""
+
+    when: Value
+    patience: float
+
+
+@dataclass(frozen=True)
 class Shown:
     """One system of a page. ``values`` are set in it before it starts; those of the same ``group`` run side by side, and the page offers
     the groups to choose from. ``scene``: how it looks."""
@@ -83,14 +117,18 @@ class WebPage:
         text: a sentence or two below it.
         controls: those that people see at once; all others are below them, member by member.
         plots: outputs of the charts at first.
+        measures: what is told of the whole run.
+        finish: when a run is over; None: never.
         group_label: what the groups of systems are, such as "course".
-        interval: time between the samples that are shown [s]; a number of ticks of all systems.
+        interval: time between the samples that are measured [s]; a number of ticks of all systems.
     """
 
     title: str
     text: str = ""
     controls: Sequence[Control] = ()
     plots: Sequence[str] = ()
+    measures: Sequence[Measure] = ()
+    finish: Finish | None = None
     group_label: str = ""
     interval: Fraction | None = None
 
@@ -159,7 +197,9 @@ def _gathered(systems: Sequence[Shown], page: WebPage) -> tuple[dict[str, Any], 
     module = compile_module(codes, alone)
     _check_names(systems, codes, page)
     data = {
-        "interval": float(interval), "groups": groups, "plots": list(page.plots),
+        "interval": float(interval), "keep": max(1, math.floor(_SHOWN_EVERY / interval)), "groups": groups, "plots": list(page.plots),
+        "measures": [asdict(m) for m in page.measures],
+        "finish": page.finish and {"terms": dict(page.finish.when.terms), "offset": page.finish.when.offset, "patience": page.finish.patience},
         "systems": [
             {
                 "title": s.title, "group": groups.index(s.group), "model": i, "values": {n: float(v) for n, v in s.values.items()},
@@ -218,9 +258,12 @@ def _check_names(systems: Sequence[Shown], codes: Sequence[SystemCode], page: We
         for name in control.names:
             if name not in settable:
                 raise WiringError(f"the control '{control.label}' names '{name}', no input or parameter{did_you_mean(name, settable)}")
-    for name in page.plots:
+    for what, name in [("be plotted", n) for n in page.plots] + [("be measured", n) for m in page.measures for n in m.names]:
         if name not in outputs:
-            raise WiringError(f"'{name}' is no output that could be plotted{did_you_mean(name, outputs)}")
+            raise WiringError(f"'{name}' is no output that could {what}{did_you_mean(name, outputs)}")
+    for name in page.finish.when.terms if page.finish else ():
+        if name not in settable | outputs:
+            raise WiringError(f"where a run is over: there is no '{name}'{did_you_mean(name, settable | outputs)}")
     for shown, code in zip(systems, codes, strict=True):
         own = {e.name for e in code.variables if e.causality != "output"}
         for name in shown.values:
@@ -258,11 +301,14 @@ def _road(scene: Scene | None, code: SystemCode, module: Module) -> dict[str, An
         return None
     name = scene.grounds[0].member
     member = next(m for m in code.schedule.members if m.name == name)
-    variables = member.description.variables
+
+    def own_variable(full: str) -> Variable:
+        return member.description.find(full.removeprefix(f"{name}."), name)
+
     own = {f"{name}.{v.name}": v for v in member.description.parameters.values() if v.size == 1 and v.fmi_type in _TYPES}
     return {
-        "model": module.model(code.parts[member]), "x": variables[scene.grounds[0].input].reference, "step": float(member.step),
-        "sides": {g.side: {"reference": variables[g.output].reference, "ahead": g.ahead} for g in scene.grounds},
+        "model": module.model(code.parts[member]), "x": own_variable(scene.grounds[0].input).reference, "step": float(member.step),
+        "sides": {g.side: {"reference": own_variable(g.output).reference, "ahead": g.ahead} for g in scene.grounds},
         "starts": [[_TYPES[v.fmi_type], v.reference, values] for v, values in _starts(member.description.variables, member.values)],
         "parameters": {n: {"type": _TYPES[v.fmi_type], "reference": v.reference} for n, v in own.items()},
     }  # fmt: skip

@@ -284,6 +284,22 @@ class Trench:
 
 
 @dataclass(frozen=True)
+class Relief:
+    """Ground whose outline over x is known (x, z) [m] from point to point, level ahead of the first and after the last; two at one x are a
+    wall. One point is level ground."""
+
+    points: Sequence[tuple[Quantity, Quantity]]
+    side: Sides = "both"
+
+    def __post_init__(self) -> None:
+        _check_choice("relief", "side", self.side, Sides)
+        points = tuple((value(x), value(z)) for x, z in self.points)
+        if not points:
+            raise ValueError("relief: give at least one point (x, z)")
+        _assign(self, "points", points)
+
+
+@dataclass(frozen=True)
 class Trace:
     """The height z [m] over the past, as on paper that is drawn backwards from (x, y) at `speed` [m/s]; for what stands on one place."""
 
@@ -323,6 +339,7 @@ class Scene:
     limits: Sequence[Limit] = ()
     readings: Sequence[Reading] = ()
     trenches: Sequence[Trench] = ()
+    reliefs: Sequence[Relief] = ()
     traces: Sequence[Trace] = ()
 
     def __post_init__(self) -> None:
@@ -333,7 +350,7 @@ class Scene:
         for name, kind in _PARTS.items():
             parts = _items(where, name, getattr(self, name), kind)
             _assign(self, name, parts)
-            _check_unique(where, name, (str(part.side if kind is Ground else _label(part)) for part in parts if kind not in (Strut, Trench)))
+            _check_unique(where, name, (str(part.side if kind is Ground else _label(part)) for part in parts if kind not in (Strut, Trench, Relief)))
         bodies, wheels = ([part.name for part in parts] for parts in (self.bodies, self.wheels))
         _check_unique(where, "body or wheel", (*bodies, *wheels))
         if self.follow not in bodies:
@@ -358,7 +375,7 @@ class Scene:
 
 _PARTS: dict[str, Any] = {
     "bodies": Body, "wheels": Wheel, "struts": Strut, "arrows": Arrow, "grounds": Ground, "points": Points, "limits": Limit,
-    "readings": Reading, "trenches": Trench, "traces": Trace,
+    "readings": Reading, "trenches": Trench, "reliefs": Relief, "traces": Trace,
 }  # fmt: skip
 
 

@@ -3,16 +3,19 @@
 const COLOURS = 4; // --line-0 to --line-3 of the style sheet
 const DASHES = [[], [6, 3], [2, 2], [8, 3, 2, 3]];
 const SECONDS = 10; // in a chart
-const BUDGET = 12; // ms of a frame for computing
+const BUDGET = 0.7; // of the time that passes, for computing
 
 class Variant {
-  constructor(module, system, interval, number) {
+  constructor(module, system, data, number) {
+    const interval = data.interval;
     Object.assign(this, { system, number, title: system.title, failure: null });
     this.variables = new Map(system.variables.map(v => [v.name, v]));
     const shown = system.variables.filter(v => v.role === "output").sort((a, b) => a.type - b.type);
     this.instance = new Instance(module, system.model, shown);
     this.interval = interval;
-    this.history = new History(this.instance.place, this.instance.width, interval);
+    this.history = new History(this.instance.place, this.instance.width, interval * data.keep);
+    this.keep = data.keep;
+    this.score = new Score(this, data);
     this.probe = system.road ? new Probe(module, system.road) : null;
     this.settings = new Map(Object.entries(system.values));
     this.fresh = true;
@@ -32,7 +35,9 @@ class Variant {
       }
       if (this.probe) this.probe.renew(this.roadSettings());
       this.instance.start(this.interval);
-      this.history.add(this.instance.look());
+      const row = this.instance.look();
+      this.history.add(row);
+      this.score.restart(row);
     } catch (error) { this.fail(error); }
   }
 
@@ -46,6 +51,8 @@ class Variant {
   }
 
   fail(error) { this.failure = error.message; }
+
+  get over() { return Boolean(this.failure || this.instance.ended || this.score.verdict); }
 
   /** Whether this variable can be set while the system runs. */
   live(name) {
@@ -62,7 +69,10 @@ class Variant {
     if (this.failure) return false;
     try {
       this.instance.set(v.type, v.reference, [value]);
-      if (this.probe && this.system.road.parameters[name]) this.probe.renew(this.roadSettings());
+      if (this.probe && this.system.road.parameters[name]) {
+        this.probe.renew(this.roadSettings());
+        this.refreshed = true;
+      }
     } catch (error) { this.fail(error); }
     return false;
   }
@@ -74,14 +84,75 @@ class Variant {
   }
 
   run(n) {
-    if (this.failure || this.instance.ended) return;
+    if (this.over) return;
     const begun = performance.now();
     try {
-      this.instance.run(n, row => this.history.add(row));
+      this.instance.run(n, row => {
+        if (this.score.add(row) % this.keep === 0) this.history.add(row);
+      });
     } catch (error) { this.fail(error); }
     const cost = (performance.now() - begun) / n;
     this.cost = this.cost ? 0.9 * this.cost + 0.1 * cost : cost;
   }
+}
+
+/** Numbers of a whole run, and whether it is over. */
+class Score {
+  constructor(variant, data) {
+    this.variant = variant;
+    this.interval = data.interval;
+    const place = variant.instance.place;
+    this.measures = data.measures.map(m => ({ ...m, places: m.names.filter(n => place.has(n)).map(n => place.get(n)) }));
+    this.finish = data.finish;
+  }
+
+  restart(row) {
+    this.n = 0;
+    this.verdict = "";
+    this.worst = this.measures.map(m => m.how === "rms" ? m.places.map(() => 0) : -Infinity);
+    this.see(row);
+    if (!this.finish) return;
+    const place = this.variant.instance.place;
+    this.terms = []; // what moves; the rest is as it was set
+    this.level = this.finish.offset;
+    for (const [name, factor] of Object.entries(this.finish.terms)) {
+      if (place.has(name)) this.terms.push([place.get(name), factor]);
+      else this.level += factor * this.variant.value(name);
+    }
+  }
+
+  see(row) {
+    this.measures.forEach((m, i) => {
+      m.places.forEach((p, j) => {
+        const v = row[p];
+        if (m.how === "rms") this.worst[i][j] += v * v;
+        else this.worst[i] = Math.max(this.worst[i], m.how === "peak" ? Math.abs(v) : v);
+      });
+    });
+  }
+
+  /** Counts a row; returns how many there were, the first not counted. */
+  add(row) {
+    if (this.verdict) return ++this.n;
+    this.n++;
+    this.see(row);
+    if (this.finish) {
+      const time = this.n * this.interval;
+      if (this.terms.reduce((sum, [p, f]) => sum + f * row[p], this.level) >= 0) this.verdict = this.failed.length ? "failed" : "passed";
+      else if (time >= this.finish.patience) this.verdict = "stuck";
+    }
+    return this.n;
+  }
+
+  /** The value of a measure in the unit in which it is shown; null where the system does not have it. */
+  value(i) {
+    const m = this.measures[i];
+    if (!m.places.length || this.n === undefined) return null;
+    return m.factor * (m.how === "rms" ? Math.sqrt(Math.max(...this.worst[i]) / (this.n + 1)) : this.worst[i]);
+  }
+
+  /** Labels of what is above its limit. */
+  get failed() { return this.measures.filter((m, i) => m.limit !== null && this.value(i) > m.limit).map(m => m.label); }
 }
 
 class Page {
@@ -112,7 +183,21 @@ class Page {
     $("filter").addEventListener("input", () => this.filter());
     document.addEventListener("keydown", e => this.key(e));
     new ResizeObserver(() => this.draw()).observe(document.body);
-    matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => this.draw());
+    matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => {
+      for (const { view } of this.views) view.restyle();
+      this.draw();
+    });
+    this.camera = { view: "side", ...SceneView.VIEWS.side, zoom: 1, turn: null }; // one for all scenes
+    for (const name of Object.keys(SceneView.VIEWS)) $("view").add(new Option(name, name));
+    $("view").addEventListener("change", () => {
+      for (const { view } of this.views.slice(0, 1)) view.view = $("view").value;
+      this.draw();
+    });
+    $("heights").addEventListener("change", () => {
+      for (const { view } of this.views) view.exaggeration = Number($("heights").value);
+      this.draw();
+    });
+    $("measures").closest("section").hidden = !data.measures.length;
     this.controls = data.controls.map(c => this.control(c, $("controls")));
     $("controls").closest("section").hidden = !data.controls.length;
   }
@@ -120,10 +205,11 @@ class Page {
   /** The systems of a group, on one road and one clock. */
   choose(group) {
     const chosen = this.data.systems.filter(s => s.group === group);
-    this.variants = chosen.map((s, i) => new Variant(this.module, s, this.data.interval, i));
+    this.variants = chosen.map((s, i) => new Variant(this.module, s, this.data, i));
     for (const variant of this.variants) for (const [name, value] of this.shared) if (variant.variables.has(name)) variant.settings.set(name, value);
     this.scenes();
     this.plots();
+    this.table();
     this.parameters();
     this.restart();
     for (const c of this.controls) c.show();
@@ -143,10 +229,65 @@ class Page {
       room.append(figure);
       if (!variant.system.scene) { canvas.remove(); continue; }
       const ground = (side, x) => variant.probe ? variant.probe.height(side, x) : null;
-      const view = new SceneView(canvas, variant.system.scene, { value: name => variant.value(name), ground, reducedMotion: this.reduced });
+      const view = new SceneView(canvas, variant.system.scene, { value: name => variant.value(name), ground, reducedMotion: this.reduced, camera: this.camera });
+      view.exaggeration = Number(this.$("heights").value);
+      variant.readings = view.readings().map(({ label, unit }) => {
+        const item = document.createElement("div");
+        item.append(Object.assign(document.createElement("dt"), { textContent: unit ? `${label} [${unit}]` : label }));
+        const number = item.appendChild(document.createElement("dd"));
+        figure.querySelector("dl").append(item);
+        return number;
+      });
       this.views.push({ view, canvas, variant });
     }
     room.classList.toggle("several", this.variants.length > 1);
+    for (const id of ["view", "heights"]) this.$(id).closest("label").hidden = !this.views.length;
+  }
+
+  /** Measures by system. */
+  table() {
+    const head = this.$("measures").tHead, body = this.$("measures").tBodies[0];
+    head.replaceChildren();
+    body.replaceChildren();
+    const cell = (row, tag, text, scope) => {
+      const e = document.createElement(tag);
+      e.textContent = text;
+      if (scope) e.scope = scope;
+      row.append(e);
+      return e;
+    };
+    const title = head.insertRow();
+    cell(title, "th", "", "col");
+    for (const v of this.variants) cell(title, "th", v.title, "col");
+    const limits = this.data.measures.some(m => m.limit !== null);
+    if (limits) cell(title, "th", "limit", "col");
+    this.cells = this.data.measures.map(m => {
+      const row = body.insertRow();
+      cell(row, "th", m.unit ? `${m.label} [${m.unit}]` : m.label, "row");
+      const cells = this.variants.map(() => cell(row, "td", ""));
+      if (limits) cell(row, "td", m.limit === null ? "" : m.limit.toString());
+      return cells;
+    });
+    if (!this.data.finish) return;
+    const row = body.insertRow();
+    cell(row, "th", "outcome", "row");
+    this.outcomes = this.variants.map(() => cell(row, "td", ""));
+    if (limits) cell(row, "td", "");
+  }
+
+  fill() {
+    this.variants.forEach((v, j) => {
+      this.data.measures.forEach((m, i) => {
+        const value = v.score.value(i), over = m.limit !== null && value > m.limit;
+        const text = value === null || !Number.isFinite(value) ? "–" : `${value.toFixed(m.decimals)}${over ? " ✗" : ""}`;
+        if (this.cells[i][j].textContent !== text) this.cells[i][j].textContent = text;
+        this.cells[i][j].classList.toggle("over", over);
+      });
+      if (!this.data.finish) return;
+      const { verdict, failed } = v.score;
+      this.outcomes[j].textContent = verdict === "failed" ? `failed: ${failed.join(", ")}` : verdict || "on its way";
+      this.outcomes[j].className = verdict && verdict !== "passed" ? "over" : verdict ? "good" : "";
+    });
   }
 
   /** The value of a control: of the first variant that has it. */
@@ -319,7 +460,7 @@ class Page {
     clearTimeout(this.soon);
     for (const variant of this.variants) variant.restart();
     for (const chart of this.charts) chart.range = null;
-    for (const { view } of this.views) view.restart && view.restart();
+    for (const { view } of this.views) view.reset();
     this.steps = 0;
     this.credit = 0;
     this.report();
@@ -329,6 +470,7 @@ class Page {
   toggle() { this.running ? this.pause() : this.play(); }
 
   play() {
+    if (this.variants.every(v => v.over)) this.restart();
     this.running = true;
     this.last = null;
     this.$("run").textContent = "Pause";
@@ -346,6 +488,7 @@ class Page {
     for (const variant of this.variants) variant.run(n);
     this.steps += n;
     this.report();
+    if (this.running && this.variants.every(v => v.over)) this.pause();
   }
 
   frame(now) {
@@ -355,7 +498,7 @@ class Page {
       this.credit += passed * this.pace / this.data.interval;
       let n = Math.floor(this.credit + 1e-9);
       const cost = this.variants.reduce((sum, v) => sum + v.cost, 0);
-      const most = cost ? Math.max(1, Math.floor(BUDGET / cost)) : n;
+      const most = cost ? Math.max(1, Math.floor(BUDGET * passed * 1000 / cost)) : n;
       this.slow = n > most;
       if (this.slow) { n = most; this.credit = n; } // what cannot be computed in time is not owed
       if (n) {
@@ -371,12 +514,18 @@ class Page {
   }
 
   draw() {
-    for (const { view } of this.views) view.draw(this.time);
+    for (const { view, variant } of this.views) {
+      if (variant.refreshed) view.refresh();
+      variant.refreshed = false;
+      view.draw(this.time);
+      view.readings().forEach(({ text }, i) => { if (variant.readings[i].textContent !== text) variant.readings[i].textContent = text; });
+    }
     const lines = this.variants.map((v, i) => ({
       history: v.history, dash: DASHES[i % DASHES.length],
       colour: getComputedStyle(document.documentElement).getPropertyValue(`--line-${i % COLOURS}`),
     }));
     for (const chart of this.charts) chart.draw(lines, SECONDS);
+    this.fill();
     this.$("time").textContent = `${this.time.toFixed(2)} s`;
     this.$("factor").textContent = this.slow ? `this device keeps up with ${(this.factor || 0).toFixed(2)} of the clock` : "";
     const now = performance.now();
