@@ -115,7 +115,9 @@ class _Found:
 
     @property
     def is_vehicle(self) -> bool:
-        return {"body.z", "body.roll", "body.pitch"} <= self.member.description.outputs.keys() and len(self.corners) >= 4
+        return {"body.z", "body.roll", "body.pitch"} <= self.member.description.outputs.keys() and len(
+            self.corners
+        ) >= 4
 
     @cached_property
     def corners(self) -> list[str]:
@@ -235,9 +237,7 @@ class _Found:
         """Front to rear, with the dimensions of their left wheels."""
         left = sorted((c for c in self.corners if self.side(c) > 0), key=lambda c: -self.x[c])
         width = self.looks.tire_width
-        return [
-            Axle(self.x[c], self.half_track(c), self.wheel_height(c) + self.static_squash(c), width) for c in left
-        ]
+        return [Axle(self.x[c], self.half_track(c), self.wheel_height(c) + self.static_squash(c), width) for c in left]
 
     def place(self, corner: str) -> str:
         """`front left`."""
@@ -309,7 +309,8 @@ def _vehicle(found: _Found) -> Scene:
         pitch=found.output("body.pitch"), yaw=yaw,
     )  # fmt: skip
     wheels = [_wheel(found, c, distance, y, yaw) for c in found.corners]
-    struts, arrows = [], []
+    struts: list[Strut] = []
+    arrows: list[Arrow] = []
     load = max(found.loads.values())
     for corner, wheel in zip(found.corners, wheels, strict=True):
         inboard = -found.side(corner) * (0.5 * wheel.width + 0.10)
@@ -388,7 +389,9 @@ def _forces(found: _Found, corner: str, wheel: Wheel, mount: tuple[float, float,
         )  # fmt: skip
     elif found.has(f"tire.{corner}.force"):
         below = wheel.squash + Value(offset=-wheel.radius)  # type: ignore[operator]
-        yield Arrow(f"ground on {corner}", "ground", found.output(f"tire.{corner}.force"), on=corner, at=(0.0, 0.0, below))
+        yield Arrow(
+            f"ground on {corner}", "ground", found.output(f"tire.{corner}.force"), on=corner, at=(0.0, 0.0, below)
+        )
     force = found.given(f"force.{corner}")
     if force is not None:
         yield Arrow(f"actuator at {corner}", "actuator", force, on="body", at=mount)
@@ -425,7 +428,10 @@ def _trenches(found: _Found) -> list[Trench]:
     start, length, depth = (found.output(f"trench.{n}") for n in ("start", "length", "depth"))
     if not found.knows("trench.right_offset"):
         return [Trench(start, length, depth)]
-    return [Trench(start, length, depth, "left"), Trench(start + found.output("trench.right_offset"), length, depth, "right")]
+    return [
+        Trench(start, length, depth, "left"),
+        Trench(start + found.output("trench.right_offset"), length, depth, "right"),
+    ]
 
 
 def _reliefs(found: _Found) -> list[Relief]:
@@ -433,7 +439,10 @@ def _reliefs(found: _Found) -> list[Relief]:
     shape = found.parameter("obstacle.shape", default=_TRENCH)
     if shape == _OUTLINE:
         count = round(found.parameter("outline.points"))
-        outlines = {s: [tuple(found.parameter(f"outline.{s}.{n}[{i + 1}]") for n in "xz") for i in range(count)] for s in ("left", "right")}
+        outlines = {
+            s: [tuple(found.parameter(f"outline.{s}.{n}[{i + 1}]") for n in "xz") for i in range(count)]
+            for s in ("left", "right")
+        }
         return [Relief(outlines["left"], "left"), Relief(outlines["right"], "right")]  # type: ignore[arg-type]
     return [] if shape == _TRENCH else [Relief([(0.0, 0.0)])]
 
@@ -477,7 +486,9 @@ def _preview_step(system: Wiring, reader: Member, source: Member) -> float | Non
     """Seconds between heights, a constant of both ends."""
     connection = system.connections.get(f"{reader.name}.preview.step")
     variables = [None if connection is None else connection.output, source.description.outputs.get("preview.step")]
-    steps = [v.constant for v in variables if v is not None] + [getattr(reader.description.inputs.get("preview.step"), "must_equal", None)]
+    steps = [v.constant for v in variables if v is not None] + [
+        getattr(reader.description.inputs.get("preview.step"), "must_equal", None)
+    ]
     return next((step for step in steps if step), None)
 
 
@@ -570,7 +581,14 @@ def _quarter(found: _Found) -> Scene:
         ]
         speed = 3.2 * size / _PAPER
         traces = [
-            Trace("body", "body", -2.1 * size, 0.0, found.output("body.z", offset=height + 0.31 * size, rest=height + 0.31 * size), speed),
+            Trace(
+                "body",
+                "body",
+                -2.1 * size,
+                0.0,
+                found.output("body.z", offset=height + 0.31 * size, rest=height + 0.31 * size),
+                speed,
+            ),
             Trace("wheel", "wheel", -2.1 * size, 0.0, found.output("wheel.z", offset=size - squash), speed),
             Trace("road", "ground", -2.1 * size, 0.0, road, speed),
         ]

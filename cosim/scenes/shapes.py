@@ -6,8 +6,9 @@ Every maker gives faces in the frame of the body: the origin is the centre of gr
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 
@@ -53,7 +54,7 @@ def off_road(axles: Sequence[Axle], cg_height: float) -> list[Face]:
     high: Contour = [(nose, hood), (cowl, belt), (tail, belt)]
     faces = [
         *_sides(low, high, side),
-        *(_arch_liner(a, inner, side) for arch in arches for a in _pairs(arch)),
+        *(_arch_liner(a, side) for arch in arches for a in _pairs(arch)),
         *_box((tail + 0.1, nose - 0.1), (-inner, inner), (0.92 * radius, belt - 0.2), "dark"),
         _across([(nose, hood), (cowl, belt)], side, "panel"),
         _across([(nose, hood), (nose, sill + 0.10)], side, "hull"),
@@ -65,7 +66,10 @@ def off_road(axles: Sequence[Axle], cg_height: float) -> list[Face]:
     cabin: Contour = [(cowl, belt), (roof_front, top), (roof_rear, top), (deck, belt)]
     lean = _leaning(belt, wide, top, narrow)
     faces += [f for s in (-1, 1) for f in [Face([(x, s * lean(z), z) for x, z in cabin], "hull")]]
-    faces += [Face([(x, s * lean(z), z) for s, (x, z) in ((1, a), (1, b), (-1, b), (-1, a))], "hull" if k != 1 else "panel") for k, (a, b) in enumerate(_pairs(cabin))]
+    faces += [
+        Face([(x, s * lean(z), z) for s, (x, z) in ((1, a), (1, b), (-1, b), (-1, a))], "hull" if k != 1 else "panel")
+        for k, (a, b) in enumerate(_pairs(cabin))
+    ]
     sash, head, pillar = belt + 0.07, top - 0.11, (roof_front + roof_rear) / 2
     at = _along((cowl, belt), (roof_front, top))
     back = _along((roof_rear, top), (deck, belt))
@@ -76,20 +80,49 @@ def off_road(axles: Sequence[Axle], cg_height: float) -> list[Face]:
     faces += [Face([(x, s * (lean(z) + _PROUD), z) for x, z in pane], "glass") for s in (-1, 1) for pane in panes]
     for a, b in ((0.04, narrow - 0.06), (-narrow + 0.06, -0.04)):
         faces.append(Face([(at(z) + _PROUD, y, z) for z, y in ((sash, a), (sash, b), (head, b), (head, a))], "glass"))
-    faces.append(Face([(back(z) - _PROUD, y, z) for z, y in ((sash + 0.12, 0.45), (sash + 0.12, -0.45), (head - 0.1, -0.45), (head - 0.1, 0.45))], "glass"))
+    faces.append(
+        Face(
+            [
+                (back(z) - _PROUD, y, z)
+                for z, y in ((sash + 0.12, 0.45), (sash + 0.12, -0.45), (head - 0.1, -0.45), (head - 0.1, 0.45))
+            ],
+            "glass",
+        )
+    )
     # nose: slots of the grille, lamps; bumpers; doors as seams
     x = nose + _PROUD
     slot, step = 0.075, 0.125
-    faces += [_upright(x, k * step - slot / 2, k * step + slot / 2, sill + 0.22, hood - 0.07, "dark") for k in range(-3, 4)]
+    faces += [
+        _upright(x, k * step - slot / 2, k * step + slot / 2, sill + 0.22, hood - 0.07, "dark") for k in range(-3, 4)
+    ]
     faces += [_disc(x, s * (side - 0.26), (sill + hood) / 2 + 0.08, 0.105, "lamp") for s in (-1, 1)]
-    faces += [_upright(tail - _PROUD, y, y + 0.12, belt - 0.32, belt - 0.14, "tail") for y in (side - 0.24, -side + 0.12)]
+    faces += [
+        _upright(tail - _PROUD, y, y + 0.12, belt - 0.32, belt - 0.14, "tail") for y in (side - 0.24, -side + 0.12)
+    ]
     faces += _box((nose, nose + 0.10), (-side + 0.16, side - 0.16), (sill + 0.02, sill + 0.19), "dark")
     faces += _box((tail - 0.08, tail), (-side + 0.2, side - 0.2), (sill + 0.1, sill + 0.26), "dark")
     front_door, rear_door = cowl + 0.02, roof_rear + 0.04
     for s in (-1, 1):
         y = s * (side + _PROUD)
-        faces += [Face([(a - 0.011, y, sill + 0.06), (a + 0.011, y, sill + 0.06), (a + 0.011, y, belt - 0.03), (a - 0.011, y, belt - 0.03)], "dark") for a in (front_door - 0.1, pillar, rear_door + 0.1)]
-        faces += [Face([(a, y, belt - 0.13), (a + 0.13, y, belt - 0.13), (a + 0.13, y, belt - 0.17), (a, y, belt - 0.17)], "dark") for a in (pillar + 0.06, rear_door + 0.16)]
+        faces += [
+            Face(
+                [
+                    (a - 0.011, y, sill + 0.06),
+                    (a + 0.011, y, sill + 0.06),
+                    (a + 0.011, y, belt - 0.03),
+                    (a - 0.011, y, belt - 0.03),
+                ],
+                "dark",
+            )
+            for a in (front_door - 0.1, pillar, rear_door + 0.1)
+        ]
+        faces += [
+            Face(
+                [(a, y, belt - 0.13), (a + 0.13, y, belt - 0.13), (a + 0.13, y, belt - 0.17), (a, y, belt - 0.17)],
+                "dark",
+            )
+            for a in (pillar + 0.06, rear_door + 0.16)
+        ]
     return _lowered(faces, cg_height)
 
 
@@ -104,10 +137,17 @@ def sedan(axles: Sequence[Axle], cg_height: float) -> list[Face]:
     hood, lid = belt - 0.13, belt + 0.05
     arches = [_round_arch(a.x, radius, 1.17 * radius, sill) for a in (front, rear)]
     low: Contour = [(nose, sill + 0.08), *arches[0], *arches[1], (tail, sill + 0.12)]
-    high: Contour = [(nose, hood - 0.1), (nose - 0.16, hood), (cowl, belt), (boot, lid), (tail + 0.08, lid - 0.02), (tail, lid - 0.1)]
+    high: Contour = [
+        (nose, hood - 0.1),
+        (nose - 0.16, hood),
+        (cowl, belt),
+        (boot, lid),
+        (tail + 0.08, lid - 0.02),
+        (tail, lid - 0.1),
+    ]
     faces = [
         *_sides(low, high, side),
-        *(_arch_liner(a, inner, side) for arch in arches for a in _pairs(arch)),
+        *(_arch_liner(a, side) for arch in arches for a in _pairs(arch)),
         *_box((tail + 0.3, nose - 0.3), (-inner, inner), (0.7 * radius, belt - 0.25), "dark"),
         *(_across([a, b], side, "panel") for a, b in _pairs(high)),
         _across([(nose, hood - 0.1), (nose, sill + 0.08)], side, "hull"),
@@ -128,14 +168,41 @@ def sedan(axles: Sequence[Axle], cg_height: float) -> list[Face]:
     ]
     faces += [Face([(x, s * (lean(z) + _PROUD), z) for x, z in pane], "glass") for s in (-1, 1) for pane in panes]
     for slope, out, z1, z2 in ((at, _PROUD, belt + 0.05, top - 0.05), (back, -_PROUD, lid + 0.06, top - 0.06)):
-        faces.append(Face([(slope(z) + out, y * (lean(z) - 0.09), z) for z, y in ((z1, 1), (z1, -1), (z2, -1), (z2, 1))], "glass"))
-    faces += [_upright(nose + _PROUD, s * (side - 0.34) - 0.2, s * (side - 0.34) + 0.2, hood - 0.25, hood - 0.13, "lamp") for s in (-1, 1)]
+        faces.append(
+            Face(
+                [(slope(z) + out, y * (lean(z) - 0.09), z) for z, y in ((z1, 1), (z1, -1), (z2, -1), (z2, 1))], "glass"
+            )
+        )
+    faces += [
+        _upright(nose + _PROUD, s * (side - 0.34) - 0.2, s * (side - 0.34) + 0.2, hood - 0.25, hood - 0.13, "lamp")
+        for s in (-1, 1)
+    ]
     faces.append(_upright(nose + _PROUD, -0.38, 0.38, sill + 0.14, hood - 0.28, "dark"))
-    faces += [_upright(tail - _PROUD, s * (side - 0.27) - 0.2, s * (side - 0.27) + 0.2, lid - 0.26, lid - 0.13, "tail") for s in (-1, 1)]
+    faces += [
+        _upright(tail - _PROUD, s * (side - 0.27) - 0.2, s * (side - 0.27) + 0.2, lid - 0.26, lid - 0.13, "tail")
+        for s in (-1, 1)
+    ]
     for s in (-1, 1):
         y = s * (side + _PROUD)
-        faces += [Face([(a - 0.008, y, sill + 0.06), (a + 0.008, y, sill + 0.06), (a + 0.008, y, belt - 0.02), (a - 0.008, y, belt - 0.02)], "dark") for a in (cowl - 0.05, pillar, rear.x + 0.62)]
-        faces += [Face([(a, y, belt - 0.11), (a + 0.16, y, belt - 0.11), (a + 0.16, y, belt - 0.14), (a, y, belt - 0.14)], "dark") for a in (pillar + 0.05, rear.x + 0.68)]
+        faces += [
+            Face(
+                [
+                    (a - 0.008, y, sill + 0.06),
+                    (a + 0.008, y, sill + 0.06),
+                    (a + 0.008, y, belt - 0.02),
+                    (a - 0.008, y, belt - 0.02),
+                ],
+                "dark",
+            )
+            for a in (cowl - 0.05, pillar, rear.x + 0.62)
+        ]
+        faces += [
+            Face(
+                [(a, y, belt - 0.11), (a + 0.16, y, belt - 0.11), (a + 0.16, y, belt - 0.14), (a, y, belt - 0.14)],
+                "dark",
+            )
+            for a in (pillar + 0.05, rear.x + 0.68)
+        ]
     return _lowered(faces, cg_height)
 
 
@@ -170,7 +237,14 @@ def carrier(axles: Sequence[Axle], outline: Outline) -> list[Face]:
     shelf, roof = 0.34, 1.08  # above the CG: underside of the sponsons, roof
     bow, brow, glacis = (front - 0.04, 0.24), (first + 0.50, 0.52), (first - 0.28, roof)
     stern, top_rear = (rear, 0.40), (rear + 0.24, roof)
-    faces = [*_sides([*lower], [(front, outline.tip_height + 1e-4), bow, brow, (rear + 0.02, 0.52), (rear, outline.tip_height + 1e-4)], inner, "dark")]
+    faces = [
+        *_sides(
+            [*lower],
+            [(front, outline.tip_height + 1e-4), bow, brow, (rear + 0.02, 0.52), (rear, outline.tip_height + 1e-4)],
+            inner,
+            "dark",
+        )
+    ]
     faces += [_across([a, b], inner, "dark") for a, b in _pairs(lower)]
     # bow plate, glacis, roof, stern; the sides of the sponsons lean in above the shelf
     wide, narrow = side, side - 0.30
@@ -179,24 +253,72 @@ def carrier(axles: Sequence[Axle], outline: Outline) -> list[Face]:
     nose_low: Contour = [(front, outline.tip_height), bow]
     faces += [_strip(nose_low[0], inner, bow, inner + 0.18, "hull"), _strip(bow, inner + 0.18, brow, wide, "hull")]
     faces += [Face([(x, s * lean(z), z) for x, z in upper], "hull") for s in (-1, 1)]
-    faces += [_strip(a, lean(a[1]), b, lean(b[1]), m) for (a, b), m in zip(_pairs(upper), ("panel", "panel", "hull"), strict=True)]
+    materials: tuple[Material, ...] = ("panel", "panel", "hull")
+    faces += [_strip(a, lean(a[1]), b, lean(b[1]), m) for (a, b), m in zip(_pairs(upper), materials, strict=True)]
     skirt = [(first + 0.42, 0.52), (first + 0.30, shelf), (rear + 0.06, shelf), (rear, 0.52)]
     faces += [Face([(x, s * wide, z) for x, z in skirt], "hull") for s in (-1, 1)]
-    faces += [Face([(brow[0], s * wide, brow[1]), (first + 0.30, s * wide, shelf), (bow[0], s * (inner + 0.18), bow[1])], "hull") for s in (-1, 1)]
-    faces += [Face([(x, s * y, shelf) for x, y in ((first + 0.30, inner), (first + 0.30, wide), (rear + 0.06, wide), (rear + 0.06, inner))], "dark") for s in (-1, 1)]
+    faces += [
+        Face(
+            [(brow[0], s * wide, brow[1]), (first + 0.30, s * wide, shelf), (bow[0], s * (inner + 0.18), bow[1])],
+            "hull",
+        )
+        for s in (-1, 1)
+    ]
+    faces += [
+        Face(
+            [
+                (x, s * y, shelf)
+                for x, y in ((first + 0.30, inner), (first + 0.30, wide), (rear + 0.06, wide), (rear + 0.06, inner))
+            ],
+            "dark",
+        )
+        for s in (-1, 1)
+    ]
     faces += [_strip(stern, inner, (rear, 0.52), inner, "hull"), _strip(lower[-1], inner, stern, inner, "hull")]
-    faces += [Face([(x, s * y, z) for x, y, z in ((rear, inner, 0.52), (rear, wide, 0.52), (rear + 0.06, wide, shelf), (rear + 0.06, inner, shelf))], "dark") for s in (-1, 1)]
+    faces += [
+        Face(
+            [
+                (x, s * y, z)
+                for x, y, z in (
+                    (rear, inner, 0.52),
+                    (rear, wide, 0.52),
+                    (rear + 0.06, wide, shelf),
+                    (rear + 0.06, inner, shelf),
+                )
+            ],
+            "dark",
+        )
+        for s in (-1, 1)
+    ]
     # vision blocks, hatch, lamps
     at = _along(brow, glacis)
     for y in (-0.62, 0.12):
         z1, z2 = 0.74, 0.94
-        faces.append(Face([(at(z) + _PROUD, q, z + _PROUD) for z, q in ((z1, y), (z1, y + 0.5), (z2, y + 0.5), (z2, y))], "glass"))
+        faces.append(
+            Face(
+                [(at(z) + _PROUD, q, z + _PROUD) for z, q in ((z1, y), (z1, y + 0.5), (z2, y + 0.5), (z2, y))], "glass"
+            )
+        )
     for s in (-1, 1):
         for x in (glacis[0] - 0.55, glacis[0] - 1.75, glacis[0] - 2.95):
-            faces.append(Face([(q, s * (lean(z) + _PROUD), z) for q, z in ((x, 0.76), (x - 0.42, 0.76), (x - 0.42, 0.92), (x, 0.92))], "glass"))
+            faces.append(
+                Face(
+                    [
+                        (q, s * (lean(z) + _PROUD), z)
+                        for q, z in ((x, 0.76), (x - 0.42, 0.76), (x - 0.42, 0.92), (x, 0.92))
+                    ],
+                    "glass",
+                )
+            )
     faces += _box((first - 1.55, first - 0.85), (-0.36, 0.36), (roof, roof + 0.10), "hull")
     plate = _along(bow, brow)
-    faces += [Face([(plate(z) + _PROUD, q, z + _PROUD) for z, q in ((0.30, y), (0.30, y + 0.2), (0.42, y + 0.2), (0.42, y))], "lamp") for y in (-0.82, 0.62)]
+    faces += [
+        Face(
+            [(plate(z) + _PROUD, q, z + _PROUD) for z, q in ((0.30, y), (0.30, y + 0.2), (0.42, y + 0.2), (0.42, y))],
+            "lamp",
+        )
+        for y in (-0.82, 0.62)
+    ]
     faces += [_upright(rear - _PROUD, y, y + 0.14, 0.06, 0.20, "tail") for y in (inner - 0.22, -inner + 0.08)]
     faces.append(_upright(rear - _PROUD, -0.42, 0.42, -0.12, 0.38, "panel"))
     return faces
@@ -210,14 +332,29 @@ def rig_mass(size: float) -> list[Face]:
     return [
         *_box((-1.35 * size, 1.35 * size), (-0.8 * size, 0.8 * size), (0.0, 0.62 * size), "mass"),
         *_box((-0.95 * size, 0.95 * size), (-0.5 * size, 0.5 * size), (0.62 * size, 0.84 * size), "mass"),
-        *(f for s in (-1, 1) for f in _box((s * 1.485 * size - 0.135 * size, s * 1.485 * size + 0.135 * size), (-0.24 * size, 0.24 * size), (0.1 * size, 0.52 * size), "steel")),
+        *(
+            f
+            for s in (-1, 1)
+            for f in _box(
+                (s * 1.485 * size - 0.135 * size, s * 1.485 * size + 0.135 * size),
+                (-0.24 * size, 0.24 * size),
+                (0.1 * size, 0.52 * size),
+                "steel",
+            )
+        ),
     ]
 
 
 def rig_frame(size: float, height: float) -> list[Face]:
     """Base, two columns and a beam, standing on the floor; `height` is that of the columns."""
     deep = 0.14 * size
-    columns = [f for s in (-1, 1) for f in _box((s * 1.72 * size - 0.1 * size, s * 1.72 * size + 0.1 * size), (-deep, deep), (0.0, height), "steel")]
+    columns = [
+        f
+        for s in (-1, 1)
+        for f in _box(
+            (s * 1.72 * size - 0.1 * size, s * 1.72 * size + 0.1 * size), (-deep, deep), (0.0, height), "steel"
+        )
+    ]
     beam = _box((-2.0 * size, 2.0 * size), (-0.2 * size, 0.2 * size), (height, height + 0.22 * size), "steel")
     base = _box((-2.3 * size, 2.3 * size), (-1.0 * size, 1.0 * size), (-0.16 * size, 0.0), "dark")
     return [*columns, *beam, *base]
@@ -235,15 +372,15 @@ def rig_plate(size: float, stroke: float) -> list[Face]:
 
 
 def _pairs(contour: Contour) -> list[tuple[tuple[float, float], tuple[float, float]]]:
-    return list(zip(contour[:-1], contour[1:], strict=True))
+    return list(pairwise(contour))
 
 
-def _along(a: tuple[float, float], b: tuple[float, float]):  # noqa: ANN202
+def _along(a: tuple[float, float], b: tuple[float, float]) -> Callable[[float], float]:
     """x over z on the line from a to b."""
     return lambda z: a[0] + (b[0] - a[0]) * (z - a[1]) / (b[1] - a[1])
 
 
-def _leaning(z1: float, y1: float, z2: float, y2: float):  # noqa: ANN202
+def _leaning(z1: float, y1: float, z2: float, y2: float) -> Callable[[float], float]:
     """y over z of a sheet that leans in."""
     return lambda z: y1 + (y2 - y1) * (z - z1) / (z2 - z1)
 
@@ -286,10 +423,9 @@ def _round_arch(x: float, centre: float, radius: float, sill: float) -> list[tup
     return [(x + radius * math.cos(a), centre + radius * math.sin(a)) for a in angles.tolist()]
 
 
-def _arch_liner(piece: tuple[tuple[float, float], tuple[float, float]], inner: float, outer: float) -> Face:
-    """One sheet of the inside of both arches of an axle; the wheels hide where it crosses the vehicle."""
-    (x1, z1), (x2, z2) = piece
-    return Face([(x1, outer, z1), (x2, outer, z2), (x2, -outer, z2), (x1, -outer, z1)], "dark")
+def _arch_liner(piece: tuple[tuple[float, float], tuple[float, float]], side: float) -> Face:
+    """One sheet of the inside of both arches of an axle; what is between the wheels hides where it crosses the vehicle."""
+    return _strip(piece[0], side, piece[1], side, "dark")
 
 
 def _box(x: tuple[float, float], y: tuple[float, float], z: tuple[float, float], material: Material) -> list[Face]:
@@ -298,8 +434,10 @@ def _box(x: tuple[float, float], y: tuple[float, float], z: tuple[float, float],
     for axis in range(3):
         others = [(x, y, z)[k] for k in range(3) if k != axis]
         for at in (x, y, z)[axis]:
-            ring = [(others[0][i], others[1][j]) for i, j in ((0, 0), (1, 0), (1, 1), (0, 1))]
-            faces.append(Face([(*p[:axis], at, *p[axis:]) for p in ring], material))  # type: ignore[list-item]
+            ring = [[others[0][i], others[1][j]] for i, j in ((0, 0), (1, 0), (1, 1), (0, 1))]
+            for point in ring:
+                point.insert(axis, at)
+            faces.append(Face([(p[0], p[1], p[2]) for p in ring], material))
     return faces
 
 

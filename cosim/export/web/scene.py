@@ -350,7 +350,15 @@ class Scene:
         for name, kind in _PARTS.items():
             parts = _items(where, name, getattr(self, name), kind)
             _assign(self, name, parts)
-            _check_unique(where, name, (str(part.side if kind is Ground else _label(part)) for part in parts if kind not in (Strut, Trench, Relief)))
+            _check_unique(
+                where,
+                name,
+                (
+                    str(part.side if kind is Ground else _label(part))
+                    for part in parts
+                    if kind not in (Strut, Trench, Relief)
+                ),
+            )
         bodies, wheels = ([part.name for part in parts] for parts in (self.bodies, self.wheels))
         _check_unique(where, "body or wheel", (*bodies, *wheels))
         if self.follow not in bodies:
@@ -361,7 +369,9 @@ class Scene:
                     raise ValueError(f"{where}: a strut hangs on {unknown(end, named, there)}")
         for arrow in self.arrows:
             if arrow.on is not None and arrow.on not in (*bodies, *wheels):
-                raise ValueError(f"{where}: arrow '{arrow.name}' is on {unknown('body or wheel', arrow.on, (*bodies, *wheels))}")
+                raise ValueError(
+                    f"{where}: arrow '{arrow.name}' is on {unknown('body or wheel', arrow.on, (*bodies, *wheels))}"
+                )
         for limit in self.limits:
             if limit.at is not None and limit.at not in wheels:
                 raise ValueError(f"{where}: limit '{limit.label}' is at {unknown('wheel', limit.at, wheels)}")
@@ -392,7 +402,7 @@ def scene_data(scene: Scene) -> dict[str, Any]:
     bodies = {body.name: i for i, body in enumerate(scene.bodies)}
     wheels = {wheel.name: i for i, wheel in enumerate(scene.wheels)}
 
-    def plain(part: object) -> Any:
+    def plain(part: Any) -> Any:
         if isinstance(part, Value):
             packed = [part.offset, part.at_rest, *(p for name, f in part.terms.items() for p in (names[name], f))]
             return packed if part.terms else part.offset
@@ -401,23 +411,23 @@ def scene_data(scene: Scene) -> dict[str, Any]:
         if isinstance(part, Face):
             return {"material": part.material, "points": [[round(x, 4) for x in p] for p in part.points]}
         if isinstance(part, tuple(_PARTS.values())):
-            return {f.name: plain(getattr(part, f.name)) for f in fields(part)}
+            return {name: plain(inner) for name, inner in _fields(part)}
         return part
 
-    data = {"names": list(names)} | {f.name: plain(getattr(scene, f.name)) for f in fields(scene)}
+    data = {"names": list(names)} | {name: plain(inner) for name, inner in _fields(scene)}
     data["forceScale"] = data.pop("force_scale")
     data["follow"] = bodies[scene.follow]
-    for strut, at in zip(data["struts"], scene.struts, strict=True):
-        strut |= {"body": bodies[at.body], "wheel": wheels[at.wheel]}
-    for arrow, at in zip(data["arrows"], scene.arrows, strict=True):
-        arrow |= {"on": None, "body": bodies.get(at.on or ""), "wheel": wheels.get(at.on or "")}
-        del arrow["on"]
-    for limit, at in zip(data["limits"], scene.limits, strict=True):
-        limit["at"] = wheels.get(at.at or "")
+    for strut in data["struts"]:
+        strut |= {"body": bodies[strut["body"]], "wheel": wheels[strut["wheel"]]}
+    for arrow in data["arrows"]:
+        on = arrow.pop("on")
+        arrow |= {"body": bodies.get(on), "wheel": wheels.get(on)}
+    for limit in data["limits"]:
+        limit["at"] = wheels.get(limit["at"])
     return data
 
 
-def _all_values(part: object) -> Iterator[Value]:
+def _all_values(part: Any) -> Iterator[Value]:
     """Every value in a part and in what it holds."""
     if isinstance(part, Value):
         yield part
@@ -425,8 +435,12 @@ def _all_values(part: object) -> Iterator[Value]:
         for inner in part:
             yield from _all_values(inner)
     elif isinstance(part, (Scene, *_PARTS.values())):
-        for f in fields(part):
-            yield from _all_values(getattr(part, f.name))
+        for _, inner in _fields(part):
+            yield from _all_values(inner)
+
+
+def _fields(part: Any) -> Iterator[tuple[str, Any]]:
+    return ((f.name, getattr(part, f.name)) for f in fields(part))
 
 
 # ---------------------------------------------------------------------------------------------------------------- checks
