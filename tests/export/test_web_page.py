@@ -178,7 +178,7 @@ def test_what_names_nothing_is_refused(systems, tmp_path: Path, change: dict[str
 
 
 def test_what_else_is_refused(systems, tmp_path: Path) -> None:
-    with pytest.raises(WiringError, match="One has no input or parameter 'car.bod'"):
+    with pytest.raises(WiringError, match=r"One has no input or parameter 'car.bod'"):
         export_web(tmp_path / "x.html", [Shown("One", systems[0], {"car.bod": 1.0})], WebPage("One"))
     with pytest.raises(CosimError, match=r"name the page FILE.html"):
         export_web(tmp_path / "x.htm", [Shown("One", systems[0])], WebPage("One"))
@@ -191,14 +191,14 @@ def test_what_else_is_refused(systems, tmp_path: Path) -> None:
 
 
 def test_a_system_writes_its_own_page(systems, tmp_path: Path) -> None:
-    path = systems[0].export_web(tmp_path / "own.html", controls=["speed.start.speed"], plots=["car.wheel.z"])
+    path = systems[0].export_web(tmp_path / "own.html", controls=["speed.start.speed"], plots=["car.wheel.z"], scene=recognised(systems[0]))
     about = json.loads(block(path, "data"))
     assert about["systems"][0]["scene"]["what"]
     assert about["controls"][0]["label"] == "speed.start.speed"
     assert about["plots"] == ["car.wheel.z"]
 
 
-def test_what_stands_beside(tmp_path: Path) -> None:
+def test_what_stands_beside() -> None:
     case = TRENCH.case()
     assert _changed(case, "controller=lqr, length=2").controller == "lqr"
     assert _changed(case, "length=2").length == 2.0

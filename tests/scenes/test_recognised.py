@@ -220,9 +220,11 @@ def test_a_preview_that_sensors_give_is_not_the_road() -> None:
         assert {"controller: no solution", "buffer: preview lost"} <= set(labels)
 
 
-def test_a_shortened_preview_has_its_own_length() -> None:
+def test_as_much_of_a_preview_is_drawn_as_counts() -> None:
     with wired("hmmwv", controller="mpc-preview", preview_steps=5) as system:
-        assert [len(p.heights) for p in scene_of(system).points] == [6, 6]
+        points = scene_of(system).points
+        assert [len(p.heights) for p in points] == [16, 16]
+        assert [p.count.of({"controller.preview.used": 5.0}) for p in points] == [6.0, 6.0]  # type: ignore[union-attr]
 
 
 def test_actuators_show_the_force_that_reaches_the_car() -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 from cosim.experiments.hmmwv.runs import PREVIEW_STEPS, Case
 from cosim.export.web.page import Control, Measure, WebPage
@@ -10,22 +11,22 @@ from cosim.study.web import Live, LiveCase
 from fmu_sources.models.corners import CORNERS
 
 COURSES = {"off-road": "off road", "track": "raisers of 38 mm", "bump": "a bump of 76 mm"}
+SYSTEMS: dict[str, dict[str, Any]] = {
+    "Passive": {"controller": "passive"},
+    "LQR": {"controller": "lqr"},
+    "MPC": {"controller": "mpc"},
+    "MPC that sees the road": {"controller": "mpc-preview", "states": "estimated", "preview": "sensed"},
+}
 FASTEST = 60 / 3.6  # m/s
 
 
 def live(case: Case) -> Live:
     """Four vehicles under one driver on each course; what else the case says holds for all of them."""
-    systems = {
-        "Passive": ({"controller": "passive"}, {}),
-        "LQR": ({"controller": "lqr"}, {}),
-        "MPC": ({"controller": "mpc"}, {}),
-        "MPC that sees the road": ({"controller": "mpc-preview", "states": "estimated", "preview": "sensed"}, {}),
-    }
     base = replace(case, controller="lqr", states="true", preview="generated", preview_steps=PREVIEW_STEPS, preview_error_ms=0.0, driven=True)
     cases = [
-        LiveCase(title, replace(base, road=road, **changes), values, course)
+        LiveCase(title, replace(base, road=road, **changes), group=course)
         for road, course in COURSES.items()
-        for title, (changes, values) in systems.items()
+        for title, changes in SYSTEMS.items()
     ]
     page = WebPage(
         "Drive the HMMWV",

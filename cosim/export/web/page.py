@@ -19,7 +19,7 @@ from typing import Any, Literal, get_args
 
 from build_fmus import description as base
 from build_fmus import safe_files
-from build_fmus.checks import did_you_mean, number
+from build_fmus.checks import did_you_mean
 from cosim.description import Variable
 from cosim.errors import CosimError, WiringError
 from cosim.export.code import SystemCode, exported_schedule, template
@@ -28,6 +28,7 @@ from cosim.export.variables import TYPES, Exported, choose
 from cosim.export.web.module import Module, compile_module
 from cosim.export.web.scene import Scene, Value, scene_data
 from cosim.system.wiring import Wiring
+from cosim.time import TimeLike, positive
 
 _ASSETS = Path(__file__).parent / "assets"
 _SCRIPTS = ("fmu.js", "plot.js", "scene.js", "page.js")  # in this order
@@ -130,7 +131,7 @@ class WebPage:
     measures: Sequence[Measure] = ()
     finish: Finish | None = None
     group_label: str = ""
-    interval: Fraction | None = None
+    interval: TimeLike | None = None
 
 
 def export_web(path: str | Path, systems: Sequence[Shown], page: WebPage) -> Path:
@@ -227,7 +228,7 @@ def _interval(page: WebPage, codes: Sequence[SystemCode]) -> Fraction:
         tick = max(c.schedule.tick for c in codes)
         interval = math.ceil(_SHOWN_EVERY / tick) * tick
     else:
-        interval = Fraction(number("interval", page.interval, "s", above=0))
+        interval = positive(page.interval, "interval")
     for c in codes:
         if (interval / c.schedule.tick).denominator != 1:
             raise CosimError(f"an interval of {float(interval):g} s is no number of steps of {float(c.schedule.tick):g} s, the tick of the system")

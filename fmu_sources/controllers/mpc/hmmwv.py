@@ -172,16 +172,16 @@ def mpc_hmmwv(
     c.update(response, felt, source="001 (1.19), sampled for an acceleration that is linear in between")
     c.update(az_before, az)
     command_outputs(c, mpc, car, solution)
-    for i, name in enumerate(FORCES):
+    for i, force in enumerate(FORCES):
         c.output(
-            f"planned.{name}", solution.planned[i, :].T, "N", f"{name} as planned: now (index 1) and later, a sample time apart"
+            f"planned.{force}", solution.planned[i, :].T, "N", f"{force} as planned: now (index 1) and later, a sample time apart"
         )
-    for name in SUSPENSION:
-        row = next(k for k, o in enumerate(mpc.outputs) if o.name == name)
-        v = car.variable(name)
+    for travel in SUSPENSION:
+        row = next(k for k, o in enumerate(mpc.outputs) if o.name == travel)
+        v = car.variable(travel)
         c.output(
-            f"predicted.{name}", solution.predicted[row, :].T, v.unit,
-            f"{name} as predicted: at the next sample (index 1) and later, a sample time apart", display_unit=v.display_unit,
+            f"predicted.{travel}", solution.predicted[row, :].T, v.unit,
+            f"{travel} as predicted: at the next sample (index 1) and later, a sample time apart", display_unit=v.display_unit,
         )  # fmt: skip
     c.provenance = {"car": car.name, "mpc": mpc.as_dict()}
     c.stimulate(_stimulus(preview_points, preview_step))
