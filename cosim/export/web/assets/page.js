@@ -3,6 +3,7 @@
 const COLOURS = 4; // --line-0 to --line-3 of the style sheet
 const DASHES = [[], [6, 3], [2, 2], [8, 3, 2, 3]];
 const SECONDS = 10; // in a chart
+const PORTION = 100; // steps, between two looks whether a run is over
 const BUDGET = 0.7; // of the time that passes, for computing
 
 class Variant {
@@ -25,6 +26,7 @@ class Variant {
   /** From the beginning, with the settings as they are. */
   restart() {
     this.failure = null;
+    this.steps = 0;
     this.history.clear();
     try {
       if (!this.fresh) this.instance.reset();
@@ -86,12 +88,17 @@ class Variant {
   run(n) {
     if (this.over) return;
     const begun = performance.now();
+    const before = this.steps;
     try {
-      this.instance.run(n, row => {
-        if (this.score.add(row) % this.keep === 0) this.history.add(row);
-      });
+      for (let left = n; left > 0 && !this.over; left -= PORTION) {
+        this.instance.run(Math.min(left, PORTION), row => {
+          this.steps++;
+          this.score.add(row);
+          if (this.steps % this.keep === 0) this.history.add(row);
+        });
+      }
     } catch (error) { this.fail(error); }
-    const cost = (performance.now() - begun) / n;
+    const cost = (performance.now() - begun) / Math.max(1, this.steps - before);
     this.cost = this.cost ? 0.9 * this.cost + 0.1 * cost : cost;
   }
 }
@@ -131,9 +138,9 @@ class Score {
     });
   }
 
-  /** Counts a row; returns how many there were, the first not counted. */
+  /** Counts a row, until the run is over. */
   add(row) {
-    if (this.verdict) return ++this.n;
+    if (this.verdict) return;
     this.n++;
     this.see(row);
     if (this.finish) {
@@ -141,7 +148,6 @@ class Score {
       if (this.terms.reduce((sum, [p, f]) => sum + f * row[p], this.level) >= 0) this.verdict = this.failed.length ? "failed" : "passed";
       else if (time >= this.finish.patience) this.verdict = "stuck";
     }
-    return this.n;
   }
 
   /** The value of a measure in the unit in which it is shown; null where the system does not have it. */
@@ -587,6 +593,7 @@ Page.KEYS = { ArrowUp: "↑", ArrowDown: "↓", ArrowLeft: "←", ArrowRight: "�
     const module = await WebAssembly.compile(await unpacked(document.getElementById("module").textContent));
     window.page = new Page(data, module);
     document.documentElement.dataset.state = "ready";
+    performance.mark("ready");
     if (!window.page.reduced && !/[?&#]paused/.test(location.href)) window.page.play();
   } catch (error) {
     document.documentElement.dataset.state = "failed";
