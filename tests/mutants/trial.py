@@ -8,6 +8,7 @@ import multiprocessing
 import os
 import re
 import shutil
+import subprocess
 import sys
 import tempfile
 import time
@@ -31,14 +32,14 @@ LIBRARIES = ["casadi", "cffi", "fmpy", "jinja2", "lxml.etree", "numpy", "plotly.
 @contextmanager
 def copied_tree(root: Path) -> Iterator[Path]:
     """A copy of the project, beside a link to its FMUs."""
-    folder = Path(tempfile.mkdtemp(prefix="mutants-"))
+    folder = Path(tempfile.mkdtemp(prefix="mutants-")).resolve()
     try:
         for name in COPIED:
             if (root / name).is_dir():
                 shutil.copytree(root / name, folder / name, ignore=shutil.ignore_patterns("__pycache__"))
             else:
                 shutil.copy2(root / name, folder / name)
-        (folder / "fmus").symlink_to(root / "fmus", target_is_directory=True)
+        (folder / "fmus").symlink_to((root / "fmus").resolve(), target_is_directory=True)
         yield folder
     finally:
         shutil.rmtree(folder, ignore_errors=True)
@@ -95,6 +96,16 @@ def baseline(tree: Path, tests: Sequence[str]) -> Baseline:
         process.join()
         passed = _passed(process)
         return Baseline(passed, time.monotonic() - begin, json.loads(notes.read_text()) if passed else {})
+
+
+def imported(tree: Path, files: Sequence[str]) -> list[Path]:
+    """What files of a tree import of it, with their data: see :func:`build_fmus.sources.imported`, which looks in the project that it
+    lies in, so that of the tree is asked.
+    """
+    code = "import sys; from build_fmus.sources import imported; print(*imported(sys.argv[1:]), sep='\\n')"
+    command = [sys.executable, "-c", code, *files]
+    found = subprocess.run(command, cwd=tree, check=True, stdout=subprocess.PIPE, text=True, encoding="utf-8")
+    return [Path(line) for line in found.stdout.splitlines()]
 
 
 def content_key(texts: Sequence[str], files: Sequence[Path]) -> str:
