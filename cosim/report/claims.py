@@ -15,7 +15,6 @@ from dataclasses import dataclass
 from typing import ClassVar, Literal
 
 import numpy as np
-from scipy import stats
 
 from cosim.report.checks import assign, check_choice, check_id, check_text, plain_value
 
@@ -152,7 +151,8 @@ class Distribution:
     def clearly(self, holds: Callable[[float], bool]) -> bool:
         """Whether a random design decides for the claimed side: one-sided sign test at 5 % (7 of 8, 5 of 5)."""
         n = len(self.values)
-        return bool(stats.binomtest(self.count(holds), n, 0.5, alternative="greater").pvalue <= _LEVEL)
+        chance = sum(math.comb(n, k) for k in range(self.count(holds), n + 1)) / 2**n  # of at least so many
+        return chance <= _LEVEL
 
     def too_few(self, holds: Callable[[float], bool]) -> bool:
         """Whether all values are on the claimed side, but so few that it may be chance (4 of 4): nothing is decided."""

@@ -53,6 +53,8 @@ ROOMS = (
     Room("ride", tuple(f"cosim/experiments/ride/{n}.py" for n in ("runs", "search", "results", "claims", "report")), ("tests/experiments/test_ride_numbers.py",)),
     Room("metrics", ("cosim/experiments/metrics/*.py", "cosim/signals.py"), ("tests/cosim_metrics/test_metrics.py", "tests/cosim_metrics/test_crossing.py")),
     Room("study", tuple(f"cosim/study/{n}.py" for n in ("results", "pages", "claims")), ("tests/study/test_claim_lists.py", "tests/study/test_results_and_pages.py", "tests/study/test_study_parts.py")),
+    Room("sweep", ("cosim/study/sweep_report.py", "cosim/study/design.py"), ("tests/study/test_sweep_pages.py", "tests/study/test_design.py")),
+    Room("calibration", ("cosim/study/calibration.py",), ("tests/optimisation/test_calibration.py",)),
     Room("report", ("cosim/report/*.py",), ("tests/report/*.py",)),
     Room("comfort", ("fmu_sources/models/comfort.py",), ("tests/models/test_comfort.py",)),
     Room("weights", ("fmu_sources/controllers/lq/preview_weights.py",), ("tests/control/lq/test_preview_lq.py",)),
