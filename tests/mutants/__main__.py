@@ -87,6 +87,7 @@ def _unnoticed(room: Room, found: list[Mutant], trees: list[Path]) -> Iterator[M
         usual = trial.baseline(first_tree, tests)
         if not usual.passed:
             sys.exit(f"room {room.name}: its tests fail as they are, without any mistake")
+        trial.copy_bytecode(first_tree, trees[1:])
         limit = trial.LIMIT[0] + trial.LIMIT[1] * usual.seconds
         STORE.mkdir(parents=True, exist_ok=True)
         free: SimpleQueue[Path] = SimpleQueue()

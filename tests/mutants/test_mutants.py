@@ -185,6 +185,22 @@ def test_tests_of_the_project_run_in_a_copy_of_it() -> None:
         assert command.trial.passes(tree, ["tests/cosim_metrics/test_metrics.py"])
 
 
+def test_bytecode_is_that_of_the_project_and_never_of_a_mistake(project: Path) -> None:
+    """Two mistakes of the same length in a file whose time is the same would be one."""
+    tests = ["tests/test_plus.py"]
+    with command.trial.copied_tree(project) as tree, command.trial.copied_tree(tree) as other:
+        assert command.trial.baseline(tree, tests).passed
+        command.trial.copy_bytecode(tree, [other])
+        for place in (tree, other):
+            (kept,) = place.glob("cosim/__pycache__/plus.*.pyc")
+            before = kept.read_bytes()
+            for text, passed in (("a - b", False), ("b + a", True), ("b - a", False)):
+                with command.trial.changed(place / "cosim" / "plus.py", PLUS.replace("a + b", text)):
+                    assert command.trial.passes(place, tests) == passed
+            assert kept.read_bytes() == before
+            assert [p.name for p in place.glob("cosim/__pycache__/plus.*")] == [kept.name]
+
+
 def test_tests_that_fail_without_any_mistake_are_told(project: Path) -> None:
     (project / "tests" / "test_plus.py").write_text(TEST.replace("3", "4"))
     with pytest.raises(SystemExit, match="room plus: its tests fail as they are, without any mistake"):
