@@ -144,6 +144,10 @@ class Distribution:
     def high(self) -> float:
         return float(np.max(self.values))
 
+    def quantile(self, q: float) -> float:
+        """The least value that at least a share q does not exceed: one that occurred; `nan` if a value is `nan`."""
+        return float(np.quantile(self.values, q, method="inverted_cdf"))
+
     def count(self, holds: Callable[[float], bool]) -> int:
         """How many values are on the claimed side."""
         return sum(bool(holds(v)) for v in self.values)
@@ -175,7 +179,7 @@ class Evidence:
     """One distribution that a claim was judged on, and how many of its values are on the claimed side."""
 
     COLUMNS: ClassVar[tuple[str, ...]] = (
-        "claim", "quantity", "unit", "median", "lowest", "highest", "on the claimed side", "of",
+        "claim", "quantity", "unit", "median", "lowest", "lower quartile", "upper quartile", "highest", "on the claimed side", "of",
     )  # fmt: skip
 
     claim: str
@@ -187,7 +191,7 @@ class Evidence:
     def row(self) -> list[str | float | int]:
         """Cells of a table with :attr:`COLUMNS`; numbers to four significant digits."""
         d = self.distribution
-        spread = [float(f"{x:.4g}") for x in (d.median, d.low, d.high)]
+        spread = [float(f"{x:.4g}") for x in (d.median, d.low, d.quantile(0.25), d.quantile(0.75), d.high)]
         return [self.claim, self.quantity, self.unit, *spread, self.on_side, len(d.values)]
 
 
