@@ -18,6 +18,7 @@ KINDS = {
     "gpc": ("full_car",),
     "hmmwv": ("ride_car", "actuator", "sensors"),
     "preview-lq": ("ride_car",),
+    "ride": ("ride_car", "full_car", "three_axle", "wishbone_car", "actuator"),
     "three-axle": ("three_axle", "three_axle_trench"),
     "trench": ("three_axle_trench",),
 }

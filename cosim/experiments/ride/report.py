@@ -21,7 +21,8 @@ from fmu_sources.roads.rms_course import COURSES
 
 _COLORS = {
     "passive": "black", "zero": "grey", "skyhook": "sky", "lqr": "orange", "lqr-kilonewton": "vermilion", "mpc": "blue", "mpc-preview": "green",
-    "comfort-active": "blue", "comfort-preview": "green", "road-holding-active": "orange", "road-holding-preview": "vermilion",
+    "comfort-active": "blue", "comfort-delay": "sky", "comfort-preview": "green", "road-holding-active": "orange", "road-holding-delay": "grey",
+    "road-holding-preview": "vermilion",
     "implicit": "blue", "explicit": "orange", "preview": "green",
 }  # fmt: skip
 _SHOWN = ("iso2631_rms", "travel_rms", "travel_peak", "force_rms", "power_given", "power_supply")  # beside a 6 W speed

@@ -12,11 +12,11 @@ from cosim.study import Results, Row
 
 NAMES = {
     "passive": "passive", "zero": "zero force", "skyhook": "skyhook", "lqr": "LQR", "lqr-kilonewton": "LQR, weight in kN", "mpc": "MPC",
-    "mpc-preview": "MPC with preview", "comfort-active": "LQ comfort", "comfort-preview": "preview LQ comfort",
-    "road-holding-active": "LQ road holding", "road-holding-preview": "preview LQ road holding", "implicit": "GPC implicit",
+    "mpc-preview": "MPC with preview", "comfort-active": "LQ comfort", "comfort-delay": "LQ comfort, rear wheels preview", "comfort-preview": "preview LQ comfort",
+    "road-holding-active": "LQ road holding", "road-holding-delay": "LQ road holding, rear wheels preview", "road-holding-preview": "preview LQ road holding", "implicit": "GPC implicit",
     "explicit": "GPC explicit", "preview": "GPC with preview",
 }  # fmt: skip
-CAR_NAMES = {"hmmwv": "HMMWV (001)", "sedan": "sedan (004)", "6x6": "6x6 (003)", "full-car": "full car (000)"}
+CAR_NAMES = {"hmmwv": "HMMWV (001)", "sedan": "sedan (004)", "6x6": "6x6 (003)", "full-car": "full car (000)", "public": "full car, public model"}
 WORDS = {"never": "never", "always": "at any speed"}
 
 
