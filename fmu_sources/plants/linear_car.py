@@ -32,7 +32,7 @@ POSITIONS = ("body.z", "body.roll", "body.pitch", *(f"wheel.{k}.z" for k in CORN
 WITHOUT_SLIP = {"tire.slip_stiffness": 0.0, "tire.cornering_stiffness": 0.0}
 """Parameters of a nonlinear car whose tires press on the road only."""
 _EXACT = 1e-9  # of the largest number of a row, by which what was left out may change it
-_DIGITS = 12  # of the largest number of a column; what is below is rounding
+_DIGITS = 12  # of the largest number of a row; what is below is rounding
 _COMPUTED = "computed: linearisation of the car of the vehicle file at rest"
 
 
@@ -106,18 +106,14 @@ def ride_motion(car: Model, values: Mapping[str, float], outputs: Sequence[str] 
 def _by_input(column: Mapping[str, int], standing: np.ndarray, rolling: np.ndarray) -> dict[str, np.ndarray]:
     """Columns of heights, their rates and forces. A road rises under a wheel at slope x speed: its rate acts as the slope does per m/s,
     less what a slope does to a car that stands."""
-    found = {}
-    for k in CORNERS:
-        slope = column[f"road.{k}.slope"]
-        found[f"road.{k}.height"] = standing[:, column[f"road.{k}.height"]]
-        found[f"road.{k}.rate"] = rolling[:, slope] - standing[:, slope]
-        found[f"force.{k}"] = standing[:, column[f"force.{k}"]]
-    return {n: _cleaned(v[:, None])[:, 0] for n, v in found.items()}
+    heights, slopes, forces = ([column[n.format(k)] for k in CORNERS] for n in ("road.{}.height", "road.{}.slope", "force.{}"))
+    kinds = {"road.{}.height": standing[:, heights], "road.{}.rate": rolling[:, slopes] - standing[:, slopes], "force.{}": standing[:, forces]}
+    return {name.format(k): v for name, values in kinds.items() for k, v in zip(CORNERS, _cleaned(values).T, strict=True)}
 
 
 def _cleaned(matrix: np.ndarray) -> np.ndarray:
     """Without what is rounding: the same on every machine, and zero where left and right cancel."""
-    scale = np.maximum(np.abs(matrix).max(axis=0, initial=0.0), 1e-300)
+    scale = np.maximum(np.abs(matrix).max(axis=1, initial=0.0, keepdims=True), 1e-300)
     return np.asarray(np.round(matrix / scale, _DIGITS) * scale + 0.0)
 
 

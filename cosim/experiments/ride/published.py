@@ -11,7 +11,7 @@ from cosim.experiments.hmmwv.runs import ACTUATORS
 from cosim.experiments.preview_lq.runs import MODES
 from cosim.experiments.ride.course import extent
 from cosim.experiments.ride.runs import CARS, OBSTACLE, Case
-from cosim.experiments.ride.search import SpeedLimit
+from cosim.experiments.ride.search import WITHIN, SpeedLimit
 from cosim.study.case import CaseError, check_choice
 from fmu_sources.roads.rms_course import COURSES, INCH, SEEDS
 
@@ -62,7 +62,7 @@ def _at(system: System, course: str, **more: object) -> Case:
 def _guess(system: System, course: str) -> float:
     """Where the search for 6 W begins [km/h]."""
     first, *parts = GUESS[system[0]]
-    return first * FASTER.get(system[:2], 1.0) * dict(zip(COURSES, (1.0, *parts), strict=True))[course]
+    return max(WITHIN[0], first * FASTER.get(system[:2], 1.0) * dict(zip(COURSES, (1.0, *parts), strict=True))[course])
 
 
 def _cost(system: System, speed: float) -> float:
