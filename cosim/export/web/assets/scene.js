@@ -1,0 +1,1081 @@
+// Draws a live scene, as cosim/export/web/scene.py describes it: orthographic views of bodies, wheels, struts, forces and road.
+// x ahead, y left, z up [m]. It reads values when it draws, and nothing else; colours are CSS custom properties (scene.css).
+class SceneView {
+  static VIEWS = { // from where the camera looks: angles [rad] about z, from x ahead to the left, and above the road
+    side: { azimuth: -Math.PI / 2, elevation: 0.075 },
+    "three-quarter": { azimuth: -0.98, elevation: 0.3 },
+    rear: { azimuth: Math.PI, elevation: 0.13 },
+  };
+  static LIGHT = [0.38, -0.44, 0.81];
+  static COLORS = [
+    "sky", "soil", "soil-deep", "road", "road-mark", "track", "ink", "muted", "halo", "hull", "panel", "glass", "dark", "steel", "lamp", "tail", "mass",
+    "tire", "tread", "rim", "hub", "spring", "damper", "ground-force", "actuator-force", "body-force", "preview", "sensed", "predicted", "limit", "shadow",
+  ];
+  static WORDS = { ground: "ground on tire", actuator: "actuator on body", body: "ground on body", preview: "preview", sensed: "sensed road", predicted: "predicted" };
+  static SAMPLES = 150; // of the road in view
+  static TURN = 350; // ms, from one view to another
+
+  constructor(canvas, data, { value, ground = () => null, reducedMotion = false, camera = null }) {
+    this.canvas = canvas;
+    this.data = data;
+    this.value = value;
+    this.probe = ground;
+    this.reducedMotion = reducedMotion;
+    this.exaggeration = 1; // of motion and of heights of the road
+    this.camera = camera || { view: "side", azimuth: SceneView.VIEWS.side.azimuth, elevation: SceneView.VIEWS.side.elevation, zoom: 1, turn: null };
+    this.now = new Float64Array(data.names.length);
+    this.trees = data.bodies.map((body) => SceneView.tree(body.faces.map(SceneView.face)));
+    this.step = data.width / SceneView.SAMPLES;
+    this.halfWidth = Math.max(0.6 * data.width / 12, ...data.wheels.map((w) => Math.abs(this.rest(w.y)) + w.width / 2 + 1.3 * w.radius));
+    this.carved = data.trenches.length + data.reliefs.length > 0; // the ground is known as a whole
+    this.onRoad = data.grounds.length > 0 || this.carved;
+    this.top = Math.max(...data.bodies.map((b) => this.rest(b.z) + Math.max(...b.faces.flatMap((f) => f.points.map((p) => p[2])))));
+    this.bottom = Math.min(...data.bodies.map((b) => this.rest(b.z) + Math.min(...b.faces.flatMap((f) => f.points.map((p) => p[2])))));
+    this.shades = new Map();
+    this.reset();
+    this.restyle();
+    if (canvas.addEventListener) this.listen();
+  }
+
+  // ------------------------------------------------------------------------------------------------ what the page calls
+
+  get view() { return this.camera.view; }
+
+  set view(name) {
+    const to = SceneView.VIEWS[name], camera = this.camera;
+    if (!to) throw new Error(`no view '${name}'; there are ${Object.keys(SceneView.VIEWS).join(", ")}`);
+    const from = { azimuth: camera.azimuth, elevation: camera.elevation };
+    camera.view = name;
+    camera.turn = null;
+    if (this.reducedMotion) Object.assign(camera, to);
+    else {
+      let way = (to.azimuth - from.azimuth) % (2 * Math.PI); // the shorter way round
+      if (way > Math.PI) way -= 2 * Math.PI;
+      if (way < -Math.PI) way += 2 * Math.PI;
+      camera.turn = { from, way, elevation: to.elevation, begin: null };
+    }
+  }
+
+  // Forgets what was driven: for a run that begins again.
+  reset() {
+    this.cells = { left: new Map(), right: new Map() };
+    this.history = this.data.traces.map(() => []);
+    this.last = -Infinity;
+  }
+
+  // Asks again for the road ahead of the vehicle, after a parameter has changed; what lies behind stays as it was driven.
+  refresh() {
+    this.read();
+    const x = this.raw(this.data.bodies[this.data.follow].x) / this.step;
+    for (const cells of Object.values(this.cells)) for (const k of cells.keys()) if (k > x) cells.delete(k);
+  }
+
+  // Reads the colours again, after the page has changed its scheme.
+  restyle() {
+    const style = getComputedStyle(this.canvas);
+    this.color = {};
+    const dark = style.getPropertyValue("--scene-scheme").trim() === "dark" ? 1 : 0;
+    for (const name of SceneView.COLORS) {
+      const both = style.getPropertyValue(`--scene-${name}`).trim().split(/\s+/);
+      this.color[name] = both[Math.min(dark, both.length - 1)] || "#888888";
+    }
+    this.font = style.getPropertyValue("font-family") || "sans-serif";
+    this.shades.clear();
+  }
+
+  readings() {
+    this.read();
+    return this.data.readings.map(({ label, unit, value, decimals, factor }) => {
+      const number = factor * this.raw(value), text = number.toFixed(decimals);
+      return { label, unit, text: Number(text) === 0 ? (0).toFixed(decimals) : text };
+    });
+  }
+
+  // Labels of the limits that are active.
+  active() {
+    this.read();
+    return this.data.limits.filter((limit) => this.raw(limit.value) > 0).map((limit) => limit.label);
+  }
+
+  // One sentence about what is seen, for those who do not see it.
+  describe() {
+    const from = { side: "from the side", "three-quarter": "from ahead and the right", rear: "from behind" }[this.view];
+    const parts = this.readings().map(({ label, unit, text }) => `${label} ${text}${unit ? ` ${unit}` : ""}`);
+    const pushing = this.data.arrows.filter((a) => a.role === "actuator").map((a) => this.raw(a.fz));
+    if (pushing.length) {
+      const largest = pushing.reduce((a, b) => (Math.abs(b) > Math.abs(a) ? b : a));
+      parts.push(Math.abs(largest) < 0.5 ? "no actuator force" : `actuator force up to ${SceneView.force(largest)}`);
+    }
+    const active = this.active();
+    if (active.length) parts.push(active.join(", "));
+    const what = this.data.what.charAt(0).toUpperCase() + this.data.what.slice(1);
+    return `${what} ${from}${parts.length ? `: ${parts.join("; ")}` : ""}.`;
+  }
+
+  // ------------------------------------------------------------------------------------------------------------ values
+
+  read() {
+    const { names } = this.data;
+    for (let i = 0; i < names.length; i += 1) {
+      const v = Number(this.value(names[i]));
+      this.now[i] = Number.isFinite(v) ? v : 0;
+    }
+  }
+
+  raw(packed) {
+    if (typeof packed === "number") return packed;
+    let sum = packed[0];
+    for (let i = 2; i < packed.length; i += 2) sum += packed[i + 1] * this.now[packed[i]];
+    return sum;
+  }
+
+  rest(packed) { return typeof packed === "number" ? packed : packed[1]; }
+
+  // A height or an angle, its distance from rest exaggerated.
+  tall(packed) {
+    if (typeof packed === "number") return packed;
+    return packed[1] + this.exaggeration * (this.raw(packed) - packed[1]);
+  }
+
+  pose(body) {
+    const roll = this.tall(body.roll), pitch = this.tall(body.pitch), yaw = this.raw(body.yaw);
+    const [cr, sr, cp, sp, cy, sy] = [Math.cos(roll), Math.sin(roll), Math.cos(pitch), Math.sin(pitch), Math.cos(yaw), Math.sin(yaw)];
+    return [ // yaw, then pitch, then roll; the fourth column is where the origin is
+      cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr, this.raw(body.x),
+      sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr, this.raw(body.y),
+      -sp, cp * sr, cp * cr, this.tall(body.z),
+    ];
+  }
+
+  static placed(m, p) {
+    return [
+      m[0] * p[0] + m[1] * p[1] + m[2] * p[2] + m[3], m[4] * p[0] + m[5] * p[1] + m[6] * p[2] + m[7],
+      m[8] * p[0] + m[9] * p[1] + m[10] * p[2] + m[11],
+    ];
+  }
+
+  // Of a direction from the world into the body's frame.
+  static turned(m, d) {
+    return [m[0] * d[0] + m[4] * d[1] + m[8] * d[2], m[1] * d[0] + m[5] * d[1] + m[9] * d[2], m[2] * d[0] + m[6] * d[1] + m[10] * d[2]];
+  }
+
+  wheelAt(wheel) {
+    const x = this.raw(wheel.x), y = this.raw(wheel.y), z = this.tall(wheel.z);
+    let pressed = this.tall(wheel.squash), towards = -Math.PI / 2; // of the contact, in the wheel's plane from x to z
+    if (wheel.contact && pressed > 0) {
+      const dx = this.raw(wheel.contact[0]) - x, dz = this.raw(wheel.contact[1]) - z;
+      if (Math.hypot(dx, dz) > 0.5 * wheel.radius) towards = Math.atan2(dz, dx);
+    }
+    pressed = Math.max(0, Math.min(pressed, 0.6 * wheel.radius));
+    return { wheel, x, y, z, pressed, towards, turn: this.raw(wheel.turn), heading: this.raw(wheel.heading) };
+  }
+
+  // ------------------------------------------------------------------------------------- the order in which faces are drawn
+
+  static face({ points, material }) {
+    let normal = [0, 0, 0];
+    for (let i = 0; i < points.length; i += 1) { // Newell: for any flat polygon
+      const a = points[i], b = points[(i + 1) % points.length];
+      normal = [normal[0] + (a[1] - b[1]) * (a[2] + b[2]), normal[1] + (a[2] - b[2]) * (a[0] + b[0]), normal[2] + (a[0] - b[0]) * (a[1] + b[1])];
+    }
+    const size = Math.hypot(...normal);
+    normal = normal.map((c) => c / size);
+    return { points, material, normal, at: SceneView.dot(normal, points[0]) };
+  }
+
+  static dot(a, b) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
+
+  // A binary space partition: from any direction its faces can be drawn back to front. What crosses a plane is cut by it.
+  static tree(faces) {
+    if (!faces.length) return null;
+    let best = null;
+    for (let i = 0; i < faces.length; i += 1) {
+      let cuts = 0, balance = 0;
+      for (const face of faces) {
+        const side = SceneView.sideOf(faces[i], face);
+        if (side === "both") cuts += 1;
+        else if (side !== "on") balance += side === "front" ? 1 : -1;
+      }
+      const upright = Math.abs(faces[i].normal[1]) > 0.999 ? -1e6 : 0; // sides first: so wheels beside the vehicle are beside all of it
+      const cost = upright + 8 * cuts + Math.abs(balance);
+      if (!best || cost < best.cost) best = { cost, plane: faces[i] };
+    }
+    const { plane } = best, on = [], front = [], back = [];
+    for (const face of faces) {
+      const side = SceneView.sideOf(plane, face);
+      if (side === "on") on.push(face);
+      else if (side === "front") front.push(face);
+      else if (side === "back") back.push(face);
+      else {
+        const halves = SceneView.cut(plane, face);
+        front.push(halves[0]);
+        back.push(halves[1]);
+      }
+    }
+    return { plane, on, front: SceneView.tree(front), back: SceneView.tree(back) };
+  }
+
+  static sideOf(plane, face) {
+    let front = false, back = false;
+    for (const point of face.points) {
+      const over = SceneView.dot(plane.normal, point) - plane.at;
+      if (over > 1e-4) front = true;
+      if (over < -1e-4) back = true;
+    }
+    return front ? (back ? "both" : "front") : back ? "back" : "on";
+  }
+
+  static cut(plane, face) {
+    const halves = [[], []], count = face.points.length;
+    for (let i = 0; i < count; i += 1) {
+      const a = face.points[i], b = face.points[(i + 1) % count];
+      const da = SceneView.dot(plane.normal, a) - plane.at, db = SceneView.dot(plane.normal, b) - plane.at;
+      if (da >= -1e-4) halves[0].push(a);
+      if (da <= 1e-4) halves[1].push(a);
+      if ((da > 1e-4 && db < -1e-4) || (da < -1e-4 && db > 1e-4)) {
+        const share = da / (da - db), point = a.map((c, k) => c + share * (b[k] - c));
+        halves[0].push(point);
+        halves[1].push(point);
+      }
+    }
+    return halves.map((points) => ({ ...face, points }));
+  }
+
+  // Calls `face` for each face and `item` for each item ({at}, in the same frame), back to front as seen from `towards`.
+  static walk(node, towards, items, face, item) {
+    if (!node) {
+      items.sort((a, b) => SceneView.dot(a.at, towards) - SceneView.dot(b.at, towards));
+      items.forEach(item);
+      return;
+    }
+    const { plane } = node, ahead = [], behind = [];
+    for (const one of items) (SceneView.dot(plane.normal, one.at) > plane.at ? ahead : behind).push(one);
+    const seen = SceneView.dot(plane.normal, towards) > 0;
+    SceneView.walk(seen ? node.back : node.front, towards, seen ? behind : ahead, face, item);
+    node.on.forEach(face);
+    SceneView.walk(seen ? node.front : node.back, towards, seen ? ahead : behind, face, item);
+  }
+
+  // ------------------------------------------------------------------------------------------------------------ drawing
+
+  // What stands where on the screen: sets the camera for this frame.
+  aim() {
+    const { camera, data } = this;
+    if (camera.turn) {
+      const clock = performance.now();
+      camera.turn.begin ??= clock;
+      const part = Math.min(1, (clock - camera.turn.begin) / SceneView.TURN), eased = part * part * (3 - 2 * part);
+      camera.azimuth = camera.turn.from.azimuth + eased * camera.turn.way;
+      camera.elevation = camera.turn.from.elevation + eased * (camera.turn.elevation - camera.turn.from.elevation);
+      if (part === 1) camera.turn = null;
+    }
+    const { azimuth, elevation } = camera;
+    const [ca, sa, ce, se] = [Math.cos(azimuth), Math.sin(azimuth), Math.cos(elevation), Math.sin(elevation)];
+    this.towards = [ce * ca, ce * sa, se];
+    this.right = [-sa, ca, 0];
+    this.up = [-se * ca, -se * sa, ce];
+    const ratio = (typeof devicePixelRatio === "number" && devicePixelRatio) || 1;
+    const width = this.canvas.clientWidth, height = this.canvas.clientHeight;
+    if (this.canvas.width !== Math.round(width * ratio) || this.canvas.height !== Math.round(height * ratio)) {
+      this.canvas.width = Math.round(width * ratio);
+      this.canvas.height = Math.round(height * ratio);
+    }
+    const pen = this.canvas.getContext("2d");
+    pen.setTransform(ratio, 0, 0, ratio, 0, 0);
+    pen.lineJoin = pen.lineCap = "round";
+    this.pen = pen;
+    this.width = width;
+    this.height = height;
+    const along = Math.abs(this.right[0]), across = Math.abs(this.right[1]), depth = 2 * this.halfWidth;
+    const tall = this.top - this.bottom, below = this.onRoad ? 0.16 * data.width * (this.carved ? 1 : 0.5) : 0;
+    const wide = data.width * along + 1.5 * depth * across, high = (1.28 * tall + below) * ce + (0.4 * data.width * Math.abs(ca) + depth) * se;
+    this.scale = camera.zoom * Math.min(width / wide, height / high);
+    const body = data.bodies[data.follow];
+    const ahead = this.onRoad ? 0.07 * data.width : 0;
+    this.centre = [this.raw(body.x) + ahead, 0, 0.5 * (this.top + this.bottom) + 0.08 * tall - 0.5 * below];
+    this.span = this.onRoad ? Math.max(0.62 * data.width, along > 0.02 ? Math.min(0.62 * width / (this.scale * along), 1.1 * data.width) : 0) : 0;
+  }
+
+  px(p) {
+    const { centre: c, right: r } = this;
+    return this.width / 2 + this.scale * ((p[0] - c[0]) * r[0] + (p[1] - c[1]) * r[1]);
+  }
+
+  py(p) {
+    const { centre: c, up: u } = this;
+    return this.height / 2 - this.scale * ((p[0] - c[0]) * u[0] + (p[1] - c[1]) * u[1] + (p[2] - c[2]) * u[2]);
+  }
+
+  // A point of the road's frame on the screen [CSS pixels]: of the camera of the last frame.
+  screen(p) { return [this.px(p), this.py(p)]; }
+
+  path(points, close = true) {
+    const { pen } = this;
+    pen.beginPath();
+    points.forEach((p, i) => (i ? pen.lineTo(this.px(p), this.py(p)) : pen.moveTo(this.px(p), this.py(p))));
+    if (close) pen.closePath();
+  }
+
+  draw(time) {
+    if (!this.canvas.clientWidth || !this.canvas.clientHeight) return;
+    this.read();
+    if (time < this.last) this.reset();
+    this.last = time;
+    this.aim();
+    const { pen, data, color } = this;
+    pen.globalAlpha = 1;
+    pen.fillStyle = color.sky;
+    pen.fillRect(0, 0, this.width, this.height);
+    this.wheels = data.wheels.map((wheel) => this.wheelAt(wheel));
+    this.poses = data.bodies.map((body) => this.pose(body));
+    this.lit = data.limits.map((limit) => this.raw(limit.value) > 0);
+    if (this.onRoad) this.drawRoad();
+    else this.drawFloor();
+    this.drawTraces(time);
+    this.drawBodies();
+    this.drawStruts();
+    this.drawPoints();
+    this.drawArrows();
+    this.drawWords();
+  }
+
+  shade(material, light) {
+    const level = Math.round(24 * light), key = `${material}${level}`;
+    let found = this.shades.get(key);
+    if (!found) {
+      found = SceneView.mixed(this.color[material], 0.58 + 0.5 * (level / 24));
+      this.shades.set(key, found);
+    }
+    return found;
+  }
+
+  // A colour, darker or lighter.
+  static mixed(color, factor) {
+    const parts = /^#(..)(..)(..)$/.exec(color);
+    if (!parts) return color;
+    return `rgb(${parts.slice(1).map((p) => Math.max(0, Math.min(255, Math.round(parseInt(p, 16) * factor)))).join(",")})`;
+  }
+
+  lightOn(normal) {
+    const facing = SceneView.dot(normal, this.towards) < 0 ? -1 : 1;
+    return Math.max(0, facing * SceneView.dot(normal, SceneView.LIGHT));
+  }
+
+  // ---------------------------------------------------------------------------------------------------------- the road
+
+  // Height under the wheels of a side at a place along the road; of what is unknown, the nearest that is known.
+  sampled(side, k) {
+    const cells = this.cells[side];
+    let found = cells.get(k);
+    if (found === undefined) {
+      const given = this.probe(side, k * this.step);
+      found = given === null || given === undefined || !Number.isFinite(given) ? null : given;
+      if (found !== null) cells.set(k, found);
+    }
+    return found;
+  }
+
+  profile() {
+    const { data } = this, first = Math.floor((this.centre[0] - this.span) / this.step), last = Math.ceil((this.centre[0] + this.span) / this.step);
+    const sides = new Set(data.grounds.map((g) => g.side));
+    for (const w of this.wheels) { // what the wheels have met stays drawn, where nobody knows the road
+      const side = w.y >= 0 ? "left" : "right", k = Math.round(w.x / this.step);
+      if (w.pressed > 0 && !this.carved && !this.cells[side].has(k) && this.probe(side, w.x) === null) {
+        this.cells[side].set(k, (w.z - w.wheel.radius + w.pressed) / this.exaggeration);
+      }
+    }
+    const xs = [];
+    for (let k = first; k <= last; k += 1) xs.push(k * this.step);
+    const outlines = [...data.reliefs.map((r) => ({ side: r.side, points: r.points.map((p) => p.map((v) => this.raw(v))) })), ...data.trenches.map((t) => {
+      const start = this.raw(t.start), end = start + this.raw(t.length), depth = this.raw(t.depth);
+      return { side: t.side, points: [[start, 0], [start, -depth], [end, -depth], [end, 0]] };
+    })];
+    const edges = [...new Set(outlines.flatMap((o) => o.points.map((p) => p[0])))].filter((x) => x > xs[0] && x < xs[xs.length - 1]);
+    const all = [...xs.map((x) => [x, 0]), ...edges.flatMap((x) => [[x, -1], [x, 1]])].sort((a, b) => a[0] - b[0] || a[1] - b[1]);
+    const points = [], held = { left: 0, right: 0 };
+    for (const [x, beside] of all) {
+      const heights = { left: null, right: null };
+      for (const side of ["left", "right"]) {
+        if (sides.has(side)) heights[side] = this.sampled(side, Math.round(x / this.step));
+        const own = outlines.find((o) => o.side === "both" || o.side === side);
+        if (own) heights[side] = SceneView.along(own.points, x, beside);
+        else if (heights[side] === null) heights[side] = this.cells[side].get(Math.round(x / this.step)) ?? null;
+      }
+      held.left = heights.left ?? heights.right ?? held.left;
+      held.right = heights.right ?? heights.left ?? held.right;
+      points.push([x, this.exaggeration * held.left, this.exaggeration * held.right]);
+    }
+    for (const cells of Object.values(this.cells)) if (cells.size > 8 * SceneView.SAMPLES) for (const k of cells.keys()) if (k < first - 4 * SceneView.SAMPLES) cells.delete(k);
+    return points;
+  }
+
+  // Height of an outline at x; at a wall, that of the side `beside`.
+  static along(points, x, beside) {
+    let last = null;
+    for (const p of points) {
+      if (p[0] > x || (p[0] === x && beside < 0)) {
+        if (!last) return p[1];
+        return p[0] > last[0] ? last[1] + (p[1] - last[1]) * (x - last[0]) / (p[0] - last[0]) : last[1];
+      }
+      last = p;
+    }
+    return last[1];
+  }
+
+  // Height at a place, between the tracks as the road is drawn.
+  heightAt(x, y) {
+    const points = this.road, n = points.length;
+    let low = 0, high = n - 1;
+    while (high - low > 1) {
+      const middle = (low + high) >> 1;
+      if (points[middle][0] <= x) low = middle;
+      else high = middle;
+    }
+    const a = points[low], b = points[high], share = b[0] > a[0] ? Math.max(0, Math.min(1, (x - a[0]) / (b[0] - a[0]))) : 0;
+    const left = a[1] + share * (b[1] - a[1]), right = a[2] + share * (b[2] - a[2]);
+    const part = Math.max(0, Math.min(1, 0.5 + 0.5 * y / this.trackHalf));
+    return right + part * (left - right);
+  }
+
+  drawRoad() {
+    const { pen, color, halfWidth: w } = this;
+    const points = (this.road = this.profile());
+    const lines = this.data.grounds.map((g) => Math.abs(g.y)).concat(this.data.wheels.map((g) => Math.abs(this.rest(g.y))));
+    const track = (this.trackHalf = Math.max(0.05, Math.min(...lines)));
+    this.centre[2] += 0.5 * this.mean(points);
+    const backwards = this.towards[0] < 0, order = points.map((_, i) => i).slice(1);
+    if (backwards) order.reverse();
+    pen.lineWidth = 0.8;
+    const near = this.towards[1] < 0 ? -w : w;
+    const strip = (ax, al, bx, bl, y1, ar, br, y2) => {
+      const slope = Math.atan2(0.5 * (bl - al + br - ar), Math.max(1e-9, bx - ax));
+      const light = Math.max(0, -Math.sin(slope) * SceneView.LIGHT[0] * 1.6 + Math.cos(slope) * SceneView.LIGHT[2]);
+      pen.fillStyle = pen.strokeStyle = this.shade("road", light);
+      this.path([[ax, y1, al], [bx, y1, bl], [bx, y2, br], [ax, y2, ar]]);
+      pen.fill();
+      pen.stroke();
+    };
+    let run = null; // level pieces of one height are one strip
+    const flush = () => {
+      if (run) strip(run[0], run[1], run[2], run[1], w, run[1], run[1], -w);
+      run = null;
+    };
+    for (const i of order) {
+      const [ax, al, ar] = points[i - 1], [bx, bl, br] = points[i];
+      if (al === bl && ar === br && al === ar) {
+        if (run && run[1] === al) run = backwards ? [ax, al, run[2]] : [run[0], al, bx];
+        else {
+          flush();
+          run = [ax, al, bx];
+        }
+        continue;
+      }
+      flush();
+      if (al === ar && bl === br) strip(ax, al, bx, bl, w, ar, br, -w);
+      else {
+        const pieces = [[w, track, al, bl, al, bl], [track, -track, al, bl, ar, br], [-track, -w, ar, br, ar, br]];
+        if (this.towards[1] > 0) pieces.reverse();
+        for (const [y1, y2, zal, zbl, zar, zbr] of pieces) strip(ax, zal, bx, zbl, y1, zar, zbr, y2);
+      }
+    }
+    flush();
+    this.drawTracks();
+    this.drawMarks(near);
+    this.drawSection(near);
+    this.drawShadow();
+  }
+
+  mean(points) {
+    let sum = 0;
+    for (const p of points) sum += Math.max(-0.3, p[1]) + Math.max(-0.3, p[2]);
+    return sum / (2 * points.length);
+  }
+
+  // Where the wheels have been.
+  drawTracks() {
+    const { pen, color, road } = this;
+    pen.fillStyle = color.track;
+    pen.globalAlpha = 0.3;
+    for (const side of [1, -1]) {
+      const wheels = this.wheels.filter((w) => w.y * side > 0);
+      if (!wheels.length) continue;
+      const front = wheels.reduce((a, b) => (b.x > a.x ? b : a)), half = 0.42 * front.wheel.width;
+      this.ribbon(road[0][0], front.x, front.y + half, front.y - half, side > 0 ? 1 : 2);
+    }
+    pen.globalAlpha = 1;
+  }
+
+  // A strip that lies on the road from x1 to x2, interrupted by walls and what is deep; heights of the left (1) or the right track (2), 0: in between.
+  ribbon(x1, x2, y1, y2, column) {
+    const { pen, road } = this, deep = -0.4;
+    let piece = [];
+    const flush = () => {
+      if (piece.length > 1) {
+        this.path([...piece.map(([x, a]) => [x, y1, a]), ...piece.reverse().map(([x, , b]) => [x, y2, b])]);
+        pen.fill();
+      }
+      piece = [];
+    };
+    const height = (p, y) => (column ? p[column] : p[2] + (p[1] - p[2]) * Math.max(0, Math.min(1, 0.5 + 0.5 * y / this.trackHalf)));
+    const ends = [x1, x2].map((x) => [x, this.heightAt(x, this.halfWidth), this.heightAt(x, -this.halfWidth)]);
+    for (const p of [ends[0], ...road.filter((q) => q[0] > x1 && q[0] < x2), ends[1]]) {
+      const a = height(p, y1), b = height(p, y2), before = piece[piece.length - 1];
+      if (before && Math.abs(a - before[1]) > 2 * (p[0] - before[0]) + 1e-9) flush();
+      if (Math.min(a, b) < deep) flush();
+      else piece.push([p[0], a, b]);
+    }
+    flush();
+  }
+
+  // A line across the road every metre, which moves by; every fifth has its distance.
+  drawMarks(near) {
+    const { pen, color, road } = this, first = road[0][0], last = road[road.length - 1][0];
+    const unit = this.scale < 22 ? 5 : 1, far = this.scale < 40 ? 10 : 5;
+    pen.strokeStyle = color["road-mark"];
+    this.labels = [];
+    for (let x = Math.ceil(first / unit) * unit; x <= last; x += unit) {
+      const strong = x % far === 0, w = this.halfWidth;
+      pen.globalAlpha = strong ? 0.75 : 0.28;
+      pen.lineWidth = strong ? 1.3 : 1;
+      this.path([[x, w, this.heightAt(x, w)], [x, this.trackHalf, this.heightAt(x, w)], [x, -this.trackHalf, this.heightAt(x, -w)], [x, -w, this.heightAt(x, -w)]], false);
+      pen.stroke();
+      if (strong) this.labels.push([x, near, this.heightAt(x, near)]);
+    }
+    pen.globalAlpha = 1;
+  }
+
+  // The ground cut open at the side that is seen, and at the end.
+  drawSection(near) {
+    const { pen, color, road } = this, w = this.halfWidth, deepest = this.carved ? 0.13 * this.data.width : 0.05 * this.data.width;
+    const column = near > 0 ? 1 : 2, flat = Math.abs(this.right[0]) > 0.97, depth = flat ? this.height / this.scale : deepest;
+    const fill = (top, a, b) => {
+      const level = Math.max(...top.map((p) => p[2])), base = Math.min(-deepest, ...top.map((p) => p[2] - 0.3 * deepest).filter((z) => z > -0.6 * deepest)) - (flat ? depth : 0);
+      const [ax, ay] = this.screen([a[0], a[1], level]), [bx, by] = this.screen([b[0], b[1], level]);
+      const length = Math.hypot(bx - ax, by - ay) || 1, nx = -(by - ay) / length, ny = (bx - ax) / length, sign = ny < 0 ? -1 : 1;
+      const reach = Math.abs(ny) * this.scale * this.up[2] * (deepest + level + 0.12 * this.data.width * (flat ? 1 : 0));
+      const gradient = pen.createLinearGradient(ax, ay, ax + sign * nx * reach, ay + sign * ny * reach);
+      gradient.addColorStop(0, color.soil);
+      gradient.addColorStop(1, color["soil-deep"]);
+      pen.fillStyle = gradient;
+      this.path([...top.map((p) => [p[0], p[1], Math.max(p[2], base)]), [b[0], b[1], base], [a[0], a[1], base]]);
+      pen.fill();
+      pen.strokeStyle = color["road-mark"];
+      pen.lineWidth = 1.4;
+      this.path(top.map((p) => [p[0], p[1], Math.max(p[2], base)]), false);
+      pen.stroke();
+    };
+    const end = this.towards[0] > 0 ? road[road.length - 1] : road[0], t = this.trackHalf;
+    if (Math.abs(this.towards[0]) > 0.12) {
+      fill([[end[0], w, end[1]], [end[0], t, end[1]], [end[0], -t, end[2]], [end[0], -w, end[2]]], [end[0], w, 0], [end[0], -w, 0]);
+    }
+    if (Math.abs(this.towards[1]) > 0.12) {
+      const a = road[0], b = road[road.length - 1];
+      fill(road.map((p) => [p[0], near, p[column]]), [a[0], near, 0], [b[0], near, 0]);
+    }
+    pen.fillStyle = color.muted;
+    pen.font = `11px ${this.font}`;
+    pen.textAlign = "center";
+    pen.textBaseline = "top";
+    for (const p of this.labels) {
+      const [x, y] = this.screen(p);
+      if (Math.abs(this.towards[1]) > 0.3 && x > 12 && x < this.width - 12) pen.fillText(`${p[0]} m`, x, Math.min(y + 6, this.height - 14));
+    }
+  }
+
+  drawShadow() {
+    const { pen, color } = this;
+    pen.fillStyle = color.shadow;
+    const xs = this.wheels.map((w) => w.x), r = this.wheels.length ? this.wheels[0].wheel.radius : 0;
+    if (xs.length > 1) {
+      const half = Math.max(...this.wheels.map((w) => Math.abs(w.y))) + 0.1;
+      pen.globalAlpha = 0.2;
+      this.ribbon(Math.min(...xs) - 1.15 * r, Math.max(...xs) + r, half, -half, 0);
+    }
+    pen.globalAlpha = 0.34;
+    for (const w of this.wheels) {
+      const points = [], z = this.heightAt(w.x, w.y), long = 0.62 * w.wheel.radius, wide = 0.62 * w.wheel.width;
+      if (w.z - z > 1.6 * w.wheel.radius) continue; // over a trench
+      for (let i = 0; i < 14; i += 1) points.push([w.x + long * Math.cos(i * 0.4488), w.y + wide * Math.sin(i * 0.4488), z]);
+      this.path(points);
+      pen.fill();
+    }
+    pen.globalAlpha = 1;
+  }
+
+  // What a rig stands on.
+  drawFloor() {
+    const { pen, color, data } = this, z = this.bottom, w = 0.5 * data.width, deep = 0.22 * data.width;
+    pen.fillStyle = this.shade("road", 0.8);
+    this.path([[-w, deep, z], [w, deep, z], [w, -deep, z], [-w, -deep, z]]);
+    pen.fill();
+    pen.strokeStyle = color["road-mark"];
+    pen.globalAlpha = 0.4;
+    pen.lineWidth = 1;
+    pen.stroke();
+    pen.globalAlpha = 1;
+  }
+
+  // Heights over the past, on paper that moves away.
+  drawTraces(time) {
+    const { pen, color, data } = this;
+    data.traces.forEach((trace, i) => {
+      const past = this.history[i], z = this.raw(trace.z), length = 0.5 * data.width + trace.x; // to the left edge
+      if (!past.length || time - past[past.length - 1][0] > length / trace.speed / 300) past.push([time, z]);
+      while (past.length && (time - past[0][0]) * trace.speed > length) past.shift();
+      const points = [...past, [time, z]].map(([t, h]) => [trace.x - trace.speed * (time - t), trace.y, this.rest(trace.z) + this.exaggeration * (h - this.rest(trace.z))]);
+      pen.lineWidth = trace.role === "ground" ? 2 : 1.6;
+      pen.strokeStyle = { ground: color.soil, wheel: color.muted, body: color.mass }[trace.role];
+      this.path(points, false);
+      pen.stroke();
+      const [x, y] = this.screen(points[points.length - 1]);
+      pen.fillStyle = pen.strokeStyle;
+      pen.beginPath();
+      pen.arc(x, y, 2.6, 0, 2 * Math.PI);
+      pen.fill();
+    });
+  }
+
+  // ------------------------------------------------------------------------------------------------- bodies and wheels
+
+  drawBodies() {
+    const { data, poses } = this, host = data.follow, m = poses[host];
+    const inFrame = (p) => SceneView.turned(m, [p[0] - m[3], p[1] - m[7], p[2] - m[11]]);
+    const items = this.wheels.map((w) => ({ at: inFrame([w.x, w.y, w.z]), draw: () => this.drawWheel(w) }));
+    data.bodies.forEach((body, i) => {
+      if (i !== host) items.push({ at: inFrame([poses[i][3], poses[i][7], poses[i][11]]), draw: () => this.drawFaces(i, []) });
+    });
+    this.drawFaces(host, items);
+  }
+
+  drawFaces(index, items) {
+    const m = this.poses[index], { pen } = this;
+    pen.lineWidth = 0.7;
+    SceneView.walk(this.trees[index], SceneView.turned(m, this.towards), items, (face) => {
+      const normal = SceneView.placed([m[0], m[1], m[2], 0, m[4], m[5], m[6], 0, m[8], m[9], m[10], 0], face.normal);
+      pen.fillStyle = pen.strokeStyle = this.shade(face.material, this.lightOn(normal));
+      pen.lineWidth = 0.7;
+      this.path(face.points.map((p) => SceneView.placed(m, p)));
+      pen.fill();
+      pen.stroke(); // hides the seams between faces
+    }, (item) => item.draw());
+  }
+
+  // A ring of a wheel's tire: points at `radius` (in parts of the tire's) and `across` (in half widths), pressed in by the ground.
+  ring(w, radius, across, count, from = 0) {
+    const { wheel } = w, c = Math.cos(w.heading), s = Math.sin(w.heading), points = [];
+    const flat = wheel.radius - w.pressed, y = across * wheel.width / 2;
+    for (let i = 0; i < count; i += 1) {
+      const angle = from + i * 2 * Math.PI / count, off = Math.cos(angle - w.towards);
+      let r = radius * wheel.radius;
+      if (off > 0 && r * off > flat) r = flat / off;
+      const along = r * Math.cos(angle);
+      points.push([w.x + along * c - y * s, w.y + along * s + y * c, w.z + r * Math.sin(angle)]);
+    }
+    return points;
+  }
+
+  drawWheel(w) {
+    const { pen, color } = this, count = 40, axis = [-Math.sin(w.heading), Math.cos(w.heading), 0];
+    const near = SceneView.dot(axis, this.towards) > 0 ? 1 : -1;
+    const rings = [[0.9, -1], [1, -0.72], [1, 0.72], [0.9, 1]].map(([r, a]) => this.ring(w, r, near * a, count));
+    pen.lineWidth = 0.6;
+    pen.fillStyle = pen.strokeStyle = color.tire;
+    this.path(rings[0]);
+    pen.fill();
+    if (Math.abs(SceneView.dot(axis, this.towards)) < 0.995) {
+      for (let k = 0; k < 3; k += 1) {
+        pen.beginPath();
+        for (let i = 0; i < count; i += 1) {
+          const j = (i + 1) % count, quad = [rings[k][i], rings[k][j], rings[k + 1][j], rings[k + 1][i]];
+          quad.forEach((p, n) => (n ? pen.lineTo(this.px(p), this.py(p)) : pen.moveTo(this.px(p), this.py(p))));
+          pen.closePath();
+        }
+        pen.fill("nonzero");
+        pen.stroke();
+      }
+      this.drawTread(w, near);
+    }
+    this.path(rings[3]);
+    pen.fill();
+    pen.stroke();
+    // sidewall, rim, spokes that turn
+    const disc = (radius, style) => {
+      pen.fillStyle = style;
+      this.path(this.ring(w, radius, near, radius > 0.7 ? count : 28));
+      pen.fill();
+    };
+    disc(0.86, this.color.tread);
+    disc(0.80, color.tire);
+    disc(0.60, color.rim);
+    disc(0.53, SceneView.mixed(color.rim, 0.86));
+    pen.strokeStyle = color.rim;
+    pen.lineWidth = Math.max(1, 0.085 * w.wheel.radius * this.scale);
+    const centre = this.ring(w, 0, near, 1)[0], spokes = this.ring(w, 0.55, near, 6, -w.turn);
+    pen.beginPath();
+    for (const p of spokes) {
+      pen.moveTo(this.px(centre), this.py(centre));
+      pen.lineTo(this.px(p), this.py(p));
+    }
+    pen.stroke();
+    disc(0.2, color.hub);
+    const valve = this.ring(w, 0.68, near, 1, -w.turn + 0.5)[0]; // one mark, by which a turn can be seen
+    pen.fillStyle = color.rim;
+    pen.beginPath();
+    pen.arc(this.px(valve), this.py(valve), Math.max(1, 0.035 * w.wheel.radius * this.scale), 0, 2 * Math.PI);
+    pen.fill();
+    const at = this.data.wheels.indexOf(w.wheel);
+    if (this.data.limits.some((limit, i) => limit.at === at && this.lit[i])) {
+      pen.strokeStyle = color.limit;
+      pen.lineWidth = 2.5;
+      this.path(this.ring(w, 0.97, near, count));
+      pen.stroke();
+    }
+  }
+
+  // Blocks on the tread that is seen, which turn.
+  drawTread(w, near) {
+    const { pen, color } = this, blocks = 24;
+    pen.fillStyle = color.tread;
+    pen.beginPath();
+    for (let i = 0; i < blocks; i += 1) {
+      const angle = -w.turn + i * 2 * Math.PI / blocks;
+      const normal = [Math.cos(angle) * Math.cos(w.heading), Math.cos(angle) * Math.sin(w.heading), Math.sin(angle)];
+      if (SceneView.dot(normal, this.towards) < 0.02) continue;
+      const a = this.ring(w, 1.004, -0.7, 1, angle)[0], b = this.ring(w, 1.004, -0.7, 1, angle + 0.13)[0];
+      const c = this.ring(w, 1.004, 0.7, 1, angle + 0.13)[0], d = this.ring(w, 1.004, 0.7, 1, angle)[0];
+      [a, b, c, d].forEach((p, n) => (n ? pen.lineTo(this.px(p), this.py(p)) : pen.moveTo(this.px(p), this.py(p))));
+      pen.closePath();
+    }
+    pen.fill();
+    return near;
+  }
+
+  // Whether what is on a line y, or on an axle, is on the side that is seen.
+  isNear(x, y) {
+    if (Math.abs(this.towards[1]) > 0.9) return y * this.towards[1] >= 0;
+    if (Math.abs(this.towards[0]) > 0.9) return this.wheels.every((w) => (w.x - x) * this.towards[0] < 0.5);
+    return true;
+  }
+
+  // Spring and damper, drawn through the sheet that hides them, but not through wheels.
+  drawStruts() {
+    const { pen, data, color } = this, seen = data.struts.filter((s) => this.isNear(this.wheels[s.wheel].x, this.wheels[s.wheel].y));
+    if (!seen.length) return;
+    pen.save();
+    pen.beginPath();
+    pen.rect(0, 0, this.width, this.height);
+    for (const w of this.wheels) {
+      if (!this.isNear(w.x, w.y)) continue;
+      const side = Math.sign(SceneView.dot([-Math.sin(w.heading), Math.cos(w.heading), 0], this.towards)) || 1;
+      const outer = this.ring(w, 0.985, side, 32);
+      outer.forEach((p, i) => (i ? pen.lineTo(this.px(p), this.py(p)) : pen.moveTo(this.px(p), this.py(p))));
+      pen.closePath();
+    }
+    if (data.wheels.length > 1) pen.clip("evenodd");
+    for (const strut of seen) {
+      if (Math.abs(this.towards[0]) < 0.9 && data.wheels.length > 1 && this.wheels[strut.wheel].y * this.towards[1] < 0) continue; // behind the hull
+      const w = this.wheels[strut.wheel], from = SceneView.placed(this.poses[strut.body], strut.at);
+      this.drawStrut(from, [w.x + strut.to[0], w.y + strut.to[1], w.z + strut.to[2]], w.wheel.radius);
+    }
+    pen.restore();
+    pen.globalAlpha = 1;
+    pen.strokeStyle = color.ink;
+  }
+
+  drawStrut(from, to, radius) {
+    const { pen, color } = this, line = (a, b, wide, style) => {
+      pen.strokeStyle = style;
+      pen.lineWidth = wide;
+      this.path([a, b], false);
+      pen.stroke();
+    };
+    const at = (share) => from.map((c, k) => c + share * (to[k] - c)), unit = radius * this.scale;
+    const tube = Math.max(3, 0.15 * unit), length = Math.hypot(...from.map((c, k) => to[k] - c));
+    const body = Math.min(0.75, 0.62 * radius / Math.max(0.1 * radius, length)); // the tube keeps its length, the rod shows
+    line(from, to, Math.max(1.5, 0.07 * unit), color.rim);
+    line(from, at(body), tube, color.damper);
+    // a helix about the strut: what is behind first
+    const coils = 7, steps = 14, size = 0.17 * radius, axis = from.map((c, k) => (to[k] - c) / (length || 1));
+    let across = [axis[2], 0, -axis[0]];
+    const norm = Math.hypot(...across) || 1;
+    across = across.map((c) => c / norm);
+    const third = [axis[1] * across[2] - axis[2] * across[1], axis[2] * across[0] - axis[0] * across[2], axis[0] * across[1] - axis[1] * across[0]];
+    const turn = [[], []];
+    for (let i = 0; i < coils * steps; i += 1) {
+      const points = [0, 1].map((n) => {
+        const angle = (i + n) * 2 * Math.PI / steps, share = 0.06 + 0.88 * (i + n) / (coils * steps);
+        return at(share).map((c, k) => c + size * (Math.cos(angle) * across[k] + Math.sin(angle) * third[k]));
+      });
+      const middle = points[0].map((c, k) => 0.5 * (c + points[1][k]) - at(0.06 + 0.88 * (i + 0.5) / (coils * steps))[k]);
+      turn[SceneView.dot(middle, this.towards) > 0 ? 1 : 0].push(points);
+    }
+    turn.forEach((pieces, front) => {
+      for (const [wide, style] of front ? [[0.115, color.halo], [0.075, color.spring]] : [[0.06, SceneView.mixed(color.spring, 0.6)]]) {
+        pen.strokeStyle = style;
+        pen.lineWidth = Math.max(front ? 1.6 : 1.2, wide * unit);
+        pen.beginPath();
+        for (const [a, b] of pieces) {
+          pen.moveTo(this.px(a), this.py(a));
+          pen.lineTo(this.px(b), this.py(b));
+        }
+        pen.stroke();
+      }
+      if (!front) {
+        line(from, at(body), tube, color.damper);
+      }
+    });
+  }
+
+  // ------------------------------------------------------------------------------------------------- what is known, forces
+
+  drawPoints() {
+    const { pen, color, data } = this;
+    for (const points of data.points) {
+      const x = this.raw(points.x), y = this.raw(points.y), spacing = this.raw(points.spacing);
+      const there = points.heights.map((h, i) => [x + i * spacing, y, this.exaggeration * this.raw(h)]), near = this.isNear(x, y);
+      pen.strokeStyle = pen.fillStyle = color[points.role];
+      pen.globalAlpha = near ? 1 : 0.4;
+      for (const [wide, style] of [[4.5, color.halo], [2, color[points.role]]]) {
+        if (wide > 4 && !near) continue;
+        pen.strokeStyle = style;
+        pen.lineWidth = wide;
+        pen.setLineDash(points.role === "sensed" && wide < 4 ? [5, 3] : []);
+        this.path(there, false);
+        pen.stroke();
+      }
+      pen.setLineDash([]);
+      let last = -Infinity;
+      for (const p of there) { // dots, as far as they stand apart
+        const [sx, sy] = this.screen(p);
+        if (Math.abs(sx - last) < 6) continue;
+        last = sx;
+        pen.beginPath();
+        pen.arc(sx, sy, 2.6, 0, 2 * Math.PI);
+        pen.fill();
+      }
+    }
+    pen.globalAlpha = 1;
+  }
+
+  arrowsNow() {
+    const { data } = this, found = [];
+    for (const arrow of data.arrows) {
+      const at = arrow.at.map((v, k) => (k === 2 ? this.tall(v) : this.raw(v)));
+      let from = at;
+      if (arrow.body !== null) from = SceneView.placed(this.poses[arrow.body], at);
+      else if (arrow.wheel !== null) {
+        const w = this.wheels[arrow.wheel];
+        from = [w.x + at[0], w.y + at[1], w.z + at[2]];
+      }
+      found.push({ role: arrow.role, from, force: [this.raw(arrow.fx), this.raw(arrow.fy), this.raw(arrow.fz)] });
+    }
+    return found;
+  }
+
+  drawArrows() {
+    const { pen, color, data } = this, longest = 0.34 * this.height;
+    for (const { role, from, force } of this.arrowsNow()) {
+      const hidden = data.wheels.length > 1 && role !== "body" && Math.abs(this.towards[1]) > 0.3 && from[1] * this.towards[1] < 0; // behind the vehicle
+      if (data.wheels.length > 1 && role !== "body" && !this.isNear(from[0], from[1])) continue;
+      const tip = from.map((c, k) => c + force[k] / data.forceScale);
+      const [ax, ay] = this.screen(from);
+      let [bx, by] = this.screen(tip);
+      const length = Math.hypot(bx - ax, by - ay);
+      if (length < 3) continue;
+      const ux = (bx - ax) / length, uy = (by - ay) / length, cut = length > longest;
+      if (cut) [bx, by] = [ax + longest * ux, ay + longest * uy];
+      const head = Math.min(9, 0.5 * length), style = color[`${role}-force`];
+      const neck = [bx - head * ux, by - head * uy];
+      pen.globalAlpha = hidden ? 0.4 : 1;
+      for (const [line, wide] of [[color.halo, 6], [style, 3.2]]) {
+        pen.strokeStyle = line;
+        pen.lineWidth = wide;
+        pen.beginPath();
+        pen.moveTo(ax, ay);
+        pen.lineTo(...neck);
+        pen.stroke();
+      }
+      pen.fillStyle = style;
+      pen.strokeStyle = color.halo;
+      pen.lineWidth = 1;
+      pen.beginPath();
+      pen.moveTo(bx, by);
+      pen.lineTo(neck[0] - 0.6 * head * uy, neck[1] + 0.6 * head * ux);
+      pen.lineTo(neck[0] + 0.6 * head * uy, neck[1] - 0.6 * head * ux);
+      pen.closePath();
+      pen.stroke();
+      pen.fill();
+      if (cut || role === "body") {
+        const words = `${SceneView.force(Math.hypot(...force))}${cut ? ", cut" : ""}`;
+        this.text(words, bx + 8, Math.max(14, by), style);
+      }
+      if (cut) { // a break across the shaft, as drawings have it
+        const mx = ax + 0.6 * (bx - ax), my = ay + 0.6 * (by - ay);
+        for (const along of [-2, 2]) {
+          pen.strokeStyle = style;
+          pen.lineWidth = 1.5;
+          pen.beginPath();
+          pen.moveTo(mx + along * ux - 6 * uy, my + along * uy + 6 * ux);
+          pen.lineTo(mx + along * ux + 6 * uy, my + along * uy - 6 * ux);
+          pen.stroke();
+        }
+      }
+    }
+    pen.globalAlpha = 1;
+  }
+
+  // -------------------------------------------------------------------------------------------------------------- words
+
+  static force(newtons) {
+    const size = Math.abs(newtons);
+    if (size >= 1e5) return `${(newtons / 1e3).toFixed(0)} kN`;
+    if (size >= 1e3) return `${(newtons / 1e3).toFixed(1)} kN`;
+    return `${newtons.toFixed(size < 10 ? 1 : 0)} N`;
+  }
+
+  text(words, x, y, style, align = "left") {
+    const { pen, color } = this;
+    pen.font = `600 12px ${this.font}`;
+    pen.textAlign = align;
+    pen.textBaseline = "middle";
+    pen.lineWidth = 3;
+    pen.strokeStyle = color.halo;
+    pen.strokeText(words, x, y);
+    pen.fillStyle = style;
+    pen.fillText(words, x, y);
+  }
+
+  // Legend: colours with their words, and forces as long as they are drawn, where they are upright.
+  legend() {
+    const { data } = this, roles = new Set(data.arrows.map((a) => a.role)), perPixel = data.forceScale / (this.scale * this.up[2]);
+    const entries = [...roles].map((role) => ({ kind: "force", color: this.color[`${role}-force`], words: SceneView.WORDS[role] }));
+    for (const role of new Set(data.points.map((p) => p.role))) entries.push({ kind: role, color: this.color[role], words: SceneView.WORDS[role] });
+    let newtons = null;
+    if (roles.size) {
+      const power = 10 ** Math.floor(Math.log10(56 * perPixel));
+      newtons = [5, 2, 1].map((step) => step * power).find((n) => n <= 56 * perPixel) ?? power;
+    }
+    return { entries, newtons, pixels: newtons === null ? 0 : newtons / perPixel };
+  }
+
+  drawWords() {
+    const { pen, color, data } = this, { entries, newtons, pixels } = this.legend();
+    let x = 12, y = 16;
+    pen.font = `12px ${this.font}`;
+    pen.textAlign = "left";
+    pen.textBaseline = "middle";
+    if (newtons !== null) { // an upright bar
+      pen.strokeStyle = color.ink;
+      pen.lineWidth = 1.5;
+      pen.beginPath();
+      for (const end of [0, pixels]) {
+        pen.moveTo(x - 3, 10 + end);
+        pen.lineTo(x + 3, 10 + end);
+      }
+      pen.moveTo(x, 10);
+      pen.lineTo(x, 10 + pixels);
+      pen.stroke();
+      pen.fillStyle = color.ink;
+      const words = SceneView.force(newtons).replace(".0", "");
+      pen.fillText(words, x + 8, 10 + pixels / 2);
+      x += 20 + pen.measureText(words).width;
+    }
+    const begin = x, rows = [[]];
+    for (const entry of entries) {
+      const wide = 26 + pen.measureText(entry.words).width + 12;
+      if (x + wide > this.width && x > begin) {
+        x = begin;
+        y += 17;
+        rows.push([]);
+      }
+      pen.strokeStyle = pen.fillStyle = entry.color;
+      pen.lineWidth = entry.kind === "force" ? 3.2 : 2;
+      pen.setLineDash(entry.kind === "sensed" ? [5, 3] : []);
+      pen.beginPath();
+      pen.moveTo(x, y);
+      pen.lineTo(x + 18, y);
+      pen.stroke();
+      pen.setLineDash([]);
+      if (entry.kind === "force") {
+        pen.beginPath();
+        pen.moveTo(x + 22, y);
+        pen.lineTo(x + 14, y - 4.5);
+        pen.lineTo(x + 14, y + 4.5);
+        pen.fill();
+      }
+      pen.fillStyle = color.muted;
+      pen.fillText(entry.words, x + 26, y);
+      x += wide;
+    }
+    if (this.exaggeration !== 1) {
+      pen.fillStyle = color.muted;
+      pen.textAlign = "right";
+      pen.fillText(`motion and heights × ${this.exaggeration}`, this.width - 10, this.height - 12);
+    }
+    // limits that are active
+    let line = 0;
+    data.limits.forEach((limit, i) => {
+      if (!this.lit[i] || line > 4) return;
+      pen.font = `600 12px ${this.font}`;
+      const wide = pen.measureText(limit.label).width + 16, top = y + 16 + 24 * line;
+      pen.fillStyle = color.limit;
+      pen.beginPath();
+      pen.rect(this.width - wide - 8, top, wide, 20);
+      pen.fill();
+      pen.fillStyle = color.halo;
+      pen.textAlign = "left";
+      pen.textBaseline = "middle";
+      pen.fillText(limit.label, this.width - wide, top + 10.5);
+      line += 1;
+    });
+  }
+
+  // ---------------------------------------------------------------------------------------------------- pointer and keys
+
+  orbit(dx, dy) {
+    const { camera } = this;
+    if (camera.view !== "three-quarter") return;
+    camera.turn = null;
+    camera.azimuth -= 0.008 * dx;
+    camera.elevation = Math.max(0.02, Math.min(1.2, camera.elevation + 0.006 * dy));
+  }
+
+  zoom(factor) { this.camera.zoom = Math.max(0.5, Math.min(6, this.camera.zoom * factor)); }
+
+  listen() {
+    const { canvas } = this, held = new Map();
+    const apart = () => {
+      const [a, b] = [...held.values()];
+      return Math.hypot(a.x - b.x, a.y - b.y);
+    };
+    canvas.addEventListener("pointerdown", (event) => {
+      held.set(event.pointerId, { x: event.clientX, y: event.clientY });
+      if (canvas.setPointerCapture) canvas.setPointerCapture(event.pointerId);
+    });
+    canvas.addEventListener("pointermove", (event) => {
+      const before = held.get(event.pointerId);
+      if (!before) return;
+      const distance = held.size === 2 ? apart() : 0;
+      held.set(event.pointerId, { x: event.clientX, y: event.clientY });
+      if (held.size === 1) this.orbit(event.clientX - before.x, event.clientY - before.y);
+      else if (held.size === 2 && distance) this.zoom(apart() / distance);
+    });
+    for (const end of ["pointerup", "pointercancel", "lostpointercapture"]) canvas.addEventListener(end, (event) => held.delete(event.pointerId));
+    canvas.addEventListener("wheel", (event) => { // a page still scrolls over a scene that nobody has chosen
+      if (!event.ctrlKey && !event.metaKey && document.activeElement !== canvas) return;
+      event.preventDefault();
+      this.zoom(Math.exp(-0.0015 * event.deltaY));
+    }, { passive: false });
+    canvas.addEventListener("keydown", (event) => {
+      const turn = { ArrowLeft: [-20, 0], ArrowRight: [20, 0], ArrowUp: [0, 15], ArrowDown: [0, -15] }[event.key];
+      if (event.ctrlKey || event.metaKey || event.altKey) return;
+      if (turn && this.view === "three-quarter") this.orbit(...turn);
+      else if (event.key === "+" || event.key === "=") this.zoom(1.2);
+      else if (event.key === "-") this.zoom(1 / 1.2);
+      else if (event.key === "0") this.camera.zoom = 1;
+      else return;
+      event.preventDefault();
+    });
+    if (typeof matchMedia === "function") matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => this.restyle());
+  }
+}

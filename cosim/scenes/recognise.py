@@ -1,0 +1,640 @@
+"""The scene of a system, from the names that its members' variables have.
+
+Names are a contract: a plant has `body.z`, and `wheel.z` or `wheel.{c}.z` for its corners; what drives `road.{c}.height` is the road; what
+reads `preview.{c}[i]` looks ahead. So whatever fills the contract is drawn, ours or not, and nothing that a system does not have.
+Dimensions are parameters where a plant has them; the rest stands in :data:`LOOKS`.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from cosim.export.web.scene import (
+    Arrow,
+    Body,
+    Face,
+    Ground,
+    Limit,
+    Points,
+    Reading,
+    Relief,
+    Scene,
+    Side,
+    Strut,
+    Trace,
+    Trench,
+    Value,
+    Wheel,
+)
+from cosim.scenes import shapes
+from cosim.scenes.shapes import Axle, Outline
+from cosim.system.members import Connection, Member
+from cosim.system.wiring import Wiring
+
+_CORNER = re.compile(r"wheel\.(?P<corner>[a-z][a-z0-9]*[lr])\.z")
+_GRAVITY = 9.81  # m/s2
+_FRONT, _REAR = ("front", "rear"), ("front", "middle", "rear")
+_KMH = 3.6
+
+
+@dataclass(frozen=True)
+class Looks:
+    """What the parameters of a plant may not say [m, kg]: loaded radius and width of a tire, height of the CG above the road, largest mass of
+    a body that looks so; `what` is its name in sentences."""
+
+    what: str
+    mass: float
+    wheel_height: float
+    tire_width: float
+    cg_height: float
+    hull: Callable[[Sequence[Axle], float], list[Face]]
+
+
+def _carrier(axles: Sequence[Axle], _: float) -> list[Face]:
+    return shapes.carrier(axles, Outline())
+
+
+LOOKS = (
+    Looks("car", 2000.0, 0.31, 0.20, 0.55, shapes.sedan),
+    Looks("off-road vehicle", math.inf, 0.45, 0.32, 0.85, shapes.off_road),
+)
+"""Vehicles on two axles, lightest first."""
+CARRIER = Looks("6x6", math.inf, 0.58, 0.40, 1.23, _carrier)
+"""On three axles and more."""
+
+_RIG_RADIUS, _RIG_MASS = 0.55, 1500.0  # m, kg: the wheel of a rig; others of the same density
+_RIG_SQUASH = 0.25  # of the radius at most, by the weight: soft tires are large
+_PAPER = 3.0  # s of the past are drawn beside a rig
+
+_SAYS = {  # outputs that are true, or above 0, while a component is at a limit; `{}` is the component
+    "solver.status": "{}: no solution",
+    "command.held": "{}: command held",
+    "force.limited": "{}: force at its limit",
+    "limit_reached": "{}: force at its limit",
+    "horizon_truncated": "{}: preview cut short",
+    "valve.saturated": "{}: valve fully open",
+    "end_of_road": "end of the road",
+}
+_TRENCH, _OUTLINE = 1, 2  # obstacle.shape; 0 is level ground
+_TOUCHES = {"bumper.front": "front bumper", "bumper.rear": "rear bumper", "belly": "belly"}
+
+
+def recognised(system: Wiring, plant: str | None = None) -> Scene | None:
+    """The scene of a system, or None where no member is a plant.
+
+    `plant`: the name of the member to show, by default the first one that is a plant. Positions are those at rest where inputs do not say
+    otherwise; parameters count as they are set now, except trenches, which follow their parameters. Raises WiringError for a member
+    that there is not.
+    """
+    members = [system[plant]] if plant is not None else list(system.members.values())
+    for member in members:
+        found = _Found(system, member)
+        if found.is_quarter:
+            return _quarter(found)
+        if found.is_vehicle:
+            return _vehicle(found)
+    return None
+
+
+@dataclass(frozen=True)
+class _Found:
+    """A member that may be a plant, and what is around it."""
+
+    system: Wiring
+    member: Member
+
+    @property
+    def is_quarter(self) -> bool:
+        return {"body.z", "wheel.z"} <= self.member.description.outputs.keys()
+
+    @property
+    def is_vehicle(self) -> bool:
+        return {"body.z", "body.roll", "body.pitch"} <= self.member.description.outputs.keys() and len(
+            self.corners
+        ) >= 4
+
+    @cached_property
+    def corners(self) -> list[str]:
+        """Names of the corners, left ahead of right, front to rear as the plant has them."""
+        matches = map(_CORNER.fullmatch, self.member.description.outputs)
+        return [m["corner"] for m in matches if m]
+
+    def name(self, variable: str) -> str:
+        return f"{self.member.name}.{variable}"
+
+    def has(self, output: str) -> bool:
+        return output in self.member.description.outputs
+
+    def output(self, variable: str, factor: float = 1.0, offset: float = 0.0, rest: float | None = None) -> Value:
+        return Value({self.name(variable): factor}, offset, rest)
+
+    def parameter(self, *names: str, default: float | None = None) -> float:
+        """The first parameter that there is, as it is set, else the default."""
+        for name in names:
+            if name in self.member.description.parameters:
+                start = self.member.description.parameters[name].start
+                return float(self.member.values.get(name, start))
+        if default is None:
+            raise KeyError(names[0])
+        return default
+
+    def knows(self, parameter: str) -> bool:
+        return parameter in self.member.description.parameters
+
+    def driven(self, input_: str) -> Connection | None:
+        return self.system.connections.get(self.name(input_))
+
+    def given(self, input_: str) -> Value | None:
+        """What drives an input, None where nothing does."""
+        connection = self.driven(input_)
+        return None if connection is None else _source(connection)
+
+    # ------------------------------------------------------------------------------------------------ dimensions
+
+    @cached_property
+    def looks(self) -> Looks:
+        if len(self.corners) > 4:
+            return CARRIER
+        mass = self.parameter("body.mass", default=LOOKS[0].mass)
+        return next(looks for looks in LOOKS if mass <= looks.mass)
+
+    @cached_property
+    def x(self) -> dict[str, float]:
+        """Wheel centres ahead of the CG [m]."""
+        given = {c: self._x(c) for c in self.corners}
+        if None not in given.values():
+            return {c: x for c, x in given.items() if x is not None}
+        rows = sorted({c[:-1] for c in self.corners})
+        spread = np.linspace(1.6, -1.6, len(rows)).tolist()
+        return {c: spread[rows.index(c[:-1])] for c in self.corners}
+
+    def _x(self, corner: str) -> float | None:
+        if self.knows(f"wheel.{corner}.x"):
+            return self.parameter(f"wheel.{corner}.x") - self.parameter("body.cg_offset", default=0.0)
+        end = "front" if corner.startswith("f") else "rear"
+        if self.knows(f"suspension.{end}.wheel[1]"):
+            return self.parameter(f"suspension.{end}.wheel[1]")
+        if self.knows("body.wheelbase"):
+            ahead = self.parameter("body.cg_position", default=0.5)  # of the front axle, in wheelbases
+            return self.parameter("body.wheelbase") * (ahead if end == "front" else ahead - 1.0)
+        return None
+
+    def half_track(self, corner: str) -> float:
+        end = "front" if corner.startswith("f") else "rear"
+        default = 0.5 * self.parameter("body.track", default=1.6)
+        return abs(self.parameter(f"wheel.{corner}.half_track", f"suspension.{end}.wheel[2]", default=default))
+
+    def side(self, corner: str) -> int:
+        """1 on the left."""
+        return 1 if corner.endswith("l") else -1
+
+    @cached_property
+    def loads(self) -> dict[str, float]:
+        """Static tire forces [N], as of a stiff body on equal springs."""
+        mass = self.parameter("body.mass", default=self.looks.mass if math.isfinite(self.looks.mass) else 3000.0)
+        x = np.array([self.x[c] for c in self.corners])
+        shares = np.linalg.lstsq(np.array([np.ones(len(x)), x]), np.array([mass, 0.0]), rcond=None)[0]
+        wheel = [self.parameter(f"wheel.{c}.mass", "wheel.mass", default=0.0) for c in self.corners]
+        return {c: _GRAVITY * float(s + w) for c, s, w in zip(self.corners, shares, wheel, strict=True)}
+
+    def static_squash(self, corner: str) -> float:
+        """How far the weight presses in a tire [m]."""
+        if self.knows("tire.radius") and self._rest_height(corner) is not None:
+            return self.parameter("tire.radius") - (self._rest_height(corner) or 0.0)
+        stiffness = self.parameter(f"tire.{corner}.stiffness", "tire.stiffness", default=4e5)
+        return self.loads[corner] / stiffness
+
+    def _rest_height(self, corner: str) -> float | None:
+        end = "front" if corner.startswith("f") else "rear"
+        for name in (f"rest.{end}.wheel_height", "wheel.hub_height"):
+            if self.knows(name):
+                return self.parameter(name)
+        return None
+
+    def wheel_height(self, corner: str) -> float:
+        """Of the wheel's centre above the road at rest [m]."""
+        known = self._rest_height(corner)
+        if known is None and self.knows("disc.radius"):
+            known = self.parameter("disc.radius") - self.static_squash(corner)
+        return self.looks.wheel_height if known is None else known
+
+    @cached_property
+    def cg_height(self) -> float:
+        """Of the CG above the road at rest [m]."""
+        if self.knows("disc.radius"):  # body.cg_height counts from the wheels there
+            centres = [self.wheel_height(c) for c in self.corners]
+            return self.parameter("body.cg_height") + float(np.mean(centres))
+        return self.parameter("rest.height", "body.cg_height", default=self.looks.cg_height)
+
+    @cached_property
+    def axles(self) -> list[Axle]:
+        """Front to rear, with the dimensions of their left wheels."""
+        left = sorted((c for c in self.corners if self.side(c) > 0), key=lambda c: -self.x[c])
+        width = self.looks.tire_width
+        return [Axle(self.x[c], self.half_track(c), self.wheel_height(c) + self.static_squash(c), width) for c in left]
+
+    def place(self, corner: str) -> str:
+        """`front left`."""
+        rows = sorted({self.x[c] for c in self.corners}, reverse=True)
+        words = _FRONT if len(rows) == 2 else _REAR if len(rows) == 3 else [f"axle {i + 1}" for i in range(len(rows))]
+        return f"{words[rows.index(self.x[corner])]} {'left' if self.side(corner) > 0 else 'right'}"
+
+    # ---------------------------------------------------------------------------------------------------- the road
+
+    @cached_property
+    def road(self) -> Member | None:
+        """The member whose heights are under the wheels, if these follow from a place along it."""
+        for corner in [f".{c}" for c in self.corners] or [""]:
+            connection = self.driven(f"road{corner}.height")
+            if connection is not None and "x" in connection.source.description.inputs:
+                return connection.source
+        return None
+
+    @cached_property
+    def distance(self) -> Value | None:
+        """Where the CG is along the road, None where it stands on a rig."""
+        if self.has("x"):
+            return self.output("x")
+        return self._of_road("x")
+
+    @cached_property
+    def speed(self) -> Value | None:
+        return self.output("speed") if self.has("speed") else self._of_road("speed")
+
+    def _of_road(self, input_: str) -> Value | None:
+        if self.road is None:
+            return None
+        connection = self.system.connections.get(f"{self.road.name}.{input_}")
+        return None if connection is None else _source(connection)
+
+    def grounds(self) -> Iterator[Ground]:
+        """The road on both sides, as the front wheels see it."""
+        if self.road is None:
+            return
+        for corner in self.front:
+            connection = self.driven(f"road.{corner}.height")
+            if connection is None or connection.source is not self.road:
+                continue
+            own = connection.output.name.removeprefix("road.").removesuffix(".height")
+            ahead = self.road.description.parameters.get(f"wheel.{own}.x")
+            at = self.x[corner] if ahead is None else float(self.road.values.get(ahead.name, ahead.start))
+            side: Side = "left" if self.side(corner) > 0 else "right"
+            yield Ground(
+                side, self.side(corner) * self.half_track(corner), self.road.name, f"{self.road.name}.x", connection.source_name, at
+            )  # fmt: skip
+
+    @cached_property
+    def front(self) -> list[str]:
+        """The corners of the first axle."""
+        most = max(self.x.values())
+        return [c for c in self.corners if self.x[c] == most]
+
+
+# ------------------------------------------------------------------------------------------------------------- vehicles
+
+
+def _vehicle(found: _Found) -> Scene:
+    looks, name = found.looks, found.member.name
+    distance = found.distance or Value()
+    yaw = found.output("body.yaw") if found.has("body.yaw") else Value()
+    y = found.output("y") if found.has("y") else Value()
+    body = Body(
+        "body", _hull(found), x=distance, y=y, z=found.output("body.z", offset=found.cg_height), roll=found.output("body.roll"),
+        pitch=found.output("body.pitch"), yaw=yaw,
+    )  # fmt: skip
+    wheels = [_wheel(found, c, distance, y, yaw) for c in found.corners]
+    struts: list[Strut] = []
+    arrows: list[Arrow] = []
+    load = max(found.loads.values())
+    for corner, wheel in zip(found.corners, wheels, strict=True):
+        inboard = -found.side(corner) * (0.5 * wheel.width + 0.10)
+        mount = (found.x[corner], found.side(corner) * found.half_track(corner) + inboard, _mount(found, corner))
+        struts.append(Strut("body", mount, wheel.name, (0.0, inboard, 0.0)))
+        arrows += _forces(found, corner, wheel, mount)
+    return Scene(
+        title=f"{looks.what} '{name}'",
+        what=looks.what,
+        bodies=[body, *_plates(found)],
+        wheels=wheels,
+        struts=struts,
+        arrows=[*arrows, *_touching(found)],
+        grounds=list(found.grounds()),
+        points=list(_points(found, distance)),
+        limits=[*_lifted(found), *_stops(found), *_limits(found)],
+        readings=_readings(found),
+        trenches=_trenches(found),
+        reliefs=_reliefs(found),
+        follow="body",
+        width=round(2.35 * (found.axles[0].x - found.axles[-1].x + 1.2), 1),
+        force_scale=_round_up(load / (1.5 * found.axles[0].radius)),
+    )
+
+
+def _hull(found: _Found) -> list[Face]:
+    """Outlines that a plant has are drawn as they are."""
+    if not found.knows("outline.tip_height"):
+        return found.looks.hull(found.axles, found.cg_height)
+    names = Outline.__dataclass_fields__
+    return shapes.carrier(found.axles, Outline(**{n: found.parameter(f"outline.{n}") for n in names}))
+
+
+def _wheel(found: _Found, corner: str, distance: Value, y: Value, yaw: Value) -> Wheel:
+    x, half_track = found.x[corner], found.half_track(corner)
+    across = found.side(corner) * half_track
+    squash, rest = found.static_squash(corner), found.wheel_height(corner)
+    radius = rest + squash
+    heading = yaw
+    if found.has(f"wheel.{corner}.steer"):
+        heading += found.output(f"wheel.{corner}.steer")
+    if found.has(f"wheel.{corner}.toe"):  # positive outwards
+        heading += found.output(f"wheel.{corner}.toe", float(found.side(corner)))
+    contact = None
+    if found.has(f"hub.{corner}.x"):
+        at, height = found.output(f"hub.{corner}.x"), found.output(f"hub.{corner}.z", rest=rest)
+        contact = (found.output(f"contact.{corner}.x"), found.output(f"contact.{corner}.z"))
+    else:
+        at, height = distance + Value(offset=x) + yaw * -across, found.output(f"wheel.{corner}.z", offset=rest)
+    if found.has(f"wheel.{corner}.half_track"):
+        line = found.output(f"wheel.{corner}.half_track", float(found.side(corner)), rest=across)
+    else:
+        line = Value(offset=across)
+    deflection = found.output(f"tire.{corner}.deflection", -1.0, squash)
+    if found.knows("tire.radius"):  # counts from the unloaded tire
+        deflection = found.output(f"tire.{corner}.deflection", -1.0, 0.0, squash)
+    return Wheel(
+        corner, radius, found.looks.tire_width, x=at, y=line + y + yaw * x, z=height,
+        turn=at * (1.0 / (radius - found.parameter("disc.rolling_loss", default=squash / 3))), heading=heading, squash=deflection,
+        contact=contact,
+    )  # fmt: skip
+
+
+def _mount(found: _Found, corner: str) -> float:
+    """Height of a strut's upper end above the CG."""
+    return found.wheel_height(corner) + 1.75 * found.axles[0].radius - found.cg_height
+
+
+def _forces(found: _Found, corner: str, wheel: Wheel, mount: tuple[float, float, float]) -> Iterator[Arrow]:
+    """Of the ground on a wheel, and of its actuator on the body."""
+    if found.has(f"contact.{corner}.fz"):
+        at = tuple(found.output(f"contact.{corner}.{n}") for n in "xz")
+        yield Arrow(
+            f"ground on {corner}", "ground", found.output(f"contact.{corner}.fz"), found.output(f"contact.{corner}.fx"),
+            at=(at[0], Value(offset=found.side(corner) * found.half_track(corner)), at[1]),
+        )  # fmt: skip
+    elif found.has(f"tire.{corner}.force"):
+        below = wheel.squash + Value(offset=-wheel.radius)  # type: ignore[operator]
+        yield Arrow(
+            f"ground on {corner}", "ground", found.output(f"tire.{corner}.force"), on=corner, at=(0.0, 0.0, below)
+        )
+    force = found.given(f"force.{corner}")
+    if force is not None:
+        yield Arrow(f"actuator at {corner}", "actuator", force, on="body", at=mount)
+
+
+def _touching(found: _Found) -> Iterator[Arrow]:
+    """What bumpers and belly touch."""
+    if not found.knows("outline.tip_height"):
+        return
+    first, last = found.axles[0].x, found.axles[-1].x
+    lower = Outline(**{n: found.parameter(f"outline.{n}") for n in Outline.__dataclass_fields__}).lower(first, last)
+    middle = ((first + last) / 2, found.parameter("outline.belly_height"))
+    for part, (x, z) in zip(_TOUCHES, (lower[0], lower[-1], middle), strict=True):
+        if found.has(f"{part}.force"):
+            yield Arrow(_TOUCHES[part], "body", found.output(f"{part}.force"), on="body", at=(x, 0.0, z))
+
+
+def _plates(found: _Found) -> list[Body]:
+    """Under the wheels of a vehicle that goes nowhere: what moves them up and down."""
+    if found.distance is not None:
+        return []
+    bodies = []
+    for corner in found.corners:
+        height = found.given(f"road.{corner}.height") or Value()
+        across = found.side(corner) * found.half_track(corner)
+        faces = shapes.rig_plate(0.6 * found.axles[0].radius, 0.3 * found.axles[0].radius)
+        bodies.append(Body(f"plate {corner}", faces, x=found.x[corner], y=across, z=height))
+    return bodies
+
+
+def _trenches(found: _Found) -> list[Trench]:
+    if not found.knows("trench.start") or found.parameter("obstacle.shape", default=_TRENCH) != _TRENCH:
+        return []
+    start, length, depth = (found.output(f"trench.{n}") for n in ("start", "length", "depth"))
+    if not found.knows("trench.right_offset"):
+        return [Trench(start, length, depth)]
+    return [
+        Trench(start, length, depth, "left"),
+        Trench(start + found.output("trench.right_offset"), length, depth, "right"),
+    ]
+
+
+def _reliefs(found: _Found) -> list[Relief]:
+    """The ground that a plant carries with it, where that is no trench."""
+    shape = found.parameter("obstacle.shape", default=_TRENCH)
+    if shape == _OUTLINE:
+        count = round(found.parameter("outline.points"))
+        outlines = {
+            s: [tuple(found.parameter(f"outline.{s}.{n}[{i + 1}]") for n in "xz") for i in range(count)]
+            for s in ("left", "right")
+        }
+        return [Relief(outlines["left"], "left"), Relief(outlines["right"], "right")]  # type: ignore[arg-type]
+    return [] if shape == _TRENCH else [Relief([(0.0, 0.0)])]
+
+
+# ------------------------------------------------------------------------------------------------- what controllers show
+
+
+def _points(found: _Found, distance: Value) -> Iterator[Points]:
+    """What is known of the road ahead of the front wheels, by who reads it."""
+    if found.speed is None:
+        return
+    for member in found.system.members.values():
+        for corner in found.front:
+            heights, source = _preview(found.system, member, corner)
+            step = None if source is None else _preview_step(found.system, member, source)
+            if source is None or step is None:
+                continue
+            yield Points(
+                f"{member.name} {found.place(corner)}",
+                "preview" if source is found.road else "sensed",
+                distance + Value(offset=found.x[corner]),
+                found.side(corner) * found.half_track(corner),
+                found.speed * step,
+                heights,
+            )
+
+
+def _preview(system: Wiring, member: Member, corner: str) -> tuple[list[Value], Member | None]:
+    """What drives `preview.{corner}[1...]` of a member, as far as each is another variable than the one before."""
+    heights: list[Value] = []
+    source: Member | None = None
+    while True:
+        connection = system.connections.get(f"{member.name}.preview.{corner}[{len(heights) + 1}]")
+        if connection is None or (heights and _source(connection) == heights[-1]):
+            return (heights, source) if len(heights) > 1 else ([], None)
+        heights.append(_source(connection))
+        source = connection.source
+
+
+def _preview_step(system: Wiring, reader: Member, source: Member) -> float | None:
+    """Seconds between heights, a constant of both ends."""
+    connection = system.connections.get(f"{reader.name}.preview.step")
+    variables = [None if connection is None else connection.output, source.description.outputs.get("preview.step")]
+    steps = [v.constant for v in variables if v is not None] + [
+        getattr(reader.description.inputs.get("preview.step"), "must_equal", None)
+    ]
+    return next((step for step in steps if step), None)
+
+
+def _limits(found: _Found) -> Iterator[Limit]:
+    """What members say of themselves."""
+    for member in found.system.members.values():
+        outputs = member.description.outputs
+        for output, words in _SAYS.items():
+            if output in outputs:
+                yield Limit(words.format(member.name), f"{member.name}.{output}")
+        if "preview.valid" in outputs:
+            yield Limit(f"{member.name}: preview lost", Value({f"{member.name}.preview.valid": -1.0}, 0.5))
+    for part, words in _TOUCHES.items():
+        if found.has(f"{part}.force"):
+            yield Limit(f"{words} on the ground", found.output(f"{part}.force"))
+
+
+def _lifted(found: _Found) -> Iterator[Limit]:
+    """Wheels in the air."""
+    for corner in found.corners:
+        label = f"{found.place(corner)} wheel in the air"
+        if found.has(f"tire.{corner}.force"):
+            yield Limit(label, found.output(f"tire.{corner}.force", -1.0, 1e-3 * found.loads[corner]), corner)
+        elif found.has(f"contact.{corner}.fz"):
+            yield Limit(label, found.output(f"tire.{corner}.deflection", 1.0, -found.static_squash(corner)), corner)
+
+
+def _stops(found: _Found) -> Iterator[Limit]:
+    """Suspensions at the end of their travel."""
+    for corner in found.corners:
+        deflection = f"suspension.{corner}.deflection"
+        for sign, word, names in (
+            (-1.0, "bump", ("strut.compression", "suspension.stop.travel")),
+            (1.0, "rebound", ("strut.extension", "suspension.stop.travel")),
+        ):
+            travel = found.parameter(*names, default=math.inf)
+            if math.isfinite(travel) and found.has(deflection):
+                yield Limit(f"{found.place(corner)}: {word} stop", found.output(deflection, sign, -travel), corner)
+
+
+def _readings(found: _Found) -> list[Reading]:
+    readings = []
+    if found.speed is not None:
+        readings.append(Reading("speed", "km/h", found.speed, 1, _KMH))
+    if found.distance is not None:
+        readings.append(Reading("distance", "m", found.distance, 1))
+    degrees = math.degrees(1.0)
+    for output, label in (("body.pitch", "pitch, nose down"), ("body.roll", "roll, left side up")):
+        if found.has(output):
+            readings.append(Reading(label, "deg", found.output(output), 2, degrees))
+    if not found.has("body.pitch"):
+        readings.append(Reading("body", "mm", found.output("body.z"), 1, 1e3))
+    if found.has("body.az"):
+        readings.append(Reading("vertical acceleration", "m/s2", found.output("body.az"), 2))
+    for member in found.system.members.values():
+        if "absorbed_power.window" in member.description.outputs:
+            readings.append(Reading("absorbed power", "W", f"{member.name}.absorbed_power.window", 1))
+    unique = {r.label: r for r in reversed(readings)}
+    return [r for r in readings if unique[r.label] is r]
+
+
+# ---------------------------------------------------------------------------------------------------------- quarter cars
+
+
+def _quarter(found: _Found) -> Scene:
+    """A quarter car on a rig, or on a road where there is one."""
+    mass = found.parameter("body.mass", default=_RIG_MASS)
+    load = _GRAVITY * (mass + found.parameter("wheel.mass", default=0.1 * mass))
+    squash = load / found.parameter("tire.stiffness", default=400.0 * mass)
+    size = max(_RIG_RADIUS * (mass / _RIG_MASS) ** (1 / 3), squash / _RIG_SQUASH)
+    height, floor, beam = 2.55 * size, 0.9 * size, 6.0 * size
+    distance = found.distance
+    at = distance or Value()
+    road = found.given("road.height") or Value()
+    body = Body("body", shapes.rig_mass(size), x=at, z=found.output("body.z", offset=height))
+    wheel = Wheel(
+        "wheel", size, 0.55 * size, x=at, y=0.0, z=found.output("wheel.z", offset=size - squash), turn=at * (1.0 / (size - squash / 3)),
+        squash=_squash(found, squash),
+    )  # fmt: skip
+    arrows = []
+    force = found.given("force")
+    if force is not None:
+        arrows.append(Arrow("actuator", "actuator", force, on="body", at=(0.0, 0.0, 0.0)))
+    standing: list[Body] = []
+    traces: list[Trace] = []
+    if distance is None:
+        standing = [
+            Body("frame", shapes.rig_frame(size, beam), z=-floor),
+            Body("plate", shapes.rig_plate(size, floor), z=road),
+        ]
+        speed = 3.2 * size / _PAPER
+        traces = [
+            Trace(
+                "body",
+                "body",
+                -2.1 * size,
+                0.0,
+                found.output("body.z", offset=height + 0.31 * size, rest=height + 0.31 * size),
+                speed,
+            ),
+            Trace("wheel", "wheel", -2.1 * size, 0.0, found.output("wheel.z", offset=size - squash), speed),
+            Trace("road", "ground", -2.1 * size, 0.0, road, speed),
+        ]
+    return Scene(
+        title=f"quarter car '{found.member.name}'",
+        what="quarter car",
+        bodies=[body, *standing],
+        wheels=[wheel],
+        struts=[Strut("body", (0.0, 0.0, 0.0), "wheel")],
+        arrows=arrows,
+        grounds=list(_quarter_ground(found)),
+        limits=list(_limits(found)),
+        readings=_readings(found),
+        traces=traces,
+        follow="frame" if standing else "body",
+        width=round(12.0 * size, 2),
+        force_scale=_round_up(load / (1.5 * size)),
+    )
+
+
+def _squash(found: _Found, rest: float) -> Value:
+    """From the tire's deflection, or from the heights of wheel and road."""
+    if found.has("tire.deflection"):
+        return found.output("tire.deflection", -1.0, rest)
+    return (found.given("road.height") or Value()) + found.output("wheel.z", -1.0, rest)
+
+
+def _quarter_ground(found: _Found) -> Iterator[Ground]:
+    connection = found.driven("road.height")
+    if found.road is None or connection is None:
+        return
+    own = connection.output.name.removeprefix("road.").removesuffix(".height")
+    ahead = found.road.description.parameters.get(f"wheel.{own}.x")
+    at = 0.0 if ahead is None else float(found.road.values.get(ahead.name, ahead.start))
+    yield Ground("left", 0.0, found.road.name, f"{found.road.name}.x", connection.source_name, at)
+
+
+# ---------------------------------------------------------------------------------------------------------------- pieces
+
+
+def _source(connection: Connection) -> Value:
+    """What a connection carries."""
+    return Value({connection.source_name: connection.scale}, connection.offset)
+
+
+def _round_up(number: float) -> float:
+    """The next of 1, 2, 5, 10, ..."""
+    power = 10.0 ** math.floor(math.log10(number))
+    return next(step * power for step in (1.0, 2.0, 5.0, 10.0) if step * power >= number * (1 - 1e-9))

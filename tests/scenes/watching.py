@@ -1,0 +1,26 @@
+"""A system's scene with the values of its variables at one time."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from cosim import System
+from cosim.export.web.scene import Scene
+
+Values = dict[str, float]
+
+
+def values_at(system: System, scene: Scene, time: float, *more: str) -> Values:
+    """Variables of the scene, and more, at a time [s] of a run with the system as it is."""
+    found: Values = {}
+    recorded = []
+    for name in (*scene.variables, *more):
+        member, own = system.members.split(name)
+        variable = member.description.variables[own]
+        if variable.causality == "parameter":
+            found[name] = float(member.values.get(own, variable.start))
+        else:
+            recorded.append(name)
+    recording: Any = system.run(max(time, 0.001), record=recorded, record_interval=0.001, allow_unconnected=True)
+    row = round(time / 0.001)
+    return found | {name: float(recording[name][row]) for name in recorded}
