@@ -47,11 +47,13 @@ class Speeds:
 
     @property
     def words(self) -> str:
-        """ "13.2 (12.6 to 13.5)", or that the limit is never reached, or always."""
+        """ "13.2 (12.6 to 13.5)", with how many profiles never reached the limit, or were always above it; or that all are so."""
         if self.median is None:
             return next(WORDS[w] for w in self.why if w != "found")
-        low, high = min(self.found), max(self.found)
-        return f"{self.median:.1f}" + (f" ({low:.1f} to {high:.1f})" if len(self.why) > 1 else "")
+        if len(self.why) == 1:
+            return f"{self.median:.1f}"
+        others = [f"; {self.why.count(w)} {words}" for w, words in WORDS.items() if w in self.why]
+        return f"{self.median:.1f} ({min(self.found):.1f} to {max(self.found):.1f}{''.join(others)})"
 
 
 def speeds(study: Results, search: SpeedLimit, metric: str) -> Speeds:
