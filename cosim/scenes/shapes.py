@@ -58,7 +58,7 @@ def off_road(axles: Sequence[Axle], cg_height: float) -> list[Face]:
         *_box((tail + 0.1, nose - 0.1), (-inner, inner), (0.92 * radius, belt - 0.2), "dark"),
         _across([(nose, hood), (cowl, belt)], side, "panel"),
         _across([(nose, hood), (nose, sill + 0.10)], side, "hull"),
-        _across([(deck, belt), (tail, belt)], side, "panel"),
+        _across([(cowl, belt), (tail, belt)], side, "panel"),
         _across([(tail, belt), (tail, sill + 0.12)], side, "hull"),
     ]
     # cabin: sides lean in, glass stands proud of them
@@ -146,19 +146,19 @@ def sedan(axles: Sequence[Axle], cg_height: float) -> list[Face]:
         (tail, lid - 0.1),
     ]
     faces = [
-        *_sides(low, high, side),
+        *_sides(low, high, side, "paint"),
         *(_arch_liner(a, side) for arch in arches for a in _pairs(arch)),
         *_box((tail + 0.3, nose - 0.3), (-inner, inner), (0.7 * radius, belt - 0.25), "dark"),
-        *(_across([a, b], side, "panel") for a, b in _pairs(high)),
-        _across([(nose, hood - 0.1), (nose, sill + 0.08)], side, "hull"),
-        _across([(tail, lid - 0.1), (tail, sill + 0.12)], side, "hull"),
+        *(_across([a, b], side, "bonnet") for a, b in _pairs(high)),
+        _across([(nose, hood - 0.1), (nose, sill + 0.08)], side, "paint"),
+        _across([(tail, lid - 0.1), (tail, sill + 0.12)], side, "paint"),
     ]
     wide, narrow = side - 0.05, side - 0.26
     cabin: Contour = [(cowl, belt), (roof_front, top), (roof_rear, top), (boot, lid)]
     lean = _leaning(belt, wide, top, narrow)
-    faces += [Face([(x, s * lean(z), z) for x, z in cabin], "hull") for s in (-1, 1)]
+    faces += [Face([(x, s * lean(z), z) for x, z in cabin], "paint") for s in (-1, 1)]
     for k, (a, b) in enumerate(_pairs(cabin)):
-        faces.append(_strip(a, lean(a[1]), b, lean(b[1]), "panel" if k == 1 else "hull"))
+        faces.append(_strip(a, lean(a[1]), b, lean(b[1]), "bonnet" if k == 1 else "paint"))
     sash, head = belt + 0.07, top - 0.07
     at, back = _along((cowl, belt), (roof_front, top)), _along((roof_rear, top), (boot, lid))
     pillar = (roof_front + roof_rear) / 2 - 0.12

@@ -19,7 +19,7 @@ from build_fmus.checks import number, unknown, whole_number
 
 Side = Literal["left", "right"]
 Sides = Literal["left", "right", "both"]
-Material = Literal["hull", "panel", "glass", "dark", "steel", "lamp", "tail", "mass"]
+Material = Literal["hull", "panel", "glass", "dark", "steel", "lamp", "tail", "mass", "paint", "bonnet"]
 ArrowRole = Literal["ground", "actuator", "body"]
 PointsRole = Literal["preview", "sensed", "predicted"]
 TraceRole = Literal["ground", "wheel", "body"]

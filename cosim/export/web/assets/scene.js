@@ -8,7 +8,7 @@ class SceneView {
   };
   static LIGHT = [0.38, -0.44, 0.81];
   static COLORS = [
-    "sky", "soil", "soil-deep", "road", "road-mark", "track", "ink", "muted", "halo", "hull", "panel", "glass", "dark", "steel", "lamp", "tail", "mass",
+    "sky", "soil", "soil-deep", "road", "road-mark", "track", "ink", "muted", "halo", "hull", "panel", "glass", "dark", "steel", "lamp", "tail", "mass", "paint", "bonnet",
     "tire", "tread", "rim", "hub", "spring", "damper", "ground-force", "actuator-force", "body-force", "preview", "sensed", "predicted", "limit", "shadow",
   ];
   static WORDS = { ground: "ground on tire", actuator: "actuator on body", body: "ground on body", preview: "preview", sensed: "sensed road", predicted: "predicted" };
@@ -180,13 +180,14 @@ class SceneView {
     }
     const size = Math.hypot(...normal);
     normal = normal.map((c) => c / size);
-    return { points, material, normal, at: SceneView.dot(normal, points[0]) };
+    return { points, material, normal, at: SceneView.dot(normal, points[0]), area: size / 2 };
   }
 
   static dot(a, b) { return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]; }
 
-  // A binary space partition: from any direction its faces can be drawn back to front. What crosses a plane is cut by it.
-  static tree(faces) {
+  // A binary space partition: from any direction its faces can be drawn back to front. What crosses a plane is cut by it. Large sheets at the
+  // sides come first: what is beside them, such as a wheel, is then beside the whole vehicle.
+  static tree(faces, large = 0.08 * Math.max(0, ...faces.filter(SceneView.isUpright).map((f) => f.area))) {
     if (!faces.length) return null;
     let best = null;
     for (let i = 0; i < faces.length; i += 1) {
@@ -196,8 +197,8 @@ class SceneView {
         if (side === "both") cuts += 1;
         else if (side !== "on") balance += side === "front" ? 1 : -1;
       }
-      const upright = Math.abs(faces[i].normal[1]) > 0.999 ? -1e6 : 0; // sides first: so wheels beside the vehicle are beside all of it
-      const cost = upright + 8 * cuts + Math.abs(balance);
+      const first = SceneView.isUpright(faces[i]) && faces[i].area > large ? -1e6 : 0;
+      const cost = first + 8 * cuts + Math.abs(balance);
       if (!best || cost < best.cost) best = { cost, plane: faces[i] };
     }
     const { plane } = best, on = [], front = [], back = [];
@@ -212,8 +213,10 @@ class SceneView {
         back.push(halves[1]);
       }
     }
-    return { plane, on, front: SceneView.tree(front), back: SceneView.tree(back) };
+    return { plane, on, front: SceneView.tree(front, large), back: SceneView.tree(back, large) };
   }
+
+  static isUpright(face) { return Math.abs(face.normal[1]) > 0.999; }
 
   static sideOf(plane, face) {
     let front = false, back = false;
@@ -316,6 +319,27 @@ class SceneView {
     if (close) pen.closePath();
   }
 
+  // A further polygon of a path. All of one path must turn one way, or they would cut holes into each other.
+  outline(points, backwards) {
+    const { pen } = this, count = points.length;
+    for (let i = 0; i < count; i += 1) {
+      const p = points[backwards ? count - 1 - i : i];
+      if (i) pen.lineTo(this.px(p), this.py(p));
+      else pen.moveTo(this.px(p), this.py(p));
+    }
+    pen.closePath();
+  }
+
+  // Twice the area of a polygon on the screen, positive where it turns as faces do that are seen.
+  turning(points) {
+    let sum = 0;
+    points.forEach((p, i) => {
+      const q = points[(i + 1) % points.length];
+      sum += this.py(p) * this.px(q) - this.px(p) * this.py(q);
+    });
+    return sum;
+  }
+
   draw(time) {
     if (!this.canvas.clientWidth || !this.canvas.clientHeight) return;
     this.read();
@@ -354,11 +378,6 @@ class SceneView {
     const parts = /^#(..)(..)(..)$/.exec(color);
     if (!parts) return color;
     return `rgb(${parts.slice(1).map((p) => Math.max(0, Math.min(255, Math.round(parseInt(p, 16) * factor)))).join(",")})`;
-  }
-
-  lightOn(normal) {
-    const facing = SceneView.dot(normal, this.towards) < 0 ? -1 : 1;
-    return Math.max(0, facing * SceneView.dot(normal, SceneView.LIGHT));
   }
 
   // ---------------------------------------------------------------------------------------------------------- the road
@@ -403,6 +422,7 @@ class SceneView {
       }
       held.left = heights.left ?? heights.right ?? held.left;
       held.right = heights.right ?? heights.left ?? held.right;
+      if (Math.abs(this.right[0]) < 0.97) for (const side of ["left", "right"]) held[side] = Math.max(held[side], -0.12 * data.width); // as deep as the block of ground
       points.push([x, this.exaggeration * held.left, this.exaggeration * held.right]);
     }
     for (const cells of Object.values(this.cells)) if (cells.size > 8 * SceneView.SAMPLES) for (const k of cells.keys()) if (k < first - 4 * SceneView.SAMPLES) cells.delete(k);
@@ -648,16 +668,30 @@ class SceneView {
   }
 
   drawFaces(index, items) {
-    const m = this.poses[index], { pen } = this;
-    pen.lineWidth = 0.7;
-    SceneView.walk(this.trees[index], SceneView.turned(m, this.towards), items, (face) => {
-      const normal = SceneView.placed([m[0], m[1], m[2], 0, m[4], m[5], m[6], 0, m[8], m[9], m[10], 0], face.normal);
-      pen.fillStyle = pen.strokeStyle = this.shade(face.material, this.lightOn(normal));
+    const m = this.poses[index], { pen } = this, light = SceneView.turned(m, SceneView.LIGHT), towards = SceneView.turned(m, this.towards);
+    let style = null; // faces of one colour that follow each other are one path
+    const flush = () => {
+      if (!style) return;
+      pen.fillStyle = pen.strokeStyle = style;
       pen.lineWidth = 0.7;
-      this.path(face.points.map((p) => SceneView.placed(m, p)));
       pen.fill();
       pen.stroke(); // hides the seams between faces
-    }, (item) => item.draw());
+      style = null;
+    };
+    SceneView.walk(this.trees[index], towards, items, (face) => {
+      const facing = SceneView.dot(face.normal, towards) < 0 ? -1 : 1;
+      const own = this.shade(face.material, Math.max(0, facing * SceneView.dot(face.normal, light)));
+      if (own !== style) {
+        flush();
+        pen.beginPath();
+        style = own;
+      }
+      this.outline(face.points.map((point) => SceneView.placed(m, point)), facing < 0);
+    }, (item) => {
+      flush();
+      item.draw();
+    });
+    flush();
   }
 
   // A ring of a wheel's tire: points at `radius` (in parts of the tire's) and `across` (in half widths), pressed in by the ground.
@@ -675,7 +709,7 @@ class SceneView {
   }
 
   drawWheel(w) {
-    const { pen, color } = this, count = 40, axis = [-Math.sin(w.heading), Math.cos(w.heading), 0];
+    const { pen, color } = this, count = Math.max(20, Math.min(48, 2 * Math.round(0.4 * w.wheel.radius * this.scale))), axis = [-Math.sin(w.heading), Math.cos(w.heading), 0];
     const near = SceneView.dot(axis, this.towards) > 0 ? 1 : -1;
     const rings = [[0.9, -1], [1, -0.72], [1, 0.72], [0.9, 1]].map(([r, a]) => this.ring(w, r, near * a, count));
     pen.lineWidth = 0.6;
@@ -687,10 +721,10 @@ class SceneView {
         pen.beginPath();
         for (let i = 0; i < count; i += 1) {
           const j = (i + 1) % count, quad = [rings[k][i], rings[k][j], rings[k + 1][j], rings[k + 1][i]];
-          quad.forEach((p, n) => (n ? pen.lineTo(this.px(p), this.py(p)) : pen.moveTo(this.px(p), this.py(p))));
-          pen.closePath();
+          const area = this.turning(quad);
+          if (area * near > 0) this.outline(quad, area < 0); // that looks at the camera
         }
-        pen.fill("nonzero");
+        pen.fill();
         pen.stroke();
       }
       this.drawTread(w, near);
@@ -743,8 +777,7 @@ class SceneView {
       if (SceneView.dot(normal, this.towards) < 0.02) continue;
       const a = this.ring(w, 1.004, -0.7, 1, angle)[0], b = this.ring(w, 1.004, -0.7, 1, angle + 0.13)[0];
       const c = this.ring(w, 1.004, 0.7, 1, angle + 0.13)[0], d = this.ring(w, 1.004, 0.7, 1, angle)[0];
-      [a, b, c, d].forEach((p, n) => (n ? pen.lineTo(this.px(p), this.py(p)) : pen.moveTo(this.px(p), this.py(p))));
-      pen.closePath();
+      this.outline([a, b, c, d], this.turning([a, b, c, d]) < 0);
     }
     pen.fill();
     return near;
@@ -793,37 +826,32 @@ class SceneView {
     const tube = Math.max(3, 0.15 * unit), length = Math.hypot(...from.map((c, k) => to[k] - c));
     const body = Math.min(0.75, 0.62 * radius / Math.max(0.1 * radius, length)); // the tube keeps its length, the rod shows
     line(from, to, Math.max(1.5, 0.07 * unit), color.rim);
-    line(from, at(body), tube, color.damper);
     // a helix about the strut: what is behind first
-    const coils = 7, steps = 14, size = 0.17 * radius, axis = from.map((c, k) => (to[k] - c) / (length || 1));
+    const coils = 7, steps = 14, axis = from.map((c, k) => (to[k] - c) / (length || 1));
     let across = [axis[2], 0, -axis[0]];
     const norm = Math.hypot(...across) || 1;
     across = across.map((c) => c / norm);
     const third = [axis[1] * across[2] - axis[2] * across[1], axis[2] * across[0] - axis[0] * across[2], axis[0] * across[1] - axis[1] * across[0]];
-    const turn = [[], []];
-    for (let i = 0; i < coils * steps; i += 1) {
-      const points = [0, 1].map((n) => {
-        const angle = (i + n) * 2 * Math.PI / steps, share = 0.06 + 0.88 * (i + n) / (coils * steps);
-        return at(share).map((c, k) => c + size * (Math.cos(angle) * across[k] + Math.sin(angle) * third[k]));
-      });
-      const middle = points[0].map((c, k) => 0.5 * (c + points[1][k]) - at(0.06 + 0.88 * (i + 0.5) / (coils * steps))[k]);
-      turn[SceneView.dot(middle, this.towards) > 0 ? 1 : 0].push(points);
-    }
-    turn.forEach((pieces, front) => {
-      for (const [wide, style] of front ? [[0.115, color.halo], [0.075, color.spring]] : [[0.06, SceneView.mixed(color.spring, 0.6)]]) {
-        pen.strokeStyle = style;
-        pen.lineWidth = Math.max(front ? 1.6 : 1.2, wide * unit);
-        pen.beginPath();
-        for (const [a, b] of pieces) {
-          pen.moveTo(this.px(a), this.py(a));
-          pen.lineTo(this.px(b), this.py(b));
-        }
-        pen.stroke();
+    const flat = [across, third].map((d) => [SceneView.dot(d, this.right), -SceneView.dot(d, this.up), SceneView.dot(d, this.towards)]);
+    const size = 0.17 * unit, [x1, y1] = this.screen(from), [x2, y2] = this.screen(to);
+    const draw = (front, wide, style) => {
+      pen.strokeStyle = style;
+      pen.lineWidth = wide;
+      pen.beginPath();
+      let drawing = false;
+      for (let i = 0; i <= coils * steps; i += 1) {
+        const angle = i * 2 * Math.PI / steps, share = 0.06 + 0.88 * i / (coils * steps), c = Math.cos(angle), s = Math.sin(angle);
+        const x = x1 + share * (x2 - x1) + size * (c * flat[0][0] + s * flat[1][0]), y = y1 + share * (y2 - y1) + size * (c * flat[0][1] + s * flat[1][1]);
+        if (drawing) pen.lineTo(x, y);
+        drawing = c * flat[0][2] + s * flat[1][2] > 0 === front;
+        if (drawing) pen.moveTo(x, y);
       }
-      if (!front) {
-        line(from, at(body), tube, color.damper);
-      }
-    });
+      pen.stroke();
+    };
+    draw(false, Math.max(1.2, 0.06 * unit), SceneView.mixed(color.spring, 0.6));
+    line(from, at(body), tube, color.damper);
+    draw(true, Math.max(2.6, 0.115 * unit), color.halo);
+    draw(true, Math.max(1.6, 0.075 * unit), color.spring);
   }
 
   // ------------------------------------------------------------------------------------------------- what is known, forces
