@@ -10,7 +10,7 @@ ifeq ($(HOST_CC),)
 RUN_EXTRAS := studies,zig
 endif
 
-.PHONY: run studies test test-full test-courses test-platforms test-pythons release lint bench mutants fuzz docs fmus clean
+.PHONY: run studies test test-full test-courses test-platforms test-pythons test-pages release lint bench mutants fuzz docs fmus clean
 
 run: $(VENV)/.run
 	$(BIN)/build-fmus
@@ -47,6 +47,11 @@ test-platforms: $(VENV)/.test
 # those that SUSPENSION_PYTHONS names), builds an FMU there and runs it. Which are not found is said.
 test-pythons: $(VENV)/.test
 	$(BIN)/python -m pytest -m pythons -rs tests/install/test_pythons.py
+
+# Looks at reports in Chromium, with axe-core from npm, at two widths and in both colour schemes: one of every kind of content, and
+# those that studies have left in results/. From Debian: apt install chromium npm. What is not installed is said.
+test-pages: $(VENV)/.test
+	$(BIN)/python -m pytest -m pages -rs tests/report/test_browser.py
 
 # What is published: all FMUs for all platforms (ziglang, some ten minutes the first time), wheel and source distribution.
 release: $(VENV)/.test

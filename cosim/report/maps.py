@@ -1,4 +1,4 @@
-"""Quantities over two others: filled contours side by side, or surfaces in one space."""
+"""Quantities over two others: filled contours side by side."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import html
 import json
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -14,7 +14,6 @@ import numpy.typing as npt
 from cosim.report.checks import (
     Array,
     assign,
-    check_choice,
     check_id,
     check_text,
     check_unique,
@@ -23,11 +22,7 @@ from cosim.report.checks import (
     split_label,
 )
 
-if TYPE_CHECKING:
-    import plotly.graph_objects as go
-
-View = Literal["contour", "surface"]
-_SURFACES = (("#9aa3ad", "#5f6873"), ("#56b4e9", "#0072b2"), ("#e69f00", "#d55e00"), ("#009e73", "#00543d"))
+_REFERENCE = "#d55e00"
 _INK, _FONT = "#1a2330", "'Helvetica Neue', Helvetica, Arial, sans-serif"
 
 
@@ -50,7 +45,7 @@ class Layer:
 
 @dataclass(frozen=True, eq=False)
 class Map:
-    """Layers over the same grid, on one scale of values. ``reference`` is a plane drawn among surfaces.
+    """Layers over the same grid, on one scale of values. ``reference``: a value whose contour is drawn as a line, where a layer has it.
 
     ``value_range``: that scale (lowest, highest), the same for maps that are to be compared; None for the extent of the values.
     """
@@ -64,7 +59,6 @@ class Map:
     x: npt.ArrayLike
     y: npt.ArrayLike
     layers: Sequence[Layer]
-    view: View = "contour"
     reference: float | None = None
     value_range: tuple[float, float] | None = None
 
@@ -72,7 +66,6 @@ class Map:
         where = f"map '{self.id}'"
         check_id(where, self.id)
         check_text(where, title=self.title)
-        check_choice(where, "view", self.view, View)
         for label in (self.x_label, self.y_label, self.value_label):
             split_label(label, where)
         assign(self, "x", curve(where, "x", self.x))
@@ -107,8 +100,10 @@ class Map:
 
 def map_plot(figure: Map, *, narrow: bool) -> dict[str, Any]:
     """Data and layout for the page's script."""
-    made = _contours(figure, narrow) if figure.view == "contour" else _surfaces(figure, narrow)
-    return json.loads(made.to_json())
+    import plotly.graph_objects as go
+
+    made: dict[str, Any] = json.loads(go.Figure(*_contours(figure, narrow)).to_json())
+    return made
 
 
 def _escaped(text: str) -> str:
@@ -122,12 +117,11 @@ def _base(height: int) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _contours(figure: Map, narrow: bool) -> go.Figure:
-    import plotly.graph_objects as go
-
+def _contours(figure: Map, narrow: bool) -> tuple[list[dict[str, Any]], dict[str, Any]]:
     values = [np.asarray(layer.values) for layer in figure.layers]
     low, high = figure.value_range or (min(v.min() for v in values), max(v.max() for v in values))
-    count, traces = len(values), []
+    count = len(values)
+    traces: list[dict[str, Any]] = []
     rows = count if narrow else 1
     layout = _base((300 if narrow else 380) * rows)
     layout["margin"] = {"t": 34, "b": 58, "l": 66, "r": 12}
@@ -138,15 +132,24 @@ def _contours(figure: Map, narrow: bool) -> go.Figure:
         columns = 1 if narrow else count
         width, height = (1 - gap * (columns - 1)) / columns, (1 - 0.22 * (rows - 1)) / rows
         left, top = across * (width + gap), 1 - down * (height + 0.22)
+        common = {"type": "contour", "x": figure.x, "y": figure.y, "z": grid, "xaxis": f"x{name}", "yaxis": f"y{name}"}
         traces.append(
-            go.Contour(
-                x=figure.x, y=figure.y, z=grid, zmin=low, zmax=high, colorscale="Viridis", reversescale=True, xaxis=f"x{name}",
-                yaxis=f"y{name}", showscale=i == count - 1, line={"width": 0.6, "color": "rgba(255,255,255,.7)"},
-                contours={"start": low, "end": high, "size": (high - low) / 12 or 1.0},
-                colorbar={"title": {"text": _escaped(figure.value_label), "side": "right"}, "thickness": 14},
-                hovertemplate="%{x:~g}, %{y:~g}: %{z:.4~g}<extra></extra>", name=_escaped(layer.name),
-            )
+            {
+                **common, "name": _escaped(layer.name), "zmin": low, "zmax": high, "colorscale": "Viridis", "reversescale": True,
+                "showscale": i == count - 1, "line": {"width": 0.6, "color": "rgba(255,255,255,.7)"},
+                "contours": {"start": low, "end": high, "size": (high - low) / 12 or 1.0},
+                "colorbar": {"title": {"text": _escaped(figure.value_label), "side": "right"}, "thickness": 14},
+                "hovertemplate": "%{x:~g}, %{y:~g}: %{z:.4~g}<extra></extra>",
+            }
         )  # fmt: skip
+        if figure.reference is not None:
+            traces.append(
+                {
+                    **common, "name": f"{_escaped(layer.name)}: {figure.reference:.4g}", "showscale": False, "hoverinfo": "skip",
+                    "colorscale": [[0, _REFERENCE], [1, _REFERENCE]], "line": {"width": 2.5},
+                    "contours": {"start": figure.reference, "end": figure.reference, "size": 1.0, "coloring": "lines"},
+                }
+            )  # fmt: skip
         axis = {"showline": False, "ticks": "outside", "ticklen": 4, "automargin": True, "zeroline": False}
         layout[f"xaxis{name}"] = {**axis, "title": {"text": _escaped(figure.x_label)}, "anchor": f"y{name}"}
         layout[f"xaxis{name}"] |= {"domain": [left, min(1.0, left + width)]}
@@ -158,45 +161,4 @@ def _contours(figure: Map, narrow: bool) -> go.Figure:
                 "xanchor": "left", "yanchor": "bottom", "yshift": 5, "showarrow": False,
             }
         )  # fmt: skip
-    return go.Figure(traces, layout)
-
-
-def _surfaces(figure: Map, narrow: bool) -> go.Figure:
-    import plotly.graph_objects as go
-
-    traces: list[Any] = []
-    layout = _base(420 if narrow else 540)
-    layout["margin"] = {"t": 8, "b": 8, "l": 8, "r": 8}
-    for layer, (light, dark) in zip(figure.layers, _cycle(len(figure.layers)), strict=True):
-        traces.append(
-            go.Surface(
-                x=figure.x, y=figure.y, z=layer.values, colorscale=[[0, light], [1, dark]], showscale=False, opacity=0.92,
-                name=_escaped(layer.name), showlegend=True, contours={"z": {"show": True, "color": dark, "width": 1}},
-                hovertemplate="%{x:~g}, %{y:~g}: %{z:.4~g}<extra>" + _escaped(layer.name) + "</extra>",
-            )
-        )  # fmt: skip
-    if figure.reference is not None:
-        flat = np.full((2, 2), figure.reference)
-        x, y = np.asarray(figure.x)[[0, -1]], np.asarray(figure.y)[[0, -1]]
-        traces.append(
-            go.Surface(
-                x=x, y=y, z=flat, colorscale=[[0, "#d55e00"], [1, "#d55e00"]], showscale=False, opacity=0.35, name="limit",
-                showlegend=True, hovertemplate="%{z:.4~g}<extra>limit</extra>",
-            )
-        )  # fmt: skip
-    axis = {"gridcolor": "#d5dbe1", "showbackground": False, "color": _INK}
-    layout["scene"] = {
-        "xaxis": {**axis, "title": {"text": _escaped(figure.x_label)}},
-        "yaxis": {**axis, "title": {"text": _escaped(figure.y_label)}},
-        "zaxis": {**axis, "title": {"text": _escaped(figure.value_label)}},
-        "camera": {"eye": {"x": -1.5, "y": -1.5, "z": 0.75}},
-        "aspectratio": {"x": 1.2, "y": 1.0, "z": 0.75},
-    }
-    if figure.value_range is not None:
-        layout["scene"]["zaxis"]["range"] = list(figure.value_range)
-    layout["legend"] = {"orientation": "h", "x": 0, "y": 1}
-    return go.Figure(traces, layout)
-
-
-def _cycle(count: int) -> list[tuple[str, str]]:
-    return [_SURFACES[i % len(_SURFACES)] for i in range(count)]
+    return traces, layout

@@ -33,7 +33,11 @@ COLORS: dict[Color, str] = {
 DASHES: tuple[Dash, ...] = ("solid", "dash", "dashdot", "longdash", "dot")
 MARKERS = ("circle", "square", "diamond", "triangle-up", "x", "triangle-down", "cross", "star")
 
-INK, MUTED, RULE, GRID = "#1a2330", "#55606e", "#aab3be", "#e7eaee"
+INK, MUTED, RULE, GRID, PAPER = "#1a2330", "#55606e", "#aab3be", "#e7eaee", "#ffffff"
+_ON_DARK = {
+    **dict(zip(COLORS.values(), ("#4a9ede", "#f2803d", "#2fc49a", "#e08cc0", "#e69f00", "#9ad7fb", "#f4f6f8", "#9aa3ad"), strict=True)),
+    INK: "#e4e8ee", MUTED: "#a7b0bc", RULE: "#5d6875", GRID: "#2a323d", PAPER: "#12171e",
+}  # fmt: skip
 FONT = "'Helvetica Neue', Helvetica, Arial, sans-serif"
 
 # Pixels. Heights are absolute, so a figure looks the same with one panel or six.
@@ -44,6 +48,11 @@ TITLE_HEIGHT = 26
 X_LABEL_HEIGHT = 54
 LEGEND_ROW = 22
 WIDE_LEGEND, NARROW_LEGEND = 820, 330
+
+
+def dark_colors() -> dict[str, str]:
+    """Each colour of figures, and its tint under a band, and what stands for it on a dark page."""
+    return {**_ON_DARK, **{_faint(light): _faint(_ON_DARK[light]) for light in COLORS.values()}}
 
 
 @dataclass(frozen=True)
@@ -162,10 +171,10 @@ def _layout(figure: Figure, narrow: bool) -> dict[str, Any]:
         "margin": {"t": legend, "b": X_LABEL_HEIGHT, "l": 56 if narrow else 72, "r": 12},
         "font": {"family": FONT, "size": 12 if narrow else 13, "color": INK},
         "separators": ".\u202f",
-        "paper_bgcolor": "#ffffff",
-        "plot_bgcolor": "#ffffff",
+        "paper_bgcolor": PAPER,
+        "plot_bgcolor": PAPER,
         "hovermode": "x unified",
-        "hoverlabel": {"bgcolor": "#ffffff", "bordercolor": RULE, "font": {"size": 12, "color": INK}, "namelength": -1},
+        "hoverlabel": {"bgcolor": PAPER, "bordercolor": RULE, "font": {"size": 12, "color": INK}, "namelength": -1},
         "legend": {
             "orientation": "h",
             "x": 0,
@@ -290,20 +299,32 @@ def series_columns(figure: Figure) -> list[tuple[str, Array]]:
     Each x column stands before the curves drawn over it and is written once where several share it. A header that
     several columns would have is preceded by the panel's title (its number if it has none); x by the curve's name.
     """
+    return placed_columns(figure)[0]
+
+
+def placed_columns(figure: Figure) -> tuple[list[tuple[str, Array]], list[tuple[int, int]]]:
+    """The same columns, and for each trace of :func:`plotly_figure` which of them are its x and its y."""
     found: list[tuple[str, str, Array]] = []  # panel, header, values
-    grids: list[tuple[str, Array]] = []
+    grids: list[tuple[str, Array, int]] = []  # label, values, place
+    places: list[tuple[int, int]] = []
     for number, panel in enumerate(figure.panels, start=1):
         title = panel.title or f"panel {number}"
         quantity, unit = split_label(panel.y_label)
         for series in panel.series:
             x = series.x_values
-            if not any(label == panel.x_label and np.array_equal(x, grid, equal_nan=True) for label, grid in grids):
-                known = any(label == panel.x_label for label, _ in grids)
-                grids.append((panel.x_label, x))
+            alike = (p for label, grid, p in grids if label == panel.x_label and np.array_equal(x, grid, equal_nan=True))
+            place = next(alike, None)
+            if place is None:
+                place = len(found)
+                known = any(label == panel.x_label for label, _, _ in grids)
+                grids.append((panel.x_label, x, place))
                 found.append((title, f"{series.name}: {panel.x_label}" if known else panel.x_label, x))
+            own = {}
             for kind, values in series.columns():
                 suffix = "" if kind == "y" else f" {kind}"
+                own[kind] = len(found)
                 found.append((title, f"{series.name}: {quantity}{suffix} [{unit}]", values))
+            places += [(place, own[kind]) for kind in ("low", "high", "y") if kind in own]
 
     count = Counter(header for _, header, _ in found)
     columns: dict[str, Array] = {}
@@ -312,4 +333,4 @@ def series_columns(figure: Figure) -> list[tuple[str, Array]]:
         numbered = (f"{n}: {full}" for n in itertools.count(2))
         unique = next(h for h in itertools.chain([full], numbered) if h not in columns)
         columns[unique] = values
-    return list(columns.items())
+    return list(columns.items()), places

@@ -19,19 +19,21 @@ from importlib import resources
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+import numpy.typing as npt
+
 from build_fmus import extras, safe_files
 from cosim.errors import CosimError
 from cosim.report.animation import animation_data
-from cosim.report.checks import Scalar
+from cosim.report.checks import Array, Scalar
 from cosim.report.claims import Claim, Verdict
 from cosim.report.maps import Map, map_plot
 from cosim.report.model import Figure, Report, Table
-from cosim.report.plots import Palette, plotly_figure, series_columns
+from cosim.report.plots import Palette, dark_colors, placed_columns, plotly_figure, series_columns
 
 with extras.needed("reports", extras.WRITING):
     import jinja2
     from markupsafe import Markup
-    from plotly.offline import get_plotlyjs
 
 SIGNIFICANT = 4  # digits shown on the page; JSON and CSV carry every digit
 _LOOK: dict[Verdict, dict[str, str]] = {
@@ -130,7 +132,7 @@ def render(report: Report) -> str:
         scripts.append(_script(_asset("animation.js")))
         style += _asset("animation.css")
     if plots:
-        scripts.insert(0, _script(get_plotlyjs()))
+        scripts.insert(0, _script(_asset("plotly-cartesian.min.js", "vendor")))
     environment = jinja2.Environment(
         loader=jinja2.FunctionLoader(_asset),
         autoescape=True,
@@ -139,13 +141,14 @@ def render(report: Report) -> str:
         lstrip_blocks=True,
         keep_trailing_newline=True,
     )
-    environment.filters.update(number=number, is_number=_is_number)
+    environment.filters.update(number=number, is_number=_is_number, exact=_exact)
     return environment.get_template("report.html").render(
         report=report,
         plots=plots,
         scripts=scripts,
         style=Markup(style),
         motions=motions,
+        dark=_script_data(dark_colors()) if plots else None,
         policy=_policy(scripts),
         shown=shown,
         counts=report.counts,
@@ -207,6 +210,11 @@ def _is_number(value: object) -> bool:
     return isinstance(value, int | float) and not isinstance(value, bool)
 
 
+def _exact(value: Scalar) -> str | None:
+    """A cell as the CSV file has it, where the page shows something else."""
+    return None if isinstance(value, str) else "" if value is None else str(value)
+
+
 def _numeric_columns(table: Table) -> list[bool]:
     """Which columns hold numbers (or gaps) only: they are set to the right."""
     columns = list(zip(*table.rows, strict=True)) or [()] * len(table.columns)
@@ -237,12 +245,44 @@ def _decimals(values: Sequence[float]) -> int | None:
 
 
 def _plot(figure: Figure | Map, palette: Palette) -> dict[str, Any]:
+    """What the page draws a figure from: `columns`, the numbers of its CSV file, traces that name them, two layouts."""
     if isinstance(figure, Map):
         wide, narrow = (map_plot(figure, narrow=n) for n in (False, True))
-        return {"data": wide["data"], "wide": wide["layout"], "narrow": narrow["layout"]}
-    wide = json.loads(plotly_figure(figure, palette).to_json())
-    narrow = json.loads(plotly_figure(figure, palette, narrow=True).to_json())
-    return {"data": wide["data"], "wide": wide["layout"], "narrow": narrow["layout"]}
+        columns = figure.columns()
+    else:
+        wide, narrow = (json.loads(plotly_figure(figure, palette, narrow=n).to_json()) for n in (False, True))
+        columns, places = placed_columns(figure)
+        for trace, (x, y) in zip(wide["data"], places, strict=True):
+            trace["x"], trace["y"] = x, y
+    return {
+        "columns": [[header, *_stored(values)] for header, values in columns],
+        "data": wide["data"],
+        "wide": wide["layout"],
+        "narrow": narrow["layout"],
+    }
+
+
+def _stored(values: Array) -> list[Any]:
+    """A column as the page keeps it; seven digits at least, while the files beside the page carry every digit.
+
+    ["u1", base64, first, step]: multiples of a step, such as instants, by how many steps each is after the one before.
+    ["f4", base64], little-endian; ["f8", base64] where single precision cannot hold the numbers.
+    """
+    with np.errstate(over="ignore", invalid="ignore"):
+        single = values.astype("<f4")
+        steps = np.diff(values)
+    if not np.isclose(single, values, rtol=1.2e-7, atol=0.0, equal_nan=True).all():  # infinities are themselves
+        return ["f8", _base64(values.astype("<f8"))]
+    if len(steps) and steps.min() > 0:
+        first, step = float(values[0]), float(steps.min())
+        counts = np.rint(steps / step)
+        if counts.max() < 256 and (single == (first + step * np.cumsum([0.0, *counts])).astype("<f4")).all():
+            return ["u1", _base64(np.array([0, *counts], dtype=np.uint8)), first, step]
+    return ["f4", _base64(single)]
+
+
+def _base64(array: npt.NDArray[Any]) -> str:
+    return base64.b64encode(array.tobytes()).decode()
 
 
 def _finite(value: Any) -> Any:
@@ -292,8 +332,8 @@ def _policy(scripts: Iterable[str]) -> str:
     )
 
 
-def _asset(name: str) -> str:
-    return resources.files("cosim.report").joinpath("templates", name).read_text(encoding="utf-8")
+def _asset(name: str, folder: str = "templates") -> str:
+    return resources.files("cosim.report").joinpath(folder, name).read_text(encoding="utf-8")
 
 
 def _write(root: Path, name: str, text: str) -> None:

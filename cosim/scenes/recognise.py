@@ -34,7 +34,7 @@ from cosim.export.web.scene import (
 )
 from cosim.scenes import shapes
 from cosim.scenes.shapes import Axle, Outline
-from cosim.system.members import Connection, Member
+from cosim.system.members import Connection, Member, indices
 from cosim.system.wiring import Wiring
 
 _CORNER = re.compile(r"wheel\.(?P<corner>[a-z][a-z0-9]*[lr])\.z")
@@ -325,7 +325,7 @@ def _vehicle(found: _Found) -> Scene:
         struts=struts,
         arrows=[*arrows, *_touching(found)],
         grounds=list(found.grounds()),
-        points=list(_points(found, distance)),
+        points=[*_points(found, distance), *_predictions(found, distance)],
         limits=[*_lifted(found), *_stops(found), *_limits(found)],
         readings=_readings(found),
         trenches=_trenches(found),
@@ -490,6 +490,29 @@ def _preview_step(system: Wiring, reader: Member, source: Member) -> float | Non
         getattr(reader.description.inputs.get("preview.step"), "must_equal", None)
     ]
     return next((step for step in steps if step), None)
+
+
+def _predictions(found: _Found, distance: Value) -> Iterator[Points]:
+    """How controllers expect the front suspensions to move, `predicted.suspension.{c}.deflection[i]` a sample apart: drawn at the height of
+    the strut's upper end, which a body at rest keeps above the road, and from the deflection now."""
+    if found.speed is None:
+        return
+    for member in found.system.members.values():
+        for corner in found.front:
+            deflection = f"suspension.{corner}.deflection"
+            own = member.description.arrays.get(f"predicted.{deflection}", [])
+            if not own or not found.has(deflection):
+                continue
+            level = _mount(found, corner) + found.cg_height
+            later = [Value({f"{member.name}.{name}": 1.0}, level) for name in sorted(own, key=indices)]
+            yield Points(
+                f"{member.name} predicts {found.place(corner)}",
+                "predicted",
+                distance + Value(offset=found.x[corner]),
+                found.side(corner) * found.half_track(corner),
+                found.speed * float(member.step),
+                [found.output(deflection, offset=level), *later],
+            )
 
 
 def _limits(found: _Found) -> Iterator[Limit]:

@@ -95,7 +95,7 @@ def test_series_survive_packing():
         (lambda: Take("t", [scene(), scene()]), "scene 'passive' appears more than once"),
         (lambda: animation(takes=[]), "has no takes"),
         (lambda: animation(id="Über"), "an id names a file"),
-        (lambda: animation(width=0.0), "width is 0; give a finite number above 0"),
+        (lambda: animation(width=0.0), "width is 0 m; give a finite number above 0"),
     ],
 )
 def test_refuses(make, message):
@@ -151,6 +151,14 @@ def test_a_minute_at_50_hz_stays_small():
     assert len(json.dumps(animation_data(animation(made)), separators=(",", ":"))) < 250_000
 
 
-def test_an_arrow_that_is_cut_says_so(tmp_path) -> None:
-    page = write_report(Report("e", "T", "", sections=[Section("S", animations=[animation()])]), tmp_path)
-    assert "kN, arrow cut" in page.read_text(encoding="utf-8")
+def test_forces_are_to_one_scale_that_the_largest_of_all_takes_sets() -> None:
+    """5 kN is drawn as long as 1.9 m; no arrow is longer, so none needs cutting."""
+    still = dict.fromkeys(("x", "z", "angle"), np.zeros(2))
+    scenes = [
+        Scene("a", 0.1, [(0, 0), (1, 0)], [Body("b", [(0, 0), (1, 0), (1, 1)], **still)],
+              forces=[Force("f", np.zeros(2), np.zeros(2), np.array([fx, 0.0]), np.array([fz, 1.0]))])
+        for fx, fz in ((100.0, -200.0), (3000.0, -4000.0))
+    ]  # fmt: skip
+    made = Animation("a", "A", "", [Take(f"t{i}", [s]) for i, s in enumerate(scenes)])
+    assert made.force_scale == animation_data(made)["forceScale"] == pytest.approx(5000 / 1.9)
+    assert Animation("a", "A", "", [Take("t", [Scene("a", 0.1, [(0, 0), (1, 0)], scenes[0].bodies)])]).force_scale == 1.0

@@ -31,7 +31,6 @@ def made(**changes) -> Map:
         (lambda: made(layers=[]), "map 'cost' has no layers"),
         (lambda: made(layers=[Layer("a", LOW.T)]), r"layer 'a' has shape \(3, 2\), the grid \(2, 3\)"),
         (lambda: made(layers=[Layer("a", LOW), Layer("a", HIGH)]), "layer 'a' appears more than once"),
-        (lambda: made(view="globe"), "view 'globe' is not one of 'contour', 'surface'"),
         (lambda: made(x_label="length"), "label 'length' carries no unit"),
         (lambda: made(x=[[1.0, 2.0]]), "map 'cost': x "),
         (lambda: made(y=[[1.0, 2.0]]), "map 'cost': y "),
@@ -47,16 +46,16 @@ def test_refuses(make, message):
         make()
 
 
-@pytest.mark.parametrize(("view", "count"), [("contour", 2), ("surface", 3)])
-def test_page_has_the_layers_on_one_scale(view, count, tmp_path):
-    report = Report("demo", "Demo", "Lead.", sections=[Section("Maps", figures=[made(view=view, reference=7.0)])])
+def test_page_has_the_layers_on_one_scale_and_the_reference_as_a_line(tmp_path):
+    report = Report("demo", "Demo", "Lead.", sections=[Section("Maps", figures=[made(reference=7.0)])])
     text = write_report(report, tmp_path).read_text(encoding="utf-8")
     found = re.search(r'<script type="application/json" id="data-cost">(.*?)</script>', text, re.DOTALL)
     assert found is not None
     data = json.loads(found[1])["data"]
-    assert len(data) == count  # surfaces: and the plane of the reference
-    if view == "contour":
-        assert {(t["zmin"], t["zmax"]) for t in data} == {(0.0, 15.0)}
+    filled, lines = data[::2], data[1::2]
+    assert [(t["zmin"], t["zmax"]) for t in filled] == [(0.0, 15.0)] * 2
+    assert [(t["contours"]["start"], t["contours"]["end"], t["contours"]["coloring"]) for t in lines] == [(7.0, 7.0, "lines")] * 2
+    assert [(t.get("xaxis"), t["z"]) for t in lines] == [(t.get("xaxis"), t["z"]) for t in filled]
     assert data[0]["name"] == "a &lt;b&gt;"
     with (tmp_path / "figures" / "cost.csv").open() as file:
         rows = list(csv.reader(file))
@@ -78,15 +77,5 @@ def test_contours_have_a_dozen_steps_and_one_bar_of_colors() -> None:
 
 
 def test_maps_that_are_compared_have_one_scale() -> None:
-    contours, surfaces = (
-        plotted(made(view=v, value_range=(-5.0, 19.0), reference=7.0)) for v in ("contour", "surface")
-    )
-    assert [(t["zmin"], t["zmax"], t["contours"]["size"]) for t in contours["data"]] == [(-5.0, 19.0, 2.0)] * 2
-    assert surfaces["layout"]["scene"]["zaxis"]["range"] == [-5.0, 19.0]
-    assert "range" not in plotted(made(view="surface"))["layout"]["scene"]["zaxis"]
-
-
-def test_surfaces_are_seen_from_the_corner_of_low_x_and_low_y_from_above() -> None:
-    eye = plotted(made(view="surface"))["layout"]["scene"]["camera"]["eye"]
-    assert eye["x"] < 0
-    assert eye["y"] < 0 < eye["z"]
+    data = plotted(made(value_range=(-5.0, 19.0)))["data"]
+    assert [(t["zmin"], t["zmax"], t["contours"]["size"]) for t in data] == [(-5.0, 19.0, 2.0)] * 2

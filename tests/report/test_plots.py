@@ -1,9 +1,10 @@
 import itertools
+import re
 
 import numpy as np
 
 from cosim.report import Figure, Palette, Panel, Section, Series, plotly_figure
-from cosim.report.plots import COLORS, series_columns
+from cosim.report.plots import COLORS, GRID, INK, MUTED, PAPER, RULE, dark_colors, placed_columns, series_columns
 
 
 def one_panel(*names):
@@ -163,3 +164,44 @@ def test_markup_in_names_is_text():
 
 def test_sections_without_figures_have_a_palette():
     assert Palette(Section("S").figures) is not None
+
+
+def luminance(color):
+    """Relative luminance (WCAG 2.2)."""
+    channels = [int(color[i : i + 2], 16) / 255 for i in (1, 3, 5)]
+    linear = [c / 12.92 if c <= 0.04045 else ((c + 0.055) / 1.055) ** 2.4 for c in channels]
+    return float(np.dot(linear, [0.2126, 0.7152, 0.0722]))
+
+
+def contrast(a, b):
+    high, low = sorted((luminance(a), luminance(b)), reverse=True)
+    return (high + 0.05) / (low + 0.05)
+
+
+def test_colors_of_a_dark_page_can_be_seen_and_told_apart():
+    dark = dark_colors()
+    assert set(dark) >= {*COLORS.values(), INK, MUTED, RULE, GRID, PAPER}
+    page = dark[PAPER]
+    assert min(contrast(dark[c], page) for c in COLORS.values()) > 3  # WCAG 2.2, 1.4.11: graphics
+    assert min(contrast(dark[c], page) for c in (INK, MUTED)) > 4.5  # 1.4.3: text
+    shown = [dark[c] for c in COLORS.values()]
+    assert len(set(shown)) == len(shown)
+
+
+def test_every_color_of_a_figure_has_a_dark_one(make_report):
+    """A colour that is forgotten stays as it is, which may be black on black."""
+    dark = dark_colors()
+    for figure in make_report().figures:
+        found = set(re.findall(r'"(#[0-9a-f]{6}|rgba\([^)]*\))"', plotly_figure(figure).to_json())) - {"rgba(0,0,0,0)"}
+        assert found
+        assert found <= set(dark)
+
+
+def test_each_trace_is_drawn_from_its_columns(make_report):
+    for figure in make_report().figures:
+        columns, places = placed_columns(figure)
+        assert [h for h, _ in columns] == [h for h, _ in series_columns(figure)]
+        for trace, (x, y) in zip(plotly_figure(figure).data, places, strict=True):
+            np.testing.assert_array_equal(columns[x][1], trace.x)
+            np.testing.assert_array_equal(columns[y][1], trace.y)
+            assert columns[y][0].removeprefix("Sine: ").removeprefix("Curb: ").startswith(f"{trace.name}: ")

@@ -6,11 +6,13 @@ import os
 import re
 from base64 import b64decode
 from html.parser import HTMLParser
+from importlib import resources
 
+import numpy as np
 import pytest
 
 from cosim.errors import CosimError
-from cosim.report import Claim, Figure, Panel, Parameter, Result, Section, Series, Table, write_report
+from cosim.report import Claim, Figure, Panel, Parameter, Report, Result, Section, Series, Table, write_report
 from cosim.report.write import number, render, summary
 
 LOADING = {"src", "srcset", "data", "poster", "background", "action", "formaction", "xlink:href"}
@@ -46,6 +48,38 @@ def page(make_report):
 def read(path):
     with path.open(newline="", encoding="utf-8") as file:
         return list(csv.reader(file))
+
+
+def column(stored):
+    """Numbers of a column, as the page's script reads them."""
+    _, kind, text, *line = stored
+    numbers = np.frombuffer(b64decode(text), "<" + kind)
+    return (line[0] + line[1] * np.cumsum(numbers, dtype=float)).tolist() if line else numbers.tolist()
+
+
+@pytest.mark.parametrize(
+    ("values", "kind"),
+    [
+        ([0.1, -3e30, 0.0, math.nan, math.inf], "f4"),
+        ([0.0, 1.0, math.inf], "f4"),
+        ([0.0, 1.0, math.nan], "f4"),
+        ([0.5, 0.501, 0.502, 0.512], "u1"),  # instants of a thinned curve
+        ([0.0, 0.1, 0.25], "f4"),
+        ([0.0, 1.0, 257.0], "f4"),  # further than a byte counts
+        ([0.0, 1.0, 1.0], "f4"),
+        ([1.0, 0.0], "f4"),
+        ([7.0], "f4"),
+        ([1.0, 1e39], "f8"),  # beyond single precision
+        ([1.0, 1e-42], "f8"),  # where it loses digits
+    ],
+)
+def test_numbers_in_the_page_have_seven_digits_at_least(values, kind):
+    x = [float(i) for i in range(len(values))]
+    figure = Figure("f", "F", "", [Panel("", "time [s]", "force [N]", [Series("a", x, values)])])
+    page = Page(render(Report("e", "T", "", sections=[Section("S", figures=[figure])])))
+    columns = json.loads(next(s for a, s in page.scripts if a.get("id") == "data-f"))["columns"]
+    assert columns[1][1] == kind
+    assert column(columns[1]) == pytest.approx(values, rel=1.2e-7, abs=0.0, nan_ok=True)
 
 
 def contents(directory):
@@ -107,14 +141,33 @@ class TestSelfContained:
         assert sum("Plotly, Inc." in s for s in scripts) == 1
         assert "showSendToCloud: false" in scripts[-1]
 
+    def test_what_draws_is_the_file_that_was_released(self):
+        """The hash that stands beside it, which anybody can take from the package on npm."""
+        vendor = resources.files("cosim.report").joinpath("vendor")
+        said = re.search(r"SHA-256: (\w{64})", vendor.joinpath("COPYRIGHT").read_text(encoding="utf-8"))
+        assert hashlib.sha256(vendor.joinpath("plotly-cartesian.min.js").read_bytes()).hexdigest() == said[1]
+
+    def test_a_page_weighs_two_and_a_half_megabytes_with_sixty_thousand_samples_in_it(self):
+        x = np.arange(10_000) / 1000
+        noise = np.random.default_rng(0).normal(size=(6, len(x)))
+        figure = Figure("f", "F", "", [Panel("", "time [s]", "force [N]", [Series(f"{i}", x, y) for i, y in enumerate(noise)])])
+        assert len(render(Report("e", "T", "", sections=[Section("S", figures=[figure])])).encode()) < 2.5e6
+
     def test_without_figures_there_is_no_plotly(self, make_report):
         assert len(render(make_report(sections=[Section("S", ["Text."])]))) < 50_000
 
 
 def test_the_plots_hold_the_curves(page):
     plots = {a["id"]: json.loads(s) for a, s in page.scripts if a.get("type") == "application/json"}
-    assert set(plots) == {"data-histories", "data-speeds"}
+    assert set(plots) == {"data-histories", "data-speeds", "dark-colors"}
     assert [t["name"] for t in plots["data-histories"]["data"]] == ["passive", "explicit", "explicit"]
+    columns = plots["data-histories"]["columns"]
+    assert [c[0] for c in columns][:2] == ["time [s]", "passive: pitch [deg]"]
+    drawn = [[column(columns[t[axis]]) for axis in "xy"] for t in plots["data-histories"]["data"]]
+    assert drawn[1] == [[0.0, 1.0, 2.0], pytest.approx([0.1, 0.2, 0.3])]
+    assert drawn[2] == [[0.0, 1.0, 2.0], [1.0, 2.0, 3.0]]
+    assert plots["data-speeds"]["data"][0]["y"] != plots["data-speeds"]["data"][1]["y"]  # the ends of the band
+    assert [column(columns[plots["data-histories"]["data"][0]["y"]])[k] for k in (0, 1)] == [0.0, 0.5]
     assert plots["data-histories"]["narrow"]["height"] > 0
 
 

@@ -7,6 +7,7 @@ import math
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
+from fractions import Fraction
 from typing import Any
 
 import numpy as np
@@ -16,6 +17,7 @@ from scenes.watching import Values, values_at
 from ssp.systems import EVERY, experiment_system
 
 from cosim import System
+from cosim.description import Description, Variable
 from cosim.errors import WiringError
 from cosim.experiments import EXPERIMENTS
 from cosim.export.web.scene import Body, Scene, Value, scene_data
@@ -223,6 +225,37 @@ def test_a_preview_that_sensors_give_is_not_the_road() -> None:
 def test_a_shortened_preview_has_its_own_length() -> None:
     with wired("hmmwv", controller="mpc-preview", preview_steps=5) as system:
         assert [len(p.heights) for p in scene_of(system).points] == [6, 6]
+
+
+class _Predicting:
+    """A component of which only the description matters: the next three samples of a suspension."""
+
+    def __init__(self, corner: str) -> None:
+        names = [f"predicted.suspension.{corner}.deflection[{i}]" for i in (1, 2, 3)]
+        outputs = {n: Variable(n, "real", causality="output") for n in names}
+        self.description = Description("Predicting", outputs, kind="discrete", sample_time=Fraction(1, 50))
+
+    def bind(self) -> None:
+        """Never run."""
+
+    def close(self) -> None:
+        """Holds nothing."""
+
+
+def test_predicted_travel_begins_with_that_of_now() -> None:
+    with wired("hmmwv") as system:
+        system.add("law", _Predicting("fl"))
+        scene = scene_of(system)
+        (line,) = (p for p in scene.points if p.role == "predicted")
+        values = dict.fromkeys(scene.variables, 0.0) | {
+            "speed.x": 20.0, "speed.speed": 10.0, "car.suspension.fl.deflection": 0.01, "law.predicted.suspension.fl.deflection[1]": 0.02,
+            "law.predicted.suspension.fl.deflection[3]": -0.03,
+        }  # fmt: skip
+        (strut,) = (s for s in scene.struts if s.wheel == "fl")
+        level = strut.at[2] + scene.bodies[0].z.at_rest  # type: ignore[union-attr]
+        assert [h.of(values) - level for h in line.heights] == pytest.approx([0.01, 0.02, 0.0, -0.03])  # type: ignore[union-attr]
+        assert line.x.of(values) == pytest.approx(21.651)  # type: ignore[union-attr]
+        assert line.spacing.of(values) == pytest.approx(0.2)  # type: ignore[union-attr]
 
 
 def test_actuators_show_the_force_that_reaches_the_car() -> None:

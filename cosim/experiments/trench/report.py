@@ -229,7 +229,7 @@ def _player(id_: str, takes: list[Take]) -> Animation:
         "Left wheels, to scale; positions count from the start of the trench. Orange: force of the ground on a tire, drawn where it "
         "acts. Red: contact of bumpers and belly; its height is that of the part, not the very point of contact. The hull above the "
         "belly line is drawn for orientation. Both runs share the clock; the road in view follows each vehicle. Frames are 20 ms apart: "
-        "peaks of impacts between them are in the time histories and tables. An arrow too long for the picture is cut, and says so.",
+        "peaks of impacts between them are in the time histories and tables. Arrows are to one scale, which the longest of all runs sets.",
         takes,
     )  # fmt: skip
 
@@ -349,25 +349,15 @@ def _costs(study: Results) -> Section:
     )  # fmt: skip
     layers = [Layer(_NAMES[s], [[scaled[s][length, speed] for length in LENGTHS] for speed in SPEEDS]) for s in SYSTEMS]
     limit = normalised(cost_of_limits(), costs(study))
-    grid: dict[str, Any] = {
-        "x_label": "trench length [m]", "y_label": "speed [km/h]", "value_label": "normalised cost [-]", "x": LENGTHS, "y": SPEEDS,
-        "layers": layers, "value_range": (0.0, max(1.0, limit)),
-    }  # fmt: skip
     contour = Map(
         "figure-5-40",
-        "Normalised cost over length and speed (figure 5.40)",
-        "Both on one scale, that of figure 5.41; low is good.",
-        **grid,
-    )
-    surface = Map(
-        "figure-5-41",
-        "The same as surfaces (figure 5.41)",
-        f"The plane is the cost of a crossing that just meets every limit of Table 5.3 ({limit:.2f}). Drag to turn.",
-        view="surface",
-        reference=limit,
-        **grid,
-    )
-    return Section("Cost", figures=[contour, surface], tables=[table])
+        "Normalised cost over length and speed (figures 5.40 and 5.41)",
+        "On one scale; low is good. The red line, where there is one, is the cost of a crossing that just meets every limit of "
+        f"Table 5.3 ({limit:.2f}), the plane of figure 5.41.",
+        x_label="trench length [m]", y_label="speed [km/h]", value_label="normalised cost [-]", x=LENGTHS, y=SPEEDS, layers=layers,
+        value_range=(0.0, max(1.0, limit)), reference=limit,
+    )  # fmt: skip
+    return Section("Cost", figures=[contour], tables=[table])
 
 
 # ---------------------------------------------------------------------- figures

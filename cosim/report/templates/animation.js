@@ -1,10 +1,24 @@
 "use strict";
 (() => {
-  const INK = "#1a2330", MUTED = "#55606e", RULE = "#aab3be", SOIL = "#d9cdb8", SOIL_EDGE = "#7a6647", SKY = "#fbfcfd";
-  const HULL = "#7f9a72", HULL_EDGE = "#3c5233", TIRE = "#2b2f36", RIM = "#c9ced6", STRUT = "#0b4f8a";
-  const ARROW = { ground: "#d55e00", body: "#c2185b" };
-  const LINES = ["#767676", "#0072b2", "#009e73", "#b5578f"], DASHES = [[6, 4], [], [2, 3], [9, 3, 2, 3]];
+  const PALETTES = {
+    light: {
+      ink: "#1a2330", muted: "#55606e", rule: "#aab3be", soil: "#d9cdb8", soilEdge: "#7a6647", sky: "#fbfcfd", mark: "rgba(26,35,48,.28)",
+      hull: "#7f9a72", hullEdge: "#3c5233", tire: "#2b2f36", rim: "#c9ced6", spoke: "#8a929e", strut: "#0b4f8a", halo: "#ffffff",
+      ground: "#d55e00", body: "#c2185b",
+      lines: ["#767676", "#0072b2", "#009e73", "#b5578f"],
+    },
+    dark: {
+      ink: "#e4e8ee", muted: "#a7b0bc", rule: "#5d6875", soil: "#4a4030", soilEdge: "#a8906a", sky: "#161c25", mark: "rgba(228,232,238,.35)",
+      hull: "#5f7a55", hullEdge: "#b3cda6", tire: "#0b0d10", rim: "#8a929e", spoke: "#4a515c", strut: "#7db9ee", halo: "#12171e",
+      ground: "#f2803d", body: "#ff7fab",
+      lines: ["#9aa3ad", "#4a9ede", "#2fc49a", "#e08cc0"],
+    },
+  };
+  const DASHES = [[6, 4], [], [2, 3], [9, 3, 2, 3]];
   const PHASES = ["#55606e", "#0072b2", "#9a5b00", "#7b3fa0", "#00705a", "#a3341f"];
+  let paint = PALETTES.light, printing = false;
+  const isDark = () => !printing && (document.documentElement.dataset.theme
+    ? document.documentElement.dataset.theme === "dark" : matchMedia("(prefers-color-scheme: dark)").matches);
   const FONT = "12px 'Helvetica Neue', Helvetica, Arial, sans-serif";
   const SPEEDS = [0.1, 0.25, 0.5, 1, 2, 4];
   const LOW = -1.2, HIGH = 3.05; // m, what is in view
@@ -39,7 +53,7 @@
 
   // a canvas as sharp as the screen, its units CSS pixels
   const surface = (canvas, height) => {
-    const width = canvas.clientWidth, ratio = window.devicePixelRatio || 1;
+    const width = canvas.clientWidth, ratio = printing ? 4 : window.devicePixelRatio || 1;
     if (canvas.width !== Math.round(width * ratio) || canvas.height !== Math.round(height * ratio)) {
       canvas.width = Math.round(width * ratio);
       canvas.height = Math.round(height * ratio);
@@ -58,7 +72,7 @@
     if (length < 3) return;
     const head = Math.min(9, 0.5 * length), ux = dx / length, uy = dy / length;
     const tip = [x + dx, y + dy], neck = [tip[0] - head * ux, tip[1] - head * uy];
-    for (const [style, wide] of [["#fff", 6], [color, 3]]) {
+    for (const [style, wide] of [[paint.halo, 6], [color, 3]]) {
       pen.strokeStyle = style;
       pen.lineWidth = wide;
       pen.beginPath();
@@ -81,7 +95,7 @@
     const centre = at(scene.bodies[0].x, place);
     const px = (x) => width / 2 + (x - centre) * scale, py = (z) => (HIGH - z) * scale;
 
-    pen.fillStyle = SKY;
+    pen.fillStyle = paint.sky;
     pen.fillRect(0, 0, width, height);
     // ground, level beyond its ends
     const ground = scene.ground, last = ground[ground.length - 1];
@@ -93,22 +107,22 @@
     pen.lineTo(Math.min(-10, px(ground[0][0])), height + 10);
     pen.lineTo(Math.min(-10, px(ground[0][0])), py(ground[0][1]));
     pen.closePath();
-    pen.fillStyle = SOIL;
+    pen.fillStyle = paint.soil;
     pen.fill();
-    pen.strokeStyle = SOIL_EDGE;
+    pen.strokeStyle = paint.soilEdge;
     pen.lineWidth = 2;
     pen.stroke();
     // a mark every metre along the road
     pen.textAlign = "center";
     pen.textBaseline = "alphabetic";
     for (let x = Math.ceil(centre - options.width / 2); x <= centre + options.width / 2; x += 1) {
-      pen.strokeStyle = "rgba(26,35,48,.28)";
+      pen.strokeStyle = paint.mark;
       pen.lineWidth = 1;
       pen.beginPath();
       pen.moveTo(px(x), height - 16);
       pen.lineTo(px(x), height - (x % 5 ? 20 : 24));
       pen.stroke();
-      pen.fillStyle = MUTED;
+      pen.fillStyle = paint.muted;
       if (scale > 42 || x % 2 === 0) pen.fillText(`${x}${x % 5 ? "" : " m"}`, px(x), height - 4);
     }
 
@@ -131,18 +145,18 @@
         pen[i ? "lineTo" : "moveTo"](px(x), py(z));
       });
       pen.closePath();
-      pen.fillStyle = HULL;
+      pen.fillStyle = paint.hull;
       pen.fill();
-      pen.strokeStyle = HULL_EDGE;
+      pen.strokeStyle = paint.hullEdge;
       pen.lineWidth = 2;
       pen.stroke();
     }
     for (const wheel of scene.wheels) {
       const x = px(at(wheel.x, place)), y = py(at(wheel.z, place)), r = wheel.radius * scale, turn = at(wheel.turn, place);
       const disc = (radius, fill) => { pen.beginPath(); pen.arc(x, y, radius, 0, 2 * Math.PI); pen.fillStyle = fill; pen.fill(); };
-      disc(r, TIRE);
-      disc(0.58 * r, RIM);
-      pen.strokeStyle = "#8a929e";
+      disc(r, paint.tire);
+      disc(0.58 * r, paint.rim);
+      pen.strokeStyle = paint.spoke;
       pen.lineWidth = Math.max(1.5, 0.06 * r);
       pen.beginPath();
       for (let k = 0; k < 6; k += 1) {
@@ -151,10 +165,10 @@
         pen.lineTo(x + 0.52 * r * Math.cos(a), y + 0.52 * r * Math.sin(a));
       }
       pen.stroke();
-      disc(0.16 * r, TIRE);
+      disc(0.16 * r, paint.tire);
     }
     for (const strut of scene.struts) {
-      for (const [from, to, wide, style] of [[1, 2, 7, "#fff"], [0, 1, 10, "#fff"], [1, 2, 3.5, STRUT], [0, 1, 7, STRUT]]) {
+      for (const [from, to, wide, style] of [[1, 2, 7, paint.halo], [0, 1, 10, paint.halo], [1, 2, 3.5, paint.strut], [0, 1, 7, paint.strut]]) {
         pen.strokeStyle = style;
         pen.lineWidth = wide * Math.min(1.3, scale / 48);
         pen.beginPath();
@@ -163,58 +177,47 @@
         pen.stroke();
       }
     }
-    const longest = 1.9 * scale; // px; what is longer is cut and marked
     for (const force of scene.forces) {
-      let fx = at(force.fx, place) / options.forceScale * scale, fz = at(force.fz, place) / options.forceScale * scale;
-      const length = Math.hypot(fx, fz), cut = length > longest;
-      if (cut) { fx *= longest / length; fz *= longest / length; }
+      const fx = at(force.fx, place) / options.forceScale * scale, fz = at(force.fz, place) / options.forceScale * scale;
       const x = px(at(force.x, place)), y = py(at(force.z, place));
-      arrow(pen, x, y, fx, -fz, ARROW[force.role]);
-      if (cut || force.role === "body" && length > 3) {
-        pen.fillStyle = ARROW[force.role];
+      arrow(pen, x, y, fx, -fz, paint[force.role]);
+      const length = Math.hypot(fx, fz);
+      if (force.role === "body" && length > 3) {
+        const text = `${Math.round(length / scale * options.forceScale / 1e3)} kN`;
+        const where = [Math.min(x + fx + 6, width - pen.measureText(text).width - 6), Math.max(y - fz + 4, 34)];
         pen.textAlign = "left";
-        const size = Math.round(length / scale * options.forceScale / 1e3);
         pen.lineWidth = 3;
-        pen.strokeStyle = "#fff";
-        const text = cut ? `${size} kN, arrow cut` : `${size} kN`;
-        const where = [Math.min(x + fx + 6, width - pen.measureText(text).width - 6), Math.max(y - fz + 4, 14)];
+        pen.strokeStyle = paint.halo;
         pen.strokeText(text, ...where);
+        pen.fillStyle = paint[force.role];
         pen.fillText(text, ...where);
-        if (cut) { // a break across the shaft, as drawings have it
-          const ux = fx / longest, uy = -fz / longest, mx = x + 0.6 * fx, my = y - 0.6 * fz;
-          pen.beginPath();
-          for (const along of [-2, 2]) {
-            pen.moveTo(mx + along * ux - 5 * uy, my + along * uy + 5 * ux);
-            pen.lineTo(mx + along * ux + 5 * uy, my + along * uy - 5 * ux);
-          }
-          pen.strokeStyle = ARROW[force.role];
-          pen.lineWidth = 1.5;
-          pen.stroke();
-        }
       }
     }
     // scales
     const label = (text, x, color) => {
       pen.textAlign = "left";
       pen.lineWidth = 3;
-      pen.strokeStyle = SKY;
+      pen.strokeStyle = paint.sky;
       pen.strokeText(text, x, 20);
       pen.fillStyle = color;
       pen.fillText(text, x, 20);
       return x + pen.measureText(text).width + 18;
     };
-    pen.strokeStyle = INK;
+    pen.strokeStyle = paint.ink;
     pen.lineWidth = 1.5;
     pen.beginPath();
     pen.moveTo(10, 12); pen.lineTo(10, 16); pen.lineTo(10 + scale, 16); pen.lineTo(10 + scale, 12);
     pen.stroke();
-    let x = label("1 m", 16 + scale, INK);
+    let x = label("1 m", 16 + scale, paint.ink);
+    // a round force, as long as half a metre or more, stands for both kinds
     const roles = new Set(scene.forces.map((force) => force.role));
+    const decade = 10 ** Math.floor(Math.log10(0.5 * options.forceScale));
+    const sample = [1, 2, 5, 10].map((k) => k * decade).find((size) => size >= 0.5 * options.forceScale);
+    const long = sample / options.forceScale * scale;
     for (const [role, text] of [["ground", "on wheels"], ["body", "on body"]]) {
       if (!roles.has(role)) continue;
-      arrow(pen, x, 16, role === "ground" ? scale : 0.5 * scale, 0, ARROW[role]);
-      const size = Math.round(options.forceScale / 1e3 * (role === "ground" ? 1 : 0.5));
-      x = label(`${size} kN ${text}`, x + (role === "ground" ? 1 : 0.5) * scale + 6, ARROW[role]);
+      arrow(pen, x, 16, long, 0, paint[role]);
+      x = label(`${sample / 1e3} kN ${text}`, x + long + 6, paint[role]);
     }
   };
 
@@ -248,13 +251,13 @@
         i = k;
       }
     }
-    pen.strokeStyle = RULE;
+    pen.strokeStyle = paint.rule;
     pen.lineWidth = 1;
     pen.strokeRect(left, top, width - left - right, bottom - top);
     pen.beginPath();
     pen.moveTo(left, y(0)); pen.lineTo(width - right, y(0));
     pen.stroke();
-    pen.fillStyle = MUTED;
+    pen.fillStyle = paint.muted;
     pen.textAlign = "right";
     pen.textBaseline = "middle";
     [...new Set([low, 0, high])].forEach((v) => {
@@ -267,7 +270,7 @@
     take.scenes.forEach((scene, n) => {
       const reading = scene.readings[0];
       if (!reading) return;
-      pen.strokeStyle = LINES[n % LINES.length];
+      pen.strokeStyle = paint.lines[n % paint.lines.length];
       pen.setLineDash(DASHES[n % DASHES.length]);
       pen.lineWidth = 1.8;
       pen.beginPath();
@@ -277,27 +280,27 @@
     });
     let place = left;
     pen.textAlign = "left";
-    pen.fillStyle = INK;
+    pen.fillStyle = paint.ink;
     const label = `${series[0].quantity} [${series[0].unit}]`;
     pen.fillText(label, place, 14);
     place += pen.measureText(label).width + 18;
     take.scenes.forEach((scene, n) => {
-      pen.strokeStyle = LINES[n % LINES.length];
+      pen.strokeStyle = paint.lines[n % paint.lines.length];
       pen.setLineDash(DASHES[n % DASHES.length]);
       pen.beginPath();
       pen.moveTo(place, 10); pen.lineTo(place + 26, 10);
       pen.stroke();
       pen.setLineDash([]);
-      pen.fillStyle = INK;
+      pen.fillStyle = paint.ink;
       pen.fillText(scene.title, place + 31, 14);
       place += 31 + pen.measureText(scene.title).width + 18;
     });
-    pen.strokeStyle = INK;
+    pen.strokeStyle = paint.ink;
     pen.lineWidth = 1.5;
     pen.beginPath();
     pen.moveTo(x(time), top - 4); pen.lineTo(x(time), bottom + 3);
     pen.stroke();
-    pen.fillStyle = INK;
+    pen.fillStyle = paint.ink;
     pen.beginPath();
     pen.arc(x(time), top - 4, 4, 0, 2 * Math.PI);
     pen.fill();
@@ -383,6 +386,7 @@
     };
 
     const draw = () => {
+      paint = isDark() ? PALETTES.dark : PALETTES.light;
       for (const { scene, canvas, phase, cells } of views) {
         drawScene(canvas, scene, time, data);
         const place = Math.min(time, scene.duration) / scene.step;
@@ -448,7 +452,9 @@
     window.addEventListener("hashchange", fromHash);
     if (!fromHash()) load(0, 0);
     new ResizeObserver(() => draw()).observe(stage);
-    window.addEventListener("beforeprint", draw);
+    window.addEventListener("recolored", draw);
+    window.addEventListener("beforeprint", () => { printing = true; draw(); });
+    window.addEventListener("afterprint", () => { printing = false; draw(); });
   };
 
   document.querySelectorAll("[data-animation]").forEach(start);

@@ -11,8 +11,9 @@ class SceneView {
     "sky", "soil", "soil-deep", "road", "road-mark", "track", "ink", "muted", "halo", "hull", "panel", "glass", "dark", "steel", "lamp", "tail", "mass", "paint", "bonnet",
     "tire", "tread", "rim", "hub", "spring", "damper", "ground-force", "actuator-force", "body-force", "preview", "sensed", "predicted", "limit", "shadow",
   ];
-  static WORDS = { ground: "ground on tire", actuator: "actuator on body", body: "ground on body", preview: "preview", sensed: "sensed road", predicted: "predicted" };
+  static WORDS = { ground: "ground on tire", actuator: "actuator on body", body: "ground on body", preview: "preview", sensed: "sensed road", predicted: "predicted travel" };
   static SAMPLES = 150; // of the road in view
+  static NARROW = 520; // px
   static TURN = 350; // ms, from one view to another
 
   constructor(canvas, data, { value, ground = () => null, reducedMotion = false, camera = null }) {
@@ -291,7 +292,8 @@ class SceneView {
     this.height = height;
     const along = Math.abs(this.right[0]), across = Math.abs(this.right[1]), depth = 2 * this.halfWidth;
     const tall = this.top - this.bottom, below = this.onRoad ? 0.16 * data.width * (this.carved ? 1 : 0.5) : 0;
-    const wide = data.width * along + 1.5 * depth * across, high = (1.28 * tall + below) * ce + (0.4 * data.width * Math.abs(ca) + depth) * se;
+    const shown = data.width * (width < SceneView.NARROW ? 0.8 : 1); // a phone shows less of the road, and larger
+    const wide = shown * along + 1.5 * depth * across, high = (1.28 * tall + below) * ce + (0.4 * shown * Math.abs(ca) + depth) * se;
     this.scale = camera.zoom * Math.min(width / wide, height / high);
     const body = data.bodies[data.follow];
     const ahead = this.onRoad ? 0.07 * data.width : 0;
@@ -638,13 +640,15 @@ class SceneView {
   // Heights over the past, on paper that moves away.
   drawTraces(time) {
     const { pen, color, data } = this;
+    const seen = Math.abs(this.right[0]) > 0.3; // not along the paper
     data.traces.forEach((trace, i) => {
       const past = this.history[i], z = this.raw(trace.z), length = 0.5 * data.width + trace.x; // to the left edge
       if (!past.length || time - past[past.length - 1][0] > length / trace.speed / 300) past.push([time, z]);
       while (past.length && (time - past[0][0]) * trace.speed > length) past.shift();
+      if (!seen) return;
       const points = [...past, [time, z]].map(([t, h]) => [trace.x - trace.speed * (time - t), trace.y, this.rest(trace.z) + this.exaggeration * (h - this.rest(trace.z))]);
       pen.lineWidth = trace.role === "ground" ? 2 : 1.6;
-      pen.strokeStyle = { ground: color.soil, wheel: color.muted, body: color.mass }[trace.role];
+      pen.strokeStyle = { ground: color["road-mark"], wheel: color.muted, body: color.mass }[trace.role];
       this.path(points, false);
       pen.stroke();
       const [x, y] = this.screen(points[points.length - 1]);
@@ -732,13 +736,18 @@ class SceneView {
     this.path(rings[3]);
     pen.fill();
     pen.stroke();
-    // sidewall, rim, spokes that turn
+    if (Math.abs(SceneView.dot(axis, this.towards)) > 0.04) this.drawRim(w, near, count); // not from its edge
+  }
+
+  // Sidewall, rim, spokes that turn, and a ring where a limit is active.
+  drawRim(w, near, count) {
+    const { pen, color } = this;
     const disc = (radius, style) => {
       pen.fillStyle = style;
       this.path(this.ring(w, radius, near, radius > 0.7 ? count : 28));
       pen.fill();
     };
-    disc(0.86, this.color.tread);
+    disc(0.86, color.tread);
     disc(0.80, color.tire);
     disc(0.60, color.rim);
     disc(0.53, SceneView.mixed(color.rim, 0.86));
@@ -858,6 +867,7 @@ class SceneView {
 
   drawPoints() {
     const { pen, color, data } = this;
+    if (Math.abs(this.right[0]) < 0.15) return; // from behind, what is ahead is hidden
     for (const points of data.points) {
       const x = this.raw(points.x), y = this.raw(points.y), spacing = this.raw(points.spacing);
       const there = points.heights.map((h, i) => [x + i * spacing, y, this.exaggeration * this.raw(h)]), near = this.isNear(x, y);
@@ -1045,7 +1055,7 @@ class SceneView {
     data.limits.forEach((limit, i) => {
       if (!this.lit[i] || line > 4) return;
       pen.font = `600 12px ${this.font}`;
-      const wide = pen.measureText(limit.label).width + 16, top = y + 16 + 24 * line;
+      const wide = pen.measureText(limit.label).width + 16, top = this.width < SceneView.NARROW ? this.height - 26 - 24 * line : y + 16 + 24 * line;
       pen.fillStyle = color.limit;
       pen.beginPath();
       pen.rect(this.width - wide - 8, top, wide, 20);
