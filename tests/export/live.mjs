@@ -26,17 +26,20 @@ for (const colorScheme of ["light", "dark"]) {
   for (const width of [390, 1400]) {
     const context = await browser.newContext({ viewport: { width, height: 900 }, colorScheme });
     const page = await open(context);
+    const clock = () => page.evaluate(() => new Promise((done) => requestAnimationFrame((now) => done([page.time, now / 1000]))));
+    const from = await clock();
     await page.waitForTimeout(3000);
+    const to = await clock();
     const view = await page.evaluate(() => ({
       state: document.documentElement.dataset.state, ready: performance.getEntriesByName("ready")[0].startTime / 1000,
-      overflow: document.documentElement.scrollWidth - innerWidth, time: page.time, running: page.running,
+      overflow: document.documentElement.scrollWidth - innerWidth, running: page.running,
       labels: [...document.querySelectorAll("canvas")].map((c) => c.getAttribute("aria-label")),
     }));
     await page.screenshot({ path: join(folder, `${width}-${colorScheme}.png`), fullPage: true });
     await page.evaluate(axe.source);
     const { violations } = await page.evaluate(() => window.axe.run());
     view.violations = violations.map(({ id, impact, help, nodes }) => ({ id, impact, help, nodes: nodes.slice(0, 3).map((n) => n.html.slice(0, 200)) }));
-    found.views.push({ width, scheme: colorScheme, ...view });
+    found.views.push({ width, scheme: colorScheme, pace: (to[0] - from[0]) / (to[1] - from[1]), ...view });
     await context.close();
   }
 }
@@ -57,7 +60,7 @@ for (let group = 0; group < groups; group++) {
         const row = v.instance.look();
         return {
           title: v.title, failure: v.failure, verdict: v.score.verdict, steps: v.steps,
-          row: Object.fromEntries([...v.instance.place].map(([name, i]) => [name, row[i]])),
+          names: [...v.instance.place.keys()], bits: [...new BigInt64Array(row.buffer)].map(String), // JSON has no -0
           measures: v.score.measures.map((m, i) => v.score.value(i)),
         };
       }),

@@ -6,16 +6,13 @@
 from __future__ import annotations
 
 import csv
-import json
-import os
 import re
-import shutil
-import subprocess
 from pathlib import Path
 from xml.etree import ElementTree
 
 import numpy as np
 import pytest
+from browsers import looked_at
 
 from cosim.report import (
     Animation,
@@ -37,7 +34,6 @@ from cosim.report import (
 
 pytestmark = pytest.mark.pages
 
-MODULES = ("axe-core@4.14.1", "playwright-core@1.65.1")
 LOOK = Path(__file__).with_name("look.mjs")
 ROOT = Path(__file__).parents[2]
 REPORTS = sorted((ROOT / "results").glob("*/report.html"))
@@ -48,23 +44,10 @@ SVG = "{http://www.w3.org/2000/svg}"
 @pytest.fixture(scope="session")
 def look(tmp_path_factory):
     """Calls look.mjs on a page."""
-    browser = os.environ.get("CHROMIUM") or shutil.which("chromium") or shutil.which("google-chrome")
-    missing = [name for name in ("node", "npm") if shutil.which(name) is None] + ([] if browser else ["chromium"])
-    if missing:
-        pytest.skip(f"{', '.join(missing)} not found; pages are looked at in a browser by axe-core, a package of npm")
-    modules = ROOT / "build" / "pages"
-    if any(json.loads(p.read_text())["version"] != v if (p := modules / "node_modules" / n / "package.json").is_file() else True
-           for n, v in (m.split("@") for m in MODULES)):  # fmt: skip
-        modules.mkdir(parents=True, exist_ok=True)
-        subprocess.run(["npm", "install", "--no-save", "--no-package-lock", "--ignore-scripts", "--prefix", modules, *MODULES], check=True)
 
     def run(page: Path) -> dict:
         folder = tmp_path_factory.mktemp("look")
-        done = subprocess.run(
-            ["node", LOOK, modules, page, folder], check=False, capture_output=True, text=True, env=os.environ | {"CHROMIUM": browser}
-        )
-        assert done.returncode == 0, done.stderr
-        return {**json.loads(done.stdout), "folder": folder}
+        return {**looked_at(LOOK, page, folder), "folder": folder}
 
     return run
 

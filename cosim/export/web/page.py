@@ -34,7 +34,7 @@ _ASSETS = Path(__file__).parent / "assets"
 _SCRIPTS = ("fmu.js", "plot.js", "scene.js", "page.js")  # in this order
 _STYLES = ("page.css", "scene.css")
 _TYPES = {name: i for i, name in enumerate(TYPES.values())}
-_SHOWN_EVERY = Fraction(1, 200)  # s, or the nearest number of ticks above
+SHOWN_EVERY = Fraction(1, 200)  # s, or the nearest number of ticks above
 _FMI = 3
 _STEPS = 200  # of a slider from end to end
 _MOST = 4  # systems side by side
@@ -198,7 +198,7 @@ def _gathered(systems: Sequence[Shown], page: WebPage) -> tuple[dict[str, Any], 
     module = compile_module(codes, alone)
     _check_names(systems, codes, page)
     data = {
-        "interval": float(interval), "keep": max(1, math.floor(_SHOWN_EVERY / interval)), "groups": groups, "plots": list(page.plots),
+        "interval": float(interval), "keep": max(1, math.floor(SHOWN_EVERY / interval)), "groups": groups, "plots": list(page.plots),
         "measures": [asdict(m) for m in page.measures],
         "finish": page.finish and {"terms": dict(page.finish.when.terms), "offset": page.finish.when.offset, "patience": page.finish.patience},
         "systems": [
@@ -226,7 +226,7 @@ def _interval(page: WebPage, codes: Sequence[SystemCode]) -> Fraction:
     """Of what is shown: a number of ticks of every system."""
     if page.interval is None:
         tick = max(c.schedule.tick for c in codes)
-        interval = math.ceil(_SHOWN_EVERY / tick) * tick
+        interval = math.ceil(SHOWN_EVERY / tick) * tick
     else:
         interval = positive(page.interval, "interval")
     for c in codes:

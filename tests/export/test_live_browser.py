@@ -1,0 +1,84 @@
+"""The showpieces in Chromium: no error, at least as fast as the clock, accessible, and the bits of the native run.
+
+``make test-pages`` runs these; see `browsers`.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+from browsers import looked_at
+from built import FMUS, BuiltFmus
+from same import bits
+
+from cosim.experiments import EXPERIMENTS
+from cosim.export.web.page import SHOWN_EVERY
+from cosim.study import FmuSet, Runner
+from cosim.study.experiment import resolved
+from cosim.study.loading import load
+from cosim.study.web import write_web
+
+pytestmark = [pytest.mark.pages, pytest.mark.filterwarnings("ignore::cosim.UnconnectedInputsWarning")]
+SCRIPT = Path(__file__).with_name("live.mjs")
+SECONDS = 60
+LARGEST = 3e6  # bytes of a page
+FIRST = 2.0  # s, until it is there
+SHOWN = sorted(name for name, place in EXPERIMENTS.items() if load(place).web is not None)
+
+
+@pytest.fixture(scope="module", params=SHOWN)
+def shown(request: pytest.FixtureRequest, built_fmus: BuiltFmus, tmp_path_factory: pytest.TempPathFactory) -> Any:  # noqa: ARG001
+    """Experiment, page, and what was found of it."""
+    experiment = load(EXPERIMENTS[request.param])
+    folder = tmp_path_factory.mktemp(request.param)
+    path = write_web(experiment, FmuSet(FMUS), folder / "page.html", experiment.case())
+    return experiment, path, looked_at(SCRIPT, path, folder, str(SECONDS))
+
+
+def test_the_page_is_small_and_soon_there(shown) -> None:
+    _, path, found = shown
+    assert path.stat().st_size < LARGEST
+    assert [v["ready"] for v in found["views"] if v["ready"] > FIRST] == []
+
+
+def test_it_says_and_asks_nothing(shown) -> None:
+    _, _, found = shown
+    assert found["errors"] == []
+    assert found["asked"] == []
+
+
+def test_it_runs_as_fast_as_the_clock_and_can_be_read_by_everyone(shown) -> None:
+    _, _, found = shown
+    assert found["waits"]  # where reduced motion is asked for
+    for view in found["views"]:
+        assert view["state"] == "ready"
+        assert view["overflow"] <= 0
+        assert view["pace"] > 0.95  # with all systems and their pictures
+        assert [(v["id"], v["help"], v["nodes"]) for v in view["violations"] if v["impact"] in ("serious", "critical")] == []
+        assert all(label and "NaN" not in label for label in view["labels"])
+    for group in found["groups"]:
+        assert group["seconds"] < SECONDS
+
+
+def test_its_numbers_are_those_of_the_native_run(shown) -> None:
+    experiment, _, found = shown
+    live = resolved(experiment.web)(experiment.case())
+    seen = [s for group in found["groups"] for s in group["systems"]]
+    assert len(seen) == len(live.cases)
+    for case, page in zip(live.cases, seen, strict=True):
+        assert page["title"] == case.title
+        assert page["failure"] is None
+        with Runner(experiment, FmuSet(FMUS)) as runner:
+            system = runner.system(case.case)
+            for name, value in case.values.items():
+                member, variable = system.members.parts(name)
+                system[member].set({variable: value})
+            names = page["names"]
+            with system.initialize(record=names, allow_unconnected=True) as simulation:
+                simulation.advance(page["steps"] * (live.page.interval or SHOWN_EVERY))
+                native = [float(simulation[n]) for n in names]
+        assert list(map(int, page["bits"])) == bits(native).tolist(), (case.title, page["steps"])
+        if live.page.finish is not None:
+            assert page["verdict"] in ("passed", "failed", "stuck")
