@@ -491,6 +491,7 @@ def test_claims_and_sections_of_the_preview_chain():
     }
     assert {f.id for f in made.figures} == {"preview-generated", "preview-chain", "preview-dropout"}
     assert words(COMPENSATED) in [row[0] for t in made.tables for row in t.rows]
+    assert "its resolution of 10 mm, " in next(f.caption for f in made.figures if f.id == "preview-chain")
 
 
 def test_claims_on_the_preview_follow_the_numbers():
@@ -527,6 +528,12 @@ def test_each_half_of_a_criterion_counts(name, changes, verdict):
     found = {c.id: c for c in PREVIEW.judge(altered(made_up_study(), changes))}
     assert found[name].verdict == verdict
     assert found["preview-dip-compensated"].unit == "mm"
+
+
+def test_what_a_chain_records_is_of_its_kind():
+    assert {"sensors.range.left", "preview_sensor.sensed.left.x"} < set(chains.recorded(chains.Case(preview="sensed")))
+    generated_ = chains.recorded(chains.Case(preview="generated"))
+    assert generated_ == ["speed.x", "map.road.fl.height", "road.road.fl.height", "sensors.loadcell.fl"]
 
 
 def test_a_failed_run_of_the_chain_leaves_open_what_needs_it_and_nothing_else():
