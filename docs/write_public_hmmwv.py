@@ -3,6 +3,8 @@
     python docs/write_public_hmmwv.py                       # half-rounds, with rigid bodies beside them: two minutes
     python docs/write_public_hmmwv.py --courses FOLDER      # also the measured courses, which are data of others
 
+    python docs/write_public_hmmwv.py --modes               # only natural frequencies and damping: seconds
+
 Without a folder the table of courses stays as it is.
 """
 
@@ -14,6 +16,7 @@ import tempfile
 from pathlib import Path
 
 import numpy as np
+from scipy.optimize import linear_sum_assignment
 
 HERE = Path(__file__).parent
 sys.path.insert(0, str(HERE.parent / "tests"))
@@ -21,10 +24,13 @@ sys.path.insert(0, str(HERE.parent / "tests"))
 from oracles.multibody import MultibodyCar, half_round  # noqa: E402
 
 from build_fmus.compile import ObjectCache, resolve_platforms  # noqa: E402
+from build_fmus.component import Linearization, Model  # noqa: E402
 from build_fmus.package import build_fmu  # noqa: E402
 from cosim import System  # noqa: E402
+from fmu_sources.plants import full_car, linear_ride_car, ride_car, wishbone_car  # noqa: E402
+from fmu_sources.plants.linear_car import WITHOUT_SLIP, at_rest, linear_values, positions_of  # noqa: E402
 from fmu_sources.roads import RoadLayout, road_from_file  # noqa: E402
-from fmu_sources.vehicles import load_wishbone_car  # noqa: E402
+from fmu_sources.vehicles import load_full_car, load_ride_car, load_wishbone_car  # noqa: E402
 
 PAGE = HERE / "public-hmmwv.md"
 FMUS = HERE.parent / "fmus" / "fmi3"
@@ -136,6 +142,51 @@ def judged() -> str:
     return text
 
 
+SHAPES = {  # body height, roll, pitch, wheels fl, fr, rl, rr; m and rad
+    "heave": (1, 0, 0, 0.2, 0.2, 0.2, 0.2), "pitch": (0, 0, 0.7, -0.2, -0.2, 0.2, 0.2), "roll": (0, 1, 0, 0.2, -0.2, 0.2, -0.2),
+    "front wheels, together": (0, 0, 0, 1, 1, 0, 0), "front wheels, opposed": (0, 0, 0, 1, -1, 0, 0),
+    "rear wheels, together": (0, 0, 0, 0, 0, 1, 1), "rear wheels, opposed": (0, 0, 0, 0, 0, 1, -1),
+}  # fmt: skip
+"""How modes of the ride look, roughly: a mode is named after the one that it is most like."""
+
+
+def modes(lin: Linearization) -> dict[str, complex]:
+    """Eigenvalue [rad/s] of each of :data:`SHAPES` that oscillates, of any linear model with a ride car's positions."""
+    values, vectors = np.linalg.eig(lin.A)
+    moving = positions_of(lin) @ vectors
+    like = np.array(list(SHAPES.values()), dtype=float) @ moving / np.maximum(np.linalg.norm(moving, axis=0), 1e-12)
+    ride = np.linalg.norm(moving * values, axis=0) / np.linalg.norm(vectors, axis=0)
+    fitting = np.abs(like) * np.minimum(1.0, ride)  # not the modes of spins, slips and the course
+    fitting[:, values.imag <= 0] = 0.0
+    rows, columns = linear_sum_assignment(-fitting)
+    return {list(SHAPES)[r]: complex(values[c]) for r, c in zip(rows, columns, strict=True) if fitting[r, c]}
+
+
+def modes_table() -> str:
+    """Natural frequencies and damping of linear cars, and of nonlinear ones near rest."""
+    public, published = load_wishbone_car("hmmwv_public"), load_full_car("hmmwv")
+    nonlinear, other = wishbone_car(public).model(), full_car(published).model()
+    mean = {n: v for n, v in linear_values(public).items() if n not in WITHOUT_SLIP}
+
+    def rolling(car: Model, kmh: float, values: dict[str, float]) -> Linearization:
+        return at_rest(car, values, kmh / 3.6)
+
+    columns = {
+        "`RideCarHmmwv` (001)": ride_car(load_ride_car("ride_car_hmmwv")).linearize(),
+        "`RideCarHmmwvPublic`": linear_ride_car(public).linearize(),
+        "`FullCarHmmwvPublic`, 40 km/h": rolling(nonlinear, 40, mean),
+        "80 km/h": rolling(nonlinear, 80, mean),
+        "`FullCarHmmwv` (000)": at_rest(other, WITHOUT_SLIP),
+    }
+    found = {n: modes(lin) for n, lin in columns.items()}
+    text = "| mode | " + " | ".join(columns) + " |\n" + "|---" * (1 + len(columns)) + "|\n"
+    for shape in SHAPES:
+        own = [m.get(shape) for m in found.values()]
+        words = ["aperiodic" if v is None else f"{abs(v) / (2 * np.pi):.2f} Hz, {-v.real / abs(v):.2f}" for v in own]
+        text += f"| {shape} | {' | '.join(words)} |\n"
+    return text
+
+
 def put(text: str, name: str, new: str) -> str:
     """The page with what stands between the marks of a table replaced."""
     begin, end = f"<!-- {name}: written by docs/write_public_hmmwv.py -->\n", f"<!-- end of {name} -->"
@@ -147,8 +198,13 @@ def main() -> None:
     """Run, and write the page."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--courses", type=Path, help="folder with detrended_rms_course_1in.crg and ..._2in.crg")
-    folder = parser.parse_args().courses
-    text = PAGE.read_text(encoding="utf-8")
+    parser.add_argument("--modes", action="store_true", help="only the table of natural frequencies")
+    given = parser.parse_args()
+    folder = given.courses
+    text = put(PAGE.read_text(encoding="utf-8"), "modes", modes_table())
+    if given.modes:
+        PAGE.write_text(text, encoding="utf-8")
+        return
     text = put(text, "half-rounds", table([c for c in PUBLISHED if "half" in c[0]], None))
     if folder is not None:
         text = put(text, "courses", table([c for c in PUBLISHED if "RMS" in c[0]], folder))

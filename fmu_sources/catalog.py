@@ -449,6 +449,10 @@ def _wishbone_car(vehicle: Source, name: str, _: str = "") -> Component:
     return _call("plants", "wishbone_car", _load("wishbone_car", vehicle), name=name)
 
 
+def _linear_car(vehicle: Source, name: str, _: str = "") -> Component:
+    return _call("plants", "linear_ride_car", _load("wishbone_car", vehicle), name=name)
+
+
 def _half_round(vehicle: Source, name: str, _: str) -> Component:
     return _call("roads", "road_half_round", _layout(vehicle, GPC_PREVIEW), name=name)
 
@@ -538,7 +542,9 @@ _ACTUATOR: dict[str, tuple[str, Make]] = {
 }  # fmt: skip
 _WISHBONE: dict[str, tuple[str, Make]] = {
     "FullCar{v}": ("full car on double wishbones by their hardpoints, tables, enveloping tires", _wishbone_car),
+    "RideCar{v}": ("linear 7-DOF ride car of that car near rest, by its own derivatives", _linear_car),
     "RoadHalfRound{v}": ("half-round under tires that envelop it", _half_round),
+    "RoadProvingGround{v}": ("synthetic RMS courses and a half-round under tires that envelop them", _proving_ground(GPC_PREVIEW, 0.0)),
 }
 _KINDS: dict[str, tuple[tuple[dict[str, tuple[str, Make]], tuple[str, ...]], ...]] = {
     "quarter_car": ((_QUARTER_CAR, ("Hmmwv", "Bench")), (_BENCH_LAWS, ("Bench",))),

@@ -18,10 +18,16 @@ KINDS = {
     "gpc": ("full_car",),
     "hmmwv": ("ride_car", "actuator", "sensors"),
     "preview-lq": ("ride_car",),
+    "ride": ("ride_car", "full_car", "three_axle", "wishbone_car", "actuator"),
     "three-axle": ("three_axle", "three_axle_trench"),
     "trench": ("three_axle_trench",),
 }
 """Experiment -> kinds of vehicle files that it runs with."""
+
+
+def enumerated(names: Sequence[str]) -> str:
+    """ "a, b and c"."""
+    return " and ".join(filter(None, [", ".join(names[:-1]), *names[-1:]]))
 
 
 def bases(experiment: str) -> list[str]:
@@ -34,7 +40,7 @@ def unfit(experiment: str, vehicle: Vehicle) -> str:
     if vehicle.kind not in KINDS[experiment]:
         kinds = " or ".join(repr(k) for k in KINDS[experiment])
         others = [e for e, known in KINDS.items() if vehicle.kind in known]
-        return f"describes a {vehicle.kind!r}, with which {' and '.join(others)} can run; {experiment} needs a {kinds}"
+        return f"describes a {vehicle.kind!r}, with which {enumerated(others)} can run; {experiment} needs a {kinds}"
     return no_preview_lq(vehicle) if experiment == "preview-lq" else ""
 
 

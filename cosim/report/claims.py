@@ -15,7 +15,6 @@ from dataclasses import dataclass
 from typing import ClassVar, Literal
 
 import numpy as np
-from scipy import stats
 
 from cosim.report.checks import assign, check_choice, check_id, check_text, plain_value
 
@@ -145,6 +144,10 @@ class Distribution:
     def high(self) -> float:
         return float(np.max(self.values))
 
+    def quantile(self, q: float) -> float:
+        """The least value that at least a share q does not exceed: one that occurred; `nan` if a value is `nan`."""
+        return float(np.quantile(self.values, q, method="inverted_cdf"))
+
     def count(self, holds: Callable[[float], bool]) -> int:
         """How many values are on the claimed side."""
         return sum(bool(holds(v)) for v in self.values)
@@ -152,7 +155,8 @@ class Distribution:
     def clearly(self, holds: Callable[[float], bool]) -> bool:
         """Whether a random design decides for the claimed side: one-sided sign test at 5 % (7 of 8, 5 of 5)."""
         n = len(self.values)
-        return bool(stats.binomtest(self.count(holds), n, 0.5, alternative="greater").pvalue <= _LEVEL)
+        chance = sum(math.comb(n, k) for k in range(self.count(holds), n + 1)) / 2**n  # of at least so many
+        return chance <= _LEVEL
 
     def too_few(self, holds: Callable[[float], bool]) -> bool:
         """Whether all values are on the claimed side, but so few that it may be chance (4 of 4): nothing is decided."""
@@ -175,7 +179,7 @@ class Evidence:
     """One distribution that a claim was judged on, and how many of its values are on the claimed side."""
 
     COLUMNS: ClassVar[tuple[str, ...]] = (
-        "claim", "quantity", "unit", "median", "lowest", "highest", "on the claimed side", "of",
+        "claim", "quantity", "unit", "median", "lowest", "lower quartile", "upper quartile", "highest", "on the claimed side", "of",
     )  # fmt: skip
 
     claim: str
@@ -187,7 +191,7 @@ class Evidence:
     def row(self) -> list[str | float | int]:
         """Cells of a table with :attr:`COLUMNS`; numbers to four significant digits."""
         d = self.distribution
-        spread = [float(f"{x:.4g}") for x in (d.median, d.low, d.high)]
+        spread = [float(f"{x:.4g}") for x in (d.median, d.low, d.quantile(0.25), d.quantile(0.75), d.high)]
         return [self.claim, self.quantity, self.unit, *spread, self.on_side, len(d.values)]
 
 

@@ -123,7 +123,7 @@ def write_sweep(
     if missing := sum(not h for i, h in enumerate(table.histories) if i not in table.failures):
         console.print(f"{missing} histories are not in {folder / HISTORIES}: do all workers reach that folder?")
     path = table.write(folder / "table.parquet")
-    page = write_report(sweep_report(table, fmus, worst=worst), folder)
+    page = write_report(sweep_report(table, fmus, worst=worst, folder=folder), folder)
     console.print(f"table: {path}")
     console.print(f"report: {page}")
     return page

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from build_fmus import extras
 from build_fmus.checks import Array
+from cosim.recording import Recording
 from cosim.report import Figure, Panel, Report, Section, Series, Table
 from cosim.report.checks import Scalar
 from cosim.report.model import Mode
@@ -26,12 +28,13 @@ CONFIDENCE = 0.95
 MOST_METRICS = 6  # that are drawn
 POINTS = 2000  # of a scatter plot
 LINES = 100  # of parallel coordinates
-WORST = 3  # runs that are made again for their time histories
+WORST = 3  # runs whose time histories are shown
 SAMPLES = 2000  # of a time history that is drawn
 
 
-def sweep_report(table: SweepTable, fmus: FmuSet, *, worst: str | None = None) -> Report:
-    """The page. ``worst``: metric whose largest values are the worst, by default the first.
+def sweep_report(table: SweepTable, fmus: FmuSet, *, worst: str | None = None, folder: Path | None = None) -> Report:
+    """The page. ``worst``: metric whose largest values are the worst, by default the first. ``folder``: of the table, in which the
+    histories of the runs lie, if they were kept.
 
     Raises:
         ValueError: no run has such a metric.
@@ -47,7 +50,7 @@ def sweep_report(table: SweepTable, fmus: FmuSet, *, worst: str | None = None) -
         key = worst or next(iter(metrics))
         if key not in metrics:
             raise ValueError(f"--worst {key}: no run has this metric (there are: {', '.join(metrics)})")
-        sections.append(_worst(table, fmus, key, metrics))
+        sections.append(_worst(table, fmus, key, metrics, folder))
     if lost:
         rows: list[list[Scalar]] = [[i, *_cells(sweep, i), m] for i, m in list(table.failures.items())[:100]]
         text = f"{lost} of {n} runs failed; --retry-failed runs them again." + " The first hundred:" * (lost > 100)
@@ -102,17 +105,23 @@ def _values(table: SweepTable, key: str, metric: Metric) -> Array:
 def quantile_interval(values: Array, q: float, confidence: float = CONFIDENCE) -> tuple[float, float, float]:
     """A quantile of the distribution that values (n,) are drawn from, and the order statistics that enclose it with this confidence,
     whatever the distribution (David and Nagaraja, Order Statistics, 7.1); infinite where n is too small."""
-    from scipy.stats import binom
-
     ordered = np.sort(values)
     n = len(ordered)
     tail = (1 - confidence) / 2
-    low, high = int(binom.ppf(tail, n, q)) - 1, int(binom.ppf(1 - tail, n, q))
+    low, high = binomial_quantile(tail, n, q) - 1, binomial_quantile(1 - tail, n, q)
     return (
         float(np.quantile(ordered, q)),
         float(ordered[low]) if low >= 0 else -math.inf,
         float(ordered[high]) if high < n else math.inf,
     )
+
+
+def binomial_quantile(p: float, n: int, q: float) -> int:
+    """Least number of successes, each of chance q, that n trials do not exceed with a chance of p or more."""
+    from scipy import special  # not scipy.stats, which takes 40 MB
+
+    k = math.ceil(special.bdtrik(p, n, q))
+    return k - 1 if k > 0 and special.bdtr(k - 1, n, q) >= p else k
 
 
 def _distributions(table: SweepTable, metrics: Mapping[str, Metric], drawn: Mapping[str, Metric]) -> Section:
@@ -260,16 +269,21 @@ def morris_effects(table: SweepTable, key: str) -> list[tuple[str, float, float]
 
 def rank_correlations(table: SweepTable, key: str) -> list[tuple[str, float]]:
     """(parameter, Spearman's rank correlation with a metric); NaN where one of them does not vary."""
-    from scipy.stats import rankdata
-
     values = table.metrics[key]
     fine = np.isfinite(values)
     found = []
     for name, x in _numeric(table).items():
-        a, b = rankdata(x[fine]), rankdata(values[fine])
+        a, b = ranks(x[fine]), ranks(values[fine])
         varies = len(a) > 1 and np.ptp(a) > 0 and np.ptp(b) > 0
         found.append((name, float(np.corrcoef(a, b)[0, 1]) if varies else math.nan))
     return found
+
+
+def ranks(values: Array) -> Array:
+    """Ranks (n,) from 1; values that are alike have the mean of theirs."""
+    _, which, counts = np.unique(values, return_inverse=True, return_counts=True)
+    mean: Array = np.cumsum(counts) - (counts - 1) / 2
+    return mean[which]
 
 
 def _sensitivity(table: SweepTable, drawn: Mapping[str, Metric]) -> Section:
@@ -319,8 +333,8 @@ def worst_runs(table: SweepTable, key: str, count: int = WORST) -> list[int]:
     return [i for i in ranked[:count] if math.isfinite(values[i])]
 
 
-def _worst(table: SweepTable, fmus: FmuSet, key: str, metrics: Mapping[str, Metric]) -> Section:
-    """The worst runs, made once more for their time histories."""
+def _worst(table: SweepTable, fmus: FmuSet, key: str, metrics: Mapping[str, Metric], folder: Path | None) -> Section:
+    """The worst runs with their time histories: those that were kept, else the runs are made once more."""
     sweep = table.sweep
     runs = worst_runs(table, key)
     rows: list[list[Scalar]] = [
@@ -333,9 +347,12 @@ def _worst(table: SweepTable, fmus: FmuSet, key: str, metrics: Mapping[str, Metr
     )
     histories: dict[str, list[Series]] = {}
     labels: dict[str, str] = {}
+    kept = {i: folder / table.histories[i] for i in runs if folder is not None and table.histories and table.histories[i]}
     with Runner(swept(sweep.experiment, sweep.parameters), fmus) as runner:
         for i in runs:
-            recording: Any = runner.record(runner.experiment.case(**_given(sweep, i)))
+            recording: Any = (
+                Recording.read(kept[i]) if i in kept else runner.record(runner.experiment.case(**_given(sweep, i)))
+            )
             for name in list(recording.names)[:MOST_METRICS]:
                 step = max(1, len(recording) // SAMPLES)
                 signal = np.asarray(recording[name], dtype=float)[::step]
@@ -348,11 +365,18 @@ def _worst(table: SweepTable, fmus: FmuSet, key: str, metrics: Mapping[str, Metr
         else "No run has this metric."
     )
     figures = (
-        [Figure("worst-runs", "Time histories of the worst runs", "Made again for this page.", panels, columns=2)]
+        [Figure("worst-runs", "Time histories of the worst runs", _origin(runs, kept), panels, columns=2)]
         if panels
         else []
     )
     return Section("Worst cases", [text], figures=figures, tables=tables)
+
+
+def _origin(runs: Sequence[int], kept: Collection[int]) -> str:
+    again = [f"{i}" for i in runs if i not in kept]
+    if not kept:
+        return "Made again for this page."
+    return f"As kept with the table; made again for this page: {', '.join(again)}." if again else "As kept with the table."
 
 
 def _given(sweep: Sweep, i: int) -> dict[str, Any]:

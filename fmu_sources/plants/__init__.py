@@ -3,6 +3,7 @@
 ======================  ==========================================================================
 ``quarter_car``         linear quarter car, the smallest complete example
 ``ride_car``            linear ride cars on four or six wheels
+``linear_car``          the linear ride car of a nonlinear car, near rest
 ``full_car``            nonlinear car: body with six degrees of freedom, wheel spin, tires, driver
 ``three_axle_trench``   6x6 over trenches and obstacles, with contact
 ``wishbone_car``        nonlinear car on double wishbones: paths of their hardpoints, tables, enveloping tires
@@ -19,9 +20,10 @@
 
 from fmu_sources.plants.full_car import full_car
 from fmu_sources.plants.hydraulic_actuator import hydraulic_actuator
+from fmu_sources.plants.linear_car import linear_ride_car
 from fmu_sources.plants.quarter_car import quarter_car
 from fmu_sources.plants.ride_car import ride_car
 from fmu_sources.plants.three_axle_trench import three_axle_trench
 from fmu_sources.plants.wishbone_car import wishbone_car
 
-__all__ = ["full_car", "hydraulic_actuator", "quarter_car", "ride_car", "three_axle_trench", "wishbone_car"]
+__all__ = ["full_car", "hydraulic_actuator", "linear_ride_car", "quarter_car", "ride_car", "three_axle_trench", "wishbone_car"]

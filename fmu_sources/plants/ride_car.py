@@ -168,7 +168,7 @@ def ride_car(vehicle: RideCar | ThreeAxleCar, name: str = "RideCarSedan") -> Com
         c.output(f"tire.{k}.force", k.dynamic + k.static - k.tension, "N", "tire force on the wheel, static load included",
                  nominal=1e3, display_unit="kN")  # fmt: skip
 
-    c.stimulate(_stimulus(corners.all("name")))
+    c.stimulate(bump_at_an_angle(corners.all("name")))
     return c
 
 
@@ -186,7 +186,7 @@ def _static_loads(c: Component, mass: Any, corners: Corners) -> None:
     corners.each(static=lambda k: ca.dot(k.arms, share) + k.wheel.mass * g)
 
 
-def _stimulus(corners: list[str]) -> dict[str, Any]:
+def bump_at_an_angle(corners: list[str]) -> dict[str, Any]:
     """A bump taken at an angle, and some actuator work, for the reference result."""
 
     def bump(at: float) -> tuple[Any, Any]:

@@ -29,7 +29,7 @@ from fmu_sources.roads.errors import RoadError
 from fmu_sources.roads.half_cylinder import road_half_round
 from fmu_sources.roads.hole_bump import road_hole_bump
 from fmu_sources.roads.iso8608 import iso8608_table, road_iso8608, road_offroad
-from fmu_sources.roads.layout import RoadLayout, RoadScan, WheelPosition
+from fmu_sources.roads.layout import ENVELOPING, RoadLayout, RoadScan, WheelPosition
 from fmu_sources.roads.perryman3 import perryman3_table, road_perryman3
 from fmu_sources.roads.proving_ground import road_proving_ground
 from fmu_sources.roads.random_road import road_random
@@ -41,6 +41,7 @@ from fmu_sources.roads.table import HeightTable, road_from_table
 from fmu_sources.roads.user_file import road_from_file
 
 __all__ = [
+    "ENVELOPING",
     "HeightTable",
     "Profile",
     "RoadError",

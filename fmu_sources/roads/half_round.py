@@ -21,7 +21,7 @@ class RolledHalfRound:
         """[m]."""
         return self.place + self.behind
 
-    def at(self, x: Any) -> tuple[Any, Any]:
+    def at(self, x: Any, _side: str) -> tuple[Any, Any]:
         """Height [m] and slope at a column of positions [m]; both sides are the same."""
         s, together = x - self.place, self.height + self.wheel
         over = s**2 < together**2 - self.wheel**2

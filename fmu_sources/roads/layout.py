@@ -72,6 +72,10 @@ class RoadContact:
             raise ValueError(f"{self.count} heights along a tire have no middle one; take an odd number")
 
 
+ENVELOPING = RoadContact(CONTACT_STEP, CONTACT_COUNT, SLOPE_BASE)
+"""What tires touch that envelop as :mod:`fmu_sources.plants.enveloping` has it."""
+
+
 @dataclass(frozen=True)
 class RoadLayout:
     """Corners of the vehicle on the road, and preview of ``preview_count`` heights ``preview_step`` seconds apart.
@@ -102,14 +106,13 @@ class RoadLayout:
     ) -> RoadLayout:
         """Layout of a vehicle: wheels at design, and what its tires touch where they envelop."""
         if isinstance(vehicle, WishboneCar):
-            contact = RoadContact(CONTACT_STEP, CONTACT_COUNT, SLOPE_BASE)
             places = tuple(
                 WheelPosition(f"{axle[0]}{side[0]}", x, sign * y)
                 for axle in ("front", "rear")
                 for x, y in [vehicle.wheel_place(axle)]
                 for side, sign in (("left", 1), ("right", -1))
             )
-            return cls(places, preview_count, preview_step, scan, contact)
+            return cls(places, preview_count, preview_step, scan, ENVELOPING)
         if not isinstance(vehicle, FullCar):
             corners = {c: getattr(vehicle.wheel, axle) for c, axle in vehicle.wheel.axle_of.items()}
             places = tuple(

@@ -9,6 +9,7 @@ import casadi as ca
 import numpy as np
 
 from build_fmus.component import Component
+from fmu_sources.roads.half_cylinder import HalfRound
 from fmu_sources.roads.half_round import RolledHalfRound
 from fmu_sources.roads.layout import RoadLayout
 from fmu_sources.roads.rms_course import COURSES, LENGTH, RAMP, SEEDS, STEP, course_heights, driven
@@ -23,7 +24,7 @@ class _Chosen:
     """The profile, or the half-round where ``obstacle`` is true."""
 
     profile: Profile
-    half_round: RolledHalfRound
+    half_round: RolledHalfRound | HalfRound
     obstacle: Any
     note = "Between heights the road is linear."
 
@@ -34,13 +35,14 @@ class _Chosen:
 
     def at(self, x: Any, side: str) -> tuple[Any, Any]:
         """Height [m] and slope at a column of positions [m]."""
-        both = zip(self.half_round.at(x), self.profile.at(x, side), strict=True)
+        both = zip(self.half_round.at(x, side), self.profile.at(x, side), strict=True)
         height, slope = (ca.if_else(self.obstacle, over, along) for over, along in both)
         return height, slope
 
 
 def road_proving_ground(layout: RoadLayout, name: str = "RoadProvingGround", *, radius: float) -> Component:
-    """The synthetic RMS courses and a half-round under wheels of ``radius`` [m]; see :mod:`~fmu_sources.roads.rms_course`."""
+    """The synthetic RMS courses and a half-round under wheels of ``radius`` [m], or with 0 as they are, for tires that envelop; see
+    :mod:`~fmu_sources.roads.rms_course`."""
     track = np.mean([w.y for w in layout.wheels if w.side == "left"]) - np.mean([w.y for w in layout.wheels if w.side == "right"])
     tables: dict[str, list[np.ndarray]] = {"left": [], "right": []}
     for course in COURSES:
@@ -56,12 +58,13 @@ def road_proving_ground(layout: RoadLayout, name: str = "RoadProvingGround", *, 
         )  # fmt: skip
         seed = c.parameter("seed", 1, None, "which of the random profiles", min=1, max=SEEDS, source="own")
         alike = c.parameter("alike", True, None, "left and right are the same, as on the measured courses", source="as measured")
-        obstacle = RolledHalfRound(
-            c.parameter("half_round.height", 0.2032, "m", "height of the half-round, its radius", min=0.001, max=1.0, source="8 in"),
-            c.constant("wheel.radius", radius, "m", "radius of the wheels", source="build option"),
+        size = c.parameter("half_round.height", 0.2032, "m", "height of the half-round, its radius", min=0.001, max=1.0, source="8 in")
+        wheel = c.constant("wheel.radius", radius, "m", "radius of the wheels", source="build option") if radius else None
+        place = (
             c.parameter("half_round.position", POSITION, "m", "where its middle is", min=-1e4, max=1e4, source="own"),
             c.constant("behind", BEHIND, "m", "level road behind it", source="own"),
         )
+        obstacle = HalfRound(size, *place) if wheel is None else RolledHalfRound(size, wheel, *place)
         held = {
             side: c.constant(f"heights.{side}", np.concatenate(found) + 0.0, "m", f"heights of the {side} track", source="fitted spectrum")
             for side, found in tables.items()
@@ -87,8 +90,12 @@ def road_proving_ground(layout: RoadLayout, name: str = "RoadProvingGround", *, 
             "detrended rms and fitted spectrum of the measured courses of these names. Heights are Gaussian; the measured 1in course has single "
             "bumps besides.",
             "The half-round is a half cylinder across the road, its height its radius; the road is level before and behind it.",
-            f"Heights are those that a rigid wheel of {radius:g} m radius follows, which bridges waves shorter than itself and meets an obstacle "
-            "before its hub is there. rms and spectrum are those of the ground below it. A tire gives way at an edge and meets a little less.",
+            (
+                f"Heights are those that a rigid wheel of {radius:g} m radius follows, which bridges waves shorter than itself and meets an obstacle "
+                "before its hub is there. rms and spectrum are those of the ground below it. A tire gives way at an edge and meets a little less."
+            )
+            if radius
+            else "Heights are those of the ground itself, for tires that envelop it.",
             "alike: both sides are the same, as on the measured courses. Otherwise the correlation of the sides falls with wave number as "
             f"exp(-2 track n), with a track of {track:g} m (assumed; it was not measured there), and cars roll.",
         ),

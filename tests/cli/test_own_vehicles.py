@@ -41,7 +41,7 @@ MADE = {
     "quarter_car_bench": BENCH,
     "three_axle": SIX,
     "three_axle_trench": SIX | {"ThreeAxleTrench", "TrenchCrossing"},
-    "hmmwv_public": {"FullCar", "RoadHalfRound"},
+    "hmmwv_public": {"FullCar", "RideCar", "RoadHalfRound", "RoadProvingGround"},
     "actuator_hmmwv": {"HydraulicActuator", "ForceTracking"},
     "sensors_hmmwv": {"SensorSuite", "Kalman", "PreviewSensor", "RoadBumps", "RoadOffroad"},
 }
@@ -187,10 +187,10 @@ def test_an_experiment_on_ones_own_vehicle(built_fmus: BuiltFmus, tmp_path: Path
         ("hmmwv", ["my_car.toml", "my_sensors.toml"],
          "my_car.toml and my_sensors.toml both give another KalmanHmmwv; choose one of them"),
         ("hmmwv", ["my_full_car.toml"],
-         "my_full_car.toml: this file describes a 'full_car', with which gpc can run; hmmwv needs a 'ride_car' or 'actuator' or "
+         "my_full_car.toml: this file describes a 'full_car', with which gpc and ride can run; hmmwv needs a 'ride_car' or 'actuator' or "
          "'sensors' (base = \"actuator_hmmwv\", \"actuator_hmmwv_physical\", \"ride_car_hmmwv\", \"sedan\", \"sensors_hmmwv\")"),
         ("gpc", ["my_car.toml"],
-         "my_car.toml: this file describes a 'ride_car', with which hmmwv and preview-lq can run; gpc needs a 'full_car' (base = "
+         "my_car.toml: this file describes a 'ride_car', with which hmmwv, preview-lq and ride can run; gpc needs a 'full_car' (base = "
          "\"hmmwv\", \"hmmwv_modified\")"),
         ("trench", ["my_six.toml"], "describes a 'three_axle', with which three-axle can run; trench needs a "
          "'three_axle_trench' (base = \"three_axle_trench\")"),

@@ -52,8 +52,8 @@ def test_counts_are_those_of_the_claims() -> None:
 @pytest.mark.parametrize("study", STUDIES, ids=lambda s: s["experiment"])
 def test_a_claim_that_changes_changes_the_pages(study: dict) -> None:
     changed = json.loads(json.dumps(study))
-    claim = next(c for c in changed["claims"] if not c["own"])
-    claim["ours"], claim["verdict"] = "quite another figure", "not reproduced"
+    claim = next((c for c in changed["claims"] if not c["own"]), changed["claims"][0])  # of no paper: one of our own checks
+    claim["ours"], claim["verdict"] = "quite another figure", "does not hold" if claim["own"] else "not reproduced"
     for make in ("section", "page"):
         assert "quite another figure" in WRITER[make]([changed])
         assert WRITER[make]([changed]) != WRITER[make]([study])

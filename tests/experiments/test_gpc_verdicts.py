@@ -270,7 +270,7 @@ def test_evidence_has_every_distribution(study) -> None:
     of_power = [e for e in evidence if e.claim == "implicit-power" and e.quantity.startswith("power")]
     assert [e.quantity for e in of_power] == [f"power, implicit / explicit, {v:g} km/h" for v in SPEEDS_KMH]
     assert of_power[0].row() == [
-        "implicit-power", "power, implicit / explicit, 10 km/h", "-", 1.9, 1.9, 1.9, 8, 8,
+        "implicit-power", "power, implicit / explicit, 10 km/h", "-", 1.9, 1.9, 1.9, 1.9, 1.9, 8, 8,
     ]  # fmt: skip
 
 

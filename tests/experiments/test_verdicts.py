@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
+from pathlib import Path
+
 import pytest
 from kept_results import is_kept, kept_claims, kept_verdicts
 
 from cosim.experiments import EXPERIMENTS
 from cosim.study import FmuSet, load, run_study
 from cosim.study.experiment import resolved
+
+ROOT = Path(__file__).parents[2]
 
 
 @pytest.mark.parametrize("experiment", list(filter(is_kept, EXPERIMENTS)))
@@ -28,3 +34,22 @@ def test_the_whole_study_gives_the_verdicts_that_are_told(experiment: str, fmus:
     made = load(EXPERIMENTS[experiment])
     claims = resolved(made.report)(run_study(made, fmus, tmp_path / "runs"), fmus).claims
     assert {c.id: c.verdict for c in claims} == kept_verdicts(experiment)
+
+
+@pytest.mark.full
+@pytest.mark.parametrize("experiment", ["bench", "preview-lq"])
+def test_a_study_on_a_cluster_writes_the_same_files(experiment: str, tmp_path: Path) -> None:
+    """``cosim study NAME --dask local``: page, tables, figures and summary of processes, byte for byte."""
+    written = []
+    for place, options in (("processes", ()), ("cluster", ("--dask", "local"))):
+        out = tmp_path / place
+        command = [sys.executable, "-c", "from cosim.cli import main; main()", "study", experiment, "--processes", "2"]
+        command += ["--out", str(out), *options]
+        subprocess.run(command, cwd=ROOT, check=True, capture_output=True)
+        files = [p for p in sorted((out / experiment).rglob("*")) if p.is_file() and ".runs" not in p.parts]
+        written.append({p.relative_to(out).as_posix(): p.read_bytes() for p in files})
+    processes, cluster = written
+    assert f"{experiment}/summary.json" in processes
+    assert any(name.startswith(f"{experiment}/tables/") for name in processes)
+    assert list(cluster) == list(processes)
+    assert [name for name in cluster if cluster[name] != processes[name]] == []

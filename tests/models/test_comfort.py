@@ -74,6 +74,16 @@ class TestBothDefinitions:
         digital = np.abs(digital_gain(comfort.HUMAN_RESPONSE_NRMM, f))
         assert np.abs(digital / written_out - 1).max() < 5e-3
 
+    def test_each_section_is_exact_at_its_own_frequency(self):
+        """That of s2 + 24 s + 750 at 750^(1/2) rad/s, s / (s + 63) at 63 rad/s, where the latter passes 1/2^(1/2) / 63."""
+        rows = comfort.digital_sections(comfort.HUMAN_RESPONSE_NRMM, RATE)
+        for row, w, gain in (
+            (rows[0], math.sqrt(750), abs(14.5 * 1j * math.sqrt(750) + 14.5 * 44) / 24),
+            (rows[1], 63.0, 1 / (63 * math.sqrt(2))),
+        ):
+            (digital,) = np.abs(signal.sosfreqz(row[None], [w], fs=2 * math.pi * RATE)[1])
+            assert digital == pytest.approx(gain, rel=1e-9)
+
     @pytest.mark.parametrize(("frequency", "ratio"), POWER_RATIOS.items())
     def test_power_differs_by_frequency(self, frequency, ratio):
         az = sine(frequency, seconds=20.0)

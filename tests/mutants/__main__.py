@@ -33,9 +33,9 @@ def accepted() -> dict[str, str]:
     return found
 
 
-def of_room(room: Room) -> list[Mutant]:
-    """All mistakes in the files of a room."""
-    found = [m for f in room.files() for m in mutants(f.relative_to(ROOT).as_posix(), f.read_text(encoding="utf-8"))]
+def of_room(room: Room, root: Path = ROOT) -> list[Mutant]:
+    """All mistakes in the files of a room, as they are in the tree ``root``."""
+    found = [m for f in room.files(root) for m in mutants(f, (root / f).read_text(encoding="utf-8"))]
     return [m for m in found if m.kind not in room.leave]
 
 
@@ -44,14 +44,19 @@ def main() -> int:
     arguments = _arguments()
     signal.signal(signal.SIGTERM, lambda *_: sys.exit("ended; what was tried is kept"))  # so that the copy is removed
     rooms = [r for r in ROOMS if not arguments.room or r.name in arguments.room]
-    chosen = {r: [m for m in sample(of_room(r), arguments.most) if arguments.only in m.id] for r in rooms}
+
+    def choose(root: Path) -> dict[Room, list[Mutant]]:
+        return {r: [m for m in sample(of_room(r, root), arguments.most) if arguments.only in m.id] for r in rooms}
+
     if arguments.list:
-        for m in (m for found in chosen.values() for m in found):
+        for m in (m for found in choose(ROOT).values() for m in found):
             print(m.id)
         return 0
     known, count, new = accepted(), 0, 0
     with ExitStack() as stack:
-        trees = [stack.enter_context(trial.copied_tree(ROOT)) for _ in range(arguments.processes)]
+        trees = [stack.enter_context(trial.copied_tree(ROOT))]  # what is written to the project from now on is not seen
+        trees += [stack.enter_context(trial.copied_tree(trees[0])) for _ in range(arguments.processes - 1)]
+        chosen = choose(trees[0])
         for room, found in chosen.items():
             for m in _unnoticed(room, found, trees):
                 count += 1
@@ -65,23 +70,24 @@ def main() -> int:
 
 def _unnoticed(room: Room, found: list[Mutant], trees: list[Path]) -> Iterator[Mutant]:
     """Mistakes of a room that its tests pass with; as many are tried at a time as there are copies of the project."""
-    from build_fmus.sources import imported
-
-    tests, slower = (
-        [p.relative_to(ROOT).as_posix() for p in files] for files in (room.test_files(), room.slower_files())
-    )
+    first_tree = trees[0]  # no mistake is in it yet
+    tests, slower = room.test_files(first_tree), room.slower_files(first_tree)
     if not tests:
         sys.exit(f"room {room.name} has no tests: {', '.join(room.tests)}")
     files = sorted(
-        {*imported([*room.test_files(), *room.slower_files(), *room.files()]), *(ROOT / "tests").rglob("conftest.py")}
+        {
+            *trial.imported(first_tree, [*tests, *slower, *room.files(first_tree)]),
+            *(first_tree / "tests").rglob("conftest.py"),
+        }
     )
-    texts = {m: mutated(m, (ROOT / m.file).read_text(encoding="utf-8")) for m in found}
+    texts = {m: mutated(m, (first_tree / m.file).read_text(encoding="utf-8")) for m in found}
     kept = {m: STORE / trial.content_key([m.id, text, *tests, *slower], files) for m, text in texts.items()}
     todo = [m for m in found if not kept[m].is_file()]
     if todo:
-        usual = trial.baseline(trees[0], tests)
+        usual = trial.baseline(first_tree, tests)
         if not usual.passed:
             sys.exit(f"room {room.name}: its tests fail as they are, without any mistake")
+        trial.copy_bytecode(first_tree, trees[1:])
         limit = trial.LIMIT[0] + trial.LIMIT[1] * usual.seconds
         STORE.mkdir(parents=True, exist_ok=True)
         free: SimpleQueue[Path] = SimpleQueue()

@@ -21,18 +21,21 @@ class Room:
     leave: tuple[str, ...] = ()
     slower: tuple[str, ...] = ()
 
-    def files(self) -> list[Path]:
-        """The files, by name."""
-        found = {p for pattern in self.sources for p in ROOT.glob(pattern) if p.name != "__init__.py"}
-        return sorted(found)
+    def files(self, root: Path = ROOT) -> list[str]:
+        """The files, by name from the folder of the project."""
+        return [name for name in _found(self.sources, root) if Path(name).name != "__init__.py"]
 
-    def test_files(self) -> list[Path]:
+    def test_files(self, root: Path = ROOT) -> list[str]:
         """Files of the tests, but for the slower ones."""
-        return sorted({p for pattern in self.tests for p in ROOT.glob(pattern)})
+        return _found(self.tests, root)
 
-    def slower_files(self) -> list[Path]:
+    def slower_files(self, root: Path = ROOT) -> list[str]:
         """Files of the slower tests."""
-        return sorted({p for pattern in self.slower for p in ROOT.glob(pattern)})
+        return _found(self.slower, root)
+
+
+def _found(patterns: tuple[str, ...], root: Path) -> list[str]:
+    return sorted({p.relative_to(root).as_posix() for pattern in patterns for p in root.glob(pattern)})
 
 
 def _experiment(name: str, *tests: str) -> Room:
@@ -50,6 +53,8 @@ ROOMS = (
     Room("ride", tuple(f"cosim/experiments/ride/{n}.py" for n in ("runs", "search", "results", "claims", "report")), ("tests/experiments/test_ride_numbers.py",)),
     Room("metrics", ("cosim/experiments/metrics/*.py", "cosim/signals.py"), ("tests/cosim_metrics/test_metrics.py", "tests/cosim_metrics/test_crossing.py")),
     Room("study", tuple(f"cosim/study/{n}.py" for n in ("results", "pages", "claims")), ("tests/study/test_claim_lists.py", "tests/study/test_results_and_pages.py", "tests/study/test_study_parts.py")),
+    Room("sweep", ("cosim/study/sweep_report.py", "cosim/study/design.py"), ("tests/study/test_sweep_pages.py", "tests/study/test_design.py")),
+    Room("calibration", ("cosim/study/calibration.py",), ("tests/optimisation/test_calibration.py",)),
     Room("report", ("cosim/report/*.py",), ("tests/report/*.py",)),
     Room("comfort", ("fmu_sources/models/comfort.py",), ("tests/models/test_comfort.py",)),
     Room("weights", ("fmu_sources/controllers/lq/preview_weights.py",), ("tests/control/lq/test_preview_lq.py",)),

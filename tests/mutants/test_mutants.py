@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -150,9 +151,54 @@ def test_what_no_test_notices_is_listed(project: Path, capsys: pytest.CaptureFix
     assert "3 mistakes, 1 noticed, 2 accepted, 0 not noticed" in capsys.readouterr().out
 
 
+def test_what_is_written_to_the_project_meanwhile_is_not_seen(
+    project: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Else a mistake would be looked for in a function that is gone, or tried beside other code than it was made for."""
+    rooms = tuple(Room(name, ("cosim/plus.py",), ("tests/test_plus.py",)) for name in ("first", "second"))
+    monkeypatch.setattr(command, "ROOMS", rooms)
+    copied_tree, imported = command.trial.copied_tree, command.trial.imported
+
+    def change(*arguments: Any) -> list[Path]:
+        (project / "cosim" / "plus.py").write_text("def minus(a, b):\n    return a - b\n")
+        (project / "tests" / "test_plus.py").unlink(missing_ok=True)
+        return imported(*arguments)
+
+    monkeypatch.setattr(command.trial, "imported", change)
+    monkeypatch.setattr("sys.argv", ["mutants", "--processes", "2"])
+    assert command.main() == 1
+    assert capsys.readouterr().out.splitlines()[-1] == "6 mistakes, 2 noticed, 0 accepted, 4 not noticed"
+    with copied_tree(project) as tree:  # and another command sees it
+        assert [m.where for m in command.of_room(rooms[0], tree)] == ["minus"]
+
+
+def test_what_a_tree_imports_is_that_of_the_tree() -> None:
+    with command.trial.copied_tree(ROOT) as tree:
+        (tree / "cosim" / "signals.py").write_text("from cosim import time\n")
+        found = command.trial.imported(tree, ["cosim/signals.py"])
+    assert {p.relative_to(tree).as_posix() for p in found if p.suffix == ".py"} > {"cosim/signals.py", "cosim/time.py"}
+    assert all(p.is_relative_to(tree) for p in found)
+
+
 def test_tests_of_the_project_run_in_a_copy_of_it() -> None:
     with command.trial.copied_tree(ROOT) as tree:
         assert command.trial.passes(tree, ["tests/cosim_metrics/test_metrics.py"])
+
+
+def test_bytecode_is_that_of_the_project_and_never_of_a_mistake(project: Path) -> None:
+    """Two mistakes of the same length in a file whose time is the same would be one."""
+    tests = ["tests/test_plus.py"]
+    with command.trial.copied_tree(project) as tree, command.trial.copied_tree(tree) as other:
+        assert command.trial.baseline(tree, tests).passed
+        command.trial.copy_bytecode(tree, [other])
+        for place in (tree, other):
+            (kept,) = place.glob("cosim/__pycache__/plus.*.pyc")
+            before = kept.read_bytes()
+            for text, passed in (("a - b", False), ("b + a", True), ("b - a", False)):
+                with command.trial.changed(place / "cosim" / "plus.py", PLUS.replace("a + b", text)):
+                    assert command.trial.passes(place, tests) == passed
+            assert kept.read_bytes() == before
+            assert [p.name for p in place.glob("cosim/__pycache__/plus.*")] == [kept.name]
 
 
 def test_tests_that_fail_without_any_mistake_are_told(project: Path) -> None:

@@ -8,11 +8,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 
 from cosim import System
-from cosim.report.fronts import front_section, non_dominated
 from cosim.study import Case, Experiment, FmuSet, option
 from cosim.study.optimise import CaseRuns, OptimisationError, optimise
 
@@ -176,32 +174,3 @@ def test_another_search_in_the_same_file(tmp_path: Path) -> None:
     (tmp_path / "rubbish.log").write_text("no log\n\n")
     with pytest.raises(OptimisationError, match=r"rubbish\.log cannot be read as the trials"):
         optimise(circles, SPACE, TWO, trials=2, storage=tmp_path / "rubbish.log")
-
-
-# ---------------------------------------------------------------------------------------------------------------- the front
-
-
-def test_what_is_on_a_front() -> None:
-    points = [[0, 3], [1, 1], [3, 0], [1, 2], [3, 3], [1, 1]]
-    assert non_dominated(points).tolist() == [True, True, True, False, False, True]
-    assert non_dominated([[2.0], [1.0], [1.0]]).tolist() == [False, True, True]
-    for bad in ([1.0, 2.0], [[float("nan"), 1.0]]):
-        with pytest.raises(ValueError, match="a table of finite numbers"):
-            non_dominated(bad)
-
-
-def test_a_front_on_a_page() -> None:
-    tried = [{"a": a, "b": b} for a, b in ([0.0, 3.0], [1.0, 1.0], [1.0, 2.0])]
-    found = front_section(
-        "Front", {"a": "a [m]", "b": "b [N]"}, {"a": "min", "b": "max"}, tried, [{"x": float(i)} for i in range(3)],
-        {"published": {"a": 2.0, "b": 2.5}},
-    )  # fmt: skip
-    (table,), (figure,) = found.tables, found.figures
-    assert table.columns == ("a [m]", "b [N]", "x")
-    assert table.rows == ((0.0, 3.0, 0.0),)
-    assert "1 of 3 trials" in found.paragraphs[0]
-    series = {s.name: (np.asarray(s.x).tolist(), np.asarray(s.y).tolist()) for s in figure.panels[0].series}  # type: ignore[union-attr]
-    assert series == {"front": ([0.0], [3.0]), "tried": ([1.0, 1.0], [1.0, 2.0]), "published": ([2.0], [2.5])}
-    assert len(front_section("F", {k: f"{k} [-]" for k in "abc"}, dict.fromkeys("abc", "min"), [dict.fromkeys("abc", 1.0)], [{}]).figures[0].panels) == 3  # type: ignore[union-attr]
-    with pytest.raises(ValueError, match="takes two objectives"):
-        front_section("F", {"a": "a [m]"}, {"a": "min"}, tried, [{}] * 3)

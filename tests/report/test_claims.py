@@ -73,10 +73,20 @@ class TestEvidence:
         assert not claims.clearly("power", "ratio, 70 km/h", Distribution([2.0] * 6 + [0.5] * 2), lambda x: x > 1, "W")
         first, second = (e.row() for e in claims.evidence)
         assert dict(zip(Evidence.COLUMNS, first, strict=True)) == {
-            "claim": "power", "quantity": "ratio, 60 km/h", "unit": "-", "median": 2.0, "lowest": 0.1235, "highest": 2.0,
-            "on the claimed side": 7, "of": 8,
+            "claim": "power", "quantity": "ratio, 60 km/h", "unit": "-", "median": 2.0, "lowest": 0.1235, "lower quartile": 2.0,
+            "upper quartile": 2.0, "highest": 2.0, "on the claimed side": 7, "of": 8,
         }  # fmt: skip
         assert second[-2:] == [6, 8]
+
+    def test_quartiles_are_values_that_occurred(self):
+        """The second and the sixth of eight."""
+        seen = Claims()
+        seen.clearly("power", "power", Distribution([7, 3, 5, 1, 8, 2, 6, 4]), lambda x: x > 0, "W")
+        (row,) = (dict(zip(Evidence.COLUMNS, e.row(), strict=True)) for e in seen.evidence)
+        spread = [row[c] for c in ("lowest", "lower quartile", "median", "upper quartile", "highest")]
+        assert spread == [1, 2, 4.5, 6, 8]
+        assert Distribution([math.inf, 1, math.inf]).quantile(0.75) == math.inf
+        assert math.isnan(Distribution([math.nan, 1, 2]).quantile(0.25))
 
 
 class TestBand:

@@ -234,6 +234,52 @@ def test_wheels_are_drawn_between_the_faces(browser: Browser) -> None:
     assert order == ["left", 0.5, "middle", -0.5, "right"]
 
 
+def test_wheels_are_beside_the_vehicle_and_behind_its_tail(browser: Browser) -> None:
+    """In an arch, a near wheel is drawn over what is between the wheels and under the sheet at the side; from behind, a front wheel under the tail."""
+    axles = [Axle(1.98, 0.91, 0.47, 0.32), Axle(-1.32, 0.91, 0.47, 0.32)]
+    faces = [{"points": f.points, "material": f.material} for f in shapes.off_road(axles, 0.85)]
+    wheels = [
+        {"at": [a.x, y, a.radius - 0.85], "n": f"{n} {s}"}
+        for a, n in zip(axles, ("front", "rear"), strict=True)
+        for y, s in ((0.91, "left"), (-0.91, "right"))
+    ]
+
+    def order(towards: list[float]) -> list[Any]:
+        """Names of wheels, and faces as (material, points), as they are drawn."""
+        return browser.run(
+            f"(() => {{ const list = []; SceneView.walk(SceneView.tree({json.dumps(faces)}.map(SceneView.face)), {towards}, {json.dumps(wheels)}, "
+            "(f) => list.push([f.material, f.points]), (w) => list.push(w.n)); return list; })()"
+        )
+
+    def upright_at(drawn: list[Any], y: float) -> list[int]:
+        return [
+            i for i, one in enumerate(drawn) if not isinstance(one, str) and all(abs(p[1] - y) < 1e-6 for p in one[1])
+        ]
+
+    side, inner = axles[0].outside, 0.91 - 0.16 - 0.06
+    for towards in ([0.0, -1.0, 0.07], [0.53, -0.79, 0.3]):
+        drawn = order(towards)
+        for wheel in ("front right", "rear right"):
+            assert max(upright_at(drawn, -inner)) < drawn.index(wheel) < min(upright_at(drawn, -side))
+        assert max(upright_at(drawn, side)) < drawn.index("front left") < min(upright_at(drawn, inner))
+    for across in (-1e-3, 0.0, 1e-3):
+        drawn = order([-0.99, across, 0.13])
+        for wheel, centre in (("front left", 0.91), ("front right", -0.91)):
+            hidden_by = [
+                i
+                for i, one in enumerate(drawn)
+                if not isinstance(one, str) and one[0] == "hull" and _is_tail(one[1], centre)
+            ]
+            assert hidden_by
+            assert drawn.index(wheel) < min(hidden_by)
+
+
+def _is_tail(points: list[list[float]], y: float) -> bool:
+    """Whether a face is behind the rear axle and hides what is at y from behind."""
+    x, across, _ = np.array(points).T
+    return bool(x.max() < -2.0 and across.min() < y < across.max())
+
+
 # ----------------------------------------------------------------------------------------------------------- wheels, road
 
 

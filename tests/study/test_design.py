@@ -106,6 +106,12 @@ def test_one_point_in_each_of_many_slices() -> None:
     assert sorted(int((x - 10) * 5) for x in found) == list(range(50))
 
 
+def test_latin_hypercubes_are_those_of_scipy() -> None:
+    design = Design((ONE, TWO), "lhs", 77, 5)
+    expected = stats.qmc.LatinHypercube(2, seed=np.random.default_rng(5)).random(77)
+    assert design.cube().tolist() == expected.tolist()
+
+
 def test_a_grid_has_all_combinations() -> None:
     design = Design((axis("a=0:1:3"), axis("b=x,y")), "grid")
     assert design.columns() == [[0.0, 0.0, 0.5, 0.5, 1.0, 1.0], ["x", "y"] * 3]

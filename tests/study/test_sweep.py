@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import io
-import math
 import os
 import signal
 import subprocess
@@ -18,36 +17,24 @@ import pytest
 from pyarrow import parquet as pq
 from rich.console import Console
 from sine import OMEGA
+from sweep_tables import FMUS, made, table_of
 
 from cosim import WiringError
-from cosim.report import write_report
-from cosim.study import CaseError, FmuSet, dask, load
+from cosim.study import CaseError, dask, load
 from cosim.study.design import Axis, Design, DesignError, axis
 from cosim.study.dispatch import DIED
-from cosim.study.sweep import Running, SweepTable, history, prepare, run_sweep
+from cosim.study.sweep import Running, history, prepare, run_sweep
 from cosim.study.sweep_command import running_table
-from cosim.study.sweep_report import (
-    morris_effects,
-    quantile_interval,
-    rank_correlations,
-    sobol_indices,
-    sweep_report,
-    worst_runs,
-)
+from cosim.study.sweep_report import sobol_indices, sweep_report
 
 HERE = Path(__file__).parent
 ROOT = HERE.parents[1]
 FILE = HERE / "falling.py"
-FMUS = FmuSet()
 
 
 @pytest.fixture(scope="module")
 def experiment() -> Any:
     return load(str(FILE))
-
-
-def made(experiment: Any, *texts: str, base: Any = None, **options: Any) -> Any:
-    return prepare(experiment, FMUS, Design(tuple(map(axis, texts)), **options), base)
 
 
 def test_parameters_of_components_and_options_of_cases_vary(experiment: Any, tmp_path: Path) -> None:
@@ -230,69 +217,6 @@ def test_a_design_of_a_thousand_million_runs_is_not_begun(tmp_path: Path) -> Non
     assert process.returncode == 1
     assert "1e+09 runs: at 0.1 s each some 3 years on one core; nothing was run. Take fewer --samples, or give --yes" in " ".join(text.split())
     assert not (tmp_path / "results").exists()
-
-
-# ------------------------------------------------------------------------------------------------------------- the page
-
-
-def table_of(experiment: Any, function: Any, *texts: str, **options: Any) -> SweepTable:
-    """The table of a sweep whose metric is a function of what varies, without a run."""
-    sweep = made(experiment, *texts, **options)
-    axes = {a.name: [sweep.point(i)[k] for i in range(len(sweep))] for k, a in enumerate(sweep.design.axes)}
-    values = function(*(np.array(v, dtype=float) for v in axes.values()))
-    return SweepTable(sweep, axes, {"y": values}, {})
-
-
-def test_quantiles_and_their_bounds() -> None:
-    """Of 1 to 100: the median's bounds are the 40th and the 61st, those of tables of order statistics."""
-    values = np.arange(1.0, 101.0)[::-1]
-    assert quantile_interval(values, 0.5) == (50.5, 40.0, 61.0)
-    assert quantile_interval(values[:5], 0.95)[2] == math.inf
-    random = np.random.default_rng(1)
-    inside = [low <= 0.0 <= high for _ in range(2000) for _, low, high in [quantile_interval(random.normal(size=50), 0.5)]]
-    assert 0.94 < np.mean(inside) < 0.99
-
-
-def test_sobol_indices_of_a_product(experiment: Any) -> None:
-    """y = a b with a, b uniform in 0 to 1: first-order indices 3/7 each, total ones 4/7 (7/144 of variance, 3/144 for each alone)."""
-    table = table_of(experiment, lambda a, b: a * b, "mass.rate=0:1", "mass.height=0:1", method="saltelli", samples=1024)
-    for (name, first, _, total, _), expected in zip(sobol_indices(table, "y"), ("mass.rate", "mass.height"), strict=True):
-        assert name == expected
-        assert first == pytest.approx(3 / 7, abs=0.02)
-        assert total == pytest.approx(4 / 7, abs=0.02)
-
-
-def test_effects_of_morris(experiment: Any) -> None:
-    """Of a sum with weights: the weights times the ranges, without deviation."""
-    table = table_of(experiment, lambda a, b: 2 * a + 3 * b, "mass.rate=0:10", "mass.height=0:1", method="morris", samples=10)
-    assert [(n, pytest.approx(m), pytest.approx(s, abs=1e-9)) for n, m, s in morris_effects(table, "y")] == [
-        ("mass.rate", 20.0, 0.0), ("mass.height", 3.0, 0.0),
-    ]  # fmt: skip
-
-
-def test_rank_correlations(experiment: Any) -> None:
-    table = table_of(experiment, lambda a, b: np.exp(-a) + 0 * b, "mass.rate=0:1", "mass.height=0:1", samples=200)
-    (_, one), (_, other) = rank_correlations(table, "y")
-    assert one == pytest.approx(-1)
-    assert abs(other) < 0.2
-
-
-def test_the_page_of_a_sweep(experiment: Any, tmp_path: Path) -> None:
-    """Its worst runs are those with the largest values, and their time histories are of these runs."""
-    sweep = made(experiment, "mass.rate=1:3", "mass.height=0:1", samples=30)
-    table = run_sweep(sweep, FMUS, tmp_path / "runs", processes=1)
-    worst = worst_runs(table, "fallen")
-    assert worst == sorted(range(30), key=lambda i: -table.axes["mass.rate"][i])[:3]
-    page = sweep_report(table, FMUS, worst="fallen")
-    (figure,) = [f for f in page.drawn if f.id == "worst-runs"]
-    (series, *_) = figure.panels[0].series
-    assert series.name == f"run {worst[0]}"
-    assert series.y[0] - series.y[-1] == pytest.approx(table.metrics["fallen"][worst[0]])  # type: ignore[index]
-    assert [f.id for f in page.drawn] == ["distributions", "scatter", "parallel", "worst-runs"]
-    assert [t.id for t in page.tables] == ["quantiles", "sensitivity", "worst", "design"]
-    assert write_report(page, tmp_path).is_file()
-    with pytest.raises(ValueError, match="--worst height: no run has this metric"):
-        sweep_report(table, FMUS, worst="height")
 
 
 # ------------------------------------------------------------------------------------- a quarter car on a sine road, full

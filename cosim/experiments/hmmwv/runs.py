@@ -193,13 +193,14 @@ def structure(case: Case) -> tuple[object, ...]:
     )  # fmt: skip
 
 
-def wire(fmus: FmuSet, case: Case) -> System:
-    """The vehicle of a case: road, car, actuators with their force tracking, controller, comfort."""
+def wire(fmus: FmuSet, case: Case, *, comfort: bool = True) -> System:
+    """The vehicle of a case: road, car, actuators with their force tracking, controller, and ``comfort``."""
     system = System()
     step = exchange_step(EXCHANGE, case)
     add_car(system, fmus, ROADS[case.road], step=step)
-    system.add("comfort", fmus.path("RideComfort"))
-    system.connect_matching("car", "comfort", "body.az")
+    if comfort:
+        system.add("comfort", fmus.path("RideComfort"))
+        system.connect_matching("car", "comfort", "body.az")
     controller = CONTROLLERS[case.controller]
     if controller is not None:
         system.add("controller", fmus.path(controller))

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from itertools import pairwise
 from typing import Any
 
-from cosim.experiments.ride.published import HEIGHTS, POWERS
+from cosim.experiments.ride.published import HEIGHTS, POWERS, System
 from cosim.experiments.ride.results import CAR_NAMES, name, on, ran, speeds, system_of
 from cosim.experiments.ride.runs import OBSTACLE
 from cosim.experiments.ride.search import LIMITS, TOLERANCE, SpeedLimit
@@ -14,13 +15,21 @@ from cosim.study import ClaimList, Finding, Results, Row, RunFailed
 from fmu_sources.roads.rms_course import COURSES
 
 NRMM, DONAHUE = POWERS
+PUMP_OFF: System = ("hmmwv", "passive", "hydraulic")
+_RIDES_ON_TIRES = (
+    "with its pump off its struts hardly move at such speeds, so it rides on its tires, which feel waves of less than a metre; the 1 inch course has "
+    "more of those than the 2 inch course"
+)
 SLACK = 2 * TOLERANCE  # by which two searches may differ without meaning anything
 
 CLAIMS = ClaimList()
 
 
 def _named(search: SpeedLimit) -> str:
-    system = system_of(search)
+    return _named_system(system_of(search))
+
+
+def _named_system(system: System) -> str:
     return f"{CAR_NAMES[system[0]]}, {name(system)}"
 
 
@@ -69,7 +78,8 @@ def _slower(study: Results, metric: str, steps: Sequence[Mapping[str, Any]], cri
 @CLAIMS.check("rougher-is-slower", "A rougher course is driven more slowly at 6 W", expected="of every car under every law")
 def _rougher(study: Results) -> Finding:
     courses = [{"course": c, "sides": "alike"} for c in COURSES]
-    return _slower(study, NRMM, courses, "median speed of 6 W (third order) falls from course to course")
+    found = _slower(study, NRMM, courses, "median speed of 6 W (third order) falls from course to course")
+    return replace(found, reason=f"{found.reason}: {_RIDES_ON_TIRES}") if _named_system(PUMP_OFF) in found.reason else found
 
 
 @CLAIMS.check(

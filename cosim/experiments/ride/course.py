@@ -16,7 +16,7 @@ from build_fmus.compile import ObjectCache, resolve_platforms
 from build_fmus.package import build_fmu
 from cosim.fmu.file import FmuFile
 from cosim.study.fmus import FmuSet
-from fmu_sources.roads import RoadError, RoadLayout, WheelPosition, road_from_file
+from fmu_sources.roads import ENVELOPING, RoadError, RoadLayout, WheelPosition, road_from_file
 from fmu_sources.roads.user_file import heights_from_file
 
 LEVEL = 1e-3  # m: within it of its ends a course has not begun, or has ended
@@ -58,6 +58,12 @@ def wheels_of(car: FmuFile) -> tuple[WheelPosition, ...]:
         places = {"fl": (front, half), "fr": (front, -half)}
         places |= {k: (front - values["body.wheelbase"], y) for k, y in (("rl", half), ("rr", -half))}
         return tuple(WheelPosition(k, *at) for k, at in places.items())
+    if "suspension.front.wheel[1]" in values:  # double wishbones, of the left wheels
+        return tuple(
+            WheelPosition(f"{axle[0]}{side[0]}", values[f"suspension.{axle}.wheel[1]"], sign * values[f"suspension.{axle}.wheel[2]"])
+            for axle in ("front", "rear")
+            for side, sign in (("left", 1), ("right", -1))
+        )
     corners = [n.split(".")[1] for n in values if n.startswith("wheel.") and n.endswith(".half_track")]
     return tuple(
         WheelPosition(k, values[f"wheel.{k}.x"], (1 if k.endswith("l") else -1) * values[f"wheel.{k}.half_track"]) for k in corners
@@ -82,10 +88,12 @@ def course_under(fmus: FmuSet, path: str, plant: str, preview: tuple[int, float]
 
 @cache
 def _made(path: Path, _changed: int, car: Path, fmi: int, preview: tuple[int, float], radius: float) -> FileCourse:
-    wheels = wheels_of(FmuFile(car))
+    file = FmuFile(car)
+    wheels = wheels_of(file)
+    contact = ENVELOPING if "contact.step" in file.description.inputs else None
     axles = [w.x for w in wheels]
     begin, end = extent(path, max(abs(w.y) for w in wheels), max(axles) - min(axles))
-    component = road_from_file(path, RoadLayout(wheels, *preview), "RoadCourse", radius=radius)
+    component = road_from_file(path, RoadLayout(wheels, *preview, contact=contact), "RoadCourse", radius=radius)
     folder = Path(tempfile.mkdtemp(prefix="cosim-course-"))
     atexit.register(shutil.rmtree, folder, ignore_errors=True)
     fmu = folder / "RoadCourse.fmu"

@@ -49,10 +49,11 @@ class Car:
         road: name of its courses.
         instead: name of the road that they stand in for.
         preview: heights ahead that its laws read, and the time between them [s].
-        radius: of its wheels [m].
+        radius: of its wheels as they roll over a course [m]; 0: its tires envelop, and get the course as it is.
         case: the other experiment's case.
         wire: its wiring.
         configure: sets what of such a case concerns car and law.
+        driver: the car has one, who may not keep its speed; others move as their road does.
     """
 
     vehicle: str
@@ -66,6 +67,7 @@ class Car:
     case: Callable[..., Any]
     wire: Callable[[FmuSet, Any], System]
     configure: Callable[[System, Any], None]
+    driver: bool = False
 
     @property
     def size(self) -> tuple[float, float]:
@@ -79,11 +81,24 @@ def _as_it_is(_system: System, _case: Any) -> None:
     """The laws of paper 000 are in their FMUs."""
 
 
+def _enveloping(fmus: FmuSet, case: Any) -> System:
+    """The car with tires that envelop, wired as the other full car, with what its tires touch besides."""
+    plant = CARS["public"].plant
+    system = gpc.wire(replace(fmus, own={**fmus.own, gpc.PLANT: fmus.own.get(plant, (plant, ""))}), case)
+    system.connect_matching("road", "car", "contact.*")
+    return system
+
+
+def _without_comfort(fmus: FmuSet, case: Any) -> System:
+    """Absorbed power is measured at the seat, from the recording."""
+    return hmmwv.wire(fmus, case, comfort=False)
+
+
 _LQ = {f"{w}-{mode}": {"weights": w, "controller": mode} for w in ("comfort", "road-holding") for mode in preview_lq.MODES}
 CARS = {
     "hmmwv": Car(
         "ride_car_hmmwv", hmmwv.CORNERS, {c: {"controller": c} for c in hmmwv.CONTROLLERS}, "RideCarHmmwv", "RoadProvingGroundHmmwv", hmmwv.ROADS["bump"],
-        MPC_PREVIEW, WHEEL_RADIUS["hmmwv"], lambda **fields: hmmwv.Case("bump", **fields), hmmwv.wire, hmmwv.configure_vehicle,
+        MPC_PREVIEW, WHEEL_RADIUS["hmmwv"], lambda **fields: hmmwv.Case("bump", **fields), _without_comfort, hmmwv.configure_vehicle,
     ),
     "sedan": Car(
         "sedan", preview_lq.CORNERS, {"passive": {"controller": "passive"}, **_LQ}, preview_lq.CAR, "RoadProvingGround5ms", preview_lq.ROAD,
@@ -95,16 +110,20 @@ CARS = {
     ),
     "full-car": Car(
         "hmmwv_modified", gpc.CORNERS, {c: {"controller": c} for c in gpc.CONTROLLERS}, gpc.PLANT, "RoadProvingGround", gpc.ROADS["sine"],
-        GPC_PREVIEW, WHEEL_RADIUS["full-car"], lambda **fields: gpc.Case("sine", **fields), gpc.wire, _as_it_is,
+        GPC_PREVIEW, WHEEL_RADIUS["full-car"], lambda **fields: gpc.Case("sine", **fields), gpc.wire, _as_it_is, driver=True,
+    ),
+    "public": Car(
+        "hmmwv_public", gpc.CORNERS, {"passive": {"controller": "passive"}}, "FullCarHmmwvPublic", "RoadProvingGroundHmmwvPublic", gpc.ROADS["sine"],
+        GPC_PREVIEW, 0.0, lambda **fields: gpc.Case("sine", **fields), _enveloping, _as_it_is, driver=True,
     ),
 }  # fmt: skip
 """Cars by their names. Quarter cars are left out: no course is under one wheel only."""
 LAWS = tuple(dict.fromkeys(law for car in CARS.values() for law in car.laws))
 ROADS = tuple(car.road for car in CARS.values())
 FMUS = tuple(dict.fromkeys([
-    *ROADS, *hmmwv.FMUS[:1], "RideComfort", "RideCarHmmwv", *filter(None, hmmwv.CONTROLLERS.values()), "HydraulicActuator", "ForceTracking",
+    *ROADS, *hmmwv.FMUS[:1], "RideCarHmmwv", *filter(None, hmmwv.CONTROLLERS.values()), "HydraulicActuator", "ForceTracking",
     preview_lq.CAR, *(preview_lq.LAWS[w][0] for w in ("comfort", "road-holding")), *(n for n in three_axle.FMUS if not n.startswith("Road")),
-    gpc.PLANT, *filter(None, gpc.CONTROLLERS.values()),
+    gpc.PLANT, *filter(None, gpc.CONTROLLERS.values()), "FullCarHmmwvPublic",
 ]))  # fmt: skip
 SIDES = ("alike", "apart")
 LIMIT_G = 2.5  # of the driver's seat, over obstacles
@@ -164,6 +183,8 @@ def structure(case: Case) -> tuple[object, ...]:
 def wire(fmus: FmuSet, case: Case) -> System:
     """The car as its own experiment wires it, on these courses."""
     car = CARS[case.car]
+    if car.plant in fmus.own and case.car == "sedan" and case.controller != "passive" and preview_lq.LAWS[case.other.weights][0] not in fmus.own:
+        raise CaseError(f"{fmus.name(car.plant)} has no laws of the sedan: its tires have damping, and preview LQ laws are for tires without")
     name, build = fmus.own.get(car.road, (car.road, ""))
     if case.course in NUMBER:
         return car.wire(replace(fmus, own={**fmus.own, car.instead: (name, build)}), case.other)
@@ -205,7 +226,7 @@ def configure(system: System, case: Case) -> None:
     level = RAMP if case.course in COURSES else BEFORE
     start = stretch(system, case)[0] - level - AHEAD - axles(Run(case, None, system))[0]
     system["speed"].set({"start.speed": case.speed, "start.x": start})
-    if case.car == "full-car":
+    if CARS[case.car].driver:
         system["car"].set({"start.x": start})
     if case.course in NUMBER:
         own = {"course": NUMBER[case.course], "seed": case.seed, "alike": case.sides == "alike", "half_round.height": case.height}
@@ -217,19 +238,19 @@ def configure(system: System, case: Case) -> None:
 
 def distance(case: Case) -> str:
     """Variable with the position of the CG."""
-    return "car.x" if case.car == "full-car" else "speed.x"
+    return "car.x" if CARS[case.car].driver else "speed.x"
 
 
 def stop_time(system: System, case: Case) -> float:
     """Longest run [s]: cars with a driver may be slowed down."""
     begin = float(system["speed"].values["start.x"])
     needed = (window(Run(case, None, system))[1] - begin) / case.speed
-    return float(np.ceil(1e3 * (needed / STANDSTILL if case.car == "full-car" else needed)) / 1e3)
+    return float(np.ceil(1e3 * (needed / STANDSTILL if CARS[case.car].driver else needed)) / 1e3)
 
 
 def stop_when(system: System, case: Case) -> list[StopWhen]:
     """A car with a driver has arrived."""
-    return [StopWhen("car.x", ">=", window(Run(case, None, system))[1])] if case.car == "full-car" else []
+    return [StopWhen("car.x", ">=", window(Run(case, None, system))[1])] if CARS[case.car].driver else []
 
 
 def recorded(case: Case) -> Sequence[str]:

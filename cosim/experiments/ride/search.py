@@ -1,15 +1,17 @@
 """Speeds at which a car reaches a limit: 6 W of absorbed power over a course, 2.5 g at the seat over a half-round.
 
-A search walks from a guess by a fixed ratio until it has a run below the limit and one above it, and narrows that down: where
-it expects the limit by a straight line on logarithmic scales, or in the middle when that has not halved the interval.
-Runs are stored under their cases, so that searches that ask for the same one share it.
+A search steps from a guess towards the limit, by as much as its runs say that the value rises with speed, until it has a run below the
+limit and one above it, and narrows that down: where it expects the limit by a straight line on logarithmic scales, or in the middle when that
+has not halved the interval. It ends where the interval is narrow, or a run is at the limit, to :data:`TOLERANCE`. Runs are made once: the second
+limit of a search begins with those of the first, and they are stored under their cases.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import Any
 
 from cosim.experiments.metrics.response import STANDARD_GRAVITY
@@ -20,7 +22,9 @@ from fmu_sources.models.comfort import ABSORBED_POWER_LIMIT
 
 WITHIN = (3.0, 120.0)  # km/h
 TOLERANCE = 0.02  # of the speed, and of the limit where a run comes that close to it
-COLD, WARM = 1.5, 1.08  # ratio of the first step from a guess, and from the speed of another seed
+LONGEST = 1.5  # ratio of the longest step towards a limit
+EXPONENT = 2.5  # with which absorbed power is taken to rise with speed, until two runs tell
+STEEP = (1.0, 8.0)  # exponents that are believed
 LIMITS = {
     "absorbed_power_nrmm": ABSORBED_POWER_LIMIT,
     "absorbed_power": ABSORBED_POWER_LIMIT,
@@ -29,47 +33,74 @@ LIMITS = {
 """Metric -> what it is limited to, in SI units."""
 
 
-def crossing(value: Callable[[float], float], limit: float, guess: float, *, first: float = COLD) -> tuple[float | None, str]:
+def crossing(
+    value: Callable[[float], float], limit: float, guess: float, *, known: Iterable[float] = (), exponent: float = EXPONENT
+) -> tuple[float | None, str]:
     """The speed [km/h] at which ``value`` rises to ``limit``, to :data:`TOLERANCE`, with "found"; or None with "never" (at no speed
     of :data:`WITHIN`) or "always" (at the lowest already).
 
     Args:
         value: of a speed, above 0; infinite where a run failed.
-        guess: where it is looked for first.
-        first: ratio of the first step from there.
+        guess: where it is looked for first, and next to which where it is reached several times.
+        known: speeds whose value is known already; asked for first.
+        exponent: of speed, with which the value is taken to rise from a single run.
 
     Raises:
         ValueError: ``value`` is not a number somewhere.
     """
-    known: dict[float, float] = {}
+    seen: dict[float, float] = {}
 
-    def at(v: float) -> float:
-        known[v] = value(v)
-        if math.isnan(known[v]):
+    def ask(v: float) -> None:
+        seen[v] = value(v)
+        if math.isnan(seen[v]):
             raise ValueError(f"what is limited is not a number at {v:g} km/h")
-        return known[v]
 
+    def far(v: float) -> float:
+        return abs(math.log(v / guess))
+
+    for v in known:
+        ask(v)
     low, high = WITHIN
-    v, step = _rounded(min(max(guess, low), high)), first
-    upwards = at(v) < limit
-    while (known[v] < limit) == upwards:
-        if v == (high if upwards else low):
+    if not seen:
+        ask(_rounded(min(max(guess, low), high)))
+    wide, least = math.inf, TOLERANCE
+    while True:
+        at_limit = [v for v, found in seen.items() if abs(found / limit - 1) <= TOLERANCE]
+        if at_limit:
+            return min(at_limit, key=far), "found"
+        speeds = sorted(seen)
+        rises = [(a, b) for a, b in pairwise(speeds) if seen[a] < limit <= seen[b]]
+        if rises:
+            below, above = min(rises, key=lambda pair: far(math.sqrt(pair[0] * pair[1])))
+            before, wide = wide, math.log(above / below)
+            part = 0.5 if wide > before / 2 else _part(seen[below], seen[above], limit)
+            middle = _rounded(below * math.exp(wide * part))
+            if above / below <= 1 + TOLERANCE or not below < middle < above:  # narrow, or closer than four digits tell
+                return _rounded(math.sqrt(below * above)), "found"
+            ask(middle)
+            continue
+        upwards = seen[min(speeds, key=far)] < limit
+        edge = speeds[-1] if upwards else speeds[0]
+        if edge == (high if upwards else low):
             return None, "never" if upwards else "always"
-        last, v = v, _rounded(min(v * step, high) if upwards else max(v / step, low))
-        at(v)
-        step = COLD
-    below, above = (last, v) if upwards else (v, last)
-    halving = False
-    while above / below > 1 + TOLERANCE:
-        wide = math.log(above / below)
-        middle = _rounded(below * math.exp(wide * (0.5 if halving else _part(known[below], known[above], limit))))
-        if not below < middle < above:  # closer than four digits tell
-            break
-        if abs(at(middle) / limit - 1) <= TOLERANCE:
-            return middle, "found"
-        below, above = (middle, above) if known[middle] < limit else (below, middle)
-        halving = math.log(above / below) > wide / 2
-    return _rounded(math.sqrt(below * above)), "found"
+        ratio = min(max(_step(seen[edge], limit, rise(seen, limit, exponent)), 1 + least), LONGEST)
+        least *= 2  # a value that only just does not get there is not followed in small steps
+        ask(_rounded(min(edge * ratio, high) if upwards else max(edge / ratio, low)))
+
+
+def _step(value: float, limit: float, exponent: float) -> float:
+    """Ratio of the speeds of a run with a value and of the one at the limit."""
+    return math.exp(abs(math.log(limit / value)) / exponent) if 0 < value < math.inf else LONGEST
+
+
+def rise(seen: Mapping[float, float], limit: float, otherwise: float = EXPONENT) -> float:
+    """The exponent of speed with which a value rises between the two runs whose values are nearest to a limit, within :data:`STEEP`;
+    ``otherwise`` where there are no two."""
+    usable = sorted((abs(math.log(v / limit)), speed) for speed, v in seen.items() if math.isfinite(v) and v > 0)
+    if len(usable) < 2:
+        return otherwise
+    a, b = (speed for _, speed in usable[:2])
+    return min(max(math.log(seen[b] / seen[a]) / math.log(b / a), STEEP[0]), STEEP[1])
 
 
 def _part(below: float, above: float, limit: float) -> float:
@@ -108,7 +139,7 @@ class SpeedLimit:
         runs: dict[tuple[int, float], Row] = {}
         speeds: dict[str, list[float | None]] = {m: [] for m in self.metrics}
         why: dict[str, list[str]] = {m: [] for m in self.metrics}
-        guess, first = self.guess, COLD
+        guess, exponents = self.guess, dict.fromkeys(self.metrics, EXPONENT)
         for seed in range(1, self.seeds + 1):
             case = self.case if self.seeds == 1 else replace(self.case, seed=seed)
             for metric in self.metrics:
@@ -120,9 +151,11 @@ class SpeedLimit:
                     row = runs[seed, v]
                     return float(row[metric]) if row["arrived"] else math.inf
 
-                found, reason = crossing(value, LIMITS[metric], guess, first=first)
+                known = [v for of, v in runs if of == seed]
+                found, reason = crossing(value, LIMITS[metric], guess, known=known, exponent=exponents[metric])
                 speeds[metric].append(found)
                 why[metric].append(reason)
-                if found is not None:
-                    guess, first = found, WARM
+                exponents[metric] = rise({v: value(v) for of, v in runs if of == seed}, LIMITS[metric], exponents[metric])
+            first = speeds[self.metrics[0]][-1]
+            guess = first if first is not None else guess
         return {"speeds": speeds, "why": why, "runs": [runs[k] for k in sorted(runs)]}

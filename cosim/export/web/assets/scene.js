@@ -736,13 +736,18 @@ class SceneView {
     this.path(rings[3]);
     pen.fill();
     pen.stroke();
-    // sidewall, rim, spokes that turn
+    if (Math.abs(SceneView.dot(axis, this.towards)) > 0.04) this.drawRim(w, near, count); // not from its edge
+  }
+
+  // Sidewall, rim, spokes that turn, and a ring where a limit is active.
+  drawRim(w, near, count) {
+    const { pen, color } = this;
     const disc = (radius, style) => {
       pen.fillStyle = style;
       this.path(this.ring(w, radius, near, radius > 0.7 ? count : 28));
       pen.fill();
     };
-    disc(0.86, this.color.tread);
+    disc(0.86, color.tread);
     disc(0.80, color.tire);
     disc(0.60, color.rim);
     disc(0.53, SceneView.mixed(color.rim, 0.86));
@@ -862,6 +867,7 @@ class SceneView {
 
   drawPoints() {
     const { pen, color, data } = this;
+    if (Math.abs(this.right[0]) < 0.15) return; // from behind, what is ahead is hidden
     for (const points of data.points) {
       const x = this.raw(points.x), y = this.raw(points.y), spacing = this.raw(points.spacing);
       const there = points.heights.map((h, i) => [x + i * spacing, y, this.exaggeration * this.raw(h)]), near = this.isNear(x, y);
