@@ -40,6 +40,7 @@ from cosim.system.wiring import Wiring
 from cosim.time import TimeLike, positive, rational
 
 if TYPE_CHECKING:
+    from cosim.export.web.scene import Scene
     from cosim.statespace import LinearModel, Matrices
 
 
@@ -298,6 +299,31 @@ class System(Wiring):
             self, Path(path), inputs=inputs, outputs=outputs, parameters=parameters, without=without, fmi=fmi,
             platforms=platforms, text=text,
         )  # fmt: skip
+
+    def export_web(
+        self,
+        path: str | os.PathLike[str],
+        *,
+        title: str = "",
+        text: str = "",
+        values: Mapping[str, float] | None = None,
+        controls: Sequence[str] = (),
+        plots: Sequence[str] = (),
+        scene: Scene | None = None,
+    ) -> Path:
+        """Write the system as a web page, in which it runs live: compiled to WebAssembly, in one file that needs no server, no network and
+        nothing installed. FMUs of this project only, of FMI 3.0.
+
+        `title` and `text` stand above it. `values`: inputs and parameters, `member.variable`, that it starts with. `controls`: inputs and
+        parameters that get a slider at once (all of them have a field below). `plots`: outputs of the charts at first. `scene`: what
+        it looks like; `cosim.scenes.recognised(system)` finds that by the names of its variables. For several systems side by side, measures and controls
+        with words of their own: `cosim.export.web.page.export_web`. Needs the extras [build] and [zig]. Raises WiringError and CosimError naming what cannot
+        be in it, CompileError.
+        """
+        from cosim.export.web.page import Control, Shown, WebPage, export_web
+
+        page = WebPage(title or Path(path).stem, text, [Control(name, [name]) for name in controls], plots)
+        return export_web(Path(path), [Shown(page.title, self, values or {}, scene=scene)], page)
 
     def export_ssp(
         self,

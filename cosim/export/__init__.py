@@ -1,6 +1,6 @@
 """A system as something that travels: one FMU.
 
-- ``system_fmu``: the archive, made of the schedule;
+- ``code``: the C of a system, made of the schedule; ``system_fmu``: the archive with it;
 - ``variables``: which variables of its members it has;
 - ``description``: its modelDescription.xml;
 - ``parts``: how its members travel, ``symbols``: what must be renamed so that they can be in one library;

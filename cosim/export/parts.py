@@ -45,7 +45,7 @@ class Part:
     @property
     def prefix(self) -> str:
         """Of all its names in the library."""
-        return f"{self.name}_"
+        return prefix_of(self.name)
 
     @property
     def version(self) -> int:
@@ -81,26 +81,42 @@ class Part:
 
     def wrappers(self, names: Sequence[str]) -> dict[str, bytes]:
         """C files that compile its sources under names of its own, the header with these, and its table of functions."""
-        renamed = "".join(f"#undef {n}\n#define {n} {self.prefix}{n}\n" for n in names)
-        header = (
-            f"/* Names of {self.fmu.description.name} in this library. Generated. */\n"
-            f"{_PREFIXED[self.version].format(prefix=self.prefix)}{renamed}"
-        )
-        files = {f"{self.name}/names.h": header.encode()}
-        for name in self.c_files:
-            flat = name.replace("/", "_")
-            files[f"{self.prefix}{flat}"] = f'#include "{self.name}/names.h"\n#include "{self.name}/{name}"\n'.encode()
-        files[f"{self.prefix}functions.c"] = (
-            f'#include "{self.name}/names.h"\n#include "member.h"\n\nDECLARED{self.version}\n'
-            f"extern const Functions{self.version} {self.prefix}functions;\n"
-            f"const Functions{self.version} {self.prefix}functions = FUNCTIONS{self.version};\n"
-        ).encode()
-        return files
+        return wrappers(self.name, self.version, self.c_files, names, self.fmu.description.name)
 
     def names(self, folder: Path, toolchain: Toolchain, cache: ObjectCache) -> list[str]:
         """Names that its sources define for each other, but for the functions of FMI; `folder` holds its sources."""
-        objects = [cache.object(toolchain, folder / name, [folder]) for name in self.c_files]
-        return sorted(n for path in objects for n in defined(path) if not _FMI.fullmatch(n))
+        return defined_names(folder, self.c_files, [folder], toolchain, cache)
+
+
+def prefix_of(name: str) -> str:
+    """What stands before the names of what is linked under a name of its own."""
+    return f"{name}_"
+
+
+def wrappers(name: str, version: int, c_files: Sequence[str], names: Sequence[str], of: str) -> dict[str, bytes]:
+    """C files in which those below the folder ``name`` are compiled under names of their own, the header with these, and the table of the
+    FMI functions that they make. ``names``: what they define for each other; ``of``: what this is, for people."""
+    prefix = prefix_of(name)
+    renamed = "".join(f"#undef {n}\n#define {n} {prefix}{n}\n" for n in names)
+    header = f"/* Names of {of} in this library. Generated. */\n{_PREFIXED[version].format(prefix=prefix)}{renamed}"
+    files = {f"{name}/names.h": header.encode()}
+    for file in c_files:
+        flat = file.replace("/", "_")
+        files[f"{prefix}{flat}"] = f'#include "{name}/names.h"\n#include "{name}/{file}"\n'.encode()
+    files[f"{prefix}functions.c"] = (
+        f'#include "{name}/names.h"\n#include "member.h"\n\nDECLARED{version}\n'
+        f"extern const Functions{version} {prefix}functions;\n"
+        f"const Functions{version} {prefix}functions = FUNCTIONS{version};\n"
+    ).encode()
+    return files
+
+
+def defined_names(
+    folder: Path, c_files: Sequence[str], include: Sequence[Path], toolchain: Toolchain, cache: ObjectCache
+) -> list[str]:
+    """Names that C files define for each other, but for the functions of FMI."""
+    objects = [cache.object(toolchain, folder / name, include) for name in c_files]
+    return sorted(n for path in objects for n in defined(path) if not _FMI.fullmatch(n))
 
 
 def part_of(name: str, fmu: FmuFile) -> Part:

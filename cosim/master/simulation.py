@@ -119,7 +119,8 @@ class Simulation:
         except KeyError:
             hint = did_you_mean(name, self._layout.readable) or "; name it in record=[...] or watch=[...]"
             raise KeyError(f"'{name}' is not read by this simulation{hint}") from None
-        return scale * self._exchange.values.item(slot) + offset
+        value = self._exchange.values.item(slot)
+        return value if (scale, offset) == (1.0, 0.0) else scale * value + offset  # which would make 0.0 of -0.0
 
     def set(self, name: str, value: Any) -> None:
         """Change a tunable parameter or an unconnected input, effective from the next step on."""

@@ -450,6 +450,9 @@ def _reliefs(found: _Found) -> list[Relief]:
 # ------------------------------------------------------------------------------------------------- what controllers show
 
 
+_USED = "preview.used"  # beyond the first
+
+
 def _points(found: _Found, distance: Value) -> Iterator[Points]:
     """What is known of the road ahead of the front wheels, by who reads it."""
     if found.speed is None:
@@ -467,6 +470,7 @@ def _points(found: _Found, distance: Value) -> Iterator[Points]:
                 found.side(corner) * found.half_track(corner),
                 found.speed * step,
                 heights,
+                Value({f"{member.name}.{_USED}": 1.0}, 1.0) if _USED in member.description.parameters else None,
             )
 
 

@@ -126,8 +126,19 @@ Where = Annotated[
         "--platform", metavar=one_of(("host", "all", *PLATFORMS)), help="for which systems; several with commas"
     ),
 ]
+Web = Annotated[
+    Path | None, typer.Option("--web", metavar="FILE", help="the web page to write, NAME.html, in which the system runs live")
+]
+Beside = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--beside", metavar="OPTION=VALUE,...", help="on the page: one more system beside it, the case with these options changed; several may be given"
+    ),
+]
 _EXPORT: dict[str, tuple[Any, Any]] = {
     "fmu": (Target, None),
+    "web": (Web, None),
+    "beside": (Beside, None),
     "ssp": (Package, None),
     "ssp_version": (Structure, "1.0"),
     "inputs": (Patterns, None),
@@ -210,8 +221,11 @@ def export_command(experiment: Experiment) -> Any:
     def export(**given: Any) -> None:
         case = _case(experiment, given)
         text = f"{experiment.title}: {case.label}" if experiment.title else ""
-        if (given["fmu"] is None) == (given["ssp"] is None):
-            raise CosimError("say what to write: --fmu NAME.fmu or --ssp NAME.ssp")
+        if sum(given[target] is not None for target in ("fmu", "ssp", "web")) != 1:
+            raise CosimError("say what to write: --fmu NAME.fmu, --ssp NAME.ssp or --web NAME.html")
+        if given["web"] is not None:
+            _export_web(experiment, case, given)
+            return
         with Runner(experiment, fmu_set(experiment, given)) as runner:
             system = runner.system(case)
             if given["ssp"] is not None:
@@ -227,7 +241,7 @@ def export_command(experiment: Experiment) -> Any:
     more = {k: v for k, v in _EVERYWHERE.items() if k in ("fmus", "fmi")}
     return command(
         export, experiment, {**options, **_EXPORT, **own_files(experiment), **more},
-        "The system of one case as one FMU, with all that is in it, or as an SSP: its FMUs and how they are connected.",
+        "The system of one case as one FMU, with all that is in it, as an SSP: its FMUs and how they are connected, or as a web page in which it runs.",
     )  # fmt: skip
 
 
@@ -249,6 +263,18 @@ def wiring_command(experiment: Experiment) -> Any:
         wiring, experiment, {"svg": (Drawing, None), "title": (Title, None), **options, **own_files(experiment), **more},
         "The system of one case as a picture: its components with their rates, a line for each bundle of signals.",
     )  # fmt: skip
+
+
+def _export_web(experiment: Experiment, case: Any, given: Mapping[str, Any]) -> None:
+    from cosim.study.web import write_web
+
+    for option, name in (("inputs", "--input"), ("outputs", "--output"), ("without", "--without")):
+        if given[option]:
+            raise CosimError(f"{name} is of a system as one FMU; a page has all inputs and outputs")
+    if given["fmi"] != 3:
+        raise CosimError("pages are made of FMUs of FMI 3.0: leave --fmi out")
+    path = write_web(experiment, fmu_set(experiment, given), given["web"], case, given["beside"] or ())
+    console.print(f"{path}, {path.stat().st_size / 1e6:.1f} MB: open it in a browser; it needs no server")
 
 
 def _export_ssp(system: System, given: Mapping[str, Any], text: str, stop_time: float) -> None:

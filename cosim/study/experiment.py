@@ -123,6 +123,8 @@ class Experiment:
         claims: published statements, a :class:`cosim.study.ClaimList`, or "module:NAME" of one.
         report: the page of a study, a function of results and FMUs that gives a ``cosim.report.Report``, or "module:NAME" of
             one; by default a table and curves over what differs.
+        web: how a case is shown as a live web page, a function of the case that gives a :class:`cosim.study.web.Live`, or "module:NAME"
+            of one; by default the system alone.
         own_fmus: FMUs of a user's files, a function of experiment name, folder, FMI version, vehicle files and case; None
             where no files are taken.
         papers: sources by short name, for the provenance, or "module:NAME" of them.
@@ -154,6 +156,7 @@ class Experiment:
     page: Callable[..., Any] | str | None = None
     claims: Any = None
     report: Callable[..., Any] | str | None = None
+    web: Callable[[Any], Any] | str | None = None
     own_fmus: Callable[..., FmuSet] | str | None = None
     papers: Mapping[str, str] | str = field(default_factory=dict)
     module: str = ""

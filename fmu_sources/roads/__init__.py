@@ -19,6 +19,7 @@
 ``bench``           motion of the bench's plate over time (paper 002)
 ``user_file``       a road from a user's file
 ``opencrg``         OpenCRG files
+``speed_command``   speed that follows a command, with the distance
 ``speed_profile``   constant speed or a ramp, with the distance
 ``errors``          what is wrong with a road
 ==================  ===========================================================
@@ -35,6 +36,7 @@ from fmu_sources.roads.proving_ground import road_proving_ground
 from fmu_sources.roads.random_road import road_random
 from fmu_sources.roads.road import Profile, Shape, road
 from fmu_sources.roads.shallow_trench import road_shallow_trench
+from fmu_sources.roads.speed_command import speed_command
 from fmu_sources.roads.speed_profile import speed_profile
 from fmu_sources.roads.standard import road_curb, road_sine
 from fmu_sources.roads.table import HeightTable, road_from_table
@@ -65,5 +67,6 @@ __all__ = [
     "road_random",
     "road_shallow_trench",
     "road_sine",
+    "speed_command",
     "speed_profile",
 ]

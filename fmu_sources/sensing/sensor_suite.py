@@ -139,7 +139,10 @@ def sensor_suite(sensors: SensorSet, scan: RoadScan, name: str = "SensorSuite") 
     small = c.constant("small", _SMALL, "m", "rounding of lengths", source="own")
     first = c.constant("scan.first", scan.start, "m", "first height of scan.*", source="road layout")
     apart = c.constant("scan.apart", scan.step, "m", "distance between heights of scan.*", source="road layout")
-    dropped = ca.logic_and(c.time >= begin - instant, c.time < begin + lasting - instant)
+    off = c.parameter(
+        "range.off", False, None, "both range sensors see nothing", tunable=True, source="option"
+    )
+    dropped = ca.logic_or(off > 0.5, ca.logic_and(c.time >= begin - instant, c.time < begin + lasting - instant))
     for what, value in (("start", scan.start), ("step", scan.step)):
         c.constant_input(
             f"scan.{what}", "m", f"{what} of scan.left and scan.right on the road: what these sensors were built for",
@@ -273,7 +276,7 @@ _NOTES = (
     "Range sensors: beams in the tracks of the wheels, tilted forward, cast against the road's scan.left and scan.right "
     "(a scan belongs to the road: RoadLayout.scan), so that a bump casts a shadow. The reading is a mean over range.spot, comes "
     "range.response late, is rounded to range.resolution, and counts only from range.near to range.far and within the scan; "
-    "otherwise range.*.valid is false and the last valid value is held. range.dropout.* makes both fail for a while.",
+    "otherwise range.*.valid is false and the last valid value is held. range.dropout.* makes both fail for a while, range.off as long as it is set.",
     "range.sensor chooses between both sensors of Table 1.6; each parameter range.* has one value for either. "
     "range.tilt.used and range.response.used tell PreviewSensor which beam its ranges come from.",
     "The car's small-angle pose is taken as that of a rigid body. Left out: scatter of grazing beams, lateral offset by yaw, "

@@ -72,6 +72,11 @@ def test_systems_as_ssp(workplace: Path, capsys: pytest.CaptureFixture[str]) -> 
     assert (workplace / "Bumps2.ssp").is_file()
 
 
+def test_a_system_that_runs_in_a_browser(workplace: Path) -> None:
+    run_blocks(ROOT / "docs" / "live.md")
+    assert "WebAssembly.compile" in (workplace / "bumps.html").read_text()
+
+
 def test_many_copies(workplace: Path, capsys: pytest.CaptureFixture[str]) -> None:  # noqa: ARG001
     names = run_blocks(ROOT / "docs" / "batch.md")
     assert "in lanes:\n     road (RoadSine)" in capsys.readouterr().out

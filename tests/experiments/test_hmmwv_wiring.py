@@ -12,6 +12,7 @@ from cosim.experiments.hmmwv.preview import published as chains
 from cosim.experiments.hmmwv.published import estimated, finer
 from cosim.experiments.hmmwv.runs import Case, stop_time
 from cosim.study import FmuSet, Runner
+from cosim.study.case import CaseError
 from fmu_sources.models.corners import CORNERS
 
 
@@ -37,11 +38,26 @@ def connections(fmus: FmuSet, case: Case) -> dict[str, str]:
         return {c.target_name: c.source_name for c in system.connections.values()}
 
 
-def test_a_short_preview_continues_at_its_last_height(fmus):
+def test_how_much_of_the_preview_counts_is_a_parameter(fmus):
     made = connections(fmus, Case("bump", "mpc-preview", preview_steps=3))
     for k in CORNERS:
-        sources = [made[f"controller.preview.{k}[{i}]"] for i in range(1, 17)]
-        assert sources == [f"road.preview.{k}[{i}]" for i in (1, 2, 3, *[4] * 13)]
+        assert [made[f"controller.preview.{k}[{i}]"] for i in range(1, 17)] == [f"road.preview.{k}[{i}]" for i in range(1, 17)]
+    assert made["controller.preview.step"] == "road.preview.step"
+    case = Case("bump", "mpc-preview", preview_steps=3)
+    with runs.wire(fmus, case) as system:
+        runs.configure(system, case)
+        assert system["controller"].values["preview.used"] == 3
+
+
+def test_a_driven_run_has_its_speed_as_an_input(fmus):
+    case = Case("bump", "lqr", speed_kmh=36.0, driven=True)
+    with runs.wire(fmus, case) as system:
+        runs.configure(system, case)
+        assert system["speed"].description.name == "SpeedCommand"
+        assert system["speed"].values["target.speed"] == 10.0
+        assert system["speed"].values["start.x"] == runs.start(system, case)
+    with pytest.raises(CaseError, match="states that are estimated"):
+        Case("bump", "mpc-preview", preview_error_ms=5.0, driven=True)
 
 
 def test_estimated_states_reach_the_controller_instead_of_true_ones(fmus):
@@ -124,17 +140,17 @@ def test_a_case_sets_car_and_actuators(systems):
 def test_what_a_run_is_compared_with():
     """The passive car on the same road, in the same state; nothing that it does not have."""
     case = Case("bump", "mpc-preview", states="estimated", preview="sensed", speed_kmh=50.0, variant=2, friction=True, lift_off=False,
-                null_opening_mm=6.0, duration=2.0, flow_limit=True, pump_l_min=60.0, solver_parts=2, exchange_parts=2)  # fmt: skip
+                null_opening_mm=6.0, driven=True, duration=2.0, flow_limit=True, pump_l_min=60.0, solver_parts=2, exchange_parts=2)  # fmt: skip
     assert runs.passive(case) == Case("bump", "passive", speed_kmh=50.0, variant=2, friction=True, lift_off=False, null_opening_mm=6.0,
-                                      duration=2.0, solver_parts=2, exchange_parts=2)  # fmt: skip
+                                      driven=True, duration=2.0, solver_parts=2, exchange_parts=2)  # fmt: skip
 
 
-@pytest.mark.parametrize("change", [{"controller": "lqr"}, {"actuators": "ideal"}, {"states": "estimated"}, {"preview_steps": 3},
+@pytest.mark.parametrize("change", [{"controller": "lqr"}, {"actuators": "ideal"}, {"states": "estimated"}, {"driven": True},
                                     {"preview_error_ms": 5.0}, {"exchange_parts": 2}, {"road": "off-road"}])  # fmt: skip
 def test_what_is_wired_differently_is_another_system(change):
     case = Case("bump", "mpc-preview")
     assert runs.structure(replace(case, **change)) != runs.structure(case)
-    assert runs.structure(replace(case, variant=3, speed_kmh=50.0, flow_limit=True)) == runs.structure(case)
+    assert runs.structure(replace(case, variant=3, speed_kmh=50.0, flow_limit=True, preview_steps=3)) == runs.structure(case)
 
 
 def test_what_is_recorded():

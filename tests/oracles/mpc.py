@@ -57,9 +57,9 @@ class MpcReference:
         none = np.zeros((len(m.disturbances), mpc.horizon.prediction + 2))
         units = [np.eye(blocks * nu)[j].reshape(blocks, nu) for j in range(blocks * nu)]
         self._effect = np.stack([self.predict(rest, np.zeros(nu), unit, none) for unit in units], axis=-1)
-        self._inputs = np.stack([self._plan(np.zeros(nu), unit) for unit in units], axis=-1)
+        self._inputs = np.stack([self.plan(np.zeros(nu), unit) for unit in units], axis=-1)
 
-    def _plan(self, previous: Array, moves: Array) -> Array:
+    def plan(self, previous: Array, moves: Array) -> Array:
         """Inputs (prediction + 1, nu) from now on."""
         h = self.mpc.horizon
         plan, u = [], np.array(previous, dtype=float)
@@ -72,7 +72,7 @@ class MpcReference:
     def predict(self, x: Array, previous: Array, moves: Array, disturbance: Array) -> Array:
         """Outputs (prediction, ny) at the steps that count, for given moves (blocks, nu)."""
         m, h = self.mpc.model, self.mpc.horizon
-        plan, outputs = self._plan(previous, moves), []
+        plan, outputs = self.plan(previous, moves), []
         for i in range(h.prediction):
             now, then, later = disturbance[:, i : i + 3].T
             x = m.A @ x + m.B @ plan[i] + m.E0 @ now + m.E1 @ then

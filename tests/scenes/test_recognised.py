@@ -205,7 +205,7 @@ def test_what_a_vehicle_is() -> None:
 def test_previews_are_where_they_are_true() -> None:
     with wired("hmmwv", controller="mpc-preview") as system:
         scene = scene_of(system)
-        assert [p.role for p in scene.points] == ["preview", "preview"]
+        assert [p.role for p in scene.points] == ["preview", "preview", "predicted", "predicted"]
         left = scene.points[0]
         values = dict.fromkeys(scene.variables, 0.0) | {"speed.x": 20.0, "speed.speed": 10.0}
         assert left.x.of(values) == pytest.approx(21.651)  # type: ignore[union-attr]
@@ -216,15 +216,17 @@ def test_previews_are_where_they_are_true() -> None:
 def test_a_preview_that_sensors_give_is_not_the_road() -> None:
     with wired("hmmwv", states="estimated", preview="sensed") as system:
         scene = scene_of(system)
-        assert [p.role for p in scene.points] == ["sensed", "sensed"]
+        assert [p.role for p in scene.points] == ["sensed", "sensed", "predicted", "predicted"]
         assert "buffer.preview.fr[16]" in scene.variables
         labels = [limit.label for limit in scene.limits]
         assert {"controller: no solution", "buffer: preview lost"} <= set(labels)
 
 
-def test_a_shortened_preview_has_its_own_length() -> None:
+def test_as_much_of_a_preview_is_drawn_as_counts() -> None:
     with wired("hmmwv", controller="mpc-preview", preview_steps=5) as system:
-        assert [len(p.heights) for p in scene_of(system).points] == [6, 6]
+        points = [p for p in scene_of(system).points if p.role == "preview"]
+        assert [len(p.heights) for p in points] == [16, 16]
+        assert [p.count.of({"controller.preview.used": 5.0}) for p in points] == [6.0, 6.0]  # type: ignore[union-attr]
 
 
 class _Predicting:
@@ -243,7 +245,7 @@ class _Predicting:
 
 
 def test_predicted_travel_begins_with_that_of_now() -> None:
-    with wired("hmmwv") as system:
+    with wired("hmmwv", controller="lqr") as system:
         system.add("law", _Predicting("fl"))
         scene = scene_of(system)
         (line,) = (p for p in scene.points if p.role == "predicted")

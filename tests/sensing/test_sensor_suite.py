@@ -247,6 +247,13 @@ def test_dropout(suite):
     assert len(set(y["range.left"][4:9])) == 1
 
 
+def test_sensors_that_are_switched_off(suite):
+    y = run(suite, [{}] * 3, **{"range.off": 1.0})
+    assert not y["range.left.valid"].any()
+    assert not y["range.right.valid"].any()
+    assert suite.variable("range.off").tunable  # while it runs, too
+
+
 def test_a_road_with_another_scan_is_refused(suite, scan):
     """By the master, when it is wired: these inputs must equal the constants of the road."""
     for what in ("start", "step"):

@@ -31,6 +31,7 @@ EXPERIMENT = Experiment(
     parts=("cosim.experiments.hmmwv.tracking:EXPERIMENT", "cosim.experiments.hmmwv.preview:EXPERIMENT"),
     claims="cosim.experiments.hmmwv.claims:CLAIMS",
     report="cosim.experiments.hmmwv.report:report",
+    web="cosim.experiments.hmmwv.web:live",
     own_fmus="cosim.experiments.own_files:own_fmus",
     papers="fmu_sources.catalog:PAPERS",
     module=__name__,

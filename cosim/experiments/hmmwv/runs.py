@@ -16,6 +16,7 @@ from cosim.experiments.hmmwv.wiring import (
     FIRST_BUMP,
     LITRES_PER_MINUTE,
     SPEED_KMH,
+    SPEEDS,
     add_actuators,
     add_car,
     add_preview_chain,
@@ -47,7 +48,7 @@ STATES = ("true", "estimated")
 PREVIEWS = ("generated", "sensed")  # a known profile at the distance travelled, or what the range sensors see
 PREVIEW_STEPS = PREVIEW_POINTS - 1  # heights ahead of the one under the wheel, 30 ms apart
 FMUS = (
-    "SpeedProfile", *dict.fromkeys(ROADS.values()), "RideCarHmmwv", "RideComfort", *dict.fromkeys(filter(None, CONTROLLERS.values())),
+    *SPEEDS.values(), *dict.fromkeys(ROADS.values()), "RideCarHmmwv", "RideComfort", *dict.fromkeys(filter(None, CONTROLLERS.values())),
     "HydraulicActuator", "ForceTracking", "SensorSuite", "KalmanHmmwv", "PreviewSensor", "PreviewBuffer",
 )  # fmt: skip
 
@@ -115,6 +116,7 @@ class Case(Stepped):
         None, name="null-opening", unit="mm", within=(0.01, 50), only=_HYDRAULIC, label="{:g}mm",
         help="opening of a valve without power; by default as in the actuator's FMU",
     )  # fmt: skip
+    driven: bool = option(False, help="the speed is an input, speed.target.speed, for people and programs that drive")
     duration: float | None = option(
         None, unit="s", label="{:g}s", help="length; by default until 1.5 s after the last bump, off road 22 s"
     )
@@ -136,6 +138,8 @@ class Case(Stepped):
             raise CaseError("the sensed preview is corrected by the estimated pose: --states estimated")
         if self.preview == "sensed" and self.preview_error_ms:
             raise CaseError("a preview error is for the generated preview; the sensed one has its own")
+        if self.driven and self.separate_map and self.states == "true":
+            raise CaseError("where somebody drives, a preview error needs states that are estimated: --states estimated")
         if self.duration is not None and not 0.5 <= self.duration <= self.longest:
             raise CaseError(f"duration {self.duration:g} s: give 0.5 to {self.longest:.1f} s")
 
@@ -165,7 +169,7 @@ def passive(case: Case) -> Case:
     """What a run is compared with."""
     return Case(
         case.road, "passive", speed_kmh=case.speed_kmh, variant=case.variant, friction=case.friction, lift_off=case.lift_off,
-        null_opening_mm=case.null_opening_mm, duration=case.duration, solver_parts=case.solver_parts,
+        null_opening_mm=case.null_opening_mm, driven=case.driven, duration=case.duration, solver_parts=case.solver_parts,
         exchange_parts=case.exchange_parts,
     )  # fmt: skip
 
@@ -188,8 +192,8 @@ def over_variants(case: Case, count: int | None = None) -> list[Case]:
 def structure(case: Case) -> tuple[object, ...]:
     """What decides the wiring."""
     return (
-        case.road, case.controller, case.actuators, case.states, case.preview, case.preview_steps,
-        case.preview_error_ms != 0, case.exchange_parts,
+        case.road, case.controller, case.actuators, case.states, case.preview, case.preview_error_ms != 0, case.driven,
+        case.exchange_parts,
     )  # fmt: skip
 
 
@@ -197,7 +201,7 @@ def wire(fmus: FmuSet, case: Case, *, comfort: bool = True) -> System:
     """The vehicle of a case: road, car, actuators with their force tracking, controller, and ``comfort``."""
     system = System()
     step = exchange_step(EXCHANGE, case)
-    add_car(system, fmus, ROADS[case.road], step=step)
+    add_car(system, fmus, ROADS[case.road], step=step, driven=case.driven)
     if comfort:
         system.add("comfort", fmus.path("RideComfort"))
         system.connect_matching("car", "comfort", "body.az")
@@ -247,7 +251,7 @@ def _wire_estimator(system: System, fmus: FmuSet) -> None:
 
 
 def _wire_preview(system: System, fmus: FmuSet, case: Case) -> None:
-    """Where the MPC gets its preview from. A truncated preview continues at its last height."""
+    """Where the MPC gets its preview from."""
     if case.controller == "mpc":
         system["controller"].set({"use_preview": False, **_flat_preview(system)})
         return
@@ -269,10 +273,7 @@ def _wire_preview(system: System, fmus: FmuSet, case: Case) -> None:
             system.add("map_speed", fmus.path("SpeedProfile"))
             system.connect("map_speed.x", "map.x")
             system.connect("map_speed.speed", "map.speed")
-    system.connect(f"{source}.preview.step", "controller.preview.step")
-    for k in CORNERS:
-        for i in range(1, PREVIEW_STEPS + 2):
-            system.connect(f"{source}.preview.{k}[{min(i, case.preview_steps + 1)}]", f"controller.preview.{k}[{i}]")
+    system.connect_matching(source, "controller", "preview.*")
 
 
 def _flat_preview(system: System) -> dict[str, float]:
@@ -301,7 +302,7 @@ def stop_time(system: System, case: Case) -> float:
 def configure(system: System, case: Case) -> None:
     """Set the parameters of a case in a system that was wired for its structure."""
     begin, late = start(system, case), case.preview_error_ms / 1000 * case.speed
-    system["speed"].set({"start.speed": case.speed, "start.x": begin})
+    system["speed"].set({"target.speed" if case.driven else "start.speed": case.speed, "start.x": begin})
     if "map_speed" in system.members:
         system["map_speed"].set({"start.speed": case.speed, "start.x": begin - late})
     for name in {"road", "map"} & set(system.members):
@@ -310,6 +311,8 @@ def configure(system: System, case: Case) -> None:
         else:
             shift = case.variant / SHIFTS * CONTROL_PERIOD * case.speed
             system[name].set(bump_parameters(BUMPS[case.road], FIRST_BUMP + shift))
+    if case.controller == "mpc-preview":
+        system["controller"].set({"preview.used": case.preview_steps})
     if "sensors" in system.members:
         system["sensors"].set({"noise.seed": case.variant + 1, "x.offset": -late})
     configure_vehicle(system, case)

@@ -29,9 +29,12 @@ def bump_parameters(heights: Mapping[int, float], first: float = FIRST_BUMP) -> 
     return {**{f"bump.height[{i}]": heights.get(i, 0.0) for i in range(1, PLACES + 1)}, "bump.first": first}
 
 
-def add_car(system: System, fmus: FmuSet, road: str, *, step: Fraction) -> None:
-    """Speed, road and car."""
-    system.add("speed", fmus.path("SpeedProfile"))
+SPEEDS = {False: "SpeedProfile", True: "SpeedCommand"}  # whether somebody drives
+
+
+def add_car(system: System, fmus: FmuSet, road: str, *, step: Fraction, driven: bool = False) -> None:
+    """Speed, road and car; ``driven``: the speed is an input of the system."""
+    system.add("speed", fmus.path(SPEEDS[driven]))
     system.add("road", fmus.path(road))
     system.add("car", fmus.path("RideCarHmmwv"), step=step)
     system.connect("speed.x", "road.x")

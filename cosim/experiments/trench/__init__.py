@@ -29,6 +29,7 @@ EXPERIMENT = Experiment(
     report="cosim.experiments.trench.report:report",
     page="cosim.experiments.trench.report:page",
     own_fmus="cosim.experiments.own_files:own_fmus",
+    web="cosim.experiments.trench.web:live",
     papers="fmu_sources.catalog:PAPERS",
     module=__name__,
 )

@@ -215,7 +215,8 @@ class Ground:
 
 @dataclass(frozen=True)
 class Points:
-    """Heights of a road as somebody knows or expects them: the first at x, the next `spacing` [m] further, on the line y."""
+    """Heights of a road as somebody knows or expects them: the first at x, the next `spacing` [m] further, on the line y; `count` of them count, by
+    default all."""
 
     name: str
     role: PointsRole
@@ -223,6 +224,7 @@ class Points:
     y: Quantity
     spacing: Quantity
     heights: Sequence[Quantity]
+    count: Quantity | None = None
 
     def __post_init__(self) -> None:
         where = f"points '{self.name}'"
@@ -233,6 +235,7 @@ class Points:
         if len(heights) < 2:
             raise ValueError(f"{where}: {len(heights)} heights; a line needs two")
         _assign(self, "heights", heights)
+        _assign(self, "count", value(float(len(heights)) if self.count is None else self.count))
 
 
 @dataclass(frozen=True)

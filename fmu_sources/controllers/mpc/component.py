@@ -59,12 +59,18 @@ class Preview:
 
 @dataclass(frozen=True)
 class MpcSolution:
-    """Symbols of a law: ``command`` (nu,) after clipping, ``held`` whether the last one was kept, ``slack`` eps."""
+    """Symbols of a law: ``command`` (nu,) after clipping, ``held`` whether the last one was kept, ``slack`` eps.
+
+    What it expects to come of it: ``planned`` (nu, prediction), inputs from now on, one period apart; ``predicted`` (ny, prediction),
+    outputs from the next period on, in the order of ``mpc.outputs``. When the last command is kept, both are those of keeping it.
+    """
 
     command: Any
     previous: Any
     held: Any
     slack: Any
+    planned: Any
+    predicted: Any
 
 
 def add_mpc(
@@ -111,10 +117,12 @@ def add_mpc(
         upper=data.upper, case=case, backend=backend,
     )  # fmt: skip
     held = solution.status > 0.5
-    requested = previous + ca.if_else(held, 0, qp.first_move(solution.z))
+    moves = ca.if_else(held, 0, qp.all_moves(solution.z))
+    requested = previous + moves[: len(mpc.inputs)]
     command = clipped(mpc, requested, previous, case)
     slack = solution.z[-1] * float(qp.columns[-1]) if mpc.soft else ca.MX(0)
-    return MpcSolution(command, previous, held, slack)
+    planned = ca.horzcat(command, qp.planned(previous, moves)[:, 1:])
+    return MpcSolution(command, previous, held, slack, planned, qp.predicted(data.free, moves))
 
 
 def clipped(mpc: Mpc, requested: Any, previous: Any, case: Any) -> Any:
@@ -136,7 +144,7 @@ def previous_command(c: Component, mpc: Mpc, unit: str | None = None) -> Any:
 
 
 def preview_inputs(c: Component, mpc: Mpc, preview: Preview, unit: str = "m") -> Any:
-    """Declare the preview inputs, ``preview.step`` and ``use_preview``; disturbances (nw, last + 2) of the model.
+    """Declare the preview inputs, ``preview.step``, ``preview.used`` and ``use_preview``; disturbances (nw, last + 2) of the model.
 
     Raises:
         MpcError: see :meth:`Preview.grid`; a disturbance without an input, or an input for one that is not there.
@@ -155,7 +163,15 @@ def preview_inputs(c: Component, mpc: Mpc, preview: Preview, unit: str = "m") ->
             shape=(preview.count,),
         )  # fmt: skip
         rows.append(ahead.T)
-    known = ca.mtimes(ca.vertcat(*rows), grid)
+    used = c.parameter(
+        "preview.used", preview.count - 1, None, "preview points beyond the first that are used; the last of them holds from there on",
+        min=0, max=preview.count - 1, tunable=True, source="option",
+    )  # fmt: skip
+    heights = ca.vertcat(*rows)
+    columns = [heights[:, 0]]
+    for i in range(1, preview.count):
+        columns.append(ca.if_else(used > i - 0.5, heights[:, i], columns[-1]))
+    known = ca.mtimes(ca.horzcat(*columns), grid)
     c.constant_input(
         "preview.step", "s", "time between preview points: what this controller was built for", must_equal=preview.step
     )

@@ -172,6 +172,17 @@ def mpc_hmmwv(
     c.update(response, felt, source="001 (1.19), sampled for an acceleration that is linear in between")
     c.update(az_before, az)
     command_outputs(c, mpc, car, solution)
+    for i, force in enumerate(FORCES):
+        c.output(
+            f"planned.{force}", solution.planned[i, :].T, "N", f"{force} as planned: now (index 1) and later, a sample time apart"
+        )
+    for travel in SUSPENSION:
+        row = next(k for k, o in enumerate(mpc.outputs) if o.name == travel)
+        v = car.variable(travel)
+        c.output(
+            f"predicted.{travel}", solution.predicted[row, :].T, v.unit,
+            f"{travel} as predicted: at the next sample (index 1) and later, a sample time apart", display_unit=v.display_unit,
+        )  # fmt: skip
     c.provenance = {"car": car.name, "mpc": mpc.as_dict()}
     c.stimulate(_stimulus(preview_points, preview_step))
     return c

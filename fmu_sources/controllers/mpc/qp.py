@@ -39,11 +39,12 @@ def _unnamed(_name: str, expression: Any, *, source: str = "") -> Any:  # noqa: 
 
 @dataclass(frozen=True)
 class QpExpressions:
-    """What changes from step to step; columns."""
+    """What changes from step to step: columns of the program, and ``free`` (ny, prediction), the outputs without any move."""
 
     linear: Any
     lower: Any
     upper: Any
+    free: Any
 
 
 @dataclass(frozen=True, eq=False)
@@ -273,9 +274,18 @@ class CondensedQp:
         q = named("column_scales", ca.MX(ca.DM(self.columns))) * linear
         l, u = (ca.vertcat(*parts) / length for parts in (lower, upper))  # noqa: E741
         absent = INFINITE * 1e-6  # far above any bound, far below what scaling leaves of an absent one
-        return QpExpressions(q, ca.if_else(l < -absent, -INFINITE, l), ca.if_else(u > absent, INFINITE, u))
+        return QpExpressions(q, ca.if_else(l < -absent, -INFINITE, l), ca.if_else(u > absent, INFINITE, u), free)
 
-    def first_move(self, z: Any) -> Any:
-        """The first move (nu,) in its own unit, of the scaled unknowns."""
-        nu = len(self.mpc.model.inputs)
-        return ca.DM(self.columns[:nu]) * z[:nu]
+    def all_moves(self, z: Any) -> Any:
+        """The moves (nu * control,) in their own units, of the scaled unknowns."""
+        return ca.DM(self.columns[: self.moves]) * z[: self.moves]
+
+    def planned(self, previous: Any, moves: Any) -> Any:
+        """Inputs (nu, prediction) from now on that these moves come to."""
+        h, nu = self.mpc.horizon, len(self.mpc.model.inputs)
+        steps = ca.mtimes(ca.MX(ca.DM(self.held[: nu * h.prediction])), moves)
+        return ca.repmat(previous, 1, h.prediction) + ca.reshape(steps, nu, h.prediction)
+
+    def predicted(self, free: Any, moves: Any) -> Any:
+        """Outputs (ny, prediction), in the order of ``mpc.outputs``, that the free response and these moves come to."""
+        return free + ca.reshape(ca.mtimes(ca.MX(ca.DM(self.response)), moves), *free.shape)

@@ -20,7 +20,7 @@ from fmu_sources.controllers.mpc.hmmwv import (
     smoothing_filter,
 )
 from fmu_sources.models.corners import CORNERS
-from fmu_sources.models.hmmwv_states import FORCES, RELATIVE_STATES
+from fmu_sources.models.hmmwv_states import FORCES, RELATIVE_STATES, SUSPENSION
 from fmu_sources.plants import ride_car
 from fmu_sources.vehicles import load_ride_car
 
@@ -68,6 +68,7 @@ def test_every_command_is_that_of_the_independent_solver(built_fmus, car, previe
     _, response, _ = signal.dlsim(signal.dlti(*felt[:4], dt=SAMPLE_TIME), az)
     if az[0]:
         pytest.fail("the car does not start at rest")
+    rows = [next(i for i, o in enumerate(mpc.outputs) if o.name == s) for s in SUSPENSION]
     inside, previous, worst, largest = np.zeros(16), np.zeros(4), 0.0, 0.0
     for k in range(len(recording) - 1):  # nothing runs at the end
         relative = np.array([recording[f"car.{n}"][k] for n in RELATIVE_STATES])
@@ -79,6 +80,12 @@ def test_every_command_is_that_of_the_independent_solver(built_fmus, car, previe
         worst, largest = max(worst, np.abs(command - step.command).max()), max(largest, np.abs(command).max())
         assert recording["mpc.slack"][k] == pytest.approx(step.slack, abs=1e-3)
         assert np.abs(command - previous).max() <= 5000.0 + 1e-6
+        planned = np.array([[recording[f"mpc.planned.{f}[{i + 1}]"][k] for f in FORCES] for i in range(STEPS)])
+        assert np.array_equal(planned[0], command)
+        assert np.abs(planned - reference.plan(previous, step.moves)[:STEPS]).max() <= 1e-3 * 8000.0
+        travel = reference.predict(x, previous, step.moves, road).reshape(STEPS, -1)[:, rows]
+        predicted = np.array([[recording[f"mpc.predicted.{s}[{i + 1}]"][k] for s in SUSPENSION] for i in range(STEPS)])
+        assert np.abs(predicted - travel).max() <= 2e-5  # m: what the tolerance of the forces comes to
         inside = m.A[15:31, 15:31] @ inside + m.B[15:31] @ command
         previous = command
     assert worst <= 1e-3 * 8000.0
@@ -89,6 +96,24 @@ def test_every_command_is_that_of_the_independent_solver(built_fmus, car, previe
     assert 2000.0 < largest <= 8000.0
     if scale > 1:
         assert recording["mpc.slack"].max() > 0.1
+
+
+def test_how_much_of_the_preview_counts(built_fmus) -> None:
+    """The same bits as where the road shows nothing beyond."""
+    used = 4
+    forces = []
+    for cut in (False, True):
+        with System() as system:
+            system.add("mpc", built_fmus.path("MpcHmmwv", 3), start={} if cut else {"preview.used": used})
+            rng = np.random.default_rng(3)
+            for k in CORNERS:
+                heights = 0.03 * rng.standard_normal(POINTS)
+                shown = np.where(np.arange(POINTS) <= used, heights, heights[used]) if cut else heights
+                system["mpc"].set({f"preview.{k}": shown})
+            recording = system.run(0.3, record=["mpc.force.*"], allow_unconnected=True)
+            forces.append(np.array([recording[f"mpc.{f}"] for f in FORCES]))
+    assert np.abs(forces[0]).max() > 100.0
+    assert np.array_equal(*forces)
 
 
 def test_preview_lowers_the_absorbed_power(built_fmus) -> None:

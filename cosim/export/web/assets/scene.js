@@ -870,7 +870,8 @@ class SceneView {
     if (Math.abs(this.right[0]) < 0.15) return; // from behind, what is ahead is hidden
     for (const points of data.points) {
       const x = this.raw(points.x), y = this.raw(points.y), spacing = this.raw(points.spacing);
-      const there = points.heights.map((h, i) => [x + i * spacing, y, this.exaggeration * this.raw(h)]), near = this.isNear(x, y);
+      const used = Math.max(0, Math.round(this.raw(points.count)));
+      const there = points.heights.slice(0, used).map((h, i) => [x + i * spacing, y, this.exaggeration * this.raw(h)]), near = this.isNear(x, y);
       pen.strokeStyle = pen.fillStyle = color[points.role];
       pen.globalAlpha = near ? 1 : 0.4;
       for (const [wide, style] of [[4.5, color.halo], [2, color[points.role]]]) {

@@ -1,0 +1,605 @@
+/* The page: systems run in step with the clock, controls set their variables, scenes and charts show them. */
+
+const COLOURS = 4; // --line-0 to --line-3 of the style sheet
+const DASHES = [[], [6, 3], [2, 2], [8, 3, 2, 3]];
+const SECONDS = 10; // in a chart
+const PORTION = 100; // steps, between two looks whether a run is over
+const BUDGET = 0.7; // of the time that passes, for computing
+
+class Variant {
+  constructor(module, system, data, number) {
+    const interval = data.interval;
+    Object.assign(this, { system, number, title: system.title, failure: null });
+    this.variables = new Map(system.variables.map(v => [v.name, v]));
+    const shown = system.variables.filter(v => v.role === "output").sort((a, b) => a.type - b.type);
+    this.instance = new Instance(module, system.model, shown);
+    this.interval = interval;
+    this.history = new History(this.instance.place, this.instance.width, interval * data.keep);
+    this.keep = data.keep;
+    this.score = new Score(this, data);
+    this.probe = system.road ? new Probe(module, system.road) : null;
+    this.settings = new Map(Object.entries(system.values));
+    this.fresh = true;
+    this.cost = 0; // ms per step, smoothed
+  }
+
+  /** From the beginning, with the settings as they are. */
+  restart() {
+    this.failure = null;
+    this.steps = 0;
+    this.history.clear();
+    try {
+      if (!this.fresh) this.instance.reset();
+      this.fresh = false;
+      for (const [name, value] of this.settings) {
+        const v = this.variables.get(name);
+        this.instance.set(v.type, v.reference, [value]);
+      }
+      if (this.probe) this.probe.renew(this.roadSettings());
+      this.instance.start(this.interval);
+      const row = this.instance.look();
+      this.history.add(row);
+      this.score.restart(row);
+    } catch (error) { this.fail(error); }
+  }
+
+  roadSettings() {
+    const found = new Map();
+    for (const [name, value] of this.settings) {
+      const own = this.system.road.parameters[name];
+      if (own) found.set(name, [own.type, own.reference, [value]]);
+    }
+    return found;
+  }
+
+  fail(error) { this.failure = error.message; }
+
+  get over() { return Boolean(this.failure || this.instance.ended || this.score.verdict); }
+
+  /** Whether this variable can be set while the system runs. */
+  live(name) {
+    const v = this.variables.get(name);
+    return v.role === "input" || v.tunable;
+  }
+
+  /** Sets a variable; returns whether a restart is needed for it to count. */
+  set(name, value) {
+    if (!this.variables.has(name) || this.settings.get(name) === value) return false;
+    this.settings.set(name, value);
+    const v = this.variables.get(name);
+    if (!this.live(name)) return true;
+    if (this.failure) return false;
+    try {
+      this.instance.set(v.type, v.reference, [value]);
+      if (this.probe && this.system.road.parameters[name]) {
+        this.probe.renew(this.roadSettings());
+        this.refreshed = true;
+      }
+    } catch (error) { this.fail(error); }
+    return false;
+  }
+
+  /** The value of anything: an output as it is now, another variable as it is set. */
+  value(name) {
+    if (this.history.has(name)) return this.history.value(name);
+    return this.settings.has(name) ? this.settings.get(name) : this.variables.has(name) ? this.variables.get(name).start : NaN;
+  }
+
+  run(n) {
+    if (this.over) return;
+    const begun = performance.now();
+    const before = this.steps;
+    try {
+      for (let left = n; left > 0 && !this.over; left -= PORTION) {
+        this.instance.run(Math.min(left, PORTION), row => {
+          this.steps++;
+          this.score.add(row);
+          if (this.steps % this.keep === 0) this.history.add(row);
+        });
+      }
+    } catch (error) { this.fail(error); }
+    const cost = (performance.now() - begun) / Math.max(1, this.steps - before);
+    this.cost = this.cost ? 0.9 * this.cost + 0.1 * cost : cost;
+  }
+}
+
+/** Numbers of a whole run, and whether it is over. */
+class Score {
+  constructor(variant, data) {
+    this.variant = variant;
+    this.interval = data.interval;
+    const place = variant.instance.place;
+    this.measures = data.measures.map(m => ({ ...m, places: m.names.filter(n => place.has(n)).map(n => place.get(n)) }));
+    this.finish = data.finish;
+  }
+
+  restart(row) {
+    this.n = 0;
+    this.verdict = "";
+    this.worst = this.measures.map(m => m.how === "rms" ? m.places.map(() => 0) : -Infinity);
+    this.see(row);
+    if (!this.finish) return;
+    const place = this.variant.instance.place;
+    this.terms = []; // what moves; the rest is as it was set
+    this.level = this.finish.offset;
+    for (const [name, factor] of Object.entries(this.finish.terms)) {
+      if (place.has(name)) this.terms.push([place.get(name), factor]);
+      else this.level += factor * this.variant.value(name);
+    }
+  }
+
+  see(row) {
+    this.measures.forEach((m, i) => {
+      m.places.forEach((p, j) => {
+        const v = row[p];
+        if (m.how === "rms") this.worst[i][j] += v * v;
+        else this.worst[i] = Math.max(this.worst[i], m.how === "peak" ? Math.abs(v) : v);
+      });
+    });
+  }
+
+  /** Counts a row, until the run is over. */
+  add(row) {
+    if (this.verdict) return;
+    this.n++;
+    this.see(row);
+    if (this.finish) {
+      const time = this.n * this.interval;
+      if (this.terms.reduce((sum, [p, f]) => sum + f * row[p], this.level) >= 0) this.verdict = this.failed.length ? "failed" : "passed";
+      else if (time >= this.finish.patience) this.verdict = "stuck";
+    }
+  }
+
+  /** The value of a measure in the unit in which it is shown; null where the system does not have it. */
+  value(i) {
+    const m = this.measures[i];
+    if (!m.places.length || this.n === undefined) return null;
+    return m.factor * (m.how === "rms" ? Math.sqrt(Math.max(...this.worst[i]) / (this.n + 1)) : this.worst[i]);
+  }
+
+  /** Labels of what is above its limit. */
+  get failed() { return this.measures.filter((m, i) => m.limit !== null && this.value(i) > m.limit).map(m => m.label); }
+}
+
+class Page {
+  constructor(data, module) {
+    Object.assign(this, { data, module, variants: [], views: [], charts: [], steps: 0, running: false, pace: 1, credit: 0, last: null });
+    this.reduced = matchMedia("(prefers-reduced-motion: reduce)").matches;
+    this.shared = new Map(); // settings that a person made: they outlive a change of course
+    this.$ = id => document.getElementById(id);
+    this.build();
+    this.choose(0);
+  }
+
+  get time() { return this.steps * this.data.interval; }
+
+  /* ---------------------------------------------------------------- what there is */
+
+  build() {
+    const { data, $ } = this;
+    const groups = $("group");
+    data.groups.forEach((name, i) => groups.add(new Option(name, i)));
+    groups.closest("label").hidden = data.groups.length < 2;
+    groups.addEventListener("change", () => this.choose(Number(groups.value)));
+    $("run").addEventListener("click", () => this.toggle());
+    $("step").addEventListener("click", () => { this.pause(); this.advance(Math.max(1, Math.round(0.01 / data.interval))); this.draw(); });
+    $("reset").addEventListener("click", () => this.restart());
+    $("pace").addEventListener("change", () => { this.pace = Number($("pace").value); });
+    $("csv").addEventListener("click", () => this.save());
+    $("filter").addEventListener("input", () => this.filter());
+    document.addEventListener("keydown", e => this.key(e));
+    new ResizeObserver(() => this.draw()).observe(document.body);
+    matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => {
+      for (const { view } of this.views) view.restyle();
+      this.draw();
+    });
+    this.camera = { view: "side", ...SceneView.VIEWS.side, zoom: 1, turn: null }; // one for all scenes
+    for (const name of Object.keys(SceneView.VIEWS)) $("view").add(new Option(name, name));
+    $("view").addEventListener("change", () => {
+      for (const { view } of this.views.slice(0, 1)) view.view = $("view").value;
+      this.draw();
+    });
+    $("heights").addEventListener("change", () => {
+      for (const { view } of this.views) view.exaggeration = Number($("heights").value);
+      this.draw();
+    });
+    $("measures").closest("section").hidden = !data.measures.length;
+    this.controls = data.controls.map(c => this.control(c, $("controls")));
+    $("controls").closest("section").hidden = !data.controls.length;
+  }
+
+  /** The systems of a group, on one road and one clock. */
+  choose(group) {
+    const chosen = this.data.systems.filter(s => s.group === group);
+    this.variants = chosen.map((s, i) => new Variant(this.module, s, this.data, i));
+    for (const variant of this.variants) for (const [name, value] of this.shared) if (variant.variables.has(name)) variant.settings.set(name, value);
+    this.scenes();
+    this.plots();
+    this.table();
+    this.parameters();
+    this.restart();
+    for (const c of this.controls) c.show();
+  }
+
+  scenes() {
+    const room = this.$("scenes");
+    room.replaceChildren();
+    this.views = [];
+    for (const variant of this.variants) {
+      const figure = document.getElementById("scene").content.firstElementChild.cloneNode(true);
+      const [title, canvas] = [figure.querySelector("figcaption b"), figure.querySelector("canvas")];
+      title.textContent = variant.title;
+      title.style.setProperty("--swatch", `var(--line-${variant.number % COLOURS})`);
+      variant.figure = figure;
+      variant.status = figure.querySelector(".status");
+      room.append(figure);
+      if (!variant.system.scene) { canvas.remove(); continue; }
+      const ground = (side, x) => variant.probe ? variant.probe.height(side, x) : null;
+      const view = new SceneView(canvas, variant.system.scene, { value: name => variant.value(name), ground, reducedMotion: this.reduced, camera: this.camera });
+      view.exaggeration = Number(this.$("heights").value);
+      variant.readings = view.readings().map(({ label, unit }) => {
+        const item = document.createElement("div");
+        item.append(Object.assign(document.createElement("dt"), { textContent: unit ? `${label} [${unit}]` : label }));
+        const number = item.appendChild(document.createElement("dd"));
+        figure.querySelector("dl").append(item);
+        return number;
+      });
+      this.views.push({ view, canvas, variant });
+    }
+    room.classList.toggle("several", this.variants.length > 1);
+    for (const id of ["view", "heights"]) this.$(id).closest("label").hidden = !this.views.length;
+  }
+
+  /** Measures by system. */
+  table() {
+    const head = this.$("measures").tHead, body = this.$("measures").tBodies[0];
+    head.replaceChildren();
+    body.replaceChildren();
+    const cell = (row, tag, text, scope) => {
+      const e = document.createElement(tag);
+      e.textContent = text;
+      if (scope) e.scope = scope;
+      row.append(e);
+      return e;
+    };
+    const title = head.insertRow();
+    cell(title, "th", "", "col");
+    for (const v of this.variants) cell(title, "th", v.title, "col");
+    const limits = this.data.measures.some(m => m.limit !== null);
+    if (limits) cell(title, "th", "limit", "col");
+    this.cells = this.data.measures.map(m => {
+      const row = body.insertRow();
+      cell(row, "th", m.unit ? `${m.label} [${m.unit}]` : m.label, "row");
+      const cells = this.variants.map(() => cell(row, "td", ""));
+      if (limits) cell(row, "td", m.limit === null ? "" : m.limit.toString());
+      return cells;
+    });
+    if (!this.data.finish) return;
+    const row = body.insertRow();
+    cell(row, "th", "outcome", "row");
+    this.outcomes = this.variants.map(() => cell(row, "td", ""));
+    if (limits) cell(row, "td", "");
+  }
+
+  fill() {
+    this.variants.forEach((v, j) => {
+      this.data.measures.forEach((m, i) => {
+        const value = v.score.value(i), over = m.limit !== null && value > m.limit;
+        const text = value === null || !Number.isFinite(value) ? "–" : `${value.toFixed(m.decimals)}${over ? " ✗" : ""}`;
+        if (this.cells[i][j].textContent !== text) this.cells[i][j].textContent = text;
+        this.cells[i][j].classList.toggle("over", over);
+      });
+      if (!this.data.finish) return;
+      const { verdict, failed } = v.score;
+      this.outcomes[j].textContent = verdict === "failed" ? `failed: ${failed.join(", ")}` : verdict || "on its way";
+      this.outcomes[j].className = verdict && verdict !== "passed" ? "over" : verdict ? "good" : "";
+    });
+  }
+
+  /** The value of a control: of the first variant that has it. */
+  control(spec, room) {
+    const row = document.getElementById("control").content.firstElementChild.cloneNode(true);
+    const [label, range, number, unit] = ["label", "input[type=range]", "input[type=number]", ".unit"].map(s => row.querySelector(s));
+    const check = row.querySelector("input[type=checkbox]"), select = row.querySelector("select");
+    const id = `c${Page.ids = (Page.ids || 0) + 1}`;
+    label.textContent = spec.label;
+    label.title = spec.text || spec.label;
+    const main = spec.kind === "check" ? check : spec.kind === "choice" ? select : number;
+    main.id = id;
+    label.htmlFor = id;
+    range.setAttribute("aria-label", spec.label);
+    for (const e of [range, number, unit, check, select]) e.hidden = true;
+    const shown = v => v * spec.factor + spec.offset, meant = y => (y - spec.offset) / spec.factor;
+    const apply = y => {
+      const value = meant(y);
+      const restart = this.set(spec.names, value);
+      show();
+      if (restart) this.restartSoon();
+    };
+    const present = () => {
+      for (const v of this.variants) for (const n of spec.names) if (v.variables.has(n)) return v.value(n);
+      return NaN;
+    };
+    const show = () => {
+      const value = present();
+      row.hidden = Number.isNaN(value);
+      if (spec.kind === "check") check.checked = value !== 0;
+      else if (spec.kind === "choice") select.value = String(value);
+      else {
+        const y = Number(shown(value).toPrecision(6));
+        number.value = y;
+        range.value = y;
+        range.setAttribute("aria-valuetext", `${y} ${spec.unit}`);
+      }
+    };
+    if (spec.kind === "check") {
+      check.hidden = false;
+      check.addEventListener("change", () => apply(check.checked ? 1 : 0));
+    } else if (spec.kind === "choice") {
+      select.hidden = false;
+      spec.choices.forEach(([text, value]) => select.add(new Option(text, value)));
+      select.addEventListener("change", () => apply(Number(select.value)));
+    } else {
+      number.hidden = false;
+      unit.hidden = !spec.unit;
+      unit.textContent = spec.unit;
+      const bounded = spec.min !== null && spec.max !== null;
+      range.hidden = !bounded;
+      for (const e of [range, number]) {
+        if (spec.min !== null) e.min = spec.min;
+        if (spec.max !== null) e.max = spec.max;
+        e.step = e === number ? "any" : spec.step;
+      }
+      range.addEventListener("input", () => apply(Number(range.value)));
+      number.addEventListener("change", () => {
+        const y = Number(number.value);
+        if (number.value === "" || !Number.isFinite(y) || (spec.min !== null && y < spec.min) || (spec.max !== null && y > spec.max)) {
+          this.say(`${spec.label}: give a number${bounded ? ` from ${spec.min} to ${spec.max}` : ""}${spec.unit ? ` ${spec.unit}` : ""}.`);
+          show();
+        } else apply(y);
+      });
+    }
+    if (spec.keys.length) label.append(Object.assign(document.createElement("kbd"), { textContent: spec.keys.map(k => Page.KEYS[k] || k).join(" ") }));
+    room.append(row);
+    return { spec, show, row, nudge: by => {
+      const y = shown(present()) + by * spec.step * 2;
+      apply(Math.min(spec.max, Math.max(spec.min, y)));
+    } };
+  }
+
+  /** A control for each parameter and input, member by member. */
+  parameters() {
+    const room = this.$("parameters");
+    room.replaceChildren();
+    this.all = [];
+    const members = new Map();
+    for (const variant of this.variants) for (const v of variant.variables.values()) {
+      if (v.role === "output") continue;
+      const member = v.name.slice(0, v.name.indexOf("."));
+      if (!members.has(member)) members.set(member, new Map());
+      members.get(member).set(v.name, v);
+    }
+    for (const [member, variables] of members) {
+      const box = document.createElement("details");
+      box.append(Object.assign(document.createElement("summary"), { textContent: `${member} (${variables.size})` }));
+      box.addEventListener("toggle", () => { // made when they are first looked at
+        if (!box.open || box.childElementCount > 1) return;
+        for (const v of variables.values()) this.all.push(this.control(Page.plain(v, member), box));
+        this.filter();
+        for (const c of this.all) c.show();
+      });
+      room.append(box);
+    }
+    this.$("filter").value = "";
+  }
+
+  static plain(v, member) {
+    const d = v.display || { unit: v.unit, factor: 1, offset: 0 };
+    const shown = x => (x === null ? null : Number((x * d.factor + d.offset).toPrecision(9)));
+    const narrow = v.min !== null && v.max !== null && Math.abs(v.max - v.min) <= 1e3 * Math.max(Math.abs(v.start), 1e-3);
+    return {
+      label: v.name.slice(member.length + 1), text: v.text, names: [v.name], unit: d.unit, factor: d.factor, offset: d.offset, keys: [],
+      kind: v.type === 2 ? "check" : "number", min: shown(v.min), max: shown(v.max), choices: [],
+      step: v.type === 1 ? 1 : narrow ? Number(((shown(v.max) - shown(v.min)) / 200).toPrecision(2)) : "any",
+    };
+  }
+
+  filter() {
+    const words = this.$("filter").value.toLowerCase().split(/\s+/).filter(Boolean);
+    if (words.length) for (const box of this.$("parameters").children) box.open = true;
+    for (const c of this.all || []) {
+      const text = `${c.spec.names[0]} ${c.spec.text}`.toLowerCase();
+      c.row.classList.toggle("out", !words.every(w => text.includes(w)));
+    }
+  }
+
+  plots() {
+    const room = this.$("plots"), chosen = this.charts.map(c => c.signal.name);
+    room.replaceChildren();
+    const outputs = new Map();
+    for (const variant of this.variants) for (const v of variant.variables.values()) if (v.role === "output") outputs.set(v.name, v);
+    const names = (chosen.length ? chosen : this.data.plots).filter(n => outputs.has(n));
+    while (names.length < Math.min(3, outputs.size)) names.push([...outputs.keys()].find(n => !names.includes(n)));
+    this.charts = names.map((name, i) => {
+      const figure = document.getElementById("plot").content.firstElementChild.cloneNode(true);
+      const select = figure.querySelector("select"), canvas = figure.querySelector("canvas");
+      select.setAttribute("aria-label", `signal of chart ${i + 1}`);
+      for (const n of outputs.keys()) select.add(new Option(n, n));
+      select.value = name;
+      room.append(figure);
+      const chart = new StripChart(canvas, this.signal(outputs.get(name)));
+      chart.unit = figure.querySelector(".unit");
+      chart.unit.textContent = chart.signal.unit;
+      select.addEventListener("change", () => {
+        chart.signal = this.signal(outputs.get(select.value));
+        chart.range = null;
+        chart.unit.textContent = chart.signal.unit;
+        this.draw();
+      });
+      return chart;
+    });
+  }
+
+  signal(v) {
+    const d = v.display || { unit: v.unit, factor: 1, offset: 0 };
+    return { name: v.name, unit: d.unit, factor: d.factor, offset: d.offset };
+  }
+
+  /* ---------------------------------------------------------------- what happens */
+
+  /** Sets variables in every variant that has them; returns whether they count only after a restart. */
+  set(names, value) {
+    let restart = false;
+    for (const name of names) {
+      this.shared.set(name, value);
+      for (const variant of this.variants) restart = variant.set(name, value) || restart;
+    }
+    return restart;
+  }
+
+  restartSoon() {
+    clearTimeout(this.soon);
+    this.soon = setTimeout(() => this.restart(), 150);
+  }
+
+  restart() {
+    clearTimeout(this.soon);
+    for (const variant of this.variants) variant.restart();
+    for (const chart of this.charts) chart.range = null;
+    for (const { view } of this.views) view.reset();
+    this.steps = 0;
+    this.credit = 0;
+    this.report();
+    this.draw();
+  }
+
+  toggle() { this.running ? this.pause() : this.play(); }
+
+  play() {
+    if (this.variants.every(v => v.over)) this.restart();
+    this.running = true;
+    this.last = null;
+    this.$("run").textContent = "Pause";
+    requestAnimationFrame(t => this.frame(t));
+  }
+
+  pause() {
+    this.running = false;
+    this.$("run").textContent = "Run";
+    this.describe();
+  }
+
+  /** Steps of all variants. */
+  advance(n) {
+    for (const variant of this.variants) variant.run(n);
+    this.steps += n;
+    this.report();
+    if (this.running && this.variants.every(v => v.over)) this.pause();
+  }
+
+  frame(now) {
+    if (!this.running) return;
+    if (this.last !== null) {
+      const passed = Math.min(0.1, (now - this.last) / 1000);
+      this.credit += passed * this.pace / this.data.interval;
+      let n = Math.floor(this.credit + 1e-9);
+      const cost = this.variants.reduce((sum, v) => sum + v.cost, 0);
+      const most = cost ? Math.max(1, Math.floor(BUDGET * passed * 1000 / cost)) : n;
+      this.slow = n > most;
+      if (this.slow) { n = most; this.credit = n; } // what cannot be computed in time is not owed
+      if (n) {
+        this.credit -= n;
+        this.advance(n);
+      }
+      const factor = n * this.data.interval / Math.max(passed, 1e-3);
+      this.factor = this.factor ? 0.95 * this.factor + 0.05 * factor : factor;
+    }
+    this.last = now;
+    this.draw();
+    requestAnimationFrame(t => this.frame(t));
+  }
+
+  draw() {
+    for (const { view, variant } of this.views) {
+      if (variant.refreshed) view.refresh();
+      variant.refreshed = false;
+      view.draw(this.time);
+      view.readings().forEach(({ text }, i) => { if (variant.readings[i].textContent !== text) variant.readings[i].textContent = text; });
+    }
+    const lines = this.variants.map((v, i) => ({
+      history: v.history, dash: DASHES[i % DASHES.length],
+      colour: getComputedStyle(document.documentElement).getPropertyValue(`--line-${i % COLOURS}`),
+    }));
+    for (const chart of this.charts) chart.draw(lines, SECONDS);
+    this.fill();
+    this.$("time").textContent = `${this.time.toFixed(2)} s`;
+    this.$("factor").textContent = this.slow ? `this device keeps up with ${(this.factor || 0).toFixed(2)} of the clock` : "";
+    const now = performance.now();
+    if (!this.described || now - this.described > 2000) this.describe();
+  }
+
+  /** Words for those who do not see the pictures. */
+  describe() {
+    this.described = performance.now();
+    for (const { view, canvas, variant } of this.views) canvas.setAttribute("aria-label", `${variant.title}. ${view.describe()}`);
+    for (const chart of this.charts) {
+      const { name, unit, factor, offset } = chart.signal;
+      const parts = this.variants.filter(v => v.history.has(name)).map(v => `${v.title} ${(v.history.value(name) * factor + offset).toPrecision(4)} ${unit}`);
+      chart.canvas.setAttribute("aria-label", `${name} over the last ${SECONDS} s; now ${parts.join(", ")}`);
+    }
+  }
+
+  /** What has failed or ended. */
+  report() {
+    for (const v of this.variants) {
+      const text = v.failure ? `Stopped: ${v.failure}` : v.instance.ended ? "The system has ended the run." : "";
+      if (v.status.textContent !== text) v.status.textContent = text;
+    }
+  }
+
+  say(text) { this.$("message").textContent = text; }
+
+  key(e) {
+    if (e.ctrlKey || e.metaKey || e.altKey || /^(INPUT|SELECT|TEXTAREA|BUTTON|SUMMARY|A)$/.test(e.target.tagName) && e.target.type !== "range") return;
+    if (e.target.type === "range" && e.key.startsWith("Arrow")) return;
+    const actions = { " ": () => this.toggle(), ".": () => this.$("step").click(), r: () => this.restart() };
+    let action = actions[e.key];
+    for (const c of this.controls) {
+      const which = c.spec.keys.indexOf(e.key);
+      if (which >= 0 && !c.row.hidden) action = () => c.nudge(which ? 1 : -1);
+    }
+    if (action) {
+      e.preventDefault();
+      action();
+    }
+  }
+
+  /** What the charts show of all variants, as a file. */
+  save() {
+    for (const v of this.variants) {
+      const link = document.createElement("a");
+      link.href = URL.createObjectURL(new Blob([v.history.csv([...v.history.place.keys()])], { type: "text/csv" }));
+      link.download = `${v.title.replace(/\W+/g, "-")}.csv`;
+      link.click();
+      setTimeout(() => URL.revokeObjectURL(link.href), 1000);
+    }
+  }
+}
+Page.KEYS = { ArrowUp: "↑", ArrowDown: "↓", ArrowLeft: "←", ArrowRight: "→" };
+
+(async () => {
+  try {
+    const data = JSON.parse(new TextDecoder().decode(await unpacked(document.getElementById("data").textContent)));
+    const module = await WebAssembly.compile(await unpacked(document.getElementById("module").textContent));
+    window.page = new Page(data, module);
+    document.documentElement.dataset.state = "ready";
+    performance.mark("ready");
+    if (!window.page.reduced && !/[?&#]paused/.test(location.href)) window.page.play();
+  } catch (error) {
+    document.documentElement.dataset.state = "failed";
+    document.getElementById("message").textContent =
+      typeof DecompressionStream === "undefined" || typeof WebAssembly === "undefined"
+        ? "This browser is too old for the page: it needs WebAssembly and DecompressionStream (Chrome 80, Firefox 113, Safari 16.4)."
+        : `The page cannot start: ${error.message}`;
+  }
+})();

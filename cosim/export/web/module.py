@@ -1,0 +1,104 @@
+"""Systems as one WebAssembly module: plans, engine, members and the functions that a page calls, compiled by ziglang."""
+
+from __future__ import annotations
+
+import importlib.util
+import sys
+import tempfile
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from importlib import metadata
+from pathlib import Path
+
+from build_fmus import safe_files
+from build_fmus.compile import CFLAGS, CompileError, ObjectCache, Platform, Toolchain, find_toolchain, host
+from cosim.errors import CosimError
+from cosim.export.code import SystemCode, template, write
+from cosim.export.parts import Part, defined_names, wrappers
+
+_HERE = Path(__file__).parent
+_OWN = tuple(_HERE / name for name in ("web.c", "web.h"))
+_MODELS, _PLAN = "web_models.c", "plan.c"
+_FMI = 3
+_PER_SYSTEM = ("container.c", f"fmi{_FMI}.c", "fmu_base.c")  # what is compiled once for each system, beside its plan
+_PLATFORM = Platform("wasm32", "wasm32", "wasm32-wasi", ".wasm")
+
+
+class _Zig(Toolchain):
+    """The compiler for browsers. A module is a library whose functions the page calls; it asks its host for nothing."""
+
+    def compile(self, source: Path, output: Path, include: Iterable[Path]) -> None:
+        self._run([*CFLAGS, *(f"-I{i}" for i in include), "-c", str(source), "-o", str(output)])
+
+    def link(self, objects: Sequence[Path], output: Path, *, loads: bool = False) -> None:
+        assert not loads, "a module opens no libraries"
+        self._run(["-mexec-model=reactor", "-s", *map(str, objects), "-o", str(output)])
+
+
+@dataclass(frozen=True)
+class Module:
+    """A compiled module. Its models: the systems in their order, then the FMUs that were asked for alone."""
+
+    content: bytes
+    n_systems: int
+    alone: tuple[Part, ...]
+
+    def model(self, part: Part) -> int:
+        """The number by which a page asks for such an FMU; that of a system is its place."""
+        return self.n_systems + self.alone.index(part)
+
+
+def compile_module(codes: Sequence[SystemCode], alone: Iterable[Part] = ()) -> Module:
+    """One module of systems, which share what they have in common (their ``known``). ``alone``: FMUs of members that can also be
+    instantiated by themselves.
+
+    Raises:
+        CosimError: a member without sources, or one that is to be asked alone and is of another FMI than the systems.
+        CompileError: no ziglang, or sources that do not compile.
+    """
+    parts = tuple(dict.fromkeys(alone))
+    for code in codes:
+        for member, part in code.parts.items():
+            if not part.linked:
+                raise CosimError(
+                    f"'{member.name}' ({part.fmu.path}) has no sources that a page could be compiled from; those that build-fmus makes do"
+                )
+    for part in parts:
+        if part.version != _FMI:
+            raise CosimError(f"{part.fmu.path} is an FMU of FMI {part.version}.0; what a page asks alone is of FMI {_FMI}.0")
+    toolchain, cache = find_zig(), ObjectCache.of_user("export")
+    files = {name: data for code in codes for name, data in code.files(cache).items()}
+    own = {name: files.pop(name) for name in _PER_SYSTEM}
+    files |= {p.name: p.read_bytes() for p in _OWN}
+    systems = [f"system{i}" for i in range(len(codes))]
+    with tempfile.TemporaryDirectory() as tmp, safe_files.named(tmp):
+        folder = Path(tmp)
+        for name, code in zip(systems, codes, strict=True):
+            files |= {f"{name}/{n}": d for n, d in own.items()}
+            files[f"{name}/{_PLAN}"] = code.plan_c(name).encode()
+        models = {"systems": systems, "parts": parts}
+        files[_MODELS] = template("web_models.c.j2").render(models).encode()
+        write(folder, files)
+        each = [*_PER_SYSTEM, _PLAN]
+        host_compiler = find_toolchain(host())
+        names = defined_names(folder / systems[0], each, [folder / systems[0], folder], host_compiler, cache)
+        for name in systems:
+            files |= wrappers(name, _FMI, each, names, name)
+        write(folder, files)
+        sources = [folder / n for n in sorted(files) if n.endswith(".c") and ("/" not in n or n.startswith("musl/"))]
+        library = cache.library(toolchain, sources, [folder], "systems")
+        return Module(library.read_bytes(), len(codes), parts)
+
+
+def find_zig() -> Toolchain:
+    """ziglang for WebAssembly.
+
+    Raises:
+        CompileError: it is not installed.
+    """
+    if importlib.util.find_spec("ziglang") is None:
+        raise CompileError(
+            "a web page is compiled by ziglang, which is not installed: pip install 'suspension-fmus[zig]'"
+        )
+    command = (sys.executable, "-m", "ziglang", "cc", "-target", _PLATFORM.zig_target)
+    return _Zig(_PLATFORM, command, f"ziglang {metadata.version('ziglang')}")

@@ -1,0 +1,322 @@
+"""A web page that runs systems: their module, what the page is told of their variables, and its controls, scenes and charts.
+
+The page is one file, which works without a server and without a network. Its numbers are those of the system's FMU, since it is
+compiled from the same C sources.
+"""
+
+from __future__ import annotations
+
+import base64
+import gzip
+import json
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import asdict, dataclass, field
+from fractions import Fraction
+from importlib import metadata
+from pathlib import Path
+from typing import Any, Literal, get_args
+
+from build_fmus import description as base
+from build_fmus import safe_files
+from build_fmus.checks import did_you_mean
+from cosim.description import Variable
+from cosim.errors import CosimError, WiringError
+from cosim.export.code import SystemCode, exported_schedule, template
+from cosim.export.parts import Part
+from cosim.export.variables import TYPES, Exported, choose
+from cosim.export.web.module import Module, compile_module
+from cosim.export.web.scene import Scene, Value, scene_data
+from cosim.system.wiring import Wiring
+from cosim.time import TimeLike, positive
+
+_ASSETS = Path(__file__).parent / "assets"
+_SCRIPTS = ("fmu.js", "plot.js", "scene.js", "page.js")  # in this order
+_STYLES = ("page.css", "scene.css")
+_TYPES = {name: i for i, name in enumerate(TYPES.values())}
+_SHOWN_EVERY = Fraction(1, 200)  # s, or the nearest number of ticks above
+_FMI = 3
+_STEPS = 200  # of a slider from end to end
+_MOST = 4  # systems side by side
+
+Kind = Literal["number", "check", "choice"]
+How = Literal["peak", "largest", "rms"]
+
+
+@dataclass(frozen=True)
+class Control:
+    """One control of the page, for one variable or for several that mean the same.
+
+    Attributes:
+        label: for people.
+        names: ``member.variable`` of inputs and parameters; systems that do not have them are passed over.
+        minimum, maximum: of the slider, in SI units; by default those of the variable.
+        choices: texts and values to choose from, instead of a slider.
+        keys: keys (as browsers name them) that lower and raise it.
+    """
+
+    label: str
+    names: Sequence[str]
+    minimum: float | None = None
+    maximum: float | None = None
+    choices: Mapping[str, float] = field(default_factory=dict)
+    keys: tuple[str, str] | tuple[()] = ()
+    text: str = ""
+
+
+@dataclass(frozen=True)
+class Measure:
+    """A number of the whole run, in a table with a column for each system.
+
+    Attributes:
+        label: for people.
+        names: outputs; of several the worst counts.
+        how: the largest magnitude, the largest value, or the root mean square.
+        unit: in which it is shown, ``factor`` times the output's.
+        limit: in that unit; what is above it is marked, and fails a run that has a `Finish`.
+    """
+
+    label: str
+    names: Sequence[str]
+    how: How = "peak"
+    unit: str = ""
+    factor: float = 1.0
+    limit: float | None = None
+    decimals: int = 2
+
+    def __post_init__(self) -> None:
+        if self.how not in get_args(How):
+            raise CosimError(f"measure '{self.label}': {self.how!r} is none of {', '.join(get_args(How))}")
+
+
+@dataclass(frozen=True)
+class Finish:
+    """A run is over where ``when`` is no longer negative, and has failed where that is not reached within ``patience`` [s]."""
+
+    when: Value
+    patience: float
+
+
+@dataclass(frozen=True)
+class Shown:
+    """One system of a page. ``values`` are set in it before it starts; those of the same ``group`` run side by side, and the page offers
+    the groups to choose from. ``scene``: how it looks."""
+
+    title: str
+    system: Wiring
+    values: Mapping[str, float] = field(default_factory=dict)
+    group: str = ""
+    scene: Scene | None = None
+
+
+@dataclass(frozen=True)
+class WebPage:
+    """What is around the systems.
+
+    Attributes:
+        title: heading.
+        text: a sentence or two below it.
+        controls: those that people see at once; all others are below them, member by member.
+        plots: outputs of the charts at first.
+        measures: what is told of the whole run.
+        finish: when a run is over; None: never.
+        group_label: what the groups of systems are, such as "course".
+        interval: time between the samples that are measured [s]; a number of ticks of all systems.
+    """
+
+    title: str
+    text: str = ""
+    controls: Sequence[Control] = ()
+    plots: Sequence[str] = ()
+    measures: Sequence[Measure] = ()
+    finish: Finish | None = None
+    group_label: str = ""
+    interval: TimeLike | None = None
+
+
+def export_web(path: str | Path, systems: Sequence[Shown], page: WebPage) -> Path:
+    """Write the page.
+
+    Raises:
+        CosimError: no systems, more than four side by side, one with a member that is no FMU or has no sources, an interval that is no
+            number of ticks.
+        WiringError: a control, plot or value that names nothing.
+        CompileError: no ziglang.
+    """
+    path = Path(path)
+    if path.suffix != ".html":
+        raise CosimError(f"{path}: name the page FILE.html")
+    data, module, codes = _gathered(systems, page)
+    html = template("page.html").render(
+        page=page, style="\n".join(_asset(n) for n in _STYLES), script="\n".join(_asset(n) for n in _SCRIPTS),
+        module=_packed(module.content), data=_packed(json.dumps(data, allow_nan=False, separators=(",", ":")).encode()),
+        size=len(module.content), members=sorted({m.name for c in codes for m in c.schedule.members}),
+        schedule="\n\n".join(_headed(s, c) for s, c in zip(systems, codes, strict=True)), licences=_licences(codes),
+        version=metadata.version(base.TOOL),
+    )  # fmt: skip
+    with safe_files.named(path):
+        return safe_files.write(path, html.encode())
+
+
+def _asset(name: str) -> str:
+    return (_ASSETS / name).read_text(encoding="utf-8")
+
+
+def _packed(content: bytes) -> str:
+    return base64.b64encode(gzip.compress(content, 9, mtime=0)).decode()
+
+
+def _headed(shown: Shown, code: SystemCode) -> str:
+    title = f"{shown.title}, {shown.group}" if shown.group else shown.title
+    return f"{title}\n\n{code.schedule}"
+
+
+def _licences(codes: Sequence[SystemCode]) -> str:
+    """Every licence text of what the page holds, each once."""
+    texts: dict[bytes, str] = {}
+    for part in {p.name: p for code in codes for p in code.distinct}.values():
+        for name, content in sorted(part.licences().items()):
+            texts.setdefault(content, name)
+    return "\n\n".join(f"{name}\n\n{content.decode(errors='replace').strip()}" for content, name in texts.items())
+
+
+# ------------------------------------------------------------------------------------------------ what the script is told
+
+
+def _gathered(systems: Sequence[Shown], page: WebPage) -> tuple[dict[str, Any], Module, list[SystemCode]]:
+    """What the page's script reads, the module, and the code of each system."""
+    if not systems:
+        raise CosimError("a page shows at least one system")
+    groups = list(dict.fromkeys(s.group for s in systems))
+    for group in groups:
+        if (n := sum(s.group == group for s in systems)) > _MOST:
+            raise CosimError(f"{n} systems side by side{f' in {group}' if group else ''}; a page shows up to {_MOST}")
+    known: dict[tuple[str, str], Part] = {}
+    codes = [_code(f"system{i}", s, known) for i, s in enumerate(systems)]
+    interval = _interval(page, codes)
+    alone = [_road_part(s.scene, c) for s, c in zip(systems, codes, strict=True) if s.scene and s.scene.grounds]
+    module = compile_module(codes, alone)
+    _check_names(systems, codes, page)
+    data = {
+        "interval": float(interval), "keep": max(1, math.floor(_SHOWN_EVERY / interval)), "groups": groups, "plots": list(page.plots),
+        "measures": [asdict(m) for m in page.measures],
+        "finish": page.finish and {"terms": dict(page.finish.when.terms), "offset": page.finish.when.offset, "patience": page.finish.patience},
+        "systems": [
+            {
+                "title": s.title, "group": groups.index(s.group), "model": i, "values": {n: float(v) for n, v in s.values.items()},
+                "variables": [_variable(e, k) for k, e in enumerate(c.variables, start=1)],
+                "scene": scene_data(s.scene) if s.scene else None, "road": _road(s.scene, c, module),
+            }
+            for i, (s, c) in enumerate(zip(systems, codes, strict=True))
+        ],
+        "controls": [_control(control, codes) for control in page.controls],
+    }  # fmt: skip
+    return data, module, codes
+
+
+def _code(name: str, shown: Shown, known: dict[tuple[str, str], Part]) -> SystemCode:
+    schedule = exported_schedule(shown.system, ())
+    outputs = [e.name for e in choose(schedule, (), None, ()) if e.causality == "output"]
+    elements = [n for n in (shown.scene.variables if shown.scene else ()) if n not in outputs]
+    there = {f"{m.name}.{v}" for m in schedule.members for v in m.description.outputs}
+    return SystemCode(name, schedule, choose(schedule, None, [*outputs, *(n for n in elements if n in there)], "*"), _FMI, known)
+
+
+def _interval(page: WebPage, codes: Sequence[SystemCode]) -> Fraction:
+    """Of what is shown: a number of ticks of every system."""
+    if page.interval is None:
+        tick = max(c.schedule.tick for c in codes)
+        interval = math.ceil(_SHOWN_EVERY / tick) * tick
+    else:
+        interval = positive(page.interval, "interval")
+    for c in codes:
+        if (interval / c.schedule.tick).denominator != 1:
+            raise CosimError(f"an interval of {float(interval):g} s is no number of steps of {float(c.schedule.tick):g} s, the tick of the system")
+    return interval
+
+
+def _variable(e: Exported, reference: int) -> dict[str, Any]:
+    v = e.variable
+    low, high = (None if not math.isfinite(x) else x for x in e.limits)
+    return {
+        "name": e.name, "role": e.causality, "type": _TYPES[e.type], "reference": reference, "unit": v.unit_name, "text": v.description,
+        "min": low, "max": high, "start": None if e.start is None else float(e.start), "tunable": e.tunable, "display": _display(v),
+    }  # fmt: skip
+
+
+def _display(v: Variable) -> dict[str, Any] | None:
+    d = v.display
+    return None if d is None else {"unit": d.name, "factor": d.factor, "offset": d.offset}
+
+
+def _check_names(systems: Sequence[Shown], codes: Sequence[SystemCode], page: WebPage) -> None:
+    """Everything named is there, in one system at least."""
+    settable = {e.name for c in codes for e in c.variables if e.causality != "output"}
+    outputs = {e.name for c in codes for e in c.variables if e.causality == "output"}
+    for control in page.controls:
+        if not control.names:
+            raise WiringError(f"the control '{control.label}' names no variable")
+        for name in control.names:
+            if name not in settable:
+                raise WiringError(f"the control '{control.label}' names '{name}', no input or parameter{did_you_mean(name, settable)}")
+    for what, name in [("be plotted", n) for n in page.plots] + [("be measured", n) for m in page.measures for n in m.names]:
+        if name not in outputs:
+            raise WiringError(f"'{name}' is no output that could {what}{did_you_mean(name, outputs)}")
+    for name in page.finish.when.terms if page.finish else ():
+        if name not in settable | outputs:
+            raise WiringError(f"where a run is over: there is no '{name}'{did_you_mean(name, settable | outputs)}")
+    for shown, code in zip(systems, codes, strict=True):
+        own = {e.name for e in code.variables if e.causality != "output"}
+        for name in shown.values:
+            if name not in own:
+                raise WiringError(f"{shown.title} has no input or parameter '{name}'{did_you_mean(name, own)}")
+
+
+def _control(control: Control, codes: Sequence[SystemCode]) -> dict[str, Any]:
+    e = next(e for c in codes for e in c.variables if e.name in control.names and e.causality != "output")
+    d = e.variable.display
+    factor, offset = (d.factor, d.offset) if d else (1.0, 0.0)
+    low, high = (
+        given if given is not None else limit if math.isfinite(limit) else None
+        for given, limit in zip((control.minimum, control.maximum), e.limits, strict=True)
+    )
+    shown = [None if x is None else float(f"{x * factor + offset:.9g}") for x in (low, high)]
+    step: float | str = "any"
+    if shown[0] is not None and shown[1] is not None:
+        step = 1.0 if e.type == "Int32" else float(f"{(shown[1] - shown[0]) / _STEPS:.2g}")
+    kind: Kind = "choice" if control.choices else "check" if e.type == "Boolean" else "number"
+    return {
+        "label": control.label, "text": control.text or e.variable.description, "names": list(control.names), "kind": kind,
+        "unit": d.name if d else e.variable.unit_name, "factor": factor, "offset": offset, "min": shown[0], "max": shown[1], "step": step,
+        "keys": list(control.keys), "choices": [[text, value] for text, value in control.choices.items()],
+    }  # fmt: skip
+
+
+def _road_part(scene: Scene, code: SystemCode) -> Part:
+    return next(p for m, p in code.parts.items() if m.name == scene.grounds[0].member)
+
+
+def _road(scene: Scene | None, code: SystemCode, module: Module) -> dict[str, Any] | None:
+    """How the page asks the road alone what lies ahead."""
+    if scene is None or not scene.grounds:
+        return None
+    name = scene.grounds[0].member
+    member = next(m for m in code.schedule.members if m.name == name)
+
+    def own_variable(full: str) -> Variable:
+        return member.description.find(full.removeprefix(f"{name}."), name)
+
+    own = {f"{name}.{v.name}": v for v in member.description.parameters.values() if v.size == 1 and v.fmi_type in _TYPES}
+    return {
+        "model": module.model(code.parts[member]), "x": own_variable(scene.grounds[0].input).reference, "step": float(member.step),
+        "sides": {g.side: {"reference": own_variable(g.output).reference, "ahead": g.ahead} for g in scene.grounds},
+        "starts": [[_TYPES[v.fmi_type], v.reference, values] for v, values in _starts(member.description.variables, member.values)],
+        "parameters": {n: {"type": _TYPES[v.fmi_type], "reference": v.reference} for n, v in own.items()},
+    }  # fmt: skip
+
+
+def _starts(variables: Mapping[str, Variable], given: Mapping[str, Any]) -> Iterable[tuple[Variable, list[float]]]:
+    """The values that a member is given, whole arrays at a time."""
+    for declared in dict.fromkeys(variables[n].declared or n for n in given):
+        elements = sorted((v for v in variables.values() if (v.declared or v.name) == declared), key=lambda v: v.index)
+        yield elements[0], [float(given.get(v.name, v.start)) for v in elements]

@@ -1,0 +1,68 @@
+// Runs a live page in Chromium: node live.mjs MODULES PAGE FOLDER SECONDS. Prints what it found as JSON, leaves pictures in FOLDER.
+import { mkdirSync } from "node:fs";
+import { createRequire } from "node:module";
+import { join, resolve } from "node:path";
+import { pathToFileURL } from "node:url";
+
+const [modules, file, folder, seconds] = process.argv.slice(2);
+const require = createRequire(join(resolve(modules), "node_modules", "here.js"));
+const { chromium } = require("playwright-core");
+const axe = require("axe-core");
+mkdirSync(folder, { recursive: true });
+
+const browser = await chromium.launch({ executablePath: process.env.CHROMIUM, args: ["--no-sandbox"] });
+const found = { errors: [], asked: [], views: [], groups: [] };
+const open = async (context, more = "") => {
+  const page = await context.newPage();
+  page.on("pageerror", (error) => found.errors.push(error.message));
+  page.on("console", (message) => { if (["error", "warning"].includes(message.type())) found.errors.push(message.text()); });
+  page.on("request", (request) => { if (!/^(file|data|blob):/.test(request.url())) found.asked.push(request.url()); });
+  await page.goto(pathToFileURL(resolve(file)).href + more);
+  await page.waitForFunction(() => document.documentElement.dataset.state !== "loading", null, { timeout: 60000 });
+  return page;
+};
+
+for (const colorScheme of ["light", "dark"]) {
+  for (const width of [390, 1400]) {
+    const context = await browser.newContext({ viewport: { width, height: 900 }, colorScheme });
+    const page = await open(context);
+    await page.waitForTimeout(3000);
+    const view = await page.evaluate(() => ({
+      state: document.documentElement.dataset.state, ready: performance.getEntriesByName("ready")[0].startTime / 1000,
+      overflow: document.documentElement.scrollWidth - innerWidth, time: page.time, running: page.running,
+      labels: [...document.querySelectorAll("canvas")].map((c) => c.getAttribute("aria-label")),
+    }));
+    await page.screenshot({ path: join(folder, `${width}-${colorScheme}.png`), fullPage: true });
+    await page.evaluate(axe.source);
+    const { violations } = await page.evaluate(() => window.axe.run());
+    view.violations = violations.map(({ id, impact, help, nodes }) => ({ id, impact, help, nodes: nodes.slice(0, 3).map((n) => n.html.slice(0, 200)) }));
+    found.views.push({ width, scheme: colorScheme, ...view });
+    await context.close();
+  }
+}
+
+// without a picture: the numbers, group by group, and what they cost
+const context = await browser.newContext({ reducedMotion: "reduce" });
+const page = await open(context);
+found.waits = await page.evaluate(() => !page.running);
+const groups = await page.evaluate(() => page.data.groups.length);
+for (let group = 0; group < groups; group++) {
+  found.groups.push(await page.evaluate(([g, end]) => {
+    page.choose(g);
+    const begun = performance.now();
+    page.advance(Math.round(end / page.data.interval));
+    return {
+      seconds: (performance.now() - begun) / 1000,
+      systems: page.variants.map((v) => {
+        const row = v.instance.look();
+        return {
+          title: v.title, failure: v.failure, verdict: v.score.verdict, steps: v.steps,
+          row: Object.fromEntries([...v.instance.place].map(([name, i]) => [name, row[i]])),
+          measures: v.score.measures.map((m, i) => v.score.value(i)),
+        };
+      }),
+    };
+  }, [group, Number(seconds)]));
+}
+await browser.close();
+console.log(JSON.stringify(found));

@@ -1,0 +1,159 @@
+"""Systems as one WebAssembly module: the numbers of the systems themselves, bit by bit, in a host that is no browser."""
+
+from __future__ import annotations
+
+from fractions import Fraction
+from pathlib import Path
+
+import numpy as np
+import pytest
+from built import BuiltFmus
+from same import bits
+from web_host import TYPES, WebHost
+
+from build_fmus.compile import CompileError
+from cosim import CosimError, System
+from cosim.export.code import SystemCode, exported_schedule
+from cosim.export.variables import choose
+from cosim.export.web import module as web_module
+from cosim.export.web.module import Module, compile_module
+
+pytestmark = pytest.mark.filterwarnings("ignore::cosim.UnconnectedInputsWarning")
+STEP = Fraction(1, 100)
+
+
+def loop(built_fmus: BuiltFmus, law: str, road: str = "RoadBenchRandom") -> System:
+    """A car on a road, and a law (with a quadratic program or without) where one is named."""
+    system = System()
+    system.add("road", built_fmus.path(road, 3))
+    system.add("car", built_fmus.path("QuarterCarBench", 3), step="1 ms")
+    system.connect_matching("road", "car")
+    if law:
+        system.add("law", built_fmus.path(law, 3))
+        system.connect_matching("car", "law")
+        system.connect_matching("law", "car")
+    return system
+
+
+def code_of(name: str, system: System, known: dict) -> SystemCode:
+    schedule = exported_schedule(system, ())
+    return SystemCode(name, schedule, choose(schedule, None, None, "*"), 3, known)
+
+
+def outputs(code: SystemCode) -> list[tuple[int, str, str]]:
+    """Value reference, type and name of what is shown, sorted by type as the module wants it."""
+    found = [(k, e.type, e.name) for k, e in enumerate(code.variables, start=1) if e.causality == "output"]
+    return sorted(found, key=lambda v: TYPES[v[1]])
+
+
+@pytest.fixture(scope="module")
+def made(built_fmus: BuiltFmus):
+    """Three systems in one module, and the road alone."""
+    known: dict = {}
+    systems = [loop(built_fmus, law) for law in ("", "LqrBench", "MpcBench")]
+    codes = [code_of(f"s{i}", s, known) for i, s in enumerate(systems)]
+    road = codes[0].parts[systems[0]["road"]]
+    yield systems, codes, compile_module(codes, [road]), road
+    for s in systems:
+        s.close()
+
+
+def test_every_system_of_a_module_has_the_bits_of_the_system_itself(made) -> None:
+    systems, codes, module, _ = made
+    for i, (system, code) in enumerate(zip(systems, codes, strict=True)):
+        shown = outputs(code)
+        names = [n for _, _, n in shown]
+        host = WebHost(module.content, [(r, t) for r, t, _ in shown], i)
+        assert host.start(float(STEP)) == 0, host.message
+        rows = np.vstack([host.look(), host.run(300)])
+        with system.initialize(record=names, allow_unconnected=True) as simulation:
+            expected = []
+            for k in range(301):
+                simulation.advance(k * STEP)
+                expected.append([float(simulation[n]) for n in names])
+        assert np.array_equal(bits(rows), bits(expected)), [
+            n for k, n in enumerate(names) if not np.array_equal(bits(rows[:, k]), bits(np.array(expected)[:, k]))
+        ]
+        assert np.ptp(rows[:, names.index("car.body.az")]) > 0.1
+
+
+def test_systems_share_what_they_have_in_common(made, built_fmus: BuiltFmus) -> None:
+    _, codes, module, _ = made
+    alone = [compile_module([code_of("s", s, {})]) for s in [loop(built_fmus, "MpcBench")]]
+    assert len({p.name for c in codes for p in c.distinct}) == 4  # road, car, two laws
+    assert len(module.content) < 1.4 * len(alone[0].content)
+
+
+def test_a_run_begins_again_goes_back_and_goes_on(made) -> None:
+    _, codes, module, _ = made
+    host = WebHost(module.content, [(r, t) for r, t, _ in outputs(codes[2])], 2)
+    host.start(float(STEP))
+    first = host.run(50)
+    assert host.call("web_save", host.handle) == 0
+    onward = host.run(50)
+    assert host.call("web_restore", host.handle) == 0
+    assert np.array_equal(bits(host.run(50)), bits(onward))
+    assert host.call("web_reset", host.handle) == 0
+    host.start(float(STEP))
+    assert np.array_equal(bits(host.run(50)), bits(first))
+
+
+def test_what_is_set_counts_and_what_is_wrong_is_said(made) -> None:
+    _, codes, module, _ = made
+    host = WebHost(module.content, [(r, t) for r, t, _ in outputs(codes[0])])
+    reference = {e.name: k for k, e in enumerate(codes[0].variables, start=1)}
+    mass = reference["car.body.mass"]
+    assert host.set(mass, "Float64", [-1.0]) > 1
+    assert "car.body.mass" in host.message
+    assert host.set(mass, "Float64", [1e9]) > 1
+    assert host.set(reference["car.force"], "Float64", [40.0]) == 0
+    host.start(float(STEP))
+    pushed = host.run(20)
+    assert np.abs(pushed).max() > 0
+    assert host.set(mass, "Float64", [3.0]) > 1  # fixed: only before the start
+    assert "car.body.mass" in host.message
+    assert WebHost(module.content, [], 4).handle == 0  # there is no such model
+
+
+def test_the_road_alone_shows_what_lies_ahead(built_fmus: BuiltFmus) -> None:
+    known: dict = {}
+    with System() as system:
+        system.add("speed", built_fmus.path("SpeedProfile", 3), start={"start.x": 0.0, "start.speed": 10.0})
+        system.add("road", built_fmus.path("RoadBumps", 3))
+        system.connect("speed.x", "road.x")
+        system.connect("speed.speed", "road.speed")
+        code = code_of("s", system, known)
+        member = system["road"]
+        part = code.parts[member]
+        module = compile_module([code], [part])
+        variables = member.description.variables
+        road = WebHost(module.content, [(variables["road.fl.height"].reference, "Float64")], module.model(part))
+        assert road.start(1e-3) == 0
+        recording = system.run(1.5, record=["speed.x", "road.road.fl.height"], record_interval="10 ms")
+    heights = []
+    for x in recording["speed.x"][:150]:
+        assert road.set(variables["x"].reference, "Float64", [x]) == 0
+        heights.append(road.run(1)[0, 0])
+    assert np.array_equal(bits(heights), bits(recording["road.road.fl.height"][:150]))
+    assert max(heights) > 0.02
+
+
+def test_what_cannot_be_a_page(follower: dict[int, Path], built_fmus: BuiltFmus, monkeypatch: pytest.MonkeyPatch) -> None:
+    with System() as system:
+        system.add("late", follower[3], step="5 ms")
+        with pytest.raises(CosimError, match=r"'late' .* has no sources that a page could be compiled from"):
+            compile_module([code_of("s", system, {})])
+    with System() as system:
+        system.add("road", built_fmus.path("RoadBumps", 2))
+        code = code_of("s", system, {})
+        with pytest.raises(CosimError, match=r"RoadBumps.fmu is an FMU of FMI 2.0"):
+            compile_module([code], code.distinct)
+    monkeypatch.setattr(web_module.importlib.util, "find_spec", lambda name: None)
+    with pytest.raises(CompileError, match=r"pip install 'suspension-fmus\[zig\]'"):
+        web_module.find_zig()
+
+
+def test_the_same_bytes_again(made) -> None:
+    _, codes, module, road = made
+    again: Module = compile_module(codes, [road])
+    assert again.content == module.content

@@ -1,0 +1,235 @@
+"""A system as a web page: one file that needs nothing else, what its script is told, and what it refuses."""
+
+from __future__ import annotations
+
+import base64
+import gzip
+import json
+import re
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from built import FMUS, BuiltFmus
+from web_host import TYPES, WebHost
+
+from cosim import CosimError, System, WiringError
+from cosim.experiments.trench import EXPERIMENT as TRENCH
+from cosim.experiments.trench.web import live
+from cosim.export.web.page import Control, Finish, Measure, Shown, WebPage, export_web
+from cosim.export.web.scene import Value
+from cosim.scenes import recognised
+from cosim.study import FmuSet, Runner
+from cosim.study.case import CaseError
+from cosim.study.web import _changed
+
+pytestmark = pytest.mark.filterwarnings("ignore::cosim.UnconnectedInputsWarning")
+
+
+def bench(built_fmus: BuiltFmus, law: str) -> System:
+    system = System()
+    for name, fmu, more in (("speed", "SpeedProfile", {}), ("road", "RoadBumps", {}), ("car", "QuarterCarHmmwv", {"step": "1 ms"})):
+        system.add(name, built_fmus.path(fmu, 3), **more)
+    system.connect("speed.x", "road.x")
+    system.connect("speed.speed", "road.speed")
+    system.connect("road.road.fl.height", "car.road.height")
+    system.connect("road.road.fl.rate", "car.road.rate")
+    if law:
+        system.add("law", built_fmus.path(law, 3))
+    return system
+
+
+@pytest.fixture(scope="module")
+def systems(built_fmus: BuiltFmus):
+    found = [bench(built_fmus, ""), bench(built_fmus, "RideComfort")]
+    found[1].connect("car.body.az", "law.body.az")
+    yield found
+    for s in found:
+        s.close()
+
+
+PAGE = WebPage(
+    "A quarter car",
+    "On <bumps> & more.",
+    [
+        Control("speed", ["speed.start.speed"], 2.0, 20.0, keys=("ArrowDown", "ArrowUp")),
+        Control("side", ["road.side"], choices={"both": 0, "left": 1, "right": 2}),
+    ],
+    ["car.body.az"],
+    [Measure("acceleration", ["car.body.az"], "rms", "g", 1 / 9.80665, limit=0.5)],
+    Finish(Value({"speed.x": 1.0}, -40.0), 20.0),
+    group_label="car",
+)
+
+
+@pytest.fixture(scope="module")
+def page(systems, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    shown = [
+        Shown("Alone", systems[0], {"car.body.mass": 900.0}, "one", recognised(systems[0])),
+        Shown("Judged", systems[1], group="two", scene=recognised(systems[1])),
+    ]
+    return export_web(tmp_path_factory.mktemp("page") / "quarter.html", shown, PAGE)
+
+
+def block(path: Path, name: str) -> bytes:
+    """What the page carries packed."""
+    found = re.search(rf'id="{name}">([^<]*)<', path.read_text())
+    assert found is not None
+    return gzip.decompress(base64.b64decode(found[1]))
+
+
+@pytest.fixture(scope="module")
+def data(page: Path) -> dict[str, Any]:
+    return json.loads(block(page, "data"))
+
+
+def test_one_file_that_asks_for_nothing(page: Path) -> None:
+    text = re.sub(r"<pre>.*?</pre>", "", page.read_text(), flags=re.DOTALL)  # licences name addresses
+    assert not re.findall(r"(?:src|href)\s*=\s*\"(?!data:,)", text)
+    assert not re.findall(r"\b(?:fetch|XMLHttpRequest|import)\s*\(|https?://|url\(", text)
+    assert "On &lt;bumps&gt; &amp; more." in text
+    assert page.stat().st_size < 1e6
+
+
+def test_it_carries_the_licences(page: Path) -> None:
+    text = page.read_text()
+    assert "musl" in text
+    assert "Permission is hereby granted" in text
+
+
+def test_the_same_bytes_again(page: Path, systems, tmp_path: Path) -> None:
+    shown = [
+        Shown("Alone", systems[0], {"car.body.mass": 900.0}, "one", recognised(systems[0])),
+        Shown("Judged", systems[1], group="two", scene=recognised(systems[1])),
+    ]
+    assert export_web(tmp_path / "again.html", shown, PAGE).read_bytes() == page.read_bytes()
+
+
+def test_what_the_script_is_told(data: dict[str, Any]) -> None:
+    assert data["interval"] == 0.005
+    assert data["keep"] == 1
+    assert data["groups"] == ["one", "two"]
+    assert [s["title"] for s in data["systems"]] == ["Alone", "Judged"]
+    assert data["systems"][0]["values"] == {"car.body.mass": 900.0}
+    speed, side = data["controls"]
+    assert (speed["unit"], speed["min"], speed["max"], speed["step"]) == ("km/h", 7.2, 72.0, 0.32)
+    assert speed["factor"] == pytest.approx(3.6)
+    assert side["kind"] == "choice"
+    assert side["choices"] == [["both", 0], ["left", 1], ["right", 2]]
+    variables = {v["name"]: v for v in data["systems"][0]["variables"]}
+    mass = variables["car.body.mass"]
+    assert (mass["role"], mass["unit"], mass["tunable"]) == ("parameter", "kg", False)
+    assert variables["car.force"]["role"] == "input"
+    assert variables["car.body.z"]["role"] == "output"
+    assert data["finish"] == {"terms": {"speed.x": 1.0}, "offset": -40.0, "patience": 20.0}
+
+
+def test_the_module_shows_what_the_variables_say(page: Path, data: dict[str, Any], systems) -> None:
+    """Value references and models of the data are those of the module."""
+    for i, system in enumerate(systems):
+        about = data["systems"][i]
+        shown = sorted((v for v in about["variables"] if v["role"] == "output"), key=lambda v: v["type"])
+        names = [v["name"] for v in shown]
+        kinds = list(TYPES)
+        host = WebHost(block(page, "module"), [(v["reference"], kinds[v["type"]]) for v in shown], about["model"])
+        for name, value in about["values"].items():
+            v = next(v for v in about["variables"] if v["name"] == name)
+            assert host.set(v["reference"], kinds[v["type"]], [value]) == 0
+        assert host.start(data["interval"]) == 0
+        row = host.run(400)[-1]
+        for name, value in about["values"].items():
+            member, variable = name.split(".", 1)
+            system[member].set({variable: value})
+        with system.initialize(record=names, allow_unconnected=True) as simulation:
+            simulation.advance(2)
+            assert row.tolist() == [float(simulation[n]) for n in names]
+        assert abs(row[names.index("car.body.z")]) > 1e-6
+
+
+def test_the_road_is_asked_with_its_own_parameters(page: Path, data: dict[str, Any], systems) -> None:
+    road = data["systems"][0]["road"]
+    host = WebHost(block(page, "module"), [(road["sides"]["left"]["reference"], "Float64")], road["model"])
+    for kind, reference, values in road["starts"]:
+        assert host.set(reference, list(TYPES)[kind], values) == 0
+    assert host.start(road["step"]) == 0
+    parameters = systems[0]["road"].description.parameters
+    bump = float(parameters["bump.first"].start) + 0.5 * float(parameters["bump.length"].start)
+    assert host.set(road["x"], "Float64", [bump - road["sides"]["left"]["ahead"]]) == 0
+    assert host.run(1)[0, 0] > 0.01
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"controls": [Control("mass", ["car.body.mas"])]}, r"control 'mass' names 'car.body.mas', no input or parameter; did you mean 'car.body.mass'"),
+        ({"controls": [Control("nothing", [])]}, "control 'nothing' names no variable"),
+        ({"plots": ["car.body.zz"]}, "'car.body.zz' is no output that could be plotted"),
+        ({"measures": [Measure("m", ["car.zz"])]}, "'car.zz' is no output that could be measured"),
+        ({"finish": Finish(Value({"car.zz": 1.0}), 1.0)}, "where a run is over: there is no 'car.zz'"),
+        ({"interval": 0.00033}, "an interval of 0.00033 s is no number of steps of 0.001 s"),
+        ({"interval": -1}, "interval"),
+    ],
+)  # fmt: skip
+def test_what_names_nothing_is_refused(systems, tmp_path: Path, change: dict[str, Any], said: str) -> None:
+    with pytest.raises((WiringError, CosimError, ValueError), match=said):
+        export_web(tmp_path / "x.html", [Shown("One", systems[0])], WebPage("One", **change))
+    assert not (tmp_path / "x.html").exists()
+
+
+def test_what_else_is_refused(systems, tmp_path: Path) -> None:
+    with pytest.raises(WiringError, match=r"One has no input or parameter 'car.bod'"):
+        export_web(tmp_path / "x.html", [Shown("One", systems[0], {"car.bod": 1.0})], WebPage("One"))
+    with pytest.raises(CosimError, match=r"name the page FILE.html"):
+        export_web(tmp_path / "x.htm", [Shown("One", systems[0])], WebPage("One"))
+    with pytest.raises(CosimError, match="5 systems side by side"):
+        export_web(tmp_path / "x.html", [Shown(str(i), systems[0]) for i in range(5)], WebPage("One"))
+    with pytest.raises(CosimError, match="at least one system"):
+        export_web(tmp_path / "x.html", [], WebPage("One"))
+    with pytest.raises(CosimError, match="'least' is none of peak, largest, rms"):
+        Measure("m", ["car.body.z"], "least")  # type: ignore[arg-type]
+
+
+def test_a_system_writes_its_own_page(systems, tmp_path: Path) -> None:
+    path = systems[0].export_web(tmp_path / "own.html", controls=["speed.start.speed"], plots=["car.wheel.z"], scene=recognised(systems[0]))
+    about = json.loads(block(path, "data"))
+    assert about["systems"][0]["scene"]["what"]
+    assert about["controls"][0]["label"] == "speed.start.speed"
+    assert about["plots"] == ["car.wheel.z"]
+
+
+def test_what_stands_beside() -> None:
+    case = TRENCH.case()
+    assert _changed(case, "controller=lqr, length=2").controller == "lqr"
+    assert _changed(case, "length=2").length == 2.0
+    assert _changed(case, "hydropneumatic=true").hydropneumatic is True
+    for text, said in (
+        ("lenght=2", "write OPTION=VALUE with an option of the case; did you mean 'length'"), ("length", "write OPTION=VALUE"),
+        ("length=wide", "write a number"), ("hydropneumatic=yes", "write true or false"), ("controller=lqg", "lqg"),
+    ):  # fmt: skip
+        with pytest.raises(CaseError, match=re.escape(said)):
+            _changed(case, text)
+
+
+def test_the_trench_page_judges_as_the_study_does(built_fmus: BuiltFmus) -> None:  # noqa: ARG001
+    """Its limits are those of Table 5.3, its finish is where a run of the study ends."""
+    page = live(TRENCH.case()).page
+    case = TRENCH.case(controller="passive")
+    with Runner(TRENCH, FmuSet(FMUS)) as runner:
+        system = runner.system(case)
+        recording = system.run(
+            TRENCH.stop_time(system, case), record=["car.x", *(n for m in page.measures for n in m.names)], record_interval="0.25 ms",
+            stop_when=TRENCH.stop_when(system, case),
+        )  # fmt: skip
+        row = TRENCH.measure(runner.run(case))
+        parts = {"car.x": recording["car.x"][-1], **{n: float(system["car"].values.get(n[4:], system["car"].description.variables[n[4:]].start)) for n in page.finish.when.terms if n != "car.x"}}
+    assert page.finish.when.of(parts) == pytest.approx(0.0, abs=1e-3)
+    shown = {}
+    for m in page.measures:
+        columns = np.column_stack([recording[n] for n in m.names])
+        value = {"peak": np.abs(columns).max(), "largest": columns.max(), "rms": np.sqrt((columns**2).mean(axis=0)).max()}[m.how]
+        shown[m.label] = m.factor * value
+    published = [n for n in row if n in ("az", "ax", "az_rms", "ax_rms", "pitch", "hub_front", "hub_middle", "hub_rear")]
+    assert len(published) == 8
+    for (label, value), name in zip(shown.items(), published, strict=False):
+        assert value == pytest.approx(row[name], rel=0.01), label
