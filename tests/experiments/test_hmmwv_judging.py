@@ -13,6 +13,7 @@ from cosim.experiments.hmmwv.preview import runs as chains
 from cosim.experiments.hmmwv.preview.claims import CLAIMS as PREVIEW
 from cosim.experiments.hmmwv.preview.published import (
     COMPENSATED,
+    FED,
     HEIGHTS_MM,
     PRINTED,
     PRINTED_FED,
@@ -510,6 +511,22 @@ def test_claims_on_the_preview_follow_the_numbers():
     )
     back = PREVIEW.judge(altered(made_up_study(), {long(PRINTED_FED): {"spread": [0.01, 0.2, 0.19]}}))
     assert {c.id: c.verdict for c in back}["preview-unstable"] == "not reproduced"
+
+
+@pytest.mark.parametrize(
+    ("name", "changes", "verdict"),
+    [
+        ("preview-fed", {over(FED, HEIGHTS_MM[0]): {"lowest": -0.002}}, "does not hold"),  # a dip, though stable
+        ("preview-fed", {long(FED): {"spread": [0.001, 0.05, 0.002]}}, "does not hold"),  # no dip, but for once too large an error
+        ("preview-fed", {long(FED): {"spread": [0.001, 0.02, 0.002]}}, "holds"),
+        ("generated-drift", {generated(SPEEDOMETER_ERRORS[-1]): {"offsets": [-0.6, 0.5]}}, "not reproduced"),  # more at the first
+        ("generated-drift", {generated(SPEEDOMETER_ERRORS[-1]): {"offsets": [-0.6, 0.7]}}, "reproduced"),
+    ],
+)
+def test_each_half_of_a_criterion_counts(name, changes, verdict):
+    found = {c.id: c for c in PREVIEW.judge(altered(made_up_study(), changes))}
+    assert found[name].verdict == verdict
+    assert found["preview-dip-compensated"].unit == "mm"
 
 
 def test_a_failed_run_of_the_chain_leaves_open_what_needs_it_and_nothing_else():
