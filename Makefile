@@ -13,9 +13,13 @@ endif
 .PHONY: run studies test test-full test-courses test-platforms test-pythons test-pages release lint bench mutants fuzz docs fmus clean
 
 run: $(VENV)/.run
-	$(BIN)/build-fmus
-	$(BIN)/cosim study gpc
-	$(BIN)/cosim study preview-lq
+	@echo "1 of 3: the FMUs for this machine, into fmus/ (some minutes the first time, then seconds)"
+	@$(BIN)/build-fmus
+	@echo "2 of 3: the main experiment, generalized predictive control of a HMMWV, into results/gpc/"
+	@$(BIN)/cosim study gpc
+	@echo "3 of 3: the second one, optimal preview control, into results/preview-lq/"
+	@$(BIN)/cosim study preview-lq
+	@echo "Open results/gpc/report.html in a browser. $(BIN)/cosim list shows what else there is, make studies runs it all."
 
 studies: run
 	$(BIN)/cosim study bench

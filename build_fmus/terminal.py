@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib
 import io
+import logging
 import os
 import sys
 from collections.abc import Callable, Iterable
@@ -57,8 +58,53 @@ def one_of(names: Iterable[str], more: str = "") -> str:
     return "|".join([*names, *([more] if more else [])])
 
 
+class _ToScreen(logging.Handler):
+    """Messages of the loggers below ``cosim`` on standard error."""
+
+    def emit(self, record: logging.LogRecord) -> None:
+        console.print(escape(self.format(record)))
+
+
+def _tell_more(count: int) -> None:
+    if count:
+        logger = logging.getLogger("cosim")
+        logger.handlers = [h for h in logger.handlers if not isinstance(h, _ToScreen)] + [_ToScreen()]
+        logger.setLevel(logging.DEBUG if count > 1 else logging.INFO)
+
+
+def _tell_less(quiet: bool) -> None:
+    console.quiet = quiet
+
+
+_More = Annotated[
+    int,
+    typer.Option(
+        "--verbose", "-v", count=True, expose_value=False, callback=_tell_more, help="say what FMUs warn of as they run; -vv: everything that they log"
+    ),
+]
+_Less = Annotated[
+    bool,
+    typer.Option("--quiet", "-q", expose_value=False, callback=_tell_less, help="only results and errors: no progress, no notes"),
+]
+
+
+def _loudness() -> list[Any]:
+    """Options of every command."""
+    app = typer.Typer(**APP)
+
+    @app.command()
+    def _nothing(verbose: _More = 0, quiet: _Less = False) -> None: ...
+
+    return typer.main.get_command(app).params
+
+
 class Command(TyperCommand):
-    """A command that Ctrl-C ends with a message, and whose help lists choices."""
+    """A command that Ctrl-C ends with a message, and whose help lists choices; with ``-v`` and ``-q``, unless it has its own."""
+
+    def __init__(self, *arguments: Any, **named: Any) -> None:
+        super().__init__(*arguments, **named)
+        taken = {name for parameter in self.params for name in parameter.opts}
+        self.params += [option for option in _loudness() if not taken & set(option.opts)]
 
     def invoke(self, ctx: Any) -> Any:
         try:
@@ -129,9 +175,11 @@ def run(program: str, app: Callable[[], Any], expected: tuple[type[Exception], .
     try:
         app()
     except Stopped as stopped:
+        console.quiet = False
         console.print(escape(str(stopped) or interrupted))
         sys.exit(130)
     except failures as error:
+        console.quiet = False
         console.print(f"[red]{program}:[/red] {escape(_text(error))}")
         sys.exit(1)
 

@@ -1,5 +1,6 @@
 """How FMUs run together: the co-simulation master, its experiments and reports."""
 
+import logging
 from importlib import metadata
 
 from cosim.component import Component, Ports, PythonComponent
@@ -32,6 +33,8 @@ from cosim.session import Fmu, System
 from cosim.system.members import Connection, Group, Member
 from cosim.system.schedule import Schedule
 from cosim.tables import Table, TableError
+
+logging.getLogger("cosim").addHandler(logging.NullHandler())  # silent unless a program listens
 
 __all__ = [
     "Component",

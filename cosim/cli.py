@@ -11,6 +11,8 @@ from rich.table import Table
 from rich.text import Text
 
 from build_fmus import extras, terminal
+from build_fmus.checks import unknown
+from build_fmus.completion import SCRIPTS, fitting
 from build_fmus.terminal import Command, Commands, PackageVersion, show
 from cosim.check.command import check_command
 from cosim.experiments import EXPERIMENTS, IDENTIFY
@@ -168,6 +170,21 @@ def fmu(
 
 
 app.command("check", cls=Command)(check_command)
+
+
+@app.command(cls=Command)
+def completion(shell: Annotated[str, typer.Argument(metavar="|".join(SCRIPTS), help="the shell")]) -> None:
+    """Print the script that completes commands, options and names in a shell: eval "$(cosim completion bash)"."""
+    if shell not in SCRIPTS:
+        raise ValueError(unknown("shell", shell, SCRIPTS))
+    print(SCRIPTS[shell], end="")
+
+
+@app.command(cls=Command, hidden=True)
+def complete(words: Annotated[list[str] | None, typer.Argument()] = None) -> None:
+    """Print what the last word may become: what completion scripts call."""
+    for word in fitting(typer.main.get_command(app), words or [""]):
+        print(word)
 
 
 @app.command(cls=Command)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import math
 import os
 import warnings
@@ -121,7 +122,7 @@ class FmuComponent:
         library = self._open()
         self._keep = []
         resources = library.folder / "resources"
-        log = _logger(self.messages, self.problems)
+        log = _logger(name, self.messages, self.problems)
         texts = (name, self.description.token, f"{resources}{os.sep}" if self._v3 else resources.as_uri())
         with_events = {"event_mode": True} if events is not None else {}
         instance = library.instantiate(texts, log, self._keep, **with_events)
@@ -688,13 +689,21 @@ def _nothing_to_restore() -> int:
 _KEEP_FOREVER: list[Any] = []  # callbacks of instances that reported Fatal
 
 
-def _logger(messages: deque[str], problems: deque[str]) -> fmi.Log:
-    """What FMUs call to log. All categories are on: not every FMU files its errors under the category it declares."""
+_LOG = logging.getLogger("cosim.fmu")
+_LEVELS = (logging.DEBUG, logging.WARNING)  # of OK and Warning; what is worse is an error
+
+
+def _logger(name: str, messages: deque[str], problems: deque[str]) -> fmi.Log:
+    """What FMUs call to log. All categories are on: not every FMU files its errors under the category it declares.
+
+    The logger ``cosim.fmu`` of Python gets all of it, with the component's name.
+    """
 
     def log(status: int, category: str, message: str) -> None:
         level = STATUS_NAMES[status] if 0 <= status < len(STATUS_NAMES) else str(status)
         text = f"[{level}] {category + ': ' if category else ''}{message.rstrip()}"
         messages.append(text)
+        _LOG.log(_LEVELS[status] if 0 <= status < len(_LEVELS) else logging.ERROR, "%s: %s", name, text)
         if status >= fmi.WARNING:
             problems.append(text)
 

@@ -22,7 +22,6 @@ Role = Literal["ground", "body"]
 Points = Sequence[tuple[float, float]]
 
 _METRES, _RADIANS, _NEWTONS = 3, 4, -2  # decimals kept: 1 mm, 0.1 mrad, 100 N
-_LONGEST = 1.9  # m of the picture: an arrow up from the ground, or from a body, stays in view
 
 
 @dataclass(frozen=True, eq=False)
@@ -202,14 +201,15 @@ class Take:
 
 @dataclass(frozen=True, eq=False)
 class Animation:
-    """Takes to choose from, and ``width`` [m] of the ground in view. Forces are drawn to one scale, without exception: the largest of
-    all takes is as long as 1.9 m of the picture."""
+    """Takes to choose from, ``width`` [m] of the ground in view, and ``force_scale`` [N] drawn as long as a metre: without exception,
+    an arrow that is too long for the picture leaves it, and its size is written."""
 
     id: str
     title: str
     caption: str
     takes: Sequence[Take]
     width: float = 9.0
+    force_scale: float = 1e5
 
     def __post_init__(self) -> None:
         where = f"animation '{self.id}'"
@@ -219,14 +219,8 @@ class Animation:
         if not self.takes:
             raise ValueError(f"{where} has no takes")
         check_unique(where, "take", (t.title for t in self.takes))
-        number(f"{where}: width", self.width, "m", above=0)
-
-    @property
-    def force_scale(self) -> float:
-        """Newtons drawn as long as a metre."""
-        forces = [f for take in self.takes for scene in take.scenes for f in scene.forces]
-        largest = max((float(np.hypot(f.fx, f.fz).max()) for f in forces), default=0.0)
-        return largest / _LONGEST if largest else 1.0
+        for name, unit in (("width", "m"), ("force_scale", "N")):
+            number(f"{where}: {name}", getattr(self, name), unit, above=0)
 
 
 def animation_data(animation: Animation) -> dict[str, Any]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import inspect
 import json
+import sys
 import tempfile
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Executor
@@ -13,6 +14,7 @@ from pathlib import Path
 from typing import Annotated, Any, get_args
 
 import typer
+from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 from rich.table import Table
 from rich.text import Text
@@ -21,8 +23,10 @@ from build_fmus import safe_files
 from build_fmus.compile import PLATFORMS
 from build_fmus.terminal import APP, Command, console, one_of, show
 from cosim import EngineChoice, System
+from cosim.curve import drawn
 from cosim.errors import ComponentError, CosimError, Interrupted
 from cosim.formats import FORMATS, format_of
+from cosim.recording import Recording
 from cosim.study.case import Case, CaseError, Field, fields, grid
 from cosim.study.driver import Progressed, run_study
 from cosim.study.executors import dask
@@ -155,6 +159,10 @@ RealTime = Annotated[
 DisplayUnits = Annotated[
     bool, typer.Option("--display-units", help="time histories in the units in which FMUs want them displayed (deg, km/h), not in SI")
 ]
+Curves = Annotated[
+    list[str] | None,
+    typer.Option("--plot", metavar="NAME", help="draw what is recorded of this name or pattern, car.body.az, in the terminal; several may be given"),
+]
 HoldInput = Annotated[bool, typer.Option("--hold-input", help="a run that is longer than such a file keeps its last values")]
 
 
@@ -175,6 +183,7 @@ def _one_run(experiment: Experiment) -> dict[str, tuple[Any, Any]]:
         "recording_": (Annotated[Path | None, recording], None),
         "display_units": (DisplayUnits, False),
         "real_time": (RealTime, None),
+        "curves": (Curves, None),
     }
 
 
@@ -182,7 +191,7 @@ _VEHICLE: dict[str, tuple[Any, Any]] = {"vehicle": (Vehicles, None)}
 NOTHING = 1e-20  # of a metric: below it there is nothing to compare
 EVERYWHERE = (
     "--fmus", "--fmi", "--vehicle", "--out", "--engine", "--isolate", "--step-timeout", "--memory-limit",
-    "--signals", "--hold-input", "--recording", "--display-units", "--real-time", "--help",
+    "--signals", "--hold-input", "--recording", "--display-units", "--real-time", "--plot", "--help", "--verbose", "--quiet",
 )  # fmt: skip
 """Options of every experiment, which say nothing about one of them."""
 
@@ -197,6 +206,7 @@ def run_command(experiment: Experiment) -> Any:
         run_case(
             experiment, _case(experiment, given), fmu_set(experiment, given), given["out"], execution(given),
             inputs=given["signals_"] or (), hold_inputs=given["hold_input"], output=given["recording_"], display_units=given["display_units"], real_time=given["real_time"],
+            curves=given["curves"] or (),
         )  # fmt: skip
 
     options = field_options(experiment)
@@ -314,10 +324,11 @@ class _Paced(Command):
 def run_case(
     experiment: Experiment, case: Any, fmus: FmuSet, out: Path, execution: Execution | None = None, *,
     inputs: Sequence[Path] = (), hold_inputs: bool = False, output: Path | None = None, display_units: bool = False,
-    real_time: float | None = None,
+    real_time: float | None = None, curves: Sequence[str] = (),
 ) -> None:  # fmt: skip
     """Run one case beside its baseline: a table on the screen, time histories and metrics as files. ``output``, ``display_units`` and
-    ``real_time`` of the case: see :meth:`cosim.System.run`; ``inputs`` and ``hold_inputs`` of both: see :class:`Runner`.
+    ``real_time`` of the case: see :meth:`cosim.System.run`; ``inputs`` and ``hold_inputs`` of both: see :class:`Runner`;
+    ``curves``: names and patterns of what is drawn of the case in the terminal.
 
     Raises:
         ComponentError: a component failed; the file holds what was recorded.
@@ -339,6 +350,7 @@ def run_case(
             more = experiment.compared(*rows) if experiment.compared else {}
             measured = {_short(baseline): rows[1], _short(case): {**rows[0], **more}}
         show(metric_table(measured, experiment.metrics or _plain(measured), relative=experiment.relative))
+        show_curves(run.recording, curves)
         for remark in remarks:
             console.print(f"note: {remark}")
         if (page := resolved(experiment.page)) is not None:
@@ -348,6 +360,15 @@ def run_case(
     summary = folder / f"{case.label}.json"
     write_summary(summary, measured)
     console.print(f"{path} and {summary if output else summary.name}; {run.recording.real_time_factor:.0f}x real time")
+
+
+def show_curves(recording: Recording, names: Sequence[str]) -> None:
+    """Curves of a recording on the screen; ValueError for names that are not in it."""
+    for name in recording.select(*names) if names else ():
+        unit = recording.units.get(name, "")
+        title = f"\n{name} [{unit}]" if unit else f"\n{name}"
+        plain = not (sys.stdout.encoding or "").lower().startswith("utf")
+        show(Text(drawn(title, recording.time, recording[name], Console().width, plain=plain)), as_is=True)
 
 
 def write_study(experiment: Experiment, fmus: FmuSet, out: Path, *, cluster: str | None = None, **options: Any) -> Path:

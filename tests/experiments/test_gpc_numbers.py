@@ -34,14 +34,16 @@ from cosim.experiments.gpc.published import (
     History,
     plan,
 )
-from cosim.experiments.gpc.report import report
-from cosim.experiments.gpc.results import Results, Study
+from cosim.experiments.gpc.report import _curve, report
+from cosim.experiments.gpc.results import Results, Study, select
 from cosim.experiments.gpc.runs import METRICS, Case, measure, passive, recorded, signals, wire
 from cosim.report import Report
 from cosim.study import FmuSet, Row, Runner
 from cosim.study import Results as Runs
+from cosim.study.case import fields
 from fmu_sources.controllers.gpc.identification import DesignSettings, IdentificationSettings
 from fmu_sources.controllers.gpc.law import GpcLaw
+from fmu_sources.vehicles import VehicleError
 
 # ------------------------------------------------------------------------------------------------------ a run by hand
 
@@ -438,6 +440,30 @@ def test_matching_walks_outward_from_the_published_weight() -> None:
     tried.clear()
     match_weight(measured, 3.0)
     assert tried == pytest.approx([0.0, *(x for i in range(1, 9) for x in (0.25 * i, -0.25 * i))])
+
+
+@pytest.mark.parametrize(("error", "side"), [(-0.004, 1), (0.004, -1)])
+def test_matching_takes_the_nearer_of_two_weights_that_will_do(error: float, side: int) -> None:
+    """Both ends of the first interval are within half a per cent; the published weight is the nearer one."""
+
+    def measured(weight: float) -> Row:
+        return {"diverged": False, "response": 1 + error * (1 if abs(decades(weight)) < 0.1 else 0.5)}
+
+    found = match_weight(measured, 1.0)
+    assert (found.found, found.R, found.runs) == (True, 1e-7, 2)
+    tried: list[float] = []
+    match_weight(lambda weight: tried.append(decades(weight)) or measured(weight), 1.0)
+    assert tried == pytest.approx([0.0, 0.25 * side])
+
+
+def test_matching_looks_in_one_interval_of_the_grid() -> None:
+    """J is 2 down to a quarter of a decade below and falls to 0 over the next: its middle is the first to be tried there."""
+
+    def measured(weight: float) -> Row:
+        return {"diverged": False, "response": 2 * min(1, max(0, (decades(weight) + 0.5) / 0.25))}
+
+    found = match_weight(measured, 1.0)
+    assert (decades(found.R), found.runs) == (pytest.approx(-0.375), 5)
 
 
 def test_matching_takes_the_crossing_nearest_to_the_published_weight() -> None:
@@ -840,9 +866,10 @@ def test_parameters_and_provenance(page: Report) -> None:
         ("actuator limit", 150e3, "N", "000 Table 2"), ("travel per run", 150.0, "m", "000, text"),
     ]  # fmt: skip
     assert [p.unit for p in page.parameters if p.name == "body.mass"] == ["kg"]
-    assert "suspension.motion_ratio = 0.4925 (assumed; puts the modes of the modified vehicle where 000 figure 6 has its peak)" in {
-        c.fitted for c in page.claims
-    }
+    assert (
+        "suspension.motion_ratio = 0.4925 (assumed; puts the modes of the modified vehicle where 000 figure 6 has its peak)"
+        in {c.fitted for c in page.claims}
+    )
     given = page.provenance
     assert given["identification"] == {
         "seed": 0, "order": 8, "samples": 400, "settling_samples": 200, "excitation": 2000.0, "speed": 40 / 3.6,
@@ -1043,7 +1070,46 @@ def test_a_run_that_diverged_is_not_the_lowest() -> None:
     assert words.endswith("with R = 1e-7 for all three lowest in 3 of 4 seeds")
 
 
+def test_rows_are_selected_by_all_fields() -> None:
+    rows: list[Row] = [{"road": "sine", "seed": s} for s in range(3)]
+    assert select([*rows, {"road": "curb", "seed": 1}], road="sine", seed=1) == [rows[1]]
+
+
+def test_only_runs_at_the_published_weight_or_above_count_as_diverged() -> None:
+    """Whatever their seed: below it J is a cheap law's, which no paper shows."""
+    rows: list[Row] = [
+        {"road": "sine", "speed_kmh": 50.0, "controller": "preview", "R": r, "seed": s, "diverged": d}
+        for r in (1e-8, 1e-7, 1e-6) for s in (0, 3) for d in (True, False)
+    ]  # fmt: skip
+    found = Results(Study(sweep=rows)).diverged()
+    assert [(r["R"], r["seed"]) for r in found] == [(1e-7, 0), (1e-7, 3), (1e-6, 0), (1e-6, 3)]
+
+
+def test_curves_go_from_the_lowest_speed() -> None:
+    results: Any = SimpleNamespace(seeds=(0, 1), figures=lambda row: row)
+    found = _curve(results, "J", "explicit", [50.0, 10.0], lambda v, seed: {"J": v + seed}, 2.0)
+    assert found is not None
+    assert found.x_values.tolist() == [10.0, 50.0]
+    assert {name: values.tolist() for name, values in found.columns()} == {
+        "y": [21.0, 101.0], "low": [20.0, 100.0], "high": [22.0, 102.0],
+    }  # fmt: skip
+
+
+def test_names_of_the_options() -> None:
+    """What users type, and what their commands and stored sweeps have."""
+    assert [f.name for f in fields(Case)] == [
+        "road", "speed", "controller", "weight", "seed", "hold", "solver-parts", "exchange-parts",
+    ]  # fmt: skip
+
+
 # ------------------------------------------------------------------------------------------------------ cosim identify gpc
+
+
+def test_a_vehicle_that_gpc_does_not_run_with_has_no_laws(fmus: FmuSet, tmp_path: Path) -> None:
+    own = tmp_path / "own.toml"
+    own.write_text('base = "three_axle"\n')
+    with pytest.raises(VehicleError, match=r"gpc needs a 'full_car'"):
+        identify_command.identify(fmus=fmus.directory, vehicle=[own], out=tmp_path)
 
 
 def test_laws_derived_again(

@@ -10,7 +10,7 @@ from cosim.experiments.gpc.claims import CLAIMS
 from cosim.experiments.gpc.judge import Judge
 from cosim.experiments.gpc.published import CURB_SPEED, LAWS, SEEDS, SPEEDS_KMH
 from cosim.experiments.gpc.results import Study
-from cosim.report import Claim, Claims
+from cosim.report import Band, Claim, Claims
 from cosim.study import ClaimList
 
 BOTH = lambda r: (r["solver_parts"], r["exchange_parts"]) == (2, 2)  # noqa: E731
@@ -254,6 +254,16 @@ class TestChecks:
     def test_steps_that_matter(self, study) -> None:
         change(study.refinement, lambda r: {"force": 1.006 * r["force"]} if BOTH(r) else None)
         assert verdict(study, "converged") == "does not hold"
+
+    def test_what_halved_steps_move_is_told_from_the_lower_end(self, study) -> None:
+        """By 4 %: of -50 from -52 to -48, of which the band has the former."""
+        judge = Judge(study)
+        judge.move = 0.04  # a cached property
+        assert judge.open(-50.0, Band(-60.0, -51.0), "%") == (
+            "halving steps moves metrics by up to 4 %: -52 to -48 % (edge of the band)"
+        )
+        assert judge.open(50.0, Band(51.0, 60.0), "%").endswith("48 to 52 % (edge of the band)")
+        assert judge.open(50.0, Band(53.0, 60.0), "%") == ""
 
     def test_a_value_that_refinement_moves_across_its_edge_is_open(self, study) -> None:
         improve(study, of("sine", "explicit", 50), dict.fromkeys(SEEDS, 0.541))

@@ -13,6 +13,7 @@ from cosim.experiments.hmmwv.preview import runs as chains
 from cosim.experiments.hmmwv.preview.claims import CLAIMS as PREVIEW
 from cosim.experiments.hmmwv.preview.published import (
     COMPENSATED,
+    FED,
     HEIGHTS_MM,
     PRINTED,
     PRINTED_FED,
@@ -246,6 +247,38 @@ def test_checks_follow_the_numbers(name, change):
     assert verdicts(change)[name] == "does not hold"
 
 
+def test_checks_count_and_say_what_is_amiss():
+    over = judged(metric("travel_peak", 0.064, road="off-road", controller="mpc", variant=3))["off-road-travel-limit"]
+    assert "holds in 4 of 5" in over.ours
+    unsolved = judged(metric("solver_failures", 1, road="bump", controller="mpc", variant=3))["solver"]
+    assert unsolved.reason == "a sample was not solved"
+    rough = judged(metric("solver_residual", 1e-3, road="bump", controller="mpc", variant=3))["solver"]
+    assert rough.reason == "all are solved, but not all to that residual"
+
+
+def test_steps_that_lower_a_number_count_as_those_that_raise_it():
+    def change(run, row):
+        if is_finer(run) and run.road == "track" and run.controller == "lqr":
+            row["absorbed_power"] *= 0.95
+
+    found = judged(change)["converged"]
+    assert (found.verdict, found.ours, found.value) == (
+        "does not hold", "at most 5.00 % off, test track, LQR", pytest.approx(5.0, rel=1e-4),
+    )  # fmt: skip
+
+
+def test_pump_and_valve_as_published_are_those_of_runs_that_do_not_say_otherwise():
+    """Each run has the numbers of its own actuator; the others' were chosen."""
+
+    def change(run, row):
+        chosen = run.pump_l_min is not None or run.shared_pump
+        row["flow_limit"] = 99.0 if chosen else 45.0
+        row["null_opening"] = 0.005 if run.null_opening_mm is None else 0.009
+
+    study = Averages(made_up_study(change))
+    assert (study.pump_l_min, study.null_opening_mm) == (45.0, pytest.approx(5.0))
+
+
 def test_what_was_chosen_stands_beside_the_verdict():
     found = judged(watts(11.0, road="track", controller="passive", null_opening_mm=6.75),
                    watts(9.0, road="track", controller="passive", null_opening_mm=4.0))  # fmt: skip
@@ -458,6 +491,7 @@ def test_claims_and_sections_of_the_preview_chain():
     }
     assert {f.id for f in made.figures} == {"preview-generated", "preview-chain", "preview-dropout"}
     assert words(COMPENSATED) in [row[0] for t in made.tables for row in t.rows]
+    assert "its resolution of 10 mm, " in next(f.caption for f in made.figures if f.id == "preview-chain")
 
 
 def test_claims_on_the_preview_follow_the_numbers():
@@ -472,11 +506,34 @@ def test_claims_on_the_preview_follow_the_numbers():
     found = {c.id: c for c in PREVIEW.judge(altered(made_up_study(), as_published))}
     assert [i for i, c in found.items() if not c.well] == ["preview-rate"]
     assert found["preview-dip"].ours == "-40 mm after a bump of 76 mm, -12 mm after 30 mm"
+    assert found["preview-dip"].value == pytest.approx(40.0)  # its depth
     assert found["preview-unstable"].ours.startswith(
         "the error of the buffered road grows from 10.0 mm to 1.0 m in 20 s"
     )
     back = PREVIEW.judge(altered(made_up_study(), {long(PRINTED_FED): {"spread": [0.01, 0.2, 0.19]}}))
     assert {c.id: c.verdict for c in back}["preview-unstable"] == "not reproduced"
+
+
+@pytest.mark.parametrize(
+    ("name", "changes", "verdict"),
+    [
+        ("preview-fed", {over(FED, HEIGHTS_MM[0]): {"lowest": -0.002}}, "does not hold"),  # a dip, though stable
+        ("preview-fed", {long(FED): {"spread": [0.001, 0.05, 0.002]}}, "does not hold"),  # no dip, but for once too large an error
+        ("preview-fed", {long(FED): {"spread": [0.001, 0.02, 0.002]}}, "holds"),
+        ("generated-drift", {generated(SPEEDOMETER_ERRORS[-1]): {"offsets": [-0.6, 0.5]}}, "not reproduced"),  # more at the first
+        ("generated-drift", {generated(SPEEDOMETER_ERRORS[-1]): {"offsets": [-0.6, 0.7]}}, "reproduced"),
+    ],
+)
+def test_each_half_of_a_criterion_counts(name, changes, verdict):
+    found = {c.id: c for c in PREVIEW.judge(altered(made_up_study(), changes))}
+    assert found[name].verdict == verdict
+    assert found["preview-dip-compensated"].unit == "mm"
+
+
+def test_what_a_chain_records_is_of_its_kind():
+    assert {"sensors.range.left", "preview_sensor.sensed.left.x"} < set(chains.recorded(chains.Case(preview="sensed")))
+    generated_ = chains.recorded(chains.Case(preview="generated"))
+    assert generated_ == ["speed.x", "map.road.fl.height", "road.road.fl.height", "sensors.loadcell.fl"]
 
 
 def test_a_failed_run_of_the_chain_leaves_open_what_needs_it_and_nothing_else():

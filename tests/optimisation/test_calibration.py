@@ -61,6 +61,8 @@ def test_the_noise_is_estimated_from_the_residuals() -> None:
     given = calibrate(decay, noisy(decay(TRUE)), RANGES, noise=NOISE)
     np.testing.assert_allclose(found.values, given.values, rtol=1e-6)
     np.testing.assert_allclose(found.deviations, given.deviations, rtol=0.25)
+    low, high = found.intervals[0]
+    assert math.log(high / low) == pytest.approx(2 * 1.96793 * found.deviations[0], rel=1e-4)  # Student's t, 299 degrees of freedom
 
 
 def test_what_moves_nothing_is_not_told() -> None:
@@ -85,6 +87,7 @@ def test_a_product_is_told_and_its_factors_are_not() -> None:
     assert set(worst) == {"mass", "gain"}
     assert worst["mass"] == -worst["gain"]
     assert found.combinations[-1][0] > 1e3 * found.combinations[0][0]
+    assert np.isinf(found.deviations).tolist() == [True, True, False]
 
 
 def test_two_that_do_nearly_the_same_are_told_together_only() -> None:
@@ -96,6 +99,21 @@ def test_two_that_do_nearly_the_same_are_told_together_only() -> None:
     assert {one, other} == {"a", "b"}
     assert r < -0.99
     assert "Told together only: a and b (correlation -0.99" in found.text() or "(correlation -1.000" in found.text()
+
+
+def test_pairs_come_by_how_much_they_are_one() -> None:
+    """The nearer two rates are, the less the data tell their sizes apart."""
+    rates = {"a": 0.7, "b": 0.9, "c": 1.0}
+
+    def sizes(values: Mapping[str, float]) -> np.ndarray:
+        return sum(values[n] * np.exp(-rate * TIME) for n, rate in rates.items()) + 0 * TIME
+
+    found = calibrate(sizes, noisy(sizes(dict.fromkeys("abc", 1.0))), dict.fromkeys("abc", (0.9, 0.01, 10.0)), noise=1e-3)
+    assert len(found.correlated) > 1
+    strengths = [abs(r) for *_, r in found.correlated]
+    assert strengths == sorted(strengths, reverse=True)
+    assert strengths[0] > strengths[-1]
+    assert set(found.correlated[0][:2]) == {"b", "c"}
 
 
 def test_an_end_of_a_range_is_no_result() -> None:

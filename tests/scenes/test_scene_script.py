@@ -439,6 +439,16 @@ def test_previews_stand_ahead_at_the_way_of_their_time(browser: Browser) -> None
     assert [p[1:] for p in line["path"]] == [pytest.approx(list(p)) for p in expected]
 
 
+def test_predictions_are_exaggerated_about_their_own_level(browser: Browser) -> None:
+    expected = Points("p", "predicted", 0.0, -0.8, 1.0, [Value({"car.h": 1.0}, 1.2), Value({"car.h": 2.0}, 1.2)])
+    browser.see(scene(points=[expected]), STILL | {"car.h": 0.1})
+    browser.engine.eval("view.exaggeration = 3")
+    browser.draw(0.1)
+    color = COLORS["predicted"].split()[0]
+    line, _legend = (n for n in browser.run("notes") if n["style"] == color and n["what"] == "stroke" and n["width"] == 2)
+    assert [p[1:] for p in line["path"]] == [pytest.approx(list(screen(browser, [k, -0.8, h]))) for k, h in enumerate((1.5, 1.8))]
+
+
 def test_springs_are_as_long_as_struts(browser: Browser) -> None:
     strut = Strut("body", (0.0, -0.5, 0.4), "w", (0.0, 0.3, 0.0))
     color = COLORS["spring"].split()[0]

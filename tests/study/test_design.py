@@ -9,6 +9,7 @@ import pytest
 from scipy import stats
 
 from cosim.study.design import METHODS, Axis, Design, DesignError, axis, from_file
+from cosim.study.sweep_command import _OPTIONS, _design
 
 ONE, TWO = axis("a=10:20"), axis("b=0:1")
 
@@ -106,6 +107,26 @@ def test_one_point_in_each_of_many_slices() -> None:
     assert sorted(int((x - 10) * 5) for x in found) == list(range(50))
 
 
+def test_ends_of_normal_laws_are_finite() -> None:
+    """Sequences have points at the ends of the unit cube, or nearer to them than numbers tell."""
+    found = axis("a=normal(5,1)").at(np.array([0.0, 0.5, 1.0]))
+    assert found == pytest.approx([5 - 7.94, 5.0, 5 + 7.94], abs=0.01)
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [("a=10:20", "10 to 20"), ("a=3..7", "3 to 7"), ("a=x,y", "x, y"), ("a=normal(5,0.5)", "normal(5, 0.5)")],
+)
+def test_what_pages_say_of_a_parameter(text: str, told: str) -> None:
+    assert str(axis(text)) == told
+
+
+def test_a_file_without_a_seed_gives_the_points_of_the_command(tmp_path: Path) -> None:
+    (tmp_path / "a.toml").write_text("[vary]\na = '10:20'\n")
+    by_command = _design({"design": None, "vary": ["a=10:20"], **{k: _OPTIONS[k][1] for k in ("method", "samples", "random_seed")}})
+    assert from_file(tmp_path / "a.toml") == by_command
+
+
 def test_latin_hypercubes_are_those_of_scipy() -> None:
     design = Design((ONE, TWO), "lhs", 77, 5)
     expected = stats.qmc.LatinHypercube(2, seed=np.random.default_rng(5)).random(77)
@@ -167,6 +188,7 @@ def test_design_files(tmp_path: Path) -> None:
         ("metod = 1", "no entry 'metod'; did you mean 'method'"),
         ("samples = 'many'", "samples is to be a whole number"),
         ("samples = true", "samples is to be a whole number"),
+        ("seed = 'one'", "seed is to be a whole number"),
         ("[vary]", "nothing varies"),
         ("[vary]\nx = 3", "x: give a text such as '4000:6000', or a list of values"),
         ("[vary]\nx = '2:1'", "upside down"),

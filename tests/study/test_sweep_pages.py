@@ -156,6 +156,7 @@ def test_head_and_design(page: Report) -> None:
     assert page.lead == "10 runs over mass.rate, count; 0 failed."
     design = _section(page, "Design")
     assert [row[:2] for row in design.tables[0].rows] == [("mass.rate", "-"), ("count", "-")]
+    assert design.tables[0].columns == ("parameter", "unit", "values")
     assert [s.title for s in page.sections] == ["Distributions", "Scatter", "Sensitivity", "Worst cases", "Design"]
 
 
@@ -167,6 +168,7 @@ def test_distributions_are_in_the_units_that_are_shown(page: Report) -> None:
     assert rows["height [mm]", 0.05] == (pytest.approx(11.45e3), None, 13e3, 10)
     assert rows["other", 0.5][0] == -3.0
     assert rows["other", 0.5][3] == 9
+    assert [q for name, q in rows if name == "other"] == [0.05, 0.25, 0.5, 0.75, 0.95]
     assert len(rows) == 10
     height, other = _figure(page, "distributions").panels
     assert (height.title, height.x_label, height.y_label) == ("height", "height [mm]", "share of the runs below [-]")
@@ -187,6 +189,7 @@ def test_bounds_of_independent_points_are_not_called_too_wide(experiment: Any) -
 def test_scatter_has_every_metric_over_every_parameter(page: Report) -> None:
     panels = {(p.x_label, p.y_label): p.series[0] for p in _figure(page, "scatter").panels}
     assert list(panels) == [(x, y) for y in ("height [mm]", "other [-]") for x in ("mass.rate [-]", "count [-]")]
+    assert _figure(page, "scatter").columns == 2  # a column for each parameter
     found = panels["count [-]", "height [mm]"]
     assert found.mode == "markers"
     assert sorted(zip(found.x_values.tolist(), np.asarray(found.y).tolist(), strict=True)) == [
@@ -209,6 +212,8 @@ def test_parallel_coordinates_are_scaled_and_the_worst_stand_out(page: Report) -
 
 def test_sensitivity_by_ranks(page: Report) -> None:
     section = _section(page, "Sensitivity")
+    assert section.tables[0].title == "Sensitivity"
+    assert section.tables[0].columns == ("metric", "parameter", "rank correlation")
     rows = {(row[0], row[1]): row[2] for row in section.tables[0].rows}
     assert rows["other", "mass.rate"] == pytest.approx(-1)
     assert rows["height", "count"] == pytest.approx(math.sqrt(62.5 / 82.5))  # ranks 3 and 8 beside 1 to 10
@@ -265,6 +270,8 @@ def test_indices_on_the_page(
         == "Indices need every run of the design, and some have failed: rank correlations instead."
     )
     assert section.tables[0].columns[-1] == "rank correlation"
+    holes = replace(table, metrics={"y": np.where(np.arange(len(table.sweep)) == 3, NAN, table.metrics["y"])})
+    assert _section(sweep_report(holes, FMUS), "Sensitivity").tables[0].columns[-1] == "rank correlation"
 
 
 def test_six_metrics_are_drawn_and_all_are_in_the_table(experiment: Any) -> None:
@@ -323,6 +330,12 @@ def test_histories_that_were_kept_are_not_made_again(
     )
     (series, *_) = _figure(sweep_report(table, FMUS, folder=tmp_path), "worst-runs").panels[0].series
     assert (series.name, np.asarray(series.y).tolist()) == ("run 3", [7.0, 8.0])
+    long = np.arange(6000.0)
+    Recording(long, ["mass.z"], long[:, None], {"mass.z": "m"}).write(tmp_path / table.histories[3])
+    (series, *_) = _figure(sweep_report(table, FMUS, folder=tmp_path), "worst-runs").panels[0].series
+    assert (
+        series.x_values.tolist() == np.asarray(series.y).tolist() == long[::3].tolist()
+    )  # thinned out to 2000 samples
     gone = replace(table, histories=[*table.histories[:2], "", table.histories[3]])
     figure = _figure(sweep_report(gone, FMUS, folder=tmp_path), "worst-runs")
     assert figure.caption == "As kept with the table; made again for this page: 2."

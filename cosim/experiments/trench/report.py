@@ -229,7 +229,7 @@ def _player(id_: str, takes: list[Take]) -> Animation:
         "Left wheels, to scale; positions count from the start of the trench. Orange: force of the ground on a tire, drawn where it "
         "acts. Red: contact of bumpers and belly; its height is that of the part, not the very point of contact. The hull above the "
         "belly line is drawn for orientation. Both runs share the clock; the road in view follows each vehicle. Frames are 20 ms apart: "
-        "peaks of impacts between them are in the time histories and tables. Arrows are to one scale, which the longest of all runs sets.",
+        "peaks of impacts between them are in the time histories and tables. Arrows are to scale; one too long for the picture leaves it, and its size is written.",
         takes,
     )  # fmt: skip
 

@@ -182,9 +182,10 @@
       const x = px(at(force.x, place)), y = py(at(force.z, place));
       arrow(pen, x, y, fx, -fz, paint[force.role]);
       const length = Math.hypot(fx, fz);
-      if (force.role === "body" && length > 3) {
+      const leaves = x + fx < 0 || x + fx > width || y - fz < 0 || y - fz > height; // at its true length, out of the picture
+      if ((force.role === "body" && length > 3) || leaves) {
         const text = `${Math.round(length / scale * options.forceScale / 1e3)} kN`;
-        const where = [Math.min(x + fx + 6, width - pen.measureText(text).width - 6), Math.max(y - fz + 4, 34)];
+        const where = [Math.min(Math.max(x + fx + 6, 4), width - pen.measureText(text).width - 6), Math.min(Math.max(y - fz + 4, 34), height - 30)];
         pen.textAlign = "left";
         pen.lineWidth = 3;
         pen.strokeStyle = paint.halo;

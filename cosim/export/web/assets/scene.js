@@ -871,7 +871,7 @@ class SceneView {
     for (const points of data.points) {
       const x = this.raw(points.x), y = this.raw(points.y), spacing = this.raw(points.spacing);
       const used = Math.max(0, Math.round(this.raw(points.count)));
-      const there = points.heights.slice(0, used).map((h, i) => [x + i * spacing, y, this.exaggeration * this.raw(h)]), near = this.isNear(x, y);
+      const there = points.heights.slice(0, used).map((h, i) => [x + i * spacing, y, this.tall(h)]), near = this.isNear(x, y);
       pen.strokeStyle = pen.fillStyle = color[points.role];
       pen.globalAlpha = near ? 1 : 0.4;
       for (const [wide, style] of [[4.5, color.halo], [2, color[points.role]]]) {

@@ -1,0 +1,57 @@
+"""-v and -q of every command, and curves on the screen."""
+
+from __future__ import annotations
+
+import logging
+from collections import deque
+from pathlib import Path
+
+import pytest
+from built import FMUS
+from programs import run
+from test_help import COSIM
+
+from cosim import Recording
+from cosim.fmu.component import _logger
+
+RUN = ("run", "gpc", "--controller", "passive", "--speed", "100", "--fmus", str(FMUS))
+
+
+@pytest.mark.parametrize("words", COSIM, ids=" ".join)
+def test_every_command_can_be_loud_and_quiet(words) -> None:
+    assert {"-v", "-q"} <= {name for option in COSIM[words].params for name in option.opts}
+
+
+@pytest.mark.usefixtures("built_fmus")
+def test_quiet_leaves_results_and_errors(tmp_path: Path) -> None:
+    loud, quiet = (run(tmp_path, "cosim", *RUN, *more) for more in ((), ("-q",)))
+    assert loud.returncode == 0, loud.stderr
+    assert loud.stdout == quiet.stdout
+    assert "real time" in loud.stderr
+    assert (quiet.returncode, quiet.stderr) == (0, "")
+    failed = run(tmp_path, "cosim", "run", "bench", "-q", "--fmus", "nowhere")
+    assert failed.returncode == 1
+    assert "nowhere" in failed.stderr
+
+
+@pytest.mark.usefixtures("built_fmus")
+def test_a_curve_on_the_screen_is_that_of_the_file(tmp_path: Path) -> None:
+    done = run(tmp_path, "cosim", *RUN, "--plot", "car.body.az")
+    assert done.returncode == 0, done.stderr
+    assert "car.body.az [m/s2]" in done.stdout
+    recording = Recording.read(next(tmp_path.glob("results/gpc/*.csv")))
+    labels = [line.split()[0] for line in done.stdout.splitlines() if "│" in line and line.split("│")[0].strip()]
+    assert labels == [f"{v:.4g}" for v in (recording["car.body.az"].max(), recording["car.body.az"].min())]
+    missing = run(tmp_path, "cosim", *RUN, "--plot", "car.body.ay2")
+    assert "'car.body.ay2' was not recorded" in missing.stderr
+    assert "\x1b" not in done.stdout  # no colours into a pipe
+
+
+def test_what_fmus_log_goes_to_the_logger_of_python(caplog) -> None:
+    """Under the component's name; the five states of FMI by how bad they are."""
+    log = _logger("car", deque(), deque())
+    with caplog.at_level(logging.DEBUG, "cosim.fmu"):
+        for status in range(5):
+            log(status, "logStatus", "text ")
+    assert [r.levelno for r in caplog.records] == [logging.DEBUG, logging.WARNING, *[logging.ERROR] * 3]
+    assert caplog.records[1].getMessage() == "car: [Warning] logStatus: text"
