@@ -122,7 +122,7 @@ def test_what_the_script_is_told(data: dict[str, Any]) -> None:
     assert (mass["role"], mass["unit"], mass["tunable"]) == ("parameter", "kg", False)
     assert variables["car.force"]["role"] == "input"
     assert variables["car.body.z"]["role"] == "output"
-    assert data["finish"] == {"terms": {"speed.x": 1.0}, "offset": -40.0, "patience": 20.0}
+    assert data["finish"] == {"when": {"terms": {"speed.x": 1.0}, "offset": -40.0}, "patience": 20.0}
 
 
 def test_the_module_shows_what_the_variables_say(page: Path, data: dict[str, Any], systems) -> None:
@@ -169,6 +169,7 @@ def test_the_road_is_asked_with_its_own_parameters(page: Path, data: dict[str, A
         ({"finish": Finish(Value({"car.zz": 1.0}), 1.0)}, "where a run is over: there is no 'car.zz'"),
         ({"interval": 0.00033}, "an interval of 0.00033 s is no number of steps of 0.001 s"),
         ({"interval": -1}, "interval"),
+        ({"pace": 3.0}, "pace 3: choose from 0.1, 0.25, 0.5, 1, 2, 5"),
     ],
 )  # fmt: skip
 def test_what_names_nothing_is_refused(systems, tmp_path: Path, change: dict[str, Any], said: str) -> None:
@@ -186,7 +187,7 @@ def test_what_else_is_refused(systems, tmp_path: Path) -> None:
         export_web(tmp_path / "x.html", [Shown(str(i), systems[0]) for i in range(5)], WebPage("One"))
     with pytest.raises(CosimError, match="at least one system"):
         export_web(tmp_path / "x.html", [], WebPage("One"))
-    with pytest.raises(CosimError, match="'least' is none of peak, largest, rms"):
+    with pytest.raises(CosimError, match="'least' is none of peak, largest, rms, mean square"):
         Measure("m", ["car.body.z"], "least")  # type: ignore[arg-type]
 
 

@@ -29,6 +29,7 @@ EXPERIMENT = Experiment(
     claims="cosim.experiments.preview_lq.claims:CLAIMS",
     report="cosim.experiments.preview_lq.report:report",
     own_fmus="cosim.experiments.own_files:own_fmus",
+    web="cosim.experiments.preview_lq.web:live",
     papers="fmu_sources.catalog:PAPERS",
     module=__name__,
 )

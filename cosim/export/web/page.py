@@ -27,6 +27,8 @@ from cosim.export.parts import Part
 from cosim.export.variables import TYPES, Exported, choose
 from cosim.export.web.module import Module, compile_module
 from cosim.export.web.scene import Scene, Value, scene_data
+from cosim.system.members import indices
+from cosim.system.schedule import Schedule
 from cosim.system.wiring import Wiring
 from cosim.time import TimeLike, positive
 
@@ -40,7 +42,8 @@ _STEPS = 200  # of a slider from end to end
 _MOST = 4  # systems side by side
 
 Kind = Literal["number", "check", "choice"]
-How = Literal["peak", "largest", "rms"]
+How = Literal["peak", "largest", "rms", "mean square"]
+PACES = (0.1, 0.25, 0.5, 1.0, 2.0, 5.0)  # times the clock
 
 
 @dataclass(frozen=True)
@@ -71,7 +74,8 @@ class Measure:
     Attributes:
         label: for people.
         names: outputs; of several the worst counts.
-        how: the largest magnitude, the largest value, or the root mean square.
+        how: the largest magnitude, the largest value, the root mean square, or the mean square.
+        relative: shown in per cent of the first system's.
         unit: in which it is shown, ``factor`` times the output's.
         limit: in that unit; what is above it is marked, and fails a run that has a `Finish`.
     """
@@ -83,6 +87,7 @@ class Measure:
     factor: float = 1.0
     limit: float | None = None
     decimals: int = 2
+    relative: bool = False
 
     def __post_init__(self) -> None:
         if self.how not in get_args(How):
@@ -91,9 +96,10 @@ class Measure:
 
 @dataclass(frozen=True)
 class Finish:
-    """A run is over where ``when`` is no longer negative, and has failed where that is not reached within ``patience`` [s]."""
+    """A run is over where ``when`` is no longer negative, and has failed where that is not reached within ``patience`` [s]; without
+    ``when`` it is over then."""
 
-    when: Value
+    when: Value | None
     patience: float
 
 
@@ -120,6 +126,7 @@ class WebPage:
         plots: outputs of the charts at first.
         measures: what is told of the whole run.
         finish: when a run is over; None: never.
+        pace: times the clock at first, one of :data:`PACES`.
         group_label: what the groups of systems are, such as "course".
         interval: time between the samples that are measured [s]; a number of ticks of all systems.
     """
@@ -130,6 +137,7 @@ class WebPage:
     plots: Sequence[str] = ()
     measures: Sequence[Measure] = ()
     finish: Finish | None = None
+    pace: float = 1.0
     group_label: str = ""
     interval: TimeLike | None = None
 
@@ -146,9 +154,11 @@ def export_web(path: str | Path, systems: Sequence[Shown], page: WebPage) -> Pat
     path = Path(path)
     if path.suffix != ".html":
         raise CosimError(f"{path}: name the page FILE.html")
+    if page.pace not in PACES:
+        raise CosimError(f"pace {page.pace:g}: choose from {', '.join(f'{p:g}' for p in PACES)}")
     data, module, codes = _gathered(systems, page)
     html = template("page.html").render(
-        page=page, style="\n".join(_asset(n) for n in _STYLES), script="\n".join(_asset(n) for n in _SCRIPTS),
+        page=page, paces=PACES, style="\n".join(_asset(n) for n in _STYLES), script="\n".join(_asset(n) for n in _SCRIPTS),
         module=_packed(module.content), data=_packed(json.dumps(data, allow_nan=False, separators=(",", ":")).encode()),
         size=len(module.content), members=sorted({m.name for c in codes for m in c.schedule.members}),
         schedule="\n\n".join(_headed(s, c) for s, c in zip(systems, codes, strict=True)), licences=_licences(codes),
@@ -200,12 +210,15 @@ def _gathered(systems: Sequence[Shown], page: WebPage) -> tuple[dict[str, Any], 
     data = {
         "interval": float(interval), "keep": max(1, math.floor(SHOWN_EVERY / interval)), "groups": groups, "plots": list(page.plots),
         "measures": [asdict(m) for m in page.measures],
-        "finish": page.finish and {"terms": dict(page.finish.when.terms), "offset": page.finish.when.offset, "patience": page.finish.patience},
+        "finish": page.finish and {
+            "when": page.finish.when and {"terms": dict(page.finish.when.terms), "offset": page.finish.when.offset},
+            "patience": page.finish.patience,
+        },
         "systems": [
             {
                 "title": s.title, "group": groups.index(s.group), "model": i, "values": {n: float(v) for n, v in s.values.items()},
                 "variables": [_variable(e, k) for k, e in enumerate(c.variables, start=1)],
-                "scene": scene_data(s.scene) if s.scene else None, "road": _road(s.scene, c, module),
+                "scene": scene_data(s.scene) if s.scene else None, "road": _road(s.scene, c, module), "ahead": _ahead(c.schedule),
             }
             for i, (s, c) in enumerate(zip(systems, codes, strict=True))
         ],
@@ -217,9 +230,26 @@ def _gathered(systems: Sequence[Shown], page: WebPage) -> tuple[dict[str, Any], 
 def _code(name: str, shown: Shown, known: dict[tuple[str, str], Part]) -> SystemCode:
     schedule = exported_schedule(shown.system, ())
     outputs = [e.name for e in choose(schedule, (), None, ()) if e.causality == "output"]
-    elements = [n for n in (shown.scene.variables if shown.scene else ()) if n not in outputs]
+    drawn = shown.scene.variables if shown.scene else ()
+    elements = dict.fromkeys(n for n in (*drawn, *(n for a in _ahead(schedule).values() for n in a["names"])) if n not in outputs)
     there = {f"{m.name}.{v}" for m in schedule.members for v in m.description.outputs}
     return SystemCode(name, schedule, choose(schedule, None, [*outputs, *(n for n in elements if n in there)], "*"), _FMI, known)
+
+
+def _ahead(schedule: Schedule) -> dict[str, dict[str, Any]]:
+    """What sampled controllers show of the time ahead, by the signal that it continues: ``planned.NAME[i]`` of an output of theirs, from
+    this sample on; ``predicted.NAME[i]`` of what drives an input of theirs, from the next sample on."""
+    sources = {c.target_name: c.source_name for c in schedule.connections}
+    found: dict[str, dict[str, Any]] = {}
+    for m in schedule.members:
+        for array, elements in m.description.arrays.items():
+            kind, _, name = array.partition(".")
+            own = f"{m.name}.{name}"
+            signal = {"planned": own if name in m.description.outputs else None, "predicted": sources.get(own)}.get(kind)
+            if signal is not None:
+                names = [f"{m.name}.{n}" for n in sorted(elements, key=indices)]
+                found[signal] = {"names": names, "step": float(m.step), "first": 0 if kind == "planned" else 1}
+    return found
 
 
 def _interval(page: WebPage, codes: Sequence[SystemCode]) -> Fraction:
@@ -262,7 +292,7 @@ def _check_names(systems: Sequence[Shown], codes: Sequence[SystemCode], page: We
     for what, name in [("be plotted", n) for n in page.plots] + [("be measured", n) for m in page.measures for n in m.names]:
         if name not in outputs:
             raise WiringError(f"'{name}' is no output that could {what}{did_you_mean(name, outputs)}")
-    for name in page.finish.when.terms if page.finish else ():
+    for name in page.finish.when.terms if page.finish and page.finish.when else ():
         if name not in settable | outputs:
             raise WiringError(f"where a run is over: there is no '{name}'{did_you_mean(name, settable | outputs)}")
     for shown, code in zip(systems, codes, strict=True):

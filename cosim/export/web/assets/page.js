@@ -2,7 +2,8 @@
 
 const COLOURS = 4; // --line-0 to --line-3 of the style sheet
 const DASHES = [[], [6, 3], [2, 2], [8, 3, 2, 3]];
-const SECONDS = 10; // in a chart
+const SQUARED = ["rms", "mean square"];
+const SECONDS = 10; // in a chart, where runs have no length of their own
 const PORTION = 100; // steps, between two looks whether a run is over
 const BUDGET = 0.7; // of the time that passes, for computing
 
@@ -116,13 +117,13 @@ class Score {
   restart(row) {
     this.n = 0;
     this.verdict = "";
-    this.worst = this.measures.map(m => m.how === "rms" ? m.places.map(() => 0) : -Infinity);
+    this.worst = this.measures.map(m => SQUARED.includes(m.how) ? m.places.map(() => 0) : -Infinity);
     this.see(row);
-    if (!this.finish) return;
+    if (!this.finish || !this.finish.when) return;
     const place = this.variant.instance.place;
     this.terms = []; // what moves; the rest is as it was set
-    this.level = this.finish.offset;
-    for (const [name, factor] of Object.entries(this.finish.terms)) {
+    this.level = this.finish.when.offset;
+    for (const [name, factor] of Object.entries(this.finish.when.terms)) {
       if (place.has(name)) this.terms.push([place.get(name), factor]);
       else this.level += factor * this.variant.value(name);
     }
@@ -132,7 +133,7 @@ class Score {
     this.measures.forEach((m, i) => {
       m.places.forEach((p, j) => {
         const v = row[p];
-        if (m.how === "rms") this.worst[i][j] += v * v;
+        if (SQUARED.includes(m.how)) this.worst[i][j] += v * v;
         else this.worst[i] = Math.max(this.worst[i], m.how === "peak" ? Math.abs(v) : v);
       });
     });
@@ -144,9 +145,10 @@ class Score {
     this.n++;
     this.see(row);
     if (this.finish) {
-      const time = this.n * this.interval;
-      if (this.terms.reduce((sum, [p, f]) => sum + f * row[p], this.level) >= 0) this.verdict = this.failed.length ? "failed" : "passed";
-      else if (time >= this.finish.patience) this.verdict = "stuck";
+      const time = this.n * this.interval, late = time >= this.finish.patience - this.interval / 2;
+      if (!this.finish.when) this.verdict = late ? "over" : "";
+      else if (this.terms.reduce((sum, [p, f]) => sum + f * row[p], this.level) >= 0) this.verdict = this.failed.length ? "failed" : "passed";
+      else if (late) this.verdict = "stuck";
     }
   }
 
@@ -154,7 +156,9 @@ class Score {
   value(i) {
     const m = this.measures[i];
     if (!m.places.length || this.n === undefined) return null;
-    return m.factor * (m.how === "rms" ? Math.sqrt(Math.max(...this.worst[i]) / (this.n + 1)) : this.worst[i]);
+    if (!SQUARED.includes(m.how)) return m.factor * this.worst[i];
+    const square = Math.max(...this.worst[i]) / (this.n + 1);
+    return m.factor * (m.how === "rms" ? Math.sqrt(square) : square);
   }
 
   /** Labels of what is above its limit. */
@@ -163,7 +167,7 @@ class Score {
 
 class Page {
   constructor(data, module) {
-    Object.assign(this, { data, module, variants: [], views: [], charts: [], steps: 0, running: false, pace: 1, credit: 0, last: null });
+    Object.assign(this, { data, module, variants: [], views: [], charts: [], steps: 0, running: false, credit: 0, last: null });
     this.reduced = matchMedia("(prefers-reduced-motion: reduce)").matches;
     this.shared = new Map(); // settings that a person made: they outlive a change of course
     this.$ = id => document.getElementById(id);
@@ -177,6 +181,7 @@ class Page {
 
   build() {
     const { data, $ } = this;
+    this.seconds = data.finish && !data.finish.when ? data.finish.patience : SECONDS;
     const groups = $("group");
     data.groups.forEach((name, i) => groups.add(new Option(name, i)));
     groups.closest("label").hidden = data.groups.length < 2;
@@ -184,6 +189,7 @@ class Page {
     $("run").addEventListener("click", () => this.toggle());
     $("step").addEventListener("click", () => { this.pause(); this.advance(Math.max(1, Math.round(0.01 / data.interval))); this.draw(); });
     $("reset").addEventListener("click", () => this.restart());
+    this.pace = Number($("pace").value);
     $("pace").addEventListener("change", () => { this.pace = Number($("pace").value); });
     $("csv").addEventListener("click", () => this.save());
     $("filter").addEventListener("input", () => this.filter());
@@ -269,12 +275,13 @@ class Page {
     if (limits) cell(title, "th", "limit", "col");
     this.cells = this.data.measures.map(m => {
       const row = body.insertRow();
-      cell(row, "th", m.unit ? `${m.label} [${m.unit}]` : m.label, "row");
+      const unit = m.relative ? `% of ${this.variants[0].title.toLowerCase()}` : m.unit;
+      cell(row, "th", unit ? `${m.label} [${unit}]` : m.label, "row");
       const cells = this.variants.map(() => cell(row, "td", ""));
       if (limits) cell(row, "td", m.limit === null ? "" : m.limit.toString());
       return cells;
     });
-    if (!this.data.finish) return;
+    if (!this.data.finish || !this.data.finish.when) return;
     const row = body.insertRow();
     cell(row, "th", "outcome", "row");
     this.outcomes = this.variants.map(() => cell(row, "td", ""));
@@ -284,12 +291,13 @@ class Page {
   fill() {
     this.variants.forEach((v, j) => {
       this.data.measures.forEach((m, i) => {
-        const value = v.score.value(i), over = m.limit !== null && value > m.limit;
+        const own = v.score.value(i), first = m.relative ? this.variants[0].score.value(i) : 100;
+        const value = own === null ? null : 100 * own / first, over = m.limit !== null && value > m.limit;
         const text = value === null || !Number.isFinite(value) ? "–" : `${value.toFixed(m.decimals)}${over ? " ✗" : ""}`;
         if (this.cells[i][j].textContent !== text) this.cells[i][j].textContent = text;
         this.cells[i][j].classList.toggle("over", over);
       });
-      if (!this.data.finish) return;
+      if (!this.data.finish || !this.data.finish.when) return;
       const { verdict, failed } = v.score;
       this.outcomes[j].textContent = verdict === "failed" ? `failed: ${failed.join(", ")}` : verdict || "on its way";
       this.outcomes[j].className = verdict && verdict !== "passed" ? "over" : verdict ? "good" : "";
@@ -527,10 +535,10 @@ class Page {
       view.readings().forEach(({ text }, i) => { if (variant.readings[i].textContent !== text) variant.readings[i].textContent = text; });
     }
     const lines = this.variants.map((v, i) => ({
-      history: v.history, dash: DASHES[i % DASHES.length],
+      history: v.history, ahead: v.system.ahead, dash: DASHES[i % DASHES.length],
       colour: getComputedStyle(document.documentElement).getPropertyValue(`--line-${i % COLOURS}`),
     }));
-    for (const chart of this.charts) chart.draw(lines, SECONDS);
+    for (const chart of this.charts) chart.draw(lines, this.seconds);
     this.fill();
     this.$("time").textContent = `${this.time.toFixed(2)} s`;
     this.$("factor").textContent = this.slow ? `this device keeps up with ${(this.factor || 0).toFixed(2)} of the clock` : "";
@@ -545,7 +553,7 @@ class Page {
     for (const chart of this.charts) {
       const { name, unit, factor, offset } = chart.signal;
       const parts = this.variants.filter(v => v.history.has(name)).map(v => `${v.title} ${(v.history.value(name) * factor + offset).toPrecision(4)} ${unit}`);
-      chart.canvas.setAttribute("aria-label", `${name} over the last ${SECONDS} s; now ${parts.join(", ")}`);
+      chart.canvas.setAttribute("aria-label", `${name} over the last ${this.seconds} s; now ${parts.join(", ")}`);
     }
   }
 

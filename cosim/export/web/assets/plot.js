@@ -11,7 +11,10 @@ class StripChart {
     this.range = null;
   }
 
-  /** @param {{history: History, colour: string, dash: number[]}[]} lines  @param {number} seconds  how much of the past is shown */
+  /**
+   * @param {{history: History, colour: string, dash: number[], ahead: object}[]} lines  ahead: what is planned, by signal
+   * @param {number} seconds  how much is shown
+   */
   draw(lines, seconds) {
     const box = this.canvas.getBoundingClientRect(), ratio = window.devicePixelRatio || 1;
     const width = Math.max(1, Math.round(box.width * ratio)), height = Math.max(1, Math.round(box.height * ratio));
@@ -22,12 +25,14 @@ class StripChart {
     const style = getComputedStyle(this.canvas);
     const ink = style.getPropertyValue("--muted"), rule = style.getPropertyValue("--rule");
     const left = 52, right = box.width - 6, top = 8, bottom = box.height - 18;
-    const now = Math.max(seconds, ...lines.map(l => l.history.time));
-    const begin = now - seconds;
     const { factor, offset } = this.signal;
+    const futures = lines.map(l => StripChart.future(l.history, l.ahead[this.signal.name]));
+    const now = Math.max(0, ...lines.map(l => l.history.time));
+    const end = Math.max(seconds, now + Math.max(0, ...futures.map(f => f.reach)));
+    const begin = end - seconds;
     let low = Infinity, high = -Infinity;
     const series = lines.map(l => l.history.series(this.signal.name, begin, Math.max(2, Math.round(right - left))));
-    for (const s of series) for (const v of s.values) {
+    for (const s of [...series, ...futures]) for (const v of s.values) {
       const y = v * factor + offset;
       if (y < low) low = y;
       if (y > high) high = y;
@@ -52,7 +57,10 @@ class StripChart {
     }
     c.textAlign = "center";
     c.textBaseline = "top";
-    for (let t = Math.ceil(begin / 2) * 2; t <= now; t += 2) if (t >= 0) c.fillText(`${t} s`, Math.min(px(t), right - 8), bottom + 4);
+    const apart = StripChart.ticks(0, 0.5 * seconds)[2];
+    for (let t = Math.ceil(begin / apart - 1e-9) * apart; t <= end + 1e-9; t += apart) {
+      if (t >= 0) c.fillText(`${StripChart.number(t, apart)} s`, Math.min(px(t), right - 12), bottom + 4);
+    }
     c.lineWidth = 1.6;
     c.lineJoin = "round";
     c.save();
@@ -65,8 +73,35 @@ class StripChart {
       c.beginPath();
       for (let k = 0; k < s.values.length; k++) c.lineTo(px(s.times[k]), py(s.values[k] * factor + offset));
       c.stroke();
+      const future = futures[i];
+      if (!future.values.length) return;
+      c.globalAlpha = 0.6;
+      c.setLineDash([2, 2]);
+      c.beginPath();
+      for (let k = 0; k < future.values.length; k++) {
+        if (future.held && k) c.lineTo(px(future.times[k]), py(future.values[k - 1] * factor + offset));
+        c.lineTo(px(future.times[k]), py(future.values[k] * factor + offset));
+      }
+      c.stroke();
+      c.globalAlpha = 1;
     });
+    if (futures.some(f => f.values.length)) { // what lies ahead
+      c.setLineDash([]);
+      c.strokeStyle = rule;
+      c.beginPath();
+      c.moveTo(px(now), top);
+      c.lineTo(px(now), bottom);
+      c.stroke();
+    }
     c.restore();
+  }
+
+  /** What a controller expects of a signal: commands are held from sample to sample, outputs are true at samples. */
+  static future(history, ahead) {
+    if (!ahead || !history.count) return { times: [], values: [], reach: 0 };
+    const sample = (Math.ceil(history.time / ahead.step - 1e-6) - 1) * ahead.step; // the last one that is shown
+    const times = ahead.names.map((_, i) => sample + (i + ahead.first) * ahead.step);
+    return { times, values: ahead.names.map(n => history.value(n)), held: ahead.first === 0, reach: ahead.names.length * ahead.step };
   }
 
   /** A range that opens at once and closes slowly, so that the scale does not jump. */
@@ -79,8 +114,8 @@ class StripChart {
 
   /** Rounded ends and the distance of the lines between. */
   static ticks(low, high) {
-    const raw = (high - low) / 3, power = 10 ** Math.floor(Math.log10(raw));
-    const tick = [1, 2, 5, 10].find(m => m * power >= raw) * power;
+    const most = (high - low) / 2, power = 10 ** Math.floor(Math.log10(most) + 1e-9); // two lines at least
+    const tick = [5, 2, 1].find(m => m * power <= most * (1 + 1e-9)) * power;
     return [low - 0.04 * (high - low), high + 0.04 * (high - low), tick];
   }
 
@@ -130,6 +165,10 @@ class History {
         values.push(this.at(j, name));
         if (low === high) break;
       }
+    }
+    if (last >= first && times[times.length - 1] !== last * this.step) { // the newest, so that no line lags behind
+      times.push(last * this.step);
+      values.push(this.at(last, name));
     }
     return { times, values };
   }

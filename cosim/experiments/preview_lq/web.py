@@ -1,0 +1,49 @@
+"""The sedan over a hole and a bump: what delay and preview are worth, in a web page whose table is the paper's Table 3."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from cosim.experiments.preview_lq.published import PAPER_COLUMNS
+from cosim.experiments.preview_lq.runs import CONTROLLERS, DURATION, EXCHANGE, INPUTS, PREVIEW_TIME, Case
+from cosim.export.web.page import Control, Finish, Measure, WebPage
+from cosim.study.web import Live, LiveCase
+
+GROUPS = {"comfort": "ride comfort", "road-holding": "road holding"}
+TITLES = {
+    "passive": "Passive",
+    "active": "Active",
+    "delay": "Active, front wheels seen by the rear",
+    "preview": "Active with preview",
+}
+LONGEST = 0.23  # s of preview: the points that the law has
+
+
+def live(case: Case) -> Live:
+    """The four systems of Table 3 with the weights of each design; what else the case says holds for all of them."""
+    base = replace(case, controller="active", preview_time=PREVIEW_TIME)
+    cases = [
+        LiveCase(TITLES[c], replace(base, controller=c, weights=weights), group=words)
+        for weights, words in GROUPS.items()
+        for c in CONTROLLERS
+    ]
+    page = WebPage(
+        "Tune the preview LQ",
+        "A sedan meets a hole and a bump: passive, with optimal active suspension, with one whose rear wheels know what the front ones met, "
+        "and with one that sees the road ahead (paper 004). The table is the paper's Table 3: mean squares in per cent of the passive car's.",
+        controls=[
+            Control("preview ahead of the front wheels", ["controller.preview_time"], 0.0, LONGEST, keys=("ArrowLeft", "ArrowRight")),
+            Control("speed", ["speed.start.speed"], 5.0 / 3.6, 120.0 / 3.6, keys=("ArrowDown", "ArrowUp")),
+            Control("wheels that meet it", ["road.side"], choices={k: float(v) for k, v in INPUTS.items()}),
+            Control("depth of the hole", ["road.hole.depth"], 0.0, 0.15),
+            Control("height of the bump", ["road.bump.height"], 0.0, 0.15),
+            Control("sprung mass", ["car.body.mass"], 800.0, 2500.0),
+        ],
+        plots=["car.body.z", "car.body.pitch", "controller.force.fl"],
+        measures=[Measure(n, [f"car.{n}"], "mean square", decimals=1, relative=True) for n in PAPER_COLUMNS],
+        finish=Finish(None, DURATION),
+        pace=0.1,
+        group_label="weights for",
+        interval=EXCHANGE,
+    )  # fmt: skip
+    return Live(page, cases)

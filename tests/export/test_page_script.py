@@ -1,0 +1,140 @@
+"""The page's script where it computes: histories that lose no peak, measures and verdicts, what is planned ahead; in V8, without a page."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from py_mini_racer import MiniRacer
+
+from cosim.export.web import page as web_page
+from cosim.export.web.page import Measure
+
+ASSETS = Path(web_page.__file__).parent / "assets"
+RNG = np.random.default_rng(20)
+
+
+@pytest.fixture(scope="module")
+def script() -> MiniRacer:
+    engine = MiniRacer()
+    classes = (ASSETS / "page.js").read_text().partition("\n(async () =>")[0]
+    engine.eval((ASSETS / "plot.js").read_text() + classes.partition("class Page {")[0])
+    return engine
+
+
+def evaluated(script: MiniRacer, code: str) -> Any:
+    """What the code returns."""
+    return json.loads(script.eval(f"JSON.stringify((() => {{ {code} }})())"))
+
+
+def history(values: np.ndarray, seconds: float, step: float = 0.01) -> str:
+    rows = json.dumps([[v, -v] for v in values.tolist()])
+    return (
+        f"const h = new History(new Map([['a', 0], ['b', 1]]), 2, {step}, {seconds});"
+        f"for (const row of {rows}) h.add(Float64Array.from(row));"
+    )
+
+
+def test_a_chart_loses_no_peak(script: MiniRacer) -> None:
+    values = RNG.standard_normal(4000)
+    values[1234], values[1235] = 50.0, -60.0
+    series = evaluated(script, history(values, 100.0) + "return h.series('a', 5, 150);")
+    times, drawn = np.array(series["times"]), np.array(series["values"])
+    assert len(drawn) <= 2 * 200
+    assert (drawn.max(), drawn.min()) == (50.0, -60.0)
+    assert np.all(np.diff(times) >= 0)
+    assert times[0] >= 5.0
+    index = np.rint(times / 0.01).astype(int)
+    assert np.array_equal(drawn, values[index])  # at its own time
+    assert times[-1] > 39.9
+
+
+def test_few_samples_are_all_drawn(script: MiniRacer) -> None:
+    values = RNG.standard_normal(50)
+    series = evaluated(script, history(values, 100.0) + "return h.series('b', 0, 400);")
+    assert np.array_equal(series["values"], -values)
+
+
+def test_old_samples_make_room(script: MiniRacer) -> None:
+    values = np.arange(1000.0)
+    found = evaluated(script, history(values, 2.0) + "return [h.time, h.oldest, h.value('a'), h.series('a', 0, 500).values, h.csv(['b'])];")
+    time, oldest, newest, drawn, csv = found
+    assert (time, newest) == (9.99, 999.0)
+    assert oldest == 1000 - 201
+    assert drawn == values[oldest:].tolist()
+    lines = csv.strip().split("\n")
+    assert lines[0] == "time [s],b"
+    assert len(lines) == 202
+    assert [float(x) for x in lines[-1].split(",")] == pytest.approx([9.99, -999.0])
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "tick"), [(0.0, 9.0, 2.0), (-1.0, 1.0, 1.0), (0.0, 0.061, 0.02), (-3e4, 2e4, 2e4), (1.0, 1.2, 0.1)]
+)
+def test_lines_at_round_numbers(script: MiniRacer, low: float, high: float, tick: float) -> None:
+    bottom, top, found = evaluated(script, f"return StripChart.ticks({low}, {high});")
+    assert found == pytest.approx(tick)
+    assert bottom < low < high < top
+    assert (top - bottom) / found >= 2
+
+
+def test_what_is_planned_lies_ahead(script: MiniRacer) -> None:
+    """Shown at 0.06 s is the command of the sample at 0.03 s: its plan begins there, its prediction one sample later."""
+    code = (
+        "const names = ['c[1]', 'c[2]', 'c[3]'], h = new History(new Map(names.map((n, i) => [n, i])), 3, 0.01, 10);"
+        "for (let k = 0; k <= 6; k++) h.add(Float64Array.from([k, 10 + k, 20 + k]));"
+        "const of = first => StripChart.future(h, {names, step: 0.03, first});"
+        "return [of(0), of(1), StripChart.future(h, undefined)];"
+    )
+    planned, predicted, nothing = evaluated(script, code)
+    assert planned["times"] == pytest.approx([0.03, 0.06, 0.09])
+    assert predicted["times"] == pytest.approx([0.06, 0.09, 0.12])
+    assert planned["values"] == predicted["values"] == [6, 16, 26]
+    assert planned["held"]
+    assert not predicted["held"]
+    assert nothing == {"times": [], "values": [], "reach": 0}
+
+
+def scored(script: MiniRacer, rows: np.ndarray, measures: list[Measure], finish: Any = None, interval: float = 0.001) -> Any:
+    data = {"interval": interval, "measures": [m.__dict__ for m in measures], "finish": finish}
+    return evaluated(
+        script,
+        f"const place = new Map([['x.a', 0], ['x.b', 1]]), data = {json.dumps(data)}, rows = {json.dumps(rows.tolist())};"
+        "const score = new Score({instance: {place}, value: name => ({'x.length': 2.5})[name]}, data); score.restart(rows[0]);"
+        "for (const row of rows.slice(1)) score.add(row);"
+        "return {values: data.measures.map((m, i) => score.value(i)), verdict: score.verdict, failed: score.failed, n: score.n};",
+    )
+
+
+def test_measures(script: MiniRacer) -> None:
+    rows = RNG.standard_normal((500, 2)) * [1.0, 3.0] - [0.0, 2.0]
+    both = ["x.a", "x.b"]
+    found = scored(script, rows, [
+        Measure("peak", both), Measure("largest", both, "largest", "mm", 1e3), Measure("rms", both, "rms"), Measure("square", ["x.a"], "mean square"),
+        Measure("absent", ["y.c"]),
+    ])  # fmt: skip
+    expected = [np.abs(rows).max(), 1e3 * rows.max(), np.sqrt((rows**2).mean(axis=0)).max(), (rows[:, 0] ** 2).mean()]
+    assert found["values"] == [*(pytest.approx(v, rel=1e-12) for v in expected), None]
+    assert (found["verdict"], found["n"]) == ("", 499)
+
+
+@pytest.mark.parametrize(
+    ("limit", "far", "verdict", "failed"), [(10.0, 300, "passed", []), (1.0, 300, "failed", ["height"]), (10.0, 240, "stuck", [])]
+)
+def test_verdicts(script: MiniRacer, limit: float, far: int, verdict: str, failed: list[str]) -> None:
+    """Over where x.a - x.length >= 0, or after 0.4 s; what comes later does not count."""
+    rows = np.column_stack([np.minimum(0.01 * np.arange(600), 0.01 * far), np.full(600, 2.0)])
+    rows[500:, 1] = 1e6
+    finish = {"when": {"terms": {"x.a": 1.0, "x.length": -1.0}, "offset": 0.0}, "patience": 0.4}
+    found = scored(script, rows, [Measure("height", ["x.b"], limit=limit)], finish)
+    assert (found["verdict"], found["failed"]) == (verdict, failed)
+    assert found["n"] == (400 if verdict == "stuck" else 250)
+    assert found["values"] == [2.0]
+
+
+def test_a_run_of_given_length_is_over_then(script: MiniRacer) -> None:
+    found = scored(script, np.zeros((600, 2)), [], {"when": None, "patience": 0.3})
+    assert (found["verdict"], found["n"]) == ("over", 300)
