@@ -3,9 +3,9 @@
     python docs/write_public_hmmwv.py                       # half-rounds, with rigid bodies beside them: two minutes
     python docs/write_public_hmmwv.py --courses FOLDER      # also the measured courses, which are data of others
 
-    python docs/write_public_hmmwv.py --modes               # only natural frequencies and damping: seconds
+    python docs/write_public_hmmwv.py --only modes          # one table: natural frequencies and damping, in seconds
 
-Without a folder the table of courses stays as it is.
+Without a folder the tables of courses and of absorbed power stay as they are.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ from __future__ import annotations
 import argparse
 import sys
 import tempfile
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -27,6 +28,7 @@ from build_fmus.compile import ObjectCache, resolve_platforms  # noqa: E402
 from build_fmus.component import Linearization, Model  # noqa: E402
 from build_fmus.package import build_fmu  # noqa: E402
 from cosim import System  # noqa: E402
+from fmu_sources.models.comfort import HUMAN_RESPONSE_NRMM, absorbed_power_series  # noqa: E402
 from fmu_sources.plants import full_car, linear_ride_car, ride_car, wishbone_car  # noqa: E402
 from fmu_sources.plants.linear_car import WITHOUT_SLIP, at_rest, linear_values, positions_of  # noqa: E402
 from fmu_sources.roads import RoadLayout, road_from_file  # noqa: E402
@@ -41,6 +43,13 @@ CORNERS = ("fl", "fr", "rl", "rr")
 Figures = tuple[float, float, float, float, float, float]
 """Largest and least az of the CG and of the seat, their standard deviations [m/s2]."""
 
+POWER = {  # course, mph -> absorbed power at the seat of the published model, third order [W]
+    ("half-round 4 in", 5): 5.79, ("half-round 4 in", 10): 8.68, ("half-round 4 in", 15): 8.96, ("half-round 4 in", 20): 8.04,
+    ("half-round 8 in", 5): 14.08, ("half-round 8 in", 10): 27.72, ("half-round 8 in", 15): 35.18, ("half-round 8 in", 20): 39.29,
+    ("RMS course 1 in", 5): 2.61, ("RMS course 1 in", 10): 7.42, ("RMS course 1 in", 15): 15.22, ("RMS course 1 in", 20): 28.88,
+    ("RMS course 1 in", 25): 39.21, ("RMS course 2 in", 10): 13.21, ("RMS course 2 in", 15): 42.66, ("RMS course 2 in", 20): 94.57,
+    ("RMS course 2 in", 25): 117.83,
+}  # fmt: skip
 PUBLISHED: dict[tuple[str, int], tuple[float, float, Figures]] = {  # course, mph -> window of x [m], figures
     ("half-round 4 in", 5): (47.34, 57.48, (7.02, -7.91, 9.88, -9.70, 2.451, 2.675)),
     ("half-round 4 in", 10): (47.34, 63.07, (7.84, -10.62, 13.73, -21.11, 2.512, 2.851)),
@@ -78,8 +87,9 @@ def start_and_duration(course: str, speed: float, end: float) -> tuple[float, fl
     return start, (end - start) / speed * 1.04 + 0.3
 
 
-def ours(course: str, mph: int, folder: Path | None) -> Figures:
-    """The FMU over a course, with the driver and the start of the published runs."""
+@cache
+def ours(course: str, mph: int, folder: Path | None) -> tuple[Figures, float]:
+    """The FMU over a course, with the driver and the start of the published runs; and the absorbed power at its seat [W]."""
     low, high, _ = PUBLISHED[course, mph]
     speed = mph * MPH
     start, duration = start_and_duration(course, speed, high)
@@ -100,7 +110,8 @@ def ours(course: str, mph: int, folder: Path | None) -> Figures:
         system.connect_matching("road", "car", "*")
         r = system.run(round(duration, 3), record=["car.x", "car.body.az", "car.seat.az"], record_interval="1 ms")
         x, body, seat = (np.array(r[f"car.{n}"]) for n in ("x", "body.az", "seat.az"))
-    return figures(x, body, seat, (low, high))
+    inside = (x >= low + CHASSIS) & (x <= high + CHASSIS)
+    return figures(x, body, seat, (low, high)), float(absorbed_power_series(seat, 1e3, HUMAN_RESPONSE_NRMM)[inside].mean())
 
 
 def rigid(course: str, mph: int, *, shifted: bool) -> Figures:
@@ -127,7 +138,16 @@ def table(courses: list[tuple[str, int]], folder: Path | None) -> str:
     text = HEAD
     for course, mph in courses:
         published = PUBLISHED[course, mph][2]
-        text += f"| {course}, published | {mph} | {cells(published)}| ours | | {cells(ours(course, mph, folder), published)}"
+        text += f"| {course}, published | {mph} | {cells(published)}| ours | | {cells(ours(course, mph, folder)[0], published)}"
+    return text
+
+
+def power_table(folder: Path) -> str:
+    """Absorbed power at the seat, published and ours."""
+    text = "| course | mph | published [W] | ours [W] | difference |\n|---|---|---|---|---|\n"
+    for (course, mph), published in POWER.items():
+        own = ours(course, mph, None if "half" in course else folder)[1]
+        text += f"| {course} | {mph} | {published:.2f} | {own:.2f} | {100 * (own / published - 1):+.0f} % |\n"
     return text
 
 
@@ -136,7 +156,7 @@ def judged() -> str:
     text = HEAD
     for course, mph in JUDGED:
         published = PUBLISHED[course, mph][2]
-        text += f"| {course}, published | {mph} | {cells(published)}| ours | | {cells(ours(course, mph, None), published)}"
+        text += f"| {course}, published | {mph} | {cells(published)}| ours | | {cells(ours(course, mph, None)[0], published)}"
         text += f"| rigid bodies | | {cells(rigid(course, mph, shifted=False), published)}"
         text += f"| rigid bodies, contact as in the public code | | {cells(rigid(course, mph, shifted=True), published)}"
     return text
@@ -198,17 +218,19 @@ def main() -> None:
     """Run, and write the page."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--courses", type=Path, help="folder with detrended_rms_course_1in.crg and ..._2in.crg")
-    parser.add_argument("--modes", action="store_true", help="only the table of natural frequencies")
+    parser.add_argument("--only", choices=("modes", "half-rounds", "courses", "power", "rigid bodies"), help="one table")
     given = parser.parse_args()
     folder = given.courses
-    text = put(PAGE.read_text(encoding="utf-8"), "modes", modes_table())
-    if given.modes:
-        PAGE.write_text(text, encoding="utf-8")
-        return
-    text = put(text, "half-rounds", table([c for c in PUBLISHED if "half" in c[0]], None))
+    makers = {"modes": modes_table, "half-rounds": lambda: table([c for c in PUBLISHED if "half" in c[0]], None), "rigid bodies": judged}
     if folder is not None:
-        text = put(text, "courses", table([c for c in PUBLISHED if "RMS" in c[0]], folder))
-    PAGE.write_text(put(text, "rigid bodies", judged()), encoding="utf-8")
+        makers |= {"courses": lambda: table([c for c in PUBLISHED if "RMS" in c[0]], folder), "power": lambda: power_table(folder)}
+    if given.only is not None and given.only not in makers:
+        parser.error(f"--only {given.only}: give the folder of the measured courses, too (--courses FOLDER)")
+    text = PAGE.read_text(encoding="utf-8")
+    for name, make in makers.items():
+        if given.only in (None, name):
+            text = put(text, name, make())
+    PAGE.write_text(text, encoding="utf-8")
 
 
 if __name__ == "__main__":

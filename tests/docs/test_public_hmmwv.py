@@ -11,7 +11,7 @@ WRITER = runpy.run_path(str(ROOT / "docs" / "write_public_hmmwv.py"))
 
 def test_natural_frequencies_are_those_of_the_models() -> None:
     text = (ROOT / "docs" / "public-hmmwv.md").read_text(encoding="utf-8")
-    hint = "run `python docs/write_public_hmmwv.py --modes` and commit docs/public-hmmwv.md"
+    hint = "run `python docs/write_public_hmmwv.py --only modes` and commit docs/public-hmmwv.md"
     assert WRITER["put"](text, "modes", WRITER["modes_table"]()) == text, hint
 
 
