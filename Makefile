@@ -82,6 +82,7 @@ fuzz: $(VENV)/.test
 # The documentation as a site: build/site/html/index.html, with the reports that `make studies` has left.
 docs: $(VENV)/.test
 	$(BIN)/build-fmus
+	$(BIN)/python -m cosim.experiments.live_pages build/live
 	$(BIN)/python docs/write_site.py
 
 fmus: $(VENV)/.run

@@ -1,6 +1,7 @@
 """``python .ci/release.py FOLDER``: all that a release publishes, the same bytes from the same sources and compilers.
 
-- ``suspension-fmus-VERSION-fmus.zip``: every FMU in FMI 2.0 and 3.0 for all five platforms, what they are, their bill of materials, their checksums;
+- ``suspension-fmus-VERSION-fmus.zip``: every FMU in FMI 2.0 and 3.0 for all five platforms, what they are, their bill of materials, their checksums, and
+  the pages in which systems run live;
 - the wheel and the source distribution;
 - ``SHA256SUMS`` of these.
 """
@@ -10,6 +11,7 @@ from __future__ import annotations
 import argparse
 import hashlib
 import sys
+import tempfile
 import tomllib
 from collections.abc import Mapping
 from pathlib import Path
@@ -20,6 +22,8 @@ import backend
 from build_fmus import package, related, safe_files
 from build_fmus.builder import Options
 from build_fmus.compile import PLATFORMS
+from cosim.experiments.live_pages import write_pages
+from cosim.study import FmuSet
 from fmu_sources import cli
 
 ROOT = Path(__file__).parents[1]
@@ -34,17 +38,28 @@ README = """{name} {version}: {n} FMUs, each in FMI 2.0 (fmi2) and FMI 3.0 (fmi3
 
 docs/fmus.md lists every variable, docs/other-tools.md says how to set them up in the tool that you have, and which
 platforms have been run and how. Each FMU has its sources, its documentation and the licences of all its parts inside.
-`sha256sum --check {sums}` looks whether the files are whole; {bill} lists what is in them.
+{live}`sha256sum --check {sums}` looks whether the files are whole; {bill} lists what is in them.
 """
+
+
+LIVE = """Open live/*.html in a browser: systems that run there, with no server and nothing to install.
+"""
+
+
+def live_pages(built: Path, names: list[str]) -> dict[str, bytes]:
+    """Pages in which systems of these FMUs run."""
+    with tempfile.TemporaryDirectory() as folder:
+        return {f"live/{p.name}": p.read_bytes() for p in write_pages(FmuSet(built), Path(folder), names)}
 
 
 def fmu_archive(built: Path, names: list[str]) -> bytes:
     """The zip of all FMUs, from the folder in which they were built."""
     fmus = {f"fmi{v}/{n}.fmu": (built / f"fmi{v}" / f"{n}.fmu").read_bytes() for v in (2, 3) for n in names}
+    live = live_pages(built, names)
     text = README.format(
-        n=len(names), platforms=", ".join(PLATFORMS), sums=SUMS, bill=BILL, **{k: PROJECT[k] for k in ("name", "version", "description")}
+        n=len(names), live=LIVE if live else "", platforms=", ".join(PLATFORMS), sums=SUMS, bill=BILL, **{k: PROJECT[k] for k in ("name", "version", "description")}
     )  # fmt: skip
-    pages = {"README.txt": text.encode(), **{n: (ROOT / n).read_bytes() for n in PAGES}}
+    pages = {"README.txt": text.encode(), **{n: (ROOT / n).read_bytes() for n in PAGES}, **live}
     content = {**pages, **fmus, BILL: bill(fmus)}
     return package.archive({**content, SUMS: sums(content)})
 

@@ -144,6 +144,21 @@ def report_page(results: Path, files: dict[str, Path]) -> str:
     )
 
 
+def with_live(text: str, live: Path, files: dict[str, Path]) -> str:
+    """The page about live pages, with those in ``live`` (copied beside it, into ``files``) at its head."""
+    lines = []
+    for page in sorted(live.glob("*.html")):
+        files[f"live/{page.name}"] = page
+        title, about = (re.search(p, page.read_text(encoding="utf-8"), re.DOTALL) for p in (r"<title>(.*?)</title>", r'name="description" content="(.*?)"'))
+        assert title, page
+        assert about, page
+        lines.append(f'- <a href="live/{page.name}"><b>{title[1]}</b></a>: {about[1]}')
+    if not lines:
+        return text
+    heading, _, rest = text.partition("\n")
+    return "\n".join([heading, "", "Here they are, to be opened:", "", *lines, rest])
+
+
 def executed(name: str, text: str) -> tuple[str, str]:
     """A page as a notebook that was run (JSON), and the page with what its code printed and drew.
 
@@ -191,7 +206,7 @@ def _outputs(outputs: Sequence[Any]) -> Iterator[str]:
 
 
 def gather(
-    fmus: Path, results: Path, run: Callable[[str, str], tuple[str, str]] = executed
+    fmus: Path, results: Path, live: Path, run: Callable[[str, str], tuple[str, str]] = executed
 ) -> tuple[dict[str, str], dict[str, Path]]:
     """All pages by their place, and the files that are copied as they are."""
     import runpy
@@ -208,10 +223,11 @@ def gather(
     pages.texts |= fmu_pages(runpy.run_path(str(HERE / "write_fmus.py"))["reference"](fmus))
     pages.texts |= module_pages()
     pages.texts["reports.md"] = report_page(results, files)
+    pages.texts["live.md"] = with_live(pages.texts["live.md"], live, files)
     return pages.texts, files | pages.images
 
 
-def build(fmus: Path, results: Path, site: Path = SITE) -> None:
+def build(fmus: Path, results: Path, live: Path, site: Path = SITE) -> None:
     """The whole site, anew.
 
     Raises:
@@ -221,7 +237,7 @@ def build(fmus: Path, results: Path, site: Path = SITE) -> None:
     from mkdocs.commands.build import build as mkdocs_build
     from mkdocs.config import load_config
 
-    texts, files = gather(fmus, results)
+    texts, files = gather(fmus, results, live)
     shutil.rmtree(site, ignore_errors=True)
     for place, text in texts.items():
         (site / "pages" / place).parent.mkdir(parents=True, exist_ok=True)
@@ -256,8 +272,9 @@ if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--fmus", type=Path, default=ROOT / "fmus", help="folder with fmi3/")
     parser.add_argument("--results", type=Path, default=ROOT / "results", help="folder with the reports of studies")
+    parser.add_argument("--live", type=Path, default=ROOT / "build" / "live", help="folder with pages in which systems run")
     arguments = parser.parse_args()
     if find_spec("mkdocs") is None or find_spec("nbclient") is None:
         sys.exit("the documentation site needs more packages: pip install -e '.[docs]', or `make docs`")
-    build(arguments.fmus, arguments.results)
+    build(arguments.fmus, arguments.results, arguments.live)
     print(SITE / "html" / "index.html")

@@ -27,13 +27,15 @@ def site(built_fmus: BuiltFmus, tmp_path_factory: pytest.TempPathFactory) -> Pat
     results, place = tmp_path_factory.mktemp("results"), tmp_path_factory.mktemp("site")
     (results / "bench").mkdir()
     (results / "bench" / "report.html").write_text("<title>A quarter car</title>")
-    WRITE["build"](FMUS, results, place)
+    live = tmp_path_factory.mktemp("live")
+    (live / "hmmwv.html").write_text('<title>Drive it</title>\n<meta name="description" content="A car, live.">')
+    WRITE["build"](FMUS, results, live, place)
     return place / "html"
 
 
 def test_every_page_has_a_place() -> None:
     """And its links to files lead somewhere, or there was an error."""
-    texts, files = WRITE["gather"](FMUS, ROOT / "results", lambda name, text: (name, text))
+    texts, files = WRITE["gather"](FMUS, ROOT / "results", ROOT / "build" / "live", lambda name, text: (name, text))
     nav = yaml.load((ROOT / "docs" / "mkdocs.yml").read_text(), _Loader)["nav"]
     listed = [*_leaves(WRITE["_filled"](nav, list(texts)))]
     assert len(listed) == len(set(listed))
@@ -56,6 +58,17 @@ def _leaves(entry: Any) -> Iterator[str]:
             yield from _leaves(part)
 
 
+def test_live_pages_are_listed_and_copied(tmp_path: Path) -> None:
+    (tmp_path / "a.html").write_text('<title>Drive &amp; see</title>\n<meta name="description" content="A car,\nlive.">')
+    files: dict[str, Path] = {}
+    text = WRITE["with_live"]("# Live\n\nText.\n", tmp_path, files)
+    assert text.startswith("# Live\n")
+    assert '- <a href="live/a.html"><b>Drive &amp; see</b></a>: A car,\nlive.' in text
+    assert text.endswith("Text.\n")
+    assert files == {"live/a.html": tmp_path / "a.html"}
+    assert WRITE["with_live"]("# Live\n", tmp_path / "none", {}) == "# Live\n"
+
+
 @pytest.mark.full
 def test_every_page_of_the_repository_is_there(site: Path) -> None:
     for page in PAGES:
@@ -73,7 +86,7 @@ def test_nothing_is_fetched_from_elsewhere(site: Path) -> None:
             *tree.xpath("//script/@src | //img/@src | //iframe/@src"),
             *tree.xpath("//link[@rel='stylesheet' or @rel='preload']/@href"),
         ]
-        assert fetched
+        assert fetched or page.parent.name in ("reports", "live")  # which hold all they need
         for target in fetched:
             assert "//" not in target, f"{page.name}: {target}"
             assert (page.parent / target.partition("?")[0]).resolve().is_file() or "search/" in target, (
@@ -127,7 +140,7 @@ def test_a_link_that_leads_nowhere_is_an_error(tmp_path: Path, monkeypatch: pyte
     texts: dict[str, Any] = {"index.md": "# A\n", "orphan.md": "# B\n"}
     monkeypatch.setitem(WRITE["build"].__globals__, "gather", lambda *_: (texts, {}))
     with pytest.raises(Abort):
-        WRITE["build"](FMUS, tmp_path, tmp_path / "site")
+        WRITE["build"](FMUS, tmp_path, tmp_path, tmp_path / "site")
 
 
 def test_code_is_left_as_it_is() -> None:

@@ -13,11 +13,10 @@ from browsers import looked_at
 from built import FMUS, BuiltFmus
 from same import bits
 
-from cosim.experiments import EXPERIMENTS
+from cosim.experiments.live_pages import shown as shown_experiments
 from cosim.export.web.page import SHOWN_EVERY
 from cosim.study import FmuSet, Runner
 from cosim.study.experiment import resolved
-from cosim.study.loading import load
 from cosim.study.web import write_web
 
 pytestmark = [pytest.mark.pages, pytest.mark.filterwarnings("ignore::cosim.UnconnectedInputsWarning")]
@@ -25,13 +24,12 @@ SCRIPT = Path(__file__).with_name("live.mjs")
 SECONDS = 60
 LARGEST = 3e6  # bytes of a page
 FIRST = 2.0  # s, until it is there
-SHOWN = sorted(name for name, place in EXPERIMENTS.items() if load(place).web is not None)
 
 
-@pytest.fixture(scope="module", params=SHOWN)
+@pytest.fixture(scope="module", params=sorted(shown_experiments()))
 def shown(request: pytest.FixtureRequest, built_fmus: BuiltFmus, tmp_path_factory: pytest.TempPathFactory) -> Any:  # noqa: ARG001
     """Experiment, page, and what was found of it."""
-    experiment = load(EXPERIMENTS[request.param])
+    experiment = shown_experiments()[request.param]
     folder = tmp_path_factory.mktemp(request.param)
     path = write_web(experiment, FmuSet(FMUS), folder / "page.html", experiment.case())
     return experiment, path, looked_at(SCRIPT, path, folder, str(SECONDS))
