@@ -192,7 +192,7 @@ def test_an_experiment_on_ones_own_vehicle(built_fmus: BuiltFmus, tmp_path: Path
         ("gpc", ["my_car.toml"],
          "my_car.toml: this file describes a 'ride_car', with which hmmwv, preview-lq and ride can run; gpc needs a 'full_car' (base = "
          "\"hmmwv\", \"hmmwv_modified\")"),
-        ("trench", ["my_six.toml"], "describes a 'three_axle', with which three-axle can run; trench needs a "
+        ("trench", ["my_six.toml"], "describes a 'three_axle', with which ride and three-axle can run; trench needs a "
          "'three_axle_trench' (base = \"three_axle_trench\")"),
         ("bench", ["my_car.toml"], "bench needs a 'quarter_car' (base = \"quarter_car_bench\", \"quarter_car_hmmwv\")"),
         ("preview-lq", ["my_car.toml"],
