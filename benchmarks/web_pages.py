@@ -1,0 +1,59 @@
+"""Systems of the live pages: in WebAssembly beside the same systems run by the engine, taking turns, and the sizes of the pages.
+
+``python -m benchmarks.web_pages``. WebAssembly runs in wasmtime, whose compiler makes about what browsers make.
+"""
+
+from __future__ import annotations
+
+import tempfile
+import time
+from fractions import Fraction
+from pathlib import Path
+
+from cosim.experiments.live_pages import shown, write_pages
+from cosim.export.code import SystemCode, exported_schedule
+from cosim.export.variables import choose
+from cosim.export.web.module import compile_module
+from cosim.study import FmuSet, Runner
+from cosim.study.experiment import resolved
+from tests.export.web_host import TYPES, WebHost
+
+SECONDS, STEP, ROUNDS = 5, Fraction(1, 100), 3
+TITLE = "live pages: sizes, and systems in WebAssembly"
+
+
+def measure() -> dict[str, float]:
+    """Sizes [MB]; simulated time per processor time of each system of a first group, native and in WebAssembly, the best of some rounds."""
+    found: dict[str, float] = {}
+    with tempfile.TemporaryDirectory() as folder:
+        for page in write_pages(FmuSet(), Path(folder)):
+            found[f"{page.stem}, page [MB]"] = page.stat().st_size / 1e6
+    for name, experiment in shown().items():
+        live = resolved(experiment.web)(experiment.case())
+        for one in [c for c in live.cases if c.group == live.cases[0].group]:
+            with Runner(experiment, FmuSet()) as runner:
+                system = runner.system(one.case)
+                schedule = exported_schedule(system, ())
+                code = SystemCode("system", schedule, choose(schedule, None, None, "*"), 3)
+                module = compile_module([code])
+                watched = [(k, e.type) for k, e in enumerate(code.variables, start=1) if e.causality == "output"]
+                watched.sort(key=lambda v: TYPES[v[1]])
+                for _ in range(ROUNDS):
+                    host = WebHost(module.content, watched)
+                    assert host.start(float(STEP)) == 0, host.message
+                    begin = time.process_time()
+                    host.run(int(SECONDS / STEP))
+                    web = SECONDS / (time.process_time() - begin)
+                    with system.initialize(record=[], allow_unconnected=True) as simulation:
+                        begin = time.process_time()
+                        simulation.advance(SECONDS)
+                        native = SECONDS / (time.process_time() - begin)
+                    key = f"{name}, {one.title}, times the clock"
+                    found[f"{key}, native"] = max(found.get(f"{key}, native", 0.0), native)
+                    found[f"{key}, WebAssembly"] = max(found.get(f"{key}, WebAssembly", 0.0), web)
+    return found
+
+
+if __name__ == "__main__":
+    for what, value in measure().items():
+        print(f"{what}: {value:.3g}")
