@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import re
 import tempfile
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -14,6 +14,7 @@ import fmpy
 
 from build_fmus import extras, generate, package, safe_files
 from build_fmus.compile import ObjectCache, find_toolchain, host
+from cosim.description import Variable
 from cosim.engine.plan import MemberPlan, Plan, make_plan
 from cosim.errors import CosimError, WiringError
 from cosim.export.parts import Part, part_of
@@ -225,15 +226,15 @@ def _transfer(version: int, how: Arrangement, buffers: _Room) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _starts(member: Member, version: int) -> list[_Start]:
-    """The values that a member starts with, whole arrays at a time."""
+def start_values(member: Member) -> Iterator[tuple[Variable, Any]]:
+    """What a member is given to start with: a variable and its text, or numbers, those of whole arrays at a time (by their first
+    element). Raises WiringError where a part of an array is given and the FMU does not tell the rest."""
     variables = member.description.variables
     given = {variables[n]: v for n, v in member.values.items()}
-    found = []
-    for reference, elements in by_reference(given).items():
+    for elements in by_reference(given).values():
         one = elements[0]
         if one.fmi_type == "String":
-            found.append(_Start("KIND_STRING", reference, [], str(given[one])))
+            yield one, str(given[one])
             continue
         whole = [variables[n] for n in member.description.arrays.get(one.declared, [])] if one.size > 1 else [one]
         values = {v.index: given.get(v, v.start) for v in whole}
@@ -242,8 +243,17 @@ def _starts(member: Member, version: int) -> list[_Start]:
             raise WiringError(
                 f"'{member.name}': set all of {one.declared}; the FMU tells no start value of {missing[0]}"
             )
-        numbers = [_c_double(float(values[k])) for k in sorted(values)]
-        found.append(_Start(_kind(version, one.fmi_type), reference, numbers))
+        yield one, [float(values[k]) for k in sorted(values)]
+
+
+def _starts(member: Member, version: int) -> list[_Start]:
+    """The same as C."""
+    found = []
+    for variable, values in start_values(member):
+        if isinstance(values, str):
+            found.append(_Start("KIND_STRING", variable.reference, [], values))
+        else:
+            found.append(_Start(_kind(version, variable.fmi_type), variable.reference, [_c_double(x) for x in values]))
     return found
 
 

@@ -226,6 +226,8 @@ def export_command(experiment: Experiment) -> Any:
         if given["web"] is not None:
             _export_web(experiment, case, given)
             return
+        if given["beside"]:
+            raise CosimError("--beside is of a page: --web NAME.html")
         with Runner(experiment, fmu_set(experiment, given)) as runner:
             system = runner.system(case)
             if given["ssp"] is not None:

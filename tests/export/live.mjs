@@ -57,7 +57,7 @@ for (let group = 0; group < groups; group++) {
     return {
       seconds: (performance.now() - begun) / 1000,
       systems: page.variants.map((v) => {
-        const row = v.instance.look();
+        const row = v.row;
         return {
           title: v.title, failure: v.failure, verdict: v.score.verdict, steps: v.steps,
           names: [...v.instance.place.keys()], bits: [...new BigInt64Array(row.buffer)].map(String), // JSON has no -0

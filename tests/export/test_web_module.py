@@ -84,15 +84,12 @@ def test_systems_share_what_they_have_in_common(made, built_fmus: BuiltFmus) -> 
     assert len(module.content) < 1.4 * len(alone[0].content)
 
 
-def test_a_run_begins_again_goes_back_and_goes_on(made) -> None:
+def test_a_run_begins_again(made) -> None:
     _, codes, module, _ = made
     host = WebHost(module.content, [(r, t) for r, t, _ in outputs(codes[2])], 2)
     host.start(float(STEP))
     first = host.run(50)
-    assert host.call("web_save", host.handle) == 0
-    onward = host.run(50)
-    assert host.call("web_restore", host.handle) == 0
-    assert np.array_equal(bits(host.run(50)), bits(onward))
+    assert not np.array_equal(host.run(50), first)
     assert host.call("web_reset", host.handle) == 0
     host.start(float(STEP))
     assert np.array_equal(bits(host.run(50)), bits(first))

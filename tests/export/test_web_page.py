@@ -15,6 +15,7 @@ from built import FMUS, BuiltFmus
 from web_host import TYPES, WebHost
 
 from cosim import CosimError, System, WiringError
+from cosim.experiments.metrics.crossing import LIMITS
 from cosim.experiments.trench import EXPERIMENT as TRENCH
 from cosim.experiments.trench.web import live
 from cosim.export.web.page import Control, Finish, Measure, Shown, WebPage, export_web
@@ -115,7 +116,7 @@ def test_what_the_script_is_told(data: dict[str, Any]) -> None:
     speed, side = data["controls"]
     assert (speed["unit"], speed["min"], speed["max"], speed["step"]) == ("km/h", 7.2, 72.0, 0.32)
     assert speed["factor"] == pytest.approx(3.6)
-    assert side["kind"] == "choice"
+    assert (side["kind"], side["whole"], speed["whole"]) == ("choice", True, False)
     assert side["choices"] == [["both", 0], ["left", 1], ["right", 2]]
     variables = {v["name"]: v for v in data["systems"][0]["variables"]}
     mass = variables["car.body.mass"]
@@ -163,6 +164,9 @@ def test_the_road_is_asked_with_its_own_parameters(page: Path, data: dict[str, A
     ("change", "said"),
     [
         ({"controls": [Control("mass", ["car.body.mas"])]}, r"control 'mass' names 'car.body.mas', no input or parameter; did you mean 'car.body.mass'"),
+        ({"controls": [Control("force", ["car.force"], keys=("a", "b"))]}, "control 'force' has keys, but car.force has no limits to go between"),
+        ({"controls": [Control("speed", ["speed.start.speed"], follows={"car.body.mas": [Value({}, 1.0)]})]}, "names 'car.body.mas'"),
+        ({"controls": [Control("speed", ["speed.start.speed"], follows={"car.body.mass": [Value({"car.mas": 1.0})]})]}, "names 'car.mas'"),
         ({"controls": [Control("nothing", [])]}, "control 'nothing' names no variable"),
         ({"plots": ["car.body.zz"]}, "'car.body.zz' is no output that could be plotted"),
         ({"measures": [Measure("m", ["car.zz"])]}, "'car.zz' is no output that could be measured"),
@@ -212,25 +216,27 @@ def test_what_stands_beside() -> None:
             _changed(case, text)
 
 
-def test_the_trench_page_judges_as_the_study_does(built_fmus: BuiltFmus) -> None:  # noqa: ARG001
-    """Its limits are those of Table 5.3, its finish is where a run of the study ends."""
-    page = live(TRENCH.case()).page
-    case = TRENCH.case(controller="passive")
+@pytest.mark.parametrize("speed", [6.0, 12.0])
+def test_the_trench_page_judges_as_the_study_does(built_fmus: BuiltFmus, speed: float) -> None:  # noqa: ARG001
+    """What it shows of the passive vehicle are the quantities of Table 5.3 of that run; it is over where a run of the study ends."""
+    layout = live(TRENCH.case(speed_kmh=speed))
+    page, first = layout.page, layout.cases[0]
+    assert (first.case.controller, dict(first.values)) == ("passive", {})
     with Runner(TRENCH, FmuSet(FMUS)) as runner:
-        system = runner.system(case)
+        expected = TRENCH.measure(runner.run(TRENCH.case(controller="passive", speed_kmh=speed)))
+        system = runner.system(first.case)
         recording = system.run(
-            TRENCH.stop_time(system, case), record=["car.x", *(n for m in page.measures for n in m.names)], record_interval="0.25 ms",
-            stop_when=TRENCH.stop_when(system, case),
+            TRENCH.stop_time(system, first.case), record=["car.x", *(n for m in page.measures for n in m.names)], record_interval=page.interval,
+            stop_when=TRENCH.stop_when(system, first.case),
         )  # fmt: skip
-        row = TRENCH.measure(runner.run(case))
-        parts = {"car.x": recording["car.x"][-1], **{n: float(system["car"].values.get(n[4:], system["car"].description.variables[n[4:]].start)) for n in page.finish.when.terms if n != "car.x"}}
-    assert page.finish.when.of(parts) == pytest.approx(0.0, abs=1e-3)
-    shown = {}
-    for m in page.measures:
+        car = system["car"]
+        own = {f"car.{n}": float(car.values.get(n, v.start)) for n, v in {**car.description.parameters, **car.description.inputs}.items() if v.start is not None}
+        (control,) = (c for c in page.controls if c.follows)
+        (begins,) = control.follows.values()
+        assert max(v.of(own) for v in begins) == pytest.approx(own["car.trench.start"], abs=1e-3)  # which the study rounds
+        assert page.finish.when.of({**own, "car.x": recording["car.x"][-1]}) == pytest.approx(0.0, abs=1e-3)
+    assert [m.limit for m in page.measures[:-1]] == list(LIMITS.as_dict().values())
+    for m, name in zip(page.measures[:-1], LIMITS.as_dict(), strict=True):
         columns = np.column_stack([recording[n] for n in m.names])
-        value = {"peak": np.abs(columns).max(), "largest": columns.max(), "rms": np.sqrt((columns**2).mean(axis=0)).max()}[m.how]
-        shown[m.label] = m.factor * value
-    published = [n for n in row if n in ("az", "ax", "az_rms", "ax_rms", "pitch", "hub_front", "hub_middle", "hub_rear")]
-    assert len(published) == 8
-    for (label, value), name in zip(shown.items(), published, strict=False):
-        assert value == pytest.approx(row[name], rel=0.01), label
+        value = {"peak": np.abs(columns).max(), "rms": np.sqrt((columns**2).mean(axis=0)).max()}[m.how]
+        assert m.factor * value == pytest.approx(expected[name], rel=0.01), name

@@ -8,7 +8,10 @@ from cosim.experiments.preview_lq.published import PAPER_COLUMNS
 from cosim.experiments.preview_lq.runs import CONTROLLERS, DURATION, EXCHANGE, INPUTS, PREVIEW_TIME, Case
 from cosim.export.web.page import Control, Finish, Measure, WebPage
 from cosim.study.web import Live, LiveCase
+from fmu_sources.catalog import LQ_PREVIEW
 
+_POINTS, _STEP = LQ_PREVIEW
+LONGEST = (_POINTS - 1) * _STEP  # s of preview that the laws can use
 GROUPS = {"comfort": "ride comfort", "road-holding": "road holding"}
 TITLES = {
     "passive": "Passive",
@@ -16,7 +19,6 @@ TITLES = {
     "delay": "Active, front wheels seen by the rear",
     "preview": "Active with preview",
 }
-LONGEST = 0.23  # s of preview: the points that the law has
 
 
 def live(case: Case) -> Live:

@@ -121,7 +121,7 @@ CARS = {
 LAWS = tuple(dict.fromkeys(law for car in CARS.values() for law in car.laws))
 ROADS = tuple(car.road for car in CARS.values())
 FMUS = tuple(dict.fromkeys([
-    *ROADS, *hmmwv.FMUS[:1], "RideCarHmmwv", *filter(None, hmmwv.CONTROLLERS.values()), "HydraulicActuator", "ForceTracking",
+    *ROADS, preview_lq.SPEED, "RideCarHmmwv", *filter(None, hmmwv.CONTROLLERS.values()), "HydraulicActuator", "ForceTracking",
     preview_lq.CAR, *(preview_lq.LAWS[w][0] for w in ("comfort", "road-holding")), *(n for n in three_axle.FMUS if not n.startswith("Road")),
     gpc.PLANT, *filter(None, gpc.CONTROLLERS.values()), "FullCarHmmwvPublic",
 ]))  # fmt: skip

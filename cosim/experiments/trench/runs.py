@@ -49,6 +49,8 @@ MPC = {"estimator": 0, "retraction": 1, "hold_height": True, "printed_limits": F
 STEP = Fraction(1, 4000)  # s, of the vehicle's solver, its exchange and recordings; the study halves it
 FRAME = Fraction(1, 50)  # s, between frames of an animation
 RUN_OUT = 1.5  # m, that the last axle drives on behind the trench
+LEAD = (0.6, 0.8)  # m, s times the speed: how far ahead of a trench the pitch reference begins
+APPROACH = 0.2  # s, of level road before that
 CLEAR = 0.3  # m, level road before the first thing that happens
 TOUCH = 1.0  # N, body force that counts as contact
 
@@ -105,8 +107,8 @@ class Course:
         case = run.case
         first, last = (float(run.start(f"car.wheel.{k}.x")) for k in ("a1l", "a3l"))
         nose = first + float(run.start("car.outline.front_overhang"))
-        lead = 0.6 + 0.8 * case.speed  # of the pitch reference
-        start = round(max(nose, first + lead + 0.2 * case.speed) + CLEAR, 3)
+        lead = LEAD[0] + LEAD[1] * case.speed
+        start = round(max(nose, first + lead + APPROACH * case.speed) + CLEAR, 3)
         end = start + case.length - last + RUN_OUT
         return cls(start, end, round(1.25 * end / case.speed + 2.0, 3))
 

@@ -10,7 +10,7 @@ import base64
 import gzip
 import json
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from fractions import Fraction
 from importlib import metadata
@@ -22,7 +22,7 @@ from build_fmus import safe_files
 from build_fmus.checks import did_you_mean
 from cosim.description import Variable
 from cosim.errors import CosimError, WiringError
-from cosim.export.code import SystemCode, exported_schedule, template
+from cosim.export.code import SystemCode, exported_schedule, start_values, template
 from cosim.export.parts import Part
 from cosim.export.variables import TYPES, Exported, choose
 from cosim.export.web.module import Module, compile_module
@@ -56,6 +56,7 @@ class Control:
         minimum, maximum: of the slider, in SI units; by default those of the variable.
         choices: texts and values to choose from, instead of a slider.
         keys: keys (as browsers name them) that lower and raise it.
+        follows: variables that are set with it: each to the largest of these values.
     """
 
     label: str
@@ -65,6 +66,7 @@ class Control:
     choices: Mapping[str, float] = field(default_factory=dict)
     keys: tuple[str, str] | tuple[()] = ()
     text: str = ""
+    follows: Mapping[str, Sequence[Value]] = field(default_factory=dict)
 
 
 @dataclass(frozen=True)
@@ -210,10 +212,7 @@ def _gathered(systems: Sequence[Shown], page: WebPage) -> tuple[dict[str, Any], 
     data = {
         "interval": float(interval), "keep": max(1, math.floor(SHOWN_EVERY / interval)), "groups": groups, "plots": list(page.plots),
         "measures": [asdict(m) for m in page.measures],
-        "finish": page.finish and {
-            "when": page.finish.when and {"terms": dict(page.finish.when.terms), "offset": page.finish.when.offset},
-            "patience": page.finish.patience,
-        },
+        "finish": page.finish and {"when": page.finish.when and _sum(page.finish.when), "patience": page.finish.patience},
         "systems": [
             {
                 "title": s.title, "group": groups.index(s.group), "model": i, "values": {n: float(v) for n, v in s.values.items()},
@@ -274,6 +273,10 @@ def _variable(e: Exported, reference: int) -> dict[str, Any]:
     }  # fmt: skip
 
 
+def _sum(value: Value) -> dict[str, Any]:
+    return {"terms": dict(value.terms), "offset": value.offset}
+
+
 def _display(v: Variable) -> dict[str, Any] | None:
     d = v.display
     return None if d is None else {"unit": d.name, "factor": d.factor, "offset": d.offset}
@@ -286,7 +289,7 @@ def _check_names(systems: Sequence[Shown], codes: Sequence[SystemCode], page: We
     for control in page.controls:
         if not control.names:
             raise WiringError(f"the control '{control.label}' names no variable")
-        for name in control.names:
+        for name in (*control.names, *control.follows, *(n for sums in control.follows.values() for v in sums for n in v.terms)):
             if name not in settable:
                 raise WiringError(f"the control '{control.label}' names '{name}', no input or parameter{did_you_mean(name, settable)}")
     for what, name in [("be plotted", n) for n in page.plots] + [("be measured", n) for m in page.measures for n in m.names]:
@@ -312,12 +315,16 @@ def _control(control: Control, codes: Sequence[SystemCode]) -> dict[str, Any]:
     )
     shown = [None if x is None else float(f"{x * factor + offset:.9g}") for x in (low, high)]
     step: float | str = "any"
+    whole = e.type == "Int32"
     if shown[0] is not None and shown[1] is not None:
-        step = 1.0 if e.type == "Int32" else float(f"{(shown[1] - shown[0]) / _STEPS:.2g}")
+        step = 1.0 if whole else float(f"{(shown[1] - shown[0]) / _STEPS:.2g}")
+    elif control.keys:
+        raise WiringError(f"the control '{control.label}' has keys, but {e.name} has no limits to go between: give minimum and maximum")
     kind: Kind = "choice" if control.choices else "check" if e.type == "Boolean" else "number"
     return {
         "label": control.label, "text": control.text or e.variable.description, "names": list(control.names), "kind": kind,
         "unit": d.name if d else e.variable.unit_name, "factor": factor, "offset": offset, "min": shown[0], "max": shown[1], "step": step,
+        "whole": whole, "follows": {n: [_sum(v) for v in sums] for n, sums in control.follows.items()},
         "keys": list(control.keys), "choices": [[text, value] for text, value in control.choices.items()],
     }  # fmt: skip
 
@@ -340,13 +347,6 @@ def _road(scene: Scene | None, code: SystemCode, module: Module) -> dict[str, An
     return {
         "model": module.model(code.parts[member]), "x": own_variable(scene.grounds[0].input).reference, "step": float(member.step),
         "sides": {g.side: {"reference": own_variable(g.output).reference, "ahead": g.ahead} for g in scene.grounds},
-        "starts": [[_TYPES[v.fmi_type], v.reference, values] for v, values in _starts(member.description.variables, member.values)],
+        "starts": [[_TYPES[v.fmi_type], v.reference, values] for v, values in start_values(member) if v.fmi_type in _TYPES],
         "parameters": {n: {"type": _TYPES[v.fmi_type], "reference": v.reference} for n, v in own.items()},
     }  # fmt: skip
-
-
-def _starts(variables: Mapping[str, Variable], given: Mapping[str, Any]) -> Iterable[tuple[Variable, list[float]]]:
-    """The values that a member is given, whole arrays at a time."""
-    for declared in dict.fromkeys(variables[n].declared or n for n in given):
-        elements = sorted((v for v in variables.values() if (v.declared or v.name) == declared), key=lambda v: v.index)
-        yield elements[0], [float(given.get(v.name, v.start)) for v in elements]

@@ -14,9 +14,8 @@
 typedef struct {
     const Functions3 *f;
     void *instance;
-    void *saved;          /* the state that web_restore goes back to */
     double start, step;   /* time = start + n * step */
-    int64_t n, saved_n;
+    int64_t n;
     uint32_t ended;       /* the system has asked for it */
     uint32_t n_watched[3]; /* by type, in the order below */
     uint32_t watched[];    /* value references */
@@ -29,7 +28,7 @@ static char message[1024];
 static void say(void *environment, fmi3Status status, fmi3String category, fmi3String text) {
     (void)environment;
     (void)category;
-    if (status != fmi3OK) (void)snprintf(message, sizeof message, "%s", text);
+    if (status != fmi3OK && !message[0]) (void)snprintf(message, sizeof message, "%s", text); /* the first says why, others that */
 }
 
 const char *EXPORT(web_message)(void) { return message; }
@@ -56,7 +55,6 @@ void *EXPORT(web_open)(uint32_t model, const uint32_t *references, uint32_t n_re
 }
 
 void EXPORT(web_close)(Web *web) {
-    if (web->saved) (void)web->f->FreeFMUState(web->instance, &web->saved);
     web->f->FreeInstance(web->instance);
     free(web);
 }
@@ -130,18 +128,3 @@ uint32_t EXPORT(web_run)(Web *web, uint32_t n, uint32_t width, double *rows) {
 }
 
 uint32_t EXPORT(web_ended)(const Web *web) { return web->ended; }
-
-/* Remembers this moment, and goes back to it. */
-uint32_t EXPORT(web_save)(Web *web) {
-    message[0] = 0;
-    web->saved_n = web->n;
-    return (uint32_t)web->f->GetFMUState(web->instance, &web->saved);
-}
-
-uint32_t EXPORT(web_restore)(Web *web) {
-    message[0] = 0;
-    if (!web->saved) return fmi3Error;
-    web->n = web->saved_n;
-    web->ended = 0;
-    return (uint32_t)web->f->SetFMUState(web->instance, web->saved);
-}

@@ -33,7 +33,7 @@ class Instance {
 
   get message() {
     const bytes = new Uint8Array(this.x.memory.buffer, this.x.web_message(), 1024);
-    return new TextDecoder().decode(bytes.slice(0, bytes.indexOf(0)));
+    return new TextDecoder().decode(bytes.slice(0, bytes.indexOf(0))).replace(/\b\w+_fmi3\w+: /g, ""); // without names of C
   }
 
   check(status) {
@@ -70,8 +70,6 @@ class Instance {
   }
 
   get ended() { return this.x.web_ended(this.handle) !== 0; }
-  save() { this.check(this.x.web_save(this.handle)); }
-  restore() { this.check(this.x.web_restore(this.handle)); }
 }
 
 /** Heights of a road by distance, from an instance of the road alone: what lies ahead, before anything is there. */

@@ -6,6 +6,9 @@ const SQUARED = ["rms", "mean square"];
 const SECONDS = 10; // in a chart, where runs have no length of their own
 const PORTION = 100; // steps, between two looks whether a run is over
 const BUDGET = 0.7; // of the time that passes, for computing
+const LONGEST = 0.1; // s of it that count: a page that was out of sight does not catch up
+const FIRST = 20; // steps, before their cost is known
+const SMOOTH = 1; // s, over which the pace is told
 
 class Variant {
   constructor(module, system, data, number) {
@@ -55,6 +58,9 @@ class Variant {
 
   fail(error) { this.failure = error.message; }
 
+  /** All that is shown, as it was at the last step that counts. */
+  get row() { return this.score.verdict ? this.final : this.instance.look(); }
+
   get over() { return Boolean(this.failure || this.instance.ended || this.score.verdict); }
 
   /** Whether this variable can be set while the system runs. */
@@ -93,9 +99,11 @@ class Variant {
     try {
       for (let left = n; left > 0 && !this.over; left -= PORTION) {
         this.instance.run(Math.min(left, PORTION), row => {
+          if (this.score.verdict) return; // the rest of a portion after the end
           this.steps++;
           this.score.add(row);
           if (this.steps % this.keep === 0) this.history.add(row);
+          if (this.score.verdict) this.final = row.slice();
         });
       }
     } catch (error) { this.fail(error); }
@@ -167,7 +175,7 @@ class Score {
 
 class Page {
   constructor(data, module) {
-    Object.assign(this, { data, module, variants: [], views: [], charts: [], steps: 0, running: false, credit: 0, last: null });
+    Object.assign(this, { data, module, variants: [], views: [], charts: [], running: false, credit: 0, last: null, factor: null });
     this.reduced = matchMedia("(prefers-reduced-motion: reduce)").matches;
     this.shared = new Map(); // settings that a person made: they outlive a change of course
     this.$ = id => document.getElementById(id);
@@ -175,7 +183,7 @@ class Page {
     this.choose(0);
   }
 
-  get time() { return this.steps * this.data.interval; }
+  get time() { return Math.max(...this.variants.map(v => v.steps)) * this.data.interval; }
 
   /* ---------------------------------------------------------------- what there is */
 
@@ -190,10 +198,15 @@ class Page {
     $("step").addEventListener("click", () => { this.pause(); this.advance(Math.max(1, Math.round(0.01 / data.interval))); this.draw(); });
     $("reset").addEventListener("click", () => this.restart());
     this.pace = Number($("pace").value);
-    $("pace").addEventListener("change", () => { this.pace = Number($("pace").value); });
+    $("pace").addEventListener("change", () => {
+      this.pace = Number($("pace").value);
+      this.last = this.factor = null;
+    });
+    $("defaults").addEventListener("click", () => this.defaults());
     $("csv").addEventListener("click", () => this.save());
     $("filter").addEventListener("input", () => this.filter());
     document.addEventListener("keydown", e => this.key(e));
+    document.addEventListener("visibilitychange", () => { this.last = this.factor = null; });
     new ResizeObserver(() => this.draw()).observe(document.body);
     matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => {
       for (const { view } of this.views) view.restyle();
@@ -299,8 +312,9 @@ class Page {
       });
       if (!this.data.finish || !this.data.finish.when) return;
       const { verdict, failed } = v.score;
-      this.outcomes[j].textContent = verdict === "failed" ? `failed: ${failed.join(", ")}` : verdict || "on its way";
-      this.outcomes[j].className = verdict && verdict !== "passed" ? "over" : verdict ? "good" : "";
+      const outcome = v.failure ? "stopped" : verdict || (v.instance.ended ? "ended" : "on its way");
+      this.outcomes[j].textContent = outcome === "failed" ? `failed: ${failed.join(", ")}` : outcome;
+      this.outcomes[j].className = { "on its way": "", passed: "good" }[outcome] ?? "over";
     });
   }
 
@@ -319,18 +333,17 @@ class Page {
     for (const e of [range, number, unit, check, select]) e.hidden = true;
     const shown = v => v * spec.factor + spec.offset, meant = y => (y - spec.offset) / spec.factor;
     const apply = y => {
-      const value = meant(y);
-      const restart = this.set(spec.names, value);
-      show();
+      this.say("");
+      const restart = this.set(spec.names, meant(y), spec.follows);
+      for (const c of [...this.controls, ...this.all || []]) c.show();
       if (restart) this.restartSoon();
     };
-    const present = () => {
-      for (const v of this.variants) for (const n of spec.names) if (v.variables.has(n)) return v.value(n);
-      return NaN;
-    };
+    const all = () => this.variants.flatMap(v => spec.names.filter(n => v.variables.has(n)).map(n => v.value(n)));
+    const present = () => all()[0] ?? NaN;
     const show = () => {
       const value = present();
       row.hidden = Number.isNaN(value);
+      row.classList.toggle("differs", all().some(v => v !== value));
       if (spec.kind === "check") check.checked = value !== 0;
       else if (spec.kind === "choice") select.value = String(value);
       else {
@@ -361,16 +374,18 @@ class Page {
       range.addEventListener("input", () => apply(Number(range.value)));
       number.addEventListener("change", () => {
         const y = Number(number.value);
-        if (number.value === "" || !Number.isFinite(y) || (spec.min !== null && y < spec.min) || (spec.max !== null && y > spec.max)) {
-          this.say(`${spec.label}: give a number${bounded ? ` from ${spec.min} to ${spec.max}` : ""}${spec.unit ? ` ${spec.unit}` : ""}.`);
+        const outside = (spec.min !== null && y < spec.min) || (spec.max !== null && y > spec.max);
+        if (number.value === "" || !Number.isFinite(y) || outside || (spec.whole && !Number.isInteger(y))) {
+          const limits = bounded ? ` from ${spec.min} to ${spec.max}` : spec.min !== null ? ` of ${spec.min} or more` : spec.max !== null ? ` of ${spec.max} or less` : "";
           show();
+          this.say(`${spec.label}: give a ${spec.whole ? "whole " : ""}number${limits}${spec.unit ? ` ${spec.unit}` : ""}.`);
         } else apply(y);
       });
     }
     if (spec.keys.length) label.append(Object.assign(document.createElement("kbd"), { textContent: spec.keys.map(k => Page.KEYS[k] || k).join(" ") }));
     room.append(row);
     return { spec, show, row, nudge: by => {
-      const y = shown(present()) + by * spec.step * 2;
+      const y = shown(present()) + by * spec.step * (spec.whole ? 1 : 2);
       apply(Math.min(spec.max, Math.max(spec.min, y)));
     } };
   }
@@ -407,7 +422,7 @@ class Page {
     const narrow = v.min !== null && v.max !== null && Math.abs(v.max - v.min) <= 1e3 * Math.max(Math.abs(v.start), 1e-3);
     return {
       label: v.name.slice(member.length + 1), text: v.text, names: [v.name], unit: d.unit, factor: d.factor, offset: d.offset, keys: [],
-      kind: v.type === 2 ? "check" : "number", min: shown(v.min), max: shown(v.max), choices: [],
+      kind: v.type === 2 ? "check" : "number", min: shown(v.min), max: shown(v.max), choices: [], whole: v.type === 1, follows: {},
       step: v.type === 1 ? 1 : narrow ? Number(((shown(v.max) - shown(v.min)) / 200).toPrecision(2)) : "any",
     };
   }
@@ -455,14 +470,26 @@ class Page {
 
   /* ---------------------------------------------------------------- what happens */
 
-  /** Sets variables in every variant that has them; returns whether they count only after a restart. */
-  set(names, value) {
+  /** Sets variables, and those that follow them, in every variant that has them; returns whether they count only after a restart. */
+  set(names, value, follows = {}) {
     let restart = false;
     for (const name of names) {
       this.shared.set(name, value);
       for (const variant of this.variants) restart = variant.set(name, value) || restart;
     }
+    for (const [name, sums] of Object.entries(follows)) {
+      const [variant] = this.variants.filter(v => v.variables.has(name));
+      if (!variant) continue;
+      const of = sum => Object.entries(sum.terms).reduce((total, [n, factor]) => total + factor * variant.value(n), sum.offset);
+      restart = this.set([name], Math.max(...sums.map(of))) || restart;
+    }
     return restart;
+  }
+
+  /** As the page was at first. */
+  defaults() {
+    this.shared.clear();
+    this.choose(Number(this.$("group").value));
   }
 
   restartSoon() {
@@ -475,8 +502,8 @@ class Page {
     for (const variant of this.variants) variant.restart();
     for (const chart of this.charts) chart.range = null;
     for (const { view } of this.views) view.reset();
-    this.steps = 0;
     this.credit = 0;
+    this.say("");
     this.report();
     this.draw();
   }
@@ -486,7 +513,7 @@ class Page {
   play() {
     if (this.variants.every(v => v.over)) this.restart();
     this.running = true;
-    this.last = null;
+    this.last = this.factor = null;
     this.$("run").textContent = "Pause";
     requestAnimationFrame(t => this.frame(t));
   }
@@ -500,7 +527,6 @@ class Page {
   /** Steps of all variants. */
   advance(n) {
     for (const variant of this.variants) variant.run(n);
-    this.steps += n;
     this.report();
     if (this.running && this.variants.every(v => v.over)) this.pause();
   }
@@ -508,19 +534,15 @@ class Page {
   frame(now) {
     if (!this.running) return;
     if (this.last !== null) {
-      const passed = Math.min(0.1, (now - this.last) / 1000);
+      const passed = (now - this.last) / 1000, before = this.time;
       this.credit += passed * this.pace / this.data.interval;
-      let n = Math.floor(this.credit + 1e-9);
       const cost = this.variants.reduce((sum, v) => sum + v.cost, 0);
-      const most = cost ? Math.max(1, Math.floor(BUDGET * passed * 1000 / cost)) : n;
-      this.slow = n > most;
-      if (this.slow) { n = most; this.credit = n; } // what cannot be computed in time is not owed
-      if (n) {
-        this.credit -= n;
-        this.advance(n);
-      }
-      const factor = n * this.data.interval / Math.max(passed, 1e-3);
-      this.factor = this.factor ? 0.95 * this.factor + 0.05 * factor : factor;
+      const most = cost ? Math.max(1, Math.floor(BUDGET * Math.min(passed, LONGEST) * 1000 / cost)) : FIRST;
+      const n = Math.min(Math.floor(this.credit + 1e-9), most);
+      this.credit = Math.min(this.credit - n, 1); // what cannot be computed in time is not owed
+      if (n) this.advance(n);
+      const weight = Math.exp(-passed / SMOOTH), factor = (this.time - before) / passed;
+      this.factor = this.factor === null ? factor : weight * this.factor + (1 - weight) * factor;
     }
     this.last = now;
     this.draw();
@@ -541,7 +563,8 @@ class Page {
     for (const chart of this.charts) chart.draw(lines, this.seconds);
     this.fill();
     this.$("time").textContent = `${this.time.toFixed(2)} s`;
-    this.$("factor").textContent = this.slow ? `this device keeps up with ${(this.factor || 0).toFixed(2)} of the clock` : "";
+    const slow = this.running && this.factor !== null && this.factor < 0.9 * this.pace;
+    this.$("factor").textContent = slow ? `this device runs it at ${this.factor.toFixed(2)} times the clock, not ${this.pace}` : "";
     const now = performance.now();
     if (!this.described || now - this.described > 2000) this.describe();
   }
@@ -568,8 +591,11 @@ class Page {
   say(text) { this.$("message").textContent = text; }
 
   key(e) {
-    if (e.ctrlKey || e.metaKey || e.altKey || /^(INPUT|SELECT|TEXTAREA|BUTTON|SUMMARY|A)$/.test(e.target.tagName) && e.target.type !== "range") return;
-    if (e.target.type === "range" && e.key.startsWith("Arrow")) return;
+    if (e.defaultPrevented || e.ctrlKey || e.metaKey || e.altKey) return;
+    const { tagName, type } = e.target, arrow = e.key.startsWith("Arrow");
+    if (tagName === "SELECT" || tagName === "INPUT" && !["range", "checkbox"].includes(type)) return; // which take letters
+    if (arrow && (type === "range" || e.target.id === "parameters")) return;
+    if (e.key === " " && /^(BUTTON|SUMMARY|A|INPUT)$/.test(tagName)) return; // they take it
     const actions = { " ": () => this.toggle(), ".": () => this.$("step").click(), r: () => this.restart() };
     let action = actions[e.key];
     for (const c of this.controls) {
