@@ -54,12 +54,14 @@ def _preview_lq(fmus: FmuSet) -> Iterator[System]:
 
 
 def _ride(fmus: FmuSet) -> Iterator[System]:
-    """The cars that are another one's, under all their laws but those that a ride car may not have."""
+    """The cars that are another one's, under all their laws but those that a ride car may not have; actuators under the HMMWV."""
     with Runner(ride.EXPERIMENT, fmus) as runner:
+        if "HydraulicActuator" in fmus.own:
+            yield runner.system(ride.runs.Case("hmmwv", "lqr", "hydraulic"))
         for name, car in ride.runs.CARS.items():
-            laws = ("passive",) if name == "sedan" else car.laws
-            for law in laws if car.plant in fmus.own else ("lqr",) if name == "hmmwv" and "HydraulicActuator" in fmus.own else ():
-                yield runner.system(ride.runs.Case(name, law))
+            for law in (("passive",) if name == "sedan" else car.laws) if car.plant in fmus.own else ():
+                pump_off = (name, law) == ("hmmwv", "passive")
+                yield runner.system(ride.runs.Case(name, law, "hydraulic" if pump_off else "ideal"))
 
 
 def _three_axle(fmus: FmuSet) -> Iterator[System]:
@@ -102,7 +104,7 @@ EXPERIMENTS = {
     "ride": Experiment(_ride, {
         "ride_car": ("RideCar{}", "RoadProvingGround{}", "RoadProvingGround5ms{}", "Skyhook{}", "Lqr{}", "Lqr{}Kilonewton", "Mpc{}"),
         "full_car": ("FullCar{}", "RoadProvingGround{}", "GpcImplicit{}", "GpcExplicit{}", "GpcPreview{}"),
-        "three_axle": ("ThreeAxleRide{}", "RoadProvingGround{}", "LqrThreeAxle{}", "MpcThreeAxle{}"),
+        "three_axle": ("ThreeAxleRide{}", "RoadProvingGroundThreeAxle{}", "LqrThreeAxle{}", "MpcThreeAxle{}"),
         "wishbone_car": ("FullCar{}", "RoadProvingGround{}"),
         "actuator": ("HydraulicActuator{}", "ForceTracking{}"),
     }),
@@ -118,7 +120,7 @@ PAIRS = [(e, b) for e in EXPERIMENTS for b in bases(e)]
 COSTLY = {
     ("gpc", "hmmwv_modified"), ("hmmwv", "ride_car_hmmwv"), ("hmmwv", "sensors_hmmwv"), ("preview-lq", "sedan"),
     ("three-axle", "three_axle"), ("trench", "three_axle_trench"),
-    *(("ride", b) for b in ("hmmwv", "hmmwv_modified", "ride_car_hmmwv", "sedan", "three_axle")),
+    *(("ride", b) for b in ("hmmwv", "hmmwv_modified", "hmmwv_public", "ride_car_hmmwv", "sedan", "three_axle")),
 }  # fmt: skip
 """Pairs that are the published experiment under other names and take minutes to build: left to ``make test-full``."""
 

@@ -27,6 +27,7 @@ for (const colorScheme of ["light", "dark"]) {
     const context = await browser.newContext({ viewport: { width, height: 900 }, colorScheme });
     const page = await open(context);
     const clock = () => page.evaluate(() => new Promise((done) => requestAnimationFrame((now) => done([page.time, now / 1000]))));
+    await page.waitForTimeout(1000); // until the browser has compiled what runs often
     const from = await clock();
     await page.waitForTimeout(3000);
     const to = await clock();

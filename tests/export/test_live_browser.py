@@ -48,12 +48,13 @@ def test_it_says_and_asks_nothing(shown) -> None:
 
 
 def test_it_runs_as_fast_as_the_clock_and_can_be_read_by_everyone(shown) -> None:
-    _, _, found = shown
+    experiment, _, found = shown
+    asked = resolved(experiment.web)(experiment.case()).page.pace
     assert found["waits"]  # where reduced motion is asked for
     for view in found["views"]:
         assert view["state"] == "ready"
         assert view["overflow"] <= 0
-        assert view["pace"] > 0.95  # with all systems and their pictures
+        assert view["pace"] > 0.95 * asked  # with all systems and their pictures
         assert [(v["id"], v["help"], v["nodes"]) for v in view["violations"] if v["impact"] in ("serious", "critical")] == []
         assert all(label and "NaN" not in label for label in view["labels"])
     for group in found["groups"]:
