@@ -3,6 +3,7 @@
 ======================  ==========================================================================
 ``quarter_car``         linear quarter car, the smallest complete example
 ``ride_car``            linear ride cars on four or six wheels
+``ride_interface``      what every ride car shows, whatever its equations
 ``linear_car``          the linear ride car of a nonlinear car, near rest
 ``full_car``            nonlinear car: body with six degrees of freedom, wheel spin, tires, driver
 ``three_axle_trench``   6x6 over trenches and obstacles, with contact

@@ -22,8 +22,8 @@ import numpy as np
 
 from build_fmus.component import Component, Linearization, Model
 from fmu_sources.models.corners import TWO_AXLES, Corner, Corners
-from fmu_sources.plants.ride_car import bump_at_an_angle
-from fmu_sources.plants.seat import SEAT_NOTE, seat_outputs
+from fmu_sources.plants.ride_interface import bump_at_an_angle, ride_inputs, ride_outputs, ride_states
+from fmu_sources.plants.seat import SEAT_NOTE
 from fmu_sources.plants.wishbone_car import wishbone_car
 from fmu_sources.vehicles import WishboneCar
 
@@ -140,7 +140,11 @@ def linear_values(vehicle: WishboneCar) -> dict[str, float]:
 # ------------------------------------------------------------------------------------------------------- the component
 
 _UNITS = ("m", "rad", "rad", *("m" for _ in CORNERS))
-_INPUTS = {"height": ("road.{}.height", "m"), "rate": ("road.{}.rate", "m/s"), "force": ("force.{}", "N")}
+_INPUTS = {  # of a corner -> name, unit, name of the matrix, words
+    "road": ("road.{}.height", "m", "road_height", "road height"),
+    "road_rate": ("road.{}.rate", "m/s", "road_rate", "rate of the road height"),
+    "force": ("force.{}", "N", "force", "actuator force"),
+}
 
 
 def linear_ride_car(vehicle: WishboneCar, name: str = "RideCarHmmwvPublic") -> Component:
@@ -160,26 +164,8 @@ def linear_ride_car(vehicle: WishboneCar, name: str = "RideCarHmmwvPublic") -> C
         notes=(*_NOTES, SEAT_NOTE),
     )
     corners = Corners(TWO_AXLES)
-    lifts = "positive lifts the body and pushes the wheel down"
-    corners.each(
-        height=lambda k: c.input(f"road.{k}.height", "m", f"road height under the {k} wheel"),
-        rate=lambda k: c.input(f"road.{k}.rate", "m/s", f"rate of the road height under the {k} wheel"),
-        force=lambda k: c.input(f"force.{k}", "N", f"actuator force at {k}, {lifts}"),
-    )
-    angle: dict[str, Any] = {"output": True, "nominal": 0.1, "display_unit": "deg"}
-    turning: dict[str, Any] = {"output": True, "nominal": 0.1, "display_unit": "deg/s"}
-    q = [
-        c.state("body.z", "m", "CG height above static equilibrium", output=True, nominal=0.1),
-        c.state("body.roll", "rad", "roll angle, positive left side up", **angle),
-        c.state("body.pitch", "rad", "pitch angle, positive nose down", **angle),
-        *(c.state(f"wheel.{k}.z", "m", "wheel height above static equilibrium", output=True, nominal=0.1) for k in corners),
-    ]
-    dq = [
-        c.state("body.vz", "m/s", "vertical velocity of the CG", output=True),
-        c.state("body.roll_rate", "rad/s", "roll rate", **turning),
-        c.state("body.pitch_rate", "rad/s", "pitch rate", **turning),
-        *(c.state(f"wheel.{k}.vz", "m/s", "vertical velocity of the wheel", output=True) for k in corners),
-    ]
+    ride_inputs(c, corners)
+    q, dq = ride_states(c, corners)
     inputs = {what: ca.vertcat(*corners.all(what)) for what in _INPUTS}
 
     # ------------------------------------------------------------------------------------------------------- matrices
@@ -196,12 +182,10 @@ def linear_ride_car(vehicle: WishboneCar, name: str = "RideCarHmmwvPublic") -> C
     by_position = matrix("position", "position", _UNITS, np.vstack([motion.stiffness, *(s[0] for s in seat)]))
     by_rate = matrix("rate", "rate of these", [f"{unit}/s" for unit in _UNITS], np.vstack([motion.damping, *(s[1] for s in seat)]))
     acceleration = by_position @ ca.vertcat(*q) + by_rate @ ca.vertcat(*dq)
-    for what, (pattern, unit) in _INPUTS.items():
+    for what, (pattern, unit, label, text) in _INPUTS.items():
         values = np.column_stack(
             [[*motion.inputs[pattern.format(k)], *(s[2][pattern.format(k)] for s in seat)] for k in CORNERS]
         )
-        text = {"height": "road height", "rate": "rate of the road height", "force": "actuator force"}[what]
-        label = what if what == "force" else f"road_{what}"
         acceleration += matrix(label, text, [unit] * len(CORNERS), values) @ inputs[what]
     *moving, ax, az = ca.vertsplit(acceleration)
     deflecting = c.parameter(
@@ -223,22 +207,11 @@ def linear_ride_car(vehicle: WishboneCar, name: str = "RideCarHmmwvPublic") -> C
         c.derivative(place, rate)
         c.derivative(rate, value)
 
-    c.output("body.az", moving[0], "m/s2", "vertical acceleration of the CG")
-    c.output("body.roll_acceleration", moving[1], "rad/s2", "roll acceleration", display_unit="deg/s2")
-    c.output("body.pitch_acceleration", moving[2], "rad/s2", "pitch acceleration", display_unit="deg/s2")
-    seat_outputs(c, ax, az)
     for k in corners:
-        c.output(f"wheel.{k}.az", moving[3 + k.place], "m/s2", "vertical acceleration of the wheel")
-    for k in corners:
-        c.output(f"suspension.{k}.deflection", travel[k.place], "m", "body height minus wheel height", display_unit="mm")
-    for k in corners:
-        c.output(f"suspension.{k}.velocity", travel_rate[k.place], "m/s", "rate of the suspension deflection")
-    for k in corners:
-        c.output(f"tire.{k}.deflection", q[3 + k.place] - k.height, "m", "wheel height minus road height", display_unit="mm")
-    for k in corners:
-        dynamic = k.stiffness * (k.height - q[3 + k.place]) + k.damping * (k.rate - dq[3 + k.place])
-        c.output(f"tire.{k}.force", k.static + dynamic, "N", "tire force on the wheel, static load included", nominal=1e3, display_unit="kN")
-
+        k.travel, k.travel_rate = travel[k.place], travel_rate[k.place]
+        k.deflection = q[3 + k.place] - k.road
+        k.tire_force = k.static + (k.stiffness * (k.road - q[3 + k.place]) + k.damping * (k.road_rate - dq[3 + k.place]))
+    ride_outputs(c, corners, moving, ax, az)
     c.stimulate(bump_at_an_angle(list(CORNERS)))
     return c
 

@@ -14,7 +14,6 @@ The car is linear but for two options: friction in the suspensions, and tires th
 
 from __future__ import annotations
 
-from math import pi, sin
 from typing import Any
 
 import casadi as ca
@@ -23,7 +22,8 @@ from build_fmus.component import Component
 from fmu_sources.models.corners import Corner, Corners
 from fmu_sources.plants.friction import declare_friction, friction_loss
 from fmu_sources.plants.gravity import gravity
-from fmu_sources.plants.seat import SEAT_NOTE, seat_outputs
+from fmu_sources.plants.ride_interface import bump_at_an_angle, ride_inputs, ride_outputs, ride_states
+from fmu_sources.plants.seat import SEAT_NOTE
 from fmu_sources.vehicles import RideCar, ThreeAxleCar, declare
 
 _SOURCES = {
@@ -79,29 +79,11 @@ def ride_car(vehicle: RideCar | ThreeAxleCar, name: str = "RideCarSedan") -> Com
 
     # ------------------------------------------------------------------------------------------------------ inputs
 
-    lifts = "positive lifts the body and pushes the wheel down"
-    corners.each(
-        road=lambda k: c.input(f"road.{k}.height", "m", f"road height under the {k} wheel"),
-        road_rate=lambda k: c.input(f"road.{k}.rate", "m/s", f"rate of the road height under the {k} wheel"),
-        force=lambda k: c.input(f"force.{k}", "N", f"actuator force at {k}, {lifts}"),
-    )
+    ride_inputs(c, corners)
 
     # --------------------------------------------------------------------------------- coordinates and their rates
 
-    angle: dict[str, Any] = {"output": True, "nominal": 0.1, "display_unit": "deg"}
-    q = [
-        c.state("body.z", "m", "CG height above static equilibrium", output=True, nominal=0.1),
-        c.state("body.roll", "rad", "roll angle, positive left side up", **angle),
-        c.state("body.pitch", "rad", "pitch angle, positive nose down", **angle),
-        *(c.state(f"wheel.{k}.z", "m", "wheel height above static equilibrium", output=True, nominal=0.1)
-          for k in corners),
-    ]  # fmt: skip
-    dq = [
-        c.state("body.vz", "m/s", "vertical velocity of the CG", output=True),
-        c.state("body.roll_rate", "rad/s", "roll rate", output=True, nominal=0.1, display_unit="deg/s"),
-        c.state("body.pitch_rate", "rad/s", "pitch rate", output=True, nominal=0.1, display_unit="deg/s"),
-        *(c.state(f"wheel.{k}.vz", "m/s", "vertical velocity of the wheel", output=True) for k in corners),
-    ]
+    q, dq = ride_states(c, corners)
 
     def lengths(k: Corner, q: list[Any], road: Any) -> tuple[Any, Any]:
         """Suspension and tire deflection of a corner; their rates when given rates. 004 equation (12)."""
@@ -149,25 +131,12 @@ def ride_car(vehicle: RideCar | ThreeAxleCar, name: str = "RideCarSedan") -> Com
 
     # ----------------------------------------------------------------------------------------------------- outputs
 
-    az, roll_acceleration, pitch_acceleration, *wheel_az = acceleration
-    c.output("body.az", az, "m/s2", "vertical acceleration of the CG")
-    c.output("body.roll_acceleration", roll_acceleration, "rad/s2", "roll acceleration", display_unit="deg/s2")
-    c.output("body.pitch_acceleration", pitch_acceleration, "rad/s2", "pitch acceleration", display_unit="deg/s2")
+    az, roll_acceleration, pitch_acceleration, *_ = acceleration
+    for k in corners:
+        k.tire_force = k.dynamic + k.static - k.tension
     # Small angles: the seat rises with y roll - x pitch and moves ahead with z pitch.
-    seat_outputs(c, p.seat.z * pitch_acceleration, az + p.seat.y * roll_acceleration - p.seat.x * pitch_acceleration)
-    for k, value in zip(corners, wheel_az, strict=True):
-        c.output(f"wheel.{k}.az", value, "m/s2", "vertical acceleration of the wheel")
-    for k in corners:
-        c.output(f"suspension.{k}.deflection", k.travel, "m", "body height minus wheel height", display_unit="mm")
-    for k in corners:
-        c.output(f"suspension.{k}.velocity", k.travel_rate, "m/s", "rate of the suspension deflection")
-    for k in corners:
-        c.output(f"tire.{k}.deflection", k.deflection, "m", "wheel height minus road height", display_unit="mm")
-
-    for k in corners:
-        c.output(f"tire.{k}.force", k.dynamic + k.static - k.tension, "N", "tire force on the wheel, static load included",
-                 nominal=1e3, display_unit="kN")  # fmt: skip
-
+    seat_az = az + p.seat.y * roll_acceleration - p.seat.x * pitch_acceleration
+    ride_outputs(c, corners, acceleration, p.seat.z * pitch_acceleration, seat_az)
     c.stimulate(bump_at_an_angle(corners.all("name")))
     return c
 
@@ -184,28 +153,6 @@ def _static_loads(c: Component, mass: Any, corners: Corners) -> None:
     g = gravity(c)
     share = ca.inv_minor(rest) @ ca.vertcat(mass * g, 0, 0)
     corners.each(static=lambda k: ca.dot(k.arms, share) + k.wheel.mass * g)
-
-
-def bump_at_an_angle(corners: list[str]) -> dict[str, Any]:
-    """A bump taken at an angle, and some actuator work, for the reference result."""
-
-    def bump(at: float) -> tuple[Any, Any]:
-        def inside(t: float) -> bool:
-            return at <= t < at + 0.08
-
-        w = pi / 0.08
-        return (
-            lambda t: 0.04 * sin(w * (t - at)) ** 2 if inside(t) else 0.0,
-            lambda t: 0.04 * w * sin(2 * w * (t - at)) if inside(t) else 0.0,
-        )
-
-    signals: dict[str, Any] = {
-        f"force.{corners[0]}": lambda t: 1000.0 * sin(2 * pi * 5 * t),
-        f"force.{corners[-1]}": lambda t: -600.0 * sin(2 * pi * 3 * t),
-    }
-    for i, n in enumerate(corners):  # the right wheel 10 ms behind the left one, each axle 70 ms behind the one ahead
-        signals[f"road.{n}.height"], signals[f"road.{n}.rate"] = bump(round(0.02 + 0.07 * (i // 2) + 0.01 * (i % 2), 2))
-    return signals
 
 
 _NOTES = (
