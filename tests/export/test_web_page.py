@@ -15,6 +15,8 @@ from built import FMUS, BuiltFmus
 from web_host import TYPES, WebHost
 
 from cosim import CosimError, System, WiringError
+from cosim.experiments.live_pages import shown as shown_experiments
+from cosim.experiments.live_pages import write_pages
 from cosim.experiments.metrics.crossing import LIMITS
 from cosim.experiments.trench import EXPERIMENT as TRENCH
 from cosim.experiments.trench.web import live
@@ -240,3 +242,13 @@ def test_the_trench_page_judges_as_the_study_does(built_fmus: BuiltFmus, speed: 
         columns = np.column_stack([recording[n] for n in m.names])
         value = {"peak": np.abs(columns).max(), "rms": np.sqrt((columns**2).mean(axis=0)).max()}[m.how]
         assert m.factor * value == pytest.approx(expected[name], rel=0.01), name
+
+
+def test_pages_of_the_fmus_that_there_are(built_fmus: BuiltFmus, tmp_path: Path) -> None:  # noqa: ARG001
+    """As releases write them: those whose FMUs are all among the named."""
+    assert set(shown_experiments()) == {"hmmwv", "preview-lq", "trench"}
+    fmus = FmuSet(FMUS)
+    assert write_pages(fmus, tmp_path / "none", ["SpeedProfile"]) == []
+    (path,) = write_pages(fmus, tmp_path / "one", shown_experiments()["trench"].fmus)
+    assert path == tmp_path / "one" / "trench.html"
+    assert [s["title"] for s in json.loads(block(path, "data"))["systems"]] == ["Passive", "LQR", "MPC"]
