@@ -20,7 +20,9 @@ class WebHost:
         module = wasmtime.Module(engine, content)
         assert [i.name for i in module.imports] == []  # it asks its host for nothing
         self.exports = wasmtime.Instance(self.store, module, []).exports(self.store)
-        self.memory = self.exports["memory"]
+        memory = self.exports["memory"]
+        assert isinstance(memory, wasmtime.Memory)
+        self.memory = memory
         self.call("_initialize")
         counts = [sum(kind == t for _, kind in watched) for t in TYPES]
         references = self.place(np.array([r for r, _ in watched], dtype=np.uint32))
@@ -28,7 +30,10 @@ class WebHost:
         self.handle = self.call("web_open", model, references, *counts)
 
     def call(self, name: str, *arguments: float) -> int:
-        return self.exports[name](self.store, *arguments)
+        function = self.exports[name]
+        assert isinstance(function, wasmtime.Func)
+        result: int = function(self.store, *arguments)
+        return result
 
     @property
     def message(self) -> str:
