@@ -218,6 +218,7 @@ def test_metrics_of_the_preview_chain() -> None:
 def test_signals_of_the_preview_chain() -> None:
     found = preview.runs.signals(chain_run())
     at = 300  # 1.5 s
+    assert {len(v) for v in found.values()} == {800}
     assert {n: v[at] for n, v in found.items()} == pytest.approx({
         "time": 1.5, "x": 15.0, "range": 5.5, "range valid": 1.0, "sensed x": 18.5, "sensed": -0.04, "true": 0.0,
         "true rate": 6 * 1.5125, "buffered": -0.004, "rate": 9.0, "preview valid": 1.0, "road valid": 1.0,
@@ -232,6 +233,14 @@ def test_spread_is_taken_in_windows_of_four_seconds() -> None:
     signals_["buffer.preview.fl[1]"] = signals_["road.road.fl.height"] + error
     found = preview.runs.measure(made_up.run(preview.runs.Case(), t, signals_, CHAIN))
     assert found["spread"] == pytest.approx([0.001, 0.01, 0.1], rel=1e-3)
+
+
+@pytest.mark.parametrize(("samples", "windows"), [(1201, 1), (1202, 2)])
+def test_a_window_of_the_spread_counts_when_more_than_half_of_it_was_run(samples: int, windows: int) -> None:
+    t = np.arange(samples) * 0.005  # to 6 s, and one sample longer
+    base = chain_run()
+    signals_ = {n: np.interp(t, TC, base.recording[n]) for n in base.recording}
+    assert len(preview.runs.measure(made_up.run(preview.runs.Case(), t, signals_, CHAIN))["spread"]) == windows
 
 
 def test_metrics_of_the_generated_preview() -> None:

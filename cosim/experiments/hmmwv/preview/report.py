@@ -148,7 +148,7 @@ def _dropout_panel(study: Results) -> Panel:
         Series("buffered", row["time"], 1e3 * row["buffered"], color="green"),
         Series("preview.valid, 10 mm for true", row["time"], 10 * row["preview valid"], color="grey"),
     ]
-    return Panel("range sensors fail for 0.2 s", "time [s]", "height [mm]", shown)
+    return Panel(f"range sensors fail for {DROPOUT.dropout:g} s", "time [s]", "height [mm]", shown)
 
 
 def _dips(study: Results) -> Table:

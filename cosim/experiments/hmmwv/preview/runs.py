@@ -157,7 +157,7 @@ def signals(run: Run) -> Row:
         return {name: _rounded(r[column]) for name, column in GENERATED.items()}
     rows = {name: _rounded(r[column]) for name, column in SENSED.items()}
     rate = np.array(rows["true rate"])
-    rows["true rate"] = np.convolve(rate, np.ones(6) / 6, "full")[5 : 5 + len(rate)].tolist()
+    rows["true rate"] = np.convolve(rate, np.ones(6) / 6, "full")[5:].tolist()
     del rows["next"]
     return {"time": _rounded(r.time), **rows, "rate": _rounded(_rate(r))}
 
