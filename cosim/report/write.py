@@ -1,7 +1,7 @@
 """Write a report: `report.html`, `summary.json`, one CSV file per figure and per table.
 
 The three forms are written from the same objects. Nothing depends on time, machine or order of hashing: the same
-report gives the same bytes. The page loads nothing: its scripts and styles are inside, and its content security
+report gives the same bytes. What is large in the page (plotly, curves, motion) is compressed. The page loads nothing: its scripts and styles are inside, and its content security
 policy forbids the rest.
 """
 
@@ -14,7 +14,9 @@ import io
 import json
 import math
 import os
+import zlib
 from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 from importlib import resources
 from pathlib import Path
 from typing import Any
@@ -124,15 +126,18 @@ def summary(report: Report) -> dict[str, Any]:
 def render(report: Report) -> str:
     """The page."""
     palette = Palette(report.drawn)
-    plots = {f.id: _script_data(_plot(f, palette)) for f in report.figures}
+    plots = {f.id: Packed.json(_plot(f, palette)) for f in report.figures}
     scripts = [_script(_asset("report.js"))]
     style = _asset("report.css")
-    motions = {a.id: _script_data(animation_data(a)) for a in report.animations}
+    motions = {a.id: Packed.json(animation_data(a)) for a in report.animations}
     if motions:
         scripts.append(_script(_asset("animation.js")))
         style += _asset("animation.css")
-    if plots:
-        scripts.insert(0, _script(_asset("plotly-cartesian.min.js", "vendor")))
+    if plots or motions:
+        inflate = _asset("tiny-inflate.js", "vendor")  # made for Node.js: a module
+        inflate = f"const inflate = ((module) => {{\n{inflate}\nreturn module.exports; }})({{}});"
+        scripts.insert(0, _script(f"{inflate}\n{_asset('packed.js')}"))
+    library = _script(_asset("plotly-cartesian.min.js", "vendor")) if plots else None
     environment = jinja2.Environment(
         loader=jinja2.FunctionLoader(_asset),
         autoescape=True,
@@ -146,10 +151,11 @@ def render(report: Report) -> str:
         report=report,
         plots=plots,
         scripts=scripts,
+        library=Packed.text(library) if library else None,
         style=Markup(style),
         motions=motions,
         dark=_script_data(dark_colors()) if plots else None,
-        policy=_policy(scripts),
+        policy=_policy([*scripts, *([library] if library else [])]),
         shown=shown,
         counts=report.counts,
         look=_LOOK,
@@ -308,9 +314,33 @@ def _csv(headers: Iterable[str], rows: Iterable[Sequence[Scalar]]) -> str:
     return text.getvalue()
 
 
+@dataclass(frozen=True)
+class Packed:
+    """A text as the page holds it compressed: base64 of deflated UTF-8, and its length [bytes] before that."""
+
+    content: str
+    size: int
+
+    @classmethod
+    def text(cls, text: str) -> Packed:
+        """Pack a text."""
+        plain = text.encode()
+        deflate = zlib.compressobj(9, zlib.DEFLATED, -zlib.MAX_WBITS)
+        return cls(base64.b64encode(deflate.compress(plain) + deflate.flush()).decode(), len(plain))
+
+    @classmethod
+    def json(cls, value: Any) -> Packed:
+        """Pack a value as JSON."""
+        return cls.text(_compact(value))
+
+
+def _compact(value: Any) -> str:
+    return json.dumps(_finite(value), sort_keys=True, separators=(",", ":"), allow_nan=False)
+
+
 def _script_data(value: Any) -> Markup:
     """JSON that no text inside can break out of."""
-    text = json.dumps(_finite(value), sort_keys=True, separators=(",", ":"), allow_nan=False)
+    text = _compact(value)
     for character in "<>&":
         text = text.replace(character, f"\\u{ord(character):04x}")
     return Markup(text)

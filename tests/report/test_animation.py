@@ -8,6 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from packed import packed_texts
 
 from cosim.report import (
     Animation,
@@ -109,16 +110,14 @@ def report(*animations: Animation) -> Report:
 
 def test_page_holds_the_data_and_its_script_and_fetches_nothing(tmp_path):
     text = write_report(report(animation(scene("a <b>"), scene("c"))), tmp_path).read_text(encoding="utf-8")
-    found = re.search(r'<script type="application/json" id="motion-crossing">(.*?)</script>', text, re.DOTALL)
-    assert found is not None
-    data = json.loads(found[1])
+    data = json.loads(packed_texts(text)["motion-crossing"])
     assert [s["title"] for s in data["takes"][0]["scenes"]] == ["a <b>", "c"]
     assert 'data-animation="motion-crossing"' in text
     assert "requestAnimationFrame" in text
     assert not re.search(r"""(src|href)=["']?(https?:)?//""", text)
     policy = re.search(r'Content-Security-Policy" content="(.*?)"', text)
     assert policy is not None
-    assert policy[1].count("sha256-") == 2  # the page's script and the player
+    assert policy[1].count("sha256-") == 3  # what unpacks, the page's script and the player
     assert json.loads((tmp_path / "summary.json").read_text())["animations"] == {
         "crossing": {"title": "Crossing", "takes": ["run"]}
     }
@@ -156,6 +155,6 @@ def test_the_page_draws_forces_to_one_scale_at_their_full_length(tmp_path) -> No
     assert animation_data(animation())["forceScale"] == animation().force_scale == 1e5
     page = write_report(Report("e", "T", "", sections=[Section("S", animations=[replace(animation(), force_scale=3e4)])]), tmp_path)
     text = page.read_text(encoding="utf-8")
-    assert '"forceScale":30000.0' in text
+    assert json.loads(packed_texts(text)["motion-crossing"])["forceScale"] == 30000.0
     assert "const fx = at(force.fx, place) / options.forceScale * scale" in text
     assert "arrow(pen, x, y, fx, -fz" in text

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import csv
 import json
-import re
 
 import numpy as np
 import pytest
+from packed import packed_texts
 
 from cosim.report import Layer, Map, Report, Section, maps, write_report
 
@@ -49,9 +49,7 @@ def test_refuses(make, message):
 def test_page_has_the_layers_on_one_scale_and_the_reference_as_a_line(tmp_path):
     report = Report("demo", "Demo", "Lead.", sections=[Section("Maps", figures=[made(reference=7.0)])])
     text = write_report(report, tmp_path).read_text(encoding="utf-8")
-    found = re.search(r'<script type="application/json" id="data-cost">(.*?)</script>', text, re.DOTALL)
-    assert found is not None
-    data = json.loads(found[1])["data"]
+    data = json.loads(packed_texts(text)["data-cost"])["data"]
     filled, lines = data[::2], data[1::2]
     assert [(t["zmin"], t["zmax"]) for t in filled] == [(0.0, 15.0)] * 2
     assert [(t["contours"]["start"], t["contours"]["end"], t["contours"]["coloring"]) for t in lines] == [(7.0, 7.0, "lines")] * 2

@@ -309,7 +309,7 @@
   };
 
   const start = (stage) => {
-    const data = JSON.parse(document.getElementById(stage.dataset.animation).textContent);
+    const data = JSON.parse(unpacked(document.getElementById(stage.dataset.animation)));
     data.takes.forEach((take) => take.scenes.forEach(prepare));
     const title = stage.closest("figure").querySelector("h3").textContent.trim();
     let take, duration, views, time = 0, playing = false, speed = 1, before = 0;

@@ -5,12 +5,16 @@
   const PRINT_HEIGHT = 820; // px, of a figure with its title and caption below it on one page
   const root = document.documentElement;
   const figures = [...document.querySelectorAll("[data-plot]")];
-  const given = (id) => JSON.parse(document.getElementById(id).textContent);
+  if (figures.length) { // plotly: the page's policy knows its text
+    const library = document.createElement("script");
+    library.textContent = unpacked(document.getElementById("plotly"));
+    document.head.append(library);
+  }
 
   // ---- colours: what the system prefers, unless the reader chose; paper is white
 
   const system = matchMedia("(prefers-color-scheme: dark)");
-  const shade = figures.length ? given("dark-colors") : {};
+  const shade = figures.length ? JSON.parse(document.getElementById("dark-colors").textContent) : {};
   let printing = false;
   const remembered = () => { try { return localStorage.getItem("theme"); } catch { return null; } }; // a page from a file may have none
   const dark = () => !printing && (root.dataset.theme ? root.dataset.theme === "dark" : system.matches);
@@ -45,7 +49,7 @@
   };
   const spec = (element) => {
     if (!specs.has(element)) {
-      const read = given(element.dataset.plot);
+      const read = JSON.parse(unpacked(document.getElementById(element.dataset.plot)));
       const values = read.columns.map(numbers);
       for (const trace of read.data) {
         for (const axis of ["x", "y"]) if (Number.isInteger(trace[axis])) trace[axis] = values[trace[axis]];
