@@ -14,7 +14,7 @@ from altered import altered, failed
 from cosim.experiments.metrics.crossing import cost_of_limits
 from cosim.experiments.trench import EXPERIMENT, linear, published
 from cosim.experiments.trench.claims import CLAIMS
-from cosim.experiments.trench.published import BETWEEN, BOLD, GRID, SPECTRUM, matrix, refined
+from cosim.experiments.trench.published import BETWEEN, BOLD, GRID, LENGTHS, SPECTRUM, SPEEDS, matrix, refined
 from cosim.experiments.trench.report import report, scene
 from cosim.experiments.trench.runs import CURVES, METRICS, MOVING, Case, Course, configure, measure, signals, wire
 from cosim.report import Map, Report, write_report
@@ -573,3 +573,30 @@ def test_parameters_are_those_of_the_fmus(page: Report) -> None:
 
 def test_matrix_is_by_length_and_speed() -> None:
     assert [(c.length, c.speed_kmh) for c in matrix("passive")] == list(GRID)
+
+
+@pytest.mark.parametrize(
+    ("figure", "metric", "label", "printed"),
+    [
+        ("az-over-length", "az", "peak vertical acceleration [m/s2]", "az [m/s2]"),
+        ("pitch-over-length", "pitch", "peak pitch [deg]", "pitch [deg]"),
+        ("cost-over-length", "cost", "cost [-]", "cost"),
+    ],
+)
+def test_what_the_thesis_prints_is_drawn_under_ours(
+    page: Report, study: Results, figure: str, metric: str, label: str, printed: str
+) -> None:
+    assert made_up.axes(page, figure) == {f"{v:g} km/h": ("trench length [m]", label) for v in SPEEDS}
+    points = 0
+    for speed in SPEEDS:
+        for name, system in (("passive", "passive"), ("controlled", "mpc")):
+            ours = made_up.series(page, figure, f"{speed:g} km/h", name)
+            assert list(ours.x) == list(LENGTHS)
+            assert list(ours.y) == [study[Case(a, speed, system)][metric] for a in LENGTHS]
+            theirs = made_up.series(page, figure, f"{speed:g} km/h", f"{name}, thesis")
+            assert theirs.mode == "markers"
+            cells = [float(published.rows()[a, speed][f"{name} {printed}"] or "nan") for a in LENGTHS]
+            assert np.array_equal(np.asarray(theirs.y), cells, equal_nan=True)
+            points += int(np.isfinite(cells).sum())
+    known = [r[f"{n} {printed}"] for r in published.rows().values() for n in ("passive", "controlled")]
+    assert points == sum(map(bool, known)) > 36

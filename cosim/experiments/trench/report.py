@@ -322,7 +322,27 @@ def _reductions(study: Results) -> Section:
         "reductions", "What control takes off, per cent of passive (Tables 5.6 to 5.8)", columns, rows,
         "Negative: control makes it worse.",
     )  # fmt: skip
-    return Section("Peaks, pitch and spectra", tables=[table])
+    figures = [_over_length(study, n, LABELS[n]) for n in ("az", "pitch")]
+    return Section("Peaks, pitch and spectra", figures=figures, tables=[table])
+
+
+def _over_length(study: Results, metric: str, label: str) -> Figure:
+    """A quantity over the length of the trench, a panel for each speed, with the cells that the thesis prints."""
+    column = published.COLUMNS.get(metric, metric)
+    panels = []
+    for speed in SPEEDS:
+        shown = []
+        for system, name in _NAMES.items():
+            ours = [study[Case(length, speed, system)][metric] for length in LENGTHS]
+            shown.append(Series(name, LENGTHS, ours))
+            cells = [published.number(length, speed, f"{name} {column}") for length in LENGTHS]
+            theirs = [math.nan if cell is None else cell for cell in cells]
+            shown.append(Series(f"{name}, thesis", LENGTHS, theirs, color=_LOOKS[name]["color"], mode="markers"))
+        panels.append(Panel(f"{speed:g} km/h", "trench length [m]", label, shown))
+    return Figure(
+        f"{metric}-over-length", f"{label.partition(' [')[0].capitalize()} over the length of the trench",
+        "Lines: this project; points: cells of Tables 5.4 and 5.6 to 5.9, as far as they are in print.", panels, columns=2,
+    )  # fmt: skip
 
 
 def _costs(study: Results) -> Section:
@@ -357,7 +377,8 @@ def _costs(study: Results) -> Section:
         x_label="trench length [m]", y_label="speed [km/h]", value_label="normalised cost [-]", x=LENGTHS, y=SPEEDS, layers=layers,
         value_range=(0.0, max(1.0, limit)), reference=limit,
     )  # fmt: skip
-    return Section("Cost", figures=[contour], tables=[table])
+    lines = _over_length(study, "cost", "cost [-]")
+    return Section("Cost", figures=[contour, lines], tables=[table])
 
 
 # ---------------------------------------------------------------------- figures
