@@ -461,6 +461,14 @@ def test_figure_3(page: Report) -> None:
     )))  # fmt: skip
     assert at["index J, last height held"] == pytest.approx((1, 0.98, 0.62))
     assert [c.dash for c in curves.values()] == [None] * 4 + ["dash"]
+    panels = next(f for f in page.figures if f.id == "figure-3").panels
+    printed = {p.title: [(c.name, list(c.x), list(c.y)) for c in p.series if c.mode == "markers"] for p in panels}
+    assert printed == {
+        titles[0]: [("index J, table 3", [0.12], [48.3 / 58.9]), ("vertical acceleration, table 3", [0.12], [20.3 / 21.1])],
+        titles[1]: [],
+        titles[2]: [("index J, table 3", [0.12], [40.8 / 48.8]), ("vertical acceleration, table 3", [0.12], [20.9 / 21.4])],
+        titles[3]: [],
+    }
     holding = made_up.series(page, "figure-3", titles[3], "index J")
     assert holding.y[1] == pytest.approx(0.556 / 0.501)
 

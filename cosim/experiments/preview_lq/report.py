@@ -21,6 +21,7 @@ from cosim.experiments.preview_lq.design import DESIGNS
 from cosim.experiments.preview_lq.published import (
     COARSE,
     CONTROLLED,
+    PAPER_COLUMNS,
     PAPER_CORNERS,
     PRINTED,
     WEIGHT_SETS,
@@ -169,6 +170,8 @@ def _figure3(study: Results) -> Section:
             cut, held = (over_preview(input_, weights, hold_tail=h) for h in (False, True))
             curves = [_over_none(study, text, cut, names) for text, names in _OVER_TIME.items()]
             curves.append(_over_none(study, "index J, last height held", held, ["J"], "dash"))
+            if weights == "comfort":  # the set of weights that table 3 has
+                curves += _printed_over_none(input_)
             panels.append(
                 Panel(
                     f"{WEIGHT_NAMES[weights]}, {INPUT_NAMES[input_]}", "preview time [s]", "relative to no preview [-]", curves
@@ -189,7 +192,7 @@ def _figure3(study: Results) -> Section:
             Figure(
                 "figure-3",
                 "Effect of preview time (figure 3 of the paper)",
-                "Suspension and tire: sums over the four wheels.",
+                "Suspension and tire: sums over the four wheels. Points: from the cells of table 3, preview over delay.",
                 panels,
                 columns=2,
             )
@@ -202,6 +205,19 @@ def _over_none(
 ) -> Series:  # fmt: skip
     sums = [sum(study[c][n] for n in names) for c in curve.values()]
     return Series(text, list(curve), [s / sums[0] for s in sums], dash=dash)  # type: ignore[arg-type]
+
+
+def _printed_over_none(input_: str) -> list[Series]:
+    """What table 3 says of the curves that are no sums: whose parts it gives as per cent of the passive car's, which it does not."""
+    with_preview, without = (
+        dict(zip((*PAPER_COLUMNS, "J"), corrected(input_, c), strict=True)) for c in ("preview", "delay")
+    )
+    points = []
+    for text, (name, *others) in _OVER_TIME.items():
+        above, below = with_preview[name], without[name]
+        if not others and above is not None and below is not None:
+            points.append(Series(f"{text}, table 3", [PREVIEW_TIME], [above / below], mode="markers"))
+    return points
 
 
 def _histories(study: Results) -> Section:
