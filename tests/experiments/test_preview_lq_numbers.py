@@ -460,7 +460,11 @@ def test_figure_3(page: Report) -> None:
         sum((level + 0.01 * i) * i for i in (8, 9, 10, 11)) / sum((0.5 + 0.01 * i) * i for i in (8, 9, 10, 11)) for level in (0.55, 0.32)
     )))  # fmt: skip
     assert at["index J, last height held"] == pytest.approx((1, 0.98, 0.62))
-    assert [c.dash for c in curves.values()] == [None] * 4 + ["dash"]
+    assert [c.dash for c in curves.values()] == ["solid"] * 4 + ["dash"]
+    assert curves["index J, last height held"].color == curves["index J"].color
+    assert len({c.color for c in curves.values()}) == 4
+    for name in ("index J", "vertical acceleration"):
+        assert made_up.series(page, "figure-3", titles[0], f"{name}, table 3").color == curves[name].color
     panels = next(f for f in page.figures if f.id == "figure-3").panels
     printed = {p.title: [(c.name, list(c.x), list(c.y)) for c in p.series if c.mode == "markers"] for p in panels}
     assert printed == {

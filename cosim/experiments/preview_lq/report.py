@@ -43,7 +43,7 @@ from cosim.experiments.preview_lq.runs import (
 )
 from cosim.experiments.steps import HALVED, halved
 from cosim.report import Figure, Panel, Parameter, Report, Result, Section, Series, Table
-from cosim.report.model import Scalar
+from cosim.report.model import Color, Dash, Scalar
 from cosim.study import FmuSet, Results, Row, parameters, provenance, sections
 from fmu_sources.models.corners import CORNERS
 
@@ -60,6 +60,7 @@ _OVER_TIME = {  # curves of figure 3 -> metrics that are added
     "suspension deflection": [f"suspension.{k}.deflection" for k in CORNERS],
     "tire deflection": [f"tire.{k}.deflection" for k in CORNERS],
 }
+_OVER_TIME_COLORS: dict[str, Color] = dict(zip(_OVER_TIME, ("orange", "purple", "sky", "green"), strict=True))
 
 
 def report(study: Results, fmus: FmuSet) -> Report:
@@ -168,8 +169,10 @@ def _figure3(study: Results) -> Section:
     for input_ in INPUTS:
         for weights in WEIGHT_SETS:
             cut, held = (over_preview(input_, weights, hold_tail=h) for h in (False, True))
-            curves = [_over_none(study, text, cut, names) for text, names in _OVER_TIME.items()]
-            curves.append(_over_none(study, "index J, last height held", held, ["J"], "dash"))
+            curves = [
+                _over_none(study, text, cut, names, _OVER_TIME_COLORS[text]) for text, names in _OVER_TIME.items()
+            ]
+            curves.append(_over_none(study, "index J, last height held", held, ["J"], _OVER_TIME_COLORS["index J"], "dash"))
             if weights == "comfort":  # the set of weights that table 3 has
                 curves += _printed_over_none(input_)
             panels.append(
@@ -201,10 +204,10 @@ def _figure3(study: Results) -> Section:
 
 
 def _over_none(
-    study: Results, text: str, curve: dict[float, Case], names: list[str], dash: str | None = None
-) -> Series:  # fmt: skip
+    study: Results, text: str, curve: dict[float, Case], names: list[str], color: Color, dash: Dash = "solid"
+) -> Series:
     sums = [sum(study[c][n] for n in names) for c in curve.values()]
-    return Series(text, list(curve), [s / sums[0] for s in sums], dash=dash)  # type: ignore[arg-type]
+    return Series(text, list(curve), [s / sums[0] for s in sums], color=color, dash=dash)
 
 
 def _printed_over_none(input_: str) -> list[Series]:
@@ -216,7 +219,7 @@ def _printed_over_none(input_: str) -> list[Series]:
     for text, (name, *others) in _OVER_TIME.items():
         above, below = with_preview[name], without[name]
         if not others and above is not None and below is not None:
-            points.append(Series(f"{text}, table 3", [PREVIEW_TIME], [above / below], mode="markers"))
+            points.append(Series(f"{text}, table 3", [PREVIEW_TIME], [above / below], color=_OVER_TIME_COLORS[text], mode="markers"))
     return points
 
 
