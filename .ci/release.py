@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import argparse
 import hashlib
+import runpy
 import sys
 import tempfile
 import tomllib
@@ -28,7 +29,8 @@ from fmu_sources import cli
 
 ROOT = Path(__file__).parents[1]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
-PAGES = ("LICENSE", "docs/fmus.md", "docs/other-tools.md", "docs/changelog.md")
+PAGES = ("LICENSE", "docs/other-tools.md", "docs/changelog.md")
+REFERENCE = "docs/fmus.md"  # written of what is released
 BILL = "bill-of-materials.cdx.json"
 SUMS = "SHA256SUMS"
 README = """{name} {version}: {n} FMUs, each in FMI 2.0 (fmi2) and FMI 3.0 (fmi3), with binaries for
@@ -36,7 +38,7 @@ README = """{name} {version}: {n} FMUs, each in FMI 2.0 (fmi2) and FMI 3.0 (fmi3
 
 {description}
 
-docs/fmus.md lists every variable, docs/other-tools.md says how to set them up in the tool that you have, and which
+{reference} lists every variable, docs/other-tools.md says how to set them up in the tool that you have, and which
 platforms have been run and how. Each FMU has its sources, its documentation and the licences of all its parts inside.
 {live}`sha256sum --check {sums}` looks whether the files are whole; {bill} lists what is in them.
 """
@@ -57,9 +59,10 @@ def fmu_archive(built: Path, names: list[str]) -> bytes:
     fmus = {f"fmi{v}/{n}.fmu": (built / f"fmi{v}" / f"{n}.fmu").read_bytes() for v in (2, 3) for n in names}
     live = live_pages(built, names)
     text = README.format(
-        n=len(names), live=LIVE if live else "", platforms=", ".join(PLATFORMS), sums=SUMS, bill=BILL, **{k: PROJECT[k] for k in ("name", "version", "description")}
+        n=len(names), live=LIVE if live else "", platforms=", ".join(PLATFORMS), sums=SUMS, bill=BILL, reference=REFERENCE, **{k: PROJECT[k] for k in ("name", "version", "description")}
     )  # fmt: skip
     pages = {"README.txt": text.encode(), **{n: (ROOT / n).read_bytes() for n in PAGES}, **live}
+    pages[REFERENCE] = runpy.run_path(str(ROOT / "docs" / "write_fmus.py"))["reference"](built, names).encode()
     content = {**pages, **fmus, BILL: bill(fmus)}
     return package.archive({**content, SUMS: sums(content)})
 

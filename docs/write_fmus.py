@@ -1,38 +1,45 @@
-"""Write ``fmus.md``, the reference of every FMU of the catalog, from the FMUs themselves.
+"""Write ``fmus.md``, the list of the FMUs of the catalog, from the FMUs themselves.
 
 build-fmus
 python docs/write_fmus.py
+
+Their variables are in pages that are made of the FMUs where they are read: the documentation inside each FMU, the site
+(``write_site.py``), the release's ``docs/fmus.md``.
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 
 from build_fmus import safe_files
 from cosim import Fmu, Variable
+from cosim.fmu.model_description import Description
 from fmu_sources.catalog import PAPERS, default_catalog
 
 HERE = Path(__file__).parent
 _HEAD = """# FMU reference
 
-Every FMU of the catalog with its variables, written by `docs/write_fmus.py` from the FMUs themselves; do not edit. FMI 2.0
+Every FMU of the catalog, {how}. FMI 2.0
 and 3.0 have the same variables. Corners are `fl fr rl rr`, axes ISO 8855, units SI. `name[1..8]` stands for
 `name[1]` to `name[8]`. Numbers of papers in sources:
+
+{papers}
+"""
+_LIST = """What an FMU has (inputs, outputs, parameters with their units and sources) is said by `cosim fmu fmus/fmi3/NAME.fmu`, by
+`documentation/index.html` inside it, by its page in the site (`make docs`), and for all of them in the `docs/fmus.md` of a release.
 
 """
 
 
-def reference(fmus: Path) -> str:
-    """The whole page; ``fmus`` is the folder with ``fmi3/``."""
-    parts = [_HEAD + "".join(f"- {number}: {title}\n" for number, title in sorted(PAPERS.items()))]
-    for name, entry in default_catalog().items():
-        about = Fmu(fmus / "fmi3" / f"{name}.fmu").description
-        kind = about.kind or "continuous"
-        step = about.sample_time if kind == "discrete" else about.default_step
-        rate = f"{'sample time' if kind == 'discrete' else 'proposed communication step'} {float(step or 0):g} s"
-        parts += [f"## {name}\n", f"{about.text}\n", f"{kind.capitalize()}, {rate}. Catalog: {entry.summary}.\n"]
+def sections(fmus: Path, names: Iterable[str] | None = None) -> dict[str, str]:
+    """What each FMU has, by its name (of the whole catalog unless ``names`` are given); ``fmus`` is the folder with ``fmi3/``."""
+    found = {}
+    catalog = default_catalog()
+    for name in catalog if names is None else names:
+        about = _about(fmus, name)
+        parts = [f"{about.text}\n", f"{_kind(about)}. Catalog: {catalog[name].summary}.\n"]
         for title, variables in (
             ("inputs", about.inputs),
             ("outputs", about.outputs),
@@ -40,7 +47,39 @@ def reference(fmus: Path) -> str:
         ):
             if variables:
                 parts.append(_table(title, variables.values()))
-    return "\n".join(parts)
+        found[name] = "\n".join(parts)
+    return found
+
+
+def reference(fmus: Path, names: Iterable[str] | None = None) -> str:
+    """FMUs with their variables in one page."""
+    parts = [f"## {name}\n\n{text}" for name, text in sections(fmus, names).items()]
+    return "\n".join([_head("with its variables, written from the FMUs themselves"), *parts])
+
+
+def index(fmus: Path, shown: Callable[[str], str] = "`{}`".format) -> str:
+    """The list: what each FMU is, its kind and step; ``shown`` makes of a name what stands in the list."""
+    rows = []
+    for name in default_catalog():
+        about = _about(fmus, name)
+        rows.append(f"| {shown(name)} | {about.text} | {_kind(about)} |")
+    table = "\n".join(["| FMU | what it is | kind and step |", "|---|---|---|", *rows])
+    return f"{_head('as `docs/write_fmus.py` lists them from the FMUs themselves; do not edit')}\n{_LIST}{table}\n"
+
+
+def _about(fmus: Path, name: str) -> Description:
+    return Fmu(fmus / "fmi3" / f"{name}.fmu").description
+
+
+def _head(how: str) -> str:
+    return _HEAD.format(how=how, papers="\n".join(f"- {number}: {title}" for number, title in sorted(PAPERS.items())))
+
+
+def _kind(about: Description) -> str:
+    kind = about.kind or "continuous"
+    step = about.sample_time if kind == "discrete" else about.default_step
+    rate = f"{'sample time' if kind == 'discrete' else 'proposed communication step'} {float(step or 0):g} s"
+    return f"{kind.capitalize()}, {rate}"
 
 
 def _table(title: str, variables: Iterable[Variable]) -> str:
@@ -89,4 +128,4 @@ def _start(elements: list[Variable]) -> str:
 
 
 if __name__ == "__main__":
-    safe_files.write(HERE / "fmus.md", reference(HERE.parent / "fmus"))
+    safe_files.write(HERE / "fmus.md", index(HERE.parent / "fmus"))

@@ -14,6 +14,7 @@ import logging
 import os
 import posixpath
 import re
+import runpy
 import shutil
 import sys
 import tempfile
@@ -108,17 +109,11 @@ def _place(source: str) -> str:
     return name
 
 
-def fmu_pages(reference: str) -> dict[str, str]:
-    """A page for each FMU, and the first one, which lists them, from the whole reference (``write_fmus.py``)."""
-    head, *parts = re.split(r"^## ", reference, flags=re.MULTILINE)
-    pages, rows = {}, []
-    for part in parts:
-        name, _, text = part.partition("\n")
-        pages[f"fmus/{name}.md"] = f"# {name}\n{text}"
-        about, facts = text.strip().split("\n\n")[:2]
-        rows.append(f"| [{name}]({name}.md) | {about} | {facts.partition(' Catalog:')[0]} |")
-    table = "\n".join(["| FMU | what it is | kind and step |", "|---|---|---|", *rows])
-    return {"fmus/index.md": f"{head}\n{table}\n", **pages}
+def fmu_pages(fmus: Path) -> dict[str, str]:
+    """A page for each FMU, and the first one, which lists them (``write_fmus.py``)."""
+    written = runpy.run_path(str(HERE / "write_fmus.py"))
+    pages = {f"fmus/{name}.md": f"# {name}\n\n{text}" for name, text in written["sections"](fmus).items()}
+    return {"fmus/index.md": written["index"](fmus, "[{0}]({0}.md)".format), **pages}
 
 
 def module_pages(modules: Sequence[str] = MODULES) -> dict[str, str]:
@@ -209,8 +204,6 @@ def gather(
     fmus: Path, results: Path, live: Path, run: Callable[[str, str], tuple[str, str]] = executed
 ) -> tuple[dict[str, str], dict[str, Path]]:
     """All pages by their place, and the files that are copied as they are."""
-    import runpy
-
     pages = Pages()
     files = {name: HERE / name for name in ("site.css", "iframe_worker.js")}
     for file in (ROOT / "README.md", ROOT / "benchmarks" / "README.md", *sorted(HERE.glob("*.md"))):
@@ -220,7 +213,7 @@ def gather(
     for name in NOTEBOOKS:
         book, pages.texts[f"{name}.md"] = run(name, pages.texts[f"{name}.md"])
         pages.texts[f"{name}.ipynb"] = book
-    pages.texts |= fmu_pages(runpy.run_path(str(HERE / "write_fmus.py"))["reference"](fmus))
+    pages.texts |= fmu_pages(fmus)
     pages.texts |= module_pages()
     pages.texts["reports.md"] = report_page(results, files)
     pages.texts["live.md"] = with_live(pages.texts["live.md"], live, files)
