@@ -68,3 +68,8 @@ def axes(report: Report, id_: str) -> dict[str, tuple[str, str]]:
     """Labels of the axes of a figure's panels, by the panel's title."""
     found: Figure = next(f for f in report.figures if isinstance(f, Figure) and f.id == id_)
     return {p.title: (p.x_label, p.y_label) for p in found.panels}
+
+
+def columns(report: Report) -> dict[str, int]:
+    """How many panels stand side by side, of each figure that has several."""
+    return {f.id: f.columns for f in report.figures if isinstance(f, Figure) and len(f.panels) > 1}
