@@ -15,7 +15,7 @@ from cosim.experiments.ride.course import extent, wheels_of
 from cosim.experiments.ride.published import plan, systems
 from cosim.experiments.ride.runs import CARS, NUMBER, Case
 from cosim.fmu.file import FmuFile
-from cosim.study import FmuSet, Runner
+from cosim.study import FmuSet, Run, Runner
 from cosim.study.case import CaseError
 from fmu_sources.roads import RoadError, RoadLayout
 from fmu_sources.vehicles import VehicleError, load_vehicle
@@ -40,6 +40,27 @@ def test_every_car_under_every_law_is_on_the_courses(fmus: FmuSet, car: str, law
         assert bool(previews) == (law in ("mpc-preview", "preview") or (car, law) == ("6x6", "mpc") or (car == "sedan" and law != "passive"))
         if "reference" in system.members:
             assert system["reference"].values["pitch"] == 0.0
+
+
+@pytest.mark.parametrize(("car", "times"), [("6x6", 1.0), ("full-car", 2.0)])
+def test_how_long_a_run_may_take(fmus: FmuSet, car: str, times: float) -> None:
+    """Until all wheels are at the end of the course; a car with a driver may lose half of its speed."""
+    case = Case(car, "passive", course="2in", speed_kmh=25.0)
+    with runs.wire(fmus, case) as system:
+        runs.configure(system, case)
+        needed = (runs.window(Run(case, None, system))[1] - system["speed"].values["start.x"]) / case.speed
+        found = runs.stop_time(system, case)
+        assert 0 <= found - times * needed < 1e-3
+        assert round(1e3 * found) / 1e3 == found
+
+
+def test_what_is_wired_once() -> None:
+    """All courses of the road's FMU, each course from a file."""
+    case = Case("6x6", "lqr", course="1in")
+    for same in ({"course": "2in"}, {"seed": 2}, {"speed_kmh": 50.0}, {"sides": "apart"}):
+        assert runs.structure(replace(case, **same)) == runs.structure(case)
+    others = [{"course": "one.crg"}, {"course": "another.crg"}, {"controller": "mpc"}, {"car": "full-car", "controller": "passive"}]
+    assert len({runs.structure(case), *(runs.structure(replace(case, **o)) for o in others)}) == 5
 
 
 def test_wheels_are_those_of_the_vehicle_file(fmus: FmuSet) -> None:

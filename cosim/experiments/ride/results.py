@@ -41,11 +41,6 @@ class Speeds:
         return median(self.found) if 2 * len(self.found) > len(self.why) else None
 
     @property
-    def spread(self) -> tuple[float, float] | None:
-        """Lowest and highest; None where the median is."""
-        return None if self.median is None else (min(self.found), max(self.found))
-
-    @property
     def words(self) -> str:
         """ "13.2 (12.6 to 13.5)", with how many profiles never reached the limit, or were always above it; or that all are so."""
         if self.median is None:
