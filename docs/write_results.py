@@ -10,12 +10,16 @@ on them is one that a run gave. The tests compare the pages with these files, an
 from __future__ import annotations
 
 import json
+import re
 import sys
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
 from cosim.cli import NAMES
+from cosim.experiments import EXPERIMENTS
 from cosim.report.claims import OUTCOMES
+from fmu_sources.catalog import PAPERS
 
 HERE = Path(__file__).parent
 README = HERE.parent / "README.md"
@@ -110,7 +114,7 @@ def page(studies: list[Summary]) -> str:
         *filter(None, [missing(studies)]),
     ]
     for s in studies:
-        parts.append(f"## {s['title']} (`{s['experiment']}`)")
+        parts.append(f"## {_heading(s)}")
         if s["results"]:
             parts.append(_figures(s))
         for own, title in ((False, "claim"), (True, "check of our own")):
@@ -120,6 +124,43 @@ def page(studies: list[Summary]) -> str:
                 rows = [[_judged(c), _source(c), c["ours"], c["verdict"], c["reason"]] for c in claims]
                 parts.append("\n".join([_row(head), _row(["---"] * len(head)), *map(_row, rows)]))
     return "\n\n".join(parts) + "\n"
+
+
+CLAIM_COLUMNS = ("paper", "claim", "where", "published", "ours", "verdict", "more")
+
+
+def paper(experiment: str) -> str:
+    """The short name of the paper that an experiment is of; empty for one of no paper."""
+    found = re.search(r"\(paper (\d+)\)", import_module(EXPERIMENTS[experiment]).EXPERIMENT.title)
+    return found[1] if found else ""
+
+
+def one_table(studies: list[Summary]) -> str:
+    """A page of the site: every published claim of every paper in one table, which its reader narrows down."""
+    claims = [(paper(s["experiment"]), s, c) for s in studies for c in s["claims"] if not c["own"]]
+    claims.sort(key=lambda row: row[0])
+    rows = [
+        [number, c["claim"], c["source"], c["published"], c["ours"], c["verdict"], f"[{s['experiment']}](results.md#{_anchor(_heading(s))})"]
+        for number, s, c in claims
+    ]
+    said = "; ".join(f"{sum(c['verdict'] == v for *_, c in claims)} {v}" for v in OUTCOMES)
+    papers = "\n".join(f"- {number}: {title}" for number, title in sorted(PAPERS.items()))
+    return "\n\n".join([
+        "---\nhide: [toc]\n---\n\n# The papers' claims",
+        f"All {len(claims)} published claims that are judged: {said}. Each is judged as its paper words it, on the distribution over seeds, speeds or "
+        "places where it speaks of more than one run; by which rule, with what was fitted, and why one is not reproduced stands where the last column leads.",
+        '<div class="claims" markdown>\n\n' + "\n".join([_row(list(CLAIM_COLUMNS)), _row(["---"] * len(CLAIM_COLUMNS)), *map(_row, rows)]) + "\n\n</div>",
+        f"The papers:\n\n{papers}",
+    ]) + "\n"  # fmt: skip
+
+
+def _heading(s: Summary) -> str:
+    return f"{s['title']} (`{s['experiment']}`)"
+
+
+def _anchor(heading: str) -> str:
+    """As GitHub and the site make it."""
+    return re.sub(r"[^\w\- ]", "", heading.lower()).replace(" ", "-")
 
 
 def with_section(readme: str, text: str) -> str:

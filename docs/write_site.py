@@ -123,6 +123,12 @@ def module_pages(modules: Sequence[str] = MODULES) -> dict[str, str]:
     return {"python/index.md": f"# Python\n\nThe names for users, by module.\n\n{listed}\n", **pages}
 
 
+def claims_page() -> str:
+    """The papers' claims as one table (``write_results.py``)."""
+    written = runpy.run_path(str(HERE / "write_results.py"))
+    return str(written["one_table"](written["kept"]()))
+
+
 def report_page(results: Path, files: dict[str, Path]) -> str:
     """The gallery: each report that a study has left in ``results``, which is copied beside it (into ``files``)."""
     lines = []
@@ -205,7 +211,7 @@ def gather(
 ) -> tuple[dict[str, str], dict[str, Path]]:
     """All pages by their place, and the files that are copied as they are."""
     pages = Pages()
-    files = {name: HERE / name for name in ("site.css", "iframe_worker.js")}
+    files = {name: HERE / name for name in ("site.css", "claims.js", "iframe_worker.js")}
     for file in (ROOT / "README.md", ROOT / "benchmarks" / "README.md", *sorted(HERE.glob("*.md"))):
         source = file.relative_to(ROOT).as_posix()
         if source != "docs/fmus.md":
@@ -215,6 +221,7 @@ def gather(
         pages.texts[f"{name}.ipynb"] = book
     pages.texts |= fmu_pages(fmus)
     pages.texts |= module_pages()
+    pages.texts["claims.md"] = claims_page()
     pages.texts["reports.md"] = report_page(results, files)
     pages.texts["live.md"] = with_live(pages.texts["live.md"], live, files)
     return pages.texts, files | pages.images

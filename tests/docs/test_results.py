@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import json
+import re
 import runpy
 
 import pytest
-from pages import ROOT
+from pages import ROOT, headings
 
 from cosim.cli import NAMES
 
@@ -57,3 +58,24 @@ def test_a_claim_that_changes_changes_the_pages(study: dict) -> None:
     for make in ("section", "page"):
         assert "quite another figure" in WRITER[make]([changed])
         assert WRITER[make]([changed]) != WRITER[make]([study])
+    assert ("quite another figure" in WRITER["one_table"]([changed])) == (not claim["own"])
+
+
+def test_every_published_claim_is_in_the_one_table() -> None:
+    """With its paper, and a link to where its criterion stands."""
+    text = WRITER["one_table"](STUDIES)
+    rows = [[cell.strip() for cell in line.strip("|").split("|")] for line in text.splitlines() if line.startswith("| 0")]
+    claims = [(s["experiment"], c) for s in STUDIES for c in s["claims"] if not c["own"]]
+    assert len(rows) == len(claims) > 100
+    assert f"All {len(claims)} published claims" in text
+    papers = {"gpc": "000", "hmmwv": "001", "bench": "002", "three-axle": "003", "trench": "003", "preview-lq": "004", "ride": ""}
+    assert {name: WRITER["paper"](name) for name in NAMES} == papers
+    expected = {(papers[name], c["claim"], c["source"], c["published"], c["ours"], c["verdict"]) for name, c in claims}
+    assert {tuple(row[:6]) for row in rows} == expected
+    anchors = headings(ROOT / "docs" / "results.md")
+    for number, *_, link in rows:
+        name, anchor = re.fullmatch(r"\[([\w-]+)\]\(results\.md#([\w-]+)\)", link).groups()  # type: ignore[union-attr]
+        assert papers[name] == number
+        assert anchor in anchors
+    said = {v: int(n) for n, v in re.findall(r"(\d+) (reproduced|open|not reproduced|order reproduced, magnitude not)[;.]", text)}
+    assert said == {v: sum(c["verdict"] == v for _, c in claims) for v in WRITER["OUTCOMES"]}
