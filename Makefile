@@ -52,10 +52,10 @@ test-platforms: $(VENV)/.test
 test-pythons: $(VENV)/.test
 	$(BIN)/python -m pytest -m pythons -rs tests/install/test_pythons.py
 
-# Looks at reports and live pages in Chromium, with axe-core from npm, at two widths and in both colour schemes: one of every kind of content, and
+# Looks at reports, live pages and the documentation site in Chromium, with axe-core from npm, at two widths and in both colour schemes: one of every kind of content, and
 # those that studies have left in results/. From Debian: apt install chromium npm. What is not installed is said.
 test-pages: $(VENV)/.test
-	$(BIN)/python -m pytest -m pages -rs tests/report/test_browser.py tests/export/test_live_browser.py
+	$(BIN)/python -m pytest -m pages -rs tests/report/test_browser.py tests/export/test_live_browser.py tests/docs/test_site_browser.py
 
 # What is published: all FMUs for all platforms (ziglang, some ten minutes the first time), wheel and source distribution.
 release: $(VENV)/.test

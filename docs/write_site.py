@@ -35,6 +35,7 @@ MODULES = ("cosim", "cosim.study", "cosim.study.design", "cosim.study.sweep", "c
 OTHERS = {"README.md": "index.md", "benchmarks/README.md": "benchmarks.md", "docs/fmus.md": "fmus/index.md"}
 """Pages of the site whose file is elsewhere in the repository, or has another name."""
 _SHIM = "https://unpkg.com/iframe-worker/shim"  # what the theme would fetch for search without a server; ours does the same
+_SEARCH = '<div class="md-search" data-md-component="search" role="dialog"'  # a dialog needs a name, which the theme does not give
 _FENCE = re.compile(r"^```.*?^```", re.MULTILINE | re.DOTALL)
 _LINK = re.compile(r"(\]\()([^)\s#]*)(#[^)\s]*)?(\))")
 _SHOWN = {
@@ -211,7 +212,7 @@ def gather(
 ) -> tuple[dict[str, str], dict[str, Path]]:
     """All pages by their place, and the files that are copied as they are."""
     pages = Pages()
-    files = {name: HERE / name for name in ("site.css", "claims.js", "iframe_worker.js")}
+    files = {name: HERE / name for name in ("site.css", "site.js", "iframe_worker.js")}
     for file in (ROOT / "README.md", ROOT / "benchmarks" / "README.md", *sorted(HERE.glob("*.md"))):
         source = file.relative_to(ROOT).as_posix()
         if source != "docs/fmus.md":
@@ -251,10 +252,9 @@ def build(fmus: Path, results: Path, live: Path, site: Path = SITE) -> None:
     config["nav"] = _filled(config["nav"], [p for p in texts if p.endswith(".md")])
     mkdocs_build(config)
     for page in (site / "html").rglob("*.html"):
-        text = page.read_text(encoding="utf-8")
-        if _SHIM in text:
-            ours = posixpath.relpath("iframe_worker.js", page.parent.relative_to(site / "html").as_posix())
-            safe_files.write(page, text.replace(_SHIM, ours))
+        ours = posixpath.relpath("iframe_worker.js", page.parent.relative_to(site / "html").as_posix())
+        text = page.read_text(encoding="utf-8").replace(_SHIM, ours)
+        safe_files.write(page, text.replace(_SEARCH, f'{_SEARCH} aria-label="Search"'))
 
 
 def _filled(nav: Any, places: Sequence[str]) -> Any:

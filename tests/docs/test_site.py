@@ -89,6 +89,7 @@ def test_nothing_is_fetched_from_elsewhere(site: Path) -> None:
         assert fetched or page.parent.name in ("reports", "live")  # which hold all they need
         for target in fetched:
             assert "//" not in target, f"{page.name}: {target}"
+        assert not tree.xpath("//*[@role='dialog' and not(@aria-label)]"), page.name
             assert (page.parent / target.partition("?")[0]).resolve().is_file() or "search/" in target, (
                 f"{page.name}: {target}"
             )

@@ -1,4 +1,11 @@
 "use strict";
+// What scrolls can be scrolled by keyboard; the theme wraps wide tables when the page is there.
+addEventListener("load", () => requestAnimationFrame(() => {
+  for (const wrap of document.querySelectorAll(".md-typeset__scrollwrap")) {
+    if (wrap.scrollWidth > wrap.clientWidth) wrap.tabIndex = 0;
+  }
+}));
+
 // A choice above each column of the table of claims that has few values: only rows with it are shown.
 const table = document.querySelector(".claims table");
 if (table) {
