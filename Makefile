@@ -10,7 +10,7 @@ ifeq ($(HOST_CC),)
 RUN_EXTRAS := studies,zig
 endif
 
-.PHONY: run studies test test-full test-courses test-platforms test-pythons test-pages release lint bench mutants fuzz docs fmus clean
+.PHONY: run studies test test-full test-courses test-platforms test-pythons test-pages release lint bench mutants fuzz docs pictures fmus clean
 
 run: $(VENV)/.run
 	@echo "1 of 3: the FMUs for this machine, into fmus/ (some minutes the first time, then seconds)"
@@ -84,6 +84,13 @@ docs: $(VENV)/.test
 	$(BIN)/build-fmus
 	$(BIN)/python -m cosim.experiments.live_pages build/live
 	$(BIN)/python docs/write_site.py
+
+# Takes the pictures of live pages and reports that the documentation shows, of what studies have left in results/; as test-pages, it needs
+# Chromium and npm.
+pictures: $(VENV)/.test
+	$(BIN)/build-fmus
+	$(BIN)/python -m cosim.experiments.live_pages build/live
+	$(BIN)/python docs/write_pictures.py
 
 fmus: $(VENV)/.run
 	$(BIN)/build-fmus

@@ -35,7 +35,9 @@ MODULES = ("cosim", "cosim.study", "cosim.study.design", "cosim.study.sweep", "c
 OTHERS = {"README.md": "index.md", "benchmarks/README.md": "benchmarks.md", "docs/fmus.md": "fmus/index.md"}
 """Pages of the site whose file is elsewhere in the repository, or has another name."""
 _SHIM = "https://unpkg.com/iframe-worker/shim"  # what the theme would fetch for search without a server; ours does the same
+_LIVE = re.compile(r"^\[!\[.*\(images/live/.*$", re.MULTILINE)  # a picture of a live page that leads to more
 _SEARCH = '<div class="md-search" data-md-component="search" role="dialog"'  # a dialog needs a name, which the theme does not give
+PICTURES = runpy.run_path(str(HERE / "write_pictures.py"))
 _FENCE = re.compile(r"^```.*?^```", re.MULTILINE | re.DOTALL)
 _LINK = re.compile(r"(\]\()([^)\s#]*)(#[^)\s]*)?(\))")
 _SHOWN = {
@@ -77,8 +79,8 @@ class Pages:
         file = ROOT / path
         if not file.exists():
             raise FileNotFoundError(f"{source}: the link {target} leads nowhere")
-        if file.suffix in (".svg", ".png"):
-            found = f"images/{file.name}"
+        if file.suffix in (".svg", ".png", ".jpg"):
+            found = file.relative_to(HERE).as_posix()
             self.images[found] = file
         elif file.suffix == ".md":
             found = _place(path)
@@ -130,35 +132,55 @@ def claims_page() -> str:
     return str(written["one_table"](written["kept"]()))
 
 
+def _cards(cards: Sequence[tuple[str, str, str, Sequence[Path]]], files: dict[str, Path]) -> str:
+    """Links with pictures: (target, title, text, pictures), of several pictures one for each scheme of colours, light and dark."""
+    parts = []
+    for target, title, text, pictures in cards:
+        shown = []
+        for picture, only in zip(pictures, ("#only-light", "#only-dark") if len(pictures) > 1 else ("",), strict=False):
+            place = picture.relative_to(HERE).as_posix()
+            files[place] = picture
+            shown.append(f'<img src="{place}{only}" alt="" loading="lazy">')
+        parts.append(f'<a class="card" href="{target}">{"".join(shown)}<b>{title}</b>{f" <span>{text}</span>" if text else ""}</a>')
+    return "\n".join(['<div class="cards">', *parts, "</div>"])
+
+
 def report_page(results: Path, files: dict[str, Path]) -> str:
     """The gallery: each report that a study has left in ``results``, which is copied beside it (into ``files``)."""
-    lines = []
+    cards = []
     for report in sorted(results.glob("*/report.html")):
         name = report.parent.name
         files[f"reports/{name}.html"] = report
         title = re.search(r"<title>(.*?)</title>", report.read_text(encoding="utf-8"), re.DOTALL)
-        lines.append(f'- <a href="reports/{name}.html">{title[1].strip() if title else name}</a>')
+        picture = PICTURES["report_picture"](name)
+        cards.append((f"reports/{name}.html", title[1].strip() if title else name, "", [picture] if picture.is_file() else []))
     none = "This site was built without any: `make studies` makes them, `make docs` then brings them here."
     return (
         "# Reports\n\nEvery study writes one: figures, tables, claims with their verdicts, parameters.\n\n"
-        + ("\n".join(lines) or none)
+        + (_cards(cards, files) if cards else none)
         + "\n"
     )
 
 
-def with_live(text: str, live: Path, files: dict[str, Path]) -> str:
-    """The page about live pages, with those in ``live`` (copied beside it, into ``files``) at its head."""
-    lines = []
+def live_cards(live: Path, files: dict[str, Path]) -> str:
+    """Links to the live pages in ``live`` (copied beside the site, into ``files``); empty without any."""
+    cards = []
     for page in sorted(live.glob("*.html")):
         files[f"live/{page.name}"] = page
         title, about = (re.search(p, page.read_text(encoding="utf-8"), re.DOTALL) for p in (r"<title>(.*?)</title>", r'name="description" content="(.*?)"'))
         assert title, page
         assert about, page
-        lines.append(f'- <a href="live/{page.name}"><b>{title[1]}</b></a>: {about[1]}')
-    if not lines:
+        pictures = [PICTURES["live_picture"](page.stem, 1400, scheme) for scheme in PICTURES["SCHEMES"]]
+        cards.append((f"live/{page.name}", title[1], about[1], pictures if all(p.is_file() for p in pictures) else []))
+    return _cards(cards, files) if cards else ""
+
+
+def with_cards(text: str, cards: str, said: str) -> str:
+    """A page with what it shows below its heading."""
+    if not cards:
         return text
     heading, _, rest = text.partition("\n")
-    return "\n".join([heading, "", "Here they are, to be opened:", "", *lines, rest])
+    return "\n".join([heading, "", said, "", cards, rest])
 
 
 def executed(name: str, text: str) -> tuple[str, str]:
@@ -224,7 +246,10 @@ def gather(
     pages.texts |= module_pages()
     pages.texts["claims.md"] = claims_page()
     pages.texts["reports.md"] = report_page(results, files)
-    pages.texts["live.md"] = with_live(pages.texts["live.md"], live, files)
+    cards = live_cards(live, files)
+    pages.texts["live.md"] = with_cards(pages.texts["live.md"], cards, "Here they are, to be opened:")
+    if cards:  # in place of the picture of one of them
+        pages.texts["index.md"] = _LIVE.sub(lambda _: cards, pages.texts["index.md"])
     return pages.texts, files | pages.images
 
 
@@ -251,6 +276,7 @@ def build(fmus: Path, results: Path, live: Path, site: Path = SITE) -> None:
     config = load_config(str(HERE / "mkdocs.yml"), docs_dir=str(site / "pages"), site_dir=str(site / "html"))
     config["nav"] = _filled(config["nav"], [p for p in texts if p.endswith(".md")])
     mkdocs_build(config)
+    (site / "html" / "404.html").unlink()  # of a server's root; a folder has none
     for page in (site / "html").rglob("*.html"):
         ours = posixpath.relpath("iframe_worker.js", page.parent.relative_to(site / "html").as_posix())
         text = page.read_text(encoding="utf-8").replace(_SHIM, ours)

@@ -16,14 +16,23 @@ PLACE = Path(__file__).parents[1] / "build" / "pages"
 
 
 def looked_at(script: Path, *arguments: str | Path) -> Any:
+    """What a script for Node.js prints as JSON (see `script_output`). Skips the test where something is not installed, and says what."""
+    try:
+        return script_output(script, *arguments)
+    except FileNotFoundError as missing:
+        pytest.skip(str(missing))
+
+
+def script_output(script: Path, *arguments: str | Path) -> Any:
     """What a script for Node.js prints as JSON; it gets the folder of the packages before its arguments, and the browser as CHROMIUM.
 
-    Skips the test where something is not installed, and says what.
+    Raises:
+        FileNotFoundError: something is not installed; it says what.
     """
     browser = os.environ.get("CHROMIUM") or shutil.which("chromium") or shutil.which("google-chrome")
     missing = [name for name in ("node", "npm") if shutil.which(name) is None] + ([] if browser else ["chromium"])
     if missing:
-        pytest.skip(f"{', '.join(missing)} not found; pages are looked at in a browser by axe-core, a package of npm")
+        raise FileNotFoundError(f"{', '.join(missing)} not found; pages are looked at in a browser by axe-core, a package of npm")
     if not all(_installed(m) for m in MODULES):
         PLACE.mkdir(parents=True, exist_ok=True)
         options = ("--no-save", "--no-package-lock", "--ignore-scripts", "--prefix")

@@ -16,6 +16,8 @@ from lxml import html
 from mkdocs.exceptions import Abort
 from pages import PAGES, ROOT
 
+from cosim.experiments import EXPERIMENTS
+from cosim.experiments.live_pages import shown
 from fmu_sources.catalog import default_catalog
 
 WRITE = runpy.run_path(str(ROOT / "docs" / "write_site.py"))
@@ -58,15 +60,24 @@ def _leaves(entry: Any) -> Iterator[str]:
             yield from _leaves(part)
 
 
-def test_live_pages_are_listed_and_copied(tmp_path: Path) -> None:
+def test_live_pages_are_shown_and_copied(tmp_path: Path) -> None:
     (tmp_path / "a.html").write_text('<title>Drive &amp; see</title>\n<meta name="description" content="A car,\nlive.">')
     files: dict[str, Path] = {}
-    text = WRITE["with_live"]("# Live\n\nText.\n", tmp_path, files)
-    assert text.startswith("# Live\n")
-    assert '- <a href="live/a.html"><b>Drive &amp; see</b></a>: A car,\nlive.' in text
-    assert text.endswith("Text.\n")
+    cards = WRITE["live_cards"](tmp_path, files)
+    assert cards == '<div class="cards">\n<a class="card" href="live/a.html"><b>Drive &amp; see</b> <span>A car,\nlive.</span></a>\n</div>'
     assert files == {"live/a.html": tmp_path / "a.html"}
-    assert WRITE["with_live"]("# Live\n", tmp_path / "none", {}) == "# Live\n"
+    assert WRITE["with_cards"]("# Live\n\nText.\n", cards, "Here:") == f"# Live\n\nHere:\n\n{cards}\n\nText.\n"
+    assert WRITE["live_cards"](tmp_path / "none", {}) == ""
+    assert WRITE["with_cards"]("# Live\n", "", "Here:") == "# Live\n"
+
+
+def test_there_is_a_picture_of_every_live_page_and_report() -> None:
+    """In both schemes of colours and at both widths, and none of what there is no more."""
+    pictures = WRITE["PICTURES"]
+    expected = {job["out"] for job in pictures["jobs"](ROOT, ROOT)}
+    assert len(expected) == 4 * len(shown()) + len(EXPERIMENTS)
+    assert {p for folder in ("live", "reports") for p in (ROOT / "docs" / "images" / folder).iterdir()} == expected
+    assert all(p.read_bytes().startswith(b"\xff\xd8") and p.stat().st_size < 250_000 for p in expected)
 
 
 @pytest.mark.full
@@ -89,10 +100,10 @@ def test_nothing_is_fetched_from_elsewhere(site: Path) -> None:
         assert fetched or page.parent.name in ("reports", "live")  # which hold all they need
         for target in fetched:
             assert "//" not in target, f"{page.name}: {target}"
-        assert not tree.xpath("//*[@role='dialog' and not(@aria-label)]"), page.name
-            assert (page.parent / target.partition("?")[0]).resolve().is_file() or "search/" in target, (
+            assert (page.parent / re.split("[?#]", target)[0]).resolve().is_file() or "search/" in target, (
                 f"{page.name}: {target}"
             )
+        assert not tree.xpath("//*[@role='dialog' and not(@aria-label)]"), page.name
 
 
 @pytest.mark.full
@@ -121,8 +132,9 @@ def test_tutorials_were_run(site: Path) -> None:
 
 @pytest.mark.full
 def test_reports_are_brought_along(site: Path) -> None:
-    (link,) = html.parse(site / "reports.html").findall(".//article//li/a")
-    assert (link.text, link.get("href")) == ("A quarter car", "reports/bench.html")
+    (link,) = html.parse(site / "reports.html").findall(".//article//a[@class='card']")
+    assert (link.findtext("b"), link.get("href"), link.find("img").get("src")) == ("A quarter car", "reports/bench.html", "images/reports/bench.jpg")
+    assert (site / "images" / "reports" / "bench.jpg").is_file()
     assert (site / "reports" / "bench.html").read_text() == "<title>A quarter car</title>"
 
 
