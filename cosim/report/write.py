@@ -38,6 +38,7 @@ with extras.needed("reports", extras.WRITING):
     from markupsafe import Markup
 
 SIGNIFICANT = 4  # digits shown on the page; JSON and CSV carry every digit
+WHOLE = 12  # rows of a table that is not broken across pages of paper
 _LOOK: dict[Verdict, dict[str, str]] = {
     "reproduced": {"style": "yes", "mark": "✓"},
     "order reproduced, magnitude not": {"style": "order", "mark": "≈"},
@@ -164,6 +165,7 @@ def render(report: Report) -> str:
         figure_csv=figure_csv,
         table_csv=table_csv,
         figure_number={f.id: i for i, f in enumerate(report.figures, start=1)},
+        whole=WHOLE,
         table_number={t.id: i for i, t in enumerate(report.tables, start=1)},
     )
 
