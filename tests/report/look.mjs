@@ -71,12 +71,13 @@ if (await toggle.count()) {
   found.kept = await page.evaluate(() => getComputedStyle(document.body).backgroundColor);
 }
 
-// every file that the page offers
+// every file that the page offers, not so soon one after the other that Chromium drops one
 for (const link of await page.locator("a[data-csv], .files button").all()) {
   const [download] = await Promise.all([page.waitForEvent("download"), link.click()]);
   const path = join(folder, download.suggestedFilename());
   await download.saveAs(path);
   found.files.push(path);
+  await page.waitForTimeout(300);
 }
 await page.pdf({ path: join(folder, "page.pdf"), preferCSSPageSize: true }); // chosen dark: paper is white all the same
 await browser.close();
