@@ -16,8 +16,10 @@ from cosim.experiments.trench import EXPERIMENT, linear, published
 from cosim.experiments.trench.claims import CLAIMS
 from cosim.experiments.trench.published import BETWEEN, BOLD, GRID, LENGTHS, SPECTRUM, SPEEDS, matrix, refined
 from cosim.experiments.trench.report import report, scene
-from cosim.experiments.trench.runs import CURVES, METRICS, MOVING, Case, Course, configure, measure, signals, wire
-from cosim.report import Map, Report, write_report
+from cosim.experiments.trench.runs import CURVES, METRICS, MOVING, Case, Course, bands, configure, measure, signals, wire
+from cosim.experiments.trench.web import live
+from cosim.export.web.scene import Value
+from cosim.report import Figure, Map, Report, write_report
 from cosim.study import FmuSet, Results
 
 # ----------------------------------------------------------------------------------------------- a run: loads by hand
@@ -107,7 +109,21 @@ def test_course() -> None:
     course = Course.of(recording(Case(1.5, 3.6)))
     assert (course.start, course.end) == (3.9, pytest.approx(3.9 + 1.5 + 1.9 + 1.5))
     assert course.patience == pytest.approx(1.25 * 8.8 / 1.0 + 2.0)
+    assert Course.of(recording(Case(1.5, 7.2))).start == pytest.approx(2.0 + 0.6 + 0.8 * 2 + 0.2 * 2 + 0.3)
     assert Course.of(recording(Case(1.5, 0.5))).start == pytest.approx(3.3)  # slow: the nose decides
+
+
+def test_a_touch_counts_however_short() -> None:
+    found = measure(recording(Case(1.5, 3.6), car_belly_force=np.where(T == T[77], 2000.0, 0.0)))
+    assert (found["belly_kn"], found["failures"]) == (2.0, ["belly contact"])
+
+
+def test_bands_of_a_spectrum_begin_at_0_3_hz() -> None:
+    frequency = np.arange(0.32, 400.0, 0.02)
+    found, density = bands(frequency, 1.0 / frequency)
+    assert found[0] == pytest.approx(10 ** (-0.5 + 1 / 24))
+    assert found[-1] < 400
+    assert density == pytest.approx([1 / f for f in found], rel=0.05)
 
 
 def test_signals_of_a_run() -> None:
@@ -253,6 +269,11 @@ def test_the_two_vehicles_of_the_linear_comparison_meet_one_trench(fmus: FmuSet)
             assert x == pytest.approx([5.8, 6.2, 7.8, 8.2])
             assert z == [0.0, -0.15, -0.15, 0.0]
         assert (car.values["wheel.a1l.x"], car.values["wheel.a3r.x"]) == (1.98, -2.02)  # of the linear vehicle
+
+
+def test_the_linear_comparison_lasts_until_5_m_behind_the_trench() -> None:
+    assert linear.PART.name == "shallow"
+    assert linear.PART.stop_time == pytest.approx((6 + 2 + 5) / (5 / 3.6), abs=1e-3)
 
 
 # ----------------------------------------------------------------------------------------------- a study: every cell by hand
@@ -537,6 +558,42 @@ def test_words_where_control_does_not_help(study: Results) -> None:
     assert found["cost-below-passive"].endswith("; not 1.2 m at 1, 3 km/h")
 
 
+def test_words_where_many_crossings_do_not_count(study: Results) -> None:
+    """Up to half of them are named, more are not."""
+    some, many = ({Case(a, v): {"az": 99.0} for a in LENGTHS for v in speeds} for speeds in (SPEEDS[:2], SPEEDS[:3]))
+    found = {c.id: c.ours for c in CLAIMS.judge(altered(study, some))}["peak-az"]
+    assert found == f"18 of 36; not {', '.join(f'{a:g} m at 1, 3 km/h' for a in LENGTHS)}"
+    assert {c.id: c.ours for c in CLAIMS.judge(altered(study, many))}["peak-az"] == "9 of 36"
+
+
+def test_nine_of_ten_verdicts_are_the_magnitude(study: Results) -> None:
+    for wrong, verdict in ((3, "reproduced"), (4, "order reproduced, magnitude not"), (13, "not reproduced")):
+        turned = {}
+        for k in GRID[:wrong]:
+            passed = not published.passed(*k)
+            row = {"passed": passed, "failures": [] if passed else ["stuck"]}
+            turned |= {c: row for c in (Case(*k, "passive"), refined(Case(*k, "passive")))}
+        found = {c.id: c for c in CLAIMS.judge(altered(study, turned))}["passive-verdicts"]
+        assert (found.verdict, found.value) == (verdict, 36 - wrong)
+
+
+def test_the_least_improvement_is_the_magnitude(study: Results) -> None:
+    """63.5 % in print: 57.15 % are near enough."""
+    costs = [row["cost"] for row in (study[c] for s in ("passive", "mpc") for c in matrix(s))]
+    key = GRID[20]
+    base, low = study[Case(*key, "passive")]["cost"], min(costs)
+    for taken, verdict in ((0.58, "reproduced"), (0.56, "order reproduced, magnitude not")):
+        changed = altered(study, {Case(*key): {"cost": base - taken * (base - low)}})
+        found = {c.id: c for c in CLAIMS.judge(changed)}["cost-below-passive"]
+        assert (found.verdict, found.value) == (verdict, pytest.approx(100 * taken))
+
+
+def test_one_step_that_is_not_solved_counts(study: Results) -> None:
+    for change in ({"solver_residual": 2e-6}, {"solver_failures": 1}):
+        found = {c.id: c.verdict for c in CLAIMS.judge(altered(study, {Case(1.5, 3.0): change}))}
+        assert found["solver"] == "does not hold"
+
+
 def test_a_crossing_that_fails_at_one_step_alone_decides_nothing(study: Results) -> None:
     """One of 36 that halving the step turns leaves the claim open; one that fails at both makes it false."""
     fails = {"passed": False, "failures": ["stuck"]}
@@ -587,6 +644,9 @@ def test_what_the_thesis_prints_is_drawn_under_ours(
     page: Report, study: Results, figure: str, metric: str, label: str, printed: str
 ) -> None:
     assert made_up.axes(page, figure) == {f"{v:g} km/h": ("trench length [m]", label) for v in SPEEDS}
+    drawn = next(f for f in page.figures if isinstance(f, Figure) and f.id == figure)
+    assert drawn.title == f"{label.split(' [')[0].capitalize()} over the length of the trench"
+    assert drawn.columns == 2
     points = 0
     for speed in SPEEDS:
         for name, system in (("passive", "passive"), ("controlled", "mpc")):
@@ -600,3 +660,59 @@ def test_what_the_thesis_prints_is_drawn_under_ours(
             points += int(np.isfinite(cells).sum())
     known = [r[f"{n} {printed}"] for r in published.rows().values() for n in ("passive", "controlled")]
     assert points == sum(map(bool, known)) > 36
+
+
+def test_columns_of_the_thesis() -> None:
+    row = published.rows()[1.5, 3.0]
+    found = published.passive(1.5, 3.0)
+    for name, column in (("az", "az [m/s2]"), ("ax", "ax [m/s2]"), ("az_rms", "az rms [m/s2]"), ("ax_rms", "ax rms [m/s2]"), ("pitch", "pitch [deg]")):
+        assert getattr(found, name) == float(row[f"passive {column}"])
+
+
+# ------------------------------------------------------------------------------------------------------------ the live page
+
+
+def test_measures_of_the_live_page() -> None:
+    """Table 5.3 in its units, with its limits."""
+    shown = live(Case())
+    assert [(c.title, c.case.controller) for c in shown.cases] == [("Passive", "passive"), ("LQR", "lqr"), ("MPC", "mpc")]
+    found = [(m.label, tuple(m.names), m.how, m.unit, m.factor, m.limit) for m in shown.page.measures]
+    hubs = [("car.hub.a1l.fx", "car.hub.a1r.fx"), ("car.hub.a2l.fx", "car.hub.a2r.fx"), ("car.hub.a3l.fx", "car.hub.a3r.fx")]
+    assert found == [
+        ("peak vertical acceleration", ("car.body.az",), "peak", "m/s2", 1.0, 150.0),
+        ("peak longitudinal acceleration", ("car.body.ax",), "peak", "m/s2", 1.0, 100.0),
+        ("vertical acceleration rms", ("car.body.az",), "rms", "m/s2", 1.0, 5.0),
+        ("longitudinal acceleration rms", ("car.body.ax",), "rms", "m/s2", 1.0, 5.0),
+        ("peak pitch", ("car.body.pitch",), "peak", "deg", pytest.approx(180 / math.pi), 15.0),
+        *((f"peak {axle} hub force", names, "peak", "kN", 1e-3, 225.0) for axle, names in zip(("front", "middle", "rear"), hubs, strict=True)),
+        ("force on the belly", ("car.belly.force",), "largest", "kN", 1e-3, 0.001),
+    ]  # fmt: skip
+
+
+def test_controls_of_the_live_page() -> None:
+    controls = {c.label: c for c in live(Case()).page.controls}
+    assert {label: (list(c.names), c.minimum, c.maximum) for label, c in controls.items()} == {
+        "length of the trench": (["car.trench.length"], 0.2, 2.5), "depth of the trench": (["car.trench.depth"], 0.05, 3.0),
+        "right wheels meet it later by": (["car.trench.right_offset"], 0.0, 2.0),
+        "speed": (["car.target.speed"], pytest.approx(1 / 3.6), pytest.approx(15 / 3.6)), "sprung mass": (["car.body.mass"], 8000.0, 26000.0),
+    }  # fmt: skip
+    assert live(Case()).page.plots == ["car.body.pitch", "car.body.az", "controller.force.a1l"]
+
+
+@pytest.mark.parametrize("speed", [0.5, 3.6, 9.0])
+def test_the_live_page_drives_the_course_of_the_study(speed: float) -> None:
+    """Where the trench begins and where the run is over, from the same parameters."""
+    page, case = live(Case()).page, Case(1.5, speed)
+    values = {f"car.wheel.{k}{side}.x": x for k, x in (("a1", 2.0), ("a3", -1.9)) for side in "lr"}
+    values |= {"car.outline.front_overhang": 1.0, "car.target.speed": case.speed, "car.trench.length": 1.5}
+
+    def worth(value: Value) -> float:
+        return value.offset + sum(factor * values[name] for name, factor in value.terms.items())
+
+    course = Course.of(recording(case))
+    (starts,) = next(c for c in page.controls if c.label == "speed").follows.values()
+    assert max(worth(v) for v in starts) == pytest.approx(course.start, abs=1e-3)
+    assert page.finish is not None
+    assert page.finish.when is not None
+    values |= {"car.trench.start": course.start, "car.x": course.end}
+    assert worth(page.finish.when) == pytest.approx(0.0, abs=1e-9)
