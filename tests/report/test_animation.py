@@ -73,6 +73,9 @@ def test_series_survive_packing():
             np.testing.assert_allclose(unpacked(theirs[name]), getattr(ours, name), atol=error * 1.001)
     np.testing.assert_array_equal(unpacked(data["phase"]["index"]), T > 0.3)
     assert [data["forces"][0][n]["decimals"] for n in ("x", "z")] == [2, 2]  # a centimetre: a pixel of a page 900 wide
+    assert data["wheels"][0]["turn"]["decimals"] == 2
+    assert (data["readings"][0]["quantity"], data["readings"][0]["unit"]) == ("pitch", "deg")
+    assert made.ground == data["ground"] == ((-5.0, 0.0), (5.0, 0.0))
     assert data["struts"] == [{"body": 0, "at": (0.7, 0.3), "wheel": 0}]
     assert (made.samples, made.duration) == (N, pytest.approx(0.5))
 
@@ -81,6 +84,7 @@ def test_series_survive_packing():
     ("make", "message"),
     [
         (lambda: body(outline=BOX[:2]), "body 'car': outline needs 3 or more finite points"),
+        (lambda: body(outline=[*BOX, (np.nan, 0.0)]), "body 'car': outline needs 3 or more finite points"),
         (lambda: body(x=[0.0, np.nan]), "body 'car': x is nan at sample 1"),
         (lambda: Wheel("w", 0.0, T, T, T), "wheel 'w': radius is 0 m; give a finite number above 0 m"),
         (lambda: Force("f", T, T, T, T, "wind"), "force 'f': role 'wind' is not one of 'ground', 'body'"),

@@ -188,3 +188,9 @@ class TestCounts:
         page = render(make_report(claims=[Claim("c", "it", "1", "1", "holds")]))
         assert 'id="claims"' not in page
         assert 'id="checks"' in page
+
+
+def test_most_is_not_always_clearly_most():
+    """14 of 20 may be chance (5.8 %), 15 of 20 hardly (2.1 %)."""
+    for many, clear in ((14, False), (15, True)):
+        assert Distribution([1.0] * many + [0.0] * (20 - many)).clearly(bool) is clear

@@ -24,6 +24,7 @@ def test_a_front_on_a_page() -> None:
         {"published": {"a": 2.0, "b": 2.5}},
     )  # fmt: skip
     (table,), (figure,) = found.tables, found.figures
+    assert (table.id, figure.id) == ("front", "front")  # names of their files
     assert table.columns == ("a [m]", "b [N]", "x")
     assert table.rows == ((0.0, 3.0, 0.0),)
     assert "1 of 3 trials" in found.paragraphs[0]

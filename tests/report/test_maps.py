@@ -77,3 +77,24 @@ def test_contours_have_a_dozen_steps_and_one_bar_of_colors() -> None:
 def test_maps_that_are_compared_have_one_scale() -> None:
     data = plotted(made(value_range=(-5.0, 19.0)))["data"]
     assert [(t["zmin"], t["zmax"], t["contours"]["size"]) for t in data] == [(-5.0, 19.0, 2.0)] * 2
+
+
+def test_panels_lie_within_the_page():
+    """Side by side where it is wide, one below the other where it is narrow; below them is more room than above: axes have titles there."""
+    figure = made(layers=[Layer(name, LOW) for name in "abc"])
+    wide, narrow = (plotted(figure, narrow=n)["layout"] for n in (False, True))
+    across = [wide[f"xaxis{i}"]["domain"] for i in ("", 2, 3)]
+    down = [narrow[f"yaxis{i}"]["domain"] for i in ("", 2, 3)]
+    for domains in (across, down[::-1]):
+        edges = [edge for domain in domains for edge in domain]
+        assert edges == sorted(edges)
+        assert (edges[0], edges[-1]) == (pytest.approx(0.0, abs=1e-9), pytest.approx(1.0))
+        sizes = [high - low for low, high in domains]
+        assert sizes == pytest.approx([sizes[0]] * 3)
+        assert sizes[0] > 0.15
+    assert wide["margin"]["b"] > wide["margin"]["t"]
+
+
+def test_values_of_a_layer_cannot_be_changed():
+    with pytest.raises(ValueError, match="read-only"):
+        Layer("a", [[1.0, 2.0]]).values[0, 0] = 3.0

@@ -40,6 +40,8 @@ def claim(**fields):
         (lambda: panel(series(), x_label="time []"), "carries no unit"),
         (lambda: panel(series(), x_scale="dB"), "x_scale 'dB'"),
         (panel, "has no series"),
+        (lambda: panel(title="left"), "panel 'left' has no series"),
+        (lambda: panel(), r"panel 'pitch \[deg\]' has no series"),
         (lambda: panel(series(), series()), "series 'a' appears more than once"),
         (lambda: Series("a", [0, 1], [0]), "series 'a': y has 1 points, x has 2"),
         (lambda: Series("a", [0, 1], [[0, 1]]), "one dimension"),
@@ -84,3 +86,9 @@ def test_a_series_keeps_its_own_copy():
 def test_numpy_scalars_become_numbers():
     table = Table("t", "T", ["a", "b"], [[np.float64(0.5), np.int64(3)]])
     assert [type(cell) for cell in table.rows[0]] == [float, int]
+
+
+@pytest.mark.parametrize("part", ["paragraphs", "figures", "tables", "animations"])
+def test_a_section_names_what_does_not_belong_to_it(part):
+    with pytest.raises(ValueError, match=f"section 'S': '{part}' holds 1"):
+        Section("S", **{part: [1]})

@@ -4,7 +4,19 @@ import re
 import numpy as np
 
 from cosim.report import Figure, Palette, Panel, Section, Series, plotly_figure
-from cosim.report.plots import COLORS, GRID, INK, MUTED, PAPER, RULE, dark_colors, placed_columns, series_columns
+from cosim.report.plots import (
+    COLORS,
+    GRID,
+    INK,
+    LEGEND_ROW,
+    MUTED,
+    PAPER,
+    RULE,
+    _legend_height,
+    dark_colors,
+    placed_columns,
+    series_columns,
+)
 
 
 def one_panel(*names):
@@ -205,3 +217,19 @@ def test_each_trace_is_drawn_from_its_columns(make_report):
             np.testing.assert_array_equal(columns[x][1], trace.x)
             np.testing.assert_array_equal(columns[y][1], trace.y)
             assert columns[y][0].removeprefix("Sine: ").removeprefix("Curb: ").startswith(f"{trace.name}: ")
+
+
+def test_a_colour_that_is_asked_for_is_nobody_elses():
+    for color in COLORS:
+        curves = [Series("asked", [0, 1], [0, 1], color=color), *(Series(n, [0, 1], [0, 1]) for n in "abc")]
+        looks = Palette([Figure("f", "F", "", [Panel("", "time [s]", "force [N]", curves)])])
+        assert looks["asked"].color == COLORS[color]
+        assert not {COLORS[color], COLORS["grey"]} & {looks[n].color for n in "abc"}
+
+
+def test_a_legend_has_as_many_rows_as_its_widest_name_needs():
+    """54 px and 7 for each letter: of 20 letters three fit into 600 px."""
+    names = ["a", *(f"a name of 20 letters{i}"[-20:] for i in range(6))]
+    assert _legend_height(one_panel(*names), 600) == 3 * LEGEND_ROW + 14
+    assert _legend_height(one_panel(*names), 100) == 7 * LEGEND_ROW + 14
+    assert _legend_height(one_panel(*names[:3]), 600) == LEGEND_ROW + 14

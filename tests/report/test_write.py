@@ -330,3 +330,22 @@ def test_small_numbers_of_a_column_keep_four_digits(make_report):
     report = make_report(sections=[Section("S", [], [], [Table("t", "T", ["a [W]"], [[0.51234], [0.25]])])])
     text = Page(render(report)).text.split()
     assert {"0.5123", "0.2500"} <= set(text)
+
+
+def test_columns_of_numbers_are_set_to_the_right():
+    table = Table("t", "T", ["name", "value [m]", "gaps", "mixed"], [["a", 1.0, None, 1.0], ["b", 2.0, 3, "x"]])
+    page = Page(render(Report("demo", "Demo", "Lead.", sections=[Section("S", tables=[table])])))
+    heads = [attributes.get("class") for tag, attributes in page.tags if tag == "th"]
+    assert heads == [None, "num", "num", None]
+    empty = Table("t", "T", ["name", "value [m]"], [])
+    page = Page(render(Report("demo", "Demo", "Lead.", sections=[Section("S", tables=[empty])])))
+    assert [attributes.get("class") for tag, attributes in page.tags if tag == "th"] == [None, None]
+
+
+def test_very_small_numbers_have_powers_of_ten():
+    shown = {}
+    for values in ([2e-5, 3e-4], [2e-4, 3e-3]):
+        table = Table("t", "T", ["value [m]"], [[v] for v in values])
+        text = Page(render(Report("demo", "Demo", "Lead.", sections=[Section("S", tables=[table])]))).text
+        shown[values[0]] = "10⁻⁵" in text
+    assert shown == {2e-5: True, 2e-4: False}

@@ -102,6 +102,15 @@ def results(failed: bool = True) -> Results:
 # ------------------------------------------------------------------------------------------------------------ results
 
 
+def test_what_comes_one_after_the_other_is_kept() -> None:
+    """Tasks and entries may be given as iterators."""
+    tasks, entries = [Task(Ride(v)) for v in (10.0, 20.0)], [{"metrics": {"heave": v}} for v in (0.1, 0.2)]
+    found = Results(iter(tasks), iter(entries))
+    assert [found[t.case]["heave"] for t in tasks] == [0.1, 0.2]
+    with pytest.raises(ValueError, match="2 tasks have 1 entries"):
+        Results(iter(tasks), iter(entries[1:]))
+
+
 def test_what_is_read_of_results() -> None:
     study = results()
     assert len(study) == len(list(study)) == 6
