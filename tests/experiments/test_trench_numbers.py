@@ -16,7 +16,18 @@ from cosim.experiments.trench import EXPERIMENT, linear, published
 from cosim.experiments.trench.claims import CLAIMS
 from cosim.experiments.trench.published import BETWEEN, BOLD, GRID, LENGTHS, SPECTRUM, SPEEDS, matrix, refined
 from cosim.experiments.trench.report import report, scene
-from cosim.experiments.trench.runs import CURVES, METRICS, MOVING, Case, Course, bands, configure, measure, signals, wire
+from cosim.experiments.trench.runs import (
+    CURVES,
+    METRICS,
+    MOVING,
+    Case,
+    Course,
+    bands,
+    configure,
+    measure,
+    signals,
+    wire,
+)
 from cosim.experiments.trench.web import live
 from cosim.export.web.scene import Value
 from cosim.report import Figure, Map, Report, write_report
@@ -114,7 +125,7 @@ def test_course() -> None:
 
 
 def test_a_touch_counts_however_short() -> None:
-    found = measure(recording(Case(1.5, 3.6), car_belly_force=np.where(T == T[77], 2000.0, 0.0)))
+    found = measure(recording(Case(1.5, 3.6), car_belly_force=np.where(T[77] == T, 2000.0, 0.0)))
     assert (found["belly_kn"], found["failures"]) == (2.0, ["belly contact"])
 
 
@@ -572,7 +583,7 @@ def test_nine_of_ten_verdicts_are_the_magnitude(study: Results) -> None:
         for k in GRID[:wrong]:
             passed = not published.passed(*k)
             row = {"passed": passed, "failures": [] if passed else ["stuck"]}
-            turned |= {c: row for c in (Case(*k, "passive"), refined(Case(*k, "passive")))}
+            turned |= dict.fromkeys((Case(*k, "passive"), refined(Case(*k, "passive"))), row)
         found = {c.id: c for c in CLAIMS.judge(altered(study, turned))}["passive-verdicts"]
         assert (found.verdict, found.value) == (verdict, 36 - wrong)
 
@@ -645,7 +656,7 @@ def test_what_the_thesis_prints_is_drawn_under_ours(
 ) -> None:
     assert made_up.axes(page, figure) == {f"{v:g} km/h": ("trench length [m]", label) for v in SPEEDS}
     drawn = next(f for f in page.figures if isinstance(f, Figure) and f.id == figure)
-    assert drawn.title == f"{label.split(' [')[0].capitalize()} over the length of the trench"
+    assert drawn.title == f"{label.split(' [', maxsplit=1)[0].capitalize()} over the length of the trench"
     assert drawn.columns == 2
     points = 0
     for speed in SPEEDS:

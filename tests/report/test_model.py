@@ -41,7 +41,7 @@ def claim(**fields):
         (lambda: panel(series(), x_scale="dB"), "x_scale 'dB'"),
         (panel, "has no series"),
         (lambda: panel(title="left"), "panel 'left' has no series"),
-        (lambda: panel(), r"panel 'pitch \[deg\]' has no series"),
+        (panel, r"panel 'pitch \[deg\]' has no series"),
         (lambda: panel(series(), series()), "series 'a' appears more than once"),
         (lambda: Series("a", [0, 1], [0]), "series 'a': y has 1 points, x has 2"),
         (lambda: Series("a", [0, 1], [[0, 1]]), "one dimension"),
