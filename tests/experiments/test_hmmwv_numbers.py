@@ -20,13 +20,16 @@ from cosim.experiments.hmmwv import EXPERIMENT, preview, runs, tracking
 from cosim.experiments.hmmwv.averages import Averages
 from cosim.experiments.hmmwv.claims import CLAIMS
 from cosim.experiments.hmmwv.preview import published as chains
-from cosim.experiments.hmmwv.published import PUMP, SHARED, estimated, finer, places
+from cosim.experiments.hmmwv.published import PUMP, PUMPS_L_MIN, SHARED, estimated, finer, places
+from cosim.experiments.hmmwv.refinement import refinements
 from cosim.experiments.hmmwv.report import report
 from cosim.experiments.hmmwv.runs import METRICS, Case, measure, signals, start, stop_time
+from cosim.experiments.hmmwv.statements import STATEMENTS
 from cosim.experiments.hmmwv.tracking import published as corners
+from cosim.experiments.hmmwv.web import live
 from cosim.experiments.steps import halved
 from cosim.report import Claim, Report
-from cosim.study import FmuSet, Results
+from cosim.study import FmuSet, Results, Task
 from cosim.study.case import fields as options
 from fmu_sources.models.comfort import absorbed_power_series, iso2631_rms
 from fmu_sources.models.corners import CORNERS
@@ -414,9 +417,12 @@ def test_table_of_what_pump_it_takes(fmus: FmuSet) -> None:
     weak = [
         hmmwv_made_up.watts(9.0, road="track", controller="mpc", pump_l_min=x, flow_limit=True) for x in (None, 60.0)
     ]
-    flows = [hmmwv_made_up.metric(k, v, pump_l_min=75.0) for k, v in (("flow_mean", 123.0), ("flow_peak", 321.0))]
+    flows = [hmmwv_made_up.metric(k, v, pump_l_min=75.0) for k, v in (("flow_mean", 123.4), ("flow_peak", 321.4))]
     rows = made_up.table(report(hmmwv_made_up.made_up_study(*weak, *flows), fmus), "pump-needed")
     (row,) = (r for r in rows if "MPC at least halves" in r["statement"])
+    captions = {t.id: t.caption for s in report(hmmwv_made_up.made_up_study(), fmus).sections for t in s.tables}
+    for road, tried in PUMPS_L_MIN.items():
+        assert f"{ROADS[road]} {', '.join(f'{x:g}' for x in (45.0, *sorted(tried)))} l/min each" in captions["pump-needed"]
     assert row == {
         "statement": "test track: MPC at least halves the absorbed power of the passive car", "published": "better than twofold",
         "45 l/min each": "1.33 times", "no limit": "2.49 times",
@@ -561,7 +567,9 @@ def test_figure_of_length_and_error_of_the_preview(page: Report) -> None:
     assert [list(np.asarray(v)) for v in (better.y, better.low, better.high)] == [
         pytest.approx([f * base] * 2) for f in (0.85, 0.8, 0.9)
     ]
-    assert set(curve(page, "preview-length-and-error", "position error", "without preview")[1]) == {base}
+    ends = [ms / 1000 * 20 * 1.609344 / 3.6 for ms in (errors[0], errors[-1])]
+    assert curve(page, "preview-length-and-error", "position error", "without preview") == (pytest.approx(ends), [base] * 2)
+    assert list(better.x) == pytest.approx(ends)
 
 
 def test_figures_of_force_tracking(page: Report) -> None:
@@ -647,6 +655,7 @@ def test_results_and_words(page: Report) -> None:
     text = {s.title: " ".join(s.paragraphs) for s in page.sections}
     assert "see the road 2.5 m ahead of the front axle" in text["Sensed preview"]
     assert f"put {0.5 + 4 / 3:.1f} times that error" in text["Sensed preview"]
+    assert "The bump of 76 mm is higher than the 60 mm of travel" in text["What differs from the paper"]
     about = metrics(tracking.runs.Case())
     assert f"quarter car with {about['friction_force']:g} N of friction" in text["Force tracking"]
     assert f"the pump has {about['flow_limit']:g} l/min" in text["Force tracking"]
@@ -656,6 +665,16 @@ def test_results_and_words(page: Report) -> None:
         f"draw {min(demand):.0f} to {max(demand):.0f} l/min on the test track"
         in text["What the hydraulics do, and what pump it takes"]
     )
+
+
+def test_statements_that_are_reproduced_are_counted(fmus: FmuSet) -> None:
+    made = report(hmmwv_made_up.made_up_study(), fmus)
+    shown = {r.name: (r.value, r.unit) for r in made.results if r.name.startswith("statements")}
+    verdict_of = {c.id: c.verdict for c in made.claims}
+    for words, suffix in ((", 45 l/min at each actuator", "-pump"), (", pump without limit", "")):
+        (found,) = (v for n, v in shown.items() if n.endswith(words))
+        assert found == (sum(verdict_of[s.id + suffix] == "reproduced" for s in STATEMENTS), f"of {len(STATEMENTS)}")
+    assert len(shown) == 2
 
 
 def words(fmus: FmuSet, *changes: hmmwv_made_up.Change) -> dict[str, str]:
@@ -865,6 +884,23 @@ def test_words_of_the_statements() -> None:
     assert apart.value == pytest.approx(100 * (4.0 / (4.8 * 1.0025) - 1), rel=1e-4)
 
 
+def test_alike_is_neither_better_nor_worse() -> None:
+    """Within 10 % of MPC."""
+    for watts, verdict in ((4.8, "reproduced"), (4.0, "not reproduced"), (6.0, "not reproduced")):
+        laws = [hmmwv_made_up.watts(watts, road="track", controller=c) for c in ("skyhook", "lqr")]
+        assert said(*laws)["track-alike"].verdict.removesuffix(", magnitude not") == verdict
+
+
+def test_what_was_fitted_stands_beside_a_statement() -> None:
+    found = {id_: c.fitted for id_, c in said().items()}
+    assert found["track-alike"] == "weights of Table 1.1 read with the force in N, not kN"
+    reading = "force rate of Table 1.3 read as per period of 30 ms, not per second"
+    assert {id_ for id_, text in found.items() if text == reading} >= {"track-mpc-best"}
+    assert reading not in found["track-skyhook"]
+    assert "; 4 to 6.75 mm are plausible and give " in found["track-zero"]
+    assert "5 mm, assumed with the passive figure in view" in found["track-zero"]
+
+
 def test_words_of_the_checks() -> None:
     kilonewton = {"road": "off-road", "controller": "lqr-kilonewton"}
     found = said(
@@ -885,6 +921,8 @@ def test_words_of_the_checks() -> None:
         "LQR 5.00 %"
     )
     assert found["off-road-travel-limit"].value == 55.0
+    over = said(hmmwv_made_up.metric("travel_peak", 0.064, road="off-road", controller="mpc", variant=3))
+    assert "holds in 4 of 5" in over["off-road-travel-limit"].ours
     assert found["estimates-mpc"].ours == "test track +0 %, one 76 mm bump +17 %, off road +0 %"
     assert found["estimates-mpc"].reason.endswith("+0 %")
     assert found["estimates-mpc"].value == pytest.approx(100 * (5.5 / (4.7 * 1.0025) - 1), rel=1e-4)
@@ -919,6 +957,14 @@ def test_words_of_force_tracking() -> None:
     assert found["tracking-notches"].ours.startswith("square 2.0 without, 2.0 % with, sweep 4.2 without, 3.0 % with")
 
 
+def test_one_signal_that_is_followed_worse_decides() -> None:
+    study, case = hmmwv_made_up.made_up_study(), tracking.runs.Case
+    changed = altered(study, {case("sweep", rate_filter=True): {"error": 0.019}, case("sweep"): {"error": 0.11}})
+    found = {c.id: c for c in CLAIMS.judge(changed)}
+    assert found["tracking-difference"].verdict == "not reproduced"
+    assert (found["tracking-sweep"].verdict, found["tracking-sweep"].reason) == ("does not hold", "above 10 % rms")
+
+
 def test_signals_that_the_force_follows_are_named() -> None:
     found = said()
     assert {id_: found[id_].claim for id_ in ("tracking-square", "tracking-sweep", "tracking-discrete-sweep")} == {
@@ -926,6 +972,7 @@ def test_signals_that_the_force_follows_are_named() -> None:
         "tracking-sweep": "The force follows a sweep from 1 to 10 Hz",
         "tracking-discrete-sweep": "The force follows a discrete sweep from 1 to 10 Hz",
     }
+    assert found["tracking-notches"].criterion.startswith("rms error without them at most 5 % above that with them, ")
     assert found["tracking-square"].criterion.startswith("rms of force minus smoothed desired force at most 10 % of the rms")
     saturation = found["bump-saturation"]
     assert (saturation.claim.partition(": ")[2], saturation.published) == (
@@ -1007,3 +1054,90 @@ def test_signals_belong_to_the_first_place(study: Results) -> None:
     assert runs.SIGNALS["smoothed"] == "tracking_fl.force.smoothed"
     found = Averages(study).signals(Case("off-road", "mpc"))
     assert found["travel"].tolist() == drawn(Case("off-road", "mpc", duration=20.0))["travel"]
+
+
+# --------------------------------------------------------------------------------------------------- parts, and the live page
+
+
+def test_metrics_of_the_force_tracking_as_they_are_shown() -> None:
+    shown = {k: (m.heading, m.shown(0.012345)) for k, m in tracking.runs.METRICS.items()}
+    assert shown == {
+        "error": ("force error, rms over rms of the desired force [%]", "1.23"), "early": ("error from 0.5 to 1 s [% of 2 kN]", "1.23"),
+        "late": ("error from 3.5 to 4 s [% of 2 kN]", "1.23"), "flow_peak": ("flow, largest [l/min]", "0.0"),
+        "voltage_peak": ("voltage of the valve, largest [V]", "0.01"), "voltage_jumps": ("jumps of the voltage [mV]", "12"),
+        "saturated": ("valve saturated [% of the time]", "1.2"), "rise": ("rise of the filter from 10 to 90 % [ms]", "12.3"),
+        "crossing": ("filter first at its final value [ms]", "12.3"), "bandwidth": ("frequency of half the power of the filter [Hz]", "0.0"),
+    }  # fmt: skip
+
+
+def test_signals_of_the_force_tracking() -> None:
+    """+-2 kN at 1 Hz for 4 s; 2 kN from 1 to 10 Hz in 10 s."""
+    runs_of, case = tracking.runs, tracking.runs.Case
+    assert [runs_of.stop_time(None, case(name)) for name in runs_of.SIGNALS] == [4.0, 10.0, 10.0, 4.0, 1.0]  # type: ignore[arg-type]
+    assert [runs_of.SIGNALS[name][1] for name in ("square", "sweep")] == [1e-3, 1e-3]
+    times, y = np.arange(0, 4, 1e-3), np.zeros(1)
+    signal = runs_of.ForceSignal(runs_of.SIGNALS["square"][0])
+    signal.start(np.zeros(0), y)
+    assert y[0] == 2000.0
+    for t in times:
+        signal.step(float(t), 1e-3, np.zeros(0), y)
+        assert y[0] == (2000.0 if t % 1 < 0.5 - 1e-9 else -2000.0)
+    sweep = np.array([runs_of.SIGNALS["sweep"][0](float(t)) for t in np.arange(0, 10, 1e-4)])
+    rises = np.count_nonzero(np.diff(np.sign(sweep)) > 0)
+    assert rises == pytest.approx((1 + 10) / 2 * 10, abs=1)
+    assert np.abs(sweep).max() == pytest.approx(2000.0, rel=1e-4)
+
+
+def test_flags_of_a_road_count_wherever_they_are() -> None:
+    flag = next(iter(runs.ROAD_FLAGS))
+    raised = recording(Case("bump", "mpc"), **{f"road.{flag}": T[7] == T})
+    assert runs.remarks(raised) == [runs.ROAD_FLAGS[flag]]
+    assert runs.remarks(recording(Case("bump", "mpc"), **{f"road.{flag}": 0.0})) == []
+
+
+@pytest.mark.parametrize("begin", [0.0, 3.0])
+def test_the_busiest_second_may_be_the_first_or_the_last(begin: float) -> None:
+    """Flow of one actuator, all of it in one second."""
+    flows = {f"actuator_{k}.flow": 0.0 for k in CORNERS} | {"actuator_fl.flow": np.where(between(begin, begin + 1.0), 1e-3, 0.0)}
+    assert measure(recording(Case("track", "mpc"), **flows))["flow_mean"] == pytest.approx(60.0, rel=1e-3)
+
+
+def test_without_finer_runs_there_is_no_refinement() -> None:
+    study = made_up.study(EXPERIMENT, metrics, drawn)
+    tasks = [t for t in study.tasks if not (isinstance(t, Task) and isinstance(t.case, Case) and t.case == places(t.case)[0])]
+    entries = [{"metrics": study[t.case], "signals": study.signals(t.case) if t.signals else {}} for t in tasks]  # type: ignore[union-attr]
+    assert refinements(Averages(Results(tasks, entries))) == []
+
+
+def test_looks_of_the_chains(page: Report) -> None:
+    curves = [c for f in page.figures if f.id == "preview-chain" for p in f.panels for c in p.series]  # type: ignore[union-attr]
+    assert {(c.name, c.color, c.dash) for c in curves} == {
+        ("range", "black", None), ("true", "black", None), ("flat road believed", "orange", "dash"),
+        ("flat road believed, quarter cars added", "purple", "dot"), ("relative states, road fed back", "green", "solid"),
+    }  # fmt: skip
+
+
+def test_the_live_page() -> None:
+    shown = live(Case())
+    laws = [("Passive", "passive"), ("LQR", "lqr"), ("MPC", "mpc"), ("MPC that sees the road", "mpc-preview")]
+    assert [(c.title, c.case.controller) for c in shown.cases] == laws * 3
+    assert [c.group for c in shown.cases] == [g for g in ("off road", "raisers of 38 mm", "a bump of 76 mm") for _ in laws]
+    for c in shown.cases:
+        sees = c.title == "MPC that sees the road"
+        assert (c.case.states, c.case.preview, c.case.driven) == ("estimated" if sees else "true", "sensed" if sees else "generated", True)
+    page = shown.page
+    controls = {c.label: (list(c.names), c.minimum, c.maximum) for c in page.controls}
+    assert controls == {
+        "speed": (["speed.target.speed"], 0.0, pytest.approx(60 / 3.6)), "preview that the MPC uses": (["controller.preview.used"], None, None),
+        "range sensors off": (["sensors.range.off"], None, None), "sprung mass": (["car.body.mass"], 1500.0, 4500.0),
+        "roughness, ISO 8608 class": (["road.class"], None, None),
+    }  # fmt: skip
+    assert dict(page.controls[-1].choices) == {name: float(i) for i, name in enumerate("ABCDEFGH")}
+    assert page.plots == ["car.body.az", "car.suspension.fl.deflection", "controller.force.fl"]
+    assert [(m.label, m.names[0], len(m.names), m.how, m.unit, m.factor, m.decimals) for m in page.measures] == [
+        ("absorbed power, largest over 1 s", "comfort.absorbed_power.peak", 1, "largest", "W", 1.0, 2),
+        ("vertical acceleration, rms", "car.body.az", 1, "rms", "m/s2", 1.0, 2),
+        ("suspension travel, largest", "car.suspension.fl.deflection", 4, "peak", "mm", 1e3, 0),
+        ("tire deflection, rms", "car.tire.fl.deflection", 4, "rms", "mm", 1e3, 1),
+        ("actuator force, largest", "actuator_fl.force", 4, "peak", "kN", 1e-3, 2),
+    ]

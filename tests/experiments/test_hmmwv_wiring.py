@@ -7,7 +7,7 @@ from fractions import Fraction
 
 import pytest
 
-from cosim.experiments.hmmwv import EXPERIMENT, preview, runs, tracking
+from cosim.experiments.hmmwv import EXPERIMENT, preview, runs, tracking, wiring
 from cosim.experiments.hmmwv.preview import published as chains
 from cosim.experiments.hmmwv.published import estimated, finer
 from cosim.experiments.hmmwv.runs import Case, stop_time
@@ -214,3 +214,15 @@ def test_a_chain_is_set_as_its_case_says(systems):
     assert {system[n].step for n in ("car", "actuator_fl")} == {Fraction(1, 2000)}
     made = {c.target_name: c.source_name for c in system.connections.values()}
     assert (made["map.x"], made["map.speed"]) == ("sensors.x.measured", "sensors.speed.measured")
+
+
+@pytest.mark.parametrize("order", ["gauss-seidel", "jacobi"])
+def test_car_and_actuator_advance_as_the_case_says(fmus, order):
+    with tracking.runs.wire(fmus, tracking.runs.Case("square", order=order)) as system:
+        assert [m.name for m in system.groups["strut"].members] == ["car", "actuator"]
+        assert system.groups["strut"].method == order
+
+
+def test_every_place_of_the_bumps_has_a_height():
+    found = wiring.bump_parameters({2: 0.038})
+    assert found == {**{f"bump.height[{i}]": 0.038 if i == 2 else 0.0 for i in range(1, wiring.PLACES + 1)}, "bump.first": wiring.FIRST_BUMP}
