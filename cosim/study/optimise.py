@@ -8,6 +8,7 @@ an experiment: these go through :func:`cosim.study.run_study`, so what was run o
 
 from __future__ import annotations
 
+import hashlib
 import math
 import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -23,7 +24,7 @@ from build_fmus.checks import unknown, whole_number
 from cosim.errors import CosimError
 from cosim.report.fronts import non_dominated
 from cosim.study.case import CaseError, fields
-from cosim.study.driver import run_study
+from cosim.study.driver import run_study, salt_of
 from cosim.study.experiment import Experiment, Row, Task
 from cosim.study.fmus import FmuSet
 
@@ -46,6 +47,10 @@ class Together(Protocol):
 
     def check(self, names: Sequence[str]) -> None:
         """Refuse names that it has not."""
+        ...
+
+    def identity(self) -> str:
+        """A text that changes when anything does that the numbers depend on besides the values."""
         ...
 
     def together(self, tried: Sequence[Values]) -> list[Row]:
@@ -129,6 +134,10 @@ class CaseRuns:
             if name not in known:
                 raise OptimisationError(unknown(f"field of the cases of {self.experiment.name}", name, known))
 
+    def identity(self) -> str:
+        """Of code, FMUs and what the case is otherwise."""
+        return f"{self.case!r}|{salt_of(self.experiment, '', self.fmus, [Task(self.case)])}"
+
     def together(self, tried: Sequence[Values]) -> list[Row]:
         """Rows of several cases; ``{"failed": message}`` where one has none."""
         cases: list[Any] = []
@@ -160,6 +169,7 @@ def optimise(
     batch: int = 8,
     executor: Executor | None = None,
     first: Sequence[Values] = (),
+    identity: str = "",
     progress: Callable[[int, int], None] = lambda done, total: None,
 ) -> Outcome:
     """Search for values that make the objectives small (or large).
@@ -178,15 +188,19 @@ def optimise(
             with any executor.
         executor: any of ``concurrent.futures``; None: one after the other in this process. Cases of an experiment have their own.
         first: values that are tried before all others, such as those that are published.
+        identity: of what ``evaluate`` depends on besides the values; a storage with trials of another one is refused. Cases of an experiment
+            have their own (code, FMUs, fixed options); of a function only its author knows.
         progress: called with (done, total).
 
     Raises:
-        OptimisationError: limits, objectives or names that do not fit, another search in the storage.
+        OptimisationError: limits, objectives or names that do not fit; no run has an objective's number; another search in the storage.
     """
     _check(space, objectives, evaluate, first)
     whole_number("trials", trials, error=OptimisationError)
     whole_number("batch", batch, error=OptimisationError)
-    study = _study(storage, name, space, objectives, seed, batch)
+    model = evaluate.identity() if isinstance(evaluate, Together) else identity
+    what = {"space": {n: list(limits) for n, limits in space.items()}, "objectives": dict(objectives), "seed": seed, "batch": batch}
+    study = _study(storage, name, objectives, what, hashlib.sha256(model.encode()).hexdigest() if model else "")
     waiting = [t.number for t in study.get_trials(deepcopy=False) if t.state == TrialState.RUNNING]
     while True:
         known = study.get_trials(deepcopy=False)
@@ -196,10 +210,20 @@ def optimise(
             break
         progress(min(len(known), todo[0]), trials)
         chosen = [dict(study.get_trials(deepcopy=False)[n].params) for n in todo]
-        for number, row in zip(todo, _rows(evaluate, chosen, executor), strict=True):
+        told = zip(todo, _rows(evaluate, chosen, executor), strict=True)
+        for number, row in told:
             _tell(study, number, row, objectives)
+        _check_objectives(study, objectives)
     progress(trials, trials)
     return Outcome([_trial(t) for t in study.get_trials(deepcopy=False)], dict(objectives))
+
+
+def _check_objectives(study: Any, objectives: Mapping[str, str]) -> None:
+    """Trials that run to their end and have no such number will not have one later."""
+    trials = [_trial(t) for t in study.get_trials(deepcopy=False)]
+    lacking = [t.failed for t in trials if t.failed and any(t.failed.startswith(_no_number(n)) for n in objectives)]
+    if lacking and len(lacking) == len(trials):
+        raise OptimisationError(f"{lacking[0]}: no trial has the number that is to be small or large")
 
 
 def _asked(study: Any, space: Mapping[str, Limits], count: int, seed: int, first: Sequence[Values]) -> list[int]:
@@ -271,9 +295,12 @@ def _trial(frozen: Any) -> Trial:
     return Trial(frozen.number, dict(frozen.params), told.get("row", {}), told.get("failed", ""))
 
 
-def _study(
-    storage: str | os.PathLike[str] | None, name: str, space: Mapping[str, Limits], objectives: Mapping[str, str], seed: int, batch: int
-) -> Any:  # fmt: skip
+def _no_number(name: str) -> str:
+    """How the message of a trial begins whose row has no such number."""
+    return f"no number {name!r}"
+
+
+def _study(storage: str | os.PathLike[str] | None, name: str, objectives: Mapping[str, str], what: Mapping[str, Any], model: str) -> Any:
     optuna.logging.set_verbosity(optuna.logging.ERROR)
     directions = [
         StudyDirection.MAXIMIZE if d == "max" else StudyDirection.MINIMIZE for d in objectives.values()
@@ -281,18 +308,25 @@ def _study(
     try:
         kept = None if storage is None else _opened(Path(storage))
         study = optuna.create_study(storage=kept, study_name=name, directions=directions, load_if_exists=True)
+        empty = not any(t.state == TrialState.COMPLETE for t in study.get_trials(deepcopy=False))
+        if kept is not None and empty and study.user_attrs.get("what") not in (None, what):
+            optuna.delete_study(storage=kept, study_name=name)  # nothing was found: an objective's name was wrong, most likely
+            study = optuna.create_study(storage=kept, study_name=name, directions=directions)
     except (ValueError, KeyError, TypeError) as error:
         raise OptimisationError(f"{storage} cannot be read as the trials of a search: {error}") from None
-    what = {
-        "space": {n: list(limits) for n, limits in space.items()}, "objectives": dict(objectives), "seed": seed, "batch": batch
-    }  # fmt: skip
     before = study.user_attrs.get("what")
     if before is None:
         study.set_user_attr("what", what)
+        study.set_user_attr("model", model)
     elif before != what:
         other = next(k for k in what if before.get(k) != what[k])
         raise OptimisationError(
             f"{storage} holds another search '{name}': its {other} is {before.get(other)}, here {what[other]}; "
+            "give another file or another name"
+        )
+    elif study.user_attrs.get("model", "") != model:
+        raise OptimisationError(
+            f"{storage} holds trials of the search '{name}' of another model: FMUs, code or fixed options have changed since; "
             "give another file or another name"
         )
     return study

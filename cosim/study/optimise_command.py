@@ -27,6 +27,7 @@ from cosim.study.experiment import Experiment, Row
 from cosim.study.fmus import FmuSet
 from cosim.study.processes import local_processes
 from cosim.study.runner import Execution
+from cosim.study.store import Store
 from cosim.study.sweep import Sweep, prepare, run_sweep
 
 if TYPE_CHECKING:  # needs the extra [optimisation]
@@ -48,6 +49,8 @@ Maximise = Annotated[
 ]
 Trials = Annotated[int, typer.Option("--trials", help="how many in all, those of an earlier run of the same command among them", min=1)]
 Seed = Annotated[int, typer.Option("--random-seed", help="seed of the search", min=0)]
+
+TRIALS, RUNS = "trials.log", ".runs"  # of a search, in its folder
 
 _OPTIONS: dict[str, tuple[Any, Any]] = {
     "vary": (Vary, None),
@@ -79,6 +82,10 @@ class PointRuns:
         """All were checked when the sweep was prepared; here that they are the same."""
         assert set(names) == {a.name for a in self.sweep.design.axes}
 
+    def identity(self) -> str:
+        """Of code, FMUs and the options that do not vary."""
+        return f"{dict(sorted(self.sweep.base.items()))!r}|{self.sweep.salt(self.fmus)}"
+
     def together(self, tried: Sequence[Mapping[str, Any]]) -> list[Row]:
         """Rows of several points; ``{"failed": message}`` where one has none."""
         columns = [[values[a.name] for values in tried] for a in self.sweep.design.axes]
@@ -94,6 +101,8 @@ def optimise_command(experiment: Experiment) -> Any:
 
     def optimise(**given: Any) -> None:
         objectives = {**dict.fromkeys(given["minimise"] or (), "min"), **dict.fromkeys(given["maximise"] or (), "max")}
+        if both := sorted(set(given["minimise"] or ()) & set(given["maximise"] or ())):
+            raise DesignError(f"{both[0]} cannot be both small and large: give it to --minimise or to --maximise")
         if not objectives:
             raise DesignError("a search needs an objective: give --minimise METRIC or --maximise METRIC")
         fmus = fmu_set(experiment, given)
@@ -101,12 +110,15 @@ def optimise_command(experiment: Experiment) -> Any:
         axes = tuple(axis(text) for text in given["vary"] or ())
         prepared = prepare(experiment, fmus, Design(axes, samples=1), base)
         folder = make_folder(given["out"] / experiment.name / "optimise")
+        if given["force"]:
+            (folder / TRIALS).unlink(missing_ok=True)
+            Store(folder / RUNS).discard()
         space = limits(prepared.design.axes, given["log"] or ())
         found = _search(prepared, fmus, space, objectives, folder, given)
         _write(experiment, found, folder)
 
     own = {k: v for k, v in field_options(experiment).items() if k not in _OPTIONS}
-    everywhere = {k: v for k, v in EVERYWHERE_OF_STUDIES.items() if k not in ("force", "retry_failed")}
+    everywhere = {k: v for k, v in EVERYWHERE_OF_STUDIES.items() if k != "retry_failed"}
     text = f"Searches for parameters with small or large metrics; writes results/{experiment.name}/optimise/report.html."
     return command(optimise, experiment, {**_OPTIONS, **own, **own_files(experiment), **everywhere}, text)
 
@@ -140,9 +152,9 @@ def _search(
     count = given["processes"]
     with on(given["dask"], count) as cluster, progress_bar(f"optimise {sweep.experiment.name}") as progress:
         def search(executor: Any) -> Outcome:
-            runs = PointRuns(sweep, fmus, folder / ".runs", executor, execution(given))
+            runs = PointRuns(sweep, fmus, folder / RUNS, executor, execution(given))
             return optimise(
-                runs, space, objectives, trials=given["trials"], storage=folder / "trials.log", seed=given["random_seed"], progress=progress
+                runs, space, objectives, trials=given["trials"], storage=folder / TRIALS, seed=given["random_seed"], progress=progress
             )  # fmt: skip
 
         if cluster is not None:

@@ -72,6 +72,26 @@ class Sweep:
         """The case of run number i."""
         return self.case(**{**self.base, **dict(zip(self.attributes, self.point(i), strict=True))})
 
+    def salt(self, fmus: FmuSet) -> str:
+        """What all runs depend on besides their values. The FMUs are those of every system that texts, truth values and a few whole numbers
+        among the options choose; an FMU that is chosen by another number is not known of."""
+        own = {f.attribute for f in fields(self.experiment.case)}
+        choosing = [k for k, a in enumerate(self.attributes) if a in own and _may_choose(self._columns[k])]
+        chosen = dict.fromkeys(zip(*(self._columns[k] for k in choosing), strict=True)) if choosing else {(): None}
+        cases = [self.experiment.case(**{**self.base, **dict(zip((self.attributes[k] for k in choosing), c, strict=True))}) for c in chosen]
+        code = ["sweep", code_hash([sweeping.__file__]), repr(self.parameters)]
+        return "|".join([*code, salt_of(self.experiment, "", fmus, [Task(c) for c in cases])])
+
+
+FEW = 16  # different whole numbers of an option, up to which they are taken for a choice
+
+
+def _may_choose(column: Sequence[Any]) -> bool:
+    """Whether values of an option may decide which FMUs a system has."""
+    if all(isinstance(v, int) and not isinstance(v, bool) for v in column):
+        return len(set(column)) <= FEW
+    return not all(isinstance(v, float | int) and not isinstance(v, bool) for v in column)
+
 
 def prepare(experiment: Experiment, fmus: FmuSet, design: Design, base: Mapping[str, Any] | None = None) -> Sweep:
     """Check a design against an experiment, before anything runs.
@@ -260,10 +280,7 @@ def run_sweep(
     kept = Store(store)
     if force:
         kept.discard()
-    one = [Task(sweep.experiment.case(**sweep.base))]
-    salt = "|".join(
-        ["sweep", code_hash([sweeping.__file__]), repr(sweep.parameters), salt_of(sweep.experiment, "", fmus, one)]
-    )
+    salt = sweep.salt(fmus)
     runs = RunStore(kept, salt)
     total = len(sweep)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
@@ -105,9 +106,22 @@ def test_failures_are_kept_with_their_message_and_do_not_end_the_search() -> Non
     found = optimise(partly, {"x": (-2.0, 2.0)}, {"a": "min"}, trials=24)
     assert {t.failed for t in found.trials} == {"", "ValueError: too far", "a is nan"}
     assert found.best.values["x"] < -1
-    nothing = optimise(lambda v: {"b": 1.0}, {"x": (-2.0, 2.0)}, {"a": "min"}, trials=3)
-    with pytest.raises(OptimisationError, match="no trial gave numbers: no number 'a'"):
+    calls: list[Any] = []
+    with pytest.raises(OptimisationError, match=r"no number 'a'.*: no trial has the number"):
+        optimise(lambda v: calls.append(v) or {"b": 1.0}, {"x": (-2.0, 2.0)}, {"a": "min"}, trials=30)  # type: ignore[func-returns-value]
+    assert len(calls) == 8  # one batch: it will not come later
+    nothing = optimise(lambda v: {"a": math.nan}, {"x": (-2.0, 2.0)}, {"a": "min"}, trials=3)
+    with pytest.raises(OptimisationError, match="no trial gave numbers: a is nan"):
         _ = nothing.front
+
+
+def test_a_file_of_another_model_is_refused(tmp_path: Path) -> None:
+    """Of a function only its author knows what it depends on."""
+    file = tmp_path / "search.log"
+    first = optimise(circles, SPACE, TWO, trials=2, storage=file, identity="mass 1")
+    assert optimise(circles, SPACE, TWO, trials=2, storage=file, identity="mass 1") == first
+    with pytest.raises(OptimisationError, match="of another model"):
+        optimise(circles, SPACE, TWO, trials=2, storage=file, identity="mass 2")
 
 
 # --------------------------------------------------------------------------------------------------------- of an experiment

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -14,6 +15,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from built import BuiltFmus
 from pyarrow import parquet as pq
 from rich.console import Console
 from sine import OMEGA
@@ -49,6 +51,41 @@ def test_parameters_of_components_and_options_of_cases_vary(experiment: Any, tmp
     read = pq.read_table(path)
     assert read.column_names == ["run", "mass.rate", "offset", "count", "fallen", "failed"]
     assert read["fallen"].to_pylist() == table.metrics["fallen"].tolist()
+
+
+CHOOSING = """
+from cosim import System
+
+STOP_TIME = 0.2
+RECORD = ["car.body.az"]
+ALLOW_UNCONNECTED = True
+
+
+def system(kind: str = "A", speed: float = 1.0):
+    made = System()
+    made.add("car", f"x/{kind}.fmu", step="1 ms", start={"road.height": 0.05, "force": 0.0})
+    return made
+
+
+def measure(run):
+    return {"az": float(abs(run.recording["car.body.az"]).max())}
+"""
+
+
+def test_an_fmu_that_an_option_chooses_is_looked_at(built_fmus: BuiltFmus, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Not only that of the base case: where it changes, its runs are made again."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "x").mkdir()
+    first, second = (built_fmus.path(name, 3) for name in ("QuarterCarHmmwv", "QuarterCarBench"))
+    for kind in "AB":
+        shutil.copy(first, tmp_path / "x" / f"{kind}.fmu")
+    (tmp_path / "choosing.py").write_text(CHOOSING)
+    sweep = prepare(load("choosing.py"), FMUS, Design((axis("kind=A,B"),), "grid"))
+    before = run_sweep(sweep, FMUS, tmp_path / "runs", processes=1).metrics["az"]
+    assert before[0] == before[1]
+    shutil.copy(second, tmp_path / "x" / "B.fmu")
+    after = run_sweep(sweep, FMUS, tmp_path / "runs", processes=1).metrics["az"]
+    assert after[0] == before[0] != after[1]
 
 
 def test_failures_are_rows(experiment: Any, tmp_path: Path) -> None:
