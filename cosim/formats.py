@@ -236,6 +236,17 @@ def parquet_table(path: Path, columns: list[str] | None = None) -> Any:
         return file.read(columns, use_threads=False)
 
 
+def whole_parquet(path: Path) -> bool:
+    """Whether a file is there and begins and ends as one of Parquet; one that was cut short does not."""
+    try:
+        with path.open("rb") as file:
+            begin = file.read(4)
+            file.seek(-4, os.SEEK_END)
+            return begin == file.read(4) == b"PAR1" and file.tell() > 8
+    except OSError:
+        return False
+
+
 def read_parquet(path: Path) -> Content:
     table = parquet_table(path)
     found = [

@@ -125,6 +125,9 @@ class Dispatch:
                 if reply.missing:
                     submit(chunk, self._contents(reply.missing))
                     continue
+                if reply.problem:
+                    yield from zip(chunk, reply.lines, strict=False)
+                    raise OSError(reply.problem)
                 self._measure(chunk, reply.seconds)
                 yield from zip(chunk, reply.lines, strict=True)
                 if not careful and time.monotonic() - looked > 1:  # clusters grow and shrink

@@ -163,12 +163,12 @@ class Runner:
             run = self.run(case)
         except ComponentError as error:
             if history is not None and error.recording is not None:
-                write(history, error.recording)
+                _keep(history, error.recording)
             if e.failed is None:
                 raise
             return {"metrics": e.failed(case, error)}
         if history is not None:
-            write(history, run.recording)
+            _keep(history, run.recording)
         found: Row = {"metrics": e.measure(run)}
         if signals and e.signals is not None:
             found["signals"] = e.signals(run)
@@ -179,6 +179,17 @@ class Runner:
         for system in self._systems.values():
             system.close()
         self._systems.clear()
+
+
+class HistoryError(OSError):
+    """A recording that was to be kept and cannot be written: no fault of the run, and no other one will fare better."""
+
+
+def _keep(path: Path, recording: Recording) -> None:
+    try:
+        write(path, recording)
+    except OSError as error:
+        raise HistoryError(f"{path}: the recording of a run cannot be kept ({error.strerror or error}); make room or choose another --out") from None
 
 
 def entry_key(case: Any, *, signals: bool = False) -> Any:

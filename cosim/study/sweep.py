@@ -19,7 +19,7 @@ from build_fmus import extras
 from build_fmus.checks import Array, unknown
 from build_fmus.sources import code_hash
 from cosim.errors import WiringError
-from cosim.formats import parquet_table
+from cosim.formats import parquet_table, whole_parquet
 from cosim.recording import Recording
 from cosim.study import swept as sweeping
 from cosim.study.case import Field, fields
@@ -292,7 +292,7 @@ def run_sweep(
         shutil.rmtree(folder, ignore_errors=True)
 
     def kept_history(key: str) -> bool:
-        return folder is None or (folder / history_name(key)).is_file()
+        return folder is None or whole_parquet(folder / history_name(key))
 
     seen: set[bytes] = set()  # two points of a design may be the same
     order, lost = [], 0

@@ -22,7 +22,7 @@ from cosim.study.case import values
 from cosim.study.experiment import Experiment, Row, Search, Task
 from cosim.study.fmus import FmuSet
 from cosim.study.loading import load
-from cosim.study.runner import Execution, Runner
+from cosim.study.runner import Execution, HistoryError, Runner
 from cosim.study.store import RunStore, Store, seal
 from cosim.study.swept import Parameters, load_swept, swept
 
@@ -58,12 +58,13 @@ class Ship:
 class Reply:
     """What comes back: a line for each run, or hashes of the FMUs without which none could be made.
 
-    ``seconds``: wall time of the chunk.
+    ``seconds``: wall time of the chunk. ``problem``: why the study cannot go on, with the lines of the runs before.
     """
 
     lines: Sequence[bytes] = ()
     missing: Sequence[str] = ()
     seconds: float = 0.0
+    problem: str = ""
 
 
 Given = tuple[str, Any]
@@ -97,7 +98,12 @@ def work(ship: Ship, chunk: Sequence[Given], contents: Mapping[str, bytes] | Non
     except Exception as error:
         lines = [seal(name, _failure(error)) for name, _ in chunk]
     else:
-        lines = [_line(ship, experiment, fmus, name, task) for name, task in chunk]
+        lines = []
+        for name, task in chunk:
+            try:
+                lines.append(_line(ship, experiment, fmus, name, task))
+            except HistoryError as error:
+                return Reply(lines, problem=str(error))
     return Reply(lines, seconds=time.perf_counter() - since)
 
 
@@ -110,6 +116,8 @@ def _experiment(ship: Ship) -> Experiment:
 def _line(ship: Ship, experiment: Experiment, fmus: FmuSet, name: str, task: Any) -> bytes:
     try:
         return seal(name, _entry(ship, experiment, fmus, name, task))
+    except HistoryError:
+        raise
     except Exception as error:
         return seal(name, _failure(error))
 

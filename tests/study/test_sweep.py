@@ -127,14 +127,27 @@ def test_histories_of_all_runs(experiment: Any, tmp_path: Path) -> None:
     found = history(tmp_path, 3)
     assert (sweep.of(3).parameter_0, sweep.of(3).parameter_1) == (2, 1)
     np.testing.assert_allclose(found["mass.z"], 1 - 2 * np.asarray(found.time))
-    (tmp_path / table.histories[3]).unlink()
-    counts.clear()
-    again = run_sweep(sweep, FMUS, tmp_path / "runs", processes=1, histories=True, progress=lambda done, *_: counts.append(done))
-    assert counts == [7, 8]
-    assert again.histories == table.histories
-    assert history(tmp_path, 3)["mass.z"].tolist() == found["mass.z"].tolist()
+    kept = tmp_path / table.histories[3]
+    for break_ in (kept.unlink, lambda: kept.write_bytes(b""), lambda: kept.write_bytes(kept.read_bytes()[:-100])):
+        break_()
+        counts.clear()
+        again = run_sweep(sweep, FMUS, tmp_path / "runs", processes=1, histories=True, progress=lambda done, *_: counts.append(done))
+        assert counts == [7, 8]
+        assert again.histories == table.histories
+        assert history(tmp_path, 3)["mass.z"].tolist() == found["mass.z"].tolist()
     with pytest.raises(DesignError, match="has runs 0 to 7, not 8"):
         history(tmp_path, 8)
+
+
+def test_a_recording_that_cannot_be_kept_ends_the_sweep_and_is_no_fault_of_the_run(experiment: Any, tmp_path: Path) -> None:
+    sweep = made(experiment, "mass.rate=1,2,3", method="grid")
+    (tmp_path / "histories").write_text("a file where the folder belongs: as good as a full disk")
+    with pytest.raises(OSError, match=r"histories.*: the recording of a run cannot be kept .*; make room"):
+        run_sweep(sweep, FMUS, tmp_path / "runs", processes=1, histories=True)
+    (tmp_path / "histories").unlink()
+    table = run_sweep(sweep, FMUS, tmp_path / "runs", processes=1, histories=True)
+    assert not table.failures
+    assert all((tmp_path / name).is_file() for name in table.histories)
 
 
 def test_statistics_as_runs_arrive(experiment: Any, tmp_path: Path) -> None:
