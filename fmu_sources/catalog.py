@@ -389,15 +389,17 @@ def _sensor_suite(sensors: Source, name: str, _: str) -> Component:
     return _call("sensing", "sensor_suite", chosen, RoadScan.of(chosen), name)
 
 
-def _preview_lq(vehicle: Source, name: str, called: str, *, weights: str | Path, period: float = 1e-3) -> Component:
+def _preview_lq(
+    vehicle: Source, name: str, called: str, *, weights: str | Path, period: float = 1e-3, tunable: bool = False
+) -> Component:
     from fmu_sources.controllers.lq.preview_weights import load_weights
 
     car = _car(vehicle, f"RideCar{called}")
-    return _call("controllers.lq.preview", "preview_lq", car, load_weights(weights), name=name, period=period)
+    return _call("controllers.lq.preview", "preview_lq", car, load_weights(weights), name=name, period=period, tunable=tunable)
 
 
-def _lq(weights: str, period: float = 1e-3) -> Make:
-    return lambda vehicle, name, called: _preview_lq(vehicle, name, called, weights=weights, period=period)
+def _lq(weights: str, period: float = 1e-3, *, tunable: bool = False) -> Make:
+    return lambda vehicle, name, called: _preview_lq(vehicle, name, called, weights=weights, period=period, tunable=tunable)
 
 
 def _with_sensors(make: Make) -> Make:
@@ -495,6 +497,7 @@ _SEDAN: dict[str, tuple[str, Make]] = {
     "PreviewLqComfort{s}": ("preview LQ law of paper 004, ride comfort", _lq("comfort")),
     "PreviewLqComfort5ms{s}": ("preview LQ law of paper 004, ride comfort, sampled at 5 ms", _lq("comfort", 5e-3)),
     "PreviewLqRoadHolding{s}": ("preview LQ law of paper 004, road holding", _lq("road_holding")),
+    "PreviewLqTunable{s}": ("preview LQ law of paper 004, its weights parameters", _lq("comfort", tunable=True)),
     "RoadHoleBump{s}": ("hole, flat and bump of paper 004", _road("road_hole_bump", LQ_PREVIEW)),
     "RoadIso8608{s}": ("random road, ISO 8608 class A to H", _road("road_iso8608", LQ_PREVIEW)),
     "RoadProvingGround5ms{s}": ("synthetic RMS courses and a half-round under the sedan", _proving_ground(LQ_PREVIEW, WHEEL_RADIUS["sedan"])),

@@ -236,12 +236,14 @@ UNCHECKED = {
     "GpcImplicit": "published law in g, degrees and thousands of newtons",
     "GpcExplicit": "published law in g, degrees and thousands of newtons",
     "GpcPreview": "published law in g, degrees and thousands of newtons",
+    "PreviewLqTunable": "the design of its law has the car's matrices in numbers",
     "RideComfort": "absorbed power: an empirical filter from ft/s2 to the root of a watt; dose in m/s1.75",
 }
 """FMU -> why not everything in it is checked. What is checked altogether must not be here."""
 
 UNSEEN = {
     "BenchEncoders": "the second element of a start is 0",
+    "PreviewLqTunable": "nothing rises towards the first node of the road",
     "RoadBumps": "the points lie beside some bumps",
     "RoadHoleBump": "the points lie beside the bump in some previews",
     "RoadCurb": "the points lie beside the steps, 0.1 m long",

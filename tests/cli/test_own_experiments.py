@@ -51,6 +51,7 @@ def _preview_lq(fmus: FmuSet) -> Iterator[System]:
     with Runner(preview_lq.EXPERIMENT, fmus) as runner:
         for weights in preview_lq.runs.LAWS:
             yield runner.system(preview_lq.runs.Case(weights=weights))
+        yield runner.system(preview_lq.runs.Case(tunable=True))
 
 
 def _ride(fmus: FmuSet) -> Iterator[System]:
@@ -99,7 +100,7 @@ EXPERIMENTS = {
         "sensors": ("SensorSuite{}", "Kalman{}", "PreviewSensor{}", "RoadBumps{}", "RoadOffroad{}"),
     }),
     "preview-lq": Experiment(_preview_lq, {
-        "ride_car": ("RideCar{}", "RoadHoleBump{}", "PreviewLqComfort{}", "PreviewLqRoadHolding{}", "PreviewLqComfort5ms{}"),
+        "ride_car": ("RideCar{}", "RoadHoleBump{}", "PreviewLqComfort{}", "PreviewLqRoadHolding{}", "PreviewLqComfort5ms{}", "PreviewLqTunable{}"),
     }),
     "ride": Experiment(_ride, {
         "ride_car": ("RideCar{}", "RoadProvingGround{}", "RoadProvingGround5ms{}", "Skyhook{}", "Lqr{}", "Lqr{}Kilonewton", "Mpc{}"),

@@ -36,7 +36,7 @@ SIX = {"ThreeAxleRide", "LqrThreeAxle", "MpcThreeAxle", "RoadShallowTrench", "Ro
 MADE = {
     "hmmwv": FULL_CAR,
     "ride_car_hmmwv": HMMWV,
-    "sedan": HMMWV | {"PreviewLqComfort", "PreviewLqComfort5ms", "PreviewLqRoadHolding"},
+    "sedan": HMMWV | {"PreviewLqComfort", "PreviewLqComfort5ms", "PreviewLqRoadHolding", "PreviewLqTunable"},
     "quarter_car_hmmwv": BENCH,
     "quarter_car_bench": BENCH,
     "three_axle": SIX,

@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from importlib.resources import files
+from pathlib import Path
+
 import numpy as np
 import pytest
 from altered import altered, failed
@@ -267,3 +271,25 @@ def test_horizon_beyond_the_preview_is_told(runner: Runner) -> None:
     assert EXPERIMENT.remarks(run) == ["horizon_truncated: preview or memory end before the horizon that was requested"]
     assert EXPERIMENT.remarks(runner.run(Case(), stop_time=0.05)) == []
     assert EXPERIMENT.remarks(runner.run(passive(Case()), stop_time=0.05)) == []
+
+
+@pytest.mark.parametrize("weights", ["comfort", "road-holding"])
+@pytest.mark.parametrize("controller", ["active", "delay", "preview"])
+def test_the_tunable_law_with_published_weights_is_the_published_law(fmus: FmuSet, controller: str, weights: str) -> None:
+    """Designed by the FMU as it is initialized; the numbers are those of the FMU that was designed in Python, to rounding."""
+    case = Case(controller=controller, weights=weights)
+    with Runner(EXPERIMENT, fmus) as runner:
+        expected, found = runner.metrics(case), runner.metrics(replace(case, tunable=True))
+    assert found == pytest.approx(expected, rel=1e-8)
+
+
+def test_weights_of_a_tunable_law_are_those_of_the_case(fmus: FmuSet, tmp_path: Path) -> None:
+    """Also those of a file, without an FMU of its own; a heavier weight of the tires holds the road better."""
+    mine = tmp_path / "mine.toml"
+    text = (files("fmu_sources.controllers.lq") / "weights" / "comfort.toml").read_text()
+    mine.write_text(text.replace("front = 12000.0", "front = 120000.0").replace("rear = 11000.0", "rear = 110000.0"))
+    with Runner(EXPERIMENT, fmus) as runner:
+        base, heavy = (runner.metrics(Case(weights=w, tunable=True)) for w in ("comfort", str(mine)))
+    tires = [f"tire.{k}.deflection" for k in CORNERS]
+    assert sum(heavy[t] for t in tires) < 0.8 * sum(base[t] for t in tires)
+    assert heavy["body.az"] > base["body.az"]

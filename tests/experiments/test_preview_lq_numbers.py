@@ -21,6 +21,7 @@ from cosim.experiments.preview_lq.design import DESIGNS, MISSING_ENTRY, Design
 from cosim.experiments.preview_lq.published import PRINTED_EIGENVALUES, over_preview
 from cosim.experiments.preview_lq.report import report
 from cosim.experiments.preview_lq.runs import METRICS, Case, measure, passive, recorded, signals, stop_time, wire
+from cosim.experiments.preview_lq.web import live
 from cosim.experiments.steps import halved
 from cosim.report import Report
 from cosim.study import CaseError, FmuSet, Results, Runner
@@ -701,3 +702,38 @@ def test_what_is_published(study: Results) -> None:
     assert claims["parts-left-delay"] == (
         "The delay system raises and lowers the components as printed, ride comfort, left side"
     )
+
+
+# ----------------------------------------------------------------------------------------------------------- the live page
+
+
+def test_systems_of_the_live_page() -> None:
+    """Table 3 with either set of weights, all active ones under the law whose weights can be changed."""
+    shown = live(Case())
+    titles = ["Passive", "Active", "Active, front wheels seen by the rear", "Active with preview"]
+    assert [(c.title, c.group) for c in shown.cases] == [(t, g) for g in ("ride comfort", "road holding") for t in titles]
+    assert [c.case.controller for c in shown.cases] == ["passive", "active", "delay", "preview"] * 2
+    assert [c.case.weights for c in shown.cases] == ["comfort"] * 4 + ["road-holding"] * 4
+    assert [c.case.law for c in shown.cases] == [None, *["PreviewLqTunable"] * 3] * 2
+    page = shown.page
+    assert page.plots == ["car.body.z", "car.body.pitch", "controller.force.fl"]
+    assert (page.pace, page.group_label, page.finish.patience) == (0.1, "weights for", 1.2)  # type: ignore[union-attr]
+    assert page.finish.when is None  # type: ignore[union-attr]
+    assert [(m.label, list(m.names), m.how, m.relative, m.decimals) for m in page.measures] == [
+        (n, [f"car.{n}"], "mean square", True, 1) for n in published.PAPER_COLUMNS
+    ]
+
+
+def test_controls_of_the_live_page() -> None:
+    both = ("front", "rear")
+    assert [(c.label, list(c.names), c.minimum, c.maximum) for c in live(Case()).page.controls] == [
+        ("preview ahead of the front wheels", ["controller.preview_time"], 0.0, pytest.approx(0.235)),
+        ("speed", ["speed.start.speed"], pytest.approx(5 / 3.6), pytest.approx(120 / 3.6)),
+        ("wheels that meet it", ["road.side"], None, None), ("depth of the hole", ["road.hole.depth"], 0.0, 0.15),
+        ("height of the bump", ["road.bump.height"], 0.0, 0.15), ("sprung mass", ["car.body.mass"], 800.0, 2500.0),
+        ("weight of heave", ["controller.weight.heave"], None, 30.0), ("weight of pitch", ["controller.weight.pitch"], None, 80.0),
+        ("weight of roll", ["controller.weight.roll"], None, 10.0),
+        ("weight of suspension deflection", [f"controller.weight.suspension.{e}" for e in both], None, 4e4),
+        ("weight of tire deflection", [f"controller.weight.tire.{e}" for e in both], None, 4e5),
+        ("weight of actuator forces", [f"controller.weight.force.{e}" for e in both], None, 1e-5),
+    ]  # fmt: skip

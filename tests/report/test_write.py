@@ -349,3 +349,10 @@ def test_very_small_numbers_have_powers_of_ten():
         text = Page(render(Report("demo", "Demo", "Lead.", sections=[Section("S", tables=[table])]))).text
         shown[values[0]] = "10⁻⁵" in text
     assert shown == {2e-5: True, 2e-4: False}
+
+
+@pytest.mark.parametrize(("rows", "whole"), [(12, True), (13, False)])
+def test_a_short_table_is_not_broken_across_pages(rows, whole):
+    table = Table("t", "T", ["value [m]"], [[float(i)] for i in range(rows)])
+    page = Page(render(Report("demo", "Demo", "Lead.", sections=[Section("S", tables=[table])])))
+    assert (("div", {"class": "whole"}) in page.tags) is whole

@@ -16,7 +16,7 @@ from cosim.study.case import CaseError, option
 from cosim.study.experiment import Metric, Row, Run
 from cosim.study.fmus import FmuSet, designed_with
 from fmu_sources.catalog import weights_name
-from fmu_sources.controllers.lq.preview import MODES, WEIGHTED
+from fmu_sources.controllers.lq.preview import MODES, WEIGHTED, weight_values
 from fmu_sources.controllers.lq.preview_weights import PreviewLqWeights, load_weights
 from fmu_sources.models.corners import CORNERS
 
@@ -26,7 +26,8 @@ LAWS = {  # name of the weights -> FMU of the law, file of the weights
     "road-holding": ("PreviewLqRoadHolding", "road_holding"),
     "comfort-5ms": ("PreviewLqComfort5ms", "comfort"),
 }
-FMUS = (CAR, ROAD, SPEED, *(fmu for fmu, _ in LAWS.values()))
+TUNABLE = "PreviewLqTunable"  # the law whose weights are parameters
+FMUS = (CAR, ROAD, SPEED, *(fmu for fmu, _ in LAWS.values()), TUNABLE)
 CONTROLLERS = ("passive", *MODES)
 INPUTS = {"both": 0, "left": 1}  # parameter `side` of the road
 PLATEAU_MM = 50.0
@@ -68,6 +69,9 @@ class Case(Stepped):
     )
     shape: str = option("haversine", choices=SHAPES, help="shape of hole and bump, or a plateau behind a step")
     hold_tail: bool = option(False, only=_CONTROLLED, help="take the road to continue at its last height", label="hold")
+    tunable: bool = option(
+        False, only=_CONTROLLED, help="the law whose weights are parameters: designed as a run begins, and free to vary in sweeps (controller.weight...)"
+    )  # fmt: skip
 
     @property
     def own_weights(self) -> Path | None:
@@ -79,12 +83,14 @@ class Case(Stepped):
         """Name of the law's FMU; None for the passive car."""
         if self.controller == "passive":
             return None
+        if self.tunable:
+            return TUNABLE
         return LAWS[self.weights][0] if self.own_weights is None else weights_name(self.own_weights)
 
 
 def passive(case: Case) -> Case:
     """What a run is compared with."""
-    return replace(case, controller="passive", preview_time=PREVIEW_TIME, hold_tail=False)
+    return replace(case, controller="passive", preview_time=PREVIEW_TIME, hold_tail=False, tunable=False)
 
 
 def weights_of(case: Case) -> PreviewLqWeights:
@@ -102,7 +108,7 @@ def designed_weights(law: Path) -> PreviewLqWeights:
 
 def structure(case: Case) -> tuple[object, ...]:
     """What decides the wiring."""
-    return case.law, case.weights if case.law else "", case.exchange_parts
+    return case.law, case.weights if case.law and not case.tunable else "", case.exchange_parts
 
 
 def wire(fmus: FmuSet, case: Case) -> System:
@@ -115,7 +121,7 @@ def wire(fmus: FmuSet, case: Case) -> System:
     law = None
     if case.law is not None:
         law = fmus.path(case.law)
-        if designed_weights(law) != weights_of(case):
+        if not case.tunable and designed_weights(law) != weights_of(case):
             build = fmus.build_command(fmus.own.get(case.law, ("", ""))[1])
             raise CaseError(f"{law} was designed with other weights than {case.weights} has now: run `{build}` again")
     system = System()
@@ -150,6 +156,8 @@ def configure_law(system: System, case: Case) -> None:
         system["controller"].set(
             {"mode": MODES[case.controller], "preview_time": case.preview_time, "hold_tail": case.hold_tail}
         )
+        if case.tunable:
+            system["controller"].set(weight_values(weights_of(case)))
 
 
 def stop_time(_: System, case: Case) -> float:

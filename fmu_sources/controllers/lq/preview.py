@@ -13,7 +13,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -25,6 +24,7 @@ from fmu_sources.controllers.lq.design import (
     output_index,
     sampled_lq,
 )
+from fmu_sources.controllers.lq.design.tunable import tunable_taps
 from fmu_sources.controllers.lq.preview_weights import PreviewLqWeights
 from fmu_sources.models.corners import CORNERS
 
@@ -96,10 +96,7 @@ def design_taps(plant: LinearPlant, weights: PreviewLqWeights, period: float, co
         interior, end = -gains, np.zeros_like(gains)
         tail = np.stack([-sampled.tail(n) for n in range(count)])
     # A unit shift of road, wheels and body must not ask for forces when the road is taken to continue.
-    unit = np.array(
-        [1.0 if n == "body.z" or (n.startswith("wheel.") and n.endswith(".z")) else 0.0 for n in plant.states]
-    )
-    shift = -sampled.K @ unit + (interior[: count - 1].sum(axis=0) + end[-1] + tail[-1]).sum(axis=1)
+    shift = -sampled.K @ _unit_shift(plant) + (interior[: count - 1].sum(axis=0) + end[-1] + tail[-1]).sum(axis=1)
     return Taps(sampled.K, interior, end, tail, shift)
 
 
@@ -112,21 +109,26 @@ def preview_lq(
     preview_count: int = 48,
     preview_step: float = 5e-3,
     memory: float = 0.5,
+    tunable: bool = False,
 ) -> Component:
     """The controller FMU for a ride car.
 
     Args:
+        weights: of the index; with ``tunable`` those at first.
         period: sample time [s].
         preview_count, preview_step: points and spacing [s] of the preview inputs; the spacing is a multiple of period.
         memory: longest delay of the rear wheels [s] that is remembered.
+        tunable: the weights are parameters, and the FMU designs its law when it is initialized.
 
     Raises:
-        ValueError: the spacing is no multiple of the period.
+        ValueError: the spacing is no multiple of the period, or a tunable law has another period than :data:`CONTINUOUS_PERIOD`.
         LqError: the design has no stabilizing solution.
     """
     every = round(preview_step / period)
     if every < 1 or not math.isclose(every * period, preview_step):
         raise ValueError(f"{name}: preview step {preview_step:g} s is no multiple of the period {period:g} s")
+    if tunable and not math.isclose(period, CONTINUOUS_PERIOD):
+        raise ValueError(f"{name}: a law with weights as parameters is sampled every {CONTINUOUS_PERIOD:g} s, not every {period:g} s")
     ahead = (preview_count - 1) * every  # periods
     past = math.ceil(memory / period)
     count = past + ahead + 1
@@ -137,10 +139,10 @@ def preview_lq(
         name,
         kind="discrete",
         sample_time=period,
-        description=f"Optimal preview LQ law of a car with seven degrees of freedom: {weights.name}",
+        description=f"Optimal preview LQ law of a car with seven degrees of freedom: {'weights are parameters' if tunable else weights.name}",
         source="Marzbanrad, Hojjat, Zohoor, Nikravesh: Theorem 1, Table 2",
         symbols=ca.MX,
-        notes=_NOTES,
+        notes=(*_NOTES, *(_NOTES_TUNABLE if tunable else ())),
     )
     mode = c.parameter(
         "mode", MODES["preview"], None, "0 active, 1 active and delay, 2 active and preview", min=0, max=2,
@@ -190,9 +192,7 @@ def preview_lq(
     j = ca.DM(np.arange(count, dtype=float))
     feedforward = ca.MX.zeros(len(CORNERS))
 
-    def gains(name: str, values: np.ndarray) -> Any:
-        return c.constant(name, values, "N/m", "force per road height", source="004 Theorem 1, designed on the car")
-
+    law: _Fixed | _Designed = _Designed(c, plant, weights, period, count) if tunable else _Fixed(c, taps)
     last = []
     for wheel_front, wheel_rear in SIDES.values():
         memory_state = c.state(
@@ -207,27 +207,14 @@ def preview_lq(
         older = road[ca.fmax(ca.fmin(j + past - whole - 1, count - 1), 0)]
         at_rear = newer + part * (older - newer)
         for wheel, heights, n in ((wheel_front, at_front, front), (wheel_rear, at_rear, rear)):
-            column = CORNERS.index(wheel)
             final = heights[n]
             last.append(final)
-            table = {q: getattr(taps, q)[:, :, column].T for q in ("interior", "end", "tail")}
-            interior = gains(f"interior.{wheel}", table["interior"])
-            end, tail = (gains(f"{q}.{wheel}", table[q].ravel(order="F")) for q in ("end", "tail"))
-            feedforward += interior @ ca.if_else(j < n, heights, 0)
-            feedforward += final * (_column(end, n) + ca.if_else(hold_tail, _column(tail, n), 0))
-    feedforward -= ca.if_else(hold_tail, 1, 0) * gains("shift", taps.shift) * ca.sum1(ca.vertcat(*last)) / len(last)
+            feedforward += law.table("interior", wheel) @ ca.if_else(j < n, heights, 0)
+            feedforward += final * (law.column("end", wheel, n) + ca.if_else(hold_tail, law.column("tail", wheel, n), 0))
+    feedforward -= ca.if_else(hold_tail, 1, 0) * law.shift * ca.sum1(ca.vertcat(*last)) / len(last)
 
     units = [car.variable(s).unit or "1" for s in plant.states]
-    minus_K = c.constant(
-        "feedback",
-        -taps.K,
-        None,
-        "-K: force per state",
-        rows=["N"] * len(CORNERS),
-        columns=units,
-        source="004 (14), designed on the car",
-    )
-    force = minus_K @ x + feedforward
+    force = law.feedback(units) @ x + feedforward
     for i, k in enumerate(CORNERS):
         c.output(f"force.{k}", force[i], "N", f"actuator force at corner {k}", display_unit="kN")
     truncated = ca.logic_or(
@@ -240,6 +227,119 @@ def preview_lq(
     c.provenance = {"weights": weights.as_dict(), "car": car.name, "period": period, "feedback": taps.K.tolist()}
     c.stimulate(_stimulus(plant.states, preview_count, preview_step))
     return c
+
+
+class _Fixed:
+    """A law whose gains are constants of the FMU."""
+
+    def __init__(self, c: Component, taps: Taps) -> None:
+        self._c, self._taps = c, taps
+
+    def _gains(self, name: str, values: np.ndarray) -> ca.MX:
+        return self._c.constant(name, values, "N/m", "force per road height", source="004 Theorem 1, designed on the car")
+
+    def _values(self, kind: str, wheel: str) -> np.ndarray:
+        return np.asarray(getattr(self._taps, kind)[:, :, CORNERS.index(wheel)].T)
+
+    def table(self, kind: str, wheel: str) -> ca.MX:
+        """Force of each corner (row) per height of the road at each node below a wheel."""
+        return self._gains(f"{kind}.{wheel}", self._values(kind, wheel))
+
+    def column(self, kind: str, wheel: str, n: ca.MX) -> ca.MX:
+        """Column n of such a table."""
+        return _column(self._gains(f"{kind}.{wheel}", self._values(kind, wheel).ravel(order="F")), n)
+
+    @property
+    def shift(self) -> ca.MX:
+        return self._gains("shift", self._taps.shift)
+
+    def feedback(self, units: list[str]) -> ca.MX:
+        """-K."""
+        return self._c.constant(
+            "feedback", -self._taps.K, None, "-K: force per state", rows=["N"] * len(CORNERS), columns=units, source="004 (14), designed on the car"
+        )  # fmt: skip
+
+
+class _Designed:
+    """A law that is designed when the FMU is initialized, of weights that are parameters. Gains of the right wheels are those of the left ones with
+    the sides changed: weights and car are symmetric."""
+
+    def __init__(self, c: Component, plant: LinearPlant, weights: PreviewLqWeights, period: float, count: int) -> None:
+        self._c, self._wheels = c, len(CORNERS)
+        taps = tunable_taps(plant, _weight_parameters(c, weights), period, count)
+        self._taps = {"interior": taps.interior, "end": taps.end, "tail": taps.tail}
+        self._kept: dict[tuple[str, str], ca.MX] = {}
+        known = (count - 1) * self._wheels
+        whole = ca.sum2(taps.interior[:, :known]) + ca.sum2(taps.end[:, known:]) + ca.sum2(taps.tail[:, known:])
+        self.shift = c.latch("shift", whole - taps.K @ ca.DM(_unit_shift(plant)), "N/m", "force per height of everything")
+        self._minus_k = -taps.K
+
+    def table(self, kind: str, wheel: str) -> ca.MX:
+        """As of :class:`_Fixed`."""
+        return self._left(kind, wheel)[self._rows(wheel), :]
+
+    def column(self, kind: str, wheel: str, n: ca.MX) -> ca.MX:
+        """As of :class:`_Fixed`."""
+        return _column(ca.vec(self._left(kind, wheel)), n)[self._rows(wheel)]
+
+    def feedback(self, units: list[str]) -> ca.MX:
+        """-K."""
+        kept = self._c.latch("feedback", ca.vec(self._minus_k), None, "-K: force per state, column after column")
+        return ca.reshape(kept, self._wheels, len(units))
+
+    def _left(self, kind: str, wheel: str) -> ca.MX:
+        left = f"{wheel[0]}l"
+        if (kind, left) not in self._kept:
+            part = self._taps[kind][:, CORNERS.index(left) :: self._wheels]
+            self._kept[kind, left] = self._c.latch(f"{kind}.{left}", part, "N/m", f"force per road height below wheel {left}")
+        return self._kept[kind, left]
+
+    @staticmethod
+    def _rows(wheel: str) -> list[int]:
+        return [CORNERS.index(k if wheel.endswith("l") else k[0] + {"l": "r", "r": "l"}[k[1]]) for k in CORNERS]
+
+
+_UNITS = {"heave": "s4/m2", "pitch": "s4/rad2", "roll": "s4/rad2", "suspension": "1/m2", "tire": "1/m2", "force": "1/N2"}
+_TEXTS = {
+    **{n: f"the {n} acceleration" for n in ("heave", "pitch", "roll")},
+    "suspension": "the deflection of the suspension", "tire": "the deflection of the tires", "force": "the actuator forces",
+}  # fmt: skip
+_LIMITS = {"tire": (1.0, 1e9), "force": (1e-9, 1.0)}  # without a weight of the tires nothing would tell the height of the car
+_ANY = (0.0, 1e9)
+
+
+def weight_values(weights: PreviewLqWeights) -> dict[str, float]:
+    """Parameters of a tunable law for these weights: ``weight.heave``, ``weight.tire.front``, ..."""
+    found = {f"weight.{n}": v for n, v in weights.acceleration.model_dump().items()}
+    for kind in ("suspension", "tire", "force"):
+        found |= {f"weight.{kind}.{end}": v for end, v in getattr(weights, kind).model_dump().items()}
+    return found
+
+
+def _weight_parameters(c: Component, weights: PreviewLqWeights) -> ca.MX:
+    """The weights of a set as parameters, in the order of outputs and controls."""
+
+    def declare(name: str, value: float) -> ca.MX:
+        kind, _, end = name.removeprefix("weight.").partition(".")
+        least, most = _LIMITS.get(kind, _ANY)
+        # Without a unit to the check of dimensions: the design has the car's matrices in numbers, as constants have that are designed in Python.
+        return c.parameter(
+            name, value, None, f"weight of the square of {_TEXTS[kind]}{f', {end}' if end else ''} [{_UNITS[kind]}]", min=least, max=most,
+            source=f"{weights.source}; any other designs another law",
+        )  # fmt: skip
+
+    own = {name: declare(name, value) for name, value in weight_values(weights).items()}
+
+    def of_corners(kind: str) -> list[ca.MX]:
+        return [own[f"weight.{kind}.{'front' if k.startswith('f') else 'rear'}"] for k in CORNERS]
+
+    accelerations = [own[f"weight.{n}"] for n in ("heave", "pitch", "roll")]
+    return ca.vertcat(*accelerations, *of_corners("suspension"), *of_corners("tire"), *of_corners("force"))
+
+
+def _unit_shift(plant: LinearPlant) -> np.ndarray:
+    """The states where road, wheels and body are all 1 m higher."""
+    return np.array([1.0 if n == "body.z" or (n.startswith("wheel.") and n.endswith(".z")) else 0.0 for n in plant.states])
 
 
 def _interpolation(points: int, every: int) -> np.ndarray:
@@ -266,6 +366,10 @@ def _stimulus(states: tuple[str, ...], points: int, step: float) -> dict[str, Ca
     return signals
 
 
+_NOTES_TUNABLE = (
+    "Weights are parameters: the law is designed for them on the car of the build when the FMU is initialized (two Riccati equations, solved by "
+    "doubling). With the weights of a published law it is that law, to rounding.",
+)
 _NOTES = (
     "States and forces carry the names of the car's outputs and inputs. The feedback gain is the exact sampled LQ gain for "
     "the index with output weights; the feed-forward weighs the road under each wheel over its horizon.",

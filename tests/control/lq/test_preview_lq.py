@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import casadi as ca
 import numpy as np
 import pytest
 
 from build_fmus.reference import Evaluator
 from fmu_sources.controllers.lq.design import LqError, continuous_lq, output_index, sampled_lq
-from fmu_sources.controllers.lq.preview import MODES, WEIGHTED, design_taps, preview_lq, ride_plant
+from fmu_sources.controllers.lq.design.tunable import tunable_taps
+from fmu_sources.controllers.lq.preview import MODES, WEIGHTED, design_taps, preview_lq, ride_plant, weight_values
 from fmu_sources.controllers.lq.preview_weights import WeightsError, load_weights
 from fmu_sources.models.corners import CORNERS
 from fmu_sources.plants import ride_car
@@ -273,3 +275,34 @@ def test_an_unstabilizable_car_is_named(plant) -> None:
     B[0] = 0.0
     with pytest.raises(LqError, match=plant.states[0]):
         continuous_lq(replace(plant, A=A, B=B), index)
+
+
+def test_a_law_designed_of_expressions_is_the_one_designed_of_numbers(plant) -> None:
+    """Published weights, and others drawn about them, each by up to ten times."""
+    weights = ca.MX.sym("weights", len(plant.outputs) + len(plant.controls))
+    made = tunable_taps(plant, weights, 1e-3, 300)
+    evaluate = ca.Function("taps", [weights], [made.K, made.interior, made.end, made.tail])
+    rng = np.random.default_rng(7)
+    published = [load_weights(name) for name in ("comfort", "road_holding")]
+    for trial in range(8):
+        w = published[trial % 2]
+        given = np.array([*w.outputs(CORNERS), *w.controls(CORNERS)])
+        if trial > 1:
+            given *= 10 ** rng.uniform(-1, 1, len(given))
+        index = output_index(plant, given[: len(plant.outputs)], given[len(plant.outputs) :])
+        foh = continuous_lq(plant, index).foh_weights(1e-3, 300)
+        expected = [sampled_lq(plant, index, 1e-3).K, *(np.hstack(list(a)) for a in (foh.interior, foh.end, foh.tail))]
+        for found, known in zip(evaluate(given), expected, strict=True):
+            assert np.abs(np.array(found) - known).max() < 1e-8 * np.abs(known).max()
+
+
+def test_weights_are_parameters_of_a_tunable_law(car) -> None:
+    weights = load_weights("road_holding")
+    made = preview_lq(car, weights, name="X", preview_count=2, memory=0.02, tunable=True)
+    found = {name: made.variable(name).start[0] for name in weight_values(weights)}
+    assert found == weight_values(weights)
+    assert found["weight.heave"] == 3.0
+    assert (found["weight.tire.front"], found["weight.tire.rear"]) == (200000.0, 195000.0)
+    assert "[1/m2]" in made.variable("weight.tire.rear").description
+    with pytest.raises(ValueError, match=r"X: a law with weights as parameters is sampled every 0.001 s, not every 0.005 s"):
+        preview_lq(car, weights, name="X", period=5e-3, tunable=True)

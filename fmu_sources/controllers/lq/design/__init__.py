@@ -30,6 +30,7 @@ Theorem 2, of an index in outputs with a known error, is used by no component: `
 ``plant``       linear plants and quadratic indices
 ``continuous``  Theorem 1, with preview of a disturbance that is linear between nodes
 ``sampled``     the exact law of a controller with a sample time
+``tunable``     both as expressions of the weights, for an FMU that designs its law
 ``modes``       whether a law exists, and which mode stands in the way
 ``riccati``     Newton steps on a Riccati equation
 ``matrices``    checks and symmetry of matrices

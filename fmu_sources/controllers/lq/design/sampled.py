@@ -77,7 +77,7 @@ def sampled_lq(plant: LinearPlant, index: QuadraticIndex, period: float) -> Samp
     check_sizes(plant, index)
     check_modes(plant, index)
     n, nu = plant.B.shape
-    step, cost = _sampled_costs(plant, index, period)
+    step, cost = sampled_costs(plant, index, period)
     x, u, w = slice(0, n), slice(n, n + nu), slice(n + nu, None)
     Ad, Bd, Ed = step[x, x], step[x, u], step[x, w]
     Qd, Nd, Rd = cost[x, x], cost[x, u], cost[u, u]
@@ -147,7 +147,7 @@ def sampled_lq(plant: LinearPlant, index: QuadraticIndex, period: float) -> Samp
     )
 
 
-def _sampled_costs(plant: LinearPlant, index: QuadraticIndex, period: float) -> tuple[Array, Array]:
+def sampled_costs(plant: LinearPlant, index: QuadraticIndex, period: float) -> tuple[Array, Array]:
     """exp(Z T) and the integral of exp(Z' s) W exp(Z s) over [0, T] for z = [x, u, w], dz/dt = Z z with u, w held.
 
     Van Loan's method on a step short enough that exp(-Z' s) stays harmless, doubled until it covers the period.
