@@ -6,8 +6,10 @@ Any `concurrent.futures.Executor` will do: loky's, `mpi4py.futures.MPIPoolExecut
 from __future__ import annotations
 
 import multiprocessing
+import re
 import signal
-from collections.abc import Iterator
+import threading
+from collections.abc import Callable, Iterator
 from concurrent.futures import Executor
 from contextlib import ExitStack, contextmanager, suppress
 from typing import Any
@@ -20,6 +22,7 @@ LOCAL = "local"
 ANSWER = 10.0  # s, in which a scheduler answers
 PATIENCE = 20.0  # s, that a cluster on this machine may take to end
 WORKERS = 60.0  # s, in which it has a worker
+_ADDRESS = re.compile(r"((tcp|tls|ws|wss|ucx)://)?(\[[0-9a-fA-F:]+\]|[^\s:/\[\]]+):\d{1,5}")
 UNKNOWN = 8  # workers of an executor that does not say
 
 
@@ -92,6 +95,25 @@ def _own_cluster(settings: dict[str, Any], processes: int | None) -> Iterator[st
             process.join()
 
 
+def _connected(connect: Callable[[], Any], address: str) -> Any:
+    """A client that is connected. A thread of its own connects: what accepts and is silent then would be waited for forever."""
+    found: list[Any] = []
+
+    def attempt() -> None:
+        try:
+            found.append(connect())
+        except (OSError, TimeoutError, ValueError) as error:
+            found.append(error)
+
+    thread = threading.Thread(target=attempt, name="dask client", daemon=True)
+    thread.start()
+    thread.join(ANSWER + 2)
+    answer = found[0] if found else TimeoutError(f"silent for {ANSWER:g} s")
+    if isinstance(answer, Exception):
+        raise ClusterError(f"no Dask scheduler answers at {address} ({answer}); `dask scheduler` starts one and prints its address") from None
+    return answer
+
+
 @contextmanager
 def dask(address: str, processes: int | None = None) -> Iterator[Executor]:
     """The executor of a Dask cluster.
@@ -102,8 +124,10 @@ def dask(address: str, processes: int | None = None) -> Iterator[Executor]:
 
     Raises:
         MissingExtraError: without the extra [cluster].
-        ClusterError: the scheduler does not answer, or has no workers.
+        ClusterError: the address is none, the scheduler does not answer, or has no workers.
     """
+    if address != LOCAL and not _ADDRESS.fullmatch(address):
+        raise ClusterError(f"{address!r} is no address of a Dask scheduler: write tcp://HOST:PORT, as `dask scheduler` prints it, or {LOCAL}")
     with extras.needed("cluster", "a Dask cluster"):
         from distributed import Client
 
@@ -121,13 +145,7 @@ def dask(address: str, processes: int | None = None) -> Iterator[Executor]:
     with configuration.config.set(settings), ExitStack() as stack:
         if address == LOCAL:
             address = stack.enter_context(_own_cluster(settings, processes))
-        try:
-            client = Client(address, timeout=ANSWER, set_as_default=False)
-        except (OSError, TimeoutError, ValueError) as error:
-            raise ClusterError(
-                f"no Dask scheduler answers at {address} ({error}); `dask scheduler` starts one and prints its address"
-            ) from None
-        with client:
+        with _connected(lambda: Client(address, timeout=ANSWER, set_as_default=False), address) as client:
             try:
                 client.wait_for_workers(1, timeout=WORKERS)
             except TimeoutError:

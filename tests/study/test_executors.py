@@ -344,6 +344,23 @@ def test_a_scheduler_that_does_not_answer(monkeypatch: pytest.MonkeyPatch) -> No
         pass
 
 
+def test_one_that_accepts_and_is_silent(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("cosim.study.executors.ANSWER", 1.0)
+    with socket.socket() as silent:
+        silent.bind(("127.0.0.1", 0))
+        silent.listen()
+        since = time.monotonic()
+        with pytest.raises(ClusterError, match="no Dask scheduler answers at"), dask(f"tcp://127.0.0.1:{silent.getsockname()[1]}"):
+            pass
+        assert time.monotonic() - since < 30  # as long as nothing else on this machine takes its time
+
+
+@pytest.mark.parametrize("address", ["nonsense", "tcp://127.0.0.1", "http://127.0.0.1:22", "tcp://:8786", "tcp://a b:1"])
+def test_what_is_no_address_of_a_scheduler(address: str) -> None:
+    with pytest.raises(ClusterError, match=r"is no address of a Dask scheduler: write tcp://HOST:PORT"), dask(address):
+        pass
+
+
 def scheduler(port: int, folder: Path) -> subprocess.Popen[bytes]:
     command = [sys.executable, "-m", "distributed.cli.dask_scheduler", "--port", str(port), "--no-dashboard"]
     process = subprocess.Popen(command, cwd=folder, stdout=-3, stderr=-3)
