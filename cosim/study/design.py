@@ -10,6 +10,7 @@ import math
 import re
 import runpy
 import tomllib
+import traceback
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -108,6 +109,8 @@ class Axis:
             split = (mode - low) / (high - low)
             rising = low + np.sqrt(u * (high - low) * (mode - low))
             found = np.where(u < split, rising, high - np.sqrt((1 - u) * (high - low) * (high - mode)))
+        elif self.kind == "truncnormal" and (n[2] - n[0] > FAR * n[1] or n[0] - n[3] > FAR * n[1]):
+            found = _far_tail(n[0], n[1], n[2], n[3], u)
         else:
             a, b = (special.ndtr((x - n[0]) / n[1]) for x in n[2:]) if self.kind == "truncnormal" else (0.0, 1.0)
             z = special.ndtri(np.clip(a + u * (b - a), 1e-15, 1 - 1e-15))
@@ -134,6 +137,24 @@ class Axis:
         return f"{self.kind}({', '.join(f'{x:g}' for x in self.numbers)})"
 
 
+FAR = 5.0  # deviations, beyond which probabilities are too near to 0 or 1 for their difference to tell a value
+
+
+def _far_tail(mean: float, deviation: float, low: float, high: float, u: Array) -> Array:
+    """A normal distribution cut to an interval far from its mean, by logarithms of its probabilities on the lower side."""
+    from scipy import special
+
+    upper = low > mean
+    near, far = ((low, high) if upper else (high, low))  # ends of the interval, counted from the mean
+    most, least = (float(special.log_ndtr(-abs(x - mean) / deviation)) for x in (near, far))
+    share = 1 - u if upper else u  # from the far end to the near one, as probability grows on the lower side
+    ratio = math.exp(least - most)
+    with np.errstate(divide="ignore"):  # the far end, where it is so far that nothing is left of its probability
+        z = special.ndtri_exp(most + np.log(ratio + share * (1 - ratio)))
+    found: Array = np.clip(mean - deviation * z if upper else mean + deviation * z, low, high)
+    return found
+
+
 _CALL = re.compile(r"([a-z]+)\((.*)\)")
 _WHOLE = re.compile(r"(-?\d+)\.\.(-?\d+)")
 
@@ -158,7 +179,10 @@ def axis(text: str) -> Axis:
         parts = spec.split(":")
         if len(parts) > 3:
             raise DesignError(f"{name}: a range is LOW:HIGH, or LOW:HIGH:COUNT in a grid, not {spec!r}")
-        count = int(_number(name, parts[2])) if len(parts) == 3 else GRID
+        count = _number(name, parts[2]) if len(parts) == 3 else GRID
+        if not (math.isfinite(count) and count == int(count)):
+            raise DesignError(f"{name}: {parts[2].strip()!r} is no number of values")
+        count = int(count)
         if count < 2:
             raise DesignError(f"{name}: a range in a grid needs two values at least")
         return Axis(name, "uniform", (_number(name, parts[0]), _number(name, parts[1])), count=count)
@@ -214,6 +238,10 @@ class Design:
             raise DesignError(unknown("method", self.method, METHODS))
         if self.samples < 1:
             raise DesignError(f"{self.samples} samples; give 1 or more")
+        if self.seed < 0:
+            raise DesignError(f"the seed is {self.seed}; give 0 or more")
+        if both := sorted(set(names) & set(self.fixed)):
+            raise DesignError(f"{both[0]} is both set and varied; leave one of them out")
 
     @property
     def runs(self) -> int:
@@ -331,6 +359,10 @@ def from_file(path: Path) -> Design:
         raise DesignError(f"{path} does not exist") from None
     except (tomllib.TOMLDecodeError, UnicodeDecodeError, SyntaxError) as error:
         raise DesignError(f"{path}: {error}") from None
+    except Exception as error:  # of the user's code
+        lines = [frame.lineno for frame in traceback.extract_tb(error.__traceback__) if frame.filename == str(path)]
+        where = f", line {lines[-1]}" if lines else ""
+        raise DesignError(f"{path}{where}: {type(error).__name__}: {error}") from None
     if not isinstance(found, Mapping):
         raise DesignError(f"{path}: DESIGN is to be a dict with {', '.join(_ENTRIES)}")
     try:

@@ -6,7 +6,7 @@ from __future__ import annotations
 import json
 import math
 import shutil
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import Executor
 from contextlib import closing
 from dataclasses import dataclass, field, replace
@@ -313,13 +313,17 @@ def run_sweep(
         if running is not None:
             running.add(text)
     del seen
-    done = total - len(order)
+    done, named = total - len(order), False
     progress(done, total, lost)
     ship = replace(ship_of(sweep.experiment, fmus, [""], {"": salt}, execution, parameters=sweep.parameters), histories=folder)
     dispatch = Dispatch(ship, lambda i: given(name(i), Task(sweep.of(i))), lambda _: 1.0, width)
     with closing(stored(dispatch, kept, order, executor, processes)) as found:
         for _, line in found:
-            lost += failed(line)
+            if failed(line):
+                lost += 1
+            elif not named:
+                _check_names(json.loads(line[HEAD:])["metrics"])
+                named = True
             if running is not None:
                 running.add(line[HEAD:])
             progress(done := done + 1, total, lost)
@@ -328,6 +332,12 @@ def run_sweep(
         return table
     names = (name(i) for i in range(total))
     return replace(table, histories=[f"{folder.name}/{history_name(n)}" if kept_history(n) else "" for n in names])
+
+
+def _check_names(metrics: Iterable[str]) -> None:
+    """Refuse metrics whose name a column of the table has already."""
+    if taken := {"run", "failed", "history"} & set(metrics):
+        raise DesignError(f"a metric is named {min(taken)!r}, as a column of the table is; give it another name in `measure`")
 
 
 def _table(sweep: Sweep, kept: Store, name: Callable[[int], str]) -> SweepTable:
@@ -348,4 +358,8 @@ def _table(sweep: Sweep, kept: Store, name: Callable[[int], str]) -> SweepTable:
                     metrics[key] = np.full(total, math.nan)
                 metrics[key][i] = value
     axes = {a.name: column for a, column in zip(sweep.design.axes, sweep._columns, strict=True)}
+    _check_names(metrics)
+    for same in axes.keys() & metrics.keys():  # a metric may tell what the axis tells
+        if any(math.isfinite(m) and m != v for m, v in zip(metrics[same], axes[same], strict=True)):
+            raise DesignError(f"a metric is named {same!r}, as what varies is, and has other values; give it another name in `measure`")
     return SweepTable(sweep, axes, metrics, failures)

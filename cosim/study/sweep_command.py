@@ -45,11 +45,12 @@ Vary = Annotated[
         "NAME=normal(MEAN,DEVIATION); several may be given",
     ),
 ]
-Samples = Annotated[int, typer.Option("--samples", help="points of the design", min=1)]
+_OWN = "or as the design file says"
+Samples = Annotated[int | None, typer.Option("--samples", help=f"points of the design (default: {Design.samples}, {_OWN})", min=1)]
 Method = Annotated[
-    str, typer.Option("--method", metavar=one_of(METHODS), help="how they fill the space of the parameters")
+    str | None, typer.Option("--method", metavar=one_of(METHODS), help=f"how they fill the space of the parameters (default: {Design.method}, {_OWN})")
 ]
-Seed = Annotated[int, typer.Option("--random-seed", help="seed of the design", min=0)]
+Seed = Annotated[int | None, typer.Option("--random-seed", help=f"seed of the design (default: {Design.seed}, {_OWN})", min=0)]
 File = Annotated[
     Path | None, typer.Option("--design", metavar="FILE", help="the design as a .toml file, or DESIGN of a .py file")
 ]
@@ -66,9 +67,9 @@ Yes = Annotated[bool, typer.Option("--yes", help=f"do not ask before more than {
 
 _OPTIONS: dict[str, tuple[Any, Any]] = {
     "vary": (Vary, None),
-    "samples": (Samples, 100),
-    "method": (Method, "lhs"),
-    "random_seed": (Seed, 1),
+    "samples": (Samples, None),
+    "method": (Method, None),
+    "random_seed": (Seed, None),
     "design": (File, None),
     "worst": (Worst, None),
     "run": (One, None),
@@ -162,10 +163,14 @@ def running_table(running: Running) -> Table:
 
 
 def _design(given: Mapping[str, Any]) -> Design:
+    options = (("samples", "samples"), ("method", "method"), ("random_seed", "seed"))
+    changes = {attribute: given[option] for option, attribute in options if given[option] is not None}
     if given["design"] is None:
-        axes = tuple(axis(text) for text in given["vary"] or ())
-        return Design(axes, given["method"], given["samples"], given["random_seed"])
+        return Design(tuple(axis(text) for text in given["vary"] or ()), **changes)
     found = from_file(given["design"])
+    if changes and found.method == "list":
+        raise DesignError(f"{given['design']} gives points one by one: --samples, --method and --random-seed have no meaning beside it")
+    found = dataclasses.replace(found, **changes)
     if given["vary"]:
         more = tuple(axis(text) for text in given["vary"])
         names = {a.name for a in more}

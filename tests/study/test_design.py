@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 
 import numpy as np
@@ -127,6 +128,17 @@ def test_a_file_without_a_seed_gives_the_points_of_the_command(tmp_path: Path) -
     assert from_file(tmp_path / "a.toml") == by_command
 
 
+def test_options_of_the_command_count_beside_a_file(tmp_path: Path) -> None:
+    file = tmp_path / "a.toml"
+    file.write_text("samples = 64\nseed = 3\n[vary]\na = '10:20'\n")
+    given = {"design": file, "vary": None, "method": "sobol", "samples": 8, "random_seed": None}
+    found = _design(given)
+    assert (found.method, found.samples, found.seed) == ("sobol", 8, 3)
+    file.write_text("[[cases]]\na = 10\n")
+    with pytest.raises(DesignError, match="points one by one: --samples, --method and --random-seed have no meaning"):
+        _design(given)
+
+
 def test_latin_hypercubes_are_those_of_scipy() -> None:
     design = Design((ONE, TWO), "lhs", 77, 5)
     expected = stats.qmc.LatinHypercube(2, seed=np.random.default_rng(5)).random(77)
@@ -212,3 +224,52 @@ def test_files_that_are_none(tmp_path: Path) -> None:
             (tmp_path / name).write_text("X = 1")
         with pytest.raises(DesignError, match=message):
             from_file(tmp_path / name)
+
+
+@pytest.mark.parametrize(
+    ("numbers", "shape"),
+    [((100.0, 10.0, 2000.0, 3000.0), "low"), ((100.0, 10.0, -3000.0, -2000.0), "high"), ((0.0, 1.0, 9.0, 9.5), "low"), ((0.0, 1.0, -9.5, -9.0), "high")],
+)
+def test_a_normal_distribution_cut_far_from_its_mean(numbers: tuple[float, ...], shape: str) -> None:
+    """Its values differ, rise with the quantile, and crowd at the end next to the mean; a wide one has the closed form of its tail."""
+    mean, deviation, low, high = numbers
+    u = np.linspace(0.0, 1.0, 201)
+    found = np.array(Axis("x", "truncnormal", numbers).at(u))
+    assert found[0] == pytest.approx(low)
+    assert found[-1] == pytest.approx(high)
+    assert (np.diff(found) > 0).all()
+    middle = found[100]
+    near = low if shape == "low" else high
+    expected = math.log(2) / (abs(near - mean) / deviation) * deviation  # the tail of a normal distribution falls as exp(-x z)
+    assert abs(middle - near) == pytest.approx(expected, rel=0.05)
+
+
+def test_where_both_ways_of_a_cut_distribution_meet() -> None:
+    u = np.linspace(0.01, 0.99, 50)
+    usual, far = (np.array(Axis("x", "truncnormal", (0.0, 1.0, low, low + 1)).at(u)) - low for low in (5.0 - 1e-9, 5.0 + 1e-9))
+    assert far == pytest.approx(usual, abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("x=0.1:0.2:inf", "x: 'inf' is no number of values"), ("x=0.1:0.2:nan", "x: 'nan' is no number of values"), ("x=0.1:0.2:2.5", "x: '2.5' is no number of values"),
+    ],
+)  # fmt: skip
+def test_ranges_without_a_number_of_values(text: str, said: str) -> None:
+    with pytest.raises(DesignError, match=said):
+        axis(text)
+
+
+def test_files_with_mistakes_of_their_own(tmp_path: Path) -> None:
+    bad = tmp_path / "bad.py"
+    bad.write_text("x = 1\nDESIGN = {'vary': y}\n")
+    with pytest.raises(DesignError, match=r"bad\.py, line 2: NameError: name 'y'"):
+        from_file(bad)
+    file = tmp_path / "bad.toml"
+    file.write_text('seed = -1\n[vary]\nx = "0:1"\n')
+    with pytest.raises(DesignError, match=r"bad\.toml: the seed is -1; give 0 or more"):
+        from_file(file)
+    file.write_text('[set]\nx = 1.0\n[vary]\nx = "0:1"\n')
+    with pytest.raises(DesignError, match=r"bad\.toml: x is both set and varied"):
+        from_file(file)

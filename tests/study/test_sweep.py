@@ -88,6 +88,16 @@ def test_an_fmu_that_an_option_chooses_is_looked_at(built_fmus: BuiltFmus, tmp_p
     assert after[0] == before[0] != after[1]
 
 
+@pytest.mark.parametrize("name", ["run", "failed", "history", "mass.rate"])
+def test_metrics_do_not_take_the_place_of_columns(name: str, tmp_path: Path) -> None:
+    text = FILE.read_text()
+    assert '"fallen"' in text
+    (tmp_path / "other.py").write_text(text.replace('"fallen"', f'"{name}"'))
+    sweep = prepare(load(str(tmp_path / "other.py")), FMUS, Design((Axis("mass.rate", "values", values=(1, 2)),), "grid"))
+    with pytest.raises(DesignError, match=f"a metric is named '{name}'"):
+        run_sweep(sweep, FMUS, tmp_path / "runs", processes=1)
+
+
 def test_failures_are_rows(experiment: Any, tmp_path: Path) -> None:
     """An error, and the end of a process: both are rows, and the others have their numbers."""
     sweep = prepare(experiment, FMUS, Design((Axis("mass.rate", "values", values=(1, 2, 850, 3, 950)),), "grid"))
