@@ -1,12 +1,16 @@
-"""Curves as text, as wide as the terminal."""
+"""Curves and bars as text, as wide as the terminal."""
 
 from __future__ import annotations
+
+import math
+from collections.abc import Mapping
 
 import numpy as np
 import numpy.typing as npt
 
 HEIGHT = 10  # lines of a curve
 _NARROWEST = 20  # columns that a curve needs beside its labels
+_MOST = 2.0  # times the whole, up to which a bar grows; a longer one has an arrow at its end
 _DOTS = np.array(((0x01, 0x08), (0x02, 0x10), (0x04, 0x20), (0x40, 0x80)))  # of a Braille character, by row and column
 
 
@@ -47,4 +51,30 @@ def drawn(title: str, time: npt.ArrayLike, values: npt.ArrayLike, width: int, *,
         lines.append(f"{label:>{margin - 2}} {'|' if plain else '│'}{text.rstrip()}")
     begin, end = f"{t[0]:.4g}", f"{t[-1]:.4g} s"
     lines.append(" " * (margin - 1) + begin + " " * max(1, columns - len(begin) - len(end) + 1) + end)
+    return "\n".join(lines)
+
+
+def bars(shares: Mapping[str, float], width: int, *, plain: bool = False) -> str:
+    """Shares of a whole as bars, one line each with its name and per cent, in `width` columns; a mark stands where the whole is.
+
+    Raises:
+        ValueError: there are none, or one is negative or not finite.
+    """
+    if not shares or any(not math.isfinite(s) or s < 0 for s in shares.values()):
+        raise ValueError("bars need shares that are finite and not negative")
+    label = min(max(map(len, shares)), max(12, width // 2))
+    room = max(_NARROWEST, width - label - 9)
+    longest = min(_MOST, max(1.0, *shares.values()))
+    whole = round(room / longest)
+    full, mark, beyond = ("#", "|", ">") if plain else ("█", "│", "▶")
+    lines = []
+    for name, share in shares.items():
+        columns = min(room, round(room * share / longest))
+        line = list(full * columns + " " * (room - columns))
+        if share > longest:
+            line[-1] = beyond
+        elif columns < whole:
+            line[whole - 1] = mark
+        short = name if len(name) <= label else f"{name[: label - 3]}..."
+        lines.append(f"{short:<{label}} {''.join(line)} {100 * share:5.0f} %")
     return "\n".join(lines)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import inspect
 import json
+import math
 import sys
 import tempfile
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -23,6 +24,7 @@ from build_fmus import safe_files
 from build_fmus.compile import PLATFORMS
 from build_fmus.terminal import APP, Command, console, one_of, show
 from cosim import EngineChoice, System
+from cosim.curve import bars as drawn_bars
 from cosim.curve import drawn
 from cosim.errors import ComponentError, CosimError, Interrupted
 from cosim.formats import FORMATS, format_of
@@ -163,6 +165,7 @@ Curves = Annotated[
     list[str] | None,
     typer.Option("--plot", metavar="NAME", help="draw what is recorded of this name or pattern, car.body.az, in the terminal; several may be given"),
 ]
+Bars = Annotated[bool, typer.Option("--bars", help="draw the metrics as bars in the terminal, beside those of the baseline")]
 HoldInput = Annotated[bool, typer.Option("--hold-input", help="a run that is longer than such a file keeps its last values")]
 
 
@@ -184,6 +187,7 @@ def _one_run(experiment: Experiment) -> dict[str, tuple[Any, Any]]:
         "display_units": (DisplayUnits, False),
         "real_time": (RealTime, None),
         "curves": (Curves, None),
+        "bars_": (Bars, False),
     }
 
 
@@ -191,7 +195,7 @@ _VEHICLE: dict[str, tuple[Any, Any]] = {"vehicle": (Vehicles, None)}
 NOTHING = 1e-20  # of a metric: below it there is nothing to compare
 EVERYWHERE = (
     "--fmus", "--fmi", "--vehicle", "--out", "--engine", "--isolate", "--step-timeout", "--memory-limit",
-    "--signals", "--hold-input", "--recording", "--display-units", "--real-time", "--plot", "--help", "--verbose", "--quiet",
+    "--signals", "--hold-input", "--recording", "--display-units", "--real-time", "--plot", "--bars", "--help", "--verbose", "--quiet",
 )  # fmt: skip
 """Options of every experiment, which say nothing about one of them."""
 
@@ -206,7 +210,7 @@ def run_command(experiment: Experiment) -> Any:
         run_case(
             experiment, _case(experiment, given), fmu_set(experiment, given), given["out"], execution(given),
             inputs=given["signals_"] or (), hold_inputs=given["hold_input"], output=given["recording_"], display_units=given["display_units"], real_time=given["real_time"],
-            curves=given["curves"] or (),
+            curves=given["curves"] or (), bars=given["bars_"],
         )  # fmt: skip
 
     options = field_options(experiment)
@@ -326,11 +330,11 @@ class _Paced(Command):
 def run_case(
     experiment: Experiment, case: Any, fmus: FmuSet, out: Path, execution: Execution | None = None, *,
     inputs: Sequence[Path] = (), hold_inputs: bool = False, output: Path | None = None, display_units: bool = False,
-    real_time: float | None = None, curves: Sequence[str] = (),
+    real_time: float | None = None, curves: Sequence[str] = (), bars: bool = False,
 ) -> None:  # fmt: skip
     """Run one case beside its baseline: a table on the screen, time histories and metrics as files. ``output``, ``display_units`` and
     ``real_time`` of the case: see :meth:`cosim.System.run`; ``inputs`` and ``hold_inputs`` of both: see :class:`Runner`;
-    ``curves``: names and patterns of what is drawn of the case in the terminal.
+    ``curves``: names and patterns of what is drawn of the case in the terminal; ``bars``: whether its metrics are, as shares of the baseline's.
 
     Raises:
         ComponentError: a component failed; the file holds what was recorded.
@@ -352,6 +356,8 @@ def run_case(
             more = experiment.compared(*rows) if experiment.compared else {}
             measured = {_short(baseline): rows[1], _short(case): {**rows[0], **more}}
         show(metric_table(measured, experiment.metrics or _plain(measured), relative=experiment.relative))
+        if bars:
+            show_bars(measured, experiment.metrics or _plain(measured))
         show_curves(run.recording, curves)
         for remark in remarks:
             console.print(f"note: {remark}")
@@ -364,13 +370,34 @@ def run_case(
     console.print(f"{path} and {summary if output else summary.name}; {run.recording.real_time_factor:.0f}x real time")
 
 
+def show_bars(measured: dict[str, Row], metrics: Mapping[str, Metric]) -> None:
+    """Metrics of the last run as bars on the screen, as shares of those of the first one."""
+    first, last = next(iter(measured)), next(reversed(measured))
+    if first == last:
+        console.print("nothing to compare with: bars are shares of a baseline, and this run is one or has none")
+        return
+    shares = {}
+    for key, metric in metrics.items():
+        base, value = (measured[n].get(key) for n in (first, last))
+        if isinstance(base, int | float) and isinstance(value, int | float) and abs(base) > NOTHING:
+            share = value / base
+            if math.isfinite(share) and share >= 0:
+                shares[metric.text] = share
+    if shares:
+        lines = drawn_bars(shares, Console().width, plain=_plain_terminal())
+        show(Text(f"\n{last}, per cent of {first}:\n{lines}"), as_is=True)
+
+
+def _plain_terminal() -> bool:
+    return not (sys.stdout.encoding or "").lower().startswith("utf")
+
+
 def show_curves(recording: Recording, names: Sequence[str]) -> None:
     """Curves of a recording on the screen; ValueError for names that are not in it."""
     for name in recording.select(*names) if names else ():
         unit = recording.units.get(name, "")
         title = f"\n{name} [{unit}]" if unit else f"\n{name}"
-        plain = not (sys.stdout.encoding or "").lower().startswith("utf")
-        show(Text(drawn(title, recording.time, recording[name], Console().width, plain=plain)), as_is=True)
+        show(Text(drawn(title, recording.time, recording[name], Console().width, plain=_plain_terminal())), as_is=True)
 
 
 def write_study(experiment: Experiment, fmus: FmuSet, out: Path, *, cluster: str | None = None, **options: Any) -> Path:

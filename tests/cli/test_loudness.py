@@ -35,6 +35,22 @@ def test_quiet_leaves_results_and_errors(tmp_path: Path) -> None:
 
 
 @pytest.mark.usefixtures("built_fmus")
+def test_bars_on_the_screen_are_those_of_the_metrics(tmp_path: Path) -> None:
+    """Per cent of the baseline, as the table above them says."""
+    controlled = [a for a in RUN if a not in ("--controller", "passive")]
+    done = run(tmp_path, "cosim", *controlled, "--bars")
+    assert done.returncode == 0, done.stderr
+    shown = {line.split("█")[0].strip(): int(line.rstrip(" %").split()[-1]) for line in done.stdout.splitlines() if "█" in line}
+    assert set(shown) >= {"rms pitch", "rms vertical acceleration"}
+    (heading,) = (line for line in done.stdout.splitlines() if "per cent of" in line)
+    rows = {line.split("  ")[0].strip(): line.split() for line in done.stdout.splitlines() if "[rad]" in line}
+    base, value = map(float, rows["rms pitch [rad]"][-2:])
+    assert shown["rms pitch"] == pytest.approx(100 * value / base, abs=0.6)
+    assert heading.endswith("per cent of passive:")
+    assert "nothing to compare with" in run(tmp_path, "cosim", *RUN, "--bars").stderr
+
+
+@pytest.mark.usefixtures("built_fmus")
 def test_a_curve_on_the_screen_is_that_of_the_file(tmp_path: Path) -> None:
     done = run(tmp_path, "cosim", *RUN, "--plot", "car.body.az")
     assert done.returncode == 0, done.stderr

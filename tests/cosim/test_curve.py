@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from cosim.curve import HEIGHT, drawn
+from cosim.curve import HEIGHT, bars, drawn
 
 T = np.linspace(0.0, 10.0, 5001)
 
@@ -59,3 +59,25 @@ def test_constants_gaps_and_nothing():
     assert len(dots(drawn("a", [0.0, 1.0, 2.0], [0.0, np.nan, 1.0], 40))) == 2
     with pytest.raises(ValueError, match="a has no finite sample to draw"):
         drawn("a", [0.0], [np.nan], 40)
+
+
+@pytest.mark.parametrize("plain", [False, True])
+def test_bars_are_as_long_as_what_they_stand_for(plain: bool) -> None:
+    """70 columns: 52 for the bars where the longest name has 9 letters; the whole is at the longest bar, twice the whole at most."""
+    full, mark, beyond = "#|>" if plain else "█│▶"
+    lines = bars({"half": 0.5, "a quarter": 0.25, "whole": 1.0, "nothing": 0.0}, 70, plain=plain).splitlines()
+    assert [line.count(full) for line in lines] == [26, 13, 52, 0]
+    assert [line.find(mark) for line in lines] == [61, 61, -1, 61]
+    assert [line.rstrip(" %").split()[-1] for line in lines] == ["50", "25", "100", "0"]
+    assert max(map(len, lines)) <= 70
+    more = bars({"half": 0.5, "five": 5.0, "two": 2.0}, 60, plain=plain).splitlines()
+    assert [line.count(full) for line in more] == [12, 46, 47]
+    assert [beyond in line for line in more] == [False, True, False]
+    assert more[1].endswith("500 %")
+
+
+def test_bars_that_cannot_be_drawn() -> None:
+    for bad in ({}, {"a": -1.0}, {"a": float("nan")}):
+        with pytest.raises(ValueError, match="bars need shares"):
+            bars(bad, 80)
+    assert "a very long name of a metri..." in bars({"a very long name of a metric that nobody reads": 1.0, "b": 0.1}, 60)
