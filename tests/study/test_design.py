@@ -273,3 +273,8 @@ def test_files_with_mistakes_of_their_own(tmp_path: Path) -> None:
     file.write_text('[set]\nx = 1.0\n[vary]\nx = "0:1"\n')
     with pytest.raises(DesignError, match=r"bad\.toml: x is both set and varied"):
         from_file(file)
+
+
+def test_what_a_design_is_unless_said_otherwise() -> None:
+    """A seed that changes changes every sweep that names none."""
+    assert (Design((ONE,)).method, Design((ONE,)).samples, Design((ONE,)).seed) == ("lhs", 100, 1)
