@@ -14,6 +14,7 @@ from oracles.lq import sampled_loop
 from scipy import linalg
 
 from cosim import System, WiringError
+from cosim.errors import CosimError
 from cosim.experiments.preview_lq import EXPERIMENT, published
 from cosim.experiments.preview_lq.claims import CLAIMS, relative, relative_index
 from cosim.experiments.preview_lq.published import PRINTED, corrected, over_preview, plateau
@@ -280,7 +281,22 @@ def test_the_tunable_law_with_published_weights_is_the_published_law(fmus: FmuSe
     case = Case(controller=controller, weights=weights)
     with Runner(EXPERIMENT, fmus) as runner:
         expected, found = runner.metrics(case), runner.metrics(replace(case, tunable=True))
-    assert found == pytest.approx(expected, rel=1e-8)
+    assert found == pytest.approx(expected, rel=1e-10)
+
+
+WITHOUT_LAW = {
+    "acceleration.heave": 1e4, "acceleration.pitch": 1e4, "acceleration.roll": 0.0, "suspension.front": 1e7, "suspension.rear": 0.0,
+    "tire.front": 1.0, "tire.rear": 1e8, "force.front": 1e-9, "force.rear": 1e-9,
+}  # fmt: skip
+
+
+def test_weights_without_a_law_are_refused(fmus: FmuSet) -> None:
+    """Doubling ends with numbers all the same, and these would be no law."""
+    with Runner(EXPERIMENT, fmus) as runner:
+        system = runner.system(Case(tunable=True))
+        system["controller"].set({f"weight.{n}": v for n, v in WITHOUT_LAW.items()})
+        with pytest.raises(CosimError, match=r"(?s)controller.*weight\.\*: no law is found for these weights, which differ too much: bring them nearer"):
+            system.run(0.01)
 
 
 def test_weights_of_a_tunable_law_are_those_of_the_case(fmus: FmuSet, tmp_path: Path) -> None:

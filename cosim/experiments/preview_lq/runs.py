@@ -16,7 +16,7 @@ from cosim.study.case import CaseError, option
 from cosim.study.experiment import Metric, Row, Run
 from cosim.study.fmus import FmuSet, designed_with
 from fmu_sources.catalog import weights_name
-from fmu_sources.controllers.lq.preview import MODES, WEIGHTED, weight_values
+from fmu_sources.controllers.lq.preview import MODES, WEIGHTED, weight_parameters
 from fmu_sources.controllers.lq.preview_weights import PreviewLqWeights, load_weights
 from fmu_sources.models.corners import CORNERS
 
@@ -157,7 +157,7 @@ def configure_law(system: System, case: Case) -> None:
             {"mode": MODES[case.controller], "preview_time": case.preview_time, "hold_tail": case.hold_tail}
         )
         if case.tunable:
-            system["controller"].set(weight_values(weights_of(case)))
+            system["controller"].set(weight_parameters(weights_of(case)))
 
 
 def stop_time(_: System, case: Case) -> float:

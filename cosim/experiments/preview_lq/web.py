@@ -14,7 +14,7 @@ _POINTS, _STEP = LQ_PREVIEW
 LONGEST = (_POINTS - 1) * _STEP  # s of preview that the laws can use
 GROUPS = {"comfort": "ride comfort", "road-holding": "road holding"}
 _WEIGHTS = (  # words, parameters, largest
-    ("heave", ["heave"], 30.0), ("pitch", ["pitch"], 80.0), ("roll", ["roll"], 10.0),
+    ("heave", ["acceleration.heave"], 30.0), ("pitch", ["acceleration.pitch"], 80.0), ("roll", ["acceleration.roll"], 10.0),
     ("suspension deflection", ["suspension.front", "suspension.rear"], 4e4), ("tire deflection", ["tire.front", "tire.rear"], 4e5),
     ("actuator forces", ["force.front", "force.rear"], 1e-5),
 )  # fmt: skip
@@ -28,7 +28,7 @@ TITLES = {
 
 def live(case: Case) -> Live:
     """The four systems of Table 3 with the weights of each design; what else the case says holds for all of them."""
-    base = replace(case, controller="active", preview_time=PREVIEW_TIME, tunable=True)
+    base = replace(case, controller="active", preview_time=PREVIEW_TIME)
     cases = [
         LiveCase(TITLES[c], replace(base, controller=c, weights=weights, tunable=c != "passive"), group=words)
         for weights, words in GROUPS.items()

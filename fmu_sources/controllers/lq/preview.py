@@ -11,7 +11,7 @@ road linear between samples. Any other period uses the exact sampled form of bot
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import casadi as ca
@@ -24,12 +24,14 @@ from fmu_sources.controllers.lq.design import (
     output_index,
     sampled_lq,
 )
+from fmu_sources.controllers.lq.design.riccati import RESIDUAL_LIMIT
 from fmu_sources.controllers.lq.design.tunable import tunable_taps
-from fmu_sources.controllers.lq.preview_weights import PreviewLqWeights
+from fmu_sources.controllers.lq.preview_weights import PreviewLqWeights, control_weights, output_weights
 from fmu_sources.models.corners import CORNERS
 
 SIDES = {"l": ("fl", "rl"), "r": ("fr", "rr")}
 MODES = {"active": 0, "delay": 1, "preview": 2}
+SYMMETRY_LIMIT = 1e-6  # of the largest gain, by which those of the two sides may differ
 CONTINUOUS_PERIOD = 1e-3  # s; feed-forward as in (17) at this period, exact sampled form at any other
 WEIGHTED = (
     "body.az", "body.pitch_acceleration", "body.roll_acceleration",
@@ -121,7 +123,8 @@ def preview_lq(
         tunable: the weights are parameters, and the FMU designs its law when it is initialized.
 
     Raises:
-        ValueError: the spacing is no multiple of the period, or a tunable law has another period than :data:`CONTINUOUS_PERIOD`.
+        ValueError: the spacing is no multiple of the period, or a tunable law has another period than :data:`CONTINUOUS_PERIOD`, or is for a car
+            whose sides differ.
         LqError: the design has no stabilizing solution.
     """
     every = round(preview_step / period)
@@ -192,7 +195,12 @@ def preview_lq(
     j = ca.DM(np.arange(count, dtype=float))
     feedforward = ca.MX.zeros(len(CORNERS))
 
-    law: _Fixed | _Designed = _Designed(c, plant, weights, period, count) if tunable else _Fixed(c, taps)
+    law: _Fixed | _Designed
+    if tunable:
+        _check_sides(taps, name)
+        law = _Designed(c, plant, weights, period, count)
+    else:
+        law = _Fixed(c, taps, [car.variable(s).unit or "1" for s in plant.states])
     last = []
     for wheel_front, wheel_rear in SIDES.values():
         memory_state = c.state(
@@ -213,8 +221,7 @@ def preview_lq(
             feedforward += final * (law.column("end", wheel, n) + ca.if_else(hold_tail, law.column("tail", wheel, n), 0))
     feedforward -= ca.if_else(hold_tail, 1, 0) * law.shift * ca.sum1(ca.vertcat(*last)) / len(last)
 
-    units = [car.variable(s).unit or "1" for s in plant.states]
-    force = law.feedback(units) @ x + feedforward
+    force = law.feedback @ x + feedforward
     for i, k in enumerate(CORNERS):
         c.output(f"force.{k}", force[i], "N", f"actuator force at corner {k}", display_unit="kN")
     truncated = ca.logic_or(
@@ -232,8 +239,12 @@ def preview_lq(
 class _Fixed:
     """A law whose gains are constants of the FMU."""
 
-    def __init__(self, c: Component, taps: Taps) -> None:
+    def __init__(self, c: Component, taps: Taps, units: Sequence[str]) -> None:
         self._c, self._taps = c, taps
+        self.shift = self._gains("shift", taps.shift)
+        self.feedback = c.constant(
+            "feedback", -taps.K, None, "-K: force per state", rows=["N"] * len(CORNERS), columns=units, source="004 (14), designed on the car"
+        )
 
     def _gains(self, name: str, values: np.ndarray) -> ca.MX:
         return self._c.constant(name, values, "N/m", "force per road height", source="004 Theorem 1, designed on the car")
@@ -249,43 +260,32 @@ class _Fixed:
         """Column n of such a table."""
         return _column(self._gains(f"{kind}.{wheel}", self._values(kind, wheel).ravel(order="F")), n)
 
-    @property
-    def shift(self) -> ca.MX:
-        return self._gains("shift", self._taps.shift)
-
-    def feedback(self, units: list[str]) -> ca.MX:
-        """-K."""
-        return self._c.constant(
-            "feedback", -self._taps.K, None, "-K: force per state", rows=["N"] * len(CORNERS), columns=units, source="004 (14), designed on the car"
-        )  # fmt: skip
-
 
 class _Designed:
     """A law that is designed when the FMU is initialized, of weights that are parameters. Gains of the right wheels are those of the left ones with
-    the sides changed: weights and car are symmetric."""
+    the sides changed."""
 
     def __init__(self, c: Component, plant: LinearPlant, weights: PreviewLqWeights, period: float, count: int) -> None:
         self._c, self._wheels = c, len(CORNERS)
-        taps = tunable_taps(plant, _weight_parameters(c, weights), period, count)
+        taps = tunable_taps(plant, _declared(c, weights), period, count)
+        c.check(
+            RESIDUAL_LIMIT - taps.residuals,
+            "weight.*: no law is found for these weights, which differ too much: bring them nearer to each other, or to those of a published law",
+        )
         self._taps = {"interior": taps.interior, "end": taps.end, "tail": taps.tail}
         self._kept: dict[tuple[str, str], ca.MX] = {}
         known = (count - 1) * self._wheels
         whole = ca.sum2(taps.interior[:, :known]) + ca.sum2(taps.end[:, known:]) + ca.sum2(taps.tail[:, known:])
         self.shift = c.latch("shift", whole - taps.K @ ca.DM(_unit_shift(plant)), "N/m", "force per height of everything")
-        self._minus_k = -taps.K
+        self.feedback = c.latch("feedback", -taps.K, None, "-K: force per state")
 
     def table(self, kind: str, wheel: str) -> ca.MX:
         """As of :class:`_Fixed`."""
-        return self._left(kind, wheel)[self._rows(wheel), :]
+        return self._left(kind, wheel)[_seen_from(wheel), :]
 
     def column(self, kind: str, wheel: str, n: ca.MX) -> ca.MX:
         """As of :class:`_Fixed`."""
-        return _column(ca.vec(self._left(kind, wheel)), n)[self._rows(wheel)]
-
-    def feedback(self, units: list[str]) -> ca.MX:
-        """-K."""
-        kept = self._c.latch("feedback", ca.vec(self._minus_k), None, "-K: force per state, column after column")
-        return ca.reshape(kept, self._wheels, len(units))
+        return _column(ca.vec(self._left(kind, wheel)), n)[_seen_from(wheel)]
 
     def _left(self, kind: str, wheel: str) -> ca.MX:
         left = f"{wheel[0]}l"
@@ -294,47 +294,51 @@ class _Designed:
             self._kept[kind, left] = self._c.latch(f"{kind}.{left}", part, "N/m", f"force per road height below wheel {left}")
         return self._kept[kind, left]
 
-    @staticmethod
-    def _rows(wheel: str) -> list[int]:
-        return [CORNERS.index(k if wheel.endswith("l") else k[0] + {"l": "r", "r": "l"}[k[1]]) for k in CORNERS]
+
+def _seen_from(wheel: str) -> list[int]:
+    """Rows of the left wheel's gains for the corners, seen from a wheel."""
+    return [CORNERS.index(k if wheel.endswith("l") else _opposite(k)) for k in CORNERS]
 
 
-_UNITS = {"heave": "s4/m2", "pitch": "s4/rad2", "roll": "s4/rad2", "suspension": "1/m2", "tire": "1/m2", "force": "1/N2"}
-_TEXTS = {
-    **{n: f"the {n} acceleration" for n in ("heave", "pitch", "roll")},
-    "suspension": "the deflection of the suspension", "tire": "the deflection of the tires", "force": "the actuator forces",
-}  # fmt: skip
-_LIMITS = {"tire": (1.0, 1e9), "force": (1e-9, 1.0)}  # without a weight of the tires nothing would tell the height of the car
-_ANY = (0.0, 1e9)
+def _opposite(corner: str) -> str:
+    """The corner at the other end of the axle."""
+    return corner[0] + {"l": "r", "r": "l"}[corner[1]]
 
 
-def weight_values(weights: PreviewLqWeights) -> dict[str, float]:
-    """Parameters of a tunable law for these weights: ``weight.heave``, ``weight.tire.front``, ..."""
-    found = {f"weight.{n}": v for n, v in weights.acceleration.model_dump().items()}
-    for kind in ("suspension", "tire", "force"):
-        found |= {f"weight.{kind}.{end}": v for end, v in getattr(weights, kind).model_dump().items()}
-    return found
+def _check_sides(taps: Taps, name: str) -> None:
+    """Refuse a law whose right wheels are not the left ones in a mirror.
+
+    Raises:
+        ValueError: they are not.
+    """
+    for table in (taps.interior, taps.end, taps.tail):
+        for right in ("fr", "rr"):
+            mirrored = table[:, _seen_from(right), CORNERS.index(_opposite(right))]
+            if np.abs(table[:, :, CORNERS.index(right)] - mirrored).max() > SYMMETRY_LIMIT * np.abs(table).max():
+                raise ValueError(f"{name}: a law with weights as parameters is for cars that are the same left and right")
 
 
-def _weight_parameters(c: Component, weights: PreviewLqWeights) -> ca.MX:
+_LIMITS = {"acceleration": (0.0, 1e4), "suspension": (0.0, 1e7), "tire": (1.0, 1e8), "force": (1e-9, 1e-2)}
+"""Smallest and largest weight of each kind. Without a weight of the tires nothing would tell the height of the car."""
+
+
+def weight_parameters(weights: PreviewLqWeights) -> dict[str, float]:
+    """Parameters of a tunable law for these weights: ``weight.acceleration.heave``, ``weight.tire.front``, ..."""
+    return {f"weight.{name}": value for name, value in weights.by_name().items()}
+
+
+def _declared(c: Component, weights: PreviewLqWeights) -> ca.MX:
     """The weights of a set as parameters, in the order of outputs and controls."""
-
-    def declare(name: str, value: float) -> ca.MX:
-        kind, _, end = name.removeprefix("weight.").partition(".")
-        least, most = _LIMITS.get(kind, _ANY)
+    texts = weights.descriptions()
+    own = {}
+    for parameter, value in weight_parameters(weights).items():
+        name = parameter.removeprefix("weight.")
+        least, most = _LIMITS[name.partition(".")[0]]
         # Without a unit to the check of dimensions: the design has the car's matrices in numbers, as constants have that are designed in Python.
-        return c.parameter(
-            name, value, None, f"weight of the square of {_TEXTS[kind]}{f', {end}' if end else ''} [{_UNITS[kind]}]", min=least, max=most,
-            source=f"{weights.source}; any other designs another law",
-        )  # fmt: skip
-
-    own = {name: declare(name, value) for name, value in weight_values(weights).items()}
-
-    def of_corners(kind: str) -> list[ca.MX]:
-        return [own[f"weight.{kind}.{'front' if k.startswith('f') else 'rear'}"] for k in CORNERS]
-
-    accelerations = [own[f"weight.{n}"] for n in ("heave", "pitch", "roll")]
-    return ca.vertcat(*accelerations, *of_corners("suspension"), *of_corners("tire"), *of_corners("force"))
+        own[name] = c.parameter(
+            parameter, value, None, f"weight of the squares of {texts[name]}", min=least, max=most, source=f"{weights.source}; any other designs another law"
+        )
+    return ca.vertcat(*(own[n] for n in (*output_weights(CORNERS), *control_weights(CORNERS))))
 
 
 def _unit_shift(plant: LinearPlant) -> np.ndarray:

@@ -31,14 +31,14 @@ class _Axles(_Strict):
 
 
 class _Acceleration(_Strict):
-    heave: float = Field(ge=0.0, allow_inf_nan=False, description="rho_1, s4/m2")
-    pitch: float = Field(ge=0.0, allow_inf_nan=False, description="rho_2, s4/rad2")
-    roll: float = Field(ge=0.0, allow_inf_nan=False, description="rho_3, s4/rad2")
+    heave: float = Field(ge=0.0, allow_inf_nan=False, description="rho_1 [s4/m2]")
+    pitch: float = Field(ge=0.0, allow_inf_nan=False, description="rho_2 [s4/rad2]")
+    roll: float = Field(ge=0.0, allow_inf_nan=False, description="rho_3 [s4/rad2]")
 
 
 class _Forces(_Strict):
-    front: float = Field(gt=0.0, allow_inf_nan=False, description="both front actuators, 1/N2")
-    rear: float = Field(gt=0.0, allow_inf_nan=False, description="both rear actuators, 1/N2")
+    front: float = Field(gt=0.0, allow_inf_nan=False, description="both front actuators")
+    rear: float = Field(gt=0.0, allow_inf_nan=False, description="both rear actuators")
 
 
 class PreviewLqWeights(_Strict):
@@ -46,30 +46,54 @@ class PreviewLqWeights(_Strict):
 
     name: str = Field(min_length=1)
     source: str = Field(min_length=1)
-    acceleration: _Acceleration
-    suspension: _Axles  # deflections, 1/m2
-    tire: _Axles  # deflections, 1/m2
-    force: _Forces
+    acceleration: _Acceleration = Field(description="accelerations of the body")
+    suspension: _Axles = Field(description="suspension deflections [1/m2]")
+    tire: _Axles = Field(description="tire deflections [1/m2]")
+    force: _Forces = Field(description="actuator forces [1/N2]")
+
+    def by_name(self) -> dict[str, float]:
+        """All weights: ``acceleration.heave``, ``tire.front``, ..."""
+        return {f"{kind}.{name}": value for kind in self._kinds() for name, value in getattr(self, kind).model_dump().items()}
+
+    @classmethod
+    def descriptions(cls) -> dict[str, str]:
+        """What each weight is of, by its name."""
+        return {
+            f"{kind}.{name}": f"{cls.model_fields[kind].description}, {info.description}"
+            for kind, group in cls._kinds().items()
+            for name, info in group.model_fields.items()
+        }
 
     def outputs(self, corners: Sequence[str]) -> list[float]:
         """Weights in the order of the outputs: accelerations, suspension and tire deflections by corner."""
-        a = self.acceleration
-        return [
-            a.heave, a.pitch, a.roll,
-            *(_of(self.suspension, k) for k in corners), *(_of(self.tire, k) for k in corners),
-        ]  # fmt: skip
+        return [self.by_name()[n] for n in output_weights(corners)]
 
     def controls(self, corners: Sequence[str]) -> list[float]:
         """Weights of the actuator forces by corner."""
-        return [_of(self.force, k) for k in corners]
+        return [self.by_name()[n] for n in control_weights(corners)]
 
     def as_dict(self) -> dict[str, Any]:
         """JSON values."""
         return self.model_dump()
 
+    @classmethod
+    def _kinds(cls) -> dict[str, type[BaseModel]]:
+        found = {name: info.annotation for name, info in cls.model_fields.items()}
+        return {name: kind for name, kind in found.items() if isinstance(kind, type) and issubclass(kind, BaseModel)}
 
-def _of(axles: _Axles | _Forces, corner: str) -> float:
-    return axles.front if corner.startswith("f") else axles.rear
+
+def output_weights(corners: Sequence[str]) -> list[str]:
+    """Name of the weight of each output of the index: accelerations, suspension and tire deflections by corner."""
+    return [*(f"acceleration.{n}" for n in _Acceleration.model_fields), *(f"{kind}.{_axle(k)}" for kind in ("suspension", "tire") for k in corners)]
+
+
+def control_weights(corners: Sequence[str]) -> list[str]:
+    """Name of the weight of the actuator force of each corner."""
+    return [f"force.{_axle(k)}" for k in corners]
+
+
+def _axle(corner: str) -> str:
+    return "front" if corner.startswith("f") else "rear"
 
 
 def load_weights(name_or_path: str | Path) -> PreviewLqWeights:
@@ -100,20 +124,9 @@ def load_weights(name_or_path: str | Path) -> PreviewLqWeights:
 def _sentence(error: Any) -> str:
     field = ".".join(map(str, error["loc"]))
     if error["type"] == "extra_forbidden":
-        known = _fields(PreviewLqWeights)
+        known = ["name", "source", *PreviewLqWeights.descriptions()]
         hint = did_you_mean(field, known) or f" (there are {', '.join(known)})"
         return f"{field}: unknown field{hint}"
     if error["type"] == "missing":
         return f"{field}: missing"
     return f"{field} = {error['input']!r}: {error['msg']}"
-
-
-def _fields(model: type[BaseModel], prefix: str = "") -> list[str]:
-    names: list[str] = []
-    for name, info in model.model_fields.items():
-        kind = info.annotation
-        if isinstance(kind, type) and issubclass(kind, BaseModel):
-            names += _fields(kind, f"{prefix}{name}.")
-        else:
-            names.append(prefix + name)
-    return names

@@ -2,21 +2,34 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import casadi as ca
 import numpy as np
 import pytest
 
 from build_fmus.reference import Evaluator
+from fmu_sources.controllers.lq import preview
 from fmu_sources.controllers.lq.design import LqError, continuous_lq, output_index, sampled_lq
+from fmu_sources.controllers.lq.design.riccati import RESIDUAL_LIMIT
 from fmu_sources.controllers.lq.design.tunable import tunable_taps
-from fmu_sources.controllers.lq.preview import MODES, WEIGHTED, design_taps, preview_lq, ride_plant, weight_values
-from fmu_sources.controllers.lq.preview_weights import WeightsError, load_weights
+from fmu_sources.controllers.lq.preview import (
+    CONTINUOUS_PERIOD,
+    MODES,
+    WEIGHTED,
+    design_taps,
+    preview_lq,
+    ride_plant,
+    weight_parameters,
+)
+from fmu_sources.controllers.lq.preview_weights import WeightsError, control_weights, load_weights, output_weights
 from fmu_sources.models.corners import CORNERS
 from fmu_sources.plants import ride_car
 from fmu_sources.vehicles import load_ride_car
 
 SPEED = 75 / 3.6
 WHEELBASE = 2.814
+ORDER = (*output_weights(CORNERS), *control_weights(CORNERS))
 
 
 @pytest.fixture(scope="module")
@@ -32,6 +45,11 @@ def plant(car):
 @pytest.fixture(scope="module")
 def controller(car):
     return preview_lq(car, load_weights("comfort"), name="PreviewLqComfort").model()
+
+
+@pytest.fixture(scope="module")
+def tunable(car):
+    return preview_lq(car, load_weights("road_holding"), name="X", preview_count=2, memory=0.02, tunable=True)
 
 
 @pytest.fixture(scope="module")
@@ -262,11 +280,11 @@ def test_weights_are_in_the_order_of_outputs_and_corners(tmp_path) -> None:
     assert weights.controls(("fl", "fr", "rl", "rr")) == [8, 8, 9, 9]
     assert weights.controls(("rr", "fl")) == [9, 8]
     assert weights.as_dict()["tire"] == {"front": 6.0, "rear": 7.0}
+    assert list(weights.by_name().items())[2:5] == [("acceleration.roll", 3), ("suspension.front", 4), ("suspension.rear", 5)]
+    assert list(weights.descriptions()) == list(weights.by_name())
 
 
 def test_an_unstabilizable_car_is_named(plant) -> None:
-    from dataclasses import replace
-
     index = output_index(plant, load_weights("comfort").outputs(CORNERS), load_weights("comfort").controls(CORNERS))
     A = plant.A.copy()
     A[0, :], A[:, 0] = 0.0, 0.0
@@ -277,11 +295,32 @@ def test_an_unstabilizable_car_is_named(plant) -> None:
         continuous_lq(replace(plant, A=A, B=B), index)
 
 
-def test_a_law_designed_of_expressions_is_the_one_designed_of_numbers(plant) -> None:
-    """Published weights, and others drawn about them, each by up to ten times."""
+COUNT = 300
+
+
+@pytest.fixture(scope="module")
+def designed(plant):
+    """K, feed-forward and residuals of a law that is designed of expressions, for weights of outputs and controls."""
     weights = ca.MX.sym("weights", len(plant.outputs) + len(plant.controls))
-    made = tunable_taps(plant, weights, 1e-3, 300)
-    evaluate = ca.Function("taps", [weights], [made.K, made.interior, made.end, made.tail])
+    made = tunable_taps(plant, weights, CONTINUOUS_PERIOD, COUNT)
+    evaluate = ca.Function("taps", [weights], [made.K, made.interior, made.end, made.tail, made.residuals])
+    return lambda given: [np.array(found) for found in evaluate(given)]
+
+
+def by_numbers(plant, given):
+    """K and feed-forward as they are designed in Python."""
+    index = output_index(plant, given[: len(plant.outputs)], given[len(plant.outputs) :])
+    foh = continuous_lq(plant, index).foh_weights(CONTINUOUS_PERIOD, COUNT)
+    return [sampled_lq(plant, index, CONTINUOUS_PERIOD).K, *(np.hstack(list(a)) for a in (foh.interior, foh.end, foh.tail))]
+
+
+def furthest(found, expected) -> float:
+    """The largest difference, relative to the largest gain of its kind."""
+    return max(np.abs(a - b).max() / np.abs(b).max() for a, b in zip(found, expected, strict=False))
+
+
+def test_a_law_designed_of_expressions_is_the_one_designed_of_numbers(plant, designed) -> None:
+    """Published weights, and others drawn about them, each by up to ten times."""
     rng = np.random.default_rng(7)
     published = [load_weights(name) for name in ("comfort", "road_holding")]
     for trial in range(8):
@@ -289,20 +328,57 @@ def test_a_law_designed_of_expressions_is_the_one_designed_of_numbers(plant) -> 
         given = np.array([*w.outputs(CORNERS), *w.controls(CORNERS)])
         if trial > 1:
             given *= 10 ** rng.uniform(-1, 1, len(given))
-        index = output_index(plant, given[: len(plant.outputs)], given[len(plant.outputs) :])
-        foh = continuous_lq(plant, index).foh_weights(1e-3, 300)
-        expected = [sampled_lq(plant, index, 1e-3).K, *(np.hstack(list(a)) for a in (foh.interior, foh.end, foh.tail))]
-        for found, known in zip(evaluate(given), expected, strict=True):
-            assert np.abs(np.array(found) - known).max() < 1e-8 * np.abs(known).max()
+        found = designed(given)
+        assert furthest(found, by_numbers(plant, given)) < 1e-10
+        assert found[-1].max() < 1e-11
 
 
-def test_weights_are_parameters_of_a_tunable_law(car) -> None:
+def test_over_the_whole_range_of_weights_a_law_is_right_or_refused(plant, designed, tunable) -> None:
+    """Both limits of every weight included; what the solver of the design in Python refuses may be found, but nothing wrong is."""
+    low, high = (np.array([getattr(tunable.variable(f"weight.{n}"), end) for n in ORDER]) for end in ("min", "max"))
+    rng = np.random.default_rng(3)
+    refused = 0
+    for trial in range(60):
+        given = np.where(low > 0, low, high * 1e-9) * (high / np.where(low > 0, low, high * 1e-9)) ** rng.uniform(size=len(low))
+        given = np.where(rng.uniform(size=len(low)) < 0.1, low, np.where(rng.uniform(size=len(low)) < 0.1, high, given))
+        found = designed(given)
+        if not (found[-1] < RESIDUAL_LIMIT).all():
+            refused += 1
+            continue
+        try:
+            expected = by_numbers(plant, given)
+        except LqError:
+            continue
+        assert furthest(found, expected) < 1e-6, (trial, dict(zip(ORDER, given, strict=True)))
+    assert refused < 6
+
+
+def test_a_law_with_weights_as_parameters_is_for_cars_with_equal_sides(car) -> None:
+    heavy = design_taps(ride_plant(car), load_weights("comfort"), CONTINUOUS_PERIOD, 5)
+    preview._check_sides(heavy, "X")
+    for kind in ("interior", "tail"):
+        table = getattr(heavy, kind).copy()
+        table[2, 1, 3] *= 1.01  # of the right front actuator, for the road below the right rear wheel
+        with pytest.raises(ValueError, match="X: a law with weights as parameters is for cars that are the same left and right"):
+            preview._check_sides(replace(heavy, **{kind: table}), "X")
+
+
+def test_weights_are_parameters_of_a_tunable_law(car, tunable) -> None:
     weights = load_weights("road_holding")
-    made = preview_lq(car, weights, name="X", preview_count=2, memory=0.02, tunable=True)
-    found = {name: made.variable(name).start[0] for name in weight_values(weights)}
-    assert found == weight_values(weights)
-    assert found["weight.heave"] == 3.0
+    found = {name: tunable.variable(name).start[0] for name in weight_parameters(weights)}
+    assert found == weight_parameters(weights)
+    assert found["weight.acceleration.heave"] == 3.0
     assert (found["weight.tire.front"], found["weight.tire.rear"]) == (200000.0, 195000.0)
-    assert "[1/m2]" in made.variable("weight.tire.rear").description
+    texts = {n: tunable.variable(f"weight.{n}").description for n in ("acceleration.pitch", "tire.rear", "force.front")}
+    assert texts == {
+        "acceleration.pitch": "weight of the squares of accelerations of the body, rho_2 [s4/rad2]",
+        "tire.rear": "weight of the squares of tire deflections [1/m2], both rear wheels",
+        "force.front": "weight of the squares of actuator forces [1/N2], both front actuators",
+    }
+    limits = {n: (tunable.variable(f"weight.{n}").min, tunable.variable(f"weight.{n}").max) for n in ORDER}
+    assert limits["acceleration.roll"] == (0.0, 1e4)
+    assert limits["suspension.rear"] == (0.0, 1e7)
+    assert limits["tire.front"] == (1.0, 1e8)
+    assert limits["force.rear"] == (1e-9, 1e-2)
     with pytest.raises(ValueError, match=r"X: a law with weights as parameters is sampled every 0.001 s, not every 0.005 s"):
         preview_lq(car, weights, name="X", period=5e-3, tunable=True)

@@ -7,29 +7,37 @@ what is left of the error, without eigenvalues and without a choice that depends
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
 
 from build_fmus.checks import number
-from fmu_sources.controllers.lq.design.plant import LinearPlant, index_from_outputs
+from fmu_sources.controllers.lq.design.plant import LinearPlant, QuadraticIndex, index_from_outputs
 from fmu_sources.controllers.lq.design.sampled import sampled_costs
 
 DOUBLINGS = 20  # steps: of modes that decay by 1/s or faster, sampled every millisecond, nothing is left
 SHIFT = 40.0  # 1/s, between the slowest and the fastest modes of a suspension: with it the Riccati equation becomes a discrete one
-_TERMS = 16  # of the exponential series over one step, in which modes decay by less than a half
+_REGULAR = 1e-7  # weight of every force with which parts of an index are made that weigh none, and which is taken away again
+_HALVINGS, _TERMS = 8, 8  # of the step before the exponential series, and what is kept of it
 
 
 @dataclass(frozen=True, eq=False)
 class TunableTaps:
     """Feedback ``K`` (controls, states) of the sampled law, and feed-forward of the continuous one for a disturbance that is linear between
-    nodes (see :class:`FohWeights`), as expressions: of each kind (controls, count * disturbances), node after node."""
+    nodes (see :class:`FohWeights`), as expressions: of each kind (controls, count * disturbances), node after node.
+
+    ``residuals`` (2,): of the sampled and the continuous Riccati equation, relative to their solutions. Doubling does not fail where weights have no
+    law, or none that double precision finds: what it gives then solves nothing.
+    """
 
     K: ca.MX
     interior: ca.MX
     end: ca.MX
     tail: ca.MX
+    residuals: ca.MX
 
 
 def tunable_taps(plant: LinearPlant, weights: ca.MX, period: float, count: int) -> TunableTaps:
@@ -38,17 +46,24 @@ def tunable_taps(plant: LinearPlant, weights: ca.MX, period: float, count: int) 
     The index must not weigh a control and a disturbance together (D' W F = 0), as that of a suspension does not.
     """
     period = number("period", period, "s", above=0)
-    return TunableTaps(_sampled_gain(plant, weights, period), *_foh(plant, weights, period, count))
+    K, sampled = _sampled_gain(plant, weights, period)
+    interior, end, tail, continuous = _foh(plant, weights, period, count)
+    return TunableTaps(K, interior, end, tail, ca.vertcat(sampled, continuous))
 
 
-def _parts(plant: LinearPlant) -> list[tuple[np.ndarray, np.ndarray]]:
-    """Weights of outputs and of controls, one after the other 1 and all others 0."""
-    outputs, controls = len(plant.outputs), len(plant.controls)
-    none = np.zeros((outputs, outputs)), np.zeros((controls, controls))
-    return [(np.diag(row), none[1]) for row in np.eye(outputs)] + [(none[0], np.diag(row)) for row in np.eye(controls)]
+def _indices(plant: LinearPlant) -> list[QuadraticIndex]:
+    """Of a weight of 1 on each output and control, one after the other, and all others 0; with :data:`_REGULAR` on every control besides."""
+    outputs = len(plant.outputs)
+    rows = np.eye(outputs + len(plant.controls))
+    regular = _REGULAR * np.eye(len(plant.controls))
+    return [index_from_outputs(plant, np.diag(row[:outputs]), np.diag(row[outputs:]) + regular) for row in rows]
 
 
-def _combined(parts: list[np.ndarray], weights: ca.MX) -> ca.MX:
+def _relative(residual: ca.MX, P: ca.MX) -> ca.MX:
+    return ca.norm_fro(residual) / ca.norm_fro(P)
+
+
+def _combined(parts: Sequence[np.ndarray], weights: ca.MX) -> ca.MX:
     """The sum of matrices, each times its weight."""
     flat = np.column_stack([m.ravel(order="F") for m in parts])
     return ca.reshape(ca.mtimes(ca.MX(ca.DM(flat)), weights), *parts[0].shape)
@@ -72,28 +87,30 @@ def _even(m: ca.MX) -> ca.MX:
     return (m + m.T) / 2
 
 
-def _sampled_gain(plant: LinearPlant, weights: ca.MX, period: float) -> ca.MX:
-    (n, nu), tiny = plant.B.shape, 1e-7
+def _sampled_gain(plant: LinearPlant, weights: ca.MX, period: float) -> tuple[ca.MX, ca.MX]:
+    """K, and the relative residual of its equation."""
+    n, nu = plant.B.shape
     x, u = slice(0, n), slice(n, n + nu)
-    costs, step = [], np.zeros((0, 0))
-    for weighted, driven in _parts(plant):
-        step, cost = sampled_costs(plant, index_from_outputs(plant, weighted, driven + tiny * np.eye(nu)), period)
-        cost[u, u] -= tiny * period * np.eye(nu)  # an index needs every force weighed
-        costs.append(cost)
+    steps, costs = zip(*(sampled_costs(plant, index, period) for index in _indices(plant)), strict=True)
+    for cost in costs:
+        cost[u, u] -= _REGULAR * period * np.eye(nu)
+    Ad, Bd = ca.DM(steps[0][x, x]), ca.DM(steps[0][x, u])
     whole = _combined(costs, weights)
-    Ad, Bd = ca.DM(step[x, x]), ca.DM(step[x, u])
     Q, N, R = whole[x, x], whole[x, u], whole[u, u]
     direct = _solved(R, ca.horzcat(N.T, ca.MX(Bd.T)))
     P = _doubled(Ad - Bd @ direct[:, :n], Bd @ direct[:, n:], _even(Q - N @ direct[:, :n]))
-    return _solved(R + Bd.T @ P @ Bd, Bd.T @ P @ Ad + N.T)
+    weight = R + Bd.T @ P @ Bd
+    K = _solved(weight, Bd.T @ P @ Ad + N.T)
+    return K, _relative(Ad.T @ P @ Ad - P - K.T @ weight @ K + Q, P)
 
 
-def _foh(plant: LinearPlant, weights: ca.MX, step: float, count: int) -> tuple[ca.MX, ca.MX, ca.MX]:
-    """As :meth:`ContinuousLq.foh_weights`; the Riccati equation (16) by the doubling of its Cayley transform."""
-    n, nu = plant.B.shape
-    indices = [index_from_outputs(plant, W, R + np.eye(nu)) for W, R in _parts(plant)]
+def _foh(plant: LinearPlant, weights: ca.MX, step: float, count: int) -> tuple[ca.MX, ca.MX, ca.MX, ca.MX]:
+    """As :meth:`ContinuousLq.foh_weights`, and the relative residual of the Riccati equation (16), solved by the doubling of its Cayley
+    transform."""
+    (n, nu), nw = plant.B.shape, plant.E.shape[1]
+    indices = _indices(plant)
     Q, N, Q12 = (_combined([getattr(i, name) for i in indices], weights) for name in ("Q1", "N", "Q12"))
-    R = _combined([i.R - np.eye(nu) for i in indices], weights)
+    R = _combined([i.R - _REGULAR * np.eye(nu) for i in indices], weights)
     B, E = ca.DM(plant.B), ca.DM(plant.E)
     direct = _solved(R, ca.horzcat(N.T, ca.MX(B.T)))  # R^-1 [N', B']
     A = ca.DM(plant.A) - B @ direct[:, :n]
@@ -103,23 +120,31 @@ def _foh(plant: LinearPlant, weights: ca.MX, step: float, count: int) -> tuple[c
     back = _solved(shifted, ca.horzcat(one, G))  # shifted^-1 [I, G]
     inverse = _solved(shifted + G @ _solved(shifted.T, H), one)
     P = _doubled(one + 2 * SHIFT * inverse, _even(2 * SHIFT * back[:, n:] @ inverse.T), _even(2 * SHIFT * inverse.T @ H @ back[:, :n]))
+    residual = _relative(A.T @ P + P @ A - P @ G @ P + H, P)
     K = direct[:, :n] + direct[:, n:] @ P
     M, drive, gain = (ca.DM(plant.A) - B @ K).T, P @ E + Q12, direct[:, n:]
 
-    phi, whole, falling = (_series(M * step, k) for k in (0, 1, 2))
+    phi, whole, falling = _exponentials(M * step)
     fall, rise = step * gain @ falling, step * gain @ (whole - falling)
     rest = _solved(M.T, gain.T).T
     ladder, power = drive, phi
-    while ladder.shape[1] < count * plant.E.shape[1]:  # what one power of phi adds to all nodes so far
+    while ladder.shape[1] < count * nw:  # what one power of phi adds to all nodes so far
         ladder, power = ca.horzcat(ladder, power @ ladder), power @ power
-    nodes = ladder[:, : count * plant.E.shape[1]]
-    before = ca.horzcat(ca.MX.zeros(nu, plant.E.shape[1]), -rise @ nodes[:, : -plant.E.shape[1]])
-    return before - fall @ nodes, before, rest @ nodes
+    nodes = ladder[:, : count * nw]
+    before = ca.horzcat(ca.MX.zeros(nu, nw), -rise @ nodes[:, :-nw])
+    return before - fall @ nodes, before, rest @ nodes, residual
 
 
-def _series(M: ca.MX, k: int) -> ca.MX:
-    """phi_k(M): sum of M^i / (i + k)!, the exponential for k = 0."""
-    found = ca.MX.eye(M.shape[0])
-    for i in range(_TERMS, 0, -1):
-        found = ca.MX.eye(M.shape[0]) + M @ found / (i + k)
-    return found / float(np.prod(np.arange(1, k + 1)))
+def _exponentials(M: ca.MX) -> list[ca.MX]:
+    """exp(M), and the sums of M^i / (i + 1)! and M^i / (i + 2)!: series of a small part of M, which is doubled again."""
+    one, part = ca.MX.eye(M.shape[0]), M / 2**_HALVINGS
+    series = []
+    for k in range(3):
+        found = one
+        for i in range(_TERMS, 0, -1):
+            found = one + part @ found / (i + k)
+        series.append(found / math.factorial(k))
+    phi, whole, falling = series
+    for _ in range(_HALVINGS):
+        phi, whole, falling = phi @ phi, (phi + one) @ whole / 2, (whole @ whole + 2 * falling) / 4
+    return [phi, whole, falling]
