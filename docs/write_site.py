@@ -18,7 +18,7 @@ import runpy
 import shutil
 import sys
 import tempfile
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
@@ -132,12 +132,12 @@ def claims_page() -> str:
     return str(written["one_table"](written["kept"]()))
 
 
-def _cards(cards: Sequence[tuple[str, str, str, Sequence[Path]]], files: dict[str, Path]) -> str:
-    """Links with pictures: (target, title, text, pictures), of several pictures one for each scheme of colours, light and dark."""
+def _cards(cards: Sequence[tuple[str, str, str, Mapping[str, Path]]], files: dict[str, Path]) -> str:
+    """Links with pictures: (target, title, text, pictures by what follows their address), which may say the scheme of colours that each is for."""
     parts = []
     for target, title, text, pictures in cards:
         shown = []
-        for picture, only in zip(pictures, ("#only-light", "#only-dark") if len(pictures) > 1 else ("",), strict=False):
+        for only, picture in pictures.items():
             place = picture.relative_to(HERE).as_posix()
             files[place] = picture
             shown.append(f'<img src="{place}{only}" alt="" loading="lazy">')
@@ -153,7 +153,7 @@ def report_page(results: Path, files: dict[str, Path]) -> str:
         files[f"reports/{name}.html"] = report
         title = re.search(r"<title>(.*?)</title>", report.read_text(encoding="utf-8"), re.DOTALL)
         picture = PICTURES["report_picture"](name)
-        cards.append((f"reports/{name}.html", title[1].strip() if title else name, "", [picture] if picture.is_file() else []))
+        cards.append((f"reports/{name}.html", title[1].strip() if title else name, "", {"": picture} if picture.is_file() else {}))
     none = "This site was built without any: `make studies` makes them, `make docs` then brings them here."
     return (
         "# Reports\n\nEvery study writes one: figures, tables, claims with their verdicts, parameters.\n\n"
@@ -170,8 +170,8 @@ def live_cards(live: Path, files: dict[str, Path]) -> str:
         title, about = (re.search(p, page.read_text(encoding="utf-8"), re.DOTALL) for p in (r"<title>(.*?)</title>", r'name="description" content="(.*?)"'))
         assert title, page
         assert about, page
-        pictures = [PICTURES["live_picture"](page.stem, 1400, scheme) for scheme in PICTURES["SCHEMES"]]
-        cards.append((f"live/{page.name}", title[1], about[1], pictures if all(p.is_file() for p in pictures) else []))
+        pictures = {f"#only-{scheme}": PICTURES["live_picture"](page.stem, 1400, scheme) for scheme in PICTURES["SCHEMES"]}
+        cards.append((f"live/{page.name}", title[1], about[1], pictures if all(p.is_file() for p in pictures.values()) else {}))
     return _cards(cards, files) if cards else ""
 
 

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from cosim.study.claims import ClaimList, Evidence, Finding
     from cosim.study.driver import run_study
     from cosim.study.executors import dask
-    from cosim.study.experiment import Experiment, Metric, Row, Run, Search, Task
+    from cosim.study.experiment import Experiment, MeasureError, Metric, Row, Run, Search, Task
     from cosim.study.fmus import FmuSet
     from cosim.study.loading import ExperimentError, load
     from cosim.study.pages import default_report, parameters, provenance, sections
@@ -43,6 +43,7 @@ _PLACES = {
     "cosim.study.executors": ("dask",),
     "cosim.study.experiment": (
         "Experiment",
+        "MeasureError",
         "Metric",
         "Row",
         "Run",
@@ -87,6 +88,7 @@ __all__ = [
     "ExperimentError",
     "Finding",
     "FmuSet",
+    "MeasureError",
     "Metric",
     "Results",
     "Row",

@@ -347,14 +347,14 @@ def run_case(
         runner.execution.prepare(runner.system(case), every=True)
         with kept_recording(path):
             run = runner.run(case, output=path, display_units=display_units, progress=True, real_time=real_time)
-        runs, measured = {_short(case): run}, {_short(case): experiment.measure(run)}
+        runs, measured = {_short(case): run}, {_short(case): experiment.measured(run)}
         remarks = experiment.remarks(run) if experiment.remarks else ()
         if baseline is not None and baseline != case:
             beside = runner.run(baseline)
             runs = {_short(baseline): beside, **runs}
-            rows = experiment.measure(run), experiment.measure(beside)
-            more = experiment.compared(*rows) if experiment.compared else {}
-            measured = {_short(baseline): rows[1], _short(case): {**rows[0], **more}}
+            own, other = measured[_short(case)], experiment.measured(beside)
+            more = experiment.compared(own, other) if experiment.compared else {}
+            measured = {_short(baseline): other, _short(case): {**own, **more}}
         show(metric_table(measured, experiment.metrics or _plain(measured), relative=experiment.relative))
         if bars:
             show_bars(measured, experiment.metrics or _plain(measured))

@@ -94,7 +94,11 @@ class Axis:
             )
 
     def at(self, u: Array) -> list[Any]:
-        """Values at quantiles ``u`` (n,) in [0, 1]."""
+        """Values at quantiles ``u`` (n,) in [0, 1].
+
+        Raises:
+            DesignError: some would not be finite.
+        """
         from scipy import special
 
         n = self.numbers
@@ -117,6 +121,8 @@ class Axis:
             found = n[0] * np.exp(n[1] * z) if self.kind == "lognormal" else n[0] + n[1] * z
             if self.kind == "truncnormal":
                 found = np.clip(found, n[2], n[3])
+        if not np.isfinite(found).all():
+            raise DesignError(f"{self.name}: values of {self} are too far off to be numbers; bring its numbers nearer to each other")
         return [round(x) for x in found.tolist()] if self.whole else found.tolist()  # type: ignore[no-any-return]
 
     def grid(self) -> list[Any]:

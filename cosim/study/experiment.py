@@ -13,11 +13,17 @@ from collections.abc import Callable, Collection, Hashable, Iterable, Mapping, S
 from dataclasses import dataclass, field, replace
 from typing import Any, Protocol
 
+from build_fmus.checks import one_line
+from cosim.errors import CosimError
 from cosim.study.case import CaseError, label
 from cosim.study.fmus import FmuSet
 
 Row = dict[str, Any]
 """What is measured of a run: JSON values by name."""
+
+
+class MeasureError(CosimError, TypeError):
+    """What ``measure`` returned are no numbers by name."""
 
 
 @dataclass(frozen=True)
@@ -166,6 +172,17 @@ class Experiment:
             raise CaseError(
                 f"the name of an experiment is that of a folder: {self.name!r} has blanks or slashes, or is empty"
             )
+
+    def measured(self, run: Run) -> Row:
+        """What ``measure`` gives of a run.
+
+        Raises:
+            MeasureError: it is something else than values by name.
+        """
+        row: Any = self.measure(run)
+        if not isinstance(row, Mapping) or not all(isinstance(name, str) for name in row):
+            raise MeasureError(f"{self.name}: measure() returned {one_line(repr(row))}; it returns numbers by name, as in {{'peak': 1.5}}")
+        return dict(row)
 
     @property
     def functions(self) -> list[Any]:

@@ -210,20 +210,14 @@ def optimise(
             break
         progress(min(len(known), todo[0]), trials)
         chosen = [dict(study.get_trials(deepcopy=False)[n].params) for n in todo]
-        told = zip(todo, _rows(evaluate, chosen, executor), strict=True)
-        for number, row in told:
+        lacking = []
+        for number, row in zip(todo, _rows(evaluate, chosen, executor), strict=True):
             _tell(study, number, row, objectives)
-        _check_objectives(study, objectives)
+            lacking += [] if "failed" in row else _lacking(row, objectives)
+        if lacking and not any(t.state == TrialState.COMPLETE for t in study.get_trials(deepcopy=False)):
+            raise OptimisationError(f"{lacking[0]}: no trial has the number that is to be small or large")
     progress(trials, trials)
     return Outcome([_trial(t) for t in study.get_trials(deepcopy=False)], dict(objectives))
-
-
-def _check_objectives(study: Any, objectives: Mapping[str, str]) -> None:
-    """Trials that run to their end and have no such number will not have one later."""
-    trials = [_trial(t) for t in study.get_trials(deepcopy=False)]
-    lacking = [t.failed for t in trials if t.failed and any(t.failed.startswith(_no_number(n)) for n in objectives)]
-    if lacking and len(lacking) == len(trials):
-        raise OptimisationError(f"{lacking[0]}: no trial has the number that is to be small or large")
 
 
 def _asked(study: Any, space: Mapping[str, Limits], count: int, seed: int, first: Sequence[Values]) -> list[int]:
@@ -279,9 +273,9 @@ def _row(evaluate: Evaluate, values: Values) -> Mapping[str, Any]:
 def _tell(study: Any, number: int, row: Mapping[str, Any], objectives: Mapping[str, str]) -> None:
     failed = str(row.get("failed", ""))
     numbers = {k: float(v) for k, v in row.items() if isinstance(v, int | float) and math.isfinite(v)}
-    for name in objectives:
-        if not failed and name not in numbers:
-            failed = f"{name} is {row[name]}" if name in row else unknown("number", name, row)
+    if not failed:
+        wrong = [*_lacking(row, objectives), *(f"{name} is {row[name]}" for name in objectives if name in row and name not in numbers)]
+        failed = wrong[0] if wrong else ""
     trial_id = study.get_trials(deepcopy=False)[number]._trial_id
     study._storage.set_trial_user_attr(trial_id, "failed" if failed else "row", failed or numbers)
     if failed:
@@ -290,14 +284,14 @@ def _tell(study: Any, number: int, row: Mapping[str, Any], objectives: Mapping[s
         study.tell(number, [numbers[n] for n in objectives])
 
 
+def _lacking(row: Mapping[str, Any], objectives: Iterable[str]) -> list[str]:
+    """What there is to say of a run that came to its end without the number of an objective."""
+    return [unknown("number", name, row) for name in objectives if name not in row]
+
+
 def _trial(frozen: Any) -> Trial:
     told = frozen.user_attrs
     return Trial(frozen.number, dict(frozen.params), told.get("row", {}), told.get("failed", ""))
-
-
-def _no_number(name: str) -> str:
-    """How the message of a trial begins whose row has no such number."""
-    return f"no number {name!r}"
 
 
 def _study(storage: str | os.PathLike[str] | None, name: str, objectives: Mapping[str, str], what: Mapping[str, Any], model: str) -> Any:

@@ -169,7 +169,7 @@ class Runner:
             return {"metrics": e.failed(case, error)}
         if history is not None:
             _keep(history, run.recording)
-        found: Row = {"metrics": e.measure(run)}
+        found: Row = {"metrics": e.measured(run)}
         if signals and e.signals is not None:
             found["signals"] = e.signals(run)
         return found

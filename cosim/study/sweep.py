@@ -6,7 +6,7 @@ from __future__ import annotations
 import json
 import math
 import shutil
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
 from contextlib import closing
 from dataclasses import dataclass, field, replace
@@ -73,8 +73,8 @@ class Sweep:
         return self.case(**{**self.base, **dict(zip(self.attributes, self.point(i), strict=True))})
 
     def salt(self, fmus: FmuSet) -> str:
-        """What all runs depend on besides their values. The FMUs are those of every system that texts, truth values and a few whole numbers
-        among the options choose; an FMU that is chosen by another number is not known of."""
+        """What all runs depend on besides their values. The FMUs are those of every system that options of texts, truth values and up to
+        :data:`FEW` whole numbers choose; one that is chosen by another number is not known of."""
         own = {f.attribute for f in fields(self.experiment.case)}
         choosing = [k for k, a in enumerate(self.attributes) if a in own and _may_choose(self._columns[k])]
         chosen = dict.fromkeys(zip(*(self._columns[k] for k in choosing), strict=True)) if choosing else {(): None}
@@ -88,9 +88,8 @@ FEW = 16  # different whole numbers of an option, up to which they are taken for
 
 def _may_choose(column: Sequence[Any]) -> bool:
     """Whether values of an option may decide which FMUs a system has."""
-    if all(isinstance(v, int) and not isinstance(v, bool) for v in column):
-        return len(set(column)) <= FEW
-    return not all(isinstance(v, float | int) and not isinstance(v, bool) for v in column)
+    types = set(map(type, column))
+    return len(set(column)) <= FEW if types == {int} else not types <= {int, float}
 
 
 def prepare(experiment: Experiment, fmus: FmuSet, design: Design, base: Mapping[str, Any] | None = None) -> Sweep:
@@ -318,11 +317,11 @@ def run_sweep(
     ship = replace(ship_of(sweep.experiment, fmus, [""], {"": salt}, execution, parameters=sweep.parameters), histories=folder)
     dispatch = Dispatch(ship, lambda i: given(name(i), Task(sweep.of(i))), lambda _: 1.0, width)
     with closing(stored(dispatch, kept, order, executor, processes)) as found:
-        for _, line in found:
+        for i, line in found:
             if failed(line):
                 lost += 1
             elif not named:
-                _check_names(json.loads(line[HEAD:])["metrics"])
+                _check_names(json.loads(line[HEAD:])["metrics"], sweep, i)
                 named = True
             if running is not None:
                 running.add(line[HEAD:])
@@ -334,10 +333,17 @@ def run_sweep(
     return replace(table, histories=[f"{folder.name}/{history_name(n)}" if kept_history(n) else "" for n in names])
 
 
-def _check_names(metrics: Iterable[str]) -> None:
-    """Refuse metrics whose name a column of the table has already."""
-    if taken := {"run", "failed", "history"} & set(metrics):
-        raise DesignError(f"a metric is named {min(taken)!r}, as a column of the table is; give it another name in `measure`")
+def _check_names(metrics: Mapping[str, Any], sweep: Sweep, i: int) -> None:
+    """Refuse metrics of run number i whose name a column of the table has already. What varies may be told by a metric, too.
+
+    Raises:
+        DesignError: there is one.
+    """
+    wrong = [n for n in ("run", "failed", "history") if n in metrics]
+    numbers = {n: v for n, v in metrics.items() if isinstance(v, int | float) and math.isfinite(v)}
+    wrong += [a.name for a, value in zip(sweep.design.axes, sweep.point(i), strict=True) if numbers.get(a.name, value) != value]
+    if wrong:
+        raise DesignError(f"a metric is named {wrong[0]!r}, as a column of the table is, and has other values; give it another name in `measure`")
 
 
 def _table(sweep: Sweep, kept: Store, name: Callable[[int], str]) -> SweepTable:
@@ -352,14 +358,11 @@ def _table(sweep: Sweep, kept: Store, name: Callable[[int], str]) -> SweepTable:
         if "failed" in entry:
             failures[i] = entry["failed"]
             continue
+        _check_names(entry["metrics"], sweep, i)
         for key, value in entry["metrics"].items():
             if isinstance(value, int | float):
                 if key not in metrics:
                     metrics[key] = np.full(total, math.nan)
                 metrics[key][i] = value
     axes = {a.name: column for a, column in zip(sweep.design.axes, sweep._columns, strict=True)}
-    _check_names(metrics)
-    for same in axes.keys() & metrics.keys():  # a metric may tell what the axis tells
-        if any(math.isfinite(m) and m != v for m, v in zip(metrics[same], axes[same], strict=True)):
-            raise DesignError(f"a metric is named {same!r}, as what varies is, and has other values; give it another name in `measure`")
     return SweepTable(sweep, axes, metrics, failures)

@@ -29,7 +29,6 @@ from cosim.experiments.trench.runs import (
     wire,
 )
 from cosim.experiments.trench.web import live
-from cosim.export.web.scene import Value
 from cosim.report import Figure, Map, Report, write_report
 from cosim.study import FmuSet, Results
 
@@ -655,9 +654,9 @@ def test_what_the_thesis_prints_is_drawn_under_ours(
     page: Report, study: Results, figure: str, metric: str, label: str, printed: str
 ) -> None:
     assert made_up.axes(page, figure) == {f"{v:g} km/h": ("trench length [m]", label) for v in SPEEDS}
+    assert made_up.columns(page)[figure] == 2
     drawn = next(f for f in page.figures if isinstance(f, Figure) and f.id == figure)
     assert drawn.title == f"{label.split(' [', maxsplit=1)[0].capitalize()} over the length of the trench"
-    assert drawn.columns == 2
     points = 0
     for speed in SPEEDS:
         for name, system in (("passive", "passive"), ("controlled", "mpc")):
@@ -717,13 +716,10 @@ def test_the_live_page_drives_the_course_of_the_study(speed: float) -> None:
     values = {f"car.wheel.{k}{side}.x": x for k, x in (("a1", 2.0), ("a3", -1.9)) for side in "lr"}
     values |= {"car.outline.front_overhang": 1.0, "car.target.speed": case.speed, "car.trench.length": 1.5}
 
-    def worth(value: Value) -> float:
-        return value.offset + sum(factor * values[name] for name, factor in value.terms.items())
-
     course = Course.of(recording(case))
     (starts,) = next(c for c in page.controls if c.label == "speed").follows.values()
-    assert max(worth(v) for v in starts) == pytest.approx(course.start, abs=1e-3)
+    assert max(v.of(values) for v in starts) == pytest.approx(course.start, abs=1e-3)
     assert page.finish is not None
     assert page.finish.when is not None
     values |= {"car.trench.start": course.start, "car.x": course.end}
-    assert worth(page.finish.when) == pytest.approx(0.0, abs=1e-9)
+    assert page.finish.when.of(values) == pytest.approx(0.0, abs=1e-9)

@@ -244,6 +244,12 @@ def test_a_normal_distribution_cut_far_from_its_mean(numbers: tuple[float, ...],
     assert abs(middle - near) == pytest.approx(expected, rel=0.05)
 
 
+@pytest.mark.parametrize("text", ["x=truncnormal(0,1e-200,1,2)", "x=lognormal(1,1e4)", "x=-1.5e308:1.5e308"])
+def test_values_that_are_no_numbers_are_refused(text: str) -> None:
+    with pytest.raises(DesignError, match=r"x: values of .* are too far off to be numbers; bring its numbers nearer to each other"), np.errstate(all="ignore"):
+        axis(text).at(np.array([0.1, 0.5, 0.9]))
+
+
 def test_where_both_ways_of_a_cut_distribution_meet() -> None:
     u = np.linspace(0.01, 0.99, 50)
     usual, far = (np.array(Axis("x", "truncnormal", (0.0, 1.0, low, low + 1)).at(u)) - low for low in (5.0 - 1e-9, 5.0 + 1e-9))

@@ -22,7 +22,7 @@ from sine import OMEGA
 from sweep_tables import FMUS, made, table_of
 
 from cosim import WiringError
-from cosim.study import CaseError, dask, load
+from cosim.study import CaseError, MeasureError, Runner, dask, load
 from cosim.study.design import Axis, Design, DesignError, axis
 from cosim.study.dispatch import DIED
 from cosim.study.sweep import Running, history, prepare, run_sweep
@@ -96,6 +96,29 @@ def test_metrics_do_not_take_the_place_of_columns(name: str, tmp_path: Path) -> 
     sweep = prepare(load(str(tmp_path / "other.py")), FMUS, Design((Axis("mass.rate", "values", values=(1, 2)),), "grid"))
     with pytest.raises(DesignError, match=f"a metric is named '{name}'"):
         run_sweep(sweep, FMUS, tmp_path / "runs", processes=1)
+
+
+def test_a_metric_may_tell_what_varies(tmp_path: Path) -> None:
+    (tmp_path / "other.py").write_text(FILE.read_text().replace('"fallen": float', '"mass.rate": 10 * float'))
+    sweep = prepare(load(str(tmp_path / "other.py")), FMUS, Design((Axis("mass.height", "values", values=(1.0, 2.0)),), "grid"))
+    assert run_sweep(sweep, FMUS, tmp_path / "runs", processes=1).metrics["mass.rate"] == pytest.approx(1.0)
+    same = FILE.read_text().replace('"count": case.count', '"count": case.count, "mass.rate": run.start("mass.rate")')
+    (tmp_path / "same.py").write_text(same)
+    sweep = prepare(load(str(tmp_path / "same.py")), FMUS, Design((Axis("mass.rate", "values", values=(1.0, 2.0)),), "grid"))
+    assert run_sweep(sweep, FMUS, tmp_path / "same", processes=1).metrics["mass.rate"].tolist() == [1.0, 2.0]
+
+
+@pytest.mark.parametrize(
+    ("returned", "said"), [("None", "None"), ("3.5", r"3\.5"), ("{1: 2.0}", r"\{1: 2\.0\}")]
+)
+def test_measure_returns_numbers_by_name(returned: str, said: str, tmp_path: Path) -> None:
+    text = FILE.read_text()
+    (tmp_path / "other.py").write_text(text[: text.index("def measure")] + f"def measure(_):\n    return {returned}\n")
+    experiment = load(str(tmp_path / "other.py"))
+    with Runner(experiment, FMUS) as runner, pytest.raises(MeasureError, match=rf"other: measure\(\) returned {said}; it returns numbers by name"):
+        runner.metrics(experiment.case())
+    sweep = prepare(experiment, FMUS, Design((Axis("mass.height", "values", values=(1.0, 2.0)),), "grid"))
+    assert all("measure() returned" in why for why in run_sweep(sweep, FMUS, tmp_path / "runs", processes=1).failures.values())
 
 
 def test_failures_are_rows(experiment: Any, tmp_path: Path) -> None:
