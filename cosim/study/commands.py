@@ -7,7 +7,7 @@ import json
 import math
 import sys
 import tempfile
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from concurrent.futures import Executor
 from contextlib import contextmanager
 from itertools import zip_longest
@@ -34,7 +34,7 @@ from cosim.study.driver import Progressed, run_study
 from cosim.study.executors import dask
 from cosim.study.experiment import Experiment, Metric, Row, resolved
 from cosim.study.fmus import FmuSet
-from cosim.study.pages import default_report
+from cosim.study.pages import report_of
 from cosim.study.runner import Execution, Runner
 
 Fmus = Annotated[Path, typer.Option("--fmus", help="directory of the FMUs (see build-fmus)")]
@@ -402,7 +402,11 @@ def show_curves(recording: Recording, names: Sequence[str]) -> None:
 
 def write_study(experiment: Experiment, fmus: FmuSet, out: Path, *, cluster: str | None = None, **options: Any) -> Path:
     """Run a study under a progress bar and write its page; ``cluster``: of Dask, that it runs on, see :func:`cosim.study.dask`;
-    ``options`` as for :func:`cosim.study.run_study`."""
+    ``options`` as for :func:`cosim.study.run_study`.
+
+    Raises:
+        CosimError: every run failed; the page is there.
+    """
     from cosim.report import write_report  # fails where [reports] is missing: before the work, not after
 
     folder = make_folder(out / experiment.name)
@@ -415,11 +419,20 @@ def write_study(experiment: Experiment, fmus: FmuSet, out: Path, *, cluster: str
         console.print(f"failed: {name}: {message}", markup=False)
     if failures:
         console.print(f"{len(failures)} of {len(results.tasks)} runs failed; --retry-failed runs them again")
-    make = resolved(experiment.report)
-    report = make(results, fmus) if make is not None else default_report(experiment, results, fmus)
-    page = write_report(report, folder)
+    page = write_report(report_of(experiment, results, fmus), folder)
     console.print(f"report: {page}")
+    refuse_none(len(results.ran), failures.values())
     return page
+
+
+def refuse_none(done: int, failures: Collection[str]) -> None:
+    """End a command none of whose runs came to its end, so that scripts see it.
+
+    Raises:
+        CosimError: it is so.
+    """
+    if failures and not done:
+        raise CosimError(f"none of {len(failures)} runs came to its end; the first: {next(iter(failures))}")
 
 
 # ------------------------------------------------------------------------------------------------------- their parts

@@ -4,6 +4,8 @@ run, and the report of a study that has none of its own."""
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import replace
+from functools import partial
 from importlib import metadata
 from pathlib import Path
 from typing import Any
@@ -86,6 +88,12 @@ def failed_section(results: Results) -> list[Section]:
     return [Section("Failed runs", [text], tables=[table])]
 
 
+def report_of(experiment: Experiment, results: Results, fmus: FmuSet) -> Report:
+    """The page of a study: that of the experiment, or the one by default; at its end the runs that failed."""
+    made: Report = (resolved(experiment.report) or partial(default_report, experiment))(results, fmus)
+    return replace(made, sections=[*made.sections, *failed_section(results)])
+
+
 # ------------------------------------------------------------------------------------------------- a report by default
 
 
@@ -100,7 +108,7 @@ def default_report(experiment: Experiment, results: Results, fmus: FmuSet) -> Re
         title=experiment.title or experiment.name,
         lead=f"{len(results)} runs" + (f" over {axes}." if axes else "."),
         claims=claims.judge(results) if claims is not None else (),
-        sections=[*_runs(experiment, own), *parts, *failed_section(results)],
+        sections=[*_runs(experiment, own), *parts],
         provenance=provenance(experiment, fmus),
     )
 
@@ -119,8 +127,8 @@ def _runs(experiment: Experiment, results: Results, prefix: str = "") -> list[Se
     table = Table(f"{prefix}runs", f"All runs{about}", columns or ["run"], rows if columns else [[experiment.name]])
     found = [Section(f"Runs{about}", [], tables=[table])]
     curves = metrics if experiment.metrics else dict(list(metrics.items())[:MOST_METRICS])
-    drawn = [_figure(f, axes, curves, results, ran, prefix) for f in axes if f.type in (int, float)]
-    if drawn and metrics:
+    drawn = [figure for f in axes if f.type in (int, float) for figure in _figures(f, axes, curves, results, ran, prefix)]
+    if drawn:
         found.append(Section(f"What the metrics{about} depend on", [], figures=drawn))
     return found
 
@@ -139,10 +147,10 @@ def _number(metric: Metric, value: Any) -> Scalar:
     return metric.factor * value if isinstance(value, int | float) and not isinstance(value, bool) else value
 
 
-def _figure(
+def _figures(
     axis: Field, axes: list[Field], metrics: Mapping[str, Metric], results: Results, ran: list[Any], prefix: str
-) -> Figure:
-    """Every metric over one number; a curve for each combination of the other values."""
+) -> list[Figure]:
+    """Every metric over one number, in one figure; a curve for each combination of the other values. None where nothing was measured."""
     others = [f for f in axes if f is not axis]
     curves: dict[str, list[Any]] = {}
     for case in ran:
@@ -160,7 +168,8 @@ def _figure(
                 series.append(Series(name, x, y, mode="line+markers"))
         if series:
             panels.append(Panel(m.text, _axis(axis), f"{m.text} [{m.unit or '-'}]", series))
-    return Figure(f"{prefix}over-{axis.name}", f"Metrics over {axis.name.replace('-', ' ')}", "", panels, columns=2)
+    title = f"Metrics over {axis.name.replace('-', ' ')}"
+    return [Figure(f"{prefix}over-{axis.name}", title, "", panels, columns=2)] if panels else []
 
 
 def _axis(f: Field) -> str:

@@ -38,6 +38,9 @@ class Results(Mapping[Any, Row]):
         found: Row = self._part(self._runs, case, "metrics")
         return found
 
+    def __contains__(self, case: object) -> bool:
+        return case in self._runs  # whether its run failed or not
+
     def __iter__(self) -> Iterator[Any]:
         return iter(self._runs)
 

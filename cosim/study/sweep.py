@@ -267,14 +267,19 @@ def run_sweep(
     progress: Watch = lambda done, total, lost: None,
     running: Running | None = None,
     histories: bool = False,
+    needed: str = "",
 ) -> SweepTable:
     """Run a sweep; what is in ``store`` already is taken from there. Options and errors as of :func:`cosim.study.run_study`.
 
     Args:
+        needed: a metric; where the first run has none of this name the sweep ends.
         progress: called with (done, total, failed).
         running: gets each result as it is there.
         histories: whether each run's recording is kept, as a Parquet file in ``histories`` beside ``store``. Workers write it, so on a
             cluster that folder must be one that they all reach. A stored run without one is made again. See :func:`history`.
+
+    Raises:
+        DesignError: a metric has the name of a column, or the one that is needed is not there.
     """
     kept = Store(store)
     if force:
@@ -321,7 +326,10 @@ def run_sweep(
             if failed(line):
                 lost += 1
             elif not named:
-                _check_names(json.loads(line[HEAD:])["metrics"], sweep, i)
+                metrics = json.loads(line[HEAD:])["metrics"]
+                _check_names(metrics, sweep, i)
+                if needed and needed not in metrics:
+                    raise DesignError(unknown("metric", needed, metrics))
                 named = True
             if running is not None:
                 running.add(line[HEAD:])

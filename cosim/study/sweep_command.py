@@ -26,6 +26,7 @@ from cosim.study.commands import (
     make_folder,
     on,
     own_files,
+    refuse_none,
     run_case,
 )
 from cosim.study.design import MANY, METHODS, Design, DesignError, axis, from_file
@@ -55,7 +56,7 @@ File = Annotated[
     Path | None, typer.Option("--design", metavar="FILE", help="the design as a .toml file, or DESIGN of a .py file")
 ]
 Worst = Annotated[
-    str | None, typer.Option("--worst", metavar="METRIC", help="whose largest values are the worst (default: the first)")
+    str | None, typer.Option("--worst", metavar="METRIC", help="whose largest values are the worst; METRIC:min for its smallest (default: the first metric, furthest from 0)")
 ]
 One = Annotated[
     int | None, typer.Option("--run", metavar="NUMBER", help="make one run of the sweep again, with its time histories", min=0)
@@ -103,15 +104,20 @@ def sweep_command(experiment: Experiment) -> Any:
 def write_sweep(
     sweep: Sweep, fmus: Any, out: Path, *, worst: str | None = None, cluster: str | None = None, **options: Any
 ) -> Path:
-    """Run a sweep under a progress bar, and write its table and page; ``options`` as for :func:`cosim.study.run_sweep`."""
-    from cosim.report import write_report  # fails where [reports] is missing: before the work, not after
-    from cosim.study.sweep_report import sweep_report
+    """Run a sweep under a progress bar, and write its table and page; ``options`` as for :func:`cosim.study.run_sweep`.
 
+    Raises:
+        CosimError: every run failed; table and page are there.
+    """
+    from cosim.report import write_report  # fails where [reports] is missing: before the work, not after
+    from cosim.study.sweep_report import Worst, sweep_report
+
+    ranking = None if worst is None else Worst.of(worst)
     folder = make_folder(out / sweep.experiment.name / "sweep")
     with on(cluster, options.get("processes")) as executor, _shown(sweep) as (progress, running):
         try:
             table = run_sweep(
-                sweep, fmus, folder / ".runs", executor=executor, progress=progress, running=running, **options
+                sweep, fmus, folder / ".runs", executor=executor, progress=progress, running=running, needed=ranking.metric if ranking else "", **options
             )  # fmt: skip
         except KeyboardInterrupt:
             raise KeyboardInterrupt(
@@ -124,9 +130,10 @@ def write_sweep(
     if missing := sum(not h for i, h in enumerate(table.histories) if i not in table.failures):
         console.print(f"{missing} histories are not in {folder / HISTORIES}: do all workers reach that folder?")
     path = table.write(folder / "table.parquet")
-    page = write_report(sweep_report(table, fmus, worst=worst, folder=folder), folder)
+    page = write_report(sweep_report(table, fmus, worst=ranking, folder=folder), folder)
     console.print(f"table: {path}")
     console.print(f"report: {page}")
+    refuse_none(len(sweep) - len(table.failures), table.failures.values())
     return page
 
 

@@ -4,18 +4,19 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
 from build_fmus import extras
-from build_fmus.checks import Array
+from build_fmus.checks import Array, unknown
 from cosim.recording import Recording
 from cosim.report import Figure, Panel, Report, Section, Series, Table
 from cosim.report.checks import Scalar
 from cosim.report.model import Mode
-from cosim.study.design import METHODS
+from cosim.study.design import METHODS, DesignError
 from cosim.study.experiment import Metric
 from cosim.study.fmus import FmuSet
 from cosim.study.pages import provenance
@@ -32,12 +33,33 @@ WORST = 3  # runs whose time histories are shown
 SAMPLES = 2000  # of a time history that is drawn
 
 
-def sweep_report(table: SweepTable, fmus: FmuSet, *, worst: str | None = None, folder: Path | None = None) -> Report:
-    """The page. ``worst``: metric whose largest values are the worst, by default the first. ``folder``: of the table, in which the
-    histories of the runs lie, if they were kept.
+@dataclass(frozen=True)
+class Worst:
+    """Which runs are the worst: those with the largest values of a metric, with its smallest, or with those furthest from 0."""
+
+    metric: str
+    how: Literal["largest", "smallest", "furthest from 0"] = "largest"
+
+    @classmethod
+    def of(cls, text: str) -> Worst:
+        """``METRIC``, or ``METRIC:min`` for the smallest values."""
+        name, colon, end = text.rpartition(":")
+        return cls(name, "smallest") if colon and end == "min" else cls(text)
+
+    def ranked(self, table: SweepTable) -> list[int]:
+        """Numbers of the runs that have the metric, the worst one first."""
+        values = table.metrics[self.metric]
+        badness = {"largest": values, "smallest": -values, "furthest from 0": np.abs(values)}[self.how]
+        order = np.argsort(-np.nan_to_num(badness, nan=-np.inf), kind="stable")
+        return [i for i in order.tolist() if math.isfinite(values[i])]
+
+
+def sweep_report(table: SweepTable, fmus: FmuSet, *, worst: Worst | None = None, folder: Path | None = None) -> Report:
+    """The page. ``worst``: by default the first metric, furthest from 0. ``folder``: of the table, in which the histories of the runs lie, if they
+    were kept.
 
     Raises:
-        ValueError: no run has such a metric.
+        DesignError: no run has such a metric.
     """
     sweep, experiment = table.sweep, table.sweep.experiment
     metrics = _shown(table)
@@ -46,11 +68,11 @@ def sweep_report(table: SweepTable, fmus: FmuSet, *, worst: str | None = None, f
     sections: list[Section] = []
     if metrics:
         drawn = dict(list(metrics.items())[:MOST_METRICS])
-        sections += [_distributions(table, metrics, drawn), _scatter(table, drawn), _sensitivity(table, drawn)]
-        key = worst or next(iter(metrics))
-        if key not in metrics:
-            raise ValueError(f"--worst {key}: no run has this metric (there are: {', '.join(metrics)})")
-        sections.append(_worst(table, fmus, key, metrics, folder))
+        worst = worst or Worst(next(iter(metrics)), "furthest from 0")
+        if worst.metric not in table.metrics:
+            raise DesignError(unknown("metric", worst.metric, table.metrics))
+        sections += [_distributions(table, metrics, drawn), _scatter(table, drawn, worst), _sensitivity(table, drawn)]
+        sections.append(_worst(table, fmus, worst, metrics, folder))
     if lost:
         rows: list[list[Scalar]] = [[i, *_cells(sweep, i), m] for i, m in list(table.failures.items())[:100]]
         text = f"{lost} of {n} runs failed; --retry-failed runs them again." + " The first hundred:" * (lost > 100)
@@ -185,7 +207,7 @@ def _numeric(table: SweepTable) -> dict[str, Array]:
     return found
 
 
-def _scatter(table: SweepTable, drawn: Mapping[str, Metric]) -> Section:
+def _scatter(table: SweepTable, drawn: Mapping[str, Metric], worst: Worst) -> Section:
     axes, units = _numeric(table), table.sweep.units
     panels = [
         Panel(
@@ -206,21 +228,20 @@ def _scatter(table: SweepTable, drawn: Mapping[str, Metric]) -> Section:
             columns=min(3, max(1, len(axes))),
         )
     ]
-    return Section("Scatter", [], figures=[*figures, _parallel(table, axes, drawn)])
+    return Section("Scatter", [], figures=[*figures, _parallel(table, axes, drawn, worst)])
 
 
-def _parallel(table: SweepTable, axes: Mapping[str, Array], drawn: Mapping[str, Metric]) -> Figure:
+def _parallel(table: SweepTable, axes: Mapping[str, Array], drawn: Mapping[str, Metric], worst: Worst) -> Figure:
     """Every run is a line over all columns, each scaled from its smallest to its largest value; the worst tenth stands out."""
     columns = [*axes.values(), *(_values(table, k, m) for k, m in drawn.items())]
     scaled = np.column_stack([_scaled(c) for c in columns])
-    first = _values(table, *next(iter(drawn.items())))
-    ranked = np.argsort(-np.nan_to_num(first, nan=-np.inf), kind="stable")
+    ranked = worst.ranked(table)
     chosen = ranked[:: max(1, len(ranked) // LINES)]
-    worst = {int(i) for i in ranked[: max(1, len(ranked) // 10)]}
+    tenth = set(ranked[: max(1, len(ranked) // 10)])
     series = []
     for name, rows in (
-        ("other runs", [i for i in chosen if int(i) not in worst]),
-        ("worst tenth", [i for i in chosen if int(i) in worst]),
+        ("other runs", [i for i in chosen if i not in tenth]),
+        ("worst tenth", [i for i in chosen if i in tenth]),
     ):
         if rows:
             x = np.tile([*range(1, len(columns) + 1), math.nan], len(rows))
@@ -326,24 +347,18 @@ def _sensitivity(table: SweepTable, drawn: Mapping[str, Metric]) -> Section:
 # ----------------------------------------------------------------------------------------------------------- worst cases
 
 
-def worst_runs(table: SweepTable, key: str, count: int = WORST) -> list[int]:
-    """Numbers of the runs with the largest values of a metric."""
-    values = np.nan_to_num(table.metrics[key], nan=-np.inf)
-    ranked: Sequence[int] = np.argsort(-values, kind="stable").tolist()
-    return [i for i in ranked[:count] if math.isfinite(values[i])]
-
-
-def _worst(table: SweepTable, fmus: FmuSet, key: str, metrics: Mapping[str, Metric], folder: Path | None) -> Section:
+def _worst(table: SweepTable, fmus: FmuSet, worst: Worst, metrics: Mapping[str, Metric], folder: Path | None) -> Section:
     """The worst runs with their time histories: those that were kept, else the runs are made once more."""
     sweep = table.sweep
-    runs = worst_runs(table, key)
+    runs = worst.ranked(table)[:WORST]
+    said = metrics.get(worst.metric, Metric(worst.metric)).text
     rows: list[list[Scalar]] = [
         [i, *_cells(sweep, i), *(float(_values(table, k, m)[i]) for k, m in metrics.items())] for i in runs
     ]
     rows = [[None if isinstance(c, float) and not math.isfinite(c) else c for c in row] for row in rows]
     columns = list(dict.fromkeys(["run", *_headings(sweep), *(m.heading for m in metrics.values())]))
     tables = (
-        [Table("worst", f"Largest {metrics[key].text}", columns, rows)] if rows and len(columns) == len(rows[0]) else []
+        [Table("worst", f"Runs whose {said} is {worst.how}", columns, rows)] if rows and len(columns) == len(rows[0]) else []
     )
     histories: dict[str, list[Series]] = {}
     labels: dict[str, str] = {}

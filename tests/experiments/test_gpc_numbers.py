@@ -41,6 +41,7 @@ from cosim.report import Report
 from cosim.study import FmuSet, Row, Runner
 from cosim.study import Results as Runs
 from cosim.study.case import fields
+from cosim.study.pages import report_of
 from fmu_sources.controllers.gpc.identification import DesignSettings, IdentificationSettings
 from fmu_sources.controllers.gpc.law import GpcLaw
 from fmu_sources.vehicles import VehicleError
@@ -846,7 +847,7 @@ def test_sections_and_figures_at_the_top(page: Report) -> None:
 
 
 def test_a_failed_run_is_told(made: Runs, fmus: FmuSet) -> None:
-    broken = report(failed(made, Comparison("curb", 70.0, 3)), fmus)
+    broken = report_of(EXPERIMENT, failed(made, Comparison("curb", 70.0, 3)), fmus)
     assert [r.name for r in broken.results] == ["runs"]
     assert broken.sections[-1].title == "Failed runs"
     assert made_up.table(broken, "failed-runs") == [

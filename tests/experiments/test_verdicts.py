@@ -10,8 +10,10 @@ import pytest
 from kept_results import is_kept, kept_claims, kept_verdicts
 
 from cosim.experiments import EXPERIMENTS
-from cosim.study import FmuSet, load, run_study
+from cosim.report import write_report
+from cosim.study import FmuSet, Results, load, run_study
 from cosim.study.experiment import resolved
+from cosim.study.pages import report_of
 
 ROOT = Path(__file__).parents[2]
 
@@ -53,3 +55,16 @@ def test_a_study_on_a_cluster_writes_the_same_files(experiment: str, tmp_path: P
     assert any(name.startswith(f"{experiment}/tables/") for name in processes)
     assert list(cluster) == list(processes)
     assert [name for name in cluster if cluster[name] != processes[name]] == []
+
+
+@pytest.mark.parametrize("experiment", EXPERIMENTS)
+def test_where_every_run_failed_there_is_a_page_that_says_so(experiment: str, fmus: FmuSet, tmp_path: Path) -> None:
+    """Every published statement is open, and no check of ours holds."""
+    made = load(EXPERIMENTS[experiment])
+    tasks = made.tasks()
+    page = report_of(made, Results(tasks, [{"failed": "ComponentError: it broke"}] * len(tasks)), fmus)
+    assert {c.verdict for c in page.claims} <= {"open", "does not hold"}
+    write_report(page, tmp_path)
+    (failed,) = [t for t in page.tables if t.id == "failed-runs"]
+    assert {row[0] for row in failed.rows} == {t.label for t in tasks}
+    assert {row[1] for row in failed.rows} == {"ComponentError: it broke"}

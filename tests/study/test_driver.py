@@ -14,8 +14,9 @@ from pathlib import Path
 import pytest
 
 from cosim.report import write_report
-from cosim.study import CaseError, FmuSet, Results, RunFailed, Runner, Task, default_report, load, run_study
+from cosim.study import CaseError, FmuSet, Results, RunFailed, Runner, Task, load, run_study
 from cosim.study.dispatch import DIED
+from cosim.study.pages import report_of
 
 HERE = Path(__file__).parent
 FILE = HERE / "mine.py"
@@ -154,7 +155,7 @@ def test_claims_that_need_a_failed_run_are_open(experiment, tmp_path) -> None:
 def test_a_report_by_default(experiment, tmp_path) -> None:
     """Numbers in the table and the curves are the metrics, in the unit that the heading names."""
     results = run_study(experiment, FMUS, tmp_path / "runs", processes=1)
-    report = default_report(experiment, results, FMUS)
+    report = report_of(experiment, results, FMUS)
     (table, failed) = report.tables
     assert list(table.columns) == ["rate [1/s]", "last height [mm]", "mean height [m]"]
     last, mean = (results[experiment.case(2.0)][k] for k in ("last", "mean"))

@@ -30,7 +30,7 @@ from cosim.study import (
     provenance,
     sections,
 )
-from cosim.study.pages import failed_section
+from cosim.study.pages import failed_section, report_of
 
 
 @dataclass(frozen=True)
@@ -245,7 +245,7 @@ def test_the_section_of_what_failed() -> None:
 def test_a_report_by_default(fmus: FmuSet) -> None:
     claims = ClaimList()
     claims.claim("one", "One", published="1", source="")(lambda study: Finding(f"{len(study)}", True, ""))
-    page = default_report(experiment(claims=claims), results(), fmus)
+    page = report_of(experiment(claims=claims), results(), fmus)
     assert (page.experiment, page.title, page.lead) == ("ride", "Rides", "6 runs over speed, road.")
     assert [c.ours for c in page.claims] == ["6"]
     assert [s.title for s in page.sections] == ["Runs", "What the metrics depend on", "Failed runs"]

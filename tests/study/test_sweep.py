@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import os
+import re
 import shutil
 import signal
 import subprocess
@@ -20,8 +21,11 @@ from pyarrow import parquet as pq
 from rich.console import Console
 from sine import OMEGA
 from sweep_tables import FMUS, made, table_of
+from typer.testing import CliRunner
 
+import cosim.cli
 from cosim import WiringError
+from cosim.errors import CosimError
 from cosim.study import CaseError, MeasureError, Runner, dask, load
 from cosim.study.design import Axis, Design, DesignError, axis
 from cosim.study.dispatch import DIED
@@ -119,6 +123,31 @@ def test_measure_returns_numbers_by_name(returned: str, said: str, tmp_path: Pat
         runner.metrics(experiment.case())
     sweep = prepare(experiment, FMUS, Design((Axis("mass.height", "values", values=(1.0, 2.0)),), "grid"))
     assert all("measure() returned" in why for why in run_sweep(sweep, FMUS, tmp_path / "runs", processes=1).failures.values())
+
+
+def test_a_sweep_ends_at_once_where_the_first_run_lacks_what_is_to_be_ranked(experiment: Any, tmp_path: Path) -> None:
+    sweep = made(experiment, "mass.rate=1:5", samples=200)
+    seen: list[int] = []
+    with pytest.raises(DesignError, match="no metric 'fell'; did you mean 'fallen'"):
+        run_sweep(sweep, FMUS, tmp_path, processes=1, needed="fell", progress=lambda done, *_: seen.append(done))
+    assert max(seen) == 0
+    assert len(run_sweep(sweep, FMUS, tmp_path, processes=1, needed="fallen").metrics["fallen"]) == 200
+
+
+FAILING = FILE.read_text().replace("offset: float = 0.0, count: int = 1", "rate: float = 1.0").replace('"10 ms")', '"10 ms", start={"rate": rate})')
+FAILING = FAILING[: FAILING.index("def measure")]
+
+
+@pytest.mark.parametrize("command", ["study failing.py --rate {0} --rate {1}", "sweep failing.py --method grid --vary rate={0},{1}"])
+def test_a_command_fails_where_every_run_did(command: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The page is written all the same; a single run that came to its end is enough for success."""
+    monkeypatch.chdir(tmp_path)
+    Path("failing.py").write_text(FAILING)
+    refused = CliRunner().invoke(cosim.cli.app, command.format(810, 820).split())
+    assert isinstance(refused.exception, CosimError)
+    assert re.match("none of 2 runs came to its end; the first: .*too fast", str(refused.exception), re.DOTALL)
+    assert len(list(tmp_path.rglob("report.html"))) == 1
+    assert CliRunner().invoke(cosim.cli.app, command.format(810, 2).split()).exit_code == 0
 
 
 def test_failures_are_rows(experiment: Any, tmp_path: Path) -> None:

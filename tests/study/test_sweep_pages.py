@@ -15,10 +15,12 @@ from sweep_tables import FMUS, made, table_of
 from cosim.recording import Recording
 from cosim.report import Figure, Report, Section, write_report
 from cosim.study import load
+from cosim.study.design import DesignError
 from cosim.study.experiment import Metric
 from cosim.study.runner import Runner
 from cosim.study.sweep import run_sweep
 from cosim.study.sweep_report import (
+    Worst,
     binomial_quantile,
     morris_effects,
     quantile_interval,
@@ -26,7 +28,6 @@ from cosim.study.sweep_report import (
     ranks,
     sobol_indices,
     sweep_report,
-    worst_runs,
 )
 
 NAN = math.nan
@@ -108,9 +109,9 @@ def test_the_page_of_a_sweep(experiment: Any, tmp_path: Path) -> None:
     """Its worst runs are those with the largest values, and their time histories are of these runs."""
     sweep = made(experiment, "mass.rate=1:3", "mass.height=0:1", samples=30)
     table = run_sweep(sweep, FMUS, tmp_path / "runs", processes=1)
-    worst = worst_runs(table, "fallen")
-    assert worst == sorted(range(30), key=lambda i: -table.axes["mass.rate"][i])[:3]
-    page = sweep_report(table, FMUS, worst="fallen")
+    worst = Worst("fallen").ranked(table)
+    assert worst == sorted(range(30), key=lambda i: -table.axes["mass.rate"][i])
+    page = sweep_report(table, FMUS, worst=Worst("fallen"))
     (figure,) = [f for f in page.drawn if f.id == "worst-runs"]
     (series, *_) = figure.panels[0].series
     assert series.name == f"run {worst[0]}"
@@ -118,8 +119,8 @@ def test_the_page_of_a_sweep(experiment: Any, tmp_path: Path) -> None:
     assert [f.id for f in page.drawn] == ["distributions", "scatter", "parallel", "worst-runs"]
     assert [t.id for t in page.tables] == ["quantiles", "sensitivity", "worst", "design"]
     assert write_report(page, tmp_path).is_file()
-    with pytest.raises(ValueError, match="--worst height: no run has this metric"):
-        sweep_report(table, FMUS, worst="height")
+    with pytest.raises(DesignError, match="no metric 'fell'; did you mean 'fallen'"):
+        sweep_report(table, FMUS, worst=Worst("fell"))
 
 
 # --------------------------------------------------------------------------------------------- a page, number by number
@@ -223,7 +224,7 @@ def test_sensitivity_by_ranks(page: Report) -> None:
 
 def test_worst_cases_are_rows_with_what_was_measured(page: Report) -> None:
     (table,) = _section(page, "Worst cases").tables
-    assert table.title == "Largest height"
+    assert table.title == "Runs whose height is furthest from 0"
     assert list(table.columns) == ["run", "mass.rate", "count", "height [mm]", "other"]
     assert [row[1:] for row in table.rows] == [(5, 2, 25e3, None), (4, 2, 24e3, -4.0), (3, 2, 23e3, -3.0)]
     assert [p.title for p in _figure(page, "worst-runs").panels] == ["mass.z"]
@@ -302,7 +303,24 @@ def test_texts_are_numbered_by_their_place_in_the_list(experiment: Any) -> None:
 
 def test_worst_runs_leave_out_those_without_the_metric(experiment: Any) -> None:
     table = table_of(experiment, lambda rate: np.where(rate < 3, rate, NAN), "mass.rate=1:5:5", method="grid")
-    assert worst_runs(table, "y") == [1, 0]
+    assert Worst("y").ranked(table) == [1, 0]
+
+
+@pytest.mark.parametrize(
+    ("text", "first", "title"),
+    [("y", 3, "largest"), ("y:min", 0, "smallest"), ("", 0, "furthest from 0"), ("z:min", 3, "smallest"), ("z:max", 1, "largest")],
+)
+def test_which_runs_are_the_worst(experiment: Any, text: str, first: int, title: str) -> None:
+    """In the table of the page and among its parallel coordinates."""
+    table = table_of(experiment, lambda rate: {"y": rate - 4.0, "z:max": 1.0 + (rate == 2), "z": -rate}, "mass.rate=1:6:6", method="grid")
+    values = {**table.metrics, "y": np.array([-5.0, 1.0, 2.0, 4.0, 3.0, 0.0]), "z": np.array([1.0, 2.0, 3.0, -9.0, 4.0, 5.0])}
+    page = sweep_report(replace(table, metrics=values), FMUS, worst=Worst.of(text) if text else None)
+    (worst,) = _section(page, "Worst cases").tables
+    assert worst.rows[0][0] == first
+    assert worst.title == f"Runs whose {text.removesuffix(':min') or 'y'} is {title}"
+    line = _figure(page, "parallel").panels[0].series[1]
+    assert line.name == "worst tenth"
+    assert line.y[0] == pytest.approx(first / 5)  # type: ignore[index]
 
 
 # ----------------------------------------------------------------------------------------------- histories that are kept

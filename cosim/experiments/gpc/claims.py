@@ -33,7 +33,7 @@ from cosim.experiments.gpc.judge import (
 )
 from cosim.experiments.gpc.published import CURB_SPEED, LAWS, MATCHED, PERRYMAN_SPEED, SINE_SPEED, WEIGHTS
 from cosim.experiments.gpc.runs import R_PUBLISHED
-from cosim.study import Band, ClaimList, Distribution, Evidence, Finding, Row
+from cosim.study import Band, ClaimList, Distribution, Evidence, Finding, Row, RunFailed
 from fmu_sources.controllers.gpc.component import FORCE_LIMIT
 
 TOP_SPEED = 80.0  # km/h
@@ -564,11 +564,13 @@ def _force_limit(j: Judge) -> Finding:
     source="Table 2",
 )
 def _no_divergence(j: Judge) -> Finding:
-    diverged = j.results.diverged()
+    diverged, rows = j.results.diverged(), j.results.study.rows
+    if not rows:
+        raise RunFailed("no run came to an end")
     first = next(iter(diverged), {})
     where = "GPC {controller} on {road} at {speed_kmh:g} km/h, seed {seed}".format(**first) if first else ""
     return Finding(
-        f"{len(diverged)} diverged of {len(j.results.study.rows)} runs",
+        f"{len(diverged)} diverged of {len(rows)} runs",
         not diverged,
         f"the first of them is {where}: {first.get('reason', 'it did not arrive')}",
         len(diverged),

@@ -17,7 +17,6 @@ from cosim.experiments.gpc.runs import PLANT, R_PUBLISHED, ROADS, TRAVEL
 from cosim.report import Claims, Evidence, Figure, Panel, Parameter, Report, Result, Section, Series, Table
 from cosim.study import Distribution, FmuSet, Row, parameters, provenance, sections
 from cosim.study import Results as Runs
-from cosim.study.pages import failed_section
 from fmu_sources.controllers.gpc.component import FORCE_LIMIT
 from fmu_sources.controllers.gpc.identification import DesignSettings, IdentificationSettings
 from fmu_sources.models.corners import CORNERS
@@ -58,7 +57,7 @@ def report(runs: Runs, fmus: FmuSet) -> Report:
         ),
         claims=found,
         results=[Result("runs", len(study.rows)), *(_headlines(results) if not study.failures else [])],
-        sections=[*sections(results, makers), *failed_section(runs)],
+        sections=sections(results, makers),
         parameters=given,
         provenance=_provenance(fmus, study),
     )

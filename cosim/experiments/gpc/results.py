@@ -208,6 +208,8 @@ class Results:
     def open_loop_peak(self) -> float:
         """Speed of the largest of :meth:`open_loop` [km/h]."""
         responses = self.open_loop()
+        if not responses:
+            raise RunFailed("no run of the passive car on the sine road came to its end")
         return max(responses, key=responses.__getitem__)
 
     def worst_speed(self, road: str) -> float:
@@ -231,7 +233,10 @@ class Results:
     def largest_force(self) -> float:
         """Largest force of an actuator at R = 1e-7 on any road [N]."""
         rows = [*self._published.values(), *(r for r in self.study.sweep if r["R"] == R_PUBLISHED)]
-        return max((r["peak_force"] for r in rows if not r["diverged"]), default=NAN)
+        forces = [r["peak_force"] for r in rows if not r["diverged"]]
+        if not forces:
+            raise RunFailed(f"no run at R = {R_PUBLISHED:g} came to its end")
+        return max(forces)
 
     def diverged(self) -> list[Row]:
         """Diverged runs with R of at least 1e-7."""
