@@ -26,6 +26,7 @@ from cosim.fmu.component import FmuComponent
 from cosim.interrupt import HeldInterrupt
 from cosim.master.exchange import Exchange
 from cosim.master.simulation import Simulation
+from cosim.memory import physical_memory
 from cosim.recording import Recording
 from cosim.session import System
 from cosim.signals import Array
@@ -33,6 +34,7 @@ from cosim.system.members import Member
 from cosim.time import TimeLike, positive, rational
 
 _STATE = 96  # bytes of a serialized state before these values (fmu_core.c)
+_TWIN = 1024  # bytes that an instance of an FMU needs at least
 _PIECE = 0.1  # s of wall time between looks at Ctrl-C
 
 
@@ -144,11 +146,21 @@ class Batch:
                 self._sources[m] = self._lanes_of(m)
             except NoLanes as reason:
                 self._fixed_reasons[m] = str(reason)
+        self._check_memory()
         self._twins: dict[Member, list[Any]] = {}
         self._pool: ThreadPoolExecutor | None = None
         self.failures: list[CopyFailure] = []
         """Copies that have ended, in the order in which that was found."""
         self.reset(start)
+
+    def _check_memory(self) -> None:
+        """Refuse copies whose values alone are more than this machine can hold, before the system begins to swap for them."""
+        needed = 8.0 * self.copies * sum(source.n_values for source in self._sources.values()) + _TWIN * self.copies * len(self._fixed_reasons)
+        if needed > physical_memory():
+            raise CosimError(
+                f"{self.copies} copies need {needed / 1e9:.3g} GB of memory at least, and this machine has {physical_memory() / 1e9:.3g} GB: "
+                "make fewer, and several batches one after the other"
+            )
 
     def _lanes_of(self, member: Member) -> LaneSource:
         component = member.component
@@ -373,10 +385,16 @@ class Batch:
         array[:, row, :] = full.reshape(array.shape[0], array.shape[2])
 
     def step(self, duration: TimeLike, inputs: npt.ArrayLike | None = None) -> Array:
-        """Set `inputs` (copies, n) if given, advance by `duration` [s], and give the outputs (copies, n)."""
+        """Set `inputs` (copies, n) if given, advance by `duration` [s], a multiple of the base tick, and give the outputs (copies, n)."""
+        base, length = self._exchange.base, positive(duration, "duration")
+        if (length / base.tick).denominator != 1:
+            raise TimeError(
+                f"a step of {float(length):g} s is no multiple of the base tick, {float(base.tick):g} s, the greatest common divisor of the "
+                "components' steps: the batch would not come to where it ends"
+            )
         if inputs is not None:
             self.set(inputs)
-        self.advance(self._exchange.base.exact(self._tick) + positive(duration, "duration"))
+        self.advance(base.exact(self._tick) + length)
         return self.outputs
 
     def advance(self, until: TimeLike) -> None:

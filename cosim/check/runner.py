@@ -28,6 +28,7 @@ from cosim.fmu import calls
 from cosim.fmu.archive import Archive
 from cosim.fmu.limits import Limits
 from cosim.fmu.xml import tree
+from cosim.memory import physical_memory
 
 __all__ = ["Options", "Workers", "archive", "binary", "check", "description", "worker"]
 _KINDS = {"cs": "Co-Simulation", "me": "Model Exchange"}
@@ -71,11 +72,7 @@ class Options:
 
     @property
     def bytes(self) -> int:
-        if self.memory is not None:
-            return self.memory
-        with contextlib.suppress(AttributeError, ValueError, OSError):
-            return os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") // 2
-        return 4 * 2**30
+        return self.memory if self.memory is not None else physical_memory() // 2
 
 
 def ordered() -> list[Check]:

@@ -47,6 +47,23 @@ def test_inputs_and_outputs_are_arrays(bench: System) -> None:
         assert [simulation[n] for n in OUTPUTS] == got[4].tolist()
 
 
+@pytest.mark.parametrize("copies", [10**10, 10**20])
+def test_more_copies_than_fit_into_memory_are_refused(bench: System, copies: int) -> None:
+    with pytest.raises(CosimError, match=rf"{copies} copies need [\d.e+]+ GB of memory at least, and this machine has [\d.]+ GB: make fewer"):
+        Batch(bench, copies)
+
+
+@pytest.mark.parametrize("duration", ["0.3 ms", 0.0015, "1/3"])
+def test_a_step_ends_at_a_tick(bench: System, duration: str | float) -> None:
+    """Otherwise steps of 0.3 ms would take 1 ms each."""
+    with Batch(bench, 2, inputs="plant.force", outputs=OUTPUTS) as batch:
+        with pytest.raises(TimeError, match=r"is no multiple of the base tick, 0\.001 s"):
+            batch.step(duration, np.ones((2, 1)))
+        assert (batch.time, batch["plant.body.z"].tolist()) == (0.0, [0.0, 0.0])
+        batch.step("3 ms", np.ones((2, 1)))
+        assert batch.time == 0.003
+
+
 def test_a_reset_begins_again(bench: System) -> None:
     with Batch(bench, 3, inputs="plant.force", outputs=OUTPUTS, record="plant.*") as batch:
         force = np.array([[1.0], [2.0], [3.0]])

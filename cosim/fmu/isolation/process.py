@@ -30,6 +30,7 @@ from cosim.errors import FmuError
 from cosim.fmu.environment import HEADER as ENVIRONMENT
 from cosim.fmu.environment import what_changed
 from cosim.interrupt import CANCELLERS
+from cosim.memory import physical_memory
 
 _FOLDER = Path(__file__).parent
 _REGION = 64 * 2**20  # bytes; pages that nobody touches cost nothing
@@ -83,7 +84,7 @@ class Isolation:
         """The memory that it may allocate."""
         if self.memory_limit is not None:
             return int(self.memory_limit)
-        return os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES") // 2
+        return physical_memory() // 2
 
 
 @lru_cache

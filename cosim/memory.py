@@ -1,0 +1,15 @@
+"""What memory this machine has."""
+
+from __future__ import annotations
+
+import os
+from contextlib import suppress
+
+_UNKNOWN = 4 * 2**30
+
+
+def physical_memory() -> int:
+    """Bytes of this machine's memory; 4 GiB where the operating system does not tell."""
+    with suppress(AttributeError, ValueError, OSError):  # Windows has no sysconf
+        return os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
+    return _UNKNOWN
