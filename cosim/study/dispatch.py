@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import Any
 
 from cosim.errors import CosimError
-from cosim.study.processes import WorkerDiedError
+from cosim.study.processes import NoWorkerError, WorkerDiedError
 from cosim.study.store import seal
 from cosim.study.work import Given, Reply, Ship, work
 
@@ -118,6 +118,8 @@ class Dispatch:
                 except (BrokenExecutor, CancelledError):
                     held[future] = chunk
                     raise
+                except NoWorkerError as error:
+                    raise ExecutorLostError(str(error)) from None
                 except Exception as error:
                     yield from self._lost(chunk, error, alone, None if exact or apart else suspects)
                     continue

@@ -21,17 +21,23 @@ from build_fmus import safe_files
 from build_fmus.one_thread import one_thread
 
 PATIENCE = 5.0  # s, that a worker which was told to end may take
+GUARD = 'a script that runs a study does so below `if __name__ == "__main__":`, as workers import it'
 
 
 class WorkerDiedError(RuntimeError):
     """The process that had a task has ended; others are not concerned."""
 
 
+class NoWorkerError(RuntimeError):
+    """A process cannot be started, or ends before it could take a task: no task is to blame."""
+
+
 @contextmanager
 def local_processes(count: int) -> Iterator[Executor]:
     """An executor of ``count`` processes; when the block ends by an error or Ctrl-C, they end at once.
 
-    A process that dies costs the task that it had, whose future raises :class:`WorkerDiedError`, and is replaced.
+    A process that dies costs the task that it had, whose future raises :class:`WorkerDiedError`, and is replaced. Where none can be
+    started the future raises :class:`NoWorkerError`.
 
     Workers are started afresh, not forked: a fork copies locks that a thread of this process (the progress bar's) may hold.
     So a script that comes here needs ``if __name__ == "__main__":``. Where the system has it they come from a server process
@@ -90,8 +96,7 @@ class _Processes(Executor):
             if not future.set_running_or_notify_cancel():
                 continue
             try:
-                if ours is None:
-                    ours = self._start(number)
+                ours = ours or self._start(number)
                 ours.send_bytes(data)
                 sentinel = self._processes[number].sentinel
                 while ours not in (ready := wait_for([ours, sentinel])):
@@ -116,9 +121,22 @@ class _Processes(Executor):
                 raise EOFError
             ours, theirs = self._context.Pipe()
             process = self._context.Process(target=_work, args=(theirs, self._scratch))
-            process.start()
+            try:
+                process.start()
+            except Exception as error:
+                ours.close()
+                theirs.close()
+                raise NoWorkerError(f"a worker process cannot be started ({type(error).__name__}); {GUARD}") from error
             theirs.close()
             self._processes[number] = process
+        try:
+            ours.recv_bytes()
+        except (EOFError, OSError):
+            ours.close()
+            self._end(number)
+            if self._ended:
+                raise EOFError from None
+            raise NoWorkerError(f"a worker process ends as it starts; {GUARD}") from None
         return ours
 
     def _end(self, number: int) -> None:
@@ -152,6 +170,7 @@ class _Processes(Executor):
 def _work(theirs: Any, scratch: str) -> None:
     """A worker's main program: tasks until the other end is closed."""
     _start_worker(scratch)
+    theirs.send_bytes(b"ready")
     while True:
         try:
             data = theirs.recv_bytes()

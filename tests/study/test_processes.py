@@ -91,3 +91,24 @@ def test_workers_end_with_their_parent_and_clean_up(tmp_path, temporary, fmu, ho
     finally:
         for pid in filter(alive, workers):
             os.kill(pid, signal.SIGKILL)
+
+
+SCRIPT = """
+from pathlib import Path
+from cosim.study import FmuSet, load, run_study
+def main():
+    made = load({file!r})
+    found = run_study(made, FmuSet(), Path("runs"), tasks=[made.case(count=i) for i in range(9)], processes=2)
+    print(len(found.failures), sum(row["count"] for row in found.values()))
+"""
+
+
+def test_a_script_whose_workers_run_it_again_is_told_so_and_loses_nothing(tmp_path):
+    """No run is to blame for it: what was stored is not that they failed."""
+    environment = {**os.environ, "PYTHONPATH": str(HERE.parents[1])}
+    text = SCRIPT.format(file=str(HERE / "falling.py"))
+    for guard, code, said in (("", 1, "below `if __name__ == \"__main__\":`"), ('if __name__ == "__main__":\n    ', 0, "")):
+        (tmp_path / "script.py").write_text(f"{text}{guard}main()\n")
+        done = subprocess.run([sys.executable, "script.py"], check=False, cwd=tmp_path, env=environment, capture_output=True, text=True, timeout=120)
+        assert done.returncode == code, done.stderr
+        assert said in done.stderr.splitlines()[-1] if said else done.stdout == "0 36\n"
