@@ -19,6 +19,7 @@ from cosim.experiments.ride.report import report
 from cosim.experiments.ride.results import CAR_NAMES, Speeds, name, nearest, runs, speeds
 from cosim.experiments.ride.runs import CARS, METRICS, Case, diverged, measure, passive, recorded, remarks
 from cosim.experiments.ride.search import EXPONENT, LONGEST, STEEP, TOLERANCE, WITHIN, SpeedLimit, crossing, rise
+from cosim.experiments.ride.web import live
 from cosim.study import FmuSet, Results
 from cosim.study.case import CaseError, values
 from fmu_sources.models.corners import CORNERS
@@ -561,3 +562,63 @@ def test_the_run_nearest_to_the_limit(study: Results) -> None:
     assert [r["speed_kmh"] for r in runs(some, search)] == pytest.approx([0.5 * 16.5 * 0.99, 16.5 * 0.99])
     assert speeds(study, search, "absorbed_power").median == pytest.approx(16.5 * 1.1)
     assert published.SEEDS_RUN == 3
+
+
+# ----------------------------------------------------------------------------------------------------------- the live page
+
+GROUPS = ["1 in rms", "2 in rms", "4 in rms", "half-round"]
+LIVE = {
+    "hmmwv": ["passive, hydraulic", "LQR", "MPC", "MPC with preview"],
+    "sedan": ["passive", "LQ comfort", "LQ comfort, rear wheels preview", "preview LQ comfort"],
+    "6x6": ["passive", "LQR", "MPC", "MPC with preview"],
+    "full-car": ["passive", "GPC implicit", "GPC explicit", "GPC with preview"],
+    "public": ["passive"],
+}
+
+
+@pytest.mark.parametrize("car", CARS)
+def test_systems_of_the_live_page(car: str) -> None:
+    """A car under its laws, on every course of the project."""
+    law = "comfort-preview" if car == "sedan" else list(CARS[car].laws)[-1]  # of the laws that are shown
+    shown = live(Case(car, law, speed_kmh=30.0))
+    assert [(c.title, c.group) for c in shown.cases] == [(t, g) for g in GROUPS for t in LIVE[car]]
+    assert [c.case.course for c in shown.cases] == [c for c in ("1in", "2in", "4in", "half-round") for _ in LIVE[car]]
+    assert {(c.case.car, c.case.speed_kmh) for c in shown.cases} == {(car, 30.0)}
+    assert {c.case.actuators for c in shown.cases if c.case.controller != "passive"} <= {"ideal"}
+    assert CAR_NAMES[car] in shown.page.text
+    first = CARS[car].corners[0]
+    assert shown.page.plots == ["car.seat.az", f"car.suspension.{first}.deflection", f"controller.force.{first}"][: 2 + (car != "public")]
+
+
+def test_what_the_case_says_holds_for_the_page() -> None:
+    """A law that is not among those that are shown comes beside them; what is of one kind of course counts on that one."""
+    shown = live(Case("hmmwv", "skyhook", "hydraulic", "2in", seed=3, sides="apart"))
+    assert [c.title for c in shown.cases[:5]] == [f"{n}, hydraulic" for n in ("passive", "LQR", "MPC", "MPC with preview", "skyhook")]
+    assert {(c.case.course, c.case.seed, c.case.sides) for c in shown.cases} == {
+        ("1in", 3, "apart"), ("2in", 3, "apart"), ("4in", 3, "apart"), ("half-round", 1, "alike")
+    }  # fmt: skip
+    heights = {c.case.course: c.case.height for c in live(Case(course="half-round", height=0.1)).cases}
+    assert heights == {"1in": 0.2032, "2in": 0.2032, "4in": 0.2032, "half-round": 0.1}
+
+
+def test_a_measured_course_in_the_live_page() -> None:
+    shown = live(Case("hmmwv", "mpc", course="measured.crg"))
+    assert [(c.title, c.group, c.case.course) for c in shown.cases] == [(t, "", "measured.crg") for t in LIVE["hmmwv"]]
+    assert [c.label for c in shown.page.controls] == ["speed"]
+    assert "over the measured course of a file" in shown.page.text
+
+
+def test_controls_and_measures_of_the_live_page() -> None:
+    page = live(Case()).page
+    assert (page.title, page.group_label) == ("Drive a proving ground", "course")
+    assert [(c.label, list(c.names), c.minimum, c.maximum) for c in page.controls] == [
+        ("speed", ["speed.start.speed"], pytest.approx(2 / 3.6), pytest.approx(120 / 3.6)),
+        ("height of the half-round", ["road.half_round.height"], 0.02, 0.4),
+    ]
+    travel = [f"car.suspension.{k}.deflection" for k in CORNERS]
+    assert [(m.label, list(m.names), m.how, m.unit, m.factor, m.limit, m.decimals) for m in page.measures] == [
+        ("acceleration of the driver's seat, rms", ["car.seat.az"], "rms", "m/s2", 1.0, None, 2),
+        ("acceleration of the driver's seat, largest", ["car.seat.az"], "peak", "g", pytest.approx(1 / 9.80665), 2.5, 2),
+        ("acceleration of the CG, rms", ["car.body.az"], "rms", "m/s2", 1.0, None, 2),
+        ("suspension travel, largest", travel, "peak", "mm", 1e3, None, 0),
+    ]

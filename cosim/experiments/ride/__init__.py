@@ -28,6 +28,7 @@ EXPERIMENT = Experiment(
     plan=published.plan,
     claims="cosim.experiments.ride.claims:CLAIMS",
     report="cosim.experiments.ride.report:report",
+    web="cosim.experiments.ride.web:live",
     own_fmus="cosim.experiments.own_files:own_fmus",
     papers="fmu_sources.catalog:PAPERS",
     module=__name__,
