@@ -28,7 +28,7 @@ def live(case: Case) -> Live:
     cases = [_system(case, law, course, words) for course, words in courses.items() for law in laws]
     page = WebPage(
         "Drive a proving ground",
-        f"{CAR_NAMES[case.car]}: {'its laws side by side' if len(laws) > 1 else 'without a law'}, over {_courses(case)}. How fast until the "
+        f"{CAR_NAMES[case.car][0].upper()}{CAR_NAMES[case.car][1:]}: {'its laws side by side' if len(laws) > 1 else 'without a law'}, over {_courses(case)}. How fast until the "
         "driver has had enough?",
         controls=[
             Control("speed", ["speed.start.speed"], SLOWEST / 3.6, FASTEST / 3.6, keys=("ArrowDown", "ArrowUp")),
