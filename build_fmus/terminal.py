@@ -6,8 +6,9 @@ import importlib
 import io
 import logging
 import os
+import re
 import sys
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Collection, Iterable, Mapping
 from importlib import metadata
 from typing import Annotated, Any
 
@@ -23,6 +24,7 @@ APP: dict[str, Any] = {
     "add_completion": False,
     "pretty_exceptions_enable": False,
     "rich_markup_mode": None,  # which would take units in help texts, [km/h], for markup
+    "context_settings": {"max_content_width": 110},  # of help; terminals are wider than 80 columns
 }
 """Arguments of every ``typer.Typer``."""
 
@@ -99,7 +101,12 @@ def _loudness() -> list[Any]:
 
 
 class Command(TyperCommand):
-    """A command that Ctrl-C ends with a message, and whose help lists choices; with ``-v`` and ``-q``, unless it has its own."""
+    """A command that Ctrl-C ends with a message, and whose help lists choices; with ``-v`` and ``-q``, unless it has its own.
+
+    ``headings``: of groups of options in its help -> the names of their parameters; what is in none comes last.
+    """
+
+    headings: Mapping[str, Collection[str]] = {}
 
     def __init__(self, *arguments: Any, **named: Any) -> None:
         super().__init__(*arguments, **named)
@@ -116,9 +123,25 @@ class Command(TyperCommand):
         list_choices(self)
         super().format_help(ctx, formatter)
 
+    def format_options(self, ctx: Any, formatter: Any) -> None:
+        left = {p.name: record for p in self.get_params(ctx) if (record := p.get_help_record(ctx)) is not None}
+        for heading, names in self.headings.items():
+            if rows := [left.pop(name) for name in list(left) if name in names]:
+                with formatter.section(heading):
+                    formatter.write_dl(rows)
+        with formatter.section("Other options" if self.headings else "Options"):
+            formatter.write_dl(list(left.values()))
+
 
 class Commands(TyperGroup):
-    """Commands that Ctrl-C ends with a message."""
+    """Commands that Ctrl-C ends with a message, and whose help has the first sentence of each, uncut."""
+
+    def format_commands(self, ctx: Any, formatter: Any) -> None:
+        found = ((name, self.get_command(ctx, name)) for name in self.list_commands(ctx))
+        rows = [(name, re.split(r"\.(?:\s|$)", command.help or "")[0]) for name, command in found if command is not None and not command.hidden]
+        if rows:
+            with formatter.section("Commands"):
+                formatter.write_dl(rows)
 
     def invoke(self, ctx: Any) -> Any:
         try:

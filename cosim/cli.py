@@ -83,7 +83,16 @@ class Laws(Commands):
         return typer.main.get_command(made)
 
 
-app = typer.Typer(cls=Commands, **GROUP)
+EXAMPLES = """\b
+First steps:
+  cosim run trench --length 1.2             one run, beside the passive vehicle
+  cosim study three-axle                    a whole study, and its report
+  cosim sweep hmmwv --vary car.body.mass=2000:3500 --samples 50
+  cosim export hmmwv --web hmmwv.html       drive it, in a browser
+  cosim check MyModel.fmu                   does an FMU keep to the standard?
+  cosim list                                all experiments and their options
+"""
+app = typer.Typer(cls=Commands, epilog=EXAMPLES, **GROUP)
 FILE = "NAME is one of ours, or a file of yours: cosim {0} my_experiment.py, cosim {0} Any.ssp"
 
 

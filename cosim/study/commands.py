@@ -248,6 +248,7 @@ def export_command(experiment: Experiment) -> Any:
     return command(
         export, experiment, {**options, **_EXPORT, **own_files(experiment), **more},
         "The system of one case as one FMU, with all that is in it, as an SSP: its FMUs and how they are connected, or as a web page in which it runs.",
+        own={"What is written": _EXPORT},
     )  # fmt: skip
 
 
@@ -268,6 +269,7 @@ def wiring_command(experiment: Experiment) -> Any:
     return command(
         wiring, experiment, {"svg": (Drawing, None), "title": (Title, None), **options, **own_files(experiment), **more},
         "The system of one case as a picture: its components with their rates, a line for each bundle of signals.",
+        own={"Picture": ("svg", "title")},
     )  # fmt: skip
 
 
@@ -314,7 +316,7 @@ def study_command(experiment: Experiment) -> Any:
 
     options = {**plan_options, **own_files(experiment), **EVERYWHERE_OF_STUDIES}
     what = "The whole study" if own_plan else "All combinations of the values given for each option"
-    return command(study, experiment, options, f"{what}; writes results/{experiment.name}/report.html.")
+    return command(study, experiment, options, f"{what}; writes results/{experiment.name}/report.html.", own={"Study": plan_options})
 
 
 class _Paced(Command):
@@ -457,10 +459,20 @@ def execution(given: Mapping[str, Any]) -> Execution:
     )
 
 
+_HEADINGS = {
+    "FMUs": ("fmus", "fmi", "vehicle"),
+    "How it runs": ("engine", "real_time", "processes", "dask", "force", "retry_failed", "isolate", "step_timeout", "memory_limit"),
+    "Inputs and results": ("signals_", "hold_input", "out", "recording_", "display_units", "curves", "bars_"),
+}
+"""Groups of options in the help of every experiment -> their names."""
+
+
 def command(
     function: Callable[..., None], experiment: Experiment, options: Mapping[str, tuple[Any, Any]], help: str,
-    kind: type[Command] = Command,
+    kind: type[Command] = Command, own: Mapping[str, Collection[str]] | None = None,
 ) -> Any:  # fmt: skip
+    """A command of an experiment, with these options by the names of ``function``'s arguments; ``own``: groups of them in its help, beside case,
+    FMUs and how it runs."""
     kinds = inspect.Parameter.KEYWORD_ONLY
     function.__signature__ = inspect.Signature(  # type: ignore[attr-defined]
         [inspect.Parameter(n, kinds, default=d, annotation=a) for n, (a, d) in options.items()]
@@ -469,7 +481,9 @@ def command(
     function.__doc__ = f"{experiment.title}. {help}" if experiment.title else help
     app = typer.Typer(**APP)
     app.command(experiment.name, cls=kind)(function)
-    return typer.main.get_command(app)
+    made: Any = typer.main.get_command(app)
+    made.headings = {"Case": [f.attribute for f in fields(experiment.case)], **(own or {}), **_HEADINGS}
+    return made
 
 
 def _type(f: Field) -> Any:

@@ -120,7 +120,7 @@ def optimise_command(experiment: Experiment) -> Any:
     own = {k: v for k, v in field_options(experiment).items() if k not in _OPTIONS}
     everywhere = {k: v for k, v in EVERYWHERE_OF_STUDIES.items() if k != "retry_failed"}
     text = f"Searches for parameters with small or large metrics; writes results/{experiment.name}/optimise/report.html."
-    return command(optimise, experiment, {**_OPTIONS, **own, **own_files(experiment), **everywhere}, text)
+    return command(optimise, experiment, {**_OPTIONS, **own, **own_files(experiment), **everywhere}, text, own={"Search": _OPTIONS})
 
 
 def limits(axes: Sequence[Axis], logarithmic: Sequence[str]) -> dict[str, Limits]:

@@ -98,7 +98,7 @@ def sweep_command(experiment: Experiment) -> Any:
 
     own = {k: v for k, v in field_options(experiment).items() if k not in _OPTIONS}
     text = f"Runs over a design of its parameters; writes results/{experiment.name}/sweep/report.html."
-    return command(sweep, experiment, {**_OPTIONS, **own, **own_files(experiment), **EVERYWHERE_OF_STUDIES}, text)
+    return command(sweep, experiment, {**_OPTIONS, **own, **own_files(experiment), **EVERYWHERE_OF_STUDIES}, text, own={"Design": _OPTIONS})
 
 
 def write_sweep(

@@ -165,3 +165,52 @@ def test_the_terminal_is_as_wide_as_it_is(monkeypatch: pytest.MonkeyPatch, capsy
     monkeypatch.setattr("sys.stdout.isatty", lambda: True)
     terminal.show("word " * 20)
     assert len(capsys.readouterr().out.splitlines()) == 3
+
+
+# ------------------------------------------------------------------------------------------------------- the first screens
+
+
+def test_the_first_screen_has_every_command_in_a_sentence_and_examples_that_work() -> None:
+    shown = help_of()
+    group = typer.main.get_command(cosim.cli.app)
+    listed = [n for n in group.list_commands(None) if not group.get_command(None, n).hidden]  # type: ignore[attr-defined, arg-type]
+    for name in listed:
+        first = re.split(r"\.(?:\s|$)", group.get_command(None, name).help)[0]  # type: ignore[attr-defined, arg-type, union-attr]
+        assert f" {name} {' '.join(first.split())}" in shown
+    assert " complete " not in shown  # what scripts of shells call
+    examples = [line.split("   ")[0].split() for line in cosim.cli.EXAMPLES.splitlines() if line.startswith("  cosim ")]
+    assert len(examples) > 4
+    for _, *words in examples:
+        depth = next(i for i in (2, 1) if tuple(words[:i]) in COSIM)
+        COSIM[tuple(words[:depth])].make_context("x", words[depth:])  # raises where an option is not known
+
+
+@pytest.mark.parametrize("command", ["run", "study", "sweep", "optimise", "export", "wiring"])
+def test_experiments_are_listed_with_what_they_are(command: str) -> None:
+    shown = help_of(command)
+    assert " trench A 6x6 crosses trenches with preview MPC (paper 003)" in shown
+    assert "..." not in shown.partition("Commands:")[2]
+
+
+HEADINGS = {
+    "run": ["Case", "FMUs", "How it runs", "Inputs and results", "Other options"],
+    "study": ["Study", "FMUs", "How it runs", "Inputs and results", "Other options"],
+    "sweep": ["Case", "Design", "FMUs", "How it runs", "Inputs and results", "Other options"],
+    "optimise": ["Case", "Search", "FMUs", "How it runs", "Inputs and results", "Other options"],
+    "export": ["Case", "What is written", "FMUs", "Other options"],
+    "wiring": ["Case", "Picture", "FMUs", "Other options"],
+}
+
+
+@pytest.mark.parametrize("command", HEADINGS)
+def test_options_are_grouped(command: str) -> None:
+    """Each stands in one group; what every command has comes last."""
+    output = CliRunner().invoke(cosim.cli.app, [command, "trench", "--help"]).output
+    assert re.findall(r"(?m)^([A-Z].*):$", output) == HEADINGS[command]
+    groups = dict(zip(HEADINGS[command], re.split(r"(?m)^[A-Z].*:$", output)[1:], strict=True))
+    others = re.findall(r"(?m)^  (?:-\w, )?(--[\w-]+)", groups["Other options"])
+    assert others == ["--verbose", "--quiet", "--help"]
+    shown = re.findall(r"(?m)^  (?:-\w, )?(--[\w-]+)", output)
+    assert sorted(shown) == sorted({*(p.opts[0] for p in COSIM[command, "trench"].params), "--help"})
+    if "Case" in groups:
+        assert re.findall(r"(?m)^  (--[\w-]+)", groups["Case"])[:3] == ["--length", "--speed", "--controller"]
