@@ -50,7 +50,7 @@ ROOMS = (
     Room("hmmwv", ("cosim/experiments/hmmwv/[!e]*.py", "cosim/experiments/hmmwv/*/*.py"), ("tests/experiments/test_hmmwv_numbers.py", "tests/experiments/test_hmmwv_wiring.py"), slower=("tests/experiments/test_hmmwv_judging.py", "tests/experiments/test_verdicts.py")),
     _experiment("preview_lq"),
     _experiment("three_axle"),
-    Room("ride", tuple(f"cosim/experiments/ride/{n}.py" for n in ("runs", "search", "results", "claims", "report")), ("tests/experiments/test_ride_numbers.py",), slower=("tests/experiments/test_ride_wiring.py",)),
+    Room("ride", tuple(f"cosim/experiments/ride/{n}.py" for n in ("runs", "search", "results", "claims", "report", "web")), ("tests/experiments/test_ride_numbers.py",), slower=("tests/experiments/test_ride_wiring.py",)),
     Room("metrics", ("cosim/experiments/metrics/*.py", "cosim/signals.py"), ("tests/cosim_metrics/test_metrics.py", "tests/cosim_metrics/test_crossing.py")),
     Room("study", tuple(f"cosim/study/{n}.py" for n in ("results", "pages", "claims")), ("tests/study/test_claim_lists.py", "tests/study/test_results_and_pages.py", "tests/study/test_study_parts.py")),
     Room("sweep", ("cosim/study/sweep_report.py", "cosim/study/design.py"), ("tests/study/test_sweep_pages.py", "tests/study/test_design.py")),

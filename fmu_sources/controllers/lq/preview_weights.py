@@ -124,7 +124,7 @@ def load_weights(name_or_path: str | Path) -> PreviewLqWeights:
 def _sentence(error: Any) -> str:
     field = ".".join(map(str, error["loc"]))
     if error["type"] == "extra_forbidden":
-        known = ["name", "source", *PreviewLqWeights.descriptions()]
+        known = [*(n for n in PreviewLqWeights.model_fields if n not in PreviewLqWeights._kinds()), *PreviewLqWeights.descriptions()]
         hint = did_you_mean(field, known) or f" (there are {', '.join(known)})"
         return f"{field}: unknown field{hint}"
     if error["type"] == "missing":
