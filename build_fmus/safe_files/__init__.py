@@ -15,7 +15,7 @@ from build_fmus.safe_files.kept import (
     plain_warnings,
 )
 from build_fmus.safe_files.place import cache_directory
-from build_fmus.safe_files.whole import named, opened, sentence, write
+from build_fmus.safe_files.whole import is_full, named, opened, sentence, write
 
 __all__ = [
     "DamagedWarning",
@@ -23,6 +23,7 @@ __all__ = [
     "anew",
     "cache_directory",
     "clock",
+    "is_full",
     "keep_file",
     "keep_json",
     "kept_file",

@@ -63,5 +63,14 @@ def sentence(error: OSError) -> str:
     """An error of the operating system for people: the path, what is wrong, and for a full disk what to do."""
     if error.filename is None:
         return str(error) if error.errno is None else f"{error.strerror}"
-    full = error.errno in {errno.ENOSPC, getattr(errno, "EDQUOT", errno.ENOSPC)}
-    return f"{error.filename}: {error.strerror}{'; make room there, or write to another directory' if full else ''}"
+    return f"{error.filename}: {error.strerror}{'; make room there, or write to another directory' if is_full(error) else ''}"
+
+
+def is_full(error: BaseException | None) -> bool:
+    """Whether a full disk is behind an error, in whatever it was wrapped."""
+    while error is not None and not (isinstance(error, OSError) and error.errno in _FULL):
+        error = error.__cause__ or error.__context__
+    return error is not None
+
+
+_FULL = {errno.ENOSPC, getattr(errno, "EDQUOT", errno.ENOSPC)}

@@ -130,7 +130,7 @@ def write_sweep(
     if missing := sum(not h for i, h in enumerate(table.histories) if i not in table.failures):
         console.print(f"{missing} histories are not in {folder / HISTORIES}: do all workers reach that folder?")
     path = table.write(folder / "table.parquet")
-    page = write_report(sweep_report(table, fmus, worst=ranking, folder=folder), folder)
+    page = write_report(sweep_report(table, fmus, worst=ranking, folder=folder, execution=options.get("execution")), folder)
     console.print(f"table: {path}")
     console.print(f"report: {page}")
     refuse_none(len(sweep) - len(table.failures), table.failures.values())

@@ -20,7 +20,7 @@ from cosim.study.design import METHODS, DesignError
 from cosim.study.experiment import Metric
 from cosim.study.fmus import FmuSet
 from cosim.study.pages import provenance
-from cosim.study.runner import Runner
+from cosim.study.runner import Execution, Runner
 from cosim.study.sweep import Sweep, SweepTable
 from cosim.study.swept import swept
 
@@ -54,9 +54,15 @@ class Worst:
         return [i for i in order.tolist() if math.isfinite(values[i])]
 
 
-def sweep_report(table: SweepTable, fmus: FmuSet, *, worst: Worst | None = None, folder: Path | None = None) -> Report:
-    """The page. ``worst``: by default the first metric, furthest from 0. ``folder``: of the table, in which the histories of the runs lie, if they
-    were kept.
+def sweep_report(
+    table: SweepTable, fmus: FmuSet, *, worst: Worst | None = None, folder: Path | None = None, execution: Execution | None = None
+) -> Report:
+    """The page.
+
+    Args:
+        worst: by default the first metric, furthest from 0.
+        folder: of the table, in which the histories of the runs lie, if they were kept.
+        execution: of the worst runs, where they are made again.
 
     Raises:
         DesignError: no run has such a metric.
@@ -72,7 +78,7 @@ def sweep_report(table: SweepTable, fmus: FmuSet, *, worst: Worst | None = None,
         if worst.metric not in table.metrics:
             raise DesignError(unknown("metric", worst.metric, table.metrics))
         sections += [_distributions(table, metrics, drawn), _scatter(table, drawn, worst), _sensitivity(table, drawn)]
-        sections.append(_worst(table, fmus, worst, metrics, folder))
+        sections.append(_worst(table, fmus, worst, metrics, folder, execution))
     if lost:
         rows: list[list[Scalar]] = [[i, *_cells(sweep, i), m] for i, m in list(table.failures.items())[:100]]
         text = f"{lost} of {n} runs failed; --retry-failed runs them again." + " The first hundred:" * (lost > 100)
@@ -347,7 +353,9 @@ def _sensitivity(table: SweepTable, drawn: Mapping[str, Metric]) -> Section:
 # ----------------------------------------------------------------------------------------------------------- worst cases
 
 
-def _worst(table: SweepTable, fmus: FmuSet, worst: Worst, metrics: Mapping[str, Metric], folder: Path | None) -> Section:
+def _worst(
+    table: SweepTable, fmus: FmuSet, worst: Worst, metrics: Mapping[str, Metric], folder: Path | None, execution: Execution | None
+) -> Section:
     """The worst runs with their time histories: those that were kept, else the runs are made once more."""
     sweep = table.sweep
     runs = worst.ranked(table)[:WORST]
@@ -363,7 +371,7 @@ def _worst(table: SweepTable, fmus: FmuSet, worst: Worst, metrics: Mapping[str, 
     histories: dict[str, list[Series]] = {}
     labels: dict[str, str] = {}
     kept = {i: folder / table.histories[i] for i in runs if folder is not None and table.histories and table.histories[i]}
-    with Runner(swept(sweep.experiment, sweep.parameters), fmus) as runner:
+    with Runner(swept(sweep.experiment, sweep.parameters), fmus, execution=execution) as runner:
         for i in runs:
             recording: Any = (
                 Recording.read(kept[i]) if i in kept else runner.record(runner.experiment.case(**_given(sweep, i)))

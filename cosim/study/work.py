@@ -9,6 +9,8 @@ from __future__ import annotations
 
 import hashlib
 import os
+import platform
+import tempfile
 import threading
 import time
 from collections.abc import Mapping, Sequence
@@ -88,8 +90,7 @@ def work(ship: Ship, chunk: Sequence[Given], contents: Mapping[str, bytes] | Non
     try:
         places, missing = _places(ship.hashes, contents or {})
     except OSError as error:  # no room for them here
-        lines = [seal(name, _failure(error)) for name, _ in chunk]
-        return Reply(lines, seconds=time.perf_counter() - since)
+        return Reply(problem=_full(error))
     if missing:
         return Reply(missing=missing)
     fmus = replace(ship.fmus, at=places) if places else ship.fmus
@@ -101,9 +102,13 @@ def work(ship: Ship, chunk: Sequence[Given], contents: Mapping[str, bytes] | Non
         lines = []
         for name, task in chunk:
             try:
-                lines.append(_line(ship, experiment, fmus, name, task))
+                lines.append(seal(name, _entry(ship, experiment, fmus, name, task)))
             except HistoryError as error:
                 return Reply(lines, problem=str(error))
+            except Exception as error:
+                if safe_files.is_full(error):
+                    return Reply(lines, problem=_full(error))
+                lines.append(seal(name, _failure(error)))
     return Reply(lines, seconds=time.perf_counter() - since)
 
 
@@ -113,13 +118,9 @@ def _experiment(ship: Ship) -> Experiment:
     return swept(ship.experiment, ship.parameters) if ship.parameters else ship.experiment
 
 
-def _line(ship: Ship, experiment: Experiment, fmus: FmuSet, name: str, task: Any) -> bytes:
-    try:
-        return seal(name, _entry(ship, experiment, fmus, name, task))
-    except HistoryError:
-        raise
-    except Exception as error:
-        return seal(name, _failure(error))
+def _full(error: Exception) -> str:
+    """What ends a study where a worker has no room for its files; no run is to blame."""
+    return f"a worker on {platform.node()} cannot write ({type(error).__name__}: {error}); make room in {tempfile.gettempdir()} and {safe_files.cache_directory()}"
 
 
 def _failure(error: Exception) -> Row:

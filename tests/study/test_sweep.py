@@ -212,6 +212,25 @@ def test_a_recording_that_cannot_be_kept_ends_the_sweep_and_is_no_fault_of_the_r
     assert all((tmp_path / name).is_file() for name in table.histories)
 
 
+FULL = FILE.read_text().replace(
+    "            raise ValueError(\"too fast\")",
+    "            if not os.path.exists({room!r}):\n"
+    "                raise RuntimeError('no FMU') from OSError(28, 'No space left on device')\n            return",
+)
+
+
+def test_a_full_disk_of_a_worker_ends_the_sweep_and_is_no_fault_of_the_run(tmp_path: Path) -> None:
+    """Those before are kept; the others are made when there is room."""
+    (tmp_path / "full.py").write_text(FULL.replace("{room!r}", repr(str(tmp_path / "room"))))
+    sweep = prepare(load(str(tmp_path / "full.py")), FMUS, Design((Axis("mass.rate", "values", values=(1, 850, 2)),), "grid"))
+    with pytest.raises(OSError, match=r"a worker on \S+ cannot write \(.*\); make room in "):
+        run_sweep(sweep, FMUS, tmp_path / "runs", processes=1)
+    (tmp_path / "room").touch()
+    seen: list[int] = []
+    table = run_sweep(sweep, FMUS, tmp_path / "runs", processes=1, progress=lambda done, *_: seen.append(done))
+    assert (seen[0], len(table.failures)) == (1, 0)
+
+
 def test_statistics_as_runs_arrive(experiment: Any, tmp_path: Path) -> None:
     sweep = made(experiment, "mass.rate=1:3", samples=20, seed=3)
     running = Running()

@@ -17,7 +17,7 @@ from cosim.report import Figure, Report, Section, write_report
 from cosim.study import load
 from cosim.study.design import DesignError
 from cosim.study.experiment import Metric
-from cosim.study.runner import Runner
+from cosim.study.runner import Execution, Runner
 from cosim.study.sweep import run_sweep
 from cosim.study.sweep_report import (
     Worst,
@@ -228,6 +228,22 @@ def test_worst_cases_are_rows_with_what_was_measured(page: Report) -> None:
     assert list(table.columns) == ["run", "mass.rate", "count", "height [mm]", "other"]
     assert [row[1:] for row in table.rows] == [(5, 2, 25e3, None), (4, 2, 24e3, -4.0), (3, 2, 23e3, -3.0)]
     assert [p.title for p in _figure(page, "worst-runs").panels] == ["mass.z"]
+    assert _section(page, "Worst cases").paragraphs == (f"The same run again, with its files: the command of the sweep with --run {table.rows[0][0]}.",)
+
+
+def test_worst_runs_are_made_as_the_others_were(experiment: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Isolated, where FMUs are not to run in this process."""
+    given = []
+
+    class Noting(Runner):
+        def __init__(self, *arguments: Any, execution: Any = None, **options: Any) -> None:
+            given.append(execution)
+            super().__init__(*arguments, **options)
+
+    monkeypatch.setattr("cosim.study.sweep_report.Runner", Noting)
+    table = table_of(experiment, lambda rate: rate, "mass.rate=1:2:2", method="grid")
+    sweep_report(table, FMUS, execution=Execution(isolate=("*",)))
+    assert given == [Execution(isolate=("*",))]
 
 
 def test_failed_runs_are_listed_with_their_points(experiment: Any) -> None:
