@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from functools import cached_property
 from typing import Any
 
 from cosim.study.case import values
@@ -61,7 +62,7 @@ class Results(Mapping[Any, Row]):
         """Cases whose runs did not fail."""
         return [case for case, places in self._runs.items() if "failed" not in self._entry(places)]
 
-    @property
+    @cached_property
     def failures(self) -> dict[str, str]:
         """Message of every failed task by its label."""
         found = ((places, self._entry(places)) for places in (*self._runs.values(), *self._found.values()))
