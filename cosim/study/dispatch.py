@@ -29,7 +29,7 @@ TRIES = 2
 HEAD = 32 + 1 + 64 + 1  # of a line: name and hash
 HOPELESS = 8  # chunks that nobody could begin, and none that anybody could
 DIED = "the process that ran it ended without a word, which an FMU that crashes does to it"
-LOST = "the executor's workers died; what was finished is stored, and the same study continues from there"
+LOST = "the executor's workers, or their scheduler, died; what was finished is stored, and the same study continues from there"
 Results = Generator[tuple[int, bytes], None, None]
 Making = Callable[[], AbstractContextManager[Executor]]
 

@@ -5,6 +5,8 @@ Any `concurrent.futures.Executor` will do: loky's, `mpi4py.futures.MPIPoolExecut
 
 from __future__ import annotations
 
+import asyncio
+import logging
 import multiprocessing
 import re
 import signal
@@ -114,6 +116,11 @@ def _connected(connect: Callable[[], Any], address: str) -> Any:
     return answer
 
 
+def _tells_something(record: logging.LogRecord) -> bool:
+    """Dask logs the attempt to reach a scheduler that is gone, when it is given up, as an error with its stack; we have a sentence for it."""
+    return not (record.exc_info and isinstance(record.exc_info[1], asyncio.CancelledError))
+
+
 @contextmanager
 def dask(address: str, processes: int | None = None) -> Iterator[Executor]:
     """The executor of a Dask cluster.
@@ -133,6 +140,7 @@ def dask(address: str, processes: int | None = None) -> Iterator[Executor]:
 
     import dask as configuration
 
+    logging.getLogger("distributed.client").addFilter(_tells_something)
     settings = {
         "distributed.scheduler.allowed-failures": 0,  # of our own cluster: who tries again, and how often, is the study's
         "distributed.worker.daemon": False,  # isolated FMUs are processes of the workers

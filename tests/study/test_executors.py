@@ -390,9 +390,9 @@ def worker(port: int, folder: Path) -> subprocess.Popen[bytes]:
 @pytest.mark.full
 @pytest.mark.skipif(os.name == "nt", reason="sends signals")
 def test_a_scheduler_that_dies_and_comes_again(
-    experiment: Any, many: list[Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    experiment: Any, many: list[Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    """The study ends with a sentence, what is finished is kept, and the same study goes on with the next one."""
+    """The study ends with a sentence and nothing else, what is finished is kept, and the same study goes on with the next one."""
     monkeypatch.setattr("cosim.study.executors.ANSWER", 3.0)
     monkeypatch.setattr("cosim.study.executors.WORKERS", 2.0)
     port = free_port()
@@ -417,6 +417,7 @@ def test_a_scheduler_that_dies_and_comes_again(
         ):
             run_study(experiment, FMUS, tmp_path / "runs", tasks=many, executor=executor, progress=progress)
         assert kept[-1] >= 20
+        assert "Traceback" not in capfd.readouterr().err
         started.append(scheduler(port, tmp_path))
         started.append(worker(port, tmp_path))
         again: list[int] = []
