@@ -102,7 +102,9 @@ class TimeBase:
         """Number of ticks in a duration that is a multiple of the tick."""
         ticks = duration / self.tick
         if ticks.denominator != 1:
-            raise TimeError(f"{duration} s is not a multiple of the base tick {self.tick} s")
+            raise TimeError(
+                f"{float(duration):g} s is not a multiple of the base tick of {float(self.tick):g} s, the greatest common divisor of all steps"
+            )
         return self._limited(int(ticks), duration)
 
     def at_or_after(self, time: Fraction) -> int:

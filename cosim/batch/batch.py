@@ -386,15 +386,11 @@ class Batch:
 
     def step(self, duration: TimeLike, inputs: npt.ArrayLike | None = None) -> Array:
         """Set `inputs` (copies, n) if given, advance by `duration` [s], a multiple of the base tick, and give the outputs (copies, n)."""
-        base, length = self._exchange.base, positive(duration, "duration")
-        if (length / base.tick).denominator != 1:
-            raise TimeError(
-                f"a step of {float(length):g} s is no multiple of the base tick, {float(base.tick):g} s, the greatest common divisor of the "
-                "components' steps: the batch would not come to where it ends"
-            )
+        base = self._exchange.base
+        end = self._tick + base.count(positive(duration, "duration"))
         if inputs is not None:
             self.set(inputs)
-        self.advance(base.exact(self._tick) + length)
+        self.advance(base.exact(end))
         return self.outputs
 
     def advance(self, until: TimeLike) -> None:

@@ -11,7 +11,8 @@ from cosim.picture.layout import LANE, Box, Line, Picture, arrange
 from cosim.system.members import Member
 from cosim.system.schedule import Schedule, seconds
 
-_COLOURS = {"discrete": ("#fff3d6", "#c98a00", "#8a5f00"), "continuous": ("#dfecfb", "#2a6fb0", "#1d5488")}
+COLOURS = {"discrete": ("#fff3d6", "#c98a00", "#8a5f00"), "continuous": ("#dfecfb", "#2a6fb0", "#1d5488")}
+"""Kind of a component -> fill, edge and ink."""
 _INK, _LINE = "#222", "#444"
 _HEAD = 34.0  # room for the title
 
@@ -71,7 +72,7 @@ def _path(points: tuple[tuple[float, float], ...]) -> str:
 
 
 def _box(body: etree._Element, member: Member, box: Box) -> None:
-    fill, stroke, ink = _COLOURS[member.kind]
+    fill, stroke, ink = COLOURS[member.kind]
     rect = etree.SubElement(
         body, "rect", x=_n(box.x), y=_n(box.y), width=_n(box.width), height=_n(box.height), rx="6", fill=fill, stroke=stroke
     )

@@ -81,22 +81,22 @@ Timeout = Annotated[
 ]
 Memory = Annotated[float | None, typer.Option("--memory-limit", metavar="MB", help="what such an FMU may allocate [MB]")]
 
-_EVERYWHERE: dict[str, tuple[Any, Any]] = {
-    "fmus": (Fmus, Path("fmus")),
-    "fmi": (Version, 3),
-    "out": (Out, Path("results")),
+_FMUS: dict[str, tuple[Any, Any]] = {"fmus": (Fmus, Path("fmus")), "fmi": (Version, 3)}
+_OUT: dict[str, tuple[Any, Any]] = {"out": (Out, Path("results"))}
+_EXECUTION: dict[str, tuple[Any, Any]] = {
     "engine": (Engines, "auto"),
     "isolate": (Isolate, None),
     "step_timeout": (Timeout, None),
     "memory_limit": (Memory, None),
 }
-EVERYWHERE_OF_STUDIES: dict[str, tuple[Any, Any]] = {
-    **_EVERYWHERE,
+_MANY: dict[str, tuple[Any, Any]] = {
     "processes": (Processes, None),
     "dask": (Dask, None),
     "force": (Force, False),
     "retry_failed": (Retry, False),
 }
+_EVERYWHERE = {**_FMUS, **_OUT, **_EXECUTION}
+EVERYWHERE_OF_STUDIES = {**_EVERYWHERE, **_MANY}
 """Options of whatever makes many runs."""
 Target = Annotated[Path | None, typer.Option("--fmu", metavar="FILE", help="the FMU to write, NAME.fmu")]
 Package = Annotated[
@@ -150,6 +150,7 @@ _EXPORT: dict[str, tuple[Any, Any]] = {
 }
 Drawing = Annotated[Path | None, typer.Option("--svg", metavar="FILE", help="the picture to write (default: NAME.svg)")]
 Title = Annotated[str | None, typer.Option("--title", help="its heading; '' for none")]
+_PICTURE: dict[str, tuple[Any, Any]] = {"svg": (Drawing, None), "title": (Title, None)}
 RealTime = Annotated[
     float | None,
     typer.Option(
@@ -185,12 +186,12 @@ def _one_run(experiment: Experiment) -> dict[str, tuple[Any, Any]]:
         "hold_input": (HoldInput, False),
         "recording_": (Annotated[Path | None, recording], None),
         "display_units": (DisplayUnits, False),
-        "real_time": (RealTime, None),
         "curves": (Curves, None),
         "bars_": (Bars, False),
     }
 
 
+_PACE: dict[str, tuple[Any, Any]] = {"real_time": (RealTime, None)}
 _VEHICLE: dict[str, tuple[Any, Any]] = {"vehicle": (Vehicles, None)}
 NOTHING = 1e-20  # of a metric: below it there is nothing to compare
 EVERYWHERE = (
@@ -214,9 +215,10 @@ def run_command(experiment: Experiment) -> Any:
         )  # fmt: skip
 
     options = field_options(experiment)
-    more = {**own_files(experiment), **_EVERYWHERE, **_one_run(experiment)}
+    results = _one_run(experiment)
+    more = {**own_files(experiment), **_EVERYWHERE, **_PACE, **results}
     text = "One run: metrics on the screen, time histories as a file."
-    return command(run, experiment, {**options, **more}, text, _Paced)
+    return command(run, experiment, {**options, **more}, text, _Paced, results=results)
 
 
 def export_command(experiment: Experiment) -> Any:
@@ -244,9 +246,8 @@ def export_command(experiment: Experiment) -> Any:
         console.print(f"{path}, FMI {given['fmi']}.0; cosim fmu {path} shows what is in it")
 
     options = field_options(experiment)
-    more = {k: v for k, v in _EVERYWHERE.items() if k in ("fmus", "fmi")}
     return command(
-        export, experiment, {**options, **_EXPORT, **own_files(experiment), **more},
+        export, experiment, {**options, **_EXPORT, **own_files(experiment), **_FMUS},
         "The system of one case as one FMU, with all that is in it, as an SSP: its FMUs and how they are connected, or as a web page in which it runs.",
         own={"What is written": _EXPORT},
     )  # fmt: skip
@@ -265,11 +266,10 @@ def wiring_command(experiment: Experiment) -> Any:
         console.print(f"{path}")
 
     options = {f.attribute: (Annotated[_type(f), _option(f)], f.default) for f in fields(experiment.case)}
-    more = {k: v for k, v in _EVERYWHERE.items() if k in ("fmus", "fmi")}
     return command(
-        wiring, experiment, {"svg": (Drawing, None), "title": (Title, None), **options, **own_files(experiment), **more},
+        wiring, experiment, {**_PICTURE, **options, **own_files(experiment), **_FMUS},
         "The system of one case as a picture: its components with their rates, a line for each bundle of signals.",
-        own={"Picture": ("svg", "title")},
+        own={"Picture": _PICTURE},
     )  # fmt: skip
 
 
@@ -459,20 +459,12 @@ def execution(given: Mapping[str, Any]) -> Execution:
     )
 
 
-_HEADINGS = {
-    "FMUs": ("fmus", "fmi", "vehicle"),
-    "How it runs": ("engine", "real_time", "processes", "dask", "force", "retry_failed", "isolate", "step_timeout", "memory_limit"),
-    "Inputs and results": ("signals_", "hold_input", "out", "recording_", "display_units", "curves", "bars_"),
-}
-"""Groups of options in the help of every experiment -> their names."""
-
-
 def command(
     function: Callable[..., None], experiment: Experiment, options: Mapping[str, tuple[Any, Any]], help: str,
-    kind: type[Command] = Command, own: Mapping[str, Collection[str]] | None = None,
+    kind: type[Command] = Command, own: Mapping[str, Collection[str]] | None = None, results: Collection[str] = (),
 ) -> Any:  # fmt: skip
-    """A command of an experiment, with these options by the names of ``function``'s arguments; ``own``: groups of them in its help, beside case,
-    FMUs and how it runs."""
+    """A command of an experiment, with these options by the names of ``function``'s arguments; ``own``: groups of them in its help, beside those of
+    every experiment; ``results``: those about inputs and results."""
     kinds = inspect.Parameter.KEYWORD_ONLY
     function.__signature__ = inspect.Signature(  # type: ignore[attr-defined]
         [inspect.Parameter(n, kinds, default=d, annotation=a) for n, (a, d) in options.items()]
@@ -482,7 +474,13 @@ def command(
     app = typer.Typer(**APP)
     app.command(experiment.name, cls=kind)(function)
     made: Any = typer.main.get_command(app)
-    made.headings = {"Case": [f.attribute for f in fields(experiment.case)], **(own or {}), **_HEADINGS}
+    made.headings = {
+        "Case": [f.attribute for f in fields(experiment.case)],
+        **(own or {}),
+        "FMUs": {*_VEHICLE, *_FMUS},
+        "How it runs": {*_EXECUTION, *_PACE, *_MANY},
+        "Inputs and results": {*_OUT, *results},
+    }
     return made
 
 

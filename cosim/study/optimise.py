@@ -212,8 +212,7 @@ def optimise(
         chosen = [dict(study.get_trials(deepcopy=False)[n].params) for n in todo]
         lacking = []
         for number, row in zip(todo, _rows(evaluate, chosen, executor), strict=True):
-            _tell(study, number, row, objectives)
-            lacking += [] if "failed" in row else _lacking(row, objectives)
+            lacking += _tell(study, number, row, objectives)
         if lacking and not any(t.state == TrialState.COMPLETE for t in study.get_trials(deepcopy=False)):
             raise OptimisationError(f"{lacking[0]}: no trial has the number that is to be small or large")
     progress(trials, trials)
@@ -270,23 +269,20 @@ def _row(evaluate: Evaluate, values: Values) -> Mapping[str, Any]:
         return {"failed": f"{type(error).__name__}: {error}"}
 
 
-def _tell(study: Any, number: int, row: Mapping[str, Any], objectives: Mapping[str, str]) -> None:
-    failed = str(row.get("failed", ""))
+def _tell(study: Any, number: int, row: Mapping[str, Any], objectives: Mapping[str, str]) -> list[str]:
+    """Tell the search what came of a trial; what there is to say of a run that came to its end without the number of an objective."""
     numbers = {k: float(v) for k, v in row.items() if isinstance(v, int | float) and math.isfinite(v)}
-    if not failed:
-        wrong = [*_lacking(row, objectives), *(f"{name} is {row[name]}" for name in objectives if name in row and name not in numbers)]
-        failed = wrong[0] if wrong else ""
+    failed = str(row.get("failed", ""))
+    lacking = [] if failed else [unknown("number", name, row) for name in objectives if name not in row]
+    infinite = [f"{name} is {row[name]}" for name in objectives if name in row and name not in numbers]
+    failed = failed or next(iter([*lacking, *infinite]), "")
     trial_id = study.get_trials(deepcopy=False)[number]._trial_id
     study._storage.set_trial_user_attr(trial_id, "failed" if failed else "row", failed or numbers)
     if failed:
         study.tell(number, state=TrialState.FAIL)
     else:
         study.tell(number, [numbers[n] for n in objectives])
-
-
-def _lacking(row: Mapping[str, Any], objectives: Iterable[str]) -> list[str]:
-    """What there is to say of a run that came to its end without the number of an objective."""
-    return [unknown("number", name, row) for name in objectives if name not in row]
+    return lacking
 
 
 def _trial(frozen: Any) -> Trial:

@@ -17,6 +17,7 @@ from typing import Any
 from lxml import etree
 
 from cosim import PythonComponent, System
+from cosim.picture.svg import COLOURS as KINDS
 
 PERIODS = {"filter": 2, "law": 2, "actuator": 1, "car": 1}
 """Component -> its step [ms], from the top of the picture to its bottom."""
@@ -91,7 +92,6 @@ LEFT, RIGHT, ROW, HEAD, FOOT, BAR = 96, 24, 58, 66, 44, 14  # px
 PER_MS = 150
 COLOURS = {"same": "#1d5488", "held": "#777777", "ahead": "#b8500c"}
 WORDS = {"same": "of the same instant", "held": "held since an earlier sample", "ahead": "just reached by the one before it in the group"}
-FILLS = {"discrete": ("#fff3d6", "#c98a00"), "continuous": ("#dfecfb", "#2a6fb0")}
 
 
 def kind_of(read: Read) -> str:
@@ -131,7 +131,7 @@ def _panel(body: etree._Element, group: bool) -> None:
         _text(body, _x(ms), bottom + 18, f"{ms} ms", anchor="middle")
     for name, period in PERIODS.items():
         discrete = name in DISCRETE
-        fill, edge = FILLS["discrete" if discrete else "continuous"]
+        fill, edge, _ = KINDS["discrete" if discrete else "continuous"]
         _text(body, 20, _y(name) + 5, name)
         if discrete:
             etree.SubElement(body, "path", d=f"M{_x(0)} {_y(name)} H{_x(END)}", stroke=edge).set("stroke-dasharray", "3 4")

@@ -324,19 +324,22 @@ _LIMITS = {"acceleration": (0.0, 1e4), "suspension": (0.0, 1e7), "tire": (1.0, 1
 
 def weight_parameters(weights: PreviewLqWeights) -> dict[str, float]:
     """Parameters of a tunable law for these weights: ``weight.acceleration.heave``, ``weight.tire.front``, ..."""
-    return {f"weight.{name}": value for name, value in weights.by_name().items()}
+    return {_parameter(name): value for name, value in weights.by_name().items()}
+
+
+def _parameter(weight: str) -> str:
+    return f"weight.{weight}"
 
 
 def _declared(c: Component, weights: PreviewLqWeights) -> ca.MX:
     """The weights of a set as parameters, in the order of outputs and controls."""
     texts = weights.descriptions()
     own = {}
-    for parameter, value in weight_parameters(weights).items():
-        name = parameter.removeprefix("weight.")
+    for name, value in weights.by_name().items():
         least, most = _LIMITS[name.partition(".")[0]]
         # Without a unit to the check of dimensions: the design has the car's matrices in numbers, as constants have that are designed in Python.
         own[name] = c.parameter(
-            parameter, value, None, f"weight of the squares of {texts[name]}", min=least, max=most, source=f"{weights.source}; any other designs another law"
+            _parameter(name), value, None, f"weight of the squares of {texts[name]}", min=least, max=most, source=f"{weights.source}; any other designs another law"
         )
     return ca.vertcat(*(own[n] for n in (*output_weights(CORNERS), *control_weights(CORNERS))))
 
