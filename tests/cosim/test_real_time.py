@@ -5,13 +5,10 @@ Times are those of a clock that the tests move; with the real one only what no b
 
 from __future__ import annotations
 
-import os
-import signal
-import threading
-
 import awkward
 import numpy as np
 import pytest
+from ctrl_c import ctrl_c
 from probes import Clock, Integrator
 from same import ENGINES, assert_same
 
@@ -183,11 +180,8 @@ def test_ctrl_c_while_it_waits(awkward_fmus, engine):
         whole = system.run(0.1, engine=engine)
         simulation = system.initialize(engine=engine)
         simulation.advance(0.03)
-        press = threading.Timer(0.05, lambda: os.kill(os.getpid(), signal.SIGINT))
-        press.start()
-        with pytest.raises(Interrupted) as caught:
+        with ctrl_c(), pytest.raises(Interrupted) as caught:
             simulation.advance(0.1, real_time=0.001)
-        press.join()
         assert caught.value.time < 0.1
         simulation.advance(0.1)
         assert_same(simulation.recording, whole)

@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-import os
-import signal
-import threading
 from typing import Any
 
 import awkward
 import numpy as np
 import pytest
+from ctrl_c import ctrl_c
 from rich.progress import Progress
 from same import ENGINES, assert_same_outcome, bits, outcome
 
 from cosim import CosimError, Interrupted, PythonComponent, Recording, StopWhen, System
+from cosim.spool import spool_of
 
 pytestmark = pytest.mark.filterwarnings("ignore::cosim.UnconnectedInputsWarning")
 
@@ -172,11 +171,8 @@ def test_ctrl_c_ends_a_compiled_run_between_two_instants(follower):
     with System() as system:
         system.add("f", follower[3], step="1 ms", start={"u": 30.0})
         with system.initialize(record=["f.y"], record_interval="1 s", engine="compiled") as simulation:
-            alarm = threading.Timer(0.2, lambda: os.kill(os.getpid(), signal.SIGINT))
-            alarm.start()
-            with pytest.raises(Interrupted, match="interrupted at t ="):
+            with ctrl_c(after=0.1), pytest.raises(Interrupted, match="interrupted at t ="):
                 simulation.advance(10**9)
-            alarm.join()
             reached = simulation.time
             assert 0 < reached < 10**9
             simulation.advance(reached + 1)
@@ -187,17 +183,16 @@ def test_ctrl_c_keeps_what_a_compiled_run_has_recorded(follower, tmp_path):
     """Raised with the recording, which is in the file too; both are the begin of a run that nobody has interrupted."""
     with System() as system:
         system.add("f", follower[2], step="1 ms", start={"u": 30.0})
-        alarm = threading.Timer(0.2, lambda: os.kill(os.getpid(), signal.SIGINT))
-        alarm.start()
-        with pytest.raises(Interrupted) as raised:
-            system.run(10**9, record=["f.y"], record_interval="1 s", engine="compiled", csv=tmp_path / "run.csv")
-        alarm.join()
+        csv = tmp_path / "run.csv"
+        part = spool_of(csv)
+        with ctrl_c(lambda: part.exists() and part.stat().st_size > 1000), pytest.raises(Interrupted) as raised:
+            system.run(10**9, record=["f.y"], record_interval="1 s", engine="compiled", csv=csv)
         kept = raised.value.recording
         whole = system.run(kept.time[-1], record=["f.y"], record_interval="1 s", engine="compiled")
     assert len(kept) > 2
     np.testing.assert_array_equal(bits(kept.time), bits(whole.time))
     np.testing.assert_array_equal(bits(kept.data), bits(whole.data))
-    rows = np.loadtxt(tmp_path / "run.csv", delimiter=",", skiprows=1)
+    rows = np.loadtxt(csv, delimiter=",", skiprows=1)
     np.testing.assert_array_equal(bits(rows), bits(np.column_stack([kept.time, kept.data])))
     assert [p.name for p in tmp_path.iterdir()] == ["run.csv"]
 

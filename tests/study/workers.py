@@ -23,7 +23,10 @@ def work(task: tuple[str, str, str]) -> int:
     system.add("plant", fmu)
     system.run(0.2)
     KEPT.append(system)
-    (Path(notes) / str(os.getpid())).write_text(tempfile.gettempdir())
+    note = Path(notes) / str(os.getpid())
+    written = note.parent.with_name(f"note-{note.name}")
+    written.write_text(tempfile.gettempdir())
+    written.replace(note)  # whole or not there: a worker is killed at any moment, and notes are read at any moment
     while then == "stay":
         time.sleep(0.05)
     if then == "fail":
