@@ -16,8 +16,11 @@ from pathlib import Path
 import pytest
 from pages import PAGES, ROOT, blocks, headings, links, transcripts
 from pyarrow import parquet as pq
+from typer.testing import CliRunner
 
 from cosim import Recording
+from cosim.cli import app
+from cosim.experiments import EXPERIMENTS
 
 BIN = Path(sys.executable).parent
 LINES_OF_WIRING = 20
@@ -301,19 +304,34 @@ def test_links_lead_somewhere(page: Path) -> None:
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda p: p.stem)
 def test_commands_named_in_a_page_exist(page: Path) -> None:
-    """Options of `build-fmus` and `cosim` in running text are options the programs have."""
+    """Options of our programs in running text are options that they have; those of a user's file are the file's own."""
     text = page.read_text(encoding="utf-8")
-    for program in ("build-fmus", "cosim run gpc", "cosim study gpc", "cosim identify gpc"):
-        for options in re.findall(rf"{program}([^`\n]*)", text):
-            for option in re.findall(r"--[\w-]+", options):
-                assert option in help_of(program), f"{page.name}: {program} has no {option}"
+    for program, words, options in re.findall(r"(?<![\w/.-])(cosim|build-fmus)((?: +(?!--)[\w./-]+)*)([^`\n|]*)", text):
+        command = ["build"] if program == "build-fmus" else words.split()[:2]
+        if not command or (len(command) == 2 and command[1] not in EXPERIMENTS):
+            continue
+        for option in re.findall(r"(?<![\w-])--[a-z][\w-]*", options):
+            assert option in help_of(*command), f"{page.name}: cosim {' '.join(command)} has no {option}"
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda p: p.stem)
+def test_what_a_page_says_to_run_exists(page: Path) -> None:
+    """Targets of make, modules and scripts of the repository."""
+    text = page.read_text(encoding="utf-8")
+    targets = set(re.findall(r"^([a-z-]+):", (ROOT / "Makefile").read_text(encoding="utf-8"), re.MULTILINE))
+    assert set(re.findall(r"(?:`|^ {4}|&& )make ([a-z-]+)", text, re.MULTILINE)) <= targets
+    for module in re.findall(r"python -m ((?:benchmarks|tests)[\w.]*)", text):
+        path = ROOT / module.replace(".", "/")
+        assert path.with_suffix(".py").is_file() or (path / "__main__.py").is_file(), f"{page.name}: {module}"
+    for file in re.findall(r"python ((?:benchmarks|docs|tests|\.ci)/[\w/]+\.py)", text):
+        assert (ROOT / file).is_file(), f"{page.name}: {file}"
+        imports = re.search(r"^from (?:tests|benchmarks)", (ROOT / file).read_text(encoding="utf-8"), re.MULTILINE)
+        assert not imports, f"{page.name}: {file} imports from the repository, so it is a module: python -m"
 
 
 @cache
-def help_of(program: str) -> str:
-    """What ``--help`` prints."""
-    name, *command = program.split()
-    environment = {**os.environ, "COLUMNS": "200"}
-    return subprocess.run(
-        [BIN / name, *command, "--help"], capture_output=True, text=True, check=True, env=environment
-    ).stdout
+def help_of(*command: str) -> str:
+    """What ``cosim COMMAND --help`` prints; of a command that needs the name of an experiment, with one."""
+    result = CliRunner().invoke(app, [*command, "--help"], env={"COLUMNS": "200"})
+    assert result.exit_code == 0, result.output
+    return help_of(*command, min(EXPERIMENTS)) if "COMMAND [ARGS]" in result.output else result.output

@@ -29,7 +29,11 @@ for (const colorScheme of ["light", "dark"]) {
     const clock = () => page.evaluate(() => new Promise((done) => requestAnimationFrame((now) => done([page.time, now / 1000]))));
     await page.waitForTimeout(1000); // until the browser has compiled what runs often
     const from = await clock();
-    await page.waitForTimeout(3000);
+    const frames = await page.evaluate(() => new Promise((done) => { // drawn in three seconds
+      const before = page.frames, begun = performance.now();
+      const look = (now) => (now - begun < 3000 ? requestAnimationFrame(look) : done((page.frames - before) / (now - begun) * 1000));
+      requestAnimationFrame(look);
+    }));
     const to = await clock();
     const view = await page.evaluate(() => ({
       state: document.documentElement.dataset.state, ready: performance.getEntriesByName("ready")[0].startTime / 1000,
@@ -40,9 +44,39 @@ for (const colorScheme of ["light", "dark"]) {
     await page.evaluate(axe.source);
     const { violations } = await page.evaluate(() => window.axe.run());
     view.violations = violations.map(({ id, impact, help, nodes }) => ({ id, impact, help, nodes: nodes.slice(0, 3).map((n) => n.html.slice(0, 200)) }));
-    found.views.push({ width, scheme: colorScheme, pace: (to[0] - from[0]) / (to[1] - from[1]), ...view });
+    found.views.push({ width, scheme: colorScheme, frames, pace: (to[0] - from[0]) / (to[1] - from[1]), ...view });
     await context.close();
   }
+}
+
+// a system that stands can be looked at from all sides
+{
+  const context = await browser.newContext({ viewport: { width: 1400, height: 900 } });
+  const page = await open(context, "#paused");
+  const seen = () => page.evaluate(() => ({
+    view: document.getElementById("view").value, azimuth: page.camera.azimuth, zoom: page.camera.zoom, time: page.time, running: page.running,
+    picture: page.views[0].canvas.toDataURL(), label: page.views[0].canvas.getAttribute("aria-label"),
+  }));
+  const box = await page.locator("#scenes canvas").first().boundingBox();
+  const drag = async (far) => {
+    await page.mouse.move(box.x + 200, box.y + 80);
+    await page.mouse.down();
+    await page.mouse.move(box.x + 200 + far, box.y + 80, { steps: 8 });
+    await page.mouse.up();
+    await page.waitForTimeout(300);
+  };
+  found.looks = { first: await seen() };
+  await drag(2);
+  found.looks.pressed = await seen();
+  await drag(80);
+  found.looks.dragged = await seen();
+  await page.keyboard.press("+");
+  await page.waitForTimeout(300);
+  found.looks.zoomed = await seen();
+  await page.selectOption("#view", "rear");
+  await page.waitForTimeout(1000);
+  found.looks.rear = await seen();
+  await context.close();
 }
 
 // without a picture: the numbers, group by group, and what they cost

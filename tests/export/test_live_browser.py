@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import Any
 
@@ -24,6 +25,7 @@ SCRIPT = Path(__file__).with_name("live.mjs")
 SECONDS = 60
 LARGEST = 3e6  # bytes of a page
 FIRST = 2.0  # s, until it is there
+SMOOTH = 45.0  # frames/s at least, where nothing but the processor draws; a browser shows 60
 
 
 @pytest.fixture(scope="module", params=sorted(shown_experiments()))
@@ -55,10 +57,24 @@ def test_it_runs_as_fast_as_the_clock_and_can_be_read_by_everyone(shown) -> None
         assert view["state"] == "ready"
         assert view["overflow"] <= 0
         assert view["pace"] > 0.95 * asked  # with all systems and their pictures
+        assert view["frames"] > SMOOTH
         assert [(v["id"], v["help"], v["nodes"]) for v in view["violations"] if v["impact"] in ("serious", "critical")] == []
         assert all(label and "NaN" not in label for label in view["labels"])
     for group in found["groups"]:
         assert group["seconds"] < SECONDS
+
+
+def test_a_system_that_stands_is_seen_from_all_sides(shown) -> None:
+    """Pressed, dragged, zoomed, from behind: each is another picture of the same moment, except a press that is no drag."""
+    _, _, found = shown
+    looks = found["looks"]
+    assert {(v["time"], v["running"]) for v in looks.values()} == {(0, False)}
+    assert looks["pressed"] == looks["first"]
+    assert [v["view"] for v in looks.values()] == ["side", "side", "three-quarter", "three-quarter", "rear"]
+    assert len({v["picture"] for v in looks.values()}) == 4
+    assert looks["dragged"]["azimuth"] < looks["first"]["azimuth"]
+    assert looks["zoomed"]["zoom"] > looks["dragged"]["zoom"] == 1
+    assert looks["rear"]["azimuth"] == pytest.approx(math.pi) or looks["rear"]["azimuth"] == pytest.approx(-math.pi)
 
 
 def test_its_numbers_are_those_of_the_native_run(shown) -> None:

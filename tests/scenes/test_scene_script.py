@@ -542,15 +542,18 @@ def _contrast(first: str, second: str) -> float:
 # --------------------------------------------------------------------------------------------------- views and the pointer
 
 
-def test_only_the_free_view_turns(browser: Browser) -> None:
+def test_a_view_that_is_turned_is_free(browser: Browser) -> None:
     browser.see(scene(), STILL)
-    fixed = browser.run("[view.camera.azimuth, view.camera.elevation]")
-    browser.engine.eval("view.orbit(50, 50)")
-    assert browser.run("[view.camera.azimuth, view.camera.elevation]") == fixed
-    browser.engine.eval("view.view = 'three-quarter'; view.orbit(50, 2000)")
+    side = browser.run("[view.camera.azimuth, view.camera.elevation]")
+    assert "from the side" in browser.run("view.describe()")
+    browser.engine.eval("view.orbit(50, 2000)")
     azimuth, elevation = browser.run("[view.camera.azimuth, view.camera.elevation]")
-    assert azimuth == pytest.approx(browser.run("SceneView.VIEWS['three-quarter'].azimuth") - 0.4)
+    assert azimuth == pytest.approx(side[0] - 0.4)
     assert elevation == pytest.approx(1.2)  # never from below
+    assert browser.run("view.view") == "three-quarter"
+    assert "from a view of your own" in browser.run("view.describe()")
+    browser.engine.eval("view.view = 'three-quarter'")
+    assert "from ahead and the right" in browser.run("view.describe()")
     browser.engine.eval("view.zoom(1e9)")
     assert browser.run("view.camera.zoom") == 6
 
@@ -583,6 +586,53 @@ def test_no_path_cuts_holes_into_itself(browser: Browser) -> None:
             assert len(turning) <= 1
             several += len(areas) > 1
         assert several > 10
+
+
+ROUGH = "(side, x) => 0.04 * Math.sin(3 * x) + (side === 'left' ? 0.03 : -0.02) * Math.cos(7 * x + 1) + (x > 1 ? 0.15 : 0)"
+
+
+@pytest.mark.parametrize("view", VIEWS)
+@pytest.mark.parametrize("turned", [0.0, 400.0])
+def test_the_road_has_no_holes(browser: Browser, view: str, turned: float) -> None:
+    """Every piece of it that is seen from above lies in a path that is filled as road, however rough it is and wherever one looks from."""
+    grounds = [Ground(side, y, "road", "x", side, 0.0) for side, y in (("left", 0.8), ("right", -0.8))]
+    rough = scene(reliefs=[], grounds=grounds, wheels=[WHEEL])
+    for exaggeration in (1, 8):
+        browser.see(rough, STILL, view, road=ROUGH)
+        browser.engine.eval(f"view.exaggeration = {exaggeration}; view.camera.azimuth += 0.008 * {turned}")
+        browser.draw(0.1)
+        shades = set(browser.run("Array.from({length: 60}, (_, level) => view.shade('road', level / SceneView.LEVELS))"))
+        fills = [np.array([p[1:] for p in n["path"]]) for n in browser.run("notes") if n["what"] == "fill" and n["style"] in shades]
+        road = np.array(browser.run("view.road"))
+        width, track, size = browser.run("[view.halfWidth, view.trackHalf, [view.width, view.height]]")
+        lines = [(width, 1), (track, 1), (-track, 2), (-width, 2)]
+        screen = np.array(browser.run(f"{json.dumps(lines)}.map(([y, c]) => view.road.map((p) => view.screen([p[0], y, p[c]])))"))
+        seen = 0
+        for one, other in ((0, 1), (1, 2), (2, 3)):
+            for i in range(len(road) - 1):
+                points = np.array([screen[one, i], screen[one, i + 1], screen[other, i + 1], screen[other, i]])
+                edges = np.roll(points, -1, 0) - points
+                turns = np.sign(edges[:, 0] * np.roll(edges[:, 1], -1) - edges[:, 1] * np.roll(edges[:, 0], -1))
+                folded = abs(turns.sum()) < 4  # then the mean of its corners may lie beside it
+                x, y = points.mean(axis=0)
+                if folded or abs(_area([tuple(p) for p in points.tolist()])) < 0.5 or not (0 < x < size[0] and 0 < y < size[1]):
+                    continue
+                seen += 1
+                assert any(_winding(fill, x, y) for fill in fills if fill[:, 0].min() < x < fill[:, 0].max()), (road[i], one, exaggeration)
+        assert seen > 30
+        assert len(fills) < 0.75 * 3 * len(road)  # what is lit alike is one path
+
+
+def test_a_level_road_is_one_path(browser: Browser) -> None:
+    browser.see(scene(reliefs=[], grounds=[Ground("left", 0.8, "road", "x", "left", 0.0)]), STILL, road="() => 0")
+    shades = set(browser.run("Array.from({length: 60}, (_, level) => view.shade('road', level / SceneView.LEVELS))"))
+    assert sum(n["what"] == "fill" and n["style"] in shades for n in browser.run("notes")) == 1
+
+
+def _winding(points: np.ndarray, x: float, y: float) -> int:
+    """How often a closed line of points goes round a place: what is not 0 is filled."""
+    angles = np.unwrap(np.arctan2(*(np.vstack([points, points[:1]]) - (x, y)).T[::-1]))
+    return round((angles[-1] - angles[0]) / (2 * np.pi))
 
 
 def _polygons(path: list[list[Any]]) -> Iterator[list[tuple[float, float]]]:

@@ -9,6 +9,8 @@ const BUDGET = 0.7; // of the time that passes, for computing
 const LONGEST = 0.1; // s of it that count: a page that was out of sight does not catch up
 const FIRST = 20; // steps, before their cost is known
 const SMOOTH = 1; // s, over which the pace is told
+const TOLD = 100; // ms, between two looks of a running system at its numbers, which nobody can follow faster
+const EVERY = { chart: 3, hidden: 6, hiddenChart: 18 }; // frames, of what need not be drawn in each: in turn, so that no frame is long
 
 class Variant {
   constructor(module, system, data, number) {
@@ -208,15 +210,21 @@ class Page {
     document.addEventListener("keydown", e => this.key(e));
     document.addEventListener("visibilitychange", () => { this.last = this.factor = null; });
     new ResizeObserver(() => this.draw()).observe(document.body);
+    this.seen = new Set(); // canvases in sight
+    this.watch = new IntersectionObserver(entries => {
+      for (const e of entries) e.isIntersecting ? this.seen.add(e.target) : this.seen.delete(e.target);
+    });
     matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => {
       for (const { view } of this.views) view.restyle();
+      this.restyle();
       this.draw();
     });
+    this.restyle();
     this.camera = { view: "side", ...SceneView.VIEWS.side, zoom: 1, turn: null }; // one for all scenes
     for (const name of Object.keys(SceneView.VIEWS)) $("view").add(new Option(name, name));
     $("view").addEventListener("change", () => {
       for (const { view } of this.views.slice(0, 1)) view.view = $("view").value;
-      this.draw();
+      this.moved();
     });
     $("heights").addEventListener("change", () => {
       for (const { view } of this.views) view.exaggeration = Number($("heights").value);
@@ -227,14 +235,24 @@ class Page {
     $("controls").closest("section").hidden = !data.controls.length;
   }
 
+  /** Reads the colours of lines again. */
+  restyle() {
+    const style = getComputedStyle(document.documentElement);
+    this.colours = Array.from({ length: COLOURS }, (_, i) => style.getPropertyValue(`--line-${i}`));
+    for (const chart of this.charts) chart.restyle();
+  }
+
   /** The systems of a group, on one road and one clock. */
   choose(group) {
+    this.watch.disconnect();
+    this.seen.clear();
     const chosen = this.data.systems.filter(s => s.group === group);
     this.variants = chosen.map((s, i) => new Variant(this.module, s, this.data, i));
     for (const variant of this.variants) for (const [name, value] of this.shared) if (variant.variables.has(name)) variant.settings.set(name, value);
     this.scenes();
     this.plots();
     this.table();
+    for (const { canvas } of [...this.views, ...this.charts]) this.watch.observe(canvas);
     this.parameters();
     this.restart();
     for (const c of this.controls) c.show();
@@ -254,7 +272,7 @@ class Page {
       room.append(figure);
       if (!variant.system.scene) { canvas.remove(); continue; }
       const ground = (side, x) => variant.probe ? variant.probe.height(side, x) : null;
-      const view = new SceneView(canvas, variant.system.scene, { value: name => variant.value(name), ground, reducedMotion: this.reduced, camera: this.camera });
+      const view = new SceneView(canvas, variant.system.scene, { value: name => variant.value(name), ground, reducedMotion: this.reduced, camera: this.camera, changed: () => this.moved() });
       view.exaggeration = Number(this.$("heights").value);
       variant.readings = view.readings().map(({ label, unit }) => {
         const item = document.createElement("div");
@@ -521,6 +539,7 @@ class Page {
   pause() {
     this.running = false;
     this.$("run").textContent = "Run";
+    this.draw();
     this.describe();
   }
 
@@ -545,28 +564,51 @@ class Page {
       this.factor = this.factor === null ? factor : weight * this.factor + (1 - weight) * factor;
     }
     this.last = now;
-    this.draw();
+    if (!this.running) return; // all has come to its end, and is drawn
+    this.draw(true);
+    if (performance.now() - this.told > TOLD) this.tell();
     requestAnimationFrame(t => this.frame(t));
   }
 
-  draw() {
-    for (const { view, variant } of this.views) {
+  /** All that is shown; between two looks (`partly`) only pictures, those that can wait in turn. */
+  draw(partly = false) {
+    this.frames = (this.frames ?? 0) + 1;
+    const due = (canvas, number, seen, hidden) => !partly || (this.frames + number) % (this.seen.has(canvas) ? seen : hidden) === 0;
+    this.views.forEach(({ view, canvas, variant }, i) => {
       if (variant.refreshed) view.refresh();
       variant.refreshed = false;
-      view.draw(this.time);
+      if (due(canvas, i, 1, EVERY.hidden)) view.draw(this.time);
+    });
+    const lines = this.variants.map((v, i) => ({ history: v.history, ahead: v.system.ahead, dash: DASHES[i % DASHES.length], colour: this.colours[i % COLOURS] }));
+    this.charts.forEach((chart, i) => {
+      if (due(chart.canvas, i, EVERY.chart, EVERY.hiddenChart)) chart.draw(lines, this.seconds);
+    });
+    if (!partly) this.tell();
+  }
+
+  /** The camera has been moved, or turns: a system that stands is drawn again, until it has come to rest. */
+  moved() {
+    this.$("view").value = this.camera.view;
+    if (this.running || this.moving) return;
+    this.moving = true;
+    requestAnimationFrame(() => {
+      this.moving = false;
+      this.draw(this.camera.turn !== null);
+      if (this.camera.turn) this.moved();
+    });
+  }
+
+  /** Numbers and words. */
+  tell() {
+    this.told = performance.now();
+    this.$("time").textContent = `${this.time.toFixed(2)} s`;
+    for (const { view, variant } of this.views) {
       view.readings().forEach(({ text }, i) => { if (variant.readings[i].textContent !== text) variant.readings[i].textContent = text; });
     }
-    const lines = this.variants.map((v, i) => ({
-      history: v.history, ahead: v.system.ahead, dash: DASHES[i % DASHES.length],
-      colour: getComputedStyle(document.documentElement).getPropertyValue(`--line-${i % COLOURS}`),
-    }));
-    for (const chart of this.charts) chart.draw(lines, this.seconds);
     this.fill();
-    this.$("time").textContent = `${this.time.toFixed(2)} s`;
     const slow = this.running && this.factor !== null && this.factor < 0.9 * this.pace;
     this.$("factor").textContent = slow ? `this device runs it at ${this.factor.toFixed(2)} times the clock, not ${this.pace}` : "";
-    const now = performance.now();
-    if (!this.described || now - this.described > 2000) this.describe();
+    if (!this.described || this.told - this.described > 2000) this.describe();
   }
 
   /** Words for those who do not see the pictures. */

@@ -9,6 +9,13 @@ class StripChart {
     this.canvas = canvas;
     this.signal = signal;
     this.range = null;
+    this.restyle();
+  }
+
+  /** Reads the colours again, after the page has changed its scheme. */
+  restyle() {
+    const style = getComputedStyle(this.canvas);
+    [this.ink, this.rule] = ["--muted", "--rule"].map(name => style.getPropertyValue(name));
   }
 
   /**
@@ -22,16 +29,14 @@ class StripChart {
     const c = this.canvas.getContext("2d");
     c.setTransform(ratio, 0, 0, ratio, 0, 0);
     c.clearRect(0, 0, box.width, box.height);
-    const style = getComputedStyle(this.canvas);
-    const ink = style.getPropertyValue("--muted"), rule = style.getPropertyValue("--rule");
-    const left = 52, right = box.width - 6, top = 8, bottom = box.height - 18;
+    const { ink, rule } = this, left = 52, right = box.width - 6, top = 8, bottom = box.height - 18;
     const { factor, offset } = this.signal;
     const futures = lines.map(l => StripChart.future(l.history, l.ahead[this.signal.name]));
     const now = Math.max(0, ...lines.map(l => l.history.time));
     const end = Math.max(seconds, now + Math.max(0, ...futures.map(f => f.reach)));
     const begin = end - seconds;
     let low = Infinity, high = -Infinity;
-    const series = lines.map(l => l.history.series(this.signal.name, begin, Math.max(2, Math.round(right - left))));
+    const series = lines.map(l => l.history.series(this.signal.name, begin, Math.max(2, Math.round((right - left) / 2))));
     for (const s of [...series, ...futures]) for (const v of s.values) {
       const y = v * factor + offset;
       if (y < low) low = y;
@@ -62,7 +67,7 @@ class StripChart {
       if (t >= 0) c.fillText(`${StripChart.number(t, apart)} s`, Math.min(px(t), right - 12), bottom + 4);
     }
     c.lineWidth = 1.6;
-    c.lineJoin = "round";
+    c.lineJoin = "bevel";
     c.save();
     c.beginPath();
     c.rect(left, top - 3, right - left, bottom - top + 6);

@@ -13,14 +13,18 @@ class SceneView {
   ];
   static WORDS = { ground: "ground on tire", actuator: "actuator on body", body: "ground on body", preview: "preview", sensed: "sensed road", predicted: "predicted travel" };
   static SAMPLES = 150; // of the road in view
+  static LEVELS = 24; // of light
+  static SEAM = 0.7; // px, by which neighbours overlap
   static NARROW = 520; // px
+  static DRAG = 5; // px, until a press is a drag
   static TURN = 350; // ms, from one view to another
 
-  constructor(canvas, data, { value, ground = () => null, reducedMotion = false, camera = null }) {
+  constructor(canvas, data, { value, ground = () => null, reducedMotion = false, camera = null, changed = () => {} }) {
     this.canvas = canvas;
     this.data = data;
     this.value = value;
     this.probe = ground;
+    this.changed = changed; // is called when a person has moved the camera
     this.reducedMotion = reducedMotion;
     this.exaggeration = 1; // of motion and of heights of the road
     this.camera = camera || { view: "side", azimuth: SceneView.VIEWS.side.azimuth, elevation: SceneView.VIEWS.side.elevation, zoom: 1, turn: null };
@@ -100,7 +104,8 @@ class SceneView {
 
   // One sentence about what is seen, for those who do not see it.
   describe() {
-    const from = { side: "from the side", "three-quarter": "from ahead and the right", rear: "from behind" }[this.view];
+    const still = this.camera.azimuth === SceneView.VIEWS[this.view].azimuth || this.camera.turn; // nobody has turned it
+    const from = still ? { side: "from the side", "three-quarter": "from ahead and the right", rear: "from behind" }[this.view] : "from a view of your own";
     const parts = this.readings().map(({ label, unit, text }) => `${label} ${text}${unit ? ` ${unit}` : ""}`);
     const pushing = this.data.arrows.filter((a) => a.role === "actuator").map((a) => this.raw(a.fz));
     if (pushing.length) {
@@ -284,7 +289,7 @@ class SceneView {
       this.canvas.width = Math.round(width * ratio);
       this.canvas.height = Math.round(height * ratio);
     }
-    const pen = this.canvas.getContext("2d");
+    const pen = this.canvas.getContext("2d", { alpha: false }); // every picture covers all of it
     pen.setTransform(ratio, 0, 0, ratio, 0, 0);
     pen.lineJoin = pen.lineCap = "round";
     this.pen = pen;
@@ -366,10 +371,10 @@ class SceneView {
   }
 
   shade(material, light) {
-    const level = Math.round(24 * light), key = `${material}${level}`;
+    const level = Math.round(SceneView.LEVELS * light), key = `${material}${level}`;
     let found = this.shades.get(key);
     if (!found) {
-      found = SceneView.mixed(this.color[material], 0.58 + 0.5 * (level / 24));
+      found = SceneView.mixed(this.color[material], 0.58 + 0.5 * (level / SceneView.LEVELS));
       this.shades.set(key, found);
     }
     return found;
@@ -460,51 +465,68 @@ class SceneView {
   }
 
   drawRoad() {
-    const { pen, color, halfWidth: w } = this;
+    const { halfWidth: w } = this;
     const points = (this.road = this.profile());
     const lines = this.data.grounds.map((g) => Math.abs(g.y)).concat(this.data.wheels.map((g) => Math.abs(this.rest(g.y))));
     const track = (this.trackHalf = Math.max(0.05, Math.min(...lines)));
     this.centre[2] += 0.5 * this.mean(points);
-    const backwards = this.towards[0] < 0, order = points.map((_, i) => i).slice(1);
-    if (backwards) order.reverse();
-    pen.lineWidth = 0.8;
-    const near = this.towards[1] < 0 ? -w : w;
-    const strip = (ax, al, bx, bl, y1, ar, br, y2) => {
-      const slope = Math.atan2(0.5 * (bl - al + br - ar), Math.max(1e-9, bx - ax));
-      const light = Math.max(0, -Math.sin(slope) * SceneView.LIGHT[0] * 1.6 + Math.cos(slope) * SceneView.LIGHT[2]);
-      pen.fillStyle = pen.strokeStyle = this.shade("road", light);
-      this.path([[ax, y1, al], [bx, y1, bl], [bx, y2, br], [ax, y2, ar]]);
-      pen.fill();
-      pen.stroke();
-    };
-    let run = null; // level pieces of one height are one strip
-    const flush = () => {
-      if (run) strip(run[0], run[1], run[2], run[1], w, run[1], run[1], -w);
-      run = null;
-    };
-    for (const i of order) {
-      const [ax, al, ar] = points[i - 1], [bx, bl, br] = points[i];
-      if (al === bl && ar === br && al === ar) {
-        if (run && run[1] === al) run = backwards ? [ax, al, run[2]] : [run[0], al, bx];
-        else {
-          flush();
-          run = [ax, al, bx];
-        }
-        continue;
-      }
-      flush();
-      if (al === ar && bl === br) strip(ax, al, bx, bl, w, ar, br, -w);
-      else {
-        const pieces = [[w, track, al, bl, al, bl], [track, -track, al, bl, ar, br], [-track, -w, ar, br, ar, br]];
-        if (this.towards[1] > 0) pieces.reverse();
-        for (const [y1, y2, zal, zbl, zar, zbr] of pieces) strip(ax, zal, bx, zbl, y1, zar, zbr, y2);
-      }
-    }
-    flush();
+    const near = this.towards[1] < 0 ? -w : w, alike = points.every((p) => p[1] === p[2]);
+    const lanes = alike ? [[-near, 1, near, 1]] : [[w, 1, track, 1], [track, 1, -track, 2], [-track, 2, -w, 2]];
+    if (!alike && this.towards[1] > 0) lanes.reverse().forEach((lane) => lane.splice(0, 4, lane[2], lane[3], lane[0], lane[1]));
+    const order = this.towards[0] < 0 ? [...points].reverse() : points;
+    lanes.forEach((lane, i) => this.drawLane(order, i > 0, ...lane));
     this.drawTracks();
     this.drawMarks(near);
     this.drawSection(near);
     this.drawShadow();
+  }
+
+  // The road from the far line y1, with the heights of column c1, to the near one; `points` from back to front. What is lit alike, and is seen
+  // from the same face, is one path: browsers take their time for each. Each reaches a little over the one before, so that no seam shines through.
+  drawLane(points, covers, y1, c1, y2, c2) {
+    const { pen, scale, right: r, up: u } = this, count = points.length;
+    const left = this.width / 2 - scale * (this.centre[0] * r[0] + this.centre[1] * r[1]);
+    const top = this.height / 2 + scale * (this.centre[0] * u[0] + this.centre[1] * u[1] + this.centre[2] * u[2]);
+    const far = new Float64Array(2 * count), close = new Float64Array(2 * count); // x, y on the screen
+    const back = covers ? Math.sign(y1 - y2) * SceneView.SEAM / (scale * Math.hypot(r[1], u[1])) : 0;
+    points.forEach((p, i) => {
+      far[2 * i] = left + scale * (p[0] * r[0] + (y1 + back) * r[1]);
+      far[2 * i + 1] = top - scale * (p[0] * u[0] + (y1 + back) * u[1] + p[c1] * u[2]);
+      close[2 * i] = left + scale * (p[0] * r[0] + y2 * r[1]);
+      close[2 * i + 1] = top - scale * (p[0] * u[0] + y2 * u[1] + p[c2] * u[2]);
+    });
+    const along = Math.hypot(r[0], u[0]), sign = points[0][0] < points[count - 1][0] ? 1 : -1;
+    const over = [-SceneView.SEAM * sign * r[0] / along, SceneView.SEAM * sign * u[0] / along];
+    const paint = (from, to, level) => {
+      pen.fillStyle = this.shade("road", level / SceneView.LEVELS);
+      pen.beginPath();
+      if (from) {
+        pen.moveTo(close[2 * from] + over[0], close[2 * from + 1] + over[1]);
+        pen.lineTo(far[2 * from] + over[0], far[2 * from + 1] + over[1]);
+      }
+      for (let i = from; i <= to; i += 1) pen.lineTo(far[2 * i], far[2 * i + 1]);
+      for (let i = to; i >= from; i -= 1) pen.lineTo(close[2 * i], close[2 * i + 1]);
+      pen.fill();
+    };
+    let begin = 0, level = null, face = null;
+    for (let i = 1; i < count; i += 1) {
+      const a = points[i - 1], b = points[i], k = 2 * i, j = k - 2;
+      const slope = Math.atan2(0.5 * sign * (b[c1] - a[c1] + b[c2] - a[c2]), Math.max(1e-9, sign * (b[0] - a[0])));
+      const light = Math.max(0, -Math.sin(slope) * SceneView.LIGHT[0] * 1.6 + Math.cos(slope) * SceneView.LIGHT[2]);
+      const own = Math.round(SceneView.LEVELS * light);
+      let seen = 0; // 4 or -4: all of it from one face; else it is folded on the screen, and a path of its own
+      for (const ahead of [far, close]) for (const m of [j, k]) {
+        seen += Math.sign((ahead[k] - ahead[j]) * (close[m + 1] - far[m + 1]) - (ahead[k + 1] - ahead[j + 1]) * (close[m] - far[m]));
+      }
+      if (Math.min(far[j], far[k], close[j], close[k]) > this.width || Math.max(far[j], far[k], close[j], close[k]) < 0) { // out of sight
+        if (level !== null) paint(begin, i - 1, level);
+        level = null;
+      } else if (level === null || Math.abs(own - level) > 1 || seen !== face || Math.abs(seen) < 4) {
+        if (level !== null) paint(begin, i - 1, level);
+        [begin, level, face] = [i - 1, own, seen];
+      }
+    }
+    if (level !== null) paint(begin, count - 1, level);
   }
 
   mean(points) {
@@ -836,7 +858,7 @@ class SceneView {
     const body = Math.min(0.75, 0.62 * radius / Math.max(0.1 * radius, length)); // the tube keeps its length, the rod shows
     line(from, to, Math.max(1.5, 0.07 * unit), color.rim);
     // a helix about the strut: what is behind first
-    const coils = 7, steps = 14, axis = from.map((c, k) => (to[k] - c) / (length || 1));
+    const coils = 7, steps = 8, axis = from.map((c, k) => (to[k] - c) / (length || 1));
     let across = [axis[2], 0, -axis[0]];
     const norm = Math.hypot(...across) || 1;
     across = across.map((c) => c / norm);
@@ -1073,7 +1095,7 @@ class SceneView {
 
   orbit(dx, dy) {
     const { camera } = this;
-    if (camera.view !== "three-quarter") return;
+    camera.view = "three-quarter"; // the one that is free
     camera.turn = null;
     camera.azimuth -= 0.008 * dx;
     camera.elevation = Math.max(0.02, Math.min(1.2, camera.elevation + 0.006 * dy));
@@ -1088,32 +1110,35 @@ class SceneView {
       return Math.hypot(a.x - b.x, a.y - b.y);
     };
     canvas.addEventListener("pointerdown", (event) => {
-      held.set(event.pointerId, { x: event.clientX, y: event.clientY });
+      held.set(event.pointerId, { x: event.clientX, y: event.clientY, still: true });
       if (canvas.setPointerCapture) canvas.setPointerCapture(event.pointerId);
     });
     canvas.addEventListener("pointermove", (event) => {
       const before = held.get(event.pointerId);
-      if (!before) return;
+      if (!before || (before.still && Math.hypot(event.clientX - before.x, event.clientY - before.y) < SceneView.DRAG)) return;
       const distance = held.size === 2 ? apart() : 0;
-      held.set(event.pointerId, { x: event.clientX, y: event.clientY });
+      held.set(event.pointerId, { x: event.clientX, y: event.clientY, still: false });
       if (held.size === 1) this.orbit(event.clientX - before.x, event.clientY - before.y);
       else if (held.size === 2 && distance) this.zoom(apart() / distance);
+      this.changed();
     });
     for (const end of ["pointerup", "pointercancel", "lostpointercapture"]) canvas.addEventListener(end, (event) => held.delete(event.pointerId));
     canvas.addEventListener("wheel", (event) => { // a page still scrolls over a scene that nobody has chosen
       if (!event.ctrlKey && !event.metaKey && document.activeElement !== canvas) return;
       event.preventDefault();
       this.zoom(Math.exp(-0.0015 * event.deltaY));
+      this.changed();
     }, { passive: false });
     canvas.addEventListener("keydown", (event) => {
       const turn = { ArrowLeft: [-20, 0], ArrowRight: [20, 0], ArrowUp: [0, 15], ArrowDown: [0, -15] }[event.key];
       if (event.ctrlKey || event.metaKey || event.altKey) return;
-      if (turn && this.view === "three-quarter") this.orbit(...turn);
+      if (turn && this.view === "three-quarter") this.orbit(...turn); // elsewhere the page drives with them
       else if (event.key === "+" || event.key === "=") this.zoom(1.2);
       else if (event.key === "-") this.zoom(1 / 1.2);
       else if (event.key === "0") this.camera.zoom = 1;
       else return;
       event.preventDefault();
+      this.changed();
     });
     if (typeof matchMedia === "function") matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => this.restyle());
   }
