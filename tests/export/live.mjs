@@ -10,7 +10,7 @@ const { chromium } = require("playwright-core");
 const axe = require("axe-core");
 mkdirSync(folder, { recursive: true });
 
-const browser = await chromium.launch({ executablePath: process.env.CHROMIUM, args: ["--no-sandbox"] });
+const browser = await chromium.launch({ executablePath: process.env.CHROMIUM, args: ["--no-sandbox", "--js-flags=--expose-gc", "--enable-precise-memory-info"] });
 const found = { errors: [], asked: [], views: [], groups: [] };
 const open = async (context, more = "") => {
   const page = await context.newPage();
@@ -84,6 +84,13 @@ const context = await browser.newContext({ reducedMotion: "reduce" });
 const page = await open(context);
 found.waits = await page.evaluate(() => !page.running);
 const groups = await page.evaluate(() => page.data.groups.length);
+const memory = async () => {
+  await page.waitForTimeout(500); // pictures that are due hold on to what they show
+  return page.evaluate(() => { gc(); gc(); return performance.memory.usedJSHeapSize; });
+};
+const first = await memory();
+for (let k = 1; k <= 4; k++) await page.evaluate((g) => page.choose(g), k % groups);
+found.memory = await memory() / first;
 for (let group = 0; group < groups; group++) {
   found.groups.push(await page.evaluate(([g, end]) => {
     page.choose(g);

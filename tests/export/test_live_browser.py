@@ -43,6 +43,12 @@ def test_the_page_is_small_and_soon_there(shown) -> None:
     assert [v["ready"] for v in found["views"] if v["ready"] > FIRST] == []
 
 
+def test_what_is_no_longer_shown_takes_no_memory(shown) -> None:
+    """A course that is chosen again and again; the size of systems may differ from course to course."""
+    _, _, found = shown
+    assert found["memory"] < 1.5
+
+
 def test_it_says_and_asks_nothing(shown) -> None:
     _, _, found = shown
     assert found["errors"] == []

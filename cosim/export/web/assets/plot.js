@@ -114,7 +114,7 @@ class StripChart {
     const middle = Math.max(Math.abs(low), Math.abs(high)) * 1e-3, least = 1e-6;
     if (high - low < 2 * Math.max(middle, least)) { low -= Math.max(middle, least); high += Math.max(middle, least); }
     if (!before) return [low, high];
-    return [low < before[0] ? low : before[0] + 0.01 * (low - before[0]), high > before[1] ? high : before[1] + 0.01 * (high - before[1])];
+    return [low < before[0] ? low : before[0] + 0.03 * (low - before[0]), high > before[1] ? high : before[1] + 0.03 * (high - before[1])];
   }
 
   /** Rounded ends and the distance of the lines between. */

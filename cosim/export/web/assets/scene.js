@@ -1140,6 +1140,5 @@ class SceneView {
       event.preventDefault();
       this.changed();
     });
-    if (typeof matchMedia === "function") matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => this.restyle());
   }
 }
