@@ -18,6 +18,7 @@ from rich.markup import escape
 from typer.core import TyperCommand, TyperGroup
 
 from build_fmus import extras, safe_files
+from build_fmus.checks import unknown
 
 PACKAGE = "suspension-fmus"
 APP: dict[str, Any] = {
@@ -134,11 +135,29 @@ class Command(TyperCommand):
 
 
 class Commands(TyperGroup):
-    """Commands that Ctrl-C ends with a message, and whose help has the first sentence of each, uncut."""
+    """Commands that Ctrl-C ends with a message, and whose help has the first sentence of each, uncut.
+
+    ``what``: they are; ``beside``: what may stand in their place.
+    """
+
+    what = "command"
+    beside = ""
+
+    def resolve_command(self, ctx: Any, args: list[str]) -> Any:
+        name, *rest = args
+        if name.startswith("-"):
+            return super().resolve_command(ctx, args)
+        command = self.get_command(ctx, name)
+        if command is None:
+            ctx.fail(unknown(self.what, name, self._shown(ctx)) + self.beside)
+        return name, command, rest
+
+    def _shown(self, ctx: Any) -> dict[str, Any]:
+        found = ((name, self.get_command(ctx, name)) for name in self.list_commands(ctx))
+        return {name: command for name, command in found if command is not None and not command.hidden}
 
     def format_commands(self, ctx: Any, formatter: Any) -> None:
-        found = ((name, self.get_command(ctx, name)) for name in self.list_commands(ctx))
-        rows = [(name, re.split(r"\.(?:\s|$)", command.help or "")[0]) for name, command in found if command is not None and not command.hidden]
+        rows = [(name, re.split(r"\.(?:\s|$)", command.help or "")[0]) for name, command in self._shown(ctx).items()]
         if rows:
             with formatter.section("Commands"):
                 formatter.write_dl(rows)

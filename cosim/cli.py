@@ -33,6 +33,8 @@ class Experiments(Commands):
     """A group with one command per experiment, made when it is called: ours by name, a user's by the file that has it."""
 
     make: Any
+    what = "experiment"
+    beside = "; or a file of yours, as my_experiment.py or Any.ssp"
 
     def list_commands(self, ctx: Any) -> list[str]:  # noqa: ARG002
         return [] if extras.missing("studies") else NAMES

@@ -182,20 +182,21 @@ def _check_value(f: Field, value: Any) -> None:
         kinds = {str: "a text", int: "a whole number", float: "a number", bool: "True or False"}
         raise CaseError(f"{words} {value!r}: give {kinds[f.type]}")
     if about.choices is not None and not (about.files and isinstance(value, str) and value.endswith(about.files)):
-        check_choice(words, value, about.choices)
+        beside = f"; or a file NAME{about.files}" if about.files else ""
+        check_choice(words, value, about.choices, beside)
     if isinstance(value, int | float) and not isinstance(value, bool):
         low, high = about.within or (None, None)
         number(words, value, about.unit, least=low, most=high, error=CaseError)
 
 
-def check_choice(what: str, value: Any, known: Collection[Any]) -> None:
-    """Refuse ``value`` unless it is one of ``known``.
+def check_choice(what: str, value: Any, known: Collection[Any], beside: str = "") -> None:
+    """Refuse ``value`` unless it is one of ``known``; ``beside`` ends the message.
 
     Raises:
         CaseError: names the nearest choice and all of them.
     """
     if value not in known:
-        raise CaseError(unknown(what, value, known))
+        raise CaseError(unknown(what, value, known) + beside)
 
 
 def label(case: Any) -> str:

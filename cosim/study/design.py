@@ -355,16 +355,16 @@ def from_file(path: Path) -> Design:
     """
     if path.suffix not in (".toml", ".py"):
         raise DesignError(f"{path}: a design is a .toml or a .py file")
+    if not path.exists():
+        raise DesignError(f"{path} does not exist")
     try:
-        found = (
-            tomllib.loads(path.read_text("utf-8"))
-            if path.suffix == ".toml"
-            else runpy.run_path(str(path)).get("DESIGN")
-        )
-    except FileNotFoundError:
-        raise DesignError(f"{path} does not exist") from None
+        content = path.read_bytes()
+    except OSError as error:
+        raise DesignError(f"{path}: cannot be read: {error.strerror}") from None
+    try:
+        found = tomllib.loads(content.decode()) if path.suffix == ".toml" else runpy.run_path(str(path)).get("DESIGN")
     except (tomllib.TOMLDecodeError, UnicodeDecodeError, SyntaxError) as error:
-        raise DesignError(f"{path}: {error}") from None
+        raise DesignError(f"{path}: not a {'TOML' if path.suffix == '.toml' else 'Python'} file: {error}") from None
     except Exception as error:  # of the user's code
         lines = [frame.lineno for frame in traceback.extract_tb(error.__traceback__) if frame.filename == str(path)]
         where = f", line {lines[-1]}" if lines else ""

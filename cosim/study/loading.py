@@ -43,7 +43,7 @@ def load(place: str) -> Experiment:
     if isinstance(found, Experiment):
         return _placed(found, place)
     if found is not None:
-        raise ExperimentError(f"{place}: EXPERIMENT is a {type(found).__name__}, not a cosim.study.Experiment")
+        raise ExperimentError(f"{place}: EXPERIMENT is of type {type(found).__name__}, not a cosim.study.Experiment")
     if callable(getattr(module, "system", None)):
         return _around(module, place)
     raise ExperimentError(f"{place} has neither EXPERIMENT nor a function system(**options) that returns a System")
@@ -105,7 +105,7 @@ def _around(module: ModuleType, place: str) -> Experiment:
         name=Path(place).stem if place.endswith(".py") else place.rpartition(".")[2],
         title=(module.__doc__ or "").strip().partition("\n")[0],
         case=case,
-        wire=partial(_wire, module.system),
+        wire=partial(_wire, module.system, place),
         measure=getattr(module, "measure", extremes),
         stop_time=getattr(module, "STOP_TIME", None) or _default_stop_time,
         record=getattr(module, "RECORD", None),
@@ -116,12 +116,12 @@ def _around(module: ModuleType, place: str) -> Experiment:
     )
 
 
-def _wire(system: Any, _: FmuSet, case: Any) -> Any:
+def _wire(system: Any, place: str, _: FmuSet, case: Any) -> Any:
     from cosim import System
 
     made = system(**values(case))
     if not isinstance(made, System):
-        raise ExperimentError(f"system() returned {type(made).__name__}; it returns a cosim.System")
+        raise ExperimentError(f"{place}: system() returned {type(made).__name__}; it returns a cosim.System")
     return made
 
 

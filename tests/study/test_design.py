@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 from pathlib import Path
 
 import numpy as np
@@ -218,12 +219,29 @@ def test_design_files_that_are_refused(text: str, message: str, tmp_path: Path) 
     assert str(refused.value).startswith(str(tmp_path / "a.toml"))
 
 
-def test_files_that_are_none(tmp_path: Path) -> None:
-    for name, message in (("no.toml", "does not exist"), ("a.json", "a .toml or a .py file"), ("b.py", "DESIGN is to be a dict")):
-        if name == "b.py":
-            (tmp_path / name).write_text("X = 1")
-        with pytest.raises(DesignError, match=message):
-            from_file(tmp_path / name)
+@pytest.mark.parametrize(
+    ("name", "content", "message"),
+    [
+        ("no.toml", None, "does not exist"),
+        ("junk.toml", b"\xff\x00", "not a TOML file"),
+        ("junk.py", b"def :", "not a Python file"),
+        ("raises.py", b"\nopen('nowhere')", "line 2: FileNotFoundError"),
+        ("a.json", None, "a .toml or a .py file"),
+        ("b.py", b"X = 1", "DESIGN is to be a dict"),
+    ],
+)
+def test_files_that_are_none(name: str, content: bytes | None, message: str, tmp_path: Path) -> None:
+    if content is not None:
+        (tmp_path / name).write_bytes(content)
+    with pytest.raises(DesignError, match=message):
+        from_file(tmp_path / name)
+
+
+@pytest.mark.skipif(os.name == "nt", reason="a folder is opened like a file")
+def test_a_folder_is_no_design(tmp_path: Path) -> None:
+    (tmp_path / "folder.toml").mkdir()
+    with pytest.raises(DesignError, match="cannot be read: Is a directory"):
+        from_file(tmp_path / "folder.toml")
 
 
 @pytest.mark.parametrize(
