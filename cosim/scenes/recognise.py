@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -108,6 +108,8 @@ class _Found:
 
     system: Wiring
     member: Member
+    lengths: set[str] = field(default_factory=set, compare=False)
+    """Names of the parameters in metres that were read: the picture has their values as they are now."""
 
     @property
     def is_quarter(self) -> bool:
@@ -138,8 +140,10 @@ class _Found:
         """The first parameter that there is, as it is set, else the default."""
         for name in names:
             if name in self.member.description.parameters:
-                start = self.member.description.parameters[name].start
-                return float(self.member.values.get(name, start))
+                known = self.member.description.parameters[name]
+                if known.unit is not None and known.unit.name == "m":
+                    self.lengths.add(self.name(name))
+                return float(self.member.values.get(name, known.start))
         if default is None:
             raise KeyError(names[0])
         return default
@@ -333,6 +337,7 @@ def _vehicle(found: _Found) -> Scene:
         follow="body",
         width=round(2.35 * (found.axles[0].x - found.axles[-1].x + 1.2), 1),
         force_scale=_round_up(load / (1.5 * found.axles[0].radius)),
+        dimensions=sorted(found.lengths),
     )
 
 
@@ -633,6 +638,7 @@ def _quarter(found: _Found) -> Scene:
         follow="frame" if standing else "body",
         width=round(12.0 * size, 2),
         force_scale=_round_up(load / (1.5 * size)),
+        dimensions=sorted(found.lengths),
     )
 
 

@@ -98,6 +98,18 @@ def test_what_is_planned_lies_ahead(script: MiniRacer) -> None:
     assert nothing == {"times": [], "values": [], "reach": 0}
 
 
+def test_dimensions_that_a_picture_does_not_follow(script: MiniRacer) -> None:
+    code = (
+        "const v = Object.create(Variant.prototype);"
+        "v.system = {scene: {dimensions: ['car.a', 'car.b', 'car.c']}, values: {'car.b': 2}};"
+        "v.variables = new Map([['car.a', {start: 1}], ['car.b', {start: 1}], ['car.c', {start: 3}]]);"
+        "v.settings = new Map([['car.b', 2]]); const first = v.outdated;"
+        "v.settings.set('car.a', 1.5); v.settings.set('car.b', 1); v.settings.set('car.c', 3); const then = v.outdated;"
+        "v.system = {scene: null, values: {}}; return [first, then, v.outdated];"
+    )
+    assert evaluated(script, code) == [[], ["car.a", "car.b"], []]
+
+
 def scored(script: MiniRacer, rows: np.ndarray, measures: list[Measure], finish: Any = None, interval: float = 0.001) -> Any:
     data = {"interval": interval, "measures": [m.__dict__ for m in measures], "finish": finish}
     return evaluated(

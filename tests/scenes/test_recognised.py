@@ -128,6 +128,24 @@ def test_wheels_stand_where_the_parameters_have_them() -> None:
         assert ahead["fr"] > 0 > ahead["rr"]
 
 
+@pytest.mark.parametrize("name", EVERY)
+def test_dimensions_that_the_picture_keeps_are_told(name: str) -> None:
+    """Each changes the picture when it is another one before the scene is made, and nothing in the scene follows it."""
+    with experiment_system(name) as system:
+        scene = scene_of(system)
+        assert not set(scene.dimensions) & set(scene.variables)
+        for dimension in scene.dimensions:
+            member, variable = dimension.split(".", 1)
+            declared = system[member].description.parameters[variable]
+            assert declared.unit is not None
+            assert declared.unit.name == "m"
+    with wired("hmmwv") as system:
+        before = scene_of(system)
+        system["car"].set({"wheel.fl.x": 1.7})
+        assert "car.wheel.fl.x" in before.dimensions
+        assert scene_data(scene_of(system)) != scene_data(before)
+
+
 def test_pitch_and_roll_have_the_signs_of_iso_8855() -> None:
     with wired("hmmwv") as system:
         body = scene_of(system).bodies[0]

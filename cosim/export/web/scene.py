@@ -326,7 +326,8 @@ class Trace:
 @dataclass(frozen=True)
 class Scene:
     """What one system looks like. The camera follows the body `follow`; `width` [m] of the road are in view, and `force_scale` [N] are
-    drawn as long as a metre. `what` names it in sentences, "HMMWV"."""
+    drawn as long as a metre. `what` names it in sentences, "HMMWV". `dimensions` are variables whose values are in the picture as they were when it
+    was made: where they are changed it says so."""
 
     title: str
     bodies: Sequence[Body]
@@ -344,6 +345,7 @@ class Scene:
     trenches: Sequence[Trench] = ()
     reliefs: Sequence[Relief] = ()
     traces: Sequence[Trace] = ()
+    dimensions: Sequence[str] = ()
 
     def __post_init__(self) -> None:
         where = f"scene '{self.title}'"

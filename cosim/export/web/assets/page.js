@@ -60,6 +60,12 @@ class Variant {
 
   fail(error) { this.failure = error.message; }
 
+  /** Dimensions that have been changed, which the picture does not follow. */
+  get outdated() {
+    const { scene, values } = this.system;
+    return (scene ? scene.dimensions : []).filter(n => this.settings.has(n) && this.settings.get(n) !== (values[n] ?? this.variables.get(n).start));
+  }
+
   /** All that is shown, as it was at the last step that counts. */
   get row() { return this.score.verdict ? this.final : this.instance.look(); }
 
@@ -593,8 +599,9 @@ class Page {
     this.moving = true;
     requestAnimationFrame(() => {
       this.moving = false;
-      this.draw(this.camera.turn !== null);
-      if (this.camera.turn) this.moved();
+      const turning = this.camera.turn !== null;
+      this.draw(turning); // at last what is out of sight, too
+      if (turning) this.moved();
     });
   }
 
@@ -625,7 +632,8 @@ class Page {
   /** What has failed or ended. */
   report() {
     for (const v of this.variants) {
-      const text = v.failure ? `Stopped: ${v.failure}` : v.instance.ended ? "The system has ended the run." : "";
+      const old = v.outdated, text = v.failure ? `Stopped: ${v.failure}` : v.instance.ended ? "The system has ended the run."
+        : old.length ? `The picture keeps ${old.join(", ")} as at first.` : "";
       if (v.status.textContent !== text) v.status.textContent = text;
     }
   }
