@@ -418,7 +418,7 @@ class SceneView {
     })];
     const edges = [...new Set(outlines.flatMap((o) => o.points.map((p) => p[0])))].filter((x) => x > xs[0] && x < xs[xs.length - 1]);
     const all = [...xs.map((x) => [x, 0]), ...edges.flatMap((x) => [[x, -1], [x, 1]])].sort((a, b) => a[0] - b[0] || a[1] - b[1]);
-    const points = [], held = { left: 0, right: 0 };
+    const points = [], held = { left: 0, right: 0 }, deepest = Math.abs(this.right[0]) < 0.97 ? -0.12 * data.width : -Infinity; // as the block of ground
     for (const [x, beside] of all) {
       const heights = { left: null, right: null };
       for (const side of ["left", "right"]) {
@@ -429,8 +429,7 @@ class SceneView {
       }
       held.left = heights.left ?? heights.right ?? held.left;
       held.right = heights.right ?? heights.left ?? held.right;
-      if (Math.abs(this.right[0]) < 0.97) for (const side of ["left", "right"]) held[side] = Math.max(held[side], -0.12 * data.width); // as deep as the block of ground
-      points.push([x, this.exaggeration * held.left, this.exaggeration * held.right]);
+      points.push([x, Math.max(deepest, this.exaggeration * held.left), Math.max(deepest, this.exaggeration * held.right)]);
     }
     for (const cells of Object.values(this.cells)) if (cells.size > 8 * SceneView.SAMPLES) for (const k of cells.keys()) if (k < first - 4 * SceneView.SAMPLES) cells.delete(k);
     return points;
@@ -1065,6 +1064,11 @@ class SceneView {
         pen.fill();
       }
       pen.fillStyle = color.muted;
+      if (y > 16) { // what a further row may lie on
+        pen.strokeStyle = color.halo;
+        pen.lineWidth = 3;
+        pen.strokeText(entry.words, x + 26, y);
+      }
       pen.fillText(entry.words, x + 26, y);
       x += wide;
     }
