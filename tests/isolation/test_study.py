@@ -13,7 +13,7 @@ from cosim import System, WiringError
 from cosim.study import Case, Execution, Experiment, FmuSet, Run, option, run_study
 
 DEEDS = ("segfault", "hang", "abort", "devour", "quit", "round", "status", "kill", "overflow", "fork")
-LIMITS = Execution(isolate=("*",), step_timeout=1.0, memory_limit=100_000_000)
+LIMITS = Execution(isolate=("*",), step_timeout=10.0, memory_limit=100_000_000)
 
 
 @dataclass(frozen=True)
