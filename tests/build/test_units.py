@@ -41,7 +41,7 @@ def test_display_units_are_the_inverse() -> None:
 
 def test_what_measures_something_else_is_refused_with_what_is_accepted() -> None:
     with pytest.raises(
-        KeyError, match=r"unit 'mmm' where 'm' is expected \(accepted: m, mm, cm, km\); did you mean 'mm'"
+        KeyError, match=r"unit 'mmm' where 'm' is expected \(accepted: m, mm, cm, km[^)]*\); did you mean 'mm'"  # others may have met more
     ):
         convert(1.0, "mmm", "m")
     with pytest.raises(KeyError, match=r"unknown unit 'Nm'; did you mean 'N\.m'\? \(units are listed in"):

@@ -94,7 +94,8 @@ def test_choices_are_listed_and_a_wrong_one_names_them(experiment: str, tmp_path
         )  # earlier names of the option beside it
         refused = CliRunner().invoke(cosim.cli.app, ["run", experiment, option, "xyzzy", "--out", str(tmp_path)])
         known = ", ".join(n for n in names if not n.startswith("FILE"))
-        assert str(refused.exception).endswith(f"'xyzzy' (there are: {known})")
+        files = "".join(f"; or a file {n.replace('FILE', 'NAME')}" for n in names if n.startswith("FILE"))
+        assert str(refused.exception).endswith(f"'xyzzy' (there are: {known}){files}")
     free = {p.opts[0] for p in COSIM["run", experiment].params if isinstance(p.default, str)}
     assert free == choices.keys()
 
