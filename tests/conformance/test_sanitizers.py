@@ -6,12 +6,22 @@ import os
 import shutil
 import subprocess
 from pathlib import Path
+from typing import Any
 
 import pytest
 from api import Library
+from built import NAMES
 from sanitized import FLAGS, gcc, kept_object
 
 DRIVER = Path(__file__).with_name("driver.c")
+COSTLY = {"FullCarHmmwvPublic"}  # gcc takes half a minute for its equations with these flags
+
+
+def _full_where_costly(name: str) -> Any:
+    return pytest.param(name, marks=[pytest.mark.full] * (name in COSTLY))
+
+
+@pytest.mark.parametrize("name", [*map(_full_where_costly, NAMES)])
 @pytest.mark.sanitizer
 @pytest.mark.skipif(shutil.which("gcc") is None, reason="needs gcc with AddressSanitizer")
 def test_clean_under_sanitizers(fmu: Library, tmp_path: Path) -> None:
