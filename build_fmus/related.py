@@ -1,8 +1,8 @@
 """What lies in an FMU beside its model, in the words of standards: which files are reference results (FMI-LS-REF), what it is made of
 and by which compiler (CycloneDX).
 
-Of FMI-LS-REF there is no release yet. The manifest follows its draft 1.0.0-alpha.1; the experiments file follows the draft of the
-format that it refers to, MA-HS-Experiments, which has no versions.
+Of FMI-LS-REF there is no release yet. The manifest follows its draft 1.0.0-beta.1, which has no checksums of files; the experiments file
+follows the draft of the format that it refers to, MA-HS-Experiments, which has no versions.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from build_fmus.licences import Part
 
 NAME = "org.fmi-standard.fmi-ls-ref"
 FOLDER = f"extra/{NAME}"
-VERSION = "1.0.0-alpha.1"
+VERSION = "1.0.0-beta.1"
 BILL = f"{FOLDER}/bill-of-materials.cdx.json"
 _NAMESPACE = "http://fmi-standard.org/fmi-ls-manifest"
 _DESCRIPTION = "Layered Standard providing information on related files included in an FMU."  # prescribed
@@ -86,7 +86,7 @@ def files(
     if (provenance := "resources/provenance.json") in content:
         text = "What the model was made from: numbers and their sources"
         related.append(Related(provenance, "meta-data", "application/json", text))
-    made[f"{FOLDER}/fmi-ls-manifest.xml"] = _manifest(related, {**content, **made})
+    made[f"{FOLDER}/fmi-ls-manifest.xml"] = _manifest(related)
     return made
 
 
@@ -184,15 +184,12 @@ def _experiments(name: str, experiment: Experiment) -> bytes:
     return _xml(root)
 
 
-def _manifest(related: Iterable[Related], content: Mapping[str, bytes]) -> bytes:
+def _manifest(related: Iterable[Related]) -> bytes:
     root = etree.Element("fmiReferences", nsmap={"fmi-ls": _NAMESPACE})
     for key, value in (("name", NAME), ("version", VERSION), ("description", _DESCRIPTION)):
         root.set(f"{{{_NAMESPACE}}}fmi-ls-{key}", value)
     for r in related:
-        etree.SubElement(
-            root, "Related", type=r.type, source=_relative(r.path), role=r.role, description=r.description,
-            checksum=hashlib.sha3_256(content[r.path]).hexdigest().upper(), checksumType="SHA3-256",
-        )  # fmt: skip
+        etree.SubElement(root, "Related", type=r.type, source=_relative(r.path), role=r.role, description=r.description)
     return _xml(root)
 
 

@@ -109,6 +109,8 @@ def _show(report: Report, every: bool) -> None:
     if report.tool:
         title.append(f", made by {report.tool}", style="not bold")
     show(title)
+    if report.layered:
+        show(Text(f"  layered standards: {', '.join(report.layered)}"))
     if report.not_run:
         show(Text(f"  not run: {report.not_run}", style="yellow"))
     table = Table("", "check", "finding", box=None, padding=(0, 1))

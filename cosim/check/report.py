@@ -48,6 +48,7 @@ class Report:
     fmi: str = ""
     tool: str = ""
     interfaces: tuple[str, ...] = ()
+    layered: tuple[str, ...] = ()  # layered standards that it declares, each with its version
     results: list[Result] = field(default_factory=list)
     measures: dict[str, str] = field(default_factory=dict)
     not_run: str = ""  # why the FMU could not be run at all
@@ -79,6 +80,7 @@ class Report:
         """As plain data."""
         return {
             "fmu": str(self.path), "name": self.name, "fmi": self.fmi, "tool": self.tool, "interfaces": list(self.interfaces),
+            "layered_standards": list(self.layered),
             "not_run": self.not_run, "seconds": round(self.seconds, 3), "measures": self.measures,
             "results": [
                 {

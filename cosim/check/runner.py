@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from build_fmus.checks import did_you_mean
-from cosim.check import archive, binary, description, worker
+from cosim.check import archive, binary, description, layered, worker
 from cosim.check.binary import claimed
 from cosim.check.description import File
 from cosim.check.model import Model, read
@@ -30,7 +30,7 @@ from cosim.fmu.limits import Limits
 from cosim.fmu.xml import tree
 from cosim.memory import physical_memory
 
-__all__ = ["Options", "Workers", "archive", "binary", "check", "description", "worker"]
+__all__ = ["Options", "Workers", "archive", "binary", "check", "description", "layered", "worker"]
 _KINDS = {"cs": "Co-Simulation", "me": "Model Exchange"}
 LIFE = "states.life"  # without which nothing else can be run
 WRONG_CALLS = ("states.step", "states.arguments", "values.unknown", "values.extreme", "saved.damaged")
@@ -204,6 +204,7 @@ def _opened(report: Report, options: Options, stack: contextlib.ExitStack) -> Fi
         return None
     (folder / "resources").mkdir(exist_ok=True)
     found.folder = folder
+    report.layered = tuple(layered.declared(found))
     return found
 
 

@@ -76,6 +76,27 @@ def test_files(faulty: Callable[..., Path], tmp_path: Path) -> None:
     assert "script" not in page.split("<style>")[0]
 
 
+def test_layered_standards_are_named(faulty: Callable[..., Path], tmp_path: Path) -> None:
+    code, text = run(faulty(2, "related-role"), "--json", tmp_path / "r.json", "--html", tmp_path / "h.html", "--only", "archive")
+    assert code == 0
+    words = " ".join(text.split())
+    assert "layered standards: org.fmi-standard.fmi-ls-ref 1.0.0-beta.1" in words
+    assert "fmi-ls-manifest.xml, line 1" in words
+    assert json.loads((tmp_path / "r.json").read_text())[0]["layered_standards"] == ["org.fmi-standard.fmi-ls-ref 1.0.0-beta.1"]
+    assert "Layered standards: org.fmi-standard.fmi-ls-ref 1.0.0-beta.1." in (tmp_path / "h.html").read_text()
+
+
+def test_a_manifest_of_another_version_is_measured_with_a_note(faulty: Callable[..., Path], tmp_path: Path, workers: Workers) -> None:
+    """Drafts differ, and only one has its schema here: what another one may allow is no warning."""
+    path = tmp_path / "Older.fmu"
+    with zipfile.ZipFile(faulty(3, "related-role")) as old, zipfile.ZipFile(path, "w") as new:
+        for name in old.namelist():
+            new.writestr(name, old.read(name).replace(b"1.0.0-beta.1", b"1.0.0-alpha.1"))
+    ((_, finding),) = check(path, Options(only=("archive",)), workers=workers).findings()
+    assert finding.severity == "note"
+    assert "the schema is that of version 1.0.0-beta.1; the manifest declares 1.0.0-alpha.1" in finding.text
+
+
 def test_names_of_strangers_are_no_markup(faulty: Callable[..., Path], tmp_path: Path, workers: Workers) -> None:
     """Neither in the page nor in XML nor on the screen."""
     path = tmp_path / "Odd.fmu"

@@ -22,6 +22,7 @@ from lxml import etree
 from build_fmus import units
 from build_fmus.compile import PLATFORMS, find_toolchain, host
 from build_fmus.generate import RUNTIME_DIR
+from cosim.check import layered
 from cosim.fmu.file import FmuFile
 from cosim.fmu.gate import Verdict
 from cosim.terminals import by_names, by_path
@@ -277,34 +278,23 @@ def test_binaries_run_on_old_systems_and_share_nothing(fmu: Library) -> None:
         assert not binary.imported & MATHEMATICS
 
 
-ROLE = re.compile(  # of the draft 1.0.0-alpha.1 of FMI-LS-REF
-    "document|requirement|specification|model|parameter|system|testcase|experiment(/(smoke-test|validation|uncertainty-analysis))?|result|"
-    "method|rationale|report|request|delivery|configuration|signature|serialized-state(/.*)?|meta-data|other"
-)
-
-
 def related_files(fmu: Library) -> dict[str, list[Path]]:
     """What the manifest of FMI-LS-REF names, by role."""
     base = fmu.folder / "extra" / "org.fmi-standard.fmi-ls-ref"
     manifest = etree.parse(base / "fmi-ls-manifest.xml").getroot()
-    layered = "{http://fmi-standard.org/fmi-ls-manifest}fmi-ls-"
-    assert manifest.tag == "fmiReferences"
-    assert {k.removeprefix(layered): v for k, v in manifest.attrib.items()} == {
-        "name": base.name,
-        "version": "1.0.0-alpha.1",
-        "description": "Layered Standard providing information on related files included in an FMU.",
-    }
+    schema, fixed = layered._schema(layered.SCHEMAS[base.name][0])
+    assert schema.validate(manifest), schema.error_log
+    assert fixed == {short: layered._attribute(manifest, short) for short in ("name", "description")}
+    assert layered._attribute(manifest, "version") == layered.SCHEMAS[base.name][1]
     by_role: dict[str, list[Path]] = {}
     for related in manifest:
-        assert related.tag == "Related"
-        assert ROLE.fullmatch(related.get("role"))
         path = (base / related.get("source")).resolve()
-        assert hashlib.sha3_256(path.read_bytes()).hexdigest() == related.get("checksum").lower()
+        assert path.is_file()
         by_role.setdefault(related.get("role"), []).append(path)
     return by_role
 
 
-def test_related_files_are_there_with_their_hashes(fmu: Library) -> None:
+def test_related_files_are_there(fmu: Library) -> None:
     assert any(p.name.endswith(".cdx.json") for p in related_files(fmu)["meta-data"])
 
 

@@ -92,6 +92,23 @@ def _terminals(inner: str) -> Callable[[dict[str, bytes], int], None]:
     return spoil
 
 
+def _manifest(name: str, root: str, attributes: str) -> Callable[[dict[str, bytes], int], None]:
+    """A layered standard with this root element in its manifest."""
+
+    def spoil(files: dict[str, bytes], version: int) -> None:  # noqa: ARG001
+        namespace = 'xmlns:fmi-ls="http://fmi-standard.org/fmi-ls-manifest"'
+        files[f"extra/{name}/fmi-ls-manifest.xml"] = f'<{root[: root.find(">")]} {namespace} {attributes}{root[root.find(">") :]}'.encode()
+
+    return spoil
+
+
+_LS_REF = (
+    'fmi-ls:fmi-ls-name="org.fmi-standard.fmi-ls-ref" fmi-ls:fmi-ls-version="1.0.0-beta.1" '
+    'fmi-ls:fmi-ls-description="Layered Standard providing information on related files included in an FMU."'
+)
+_LS_STRUCT = 'fmi-ls:fmi-ls-name="org.fmi-standard.fmi-ls-struct" fmi-ls:fmi-ls-version="1.0.0" fmi-ls:fmi-ls-description="maps"'
+
+
 def _member(variable: str, name: str = 'memberName="a" ') -> str:
     return f'<TerminalMemberVariable variableKind="signal" {name}variableName="{variable}"/>'
 
@@ -135,6 +152,9 @@ FAULTS = {
     "terminal-member": Fault(("archive.terminals",), versions=(3,), spoil=_terminals(f'<Terminal name="a" matchingRule="bus">{_member("u", "")}</Terminal>')),
     "terminal-twice": Fault(("archive.terminals",), versions=(3,), spoil=_terminals(f'<Terminal name="a" matchingRule="bus">{_member("u") * 2}</Terminal>')),
     "terminals-alike": Fault(("archive.terminals",), versions=(3,), spoil=_terminals('<Terminal name="a" matchingRule="bus"/>' * 2)),
+    "layered-version": Fault(("archive.layered",), spoil=_manifest("com.example.ls", "manifest></manifest>", 'fmi-ls:fmi-ls-name="com.example.ls" fmi-ls:fmi-ls-description="an example"')),
+    "related-role": Fault(("archive.layered",), spoil=_manifest("org.fmi-standard.fmi-ls-ref", 'fmiReferences><Related source="../../modelDescription.xml" role="data"/></fmiReferences>', _LS_REF)),
+    "struct-description": Fault(("archive.layered",), spoil=_manifest("org.fmi-standard.fmi-ls-struct", "fmiLayeredStandardManifest></fmiLayeredStandardManifest>", _LS_STRUCT)),
     "lost-library": Fault(("archive.implementation",), spoil=_replaced('modelIdentifier="faulty"', 'modelIdentifier="other"', count=2)),
     # ---------------------------------------------------------------------------------------------------------- binary
     "wrong-folder": Fault(("binary.header",), spoil=_moved_library),
