@@ -29,12 +29,13 @@ def constant_outputs(d: Declaration) -> dict[str, float]:
 def dependencies(d: Declaration, functions: Mapping[str, ca.Function], *, initial: bool) -> dict[str, list[str]]:
     """Maps each output and derivative element to the elements that it depends on directly.
 
-    Of continuous states, inputs and ``time`` (discrete components: inputs and ``time``, by feed-through at a sample instant);
-    ``initial``: during initialization, of time, parameters, inputs and settable start values, for calculated states too.
+    Of continuous states and inputs (discrete components: of inputs, by feed-through at a sample instant); ``initial``: during
+    initialization, of parameters, inputs and settable start values, for calculated states too. Time is left out, though FMI
+    allows it: no importer needs it, and OMSimulator refuses an FMI 3.0 FMU that lists it.
     """
-    roles: tuple[Role, ...] = ("time", "state", "input") if d.kind == "continuous" else ("time", "input")
+    roles: tuple[Role, ...] = ("state", "input") if d.kind == "continuous" else ("input",)
     if initial:
-        roles = ("time", "state", "input", "parameter")
+        roles = ("state", "input", "parameter")
     t = d.symbols.sym("t")
     x, u, p = (d.symbols.sym(r, d.size(r)) for r in VECTORS)
     x_at = functions["start"](x, u, p) if initial else x
@@ -52,7 +53,7 @@ def dependencies(d: Declaration, functions: Mapping[str, ca.Function], *, initia
     knowns = ca.vertcat(t, x, u, p)
     names: list[str | None] = [None] * knowns.numel()
     nx, nu = x.numel(), u.numel()
-    offset: dict[Role, int] = {"time": 0, "state": 1, "input": 1 + nx, "parameter": 1 + nx + nu}
+    offset: dict[Role, int] = {"state": 1, "input": 1 + nx, "parameter": 1 + nx + nu}
     for e in d.elements(*roles):
         if not (initial and e.variable.role == "state" and e.start is None):
             names[offset[e.variable.role] + e.slot] = e.name

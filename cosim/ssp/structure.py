@@ -164,6 +164,7 @@ class _File:
             raise self.error(self.root, f"its element is {etree.QName(self.root).localname}, not SystemStructureDescription")
         self.units = units_of(self.root, f"{SSD}Units/{SSC}Unit", self.where)
         self.items = _enumerations_of(self.root, f"{SSD}Enumerations/{SSC}Enumeration", self.where)
+        self.own: dict[str, Any] = {}  # what our annotation of the system says about its components, by their names
 
     def error(self, element: Any, text: str) -> SspError:
         return SspError(f"{self.where}, line {element.sourceline}: {text}")
@@ -217,6 +218,8 @@ class _File:
         master = element.find(f"{SSD}Annotations/{SSC}Annotation[@type='{names.OF_OPENMODELICA}']//{OMS}FixedStepMaster")
         if master is not None:
             step = self.time(master, "stepSize", above_zero=True) or step
+        own = element.find(f"{SSD}Annotations/{SSC}Annotation[@type='{names.OURS}']/{OWN}System")
+        around, self.own = self.own, {c.get("component"): c for c in own.iterfind(f"{OWN}Component")} if own is not None else {}
         made = System(
             **self.element(element), elements={}, dictionaries=self.dictionaries(element), step=step,
             connections=[self.connection(c) for c in element.iterfind(f"{SSD}Connections/{SSD}Connection")],
@@ -226,11 +229,10 @@ class _File:
             if found.name in made.elements:
                 raise self.error(child, f"there is already an element '{found.name}' in '{made.name}'")
             made.elements[found.name] = found
-        own = element.find(f"{SSD}Annotations/{SSC}Annotation[@type='{names.OURS}']/{OWN}System")
         for group in own.iterfind(f"{OWN}Group") if own is not None else ():
             members = tuple(self.text(m, "name") for m in group.iterfind(f"{OWN}Member"))
             made.groups.append((self.text(group, "name"), group.get("method", "jacobi"), members))
-        self.above = above
+        self.above, self.own = above, around
         return made
 
     def child(self, element: Any, step: Fraction | None) -> Element:
@@ -270,9 +272,8 @@ class _File:
         implementation = element.get("implementation", "any")
         if implementation not in ("any", "CoSimulation"):
             raise self.error(element, f"component '{name}' is to run as {one_line(implementation, 40)}; cosim runs FMUs for Co-Simulation")
-        annotations = f"{SSD}Annotations/{SSC}Annotation"
-        hint = element.find(f"{annotations}[@type='{names.OF_OSP}']//{OSP}StepSizeHint")
-        own = element.find(f"{annotations}[@type='{names.OURS}']/{OWN}Member")
+        hint = element.find(f"{SSD}Annotations/{SSC}Annotation[@type='{names.OF_OSP}']//{OSP}StepSizeHint")
+        own = self.own.get(name)
         return Component(
             **self.element(element), fmu=self.package.file(source, self.file, f"component '{name}'"),
             hint=None if hint is None else self.time(hint, "value", above_zero=True), own={} if own is None else dict(own.attrib),

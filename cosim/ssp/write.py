@@ -269,13 +269,10 @@ class _Exporter:
         if self._values(m):
             bindings = etree.SubElement(element, f"{SSD}ParameterBindings")
             etree.SubElement(bindings, f"{SSD}ParameterBinding", source=self._values_file(m))
-        annotations = etree.SubElement(element, f"{SSD}Annotations")
-        hint = etree.SubElement(annotations, f"{SSC}Annotation", type=names.OF_OSP)
-        etree.SubElement(hint, f"{OSP}StepSizeHint", value=repr(float(m.step)))
-        own = etree.SubElement(annotations, f"{SSC}Annotation", type=names.OURS)
-        own = etree.SubElement(own, f"{OWN}Member", name=m.name, kind=m.kind, step=str(m.step), offset=str(m.offset))
-        for n in self._only_initial(m):
-            etree.SubElement(own, f"{OWN}Initial", name=n)
+        if m.step not in (self._step, m.description.sample_time):  # a sampled FMU keeps its sample time at any step
+            annotations = etree.SubElement(element, f"{SSD}Annotations")
+            hint = etree.SubElement(annotations, f"{SSC}Annotation", type=names.OF_OSP)
+            etree.SubElement(hint, f"{OSP}StepSizeHint", value=repr(float(m.step)))
 
     def _connectors(self, m: Member) -> list[tuple[str, str, Variable]]:
         """Name, kind and (first) variable of each connector: all outputs, all inputs that something drives, parameters that are set.
@@ -400,6 +397,7 @@ class _Exporter:
         return gcd([m.step for m in self.members])
 
     def _system_annotations(self, system: etree._Element) -> None:
+        """First OMSimulator's, which looks at the first one only; then ours, here because OMSimulator refuses any in a component."""
         annotations = etree.SubElement(system, f"{SSD}Annotations")
         oms = etree.SubElement(annotations, f"{SSC}Annotation", type=names.OF_OPENMODELICA)
         information = etree.SubElement(etree.SubElement(oms, f"{OMS}Annotations"), f"{OMS}SimulationInformation")
@@ -408,6 +406,11 @@ class _Exporter:
             absoluteTolerance=_TOLERANCE, relativeTolerance=_TOLERANCE,
         )  # fmt: skip
         own = etree.SubElement(etree.SubElement(annotations, f"{SSC}Annotation", type=names.OURS), f"{OWN}System")
+        for m in self.members:
+            about = {"component": self.ids[m.name], "name": m.name, "kind": m.kind, "step": str(m.step), "offset": str(m.offset)}
+            element = etree.SubElement(own, f"{OWN}Component", **about)
+            for n in self._only_initial(m):
+                etree.SubElement(element, f"{OWN}Initial", name=n)
         for group in self.schedule.groups:
             if not group.name:
                 continue

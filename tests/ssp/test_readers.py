@@ -7,15 +7,17 @@ says; the others set the values of the file, and libcosim and Ecos step each com
 from __future__ import annotations
 
 import json
+import re
 import subprocess
 import sys
+import zipfile
 from fractions import Fraction
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from built import BuiltFmus
+from built import NAMES, BuiltFmus
 from fmpy.ssp.simulation import simulate_ssp
 from fmpy.ssp.ssd import Parameter, ParameterSet, read_ssd
 from same import bits
@@ -155,3 +157,25 @@ def test_others_show_what_their_lag_gives(built_fmus: BuiltFmus, tmp_path: Path,
     assert done.returncode == 0, done.stdout[-2000:] + done.stderr[-2000:]
     found = np.array(json.loads(done.stdout.splitlines()[-1]))
     np.testing.assert_allclose(found, expected, rtol=1e-9, atol=1e-12)
+
+
+LOAD = """
+import sys
+from libcosimpy.CosimLogging import CosimLogLevel, log_output_level
+from libcosimpy.CosimSlave import CosimLocalSlave
+log_output_level(CosimLogLevel.INFO)
+for path in sys.argv[1:]:
+    CosimLocalSlave(fmu_path=path, instance_name="a")
+"""
+
+
+def test_fmi_library_complains_of_the_independent_variable_only(built_fmus: BuiltFmus) -> None:
+    """The FMI Library in libcosim reads each FMU of FMI 2.0 twice, and wants a start value of `time` although the standard forbids it."""
+    paths = [built_fmus.path(name, 2) for name in NAMES]
+    done = subprocess.run([sys.executable, "-c", LOAD, *paths], stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, check=True)
+    assert len(re.findall(r"\[(?:warning|error|fatal)\]", done.stdout)) == 2 * len(paths), done.stdout[-2000:]
+    start = "Start attribute is required for this causality, variability and initial combination"
+    lines = re.findall(rf"\[Line:(\d+)\] Detected during parsing:\n.*\[error\].*\] {start}\n", done.stdout)
+    for path, line in zip((p for p in paths for _ in range(2)), lines, strict=True):
+        with zipfile.ZipFile(path) as archive:
+            assert 'name="time"' in archive.read("modelDescription.xml").decode().splitlines()[int(line) - 2]
