@@ -15,7 +15,6 @@ import re
 import shutil
 import subprocess
 import sys
-import tempfile
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
@@ -130,8 +129,8 @@ class Toolchain:
 
     def _run(self, arguments: list[str]) -> None:
         environment = dict(os.environ)
-        if not environment.get("HOME"):  # ziglang keeps its cache there
-            environment.setdefault("ZIG_GLOBAL_CACHE_DIR", str(Path(tempfile.gettempdir()) / "zig-cache"))
+        if "ziglang" in self.version:  # it links what its cache holds
+            environment.setdefault("ZIG_GLOBAL_CACHE_DIR", str(safe_files.cache_directory() / "zig"))
         done = subprocess.run([*self.command, *arguments], capture_output=True, text=True, check=False, env=environment)
         if done.returncode != 0:
             raise CompileError(f"{' '.join([*self.command, *arguments])}\n{done.stderr.strip()}")

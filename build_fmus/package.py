@@ -59,7 +59,7 @@ def _pack(
     content["modelDescription.xml"] = description.model_description(
         component, fmi, token=token, sources=sources, arrays=arrays, clocks=clocks
     )
-    with tempfile.TemporaryDirectory() as tmp, safe_files.named(tmp):
+    with tempfile.TemporaryDirectory(dir=safe_files.scratch()) as tmp, safe_files.named(tmp):
         for name, data in files.items():
             (Path(tmp) / name).parent.mkdir(exist_ok=True)
             (Path(tmp) / name).write_bytes(data)

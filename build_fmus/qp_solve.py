@@ -63,7 +63,7 @@ def _library(component: Model) -> ctypes.CDLL:
     files = generate.solver_files(component) | {"qp_exports.c": _EXPORTS.encode()}
     files["fmu_model.h"] = (generate.RUNTIME_DIR / "fmu_model.h").read_bytes()
     files = generate.with_mathematics(files)
-    with tempfile.TemporaryDirectory() as tmp, safe_files.named(tmp):
+    with tempfile.TemporaryDirectory(dir=safe_files.scratch()) as tmp, safe_files.named(tmp):
         for name, data in files.items():
             (Path(tmp) / name).parent.mkdir(exist_ok=True)
             (Path(tmp) / name).write_bytes(data)

@@ -124,7 +124,7 @@ def _is_pinned(data: bytes) -> bool:
 
 
 def _download(name: str) -> bytes:
-    with tempfile.TemporaryDirectory() as tmp:
+    with tempfile.TemporaryDirectory(dir=safe_files.scratch()) as tmp:
         requirements = Path(tmp) / "requirements.txt"
         requirements.write_text(f"daqp=={DAQP_VERSION} --hash=sha256:{DAQP_SHA256}\n")
         command = [

@@ -24,6 +24,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Any
 
+from build_fmus import safe_files
 from cosim.engine.choice import EngineChoice, choose_engine
 from cosim.errors import CosimError, UnconnectedInputsWarning
 from cosim.fmu.file import FmuFile
@@ -80,7 +81,7 @@ class System(Wiring):
         from cosim.ssp.read import read_ssp
 
         system = cls()
-        system._room = room = tempfile.TemporaryDirectory(prefix="cosim-ssp-")
+        system._room = room = tempfile.TemporaryDirectory(dir=safe_files.scratch())
         try:
             found = read_ssp(system, Path(path), Path(room.name), variant=variant, step=step, strict=strict)
         except BaseException:

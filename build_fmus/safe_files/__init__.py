@@ -14,12 +14,14 @@ from build_fmus.safe_files.kept import (
     kept_json,
     plain_warnings,
 )
-from build_fmus.safe_files.place import cache_directory
+from build_fmus.safe_files.place import SharedFolderWarning, cache_directory
+from build_fmus.safe_files.scratch import scratch
 from build_fmus.safe_files.whole import is_full, named, opened, sentence, write
 
 __all__ = [
     "DamagedWarning",
     "NotKept",
+    "SharedFolderWarning",
     "anew",
     "cache_directory",
     "clock",
@@ -31,6 +33,7 @@ __all__ = [
     "named",
     "opened",
     "plain_warnings",
+    "scratch",
     "sentence",
     "write",
 ]

@@ -12,6 +12,7 @@ from typing import Any
 
 import cffi
 
+from build_fmus import safe_files
 from build_fmus.checks import unknown
 from build_fmus.compile import CompileError, ObjectCache, find_toolchain, host
 from cosim.batch.source import RUNTIME as OF_FMUS
@@ -91,7 +92,7 @@ def _compiled(files: Mapping[str, bytes], sources: tuple[str, ...], name: str) -
     """A library of these files, compiled once per machine and content."""
     try:
         toolchain = find_toolchain(host())
-        with tempfile.TemporaryDirectory(prefix="cosim-") as temporary:
+        with tempfile.TemporaryDirectory(dir=safe_files.scratch()) as temporary:
             folder = Path(temporary)
             for path, data in files.items():
                 (folder / path).parent.mkdir(exist_ok=True)

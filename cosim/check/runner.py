@@ -15,6 +15,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from build_fmus import safe_files
 from build_fmus.checks import did_you_mean
 from cosim.check import archive, binary, description, layered, worker
 from cosim.check.binary import claimed
@@ -195,7 +196,7 @@ def _opened(report: Report, options: Options, stack: contextlib.ExitStack) -> Fi
     model = found.model
     report.name, report.fmi, report.tool = model.name, model.fmi, model.tool
     report.interfaces = (*(_KINDS[k] for k in model.interfaces), *(["Scheduled Execution"] if model.scheduled else []))
-    folder = Path(tempfile.mkdtemp(prefix="cosim-check-"))
+    folder = Path(tempfile.mkdtemp(dir=safe_files.scratch()))
     stack.callback(shutil.rmtree, folder, ignore_errors=True)
     try:
         file.unpack(folder)

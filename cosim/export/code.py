@@ -135,7 +135,7 @@ class SystemCode:
         toolchain = find_toolchain(platform or host())
         for part in linked:
             own = part.sources()
-            with tempfile.TemporaryDirectory() as tmp, safe_files.named(tmp):
+            with tempfile.TemporaryDirectory(dir=safe_files.scratch()) as tmp, safe_files.named(tmp):
                 write(Path(tmp), own)
                 names = part.names(Path(tmp) / part.name, toolchain, cache)
             files |= own | part.wrappers(names)

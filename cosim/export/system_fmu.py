@@ -90,7 +90,7 @@ class _Exporter:
         files["plan.c"] = self.code.plan_c(token).encode()
         content = {f"sources/{name}": data for name, data in files.items()}
         content["modelDescription.xml"] = self._description(token, c_files)
-        with tempfile.TemporaryDirectory() as tmp, safe_files.named(tmp):
+        with tempfile.TemporaryDirectory(dir=safe_files.scratch()) as tmp, safe_files.named(tmp):
             write(Path(tmp), files)
             paths = [Path(tmp) / n for n in c_files]
             compilers = {}

@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 import cosim.fmu.calls as fmi
+from build_fmus import safe_files
 from cosim.description import Description
 from cosim.errors import FmuError, FmuWarning
 from cosim.fmu import gate, terminals
@@ -242,7 +243,7 @@ class FmuFile:
         if self._folder is not None and not self.description.only_once:
             return self._folder  # its library was closed and is needed again
         try:
-            folder = Path(tempfile.mkdtemp(prefix="cosim-"))
+            folder = Path(tempfile.mkdtemp(dir=safe_files.scratch()))
         except OSError as error:
             raise FmuError(f"cannot unpack {self.path}: {error}") from None
         self._owned.append(folder)

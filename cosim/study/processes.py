@@ -45,13 +45,13 @@ def local_processes(count: int) -> Iterator[Executor]:
 
     Workers put their temporary files, the FMUs they unpack among them, into one folder that is removed when all have ended,
     in whatever way: they leave by ``_exit`` or by a signal, where nobody cleans up. When this process dies instead, each
-    worker ends at once and removes that folder.
+    worker ends at once and removes all temporary files of this process.
     """
     one_thread()
     afresh = "forkserver" if "forkserver" in multiprocessing.get_all_start_methods() else "spawn"
     context = multiprocessing.get_context(afresh)
     context.set_forkserver_preload(["suspension_fmus", "cosim.study.work"])  # the first makes `cosim` ours, beside another one
-    scratch = tempfile.mkdtemp(prefix="cosim-workers-")
+    scratch = tempfile.mkdtemp(dir=safe_files.scratch())
     executor = _Processes(count, context, scratch)
     try:
         yield executor
@@ -200,7 +200,7 @@ def _end_with_parent(scratch: str) -> None:
     parent = multiprocessing.parent_process()
     assert parent is not None
     wait_for([parent.sentinel])
-    _remove(Path(scratch))
+    _remove(Path(scratch).parent)
     os._exit(1)
 
 

@@ -22,7 +22,7 @@ pytestmark = [
 def held() -> dict[str, int]:
     """What this process has: resident memory [pages], mappings, open files, temporary folders of ours."""
     gc.collect()
-    folders = list(Path(tempfile.gettempdir()).glob("cosim-*"))
+    folders = list(Path(tempfile.gettempdir()).glob("suspension-fmus-*/*"))
     return {
         "pages": int(Path("/proc/self/statm").read_text().split()[1]),
         "mappings": len(Path("/proc/self/maps").read_text().splitlines()),

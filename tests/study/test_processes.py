@@ -70,8 +70,8 @@ def alive(pid):
 def test_unpacked_fmus_are_removed(tmp_path, temporary, fmu, then, code):
     process, notes = start(fmu, tmp_path, temporary, then)
     assert process.wait() == code, (tmp_path / "errors").read_text()
-    assert {Path(n.read_text()).parent for n in notes.iterdir()} == {temporary}
-    assert not list(temporary.glob("cosim-*"))
+    assert {Path(n.read_text()).parents[1] for n in notes.iterdir()} == {temporary}
+    assert not list(temporary.glob("suspension-fmus-*"))
     assert not unpacked(temporary)
 
 
@@ -87,7 +87,7 @@ def test_workers_end_with_their_parent_and_clean_up(tmp_path, temporary, fmu, ho
         process.send_signal(how)
         process.wait()
         wait_until(lambda: not any(map(alive, workers)))
-        wait_until(lambda: not list(temporary.glob("cosim-*")))
+        wait_until(lambda: not list(temporary.glob("suspension-fmus-*")))
     finally:
         for pid in filter(alive, workers):
             os.kill(pid, signal.SIGKILL)

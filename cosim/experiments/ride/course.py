@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import atexit
-import shutil
 import tempfile
 from dataclasses import dataclass
 from functools import cache
@@ -94,8 +92,7 @@ def _made(path: Path, _changed: int, car: Path, fmi: int, preview: tuple[int, fl
     axles = [w.x for w in wheels]
     begin, end = extent(path, max(abs(w.y) for w in wheels), max(axles) - min(axles))
     component = road_from_file(path, RoadLayout(wheels, *preview, contact=contact), "RoadCourse", radius=radius)
-    folder = Path(tempfile.mkdtemp(prefix="cosim-course-"))
-    atexit.register(shutil.rmtree, folder, ignore_errors=True)
+    folder = Path(tempfile.mkdtemp(dir=safe_files.scratch()))
     fmu = folder / "RoadCourse.fmu"
     safe_files.write(fmu, build_fmu(component, fmi, resolve_platforms("host"), ObjectCache(folder / "objects")))
     return FileCourse(fmu, begin, end)

@@ -71,7 +71,7 @@ def compile_module(codes: Sequence[SystemCode], alone: Iterable[Part] = ()) -> M
     own = {name: files.pop(name) for name in _PER_SYSTEM}
     files |= {p.name: p.read_bytes() for p in _OWN}
     systems = [f"system{i}" for i in range(len(codes))]
-    with tempfile.TemporaryDirectory() as tmp, safe_files.named(tmp):
+    with tempfile.TemporaryDirectory(dir=safe_files.scratch()) as tmp, safe_files.named(tmp):
         folder = Path(tmp)
         for name, code in zip(systems, codes, strict=True):
             files |= {f"{name}/{n}": d for n, d in own.items()}

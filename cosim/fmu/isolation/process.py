@@ -24,6 +24,7 @@ if sys.platform != "win32":
     import fcntl
 
 import cosim.fmu.calls as fmi
+from build_fmus import safe_files
 from build_fmus.checks import number
 from build_fmus.compile import CompileError, ObjectCache, find_toolchain, host
 from cosim.errors import FmuError
@@ -314,7 +315,7 @@ def _shared_memory() -> int | None:
             sizes = fcntl.F_SEAL_SHRINK | fcntl.F_SEAL_GROW | fcntl.F_SEAL_SEAL  # what shrinks would end the master by SIGBUS
             fcntl.fcntl(descriptor, fcntl.F_ADD_SEALS, sizes)
         else:
-            descriptor, name = tempfile.mkstemp(prefix="cosim-")
+            descriptor, name = tempfile.mkstemp(dir=safe_files.scratch())
             os.unlink(name)
             os.ftruncate(descriptor, _REGION)
     except OSError:
