@@ -20,7 +20,7 @@ import numpy as np
 from scipy.optimize import linear_sum_assignment
 
 HERE = Path(__file__).parent
-sys.path.insert(0, str(HERE.parent / "tests"))
+sys.path[:0] = [str(HERE.parent), str(HERE.parent / "tests")]  # the project first: tests/ has a folder cosim, too
 
 from oracles.multibody import MultibodyCar, half_round  # noqa: E402
 
@@ -168,18 +168,56 @@ SHAPES = {  # body height, roll, pitch, wheels fl, fr, rl, rr; m and rad
     "rear wheels, together": (0, 0, 0, 0, 0, 1, 1), "rear wheels, opposed": (0, 0, 0, 0, 0, 1, -1),
 }  # fmt: skip
 """How modes of the ride look, roughly: a mode is named after the one that it is most like."""
+SAME = 1e-6  # relative difference of eigenvalues, and of likeness, that is rounding
 
 
-def modes(lin: Linearization) -> dict[str, complex]:
-    """Eigenvalue [rad/s] of each of :data:`SHAPES` that oscillates, of any linear model with a ride car's positions."""
+def modes(lin: Linearization) -> dict[str, list[complex]]:
+    """Eigenvalues [rad/s] of the oscillating modes that look like each of :data:`SHAPES`, slowest first.
+
+    A shape has one mode, or several where the model does not tell them apart: a car with equal ends has wheels of both
+    axles in each mode. Modes of equal eigenvalues count as one motion (an invariant subspace), so nothing here depends on
+    the order or the basis in which eigenvectors are computed.
+
+    Args:
+        lin: any linear model with a ride car's positions among its outputs.
+    """
     values, vectors = np.linalg.eig(lin.A)
-    moving = positions_of(lin) @ vectors
-    like = np.array(list(SHAPES.values()), dtype=float) @ moving / np.maximum(np.linalg.norm(moving, axis=0), 1e-12)
-    ride = np.linalg.norm(moving * values, axis=0) / np.linalg.norm(vectors, axis=0)
-    fitting = np.abs(like) * np.minimum(1.0, ride)  # not the modes of spins, slips and the course
-    fitting[:, values.imag <= 0] = 0.0
-    rows, columns = linear_sum_assignment(-fitting)
-    return {list(SHAPES)[r]: complex(values[c]) for r, c in zip(rows, columns, strict=True) if fitting[r, c]}
+    groups = _equal(values)
+    like = np.column_stack([_likeness(lin, values[g[0]], vectors[:, g]) for g in groups])
+    columns = [k for k, g in enumerate(groups) for _ in g]  # as many shapes as the subspace has dimensions
+    rows, chosen = linear_sum_assignment(-like[:, columns])
+    mode = {int(r): columns[c] for r, c in zip(rows, chosen, strict=True) if like[r, columns[c]]}
+    found = {}
+    for shape, own in mode.items():
+        tied = {own} | {k for r, k in mode.items() if _exchangeable(like, (shape, own), (r, k))}
+        found[list(SHAPES)[shape]] = sorted((complex(values[groups[k]].mean()) for k in tied), key=abs)
+    return found
+
+
+def _equal(values: np.ndarray) -> list[np.ndarray]:
+    """Indices of eigenvalues above the real axis, those of one value together."""
+    left = [int(k) for k in np.argsort(np.abs(values), kind="stable") if values[k].imag > SAME * abs(values[k])]
+    groups = []
+    while left:
+        near = [k for k in left if abs(values[k] - values[left[0]]) <= SAME * abs(values[left[0]])]
+        groups.append(np.array(near))
+        left = [k for k in left if k not in near]
+    return groups
+
+
+def _likeness(lin: Linearization, value: complex, vectors: np.ndarray) -> np.ndarray:
+    """How much of each shape the motions of an eigenvalue contain; less where the ride takes little part in them."""
+    basis = np.linalg.qr(vectors)[0]
+    shapes, size, _ = np.linalg.svd(positions_of(lin) @ basis, full_matrices=False)
+    part = np.minimum(1.0, abs(value) * size)  # not the modes of spins, slips and the course
+    return np.linalg.norm(np.array(list(SHAPES.values()), dtype=float) @ (shapes.conj() * part), axis=1)
+
+
+def _exchangeable(like: np.ndarray, one: tuple[int, int], other: tuple[int, int]) -> bool:
+    """Whether two shapes fit as well with each other's modes."""
+    (a, m), (b, n) = one, other
+    kept, exchanged = like[a, m] + like[b, n], like[a, n] + like[b, m]
+    return bool(exchanged >= kept * (1 - SAME))
 
 
 def modes_table() -> str:
@@ -201,8 +239,9 @@ def modes_table() -> str:
     found = {n: modes(lin) for n, lin in columns.items()}
     text = "| mode | " + " | ".join(columns) + " |\n" + "|---" * (1 + len(columns)) + "|\n"
     for shape in SHAPES:
-        own = [m.get(shape) for m in found.values()]
-        words = ["aperiodic" if v is None else f"{abs(v) / (2 * np.pi):.2f} Hz, {-v.real / abs(v):.2f}" for v in own]
+        own = [m.get(shape, []) for m in found.values()]
+        each = [dict.fromkeys(f"{abs(v) / (2 * np.pi):.2f} Hz, {-v.real / abs(v):.2f}" for v in m) for m in own]
+        words = [" or ".join(texts) or "aperiodic" for texts in each]
         text += f"| {shape} | {' | '.join(words)} |\n"
     return text
 
