@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from cosim.check.model import Interface, Model, Var
+from cosim.memory import physical_memory
 
 OK, WARNING, DISCARD, ERROR, FATAL, PENDING = range(6)
 STATUS = ("OK", "Warning", "Discard", "Error", "Fatal", "Pending")
@@ -463,6 +464,9 @@ class Instance:
     def serialize(self, state: Any) -> bytes:
         size = c.c_size_t()
         self.must(f"Serialized{self.saved}Size", state, c.byref(size))
+        if size.value > physical_memory():
+            text = f"says that a state has {size.value} bytes, which is more than this machine has"
+            raise Refused(f"fmi{self.version}Serialized{self.saved}Size", OK, text, self.where)
         data = c.create_string_buffer(max(1, size.value))
         self.must(f"Serialize{self.saved}", state, data, size)
         return data.raw[: size.value]

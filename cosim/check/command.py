@@ -129,4 +129,6 @@ def _show(report: Report, every: bool) -> None:
         show(table)
     for name, value in report.measures.items() if every else ():
         show(Text(f"  {name}: {value}", style="dim"))
+    for failure in report.failures:
+        show(Text(f"  a mistake of cosim check, please report it: {failure}", style="red"))
     show(Text(f"  {report.summary()} ({report.seconds:.1f} s)"))

@@ -52,6 +52,7 @@ class Report:
     results: list[Result] = field(default_factory=list)
     measures: dict[str, str] = field(default_factory=dict)
     not_run: str = ""  # why the FMU could not be run at all
+    failures: list[str] = field(default_factory=list)  # checks that failed themselves, each with its traceback
     seconds: float = 0.0
 
     def findings(self, *severities: Severity) -> list[tuple[Result, Finding]]:
@@ -65,10 +66,10 @@ class Report:
         return sum(r.verdict == verdict for r in self.results)
 
     def exit_code(self, strict: bool = False) -> int:
-        """0: clean; 1: errors (strict: or warnings); 2: nothing against it, but it could not be run."""
+        """0: clean; 1: errors (strict: or warnings); 2: nothing against it, but it could not be run, or a check failed itself."""
         if self.findings("error", *(("warning",) if strict else ())):
             return ERRORS
-        return UNCHECKED if self.not_run else CLEAN
+        return UNCHECKED if self.not_run or self.failures else CLEAN
 
     def summary(self) -> str:
         """The counts in a line."""
@@ -81,7 +82,7 @@ class Report:
         return {
             "fmu": str(self.path), "name": self.name, "fmi": self.fmi, "tool": self.tool, "interfaces": list(self.interfaces),
             "layered_standards": list(self.layered),
-            "not_run": self.not_run, "seconds": round(self.seconds, 3), "measures": self.measures,
+            "not_run": self.not_run, "failures": self.failures, "seconds": round(self.seconds, 3), "measures": self.measures,
             "results": [
                 {
                     "check": r.check.id, "interface": r.kind, "title": r.check.title, "verdict": r.verdict, "section": section(r, self),

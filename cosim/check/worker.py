@@ -1,34 +1,46 @@
 """The process in which FMUs run while they are checked: one fork for each check, so that none leaves anything to the next.
 
-It is told what to do by lines of pickled data on its standard input and answers on its standard output: `run()` and `Workers` in
-`runner.py` hold the other end. Where processes cannot be forked (Windows) it runs the check itself, and is replaced when it is lost.
+It receives jobs as pickled data on its standard input, and answers on its standard output: `Workers` in `runner.py` holds the other end.
+Where processes cannot be forked (Windows) it runs the check itself, and is replaced when it is lost.
+
+An FMU is foreign code. What comes from a process in which one ran is JSON of limited length, and each of its fields is validated; the fork
+has no descriptor but that of its own answer. Processes that an FMU has started are ended after each check, on Linux also detached ones.
 """
 
 from __future__ import annotations
 
 import contextlib
+import ctypes
+import json
+import math
 import mmap
 import os
 import pickle
 import select
 import signal
 import struct
+import sys
 import tempfile
 import time
 import traceback
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any, BinaryIO
 
+from build_fmus.checks import plain
 from cosim.check import derivatives, references, runs, states, values  # noqa: F401 (registers the checks)
 from cosim.check.bench import Bench
 from cosim.check.calls import DISCARD, FATAL, Ended, Fmu, Refused
 from cosim.check.model import Model
-from cosim.check.rules import CHECKS, MOST, Finding, NotApplicable
+from cosim.check.rules import CHECKS, MOST, SEVERITIES, Finding, NotApplicable
 
 _SPOKEN = 4096  # bytes for what is being done
 _LAST_WORDS = 400  # characters of what the FMU printed last
 _POLL = 0.02  # s between looks at a child's memory
+_LONGEST = 1 << 20  # bytes of an answer
+_MOST_MEASURES, _MEASURE = 100, 200  # of an answer; characters of one
+_OF_ORPHANS = 5.0  # s for ending processes that an FMU has left
+_SET_CHILD_SUBREAPER = 36  # of prctl
 
 
 @dataclass(frozen=True)
@@ -57,6 +69,42 @@ class Answer:
     measures: dict[str, str] = field(default_factory=dict)
     broken: str = ""  # a mistake of the check itself
 
+    def pack(self) -> bytes:
+        """As JSON."""
+        found = {**vars(self), "findings": [[f.text, f.severity, f.line] for f in self.findings]}
+        return json.dumps(found).encode()
+
+    @classmethod
+    def unpack(cls, data: bytes) -> Answer:
+        """From JSON that an FMU may have written. Raises ValueError."""
+        try:
+            given = json.loads(data)
+            if not isinstance(given, dict) or given.keys() != {f.name for f in fields(cls)}:
+                raise ValueError("the fields differ")
+            texts = {name: _text(given[name]) for name in ("inapplicable", "lost", "doing", "words", "broken")}
+            findings = [_finding(*f) for f in _typed(given["findings"], list)[:MOST]]
+            measures = {_text(k)[:_MEASURE]: _text(v)[:_MEASURE] for k, v in [*_typed(given["measures"], dict).items()][:_MOST_MEASURES]}
+            seconds = float(_typed(given["seconds"], float))
+        except (ValueError, TypeError, RecursionError, MemoryError) as error:
+            raise ValueError(f"it is no answer of a check: {error}") from None
+        return cls(findings=findings, measures=measures, seconds=seconds if math.isfinite(seconds) else 0.0, **texts)
+
+
+def _typed(value: Any, type_: type) -> Any:
+    if type(value) is not type_:
+        raise ValueError(f"{type(value).__name__} for {type_.__name__}")
+    return value
+
+
+def _text(value: Any) -> str:
+    return plain(_typed(value, str)[:_SPOKEN])
+
+
+def _finding(text: Any, severity: Any, line: Any) -> Finding:
+    if severity not in SEVERITIES:
+        raise ValueError("an unknown severity")
+    return Finding(_text(text), severity, int(_typed(line, int)))
+
 
 def execute(job: Job, say: Any = None) -> Answer:
     """Run a check in this process."""
@@ -77,10 +125,12 @@ def execute(job: Job, say: Any = None) -> Answer:
             answer.inapplicable = str(refused)
         else:
             answer.findings.append(Finding(str(refused), check.worst if refused.status != FATAL else "error"))
+    except MemoryError:
+        answer.inapplicable = "it needs more memory than this process can have"
     except OSError as error:
         answer.findings.append(Finding(f"the library cannot be loaded: {' '.join(str(error).split())}", "error"))
     except Exception:  # a mistake of ours must not look like one of the FMU
-        answer.broken = traceback.format_exc()
+        answer.broken = traceback.format_exc()[-_SPOKEN:]
     return answer
 
 
@@ -89,9 +139,17 @@ def _in_child(job: Job, memory: mmap.mmap, output: int) -> None:
         data = text.encode()[: _SPOKEN - 4]
         memory[: 4 + len(data)] = struct.pack("=I", len(data)) + data
 
-    data = pickle.dumps(execute(job, say))
+    data = execute(job, say).pack()
     with os.fdopen(output, "wb") as stream:
         stream.write(data)
+
+
+def _close_but_one(output: int) -> int:
+    """Close every descriptor but the standard ones and this one, which becomes 3: those of this process lead to the judge."""
+    if output != 3:
+        os.dup2(output, 3)
+    os.closerange(4, min(os.sysconf("SC_OPEN_MAX"), 1 << 16))
+    return 3
 
 
 def supervise(job: Job) -> Answer:
@@ -111,7 +169,7 @@ def supervise(job: Job) -> Answer:
             for source, target in ((null, 0), (words.fileno(), 1), (words.fileno(), 2)):
                 os.dup2(source, target)
             os.chdir(tempfile.gettempdir())
-            _in_child(job, memory, writable)
+            _in_child(job, memory, _close_but_one(writable))
             code = 0
         finally:
             os._exit(code)
@@ -121,11 +179,14 @@ def supervise(job: Job) -> Answer:
     with contextlib.suppress(ProcessLookupError, PermissionError):
         os.killpg(pid, signal.SIGKILL)
     _, status = os.waitpid(pid, 0)
+    _end_orphans()
     code = os.waitstatus_to_exitcode(status)
-    try:
-        answer = pickle.loads(data) if data and not ended else Answer()
-    except (pickle.UnpicklingError, EOFError):
-        answer, data = Answer(), b""
+    answer = Answer()
+    if not ended and data:
+        try:
+            answer = Answer.unpack(data)
+        except ValueError as error:
+            ended = f"it wrote into the channel of the check ({error})"
     if ended or not data:
         answer.lost = ended or (f"signal {-code} ({signal.strsignal(-code)})" if code < 0 else f"its process ended itself with exit code {code}")
         (length,) = struct.unpack("=I", memory[:4])
@@ -141,16 +202,22 @@ def supervise(job: Job) -> Answer:
 
 def _listen(job: Job, pid: int, readable: int, begin: float) -> tuple[bytes, str]:
     """What a child answers, and why it was not waited for, if so."""
-    data = b""
+    data, ended = b"", False
     while True:
         left = begin + job.seconds - time.monotonic()
         if left <= 0:
             return data, f"it did not come back within {job.seconds:g} s"
-        if select.select([readable], [], [], min(left, _POLL))[0]:
+        if select.select([readable], [], [], 0.0 if ended else min(left, _POLL))[0]:
             part = os.read(readable, 1 << 16)
             if not part:
                 return data, ""
             data += part
+            if len(data) > _LONGEST:
+                return data, f"it wrote more than {_LONGEST} bytes into the channel of the check"
+        elif ended:  # a process that it has left still holds the other end
+            return data, ""
+        elif os.waitid(os.P_PID, pid, os.WEXITED | os.WNOHANG | os.WNOWAIT) is not None:
+            ended = True
         elif _resident(pid) > job.memory:
             return data, f"it took more than {job.memory / 1e6:,.0f} MB of memory"
 
@@ -163,18 +230,48 @@ def _resident(pid: int) -> int:
         return 0
 
 
-def receive(stream: BinaryIO) -> Any:
-    """An object, None at the end."""
+def _end_orphans() -> None:
+    """End the processes that an FMU has left. On Linux the detached ones have become children of this process."""
+    end = time.monotonic() + _OF_ORPHANS
+    with contextlib.suppress(ChildProcessError):
+        while time.monotonic() < end:
+            if os.waitpid(-1, os.WNOHANG)[0] == 0:
+                for pid in _children():
+                    with contextlib.suppress(ProcessLookupError, PermissionError):
+                        os.kill(pid, signal.SIGKILL)
+                time.sleep(0.001)
+
+
+def _children() -> list[int]:
+    found = []
+    for name in os.listdir("/proc") if os.path.isdir("/proc") else ():
+        with contextlib.suppress(OSError, ValueError, IndexError), open(f"/proc/{int(name)}/stat", "rb") as file:
+            if int(file.read().rpartition(b")")[2].split()[1]) == os.getpid():
+                found.append(int(name))
+    return found
+
+
+def receive(stream: BinaryIO, longest: int | None = None) -> bytes | None:
+    """Bytes that `send` has sent; None at the end, and where they are more than `longest`."""
     head = stream.read(8)
     if len(head) < 8:
         return None
     (length,) = struct.unpack("=Q", head)
+    if longest is not None and length > longest:
+        return None
     data = stream.read(length)
-    return pickle.loads(data) if len(data) == length else None
+    return data if len(data) == length else None
 
 
-def send(stream: BinaryIO, thing: Any) -> None:
-    data = pickle.dumps(thing)
+def receive_answer(stream: BinaryIO) -> Answer | None:
+    """What a worker answers; None where it has ended, or writes something else. Where FMUs run in the worker itself they can write there."""
+    data = receive(stream, 2 * _LONGEST)
+    with contextlib.suppress(ValueError):
+        return None if data is None else Answer.unpack(data)
+    return None
+
+
+def send(stream: BinaryIO, data: bytes) -> None:
     stream.write(struct.pack("=Q", len(data)) + data)
     stream.flush()
 
@@ -187,12 +284,16 @@ def main() -> None:
     null = os.open(os.devnull, os.O_RDWR)
     os.dup2(null, 0)
     os.dup2(2, 1)
-    while (job := receive(sources)) is not None:
+    if sys.platform == "linux":  # detached processes of an FMU become children of this one
+        with contextlib.suppress(OSError, AttributeError):
+            ctypes.CDLL(None).prctl(_SET_CHILD_SUBREAPER, 1, 0, 0, 0)
+    while (data := receive(sources)) is not None:
+        job = pickle.loads(data)
         if hasattr(os, "fork"):
-            send(answers, supervise(job))
+            answer = supervise(job)
         else:
             begin = time.monotonic()
             answer = execute(job)
             answer.seconds = time.monotonic() - begin
-            send(answers, answer)
+        send(answers, answer.pack())
 

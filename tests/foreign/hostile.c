@@ -4,6 +4,7 @@
 #define _GNU_SOURCE
 #endif
 #include <dlfcn.h>
+#include <fcntl.h>
 #include <fenv.h>
 #include <math.h>
 #include <pthread.h>
@@ -14,6 +15,7 @@
 #include <stdlib.h>
 #include <string.h>
 #include <unistd.h>
+#include <sys/wait.h>
 
 #if FMI == 2
 #include "fmi2Functions.h"
@@ -64,6 +66,34 @@ static void scribble(void) { /* over all memory that it shares with others */
     if (maps) fclose(maps);
 }
 
+/* Into every descriptor but the standard ones: a pickle that makes the file HOSTILE_PROOF in whatever process reads it, bare or behind its
+ * length as a message; or bytes without end; or the beginning of a message of 2^62 bytes. */
+static void forge(const char *how) {
+    char text[4200];
+    const char *proof = getenv("HOSTILE_PROOF");
+    const uint64_t length = (uint64_t)snprintf(text, sizeof text, "cposix\nsystem\n(S'touch %s'\ntR.", proof ? proof : "");
+    const uint64_t claimed = (uint64_t)1 << 62;
+    for (int fd = 3; fd < 64; fd++) {
+        if (fcntl(fd, F_GETFD) < 0) continue;
+        if (strcmp(how, "message") == 0 && write(fd, &length, 8) != 8) continue;
+        if (strcmp(how, "claim") == 0 && write(fd, &claimed, 8) != 8) continue;
+        if (write(fd, text, length) < 0) continue;
+        if (strcmp(how, "flood") == 0) while (write(fd, text, sizeof text) > 0) {}
+    }
+    _exit(0);
+}
+
+/* A process that is nobody's child, in a session of its own; its number is written into the file HOSTILE_PROOF. */
+static void detach(void) {
+    const char *proof = getenv("HOSTILE_PROOF");
+    if (fork() != 0) return;
+    setsid();
+    if (fork() != 0) _exit(0);
+    FILE *file = proof ? fopen(proof, "w") : NULL;
+    if (file) fprintf(file, "%d", (int)getpid()), fclose(file);
+    for (;;) pause();
+}
+
 static void commit(void) {
 #define IS(name) (strcmp(deed, #name) == 0)
     if (IS(segfault)) *(volatile int *)0 = 1;
@@ -111,6 +141,8 @@ static void commit(void) {
     }
     if (IS(child) && fork() == 0) for (;;) pause();
     if (IS(scribble)) scribble();
+    if (IS(pickle) || IS(message) || IS(claim) || IS(flood)) forge(deed);
+    if (IS(detach)) detach();
     if (IS(thread)) {
         pthread_t one;
         pthread_create(&one, NULL, later, NULL);
