@@ -88,7 +88,12 @@ int32_t fmu_to_int(double value) {
 
 uint64_t fmu_hash(const void *data, size_t n) {
     const unsigned char *bytes = data;
-    uint64_t h = 14695981039346656037ull;
-    for (size_t i = 0; i < n; i++) h = (h ^ bytes[i]) * 1099511628211ull;
+    uint64_t h = 14695981039346656037ull, word;
+    size_t i = 0;
+    for (; n - i >= sizeof word; i += sizeof word) {
+        memcpy(&word, bytes + i, sizeof word);
+        h = (h ^ word) * 1099511628211ull;
+    }
+    for (; i < n; i++) h = (h ^ bytes[i]) * 1099511628211ull;
     return h;
 }

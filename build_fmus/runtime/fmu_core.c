@@ -18,7 +18,7 @@
 
 #define MAX_STEPS_PER_CALL 10000000.0 /* solver steps or samples in one doStep: beyond it the step size is a mistake */
 #define SNAPSHOT_MAGIC 0x53464d55u    /* 'SFMU'; also tells a foreign byte order */
-#define SNAPSHOT_VERSION 2u
+#define SNAPSHOT_VERSION 3u
 
 static const FmuModel *const M = &fmu_model;
 
@@ -42,12 +42,12 @@ struct FmuSnapshot {
     uint32_t is_co_simulation, reserved; /* the modes of the two interfaces differ */
     uint64_t model;    /* hash of the instantiation token */
     uint64_t length;   /* of the state block */
-    uint64_t checksum; /* of the state block */
+    uint64_t checksum; /* of the state block, once serialized; until then the address of this header, so that no bytes pass for a state */
 };
 
 struct FmuInstance {
     FmuBase base;
-    int uses_events;  /* samples are taken when the clock ticks */
+    int uses_events;  /* event mode: the clock may tick */
     unsigned warned;  /* one bit per kind of warning about inputs; beside the state, so that saved states do not depend on it */
     State *state;
     double *p, *u, *x, *dx, *y;             /* into state->v */
@@ -450,9 +450,9 @@ static inline FmuStatus check_settable(FmuInstance *self, const char *function, 
         case FMU_PARAMETER:
             modes = before | (v->is_tunable ? (self->uses_events ? MODE_EVENT | MODE_TICK : MODE_EVENT | MODE_STEP) : 0u);
             break;
-        case FMU_INPUT: /* Integers and Booleans are discrete: they change at events only; where there is a clock all when it ticks */
-            modes = before | (self->uses_events ? (unsigned)MODE_TICK
-                                                : MODE_EVENT | MODE_STEP | (v->type == FMU_FLOAT64 ? MODE_CONTINUOUS_TIME : 0u));
+        case FMU_INPUT: /* Integers and Booleans are discrete: they change at events only. With a clock, between its ticks too, for
+                            importers that do not tick it: the next sample sees what was set last. */
+            modes = before | MODE_EVENT | MODE_TICK | MODE_STEP | (v->type == FMU_FLOAT64 ? MODE_CONTINUOUS_TIME : 0u);
             break;
         case FMU_STATE: modes = v->is_exact ? before : 0u; break;
         default: break;
@@ -703,8 +703,7 @@ static FmuStatus advance_discrete(FmuInstance *self, const char *function, doubl
         return fmu_fail(self, FMU_ERROR, "%s: at time %g s samples every %g s cannot be told apart", function, first, Ts);
     if ((end - first) / Ts > MAX_STEPS_PER_CALL)
         return fmu_fail(self, FMU_ERROR, "%s: up to %.12g s there are %.3g samples to be made up", function, end, (end - first) / Ts);
-    if (self->uses_events && first < end)
-        return fmu_fail(self, FMU_ERROR, "%s: up to %.12g s, but the clock ticks at %.12g s: set it in event mode then", function, t + h, first);
+    /* With event mode these are the samples that no tick of the clock has taken: an importer need not tick it. */
     while (next_sample(s) < end) {
         const FmuStatus status = take_sample(self);
         if (status != FMU_OK) return status;
@@ -792,17 +791,13 @@ static uint32_t interface_of(const FmuInstance *self) {
     return (uint32_t)self->base.is_co_simulation + 2u * (uint32_t)(self->uses_events != 0);
 }
 
-static FmuSnapshot header_of(const FmuInstance *self) {
-    const FmuSnapshot h = {SNAPSHOT_MAGIC, SNAPSHOT_VERSION, interface_of(self), 0,
-                           fmu_hash(M->token, strlen(M->token)), state_size(), fmu_hash(self->state, state_size())};
-    return h;
-}
-
-static FmuStatus check_snapshot(FmuInstance *self, const char *function, const void *snapshot) {
+/* Whether it is a header of this component: of a state in memory or, when `bytes`, of a serialized one. */
+static FmuStatus check_header(FmuInstance *self, const char *function, const void *snapshot, int bytes) {
     if (!snapshot) return fmu_fail(self, FMU_ERROR, "%s: the FMU state is NULL", function);
     FmuSnapshot h;
     memcpy(&h, snapshot, sizeof h);
-    if (h.magic != SNAPSHOT_MAGIC) return fmu_fail(self, FMU_ERROR, "%s: this is not a state of this FMU", function);
+    if (h.magic != SNAPSHOT_MAGIC || (!bytes && h.checksum != (uint64_t)(uintptr_t)snapshot))
+        return fmu_fail(self, FMU_ERROR, "%s: this is not a state of this FMU", function);
     if (h.version != SNAPSHOT_VERSION)
         return fmu_fail(self, FMU_ERROR, "%s: state format %u, this FMU reads %u", function, h.version, SNAPSHOT_VERSION);
     if (h.model != fmu_hash(M->token, strlen(M->token)) || h.length != state_size())
@@ -811,6 +806,10 @@ static FmuStatus check_snapshot(FmuInstance *self, const char *function, const v
         return fmu_fail(self, FMU_ERROR, "%s: the state is one of a %s instance%s", function,
                         h.is_co_simulation ? "Co-Simulation" : "Model Exchange", h.is_co_simulation == 3u ? " with event mode" : "");
     return FMU_OK;
+}
+
+static FmuStatus check_snapshot(FmuInstance *self, const char *function, const void *snapshot) {
+    return check_header(self, function, snapshot, 0);
 }
 
 /* Whether a discrete component can have come as far as its state says: the last sample before the present time, the next one
@@ -874,15 +873,15 @@ FmuStatus fmu_snapshot(FmuInstance *self, const char *function, void **snapshot)
         *snapshot = malloc(sizeof(FmuSnapshot) + state_size());
         if (!*snapshot) return fmu_fail(self, FMU_ERROR, "%s: out of memory", function);
     }
-    const FmuSnapshot h = header_of(self);
+    const FmuSnapshot h = {SNAPSHOT_MAGIC, SNAPSHOT_VERSION, interface_of(self), 0, fmu_hash(M->token, strlen(M->token)), state_size(),
+                           (uint64_t)(uintptr_t)*snapshot};
     memcpy(*snapshot, &h, sizeof h);
     memcpy(snapshot_state(*snapshot), self->state, state_size());
     return FMU_OK;
 }
 
 FmuStatus fmu_restore(FmuInstance *self, const char *function, const void *snapshot) {
-    FmuStatus status = check_snapshot(self, function, snapshot);
-    if (status == FMU_OK) status = check_state(self, function, snapshot_state(snapshot));
+    const FmuStatus status = check_snapshot(self, function, snapshot);
     if (status == FMU_OK) memcpy(self->state, snapshot_state(snapshot), state_size());
     return status;
 }
@@ -910,7 +909,11 @@ FmuStatus fmu_serialize(FmuInstance *self, const char *function, const void *sna
     if (!bytes || size < sizeof(FmuSnapshot) + state_size())
         return fmu_fail(self, FMU_ERROR, "%s: %zu bytes are too few, need %zu", function, bytes ? size : 0,
                         sizeof(FmuSnapshot) + state_size());
-    memcpy(bytes, snapshot, sizeof(FmuSnapshot) + state_size());
+    FmuSnapshot h;
+    memcpy(&h, snapshot, sizeof h);
+    h.checksum = fmu_hash(snapshot_state(snapshot), state_size());
+    memcpy(bytes, &h, sizeof h);
+    memcpy(bytes + sizeof h, snapshot_state(snapshot), state_size());
     return FMU_OK;
 }
 
@@ -918,7 +921,7 @@ FmuStatus fmu_deserialize(FmuInstance *self, const char *function, const unsigne
     if (!bytes || !snapshot) return fmu_fail(self, FMU_ERROR, "%s: NULL argument", function);
     const size_t need = sizeof(FmuSnapshot) + state_size();
     if (size < sizeof(FmuSnapshot)) return fmu_fail(self, FMU_ERROR, "%s: %zu bytes are not a serialized state", function, size);
-    FmuStatus status = check_snapshot(self, function, bytes);
+    FmuStatus status = check_header(self, function, bytes, 1);
     if (status != FMU_OK) return status;
     FmuSnapshot h;
     memcpy(&h, bytes, sizeof h);
@@ -926,7 +929,9 @@ FmuStatus fmu_deserialize(FmuInstance *self, const char *function, const unsigne
         return fmu_fail(self, FMU_ERROR, "%s: the serialized state of %s is damaged", function, M->name);
     void *copy = malloc(need);
     if (!copy) return fmu_fail(self, FMU_ERROR, "%s: out of memory", function);
-    memcpy(copy, bytes, need);
+    h.checksum = (uint64_t)(uintptr_t)copy;
+    memcpy(copy, &h, sizeof h);
+    memcpy(snapshot_state(copy), bytes + sizeof h, state_size());
     status = check_state(self, function, snapshot_state(copy));
     if (status == FMU_OK) *snapshot = copy;
     else free(copy);

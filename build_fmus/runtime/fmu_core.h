@@ -69,7 +69,7 @@ FmuStatus fmu_directional_derivative(FmuInstance *self, const char *function, co
 FmuStatus fmu_do_step(FmuInstance *self, const char *function, double time, double step);
 double fmu_time(const FmuInstance *self);
 
-/* Event mode of Co-Simulation, where the model has a clock: samples are taken when it ticks, and not by steps. */
+/* Event mode of Co-Simulation, where the model has a clock: a sample is taken when it ticks, else by the step that passes its instant. */
 void fmu_use_events(FmuInstance *self);
 int fmu_uses_events(const FmuInstance *self);
 FmuStatus fmu_tick(FmuInstance *self, const char *function);

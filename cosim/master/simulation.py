@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from build_fmus.checks import did_you_mean
-from cosim.component import Action, Array, Portable
+from cosim.component import Action, Array
 from cosim.description import Variable
 from cosim.errors import (
     CallFailed,
@@ -381,7 +381,7 @@ class Simulation:
         def save() -> None:
             for m in self.schedule.members:
                 components[m.name] = saved = m.component.save()
-                if travels and m.description.can_serialize and isinstance(m.component, Portable):
+                if travels and m.description.can_serialize and hasattr(m.component, "pack"):  # isinstance of a Protocol takes as long as saving
                     try:
                         serialized[m.name] = m.component.pack(saved)
                     except CosimError as error:

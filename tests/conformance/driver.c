@@ -116,8 +116,7 @@ static void hostile_states(Instance c, double t) {
             memcpy(spoilt, bytes, size);
             for (size_t j = i < n ? i : n - warm; j < (i < n ? i + 1 : n); j++)
                 memcpy(spoilt + HEADER + j * sizeof(double), &odd[k], sizeof(double));
-            uint64_t h = 14695981039346656037ull;
-            for (size_t b = HEADER; b < size; b++) h = (h ^ spoilt[b]) * 1099511628211ull;
+            const uint64_t h = fmu_hash(spoilt + HEADER, size - HEADER);
             memcpy(spoilt + CHECKSUM, &h, sizeof h);
             const Status status = DESERIALIZE(c, (void *)spoilt, size, &copy);
             EXPECT(status == 0 || status == 3);

@@ -23,10 +23,10 @@ BAD = (math.nan, math.inf, -math.inf)
 
 
 def checksum(data: bytes) -> int:
-    """FNV-1a, as the runtime has it."""
+    """FNV-1a of words of 8 bytes, as the runtime has it."""
     h = 14695981039346656037
-    for byte in data:
-        h = ((h ^ byte) * 1099511628211) & (2**64 - 1)
+    for (word,) in struct.iter_unpack("=Q", data):
+        h = ((h ^ word) * 1099511628211) & (2**64 - 1)
     return h
 
 

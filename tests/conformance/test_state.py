@@ -49,6 +49,19 @@ def test_serialized_states_continue_bit_equal(fmu: Library) -> None:
         assert b.serialize() == data
 
 
+def test_serialized_bytes_are_no_state(fmu: Library) -> None:
+    """Their checksum is of what they hold, and only DeserializeFMUState looks at it; a state in memory is told by its address."""
+    with fmu.instance() as a:
+        a.initialize(fmu.stimulus.row(0))
+        data = a.serialize()
+        bytes_ = c.create_string_buffer(data, len(data))
+        for function in (f"Set{fmu.state_type}", f"Free{fmu.state_type}"):
+            handle = c.c_void_p(c.addressof(bytes_))
+            assert a.call(function, handle if function.startswith("Set") else c.byref(handle)) == ERROR
+            assert "is not a state of this FMU" in a.last_message
+        assert a.serialize() == data
+
+
 def test_states_taken_during_initialization_and_model_exchange(fmu: Library) -> None:
     with fmu.instance() as a, fmu.instance() as b:
         a.enter_initialization()

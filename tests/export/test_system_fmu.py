@@ -13,6 +13,8 @@ import fmpy
 import numpy as np
 import pytest
 from built import FMUS, BuiltFmus
+from fmpy.fmi2 import FMU2Slave
+from fmpy.fmi3 import FMU3Slave
 from fmpy.validation import validate_fmu
 from same import bits
 
@@ -265,3 +267,31 @@ def test_a_library_that_is_gone_is_named(follower, tmp_path):
         outer.add("gone", folder)
         with pytest.raises(FmuError, match=r"(?s)cannot be instantiated.*member 'a': its library cannot be loaded"):
             outer.run(0.1)
+
+
+@pytest.mark.parametrize(("rate", "status"), [(-1.0, 3), (-2.0, 4)])
+@pytest.mark.parametrize("fmi", [2, 3])
+def test_no_step_follows_an_error_of_a_member(follower, tmp_path, fmi, rate, status):
+    """A member whose values cannot be read while initializing: the system is in the state "error", whatever is set afterwards."""
+    with System() as system:
+        system.add("a", follower[fmi], step="1 ms")
+        about = fmpy.read_model_description(path := system.export_fmu(tmp_path / "Failing.fmu", fmi=fmi, parameters=["a.rate"]))
+    reference = {v.name: v.valueReference for v in about.modelVariables}
+    folder = fmpy.extract(path, tmp_path / "extracted")
+    made = (FMU2Slave if fmi == 2 else FMU3Slave)(
+        guid=about.guid, unzipDirectory=folder, modelIdentifier=about.coSimulation.modelIdentifier, instanceName="system"
+    )
+    made.instantiate()
+    get, put = (made.getReal, made.setReal) if fmi == 2 else (made.getFloat64, made.setFloat64)
+    made.enterInitializationMode()
+    put([reference["a.rate"]], [rate])
+    refused = [lambda: get([reference["a.y"]]), lambda: put([reference["a.rate"]], [1.0]), made.exitInitializationMode, lambda: made.doStep(0.0, 0.001)]
+    for call in refused:
+        with pytest.raises(fmpy.fmi1.FMICallException):
+            call()
+    if status == 3:
+        made.reset()
+        made.enterInitializationMode()
+        made.exitInitializationMode()
+        made.doStep(0.0, 0.001)
+    made.freeInstance()

@@ -1,7 +1,8 @@
 /* A small FMU that owes nothing to this project but its descriptions (followers.py): FMI 2.0 or 3.0, from the standard's headers alone.
  *
  * y follows u, dy/dt = rate (u - y), by implicit Euler with steps of 0.1 ms at most, as exported models do. Variables of other types are handed through, so that every type is
- * exchanged; `count` also counts steps, and `total` (FMI 3.0) is an array that adds up the array `w`. */
+ * exchanged; `count` also counts steps, and `total` (FMI 3.0) is an array that adds up the array `w`. With a negative rate reading a
+ * floating-point number is an error, below -1 a fatal one. */
 #include <stdbool.h>
 #include <stdint.h>
 #include <stdlib.h>
@@ -74,6 +75,7 @@ Status fmi2Terminate(Instance m) { return fmi2OK; }
 Status fmi2Reset(Instance m) { start(m); return fmi2OK; }
 Status fmi2GetReal(Instance c, const fmi2ValueReference vr[], size_t n, fmi2Real value[]) {
     const Model *m = c;
+    if (m->real[RATE] < 0.0) return m->real[RATE] < -1.0 ? fmi2Fatal : fmi2Error;
     for (size_t i = 0; i < n; i++) value[i] = m->real[vr[i]];
     return fmi2OK;
 }
@@ -131,6 +133,7 @@ Status fmi3Terminate(Instance m) { return fmi3OK; }
 Status fmi3Reset(Instance m) { start(m); return fmi3OK; }
 Status fmi3GetFloat64(Instance c, const fmi3ValueReference vr[], size_t n, double value[], size_t k) {
     const Model *m = c;
+    if (m->real[RATE] < 0.0) return m->real[RATE] < -1.0 ? fmi3Fatal : fmi3Error;
     for (size_t i = 0; i < n; i++) {
         if (vr[i] < 3) *value++ = m->real[vr[i]];
         else for (int j = 0; j < 3; j++) *value++ = (vr[i] == W ? m->w : m->total)[j];

@@ -147,8 +147,7 @@ static void forge(void) {
         else bytes[place] ^= (unsigned char)(1u << byte() % 8);
     }
     if (byte() % 8) {
-        uint64_t h = 14695981039346656037ull;
-        for (size_t b = HEADER; b < size; b++) h = (h ^ bytes[b]) * 1099511628211ull;
+        const uint64_t h = fmu_hash(bytes + HEADER, size - HEADER);
         memcpy(bytes + CHECKSUM, &h, sizeof h);
     }
     const size_t n = byte() % 8 ? size : two() % (size + 1);

@@ -15,7 +15,7 @@
 #include "system.h"
 
 #define STATE_MAGIC 0x53594d55u /* 'UMYS'; also tells a foreign byte order */
-#define STATE_VERSION 1u
+#define STATE_VERSION 2u
 #define EXACT 9007199254740992 /* 2^53: integers below it are doubles */
 #define WITHIN 1e-9            /* of a tick: how near to a whole number of them a time must be */
 #define MOST_TICKS 10000000.0  /* in one step: beyond it the step size is a mistake */
@@ -133,11 +133,19 @@ static void from_member(void *context, int status, const char *message) {
                    P->members[source->member].name, message);
 }
 
-/* What a member's call has returned, as this FMU's status, with a message. */
-static FmuStatus member_failed(FmuInstance *self, int32_t i, const char *what, uint32_t status) {
+/* What a member's call has returned, as this FMU's status, with a message. After a call that has changed nothing the system goes on, unless
+ * the member is lost. */
+static FmuStatus member_refused(FmuInstance *self, int32_t i, const char *what, uint32_t status) {
+    if (self->members[i].dead) self->state->mode = MODE_ERROR;
     const char *names[] = {"OK", "Warning", "Discard", "Error", "Fatal", "Pending"};
     const char *name = status < sizeof names / sizeof *names ? names[status] : "no FMI status";
     return fmu_fail(self, FMU_ERROR, "member '%s': %s returned %s at time %.9g s", P->members[i].name, what, name, fmu_time(self));
+}
+
+/* The same, and the end of this simulation: no step follows (FMI 2.0, 3.0: after an error). */
+static FmuStatus member_failed(FmuInstance *self, int32_t i, const char *what, uint32_t status) {
+    self->state->mode = MODE_ERROR;
+    return member_refused(self, i, what, status);
 }
 
 /* The start values that the system gives. */
@@ -220,10 +228,7 @@ FmuStatus fmu_reset(FmuInstance *self) {
             return fmu_fail(self, FMU_ERROR, "member '%s' has failed for good: free this instance", P->members[i].name);
         }
         const uint32_t status = member_reset(&self->members[i]);
-        if (status > fmi3Warning) {
-            self->state->mode = MODE_ERROR;
-            return member_failed(self, i, "Reset", status);
-        }
+        if (status > fmi3Warning) return member_failed(self, i, "Reset", status);
         if (set_starts(self, i) != FMU_OK) return FMU_ERROR;
     }
     return FMU_OK;
@@ -401,10 +406,7 @@ FmuStatus fmu_enter_initialization(FmuInstance *self) {
         const double stop = met ? fmu_time(self) : 0.0;
         s->tick = 0;
         const uint32_t status = member_enter(&self->members[i], p->has_tolerance, p->tolerance, begin, met, stop);
-        if (status > fmi3Warning) {
-            s->mode = MODE_ERROR;
-            return member_failed(self, i, "EnterInitializationMode", status);
-        }
+        if (status > fmi3Warning) return member_failed(self, i, "EnterInitializationMode", status);
     }
     bind(self);
     for (int32_t i = 0; i < P->n_members; i++) /* elements that nobody drives */
@@ -543,14 +545,16 @@ FmuStatus fmu_set_as(FmuInstance *self, const char *function, FmuType type, cons
     size_t done = 0;
     for (; done < n_refs; done++) {
         const PlanVariable *v = &P->variables[refs[done]];
-        if (can_read && n_refs <= (size_t)P->n_variables) (void)value_of(self, v, &self->old[done]);
+        if (can_read && n_refs <= (size_t)P->n_variables)
+            (void)member_get(&self->members[v->member], v->kind, v->reference, &self->old[done], 1);
         const uint32_t said = hand_over(self, v, read(values, done));
         if (said <= fmi3Warning) continue;
-        status = member_failed(self, v->member, v->name, said);
+        status = member_refused(self, v->member, v->name, said);
         break;
     }
     if (status != FMU_OK && can_read && n_refs <= (size_t)P->n_variables)
-        while (done-- > 0) (void)hand_over(self, &P->variables[refs[done]], self->old[done]);
+        while (done-- > 0)
+            if (hand_over(self, &P->variables[refs[done]], self->old[done]) > fmi3Warning) self->state->mode = MODE_ERROR;
     self->state->settled = 0;
     return status;
 }
@@ -729,7 +733,7 @@ FmuStatus fmu_snapshot(FmuInstance *self, const char *function, void **snapshot)
             forget_members(self, saved);
             free(saved);
         }
-        return member_failed(self, i, "GetFMUState", said);
+        return member_refused(self, i, "GetFMUState", said);
     }
     saved->header = (Header){.magic = STATE_MAGIC, .version = STATE_VERSION, .model = identity(), .length = state_size()};
     memcpy(state_in(saved), self->state, state_size());
@@ -745,10 +749,7 @@ FmuStatus fmu_restore(FmuInstance *self, const char *function, const void *snaps
     const Saved *saved = snapshot;
     for (int32_t i = 0; i < P->n_members && status == FMU_OK; i++) {
         const uint32_t said = member_restore(&self->members[i], saved->members[i]);
-        if (said > fmi3Warning) {
-            self->state->mode = MODE_ERROR; /* members before it have been restored */
-            status = member_failed(self, i, "SetFMUState", said);
-        }
+        if (said > fmi3Warning) status = member_failed(self, i, "SetFMUState", said); /* members before it have been restored */
     }
     if (status != FMU_OK) return status;
     memcpy(self->state, state_in(snapshot), state_size());
@@ -778,7 +779,7 @@ FmuStatus fmu_serialized_size(FmuInstance *self, const char *function, const voi
     for (int32_t i = 0; i < P->n_members; i++) {
         size_t own = 0;
         const uint32_t said = member_size(&self->members[i], saved->members[i], &own);
-        if (said > fmi3Warning) return member_failed(self, i, "SerializedFMUStateSize", said);
+        if (said > fmi3Warning) return member_refused(self, i, "SerializedFMUStateSize", said);
         total += sizeof(uint64_t) + own;
     }
     *size = total;
@@ -802,7 +803,7 @@ FmuStatus fmu_serialize(FmuInstance *self, const char *function, const void *sna
         memcpy(to, &length, sizeof length);
         to += sizeof length;
         if (said <= fmi3Warning) said = member_serialize(&self->members[i], saved->members[i], to, own);
-        if (said > fmi3Warning) return member_failed(self, i, "SerializeFMUState", said);
+        if (said > fmi3Warning) return member_refused(self, i, "SerializeFMUState", said);
         to += own;
     }
     Header h = saved->header;
@@ -838,7 +839,7 @@ FmuStatus fmu_deserialize(FmuInstance *self, const char *function, const unsigne
             break;
         }
         const uint32_t said = member_deserialize(&self->members[i], from + sizeof own, (size_t)own, &saved->members[i]);
-        if (said > fmi3Warning) status = member_failed(self, i, "DeserializeFMUState", said);
+        if (said > fmi3Warning) status = member_refused(self, i, "DeserializeFMUState", said);
         from += sizeof own + own;
     }
     if (status == FMU_OK) {
