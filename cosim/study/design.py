@@ -56,7 +56,9 @@ class Axis:
         numbers: its parameters, in the order of DISTRIBUTIONS.
         values: of a list.
         count: values in a grid, of a range.
-        whole: only whole numbers.
+        whole: only whole numbers. Of a range, all of them have the same probability: the quantile u gives number ``floor(n u)`` of the n in
+            it, so LHS and Sobol designs have each equally often to within one slice, and the 8 levels of Morris are split among
+            them as evenly as 8 can be. Other distributions are rounded to the nearest whole number within their limits.
     """
 
     name: str
@@ -88,6 +90,10 @@ class Axis:
             raise DesignError(
                 f"{self.name}: the mode {said['mode']:g} is not between {said['low']:g} and {said['high']:g}"
             )
+        if self.whole and "low" in said and math.ceil(said["low"]) > said["high"]:
+            raise DesignError(
+                f"{self.name}: there is no whole number between {said['low']:g} and {said['high']:g}; give a wider range"
+            )
         if any(v <= 0 for k, v in said.items() if k.startswith("deviation") or k == "median"):
             raise DesignError(
                 f"{self.name}: {self.kind} needs a positive deviation" + " and median" * (self.kind == "lognormal")
@@ -105,7 +111,10 @@ class Axis:
         if self.kind == "values":
             return [self.values[min(int(x * len(self.values)), len(self.values) - 1)] for x in u]
         if self.kind == "uniform" and self.whole:
-            return [min(int(n[0] + x * (n[1] - n[0] + 1)), int(n[1])) for x in u]
+            first, last = self.ends
+            count = last - first + 1
+            numbers = np.floor(np.nextafter(u * count, np.inf))  # the level 3/7 of 7 numbers is the fourth, however it was rounded
+            return [first + min(int(x), count - 1) for x in numbers]
         if self.kind == "uniform":
             found = n[0] + u * (n[1] - n[0])
         elif self.kind == "triangular":
@@ -123,7 +132,24 @@ class Axis:
                 found = np.clip(found, n[2], n[3])
         if not np.isfinite(found).all():
             raise DesignError(f"{self.name}: values of {self} are too far off to be numbers; bring its numbers nearer to each other")
-        return [round(x) for x in found.tolist()] if self.whole else found.tolist()  # type: ignore[no-any-return]
+        if not self.whole:
+            return found.tolist()  # type: ignore[no-any-return]
+        least, most = self.ends or (-math.inf, math.inf)
+        return [int(min(max(math.floor(x + 0.5), least), most)) for x in found.tolist()]
+
+    @property
+    def ends(self) -> tuple[Any, ...]:
+        """The smallest and largest value, of whole numbers the outermost in the range; empty for a distribution without limits."""
+        limits = {"uniform": (0, 1), "triangular": (0, 2), "truncnormal": (2, 3)}.get(self.kind, ())
+        numbers = [self.numbers[k] for k in limits]
+        return (math.ceil(numbers[0]), math.floor(numbers[1])) if numbers and self.whole else tuple(numbers)
+
+    @property
+    def length(self) -> int:
+        """How many values it has in a grid."""
+        if self.kind == "values":
+            return len(self.values)
+        return min(self.count, self.ends[1] - self.ends[0] + 1) if self.whole and self.kind == "uniform" else self.count
 
     def grid(self) -> list[Any]:
         """Values in a grid."""
@@ -132,7 +158,7 @@ class Axis:
         if self.kind != "uniform":
             raise DesignError(f"{self.name}: a grid needs a range or a list, not a {self.kind} distribution")
         if self.whole:
-            return sorted({round(x) for x in np.linspace(self.numbers[0], self.numbers[1], self.count)})
+            return [round(x) for x in np.linspace(*self.ends, self.length)]
         return np.linspace(self.numbers[0], self.numbers[1], self.count).tolist()  # type: ignore[no-any-return]
 
     def __str__(self) -> str:
@@ -255,7 +281,7 @@ class Design:
         if self.method == "list":
             return len(self.listed)
         if self.method == "grid":
-            return math.prod(len(a.values) if a.kind == "values" else a.count for a in self.axes)
+            return math.prod(a.length for a in self.axes)
         d = len(self.axes)
         return self.samples * {"saltelli": d + 2, "morris": d + 1}.get(self.method, 1)
 

@@ -156,10 +156,7 @@ def _variable(system: Any, name: str, own: Mapping[str, Field]) -> Any:
 
 def _extremes(axis: Any) -> list[Any]:
     """Values at the ends of an axis, as far as it has ends."""
-    if axis.kind == "values":
-        return list(axis.values)
-    ends = {"uniform": (0, 1), "triangular": (0, 2), "truncnormal": (2, 3)}.get(axis.kind, ())
-    return [int(axis.numbers[k]) if axis.whole else axis.numbers[k] for k in ends]
+    return list(axis.values if axis.kind == "values" else axis.ends)
 
 
 # ------------------------------------------------------------------------------------------------------------- running

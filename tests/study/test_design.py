@@ -68,6 +68,33 @@ def test_whole_numbers() -> None:
     assert all(isinstance(n, int) for n in Axis("n", "normal", (5, 2), whole=True).at(np.array([0.1, 0.5])))
 
 
+@pytest.mark.parametrize("method", ["random", "lhs", "sobol", "halton", "saltelli"])
+def test_negative_whole_numbers_are_as_likely_as_others(method: str) -> None:
+    found = Design((axis("n=-3..3"), axis("x=0:1")), method, 1024).columns()[0]
+    counts = np.bincount(np.array(found) + 3)
+    assert len(counts) == 7
+    assert np.abs(counts / len(found) - 1 / 7).max() < (0.04 if method == "random" else 0.005)
+
+
+@pytest.mark.parametrize(("first", "last"), [(-3, 4), (-4, -1), (0, 1)])
+def test_levels_of_morris_are_split_evenly_among_whole_numbers(first: int, last: int) -> None:
+    levels = np.arange(8) / 7
+    found = Axis("n", "uniform", (first, last), whole=True).at(levels)
+    assert found == [first + k * (last - first + 1) // 8 for k in range(8)]
+    assert Axis("n", "uniform", (-3, 3), whole=True).at(levels) == [-3, -2, -1, 0, 1, 2, 3, 3]
+
+
+def test_whole_numbers_stay_within_their_limits() -> None:
+    u = np.linspace(0, 1, 1001)
+    for kind, numbers in (("uniform", (-1.5, 1.5)), ("triangular", (-1.4, 0.0, 1.4)), ("truncnormal", (0.0, 1.0, -1.4, 1.4))):
+        parameter = Axis("n", kind, numbers, whole=True)
+        assert (parameter.ends, set(parameter.at(u))) == ((-1, 1), {-1, 0, 1})
+    assert Axis("n", "normal", (0.0, 1.0), whole=True).at(np.array([0.31, 0.5])) == [0, 0]
+    assert Design((Axis("n", "uniform", (-1.5, 1.5), whole=True, count=9),), "grid").runs == 3
+    with pytest.raises(DesignError, match=r"n: there is no whole number between 0.2 and 0.8; give a wider range"):
+        Axis("n", "uniform", (0.2, 0.8), whole=True)
+
+
 @pytest.mark.parametrize(
     ("text", "message"),
     [
