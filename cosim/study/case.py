@@ -12,12 +12,17 @@ of the tables and figures of a report.
 from __future__ import annotations
 
 import dataclasses
+import functools
+import hashlib
 import inspect
 import itertools
+import json
+import re
 import types
 import typing
 from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass
+from decimal import Decimal
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -200,30 +205,114 @@ def check_choice(what: str, value: Any, known: Collection[Any], beside: str = ""
 
 
 def label(case: Any) -> str:
-    """The values of a case that tell it from others, joined by dashes; "default" when there are none."""
-    parts = []
-    for f in fields(type(case)):
-        value = getattr(case, f.attribute)
-        if not (f.option.always or value != f.default) or (f.option.only and not f.option.only[0](case)):
-            continue
-        if f.type is bool:
-            parts += (
-                [f.name] if value and f.option.label == "{}" else [_labelled(f, value)] if value else [f"no-{f.name}"]
-            )
-        elif value is not None:
-            parts.append(_labelled(f, value))
-    return "-".join(parts) or "default"
+    """The values of a case that tell it from others, joined by dashes; "default" when there are none.
+
+    Two cases of a class have different labels, also where upper and lower case are the same, and a label is a name for files. A
+    text that other cases could have as well, or that no file can have, ends with eight digits of a hash of the case.
+    """
+    pieces = [(f, getattr(case, f.attribute)) for f in fields(type(case))]
+    pieces = [(f, v) for f, v in pieces if _is_labelled(f, v) and not (f.option.only and not f.option.only[0](case))]
+    text = "-".join(_labelled(f, v) for f, v in pieces) or "default"
+    exact = all(_is_exact(f, v) for f, v in pieces) and (text != "default" or not pieces) and not _HASHED.search(text)
+    if exact and _FILE_NAME.fullmatch(text) and len(text) <= LONGEST and _readings(type(case), text.lower()) == 1:
+        return text
+    return _with_hash(text, case)
+
+
+LONGEST = 120  # letters of a label; file systems take 255 bytes with folder and ending
+_FILE_NAME = re.compile(r"(?!(con|prn|aux|nul|com\d|lpt\d)(\.|$))[\w.+=, -]*[\w+=,-]", re.ASCII | re.IGNORECASE)
+_HASHED = re.compile(r"-[0-9a-f]{8}$", re.IGNORECASE)
+_NUMBER = re.compile(r"(?:(?<!\w)[-+])?\d+(?:\.\d+)?(?:e[-+]?\d+)?", re.IGNORECASE)
+
+
+def file_name(case: Any) -> str:
+    """The label of a case as a name for files, also where its class has a ``label`` of its own."""
+    own = str(getattr(case, "label", None) or label(case))
+    safe = own == label(case) or (own == own.lower() and _FILE_NAME.fullmatch(own) and len(own) <= LONGEST)
+    return own if safe else _with_hash(own, case)
+
+
+def _with_hash(text: str, case: Any) -> str:
+    digest = hashlib.sha256(json.dumps(values(case), sort_keys=True).encode()).hexdigest()[:8]
+    return f"{re.sub(r'[^A-Za-z0-9_.+=, -]', '_', text)[:80]}-{digest}"
+
+
+def _is_labelled(f: Field, value: Any) -> bool:
+    if value is None:
+        return f.default is not None
+    return f.option.always or value != f.default
 
 
 def _labelled(f: Field, value: Any) -> str:
     form = f.option.label
+    if value is None or value is False:
+        return f"no-{f.name}"
     if callable(form):
-        return form(value)
+        return str(form(value))
     if f.option.files and isinstance(value, str) and value.endswith(f.option.files):
         value = Path(value).stem
     if form == "{}" and f.type in (int, float):
         return f"{f.name}-{short(value)}"
+    if form == "{}" and f.type is bool:
+        return f.name
     return form.format(value)
+
+
+def _is_exact(f: Field, value: Any) -> bool:
+    """Whether no other value of the field has the same text, and a label can be split where it begins and ends."""
+    text = _labelled(f, value).lower()
+    if value is None or f.type is bool:
+        return True
+    if f.option.choices is not None:
+        texts = [_labelled(f, c).lower() for c in f.option.choices]
+        if value in f.option.choices:
+            return texts.count(text) == 1
+        return value == text + f.option.files and text not in texts and "-" not in text
+    if f.type is str:
+        return value == text and "-" not in text
+    numbers, scale = _NUMBER.findall(text), _scale(f)
+    return bool(len(numbers) == 1 and scale and f.type(Decimal(numbers[0]) / scale) == value)
+
+
+def _scale(f: Field) -> Decimal | None:
+    """The number in the text of the value 1, with which a format or function multiplies; None if there is not one."""
+    try:
+        numbers = _NUMBER.findall(_labelled(f, f.type(1)))
+    except Exception:  # of the user's function
+        return None
+    return Decimal(numbers[0]) if len(numbers) == 1 else None
+
+
+def _readings(case: type, text: str) -> int:
+    """In how many ways a label in lower case can be split into texts of the fields of a class of cases."""
+    known = fields(case)
+
+    @functools.cache
+    def ways(i: int, rest: str | None) -> int:
+        if i == len(known):
+            return rest is None
+        f = known[i]
+        left_out = not f.option.always or f.optional or f.option.only is not None
+        found = ways(i + 1, rest) if left_out else 0
+        for end in [] if rest is None else [*(m.start() for m in re.finditer("-", rest)), len(rest)]:
+            if _may_be(f, rest[:end]):  # type: ignore[index]
+                found += ways(i + 1, rest[end + 1 :] if end < len(rest) else None)  # type: ignore[index, arg-type]
+        return found
+
+    return ways(0, None if text == "default" else text)
+
+
+def _may_be(f: Field, text: str) -> bool:
+    """Whether some value of the field has this text, and is exact."""
+    if (f.optional or f.type is bool) and text == f"no-{f.name}".lower():
+        return True
+    if f.type is bool:
+        return text == _labelled(f, True).lower()
+    if f.option.choices is not None:
+        return bool(f.option.files and "-" not in text) or text in (_labelled(f, c).lower() for c in f.option.choices)
+    if f.type is str:
+        return "-" not in text
+    return _scale(f) is not None and _NUMBER.sub("#", text) == _NUMBER.sub("#", _labelled(f, f.type(1)).lower())
 
 
 def values(case: Any) -> dict[str, Any]:

@@ -29,7 +29,7 @@ from cosim.curve import drawn
 from cosim.errors import ComponentError, CosimError, Interrupted
 from cosim.formats import FORMATS, format_of
 from cosim.recording import Recording
-from cosim.study.case import Case, CaseError, Field, fields, grid
+from cosim.study.case import Case, CaseError, Field, fields, file_name, grid
 from cosim.study.driver import Progressed, run_study
 from cosim.study.executors import dask
 from cosim.study.experiment import Experiment, Metric, Row, resolved
@@ -342,7 +342,8 @@ def run_case(
         ComponentError: a component failed; the file holds what was recorded.
     """
     folder = make_folder(out / experiment.name)
-    path = output or folder / f"{case.label}.csv"
+    name = file_name(case)
+    path = output or folder / f"{name}.csv"
     format_of(path)  # refused before FMUs are loaded
     baseline = experiment.baseline(case) if experiment.baseline else None
     with Runner(experiment, fmus, execution=execution, inputs=inputs, hold_inputs=hold_inputs) as runner:
@@ -364,10 +365,10 @@ def run_case(
         for remark in remarks:
             console.print(f"note: {remark}")
         if (page := resolved(experiment.page)) is not None:
-            console.print(f"page: {page(runs, fmus, folder / case.label)}")
+            console.print(f"page: {page(runs, fmus, folder / name)}")
     if run.recording.real_time is not None:
         console.print(str(run.recording.real_time), markup=False)
-    summary = folder / f"{case.label}.json"
+    summary = folder / f"{name}.json"
     write_summary(summary, measured)
     console.print(f"{path} and {summary if output else summary.name}; {run.recording.real_time_factor:.0f}x real time")
 

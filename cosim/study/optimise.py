@@ -153,8 +153,7 @@ class CaseRuns:
             self.experiment, self.fmus, self.store, tasks=wanted, executor=self.executor, processes=self.processes
         )
         ran = set(results.ran)
-        failed = {c: results.failures[Task(c).label] for c in wanted if c not in ran}
-        return [{"failed": c} if isinstance(c, str) else results[c] if c in ran else {"failed": failed[c]} for c in cases]
+        return [{"failed": c if isinstance(c, str) else results.failure(c)} if c not in ran else results[c] for c in cases]
 
 
 def optimise(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import cached_property
 from typing import Any
@@ -64,9 +65,18 @@ class Results(Mapping[Any, Row]):
 
     @cached_property
     def failures(self) -> dict[str, str]:
-        """Message of every failed task by its label."""
-        found = ((places, self._entry(places)) for places in (*self._runs.values(), *self._found.values()))
-        return {self.tasks[places[0]].label: e["failed"] for places, e in found if "failed" in e}
+        """Message of every failed task by its label; tasks that have the same label are numbered."""
+        found: dict[str, str] = {}
+        for places in (*self._runs.values(), *self._found.values()):
+            if "failed" in (entry := self._entry(places)):
+                label = self.tasks[places[0]].label
+                names = itertools.chain([label], (f"{label} ({n})" for n in itertools.count(2)))
+                found[next(n for n in names if n not in found)] = entry["failed"]
+        return found
+
+    def failure(self, case: Any) -> str:
+        """The message of a case whose run failed."""
+        return str(self._entry(self._runs[case])["failed"])
 
     def of(self, part: str = "") -> Results:
         """The results of one part of the experiment; without a name, of what belongs to none."""

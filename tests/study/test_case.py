@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import dataclasses
+import re
 from dataclasses import dataclass
 
 import pytest
 
 from cosim.study import Case, CaseError, check_choice, fields, grid, option
-from cosim.study.case import case_of, differing, values
+from cosim.study.case import case_of, differing, file_name, values
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -70,7 +71,7 @@ def test_fields_in_the_order_of_arguments() -> None:
     ("given", "label"),
     [
         ({}, "sine-50kmh"),
-        ({"road": "a/b/mine.fmu", "speed_kmh": 72.5}, "mine-72.5kmh"),
+        ({"road": "mine.fmu", "speed_kmh": 72.5}, "mine-72.5kmh"),
         ({"law": "passive"}, "sine-50kmh-passive"),
         ({"hold": True}, "sine-50kmh-hold"),
         ({"mass": 100.0, "free": 4, "parts": 2}, "sine-50kmh-mass-100-free-4-in-2"),
@@ -79,6 +80,57 @@ def test_fields_in_the_order_of_arguments() -> None:
 )
 def test_labels_name_what_differs(given, label) -> None:
     assert Ride(**given).label == label
+
+
+@dataclass(frozen=True)
+class Awkward(Case):
+    """Fields of every kind, with texts that are easily confused."""
+
+    front: str = option("soft", help="a text")
+    rear: str = option("soft", help="another one")
+    law: str = option("a", choices=("a", "a-b", "b", "A"), help="choices that contain each other")
+    other: str = option("a", choices=("a", "b"), help="the same choices")
+    speed: float = option(50.0, help="six digits", label="{:g}kmh", always=True)
+    height: float = option(0.1, help="by a function", label=lambda m: f"{1e3 * m:.3g}mm")
+    stage: float = option(0.0, help="by a function that says little", label=lambda v: "high" if v > 5 else "low")
+    seed: int = option(0, help="whole", label="in-{}")
+    road: str = option("sine", choices=("sine", "curb"), files=".fmu", help="a file")
+    mass: float | None = option(1.0, help="optional")
+    hold: bool = option(True, help="yes or no")
+
+
+ALIKE: list[dict[str, object]] = [
+    {}, {"speed": 50.00001}, {"speed": 50.00002}, {"speed": -50.0}, {"height": 0.2}, {"height": 0.20001}, {"stage": 1.0}, {"stage": 2.0},
+    {"stage": 7.0}, {"stage": 8.0}, {"front": "hard"}, {"rear": "hard"}, {"front": "hard-hard"}, {"front": "hard", "rear": "hard"},
+    {"front": "Hard"}, {"front": "a/b"}, {"front": "a_b"}, {"front": "nul"}, {"front": "x" * 300}, {"front": "x" * 299 + "y"}, {"law": "a-b"},
+    {"law": "b"}, {"law": "A"}, {"other": "b"}, {"front": "a-b"}, {"front": ""}, {"rear": ""}, {"seed": 5}, {"seed": 10**20}, {"seed": 10**20 + 1},
+    {"seed": -5}, {"front": "in-5"}, {"road": "curb"}, {"road": "curb.fmu"}, {"road": "a/curb.fmu"}, {"road": "b/curb.fmu"}, {"road": "x.fmu"},
+    {"mass": None}, {"mass": 2.0}, {"mass": 1e-300}, {"front": "no-mass"}, {"hold": False}, {"front": "no-hold"}, {"front": "50kmh"}, {"front": "default"},
+]  # fmt: skip
+
+
+def test_labels_of_different_cases_differ_and_are_names_of_files() -> None:
+    names = [Awkward(**given).label for given in ALIKE]
+    assert len({n.lower() for n in names}) == len(ALIKE)
+    for name in names:
+        assert len(name) <= 120
+        assert re.fullmatch(r"(?!nul$)[\w.+-]+", name, re.ASCII), name
+    assert Awkward().label == "50kmh"
+    assert re.fullmatch(r"50kmh-[0-9a-f]{8}", Awkward(speed=50.00001).label)
+
+
+def test_names_of_files_where_a_class_has_its_own_labels() -> None:
+    @dataclass(frozen=True)
+    class Named(Case):
+        speed: float = option(50.0, help="speed")
+
+        @property
+        def label(self) -> str:
+            return "fast" if self.speed > 50 else "a:b/C"
+
+    assert file_name(Named(60.0)) == "fast"
+    assert re.fullmatch(r"a_b_C-[0-9a-f]{8}", file_name(Named()))
+    assert file_name(Ride()) == Ride().label
 
 
 def test_a_key_knows_no_difference_between_1_and_1_0() -> None:

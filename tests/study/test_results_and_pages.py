@@ -123,6 +123,14 @@ def test_what_is_read_of_results() -> None:
     assert study.rows()[3] == {"speed": 30.0, "road": "curb", "gain": 1.0, "failed": "ComponentError: it broke"}
 
 
+def test_failures_are_counted_where_labels_are_alike() -> None:
+    tasks = [Task(Ride(50.00001)), Task(Ride(50.00002)), Match(3.0000001), Match(3.0000002)]
+    study = Results(tasks, [{"failed": str(i)} for i in range(4)])
+    assert list(study.failures.values()) == ["0", "1", "2", "3"]
+    assert list(study.failures)[2:] == ["match-3", "match-3 (2)"]
+    assert study.failure(Ride(50.00002)) == "1"
+
+
 def test_what_cannot_be_read_says_why() -> None:
     study = results()
     for read, kind, message in (
