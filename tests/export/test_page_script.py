@@ -21,7 +21,7 @@ RNG = np.random.default_rng(20)
 def script() -> MiniRacer:
     engine = MiniRacer()
     classes = (ASSETS / "page.js").read_text().partition("\n(async () =>")[0]
-    engine.eval((ASSETS / "plot.js").read_text() + classes.partition("class Page {")[0])
+    engine.eval((ASSETS / "plot.js").read_text() + classes)
     return engine
 
 
@@ -150,3 +150,26 @@ def test_verdicts(script: MiniRacer, limit: float, far: int, verdict: str, faile
 def test_a_run_of_given_length_is_over_then(script: MiniRacer) -> None:
     found = scored(script, np.zeros((600, 2)), [], {"when": None, "patience": 0.3})
     assert (found["verdict"], found["n"]) == ("over", 300)
+
+
+FRAMES = """
+let waiting = new Map(), requests = 0, runs = 0;
+globalThis.performance = { now: () => 0 };
+globalThis.requestAnimationFrame = f => (waiting.set(++requests, f), requests);
+globalThis.cancelAnimationFrame = id => waiting.delete(id);
+const tick = now => { const due = [...waiting.values()]; waiting.clear(); for (const f of due) f(now); return due.length; };
+const page = Object.create(Page.prototype, { time: { value: 0 }, pace: { value: 1 } });
+Object.assign(page, { data: { interval: 0.001 }, credit: 0, variants: [{ over: false, cost: 0, run() { runs += 1; } }], $: () => ({}) });
+Object.assign(page, { draw() {}, describe() {}, report() {}, tell() {} });
+"""
+
+
+def test_one_loop_draws_however_often_it_is_paused(script: MiniRacer) -> None:
+    """Pause and play within one frame; then a run takes one frame at a time, and a pause ends it."""
+    found = evaluated(
+        script,
+        FRAMES
+        + "page.play(); tick(0); page.pause(); page.play(); page.pause(); page.play(); page.play();"
+        + "const counts = [tick(16), tick(32), tick(48)]; page.pause(); return { counts, steps: runs, after: [tick(64), tick(80)] };",
+    )
+    assert found == {"counts": [1, 1, 1], "steps": 2, "after": [1, 0]}

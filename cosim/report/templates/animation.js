@@ -409,20 +409,25 @@
       time = Math.max(0, Math.min(duration, when));
       draw();
     };
+    let request = 0;
+    const next = () => { // one loop, also after a pause within a frame
+      cancelAnimationFrame(request);
+      request = requestAnimationFrame(frame);
+    };
     const frame = (now) => {
       if (!playing) return;
       time += Math.min(0.1, (now - before) / 1000) * speed;
       before = now;
       if (time >= duration) { time = duration; playing = false; }
       draw();
-      if (playing) requestAnimationFrame(frame);
+      if (playing) next();
     };
     const toggle = () => {
       playing = !playing;
       if (playing) {
         if (time >= duration) time = 0;
         before = performance.now();
-        requestAnimationFrame(frame);
+        next();
       }
       draw();
     };

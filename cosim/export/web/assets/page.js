@@ -539,7 +539,13 @@ class Page {
     this.running = true;
     this.last = this.factor = null;
     this.$("run").textContent = "Pause";
-    requestAnimationFrame(t => this.frame(t));
+    this.nextFrame();
+  }
+
+  /** Requests the next frame; a request that is still open, of a run that was paused since, is withdrawn. */
+  nextFrame() {
+    cancelAnimationFrame(this.request);
+    this.request = requestAnimationFrame(t => this.frame(t));
   }
 
   pause() {
@@ -573,7 +579,7 @@ class Page {
     if (!this.running) return; // all has come to its end, and is drawn
     this.draw(true);
     if (performance.now() - this.told > TOLD) this.tell();
-    requestAnimationFrame(t => this.frame(t));
+    this.nextFrame();
   }
 
   /** All that is shown; between two looks (`partly`) only pictures, those that can wait in turn. */
