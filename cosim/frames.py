@@ -11,6 +11,7 @@ from lxml.html import builder as E  # noqa: N812
 
 from build_fmus import extras
 from cosim.formats import TIME, FormatError, Recorded, blocks, columns
+from cosim.peaks import keep_peaks
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -60,28 +61,18 @@ def figure(recorded: Recorded, names: Sequence[str], title: str = "") -> go.Figu
     if not units:
         raise ValueError("there is nothing to plot: no variable was recorded")
     drawn = make_subplots(rows=len(units), shared_xaxes=True, vertical_spacing=0.3 / (len(units) + 5))
-    step = max(1, len(recorded.time) // _POINTS)
     for name in names:
         row = units.index(recorded.units.get(name, "")) + 1
         shape = "hv" if name in recorded.types else "linear"
         time, values = recorded.time, recorded.data[:, place[name]]
-        if step > 1 and shape == "linear":
-            time, values = _envelope(time, values, step)
+        if shape == "linear":
+            time, values = keep_peaks(time, values, _POINTS)
         drawn.add_trace(go.Scatter(x=time, y=values, name=name, line={"shape": shape, "width": 1.5}), row=row, col=1)
     for row, unit in enumerate(units, start=1):
         drawn.update_yaxes(title_text=f"[{unit}]" if unit else "", row=row, col=1)
     drawn.update_xaxes(title_text="time [s]", row=len(units), col=1)
     drawn.update_layout(title=title or None, height=160 + 220 * len(units), template="plotly_white", showlegend=True)
     return drawn
-
-
-def _envelope(time: Any, values: Any, step: int) -> tuple[Any, Any]:
-    """The smallest and largest value of every stretch of 2 `step` samples, in the order in which they come, so that no peak is lost."""
-    count = len(values) // (2 * step)
-    pieces = np.nan_to_num(values[: 2 * step * count]).reshape(count, 2 * step)
-    extremes = np.stack([pieces.argmin(1), pieces.argmax(1)]) + 2 * step * np.arange(count)
-    picked = np.unique(np.concatenate([[0], extremes.ravel(), np.arange(2 * step * count, len(values))]))
-    return time[picked], values[picked]
 
 
 def page(recorded: Recorded, about: str) -> str:

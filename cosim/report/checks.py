@@ -18,6 +18,20 @@ _ID = re.compile(r"[a-z0-9][a-z0-9_-]*")
 _LABEL = re.compile(r"(?P<quantity>\S.*) \[(?P<unit>[^\[\]]+)\]", re.DOTALL)
 
 
+UNKNOWN = "?"
+"""The unit in the label of a quantity whose unit nobody gave; it is not drawn. "-" is the unit of a quantity without dimension."""
+
+
+def label_of(quantity: str, unit: str) -> str:
+    """A label, "pitch [deg]"; without a unit one that is drawn as "pitch"."""
+    return f"{quantity} [{unit or UNKNOWN}]"
+
+
+def drawn_label(label: str) -> str:
+    """A label as people read it."""
+    return label.removesuffix(f" [{UNKNOWN}]")
+
+
 def split_label(label: str, where: str = "label") -> tuple[str, str]:
     """("pitch", "deg") from "pitch [deg]"."""
     match = _LABEL.fullmatch(label)

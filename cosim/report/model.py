@@ -86,7 +86,7 @@ class Series:
 
 @dataclass(frozen=True, eq=False)
 class Panel:
-    """One pair of axes. Labels carry their unit: `"pitch [deg]"`, `"ratio [-]"`."""
+    """One pair of axes. Labels carry their unit: `"pitch [deg]"`, `"ratio [-]"`; `"peak [?]"` is drawn without one."""
 
     title: str
     x_label: str

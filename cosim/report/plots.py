@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from build_fmus import extras
-from cosim.report.checks import Array, split_label
+from cosim.report.checks import UNKNOWN, Array, drawn_label, label_of, split_label
 from cosim.report.model import Color, Dash, Figure, Panel
 
 with extras.needed("reports", extras.WRITING):
@@ -127,7 +127,7 @@ def _traces(figure: Figure, palette: Palette) -> list[go.Scatter]:
                             showlegend=False,
                         )
                     )
-            value = "%{y:.4~g}" + ("" if unit in ("-", "1") else f" {html.escape(unit, quote=False)}")
+            value = "%{y:.4~g}" + ("" if unit in ("-", "1", UNKNOWN) else f" {html.escape(unit, quote=False)}")
             traces.append(
                 go.Scatter(
                     **common,
@@ -230,10 +230,9 @@ def _layout(figure: Figure, narrow: bool) -> dict[str, Any]:
 
 
 def _axis_style(label: str, scale: str, narrow: bool) -> dict[str, Any]:
-    quantity, unit = split_label(label)
     style: dict[str, Any] = {
         "title": {
-            "text": html.escape(f"{quantity} [{unit}]", quote=False),
+            "text": html.escape(drawn_label(label), quote=False),
             "font": {"color": MUTED, "size": 12 if narrow else 13},
             "standoff": 8,
         },
@@ -318,12 +317,13 @@ def placed_columns(figure: Figure) -> tuple[list[tuple[str, Array]], list[tuple[
                 place = len(found)
                 known = any(label == panel.x_label for label, _, _ in grids)
                 grids.append((panel.x_label, x, place))
-                found.append((title, f"{series.name}: {panel.x_label}" if known else panel.x_label, x))
+                shown = drawn_label(panel.x_label)
+                found.append((title, f"{series.name}: {shown}" if known else shown, x))
             own = {}
             for kind, values in series.columns():
                 suffix = "" if kind == "y" else f" {kind}"
                 own[kind] = len(found)
-                found.append((title, f"{series.name}: {quantity}{suffix} [{unit}]", values))
+                found.append((title, drawn_label(label_of(f"{series.name}: {quantity}{suffix}", unit)), values))
             places += [(place, own[kind]) for kind in ("low", "high", "y") if kind in own]
 
     count = Counter(header for _, header, _ in found)

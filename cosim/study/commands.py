@@ -32,7 +32,7 @@ from cosim.recording import Recording
 from cosim.study.case import Case, CaseError, Field, fields, file_name, grid
 from cosim.study.driver import Progressed, run_study
 from cosim.study.executors import dask
-from cosim.study.experiment import Experiment, Metric, Row, resolved
+from cosim.study.experiment import Experiment, Metric, Row, resolved, undeclared
 from cosim.study.fmus import FmuSet
 from cosim.study.pages import report_of
 from cosim.study.runner import Execution, Runner
@@ -555,7 +555,7 @@ def fmu_set(experiment: Experiment, given: Mapping[str, Any]) -> FmuSet:
 
 
 def _plain(measured: Mapping[str, Row]) -> dict[str, Metric]:
-    return {k: Metric(k) for row in measured.values() for k, v in row.items() if isinstance(v, int | float)}
+    return {k: undeclared(k) for row in measured.values() for k, v in row.items() if isinstance(v, int | float)}
 
 
 def metric_table(measured: dict[str, Row], metrics: Mapping[str, Metric], *, relative: bool = False) -> Table:

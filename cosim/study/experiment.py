@@ -9,6 +9,7 @@ processes find them.
 from __future__ import annotations
 
 import importlib
+import re
 from collections.abc import Callable, Collection, Hashable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any, Protocol
@@ -93,6 +94,15 @@ class Metric:
     def shown(self, value: float | str | None) -> str:
         """The value as people read it; a text as it is, a dash where there is none."""
         return "-" if value is None else value if isinstance(value, str) else self.form.format(self.factor * value)
+
+
+_WITH_UNIT = re.compile(r"(\S.*) \[([^\[\]]+)\]")
+
+
+def undeclared(name: str) -> Metric:
+    """How a metric is shown that the experiment does not declare: by its name, "peak force [N]" with the unit that it ends with."""
+    found = _WITH_UNIT.fullmatch(name)
+    return Metric(found[1], found[2]) if found else Metric(name)
 
 
 @dataclass(frozen=True)

@@ -164,14 +164,15 @@ def _search(
 
 
 def _unit(experiment: Experiment, metric: str) -> str:
-    """As the experiment declares it; "-" where it does not."""
+    """As the experiment declares it; empty where it does not."""
     declared = (experiment.metrics or {}).get(metric)
-    return declared.unit if declared is not None and declared.unit and declared.factor == 1 else "-"
+    return declared.unit if declared is not None and declared.unit and declared.factor == 1 else ""
 
 
 def _write(experiment: Experiment, found: Outcome, folder: Path) -> None:
     """The page, and what is best on the screen."""
     from cosim.report import Report, write_report
+    from cosim.report.checks import label_of
     from cosim.report.fronts import front_section
     from cosim.report.model import Section, Table
 
@@ -185,7 +186,7 @@ def _write(experiment: Experiment, found: Outcome, folder: Path) -> None:
     sections = []
     if len(names) > 1:
         sections.append(
-            front_section("Front", {n: f"{n} [{_unit(experiment, n)}]" for n in names}, found.objectives, [t.row for t in done], [t.values for t in done])
+            front_section("Front", {n: label_of(n, _unit(experiment, n)) for n in names}, found.objectives, [t.row for t in done], [t.values for t in done])
         )
     every = [[t.number, *(t.row[n] for n in names), *t.values.values()] for t in done]
     text = f"{len(done)} of {len(found.trials)} trials gave numbers; {len(best)} of them " + ("are on the front." if len(names) > 1 else "is the best.")

@@ -13,10 +13,10 @@ from typing import Any
 from build_fmus.terminal import PACKAGE
 from cosim.fmu.file import FmuFile
 from cosim.report import Figure, Panel, Parameter, Report, Section, Series, Table
-from cosim.report.checks import Scalar
+from cosim.report.checks import Scalar, label_of
 from cosim.study import key
 from cosim.study.case import Field, differing
-from cosim.study.experiment import Experiment, Metric, resolved
+from cosim.study.experiment import Experiment, Metric, resolved, undeclared
 from cosim.study.fmus import FmuSet
 from cosim.study.results import Results, RunFailed
 
@@ -125,8 +125,12 @@ def _runs(experiment: Experiment, results: Results, prefix: str = "") -> list[Se
     columns = [*(f.text for f in axes), *(m.heading for m in metrics.values())]
     about = f" of {experiment.name}" if prefix else ""
     table = Table(f"{prefix}runs", f"All runs{about}", columns or ["run"], rows if columns else [[experiment.name]])
-    found = [Section(f"Runs{about}", [], tables=[table])]
     curves = metrics if experiment.metrics else dict(list(metrics.items())[:MOST_METRICS])
+    left_out = (
+        f"Figures show the first {len(curves)} of {len(metrics)} metrics. The table has all of them and scrolls sideways; its CSV file has them "
+        "too. METRICS in the file of the experiment says which metrics are shown, with words and units."
+    )
+    found = [Section(f"Runs{about}", [left_out] if len(curves) < len(metrics) else [], tables=[table])]
     drawn = [figure for f in axes if f.type in (int, float) for figure in _figures(f, axes, curves, results, ran, prefix)]
     if drawn:
         found.append(Section(f"What the metrics{about} depend on", [], figures=drawn))
@@ -140,7 +144,7 @@ def shown_metrics(experiment: Experiment, results: Results) -> dict[str, Metric]
     names = dict.fromkeys(
         k for c in results.ran for k, v in results[c].items() if isinstance(v, int | float) and not isinstance(v, bool)
     )
-    return {n: Metric(n) for n in names}
+    return {n: undeclared(n) for n in names}
 
 
 def _number(metric: Metric, value: Any) -> Scalar:
@@ -167,10 +171,10 @@ def _figures(
                 x, y = zip(*points, strict=True)
                 series.append(Series(name, x, y, mode="line+markers"))
         if series:
-            panels.append(Panel(m.text, _axis(axis), f"{m.text} [{m.unit or '-'}]", series))
+            panels.append(Panel(m.text, _axis(axis), label_of(m.text, m.unit), series))
     title = f"Metrics over {axis.name.replace('-', ' ')}"
     return [Figure(f"{prefix}over-{axis.name}", title, "", panels, columns=2)] if panels else []
 
 
 def _axis(f: Field) -> str:
-    return f.text if f.option.unit else f"{f.text} [-]"
+    return label_of(f.name.replace("-", " "), f.option.unit)

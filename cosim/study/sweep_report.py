@@ -12,12 +12,12 @@ import numpy as np
 
 from build_fmus import extras
 from build_fmus.checks import Array, unknown
+from cosim.peaks import keep_peaks
 from cosim.recording import Recording
 from cosim.report import Figure, Panel, Report, Section, Series, Table
-from cosim.report.checks import Scalar
-from cosim.report.model import Mode
+from cosim.report.checks import Scalar, label_of
 from cosim.study.design import METHODS, DesignError
-from cosim.study.experiment import Metric
+from cosim.study.experiment import Metric, undeclared
 from cosim.study.fmus import FmuSet
 from cosim.study.pages import provenance
 from cosim.study.runner import Execution, Runner
@@ -29,6 +29,7 @@ CONFIDENCE = 0.95
 MOST_METRICS = 6  # that are drawn
 POINTS = 2000  # of a scatter plot
 LINES = 100  # of parallel coordinates
+SAMPLED = ("random", "lhs", "sobol", "halton")  # methods whose points are random samples, independent or spread more evenly
 WORST = 3  # runs whose time histories are shown
 SAMPLES = 2000  # of a time history that is drawn
 
@@ -108,7 +109,7 @@ def sweep_report(
 
 def _shown(table: SweepTable) -> dict[str, Metric]:
     said = {k: m for k, m in table.sweep.experiment.metrics.items() if k in table.metrics}
-    return said or {k: Metric(k) for k in table.metrics}
+    return said or {k: undeclared(k) for k in table.metrics}
 
 
 def _headings(sweep: Sweep) -> list[str]:
@@ -120,7 +121,7 @@ def _cells(sweep: Sweep, i: int) -> list[Scalar]:
 
 
 def _label(metric: Metric) -> str:
-    return f"{metric.text} [{metric.unit or '-'}]"
+    return label_of(metric.text, metric.unit)
 
 
 def _values(table: SweepTable, key: str, metric: Metric) -> Array:
@@ -152,17 +153,29 @@ def binomial_quantile(p: float, n: int, q: float) -> int:
     return k - 1 if k > 0 and special.bdtr(k - 1, n, q) >= p else k
 
 
+def _about_bounds(method: str) -> str:
+    if method not in SAMPLED:
+        name = METHODS.get(method, "a list of points")
+        return (
+            f"The quantiles are those of these runs. They have no bounds of confidence, because the points of this design ({name}) are no random "
+            "sample of the parameters' distributions; --method random gives quantiles with bounds."
+        )
+    text = "Bounds are order statistics that hold for any distribution"
+    return text + ("." if method == "random" else "; they take the runs for independent, and are usually too wide for a design that fills space evenly.")
+
+
 def _distributions(table: SweepTable, metrics: Mapping[str, Metric], drawn: Mapping[str, Metric]) -> Section:
+    method = table.sweep.design.method
+    bounded = method in SAMPLED
     rows: list[list[Scalar]] = []
     for key, metric in metrics.items():
         values = _values(table, key, metric)
         values = values[np.isfinite(values)]
         if len(values):
             for q in QUANTILES:
-                found, low, high = quantile_interval(values, q)
-                rows.append(
-                    [metric.heading, q, found, *(x if math.isfinite(x) else None for x in (low, high)), len(values)]
-                )
+                found, *bounds = quantile_interval(values, q)
+                shown = [x if math.isfinite(x) else None for x in bounds] if bounded else []
+                rows.append([metric.heading, q, found, *shown, len(values)])
     panels = []
     for key, metric in drawn.items():
         values = np.sort(_values(table, key, metric))
@@ -174,28 +187,30 @@ def _distributions(table: SweepTable, metrics: Mapping[str, Metric], drawn: Mapp
                     metric.text,
                     _label(metric),
                     "share of the runs below [-]",
-                    [_points("distribution", values, share)],
+                    [Series("distribution", *keep_peaks(values, share, POINTS))],
                 )
             )
-    columns = ["metric", "quantile", "value", f"at least ({CONFIDENCE:.0%})", f"at most ({CONFIDENCE:.0%})", "runs"]
-    independent = table.sweep.design.method == "random"
-    text = "Bounds are order statistics that hold for any distribution" + (
-        "."
-        if independent
-        else "; they take the runs for independent, and are too wide for a design that fills space evenly."
-    )
+    limits = [f"at least ({CONFIDENCE:.0%})", f"at most ({CONFIDENCE:.0%})"] if bounded else []
+    columns = ["metric", "quantile", "value", *limits, "runs"]
+    text = [_about_bounds(method)]
+    if len(drawn) < len(metrics):
+        text.append(
+            f"Figures show the first {len(drawn)} of {len(metrics)} metrics. Quantiles of all of them are in the table below, their values in "
+            "table.parquet. METRICS in the file of the experiment says which metrics are shown, with words and units."
+        )
     figures = (
         [Figure("distributions", "Distributions", "Empirical distribution of each metric.", panels, columns=2)]
         if panels
         else []
     )
-    return Section("Distributions", [text], figures=figures, tables=[Table("quantiles", "Quantiles", columns, rows)])
+    return Section("Distributions", text, figures=figures, tables=[Table("quantiles", "Quantiles", columns, rows)])
 
 
-def _points(name: str, x: Array, y: Array, mode: Mode = "line") -> Series:
-    """A curve of at most about POINTS points."""
-    step = max(1, len(x) // POINTS)
-    return Series(name, x[::step], y[::step], mode=mode)
+def _thinned(values: Array) -> Array:
+    """Numbers of about POINTS of the runs, those with the smallest and the largest value among them."""
+    chosen = np.arange(0, len(values), max(1, len(values) // POINTS))
+    fine = np.flatnonzero(np.isfinite(values))
+    return np.union1d(chosen, fine[[values[fine].argmin(), values[fine].argmax()]]) if len(fine) else chosen
 
 
 # --------------------------------------------------------------------------------------------------------------- scatter
@@ -218,18 +233,19 @@ def _scatter(table: SweepTable, drawn: Mapping[str, Metric], worst: Worst) -> Se
     panels = [
         Panel(
             "",
-            f"{name} [{units[name] or '-'}]",
+            label_of(name, units[name]),
             _label(m),
-            [_points("runs", x, _values(table, k, m), mode="markers")],
+            [Series("runs", x[i], _values(table, k, m)[i], mode="markers")],
         )
         for k, m in drawn.items()
+        for i in [_thinned(_values(table, k, m))]
         for name, x in axes.items()
     ]
     figures = [
         Figure(
             "scatter",
             "Metrics over parameters",
-            "One point for each run; a design of more is thinned out.",
+            f"One point for each run; a design of more than {POINTS} is thinned out, the extremes stay.",
             panels,
             columns=min(3, max(1, len(axes))),
         )
@@ -359,12 +375,13 @@ def _worst(
     """The worst runs with their time histories: those that were kept, else the runs are made once more."""
     sweep = table.sweep
     runs = worst.ranked(table)[:WORST]
-    said = metrics.get(worst.metric, Metric(worst.metric)).text
+    said = metrics.get(worst.metric, undeclared(worst.metric)).text
+    shown = {k: m for k, m in metrics.items() if k == worst.metric or k in list(metrics)[:MOST_METRICS]}
     rows: list[list[Scalar]] = [
-        [i, *_cells(sweep, i), *(float(_values(table, k, m)[i]) for k, m in metrics.items())] for i in runs
+        [i, *_cells(sweep, i), *(float(_values(table, k, m)[i]) for k, m in shown.items())] for i in runs
     ]
     rows = [[None if isinstance(c, float) and not math.isfinite(c) else c for c in row] for row in rows]
-    columns = list(dict.fromkeys(["run", *_headings(sweep), *(m.heading for m in metrics.values())]))
+    columns = list(dict.fromkeys(["run", *_headings(sweep), *(m.heading for m in shown.values())]))
     tables = (
         [Table("worst", f"Runs whose {said} is {worst.how}", columns, rows)] if rows and len(columns) == len(rows[0]) else []
     )
@@ -377,18 +394,19 @@ def _worst(
                 Recording.read(kept[i]) if i in kept else runner.record(runner.experiment.case(**_given(sweep, i)))
             )
             for name in list(recording.names)[:MOST_METRICS]:
-                step = max(1, len(recording) // SAMPLES)
-                signal = np.asarray(recording[name], dtype=float)[::step]
-                histories.setdefault(name, []).append(Series(f"run {i}", np.asarray(recording.time)[::step], signal))
-                labels[name] = f"{name} [{recording.units.get(name) or '-'}]"
+                histories.setdefault(name, []).append(Series(f"run {i}", *keep_peaks(recording.time, recording[name], SAMPLES)))
+                labels[name] = label_of(name, recording.units.get(name, ""))
+    recorded = len(recording.names) if runs else 0
     panels = [Panel(name, "time [s]", labels[name], series) for name, series in histories.items()]
     text = (
         f"The same run again, with its files: the command of the sweep with --run {runs[0]}."
         if runs
         else "No run has this metric."
     )
+    if len(shown) < len(metrics):
+        text += f" The table has {len(shown)} of {len(metrics)} metrics; table.parquet has all."
     figures = (
-        [Figure("worst-runs", "Time histories of the worst runs", _origin(runs, kept), panels, columns=2)]
+        [Figure("worst-runs", "Time histories of the worst runs", _origin(runs, kept) + _left_out(recorded), panels, columns=2)]
         if panels
         else []
     )
@@ -400,6 +418,12 @@ def _origin(runs: Sequence[int], kept: Collection[int]) -> str:
     if not kept:
         return "Made again for this page."
     return f"As kept with the table; made again for this page: {', '.join(again)}." if again else "As kept with the table."
+
+
+def _left_out(recorded: int) -> str:
+    if recorded <= MOST_METRICS:
+        return ""
+    return f" The first {MOST_METRICS} of {recorded} recorded variables; --run NUMBER writes all of a run."
 
 
 def _given(sweep: Sweep, i: int) -> dict[str, Any]:

@@ -233,3 +233,12 @@ def test_a_legend_has_as_many_rows_as_its_widest_name_needs():
     assert _legend_height(one_panel(*names), 600) == 3 * LEGEND_ROW + 14
     assert _legend_height(one_panel(*names), 100) == 7 * LEGEND_ROW + 14
     assert _legend_height(one_panel(*names[:3]), 600) == LEGEND_ROW + 14
+
+
+def test_a_label_without_a_unit_has_no_brackets():
+    curves = [Series("run 1", [0, 1], [0, 1])]
+    figure = Figure("f", "F", "", [Panel("", "gain [?]", "peak [?]", curves), Panel("", "ratio [-]", "force [N]", curves)])
+    drawn = plotly_figure(figure)
+    assert [drawn.layout[a].title.text for a in ("xaxis", "yaxis", "xaxis2", "yaxis2")] == ["gain", "peak", "ratio [-]", "force [N]"]
+    assert [t.hovertemplate.count("?") for t in drawn.data] == [0, 0]
+    assert [name for name, _ in series_columns(figure)] == ["gain", "run 1: peak", "ratio [-]", "run 1: force [N]"]

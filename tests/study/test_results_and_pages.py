@@ -266,7 +266,7 @@ def test_a_report_by_default(fmus: FmuSet) -> None:
     (figure,) = page.drawn
     assert (figure.id, figure.title, figure.columns) == ("over-speed", "Metrics over speed", 2)
     assert [(p.title, p.x_label, p.y_label) for p in figure.panels] == [
-        ("peak heave", "speed [km/h]", "peak heave [mm]"), ("steps", "speed [km/h]", "steps [-]")
+        ("peak heave", "speed [km/h]", "peak heave [mm]"), ("steps", "speed [km/h]", "steps [?]")
     ]  # fmt: skip
     curves = {s.name: (list(s.x_values), np.asarray(s.y).tolist(), s.mode) for s in figure.panels[0].series}
     assert curves == {
@@ -286,7 +286,7 @@ def test_a_report_by_default_of_runs_that_say_nothing_of_themselves(fmus: FmuSet
     assert page.tables[0].rows == ((3.0, pytest.approx(0.3)), (2.0, 0.2))
     (curve,) = page.drawn[0].panels[0].series
     assert (curve.name, list(curve.x_values)) == ("runs", [2.0, 3.0])
-    assert (page.drawn[0].panels[0].x_label, page.drawn[0].panels[0].y_label) == ("gain [-]", "rms [-]")
+    assert (page.drawn[0].panels[0].x_label, page.drawn[0].panels[0].y_label) == ("gain [?]", "rms [?]")
     assert page.claims == ()
 
 
@@ -304,10 +304,15 @@ def test_more_metrics_than_are_drawn(fmus: FmuSet) -> None:
     study = Results(tasks, [{"metrics": {f"m{i}": i + t.case.speed for i in range(15)}} for t in tasks])
     page = default_report(experiment(metrics={}), study, fmus)
     assert len(page.tables[0].columns) == 16
+    assert page.sections[0].paragraphs[0].startswith("Figures show the first 12 of 15 metrics. The table has all of them")
     assert [p.title for p in page.drawn[0].panels] == [f"m{i}" for i in range(12)]
     told = {f"m{i}": Metric(f"metric {i}") for i in range(15)}
     page = default_report(experiment(metrics=told), study, fmus)
     assert [p.title for p in page.drawn[0].panels] == [m.text for m in told.values()]
+    assert page.sections[0].paragraphs == ()
+    named = Results(tasks, [{"metrics": {"peak force [N]": 1.0}} for _ in tasks])
+    (panel,) = default_report(experiment(metrics={}), named, fmus).drawn[0].panels
+    assert (panel.title, panel.y_label) == ("peak force", "peak force [N]")
 
 
 def test_a_metric_that_some_runs_do_not_have(fmus: FmuSet) -> None:

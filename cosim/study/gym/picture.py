@@ -6,6 +6,7 @@ from typing import Any
 
 from cosim import Recording
 from cosim.peaks import keep_peaks
+from cosim.report.checks import label_of
 from cosim.report.model import Figure, Panel, Series
 from cosim.study.gym.signals import Signals
 
@@ -22,5 +23,5 @@ def picture(recording: Recording, actions: Signals, observations: Signals) -> An
                 for name, own in signals.units.items()
                 if own == unit
             ]
-            panels.append(Panel(what, "time [s]", f"value [{unit or '-'}]", series))
+            panels.append(Panel(what, "time [s]", label_of("value", unit), series))
     return plotly_figure(Figure("episode", "Episode", "", panels))
