@@ -158,7 +158,7 @@ class Axis:
         if self.kind != "uniform":
             raise DesignError(f"{self.name}: a grid needs a range or a list, not a {self.kind} distribution")
         if self.whole:
-            return [round(x) for x in np.linspace(*self.ends, self.length)]
+            return [round(x) for x in np.linspace(self.ends[0], self.ends[1], self.length)]
         return np.linspace(self.numbers[0], self.numbers[1], self.count).tolist()  # type: ignore[no-any-return]
 
     def __str__(self) -> str:

@@ -206,7 +206,7 @@ def _distributions(table: SweepTable, metrics: Mapping[str, Metric], drawn: Mapp
     return Section("Distributions", text, figures=figures, tables=[Table("quantiles", "Quantiles", columns, rows)])
 
 
-def _thinned(values: Array) -> Array:
+def _thinned(values: Array) -> Any:
     """Numbers of about POINTS of the runs, those with the smallest and the largest value among them."""
     chosen = np.arange(0, len(values), max(1, len(values) // POINTS))
     fine = np.flatnonzero(np.isfinite(values))
