@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import math
 import shutil
@@ -148,7 +149,7 @@ def test_what_is_set_for_a_case(fmus: FmuSet) -> None:
 def test_lengths_labels_and_laws() -> None:
     assert (stop_time(None, Case()), stop_time(None, Case(shape="plateau"))) == (1.2, 3.0)  # type: ignore[arg-type]
     case = Case("left", "a/my.toml", "preview", 0.05, 60.0, "sine", hold_tail=True)
-    assert replace(case, weights="my.toml").label == "left-my-preview-50ms-60kmh-sine-hold"
+    assert dataclasses.replace(case, weights="my.toml").label == "left-my-preview-50ms-60kmh-sine-hold"
     assert Case().label == "both-comfort-preview"
     assert passive(case) == Case("left", "a/my.toml", "passive", speed_kmh=60.0, shape="sine")
     laws = {w: Case(weights=w).law for w in ("comfort", "road-holding", "comfort-5ms", "a/my_own.toml")}
