@@ -19,6 +19,7 @@ from typing import Protocol
 
 from build_fmus import qp_sources, safe_files
 from build_fmus.compile import toolchain_identity
+from build_fmus.interpreters import forget_safe_path, safe_path
 
 SOURCE_SUFFIXES = (".py", ".toml", ".c", ".h", ".html", ".csv")
 _LIBRARIES = ("casadi", "fmpy", "numpy", "scipy", "lxml", "jinja2", "osqp", "suspension-fmus")
@@ -195,6 +196,11 @@ def _is_need(catalog: Mapping[str, Buildable], wanted: list[str], name: str) -> 
     return any(name in catalog[n].needs for n in wanted)
 
 
+def _start_worker() -> None:
+    forget_safe_path()
+    safe_files.plain_warnings()
+
+
 class _Pool:
     """Worker processes, started only when there is more than one job."""
 
@@ -218,9 +224,10 @@ class _Pool:
                 task(name, options, versions)
                 yield name
             return
-        if self._executor is None:
-            self._executor = ProcessPoolExecutor(os.cpu_count(), initializer=safe_files.plain_warnings)
-        futures = {self._executor.submit(task, n, options, v): n for n, v in jobs.items()}
+        with safe_path():
+            if self._executor is None:
+                self._executor = ProcessPoolExecutor(os.cpu_count(), initializer=_start_worker)
+            futures = {self._executor.submit(task, n, options, v): n for n, v in jobs.items()}
         for future in as_completed(futures):
             future.result()
             yield futures[future]

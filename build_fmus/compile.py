@@ -14,7 +14,6 @@ import platform as host_platform
 import re
 import shutil
 import subprocess
-import sys
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
@@ -22,6 +21,7 @@ from importlib import metadata
 from pathlib import Path
 
 from build_fmus import safe_files
+from build_fmus.interpreters import PYTHON
 
 _INCLUDE = re.compile(r'^[ \t]*#[ \t]*include[ \t]*"([^"]+)"', re.MULTILINE)
 # For whoever compiles the sources. -fno-math-errno makes sqrt the processor's instruction alone; it changes no value.
@@ -153,7 +153,7 @@ def find_toolchain(platform_name: str) -> Toolchain:
             raise CompileError(f"CC={os.environ['CC']} is not in PATH")
     if importlib.util.find_spec("ziglang") is not None:
         baseline = ("-mcpu=x86_64",) if target.name.startswith("x86_64") else ()
-        command: tuple[str, ...] = (sys.executable, "-m", "ziglang", "cc", "-target", target.zig_target, *baseline)
+        command: tuple[str, ...] = (*PYTHON, "-m", "ziglang", "cc", "-target", target.zig_target, *baseline)
         return Toolchain(target, command, f"ziglang {metadata.version('ziglang')}")
     raise CompileError(
         f"no C compiler for {platform_name}: install gcc or clang, or `pip install ziglang` (works without "

@@ -12,7 +12,7 @@ DATA = ("pandas", "pyarrow", "xarray", "h5netcdf", "h5py", "asammdf", "pyopencrg
 EXTRAS = {
     "build": BUILD, "reports": REPORTS, "studies": tuple(dict.fromkeys(BUILD + REPORTS)), "data": DATA,
     "learning": ("gymnasium",), "optimisation": ("optuna",),
-    "cluster": ("distributed",), "sensitivity": ("SALib",),
+    "cluster": ("distributed", "cryptography"), "sensitivity": ("SALib",),
 }  # fmt: skip
 """Name of an extra of the distribution -> modules of others that come with it."""
 

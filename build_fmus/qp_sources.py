@@ -10,7 +10,6 @@ import hashlib
 import io
 import os
 import subprocess
-import sys
 import tarfile
 import tempfile
 from dataclasses import dataclass
@@ -19,6 +18,7 @@ from importlib import metadata
 from pathlib import Path
 
 from build_fmus import safe_files
+from build_fmus.interpreters import PYTHON
 
 DAQP_VERSION = "0.11.0"
 DAQP_SHA256 = "2f27baf18d2acca14186498e651b34e0bed455627e777d3fd8ba655e7e40f920"
@@ -128,7 +128,7 @@ def _download(name: str) -> bytes:
         requirements = Path(tmp) / "requirements.txt"
         requirements.write_text(f"daqp=={DAQP_VERSION} --hash=sha256:{DAQP_SHA256}\n")
         command = [
-            sys.executable, "-m", "pip", "download", "--quiet", "--disable-pip-version-check", "--no-deps",
+            *PYTHON, "-m", "pip", "download", "--quiet", "--disable-pip-version-check", "--no-deps",
             "--no-binary", "daqp", "--require-hashes", "--dest", tmp, "-r", str(requirements),
         ]  # fmt: skip
         done = subprocess.run(command, capture_output=True, text=True, check=False)

@@ -8,7 +8,6 @@ import os
 import pickle
 import shutil
 import subprocess
-import sys
 import tempfile
 import time
 from collections.abc import Callable, Iterable
@@ -18,6 +17,7 @@ from typing import Any
 
 from build_fmus import safe_files
 from build_fmus.checks import did_you_mean
+from build_fmus.interpreters import PYTHON
 from cosim.check import archive, binary, description, layered, worker
 from cosim.check.binary import claimed
 from cosim.check.description import File
@@ -103,7 +103,7 @@ class Workers:
             root = str(Path(__file__).parents[2])
             path = os.pathsep.join([root, *filter(None, [os.environ.get("PYTHONPATH")])])
             environment = {**os.environ, "PYTHONPATH": path}
-            command = [sys.executable, "-c", "from cosim.check.worker import main; main()"]
+            command = [*PYTHON, "-c", "from cosim.check.worker import main; main()"]
             self._process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, env=environment)
         return self._process
 

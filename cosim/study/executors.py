@@ -9,14 +9,16 @@ import asyncio
 import logging
 import multiprocessing
 import re
-import signal
+import shutil
+import tempfile
 import threading
 from collections.abc import Callable, Iterator
 from concurrent.futures import Executor
-from contextlib import ExitStack, contextmanager, suppress
+from contextlib import ExitStack, contextmanager
 from typing import Any
 
-from build_fmus import extras
+from build_fmus import extras, safe_files
+from build_fmus.interpreters import safe_path
 from build_fmus.one_thread import one_thread
 from cosim.errors import CosimError
 
@@ -52,34 +54,18 @@ def _asked(client: Any) -> Iterator[None]:
         ) from None
 
 
-def _local_cluster(theirs: Any, settings: dict[str, Any], options: dict[str, Any]) -> None:
-    """The main program of a process with a scheduler and its workers: they live until the other end of the pipe is closed, in whichever
-    way. Ctrl-C goes to the process that asked for them."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    import dask as configuration
-    from distributed import LocalCluster
-
-    one_thread()
-    try:
-        with configuration.config.set(settings), LocalCluster(**options) as cluster:
-            theirs.send((True, cluster.scheduler_address))
-            with suppress(EOFError, OSError):
-                theirs.recv()
-    except Exception as error:
-        with suppress(OSError):
-            theirs.send((False, f"{type(error).__name__}: {error}"))
-
-
 @contextmanager
-def _own_cluster(settings: dict[str, Any], processes: int | None) -> Iterator[str]:
+def _own_cluster(settings: dict[str, Any], security: Any, processes: int | None) -> Iterator[str]:
     """The address of a cluster on this machine that ends with the block, or with this process. Its scheduler has a process of its own:
     what it does for every task does not delay this one."""
-    ours, theirs = multiprocessing.get_context("spawn").Pipe()
-    options = {
-        "n_workers": processes, "threads_per_worker": 1, "processes": True, "dashboard_address": None, "silence_logs": 50,
-    }  # fmt: skip
-    process = multiprocessing.get_context("spawn").Process(target=_local_cluster, args=(theirs, settings, options))
-    process.start()
+    from cosim.study.local_cluster import run_cluster
+
+    context = multiprocessing.get_context("spawn")
+    ours, theirs = context.Pipe()
+    folder = tempfile.mkdtemp(dir=safe_files.scratch())
+    process = context.Process(target=run_cluster, args=(theirs, settings, security, processes, folder))
+    with safe_path():
+        process.start()
     theirs.close()
     try:
         try:
@@ -95,6 +81,7 @@ def _own_cluster(settings: dict[str, Any], processes: int | None) -> Iterator[st
         if process.is_alive():
             process.terminate()
             process.join()
+        shutil.rmtree(folder, ignore_errors=True)
 
 
 def _connected(connect: Callable[[], Any], address: str) -> Any:
@@ -137,6 +124,10 @@ def dask(address: str, processes: int | None = None) -> Iterator[Executor]:
         raise ClusterError(f"{address!r} is no address of a Dask scheduler: write tcp://HOST:PORT, as `dask scheduler` prints it, or {LOCAL}")
     with extras.needed("cluster", "a Dask cluster"):
         from distributed import Client
+        from distributed.security import Security
+
+        if address == LOCAL:
+            import cryptography  # noqa: F401 (makes its certificate)
 
     import dask as configuration
 
@@ -151,9 +142,11 @@ def dask(address: str, processes: int | None = None) -> Iterator[Executor]:
     }  # fmt: skip
     one_thread()
     with configuration.config.set(settings), ExitStack() as stack:
+        security = None  # that of the user's configuration of Dask
         if address == LOCAL:
-            address = stack.enter_context(_own_cluster(settings, processes))
-        with _connected(lambda: Client(address, timeout=ANSWER, set_as_default=False), address) as client:
+            security = Security.temporary()
+            address = stack.enter_context(_own_cluster(settings, security, processes))
+        with _connected(lambda: Client(address, timeout=ANSWER, set_as_default=False, security=security), address) as client:
             try:
                 client.wait_for_workers(1, timeout=WORKERS)
             except TimeoutError:

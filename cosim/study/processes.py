@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import Any
 
 from build_fmus import safe_files
+from build_fmus.interpreters import forget_safe_path, safe_path
 from build_fmus.one_thread import one_thread
 
 PATIENCE = 5.0  # s, that a worker which was told to end may take
@@ -122,7 +123,8 @@ class _Processes(Executor):
             ours, theirs = self._context.Pipe()
             process = self._context.Process(target=_work, args=(theirs, self._scratch))
             try:
-                process.start()
+                with safe_path():
+                    process.start()
             except Exception as error:
                 ours.close()
                 theirs.close()
@@ -189,6 +191,7 @@ def _work(theirs: Any, scratch: str) -> None:
 
 
 def _start_worker(scratch: str) -> None:
+    forget_safe_path()
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C goes to the parent, which ends the workers
     safe_files.plain_warnings()
     threading.Thread(target=_end_with_parent, args=(scratch,), daemon=True).start()

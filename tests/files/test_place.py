@@ -92,7 +92,8 @@ def test_a_folder_that_somebody_has_prepared_in_the_temporary_one_is_not_used(ho
         assert is_of_this_process(safe_files.cache_directory())
 
 
-def test_what_belongs_to_another_user_is_not_used(home, monkeypatch):
+@pytest.mark.usefixtures("home")
+def test_what_belongs_to_another_user_is_not_used(monkeypatch):
     """As `sudo` has it: the home of one user, the rights of another."""
     safe_files.cache_directory()
     monkeypatch.setattr(os, "getuid", lambda: 4242)
@@ -116,7 +117,8 @@ def test_a_folder_of_another_user_is_not_used(home, monkeypatch):
         assert is_of_this_process(safe_files.cache_directory())
 
 
-def test_what_ziglang_keeps_lies_among_the_caches(home, monkeypatch):
+@pytest.mark.usefixtures("home")
+def test_what_ziglang_keeps_lies_among_the_caches(monkeypatch):
     asked = []
     monkeypatch.setattr(compilers.subprocess, "run", lambda *_, env, **__: asked.append(env) or subprocess.CompletedProcess([], 0))
     target = compilers.PLATFORMS["x86_64-linux"]
@@ -201,6 +203,7 @@ def test_others_of_similar_names_stay(home):
     assert home.is_dir()
 
 
-def test_a_process_goes_on_where_its_temporary_folder_was_removed(home):
+@pytest.mark.usefixtures("home")
+def test_a_process_goes_on_where_its_temporary_folder_was_removed():
     safe_files.scratch().rmdir()
     assert safe_files.scratch().is_dir()

@@ -6,8 +6,10 @@ import hashlib
 import os
 import signal
 import socket
+import ssl
 import subprocess
 import sys
+import tempfile
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -290,6 +292,46 @@ def test_a_local_cluster_gives_the_same(experiment: Any, cluster: Executor, tmp_
     ours = run_study(experiment, FMUS, tmp_path / "ours", processes=1)
     theirs = run_study(experiment, FMUS, tmp_path / "theirs", executor=cluster)
     assert theirs.rows() == ours.rows()
+
+
+def answer(port: int, *, encrypted: bool) -> bytes:
+    """What a server answers somebody without certificate; nothing where it ends the connection."""
+    anybody = ssl.create_default_context()
+    anybody.check_hostname, anybody.verify_mode = False, ssl.CERT_NONE
+    try:
+        bare = socket.create_connection(("127.0.0.1", port))
+        with bare, anybody.wrap_socket(bare) if encrypted else bare as connection:
+            connection.sendall(b"GET / HTTP/1.0\r\n\r\n")
+            return connection.recv(100)
+    except (ssl.SSLError, ConnectionError):
+        return b""
+
+
+def test_nobody_else_reaches_a_local_cluster(cluster: Any) -> None:
+    """Nothing listens but its scheduler, workers and their nannies, and these talk to the holder of its certificate only."""
+    from distributed import Client
+    from distributed.security import Security
+
+    address = cluster._client.scheduler.address
+    children = psutil.Process().children(recursive=True)
+    listening = [c.laddr for child in children for c in child.net_connections("tcp") if c.status == psutil.CONN_LISTEN]
+    assert len(listening) == 5
+    for ip, port in listening:
+        assert ip == "127.0.0.1"
+        assert answer(port, encrypted=True) == b""
+        assert not answer(port, encrypted=False).startswith(b"HTTP")
+    assert address in {f"tls://{ip}:{port}" for ip, port in listening}
+    for other, security in ((address, Security.temporary()), (address.replace("tls:", "tcp:"), None)):
+        with pytest.raises(OSError, match=r"Timed out|refused|reset|TLS|SSL|certificate"):
+            Client(other, security=security, timeout=2, set_as_default=False)
+    assert cluster.submit(abs, -1).result(30) == 1
+
+
+def test_a_local_cluster_has_a_private_folder(cluster: Any) -> None:
+    """Dask imports from its folder, and gives it a name that everybody knows where nothing else is said."""
+    told = cluster._client.run(lambda dask_worker: (dask_worker.local_directory, tempfile.gettempdir()))
+    for folder in {f for both in told.values() for f in both}:
+        assert safe_files.scratch() in Path(folder).parents
 
 
 OWN_CLUSTER = """

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import importlib.util
-import sys
 import tempfile
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -12,6 +11,7 @@ from pathlib import Path
 
 from build_fmus import safe_files
 from build_fmus.compile import CFLAGS, CompileError, ObjectCache, Platform, Toolchain, find_toolchain, host
+from build_fmus.interpreters import PYTHON
 from cosim.errors import CosimError
 from cosim.export.code import SystemCode, template, write
 from cosim.export.parts import Part, defined_names, wrappers
@@ -100,5 +100,5 @@ def find_zig() -> Toolchain:
         raise CompileError(
             "a web page is compiled by ziglang, which is not installed: pip install 'suspension-fmus[zig]'"
         )
-    command = (sys.executable, "-m", "ziglang", "cc", "-target", _PLATFORM.zig_target)
+    command = (*PYTHON, "-m", "ziglang", "cc", "-target", _PLATFORM.zig_target)
     return _Zig(_PLATFORM, command, f"ziglang {metadata.version('ziglang')}")
