@@ -35,7 +35,12 @@ def require(extra: str, what: str) -> None:
         MissingExtraError: it is.
     """
     if missing(extra):
-        raise MissingExtraError(f"{what} needs the extra [{extra}]: pip install 'suspension-fmus[{extra}]'")
+        raise MissingExtraError(f"{what} needs {named(extra)}")
+
+
+def named(extra: str) -> str:
+    """An extra and how to get it, for a message."""
+    return f"the extra [{extra}]: pip install 'suspension-fmus[{extra}]'"
 
 
 @contextmanager

@@ -149,8 +149,12 @@ class Commands(TyperGroup):
             return super().resolve_command(ctx, args)
         command = self.get_command(ctx, name)
         if command is None:
-            ctx.fail(unknown(self.what, name, self._shown(ctx)) + self.beside)
+            ctx.fail(self.refusal(ctx, name) + self.beside)
         return name, command, rest
+
+    def refusal(self, ctx: Any, name: str) -> str:
+        """The sentence about a name that no command has."""
+        return unknown(self.what, name, self._shown(ctx))
 
     def _shown(self, ctx: Any) -> dict[str, Any]:
         found = ((name, self.get_command(ctx, name)) for name in self.list_commands(ctx))

@@ -1,5 +1,9 @@
 """How FMUs run together: the co-simulation master, its experiments and reports."""
 
+# isort: off
+from build_fmus import run_as_module  # noqa: F401 (before all others)
+# isort: on
+
 import logging
 from importlib import metadata
 

@@ -46,6 +46,10 @@ class Experiments(Commands):
             return type(self).make(load(EXPERIMENTS.get(cmd_name, cmd_name)))
         return None
 
+    def refusal(self, ctx: Any, name: str) -> str:  # noqa: ARG002
+        needed = f", which need {extras.named('studies')}" if extras.missing("studies") else ""
+        return unknown(self.what, name, NAMES) + needed
+
 
 class Runs(Experiments):
     make = staticmethod(run_command)

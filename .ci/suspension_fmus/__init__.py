@@ -18,7 +18,8 @@ COMMANDS = ("suspension-fmus", "cosim", "build-fmus")
 
 _HERE = Path(__file__).absolute().parent
 _ROOT = next(folder for folder in (_HERE, _HERE.parents[1]) if (folder / "cosim").is_dir())  # installed; repository
-__path__ = []  # not suspension_fmus.cosim: it would be a second copy of each module, with classes of its own
+# What `python -m` runs. Not suspension_fmus.cosim: it would be a second copy of each module, with classes of its own.
+__path__ = [str(_HERE / "_suspension_fmus")]
 
 
 def _found(package: str) -> Path | None:
@@ -72,19 +73,19 @@ def __dir__() -> list[str]:
     return sorted([*globals(), *PACKAGES, *__getattr__("__all__")])
 
 
-def main() -> None:
+def main(name: str = "suspension-fmus") -> None:
     """The command ``suspension-fmus``."""
-    _command("suspension-fmus", "cosim.cli")
+    _command(name, "cosim.cli")
 
 
-def cosim_command() -> None:
+def cosim_command(name: str = "cosim") -> None:
     """The same under the name ``cosim``."""
-    _command("cosim", "cosim.cli")
+    _command(name, "cosim.cli")
 
 
-def build_command() -> None:
+def build_command(name: str = "build-fmus") -> None:
     """The command ``build-fmus``, which is ``suspension-fmus build``."""
-    _command("build-fmus", "fmu_sources.cli")
+    _command(name, "fmu_sources.cli")
 
 
 def _command(name: str, module: str) -> None:

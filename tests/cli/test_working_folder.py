@@ -13,7 +13,7 @@ from awkward import archive, description, library
 from built import ROOT
 from programs import BIN, TIMEOUT
 
-NAMES = ("signal", "numpy", "random", "struct", "socket", "pickle", "logging", "rich", "cosim", "distributed")
+NAMES = ("signal", "numpy", "random", "struct", "socket", "pickle", "logging", "rich", "distributed")
 HOSTILE = 'with open({seen!r}, "a") as file:\n    file.write(__file__ + "\\n")\nraise SystemExit("executed")\n'
 FALL = """
 from cosim import PythonComponent, System
@@ -64,7 +64,9 @@ COMMANDS = {
     "sweep": ("cosim", *FALLING, "--processes", "2", "--out", "one.out"),
     "dask": ("cosim", *FALLING, "--processes", "1", "--dask", "local", "--out", "two.out"),
     "pool": ("python", "pool.py"),
-    "module": ("python", "-P", "-m", "cosim", "check", "a.fmu", "--only", "states.life"),
+    "module": ("python", "-m", "cosim", *FALLING, "--processes", "2", "--out", "three.out"),
+    "build": ("python", "-m", "build_fmus", "--list"),
+    "suspension": ("python", "-m", "suspension_fmus", "list"),
 }
 
 
@@ -72,6 +74,9 @@ COMMANDS = {
 def test_nothing_is_imported_from_the_working_folder(folders, command):
     working, files, seen = folders
     program, *arguments = COMMANDS[command]
+    (working / "cosim.py").unlink(missing_ok=True)
+    if "-m" not in arguments:  # which would run it
+        (working / "cosim.py").write_text(HOSTILE.format(seen=str(seen)))
     arguments = [str(files / a) if a.endswith((".py", ".fmu", ".out")) else a for a in arguments]
     environment = {k: v for k, v in os.environ.items() if k not in ("PYTHONPATH", "PYTHONSAFEPATH")}
     done = subprocess.run([BIN / program, *arguments], cwd=working, env=environment, capture_output=True, text=True, check=False, timeout=TIMEOUT)

@@ -230,6 +230,19 @@ def test_a_command_names_the_extra_that_it_lacks(line: str, core: Environment, f
     )
 
 
+def test_a_wrong_name_is_answered_with_those_there_are_and_the_extra_that_they_need(core: Environment) -> None:
+    said = " ".join(core.run("cosim", "run", "gcp", code=2).split())
+    assert "did you mean 'gpc'? (there are: bench, gpc, " in said
+    assert "), which need the extra [studies]: pip install 'suspension-fmus[studies]'; or a file of yours" in said
+
+
+def test_packages_run_as_their_commands_do(core: Environment) -> None:
+    for package in ("cosim", "suspension_fmus"):
+        assert core.run("python", "-m", package, "--help").startswith(f"Usage: python -m {package} ")
+    said = core.run("python", "-m", "build_fmus", "--list", code=1)
+    assert said.startswith("python -m build_fmus: building FMUs needs the extra [build]")
+
+
 def test_every_module_can_be_imported_or_names_the_extra_that_it_lacks(core: Environment) -> None:
     code = """
 import importlib, pathlib, suspension_fmus
