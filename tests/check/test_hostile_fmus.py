@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import json
-import os
 import sys
-import time
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 from foreign import hostile
+from processes import gone
 
 from cosim.check import Options, Workers, check
 from cosim.check.rules import CHECKS
@@ -60,18 +59,6 @@ def test_detached_processes_are_ended_after_the_check(folder: Path, proof: Path,
     report = check(hostile.build(3, folder, "exit", "detach"), LIMITS, workers=workers)
     assert report.findings() == []
     assert gone(int(proof.read_text()))
-
-
-def gone(pid: int) -> bool:
-    """Whether a process ends, within a minute at most."""
-    end = time.monotonic() + 60
-    while time.monotonic() < end:
-        try:
-            os.kill(pid, 0)
-        except ProcessLookupError:
-            return True
-        time.sleep(0.01)
-    return False
 
 
 def test_a_state_beyond_all_memory_is_a_finding_among_the_others(folder: Path, workers: Workers) -> None:
