@@ -4,7 +4,7 @@ VENV ?= .venv
 BIN := $(VENV)/bin
 
 # Without a C compiler in PATH the FMUs are compiled by ziglang from PyPI.
-HOST_CC := $(shell command -v $${CC:-cc} || command -v gcc || command -v clang)
+HOST_CC := $(shell set -- $${CC:-cc}; command -v "$$1" || command -v gcc || command -v clang)
 RUN_EXTRAS := studies
 ifeq ($(HOST_CC),)
 RUN_EXTRAS := studies,zig
@@ -98,13 +98,21 @@ fmus: $(VENV)/.run
 clean:
 	rm -rf fmus results build *.egg-info
 
+define needs_python_3_11
+@$(1) -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2> /dev/null || { \
+	echo "Python 3.11 or newer is needed; $(1) is $$($(1) --version 2>&1 | head -n 1). Choose another one: make PYTHON=python3.12$(2)" >&2; exit 1; }
+endef
+
 $(VENV)/bin/python:
+	$(call needs_python_3_11,$(PYTHON))
 	$(PYTHON) -m venv $(VENV)
 
 $(VENV)/.run: pyproject.toml | $(VENV)/bin/python
+	$(call needs_python_3_11,$(BIN)/python, (remove $(VENV) first))
 	$(BIN)/pip install --quiet --disable-pip-version-check -e '.[$(RUN_EXTRAS)]'
 	touch $@
 
 $(VENV)/.test: pyproject.toml | $(VENV)/bin/python
+	$(call needs_python_3_11,$(BIN)/python, (remove $(VENV) first))
 	$(BIN)/pip install --quiet --disable-pip-version-check -e '.[test,zig]'
 	touch $@ $(VENV)/.run

@@ -15,7 +15,7 @@ from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass, replace
 from importlib import metadata
 from pathlib import Path
-from typing import Protocol
+from typing import Any, Protocol
 
 from build_fmus import qp_sources, safe_files
 from build_fmus.compile import toolchain_identity
@@ -139,6 +139,10 @@ class Stamps:
         stamp = {"key": key, "sha256": hashlib.sha256(target.read_bytes()).hexdigest()}
         safe_files.keep_json(self._path(target), stamp)
 
+    def remove(self, target: Path) -> None:
+        """Forget what ``target`` was built from."""
+        self._path(target).unlink(missing_ok=True)
+
 
 def build(
     catalog: Mapping[str, Buildable],
@@ -171,14 +175,14 @@ def build(
     with _Pool() as pool:
         for wave in waves(catalog, wanted):
             stale: dict[str, tuple[int, ...]] = {}
+            keys: dict[tuple[str, int], str] = {}  # of what the files hold before they are read to build from
             for name in wave:
                 # Entries needed only by others must exist for FMI 3.0, which makers read.
                 alone = name in asked and not _is_need(catalog, wanted, name)
                 versions = options.fmi if alone else tuple({*options.fmi, 3})
+                keys |= {(name, f): stamp_key(catalog[name], options, f, sources) for f in versions}
                 stale[name] = tuple(
-                    f
-                    for f in versions
-                    if force or not stamps.fresh(options.target(name, f), stamp_key(catalog[name], options, f, sources))
+                    f for f in versions if force or not stamps.fresh(options.target(name, f), keys[name, f])
                 )
             jobs = {name: v for name, v in stale.items() if v}
             for name in wave:
@@ -186,10 +190,23 @@ def build(
                     report(name, "up to date")
             for name in pool.run(task, jobs, options):
                 for f in jobs[name]:
-                    stamps.write(options.target(name, f), stamp_key(catalog[name], options, f, sources))
+                    if _is_key(keys[name, f], catalog[name], options, f, sources):
+                        stamps.write(options.target(name, f), keys[name, f])
+                    else:
+                        stamps.remove(options.target(name, f))
+                        text = f"a file that {name} is made of was changed while it was built: the next build makes it again"
+                        warnings.warn(text, stacklevel=2)
                 built.append(name)
                 report(name, "built")
     return built
+
+
+def _is_key(key: str, *made_of: Any) -> bool:
+    """Whether an FMU would have this key now."""
+    try:
+        return key == stamp_key(*made_of)
+    except OSError:  # a file has gone
+        return False
 
 
 def _is_need(catalog: Mapping[str, Buildable], wanted: list[str], name: str) -> bool:

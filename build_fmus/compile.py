@@ -12,6 +12,7 @@ import importlib.util
 import os
 import platform as host_platform
 import re
+import shlex
 import shutil
 import subprocess
 from collections.abc import Callable, Iterable, Sequence
@@ -129,31 +130,32 @@ class Toolchain:
 
     def _run(self, arguments: list[str]) -> None:
         environment = dict(os.environ)
-        if "ziglang" in self.version:  # it links what its cache holds
-            environment.setdefault("ZIG_GLOBAL_CACHE_DIR", str(safe_files.cache_directory() / "zig"))
+        environment.setdefault("ZIG_GLOBAL_CACHE_DIR", str(safe_files.cache_directory() / "zig"))  # ziglang links what it holds
         done = subprocess.run([*self.command, *arguments], capture_output=True, text=True, check=False, env=environment)
         if done.returncode != 0:
             raise CompileError(f"{' '.join([*self.command, *arguments])}\n{done.stderr.strip()}")
 
 
 def find_toolchain(platform_name: str) -> Toolchain:
-    """The host compiler (``CC``, cc, gcc, clang) for the host platform, else ziglang.
+    """The host compiler (``CC``, which may have arguments; cc, gcc, clang) for the host platform, else ziglang.
 
     Raises:
         CompileError: neither is there; the message says how to get one.
     """
     target = PLATFORMS[platform_name]
     if platform_name == host():
-        candidates = [os.environ["CC"]] if os.environ.get("CC") else ["cc", "gcc", "clang"]
-        for c in candidates:
-            path = shutil.which(c)
+        candidates = [_chosen_command()] if os.environ.get("CC") else [("cc",), ("gcc",), ("clang",)]
+        for program, *arguments in candidates:
+            path = shutil.which(program)
             if path:
-                return Toolchain(target, (path,), _compiler_version(path))
+                command = (path, *arguments)
+                return Toolchain(target, command, " ".join([_compiler_version(command), *arguments]))
         if os.environ.get("CC"):
-            raise CompileError(f"CC={os.environ['CC']} is not in PATH")
+            program = "" if len(candidates[0]) == 1 else f": {candidates[0][0]}"
+            raise CompileError(f"CC={os.environ['CC']}{program} is not in PATH")
     if importlib.util.find_spec("ziglang") is not None:
         baseline = ("-mcpu=x86_64",) if target.name.startswith("x86_64") else ()
-        command: tuple[str, ...] = (*PYTHON, "-m", "ziglang", "cc", "-target", target.zig_target, *baseline)
+        command = (*PYTHON, "-m", "ziglang", "cc", "-target", target.zig_target, *baseline)
         return Toolchain(target, command, f"ziglang {metadata.version('ziglang')}")
     raise CompileError(
         f"no C compiler for {platform_name}: install gcc or clang, or `pip install ziglang` (works without "
@@ -161,10 +163,20 @@ def find_toolchain(platform_name: str) -> Toolchain:
     )
 
 
+def _chosen_command() -> tuple[str, ...]:
+    """The compiler that ``CC`` names, a program or a command with arguments (``ccache gcc``)."""
+    chosen = os.environ["CC"]
+    try:
+        words = [chosen] if shutil.which(chosen) else shlex.split(chosen, posix=os.name != "nt")
+    except ValueError as error:
+        raise CompileError(f"CC={chosen} is no command: {error}") from None
+    return tuple(words) or (chosen,)
+
+
 @lru_cache
-def _compiler_version(path: str) -> str:
-    done = subprocess.run([path, "--version"], capture_output=True, text=True, check=False)
-    return done.stdout.splitlines()[0] if done.stdout else path
+def _compiler_version(command: tuple[str, ...]) -> str:
+    done = subprocess.run([*command, "--version"], capture_output=True, text=True, check=False)
+    return done.stdout.splitlines()[0] if done.stdout else command[0]
 
 
 def toolchain_identity(platforms: str) -> str:

@@ -143,6 +143,30 @@ def test_a_named_compiler_that_is_not_there(monkeypatch: pytest.MonkeyPatch) -> 
     monkeypatch.setenv("CC", "no-such-compiler")
     with pytest.raises(CompileError, match="CC=no-such-compiler is not in PATH"):
         find_toolchain(host())
+    monkeypatch.setenv("CC", "no-such-cache gcc")
+    with pytest.raises(CompileError, match="CC=no-such-cache gcc: no-such-cache is not in PATH"):
+        find_toolchain(host())
+    monkeypatch.setenv("CC", "gcc 'open")
+    with pytest.raises(CompileError, match="CC=gcc 'open is no command: No closing quotation"):
+        find_toolchain(host())
+
+
+@pytest.mark.skipif(shutil.which("cc") is None or os.name == "nt", reason="needs a C compiler named cc")
+def test_a_compiler_with_arguments(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    """As `ccache gcc`. Arguments are part of what compiled objects are kept by."""
+    launcher = tmp_path / "my launcher"
+    launcher.write_text('#!/bin/sh\necho "$@" >> "$(dirname "$0")/called"\nexec "$@"\n')
+    launcher.chmod(0o755)
+    monkeypatch.setenv("CC", f"'{launcher}' cc -DSIX=6")
+    toolchain = find_toolchain(host())
+    assert toolchain.command == (str(launcher), "cc", "-DSIX=6")
+    (tmp_path / "six.c").write_text("int six[SIX];")
+    toolchain.compile(tmp_path / "six.c", tmp_path / "six.o", [])
+    assert "cc -DSIX=6 -O2" in (tmp_path / "called").read_text()
+    monkeypatch.setenv("CC", f"'{launcher}' cc -DSIX=7")
+    assert find_toolchain(host()).version != toolchain.version
+    monkeypatch.setenv("CC", str(launcher))  # a path with a space
+    assert find_toolchain(host()).command == (str(launcher),)
 
 
 def test_compiler_errors_carry_the_compilers_words(tmp_path: Path) -> None:

@@ -8,6 +8,7 @@ import zipfile
 from contextlib import nullcontext
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -96,6 +97,25 @@ def test_any_change_rebuilds(change: str, tmp_path: Path, task: Recorder, monkey
         assert build(catalog, ["A", "B"], out, task, **options) == expected
     versions = (2,) if change in ("damaged", "missing", "stamp") else (2, 3)
     assert task.calls == [(n, versions) for n in expected]
+
+
+@pytest.mark.parametrize("change", ["mass = 2", None])
+def test_a_file_that_changes_during_the_build_is_built_again(change: str | None, tmp_path: Path, task: Recorder) -> None:
+    """Nobody knows which of its contents went into the FMU."""
+    vehicle = tmp_path / "vehicle.toml"
+    vehicle.write_text("mass = 1")
+    catalog, out = [Entry("A", files=(vehicle,))], tmp_path / "out"
+
+    def edited(*job: Any) -> None:
+        task(*job)
+        vehicle.write_text(change) if change else vehicle.unlink()
+
+    with pytest.warns(UserWarning, match="a file that A is made of was changed while it was built"):
+        assert build(catalog, ["A"], out, edited) == ["A"]
+    for content in ("mass = 2", "mass = 1"):
+        vehicle.write_text(content)
+        assert build(catalog, ["A"], out, task) == ["A"]
+        assert build(catalog, ["A"], out, task) == []
 
 
 def test_needs_come_first_and_in_the_version_makers_read(tmp_path: Path, task: Recorder) -> None:

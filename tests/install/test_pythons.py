@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import re
+import shlex
 import shutil
 import subprocess
 import sys
@@ -60,7 +61,7 @@ def test_install_build_and_run(version: str, wheel: Path, tmp_path: Path) -> Non
         pytest.skip(f"there is no Python {version} on this machine: name one in SUSPENSION_PYTHONS")
     environment = Environment(tmp_path / "environment")
     subprocess.run([python, "-m", "venv", environment.folder], check=True)
-    compiler = shutil.which(os.environ.get("CC", "cc"))
+    compiler = shutil.which(shlex.split(os.environ.get("CC", "cc"))[0])
     pip = [environment.folder / ("Scripts" if os.name == "nt" else "bin") / "python", "-m", "pip", "--disable-pip-version-check"]
     subprocess.run([*pip, "install", "--quiet", f"{wheel}[build{'' if compiler else ',zig'}]"], check=True, timeout=3600)
     assert NAME in environment.run("pip", "list", "--disable-pip-version-check")
