@@ -215,7 +215,7 @@ def optimise(
         if lacking and not any(t.state == TrialState.COMPLETE for t in study.get_trials(deepcopy=False)):
             raise OptimisationError(f"{lacking[0]}: no trial has the number that is to be small or large")
     progress(trials, trials)
-    return Outcome([_trial(t) for t in study.get_trials(deepcopy=False)], dict(objectives))
+    return Outcome(_trials(study), dict(objectives))
 
 
 def _asked(study: Any, space: Mapping[str, Limits], count: int, seed: int, first: Sequence[Values]) -> list[int]:
@@ -275,8 +275,8 @@ def _tell(study: Any, number: int, row: Mapping[str, Any], objectives: Mapping[s
     lacking = [] if failed else [unknown("number", name, row) for name in objectives if name not in row]
     infinite = [f"{name} is {row[name]}" for name in objectives if name in row and name not in numbers]
     failed = failed or next(iter([*lacking, *infinite]), "")
-    trial_id = study.get_trials(deepcopy=False)[number]._trial_id
-    study._storage.set_trial_user_attr(trial_id, "failed" if failed else "row", failed or numbers)
+    # Not an attribute of the trial: one that another process has asked for is a record here, without public means to change it.
+    study.set_user_attr(_attribute(number), {"failed": failed} if failed else {"row": numbers})
     if failed:
         study.tell(number, state=TrialState.FAIL)
     else:
@@ -284,9 +284,18 @@ def _tell(study: Any, number: int, row: Mapping[str, Any], objectives: Mapping[s
     return lacking
 
 
-def _trial(frozen: Any) -> Trial:
-    told = frozen.user_attrs
-    return Trial(frozen.number, dict(frozen.params), told.get("row", {}), told.get("failed", ""))
+def _attribute(number: int) -> str:
+    """Name of the attribute of a study that says what came of a trial."""
+    return f"trial {number}"
+
+
+def _trials(study: Any) -> list[Trial]:
+    came = study.user_attrs
+    found = []
+    for frozen in study.get_trials(deepcopy=False):
+        told = came.get(_attribute(frozen.number), frozen.user_attrs)  # of the trial: as storages of earlier versions have it
+        found.append(Trial(frozen.number, dict(frozen.params), told.get("row", {}), told.get("failed", "")))
+    return found
 
 
 def _study(storage: str | os.PathLike[str] | None, name: str, objectives: Mapping[str, str], what: Mapping[str, Any], model: str) -> Any:

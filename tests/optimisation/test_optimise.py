@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import ast
+import inspect
+import json
 import math
 from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor
@@ -188,3 +191,25 @@ def test_another_search_in_the_same_file(tmp_path: Path) -> None:
     (tmp_path / "rubbish.log").write_text("no log\n\n")
     with pytest.raises(OptimisationError, match=r"rubbish\.log cannot be read as the trials"):
         optimise(circles, SPACE, TWO, trials=2, storage=tmp_path / "rubbish.log")
+
+
+def test_optuna_is_used_by_its_public_names_only() -> None:
+    """Its private ones may change with any release that the extra allows."""
+    tree = ast.parse(Path(inspect.getfile(optimise)).read_text(encoding="utf-8"))
+    private = {ast.unparse(n) for n in ast.walk(tree) if isinstance(n, ast.Attribute) and n.attr.startswith("_") and not n.attr.endswith("__")}
+    assert {n for n in private if not n.startswith(("self.", "cls."))} == set()
+    imported = {n.module for n in ast.walk(tree) if isinstance(n, ast.ImportFrom) and n.module}
+    assert not any(part.startswith("_") for module in imported for part in module.split(".") if module != "__future__")
+
+
+def test_a_storage_of_an_earlier_version_is_continued(tmp_path: Path) -> None:
+    """It had the numbers of a trial as attributes of the trial."""
+    storage = tmp_path / "trials.log"
+    found = optimise(circles, SPACE, {"a": "min"}, trials=8, batch=4, storage=storage)
+    lines = [json.loads(line) for line in storage.read_text().splitlines()]
+    for line in lines:  # 2 sets an attribute of a study, 8 of a trial
+        if line["op_code"] == 2 and (name := next(iter(line["user_attr"]))).startswith("trial "):
+            line.update(op_code=8, trial_id=int(name.split()[1]), user_attr=line["user_attr"][name])
+    assert any(line["op_code"] == 8 for line in lines)
+    storage.write_text("".join(json.dumps(line) + "\n" for line in lines))
+    assert optimise(circles, SPACE, {"a": "min"}, trials=8, batch=4, storage=storage).trials == found.trials
