@@ -23,6 +23,7 @@ import numpy as np
 
 from build_fmus import extras, safe_files
 from build_fmus.checks import plain
+from cosim.base_error import CosimError
 from cosim.signals import Array
 
 TIME = "time"
@@ -33,7 +34,7 @@ _TOOL = "suspension-fmus"
 _LONGEST = 2**53  # integers up to here are doubles
 
 
-class FormatError(ValueError):
+class FormatError(CosimError, ValueError):
     """A file that cannot be written or read as a recording; the message names it and says what can."""
 
     def __init__(self, message: str):

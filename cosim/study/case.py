@@ -27,9 +27,10 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from build_fmus.checks import number, short, unknown
+from cosim.errors import CosimError
 
 
-class CaseError(ValueError):
+class CaseError(CosimError, ValueError):
     """A run that does not exist; the message says which choice is wrong and what there is."""
 
 

@@ -7,11 +7,12 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import cached_property
 from typing import Any
 
+from cosim.errors import CosimError
 from cosim.study.case import values
 from cosim.study.experiment import Row, Search, Task
 
 
-class RunFailed(LookupError):  # noqa: N818
+class RunFailed(CosimError, LookupError):  # noqa: N818
     """Somebody needs a run that failed; claims and pages that do are left open, with this message."""
 
 
