@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import copy
 import re
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar, Protocol, runtime_checkable
@@ -11,10 +11,11 @@ from typing import Any, ClassVar, Protocol, runtime_checkable
 import numpy as np
 import numpy.typing as npt
 
+from build_fmus.checks import unknown
 from build_fmus.units import KNOWN, Unit
 from cosim import plain
 from cosim.description import Description, Variable
-from cosim.errors import CallFailed, CosimError
+from cosim.errors import CallFailed, CosimError, WiringError
 from cosim.signals import Array
 from cosim.time import TimeLike, positive
 
@@ -148,6 +149,9 @@ class PythonComponent:
 
     Parameters become attributes before `start`. `feedthrough` maps an output to the inputs it depends on directly;
     an output missing there depends on all. Exceptions raised in `step` end the run like an FMU's Error.
+
+    Each run executes a copy of the object that was added (`cosim.system.renewal`), so attributes that `__init__` sets
+    are as new in every run.
     """
 
     inputs: ClassVar[Sequence[str]] = ()
@@ -159,10 +163,11 @@ class PythonComponent:
 
     def __init__(self) -> None:
         variables = [
-            *(_variable(text, "input", "continuous", 0.0) for text in self.inputs),
-            *(_variable(text, "output", "continuous", None) for text in self.outputs),
+            *(_variable(text, "input", "continuous", 0.0) for text in self._listed("inputs", self.inputs)),
+            *(_variable(text, "output", "continuous", None) for text in self._listed("outputs", self.outputs)),
             *(_variable(text, "parameter", "tunable", value) for text, value in self.parameters.items()),
         ]
+        self._check_names(variables)
         self.description = Description(
             name=type(self).__name__,
             variables={v.name: v for v in variables},
@@ -174,6 +179,29 @@ class PythonComponent:
         self._inputs = {v: i for i, v in enumerate(self.description.inputs.values())}
         self._outputs = {v: i for i, v in enumerate(self.description.outputs.values())}
         self._name = self.description.name
+
+    def _listed(self, what: str, names: Sequence[str]) -> Sequence[str]:
+        if isinstance(names, str):
+            where = f"{type(self).__name__}.{what}"
+            raise WiringError(f"{where} is the text {names!r}, not a tuple of names: write ({names!r},), with a comma")
+        return names
+
+    def _check_names(self, variables: Sequence[Variable]) -> None:
+        """Raise WiringError for names that stand for two things, and for a feedthrough of unknown variables."""
+        who, counts = type(self).__name__, Counter(v.name for v in variables)
+        twice = [n for n, count in counts.items() if count > 1]
+        if twice:
+            raise WiringError(f"{who} declares the variable '{twice[0]}' twice")
+        given = [v.name for v in variables if v.causality == "parameter"]
+        methods = [n for n in given if callable(getattr(type(self), n, None))]
+        if methods:
+            raise WiringError(f"{who} has a method '{methods[0]}', which a parameter of that name would replace")
+        known = {c: [v.name for v in variables if v.causality == c] for c in ("input", "output")}
+        for output, names in self.feedthrough.items():
+            listed = self._listed(f"feedthrough[{output!r}]", names)
+            for causality, name in [("output", output), *(("input", n) for n in listed)]:
+                if name not in known[causality]:
+                    raise WiringError(f"{who}.feedthrough: {unknown(causality, name, known[causality])}")
 
     # To be overridden.
 
@@ -218,42 +246,55 @@ class PythonComponent:
         self._initializing = True
 
     def exit_initialization(self) -> None:
-        self._guard("start", lambda: self.start(self._u, self._y))
+        self._started()
         self._initializing = False
 
     def bind(self, inputs: Sequence[Variable], outputs: Sequence[Variable], u: Array, y: Array) -> Ports:
         to = np.array([self._inputs[v] for v in inputs], dtype=np.intp)
         source = np.array([self._outputs[v] for v in outputs], dtype=np.intp)
-        own_u, own_y, advance = self._u, self._y, self.step
+        own_u, own_y = self._u, self._y
+        advance: Callable[..., Any] = self.step
 
         def set_inputs() -> None:
             own_u[to] = u
 
         def step(t: float, h: float) -> None:
             try:
-                advance(t, h, own_u, own_y)
+                returned = advance(t, h, own_u, own_y)
+                if returned is not None:
+                    self._written("step", returned)
             except Exception as error:
                 detail = f"{type(error).__name__}: {error}"
                 raise CallFailed(self._name, "step", 3, detail) from error
 
         def get_outputs() -> None:
             if self._initializing:
-                self._guard("start", lambda: self.start(own_u, own_y))
+                self._started()
             own_y.take(source, 0, y, "clip")
 
         return Ports.of(set_inputs, step, get_outputs)
 
     def save(self) -> Any:
         own = {k: v for k, v in vars(self).items() if k not in _FIXED} | {_U: self._u, _Y: self._y}
-        shared = plain.sharing(own)
-        return plain.copied(own) if shared else copy.deepcopy(own), shared
+        try:
+            return plain.copied(own, [(self, self)]), plain.sharing(own), self
+        except Exception:
+            name, why = next(iter(uncopyable(own, self).items()), ("", "its attributes cannot be copied together"))
+            raise CosimError(
+                f"cannot save the state of '{self._name}': its attribute {name} cannot be copied ({why})"
+            ) from None
 
     def restore(self, state: Any) -> None:
-        saved, shared = state
+        saved, _, of = state  # which may have run before this one
         self._u[:], self._y[:] = saved[_U], saved[_Y]
-        onto = [(saved[_U], self._u), (saved[_Y], self._y)]
-        own = plain.copied(saved, onto) if shared else copy.deepcopy(saved)
-        vars(self).update({k: v for k, v in own.items() if k not in (_U, _Y)})
+        own = plain.copied(saved, [(saved[_U], self._u), (saved[_Y], self._y), (of, self)])
+        self._take({k: v for k, v in own.items() if k not in (_U, _Y)})
+
+    def _take(self, own: Mapping[str, Any]) -> None:
+        """These attributes, and no others but those that are no state."""
+        for name in vars(self).keys() - own.keys() - {*_FIXED, *_OF_THE_INSTANCE}:
+            delattr(self, name)
+        vars(self).update(own)
 
     def forget(self, state: Any) -> None: ...
 
@@ -263,7 +304,7 @@ class PythonComponent:
 
     def pack(self, state: Any) -> bytes:
         """What it remembers as plain data. Raises CosimError naming the attribute that is none (`cosim.plain`)."""
-        own, shared = state
+        own, shared, _ = state
         try:
             if shared is not None:
                 raise plain.NotPlain(f"{shared[0]} and {shared[1]} share memory, which copies would not")
@@ -284,7 +325,7 @@ class PythonComponent:
         hidden = [n for n in own if n in (*_FIXED, *_OF_THE_INSTANCE) or callable(getattr(type(self), n, None))]
         if hidden:
             raise CosimError(f"the state of '{self._name}' would replace its {hidden[0]}, which is no state")
-        vars(self).update(own)
+        self._take(own)
 
     def sampled_states(self) -> dict[str, float]:
         """What it remembers between samples, element by element: attributes that are floats or arrays of floats, parameters
@@ -318,11 +359,32 @@ class PythonComponent:
 
     def close(self) -> None: ...
 
+    def _written(self, function: str, returned: Any) -> None:
+        """Refuse outputs that are returned instead of written into y."""
+        if returned is not None and returned is not self._y:
+            what = f"{type(returned).__name__} {returned!r:.60}"
+            raise TypeError(f"{function} returned {what}: write outputs into y instead, y[0] = ...")
+
+    def _started(self) -> None:
+        start: Callable[[Array, Array], Any] = self.start
+        self._guard("start", lambda: self._written("start", start(self._u, self._y)))
+
     def _guard(self, function: str, call: Action) -> None:
         try:
             call()
         except Exception as error:
             raise CallFailed(self._name, function, 3, f"{type(error).__name__}: {error}") from error
+
+
+def uncopyable(values: Mapping[str, Any], owner: object = None) -> dict[str, str]:
+    """Names of values that cannot be copied, and why; `owner`, to which they may refer, is left alone."""
+    found = {}
+    for name, value in values.items():
+        try:
+            plain.copied({name: value}, [(owner, owner)])
+        except Exception as error:
+            found[name] = f"{type(value).__name__}: {error}"
+    return found
 
 
 def _variable(text: str, causality: str, variability: str, start: Any) -> Variable:

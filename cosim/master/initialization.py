@@ -13,6 +13,7 @@ from cosim.errors import CosimError, NotFinite, WiringError
 from cosim.master.exchange import Exchange, Phase
 from cosim.master.state import Packed, SystemState, difference, unpack
 from cosim.system.members import Member
+from cosim.system.renewal import renewed
 
 
 def initialize(exchange: Exchange, stop: Fraction | None = None, state: SystemState | None = None) -> None:
@@ -20,6 +21,7 @@ def initialize(exchange: Exchange, stop: Fraction | None = None, state: SystemSt
     `state` continue from there, and the others settle to them; a system that is that of the state stands where that stood,
     to the last bit, also within steps."""
     members = exchange.schedule.members
+    _renew(members)
     restored = [] if state is None else _continued(exchange, state)
     for m in members:
         m.component.instantiate(m.name)
@@ -56,6 +58,16 @@ def initialize(exchange: Exchange, stop: Fraction | None = None, state: SystemSt
     _check_initial_values(exchange)
     if state is not None:
         _take(exchange, state)
+
+
+def _renew(members: Sequence[Member]) -> None:
+    """Components written in Python as they were added, whatever an earlier run has left."""
+    made = renewed({m.name: m.source for m in members if m.source is not None})
+    for m in members:
+        if m.source is not None and m.component is not made[m.name]:
+            if m.component is not m.source.added:
+                m.component.close()
+            m.component = made[m.name]
 
 
 def _take(exchange: Exchange, state: SystemState) -> None:

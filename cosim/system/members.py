@@ -13,6 +13,7 @@ from build_fmus.checks import number
 from cosim.component import Component
 from cosim.description import INTEGER_RANGE, Description, Variable, split_index
 from cosim.errors import WiringError
+from cosim.system.renewal import PythonSource
 
 
 @dataclass(eq=False)
@@ -25,6 +26,8 @@ class Member:
     offset: Fraction
     kind: str
     values: dict[str, Any] = field(default_factory=dict)
+    source: PythonSource | None = None
+    """Of a component written in Python: what it is made of for each run. `component` is the object that ran last."""
 
     @property
     def description(self) -> Description:

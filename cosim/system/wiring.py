@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from fractions import Fraction
 from pathlib import Path
@@ -11,7 +11,7 @@ from typing import Any, Literal
 
 from build_fmus.checks import did_you_mean, glob, number, unknown
 from build_fmus.units import UnitMismatchError, conversion
-from cosim.component import Component
+from cosim.component import Component, PythonComponent
 from cosim.description import Description, Variable
 from cosim.errors import WiringError
 from cosim.fmu.component import FmuComponent
@@ -21,6 +21,7 @@ from cosim.fmu.isolation import require as require_isolation
 from cosim.system import terminals
 from cosim.system.members import Connection, Group, Member, article
 from cosim.system.names import Members, elements, fits_any
+from cosim.system.renewal import PythonSource
 from cosim.system.schedule import Schedule, make_schedule, unconnected
 from cosim.time import TimeLike, positive, rational
 
@@ -44,7 +45,7 @@ class Wiring:
     def add(
         self,
         name: str,
-        fmu: str | os.PathLike[str] | FmuFile | Component,
+        fmu: str | os.PathLike[str] | FmuFile | Component | Callable[[], PythonComponent],
         *,
         step: TimeLike | None = None,
         offset: TimeLike = 0,
@@ -56,7 +57,11 @@ class Wiring:
         step_timeout: float | None = None,
         memory_limit: int | None = None,
     ) -> Member:
-        """Add a component: the path of an FMU, a loaded `Fmu` or any `Component`.
+        """Add a component: the path of an FMU, a loaded `Fmu`, any `Component`, or a class or function without
+        arguments that makes a `PythonComponent`.
+
+        Each run executes a copy of a `PythonComponent` as it was added, or what the class or function makes for it.
+        The object that ran last is `system["name"].component`.
 
         `step` and `offset` [s] are exact: 0.001, "1/60", "10 ms". Without `step` a discrete component uses its sample
         time, a continuous one the step size of its default experiment. `kind` is needed only for discrete foreign FMUs
@@ -71,7 +76,8 @@ class Wiring:
         other = next((n for n in self.members if n.startswith(f"{name}.") or name.startswith(f"{n}.")), None)
         if other is not None:
             raise WiringError(f"a component '{name}' beside '{other}' would make names of variables ambiguous")
-        component = self._component(fmu, strict)
+        source = PythonSource.of(fmu)
+        component = self._component(fmu if source is None else source.added, strict)
         about = component.description
         kind = kind or about.kind or "continuous"  # type: ignore[assignment]
         if kind not in ("discrete", "continuous"):
@@ -84,7 +90,7 @@ class Wiring:
         begin = rational(offset, f"offset of '{name}'")
         if begin < 0:
             raise WiringError(f"component '{name}': the offset must not be negative, it is {offset}")
-        member = Member(name, component, positive(period, f"step of '{name}'"), begin, kind)
+        member = Member(name, component, positive(period, f"step of '{name}'"), begin, kind, source=source)
         member.set(parameters)
         member.set(start)
         if isolated:
@@ -124,7 +130,7 @@ class Wiring:
             return FmuComponent(fmu)
         if not (hasattr(fmu, "bind") and isinstance(getattr(fmu, "description", None), Description)):
             raise WiringError(f"cannot use {fmu!r}: give the path of an .fmu file, an Fmu or a Component")
-        if any(member.component is fmu for member in self.members.values()):
+        if any(fmu is m.component or (m.source and fmu is m.source.added) for m in self.members.values()):
             raise WiringError("this component object is already in the system; make a second one")
         return fmu  # type: ignore[no-any-return]
 

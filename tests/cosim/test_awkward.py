@@ -167,8 +167,7 @@ def test_a_value_that_is_not_finite_ends_the_run(awkward_fmus, version, value, k
             "plant", awkward_fmus[version], parameters={"trouble": awkward.NOT_FINITE, "at": 0.3}, kind=kind
         )
         fmu.values["value"] = value  # which `set` refuses
-        seen = Integrator()
-        system.add("next", seen, step="0.1 s")
+        seen = system.add("next", Integrator(), step="0.1 s")
         system.connect("plant.y", "next.u")
         at = 0.3 if kind == "continuous" else 0.2
         with pytest.raises(ComponentError, match=rf"'plant': y is {value} at t = {at} s.*allow_nan") as caught:
@@ -176,7 +175,7 @@ def test_a_value_that_is_not_finite_ends_the_run(awkward_fmus, version, value, k
         assert (caught.value.component, caught.value.variable) == ("plant", "y")
         assert caught.value.time == pytest.approx(at)
         assert np.isfinite(caught.value.recording.data).all()
-        assert np.isfinite(seen.x)
+        assert np.isfinite(seen.component.x)
         result = system.run(1, allow_nan=True)
         assert not np.isfinite(result["plant.y"][-1])
 

@@ -58,7 +58,7 @@ class Worker(PythonComponent):
 
 def working(clock, busy=(), step="10 ms"):
     system = System()
-    system.add("worker", Worker(clock, busy), step=step)
+    system.add("worker", lambda: Worker(clock, busy), step=step)  # which moves this clock, not a copy
     return system
 
 
