@@ -19,7 +19,7 @@ from fmu_sources import cli
 from fmu_sources.catalog import default_catalog
 
 ROOT = Path(__file__).parents[1]
-FMUS = ROOT / "fmus"
+FMUS = Path(os.environ.get("FMUS_FOLDER", ROOT / "fmus"))  # those of another BLAS kernel have a folder of their own
 PROBES = FMUS / ".probes"  # FMUs of the test components
 
 OBJECTS = ObjectCache(

@@ -208,8 +208,10 @@ def _closed(model: Model, coupling: Array, inputs: Sequence[Signal]) -> tuple[Ar
     if not coupling.any():
         return model.a, model.b, model.c, model.d
     loop = np.eye(len(coupling)) - coupling @ model.d
-    if np.linalg.cond(loop) > 1 / (1e3 * np.finfo(float).eps):
-        null = np.abs(np.linalg.svd(loop)[2][-1])
+    _, singular, right = np.linalg.svd(loop)
+    unsolved = singular <= 1e3 * np.finfo(float).eps * singular[0]
+    if unsolved.any():
+        null = np.linalg.norm(right[unsolved], axis=0)
         names = [name_of(s) for s, part in zip(inputs, null, strict=True) if part > 1e-6 * null.max()]
         raise LoopError(
             f"an algebraic loop has no solution: {', '.join(names)} depend on themselves at the same instant with a gain of 1; "

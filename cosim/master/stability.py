@@ -21,7 +21,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from scipy.linalg import eig
+from scipy.linalg import schur
 
 from cosim.component import Array
 from cosim.description import Variable
@@ -104,11 +104,23 @@ def coupled_spectral_radius(schedule: Schedule) -> Stability:
     matrix, owners, cycle = _cycle_map(_linear_schedule(schedule, models, ports, inner))
     if not len(matrix):
         return Stability(0.0, 0.0, cycle, _shares(np.zeros(0), owners), unchecked)  # nothing remembers a deviation
-    values, left, right = eig(matrix, left=True)
-    largest = int(np.argmax(np.abs(values)))
+    radius = float(np.abs(np.linalg.eigvals(matrix)).max())
     coupled = np.exp(np.max(_coupled(models, ports, inner).real, initial=-np.inf) * cycle)
-    shares = _shares(np.abs(left[:, largest].conj() * right[:, largest]), owners)
-    return Stability(float(np.abs(values[largest])), float(coupled), cycle, shares, unchecked)
+    return Stability(radius, float(coupled), cycle, _shares(_participation(matrix, radius), owners), unchecked)
+
+
+def _participation(matrix: Array, radius: float) -> Array:
+    """How much each value takes part in the modes that grow by `radius`, of conjugate ones in one: the diagonal of the projector on
+    their subspace. For a single mode these are the products of the entries of its left and right eigenvectors; for modes of equal
+    growth they do not depend on which eigenvectors LAPACK chooses."""
+
+    def fastest(growth: complex) -> bool:
+        return abs(growth) >= radius * (1 - TOLERANCE) and growth.imag >= -TOLERANCE * radius
+
+    _, right, size = schur(matrix, output="complex", sort=fastest)
+    _, left, _ = schur(matrix.conj().T, output="complex", sort=lambda growth: fastest(growth.conjugate()))
+    right, left = right[:, :size], left[:, :size]
+    return np.abs(np.einsum("ij,ji->i", right, np.linalg.pinv(left.conj().T @ right) @ left.conj().T))
 
 
 def _linear_schedule(

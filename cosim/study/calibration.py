@@ -100,9 +100,9 @@ class Calibration:
 
     @cached_property
     def _spectrum(self) -> tuple[Array, Array]:
-        """Eigenvalues of the information, largest first, and its eigenvectors as columns."""
+        """Eigenvalues of the information, largest first, and its eigenvectors as columns (see :func:`_by_parameter`)."""
         _, singular, rows = np.linalg.svd(self.jacobian, full_matrices=False)
-        return singular**2 / self.inflation, rows.T
+        return singular**2 / self.inflation, _by_parameter(singular, rows.T)
 
     @cached_property
     def covariance(self) -> Array:
@@ -110,7 +110,7 @@ class Calibration:
         size, axes = self._spectrum
         told = size > np.finfo(float).eps * max(size[0], 1e-300) * len(self.jacobian)
         found: Array = (axes[:, told] / size[told]) @ axes[:, told].T
-        lost = (np.abs(axes[:, ~told]) > 1e-6).any(axis=1)
+        lost = np.linalg.norm(axes[:, ~told], axis=1) > 1e-6
         found[lost, :] = found[:, lost] = 0.0
         found[lost, lost] = np.inf
         return found
@@ -207,6 +207,23 @@ class Calibration:
                 "nothing of that."
             )
         return "\n".join(lines)
+
+
+def _by_parameter(singular: Array, axes: Array) -> Array:
+    """The same axes with signs, and among axes of equal length directions, that follow from the parameters: in each subspace the first
+    axis is nearest to the parameter that has the largest part in it, and positive there. LAPACK's own choice differs by processor."""
+    chosen, begin = np.empty_like(axes), 0
+    rounding = len(axes) * np.finfo(float).eps * singular[0]
+    while begin < len(singular):
+        end = begin + int(np.count_nonzero(singular[begin:] >= singular[begin] * (1 - 1e-9) - rounding))
+        space = axes[:, begin:end] @ axes[:, begin:end].T
+        for k in range(begin, end):
+            part = np.diag(space)
+            nearest = int(np.argmax(part >= part.max() * (1 - 1e-6)))  # the first of equal ones
+            chosen[:, k] = space[:, nearest] / np.sqrt(part[nearest])
+            space = space - np.outer(chosen[:, k], chosen[:, k])
+        begin = end
+    return chosen
 
 
 def calibrate(

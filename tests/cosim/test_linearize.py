@@ -192,23 +192,24 @@ def test_members_are_coupled_with_units_and_without_delays(small):
             system.linearize()
 
 
+class Sum(Gain):
+    inputs = ("u [1]", "r [1]")
+    outputs = ("y [1]",)
+
+    def linearize(self, inputs, outputs):  # noqa: ARG002
+        return (
+            np.zeros((0, 0)),
+            np.zeros((0, 2)),
+            np.zeros((1, 0)),
+            np.array([[1.0 if i.name == "r" else self.k for i in inputs]]),
+        )
+
+    def step(self, t, h, u, y):  # noqa: ARG002
+        y[0] = self.k * u[0] + u[1]
+
+
 @pytest.mark.parametrize("k", [0.5, 1.0])
 def test_algebraic_loops_are_solved_or_named(k):
-    class Sum(Gain):
-        inputs = ("u [1]", "r [1]")
-        outputs = ("y [1]",)
-
-        def linearize(self, inputs, outputs):  # noqa: ARG002
-            return (
-                np.zeros((0, 0)),
-                np.zeros((0, 2)),
-                np.zeros((1, 0)),
-                np.array([[1.0 if i.name == "r" else self.k for i in inputs]]),
-            )
-
-        def step(self, t, h, u, y):  # noqa: ARG002
-            y[0] = self.k * u[0] + u[1]
-
     system = System()
     system.add("sum", Sum(), parameters={"k": k})
     system.connect("sum.y", "sum.u")
@@ -217,6 +218,16 @@ def test_algebraic_loops_are_solved_or_named(k):
             system.linearize("sum.r", "sum.y")
     else:
         np.testing.assert_allclose(system.linearize("sum.r", "sum.y").D, [[2.0]])
+
+
+def test_all_loops_without_a_solution_are_named():
+    """Which of two equal singular vectors comes last is LAPACK's choice."""
+    system = System()
+    for name in ("first", "second"):
+        system.add(name, Sum(), parameters={"k": 1.0})
+        system.connect(f"{name}.y", f"{name}.u")
+    with pytest.raises(LoopError, match=r"no solution: first\.u, second\.u depend"):
+        system.linearize("first.r", "first.y")
 
 
 def closed_loop(small, version=3, name="law", offset=0):

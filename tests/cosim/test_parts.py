@@ -244,6 +244,21 @@ def test_spectral_radius_of_the_exchange(d, method, radius):
     assert "spectral radius" in str(result)
 
 
+def test_equal_modes_have_equal_shares():
+    """Four equal struts grow alike: which of them an eigenvector of LAPACK holds is chance."""
+    system = System()
+    for c in ("fl", "fr", "rl", "rr"):
+        system.add(f"mass.{c}", Mass())
+        system.add(f"damper.{c}", Damper(), step="1 ms", parameters={"d": 1100})
+        system.connect(f"mass.{c}.v", f"damper.{c}.v")
+        system.connect(f"damper.{c}.f", f"mass.{c}.f")
+    shares = dict(system.coupled_spectral_radius().dominant)
+    for kind in ("mass", "damper"):
+        of_kind = [shares[f"{kind}.{c}"] for c in ("fl", "fr", "rl", "rr")]
+        assert of_kind == pytest.approx([of_kind[0]] * 4, rel=1e-6)
+        assert of_kind[0] > 0.02
+
+
 @pytest.mark.parametrize("delay", [False, True])
 @pytest.mark.parametrize("method", ["jacobi", "gauss-seidel"])
 @pytest.mark.parametrize("damper_step", ["1 ms", "0.5 ms", "2 ms"])

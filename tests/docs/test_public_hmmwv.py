@@ -39,7 +39,8 @@ def test_modes_are_named_after_how_they_look() -> None:
 def test_axles_that_a_mode_does_not_tell_apart_have_all_of_its_frequencies() -> None:
     found = WRITER["modes"](CAR)
     front, rear = found["front wheels, opposed"], found["rear wheels, opposed"]
-    assert len(front) == 2 and front == rear
+    assert len(front) == 2
+    assert front == rear
     assert len(found["roll"]) == 1
 
 

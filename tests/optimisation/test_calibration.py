@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from cosim import PythonComponent, System
-from cosim.study.calibration import Calibration, CalibrationError, SystemResponse, calibrate
+from cosim.study.calibration import Calibration, CalibrationError, SystemResponse, _by_parameter, calibrate
 
 TIME = np.linspace(0, 3, 301)
 NOISE = 0.01
@@ -88,6 +88,19 @@ def test_a_product_is_told_and_its_factors_are_not() -> None:
     assert worst["mass"] == -worst["gain"]
     assert found.combinations[-1][0] > 1e3 * found.combinations[0][0]
     assert np.isinf(found.deviations).tolist() == [True, True, False]
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_combinations_do_not_depend_on_the_basis_that_lapack_chooses(seed: int) -> None:
+    """Two parameters with equal information and two with none: any axes of either plane, of either sign, give the same result."""
+    rng = np.random.default_rng(seed)
+    size, axes = np.array([3.0, 3.0, 1e-17, 0.0]), np.linalg.qr(np.random.default_rng(9).standard_normal((4, 4)))[0]
+    turn = np.zeros((4, 4))
+    turn[:2, :2], turn[2:, 2:] = (np.linalg.qr(rng.standard_normal((2, 2)))[0] for _ in range(2))
+    expected, found = _by_parameter(size, axes), _by_parameter(size, axes @ turn)
+    np.testing.assert_allclose(found, expected, atol=1e-12)
+    np.testing.assert_allclose(found.T @ found, np.eye(4), atol=1e-12)
+    np.testing.assert_allclose(found[:, :2] @ found[:, :2].T, axes[:, :2] @ axes[:, :2].T, atol=1e-12)
 
 
 def test_two_that_do_nearly_the_same_are_told_together_only() -> None:

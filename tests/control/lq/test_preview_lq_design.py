@@ -22,6 +22,7 @@ from fmu_sources.controllers.lq.design import (
     output_index,
     sampled_lq,
 )
+from fmu_sources.controllers.lq.design.modes import hidden_mode
 
 CORNERS = ("fl", "rl", "fr", "rr")  # the paper's order
 STATES = (
@@ -624,6 +625,18 @@ def test_hidden_double_integrator_and_decaying_mode():
     unseen = replace(reached, C=[[0, 1, 1]])
     with pytest.raises(LqError, match=r"not detectable: the mode at 0 1/s, mostly a,"):
         continuous_lq(unseen, output_index(unseen, [1.0], [1.0]))
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_equal_hidden_modes_are_named_whatever_the_order(seed):
+    """Three wheels of equal frequency that nothing acts on: every one takes part, in whichever basis the modes are computed."""
+    rng = np.random.default_rng(seed)
+    order = rng.permutation(8)
+    A = np.kron(np.eye(4), [[0, 1.0], [-9.0, 0]])
+    A[7, 7] = -1.0  # the fourth decays
+    eigenvalue, shape = hidden_mode(A[np.ix_(order, order)], np.zeros((8, 1)))
+    assert eigenvalue == pytest.approx(3j)
+    assert shape[np.argsort(order)] == pytest.approx([*[shape[list(order).index(0)], shape[list(order).index(1)]] * 3, 0, 0], abs=1e-9)
 
 
 def test_sampling_that_hides_a_mode():

@@ -46,31 +46,33 @@ def check_modes(plant: LinearPlant, index: QuadraticIndex) -> None:
 
 
 def hidden_mode(A: Array, B: Array, *, dual: bool = False, discrete: bool = False) -> tuple[complex, Array] | None:
-    """The first mode that neither decays nor is reached by B (Popov-Belevitch-Hautus), and each state's part in it.
+    """The slowest mode that neither decays nor is reached by B (Popov-Belevitch-Hautus), and each state's part in it.
 
-    With `dual`, A and B are the transposes of a system matrix and of an output matrix.
+    Where several modes share an eigenvalue, the parts are those of their whole subspace: they do not depend on the order
+    or the basis in which eigenvectors are computed. With `dual`, A and B are the transposes of a system matrix and of an
+    output matrix.
     """
     balanced, (scale, _) = linalg.matrix_balance(A, permute=False, separate=True)
     size = linalg.norm(balanced, 2) or 1.0
     columns = B / scale[:, None]
     length = linalg.norm(columns, axis=0)
     columns = columns * (size / np.where(length > 0.0, length, 1.0))
-    for eigenvalue in linalg.eigvals(balanced):
+    for eigenvalue in sorted(linalg.eigvals(balanced), key=lambda v: round(abs(v) / size, 9)):
         decay = 1.0 - abs(eigenvalue) if discrete else -eigenvalue.real / size
         if decay > MODE_TOLERANCE or eigenvalue.imag < 0.0:
             continue
         shifted = balanced - eigenvalue * np.eye(len(A))
         left, singular, _ = linalg.svd(np.hstack([shifted, columns]), full_matrices=False)
-        if singular[-1] > MODE_TOLERANCE * size:
+        unseen = left[:, singular <= MODE_TOLERANCE * size]
+        if not unseen.shape[1]:
             continue
-        unseen = left[:, -1]
         if dual:
-            return complex(eigenvalue), np.abs(unseen)
-        # The motion itself: of all right eigenvectors, the one that the unreached direction belongs to.
+            return complex(eigenvalue), linalg.norm(unseen, axis=1)
+        # The motions themselves: of all right eigenvectors, those that the unreached directions belong to.
         _, singular, right = linalg.svd(shifted)
         space = right[singular <= max(1e-7 * size, singular[-1])].conj().T
-        motion = space @ (space.conj().T @ unseen)
-        return complex(eigenvalue), np.abs(motion if linalg.norm(motion) > 1e-6 else space[:, -1])
+        motion = linalg.norm(space @ (space.conj().T @ unseen), axis=1)
+        return complex(eigenvalue), motion if linalg.norm(motion) > 1e-6 else linalg.norm(space, axis=1)
     return None
 
 
