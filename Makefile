@@ -10,7 +10,7 @@ ifeq ($(HOST_CC),)
 RUN_EXTRAS := studies,zig
 endif
 
-.PHONY: run studies test test-full test-courses test-platforms test-pythons test-pages release lint bench mutants fuzz docs pictures fmus clean
+.PHONY: run studies test test-full test-courses test-platforms test-pythons test-pages test-kernels release lint bench mutants fuzz docs pictures fmus clean
 
 run: $(VENV)/.run
 	@echo "1 of 3: the FMUs for this machine, into fmus/ (some minutes the first time, then seconds)"
@@ -51,6 +51,10 @@ test-platforms: $(VENV)/.test
 # those that SUSPENSION_PYTHONS names), builds an FMU there and runs it. Which are not found is said.
 test-pythons: $(VENV)/.test
 	$(BIN)/python -m pytest -m pythons -rs tests/install/test_pythons.py
+
+# Builds FMUs and runs the numeric tests under each kernel of OpenBLAS that this processor executes (the FMUs stay in fmus/.kernels).
+test-kernels: $(VENV)/.test
+	$(BIN)/python -m pytest -m kernels -rs tests/kernels
 
 # Looks at reports, live pages and the documentation site in Chromium, with axe-core from npm, at two widths and in both colour schemes: one of every kind of content, and
 # those that studies have left in results/. From Debian: apt install chromium npm. What is not installed is said.
