@@ -15,7 +15,6 @@
 #include <stdlib.h>
 #include <string.h>
 #include <unistd.h>
-#include <sys/wait.h>
 
 #if FMI == 2
 #include "fmi2Functions.h"
@@ -83,15 +82,22 @@ static void forge(const char *how) {
     _exit(0);
 }
 
-/* A process that is nobody's child, in a session of its own; its number is written into the file HOSTILE_PROOF. */
+/* A process that is nobody's child, in a session of its own; its number is written into the file HOSTILE_PROOF before this returns. */
 static void detach(void) {
     const char *proof = getenv("HOSTILE_PROOF");
-    if (fork() != 0) return;
-    setsid();
-    if (fork() != 0) _exit(0);
-    FILE *file = proof ? fopen(proof, "w") : NULL;
-    if (file) fprintf(file, "%d", (int)getpid()), fclose(file);
-    for (;;) pause();
+    int there[2];
+    char byte;
+    if (pipe(there) != 0) return;
+    if (fork() == 0) {
+        setsid();
+        if (fork() != 0) _exit(0);
+        FILE *file = proof ? fopen(proof, "w") : NULL;
+        if (file) fprintf(file, "%d", (int)getpid()), fclose(file);
+        if (write(there[1], "", 1) == 1) for (;;) pause();
+        _exit(1);
+    }
+    if (read(there[0], &byte, 1) != 1) return;
+    close(there[0]), close(there[1]);
 }
 
 static void commit(void) {
@@ -99,6 +105,7 @@ static void commit(void) {
     if (IS(segfault)) *(volatile int *)0 = 1;
     if (IS(abort)) abort();
     if (IS(exit)) exit(3);
+    if (strcmp(deed, "exit-0") == 0) exit(0);
     if (IS(quit)) _exit(0);
     if (IS(hang)) for (volatile int i = 0;; i++) {}
     if (IS(sleep)) for (;;) pause();

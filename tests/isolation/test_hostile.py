@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import os
 import re
+import signal
 import subprocess
 import sys
-import time
 import warnings
 from collections.abc import Iterator
 from pathlib import Path
@@ -13,6 +14,7 @@ from typing import Any
 
 import pytest
 from foreign.hostile import ENDS, HARMLESS, LIES, PHASES, STEPPING, build
+from processes import children, gone
 
 from cosim import ComponentError, CosimError, EngineChoice, ProcessLostWarning, System
 
@@ -126,6 +128,25 @@ def test_memory_that_is_overwritten_hurts_only_who_did_it(system: System, folder
     assert caught.value.recording is not None
 
 
+@pytest.mark.skipif(sys.platform != "linux", reason="only Linux gives detached processes to the one that watches")
+@pytest.mark.parametrize("end", ["lost", "closed"])
+@pytest.mark.filterwarnings("ignore::cosim.ProcessLostWarning")
+def test_detached_processes_end_with_their_fmu(folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, end: str) -> None:
+    """Whether it is the master that ends the FMU, or the FMU itself."""
+    proof = tmp_path / "pid"
+    monkeypatch.setenv("HOSTILE_PROOF", str(proof))
+    with System() as system:
+        run(wired(system, build(3, folder, "step", "detach")))
+        pid = int(proof.read_text())
+        os.kill(pid, 0)  # it is there
+        if end == "lost":
+            launcher = system["bad"].component._library._process.pid  # type: ignore[attr-defined]
+            (worker,) = (child for child in children(launcher) if child != pid)
+            os.kill(worker, signal.SIGKILL)
+            assert gone(pid)
+    assert gone(pid)
+
+
 @pytest.mark.parametrize("version", VERSIONS)
 def test_the_others_can_be_used_again(system: System, folder: Path, version: int) -> None:
     wired(system, build(version, folder, "step", "segfault"))
@@ -202,26 +223,11 @@ with System() as system:
 
 def test_what_it_has_started_ends_with_it(system: System, folder: Path) -> None:
     run(wired(system, build(2, folder, "step", "child")))
-    group = system["bad"].component._library._process.pid  # type: ignore[attr-defined]
-    assert len(of_group(group)) == 2
+    launcher = system["bad"].component._library._process.pid  # type: ignore[attr-defined]
+    (worker,) = children(launcher)
+    (child,) = children(worker)
     system.close()
-    end = time.monotonic() + 60
-    while of_group(group):
-        assert time.monotonic() < end, "a child lives on"
-        time.sleep(0.02)
-
-
-def of_group(group: int) -> list[str]:
-    """Processes of a group that are no zombies."""
-    found = []
-    for stat in Path("/proc").glob("[0-9]*/stat"):
-        try:
-            words = stat.read_text().rpartition(")")[2].split()
-        except OSError:
-            continue
-        if int(words[2]) == group and words[0] != "Z":
-            found.append(stat.parent.name)
-    return found
+    assert all(gone(pid) for pid in (launcher, worker, child))
 
 
 def test_a_refused_component_is_not_in_the_system(system: System, harmless: Path) -> None:

@@ -86,14 +86,32 @@ system.run(100, record=["bad.y"], csv=sys.argv[2], allow_unconnected=True, engin
 
 
 @pytest.mark.parametrize("engine", ENGINES)
-@pytest.mark.parametrize("deed", ["segfault", "quit"])
+@pytest.mark.parametrize("deed", ["segfault", "quit", "exit-0"])
 def test_rows_that_were_spooled_outlive_the_process(folder, tmp_path, engine, deed):
     """The FMU does its deed late: after half a second of steps that take a millisecond each."""
     csv = tmp_path / "out.csv"
     environment = {**os.environ, "HOSTILE_STEP": "400", "HOSTILE_SLOW": "1"}
     command = [sys.executable, "-c", LOST, hostile.build(3, folder, "step", deed), csv, engine]
-    done = subprocess.run(list(map(str, command)), env=environment, capture_output=True, check=False, timeout=60)
-    assert done.returncode == {"segfault": -signal.SIGSEGV, "quit": 0}[deed]
+    done = subprocess.run(list(map(str, command)), env=environment, capture_output=True, check=False, timeout=60, text=True)
+    assert done.returncode == {"segfault": -signal.SIGSEGV, "quit": 0, "exit-0": 1}[deed]
+    assert ("an FMU has ended this process by a call of exit()" in done.stderr) == (deed == "exit-0")
     _, recovered = recover(csv)
     assert len(recovered) > 100
     assert recovered["bad.y"][:50].tolist() == list(range(50))
+
+
+ENDS = """
+import sys
+from cosim import System
+with System() as system:
+    system.add("good", sys.argv[1])
+    system.run(0.01, record=["good.y"], allow_unconnected=True)
+{end}
+"""
+
+
+@pytest.mark.parametrize(("end", "code"), [("", 0), ("sys.exit(5)", 5)])
+def test_a_process_that_python_ends_keeps_its_exit_code(harmless: Path, end: str, code: int) -> None:
+    done = subprocess.run([sys.executable, "-W", "ignore", "-c", ENDS.format(end=end), harmless], capture_output=True, text=True, check=False)
+    assert done.returncode == code
+    assert "exit()" not in done.stderr

@@ -179,9 +179,11 @@ static int by_socket(Link *l) {
 
 static int by_memory(Link *l) {
     const uint32_t before = atomic_load_explicit(&l->region.answer->number, memory_order_relaxed);
-    atomic_fetch_add(&l->region.ask->number, 1); /* a full fence: the worker's flag is read after it */
+    /* A full fence: the worker's flag is read after it. Both count the same calls; where they do not, the worker has written there. */
+    if (atomic_fetch_add(&l->region.ask->number, 1) != before) return LINK_LIED;
     if (atomic_load(&l->region.ask->worker_waits) && !ring(l->fd)) return LINK_DIED;
-    return answered(l, before);
+    const int end = answered(l, before);
+    return !end && atomic_load(&l->region.answer->number) != before + 1 ? LINK_LIED : end;
 }
 
 static void hand_over_log(Link *l) {

@@ -36,6 +36,7 @@ from cosim.memory import physical_memory
 _FOLDER = Path(__file__).parent
 _REGION = 64 * 2**20  # bytes; pages that nobody touches cost nothing
 _PATIENCE = 0.5  # s for a process that has closed its connection to end
+_LEAVING = 10.0  # s for the process that ends those of an FMU
 _SPIN = 50.0  # microseconds for which the master looks for an answer before it sleeps
 
 _EXPORTED = """
@@ -99,7 +100,8 @@ def _interface() -> tuple[cffi.FFI, Any, Path, Path]:
     try:
         toolchain, cache = find_toolchain(host()), ObjectCache.of_user("isolation")
         client = cache.library(toolchain, [_FOLDER / "client.c"], [_FOLDER], "client")
-        worker = cache.program(toolchain, [_FOLDER / "worker.c"], [_FOLDER, ENVIRONMENT.parent])
+        sources = [_FOLDER / "worker.c", _FOLDER / "launcher.c"]
+        worker = cache.program(toolchain, sources, [_FOLDER, ENVIRONMENT.parent])
         loaded = ffi.dlopen(str(client))
         os.register_at_fork(after_in_child=loaded.link_forked)
         return ffi, loaded, client, worker
@@ -294,9 +296,12 @@ def _end(process: Any, ours: socket.socket, owner: int) -> None:
     ours.close()
     if os.getpid() != owner:
         return
-    with contextlib.suppress(ProcessLookupError, PermissionError):
-        os.killpg(process.pid, signal.SIGKILL)
-    process.wait()
+    process.terminate()  # it ends the FMU's processes, then itself (launcher.c)
+    try:
+        process.wait(_LEAVING)
+    except subprocess.TimeoutExpired:
+        process.kill()
+        process.wait()
 
 
 def _forget(ffi: Any, client: Any, link: Any, buffer: Any, region: mmap.mmap) -> None:

@@ -3,10 +3,12 @@
  *     worker SOCKET MEMORY SIZE LIMIT PARENT
  *
  * SOCKET and MEMORY are inherited file descriptors (MEMORY -1: everything travels through the socket), SIZE the bytes of the region,
- * LIMIT the bytes that the FMU may allocate (0: any), PARENT the process without which this one ends. */
+ * LIMIT the bytes that the FMU may allocate (0: any), PARENT the process without which this one ends. It forks at once: the first process
+ * watches the second one (launcher.c). */
 #include "shared.h"
 
 #include "environment.h"
+#include "launcher.h"
 
 #include <dlfcn.h>
 #include <pthread.h>
@@ -496,7 +498,7 @@ int main(int n, char **argument) {
     const int memory = atoi(argument[2]);
     const size_t size = strtoull(argument[3], NULL, 10);
     limit = (rlim_t)strtoull(argument[4], NULL, 10);
-    parent = (pid_t)atoi(argument[5]);
+    parent = launch_worker((pid_t)atoi(argument[5]), (const int[]){bell, memory}, memory >= 0 ? 2 : 1);
     shared = memory >= 0;
     void *p = mmap(NULL, size, PROT_READ | PROT_WRITE, shared ? MAP_SHARED : MAP_PRIVATE | MAP_ANONYMOUS, memory, 0);
     if (p == MAP_FAILED || !region_of(&region, p, size)) return 2;
