@@ -12,6 +12,7 @@ import os
 import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from concurrent.futures import ProcessPoolExecutor, as_completed
+from contextlib import nullcontext, suppress
 from dataclasses import dataclass, replace
 from importlib import metadata
 from pathlib import Path
@@ -233,7 +234,8 @@ class _Pool:
         if kind is not None:  # an error or Ctrl-C: what runs is abandoned, files appear only when they are whole
             for process in list((self._executor._processes or {}).values()):
                 process.terminate()
-        self._executor.shutdown(cancel_futures=True)
+        with suppress(RuntimeError) if kind is not None else nullcontext():  # its thread could not be started
+            self._executor.shutdown(cancel_futures=True)
 
     def run(self, task: Callable, jobs: dict[str, tuple[int, ...]], options: Options) -> Iterator[str]:
         if len(jobs) <= 1:

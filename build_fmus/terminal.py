@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import importlib
 import io
 import logging
@@ -204,7 +205,7 @@ def show(*items: RenderableType, as_is: bool = False) -> None:
     try:
         Console(width=wide).print(*items, soft_wrap=as_is)
     except OSError as error:
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # nothing is left for Python to write at its end
+        _drop_output()
         raise OSError(error.errno, error.strerror, "standard output") from error
 
 
@@ -216,6 +217,7 @@ def run(program: str, app: Callable[[], Any], expected: tuple[type[Exception], .
         interrupted: what Ctrl-C ends with, unless it comes with a text of its own.
     """
     failures: tuple[type[Exception], ...] = (*expected, extras.MissingExtraError)
+    open_closed_streams()
     safe_files.plain_warnings()
     escape_unprintable()
     try:
@@ -227,7 +229,32 @@ def run(program: str, app: Callable[[], Any], expected: tuple[type[Exception], .
     except failures as error:
         console.quiet = False
         console.print(f"[red]{program}:[/red] {escape(_text(error))}")
+        _drop_output()
         sys.exit(1)
+
+
+def _drop_output() -> None:
+    """What cannot be written is not written again when Python ends."""
+    try:
+        sys.stdout.flush()
+    except OSError:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
+
+
+def open_closed_streams() -> None:
+    """Give standard streams that were closed before the program began (``>&-``) their descriptors, so that no other file gets them.
+
+    Input is empty, output that is written to is an error, and messages are lost.
+    """
+    for number, flags in enumerate((os.O_RDONLY, os.O_RDONLY, os.O_WRONLY)):
+        try:
+            os.fstat(number)
+        except OSError:
+            os.open(os.devnull, flags)  # gets the smallest number that is free
+    if sys.stdout is None:
+        sys.stdout = os.fdopen(1, "w", buffering=1, closefd=False)
+    if sys.stderr is None:
+        sys.stderr = os.fdopen(2, "w", buffering=1, closefd=False)
 
 
 def escape_unprintable() -> None:
@@ -243,6 +270,10 @@ def _text(error: Exception) -> str:
         return (
             f"this locale has no characters for {lacking!r}; set PYTHONUTF8=1, or a UTF-8 locale such as LC_ALL=C.UTF-8"
         )
+    if str(error) == "can't start new thread" or (isinstance(error, BlockingIOError) and error.filename is None):
+        return "no further thread or process can be started: end others, or raise the limit of this user or container (ulimit -u)"
+    if isinstance(error, OSError) and error.errno == errno.EBADF:
+        return "standard output is closed"
     if isinstance(error, OSError):
         return safe_files.sentence(error)
     return str(error.args[0] if isinstance(error, KeyError) and error.args else error)

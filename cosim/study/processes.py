@@ -128,7 +128,8 @@ class _Processes(Executor):
             except Exception as error:
                 ours.close()
                 theirs.close()
-                raise NoWorkerError(f"a worker process cannot be started ({type(error).__name__}); {GUARD}") from error
+                remedy = "end others, or raise the limit (ulimit -u)" if isinstance(error, BlockingIOError) else GUARD
+                raise NoWorkerError(f"a worker process cannot be started ({type(error).__name__}); {remedy}") from error
             theirs.close()
             self._processes[number] = process
         try:
