@@ -213,7 +213,7 @@ def test_what_is_no_plain_data_is_refused_by_member_and_attribute(value, said):
     component.given = None
     system.add("mind", component, step="1 ms")
     with system.initialize() as simulation:
-        component.what = value
+        system["mind"].component.what = value
         if not callable(value):
             state = simulation.save()
             with pytest.raises(CosimError, match=f"cannot leave its process, because of 'mind': .*{said}"):
@@ -226,6 +226,7 @@ def test_arrays_that_share_memory_are_refused():
     component.given = None
     system.add("mind", component, step="1 ms")
     with system.initialize() as simulation:
+        component = system["mind"].component
         component.what = np.arange(4.0)
         component.part = component.what[1:]
         with pytest.raises(CosimError, match="its attribute what and part share memory"):
@@ -258,8 +259,7 @@ class Views(PythonComponent):
 
 def test_arrays_that_share_memory_still_do_after_they_were_restored():
     system = System()
-    views = Views()
-    system.add("views", views, step="1 ms")
+    system.add("views", Views(), step="1 ms")
     system.add("saw", Saw(), step="2 ms")
     system.connect("saw.y", "views.u")
     whole = system.run(0.03)
@@ -270,6 +270,7 @@ def test_arrays_that_share_memory_still_do_after_they_were_restored():
             simulation.advance(0.03)
             assert_same(simulation.recording, whole)
             simulation.restore(state)
+        views = system["views"].component
         assert views.received is views._u
         views.state[:] = 7.0
         assert (views.first == 7.0).all()
