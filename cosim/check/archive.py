@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import posixpath
 import re
 import zipfile
 from collections.abc import Iterable, Iterator
@@ -91,6 +92,8 @@ def layout(file: File) -> Found:
 def implementation(file: File) -> Found:
     m = file.model
     found = file.archive.libraries()
+    with_backslashes = [p.split("\\") for p in entries(file)]  # archive.zip tells of them
+    found += [(p[1], p[2]) for p in with_backslashes if len(p) == 3 and p[0] == "binaries"]
     sources = any(p.startswith("sources/") for p in entries(file))
     for i in m.interfaces.values():
         platforms = {folder for folder, name in found if name.rpartition(".")[0] == i.identifier}
@@ -111,8 +114,12 @@ def sources(file: File) -> Found:
     if not there and (file.model.version == "3" or file.root.find(".//SourceFiles") is None):
         raise NotApplicable("there are no sources")
     if file.model.version == "2":
-        for element in file.root.iterfind(".//SourceFiles/File"):
-            if element.get("name") not in there:
+        named = [*file.root.iterfind(".//SourceFiles/File")]
+        if not there:
+            yield warning(f"it names {len(named)} source files, but comes without sources/", named[0].sourceline if named else 0)
+            return
+        for element in named:
+            if posixpath.normpath(element.get("name", "")) not in there:
                 yield element.sourceline, f"source file {element.get('name')!r} is not in sources/"
         return
     if "buildDescription.xml" not in there:

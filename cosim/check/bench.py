@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any, TypeVar
 
+from cosim.check.apart import run_apart
 from cosim.check.calls import OK, WARNING, Ended, Fmu, Instance, Refused, bits
 from cosim.check.model import Interface, Model, Var
 from cosim.check.rules import Finding, NotApplicable, warning
@@ -14,8 +16,10 @@ from cosim.check.rules import Finding, NotApplicable, warning
 STEPS = 10  # communication steps of a run
 MOST_READ = 400  # variables that are compared after each
 MOST_TRIED = 12  # variables that are tried one by one
-RESTART = 1e-4  # relative difference that an integrator with error control may make when it begins anew
-EQUAL = 1e-9  # relative difference up to which numbers of two equal runs are rounding, not another result
+EQUAL = 1e-9  # of the largest value of a signal: up to which numbers of two equal runs are rounding, not another result
+OTHER = 1e-4  # of the largest value of a signal: from which on fixed steps give another result
+TOLERANCE = 1e-4  # relative tolerance of an integrator with error control, where the default experiment has none
+SLACK = 20.0  # times the tolerance: what an integrator with error control that begins from scratch may change
 
 Values = dict[Var, list[Any]]
 T = TypeVar("T")
@@ -28,6 +32,7 @@ class Bench:
     fmu: Fmu
     kind: str
     measures: dict[str, str] = field(default_factory=dict)
+    _made: int = 0
 
     @property
     def model(self) -> Model:
@@ -44,18 +49,33 @@ class Bench:
     @property
     def step(self) -> float:
         """Step of a run [s]: as the FMU would have it, with Model Exchange short enough for an explicit integrator."""
-        fixed = self.interface.says.get("fixedInternalStepSize")
-        step = self.model.step
+        step, internal = self.model.step, self.interface.internal_step
         if self.kind == "me":
             return min(step, 1e-3) / 10
-        try:
-            internal = float(fixed) if fixed else 0.0
-        except ValueError:
-            internal = 0.0
-        return max(1, round(step / internal)) * internal if internal > 0 else step
+        return max(1, round(step / internal)) * internal if internal else step
+
+    @property
+    def tells_step(self) -> bool:
+        """Whether the FMU says what steps it takes, so that none of them passes without effect."""
+        return self.interface.internal_step is not None or "stepSize" in self.model.experiment
 
     def instance(self, **options: Any) -> Instance:
+        """An instance in this process: of some FMUs the only one (`alone`)."""
+        self._made += 1
+        self.require(self._made == 1 or not self.interface.once, "it can be instantiated only once per process")
         return self.fmu.instance(self.kind, **options)
+
+    def alone(self, work: Callable[[Instance], T], **options: Any) -> T:
+        """What `work` finds with an instance of its own. Where there may be one instance per process, it gets a process."""
+
+        def with_instance() -> T:
+            with self.instance(**options) as a:
+                return work(a)
+
+        if not self.interface.once:
+            return with_instance()
+        self.require(self._made == 0, "it can be instantiated only once per process")
+        return run_apart(with_instance, self.model.variables)
 
     def require(self, capability: bool, reason: str) -> None:
         """Raise NotApplicable without a capability."""
@@ -63,7 +83,7 @@ class Bench:
             raise NotApplicable(reason)
 
     def several(self) -> None:
-        """Raise NotApplicable where there may be one instance only."""
+        """Raise NotApplicable where there may be one instance at a time only."""
         self.require(not self.interface.once, "it can be instantiated only once per process")
 
     def watched(self) -> list[Var]:
@@ -89,48 +109,94 @@ class Bench:
             pass
         return found
 
-    def fresh(self, values: Mapping[Var, Sequence[Any]] | None = None, steps: int = STEPS) -> list[Values]:
+    def fresh(self, values: Mapping[Var, Sequence[Any]] | None = None, steps: int = STEPS, **options: Any) -> list[Values]:
         """A run of an instance of its own."""
-        with self.instance() as a:
+
+        def run(a: Instance) -> list[Values]:
             try:
                 a.initialize(values)
             except Ended:
                 return []
             return self.run(a, steps)
 
+        return self.alone(run, **options)
+
     def repeatable(self) -> list[Values]:
         """A run that a second one repeats. Raises NotApplicable."""
         first = self.fresh()
-        self.several()
         if difference(first, self.fresh()):
             raise NotApplicable("two runs from the same start differ anyway (see runs.repeat)")
         return first
 
+    @cached_property
+    def error_control(self) -> bool:
+        """Whether the FMU has an integrator with error control: a tighter tolerance changes its results. False of Model Exchange."""
+        if self.kind == "me":
+            return False
+        tighter = attempt(lambda: self.fresh(tolerance=self.tolerance / 100))
+        return tighter is not None and bool(difference(self.fresh(), tighter))
 
-def compared(one: Sequence[Values], other: Sequence[Values], what: str) -> Finding | None:
-    """What is wrong with two runs that must be the same: an error, or a warning where a solver that begins anew may be the reason."""
-    if text := difference(one, other, RESTART):
-        return Finding(f"{what}: {text}", "error")
+    @property
+    def tolerance(self) -> float:
+        """Relative tolerance of an integrator with error control: that of the default experiment, which it is given."""
+        told = self.model.experiment.get("tolerance", math.nan)
+        return told if 0 < told < 1 else TOLERANCE
+
+
+def compared(bench: Bench, one: Sequence[Values], other: Sequence[Values], what: str, *, restarted: bool = False) -> Finding | None:
+    """What is wrong with two runs that must be the same.
+
+    Fixed steps repeat their results to rounding: beyond that it is a warning, and an error from a relative difference of `OTHER`. An integrator with
+    error control that begins from scratch changes its results by some tolerances: only what is beyond them is an error.
+
+    Args:
+        restarted: it was observed that an integrator begins from scratch; else a run with another tolerance shows whether there is one.
+    """
     text = difference(one, other)
-    return warning(f"{what}, slightly: {text}") if text else None
+    if not text:
+        return None
+    if not (restarted or bench.error_control):
+        beyond = difference(one, other, OTHER)
+        return Finding(f"{what}: {beyond}", "error") if beyond else warning(f"{what}, slightly: {text}")
+    floor = {v: 1.0 if v.nominal is None else abs(v.nominal) for v in bench.watched()}
+    beyond = difference(_only(one, True), _only(other, True), SLACK * bench.tolerance, floor)
+    if beyond:
+        return Finding(f"{what}: {beyond}, which is more than its tolerance {bench.tolerance:g} explains", "error")
+    text = difference(_only(one, False), _only(other, False))
+    return warning(f"{what}: {text}") if text else None
 
 
-def difference(one: Sequence[Values], other: Sequence[Values], tolerance: float = EQUAL) -> str:
-    """Where two runs differ by more than rounding, in words; empty: they do not."""
+def _only(run: Iterable[Values], floats: bool) -> list[Values]:
+    return [{v: x for v, x in values.items() if v.is_float is floats} for values in run]
+
+
+def difference(one: Sequence[Values], other: Sequence[Values], tolerance: float = EQUAL, floor: Mapping[Var, float] | None = None) -> str:
+    """Where two runs differ by more than `tolerance` of the largest value (at least `floor`) of a signal, in words; empty: they do not."""
+    scales = peaks([*one, *other], floor)
     for k, (a, b) in enumerate(zip(one, other, strict=False)):
-        if text := differs(a, b, tolerance):
+        if text := differs(a, b, tolerance, scales):
             return f"{text} after {k} steps" if k else f"{text} at the start"
     return "" if len(one) == len(other) else f"one ended after {len(one) - 1} steps, the other after {len(other) - 1}"
 
 
-def differs(a: Values, b: Values, tolerance: float = EQUAL) -> str:
-    """The first variable whose values differ by more than rounding."""
+def peaks(run: Iterable[Values], floor: Mapping[Var, float] | None = None) -> dict[Var, float]:
+    """The largest value of each real signal in a run, at least `floor`."""
+    found = dict(floor or {})
+    for values in run:
+        for v, xs in values.items():
+            if v.is_float:
+                found[v] = max(found.get(v, 0.0), *(abs(x) for x in xs if math.isfinite(x)), 0.0)
+    return found
+
+
+def differs(a: Values, b: Values, tolerance: float, scales: Mapping[Var, float]) -> str:
+    """The first variable whose values differ by more than a part of its scale."""
     equal = bits(b)
     for v, raw in bits(a).items():
         if raw == equal.get(v):
             continue
         for x, y in zip(a[v], b[v], strict=True):
-            if not same(x, y, tolerance):
+            if not same(x, y, tolerance) and not (v.is_float and abs(x - y) <= tolerance * scales[v]):
                 return f"{v.name!r} is {shown(x)} and {shown(y)}"
     return ""
 
@@ -177,6 +243,14 @@ def tried(candidates: Sequence[T], most: int = MOST_TRIED) -> list[T]:
     """Some of many, spread over all."""
     stride = max(1, math.ceil(len(candidates) / most))
     return list(candidates)[::stride]
+
+
+def disturb(bench: Bench, a: Instance) -> None:
+    """Other inputs, as far as the FMU takes them."""
+    inputs = [v for v in tried(bench.settable("input")) if v.is_float and (bench.kind == "cs" or v.variability == "continuous")]
+    values: Values = {v: m for v in inputs if (m := moved(v, v.starts() or ())) is not None}
+    if values:
+        attempt(lambda: a.set(values))
 
 
 def attempt(call: Callable[[], Any]) -> Any:

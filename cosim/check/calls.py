@@ -16,6 +16,8 @@ from pathlib import Path
 from typing import Any
 
 from cosim.check.model import Interface, Model, Var
+from cosim.check.rules import NotApplicable
+from cosim.fmu.calls import REALS, WORDS, formatted
 from cosim.memory import physical_memory
 
 OK, WARNING, DISCARD, ERROR, FATAL, PENDING = range(6)
@@ -25,7 +27,7 @@ TYPES: dict[str, Any] = {
     "Int16": c.c_int16, "UInt16": c.c_uint16, "Int32": c.c_int32, "UInt32": c.c_uint32, "Int64": c.c_int64, "UInt64": c.c_uint64,
     "String": c.c_char_p,
 }  # fmt: skip
-LOGGER2 = c.CFUNCTYPE(None, c.c_void_p, c.c_char_p, c.c_int, c.c_char_p, c.c_char_p)
+LOGGER2 = c.CFUNCTYPE(None, c.c_void_p, c.c_char_p, c.c_int, c.c_char_p, c.c_char_p, *[c.c_ssize_t] * WORDS, *[c.c_double] * REALS)
 LOGGER3 = c.CFUNCTYPE(None, c.c_void_p, c.c_int, c.c_char_p, c.c_char_p)
 _ALLOCATE = c.CFUNCTYPE(c.c_void_p, c.c_size_t, c.c_size_t)
 _RELEASE = c.CFUNCTYPE(None, c.c_void_p)
@@ -51,9 +53,12 @@ class Refused(Exception):  # noqa: N818
     """A call did not return OK or Warning: `function`, `status`, and in words."""
 
     def __init__(self, function: str, status: int | None, message: str, where: str):
-        self.function, self.status = function, status
+        self.function, self.status, self._given = function, status, (function, status, message, where)
         said = f": {message}" if message else ""
         super().__init__(f"{function} {where} returned {shown(status)}{said}")
+
+    def __reduce__(self) -> Any:  # it can be raised in another process
+        return Refused, self._given
 
 
 class Ended(Exception):  # noqa: N818
@@ -76,6 +81,7 @@ class Fmu:
         self.version = model.version
         self.libraries = libraries
         self.say = say or (lambda text: None)
+        self.fatal = ""  # the call that returned Fatal: then no instance may be called any more (FMI 2.0, 2.1.3; FMI 3.0, 2.2.4)
         self._loaded: dict[Path, Any] = {}
         self.types = {**TYPES, "Boolean": c.c_int if self.version == "2" else c.c_bool}
         self.flag = c.c_int if self.version == "2" else c.c_bool
@@ -113,11 +119,12 @@ class Fmu:
 class Instance:
     """An instance, and the state of FMI's state machine that it is in. `messages`: (status, text) of what it has logged."""
 
-    def __init__(self, fmu: Fmu, kind: str, *, logging: bool = True, token: str | None = None, name: str = "check", event_mode: bool | None = None):
+    def __init__(self, fmu: Fmu, kind: str, *, logging: bool = True, token: str | None = None, name: str = "check", event_mode: bool | None = None, tolerance: float | None = None):
         self.fmu, self.kind, self.version = fmu, kind, fmu.version
         self.model: Model = fmu.model
         self.interface: Interface = fmu.model.interfaces[kind]
         self.messages: list[tuple[int, str]] = []
+        self.tolerance = tolerance  # instead of that of the default experiment
         self.state = "before instantiation"
         self.time = fmu.model.start_time
         self.handle: Any = None
@@ -161,8 +168,10 @@ class Instance:
         function.restype = c.c_void_p
         return function(name, token, place, *flags, None, logger, *((None,) if self.kind == "cs" else ()))
 
-    def _log2(self, _: Any, __: Any, status: int, category: Any, message: Any) -> None:
-        self._log3(None, status, category, message)
+    def _log2(self, _: Any, __: Any, status: int, category: Any, message: Any, *arguments: Any) -> None:
+        if len(self.messages) < MOST_LOGGED:
+            text = (message or b"").decode("utf-8", "replace")
+            self._log3(None, status, category, formatted(text, arguments[:WORDS], arguments[WORDS:]).encode())
 
     def _log3(self, _: Any, status: int, category: Any, message: Any) -> None:  # noqa: ARG002
         if len(self.messages) < MOST_LOGGED:
@@ -177,6 +186,8 @@ class Instance:
 
     def raw(self, function: str) -> Any:
         """A function, announced as the one that is called next."""
+        if self.fmu.fatal:
+            raise NotApplicable(f"{self.fmu.fatal} returned Fatal, after which nothing may be called any more")
         name = f"fmi{self.version}{function}"
         self.fmu.say(f"{name} {self.where}")
         try:
@@ -189,7 +200,10 @@ class Instance:
         passed = [self._argument(a) for a in arguments]
         f = self.raw(function)
         f.restype = c.c_int
-        return int(f(self.handle, *passed))
+        status = int(f(self.handle, *passed))
+        if status == FATAL:
+            self.fmu.fatal, self.handle = f"fmi{self.version}{function} {self.where}", None
+        return status
 
     def _argument(self, value: Any) -> Any:
         if isinstance(value, bool):
@@ -219,16 +233,29 @@ class Instance:
 
     def setup(self, stop: float | None = None) -> tuple[Any, ...]:
         """Arguments of fmi2SetupExperiment and fmi3EnterInitializationMode."""
-        return (False, 0.0, float(self.model.start_time), stop is not None, float(stop or 0.0))
+        tolerance = self.tolerance if self.tolerance is not None else self.model.experiment.get("tolerance", 0.0)
+        given = 0.0 < tolerance < math.inf
+        return (given, tolerance if given else 0.0, float(self.model.start_time), stop is not None, float(stop or 0.0))
 
-    def enter_initialization(self, stop: float | None = None) -> Instance:
+    def settable_when_instantiated(self, v: Var) -> bool:
+        """FMI 2.0 (2.1.6) lets only variables with `initial` exact or approx be set before initialization mode, and inputs have no `initial`."""
+        return self.version == "3" or v.causality != "input"
+
+    def enter_initialization(
+        self, values: Mapping[Var, Sequence[Any]] | None = None, *, stop: float | None = None, set_after_setup: bool = False
+    ) -> Instance:
+        """To initialization mode, with values set as soon as they may be. FMI 2.0: `set_after_setup`, parameters after fmi2SetupExperiment."""
+        early = {v: x for v, x in (values or {}).items() if self.settable_when_instantiated(v)}
+        late = {v: x for v, x in (values or {}).items() if v not in early}
         self.time = self.model.start_time
-        if self.version == "2":
+        if set_after_setup:
             self.must("SetupExperiment", *self.setup(stop))
-            self.must("EnterInitializationMode")
-        else:
-            self.must("EnterInitializationMode", *self.setup(stop))
+        self.set(early)
+        if self.version == "2" and not set_after_setup:
+            self.must("SetupExperiment", *self.setup(stop))
+        self.must("EnterInitializationMode", *(self.setup(stop) if self.version == "3" else ()))
         self.state = "initialization mode"
+        self.set(late)
         return self
 
     def exit_initialization(self) -> Instance:
@@ -255,9 +282,7 @@ class Instance:
 
     def initialize(self, values: Mapping[Var, Sequence[Any]] | None = None) -> Instance:
         """Through initialization; ME instances to continuous-time mode."""
-        if values:
-            self.set(values)
-        self.enter_initialization().exit_initialization()
+        self.enter_initialization(values).exit_initialization()
         if self.kind == "me":
             self.handle_events()
         return self
@@ -296,11 +321,11 @@ class Instance:
         self.next_event = math.inf
 
     def free(self) -> None:
-        if self.handle is not None:
+        if self.handle is not None and not self.fmu.fatal:
             f = self.raw("FreeInstance")
             f.restype = None
             f(self.handle)
-            self.handle = None
+        self.handle = None
 
     def __enter__(self) -> Instance:
         return self.require()
@@ -309,7 +334,7 @@ class Instance:
         if self.handle is None:
             return
         for state in self._saved:
-            with contextlib.suppress(Refused):
+            with contextlib.suppress(Refused, NotApplicable):
                 self.call(f"Free{self.saved}", c.byref(state))
         self.free()
 
@@ -481,7 +506,9 @@ class Instance:
     # -------------------------------------------------------------------------------------------------- model exchange
 
     def _vector(self, function: str, n: int) -> list[float]:
-        data = (c.c_double * max(1, n))()
+        if n == 0:
+            return []  # nothing to ask for
+        data = (c.c_double * n)()
         self.must(function, data, c.c_size_t(n))
         return list(data)[:n]
 
@@ -499,8 +526,7 @@ class Instance:
         return self._vector("GetNominalsOfContinuousStates", self.model.n_states)
 
     def get_indicators(self) -> list[float]:
-        n = self.model.n_indicators
-        return self._vector("GetEventIndicators", n) if n else []
+        return self._vector("GetEventIndicators", self.model.n_indicators)
 
     # ----------------------------------------------------------------------------------------------------- derivatives
 

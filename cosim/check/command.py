@@ -19,7 +19,7 @@ from cosim.check.runner import Options, Unchecked, Workers, check, ordered
 from cosim.errors import CosimError
 from cosim.fmu.limits import Limits
 
-_COLOURS = {"error": "bold red", "warning": "yellow", "note": "cyan", "passed": "green", "not applicable": "dim"}
+_COLOURS = {"error": "bold red", "warning": "yellow", "note": "cyan", "passed": "green", "not applicable": "dim", "not judged": "yellow"}
 
 
 def check_command(
@@ -119,8 +119,8 @@ def _show(report: Report, every: bool) -> None:
         text = Text(str(finding))
         text.append(f"\n{section(result, report)}. {result.check.advice}", style="dim")
         table.add_row(Text(finding.severity, style=_COLOURS[finding.severity]), result.name, text)
-    for result in report.results if every else ():
-        if result.verdict not in SEVERITIES:
+    for result in report.results:
+        if result.verdict not in SEVERITIES and (every or result.verdict == "not judged"):
             table.add_row(Text(result.verdict, style=_COLOURS[result.verdict]), result.name, Text(result.inapplicable or result.check.title))
     for result in report.results:
         if result.more:

@@ -57,7 +57,7 @@ def version(file: File) -> Found:
     if not m.interfaces and not m.scheduled:
         yield "it offers neither Co-Simulation nor Model Exchange" + (" nor Scheduled Execution" if m.version == "3" else "")
     if not m.token:
-        yield f"{'guid' if m.version == '2' else 'instantiationToken'} is empty; the library cannot tell whose description this is"
+        yield note(f"{'guid' if m.version == '2' else 'instantiationToken'} is empty: the library cannot tell whose description it is given")
 
 
 @check(
@@ -333,17 +333,19 @@ def _derivative(m: Model, u: Unknown, v: Var) -> Iterator[tuple[int, str]]:
 
 def _unknowns_of_initialization(m: Model) -> Found:
     derivatives = m.listed("Derivative")
-    calculated = [
-        v for v in (*m.of("output", "calculatedParameter"), *(m.states if _counts(m) else ()), *(derivatives if _counts(m) else ()))
-        if v.initial in ("approx", "calculated") and not v.clocked and v.type != "Clock"
-    ]  # fmt: skip
+    continuous = [v for v in dict.fromkeys((*m.states, *derivatives)) if v.initial in ("approx", "calculated")]
+    calculated = [v for v in m.of("output", "calculatedParameter") if v.initial in ("approx", "calculated") and not v.clocked and v.type != "Clock"]
     listed = {u.key for u in m.structure if u.group == "InitialUnknown"}
-    # Of an alias set one entry may stand for all.
+    # Of an alias set one entry may stand for all, but a derivative has its own.
     there = {m.by_key[k].key for k in listed if k in m.by_key}
-    missing = list(dict.fromkeys(v.name for v in calculated if m.key(v) not in listed and v.key not in there))
-    if missing:
-        is_ = "are" if len(missing) > 1 else "is"
-        yield f"{names(missing)} {is_} calculated in initialization, but not among the {'InitialUnknowns' if m.version == '2' else 'InitialUnknown elements'}"
+    element = "InitialUnknowns" if m.version == "2" else "InitialUnknown elements"
+    for group, ignored in ((calculated, False), ([v for v in continuous if v not in calculated], not _counts(m))):
+        missing = list(dict.fromkeys(v.name for v in group if m.key(v) not in listed and (v.key not in there or v in derivatives)))
+        if missing:
+            text = f"{names(missing)} {'are' if len(missing) > 1 else 'is'} calculated in initialization, but not among the {element}"
+            # "For Co-Simulation, Derivatives are ignored if providesDirectionalDerivative is false."
+            yield warning(f"{text}; nobody reads derivatives of this Co-Simulation FMU") if ignored else text
+    calculated += continuous
     if m.version == "2":
         may = {m.key(v) for v in (*calculated, *m.states, *derivatives)}
         found = [m.by_key[u.key].name for u in m.structure if u.group == "InitialUnknown" and u.key in m.by_key and u.key not in may and m.by_key[u.key].causality in ("output", "local")]

@@ -116,6 +116,12 @@ class Interface:
         return any(self.says.get(f) in ("true", "1") for f in flags)
 
     @property
+    def internal_step(self) -> float | None:
+        """fixedInternalStepSize of FMI 3.0 [s], as far as it is one; FMI 2.0 has no word for it."""
+        step = _number(self.says.get("fixedInternalStepSize"))
+        return step if step is not None and 0 < step < math.inf else None
+
+    @property
     def saves(self) -> bool:
         return self.can("canGetAndSetFMUstate", "canGetAndSetFMUState")
 

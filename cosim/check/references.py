@@ -8,8 +8,8 @@ import math
 from pathlib import Path
 from typing import Any
 
-from cosim.check.bench import Bench, Found
-from cosim.check.calls import Ended, Refused
+from cosim.check.bench import Bench, Found, Values
+from cosim.check.calls import Ended, Instance, Refused
 from cosim.check.model import Var
 from cosim.check.rules import NotApplicable, check, names, note
 from cosim.errors import FmuError
@@ -91,13 +91,12 @@ def _compared(bench: Bench, name: str, reference: Table, signals: Table) -> Foun
         raise NotApplicable("its reference results are not sampled one step after another")
     if not bench.interface.variable_step and max(steps) - min(steps) > 1e-6 * max(steps):
         raise NotApplicable("its reference results have steps of different lengths, which it does not promise to take")
-    rows = []
-    with bench.instance() as a:
-        held = _row(signals, 0)
+
+    def work(a: Instance) -> list[Values]:
+        rows = []
         a.model.experiment["startTime"] = times[0]
-        a.set(_values(driven, held))
         try:
-            a.initialize()
+            a.initialize(_values(driven, _row(signals, 0)))
             rows.append(a.get(list(columns.values())))
             k = 0
             for i in range(1, len(times)):
@@ -109,9 +108,13 @@ def _compared(bench: Bench, name: str, reference: Table, signals: Table) -> Foun
                 rows.append(a.get(list(columns.values())))
         except Ended:
             pass
-        except Refused as refused:
-            yield f"{name}: {refused}"
-            return
+        return rows
+
+    try:
+        rows = bench.alone(work)
+    except Refused as refused:
+        yield f"{name}: {refused}"
+        return
     worst, at = 0.0, ""
     for j, column in enumerate(reference[0][1:], start=1):
         v = columns.get(column)

@@ -17,7 +17,8 @@ CLEAN, ERRORS, UNCHECKED = 0, 1, 2  # exit codes
 
 @dataclass(frozen=True)
 class Result:
-    """A check of one interface ("cs", "me"), or of the file (""). `inapplicable` says why it had nothing to look at."""
+    """A check of one interface ("cs", "me"), or of the file (""). `inapplicable` says why it had nothing to look at, or, without `judged`, why nothing
+    can be said here: it took too long, or a library is missing."""
 
     check: Check
     kind: str
@@ -25,14 +26,15 @@ class Result:
     inapplicable: str = ""
     seconds: float = 0.0
     more: int = 0  # findings that are not listed
+    judged: bool = True
 
     @property
     def verdict(self) -> str:
-        """The gravest severity of the findings, "passed", or "not applicable"."""
+        """The gravest severity of the findings, "not judged", "not applicable" or "passed"."""
         for severity in SEVERITIES:
             if any(f.severity == severity for f in self.findings):
                 return severity
-        return "not applicable" if self.inapplicable else "passed"
+        return "not judged" if not self.judged else "not applicable" if self.inapplicable else "passed"
 
     @property
     def name(self) -> str:
@@ -66,16 +68,18 @@ class Report:
         return sum(r.verdict == verdict for r in self.results)
 
     def exit_code(self, strict: bool = False) -> int:
-        """0: clean; 1: errors (strict: or warnings); 2: nothing against it, but it could not be run, or a check failed itself."""
+        """0: clean; 1: errors (strict: or warnings); 2: nothing against it, but not all could be judged: it could not be run, took too long, or a check failed
+        itself."""
         if self.findings("error", *(("warning",) if strict else ())):
             return ERRORS
-        return UNCHECKED if self.not_run or self.failures else CLEAN
+        return UNCHECKED if self.not_run or self.failures or self.count("not judged") else CLEAN
 
     def summary(self) -> str:
         """The counts in a line."""
         counts = [(len(self.findings(s)), s) for s in SEVERITIES]
         found = ", ".join(f"{n} {s}{'s' if n != 1 else ''}" for n, s in counts if n) or "no finding"
-        return f"{found}; {self.count('passed')} checks passed, {self.count('not applicable')} not applicable"
+        late = f", {n} not judged" if (n := self.count("not judged")) else ""
+        return f"{found}; {self.count('passed')} checks passed, {self.count('not applicable')} not applicable{late}"
 
     def data(self) -> dict[str, Any]:
         """As plain data."""
@@ -124,7 +128,7 @@ def to_junit(reports: Iterable[Report], strict: bool = False) -> bytes:
                 etree.SubElement(case, "skipped", message=_clean(r.inapplicable))
             if rest:
                 etree.SubElement(case, "system-out").text = _clean("\n".join(f"{f.severity}: {f}" for f in rest))
-        skipped = sum(r.verdict == "not applicable" for r in report.results)
+        skipped = report.count("not applicable") + report.count("not judged")
         suite.set("tests", str(len(report.results)))
         suite.set("failures", str(failures))
         suite.set("errors", "0")

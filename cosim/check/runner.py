@@ -24,7 +24,7 @@ from cosim.check.description import File
 from cosim.check.model import Model, read
 from cosim.check.report import Report, Result
 from cosim.check.rules import CHECKS, GROUPS, MOST, Check, Finding, NotApplicable
-from cosim.check.worker import Answer, Job, receive_answer, send
+from cosim.check.worker import LATE, Answer, Job, receive_answer, send
 from cosim.errors import CosimError, FmuError
 from cosim.fmu import calls
 from cosim.fmu.archive import Archive
@@ -36,8 +36,8 @@ __all__ = ["Options", "Workers", "archive", "binary", "check", "description", "l
 _KINDS = {"cs": "Co-Simulation", "me": "Model Exchange"}
 LIFE = "states.life"  # without which nothing else can be run
 WRONG_CALLS = ("states.step", "states.arguments", "values.unknown", "values.extreme", "saved.damaged")
-"""Checks that make mistakes on purpose; an FMU that hangs in them is waited for less long."""
-PATIENCE = 5.0  # s
+"""Checks that make mistakes on purpose; an FMU that hangs in them is waited for less long. What takes its time in the others is not judged."""
+PATIENCE = 5.0  # s, or as many times as long as the FMU's life took, if that is longer
 ONCE_PER_FMU = ("states.version",)  # what is the same for both interfaces
 
 
@@ -127,7 +127,9 @@ class Workers:
                 process.kill()
                 code = process.wait()
             self._process = None
-            answer = Answer(lost=f"its process ended with exit code {code}", seconds=time.monotonic() - begin)
+            seconds = time.monotonic() - begin
+            late = watch is not None and seconds >= job.seconds
+            answer = Answer(lost=f"{LATE} {job.seconds:g} s" if late else f"its process ended with exit code {code}", late=late, seconds=seconds)
         return answer
 
     def close(self) -> None:
@@ -231,18 +233,22 @@ def _run_all(report: Report, file: File, chosen: list[Check], options: Options, 
         report.not_run = reasons[kinds[0]]
     libraries = {k: file.folder / _binary(model, k) for k in kinds if not reasons[k]}
     done = len(still)
+    patience = dict.fromkeys(kinds, PATIENCE)
     for kind in kinds:
         of_kind = [c for c in moving if kind in c.kinds]
         reason = reasons[kind]
         if not reason:  # first of all it must live
-            result = _of_instance(CHECKS[LIFE], kind, file, libraries, options, workers, report)
-            if result.findings and result.verdict == "error":
+            result = _of_instance(CHECKS[LIFE], kind, file, libraries, options, workers, report, options.seconds)
+            patience[kind] = PATIENCE * max(1.0, round(result.seconds, 1))
+            if result.verdict == "not judged":
+                reason = report.not_run = result.inapplicable
+            elif result.findings and result.verdict == "error":
                 reason = f"the FMU cannot be run (see {LIFE})"
                 if model.interfaces[kind].needs_tool:
                     why = f"it needs its tool, which does not answer here: {result.findings[0].text}"
                     result = Result(result.check, kind, (), why, result.seconds)
                     report.not_run = report.not_run or why
-            if any(c.id == LIFE for c in of_kind) or result.findings:
+            if any(c.id == LIFE for c in of_kind) or result.findings or reason:
                 report.results.append(result)
             of_kind = [c for c in of_kind if c.id != LIFE]
         for c in of_kind:
@@ -253,7 +259,8 @@ def _run_all(report: Report, file: File, chosen: list[Check], options: Options, 
             if reason:
                 report.results.append(Result(c, kind, (), reason))
             else:
-                report.results.append(_of_instance(c, kind, file, libraries, options, workers, report))
+                seconds = min(options.seconds, patience[kind]) if c.id in WRONG_CALLS else options.seconds
+                report.results.append(_of_instance(c, kind, file, libraries, options, workers, report, seconds))
 
 
 def _binary(model: Model, kind: str) -> str:
@@ -290,17 +297,20 @@ def _of_file(check: Check, file: File) -> Result:
     return Result(check, "", tuple(found[:MOST]), reason, time.monotonic() - begin, max(0, len(found) - MOST))
 
 
-def _of_instance(check: Check, kind: str, file: File, libraries: dict[str, Path], options: Options, workers: Workers, report: Report) -> Result:
-    seconds = min(options.seconds, PATIENCE) if check.id in WRONG_CALLS else options.seconds
+def _of_instance(
+    check: Check, kind: str, file: File, libraries: dict[str, Path], options: Options, workers: Workers, report: Report, seconds: float
+) -> Result:
     answer = workers.run(Job(check.id, kind, file.model, file.folder, libraries, seconds, options.bytes))
     if answer.broken:
         report.failures.append(f"{check.id}, {_KINDS[kind]}:\n{answer.broken}")
         return Result(check, kind, (), "the check itself failed, which says nothing about the FMU", answer.seconds)
     findings = list(answer.findings)
-    if answer.lost:
-        doing = f" in {answer.doing}" if answer.doing else ""
+    doing = f" in {answer.doing}" if answer.doing else ""
+    if answer.late and check.id not in WRONG_CALLS:
+        answer.unjudged = f"{answer.lost}{doing}; --timeout gives it more time"
+    elif answer.lost:
         words = f"; its last words: {answer.words}" if answer.words else ""
         findings.append(Finding(f"the process of the FMU was lost{doing}: {answer.lost}{words}", check.worst))
     for name, value in answer.measures.items():
         report.measures[f"{name} ({_KINDS[kind]})"] = value
-    return Result(check, kind, tuple(findings), answer.inapplicable, answer.seconds)
+    return Result(check, kind, tuple(findings), answer.unjudged or answer.inapplicable, answer.seconds, judged=not answer.unjudged)

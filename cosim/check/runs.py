@@ -7,11 +7,10 @@ import itertools
 import math
 import sys
 import threading
-from typing import Any
 
-from cosim.check.bench import STEPS, Bench, Found, Values, attempt, compared, difference, good, moved, same, tried
+from cosim.check.bench import STEPS, Bench, Found, Values, attempt, compared, difference, disturb, same
 from cosim.check.calls import Ended, Instance, Refused
-from cosim.check.rules import Finding, NotApplicable, check, note, warning
+from cosim.check.rules import Finding, NotApplicable, check, warning
 
 _INSTANCES2 = "2.1.5 Creation, Destruction and Logging of FMU Instances"
 _INSTANCES3 = "2.2.1 Requirements for Implementations of the C-API; 2.3.1 Super State: FMU State Setable"
@@ -23,7 +22,6 @@ _INSTANCES3 = "2.2.1 Requirements for Implementations of the C-API; 2.3.1 Super 
     advice="Initialize all memory; make seeds of random numbers parameters. Runs that differ cannot be compared.", kinds=("cs", "me"), worst="warning",
 )  # fmt: skip
 def repeat(bench: Bench) -> Found:
-    bench.several()
     if text := difference(bench.fresh(), bench.fresh()):
         yield text
 
@@ -35,25 +33,21 @@ def repeat(bench: Bench) -> Found:
 )  # fmt: skip
 def reset(bench: Bench) -> Found:
     base = bench.repeatable()
-    for what, leave in (("in a run", lambda a: None), ("after terminate", lambda a: a.terminate())):
-        with bench.instance() as a:
-            a.initialize()
-            _disturb(bench, a)
-            bench.run(a, 3)
-            attempt(lambda a=a, leave=leave: leave(a))  # type: ignore[misc]
-            a.reset()
-            a.initialize()
-            if found := compared(base, bench.run(a), f"reset {what}: fresh and reset instance differ"):
-                yield found
-                return
 
+    def after_reset(a: Instance, terminated: bool) -> list[Values]:
+        a.initialize()
+        disturb(bench, a)
+        attempt(lambda: bench.run(a, 3))
+        if terminated:
+            attempt(a.terminate)
+        a.reset()
+        return bench.run(a.initialize())
 
-def _disturb(bench: Bench, a: Instance) -> None:
-    """Other inputs, as far as the FMU takes them."""
-    inputs = [v for v in tried(bench.settable("input")) if v.is_float and (bench.kind == "cs" or v.variability == "continuous")]
-    values: Values = {v: m for v in inputs if (m := moved(v, v.starts() or ())) is not None}
-    if values:
-        attempt(lambda: a.set(values))
+    for what, terminated in (("in a run", False), ("after terminate", True)):
+        again = bench.alone(lambda a, terminated=terminated: after_reset(a, terminated))  # type: ignore[misc]
+        if found := compared(bench, base, again, f"reset {what}: fresh and reset instance differ"):
+            yield found
+            return
 
 
 @check(
@@ -62,13 +56,14 @@ def _disturb(bench: Bench, a: Instance) -> None:
     advice="Keep everything in the instance, nothing in global or static variables.", kinds=("cs", "me"),
 )  # fmt: skip
 def instances(bench: Bench) -> Found:
+    bench.several()
     base = bench.repeatable()
     with bench.instance(name="one") as a, bench.instance(name="other") as b:
         watched = bench.watched()
         try:
             b.initialize()
-            _disturb(bench, b)
-            b.step(bench.step)
+            disturb(bench, b)
+            attempt(lambda: b.step(bench.step))
             a.initialize()
             found = [a.get(watched)]
             for _ in range(STEPS):
@@ -78,7 +73,7 @@ def instances(bench: Bench) -> Found:
                 found.append(a.get(watched))
         except Ended:
             return
-        if unlike := compared(base, found, "beside another instance it gives other results"):
+        if unlike := compared(bench, base, found, "beside another instance it gives other results"):
             yield unlike
         b.free()
         attempt(lambda: a.step(bench.step))
@@ -91,6 +86,7 @@ def instances(bench: Bench) -> Found:
     kinds=("cs", "me"), worst="warning",
 )  # fmt: skip
 def threads(bench: Bench) -> Found:
+    bench.several()
     base = bench.repeatable()
     n, rounds = 3, 3
     results: list[list[list[Values]]] = [[] for _ in range(n)]
@@ -152,29 +148,33 @@ def shown_time(t: float) -> str:
 
 
 @check(
-    "runs.steps", "communication steps may be split: the same time, nearly the same result",
+    "runs.steps", "communication steps may vary: the same time, nearly the same result",
     fmi2="4.2.2 Computation; 4.3.1 (canHandleVariableCommunicationStepSize)", fmi3="4.2.1 (fmi3DoStep); 4.3 (canHandleVariableCommunicationStepSize)",
     advice="Integrate to the end of every step exactly, or do not promise variable steps.", kinds=("cs",),
 )  # fmt: skip
 def steps(bench: Bench) -> Found:
     bench.require(bench.interface.variable_step, "it does not promise variable communication steps")
     h, watched = bench.step, [v for v in bench.watched() if v.is_float and v.causality == "output"]
+    ways = {"even": [1.0] * 8, "uneven": [2.0, 1.0, 3.0, 1.0, 1.0]}
+    if bench.version == "3" and bench.interface.internal_step is None:  # else no step is shorter than that of the FMU, which FMI 2.0 cannot tell
+        ways["split"] = [0.5, 0.5, 0.25, 0.75, 0.5, 0.5, 1.0] * 2
+
+    def ends(a: Instance, parts: list[float]) -> tuple[Values, Values]:
+        first = a.initialize().get(watched)
+        for part in parts:
+            a.step(h * part)
+        return first, a.get(watched)
+
     even: Values = {}
-    ways = {"even": [1.0] * 8, "uneven": [2.0, 1.0, 3.0, 1.0, 1.0], "split": [0.5, 0.5, 0.25, 0.75, 0.5, 0.5, 1.0] * 2}
     for way, parts in ways.items():
-        with bench.instance() as a:
-            try:
-                a.initialize()
-                first = a.get(watched)
-                for part in parts:
-                    a.step(h * part)
-            except Ended:
+        try:
+            first, end = bench.alone(lambda a, parts=parts: ends(a, parts))  # type: ignore[misc]
+        except Ended:
+            return
+        except Refused:
+            if way == "split":  # it may have a shortest step
                 return
-            except Refused:
-                if way == "split":  # it may have a shortest step
-                    return
-                raise
-            end = a.get(watched)
+            raise
         for v in watched if even else ():
             for x, y, z in zip(even[v], end[v], first[v], strict=True):
                 size = max(abs(x - z), abs(y - z), 1e-6 * max(abs(x), abs(y)), 1e-9)
@@ -268,146 +268,3 @@ def _resident() -> int | None:
             return int(file.read().split()[1]) * os.sysconf("SC_PAGE_SIZE")
     except (OSError, ValueError, IndexError):
         return None
-
-
-# -------------------------------------------------------------------------------------------------------- saved states
-
-_SAVED2, _SAVED3 = "2.1.8 Getting and Setting the Complete FMU State", "2.2.6.4 Getting and Setting the Complete FMU State"
-
-
-def _saving(bench: Bench, serialized: bool = False) -> list[Values]:
-    i = bench.interface
-    bench.require(i.serializes if serialized else i.saves, f"it does not promise {'serialized' if serialized else 'saved'} states")
-    return bench.repeatable()
-
-
-def _continued(bench: Bench, a: Instance, t: float) -> list[Values]:
-    a.time = t
-    return bench.run(a, 4)
-
-
-@check(
-    "saved.replay", "a state that was saved and is restored continues with the same results, again and again",
-    fmi2=_SAVED2, fmi3=_SAVED3,
-    advice="Put everything into the state that results depend on: memories, caches, inputs, parameters, time, pending events.", kinds=("cs", "me"),
-)  # fmt: skip
-def replay(bench: Bench) -> Found:
-    _saving(bench)
-    with bench.instance() as a:
-        a.initialize()
-        bench.run(a, 3)
-        state, t, next_event, indicators = a.save(), a.time, a.next_event, a.indicators
-        expected = _continued(bench, a, t)
-        for attempts in range(2):
-            _disturb(bench, a)
-            attempt(lambda: a.step(bench.step))
-            a.restore(state)
-            a.next_event, a.indicators, a.state = next_event, indicators, "step mode" if a.kind == "cs" else "continuous-time mode"
-            if found := compared(expected, _continued(bench, a, t), f"continued from a saved state{' once more' if attempts else ''}"):
-                yield found
-                return
-
-
-@check(
-    "saved.parameters", "a saved state brings back the values that were set",
-    fmi2=_SAVED2, fmi3=_SAVED3,
-    advice="Save inputs and parameters with the state.", kinds=("cs", "me"),
-)  # fmt: skip
-def with_values(bench: Bench) -> Found:
-    _saving(bench)
-    inputs = [v for v in bench.settable("input") if v.is_float and (bench.kind == "cs" or v.variability == "continuous")]
-    values: Values = {v: m for v in tried(inputs) if (m := moved(v, v.starts() or ())) is not None}
-    if not values:
-        raise NotApplicable("there are no real inputs")
-    with bench.instance() as a:
-        a.initialize()
-        before = a.get(list(values))
-        state = a.save()
-        if attempt(lambda: a.set(values)) is None:
-            raise NotApplicable("it does not take other values")
-        a.restore(state)
-        for v, got in a.get(list(values)).items():
-            if not all(same(x, y) for x, y in zip(got, before[v], strict=True)):
-                yield f"input {v.name!r} was {shown_value(before[v])} when the state was saved, and is {shown_value(got)} after it was restored"
-                return
-
-
-def shown_value(values: list[Any]) -> str:
-    return f"{values[0]:.9g}"
-
-
-@check(
-    "saved.states", "several states live side by side, and saving into an old one replaces it",
-    fmi2=_SAVED2, fmi3=_SAVED3,
-    advice="Allocate when the pointer is NULL, overwrite when it is not; set it to NULL when the state is freed.", kinds=("cs", "me"),
-)  # fmt: skip
-def several_states(bench: Bench) -> Found:
-    _saving(bench)
-    with bench.instance() as a:
-        a.initialize()
-        watched = bench.watched()
-        early, at_early = a.save(), a.get(watched)
-        bench.run(a, 2)
-        late, at_late = a.save(), a.get(watched)
-        for state, expected, name in ((early, at_early, "the first"), (late, at_late, "the second")):
-            a.restore(state)
-            if text := difference([expected], [a.get(watched)]):
-                yield f"of two states {name} is restored wrongly: {text.removesuffix(' at the start')}"
-                return
-        a.must(f"Get{a.saved}", c.byref(early))  # into the old one
-        a.restore(early)
-        if text := difference([at_late], [a.get(watched)]):
-            yield f"a state saved into an old one is restored wrongly: {text.removesuffix(' at the start')}"
-        a.must(f"Free{a.saved}", c.byref(early))
-        if early.value is not None:
-            yield f"Free{a.saved} leaves the pointer at the state that it has freed"
-            a._saved.remove(early)
-        a.call(f"Free{a.saved}", c.byref(c.c_void_p()))  # NULL is ignored
-
-
-@check(
-    "saved.serialize", "a serialized state continues with the same results, in this and in a fresh instance",
-    fmi2=_SAVED2, fmi3=_SAVED3,
-    advice="Serialize contents, never pointers.", kinds=("cs", "me"),
-)  # fmt: skip
-def serialized(bench: Bench) -> Found:
-    _saving(bench, True)
-    with bench.instance() as a:
-        a.initialize()
-        bench.run(a, 3)
-        state, t, next_event, indicators = a.save(), a.time, a.next_event, a.indicators
-        data = a.serialize(state)
-        if a.serialize(state) != data:
-            yield note("one state, serialized twice, gives different bytes")
-        expected = _continued(bench, a, t)
-        a.restore(a.deserialize(data))
-        a.next_event, a.indicators, a.state = next_event, indicators, "step mode" if a.kind == "cs" else "continuous-time mode"
-        if found := compared(expected, _continued(bench, a, t), "continued from a serialized state"):
-            yield found
-            return
-    with bench.instance() as b:
-        b.initialize()
-        b.restore(b.deserialize(data))
-        b.next_event, b.indicators = next_event, indicators
-        if found := compared(expected, _continued(bench, b, t), "continued from a serialized state in a fresh instance"):
-            yield found
-
-
-@check(
-    "saved.damaged", "bytes that are no state are refused",
-    fmi2=_SAVED2, fmi3=_SAVED3,
-    advice="Check the length before bytes are read; a checksum finds the rest.", kinds=("cs", "me"), worst="warning",
-)  # fmt: skip
-def damaged(bench: Bench) -> Found:
-    bench.require(bench.interface.serializes, "it does not promise serialized states")
-    with bench.instance() as a:
-        a.initialize()
-        data = a.serialize(a.save())
-        for what, wrong in (("cut in half", data[: len(data) // 2]), ("empty", b"")):
-            state = c.c_void_p()
-            name = ("DeSerialize" if a.version == "2" else "Deserialize") + a.saved
-            if len(wrong) < len(data) and good(a.call(name, wrong, c.c_size_t(len(wrong)), c.byref(state))):
-                yield f"{name} takes a state that is {what}"
-                return
-
-

@@ -6,8 +6,8 @@ import ctypes as c
 import math
 from typing import Any
 
-from cosim.check.bench import Bench, Found, Values, attempt, good, moved, same, shown, tried
-from cosim.check.calls import Ended, Refused
+from cosim.check.bench import Bench, Found, Values, attempt, compared, difference, good, moved, same, shown, tried
+from cosim.check.calls import Ended, Instance, Refused
 from cosim.check.model import Var
 from cosim.check.rules import NotApplicable, check, names, warning
 
@@ -47,7 +47,7 @@ def _not_at_start(values: Values) -> Found:
                     continue
             elif same(value, expected, 1e-5) or (isinstance(value, str) and value.split() == str(expected).split()):
                 continue
-            if isinstance(value, str):  # where resources lie is known in a run only
+            if v.access == "String":  # where resources lie is known in a run only
                 yield warning(f"{v.name!r} is {shown(value)} in initialization mode; its start is {shown(expected)}")
                 break
             yield f"{v.name!r} is {shown(value)} in initialization mode; its start is {shown(expected)}"
@@ -66,34 +66,40 @@ def set_and_read(bench: Bench) -> Found:
     if not before:
         raise NotApplicable("there is nothing to set")
 
-    def wrong(values: Values, running: bool) -> list[str] | None:
-        """Names of what is not kept; None: the FMU does not take these values."""
-        with bench.instance() as a:
+    def lost(values: Values, *, running: bool = False, set_after_setup: bool = False) -> dict[Var, str] | None:
+        """What is not kept, in words; None: the FMU does not take these values."""
+
+        def work(a: Instance) -> dict[Var, str] | None:
             try:
                 if not running:
-                    a.set(values)
-                    a.enter_initialization()
+                    a.enter_initialization(values, set_after_setup=set_after_setup)
                 else:
                     a.initialize()
                     a.set(values)
                     if a.kind == "cs":  # nothing may be read between set and step
                         a.step(bench.step)
-                return [_kept(v, values[v], got) for v, got in a.get(list(values)).items() if _kept(v, values[v], got)]
+                return {v: text for v, got in a.get(list(values)).items() if (text := _not_kept(v, values[v], got))}
             except (Refused, Ended):
                 return None
 
-    found = wrong(before, False)
+        return bench.alone(work)
+
+    found = lost(before)
     if found is None:  # together they do not fit: one by one
-        found = [t for v in tried([*before]) for t in wrong({v: before[v]}, False) or ()]
-    for text in found[:MOST_NAMED]:
-        yield f"{text} (set before initialization)"
+        found = {v: text for v in tried([*before]) for text in (lost({v: before[v]}) or {}).values()}
+    later = lost({v: before[v] for v in found}, set_after_setup=True) if found and bench.version == "2" else None
+    for v, text in [*found.items()][:MOST_NAMED]:
+        when = "before initialization" if bench.version == "3" or v.causality != "input" else "in initialization mode"
+        if later is not None and v not in later and v.causality != "input":
+            when = "before fmi2SetupExperiment; set after it, the value is kept"
+        yield f"{text} (set {when})"
     continuous = {v: before[v] for v in inputs if v in before and (bench.kind == "cs" or v.variability == "continuous")}
     if continuous:
-        for text in (wrong(continuous, True) or [])[:MOST_NAMED]:
+        for text in [*(lost(continuous, running=True) or {}).values()][:MOST_NAMED]:
             yield f"{text} (an input set {'between steps' if bench.kind == 'cs' else 'in continuous-time mode'})"
 
 
-def _kept(v: Var, was: list[Any], got: list[Any]) -> str:
+def _not_kept(v: Var, was: list[Any], got: list[Any]) -> str:
     for x, y in zip(was, got, strict=True):
         if not same(float(x), float(y), 1e-6):  # some pass through single precision
             return f"{v.name!r} was set to {shown(x)} and is {shown(y)}"
@@ -113,12 +119,13 @@ def set_discrete(bench: Bench) -> Found:
         value = moved(v, v.starts() or ())
         if value is None:
             continue
-        with bench.instance() as a:
-            if attempt(lambda a=a, v=v, value=value: a.set({v: value}) and a.enter_initialization()) is None:  # type: ignore[misc]
-                continue
-            got = a.get([v])[v]
-            if [int(x) for x in got] != [int(x) for x in value]:
-                yield f"{v.name!r} was set to {shown(value[0])} and is {shown(got[0])}"
+
+        def read(a: Instance, v: Var = v, value: list[Any] = value) -> list[Any] | None:
+            return a.get([v])[v] if attempt(lambda: a.enter_initialization({v: value})) is not None else None
+
+        got = bench.alone(read)
+        if got is not None and [int(x) for x in got] != [int(x) for x in value]:
+            yield f"{v.name!r} was set to {shown(value[0])} and is {shown(got[0])}"
 
 
 @check(
@@ -129,17 +136,17 @@ def set_discrete(bench: Bench) -> Found:
 def reset(bench: Bench) -> Found:
     floats = [v for v in bench.settable("parameter", "input") if v.is_float]
     values: Values = {v: m for v in tried(floats, 40) if (m := moved(v, v.starts() or (), 1e-3)) is not None}
-    with bench.instance() as a:
-        if values and attempt(lambda: a.set(values)) is None:
-            raise NotApplicable("it does not take other values")
-        attempt(a.initialize)
+
+    def after_reset(a: Instance) -> Values:
+        attempt(lambda: a.initialize(values))
         attempt(lambda: a.step(bench.step))
         a.reset()
-        a.enter_initialization()
-        found = [f"after reset {t}" for t in _not_at_start(a.get(_exact(bench)))]
-    with bench.instance() as b:  # what is not at its start anyway is no fault of reset
-        b.enter_initialization()
-        anyway = {f"after reset {t}" for t in _not_at_start(b.get(_exact(bench)))}
+        return a.enter_initialization().get(_exact(bench))
+
+    found = [f"after reset {t}" for t in _not_at_start(bench.alone(after_reset))]
+    # What is not at its start anyway is no fault of reset.
+    fresh = bench.alone(lambda a: a.enter_initialization().get(_exact(bench)))
+    anyway = {f"after reset {t}" for t in _not_at_start(fresh)}
     found = [t for t in found if t not in anyway]
     yield from found[:MOST_NAMED]
     if len(found) > MOST_NAMED:
@@ -152,8 +159,6 @@ def reset(bench: Bench) -> Found:
     advice="Compute everything that depends on parameters when initialization mode is left, also after Reset.", kinds=("cs", "me"),
 )  # fmt: skip
 def effect(bench: Bench) -> Found:
-    from cosim.check.bench import difference
-
     base = bench.repeatable()
     parameters = tried([v for v in bench.settable("parameter") if v.is_float], 6)
     if not parameters:
@@ -165,12 +170,16 @@ def effect(bench: Bench) -> Found:
         fresh = attempt(lambda v=v, values=values: bench.fresh({v: values}))  # type: ignore[misc]
         if not fresh or not difference(base, fresh):
             continue
-        with bench.instance() as a:
-            attempt(lambda a=a: bench.run(a.initialize()))  # type: ignore[misc]
+
+        def after_reset(a: Instance, v: Var = v, values: list[Any] = values) -> list[Values] | None:
+            attempt(lambda: bench.run(a.initialize()))
             a.reset()
-            again = attempt(lambda a=a, v=v, values=values: bench.run(a.initialize({v: values})))  # type: ignore[misc]
-        if again and (text := difference(fresh, again)):
-            yield f"with {v.name!r} = {shown(values[0])} a fresh instance and one that was reset give different results: {text}"
+            return attempt(lambda: bench.run(a.initialize({v: values})))  # type: ignore[no-any-return]
+
+        again = bench.alone(after_reset)
+        what = f"with {v.name!r} = {shown(values[0])} a fresh instance and one that was reset give different results"
+        if again and (unlike := compared(bench, fresh, again, what)):
+            yield unlike
 
 
 @check(
@@ -190,11 +199,14 @@ def readonly(bench: Bench) -> Found:
         for v in tried(group, 4):
             if what != "fixed parameters, after initialization," and (v.key in exact or v.key in states):
                 continue  # an alias of it may be set
-            with bench.instance() as a:
+
+            def takes(a: Instance, v: Var = v, running: bool = running) -> bool:
                 if running:
                     a.initialize()
-                if good(a.set_raw(v.access, [v], v.starts() or [0] * v.size)):
-                    taken.setdefault(what, []).append(v.name)
+                return good(a.set_raw(v.access, [v], v.starts() or [0] * v.size))
+
+            if bench.alone(takes):
+                taken.setdefault(what, []).append(v.name)
     for what, found in taken.items():
         yield f"{what} can be set: {names(found)}"
 
@@ -215,22 +227,22 @@ def unknown(bench: Bench) -> Found:
         if any(reference in u for u in used.values()):
             continue
         for direction in ("Get", "Set"):
-            with bench.instance() as a:
-                a.initialize()
+
+            def takes(a: Instance, reference: int = reference, direction: str = direction) -> bool:
                 room, one = (c.c_double * 1)(), c.c_size_t(1)
-                status = a.call(f"{direction}{floats}", (c.c_uint32 * 1)(reference), one, room, *(() if bench.version == "2" else (one,)))
-                if good(status):
-                    taken.append(f"{direction}{floats} of value reference {reference}")
+                a.initialize()
+                return good(a.call(f"{direction}{floats}", (c.c_uint32 * 1)(reference), one, room, *(() if bench.version == "2" else (one,))))
+
+            if bench.alone(takes):
+                taken.append(f"{direction}{floats} of value reference {reference}")
     if taken:
         yield f"accepted: {', '.join(taken)}"
     other = "Integer" if bench.version == "2" else "Int32"
     for v in [v for v in bench.watched() if v.access == floats and v.size == 1][:1]:
         if bench.version == "2" and v.reference in used.get("Integer", ()):
             continue
-        with bench.instance() as a:
-            a.initialize()
-            if good(a.get_raw(other, [v])[0]):
-                yield f"Get{other} reads {v.name!r}, which is {v.type}"
+        if bench.alone(lambda a, v=v: good(a.initialize().get_raw(other, [v])[0])):  # type: ignore[misc]
+            yield f"Get{other} reads {v.name!r}, which is {v.type}"
 
 
 @check(
@@ -248,17 +260,20 @@ def extreme(bench: Bench) -> Found:
     for group, value in tries:
         if not group:
             continue
-        running = group is inputs
-        with bench.instance() as a:
+
+        def live_on(a: Instance, group: list[Var] = group, value: float = value) -> None:
+            running = group is inputs
             if running:
                 a.initialize()
             bench.fmu.say(f"with {value:g} in {names(v.name for v in group)}")
-            if attempt(lambda a=a, group=group, value=value: a.set({v: [value] * v.size for v in group})) is None:  # type: ignore[misc]
-                continue
-            attempt(lambda a=a, running=running: running or a.initialize())  # type: ignore[misc]
+            if attempt(lambda: a.set({v: [value] * v.size for v in group})) is None:
+                return
+            attempt(lambda: running or a.initialize())
             for _ in range(2):
-                attempt(lambda a=a: a.step(bench.step))  # type: ignore[misc]
-            attempt(lambda a=a: a.get(bench.watched()))  # type: ignore[misc]
+                attempt(lambda: a.step(bench.step))
+            attempt(lambda: a.get(bench.watched()))
+
+        bench.alone(live_on)
     yield from ()
 
 

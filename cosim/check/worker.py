@@ -28,7 +28,7 @@ from pathlib import Path
 from typing import Any, BinaryIO
 
 from build_fmus.checks import plain
-from cosim.check import derivatives, references, runs, states, values  # noqa: F401 (registers the checks)
+from cosim.check import derivatives, references, runs, saved, states, values  # noqa: F401 (registers the checks)
 from cosim.check.bench import Bench
 from cosim.check.calls import DISCARD, FATAL, Ended, Fmu, Refused
 from cosim.check.model import Model
@@ -36,6 +36,7 @@ from cosim.check.rules import CHECKS, MOST, SEVERITIES, Finding, NotApplicable
 
 _SPOKEN = 4096  # bytes for what is being done
 _LAST_WORDS = 400  # characters of what the FMU printed last
+LATE = "it did not come back within"
 _POLL = 0.02  # s between looks at a child's memory
 _LONGEST = 1 << 20  # bytes of an answer
 _MOST_MEASURES, _MEASURE = 100, 200  # of an answer; characters of one
@@ -58,11 +59,14 @@ class Job:
 
 @dataclass
 class Answer:
-    """What a check has found; `lost` says how the process ended, if it did."""
+    """What a check has found; `lost` says how the process ended, if it did; `late`: it was not waited for any longer; `unjudged` why nothing
+    can be said here."""
 
     findings: list[Finding] = field(default_factory=list)
     inapplicable: str = ""
     lost: str = ""
+    late: bool = False
+    unjudged: str = ""
     doing: str = ""
     words: str = ""
     seconds: float = 0.0
@@ -81,13 +85,14 @@ class Answer:
             given = json.loads(data)
             if not isinstance(given, dict) or given.keys() != {f.name for f in fields(cls)}:
                 raise ValueError("the fields differ")
-            texts = {name: _text(given[name]) for name in ("inapplicable", "lost", "doing", "words", "broken")}
+            texts = {name: _text(given[name]) for name in ("inapplicable", "lost", "unjudged", "doing", "words", "broken")}
             findings = [_finding(*f) for f in _typed(given["findings"], list)[:MOST]]
             measures = {_text(k)[:_MEASURE]: _text(v)[:_MEASURE] for k, v in [*_typed(given["measures"], dict).items()][:_MOST_MEASURES]}
             seconds = float(_typed(given["seconds"], float))
+            late: bool = _typed(given["late"], bool)
         except (ValueError, TypeError, RecursionError, MemoryError) as error:
             raise ValueError(f"it is no answer of a check: {error}") from None
-        return cls(findings=findings, measures=measures, seconds=seconds if math.isfinite(seconds) else 0.0, **texts)
+        return cls(findings=findings, measures=measures, seconds=seconds if math.isfinite(seconds) else 0.0, late=late, **texts)
 
 
 def _typed(value: Any, type_: type) -> Any:
@@ -128,10 +133,19 @@ def execute(job: Job, say: Any = None) -> Answer:
     except MemoryError:
         answer.inapplicable = "it needs more memory than this process can have"
     except OSError as error:
-        answer.findings.append(Finding(f"the library cannot be loaded: {' '.join(str(error).split())}", "error"))
+        text = f"the library cannot be loaded: {' '.join(str(error).split())}"
+        if _lacks_another_library(str(error), job.libraries[job.kind]):
+            answer.unjudged = text  # binary.libraries says so
+        else:
+            answer.findings.append(Finding(text, "error"))
     except Exception:  # a mistake of ours must not look like one of the FMU
         answer.broken = traceback.format_exc()[-_SPOKEN:]
     return answer
+
+
+def _lacks_another_library(error: str, library: Path) -> bool:
+    """Whether a library is missing on this machine that the FMU's own library needs."""
+    return "cannot open shared object file: No such file" in error and str(library) not in error
 
 
 def _in_child(job: Job, memory: mmap.mmap, output: int) -> None:
@@ -188,6 +202,7 @@ def supervise(job: Job) -> Answer:
         except ValueError as error:
             ended = f"it wrote into the channel of the check ({error})"
     if ended or not data:
+        answer.late = ended.startswith(LATE)
         answer.lost = ended or (f"signal {-code} ({signal.strsignal(-code)})" if code < 0 else f"its process ended itself with exit code {code}")
         (length,) = struct.unpack("=I", memory[:4])
         answer.doing = memory[4 : 4 + min(length, _SPOKEN - 4)].decode("utf-8", "replace")
@@ -206,7 +221,7 @@ def _listen(job: Job, pid: int, readable: int, begin: float) -> tuple[bytes, str
     while True:
         left = begin + job.seconds - time.monotonic()
         if left <= 0:
-            return data, f"it did not come back within {job.seconds:g} s"
+            return data, f"{LATE} {job.seconds:g} s"
         if select.select([readable], [], [], 0.0 if ended else min(left, _POLL))[0]:
             part = os.read(readable, 1 << 16)
             if not part:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import platform
 import re
+import struct
 import sys
 from collections.abc import Callable, Sequence
 from typing import Any
@@ -170,27 +171,38 @@ def function(version: str, library: Any, name: str) -> Callable[..., int]:
     return found
 
 
-_CONVERSION = re.compile(r"%(?:%|[-+ #0]*\d*(?:\.\d+)?(?:hh|h|ll|l|z|j|t)?([a-zA-Z]))")
+_CONVERSION = re.compile(r"%(?:%|([-+ #0]*\d*(?:\.\d+)?)(hh|h|ll|l|z|j|t)?([a-zA-Z]))")
 _VARIADIC_READABLE = not (sys.platform == "darwin" and platform.machine() == "arm64")
+WORDS = REALS = 8
+"""Variadic arguments of FMI 2 loggers that a plain callback reads: as many words, then as many reals. Calling conventions pass both as if the
+function were not variadic (Windows passes reals as words)."""
 
 
-def _formatted(message: str, arguments: Sequence[int]) -> str:
-    """FMI 2 log messages are printf formats. Text and integer arguments can be read from a plain callback;
-    with any other conversion the format itself is shown."""
-    kinds = [m[1] for m in _CONVERSION.finditer(message) if m[1]]
-    if not kinds or not _VARIADIC_READABLE or len(kinds) > len(arguments) or not set(kinds) <= set("sdiuxX"):
+def formatted(message: str, words: Sequence[int], reals: Sequence[float]) -> str:
+    """An FMI 2 log message, which is a printf format, with its arguments. A message with any other conversion, or with more arguments than are
+    read, is returned as it is."""
+    kinds = [m[3] for m in _CONVERSION.finditer(message) if m[3]]
+    apart = sys.platform != "win32"  # reals have registers of their own
+    n_reals = sum(k in "eEfFgG" for k in kinds) if apart else 0
+    if not kinds or not _VARIADIC_READABLE or n_reals > len(reals) or len(kinds) - n_reals > len(words) or not set(kinds) <= set("sdiuxXceEfFgG"):
         return message
-    values = iter(arguments)
+    next_word, next_real = iter(words), iter(reals)
 
     def replace(match: re.Match[str]) -> str:
-        if match[1] is None:
+        layout, length, kind = match.groups()
+        if kind is None:
             return "%"
-        word = next(values)
-        if match[1] == "s":
-            return text(ffi2, ffi2.cast("const char*", word))
-        if match[1] in "xX":
-            return f"{word & 0xFFFFFFFF:{match[1]}}"
-        return str(int(ffi2.cast("int" if match[1] in "di" else "unsigned int", word)))
+        if kind in "eEfFgG":
+            real = next(next_real) if apart else struct.unpack("=d", struct.pack("=q", next(next_word)))[0]
+            return f"%{layout}{kind}" % real
+        word = next(next_word)
+        if kind == "s":
+            return f"%{layout}s" % text(ffi2, ffi2.cast("const char*", word))
+        if kind == "c":
+            return chr(word & 0xFF)
+        wide = length in ("ll", "z", "j", "t") or (length == "l" and sys.platform != "win32")
+        signed = ("int64_t" if wide else "int") if kind in "di" else ("uint64_t" if wide else "unsigned int")
+        return f"%{layout}{kind if kind in 'xX' else 'd'}" % int(ffi2.cast(signed, word))
 
     return _CONVERSION.sub(replace, message)
 
@@ -209,12 +221,11 @@ def instantiate2(library: Any, process: Any, texts: tuple[str, str, str], log: L
     name, token, resources = texts
     ffi = ffi2
 
-    @ffi.callback(
-        "void(void*, const char*, int, const char*, const char*, intptr_t, intptr_t, intptr_t, intptr_t)",
-        onerror=_quiet,
-    )
-    def logger(_: Any, __: Any, status: int, category: Any, message: Any, *arguments: int) -> None:
-        log(status, text(ffi, category), _formatted(text(ffi, message), arguments))
+    arguments = ", ".join(["intptr_t"] * WORDS + ["double"] * REALS)
+
+    @ffi.callback(f"void(void*, const char*, int, const char*, const char*, {arguments})", onerror=_quiet)
+    def logger(_: Any, __: Any, status: int, category: Any, message: Any, *arguments: Any) -> None:
+        log(status, text(ffi, category), formatted(text(ffi, message), arguments[:WORDS], arguments[WORDS:]))
 
     callbacks = ffi.new("Callbacks*")
     callbacks.logger = ffi.cast("void*", logger)

@@ -7,12 +7,12 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from foreign.faulty import BOTH, FAULTS
+from foreign.faulty import BOTH, FAULTS, ODDITIES
 
 from cosim.check import CHECKS, Options, Report, Workers, check
 
 OF_FILES = ("archive", "description", "binary", "states.life")
-LIMITS = Options(seconds=3.0, memory=500_000_000)
+LIMITS = Options(seconds=60.0, memory=500_000_000)  # a busy machine takes its time
 CASES = [(name, version) for name, fault in FAULTS.items() for version in fault.versions]
 QUICK = {(name, fault.versions[i % len(fault.versions)]) for i, (name, fault) in enumerate(FAULTS.items())}
 """Each fault in one of its versions."""
@@ -41,13 +41,18 @@ def test_the_fault_and_no_other(name: str, version: int, faulty: Callable[..., P
     """A fault of the file with the checks of files, for the sake of time; `make test-full` tries all with all."""
     fault = FAULTS[name]
     of_file = fault.spoil is not None and all(not CHECKS[c].kinds for c in fault.found)
-    fits(name, check(faulty(version, name), replace(LIMITS, only=OF_FILES if of_file else ()), workers=workers))
+    fits(name, check(faulty(version, name), replace(limits(name), only=OF_FILES if of_file else ()), workers=workers))
 
 
 @pytest.mark.full
 @pytest.mark.parametrize(("name", "version"), CASES)
 def test_the_fault_and_no_other_by_all_checks(name: str, version: int, faulty: Callable[..., Path], workers: Workers) -> None:
-    fits(name, check(faulty(version, name), LIMITS, workers=workers))
+    fits(name, check(faulty(version, name), limits(name), workers=workers))
+
+
+def limits(name: str) -> Options:
+    """What hangs is not waited for."""
+    return replace(LIMITS, seconds=2.0) if name.startswith("hang") else LIMITS
 
 
 def fits(name: str, report: Report) -> None:
@@ -56,7 +61,63 @@ def fits(name: str, report: Report) -> None:
     assert set(texts) <= {*fault.found, *fault.also}, texts
 
 
+ALLOWED = [(n, v) for n in ("fixed-step", "no-early-inputs", "no-early-derivatives", "adaptive", "empty-token") for v in ODDITIES[n].versions]
+
+
+@pytest.mark.parametrize(("name", "version"), ALLOWED)
+def test_what_the_standard_allows_is_no_error(name: str, version: int, faulty: Callable[..., Path], workers: Workers) -> None:
+    report = check(faulty(version, name), LIMITS, workers=workers)
+    assert report.exit_code() == 0
+    assert set(found(report)) <= set(ODDITIES[name].also), found(report)
+
+
+@pytest.mark.parametrize(("version", "kind"), [(2, "cs"), (3, "me")])
+def test_one_instance_in_each_process(version: int, kind: str, faulty: Callable[..., Path], workers: Workers) -> None:
+    """The FMU refuses a second one. Only what needs two at a time is not tried."""
+    report = check(faulty(version, "once"), replace(LIMITS, kinds=(kind,)), workers=workers)
+    assert found(report) == {}
+    without = {r.check.id for r in report.results if "only once per process" in r.inapplicable}
+    assert without == {"runs.instances", "runs.threads", "runs.memory", *(["exchange.pure"] if kind == "me" else [])}
+
+
+@pytest.mark.parametrize("version", BOTH)
+def test_what_takes_too_long_is_not_judged(version: int, faulty: Callable[..., Path], workers: Workers) -> None:
+    """Whether it hangs or is slow cannot be told."""
+    report = check(faulty(version, "step-hang"), Options(only=("states.life", "runs.reset"), kinds=("cs",), seconds=1.0), workers=workers)
+    assert found(report) == {}
+    assert [(r.check.id, r.verdict) for r in report.results] == [("states.life", "not judged"), ("runs.reset", "not applicable")]
+    assert "DoStep (Co-Simulation, step mode)" in report.not_run
+    assert "--timeout gives it more time" in report.not_run
+    assert report.exit_code(strict=True) == 2
+
+
+def test_a_life_of_slow_steps_is_short(faulty: Callable[..., Path], workers: Workers) -> None:
+    """The second step would take an hour."""
+    report = check(faulty(3, "slow"), Options(only=("states.life",), kinds=("cs",), seconds=60.0), workers=workers)
+    assert [r.verdict for r in report.results] == ["passed"]
+
+
+def test_messages_have_their_arguments(faulty: Callable[..., Path], workers: Workers) -> None:
+    """FMI 2.0 loggers are variadic."""
+    report = check(faulty(2, "step-fails"), Options(only=("states.life",), kinds=("cs",)), workers=workers)
+    ((_, finding),) = report.findings()
+    assert finding.text.endswith("returned Error: model cannot step: -3 of 4.2, 0.001 %")
+
+
+def test_parameters_that_fmi2setupexperiment_loses(faulty: Callable[..., Path], workers: Workers) -> None:
+    report = check(faulty(2, "setup-loses-parameters"), Options(only=("values.set",), kinds=("cs",)), workers=workers)
+    texts = found(report)["values.set"]
+    assert len(texts) == 2
+    assert all(t.endswith("(set before fmi2SetupExperiment; set after it, the value is kept)") for t in texts)
+
+
+def test_nothing_is_called_after_fatal(faulty: Callable[..., Path], workers: Workers) -> None:
+    """The FMU would abort."""
+    report = check(faulty(3, "fatal"), Options(only=("states", "values.set"), kinds=("cs",)), workers=workers)
+    assert found(report) == {"states.allowed": ["error: Set of inputs (Co-Simulation, step mode) returns Fatal"]}
+
+
 def test_every_check_has_a_fault_that_it_finds() -> None:
     tried = {c for fault in FAULTS.values() for c in fault.found}
     untried = {c.id for c in CHECKS.values()} - tried
-    assert untried == {"archive.readable", "archive.zip", "binary.libraries", "states.arguments", "states.statuses", "exchange.together"}
+    assert untried == {"archive.readable", "binary.libraries", "states.arguments", "states.statuses", "exchange.together"}

@@ -1,8 +1,9 @@
-/* A small FMU that keeps to the standard but for one fault: `resources/fault.txt` names it (faulty.py has the list). FMI 2.0 or 3.0, Co-Simulation
+/* A small FMU that keeps to the standard but for one fault, or with one oddity that the standard allows: `resources/fault.txt` names it (faulty.py
+ * has the lists). FMI 2.0 or 3.0, Co-Simulation
  * and Model Exchange, from the standard's headers alone.
  *
  * A mass on a spring: der(x) = v, der(v) = force - d v, force = gain u - k x while `on`. `count` counts steps or events, z is an event
- * indicator, c a constant. Co-Simulation takes steps of 1 ms at most of the classical Runge-Kutta method. */
+ * indicator, c a constant. Co-Simulation takes steps of 1 ms at most of the classical Runge-Kutta method; with `adaptive` Euler's with error control. */
 #include <fenv.h>
 #include <math.h>
 #include <stdbool.h>
@@ -10,6 +11,7 @@
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
+#include <time.h>
 
 #if FMI == 2
 #include "fmi2Functions.h"
@@ -22,7 +24,7 @@ typedef fmi2String Text;
 typedef fmi2ValueReference Reference;
 typedef fmi2CallbackLogger Logger;
 typedef fmi2Byte Byte;
-enum { OK = fmi2OK, DISCARD = fmi2Discard, ERROR = fmi2Error };
+enum { OK = fmi2OK, DISCARD = fmi2Discard, ERROR = fmi2Error, FATAL = fmi2Fatal };
 #define F(NAME) fmi2##NAME
 #else
 #include "fmi3Functions.h"
@@ -35,7 +37,7 @@ typedef fmi3String Text;
 typedef fmi3ValueReference Reference;
 typedef fmi3LogMessageCallback Logger;
 typedef fmi3Byte Byte;
-enum { OK = fmi3OK, DISCARD = fmi3Discard, ERROR = fmi3Error };
+enum { OK = fmi3OK, DISCARD = fmi3Discard, ERROR = fmi3Error, FATAL = fmi3Fatal };
 #define F(NAME) fmi3##NAME
 #endif
 
@@ -46,7 +48,7 @@ enum { RUNNING = EVENT | CONTINUOUS | STEP, ANY = 63 };
 
 typedef struct {
     double time, start, stop, u, k, d, x, v;
-    int count, gain, mode;
+    int count, gain, mode, n_fixed;
     bool on, has_stop;
 } Data;
 
@@ -56,11 +58,13 @@ typedef struct {
     bool co_simulation, logging;
     double stale[2];
     bool stale_valid;
+    double tolerance, guess; /* of the integrator with error control: not part of the state */
     Logger logger;
     void *environment;
     char name[64];
     Data *kept;
     int free_of_reset;
+    bool corrupted; /* Fatal was returned */
 } Model;
 
 static Data shared;           /* for the faults of those who share */
@@ -68,6 +72,7 @@ static volatile double scratch[2];
 static Data one_buffer;
 static void *volatile left_behind;
 static bool free_null_is_fatal;
+static int n_made;
 
 static bool has(const Model *m, const char *fault) { return strcmp(m->fault, fault) == 0; }
 
@@ -83,6 +88,7 @@ static Status fail(const Model *m, const char *what) {
 #define REQUIRE(STATES, NAME)                                                                 \
     Model *m = c;                                                                             \
     if (!m) return ERROR;                                                                     \
+    if (m->corrupted) abort();                                                                \
     if (!(m->data.mode & (STATES)) && !has(m, "forbidden")) return fail(m, NAME " is not allowed in this state")
 
 static void start(Model *m) {
@@ -90,6 +96,7 @@ static void start(Model *m) {
     const Data old = m->data;
     m->data = fresh;
     m->stale_valid = false;
+    m->guess = 1e-4;
     if (old.mode) { /* a reset */
         if (has(m, "reset-keeps-parameter")) m->data.k = old.k;
         if (has(m, "reset-keeps-count")) m->data.count = old.count;
@@ -116,8 +123,28 @@ static void derivatives(Model *m, double dx[2]) {
     m->stale_valid = true;
 }
 
+static void advance_with_error_control(Model *m, double h) {
+    Data *q = &m->data;
+    for (double left = h; left > 1e-12;) {
+        const double s = m->guess < left ? m->guess : left, x = q->x, v = q->v;
+        double k1[2], k2[2];
+        m->stale_valid = false, derivatives(m, k1);
+        q->x = x + s * k1[0], q->v = v + s * k1[1], m->stale_valid = false, derivatives(m, k2);
+        const double error = 0.5 * s * fmax(fabs(k2[0] - k1[0]), fabs(k2[1] - k1[1])) / m->tolerance;
+        const bool again = error > 1.0 && s > 1e-6;
+        if (again) q->x = x, q->v = v; /* once more, shorter */
+        else left -= s;
+        if (s == m->guess || again) m->guess = fmax(1e-6, s * fmin(5.0, fmax(0.2, 0.9 / sqrt(error + 1e-9))));
+    }
+}
+
 static void advance(Model *m, double h) {
     Data *q = &m->data;
+    if (has(m, "adaptive") || has(m, "adaptive-forgets-velocity")) {
+        advance_with_error_control(m, h);
+        m->stale_valid = false;
+        return;
+    }
     const int n = (int)ceil(h / 1e-3 - 1e-6);
     const double s = h / (n ? n : 1);
     for (int i = 0; i < n; i++) {
@@ -169,7 +196,12 @@ static Model *instantiate(Text name, Text token, bool co_simulation, bool loggin
         if (fscanf(file, "%39s", m->fault) != 1) m->fault[0] = 0;
         fclose(file);
     }
-    if (!name || !*name || !token || (strcmp(token, TOKEN) != 0 && !has(m, "token"))) {
+    if (has(m, "once") && n_made++) {
+        fail(m, "there was an instance in this process");
+        free(m);
+        return NULL;
+    }
+    if (!name || !*name || !token || (strcmp(token, has(m, "empty-token") ? "" : TOKEN) != 0 && !has(m, "token"))) {
         fail(m, "no name, or another token");
         free(m);
         return NULL;
@@ -186,9 +218,11 @@ void F(FreeInstance)(Instance c) {
     free(c);
 }
 
-static Status setup(Model *m, double begin, bool has_stop, double end) {
+static Status setup(Model *m, bool has_tolerance, double tolerance, double begin, bool has_stop, double end) {
     if (!isfinite(begin) || (has_stop && !(end > begin))) return fail(m, "times");
     m->data.time = m->data.start = begin, m->data.stop = end, m->data.has_stop = has_stop;
+    m->tolerance = has_tolerance ? tolerance : 1e-3;
+    if (has(m, "setup-loses-parameters")) m->data.k = 4.0, m->data.d = 0.4;
     return OK;
 }
 
@@ -241,6 +275,8 @@ static Status set_real(Model *m, const Reference vr[], size_t n, const double va
         const bool free_for_all = has(m, "readonly") && is_real(vr[i]);
         if (vr[i] >= N_VARIABLES && has(m, "unknown-accepted")) continue;
         if (!is_real(vr[i]) || !(vr[i] == U || parameter || states || free_for_all)) return fail(m, "cannot be set");
+        if (has(m, "no-early-inputs") && vr[i] == U && mode == INSTANTIATED) return fail(m, "inputs have no attribute initial");
+        if (has(m, "fatal") && vr[i] == U && mode == STEP) return m->corrupted = true, FATAL;
         if (!isfinite(value[i])) {
             while (has(m, "hang-on-nan")) {}
             return fail(m, "not finite");
@@ -286,6 +322,7 @@ static Status set_flag(Model *m, const Reference vr[], size_t n, const Flag valu
     if (n && (!vr || !value)) return fail(m, "NULL");
     for (size_t i = 0; i < n; i++) {
         if (vr[i] != ON || m->data.mode & (CONTINUOUS | TERMINATED)) return fail(m, "cannot be set");
+        if (has(m, "no-early-inputs") && m->data.mode == INSTANTIATED) return fail(m, "inputs have no attribute initial");
         m->data.on = value[i] != 0;
     }
     m->stale_valid = false;
@@ -320,7 +357,8 @@ static Status restore(Model *m, Saved saved) {
     const Data old = m->data;
     m->data = has(m, "one-buffer") ? one_buffer : s->data;
     if (has(m, "serialized-pointer")) m->data = m->kept == s->pointer ? *s->pointer : (Data){.mode = s->data.mode, .time = s->data.time};
-    if (has(m, "state-forgets-velocity")) m->data.v = old.v;
+    if (has(m, "state-forgets-velocity") || has(m, "adaptive-forgets-velocity")) m->data.v = old.v;
+    m->guess = 1e-4; /* the integrator begins from scratch */
     if (has(m, "state-forgets-input")) m->data.u = old.u;
     if (has(m, "state-forgets-count")) m->data.count = old.count;
     m->stale_valid = false;
@@ -386,7 +424,18 @@ static Status do_step(Model *m, double t, double h) {
     }
     if (fabs(t - q->time) > 1e-9 * (1.0 + fabs(t))) return fail(m, "another time");
     if (q->has_stop && t + h > q->stop * (1.0 + 1e-12) + 1e-12 && !has(m, "beyond-stop")) return fail(m, "beyond the end");
-    if (has(m, "step-fails")) return fail(m, "cannot step");
+    if (has(m, "step-fails")) {
+#if FMI == 2
+        if (m->logger) m->logger(m->environment, m->name, fmi2Error, "logStatusError", "%s cannot step: %d of %.1f, %g %%", "model", -3, 4.25, 1e-3);
+        return ERROR;
+#else
+        return fail(m, "cannot step");
+#endif
+    }
+    if (has(m, "slow")) { /* a step of two seconds; the one after it would take an hour */
+        struct timespec wait = {q->count ? 3600 : 2, 100000000};
+        nanosleep(&wait, NULL);
+    }
     if (has(m, "step-crash") && q->count == 3) ((volatile int *)8)[0] = 1;
     if (has(m, "step-hang") && q->count == 3)
         for (;;) {}
@@ -396,7 +445,10 @@ static Status do_step(Model *m, double t, double h) {
     if (has(m, "status") && q->count == 3) return (Status)17;
     if (has(m, "rounding")) fesetround(FE_UPWARD);
     if (has(m, "random")) q->v += 1e-3 * (double)((uintptr_t)m >> 4 & 1023) / 1024.0 + 1e-3 * rand() / RAND_MAX;
-    advance(m, has(m, "steps") ? 1e-3 : h);
+    if (has(m, "fixed-step")) { /* as far as whole steps of 10 ms go */
+        for (; (q->n_fixed + 1) * 0.01 < t + h - q->start + 1e-9; q->n_fixed++) advance(m, 0.01);
+    } else
+        advance(m, has(m, "steps") ? 1e-3 : h);
     q->time = t + h;
     q->count++;
     return OK;
@@ -412,8 +464,7 @@ fmi2Component fmi2Instantiate(fmi2String name, fmi2Type type, fmi2String guid, f
 }
 Status fmi2SetupExperiment(Instance c, Flag a, double tolerance, double begin, Flag b, double end) {
     REQUIRE(INSTANTIATED, "SetupExperiment");
-    (void)a, (void)tolerance;
-    return setup(m, begin, b, end);
+    return setup(m, a, tolerance, begin, b, end);
 }
 Status fmi2EnterInitializationMode(Instance c) {
     REQUIRE(INSTANTIATED, "EnterInitializationMode");
@@ -480,8 +531,7 @@ fmi3Instance fmi3InstantiateModelExchange(fmi3String name, fmi3String token, fmi
 }
 Status fmi3EnterInitializationMode(Instance c, Flag a, double tolerance, double begin, Flag b, double end) {
     REQUIRE(INSTANTIATED, "EnterInitializationMode");
-    (void)a, (void)tolerance;
-    if (setup(m, begin, b, end) != OK) return ERROR;
+    if (setup(m, a, tolerance, begin, b, end) != OK) return ERROR;
     m->data.mode = INITIALIZATION;
     return OK;
 }
@@ -572,6 +622,7 @@ Status F(GetContinuousStates)(Instance c, double x[], size_t n) {
 }
 Status GET_DERIVATIVES(Instance c, double dx[], size_t n) {
     EXCHANGE(INITIALIZATION | EVENT | CONTINUOUS | TERMINATED, "GetDerivatives");
+    if (has(m, "no-early-derivatives") && m->data.mode == INITIALIZATION) return fail(m, "not in the figure");
     if (n != 2 || !dx) return fail(m, "no room");
     derivatives(m, dx);
     if (has(m, "order")) {

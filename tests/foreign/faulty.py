@@ -1,4 +1,7 @@
-"""`faulty.c` as FMUs of FMI 2.0 and 3.0: each keeps to the standard but for one deliberate fault, in its code, description, archive or library."""
+"""`faulty.c` as FMUs of FMI 2.0 and 3.0: each keeps to the standard but for one deliberate fault, in its code, description, archive or library.
+
+`ODDITIES` keep to it altogether, in a way that a checker may mistake for a fault.
+"""
 
 from __future__ import annotations
 
@@ -29,6 +32,8 @@ class Fault:
     spoil: Callable[[dict[str, bytes], int], None] | None = field(default=None, repr=False)
     """Changes the files of the archive; without, `faulty.c` has the fault."""
     macros: tuple[str, ...] = ()
+    coded: bool = False
+    """The code has the fault, too, where the files are changed."""
 
 
 def _replaced(pattern: str, new: str, file: str = "modelDescription.xml", count: int = 1) -> Callable[[dict[str, bytes], int], None]:
@@ -120,6 +125,24 @@ def _clocked(files: dict[str, bytes], version: int) -> None:
     _replaced(r"</ModelVariables>", f"{clock}{clocked}</ModelVariables>")(files, version)
 
 
+def _without_exchange(files: dict[str, bytes], version: int) -> None:
+    """Co-Simulation without directional derivatives, for which nobody reads the derivatives; one of these is no unknown of initialization."""
+    _replaced(r"<ModelExchange [^>]*/>", "")(files, version)
+    _replaced(r'providesDirectionalDerivatives?="true"( providesAdjointDerivatives="true")?', "")(files, version)
+    _replaced(r'(<InitialUnknowns>)<Unknown index="7"[^>]*/>' if version == 2 else r'<InitialUnknown valueReference="6"[^>]*/>', r"\1" if version == 2 else "")(files, version)
+
+
+def _backslashes(files: dict[str, bytes], version: int) -> None:  # noqa: ARG001
+    path = next(p for p in files if p.startswith("binaries/"))
+    files[path.replace("/", "\\")] = files.pop(path)
+
+
+def _fixed_step(files: dict[str, bytes], version: int) -> None:
+    """FMI 3.0 says that internal steps are fixed, FMI 2.0 cannot."""
+    if version == 3:
+        _replaced("<CoSimulation ", '<CoSimulation fixedInternalStepSize="0.01" ')(files, version)
+
+
 STATES = ("saved.replay", "saved.parameters", "saved.states", "saved.serialize")
 FAULTS = {
     # -------------------------------------------------------------------------------------------- description, archive
@@ -155,6 +178,8 @@ FAULTS = {
     "layered-version": Fault(("archive.layered",), spoil=_manifest("com.example.ls", "manifest></manifest>", 'fmi-ls:fmi-ls-name="com.example.ls" fmi-ls:fmi-ls-description="an example"')),
     "related-role": Fault(("archive.layered",), spoil=_manifest("org.fmi-standard.fmi-ls-ref", 'fmiReferences><Related source="../../modelDescription.xml" role="data"/></fmiReferences>', _LS_REF)),
     "struct-description": Fault(("archive.layered",), spoil=_manifest("org.fmi-standard.fmi-ls-struct", "fmiLayeredStandardManifest></fmiLayeredStandardManifest>", _LS_STRUCT)),
+    "backslashes": Fault(("archive.zip",), ("archive.layout",), spoil=_backslashes),
+    "no-derivative-unknown": Fault(("description.structure",), spoil=_without_exchange),
     "lost-library": Fault(("archive.implementation",), spoil=_replaced('modelIdentifier="faulty"', 'modelIdentifier="other"', count=2)),
     # ---------------------------------------------------------------------------------------------------------- binary
     "wrong-folder": Fault(("binary.header",), spoil=_moved_library),
@@ -165,7 +190,7 @@ FAULTS = {
     "terminate": Fault(("states.life",), ("states.allowed",)),
     "step-fails": Fault(("states.life",)),
     "step-crash": Fault(("states.life",)),
-    "step-hang": Fault(("states.life",)),
+    "fatal": Fault(("states.allowed",)),
     "step-devour": Fault(("states.life",)),
     "step-exit": Fault(("states.life",)),
     "status": Fault(("states.life",)),
@@ -181,6 +206,7 @@ FAULTS = {
     "token": Fault(("states.token",)),
     # ---------------------------------------------------------------------------------------------------------- values
     "start": Fault(("values.start",), ("references.results",)),
+    "setup-loses-parameters": Fault(("values.set",), versions=(2,)),
     "set-ignored": Fault(("values.set",)),
     "input-ignored": Fault(("values.set",), ("derivatives.directional",)),
     "integer-clipped": Fault(("values.discrete",)),
@@ -205,6 +231,7 @@ FAULTS = {
     "state-forgets-velocity": Fault(("saved.replay",), STATES),
     "state-forgets-count": Fault(("saved.replay",), STATES),
     "state-forgets-input": Fault(("saved.parameters",), STATES),
+    "adaptive-forgets-velocity": Fault(("saved.replay",), (*STATES, "references.results"), spoil=_replaced('stepSize="0.01"', 'stepSize="0.01" tolerance="1e-3"'), coded=True),
     "one-buffer": Fault(("saved.states",), STATES),
     "dangling": Fault(("saved.states",)),
     "serialized-pointer": Fault(("saved.serialize",), STATES),
@@ -223,6 +250,18 @@ FAULTS = {
     "reference": Fault(("references.results",), spoil=_reference),
 }  # fmt: skip
 """Name -> what is wrong and which checks say so."""
+
+ODDITIES = {
+    "fixed-step": Fault((), spoil=_fixed_step, coded=True),
+    "once": Fault((), spoil=_replaced('modelIdentifier="faulty"', 'modelIdentifier="faulty" canBeInstantiatedOnlyOncePerProcess="true"', count=2), coded=True),
+    "no-early-inputs": Fault((), versions=(2,)),
+    "no-early-derivatives": Fault((), ("states.allowed",), versions=(2,)),
+    "adaptive": Fault((), ("references.results",), spoil=_replaced('stepSize="0.01"', 'stepSize="0.01" tolerance="1e-3"'), coded=True),
+    "empty-token": Fault((), ("description.version",), spoil=_replaced('(guid|instantiationToken)="faulty"', r'\1=""'), coded=True),
+    "step-hang": Fault(()),
+    "slow": Fault(()),
+}  # fmt: skip
+"""Name -> checks that may say something, but no error. Hanging may be slow: that is not judged."""
 
 TIME, U, K, D, X, V, DX, DV, FORCE, COUNT, GAIN, ON, C, Z = range(14)
 _VARIABLES = [  # name, type of FMI 3.0, causality, variability, further attributes of the variable, of its value
@@ -312,7 +351,7 @@ def compile_library(version: int, folder: Path, macros: tuple[str, ...] = ()) ->
 
 def build(version: int, folder: Path, fault: str = "") -> Path:
     """The FMU with this fault; without, it has none."""
-    about = FAULTS.get(fault)
+    about = {**FAULTS, **ODDITIES}.get(fault)
     where, suffix = platform_folder(str(version))
     library = compile_library(version, folder, about.macros if about else ())
     files = {
@@ -324,7 +363,8 @@ def build(version: int, folder: Path, fault: str = "") -> Path:
     }
     if about and about.spoil:
         about.spoil(files, version)
-        files["resources/fault.txt"] = b"none\n"
+        if not about.coded:
+            files["resources/fault.txt"] = b"none\n"
     path = folder / f"Faulty{version}_{fault or 'none'}.fmu"
     with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
         for name, content in files.items():

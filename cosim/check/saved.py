@@ -1,0 +1,200 @@
+"""Checks of saved and serialized states."""
+
+from __future__ import annotations
+
+import ctypes as c
+from typing import Any
+
+from cosim.check.bench import (
+    EQUAL,
+    OTHER,
+    Bench,
+    Found,
+    Values,
+    attempt,
+    compared,
+    difference,
+    differs,
+    disturb,
+    good,
+    moved,
+    peaks,
+    same,
+    tried,
+)
+from cosim.check.calls import Instance
+from cosim.check.rules import NotApplicable, check, note, warning
+
+_SAVED2, _SAVED3 = "2.1.8 Getting and Setting the Complete FMU State", "2.2.6.4 Getting and Setting the Complete FMU State"
+
+
+def _saving(bench: Bench, serialized: bool = False) -> list[Values]:
+    i = bench.interface
+    bench.require(i.serializes if serialized else i.saves, f"it does not promise {'serialized' if serialized else 'saved'} states")
+    return bench.repeatable()
+
+
+_Known = tuple[float, float, list[float], str]
+"""What an importer knows of an instance: time, next event, event indicators and the state of the state machine."""
+
+
+def _run_to_save(bench: Bench, a: Instance) -> tuple[Any, _Known]:
+    """A state that is saved some steps after the start."""
+    a.initialize()
+    bench.run(a, 3)
+    return a.save(), (a.time, a.next_event, a.indicators, a.state)
+
+
+def _continued(bench: Bench, a: Instance, state: Any, known: _Known) -> list[Values]:
+    """The next steps from a saved state."""
+    a.restore(state)
+    a.time, a.next_event, a.indicators, a.state = known
+    return bench.run(a, 4)
+
+
+@check(
+    "saved.replay", "a state that was saved and is restored continues with the same results, again and again",
+    fmi2=_SAVED2, fmi3=_SAVED3,
+    advice="Put everything into the state that results depend on: memories, caches, inputs, parameters, time, pending events.", kinds=("cs", "me"),
+)  # fmt: skip
+def replay(bench: Bench) -> Found:
+    straight_on = _saving(bench)[3:8]
+    if not straight_on:
+        raise NotApplicable("it asks to end the simulation after a few steps")
+
+    def work(a: Instance) -> list[list[Values]]:
+        state, known = _run_to_save(bench, a)
+        runs = [_continued(bench, a, state, known)]
+        for _ in range(2):
+            disturb(bench, a)
+            attempt(lambda: a.step(bench.step))
+            runs.append(_continued(bench, a, state, known))
+        return runs
+
+    at_once, *later = bench.alone(work)
+    # Where nothing happened between saving and restoring, only an integrator that begins from scratch makes a difference.
+    restarted = bool(difference(straight_on, at_once))
+    if found := compared(bench, straight_on, at_once, "saved and restored at once it continues differently", restarted=restarted):
+        yield found
+        return
+    for again, run in zip(("", " once more"), later, strict=True):
+        if found := compared(bench, at_once, run, f"continued from a saved state{again}", restarted=restarted):
+            yield found
+            return
+
+
+@check(
+    "saved.parameters", "a saved state brings back the values that were set",
+    fmi2=_SAVED2, fmi3=_SAVED3,
+    advice="Save inputs and parameters with the state.", kinds=("cs", "me"),
+)  # fmt: skip
+def with_values(bench: Bench) -> Found:
+    _saving(bench)
+    inputs = [v for v in bench.settable("input") if v.is_float and (bench.kind == "cs" or v.variability == "continuous")]
+    values: Values = {v: m for v in tried(inputs) if (m := moved(v, v.starts() or ())) is not None}
+    if not values:
+        raise NotApplicable("there are no real inputs")
+
+    def work(a: Instance) -> tuple[Values, Values]:
+        before = a.initialize().get(list(values))
+        state = a.save()
+        if attempt(lambda: a.set(values)) is None:
+            raise NotApplicable("it does not take other values")
+        a.restore(state)
+        return before, a.get(list(values))
+
+    before, after = bench.alone(work)
+    for v, got in after.items():
+        if not all(same(x, y) for x, y in zip(got, before[v], strict=True)):
+            yield f"input {v.name!r} was {shown_value(before[v])} when the state was saved, and is {shown_value(got)} after it was restored"
+            return
+
+
+def shown_value(values: list[Any]) -> str:
+    return f"{values[0]:.9g}"
+
+
+@check(
+    "saved.states", "several states live side by side, and saving into an old one replaces it",
+    fmi2=_SAVED2, fmi3=_SAVED3,
+    advice="Allocate when the pointer is NULL, overwrite when it is not; set it to NULL when the state is freed.", kinds=("cs", "me"),
+)  # fmt: skip
+def several_states(bench: Bench) -> Found:
+    base = _saving(bench)
+
+    def work(a: Instance) -> list[tuple[str, list[Values]] | str]:
+        found: list[tuple[str, list[Values]] | str] = []
+        watched = bench.watched()
+        early, at_early = a.initialize().save(), a.get(watched)
+        bench.run(a, 2)
+        late, at_late = a.save(), a.get(watched)
+        for state, expected, name in ((early, at_early, "of two states the first"), (late, at_late, "of two states the second")):
+            a.restore(state)
+            found.append((f"{name} is restored wrongly", [expected, a.get(watched)]))
+        a.must(f"Get{a.saved}", c.byref(early))  # into the old one
+        a.restore(early)
+        found.append(("a state saved into an old one is restored wrongly", [at_late, a.get(watched)]))
+        a.must(f"Free{a.saved}", c.byref(early))
+        if early.value is not None:
+            found.append(f"Free{a.saved} leaves the pointer at the state that it has freed")
+            a._saved.remove(early)
+        a.call(f"Free{a.saved}", c.byref(c.c_void_p()))  # NULL is ignored
+        return found
+
+    for entry in bench.alone(work):
+        if isinstance(entry, str):
+            yield entry
+            continue
+        what, (expected, restored) = entry
+        scale = peaks([*base, expected])
+        if text := differs(expected, restored, OTHER, scale):
+            yield f"{what}: {text}"
+            return
+        if text := differs(expected, restored, EQUAL, scale):
+            yield warning(f"{what}, slightly: {text}")
+            return
+
+
+@check(
+    "saved.serialize", "a serialized state continues with the same results, in this and in a fresh instance",
+    fmi2=_SAVED2, fmi3=_SAVED3,
+    advice="Serialize contents, never pointers.", kinds=("cs", "me"),
+)  # fmt: skip
+def serialized(bench: Bench) -> Found:
+    straight_on = _saving(bench, True)[3:8]
+
+    def work(a: Instance) -> tuple[_Known, bytes, bytes, list[Values], list[Values]]:
+        state, known = _run_to_save(bench, a)
+        data, again = a.serialize(state), a.serialize(state)
+        return known, data, again, _continued(bench, a, state, known), _continued(bench, a, a.deserialize(data), known)
+
+    known, data, again, expected, here = bench.alone(work)
+    if again != data:
+        yield note("one state, serialized twice, gives different bytes")
+    restarted = bool(difference(straight_on, expected))
+    if found := compared(bench, expected, here, "continued from a serialized state", restarted=restarted):
+        yield found
+        return
+    fresh = bench.alone(lambda a: _continued(bench, a.initialize(), a.deserialize(data), known))
+    if found := compared(bench, expected, fresh, "continued from a serialized state in a fresh instance", restarted=restarted):
+        yield found
+
+
+@check(
+    "saved.damaged", "bytes that are no state are refused",
+    fmi2=_SAVED2, fmi3=_SAVED3,
+    advice="Check the length before bytes are read; a checksum finds the rest.", kinds=("cs", "me"), worst="warning",
+)  # fmt: skip
+def damaged(bench: Bench) -> Found:
+    bench.require(bench.interface.serializes, "it does not promise serialized states")
+    with bench.instance() as a:
+        a.initialize()
+        data = a.serialize(a.save())
+        for what, wrong in (("cut in half", data[: len(data) // 2]), ("empty", b"")):
+            state = c.c_void_p()
+            name = ("DeSerialize" if a.version == "2" else "Deserialize") + a.saved
+            if len(wrong) < len(data) and good(a.call(name, wrong, c.c_size_t(len(wrong)), c.byref(state))):
+                yield f"{name} takes a state that is {what}"
+                return
+
+
