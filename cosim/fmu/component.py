@@ -23,6 +23,7 @@ from cosim.fmu.environment import restorer, what_changed
 from cosim.fmu.event_mode import EventMode, refusal
 from cosim.fmu.file import FmuFile, Library
 from cosim.fmu.isolation import IsolatedLibrary, Isolation, Lost
+from cosim.fmu.kinks import refuse_kinks
 from cosim.fmu.own_states import MORE_THAN_STATES, StateLayout, find_states
 from cosim.fmu.transfers import Arrangement, arrangements, by_reference, by_type
 
@@ -662,6 +663,13 @@ class FmuComponent:
             if unknowns:
                 jacobian[:, column] = self._derivative(unknowns, known)
         return jacobian[:n, :n], jacobian[:n, n:], jacobian[n:, :n], jacobian[n:, n:]
+
+    def refuse_kinks(self, inputs: Sequence[Variable], outputs: Sequence[Variable], slopes: Array) -> None:
+        """Raise CosimError where the present state lies on a kink or jump; `slopes`: what `linearize` gave, [[A, B], [C, D]]. Only in
+        FMUs of this project can states be moved."""
+        about = self.description
+        if slopes.size and about.kind is not None and about.can_serialize:
+            refuse_kinks(self, slopes, [*about.derivatives, *outputs], about.states, inputs)
 
     def _derivative(self, unknowns: Sequence[Variable], known: Variable) -> list[float]:
         """d unknowns / d known; arrays are requested as a whole."""

@@ -24,7 +24,7 @@ MORE_THAN_STATES = (
 _HEADER = struct.Struct("=IIIIQQQ")  # magic, version, interface, -, component, length, checksum of what follows
 _STATE = struct.Struct("=3dq6i")  # times, sample, mode, has a stop time, started, 3 x what is valid
 _MAGIC, _VERSION = 0x53464D55, 3
-_OUTPUTS_VALID = _STATE.size - 2 * 4  # offset of that flag
+_OUTPUTS_VALID = _STATE.size - 2 * 4  # offset of that flag; the one of the derivatives follows
 _FNV_START, _FNV_FACTOR, _FNV_MASK = 14695981039346656037, 1099511628211, 2**64 - 1
 
 
@@ -34,6 +34,7 @@ class StateLayout:
 
     begin: int
     count: int
+    recomputed: bool = False  # with other states, outputs and derivatives are computed: the FMU is continuous
     _prefix: tuple[bytes, int] = field(default=(b"", _FNV_START), repr=False)  # what was hashed last, up to the states
 
     def read(self, data: bytes) -> Array:
@@ -44,7 +45,10 @@ class StateLayout:
         """The same serialized state with other states."""
         doubles = _doubles(data).copy()
         doubles[self.begin : self.begin + self.count] = x
-        return self._signed(data, data[_HEADER.size : _HEADER.size + _STATE.size] + doubles.tobytes())
+        head = bytearray(data[_HEADER.size : _HEADER.size + _STATE.size])
+        if self.recomputed:
+            struct.pack_into("=2i", head, _OUTPUTS_VALID, 0, 0)
+        return self._signed(data, bytes(head) + doubles.tobytes())
 
     def _signed(self, data: bytes, block: bytes) -> bytes:
         """With header and checksum; up to the states it seldom changes, and need not be hashed again."""

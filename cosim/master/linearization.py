@@ -19,7 +19,8 @@ inputs (central differences) while the system runs through it. Then all are repl
 master with the same schedule takes every unit deviation through the period.
 
 A state of a sampled member that never changes is a constant of the operating point, and one that acts on nothing (a counter of samples) is
-a matter of the period: both are left out. A sampled law with a kink or jump at the operating point is refused.
+a matter of the period: both are left out. A component with a kink or jump at the operating point is refused (continuous FMUs:
+`cosim.fmu.kinks`), and one with more than `LARGEST` numbers in its matrices before they are computed.
 """
 
 from __future__ import annotations
@@ -48,6 +49,7 @@ from cosim.system.schedule import Schedule
 Signal = tuple[Member, Variable]
 
 _STEP = float(np.finfo(float).eps) ** (1 / 3)  # of central differences, relative to max(1, |value|)
+LARGEST = 50_000_000  # numbers in matrices: 7000 states and inputs, minutes of work
 _ROUNDING = 1e-6  # relative; differences of differences below it are none
 
 
@@ -137,7 +139,9 @@ def _models(schedule: Schedule, ports: Mapping[Member, tuple[list[Variable], lis
                 "have some"
             )
         try:
-            models[m] = model_of(m, *ports[m])
+            models[m] = model = model_of(m, *ports[m])
+            if hasattr(m.component, "refuse_kinks"):
+                m.component.refuse_kinks(*ports[m], np.block([[model.a, model.b], [model.c, model.d]]))
         except CosimError as error:
             raise CosimError(f"'{m.name}' cannot be linearized: {error}") from None
     return models
@@ -246,6 +250,7 @@ class _Updates:
     member: Member
     inputs: list[Variable]
     outputs: list[Variable]
+    samples: int = 1  # in the period
     names: list[str] = field(default_factory=list)
     matrices: list[Array] = field(default_factory=list)
     before: Array = field(default_factory=lambda: np.zeros(0))
@@ -289,6 +294,7 @@ class _Updates:
         point = component.sampled_states()  # type: ignore[attr-defined]
         if not self.matrices:
             self.names, self.before = list(point), np.array(list(point.values()))
+            _check_size(f"'{self.member.name}'", len(point) + len(self.inputs), len(point) + len(self.outputs), self.samples)
         x, u = np.array(list(point.values())), component.get(self.inputs)
         saved, n = component.save(), len(point)
 
@@ -350,6 +356,16 @@ class _Updates:
         )
 
 
+def _check_size(whose: str, columns: int, rows: int, samples: int = 1) -> None:
+    """Refuse what would take hours and gigabytes, before it starts."""
+    if columns * rows * samples > LARGEST:
+        times = f" for each of the {samples} samples in the period" if samples > 1 else ""
+        raise CosimError(
+            f"{whose} cannot be linearized: with {columns:,} states and inputs its model is a matrix of {rows:,} x {columns:,} "
+            f"numbers{times}, and at most {LARGEST:,} are computed"
+        )
+
+
 def _differences(here: Array, result: Callable[[int, float], Array], column: int, h: float) -> tuple[Array, Array]:
     """Central difference, and how far the differences on both sides are apart."""
     up, down = result(column, h), result(column, -h)
@@ -407,7 +423,7 @@ def _through_period(
             )
         if not hasattr(m.component, "sampled_states"):
             raise CosimError(f"'{m.name}' cannot be linearized: it does not say what it remembers between samples")
-        found[m] = _Updates(m, *ports[m])
+        found[m] = _Updates(m, *ports[m], samples=max(1, length // int(m.step / exchange.schedule.tick)))
         exchange.ports[m] = _looking(exchange.ports[m], found[m])
     exchange.forget()
     exchange.run_instants_to(exchange.tick + length)
@@ -517,6 +533,7 @@ class _Period:
         names = [n for _, labels, _ in self._parts for n in labels] + [n for _, n in self._slots]
         kept = [not is_held for part, _, is_held in self._parts for _ in part] + [False for _ in self._slots]
         n, m = len(names), len(self._inputs)
+        _check_size("the system", n + m, n + len(self._outputs))
         a, c = np.zeros((n, n)), np.zeros((len(self._outputs), n))
         b, d = np.zeros((n, m)), np.zeros((len(self._outputs), m))
         for i, unit in enumerate(np.eye(n + m)):

@@ -3,6 +3,7 @@
 import subprocess
 import sys
 
+import casadi
 import control
 import numpy as np
 import pytest
@@ -14,6 +15,7 @@ from build_fmus.compile import resolve_platforms
 from build_fmus.component import Component
 from build_fmus.package import build_fmu
 from cosim import CosimError, Fmu, LoopError, PythonComponent, System, TimeError, WiringError
+from cosim.master import linearization
 
 STIFFNESS, MASS = 50.0, 2.0
 
@@ -60,6 +62,19 @@ def law():
     return c
 
 
+def damped():
+    """A mass on a damper whose rates differ in compression and rebound, and one with a smooth square part; both carry a large load."""
+    c = Component("Damped", kind="continuous", description="damper", source="test")
+    v = c.state("v", "m/s", "velocity", output=True)
+    free = c.state("free", "m/s", "velocity without damper", output=True)
+    static = c.parameter("static", 1e6, "m/s2", "load that is carried", source="none")
+    square = c.constant("square", 3.0, "1/m", "smooth part", source="none")
+    low, high = (c.constant(n, x, "1/s", "rate over mass", source="none") for n, x in (("low", 45.0), ("high", 165.0)))
+    c.derivative(v, (static - casadi.if_else(v > 0, high, low) * v) - static)
+    c.derivative(free, (static - low * free - square * free * free) - static)
+    return c
+
+
 def relay():
     c = Component("Relay", kind="discrete", sample_time=0.004, description="relay", source="test")
     x = c.input("x", "m", "position")
@@ -71,7 +86,7 @@ def relay():
 def small(tmp_path_factory):
     folder = tmp_path_factory.mktemp("linearize")
     paths = {}
-    for make, versions in ((mass, (2, 3)), (pendulum, (2,)), (law, (2, 3)), (relay, (3,))):
+    for make, versions in ((mass, (2, 3)), (damped, (2, 3)), (pendulum, (2,)), (law, (2, 3)), (relay, (3,))):
         for version in versions:
             paths[f"{make.__name__}{version}"] = folder / f"{make.__name__}{version}.fmu"
             archive = build_fmu(make(), version, resolve_platforms("host"), OBJECTS)
@@ -228,6 +243,24 @@ def test_all_loops_without_a_solution_are_named():
         system.connect(f"{name}.y", f"{name}.u")
     with pytest.raises(LoopError, match=r"no solution: first\.u, second\.u depend"):
         system.linearize("first.r", "first.y")
+
+
+@pytest.mark.parametrize("version", [2, 3])
+def test_a_plant_on_a_kink_is_refused(small, version):
+    """Both sides are looked at; rounding of the large numbers that are subtracted is no kink, and neither is curvature."""
+    fmu = Fmu(small[f"damped{version}"])
+    with pytest.raises(CosimError, match=r"'Damped' cannot be linearized: its der\(v\) has a kink or jump over v = 0, .*start="):
+        fmu.linearize()
+    for speed, rate in ((0.1, 165.0), (-0.1, 45.0)):
+        for free in (0.0, 0.5):
+            model = fmu.linearize(start={"v": speed, "free": free})
+            np.testing.assert_allclose(model.A, [[-rate, 0], [0, -45.0 - 6 * free]], atol=1e-6)
+
+
+def test_work_is_bounded(small, monkeypatch):
+    monkeypatch.setattr(linearization, "LARGEST", 20)
+    with pytest.raises(CosimError, match=r"'Law' .* 4 states and inputs .* 4 x 4 numbers for each of the 2 samples .* at most 20"):
+        Fmu(small["law3"]).linearize(period="8 ms")
 
 
 def closed_loop(small, version=3, name="law", offset=0):
