@@ -284,16 +284,20 @@ def _exit_code(process: Any) -> int | None:
             return int(process.wait(_PATIENCE))
         return None
     end = time.monotonic() + _PATIENCE
-    while (found := os.waitid(os.P_PID, process.pid, os.WEXITED | os.WNOHANG | os.WNOWAIT)) is None:
-        if time.monotonic() > end:
-            return None
-        time.sleep(0.001)
+    try:
+        while (found := os.waitid(os.P_PID, process.pid, os.WEXITED | os.WNOHANG | os.WNOWAIT)) is None:
+            if time.monotonic() > end:
+                return None
+            time.sleep(0.001)
+    except ChildProcessError:  # another part of the program has waited for it
+        return None
     return found.si_status if found.si_code == os.CLD_EXITED else -found.si_status
 
 
 def _end(process: Any, ours: socket.socket, owner: int) -> None:
     """End the process of an FMU and all that it has started; a forked child leaves them to its parent."""
-    ours.close()
+    with contextlib.suppress(OSError):  # a program that becomes a daemon has closed it
+        ours.close()
     if os.getpid() != owner:
         return
     process.terminate()  # it ends the FMU's processes, then itself (launcher.c)
