@@ -10,7 +10,7 @@ ifeq ($(HOST_CC),)
 RUN_EXTRAS := studies,zig
 endif
 
-.PHONY: run studies test test-full test-courses test-platforms test-pythons test-pages test-kernels release lint bench mutants fuzz docs pictures fmus clean
+.PHONY: run studies test test-full test-courses test-platforms test-pythons test-pages test-judges test-kernels release lint bench mutants fuzz docs pictures fmus clean
 
 run: $(VENV)/.run
 	@echo "1 of 3: the FMUs for this machine, into fmus/ (some minutes the first time, then seconds)"
@@ -55,6 +55,13 @@ test-pythons: $(VENV)/.test
 # Builds FMUs and runs the numeric tests under each kernel of OpenBLAS that this processor executes (the FMUs stay in fmus/.kernels).
 test-kernels: $(VENV)/.test
 	$(BIN)/python -m pytest -m kernels -rs tests/kernels
+
+# Runs FMUs in other importers and compares with their reference results. Which are not there is said: OMSimulator's package downloads a program,
+# fmusim is a program of the Reference FMUs.
+test-judges: $(VENV)/.test
+	$(BIN)/build-fmus
+	@$(BIN)/pip install --quiet --disable-pip-version-check -e '.[judges]' || echo "not every package of the extra [judges] can be installed here"
+	$(BIN)/python -m pytest -m judges -rs tests/judges
 
 # Looks at reports, live pages and the documentation site in Chromium, with axe-core from npm, at two widths and in both colour schemes: one of every kind of content, and
 # those that studies have left in results/. From Debian: apt install chromium npm. What is not installed is said.
