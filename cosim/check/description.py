@@ -347,11 +347,11 @@ def _unknowns_of_initialization(m: Model) -> Found:
             yield warning(f"{text}; nobody reads derivatives of this Co-Simulation FMU") if ignored else text
     calculated += continuous
     if m.version == "2":
-        may = {m.key(v) for v in (*calculated, *m.states, *derivatives)}
+        may = {m.key(v) for v in calculated}
         found = [m.by_key[u.key].name for u in m.structure if u.group == "InitialUnknown" and u.key in m.by_key and u.key not in may and m.by_key[u.key].causality in ("output", "local")]
         if found:
             is_ = "are" if len(found) > 1 else "is"
-            yield warning(f"{names(found)} {is_} among the InitialUnknowns, but no calculated outputs, calculated parameters, states or derivatives")
+            yield warning(f"{names(found)} {is_} among the InitialUnknowns, but no outputs, parameters, states or derivatives that are calculated there")
 
 
 def _shown(m: Model, group: str) -> str:

@@ -10,6 +10,7 @@ import pytest
 from foreign.faulty import BOTH, FAULTS, ODDITIES
 
 from cosim.check import CHECKS, Options, Report, Workers, check
+from cosim.check.calls import Instance
 
 OF_FILES = ("archive", "description", "binary", "states.life")
 LIMITS = Options(seconds=60.0, memory=500_000_000)  # a busy machine takes its time
@@ -117,7 +118,18 @@ def test_nothing_is_called_after_fatal(faulty: Callable[..., Path], workers: Wor
     assert found(report) == {"states.allowed": ["error: Set of inputs (Co-Simulation, step mode) returns Fatal"]}
 
 
+def test_a_missing_derivative_is_named(faulty: Callable[..., Path]) -> None:
+    for version, name, severity in ((2, "no-derivative-unknown", "warning"), (3, "no-derivative-unknown", "warning"), (2, "alias-for-derivative", "error")):
+        texts = found(check(faulty(version, name), Options(only=("description.structure",))))["description.structure"]
+        assert texts[0].startswith(f"{severity}: 'der(x)' is calculated in initialization, but not among the InitialUnknown")
+
+
 def test_every_check_has_a_fault_that_it_finds() -> None:
     tried = {c for fault in FAULTS.values() for c in fault.found}
     untried = {c.id for c in CHECKS.values()} - tried
     assert untried == {"archive.readable", "binary.libraries", "states.arguments", "states.statuses", "exchange.together"}
+
+
+def test_nothing_is_asked_of_an_fmu_without_states() -> None:
+    """Some answer with Error to a vector of 0 elements, which no importer asks for."""
+    assert object.__new__(Instance)._vector("GetContinuousStates", 0) == []

@@ -132,6 +132,17 @@ def _without_exchange(files: dict[str, bytes], version: int) -> None:
     _replaced(r'(<InitialUnknowns>)<Unknown index="7"[^>]*/>' if version == 2 else r'<InitialUnknown valueReference="6"[^>]*/>', r"\1" if version == 2 else "")(files, version)
 
 
+def _alias_for_derivative(files: dict[str, bytes], version: int) -> None:
+    """Among the unknowns of initialization an alias stands for a state derivative."""
+    _replaced(r"</ModelVariables>", '<ScalarVariable name="rate" valueReference="6"><Real/></ScalarVariable></ModelVariables>')(files, version)
+    _replaced(r'(<InitialUnknowns>)<Unknown index="7"([^>]*)/>(.*)(</InitialUnknowns>)', r'\1\3<Unknown index="15"\2/>\4')(files, version)
+
+
+def _known_state(files: dict[str, bytes], version: int) -> None:
+    """A state that is exact is no unknown of initialization."""
+    _replaced("<InitialUnknowns>", '<InitialUnknowns><Unknown index="5"/>')(files, version)
+
+
 def _backslashes(files: dict[str, bytes], version: int) -> None:  # noqa: ARG001
     path = next(p for p in files if p.startswith("binaries/"))
     files[path.replace("/", "\\")] = files.pop(path)
@@ -180,6 +191,8 @@ FAULTS = {
     "struct-description": Fault(("archive.layered",), spoil=_manifest("org.fmi-standard.fmi-ls-struct", "fmiLayeredStandardManifest></fmiLayeredStandardManifest>", _LS_STRUCT)),
     "backslashes": Fault(("archive.zip",), ("archive.layout",), spoil=_backslashes),
     "no-derivative-unknown": Fault(("description.structure",), spoil=_without_exchange),
+    "alias-for-derivative": Fault(("description.structure",), versions=(2,), spoil=_alias_for_derivative),
+    "known-unknown": Fault(("description.structure",), versions=(2,), spoil=_known_state),
     "lost-library": Fault(("archive.implementation",), spoil=_replaced('modelIdentifier="faulty"', 'modelIdentifier="other"', count=2)),
     # ---------------------------------------------------------------------------------------------------------- binary
     "wrong-folder": Fault(("binary.header",), spoil=_moved_library),
