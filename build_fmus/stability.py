@@ -81,7 +81,8 @@ def find_instability(component: Model, matrices: Mapping[str, np.ndarray], step:
     bad = [(name, w) for name, matrix in matrices.items() for w in _unstable(component, step, matrix)]
     if not bad:
         return None
-    name, worst = max(bad, key=lambda b: abs(b[1]))
+    largest = max(abs(w) for _, w in bad)
+    name, worst = next(b for b in bad if abs(b[1]) >= largest * (1 - 1e-9))  # of equal ones the first point's
     shortest, shorter = component.variable("solver.step").min or 0.0, step / 1.25
     while shorter >= shortest and any(_unstable(component, shorter, m).size for m in matrices.values()):
         shorter /= 1.25
