@@ -135,6 +135,12 @@ def _bare(name: str) -> str:
     return name.translate(str.maketrans("", "", ".*·^ "))
 
 
+def meant(text: str) -> Unit | None:
+    """The unit of the table that a text means: ``[m]`` is m, ``N*m`` is N.m. None where the table has none."""
+    bare = _bare(text.strip().removeprefix("[").removesuffix("]"))
+    return next((u for name, u in KNOWN.items() if _bare(name) == bare), None)
+
+
 def unit(name: str) -> Unit:
     """Look up a unit.
 

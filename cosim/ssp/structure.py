@@ -4,6 +4,7 @@ places. Nothing here knows FMUs."""
 from __future__ import annotations
 
 import math
+import warnings
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from fractions import Fraction
@@ -13,8 +14,8 @@ from typing import Any
 from lxml import etree
 
 from build_fmus.checks import did_you_mean, one_line, unknown
-from build_fmus.units import BASE_UNITS, Unit
-from cosim.errors import SspError, TimeError
+from build_fmus.units import BASE_UNITS, Unit, meant
+from cosim.errors import SspError, SspWarning, TimeError
 from cosim.ssp import names
 from cosim.ssp.names import OMS, OSP, OWN, SSB, SSC, SSD, SSM, SSV
 from cosim.ssp.package import Package
@@ -164,6 +165,7 @@ class _File:
             raise self.error(self.root, f"its element is {etree.QName(self.root).localname}, not SystemStructureDescription")
         self.units = units_of(self.root, f"{SSD}Units/{SSC}Unit", self.where)
         self.items = _enumerations_of(self.root, f"{SSD}Enumerations/{SSC}Enumeration", self.where)
+        self.warned: set[str] = set()  # units that it was warned of
         self.own: dict[str, Any] = {}  # what our annotation of the system says about its components, by their names
 
     def error(self, element: Any, text: str) -> SspError:
@@ -325,13 +327,29 @@ class _File:
             raise self.error(element, f"'{name}' has {math.prod(shape)} elements")
         if typed is None:
             return Connector(name, kind, shape=shape)
-        unit, items = typed.get("unit"), typed.get("name")
-        if unit is not None and unit not in self.units:
-            raise self.error(typed, f"'{name}' has the unit {one_line(unit, 40)!r}, which is not among the Units{did_you_mean(unit, self.units)}")
+        items = typed.get("name")
         return Connector(
-            name, kind, etree.QName(typed).localname, None if unit is None else self.units[unit],
+            name, kind, etree.QName(typed).localname, self.unit(typed, f"'{name}'"),
             self.items.get(items) if items is not None else None, shape,
         )  # fmt: skip
+
+    def unit(self, element: Any, what: str) -> Unit | None:
+        """The unit that an element names: one of the Units. Other spellings of a known unit (`[m]`) and an empty text are warned of, once each."""
+        text = element.get("unit")
+        if text is None or text in self.units:
+            return None if text is None else self.units[text]
+        none = text.strip() in ("", "-", "[]", "[-]")
+        found = self.units.get(text.strip(" []")) or meant(text)
+        if not none and found is None:
+            raise self.error(element, f"{what} has the unit {one_line(text, 40)!r}, which is not among the Units{did_you_mean(text, self.units)}")
+        if text not in self.warned:
+            self.warned.add(text)
+            taken = "no unit" if none or found is None else f"'{found.name}'"
+            warnings.warn(
+                f"{self.where}, line {element.sourceline}: {what} has the unit {one_line(text, 40)!r}, which is not among the Units; it is read as {taken}",
+                SspWarning, stacklevel=2,
+            )  # fmt: skip
+        return None if none else found
 
     def whole(self, element: Any, attribute: str) -> int:
         text = self.text(element, attribute)
@@ -443,10 +461,7 @@ class _File:
         texts = listed or ([single] if kind in ("String", "Enumeration") else single.split())
         if not texts:
             raise self.error(element, f"parameter '{name}' has no value")
-        unit = typed.get("unit")
-        if unit is not None and unit not in self.units:
-            raise self.error(typed, f"parameter '{name}' has the unit {one_line(unit, 40)!r}, which is not among the Units")
-        return Value(prefix + name, kind, tuple(texts), None if unit is None else self.units[unit])
+        return Value(prefix + name, kind, tuple(texts), self.unit(typed, f"parameter '{name}'"))
 
 
 def _true(element: Any, attribute: str) -> bool:

@@ -355,3 +355,17 @@ def test_deviations_from_the_standard_are_warned_of(follower, tmp_path):
     path = p.package(tmp_path / "D.ssp", {SSD: text, "f.fmu": follower[2]})
     with pytest.warns(SspWarning, match=r"SystemStructure\.ssd deviates from SSP 1\.0: line 1: .*colour"):
         System.from_ssp(path).close()
+
+
+@pytest.mark.parametrize(("unit", "read_as", "value"), [("", "no unit", 90.0), ("[-]", "no unit", 90.0), ("[rad]", "'rad'", math.degrees(90.0)), ("rad", "'rad'", math.degrees(90.0))])
+def test_units_that_tools_write_though_the_file_does_not_define_them(follower, tmp_path, unit, read_as, value):
+    """Published files of two tools have `unit=""` and `unit="[m]"`: one warning for each text, of connectors and of parameters."""
+    bound = p.inline(p.values(u="Real 90@deg").replace('unit="deg"', f'unit="{unit}"'))
+    text = p.structure(p.system("top", p.component("one", "f.fmu", "u:input:Real:deg", "y:output:Real:rad", bindings=bound)))
+    text = text.replace('unit="rad"', f'unit="{unit}"').replace(p.UNITS, p.UNITS.replace('<ssc:Unit name="rad"><ssc:BaseUnit rad="1"/></ssc:Unit>', ""))
+    path = p.package(tmp_path / "U.ssp", {SSD: text, "f.fmu": follower[2]})
+    with pytest.warns(SspWarning, match=f"has the unit {re.escape(repr(unit))}, which is not among the Units; it is read as {read_as}") as told:
+        system = System.from_ssp(path)
+    assert len([w for w in told if "among the Units" in str(w.message)]) == 1
+    assert system["one"].values["u"] == pytest.approx(value)
+    system.close()
