@@ -24,6 +24,7 @@ import numpy as np
 from build_fmus import extras, safe_files
 from build_fmus.checks import plain
 from cosim.base_error import CosimError
+from cosim.reading import NotRead, answer, read_apart
 from cosim.signals import Array
 
 TIME = "time"
@@ -65,12 +66,14 @@ class Content:
 
 @dataclass(frozen=True)
 class Format:
-    """A kind of file: its name, and what writes and reads it. `extra`: whether it needs more than what is always installed."""
+    """A kind of file: its name, and what writes and reads it. `extra`: whether it needs more than what is always installed; `apart`: whether
+    its library is no match for damaged files, so that it reads in a process of its own."""
 
     name: str
     write: Callable[[IO[bytes], Recorded], None]
     read: Callable[[Path], Content]
     extra: bool = True
+    apart: bool = False
 
 
 def format_of(path: str | os.PathLike[str]) -> Format:
@@ -116,13 +119,19 @@ def read(path: str | os.PathLike[str]) -> Content:
     if form.name == "CSV":
         return read_csv(path)
     try:
-        content = form.read(path)
+        return Content(**read_apart(path, "from cosim.formats import _answer; _answer()")) if form.apart else form.read(path)
     except FormatError:
         raise
     except Exception as error:  # whatever a library makes of a file that nobody wrote
+        if isinstance(error, NotRead) and error.refused:
+            raise FormatError(f"{path}: {error}") from None
         detail = str(error).splitlines()[0] if str(error) else type(error).__name__
         raise FormatError(f"{path}: cannot be read as {form.name}: {detail}") from None
-    return content
+
+
+def _answer() -> None:
+    """The process in which a file is read."""
+    answer(lambda path: format_of(path).read(path))
 
 
 def _check(path: str | os.PathLike[str], recorded: Recorded) -> None:
@@ -418,8 +427,8 @@ def read_mf4(path: Path) -> Content:
 
 CSV = Format("CSV", write_csv, read_csv, extra=False)
 PARQUET = Format("Parquet", write_parquet, read_parquet)
-NETCDF = Format("NetCDF", write_netcdf, read_netcdf)
-HDF5 = Format("HDF5", write_netcdf, read_netcdf)
-MF4 = Format("MF4", write_mf4, read_mf4)
+NETCDF = Format("NetCDF", write_netcdf, read_netcdf, apart=True)
+HDF5 = Format("HDF5", write_netcdf, read_netcdf, apart=True)
+MF4 = Format("MF4", write_mf4, read_mf4, apart=True)
 FORMATS: dict[str, Format] = {".csv": CSV, ".parquet": PARQUET, ".nc": NETCDF, ".h5": HDF5, ".hdf5": HDF5, ".mf4": MF4}
 """By the ending of a file, in small letters."""

@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 import json
+import os
+import random
 import re
+import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +19,7 @@ import xarray as xr
 from same import bits
 
 from build_fmus.units import DisplayUnit
-from cosim import CosimError, FormatError, PythonComponent, Recording, System
+from cosim import CosimError, FormatError, PythonComponent, Recording, System, reading
 from cosim.formats import FORMATS
 from cosim.spool import recover
 
@@ -271,3 +275,73 @@ def test_display_units_of_fmus_go_into_the_file(built_fmus, tmp_path: Path) -> N
     read = Recording.read(tmp_path / "a.csv")
     assert read.units["car.body.pitch"] == "deg"
     np.testing.assert_allclose(read["car.body.pitch"], np.degrees(recording["car.body.pitch"]), rtol=1e-14)
+
+
+def damaged(content: bytes, seed: int) -> bytes:
+    """Bytes of a file changed, at the end cut off too."""
+    rng = random.Random(seed)
+    changed = bytearray(content)
+    for _ in range(rng.choice((1, 4, 16, 64))):
+        changed[rng.randrange(len(changed))] = rng.randrange(256)
+    return bytes(changed[: rng.randrange(len(changed))] if seed % 3 == 2 else changed)
+
+
+@pytest.mark.parametrize("ending", [".nc", ".h5", ".mf4"])
+def test_damaged_files_end_in_a_sentence_or_a_recording(ending: str, tmp_path: Path) -> None:
+    """Whatever their libraries make of them, in a process of their own."""
+    small = Recording(np.arange(20) / 10, ["a.x[1]", "a.x[2]"], np.ones((20, 2)))
+    whole = small.write(tmp_path / f"whole{ending}").read_bytes()
+    for seed in (1, 2):
+        path = tmp_path / f"a{ending}"
+        path.write_bytes(damaged(whole, seed))
+        try:
+            Recording.read(path)
+        except FormatError as error:
+            assert str(error).startswith(f"{path}: cannot be read as")  # noqa: PT017
+
+
+@pytest.mark.parametrize(
+    ("deed", "said", "seconds", "slack"),
+    [
+        ("import os, signal; os.kill(os.getpid(), signal.SIGSEGV)", "ended with exit code -11", 60.0, 10.0),
+        ("exec('while True: pass')", "ended with exit code -", 1.0, 600.0),
+        ("import time; time.sleep(600)", "did not end within", 1.0, 1.0),
+        ("bytearray(2**62)", "it needs more memory", 60.0, 10.0),
+        ("import os; os._exit(3)", "ended with exit code 3", 60.0, 10.0),
+    ],
+)
+@pytest.mark.skipif(os.name == "nt", reason="Windows has no limit of processor time, and other exit codes")
+def test_a_library_that_hangs_or_ends_its_process(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, deed: str, said: str, seconds: float, slack: float
+) -> None:
+    monkeypatch.setattr(reading, "SECONDS", seconds)
+    monkeypatch.setattr(reading, "_SLACK", slack)
+    path = tmp_path / "a.nc"
+    path.write_bytes(b"")
+    with pytest.raises(reading.NotRead, match=said):
+        reading.read_apart(path, f"from cosim.reading import answer; answer(lambda path: exec({deed!r}))")
+
+
+@pytest.mark.skipif(os.name == "nt", reason="sends a signal of POSIX")
+def test_ctrl_c_ends_a_read_and_its_process(tmp_path: Path) -> None:
+    path, pid = tmp_path / "a.nc", tmp_path / "pid"
+    path.write_bytes(b"")
+    deed = f"import os, signal, time; signal.signal(signal.SIGINT, signal.SIG_IGN); open({str(pid)!r}, 'w').write(str(os.getpid())); time.sleep(600)"
+    inner = f"from cosim.reading import answer; answer(lambda path: exec({deed!r}))"
+    program = f"from pathlib import Path; from cosim import reading; reading.read_apart(Path({str(path)!r}), {inner!r})"
+    reader = subprocess.Popen([sys.executable, "-c", program], stderr=subprocess.PIPE, text=True)
+    while not (pid.exists() and pid.read_text()):
+        assert reader.poll() is None
+        time.sleep(0.05)
+    reader.send_signal(signal.SIGINT)
+    assert "KeyboardInterrupt" in reader.communicate(timeout=60)[1]
+    with pytest.raises(ProcessLookupError):
+        os.kill(int(pid.read_text()), 0)
+
+
+def test_reading_imports_nothing_from_the_working_folder(recording: Recording, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = recording.write(tmp_path / "a.nc")
+    (tmp_path / "h5netcdf.py").write_text("raise SystemExit('imported')")
+    monkeypatch.chdir(tmp_path)
+    assert_alike(Recording.read("a.nc"), recording)
+    assert path.is_file()
