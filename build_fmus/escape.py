@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import html as _html
 import json
+import math
 import re
 import shlex
 from collections.abc import Collection
@@ -46,7 +47,7 @@ def c_identifier(text: str, taken: Collection[str] = ()) -> str:
 
 def c_number(x: float) -> str:
     """A number of C that is read back to the last bit."""
-    if x != x:
+    if math.isnan(x):
         return "NAN"
     if x in (float("inf"), float("-inf")):
         return "INFINITY" if x > 0 else "-INFINITY"

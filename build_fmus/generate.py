@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import json
 import math
 import re
 import textwrap
@@ -21,6 +20,7 @@ from build_fmus.component import Model, Variable
 from build_fmus.equations.functions import Functions
 from build_fmus.equations.names import WIDTH, Struct
 from build_fmus.equations.operators import constant
+from build_fmus.escape import c_comment, c_string
 from build_fmus.mathematics import math_files
 from build_fmus.qp_sources import THIRD_PARTY, ThirdParty
 
@@ -90,10 +90,6 @@ def _number(x: float | None, default: float = 0.0) -> str:
     return constant(default if x is None else float(x)).code
 
 
-def _string(text: str) -> str:
-    return json.dumps(text)
-
-
 def _table(kind: str, name: str, items: Iterable[str]) -> str:
     """A constant array, one item to a line."""
     return "\n".join([f"static const {kind} {name}[] = {{", *(f"    {item}," for item in items), "};", ""])
@@ -125,7 +121,7 @@ def _variable(r: Reference) -> str:
         limits = {"min": _number(v.min, -math.inf), "max": _number(v.max, math.inf)}
     constant = {} if v.must_equal is None else {"must_equal": _number(v.must_equal), "tolerance": _number(v.tolerance)}
     return _fields(
-        name=_string(r.name),
+        name=c_string(r.name),
         type=None if v.type == "Float64" else _TYPES[v.type],
         role=_ROLES[v.role],
         slot=str(r.slot),
@@ -174,13 +170,13 @@ def _head(component: Model) -> str:
         "d": "fmu_core.c calls the functions below, at each sample instant first for the outputs and the next states",
     }[about]
     paragraphs = [
-        f"{component.name}: {component.description}. Generated from its declaration, do not edit.",
+        f"{component.name}. Generated from its declaration, do not edit.",
         f"Equations: {component.source}.",
         *papers,
-        f"{reading}; modelDescription.xml says where the values of parameters come from.",
+        f"{reading}; modelDescription.xml says what it is, and where the values of parameters come from.",
     ]
-    lines = [line for p in paragraphs for line in textwrap.wrap(p, WIDTH - 3, break_long_words=False)]
-    return "/* " + "\n * ".join(lines).replace("*/", "* /") + " */"
+    lines = [line for p in paragraphs for line in textwrap.wrap(c_comment(p), WIDTH - 3, break_long_words=False)]
+    return "/* " + "\n * ".join(lines) + " */"
 
 
 _written: WeakKeyDictionary[Model, Functions] = WeakKeyDictionary()
@@ -213,8 +209,8 @@ def generate_c(component: Model, *, arrays: bool, token: str, clocks: bool = Fal
     start = _start(component, functions.structs)
     tables = [_table("FmuVariable", "variables", map(_variable, refs)), start]
     fields: dict[str, object] = {
-        "name": _string(component.name),
-        "token": _string(token),
+        "name": c_string(component.name),
+        "token": c_string(token),
         "is_continuous": int(continuous),
         "solver": f"FMU_{solver.upper()}" if continuous else None,
         "sample_time": _number(component.sample_time) if component.sample_time else None,
@@ -225,7 +221,7 @@ def generate_c(component: Model, *, arrays: bool, token: str, clocks: bool = Fal
         every = ticks(component)
         fields |= {"has_clock": 1, "clock_counter": f"{every.numerator}u", "clock_resolution": f"{every.denominator}u"}
     if hidden:
-        rows = (_fields(name=_string(v.name), slot=str(v.slot), size=str(v.size)) for v in hidden)
+        rows = (_fields(name=c_string(v.name), slot=str(v.slot), size=str(v.size)) for v in hidden)
         tables.append(_table("FmuHidden", "hidden", rows))
         fields |= {"hidden": "hidden", "n_hidden": len(hidden)}
     fields |= {f"n_{r}s": size(r) for r in ("parameter", "input", "state", "output")}  # type: ignore[arg-type]
@@ -242,13 +238,13 @@ def generate_c(component: Model, *, arrays: bool, token: str, clocks: bool = Fal
     if points:
         tables += [_table("FmuSetting", f"point_{i}", settings) for i, (_, settings) in enumerate(points) if settings]
         rows = (
-            _fields(name=_string(name), settings=f"point_{i}" if settings else None, n_settings=len(settings))
+            _fields(name=c_string(name), settings=f"point_{i}" if settings else None, n_settings=len(settings))
             for i, (name, settings) in enumerate(points)
         )
         tables.append(_table("FmuPoint", "points", rows))
         fields |= {"points": "points", "n_points": len(points)}
     if component.check_messages:
-        tables.append(_table("char *const", "check_messages", map(_string, component.check_messages)))
+        tables.append(_table("char *const", "check_messages", map(c_string, component.check_messages)))
         fields |= {"check_messages": "check_messages", "n_checks": len(component.check_messages)}
     if component.programs:
         fields["qp"] = "&fmu_qp_functions"

@@ -15,7 +15,7 @@ from typing import Annotated, Any
 
 import typer
 from rich.console import Console, RenderableType
-from rich.markup import escape
+from rich.text import Text
 from typer.core import TyperCommand, TyperGroup
 
 from build_fmus import extras, safe_files
@@ -30,7 +30,9 @@ APP: dict[str, Any] = {
 }
 """Arguments of every ``typer.Typer``."""
 
-console = Console(stderr=True, highlight=False, soft_wrap=True)
+AS_TEXT: dict[str, Any] = {"markup": False, "emoji": False}
+"""Arguments of every console: names, units and messages of others hold brackets and colons, which are never markup. What is styled is a ``Text``."""
+console = Console(stderr=True, highlight=False, soft_wrap=True, **AS_TEXT)
 
 
 class Stopped(Exception):  # noqa: N818
@@ -66,7 +68,7 @@ class _ToScreen(logging.Handler):
     """Messages of the loggers below ``cosim`` on standard error."""
 
     def emit(self, record: logging.LogRecord) -> None:
-        console.print(escape(self.format(record)))
+        console.print(self.format(record))
 
 
 def _tell_more(count: int) -> None:
@@ -203,7 +205,7 @@ def show(*items: RenderableType, as_is: bool = False) -> None:
     """
     wide = None if sys.stdout.isatty() else 1_000_000
     try:
-        Console(width=wide).print(*items, soft_wrap=as_is)
+        Console(width=wide, **AS_TEXT).print(*items, soft_wrap=as_is)
     except OSError as error:
         _drop_output()
         raise OSError(error.errno, error.strerror, "standard output") from error
@@ -224,11 +226,11 @@ def run(program: str, app: Callable[[], Any], expected: tuple[type[Exception], .
         app()
     except Stopped as stopped:
         console.quiet = False
-        console.print(escape(str(stopped) or interrupted))
+        console.print(str(stopped) or interrupted)
         sys.exit(130)
     except failures as error:
         console.quiet = False
-        console.print(f"[red]{program}:[/red] {escape(_text(error))}")
+        console.print(Text.assemble((f"{program}:", "red"), f" {_text(error)}"))
         _drop_output()
         sys.exit(1)
 

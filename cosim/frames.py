@@ -9,7 +9,7 @@ import numpy as np
 from lxml import html
 from lxml.html import builder as E  # noqa: N812
 
-from build_fmus import extras
+from build_fmus import escape, extras
 from cosim.formats import TIME, FormatError, Recorded, blocks, columns
 from cosim.peaks import keep_peaks
 
@@ -67,20 +67,20 @@ def figure(recorded: Recorded, names: Sequence[str], title: str = "") -> go.Figu
         time, values = recorded.time, recorded.data[:, place[name]]
         if shape == "linear":
             time, values = keep_peaks(time, values, _POINTS)
-        drawn.add_trace(go.Scatter(x=time, y=values, name=name, line={"shape": shape, "width": 1.5}), row=row, col=1)
+        drawn.add_trace(go.Scatter(x=time, y=values, name=escape.html(name), line={"shape": shape, "width": 1.5}), row=row, col=1)
     for row, unit in enumerate(units, start=1):
-        drawn.update_yaxes(title_text=f"[{unit}]" if unit else "", row=row, col=1)
+        drawn.update_yaxes(title_text=escape.html(f"[{unit}]") if unit else "", row=row, col=1)
     drawn.update_xaxes(title_text="time [s]", row=len(units), col=1)
-    drawn.update_layout(title=title or None, height=160 + 220 * len(units), template="plotly_white", showlegend=True)
+    drawn.update_layout(title=escape.html(title) or None, height=160 + 220 * len(units), template="plotly_white", showlegend=True)
     return drawn
 
 
 def page(recorded: Recorded, about: str) -> str:
     """What it holds as a table, for notebooks: of each variable its unit, and its first, smallest, largest and last value."""
     head = E.TR(*(E.TH(text) for text in ("variable", "unit", "first", "smallest", "largest", "last")))
-    rows = [E.TR(E.TD(n), E.TD(recorded.units.get(n, "")), *map(E.TD, _figures(v))) for n, v in _shown(recorded)]
+    rows = [E.TR(E.TD(escape.xml(n)), E.TD(escape.xml(recorded.units.get(n, ""))), *map(E.TD, _figures(v))) for n, v in _shown(recorded)]
     more = len(recorded.names) - len(rows)
-    parts = [E.P(about), E.TABLE(E.THEAD(head), E.TBODY(*rows))]
+    parts = [E.P(escape.xml(about)), E.TABLE(E.THEAD(head), E.TBODY(*rows))]
     if more:
         parts.append(E.P(f"and {more} more"))
     text: str = html.tostring(E.DIV(*parts), encoding="unicode")
@@ -88,11 +88,7 @@ def page(recorded: Recorded, about: str) -> str:
 
 
 def _shown(recorded: Recorded) -> list[tuple[str, Any]]:
-    return [(_printable(name), recorded.data[:, i]) for i, name in enumerate(recorded.names[:_ROWS])]
-
-
-def _printable(name: str) -> str:
-    return "".join(c if c.isprintable() else "?" for c in name)
+    return [(name, recorded.data[:, i]) for i, name in enumerate(recorded.names[:_ROWS])]
 
 
 def _figures(values: Any) -> list[str]:

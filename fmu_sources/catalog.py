@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from build_fmus.checks import did_you_mean
+from build_fmus.escape import NO_XML
 
 if TYPE_CHECKING:
     from build_fmus.component import Component
@@ -114,6 +115,8 @@ def catalog_suffix(path: Path) -> str:
     words = re.findall(r"[A-Za-z0-9]+", path.stem)
     if not words:
         raise ValueError(f"{path}: FMUs are named after this file, so its name needs letters or digits; rename it")
+    if bad := NO_XML.search(path.name):
+        raise ValueError(f"{path}: the name of this file stands in the FMU, and XML cannot hold its character {bad[0]!a}; rename it")
     return "".join(w[0].upper() + w[1:] for w in words)
 
 

@@ -49,6 +49,7 @@ from build_fmus.component.variables import (
     Solver,
     Variable,
     source_fault,
+    text_fault,
 )
 
 __all__ = [
@@ -66,4 +67,5 @@ __all__ = [
     "Variable",
     "Violation",
     "source_fault",
+    "text_fault",
 ]

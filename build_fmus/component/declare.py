@@ -18,7 +18,16 @@ from build_fmus.component.declaration import named
 from build_fmus.component.dimensions import Dimensions
 from build_fmus.component.linear import Linearization, statespace
 from build_fmus.component.model import Model
-from build_fmus.component.variables import BaseType, DeclarationError, Kind, Role, Solver, Variable, source_fault
+from build_fmus.component.variables import (
+    BaseType,
+    DeclarationError,
+    Kind,
+    Role,
+    Solver,
+    Variable,
+    source_fault,
+    text_fault,
+)
 from build_fmus.random_profiles import RandomProfiles
 
 with extras.needed("build", extras.BUILDING):
@@ -83,8 +92,9 @@ class Component:
             raise DeclarationError(f"component name {name!r} is not an identifier")
         if (sample_time is not None) != (kind == "discrete"):
             raise DeclarationError(f"{name}: a sample_time is for discrete components, and only for those")
-        if fault := source_fault(source):
-            raise DeclarationError(f"{name}: source: {fault}")
+        for what, fault in (("description", text_fault(description)), ("source", source_fault(source))):
+            if fault:
+                raise DeclarationError(f"{name}: {what}: {fault}")
         self._model: Model | None = None
         self.name, self.kind, self.description, self.source = name, kind, description, source
         self.sample_time = sample_time

@@ -8,6 +8,8 @@ from dataclasses import dataclass, field
 from itertools import product
 from typing import Any, Literal
 
+from build_fmus.escape import NO_XML
+
 Kind = Literal["continuous", "discrete"]
 Role = Literal["time", "parameter", "constant", "input", "state", "derivative", "output"]
 Solver = Literal["rk4", "am2", "ros2", "semi_implicit"]
@@ -15,7 +17,6 @@ BaseType = Literal["Float64", "Int32", "Boolean"]
 
 
 LONGEST_SOURCE = 4096  # characters; who reads an FMU believes no more
-_NO_XML = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 _ESCAPED = re.compile("[\udc80-\udcff]")  # bytes of a name that the locale could not decode
 _SAME = 1e-6  # relative difference at which two constants count as one: they may pass through text and other units
 
@@ -28,11 +29,16 @@ def source_fault(source: str) -> str:
     """What is wrong with the text that says where a value comes from, with the remedy; empty when nothing is."""
     if not (source and source.strip()):
         return 'empty; say where the value comes from, or "assumed"'
-    if len(source) > LONGEST_SOURCE:
-        return f"has {len(source)} characters; shorten it to {LONGEST_SOURCE}"
-    if _ESCAPED.search(source):
+    return text_fault(source)
+
+
+def text_fault(text: str) -> str:
+    """What is wrong with a text that FMUs are to hold, with the remedy; empty when nothing is."""
+    if len(text) > LONGEST_SOURCE:
+        return f"has {len(text)} characters; shorten it to {LONGEST_SOURCE}"
+    if _ESCAPED.search(text):
         return "names a file that this locale has no characters for; set PYTHONUTF8=1"
-    if bad := _NO_XML.search(source):
+    if bad := NO_XML.search(text):
         return f"contains the character {bad[0]!a}, which XML cannot hold; remove it"
     return ""
 

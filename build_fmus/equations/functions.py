@@ -13,6 +13,7 @@ from build_fmus.equations.casadi_code import casadi_code
 from build_fmus.equations.graph import Graph, Result, UnknownOperationError
 from build_fmus.equations.names import WIDTH, Struct
 from build_fmus.equations.statements import Name, Statements, Tables, Target
+from build_fmus.escape import c_comment
 
 with extras.needed("build", extras.BUILDING):
     import casadi as ca
@@ -288,7 +289,7 @@ def _signature(part: _Part) -> str:
 
 def _head(title: str, source: str = "") -> str:
     text = f"/* {'-' * 66} {title}"
-    lines = textwrap.wrap(source, WIDTH - 3, break_long_words=False)
+    lines = textwrap.wrap(c_comment(source), WIDTH - 3, break_long_words=False)
     return "\n * ".join([text, *lines]) + " */"
 
 

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from math import prod
 
 from build_fmus.equations.operators import FUNCTIONS, HELPERS
+from build_fmus.escape import c_comment
 
 WIDTH = 120
 _KEYWORDS = frozenset(
@@ -95,7 +96,7 @@ class Struct:
         for m in self.members:
             head = f"    {_declaration(m)};"
             if m.comment:
-                wrapped = textwrap.wrap(f"/* {m.comment} */", max(50, WIDTH + 8 - column))
+                wrapped = textwrap.wrap(f"/* {c_comment(m.comment)} */", max(50, WIDTH + 8 - column))
                 head = f"{head:<{column}}{wrapped[0]}"
                 lines += [head, *(" " * (column + 3) + line for line in wrapped[1:])]
             else:

@@ -21,6 +21,7 @@ from build_fmus.equations.branches import Block, Branch, Guard, arranged, guards
 from build_fmus.equations.graph import GATHER, SCATTER, Graph, Node, UnknownOperationError
 from build_fmus.equations.names import WIDTH, Struct, identifier
 from build_fmus.equations.operators import ATOM, ELEMENTWISE, SUM, Text, constant, write
+from build_fmus.escape import c_comment
 
 with extras.needed("build", extras.BUILDING):
     import casadi as ca
@@ -181,7 +182,7 @@ class Statements:
             self._prepare(node)
             source = target.sources.get(start, "")
             if source and source != explained:
-                self._lines.append(_Line([f"/* {source} */"]))
+                self._lines.append(_Line([f"/* {c_comment(source)} */"]))
             explained = source
             self._assign(target, start, node)
         return self._in_branches() if self._guards else self._placed()
@@ -281,7 +282,7 @@ class Statements:
         if name is None or not name.source or name.source in self._explained:
             return []
         self._explained.add(name.source)
-        return [f"/* {name.source} */"]
+        return [f"/* {c_comment(name.source)} */"]
 
     def _name(self, n: int) -> str:
         known = self.names.get(n)
@@ -517,7 +518,7 @@ class Statements:
                 element = f"{target.pointer}->{target.struct.element(slot)}"
                 array = (f"{target.pointer}->{member.name}", slot - member.slot)
                 count = min(size - done, member.slot + member.size - slot) if len(member.shape) < 2 else 1
-            comment = f" /* {target.comments[slot]} */" if slot in target.comments else ""
+            comment = f" /* {c_comment(target.comments[slot])} */" if slot in target.comments else ""
             if count == 1:
                 line = f"{element} = {value.at(Index('', 0, done)).code};{comment}"
             else:

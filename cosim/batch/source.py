@@ -115,7 +115,7 @@ class LaneSource:
         shown = f"static const int shown[] = {{{', '.join(map(str, outputs)) or '0'}}};\n"
         return "\n".join(
             [
-                f"/* {self.fields['name'].strip(chr(34))} in lanes. Generated from its sources. */",
+                "/* An FMU in lanes. Generated from its sources. */",
                 f"#define LANES {lanes}", f"#define LANES_TARGET {target}", '#include "lanes.h"', "",
                 *wrapped, "", functions, *numbers, shown, *defines, '#include "lane_member.h"', "",
             ]

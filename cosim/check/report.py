@@ -10,6 +10,7 @@ from typing import Any
 
 from lxml import etree
 
+from build_fmus import escape
 from cosim.check.rules import SEVERITIES, Check, Finding, Severity
 
 CLEAN, ERRORS, UNCHECKED = 0, 1, 2  # exit codes
@@ -113,29 +114,24 @@ def to_junit(reports: Iterable[Report], strict: bool = False) -> bytes:
     """JUnit XML: a suite for each FMU, a case for each check; errors are failures, what does not apply is skipped."""
     root = etree.Element("testsuites")
     for report in reports:
-        suite = etree.SubElement(root, "testsuite", name=_clean(report.path.name), time=f"{report.seconds:.3f}")
+        suite = etree.SubElement(root, "testsuite", name=escape.xml(report.path.name), time=f"{report.seconds:.3f}")
         failures = 0
         for r in report.results:
             group = f"{report.path.stem}.{r.check.group}"
-            case = etree.SubElement(suite, "testcase", classname=_clean(group), name=_clean(r.name), time=f"{r.seconds:.3f}")
+            case = etree.SubElement(suite, "testcase", classname=escape.xml(group), name=escape.xml(r.name), time=f"{r.seconds:.3f}")
             bad = [f for f in r.findings if f.severity == "error" or (strict and f.severity == "warning")]
             rest = [f for f in r.findings if f not in bad]
             if bad:
                 failures += 1
-                failure = etree.SubElement(case, "failure", type=bad[0].severity, message=_clean(str(bad[0])))
-                failure.text = _clean("\n".join([*map(str, bad), section(r, report), r.check.advice]))
+                failure = etree.SubElement(case, "failure", type=bad[0].severity, message=escape.xml(str(bad[0])))
+                failure.text = escape.xml("\n".join([*map(str, bad), section(r, report), r.check.advice]))
             elif r.inapplicable and not rest:
-                etree.SubElement(case, "skipped", message=_clean(r.inapplicable))
+                etree.SubElement(case, "skipped", message=escape.xml(r.inapplicable))
             if rest:
-                etree.SubElement(case, "system-out").text = _clean("\n".join(f"{f.severity}: {f}" for f in rest))
+                etree.SubElement(case, "system-out").text = escape.xml("\n".join(f"{f.severity}: {f}" for f in rest))
         skipped = report.count("not applicable") + report.count("not judged")
         suite.set("tests", str(len(report.results)))
         suite.set("failures", str(failures))
         suite.set("errors", "0")
         suite.set("skipped", str(skipped))
     return bytes(etree.tostring(root, encoding="UTF-8", xml_declaration=True, pretty_print=True))
-
-
-def _clean(text: str) -> str:
-    """Without characters that XML cannot hold."""
-    return "".join(ch if ch in "\t\n" or " " <= ch < "\ud800" or "\ue000" <= ch <= "\ufffd" or ch > "\uffff" else "?" for ch in text)

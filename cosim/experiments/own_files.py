@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import shlex
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from build_fmus import escape
 from cosim.study.case import CaseError
 from cosim.study.fmus import FmuSet
 from fmu_sources.catalog import catalog_suffix, no_preview_lq, own_names, weights_name
@@ -81,13 +81,13 @@ def own_fmus(experiment: str, directory: Path, fmi: int, vehicles: Sequence[Path
         for published, name in own_names(file, catalog_suffix(file)).items():
             if published in own:
                 raise CaseError(f"{by[published]} and {file} both give another {published}; choose one of them")
-            own[published], by[published] = (name, f"--vehicle {shlex.quote(str(file))}"), file
+            own[published], by[published] = (name, f"--vehicle {escape.shell(str(file))}"), file
     if weights is not None:
         load_weights(weights)
         vehicle = next(iter(vehicles or ()), None)
-        options = "" if vehicle is None else f"--vehicle {shlex.quote(str(vehicle))} "
+        options = "" if vehicle is None else f"--vehicle {escape.shell(str(vehicle))} "
         name = weights_name(weights, vehicle)
-        own[weights_name(weights)] = (name, f"{options}--weights {shlex.quote(str(weights))}")
+        own[weights_name(weights)] = (name, f"{options}--weights {escape.shell(str(weights))}")
     return FmuSet(directory, fmi, own)
 
 

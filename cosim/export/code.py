@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import json
-import re
 import tempfile
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
@@ -14,6 +12,7 @@ import fmpy
 
 from build_fmus import extras, generate, package, safe_files
 from build_fmus.compile import ObjectCache, find_toolchain, host
+from build_fmus.escape import c_identifier, c_number, c_string
 from cosim.description import Variable
 from cosim.engine.plan import MemberPlan, Plan, make_plan
 from cosim.errors import CosimError, WiringError
@@ -108,7 +107,7 @@ class SystemCode:
             if other and m.description.only_once:
                 raise WiringError(f"'{other}' and '{m.name}' are instances of {fmu.path}, which allows one per process")
             if key not in found:
-                found[key] = part_of(_identifier(fmu.description.identifier, [p.name for p in found.values()]), fmu)
+                found[key] = part_of(c_identifier(fmu.description.identifier, [p.name for p in found.values()]), fmu)
             parts[m] = found[key]
         return parts
 
@@ -153,7 +152,7 @@ class SystemCode:
         room_u = _Room()
         members = [self._member(i, p, buffers, room_u) for i, p in enumerate(self.plan.members)]
         return template("plan.c.j2").render(
-            name=self.name, token=token, schedule=str(self.schedule), members=members, n_discrete=self.plan.n_discrete,
+            name=self.name, token=token, members=members, n_discrete=self.plan.n_discrete,
             linked=[p for p in self.distinct if p.linked], clocks=self.plan.clocks[:-1], owners=self._owners(),
             variables=[{"name": "time", "type": "FMU_FLOAT64", "role": "FMU_TIME", "slot": -1}, *map(self._variable, self.variables)],
             a=a, d=d, n_values=self.plan.size, n_u=room_u.used, n_buffer=buffers.used,
@@ -168,18 +167,18 @@ class SystemCode:
         u = (index[0] if index else 0) if p.in_place else room_u.take(len(index))
         copies = [*p.remember, *p.show]
         return {
-            "id": f"m{i}", "name": m.name, "model": m.description.name, "token": m.description.token, "version": part.version,
+            "id": f"m{i}", "name": m.name, "token": m.description.token, "version": part.version,
             "linked": part.linked, "prefix": part.prefix, "folder": part.name, "identifier": m.description.identifier,
-            "resources": part.resources, "clock": p.clock, "step": _c_double(p.step), "look_before": p.look_before,
+            "resources": part.resources, "clock": p.clock, "step": c_number(p.step), "look_before": p.look_before,
             "copies": [f"{{{c.to}, {c.source}, {c.n}}}" for c in copies], "n_remembered": len(p.remember),
             "stamp": -1 if p.stamp is None else p.stamp, "index": index, "in_place": p.in_place, "u": u,
-            "scale": [] if p.scale is None else list(map(_c_double, p.scale.tolist())),
-            "offset": [] if p.offset is None else list(map(_c_double, p.offset.tolist())),
-            "lines": [f"{{{', '.join(map(str, line[:4]))}, {_c_double(line[4])}, {_c_double(line[5])}}}" for line in p.lines],
+            "scale": [] if p.scale is None else list(map(c_number, p.scale.tolist())),
+            "offset": [] if p.offset is None else list(map(c_number, p.offset.tolist())),
+            "lines": [f"{{{', '.join(map(str, line[:4]))}, {c_number(line[4])}, {c_number(line[5])}}}" for line in p.lines],
             "sets": [_transfer(part.version, how, buffers) for how in arrangements(part.version, place.inputs)],
             "gets": [_transfer(part.version, how, buffers) for how in arrangements(part.version, place.outputs)],
             "starts": _starts(m, part.version), "first": p.first, "n_outputs": p.n_outputs,
-            "tolerance": None if m.description.tolerance is None else _c_double(m.description.tolerance),
+            "tolerance": None if m.description.tolerance is None else c_number(m.description.tolerance),
         }  # fmt: skip
 
     def _variable(self, e: Exported) -> dict[str, Any]:
@@ -187,12 +186,12 @@ class SystemCode:
         found: dict[str, Any] = {"name": e.name, "type": _TYPES[e.type], "role": _ROLES[e.causality]}
         if e.causality == "output":
             slot, scale, offset = layout.readable[e.name]
-            return {**found, "slot": slot, "scale": _c_double(scale), "shift": _c_double(offset)}
+            return {**found, "slot": slot, "scale": c_number(scale), "shift": c_number(offset)}
         low, high = e.limits
         return {
             **found, "slot": layout.constants.get((e.member, e.variable), -1), "kind": _kind(version, e.variable.fmi_type),
             "member": self.schedule.members.index(e.member), "reference": e.variable.reference, "tunable": e.tunable,
-            "min": _c_double(low), "max": _c_double(high),
+            "min": c_number(low), "max": c_number(high),
         }  # fmt: skip
 
     def _owners(self) -> list[str]:
@@ -253,39 +252,13 @@ def _starts(member: Member, version: int) -> list[_Start]:
         if isinstance(values, str):
             found.append(_Start("KIND_STRING", variable.reference, [], values))
         else:
-            found.append(_Start(_kind(version, variable.fmi_type), variable.reference, [_c_double(x) for x in values]))
+            found.append(_Start(_kind(version, variable.fmi_type), variable.reference, [c_number(x) for x in values]))
     return found
 
 
 def _kind(version: int, fmi_type: str) -> str:
     kind = _ENUMERATION[version] if fmi_type == "Enumeration" else _KINDS.get(fmi_type, fmi_type.upper())
     return f"KIND_{kind}"
-
-
-def _c_double(x: float) -> str:
-    """A number as C reads it back, to the last bit."""
-    if x in (float("inf"), float("-inf")):
-        return "INFINITY" if x > 0 else "-INFINITY"
-    return repr(float(x))
-
-
-def _c_text(text: str) -> str:
-    """A C string."""
-    return (
-        json.dumps(text, ensure_ascii=True)
-        if text.isascii()
-        else '"' + "".join(_c_byte(b) for b in text.encode()) + '"'
-    )
-
-
-def _c_byte(b: int) -> str:
-    return chr(b) if 32 <= b < 127 and chr(b) not in '"\\?' else f"\\{b:03o}"
-
-
-def _identifier(name: str, taken: Sequence[str]) -> str:
-    """A name for an FMU in the library of another one."""
-    plain = re.sub(r"\W", "_", name, flags=re.ASCII)
-    return next(n for n in (plain, *(f"{plain}_{k}" for k in range(2, len(taken) + 3))) if n not in taken)
 
 
 def write(folder: Path, files: dict[str, bytes]) -> None:
@@ -301,5 +274,5 @@ def template(name: str) -> jinja2.Template:
         loader=jinja2.PackageLoader("cosim.export", "templates"), autoescape=name.endswith(".html"), trim_blocks=True,
         lstrip_blocks=True, undefined=jinja2.StrictUndefined,
     )  # fmt: skip
-    environment.filters["c"] = _c_text
+    environment.filters["c"] = c_string
     return environment.get_template(name)

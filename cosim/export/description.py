@@ -10,6 +10,7 @@ from typing import Any
 from lxml import etree
 
 from build_fmus import description as base
+from build_fmus import escape
 from cosim.export.variables import Exported, feedthrough, units_of
 from cosim.system.schedule import Schedule
 
@@ -36,7 +37,7 @@ def model_description(
 ) -> bytes:
     """The description as UTF-8 XML. Value references count from 0, time, in the order of `variables`."""
     identity = {"guid" if fmi == 2 else "instantiationToken": token}
-    root = base.root_element(facts.name, facts.text, f"{fmi}.0", **identity)
+    root = base.root_element(facts.name, escape.xml(facts.text), f"{fmi}.0", **identity)
     state = "FMUstate" if fmi == 2 else "FMUState"
     flags: dict[str, str | bool] = {
         "modelIdentifier": facts.name,

@@ -19,6 +19,7 @@ from cosim.fmu.file import FmuFile
 
 SOURCES = "sources/"
 _FMI = re.compile(r"fmi[23][A-Z]\w*")
+_PATH = re.compile(r"(?:[A-Za-z0-9_]+/)*[A-Za-z0-9_]+\.c")
 _PREFIXED = {  # what gives the functions of FMI a prefix; not every header of FMI 2.0 knows FMI2_FUNCTION_PREFIX
     2: '#include "fmi2Functions.h"\n#undef fmi2FullName\n#define fmi2FullName(name) {prefix}##name\n',
     3: "#undef FMI3_FUNCTION_PREFIX\n#define FMI3_FUNCTION_PREFIX {prefix}\n",
@@ -81,7 +82,7 @@ class Part:
 
     def wrappers(self, names: Sequence[str]) -> dict[str, bytes]:
         """C files that compile its sources under names of its own, the header with these, and its table of functions."""
-        return wrappers(self.name, self.version, self.c_files, names, self.fmu.description.name)
+        return wrappers(self.name, self.version, self.c_files, names)
 
     def names(self, folder: Path, toolchain: Toolchain, cache: ObjectCache) -> list[str]:
         """Names that its sources define for each other, but for the functions of FMI; `folder` holds its sources."""
@@ -93,12 +94,12 @@ def prefix_of(name: str) -> str:
     return f"{name}_"
 
 
-def wrappers(name: str, version: int, c_files: Sequence[str], names: Sequence[str], of: str) -> dict[str, bytes]:
+def wrappers(name: str, version: int, c_files: Sequence[str], names: Sequence[str]) -> dict[str, bytes]:
     """C files in which those below the folder ``name`` are compiled under names of their own, the header with these, and the table of the
-    FMI functions that they make. ``names``: what they define for each other; ``of``: what this is, for people."""
+    FMI functions that they make. ``names``: what they define for each other."""
     prefix = prefix_of(name)
     renamed = "".join(f"#undef {n}\n#define {n} {prefix}{n}\n" for n in names)
-    header = f"/* Names of {of} in this library. Generated. */\n{_PREFIXED[version].format(prefix=prefix)}{renamed}"
+    header = f"/* Names of {name} in this library. Generated. */\n{_PREFIXED[version].format(prefix=prefix)}{renamed}"
     files = {f"{name}/names.h": header.encode()}
     for file in c_files:
         flat = file.replace("/", "_")
@@ -123,6 +124,8 @@ def part_of(name: str, fmu: FmuFile) -> Part:
     """How an FMU travels: those of this project from their sources, others as they are."""
     files = dict(_contents(fmu.path))
     c_files = _c_files(files) if fmu.description.tool.startswith(TOOL) else ()
+    if any(f"{SOURCES}{name}" not in files or not _PATH.fullmatch(name) for name in c_files):
+        c_files = ()  # not what build-fmus writes
     return Part(name, fmu, bool(c_files), files, c_files)
 
 

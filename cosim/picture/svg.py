@@ -7,6 +7,7 @@ from itertools import pairwise
 
 from lxml import etree
 
+from build_fmus import escape
 from cosim.picture.layout import LANE, Box, Line, Picture, arrange
 from cosim.system.members import Member
 from cosim.system.schedule import Schedule, seconds
@@ -28,7 +29,7 @@ def draw(schedule: Schedule, title: str) -> bytes:
     )  # fmt: skip
     root.set("font-family", "Helvetica, Arial, sans-serif")
     root.set("font-size", "12")
-    etree.SubElement(root, "title").text = title or "A system of components"
+    etree.SubElement(root, "title").text = escape.xml(title or "A system of components")
     tip = etree.SubElement(
         etree.SubElement(root, "defs"), "marker", id="tip", viewBox="0 0 10 10", refX="9", refY="5", markerWidth="7",
         markerHeight="7", orient="auto",
@@ -54,7 +55,7 @@ def _lines(body: etree._Element, picture: Picture) -> None:
         if any(c.delay for c in line.bundle.connections):
             path.set("stroke-dasharray", "6 4")
         tip = etree.SubElement(path, "title")
-        tip.text = "\n".join(map(str, line.bundle.connections))
+        tip.text = escape.xml("\n".join(map(str, line.bundle.connections)))
     for line in picture.lines:
         _text(body, *line.label_at, _label(line), colour=_LINE, anchor="start", halo=True)
 
@@ -103,7 +104,7 @@ def _text(
     if halo:
         for name, value in (("paint-order", "stroke"), ("stroke", "#ffffff"), ("stroke-width", "4")):
             element.set(name, value)
-    element.text = text
+    element.text = escape.xml(text)
 
 
 def _n(x: float) -> str:

@@ -16,6 +16,7 @@ T = TypeVar("T")
 
 _ID = re.compile(r"[a-z0-9][a-z0-9_-]*")
 _LABEL = re.compile(r"(?P<quantity>\S.*) \[(?P<unit>[^\[\]]+)\]", re.DOTALL)
+_WITH_BRACKETS = re.compile(r"(?P<quantity>\S.*?) \[(?P<unit>.+)\]", re.DOTALL)  # in the unit, which an FMU of anybody names
 
 
 UNKNOWN = "?"
@@ -34,7 +35,7 @@ def drawn_label(label: str) -> str:
 
 def split_label(label: str, where: str = "label") -> tuple[str, str]:
     """("pitch", "deg") from "pitch [deg]"."""
-    match = _LABEL.fullmatch(label)
+    match = _LABEL.fullmatch(label) or _WITH_BRACKETS.fullmatch(label)
     if match is None:
         raise ValueError(f"{where}: label '{label}' carries no unit; write 'pitch [deg]', or 'ratio [-]' without one")
     return match["quantity"], match["unit"]

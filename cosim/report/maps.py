@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import html
 import json
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -11,6 +10,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from build_fmus import escape
 from cosim.report.checks import (
     Array,
     assign,
@@ -106,10 +106,6 @@ def map_plot(figure: Map, *, narrow: bool) -> dict[str, Any]:
     return made
 
 
-def _escaped(text: str) -> str:
-    return html.escape(text, quote=False)
-
-
 def _base(height: int) -> dict[str, Any]:
     return {
         "template": "none", "autosize": True, "height": height, "paper_bgcolor": "#ffffff", "plot_bgcolor": "#ffffff",
@@ -135,29 +131,29 @@ def _contours(figure: Map, narrow: bool) -> tuple[list[dict[str, Any]], dict[str
         common = {"type": "contour", "x": figure.x, "y": figure.y, "z": grid, "xaxis": f"x{name}", "yaxis": f"y{name}"}
         traces.append(
             {
-                **common, "name": _escaped(layer.name), "zmin": low, "zmax": high, "colorscale": "Viridis", "reversescale": True,
+                **common, "name": escape.html(layer.name), "zmin": low, "zmax": high, "colorscale": "Viridis", "reversescale": True,
                 "showscale": i == count - 1, "line": {"width": 0.6, "color": "rgba(255,255,255,.7)"},
                 "contours": {"start": low, "end": high, "size": (high - low) / 12 or 1.0},
-                "colorbar": {"title": {"text": _escaped(figure.value_label), "side": "right"}, "thickness": 14},
+                "colorbar": {"title": {"text": escape.html(figure.value_label), "side": "right"}, "thickness": 14},
                 "hovertemplate": "%{x:~g}, %{y:~g}: %{z:.4~g}<extra></extra>",
             }
         )  # fmt: skip
         if figure.reference is not None:
             traces.append(
                 {
-                    **common, "name": f"{_escaped(layer.name)}: {figure.reference:.4g}", "showscale": False, "hoverinfo": "skip",
+                    **common, "name": f"{escape.html(layer.name)}: {figure.reference:.4g}", "showscale": False, "hoverinfo": "skip",
                     "colorscale": [[0, _REFERENCE], [1, _REFERENCE]], "line": {"width": 2.5},
                     "contours": {"start": figure.reference, "end": figure.reference, "size": 1.0, "coloring": "lines"},
                 }
             )  # fmt: skip
         axis = {"showline": False, "ticks": "outside", "ticklen": 4, "automargin": True, "zeroline": False}
-        layout[f"xaxis{name}"] = {**axis, "title": {"text": _escaped(figure.x_label)}, "anchor": f"y{name}"}
+        layout[f"xaxis{name}"] = {**axis, "title": {"text": escape.html(figure.x_label)}, "anchor": f"y{name}"}
         layout[f"xaxis{name}"] |= {"domain": [left, min(1.0, left + width)]}
-        layout[f"yaxis{name}"] = {**axis, "title": {"text": _escaped(figure.y_label)}, "anchor": f"x{name}"}
+        layout[f"yaxis{name}"] = {**axis, "title": {"text": escape.html(figure.y_label)}, "anchor": f"x{name}"}
         layout[f"yaxis{name}"] |= {"domain": [max(0.0, top - height), top]}
         layout["annotations"].append(
             {
-                "text": f"<b>{_escaped(layer.name)}</b>", "x": left, "y": top, "xref": "paper", "yref": "paper",
+                "text": f"<b>{escape.html(layer.name)}</b>", "x": left, "y": top, "xref": "paper", "yref": "paper",
                 "xanchor": "left", "yanchor": "bottom", "yshift": 5, "showarrow": False,
             }
         )  # fmt: skip

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import html
 import itertools
 import math
 from collections import Counter
@@ -12,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from build_fmus import extras
+from build_fmus import escape, extras
 from cosim.report.checks import UNKNOWN, Array, drawn_label, label_of, split_label
 from cosim.report.model import Color, Dash, Figure, Panel
 
@@ -110,7 +109,7 @@ def _traces(figure: Figure, palette: Palette) -> list[go.Scatter]:
         for series in panel.series:
             look = palette[series.name]
             # plotly reads names as markup
-            common: dict[str, Any] = {**axes, "name": html.escape(series.name, quote=False), "legendgroup": series.name}
+            common: dict[str, Any] = {**axes, "name": escape.html(series.name), "legendgroup": series.name}
             x = series.x_values
             if series.low is not None:
                 for values, fill in ((series.low, None), (series.high, "tonexty")):
@@ -127,7 +126,7 @@ def _traces(figure: Figure, palette: Palette) -> list[go.Scatter]:
                             showlegend=False,
                         )
                     )
-            value = "%{y:.4~g}" + ("" if unit in ("-", "1", UNKNOWN) else f" {html.escape(unit, quote=False)}")
+            value = "%{y:.4~g}" + ("" if unit in ("-", "1", UNKNOWN) else f" {escape.html(unit)}")
             traces.append(
                 go.Scatter(
                     **common,
@@ -214,7 +213,7 @@ def _layout(figure: Figure, narrow: bool) -> dict[str, Any]:
         if panel.title:
             layout["annotations"].append(
                 {
-                    "text": f"<b>{html.escape(panel.title, quote=False)}</b>",
+                    "text": f"<b>{escape.html(panel.title)}</b>",
                     "x": left,
                     "y": top,
                     "xref": "paper",
@@ -232,7 +231,7 @@ def _layout(figure: Figure, narrow: bool) -> dict[str, Any]:
 def _axis_style(label: str, scale: str, narrow: bool) -> dict[str, Any]:
     style: dict[str, Any] = {
         "title": {
-            "text": html.escape(drawn_label(label), quote=False),
+            "text": escape.html(drawn_label(label)),
             "font": {"color": MUTED, "size": 12 if narrow else 13},
             "standoff": 8,
         },

@@ -24,7 +24,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from build_fmus import extras, safe_files
+from build_fmus import escape, extras, safe_files
 from cosim.errors import CosimError
 from cosim.report.animation import animation_data
 from cosim.report.checks import Array, Scalar
@@ -155,7 +155,7 @@ def render(report: Report) -> str:
         library=Packed.text(library) if library else None,
         style=Markup(style),
         motions=motions,
-        dark=_script_data(dark_colors()) if plots else None,
+        dark=Markup(escape.script(dark_colors())) if plots else None,
         policy=_policy([*scripts, *([library] if library else [])]),
         shown=shown,
         counts=report.counts,
@@ -338,14 +338,6 @@ class Packed:
 
 def _compact(value: Any) -> str:
     return json.dumps(_finite(value), sort_keys=True, separators=(",", ":"), allow_nan=False)
-
-
-def _script_data(value: Any) -> Markup:
-    """JSON that no text inside can break out of."""
-    text = _compact(value)
-    for character in "<>&":
-        text = text.replace(character, f"\\u{ord(character):04x}")
-    return Markup(text)
 
 
 def _script(source: str) -> Markup:

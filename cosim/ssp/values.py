@@ -7,6 +7,7 @@ from typing import Any
 
 from lxml import etree
 
+from build_fmus import escape
 from cosim.description import Variable
 from cosim.errors import SspError
 from cosim.fmu.file import FmuFile
@@ -37,6 +38,8 @@ def parameter_set(name: str, values: Mapping[str, Any], fmu: FmuFile, version: s
             raise SspError(
                 f"'{name}': set all of {v.declared}; the FMU tells no start value of {listed[texts.index(None)].name}"
             )
+        if any(escape.NO_XML.search(t or "") for t in texts):
+            raise SspError(f"'{name}': the value of {v.name} has a character that XML cannot hold: set it in the tool that runs the SSP")
         parameter = etree.SubElement(parameters, f"{SSV}Parameter", name=v.declared if whole else v.name)
         typed = etree.SubElement(parameter, f"{SSV}{_type(v, version)}")
         if v.fmi_type == "Enumeration":

@@ -14,7 +14,7 @@ from typing import Any
 
 from lxml import etree
 
-from build_fmus import safe_files
+from build_fmus import escape, safe_files
 from build_fmus.checks import did_you_mean
 from build_fmus.units import BASE_UNITS, Unit, UnitMismatchError, conversion
 from cosim.description import Variable
@@ -113,10 +113,7 @@ def identifiers(texts: Iterable[str]) -> dict[str, str]:
     """An identifier for each text, its own where it is one already; no two are the same."""
     found: dict[str, str] = {}
     for text in sorted(texts, key=lambda t: (not _is_identifier(t), t)):
-        plain = re.sub(r"\W", "_", text, flags=re.ASCII)
-        plain = plain if plain and not plain[0].isdigit() else f"_{plain}"
-        taken = set(found.values())
-        found[text] = next(n for n in (plain, *(f"{plain}_{k}" for k in range(2, len(taken) + 3))) if n not in taken)
+        found[text] = escape.c_identifier(text, found.values())
     return found
 
 
@@ -205,10 +202,10 @@ class _Exporter:
     # The description of the structure.
 
     def _structure(self) -> bytes:
-        root = etree.Element(f"{SSD}SystemStructureDescription", nsmap=names.PREFIXES, version=self.version, name=self.name)
+        root = etree.Element(f"{SSD}SystemStructureDescription", nsmap=names.PREFIXES, version=self.version, name=escape.xml(self.name))
         root.set("generationTool", f"{names.OURS} {metadata.version(names.OURS)}")
         if self.text:
-            root.set("description", self.text)
+            root.set("description", escape.xml(self.text))
         system = etree.SubElement(root, f"{SSD}System", name=identifiers([self.name])[self.name])
         picture = arrange(self.schedule)
         if self.open:

@@ -367,7 +367,7 @@ def run_case(
         if (page := resolved(experiment.page)) is not None:
             console.print(f"page: {page(runs, fmus, folder / name)}")
     if run.recording.real_time is not None:
-        console.print(str(run.recording.real_time), markup=False)
+        console.print(str(run.recording.real_time))
     summary = folder / f"{name}.json"
     write_summary(summary, measured)
     console.print(f"{path} and {summary if output else summary.name}; {run.recording.real_time_factor:.0f}x real time")
@@ -419,7 +419,7 @@ def write_study(experiment: Experiment, fmus: FmuSet, out: Path, *, cluster: str
         results = run_study(experiment, fmus, folder / ".runs", executor=executor, progress=progress, **options)
     failures = results.failures
     for name, message in list(failures.items())[:5]:
-        console.print(f"failed: {name}: {message}", markup=False)
+        console.print(f"failed: {name}: {message}")
     if failures:
         console.print(f"{len(failures)} of {len(results.tasks)} runs failed; --retry-failed runs them again")
     page = write_report(report_of(experiment, results, fmus), folder)
@@ -579,7 +579,7 @@ def metric_table(measured: dict[str, Row], metrics: Mapping[str, Metric], *, rel
 def progress_bar(title: str) -> Iterator[Progressed]:
     """A bar on the terminal; the function that it gives is called with (done, total)."""
     columns = [
-        TextColumn("{task.description}"),
+        TextColumn("{task.description}", markup=False),
         BarColumn(),
         MofNCompleteColumn(),
         TimeElapsedColumn(),

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import json
-import shlex
 import zipfile
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
+
+from build_fmus import escape
 
 
 def designed_with(file: Path) -> Mapping[str, Any]:
@@ -65,4 +66,4 @@ class FmuSet:
 
     def build_command(self, options: str = "") -> str:
         """The command that makes the files, those of a user's files or the published ones."""
-        return " ".join(["build-fmus", *([options] if options else []), "--out", shlex.quote(str(self.directory))])
+        return " ".join(["build-fmus", *([options] if options else []), "--out", escape.shell(str(self.directory))])

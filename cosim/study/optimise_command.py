@@ -178,7 +178,7 @@ def _write(experiment: Experiment, found: Outcome, folder: Path) -> None:
 
     failed = [t for t in found.trials if t.failed]
     for trial in failed[:5]:
-        console.print(f"failed: trial {trial.number}: {trial.failed}", markup=False)
+        console.print(f"failed: trial {trial.number}: {trial.failed}")
     done, names = found.done, list(found.objectives)
     best = found.front  # refuses a search without numbers
     parameters = list(best[0].values)
@@ -195,7 +195,7 @@ def _write(experiment: Experiment, found: Outcome, folder: Path) -> None:
     report = Report(f"{experiment.name}-optimise", f"Search: {experiment.title or experiment.name}", f"Objectives: {aims}.", sections=sections)
     for row in rows[:5]:
         said = ", ".join(f"{n} {v:.4g}" if isinstance(v, float) else f"{n} {v}" for n, v in zip([*names, *parameters], row, strict=True))
-        console.print(f"{'front' if len(names) > 1 else 'best'}: {said}", markup=False)
+        console.print(f"{'front' if len(names) > 1 else 'best'}: {said}")
     if len(rows) > 5:
         console.print(f"and {len(rows) - 5} more on the front")
     console.print(f"trials: {folder / 'trials.log'}")

@@ -124,7 +124,7 @@ def write_sweep(
                 "interrupted; finished runs are kept, the same command continues from there"
             ) from None
     for number, message in list(table.failures.items())[:5]:
-        console.print(f"failed: run {number}: {message}", markup=False)
+        console.print(f"failed: run {number}: {message}")
     if table.failures:
         console.print(f"{len(table.failures)} of {len(sweep)} runs failed; --retry-failed runs them again")
     if missing := sum(not h for i, h in enumerate(table.histories) if i not in table.failures):
@@ -141,8 +141,8 @@ def write_sweep(
 def _shown(sweep: Sweep) -> Iterator[tuple[Watch, Running | None]]:
     """A progress bar; on a terminal with a table below it, of the metrics as they stand."""
     columns = [
-        TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), TimeRemainingColumn(),
-        TextColumn("{task.fields[failed]} failed"),
+        TextColumn("{task.description}", markup=False), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), TimeRemainingColumn(),
+        TextColumn("{task.fields[failed]} failed", markup=False),
     ]  # fmt: skip
     bar = Progress(*columns, console=console)
     task = bar.add_task(f"sweep {sweep.experiment.name}", total=len(sweep), failed=0)

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from build_fmus.checks import did_you_mean, glob, number, unknown
+from build_fmus.escape import NO_XML
 from build_fmus.units import UnitMismatchError, conversion
 from cosim.component import Component, PythonComponent
 from cosim.description import Description, Variable
@@ -69,8 +70,8 @@ class Wiring:
         deviates from the standard (FmuError), which otherwise is warned of (FmuWarning). `isolated`, with `step_timeout` and
         `memory_limit`: as in `isolate`.
         """
-        if not all(name.split(".")) or any(c.isspace() for c in name):
-            raise WiringError(f"a component's name may hold no blanks, and dots only between its parts: {name!r}")
+        if not all(name.split(".")) or any(c.isspace() for c in name) or NO_XML.search(name):
+            raise WiringError(f"a component's name may hold no blanks or control characters, and dots only between its parts: {name!a}")
         if name in self.members:
             raise WiringError(f"there is already a component '{name}'")
         other = next((n for n in self.members if n.startswith(f"{name}.") or name.startswith(f"{n}.")), None)
@@ -262,6 +263,8 @@ class Wiring:
         into the group made so far."""
         if method not in ("gauss-seidel", "jacobi"):
             raise WiringError(f"group '{name}': method is 'gauss-seidel' or 'jacobi', not {method!r}")
+        if NO_XML.search(name):
+            raise WiringError(f"a group's name may hold no control characters: {name!a}")
         chosen = tuple(self[m] for m in members)
         for member in chosen:
             if member.discrete:

@@ -16,7 +16,7 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationInfo, field_validat
 from pydantic_core import PydanticCustomError
 
 from build_fmus import units
-from build_fmus.component import source_fault
+from build_fmus.component import source_fault, text_fault
 from fmu_sources.models.corners import THREE_AXLES, TWO_AXLES
 from fmu_sources.models.double_wishbone import POINTS, DoubleWishbone, HardpointError, WheelMotion, wheel_motion
 
@@ -167,6 +167,13 @@ class Vehicle(Section):
     kind: str
     name: str = Field(min_length=1)
     description: str = Field(min_length=1)
+
+    @field_validator("name", "description")
+    @classmethod
+    def _can_be_held(cls, given: str) -> str:
+        if fault := text_fault(given):
+            raise PydanticCustomError("source", "{text}", {"text": fault})
+        return given
 
 
 class _Seat(Section):

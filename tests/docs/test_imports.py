@@ -20,7 +20,7 @@ CORE = (
     "cosim/__init__.py",
 )  # fmt: skip
 BELOW = (
-    *(f"build_fmus/{name}" for name in ("safe_files/", "checks.py", "units.py", "quantities.py", "extras.py", "compile.py", "run_as_module.py")),
+    *(f"build_fmus/{name}" for name in ("safe_files/", "checks.py", "escape.py", "units.py", "quantities.py", "extras.py", "compile.py", "interpreters.py", "run_as_module.py")),
     "cosim/export/",  # which builds, and is asked for by one function of `System`
 )
 

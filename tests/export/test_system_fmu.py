@@ -295,3 +295,17 @@ def test_no_step_follows_an_error_of_a_member(follower, tmp_path, fmi, rate, sta
         made.exitInitializationMode()
         made.doStep(0.0, 0.001)
     made.freeInstance()
+
+
+def test_names_of_others_are_texts_in_c(built_fmus: BuiltFmus, tmp_path: Path) -> None:
+    """Trigraphs, ends of comments and strings, backslashes: an SSP alone brings such names. The library compiles."""
+    names = ["sure??!", "??/", "*/", '"', "a\\", "é😀"]
+    with System() as system:
+        for name in names:
+            system.add(name, built_fmus.path("QuarterCarHmmwv", 3), step="1 ms")
+        system.connect("sure??!.body.z", "??/.road.height")
+        path = system.export_fmu(tmp_path / "Named.fmu", outputs="*.body.z")
+    with System() as again:
+        again.add("all", path)
+        assert sorted(again["all"].description.outputs) == sorted(f"{n}.body.z" for n in names)
+        again.run("1/1000", record=[], allow_unconnected=True)

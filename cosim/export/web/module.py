@@ -83,7 +83,7 @@ def compile_module(codes: Sequence[SystemCode], alone: Iterable[Part] = ()) -> M
         host_compiler = find_toolchain(host())
         names = defined_names(folder / systems[0], each, [folder / systems[0], folder], host_compiler, cache)
         for name in systems:
-            files |= wrappers(name, _FMI, each, names, name)
+            files |= wrappers(name, _FMI, each, names)
         write(folder, files)
         sources = [folder / n for n in sorted(files) if n.endswith(".c") and ("/" not in n or n.startswith("musl/"))]
         library = cache.library(toolchain, sources, [folder], "systems")

@@ -7,9 +7,11 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator
+from pydantic_core import PydanticCustomError
 
 from build_fmus.checks import did_you_mean, plain
+from build_fmus.component import text_fault
 
 _HERE = Path(__file__).parent / "weights"
 
@@ -50,6 +52,13 @@ class PreviewLqWeights(_Strict):
     suspension: _Axles = Field(description="suspension deflections [1/m2]")
     tire: _Axles = Field(description="tire deflections [1/m2]")
     force: _Forces = Field(description="actuator forces [1/N2]")
+
+    @field_validator("name", "source")
+    @classmethod
+    def _can_be_held(cls, given: str) -> str:
+        if fault := text_fault(given):
+            raise PydanticCustomError("source", "{text}", {"text": fault})
+        return given
 
     def by_name(self) -> dict[str, float]:
         """All weights: ``acceleration.heave``, ``tire.front``, ..."""
