@@ -1,6 +1,7 @@
 """FMUs of other makers, FMI 2.0 and 3.0 mixed, obey the same rule; files that are no FMUs are refused clearly."""
 
 import shutil
+import sysconfig
 import zipfile
 
 import numpy as np
@@ -181,3 +182,15 @@ def test_a_refused_instantiation_gives_the_reason(foreign):
     system.add("strut", foreign["Refuses2"], step=1)
     with pytest.raises(FmuError, match=r"(?s)Refuses2\.fmu: cannot be instantiated as 'strut':.*licence of 100 %"):
         system.run(1)
+
+
+@pytest.mark.skipif(not sysconfig.get_config_var("Py_ENABLE_SHARED"), reason="this Python has no library, which FMUs of PythonFMU expect in their process")
+@pytest.mark.parametrize("name", ["AddOne2", "AddOne3"])
+def test_fmus_in_python_run_isolated(foreign, name):
+    """They leave symbols of Python to the process that loads them; the process of an isolated FMU has them too."""
+    recordings = []
+    for isolated in (False, True):
+        with System() as system:
+            system.add("a", foreign[name], step=1, start={"u": 2.0}, isolated=isolated)
+            recordings.append(system.run(3, record=["a.y"], allow_unconnected=True)["a.y"])
+    np.testing.assert_array_equal(*recordings)

@@ -10,11 +10,12 @@ import signal
 import socket
 import subprocess
 import sys
+import sysconfig
 import tempfile
 import time
 import weakref
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cache, lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -132,6 +133,13 @@ def _cancel(yes: bool) -> None:
 CANCELLERS.append(_cancel)
 
 
+@cache
+def _libpython() -> str:
+    """The library of this Python, for FMUs that expect it in their process (PythonFMU's do); "" where there is none."""
+    name, folder = (str(sysconfig.get_config_var(n) or "") for n in ("INSTSONAME", "LIBDIR"))
+    return next((str(p) for p in (Path(folder, name), Path(sys.base_prefix, "lib", name)) if ".so" in name and p.is_file()), "")
+
+
 class _Handle:
     """An FMU's functions, those that its library has."""
 
@@ -171,8 +179,9 @@ class IsolatedLibrary:
             try:
                 region = mmap.mmap(-1 if memory is None else memory, _REGION)
                 self._process = subprocess.Popen(
-                    [str(worker), *map(str, arguments)], pass_fds=given, stdin=subprocess.DEVNULL, start_new_session=True
-                )
+                    [str(worker), *map(str, arguments)], pass_fds=given, stdin=subprocess.DEVNULL, start_new_session=True,
+                    env={"SUSPENSION_FMUS_LIBPYTHON": _libpython(), **os.environ},
+                )  # fmt: skip
             except OSError as error:
                 ours.close()
                 raise NoIsolation(f"cannot start a process for an FMU: {error.strerror or error}") from None
@@ -193,6 +202,8 @@ class IsolatedLibrary:
             lost = self.lost()
             said = "" if result < 0 else self._said()
             self.release()
+            if re.search("undefined symbol: _?Py", said):
+                said += "; it expects the library of Python in its process, and this Python has none: run it without isolation"
             raise Lost(lost) if lost else FmuError(said)
         missing = frozenset(self._said().split())
         self.missing = [name for name in fmi.required(version) if name in missing]

@@ -168,8 +168,13 @@ static uint32_t load(void) {
     version = (int)region.ask->a;
     limit_memory();
     library = dlopen(path, RTLD_NOW | RTLD_LOCAL);
+    const char *said = library ? "" : dlerror(), *python = getenv("SUSPENSION_FMUS_LIBPYTHON");
+    if (!library && python && (strstr(said, "symbol: Py") || strstr(said, "symbol: _Py")) && dlopen(python, RTLD_NOW | RTLD_GLOBAL)) {
+        library = dlopen(path, RTLD_NOW | RTLD_LOCAL); /* those of PythonFMU expect it in the process */
+        if (!library) said = dlerror();
+    }
     if (!library) {
-        snprintf(region.reply, 4096, "%s", dlerror());
+        snprintf(region.reply, 4096, "%s", said);
         region.answer->reply_used = (uint32_t)strlen(region.reply) + 1;
         return LINK_ERROR;
     }
