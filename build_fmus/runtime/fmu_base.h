@@ -19,6 +19,6 @@ const char *fmu_mode_name(int32_t mode);
 const char *fmu_type_name(FmuType type);
 FmuStatus fmu_check_arrays(FmuInstance *self, const char *function, const void *refs, size_t n_refs, const void *values,
                            size_t count);
-uint64_t fmu_hash(const void *data, size_t n); /* FNV-1a of words of 8 bytes, then of the bytes left */
+uint64_t fmu_hash(const void *data, size_t n); /* FNV-1a of words of 8 bytes, folded, then of the bytes left */
 
 #endif

@@ -100,6 +100,7 @@ def _with_checksum(data: bytes, block: bytes, checksum: int) -> bytes:
 def _fnv1a(data: bytes, value: int = _FNV_START) -> int:
     """Checksum of whole words of 8 bytes, as `fmu_base.c` has it."""
     words = np.frombuffer(data, dtype=np.uint64)
+    words = words ^ (words >> np.uint64(32))
     done = 0
     for at in np.flatnonzero(words).tolist():  # most of a state is zeros
         value = (value * pow(_FNV_FACTOR, at - done, _FNV_MASK + 1)) & _FNV_MASK
