@@ -1,6 +1,7 @@
 """Imported first by the packages that ``python -m`` runs, before anything else is: they run as their commands do.
 
-Linear algebra has one thread. The working folder, which Python has put on the import path, leaves it: a ``numpy.py`` there would be executed.
+Linear algebra has one thread. The working folder, which Python has put on the import path, leaves it: a ``numpy.py``
+there would be executed.
 """
 
 import os

@@ -1,4 +1,7 @@
-"""Temporary files of this process: in one private folder, which is removed when the process ends, or by a later process if it was killed."""
+"""Temporary files of this process, in one private folder.
+
+It is removed when the process ends, or by a later process if this one was killed.
+"""
 
 from __future__ import annotations
 
@@ -41,8 +44,10 @@ def _scratch(_process: int, temporary: str) -> Path:
         with suppress(FileNotFoundError):  # another process took it for abandoned before it was locked
             _lock(folder)
             if folder.is_dir():
-                # Also runs where a process of `multiprocessing` ends, which `atexit` does not; not in a fork of this process.
-                multiprocessing.util.Finalize(None, shutil.rmtree, (folder,), {"ignore_errors": True}, exitpriority=-100)
+                # Also runs where a process of `multiprocessing` ends, unlike `atexit`; not in a fork of this process.
+                multiprocessing.util.Finalize(
+                    None, shutil.rmtree, (folder,), {"ignore_errors": True}, exitpriority=-100
+                )
                 return folder
 
 

@@ -1,8 +1,9 @@
 """A Dask cluster on this machine that only the process which started it can use.
 
-Whoever can send a scheduler a task runs code as its owner, and every user of a machine reaches its loopback addresses. So all connections
-are encrypted and both ends show the certificate that was made for this cluster; its private key stays in the memory of its
-processes. There are no HTTP servers, which would listen without any such proof, and files lie in a private folder.
+Whoever can send a scheduler a task runs code as its owner, and every user of a machine reaches its loopback addresses.
+So all connections are encrypted and both ends show the certificate that was made for this cluster; its private key
+stays in the memory of its processes. There are no HTTP servers, which would listen without any such proof, and files
+lie in a private folder.
 """
 
 from __future__ import annotations
@@ -37,17 +38,27 @@ class PrivateWorker(Worker):
 
 
 def run_cluster(theirs: Any, settings: dict[str, Any], security: Any, processes: int | None, folder: str) -> None:
-    """The main program of a process with a scheduler and its workers: they live until the other end of the pipe is closed, in whichever
-    way. Ctrl-C goes to the process that asked for them."""
+    """The main program of a process with a scheduler and its workers.
+
+    They live until the other end of the pipe is closed, in whichever way. Ctrl-C goes to the process that asked for
+    them.
+    """
     forget_safe_path()
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     one_thread()
     count = processes or dask.system.CPU_COUNT
-    reached = {"host": "127.0.0.1", "protocol": "tls://", "security": security, "dashboard": False, "dashboard_address": None}
+    reached = {
+        "host": "127.0.0.1",
+        "protocol": "tls://",
+        "security": security,
+        "dashboard": False,
+        "dashboard_address": None,
+    }
     worker = {
         "cls": Nanny,
         "options": {
-            **reached, "nthreads": 1, "memory_limit": 1.0 / count, "worker_class": PrivateWorker, "silence_logs": _QUIET,
+            **reached, "nthreads": 1, "memory_limit": 1.0 / count, "worker_class": PrivateWorker,
+            "silence_logs": _QUIET,
             "env": {"TMPDIR": folder, "TEMP": folder, "TMP": folder},
         },
     }  # fmt: skip

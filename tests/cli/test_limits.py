@@ -16,7 +16,14 @@ LIMIT = "no further thread or process can be started: end others, or raise the l
 
 @pytest.mark.parametrize("line", ["cosim list", "cosim --help", "cosim completion bash", "build-fmus --list"])
 def test_output_that_is_closed(line, tmp_path):
-    done = subprocess.run(["sh", "-c", f"exec '{BIN}'/{line} >&-"], cwd=tmp_path, stderr=subprocess.PIPE, text=True, check=False, timeout=TIMEOUT)
+    done = subprocess.run(
+        ["sh", "-c", f"exec '{BIN}'/{line} >&-"],
+        cwd=tmp_path,
+        stderr=subprocess.PIPE,
+        text=True,
+        check=False,
+        timeout=TIMEOUT,
+    )
     assert (done.returncode, done.stderr) == (1, f"{line.split()[0]}: standard output is closed\n")
 
 
@@ -24,7 +31,13 @@ def test_messages_that_are_closed_are_lost_and_no_file_gets_their_descriptor(tmp
     """It would get what is said to people."""
     run = "import sys, os; from build_fmus.terminal import open_closed_streams as o; o(); print(open('file', 'w').fileno() > 2, file=open('told', 'w')); sys.stderr.write('lost')"
     environment = {**os.environ, "PYTHONPATH": str(ROOT)}
-    done = subprocess.run(["sh", "-c", f'exec "{sys.executable}" -c "{run}" <&- >&- 2>&-'], cwd=tmp_path, env=environment, check=False, timeout=TIMEOUT)
+    done = subprocess.run(
+        ["sh", "-c", f'exec "{sys.executable}" -c "{run}" <&- >&- 2>&-'],
+        cwd=tmp_path,
+        env=environment,
+        check=False,
+        timeout=TIMEOUT,
+    )
     assert done.returncode == 0
     assert ((tmp_path / "told").read_text(), (tmp_path / "file").read_text()) == ("True\n", "")
 
@@ -65,7 +78,11 @@ BUILD = ("build-fmus", "RoadSine", "RoadCurb", "--fmi", "3", "--force", "--out",
     ("prelude", "arguments", "said"),
     [
         (NO_THREADS, SWEEP, f"cosim: {LIMIT}"),
-        (NO_PROCESSES, SWEEP, "cosim: a worker process cannot be started (BlockingIOError); end others, or raise the limit (ulimit -u)\n"),
+        (
+            NO_PROCESSES,
+            SWEEP,
+            "cosim: a worker process cannot be started (BlockingIOError); end others, or raise the limit (ulimit -u)\n",
+        ),
         (NO_THREADS, BUILD, f"build-fmus: {LIMIT}"),
         (NO_PROCESSES, BUILD, f"build-fmus: {LIMIT}"),
     ],
@@ -73,8 +90,17 @@ BUILD = ("build-fmus", "RoadSine", "RoadCurb", "--fmi", "3", "--force", "--out",
 def test_no_further_thread_or_process(prelude, arguments, said, tmp_path):
     (tmp_path / "fall.py").write_text(FALL)
     entry = {"cosim": "cosim_command", "build-fmus": "build_command"}[arguments[0]]
-    (tmp_path / "run.py").write_text(f"{prelude}\nimport sys, suspension_fmus\nsys.argv = sys.argv[1:]\nsuspension_fmus.{entry}()\n")
-    done = subprocess.run([sys.executable, "run.py", *arguments], cwd=tmp_path, capture_output=True, text=True, check=False, timeout=TIMEOUT)
+    (tmp_path / "run.py").write_text(
+        f"{prelude}\nimport sys, suspension_fmus\nsys.argv = sys.argv[1:]\nsuspension_fmus.{entry}()\n"
+    )
+    done = subprocess.run(
+        [sys.executable, "run.py", *arguments],
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=TIMEOUT,
+    )
     assert done.returncode == 1
     assert "Traceback" not in done.stderr
     assert done.stderr.endswith(said)

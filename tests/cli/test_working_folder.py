@@ -79,23 +79,42 @@ def test_nothing_is_imported_from_the_working_folder(folders, command):
         (working / "cosim.py").write_text(HOSTILE.format(seen=str(seen)))
     arguments = [str(files / a) if a.endswith((".py", ".fmu", ".out")) else a for a in arguments]
     environment = {k: v for k, v in os.environ.items() if k not in ("PYTHONPATH", "PYTHONSAFEPATH")}
-    done = subprocess.run([BIN / program, *arguments], cwd=working, env=environment, capture_output=True, text=True, check=False, timeout=TIMEOUT)
+    done = subprocess.run(
+        [BIN / program, *arguments],
+        cwd=working,
+        env=environment,
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=TIMEOUT,
+    )
     assert not seen.exists(), seen.read_text()
     assert done.returncode == 0, done.stdout + done.stderr
 
 
 def test_every_python_process_is_started_in_one_way():
-    """What names the interpreter's path, or starts processes by `multiprocessing`, does so as `build_fmus/interpreters.py` says."""
+    """As `build_fmus/interpreters.py` says: no other file names Python's program, or starts processes without it."""
     starts, safe = set(), set()
     for path in sorted(p for package in ("build_fmus", "cosim", "fmu_sources") for p in (ROOT / package).rglob("*.py")):
-        names = {ast.unparse(n) for n in ast.walk(ast.parse(path.read_bytes())) if isinstance(n, ast.Attribute | ast.Name)}
+        names = {
+            ast.unparse(n) for n in ast.walk(ast.parse(path.read_bytes())) if isinstance(n, ast.Attribute | ast.Name)
+        }
         file = path.relative_to(ROOT).as_posix()
-        if names & {"multiprocessing.get_context", "ProcessPoolExecutor", "multiprocessing.Process", "multiprocessing.Pool"}:
+        if names & {
+            "multiprocessing.get_context",
+            "ProcessPoolExecutor",
+            "multiprocessing.Process",
+            "multiprocessing.Pool",
+        }:
             starts.add(file)
         if "safe_path" in names:
             safe.add(file)
         assert "sys.executable" not in names or file == "build_fmus/interpreters.py"
-    assert starts == safe - {"build_fmus/interpreters.py"} == {"build_fmus/builder.py", "cosim/study/executors.py", "cosim/study/processes.py"}
+    assert (
+        starts
+        == safe - {"build_fmus/interpreters.py"}
+        == {"build_fmus/builder.py", "cosim/study/executors.py", "cosim/study/processes.py"}
+    )
 
 
 def test_programs_of_a_worker_find_their_own_folder(tmp_path):
@@ -108,5 +127,7 @@ def test_programs_of_a_worker_find_their_own_folder(tmp_path):
     )
     environment = {k: v for k, v in os.environ.items() if k != "PYTHONSAFEPATH"} | {"PYTHONPATH": str(ROOT)}
     command = [sys.executable, str(tmp_path / "script.py")]
-    done = subprocess.run(command, cwd=Path(ROOT), env=environment, capture_output=True, text=True, check=False, timeout=TIMEOUT)
+    done = subprocess.run(
+        command, cwd=Path(ROOT), env=environment, capture_output=True, text=True, check=False, timeout=TIMEOUT
+    )
     assert done.stdout == "0\n", done.stderr

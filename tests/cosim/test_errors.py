@@ -17,7 +17,9 @@ PUBLIC = ("cosim", "cosim.study", "cosim.batch", "cosim.check", "cosim.tables", 
 def test_public_errors_are_of_one_class(module):
     found = importlib.import_module(module)
     named = {name: getattr(found, name) for name in found.__all__}
-    errors = {n for n, o in named.items() if isinstance(o, type) and issubclass(o, Exception) and not issubclass(o, Warning)}
+    errors = {
+        n for n, o in named.items() if isinstance(o, type) and issubclass(o, Exception) and not issubclass(o, Warning)
+    }
     assert {n for n in errors if not issubclass(named[n], CosimError)} == set()
 
 

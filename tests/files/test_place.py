@@ -1,4 +1,4 @@
-"""Caches and temporary files lie where no other user can change them, and nothing stays of processes that were killed."""
+"""Caches and temporary files lie where no other user can change them, and nothing stays of killed processes."""
 
 from __future__ import annotations
 
@@ -120,7 +120,9 @@ def test_a_folder_of_another_user_is_not_used(home, monkeypatch):
 @pytest.mark.usefixtures("home")
 def test_what_ziglang_keeps_lies_among_the_caches(monkeypatch):
     asked = []
-    monkeypatch.setattr(compilers.subprocess, "run", lambda *_, env, **__: asked.append(env) or subprocess.CompletedProcess([], 0))
+    monkeypatch.setattr(
+        compilers.subprocess, "run", lambda *_, env, **__: asked.append(env) or subprocess.CompletedProcess([], 0)
+    )
     target = compilers.PLATFORMS["x86_64-linux"]
     compilers.Toolchain(target, ("zig",), "ziglang 0.13").compile(Path("a.c"), Path("a.o"), [])
     assert asked[0]["ZIG_GLOBAL_CACHE_DIR"] == str(safe_files.cache_directory() / "zig")
@@ -148,8 +150,14 @@ def hold(home):
     started = []
 
     def start(how):
-        environment = {**os.environ, "TMPDIR": str(home.parent / "temporary"), "PYTHONPATH": str(Path(__file__).parents[2])}
-        process = subprocess.Popen([sys.executable, "-c", HOLD, how], stdin=subprocess.PIPE, stdout=subprocess.PIPE, env=environment, text=True)
+        environment = {
+            **os.environ,
+            "TMPDIR": str(home.parent / "temporary"),
+            "PYTHONPATH": str(Path(__file__).parents[2]),
+        }
+        process = subprocess.Popen(
+            [sys.executable, "-c", HOLD, how], stdin=subprocess.PIPE, stdout=subprocess.PIPE, env=environment, text=True
+        )
         started.append(process)
         return process, Path(process.stdout.readline().strip())
 
@@ -189,7 +197,9 @@ def test_the_next_process_removes_what_a_killed_one_has_left(hold, how):
 
 def test_others_of_similar_names_stay(home):
     temporary = home.parent / "temporary"
-    others = [temporary / n for n in ("cosim-results", "suspension-fmus-scratch-mine", "suspension-fmus-scratch-abcdefghi")]
+    others = [
+        temporary / n for n in ("cosim-results", "suspension-fmus-scratch-mine", "suspension-fmus-scratch-abcdefghi")
+    ]
     for folder in others:
         folder.mkdir()
     left = temporary / "suspension-fmus-scratch-abcdefgh"
