@@ -11,6 +11,7 @@ from cosim.component import Component, Ports, PythonComponent
 from cosim.description import Description, Variable
 from cosim.engine.choice import EngineChoice
 from cosim.errors import (
+    AlgebraicLoopWarning,
     ComponentError,
     CosimError,
     FmuError,
@@ -41,6 +42,7 @@ from cosim.tables import Table, TableError
 logging.getLogger("cosim").addHandler(logging.NullHandler())  # silent unless a program listens
 
 __all__ = [
+    "AlgebraicLoopWarning",
     "Component",
     "ComponentError",
     "Connection",

@@ -14,6 +14,7 @@ import numpy.typing as npt
 from build_fmus.checks import unknown
 from build_fmus.units import KNOWN, Unit
 from cosim import plain
+from cosim.dependencies import Dependencies, by_perturbation
 from cosim.description import Description, Variable
 from cosim.errors import CallFailed, CosimError, WiringError
 from cosim.signals import Array
@@ -326,6 +327,16 @@ class PythonComponent:
         if hidden:
             raise CosimError(f"the state of '{self._name}' would replace its {hidden[0]}, which is no state")
         self._take(own)
+
+    def measure_dependencies(self, inputs: Sequence[Variable], outputs: Sequence[Variable]) -> Dependencies:
+        """The inputs on which initial outputs depend directly, measured on a copy during initialization. Raises CosimError where an
+        attribute cannot be copied."""
+        shared = {id(v): v for v in self.description.variables.values()}  # by which a component knows its values
+        try:
+            other = copy.deepcopy(self, shared)  # type: ignore[arg-type]
+        except Exception as error:
+            raise CosimError(f"'{self._name}' cannot be copied: {type(error).__name__}: {error}") from None
+        return by_perturbation(other, inputs, outputs, other.exit_initialization)
 
     def sampled_states(self) -> dict[str, float]:
         """What it remembers between samples, element by element: attributes that are floats or arrays of floats, parameters

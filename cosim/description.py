@@ -106,6 +106,7 @@ class Description:
     kind: str | None = None  # "discrete" or "continuous" if the component says so
     sample_time: Fraction | None = None
     default_step: Fraction | None = None
+    internal_step: Fraction | None = None  # FMI 3.0: communication steps should be multiples of it
     default_stop: Fraction | None = None
     tolerance: float | None = None
     can_save: bool = False

@@ -34,7 +34,11 @@ class WiringError(CosimError, ValueError):
 
 
 class LoopError(WiringError):
-    """Discrete components that wait for each other at the same instant."""
+    """An algebraic loop: values that depend on themselves at the same instant."""
+
+
+class AlgebraicLoopWarning(UserWarning):
+    """There may be an algebraic loop, which the master does not solve: not all components in it declare their direct dependencies."""
 
 
 class UnconnectedInputsWarning(UserWarning):

@@ -142,19 +142,18 @@ class System(Wiring):
                 f"unconnected inputs keep their start values: {listed}{more} (allow_unconnected=True if that is meant)"
             )
             warnings.warn(text, UnconnectedInputsWarning, stacklevel=3)
-        self._simulation = Simulation(
-            schedule,
-            self.experiment[0] if start_time is None else start_time,
-            record=self.select(record),
-            record_interval=interval,
-            watch=[pair for name in watch for pair in self.select([name])],
-            stop_time=stop_time,
-            state=state,
-            allow_nan=allow_nan,
+        simulation = self._begin(
+            schedule, start_time, record=self.select(record), record_interval=interval,
+            watch=[pair for name in watch for pair in self.select([name])], stop_time=stop_time, state=state, allow_nan=allow_nan,
             exchange=choose_engine(self.members.values(), engine).exchange,
-        )
+        )  # fmt: skip
         if check_stability:
-            self._simulation.guarded(lambda: warn_if_unstable(schedule))
+            simulation.guarded(lambda: warn_if_unstable(schedule))
+        return simulation
+
+    def _begin(self, schedule: Schedule, start_time: TimeLike | None = None, **arguments: Any) -> Simulation:
+        """A simulation of this system by a schedule of it; `arguments` are those of `Simulation`."""
+        self._simulation = Simulation(schedule, self.experiment[0] if start_time is None else start_time, **arguments)
         return self._simulation
 
     def end_simulation(self) -> None:
@@ -242,7 +241,8 @@ class System(Wiring):
         and all unconnected Real inputs; all Real outputs. Names in the model are as `cosim.statespace` says (`car.body.az` is
         `car_body_az`), and its `names` lead back. As in a run, components are reset and initialized with their parameters and start values
         first. Raises CosimError naming the member or connection that has no linear model, with the reason, LoopError for
-        an algebraic loop without a solution, WiringError for names that do not fit.
+        an algebraic loop without a solution (of continuous members at the start; else for every one, as in a run), WiringError for names that
+        do not fit.
         """
         from cosim.statespace import LinearModel
 
@@ -257,15 +257,18 @@ class System(Wiring):
     ) -> Matrices:
         from cosim.master import linearization as linear
 
-        sampled, after, schedule = discrete is not False, rational(settle, "settle"), self.schedule()
+        sampled, after = discrete is not False, rational(settle, "settle")
+        # The linear model solves the loops of a system, a run of it does not.
+        schedule = self._make_schedule(loops_are_solved=not sampled and not after)
         chosen_in = linear.choose_inputs(self.members, schedule, sampled, inputs)
         chosen_out = linear.choose_outputs(self.members, schedule, sampled, outputs)
         period = linear.common_period(schedule, None if isinstance(discrete, bool) else positive(discrete, "discrete"))
-        with self.initialize(
-            record=[linear.name_of(s) for s in chosen_out],
-            record_interval=period if sampled else None,
-            allow_unconnected=True,  # they are inputs of the model
-        ) as simulation:
+        if sampled:
+            schedule = self._make_schedule(period)
+        self.end_simulation()
+        exchange = choose_engine(self.members.values()).exchange
+        interval = period if sampled else None
+        with self._begin(schedule, record=chosen_out, record_interval=interval, exchange=exchange) as simulation:
             if sampled:
                 return linear.sampled_model(simulation.exchange, period, after, chosen_in, chosen_out)
             simulation.advance(after)
@@ -294,8 +297,14 @@ class System(Wiring):
         have. Its step is a whole number of ticks of the schedule; the numbers are those of `advance`. Needs the extra [build] and
         a C compiler or ziglang. Raises WiringError and CosimError naming what cannot be in it, CompileError.
         """
+        from cosim.export.code import exported_schedule
         from cosim.export.system_fmu import export_fmu
 
+        without = list(without)
+        schedule = exported_schedule(self, without)
+        if schedule.possible_loops:  # which initialization measures here, and the FMU does not
+            self.end_simulation()
+            self._begin(schedule).close()
         return export_fmu(
             self, Path(path), inputs=inputs, outputs=outputs, parameters=parameters, without=without, fmi=fmi,
             platforms=platforms, text=text,

@@ -45,9 +45,16 @@ def rational(value: TimeLike, what: str = "time") -> Fraction:
             raise TimeError(f"{what} must be a number of seconds or a text like '10 ms', not {value!r}") from None
     if isinstance(value, float):
         _bounded(number(what, value, "s", error=TimeError), what)
-        near = Fraction(value).limit_denominator(10**6)
-        return near if float(near) == value else Fraction(repr(float(value)))
+        return _nearest(value)
     return _bounded(Fraction(value), what)
+
+
+def _nearest(value: float | Fraction) -> Fraction:
+    """The simplest number that a float may stand for; a Fraction as it is."""
+    if isinstance(value, Fraction):
+        return value
+    near = Fraction(value).limit_denominator(10**6)
+    return near if float(near) == value else Fraction(repr(float(value)))
 
 
 def _bounded(value: _Number, what: str) -> _Number:
@@ -81,6 +88,13 @@ def positive(value: TimeLike, what: str) -> Fraction:
     return result
 
 
+def seconds_text(value: Fraction | float) -> str:
+    """A duration [s] as text, exact: `0.001234567 s`, `1/60 s`."""
+    digits = repr(float(value)).removesuffix(".0")
+    exact = not math.isfinite(value) or Fraction(digits) == _nearest(value)
+    return f"{digits if exact else _nearest(value)} s"
+
+
 def gcd(values: list[Fraction]) -> Fraction:
     """Greatest common divisor of positive rationals; zeros are ignored."""
     result = Fraction(0)
@@ -103,7 +117,8 @@ class TimeBase:
         ticks = duration / self.tick
         if ticks.denominator != 1:
             raise TimeError(
-                f"{float(duration):g} s is not a multiple of the base tick of {float(self.tick):g} s, the greatest common divisor of all steps"
+                f"{seconds_text(duration)} is not a multiple of the base tick of {seconds_text(self.tick)}, the greatest common divisor of "
+                "all steps"
             )
         return self._limited(int(ticks), duration)
 
@@ -114,7 +129,7 @@ class TimeBase:
     def _limited(self, ticks: int, time: Fraction) -> int:
         if abs(ticks) > MOST_TICKS:
             raise TimeError(
-                f"{float(time):g} s takes {ticks:.3g} ticks of {float(self.tick):g} s, the greatest common divisor of all "
+                f"{seconds_text(time)} takes {ticks:.3g} ticks of {seconds_text(self.tick)}, the greatest common divisor of all "
                 "steps and offsets: give steps that divide each other better, as '1/30' instead of 0.0333333"
             )
         return ticks

@@ -108,9 +108,11 @@ def draw_wire(
     source = draw(st.sampled_from(sources))
     output = draw(st.sampled_from(outputs if made[source].typed else outputs[-1:]))
     both = not (made[source].discrete or made[target].discrete)
-    loops = made[source].discrete and made[target].discrete and source >= target
-    delay = loops or draw(st.booleans())
     real = name in ("u",) or name.startswith("w[")
+    loops = source >= target and (
+        (made[source].discrete and made[target].discrete) or (both and not real)  # what is not real feeds through in a follower
+    )
+    delay = loops or draw(st.booleans())
     return Wire(source, output, target, name, delay, extrapolate=both and real and not delay and draw(st.booleans()))
 
 

@@ -31,7 +31,7 @@ from cosim.recording import Recording
 from cosim.session import System
 from cosim.signals import Array
 from cosim.system.members import Member
-from cosim.time import TimeLike, positive, rational
+from cosim.time import TimeLike, positive, rational, seconds_text
 
 _STATE = 96  # bytes of a serialized state before these values (fmu_core.c)
 _TWIN = 1024  # bytes that an instance of an FMU needs at least
@@ -400,7 +400,7 @@ class Batch:
         if end < self._tick:
             raise TimeError(f"cannot advance to {until} s: the batch stands at {self.time:.9g} s")
         if not self._plan.exact_until(end):
-            raise TimeError(f"{until} s is beyond what the compiled engine counts exactly with a tick of {float(self._schedule.tick):g} s")
+            raise TimeError(f"{until} s is beyond what the compiled engine counts exactly with a tick of {seconds_text(self._schedule.tick)}")
         if end == self._tick:
             return
         self._make_room(end)

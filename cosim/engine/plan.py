@@ -8,10 +8,8 @@ from dataclasses import dataclass
 from cosim.component import Array
 from cosim.master.exchange import Exchange
 from cosim.master.timetable import Clock
-from cosim.master.values import Index, Layout
+from cosim.master.values import EXACT, Index, Layout
 from cosim.system.members import Member
-
-EXACT = 2**53  # integers below it are doubles
 
 
 @dataclass(frozen=True)

@@ -17,6 +17,7 @@ import numpy as np
 
 import cosim.fmu.calls as fmi
 from cosim.component import Action, Array, EndRequested, FmiCalls, Ports, Transfer
+from cosim.dependencies import Dependencies, by_derivatives, by_perturbation
 from cosim.description import Variable
 from cosim.errors import STATUS_NAMES, CallFailed, CosimError, FmuError, ProcessLost, ProcessLostWarning, WiringError
 from cosim.fmu.environment import restorer, what_changed
@@ -26,6 +27,7 @@ from cosim.fmu.isolation import IsolatedLibrary, Isolation, Lost
 from cosim.fmu.kinks import refuse_kinks
 from cosim.fmu.own_states import MORE_THAN_STATES, StateLayout, find_states
 from cosim.fmu.transfers import Arrangement, arrangements, by_reference, by_type
+from cosim.time import seconds_text
 
 LARGEST = 2**30  # bytes of a serialized state
 
@@ -507,7 +509,7 @@ class FmuComponent:
                 whole = last >= t + h - 1e-6 * h
             if self._tells("GetBooleanStatus", 3, boolean):
                 terminated = bool(boolean[0])
-        detail = f"step from {t:.9g} s, length {h:.9g} s"
+        detail = f"step from {t:.9g} s, length {seconds_text(h)}"
         if last is not None and not whole:
             detail += f"; it got to {last:.9g} s"
         if self._v3 and status <= fmi.WARNING and self._early[0]:
@@ -661,7 +663,7 @@ class FmuComponent:
         jacobian = np.zeros((len(unknowns), len(knowns)))
         for column, known in enumerate(knowns):
             if unknowns:
-                jacobian[:, column] = self._derivative(unknowns, known)
+                jacobian[:, column] = self.derivative(unknowns, known)
         return jacobian[:n, :n], jacobian[:n, n:], jacobian[n:, :n], jacobian[n:, n:]
 
     def refuse_kinks(self, inputs: Sequence[Variable], outputs: Sequence[Variable], slopes: Array) -> None:
@@ -671,8 +673,23 @@ class FmuComponent:
         if slopes.size and about.kind is not None and about.can_serialize:
             refuse_kinks(self, slopes, [*about.derivatives, *outputs], about.states, inputs)
 
-    def _derivative(self, unknowns: Sequence[Variable], known: Variable) -> list[float]:
-        """d unknowns / d known; arrays are requested as a whole."""
+    def measure_dependencies(self, inputs: Sequence[Variable], outputs: Sequence[Variable]) -> Dependencies:
+        """The inputs on which outputs depend directly where they stand during initialization: by directional derivatives, or by changes that
+        a saved state takes back. Raises CosimError when the FMU offers neither."""
+        about = self.description
+        if about.directional_derivatives and all(v.type == "real" for v in (*inputs, *outputs)):
+            return by_derivatives(self.derivative, inputs, outputs)
+        if not about.can_save or self.in_event_mode:
+            raise CosimError("its FMU offers neither directional derivatives nor saved states")
+        state = self.save()
+        try:
+            return by_perturbation(self, inputs, outputs)
+        finally:
+            self.restore(state)
+            self.forget(state)
+
+    def derivative(self, unknowns: Sequence[Variable], known: Variable) -> list[float]:
+        """d unknowns / d known by the FMU's directional derivatives; arrays are requested as a whole."""
         ffi, groups = self._ffi, by_reference(unknowns)
         sizes = [elements[0].size for elements in groups.values()]
         begin = dict(zip(groups, np.cumsum([0, *sizes]).tolist(), strict=False))

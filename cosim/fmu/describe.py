@@ -18,6 +18,7 @@ from cosim.description import RECORDABLE, Clock, Description, Variable, split_in
 from cosim.errors import FmuError
 from cosim.fmu.file import FmuFile
 from cosim.fmu.gate import Finding
+from cosim.time import seconds_text
 
 
 def describe(fmu: str | os.PathLike[str] | FmuFile) -> Group:
@@ -78,7 +79,7 @@ def wiring(fmu: str | os.PathLike[str] | FmuFile) -> str:
 
 
 def _clock(clock: Clock) -> str:
-    every = "" if clock.interval is None else f", every {float(clock.interval):g} s"
+    every = "" if clock.interval is None else f", every {seconds_text(clock.interval)}"
     return f"{clock.name} ({clock.causality}, {clock.kind}{every})"
 
 

@@ -30,7 +30,7 @@ from cosim.description import Clock, Description, Variable
 from cosim.errors import CallFailed, CosimError
 from cosim.fmu.transfers import Arrangement, arrangements
 from cosim.signals import Array
-from cosim.time import rational
+from cosim.time import rational, seconds_text
 
 ITERATIONS = 1000  # of an event, and ticks at one instant; beyond it goes on for ever
 NOT_YET_KNOWN, UNCHANGED, CHANGED = range(3)  # fmi3IntervalQualifier
@@ -153,12 +153,12 @@ class EventMode:
         if more and more[0][0] == NOT_YET_KNOWN:
             return Fraction(0)
         if not (math.isfinite(value[0]) and value[0] >= 0):
-            self._refuse(clock, f"its {what.lower()} is {value[0]:g} s")
+            self._refuse(clock, f"its {what.lower()} is {seconds_text(value[0])}")
         return rational(value[0], f"{what.lower()} of clock '{clock.name}'")
 
     def _positive(self, clock: Clock, interval: Fraction) -> Fraction:
         if interval <= 0:
-            self._refuse(clock, f"its interval is {float(interval):g} s")
+            self._refuse(clock, f"its interval is {seconds_text(interval)}")
         return interval
 
     def _refuse(self, clock: Clock, why: str) -> NoReturn:

@@ -10,6 +10,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Iterable, Iterator
+from contextlib import suppress
 from dataclasses import replace
 from fractions import Fraction
 from typing import Any
@@ -143,6 +144,9 @@ class _Reader:
             event_mode=_flag(simulation, "hasEventMode"),
             clocks=self.clocks,
         )
+        with suppress(TimeError):  # a hint, of which the schema has said what is wrong
+            internal = _seconds(simulation.get("fixedInternalStepSize") or "0", "fixedInternalStepSize")
+            result.internal_step = internal if internal > 0 else None
         experiment = root.find("DefaultExperiment")
         if experiment is not None:
             self.at = experiment
@@ -155,6 +159,7 @@ class _Reader:
                 result.tolerance = _number(experiment.get("tolerance"), "DefaultExperiment: tolerance")
                 if not 0 < result.tolerance < math.inf:
                     result.tolerance = None
+        result.default_step = result.default_step or result.internal_step
         if own is not None:
             self.at = own
             result.kind = own.get("kind")

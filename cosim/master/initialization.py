@@ -11,6 +11,7 @@ import numpy as np
 
 from cosim.errors import CosimError, NotFinite, WiringError
 from cosim.master.exchange import Exchange, Phase
+from cosim.master.loops import check_loops
 from cosim.master.state import Packed, SystemState, difference, unpack
 from cosim.system.members import Member
 from cosim.system.renewal import renewed
@@ -49,7 +50,10 @@ def initialize(exchange: Exchange, stop: Fraction | None = None, state: SystemSt
             exchange.values[slot] = float(m.component.get([variable])[0])
     exchange.layout.show_everything()
     fresh = [m for m in members if m not in restored]
-    _settle(exchange, fresh)
+    unsettled = _settle(exchange, fresh)
+    check_loops(exchange.schedule, fresh)
+    if unsettled:
+        warnings.warn(f"initial values do not settle, there is a loop among them: {', '.join(unsettled[:10])}", stacklevel=6)
     _check_constants(exchange, fresh)
     for m in fresh:
         m.component.exit_initialization()
@@ -144,8 +148,8 @@ def _continued(exchange: Exchange, state: SystemState) -> list[Member]:
     return restored
 
 
-def _settle(exchange: Exchange, members: Sequence[Member]) -> None:
-    """Pass outputs to inputs, in order of execution, until nothing changes any more, but for rounding."""
+def _settle(exchange: Exchange, members: Sequence[Member]) -> list[str]:
+    """Pass outputs to inputs, in order of execution, until nothing changes any more, but for rounding; returns what still does."""
     gather = {m: exchange.layout.gather(m) for m in members}
     for _ in range(20 + len(members)):
         before = exchange.values.copy()
@@ -157,9 +161,12 @@ def _settle(exchange: Exchange, members: Sequence[Member]) -> None:
         with np.errstate(invalid="ignore"):
             moved = np.abs(exchange.values - before) > 1e-12 * np.maximum(1.0, np.abs(before))
         if not moved.any():
-            return
-    names = [n for n, (slot, _, _) in exchange.layout.readable.items() if moved[slot]]
-    warnings.warn(f"initial values do not settle, there is a loop among them: {', '.join(names[:10])}", stacklevel=6)
+            return []
+    return [
+        f"{member}.{variable}"
+        for (part, member, variable), changes in zip(exchange.layout.keys, moved, strict=True)
+        if part == "visible" and changes
+    ]
 
 
 def _check_constants(exchange: Exchange, members: Sequence[Member]) -> None:

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import math
 import time as clock
+import warnings
 import weakref
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import replace
 from fractions import Fraction
 from functools import cached_property
@@ -32,10 +33,11 @@ from cosim.master.initialization import initialize
 from cosim.master.progress import ProgressBar
 from cosim.master.state import SystemState, Wiring, wiring_of
 from cosim.master.stops import Stop, StopCondition
+from cosim.master.values import EXACT
 from cosim.real_time import Pace, RealTime
 from cosim.recording import Recording
 from cosim.spool import Spool
-from cosim.system.members import Member
+from cosim.system.members import Connection, Member
 from cosim.system.names import Members
 from cosim.system.schedule import Schedule
 from cosim.time import TimeLike, gcd, positive, rational
@@ -91,6 +93,7 @@ class Simulation:
         self._pace: Pace | None = None
         self._kept_pace: RealTime | None = None
         self._spool: Spool | None = None
+        self._rounded: set[str] = set()  # integers that were said to be rounded
         self.guarded(lambda: initialize(self._exchange, stop, state))
         if self._exchange.clocks[-1].due(self._exchange.tick):
             self._exchange.recorder.sample(self.time)
@@ -133,11 +136,11 @@ class Simulation:
             if slot is not None:
                 self._exchange.values[slot] = number
 
-    def _check_settable(self, name: str, member: Member, variables: Iterable[Variable]) -> None:
-        full = self._members.canonical(name)
-        driven = next((c for c in self.schedule.connections if c.target_name == full), None)
-        if driven is not None:
-            raise WiringError(f"{name} is driven by {driven.source_name}")
+    def _check_settable(self, name: str, member: Member, variables: Collection[Variable]) -> None:
+        for v in variables:
+            driven = self._driven.get((member, v))
+            if driven is not None:
+                raise WiringError(f"{name if len(variables) == 1 else driven.target_name} is driven by {driven.source_name}")
         if any(v.causality != "input" and v.variability != "tunable" for v in variables):
             raise WiringError(
                 f"{name} is fixed while the simulation runs: set it with system['{member.name}'].set(...) before it"
@@ -182,6 +185,7 @@ class Simulation:
         """A copy of everything recorded so far."""
         names, units = self._layout.record_names, self._layout.record_units
         result = self._exchange.recorder.recording(names, units)
+        self._warn_rounded({n: np.abs(result[n]).max(initial=0.0) for n in names if self._layout.readable[n][0] in self._layout.wide.values()})
         result.stopped_by, result.wall_time = self._stopped_by, self._wall_time
         result.aliases, result.types, result.display = (
             self._layout.aliases, self._layout.record_types, self._layout.record_display
@@ -223,7 +227,19 @@ class Simulation:
             self._stopped_by = str(stop)
         finally:
             self._wall_time += clock.perf_counter() - begin
+            if self._layout.wide:
+                self._warn_rounded({n: abs(self._exchange.values.item(i)) for n, i in self._layout.wide.items()})
         return self._stopped_by
+
+    def _warn_rounded(self, largest: Mapping[str, float]) -> None:
+        """Say once of each integer that it is no longer exchanged and recorded exactly."""
+        found = [name for name, value in largest.items() if value >= EXACT and name not in self._rounded]
+        if found:
+            self._rounded.update(found)
+            warnings.warn(
+                f"{', '.join(found)}: integers from 2^53 on are exchanged and recorded as doubles, which hold only some of them",
+                stacklevel=4,
+            )
 
     def _run(self, end: int, interrupt: HeldInterrupt, bar: ProgressBar) -> None:
         """To the arrival at `end`, in pieces of about a twentieth of a second: that keeps Ctrl-C and the progress bar
@@ -353,6 +369,10 @@ class Simulation:
         if self._exchange.allow_nan or isinstance(failure, NotFinite):
             return failure
         return self._layout.not_finite(self.schedule.members) or failure
+
+    @cached_property
+    def _driven(self) -> dict[tuple[Member, Variable], Connection]:
+        return {(c.target, c.input): c for c in self.schedule.connections}
 
     @cached_property
     def _wiring(self) -> Wiring:

@@ -31,6 +31,7 @@ from cosim.master.initialization import initialize
 from cosim.master.twins import ContinuousTwin, Model, diagonal, model_of
 from cosim.system.members import Connection, Group, Member
 from cosim.system.schedule import Schedule, make_schedule
+from cosim.time import seconds_text
 
 TOLERANCE = 1e-5
 
@@ -54,7 +55,7 @@ class Stability:
 
     def __str__(self) -> str:
         names = ", ".join(f"{name} ({share:.0%})" for name, share in self.dominant if share >= 0.05)
-        text = f"spectral radius {self.radius:.6g} per cycle of {self.cycle:g} s, dominated by {names or 'nothing'}"
+        text = f"spectral radius {self.radius:.6g} per cycle of {seconds_text(self.cycle)}, dominated by {names or 'nothing'}"
         if self.coupled_radius > 1.0:
             text += f" (coupled without delay: {self.coupled_radius:.6g})"
         for name, reason in self.unchecked.items():
@@ -139,7 +140,7 @@ def _linear_schedule(
     groups = [
         Group(g.name, tuple(twin[m] for m in g.members if m in twin), g.method) for g in schedule.groups if g.name
     ]
-    return make_schedule(twin.values(), copies, groups)
+    return make_schedule(twin.values(), copies, groups, loops_are_solved=True)
 
 
 def _cycle_map(schedule: Schedule) -> tuple[Array, list[str], float]:

@@ -26,6 +26,9 @@ Index = npt.NDArray[np.intp]
 Timed = Callable[[float], None]
 Key = tuple[str, str, str]
 
+WIDE = ("Int64", "UInt64")
+EXACT = 2**53  # integers below it are doubles
+
 _FEW = 24  # values that Python adds up faster than NumPy begins
 
 
@@ -71,6 +74,7 @@ class Layout:
         self.previous: dict[tuple[Member, Variable], int] = {}
         self.reached: dict[Member, int] = {}  # slot of the time at which the visible outputs were reached
         self.constants: dict[tuple[Member, Variable], int] = {}  # unconnected inputs that are recorded or watched
+        self.wide: dict[str, int] = {}  # full name -> slot, of integers that doubles may not hold
         self.readable: dict[str, tuple[int, float, float]] = {}  # full name -> slot, scale, offset
         self.record_names: list[str] = []
         self.aliases: dict[str, str] = {}  # further names of what is recorded
@@ -227,13 +231,13 @@ def make_layout(
     needed: dict[Member, set[Variable]] = {m: set() for m in schedule.members}
     for c in schedule.connections:
         needed[c.source].add(c.output)
-    constants = []
+    constants: dict[tuple[Member, Variable], None] = {}  # each once, also where it is both recorded and watched
     for member, variable in [*record, *watch]:
         if (member, variable) in by_input:
             c = by_input[member, variable]
             needed[c.source].add(c.output)
         elif variable.causality in ("input", "parameter", "structuralParameter"):
-            constants.append((member, variable))
+            constants[member, variable] = None
         else:
             needed[member].add(variable)
     outputs = {m: sorted(vs, key=_storage_order) for m, vs in needed.items()}
@@ -250,10 +254,11 @@ def make_layout(
         if c.extrapolate and c.source not in layout.reached:
             layout.reached[c.source] = count
             count += 1
-    for member, variable in constants:
-        layout.constants.setdefault((member, variable), count)
+    for key in constants:
+        layout.constants[key] = count
         count += 1
     layout.values = np.zeros(count)
+    layout.wide = {f"{m.name}.{v.name}": i for slots in (layout.visible, layout.constants) for (m, v), i in slots.items() if v.fmi_type in WIDE}
     for m in schedule.members:
         layout.places[m] = _place(layout, schedule, m, outputs[m])
     _recorded(layout, by_input, record, watch)

@@ -10,7 +10,8 @@ from lxml import etree
 from build_fmus import escape
 from cosim.picture.layout import LANE, Box, Line, Picture, arrange
 from cosim.system.members import Member
-from cosim.system.schedule import Schedule, seconds
+from cosim.system.schedule import Schedule
+from cosim.time import seconds_text
 
 COLOURS = {"discrete": ("#fff3d6", "#c98a00", "#8a5f00"), "continuous": ("#dfecfb", "#2a6fb0", "#1d5488")}
 """Kind of a component -> fill, edge and ink."""
@@ -89,7 +90,7 @@ def _duration(value: Fraction) -> str:
     """`0.5 ms`, `1/60 s`."""
     milliseconds = value * 1000
     short = value < 1 and 1000 % milliseconds.denominator == 0
-    return f"{float(milliseconds):g} ms" if short else seconds(value)
+    return f"{float(milliseconds):g} ms" if short else seconds_text(value)
 
 
 def _text(

@@ -40,9 +40,10 @@ class Member:
     def set(self, values: Mapping[str, Any] | None = None, **more: Any) -> None:
         """Parameters and start values for the next initialization, by variable name. A name without its index
         (`gain.y`) takes an array for all of `gain.y[i,j]`, row major. Raises WiringError for unknown names, values
-        of the wrong type or shape, and values outside min and max."""
-        for name, value in {**(values or {}), **more}.items():
-            self.values.update(self.expand(name, value))
+        of the wrong type or shape, and values outside min and max; nothing is set then."""
+        given = [self.expand(name, value) for name, value in {**(values or {}), **more}.items()]
+        for expanded in given:
+            self.values.update(expanded)
 
     def expand(self, name: str, value: Any) -> dict[str, Any]:
         """What `set` would set, element by element, without setting it."""

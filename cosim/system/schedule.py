@@ -7,8 +7,9 @@ from dataclasses import dataclass
 from fractions import Fraction
 
 from cosim.errors import LoopError, WiringError
+from cosim.system.loops import Loop, certain, declared, find_loops, path_of, refuse_loops
 from cosim.system.members import Connection, Group, Member
-from cosim.time import TimeBase, gcd
+from cosim.time import TimeBase, gcd, seconds_text
 
 
 @dataclass(frozen=True)
@@ -23,6 +24,7 @@ class Schedule:
     lagging: tuple[Connection, ...]
     connections: tuple[Connection, ...]
     unconnected: tuple[str, ...]
+    possible_loops: tuple[Loop, ...] = ()  # algebraic, where dependencies are not declared
     executed_by: str = ""  # what executes it, and why that
 
     @property
@@ -38,7 +40,7 @@ class Schedule:
 
     def __str__(self) -> str:
         by = [f"executed by {self.executed_by}"] if self.executed_by else []
-        lines = [f"base tick {seconds(self.tick)}", *by, "", "At every instant, the components that are due:"]
+        lines = [f"base tick {seconds_text(self.tick)}", *by, "", "At every instant, the components that are due:"]
         if self.discrete:
             lines.append("1. discrete, one after the other, each used at once:")
             lines += [f"     {_rate(m)}" for m in self.discrete]
@@ -58,20 +60,18 @@ class Schedule:
         if self.lagging:
             lines += ["", "Inputs without direct feed-through that see the sample before:"]
             lines += [f"     {c}" for c in self.lagging]
+        if self.possible_loops:
+            lines += ["", "Possible algebraic loops, which are not solved (not all of their direct dependencies are declared):"]
+            lines += [path_of(loop) for loop in self.possible_loops]
         if self.unconnected:
             lines += ["", "Unconnected inputs, at their start values:", *(f"     {name}" for name in self.unconnected)]
         return "\n".join(lines)
 
 
-def seconds(value: Fraction) -> str:
-    """A duration as people write it: `0.001 s`, `1/60 s`."""
-    return f"{float(value):g} s" if float(value) == value or 10**9 % value.denominator == 0 else f"{value} s"
-
-
 def _rate(member: Member) -> str:
-    offset = f" from {seconds(member.offset)}" if member.offset else ""
+    offset = f" from {seconds_text(member.offset)}" if member.offset else ""
     apart = ", in a process of its own" if getattr(member.component, "isolation", None) else ""
-    return f"{member.name} ({member.description.name}) every {seconds(member.step)}{offset}{apart}"
+    return f"{member.name} ({member.description.name}) every {seconds_text(member.step)}{offset}{apart}"
 
 
 def make_schedule(
@@ -79,15 +79,20 @@ def make_schedule(
     connections: Iterable[Connection] = (),
     groups: Iterable[Group] = (),
     extra: Iterable[Fraction] = (),
+    *,
+    loops_are_solved: bool = False,
 ) -> Schedule:
     """Schedule of components, of the connections between them and the groups among them. `extra` are further periods [s]
     that the base tick must divide. Ties are settled by name, never by the order in which components were added. Raises
-    WiringError when there are no components and LoopError for a loop among discrete ones."""
+    WiringError when there are no components, and LoopError for a loop among discrete ones, or among continuous ones (`cosim.system.loops`)
+    unless `loops_are_solved` by the caller."""
     members = sorted(members, key=lambda m: m.name)
     if not members:
         raise WiringError("the system has no components")
     connections = tuple(sorted(connections, key=lambda c: c.target_name))
     discrete, lagging = _order([m for m in members if m.discrete], connections)
+    if not loops_are_solved:
+        refuse_loops(find_loops(connections, certain))
     return Schedule(
         tick=gcd([*(m.step for m in members), *(m.offset for m in members), *extra]),
         discrete=tuple(discrete),
@@ -95,6 +100,7 @@ def make_schedule(
         lagging=tuple(lagging),
         connections=connections,
         unconnected=tuple(sorted(unconnected(members, {c.target_name for c in connections}))),
+        possible_loops=() if loops_are_solved else tuple(find_loops(connections, declared)),
     )
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import warnings
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from fractions import Fraction
@@ -13,8 +14,8 @@ from build_fmus.checks import did_you_mean, glob, number, unknown
 from build_fmus.escape import NO_XML
 from build_fmus.units import UnitMismatchError, conversion
 from cosim.component import Component, PythonComponent
-from cosim.description import Description, Variable
-from cosim.errors import WiringError
+from cosim.description import RECORDABLE, Description, Variable
+from cosim.errors import FmuWarning, WiringError
 from cosim.fmu.component import FmuComponent
 from cosim.fmu.file import FmuFile
 from cosim.fmu.isolation import Isolation
@@ -24,7 +25,7 @@ from cosim.system.members import Connection, Group, Member, article
 from cosim.system.names import Members, elements, fits_any
 from cosim.system.renewal import PythonSource
 from cosim.system.schedule import Schedule, make_schedule, unconnected
-from cosim.time import TimeLike, positive, rational
+from cosim.time import TimeLike, positive, rational, seconds_text
 
 Kind = Literal["discrete", "continuous"]
 
@@ -88,14 +89,16 @@ class Wiring:
             raise WiringError(
                 f"component '{name}' ({about.name}) states no step of its own: give one, e.g. step='1 ms'"
             )
+        period = positive(period, f"step of '{name}'")
         begin = rational(offset, f"offset of '{name}'")
         if begin < 0:
             raise WiringError(f"component '{name}': the offset must not be negative, it is {offset}")
-        member = Member(name, component, positive(period, f"step of '{name}'"), begin, kind, source=source)
+        _check_internal_step(name, about, period)
+        member = Member(name, component, period, begin, kind, source=source)
         member.set(parameters)
         member.set(start)
-        if isolated:
-            _isolate(member, _limits(step_timeout, memory_limit), required=True)
+        if isolated and _can_be_isolated(member, required=True):
+            _isolate(member, _limits(step_timeout, memory_limit))
         elif step_timeout is not None or memory_limit is not None:
             raise WiringError(f"component '{name}': step_timeout and memory_limit are limits of isolated FMUs (isolated=True)")
         self.members[name] = member
@@ -111,12 +114,14 @@ class Wiring:
         machine has. Raises WiringError for names that there are not (unless `missing_ok`) and for components that are no FMUs.
         """
         limits = _limits(step_timeout, memory_limit)
+        chosen: list[Member] = []
         for pattern in names:
             found = [m for m in self.members.values() if glob(pattern)(m.name)]
             if not found and not missing_ok:
                 raise WiringError(unknown("component", pattern, self.members))
-            for member in found:
-                _isolate(member, limits, required=member.name == pattern)
+            chosen += [m for m in found if _can_be_isolated(m, required=m.name == pattern)]
+        for member in chosen:
+            _isolate(member, limits)
 
     def _component(self, fmu: Any, strict: bool) -> Component:
         if isinstance(fmu, str | os.PathLike):
@@ -162,6 +167,9 @@ class Wiring:
             self._connection((from_member, o), (to_member, i), delay=delay, extrapolate=extrapolate, linear=linear)
             for o, i in zip(outputs, inputs, strict=True)
         ]
+        return self._connected(made)
+
+    def _connected(self, made: list[Connection]) -> list[Connection]:
         self.connections.update((c.target_name, c) for c in made)
         return made
 
@@ -169,7 +177,8 @@ class Wiring:
         self, source: str, target: str, pattern: str = "*", *, delay: bool = False, extrapolate: bool = False
     ) -> list[Connection]:
         """Connect every output of `source` whose name fits `pattern` (wildcards * and ?) to the input of the same name
-        of `target`, unless that input is connected already. Returns the connections; raises if there is none.
+        of `target`, unless that input is connected already. Returns the connections; raises WiringError, and connects nothing, if there is
+        none or if one does not fit.
 
         Where an FMU declares terminals, names are also those that its variables have there (`terminal.member`), and two terminals of one name must
         fit, see `connect_terminals`; WiringError says what does not."""
@@ -197,11 +206,12 @@ class Wiring:
                 f"outputs: {_some(from_member.description.outputs)}; inputs: {_some(to_member.description.inputs)}"
             )
         made = [
-            c
+            self._connection(
+                (from_member, offered.variables[o]), (to_member, needed.variables[i]), delay=delay, extrapolate=extrapolate
+            )
             for i, o in pairs.items()
-            for c in self.connect(f"{source}.{o}", f"{target}.{i}", delay=delay, extrapolate=extrapolate)
         ]
-        return made + self._wired(further, delay=delay, extrapolate=extrapolate)
+        return self._connected(made + self._wired(further, delay=delay, extrapolate=extrapolate))
 
     def connect_terminals(self, first: str, second: str, *, delay: bool = False, extrapolate: bool = False) -> list[Connection]:
         """Connect two terminals, each written as `component.terminal` (`road.road.fl`, `car.road.fl`), in both directions, with the terminals in
@@ -215,10 +225,10 @@ class Wiring:
         found = list(terminals.wires(terminals.find(self.members, first), terminals.find(self.members, second)))
         if not found:
             raise WiringError(f"terminals {first} and {second}: no output of one is an input of the other")
-        return self._wired(found, delay=delay, extrapolate=extrapolate)
+        return self._connected(self._wired(found, delay=delay, extrapolate=extrapolate))
 
     def _wired(self, found: Iterable[terminals.Wire], *, delay: bool, extrapolate: bool) -> list[Connection]:
-        """Connect what terminals say, all or nothing."""
+        """The connections that terminals say, which are not made yet."""
         made: dict[str, Connection] = {}
         flows = {c.source_name: c for c in self.connections.values() if c.flow}
         for wire in found:
@@ -236,7 +246,6 @@ class Wiring:
             if new.target_name in made:
                 raise WiringError(f"{wire.at}: {new.target_name} would be connected twice")
             made[new.target_name] = new
-        self.connections.update(made)
         return list(made.values())
 
     def disconnect(self, pattern: str) -> list[str]:
@@ -300,6 +309,12 @@ class Wiring:
         if already is not None:
             raise WiringError(f"{names}: this input is already connected to {already.source_name}")
         allowed = {("real", "real"), ("integer", "integer"), ("boolean", "boolean"), ("integer", "real")}
+        for member, variable in ((source, output), (target, input_)):
+            if variable.type not in RECORDABLE:
+                remedy = f"; set a text before the run: system['{target.name}'].set({{'{input_.name}': ...}})" if input_.type == "string" else ""
+                raise WiringError(
+                    f"{names}: {member.name}.{variable.name} is {article(variable.fmi_type)}, and only numbers and Booleans are exchanged{remedy}"
+                )
         if (output.type, input_.type) not in allowed:
             raise WiringError(f"{names}: types differ, {output.fmi_type} to {input_.fmi_type}")
         if extrapolate and (source.discrete or target.discrete):
@@ -342,9 +357,14 @@ class Wiring:
         return unconnected(self.members.values(), self.connections)
 
     def schedule(self, *extra: Fraction) -> Schedule:
-        """The order in which everything runs; print it. Raises LoopError for a loop among discrete components.
-        `extra` are further periods the base tick must divide."""
-        return make_schedule(self.members.values(), self.connections.values(), self.groups.values(), extra)
+        """The order in which everything runs; print it. Raises LoopError for a loop among discrete components, or an algebraic one among
+        continuous components. `extra` are further periods the base tick must divide."""
+        return self._make_schedule(*extra)
+
+    def _make_schedule(self, *extra: Fraction, loops_are_solved: bool = False) -> Schedule:
+        return make_schedule(
+            self.members.values(), self.connections.values(), self.groups.values(), extra, loops_are_solved=loops_are_solved
+        )
 
     def check(self) -> list[str]:
         """Raise what is wrong with the system; returns `unconnected()`."""
@@ -362,9 +382,29 @@ def _limits(step_timeout: float | None, memory_limit: int | None) -> Isolation:
     return Isolation(**{k: v for k, v in given.items() if v is not None})  # type: ignore[arg-type]
 
 
-def _isolate(member: Member, limits: Isolation, *, required: bool) -> None:
+def _check_internal_step(name: str, about: Description, step: Fraction) -> None:
+    """Issue a FmuWarning for steps between which the FMU's own steps do not fit."""
+    if about.internal_step is None:
+        return
+    steps = step / about.internal_step
+    if abs(steps - max(1, round(steps))) > 1e-6 * steps:
+        warnings.warn(
+            f"component '{name}' ({about.name}): its step of {seconds_text(step)} is no multiple of {seconds_text(about.internal_step)}, the "
+            "fixed internal step of its FMU (fixedInternalStepSize), which may refuse it or reach other times than it is asked for",
+            FmuWarning, stacklevel=3,
+        )  # fmt: skip
+
+
+def _can_be_isolated(member: Member, *, required: bool) -> bool:
+    """Whether it is an FMU. Raises WiringError where it must be one and is not, and where this machine isolates none."""
+    if not isinstance(member.component, FmuComponent):
+        if required:
+            raise WiringError(f"component '{member.name}' is no FMU, so it cannot be isolated")
+        return False
+    require_isolation(f"component '{member.name}'")
+    return True
+
+
+def _isolate(member: Member, limits: Isolation) -> None:
     if isinstance(member.component, FmuComponent):
-        require_isolation(f"component '{member.name}'")
         member.component.isolation = limits
-    elif required:
-        raise WiringError(f"component '{member.name}' is no FMU, so it cannot be isolated")

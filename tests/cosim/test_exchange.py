@@ -12,7 +12,7 @@ from cosim import LoopError, PythonComponent, System
 STEPS = (1, 2, 3, 5)
 PAIRS = list(itertools.product(STEPS, STEPS))
 END = 40
-pytestmark = pytest.mark.filterwarnings("ignore::cosim.UnconnectedInputsWarning")
+pytestmark = pytest.mark.filterwarnings("ignore::cosim.UnconnectedInputsWarning", "ignore::cosim.AlgebraicLoopWarning")
 
 
 def ms(value):

@@ -1,6 +1,10 @@
 """Wiring by name: units, types, nearest matches, parameters; every mistake is named."""
 
 import re
+import warnings
+import zipfile
+from dataclasses import replace
+from fractions import Fraction
 
 import numpy as np
 import pytest
@@ -8,6 +12,7 @@ from probes import Clock, Delta, Integrator
 
 from build_fmus.units import KNOWN, Unit, UnitMismatchError, conversion
 from cosim import CosimError, PythonComponent, System, TimeError, UnconnectedInputsWarning, WiringError
+from cosim.time import TimeBase, rational, seconds_text
 
 
 class Road(PythonComponent):
@@ -90,6 +95,66 @@ def test_connect_matching_without_a_match_lists_what_there_is():
         system().connect_matching("road", "car", "wheel.*")
 
 
+def test_connect_matching_connects_all_or_nothing():
+    class Front(PythonComponent):
+        outputs = ("a [m]", "b [s]")
+
+    class Back(PythonComponent):
+        inputs = ("a [m]", "b [kg]")
+
+    s = System()
+    s.add("front", Front(), step=1)
+    s.add("back", Back(), step=1)
+    with pytest.raises(WiringError, match=r"front\.b \[s\] -> back\.b \[kg\]"):
+        s.connect_matching("front", "back")
+    assert not s.connections
+    assert [c.target_name for c in s.connect_matching("front", "back", "a")] == ["back.a"]
+
+
+@pytest.mark.parametrize(("fmi_type", "remedy"), [("String", r"; set a text before the run: system\['b'\]\.set\(\{'u': "), ("Binary", "$")])
+def test_texts_and_binaries_are_not_connected(fmi_type, remedy):
+    s = System()
+    for name in ("a", "b"):
+        component = Delta()
+        about = component.description
+        kind = "string" if fmi_type == "String" else "other"
+        about.variables |= {n: replace(v, type=kind, fmi_type=fmi_type) for n, v in about.variables.items()}
+        about.__post_init__()
+        s.add(name, component, step=1)
+    with pytest.raises(WiringError, match=rf"a\.y -> b\.u: a\.y is a {fmi_type}, and only numbers and Booleans are exchanged{remedy}"):
+        s.connect("a.y", "b.u")
+
+
+def test_integers_that_doubles_do_not_hold_are_named(follower):
+    with System() as s:
+        for name in ("a", "b"):
+            s.add(name, follower[3], step="1 ms", kind="discrete", start={"int64_in": 2**53 - 2, "uint64_in": 0})
+        s.connect("a.int64_out", "b.int64_in")
+        options = {"record": ["b.int64_out", "a.uint64_out"], "allow_unconnected": True}
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")
+            s.run(0.01, **options)
+        s["a"].set(int64_in=2**53 + 1)
+        with pytest.warns(UserWarning, match=r"^a\.int64_out, b\.int64_out: integers from 2\^53 on are exchanged and recorded as doubles"):
+            s.run(0.01, **options)
+        s["a"].set(int64_in=0, uint64_in=2**64 - 1)
+        with s.initialize(**options) as simulation, pytest.warns(UserWarning, match=r"^a\.uint64_out: integers"):
+            assert len(simulation.recording) == 1
+
+
+@pytest.mark.parametrize(("step", "fits"), [("0.1 ms", True), (None, True), ("0.25 ms", False), ("0.05 ms", False), (0.1, True)])
+def test_steps_that_the_fixed_internal_step_does_not_fit_are_warned_of(follower, tmp_path, step, fits):
+    path = tmp_path / "Fixed.fmu"
+    with zipfile.ZipFile(follower[3]) as made, zipfile.ZipFile(path, "w") as fixed:
+        for name in made.namelist():
+            fixed.writestr(name, made.read(name).replace(b"<CoSimulation ", b'<CoSimulation fixedInternalStepSize="1e-4" '))
+    with warnings.catch_warnings(record=True) as found, System() as s:
+        warnings.simplefilter("always")
+        assert s.add("a", path, step=step).step == (Fraction(1, 10_000) if step is None else rational(step))
+    said = [str(w.message) for w in found if "fixed internal step" in str(w.message)]
+    assert [t.split(":")[0] for t in said] == [] if fits else ["component 'a' (Follower3)"]
+
+
 def test_type_mismatch(foreign):
     s = system()
     s.add("foreign", foreign["AddOne2"], step=1)
@@ -152,6 +217,13 @@ def test_arrays_are_set_whole_or_by_element():
     assert s["car"].values == {"gain[1,1]": 1, "gain[1,2]": 2, "gain[2,1]": 7, "gain[2,2]": 4, "label": "b"}
 
 
+def test_values_are_set_all_or_none():
+    s = system()
+    with pytest.raises(WiringError):
+        s["car"].set({"gain[2,1]": 7, "missing": 1})
+    assert not s["car"].values
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
@@ -204,6 +276,27 @@ def test_what_cannot_be_recorded_is_named():
     assert len(s.select(None)) == 6
 
 
+@pytest.mark.parametrize(
+    ("step", "text"),
+    [
+        ("1.234567 ms", "0.001234567 s"), ("1/60", "1/60 s"), (1 / 60, "1/60 s"), (0.001, "0.001 s"), ("1 min", "60 s"), ("3 ns", "3e-09 s"),
+        ("0.12345678901234567891", "12345678901234567891/100000000000000000000 s"), (1000.0625, "1000.0625 s"),
+    ],
+)  # fmt: skip
+def test_a_step_is_shown_as_it_is(step, text):
+    s = System()
+    s.add("a", Clock(), step=step)
+    assert f"every {text}\n" in str(s.schedule())
+    assert f"base tick {text}\n" in str(s.schedule())
+    with pytest.raises(TimeError, match=re.escape(f"{text} is not a multiple of the base tick of 7000 s")):
+        TimeBase(Fraction(7000)).count(s["a"].step)
+
+
+@pytest.mark.parametrize("value", [float("nan"), float("inf"), -1.0])
+def test_what_is_no_duration_is_shown_too(value):
+    assert seconds_text(value).startswith(f"{value:g}")
+
+
 def test_empty_system():
     with pytest.raises(WiringError, match="no components"):
         System().run(1)
@@ -219,6 +312,24 @@ def test_driven_inputs_are_not_set_and_unknown_values_not_read():
         simulation.set("b.u", 1.0)
     with pytest.raises(KeyError, match="did you mean"):
         simulation["a.z"]
+
+
+def test_an_array_with_a_driven_element_is_not_set():
+    class Vector(Delta):
+        inputs = ("u[1]", "u[2]")
+
+    s = System()
+    s.add("a", Delta(), step=1, start={"u": 0})
+    s.add("g", Vector(), step=1, start={"u": [1, 2]})
+    s.connect("a.y", "g.u[2]")
+    with s.initialize(watch=["g.u[1]"]) as simulation:
+        with pytest.raises(WiringError, match=r"g\.u\[2\] is driven by a\.y"):
+            simulation.set("g.u", [3.0, 4.0])
+        with pytest.raises(WiringError, match=r"g\.u\[2\] is driven by a\.y"):
+            simulation.setter(["g.u[1]", "g.u[2]"])
+        assert simulation["g.u[1]"] == 1.0
+        simulation.set("g.u[1]", 3.0)
+        assert simulation["g.u[1]"] == 3.0
 
 
 def test_unit_conversion():

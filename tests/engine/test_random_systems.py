@@ -12,7 +12,9 @@ from same import ENGINES, assert_same
 
 from cosim import LoopError, Recording, StopWhen
 
-pytestmark = pytest.mark.filterwarnings("ignore::cosim.UnconnectedInputsWarning", "ignore:initial values do not settle")
+pytestmark = pytest.mark.filterwarnings(
+    "ignore::cosim.UnconnectedInputsWarning", "ignore::cosim.AlgebraicLoopWarning", "ignore:initial values do not settle"
+)
 
 
 def run(plan: dict[str, Any], follower: dict[int, Path], engine: str) -> Recording:

@@ -16,7 +16,9 @@ from same import bits
 
 from cosim import LoopError, System
 
-pytestmark = pytest.mark.filterwarnings("ignore::cosim.UnconnectedInputsWarning", "ignore:initial values do not settle")
+pytestmark = pytest.mark.filterwarnings(
+    "ignore::cosim.UnconnectedInputsWarning", "ignore::cosim.AlgebraicLoopWarning", "ignore:initial values do not settle"
+)
 END = 0.06
 
 

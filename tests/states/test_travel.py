@@ -19,10 +19,12 @@ from hypothesis import HealthCheck, given, settings
 from random_systems import SampledSaw, Saw, systems, wired
 from same import ENGINES, assert_same
 
-from cosim import CosimError, LoopError, PythonComponent, StopWhen, System, SystemState, plain, sealed
+from cosim import CosimError, LoopError, PythonComponent, Recording, StopWhen, System, SystemState, plain, sealed
 from cosim.master.state import MAGIC
 
-pytestmark = pytest.mark.filterwarnings("ignore::cosim.UnconnectedInputsWarning", "ignore:initial values do not settle")
+pytestmark = pytest.mark.filterwarnings(
+    "ignore::cosim.UnconnectedInputsWarning", "ignore::cosim.AlgebraicLoopWarning", "ignore:initial values do not settle"
+)
 
 
 @pytest.fixture(scope="module")
@@ -170,10 +172,28 @@ def test_what_was_not_recorded_there_can_be_recorded_here_at_the_end_of_a_step()
         system.run(0.02, state=within)
 
 
-def two_rates() -> System:
+@pytest.mark.parametrize("name", ["slow.u", "slow.gain"])
+def test_a_value_that_is_recorded_and_watched_is_one_value(name, tmp_path):
+    def run(system: System, **more) -> Recording:
+        options = {"record": ["slow.y", name], "watch": [name, name], "stop_when": [StopWhen(name, ">", 1e9)]}
+        return system.run(0.02, **options, **more)
+
+    system = two_rates(Gained)
+    with system.initialize(record=["slow.y", name], watch=[name, name]) as simulation:
+        simulation.advance(0.008)
+        state = SystemState.read(simulation.save().write(tmp_path / "state"))
+    assert len(set(state.keys)) == len(state.values)
+    assert_tail(run(two_rates(Gained), state=state), run(two_rates(Gained)), 0.008)
+
+
+class Gained(Saw):
+    parameters = {"gain": 0.5}  # noqa: RUF012
+
+
+def two_rates(slow: type[Saw] = Saw) -> System:
     system = System()
     system.add("fast", Saw(), step="1 ms")
-    system.add("slow", Saw(), step="4 ms")
+    system.add("slow", slow(), step="4 ms")
     return system
 
 

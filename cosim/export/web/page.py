@@ -30,7 +30,7 @@ from cosim.export.web.scene import Scene, Value, scene_data
 from cosim.system.members import indices
 from cosim.system.schedule import Schedule
 from cosim.system.wiring import Wiring
-from cosim.time import TimeLike, positive
+from cosim.time import TimeLike, positive, seconds_text
 
 _ASSETS = Path(__file__).parent / "assets"
 _SCRIPTS = ("fmu.js", "plot.js", "scene.js", "page.js")  # in this order
@@ -260,7 +260,7 @@ def _interval(page: WebPage, codes: Sequence[SystemCode]) -> Fraction:
         interval = positive(page.interval, "interval")
     for c in codes:
         if (interval / c.schedule.tick).denominator != 1:
-            raise CosimError(f"an interval of {float(interval):g} s is no number of steps of {float(c.schedule.tick):g} s, the tick of the system")
+            raise CosimError(f"an interval of {seconds_text(interval)} is no number of steps of {seconds_text(c.schedule.tick)}, the tick of the system")
     return interval
 
 

@@ -28,7 +28,7 @@ from cosim import (
 )
 from cosim.signals import Array
 from cosim.study.gym.signals import Ranges, Signals, actions, observations
-from cosim.time import TimeLike, positive
+from cosim.time import TimeLike, positive, seconds_text
 
 with extras.needed("learning", "cosim.gym"):
     import gymnasium
@@ -189,14 +189,14 @@ class SystemEnv(gymnasium.Env[Array, Array]):
         tick = system.schedule(*extra, engine=settings["engine"]).tick
         self.step_size: Fraction = positive(step, "step")
         if (self.step_size / tick).denominator != 1:
-            raise TimeError(f"a step of {step} is no multiple of the system's tick of {float(tick):g} s")
+            raise TimeError(f"a step of {step} is no multiple of the system's tick of {seconds_text(tick)}")
         if extra and (self.step_size / extra[0]).denominator != 1:
             raise TimeError(f"a step of {step} is no multiple of record_interval = {interval}")
         self.steps: int | None = None
         if length is not None:
             count = positive(length, "length") / self.step_size
             if count.denominator != 1:
-                raise TimeError(f"an episode of {length} is no multiple of its step of {float(self.step_size):g} s")
+                raise TimeError(f"an episode of {length} is no multiple of its step of {seconds_text(self.step_size)}")
             self.steps = int(count)
         recorded = system.select([*self.observations.names, *self.actions.names, *record, *(c.name for c in terminated if isinstance(c, StopWhen))])
         self._recorded = list(dict.fromkeys(f"{m.name}.{v.name}" for m, v in recorded))

@@ -1,0 +1,59 @@
+"""Algebraic loops of which not all direct dependencies are declared: measured during initialization, then refused or warned of."""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Collection
+
+from cosim.dependencies import Dependencies
+from cosim.errors import AlgebraicLoopWarning, CallFailed, CosimError, ProcessLost
+from cosim.system.loops import Loop, components, declared, find_loops, path_of, refuse_loops
+from cosim.system.members import Member
+from cosim.system.schedule import Schedule
+
+
+def check_loops(schedule: Schedule, initializing: Collection[Member]) -> None:
+    """Raise LoopError for an algebraic loop whose dependencies are declared, or measured where components are `initializing`; issue an
+    AlgebraicLoopWarning for each other one that is possible."""
+    measured: dict[Member, Dependencies] = {}
+
+    def depends(member: Member, output: str) -> frozenset[str] | None:
+        known = declared(member, output)
+        return known if known is not None or member not in measured else measured[member].get(output, frozenset())
+
+    while schedule.possible_loops:
+        loops = find_loops(schedule.connections, depends)
+        unknown = {c.source.name: c.source for loop in loops for c in loop if depends(c.source, c.output.name) is None}
+        if not unknown:
+            refuse_loops(loops, " (what is not declared was measured at the initial values)")
+            break
+        for member in unknown.values():
+            measured[member] = _measured(schedule, member) if member in initializing else {}
+    for loop in schedule.possible_loops:
+        warnings.warn(_warning(loop), AlgebraicLoopWarning, stacklevel=9)
+
+
+def _warning(loop: Loop) -> str:
+    silent = dict.fromkeys(repr(c.source.name) for c in loop if declared(c.source, c.output.name) is None)
+    return (
+        f"the components {', '.join(repr(n) for n in components(loop))} may form an algebraic loop, which the master does not solve: "
+        f"{', '.join(silent)} {'does' if len(silent) == 1 else 'do'} not declare on which inputs outputs depend directly\n{path_of(loop)}\nIf "
+        "these do, each value of the loop is computed from one of the step before. delay=True on one of these connections says that it is "
+        "meant so."
+    )
+
+
+def _measured(schedule: Schedule, member: Member) -> Dependencies:
+    """Direct dependencies of connected outputs that are not declared, on connected inputs; none where they cannot be measured."""
+    measure = getattr(member.component, "measure_dependencies", None)
+    if measure is None:
+        return {}
+    inputs = [c.input for c in schedule.connections if c.target is member]
+    outputs = dict.fromkeys(c.output for c in schedule.connections if c.source is member)
+    try:
+        found: Dependencies = measure(inputs, [v for v in outputs if declared(member, v.name) is None])
+    except CosimError as error:
+        if isinstance(error, ProcessLost) or (isinstance(error, CallFailed) and error.status == "Fatal"):
+            raise  # nothing of it can be called any more
+        return {}
+    return found
