@@ -1,4 +1,4 @@
-"""Write how ``FullCarHmmwvPublic`` compares with the published model, and rigid bodies with both, into ``public-hmmwv.md``.
+"""Write how ``FullCarHmmwvPublic`` compares with Project Chrono's model, and rigid bodies with both, into ``public-hmmwv.md``.
 
     python docs/write_public_hmmwv.py                       # half-rounds, with rigid bodies beside them: two minutes
     python docs/write_public_hmmwv.py --courses FOLDER      # also the measured courses, which are data of others
@@ -37,20 +37,20 @@ from fmu_sources.vehicles import load_full_car, load_ride_car, load_wishbone_car
 PAGE = HERE / "public-hmmwv.md"
 FMUS = HERE.parent / "fmus" / "fmi3"
 INCH, MPH = 0.0254, 0.44704
-CHASSIS = 0.056  # m, the CG ahead of the origin that published windows count from
+CHASSIS = 0.056  # m, the CG ahead of the origin that windows of Chrono's runs count from
 CORNERS = ("fl", "fr", "rl", "rr")
 
 Figures = tuple[float, float, float, float, float, float]
 """Largest and least az of the CG and of the seat, their standard deviations [m/s2]."""
 
-POWER = {  # course, mph -> absorbed power at the seat of the published model, third order [W]
+POWER = {  # course, mph -> absorbed power at the seat of Chrono's model, third order [W]
     ("half-round 4 in", 5): 5.79, ("half-round 4 in", 10): 8.68, ("half-round 4 in", 15): 8.96, ("half-round 4 in", 20): 8.04,
     ("half-round 8 in", 5): 14.08, ("half-round 8 in", 10): 27.72, ("half-round 8 in", 15): 35.18, ("half-round 8 in", 20): 39.29,
     ("RMS course 1 in", 5): 2.61, ("RMS course 1 in", 10): 7.42, ("RMS course 1 in", 15): 15.22, ("RMS course 1 in", 20): 28.88,
     ("RMS course 1 in", 25): 39.21, ("RMS course 2 in", 10): 13.21, ("RMS course 2 in", 15): 42.66, ("RMS course 2 in", 20): 94.57,
     ("RMS course 2 in", 25): 117.83,
 }  # fmt: skip
-PUBLISHED: dict[tuple[str, int], tuple[float, float, Figures]] = {  # course, mph -> window of x [m], figures
+CHRONO: dict[tuple[str, int], tuple[float, float, Figures]] = {  # course, mph -> window of x [m], figures
     ("half-round 4 in", 5): (47.34, 57.48, (7.02, -7.91, 9.88, -9.70, 2.451, 2.675)),
     ("half-round 4 in", 10): (47.34, 63.07, (7.84, -10.62, 13.73, -21.11, 2.512, 2.851)),
     ("half-round 4 in", 15): (47.34, 68.66, (9.26, -11.36, 17.22, -22.64, 2.369, 2.729)),
@@ -69,7 +69,7 @@ PUBLISHED: dict[tuple[str, int], tuple[float, float, Figures]] = {  # course, mp
     ("RMS course 2 in", 20): (100.0, 404.8, (24.60, -25.18, 43.58, -38.57, 7.199, 10.308)),
     ("RMS course 2 in", 25): (100.0, 404.8, (29.11, -25.58, 44.18, -39.41, 6.989, 10.735)),
 }
-"""Responses of the full model (Project Chrono, commit 7689fbc), half-rounds at a quarter of its usual step, courses at half of it."""
+"""Responses of the full model, computed with its code (Project Chrono, commit 7689fbc), half-rounds at a quarter of its usual step, courses at half of it."""
 JUDGED = [("half-round 4 in", 10), ("half-round 8 in", 20)]
 HEAD = "| course | mph | CG az max, min | seat az max, min | CG az rms | seat az rms |\n|---|---|---|---|---|---|\n"
 
@@ -89,8 +89,8 @@ def start_and_duration(course: str, speed: float, end: float) -> tuple[float, fl
 
 @cache
 def ours(course: str, mph: int, folder: Path | None) -> tuple[Figures, float]:
-    """The FMU over a course, with the driver and the start of the published runs; and the absorbed power at its seat [W]."""
-    low, high, _ = PUBLISHED[course, mph]
+    """The FMU over a course, with the driver and the start of Chrono's runs; and the absorbed power at its seat [W]."""
+    low, high, _ = CHRONO[course, mph]
     speed = mph * MPH
     start, duration = start_and_duration(course, speed, high)
     with tempfile.TemporaryDirectory() as place, System() as system:
@@ -115,8 +115,8 @@ def ours(course: str, mph: int, folder: Path | None) -> tuple[Figures, float]:
 
 
 def rigid(course: str, mph: int, *, shifted: bool) -> Figures:
-    """Rigid bodies in Exudyn over a half-round; ``shifted``: with the contact point of the public model's code."""
-    low, high, _ = PUBLISHED[course, mph]
+    """Rigid bodies in Exudyn over a half-round; ``shifted``: with the contact point of Chrono's code."""
+    low, high, _ = CHRONO[course, mph]
     start, duration = start_and_duration(course, mph * MPH, high)
     road = half_round(float(course.split()[1]) * INCH, 50.0)
     car = MultibodyCar(load_wishbone_car("hmmwv_public"), road, speed=mph * MPH, start=start, shifted=shifted)
@@ -124,30 +124,30 @@ def rigid(course: str, mph: int, *, shifted: bool) -> Figures:
     return figures(m["x"], m["body.az"], m["seat.az"], (low, high))
 
 
-def cells(found: Figures, published: Figures | None = None) -> str:
-    """The columns of a row; with ``published`` also by how much rms differs."""
+def cells(found: Figures, beside: Figures | None = None) -> str:
+    """The columns of a row; with ``beside`` also by how much rms differs."""
 
     def rms(i: int) -> str:
-        return f"{found[i]:.2f}" + (f" ({100 * (found[i] / published[i] - 1):+.0f} %)" if published else "")
+        return f"{found[i]:.2f}" + (f" ({100 * (found[i] / beside[i] - 1):+.0f} %)" if beside else "")
 
     return f"{found[0]:.1f}, {found[1]:.1f} | {found[2]:.1f}, {found[3]:.1f} | {rms(4)} | {rms(5)} |\n"
 
 
 def table(courses: list[tuple[str, int]], folder: Path | None) -> str:
-    """Published and our figures, row by row."""
+    """Figures of Chrono and ours, row by row."""
     text = HEAD
     for course, mph in courses:
-        published = PUBLISHED[course, mph][2]
-        text += f"| {course}, published | {mph} | {cells(published)}| ours | | {cells(ours(course, mph, folder)[0], published)}"
+        beside = CHRONO[course, mph][2]
+        text += f"| {course}, Chrono | {mph} | {cells(beside)}| ours | | {cells(ours(course, mph, folder)[0], beside)}"
     return text
 
 
 def power_table(folder: Path) -> str:
-    """Absorbed power at the seat, published and ours."""
-    text = "| course | mph | published [W] | ours [W] | difference |\n|---|---|---|---|---|\n"
-    for (course, mph), published in POWER.items():
+    """Absorbed power at the seat, of Chrono and ours."""
+    text = "| course | mph | Chrono [W] | ours [W] | difference |\n|---|---|---|---|---|\n"
+    for (course, mph), beside in POWER.items():
         own = ours(course, mph, None if "half" in course else folder)[1]
-        text += f"| {course} | {mph} | {published:.2f} | {own:.2f} | {100 * (own / published - 1):+.0f} % |\n"
+        text += f"| {course} | {mph} | {beside:.2f} | {own:.2f} | {100 * (own / beside - 1):+.0f} % |\n"
     return text
 
 
@@ -155,10 +155,10 @@ def judged() -> str:
     """Rigid bodies over half-rounds beside both."""
     text = HEAD
     for course, mph in JUDGED:
-        published = PUBLISHED[course, mph][2]
-        text += f"| {course}, published | {mph} | {cells(published)}| ours | | {cells(ours(course, mph, None)[0], published)}"
-        text += f"| rigid bodies | | {cells(rigid(course, mph, shifted=False), published)}"
-        text += f"| rigid bodies, contact as in the public code | | {cells(rigid(course, mph, shifted=True), published)}"
+        beside = CHRONO[course, mph][2]
+        text += f"| {course}, Chrono | {mph} | {cells(beside)}| ours | | {cells(ours(course, mph, None)[0], beside)}"
+        text += f"| rigid bodies | | {cells(rigid(course, mph, shifted=False), beside)}"
+        text += f"| rigid bodies, contact as in Chrono | | {cells(rigid(course, mph, shifted=True), beside)}"
     return text
 
 
@@ -260,9 +260,9 @@ def main() -> None:
     parser.add_argument("--only", choices=("modes", "half-rounds", "courses", "power", "rigid bodies"), help="one table")
     given = parser.parse_args()
     folder = given.courses
-    makers = {"modes": modes_table, "half-rounds": lambda: table([c for c in PUBLISHED if "half" in c[0]], None), "rigid bodies": judged}
+    makers = {"modes": modes_table, "half-rounds": lambda: table([c for c in CHRONO if "half" in c[0]], None), "rigid bodies": judged}
     if folder is not None:
-        makers |= {"courses": lambda: table([c for c in PUBLISHED if "RMS" in c[0]], folder), "power": lambda: power_table(folder)}
+        makers |= {"courses": lambda: table([c for c in CHRONO if "RMS" in c[0]], folder), "power": lambda: power_table(folder)}
     if given.only is not None and given.only not in makers:
         parser.error(f"--only {given.only}: give the folder of the measured courses, too (--courses FOLDER)")
     text = PAGE.read_text(encoding="utf-8")

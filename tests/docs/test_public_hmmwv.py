@@ -1,5 +1,6 @@
 """What the page of the public HMMWV says of natural frequencies is what its models have."""
 
+import re
 import runpy
 import subprocess
 import sys
@@ -60,3 +61,11 @@ def test_names_of_modes_do_not_depend_on_the_order_of_eigenvectors(seed: int) ->
 def test_the_script_runs_as_the_page_says() -> None:
     script = str(ROOT / "docs" / "write_public_hmmwv.py")
     subprocess.run([sys.executable, script, "--help"], check=True, capture_output=True)
+
+
+def test_the_page_says_whose_responses_stand_beside_ours() -> None:
+    """Nobody published them: they were computed with the code of Project Chrono."""
+    page = (ROOT / "docs" / "public-hmmwv.md").read_text(encoding="utf-8")
+    assert "were published" not in page
+    assert ", published |" not in page
+    assert len(re.findall(r", Chrono \|", page)) == len(WRITER["CHRONO"]) + len(WRITER["JUDGED"])
