@@ -89,7 +89,8 @@ def own_catalog(path: Path, suffix: str) -> dict[str, Entry]:
     vehicle = load_vehicle(path)
     if vehicle.kind == "full_car":
         return vehicle_catalog(path, plant=f"FullCar{suffix}", suffix=suffix)
-    families = [_family(parts, path, suffix, own=True, about=f", {path.name}") for parts, _ in _KINDS[vehicle.kind]]
+    words = partial(_own_words, path, vehicle.kind, suffix)
+    families = [_family(parts, path, suffix, words=words, about=f", {path.name}") for parts, _ in _KINDS[vehicle.kind]]
     entries = {e.name: e for family in families for e in family}
     if no_preview_lq(vehicle):
         entries = {n: e for n, e in entries.items() if not n.startswith(_PREVIEW_LQ)}
@@ -126,6 +127,11 @@ def weights_name(weights: Path, vehicle: Path | None = None) -> str:
     return f"{_PREVIEW_LQ}{catalog_suffix(weights)}{'' if vehicle is None else catalog_suffix(vehicle)}"
 
 
+def road_name(road: Path, vehicle: Path | str | None = None) -> str:
+    """Name of the road of a user's file; with a vehicle that of the vehicle's file too, since wheels and preview are the vehicle's."""
+    return f"Road{catalog_suffix(road)}{'' if vehicle is None else catalog_suffix(Path(vehicle))}"
+
+
 def own_names(path: Path, suffix: str) -> dict[str, str]:
     """Published names -> names of what :func:`own_catalog` makes in their place, for experiments on a user's vehicle.
 
@@ -137,13 +143,30 @@ def own_names(path: Path, suffix: str) -> dict[str, str]:
     made = own_catalog(path, suffix)
     if load_vehicle(path).kind == "full_car":
         return {_GPC_PLANT: f"FullCar{suffix}", **{name: name + suffix for name in (*_ROADS, *_GPC)}}
-    names = {
+    return {published: own for published, own in _names(load_vehicle(path).kind, suffix).items() if own in made}
+
+
+def _names(kind: str, suffix: str) -> dict[str, str]:
+    """Published names -> names of what is made of a file of this kind in their place."""
+    return {
         template.format(v=called, s=""): template.format(v=suffix, s=suffix)
-        for parts, published in _KINDS[load_vehicle(path).kind]
+        for parts, published in _KINDS[kind]
         for template in parts
         for called in published
     }
-    return {published: own for published, own in names.items() if own in made}
+
+
+def _own_words(path: Path, kind: str, suffix: str, text: str) -> str:
+    """A text about a published vehicle and its FMUs as one about the vehicle of a user's file."""
+    for published, own in sorted(_names(kind, suffix).items(), key=lambda n: -len(n[0])):
+        if re.search(r"(Hmmwv|Sedan|Bench|ThreeAxle|HmmwvPublic)", published):  # others, such as Skyhook, are words as well
+            text = re.sub(rf"\b{published}\b", own, text)
+    if kind == "sensors":
+        text = text.replace("fmu_sources/vehicles/sensors_hmmwv.toml", path.name)
+        return re.sub("(?<=ensors of )the HMMWV", lambda _: path.name, text)  # the car is still the HMMWV
+    text = text.replace(", as that of the HMMWV does", "").replace("Three-axle 6x6", "Three-axle vehicle")
+    text = re.sub(r"\bthe (HMMWV|6x6|sedan)\b( of paper 003)?|^6x6 of paper 003", lambda _: f"the vehicle of {path.name}", text)
+    return text.replace("ride car of paper 004", "ride car")
 
 
 def vehicle_catalog(vehicle: str | Path, *, plant: str, suffix: str | None) -> dict[str, Entry]:
@@ -277,7 +300,7 @@ _PREVIEWS: dict[str, Preview] = {  # by kind of vehicle: what its controllers re
 
 
 def _family(
-    parts: Mapping[str, tuple[str, Make]], vehicle: Source, called: str, *, own: bool = False, about: str = ""
+    parts: Mapping[str, tuple[str, Make]], vehicle: Source, called: str, *, words: Callable[[str], str] | None = None, about: str = ""
 ) -> list[Entry]:
     """Entries of the FMUs made of one vehicle file.
 
@@ -285,21 +308,22 @@ def _family(
         parts: template of the name -> summary, maker. ``{v}`` in a template is where what the vehicle is called belongs in
             the published names, ``{s}`` where only the names of FMUs of a user's vehicle have it.
         called: what the vehicle is called.
-        own: the vehicle is a user's.
+        words: of a user's vehicle, which makes texts about published vehicles texts about this one.
         about: end of all summaries.
     """
     files = _files(vehicle)
 
     def entry(template: str, summary: str, make: Make) -> Entry:
-        name = template.format(v=called, s=called if own else "")
+        name = template.format(v=called, s=called if words else "")
 
         def made(_: Context) -> Component:
             component = make(vehicle, name, called)
-            if isinstance(vehicle, Path):
+            if words and isinstance(vehicle, Path):
+                component.reword(words)
                 component.description += f"; made for {vehicle.name}"
             return component
 
-        return Entry(name, summary + about, made, files=files)
+        return Entry(name, (words(summary) if words else summary) + about, made, files=files)
 
     return [entry(template, *part) for template, part in parts.items()]
 

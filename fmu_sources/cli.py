@@ -68,7 +68,7 @@ def load_catalog(user: UserFiles | None = None) -> dict[str, Any]:
         entries[name] = make(name)
 
     if (road := user.road) is not None:
-        name = f"Road{catalog.catalog_suffix(road)}"
+        name = catalog.road_name(road, user.vehicle)
         add(road, name, lambda name: catalog.road_entry(road, name, user.vehicle or "hmmwv_modified", user.preview))
     if (weights := user.weights) is not None:
         name = catalog.weights_name(weights, vehicle)

@@ -691,6 +691,10 @@ class Component:
         """Declared variable by name; KeyError proposing the nearest name."""
         return named(self.name, self._variables, name)
 
+    def reword(self, words: Callable[[str], str]) -> None:
+        """Change description and notes; sources of values stay as they are."""
+        self.description, self.notes, self._model = words(self.description), tuple(map(words, self.notes)), None
+
     def model(self) -> Model:
         """The frozen model, which everything else reads. The first call ends the declaration; later ones return the same model.
 

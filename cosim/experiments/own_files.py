@@ -88,7 +88,7 @@ def own_fmus(experiment: str, directory: Path, fmi: int, vehicles: Sequence[Path
         options = "" if vehicle is None else f"--vehicle {escape.shell(str(vehicle))} "
         name = weights_name(weights, vehicle)
         own[weights_name(weights)] = (name, f"{options}--weights {escape.shell(str(weights))}")
-    return FmuSet(directory, fmi, own)
+    return FmuSet(directory, fmi, own, vehicles=tuple(file.stem for file in vehicles or ()))
 
 
 def check_friction(file: Path, vehicle: Vehicle) -> None:

@@ -22,7 +22,7 @@ def designed_with(file: Path) -> Mapping[str, Any]:
 class FmuSet:
     """FMU files by name.
 
-    ``own``: FMUs of a user's files that stand in for published ones or beside them: published name -> name, and the options of
+    ``vehicles``: what the user's vehicles are called, by their files. ``own``: FMUs of a user's files that stand in for published ones or beside them: published name -> name, and the options of
     ``build-fmus`` that make it. ``at``: where files lie on this machine that are elsewhere, by their path.
     """
 
@@ -30,6 +30,12 @@ class FmuSet:
     fmi: int = 3
     own: Mapping[str, tuple[str, str]] = field(default_factory=dict, hash=False)
     at: Mapping[str, str] = field(default_factory=dict, hash=False)
+    vehicles: tuple[str, ...] = ()
+
+    def results(self, out: Path, experiment: str) -> Path:
+        """The folder of an experiment's results in ``out``, ``gpc`` or with a user's vehicle ``gpc-my_truck``: results of different vehicles
+        do not replace each other."""
+        return out / "-".join((experiment, *self.vehicles))
 
     def name(self, published: str) -> str:
         """Name of the FMU that stands for a published one."""

@@ -109,7 +109,7 @@ def optimise_command(experiment: Experiment) -> Any:
         base = {f.attribute: given[f.attribute] for f in fields(experiment.case) if f.attribute in given}
         axes = tuple(axis(text) for text in given["vary"] or ())
         prepared = prepare(experiment, fmus, Design(axes, samples=1), base)
-        folder = make_folder(given["out"] / experiment.name / "optimise")
+        folder = make_folder(fmus.results(given["out"], experiment.name) / "optimise")
         if given["force"]:
             (folder / TRIALS).unlink(missing_ok=True)
             Store(folder / RUNS).discard()
@@ -136,7 +136,7 @@ def limits(axes: Sequence[Axis], logarithmic: Sequence[str]) -> dict[str, Limits
         if a.kind == "values" and all(isinstance(v, str) for v in a.values):
             found[a.name] = list(a.values)
         elif a.kind == "uniform":
-            low, high = (int(x) if a.whole else float(x) for x in a.numbers)
+            low, high = (int(x) if a.whole else float(x) for x in a.ends)
             found[a.name] = (low, high, "log") if a.name in logarithmic else (low, high)
         else:
             raise DesignError(f"{a.name}: a search takes a range LOW:HIGH or texts A,B,C, not {a}")

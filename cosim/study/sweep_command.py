@@ -113,7 +113,7 @@ def write_sweep(
     from cosim.study.sweep_report import Worst, sweep_report
 
     ranking = None if worst is None else Worst.of(worst)
-    folder = make_folder(out / sweep.experiment.name / "sweep")
+    folder = make_folder(fmus.results(out, sweep.experiment.name) / "sweep")
     with on(cluster, options.get("processes")) as executor, _shown(sweep) as (progress, running):
         try:
             table = run_sweep(
@@ -208,5 +208,5 @@ def _one(sweep: Sweep, number: int, fmus: Any, given: Mapping[str, Any]) -> None
     made = swept(sweep.experiment, sweep.parameters)
     kind = type("Run", (made.case,), {"label": f"run-{number}"})  # which names its files
     case = kind(**{**sweep.base, **dict(zip(sweep.attributes, sweep.point(number), strict=True))})
-    named = dataclasses.replace(made, name="sweep", baseline=None)
-    run_case(named, case, fmus, given["out"] / made.name, execution(given))
+    alone = dataclasses.replace(made, baseline=None)
+    run_case(alone, case, fmus, given["out"], execution(given), folder=fmus.results(given["out"], made.name) / "sweep")

@@ -23,14 +23,15 @@ _COLUMNS = {
     "right": ("right", "right height", "z right", "zr"),
 }
 _SHORTEST = 0.01  # m
+_COARSEST = 1.0  # m between heights: at 20 m/s, such a road excites nothing above 10 Hz, near which wheels resonate
 _HEADER = "distance [m],left [m],right [m]"
 
 
 def road_from_file(path: Path | str, layout: RoadLayout, name: str = "RoadUser", *, radius: float = 0.0) -> Component:
     """A road from a CSV file with the columns ``distance [m],left [m],right [m]``, or from an OpenCRG file (``.crg``).
 
-    Comma or semicolon separate; with semicolons a decimal comma is understood. Distances must increase. Equidistant
-    points are used as they are, others are sampled at their smallest spacing, see :meth:`HeightTable.resampled`. From
+    Comma or semicolon separate; with semicolons a decimal comma is understood. Each column has its unit. Distances must increase. Equidistant
+    points are used as they are, others are sampled at their smallest spacing, see :meth:`HeightTable.resampled`, which may be 1 m. From
     OpenCRG the tracks of the layout's wheels are sampled. Heights are shifted so that the road starts at 0 (mean of
     both tracks). With a ``radius`` [m] they are those that a rigid wheel follows, see :func:`fmu_sources.roads.enveloping.rolled`.
 
@@ -46,12 +47,18 @@ def road_from_file(path: Path | str, layout: RoadLayout, name: str = "RoadUser",
         )
     datum = (left[0] + right[0]) / 2
     table = HeightTable.resampled(distance, left - datum, right - datum)
+    if table.step > _COARSEST * (1 + 1e-6):
+        raise RoadError(
+            f"{path}: the heights are {table.step:.4g} m apart where they are closest, and a road needs them at most {_COARSEST:g} m apart: at a "
+            f"speed v it excites frequencies up to v / (2 x {table.step:.4g} m), {20 / (2 * table.step):.2g} Hz at 20 m/s, and wheels resonate "
+            "near 10 Hz. Give more heights; measured roads have one every 0.1 m or less"
+        )
     table = replace(table, left=rolled(table.left, table.step, radius), right=rolled(table.right, table.step, radius))
     return road_from_table(
         table, layout, name, description=f"Road from the file {path.name}", source=f"file {path.name}",
         notes=(
             f"Heights from the file {path.name}: {len(distance)} points over {distance[-1] - distance[0]:g} m, held "
-            f"every {table.step:g} m, shifted by {-datum:g} m so that the road starts at height 0.",
+            f"every {table.step:g} m, which excites frequencies up to {0.5 / table.step:.3g} Hz for each m/s of speed, shifted by {-datum:g} m so that the road starts at height 0.",
             *((f"Heights are those that a rigid wheel of {radius:g} m radius follows.",) if radius else ()),
         ),
     )  # fmt: skip
@@ -108,7 +115,7 @@ def _columns(path: Path, header: list[str]) -> list[tuple[str, int, str]]:
         match = re.fullmatch(r"\s*\"?\s*([^\[\(\"]*?)\s*(?:[\[\(]\s*([^\]\)]*?)\s*[\]\)])?\s*\"?\s*", cell)
         name, unit = (match[1], match[2]) if match else (cell, None)
         names.append(re.sub(r"[\s_\-]+", " ", name).strip().lower())
-        given.append(unit or "m")
+        given.append(unit)
     found = []
     for column, variants in _COLUMNS.items():
         index = next((names.index(v) for v in variants if v in names), None)
@@ -119,11 +126,15 @@ def _columns(path: Path, header: list[str]) -> list[tuple[str, int, str]]:
                 f"{path}, line 1: no column {column!r} among {', '.join(map(repr, names))}{hint} (a road file starts "
                 f"with the line {_HEADER!r})"
             )
+        if not (unit := given[index]):
+            raise RoadError(
+                f"{path}, line 1: column {names[index]!r} has no unit; write it in brackets, such as '{names[index]} [m]' or '{names[index]} [mm]'"
+            )
         try:
-            units.convert(1.0, given[index], "m")
+            units.convert(1.0, unit, "m")
         except KeyError as error:
             raise RoadError(f"{path}, line 1: column {column!r}: {error.args[0]}") from None
-        found.append((column, index, given[index]))
+        found.append((column, index, unit))
     return found
 
 

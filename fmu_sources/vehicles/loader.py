@@ -176,10 +176,10 @@ def vehicle_files(name_or_path: str | Path) -> tuple[Path, ...]:
 
 
 def _read(path: Path) -> dict[str, Any]:
-    """All that a vehicle file says, with what it builds on."""
+    """All that a vehicle file says, with what it builds on. A file without a name is called as the file is, not as what it builds on."""
     data: dict[str, Any] = {}
     for file in reversed(vehicle_files(path)):
-        data = _merge(data, _parse(file)[0])
+        data = _merge(data, {"name": file.stem, **_parse(file)[0]} if data else _parse(file)[0])
     return data
 
 

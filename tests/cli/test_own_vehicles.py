@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import re
 import zipfile
 from pathlib import Path
 from typing import Any
@@ -20,9 +21,9 @@ from build_fmus.description import model_description
 from cosim import System
 from cosim.fmu.model_description import parse
 from fmu_sources import cli
-from fmu_sources.catalog import Context, own_catalog
+from fmu_sources.catalog import Context, catalog_suffix, own_catalog
 from fmu_sources.cli import UserFiles
-from fmu_sources.vehicles import load_three_axle_trench, vehicle_files, vehicle_names
+from fmu_sources.vehicles import load_three_axle_trench, load_vehicle, vehicle_files, vehicle_names
 
 FILE = 'base = "{base}"\nname = "Mine"\ndescription = "another"\n{more}'
 MASS = '[body]\nmass = {{ value = {mass}, unit = "kg", source = "assumed" }}\n'
@@ -123,19 +124,38 @@ def test_a_road_under_any_vehicle(vehicle: str, count: int, step: float, corners
     share_objects(tmp_path / "fmus")
     (tmp_path / "washboard.csv").write_text(ROAD)
     preview = ["--preview", "48x5"] if vehicle == "mine.toml" else []
+    name = f"RoadWashboard{catalog_suffix(Path(vehicle))}"  # not that of the same road under another vehicle
     done = run(
-        tmp_path, "build-fmus", "RoadWashboard", "--road", "washboard.csv", "--vehicle", vehicle, *preview, "--fmi", "3"
+        tmp_path, "build-fmus", name, "--road", "washboard.csv", "--vehicle", vehicle, *preview, "--fmi", "3"
     )
     assert done.returncode == 0, done.stderr
-    description = fmpy.read_model_description(str(tmp_path / "fmus" / "fmi3" / "RoadWashboard.fmu"))
+    description = fmpy.read_model_description(str(tmp_path / "fmus" / "fmi3" / f"{name}.fmu"))
     names = [v.name for v in description.modelVariables]
     assert sum(n.startswith("preview.") and n.endswith("[1]") for n in names) == corners
     assert sum(n.startswith(("preview.fl[", "preview.a1l[")) for n in names) == count
     assert ("scan.left[1]" in names) == (vehicle in ("ride_car_hmmwv", "mine.toml"))
     result = fmpy.simulate_fmu(
-        str(tmp_path / "fmus" / "fmi3" / "RoadWashboard.fmu"), stop_time=0.001, output=["preview.step"]
+        str(tmp_path / "fmus" / "fmi3" / f"{name}.fmu"), stop_time=0.001, output=["preview.step"]
     )
     assert math.isclose(result["preview.step"][-1], step)
+
+
+@pytest.mark.parametrize("base", [b for b in MADE if b != "hmmwv"])
+def test_texts_speak_of_the_users_vehicle(base: str, tmp_path: Path) -> None:
+    """Also of a file that has no name of its own; where values are from stays what it was."""
+    path = tmp_path / "van.toml"
+    path.write_text(f'base = "{base}"\n')
+    published = re.compile(r"HMMWV|6x6|sedan|(RideCar|Mpc|Lqr|Kalman)(Hmmwv|Sedan|Bench)")
+    true = re.compile(r"sensors_hmmwv\.toml|KalmanHmmwvPrinted") if base == "sensors_hmmwv" else re.compile(r"sensors_hmmwv\.toml")
+    for entry in own_catalog(path, "Van").values():
+        made = entry.make(Context(tmp_path, tmp_path)).model()
+        texts = [made.description, entry.summary, *made.notes]
+        if base == "sensors_hmmwv":  # the car is the HMMWV still
+            texts = [re.sub("RideCarHmmwv|Kalman filter of the HMMWV", "", t) for t in texts]
+        found = [t for t in texts if published.search(true.sub("", t))]
+        assert not found, entry.name
+        assert made.description.endswith("; made for van.toml")
+    assert load_vehicle(path).name == "van"
 
 
 def test_a_build_follows_its_options_and_all_files_that_a_vehicle_builds_on(tmp_path: Path) -> None:
@@ -173,12 +193,12 @@ def test_an_experiment_on_ones_own_vehicle(built_fmus: BuiltFmus, tmp_path: Path
     names = ("RideCarMySedan", "PreviewLqComfortMySedan", "RoadHoleBumpMySedan")
     assert run(tmp_path, "build-fmus", *names, "--vehicle", "my_sedan.toml", "--fmi", "3").returncode == 0
     heave = {}
-    for out, options in (("published", ()), ("own", ("--vehicle", "my_sedan.toml"))):
-        done = run(tmp_path, *experiment, out, *options)
+    for out, options in (("preview-lq", ()), ("preview-lq-my_sedan", ("--vehicle", "my_sedan.toml"))):
+        done = run(tmp_path, *experiment, "results", *options)
         assert done.returncode == 0, done.stderr
-        (summary,) = (tmp_path / out).rglob("*.json")
+        (summary,) = (tmp_path / "results" / out).rglob("*.json")
         heave[out] = json.loads(summary.read_text())["passive"]["J"]
-    assert heave["own"] > 1.5 * heave["published"]  # a lighter body moves more
+    assert heave["preview-lq-my_sedan"] > 1.5 * heave["preview-lq"]  # a lighter body moves more
 
 
 @pytest.mark.parametrize(
@@ -242,7 +262,8 @@ def test_a_law_of_ones_own_weights_and_vehicle(built_fmus: BuiltFmus, tmp_path: 
     for label, command in (("weights", [*run_both[:3], *both[2:]]), ("both", run_both)):
         done = run(tmp_path, *command, "--out", label)
         assert done.returncode == 0, done.stderr
-        measured = json.loads((tmp_path / label / "preview-lq" / "both-my_weights-preview.json").read_text())
+        folder = tmp_path / label / ("preview-lq-my_sedan" if label == "both" else "preview-lq")
+        measured = json.loads((folder / "both-my_weights-preview.json").read_text())
         heave[label] = measured["preview"]["body.az"] / measured["passive"]["body.az"]
     assert heave["weights"] < 0.2  # heave weighs a hundred times as much as for comfort
     assert heave["both"] != heave["weights"]

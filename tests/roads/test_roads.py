@@ -176,15 +176,16 @@ def test_csv_road(tmp_path, layout):
 @pytest.mark.parametrize(
     "text",
     [
-        "Distance;Left;Right\n0;0,5;0,5\n1;0,6;0,4\n2;0,7;0,3\n",
+        "Distance [m];Left [m];Right [m]\n0;0,5;0,5\n1;0,6;0,4\n2;0,7;0,3\n",
         "\ufeffright [mm],x [m],left [mm]\r\n500,0,500\r\n400,1,600\r\n300,2,700\r\n\r\n\n",
-        '"distance (m)",left_height,right_height\n0,.5,.5\n1,6e-1,4e-1\n2,.7,.3\n',
+        '"distance (m)",left_height [m],right_height [m]\n0,.5,.5\n1,6e-1,4e-1\n2,.7,.3\n',
     ],
 )
 def test_csv_variants(tmp_path, text):
     road = road_from_file(write(tmp_path, text), one_wheel())
     assert look(road, 1.5)["road.fl.height"] == pytest.approx(0.15)  # road starts at 0
     assert "-0.5 m" in road.notes[0]
+    assert "excites frequencies up to 0.5 Hz for each m/s" in road.notes[0]
 
 
 def test_irregular_points_are_resampled(tmp_path):
@@ -211,6 +212,10 @@ def test_irregular_points_are_resampled(tmp_path):
         ("distance [m],lefft [m],right [m]\n0,0,0\n1,0,0\n", ["line 1", "'lefft'", "'left'"]),
         ("distance [s],left [m],right [m]\n0,0,0\n1,0,0\n", ["line 1", "'distance'", "'m' is expected"]),
         ("0,0,0\n1,0,0\n", ["line 1", "'distance'"]),
+        ("distance [m],left,right [m]\n0,0,0\n1,0,0\n", ["line 1", "column 'left' has no unit", "'left [m]' or 'left [mm]'"]),
+        ("distance,left [m],right [m]\n0,0,0\n1,0,0\n", ["line 1", "column 'distance' has no unit"]),
+        (HEADER + "0,0,0\n20,1,1\n40,0,0\n", ["heights are 20 m apart", "at most 1 m", "0.5 Hz at 20 m/s"]),
+        (HEADER + "0,0,0\n1.1,0,0\n40,0,0\n", ["heights are 1.0", "m apart where they are closest"]),
         ("distance [m],left [m],right [m]\n0,0,0\n1,1e308,0\n", ["line 3", "left is 1e+308 m", "is the unit right"]),
         ("distance [m],left [mm],right [m]\n0,0,0\n1e308,0,0\n", ["line 3", "distance is 1e+308 m"]),
         ("distance [m],left [m],right [m]\n0,0,0\n1e309,0,0\n", ["line 3", "distance is inf"]),
