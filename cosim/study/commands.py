@@ -333,32 +333,36 @@ def run_case(
     experiment: Experiment, case: Any, fmus: FmuSet, out: Path, execution: Execution | None = None, *,
     inputs: Sequence[Path] = (), hold_inputs: bool = False, output: Path | None = None, display_units: bool = False,
     real_time: float | None = None, curves: Sequence[str] = (), bars: bool = False,
+    folder: Path | None = None,
 ) -> None:  # fmt: skip
     """Run one case beside its baseline: a table on the screen, time histories and metrics as files. ``output``, ``display_units`` and
     ``real_time`` of the case: see :meth:`cosim.System.run`; ``inputs`` and ``hold_inputs`` of both: see :class:`Runner`;
-    ``curves``: names and patterns of what is drawn of the case in the terminal; ``bars``: whether its metrics are, as shares of the baseline's.
+    ``curves``: names and patterns of what is drawn of the case in the terminal; ``bars``: whether its metrics are, as shares of the baseline's; ``folder``: of the files, by default that of the experiment and the user's vehicles in ``out``.
 
     Raises:
         ComponentError: a component failed; the file holds what was recorded.
     """
-    folder = make_folder(out / experiment.name)
+    folder = make_folder(folder or fmus.results(out, experiment.name))
     name = file_name(case)
     path = output or folder / f"{name}.csv"
     format_of(path)  # refused before FMUs are loaded
-    baseline = experiment.baseline(case) if experiment.baseline else None
+    baseline = experiment.beside(case, fmus)
     with Runner(experiment, fmus, execution=execution, inputs=inputs, hold_inputs=hold_inputs) as runner:
         runner.execution.prepare(runner.system(case), every=True)
         with kept_recording(path):
             run = runner.run(case, output=path, display_units=display_units, progress=True, real_time=real_time)
-        runs, measured = {_short(case): run}, {_short(case): experiment.measured(run)}
+        name_of = experiment.name_of
+        runs, measured = {name_of(case): run}, {name_of(case): experiment.measured(run)}
         remarks = experiment.remarks(run) if experiment.remarks else ()
         if baseline is not None and baseline != case:
             beside = runner.run(baseline)
-            runs = {_short(baseline): beside, **runs}
-            own, other = measured[_short(case)], experiment.measured(beside)
+            runs = {name_of(baseline): beside, **runs}
+            own, other = measured[name_of(case)], experiment.measured(beside)
             more = experiment.compared(own, other) if experiment.compared else {}
-            measured = {_short(baseline): other, _short(case): {**own, **more}}
+            measured = {name_of(baseline): other, name_of(case): {**own, **more}}
         show(metric_table(measured, experiment.metrics or _plain(measured), relative=experiment.relative))
+        if len(measured) > 1:
+            console.print(experiment.about_baseline(baseline, case), markup=False)
         if bars:
             show_bars(measured, experiment.metrics or _plain(measured))
         show_curves(run.recording, curves)
@@ -412,7 +416,7 @@ def write_study(experiment: Experiment, fmus: FmuSet, out: Path, *, cluster: str
     """
     from cosim.report import write_report  # fails where [reports] is missing: before the work, not after
 
-    folder = make_folder(out / experiment.name)
+    folder = make_folder(fmus.results(out, experiment.name))
     for part in experiment.every:
         fmus.paths(part.fmus)
     with on(cluster, options.get("processes")) as executor, progress_bar(f"study {experiment.name}") as progress:
@@ -508,11 +512,6 @@ def field_options(experiment: Experiment) -> dict[str, tuple[Any, Any]]:
 
 def _case(experiment: Experiment, given: Mapping[str, Any]) -> Any:
     return experiment.case(**{f.attribute: given[f.attribute] for f in fields(experiment.case)})
-
-
-def _short(case: Any) -> str:
-    """What a case is called beside its baseline: the controller, where there is one."""
-    return str(getattr(case, "controller", None) or "run")
 
 
 def _plan_options(experiment: Experiment) -> dict[str, tuple[Any, Any]]:

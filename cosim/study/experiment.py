@@ -16,7 +16,7 @@ from typing import Any, Protocol
 
 from build_fmus.checks import one_line
 from cosim.errors import CosimError
-from cosim.study.case import CaseError, label
+from cosim.study.case import CaseError, differing, label
 from cosim.study.fmus import FmuSet
 
 Row = dict[str, Any]
@@ -132,6 +132,9 @@ class Experiment:
             results.
         metrics: how metrics are shown, by name, in the order of tables.
         baseline: the case that a run is shown beside, or None.
+        own_baseline: likewise where FMUs are those of a user's vehicle, a function of the case and the FMUs; by default the same case.
+        called: what a case is called in tables; by default its controller.
+        about: what a baseline is, in words, a function of its case; by default the fields in which it differs from the run.
         relative: metrics of a run are also shown as per cent of the baseline's.
         compared: more metrics of a run beside its baseline, a function of both rows.
         remarks: what should be said of a run besides its metrics.
@@ -166,6 +169,9 @@ class Experiment:
     parts: Sequence[Experiment | str] = ()
     metrics: Mapping[str, Metric] = field(default_factory=dict)
     baseline: Callable[[Any], Any] | None = None
+    own_baseline: Callable[[Any, FmuSet], Any] | None = None
+    called: Callable[[Any], str] | None = None
+    about: Callable[[Any], str] | None = None
     relative: bool = False
     compared: Callable[[Row, Row], Row] | None = None
     remarks: Callable[[Run], Sequence[str]] | None = None
@@ -193,6 +199,22 @@ class Experiment:
         if not isinstance(row, Mapping) or not all(isinstance(name, str) for name in row):
             raise MeasureError(f"{self.name}: measure() returned {one_line(repr(row))}; it returns numbers by name, as in {{'peak': 1.5}}")
         return dict(row)
+
+    def beside(self, case: Any, fmus: FmuSet) -> Any:
+        """The case that a run is shown beside; None where there is none."""
+        if self.own_baseline is not None and fmus.vehicles:
+            return self.own_baseline(case, fmus)
+        return self.baseline(case) if self.baseline else None
+
+    def name_of(self, case: Any) -> str:
+        """What a case is called beside others: the controller, where there is one."""
+        return self.called(case) if self.called else str(getattr(case, "controller", None) or "run")
+
+    def about_baseline(self, baseline: Any, case: Any) -> str:
+        """What the baseline of a run is, in a sentence."""
+        changed = ", ".join(f"{f.name} {getattr(baseline, f.attribute)}" for f in differing([case, baseline]))
+        words = self.about(baseline) if self.about else f"the same run with {changed}"
+        return f"{self.name_of(baseline)} is the baseline: {words}"
 
     @property
     def functions(self) -> list[Any]:

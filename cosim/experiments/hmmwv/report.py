@@ -60,7 +60,8 @@ def report(study: Results, fmus: FmuSet) -> Report:
         lead=(
             f"A HMMWV drives at 20 mph ({SPEED_KMH:.1f} km/h) over speed bumps and off road. Each wheel has a hydraulic actuator whose "
             "servo valve is commanded every millisecond by a force tracking controller; a controller of the whole vehicle gives "
-            "the forces every 30 ms. The passive car is the same car with the pump off. The figure of merit is the power that a "
+            "the forces every 30 ms. The passive car is the same car with the pump off; the car without actuators is the one of zero force with "
+            "ideal actuators. The figure of merit is the power that a "
             "driver absorbs. Every box is a native FMU; the statements of Donahue and Hedrick stand beside what these runs give. "
             "Statements on the controlled car are judged twice: with a pump that holds its pressure at any flow, and with what the pump "
             f"delivers, {PUMP.words(averages)} (id ending in -pump). Figures are medians over the places of a bump on the controllers' grid "

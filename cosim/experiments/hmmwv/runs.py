@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -47,8 +48,9 @@ ACTUATORS = ("hydraulic", "ideal")
 STATES = ("true", "estimated")
 PREVIEWS = ("generated", "sensed")  # a known profile at the distance travelled, or what the range sensors see
 PREVIEW_STEPS = PREVIEW_POINTS - 1  # heights ahead of the one under the wheel, 30 ms apart
+PLANT = "RideCarHmmwv"
 FMUS = (
-    *SPEEDS.values(), *dict.fromkeys(ROADS.values()), "RideCarHmmwv", "RideComfort", *dict.fromkeys(filter(None, CONTROLLERS.values())),
+    *SPEEDS.values(), *dict.fromkeys(ROADS.values()), PLANT, "RideComfort", *dict.fromkeys(filter(None, CONTROLLERS.values())),
     "HydraulicActuator", "ForceTracking", "SensorSuite", "KalmanHmmwv", "PreviewSensor", "PreviewBuffer",
 )  # fmt: skip
 
@@ -172,6 +174,34 @@ def passive(case: Case) -> Case:
         null_opening_mm=case.null_opening_mm, driven=case.driven, duration=case.duration, solver_parts=case.solver_parts,
         exchange_parts=case.exchange_parts,
     )  # fmt: skip
+
+
+def without_actuators(case: Case) -> Case:
+    """The car on its springs and dampers alone."""
+    return replace(passive(case), controller="zero", actuators="ideal", null_opening_mm=None)
+
+
+def own_baseline(case: Case, fmus: FmuSet) -> Case:
+    """What a run with a user's vehicle is compared with: that vehicle without actuators. The paper's hydraulic actuators, which resist when
+    their pump is off, belong to the HMMWV."""
+    return without_actuators(case) if PLANT in fmus.own else passive(case)
+
+
+NO_ACTUATORS = "no actuators"
+BASELINES = {
+    "passive": "the car on its hydraulic actuators with the pump off, as in paper 001",
+    NO_ACTUATORS: "the same car on its springs and dampers alone",
+}
+
+
+def about(case: Case) -> str:
+    """What a baseline is."""
+    return BASELINES[called(case)]
+
+
+def called(case: Any) -> str:
+    """The controller; ideal actuators whose force is zero are none."""
+    return NO_ACTUATORS if (case.controller, case.actuators) == ("zero", "ideal") else case.controller
 
 
 def over_variants(case: Case, count: int | None = None) -> list[Case]:

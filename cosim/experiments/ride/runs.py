@@ -172,6 +172,23 @@ def passive(case: Case) -> Case:
     return replace(case, controller="passive", actuators="hydraulic" if case.car == "hmmwv" else "ideal")
 
 
+def own_baseline(case: Case, fmus: FmuSet) -> Case:
+    """What a run with a user's vehicle is compared with: that vehicle without actuators."""
+    if case.car == "hmmwv" and hmmwv.PLANT in fmus.own:
+        return replace(case, controller="zero", actuators="ideal")
+    return passive(case)
+
+
+def called(case: Case) -> str:
+    """The controller; ideal actuators of the HMMWV whose force is zero are none."""
+    return hmmwv.called(case) if case.car == "hmmwv" else case.controller
+
+
+def about(case: Case) -> str:
+    """What a baseline is."""
+    return hmmwv.BASELINES[called(case)] if case.car == "hmmwv" else "the same car without control forces"
+
+
 # ------------------------------------------------------------------------------------------------------------- wiring
 
 
