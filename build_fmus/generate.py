@@ -26,7 +26,7 @@ from build_fmus.qp_sources import THIRD_PARTY, ThirdParty
 
 RUNTIME_DIR = Path(__file__).parent / "runtime"
 RUNTIME_SOURCES = ("fmu_base.c", "fmu_core.c", "integrators.c", "stability.c")
-RUNTIME_HEADERS = ("equations.h", "fmu_base.h", "fmu_core.h", "fmu_math.h", "fmu_model.h", "integrators.h", "stability.h")
+RUNTIME_HEADERS = ("equations.h", "fmu_base.h", "fmu_core.h", "fmu_math.h", "fmu_model.h", "integrators.h", "saved_state.h", "stability.h")
 
 _ROLES = {
     "time": "FMU_TIME", "parameter": "FMU_PARAMETER", "input": "FMU_INPUT", "state": "FMU_STATE",

@@ -14,36 +14,14 @@
 #include "fmu_base.h"
 #include "fmu_math.h"
 #include "integrators.h"
+#include "saved_state.h"
 #include "stability.h"
 
 #define MAX_STEPS_PER_CALL 10000000.0 /* solver steps or samples in one doStep: beyond it the step size is a mistake */
-#define SNAPSHOT_MAGIC 0x53464d55u    /* 'SFMU'; also tells a foreign byte order */
-#define SNAPSHOT_VERSION 3u
 
 static const FmuModel *const M = &fmu_model;
 
 enum { WARNED_LIMIT = 1, WARNED_CONSTANT = 2 };
-
-/* Everything that changes while simulating. No pointers: a copy is a saved state. */
-typedef struct {
-    double time, start_time, stop_time;
-    int64_t sample; /* index of the next sample instant */
-    int32_t mode;
-    int32_t has_stop;
-    int32_t started;     /* discrete: the first sample has been committed */
-    int32_t start_valid; /* calculated start states agree with inputs and parameters */
-    int32_t outputs_valid;
-    int32_t derivatives_valid;
-    double v[]; /* parameters, inputs, states, derivatives, outputs, warm starts of quadratic programs */
-} State;
-
-struct FmuSnapshot {
-    uint32_t magic, version;
-    uint32_t is_co_simulation, reserved; /* the modes of the two interfaces differ */
-    uint64_t model;    /* hash of the instantiation token */
-    uint64_t length;   /* of the state block */
-    uint64_t checksum; /* of the state block, once serialized; until then the address of this header, so that no bytes pass for a state */
-};
 
 struct FmuInstance {
     FmuBase base;

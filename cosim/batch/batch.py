@@ -23,6 +23,7 @@ from cosim.engine.compiled import CompiledExchange
 from cosim.engine.plan import Plan, make_plan
 from cosim.errors import CallFailed, ComponentError, CosimError, TimeError, UnconnectedInputsWarning, WiringError
 from cosim.fmu.component import FmuComponent
+from cosim.fmu.own_states import VALUES_AT
 from cosim.interrupt import HeldInterrupt
 from cosim.master.exchange import Exchange
 from cosim.master.simulation import Simulation
@@ -33,7 +34,6 @@ from cosim.signals import Array
 from cosim.system.members import Member
 from cosim.time import TimeLike, positive, rational, seconds_text
 
-_STATE = 96  # bytes of a serialized state before these values (fmu_core.c)
 _TWIN = 1024  # bytes that an instance of an FMU needs at least
 _PIECE = 0.1  # s of wall time between looks at Ctrl-C
 
@@ -298,7 +298,7 @@ class Batch:
         self._values[group, :, lane] = exchange.values
         for m, lanes in self._lanes.items():
             data = m.component.serialize()  # type: ignore[attr-defined]
-            lanes.values()[group, :, lane] = np.frombuffer(data, dtype=float, offset=_STATE, count=lanes.source.n_values)
+            lanes.values()[group, :, lane] = np.frombuffer(data, dtype=float, offset=VALUES_AT, count=lanes.source.n_values)
 
     def _copy_lane(self, source: int, to: int) -> None:
         lanes = self._target.lanes

@@ -14,7 +14,7 @@ from cosim.batch.statements import NotRead, without_comments
 from cosim.fmu.file import FmuFile
 
 RUNTIME = Path(building.__file__).with_name("runtime")
-_SAME = ("equations.h", "fmu_core.c", "fmu_math.h", "integrators.c")  # of which lanes carry out the operations
+_SAME = ("equations.h", "fmu_core.c", "fmu_math.h", "integrators.c", "saved_state.h")  # of which lanes carry out the operations
 _MODEL = re.compile(r"const FmuModel fmu_model = \{\n(.*?)\n\};", re.DOTALL)
 _FIELD = re.compile(r"^ *\.(\w+) = (.+),$", re.MULTILINE)
 _ROW = re.compile(r"^ *\{(\.name = .*)\},$", re.MULTILINE)

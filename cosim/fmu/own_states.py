@@ -1,19 +1,22 @@
 """Hidden states of this project's sampled FMUs, read from a serialized state and written back into one.
 
 A sampled component shows inputs and outputs; what it remembers between samples is in its saved state only. That of our FMUs is plain
-(``build_fmus/runtime/fmu_core.c``: FmuSnapshot, State): a header with a checksum, times and flags, then doubles: parameters,
+(``build_fmus/runtime/saved_state.h``, which this module reads): a header with a checksum, times and flags, then doubles: parameters,
 inputs, states, derivatives (unused when sampled), outputs. How many of them are parameters and inputs is in the model description, where
 the outputs lie is asked of the FMU itself, and what is left is twice the states.
 """
 
 from __future__ import annotations
 
-import struct
+import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 
+import cffi
 import numpy as np
 
+from build_fmus import compile as building
 from cosim.errors import CosimError
 from cosim.signals import Array
 
@@ -21,10 +24,12 @@ MORE_THAN_STATES = (
     "it remembers more than states, such as the last solution of a quadratic program: that is no linear law"
 )
 
-_HEADER = struct.Struct("=IIIIQQQ")  # magic, version, interface, -, component, length, checksum of what follows
-_STATE = struct.Struct("=3dq6i")  # times, sample, mode, has a stop time, started, 3 x what is valid
-_MAGIC, _VERSION = 0x53464D55, 3
-_OUTPUTS_VALID = _STATE.size - 2 * 4  # offset of that flag; the one of the derivatives follows
+_ffi = cffi.FFI()
+_ffi.cdef(re.sub(r"(?m)^#.*$", "", (Path(building.__file__).with_name("runtime") / "saved_state.h").read_text(encoding="utf-8")))
+_FORMAT = _ffi.typeof("enum SnapshotFormat").relements
+_HEAD = _ffi.sizeof("struct FmuSnapshot")
+VALUES_AT = _HEAD + _ffi.offsetof("State", "v")
+"""Bytes of a serialized state before the doubles."""
 _FNV_START, _FNV_FACTOR, _FNV_MASK = 14695981039346656037, 1099511628211, 2**64 - 1
 
 
@@ -45,14 +50,15 @@ class StateLayout:
         """The same serialized state with other states."""
         doubles = _doubles(data).copy()
         doubles[self.begin : self.begin + self.count] = x
-        head = bytearray(data[_HEADER.size : _HEADER.size + _STATE.size])
+        head = bytearray(data[_HEAD:VALUES_AT])
         if self.recomputed:
-            struct.pack_into("=2i", head, _OUTPUTS_VALID, 0, 0)
+            flags = _ffi.from_buffer("State *", head)
+            flags.outputs_valid = flags.derivatives_valid = 0
         return self._signed(data, bytes(head) + doubles.tobytes())
 
     def _signed(self, data: bytes, block: bytes) -> bytes:
         """With header and checksum; up to the states it seldom changes, and need not be hashed again."""
-        border = _STATE.size + 8 * self.begin
+        border = VALUES_AT - _HEAD + 8 * self.begin
         if block[:border] != self._prefix[0]:
             self._prefix = block[:border], _fnv1a(block[:border])
         return _with_checksum(data, block, _fnv1a(block[border:], self._prefix[1]))
@@ -63,7 +69,8 @@ def find_states(
 ) -> StateLayout:
     """Layout of a serialized state with so many `parameters`, `inputs` and `outputs`; `shown` gives the outputs that the FMU shows in
     another state. Raises CosimError where it is not laid out as this module knows."""
-    if len(data) < _HEADER.size + _STATE.size or _HEADER.unpack_from(data)[:2] != (_MAGIC, _VERSION):
+    header = _ffi.from_buffer("struct FmuSnapshot *", data) if len(data) >= VALUES_AT else None
+    if header is None or [header.magic, header.version] != [_FORMAT["SNAPSHOT_MAGIC"], _FORMAT["SNAPSHOT_VERSION"]]:
         raise CosimError("its FMU is of another origin: which part of its saved state are states is not known")
     begin = parameters + inputs
     rest = len(_doubles(data)) - begin
@@ -83,18 +90,20 @@ def _marked(data: bytes, begin: int, bit: int) -> bytes:
     """The state whose doubles from `begin` on are bit number `bit` of 1, 2, 3, ..., outputs taken as computed."""
     doubles = _doubles(data).copy()
     doubles[begin:] = (np.arange(1, len(doubles) - begin + 1) >> bit) & 1
-    head = bytearray(data[_HEADER.size : _HEADER.size + _STATE.size])
-    struct.pack_into("=i", head, _OUTPUTS_VALID, 1)
+    head = bytearray(data[_HEAD:VALUES_AT])
+    _ffi.from_buffer("State *", head).outputs_valid = 1
     block = bytes(head) + doubles.tobytes()
     return _with_checksum(data, block, _fnv1a(block))
 
 
 def _doubles(data: bytes) -> Array:
-    return np.frombuffer(data, dtype=float, offset=_HEADER.size + _STATE.size)
+    return np.frombuffer(data, dtype=float, offset=VALUES_AT)
 
 
 def _with_checksum(data: bytes, block: bytes, checksum: int) -> bytes:
-    return _HEADER.pack(*_HEADER.unpack_from(data)[:-1], checksum) + block
+    head = bytearray(data[:_HEAD])
+    _ffi.from_buffer("struct FmuSnapshot *", head).checksum = checksum
+    return bytes(head) + block
 
 
 def _fnv1a(data: bytes, value: int = _FNV_START) -> int:

@@ -11,7 +11,7 @@ from api import ERROR, OK, Instance, Library, Model, Variable
 from applies import applies_to, continuous
 from built import PROBE_NAMES
 
-# The layout of fmu_core.c: FmuSnapshot, State, then parameters, inputs, states, derivatives, outputs, warm starts.
+# The layout of saved_state.h: FmuSnapshot, State, then parameters, inputs, states, derivatives, outputs, warm starts.
 HEADER = struct.Struct("=IIIIQQQ")
 BLOCK = struct.Struct("=dddqiiiiii")
 FIELDS = (
