@@ -130,7 +130,7 @@ def text(faults: list[str], clean: list[str]) -> str:
 <!-- written by docs/write_scoreboard.py -->
 
 Which checker notices which of the deliberate faults of `tests/foreign/faulty.py`, and which FMUs without a fault it accuses. `cosim check` was written together with these
-faults (its column is what `tests/check/test_faults.py` asserts), so it shows that the command does what it promises, not that it finds what nobody has thought of. The other
+faults (its column is what `tests/check/test_faults.py` and `tests/conformance/test_compliance.py` assert), so it shows that the command does what it promises, not that it finds what nobody has thought of. The other
 checkers promise less: they read the model description and run nothing.
 
 Versions: {named}. Other checkers (FMUComplianceChecker, VDMCheck) are on no package index.
