@@ -110,7 +110,7 @@ def test_a_constant_input_has_no_limits_and_starts_unconnected() -> None:
     assert c.stimulus["height.step"](0.0) == 0.03, "the reference result shows it connected"
     assert c.model().dependencies == {
         "grid.step": [],
-        "clock": ["time"],
+        "clock": [],
         **{f"table[{i},{k}]": [] for i in (1, 2) for k in (1, 2)},
     }
     (row,) = (r for r in variable_rows(c.model()) if r["name"] == "height.step")

@@ -36,7 +36,8 @@ typedef struct {
 
 typedef struct {
     uint32_t magic, version;
-    uint64_t model, length, members, checksum; /* of the system, the state block and all members' states, in bytes */
+    uint64_t model, length, members; /* of the system, the state block and all members' states, in bytes */
+    uint64_t checksum;               /* once serialized; until then the address of this header, so that no bytes pass for a state */
 } Header;
 
 /* A saved state: header, state block, the members' states. */
@@ -677,18 +678,24 @@ static FmuStatus check_can_save(FmuInstance *self, const char *function) {
     return P->can_save ? FMU_OK : fmu_fail(self, FMU_ERROR, "%s: not all members of %s can save their state", function, fmu_model.name);
 }
 
-static FmuStatus check_header(FmuInstance *self, const char *function, const void *saved) {
+/* Of a state in memory or, when `bytes`, of a serialized one. */
+static FmuStatus check_header_of(FmuInstance *self, const char *function, const void *saved, int bytes) {
     Header h;
     FmuStatus status = check_can_save(self, function);
     if (status != FMU_OK) return status;
     if (!saved) return fmu_fail(self, FMU_ERROR, "%s: the FMU state is NULL", function);
     memcpy(&h, saved, sizeof h);
-    if (h.magic != STATE_MAGIC) return fmu_fail(self, FMU_ERROR, "%s: this is not a state of this FMU", function);
+    if (h.magic != STATE_MAGIC || (!bytes && h.checksum != (uint64_t)(uintptr_t)saved))
+        return fmu_fail(self, FMU_ERROR, "%s: this is not a state of this FMU", function);
     if (h.version != STATE_VERSION)
         return fmu_fail(self, FMU_ERROR, "%s: state format %u, this FMU reads %u", function, h.version, STATE_VERSION);
     if (h.model != identity() || h.length != state_size())
         return fmu_fail(self, FMU_ERROR, "%s: the state belongs to another system or build than %s", function, fmu_model.name);
     return FMU_OK;
+}
+
+static FmuStatus check_header(FmuInstance *self, const char *function, const void *saved) {
+    return check_header_of(self, function, saved, 0);
 }
 
 /* What of a state block cannot be of this system; NULL when there is nothing. */
@@ -735,7 +742,8 @@ FmuStatus fmu_snapshot(FmuInstance *self, const char *function, void **snapshot)
         }
         return member_refused(self, i, "GetFMUState", said);
     }
-    saved->header = (Header){.magic = STATE_MAGIC, .version = STATE_VERSION, .model = identity(), .length = state_size()};
+    saved->header = (Header){.magic = STATE_MAGIC, .version = STATE_VERSION, .model = identity(), .length = state_size(),
+                             .checksum = (uint64_t)(uintptr_t)saved};
     memcpy(state_in(saved), self->state, state_size());
     *snapshot = saved;
     return FMU_OK;
@@ -816,7 +824,7 @@ FmuStatus fmu_serialize(FmuInstance *self, const char *function, const void *sna
 FmuStatus fmu_deserialize(FmuInstance *self, const char *function, const unsigned char *bytes, size_t size, void **snapshot) {
     if (!bytes || !snapshot) return fmu_fail(self, FMU_ERROR, "%s: NULL argument", function);
     if (size < sizeof(Header)) return fmu_fail(self, FMU_ERROR, "%s: %zu bytes are not a serialized state", function, size);
-    FmuStatus status = check_header(self, function, bytes);
+    FmuStatus status = check_header_of(self, function, bytes, 1);
     if (status == FMU_OK) status = check_alive(self, function);
     if (status != FMU_OK) return status;
     Header h;
@@ -826,7 +834,8 @@ FmuStatus fmu_deserialize(FmuInstance *self, const char *function, const unsigne
         return fmu_fail(self, FMU_ERROR, "%s: the serialized state of %s is damaged", function, fmu_model.name);
     Saved *saved = calloc(1, saved_size());
     if (!saved) return fmu_fail(self, FMU_ERROR, "%s: out of memory", function);
-    saved->header = (Header){.magic = h.magic, .version = h.version, .model = h.model, .length = h.length};
+    saved->header = (Header){.magic = h.magic, .version = h.version, .model = h.model, .length = h.length,
+                             .checksum = (uint64_t)(uintptr_t)saved};
     memcpy(state_in(saved), bytes + sizeof h, state_size());
     const unsigned char *from = bytes + sizeof h + state_size(), *end = bytes + size;
     const char *wrong = wrong_in(state_in(saved));
