@@ -55,7 +55,7 @@ def c_number(x: float) -> str:
 
 
 def xml(text: str) -> str:
-    """Text for an element or attribute of lxml, which escapes the rest: what XML cannot hold is replaced."""
+    """Text for an element or attribute of lxml, which escapes the rest: characters that XML cannot contain are replaced."""
     return NO_XML.sub(_REPLACEMENT, text)
 
 

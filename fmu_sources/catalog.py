@@ -118,7 +118,7 @@ def catalog_suffix(path: Path) -> str:
         raise ValueError(f"{path}: FMUs are named after this file, so its name needs letters or digits; rename it")
     bad = NO_XML.search(path.name)
     if bad and not "\udc80" <= bad[0] <= "\udcff":  # bytes that the locale could not decode: refused with the remedy later
-        raise ValueError(f"{path}: the name of this file stands in the FMU, and XML cannot hold its character {bad[0]!a}; rename it")
+        raise ValueError(f"{path}: the file name becomes part of the FMU, and XML cannot contain its character {bad[0]!a}; rename the file")
     return "".join(w[0].upper() + w[1:] for w in words)
 
 

@@ -139,8 +139,8 @@ class Bench:
     @property
     def tolerance(self) -> float:
         """Relative tolerance of an integrator with error control: that of the default experiment, which it is given."""
-        told = self.model.experiment.get("tolerance", math.nan)
-        return told if 0 < told < 1 else TOLERANCE
+        declared = self.model.experiment.get("tolerance", math.nan)
+        return declared if 0 < declared < 1 else TOLERANCE
 
 
 def compared(bench: Bench, one: Sequence[Values], other: Sequence[Values], what: str, *, restarted: bool = False) -> Finding | None:

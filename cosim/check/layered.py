@@ -92,7 +92,7 @@ def _of_its_schema(file: File, path: str, root: Any) -> Found:
 
 
 def _root(file: File, path: str) -> Any:
-    """The root element, or a sentence why there is none."""
+    """The root element, or a message that says why it cannot be read."""
     try:
         return tree((file.folder / path).read_bytes(), "the archive", Limits(), path)
     except (FmuError, OSError) as error:

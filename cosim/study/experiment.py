@@ -201,7 +201,7 @@ class Experiment:
         return dict(row)
 
     def beside(self, case: Any, fmus: FmuSet) -> Any:
-        """The case that a run is shown beside; None where there is none."""
+        """The baseline case that a run is compared with; None if the experiment names no baseline."""
         if self.own_baseline is not None and fmus.vehicles:
             return self.own_baseline(case, fmus)
         return self.baseline(case) if self.baseline else None

@@ -44,7 +44,7 @@ static void kill_children(void) {
     closedir(all);
 }
 
-/* Ends the worker's group and, until there is none, every child of this process: the children of one that ends come here. */
+/* Ends the worker's group, then every child of this process until none is left: the children of a process that ends become children of this one. */
 static void end_all(pid_t worker) {
     kill(-worker, SIGKILL);
     kill(worker, SIGKILL);

@@ -135,7 +135,7 @@ CANCELLERS.append(_cancel)
 
 @cache
 def _libpython() -> str:
-    """The library of this Python, for FMUs that expect it in their process (PythonFMU's do); "" where there is none."""
+    """The library of this Python, for FMUs that expect it in their process (PythonFMU's do); "" if it has no such library."""
     name, folder = (str(sysconfig.get_config_var(n) or "") for n in ("INSTSONAME", "LIBDIR"))
     return next((str(p) for p in (Path(folder, name), Path(sys.base_prefix, "lib", name)) if ".so" in name and p.is_file()), "")
 
