@@ -99,11 +99,11 @@ class Results(Mapping[Any, Row]):
         if places is None:
             raise KeyError(f"the study has no run {getattr(key, 'label', key)}")
         entry = self._entry(places)
-        label = self.tasks[places[0]].label
+        task = self.tasks[places[0]]
         if "failed" in entry:
-            raise RunFailed(f"the run {label} failed: {entry['failed']}")
+            raise RunFailed(f"the run {task.label} failed: {entry['failed']}")
         if part not in entry:
-            raise KeyError(f"the study kept no {part} of the run {label}")
+            raise KeyError(f"the study kept no {part} of the run {task.label}")
         return entry[part]
 
 

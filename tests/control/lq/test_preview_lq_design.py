@@ -490,7 +490,7 @@ def theorem2_case(seed):
     rng = np.random.default_rng(seed)
     plant = replace(random_plant(seed), F=np.zeros((4, 3)))
     root = rng.standard_normal((4, 4))
-    N = 0.1 * plant.C.T @ rng.standard_normal((4, 2))
+    N = 0.1 * plant.C.T @ rng.standard_normal((4, 2)) / max(1.0, np.linalg.norm(plant.D, 2))  # the index stays nonnegative
     return plant, root.T @ root + np.eye(4), N, np.diag([2.0, 3.0]), rng.standard_normal((5, 3))
 
 
