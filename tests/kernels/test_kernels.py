@@ -24,10 +24,10 @@ NUMERIC = (
 )  # fmt: skip
 """Tests of numbers that follow from linear algebra, in FMUs or in Python."""
 SHORT = (
-    "control/lq", "estimators", "models", "plants/test_linear_car.py", "plants/test_ride_car.py", "docs/test_public_hmmwv.py",
+    "control/lq", "estimators", "models", "plants/test_linear_car.py", "docs/test_public_hmmwv.py",
     "optimisation/test_calibration.py", "conformance/test_derivatives.py", "conformance/test_reference.py",
 )  # fmt: skip
-SHORT_FMUS = "RideCarHmmwvPublic,LqrHmmwv,KalmanHmmwv,MpcBench,PreviewSensor"
+SHORT_FMUS = "RideCarHmmwvPublic,LqrHmmwv,MpcBench"
 USED = "import numpy, scipy.linalg, threadpoolctl; print(*{p['architecture'] for p in threadpoolctl.threadpool_info()})"
 
 pytestmark = pytest.mark.skipif(

@@ -103,9 +103,8 @@ def stored(runs: Path) -> int:
 
 def test_a_killed_study_continues_to_the_same_report(tmp_path) -> None:
     """Killed in the middle, without a word to anybody, and started again: the same bytes as in one go."""
-    command = [sys.executable, "-m", "cosim.cli", "study", str(FILE), "--processes", "2", "--out"]
     environment = {**os.environ, "PYTHONPATH": str(ROOT)}
-    values = [f"--rate={r}" for r in (1, 2, 3, 99, 98, 97, 96)]
+    values = [f"--rate={r}" for r in (1, 2, 3, 99, 98)]
     whole, broken = tmp_path / "whole", tmp_path / "broken"
     program = "import sys; from cosim.cli import main; sys.exit(main())"
     command = [sys.executable, "-c", program, "study", str(planless(tmp_path)), *values, "--processes", "1", "--out"]

@@ -63,14 +63,17 @@ def test_one_byte_in_any_file_gives_another_key(name: str, monkeypatch: pytest.M
     before = key.salt(experiment, FmuSet(), searches=known)
     assert key.salt(experiment, FmuSet(), searches=known) == before
     assert files(name) >= MASTER | DEPENDS.get(name, set())
-    read, modules = Path.read_bytes, tuple(key.entry_modules(experiment, known))
-    found, versions = {modules: sources.imported(modules)}, key.versions(sources.libraries(modules))
+    held, read = {p: p.read_bytes() for p in covered}, Path.read_bytes
+    modules = tuple(key.entry_modules(experiment, known))
+    found, libraries = {modules: sources.imported(modules)}, sources.libraries(modules)
+    versions = key.versions(libraries)
     monkeypatch.setattr(sources, "imported", lambda m: found[tuple(m)])  # a comment changes neither what is imported
+    monkeypatch.setattr(sources, "libraries", lambda _: libraries)
     monkeypatch.setattr(key, "versions", lambda _: versions)  # nor what is installed
     assert key.salt(experiment, FmuSet(), searches=known) == before
     for changed in covered:
         with monkeypatch.context() as patch:
-            patch.setattr(Path, "read_bytes", lambda p: read(p) + (b"\n#" if p == changed else b""))  # noqa: B023
+            patch.setattr(Path, "read_bytes", lambda p: (held[p] if p in held else read(p)) + (b"\n#" if p == changed else b""))  # noqa: B023
             assert key.salt(experiment, FmuSet(), searches=known) != before, changed
 
 
