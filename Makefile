@@ -28,8 +28,8 @@ studies: run
 	$(BIN)/cosim study hmmwv
 	$(BIN)/cosim study ride
 
-test: $(VENV)/.test lint
-	$(BIN)/build-fmus
+test: $(VENV)/.test
+	$(MAKE) -j 2 lint fmus  # types are checked on one core while FMUs are built
 	$(BIN)/python -m pytest -n auto --dist loadscope --no-loadscope-reorder
 
 # Also runs the studies once more and compares every verdict; a study uses all cores by itself.

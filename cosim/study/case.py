@@ -284,6 +284,7 @@ def _scale(f: Field) -> Decimal | None:
     return Decimal(numbers[0]) if len(numbers) == 1 else None
 
 
+@functools.lru_cache(maxsize=4096)
 def _readings(case: type, text: str) -> int:
     """In how many ways a label in lower case can be split into texts of the fields of a class of cases."""
     known = fields(case)
