@@ -215,7 +215,8 @@ def label(case: Any) -> str:
     pieces = [(f, v) for f, v in pieces if _is_labelled(f, v) and not (f.option.only and not f.option.only[0](case))]
     text = "-".join(_labelled(f, v) for f, v in pieces) or "default"
     exact = all(_is_exact(f, v) for f, v in pieces) and (text != "default" or not pieces) and not _HASHED.search(text)
-    if exact and _FILE_NAME.fullmatch(text) and len(text) <= LONGEST and _readings(type(case), text.lower()) == 1:
+    named = exact and _FILE_NAME.fullmatch(text) and len(text) <= LONGEST
+    if named and _readings(type(case), text.lower()) == 1:  # type: ignore[arg-type]
         return text
     return _with_hash(text, case)
 
