@@ -157,9 +157,12 @@ static void advance(Model *m, double h) {
         q->x = x + s / 6.0 * (k1[0] + 2.0 * k2[0] + 2.0 * k3[0] + k4[0]);
         q->v = v + s / 6.0 * (k1[1] + 2.0 * k2[1] + 2.0 * k3[1] + k4[1]);
     }
-    if (has(m, "threads")) { /* a static scratch variable, and time for others to use it */
+    if (has(m, "threads")) { /* a static scratch variable, and time for other instances to write to it */
+        /* Instances wait for different times, so that they do not step in unison whatever the load of the machine. */
+        static int calls;
+        nanosleep(&(struct timespec){0, 100000 * (1 + __atomic_fetch_add(&calls, 1, __ATOMIC_RELAXED) % 7)}, NULL);
         scratch[0] = q->x, scratch[1] = q->v;
-        for (volatile int i = 0; i < 500000; i++) {}
+        nanosleep(&(struct timespec){0, 300000}, NULL);
         q->x = scratch[0], q->v = scratch[1];
     }
     m->stale_valid = false;
