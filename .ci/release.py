@@ -1,7 +1,7 @@
 """``python .ci/release.py FOLDER``: all that a release publishes, the same bytes from the same sources and compilers.
 
-- ``suspension-fmus-VERSION-fmus.zip``: every FMU in FMI 2.0 and 3.0 for all five platforms, what they are, their bill of materials, their checksums, and
-  the pages in which systems run live;
+- ``suspension-fmus-VERSION-fmus.zip``: every FMU in FMI 2.0 and 3.0 for all five platforms, what they are, their bill
+  of materials, their checksums, and the pages in which systems run live;
 - the wheel and the source distribution;
 - ``SHA256SUMS`` of these.
 """
@@ -59,8 +59,14 @@ def fmu_archive(built: Path, names: list[str]) -> bytes:
     fmus = {f"fmi{v}/{n}.fmu": (built / f"fmi{v}" / f"{n}.fmu").read_bytes() for v in (2, 3) for n in names}
     live = live_pages(built, names)
     text = README.format(
-        n=len(names), live=LIVE if live else "", platforms=", ".join(PLATFORMS), sums=SUMS, bill=BILL, reference=REFERENCE, **{k: PROJECT[k] for k in ("name", "version", "description")}
-    )  # fmt: skip
+        n=len(names),
+        live=LIVE if live else "",
+        platforms=", ".join(PLATFORMS),
+        sums=SUMS,
+        bill=BILL,
+        reference=REFERENCE,
+        **{k: PROJECT[k] for k in ("name", "version", "description")},
+    )
     pages = {"README.txt": text.encode(), **{n: (ROOT / n).read_bytes() for n in PAGES}, **live}
     pages[REFERENCE] = runpy.run_path(str(ROOT / "docs" / "write_fmus.py"))["reference"](built, names).encode()
     content = {**pages, **fmus, BILL: bill(fmus)}
@@ -82,11 +88,18 @@ def main() -> None:
     """Build what is out of date, and write the files of the release."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("folder", type=Path, help="receives the files")
-    parser.add_argument("--fmus", type=Path, default=ROOT / "build" / "platforms", help="where FMUs for all platforms are built and kept")
+    parser.add_argument(
+        "--fmus",
+        type=Path,
+        default=ROOT / "build" / "platforms",
+        help="where FMUs for all platforms are built and kept",
+    )
     parser.add_argument("names", nargs="*", help="FMUs (default: all)")
     options = parser.parse_args()
     names = options.names or list(cli.load_catalog(cli.UserFiles()))
-    cli.build(names, Options(options.fmus, platform="all"), report=lambda name, what: print(f"  {what} {name}", flush=True))
+    cli.build(
+        names, Options(options.fmus, platform="all"), report=lambda name, what: print(f"  {what} {name}", flush=True)
+    )
     options.folder.mkdir(parents=True, exist_ok=True)
     files = {f"{PROJECT['name']}-{PROJECT['version']}-fmus.zip": fmu_archive(options.fmus, names)}
     for make in (backend.build_wheel, backend.build_sdist):

@@ -1,7 +1,9 @@
-"""Passive full cars simulated per second and core: one by one by the engine, and as copies of one batch, on each kind of vectors.
+"""Passive full cars simulated per second and core: one by one by the engine, and as copies of one batch, on each kind
+of vectors.
 
-Simulated time of all copies over the processor time of their steps, so that other work on the machine hardly counts and the number of
-threads does not. Initialization, which is the same for both, is measured apart. Every copy has a mass and a speed of its own.
+Simulated time of all copies over the processor time of their steps, so that other work on the machine hardly counts and
+the number of threads does not. Initialization, which is the same for both, is measured apart. Every copy has a mass and
+a speed of its own.
 """
 
 from __future__ import annotations
@@ -41,12 +43,16 @@ SYSTEMS = {
 
 
 def one_by_one(system: System, runs: int = 8) -> tuple[float, float]:
-    """Simulated time over processor time of the steps of some runs by the engine, and the processor time of an initialization [s]."""
+    """Simulated time over processor time of the steps of some runs by the engine, and the processor time of an
+    initialization [s].
+    """
     begun = stepped = 0.0
     for mass in np.linspace(2500.0, 5000.0, runs):
         system["car"].set({"body.mass": mass})
         begin = time.process_time()
-        simulation = system.initialize(record=["car.body.az"], record_interval="10 ms", engine="compiled", allow_unconnected=True)
+        simulation = system.initialize(
+            record=["car.body.az"], record_interval="10 ms", engine="compiled", allow_unconnected=True
+        )
         begun += time.process_time() - begin
         begin = time.process_time()
         simulation.advance(SECONDS)
@@ -58,7 +64,13 @@ def in_batch(system: System, vectors: str, threads: int) -> tuple[float, float]:
     """The same of a batch, per copy."""
     start = {"car.body.mass": np.linspace(2500.0, 5000.0, COPIES), "speed.start.speed": np.linspace(8.0, 20.0, COPIES)}
     with Batch(
-        system, COPIES, record=["car.body.az"], record_interval="10 ms", vectors=vectors, threads=threads, allow_unconnected=True
+        system,
+        COPIES,
+        record=["car.body.az"],
+        record_interval="10 ms",
+        vectors=vectors,
+        threads=threads,
+        allow_unconnected=True,
     ) as batch:
         begin = time.process_time()
         batch.reset(start)

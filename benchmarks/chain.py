@@ -1,7 +1,8 @@
-"""A chain of three trivial FMUs, made from the standard's headers alone: what the engine, other masters and a container cost.
+"""A chain of three trivial FMUs, made from the standard's headers alone: what the engine, other masters and a container
+cost.
 
-The FMUs do nothing to speak of, so this is the least that an exchange can cost. FMU Manipulation Toolbox puts the chain into one FMU, which
-a C program steps by 0.1 s, 100 inner steps at a time; Ecos runs it by itself.
+The FMUs do nothing to speak of, so this is the least that an exchange can cost. FMU Manipulation Toolbox puts the chain
+into one FMU, which a C program steps by 0.1 s, 100 inner steps at a time; Ecos runs it by itself.
 """
 
 from __future__ import annotations
@@ -56,10 +57,17 @@ def measure(version: int) -> dict[str, float]:
         for source, target in itertools.pairwise(NAMES):
             system.connect(f"{source}.y", f"{target}.u")
         components = flatten(system, dict.fromkeys(NAMES, fmu))
-        results = compare(system, components, "c.y", STEPS, REPEATS, {
-            "FMU Manipulation Toolbox": _toolbox(fmu, Path(tmp)),
-            "Ecos": [sys.executable, "-c", _ECOS, json.dumps([str(fmu), STEPS, NAMES])],
-        })  # fmt: skip
+        results = compare(
+            system,
+            components,
+            "c.y",
+            STEPS,
+            REPEATS,
+            {
+                "FMU Manipulation Toolbox": _toolbox(fmu, Path(tmp)),
+                "Ecos": [sys.executable, "-c", _ECOS, json.dumps([str(fmu), STEPS, NAMES])],
+            },
+        )
         results["engine / FMU Manipulation Toolbox"] = _ratio(results, "engine", "FMU Manipulation Toolbox")
         return results
 

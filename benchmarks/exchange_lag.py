@@ -1,8 +1,9 @@
 """What the lag of one communication step does to a GPC run: this master beside a plain Jacobi loop with FMPy.
 
-The run of ``cosim run gpc --road sine --speed 50 --controller preview`` with the gains that the FMU carries. The Jacobi loop
-is that of most masters: at t all inputs are set to the outputs of t, all FMUs step to t + 1 ms, outputs are read. Both loops
-initialize alike and exchange every 1 ms, so the order of exchange is all they differ in. The law decides every 10 ms.
+The run of ``cosim run gpc --road sine --speed 50 --controller preview`` with the gains that the FMU carries. The Jacobi
+loop is that of most masters: at t all inputs are set to the outputs of t, all FMUs step to t + 1 ms, outputs are read.
+Both loops initialize alike and exchange every 1 ms, so the order of exchange is all they differ in. The law decides
+every 10 ms.
 """
 
 from __future__ import annotations
@@ -31,7 +32,9 @@ FELT = "body.az"
 
 
 def by_master(fmus: FmuSet, duration: float) -> tuple[np.ndarray, list[Wired]]:
-    """Commands as they act on the car from step to step, and its acceleration: (steps, 5) [N, m/s2]; the wiring as flat lists."""
+    """Commands as they act on the car from step to step, and its acceleration: (steps, 5) [N, m/s2]; the wiring as flat
+    lists.
+    """
     paths = {"speed": fmus.path(SPEED), "road": road_file(fmus, ROAD), "car": fmus.path(PLANT)}
     paths["controller"] = fmus.path(CONTROLLERS[CONTROLLER] or "")
     names = [*(f"controller.{n}" for n in COMMANDS), f"car.{FELT}"]
@@ -47,7 +50,8 @@ def by_master(fmus: FmuSet, duration: float) -> tuple[np.ndarray, list[Wired]]:
 def by_fmpy(wired: list[Wired], duration: float, *, lag: bool = True) -> np.ndarray:
     """The same with FMPy's slaves: all step with what the others had shown at the beginning of the step.
 
-    Without ``lag`` they step one after the other, the car last, and pass on at once what they have found: as this master.
+    Without ``lag`` they step one after the other, the car last, and pass on at once what they have found: as this
+    master.
     """
     with ExitStack() as stack:
         slaves = []
@@ -55,9 +59,11 @@ def by_fmpy(wired: list[Wired], duration: float, *, lag: bool = True) -> np.ndar
             description = read_model_description(w.fmu)
             folder = fmpy.extract(w.fmu, stack.enter_context(tempfile.TemporaryDirectory()))
             slave = FMU3Slave(
-                guid=description.guid, unzipDirectory=folder, instanceName=w.name,
+                guid=description.guid,
+                unzipDirectory=folder,
+                instanceName=w.name,
                 modelIdentifier=description.coSimulation.modelIdentifier,
-            )  # fmt: skip
+            )
             slave.instantiate()
             stack.callback(slave.freeInstance)
             references = {v.name: v.valueReference for v in description.modelVariables}
@@ -106,7 +112,8 @@ def by_fmpy(wired: list[Wired], duration: float, *, lag: bool = True) -> np.ndar
 
 
 def measure(distance: float = TRAVEL) -> dict[str, float]:
-    """Differences over ``distance`` [m]; those of commands in parts of the range from the least to the largest command."""
+    """Differences over ``distance`` [m]; those of commands in parts of the range from the least to the
+    largest command."""
     duration = STEP * EVERY * round(distance / (SPEED_KMH / 3.6) / STEP / EVERY)  # whole periods of the law
     recorded, wired = by_master(FmuSet(), duration)
     master, jacobi = recorded, by_fmpy(wired, duration)
@@ -118,8 +125,9 @@ def measure(distance: float = TRAVEL) -> dict[str, float]:
         "range of the commands [N]": float(span),
         "command at an instant, largest difference [% of the range]": 100 * float(np.abs(late - force).max() / span),
         "command at an instant, rms difference [% of the range]": 100 * rms(late - force) / span,
-        "decision of the law, largest difference [% of the range]": 100
-        * float(np.abs(decided_late - decided).max() / span),
+        "decision of the law, largest difference [% of the range]": (
+            100 * float(np.abs(decided_late - decided).max() / span)
+        ),
         "decision of the law, rms difference [% of the range]": 100 * rms(decided_late - decided) / span,
         "rms of body.az, change [%]": 100 * (rms(jacobi[:, -1]) / rms(master[:, -1]) - 1),
     }

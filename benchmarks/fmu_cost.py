@@ -1,8 +1,8 @@
 """What FMUs cost beside older ones of the same names: bare C loops over two folders of FMUs, taking turns, in one run.
 
-``python -m benchmarks.fmu_cost --old FOLDER`` compares ``fmus`` with a copy that was kept before a change. Nothing but the FMUs differs:
-the same program sets, steps and gets the same variables of the passive and the preview system, and of the contact plant alone. Times are
-of the processor, the least of all turns.
+``python -m benchmarks.fmu_cost --old FOLDER`` compares ``fmus`` with a copy that was kept before a change. Nothing but
+the FMUs differs: the same program sets, steps and gets the same variables of the passive and the preview system, and of
+the contact plant alone. Times are of the processor, the least of all turns.
 """
 
 from __future__ import annotations
@@ -56,7 +56,9 @@ SYSTEMS: dict[str, tuple[Callable[[FmuSet], list[Wired]], int]] = {
 
 
 def measure(old: Path, new: Path = Path("fmus"), turns: int = 7) -> dict[str, float]:
-    """For each system microseconds per step of 1 ms with the FMUs of both folders, and how many times as fast the new ones are."""
+    """For each system microseconds per step of 1 ms with the FMUs of both folders, and how many times as fast the new
+    ones are.
+    """
     found: dict[str, float] = {}
     with tempfile.TemporaryDirectory() as tmp:
         for i, (name, (make, steps)) in enumerate(SYSTEMS.items()):

@@ -1,6 +1,7 @@
 """How much faster than real time the hydraulic HMMWV of paper 001 runs: one corner, and the whole vehicle.
 
-Simulated time over the processor time of one core (the master has one thread), so that other work on the machine does not count.
+Simulated time over the processor time of one core (the master has one thread), so that other work on the machine does
+not count.
 """
 
 from __future__ import annotations

@@ -1,4 +1,6 @@
-"""What it costs to keep an FMU in another process: one small FMU, in this process and isolated, beside a bare exchange of one number."""
+"""What it costs to keep an FMU in another process: one small FMU, in this process and isolated, beside a bare exchange
+of one number.
+"""
 
 from __future__ import annotations
 

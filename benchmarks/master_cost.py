@@ -1,7 +1,9 @@
-"""Cost of the engine and of the Python master per FMU step, beside FMPy's wrapper calls and a bare C loop over the same FMUs, in one run.
+"""Cost of the engine and of the Python master per FMU step, beside FMPy's wrapper calls and a bare C loop over the same
+FMUs, in one run.
 
-All exchange the same variables of the same FMUs in the same order; the bare loop is the time the FMUs themselves need, so the
-difference to it is what a master adds. All times are of the processor, so that other work on the machine hardly counts.
+All exchange the same variables of the same FMUs in the same order; the bare loop is the time the FMUs themselves need,
+so the difference to it is what a master adds. All times are of the processor, so that other work on the machine hardly
+counts.
 """
 
 from __future__ import annotations
@@ -63,7 +65,9 @@ def flatten(system: System, paths: dict[str, Path]) -> list[Wired]:
 
 
 def time_master(system: System, steps: int, record: str, **options: Any) -> float:
-    """Seconds for ``steps`` steps of 1 ms by our master, recording ``record``, at 10 Hz unless ``options`` of the run say otherwise."""
+    """Seconds for ``steps`` steps of 1 ms by our master, recording ``record``, at 10 Hz unless ``options`` of the run
+    say otherwise.
+    """
     options = {"record_interval": "100 ms", "allow_unconnected": True, **options}
     with system.initialize(record=[record], **options) as simulation:
         begin = time.process_time()
@@ -86,9 +90,11 @@ def time_fmpy(components: list[Wired], steps: int) -> float:
         folders.append(tempfile.TemporaryDirectory())
         unzipped = fmpy.extract(w.fmu, folders[-1].name)
         slave = (FMU2Slave if w.version == 2 else FMU3Slave)(
-            guid=description.guid, unzipDirectory=unzipped, modelIdentifier=description.coSimulation.modelIdentifier,
+            guid=description.guid,
+            unzipDirectory=unzipped,
+            modelIdentifier=description.coSimulation.modelIdentifier,
             instanceName=w.name,
-        )  # fmt: skip
+        )
         slave.instantiate()
         if w.version == 2:
             slave.setupExperiment()
@@ -114,8 +120,9 @@ def time_fmpy(components: list[Wired], steps: int) -> float:
 
 
 def bare_program(components: list[Wired], steps: int, folder: Path, length: float = 1e-3) -> Path:
-    """A program in ``folder`` that runs the same loop in C, with steps of ``length`` [s], and prints the seconds it took, compiled with
-    the host toolchain."""
+    """A program in ``folder`` that runs the same loop in C, with steps of ``length`` [s], and prints the seconds it
+    took, compiled with the host toolchain.
+    """
     template = jinja2.Template((Path(__file__).parent / "bare_loop.c.j2").read_text())
     items: list[dict[str, Any]] = []
     for i, w in enumerate(components):
@@ -158,7 +165,9 @@ def compare(
     repeats: int,
     more: Mapping[str, Sequence[str]] | None = None,
 ) -> dict[str, float]:
-    """Best of ``repeats`` of every loop over one system, and of ``more`` programs that run it and print their seconds, all in turn."""
+    """Best of ``repeats`` of every loop over one system, and of ``more`` programs that run it and print their seconds,
+    all in turn.
+    """
     loops: dict[str, Callable[[], float]] = {
         "engine": lambda: time_master(system, steps, record, engine="compiled"),
         "engine, recording every step": lambda: time_master(

@@ -2,9 +2,9 @@
 
     python -m benchmarks.mathematics      # part of all benchmarks
 
-The sources in each FMU are compiled once more with the header that renames the functions replaced by ``math.h``, and linked
-with the system's library. Both builds run in the bare C loop of :mod:`benchmarks.master_cost`, and over the stimulus of the
-FMU's documentation.
+The sources in each FMU are compiled once more with the header that renames the functions replaced by ``math.h``, and
+linked with the system's library. Both builds run in the bare C loop of :mod:`benchmarks.master_cost`, and over the
+stimulus of the FMU's documentation.
 """
 
 from __future__ import annotations
@@ -56,8 +56,9 @@ def trajectory(fmu: Path) -> np.ndarray:
 
 
 def measure(names: tuple[str, ...] = NAMES) -> dict[str, float]:
-    """For each FMU the time per step, the ratio to that with the system's library, and the largest difference of an output in
-    parts of its largest value."""
+    """For each FMU the time per step, the ratio to that with the system's library, and the largest difference of an
+    output in parts of its largest value.
+    """
     results: dict[str, float] = {}
     for name in names:
         with tempfile.TemporaryDirectory() as tmp:

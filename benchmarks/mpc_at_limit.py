@@ -1,9 +1,9 @@
 """What the MPC of the HMMWV should do when OSQP reaches its limit of iterations: closed loops, by choice.
 
 ``hold``: the last command, clipped to the bounds of now. ``iterate``: the first move of the unfinished iterate, clipped
-likewise. ``fallback``: DAQP solves the program anew. All three are compared with DAQP without a limit, on roads and sensor
-faults that no paper has and that bring OSQP to its limit: the car of the published runs with ideal actuators at 20 mph, bumps
-several times as high as published, and glitches that replace all measurements in one of ten samples.
+likewise. ``fallback``: DAQP solves the program anew. All three are compared with DAQP without a limit, on roads and
+sensor faults that no paper has and that bring OSQP to its limit: the car of the published runs with ideal actuators at
+20 mph, bumps several times as high as published, and glitches that replace all measurements in one of ten samples.
 """
 
 from __future__ import annotations
@@ -77,7 +77,8 @@ class _Member:
 
 
 class _Watched:
-    """The solver of a law: counts the samples at OSQP's limit, and calls an unfinished iterate a solution if it should."""
+    """The solver of a law: counts the samples at OSQP's limit, and calls an unfinished iterate a
+    solution if it should."""
 
     def __init__(self, law: Evaluator, choice: str) -> None:
         program = law.component.programs[0]

@@ -1,8 +1,9 @@
-"""Solvers of the MPC's quadratic programs: time per step, residual, command compared with that of an independent solver.
+"""Solvers of the MPC's quadratic programs: time per step, residual, command compared with that of an independent
+solver.
 
 The programs are those of published runs: a controller's inputs are recorded from a co-simulation and fed to its Python
-evaluation, which gives the data of each step. The C code that is timed is that of the FMUs. Each run is repeated and each
-step counts with its fastest repetition, so that other work on the machine does not show.
+evaluation, which gives the data of each step. The C code that is timed is that of the FMUs. Each run is repeated and
+each step counts with its fastest repetition, so that other work on the machine does not show.
 """
 
 from __future__ import annotations
@@ -72,7 +73,9 @@ def problems(
     limit: float,
     parameters: dict[str, float] | None = None,
 ) -> Problems:
-    """Programs of recorded runs; each input is looked up under its own name, or has the value given beside the recording."""
+    """Programs of recorded runs; each input is looked up under its own name, or has the value given beside the
+    recording.
+    """
     declared = make(name)
     declared.choose_backend("daqp")
     component = declared.model()

@@ -1,8 +1,9 @@
 """The longest sample of the MPC FMUs: random and extreme inputs, every controller with every back end.
 
-What is timed is a whole ``doStep`` of the compiled FMU: data of the program, solver with its fallback, outputs. Each run is
-repeated from the start and each sample counts with its fastest repetition, in processor time of its thread, so that other
-work on the machine does not show. The inputs are made by :func:`extreme_inputs`, which the tests use as well.
+What is timed is a whole ``doStep`` of the compiled FMU: data of the program, solver with its fallback, outputs. Each
+run is repeated from the start and each sample counts with its fastest repetition, in processor time of its thread, so
+that other work on the machine does not show. The inputs are made by :func:`extreme_inputs`, which the tests use as
+well.
 """
 
 from __future__ import annotations
@@ -41,8 +42,9 @@ SCALES = (1e-3, 1.0, 3.0, 10.0, 30.0, 100.0, 1e3, 1e5, 1e8, 1e15, 1e100)
 def extreme_inputs(c: Model, samples: int, seed: int = 0) -> Iterator[tuple[str, np.ndarray]]:
     """Titles and inputs (samples, input elements), within the declared limits of each input.
 
-    Noise and random corners from far below to far above what the component is made for, its stimulus enlarged, magnitudes
-    mixed over 24 and over 600 decades, a kick followed by nothing and by numbers below the smallest normal one.
+    Noise and random corners from far below to far above what the component is made for, its stimulus enlarged,
+    magnitudes mixed over 24 and over 600 decades, a kick followed by nothing and by numbers below the smallest normal
+    one.
     """
     random = np.random.default_rng(seed)
     inputs = c.elements("input")

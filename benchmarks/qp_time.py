@@ -1,7 +1,8 @@
 """How long the solvers of quadratic programs take, on closed-loop runs of condensed MPC problems of several sizes.
 
-The plants are random chains of damped oscillators under filtered noise that the controller sees ahead: no vehicle, but the
-structure of one (moves, rates, soft bounds on outputs with one slack), with constraints active in a good part of the steps.
+The plants are random chains of damped oscillators under filtered noise that the controller sees ahead: no vehicle, but
+the structure of one (moves, rates, soft bounds on outputs with one slack), with constraints active in a good part of
+the steps.
 """
 
 from __future__ import annotations
@@ -139,7 +140,7 @@ def measure(size: Size, backend: Backend) -> dict[str, float]:
     q, lower, upper = (c.input(k, "1", k, shape=(s,)) for k, s in (("q", n), ("l", m), ("u", m)))
     c.quadratic_program(
         "solver", hessians=[run.hessian], constraints=[run.rows], linear=q, lower=lower, upper=upper, backend=backend
-    )  # fmt: skip
+    )
     few = backend.name == "osqp" and size.outputs > 0
     return replay(c, run.data[:40] if few else run.data, 1 if few else 3)
 

@@ -1,4 +1,6 @@
-"""The passive full car over 2 s of random roads: seed and class of the road, mass and speed vary. An experiment for sweeps."""
+"""The passive full car over 2 s of random roads: seed and class of the road, mass and speed vary. An experiment for
+sweeps.
+"""
 
 import numpy as np
 
@@ -13,7 +15,11 @@ def system() -> System:
     made, fmus = System(), FmuSet()
     made.add("speed", fmus.path("SpeedProfile"))
     made.add("road", fmus.path("RoadRandom"))
-    made.add("car", fmus.path("FullCarHmmwv"), start={"target.y": 0.0} | {f"force.{c}": 0.0 for c in ("fl", "fr", "rl", "rr")})
+    made.add(
+        "car",
+        fmus.path("FullCarHmmwv"),
+        start={"target.y": 0.0} | {f"force.{c}": 0.0 for c in ("fl", "fr", "rl", "rr")},
+    )
     made.connect("speed.speed", "car.target.speed")
     made.connect("car.x", "road.x")
     made.connect("car.speed", "road.speed")

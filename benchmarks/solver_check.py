@@ -16,9 +16,14 @@ from cosim.fmu.component import FmuComponent
 from cosim.study import FmuSet
 
 NAMES = (
-    "QuarterCarHmmwv", "HydraulicActuator", "RideCarSedan", "ThreeAxleRide", "FullCarHmmwv", "FullCarHmmwvModified",
+    "QuarterCarHmmwv",
+    "HydraulicActuator",
+    "RideCarSedan",
+    "ThreeAxleRide",
+    "FullCarHmmwv",
+    "FullCarHmmwvModified",
     "ThreeAxleTrench",
-)  # fmt: skip
+)
 
 
 def seconds(fmu: Fmu, *, checked: bool, repeats: int = 200) -> float:

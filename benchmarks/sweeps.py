@@ -1,9 +1,11 @@
-"""Runs per second of a sweep: this study on local processes and on Dask, a pool written by hand, and FMPy in a Dask bag as its example does it.
+"""Runs per second of a sweep: this study on local processes and on Dask, a pool written by hand, and FMPy in a Dask bag
+as its example does it.
 
     python -m benchmarks.sweeps [--runs 400]
 
-One FMU, since FMPy's example (``fmpy.examples.parameter_variation``) has one: the full car alone over 2 s in steps of 1 ms, mass and CG height
-vary, the outcome is the mean of two outputs. Two workers each. They take turns, since other things run on most machines.
+One FMU, since FMPy's example (``fmpy.examples.parameter_variation``) has one: the full car alone over 2 s in steps of 1
+ms, mass and CG height vary, the outcome is the mean of two outputs. Two workers each. They take turns, since other
+things run on most machines.
 """
 
 from __future__ import annotations
@@ -42,8 +44,11 @@ def measure(runs: int = 400) -> dict[str, float]:
     points = design(runs)
     found: dict[str, list[float]] = {}
     ways: dict[str, Callable[[int, Points], Any]] = {
-        "cosim, processes": by_study, "cosim, Dask": by_cluster, "pool by hand, cosim": by_hand, "FMPy, Dask bag": by_fmpy,
-    }  # fmt: skip
+        "cosim, processes": by_study,
+        "cosim, Dask": by_cluster,
+        "pool by hand, cosim": by_hand,
+        "FMPy, Dask bag": by_fmpy,
+    }
     outcomes = {}
     for _ in range(ROUNDS):
         for name, run in ways.items():
@@ -52,7 +57,9 @@ def measure(runs: int = 400) -> dict[str, float]:
             found.setdefault(name, []).append(runs / (time.perf_counter() - begin))
     expected = outcomes["cosim, processes"]
     for name, outcome in outcomes.items():
-        np.testing.assert_allclose(outcome, expected, rtol=2e-2, atol=1e-4, err_msg=name)  # they sample at other instants
+        np.testing.assert_allclose(
+            outcome, expected, rtol=2e-2, atol=1e-4, err_msg=name
+        )  # they sample at other instants
     return {name: median(speeds) for name, speeds in found.items()}
 
 
@@ -106,14 +113,18 @@ def _one(point: tuple[float, ...]) -> list[float]:
 
 
 def by_fmpy(_: int, points: Points) -> Any:
-    """As ``fmpy.examples.parameter_variation``: a bag in ten chunks, an instance for each chunk that is reset for each run."""
+    """As ``fmpy.examples.parameter_variation``: a bag in ten chunks, an instance for each chunk that is reset for each
+    run.
+    """
     path = str(FmuSet(fmi=2).path(FMU))
     description = fmpy.read_model_description(path)
     references = {v.name: v.valueReference for v in description.modelVariables}
     folder = fmpy.extract(path)
     arguments = {
-        "guid": description.guid, "modelIdentifier": description.coSimulation.modelIdentifier, "unzipDirectory": folder,
-    }  # fmt: skip
+        "guid": description.guid,
+        "modelIdentifier": description.coSimulation.modelIdentifier,
+        "unzipDirectory": folder,
+    }
     start, result = [references[n] for n in VARIED], [references[n] for n in OUTPUTS]
     try:
         with dask.config.set(scheduler="processes", num_workers=WORKERS):

@@ -1,4 +1,5 @@
-"""Systems of the live pages: in WebAssembly beside the same systems run by the engine, taking turns, and the sizes of the pages.
+"""Systems of the live pages: in WebAssembly beside the same systems run by the engine, taking turns, and the sizes of
+the pages.
 
 ``python -m benchmarks.web_pages``. WebAssembly runs in wasmtime, whose compiler makes about what browsers make.
 """
@@ -23,7 +24,9 @@ TITLE = "live pages: sizes, and systems in WebAssembly"
 
 
 def measure() -> dict[str, float]:
-    """Sizes [MB]; simulated time per processor time of each system of a first group, native and in WebAssembly, the best of some rounds."""
+    """Sizes [MB]; simulated time per processor time of each system of a first group, native and in WebAssembly, the
+    best of some rounds.
+    """
     found: dict[str, float] = {}
     with tempfile.TemporaryDirectory() as folder:
         for page in write_pages(FmuSet(), Path(folder)):

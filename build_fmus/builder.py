@@ -195,7 +195,10 @@ def build(
                         stamps.write(options.target(name, f), keys[name, f])
                     else:
                         stamps.remove(options.target(name, f))
-                        text = f"a file that {name} is made of was changed while it was built: the next build makes it again"
+                        text = (
+                            f"a file that {name} is made of was changed while it was built: the next build makes it"
+                            " again"
+                        )
                         warnings.warn(text, stacklevel=2)
                 built.append(name)
                 report(name, "built")

@@ -18,7 +18,9 @@ Array = npt.NDArray[np.float64]
 
 
 def nearest(name: object, known: Iterable[object]) -> list[str]:
-    """The nearest of the known names, then at most two that are about as near; those that hold `name` where all are far."""
+    """The nearest of the known names, then at most two that are about as near; those that hold `name` where all are
+    far.
+    """
     given, candidates = str(name), [str(k) for k in known]
     best = difflib.get_close_matches(given, candidates, n=1, cutoff=0.5)
     if not best:

@@ -104,8 +104,8 @@ class Toolchain:
         self._run([*CFLAGS, *pic, *(f"-I{i}" for i in include), "-c", str(source), "-o", str(output)])
 
     def link(self, objects: Sequence[Path], output: Path, *, loads: bool = False) -> None:
-        """Objects to a shared library without undefined symbols, which a loader knows by the name of ``output``; ``loads``: it
-        opens other libraries itself.
+        """Objects to a shared library without undefined symbols, which a loader knows by the name of ``output``;
+        ``loads``: it opens other libraries itself.
 
         The system's mathematical library is not linked: the objects carry their own (:mod:`build_fmus.mathematics`).
         """
@@ -118,8 +118,9 @@ class Toolchain:
         self._run([*flags, *map(str, objects), *more, "-o", str(output)])
 
     def _loader(self) -> list[str]:
-        """Flags for the functions that open libraries: until glibc 2.34 they are in a library of their own, which must be
-        named for these older systems also where a newer glibc links."""
+        """Flags for the functions that open libraries: until glibc 2.34 they are in a library of their own, which must
+        be named for these older systems also where a newer glibc links.
+        """
         ours = "ziglang" not in self.version and host_platform.libc_ver()[0] == "glibc"
         return ["-Wl,--no-as-needed", "-l:libdl.so.2", "-Wl,--as-needed"] if ours else ["-ldl"]
 
@@ -130,7 +131,9 @@ class Toolchain:
 
     def _run(self, arguments: list[str]) -> None:
         environment = dict(os.environ)
-        environment.setdefault("ZIG_GLOBAL_CACHE_DIR", str(safe_files.cache_directory() / "zig"))  # ziglang links what it holds
+        environment.setdefault(
+            "ZIG_GLOBAL_CACHE_DIR", str(safe_files.cache_directory() / "zig")
+        )  # ziglang links what it holds
         done = subprocess.run([*self.command, *arguments], capture_output=True, text=True, check=False, env=environment)
         if done.returncode != 0:
             raise CompileError(f"{' '.join([*self.command, *arguments])}\n{done.stderr.strip()}")
@@ -205,8 +208,9 @@ def included_headers(source: Path, include: Sequence[Path]) -> list[Path]:
 
 
 class ObjectCache:
-    """Compiled objects and libraries by content hash, themselves checked by a hash of their bytes; safe for concurrent builds
-    (files appear atomically)."""
+    """Compiled objects and libraries by content hash, themselves checked by a hash of their bytes; safe for concurrent
+    builds (files appear atomically).
+    """
 
     def __init__(self, directory: Path) -> None:
         self.directory = directory

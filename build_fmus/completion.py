@@ -1,4 +1,6 @@
-"""Completion of command lines in shells, from the declaration of the options: a script for each shell, and what fits what is typed."""
+"""Completion of command lines in shells, from the declaration of the options: a script for each shell, and what fits
+what is typed.
+"""
 
 from __future__ import annotations
 
@@ -8,33 +10,40 @@ from typing import Any
 from build_fmus.terminal import list_choices
 
 SCRIPTS = {
-    "bash": """_cosim() {
+    "bash": (
+        """_cosim() {
     local IFS=$'\\n'
     COMPREPLY=($("${COMP_WORDS[0]}" complete -- "${COMP_WORDS[@]:1:COMP_CWORD}" 2>/dev/null))
 }
 complete -o bashdefault -o default -F _cosim cosim suspension-fmus
-""",
-    "zsh": """#compdef cosim suspension-fmus
+"""
+    ),
+    "zsh": (
+        """#compdef cosim suspension-fmus
 _cosim() {
     local -a found
     found=("${(@f)$("${words[1]}" complete -- "${(@)words[2,$CURRENT]}" 2>/dev/null)}")
     if [[ -n $found ]]; then compadd -- $found; else _files; fi
 }
 compdef _cosim cosim suspension-fmus
-""",
-    "fish": """function __cosim
+"""
+    ),
+    "fish": (
+        """function __cosim
     set -l typed (commandline -opc)
     $typed[1] complete -- $typed[2..-1] (commandline -ct | string collect --allow-empty) 2>/dev/null
 end
 complete -c cosim -a '(__cosim)'
 complete -c suspension-fmus -a '(__cosim)'
-""",
+"""
+    ),
 }
 """By shell. Where nothing fits, each offers files."""
 
 
 def fitting(command: Any, words: Sequence[str]) -> list[str]:
-    """What the last of ``words`` may become: commands, options, or the names that an option takes; nothing where it may be a file.
+    """What the last of ``words`` may become: commands, options, or the names that an option takes; nothing where it may
+    be a file.
 
     Args:
         command: of click, with all below it.

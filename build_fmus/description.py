@@ -47,9 +47,9 @@ def model_description(
 def build_description(name: str, sources: Iterable[str]) -> bytes:
     """``sources/buildDescription.xml`` of FMI 3.0.
 
-    The first configuration is for any platform and C99 compiler. Those of platforms whose compilers are gcc and clang name
-    options too, with which the code is as fast as the binaries; the numbers are the same (what decides on them is in the
-    sources).
+    The first configuration is for any platform and C99 compiler. Those of platforms whose compilers are gcc and clang
+    name options too, with which the code is as fast as the binaries; the numbers are the same (what decides on them is
+    in the sources).
     """
     root = etree.Element("fmiBuildDescription", fmiVersion="3.0")
     names = list(sources)
@@ -68,8 +68,9 @@ def build_description(name: str, sources: Iterable[str]) -> bytes:
 def terminals_and_icons(component: Model, *, arrays: bool = False) -> bytes:
     """``terminalsAndIcons/terminalsAndIcons.xml`` of FMI 3.0: the icon, and inputs and outputs by what they belong to.
 
-    ``road.fl.height`` is the member ``height`` of the terminal ``fl`` in the terminal ``road`` (:func:`quantities.place`). The rule is
-    ``bus``: what both sides have is connected, since a vehicle feels the slope of a road whose rate of height it does not need.
+    ``road.fl.height`` is the member ``height`` of the terminal ``fl`` in the terminal ``road``
+    (:func:`quantities.place`). The rule is ``bus``: what both sides have is connected, since a vehicle feels the slope
+    of a road whose rate of height it does not need.
     """
     root = etree.Element("fmiTerminalsAndIcons", fmiVersion="3.0")
     graphics = etree.SubElement(root, "GraphicalRepresentation")
@@ -94,7 +95,9 @@ def _terminals(parent: etree._Element, around: tuple[str, ...], members: dict[tu
         text = f"inputs and outputs of {'.'.join(path)}"
         terminal = etree.SubElement(parent, "Terminal", name=path[-1], matchingRule="bus", description=text)
         for name, variable in members[path].items():
-            etree.SubElement(terminal, "TerminalMemberVariable", variableName=variable, memberName=name, variableKind="signal")
+            etree.SubElement(
+                terminal, "TerminalMemberVariable", variableName=variable, memberName=name, variableKind="signal"
+            )
         _terminals(terminal, path, members)
 
 
@@ -139,7 +142,9 @@ def _root(component: Model, version: str, **identity: str) -> etree._Element:
 
 
 def root_element(name: str, description: str, version: str, **identity: str) -> etree._Element:
-    """``fmiModelDescription`` of an FMU that this software has made; ``identity`` is its token under the name of the version."""
+    """``fmiModelDescription`` of an FMU that this software has made; ``identity`` is its token under the name of the
+    version.
+    """
     return etree.Element(
         "fmiModelDescription",
         fmiVersion=version,
@@ -167,7 +172,9 @@ def add_common(root: etree._Element, used: Iterable[units.Unit], stop_time: floa
         element = etree.SubElement(definitions, "Unit", name=u.name)
         if u.exponents is not None:
             powers = {k: str(n) for k, n in u.powers.items()}
-            more = {k: repr(x) for k, x, default in (("factor", u.factor, 1.0), ("offset", u.offset, 0.0)) if x != default}
+            more = {
+                k: repr(x) for k, x, default in (("factor", u.factor, 1.0), ("offset", u.offset, 0.0)) if x != default
+            }
             etree.SubElement(element, "BaseUnit", **powers, **more)
         for d in u.display:
             etree.SubElement(element, "DisplayUnit", name=d.name, factor=repr(d.factor))
@@ -178,8 +185,10 @@ def add_common(root: etree._Element, used: Iterable[units.Unit], stop_time: floa
 
 
 def _annotation(parent: etree._Element, component: Model) -> None:
-    """What FMI has no place for: the kind of component, where values come from, and constants that a source and its target
-    must agree on. All in one place, by name: beside each variable a source would stand once per element of an array."""
+    """What FMI has no place for: the kind of component, where values come from, and constants that a source and its
+    target must agree on. All in one place, by name: beside each variable a source would stand once per element of an
+    array.
+    """
     attributes: dict[str, str] = {"kind": component.kind}
     if component.sample_time is not None:
         attributes["sampleTime"] = repr(component.sample_time)
@@ -323,7 +332,9 @@ def _fmi3(component: Model, token: str, arrays: bool, clocks: bool) -> etree._El
             structure, tag, valueReference=str(value_reference[r.name]), dependencies=" ".join(map(str, on))
         )
 
-    initial_names = set() if clocks else set(_initial_unknowns(component, refs))  # what belongs to a clock begins at its first tick
+    initial_names = (
+        set() if clocks else set(_initial_unknowns(component, refs))
+    )  # what belongs to a clock begins at its first tick
     for r in refs:
         if r.variable.output:
             unknown("Output", r, dependencies)
@@ -341,13 +352,24 @@ def _fmi3(component: Model, token: str, arrays: bool, clocks: bool) -> etree._El
 def _clock(variables: etree._Element, component: Model, reference: int) -> None:
     """The clock at whose ticks a discrete component is sampled."""
     if any(v.get("name") == CLOCK for v in variables):
-        raise DeclarationError(f"{component.name}: a variable is called {CLOCK!r}, as the clock would be; build it without clocks, or rename it")
+        raise DeclarationError(
+            f"{component.name}: a variable is called {CLOCK!r}, as the clock would be; build it without clocks, or"
+            " rename it"
+        )
     every = generate.ticks(component)
     etree.SubElement(
-        variables, "Clock", name=CLOCK, valueReference=str(reference), description="ticks at each sample", causality="input",
-        intervalVariability="constant", intervalDecimal=repr(component.sample_time), supportsFraction="true",
-        resolution=str(every.denominator), intervalCounter=str(every.numerator),
-    )  # fmt: skip
+        variables,
+        "Clock",
+        name=CLOCK,
+        valueReference=str(reference),
+        description="ticks at each sample",
+        causality="input",
+        intervalVariability="constant",
+        intervalDecimal=repr(component.sample_time),
+        supportsFraction="true",
+        resolution=str(every.denominator),
+        intervalCounter=str(every.numerator),
+    )
 
 
 def variable_rows(component: Model) -> list[dict[str, str]]:
@@ -365,11 +387,13 @@ def variable_rows(component: Model) -> list[dict[str, str]]:
                 "role": role,
                 "shape": "×".join(map(str, v.shape)),
                 "unit": v.unit or "",
-                "range": f"{v.must_equal:.6g}, or 0"
-                if v.must_equal is not None
-                else ""
-                if v.min is None and v.max is None
-                else f"[{low}, {high}]",
+                "range": (
+                    f"{v.must_equal:.6g}, or 0"
+                    if v.must_equal is not None
+                    else ""
+                    if v.min is None and v.max is None
+                    else f"[{low}, {high}]"
+                ),
                 "start": "" if v.role in ("time", "output", "derivative") else start,
                 "description": v.description,
                 "source": v.source,

@@ -1,6 +1,7 @@
 """Texts from outside in what this project writes: one function for each language, which all packages use.
 
-Names, units and descriptions come from files of other people. In C they stand in strings only: a comment ends at signs that nobody sees.
+Names, units and descriptions come from files of other people. In C they stand in strings only: a comment ends at signs
+that nobody sees.
 """
 
 from __future__ import annotations
@@ -19,8 +20,10 @@ _REPLACEMENT = "\ufffd"
 
 
 def c_string(text: str) -> str:
-    """A string literal of C99 with the bytes of the text in UTF-8. What the compiler would read otherwise is an octal escape, and ``?`` is
-    escaped, since two of them begin a trigraph. A zero byte, which would end the string, is replaced."""
+    """A string literal of C99 with the bytes of the text in UTF-8. What the compiler would read otherwise is an octal
+    escape, and ``?`` is escaped, since two of them begin a trigraph. A zero byte, which would end the string, is
+    replaced.
+    """
     return '"' + "".join(map(_c_byte, text.replace("\0", _REPLACEMENT).encode("utf-8", "replace"))) + '"'
 
 
@@ -32,8 +35,9 @@ def _c_byte(byte: int) -> str:
 
 
 def c_comment(text: str) -> str:
-    """Text of a declaration for a comment of C, which it neither ends nor continues: for what the author of a component writes, not for names
-    from outside."""
+    """Text of a declaration for a comment of C, which it neither ends nor continues: for what the author of a component
+    writes, not for names from outside.
+    """
     plain = re.sub(r"[\x00-\x1f\x7f\\]", " ", text)
     return re.sub(r"\?(?=\?)|\*(?=/)|/(?=\*)", r"\g<0> ", plain)
 
@@ -55,7 +59,9 @@ def c_number(x: float) -> str:
 
 
 def xml(text: str) -> str:
-    """Text for an element or attribute of lxml, which escapes the rest: characters that XML cannot contain are replaced."""
+    """Text for an element or attribute of lxml, which escapes the rest: characters that XML cannot contain are
+    replaced.
+    """
     return NO_XML.sub(_REPLACEMENT, text)
 
 

@@ -10,10 +10,15 @@ BUILD = ("casadi", "pydantic", "jinja2")
 REPORTS = ("plotly", "jinja2", "pyarrow")
 DATA = ("pandas", "pyarrow", "xarray", "h5netcdf", "h5py", "asammdf", "pyopencrg")
 EXTRAS = {
-    "build": BUILD, "reports": REPORTS, "studies": tuple(dict.fromkeys(BUILD + REPORTS)), "data": DATA,
-    "learning": ("gymnasium",), "optimisation": ("optuna",),
-    "cluster": ("distributed", "cryptography"), "sensitivity": ("SALib",),
-}  # fmt: skip
+    "build": BUILD,
+    "reports": REPORTS,
+    "studies": tuple(dict.fromkeys(BUILD + REPORTS)),
+    "data": DATA,
+    "learning": ("gymnasium",),
+    "optimisation": ("optuna",),
+    "cluster": ("distributed", "cryptography"),
+    "sensitivity": ("SALib",),
+}
 """Name of an extra of the distribution -> modules of others that come with it."""
 
 BUILDING, WRITING = "building FMUs", "writing a report"  # what needs the first two, in messages

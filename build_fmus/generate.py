@@ -26,12 +26,25 @@ from build_fmus.qp_sources import THIRD_PARTY, ThirdParty
 
 RUNTIME_DIR = Path(__file__).parent / "runtime"
 RUNTIME_SOURCES = ("fmu_base.c", "fmu_core.c", "integrators.c", "stability.c")
-RUNTIME_HEADERS = ("equations.h", "fmu_base.h", "fmu_core.h", "fmu_math.h", "fmu_model.h", "integrators.h", "saved_state.h", "stability.h")
+RUNTIME_HEADERS = (
+    "equations.h",
+    "fmu_base.h",
+    "fmu_core.h",
+    "fmu_math.h",
+    "fmu_model.h",
+    "integrators.h",
+    "saved_state.h",
+    "stability.h",
+)
 
 _ROLES = {
-    "time": "FMU_TIME", "parameter": "FMU_PARAMETER", "input": "FMU_INPUT", "state": "FMU_STATE",
-    "derivative": "FMU_DERIVATIVE", "output": "FMU_OUTPUT",
-}  # fmt: skip
+    "time": "FMU_TIME",
+    "parameter": "FMU_PARAMETER",
+    "input": "FMU_INPUT",
+    "state": "FMU_STATE",
+    "derivative": "FMU_DERIVATIVE",
+    "output": "FMU_OUTPUT",
+}
 # A state this many times its nominal value has blown up. The largest legal ones are 1e5 times theirs (start.x = 1e6 m
 # with a nominal value of 10 m), those of the reference runs 10 times. Where no nominal value is declared, a
 # state may be anything (a pressure in Pa), and only what no unit explains is refused.
@@ -196,8 +209,9 @@ def ticks(component: Model) -> Fraction:
 
 
 def generate_c(component: Model, *, arrays: bool, token: str, clocks: bool = False) -> str:
-    """The complete ``model.c`` of a component; deterministic for a given CasADi version. ``clocks``: of FMI 3.0, a discrete component may be
-    sampled by a clock."""
+    """The complete ``model.c`` of a component; deterministic for a given CasADi version. ``clocks``: of FMI 3.0, a
+    discrete component may be sampled by a clock.
+    """
     functions = written_functions(component)
     headers = ["equations.h", "fmu_model.h", *(random_profiles.HEADERS if component.profiles else ())]
     refs = references(component, arrays=arrays)

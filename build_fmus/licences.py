@@ -45,11 +45,17 @@ def texts(name: str, parts: Iterable[Part]) -> dict[str, bytes]:
     lines = [
         f"Licences of {name}.fmu",
         "",
-        "BSD-3-Clause, for everything that is not listed further down (a model that you have declared yourself is yours):",
+        (
+            "BSD-3-Clause, for everything that is not listed further down (a model that you have declared yourself is"
+            " yours):"
+        ),
         "",
         own.rstrip(),
         "",
-        "Parts by others are listed here with their licence, whose text lies beside this file. The binaries contain them too.",
+        (
+            "Parts by others are listed here with their licence, whose text lies beside this file. The binaries contain"
+            " them too."
+        ),
     ]
     for part in parts:
         lines += ["", f"{part.name} {part.version}, {part.licence}: {_file(part)}"]
@@ -59,7 +65,8 @@ def texts(name: str, parts: Iterable[Part]) -> dict[str, bytes]:
 
 
 def of_sources(files: Mapping[str, bytes], solvers: Iterable[ThirdParty], *, uses_casadi: bool) -> list[Part]:
-    """Parts by others among the files of ``sources/``, by their path below it; ``solvers`` are those of quadratic programs.
+    """Parts by others among the files of ``sources/``, by their path below it; ``solvers`` are those of quadratic
+    programs.
 
     ``uses_casadi``: whether the equations are partly in the code of CasADi's generator.
     """
@@ -116,8 +123,8 @@ def _casadi() -> Part:
             f"casadi {version} has no licence text of its code templates in {template}; install casadi from PyPI"
         )
     note = (
-        "Helper functions (casadi_...) that CasADi's code generator copies into generated code. Nothing else in the FMU is "
-        "CasADi's: it (LGPL-3.0-or-later) made the code and is not part of it, and its authors claim no copyright in what it "
-        "generates. So nothing is asked of those who pass the FMU on."
+        "Helper functions (casadi_...) that CasADi's code generator copies into generated code. Nothing else in the FMU"
+        " is CasADi's: it (LGPL-3.0-or-later) made the code and is not part of it, and its authors claim no copyright"
+        " in what it generates. So nothing is asked of those who pass the FMU on."
     )
     return Part("CasADi helpers", version, "MIT-0", ("sources/model.c",), f"{text}\n".encode(), note)

@@ -1,7 +1,8 @@
 """Linear algebra with one thread in the processes of the commands.
 
-Matrices here have tens to hundreds of rows: a second thread of the BLAS library costs five times the processor time and saves
-none, beside workers that use every core already. And sums are added up in one order, however many cores a machine has.
+Matrices here have tens to hundreds of rows: a second thread of the BLAS library costs five times the processor time and
+saves none, beside workers that use every core already. And sums are added up in one order, however many cores a machine
+has.
 """
 
 from __future__ import annotations

@@ -29,7 +29,13 @@ _EPOCH = (1980, 1, 1, 0, 0, 0)
 
 
 def build_fmu(
-    component: Component, fmi: int, platforms: Sequence[Platform], cache: ObjectCache, *, arrays: bool = False, clocks: bool = False
+    component: Component,
+    fmi: int,
+    platforms: Sequence[Platform],
+    cache: ObjectCache,
+    *,
+    arrays: bool = False,
+    clocks: bool = False,
 ) -> bytes:
     """Compile and pack one component for one FMI version. The component's declaration ends with this.
 

@@ -2,9 +2,9 @@
 
     minimise 1/2 z'Hz + q'z  subject to  l <= A z <= u
 
-with constant H and A, and with q, l, u computed from time, states, inputs and parameters at each sample. The declaration is
-:meth:`build_fmus.component.Component.quadratic_program`; this module knows nothing of components. What depends on H and A
-alone is computed here, when the FMU is built, and lies in ``qp_data.c`` as constants.
+with constant H and A, and with q, l, u computed from time, states, inputs and parameters at each sample. The
+declaration is :meth:`build_fmus.component.Component.quadratic_program`; this module knows nothing of components. What
+depends on H and A alone is computed here, when the FMU is built, and lies in ``qp_data.c`` as constants.
 """
 
 from __future__ import annotations
@@ -67,7 +67,8 @@ class Daqp:
 
     Attributes:
         tolerance: by which a row may be violated, in the units of A z.
-        max_iterations: changes of the active set before the solver gives up; choose them such that a sample ends in time.
+        max_iterations: changes of the active set before the solver gives up; choose them such that a sample ends in
+            time.
     """
 
     tolerance: float = 1e-8
@@ -112,14 +113,15 @@ class Daqp:
 
 @dataclass(frozen=True)
 class Osqp:
-    """Operator-splitting solver OSQP with a fixed step size: its accuracy and speed depend on ``rho`` and on the scaling.
+    """Operator-splitting solver OSQP with a fixed step size: its accuracy and speed depend on ``rho`` and on the
+    scaling.
 
     Attributes:
         rho: step size, in the scaled problem.
         eps: primal, dual and gap tolerance, absolute and relative, in the scaled problem.
         max_iterations: before the solver gives up; choose them such that a sample ends in time.
-        scaling: units of the variables, ``"diagonal"``: such that H has ones on its diagonal; ``"hessian"``: coordinates in
-            which H is the identity; ``"none"``.
+        scaling: units of the variables, ``"diagonal"``: such that H has ones on its diagonal; ``"hessian"``:
+            coordinates in which H is the identity; ``"none"``.
         unit_rows: scale the rows of A to length 1.
         check_interval: iterations between checks for the end.
         infeasible: tolerance of the certificate that there is no feasible point.
@@ -139,9 +141,15 @@ class Osqp:
 
     def __post_init__(self) -> None:
         _positive(
-            "Osqp", rho=self.rho, eps=self.eps, max_iterations=self.max_iterations, infeasible=self.infeasible,
-            check_interval=self.check_interval, sigma=self.sigma, alpha=self.alpha,
-        )  # fmt: skip
+            "Osqp",
+            rho=self.rho,
+            eps=self.eps,
+            max_iterations=self.max_iterations,
+            infeasible=self.infeasible,
+            check_interval=self.check_interval,
+            sigma=self.sigma,
+            alpha=self.alpha,
+        )
         if self.scaling not in ("none", "diagonal", "hessian") or self.alpha >= 2:
             raise ProgramError(
                 f"Osqp: scaling {self.scaling!r} is none of none, diagonal, hessian, or alpha is not below 2"
@@ -185,20 +193,25 @@ class Osqp:
         parts: list[str] = []
         code = ""
         for part, values in (
-            ("transform", turn), ("inverse", np.linalg.inv(turn)), ("row_scale", scale),
-            ("p_columns", p.indptr), ("p_rows", p.indices), ("p_values", p.data),
-            ("a_columns", a.indptr), ("a_rows", a.indices), ("a_values", a.data),
-            ("lower", (lower / diagonal)[np.tril_indices(n, -1)]), ("inverse_diagonal", 1 / diagonal**2),
-        ):  # fmt: skip
+            ("transform", turn),
+            ("inverse", np.linalg.inv(turn)),
+            ("row_scale", scale),
+            ("p_columns", p.indptr),
+            ("p_rows", p.indices),
+            ("p_values", p.data),
+            ("a_columns", a.indptr),
+            ("a_rows", a.indices),
+            ("a_values", a.data),
+            ("lower", (lower / diagonal)[np.tril_indices(n, -1)]),
+            ("inverse_diagonal", 1 / diagonal**2),
+        ):
             code += _array(f"{prefix}_{part}", values)
             parts.append(f"{prefix}_{part}")
         return f"{code}static const QpOsqpFactors {prefix} = {{\n    {', '.join(parts)}}};\n", prefix
 
     def settings(self, prefix: str) -> str:
         """Step size, tolerances and limits."""
-        values = (
-            self.rho, self.sigma, self.alpha, self.eps, self.infeasible, self.max_iterations, self.check_interval
-        )  # fmt: skip
+        values = (self.rho, self.sigma, self.alpha, self.eps, self.infeasible, self.max_iterations, self.check_interval)
         return f"static const QpOsqpSettings {prefix} = {{{', '.join(map(repr, values))}}};\n"
 
 

@@ -46,7 +46,8 @@ class CompiledPrograms:
         self._library.setup(self._scratch.ctypes.data)
 
     def solve(self, data: np.ndarray, *, commit: bool = True) -> np.ndarray:
-        """Solutions (z, multipliers, status, iterations, residual of each program) for ``data`` (q, l, u, case of each).
+        """Solutions (z, multipliers, status, iterations, residual of each program) for ``data`` (q, l, u, case of
+        each).
 
         ``commit=False`` leaves the warm starts as they are.
         """

@@ -1,7 +1,7 @@
 """C sources of the QP solvers, from outside this project: OSQP from its installed wheel, DAQP from its sdist on PyPI.
 
-DAQP is downloaded by ``pip`` once per user, with the user's own index settings, and checked against a pinned hash. Nothing
-of either is part of this repository; their licences go into the FMU.
+DAQP is downloaded by ``pip`` once per user, with the user's own index settings, and checked against a pinned hash.
+Nothing of either is part of this repository; their licences go into the FMU.
 """
 
 from __future__ import annotations
@@ -128,18 +128,30 @@ def _download(name: str) -> bytes:
         requirements = Path(tmp) / "requirements.txt"
         requirements.write_text(f"daqp=={DAQP_VERSION} --hash=sha256:{DAQP_SHA256}\n")
         command = [
-            *PYTHON, "-m", "pip", "download", "--quiet", "--disable-pip-version-check", "--no-deps",
-            "--no-binary", "daqp", "--require-hashes", "--dest", tmp, "-r", str(requirements),
-        ]  # fmt: skip
+            *PYTHON,
+            "-m",
+            "pip",
+            "download",
+            "--quiet",
+            "--disable-pip-version-check",
+            "--no-deps",
+            "--no-binary",
+            "daqp",
+            "--require-hashes",
+            "--dest",
+            tmp,
+            "-r",
+            str(requirements),
+        ]
         done = subprocess.run(command, capture_output=True, text=True, check=False)
         path = Path(tmp) / name
         if path.is_file() and _is_pinned(data := path.read_bytes()):
             return data
     reason = (done.stderr.strip().splitlines() or ["no reason given"])[-1]
     raise SourceError(
-        f"cannot download the sources of the QP solver DAQP ({reason}). With a connection to PyPI or another index that pip "
-        f"knows they come by themselves; otherwise get {name} on another machine (pip download --no-deps --no-binary daqp "
-        f"daqp=={DAQP_VERSION}) and set {DAQP_VARIABLE} to that file"
+        f"cannot download the sources of the QP solver DAQP ({reason}). With a connection to PyPI or another index that"
+        f" pip knows they come by themselves; otherwise get {name} on another machine (pip download --no-deps"
+        f" --no-binary daqp daqp=={DAQP_VERSION}) and set {DAQP_VARIABLE} to that file"
     )
 
 
@@ -157,8 +169,8 @@ _OSQP_FILES = (
 )
 _OSQP_CONFIGURATION = b"""/* Configuration of OSQP (https://osqp.org, Apache License 2.0), of which this file is a part.
  *
- * CHANGED by suspension-fmus: OSQP's build generates it from osqp_configure.h.in; this one is written by hand with the few
- * definitions of its embedded code. No heap, no printing, no clock, constant matrices. */
+ * CHANGED by suspension-fmus: OSQP's build generates it from osqp_configure.h.in; this one is written by hand with the
+ * few definitions of its embedded code. No heap, no printing, no clock, constant matrices. */
 #ifndef OSQP_CONFIGURE_H
 #define OSQP_CONFIGURE_H
 
@@ -183,8 +195,8 @@ def osqp() -> ThirdParty:
         raise SourceError(f"the installed package osqp has no C sources in {folder}; install osqp from PyPI (1.1)")
     files = {f"osqp/{p.name}": p.read_bytes() for p in paths} | {"osqp/osqp_configure.h": _OSQP_CONFIGURATION}
     note = (
-        "Solver of quadratic programs, a part of its embedded code. Changed by suspension-fmus: osqp_configure.h, which "
-        "OSQP's build generates, is written by hand; the other files are unchanged."
+        "Solver of quadratic programs, a part of its embedded code. Changed by suspension-fmus: osqp_configure.h, which"
+        " OSQP's build generates, is written by hand; the other files are unchanged."
     )
     return ThirdParty("OSQP", metadata.version("osqp"), files, "Apache-2.0", licence_file("osqp"), note)
 

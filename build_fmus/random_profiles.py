@@ -1,8 +1,9 @@
 """Pairs of random profiles that a component computes from its parameters: declaration, C code, and the same in numpy.
 
-A road whose seed is a parameter is one. Left and right have one spectrum; how much of it they share depends on wave number. What is
-declared are the power spectral densities of both parts, as expressions of wave number and parameters; the C code is in
-``runtime/random_profiles.c``. The profiles lie beside the state of an instance: they follow from the parameters, which a saved state has.
+A road whose seed is a parameter is one. Left and right have one spectrum; how much of it they share depends on wave
+number. What is declared are the power spectral densities of both parts, as expressions of wave number and parameters;
+the C code is in ``runtime/random_profiles.c``. The profiles lie beside the state of an instance: they follow from the
+parameters, which a saved state has.
 """
 
 from __future__ import annotations
@@ -30,7 +31,8 @@ class RandomProfiles:
         lowest, highest: wave numbers [cycles/m] that there are.
         wave_number: symbol in ``spectra``.
         settings: seed and length [m], a column of expressions of parameters.
-        spectra: one-sided power spectral densities [m3] of half the sum and half the difference of left and right, a column.
+        spectra: one-sided power spectral densities [m3] of half the sum and half the difference of left and right, a
+            column.
         symbol: the left profile at ``most`` nodes, then the right one [m]. Nodes beyond the length mean nothing.
     """
 
@@ -95,7 +97,9 @@ def _mixed(z: np.ndarray) -> np.ndarray:
 
 
 def code(of: RandomProfiles, n_parameters: int, place: int) -> str:
-    """C code of ``profiles(at)``, which gives the values of the symbol; their memory lies at ``place`` of what functions work in."""
+    """C code of ``profiles(at)``, which gives the values of the symbol; their memory lies at ``place`` of what
+    functions work in.
+    """
     settings, spectra = FUNCTIONS
     return f"""static const double *profiles(const FmuArguments *at) {{
     static const FmuProfiles of = {{

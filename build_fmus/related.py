@@ -1,8 +1,8 @@
-"""What lies in an FMU beside its model, in the words of standards: which files are reference results (FMI-LS-REF), what it is made of
-and by which compiler (CycloneDX).
+"""What lies in an FMU beside its model, in the words of standards: which files are reference results (FMI-LS-REF), what
+it is made of and by which compiler (CycloneDX).
 
-Of FMI-LS-REF there is no release yet. The manifest follows its draft 1.0.0-beta.1, which has no checksums of files; the experiments file
-follows the draft of the format that it refers to, MA-HS-Experiments, which has no versions.
+Of FMI-LS-REF there is no release yet. The manifest follows its draft 1.0.0-beta.1, which has no checksums of files; the
+experiments file follows the draft of the format that it refers to, MA-HS-Experiments, which has no versions.
 """
 
 from __future__ import annotations
@@ -49,7 +49,8 @@ class Related:
 
 @dataclass(frozen=True)
 class Experiment:
-    """A run with known results: times [s], and paths of the inputs (None: there are none) and results in the archive."""
+    """A run with known results: times [s], and paths of the inputs (None: there are none) and results in
+    the archive."""
 
     stop: float
     step: float
@@ -175,7 +176,9 @@ def _file(path: str, content: Mapping[str, bytes]) -> dict[str, Any]:
 
 def _experiments(name: str, experiment: Experiment) -> bytes:
     root = etree.Element("Experiments", name=name)
-    one = etree.SubElement(root, "Experiment", name="reference", description="The run whose results are in the documentation")
+    one = etree.SubElement(
+        root, "Experiment", name="reference", description="The run whose results are in the documentation"
+    )
     times = {"startTime": 0.0, "stopTime": experiment.stop, "stepSize": experiment.step}
     etree.SubElement(one, "TransientSimulation", {k: repr(v) for k, v in times.items()})
     if experiment.stimuli is not None:

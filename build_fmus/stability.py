@@ -1,6 +1,7 @@
 """Refuse a component whose solver step is too long for its own dynamics.
 
-The FMU repeats this check with the parameters that a user sets (``runtime/stability.c``): both must come to the same verdict.
+The FMU repeats this check with the parameters that a user sets (``runtime/stability.c``): both must come to the same
+verdict.
 """
 
 from __future__ import annotations
@@ -21,8 +22,8 @@ class SolverStepError(ValueError):
 def amplification(solver: str, z: np.ndarray) -> np.ndarray:
     """Largest modulus of the solver's amplification factor for ``z = step * eigenvalue`` (elementwise).
 
-    The factor is what one step of length 1 makes of x = 1 with dx/dt = z x. am2 has two: the predictor is Euler in the first
-    step after an exchange and Adams-Bashforth-2 later, so the larger of both counts.
+    The factor is what one step of length 1 makes of x = 1 with dx/dt = z x. am2 has two: the predictor is Euler in the
+    first step after an exchange and Adams-Bashforth-2 later, so the larger of both counts.
     """
     z = np.asarray(z, dtype=complex)
     one = np.ones_like(z)
@@ -131,7 +132,8 @@ def matrices_by_point(component: Model, parameters: np.ndarray | None = None) ->
 
 
 def _unstable(component: Model, step: float, matrix: np.ndarray) -> np.ndarray:
-    """Eigenvalues [1/s] that the solver cannot follow with this step; solver semi_implicit: the fastest as a stand-in."""
+    """Eigenvalues [1/s] that the solver cannot follow with this step; solver semi_implicit: the fastest
+    as a stand-in."""
     if not matrix.size:
         return np.zeros(0)
     eigenvalues, solver = np.linalg.eigvals(matrix), component.solver
@@ -139,7 +141,8 @@ def _unstable(component: Model, step: float, matrix: np.ndarray) -> np.ndarray:
         radius = np.abs(np.linalg.eigvals(step_matrix(matrix, component.velocity_of, step))).max()
         stable = radius <= np.exp(max(0.0, eigenvalues.real.max()) * step) + 1e-6
         return np.zeros(0) if stable else eigenvalues[[np.argmax(np.abs(eigenvalues))]]
-    # ros2 grows a little faster than the truth where the truth grows; its pole at step * eigenvalue = 3.4 must stay far.
+    # ros2 grows a little faster than the truth where the truth grows; its pole at step * eigenvalue = 3.4 must stay
+    # far.
     slack = 1.1 if solver == "ros2" else 1.0
     growth = np.exp(slack * np.maximum(eigenvalues.real, 0.0) * step)
     return eigenvalues[amplification(solver, step * eigenvalues) > growth + 1e-6]

@@ -31,7 +31,9 @@ APP: dict[str, Any] = {
 """Arguments of every ``typer.Typer``."""
 
 AS_TEXT: dict[str, Any] = {"markup": False, "emoji": False}
-"""Arguments of every console: names, units and messages of others hold brackets and colons, which are never markup. What is styled is a ``Text``."""
+"""Arguments of every console: names, units and messages of others hold brackets and colons, which are never markup.
+What is styled is a ``Text``.
+"""
 console = Console(stderr=True, highlight=False, soft_wrap=True, **AS_TEXT)
 
 
@@ -85,12 +87,19 @@ def _tell_less(quiet: bool) -> None:
 _More = Annotated[
     int,
     typer.Option(
-        "--verbose", "-v", count=True, expose_value=False, callback=_tell_more, help="say what FMUs warn of as they run; -vv: everything that they log"
+        "--verbose",
+        "-v",
+        count=True,
+        expose_value=False,
+        callback=_tell_more,
+        help="say what FMUs warn of as they run; -vv: everything that they log",
     ),
 ]
 _Less = Annotated[
     bool,
-    typer.Option("--quiet", "-q", expose_value=False, callback=_tell_less, help="only results and errors: no progress, no notes"),
+    typer.Option(
+        "--quiet", "-q", expose_value=False, callback=_tell_less, help="only results and errors: no progress, no notes"
+    ),
 ]
 
 
@@ -105,7 +114,8 @@ def _loudness() -> list[Any]:
 
 
 class Command(TyperCommand):
-    """A command that Ctrl-C ends with a message, and whose help lists choices; with ``-v`` and ``-q``, unless it has its own.
+    """A command that Ctrl-C ends with a message, and whose help lists choices; with ``-v`` and ``-q``, unless it has
+    its own.
 
     ``headings``: of groups of options in its help -> the names of their parameters; what is in none comes last.
     """
@@ -244,7 +254,8 @@ def _drop_output() -> None:
 
 
 def open_closed_streams() -> None:
-    """Give standard streams that were closed before the program began (``>&-``) their descriptors, so that no other file gets them.
+    """Give standard streams that were closed before the program began (``>&-``) their descriptors, so that no other
+    file gets them.
 
     Input is empty, output that is written to is an error, and messages are lost.
     """
@@ -273,7 +284,10 @@ def _text(error: Exception) -> str:
             f"this locale has no characters for {lacking!r}; set PYTHONUTF8=1, or a UTF-8 locale such as LC_ALL=C.UTF-8"
         )
     if str(error) == "can't start new thread" or (isinstance(error, BlockingIOError) and error.filename is None):
-        return "no further thread or process can be started: end others, or raise the limit of this user or container (ulimit -u)"
+        return (
+            "no further thread or process can be started: end others, or raise the limit of this user or container"
+            " (ulimit -u)"
+        )
     if isinstance(error, OSError) and error.errno == errno.EBADF:
         return "standard output is closed"
     if isinstance(error, OSError):

@@ -1,8 +1,8 @@
 """Units: exponents of the SI base units, factor, offset, and the multiples in which people read and write values.
 
-One table. Model descriptions, documentation, the declaration language, vehicle and road files and components in Python read
-it; FMUs bring units of their own, described alike. Notation follows the FMI convention: ``.`` multiplies, ``/`` divides
-once, an integer behind a symbol is its exponent.
+One table. Model descriptions, documentation, the declaration language, vehicle and road files and components in Python
+read it; FMUs bring units of their own, described alike. Notation follows the FMI convention: ``.`` multiplies, ``/``
+divides once, an integer behind a symbol is its exponent.
 """
 
 from __future__ import annotations

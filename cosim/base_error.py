@@ -8,7 +8,8 @@ from typing import Any
 class CosimError(Exception):
     """Base of every error the master raises on purpose.
 
-    Errors cross processes with their message and attributes, without the recording: a study's workers report what failed.
+    Errors cross processes with their message and attributes, without the recording: a study's workers report what
+    failed.
     """
 
     def __reduce__(self) -> tuple[Any, ...]:

@@ -1,4 +1,6 @@
-"""Command line ``suspension-fmus``, for short ``cosim``: run experiments and studies, identify laws, look into FMUs, build them."""
+"""Command line ``suspension-fmus``, for short ``cosim``: run experiments and studies, identify laws, look into FMUs,
+build them.
+"""
 
 from __future__ import annotations
 
@@ -30,7 +32,8 @@ NAMES = sorted(EXPERIMENTS)
 
 
 class Experiments(Commands):
-    """A group with one command per experiment, made when it is called: ours by name, a user's by the file that has it."""
+    """A group with one command per experiment, made when it is called: ours by name, a user's by the
+    file that has it."""
 
     make: Any
     what = "experiment"
@@ -113,25 +116,28 @@ app.add_typer(
     name="study",
 )
 app.add_typer(
-    typer.Typer(
-        cls=Sweeps, help="Run an experiment over a design of its parameters. " + FILE.format("sweep"), **GROUP
-    ),
+    typer.Typer(cls=Sweeps, help="Run an experiment over a design of its parameters. " + FILE.format("sweep"), **GROUP),
     name="sweep",
 )
 app.add_typer(
     typer.Typer(
-        cls=Searches, help="Search for parameters of an experiment with small or large metrics. " + FILE.format("optimise"), **GROUP
+        cls=Searches,
+        help="Search for parameters of an experiment with small or large metrics. " + FILE.format("optimise"),
+        **GROUP,
     ),
     name="optimise",
 )
 app.add_typer(
     typer.Typer(
-        cls=Exports, help="Write the system of one case as one FMU, for any tool, or as an SSP. " + FILE.format("export"), **GROUP
+        cls=Exports,
+        help="Write the system of one case as one FMU, for any tool, or as an SSP. " + FILE.format("export"),
+        **GROUP,
     ),
     name="export",
 )
 app.add_typer(
-    typer.Typer(cls=Drawings, help="Draw the system of one case as SVG. " + FILE.format("wiring"), **GROUP), name="wiring"
+    typer.Typer(cls=Drawings, help="Draw the system of one case as SVG. " + FILE.format("wiring"), **GROUP),
+    name="wiring",
 )
 app.add_typer(
     typer.Typer(cls=Laws, help="Derive the control laws again from their plant FMU.", **GROUP), name="identify"

@@ -26,8 +26,9 @@ Action = Callable[[], None]
 
 @dataclass(frozen=True)
 class Transfer:
-    """An FMI call, bound to its arguments, that moves variables of one type. `data[element[i]]` belongs to `place[i]` of the
-    master's buffer; None: `data` is a part of that buffer. `call` and `references` are addresses."""
+    """An FMI call, bound to its arguments, that moves variables of one type. `data[element[i]]` belongs to `place[i]`
+    of the master's buffer; None: `data` is a part of that buffer. `call` and `references` are addresses.
+    """
 
     function: str
     call: int
@@ -40,8 +41,9 @@ class Transfer:
 
 @dataclass(frozen=True)
 class FmiCalls:
-    """The ports of an FMU as addresses, for callers that are written in C, and what turns a failure of one of these calls
-    into the exception that the ports raise."""
+    """The ports of an FMU as addresses, for callers that are written in C, and what turns a failure of one of these
+    calls into the exception that the ports raise.
+    """
 
     version: int  # 2, 3
     instance: int
@@ -330,8 +332,9 @@ class PythonComponent:
         self._take(own)
 
     def measure_dependencies(self, inputs: Sequence[Variable], outputs: Sequence[Variable]) -> Dependencies:
-        """The inputs on which initial outputs depend directly, measured on a copy during initialization. Raises CosimError where an
-        attribute cannot be copied."""
+        """The inputs on which initial outputs depend directly, measured on a copy during initialization. Raises
+        CosimError where an attribute cannot be copied.
+        """
         shared = {id(v): v for v in self.description.variables.values()}  # by which a component knows its values
         try:
             other = copy.deepcopy(self, shared)  # type: ignore[arg-type]
@@ -340,8 +343,9 @@ class PythonComponent:
         return by_perturbation(other, inputs, outputs, other.exit_initialization)
 
     def sampled_states(self) -> dict[str, float]:
-        """What it remembers between samples, element by element: attributes that are floats or arrays of floats, parameters
-        excepted. Raises CosimError for attributes of which that is not known."""
+        """What it remembers between samples, element by element: attributes that are floats or arrays of floats,
+        parameters excepted. Raises CosimError for attributes of which that is not known.
+        """
         return {
             f"{name}[{i}]" if isinstance(value, np.ndarray) else name: float(element)
             for name, value in self._memory().items()

@@ -17,7 +17,8 @@ _DOTS = np.array(((0x01, 0x08), (0x02, 0x10), (0x04, 0x20), (0x40, 0x80)))  # of
 def drawn(title: str, time: npt.ArrayLike, values: npt.ArrayLike, width: int, *, plain: bool = False) -> str:
     """A curve over time with its lowest and highest value at the left, in `width` columns; every sample is within it.
 
-    Each column of dots goes from the lowest to the highest sample in it, so a peak of one sample is seen. `plain`: of ASCII alone.
+    Each column of dots goes from the lowest to the highest sample in it, so a peak of one sample is seen. `plain`: of
+    ASCII alone.
 
     Raises:
         ValueError: there are no samples, or none is finite.
@@ -55,7 +56,8 @@ def drawn(title: str, time: npt.ArrayLike, values: npt.ArrayLike, width: int, *,
 
 
 def bars(shares: Mapping[str, float], width: int, *, plain: bool = False) -> str:
-    """Shares of a whole as bars, one line each with its name and per cent, in `width` columns; a mark stands where the whole is.
+    """Shares of a whole as bars, one line each with its name and per cent, in `width` columns; a mark stands where the
+    whole is.
 
     Raises:
         ValueError: there are none, or one is negative or not finite.

@@ -16,8 +16,10 @@ _ROUNDING = 1e-9  # changes of an output that are smaller, relative to its value
 def by_perturbation(
     component: Any, inputs: Sequence[Variable], outputs: Sequence[Variable], compute: Callable[[], None] = lambda: None
 ) -> Dependencies:
-    """Change one input after the other, and back; `compute` makes the component compute its outputs, unless it does so by itself. An
-    output depends on an input if it changes by clearly more than it misses its value when the input is back."""
+    """Change one input after the other, and back; `compute` makes the component compute its outputs, unless it does so
+    by itself. An output depends on an input if it changes by clearly more than it misses its value when the input is
+    back.
+    """
 
     def shown() -> list[float]:
         compute()
@@ -37,7 +39,9 @@ def by_perturbation(
 
 
 def by_derivatives(
-    derivative: Callable[[Sequence[Variable], Variable], Sequence[float]], inputs: Sequence[Variable], outputs: Sequence[Variable]
+    derivative: Callable[[Sequence[Variable], Variable], Sequence[float]],
+    inputs: Sequence[Variable],
+    outputs: Sequence[Variable],
 ) -> Dependencies:
     """`derivative(outputs, input)` gives the derivatives of outputs by an input."""
     found: dict[str, set[str]] = {o.name: set() for o in outputs}

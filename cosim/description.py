@@ -70,15 +70,16 @@ class Variable:
         """Why it may not, for messages."""
         unit = f" {self.unit_name}" if self.unit else ""
         return (
-            f"must equal {self.must_equal:.9g}{unit}, not {value:.9g}{unit}: what this component was built for; build one of "
-            "the two for the other's value"
+            f"must equal {self.must_equal:.9g}{unit}, not {value:.9g}{unit}: what this component was built for; build"
+            " one of the two for the other's value"
         )
 
 
 @dataclass(frozen=True)
 class Clock:
-    """A clock of an FMI 3.0 FMU. `kind` is its intervalVariability; `interval` and `shift` [s] as far as modelDescription.xml says them;
-    `fractions`: the FMU tells them exactly."""
+    """A clock of an FMI 3.0 FMU. `kind` is its intervalVariability; `interval` and `shift` [s] as far as
+    modelDescription.xml says them; `fractions`: the FMU tells them exactly.
+    """
 
     name: str
     reference: int
@@ -93,8 +94,9 @@ class Clock:
 class Description:
     """A component's variables and capabilities. `dependencies` maps an output to the names of the variables
     it depends on directly; an output that is missing there depends on all inputs. `aliases` maps further names of
-    variables and arrays (FMI 3.0) to their names; they are accepted wherever names are. Clocks are neither among the inputs nor among the
-    outputs: nobody connects them."""
+    variables and arrays (FMI 3.0) to their names; they are accepted wherever names are. Clocks are neither among the
+    inputs nor among the outputs: nobody connects them.
+    """
 
     name: str
     variables: dict[str, Variable]

@@ -38,7 +38,9 @@ class LoopError(WiringError):
 
 
 class AlgebraicLoopWarning(UserWarning):
-    """There may be an algebraic loop, which the master does not solve: not all components in it declare their direct dependencies."""
+    """There may be an algebraic loop, which the master does not solve: not all components in it declare their direct
+    dependencies.
+    """
 
 
 class UnconnectedInputsWarning(UserWarning):
@@ -46,7 +48,9 @@ class UnconnectedInputsWarning(UserWarning):
 
 
 class FmuWarning(UserWarning):
-    """An FMU deviates from the standard, or says what contradicts itself: it can be run, but may not do what is expected."""
+    """An FMU deviates from the standard, or says what contradicts itself: it can be run, but may not do what is
+    expected.
+    """
 
 
 class SspWarning(UserWarning):
@@ -68,9 +72,14 @@ class CallFailed(CosimError):  # noqa: N818
     """
 
     def __init__(
-        self, component: str, function: str, status: int, detail: str = "", messages: Sequence[str] = (),
+        self,
+        component: str,
+        function: str,
+        status: int,
+        detail: str = "",
+        messages: Sequence[str] = (),
         known: Sequence[str] = STATUS_NAMES,
-    ):  # fmt: skip
+    ):
         self.component = component
         self.function = function
         self.status = known[status] if 0 <= status < len(known) else str(status)
@@ -128,9 +137,9 @@ class ProcessLost(CallFailed):
 class ComponentError(CosimError):
     """A component ended the run.
 
-    Attributes: `component`, `function`, `status` ("Discard", "Error", "Fatal", ..., "not finite", "lost", or a number that is none of
-    FMI's), `time` [s], `variable` (the one that is not finite, else None), `messages` (the component's own log
-    lines, oldest first), `recording` (everything up to the failure, None when it came before the first sample).
+    Attributes: `component`, `function`, `status` ("Discard", "Error", "Fatal", ..., "not finite", "lost", or a number
+    that is none of FMI's), `time` [s], `variable` (the one that is not finite, else None), `messages` (the component's
+    own log lines, oldest first), `recording` (everything up to the failure, None when it came before the first sample).
     """
 
     def __init__(self, failure: CallFailed, time: float, recording: Recording | None):

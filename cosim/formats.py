@@ -1,7 +1,8 @@
 """Recordings as files of other programs, by the ending of the file: CSV, Parquet, NetCDF (which is HDF5) and MF4.
 
-A writer takes what a `Recording` holds, a reader gives it back: the same bits, names, units and order, and types but for CSV, which
-has none. Nothing in a file depends on when it was written. Libraries come with the extra [data] and are imported when they are used.
+A writer takes what a `Recording` holds, a reader gives it back: the same bits, names, units and order, and types but
+for CSV, which has none. Nothing in a file depends on when it was written. Libraries come with the extra [data] and are
+imported when they are used.
 """
 
 from __future__ import annotations
@@ -43,8 +44,9 @@ class FormatError(CosimError, ValueError):
 
 
 class Recorded(Protocol):
-    """What is written: `time` (samples,) [s], `data` (samples, variables), `names`, `units` and `types` by name ("integer",
-    "boolean"; doubles are not listed)."""
+    """What is written: `time` (samples,) [s], `data` (samples, variables), `names`, `units` and `types` by name
+    ("integer", "boolean"; doubles are not listed).
+    """
 
     time: Array
     names: list[str]
@@ -66,8 +68,9 @@ class Content:
 
 @dataclass(frozen=True)
 class Format:
-    """A kind of file: its name, and what writes and reads it. `extra`: whether it needs more than what is always installed; `apart`: whether
-    its library is no match for damaged files, so that it reads in a process of its own."""
+    """A kind of file: its name, and what writes and reads it. `extra`: whether it needs more than what is always
+    installed; `apart`: whether its library is no match for damaged files, so that it reads in a process of its own.
+    """
 
     name: str
     write: Callable[[IO[bytes], Recorded], None]
@@ -111,7 +114,9 @@ def write(path: str | os.PathLike[str], recorded: Recorded) -> Path:
 
 
 def read(path: str | os.PathLike[str]) -> Content:
-    """Read what `write` wrote. Raises FormatError naming the file (a CSV's line too) that cannot be read, and as `format_of` does."""
+    """Read what `write` wrote. Raises FormatError naming the file (a CSV's line too) that cannot be read, and as
+    `format_of` does.
+    """
     path = Path(path)
     form = format_of(path)
     if not path.is_file():
@@ -119,7 +124,11 @@ def read(path: str | os.PathLike[str]) -> Content:
     if form.name == "CSV":
         return read_csv(path)
     try:
-        return Content(**read_apart(path, "from cosim.formats import _answer; _answer()")) if form.apart else form.read(path)
+        return (
+            Content(**read_apart(path, "from cosim.formats import _answer; _answer()"))
+            if form.apart
+            else form.read(path)
+        )
     except FormatError:
         raise
     except Exception as error:  # whatever a library makes of a file that nobody wrote
@@ -172,7 +181,9 @@ def _gathered(time: Any, found: Sequence[tuple[str, Any, str]], kinds: Mapping[s
 
 
 def write_csv(file: IO[bytes], recorded: Recorded) -> None:
-    """`time [s]` and every column with a header `name [unit]`; floats are written so that reading them back gives the same bits."""
+    """`time [s]` and every column with a header `name [unit]`; floats are written so that reading them back gives the
+    same bits.
+    """
     units = [recorded.units.get(name, "") for name in recorded.names]
     header = ["time [s]", *(f"{n} [{u}]" if u else n for n, u in zip(recorded.names, units, strict=True))]
     with _as_text(file) as text:
@@ -228,7 +239,10 @@ def write_parquet(file: IO[bytes], recorded: Recorded) -> None:
     from pyarrow import parquet
 
     found = [(TIME, recorded.time, "s"), *columns(recorded)]
-    fields = [pa.field(name, pa.from_numpy_dtype(v.dtype), nullable=False, metadata={"unit": u} if u else None) for name, v, u in found]
+    fields = [
+        pa.field(name, pa.from_numpy_dtype(v.dtype), nullable=False, metadata={"unit": u} if u else None)
+        for name, v, u in found
+    ]
     attributes = json.dumps({"units": {name: u for name, _, u in found if u}})
     schema = pa.schema(fields, metadata={"PANDAS_ATTRS": attributes})
     parquet.write_table(pa.table([pa.array(v) for _, v, _ in found], schema=schema), file)
@@ -237,8 +251,8 @@ def write_parquet(file: IO[bytes], recorded: Recorded) -> None:
 def parquet_table(path: Path, columns: list[str] | None = None) -> Any:
     """A Parquet file as a table of Arrow, all of it or some columns, read by the thread that asks.
 
-    Arrow's own threads read ahead by default (`pre_buffer`) and let go of what they read when they please; when the interpreter has ended
-    in the meantime, they abort the process.
+    Arrow's own threads read ahead by default (`pre_buffer`) and let go of what they read when they please; when the
+    interpreter has ended in the meantime, they abort the process.
     """
     from pyarrow import parquet
 
@@ -320,7 +334,8 @@ def _whole(recorded: Recorded, name: str, places: Mapping[tuple[int, ...], int])
 def write_netcdf(file: IO[bytes], recorded: Recorded) -> None:
     """Variables over the dimension `time`, arrays with further ones that count from 1; units as the attribute `units`.
 
-    Names that HDF5 would take for folders are changed; `name` holds every name as it is, `names` those of the columns in order.
+    Names that HDF5 would take for folders are changed; `name` holds every name as it is, `names` those of the columns
+    in order.
     """
     import h5netcdf
 
@@ -390,18 +405,26 @@ def write_mf4(file: IO[bytes], recorded: Recorded) -> None:
 
     history = FileHistory()
     history.time_stamp = _EPOCH
-    history.comment = f"<FHcomment><TX>recording of a co-simulation</TX><tool_id>{_TOOL}</tool_id><tool_vendor/><tool_version/></FHcomment>"
+    history.comment = (
+        "<FHcomment><TX>recording of a"
+        f" co-simulation</TX><tool_id>{_TOOL}</tool_id><tool_vendor/><tool_version/></FHcomment>"
+    )
     with MDF(version="4.10") as mdf:
         mdf.header.start_time = _EPOCH
         mdf.file_history.append(history)
         signals = [
             Signal(
-                samples=values.view(np.uint8) if values.dtype == np.bool_ else values, timestamps=recorded.time, name=name,
-                unit=unit, comment=_BOOLEAN if values.dtype == np.bool_ else "",
+                samples=values.view(np.uint8) if values.dtype == np.bool_ else values,
+                timestamps=recorded.time,
+                name=name,
+                unit=unit,
+                comment=_BOOLEAN if values.dtype == np.bool_ else "",
             )
             for name, values, unit in columns(recorded)
-        ]  # fmt: skip
-        mdf.append(signals or [Signal(samples=recorded.time, timestamps=recorded.time, name=TIME)], common_timebase=True)
+        ]
+        mdf.append(
+            signals or [Signal(samples=recorded.time, timestamps=recorded.time, name=TIME)], common_timebase=True
+        )
         mdf.save(cast(Any, file), add_history_block=False)
 
 
@@ -412,7 +435,9 @@ def read_mf4(path: Path) -> Content:
         all_groups: Any = mdf.groups
         groups = [g for g, one in enumerate(all_groups) if one.channel_group.cycles_nr or len(all_groups) == 1]
         if len(groups) != 1:
-            raise FormatError(f"{path}: {len(groups)} groups of channels, each with a time of its own; a recording has one")
+            raise FormatError(
+                f"{path}: {len(groups)} groups of channels, each with a time of its own; a recording has one"
+            )
         (group,) = groups
         time: Any = mdf.get_master(group)
         found: list[tuple[str, Any, str]] = []
@@ -421,7 +446,9 @@ def read_mf4(path: Path) -> Content:
                 continue
             signal = mdf.get(group=group, index=index)
             values = np.asarray(signal.samples)
-            found.append((channel.name, values.astype(bool) if signal.comment == _BOOLEAN else values, signal.unit or ""))
+            found.append(
+                (channel.name, values.astype(bool) if signal.comment == _BOOLEAN else values, signal.unit or "")
+            )
     return _gathered(time, found)
 
 

@@ -23,7 +23,9 @@ _POINTS = 4000  # of a curve; more cannot be told apart on a screen
 
 
 def to_pandas(recorded: Recorded) -> pd.DataFrame:
-    """One row per sample over the time [s], one column per variable, integers and Booleans as such; `attrs["units"]` by name."""
+    """One row per sample over the time [s], one column per variable, integers and Booleans as such; `attrs["units"]` by
+    name.
+    """
     with extras.needed("data", "a recording in pandas"):
         import pandas as pd
     found = list(columns(recorded))
@@ -35,9 +37,10 @@ def to_pandas(recorded: Recorded) -> pd.DataFrame:
 
 
 def to_xarray(recorded: Recorded) -> xr.Dataset:
-    """One variable per name over the time [s], with its unit as the attribute `units`. An array of which all elements were recorded
-    is one variable, `gain.y` for `gain.y[1,1]` and so on, with dimensions `gain.y_1`, `gain.y_2` that count from 1. `attrs["names"]`:
-    names of the columns in order."""
+    """One variable per name over the time [s], with its unit as the attribute `units`. An array of which all elements
+    were recorded is one variable, `gain.y` for `gain.y[1,1]` and so on, with dimensions `gain.y_1`, `gain.y_2` that
+    count from 1. `attrs["names"]`: names of the columns in order.
+    """
     with extras.needed("data", "a recording in xarray"):
         import xarray as xr
     variables: dict[str, Any] = {}
@@ -67,18 +70,27 @@ def figure(recorded: Recorded, names: Sequence[str], title: str = "") -> go.Figu
         time, values = recorded.time, recorded.data[:, place[name]]
         if shape == "linear":
             time, values = keep_peaks(time, values, _POINTS)
-        drawn.add_trace(go.Scatter(x=time, y=values, name=escape.html(name), line={"shape": shape, "width": 1.5}), row=row, col=1)
+        drawn.add_trace(
+            go.Scatter(x=time, y=values, name=escape.html(name), line={"shape": shape, "width": 1.5}), row=row, col=1
+        )
     for row, unit in enumerate(units, start=1):
         drawn.update_yaxes(title_text=escape.html(f"[{unit}]") if unit else "", row=row, col=1)
     drawn.update_xaxes(title_text="time [s]", row=len(units), col=1)
-    drawn.update_layout(title=escape.html(title) or None, height=160 + 220 * len(units), template="plotly_white", showlegend=True)
+    drawn.update_layout(
+        title=escape.html(title) or None, height=160 + 220 * len(units), template="plotly_white", showlegend=True
+    )
     return drawn
 
 
 def page(recorded: Recorded, about: str) -> str:
-    """What it holds as a table, for notebooks: of each variable its unit, and its first, smallest, largest and last value."""
+    """What it holds as a table, for notebooks: of each variable its unit, and its first, smallest, largest and last
+    value.
+    """
     head = E.TR(*(E.TH(text) for text in ("variable", "unit", "first", "smallest", "largest", "last")))
-    rows = [E.TR(E.TD(escape.xml(n)), E.TD(escape.xml(recorded.units.get(n, ""))), *map(E.TD, _figures(v))) for n, v in _shown(recorded)]
+    rows = [
+        E.TR(E.TD(escape.xml(n)), E.TD(escape.xml(recorded.units.get(n, ""))), *map(E.TD, _figures(v)))
+        for n, v in _shown(recorded)
+    ]
     more = len(recorded.names) - len(rows)
     parts = [E.P(escape.xml(about)), E.TABLE(E.THEAD(head), E.TBODY(*rows))]
     if more:

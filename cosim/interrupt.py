@@ -1,8 +1,9 @@
 """Ctrl-C: held back until the master stands between two instants, and the end of what does not come back.
 
 Python looks for signals between its own instructions: while an FMU is at work, or hangs, no handler of Python runs. So
-a thread waits for them too. After a second Ctrl-C it gives those of `CANCELLERS` a chance, who let go of what they wait for, and ends
-the process when the first one was a second ago and the FMU still has not come back: what was recorded is in the spool.
+a thread waits for them too. After a second Ctrl-C it gives those of `CANCELLERS` a chance, who let go of what they wait
+for, and ends the process when the first one was a second ago and the FMU still has not come back: what was recorded is
+in the spool.
 """
 
 from __future__ import annotations
@@ -23,8 +24,9 @@ CANCELLERS: list[Callable[[bool], None]] = []  # called with True after a second
 
 
 class HeldInterrupt:
-    """Inside the block the first Ctrl-C only sets `pending`; a second one interrupts at once, and ends the process if that does
-    not help. Does nothing outside the main thread, or where the program has a handler of its own."""
+    """Inside the block the first Ctrl-C only sets `pending`; a second one interrupts at once, and ends the process if
+    that does not help. Does nothing outside the main thread, or where the program has a handler of its own.
+    """
 
     def __init__(self) -> None:
         self.pending = False
@@ -52,8 +54,9 @@ class HeldInterrupt:
 
 @contextmanager
 def held() -> Iterator[None]:
-    """As `HeldInterrupt`, for what cannot stop in between: KeyboardInterrupt follows when it is done. Within a `HeldInterrupt` the
-    outer one decides."""
+    """As `HeldInterrupt`, for what cannot stop in between: KeyboardInterrupt follows when it is done. Within a
+    `HeldInterrupt` the outer one decides.
+    """
     with HeldInterrupt() as interrupt:
         yield
     if interrupt.pending:
@@ -110,7 +113,8 @@ class _Watcher:
         time.sleep(PATIENCE)
         if self._round == now:
             sys.stderr.write(
-                "\na component does not come back; the process ends. `cosim recover FILE.csv.part` makes a CSV of what was recorded\n"
+                "\na component does not come back; the process ends. `cosim recover FILE.csv.part` makes a CSV of what"
+                " was recorded\n"
             )
             sys.stderr.flush()
             os._exit(128 + signal.SIGINT)

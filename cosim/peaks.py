@@ -13,7 +13,8 @@ from cosim.signals import Array
 def keep_peaks(x: npt.ArrayLike, y: npt.ArrayLike, points: int = 2000) -> tuple[Array, Array]:
     """At most ``points`` samples of a curve, the lowest and the highest of every stretch among them, in their order.
 
-    A curve that is thinned to every n-th sample loses impacts that fall in between; this one shows the extremes of its table.
+    A curve that is thinned to every n-th sample loses impacts that fall in between; this one shows the extremes of its
+    table.
 
     Args:
         x, y: samples (n,); a ``y`` that is not a number is a gap and counts as no extreme.

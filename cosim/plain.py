@@ -1,7 +1,8 @@
 """Plain data as text and back: what components in Python remember, without anything that could be executed.
 
-Numbers, text, Booleans, None, NumPy arrays and scalars of numbers, and lists, tuples and dicts of these. Every float comes back with its
-bits, every array with its dtype and the order of its elements in memory; nothing else is accepted, in either direction.
+Numbers, text, Booleans, None, NumPy arrays and scalars of numbers, and lists, tuples and dicts of these. Every float
+comes back with its bits, every array with its dtype and the order of its elements in memory; nothing else is accepted,
+in either direction.
 """
 
 from __future__ import annotations
@@ -23,10 +24,22 @@ LONGEST_INTEGER = 1024  # hexadecimal digits
 _DTYPES = {
     name: np.dtype(name).newbyteorder("<")
     for name in (
-        "bool", "int8", "int16", "int32", "int64", "uint8", "uint16", "uint32", "uint64",
-        "float16", "float32", "float64", "complex64", "complex128",
+        "bool",
+        "int8",
+        "int16",
+        "int32",
+        "int64",
+        "uint8",
+        "uint16",
+        "uint32",
+        "uint64",
+        "float16",
+        "float32",
+        "float64",
+        "complex64",
+        "complex128",
     )
-}  # fmt: skip
+}
 
 
 class NotPlain(ValueError):  # noqa: N818
@@ -34,8 +47,9 @@ class NotPlain(ValueError):  # noqa: N818
 
 
 def encode(values: Mapping[str, Any]) -> bytes:
-    """Named values as ASCII text. Raises NotPlain naming the one that is of another kind, or that shares memory with another: a
-    copy would have two where there was one."""
+    """Named values as ASCII text. Raises NotPlain naming the one that is of another kind, or that shares memory with
+    another: a copy would have two where there was one.
+    """
     shared = sharing(values)
     if shared:
         raise NotPlain(f"{shared[0]} and {shared[1]} share memory, which copies would not")
@@ -78,7 +92,9 @@ def sharing(values: Mapping[str, Any]) -> tuple[str, str] | None:
 
 
 def copied(values: Mapping[str, Any], onto: Sequence[tuple[Any, Any]] = ()) -> dict[str, Any]:
-    """A deep copy in which arrays that share memory still do. `onto`: arrays that own memory, and those that take their places."""
+    """A deep copy in which arrays that share memory still do. `onto`: arrays that own memory, and those that take their
+    places.
+    """
     memo: dict[int, Any] = {id(old): new for old, new in onto}
     arrays = {id(a): a for value in values.values() for a in _arrays(value, 0)}
     owners = {i: _owner(a) for i, a in arrays.items()}
@@ -156,7 +172,8 @@ def _packed(value: Any, depth: int) -> list[Any]:
         axes = sorted(range(value.ndim), key=lambda i: -abs(value.strides[i]))  # slowest first, as it lies in memory
         return ["array", name, axes, list(value.shape), _text(value.transpose(axes))]
     raise NotPlain(
-        f"is of type {kind.__name__}; what travels are numbers, text, Booleans, None, arrays, and lists, tuples and dicts of these"
+        f"is of type {kind.__name__}; what travels are numbers, text, Booleans, None, arrays, and lists, tuples and"
+        " dicts of these"
     )
 
 

@@ -1,6 +1,8 @@
-"""Files that libraries in C read (HDF5, MF4), read in a process of their own: a damaged one hangs some, or ends the process with a signal.
+"""Files that libraries in C read (HDF5, MF4), read in a process of their own: a damaged one hangs some, or ends the
+process with a signal.
 
-The process has a limit of processor time and of memory, and ends with its parent. It leaves arrays as `.npy` and the rest as JSON, which hold no code.
+The process has a limit of processor time and of memory, and ends with its parent. It leaves arrays as `.npy` and the
+rest as JSON, which hold no code.
 """
 
 from __future__ import annotations
@@ -49,7 +51,9 @@ def read_apart(path: Path, program: str) -> dict[str, Any]:
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join([root, *filter(None, [os.environ.get("PYTHONPATH")])])}
     with tempfile.TemporaryDirectory(dir=safe_files.scratch()) as folder, safe_files.named(folder):
         command = [*PYTHON, "-c", program, str(path.resolve()), folder, str(seconds), str(os.getpid())]
-        process = subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, env=environment)
+        process = subprocess.Popen(
+            command, stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL, env=environment
+        )
         try:
             code = process.wait(_SLACK * seconds)
         except subprocess.TimeoutExpired:

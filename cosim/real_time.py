@@ -1,7 +1,8 @@
 """A run that keeps pace with the clock, and how well it did.
 
-Due times are absolute: that of an instant is the beginning's plus simulated time over `factor`, so nothing adds up. Before it the run sleeps,
-and spins through the last `SPIN` seconds, since a sleep ends late. Whatever comes too late is caught up with: no instant is left out.
+Due times are absolute: that of an instant is the beginning's plus simulated time over `factor`, so nothing adds up.
+Before it the run sleeps, and spins through the last `SPIN` seconds, since a sleep ends late. Whatever comes too late is
+caught up with: no instant is left out.
 """
 
 from __future__ import annotations
@@ -19,9 +20,10 @@ NAP = 0.02  # s; the longest sleep, after which an interrupt is looked for
 
 @dataclass
 class RealTime:
-    """How a run kept pace: of `instants`, `overruns` were due before all that came before them was done. `lateness`: how many began
-    how late, counted between `EDGES` (the first up to 10 us, the last beyond 0.1 s); `worst` [s] is the latest. `factor`: simulated
-    time over the clock's."""
+    """How a run kept pace: of `instants`, `overruns` were due before all that came before them was done. `lateness`:
+    how many began how late, counted between `EDGES` (the first up to 10 us, the last beyond 0.1 s); `worst` [s] is the
+    latest. `factor`: simulated time over the clock's.
+    """
 
     factor: float
     instants: int = 0
@@ -45,7 +47,8 @@ class RealTime:
 
     def __str__(self) -> str:
         lines = [
-            f"{self.factor:g} times real time: {self.instants} instants, {self.overruns} overruns, the latest {_short(self.worst)} late"
+            f"{self.factor:g} times real time: {self.instants} instants, {self.overruns} overruns, the latest"
+            f" {_short(self.worst)} late"
         ]
         bounds = ["up to 10 us", *(f"to {_short(e)}" for e in EDGES[1:]), f"over {_short(EDGES[-1])}"]
         lines += [f"  {bound:>12}: {n}" for bound, n in zip(bounds, self.lateness, strict=True) if n]

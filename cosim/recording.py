@@ -25,10 +25,10 @@ if TYPE_CHECKING:
 class Recording:
     """What was recorded: `time` [s] of shape (samples,), `data` of shape (samples, variables).
 
-    `recording["car.body.az"]` is one column; an FMU's aliases of a name give the same column. `stopped_by` says which stop condition, or which component that asked for
-    it, ended the run (None: it reached its stop time); `wall_time` [s] is what the stepping took; `real_time` is how a run with
-    `real_time=...` kept pace with the clock. `types` names what stands for "integer" or "boolean" values, `display` the units in
-    which FMUs want their variables displayed.
+    `recording["car.body.az"]` is one column; an FMU's aliases of a name give the same column. `stopped_by` says which
+    stop condition, or which component that asked for it, ended the run (None: it reached its stop time); `wall_time`
+    [s] is what the stepping took; `real_time` is how a run with `real_time=...` kept pace with the clock. `types` names
+    what stands for "integer" or "boolean" values, `display` the units in which FMUs want their variables displayed.
     """
 
     time: Array
@@ -72,18 +72,24 @@ class Recording:
     # As a file.
 
     def write(self, path: str | os.PathLike[str]) -> Path:
-        """Write it in the format of the file's ending: .csv, .parquet, .nc, .h5, .hdf5 or .mf4 (`cosim.formats`). `read` gives the
-        same bits, names, units, order and types back; a CSV has no types. Makes the folder; an older file is replaced when the new one
-        is whole. Raises FormatError (a ValueError) for other endings, MissingExtraError without the extra [data], OSError naming the path."""
+        """Write it in the format of the file's ending: .csv, .parquet, .nc, .h5, .hdf5 or .mf4 (`cosim.formats`).
+        `read` gives the same bits, names, units, order and types back; a CSV has no types. Makes the folder; an older
+        file is replaced when the new one is whole. Raises FormatError (a ValueError) for other endings,
+        MissingExtraError without the extra [data], OSError naming the path.
+        """
         return formats.write(path, self)
 
     @classmethod
     def read(cls, path: str | os.PathLike[str]) -> Recording:
-        """Read what `write` wrote. Raises FormatError (a ValueError) naming the file that cannot be read, of a CSV also the line."""
+        """Read what `write` wrote. Raises FormatError (a ValueError) naming the file that cannot be read, of a CSV also
+        the line.
+        """
         return cls._of(formats.read(path))
 
     def to_csv(self, path: str | os.PathLike[str]) -> Path:
-        """Write it as CSV, whatever the file's ending: `time [s]` and every column with a header `name [unit]`; see `write`."""
+        """Write it as CSV, whatever the file's ending: `time [s]` and every column with a header `name [unit]`; see
+        `write`.
+        """
         with safe_files.opened(path, "wb") as file:
             formats.write_csv(file, self)
         return Path(path)
@@ -100,8 +106,9 @@ class Recording:
     # In other libraries.
 
     def to_pandas(self) -> pd.DataFrame:
-        """A DataFrame over the time [s]; integers and Booleans have columns of their type, `attrs["units"]` has the units by name.
-        Raises MissingExtraError without the extra [data]."""
+        """A DataFrame over the time [s]; integers and Booleans have columns of their type, `attrs["units"]` has the
+        units by name. Raises MissingExtraError without the extra [data].
+        """
         return frames.to_pandas(self)
 
     def to_xarray(self) -> xr.Dataset:
@@ -110,12 +117,16 @@ class Recording:
         return frames.to_xarray(self)
 
     def plot(self, *names: str, title: str = "") -> go.Figure:
-        """A plotly figure of these names and patterns (`*`, `?`; none: everything), one diagram for each unit. Shown by a notebook, or by
-        `.show()`. Raises KeyError for a name that was not recorded, MissingExtraError without the extra [reports]."""
+        """A plotly figure of these names and patterns (`*`, `?`; none: everything), one diagram for each unit. Shown by
+        a notebook, or by `.show()`. Raises KeyError for a name that was not recorded, MissingExtraError without the
+        extra [reports].
+        """
         return frames.figure(self, self.select(*names), title)
 
     def select(self, *names: str) -> list[str]:
-        """Recorded names that fit these names and patterns (`*`, `?`), all without any. Raises KeyError for one that fits none."""
+        """Recorded names that fit these names and patterns (`*`, `?`), all without any. Raises KeyError for one that
+        fits none.
+        """
         chosen: dict[str, None] = {}
         for name in names or ("*",):
             own = self.aliases.get(name, name)
@@ -126,9 +137,11 @@ class Recording:
         return list(chosen)
 
     def in_units(self, units: Mapping[str, str] | None = None) -> Recording:
-        """A copy in other units: those in which FMUs want their variables displayed (rad in deg, m/s in km/h), or, by name or pattern,
-        those that are given, `{"car.body.pitch*": "deg"}`. Numbers and units change together, so files and frames say what they hold.
-        Raises KeyError for names that were not recorded, units that are not known or measure something else."""
+        """A copy in other units: those in which FMUs want their variables displayed (rad in deg, m/s in km/h), or, by
+        name or pattern, those that are given, `{"car.body.pitch*": "deg"}`. Numbers and units change together, so files
+        and frames say what they hold. Raises KeyError for names that were not recorded, units that are not known or
+        measure something else.
+        """
         changes = self.display
         if units is not None:
             changes = {n: _change(n, self.units.get(n, ""), unit) for p, unit in units.items() for n in self.select(p)}
@@ -152,7 +165,10 @@ def _change(name: str, given: str, to: str) -> DisplayUnit:
     for unit in (given, to):
         if unit not in KNOWN:
             what = f"it has the unit '{unit}'" if unit else "it has no unit"
-            raise KeyError(f"'{name}' in {to}: " + (f"no unit '{to}'{did_you_mean(to, KNOWN)}" if unit == to else f"{what}, which is not known"))
+            raise KeyError(
+                f"'{name}' in {to}: "
+                + (f"no unit '{to}'{did_you_mean(to, KNOWN)}" if unit == to else f"{what}, which is not known")
+            )
     try:
         return DisplayUnit(to, *conversion(KNOWN[given], KNOWN[to]))
     except UnitMismatchError as error:

@@ -1,8 +1,9 @@
 """A description and bytes under one digest: a file of our own that is read without executing anything.
 
-A line that says what it is, the SHA-256 of all that follows, the length of the description, the description (canonical JSON), and the
-pieces of bytes one after the other; how long each is stands first in the description. The digest finds damage. It is no signature:
-whoever makes a file can make its digest, so what is read is checked as if anybody had written it.
+A line that says what it is, the SHA-256 of all that follows, the length of the description, the description (canonical
+JSON), and the pieces of bytes one after the other; how long each is stands first in the description. The digest finds
+damage. It is no signature: whoever makes a file can make its digest, so what is read is checked as if anybody had
+written it.
 """
 
 from __future__ import annotations

@@ -69,14 +69,15 @@ class System(Wiring):
         step: TimeLike | Mapping[str, TimeLike] | None = None,
         strict: bool = False,
     ) -> System:
-        """The system of an SSP 1.0 or 2.0 file, of any tool, or of the folder of an unpacked one. One that `export_ssp` has written gives the same
-        numbers, bit for bit.
+        """The system of an SSP 1.0 or 2.0 file, of any tool, or of the folder of an unpacked one. One that `export_ssp`
+        has written gives the same numbers, bit for bit.
 
-        Components of nested systems are named `system.component`. `variant`: another description than SystemStructure.ssd, by its name or
-        that of its file. `step` [s]: by name or pattern how often components are stepped, or one for all for which neither the SSP
-        (annotations of this project, of the Open Simulation Platform, of OMSimulator) nor the FMU says it. `strict`: as in `add`.
-        `experiment` has start and stop time of the file's default experiment. What the standard's schemas do not allow is warned of
-        (SspWarning); what cannot be represented, or leads out of the file, is refused by name (SspError).
+        Components of nested systems are named `system.component`. `variant`: another description than
+        SystemStructure.ssd, by its name or that of its file. `step` [s]: by name or pattern how often components are
+        stepped, or one for all for which neither the SSP (annotations of this project, of the Open Simulation Platform,
+        of OMSimulator) nor the FMU says it. `strict`: as in `add`. `experiment` has start and stop time of the file's
+        default experiment. What the standard's schemas do not allow is warned of (SspWarning); what cannot be
+        represented, or leads out of the file, is refused by name (SspError).
         """
         from cosim.ssp.read import read_ssp
 
@@ -120,17 +121,18 @@ class System(Wiring):
         engine: EngineChoice = "auto",
         allow_unconnected: bool = False,
     ) -> Simulation:
-        """Reset and initialize all components and return the `Simulation` at `start_time` [s], by default 0, or what the
-        system's SSP says.
+        """Reset and initialize all components and return the `Simulation` at `start_time` [s], by default 0, or what
+        the system's SSP says.
 
         `record`: names and patterns as in `select`; `record_interval` [s], default the smallest step; `watch`: further
         variables that can be read while it runs (`simulation["car.x"]`). `stop_time` is only told to the FMUs. With
-        `state`, saved in this system or, read from a file or unpickled, in one that was put together in the same way elsewhere, the
-        simulation continues from there with the same bits (start_time is not used). Wiring, rates and parameters of components that are
-        not in it may have changed, at a common multiple of all steps: several controllers can be tried from one instant.
-        Outputs that are NaN or infinite end the run with ComponentError unless `allow_nan`. `engine`: "compiled", "python", or "auto",
-        which is compiled where that is possible (`print(system.schedule())` says which and why); both give the same bits. Inputs that
-        nothing drives keep their start values, with an UnconnectedInputsWarning that names them unless `allow_unconnected`.
+        `state`, saved in this system or, read from a file or unpickled, in one that was put together in the same way
+        elsewhere, the simulation continues from there with the same bits (start_time is not used). Wiring, rates and
+        parameters of components that are not in it may have changed, at a common multiple of all steps: several
+        controllers can be tried from one instant. Outputs that are NaN or infinite end the run with ComponentError
+        unless `allow_nan`. `engine`: "compiled", "python", or "auto", which is compiled where that is possible
+        (`print(system.schedule())` says which and why); both give the same bits. Inputs that nothing drives keep their
+        start values, with an UnconnectedInputsWarning that names them unless `allow_unconnected`.
         """
         self.end_simulation()
         interval = None if record_interval is None else positive(record_interval, "record_interval")
@@ -143,10 +145,16 @@ class System(Wiring):
             )
             warnings.warn(text, UnconnectedInputsWarning, stacklevel=3)
         simulation = self._begin(
-            schedule, start_time, record=self.select(record), record_interval=interval,
-            watch=[pair for name in watch for pair in self.select([name])], stop_time=stop_time, state=state, allow_nan=allow_nan,
+            schedule,
+            start_time,
+            record=self.select(record),
+            record_interval=interval,
+            watch=[pair for name in watch for pair in self.select([name])],
+            stop_time=stop_time,
+            state=state,
+            allow_nan=allow_nan,
             exchange=choose_engine(self.members.values(), engine).exchange,
-        )  # fmt: skip
+        )
         if check_stability:
             simulation.guarded(lambda: warn_if_unstable(schedule))
         return simulation
@@ -181,14 +189,15 @@ class System(Wiring):
         allow_unconnected: bool = False,
         real_time: float | None = None,
     ) -> Recording:
-        """Initialize, run to `stop_time` [s], to the first of `stop_when` or to where a component asks to end, and return
-        the recording, whose `stopped_by` tells which.
+        """Initialize, run to `stop_time` [s], to the first of `stop_when` or to where a component asks to end, and
+        return the recording, whose `stopped_by` tells which.
 
-        `output`: a file for the recording, in the format of its ending, as `Recording.write` says (`csv` is an older name for it); with
-        `display_units` in the units in which FMUs want their variables displayed. A failing component raises ComponentError, Ctrl-C
-        raises Interrupted; both carry the recording so far, and with `output` it is on disk in any case: of a process that dies
-        `NAME.csv.part`, from which `cosim recover` makes the file, has all but the last tenth of a second of its work. An ending that
-        stands for no format raises FormatError before anything runs. `real_time` paces it, see `Simulation.advance`. The other arguments are those of
+        `output`: a file for the recording, in the format of its ending, as `Recording.write` says (`csv` is an older
+        name for it); with `display_units` in the units in which FMUs want their variables displayed. A failing
+        component raises ComponentError, Ctrl-C raises Interrupted; both carry the recording so far, and with `output`
+        it is on disk in any case: of a process that dies `NAME.csv.part`, from which `cosim recover` makes the file,
+        has all but the last tenth of a second of its work. An ending that stands for no format raises FormatError
+        before anything runs. `real_time` paces it, see `Simulation.advance`. The other arguments are those of
         `initialize`.
         """
         if output is not None and csv is not None:
@@ -232,17 +241,18 @@ class System(Wiring):
     ) -> LinearModel:
         """The system's linear model about where it stands `settle` [s] after its start, as a `control.StateSpace`.
 
-        Continuous (default): the continuous members, coupled without the delays of the exchange; inputs are outputs of sampled members and
-        inputs that no continuous member drives. With `discrete=True` the whole system, sampled members included, over the least common
-        multiple of all steps, or over a multiple of it (`discrete="10 ms"`); inputs are those that nothing drives. `cosim.master.linearization`
-        says what the states are and what is left out.
+        Continuous (default): the continuous members, coupled without the delays of the exchange; inputs are outputs of
+        sampled members and inputs that no continuous member drives. With `discrete=True` the whole system, sampled
+        members included, over the least common multiple of all steps, or over a multiple of it (`discrete="10 ms"`);
+        inputs are those that nothing drives. `cosim.master.linearization` says what the states are and what is left
+        out.
 
-        `inputs` and `outputs`: names and patterns (`law.*`, `car.body.az`). Defaults: commands of the sampled members (continuous model)
-        and all unconnected Real inputs; all Real outputs. Names in the model are as `cosim.statespace` says (`car.body.az` is
-        `car_body_az`), and its `names` lead back. As in a run, components are reset and initialized with their parameters and start values
-        first. Raises CosimError naming the member or connection that has no linear model, with the reason, LoopError for
-        an algebraic loop without a solution (of continuous members at the start; else for every one, as in a run), WiringError for names that
-        do not fit.
+        `inputs` and `outputs`: names and patterns (`law.*`, `car.body.az`). Defaults: commands of the sampled members
+        (continuous model) and all unconnected Real inputs; all Real outputs. Names in the model are as
+        `cosim.statespace` says (`car.body.az` is `car_body_az`), and its `names` lead back. As in a run, components are
+        reset and initialized with their parameters and start values first. Raises CosimError naming the member or
+        connection that has no linear model, with the reason, LoopError for an algebraic loop without a solution (of
+        continuous members at the start; else for every one, as in a run), WiringError for names that do not fit.
         """
         from cosim.statespace import LinearModel
 
@@ -288,14 +298,16 @@ class System(Wiring):
     ) -> Path:
         """Write the system as one FMU, Co-Simulation, which any tool runs: engine, exchange and members in one file.
 
-        Its variables are those of the members, as `member.variable`. `inputs`: names and patterns; default all that no member drives.
-        `outputs`: as in `select`; default all outputs that are no array elements. `parameters`: default all of all members, starting
-        at the values that they have here. `without`: members that stay outside, with their connections; what they drove become
-        inputs. `fmi`: 2 or 3. `platforms`: "host", "all", or names separated by commas. `text`: the FMU's description.
+        Its variables are those of the members, as `member.variable`. `inputs`: names and patterns; default all that no
+        member drives. `outputs`: as in `select`; default all outputs that are no array elements. `parameters`: default
+        all of all members, starting at the values that they have here. `without`: members that stay outside, with their
+        connections; what they drove become inputs. `fmi`: 2 or 3. `platforms`: "host", "all", or names separated by
+        commas. `text`: the FMU's description.
 
-        FMUs of this project are linked from their sources, for every platform; those of others travel with the libraries that they
-        have. Its step is a whole number of ticks of the schedule; the numbers are those of `advance`. Needs the extra [build] and
-        a C compiler or ziglang. Raises WiringError and CosimError naming what cannot be in it, CompileError.
+        FMUs of this project are linked from their sources, for every platform; those of others travel with the
+        libraries that they have. Its step is a whole number of ticks of the schedule; the numbers are those of
+        `advance`. Needs the extra [build] and a C compiler or ziglang. Raises WiringError and CosimError naming what
+        cannot be in it, CompileError.
         """
         from cosim.export.code import exported_schedule
         from cosim.export.system_fmu import export_fmu
@@ -306,9 +318,16 @@ class System(Wiring):
             self.end_simulation()
             self._begin(schedule).close()
         return export_fmu(
-            self, Path(path), inputs=inputs, outputs=outputs, parameters=parameters, without=without, fmi=fmi,
-            platforms=platforms, text=text,
-        )  # fmt: skip
+            self,
+            Path(path),
+            inputs=inputs,
+            outputs=outputs,
+            parameters=parameters,
+            without=without,
+            fmi=fmi,
+            platforms=platforms,
+            text=text,
+        )
 
     def export_web(
         self,
@@ -321,14 +340,15 @@ class System(Wiring):
         plots: Sequence[str] = (),
         scene: Scene | None = None,
     ) -> Path:
-        """Write the system as a web page, in which it runs live: compiled to WebAssembly, in one file that needs no server, no network and
-        nothing installed. FMUs of this project only, of FMI 3.0.
+        """Write the system as a web page, in which it runs live: compiled to WebAssembly, in one file that needs no
+        server, no network and nothing installed. FMUs of this project only, of FMI 3.0.
 
-        `title` and `text` stand above it. `values`: inputs and parameters, `member.variable`, that it starts with. `controls`: inputs and
-        parameters that get a slider at once (all of them have a field below). `plots`: outputs of the charts at first. `scene`: what
-        it looks like; `cosim.scenes.recognised(system)` finds that by the names of its variables. For several systems side by side, measures and controls
-        with words of their own: `cosim.export.web.page.export_web`. Needs the extras [build] and [zig]. Raises WiringError and CosimError naming what cannot
-        be in it, CompileError.
+        `title` and `text` stand above it. `values`: inputs and parameters, `member.variable`, that it starts with.
+        `controls`: inputs and parameters that get a slider at once (all of them have a field below). `plots`: outputs
+        of the charts at first. `scene`: what it looks like; `cosim.scenes.recognised(system)` finds that by the names
+        of its variables. For several systems side by side, measures and controls with words of their own:
+        `cosim.export.web.page.export_web`. Needs the extras [build] and [zig]. Raises WiringError and CosimError naming
+        what cannot be in it, CompileError.
         """
         from cosim.export.web.page import Control, Shown, WebPage, export_web
 
@@ -344,30 +364,41 @@ class System(Wiring):
         stop_time: TimeLike | None = None,
         text: str = "",
     ) -> Path:
-        """Write the system as an SSP, "1.0" or "2.0" (System Structure and Parameterization), which other tools read: its FMUs, how they are
-        connected, their values, rates and places in a picture. `from_ssp` makes the same system of it again.
+        """Write the system as an SSP, "1.0" or "2.0" (System Structure and Parameterization), which other tools read:
+        its FMUs, how they are connected, their values, rates and places in a picture. `from_ssp` makes the same system
+        of it again.
 
-        SSP 1.0 takes FMUs of FMI 2.0: of one of FMI 3.0 that `build-fmus` has made, its other version. SSP 2.0 takes that of FMI 3.0 where
-        there is one. `inputs`: names and patterns of inputs that nothing drives, which become inputs of the system (not every reader takes
-        systems that have any); default none, they keep their start values. `stop_time` [s]: of the default experiment; default the longest of the members'. `text`: its description. The
-        system is initialized, since readers that step before they exchange need what connected inputs show then.
-        Raises SspError naming what cannot travel: components in Python, isolated ones, FMUs in no version that fits.
+        SSP 1.0 takes FMUs of FMI 2.0: of one of FMI 3.0 that `build-fmus` has made, its other version. SSP 2.0 takes
+        that of FMI 3.0 where there is one. `inputs`: names and patterns of inputs that nothing drives, which become
+        inputs of the system (not every reader takes systems that have any); default none, they keep their start values.
+        `stop_time` [s]: of the default experiment; default the longest of the members'. `text`: its description. The
+        system is initialized, since readers that step before they exchange need what connected inputs show then. Raises
+        SspError naming what cannot travel: components in Python, isolated ones, FMUs in no version that fits.
         """
         from cosim.ssp.write import export_ssp, files_of, open_inputs
 
         schedule = self.schedule()
         opened = open_inputs(schedule, [inputs] if isinstance(inputs, str) else inputs)
         files_of(schedule, version)  # before anything runs
-        with self.initialize(record=[], watch=[c.target_name for c in schedule.connections], allow_unconnected=True) as started:
+        with self.initialize(
+            record=[], watch=[c.target_name for c in schedule.connections], allow_unconnected=True
+        ) as started:
             initial = {c.target_name: started[c.target_name] for c in schedule.connections}
         return export_ssp(
-            self.members.values(), schedule, Path(path), version=version, inputs=opened, initial=initial, text=text,
+            self.members.values(),
+            schedule,
+            Path(path),
+            version=version,
+            inputs=opened,
+            initial=initial,
+            text=text,
             stop_time=None if stop_time is None else positive(stop_time, "stop_time"),
-        )  # fmt: skip
+        )
 
     def draw(self, title: str = "") -> bytes:
-        """The system as a picture, SVG: its components with their rates, a line for each bundle of signals. The same system gives the
-        same bytes."""
+        """The system as a picture, SVG: its components with their rates, a line for each bundle of signals. The same
+        system gives the same bytes.
+        """
         from cosim.picture.svg import draw
 
         return draw(self.schedule(), title)
@@ -404,13 +435,14 @@ class Fmu(FmuFile):
         settle: TimeLike = 0,
         period: TimeLike | None = None,
     ) -> LinearModel:
-        """Its linear model as a `control.StateSpace` with the names of its signals (`body.az` is `body_az`; `names` leads back).
+        """Its linear model as a `control.StateSpace` with the names of its signals (`body.az` is `body_az`; `names`
+        leads back).
 
-        `parameters` and `start` set variables before initialization, as in `System.add`; with `settle` [s] it is stepped so long with
-        these inputs before. `inputs` and `outputs`: names and patterns, by default all Real ones. A continuous FMU needs directional
-        derivatives. A sampled one of this project gives a discrete model over its sample time, or over `period`
-        [s], after which it does the same again. Raises CosimError with the reason where there is no linear model, WiringError for names and
-        values that do not fit.
+        `parameters` and `start` set variables before initialization, as in `System.add`; with `settle` [s] it is
+        stepped so long with these inputs before. `inputs` and `outputs`: names and patterns, by default all Real ones.
+        A continuous FMU needs directional derivatives. A sampled one of this project gives a discrete model over its
+        sample time, or over `period` [s], after which it does the same again. Raises CosimError with the reason where
+        there is no linear model, WiringError for names and values that do not fit.
         """
         from cosim.statespace import LinearModel
 

@@ -1,5 +1,6 @@
-"""Sampled signals as metrics take them: finite, and of the expected shape, with errors that name the signal and the sample; and
-the two figures that every study has of them."""
+"""Sampled signals as metrics take them: finite, and of the expected shape, with errors that name the signal and the
+sample; and the two figures that every study has of them.
+"""
 
 from __future__ import annotations
 

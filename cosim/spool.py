@@ -1,7 +1,8 @@
 """Rows of a run on disk while it runs, so that a run that dies has lost no more than the last tenth of a second.
 
-`NAME.csv.part` lies beside `NAME.csv` (as `NAME.parquet.part` beside `NAME.parquet`): a line that says what it is, a line of JSON with names and units, then rows of little-endian
-doubles, time first. No text is made from numbers while a system runs; the file is made at the end, or by `recover`.
+`NAME.csv.part` lies beside `NAME.csv` (as `NAME.parquet.part` beside `NAME.parquet`): a line that says what it is, a
+line of JSON with names and units, then rows of little-endian doubles, time first. No text is made from numbers while a
+system runs; the file is made at the end, or by `recover`.
 """
 
 from __future__ import annotations
@@ -86,7 +87,8 @@ def read_spool(path: str | os.PathLike[str]) -> Recording:
         units, types = ({str(k): str(v) for k, v in about.get(key, {}).items()} for key in ("units", "types"))
     except (ValueError, TypeError, KeyError, AttributeError, RecursionError):
         raise CosimError(
-            f"{path}: these are not the rows of a run; give the file NAME.csv{SUFFIX} that a run with csv=NAME.csv has left"
+            f"{path}: these are not the rows of a run; give the file NAME.csv{SUFFIX} that a run with csv=NAME.csv has"
+            " left"
         ) from None
     width = 1 + len(names)
     whole = len(rows) // (width * _ROW.itemsize) * width
@@ -95,10 +97,11 @@ def read_spool(path: str | os.PathLike[str]) -> Recording:
 
 
 def recover(path: str | os.PathLike[str], to: str | os.PathLike[str] | None = None) -> tuple[Path, Recording]:
-    """Make the file of a run that died from `NAME.csv.part` (or from `NAME.csv`, beside which that lies), and remove the rows.
+    """Make the file of a run that died from `NAME.csv.part` (or from `NAME.csv`, beside which that lies), and remove
+    the rows.
 
-    It is `NAME.csv`, or `to`, in the format of its ending, as of `NAME.parquet`. Raises CosimError when there are no rows of a run, or
-    when `NAME.csv` holds something already, FormatError for an ending that stands for no format.
+    It is `NAME.csv`, or `to`, in the format of its ending, as of `NAME.parquet`. Raises CosimError when there are no
+    rows of a run, or when `NAME.csv` holds something already, FormatError for an ending that stands for no format.
     """
     part = Path(path)
     if part.suffix != SUFFIX:

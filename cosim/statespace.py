@@ -1,8 +1,8 @@
 """Linear models as control engineers take them: `control.StateSpace`, whose signals have names.
 
-python-control allows no dots in names, and reads brackets as slices. So a name is changed by one rule (`control_name`): what is no
-letter, digit or underscore becomes one underscore, none at the end: `body.az` -> `body_az`, `preview.fl[3]` -> `preview_fl_3`. Two
-names that would become one are refused, and `LinearModel.names` leads back.
+python-control allows no dots in names, and reads brackets as slices. So a name is changed by one rule (`control_name`):
+what is no letter, digit or underscore becomes one underscore, none at the end: `body.az` -> `body_az`, `preview.fl[3]`
+-> `preview_fl_3`. Two names that would become one are refused, and `LinearModel.names` leads back.
 """
 
 from __future__ import annotations
@@ -22,8 +22,9 @@ NOTHING = "nothing"
 
 @dataclass(frozen=True)
 class Matrices:
-    """A linear model in the names of its FMUs. `units` and `point`: unit and value at the operating point, of the signals that have one.
-    `dt` [s]: period of a sampled model, 0 for a continuous one."""
+    """A linear model in the names of its FMUs. `units` and `point`: unit and value at the operating point, of the
+    signals that have one. `dt` [s]: period of a sampled model, 0 for a continuous one.
+    """
 
     A: Array
     B: Array
@@ -55,9 +56,9 @@ class Matrices:
 class LinearModel(control.StateSpace):  # type: ignore[misc]
     """A `control.StateSpace` of deviations from an operating point.
 
-    Attributes: `names`, from names here to those of the FMUs, for states, inputs and outputs alike; `units` and `operating_point`, unit
-    and value [unit] of each signal by its FMU name. A model without inputs has one that does nothing, `nothing`. What python-control makes of it (feedback, sampling, parts) is a plain
-    `control.StateSpace`.
+    Attributes: `names`, from names here to those of the FMUs, for states, inputs and outputs alike; `units` and
+    `operating_point`, unit and value [unit] of each signal by its FMU name. A model without inputs has one that does
+    nothing, `nothing`. What python-control makes of it (feedback, sampling, parts) is a plain `control.StateSpace`.
     """
 
     def __init__(self, matrices: Matrices):
@@ -71,9 +72,16 @@ class LinearModel(control.StateSpace):  # type: ignore[misc]
         if not inputs:  # of no inputs python-control makes no model
             b, d, inputs = np.zeros((len(m.A), 1)), np.zeros((len(m.C), 1)), [NOTHING]
         super().__init__(
-            m.A, b, m.C, d, m.dt, states=[own[n] for n in m.states], inputs=inputs, outputs=[own[n] for n in m.outputs],
+            m.A,
+            b,
+            m.C,
+            d,
+            m.dt,
+            states=[own[n] for n in m.states],
+            inputs=inputs,
+            outputs=[own[n] for n in m.outputs],
             remove_useless_states=False,
-        )  # fmt: skip
+        )
 
 
 def control_name(name: str) -> str:
@@ -87,6 +95,7 @@ def _names(names: Sequence[str]) -> dict[str, str]:
         short = control_name(name)
         if found.setdefault(short, name) != name:
             raise WiringError(
-                f"'{found[short]}' and '{name}' would both be '{short}' in python-control; choose signals without one of them"
+                f"'{found[short]}' and '{name}' would both be '{short}' in python-control; choose signals without one"
+                " of them"
             )
     return found

@@ -117,8 +117,8 @@ class TimeBase:
         ticks = duration / self.tick
         if ticks.denominator != 1:
             raise TimeError(
-                f"{seconds_text(duration)} is not a multiple of the base tick of {seconds_text(self.tick)}, the greatest common divisor of "
-                "all steps"
+                f"{seconds_text(duration)} is not a multiple of the base tick of {seconds_text(self.tick)}, the"
+                " greatest common divisor of all steps"
             )
         return self._limited(int(ticks), duration)
 
@@ -129,8 +129,9 @@ class TimeBase:
     def _limited(self, ticks: int, time: Fraction) -> int:
         if abs(ticks) > MOST_TICKS:
             raise TimeError(
-                f"{seconds_text(time)} takes {ticks:.3g} ticks of {seconds_text(self.tick)}, the greatest common divisor of all "
-                "steps and offsets: give steps that divide each other better, as '1/30' instead of 0.0333333"
+                f"{seconds_text(time)} takes {ticks:.3g} ticks of {seconds_text(self.tick)}, the greatest common"
+                " divisor of all steps and offsets: give steps that divide each other better, as '1/30' instead of"
+                " 0.0333333"
             )
         return ticks
 

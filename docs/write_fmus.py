@@ -27,14 +27,17 @@ and 3.0 have the same variables. Corners are `fl fr rl rr`, axes ISO 8855, units
 
 {papers}
 """
-_LIST = """What an FMU has (inputs, outputs, parameters with their units and sources) is said by `cosim fmu fmus/fmi3/NAME.fmu`, by
-`documentation/index.html` inside it, by its page in the site (`make docs`), and for all of them in the `docs/fmus.md` of a release.
+_LIST = """The inputs, outputs and parameters of an FMU, with their units and sources, are printed by `cosim fmu
+fmus/fmi3/NAME.fmu`. They are also in `documentation/index.html` inside the FMU, on its page of the site (`make docs`),
+and for all FMUs in the `docs/fmus.md` of a release.
 
 """
 
 
 def sections(fmus: Path, names: Iterable[str] | None = None) -> dict[str, str]:
-    """What each FMU has, by its name (of the whole catalog unless ``names`` are given); ``fmus`` is the folder with ``fmi3/``."""
+    """What each FMU has, by its name (of the whole catalog unless ``names`` are given); ``fmus`` is the folder with
+    ``fmi3/``.
+    """
     found = {}
     catalog = default_catalog()
     for name in catalog if names is None else names:

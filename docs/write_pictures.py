@@ -1,9 +1,10 @@
-"""Take the pictures of the live pages and of the reports that the documentation shows: ``images/live`` and ``images/reports``.
+"""Take the pictures of the live pages and of the reports that the documentation shows: ``images/live`` and
+``images/reports``.
 
 make pictures
 
-In Chromium, at the widths and colour schemes in which people read; pages and reports have to be there (``build/live``, ``results``). What is
-missing is named, and its picture stays as it was.
+In Chromium, at the widths and colour schemes in which people read; pages and reports have to be there (``build/live``,
+``results``). What is missing is named, and its picture stays as it was.
 """
 
 from __future__ import annotations
@@ -42,14 +43,30 @@ def report_picture(name: str) -> Path:
 def jobs(live: Path, results: Path) -> list[dict[str, Any]]:
     """What is to be taken of which file."""
     pages: list[dict[str, Any]] = [
-        {"page": live / f"{name}.html", "out": live_picture(name, width, scheme), "width": width, "height": height, "scheme": scheme, "seconds": DRIVEN[name]}
-        for name in shown() for width, height in WIDTHS.items() for scheme in SCHEMES
-    ]  # fmt: skip
+        {
+            "page": live / f"{name}.html",
+            "out": live_picture(name, width, scheme),
+            "width": width,
+            "height": height,
+            "scheme": scheme,
+            "seconds": DRIVEN[name],
+        }
+        for name in shown()
+        for width, height in WIDTHS.items()
+        for scheme in SCHEMES
+    ]
     reports: list[dict[str, Any]] = [
-        {"page": results / name / "report.html", "out": report_picture(name), "width": REPORT_WIDTH, "height": 1200, "scheme": "light", "seconds": 1.0,
-         "element": f'[data-plot="data-{FIGURES[name]}"]' if name in FIGURES else "[data-plot]"}
+        {
+            "page": results / name / "report.html",
+            "out": report_picture(name),
+            "width": REPORT_WIDTH,
+            "height": 1200,
+            "scheme": "light",
+            "seconds": 1.0,
+            "element": f'[data-plot="data-{FIGURES[name]}"]' if name in FIGURES else "[data-plot]",
+        }
         for name in EXPERIMENTS
-    ]  # fmt: skip
+    ]
     return [*pages, *reports]
 
 
@@ -60,7 +77,10 @@ def take(live: Path, results: Path) -> None:
 
     found = jobs(live, results)
     for missing in sorted({str(job["page"]) for job in found if not job["page"].is_file()}):
-        print(f"{missing} is not there: its pictures stay as they are (make studies, python -m cosim.experiments.live_pages build/live)")
+        print(
+            f"{missing} is not there: its pictures stay as they are (make studies, python -m"
+            " cosim.experiments.live_pages build/live)"
+        )
     there = [job for job in found if job["page"].is_file()]
     for job in there:
         job["out"].parent.mkdir(parents=True, exist_ok=True)

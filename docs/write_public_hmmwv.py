@@ -1,4 +1,5 @@
-"""Write how ``FullCarHmmwvPublic`` compares with Project Chrono's model, and rigid bodies with both, into ``public-hmmwv.md``.
+"""Write how ``FullCarHmmwvPublic`` compares with Project Chrono's model, and rigid bodies with both, into
+``public-hmmwv.md``.
 
     python docs/write_public_hmmwv.py                       # half-rounds, with rigid bodies beside them: two minutes
     python docs/write_public_hmmwv.py --courses FOLDER      # also the measured courses, which are data of others
@@ -44,12 +45,24 @@ Figures = tuple[float, float, float, float, float, float]
 """Largest and least az of the CG and of the seat, their standard deviations [m/s2]."""
 
 POWER = {  # course, mph -> absorbed power at the seat of Chrono's model, third order [W]
-    ("half-round 4 in", 5): 5.79, ("half-round 4 in", 10): 8.68, ("half-round 4 in", 15): 8.96, ("half-round 4 in", 20): 8.04,
-    ("half-round 8 in", 5): 14.08, ("half-round 8 in", 10): 27.72, ("half-round 8 in", 15): 35.18, ("half-round 8 in", 20): 39.29,
-    ("RMS course 1 in", 5): 2.61, ("RMS course 1 in", 10): 7.42, ("RMS course 1 in", 15): 15.22, ("RMS course 1 in", 20): 28.88,
-    ("RMS course 1 in", 25): 39.21, ("RMS course 2 in", 10): 13.21, ("RMS course 2 in", 15): 42.66, ("RMS course 2 in", 20): 94.57,
+    ("half-round 4 in", 5): 5.79,
+    ("half-round 4 in", 10): 8.68,
+    ("half-round 4 in", 15): 8.96,
+    ("half-round 4 in", 20): 8.04,
+    ("half-round 8 in", 5): 14.08,
+    ("half-round 8 in", 10): 27.72,
+    ("half-round 8 in", 15): 35.18,
+    ("half-round 8 in", 20): 39.29,
+    ("RMS course 1 in", 5): 2.61,
+    ("RMS course 1 in", 10): 7.42,
+    ("RMS course 1 in", 15): 15.22,
+    ("RMS course 1 in", 20): 28.88,
+    ("RMS course 1 in", 25): 39.21,
+    ("RMS course 2 in", 10): 13.21,
+    ("RMS course 2 in", 15): 42.66,
+    ("RMS course 2 in", 20): 94.57,
     ("RMS course 2 in", 25): 117.83,
-}  # fmt: skip
+}
 CHRONO: dict[tuple[str, int], tuple[float, float, Figures]] = {  # course, mph -> window of x [m], figures
     ("half-round 4 in", 5): (47.34, 57.48, (7.02, -7.91, 9.88, -9.70, 2.451, 2.675)),
     ("half-round 4 in", 10): (47.34, 63.07, (7.84, -10.62, 13.73, -21.11, 2.512, 2.851)),
@@ -69,7 +82,9 @@ CHRONO: dict[tuple[str, int], tuple[float, float, Figures]] = {  # course, mph -
     ("RMS course 2 in", 20): (100.0, 404.8, (24.60, -25.18, 43.58, -38.57, 7.199, 10.308)),
     ("RMS course 2 in", 25): (100.0, 404.8, (29.11, -25.58, 44.18, -39.41, 6.989, 10.735)),
 }
-"""Responses of the full model, computed with its code (Project Chrono, commit 7689fbc), half-rounds at a quarter of its usual step, courses at half of it."""
+"""Responses of the full model, computed with its code (Project Chrono, commit 7689fbc), half-rounds at a quarter of its
+usual step, courses at half of it.
+"""
 JUDGED = [("half-round 4 in", 10), ("half-round 8 in", 20)]
 HEAD = "| course | mph | CG az max, min | seat az max, min | CG az rms | seat az rms |\n|---|---|---|---|---|---|\n"
 
@@ -96,7 +111,9 @@ def ours(course: str, mph: int, folder: Path | None) -> tuple[Figures, float]:
     with tempfile.TemporaryDirectory() as place, System() as system:
         if folder is None:
             height = float(course.split()[1]) * INCH
-            system.add("road", FMUS / "RoadHalfRoundHmmwvPublic.fmu", parameters={"height": height, "position": 50.0 + height})
+            system.add(
+                "road", FMUS / "RoadHalfRoundHmmwvPublic.fmu", parameters={"height": height, "position": 50.0 + height}
+            )
         else:
             file = folder / f"detrended_rms_course_{course.split()[2]}in.crg"
             road = road_from_file(file, RoadLayout.of(load_wishbone_car("hmmwv_public")))
@@ -111,7 +128,9 @@ def ours(course: str, mph: int, folder: Path | None) -> tuple[Figures, float]:
         r = system.run(round(duration, 3), record=["car.x", "car.body.az", "car.seat.az"], record_interval="1 ms")
         x, body, seat = (np.array(r[f"car.{n}"]) for n in ("x", "body.az", "seat.az"))
     inside = (x >= low + CHASSIS) & (x <= high + CHASSIS)
-    return figures(x, body, seat, (low, high)), float(absorbed_power_series(seat, 1e3, HUMAN_RESPONSE_NRMM)[inside].mean())
+    return figures(x, body, seat, (low, high)), float(
+        absorbed_power_series(seat, 1e3, HUMAN_RESPONSE_NRMM)[inside].mean()
+    )
 
 
 def rigid(course: str, mph: int, *, shifted: bool) -> Figures:
@@ -163,10 +182,14 @@ def judged() -> str:
 
 
 SHAPES = {  # body height, roll, pitch, wheels fl, fr, rl, rr; m and rad
-    "heave": (1, 0, 0, 0.2, 0.2, 0.2, 0.2), "pitch": (0, 0, 0.7, -0.2, -0.2, 0.2, 0.2), "roll": (0, 1, 0, 0.2, -0.2, 0.2, -0.2),
-    "front wheels, together": (0, 0, 0, 1, 1, 0, 0), "front wheels, opposed": (0, 0, 0, 1, -1, 0, 0),
-    "rear wheels, together": (0, 0, 0, 0, 0, 1, 1), "rear wheels, opposed": (0, 0, 0, 0, 0, 1, -1),
-}  # fmt: skip
+    "heave": (1, 0, 0, 0.2, 0.2, 0.2, 0.2),
+    "pitch": (0, 0, 0.7, -0.2, -0.2, 0.2, 0.2),
+    "roll": (0, 1, 0, 0.2, -0.2, 0.2, -0.2),
+    "front wheels, together": (0, 0, 0, 1, 1, 0, 0),
+    "front wheels, opposed": (0, 0, 0, 1, -1, 0, 0),
+    "rear wheels, together": (0, 0, 0, 0, 0, 1, 1),
+    "rear wheels, opposed": (0, 0, 0, 0, 0, 1, -1),
+}
 """How modes of the ride look, roughly: a mode is named after the one that it is most like."""
 SAME = 1e-6  # relative difference of eigenvalues, and of likeness, that is rounding
 
@@ -175,8 +198,8 @@ def modes(lin: Linearization) -> dict[str, list[complex]]:
     """Eigenvalues [rad/s] of the oscillating modes that look like each of :data:`SHAPES`, slowest first.
 
     A shape has one mode, or several where the model does not tell them apart: a car with equal ends has wheels of both
-    axles in each mode. Modes of equal eigenvalues count as one motion (an invariant subspace), so nothing here depends on
-    the order or the basis in which eigenvectors are computed.
+    axles in each mode. Modes of equal eigenvalues count as one motion (an invariant subspace), so nothing here depends
+    on the order or the basis in which eigenvectors are computed.
 
     Args:
         lin: any linear model with a ride car's positions among its outputs.
@@ -257,12 +280,21 @@ def main() -> None:
     """Run, and write the page."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--courses", type=Path, help="folder with detrended_rms_course_1in.crg and ..._2in.crg")
-    parser.add_argument("--only", choices=("modes", "half-rounds", "courses", "power", "rigid bodies"), help="one table")
+    parser.add_argument(
+        "--only", choices=("modes", "half-rounds", "courses", "power", "rigid bodies"), help="one table"
+    )
     given = parser.parse_args()
     folder = given.courses
-    makers = {"modes": modes_table, "half-rounds": lambda: table([c for c in CHRONO if "half" in c[0]], None), "rigid bodies": judged}
+    makers = {
+        "modes": modes_table,
+        "half-rounds": lambda: table([c for c in CHRONO if "half" in c[0]], None),
+        "rigid bodies": judged,
+    }
     if folder is not None:
-        makers |= {"courses": lambda: table([c for c in CHRONO if "RMS" in c[0]], folder), "power": lambda: power_table(folder)}
+        makers |= {
+            "courses": lambda: table([c for c in CHRONO if "RMS" in c[0]], folder),
+            "power": lambda: power_table(folder),
+        }
     if given.only is not None and given.only not in makers:
         parser.error(f"--only {given.only}: give the folder of the measured courses, too (--courses FOLDER)")
     text = PAGE.read_text(encoding="utf-8")

@@ -3,8 +3,9 @@
 make studies
 python docs/write_results.py [results]
 
-Claims and figures of each ``summary.json`` are kept in ``docs/results/NAME.json``, from which both pages are made: a number
-on them is one that a run gave. The tests compare the pages with these files, and these files with studies run anew.
+Claims and figures of each ``summary.json`` are kept in ``docs/results/NAME.json``, from which both pages are made: a
+number on them is one that a run gave. The tests compare the pages with these files, and these files with studies run
+anew.
 """
 
 from __future__ import annotations
@@ -107,9 +108,12 @@ def page(studies: list[Summary]) -> str:
     """All claims of all papers with published figure, ours, verdict and the rule behind it."""
     parts = [
         "# What the papers say and what came out",
-        "Written by `docs/write_results.py` from the summaries of the studies; do not edit. Each claim is judged as its paper words it: "
-        "whether what it says holds and, where it gives a number, whether ours lies in a band around it. Checks of our own, which no "
-        "paper states, are counted apart. Reports with figures and tables: `make studies`.",
+        (
+            "Written by `docs/write_results.py` from the summaries of the studies; do not edit. Each claim is judged as"
+            " its paper words it: whether what it says holds and, where it gives a number, whether ours lies in a band"
+            " around it. Checks of our own, which no paper states, are counted apart. Reports with figures and tables:"
+            " `make studies`."
+        ),
         table(studies),
         *filter(None, [missing(studies)]),
     ]
@@ -140,18 +144,36 @@ def one_table(studies: list[Summary]) -> str:
     claims = [(paper(s["experiment"]), s, c) for s in studies for c in s["claims"] if not c["own"]]
     claims.sort(key=lambda row: row[0])
     rows = [
-        [number, c["claim"], c["source"], c["published"], c["ours"], c["verdict"], f"[{s['experiment']}](results.md#{_anchor(_heading(s))})"]
+        [
+            number,
+            c["claim"],
+            c["source"],
+            c["published"],
+            c["ours"],
+            c["verdict"],
+            f"[{s['experiment']}](results.md#{_anchor(_heading(s))})",
+        ]
         for number, s, c in claims
     ]
     said = "; ".join(f"{sum(c['verdict'] == v for *_, c in claims)} {v}" for v in OUTCOMES)
     papers = "\n".join(f"- {number}: {title}" for number, title in sorted(PAPERS.items()))
-    return "\n\n".join([
-        "---\nhide: [toc]\n---\n\n# The papers' claims",
-        f"All {len(claims)} published claims that are judged: {said}. Each is judged as its paper words it, on the distribution over seeds, speeds or "
-        "places where it speaks of more than one run; by which rule, with what was fitted, and why one is not reproduced stands where the last column leads.",
-        '<div class="claims" markdown>\n\n' + "\n".join([_row(list(CLAIM_COLUMNS)), _row(["---"] * len(CLAIM_COLUMNS)), *map(_row, rows)]) + "\n\n</div>",
-        f"The papers:\n\n{papers}",
-    ]) + "\n"  # fmt: skip
+    return (
+        "\n\n".join(
+            [
+                "---\nhide: [toc]\n---\n\n# The papers' claims",
+                (
+                    f"All {len(claims)} published claims that are judged: {said}. Each is judged as its paper words it,"
+                    " on the distribution over seeds, speeds or places where it speaks of more than one run; by which"
+                    " rule, with what was fitted, and why one is not reproduced stands where the last column leads."
+                ),
+                '<div class="claims" markdown>\n\n'
+                + "\n".join([_row(list(CLAIM_COLUMNS)), _row(["---"] * len(CLAIM_COLUMNS)), *map(_row, rows)])
+                + "\n\n</div>",
+                f"The papers:\n\n{papers}",
+            ]
+        )
+        + "\n"
+    )
 
 
 def _heading(s: Summary) -> str:

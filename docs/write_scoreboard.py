@@ -1,4 +1,5 @@
-"""Write which checker notices which deliberate fault, and which FMUs without a fault they accuse, into ``check-scoreboard.md``.
+"""Write which checker notices which deliberate fault, and which FMUs without a fault they accuse, into
+``check-scoreboard.md``.
 
     python docs/write_scoreboard.py              # everything: a minute
     python docs/write_scoreboard.py NAME ...     # the rows of these faults; the others stay as they are
@@ -51,14 +52,20 @@ def by_toolbox(path: Path, version: int) -> bool:  # noqa: ARG001
     return "ERROR" in run([str(Path(sys.executable).with_name("fmutool")), "-input", str(path), "-check"])
 
 
-CHECKERS: dict[str, Callable[[Path, int], bool]] = {"`cosim check`": by_cosim_check, "`fmpy validate`": by_fmpy, "`fmutool -check`": by_toolbox}
+CHECKERS: dict[str, Callable[[Path, int], bool]] = {
+    "`cosim check`": by_cosim_check,
+    "`fmpy validate`": by_fmpy,
+    "`fmutool -check`": by_toolbox,
+}
 
 
 def run(command: list[str]) -> str:
     """What a program prints; "ERROR" where it crashes or does not come back."""
     with tempfile.TemporaryDirectory() as folder:
         try:
-            done = subprocess.run(command, capture_output=True, text=True, errors="replace", cwd=folder, timeout=PATIENCE, check=False)
+            done = subprocess.run(
+                command, capture_output=True, text=True, errors="replace", cwd=folder, timeout=PATIENCE, check=False
+            )
         except subprocess.TimeoutExpired:
             return "ERROR"
     return done.stdout + done.stderr if done.returncode == 0 else "ERROR"
@@ -87,7 +94,9 @@ def faulty(names: Iterable[str], folder: Path) -> list[str]:
 
 
 def coded(name: str, versions: tuple[int, ...]) -> str:
-    """The row of a fault in the code: its description is that of the FMU without a fault, so what only reads notices nothing."""
+    """The row of a fault in the code: its description is that of the FMU without a fault, so what only reads notices
+    nothing.
+    """
     cells = [FOUND if name in FAULTS else MISSED, *[MISSED] * (len(CHECKERS) - 1)]
     return "| " + " | ".join([f"`{name}`", ", ".join(map(str, versions)), *cells]) + " |"
 
@@ -129,16 +138,19 @@ def text(faults: list[str], clean: list[str]) -> str:
 
 <!-- written by docs/write_scoreboard.py -->
 
-Which checker notices which of the deliberate faults of `tests/foreign/faulty.py`, and which FMUs without a fault it accuses. `cosim check` was written together with these
-faults (its column is what `tests/check/test_faults.py` and `tests/conformance/test_compliance.py` assert), so it shows that the command does what it promises, not that it finds what nobody has thought of. The other
-checkers promise less: they read the model description and run nothing.
+This page shows which checker finds which of the deliberate faults of `tests/foreign/faulty.py`, and which FMUs
+without a fault it reports. `cosim check` was written together with these faults (its column is what
+`tests/check/test_faults.py` and `tests/conformance/test_compliance.py` assert). The table therefore shows that the
+command does what it promises, not that it finds faults that nobody has thought of. The other checkers promise less:
+they read the model description and run nothing.
 
 Versions: {named}. Other checkers (FMUComplianceChecker, VDMCheck) are on no package index.
 
 | checker | faults noticed | FMUs without a fault accused |
 |---|---|---|
 {summary}
-A fault counts as noticed when `cosim check` has a finding, or when `fmpy validate` or `fmutool -check` report a problem; an FMU without a fault as accused when there is an error.
+A fault counts as noticed when `cosim check` has a finding, or when `fmpy validate` or `fmutool -check` report a
+problem. An FMU without a fault counts as accused when there is an error.
 "FMI 2" or "FMI 3": in this version only.
 
 ## Faults

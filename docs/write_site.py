@@ -2,9 +2,10 @@
 
 make docs
 
-The pages are those of this folder, the README and what is made of the sources: a page for each FMU from the FMUs themselves, for each module
-from its docstrings, and the tutorials run as notebooks, whose outputs stand below their code. Links to other files of the repository lead to
-copies of them. Whatever leads nowhere, and a page that has no place in ``mkdocs.yml``, ends this with an error.
+The pages are those of this folder, the README and what is made of the sources: a page for each FMU from the FMUs
+themselves, for each module from its docstrings, and the tutorials run as notebooks, whose outputs stand below their
+code. Links to other files of the repository lead to copies of them. Whatever leads nowhere, and a page that has no
+place in ``mkdocs.yml``, ends this with an error.
 """
 
 from __future__ import annotations
@@ -30,13 +31,29 @@ ROOT = HERE.parent
 SITE = ROOT / "build" / "site"
 NOTEBOOKS = ("tutorial", "control-design")
 """Pages whose code a reader runs from top to bottom."""
-MODULES = ("cosim", "cosim.study", "cosim.study.design", "cosim.study.sweep", "cosim.study.optimise", "cosim.study.calibration",
-           "cosim.batch", "cosim.gym", "cosim.check", "build_fmus.component", "fmu_sources.catalog", "fmu_sources.vehicles")  # fmt: skip
+MODULES = (
+    "cosim",
+    "cosim.study",
+    "cosim.study.design",
+    "cosim.study.sweep",
+    "cosim.study.optimise",
+    "cosim.study.calibration",
+    "cosim.batch",
+    "cosim.gym",
+    "cosim.check",
+    "build_fmus.component",
+    "fmu_sources.catalog",
+    "fmu_sources.vehicles",
+)
 OTHERS = {"README.md": "index.md", "benchmarks/README.md": "benchmarks.md", "docs/fmus.md": "fmus/index.md"}
 """Pages of the site whose file is elsewhere in the repository, or has another name."""
-_SHIM = "https://unpkg.com/iframe-worker/shim"  # what the theme would fetch for search without a server; ours does the same
+_SHIM = (  # what the theme would fetch for search without a server; ours does the same
+    "https://unpkg.com/iframe-worker/shim"
+)
 _LIVE = re.compile(r"^\[!\[.*\(images/live/.*$", re.MULTILINE)  # a picture of a live page that leads to more
-_SEARCH = '<div class="md-search" data-md-component="search" role="dialog"'  # a dialog needs a name, which the theme does not give
+_SEARCH = (  # a dialog needs a name, which the theme does not give
+    '<div class="md-search" data-md-component="search" role="dialog"'
+)
 PICTURES = runpy.run_path(str(HERE / "write_pictures.py"))
 _FENCE = re.compile(r"^```.*?^```", re.MULTILINE | re.DOTALL)
 _LINK = re.compile(r"(\]\()([^)\s#]*)(#[^)\s]*)?(\))")
@@ -133,7 +150,9 @@ def claims_page() -> str:
 
 
 def _cards(cards: Sequence[tuple[str, str, str, Mapping[str, Path]]], files: dict[str, Path]) -> str:
-    """Links with pictures: (target, title, text, pictures by what follows their address), which may say the scheme of colours that each is for."""
+    """Links with pictures: (target, title, text, pictures by what follows their address), which may say the scheme of
+    colours that each is for.
+    """
     parts = []
     for target, title, text, pictures in cards:
         shown = []
@@ -141,7 +160,10 @@ def _cards(cards: Sequence[tuple[str, str, str, Mapping[str, Path]]], files: dic
             place = picture.relative_to(HERE).as_posix()
             files[place] = picture
             shown.append(f'<img src="{place}{only}" alt="" loading="lazy">')
-        parts.append(f'<a class="card" href="{target}">{"".join(shown)}<b>{title}</b>{f" <span>{text}</span>" if text else ""}</a>')
+        parts.append(
+            '<a class="card"'
+            f' href="{target}">{"".join(shown)}<b>{title}</b>{f" <span>{text}</span>" if text else ""}</a>'
+        )
     return "\n".join(['<div class="cards">', *parts, "</div>"])
 
 
@@ -153,7 +175,14 @@ def report_page(results: Path, files: dict[str, Path]) -> str:
         files[f"reports/{name}.html"] = report
         title = re.search(r"<title>(.*?)</title>", report.read_text(encoding="utf-8"), re.DOTALL)
         picture = PICTURES["report_picture"](name)
-        cards.append((f"reports/{name}.html", title[1].strip() if title else name, "", {"": picture} if picture.is_file() else {}))
+        cards.append(
+            (
+                f"reports/{name}.html",
+                title[1].strip() if title else name,
+                "",
+                {"": picture} if picture.is_file() else {},
+            )
+        )
     none = "This site was built without any: `make studies` makes them, `make docs` then brings them here."
     return (
         "# Reports\n\nEvery study writes one: figures, tables, claims with their verdicts, parameters.\n\n"
@@ -167,11 +196,18 @@ def live_cards(live: Path, files: dict[str, Path]) -> str:
     cards = []
     for page in sorted(live.glob("*.html")):
         files[f"live/{page.name}"] = page
-        title, about = (re.search(p, page.read_text(encoding="utf-8"), re.DOTALL) for p in (r"<title>(.*?)</title>", r'name="description" content="(.*?)"'))
+        title, about = (
+            re.search(p, page.read_text(encoding="utf-8"), re.DOTALL)
+            for p in (r"<title>(.*?)</title>", r'name="description" content="(.*?)"')
+        )
         assert title, page
         assert about, page
-        pictures = {f"#only-{scheme}": PICTURES["live_picture"](page.stem, 1400, scheme) for scheme in PICTURES["SCHEMES"]}
-        cards.append((f"live/{page.name}", title[1], about[1], pictures if all(p.is_file() for p in pictures.values()) else {}))
+        pictures = {
+            f"#only-{scheme}": PICTURES["live_picture"](page.stem, 1400, scheme) for scheme in PICTURES["SCHEMES"]
+        }
+        cards.append(
+            (f"live/{page.name}", title[1], about[1], pictures if all(p.is_file() for p in pictures.values()) else {})
+        )
     return _cards(cards, files) if cards else ""
 
 
@@ -210,7 +246,10 @@ def executed(name: str, text: str) -> tuple[str, str]:
         else:
             parts += [f"```python\n{cell.source}\n```\n", *_outputs(cell.outputs)]
     heading, _, rest = "\n".join(parts).partition("\n")
-    note = f'\n<a href="{name}.ipynb" download>This page as a notebook</a>; what stands below its code is what it printed when the site was built.\n'
+    note = (
+        f'\n<a href="{name}.ipynb" download>This page as a notebook</a>; what stands below its code is what it printed'
+        " when the site was built.\n"
+    )
     return nbformat.writes(book), f"{heading}\n{note}\n{rest}"
 
 
@@ -298,7 +337,9 @@ if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--fmus", type=Path, default=ROOT / "fmus", help="folder with fmi3/")
     parser.add_argument("--results", type=Path, default=ROOT / "results", help="folder with the reports of studies")
-    parser.add_argument("--live", type=Path, default=ROOT / "build" / "live", help="folder with pages in which systems run")
+    parser.add_argument(
+        "--live", type=Path, default=ROOT / "build" / "live", help="folder with pages in which systems run"
+    )
     arguments = parser.parse_args()
     if find_spec("mkdocs") is None or find_spec("nbclient") is None:
         sys.exit("the documentation site needs more packages: pip install -e '.[docs]', or `make docs`")

@@ -22,14 +22,23 @@ if TYPE_CHECKING:
 
 
 PAPERS = {
-    "000": "R. Brown, M. Murugan, M. Mazza: Analytical Evaluation of Generalized Predictive Control Algorithms Using a Full "
-    "Vehicle Multi-Body Dynamics Model For Mobility Enhancement",
-    "001": "M. D. Donahue, J. K. Hedrick: Implementation of an Active Suspension, Preview Controller for Improved Ride Comfort",
-    "003": "A. Kale: Mobility Improvement of Wheeled Military Vehicles Using Preview Controlled Active Ride Height System, "
-    "M.Sc. thesis, Hacettepe University, 2020",
+    "000": (
+        "R. Brown, M. Murugan, M. Mazza: Analytical Evaluation of Generalized Predictive Control Algorithms Using a"
+        " Full Vehicle Multi-Body Dynamics Model For Mobility Enhancement"
+    ),
+    "001": (
+        "M. D. Donahue, J. K. Hedrick: Implementation of an Active Suspension, Preview Controller for Improved Ride"
+        " Comfort"
+    ),
+    "003": (
+        "A. Kale: Mobility Improvement of Wheeled Military Vehicles Using Preview Controlled Active Ride Height System,"
+        " M.Sc. thesis, Hacettepe University, 2020"
+    ),
     "002": "R. R. Das, E. Vinodh Kumar: Active Suspension with Model Predictive Control",
-    "004": "J. Marzbanrad, Y. Hojjat, H. Zohoor, S. K. Nikravesh: Optimal Preview Control Design of an Active Suspension Based "
-    "on a Full Car Model",
+    "004": (
+        "J. Marzbanrad, Y. Hojjat, H. Zohoor, S. K. Nikravesh: Optimal Preview Control Design of an Active Suspension"
+        " Based on a Full Car Model"
+    ),
 }
 """What the short names in sources stand for."""
 
@@ -117,8 +126,13 @@ def catalog_suffix(path: Path) -> str:
     if not words:
         raise ValueError(f"{path}: FMUs are named after this file, so its name needs letters or digits; rename it")
     bad = NO_XML.search(path.name)
-    if bad and not "\udc80" <= bad[0] <= "\udcff":  # bytes that the locale could not decode: refused with the remedy later
-        raise ValueError(f"{path}: the file name becomes part of the FMU, and XML cannot contain its character {bad[0]!a}; rename the file")
+    if (
+        bad and not "\udc80" <= bad[0] <= "\udcff"
+    ):  # bytes that the locale could not decode: refused with the remedy later
+        raise ValueError(
+            f"{path}: the file name becomes part of the FMU, and XML cannot contain its character {bad[0]!a}; rename"
+            " the file"
+        )
     return "".join(w[0].upper() + w[1:] for w in words)
 
 
@@ -128,7 +142,9 @@ def weights_name(weights: Path, vehicle: Path | None = None) -> str:
 
 
 def road_name(road: Path, vehicle: Path | str | None = None) -> str:
-    """Name of the road of a user's file; with a vehicle that of the vehicle's file too, since wheels and preview are the vehicle's."""
+    """Name of the road of a user's file; with a vehicle that of the vehicle's file too, since wheels and preview are
+    the vehicle's.
+    """
     return f"Road{catalog_suffix(road)}{'' if vehicle is None else catalog_suffix(Path(vehicle))}"
 
 
@@ -159,13 +175,17 @@ def _names(kind: str, suffix: str) -> dict[str, str]:
 def _own_words(path: Path, kind: str, suffix: str, text: str) -> str:
     """A text about a published vehicle and its FMUs as one about the vehicle of a user's file."""
     for published, own in sorted(_names(kind, suffix).items(), key=lambda n: -len(n[0])):
-        if re.search(r"(Hmmwv|Sedan|Bench|ThreeAxle|HmmwvPublic)", published):  # others, such as Skyhook, are words as well
+        if re.search(
+            r"(Hmmwv|Sedan|Bench|ThreeAxle|HmmwvPublic)", published
+        ):  # others, such as Skyhook, are words as well
             text = re.sub(rf"\b{published}\b", own, text)
     if kind == "sensors":
         text = text.replace("fmu_sources/vehicles/sensors_hmmwv.toml", path.name)
         return re.sub("(?<=ensors of )the HMMWV", lambda _: path.name, text)  # the car is still the HMMWV
     text = text.replace(", as that of the HMMWV does", "").replace("Three-axle 6x6", "Three-axle vehicle")
-    text = re.sub(r"\bthe (HMMWV|6x6|sedan)\b( of paper 003)?|^6x6 of paper 003", lambda _: f"the vehicle of {path.name}", text)
+    text = re.sub(
+        r"\bthe (HMMWV|6x6|sedan)\b( of paper 003)?|^6x6 of paper 003", lambda _: f"the vehicle of {path.name}", text
+    )
     return text.replace("ride car of paper 004", "ride car")
 
 
@@ -264,7 +284,8 @@ def own_entry(path: Path, maker: str = "make") -> Entry:
         if not callable(function):
             known = [n for n, v in vars(module).items() if callable(v) and getattr(v, "__module__", "") == path.stem]
             raise ValueError(
-                f"{path} has no function {maker!r}; name one with FILE.py:FUNCTION (it has {', '.join(known) or 'none'})"
+                f"{path} has no function {maker!r}; name one with FILE.py:FUNCTION (it has"
+                f" {', '.join(known) or 'none'})"
             )
         component = function()
         if not isinstance(component, Component):
@@ -292,21 +313,34 @@ _PREVIEW_LQ = "PreviewLq"  # begins the names of these laws
 _SENSOR_FILE = "sensors_hmmwv"
 _HMMWV_FILE = "ride_car_hmmwv"
 GPC_PREVIEW, MPC_PREVIEW, LQ_PREVIEW, CROSSING_PREVIEW = (8, 0.010), (16, 0.030), (48, 0.005), (50, 0.005)
-WHEEL_RADIUS = {"hmmwv": 0.47, "sedan": 0.31, "6x6": 0.62, "full-car": 0.45}  # m: 37 x 12.5 tires, assumed, files of obstacle runs, vehicle file
+WHEEL_RADIUS = {
+    "hmmwv": 0.47,
+    "sedan": 0.31,
+    "6x6": 0.62,
+    "full-car": 0.45,
+}  # m: 37 x 12.5 tires, assumed, files of obstacle runs, vehicle file
 _PREVIEWS: dict[str, Preview] = {  # by kind of vehicle: what its controllers read
-    "full_car": GPC_PREVIEW, "ride_car": MPC_PREVIEW, "three_axle": CROSSING_PREVIEW, "three_axle_trench": CROSSING_PREVIEW,
+    "full_car": GPC_PREVIEW,
+    "ride_car": MPC_PREVIEW,
+    "three_axle": CROSSING_PREVIEW,
+    "three_axle_trench": CROSSING_PREVIEW,
     "wishbone_car": GPC_PREVIEW,
-}  # fmt: skip
+}
 
 
 def _family(
-    parts: Mapping[str, tuple[str, Make]], vehicle: Source, called: str, *, words: Callable[[str], str] | None = None, about: str = ""
+    parts: Mapping[str, tuple[str, Make]],
+    vehicle: Source,
+    called: str,
+    *,
+    words: Callable[[str], str] | None = None,
+    about: str = "",
 ) -> list[Entry]:
     """Entries of the FMUs made of one vehicle file.
 
     Args:
-        parts: template of the name -> summary, maker. ``{v}`` in a template is where what the vehicle is called belongs in
-            the published names, ``{s}`` where only the names of FMUs of a user's vehicle have it.
+        parts: template of the name -> summary, maker. ``{v}`` in a template is where what the vehicle is called belongs
+            in the published names, ``{s}`` where only the names of FMUs of a user's vehicle have it.
         called: what the vehicle is called.
         words: of a user's vehicle, which makes texts about published vehicles texts about this one.
         about: end of all summaries.
@@ -423,11 +457,15 @@ def _preview_lq(
     from fmu_sources.controllers.lq.preview_weights import load_weights
 
     car = _car(vehicle, f"RideCar{called}")
-    return _call("controllers.lq.preview", "preview_lq", car, load_weights(weights), name=name, period=period, tunable=tunable)
+    return _call(
+        "controllers.lq.preview", "preview_lq", car, load_weights(weights), name=name, period=period, tunable=tunable
+    )
 
 
 def _lq(weights: str, period: float = 1e-3, *, tunable: bool = False) -> Make:
-    return lambda vehicle, name, called: _preview_lq(vehicle, name, called, weights=weights, period=period, tunable=tunable)
+    return lambda vehicle, name, called: _preview_lq(
+        vehicle, name, called, weights=weights, period=period, tunable=tunable
+    )
 
 
 def _with_sensors(make: Make) -> Make:
@@ -501,11 +539,14 @@ _SENSORS: dict[str, tuple[str, Make]] = {
     "SensorSuite{s}": ("sensors of the HMMWV (paper 001, Tables 1.5 and 1.6)", _sensor_suite),
 }
 _AROUND_SENSORS: dict[str, tuple[str, Make]] = {  # what else a user's sensors change
-    "Kalman{v}": ("Kalman filter of the HMMWV's 15 relative states with these sensors", _with_sensors(_kalman("kalman_hmmwv"))),
+    "Kalman{v}": (
+        "Kalman filter of the HMMWV's 15 relative states with these sensors",
+        _with_sensors(_kalman("kalman_hmmwv")),
+    ),
     "PreviewSensor{s}": ("road ahead from these range sensors, equation (1.18)", _with_sensors(_preview_sensor)),
     "RoadBumps{s}": ("test track of speed bumps as these sensors see it", _seen_road("road_bumps")),
     "RoadOffroad{v}": ("off-road terrain as these sensors see it", _seen_road("road_offroad")),
-}  # fmt: skip
+}
 _HMMWV: dict[str, tuple[str, Make]] = {
     "RideCar{v}": ("linear 7-DOF ride car, HMMWV (paper 001)", _car),
     "Lqr{v}": ("LQR of paper 001, force weighted in N, as published", _lqr_hmmwv("TABLE_1_1")),
@@ -513,13 +554,22 @@ _HMMWV: dict[str, tuple[str, Make]] = {
     "Skyhook{s}": ("skyhook damping (paper 001)", _on_car("controllers.skyhook", "skyhook")),
     "Mpc{v}": ("MPC of the HMMWV with or without preview (paper 001)", _on_car("controllers.mpc.hmmwv", "mpc_hmmwv")),
     "Kalman{v}": ("Kalman filter of 15 relative states (paper 001)", _kalman("kalman_hmmwv")),
-    "Kalman{v}Printed": ("Kalman filter of 14 absolute states, as printed (paper 001)", _kalman("kalman_hmmwv_printed")),
+    "Kalman{v}Printed": (
+        "Kalman filter of 14 absolute states, as printed (paper 001)",
+        _kalman("kalman_hmmwv_printed"),
+    ),
     "PreviewSensor{s}": ("road ahead from range sensors, equation (1.18) (paper 001)", _preview_sensor),
     "PreviewBuffer{s}": ("road ahead by distance, read under each wheel (paper 001)", _preview_buffer),
     "RoadBumps{s}": ("test track of speed bumps (paper 001)", _road("road_bumps", MPC_PREVIEW, _SENSOR_FILE)),
-    "RoadOffroad{v}": ("off-road terrain under the HMMWV (paper 001)", _road("road_offroad", MPC_PREVIEW, _SENSOR_FILE)),
-    "RoadProvingGround{v}": ("synthetic RMS courses and a half-round under the HMMWV", _proving_ground(MPC_PREVIEW, WHEEL_RADIUS["hmmwv"])),
-}  # fmt: skip
+    "RoadOffroad{v}": (
+        "off-road terrain under the HMMWV (paper 001)",
+        _road("road_offroad", MPC_PREVIEW, _SENSOR_FILE),
+    ),
+    "RoadProvingGround{v}": (
+        "synthetic RMS courses and a half-round under the HMMWV",
+        _proving_ground(MPC_PREVIEW, WHEEL_RADIUS["hmmwv"]),
+    ),
+}
 _SEDAN: dict[str, tuple[str, Make]] = {
     "RideCar{v}": ("linear 7-DOF ride car of paper 004", _car),
     "PreviewLqComfort{s}": ("preview LQ law of paper 004, ride comfort", _lq("comfort")),
@@ -528,7 +578,10 @@ _SEDAN: dict[str, tuple[str, Make]] = {
     "PreviewLqTunable{s}": ("preview LQ law of paper 004, its weights parameters", _lq("comfort", tunable=True)),
     "RoadHoleBump{s}": ("hole, flat and bump of paper 004", _road("road_hole_bump", LQ_PREVIEW)),
     "RoadIso8608{s}": ("random road, ISO 8608 class A to H", _road("road_iso8608", LQ_PREVIEW)),
-    "RoadProvingGround5ms{s}": ("synthetic RMS courses and a half-round under the sedan", _proving_ground(LQ_PREVIEW, WHEEL_RADIUS["sedan"])),
+    "RoadProvingGround5ms{s}": (
+        "synthetic RMS courses and a half-round under the sedan",
+        _proving_ground(LQ_PREVIEW, WHEEL_RADIUS["sedan"]),
+    ),
 }
 _QUARTER_CAR: dict[str, tuple[str, Make]] = {"QuarterCar{v}": ("quarter car of the HMMWV (paper 001)", _quarter_car)}
 _BENCH: dict[str, tuple[str, Make]] = {
@@ -546,8 +599,12 @@ _PLAIN = {  # name -> module, maker, summary
     "RideComfort": ("sensing", "ride_comfort", "absorbed power and ISO 2631-1 (paper 001)"),
     "SpeedCommand": ("roads", "speed_command", "speed that follows a command, with travelled distance"),
     "SpeedProfile": ("roads", "speed_profile", "constant speed or ramp, with travelled distance"),
-    "PitchReference": ("controllers.trench.pitch_reference", "pitch_reference", "pitch that ramps up, holds and ramps down (paper 003)"),
-}  # fmt: skip
+    "PitchReference": (
+        "controllers.trench.pitch_reference",
+        "pitch_reference",
+        "pitch that ramps up, holds and ramps down (paper 003)",
+    ),
+}
 _THREE_AXLE: dict[str, tuple[str, Make]] = {
     "ThreeAxleRide{s}": ("linear 9-DOF ride model of the 6x6 of paper 003", _three_axle),
     "LqrThreeAxle{s}": (
@@ -558,25 +615,34 @@ _THREE_AXLE: dict[str, tuple[str, Make]] = {
         "MPC with preview of road and pitch for the 6x6 (paper 003)",
         _on_three_axle("controllers.mpc.three_axle", "mpc_three_axle"),
     ),
-    "RoadShallowTrench{s}": ("shallow trench under the 6x6 of paper 003", _road("road_shallow_trench", CROSSING_PREVIEW)),
+    "RoadShallowTrench{s}": (
+        "shallow trench under the 6x6 of paper 003",
+        _road("road_shallow_trench", CROSSING_PREVIEW),
+    ),
     "RoadProvingGroundThreeAxle{s}": (
         "synthetic RMS courses and a half-round under the 6x6",
         _proving_ground(CROSSING_PREVIEW, WHEEL_RADIUS["6x6"]),
     ),
-}  # fmt: skip
+}
 _TRENCH: dict[str, tuple[str, Make]] = {
     "ThreeAxleTrench{s}": ("6x6 of paper 003 over trenches and obstacles, with contact", _trench_plant),
     "TrenchCrossing{s}": ("cases, pitch reference and effective road for trenches (paper 003)", _trench_crossing),
 }
 _ACTUATOR: dict[str, tuple[str, Make]] = {
     "HydraulicActuator{v}": ("electro-hydraulic actuator (paper 001)", _of_actuator("plants", "hydraulic_actuator")),
-    "ForceTracking{v}": ("hydraulic force tracking (paper 001)", _of_actuator("controllers.force_tracking", "force_tracking")),
-}  # fmt: skip
+    "ForceTracking{v}": (
+        "hydraulic force tracking (paper 001)",
+        _of_actuator("controllers.force_tracking", "force_tracking"),
+    ),
+}
 _WISHBONE: dict[str, tuple[str, Make]] = {
     "FullCar{v}": ("full car on double wishbones by their hardpoints, tables, enveloping tires", _wishbone_car),
     "RideCar{v}": ("linear 7-DOF ride car of that car near rest, by its own derivatives", _linear_car),
     "RoadHalfRound{v}": ("half-round under tires that envelop it", _half_round),
-    "RoadProvingGround{v}": ("synthetic RMS courses and a half-round under tires that envelop them", _proving_ground(GPC_PREVIEW, 0.0)),
+    "RoadProvingGround{v}": (
+        "synthetic RMS courses and a half-round under tires that envelop them",
+        _proving_ground(GPC_PREVIEW, 0.0),
+    ),
 }
 _KINDS: dict[str, tuple[tuple[dict[str, tuple[str, Make]], tuple[str, ...]], ...]] = {
     "quarter_car": ((_QUARTER_CAR, ("Hmmwv", "Bench")), (_BENCH_LAWS, ("Bench",))),

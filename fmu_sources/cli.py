@@ -99,7 +99,9 @@ def _build_entry(user: UserFiles, name: str, options: Options, versions: tuple[i
         component.choose_backend(options.qp)
     cache = ObjectCache(options.cache / "objects")
     for fmi in versions:
-        data = build_fmu(component, fmi, resolve_platforms(options.platform), cache, arrays=options.arrays, clocks=options.clocks)
+        data = build_fmu(
+            component, fmi, resolve_platforms(options.platform), cache, arrays=options.arrays, clocks=options.clocks
+        )
         safe_files.write(options.target(name, fmi), data)
 
 
@@ -131,7 +133,7 @@ def build(
     task = functools.partial(build_entry, user)
     return builder.build(
         catalog, names or list(catalog), options, sources=sources, task=task, report=report, force=force
-    )  # fmt: skip
+    )
 
 
 @app.command(cls=Command)
@@ -167,7 +169,8 @@ def command(
     out: Annotated[Path, typer.Option(help="directory that receives fmi2/ and fmi3/")] = Path("fmus"),
     fmi3_arrays: Annotated[bool, typer.Option(help="declare vectors and matrices as FMI 3.0 arrays")] = False,
     clocks: Annotated[
-        bool, typer.Option("--clocks", help="give sampled FMUs of FMI 3.0 a clock and event mode, for tools that use them")
+        bool,
+        typer.Option("--clocks", help="give sampled FMUs of FMI 3.0 a clock and event mode, for tools that use them"),
     ] = False,
     qp: Annotated[
         str | None,
@@ -187,9 +190,15 @@ def command(
         raise ValueError(f"--qp {qp}: choose {_or(SOLVERS)}")
     file, _, maker = (from_ or "").partition(":")
     user = UserFiles(
-        _vehicle(vehicle, road), road, _preview(preview, road), weights, Path(file) if file else None, maker or "make", name,
+        _vehicle(vehicle, road),
+        road,
+        _preview(preview, road),
+        weights,
+        Path(file) if file else None,
+        maker or "make",
+        name,
         period,
-    )  # fmt: skip
+    )
     for path in user.paths:
         if not path.is_file():
             raise FileNotFoundError(f"{path}: {'this is a folder' if path.is_dir() else 'no such file'}")
@@ -230,7 +239,8 @@ def _vehicle(given: str | None, road: Path | None) -> Path | str | None:
         raise FileNotFoundError(f"{given}: no such file, nor a vehicle of this project ({', '.join(vehicle_names())})")
     if road is None:
         raise ValueError(
-            f"--vehicle {given} is a vehicle of this project: `build-fmus` makes its FMUs. Give a file of your own, or --road"
+            f"--vehicle {given} is a vehicle of this project: `build-fmus` makes its FMUs. Give a file of your own, or"
+            " --road"
         )
     return given
 

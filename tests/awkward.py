@@ -1,4 +1,5 @@
-"""FMUs that behave as no conformant one does, made here: `awkward.c` compiled, and archives with a description by hand."""
+"""FMUs that behave as no conformant one does, made here: `awkward.c` compiled, and archives with a
+description by hand."""
 
 from __future__ import annotations
 
@@ -23,11 +24,19 @@ _FMI3 = {"Real": "Float64", "Integer": "Int32"}
 
 
 def description(
-    version: int, variables: str | None = None, *, name: str = "Awkward", identifier: str = "Awkward", simulation: str = "",
-    experiment: str = 'stepSize="0.1"', more: str = "", structure: str | None = None,
-) -> bytes:  # fmt: skip
-    """A modelDescription.xml; `variables` are elements below ModelVariables, else those of `awkward.c`, whose outputs are then in
-    the model structure."""
+    version: int,
+    variables: str | None = None,
+    *,
+    name: str = "Awkward",
+    identifier: str = "Awkward",
+    simulation: str = "",
+    experiment: str = 'stepSize="0.1"',
+    more: str = "",
+    structure: str | None = None,
+) -> bytes:
+    """A modelDescription.xml; `variables` are elements below ModelVariables, else those of `awkward.c`, whose outputs
+    are then in the model structure.
+    """
     if structure is None:
         structure = _outputs(version) if variables is None else ""
     if variables is None:

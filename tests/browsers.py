@@ -16,7 +16,9 @@ PLACE = Path(__file__).parents[1] / "build" / "pages"
 
 
 def looked_at(script: Path, *arguments: str | Path) -> Any:
-    """What a script for Node.js prints as JSON (see `script_output`). Skips the test where something is not installed, and says what."""
+    """What a script for Node.js prints as JSON (see `script_output`). Skips the test where something is not installed,
+    and says what.
+    """
     try:
         return script_output(script, *arguments)
     except FileNotFoundError as missing:
@@ -24,7 +26,8 @@ def looked_at(script: Path, *arguments: str | Path) -> Any:
 
 
 def script_output(script: Path, *arguments: str | Path) -> Any:
-    """What a script for Node.js prints as JSON; it gets the folder of the packages before its arguments, and the browser as CHROMIUM.
+    """What a script for Node.js prints as JSON; it gets the folder of the packages before its arguments, and the
+    browser as CHROMIUM.
 
     Raises:
         FileNotFoundError: something is not installed; it says what.
@@ -32,13 +35,17 @@ def script_output(script: Path, *arguments: str | Path) -> Any:
     browser = os.environ.get("CHROMIUM") or shutil.which("chromium") or shutil.which("google-chrome")
     missing = [name for name in ("node", "npm") if shutil.which(name) is None] + ([] if browser else ["chromium"])
     if missing:
-        raise FileNotFoundError(f"{', '.join(missing)} not found; pages are looked at in a browser by axe-core, a package of npm")
+        raise FileNotFoundError(
+            f"{', '.join(missing)} not found; pages are looked at in a browser by axe-core, a package of npm"
+        )
     if not all(_installed(m) for m in MODULES):
         PLACE.mkdir(parents=True, exist_ok=True)
         options = ("--no-save", "--no-package-lock", "--ignore-scripts", "--prefix")
         subprocess.run(["npm", "install", *options, PLACE, *MODULES], check=True)
     command = ["node", script, PLACE, *arguments]
-    done = subprocess.run(command, check=False, capture_output=True, text=True, env=os.environ | {"CHROMIUM": str(browser)})
+    done = subprocess.run(
+        command, check=False, capture_output=True, text=True, env=os.environ | {"CHROMIUM": str(browser)}
+    )
     assert done.returncode == 0, done.stderr
     return json.loads(done.stdout)
 

@@ -77,9 +77,7 @@ def build_all() -> BuiltFmus:
         sources = builder.source_hash(Path(build_fmus.__file__).parent)
         for folder, versions, arrays in (("scalars", (2, 3), False), ("arrays", (3,), True)):
             options = Options(share_objects(PROBES / folder), versions, arrays=arrays)
-            builder.build(
-                components.CATALOG, PROBE_NAMES, options, sources=sources, task=components.build_entry
-            )  # fmt: skip
+            builder.build(components.CATALOG, PROBE_NAMES, options, sources=sources, task=components.build_entry)
         if CATALOG_NAMES:
             cli.build(CATALOG_NAMES, Options(FMUS))
     return BuiltFmus()

@@ -26,9 +26,13 @@ def oscillator(name: str = "ProbeRk4", solver: Solver = "rk4", fastest: float = 
     ``fastest`` [s] is the first lag: short of the solver step the component is stiff.
     """
     c = Component(
-        name, kind="continuous", description="Nonlinear oscillator of the tests", source="none", solver=solver,
+        name,
+        kind="continuous",
+        description="Nonlinear oscillator of the tests",
+        source="none",
+        solver=solver,
         stop_time=1.0,
-    )  # fmt: skip
+    )
     mass = c.parameter("mass", 2.0, "kg", "mass", min=0.1, max=1e3, source="none")
     stiffness = c.parameter("stiffness", 150.0, "N/m", "linear stiffness", min=1.0, source="none")
     cubic = c.parameter("cubic", 40.0, "N/m3", "cubic stiffness", min=0.0, source="none")
@@ -125,9 +129,13 @@ def filter_bank(name: str = "ProbeDiscrete") -> Component:
 def optimizer(name: str = "ProbeQpDaqp", backend: Backend = Daqp()) -> Component:  # noqa: B008 (frozen)
     """A sampled law with a quadratic program: two cases, an equation, a row that makes it infeasible for a while."""
     c = Component(
-        name, kind="discrete", sample_time=0.01, description="Quadratic program of the tests", source="none",
+        name,
+        kind="discrete",
+        sample_time=0.01,
+        description="Quadratic program of the tests",
+        source="none",
         stop_time=1.0,
-    )  # fmt: skip
+    )
     limit = c.parameter("limit", 1.5, "N", "limit of each command", min=0.1, tunable=True, source="none")
     requested = c.input("requested", "N", "requested commands", shape=(3,), min=-1e3, max=1e3)
     total = c.input("total", "N", "what the first two commands add up to", min=-1e3, max=1e3)

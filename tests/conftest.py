@@ -16,7 +16,9 @@ limited = all(
 )  # in a process that loaded numpy after that, as of `make mutants`
 assert limited or "numpy" not in sys.modules, "a plugin of pytest loads numpy before its threads are limited"
 one_thread()  # as the commands; before numpy is loaded below
-if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # as in the background of a shell; the programs that tests interrupt inherit it
+if (
+    signal.getsignal(signal.SIGINT) is signal.SIG_IGN
+):  # as in the background of a shell; the programs that tests interrupt inherit it
     signal.signal(signal.SIGINT, signal.default_int_handler)
 
 from hypothesis import settings  # noqa: E402
@@ -53,11 +55,24 @@ def awkward_fmus(tmp_path_factory: pytest.TempPathFactory) -> dict[int, Path]:
 
 
 FIRST = (
-    "cli/test_own_vehicles", "builder/test_platforms", "kernels/test_kernels", "conformance/test_sanitizers", "install/test_installed", "study/test_driver", "docs/test_pages",
-    "plants/test_hydraulic_actuator", "conformance/test_compilers", "control/mpc/test_mpc_limits",
-    "experiments/test_trench_claims", "experiments/test_preview_lq_claims", "experiments/test_hmmwv_claims",
-    "cli/test_build_fmus", "cli/test_own_experiments", "cli/test_cosim", "cli/test_interrupt",
-)  # fmt: skip
+    "cli/test_own_vehicles",
+    "builder/test_platforms",
+    "kernels/test_kernels",
+    "conformance/test_sanitizers",
+    "install/test_installed",
+    "study/test_driver",
+    "docs/test_pages",
+    "plants/test_hydraulic_actuator",
+    "conformance/test_compilers",
+    "control/mpc/test_mpc_limits",
+    "experiments/test_trench_claims",
+    "experiments/test_preview_lq_claims",
+    "experiments/test_hmmwv_claims",
+    "cli/test_build_fmus",
+    "cli/test_own_experiments",
+    "cli/test_cosim",
+    "cli/test_interrupt",
+)
 """Files whose tests take longest, begun first, so that at the end no worker is left alone with one of them."""
 
 

@@ -25,10 +25,16 @@ def another_process() -> Iterator[ProcessPoolExecutor]:
 
 
 def continued(
-    build: Build, arguments: Sequence[Any], state: SystemState, until: Sequence[Any], stop: Sequence[StopWhen] = (),
+    build: Build,
+    arguments: Sequence[Any],
+    state: SystemState,
+    until: Sequence[Any],
+    stop: Sequence[StopWhen] = (),
     **options: Any,
-) -> Recording:  # fmt: skip
-    """The recording from a state on, of a system that is built here. The simulation is advanced to each of `until` in turn."""
+) -> Recording:
+    """The recording from a state on, of a system that is built here. The simulation is advanced to each of `until` in
+    turn.
+    """
     with build(*arguments) as system, system.initialize(state=state, allow_unconnected=True, **options) as simulation:
         assert simulation.time == state.time
         for time in until:
@@ -47,7 +53,9 @@ def assert_tail(fork: Recording, whole: Recording, since: float) -> None:
 
 
 class Player(PythonComponent):
-    """Drives all inputs of an FMU, within their ranges, by something that never repeats; with state of every plain kind."""
+    """Drives all inputs of an FMU, within their ranges, by something that never repeats; with state of every plain
+    kind.
+    """
 
     kind = "discrete"
 

@@ -1,4 +1,6 @@
-"""Random systems of small FMUs: which rates, offsets, types, units, delays, groups, stops and cuts, all drawn by hypothesis."""
+"""Random systems of small FMUs: which rates, offsets, types, units, delays, groups, stops and cuts, all drawn by
+hypothesis.
+"""
 
 from __future__ import annotations
 
@@ -110,7 +112,8 @@ def draw_wire(
     both = not (made[source].discrete or made[target].discrete)
     real = name in ("u",) or name.startswith("w[")
     loops = source >= target and (
-        (made[source].discrete and made[target].discrete) or (both and not real)  # what is not real feeds through in a follower
+        (made[source].discrete and made[target].discrete)
+        or (both and not real)  # what is not real feeds through in a follower
     )
     delay = loops or draw(st.booleans())
     return Wire(source, output, target, name, delay, extrapolate=both and real and not delay and draw(st.booleans()))

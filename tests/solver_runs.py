@@ -35,15 +35,22 @@ def in_c(c: Component, h: float, end: float, directory: Path, log: list[str] | N
 
 
 def run_fmu(
-    path: Path, names: list[str], h: float, end: float, log: list[str] | None = None,
+    path: Path,
+    names: list[str],
+    h: float,
+    end: float,
+    log: list[str] | None = None,
     start: dict[str, float] | None = None,
-) -> np.ndarray:  # fmt: skip
+) -> np.ndarray:
     """Values of ``names`` at ``end`` of a compiled FMI 3.0 FMU."""
     folder = extract(str(path), str(path.with_suffix("")))
     description = read_model_description(folder)
     fmu = FMU3Slave(
-        guid=description.guid, unzipDirectory=folder, modelIdentifier=path.stem, instanceName="run",
-    )  # fmt: skip
+        guid=description.guid,
+        unzipDirectory=folder,
+        modelIdentifier=path.stem,
+        instanceName="run",
+    )
     said = log if log is not None else []
     fmu.instantiate(
         logMessage=lambda _environment, _status, _category, message: said.append(message.decode()), loggingOn=True

@@ -2,8 +2,9 @@
 
     from suspension_fmus import System
 
-has all that ``cosim`` has. The packages ``cosim``, ``build_fmus`` and ``fmu_sources`` can be imported by these names too. Where
-other projects have packages called so, theirs are found, until ``import suspension_fmus`` makes ours the ones that are.
+has all that ``cosim`` has. The packages ``cosim``, ``build_fmus`` and ``fmu_sources`` can be imported by these names
+too. Where other projects have packages called so, theirs are found, until ``import suspension_fmus`` makes ours the
+ones that are.
 """
 
 import importlib
@@ -46,8 +47,8 @@ def _make_ours_first() -> None:
         return
     others = [f"{p} ({_found(p)})" for p in PACKAGES if _found(p) != _ROOT]
     text = (
-        f"a package of another project was imported before suspension_fmus and has a name of ours: {', '.join(others)}; "
-        "import suspension_fmus first, or keep the two projects in environments of their own"
+        f"a package of another project was imported before suspension_fmus and has a name of ours: {', '.join(others)};"
+        " import suspension_fmus first, or keep the two projects in environments of their own"
     )
     if (command := Path(*sys.argv[:1]).stem) in COMMANDS:
         sys.exit(f"{command}: {text}")

@@ -119,8 +119,9 @@ class Declaration:
         return sum(v.size for v in self.of(role))
 
     def vector(self, role: Role, values: Mapping[str, float] | None = None) -> np.ndarray:
-        """Start values of a role as one vector; hidden and calculated elements are 0. Elements that are in ``values``, by name,
-        have that value instead; KeyError for a name that no element has."""
+        """Start values of a role as one vector; hidden and calculated elements are 0. Elements that are in ``values``,
+        by name, have that value instead; KeyError for a name that no element has.
+        """
         out = np.zeros(self.size(role))
         for v in self.of(role):
             if v.start is not None:
@@ -146,7 +147,9 @@ class Declaration:
 
     @property
     def value_sources(self) -> dict[str, str]:
-        """Names of the intermediate values, in the order of ``functions["values"]``, with the sources of their equations."""
+        """Names of the intermediate values, in the order of ``functions["values"]``, with the sources of their
+        equations.
+        """
         return {name: source for name, (_, source) in self.values.items()}
 
 
@@ -162,5 +165,11 @@ def _derivative_variable(v: Variable) -> Variable:
     unit = units.unit(v.unit) if v.unit else None
     match = units.derivative(unit) if unit else None
     return Variable(
-        f"der({v.name})", "derivative", match, f"time derivative of {v.name}", v.shape, slot=v.slot, derivative_of=v.name
-    )  # fmt: skip
+        f"der({v.name})",
+        "derivative",
+        match,
+        f"time derivative of {v.name}",
+        v.shape,
+        slot=v.slot,
+        derivative_of=v.name,
+    )

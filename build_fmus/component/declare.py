@@ -61,13 +61,14 @@ class Component:
         description: one line for the model description.
         source: where the equations come from (paper and equation numbers).
         sample_time: period [s]; discrete components only.
-        solver, solver_step: fixed-step integrator and its largest step [s]; continuous components only. ``"rk4"``: classic
-            Runge-Kutta, for smooth dynamics slower than the step. ``"am2"``: Adams-Bashforth-2 predictor,
-            Adams-Moulton-2 corrector. ``"ros2"``: linearly implicit Rosenbrock method of order 2 with the exact Jacobian,
-            L-stable, for stiff components with few states (a dense n x n system is solved twice per step); give its
-            states ``nominal`` values. ``"semi_implicit"``: Stoermer-Verlet (leapfrog) with midpoint velocities, order 2, for
-            mechanical systems with contacts: positions (states whose derivative is another state) and velocities
-            advance in turn, so that undamped vibrations neither grow nor decay below ``step * omega = 2``.
+        solver, solver_step: fixed-step integrator and its largest step [s]; continuous components only. ``"rk4"``:
+            classic Runge-Kutta, for smooth dynamics slower than the step. ``"am2"``: Adams-Bashforth-2 predictor,
+            Adams-Moulton-2 corrector. ``"ros2"``: linearly implicit Rosenbrock method of order 2 with the exact
+            Jacobian, L-stable, for stiff components with few states (a dense n x n system is solved twice per step);
+            give its states ``nominal`` values. ``"semi_implicit"``: Stoermer-Verlet (leapfrog) with midpoint
+            velocities, order 2, for mechanical systems with contacts: positions (states whose derivative is another
+            state) and velocities advance in turn, so that undamped vibrations neither grow nor decay below ``step *
+            omega = 2``.
         exchange_step: communication step [s] proposed to tools (default experiment).
         symbols: ``ca.SX`` (default, no overhead) or ``ca.MX`` where lookup tables are needed.
         notes: paragraphs for the documentation page (assumptions, what is left out and why, wiring).
@@ -120,9 +121,14 @@ class Component:
         self.operating_points: dict[str, dict[str, float]] = {"start": {}}
         if kind == "continuous":  # the runtime finds it in the first slot
             self.parameter(
-                "solver.step", solver_step, "s", f"largest step of the fixed-step solver ({solver})", min=1e-6,
-                max=1e-2, source="build option",
-            )  # fmt: skip
+                "solver.step",
+                solver_step,
+                "s",
+                f"largest step of the fixed-step solver ({solver})",
+                min=1e-6,
+                max=1e-2,
+                source="build option",
+            )
 
     @classmethod
     def from_statespace(
@@ -139,18 +145,21 @@ class Component:
     ) -> Component:
         """A linear law, filter or plant as a component.
 
-        ``system`` is a ``control.StateSpace`` or a tuple of matrices (A, B, C, D). With a sample time ``x[k+1] = A x[k] + B u[k]``,
-        ``y[k] = C x[k] + D u[k]`` at every sample, without one ``dx/dt = A x + B u`` in continuous time; states start at 0. Its matrices
-        become tunable parameters of the names A, B, C, D, those that are there; elements of D that are 0 stay 0.
+        ``system`` is a ``control.StateSpace`` or a tuple of matrices (A, B, C, D). With a sample time ``x[k+1] = A x[k]
+        + B u[k]``, ``y[k] = C x[k] + D u[k]`` at every sample, without one ``dx/dt = A x + B u`` in continuous time;
+        states start at 0. Its matrices become tunable parameters of the names A, B, C, D, those that are there;
+        elements of D that are 0 stay 0.
 
         Args:
             sample_time: period [s]; needed for sampled matrices, and of systems that do not tell their own.
-            inputs, outputs: FMU name -> unit (None: no unit), in the order of the columns of B and the rows of C. By default the names of the
-                system's signals, with the names and units of the FMU where it is a model that ``cosim`` has linearized.
+            inputs, outputs: FMU name -> unit (None: no unit), in the order of the columns of B and the rows of C. By
+                default the names of the system's signals, with the names and units of the FMU where it is a model that
+                ``cosim`` has linearized.
             options: as of :class:`Component`.
 
         Raises:
-            DeclarationError: shapes that do not fit, another sample time than the system's, a continuous system with a sample time.
+            DeclarationError: shapes that do not fit, another sample time than the system's, a continuous system with a
+                sample time.
         """
         model = statespace(name, system, sample_time, inputs, outputs)
         kind: Kind = "discrete" if model.sample_time else "continuous"
@@ -165,7 +174,8 @@ class Component:
     def _refuse_if_made(self, what: str) -> None:
         if self.__dict__.get("_model") is not None:
             raise DeclarationError(
-                f"{self.name}: {what} comes after the model was made, which model(), linearize() and builds do; declare it before"
+                f"{self.name}: {what} comes after the model was made, which model(), linearize() and builds do; declare"
+                " it before"
             )
 
     # ------------------------------------------------------------------ declaring
@@ -189,8 +199,9 @@ class Component:
     ) -> Any:
         """Declare a parameter; shape and type follow from ``start`` (float, int, bool or array). Returns its symbol.
 
-        ``rows``, ``columns``: units of an array whose elements differ (``unit`` None), for the check of dimensions. An element has the
-        unit of its row, divided by that of its column where it has one: a gain has outputs as rows and inputs as columns.
+        ``rows``, ``columns``: units of an array whose elements differ (``unit`` None), for the check of dimensions. An
+        element has the unit of its row, divided by that of its column where it has one: a gain has outputs as rows and
+        inputs as columns.
 
         ``source`` says where the value comes from (paper and table, "measured", "assumed"); it goes into the model
         description, and without one the parameter is refused.
@@ -200,9 +211,22 @@ class Component:
         array = np.asarray(start)
         kind = bool if array.dtype == bool else int if array.dtype.kind == "i" else float
         return self._add(
-            name, "parameter", unit, description, array.shape, start=array, type=_TYPES[kind], min=min, max=max,
-            nominal=nominal, display_unit=display_unit, tunable=tunable, source=source, rows=tuple(rows), columns=tuple(columns),
-        )  # fmt: skip
+            name,
+            "parameter",
+            unit,
+            description,
+            array.shape,
+            start=array,
+            type=_TYPES[kind],
+            min=min,
+            max=max,
+            nominal=nominal,
+            display_unit=display_unit,
+            tunable=tunable,
+            source=source,
+            rows=tuple(rows),
+            columns=tuple(columns),
+        )
 
     @_declares
     def constant(
@@ -218,20 +242,30 @@ class Component:
     ) -> Any:
         """Declare numbers with a unit that equations use and nobody sets, such as the acceleration of gravity.
 
-        ``value`` is a number, vector or matrix. It is no variable of the FMU: the C code has the numbers. Returns its symbol; a number with
-        a dimension that stands in an equation without a declaration does not pass the check of dimensions. ``source``, ``rows`` and
-        ``columns`` as of :meth:`parameter`.
+        ``value`` is a number, vector or matrix. It is no variable of the FMU: the C code has the numbers. Returns its
+        symbol; a number with a dimension that stands in an equation without a declaration does not pass the check of
+        dimensions. ``source``, ``rows`` and ``columns`` as of :meth:`parameter`.
         """
         if fault := source_fault(source):
             raise DeclarationError(f"{self.name}.{name}: source: {fault}")
         array = np.asarray(value, dtype=float)
         return self._add(
-            name, "constant", unit, description, array.shape, start=array, source=source, rows=tuple(rows), columns=tuple(columns)
-        )  # fmt: skip
+            name,
+            "constant",
+            unit,
+            description,
+            array.shape,
+            start=array,
+            source=source,
+            rows=tuple(rows),
+            columns=tuple(columns),
+        )
 
     @property
     def period(self) -> Any:
-        """Symbol of the sample time [s] of a discrete component, for equations: as a constant, so that it has its dimension."""
+        """Symbol of the sample time [s] of a discrete component, for equations: as a constant, so that it has its
+        dimension.
+        """
         if self.sample_time is None:
             raise DeclarationError(
                 f"{self.name}: period is for discrete components; a continuous one has no sample time"
@@ -267,9 +301,18 @@ class Component:
         """
         kind = _TYPES[type]
         symbol = self._add(
-            name, "input", unit, description, shape, start=np.broadcast_to(start, shape), type=kind, min=min, max=max,
-            nominal=nominal, display_unit=display_unit,
-        )  # fmt: skip
+            name,
+            "input",
+            unit,
+            description,
+            shape,
+            start=np.broadcast_to(start, shape),
+            type=kind,
+            min=min,
+            max=max,
+            nominal=nominal,
+            display_unit=display_unit,
+        )
         if kind != "Float64":
             return symbol
         # Not fmin and fmax: at a limit itself the derivative is that of the inside.
@@ -295,13 +338,20 @@ class Component:
         """Declare an input that takes a constant of its source, for comparison: no equation uses it.
 
         A controller built for preview heights 30 ms apart says so with it. It starts at 0, which means that nothing is
-        connected; the model description tells ``must_equal``, with which a master can refuse a wrong source by name, and
-        the FMU warns once when it gets another value than that and 0.
+        connected; the model description tells ``must_equal``, with which a master can refuse a wrong source by name,
+        and the FMU warns once when it gets another value than that and 0.
         """
         number(f"{self.name}.{name}: must_equal", must_equal, error=DeclarationError)
         self._add(
-            name, "input", unit, description, (), start=np.zeros(()), must_equal=float(must_equal), display_unit=display_unit
-        )  # fmt: skip
+            name,
+            "input",
+            unit,
+            description,
+            (),
+            start=np.zeros(()),
+            must_equal=float(must_equal),
+            display_unit=display_unit,
+        )
         self.stimulus[name] = lambda _: must_equal
 
     @_declares
@@ -332,17 +382,30 @@ class Component:
         if exposed is None:
             exposed = self.kind == "continuous"
         symbol = self._add(
-            name, "state", unit, description, shape,
-            start=None if calculated else np.broadcast_to(start, shape), min=min, max=max, nominal=nominal,
-            display_unit=display_unit, output=output, exposed=exposed, rows=tuple(rows), columns=tuple(columns),
-        )  # fmt: skip
+            name,
+            "state",
+            unit,
+            description,
+            shape,
+            start=None if calculated else np.broadcast_to(start, shape),
+            min=min,
+            max=max,
+            nominal=nominal,
+            display_unit=display_unit,
+            output=output,
+            exposed=exposed,
+            rows=tuple(rows),
+            columns=tuple(columns),
+        )
         if calculated:
             self._starts[name] = self._flat(self._variables[name], start, "start")
         return symbol
 
     @_declares
     def latch(self, name: str, expression: Any, unit: str | None, description: str = "") -> Any:
-        """Declare a discrete state that keeps what ``expression`` of parameters and inputs is at the start. Returns its symbol."""
+        """Declare a discrete state that keeps what ``expression`` of parameters and inputs is at the start. Returns its
+        symbol.
+        """
         if self.kind != "discrete":
             raise DeclarationError(
                 f"{self.name}: latch() is for discrete components; a continuous one has no first sample"
@@ -354,12 +417,16 @@ class Component:
 
     @_declares
     def derivative(self, state: Any, expression: Any, *, source: str = "") -> None:
-        """``d state/dt = expression`` (continuous components); ``source``: paper and number of the equation, for readers of the C."""
+        """``d state/dt = expression`` (continuous components); ``source``: paper and number of the equation, for
+        readers of the C.
+        """
         self._relate(state, expression, "continuous", "derivative", source)
 
     @_declares
     def update(self, state: Any, expression: Any, *, source: str = "") -> None:
-        """``state`` after the sample instant ``= expression`` (discrete components); ``source`` as of :meth:`derivative`."""
+        """``state`` after the sample instant ``= expression`` (discrete components); ``source`` as of
+        :meth:`derivative`.
+        """
         self._relate(state, expression, "discrete", "update", source)
 
     @_declares
@@ -368,8 +435,8 @@ class Component:
 
         ``source``: paper and number of its equation, or in a few words what it is.
 
-        No variable of the FMU, and no other result. The name is one that C could have (``strut_force``), different from all others
-        of this kind.
+        No variable of the FMU, and no other result. The name is one that C could have (``strut_force``), different from
+        all others of this kind.
         """
         if not re.fullmatch(r"[A-Za-z_]\w*", name, re.ASCII):
             raise DeclarationError(f"{self.name}.{name}: the name of a value has letters, digits and _ only")
@@ -403,9 +470,19 @@ class Component:
         """
         expression = self._symbols(expression)
         self._add(
-            name, "output", unit, description, _shape(expression), start=None, type=_TYPES[type], min=min, max=max, nominal=nominal,
-            display_unit=display_unit, output=True,
-        )  # fmt: skip
+            name,
+            "output",
+            unit,
+            description,
+            _shape(expression),
+            start=None,
+            type=_TYPES[type],
+            min=min,
+            max=max,
+            nominal=nominal,
+            display_unit=display_unit,
+            output=True,
+        )
         self._results[name] = expression
         self._explain(name, source)
 
@@ -433,18 +510,18 @@ class Component:
             name: prefix of the outputs.
             hessians: constant H (n, n), symmetric positive definite, one per case.
             constraints: constant A (m, n), one per case or a single one for all.
-            linear, lower, upper: q (n,), l (m,), u (m,) as expressions of time, states, inputs and parameters; a scalar is
-                repeated. Bounds of 1e30 and beyond do not bind.
+            linear, lower, upper: q (n,), l (m,), u (m,) as expressions of time, states, inputs and parameters; a scalar
+                is repeated. Bounds of 1e30 and beyond do not bind.
             case: expression for the case 0, 1, ... (rounded, clipped).
-            backend: :class:`~build_fmus.qp.Daqp` (default) or :class:`~build_fmus.qp.Osqp` with its settings; of several the
-                first is used, and the others tell the settings when another one is chosen at build time.
+            backend: :class:`~build_fmus.qp.Daqp` (default) or :class:`~build_fmus.qp.Osqp` with its settings; of
+                several the first is used, and the others tell the settings when another one is chosen at build time.
 
         Returns:
             Symbols of solution, multipliers, status, iterations and residual, for outputs and updates.
 
         Raises:
-            DeclarationError: wrong kind of component, shapes that do not match, a Hessian that is not positive definite,
-                data that depend on the solution of a program.
+            DeclarationError: wrong kind of component, shapes that do not match, a Hessian that is not positive
+                definite, data that depend on the solution of a program.
         """
         where = f"{self.name}.{name}"
         if self.kind != "discrete":
@@ -463,8 +540,8 @@ class Component:
         data = ca.densify(ca.vertcat(*columns, self._column(where, "case", 0 if case is None else case, 1)))
         if any(ca.depends_on(data, p.symbol) for p in self.programs):
             raise DeclarationError(
-                f"{where}: its data depend on the solution of a quadratic program; keep it in a state and use it at the "
-                "next sample"
+                f"{where}: its data depend on the solution of a quadratic program; keep it in a state and use it at the"
+                " next sample"
             )
         backends = (qp.Daqp(),) if backend is None else tuple(backend) if isinstance(backend, Sequence) else (backend,)
         if not backends:
@@ -473,17 +550,25 @@ class Component:
         self.programs.append(program)
         s = program.solution
         self.output(
-            f"{name}.status", s.status, None, "outcome: 0 solved, 1 limit reached, 2 infeasible, 3 bad data", type=int,
-            min=0, max=3,
-        )  # fmt: skip
+            f"{name}.status",
+            s.status,
+            None,
+            "outcome: 0 solved, 1 limit reached, 2 infeasible, 3 bad data",
+            type=int,
+            min=0,
+            max=3,
+        )
         self.output(
             f"{name}.iterations", s.iterations, None, "iterations of the solver and of its fallback", type=int, min=0
         )
         self.output(
-            f"{name}.residual", s.residual, "1",
-            "largest of primal, dual and complementarity residual, each divided by max(1, largest magnitude of its terms)",
+            f"{name}.residual",
+            s.residual,
+            "1",
+            "largest of primal, dual and complementarity residual, each divided by max(1, largest magnitude of its"
+            " terms)",
             min=0.0,
-        )  # fmt: skip
+        )
         return s
 
     @_declares
@@ -498,19 +583,20 @@ class Component:
         nodes: tuple[int, int],
         wave_numbers: tuple[float, float],
     ) -> tuple[Any, Any]:
-        """Two random profiles of heights [m], left and right, that follow from parameters: sums of waves with random phases.
+        """Two random profiles of heights [m], left and right, that follow from parameters: sums of waves with random
+        phases.
 
-        The FMU computes them in each instance, again when a parameter changes (:mod:`build_fmus.random_profiles`). Declare the
-        component with ``symbols=ca.MX``. Discrete components only, one pair for each.
+        The FMU computes them in each instance, again when a parameter changes (:mod:`build_fmus.random_profiles`).
+        Declare the component with ``symbols=ca.MX``. Discrete components only, one pair for each.
 
         Args:
             name: begins their names in the C code.
             seed, length: expressions of parameters: a whole number from 0 on, and what the profiles cover at least [m].
-            spectra: of the wave number [cycles/m], one-sided power spectral densities [m3] of half the sum and half the difference of
-                both profiles; expressions of it and of parameters.
+            spectra: of the wave number [cycles/m], one-sided power spectral densities [m3] of half the sum and half the
+                difference of both profiles; expressions of it and of parameters.
             step: distance between nodes [m].
-            nodes: least and largest number of nodes, powers of two: of those between, the first that covers the length is taken. The
-                profiles have waves at multiples of 1 / (nodes step).
+            nodes: least and largest number of nodes, powers of two: of those between, the first that covers the length
+                is taken. The profiles have waves at multiples of 1 / (nodes step).
             wave_numbers: lowest and highest [cycles/m].
 
         Returns:
@@ -565,7 +651,9 @@ class Component:
 
     @_declares
     def operating_point(self, name: str, values: Mapping[str, float]) -> None:
-        """Name a point (state or input -> value, the others as at the start) where the build also checks solver stability."""
+        """Name a point (state or input -> value, the others as at the start) where the build also checks solver
+        stability.
+        """
         known = self._element_names("state", "input")
         for n in values:
             if n not in known:
@@ -696,7 +784,8 @@ class Component:
         self.description, self.notes, self._model = words(self.description), tuple(map(words, self.notes)), None
 
     def model(self) -> Model:
-        """The frozen model, which everything else reads. The first call ends the declaration; later ones return the same model.
+        """The frozen model, which everything else reads. The first call ends the declaration; later ones return the
+        same model.
 
         Raises:
             DeclarationError: a state without derivative or update.
@@ -736,7 +825,8 @@ class Component:
         return self._model
 
     def check_dimensions(self) -> Dimensions:
-        """Refuse expressions that do not scale as the units of their variables do, which builds do too; tell what was checked.
+        """Refuse expressions that do not scale as the units of their variables do, which builds do too; tell what was
+        checked.
 
         Raises:
             DeclarationError: naming variables, their units, and the powers of base units that they really have.
@@ -757,8 +847,8 @@ def _check_rows(
     """Refuse units by row and column that do not fit."""
     if (rows or columns) and (unit is not None or (len(rows), *([len(columns)] if columns else [])) != shape):
         raise DeclarationError(
-            f"{where}: {len(rows)} units of rows and {len(columns)} of columns are for unit None and that shape, not for unit {unit!r} and "
-            f"shape {shape}"
+            f"{where}: {len(rows)} units of rows and {len(columns)} of columns are for unit None and that shape, not"
+            f" for unit {unit!r} and shape {shape}"
         )
 
 

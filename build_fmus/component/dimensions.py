@@ -1,17 +1,19 @@
 """Whether expressions have the dimensions that their variables declare.
 
-An equation between quantities holds in all units. So when metres become a power of four larger, and every value that is measured
-in metres is given in the new ones, each start, derivative, update and output must come out in the new ones too: multiplied by that power of
-four to the exponent that its unit has in m. What adds a length to a mass, drops a factor with a dimension or has one in a literal
-does not. Each base unit is tried by itself, with a power of four above 1 and one below, at the operating points with fixed random values about
-them. Powers of four, and their roots, only move the exponents of binary numbers: sums, products, quotients and roots give the same bits,
-``fmax`` and ``if_else`` take the same branch. Only ``pow`` and the like round, for which 1e-12 is allowed.
+An equation between quantities holds in all units. So when metres become a power of four larger, and every value that is
+measured in metres is given in the new ones, each start, derivative, update and output must come out in the new ones
+too: multiplied by that power of four to the exponent that its unit has in m. What adds a length to a mass, drops a
+factor with a dimension or has one in a literal does not. Each base unit is tried by itself, with a power of four above
+1 and one below, at the operating points with fixed random values about them. Powers of four, and their roots, only move
+the exponents of binary numbers: sums, products, quotients and roots give the same bits, ``fmax`` and ``if_else`` take
+the same branch. Only ``pow`` and the like round, for which 1e-12 is allowed.
 
-Radians count as dimensionless: rotations are full of products of lengths and angles. Degrees are no unit that a variable could have, only a
-display unit. A factor without a dimension (a forgotten 1/2, kN for N) is not found in this way.
+Radians count as dimensionless: rotations are full of products of lengths and angles. Degrees are no unit that a
+variable could have, only a display unit. A factor without a dimension (a forgotten 1/2, kN for N) is not found in this
+way.
 
-Variables without a unit are dimensionless when they are Integers or Booleans. Real ones are unknown; what depends on one is not
-checked, unless it has units by row and column.
+Variables without a unit are dimensionless when they are Integers or Booleans. Real ones are unknown; what depends on
+one is not checked, unless it has units by row and column.
 """
 
 from __future__ import annotations
@@ -44,9 +46,21 @@ _PARAMETERS = 0.3  # largest spread of parameters, so that they still fit togeth
 _TOLERANCE = 1e-12  # relative, where an operation is not exact
 _TOLD = 5  # violations in a message
 _INEXACT = (
-    ca.OP_POW, ca.OP_CONSTPOW, ca.OP_LOG, ca.OP_LOG1P, ca.OP_EXP, ca.OP_EXPM1, ca.OP_HYPOT, ca.OP_ATAN2, ca.OP_CALL, ca.OP_SOLVE,
-    ca.OP_DETERMINANT, ca.OP_INVERSE, ca.OP_NORM2, ca.OP_NORMF,
-)  # fmt: skip
+    ca.OP_POW,
+    ca.OP_CONSTPOW,
+    ca.OP_LOG,
+    ca.OP_LOG1P,
+    ca.OP_EXP,
+    ca.OP_EXPM1,
+    ca.OP_HYPOT,
+    ca.OP_ATAN2,
+    ca.OP_CALL,
+    ca.OP_SOLVE,
+    ca.OP_DETERMINANT,
+    ca.OP_INVERSE,
+    ca.OP_NORM2,
+    ca.OP_NORMF,
+)
 
 
 @dataclass(frozen=True)
@@ -58,8 +72,8 @@ class Violation:
         unit: what is declared, in words: ``m/s2``, ``m/s per s``.
         base: base unit that was scaled.
         declared: exponent of the base unit in the declared unit.
-        found: power with which the expression really scales; None when it is none, because quantities of different dimension are
-            added or compared.
+        found: power with which the expression really scales; None when it is none, because quantities of different
+            dimension are added or compared.
     """
 
     name: str
@@ -102,8 +116,8 @@ class Dimensions:
         texts = [str(v) for v in self.violations]
         more = [f"and {len(texts) - _TOLD} more"] if len(texts) > _TOLD else []
         raise DeclarationError(
-            f"{self.component}: dimensions: {'; '.join(texts[:_TOLD] + more)}. A number with a dimension that stands in an equation is "
-            "declared with its unit: parameter(), constant(); the sample time is component.period"
+            f"{self.component}: dimensions: {'; '.join(texts[:_TOLD] + more)}. A number with a dimension that stands in"
+            " an equation is declared with its unit: parameter(), constant(); the sample time is component.period"
         )
 
 
@@ -138,7 +152,9 @@ def _quotient(a: Exponents, b: Exponents) -> Exponents:
 
 @dataclass(frozen=True)
 class _Row:
-    """One scalar that is compared: its name and unit for messages, exponents (None: unknown), whether it is a real number."""
+    """One scalar that is compared: its name and unit for messages, exponents (None: unknown), whether it is a real
+    number.
+    """
 
     name: str
     unit: str
@@ -181,9 +197,12 @@ class _Scaling:
         self.constants = d.of("constant")
         self.programs = [q.symbol for q in d.programs]
         self.symbols = [
-            d.time, *(d.symbol(r) for r in VECTORS), *(v.symbol for v in self.constants), *self.programs,
+            d.time,
+            *(d.symbol(r) for r in VECTORS),
+            *(v.symbol for v in self.constants),
+            *self.programs,
             *(s for q in d.profiles for s in (q.symbol, q.wave_number)),
-        ]  # fmt: skip
+        ]
         self.start = ca.Function("start", self.symbols, [column(d, list(d.starts.values()))])
         named = {v.name: v for v in d.all_variables}
         per: Exponents = {"s": 1} if d.kind == "continuous" else {}

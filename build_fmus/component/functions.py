@@ -71,11 +71,15 @@ def with_constants(d: Declaration) -> Declaration:
 
     starts, changes, results = (renewed(group) for group in groups)
     return replace(
-        d, starts=starts, changes=changes, results=results, checks=tuple((next(put_in), m) for _, m in d.checks),
+        d,
+        starts=starts,
+        changes=changes,
+        results=results,
+        checks=tuple((next(put_in), m) for _, m in d.checks),
         values={name: (next(put_in), source) for name, (_, source) in d.values.items()},
         programs=tuple(replace(q, data=next(put_in)) for q in d.programs),
         profiles=tuple(replace(q, settings=next(put_in), spectra=next(put_in)) for q in d.profiles),
-    )  # fmt: skip
+    )
 
 
 def column(d: Declaration, parts: list[Any]) -> Any:

@@ -54,7 +54,9 @@ def linearized(d: Declaration, jacobians: ca.Function, x: np.ndarray, u: np.ndar
 
 @dataclass(frozen=True)
 class StateSpace:
-    """A, B, C, D of a component that is declared by them, with the names and units of its signals; sample time [s], None: continuous."""
+    """A, B, C, D of a component that is declared by them, with the names and units of its signals; sample time [s],
+    None: continuous.
+    """
 
     A: np.ndarray
     B: np.ndarray
@@ -65,7 +67,9 @@ class StateSpace:
     outputs: Mapping[str, str | None]
 
     def declare_in(self, c: Any, source: str) -> None:
-        """Declare inputs, states, outputs and equations in the empty builder ``c``; the matrices become tunable parameters."""
+        """Declare inputs, states, outputs and equations in the empty builder ``c``; the matrices become tunable
+        parameters.
+        """
         u = ca.vertcat(*(c.input(name, unit, "input of the law") for name, unit in self.inputs.items()))
         y = ca.DM.zeros(len(self.outputs), 1)
         if self.D.any():
@@ -76,9 +80,11 @@ class StateSpace:
             a, b, c_ = (
                 c.parameter(name, value, None, text, tunable=True, source=source)
                 for name, value, text in (
-                    ("A", self.A, "states per state"), ("B", self.B, "states per input"), ("C", self.C, "outputs per state")
+                    ("A", self.A, "states per state"),
+                    ("B", self.B, "states per input"),
+                    ("C", self.C, "outputs per state"),
                 )
-            )  # fmt: skip
+            )
             (c.update if self.sample_time else c.derivative)(x, a @ x + b @ u)
             y += c_ @ x
         for i, (name, unit) in enumerate(self.outputs.items()):

@@ -1,4 +1,6 @@
-"""The frozen model of a component: its declaration, and all that is derived from it, each computed when first asked for."""
+"""The frozen model of a component: its declaration, and all that is derived from it, each computed when first asked
+for.
+"""
 
 from __future__ import annotations
 
@@ -19,7 +21,9 @@ with extras.needed("build", extras.BUILDING):
 
 @dataclass(frozen=True, eq=False)
 class Model(Declaration):
-    """What a builder has declared, and everything derived from it. Nothing of it changes, so nothing derived gets out of date."""
+    """What a builder has declared, and everything derived from it. Nothing of it changes, so nothing derived gets out
+    of date.
+    """
 
     @cached_property
     def functions(self) -> dict[str, ca.Function]:
@@ -27,14 +31,14 @@ class Model(Declaration):
 
         ``start (x, u, p) -> x0``: start state (declared starts pass through, calculated ones are evaluated);
         ``rhs (t, x, u, p) -> dx`` (continuous) or ``update (t, x, u, p) -> x_next`` and
-        ``tick (t, x, u, p) -> x_next, y`` (discrete); ``out (t, x, u, p) -> y``; with quadratic programs these three take
-        their solutions as fifth argument, and ``programs (t, x, u, p) -> data`` has q, l, u, case of each; with random profiles
-        they take these as last argument, and ``profile_settings (t, x, u, p)`` and ``spectra (wave number, x, u, p)`` are what
-        these come from (:mod:`build_fmus.random_profiles`);
-        ``fwd (t, x, u, p, dx, du, dp) -> d rhs, d y`` and ``fwd_start (x, u, p, dx, du, dp) -> d x0`` (continuous);
-        ``jac (t, x, u, p) -> d rhs/dx, d rhs/dt`` (solver ``ros2``, and wherever its code stays short);
-        ``check (t, x, u, p) -> values`` that must be > 0 when initialization ends (components with checks);
-        ``values (t, x, u, p) -> v1, v2, ...``: intermediate values with a name, in this order (with solutions as ``out``).
+        ``tick (t, x, u, p) -> x_next, y`` (discrete); ``out (t, x, u, p) -> y``; with quadratic programs these three
+        take their solutions as fifth argument, and ``programs (t, x, u, p) -> data`` has q, l, u, case of each; with
+        random profiles they take these as last argument, and ``profile_settings (t, x, u, p)`` and ``spectra (wave
+        number, x, u, p)`` are what these come from (:mod:`build_fmus.random_profiles`); ``fwd (t, x, u, p, dx, du, dp)
+        -> d rhs, d y`` and ``fwd_start (x, u, p, dx, du, dp) -> d x0`` (continuous); ``jac (t, x, u, p) -> d rhs/dx, d
+        rhs/dt`` (solver ``ros2``, and wherever its code stays short); ``check (t, x, u, p) -> values`` that must be > 0
+        when initialization ends (components with checks); ``values (t, x, u, p) -> v1, v2, ...``: intermediate values
+        with a name, in this order (with solutions as ``out``).
 
         Raises:
             DeclarationError: an expression with an undeclared symbol, a check that depends on a state.

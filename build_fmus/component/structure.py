@@ -29,9 +29,9 @@ def constant_outputs(d: Declaration) -> dict[str, float]:
 def dependencies(d: Declaration, functions: Mapping[str, ca.Function], *, initial: bool) -> dict[str, list[str]]:
     """Maps each output and derivative element to the elements that it depends on directly.
 
-    Of continuous states and inputs (discrete components: of inputs, by feed-through at a sample instant); ``initial``: during
-    initialization, of parameters, inputs and settable start values, for calculated states too. Time is left out, though FMI
-    allows it: no importer needs it, and OMSimulator refuses an FMI 3.0 FMU that lists it.
+    Of continuous states and inputs (discrete components: of inputs, by feed-through at a sample instant); ``initial``:
+    during initialization, of parameters, inputs and settable start values, for calculated states too. Time is left out,
+    though FMI allows it: no importer needs it, and OMSimulator refuses an FMI 3.0 FMU that lists it.
     """
     roles: tuple[Role, ...] = ("state", "input") if d.kind == "continuous" else ("input",)
     if initial:

@@ -48,9 +48,9 @@ class Variable:
     """One declared variable (scalar, vector or matrix).
 
     ``slot`` is the position of its first element in the vector of its role (``p``, ``u``, ``x`` or ``y``).
-    ``start`` is flat and row-major, or None when the value is calculated. ``must_equal`` is the constant that the source of
-    an input must have, None where any value will do. ``source`` says where the value of a parameter comes from. ``rows`` and ``columns``: units
-    of an array whose elements differ, see :meth:`Component.parameter`.
+    ``start`` is flat and row-major, or None when the value is calculated. ``must_equal`` is the constant that the
+    source of an input must have, None where any value will do. ``source`` says where the value of a parameter comes
+    from. ``rows`` and ``columns``: units of an array whose elements differ, see :meth:`Component.parameter`.
     """
 
     name: str

@@ -4,7 +4,8 @@ The room, lowest first:
 
 - ``operators``: how each operation of CasADi is written in C;
 - ``names``: C identifiers, and C structs over the runtime's vectors (``p->suspension_stiffness``);
-- ``graph``: operations of all functions of a component, each different one once, so that what has a name has it everywhere;
+- ``graph``: operations of all functions of a component, each different one once, so that what has a name has it
+  everywhere;
 - ``statements``: one C function from its operations;
 - ``casadi_code``: CasADi's own code, for functions with operations that the others do not know.
 

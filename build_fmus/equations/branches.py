@@ -1,8 +1,9 @@
 """What only one value of a choice needs, under an ``if`` where that is worth a branch of the processor.
 
-A choice takes one of two values, and a declaration computes both. An operation that only one of them needs, directly or by way of
-others, need not be carried out where the other one is taken; the results are the same. So a contact that is not there costs its
-distance, and not its friction. Lines with the same condition are brought together as far as their order allows.
+A choice takes one of two values, and a declaration computes both. An operation that only one of them needs, directly or
+by way of others, need not be carried out where the other one is taken; the results are the same. So a contact that is
+not there costs its distance, and not its friction. Lines with the same condition are brought together as far as their
+order allows.
 """
 
 from __future__ import annotations
@@ -34,14 +35,33 @@ _COSTS = {
 _FUNCTION = 25.0  # a function of the mathematical library
 _CHEAP = frozenset(
     (
-        ca.OP_ADD, ca.OP_SUB, ca.OP_MUL, ca.OP_NEG, ca.OP_TWICE, ca.OP_SQ, ca.OP_LT, ca.OP_LE, ca.OP_EQ, ca.OP_NE, ca.OP_NOT, ca.OP_AND,
-        ca.OP_OR, ca.OP_IF_ELSE_ZERO, IF_ELSE, ca.OP_FABS, ca.OP_SIGN, ca.OP_COPYSIGN, ca.OP_ASSIGN,
+        ca.OP_ADD,
+        ca.OP_SUB,
+        ca.OP_MUL,
+        ca.OP_NEG,
+        ca.OP_TWICE,
+        ca.OP_SQ,
+        ca.OP_LT,
+        ca.OP_LE,
+        ca.OP_EQ,
+        ca.OP_NE,
+        ca.OP_NOT,
+        ca.OP_AND,
+        ca.OP_OR,
+        ca.OP_IF_ELSE_ZERO,
+        IF_ELSE,
+        ca.OP_FABS,
+        ca.OP_SIGN,
+        ca.OP_COPYSIGN,
+        ca.OP_ASSIGN,
     )
-)  # fmt: skip
+)
 
 
 def guards(graph: Graph, roots: Iterable[int], needed: Iterable[int]) -> dict[int, Guard]:
-    """For each operation under conditions which these are, of those ``needed`` for ``roots``; none where some are on vectors."""
+    """For each operation under conditions which these are, of those ``needed`` for ``roots``; none where some are on
+    vectors.
+    """
     found: dict[int, frozenset[Branch]] = dict.fromkeys(roots, frozenset())
     order = sorted(needed, reverse=True)  # operands have smaller numbers than what uses them
     if any(graph.nodes[n].arguments and graph.nodes[n].size != 1 for n in order):
@@ -104,7 +124,9 @@ class Block:
 
 
 def arranged(under: Sequence[Guard], needs: Sequence[frozenset[int]]) -> list[int | Block]:
-    """Lines by their numbers, those under conditions in blocks: as few of them as what lines ``needs`` of earlier ones allows."""
+    """Lines by their numbers, those under conditions in blocks: as few of them as what lines ``needs`` of earlier ones
+    allows.
+    """
 
     def place(lines: list[int], level: int) -> list[int | Block]:
         items: list[int | Block] = []

@@ -11,8 +11,12 @@ with extras.needed("build", extras.BUILDING):
     import casadi as ca
 
 _WORDS = {
-    "casadi_real": "double", "casadi_int": "int", "casadi_inf": "INFINITY", "casadi_nan": "NAN", "CASADI_SYMBOL_EXPORT": "static",
-}  # fmt: skip
+    "casadi_real": "double",
+    "casadi_int": "int",
+    "casadi_inf": "INFINITY",
+    "casadi_nan": "NAN",
+    "CASADI_SYMBOL_EXPORT": "static",
+}
 _WORD = re.compile(rf"\b({'|'.join(_WORDS)})\b")
 _AS = re.compile(r"\bCASADI_CAST\((\w+), ")
 _NAME = re.compile(r"\bcasadi_\w+")
@@ -20,7 +24,8 @@ _CAST = r"(?<!sizeof)\((?:casadi_)?int\)(?![ ]?sizeof) ?"  # a number to an inde
 
 
 def casadi_code(functions: Sequence[ca.Function]) -> tuple[str, dict[str, str]]:
-    """C code of functions, and the name of each in it, of the form ``int (const double**, double**, int*, double*, int)``.
+    """C code of functions, and the name of each in it, of the form ``int (const double**, double**, int*, double*,
+    int)``.
 
     Raises:
         RuntimeError: code that allocates, or converts numbers to integers in a way that is not known.

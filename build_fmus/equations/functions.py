@@ -19,13 +19,18 @@ with extras.needed("build", extras.BUILDING):
     import casadi as ca
 
 _STRUCTS: dict[Role, tuple[str, str]] = {
-    "parameter": ("p", "Parameters"), "input": ("u", "Inputs"), "state": ("x", "States"), "output": ("y", "Outputs"),
-}  # fmt: skip
+    "parameter": ("p", "Parameters"),
+    "input": ("u", "Inputs"),
+    "state": ("x", "States"),
+    "output": ("y", "Outputs"),
+}
 # What functions are given, by the pointer to it, and the vector of which it is one.
 _ARGUMENTS = {"x": "x", "u": "u", "p": "p", "s": "s", "c": "c", "dx": "x", "du": "u", "dp": "p"}
 _INPUTS = {
-    "start": ("x", "u", "p"), "fwd": ("t", "x", "u", "p", "dx", "du", "dp"), "fwd_start": ("x", "u", "p", "dx", "du", "dp"),
-}  # fmt: skip
+    "start": ("x", "u", "p"),
+    "fwd": ("t", "x", "u", "p", "dx", "du", "dp"),
+    "fwd_start": ("x", "u", "p", "dx", "du", "dp"),
+}
 _ARGUMENT_CODE = {"t": "&at->t", "c": "profiles(at)"}  # of others: at->NAME
 
 
@@ -168,7 +173,9 @@ class Functions:
         return _INPUTS.get(function, ("t", "x", "u", "p", *further))
 
     def _named(self, read: Mapping[str, list[Result] | None]) -> tuple[dict[int, Name], dict[int, str]]:
-        """What nodes are called, and constant arrays: intermediate values, then outputs, then derivatives or next states."""
+        """What nodes are called, and constant arrays: intermediate values, then outputs, then derivatives or next
+        states.
+        """
         c, nodes = self._component, self._graph.nodes
         names: dict[int, Name] = {}
         constants: dict[int, str] = {}
@@ -211,9 +218,13 @@ class Functions:
     def _section(self, part: _Part, results: list[Result]) -> str:
         # Derivatives are asked for seldom, and are long: with branches compilers take half as long again.
         statements = Statements(
-            self._graph, self.structs_of_arguments, self._names, self._tables, self._constants,
+            self._graph,
+            self.structs_of_arguments,
+            self._names,
+            self._tables,
+            self._constants,
             branches=part.function not in ("fwd", "fwd_start", "jac"),
-        )  # fmt: skip
+        )
         wanted = [
             (target, r.start, r.node)
             for index, target in part.results
@@ -307,13 +318,18 @@ def _structs(component: Model) -> dict[str, Struct]:
         for q in component.programs:
             stem = q.name.rpartition(".")[2]
             solutions += [
-                (f"{stem}.z", (q.n,), "solution"), (f"{stem}.multipliers", (q.m,), ""), (f"{stem}.status", (), ""),
-                (f"{stem}.iterations", (), ""), (f"{stem}.residual", (), ""),
-            ]  # fmt: skip
+                (f"{stem}.z", (q.n,), "solution"),
+                (f"{stem}.multipliers", (q.m,), ""),
+                (f"{stem}.status", (), ""),
+                (f"{stem}.iterations", (), ""),
+                (f"{stem}.residual", (), ""),
+            ]
             data += [
-                (f"{stem}.linear", (q.n,), "q of z'Hz / 2 + q'z"), (f"{stem}.lower", (q.m,), "bounds of A z"),
-                (f"{stem}.upper", (q.m,), ""), (f"{stem}.case", (), "which H and A"),
-            ]  # fmt: skip
+                (f"{stem}.linear", (q.n,), "q of z'Hz / 2 + q'z"),
+                (f"{stem}.lower", (q.m,), "bounds of A z"),
+                (f"{stem}.upper", (q.m,), ""),
+                (f"{stem}.case", (), "which H and A"),
+            ]
         structs["s"] = Struct("Solutions", "Solutions of the quadratic programs", solutions)
         structs["data"] = Struct("ProgramData", "Data of the quadratic programs", data)
     for pair in component.profiles:

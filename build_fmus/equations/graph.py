@@ -19,8 +19,14 @@ GATHER = -2  # elements of a vector, in another order
 SCATTER = -3  # a vector of zeros with some elements set
 _MATRICES = (ca.OP_MTIMES, ca.OP_HORZREPMAT, ca.OP_TRANSPOSE)  # what the sizes of operands decide beside their elements
 _AS_THEY_ARE = (
-    *_MATRICES, ca.OP_VERTCAT, ca.OP_HORZCAT, ca.OP_MMIN, ca.OP_MMAX, ca.OP_GETNONZEROS_PARAM, ca.OP_SETNONZEROS_PARAM,
-)  # fmt: skip
+    *_MATRICES,
+    ca.OP_VERTCAT,
+    ca.OP_HORZCAT,
+    ca.OP_MMIN,
+    ca.OP_MMAX,
+    ca.OP_GETNONZEROS_PARAM,
+    ca.OP_SETNONZEROS_PARAM,
+)
 
 
 class UnknownOperationError(ValueError):
@@ -31,8 +37,8 @@ class UnknownOperationError(ValueError):
 class Node:
     """One operation: its result has ``size`` numbers, those of a matrix column by column.
 
-    ``data`` belongs to the operation: the number or numbers of a constant, vector and first position of an input, positions of
-    elements, sizes of matrices.
+    ``data`` belongs to the operation: the number or numbers of a constant, vector and first position of an input,
+    positions of elements, sizes of matrices.
     """
 
     operation: int

@@ -15,19 +15,82 @@ from build_fmus.escape import c_comment
 WIDTH = 120
 _KEYWORDS = frozenset(
     (
-        "auto", "break", "case", "char", "const", "continue", "default", "do", "double", "else", "enum", "extern", "float", "for",
-        "goto", "if", "inline", "int", "long", "register", "restrict", "return", "short", "signed", "sizeof", "static", "struct",
-        "switch", "typedef", "union", "unsigned", "void", "volatile", "while",
-        "I", "INFINITY", "NAN", "NULL", "linux", "unix", "i386", "near", "far",  # of headers and compilers
+        "auto",
+        "break",
+        "case",
+        "char",
+        "const",
+        "continue",
+        "default",
+        "do",
+        "double",
+        "else",
+        "enum",
+        "extern",
+        "float",
+        "for",
+        "goto",
+        "if",
+        "inline",
+        "int",
+        "long",
+        "register",
+        "restrict",
+        "return",
+        "short",
+        "signed",
+        "sizeof",
+        "static",
+        "struct",
+        "switch",
+        "typedef",
+        "union",
+        "unsigned",
+        "void",
+        "volatile",
+        "while",
+        "I",
+        "INFINITY",
+        "NAN",
+        "NULL",
+        "linux",
+        "unix",
+        "i386",
+        "near",
+        "far",  # of headers and compilers
     )
-)  # fmt: skip
+)
 # What generated functions call their own: arguments, pointers to vectors, indices.
 _OWN = frozenset(
     (
-        "at", "result", "second", "t", "x", "u", "p", "s", "w", "y", "dx", "du", "dp", "dy", "der", "d_der", "next", "start",
-        "d_start", "data", "i", "j", "c", "profiles", "profile_settings", "spectra",
+        "at",
+        "result",
+        "second",
+        "t",
+        "x",
+        "u",
+        "p",
+        "s",
+        "w",
+        "y",
+        "dx",
+        "du",
+        "dp",
+        "dy",
+        "der",
+        "d_der",
+        "next",
+        "start",
+        "d_start",
+        "data",
+        "i",
+        "j",
+        "c",
+        "profiles",
+        "profile_settings",
+        "spectra",
     )
-)  # fmt: skip
+)
 
 
 def identifier(name: str, taken: Collection[str] = (), *, local: bool = True) -> str:

@@ -77,9 +77,37 @@ def _not(a: Text) -> Text:
 
 
 FUNCTIONS = (
-    "exp", "log", "pow", "sqrt", "sin", "cos", "tan", "asin", "acos", "atan", "atan2", "sinh", "cosh", "tanh", "asinh", "acosh",
-    "atanh", "floor", "ceil", "fmod", "fabs", "sign", "copysign", "erf", "fmin", "fmax", "log1p", "expm1", "hypot", "remainder",
-)  # fmt: skip
+    "exp",
+    "log",
+    "pow",
+    "sqrt",
+    "sin",
+    "cos",
+    "tan",
+    "asin",
+    "acos",
+    "atan",
+    "atan2",
+    "sinh",
+    "cosh",
+    "tanh",
+    "asinh",
+    "acosh",
+    "atanh",
+    "floor",
+    "ceil",
+    "fmod",
+    "fabs",
+    "sign",
+    "copysign",
+    "erf",
+    "fmin",
+    "fmax",
+    "log1p",
+    "expm1",
+    "hypot",
+    "remainder",
+)
 """Operations that C has a function for, of the same name; ``sign`` is one of ours."""
 
 _Writer = Callable[..., Text]

@@ -1,8 +1,8 @@
 """One C function from the operations of one function of a component.
 
-What is used once stands where it is used; what has a name, is used more often, or makes a line too long gets a line of its own. The
-numbers of a vector are computed in one loop as far as they do not depend on each other. What only one value of a choice needs stands
-under its condition (:mod:`branches`).
+What is used once stands where it is used; what has a name, is used more often, or makes a line too long gets a line of
+its own. The numbers of a vector are computed in one loop as far as they do not depend on each other. What only one
+value of a choice needs stands under its condition (:mod:`branches`).
 """
 
 from __future__ import annotations
@@ -55,10 +55,11 @@ class Index(NamedTuple):
 
 @dataclass(frozen=True)
 class Value:
-    """How a node is written: ``at`` gives the code of one element; ``pointer`` that of the first where all lie in a row.
+    """How a node is written: ``at`` gives the code of one element; ``pointer`` that of the first where all lie in a
+    row.
 
-    ``length`` is how many characters it takes, about; ``reads`` are the work arrays and named numbers that it is read from. A plain
-    value lies somewhere and needs no calculation.
+    ``length`` is how many characters it takes, about; ``reads`` are the work arrays and named numbers that it is read
+    from. A plain value lies somewhere and needs no calculation.
     """
 
     at: Callable[[Index], Text]
@@ -70,7 +71,9 @@ class Value:
 
 @dataclass(frozen=True)
 class Name:
-    """What a node is called, where its equation comes from, and whether it gets a line although it is used once at the end."""
+    """What a node is called, where its equation comes from, and whether it gets a line although it is used once at the
+    end.
+    """
 
     name: str
     source: str = ""
@@ -79,7 +82,8 @@ class Name:
 
 @dataclass(frozen=True)
 class Target:
-    """Where a result goes: ``struct`` over ``pointer``, or an array where there is none; sources of equations and comments by element.
+    """Where a result goes: ``struct`` over ``pointer``, or an array where there is none; sources of equations and
+    comments by element.
 
     ``array`` is the same as an array; ``zero_first``: all elements become 0 before those that are not.
     """
@@ -123,7 +127,8 @@ class Tables:
 
 @dataclass
 class _Line:
-    """Lines of code, with the work arrays and named numbers that they write and read; ``@`` stands for the place of the array they begin.
+    """Lines of code, with the work arrays and named numbers that they write and read; ``@`` stands for the place of the
+    array they begin.
 
     ``kind`` is the type of a number whose line does not say it, because that depends on where the number is read.
     """
@@ -149,8 +154,9 @@ class Statements:
         *,
         branches: bool = True,
     ) -> None:
-        """``structs``: those of the vectors, by the pointer's name; ``constants``: names of constant arrays; ``branches``: whether
-        what only one value of a choice needs stands under its condition."""
+        """``structs``: those of the vectors, by the pointer's name; ``constants``: names of constant arrays;
+        ``branches``: whether what only one value of a choice needs stands under its condition.
+        """
         self._branches = branches
         self.graph, self.structs, self.names, self.tables, self.constants = graph, structs, names, tables, constants
         self.pointers: dict[str, None] = {}  # vectors that are used
@@ -558,7 +564,9 @@ class Statements:
     # ------------------------------------------------------------------ branches
 
     def _in_branches(self) -> list[str]:
-        """All lines, those under conditions in blocks; a number that is read outside of its block is declared before it."""
+        """All lines, those under conditions in blocks; a number that is read outside of its block is declared before
+        it.
+        """
         place = {line.writes: k for k, line in enumerate(self._lines) if line.writes}
         needs = [frozenset(place[r] for r in line.reads if r in place) for line in self._lines]
         items = arranged([line.guard for line in self._lines], needs)

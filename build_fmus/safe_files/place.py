@@ -20,7 +20,8 @@ def cache_directory() -> Path:
     """Where downloads and compiled code are kept: ``BUILD_FMUS_CACHE``, the user's cache folder, or a temporary one.
 
     A folder that belongs to another user, or to which others can write, is not used, with a
-    :class:`SharedFolderWarning`. Where no other is left, this process has a folder of its own, which is removed when it ends.
+    :class:`SharedFolderWarning`. Where no other is left, this process has a folder of its own, which is removed when it
+    ends.
     """
     if chosen := os.environ.get("BUILD_FMUS_CACHE"):
         candidates = [Path(chosen)]

@@ -22,7 +22,8 @@ def write(path: str | os.PathLike[str], content: str | bytes) -> Path:
 
 @contextmanager
 def opened(path: str | os.PathLike[str], mode: str = "w", **options: Any) -> Iterator[IO[Any]]:
-    """A file to write (``mode`` and ``options`` as of ``open``) that appears under ``path`` when the block ends without error.
+    """A file to write (``mode`` and ``options`` as of ``open``) that appears under ``path`` when the block ends without
+    error.
 
     Until then an older file stays as it is; after an error nothing is left of the new one. The folder is made. A link
     stays a link; what is no regular file (``/dev/stdout``) is written directly.
@@ -49,7 +50,8 @@ def opened(path: str | os.PathLike[str], mode: str = "w", **options: Any) -> Ite
 
 @contextmanager
 def named(path: str | os.PathLike[str], temporary: str | os.PathLike[str] | None = None) -> Iterator[None]:
-    """Around work on ``path``: an OSError that names no file (a full disk), or the ``temporary`` one, names this path."""
+    """Around work on ``path``: an OSError that names no file (a full disk), or the ``temporary`` one,
+    names this path."""
     try:
         yield
     except OSError as error:
@@ -63,7 +65,10 @@ def sentence(error: OSError) -> str:
     """An error of the operating system for people: the path, what is wrong, and for a full disk what to do."""
     if error.filename is None:
         return str(error) if error.errno is None else f"{error.strerror}"
-    return f"{error.filename}: {error.strerror}{'; make room there, or write to another directory' if is_full(error) else ''}"
+    return (
+        f"{error.filename}:"
+        f" {error.strerror}{'; make room there, or write to another directory' if is_full(error) else ''}"
+    )
 
 
 def is_full(error: BaseException | None) -> bool:

@@ -7,7 +7,8 @@
 - ``lanes``: these functions over several copies at once, in C;
 - ``library``: what is compiled of them, for one kind of processor.
 
-In ``runtime/`` are the vectors (``lanes.h``), solvers and samples in lanes (``lane_member.h``), and the engine of groups (``batch.c``).
+In ``runtime/`` are the vectors (``lanes.h``), solvers and samples in lanes (``lane_member.h``), and the engine of
+groups (``batch.c``).
 """
 
 from cosim.batch.batch import Batch, BatchRecording, CopyFailedWarning

@@ -44,8 +44,9 @@ class CopyFailedWarning(UserWarning):
 
 @dataclass(frozen=True)
 class BatchRecording:
-    """What was recorded: `time` [s] (samples,), `data` (copies, samples, variables), `names` and `units` of the variables. After a copy
-    has ended its values are NaN. `recording["car.body.az"]` is one variable, (copies, samples)."""
+    """What was recorded: `time` [s] (samples,), `data` (copies, samples, variables), `names` and `units` of the
+    variables. After a copy has ended its values are NaN. `recording["car.body.az"]` is one variable, (copies, samples).
+    """
 
     time: Array
     names: list[str]
@@ -70,30 +71,31 @@ class Batch:
         batch.advance("0.1 s")
         az = batch.step("0.01 s", forces)         # (1000, 4) in, (1000, 1) out
 
-    FMUs of this project whose equations have no control flow of their own for each copy run in *lanes*: 2, 4 or 8 copies in one vector
-    of the processor. Others (quadratic programs, stiff solvers, FMUs of others, signals from tables) run one by one in the same batch.
-    `print(batch)` names both, and why.
+    FMUs of this project whose equations have no control flow of their own for each copy run in *lanes*: 2, 4 or 8
+    copies in one vector of the processor. Others (quadratic programs, stiff solvers, FMUs of others, signals from
+    tables) run one by one in the same batch. `print(batch)` names both, and why.
 
     Args:
-        system: whose components, connections and rates every copy has. The batch uses its components: it has no other simulation
-            meanwhile.
+        system: whose components, connections and rates every copy has. The batch uses its components: it has no other
+            simulation meanwhile.
         copies: how many.
-        start: parameters and start values by full name: one value for all copies, or an array (copies,); of an array variable
-            (copies, ...).
-        inputs: names and patterns of real inputs that nothing drives, which `set` and `step` take as (copies, n); their order is
-            `input_names`. Default: none.
+        start: parameters and start values by full name: one value for all copies, or an array (copies,); of an array
+            variable (copies, ...).
+        inputs: names and patterns of real inputs that nothing drives, which `set` and `step` take as (copies, n); their
+            order is `input_names`. Default: none.
         outputs: names and patterns of what `outputs` and `step` give as (copies, n); their order is `output_names`.
         record, record_interval, start_time: as in `System.initialize`.
         threads: default one for each core that this process may use. The bits do not depend on it.
-        vectors: "avx512", "avx2", "baseline" (what every processor has), or "auto", the widest that this one has. Nor on this.
+        vectors: "avx512", "avx2", "baseline" (what every processor has), or "auto", the widest that this one has. Nor
+            on this.
         allow_unconnected: no warning of inputs that nothing drives and that are not among `inputs`.
 
-    A copy that fails (a state without bounds, an FMU's error, an output that is not finite) ends; the others go on. It is in `failures`,
-    a CopyFailedWarning tells of it, and its outputs are NaN from then on. An output that nothing reads is not computed in lanes, so a
-    copy does not end when only such an output is not finite.
+    A copy that fails (a state without bounds, an FMU's error, an output that is not finite) ends; the others go on. It
+    is in `failures`, a CopyFailedWarning tells of it, and its outputs are NaN from then on. An output that nothing
+    reads is not computed in lanes, so a copy does not end when only such an output is not finite.
 
-    Raises WiringError for names and values that do not fit, CosimError for a system that cannot be in a batch, and where there is no C
-    compiler, ComponentError when no copy can be initialized.
+    Raises WiringError for names and values that do not fit, CosimError for a system that cannot be in a batch, and
+    where there is no C compiler, ComponentError when no copy can be initialized.
     """
 
     def __init__(
@@ -117,8 +119,8 @@ class Batch:
         for m in system.members.values():
             if not isinstance(m.component, FmuComponent) and not m.description.native:
                 raise CosimError(
-                    f"'{m.name}' is written in Python, and a batch has no Python in its loop: declare it as a component that build-fmus "
-                    "makes an FMU of, or run the copies one by one"
+                    f"'{m.name}' is written in Python, and a batch has no Python in its loop: declare it as a component"
+                    " that build-fmus makes an FMU of, or run the copies one by one"
                 )
         if threads is not None:
             whole_number("threads", threads, error=CosimError)
@@ -133,7 +135,10 @@ class Batch:
         free = [n for n in system.unconnected() if n not in self.input_names and n not in (start or {})]
         if free and not allow_unconnected:
             more = f" and {len(free) - 10} more" if len(free) > 10 else ""
-            text = f"inputs that nothing drives keep their start values: {', '.join(free[:10])}{more} (allow_unconnected=True if that is meant)"
+            text = (
+                f"inputs that nothing drives keep their start values: {', '.join(free[:10])}{more}"
+                " (allow_unconnected=True if that is meant)"
+            )
             warnings.warn(text, UnconnectedInputsWarning, stacklevel=2)
         self._target: Target = choose_target(vectors)
         self._schedule = system.schedule(*([] if self._interval is None else [self._interval]))
@@ -154,12 +159,16 @@ class Batch:
         self.reset(start)
 
     def _check_memory(self) -> None:
-        """Refuse copies whose values alone are more than this machine can hold, before the system begins to swap for them."""
-        needed = 8.0 * self.copies * sum(source.n_values for source in self._sources.values()) + _TWIN * self.copies * len(self._fixed_reasons)
+        """Refuse copies whose values alone are more than this machine can hold, before the system begins to swap for
+        them.
+        """
+        needed = 8.0 * self.copies * sum(
+            source.n_values for source in self._sources.values()
+        ) + _TWIN * self.copies * len(self._fixed_reasons)
         if needed > physical_memory():
             raise CosimError(
-                f"{self.copies} copies need {needed / 1e9:.3g} GB of memory at least, and this machine has {physical_memory() / 1e9:.3g} GB: "
-                "make fewer, and several batches one after the other"
+                f"{self.copies} copies need {needed / 1e9:.3g} GB of memory at least, and this machine has"
+                f" {physical_memory() / 1e9:.3g} GB: make fewer, and several batches one after the other"
             )
 
     def _lanes_of(self, member: Member) -> LaneSource:
@@ -175,7 +184,9 @@ class Batch:
         found: dict[tuple[Member, Variable], None] = {}
         for name in _listed(names):
             pattern = "*" in name or "?" in name
-            chosen = [(m, v) for m, v in members.fitting(name, "input") if not pattern or f"{m.name}.{v.name}" not in driven]
+            chosen = [
+                (m, v) for m, v in members.fitting(name, "input") if not pattern or f"{m.name}.{v.name}" not in driven
+            ]
             if not chosen:
                 free = ", ".join(self.system.unconnected()) or "none"
                 raise WiringError(f"'{name}' fits no input that nothing drives; there are: {free}")
@@ -193,7 +204,9 @@ class Batch:
     # Beginning.
 
     def reset(self, start: Mapping[str, Any] | None = None) -> None:
-        """All copies at the start time, with these parameters and start values (see the class) beside those of the system."""
+        """All copies at the start time, with these parameters and start values (see the class) beside those of the
+        system.
+        """
         given = self._given(start or {})
         self._forget()
         self.failures = []
@@ -219,10 +232,15 @@ class Batch:
             is_array = own is not None and member.description.canonical(variable) not in member.description.variables
             each = array.ndim >= 1 and len(array) == self.copies and (not is_array or array.ndim > 1)
             if not each and array.ndim >= 1 and not is_array:
-                raise WiringError(f"{name} has shape {array.shape}; give one value for all copies, or an array of shape ({self.copies},)")
+                raise WiringError(
+                    f"{name} has shape {array.shape}; give one value for all copies, or an array of shape"
+                    f" ({self.copies},)"
+                )
             for copy in range(self.copies):
                 try:
-                    expanded = member.expand(variable, (array[copy] if array.ndim > 1 else array[copy].item()) if each else value)
+                    expanded = member.expand(
+                        variable, (array[copy] if array.ndim > 1 else array[copy].item()) if each else value
+                    )
                 except WiringError as error:
                     raise WiringError(f"copy {copy}: {error}" if each else str(error)) from None
                 for n, v in expanded.items():
@@ -245,7 +263,9 @@ class Batch:
         like: dict[int, int] = {}  # copies that are like another one
         try:
             for copy in range(self.copies):
-                source = copy if self._alone else first_of.setdefault(tuple(values[copy] for values in given.values()), copy)
+                source = (
+                    copy if self._alone else first_of.setdefault(tuple(values[copy] for values in given.values()), copy)
+                )
                 if source != copy:
                     like[copy] = source
                     continue
@@ -277,7 +297,15 @@ class Batch:
         self._alive[list(errors)] = 0
         self._start_lanes()
         self._structs = Structs(
-            self._plan, self._exchange, exchanges, self._lanes, self._alone, self._values, self._alive, self._target, self.threads
+            self._plan,
+            self._exchange,
+            exchanges,
+            self._lanes,
+            self._alone,
+            self._values,
+            self._alive,
+            self._target,
+            self.threads,
         )
         self._tick = self._exchange.tick
         self._chunks: list[tuple[int, npt.NDArray[np.float64]]] = []  # number of the first sample, samples
@@ -288,7 +316,12 @@ class Batch:
         """The exchange of one copy, whose components are initialized."""
         watch = [*self._outputs, *self._inputs]
         made = Simulation(
-            self._schedule, self._start_time, record=self._record, record_interval=self._interval, watch=watch, exchange=CompiledExchange
+            self._schedule,
+            self._start_time,
+            record=self._record,
+            record_interval=self._interval,
+            watch=watch,
+            exchange=CompiledExchange,
         )
         return made.exchange
 
@@ -298,7 +331,9 @@ class Batch:
         self._values[group, :, lane] = exchange.values
         for m, lanes in self._lanes.items():
             data = m.component.serialize()  # type: ignore[attr-defined]
-            lanes.values()[group, :, lane] = np.frombuffer(data, dtype=float, offset=VALUES_AT, count=lanes.source.n_values)
+            lanes.values()[group, :, lane] = np.frombuffer(
+                data, dtype=float, offset=VALUES_AT, count=lanes.source.n_values
+            )
 
     def _copy_lane(self, source: int, to: int) -> None:
         lanes = self._target.lanes
@@ -315,7 +350,15 @@ class Batch:
         self._alive = np.ones(groups * lanes, dtype=np.uint8)
         for m in sources:
             source, outputs = self._sources[m], exchange.layout.places[m].outputs
-            shown = tuple(sorted({source.rows[v.reference].slot + v.index for v in outputs if source.rows[v.reference].role == "FMU_OUTPUT"}))
+            shown = tuple(
+                sorted(
+                    {
+                        source.rows[v.reference].slot + v.index
+                        for v in outputs
+                        if source.rows[v.reference].role == "FMU_OUTPUT"
+                    }
+                )
+            )
             library = lane_library(source, shown, self._target)
             self._lanes[m] = Lanes(source, library, aligned(groups, library.cosim_lanes_rows(), lanes))
 
@@ -341,11 +384,14 @@ class Batch:
         return self._alive[: self.copies].astype(np.bool_)
 
     def set(self, values: npt.ArrayLike) -> None:
-        """Other values (copies, n) for `inputs`, in the order of `input_names`, effective from the next step on. Raises WiringError for
-        another shape and for numbers that are not finite."""
+        """Other values (copies, n) for `inputs`, in the order of `input_names`, effective from the next step on. Raises
+        WiringError for another shape and for numbers that are not finite.
+        """
         given = np.asarray(values, dtype=float)
         if given.shape != (self.copies, len(self._inputs)):
-            raise WiringError(f"the inputs have shape {given.shape}; give {(self.copies, len(self._inputs))}, a row for each copy")
+            raise WiringError(
+                f"the inputs have shape {given.shape}; give {(self.copies, len(self._inputs))}, a row for each copy"
+            )
         running = self.running
         wrong = np.argwhere(~np.isfinite(given) & running[:, None])
         if len(wrong):
@@ -366,7 +412,9 @@ class Batch:
                     self._twins[m][copy].set({v: float(given[copy, i]) for i, v in mine})
                 except CallFailed as failure:
                     self._alive[copy] = 0
-                    self._ended(CopyFailure(int(copy), m.name, self.time, str(ComponentError(failure, self.time, None))))
+                    self._ended(
+                        CopyFailure(int(copy), m.name, self.time, str(ComponentError(failure, self.time, None)))
+                    )
 
     def _check_limits(self, given: Array, running: npt.NDArray[np.bool_]) -> None:
         """As those of `Simulation.set`."""
@@ -385,7 +433,9 @@ class Batch:
         array[:, row, :] = full.reshape(array.shape[0], array.shape[2])
 
     def step(self, duration: TimeLike, inputs: npt.ArrayLike | None = None) -> Array:
-        """Set `inputs` (copies, n) if given, advance by `duration` [s], a multiple of the base tick, and give the outputs (copies, n)."""
+        """Set `inputs` (copies, n) if given, advance by `duration` [s], a multiple of the base tick, and give the
+        outputs (copies, n).
+        """
         base = self._exchange.base
         end = self._tick + base.count(positive(duration, "duration"))
         if inputs is not None:
@@ -394,13 +444,18 @@ class Batch:
         return self.outputs
 
     def advance(self, until: TimeLike) -> None:
-        """All copies to the first base tick at or after `until` [s]. Ctrl-C stops between two instants, at the same one for all copies."""
+        """All copies to the first base tick at or after `until` [s]. Ctrl-C stops between two instants, at the same one
+        for all copies.
+        """
         exchange = self._exchange
         end = exchange.base.at_or_after(rational(until, "until"))
         if end < self._tick:
             raise TimeError(f"cannot advance to {until} s: the batch stands at {self.time:.9g} s")
         if not self._plan.exact_until(end):
-            raise TimeError(f"{until} s is beyond what the compiled engine counts exactly with a tick of {seconds_text(self._schedule.tick)}")
+            raise TimeError(
+                f"{until} s is beyond what the compiled engine counts exactly with a tick of"
+                f" {seconds_text(self._schedule.tick)}"
+            )
         if end == self._tick:
             return
         self._make_room(end)
@@ -451,11 +506,14 @@ class Batch:
     # Looking at it.
 
     def __getitem__(self, name: str) -> Array:
-        """Present values (copies,) of a variable among `outputs`, `inputs` or `record`; NaN of copies that have ended."""
+        """Present values (copies,) of a variable among `outputs`, `inputs` or `record`; NaN of copies
+        that have ended."""
         readable = self._exchange.layout.readable
         full = self.system.members.canonical(name)
         if full not in readable:
-            raise KeyError(f"'{name}' is not read by this batch{did_you_mean(name, readable)}; name it in outputs=[...]")
+            raise KeyError(
+                f"'{name}' is not read by this batch{did_you_mean(name, readable)}; name it in outputs=[...]"
+            )
         slot, scale, offset = readable[full]
         found: Array = self._values[:, slot, :].flatten()[: self.copies]
         if (scale, offset) != (1.0, 0.0):
@@ -466,7 +524,9 @@ class Batch:
     @property
     def outputs(self) -> Array:
         """Present values (copies, n) of `output_names`; NaN of copies that have ended."""
-        return np.column_stack([self[n] for n in self.output_names]) if self.output_names else np.empty((self.copies, 0))
+        return (
+            np.column_stack([self[n] for n in self.output_names]) if self.output_names else np.empty((self.copies, 0))
+        )
 
     @property
     def recording(self) -> BatchRecording:
@@ -478,7 +538,9 @@ class Batch:
             count = rows.shape[1] if following is None else min(rows.shape[1], following[0] - first)
             parts.append(rows[:, :count])
             numbers += range(first, first + count)
-        data = parts[0] if len(parts) == 1 else np.concatenate(parts, axis=1) if parts else np.empty((self.copies, 0, 0))
+        data = (
+            parts[0] if len(parts) == 1 else np.concatenate(parts, axis=1) if parts else np.empty((self.copies, 0, 0))
+        )
         reached = [n for n in numbers if n * clocks[-1].period <= self._tick]
         time = np.array([self._exchange.base.seconds(n * clocks[-1].period) for n in reached])
         return BatchRecording(time, list(layout.record_names), data[:, : len(reached)], dict(layout.record_units))
@@ -486,8 +548,8 @@ class Batch:
     def __str__(self) -> str:
         t = self._target
         lines = [
-            f"{self.copies} copies in {self._groups} groups of {t.lanes} ({t.name}), {self.threads} thread{'s' * (self.threads != 1)}, "
-            f"at t = {self.time:.9g} s"
+            f"{self.copies} copies in {self._groups} groups of {t.lanes} ({t.name}), {self.threads}"
+            f" thread{'s' * (self.threads != 1)}, at t = {self.time:.9g} s"
         ]
         together = [m for m in self._schedule.members if m in self._lanes]
         if together:
@@ -495,7 +557,11 @@ class Batch:
             lines += [f"     {m.name} ({m.description.name})" for m in together]
         if self._alone:
             lines.append("one by one:")
-            lines += [f"     {m.name} ({m.description.name}): {self._alone[m]}" for m in self._schedule.members if m in self._alone]
+            lines += [
+                f"     {m.name} ({m.description.name}): {self._alone[m]}"
+                for m in self._schedule.members
+                if m in self._alone
+            ]
         if self.failures:
             lines.append(f"{len(self.failures)} ended:")
             lines += [f"     {f}" for f in self.failures[:10]]

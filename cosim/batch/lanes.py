@@ -1,9 +1,10 @@
-"""The functions of a component over several copies at once: its generated statements in C over vectors of numbers ("lanes").
+"""The functions of a component over several copies at once: its generated statements in C over vectors of numbers
+("lanes").
 
-Every operation is that of the component's own code, in the same order, so each lane has the bits of a copy alone. Three things are
-left out: what no needed output or state comes from; what depends on parameters only is computed once (`Fixed`); a block under a
-condition is skipped where the condition holds in no lane. Where it holds in some, the block is carried out for all, and the choice
-that the condition stands for takes its value for these lanes only.
+Every operation is that of the component's own code, in the same order, so each lane has the bits of a copy alone. Three
+things are left out: what no needed output or state comes from; what depends on parameters only is computed once
+(`Fixed`); a block under a condition is skipped where the condition holds in no lane. Where it holds in some, the block
+is carried out for all, and the choice that the condition stands for takes its value for these lanes only.
 """
 
 from __future__ import annotations
@@ -28,11 +29,39 @@ from cosim.batch.statements import (
 
 FUNCTIONS = frozenset(
     (
-        "exp", "log", "pow", "sqrt", "sin", "cos", "tan", "asin", "acos", "atan", "atan2", "sinh", "cosh", "tanh", "asinh", "acosh",
-        "atanh", "floor", "ceil", "fmod", "fabs", "sign", "copysign", "erf", "fmin", "fmax", "log1p", "expm1", "hypot", "remainder",
+        "exp",
+        "log",
+        "pow",
+        "sqrt",
+        "sin",
+        "cos",
+        "tan",
+        "asin",
+        "acos",
+        "atan",
+        "atan2",
+        "sinh",
+        "cosh",
+        "tanh",
+        "asinh",
+        "acosh",
+        "atanh",
+        "floor",
+        "ceil",
+        "fmod",
+        "fabs",
+        "sign",
+        "copysign",
+        "erf",
+        "fmin",
+        "fmax",
+        "log1p",
+        "expm1",
+        "hypot",
+        "remainder",
         "square",
     )
-)  # fmt: skip
+)
 """What generated statements call on numbers; `runtime/lanes.h` has each as lanes_NAME."""
 
 VECTORS = {"x": "States", "u": "Inputs", "p": "Parameters"}
@@ -44,8 +73,9 @@ _TABLE = re.compile(r"static const (double|int) (\w+)\[\d+\] = \{[^}]*\};\n")
 
 
 class Code(NamedTuple):
-    """C code of a value. `kind`: number (the same in all lanes), lanes, mask (a condition in each lane), index. `fixed`: it depends on
-    parameters and constants only. `simple`: it is no operation."""
+    """C code of a value. `kind`: number (the same in all lanes), lanes, mask (a condition in each lane), index.
+    `fixed`: it depends on parameters and constants only. `simple`: it is no operation.
+    """
 
     text: str
     kind: str
@@ -89,10 +119,19 @@ class Fixed:
         lines = [f"    {name} = {text};" for text, name in self.names.items()]
         return "\n".join(
             [
-                "typedef struct {", *members, "    lanes unused;", "} Fixed;", "",
-                "static void prepare(const Parameters *const p, Fixed *const f) {", "    (void)p;", "    (void)f;", *lines, "}", "",
+                "typedef struct {",
+                *members,
+                "    lanes unused;",
+                "} Fixed;",
+                "",
+                "static void prepare(const Parameters *const p, Fixed *const f) {",
+                "    (void)p;",
+                "    (void)f;",
+                *lines,
+                "}",
+                "",
             ]
-        )  # fmt: skip
+        )
 
 
 @dataclass(frozen=True)
@@ -146,7 +185,8 @@ class Structs:
 
 
 def translated(code: str, outputs: Iterable[int]) -> tuple[str, list[str]]:
-    """The functions of a `model.c` without comments over lanes, of which the outputs with these slots are needed; with their names.
+    """The functions of a `model.c` without comments over lanes, of which the outputs with these slots are needed; with
+    their names.
 
     Raises NotRead for what is not written as the generator writes it.
     """
@@ -164,7 +204,10 @@ def translated(code: str, outputs: Iterable[int]) -> tuple[str, list[str]]:
         names.append(name)
     if "static void" in (rest := re.sub(r"static void \w+\(const FmuArguments", "", code)) or "goto" in rest:
         raise NotRead("it has functions in the code of CasADi")
-    arguments = "typedef struct {\n    double t;\n    const lanes *x, *u, *p;\n    const Fixed *f;\n    lanes *w;\n} Arguments;\n"
+    arguments = (
+        "typedef struct {\n    double t;\n    const lanes *x, *u, *p;\n    const Fixed *f;\n    lanes *w;\n}"
+        " Arguments;\n"
+    )
     parameters = structs.code.get("Parameters") or "typedef struct {\n    lanes none;\n} Parameters;\n"
     shown = [text for name, text in structs.code.items() if name in ("Inputs", "States", "Outputs")]
     constants = [m[0] for m in _TABLE.finditer(code)]
@@ -256,9 +299,12 @@ class _Function:
         for pointer, struct in VECTORS.items():
             if struct in self._structs.code:
                 views.append(f"const {struct} *const {pointer} = (const {struct} *)at->{pointer}")
-        results = {"start_states": (("start", "States", "result"),), "derivatives": (("der", "States", "result"),),
-                   "outputs": (("y", "Outputs", "result"),),
-                   "sample": (("y", "Outputs", "result"), ("next", "States", "second"))}[self._name]  # fmt: skip
+        results = {
+            "start_states": (("start", "States", "result"),),
+            "derivatives": (("der", "States", "result"),),
+            "outputs": (("y", "Outputs", "result"),),
+            "sample": (("y", "Outputs", "result"), ("next", "States", "second")),
+        }[self._name]
         for pointer, struct, argument in results:
             if struct in self._structs.code:
                 views.append(f"{struct} *const {pointer} = ({struct} *){argument}")
@@ -268,7 +314,13 @@ class _Function:
         head = [f"    {v};" for v in views]
         head += [f"    (void){v.split(' = ')[0].split()[-1].lstrip('*')};" for v in views]
         return "\n".join(
-            [f"static void {self._name}(const Arguments *const at, lanes *const result{second}) {{", *head, text, "}", ""]
+            [
+                f"static void {self._name}(const Arguments *const at, lanes *const result{second}) {{",
+                *head,
+                text,
+                "}",
+                "",
+            ]
         )
 
     def _statement(self, s: Statement, depth: int, inside: bool = False) -> list[str]:
@@ -391,7 +443,9 @@ class _Function:
         fixed = all(o.fixed for o in operands)
         if not fixed:
             operands = [self._hoisted(o) for o in operands]
-        return Code(write.format(*(getattr(o, h) for o, h in zip(operands, how, strict=True))), kind, fixed, simple=False)
+        return Code(
+            write.format(*(getattr(o, h) for o, h in zip(operands, how, strict=True))), kind, fixed, simple=False
+        )
 
     def _code(self, e: Expression) -> Code:
         if e.kind == "number":
@@ -437,14 +491,20 @@ class _Function:
         if e.text in ("<", "<=", ">", ">=", "==", "!="):
             how = ["lanes", "lanes"] if numbers else ["number", "number"]
             return self._operation(f"((mask)({{0}} {e.text} {{1}}))", "mask", [a, b], how)
-        return self._operation(f"({{0}} {e.text} {{1}})", "number" if numbers else "lanes", [a, b], ["number", "number"])
+        return self._operation(
+            f"({{0}} {e.text} {{1}})", "number" if numbers else "lanes", [a, b], ["number", "number"]
+        )
 
     def _call(self, e: Expression) -> Code:
         name = e.text
         if name == "look_up":
             array, kind = self._pointer(e.parts[0])
             index = self._code(e.parts[2])
-            return Code(f"lanes_look_up_{kind}({array}, {self._index(e.parts[1])}, {self._hoisted(index).lanes})", "lanes", simple=False)
+            return Code(
+                f"lanes_look_up_{kind}({array}, {self._index(e.parts[1])}, {self._hoisted(index).lanes})",
+                "lanes",
+                simple=False,
+            )
         if name in ("smallest", "largest"):
             array, kind = self._pointer(e.parts[0])
             if kind != "lanes":
@@ -458,14 +518,18 @@ class _Function:
         if name not in FUNCTIONS:
             raise NotRead(f"its code calls {name}")
         if all(o.kind == "number" for o in operands):
-            return Code(f"{name}({', '.join(o.text for o in operands)})", "number", all(o.fixed for o in operands), simple=False)
+            return Code(
+                f"{name}({', '.join(o.text for o in operands)})", "number", all(o.fixed for o in operands), simple=False
+            )
         if name in ("fmin", "fmax"):
             return self._extreme(name, e.parts, operands)
         write = f"lanes_{name}({', '.join(f'{{{i}}}' for i in range(len(operands)))})"
         return self._operation(write, "lanes", operands, ["lanes"] * len(operands))
 
     def _extreme(self, name: str, parts: Sequence[Expression], operands: Sequence[Code]) -> Code:
-        """Smaller or larger number: one instruction where one of the two is known to be no NaN, and not the zero that would win."""
+        """Smaller or larger number: one instruction where one of the two is known to be no NaN, and not the zero that
+        would win.
+        """
         for i in (0, 1):
             value = _literal(parts[i])
             if value is not None and (value != 0.0 or (name == "fmax" and not str(value).startswith("-"))):

@@ -14,7 +14,13 @@ from cosim.batch.statements import NotRead, without_comments
 from cosim.fmu.file import FmuFile
 
 RUNTIME = Path(building.__file__).with_name("runtime")
-_SAME = ("equations.h", "fmu_core.c", "fmu_math.h", "integrators.c", "saved_state.h")  # of which lanes carry out the operations
+_SAME = (
+    "equations.h",
+    "fmu_core.c",
+    "fmu_math.h",
+    "integrators.c",
+    "saved_state.h",
+)  # of which lanes carry out the operations
 _MODEL = re.compile(r"const FmuModel fmu_model = \{\n(.*?)\n\};", re.DOTALL)
 _FIELD = re.compile(r"^ *\.(\w+) = (.+),$", re.MULTILINE)
 _ROW = re.compile(r"^ *\{(\.name = .*)\},$", re.MULTILINE)
@@ -22,7 +28,9 @@ _IN_ROW = re.compile(r"\.(\w+) = (\"(?:[^\"\\]|\\.)*\"|[^,]+)")
 _NUMBERS = re.compile(r"static const (?:double|int) (bounds|velocity_of)\[\] = \{[^}]*\};\n")
 _SOLVERS = ("FMU_RK4", "FMU_AM2", "FMU_SEMI_IMPLICIT")
 _TWO = frozenset(("pow", "atan2", "fmod", "hypot", "remainder"))
-_IN_LANES = frozenset(("sqrt", "sin", "cos", "floor", "ceil", "fabs", "sign", "copysign", "fmin", "fmax", "square"))  # lanes.h
+_IN_LANES = frozenset(
+    ("sqrt", "sin", "cos", "floor", "ceil", "fabs", "sign", "copysign", "fmin", "fmax", "square")
+)  # lanes.h
 
 
 class NoLanes(Exception):  # noqa: N818
@@ -98,16 +106,23 @@ class LaneSource:
             functions, names = translated(self.model, outputs)
         except NotRead as error:
             raise NoLanes(f"lanes cannot follow its sources: {error}") from None
-        if missing := [n for n in ("start_states", "derivatives", "outputs", "sample") if n in self.fields and n not in names]:
+        if missing := [
+            n for n in ("start_states", "derivatives", "outputs", "sample") if n in self.fields and n not in names
+        ]:
             raise NoLanes(f"lanes cannot follow its sources: there is no function {missing[0]}")
         apart = sorted((FUNCTIONS - _IN_LANES) & set(re.findall(r"lanes_(\w+)\(", functions)))
         wrapped = [f"IN_EACH_LANE{'_OF_TWO' if name in _TWO else ''}({name}, {name})" for name in apart]
         constants = {
-            "N_PARAMETERS": self.size("parameters"), "N_INPUTS": self.size("inputs"), "N_STATES": self.size("states"),
-            "N_OUTPUTS": self.size("outputs"), "N_WORK": self.fields.get("n_work", "0"), "N_SHOWN": len(outputs),
-            "IS_CONTINUOUS": int(self.continuous), "HAS_START": int("start_states" in names and not self.continuous),
+            "N_PARAMETERS": self.size("parameters"),
+            "N_INPUTS": self.size("inputs"),
+            "N_STATES": self.size("states"),
+            "N_OUTPUTS": self.size("outputs"),
+            "N_WORK": self.fields.get("n_work", "0"),
+            "N_SHOWN": len(outputs),
+            "IS_CONTINUOUS": int(self.continuous),
+            "HAS_START": int("start_states" in names and not self.continuous),
             "SAMPLE_TIME": self.fields.get("sample_time", "0.0"),
-        }  # fmt: skip
+        }
         solvers = {"FMU_RK4": 0, "FMU_AM2": 1, "FMU_SEMI_IMPLICIT": 3}
         defines = [*(f"#define {k} {v}" for k, v in (constants | solvers).items())]
         defines.append(f"#define SOLVER {self.fields.get('solver', 'FMU_RK4')}")
@@ -116,10 +131,20 @@ class LaneSource:
         return "\n".join(
             [
                 "/* An FMU in lanes. Generated from its sources. */",
-                f"#define LANES {lanes}", f"#define LANES_TARGET {target}", '#include "lanes.h"', "",
-                *wrapped, "", functions, *numbers, shown, *defines, '#include "lane_member.h"', "",
+                f"#define LANES {lanes}",
+                f"#define LANES_TARGET {target}",
+                '#include "lanes.h"',
+                "",
+                *wrapped,
+                "",
+                functions,
+                *numbers,
+                shown,
+                *defines,
+                '#include "lane_member.h"',
+                "",
             ]
-        )  # fmt: skip
+        )
 
 
 def lane_source(fmu: FmuFile) -> LaneSource:
@@ -157,9 +182,9 @@ def lane_source(fmu: FmuFile) -> LaneSource:
 @lru_cache
 def _expected(names: frozenset[str]) -> dict[str, bytes]:
     """The runtime's own files, of which an FMU must have the same."""
-    return {n: (RUNTIME / n).read_bytes() for n in names if n in _SAME or (n.startswith("musl/") and (RUNTIME / n).exists())} | {
-        n: (RUNTIME / n).read_bytes() for n in _SAME
-    }
+    return {
+        n: (RUNTIME / n).read_bytes() for n in names if n in _SAME or (n.startswith("musl/") and (RUNTIME / n).exists())
+    } | {n: (RUNTIME / n).read_bytes() for n in _SAME}
 
 
 def _row(text: str) -> Row:
@@ -167,9 +192,14 @@ def _row(text: str) -> Row:
     limits = {"INFINITY": "inf", "-INFINITY": "-inf"}
     least, most = (row.get(k, d).strip() for k, d in (("min", "-inf"), ("max", "inf")))
     return Row(
-        row["name"].strip('"'), row.get("type", "FMU_FLOAT64"), row["role"], int(row["slot"]), int(row["size"]),
-        float(limits.get(least, least)), float(limits.get(most, most)),
-    )  # fmt: skip
+        row["name"].strip('"'),
+        row.get("type", "FMU_FLOAT64"),
+        row["role"],
+        int(row["slot"]),
+        int(row["size"]),
+        float(limits.get(least, least)),
+        float(limits.get(most, most)),
+    )
 
 
 def _sources(path: Path) -> dict[str, bytes]:

@@ -1,4 +1,5 @@
-"""The generated functions of a component, read back from its C code: what `build_fmus.equations` writes, and nothing else.
+"""The generated functions of a component, read back from its C code: what `build_fmus.equations` writes, and nothing
+else.
 
 Whatever is not written so is refused (`NotRead`), so that no statement is ever misunderstood.
 """
@@ -17,8 +18,9 @@ class NotRead(Exception):  # noqa: N818
 
 
 class Expression(NamedTuple):
-    """`kind`: number, name, member (pointer->name), index (array[i]), flat (all of a vector), unary, binary, call or cast; `text`: number,
-    name, operator or function; `parts`: operands."""
+    """`kind`: number, name, member (pointer->name), index (array[i]), flat (all of a vector), unary, binary, call or
+    cast; `text`: number, name, operator or function; `parts`: operands.
+    """
 
     kind: str
     text: str
@@ -36,7 +38,8 @@ class Expression(NamedTuple):
 
 @dataclass(frozen=True)
 class Declaration:
-    """A number or a condition (`int`) with its value; one that is not constant may get another value under a condition."""
+    """A number or a condition (`int`) with its value; one that is not constant may get another value
+    under a condition."""
 
     name: str
     kind: str

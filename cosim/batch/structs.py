@@ -26,7 +26,8 @@ _TYPES = {"FMU_FLOAT64": 0, "FMU_INT32": 1, "FMU_BOOLEAN": 2}
 
 @dataclass(frozen=True)
 class CopyFailure:
-    """Why a copy has ended: its index, the member that failed, the time [s] at which its step began, and the message."""
+    """Why a copy has ended: its index, the member that failed, the time [s] at which its step began, and
+    the message."""
 
     copy: int
     member: str
@@ -58,7 +59,8 @@ class Lanes:
 class Structs:
     """A plan for all copies, ready for the compiled engine.
 
-    `exchanges`: of each copy, None where it could not be initialized; those of copies with members that run one by one are kept.
+    `exchanges`: of each copy, None where it could not be initialized; those of copies with members that run one by one
+        are kept.
     """
 
     def __init__(
@@ -121,7 +123,11 @@ class Structs:
         ffi = interface()
         m.clock, m.step, m.look_before, m.number = plan.clock, plan.step, plan.look_before, number
         copies = [*plan.remember, *plan.show]
-        m.copies = self._new("EngineCopy[]", [{"to": c.to, "from": c.source, "n": c.n} for c in copies]) if copies else ffi.NULL
+        m.copies = (
+            self._new("EngineCopy[]", [{"to": c.to, "from": c.source, "n": c.n} for c in copies])
+            if copies
+            else ffi.NULL
+        )
         m.n_copies_before, m.n_copies = len(plan.remember), len(copies)
         m.stamp = -1 if plan.stamp is None else plan.stamp
         m.index, m.n_inputs = self._array("uint32_t", plan.index), len(plan.index)
@@ -194,7 +200,9 @@ class Structs:
         if found.result == _INPUT_REFUSED:
             row = lanes.source.rows[place.inputs[found.call].reference]
             value = float(memory[lanes.row(place.inputs[found.call])])
-            why = "is not finite" if not np.isfinite(value) else f"is outside its range [{row.least:.9g}, {row.most:.9g}]"
+            why = (
+                "is not finite" if not np.isfinite(value) else f"is outside its range [{row.least:.9g}, {row.most:.9g}]"
+            )
             return f"component '{member.name}': value {value:.9g} for {row.name} {why}"
         kind, slot, when, value = (int(memory[4]), int(memory[5]), float(memory[6]), float(memory[7]))
         role = "FMU_OUTPUT" if kind == 3 else "FMU_STATE"

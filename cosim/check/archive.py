@@ -23,9 +23,20 @@ from cosim.terminals import BUS, FLOWS, PLUG, RULES
 Found = Iterator["str | tuple[int, str] | Finding"]
 
 _TOP = {
-    "2": {"modelDescription.xml", "model.png", "documentation", "sources", "binaries", "resources", "extra", "terminalsAndIcons", "icons", "licenses"},
+    "2": {
+        "modelDescription.xml",
+        "model.png",
+        "documentation",
+        "sources",
+        "binaries",
+        "resources",
+        "extra",
+        "terminalsAndIcons",
+        "icons",
+        "licenses",
+    },
     "3": {"modelDescription.xml", "documentation", "sources", "binaries", "resources", "extra", "terminalsAndIcons"},
-}  # fmt: skip
+}
 
 
 def entries(file: File) -> list[str]:
@@ -35,10 +46,12 @@ def entries(file: File) -> list[str]:
 
 
 @check(
-    "archive.zip", "the ZIP file is one that every tool can read",
-    fmi2="2.3 FMU Distribution", fmi3="2.5 FMU Distribution",
+    "archive.zip",
+    "the ZIP file is one that every tool can read",
+    fmi2="2.3 FMU Distribution",
+    fmi3="2.5 FMU Distribution",
     advice="Pack with deflate (or store), no encryption, forward slashes in paths, and the ending .fmu.",
-)  # fmt: skip
+)
 def zip_file(file: File) -> Found:
     if file.archive.is_folder:
         raise NotApplicable("it is a folder, not an archive")
@@ -63,10 +76,15 @@ def zip_file(file: File) -> Found:
 
 
 @check(
-    "archive.layout", "what lies in the archive lies where the standard says",
-    fmi2="2.3 FMU Distribution (structure of the ZIP file)", fmi3="2.5.1 Structure of the ZIP file",
-    advice="Move data of your own into resources/ or extra/; give the documentation its index.html and the licences their entry file.",
-)  # fmt: skip
+    "archive.layout",
+    "what lies in the archive lies where the standard says",
+    fmi2="2.3 FMU Distribution (structure of the ZIP file)",
+    fmi3="2.5.1 Structure of the ZIP file",
+    advice=(
+        "Move data of your own into resources/ or extra/; give the documentation its index.html and the licences their"
+        " entry file."
+    ),
+)
 def layout(file: File) -> Found:
     found, v = entries(file), file.model.version
     others = sorted({p.split("/")[0] for p in found} - _TOP[v])
@@ -85,10 +103,15 @@ def layout(file: File) -> Found:
 
 
 @check(
-    "archive.implementation", "there is a binary or the sources for every interface that is offered",
-    fmi2="2.3 FMU Distribution", fmi3="2.5 FMU Distribution",
-    advice="Name each library after modelIdentifier, in the folder of its platform, or add the sources with their description.",
-)  # fmt: skip
+    "archive.implementation",
+    "there is a binary or the sources for every interface that is offered",
+    fmi2="2.3 FMU Distribution",
+    fmi3="2.5 FMU Distribution",
+    advice=(
+        "Name each library after modelIdentifier, in the folder of its platform, or add the sources with their"
+        " description."
+    ),
+)
 def implementation(file: File) -> Found:
     m = file.model
     found = file.archive.libraries()
@@ -104,10 +127,12 @@ def implementation(file: File) -> Found:
 
 
 @check(
-    "archive.sources", "the sources that are named are there, and how to build them",
-    fmi2="2.3 FMU Distribution; 3.3.1, 4.3.1 (SourceFiles)", fmi3="2.5.1.4 Directory sources",
+    "archive.sources",
+    "the sources that are named are there, and how to build them",
+    fmi2="2.3 FMU Distribution; 3.3.1, 4.3.1 (SourceFiles)",
+    fmi3="2.5.1.4 Directory sources",
     advice="List every file to compile, by its path from sources/; FMI 3.0 wants a buildDescription.xml.",
-)  # fmt: skip
+)
 def sources(file: File) -> Found:
     found = entries(file)
     there = {p.removeprefix("sources/") for p in found if p.startswith("sources/")}
@@ -116,7 +141,9 @@ def sources(file: File) -> Found:
     if file.model.version == "2":
         named = [*file.root.iterfind(".//SourceFiles/File")]
         if not there:
-            yield warning(f"it names {len(named)} source files, but comes without sources/", named[0].sourceline if named else 0)
+            yield warning(
+                f"it names {len(named)} source files, but comes without sources/", named[0].sourceline if named else 0
+            )
             return
         for element in named:
             if posixpath.normpath(element.get("name", "")) not in there:
@@ -131,17 +158,21 @@ def sources(file: File) -> Found:
     identifiers = {i.identifier for i in file.model.interfaces.values()}
     for configuration in build.iterfind("BuildConfiguration"):
         if identifiers and configuration.get("modelIdentifier") not in identifiers and not file.model.scheduled:
-            yield f"sources/buildDescription.xml, line {configuration.sourceline}: no interface has the modelIdentifier {configuration.get('modelIdentifier')!r}"
+            yield (
+                f"sources/buildDescription.xml, line {configuration.sourceline}: no interface has the modelIdentifier"
+                f" {configuration.get('modelIdentifier')!r}"
+            )
     for element in build.iter("SourceFile"):
         if element.get("name") not in there:
             yield f"sources/buildDescription.xml, line {element.sourceline}: {element.get('name')!r} is not in sources/"
 
 
 @check(
-    "archive.terminals", "terminals keep to their schema, name variables that exist, and can be matched",
+    "archive.terminals",
+    "terminals keep to their schema, name variables that exist, and can be matched",
     fmi3="2.4.9 Terminals and Icons",
     advice="Correct terminalsAndIcons/terminalsAndIcons.xml.",
-)  # fmt: skip
+)
 def terminals(file: File) -> Found:
     path = "terminalsAndIcons/terminalsAndIcons.xml"
     if not (file.folder / path).is_file():
@@ -160,7 +191,10 @@ def terminals(file: File) -> Found:
             elif causality[name] not in ("input", "output", "parameter", "calculatedParameter"):
                 yield f"{at}: variable {name!r} is {causality[name]}; a terminal has inputs, outputs and parameters"
     for holder in root.iter("Terminals", "Terminal"):
-        yield from (f"{path}, line {line}: there is a terminal {name!r} already" for name, line in _twice(holder.iterfind("Terminal"), "name"))
+        yield from (
+            f"{path}, line {line}: there is a terminal {name!r} already"
+            for name, line in _twice(holder.iterfind("Terminal"), "name")
+        )
     for terminal in root.iter("Terminal"):
         yield from (f"{path}, {text}" for text in _unmatchable(terminal))
 
@@ -170,9 +204,14 @@ def _unmatchable(terminal: Any) -> Iterator[str]:
     members = terminal.findall("TerminalMemberVariable")
     rule, line = terminal.get("matchingRule", ""), f"line {terminal.sourceline}"
     if rule not in RULES and "." not in rule:
-        yield f"{line}: matching rule {rule!r} is none of FMI's ({', '.join(RULES)}), nor a name in reverse domain notation"
+        yield (
+            f"{line}: matching rule {rule!r} is none of FMI's ({', '.join(RULES)}), nor a name in reverse domain"
+            " notation"
+        )
     if rule in (PLUG, BUS):
-        yield from (f"line {m.sourceline}: a member of a {rule} needs a memberName" for m in members if not m.get("memberName"))
+        yield from (
+            f"line {m.sourceline}: a member of a {rule} needs a memberName" for m in members if not m.get("memberName")
+        )
         yield from (f"line {at}: there is a member {name!r} already" for name, at in _twice(members, "memberName"))
     flows = sum(m.get("variableKind") in FLOWS for m in members)
     if terminal.find("TerminalStreamMemberVariable") is not None and flows > 1:

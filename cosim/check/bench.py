@@ -66,7 +66,9 @@ class Bench:
         return self.fmu.instance(self.kind, **options)
 
     def alone(self, work: Callable[[Instance], T], **options: Any) -> T:
-        """What `work` finds with an instance of its own. Where there may be one instance per process, it gets a process."""
+        """What `work` finds with an instance of its own. Where there may be one instance per process, it gets a
+        process.
+        """
 
         def with_instance() -> T:
             with self.instance(**options) as a:
@@ -95,7 +97,13 @@ class Bench:
     def settable(self, *causalities: str, numbers: bool = True) -> list[Var]:
         """Inputs or parameters that can be set at will."""
         found = self.fmu.readable(self.model.of(*causalities))
-        return [v for v in found if v.variability != "constant" and (not numbers or v.is_number or v.access == "Boolean") and v.starts() is not None]
+        return [
+            v
+            for v in found
+            if v.variability != "constant"
+            and (not numbers or v.is_number or v.access == "Boolean")
+            and v.starts() is not None
+        ]
 
     def run(self, instance: Instance, steps: int = STEPS, step: float | None = None) -> list[Values]:
         """Results before the first and after each step. Ends early where the FMU wants to end."""
@@ -109,7 +117,9 @@ class Bench:
             pass
         return found
 
-    def fresh(self, values: Mapping[Var, Sequence[Any]] | None = None, steps: int = STEPS, **options: Any) -> list[Values]:
+    def fresh(
+        self, values: Mapping[Var, Sequence[Any]] | None = None, steps: int = STEPS, **options: Any
+    ) -> list[Values]:
         """A run of an instance of its own."""
 
         def run(a: Instance) -> list[Values]:
@@ -130,7 +140,9 @@ class Bench:
 
     @cached_property
     def error_control(self) -> bool:
-        """Whether the FMU has an integrator with error control: a tighter tolerance changes its results. False of Model Exchange."""
+        """Whether the FMU has an integrator with error control: a tighter tolerance changes its results. False of Model
+        Exchange.
+        """
         if self.kind == "me":
             return False
         tighter = attempt(lambda: self.fresh(tolerance=self.tolerance / 100))
@@ -143,14 +155,18 @@ class Bench:
         return declared if 0 < declared < 1 else TOLERANCE
 
 
-def compared(bench: Bench, one: Sequence[Values], other: Sequence[Values], what: str, *, restarted: bool = False) -> Finding | None:
+def compared(
+    bench: Bench, one: Sequence[Values], other: Sequence[Values], what: str, *, restarted: bool = False
+) -> Finding | None:
     """What is wrong with two runs that must be the same.
 
-    Fixed steps repeat their results to rounding: beyond that it is a warning, and an error from a relative difference of `OTHER`. An integrator with
-    error control that begins from scratch changes its results by some tolerances: only what is beyond them is an error.
+    Fixed steps repeat their results to rounding: beyond that it is a warning, and an error from a relative difference
+    of `OTHER`. An integrator with error control that begins from scratch changes its results by some tolerances: only
+    what is beyond them is an error.
 
     Args:
-        restarted: it was observed that an integrator begins from scratch; else a run with another tolerance shows whether there is one.
+        restarted: it was observed that an integrator begins from scratch; else a run with another tolerance shows
+            whether there is one.
     """
     text = difference(one, other)
     if not text:
@@ -170,8 +186,12 @@ def _only(run: Iterable[Values], floats: bool) -> list[Values]:
     return [{v: x for v, x in values.items() if v.is_float is floats} for values in run]
 
 
-def difference(one: Sequence[Values], other: Sequence[Values], tolerance: float = EQUAL, floor: Mapping[Var, float] | None = None) -> str:
-    """Where two runs differ by more than `tolerance` of the largest value (at least `floor`) of a signal, in words; empty: they do not."""
+def difference(
+    one: Sequence[Values], other: Sequence[Values], tolerance: float = EQUAL, floor: Mapping[Var, float] | None = None
+) -> str:
+    """Where two runs differ by more than `tolerance` of the largest value (at least `floor`) of a signal, in words;
+    empty: they do not.
+    """
     scales = peaks([*one, *other], floor)
     for k, (a, b) in enumerate(zip(one, other, strict=False)):
         if text := differs(a, b, tolerance, scales):
@@ -247,7 +267,11 @@ def tried(candidates: Sequence[T], most: int = MOST_TRIED) -> list[T]:
 
 def disturb(bench: Bench, a: Instance) -> None:
     """Other inputs, as far as the FMU takes them."""
-    inputs = [v for v in tried(bench.settable("input")) if v.is_float and (bench.kind == "cs" or v.variability == "continuous")]
+    inputs = [
+        v
+        for v in tried(bench.settable("input"))
+        if v.is_float and (bench.kind == "cs" or v.variability == "continuous")
+    ]
     values: Values = {v: m for v in inputs if (m := moved(v, v.starts() or ())) is not None}
     if values:
         attempt(lambda: a.set(values))

@@ -1,6 +1,8 @@
-"""What a shared library says about itself, read from its headers: ELF, PE and Mach-O; and checks of what its folder claims.
+"""What a shared library says about itself, read from its headers: ELF, PE and Mach-O; and checks of what its folder
+claims.
 
-Own readers of what little is needed, so that an FMU can be checked wherever it is received, libraries of other platforms included.
+Own readers of what little is needed, so that an FMU can be checked wherever it is received, libraries of other
+platforms included.
 """
 
 from __future__ import annotations
@@ -22,7 +24,9 @@ class Unreadable(ValueError):  # noqa: N818 (reads as what happened)
 
 @dataclass
 class Library:
-    """A shared library: `format` (ELF, PE, Mach-O), `machines` ((architecture, bits), several in a universal one), names it exports and needs."""
+    """A shared library: `format` (ELF, PE, Mach-O), `machines` ((architecture, bits), several in a universal one),
+    names it exports and needs.
+    """
 
     format: str
     machines: list[tuple[str, int]]
@@ -174,7 +178,12 @@ def _pe(data: bytes) -> Library:
 
 # ------------------------------------------------------------------------------------------------------------- Mach-O
 
-_MACHO = {b"\xce\xfa\xed\xfe": ("<", 32), b"\xcf\xfa\xed\xfe": ("<", 64), b"\xfe\xed\xfa\xce": (">", 32), b"\xfe\xed\xfa\xcf": (">", 64)}
+_MACHO = {
+    b"\xce\xfa\xed\xfe": ("<", 32),
+    b"\xcf\xfa\xed\xfe": ("<", 64),
+    b"\xfe\xed\xfa\xce": (">", 32),
+    b"\xfe\xed\xfa\xcf": (">", 64),
+}
 _FAT = {b"\xca\xfe\xba\xbe": ">5I", b"\xca\xfe\xba\xbf": ">IIQQI4x"}
 _MACHO_MACHINES = {7: ("x86", 32), 0x01000007: ("x86_64", 64), 12: ("arm", 32), 0x0100000C: ("aarch64", 64)}
 
@@ -203,7 +212,9 @@ def _mach_o(data: bytes) -> Library:
             entry = struct.Struct(order + ("IBBHQ" if bits == 64 else "IBBHI"))
             for i in range(n):
                 name, type_, _, _, _ = entry.unpack_from(data, symbols + i * entry.size)
-                if type_ & 1 and type_ & 0xE == 0xE and not type_ & 0xE0:  # external, defined in a section, no debug entry
+                if (
+                    type_ & 1 and type_ & 0xE == 0xE and not type_ & 0xE0
+                ):  # external, defined in a section, no debug entry
                     library.exported.add(_text(data, strings + name).removeprefix("_"))
         at += max(size, 8)
     return library
@@ -212,19 +223,33 @@ def _mach_o(data: bytes) -> Library:
 # ------------------------------------------------------------------------------------------------------------- checks
 
 FOLDERS2 = {
-    "win32": ("PE", "x86", 32), "win64": ("PE", "x86_64", 64), "linux32": ("ELF", "x86", 32), "linux64": ("ELF", "x86_64", 64),
-    "darwin32": ("Mach-O", "x86", 32), "darwin64": ("Mach-O", "x86_64", 64),
-}  # fmt: skip
+    "win32": ("PE", "x86", 32),
+    "win64": ("PE", "x86_64", 64),
+    "linux32": ("ELF", "x86", 32),
+    "linux64": ("ELF", "x86_64", 64),
+    "darwin32": ("Mach-O", "x86", 32),
+    "darwin64": ("Mach-O", "x86_64", 64),
+}
 _SYSTEMS = {"windows": "PE", "linux": "ELF", "darwin": "Mach-O"}
 _ARCHITECTURES = {
-    "x86_64": ("x86_64", 64), "i386": ("x86", 32), "i586": ("x86", 32), "i686": ("x86", 32), "x86": ("x86", 32),
-    "aarch64": ("aarch64", 64), "aarch32": ("arm", 32), "riscv64": ("riscv", 64), "riscv32": ("riscv", 32), "ppc64": ("ppc64", 64),
-}  # fmt: skip
+    "x86_64": ("x86_64", 64),
+    "i386": ("x86", 32),
+    "i586": ("x86", 32),
+    "i686": ("x86", 32),
+    "x86": ("x86", 32),
+    "aarch64": ("aarch64", 64),
+    "aarch32": ("arm", 32),
+    "riscv64": ("riscv", 64),
+    "riscv32": ("riscv", 32),
+    "ppc64": ("ppc64", 64),
+}
 ENDINGS = {"PE": ".dll", "ELF": ".so", "Mach-O": ".dylib"}
 
 
 def claimed(folder: str, version: str) -> tuple[str, str, int] | None:
-    """(format, architecture, bits) that the name of a folder below binaries/ stands for; None: a name of the vendor's own."""
+    """(format, architecture, bits) that the name of a folder below binaries/ stands for; None: a name of the vendor's
+    own.
+    """
     if version == "2" and folder in FOLDERS2:
         return FOLDERS2[folder]
     match = re.fullmatch(r"([a-z0-9]+(?:_64)?)-(windows|linux|darwin)(?:-.*)?", folder)
@@ -234,31 +259,104 @@ def claimed(folder: str, version: str) -> tuple[str, str, int] | None:
 
 
 COMMON2 = [
-    "GetTypesPlatform", "GetVersion", "SetDebugLogging", "Instantiate", "FreeInstance", "SetupExperiment", "EnterInitializationMode",
-    "ExitInitializationMode", "Terminate", "Reset", *(f"{d}{t}" for d in ("Get", "Set") for t in ("Real", "Integer", "Boolean", "String")),
-    "GetFMUstate", "SetFMUstate", "FreeFMUstate", "SerializedFMUstateSize", "SerializeFMUstate", "DeSerializeFMUstate", "GetDirectionalDerivative",
-]  # fmt: skip
+    "GetTypesPlatform",
+    "GetVersion",
+    "SetDebugLogging",
+    "Instantiate",
+    "FreeInstance",
+    "SetupExperiment",
+    "EnterInitializationMode",
+    "ExitInitializationMode",
+    "Terminate",
+    "Reset",
+    *(f"{d}{t}" for d in ("Get", "Set") for t in ("Real", "Integer", "Boolean", "String")),
+    "GetFMUstate",
+    "SetFMUstate",
+    "FreeFMUstate",
+    "SerializedFMUstateSize",
+    "SerializeFMUstate",
+    "DeSerializeFMUstate",
+    "GetDirectionalDerivative",
+]
 ME2 = [
-    "EnterEventMode", "NewDiscreteStates", "EnterContinuousTimeMode", "CompletedIntegratorStep", "SetTime", "SetContinuousStates",
-    "GetDerivatives", "GetEventIndicators", "GetContinuousStates", "GetNominalsOfContinuousStates",
-]  # fmt: skip
+    "EnterEventMode",
+    "NewDiscreteStates",
+    "EnterContinuousTimeMode",
+    "CompletedIntegratorStep",
+    "SetTime",
+    "SetContinuousStates",
+    "GetDerivatives",
+    "GetEventIndicators",
+    "GetContinuousStates",
+    "GetNominalsOfContinuousStates",
+]
 CS2 = [
-    "SetRealInputDerivatives", "GetRealOutputDerivatives", "DoStep", "CancelStep",
+    "SetRealInputDerivatives",
+    "GetRealOutputDerivatives",
+    "DoStep",
+    "CancelStep",
     *(f"Get{t}Status" for t in ("", "Real", "Integer", "Boolean", "String")),
-]  # fmt: skip
-TYPES3 = ("Float32", "Float64", "Int8", "UInt8", "Int16", "UInt16", "Int32", "UInt32", "Int64", "UInt64", "Boolean", "String", "Binary", "Clock")
+]
+TYPES3 = (
+    "Float32",
+    "Float64",
+    "Int8",
+    "UInt8",
+    "Int16",
+    "UInt16",
+    "Int32",
+    "UInt32",
+    "Int64",
+    "UInt64",
+    "Boolean",
+    "String",
+    "Binary",
+    "Clock",
+)
 COMMON3 = [
-    "GetVersion", "SetDebugLogging", "FreeInstance", "EnterInitializationMode", "ExitInitializationMode", "EnterEventMode", "Terminate", "Reset",
-    *(f"{d}{t}" for d in ("Get", "Set") for t in TYPES3), "GetNumberOfVariableDependencies", "GetVariableDependencies", "GetFMUState", "SetFMUState",
-    "FreeFMUState", "SerializedFMUStateSize", "SerializeFMUState", "DeserializeFMUState", "GetDirectionalDerivative", "GetAdjointDerivative",
-    "EnterConfigurationMode", "ExitConfigurationMode", "GetIntervalDecimal", "GetIntervalFraction", "GetShiftDecimal", "GetShiftFraction",
-    "SetIntervalDecimal", "SetIntervalFraction", "EvaluateDiscreteStates", "UpdateDiscreteStates",
-]  # fmt: skip
+    "GetVersion",
+    "SetDebugLogging",
+    "FreeInstance",
+    "EnterInitializationMode",
+    "ExitInitializationMode",
+    "EnterEventMode",
+    "Terminate",
+    "Reset",
+    *(f"{d}{t}" for d in ("Get", "Set") for t in TYPES3),
+    "GetNumberOfVariableDependencies",
+    "GetVariableDependencies",
+    "GetFMUState",
+    "SetFMUState",
+    "FreeFMUState",
+    "SerializedFMUStateSize",
+    "SerializeFMUState",
+    "DeserializeFMUState",
+    "GetDirectionalDerivative",
+    "GetAdjointDerivative",
+    "EnterConfigurationMode",
+    "ExitConfigurationMode",
+    "GetIntervalDecimal",
+    "GetIntervalFraction",
+    "GetShiftDecimal",
+    "GetShiftFraction",
+    "SetIntervalDecimal",
+    "SetIntervalFraction",
+    "EvaluateDiscreteStates",
+    "UpdateDiscreteStates",
+]
 ME3 = [
-    "InstantiateModelExchange", "EnterContinuousTimeMode", "CompletedIntegratorStep", "SetTime", "SetContinuousStates",
-    "GetContinuousStateDerivatives", "GetEventIndicators", "GetContinuousStates", "GetNominalsOfContinuousStates",
-    "GetNumberOfEventIndicators", "GetNumberOfContinuousStates",
-]  # fmt: skip
+    "InstantiateModelExchange",
+    "EnterContinuousTimeMode",
+    "CompletedIntegratorStep",
+    "SetTime",
+    "SetContinuousStates",
+    "GetContinuousStateDerivatives",
+    "GetEventIndicators",
+    "GetContinuousStates",
+    "GetNominalsOfContinuousStates",
+    "GetNumberOfEventIndicators",
+    "GetNumberOfContinuousStates",
+]
 CS3 = ["InstantiateCoSimulation", "EnterStepMode", "GetOutputDerivatives", "DoStep"]
 FUNCTIONS = {"2": {"": COMMON2, "me": ME2, "cs": CS2}, "3": {"": COMMON3, "me": ME3, "cs": CS3}}
 
@@ -295,10 +393,12 @@ def _readable(file: File) -> Iterator[tuple[str, Library, set[str]]]:
 
 
 @check(
-    "binary.header", "every library is of the system, the architecture and the word size that its folder claims",
-    fmi2="2.3 FMU Distribution (binaries)", fmi3="2.5.1.5 Directory binaries (platform tuple)",
+    "binary.header",
+    "every library is of the system, the architecture and the word size that its folder claims",
+    fmi2="2.3 FMU Distribution (binaries)",
+    fmi3="2.5.1.5 Directory binaries (platform tuple)",
     advice="Put each library into the folder of its platform, and build it for that.",
-)  # fmt: skip
+)
 def header(file: File) -> Found:
     found = libraries(file)
     if not found:
@@ -322,10 +422,15 @@ def header(file: File) -> Found:
 
 
 @check(
-    "binary.symbols", "every library has all functions of its interfaces",
-    fmi2="2.3 FMU Distribution (functions that must be present)", fmi3="2.5 FMU Distribution (functions that must be present)",
-    advice="Export every function of the interface, also those for capabilities that are not offered: importers load them all.",
-)  # fmt: skip
+    "binary.symbols",
+    "every library has all functions of its interfaces",
+    fmi2="2.3 FMU Distribution (functions that must be present)",
+    fmi3="2.5 FMU Distribution (functions that must be present)",
+    advice=(
+        "Export every function of the interface, also those for capabilities that are not offered: importers load them"
+        " all."
+    ),
+)
 def symbols(file: File) -> Found:
     for path, library, kinds in _readable(file):
         missing = [n for n in required(file.model.version, kinds) if n not in library.exported]
@@ -341,19 +446,24 @@ _OF_SYSTEMS = re.compile(
     r"(?i:(kernel32|kernelbase|user32|gdi32|advapi32|shell32|ole32|oleaut32|ws2_32|wsock32|msvcrt|ucrtbase|ntdll|version|winmm|shlwapi|"
     r"psapi|dbghelp|rpcrt4|secur32|crypt32|bcrypt|comdlg32|comctl32|imm32|iphlpapi|userenv|setupapi|opengl32|winhttp|wininet|mpr|netapi32|"
     r"propsys|uxtheme|dwmapi|powrprof|api-ms-win-.*|ext-ms-.*)(\.dll|\.drv)?)"
-)  # fmt: skip
+)
 _REDISTRIBUTED = re.compile(r"(?i)(vcruntime|msvcp|msvcr|concrt|vcomp|libgfortran|libgomp|libquadmath|libomp).*")
 
 
 @check(
-    "binary.libraries", "every library finds what it needs on a standard machine, or beside itself",
-    fmi2="2.3 FMU Distribution (binaries)", fmi3="2.5.1.5 Directory binaries (referenced resources)",
-    advice="Link statically, or put what is needed into the folder beside the library (with RPATH $ORIGIN on Linux).", worst="warning",
-)  # fmt: skip
+    "binary.libraries",
+    "every library finds what it needs on a standard machine, or beside itself",
+    fmi2="2.3 FMU Distribution (binaries)",
+    fmi3="2.5.1.5 Directory binaries (referenced resources)",
+    advice="Link statically, or put what is needed into the folder beside the library (with RPATH $ORIGIN on Linux).",
+    worst="warning",
+)
 def needed(file: File) -> Found:
     for path, library, _ in _readable(file):
         beside = {p.name.lower() for p in (file.folder / path).parent.iterdir()}
-        lacking = [n for n in library.needed if n.rpartition("/")[2].lower() not in beside and not _OF_SYSTEMS.fullmatch(n)]
+        lacking = [
+            n for n in library.needed if n.rpartition("/")[2].lower() not in beside and not _OF_SYSTEMS.fullmatch(n)
+        ]
         lacking = [n for n in lacking if n.rpartition("/")[2] != path.rpartition("/")[2]]
         usual = [n for n in lacking if _REDISTRIBUTED.fullmatch(n.rpartition("/")[2])]
         others = [n for n in lacking if n not in usual]

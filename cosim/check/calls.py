@@ -1,7 +1,8 @@
 """An FMU as the checks call it: any function with any arguments, rightly or wrongly, in the process of the check.
 
-`Fmu` is a loaded library, `Instance` an instance of it. `call` returns whatever status comes back; the other methods do what an importer does and
-raise `Refused` where the FMU does not. What is being called is written into memory that outlives a crash, so that the crash has a name.
+`Fmu` is a loaded library, `Instance` an instance of it. `call` returns whatever status comes back; the other methods do
+what an importer does and raise `Refused` where the FMU does not. What is being called is written into memory that
+outlives a crash, so that the crash has a name.
 """
 
 from __future__ import annotations
@@ -23,11 +24,23 @@ from cosim.memory import physical_memory
 OK, WARNING, DISCARD, ERROR, FATAL, PENDING = range(6)
 STATUS = ("OK", "Warning", "Discard", "Error", "Fatal", "Pending")
 TYPES: dict[str, Any] = {
-    "Real": c.c_double, "Integer": c.c_int, "Float64": c.c_double, "Float32": c.c_float, "Int8": c.c_int8, "UInt8": c.c_uint8,
-    "Int16": c.c_int16, "UInt16": c.c_uint16, "Int32": c.c_int32, "UInt32": c.c_uint32, "Int64": c.c_int64, "UInt64": c.c_uint64,
+    "Real": c.c_double,
+    "Integer": c.c_int,
+    "Float64": c.c_double,
+    "Float32": c.c_float,
+    "Int8": c.c_int8,
+    "UInt8": c.c_uint8,
+    "Int16": c.c_int16,
+    "UInt16": c.c_uint16,
+    "Int32": c.c_int32,
+    "UInt32": c.c_uint32,
+    "Int64": c.c_int64,
+    "UInt64": c.c_uint64,
     "String": c.c_char_p,
-}  # fmt: skip
-LOGGER2 = c.CFUNCTYPE(None, c.c_void_p, c.c_char_p, c.c_int, c.c_char_p, c.c_char_p, *[c.c_ssize_t] * WORDS, *[c.c_double] * REALS)
+}
+LOGGER2 = c.CFUNCTYPE(
+    None, c.c_void_p, c.c_char_p, c.c_int, c.c_char_p, c.c_char_p, *[c.c_ssize_t] * WORDS, *[c.c_double] * REALS
+)
 LOGGER3 = c.CFUNCTYPE(None, c.c_void_p, c.c_int, c.c_char_p, c.c_char_p)
 _ALLOCATE = c.CFUNCTYPE(c.c_void_p, c.c_size_t, c.c_size_t)
 _RELEASE = c.CFUNCTYPE(None, c.c_void_p)
@@ -40,7 +53,13 @@ LOOP = 100  # event iterations
 class Callbacks2(c.Structure):
     """`fmi2CallbackFunctions`."""
 
-    _fields_ = (("logger", LOGGER2), ("allocate", c.c_void_p), ("release", c.c_void_p), ("finished", c.c_void_p), ("environment", c.c_void_p))
+    _fields_ = (
+        ("logger", LOGGER2),
+        ("allocate", c.c_void_p),
+        ("release", c.c_void_p),
+        ("finished", c.c_void_p),
+        ("environment", c.c_void_p),
+    )
 
 
 class EventInfo2(c.Structure):
@@ -81,7 +100,8 @@ class Fmu:
         self.version = model.version
         self.libraries = libraries
         self.say = say or (lambda text: None)
-        self.fatal = ""  # the call that returned Fatal: then no instance may be called any more (FMI 2.0, 2.1.3; FMI 3.0, 2.2.4)
+        # the call that returned Fatal: then no instance may be called any more (FMI 2.0, 2.1.3; FMI 3.0, 2.2.4)
+        self.fatal = ""
         self._loaded: dict[Path, Any] = {}
         self.types = {**TYPES, "Boolean": c.c_int if self.version == "2" else c.c_bool}
         self.flag = c.c_int if self.version == "2" else c.c_bool
@@ -113,13 +133,27 @@ class Fmu:
 
     def readable(self, variables: Iterable[Var]) -> list[Var]:
         """Those that can be read at any time in a run."""
-        return [v for v in variables if v.access in self.types and not v.clocked and v.reference is not None and v.size > 0]
+        return [
+            v for v in variables if v.access in self.types and not v.clocked and v.reference is not None and v.size > 0
+        ]
 
 
 class Instance:
-    """An instance, and the state of FMI's state machine that it is in. `messages`: (status, text) of what it has logged."""
+    """An instance, and the state of FMI's state machine that it is in. `messages`: (status, text) of what it has
+    logged.
+    """
 
-    def __init__(self, fmu: Fmu, kind: str, *, logging: bool = True, token: str | None = None, name: str = "check", event_mode: bool | None = None, tolerance: float | None = None):
+    def __init__(
+        self,
+        fmu: Fmu,
+        kind: str,
+        *,
+        logging: bool = True,
+        token: str | None = None,
+        name: str = "check",
+        event_mode: bool | None = None,
+        tolerance: float | None = None,
+    ):
         self.fmu, self.kind, self.version = fmu, kind, fmu.version
         self.model: Model = fmu.model
         self.interface: Interface = fmu.model.interfaces[kind]
@@ -227,7 +261,9 @@ class Instance:
     def require(self) -> Instance:
         """Itself; raises Refused where it could not be instantiated."""
         if self.handle is None:
-            name = f"fmi{self.version}Instantiate" + ("" if self.version == "2" else "CoSimulation" if self.kind == "cs" else "ModelExchange")
+            name = f"fmi{self.version}Instantiate" + (
+                "" if self.version == "2" else "CoSimulation" if self.kind == "cs" else "ModelExchange"
+            )
             raise Refused(name, None, self.said(), f"({'Co-Simulation' if self.kind == 'cs' else 'Model Exchange'})")
         return self
 
@@ -238,13 +274,21 @@ class Instance:
         return (given, tolerance if given else 0.0, float(self.model.start_time), stop is not None, float(stop or 0.0))
 
     def settable_when_instantiated(self, v: Var) -> bool:
-        """FMI 2.0 (2.1.6) lets only variables with `initial` exact or approx be set before initialization mode, and inputs have no `initial`."""
+        """FMI 2.0 (2.1.6) lets only variables with `initial` exact or approx be set before initialization mode, and
+        inputs have no `initial`.
+        """
         return self.version == "3" or v.causality != "input"
 
     def enter_initialization(
-        self, values: Mapping[Var, Sequence[Any]] | None = None, *, stop: float | None = None, set_after_setup: bool = False
+        self,
+        values: Mapping[Var, Sequence[Any]] | None = None,
+        *,
+        stop: float | None = None,
+        set_after_setup: bool = False,
     ) -> Instance:
-        """To initialization mode, with values set as soon as they may be. FMI 2.0: `set_after_setup`, parameters after fmi2SetupExperiment."""
+        """To initialization mode, with values set as soon as they may be. FMI 2.0: `set_after_setup`, parameters after
+        fmi2SetupExperiment.
+        """
         early = {v: x for v, x in (values or {}).items() if self.settable_when_instantiated(v)}
         late = {v: x for v, x in (values or {}).items() if v not in early}
         self.time = self.model.start_time
@@ -304,7 +348,12 @@ class Instance:
             if not again:
                 break
         else:
-            raise Refused(f"fmi{self.version}{'NewDiscreteStates' if self.version == '2' else 'UpdateDiscreteStates'}", OK, f"{LOOP} times in a row, and wants more event iterations", self.where)  # fmt: skip
+            raise Refused(
+                f"fmi{self.version}{'NewDiscreteStates' if self.version == '2' else 'UpdateDiscreteStates'}",
+                OK,
+                f"{LOOP} times in a row, and wants more event iterations",
+                self.where,
+            )
         self.must("EnterContinuousTimeMode" if self.kind == "me" else "EnterStepMode")
         self.state = "continuous-time mode" if self.kind == "me" else "step mode"
         if self.kind == "me":
@@ -437,14 +486,21 @@ class Instance:
         return status
 
     def step(self, step: float) -> None:
-        """Advance: a communication step, or with Model Exchange an explicit Euler step with its events. Raises Refused, Ended."""
+        """Advance: a communication step, or with Model Exchange an explicit Euler step with its events. Raises Refused,
+        Ended.
+        """
         if self.kind == "me":
             self._euler(step)
             return
         before = len(self.messages)
         status = self.do_step(self.time, step)
         if status not in (OK, WARNING):
-            raise Refused(f"fmi{self.version}DoStep", status, self.said(before), f"{self.where} from {self.time:.9g} to {self.time + step:.9g} s")
+            raise Refused(
+                f"fmi{self.version}DoStep",
+                status,
+                self.said(before),
+                f"{self.where} from {self.time:.9g} to {self.time + step:.9g} s",
+            )
         self.time += step
 
     def _euler(self, step: float) -> None:
@@ -520,7 +576,9 @@ class Instance:
         return True
 
     def get_derivatives(self) -> list[float]:
-        return self._vector("GetDerivatives" if self.version == "2" else "GetContinuousStateDerivatives", self.model.n_states)
+        return self._vector(
+            "GetDerivatives" if self.version == "2" else "GetContinuousStateDerivatives", self.model.n_states
+        )
 
     def get_nominals(self) -> list[float]:
         return self._vector("GetNominalsOfContinuousStates", self.model.n_states)
@@ -530,7 +588,9 @@ class Instance:
 
     # ----------------------------------------------------------------------------------------------------- derivatives
 
-    def directional(self, unknowns: Sequence[Var], knowns: Sequence[Var], seed: Sequence[float], adjoint: bool = False) -> list[float]:
+    def directional(
+        self, unknowns: Sequence[Var], knowns: Sequence[Var], seed: Sequence[float], adjoint: bool = False
+    ) -> list[float]:
         """Product of the Jacobian with a seed of the knowns; `adjoint`: of its transpose with one of the unknowns."""
         z, v = self.references(unknowns), self.references(knowns)
         nz, nv = sum(x.size for x in unknowns), sum(x.size for x in knowns)
@@ -544,4 +604,7 @@ class Instance:
 
 def bits(values: Mapping[Var, Sequence[Any]]) -> dict[Var, bytes]:
     """Values of variables as bytes, for which NaN equals NaN."""
-    return {v: b"\0".join(struct.pack("d", x) if isinstance(x, float) else repr(x).encode() for x in xs) for v, xs in values.items()}
+    return {
+        v: b"\0".join(struct.pack("d", x) if isinstance(x, float) else repr(x).encode() for x in xs)
+        for v, xs in values.items()
+    }

@@ -19,27 +19,50 @@ from cosim.check.runner import Options, Unchecked, Workers, check, ordered
 from cosim.errors import CosimError
 from cosim.fmu.limits import Limits
 
-_COLOURS = {"error": "bold red", "warning": "yellow", "note": "cyan", "passed": "green", "not applicable": "dim", "not judged": "yellow"}
+_COLOURS = {
+    "error": "bold red",
+    "warning": "yellow",
+    "note": "cyan",
+    "passed": "green",
+    "not applicable": "dim",
+    "not judged": "yellow",
+}
 
 
 def check_command(
     files: Annotated[list[Path] | None, typer.Argument(help="FMU files, of any tool", metavar="FILE.fmu ...")] = None,
-    only: Annotated[list[str] | None, typer.Option(metavar="CHECK", help="only this check, group or pattern, as saved or 'runs.*'; may be given several times")] = None,
-    skip: Annotated[list[str] | None, typer.Option(metavar="CHECK", help="not this check, group or pattern; may be given several times")] = None,
+    only: Annotated[
+        list[str] | None,
+        typer.Option(
+            metavar="CHECK", help="only this check, group or pattern, as saved or 'runs.*'; may be given several times"
+        ),
+    ] = None,
+    skip: Annotated[
+        list[str] | None,
+        typer.Option(metavar="CHECK", help="not this check, group or pattern; may be given several times"),
+    ] = None,
     interface: Annotated[str | None, typer.Option(metavar="cs|me", help="only Co-Simulation or Model Exchange")] = None,
     fmi: Annotated[str | None, typer.Option(metavar="2|3", help="the FMI version that the FMUs must be of")] = None,
     strict: Annotated[bool, typer.Option("--strict", help="warnings fail, too")] = False,
-    every: Annotated[bool, typer.Option("--all", help="show every check, also those that passed or do not apply")] = False,
+    every: Annotated[
+        bool, typer.Option("--all", help="show every check, also those that passed or do not apply")
+    ] = False,
     junit: Annotated[Path | None, typer.Option(metavar="FILE", help="write JUnit XML, for CI")] = None,
     html: Annotated[Path | None, typer.Option(metavar="FILE", help="write a page")] = None,
     json: Annotated[Path | None, typer.Option(metavar="FILE", help="write everything as JSON")] = None,
     timeout: Annotated[float, typer.Option(metavar="SECONDS", help="time of one check")] = 20.0,
-    memory_limit: Annotated[float | None, typer.Option(metavar="MB", help="memory of one check (default: half of the machine's)")] = None,
-    limit: Annotated[list[str] | None, typer.Option(metavar="NAME=NUMBER", help="raise a limit, as variables=1000000; may be given several times")] = None,
+    memory_limit: Annotated[
+        float | None, typer.Option(metavar="MB", help="memory of one check (default: half of the machine's)")
+    ] = None,
+    limit: Annotated[
+        list[str] | None,
+        typer.Option(metavar="NAME=NUMBER", help="raise a limit, as variables=1000000; may be given several times"),
+    ] = None,
     list_: Annotated[bool, typer.Option("--list", help="list the checks and stop")] = False,
-) -> None:  # fmt: skip
-    """Check whether an FMU keeps to the FMI standard: what it says, and what it does. Ends with 0 when it is clean, 1 when errors were found,
-    2 when it could not be checked."""
+) -> None:
+    """Check whether an FMU keeps to the FMI standard: what it says, and what it does. Ends with 0 when it is clean, 1
+    when errors were found, 2 when it could not be checked.
+    """
     if list_:
         table = Table("check", "what is looked at", "worst", box=None)
         for c in ordered():
@@ -47,7 +70,9 @@ def check_command(
         show(table)
         return
     try:
-        code = _checked(files, only, skip, interface, fmi, strict, every, junit, html, json, timeout, memory_limit, limit)
+        code = _checked(
+            files, only, skip, interface, fmi, strict, every, junit, html, json, timeout, memory_limit, limit
+        )
     except CosimError as error:
         console.print(Text(f"cosim check: {error}", style="red"))
         code = UNCHECKED
@@ -67,9 +92,14 @@ def _checked(files, only, skip, interface, fmi, strict, every, junit, html, json
     if html:
         extras.require("reports", extras.WRITING)
     options = Options(
-        only=tuple(only or ()), skip=tuple(skip or ()), kinds=(interface,) if interface else ("cs", "me"), fmi=fmi, seconds=timeout,
-        memory=None if memory_limit is None else int(memory_limit * 1e6), limits=Limits.of(limit or []),
-    )  # fmt: skip
+        only=tuple(only or ()),
+        skip=tuple(skip or ()),
+        kinds=(interface,) if interface else ("cs", "me"),
+        fmi=fmi,
+        seconds=timeout,
+        memory=None if memory_limit is None else int(memory_limit * 1e6),
+        limits=Limits.of(limit or []),
+    )
     options.chosen()
     reports: list[Report] = []
     code = 0
@@ -90,7 +120,11 @@ def _checked(files, only, skip, interface, fmi, strict, every, junit, html, json
             _show(report, every)
             reports.append(report)
     ends = [r.exit_code(strict) for r in reports]
-    for path, content in ((junit, lambda: to_junit(reports, strict).decode()), (json, lambda: to_json(reports)), (html, lambda: _page(reports))):
+    for path, content in (
+        (junit, lambda: to_junit(reports, strict).decode()),
+        (json, lambda: to_json(reports)),
+        (html, lambda: _page(reports)),
+    ):
         if path is not None:
             safe_files.write(path, content())
     return 1 if 1 in ends else code or max(ends, default=UNCHECKED)
@@ -105,7 +139,9 @@ def _page(reports: list[Report]) -> str:
 def _show(report: Report, every: bool) -> None:
     """The table of one FMU."""
     title = Text(f"{report.path.name}", style="bold")
-    title.append(f"  {report.name}, FMI {report.fmi}, {' and '.join(report.interfaces) or 'no interface'}", style="not bold")
+    title.append(
+        f"  {report.name}, FMI {report.fmi}, {' and '.join(report.interfaces) or 'no interface'}", style="not bold"
+    )
     if report.tool:
         title.append(f", made by {report.tool}", style="not bold")
     show(title)
@@ -121,7 +157,11 @@ def _show(report: Report, every: bool) -> None:
         table.add_row(Text(finding.severity, style=_COLOURS[finding.severity]), result.name, text)
     for result in report.results:
         if result.verdict not in SEVERITIES and (every or result.verdict == "not judged"):
-            table.add_row(Text(result.verdict, style=_COLOURS[result.verdict]), result.name, Text(result.inapplicable or result.check.title))
+            table.add_row(
+                Text(result.verdict, style=_COLOURS[result.verdict]),
+                result.name,
+                Text(result.inapplicable or result.check.title),
+            )
     for result in report.results:
         if result.more:
             table.add_row("", result.name, Text(f"and {result.more} more"))

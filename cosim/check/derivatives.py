@@ -12,7 +12,10 @@ from cosim.check.calls import Ended, Instance, Refused
 from cosim.check.model import Unknown, Var
 from cosim.check.rules import NotApplicable, check, names, note, warning
 
-_STRUCTURE2, _STRUCTURE3 = "2.2.8 Definition of the Model Structure (dependencies)", "2.4.8 Model Structure (dependencies)"
+_STRUCTURE2, _STRUCTURE3 = (
+    "2.2.8 Definition of the Model Structure (dependencies)",
+    "2.4.8 Model Structure (dependencies)",
+)
 _PARTIAL2, _PARTIAL3 = "2.1.9 Getting Partial Derivatives", "2.2.11 Getting Partial Derivatives"
 MOST = 24  # knowns that are tried
 TOLERANCE = 1e-3  # of a column: what is above is another derivative, not the error of a difference
@@ -26,18 +29,34 @@ def _flat(values: Values) -> Vector:
 
 
 @check(
-    "derivatives.initial", "in initialization an unknown moves only with what it declares to depend on",
-    fmi2=_STRUCTURE2, fmi3=_STRUCTURE3,
-    advice="Add the known to the dependencies of the InitialUnknown, or leave dependencies out: then it depends on all.", kinds=("cs", "me"), worst="warning",
-)  # fmt: skip
+    "derivatives.initial",
+    "in initialization an unknown moves only with what it declares to depend on",
+    fmi2=_STRUCTURE2,
+    fmi3=_STRUCTURE3,
+    advice=(
+        "Add the known to the dependencies of the InitialUnknown, or leave dependencies out: then it depends on all."
+    ),
+    kinds=("cs", "me"),
+    worst="warning",
+)
 def initial(bench: Bench) -> Found:
     m = bench.model
-    listed = [(u, m.by_key[u.key]) for u in m.structure if u.group == "InitialUnknown" and u.depends is not None and u.key in m.by_key]
+    listed = [
+        (u, m.by_key[u.key])
+        for u in m.structure
+        if u.group == "InitialUnknown" and u.depends is not None and u.key in m.by_key
+    ]
     of = {v: u for u, v in listed if v in set(bench.fmu.readable(m.variables)) and v.is_number}
     knowns = [v for v in bench.settable("input", "parameter") if v.is_float]
-    knowns += [v for v in bench.fmu.readable(m.of("output", "local")) if v.says.get("initial") == "exact" and v.is_float and v.starts() is not None and v.variability == "continuous"]
+    knowns += [
+        v
+        for v in bench.fmu.readable(m.of("output", "local"))
+        if v.says.get("initial") == "exact" and v.is_float and v.starts() is not None and v.variability == "continuous"
+    ]
     if not of or not knowns:
-        raise NotApplicable("no dependencies of initial unknowns are declared" if not of else "there is nothing to move")
+        raise NotApplicable(
+            "no dependencies of initial unknowns are declared" if not of else "there is nothing to move"
+        )
     unknowns = list(of)
     aliases = _aliases(bench)
     for known in tried(knowns, MOST):
@@ -56,11 +75,18 @@ def initial(bench: Bench) -> Found:
             continue
         before, again, after = read
         found = [
-            v.name for v, u in of.items()
-            if not (aliases[m.key(known)] & set(u.depends or ())) and v.key != known.key and not _close(before[v], after[v]) and _close(before[v], again[v])
-        ]  # fmt: skip
+            v.name
+            for v, u in of.items()
+            if not (aliases[m.key(known)] & set(u.depends or ()))
+            and v.key != known.key
+            and not _close(before[v], after[v])
+            and _close(before[v], again[v])
+        ]
         if found:
-            text = f"{names(found)} {'move' if len(found) > 1 else 'moves'} with {known.name!r} in initialization, but {'do' if len(found) > 1 else 'does'} not declare to depend on it"
+            text = (
+                f"{names(found)} {'move' if len(found) > 1 else 'moves'} with {known.name!r} in initialization, but"
+                f" {'do' if len(found) > 1 else 'does'} not declare to depend on it"
+            )
             # Leaving parameters out is how a tool says that nobody may solve for them.
             yield note(text) if known.causality == "parameter" else text
 
@@ -73,7 +99,9 @@ def _other(x: Sequence[float]) -> list[float]:
 def _close(a: Sequence[float], b: Sequence[float]) -> bool:
     """Equal but for what an iterative solution inside an FMU may leave, of the largest of them."""
     size = max((abs(float(x)) for x in (*a, *b) if math.isfinite(x)), default=0.0)
-    return all(same(float(x), float(y), 1e-6) or abs(x - y) <= max(1e-6 * size, 1e-9) for x, y in zip(a, b, strict=True))
+    return all(
+        same(float(x), float(y), 1e-6) or abs(x - y) <= max(1e-6 * size, 1e-9) for x, y in zip(a, b, strict=True)
+    )
 
 
 def _aliases(bench: Bench) -> dict[int | None, set[int | None]]:
@@ -104,11 +132,18 @@ def _known(bench: Bench) -> list[tuple[str, Var, int]]:
     """(what, variable, element) of states and continuous inputs."""
     m = bench.model
     found = [("state", s, i) for s in m.states for i in range(s.size)]
-    found += [("input", v, i) for v in bench.settable("input") if v.is_float and v.variability == "continuous" for i in range(v.size)]
+    found += [
+        ("input", v, i)
+        for v in bench.settable("input")
+        if v.is_float and v.variability == "continuous"
+        for i in range(v.size)
+    ]
     return found
 
 
-def _function(bench: Bench, a: Instance, what: str, known: Var, element: int, unknowns: Sequence[Var]) -> tuple[Callable[[float], Values], float]:
+def _function(
+    bench: Bench, a: Instance, what: str, known: Var, element: int, unknowns: Sequence[Var]
+) -> tuple[Callable[[float], Values], float]:
     """Unknowns as a function of one known, and where that is now."""
     if what == "state":
         x = a.get_states()
@@ -135,16 +170,25 @@ def _unknowns(bench: Bench) -> dict[Var, Unknown]:
     found: dict[Var, Unknown] = {}
     for u in m.structure:
         v = m.by_key.get(u.key)  # type: ignore[arg-type]
-        if u.group in ("Output", "Derivative") and v is not None and v in readable and v.is_float and v.variability == "continuous":
+        if (
+            u.group in ("Output", "Derivative")
+            and v is not None
+            and v in readable
+            and v.is_float
+            and v.variability == "continuous"
+        ):
             found.setdefault(v, u)
     return found
 
 
 @check(
-    "derivatives.dependencies", "outputs and derivatives move only with states and inputs that they declare to depend on",
-    fmi2=_STRUCTURE2, fmi3=_STRUCTURE3,
-    advice="Add the known to the dependencies of the unknown, or leave dependencies out: then it depends on all.", kinds=("me",),
-)  # fmt: skip
+    "derivatives.dependencies",
+    "outputs and derivatives move only with states and inputs that they declare to depend on",
+    fmi2=_STRUCTURE2,
+    fmi3=_STRUCTURE3,
+    advice="Add the known to the dependencies of the unknown, or leave dependencies out: then it depends on all.",
+    kinds=("me",),
+)
 def dependencies(bench: Bench) -> Found:
     m, unknowns = bench.model, {v: u for v, u in _unknowns(bench).items() if u.depends is not None}
     knowns = _known(bench)
@@ -165,7 +209,11 @@ def dependencies(bench: Bench) -> Found:
             for v, u in unknowns.items():
                 if aliases[m.key(known)] & set(u.depends or ()) or v.key == known.key:
                     continue
-                if not _close(before[v], after[v]) and _close(before[v], again[v]) and (v.name, known.name) not in reported:
+                if (
+                    not _close(before[v], after[v])
+                    and _close(before[v], again[v])
+                    and (v.name, known.name) not in reported
+                ):
                     reported.add((v.name, known.name))
                     yield f"{v.name!r} moves with the {what} {known.name!r}, but does not declare to depend on it"
                     if len(reported) >= 5:
@@ -173,10 +221,13 @@ def dependencies(bench: Bench) -> Found:
 
 
 @check(
-    "derivatives.directional", "directional derivatives are those that differences give",
-    fmi2=_PARTIAL2, fmi3=_PARTIAL3,
-    advice="Correct the derivative, or take back the promise of directional derivatives.", kinds=("cs", "me"),
-)  # fmt: skip
+    "derivatives.directional",
+    "directional derivatives are those that differences give",
+    fmi2=_PARTIAL2,
+    fmi3=_PARTIAL3,
+    advice="Correct the derivative, or take back the promise of directional derivatives.",
+    kinds=("cs", "me"),
+)
 def directional(bench: Bench) -> Found:
     bench.require(bench.interface.directional, "it does not promise directional derivatives")
     if bench.kind == "me":
@@ -187,8 +238,17 @@ def directional(bench: Bench) -> Found:
         return
     m = bench.model  # between steps nothing may be read after it was set, but in initialization it may
     readable = set(bench.fmu.readable(m.variables))
-    unknowns = [v for v in dict.fromkeys(m.listed("InitialUnknown")) if v in readable and v.is_float and v.variability == "continuous" and v.causality == "output"]
-    knowns = [("input", v, i) for v in bench.settable("input") if v.is_float and v.variability == "continuous" for i in range(v.size)]
+    unknowns = [
+        v
+        for v in dict.fromkeys(m.listed("InitialUnknown"))
+        if v in readable and v.is_float and v.variability == "continuous" and v.causality == "output"
+    ]
+    knowns = [
+        ("input", v, i)
+        for v in bench.settable("input")
+        if v.is_float and v.variability == "continuous"
+        for i in range(v.size)
+    ]
     with bench.instance() as a:
         a.enter_initialization()
         yield from _columns(bench, a, unknowns, knowns, " in initialization")
@@ -203,7 +263,11 @@ def _columns(bench: Bench, a: Instance, unknowns: list[Var], knowns: list[tuple[
     aliases = _aliases(bench)
     reported = 0
     for what, known, element in tried(knowns, MOST):
-        depending = [v for v in unknowns if (u := of.get(m.key(v))) is None or u.depends is None or aliases[m.key(known)] & set(u.depends)]
+        depending = [
+            v
+            for v in unknowns
+            if (u := of.get(m.key(v))) is None or u.depends is None or aliases[m.key(known)] & set(u.depends)
+        ]
         depending = [v for v in depending if v.key != known.key]
         if not depending:
             continue
@@ -230,7 +294,9 @@ def _columns(bench: Bench, a: Instance, unknowns: list[Var], knowns: list[tuple[
 
 
 def difference(f: Callable[[float], Vector], at: float, size: float) -> Vector | None:
-    """The derivative of `f` by central differences, or None where it has none that can be believed: at kinks, jumps and limits."""
+    """The derivative of `f` by central differences, or None where it has none that can be believed: at kinks, jumps and
+    limits.
+    """
     best: Vector | None = None
     gap_of_best = math.inf
     for relative in (1e-1, 1e-2, 1e-3, 1e-4, 1e-5):
@@ -249,12 +315,17 @@ def difference(f: Callable[[float], Vector], at: float, size: float) -> Vector |
 
 
 @check(
-    "derivatives.adjoint", "adjoint derivatives are the transpose of directional ones",
+    "derivatives.adjoint",
+    "adjoint derivatives are the transpose of directional ones",
     fmi3="2.2.11 Getting Partial Derivatives (fmi3GetAdjointDerivative)",
-    advice="Correct one of the two, or take back the promise.", kinds=("cs", "me"),
-)  # fmt: skip
+    advice="Correct one of the two, or take back the promise.",
+    kinds=("cs", "me"),
+)
 def adjoint(bench: Bench) -> Found:
-    bench.require(bench.interface.adjoint and bench.interface.directional, "it does not promise directional and adjoint derivatives")
+    bench.require(
+        bench.interface.adjoint and bench.interface.directional,
+        "it does not promise directional and adjoint derivatives",
+    )
     unknowns = list(_unknowns(bench))
     knowns = [v for v in bench.settable("input") if v.is_float and v.variability == "continuous"]
     if bench.kind == "me":
@@ -270,18 +341,28 @@ def adjoint(bench: Bench) -> Found:
         one, other = (sum(p * q for p, q in zip(u, w, strict=True)) for u, w in ((y, forward), (backward, x)))
         size = sum(abs(p * q) for p, q in zip(y, forward, strict=True))
         if not abs(one - other) <= 1e-6 * size + 1e-12:
-            yield f"for one seed of each, the product of both is {one:.9g} by directional and {other:.9g} by adjoint derivatives"
+            yield (
+                f"for one seed of each, the product of both is {one:.9g} by directional and {other:.9g} by adjoint"
+                " derivatives"
+            )
 
 
 @check(
-    "derivatives.rates", "an output that is declared as the derivative of another one is that",
-    fmi2="2.2.7 Definition of Model Variables (derivative)", fmi3="2.4.7.5 Type specific properties (derivative)",
-    advice="Correct the attribute derivative, or what is computed.", kinds=("cs",),
-)  # fmt: skip
+    "derivatives.rates",
+    "an output that is declared as the derivative of another one is that",
+    fmi2="2.2.7 Definition of Model Variables (derivative)",
+    fmi3="2.4.7.5 Type specific properties (derivative)",
+    advice="Correct the attribute derivative, or what is computed.",
+    kinds=("cs",),
+)
 def rates(bench: Bench) -> Found:
     m = bench.model
     readable = set(bench.fmu.readable(m.variables))
-    pairs = [(v, s) for v in m.variables if (s := m.state_of(v)) is not None and {v, s} <= readable and v.is_float and s.is_float and v.size == s.size]
+    pairs = [
+        (v, s)
+        for v in m.variables
+        if (s := m.state_of(v)) is not None and {v, s} <= readable and v.is_float and s.is_float and v.size == s.size
+    ]
     pairs = pairs[:100]
     if not pairs:
         raise NotApplicable("no variable is declared as the derivative of another one")
@@ -304,7 +385,10 @@ def rates(bench: Bench) -> Found:
                 continue  # its own steps do not fit this one
             if _wrong_rate(x, dx, h):
                 k = max(range(len(dx) - 1), key=lambda k: abs(dx[k]))
-                yield f"{v.name!r} is declared as the derivative of {s.name!r}, which changes by {(x[k + 1] - x[k]) / h:.6g} per second while it is {dx[k]:.6g}"
+                yield (
+                    f"{v.name!r} is declared as the derivative of {s.name!r}, which changes by"
+                    f" {(x[k + 1] - x[k]) / h:.6g} per second while it is {dx[k]:.6g}"
+                )
                 break
 
 
@@ -325,11 +409,13 @@ def _wrong_rate(x: Vector, dx: Vector, h: float) -> bool:
 
 
 @check(
-    "exchange.states", "state vector and derivative vector are the variables that the model structure lists, in its order",
+    "exchange.states",
+    "state vector and derivative vector are the variables that the model structure lists, in its order",
     fmi2="2.2.8 Definition of the Model Structure (Derivatives); 3.2.2 Evaluation of Model Equations",
     fmi3="2.4.8 Model Structure (ContinuousStateDerivative); 3.2.1",
-    advice="Return states and derivatives in the order of ModelStructure.", kinds=("me",),
-)  # fmt: skip
+    advice="Return states and derivatives in the order of ModelStructure.",
+    kinds=("me",),
+)
 def state_vector(bench: Bench) -> Found:
     m = bench.model
     states, derivatives = m.states, m.listed("Derivative")
@@ -342,7 +428,11 @@ def state_vector(bench: Bench) -> Found:
         for what, vector, variables in (("state", x, states), ("derivative", dx, derivatives)):
             read = a.get(variables)
             flat = [(v, value) for v in variables for value in read[v]]
-            wrong = [(v, value, got) for (v, value), got in zip(flat, vector, strict=True) if not same(float(value), got, 1e-6)]
+            wrong = [
+                (v, value, got)
+                for (v, value), got in zip(flat, vector, strict=True)
+                if not same(float(value), got, 1e-6)
+            ]
             if wrong:
                 v, value, got = wrong[0]
                 more = f", and {len(wrong) - 1} more differ" if len(wrong) > 1 else ""
@@ -355,10 +445,16 @@ def state_vector(bench: Bench) -> Found:
 
 
 @check(
-    "exchange.pure", "derivatives depend on time, states and inputs only, in whatever order these are set",
-    fmi2="3.2.1 Providing Independent Variables and Re-initialization of Caching", fmi3="3.2.1 Providing Independent Variables and Re-initialization of Caching",
-    advice="Invalidate cached values whenever time, states or inputs are set; change nothing else when something is evaluated.", kinds=("me",),
-)  # fmt: skip
+    "exchange.pure",
+    "derivatives depend on time, states and inputs only, in whatever order these are set",
+    fmi2="3.2.1 Providing Independent Variables and Re-initialization of Caching",
+    fmi3="3.2.1 Providing Independent Variables and Re-initialization of Caching",
+    advice=(
+        "Invalidate cached values whenever time, states or inputs are set; change nothing else when something is"
+        " evaluated."
+    ),
+    kinds=("me",),
+)
 def pure(bench: Bench) -> Found:
     bench.require(bench.model.n_states > 0, "it has no continuous states")
     with _evaluating(bench) as a:
@@ -394,10 +490,13 @@ def pure(bench: Bench) -> Found:
 
 
 @check(
-    "exchange.nominals", "nominal values of the states are above 0, and those of the description",
-    fmi2="3.2.2 Evaluation of Model Equations (nominals)", fmi3="2.3.3 State: Initialization Mode (fmi3GetNominalsOfContinuousStates)",
-    advice="Return 1 where nothing is known.", kinds=("me",),
-)  # fmt: skip
+    "exchange.nominals",
+    "nominal values of the states are above 0, and those of the description",
+    fmi2="3.2.2 Evaluation of Model Equations (nominals)",
+    fmi3="2.3.3 State: Initialization Mode (fmi3GetNominalsOfContinuousStates)",
+    advice="Return 1 where nothing is known.",
+    kinds=("me",),
+)
 def nominals(bench: Bench) -> Found:
     m = bench.model
     bench.require(m.n_states > 0, "it has no continuous states")
@@ -415,33 +514,45 @@ def nominals(bench: Bench) -> Found:
 
 
 @check(
-    "exchange.counts", "there are as many states and event indicators as the description says, and they are finite",
-    fmi2="3.2.2 Evaluation of Model Equations (event indicators)", fmi3="2.3.2 State: Instantiated (fmi3GetNumberOf...); 2.4.8 Model Structure",
-    advice="List every state derivative and every event indicator.", kinds=("me",),
-)  # fmt: skip
+    "exchange.counts",
+    "there are as many states and event indicators as the description says, and they are finite",
+    fmi2="3.2.2 Evaluation of Model Equations (event indicators)",
+    fmi3="2.3.2 State: Instantiated (fmi3GetNumberOf...); 2.4.8 Model Structure",
+    advice="List every state derivative and every event indicator.",
+    kinds=("me",),
+)
 def counts(bench: Bench) -> Found:
     m = bench.model
     with bench.instance() as a:
         if bench.version == "3" and not m.structural:
             for function, what, expected in (
-                ("GetNumberOfContinuousStates", "continuous states", m.n_states), ("GetNumberOfEventIndicators", "event indicators", m.n_indicators),
-            ):  # fmt: skip
+                ("GetNumberOfContinuousStates", "continuous states", m.n_states),
+                ("GetNumberOfEventIndicators", "event indicators", m.n_indicators),
+            ):
                 n = c.c_size_t()
                 a.must(function, c.byref(n))
                 if n.value != expected:
                     yield f"{function} returns {n.value}; ModelStructure lists {expected} {what}"
         a.initialize()
-        for what, vector in (("event indicator", a.get_indicators()), ("state", a.get_states()), ("derivative", a.get_derivatives())):
+        for what, vector in (
+            ("event indicator", a.get_indicators()),
+            ("state", a.get_states()),
+            ("derivative", a.get_derivatives()),
+        ):
             wrong = [i for i, value in enumerate(vector) if not math.isfinite(value)]
             if wrong:
                 yield f"{what} number {wrong[0] + 1} is {vector[wrong[0]]} at the start"
 
 
 @check(
-    "exchange.together", "Co-Simulation and Model Exchange begin with the same outputs",
-    fmi2="2.2.7 Definition of Model Variables (start)", fmi3="2.3.3 State: Initialization Mode",
-    advice="One model, two interfaces: initialization is the same for both.", kinds=("me",), worst="warning",
-)  # fmt: skip
+    "exchange.together",
+    "Co-Simulation and Model Exchange begin with the same outputs",
+    fmi2="2.2.7 Definition of Model Variables (start)",
+    fmi3="2.3.3 State: Initialization Mode",
+    advice="One model, two interfaces: initialization is the same for both.",
+    kinds=("me",),
+    worst="warning",
+)
 def together(bench: Bench) -> Found:
     if "cs" not in bench.model.interfaces or "cs" not in bench.fmu.libraries:
         raise NotApplicable("it has one interface only")

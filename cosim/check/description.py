@@ -29,10 +29,12 @@ class File:
 
 
 @check(
-    "description.schema", "modelDescription.xml keeps to the schema of its FMI version",
-    fmi2="2.2 FMI Description Schema", fmi3="2.4 FMI Description Schema",
+    "description.schema",
+    "modelDescription.xml keeps to the schema of its FMI version",
+    fmi2="2.2 FMI Description Schema",
+    fmi3="2.4 FMI Description Schema",
     advice="Write the description as the schema of its FMI version wants it; an importer may refuse it otherwise.",
-)  # fmt: skip
+)
 def schema(file: File) -> Found:
     from copy import deepcopy
 
@@ -44,10 +46,12 @@ def schema(file: File) -> Found:
 
 
 @check(
-    "description.version", "fmiVersion is one that exists",
-    fmi2="2.2.1 Definition of an FMU (fmiModelDescription)", fmi3="2.4.1 Definition of an FMU (fmiModelDescription)",
+    "description.version",
+    "fmiVersion is one that exists",
+    fmi2="2.2.1 Definition of an FMU (fmiModelDescription)",
+    fmi3="2.4.1 Definition of an FMU (fmiModelDescription)",
     advice='Write fmiVersion="2.0" for every FMI 2.0.x, and "3.0" (or "3.0.x" from pre-releases of tools) for FMI 3.0.',
-)  # fmt: skip
+)
 def version(file: File) -> Found:
     m = file.model
     if m.version == "2" and m.fmi != "2.0":
@@ -55,29 +59,43 @@ def version(file: File) -> Found:
     if m.version == "3" and not re.fullmatch(r"3\.0(\.\d+)?(-.+)?", m.fmi):
         yield warning(f'fmiVersion is "{m.fmi}"; of FMI 3.0 it is "3.0"')
     if not m.interfaces and not m.scheduled:
-        yield "it offers neither Co-Simulation nor Model Exchange" + (" nor Scheduled Execution" if m.version == "3" else "")
+        yield "it offers neither Co-Simulation nor Model Exchange" + (
+            " nor Scheduled Execution" if m.version == "3" else ""
+        )
     if not m.token:
-        yield note(f"{'guid' if m.version == '2' else 'instantiationToken'} is empty: the library cannot tell whose description it is given")
+        yield note(
+            f"{'guid' if m.version == '2' else 'instantiationToken'} is empty: the library cannot tell whose"
+            " description it is given"
+        )
 
 
 @check(
-    "description.identifier", "modelIdentifier can be the prefix of C functions and the name of a library",
-    fmi2="2.1.1 Header Files and Naming of Functions", fmi3="2.2.2 Header Files and Naming of Functions",
+    "description.identifier",
+    "modelIdentifier can be the prefix of C functions and the name of a library",
+    fmi2="2.1.1 Header Files and Naming of Functions",
+    fmi3="2.2.2 Header Files and Naming of Functions",
     advice="Use letters, digits and underscores only, and begin with a letter or an underscore.",
-)  # fmt: skip
+)
 def identifier(file: File) -> Found:
     for interface in file.model.interfaces.values():
         if not re.fullmatch(r"[A-Za-z_]\w*", interface.identifier, re.ASCII):
             yield interface.line, f"modelIdentifier {interface.identifier!r} is no name in C"
         elif len(interface.identifier) > 64:
-            yield note(f"modelIdentifier has {len(interface.identifier)} characters; some file systems and tools have limits", interface.line)
+            yield note(
+                f"modelIdentifier has {len(interface.identifier)} characters; some file systems and tools have limits",
+                interface.line,
+            )
 
 
 @check(
-    "description.names", "names of variables are unique, and follow the naming convention that is declared",
-    fmi2="2.2.7 Definition of Model Variables; 2.2.9 Variable Naming Conventions", fmi3="2.4.7.5.1 Variable Naming Conventions",
-    advice='Rename what breaks the convention (quote odd names with \'...\'), or declare variableNamingConvention="flat".',
-)  # fmt: skip
+    "description.names",
+    "names of variables are unique, and follow the naming convention that is declared",
+    fmi2="2.2.7 Definition of Model Variables; 2.2.9 Variable Naming Conventions",
+    fmi3="2.4.7.5.1 Variable Naming Conventions",
+    advice=(
+        "Rename what breaks the convention (quote odd names with '...'), or declare variableNamingConvention=\"flat\"."
+    ),
+)
 def variable_names(file: File) -> Found:
     seen: dict[str, Var] = {}
     for v in file.model.variables:
@@ -102,10 +120,15 @@ _STRUCTURED = re.compile(rf"{_ID}|der\({_ID}(?:,\d+)?\)")
 
 
 @check(
-    "description.references", "value references say which variables are one",
-    fmi2="2.2.7 Definition of Model Variables (valueReference, alias variables)", fmi3="2.4.7.4 Variable Attributes (valueReference)",
-    advice="Give each variable a value reference of its own; aliases (FMI 3.0: <Alias> elements) share one, and with it everything but name and display.",
-)  # fmt: skip
+    "description.references",
+    "value references say which variables are one",
+    fmi2="2.2.7 Definition of Model Variables (valueReference, alias variables)",
+    fmi3="2.4.7.4 Variable Attributes (valueReference)",
+    advice=(
+        "Give each variable a value reference of its own; aliases (FMI 3.0: <Alias> elements) share one, and with it"
+        " everything but name and display."
+    ),
+)
 def references(file: File) -> Found:
     sets: dict[Any, list[Var]] = {}
     for v in file.model.variables:
@@ -125,7 +148,10 @@ def references(file: File) -> Found:
             yield line, f"aliases {names(v.name for v in settable)} can all be set; of an alias set at most one may"
         starts = [v for v in same if v.start is not None and v.variability != "constant"]
         if len(starts) > 1 and len(settable) < 2:
-            yield line, f"aliases {names(v.name for v in starts)} all have a start value; of an alias set at most one may"
+            yield (
+                line,
+                f"aliases {names(v.name for v in starts)} all have a start value; of an alias set at most one may",
+            )
         if len({v.variability == "constant" for v in same}) > 1:
             yield line, f"aliases {shown}: some are constant, others not"
         if len({v.unit for v in same}) > 1:
@@ -133,15 +159,18 @@ def references(file: File) -> Found:
 
 
 def _settable(v: Var) -> bool:
-    return v.causality in ("input", "parameter") or (v.variability != "constant" and v.says.get("initial") in ("exact", "approx"))
+    return v.causality in ("input", "parameter") or (
+        v.variability != "constant" and v.says.get("initial") in ("exact", "approx")
+    )
 
 
 @check(
-    "description.variability", "causality, variability and initial fit together",
+    "description.variability",
+    "causality, variability and initial fit together",
     fmi2="2.2.7 Definition of Model Variables (tables of causality, variability and initial)",
     fmi3="2.4.7.4 Variable Attributes (tables of variability/causality and of initial)",
     advice="Choose a combination of the standard's tables.",
-)  # fmt: skip
+)
 def variability(file: File) -> Found:
     for v in file.model.variables:
         if v.type in ("Clock", "Binary") and file.model.version == "3" and v.type == "Clock":
@@ -151,22 +180,33 @@ def variability(file: File) -> Found:
         what = f"variable {v.name!r}"
         written = "variability" in v.says
         if v.variability == "continuous" and not v.is_float:
-            text = f"{what}: {v.type} cannot be continuous" + ("" if written else ', which is the default; write variability="discrete"')
+            text = f"{what}: {v.type} cannot be continuous" + (
+                "" if written else ', which is the default; write variability="discrete"'
+            )
             yield (v.line, text) if written else warning(text, v.line)
             continue
         default = default_initial(v.variability, v.causality)
         if default is None:
             allowed = ", ".join(sorted(a for pairs in DEFAULT_INITIAL.values() for a, c in pairs if c == v.causality))
-            text = f"{what}: {v.variability}{'' if written else ' (the default)'} is not allowed for causality {v.causality}; allowed: {allowed}"
+            text = (
+                f"{what}: {v.variability}{'' if written else ' (the default)'} is not allowed for causality"
+                f" {v.causality}; allowed: {allowed}"
+            )
             yield (v.line, text) if written else warning(text, v.line)
             continue
         initial = v.says.get("initial")
         if initial is None:
             continue
         options = {
-            "exact": ("exact",), "calculated": ("approx", "calculated", *(("exact",) if v.variability in ("discrete", "continuous") else ())),
-            "input": ("exact",) if file.model.version == "3" else (), "none": (),
-        }[default]  # fmt: skip
+            "exact": ("exact",),
+            "calculated": (
+                "approx",
+                "calculated",
+                *(("exact",) if v.variability in ("discrete", "continuous") else ()),
+            ),
+            "input": ("exact",) if file.model.version == "3" else (),
+            "none": (),
+        }[default]
         if initial not in options:
             which = " or ".join(options) or "none at all"
             text = f"{what}: initial={initial} is not allowed for a {v.variability} {v.causality} ({which})"
@@ -174,18 +214,33 @@ def variability(file: File) -> Found:
 
 
 @check(
-    "description.start", "start values are there where they must be, can be read, and lie in their range",
-    fmi2="2.2.7 Definition of Model Variables (start)", fmi3="2.4.7.5 Type specific properties (start)",
-    advice="Inputs, parameters, constants and everything with initial exact or approx need a start value; what is calculated must have none.",
-)  # fmt: skip
+    "description.start",
+    "start values are there where they must be, can be read, and lie in their range",
+    fmi2="2.2.7 Definition of Model Variables (start)",
+    fmi3="2.4.7.5 Type specific properties (start)",
+    advice=(
+        "Inputs, parameters, constants and everything with initial exact or approx need a start value; what is"
+        " calculated must have none."
+    ),
+)
 def start(file: File) -> Found:
     for v in file.model.variables:
         if v.type == "Clock" or default_initial(v.variability, v.causality) is None:
             continue
         what = f"variable {v.name!r}"
-        needs = v.causality in ("input", "parameter", "structuralParameter") or v.variability == "constant" or v.initial in ("exact", "approx")
+        needs = (
+            v.causality in ("input", "parameter", "structuralParameter")
+            or v.variability == "constant"
+            or v.initial in ("exact", "approx")
+        )
         if needs and v.start is None:
-            yield v.line, f"{what}: {'an' if v.causality[0] in 'aeiou' else 'a'} {v.causality} with initial={v.initial} has no start value"
+            yield (
+                v.line,
+                (
+                    f"{what}: {'an' if v.causality[0] in 'aeiou' else 'a'} {v.causality} with initial={v.initial} has"
+                    " no start value"
+                ),
+            )
         own = v.says.get("start") is not None
         if own and (v.causality == "independent" or v.initial == "calculated"):
             why = "the independent variable" if v.causality == "independent" else "calculated"
@@ -211,10 +266,12 @@ def start(file: File) -> Found:
 
 
 @check(
-    "description.types", "types that are named are defined, and enumerations have items",
-    fmi2="2.2.3 Definition of Types", fmi3="2.4.4 Definition of Types",
+    "description.types",
+    "types that are named are defined, and enumerations have items",
+    fmi2="2.2.3 Definition of Types",
+    fmi3="2.4.4 Definition of Types",
     advice="Add the type to TypeDefinitions, or correct declaredType.",
-)  # fmt: skip
+)
 def types(file: File) -> Found:
     root = file.root
     defined: dict[str, Any] = {}
@@ -229,7 +286,11 @@ def types(file: File) -> Found:
             yield v.line, f"variable {v.name!r}: there is no type {declared!r} among the TypeDefinitions"
         elif declared is not None:
             element = defined[declared]
-            kind = (element[0].tag if len(element) else "") if file.model.version == "2" else element.tag.removesuffix("Type")
+            kind = (
+                (element[0].tag if len(element) else "")
+                if file.model.version == "2"
+                else element.tag.removesuffix("Type")
+            )
             if kind != v.type:
                 yield v.line, f"variable {v.name!r} is {v.type}, but its type {declared!r} is of {kind or 'nothing'}"
         elif v.type == "Enumeration":
@@ -237,10 +298,12 @@ def types(file: File) -> Found:
 
 
 @check(
-    "description.units", "units that are named are defined, and can be converted",
-    fmi2="2.2.2 Definition of Units", fmi3="2.4.3 Definition of Units",
+    "description.units",
+    "units that are named are defined, and can be converted",
+    fmi2="2.2.2 Definition of Units",
+    fmi3="2.4.3 Definition of Units",
     advice="Add the unit to UnitDefinitions with its base unit, or correct the name.",
-)  # fmt: skip
+)
 def units(file: File) -> Found:
     defined: dict[str, Any] = {}
     for unit in file.root.iterfind("UnitDefinitions/Unit"):
@@ -256,14 +319,22 @@ def units(file: File) -> Found:
             yield unit.sourceline, f"unit {name!r} has two display units of the same name"
         for display in unit.iterfind("DisplayUnit"):
             if _zero(display.get("factor", "1")):
-                yield display.sourceline, f"display unit {display.get('name')!r}: its factor is 0, so nothing can be converted"
+                yield (
+                    display.sourceline,
+                    f"display unit {display.get('name')!r}: its factor is 0, so nothing can be converted",
+                )
     for v in file.model.variables:
         shown = v.says.get("displayUnit")
         if v.unit is not None and v.unit not in defined:
             yield v.line, f"variable {v.name!r}: there is no unit {one_line(v.unit, 60)!r} among the UnitDefinitions"
         elif shown is not None and v.unit is None:
             yield warning(f"variable {v.name!r} has a displayUnit, but no unit", v.line)
-        elif shown is not None and shown != v.unit and v.unit is not None and shown not in [d.get("name") for d in defined[v.unit].iterfind("DisplayUnit")]:
+        elif (
+            shown is not None
+            and shown != v.unit
+            and v.unit is not None
+            and shown not in [d.get("name") for d in defined[v.unit].iterfind("DisplayUnit")]
+        ):
             text = f"variable {v.name!r}: unit {v.unit!r} has no display unit {one_line(shown, 60)!r}"
             yield (v.line, text) if file.model.version == "3" else warning(text, v.line)
 
@@ -276,10 +347,12 @@ def _zero(text: str) -> bool:
 
 
 @check(
-    "description.structure", "ModelStructure lists every output, derivative and unknown of initialization, once, and nothing else",
-    fmi2="2.2.8 Definition of the Model Structure", fmi3="2.4.8 Model Structure",
+    "description.structure",
+    "ModelStructure lists every output, derivative and unknown of initialization, once, and nothing else",
+    fmi2="2.2.8 Definition of the Model Structure",
+    fmi3="2.4.8 Model Structure",
     advice="List exactly the variables that the standard names for each part of ModelStructure.",
-)  # fmt: skip
+)
 def structure(file: File) -> Found:
     m = file.model
     for group in ("Output", "Derivative", "InitialUnknown", "EventIndicator", "ClockedState"):
@@ -294,7 +367,11 @@ def structure(file: File) -> Found:
     listed = {u.key for u in m.structure if u.group == "Output"}
     missing = [v.name for k, v in outputs.items() if k not in listed]
     if missing:
-        yield f"outputs {names(missing)} are not among the Outputs of ModelStructure" if len(missing) > 1 else f"output {missing[0]!r} is not among the Outputs of ModelStructure"
+        yield (
+            f"outputs {names(missing)} are not among the Outputs of ModelStructure"
+            if len(missing) > 1
+            else f"output {missing[0]!r} is not among the Outputs of ModelStructure"
+        )
     for u in m.structure:
         v = m.by_key.get(u.key)  # type: ignore[arg-type]
         if v is None:
@@ -320,11 +397,17 @@ def _counts(m: Model) -> bool:
 def _derivative(m: Model, u: Unknown, v: Var) -> Iterator[tuple[int, str]]:
     state = m.state_of(v)
     if v.derivative is None:
-        yield u.line, f"{v.name!r} is among the derivatives, but does not say which state it derives (attribute derivative)"
+        yield (
+            u.line,
+            f"{v.name!r} is among the derivatives, but does not say which state it derives (attribute derivative)",
+        )
     elif state is None:
         yield v.line, f"{v.name!r} derives {_key(m)} {v.derivative}, which is no variable's"
     elif not state.is_float or state.variability != "continuous":
-        yield state.line, f"{state.name!r} is a continuous state, as {v.name!r} says, but is {state.variability} {state.type}"
+        yield (
+            state.line,
+            f"{state.name!r} is a continuous state, as {v.name!r} says, but is {state.variability} {state.type}",
+        )
     elif state.size != v.size:
         yield v.line, f"{v.name!r} has {v.size} elements, the state {state.name!r} {state.size}"
     elif state is v:
@@ -334,24 +417,43 @@ def _derivative(m: Model, u: Unknown, v: Var) -> Iterator[tuple[int, str]]:
 def _unknowns_of_initialization(m: Model) -> Found:
     derivatives = m.listed("Derivative")
     continuous = [v for v in dict.fromkeys((*m.states, *derivatives)) if v.initial in ("approx", "calculated")]
-    calculated = [v for v in m.of("output", "calculatedParameter") if v.initial in ("approx", "calculated") and not v.clocked and v.type != "Clock"]
+    calculated = [
+        v
+        for v in m.of("output", "calculatedParameter")
+        if v.initial in ("approx", "calculated") and not v.clocked and v.type != "Clock"
+    ]
     listed = {u.key for u in m.structure if u.group == "InitialUnknown"}
     # Of an alias set one entry may stand for all, but a derivative has its own.
     there = {m.by_key[k].key for k in listed if k in m.by_key}
     element = "InitialUnknowns" if m.version == "2" else "InitialUnknown elements"
     for group, ignored in ((calculated, False), ([v for v in continuous if v not in calculated], not _counts(m))):
-        missing = list(dict.fromkeys(v.name for v in group if m.key(v) not in listed and (v.key not in there or v in derivatives)))
+        missing = list(
+            dict.fromkeys(v.name for v in group if m.key(v) not in listed and (v.key not in there or v in derivatives))
+        )
         if missing:
-            text = f"{names(missing)} {'are' if len(missing) > 1 else 'is'} calculated in initialization, but not among the {element}"
+            text = (
+                f"{names(missing)} {'are' if len(missing) > 1 else 'is'} calculated in initialization, but not among"
+                f" the {element}"
+            )
             # "For Co-Simulation, Derivatives are ignored if providesDirectionalDerivative is false."
             yield warning(f"{text}; nobody reads derivatives of this Co-Simulation FMU") if ignored else text
     calculated += continuous
     if m.version == "2":
         may = {m.key(v) for v in calculated}
-        found = [m.by_key[u.key].name for u in m.structure if u.group == "InitialUnknown" and u.key in m.by_key and u.key not in may and m.by_key[u.key].causality in ("output", "local")]
+        found = [
+            m.by_key[u.key].name
+            for u in m.structure
+            if u.group == "InitialUnknown"
+            and u.key in m.by_key
+            and u.key not in may
+            and m.by_key[u.key].causality in ("output", "local")
+        ]
         if found:
             is_ = "are" if len(found) > 1 else "is"
-            yield warning(f"{names(found)} {is_} among the InitialUnknowns, but no outputs, parameters, states or derivatives that are calculated there")
+            yield warning(
+                f"{names(found)} {is_} among the InitialUnknowns, but no outputs, parameters, states or derivatives"
+                " that are calculated there"
+            )
 
 
 def _shown(m: Model, group: str) -> str:
@@ -365,10 +467,15 @@ def _key(m: Model) -> str:
 
 
 @check(
-    "description.dependencies", "declared dependencies name variables that can be depended on, each with its kind",
-    fmi2="2.2.8 Definition of the Model Structure (dependencies)", fmi3="2.4.8 Model Structure (dependencies)",
-    advice="List the knowns only (inputs, states, the independent variable; for initialization also what is exact), with one kind for each.",
-)  # fmt: skip
+    "description.dependencies",
+    "declared dependencies name variables that can be depended on, each with its kind",
+    fmi2="2.2.8 Definition of the Model Structure (dependencies)",
+    fmi3="2.4.8 Model Structure (dependencies)",
+    advice=(
+        "List the knowns only (inputs, states, the independent variable; for initialization also what is exact), with"
+        " one kind for each."
+    ),
+)
 def dependencies(file: File) -> Found:
     m = file.model
     states = {m.key(s) for s in m.states}
@@ -392,20 +499,32 @@ def dependencies(file: File) -> Found:
                 if known.initial == "calculated" and known.causality not in ("output", "local"):
                     yield u.line, f"{name!r} depends on {known.name!r} in initialization, which is calculated itself"
                 continue
-            if known.causality in ("parameter", "structuralParameter") and known.variability == "tunable" and m.version == "3":
+            if (
+                known.causality in ("parameter", "structuralParameter")
+                and known.variability == "tunable"
+                and m.version == "3"
+            ):
                 continue
-            if known.type == "Clock" or (m.version == "3" and u.group == "ClockedState") or known.variability == "discrete":
+            if (
+                known.type == "Clock"
+                or (m.version == "3" and u.group == "ClockedState")
+                or known.variability == "discrete"
+            ):
                 continue
-            text = f"{name!r} depends on {known.name!r}, a {known.variability} {known.causality}, which is no known there"
+            text = (
+                f"{name!r} depends on {known.name!r}, a {known.variability} {known.causality}, which is no known there"
+            )
             yield warning(text, u.line)
             break
 
 
 @check(
-    "description.experiment", "the default experiment is one that can be run",
-    fmi2="2.2.5 Definition of a Default Experiment", fmi3="2.4.6 Definition of a Default Experiment",
+    "description.experiment",
+    "the default experiment is one that can be run",
+    fmi2="2.2.5 Definition of a Default Experiment",
+    fmi3="2.4.6 Definition of a Default Experiment",
     advice="stopTime above startTime, stepSize and tolerance above 0, all finite.",
-)  # fmt: skip
+)
 def experiment(file: File) -> Found:
     element = file.root.find("DefaultExperiment")
     if element is None:
@@ -424,10 +543,11 @@ def experiment(file: File) -> Found:
 
 
 @check(
-    "description.clocks", "clocks say when they tick, and clocked variables name clocks that exist",
+    "description.clocks",
+    "clocks say when they tick, and clocked variables name clocks that exist",
     fmi3="2.2.9 Clocks; 2.4.7 Definition of Model Variables",
     advice="Give constant clocks their interval, and clocked variables the value references of their clocks.",
-)  # fmt: skip
+)
 def clocks(file: File) -> Found:
     m = file.model
     if not m.clocks:
@@ -457,7 +577,11 @@ def _of_clock(v: Var) -> Iterator[str]:
     with suppress(ValueError):
         if interval and written is not None and abs(float(written) - interval) > 1e-5 * interval:
             yield f"has the interval {float(written):g} s, and as a fraction {interval:g} s"
-    if kind == "constant" and v.says.get("supportsFraction") in ("true", "1") and not ("resolution" in v.says and "intervalCounter" in v.says):
+    if (
+        kind == "constant"
+        and v.says.get("supportsFraction") in ("true", "1")
+        and not ("resolution" in v.says and "intervalCounter" in v.says)
+    ):
         yield "supports fractions, but tells neither resolution nor intervalCounter"
 
 
@@ -466,10 +590,13 @@ def _reference(text: str) -> int | None:
 
 
 @check(
-    "description.capabilities", "flags that belong together are set together",
-    fmi2="3.3.1 and 4.3.1 FMI Description Schema (capability flags)", fmi3="2.4.9, 3.3 and 4.3 (capability flags)",
-    advice="Set the flag that is required by the other, or neither.", worst="error",
-)  # fmt: skip
+    "description.capabilities",
+    "flags that belong together are set together",
+    fmi2="3.3.1 and 4.3.1 FMI Description Schema (capability flags)",
+    fmi3="2.4.9, 3.3 and 4.3 (capability flags)",
+    advice="Set the flag that is required by the other, or neither.",
+    worst="error",
+)
 def capabilities(file: File) -> Found:
     m = file.model
     for i in m.interfaces.values():
@@ -478,7 +605,9 @@ def capabilities(file: File) -> Found:
             yield i.line, f"canSerializeFMU{suffix} is true, but canGetAndSetFMU{suffix} is not"
         if m.version == "3" and i.kind == "cs":
             if i.can("canReturnEarlyAfterIntermediateUpdate") and not i.can("providesIntermediateUpdate"):
-                yield warning("canReturnEarlyAfterIntermediateUpdate is true, but providesIntermediateUpdate is not", i.line)
+                yield warning(
+                    "canReturnEarlyAfterIntermediateUpdate is true, but providesIntermediateUpdate is not", i.line
+                )
             if m.clocks and not i.can("hasEventMode"):
                 yield warning("it has clocks, but hasEventMode is not true", i.line)
     if m.version == "3":
@@ -489,11 +618,27 @@ def capabilities(file: File) -> Found:
         yield f"variables {names(v.name for v in m.of('independent'))} are all independent; one may be"
     for v in m.of("independent"):
         if not v.is_float:
-            yield v.line, f"the independent variable {v.name!r} is {v.type}; it must be {'Real' if m.version == '2' else 'Float32 or Float64'}"
+            yield (
+                v.line,
+                (
+                    f"the independent variable {v.name!r} is {v.type}; it must be"
+                    f" {'Real' if m.version == '2' else 'Float32 or Float64'}"
+                ),
+            )
     if "me" in m.interfaces and m.version == "2":
         derived = {v.key for v in m.listed("Derivative")}
         for v in m.variables:
             state = m.state_of(v)
-            if state is not None and v.key not in derived and v.causality == "local" and state.causality == "local" and not m.listed("Derivative"):
-                yield warning(f"{v.name!r} derives {state.name!r}, but ModelStructure lists no derivatives, so the state is hidden from the integrator", v.line)
+            if (
+                state is not None
+                and v.key not in derived
+                and v.causality == "local"
+                and state.causality == "local"
+                and not m.listed("Derivative")
+            ):
+                yield warning(
+                    f"{v.name!r} derives {state.name!r}, but ModelStructure lists no derivatives, so the state is"
+                    " hidden from the integrator",
+                    v.line,
+                )
                 break

@@ -1,4 +1,6 @@
-"""Checks of layered standards (FMI 3.0, 2.6): which ones an FMU declares, and whether their manifests keep to their schemas."""
+"""Checks of layered standards (FMI 3.0, 2.6): which ones an FMU declares, and whether their manifests keep to their
+schemas.
+"""
 
 from __future__ import annotations
 
@@ -37,7 +39,9 @@ def manifests(file: File) -> list[str]:
 
 
 def declared(file: File) -> list[str]:
-    """The layered standards that the manifests name, each with its version; the folder stands for a name that is missing."""
+    """The layered standards that the manifests name, each with its version; the folder stands for a name that is
+    missing.
+    """
     found = []
     for path in manifests(file):
         root = _root(file, path)
@@ -47,11 +51,13 @@ def declared(file: File) -> list[str]:
 
 
 @check(
-    "archive.layered", "manifests of layered standards have the attributes of FMI and keep to their schema, where it is known",
+    "archive.layered",
+    "manifests of layered standards have the attributes of FMI and keep to their schema, where it is known",
     fmi2="2.3 FMU Distribution (extra), with FMI 3.0, 2.6 Versioning and Layered Standards",
     fmi3="2.6 Versioning and Layered Standards",
-    advice="Correct fmi-ls-manifest.xml as the layered standard describes it.", worst="warning",
-)  # fmt: skip
+    advice="Correct fmi-ls-manifest.xml as the layered standard describes it.",
+    worst="warning",
+)
 def layered(file: File) -> Found:
     found = manifests(file)
     if not found:
@@ -63,7 +69,10 @@ def layered(file: File) -> Found:
             continue
         for short in ("name", "version", "description"):
             if not _attribute(root, short):
-                yield warning(f"{path}, line {root.sourceline}: the root element has no attribute fmi-ls-{short} of the namespace {NAMESPACE}")
+                yield warning(
+                    f"{path}, line {root.sourceline}: the root element has no attribute fmi-ls-{short} of the namespace"
+                    f" {NAMESPACE}"
+                )
         yield from _of_its_schema(file, path, root)
 
 
@@ -105,12 +114,17 @@ def _attribute(root: Any, short: str) -> str:
 
 @cache
 def _schema(name: str) -> tuple[Any, dict[str, str]]:
-    """A schema, and the values that it prescribes for attributes of the root element: libxml2 does not compare those."""
+    """A schema, and the values that it prescribes for attributes of the root element: libxml2 does not
+    compare those."""
     parser = etree.XMLParser(no_network=True)
     parser.resolvers.add(_Carried())
     text = etree.parse(str(_FOLDERS[0] / name), parser)
     attributes = text.iter("{http://www.w3.org/2001/XMLSchema}attribute")
-    return etree.XMLSchema(text), {str(a.get("ref")).rpartition("fmi-ls-")[2]: a.get("fixed") for a in attributes if a.get("ref") and a.get("fixed")}
+    return etree.XMLSchema(text), {
+        str(a.get("ref")).rpartition("fmi-ls-")[2]: a.get("fixed")
+        for a in attributes
+        if a.get("ref") and a.get("fixed")
+    }
 
 
 class _Carried(etree.Resolver):

@@ -1,7 +1,8 @@
 """What a modelDescription.xml says, taken at its word: nothing is refused, so that everything can be checked.
 
-`cosim.fmu.model_description` reads for the master, which refuses what it cannot run. Here what is missing or nonsense is None, for a check to find.
-Plain data without the XML tree, so that it can be handed to the process in which the FMU runs.
+`cosim.fmu.model_description` reads for the master, which refuses what it cannot run. Here what is missing or nonsense
+is None, for a check to find. Plain data without the XML tree, so that it can be handed to the process in which the FMU
+runs.
 """
 
 from __future__ import annotations
@@ -21,14 +22,18 @@ FLOATS = ("Real", "Float64", "Float32")
 _ACCESS = {"2": {"Enumeration": "Integer"}, "3": {"Enumeration": "Int64"}}  # types that are read and set as others
 
 DEFAULT_INITIAL = {
-    "exact": {("constant", "output"), ("constant", "local"), *((v, c) for v in ("fixed", "tunable") for c in ("parameter", "structuralParameter"))},
+    "exact": {
+        ("constant", "output"),
+        ("constant", "local"),
+        *((v, c) for v in ("fixed", "tunable") for c in ("parameter", "structuralParameter")),
+    },
     "calculated": {
         *((v, c) for v in ("fixed", "tunable") for c in ("calculatedParameter", "local")),
         *((v, c) for v in ("discrete", "continuous") for c in ("output", "local")),
     },
     "input": {("discrete", "input"), ("continuous", "input")},
     "none": {("continuous", "independent")},
-}  # fmt: skip
+}
 """(variability, causality) -> the default of `initial`; what is not here is not allowed."""
 
 INDICES = 4000  # of a list of dependencies that are kept one by one
@@ -41,7 +46,8 @@ class Var:
     Attributes:
         type: name of its element (`Real`, `Float64`, ...); access: name in the functions that get and set it.
         variability, initial: as they count, defaults put in; `says` holds what is written.
-        start: text, None without; size: number of elements, 1 for scalars; derivative: key of what it derives (FMI 2: position, FMI 3: reference).
+        start: text, None without; size: number of elements, 1 for scalars; derivative: key of what it derives (FMI 2:
+            position, FMI 3: reference).
     """
 
     name: str
@@ -139,7 +145,11 @@ class Interface:
 
     def wants_completed_steps(self, version: str) -> bool:
         """Whether it is to be told of every step of the integrator."""
-        return not self.can("completedIntegratorStepNotNeeded") if version == "2" else self.can("needsCompletedIntegratorStep")
+        return (
+            not self.can("completedIntegratorStepNotNeeded")
+            if version == "2"
+            else self.can("needsCompletedIntegratorStep")
+        )
 
     @property
     def once(self) -> bool:
@@ -173,7 +183,9 @@ class Model:
     scheduled: bool = False
     structural: bool = False
     clocks: bool = False
-    ticking: tuple[tuple[int, float, float], ...] = ()  # periodic input clocks: reference, interval, shift [s]; NaN: the FMU says it
+    ticking: tuple[
+        tuple[int, float, float], ...
+    ] = ()  # periodic input clocks: reference, interval, shift [s]; NaN: the FMU says it
 
     def __post_init__(self) -> None:
         self.by_key: dict[int, Var] = {}
@@ -231,7 +243,9 @@ def read(root: Any) -> Model:
     for kind, tag in (("cs", "CoSimulation"), ("me", "ModelExchange")):
         element = root.find(tag)
         if element is not None:
-            interfaces[kind] = Interface(kind, element.get("modelIdentifier", ""), element.sourceline, dict(element.attrib))
+            interfaces[kind] = Interface(
+                kind, element.get("modelIdentifier", ""), element.sourceline, dict(element.attrib)
+            )
     experiment = root.find("DefaultExperiment")
     numbers = {} if experiment is None else {k: _number(v) for k, v in experiment.attrib.items()}
     return Model(
@@ -262,14 +276,20 @@ def clock_seconds(says: dict[str, str], what: str) -> float | None:
 
 def _ticking(variables: Iterable[Var]) -> Iterator[tuple[int, float, float]]:
     for v in variables:
-        periodic = v.type == "Clock" and v.causality == "input" and v.says.get("intervalVariability") in ("constant", "fixed", "tunable")
+        periodic = (
+            v.type == "Clock"
+            and v.causality == "input"
+            and v.says.get("intervalVariability") in ("constant", "fixed", "tunable")
+        )
         interval = clock_seconds(v.says, "interval")
         if periodic and v.reference is not None and (interval is None or 0 < interval < math.inf):
             yield v.reference, math.nan if interval is None else interval, clock_seconds(v.says, "shift") or 0.0
 
 
 def default_initial(variability: str, causality: str) -> str | None:
-    """What `initial` is where it is not written: "exact", "calculated", "input", "none"; None: the combination is not allowed."""
+    """What `initial` is where it is not written: "exact", "calculated", "input", "none"; None: the combination is not
+    allowed.
+    """
     return next((d for d, pairs in DEFAULT_INITIAL.items() if (variability, causality) in pairs), None)
 
 
@@ -291,7 +311,9 @@ def _variables3(root: Any) -> list[Var]:
     sizes = {e.get("valueReference"): e.get("start") for e in elements if e.get("causality") == "structuralParameter"}
     found = []
     for position, element in enumerate(elements, start=1):
-        inherited = {k: v for k, v in types.get(element.get("declaredType"), {}).items() if k not in ("name", "description")}
+        inherited = {
+            k: v for k, v in types.get(element.get("declaredType"), {}).items() if k not in ("name", "description")
+        }
         attributes = {**inherited, **element.attrib}
         starts = [s.get("value", "") for s in element.iterfind("Start")]
         if starts:
@@ -306,28 +328,57 @@ def _variables3(root: Any) -> list[Var]:
 
 
 def _variable(
-    element: Any, type_: str, position: int, attributes: dict[str, str], version: str, says: dict[str, str], size: int = 1, aliases: tuple[str, ...] = ()
-) -> Var:  # fmt: skip
+    element: Any,
+    type_: str,
+    position: int,
+    attributes: dict[str, str],
+    version: str,
+    says: dict[str, str],
+    size: int = 1,
+    aliases: tuple[str, ...] = (),
+) -> Var:
     causality = element.get("causality", "local")
     variability = element.get("variability", "continuous" if version == "2" or type_ in FLOATS else "discrete")
     default = default_initial(variability, causality)
     initial = element.get("initial") or {"input": "exact", "none": None}.get(default or "none", default)
     low, high, nominal = (_number(attributes.get(k)) for k in ("min", "max", "nominal"))
     return Var(
-        name=element.get("name", ""), position=position, line=element.sourceline, reference=_whole(element.get("valueReference")),
-        type=type_, access=_ACCESS[version].get(type_, type_), causality=causality, variability=variability, initial=initial, says=says,
-        start=attributes.get("start"), low=low, high=high, nominal=nominal, unit=attributes.get("unit"),
-        derivative=_whole(attributes.get("derivative")), size=size, aliases=aliases, clocked="clocks" in says,
-    )  # fmt: skip
+        name=element.get("name", ""),
+        position=position,
+        line=element.sourceline,
+        reference=_whole(element.get("valueReference")),
+        type=type_,
+        access=_ACCESS[version].get(type_, type_),
+        causality=causality,
+        variability=variability,
+        initial=initial,
+        says=says,
+        start=attributes.get("start"),
+        low=low,
+        high=high,
+        nominal=nominal,
+        unit=attributes.get("unit"),
+        derivative=_whole(attributes.get("derivative")),
+        size=size,
+        aliases=aliases,
+        clocked="clocks" in says,
+    )
 
 
 _GROUPS = {
-    "2": (("Output", "Outputs/Unknown"), ("Derivative", "Derivatives/Unknown"), ("InitialUnknown", "InitialUnknowns/Unknown")),
-    "3": (
-        ("Output", "Output"), ("Derivative", "ContinuousStateDerivative"), ("InitialUnknown", "InitialUnknown"),
-        ("EventIndicator", "EventIndicator"), ("ClockedState", "ClockedState"),
+    "2": (
+        ("Output", "Outputs/Unknown"),
+        ("Derivative", "Derivatives/Unknown"),
+        ("InitialUnknown", "InitialUnknowns/Unknown"),
     ),
-}  # fmt: skip
+    "3": (
+        ("Output", "Output"),
+        ("Derivative", "ContinuousStateDerivative"),
+        ("InitialUnknown", "InitialUnknown"),
+        ("EventIndicator", "EventIndicator"),
+        ("ClockedState", "ClockedState"),
+    ),
+}
 
 
 def _structure(root: Any, version: str) -> Iterable[Unknown]:
@@ -335,10 +386,12 @@ def _structure(root: Any, version: str) -> Iterable[Unknown]:
         for element in root.iterfind(f"ModelStructure/{path}"):
             depends, kinds = element.get("dependencies"), element.get("dependenciesKind")
             yield Unknown(
-                group, element.sourceline, _whole(element.get("index" if version == "2" else "valueReference")),
+                group,
+                element.sourceline,
+                _whole(element.get("index" if version == "2" else "valueReference")),
                 None if depends is None else tuple(-1 if (k := _whole(d)) is None else k for d in depends.split()),
                 None if kinds is None else tuple(kinds.split()),
-            )  # fmt: skip
+            )
 
 
 def _number(text: str | None) -> float | None:

@@ -18,7 +18,9 @@ def to_html(reports: Sequence[Report]) -> str:
     template = resources.files("cosim.check").joinpath("templates")
     style = resources.files("cosim.report").joinpath("templates", "report.css").read_text(encoding="utf-8")
     style += template.joinpath("check.css").read_text(encoding="utf-8")
-    environment = jinja2.Environment(autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True)
+    environment = jinja2.Environment(
+        autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True
+    )
     page = environment.from_string(template.joinpath("check.html").read_text(encoding="utf-8"))
     title = f"Compliance of {reports[0].path.name}" if len(reports) == 1 else f"Compliance of {len(reports)} FMUs"
     return page.render(reports=reports, title=title, style=Markup(style), section=section)

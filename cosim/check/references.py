@@ -21,10 +21,14 @@ TOLERANCE = 1e-3  # of the largest value of a column: what the FMI cross-check a
 
 
 @check(
-    "references.results", "the FMU gives the reference results that it brings along",
-    fmi2="FMI Cross-Check Rules (NAME_in.csv, NAME_ref.csv); 2.3 FMU Distribution (documentation)", fmi3="FMI-LS-REF (reference results); 2.5.1.1 Directory documentation",
-    advice="Make the reference results again, or find out what has changed.", kinds=("cs",), worst="warning",
-)  # fmt: skip
+    "references.results",
+    "the FMU gives the reference results that it brings along",
+    fmi2="FMI Cross-Check Rules (NAME_in.csv, NAME_ref.csv); 2.3 FMU Distribution (documentation)",
+    fmi3="FMI-LS-REF (reference results); 2.5.1.1 Directory documentation",
+    advice="Make the reference results again, or find out what has changed.",
+    kinds=("cs",),
+    worst="warning",
+)
 def results(bench: Bench) -> Found:
     folder = bench.fmu.folder
     found = sorted({*folder.glob("documentation/**/*_ref.csv"), *folder.glob("resources/*_ref.csv"), *_listed(folder)})
@@ -55,7 +59,12 @@ def _listed(folder: Path) -> list[Path]:
             return found
         for related in root.iterfind(".//Related"):
             path = (manifest.parent / related.get("source", "")).resolve()
-            if related.get("role", "").startswith("result") and path.suffix == ".csv" and path.is_file() and folder.resolve() in path.parents:
+            if (
+                related.get("role", "").startswith("result")
+                and path.suffix == ".csv"
+                and path.is_file()
+                and folder.resolve() in path.parents
+            ):
                 found.append(folder / path.relative_to(folder.resolve()))
     return found
 
@@ -70,7 +79,11 @@ def _table(path: Path) -> Table:
     if len(rows) < 2 or not rows[0] or rows[0][0].strip().strip('"').lower() != "time":
         raise ValueError("it is no table that begins with a column time")
     try:
-        table = [[float(x) if x.strip() not in ("true", "false") else float(x.strip() == "true") for x in row] for row in rows[1 : MOST_ROWS + 2] if row]
+        table = [
+            [float(x) if x.strip() not in ("true", "false") else float(x.strip() == "true") for x in row]
+            for row in rows[1 : MOST_ROWS + 2]
+            if row
+        ]
     except ValueError:
         raise ValueError("a value is no number") from None
     header = [h.strip() for h in rows[0]]
@@ -132,7 +145,11 @@ def _compared(bench: Bench, name: str, reference: Table, signals: Table) -> Foun
 
 
 def _columns(bench: Bench, header: list[str]) -> dict[str, Var]:
-    by_name = {v.name: v for v in bench.fmu.readable(bench.model.variables) if v.size == 1 and (v.is_number or v.access == "Boolean")}
+    by_name = {
+        v.name: v
+        for v in bench.fmu.readable(bench.model.variables)
+        if v.size == 1 and (v.is_number or v.access == "Boolean")
+    }
     return {n: by_name[n] for n in header if n in by_name}
 
 

@@ -18,8 +18,9 @@ CLEAN, ERRORS, UNCHECKED = 0, 1, 2  # exit codes
 
 @dataclass(frozen=True)
 class Result:
-    """A check of one interface ("cs", "me"), or of the file (""). `inapplicable` says why it had nothing to look at, or, without `judged`, why nothing
-    can be said here: it took too long, or a library is missing."""
+    """A check of one interface ("cs", "me"), or of the file (""). `inapplicable` says why it had nothing to look at,
+    or, without `judged`, why nothing can be said here: it took too long, or a library is missing.
+    """
 
     check: Check
     kind: str
@@ -69,8 +70,9 @@ class Report:
         return sum(r.verdict == verdict for r in self.results)
 
     def exit_code(self, strict: bool = False) -> int:
-        """0: clean; 1: errors (strict: or warnings); 2: nothing against it, but not all could be judged: it could not be run, took too long, or a check failed
-        itself."""
+        """0: clean; 1: errors (strict: or warnings); 2: nothing against it, but not all could be judged: it could not
+        be run, took too long, or a check failed itself.
+        """
         if self.findings("error", *(("warning",) if strict else ())):
             return ERRORS
         return UNCHECKED if self.not_run or self.failures or self.count("not judged") else CLEAN
@@ -85,18 +87,32 @@ class Report:
     def data(self) -> dict[str, Any]:
         """As plain data."""
         return {
-            "fmu": str(self.path), "name": self.name, "fmi": self.fmi, "tool": self.tool, "interfaces": list(self.interfaces),
+            "fmu": str(self.path),
+            "name": self.name,
+            "fmi": self.fmi,
+            "tool": self.tool,
+            "interfaces": list(self.interfaces),
             "layered_standards": list(self.layered),
-            "not_run": self.not_run, "failures": self.failures, "seconds": round(self.seconds, 3), "measures": self.measures,
+            "not_run": self.not_run,
+            "failures": self.failures,
+            "seconds": round(self.seconds, 3),
+            "measures": self.measures,
             "results": [
                 {
-                    "check": r.check.id, "interface": r.kind, "title": r.check.title, "verdict": r.verdict, "section": section(r, self),
-                    "advice": r.check.advice, "reason": r.inapplicable, "seconds": round(r.seconds, 4), "more": r.more,
+                    "check": r.check.id,
+                    "interface": r.kind,
+                    "title": r.check.title,
+                    "verdict": r.verdict,
+                    "section": section(r, self),
+                    "advice": r.check.advice,
+                    "reason": r.inapplicable,
+                    "seconds": round(r.seconds, 4),
+                    "more": r.more,
                     "findings": [{"severity": f.severity, "text": f.text, "line": f.line} for f in r.findings],
                 }
                 for r in self.results
             ],
-        }  # fmt: skip
+        }
 
 
 def section(result: Result, report: Report) -> str:
@@ -118,7 +134,9 @@ def to_junit(reports: Iterable[Report], strict: bool = False) -> bytes:
         failures = 0
         for r in report.results:
             group = f"{report.path.stem}.{r.check.group}"
-            case = etree.SubElement(suite, "testcase", classname=escape.xml(group), name=escape.xml(r.name), time=f"{r.seconds:.3f}")
+            case = etree.SubElement(
+                suite, "testcase", classname=escape.xml(group), name=escape.xml(r.name), time=f"{r.seconds:.3f}"
+            )
             bad = [f for f in r.findings if f.severity == "error" or (strict and f.severity == "warning")]
             rest = [f for f in r.findings if f not in bad]
             if bad:

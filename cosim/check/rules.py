@@ -1,8 +1,8 @@
 """What a check is, what it finds, and the list of all of them.
 
-A check is a function that yields findings. What it needs to be listed, chosen and explained stands in its decorator: what it is
-about, for which FMI versions and interfaces, in which section of the standard, and what to do about a finding. The same checks are run by the
-command `cosim check` and by the conformance suite of our own FMUs.
+A check is a function that yields findings. What it needs to be listed, chosen and explained stands in its decorator:
+what it is about, for which FMI versions and interfaces, in which section of the standard, and what to do about a
+finding. The same checks are run by the command `cosim check` and by the conformance suite of our own FMUs.
 """
 
 from __future__ import annotations
@@ -13,11 +13,25 @@ from typing import Any, Literal
 
 Severity = Literal["error", "warning", "note"]
 SEVERITIES: tuple[Severity, ...] = ("error", "warning", "note")
-"""By weight. An error is one by the text of the standard; a warning is what the standard advises against, or what importers stumble over; a
-note is worth knowing."""
+"""By weight. An error is one by the text of the standard; a warning is what the standard advises against, or what
+importers stumble over; a note is worth knowing.
+"""
 
-GROUPS = ("archive", "description", "binary", "states", "values", "runs", "saved", "derivatives", "exchange", "references")
-"""What checks are about, in the order in which they are run: what an FMU says, before it runs; then right calls, before wrong ones."""
+GROUPS = (
+    "archive",
+    "description",
+    "binary",
+    "states",
+    "values",
+    "runs",
+    "saved",
+    "derivatives",
+    "exchange",
+    "references",
+)
+"""What checks are about, in the order in which they are run: what an FMU says, before it runs; then right calls, before
+wrong ones.
+"""
 
 MOST = 10  # findings of a check that are kept one by one; the others are counted
 
@@ -47,7 +61,8 @@ class Check:
         title: what is looked at, in a sentence.
         section: where the standard says so, by FMI version ("2", "3").
         advice: what to do about a finding.
-        versions, kinds: FMI versions and interfaces ("cs", "me") that it is about; no kinds: of the file, nothing is run.
+        versions, kinds: FMI versions and interfaces ("cs", "me") that it is about; no kinds: of the file, nothing is
+            run.
         worst: the gravest severity of its findings, which is also that of an FMU that crashes or hangs in it.
         run: yields findings; of an instance's checks for one interface.
     """
@@ -78,9 +93,18 @@ def _by_id(id_: str) -> Check:
 
 
 def check(
-    id_: str, title: str, *, fmi2: str = "", fmi3: str = "", advice: str, kinds: tuple[str, ...] = (), worst: Severity = "error"
+    id_: str,
+    title: str,
+    *,
+    fmi2: str = "",
+    fmi3: str = "",
+    advice: str,
+    kinds: tuple[str, ...] = (),
+    worst: Severity = "error",
 ) -> Callable[[Callable[..., Iterator[Any]]], Callable[..., Iterator[Any]]]:
-    """Register the function below as a check: of the FMI versions whose section is given. It yields texts, (line, text), or findings."""
+    """Register the function below as a check: of the FMI versions whose section is given. It yields texts, (line,
+    text), or findings.
+    """
 
     def register(function: Callable[..., Iterator[Any]]) -> Callable[..., Iterator[Any]]:
         section = {version: s for version, s in (("2", fmi2), ("3", fmi3)) if s}

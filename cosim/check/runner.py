@@ -36,7 +36,9 @@ __all__ = ["Options", "Workers", "archive", "binary", "check", "description", "l
 _KINDS = {"cs": "Co-Simulation", "me": "Model Exchange"}
 LIFE = "states.life"  # without which nothing else can be run
 WRONG_CALLS = ("states.step", "states.arguments", "values.unknown", "values.extreme", "saved.damaged")
-"""Checks that make mistakes on purpose; an FMU that hangs in them is waited for less long. What takes its time in the others is not judged."""
+"""Checks that make mistakes on purpose; an FMU that hangs in them is waited for less long. What takes its time in the
+others is not judged.
+"""
 PATIENCE = 5.0  # s, or as many times as long as the FMU's life took, if that is longer
 ONCE_PER_FMU = ("states.version",)  # what is the same for both interfaces
 
@@ -129,7 +131,11 @@ class Workers:
             self._process = None
             seconds = time.monotonic() - begin
             late = watch is not None and seconds >= job.seconds
-            answer = Answer(lost=f"{LATE} {job.seconds:g} s" if late else f"its process ended with exit code {code}", late=late, seconds=seconds)
+            answer = Answer(
+                lost=f"{LATE} {job.seconds:g} s" if late else f"its process ended with exit code {code}",
+                late=late,
+                seconds=seconds,
+            )
         return answer
 
     def close(self) -> None:
@@ -157,8 +163,16 @@ def _kill_later(process: subprocess.Popen[bytes], seconds: float) -> Any:
 Progress = Callable[[str, int, int], None]
 
 
-def check(path: str | os.PathLike[str], options: Options | None = None, *, workers: Workers | None = None, progress: Progress | None = None) -> Report:
-    """Check an FMU. Raises Unchecked where there is nothing that can be checked: no file, no FMU, a version that is not known."""
+def check(
+    path: str | os.PathLike[str],
+    options: Options | None = None,
+    *,
+    workers: Workers | None = None,
+    progress: Progress | None = None,
+) -> Report:
+    """Check an FMU. Raises Unchecked where there is nothing that can be checked: no file, no FMU, a version that is not
+    known.
+    """
     options = options or Options()
     chosen = options.chosen()
     begin = time.monotonic()
@@ -174,9 +188,15 @@ def check(path: str | os.PathLike[str], options: Options | None = None, *, worke
 
 
 READABLE = Check(
-    "archive.readable", "the archive and its description can be read",
-    {"2": "2.3 FMU Distribution", "3": "2.5 FMU Distribution"}, "Pack and write it again.", ("2", "3"), (), "error", lambda *_: (),
-)  # fmt: skip
+    "archive.readable",
+    "the archive and its description can be read",
+    {"2": "2.3 FMU Distribution", "3": "2.5 FMU Distribution"},
+    "Pack and write it again.",
+    ("2", "3"),
+    (),
+    "error",
+    lambda *_: (),
+)
 CHECKS.setdefault(READABLE.id, READABLE)
 
 
@@ -216,7 +236,9 @@ def _opened(report: Report, options: Options, stack: contextlib.ExitStack) -> Fi
     return found
 
 
-def _run_all(report: Report, file: File, chosen: list[Check], options: Options, workers: Workers, progress: Progress) -> None:
+def _run_all(
+    report: Report, file: File, chosen: list[Check], options: Options, workers: Workers, progress: Progress
+) -> None:
     version, model = file.model.version, file.model
     mine = [c for c in chosen if version in c.versions and c.id != READABLE.id]
     still = [c for c in mine if not c.kinds]
@@ -298,7 +320,14 @@ def _of_file(check: Check, file: File) -> Result:
 
 
 def _of_instance(
-    check: Check, kind: str, file: File, libraries: dict[str, Path], options: Options, workers: Workers, report: Report, seconds: float
+    check: Check,
+    kind: str,
+    file: File,
+    libraries: dict[str, Path],
+    options: Options,
+    workers: Workers,
+    report: Report,
+    seconds: float,
 ) -> Result:
     answer = workers.run(Job(check.id, kind, file.model, file.folder, libraries, seconds, options.bytes))
     if answer.broken:
@@ -313,4 +342,6 @@ def _of_instance(
         findings.append(Finding(f"the process of the FMU was lost{doing}: {answer.lost}{words}", check.worst))
     for name, value in answer.measures.items():
         report.measures[f"{name} ({_KINDS[kind]})"] = value
-    return Result(check, kind, tuple(findings), answer.unjudged or answer.inapplicable, answer.seconds, judged=not answer.unjudged)
+    return Result(
+        check, kind, tuple(findings), answer.unjudged or answer.inapplicable, answer.seconds, judged=not answer.unjudged
+    )

@@ -1,4 +1,5 @@
-"""Checks of whole runs: the same again after reset, beside others, in threads, from saved states and with other steps."""
+"""Checks of whole runs: the same again after reset, beside others, in threads, from saved states and
+with other steps."""
 
 from __future__ import annotations
 
@@ -17,20 +18,27 @@ _INSTANCES3 = "2.2.1 Requirements for Implementations of the C-API; 2.3.1 Super 
 
 
 @check(
-    "runs.repeat", "two runs from the same start give the same results",
-    fmi2="1.1 Properties and Guiding Ideas", fmi3="1.2 Properties and Guiding Ideas",
-    advice="Initialize all memory; make seeds of random numbers parameters. Runs that differ cannot be compared.", kinds=("cs", "me"), worst="warning",
-)  # fmt: skip
+    "runs.repeat",
+    "two runs from the same start give the same results",
+    fmi2="1.1 Properties and Guiding Ideas",
+    fmi3="1.2 Properties and Guiding Ideas",
+    advice="Initialize all memory; make seeds of random numbers parameters. Runs that differ cannot be compared.",
+    kinds=("cs", "me"),
+    worst="warning",
+)
 def repeat(bench: Bench) -> Found:
     if text := difference(bench.fresh(), bench.fresh()):
         yield text
 
 
 @check(
-    "runs.reset", "a run after reset is the run of a fresh instance",
-    fmi2="2.1.6 Initialization, Termination, and Resetting an FMU (fmi2Reset)", fmi3="2.3.1 Super State: FMU State Setable (fmi3Reset)",
-    advice="Reset goes into the state that instantiation leaves: clear states, memories, counters and caches.", kinds=("cs", "me"),
-)  # fmt: skip
+    "runs.reset",
+    "a run after reset is the run of a fresh instance",
+    fmi2="2.1.6 Initialization, Termination, and Resetting an FMU (fmi2Reset)",
+    fmi3="2.3.1 Super State: FMU State Setable (fmi3Reset)",
+    advice="Reset goes into the state that instantiation leaves: clear states, memories, counters and caches.",
+    kinds=("cs", "me"),
+)
 def reset(bench: Bench) -> Found:
     base = bench.repeatable()
 
@@ -51,10 +59,13 @@ def reset(bench: Bench) -> Found:
 
 
 @check(
-    "runs.instances", "instances know nothing of each other",
-    fmi2=_INSTANCES2, fmi3=_INSTANCES3,
-    advice="Keep everything in the instance, nothing in global or static variables.", kinds=("cs", "me"),
-)  # fmt: skip
+    "runs.instances",
+    "instances know nothing of each other",
+    fmi2=_INSTANCES2,
+    fmi3=_INSTANCES3,
+    advice="Keep everything in the instance, nothing in global or static variables.",
+    kinds=("cs", "me"),
+)
 def instances(bench: Bench) -> Found:
     bench.several()
     base = bench.repeatable()
@@ -80,11 +91,14 @@ def instances(bench: Bench) -> Found:
 
 
 @check(
-    "runs.threads", "instances in threads of their own give what they give alone",
-    fmi2="2.1.1 Header Files and Naming of Functions (parallel calls)", fmi3="2.2.1 Requirements for Implementations of the C-API (threads)",
+    "runs.threads",
+    "instances in threads of their own give what they give alone",
+    fmi2="2.1.1 Header Files and Naming of Functions (parallel calls)",
+    fmi3="2.2.1 Requirements for Implementations of the C-API (threads)",
     advice="Keep everything in the instance, nothing in global or static variables; protect what libraries share.",
-    kinds=("cs", "me"), worst="warning",
-)  # fmt: skip
+    kinds=("cs", "me"),
+    worst="warning",
+)
 def threads(bench: Bench) -> Found:
     bench.several()
     base = bench.repeatable()
@@ -122,10 +136,13 @@ def _of_version(bench: Bench, text: str) -> Finding:
 
 
 @check(
-    "runs.time", "the independent variable is the time of the run",
-    fmi2="2.2.7 Definition of Model Variables (independent)", fmi3="2.4.7.4 Variable Attributes (independent)",
-    advice="Return the current communication point, or the time that was set.", kinds=("cs", "me"),
-)  # fmt: skip
+    "runs.time",
+    "the independent variable is the time of the run",
+    fmi2="2.2.7 Definition of Model Variables (independent)",
+    fmi3="2.4.7.4 Variable Attributes (independent)",
+    advice="Return the current communication point, or the time that was set.",
+    kinds=("cs", "me"),
+)
 def time(bench: Bench) -> Found:
     clock = next((v for v in bench.fmu.readable(bench.model.of("independent")) if v.is_float), None)
     if clock is None:
@@ -148,15 +165,20 @@ def shown_time(t: float) -> str:
 
 
 @check(
-    "runs.steps", "communication steps may vary: the same time, nearly the same result",
-    fmi2="4.2.2 Computation; 4.3.1 (canHandleVariableCommunicationStepSize)", fmi3="4.2.1 (fmi3DoStep); 4.3 (canHandleVariableCommunicationStepSize)",
-    advice="Integrate to the end of every step exactly, or do not promise variable steps.", kinds=("cs",),
-)  # fmt: skip
+    "runs.steps",
+    "communication steps may vary: the same time, nearly the same result",
+    fmi2="4.2.2 Computation; 4.3.1 (canHandleVariableCommunicationStepSize)",
+    fmi3="4.2.1 (fmi3DoStep); 4.3 (canHandleVariableCommunicationStepSize)",
+    advice="Integrate to the end of every step exactly, or do not promise variable steps.",
+    kinds=("cs",),
+)
 def steps(bench: Bench) -> Found:
     bench.require(bench.interface.variable_step, "it does not promise variable communication steps")
     h, watched = bench.step, [v for v in bench.watched() if v.is_float and v.causality == "output"]
     ways = {"even": [1.0] * 8, "uneven": [2.0, 1.0, 3.0, 1.0, 1.0]}
-    if bench.version == "3" and bench.interface.internal_step is None:  # else no step is shorter than that of the FMU, which FMI 2.0 cannot tell
+    if (
+        bench.version == "3" and bench.interface.internal_step is None
+    ):  # else no step is shorter than that of the FMU, which FMI 2.0 cannot tell
         ways["split"] = [0.5, 0.5, 0.25, 0.75, 0.5, 0.5, 1.0] * 2
 
     def ends(a: Instance, parts: list[float]) -> tuple[Values, Values]:
@@ -185,11 +207,16 @@ def steps(bench: Bench) -> Found:
 
 
 @check(
-    "runs.floating_point", "the floating-point environment is left as it was",
-    fmi2="2.1.1 Header Files and Naming of Functions (global settings)", fmi3="2.2.1 Requirements for Implementations of the C-API (global settings)",
-    advice="Restore rounding mode and control registers before a function returns; do not link with -ffast-math, which flushes subnormal numbers.",
+    "runs.floating_point",
+    "the floating-point environment is left as it was",
+    fmi2="2.1.1 Header Files and Naming of Functions (global settings)",
+    fmi3="2.2.1 Requirements for Implementations of the C-API (global settings)",
+    advice=(
+        "Restore rounding mode and control registers before a function returns; do not link with -ffast-math, which"
+        " flushes subnormal numbers."
+    ),
     kinds=("cs", "me"),
-)  # fmt: skip
+)
 def floating_point(bench: Bench) -> Found:
     before = _environment()
     bench.fmu.dll(bench.kind)
@@ -206,17 +233,29 @@ def floating_point(bench: Bench) -> Found:
 
 def _environment() -> tuple[int, bool]:
     """Rounding mode, and whether subnormal numbers are kept."""
-    library = c.CDLL("ucrtbase.dll") if sys.platform == "win32" else c.CDLL("libm.so.6") if sys.platform == "linux" else c.CDLL(None)
+    library = (
+        c.CDLL("ucrtbase.dll")
+        if sys.platform == "win32"
+        else c.CDLL("libm.so.6")
+        if sys.platform == "linux"
+        else c.CDLL(None)
+    )
     smallest = float.fromhex("0x1p-1022")
     return int(library.fegetround()), smallest / 2.0 != 0.0
 
 
 def _changed(before: tuple[int, bool], after: tuple[int, bool]) -> str:
-    return " and ".join(t for t, x, y in zip(("the rounding mode", "the treatment of subnormal numbers"), before, after, strict=True) if x != y)
+    return " and ".join(
+        t
+        for t, x, y in zip(("the rounding mode", "the treatment of subnormal numbers"), before, after, strict=True)
+        if x != y
+    )
 
 
 def _growth(bench: Bench) -> float | None:
-    """Bytes by which the process grows with each instance; None where it does not grow from mark to mark, or by next to nothing."""
+    """Bytes by which the process grows with each instance; None where it does not grow from mark to mark, or by next to
+    nothing.
+    """
     import time as clock
 
     begin, count = clock.perf_counter(), 0
@@ -240,16 +279,20 @@ def _growth(bench: Bench) -> float | None:
 
 
 @check(
-    "runs.memory", "memory is given back when instances are freed",
-    fmi2="2.1.5 Creation, Destruction and Logging of FMU Instances (fmi2FreeInstance)", fmi3="2.3.1 Super State: FMU State Setable (fmi3FreeInstance)",
-    advice="Free what instantiation and steps have allocated.", kinds=("cs", "me"), worst="warning",
-)  # fmt: skip
+    "runs.memory",
+    "memory is given back when instances are freed",
+    fmi2="2.1.5 Creation, Destruction and Logging of FMU Instances (fmi2FreeInstance)",
+    fmi3="2.3.1 Super State: FMU State Setable (fmi3FreeInstance)",
+    advice="Free what instantiation and steps have allocated.",
+    kinds=("cs", "me"),
+    worst="warning",
+)
 def memory(bench: Bench) -> Found:
     bench.several()
     if _resident() is None:
         raise NotApplicable("the memory of a process cannot be read on this system")
-    # Some tools load and keep things with the first instances, and the system gives a process its pages when it pleases; what counts is that
-    # it goes on, whenever it is asked.
+    # Some tools load and keep things with the first instances, and the system gives a process its pages when it
+    # pleases; what counts is that it goes on, whenever it is asked.
     rate = 0.0
     for _ in range(3):
         found = _growth(bench)

@@ -25,12 +25,17 @@ from cosim.check.bench import (
 from cosim.check.calls import Instance
 from cosim.check.rules import NotApplicable, check, note, warning
 
-_SAVED2, _SAVED3 = "2.1.8 Getting and Setting the Complete FMU State", "2.2.6.4 Getting and Setting the Complete FMU State"
+_SAVED2, _SAVED3 = (
+    "2.1.8 Getting and Setting the Complete FMU State",
+    "2.2.6.4 Getting and Setting the Complete FMU State",
+)
 
 
 def _saving(bench: Bench, serialized: bool = False) -> list[Values]:
     i = bench.interface
-    bench.require(i.serializes if serialized else i.saves, f"it does not promise {'serialized' if serialized else 'saved'} states")
+    bench.require(
+        i.serializes if serialized else i.saves, f"it does not promise {'serialized' if serialized else 'saved'} states"
+    )
     return bench.repeatable()
 
 
@@ -53,10 +58,16 @@ def _continued(bench: Bench, a: Instance, state: Any, known: _Known) -> list[Val
 
 
 @check(
-    "saved.replay", "a state that was saved and is restored continues with the same results, again and again",
-    fmi2=_SAVED2, fmi3=_SAVED3,
-    advice="Put everything into the state that results depend on: memories, caches, inputs, parameters, time, pending events.", kinds=("cs", "me"),
-)  # fmt: skip
+    "saved.replay",
+    "a state that was saved and is restored continues with the same results, again and again",
+    fmi2=_SAVED2,
+    fmi3=_SAVED3,
+    advice=(
+        "Put everything into the state that results depend on: memories, caches, inputs, parameters, time, pending"
+        " events."
+    ),
+    kinds=("cs", "me"),
+)
 def replay(bench: Bench) -> Found:
     straight_on = _saving(bench)[3:8]
     if not straight_on:
@@ -72,9 +83,12 @@ def replay(bench: Bench) -> Found:
         return runs
 
     at_once, *later = bench.alone(work)
-    # Where nothing happened between saving and restoring, only an integrator that begins from scratch makes a difference.
+    # Where nothing happened between saving and restoring, only an integrator that begins from scratch makes a
+    # difference.
     restarted = bool(difference(straight_on, at_once))
-    if found := compared(bench, straight_on, at_once, "saved and restored at once it continues differently", restarted=restarted):
+    if found := compared(
+        bench, straight_on, at_once, "saved and restored at once it continues differently", restarted=restarted
+    ):
         yield found
         return
     for again, run in zip(("", " once more"), later, strict=True):
@@ -84,13 +98,18 @@ def replay(bench: Bench) -> Found:
 
 
 @check(
-    "saved.parameters", "a saved state brings back the values that were set",
-    fmi2=_SAVED2, fmi3=_SAVED3,
-    advice="Save inputs and parameters with the state.", kinds=("cs", "me"),
-)  # fmt: skip
+    "saved.parameters",
+    "a saved state brings back the values that were set",
+    fmi2=_SAVED2,
+    fmi3=_SAVED3,
+    advice="Save inputs and parameters with the state.",
+    kinds=("cs", "me"),
+)
 def with_values(bench: Bench) -> Found:
     _saving(bench)
-    inputs = [v for v in bench.settable("input") if v.is_float and (bench.kind == "cs" or v.variability == "continuous")]
+    inputs = [
+        v for v in bench.settable("input") if v.is_float and (bench.kind == "cs" or v.variability == "continuous")
+    ]
     values: Values = {v: m for v in tried(inputs) if (m := moved(v, v.starts() or ())) is not None}
     if not values:
         raise NotApplicable("there are no real inputs")
@@ -106,7 +125,10 @@ def with_values(bench: Bench) -> Found:
     before, after = bench.alone(work)
     for v, got in after.items():
         if not all(same(x, y) for x, y in zip(got, before[v], strict=True)):
-            yield f"input {v.name!r} was {shown_value(before[v])} when the state was saved, and is {shown_value(got)} after it was restored"
+            yield (
+                f"input {v.name!r} was {shown_value(before[v])} when the state was saved, and is {shown_value(got)}"
+                " after it was restored"
+            )
             return
 
 
@@ -115,10 +137,13 @@ def shown_value(values: list[Any]) -> str:
 
 
 @check(
-    "saved.states", "several states live side by side, and saving into an old one replaces it",
-    fmi2=_SAVED2, fmi3=_SAVED3,
-    advice="Allocate when the pointer is NULL, overwrite when it is not; set it to NULL when the state is freed.", kinds=("cs", "me"),
-)  # fmt: skip
+    "saved.states",
+    "several states live side by side, and saving into an old one replaces it",
+    fmi2=_SAVED2,
+    fmi3=_SAVED3,
+    advice="Allocate when the pointer is NULL, overwrite when it is not; set it to NULL when the state is freed.",
+    kinds=("cs", "me"),
+)
 def several_states(bench: Bench) -> Found:
     base = _saving(bench)
 
@@ -128,7 +153,10 @@ def several_states(bench: Bench) -> Found:
         early, at_early = a.initialize().save(), a.get(watched)
         bench.run(a, 2)
         late, at_late = a.save(), a.get(watched)
-        for state, expected, name in ((early, at_early, "of two states the first"), (late, at_late, "of two states the second")):
+        for state, expected, name in (
+            (early, at_early, "of two states the first"),
+            (late, at_late, "of two states the second"),
+        ):
             a.restore(state)
             found.append((f"{name} is restored wrongly", [expected, a.get(watched)]))
         a.must(f"Get{a.saved}", c.byref(early))  # into the old one
@@ -156,10 +184,13 @@ def several_states(bench: Bench) -> Found:
 
 
 @check(
-    "saved.serialize", "a serialized state continues with the same results, in this and in a fresh instance",
-    fmi2=_SAVED2, fmi3=_SAVED3,
-    advice="Serialize contents, never pointers.", kinds=("cs", "me"),
-)  # fmt: skip
+    "saved.serialize",
+    "a serialized state continues with the same results, in this and in a fresh instance",
+    fmi2=_SAVED2,
+    fmi3=_SAVED3,
+    advice="Serialize contents, never pointers.",
+    kinds=("cs", "me"),
+)
 def serialized(bench: Bench) -> Found:
     straight_on = _saving(bench, True)[3:8]
 
@@ -176,15 +207,21 @@ def serialized(bench: Bench) -> Found:
         yield found
         return
     fresh = bench.alone(lambda a: _continued(bench, a.initialize(), a.deserialize(data), known))
-    if found := compared(bench, expected, fresh, "continued from a serialized state in a fresh instance", restarted=restarted):
+    if found := compared(
+        bench, expected, fresh, "continued from a serialized state in a fresh instance", restarted=restarted
+    ):
         yield found
 
 
 @check(
-    "saved.damaged", "bytes that are no state are refused",
-    fmi2=_SAVED2, fmi3=_SAVED3,
-    advice="Check the length before bytes are read; a checksum finds the rest.", kinds=("cs", "me"), worst="warning",
-)  # fmt: skip
+    "saved.damaged",
+    "bytes that are no state are refused",
+    fmi2=_SAVED2,
+    fmi3=_SAVED3,
+    advice="Check the length before bytes are read; a checksum finds the rest.",
+    kinds=("cs", "me"),
+    worst="warning",
+)
 def damaged(bench: Bench) -> Found:
     bench.require(bench.interface.serializes, "it does not promise serialized states")
     with bench.instance() as a:
@@ -196,5 +233,3 @@ def damaged(bench: Bench) -> Found:
             if len(wrong) < len(data) and good(a.call(name, wrong, c.c_size_t(len(wrong)), c.byref(state))):
                 yield f"{name} takes a state that is {what}"
                 return
-
-

@@ -1,4 +1,6 @@
-"""Checks of the state machine: what is allowed in a state succeeds, what is not returns an error, and nothing of it ends the process."""
+"""Checks of the state machine: what is allowed in a state succeeds, what is not returns an error, and nothing of it
+ends the process.
+"""
 
 from __future__ import annotations
 
@@ -19,13 +21,19 @@ ENOUGH = 2.0  # s of steps that are enough of a life
 
 
 @check(
-    "states.version", "the library says the FMI version of its description",
-    fmi2="2.1.4 Inquire Platform and Version Number of Header Files", fmi3="2.2.5 Inquire Version Number of Header Files",
-    advice="Return the version of the header files.", kinds=("cs", "me"),
-)  # fmt: skip
+    "states.version",
+    "the library says the FMI version of its description",
+    fmi2="2.1.4 Inquire Platform and Version Number of Header Files",
+    fmi3="2.2.5 Inquire Version Number of Header Files",
+    advice="Return the version of the header files.",
+    kinds=("cs", "me"),
+)
 def version(bench: Bench) -> Found:
     dll = bench.fmu.dll(bench.kind)
-    for function, expected in ((f"fmi{bench.version}GetVersion", bench.version + ".0"), ("fmi2GetTypesPlatform", "default")):
+    for function, expected in (
+        (f"fmi{bench.version}GetVersion", bench.version + ".0"),
+        ("fmi2GetTypesPlatform", "default"),
+    ):
         if not hasattr(dll, function):
             continue
         bench.fmu.say(function)
@@ -38,10 +46,13 @@ def version(bench: Bench) -> Found:
 
 
 @check(
-    "states.life", "an instance goes through its life: instantiation, initialization, steps, termination, and is freed",
-    fmi2=_MACHINE2, fmi3=_MACHINE3,
-    advice="Look at the message, if there is one; with start values and without connections an FMU must run.", kinds=("cs", "me"),
-)  # fmt: skip
+    "states.life",
+    "an instance goes through its life: instantiation, initialization, steps, termination, and is freed",
+    fmi2=_MACHINE2,
+    fmi3=_MACHINE3,
+    advice="Look at the message, if there is one; with start values and without connections an FMU must run.",
+    kinds=("cs", "me"),
+)
 def life(bench: Bench) -> Found:
     import time
 
@@ -77,7 +88,12 @@ def life(bench: Bench) -> Found:
 
 
 def _states(bench: Bench) -> list[str]:
-    return ["instantiated", "initialization mode", *(["step mode"] if bench.kind == "cs" else ["event mode", "continuous-time mode"]), "terminated"]
+    return [
+        "instantiated",
+        "initialization mode",
+        *(["step mode"] if bench.kind == "cs" else ["event mode", "continuous-time mode"]),
+        "terminated",
+    ]
 
 
 def put_into(a: Instance, state: str) -> Instance:
@@ -98,12 +114,17 @@ def put_into(a: Instance, state: str) -> Instance:
 
 
 Call = Callable[[Bench, Instance], int]
-ANY, RUNNING = ("instantiated", "initialization mode", "event mode", "continuous-time mode", "step mode", "terminated"), ("event mode", "continuous-time mode", "step mode")
+ANY, RUNNING = (
+    ("instantiated", "initialization mode", "event mode", "continuous-time mode", "step mode", "terminated"),
+    ("event mode", "continuous-time mode", "step mode"),
+)
 READ = ANY[1:]
 
 
 def readable_in_initialization(bench: Bench) -> list[Var]:
-    """What may be read in initialization mode: in FMI 2.0 (3.2.3, 4.2.4) outputs, continuous states and their derivatives."""
+    """What may be read in initialization mode: in FMI 2.0 (3.2.3, 4.2.4) outputs, continuous states and their
+    derivatives.
+    """
     m = bench.model
     found = bench.watched()
     if bench.version == "3":
@@ -129,7 +150,11 @@ def _worst(statuses: Iterable[int]) -> int:
 
 def _set_inputs(bench: Bench, a: Instance) -> int:
     """Inputs to their start values; in continuous-time mode only the continuous ones may change."""
-    return _set_to_start(bench, a, [v for v in bench.settable("input") if a.state != "continuous-time mode" or v.variability == "continuous"])
+    return _set_to_start(
+        bench,
+        a,
+        [v for v in bench.settable("input") if a.state != "continuous-time mode" or v.variability == "continuous"],
+    )
 
 
 def _set_parameters(bench: Bench, a: Instance) -> int:
@@ -199,7 +224,11 @@ def allowed(bench: Bench) -> list[tuple[str, tuple[str, ...], Call]]:
     i, me = bench.interface, bench.kind == "me"
     found: list[tuple[str, tuple[str, ...], Call]] = [
         ("Get of variables", READ, _get),
-        ("Set of inputs", (*(("instantiated",) if bench.version == "3" else ()), "initialization mode", *RUNNING), _set_inputs),
+        (
+            "Set of inputs",
+            (*(("instantiated",) if bench.version == "3" else ()), "initialization mode", *RUNNING),
+            _set_inputs,
+        ),
         ("Set of parameters", ("instantiated", "initialization mode"), _set_parameters),
         ("SetDebugLogging", ANY, _logging),
     ]
@@ -213,7 +242,11 @@ def allowed(bench: Bench) -> list[tuple[str, tuple[str, ...], Call]]:
         found += [
             (get, evaluated, _vector(get)),
             ("GetContinuousStates", evaluated, _vector("GetContinuousStates")),
-            ("GetNominalsOfContinuousStates", ("event mode", "continuous-time mode"), _vector("GetNominalsOfContinuousStates")),
+            (
+                "GetNominalsOfContinuousStates",
+                ("event mode", "continuous-time mode"),
+                _vector("GetNominalsOfContinuousStates"),
+            ),
             ("GetEventIndicators", evaluated, _vector("GetEventIndicators")),
             ("SetTime", ("continuous-time mode",), _time),
             ("NewDiscreteStates" if bench.version == "2" else "UpdateDiscreteStates", ("event mode",), _events),
@@ -224,14 +257,19 @@ def allowed(bench: Bench) -> list[tuple[str, tuple[str, ...], Call]]:
 
 
 @check(
-    "states.allowed", "every function succeeds in every state where it is allowed",
-    fmi2=_MACHINE2, fmi3=_MACHINE3,
-    advice="Allow what the state machine allows; functions that a capability flag promises must work.", kinds=("cs", "me"),
-)  # fmt: skip
+    "states.allowed",
+    "every function succeeds in every state where it is allowed",
+    fmi2=_MACHINE2,
+    fmi3=_MACHINE3,
+    advice="Allow what the state machine allows; functions that a capability flag promises must work.",
+    kinds=("cs", "me"),
+)
 def every_allowed(bench: Bench) -> Found:
     for state in _states(bench):
         for what, where, call in allowed(bench):
-            if state not in where or (what.startswith("Get of") and state == "terminated" and bench.version == "2" and bench.kind == "me"):
+            if state not in where or (
+                what.startswith("Get of") and state == "terminated" and bench.version == "2" and bench.kind == "me"
+            ):
                 continue
             status, where_, said = bench.alone(lambda a, state=state, call=call: _tried(bench, a, state, call))  # type: ignore[misc]
             if good(status) or status == DISCARD:
@@ -278,14 +316,23 @@ def _plain(name: str) -> Call:
 
 
 @check(
-    "states.forbidden", "a function that is not allowed in a state returns an error",
-    fmi2="2.1.3 Status Returned by Functions; " + _MACHINE2, fmi3="2.2.4 Status Returned by Functions; " + _MACHINE3,
-    advice="Check the state at the top of each function, and return Error with a message. Importers make mistakes, too.",
-    kinds=("cs", "me"), worst="warning",
-)  # fmt: skip
+    "states.forbidden",
+    "a function that is not allowed in a state returns an error",
+    fmi2="2.1.3 Status Returned by Functions; " + _MACHINE2,
+    fmi3="2.2.4 Status Returned by Functions; " + _MACHINE3,
+    advice=(
+        "Check the state at the top of each function, and return Error with a message. Importers make mistakes, too."
+    ),
+    kinds=("cs", "me"),
+    worst="warning",
+)
 def forbidden(bench: Bench) -> Found:
     calls: list[tuple[str, tuple[str, ...], Call]] = [
-        ("ExitInitializationMode", tuple(s for s in ANY if s != "initialization mode"), _plain("ExitInitializationMode")),
+        (
+            "ExitInitializationMode",
+            tuple(s for s in ANY if s != "initialization mode"),
+            _plain("ExitInitializationMode"),
+        ),
         ("EnterInitializationMode", tuple(s for s in ANY if s != "instantiated"), _enter),
         ("Terminate", ("instantiated", "initialization mode", "terminated"), _plain("Terminate")),
     ]
@@ -293,7 +340,11 @@ def forbidden(bench: Bench) -> Found:
         calls.append(("DoStep", ("instantiated", "initialization mode", "terminated"), _step))
     else:
         calls += [
-            ("EnterContinuousTimeMode", ("instantiated", "initialization mode", "terminated"), _plain("EnterContinuousTimeMode")),
+            (
+                "EnterContinuousTimeMode",
+                ("instantiated", "initialization mode", "terminated"),
+                _plain("EnterContinuousTimeMode"),
+            ),
             ("EnterEventMode", ("instantiated", "initialization mode", "terminated"), _plain("EnterEventMode")),
             ("SetContinuousStates", ("instantiated", "terminated"), _vector("SetContinuousStates")),
         ]
@@ -306,14 +357,21 @@ def forbidden(bench: Bench) -> Found:
             if status not in (ERROR, DISCARD):
                 taken.setdefault(f"{what} returns {shown(status)}", []).append(state)
     if taken:
-        yield "; ".join(f"{text} in {' and in '.join(where_)}" for text, where_ in taken.items()) + ", where it is not allowed"
+        yield (
+            "; ".join(f"{text} in {' and in '.join(where_)}" for text, where_ in taken.items())
+            + ", where it is not allowed"
+        )
 
 
 @check(
-    "states.step", "step sizes that are none and times that do not fit are refused",
-    fmi2="4.2.2 Computation", fmi3="2.2.5.1 Advancing Time; 4.2 (fmi3DoStep)",
-    advice="Refuse steps that are not above 0 or not finite, and steps beyond stopTime.", kinds=("cs",), worst="warning",
-)  # fmt: skip
+    "states.step",
+    "step sizes that are none and times that do not fit are refused",
+    fmi2="4.2.2 Computation",
+    fmi3="2.2.5.1 Advancing Time; 4.2 (fmi3DoStep)",
+    advice="Refuse steps that are not above 0 or not finite, and steps beyond stopTime.",
+    kinds=("cs",),
+    worst="warning",
+)
 def wrong_steps(bench: Bench) -> Found:
     taken = []
     for h in (-bench.step, float("nan"), float("inf")):
@@ -332,10 +390,13 @@ def wrong_steps(bench: Bench) -> Found:
 
 
 @check(
-    "states.null", "FreeInstance ignores NULL",
-    fmi2="2.1.5 Creation, Destruction and Logging of FMU Instances (fmi2FreeInstance)", fmi3="2.3.1 Super State: FMU State Setable (fmi3FreeInstance)",
-    advice="Return at once when the instance is NULL.", kinds=("cs", "me"),
-)  # fmt: skip
+    "states.null",
+    "FreeInstance ignores NULL",
+    fmi2="2.1.5 Creation, Destruction and Logging of FMU Instances (fmi2FreeInstance)",
+    fmi3="2.3.1 Super State: FMU State Setable (fmi3FreeInstance)",
+    advice="Return at once when the instance is NULL.",
+    kinds=("cs", "me"),
+)
 def free_null(bench: Bench) -> Found:
     f = bench.instance().require()
     free = f.raw("FreeInstance")
@@ -346,10 +407,14 @@ def free_null(bench: Bench) -> Found:
 
 
 @check(
-    "states.arguments", "NULL arguments and unknown log categories are no crash",
-    fmi2="2.1.3 Status Returned by Functions", fmi3="2.2.1 Requirements for Implementations of the C-API (NULL)",
-    advice="Guard against NULL: the standard forbids it to importers, and recommends it to FMUs.", kinds=("cs", "me"), worst="note",
-)  # fmt: skip
+    "states.arguments",
+    "NULL arguments and unknown log categories are no crash",
+    fmi2="2.1.3 Status Returned by Functions",
+    fmi3="2.2.1 Requirements for Implementations of the C-API (NULL)",
+    advice="Guard against NULL: the standard forbids it to importers, and recommends it to FMUs.",
+    kinds=("cs", "me"),
+    worst="note",
+)
 def null_arguments(bench: Bench) -> Found:
     floats = "Real" if bench.version == "2" else "Float64"
     one = c.c_size_t(1)
@@ -367,11 +432,14 @@ def null_arguments(bench: Bench) -> Found:
 
 
 @check(
-    "states.token", "an FMU that is told the token of another description cannot be instantiated",
-    fmi2="2.1.5 Creation, Destruction and Logging of FMU Instances (fmuGUID)", fmi3="2.3.1 Super State: FMU State Setable (instantiationToken)",
+    "states.token",
+    "an FMU that is told the token of another description cannot be instantiated",
+    fmi2="2.1.5 Creation, Destruction and Logging of FMU Instances (fmuGUID)",
+    fmi3="2.3.1 Super State: FMU State Setable (instantiationToken)",
     advice="Compare the token with the one that was compiled in, and return NULL with a message where they differ.",
-    kinds=("cs", "me"), worst="warning",
-)  # fmt: skip
+    kinds=("cs", "me"),
+    worst="warning",
+)
 def token(bench: Bench) -> Found:
     a = bench.instance(token=bench.model.token + "-of-another")
     if a.handle is not None:
@@ -380,10 +448,14 @@ def token(bench: Bench) -> Found:
 
 
 @check(
-    "states.statuses", "statuses are those of FMI, and errors are explained",
-    fmi2="2.1.3 Status Returned by Functions", fmi3="2.2.4 Status Returned by Functions and Logging Mechanism",
-    advice="Log a message before an Error is returned, while logging is on.", kinds=("cs", "me"), worst="warning",
-)  # fmt: skip
+    "states.statuses",
+    "statuses are those of FMI, and errors are explained",
+    fmi2="2.1.3 Status Returned by Functions",
+    fmi3="2.2.4 Status Returned by Functions and Logging Mechanism",
+    advice="Log a message before an Error is returned, while logging is on.",
+    kinds=("cs", "me"),
+    worst="warning",
+)
 def explained(bench: Bench) -> Found:
     silent = []
     for what, state, call in (
@@ -397,5 +469,3 @@ def explained(bench: Bench) -> Found:
             yield f"{what} {where} returns {shown(status)}"
     if silent:
         yield note(f"{names(silent)}: Error is returned without a message, although logging is on")
-
-

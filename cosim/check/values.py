@@ -17,10 +17,13 @@ MOST_NAMED = 5
 
 
 @check(
-    "values.start", "before anything is set, variables have the start values of the description",
-    fmi2="2.2.7 Definition of Model Variables (start)", fmi3="2.4.7.5 Type specific properties (start)",
-    advice="Write the same start values into the description and into the code.", kinds=("cs", "me"),
-)  # fmt: skip
+    "values.start",
+    "before anything is set, variables have the start values of the description",
+    fmi2="2.2.7 Definition of Model Variables (start)",
+    fmi3="2.4.7.5 Type specific properties (start)",
+    advice="Write the same start values into the description and into the code.",
+    kinds=("cs", "me"),
+)
 def start(bench: Bench) -> Found:
     with bench.instance() as a:
         a.enter_initialization()
@@ -55,14 +58,19 @@ def _not_at_start(values: Values) -> Found:
 
 
 @check(
-    "values.set", "what is set is what is read, in initialization and between steps",
-    fmi2=_VALUES2, fmi3=_VALUES3,
-    advice="Keep values that were set until they are set again.", kinds=("cs", "me"),
-)  # fmt: skip
+    "values.set",
+    "what is set is what is read, in initialization and between steps",
+    fmi2=_VALUES2,
+    fmi3=_VALUES3,
+    advice="Keep values that were set until they are set again.",
+    kinds=("cs", "me"),
+)
 def set_and_read(bench: Bench) -> Found:
     inputs = tried(bench.settable("input"), 60)
     floats = [v for v in bench.settable("parameter") if v.is_float]
-    before: Values = {v: m for v in [*tried(floats, 40), *inputs] if (m := moved(v, v.starts() or (), 1e-3)) is not None}
+    before: Values = {
+        v: m for v in [*tried(floats, 40), *inputs] if (m := moved(v, v.starts() or (), 1e-3)) is not None
+    }
     if not before:
         raise NotApplicable("there is nothing to set")
 
@@ -107,10 +115,13 @@ def _not_kept(v: Var, was: list[Any], got: list[Any]) -> str:
 
 
 @check(
-    "values.discrete", "integers and Booleans that are set are what is read",
-    fmi2=_VALUES2, fmi3=_VALUES3,
-    advice="Keep values that were set until they are set again.", kinds=("cs", "me"),
-)  # fmt: skip
+    "values.discrete",
+    "integers and Booleans that are set are what is read",
+    fmi2=_VALUES2,
+    fmi3=_VALUES3,
+    advice="Keep values that were set until they are set again.",
+    kinds=("cs", "me"),
+)
 def set_discrete(bench: Bench) -> Found:
     candidates = [v for v in bench.settable("input", "parameter") if not v.is_float]
     if not candidates:
@@ -129,10 +140,13 @@ def set_discrete(bench: Bench) -> Found:
 
 
 @check(
-    "values.reset", "reset brings all start values back",
-    fmi2="2.1.6 Initialization, Termination, and Resetting an FMU (fmi2Reset)", fmi3="2.3.1 Super State: FMU State Setable (fmi3Reset)",
-    advice="In Reset do everything that instantiation does; all variables have their start values again.", kinds=("cs", "me"),
-)  # fmt: skip
+    "values.reset",
+    "reset brings all start values back",
+    fmi2="2.1.6 Initialization, Termination, and Resetting an FMU (fmi2Reset)",
+    fmi3="2.3.1 Super State: FMU State Setable (fmi3Reset)",
+    advice="In Reset do everything that instantiation does; all variables have their start values again.",
+    kinds=("cs", "me"),
+)
 def reset(bench: Bench) -> Found:
     floats = [v for v in bench.settable("parameter", "input") if v.is_float]
     values: Values = {v: m for v in tried(floats, 40) if (m := moved(v, v.starts() or (), 1e-3)) is not None}
@@ -154,10 +168,13 @@ def reset(bench: Bench) -> Found:
 
 
 @check(
-    "values.effect", "parameters take effect on a fresh and on a reset instance alike",
-    fmi2="2.1.6 Initialization, Termination, and Resetting an FMU", fmi3="2.3.1 Super State: FMU State Setable; 2.3.2 State: Instantiated",
-    advice="Compute everything that depends on parameters when initialization mode is left, also after Reset.", kinds=("cs", "me"),
-)  # fmt: skip
+    "values.effect",
+    "parameters take effect on a fresh and on a reset instance alike",
+    fmi2="2.1.6 Initialization, Termination, and Resetting an FMU",
+    fmi3="2.3.1 Super State: FMU State Setable; 2.3.2 State: Instantiated",
+    advice="Compute everything that depends on parameters when initialization mode is left, also after Reset.",
+    kinds=("cs", "me"),
+)
 def effect(bench: Bench) -> Found:
     base = bench.repeatable()
     parameters = tried([v for v in bench.settable("parameter") if v.is_float], 6)
@@ -183,19 +200,35 @@ def effect(bench: Bench) -> Found:
 
 
 @check(
-    "values.readonly", "what may not be set cannot be set",
-    fmi2="2.1.3 Status Returned by Functions; 2.2.7 (causality, variability)", fmi3="2.2.4 Status Returned by Functions (setting a constant)",
-    advice="Return Error when a constant, an output or another calculated variable is set.", kinds=("cs", "me"), worst="warning",
-)  # fmt: skip
+    "values.readonly",
+    "what may not be set cannot be set",
+    fmi2="2.1.3 Status Returned by Functions; 2.2.7 (causality, variability)",
+    fmi3="2.2.4 Status Returned by Functions (setting a constant)",
+    advice="Return Error when a constant, an output or another calculated variable is set.",
+    kinds=("cs", "me"),
+    worst="warning",
+)
 def readonly(bench: Bench) -> Found:
     readable = bench.fmu.readable(bench.model.variables)
-    exact = {v.key for v in bench.model.variables if v.causality in ("input", "parameter") or (v.says.get("initial") in ("exact", "approx"))}
+    exact = {
+        v.key
+        for v in bench.model.variables
+        if v.causality in ("input", "parameter") or (v.says.get("initial") in ("exact", "approx"))
+    }
     states = {v.key for v in bench.model.states}
     constants = [v for v in readable if v.variability == "constant" and v.is_number]
-    calculated = [v for v in readable if v.causality in ("output", "calculatedParameter") and v.initial == "calculated" and v.is_number]
+    calculated = [
+        v
+        for v in readable
+        if v.causality in ("output", "calculatedParameter") and v.initial == "calculated" and v.is_number
+    ]
     fixed = [v for v in bench.settable("parameter") if v.variability == "fixed"]
     taken: dict[str, list[str]] = {}
-    for what, group, running in (("constants", constants, False), ("calculated variables", calculated, True), ("fixed parameters, after initialization,", fixed, True)):
+    for what, group, running in (
+        ("constants", constants, False),
+        ("calculated variables", calculated, True),
+        ("fixed parameters, after initialization,", fixed, True),
+    ):
         for v in tried(group, 4):
             if what != "fixed parameters, after initialization," and (v.key in exact or v.key in states):
                 continue  # an alias of it may be set
@@ -212,10 +245,14 @@ def readonly(bench: Bench) -> Found:
 
 
 @check(
-    "values.unknown", "value references that do not exist, and functions of another type, return an error",
-    fmi2="2.1.3 Status Returned by Functions; " + _VALUES2, fmi3="2.2.4 Status Returned by Functions; " + _VALUES3,
-    advice="Look value references up, and return Error for those that are not there.", kinds=("cs", "me"), worst="warning",
-)  # fmt: skip
+    "values.unknown",
+    "value references that do not exist, and functions of another type, return an error",
+    fmi2="2.1.3 Status Returned by Functions; " + _VALUES2,
+    fmi3="2.2.4 Status Returned by Functions; " + _VALUES3,
+    advice="Look value references up, and return Error for those that are not there.",
+    kinds=("cs", "me"),
+    worst="warning",
+)
 def unknown(bench: Bench) -> Found:
     used: dict[str, set[int]] = {}
     for v in bench.model.variables:
@@ -231,7 +268,15 @@ def unknown(bench: Bench) -> Found:
             def takes(a: Instance, reference: int = reference, direction: str = direction) -> bool:
                 room, one = (c.c_double * 1)(), c.c_size_t(1)
                 a.initialize()
-                return good(a.call(f"{direction}{floats}", (c.c_uint32 * 1)(reference), one, room, *(() if bench.version == "2" else (one,))))
+                return good(
+                    a.call(
+                        f"{direction}{floats}",
+                        (c.c_uint32 * 1)(reference),
+                        one,
+                        room,
+                        *(() if bench.version == "2" else (one,)),
+                    )
+                )
 
             if bench.alone(takes):
                 taken.append(f"{direction}{floats} of value reference {reference}")
@@ -246,10 +291,14 @@ def unknown(bench: Bench) -> Found:
 
 
 @check(
-    "values.extreme", "NaN, infinity and values beyond their range are refused or survived",
-    fmi2=_VALUES2 + " (min, max)", fmi3="2.2.6.3 Handling min/max Range Violations",
-    advice="Refuse values that cannot be used with Discard or Error; never crash or hang on them.", kinds=("cs", "me"), worst="warning",
-)  # fmt: skip
+    "values.extreme",
+    "NaN, infinity and values beyond their range are refused or survived",
+    fmi2=_VALUES2 + " (min, max)",
+    fmi3="2.2.6.3 Handling min/max Range Violations",
+    advice="Refuse values that cannot be used with Discard or Error; never crash or hang on them.",
+    kinds=("cs", "me"),
+    worst="warning",
+)
 def extreme(bench: Bench) -> Found:
     inputs = [v for v in bench.settable("input") if v.is_float]
     parameters = [v for v in bench.settable("parameter") if v.is_float]
@@ -278,10 +327,14 @@ def extreme(bench: Bench) -> Found:
 
 
 @check(
-    "values.range", "values in a run are finite and lie in the range that is declared",
-    fmi2="2.2.7 Definition of Model Variables (min, max)", fmi3="2.2.6.3 Handling min/max Range Violations",
-    advice="Correct min and max, or what is computed.", kinds=("cs", "me"), worst="warning",
-)  # fmt: skip
+    "values.range",
+    "values in a run are finite and lie in the range that is declared",
+    fmi2="2.2.7 Definition of Model Variables (min, max)",
+    fmi3="2.2.6.3 Handling min/max Range Violations",
+    advice="Correct min and max, or what is computed.",
+    kinds=("cs", "me"),
+    worst="warning",
+)
 def in_range(bench: Bench) -> Found:
     seen: set[str] = set()
     for values in bench.fresh():

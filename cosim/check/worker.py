@@ -1,10 +1,13 @@
-"""The process in which FMUs run while they are checked: one fork for each check, so that none leaves anything to the next.
+"""The process in which FMUs run while they are checked: one fork for each check, so that none leaves anything to the
+next.
 
-It receives jobs as pickled data on its standard input, and answers on its standard output: `Workers` in `runner.py` holds the other end.
-Where processes cannot be forked (Windows) it runs the check itself, and is replaced when it is lost.
+It receives jobs as pickled data on its standard input, and answers on its standard output: `Workers` in `runner.py`
+holds the other end. Where processes cannot be forked (Windows) it runs the check itself, and is replaced when it is
+lost.
 
-An FMU is foreign code. What comes from a process in which one ran is JSON of limited length, and each of its fields is validated; the fork
-has no descriptor but that of its own answer. Processes that an FMU has started are ended after each check, on Linux also detached ones.
+An FMU is foreign code. What comes from a process in which one ran is JSON of limited length, and each of its fields is
+validated; the fork has no descriptor but that of its own answer. Processes that an FMU has started are ended after each
+check, on Linux also detached ones.
 """
 
 from __future__ import annotations
@@ -59,8 +62,9 @@ class Job:
 
 @dataclass
 class Answer:
-    """What a check has found; `lost` says how the process ended, if it did; `late`: it was not waited for any longer; `unjudged` why nothing
-    can be said here."""
+    """What a check has found; `lost` says how the process ended, if it did; `late`: it was not waited for any longer;
+    `unjudged` why nothing can be said here.
+    """
 
     findings: list[Finding] = field(default_factory=list)
     inapplicable: str = ""
@@ -85,14 +89,21 @@ class Answer:
             given = json.loads(data)
             if not isinstance(given, dict) or given.keys() != {f.name for f in fields(cls)}:
                 raise ValueError("the fields differ")
-            texts = {name: _text(given[name]) for name in ("inapplicable", "lost", "unjudged", "doing", "words", "broken")}
+            texts = {
+                name: _text(given[name]) for name in ("inapplicable", "lost", "unjudged", "doing", "words", "broken")
+            }
             findings = [_finding(*f) for f in _typed(given["findings"], list)[:MOST]]
-            measures = {_text(k)[:_MEASURE]: _text(v)[:_MEASURE] for k, v in [*_typed(given["measures"], dict).items()][:_MOST_MEASURES]}
+            measures = {
+                _text(k)[:_MEASURE]: _text(v)[:_MEASURE]
+                for k, v in [*_typed(given["measures"], dict).items()][:_MOST_MEASURES]
+            }
             seconds = float(_typed(given["seconds"], float))
             late: bool = _typed(given["late"], bool)
         except (ValueError, TypeError, RecursionError, MemoryError) as error:
             raise ValueError(f"it is no answer of a check: {error}") from None
-        return cls(findings=findings, measures=measures, seconds=seconds if math.isfinite(seconds) else 0.0, late=late, **texts)
+        return cls(
+            findings=findings, measures=measures, seconds=seconds if math.isfinite(seconds) else 0.0, late=late, **texts
+        )
 
 
 def _typed(value: Any, type_: type) -> Any:
@@ -159,7 +170,9 @@ def _in_child(job: Job, memory: mmap.mmap, output: int) -> None:
 
 
 def _close_but_one(output: int) -> int:
-    """Close every descriptor but the standard ones and this one, which becomes 3: those of this process lead to the judge."""
+    """Close every descriptor but the standard ones and this one, which becomes 3: those of this process lead to the
+    judge.
+    """
     if output != 3:
         os.dup2(output, 3)
     os.closerange(4, min(os.sysconf("SC_OPEN_MAX"), 1 << 16))
@@ -203,7 +216,11 @@ def supervise(job: Job) -> Answer:
             ended = f"it wrote into the channel of the check ({error})"
     if ended or not data:
         answer.late = ended.startswith(LATE)
-        answer.lost = ended or (f"signal {-code} ({signal.strsignal(-code)})" if code < 0 else f"its process ended itself with exit code {code}")
+        answer.lost = ended or (
+            f"signal {-code} ({signal.strsignal(-code)})"
+            if code < 0
+            else f"its process ended itself with exit code {code}"
+        )
         (length,) = struct.unpack("=I", memory[:4])
         answer.doing = memory[4 : 4 + min(length, _SPOKEN - 4)].decode("utf-8", "replace")
         words.seek(0, os.SEEK_END)
@@ -279,7 +296,9 @@ def receive(stream: BinaryIO, longest: int | None = None) -> bytes | None:
 
 
 def receive_answer(stream: BinaryIO) -> Answer | None:
-    """What a worker answers; None where it has ended, or writes something else. Where FMUs run in the worker itself they can write there."""
+    """What a worker answers; None where it has ended, or writes something else. Where FMUs run in the worker itself
+    they can write there.
+    """
     data = receive(stream, 2 * _LONGEST)
     with contextlib.suppress(ValueError):
         return None if data is None else Answer.unpack(data)
@@ -311,4 +330,3 @@ def main() -> None:
             answer = execute(job)
             answer.seconds = time.monotonic() - begin
         send(answers, answer.pack())
-

@@ -25,7 +25,9 @@ class Engine:
 
 
 def choose_engine(members: Iterable[Member], choice: EngineChoice = "auto") -> Engine:
-    """What executes a system of these members. Raises CosimError for an unknown choice, and when "compiled" is not possible."""
+    """What executes a system of these members. Raises CosimError for an unknown choice, and when "compiled" is not
+    possible.
+    """
     if choice not in get_args(EngineChoice):
         known = get_args(EngineChoice)
         raise CosimError(unknown("engine", choice, known))
@@ -34,7 +36,9 @@ def choose_engine(members: Iterable[Member], choice: EngineChoice = "auto") -> E
     members = list(members)
     back = [m.name for m in members if _called_back(m)]
     if choice == "auto" and len(back) == len(members):
-        return Engine(Exchange, "the Python master: all components are written in Python or have clocks, which only it drives")
+        return Engine(
+            Exchange, "the Python master: all components are written in Python or have clocks, which only it drives"
+        )
     try:
         library()
     except NoEngine as error:

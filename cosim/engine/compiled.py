@@ -1,4 +1,5 @@
-"""An exchange whose instants the compiled engine executes, from the same values and with the same calls as in Python."""
+"""An exchange whose instants the compiled engine executes, from the same values and with the same calls
+as in Python."""
 
 from __future__ import annotations
 
@@ -20,15 +21,24 @@ from cosim.system.names import Members
 _Stop = tuple[StopWhen, int, float, float]  # with slot, scale and offset of what it looks at
 _RELATIONS = {">=": "ENGINE_GE", ">": "ENGINE_GT", "<=": "ENGINE_LE", "<": "ENGINE_LT"}
 _TYPES = {
-    np.dtype(np.float64): "ENGINE_DOUBLE", np.dtype(np.float32): "ENGINE_FLOAT", np.dtype(np.int8): "ENGINE_INT8",
-    np.dtype(np.uint8): "ENGINE_UINT8", np.dtype(np.int16): "ENGINE_INT16", np.dtype(np.uint16): "ENGINE_UINT16",
-    np.dtype(np.int32): "ENGINE_INT32", np.dtype(np.uint32): "ENGINE_UINT32", np.dtype(np.int64): "ENGINE_INT64",
-    np.dtype(np.uint64): "ENGINE_UINT64", np.dtype(np.bool_): "ENGINE_BOOL",
-}  # fmt: skip
+    np.dtype(np.float64): "ENGINE_DOUBLE",
+    np.dtype(np.float32): "ENGINE_FLOAT",
+    np.dtype(np.int8): "ENGINE_INT8",
+    np.dtype(np.uint8): "ENGINE_UINT8",
+    np.dtype(np.int16): "ENGINE_INT16",
+    np.dtype(np.uint16): "ENGINE_UINT16",
+    np.dtype(np.int32): "ENGINE_INT32",
+    np.dtype(np.uint32): "ENGINE_UINT32",
+    np.dtype(np.int64): "ENGINE_INT64",
+    np.dtype(np.uint64): "ENGINE_UINT64",
+    np.dtype(np.bool_): "ENGINE_BOOL",
+}
 
 
 class CompiledExchange(Exchange):
-    """As `Exchange`, of which it is one: initialization, saved states and whatever is not the hot loop are the same code."""
+    """As `Exchange`, of which it is one: initialization, saved states and whatever is not the hot loop are the same
+    code.
+    """
 
     _engine: BoundEngine | None = None
     _by_hand = False  # there are stop conditions that only Python can look at
@@ -150,7 +160,9 @@ class BoundEngine:
         return failure
 
     def fail(self, member: Member, call: int, status: int, t: float) -> None:
-        """Raise what the ports of a member raise when this call of its FMU returns this status, in an instant at `t` [s]."""
+        """Raise what the ports of a member raise when this call of its FMU returns this status, in an instant at `t`
+        [s].
+        """
         calls = self._exchange.ports[member].fmi
         assert calls is not None
         if call:

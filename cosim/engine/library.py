@@ -1,4 +1,6 @@
-"""The engine as a shared library: compiled once per machine and version of its sources, kept with a hash that is checked."""
+"""The engine as a shared library: compiled once per machine and version of its sources, kept with a hash that is
+checked.
+"""
 
 from __future__ import annotations
 

@@ -1,7 +1,8 @@
-"""The experiments of the five papers, and `ride`, which compares their cars; each is a folder of one shape, whose ``EXPERIMENT`` says what it is.
+"""The experiments of the five papers, and `ride`, which compares their cars; each is a folder of one shape, whose
+``EXPERIMENT`` says what it is.
 
-``__init__`` (EXPERIMENT), ``runs`` (wiring and measuring), ``published`` (what the paper prints, and the plan of the study),
-``claims``, ``report``.
+``__init__`` (EXPERIMENT), ``runs`` (wiring and measuring), ``published`` (what the paper prints, and the plan of the
+study), ``claims``, ``report``.
 """
 
 EXPERIMENTS = {

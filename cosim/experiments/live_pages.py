@@ -1,4 +1,6 @@
-"""The experiments that show themselves as a live web page, and these pages: ``python -m cosim.experiments.live_pages FOLDER``."""
+"""The experiments that show themselves as a live web page, and these pages: ``python -m cosim.experiments.live_pages
+FOLDER``.
+"""
 
 from __future__ import annotations
 

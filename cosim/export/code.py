@@ -53,8 +53,8 @@ def exported_schedule(wiring: Wiring, without: Iterable[str]) -> Schedule:
     for m in members:
         if not isinstance(m.component, FmuComponent):
             raise CosimError(
-                f"'{m.name}' is written in Python, and an FMU holds FMUs only: leave it out (without=['{m.name}']), or declare it as "
-                "a component that build-fmus makes an FMU of"
+                f"'{m.name}' is written in Python, and an FMU holds FMUs only: leave it out (without=['{m.name}']), or"
+                " declare it as a component that build-fmus makes an FMU of"
             )
         if m.component.in_event_mode and m.component.description.kind is None:
             raise CosimError(
@@ -84,13 +84,18 @@ class SystemCode:
         parts: how each member travels.
 
     Args:
-        known: how FMUs travel, by path and token, filled here; for systems that are linked together and share what they have in common.
+        known: how FMUs travel, by path and token, filled here; for systems that are linked together and share what they
+            have in common.
     """
 
     def __init__(
-        self, name: str, schedule: Schedule, variables: Sequence[Exported], fmi: int,
+        self,
+        name: str,
+        schedule: Schedule,
+        variables: Sequence[Exported],
+        fmi: int,
         known: dict[tuple[str, str], Part] | None = None,
-    ):  # fmt: skip
+    ):
         self.name, self.schedule, self.variables, self.fmi = name, schedule, variables, fmi
         outputs = [(e.member, e.variable) for e in variables if e.causality == "output"]
         self.exchange = Exchange(schedule, record=outputs)
@@ -121,8 +126,9 @@ class SystemCode:
         return all(m.description.can_save for m in self.schedule.members)
 
     def files(self, cache: ObjectCache, platform: str = "") -> dict[str, bytes]:
-        """All C files and headers but plan.c, by path below `sources/`. ``platform``: whose compiler tells the names that members
-        have in common; by default this machine's."""
+        """All C files and headers but plan.c, by path below `sources/`. ``platform``: whose compiler tells the names
+        that members have in common; by default this machine's.
+        """
         linked = [p for p in self.distinct if p.linked]
         files = {p.name: p.read_bytes() for p in _OWN}
         if len(linked) < len(self.distinct):
@@ -152,13 +158,26 @@ class SystemCode:
         room_u = _Room()
         members = [self._member(i, p, buffers, room_u) for i, p in enumerate(self.plan.members)]
         return template("plan.c.j2").render(
-            name=self.name, token=token, members=members, n_discrete=self.plan.n_discrete,
-            linked=[p for p in self.distinct if p.linked], clocks=self.plan.clocks[:-1], owners=self._owners(),
-            variables=[{"name": "time", "type": "FMU_FLOAT64", "role": "FMU_TIME", "slot": -1}, *map(self._variable, self.variables)],
-            a=a, d=d, n_values=self.plan.size, n_u=room_u.used, n_buffer=buffers.used,
-            n_shown=sum(len(p.show) for p in self.plan.members), can_save=self.can_save,
+            name=self.name,
+            token=token,
+            members=members,
+            n_discrete=self.plan.n_discrete,
+            linked=[p for p in self.distinct if p.linked],
+            clocks=self.plan.clocks[:-1],
+            owners=self._owners(),
+            variables=[
+                {"name": "time", "type": "FMU_FLOAT64", "role": "FMU_TIME", "slot": -1},
+                *map(self._variable, self.variables),
+            ],
+            a=a,
+            d=d,
+            n_values=self.plan.size,
+            n_u=room_u.used,
+            n_buffer=buffers.used,
+            n_shown=sum(len(p.show) for p in self.plan.members),
+            can_save=self.can_save,
             carried=any(not p.linked for p in self.distinct),
-        )  # fmt: skip
+        )
 
     def _member(self, i: int, p: MemberPlan, buffers: _Room, room_u: _Room) -> dict[str, Any]:
         m, part = p.member, self.parts[p.member]
@@ -167,19 +186,36 @@ class SystemCode:
         u = (index[0] if index else 0) if p.in_place else room_u.take(len(index))
         copies = [*p.remember, *p.show]
         return {
-            "id": f"m{i}", "name": m.name, "token": m.description.token, "version": part.version,
-            "linked": part.linked, "prefix": part.prefix, "folder": part.name, "identifier": m.description.identifier,
-            "resources": part.resources, "clock": p.clock, "step": c_number(p.step), "look_before": p.look_before,
-            "copies": [f"{{{c.to}, {c.source}, {c.n}}}" for c in copies], "n_remembered": len(p.remember),
-            "stamp": -1 if p.stamp is None else p.stamp, "index": index, "in_place": p.in_place, "u": u,
+            "id": f"m{i}",
+            "name": m.name,
+            "token": m.description.token,
+            "version": part.version,
+            "linked": part.linked,
+            "prefix": part.prefix,
+            "folder": part.name,
+            "identifier": m.description.identifier,
+            "resources": part.resources,
+            "clock": p.clock,
+            "step": c_number(p.step),
+            "look_before": p.look_before,
+            "copies": [f"{{{c.to}, {c.source}, {c.n}}}" for c in copies],
+            "n_remembered": len(p.remember),
+            "stamp": -1 if p.stamp is None else p.stamp,
+            "index": index,
+            "in_place": p.in_place,
+            "u": u,
             "scale": [] if p.scale is None else list(map(c_number, p.scale.tolist())),
             "offset": [] if p.offset is None else list(map(c_number, p.offset.tolist())),
-            "lines": [f"{{{', '.join(map(str, line[:4]))}, {c_number(line[4])}, {c_number(line[5])}}}" for line in p.lines],
+            "lines": [
+                f"{{{', '.join(map(str, line[:4]))}, {c_number(line[4])}, {c_number(line[5])}}}" for line in p.lines
+            ],
             "sets": [_transfer(part.version, how, buffers) for how in arrangements(part.version, place.inputs)],
             "gets": [_transfer(part.version, how, buffers) for how in arrangements(part.version, place.outputs)],
-            "starts": _starts(m, part.version), "first": p.first, "n_outputs": p.n_outputs,
+            "starts": _starts(m, part.version),
+            "first": p.first,
+            "n_outputs": p.n_outputs,
             "tolerance": None if m.description.tolerance is None else c_number(m.description.tolerance),
-        }  # fmt: skip
+        }
 
     def _variable(self, e: Exported) -> dict[str, Any]:
         layout, version = self.exchange.layout, self.parts[e.member].version
@@ -189,10 +225,15 @@ class SystemCode:
             return {**found, "slot": slot, "scale": c_number(scale), "shift": c_number(offset)}
         low, high = e.limits
         return {
-            **found, "slot": layout.constants.get((e.member, e.variable), -1), "kind": _kind(version, e.variable.fmi_type),
-            "member": self.schedule.members.index(e.member), "reference": e.variable.reference, "tunable": e.tunable,
-            "min": c_number(low), "max": c_number(high),
-        }  # fmt: skip
+            **found,
+            "slot": layout.constants.get((e.member, e.variable), -1),
+            "kind": _kind(version, e.variable.fmi_type),
+            "member": self.schedule.members.index(e.member),
+            "reference": e.variable.reference,
+            "tunable": e.tunable,
+            "min": c_number(low),
+            "max": c_number(high),
+        }
 
     def _owners(self) -> list[str]:
         """What each of the values is."""
@@ -219,15 +260,22 @@ class _Room:
 
 def _transfer(version: int, how: Arrangement, buffers: _Room) -> dict[str, Any]:
     return {
-        "kind": _kind(version, how.fmi_type), "references": list(how.arrays), "n_data": how.total, "in_place": how.in_place,
-        "at": int(how.place[0]), "element": how.element.tolist(), "place": how.place.tolist(), "keeps": how.keeps,
+        "kind": _kind(version, how.fmi_type),
+        "references": list(how.arrays),
+        "n_data": how.total,
+        "in_place": how.in_place,
+        "at": int(how.place[0]),
+        "element": how.element.tolist(),
+        "place": how.place.tolist(),
+        "keeps": how.keeps,
         "buffer": 0 if how.in_place else buffers.take(_BYTES * how.total),
-    }  # fmt: skip
+    }
 
 
 def start_values(member: Member) -> Iterator[tuple[Variable, Any]]:
-    """What a member is given to start with: a variable and its text, or numbers, those of whole arrays at a time (by their first
-    element). Raises WiringError where a part of an array is given and the FMU does not tell the rest."""
+    """What a member is given to start with: a variable and its text, or numbers, those of whole arrays at a time (by
+    their first element). Raises WiringError where a part of an array is given and the FMU does not tell the rest.
+    """
     variables = member.description.variables
     given = {variables[n]: v for n, v in member.values.items()}
     for elements in by_reference(given).values():
@@ -271,8 +319,11 @@ def write(folder: Path, files: dict[str, bytes]) -> None:
 def template(name: str) -> jinja2.Template:
     """One of this room's templates, by its file's name."""
     environment = jinja2.Environment(
-        loader=jinja2.PackageLoader("cosim.export", "templates"), autoescape=name.endswith(".html"), trim_blocks=True,
-        lstrip_blocks=True, undefined=jinja2.StrictUndefined,
-    )  # fmt: skip
+        loader=jinja2.PackageLoader("cosim.export", "templates"),
+        autoescape=name.endswith(".html"),
+        trim_blocks=True,
+        lstrip_blocks=True,
+        undefined=jinja2.StrictUndefined,
+    )
     environment.filters["c"] = c_string
     return environment.get_template(name)

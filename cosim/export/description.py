@@ -100,10 +100,16 @@ def _time(listed: etree._Element, fmi: int) -> None:
 def _variable(listed: etree._Element, fmi: int, reference: int, e: Exported) -> None:
     v = e.variable
     variability = (
-        ("tunable" if e.tunable else "fixed") if e.causality == "parameter"
-        else "continuous" if e.type == "Float64" and v.variability == "continuous" and not (e.causality == "output" and e.member.discrete)
-        else "discrete"
-    )  # fmt: skip
+        ("tunable" if e.tunable else "fixed")
+        if e.causality == "parameter"
+        else (
+            "continuous"
+            if e.type == "Float64"
+            and v.variability == "continuous"
+            and not (e.causality == "output" and e.member.discrete)
+            else "discrete"
+        )
+    )
     common = {
         "name": e.name,
         "valueReference": str(reference),
@@ -134,7 +140,9 @@ def _variable(listed: etree._Element, fmi: int, reference: int, e: Exported) -> 
 def _structure(
     structure: etree._Element, fmi: int, facts: Facts, schedule: Schedule, variables: Sequence[Exported]
 ) -> None:
-    """Outputs, with the inputs that act on them within a step: of sampled systems only, all others show what was reached."""
+    """Outputs, with the inputs that act on them within a step: of sampled systems only, all others show what was
+    reached.
+    """
     place = {e.name: i for i, e in enumerate(variables, start=1)}  # in FMI 2.0 counted from 1, and time is the first
     through = feedthrough(schedule, variables) if facts.kind == "discrete" else {}
     outputs = [e.name for e in variables if e.causality == "output"]
@@ -154,7 +162,9 @@ def _structure(
 
 
 def _annotation(parent: etree._Element, facts: Facts, schedule: Schedule, variables: Sequence[Exported]) -> None:
-    """What FMI has no place for: kind and tick of the system, constants that a source and its target must agree on, sources."""
+    """What FMI has no place for: kind and tick of the system, constants that a source and its target must agree on,
+    sources.
+    """
     attributes = {"kind": facts.kind, "tick": str(schedule.tick)}
     if facts.kind == "discrete":
         attributes["sampleTime"] = repr(float(schedule.tick))

@@ -36,8 +36,9 @@ def export_fmu(
     platforms: str = "host",
     text: str = "",
 ) -> Path:
-    """Write a system as one FMU; see `System.export_fmu`. Raises CosimError and WiringError for what cannot be in it, CompileError
-    without a compiler."""
+    """Write a system as one FMU; see `System.export_fmu`. Raises CosimError and WiringError for what cannot be in it,
+    CompileError without a compiler.
+    """
     path = Path(path)
     name = path.stem
     if path.suffix != ".fmu" or not re.fullmatch(r"[A-Za-z_]\w*", name, re.ASCII):
@@ -56,7 +57,13 @@ class _Exporter:
     """One export; the archive is made of what it derives from the schedule."""
 
     def __init__(self, code: SystemCode, text: str):
-        self.code, self.name, self.schedule, self.variables, self.fmi = code, code.name, code.schedule, code.variables, code.fmi
+        self.code, self.name, self.schedule, self.variables, self.fmi = (
+            code,
+            code.name,
+            code.schedule,
+            code.variables,
+            code.fmi,
+        )
         self.parts, self.distinct = code.parts, code.distinct
         self.facts = self._facts(text)
 
@@ -125,7 +132,8 @@ class _Exporter:
             missing = [p.name for p in platforms if (p.fmi2_name if part.version == 2 else p.name) not in there]
             if missing and not part.linked:
                 raise CosimError(
-                    f"'{m.name}' ({part.fmu.path}) has no library for {', '.join(missing)}, only for {', '.join(sorted(there))}"
+                    f"'{m.name}' ({part.fmu.path}) has no library for {', '.join(missing)}, only for"
+                    f" {', '.join(sorted(there))}"
                 )
 
     def _token(self, files: dict[str, bytes]) -> str:
@@ -152,7 +160,9 @@ class _Exporter:
         return parts + licences.of_windows(n for n in content if n.endswith(".dll") and n.startswith("binaries/"))
 
     def _licences(self, parts: list[licences.Part], content: dict[str, bytes]) -> dict[str, bytes]:
-        """The entry point, and the texts of what the system's own files hold; those of members are in folders of their own."""
+        """The entry point, and the texts of what the system's own files hold; those of members are in folders of their
+        own.
+        """
         texts = licences.texts(self.name, parts)
         folders = sorted(
             {
@@ -171,7 +181,13 @@ class _Exporter:
 
     def _page(self) -> str:
         return template("system.html").render(
-            facts=self.facts, fmi=f"{self.fmi}.0", schedule=str(self.schedule), members=self.schedule.members, parts=self.parts,
-            variables=self.variables, tick=self.schedule.tick, inf=math.inf, version=metadata.version(base.TOOL),
-        )  # fmt: skip
-
+            facts=self.facts,
+            fmi=f"{self.fmi}.0",
+            schedule=str(self.schedule),
+            members=self.schedule.members,
+            parts=self.parts,
+            variables=self.variables,
+            tick=self.schedule.tick,
+            inf=math.inf,
+            version=metadata.version(base.TOOL),
+        )

@@ -56,8 +56,9 @@ def choose(
 ) -> list[Exported]:
     """Parameters, inputs and outputs by names and patterns.
 
-    `inputs`: default all that no member drives. `outputs`: default all outputs that are no array elements. `parameters`: "*", all.
-    Raises WiringError for a name that fits nothing, that is driven, or whose type no system's FMU has.
+    `inputs`: default all that no member drives. `outputs`: default all outputs that are no array elements.
+    `parameters`: "*", all. Raises WiringError for a name that fits nothing, that is driven, or whose type no system's
+    FMU has.
     """
     members = Members((m.name, m) for m in schedule.members)
     driven = {c.target_name: c for c in schedule.connections}
@@ -111,7 +112,8 @@ def _start(member: Member, variable: Variable) -> Any:
 
 
 def units_of(variables: Sequence[Exported]) -> list[Unit]:
-    """Units by their names, that of time first. Raises WiringError when two members mean different units by one name."""
+    """Units by their names, that of time first. Raises WiringError when two members mean different units
+    by one name."""
     found: dict[str, tuple[Unit, str]] = {"s": (units.unit("s"), "time")}
     for e in variables:
         unit = e.variable.unit
@@ -126,14 +128,16 @@ def units_of(variables: Sequence[Exported]) -> list[Unit]:
             unit.offset,
         ):
             raise WiringError(
-                f"{name} and {e.name} both have the unit '{unit.name}', which their FMUs define differently: leave one out"
+                f"{name} and {e.name} both have the unit '{unit.name}', which their FMUs define differently: leave"
+                " one out"
             )
     return [unit for unit, _ in found.values()]
 
 
 def feedthrough(schedule: Schedule, variables: Sequence[Exported]) -> dict[str, list[str]]:
-    """Inputs that an output depends on within the same step, by name: those of sampled systems, whose outputs count from the sample
-    on. What continuous members reach in a step counts at its end."""
+    """Inputs that an output depends on within the same step, by name: those of sampled systems, whose outputs count
+    from the sample on. What continuous members reach in a step counts at its end.
+    """
     inputs = {e.name for e in variables if e.causality == "input"}
     ahead = {c.target_name: c for c in schedule.connections if not c.delay and c not in schedule.lagging}
     found: dict[str, frozenset[str]] = {}

@@ -32,14 +32,22 @@ _LOCATOR = 20
 _METHODS = (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED)  # of compression, those that FMI allows
 
 _DAMAGED = (
-    zipfile.BadZipFile, zlib.error, lzma.LZMAError, EOFError, RuntimeError, ValueError, ArithmeticError, LookupError,
+    zipfile.BadZipFile,
+    zlib.error,
+    lzma.LZMAError,
+    EOFError,
+    RuntimeError,
+    ValueError,
+    ArithmeticError,
+    LookupError,
     struct.error,
-)  # fmt: skip
+)
 """What `zipfile` raises for damaged, encrypted (RuntimeError) and unknown (NotImplementedError) contents."""
 
 
 class Archive:
-    """An FMU file, or the folder of an unpacked one. Raises FmuError (`error`) for what is missing or no FMU (`kind`)."""
+    """An FMU file, or the folder of an unpacked one. Raises FmuError (`error`) for what is missing or no
+    FMU (`kind`)."""
 
     error: ClassVar[type[CosimError]] = FmuError
     kind: ClassVar[str] = "FMU"
@@ -58,7 +66,9 @@ class Archive:
                 return
             if self.path.exists():  # a pipe, a device
                 raise self.error(f"{self.path} is not an {self.kind}: it is neither a file nor a folder")
-            siblings = [p.name for p in self.path.parent.glob(f"*.{self.kind.lower()}")] if self.path.parent.is_dir() else []
+            siblings = (
+                [p.name for p in self.path.parent.glob(f"*.{self.kind.lower()}")] if self.path.parent.is_dir() else []
+            )
         except OSError as error:  # a name that is too long, a folder that may not be read
             raise self.error(f"cannot read {self.path}: {error.strerror or error}") from None
         raise self.error(f"no such {self.kind}: {self.path}{did_you_mean(self.path.name, siblings)}")
@@ -91,7 +101,9 @@ class Archive:
             raise self.error(f"cannot read {self.path}: {error.strerror or error}") from None
         except _DAMAGED as error:
             reason = one_line(str(error))
-            raise self.error(f"{self.path} is not an {self.kind} or is incomplete ({reason}); copy or build it again") from None
+            raise self.error(
+                f"{self.path} is not an {self.kind} or is incomplete ({reason}); copy or build it again"
+            ) from None
 
     def _check_xml(self, name: str, size: int) -> None:
         self.limits.check("xml_bytes", size, f"{self.path}: its {name} has {_megabytes(size)}")
@@ -147,7 +159,8 @@ class Archive:
         except UnicodeEncodeError as error:
             name = error.object[error.start : error.end]
             raise self.error(
-                f"cannot unpack {self.path}: this locale has no characters for {name!r} in a file's name; set PYTHONUTF8=1"
+                f"cannot unpack {self.path}: this locale has no characters for {name!r} in a file's name; set"
+                " PYTHONUTF8=1"
             ) from None
         except _DAMAGED as error:
             raise self.error(f"{self.path} is damaged ({one_line(str(error))}); copy or build it again") from None
@@ -166,7 +179,8 @@ class Archive:
         free = shutil.disk_usage(folder).free
         if size > free:
             raise self.error(
-                f"cannot unpack {self.path}: it needs {_megabytes(size)}, and {folder.parent} has {_megabytes(free)} free"
+                f"cannot unpack {self.path}: it needs {_megabytes(size)}, and {folder.parent} has {_megabytes(free)}"
+                " free"
             )
 
 
@@ -209,8 +223,9 @@ def check_library(path: Path) -> None:
 
 
 def _directory_size(file: IO[bytes]) -> int:
-    """Bytes of an archive's directory as its end says, found as `zipfile` finds it; 0 for what is no archive. It is read whole, and holds
-    46 bytes and a name for each file."""
+    """Bytes of an archive's directory as its end says, found as `zipfile` finds it; 0 for what is no archive. It is
+    read whole, and holds 46 bytes and a name for each file.
+    """
     end = file.seek(0, 2)
     file.seek(max(0, end - 2**16 - _END.size - _WIDE_END.size - _LOCATOR))  # a comment may follow
     tail = file.read()

@@ -56,10 +56,19 @@ void free(void*);
 """
 
 _TYPES3 = {
-    "Float64": "double", "Float32": "float", "Int8": "int8_t", "UInt8": "uint8_t", "Int16": "int16_t",
-    "UInt16": "uint16_t", "Int32": "int32_t", "UInt32": "uint32_t", "Int64": "int64_t", "UInt64": "uint64_t",
-    "Boolean": "bool", "String": "const char*",
-}  # fmt: skip
+    "Float64": "double",
+    "Float32": "float",
+    "Int8": "int8_t",
+    "UInt8": "uint8_t",
+    "Int16": "int16_t",
+    "UInt16": "uint16_t",
+    "Int32": "int32_t",
+    "UInt32": "uint32_t",
+    "Int64": "int64_t",
+    "UInt64": "uint64_t",
+    "Boolean": "bool",
+    "String": "const char*",
+}
 
 _FMI3 = """
 typedef void* Component; typedef uint32_t VR; typedef unsigned int Status;
@@ -104,10 +113,10 @@ ffi3 = cffi.FFI()
 ffi3.cdef(_FMI3 + _EVENTS3)
 
 
-
 def close(ffi: cffi.FFI, library: Any) -> None:
-    """Close a library that `ffi` has opened. cffi itself keeps a list of all that it ever opened, closed ones too, which grows
-    by some ten kilobytes each."""
+    """Close a library that `ffi` has opened. cffi itself keeps a list of all that it ever opened, closed ones too,
+    which grows by some ten kilobytes each.
+    """
     ffi.dlclose(library)
     opened, caches = getattr(ffi, "_libraries", []), getattr(ffi, "_function_caches", [])
     if library in opened and len(opened) == len(caches):
@@ -126,10 +135,19 @@ def c_types(version: int) -> dict[str, str]:
 
 
 DTYPES = {
-    "double": np.float64, "float": np.float32, "int": np.intc, "bool": np.bool_, "int8_t": np.int8, "uint8_t": np.uint8,
-    "int16_t": np.int16, "uint16_t": np.uint16, "int32_t": np.int32, "uint32_t": np.uint32, "int64_t": np.int64,
+    "double": np.float64,
+    "float": np.float32,
+    "int": np.intc,
+    "bool": np.bool_,
+    "int8_t": np.int8,
+    "uint8_t": np.uint8,
+    "int16_t": np.int16,
+    "uint16_t": np.uint16,
+    "int32_t": np.int32,
+    "uint32_t": np.uint32,
+    "int64_t": np.int64,
     "uint64_t": np.uint64,
-}  # fmt: skip
+}
 FUNCTION2 = {"Enumeration": "Integer"}
 FUNCTION3 = {"Enumeration": "Int64"}
 
@@ -174,17 +192,25 @@ def function(version: str, library: Any, name: str) -> Callable[..., int]:
 _CONVERSION = re.compile(r"%(?:%|([-+ #0]*\d*(?:\.\d+)?)(hh|h|ll|l|z|j|t)?([a-zA-Z]))")
 _VARIADIC_READABLE = not (sys.platform == "darwin" and platform.machine() == "arm64")
 WORDS = REALS = 8
-"""Variadic arguments of FMI 2 loggers that a plain callback reads: as many words, then as many reals. Calling conventions pass both as if the
-function were not variadic (Windows passes reals as words)."""
+"""Variadic arguments of FMI 2 loggers that a plain callback reads: as many words, then as many reals. Calling
+conventions pass both as if the function were not variadic (Windows passes reals as words).
+"""
 
 
 def formatted(message: str, words: Sequence[int], reals: Sequence[float]) -> str:
-    """An FMI 2 log message, which is a printf format, with its arguments. A message with any other conversion, or with more arguments than are
-    read, is returned as it is."""
+    """An FMI 2 log message, which is a printf format, with its arguments. A message with any other conversion, or with
+    more arguments than are read, is returned as it is.
+    """
     kinds = [m[3] for m in _CONVERSION.finditer(message) if m[3]]
     apart = sys.platform != "win32"  # reals have registers of their own
     n_reals = sum(k in "eEfFgG" for k in kinds) if apart else 0
-    if not kinds or not _VARIADIC_READABLE or n_reals > len(reals) or len(kinds) - n_reals > len(words) or not set(kinds) <= set("sdiuxXceEfFgG"):
+    if (
+        not kinds
+        or not _VARIADIC_READABLE
+        or n_reals > len(reals)
+        or len(kinds) - n_reals > len(words)
+        or not set(kinds) <= set("sdiuxXceEfFgG")
+    ):
         return message
     next_word, next_real = iter(words), iter(reals)
 
@@ -235,8 +261,11 @@ def instantiate2(library: Any, process: Any, texts: tuple[str, str, str], log: L
     return library.fmi2Instantiate(name.encode(), 1, token.encode(), resources.encode(), callbacks, 0, 1)
 
 
-def instantiate3(library: Any, texts: tuple[str, str, str], log: Log, keep: list[Any], *, event_mode: bool = False) -> Any:
-    """fmi3InstantiateCoSimulation without early return and intermediate updates; `texts` = name, token, resource path."""
+def instantiate3(
+    library: Any, texts: tuple[str, str, str], log: Log, keep: list[Any], *, event_mode: bool = False
+) -> Any:
+    """fmi3InstantiateCoSimulation without early return and intermediate updates; `texts` = name, token,
+    resource path."""
     name, token, resources = texts
     ffi = ffi3
 
@@ -246,6 +275,16 @@ def instantiate3(library: Any, texts: tuple[str, str, str], log: Log, keep: list
 
     keep.append(logger)
     return library.fmi3InstantiateCoSimulation(
-        name.encode(), token.encode(), resources.encode(), False, True, event_mode, False, ffi.NULL, 0,
-        ffi.NULL, ffi.cast("void*", logger), ffi.NULL,
-    )  # fmt: skip
+        name.encode(),
+        token.encode(),
+        resources.encode(),
+        False,
+        True,
+        event_mode,
+        False,
+        ffi.NULL,
+        0,
+        ffi.NULL,
+        ffi.cast("void*", logger),
+        ffi.NULL,
+    )

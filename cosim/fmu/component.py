@@ -93,7 +93,9 @@ class FmuComponent:
 
     @property
     def in_event_mode(self) -> bool:
-        """Whether it is told when its clocks tick. A sampled FMU of this project that is isolated is not: it counts its samples itself."""
+        """Whether it is told when its clocks tick. A sampled FMU of this project that is isolated is not: it counts its
+        samples itself.
+        """
         about = self.description
         return bool(about.clocks) and about.event_mode and not (self.isolation is not None and about.kind is not None)
 
@@ -177,8 +179,9 @@ class FmuComponent:
             self._tell_lost("Terminate")
 
     def close(self) -> None:
-        """Free the instance (unless it reported Fatal: then nothing of it may be called any more), and close its library
-        if it was the last one."""
+        """Free the instance (unless it reported Fatal: then nothing of it may be called any more), and close its
+        library if it was the last one.
+        """
         if self._instance is not None:
             if not self._dead:
                 self._dropped += self._states.values()
@@ -217,7 +220,10 @@ class FmuComponent:
     def _tell_changed(self, bits: int) -> None:
         if bits not in self._told:
             self._told.add(bits)
-            text = f"component '{self.name}' ({self.fmu.path.name}) changes {what_changed(bits)}; it is put back after its calls"
+            text = (
+                f"component '{self.name}' ({self.fmu.path.name}) changes {what_changed(bits)}; it is put back after its"
+                " calls"
+            )
             warnings.warn(text, stacklevel=2)
 
     def _function(self, name: str) -> Callable[..., int]:
@@ -284,13 +290,17 @@ class FmuComponent:
         self._keep_values()
 
     def _keep_values(self) -> None:
-        """The values of elements that nobody drives may have changed: they are handed on with those of their arrays that somebody does."""
+        """The values of elements that nobody drives may have changed: they are handed on with those of their arrays
+        that somebody does.
+        """
         for keep in self._kept:
             keep()
 
     def _present(self, elements: Sequence[Variable]) -> list[Any]:
-        """What the array of these elements holds; of a scalar, and of an array of which all are there, what will be set in
-        any case. Before initialization an FMU tells no values: they are those that were set last, else its start values."""
+        """What the array of these elements holds; of a scalar, and of an array of which all are there, what will be set
+        in any case. Before initialization an FMU tells no values: they are those that were set last, else its start
+        values.
+        """
         one = elements[0]
         if len(elements) == one.size:
             return [None] * one.size
@@ -368,7 +378,11 @@ class FmuComponent:
             return ports
         guard = self._guarded
         return replace(
-            ports, set_inputs=guard(ports.set_inputs), step=guard(ports.step), get_outputs=guard(ports.get_outputs), run=guard(ports.run)
+            ports,
+            set_inputs=guard(ports.set_inputs),
+            step=guard(ports.step),
+            get_outputs=guard(ports.get_outputs),
+            run=guard(ports.run),
         )
 
     def _guarded(self, call: Callable[..., None]) -> Callable[..., None]:
@@ -573,8 +587,9 @@ class FmuComponent:
             self._call("FreeFMUState" if self._v3 else "FreeFMUstate", self._dropped.pop())
 
     def _tell_roll_back(self) -> None:
-        """noSetFMUStatePriorToCurrentPoint of the next steps: true unless this run may be rolled back. FMUs may keep what
-        they cannot take back until it is true: files, hardware, or all progress."""
+        """noSetFMUStatePriorToCurrentPoint of the next steps: true unless this run may be rolled back. FMUs may keep
+        what they cannot take back until it is true: files, hardware, or all progress.
+        """
         self._step_arguments[0] = type(self._step_arguments[0])(not self._may_roll_back)
 
     def serialize(self) -> bytes:
@@ -629,8 +644,9 @@ class FmuComponent:
         self._keep_values()
 
     def sampled_states(self) -> dict[str, float]:
-        """What a sampled FMU of this project remembers between samples, element by element: `state[1]`, ... in the order of the
-        declaration. Raises CosimError for other FMUs, and for those with a quadratic program."""
+        """What a sampled FMU of this project remembers between samples, element by element: `state[1]`, ... in the
+        order of the declaration. Raises CosimError for other FMUs, and for those with a quadratic program.
+        """
         data = self.serialize()
         if self._layout is None:
             about = self.description
@@ -667,15 +683,17 @@ class FmuComponent:
         return jacobian[:n, :n], jacobian[:n, n:], jacobian[n:, :n], jacobian[n:, n:]
 
     def refuse_kinks(self, inputs: Sequence[Variable], outputs: Sequence[Variable], slopes: Array) -> None:
-        """Raise CosimError where the present state lies on a kink or jump; `slopes`: what `linearize` gave, [[A, B], [C, D]]. Only in
-        FMUs of this project can states be moved."""
+        """Raise CosimError where the present state lies on a kink or jump; `slopes`: what `linearize` gave, [[A, B],
+        [C, D]]. Only in FMUs of this project can states be moved.
+        """
         about = self.description
         if slopes.size and about.kind is not None and about.can_serialize:
             refuse_kinks(self, slopes, [*about.derivatives, *outputs], about.states, inputs)
 
     def measure_dependencies(self, inputs: Sequence[Variable], outputs: Sequence[Variable]) -> Dependencies:
-        """The inputs on which outputs depend directly where they stand during initialization: by directional derivatives, or by changes that
-        a saved state takes back. Raises CosimError when the FMU offers neither."""
+        """The inputs on which outputs depend directly where they stand during initialization: by directional
+        derivatives, or by changes that a saved state takes back. Raises CosimError when the FMU offers neither.
+        """
         about = self.description
         if about.directional_derivatives and all(v.type == "real" for v in (*inputs, *outputs)):
             return by_derivatives(self.derivative, inputs, outputs)

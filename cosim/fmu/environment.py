@@ -1,10 +1,10 @@
 """The floating-point environment, put back after calls into FMUs of others that run in this process.
 
-An FMU that leaves another rounding mode behind, or flushes subnormal numbers to zero (libraries compiled with -ffast-math do so when
-they are loaded), changes the results of all others. `environment.h` says what is looked at.
+An FMU that leaves another rounding mode behind, or flushes subnormal numbers to zero (libraries compiled with
+-ffast-math do so when they are loaded), changes the results of all others. `environment.h` says what is looked at.
 
-The same library guards the process against an FMU that calls `exit`: Python would end with exit code 0 and without a word. `_exit` cannot be
-noticed in the process that it ends.
+The same library guards the process against an FMU that calls `exit`: Python would end with exit code 0 and without a
+word. `_exit` cannot be noticed in the process that it ends.
 """
 
 from __future__ import annotations
@@ -24,14 +24,15 @@ _SOURCE = Path(__file__).with_name("environment.c")
 _KINDS = ("the rounding mode", "the treatment of subnormal numbers", "the traps")  # bit by bit
 _KEPT: list[Any] = []
 _EXITED = (
-    b"\ncosim: an FMU has ended this process by a call of exit(); its results are not complete. With isolated=True (--isolate '*') the message names the"
-    b" FMU, and cosim recover FILE.csv recovers what was recorded.\n"
+    b"\ncosim: an FMU has ended this process by a call of exit(); its results are not complete. With isolated=True"
+    b" (--isolate '*') the message names the FMU, and cosim recover FILE.csv recovers what was recorded.\n"
 )
 
 
 @lru_cache
 def restorer() -> Callable[[], int]:
-    """A function that puts the environment back to what it was when this was called first, and returns what had changed (`what_changed`).
+    """A function that puts the environment back to what it was when this was called first, and returns what had changed
+    (`what_changed`).
 
     Where nothing can be compiled the C library does it, and then nobody knows what had changed.
     """

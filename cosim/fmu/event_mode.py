@@ -1,18 +1,21 @@
-"""An FMI 3.0 Co-Simulation FMU with time-based clocks: when each ticks, and what is done in event mode (FMI 3.0, 2.2.9 and 4.2).
+"""An FMI 3.0 Co-Simulation FMU with time-based clocks: when each ticks, and what is done in event mode (FMI 3.0, 2.2.9
+and 4.2).
 
-A communication step from t to t + h holds the ticks in [t, t + h): at each the FMU is in event mode, its clocks are set, the inputs of these clocks are
-set, their outputs are read, discrete states are updated, and `fmi3DoStep` goes on to the next tick or to the end. Inputs that are discrete without
-a clock are set in event mode at t. What a clock computes shows until it ticks again.
+A communication step from t to t + h holds the ticks in [t, t + h): at each the FMU is in event mode, its clocks are
+set, the inputs of these clocks are set, their outputs are read, discrete states are updated, and `fmi3DoStep` goes on
+to the next tick or to the end. Inputs that are discrete without a clock are set in event mode at t. What a clock
+computes shows until it ticks again.
 
 | clock | its interval |
 |---|---|
 | constant | in modelDescription.xml |
-| fixed, tunable | there, or what the FMU says at the end of initialization; of a tunable one again when a parameter was set |
+| fixed, tunable | there, or what the FMU says at the end of initialization; of a tunable one again when a parameter was
+set |
 | changing | what the FMU says at each tick: the time to the next |
 | countdown | what the FMU says in any event mode, if it knows it |
 
-FMUs whose clocks others must tick (triggered inputs) are refused: no clocks are connected here. Early return is not allowed to the FMU and no
-intermediate update is requested, which are rights of whoever imports it.
+FMUs whose clocks others must tick (triggered inputs) are refused: no clocks are connected here. Early return is not
+allowed to the FMU and no intermediate update is requested, which are rights of whoever imports it.
 """
 
 from __future__ import annotations
@@ -41,7 +44,10 @@ def refusal(about: Description) -> str:
     """Why the clocks of an FMU cannot be driven; empty if they can, or if there are none."""
     for clock in about.clocks:
         if clock.causality == "input" and clock.kind == "triggered":
-            return f"its clock '{clock.name}' ticks when another FMU says so (triggered), and clocks of FMUs are not connected here"
+            return (
+                f"its clock '{clock.name}' ticks when another FMU says so (triggered), and clocks of FMUs are not"
+                " connected here"
+            )
         if clock.causality == "input" and not about.event_mode:
             return f"its clock '{clock.name}' needs event mode, which it does not offer (hasEventMode)"
     return ""
@@ -116,7 +122,9 @@ class EventMode:
         self._later.clear()
 
     def exit_initialization(self) -> None:
-        """Ask for intervals, leave initialization, and event mode that follows it, for step mode. Nothing has ticked yet."""
+        """Ask for intervals, leave initialization, and event mode that follows it, for step mode. Nothing has ticked
+        yet.
+        """
         for clock in self.clocks.values():
             self.due[clock.reference] = self._first(clock)
         self.component._must("ExitInitializationMode")
@@ -169,8 +177,12 @@ class EventMode:
     def ports(self, inputs: Sequence[Variable], outputs: Sequence[Variable], u: Array, y: Array) -> Ports:
         self._inputs, self._outputs = self._grouped("Set", inputs), self._grouped("Get", outputs)
         self._u, self._y = u, y
-        first = None if self.about.kind is not None else self.about.initial_unknowns  # FMUs of this project compute them all
-        at_first = [g for g in self._outputs if not g.clocks or first is None or all(v.declared in first for v in g.variables)]
+        first = (
+            None if self.about.kind is not None else self.about.initial_unknowns
+        )  # FMUs of this project compute them all
+        at_first = [
+            g for g in self._outputs if not g.clocks or first is None or all(v.declared in first for v in g.variables)
+        ]
 
         def set_inputs() -> None:
             if self.initializing:  # later they are set when they may be: in the step
@@ -208,8 +220,9 @@ class EventMode:
             self._y[group.places] = group.buffer
 
     def set(self, values: Mapping[Variable, Any]) -> None:
-        """Parameters and inputs while it runs: in event mode. Inputs of a clock wait for its next tick; what a tunable clock's interval
-        becomes counts from now."""
+        """Parameters and inputs while it runs: in event mode. Inputs of a clock wait for its next tick; what a tunable
+        clock's interval becomes counts from now.
+        """
         self._later |= {v: x for v, x in values.items() if v.clocks}
         if now := {v: x for v, x in values.items() if not v.clocks}:
             self.component._must("EnterEventMode")
@@ -249,8 +262,9 @@ class EventMode:
             to = following if following < end - near else end
             if to < end and not self.about.variable_step:
                 self._stop(
-                    f"a clock ticks at {to:.9g} s, within a step from {t:.9g} s to {end:.9g} s, and the FMU takes no steps of other lengths "
-                    "(canHandleVariableCommunicationStepSize): give it a step such that ticks begin steps"
+                    f"a clock ticks at {to:.9g} s, within a step from {t:.9g} s to {end:.9g} s, and the FMU takes no"
+                    " steps of other lengths (canHandleVariableCommunicationStepSize): give it a step such that ticks"
+                    " begin steps"
                 )
             self._advance(to, within=to < end)
             if to == end:
@@ -269,7 +283,9 @@ class EventMode:
             self._event(frozenset())
 
     def _events(self, near: float, *, first: bool = False) -> None:
-        """Everything that happens at the present time; `first`: at the beginning of a step, where discrete inputs change."""
+        """Everything that happens at the present time; `first`: at the beginning of a step, where discrete inputs
+        change.
+        """
         for _ in range(ITERATIONS):
             ticking = frozenset(r for r, due in self.due.items() if due.next <= self.now + near)
             wanted = bool(self.component._flags[0]) or self.next_event <= self.now + near
@@ -300,7 +316,9 @@ class EventMode:
         raise CallFailed(self.component.name, "event mode", 3, f"{why} (at {self.now:.9g} s)")
 
     def _update(self, ticking: frozenset[int]) -> None:
-        """Read what clocks compute, update discrete states until they stay, and ask for intervals that may have changed."""
+        """Read what clocks compute, update discrete states until they stay, and ask for intervals that may have
+        changed.
+        """
         flags, when = self.component._ffi.new("bool[5]"), self.component._ffi.new("double*")
         for _ in range(ITERATIONS):
             active = ticking | self._told_now()
@@ -310,7 +328,9 @@ class EventMode:
             self.component._must("UpdateDiscreteStates", *(flags + k for k in range(5)), when)
             ticking = frozenset()
             if flags[1]:
-                text = f"component '{self.component.name}' asked to end the simulation (in event mode at {self.now:.9g} s)"
+                text = (
+                    f"component '{self.component.name}' asked to end the simulation (in event mode at {self.now:.9g} s)"
+                )
                 raise EndRequested(self.component.name, text, complete=False)
             if not flags[0]:
                 self._reschedule(ticking)

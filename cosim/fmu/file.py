@@ -35,7 +35,6 @@ class Library:
         """Whether its instance will do for one that is isolated so."""
         return isolation is None
 
-
     def __init__(self, version: str, ffi: Any, handle: Any, folder: Path, own_folder: bool):
         self.handle = handle
         self.folder = folder
@@ -47,9 +46,12 @@ class Library:
         self._own_folder = own_folder  # unpacked for this library alone
         self._kept = False
 
-    def instantiate(self, texts: tuple[str, str, str], log: fmi.Log, keep: list[Any], *, event_mode: bool = False) -> Any:
-        """An instance, or NULL. `texts` = name, token, folder of resources as its version of FMI wants it; whatever must outlive the
-        instance is put into `keep`. `event_mode` is for FMI 3.0."""
+    def instantiate(
+        self, texts: tuple[str, str, str], log: fmi.Log, keep: list[Any], *, event_mode: bool = False
+    ) -> Any:
+        """An instance, or NULL. `texts` = name, token, folder of resources as its version of FMI wants it; whatever
+        must outlive the instance is put into `keep`. `event_mode` is for FMI 3.0.
+        """
         if self._version == "3":
             return fmi.instantiate3(self.handle, texts, log, keep, event_mode=event_mode)
         return fmi.instantiate2(self.handle, _process(), texts, log, keep)
@@ -96,9 +98,10 @@ class FmuFile:
     """A Co-Simulation FMU file (FMI 2.0 or 3.0), or the folder of an unpacked one.
 
     Opening reads the description only. Raises FmuError for a missing, truncated or foreign file, a wrong FMI
-    version, an FMU without Co-Simulation, and what cannot be run safely: names that are not unique, sizes beyond `limits`. What else
-    deviates from the standard is in `verdict`; an FmuWarning tells of it unless `quiet`, and with `strict` it is refused too.
-    The library is closed with its last instance, the unpacked copy is removed by `close()` or when Python ends.
+    version, an FMU without Co-Simulation, and what cannot be run safely: names that are not unique, sizes beyond
+    `limits`. What else deviates from the standard is in `verdict`; an FmuWarning tells of it unless `quiet`, and with
+    `strict` it is refused too. The library is closed with its last instance, the unpacked copy is removed by `close()`
+    or when Python ends.
     """
 
     def __init__(
@@ -114,7 +117,10 @@ class FmuFile:
         if strict:
             self.require_standard()
         elif self.verdict and not quiet:
-            text = f"{self.path}: modelDescription.xml deviates from FMI {self.description.fmi_version}: {self.verdict.summary()}"
+            text = (
+                f"{self.path}: modelDescription.xml deviates from FMI {self.description.fmi_version}:"
+                f" {self.verdict.summary()}"
+            )
             warnings.warn(text, FmuWarning, stacklevel=2)
         self.major = self.description.fmi_version[0]
         self._library: Library | None = None
@@ -133,17 +139,22 @@ class FmuFile:
         if self.verdict:
             version = self.description.fmi_version
             raise FmuError(
-                f"{self.path}: modelDescription.xml deviates from FMI {version}, which strict refuses: {self.verdict.summary()}"
+                f"{self.path}: modelDescription.xml deviates from FMI {version}, which strict refuses:"
+                f" {self.verdict.summary()}"
             )
 
     def enumeration(self, variable: str) -> tuple[str, dict[str, int]] | None:
-        """Name and items, value by name, of the enumeration that is the type of a variable (of an array: by its name without index); None
-        for what is none, or is not defined."""
+        """Name and items, value by name, of the enumeration that is the type of a variable (of an array: by its name
+        without index); None for what is none, or is not defined.
+        """
         root = tree(self._archive.description(), str(self.path), self._archive.limits)
         scalar = root.xpath("ModelVariables/*[@name=$name]", name=variable)
         typed = [e for s in scalar for e in (s, *s) if e.tag == "Enumeration"]
         name = typed[0].get("declaredType") if typed else None
-        where = "TypeDefinitions/SimpleType[@name=$name]/Enumeration/Item | TypeDefinitions/EnumerationType[@name=$name]/Item"
+        where = (
+            "TypeDefinitions/SimpleType[@name=$name]/Enumeration/Item |"
+            " TypeDefinitions/EnumerationType[@name=$name]/Item"
+        )
         items = {i.get("name", ""): i.get("value", "") for i in root.xpath(where, name=name or "")}
         if not items:
             return None
@@ -153,7 +164,9 @@ class FmuFile:
 
     @cached_property
     def terminals(self) -> tuple[Terminal, ...]:
-        """The terminals that it declares (FMI 3.0); none where it has no file of them. Raises FmuError for one that cannot be understood."""
+        """The terminals that it declares (FMI 3.0); none where it has no file of them. Raises FmuError for one that
+        cannot be understood.
+        """
         if self.major == "2" or not self._archive.has(terminals.FILE):
             return ()
         return terminals.read(self._archive.xml(terminals.FILE), str(self.path), self.description, self._archive.limits)
@@ -181,12 +194,17 @@ class FmuFile:
         there = self.platforms()
         others = [f"binaries/{folder}/{file}" for folder, file in self._archive.libraries()]
         built = (
-            f"it was built for {', '.join(there)}" if there
-            else f"it holds {', '.join(others[:5])}, but its modelIdentifier is {self.description.identifier!r}" if others
-            else "it was built for no platform at all"
-        )  # fmt: skip
+            f"it was built for {', '.join(there)}"
+            if there
+            else (
+                f"it holds {', '.join(others[:5])}, but its modelIdentifier is {self.description.identifier!r}"
+                if others
+                else "it was built for no platform at all"
+            )
+        )
         raise FmuError(
-            f"{self.path} has no binary for this platform ({self.binary}); {built}. Build or export it for this platform"
+            f"{self.path} has no binary for this platform ({self.binary}); {built}. Build or export it for this"
+            " platform"
         )
 
     def library(self) -> Library:
@@ -220,7 +238,9 @@ class FmuFile:
         return library
 
     def _lacks(self, missing: Iterable[str]) -> str:
-        return f"{self.path}: its library lacks {', '.join(missing)}, which Co-Simulation needs; build or export it again"
+        return (
+            f"{self.path}: its library lacks {', '.join(missing)}, which Co-Simulation needs; build or export it again"
+        )
 
     def _load(self, folder: Path) -> Any:
         file = folder / self.binary

@@ -1,8 +1,8 @@
 """What is wrong with a modelDescription.xml that can be run nevertheless: findings, known quirks among them.
 
-What cannot be read or run safely is refused by the parser (`xml`, `model_description`) at every opening. What is looked for
-here is advice: deviations from the schemas of FMI 2.0 and 3.0, and values that contradict each other. It depends on the file alone, so the
-verdict is kept by the hash of the file and of everything that it is made with.
+What cannot be read or run safely is refused by the parser (`xml`, `model_description`) at every opening. What is looked
+for here is advice: deviations from the schemas of FMI 2.0 and 3.0, and values that contradict each other. It depends on
+the file alone, so the verdict is kept by the hash of the file and of everything that it is made with.
 """
 
 from __future__ import annotations
@@ -38,7 +38,9 @@ _BASE = {"Enumeration": "Integer"}  # FMI 2.0: types that are set and read by th
 
 @dataclass(frozen=True)
 class Finding:
-    """One thing that is wrong, at a line of modelDescription.xml; `quirk` says why it does no harm, of a quirk of the tool that made it."""
+    """One thing that is wrong, at a line of modelDescription.xml; `quirk` says why it does no harm, of a quirk of the
+    tool that made it.
+    """
 
     line: int
     text: str
@@ -71,7 +73,9 @@ class Verdict:
 
 @dataclass(frozen=True)
 class Quirk:
-    """A deviation that a tool is known for: wildcards that its name and the finding fit, why it does no harm, where it is documented."""
+    """A deviation that a tool is known for: wildcards that its name and the finding fit, why it does no harm, where it
+    is documented.
+    """
 
     tool: str
     finding: str
@@ -122,7 +126,11 @@ def _makers() -> bytes:
 def judge(root: Any, about: Description) -> Verdict:
     """What is wrong with a description that has been read. Nothing of the tree is left afterwards."""
     major = about.fmi_version[0]
-    found = [*_structure(root, about, major), *_values(root, about, major), *_schema(root, major)]  # the last takes the tree apart
+    found = [
+        *_structure(root, about, major),
+        *_values(root, about, major),
+        *_schema(root, major),
+    ]  # the last takes the tree apart
     ordered = sorted(found, key=lambda f: f.line)
     sorted_out: tuple[list[Finding], list[Finding]] = [], []
     for finding in ordered:
@@ -169,8 +177,10 @@ def _schema(root: Any, major: str) -> Iterator[Finding]:
 
 
 def _slices(root: Any) -> Iterator[list[tuple[Any, list[Any]]]]:
-    """The children to leave in each long element, a slice of the description after another: the place of each error is found by counting
-    all that stand before it. Sections are shown side by side, since the schema wants all; of a long section one part at a time."""
+    """The children to leave in each long element, a slice of the description after another: the place of each error is
+    found by counting all that stand before it. Sections are shown side by side, since the schema wants all; of a long
+    section one part at a time.
+    """
     parts = [_parts(section) for section in root]
     for i in range(max(map(len, parts), default=1)):
         yield [step for part in parts for step in part[min(i, len(part) - 1)]]
@@ -280,7 +290,10 @@ def _of_variable(
     variability = element.get("variability", "continuous" if major == "2" else first.variability)
     if variability == "continuous" and first.fmi_type not in _CONTINUOUS:
         kind = first.fmi_type
-        yield f"{'an' if kind[0] in 'AEIOU' else 'a'} {kind} is continuous, which only {'Real' if major == '2' else 'Float32 and Float64'} may be"
+        yield (
+            f"{'an' if kind[0] in 'AEIOU' else 'a'} {kind} is continuous, which only"
+            f" {'Real' if major == '2' else 'Float32 and Float64'} may be"
+        )
     needs = (
         first.causality in ("input", "parameter")
         or first.initial in ("exact", "approx")
@@ -334,8 +347,9 @@ def _plain(text: str | None) -> str:
 
 
 def _circles(about: Description) -> Iterator[list[str]]:
-    """Outputs that depend on themselves, directly or by way of others: one circle for each way back. A state may: its value is known. An
-    array counts as one."""
+    """Outputs that depend on themselves, directly or by way of others: one circle for each way back. A state may: its
+    value is known. An array counts as one.
+    """
     states = {v.declared for v in about.states}
     declared = {name: v.declared for name, v in about.outputs.items() if v.declared not in states}
     needed: dict[str, dict[str, None]] = {name: {} for name in declared.values()}

@@ -5,7 +5,8 @@ state, inputs are set; one-sided differences over h and over h / 4 are compared 
 smooth function, what lies between them goes with h; of a kink it stays; of a jump it grows.
 
 What is rounding is measured: third differences of values a few thousandths of h apart, which of a smooth function are
-nothing else. Differences below a millionth of what the same unknown changes by over other states and inputs do not count.
+nothing else. Differences below a millionth of what the same unknown changes by over other states and inputs do not
+count.
 """
 
 from __future__ import annotations
@@ -77,8 +78,8 @@ def refuse_kinks(
                 what = unknowns[row]
                 other = " or choose outputs without it (outputs=...)" if what.causality == "output" else ""
                 raise CosimError(
-                    f"its {what.name} has a kink or jump over {known.name} = {at[column]:g}, where the slopes on both sides "
-                    f"differ: linearize where it does not stand there (start=..., settle=...){other}"
+                    f"its {what.name} has a kink or jump over {known.name} = {at[column]:g}, where the slopes on both"
+                    f" sides differ: linearize where it does not stand there (start=..., settle=...){other}"
                 )
     finally:
         component.deserialize(data)

@@ -11,7 +11,8 @@ from cosim.errors import FmuError
 
 @dataclass(frozen=True)
 class Limits:
-    """What an FMU may need; beyond it is refused by name. The defaults keep opening any file below 300 MB of memory and 5 s.
+    """What an FMU may need; beyond it is refused by name. The defaults keep opening any file below 300 MB of memory and
+    5 s.
 
     Raise what a large FMU needs: `Fmu("large.fmu", limits=Limits(variables=1_000_000))`.
     """

@@ -1,8 +1,8 @@
 """Reads modelDescription.xml of FMI 2.0 and 3.0 into a `Description`. FMI 3 arrays are expanded to their elements
 (`preview.fl[3]`, `gain.y[2,3]`, 1-based, row major), so both versions wire by the same names.
 
-Nothing in the file is believed: what cannot be read, or run safely, ends in one sentence that names the variable and its line, and
-numbers that say how big something is are compared with a limit first.
+Nothing in the file is believed: what cannot be read, or run safely, ends in one sentence that names the variable and
+its line, and numbers that say how big something is are compared with a limit first.
 """
 
 from __future__ import annotations
@@ -23,15 +23,23 @@ from cosim.fmu.limits import Limits
 from cosim.fmu.xml import tree
 from cosim.time import rational
 
-TOOL = "suspension-fmus"  # our vendor annotation: kind and sample time, constants that source and target must share, sources of values
+TOOL = (  # our vendor annotation: kind and sample time, constants that source and target must share, sources of values
+    "suspension-fmus"
+)
 LONGEST_IDENTIFIER = 200  # bytes of a library's name without its ending; file systems take some fifty more
 LONGEST_SOURCE = 4096  # characters that say where a value comes from
 
 _TYPES2 = {"Real": "real", "Integer": "integer", "Enumeration": "integer", "Boolean": "boolean", "String": "string"}
 _TYPES3 = {
-    "Float64": "real", "Float32": "real", "Boolean": "boolean", "String": "string", "Enumeration": "integer",
-    **dict.fromkeys(SIZED_INTEGERS, "integer"), "Binary": "other", "Clock": "other",
-}  # fmt: skip
+    "Float64": "real",
+    "Float32": "real",
+    "Boolean": "boolean",
+    "String": "string",
+    "Enumeration": "integer",
+    **dict.fromkeys(SIZED_INTEGERS, "integer"),
+    "Binary": "other",
+    "Clock": "other",
+}
 
 
 class _Unreadable(ValueError):  # noqa: N818
@@ -282,9 +290,10 @@ class _Fmi2(_Reader):
             if typed is None:
                 others = [c.tag for c in element if c.tag in _TYPES3]
                 raise _Unreadable(
-                    f"variable '{name}' is {others[0]}, a type of FMI 3.0; this file says FMI 2.0" if others
+                    f"variable '{name}' is {others[0]}, a type of FMI 3.0; this file says FMI 2.0"
+                    if others
                     else f"variable '{name}' has no type; it needs one of {', '.join(_TYPES2)}"
-                )  # fmt: skip
+                )
             declared = types.get(typed.get("declaredType"))
             inherited: dict[str, str] = dict(declared.attrib) if declared is not None else {}
             variable = _variable(element, (typed.tag, _TYPES2[typed.tag]), {**inherited, **typed.attrib}, self)
@@ -374,7 +383,10 @@ class _Fmi3(_Reader):
     def read_structure(self, structure: Any, result: Description) -> None:
         self.unknowns(structure.iterfind("Output"), "valueReference", result)
         if self.clocks:  # otherwise nobody asks
-            listed = [self.named(e.get("valueReference"), "valueReference") for e in self.each(structure.iterfind("InitialUnknown"))]
+            listed = [
+                self.named(e.get("valueReference"), "valueReference")
+                for e in self.each(structure.iterfind("InitialUnknown"))
+            ]
             result.initial_unknowns = frozenset(v.declared for variables in listed for v in variables)
         derivatives = self.unknowns(structure.iterfind("ContinuousStateDerivative"), "valueReference", result)
         pairs: list[tuple[Variable, Variable | None]] = []
@@ -456,7 +468,9 @@ def _clock(variable: Variable, attributes: dict[str, str]) -> Clock:
     what, kind = f"clock '{variable.name}'", attributes.get("intervalVariability", "")
     if kind not in _CLOCKS:
         raise _Unreadable(f"{what}: intervalVariability is {_short(kind)}; it is one of {', '.join(_CLOCKS)}")
-    resolution = _whole(attributes["resolution"], f"{what}: resolution", 1, 2**64 - 1) if "resolution" in attributes else None
+    resolution = (
+        _whole(attributes["resolution"], f"{what}: resolution", 1, 2**64 - 1) if "resolution" in attributes else None
+    )
 
     def seconds(which: str) -> Fraction | None:
         if resolution is not None and f"{which}Counter" in attributes:
@@ -466,7 +480,13 @@ def _clock(variable: Variable, attributes: dict[str, str]) -> Clock:
 
     fractions = attributes.get("supportsFraction") in ("true", "1")
     return Clock(
-        variable.name, variable.reference, variable.causality, kind, seconds("interval"), seconds("shift") or Fraction(0), fractions
+        variable.name,
+        variable.reference,
+        variable.causality,
+        kind,
+        seconds("interval"),
+        seconds("shift") or Fraction(0),
+        fractions,
     )
 
 
@@ -474,9 +494,7 @@ def _references(text: str | None, what: str) -> tuple[int, ...]:
     return tuple(_whole(word, f"{what}: clocks", 0, 2**32 - 1) for word in (text or "").split())
 
 
-def _variable(
-    element: Any, typed: tuple[str, str], attributes: Any, known: _Reader, array: bool = False
-) -> Variable:
+def _variable(element: Any, typed: tuple[str, str], attributes: Any, known: _Reader, array: bool = False) -> Variable:
     fmi_type, kind = typed
     name = element.get("name")
     what = f"variable '{name}'"

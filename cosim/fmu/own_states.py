@@ -1,9 +1,10 @@
 """Hidden states of this project's sampled FMUs, read from a serialized state and written back into one.
 
-A sampled component shows inputs and outputs; what it remembers between samples is in its saved state only. That of our FMUs is plain
-(``build_fmus/runtime/saved_state.h``, which this module reads): a header with a checksum, times and flags, then doubles: parameters,
-inputs, states, derivatives (unused when sampled), outputs. How many of them are parameters and inputs is in the model description, where
-the outputs lie is asked of the FMU itself, and what is left is twice the states.
+A sampled component shows inputs and outputs; what it remembers between samples is in its saved state only. That of our
+FMUs is plain (``build_fmus/runtime/saved_state.h``, which this module reads): a header with a checksum, times and
+flags, then doubles: parameters, inputs, states, derivatives (unused when sampled), outputs. How many of them are
+parameters and inputs is in the model description, where the outputs lie is asked of the FMU itself, and what is left is
+twice the states.
 """
 
 from __future__ import annotations
@@ -25,7 +26,11 @@ MORE_THAN_STATES = (
 )
 
 _ffi = cffi.FFI()
-_ffi.cdef(re.sub(r"(?m)^#.*$", "", (Path(building.__file__).with_name("runtime") / "saved_state.h").read_text(encoding="utf-8")))
+_ffi.cdef(
+    re.sub(
+        r"(?m)^#.*$", "", (Path(building.__file__).with_name("runtime") / "saved_state.h").read_text(encoding="utf-8")
+    )
+)
 _FORMAT = _ffi.typeof("enum SnapshotFormat").relements
 _HEAD = _ffi.sizeof("struct FmuSnapshot")
 VALUES_AT = _HEAD + _ffi.offsetof("State", "v")
@@ -67,8 +72,9 @@ class StateLayout:
 def find_states(
     data: bytes, parameters: int, inputs: int, outputs: int, shown: Callable[[bytes], Sequence[float]]
 ) -> StateLayout:
-    """Layout of a serialized state with so many `parameters`, `inputs` and `outputs`; `shown` gives the outputs that the FMU shows in
-    another state. Raises CosimError where it is not laid out as this module knows."""
+    """Layout of a serialized state with so many `parameters`, `inputs` and `outputs`; `shown` gives the outputs that
+    the FMU shows in another state. Raises CosimError where it is not laid out as this module knows.
+    """
     header = _ffi.from_buffer("struct FmuSnapshot *", data) if len(data) >= VALUES_AT else None
     if header is None or [header.magic, header.version] != [_FORMAT["SNAPSHOT_MAGIC"], _FORMAT["SNAPSHOT_VERSION"]]:
         raise CosimError("its FMU is of another origin: which part of its saved state are states is not known")

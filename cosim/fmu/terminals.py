@@ -1,5 +1,6 @@
-"""Reads terminalsAndIcons/terminalsAndIcons.xml of an FMI 3.0 FMU into `Terminal`s. Nothing in it is believed; the sizes are those that a
-modelDescription.xml may have."""
+"""Reads terminalsAndIcons/terminalsAndIcons.xml of an FMI 3.0 FMU into `Terminal`s. Nothing in it is believed; the
+sizes are those that a modelDescription.xml may have.
+"""
 
 from __future__ import annotations
 
@@ -16,7 +17,9 @@ FILE = "terminalsAndIcons/terminalsAndIcons.xml"
 
 
 def read(xml: bytes, where: str, about: Description, limits: Limits) -> tuple[Terminal, ...]:
-    """The terminals that the file declares. Raises FmuError naming file, line and terminal for what cannot be understood."""
+    """The terminals that the file declares. Raises FmuError naming file, line and terminal for what cannot be
+    understood.
+    """
     root = tree(xml, where, limits, FILE)
     return tuple(_Reader(where, about).terminals(root.iterfind("Terminals/Terminal"), ()))
 
@@ -47,7 +50,9 @@ class _Reader:
         for member in element.iterfind("TerminalMemberVariable"):
             variable = self.attribute(member, "variableName")
             own = member.get("memberName") or ("" if rule not in (BUS, PLUG) else self.attribute(member, "memberName"))
-            members.append(TerminalMember(own, self.variables(member, variable), self.attribute(member, "variableKind")))
+            members.append(
+                TerminalMember(own, self.variables(member, variable), self.attribute(member, "variableKind"))
+            )
         streams = []
         for stream in element.iterfind("TerminalStreamMemberVariable"):
             pair = [

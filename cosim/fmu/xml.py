@@ -23,7 +23,9 @@ _LIKE_ASCII = re.compile(
 
 
 def tree(xml: bytes, where: str, limits: Limits, name: str = "modelDescription.xml") -> Any:
-    """The root element of modelDescription.xml, or of another file of that `name`; `where` names the archive in errors. Raises FmuError."""
+    """The root element of modelDescription.xml, or of another file of that `name`; `where` names the archive in errors.
+    Raises FmuError.
+    """
     file = f"{where}: {name}"
     limits.check("xml_bytes", len(xml), f"{file} has {len(xml)} bytes")
     wide = b"\0" in xml[:4]
@@ -37,8 +39,13 @@ def tree(xml: bytes, where: str, limits: Limits, name: str = "modelDescription.x
     nodes = xml.count(b"<") + xml.count(b"=")
     limits.check("xml_nodes", nodes, f"{file} has some {nodes} elements and attributes")
     parser = etree.XMLParser(
-        resolve_entities=False, no_network=True, load_dtd=False, huge_tree=len(xml) > HUGE, remove_comments=True, remove_pis=True
-    )  # fmt: skip
+        resolve_entities=False,
+        no_network=True,
+        load_dtd=False,
+        huge_tree=len(xml) > HUGE,
+        remove_comments=True,
+        remove_pis=True,
+    )
     try:
         root = etree.fromstring(xml, parser)
     except (etree.XMLSyntaxError, ValueError) as error:
@@ -46,5 +53,8 @@ def tree(xml: bytes, where: str, limits: Limits, name: str = "modelDescription.x
     if root.getroottree().docinfo.internalDTD is not None:
         raise FmuError(f"{file} has a document type declaration; the standard knows none, remove it")
     if root.xpath(f"boolean(//*[count(@*) > {ATTRIBUTES}])"):
-        raise FmuError(f"{file} has an element with more than {ATTRIBUTES} attributes; the standard knows none with more than thirty")
+        raise FmuError(
+            f"{file} has an element with more than {ATTRIBUTES} attributes; the standard knows none with more than"
+            " thirty"
+        )
     return root

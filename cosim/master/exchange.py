@@ -71,8 +71,8 @@ class Phase(enum.Enum):
 class Exchange:
     """The components of a schedule on the vector of values, taken from instant to instant.
 
-    Made first and initialized then (`cosim.master.initialization`), which binds `ports`. `tick` and `phase` say where it
-    stands; `ending` is the tick at which a component asked it to end, and why.
+    Made first and initialized then (`cosim.master.initialization`), which binds `ports`. `tick` and `phase` say where
+    it stands; `ending` is the tick at which a component asked it to end, and why.
     """
 
     def __init__(
@@ -228,8 +228,10 @@ class Exchange:
         self.phase = Phase.NOTHING
 
     def step_to(self, end: int) -> None:
-        """To the arrival at `end`: `complete`, `run_instants` and `arrive`, for loops that step by hand. Where no value is remembered from
-        before, the present instant is done again from its beginning instead of completed: what has arrived arrives alike."""
+        """To the arrival at `end`: `complete`, `run_instants` and `arrive`, for loops that step by hand. Where no value
+        is remembered from before, the present instant is done again from its beginning instead of completed: what has
+        arrived arrives alike.
+        """
         if self.phase is Phase.ARRIVED and not self.layout.previous and not self.layout.reached:
             self.recorder.count -= self.clocks[-1].due(self.tick)  # the provisional sample
             self.phase = Phase.NOTHING
@@ -240,8 +242,9 @@ class Exchange:
             self.arrive()
 
     def _end_requested(self, request: EndRequested, rest: tuple[Timed, ...], advances: int, t: float) -> bool:
-        """A component asked to end the simulation at the present tick; `rest` is what was still to be done there, its last
-        `advances` are steps of continuous components. Sets when it ends; returns whether the instant is done."""
+        """A component asked to end the simulation at the present tick; `rest` is what was still to be done there, its
+        last `advances` are steps of continuous components. Sets when it ends; returns whether the instant is done.
+        """
         step = next(self.base.count(m.step) for m in self.schedule.members if m.name == request.component)
         ending = self.tick + step * request.complete, str(request)
         self.ending = ending if self.ending is None else min(self.ending, ending)

@@ -19,8 +19,9 @@ from cosim.system.renewal import renewed
 
 def initialize(exchange: Exchange, stop: Fraction | None = None, state: SystemState | None = None) -> None:
     """All components into initialization mode; inputs and outputs settle; out of it again. Components that are in
-    `state` continue from there, and the others settle to them; a system that is that of the state stands where that stood,
-    to the last bit, also within steps."""
+    `state` continue from there, and the others settle to them; a system that is that of the state stands where that
+    stood, to the last bit, also within steps.
+    """
     members = exchange.schedule.members
     _renew(members)
     restored = [] if state is None else _continued(exchange, state)
@@ -53,7 +54,9 @@ def initialize(exchange: Exchange, stop: Fraction | None = None, state: SystemSt
     unsettled = _settle(exchange, fresh)
     check_loops(exchange.schedule, fresh)
     if unsettled:
-        warnings.warn(f"initial values do not settle, there is a loop among them: {', '.join(unsettled[:10])}", stacklevel=6)
+        warnings.warn(
+            f"initial values do not settle, there is a loop among them: {', '.join(unsettled[:10])}", stacklevel=6
+        )
     _check_constants(exchange, fresh)
     for m in fresh:
         m.component.exit_initialization()
@@ -118,7 +121,9 @@ def _check_initial_values(exchange: Exchange) -> None:
 
 
 def _continued(exchange: Exchange, state: SystemState) -> list[Member]:
-    """The members that are in a saved state. Where the system is not that of the state, they must be at the end of a step."""
+    """The members that are in a saved state. Where the system is not that of the state, they must be at the end of a
+    step.
+    """
     schedule = exchange.schedule
     if not set(state.members.values()) <= set(schedule.members):  # members are never taken out of a system
         raise CosimError(
@@ -149,7 +154,9 @@ def _continued(exchange: Exchange, state: SystemState) -> list[Member]:
 
 
 def _settle(exchange: Exchange, members: Sequence[Member]) -> list[str]:
-    """Pass outputs to inputs, in order of execution, until nothing changes any more, but for rounding; returns what still does."""
+    """Pass outputs to inputs, in order of execution, until nothing changes any more, but for rounding; returns what
+    still does.
+    """
     gather = {m: exchange.layout.gather(m) for m in members}
     for _ in range(20 + len(members)):
         before = exchange.values.copy()

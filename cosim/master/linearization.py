@@ -1,26 +1,29 @@
 """Linear models of systems about where they stand, as matrices with names.
 
-Continuous model (`continuous_model`): the continuous members, linearized by their directional derivatives and coupled through their
-connections without the delays of the exchange,
+Continuous model (`continuous_model`): the continuous members, linearized by their directional derivatives and coupled
+through their connections without the delays of the exchange,
 
     dx/dt = A x + B u,    y = C x + D u;
 
 the outputs of sampled members are inputs of it.
 
-Sampled model (`sampled_model`): the map of the whole system over one common period T of all steps, in the master's own order,
+Sampled model (`sampled_model`): the map of the whole system over one common period T of all steps, in the master's own
+order,
 
     x[k+1] = A x[k] + B u[k],    y[k] = C x[k] + D u[k].
 
-x[k] is what there is right before the instant k T: states of continuous and of sampled members, and values that are held (inputs of the
-latest step of a continuous member that show in its outputs, commands between samples). u[k] is held over the period; y[k] is what a
-recording shows at k T. Continuous members are linearized where they stand at the beginning of the period and made discrete exactly for
-inputs held over their steps. Sampled members are linearized at each of their samples of one period, by perturbing their states and
-inputs (central differences) while the system runs through it. Then all are replaced by these models (`cosim.master.twins`), and the same
-master with the same schedule takes every unit deviation through the period.
+x[k] is what there is right before the instant k T: states of continuous and of sampled members, and values that are
+held (inputs of the latest step of a continuous member that show in its outputs, commands between samples). u[k] is held
+over the period; y[k] is what a recording shows at k T. Continuous members are linearized where they stand at the
+beginning of the period and made discrete exactly for inputs held over their steps. Sampled members are linearized at
+each of their samples of one period, by perturbing their states and inputs (central differences) while the system runs
+through it. Then all are replaced by these models (`cosim.master.twins`), and the same master with the same schedule
+takes every unit deviation through the period.
 
-A state of a sampled member that never changes is a constant of the operating point, and one that acts on nothing (a counter of samples) is
-a matter of the period: both are left out. A component with a kink or jump at the operating point is refused (continuous FMUs:
-`cosim.fmu.kinks`), and one with more than `LARGEST` numbers in its matrices before they are computed.
+A state of a sampled member that never changes is a constant of the operating point, and one that acts on nothing (a
+counter of samples) is a matter of the period: both are left out. A component with a kink or jump at the operating point
+is refused (continuous FMUs: `cosim.fmu.kinks`), and one with more than `LARGEST` numbers in its matrices before they
+are computed.
 """
 
 from __future__ import annotations
@@ -60,7 +63,8 @@ def name_of(signal: Signal) -> str:
 def choose_inputs(
     members: Members, schedule: Schedule, sampled: bool, patterns: str | Iterable[str] | None
 ) -> list[Signal]:
-    """Inputs of a model by name and pattern; all by default. Raises WiringError for what can be none, with the reason."""
+    """Inputs of a model by name and pattern; all by default. Raises WiringError for what can be none,
+    with the reason."""
     driven = {(c.target, c.input): c for c in schedule.connections}
     commands = {(c.source, c.output): None for c in schedule.connections if c.source.discrete and not c.target.discrete}
     every = [(m, v) for m in schedule.members for v in m.description.inputs.values()]
@@ -135,8 +139,8 @@ def _models(schedule: Schedule, ports: Mapping[Member, tuple[list[Variable], lis
     for m in schedule.continuous:
         if m.description.fmi_version and not m.description.states and not m.description.model_exchange:
             raise CosimError(
-                f"'{m.name}' cannot be linearized: its FMU ({m.description.name}) lists no states, and without Model Exchange it may "
-                "have some"
+                f"'{m.name}' cannot be linearized: its FMU ({m.description.name}) lists no states, and without Model"
+                " Exchange it may have some"
             )
         try:
             models[m] = model = model_of(m, *ports[m])
@@ -158,9 +162,10 @@ def _state_signals(m: Member, count: int) -> list[tuple[str, Variable | None]]:
 
 
 def continuous_model(schedule: Schedule, inputs: Sequence[Signal], outputs: Sequence[Signal]) -> Matrices:
-    """Model of the continuous members of an initialized system. `inputs`: their own inputs that no continuous member drives, or outputs of
-    sampled members; `outputs`: their own. Raises CosimError for members and connections without a linear model, LoopError for a
-    singular algebraic loop."""
+    """Model of the continuous members of an initialized system. `inputs`: their own inputs that no continuous member
+    drives, or outputs of sampled members; `outputs`: their own. Raises CosimError for members and connections without a
+    linear model, LoopError for a singular algebraic loop.
+    """
     members = schedule.continuous
     if not members:
         raise CosimError("no member is continuous: linearize with discrete=True")
@@ -201,14 +206,22 @@ def continuous_model(schedule: Schedule, inputs: Sequence[Signal], outputs: Sequ
     states = [s for m in members for s in _state_signals(m, len(models[m].a))]
     known = [(m, v) for m in members for v in m.description.states]
     return Matrices(
-        a, b @ drive, show @ c_, show @ d @ drive,
-        [name for name, _ in states], [name_of(s) for s in inputs], [name_of(s) for s in outputs],
-        units=_units([*known, *inputs, *outputs]), point=_point([*known, *inputs, *outputs]),
-    )  # fmt: skip
+        a,
+        b @ drive,
+        show @ c_,
+        show @ d @ drive,
+        [name for name, _ in states],
+        [name_of(s) for s in inputs],
+        [name_of(s) for s in outputs],
+        units=_units([*known, *inputs, *outputs]),
+        point=_point([*known, *inputs, *outputs]),
+    )
 
 
 def _closed(model: Model, coupling: Array, inputs: Sequence[Signal]) -> tuple[Array, Array, Array, Array]:
-    """The model with its own outputs fed back to its inputs: u = coupling y + r. Raises LoopError where y does not follow from r."""
+    """The model with its own outputs fed back to its inputs: u = coupling y + r. Raises LoopError where y does not
+    follow from r.
+    """
     if not coupling.any():
         return model.a, model.b, model.c, model.d
     loop = np.eye(len(coupling)) - coupling @ model.d
@@ -218,8 +231,8 @@ def _closed(model: Model, coupling: Array, inputs: Sequence[Signal]) -> tuple[Ar
         null = np.linalg.norm(right[unsolved], axis=0)
         names = [name_of(s) for s, part in zip(inputs, null, strict=True) if part > 1e-6 * null.max()]
         raise LoopError(
-            f"an algebraic loop has no solution: {', '.join(names)} depend on themselves at the same instant with a gain of 1; "
-            "give one of the connections delay=True and linearize with discrete=True"
+            f"an algebraic loop has no solution: {', '.join(names)} depend on themselves at the same instant with a"
+            " gain of 1; give one of the connections delay=True and linearize with discrete=True"
         )
     plant = control.StateSpace(model.a, model.b, model.c, model.d, remove_useless_states=False)
     closed = plant.feedback(control.StateSpace([], [], [], coupling), sign=1)
@@ -244,8 +257,9 @@ def common_period(schedule: Schedule, given: Fraction | None) -> Fraction:
 
 @dataclass
 class _Updates:
-    """What is found of a sampled member while the system runs through a period: a matrix [x; u] -> [x_next; y] per sample, states before
-    and after the period, and which states jump when perturbed."""
+    """What is found of a sampled member while the system runs through a period: a matrix [x; u] -> [x_next; y] per
+    sample, states before and after the period, and which states jump when perturbed.
+    """
 
     member: Member
     inputs: list[Variable]
@@ -258,7 +272,9 @@ class _Updates:
     jumps: set[int] = field(default_factory=set)
 
     def left_out(self) -> list[int]:
-        """States that are constants, and counters of samples. Raises CosimError for a counter that is not back where it was."""
+        """States that are constants, and counters of samples. Raises CosimError for a counter that is not back where it
+        was.
+        """
         n, drop = len(self.names), []
         for i in range(n):
             rows = [m[i] for m in self.matrices]
@@ -272,8 +288,9 @@ class _Updates:
                 )
             if counts and not back:
                 raise CosimError(
-                    f"'{self.member.name}' cannot be linearized over this period: its {self.names[i]} counts, from {self.before[i]:g} to "
-                    f"{self.after[i]:g}; give the period after which it begins anew, discrete='10 ms' (of one FMU: period='10 ms')"
+                    f"'{self.member.name}' cannot be linearized over this period: its {self.names[i]} counts, from"
+                    f" {self.before[i]:g} to {self.after[i]:g}; give the period after which it begins anew,"
+                    " discrete='10 ms' (of one FMU: period='10 ms')"
                 )
             if counts or (alone and back and all(abs(row[i] - 1) < 1e-9 for row in rows)):
                 drop.append(i)
@@ -294,7 +311,9 @@ class _Updates:
         point = component.sampled_states()  # type: ignore[attr-defined]
         if not self.matrices:
             self.names, self.before = list(point), np.array(list(point.values()))
-            _check_size(f"'{self.member.name}'", len(point) + len(self.inputs), len(point) + len(self.outputs), self.samples)
+            _check_size(
+                f"'{self.member.name}'", len(point) + len(self.inputs), len(point) + len(self.outputs), self.samples
+            )
         x, u = np.array(list(point.values())), component.get(self.inputs)
         saved, n = component.save(), len(point)
 
@@ -352,7 +371,8 @@ class _Updates:
         names = [*self.names, *(v.name for v in self.outputs)]
         cause = self.names[column] if variable is None else variable.name
         raise CosimError(
-            f"'{self.member.name}' cannot be linearized: its {names[rows[0]]} has a kink or jump over {cause} = {value:g}"
+            f"'{self.member.name}' cannot be linearized: its {names[rows[0]]} has a kink or jump over {cause} ="
+            f" {value:g}"
         )
 
 
@@ -361,8 +381,8 @@ def _check_size(whose: str, columns: int, rows: int, samples: int = 1) -> None:
     if columns * rows * samples > LARGEST:
         times = f" for each of the {samples} samples in the period" if samples > 1 else ""
         raise CosimError(
-            f"{whose} cannot be linearized: with {columns:,} states and inputs its model is a matrix of {rows:,} x {columns:,} "
-            f"numbers{times}, and at most {LARGEST:,} are computed"
+            f"{whose} cannot be linearized: with {columns:,} states and inputs its model is a matrix of {rows:,} x"
+            f" {columns:,} numbers{times}, and at most {LARGEST:,} are computed"
         )
 
 
@@ -375,8 +395,10 @@ def _differences(here: Array, result: Callable[[int, float], Array], column: int
 def sampled_model(
     exchange: Exchange, period: Fraction, not_before: Fraction, inputs: Sequence[Signal], outputs: Sequence[Signal]
 ) -> Matrices:
-    """Model of an initialized system over one period, from the first multiple of it at or after `not_before` [s] that all offsets have
-    passed, but not the start itself. `exchange` watches `outputs`. `inputs` are driven by nothing. Raises CosimError for members without a linear model."""
+    """Model of an initialized system over one period, from the first multiple of it at or after `not_before` [s] that
+    all offsets have passed, but not the start itself. `exchange` watches `outputs`. `inputs` are driven by nothing.
+    Raises CosimError for members without a linear model.
+    """
     schedule, layout = exchange.schedule, exchange.layout
     for c in schedule.connections:
         if c.extrapolate:
@@ -549,6 +571,14 @@ class _Period:
                 break
             keep = used
         return Matrices(
-            a[np.ix_(keep, keep)], b[keep], c[:, keep], d,
-            [names[i] for i in keep], self._inputs, self._outputs, float(self._period), units, point,
-        )  # fmt: skip
+            a[np.ix_(keep, keep)],
+            b[keep],
+            c[:, keep],
+            d,
+            [names[i] for i in keep],
+            self._inputs,
+            self._outputs,
+            float(self._period),
+            units,
+            point,
+        )

@@ -1,4 +1,6 @@
-"""Algebraic loops of which not all direct dependencies are declared: measured during initialization, then refused or warned of."""
+"""Algebraic loops of which not all direct dependencies are declared: measured during initialization, then refused or
+warned of.
+"""
 
 from __future__ import annotations
 
@@ -13,8 +15,9 @@ from cosim.system.schedule import Schedule
 
 
 def check_loops(schedule: Schedule, initializing: Collection[Member]) -> None:
-    """Raise LoopError for an algebraic loop whose dependencies are declared, or measured where components are `initializing`; issue an
-    AlgebraicLoopWarning for each other one that is possible."""
+    """Raise LoopError for an algebraic loop whose dependencies are declared, or measured where components are
+    `initializing`; issue an AlgebraicLoopWarning for each other one that is possible.
+    """
     measured: dict[Member, Dependencies] = {}
 
     def depends(member: Member, output: str) -> frozenset[str] | None:
@@ -36,15 +39,17 @@ def check_loops(schedule: Schedule, initializing: Collection[Member]) -> None:
 def _warning(loop: Loop) -> str:
     silent = dict.fromkeys(repr(c.source.name) for c in loop if declared(c.source, c.output.name) is None)
     return (
-        f"the components {', '.join(repr(n) for n in components(loop))} may form an algebraic loop, which the master does not solve: "
-        f"{', '.join(silent)} {'does' if len(silent) == 1 else 'do'} not declare on which inputs outputs depend directly\n{path_of(loop)}\nIf "
-        "these do, each value of the loop is computed from one of the step before. delay=True on one of these connections says that it is "
-        "meant so."
+        f"the components {', '.join(repr(n) for n in components(loop))} may form an algebraic loop, which the master"
+        f" does not solve: {', '.join(silent)} {'does' if len(silent) == 1 else 'do'} not declare on which inputs"
+        f" outputs depend directly\n{path_of(loop)}\nIf these do, each value of the loop is computed from one of the"
+        " step before. delay=True on one of these connections says that it is meant so."
     )
 
 
 def _measured(schedule: Schedule, member: Member) -> Dependencies:
-    """Direct dependencies of connected outputs that are not declared, on connected inputs; none where they cannot be measured."""
+    """Direct dependencies of connected outputs that are not declared, on connected inputs; none where they cannot be
+    measured.
+    """
     measure = getattr(member.component, "measure_dependencies", None)
     if measure is None:
         return {}

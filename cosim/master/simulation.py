@@ -140,15 +140,18 @@ class Simulation:
         for v in variables:
             driven = self._driven.get((member, v))
             if driven is not None:
-                raise WiringError(f"{name if len(variables) == 1 else driven.target_name} is driven by {driven.source_name}")
+                raise WiringError(
+                    f"{name if len(variables) == 1 else driven.target_name} is driven by {driven.source_name}"
+                )
         if any(v.causality != "input" and v.variability != "tunable" for v in variables):
             raise WiringError(
                 f"{name} is fixed while the simulation runs: set it with system['{member.name}'].set(...) before it"
             )
 
     def setter(self, names: Sequence[str]) -> Callable[[Array], None]:
-        """What sets these variables, as `set` does, to values (n,) in their order: names are looked up once, for loops that step by hand.
-        The values must be finite and within the variables' limits, which is not looked at again."""
+        """What sets these variables, as `set` does, to values (n,) in their order: names are looked up once, for loops
+        that step by hand. The values must be finite and within the variables' limits, which is not looked at again.
+        """
         found = [self._members.split(n) for n in names]
         variables = [m.description.find(v, m.name) for m, v in found]
         for name, (member, _), variable in zip(names, found, variables, strict=True):
@@ -185,11 +188,19 @@ class Simulation:
         """A copy of everything recorded so far."""
         names, units = self._layout.record_names, self._layout.record_units
         result = self._exchange.recorder.recording(names, units)
-        self._warn_rounded({n: np.abs(result[n]).max(initial=0.0) for n in names if self._layout.readable[n][0] in self._layout.wide.values()})
+        self._warn_rounded(
+            {
+                n: np.abs(result[n]).max(initial=0.0)
+                for n in names
+                if self._layout.readable[n][0] in self._layout.wide.values()
+            }
+        )
         result.stopped_by, result.wall_time = self._stopped_by, self._wall_time
         result.aliases, result.types, result.display = (
-            self._layout.aliases, self._layout.record_types, self._layout.record_display
-        )  # fmt: skip
+            self._layout.aliases,
+            self._layout.record_types,
+            self._layout.record_display,
+        )
         result.real_time = None if self._kept_pace is None else self._kept_pace.copy()
         return result
 
@@ -201,14 +212,14 @@ class Simulation:
         progress: bool = False,
         real_time: float | None = None,
     ) -> str | None:
-        """Run to the first base tick at or after `until` [s], to the first instant that fulfils one of `stop_when`, or to
-        where a component asks to end (the simulation is over then). Returns the text of that condition or request, or
-        None. Raises ComponentError (the simulation is over then) and Interrupted (it stands between two instants and can
-        be continued).
+        """Run to the first base tick at or after `until` [s], to the first instant that fulfils one of `stop_when`, or
+        to where a component asks to end (the simulation is over then). Returns the text of that condition or request,
+        or None. Raises ComponentError (the simulation is over then) and Interrupted (it stands between two instants and
+        can be continued).
 
-        With `real_time` every instant begins when it is due by the clock, 1.0 at its pace, 2.0 twice as fast; what comes too late is
-        caught up with. Due times count from the first of such calls, so that time between them is not lost, until one with
-        another pace or none, or `restore`. `recording.real_time` says how it went.
+        With `real_time` every instant begins when it is due by the clock, 1.0 at its pace, 2.0 twice as fast; what
+        comes too late is caught up with. Due times count from the first of such calls, so that time between them is not
+        lost, until one with another pace or none, or `restore`. `recording.real_time` says how it went.
         """
         exchange = self._exchange
         end = exchange.base.at_or_after(rational(until, "until"))
@@ -237,7 +248,8 @@ class Simulation:
         if found:
             self._rounded.update(found)
             warnings.warn(
-                f"{', '.join(found)}: integers from 2^53 on are exchanged and recorded as doubles, which hold only some of them",
+                f"{', '.join(found)}: integers from 2^53 on are exchanged and recorded as doubles, which hold only some"
+                " of them",
                 stacklevel=4,
             )
 
@@ -267,8 +279,9 @@ class Simulation:
             raise Interrupted(self.time, self.recording)
 
     def stepper(self, step: TimeLike, *, stop_when: Sequence[StopCondition] = ()) -> Callable[[], str | None]:
-        """What does `advance` by `step` [s], a multiple of the tick, at little cost, for loops that step by hand: with the same bits and the
-        same answers, without pace, progress and spool. Ctrl-C within a step ends the simulation."""
+        """What does `advance` by `step` [s], a multiple of the tick, at little cost, for loops that step by hand: with
+        the same bits and the same answers, without pace, progress and spool. Ctrl-C within a step ends the simulation.
+        """
         exchange, stops = self._exchange, list(stop_when)
         ticks = exchange.base.count(positive(step, "step"))
 
@@ -334,8 +347,9 @@ class Simulation:
             spool.add(*recorder.since(spool.count))
 
     def guarded(self, work: Action) -> None:
-        """Do something with components. A failure ends the simulation and carries what was recorded; a second Ctrl-C ends what
-        does not come back."""
+        """Do something with components. A failure ends the simulation and carries what was recorded; a second Ctrl-C
+        ends what does not come back.
+        """
 
         def hold() -> None:
             with held():
@@ -386,9 +400,10 @@ class Simulation:
     # Saved states.
 
     def save(self, *, travels: bool = True) -> SystemState:
-        """A copy of the whole state: components, exchanged values, time and length of the recording. Pickled or written to a file it
-        continues in other processes, for which FMUs serialize their states now, unless `travels` is false. Raises CosimError naming the
-        components that cannot save their state."""
+        """A copy of the whole state: components, exchanged values, time and length of the recording. Pickled or written
+        to a file it continues in other processes, for which FMUs serialize their states now, unless `travels` is false.
+        Raises CosimError naming the components that cannot save their state.
+        """
         unable = [m.name for m in self.schedule.members if not m.component.description.can_save]
         if unable:
             raise CosimError(
@@ -401,7 +416,9 @@ class Simulation:
         def save() -> None:
             for m in self.schedule.members:
                 components[m.name] = saved = m.component.save()
-                if travels and m.description.can_serialize and hasattr(m.component, "pack"):  # isinstance of a Protocol takes as long as saving
+                if (
+                    travels and m.description.can_serialize and hasattr(m.component, "pack")
+                ):  # isinstance of a Protocol takes as long as saving
                     try:
                         serialized[m.name] = m.component.pack(saved)
                     except CosimError as error:
@@ -412,10 +429,19 @@ class Simulation:
         self.guarded(save)
         e = self._exchange
         return SystemState(
-            tick=e.tick, phase=e.phase, base=e.base, values=e.values.copy(), keys=self._layout.keys,
-            components=components, wiring=self._wiring, serialized=serialized, samples=e.recorder.count, ending=e.ending,
-            members={m.name: m for m in self.schedule.members}, owner=weakref.ref(e),
-        )  # fmt: skip
+            tick=e.tick,
+            phase=e.phase,
+            base=e.base,
+            values=e.values.copy(),
+            keys=self._layout.keys,
+            components=components,
+            wiring=self._wiring,
+            serialized=serialized,
+            samples=e.recorder.count,
+            ending=e.ending,
+            members={m.name: m for m in self.schedule.members},
+            owner=weakref.ref(e),
+        )
 
     def restore(self, state: SystemState) -> None:
         """Go back to a saved state of this simulation; samples recorded after it are dropped."""

@@ -55,7 +55,10 @@ class Stability:
 
     def __str__(self) -> str:
         names = ", ".join(f"{name} ({share:.0%})" for name, share in self.dominant if share >= 0.05)
-        text = f"spectral radius {self.radius:.6g} per cycle of {seconds_text(self.cycle)}, dominated by {names or 'nothing'}"
+        text = (
+            f"spectral radius {self.radius:.6g} per cycle of {seconds_text(self.cycle)}, dominated by"
+            f" {names or 'nothing'}"
+        )
         if self.coupled_radius > 1.0:
             text += f" (coupled without delay: {self.coupled_radius:.6g})"
         for name, reason in self.unchecked.items():
@@ -111,9 +114,10 @@ def coupled_spectral_radius(schedule: Schedule) -> Stability:
 
 
 def _participation(matrix: Array, radius: float) -> Array:
-    """How much each value takes part in the modes that grow by `radius`, of conjugate ones in one: the diagonal of the projector on
-    their subspace. For a single mode these are the products of the entries of its left and right eigenvectors; for modes of equal
-    growth they do not depend on which eigenvectors LAPACK chooses."""
+    """How much each value takes part in the modes that grow by `radius`, of conjugate ones in one: the diagonal of the
+    projector on their subspace. For a single mode these are the products of the entries of its left and right
+    eigenvectors; for modes of equal growth they do not depend on which eigenvectors LAPACK chooses.
+    """
 
     def fastest(growth: complex) -> bool:
         return abs(growth) >= radius * (1 - TOLERANCE) and growth.imag >= -TOLERANCE * radius

@@ -1,7 +1,8 @@
 """Saved states: of a simulation that goes on, and on their way to another process or another day.
 
-A live state holds what the components themselves saved; it belongs to their instances. As bytes (`to_bytes`, `write`, pickle) it holds what
-they serialized, the exchanged values by name, the exact time, and what tells systems apart: members with their FMUs, rates, wiring.
+A live state holds what the components themselves saved; it belongs to their instances. As bytes (`to_bytes`, `write`,
+pickle) it holds what they serialized, the exchanged values by name, the exact time, and what tells systems apart:
+members with their FMUs, rates, wiring.
 """
 
 from __future__ import annotations
@@ -49,10 +50,10 @@ class Packed:
 class SystemState:
     """A saved state of a simulation at `time` [s], made by `Simulation.save`; to be used any number of times.
 
-    Give it to `Simulation.restore` of the same simulation, or to `System.initialize(state=...)` of the same system, whose
-    wiring may have changed. Pickled, or written to a file (`write`, `read`), it also continues in other processes, in a system
-    that is put together in the same way; all members must be able to serialize their states then. `components` holds
-    what each member remembers: a member that is deleted there begins afresh.
+    Give it to `Simulation.restore` of the same simulation, or to `System.initialize(state=...)` of the same system,
+    whose wiring may have changed. Pickled, or written to a file (`write`, `read`), it also continues in other
+    processes, in a system that is put together in the same way; all members must be able to serialize their states
+    then. `components` holds what each member remembers: a member that is deleted there begins afresh.
     """
 
     tick: int
@@ -80,15 +81,17 @@ class SystemState:
         return Clock(self.base.count(Fraction(step)), self.base.count(Fraction(offset)))
 
     def continues(self, schedule: Schedule) -> bool:
-        """Whether a system of this schedule goes on as if it had never been interrupted: all members, rates and connections are those
-        of the state."""
+        """Whether a system of this schedule goes on as if it had never been interrupted: all members, rates and
+        connections are those of the state.
+        """
         return len(self.components) == len(schedule.members) and self.wiring == wiring_of(schedule)
 
     # As bytes.
 
     def to_bytes(self) -> bytes:
-        """The state in a form of its own, for other processes; see `read`. Raises CosimError naming the members that cannot serialize
-        their states, and why."""
+        """The state in a form of its own, for other processes; see `read`. Raises CosimError naming the members that
+        cannot serialize their states, and why.
+        """
         packed, unable = {}, []
         for name, saved in self.components.items():
             try:
@@ -109,7 +112,9 @@ class SystemState:
         return sealed.seal(MAGIC, description, [_doubles(self.values), *(p.data for p in packed.values())])
 
     def _packed(self, member: Member, saved: Any) -> Packed:
-        """What a live component saved. No FMU is called here: pools pickle in threads of their own, when the FMU may be within a step."""
+        """What a live component saved. No FMU is called here: pools pickle in threads of their own, when the FMU may be
+        within a step.
+        """
         component = member.component
         if not isinstance(component, Portable):
             raise CosimError(
@@ -120,9 +125,10 @@ class SystemState:
             raise data
         if data is None and member.description.fmi_version:
             raise CosimError(
-                "it was saved with travels=False" if member.description.can_serialize
+                "it was saved with travels=False"
+                if member.description.can_serialize
                 else "its FMU does not serialize states (canSerializeFMUState)"
-            )  # fmt: skip
+            )
         return Packed(component.identity(), component.pack(saved) if data is None else data)
 
     @classmethod
@@ -131,13 +137,17 @@ class SystemState:
         return _read(data, "this state")
 
     def write(self, path: str | os.PathLike[str]) -> Path:
-        """Write it to a file, which replaces an older one when it is whole. Raises CosimError as `to_bytes`, OSError naming the path."""
+        """Write it to a file, which replaces an older one when it is whole. Raises CosimError as `to_bytes`, OSError
+        naming the path.
+        """
         return safe_files.write(path, self.to_bytes())
 
     @classmethod
     def read(cls, path: str | os.PathLike[str]) -> SystemState:
-        """What `write` wrote. Nothing in the file is executed, and nothing believed that was not checked: CosimError says in a sentence what
-        is wrong with a file that is damaged, or was made by somebody else. What the FMUs remember is for them to judge."""
+        """What `write` wrote. Nothing in the file is executed, and nothing believed that was not checked: CosimError
+        says in a sentence what is wrong with a file that is damaged, or was made by somebody else. What the FMUs
+        remember is for them to judge.
+        """
         file = Path(path)
         with safe_files.named(file):
             size = file.stat().st_size
@@ -193,7 +203,9 @@ def _source(connection: Sequence[Any] | None) -> str:
 
 
 def unpack(member: Member, packed: Packed) -> None:
-    """Continue a member's component from what another instance remembered. Raises CosimError naming the member when they differ."""
+    """Continue a member's component from what another instance remembered. Raises CosimError naming the member when
+    they differ.
+    """
     component = member.component
     if not isinstance(component, Portable):
         raise CosimError(
@@ -253,10 +265,15 @@ def _read(data: bytes, what: str) -> SystemState:
                 refuse(f"it does not say what '{name}' is")
             components[name] = Packed(identity, piece)
         state = SystemState(
-            tick=tick, phase=_PHASES[about["phase"]], base=base,
-            values=np.frombuffer(pieces[0], dtype="<f8").astype(float), keys=keys, components=components, wiring=wiring,
+            tick=tick,
+            phase=_PHASES[about["phase"]],
+            base=base,
+            values=np.frombuffer(pieces[0], dtype="<f8").astype(float),
+            keys=keys,
+            components=components,
+            wiring=wiring,
             ending=None if ending is None else (ending[0], ending[1]),
-        )  # fmt: skip
+        )
         for name in known:
             state.clock(name)
         return state

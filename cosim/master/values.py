@@ -57,8 +57,9 @@ class Place:
         return self.scale is None and not self.lines
 
     def extrapolated(self) -> list[tuple[int, int, int, int, float, float]]:
-        """Of each extrapolated input: its number, slots of now, previous and time; period of its source, and how far from that time
-        to the middle of the next step [s]."""
+        """Of each extrapolated input: its number, slots of now, previous and time; period of its source, and how far
+        from that time to the middle of the next step [s].
+        """
         known = zip(self.lines, self.periods, self.since, strict=True)
         return [(*line, period, self.half - since) for line, period, since in known]
 
@@ -120,8 +121,9 @@ class Layout:
         return [self._finite_check(*piece) for piece in pieces]
 
     def _finite_check(self, begin: int, end: int, owners: Sequence[Member]) -> Timed:
-        """Of a few values the sum tells (it may overflow, so a second look decides); of many, one comparison of the whole
-        piece and a search for a zero byte in its result."""
+        """Of a few values the sum tells (it may overflow, so a second look decides); of many, one comparison of the
+        whole piece and a search for a zero byte in its result.
+        """
         piece, isfinite, found = self.values[begin:end], np.isfinite, bytearray(end - begin)
         finite, view = np.frombuffer(found, dtype=np.bool_), piece.data
 
@@ -162,7 +164,9 @@ class Layout:
         return actions
 
     def copies(self, member: Member) -> tuple[list[tuple[int, int]], list[tuple[int, int]]]:
-        """What a component's arrival copies, as slots (to, from): what was visible is remembered, what was reached is shown."""
+        """What a component's arrival copies, as slots (to, from): what was visible is remembered, what was reached is
+        shown.
+        """
         remember = [(slot, self.visible[key]) for key, slot in self.previous.items() if key[0] is member]
         show = [(self.visible[key], slot) for key, slot in self.latest.items() if key[0] is member]
         return remember, show
@@ -258,7 +262,12 @@ def make_layout(
         layout.constants[key] = count
         count += 1
     layout.values = np.zeros(count)
-    layout.wide = {f"{m.name}.{v.name}": i for slots in (layout.visible, layout.constants) for (m, v), i in slots.items() if v.fmi_type in WIDE}
+    layout.wide = {
+        f"{m.name}.{v.name}": i
+        for slots in (layout.visible, layout.constants)
+        for (m, v), i in slots.items()
+        if v.fmi_type in WIDE
+    }
     for m in schedule.members:
         layout.places[m] = _place(layout, schedule, m, outputs[m])
     _recorded(layout, by_input, record, watch)
@@ -280,8 +289,8 @@ def _place(layout: Layout, schedule: Schedule, member: Member, outputs: list[Var
     since: list[float] = []
     for i, c in enumerate(incoming):
         if c.extrapolate:
-            # Of a source ahead of it in its group a component sees what that has just reached, one step of the source after
-            # what is visible: the line through both is interpolated.
+            # Of a source ahead of it in its group a component sees what that has just reached, one step of the source
+            # after what is visible: the line through both is interpolated.
             key, early = (c.source, c.output), c.source in ahead
             now, before = (layout.latest, layout.visible) if early else (layout.visible, layout.previous)
             lines.append((i, now[key], before[key], layout.reached[c.source]))

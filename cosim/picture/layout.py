@@ -1,6 +1,7 @@
 """Where the members of a system are in a picture: in columns along the signals, from left to right.
 
-x points to the right and y down. Members of one column are ordered by where their neighbours are, so that few lines cross.
+x points to the right and y down. Members of one column are ordered by where their neighbours are, so that few lines
+cross.
 """
 
 from __future__ import annotations
@@ -92,8 +93,9 @@ def bundles(schedule: Schedule) -> list[Bundle]:
 
 
 def arrange(schedule: Schedule) -> Picture:
-    """The picture of a system. Lines between neighbouring columns run in the channel between these; those that pass a column run
-    above all boxes, and those that lead back below."""
+    """The picture of a system. Lines between neighbouring columns run in the channel between these; those that pass a
+    column run above all boxes, and those that lead back below.
+    """
     all_bundles = bundles(schedule)
     columns = _columns(schedule, all_bundles)
     column_of = {m: i for i, column in enumerate(columns) for m in column}
@@ -149,8 +151,9 @@ def _columns(schedule: Schedule, all_bundles: Sequence[Bundle]) -> list[list[Mem
 
 
 def _flow(schedule: Schedule, all_bundles: Sequence[Bundle]) -> list[Member]:
-    """Members along the signals. A discrete one comes after those that are executed before it; a continuous one after the discrete ones that
-    feed it, and after continuous ones that feed it more than it feeds them."""
+    """Members along the signals. A discrete one comes after those that are executed before it; a continuous one after
+    the discrete ones that feed it, and after continuous ones that feed it more than it feeds them.
+    """
     weight = {(b.source, b.target): len(b.connections) for b in all_bundles}
     continuous = sorted(
         schedule.continuous,
@@ -170,14 +173,18 @@ def _feeds(m: Member, all_bundles: Sequence[Bundle]) -> bool:
 
 def _middle(m: Member, place: dict[Member, float], all_bundles: Sequence[Bundle]) -> float:
     """Mean place of a member's neighbours in the column beside it."""
-    near = [place[o] for b in all_bundles for s, o in ((b.source, b.target), (b.target, b.source)) if s is m and o in place]
+    near = [
+        place[o] for b in all_bundles for s, o in ((b.source, b.target), (b.target, b.source)) if s is m and o in place
+    ]
     return sum(near) / len(near) if near else 0.5
 
 
 def _channels(
     columns: Sequence[Sequence[Member]], column_of: dict[Member, int], all_bundles: Sequence[Bundle]
 ) -> list[float]:
-    """Widths of what is left of each column, and right of the last: room for a line per bundle and for the longest label."""
+    """Widths of what is left of each column, and right of the last: room for a line per bundle and for the longest
+    label.
+    """
     lanes = [0] * (len(columns) + 1)
     letters = [0] * (len(columns) + 1)
     for b in all_bundles:
@@ -190,9 +197,15 @@ def _channels(
 
 
 def _lines(
-    all_bundles: Sequence[Bundle], boxes: dict[Member, Box], column_of: dict[Member, int],
-    leaving: dict[Member, list[Bundle]], coming: dict[Member, list[Bundle]], way: object, top: float, bottom: float,
-) -> list[Line]:  # fmt: skip
+    all_bundles: Sequence[Bundle],
+    boxes: dict[Member, Box],
+    column_of: dict[Member, int],
+    leaving: dict[Member, list[Bundle]],
+    coming: dict[Member, list[Bundle]],
+    way: object,
+    top: float,
+    bottom: float,
+) -> list[Line]:
     """The way of each bundle: out at the right of its source, in at the left of its target."""
     assert callable(way)
     out_at: dict[Bundle, float] = {}
@@ -206,7 +219,9 @@ def _lines(
     used_in: dict[int, int] = {}
     n_above = n_below = 0
     found = []
-    by_height = sorted(all_bundles, key=lambda b: (out_at[b] < in_at[b], out_at[b] if out_at[b] >= in_at[b] else -out_at[b]))
+    by_height = sorted(
+        all_bundles, key=lambda b: (out_at[b] < in_at[b], out_at[b] if out_at[b] >= in_at[b] else -out_at[b])
+    )
     for b in by_height:
         out, into = column_of[b.source] + 1, column_of[b.target]
         right = max(boxes[m].right for m in boxes if column_of[m] == out - 1)

@@ -1,4 +1,6 @@
-"""A system as SVG: a box for each member with its rate, a line for each bundle of signals. The same system gives the same bytes."""
+"""A system as SVG: a box for each member with its rate, a line for each bundle of signals. The same system gives the
+same bytes.
+"""
 
 from __future__ import annotations
 
@@ -25,16 +27,27 @@ def draw(schedule: Schedule, title: str) -> bytes:
     head = _HEAD if title else 0.0
     width, height = round(picture.width), round(picture.height + head)
     root = etree.Element(
-        "svg", nsmap={None: "http://www.w3.org/2000/svg"}, viewBox=f"0 0 {width} {height}", width=str(width), height=str(height),
+        "svg",
+        nsmap={None: "http://www.w3.org/2000/svg"},
+        viewBox=f"0 0 {width} {height}",
+        width=str(width),
+        height=str(height),
         role="img",
-    )  # fmt: skip
+    )
     root.set("font-family", "Helvetica, Arial, sans-serif")
     root.set("font-size", "12")
     etree.SubElement(root, "title").text = escape.xml(title or "A system of components")
     tip = etree.SubElement(
-        etree.SubElement(root, "defs"), "marker", id="tip", viewBox="0 0 10 10", refX="9", refY="5", markerWidth="7",
-        markerHeight="7", orient="auto",
-    )  # fmt: skip
+        etree.SubElement(root, "defs"),
+        "marker",
+        id="tip",
+        viewBox="0 0 10 10",
+        refX="9",
+        refY="5",
+        markerWidth="7",
+        markerHeight="7",
+        orient="auto",
+    )
     etree.SubElement(tip, "path", d="M0 0 L10 5 L0 10 z", fill=_LINE)
     etree.SubElement(root, "rect", width=str(width), height=str(height), rx="10", fill="#ffffff")
     if title:
@@ -76,7 +89,15 @@ def _path(points: tuple[tuple[float, float], ...]) -> str:
 def _box(body: etree._Element, member: Member, box: Box) -> None:
     fill, stroke, ink = COLOURS[member.kind]
     rect = etree.SubElement(
-        body, "rect", x=_n(box.x), y=_n(box.y), width=_n(box.width), height=_n(box.height), rx="6", fill=fill, stroke=stroke
+        body,
+        "rect",
+        x=_n(box.x),
+        y=_n(box.y),
+        width=_n(box.width),
+        height=_n(box.height),
+        rx="6",
+        fill=fill,
+        stroke=stroke,
     )
     rect.set("stroke-width", "2")
     middle, y = box.x + box.width / 2, box.y + box.height / 2 - LANE
@@ -94,9 +115,17 @@ def _duration(value: Fraction) -> str:
 
 
 def _text(
-    parent: etree._Element, x: float, y: float, text: str, *, colour: str = _INK, anchor: str = "middle", bold: bool = False,
-    size: int = 12, halo: bool = False,
-) -> None:  # fmt: skip
+    parent: etree._Element,
+    x: float,
+    y: float,
+    text: str,
+    *,
+    colour: str = _INK,
+    anchor: str = "middle",
+    bold: bool = False,
+    size: int = 12,
+    halo: bool = False,
+) -> None:
     element = etree.SubElement(parent, "text", x=_n(x), y=_n(y), fill=colour)
     element.set("text-anchor", anchor)
     element.set("font-size", str(size))

@@ -201,8 +201,9 @@ class Take:
 
 @dataclass(frozen=True, eq=False)
 class Animation:
-    """Takes to choose from, ``width`` [m] of the ground in view, and ``force_scale`` [N] drawn as long as a metre: without exception,
-    an arrow that is too long for the picture leaves it, and its size is written."""
+    """Takes to choose from, ``width`` [m] of the ground in view, and ``force_scale`` [N] drawn as long as a metre:
+    without exception, an arrow that is too long for the picture leaves it, and its size is written.
+    """
 
     id: str
     title: str

@@ -16,11 +16,15 @@ T = TypeVar("T")
 
 _ID = re.compile(r"[a-z0-9][a-z0-9_-]*")
 _LABEL = re.compile(r"(?P<quantity>\S.*) \[(?P<unit>[^\[\]]+)\]", re.DOTALL)
-_WITH_BRACKETS = re.compile(r"(?P<quantity>\S.*?) \[(?P<unit>.+)\]", re.DOTALL)  # in the unit, which an FMU of anybody names
+_WITH_BRACKETS = re.compile(
+    r"(?P<quantity>\S.*?) \[(?P<unit>.+)\]", re.DOTALL
+)  # in the unit, which an FMU of anybody names
 
 
 UNKNOWN = "?"
-"""The unit in the label of a quantity whose unit nobody gave; it is not drawn. "-" is the unit of a quantity without dimension."""
+"""The unit in the label of a quantity whose unit nobody gave; it is not drawn. "-" is the unit of a quantity without
+dimension.
+"""
 
 
 def label_of(quantity: str, unit: str) -> str:

@@ -1,7 +1,7 @@
 """Published statements, and how runs of ours judge them.
 
-A claim is judged on two things: whether what it says holds (the order of two laws, the sign of a change), and, where the
-paper gives a number, whether ours lies in a band around it. So there are three verdicts on a published claim, and a
+A claim is judged on two things: whether what it says holds (the order of two laws, the sign of a change), and, where
+the paper gives a number, whether ours lies in a band around it. So there are three verdicts on a published claim, and a
 fourth where the runs do not decide. Checks of ours, which no paper states, are kept and counted apart.
 """
 
@@ -30,8 +30,9 @@ _LEVEL = 0.05  # of the sign test: chance of so many seeds on one side if both s
 class Claim:
     """One published statement (or, if `own`, a check of ours) beside what came out here.
 
-    `ours` may be left empty when `value` (in `unit`) says it all. `criterion` is the rule that the verdict follows from,
-    `fitted` what was chosen with published figures in view. A claim that was not reproduced in full needs a reason.
+    `ours` may be left empty when `value` (in `unit`) says it all. `criterion` is the rule that the verdict follows
+    from, `fitted` what was chosen with published figures in view. A claim that was not reproduced in full needs a
+    reason.
     """
 
     id: str
@@ -179,8 +180,17 @@ class Evidence:
     """One distribution that a claim was judged on, and how many of its values are on the claimed side."""
 
     COLUMNS: ClassVar[tuple[str, ...]] = (
-        "claim", "quantity", "unit", "median", "lowest", "lower quartile", "upper quartile", "highest", "on the claimed side", "of",
-    )  # fmt: skip
+        "claim",
+        "quantity",
+        "unit",
+        "median",
+        "lowest",
+        "lower quartile",
+        "upper quartile",
+        "highest",
+        "on the claimed side",
+        "of",
+    )
 
     claim: str
     quantity: str
@@ -253,7 +263,8 @@ class Claims(list[Claim]):
     def clearly(
         self, id: str, quantity: str, values: Distribution, holds: Callable[[float], bool], unit: str = "-"
     ) -> bool:
-        """Whether `values` decide for the claimed side (:meth:`Distribution.clearly`); kept as evidence for claim `id`."""
+        """Whether `values` decide for the claimed side (:meth:`Distribution.clearly`); kept as evidence
+        for claim `id`."""
         self.evidence.append(Evidence(id, quantity, unit, values, values.count(holds)))
         return values.clearly(holds)
 
@@ -284,7 +295,8 @@ class Claims(list[Claim]):
             holds: whether what is claimed holds, leaving the published number aside.
             reason: why it does not hold, or not in that size (kept only then).
             value, unit: our figure, kept to five significant digits; not a number counts as none.
-            band: where the value counts as the published one; outside of it the verdict is "order reproduced, magnitude not".
+            band: where the value counts as the published one; outside of it the verdict is "order reproduced, magnitude
+                not".
             over: distribution that `value` is the median of (given instead of it). A band that is open on one side is a
                 bound, which then has to hold clearly (:meth:`Distribution.clearly`), not in the median alone.
             criterion: the rule of `holds` in words; that of the band is added.
@@ -325,9 +337,19 @@ class Claims(list[Claim]):
         self._add(id, claim, expected, ours, verdict, reason, source, _figure(value), unit, criterion, fitted)
 
     def _add(
-        self, id: str, claim: str, published: str, ours: str, verdict: Verdict, reason: str, source: str,
-        number: float | None, unit: str, criterion: str, fitted: str,
-    ) -> None:  # fmt: skip
+        self,
+        id: str,
+        claim: str,
+        published: str,
+        ours: str,
+        verdict: Verdict,
+        reason: str,
+        source: str,
+        number: float | None,
+        unit: str,
+        criterion: str,
+        fitted: str,
+    ) -> None:
         unit = "" if number is None else unit
         reason = "" if verdict in ("reproduced", "holds") else reason
         self.append(Claim(id, claim, published, ours, verdict, reason, source, number, unit, criterion, fitted))

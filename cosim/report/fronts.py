@@ -15,14 +15,17 @@ TRIED, FRONT = "tried", "front"
 
 
 def non_dominated(values: npt.ArrayLike) -> npt.NDArray[np.bool_]:
-    """Which of the points (n, objectives), all to be small, are on the front: none is at least as small in all and smaller in one.
+    """Which of the points (n, objectives), all to be small, are on the front: none is at least as small in all and
+    smaller in one.
 
     Raises:
         ValueError: the points are no table, or one is not finite.
     """
     points = np.asarray(values, dtype=float)
     if points.ndim != 2 or not np.isfinite(points).all():
-        raise ValueError(f"points of a front are a table of finite numbers, not of shape {points.shape} or with NaN in it")
+        raise ValueError(
+            f"points of a front are a table of finite numbers, not of shape {points.shape} or with NaN in it"
+        )
     found = np.ones(len(points), dtype=np.bool_)
     for i, point in enumerate(points):
         found[i] = not ((points <= point).all(axis=1) & (points < point).any(axis=1)).any()
@@ -30,9 +33,13 @@ def non_dominated(values: npt.ArrayLike) -> npt.NDArray[np.bool_]:
 
 
 def front_section(
-    title: str, labels: Mapping[str, str], directions: Mapping[str, str], tried: Sequence[Mapping[str, float]],
-    parameters: Sequence[Mapping[str, Scalar]], beside: Mapping[str, Mapping[str, float]] | None = None,
-) -> Section:  # fmt: skip
+    title: str,
+    labels: Mapping[str, str],
+    directions: Mapping[str, str],
+    tried: Sequence[Mapping[str, float]],
+    parameters: Sequence[Mapping[str, Scalar]],
+    beside: Mapping[str, Mapping[str, float]] | None = None,
+) -> Section:
     """A figure with a panel for each pair of objectives, and the front as a table.
 
     Args:
@@ -60,6 +67,9 @@ def front_section(
     order = np.flatnonzero(best)[np.argsort(points[best, 0], kind="stable")]
     columns = [*(labels[n] for n in names), *parameters[0]]
     rows = [[*points[i].tolist(), *parameters[i].values()] for i in order.tolist()]
-    count = f"{int(best.sum())} of {len(points)} trials are on the front: no trial is better in one respect without being worse in another."
+    count = (
+        f"{int(best.sum())} of {len(points)} trials are on the front: no trial is better in one respect without being"
+        " worse in another."
+    )
     figure = Figure("front", title, count, panels, columns=min(2, len(panels)))
     return Section(title, [count], [figure], [Table("front", f"{title}: the front", columns, rows)])

@@ -45,9 +45,11 @@ class Layer:
 
 @dataclass(frozen=True, eq=False)
 class Map:
-    """Layers over the same grid, on one scale of values. ``reference``: a value whose contour is drawn as a line, where a layer has it.
+    """Layers over the same grid, on one scale of values. ``reference``: a value whose contour is drawn as a line, where
+    a layer has it.
 
-    ``value_range``: that scale (lowest, highest), the same for maps that are to be compared; None for the extent of the values.
+    ``value_range``: that scale (lowest, highest), the same for maps that are to be compared; None for the extent of the
+        values.
     """
 
     id: str
@@ -108,9 +110,15 @@ def map_plot(figure: Map, *, narrow: bool) -> dict[str, Any]:
 
 def _base(height: int) -> dict[str, Any]:
     return {
-        "template": "none", "autosize": True, "height": height, "paper_bgcolor": "#ffffff", "plot_bgcolor": "#ffffff",
-        "font": {"family": _FONT, "size": 13, "color": _INK}, "separators": ".\u202f", "annotations": [],
-    }  # fmt: skip
+        "template": "none",
+        "autosize": True,
+        "height": height,
+        "paper_bgcolor": "#ffffff",
+        "plot_bgcolor": "#ffffff",
+        "font": {"family": _FONT, "size": 13, "color": _INK},
+        "separators": ".\u202f",
+        "annotations": [],
+    }
 
 
 def _contours(figure: Map, narrow: bool) -> tuple[list[dict[str, Any]], dict[str, Any]]:
@@ -131,21 +139,31 @@ def _contours(figure: Map, narrow: bool) -> tuple[list[dict[str, Any]], dict[str
         common = {"type": "contour", "x": figure.x, "y": figure.y, "z": grid, "xaxis": f"x{name}", "yaxis": f"y{name}"}
         traces.append(
             {
-                **common, "name": escape.html(layer.name), "zmin": low, "zmax": high, "colorscale": "Viridis", "reversescale": True,
-                "showscale": i == count - 1, "line": {"width": 0.6, "color": "rgba(255,255,255,.7)"},
+                **common,
+                "name": escape.html(layer.name),
+                "zmin": low,
+                "zmax": high,
+                "colorscale": "Viridis",
+                "reversescale": True,
+                "showscale": i == count - 1,
+                "line": {"width": 0.6, "color": "rgba(255,255,255,.7)"},
                 "contours": {"start": low, "end": high, "size": (high - low) / 12 or 1.0},
                 "colorbar": {"title": {"text": escape.html(figure.value_label), "side": "right"}, "thickness": 14},
                 "hovertemplate": "%{x:~g}, %{y:~g}: %{z:.4~g}<extra></extra>",
             }
-        )  # fmt: skip
+        )
         if figure.reference is not None:
             traces.append(
                 {
-                    **common, "name": f"{escape.html(layer.name)}: {figure.reference:.4g}", "showscale": False, "hoverinfo": "skip",
-                    "colorscale": [[0, _REFERENCE], [1, _REFERENCE]], "line": {"width": 2.5},
+                    **common,
+                    "name": f"{escape.html(layer.name)}: {figure.reference:.4g}",
+                    "showscale": False,
+                    "hoverinfo": "skip",
+                    "colorscale": [[0, _REFERENCE], [1, _REFERENCE]],
+                    "line": {"width": 2.5},
                     "contours": {"start": figure.reference, "end": figure.reference, "size": 1.0, "coloring": "lines"},
                 }
-            )  # fmt: skip
+            )
         axis = {"showline": False, "ticks": "outside", "ticklen": 4, "automargin": True, "zeroline": False}
         layout[f"xaxis{name}"] = {**axis, "title": {"text": escape.html(figure.x_label)}, "anchor": f"y{name}"}
         layout[f"xaxis{name}"] |= {"domain": [left, min(1.0, left + width)]}
@@ -153,8 +171,15 @@ def _contours(figure: Map, narrow: bool) -> tuple[list[dict[str, Any]], dict[str
         layout[f"yaxis{name}"] |= {"domain": [max(0.0, top - height), top]}
         layout["annotations"].append(
             {
-                "text": f"<b>{escape.html(layer.name)}</b>", "x": left, "y": top, "xref": "paper", "yref": "paper",
-                "xanchor": "left", "yanchor": "bottom", "yshift": 5, "showarrow": False,
+                "text": f"<b>{escape.html(layer.name)}</b>",
+                "x": left,
+                "y": top,
+                "xref": "paper",
+                "yref": "paper",
+                "xanchor": "left",
+                "yanchor": "bottom",
+                "yshift": 5,
+                "showarrow": False,
             }
-        )  # fmt: skip
+        )
     return traces, layout

@@ -34,9 +34,19 @@ MARKERS = ("circle", "square", "diamond", "triangle-up", "x", "triangle-down", "
 
 INK, MUTED, RULE, GRID, PAPER = "#1a2330", "#55606e", "#aab3be", "#e7eaee", "#ffffff"
 _ON_DARK = {
-    **dict(zip(COLORS.values(), ("#4a9ede", "#f2803d", "#2fc49a", "#e08cc0", "#e69f00", "#9ad7fb", "#f4f6f8", "#9aa3ad"), strict=True)),
-    INK: "#e4e8ee", MUTED: "#a7b0bc", RULE: "#5d6875", GRID: "#2a323d", PAPER: "#12171e",
-}  # fmt: skip
+    **dict(
+        zip(
+            COLORS.values(),
+            ("#4a9ede", "#f2803d", "#2fc49a", "#e08cc0", "#e69f00", "#9ad7fb", "#f4f6f8", "#9aa3ad"),
+            strict=True,
+        )
+    ),
+    INK: "#e4e8ee",
+    MUTED: "#a7b0bc",
+    RULE: "#5d6875",
+    GRID: "#2a323d",
+    PAPER: "#12171e",
+}
 FONT = "'Helvetica Neue', Helvetica, Arial, sans-serif"
 
 # Pixels. Heights are absolute, so a figure looks the same with one panel or six.
@@ -310,7 +320,9 @@ def placed_columns(figure: Figure) -> tuple[list[tuple[str, Array]], list[tuple[
         quantity, unit = split_label(panel.y_label)
         for series in panel.series:
             x = series.x_values
-            alike = (p for label, grid, p in grids if label == panel.x_label and np.array_equal(x, grid, equal_nan=True))
+            alike = (
+                p for label, grid, p in grids if label == panel.x_label and np.array_equal(x, grid, equal_nan=True)
+            )
             place = next(alike, None)
             if place is None:
                 place = len(found)

@@ -1,8 +1,8 @@
 """Write a report: `report.html`, `summary.json`, one CSV file per figure and per table.
 
 The three forms are written from the same objects. Nothing depends on time, machine or order of hashing: the same
-report gives the same bytes. What is large in the page (plotly, curves, motion) is compressed. The page loads nothing: its scripts and styles are inside, and its content security
-policy forbids the rest.
+report gives the same bytes. What is large in the page (plotly, curves, motion) is compressed. The page loads nothing:
+its scripts and styles are inside, and its content security policy forbids the rest.
 """
 
 from __future__ import annotations

@@ -1,8 +1,9 @@
 """The scene of a system, from the names that its members' variables have.
 
-Names are a contract: a plant has `body.z`, and `wheel.z` or `wheel.{c}.z` for its corners; what drives `road.{c}.height` is the road; what
-reads `preview.{c}[i]` looks ahead. So whatever fills the contract is drawn, ours or not, and nothing that a system does not have.
-Dimensions are parameters where a plant has them; the rest stands in :data:`LOOKS`.
+Names are a contract: a plant has `body.z`, and `wheel.z` or `wheel.{c}.z` for its corners; what drives
+`road.{c}.height` is the road; what reads `preview.{c}[i]` looks ahead. So whatever fills the contract is drawn, ours or
+not, and nothing that a system does not have. Dimensions are parameters where a plant has them; the rest stands in
+:data:`LOOKS`.
 """
 
 from __future__ import annotations
@@ -45,8 +46,9 @@ _KMH = 3.6
 
 @dataclass(frozen=True)
 class Looks:
-    """What the parameters of a plant may not say [m, kg]: loaded radius and width of a tire, height of the CG above the road, largest mass of
-    a body that looks so; `what` is its name in sentences."""
+    """What the parameters of a plant may not say [m, kg]: loaded radius and width of a tire, height of the CG above the
+    road, largest mass of a body that looks so; `what` is its name in sentences.
+    """
 
     what: str
     mass: float
@@ -88,9 +90,9 @@ _TOUCHES = {"bumper.front": "front bumper", "bumper.rear": "rear bumper", "belly
 def recognised(system: Wiring, plant: str | None = None) -> Scene | None:
     """The scene of a system, or None where no member is a plant.
 
-    `plant`: the name of the member to show, by default the first one that is a plant. Positions are those at rest where inputs do not say
-    otherwise; parameters count as they are set now, except trenches, which follow their parameters. Raises WiringError for a member
-    that there is not.
+    `plant`: the name of the member to show, by default the first one that is a plant. Positions are those at rest where
+    inputs do not say otherwise; parameters count as they are set now, except trenches, which follow their parameters.
+    Raises WiringError for a member that there is not.
     """
     members = [system[plant]] if plant is not None else list(system.members.values())
     for member in members:
@@ -290,8 +292,13 @@ class _Found:
             at = self.x[corner] if ahead is None else float(self.road.values.get(ahead.name, ahead.start))
             side: Side = "left" if self.side(corner) > 0 else "right"
             yield Ground(
-                side, self.side(corner) * self.half_track(corner), self.road.name, f"{self.road.name}.x", connection.source_name, at
-            )  # fmt: skip
+                side,
+                self.side(corner) * self.half_track(corner),
+                self.road.name,
+                f"{self.road.name}.x",
+                connection.source_name,
+                at,
+            )
 
     @cached_property
     def front(self) -> list[str]:
@@ -309,9 +316,15 @@ def _vehicle(found: _Found) -> Scene:
     yaw = found.output("body.yaw") if found.has("body.yaw") else Value()
     y = found.output("y") if found.has("y") else Value()
     body = Body(
-        "body", _hull(found), x=distance, y=y, z=found.output("body.z", offset=found.cg_height), roll=found.output("body.roll"),
-        pitch=found.output("body.pitch"), yaw=yaw,
-    )  # fmt: skip
+        "body",
+        _hull(found),
+        x=distance,
+        y=y,
+        z=found.output("body.z", offset=found.cg_height),
+        roll=found.output("body.roll"),
+        pitch=found.output("body.pitch"),
+        yaw=yaw,
+    )
     wheels = [_wheel(found, c, distance, y, yaw) for c in found.corners]
     struts: list[Strut] = []
     arrows: list[Arrow] = []
@@ -373,10 +386,17 @@ def _wheel(found: _Found, corner: str, distance: Value, y: Value, yaw: Value) ->
     if found.knows("tire.radius"):  # counts from the unloaded tire
         deflection = found.output(f"tire.{corner}.deflection", -1.0, 0.0, squash)
     return Wheel(
-        corner, radius, found.looks.tire_width, x=at, y=line + y + yaw * x, z=height,
-        turn=at * (1.0 / (radius - found.parameter("disc.rolling_loss", default=squash / 3))), heading=heading, squash=deflection,
+        corner,
+        radius,
+        found.looks.tire_width,
+        x=at,
+        y=line + y + yaw * x,
+        z=height,
+        turn=at * (1.0 / (radius - found.parameter("disc.rolling_loss", default=squash / 3))),
+        heading=heading,
+        squash=deflection,
         contact=contact,
-    )  # fmt: skip
+    )
 
 
 def _mount(found: _Found, corner: str) -> float:
@@ -389,9 +409,12 @@ def _forces(found: _Found, corner: str, wheel: Wheel, mount: tuple[float, float,
     if found.has(f"contact.{corner}.fz"):
         at = tuple(found.output(f"contact.{corner}.{n}") for n in "xz")
         yield Arrow(
-            f"ground on {corner}", "ground", found.output(f"contact.{corner}.fz"), found.output(f"contact.{corner}.fx"),
+            f"ground on {corner}",
+            "ground",
+            found.output(f"contact.{corner}.fz"),
+            found.output(f"contact.{corner}.fx"),
             at=(at[0], Value(offset=found.side(corner) * found.half_track(corner)), at[1]),
-        )  # fmt: skip
+        )
     elif found.has(f"tire.{corner}.force"):
         below = wheel.squash + Value(offset=-wheel.radius)  # type: ignore[operator]
         yield Arrow(
@@ -452,7 +475,8 @@ def _reliefs(found: _Found) -> list[Relief]:
     return [] if shape == _TRENCH else [Relief([(0.0, 0.0)])]
 
 
-# ------------------------------------------------------------------------------------------------- what controllers show
+# ------------------------------------------------------------------------------------------------- what controllers
+# show
 
 
 _USED = "preview.used"  # beyond the first
@@ -502,8 +526,10 @@ def _preview_step(system: Wiring, reader: Member, source: Member) -> float | Non
 
 
 def _predictions(found: _Found, distance: Value) -> Iterator[Points]:
-    """How controllers expect the front suspensions to move, `predicted.suspension.{c}.deflection[i]` a sample apart: drawn at the height of
-    the strut's upper end, which a body at rest keeps above the road, and from the deflection now."""
+    """How controllers expect the front suspensions to move, `predicted.suspension.{c}.deflection[i]` a sample apart:
+    drawn at the height of the strut's upper end, which a body at rest keeps above the road, and from the deflection
+    now.
+    """
     if found.speed is None:
         return
     for member in found.system.members.values():
@@ -582,7 +608,8 @@ def _readings(found: _Found) -> list[Reading]:
     return [r for r in readings if unique[r.label] is r]
 
 
-# ---------------------------------------------------------------------------------------------------------- quarter cars
+# ---------------------------------------------------------------------------------------------------------- quarter
+# cars
 
 
 def _quarter(found: _Found) -> Scene:
@@ -597,9 +624,15 @@ def _quarter(found: _Found) -> Scene:
     road = found.given("road.height") or Value()
     body = Body("body", shapes.rig_mass(size), x=at, z=found.output("body.z", offset=height))
     wheel = Wheel(
-        "wheel", size, 0.55 * size, x=at, y=0.0, z=found.output("wheel.z", offset=size - squash), turn=at * (1.0 / (size - squash / 3)),
+        "wheel",
+        size,
+        0.55 * size,
+        x=at,
+        y=0.0,
+        z=found.output("wheel.z", offset=size - squash),
+        turn=at * (1.0 / (size - squash / 3)),
         squash=_squash(found, squash),
-    )  # fmt: skip
+    )
     arrows = []
     force = found.given("force")
     if force is not None:
@@ -659,7 +692,8 @@ def _quarter_ground(found: _Found) -> Iterator[Ground]:
     yield Ground("left", 0.0, found.road.name, f"{found.road.name}.x", connection.source_name, at)
 
 
-# ---------------------------------------------------------------------------------------------------------------- pieces
+# ----------------------------------------------------------------------------------------------------------------
+# pieces
 
 
 def _source(connection: Connection) -> Value:

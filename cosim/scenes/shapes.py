@@ -1,4 +1,5 @@
-"""Hulls: what vehicles look like, from where their wheels are. Drawn for the eye; only what a plant's parameters say is to scale.
+"""Hulls: what vehicles look like, from where their wheels are. Drawn for the eye; only what a plant's parameters say is
+to scale.
 
 Every maker gives faces in the frame of the body: the origin is the centre of gravity, x ahead, y left, z up [m].
 """
@@ -208,7 +209,9 @@ def sedan(axles: Sequence[Axle], cg_height: float) -> list[Face]:
 
 @dataclass(frozen=True)
 class Outline:
-    """The lower outline of a long vehicle, as `ThreeAxleTrench` has it [m]: overhangs beyond the outer axles, heights above the CG."""
+    """The lower outline of a long vehicle, as `ThreeAxleTrench` has it [m]: overhangs beyond the outer axles, heights
+    above the CG.
+    """
 
     front_overhang: float = 1.2
     rear_overhang: float = 1.25
@@ -221,14 +224,18 @@ class Outline:
     def lower(self, first: float, last: float) -> list[tuple[float, float]]:
         """From the front tip to the rear one; x of the outer axles."""
         return [
-            (first + self.front_overhang, self.tip_height), (first + self.knee_distance, self.knee_height),
-            (first + self.belly_distance, self.belly_height), (last - self.belly_distance, self.belly_height),
-            (last - self.knee_distance, self.knee_height), (last - self.rear_overhang, self.tip_height),
-        ]  # fmt: skip
+            (first + self.front_overhang, self.tip_height),
+            (first + self.knee_distance, self.knee_height),
+            (first + self.belly_distance, self.belly_height),
+            (last - self.belly_distance, self.belly_height),
+            (last - self.knee_distance, self.knee_height),
+            (last - self.rear_overhang, self.tip_height),
+        ]
 
 
 def carrier(axles: Sequence[Axle], outline: Outline) -> list[Face]:
-    """A wheeled carrier on three axles or more: its belly as the plant has it, sloping bow, sponsons above the wheels."""
+    """A wheeled carrier on three axles or more: its belly as the plant has it, sloping bow, sponsons
+    above the wheels."""
     first, last = axles[0].x, axles[-1].x
     side = max(a.half_track for a in axles) + 0.13
     inner = min(a.half_track - a.width / 2 for a in axles) - 0.09
@@ -328,7 +335,9 @@ def carrier(axles: Sequence[Axle], outline: Outline) -> list[Face]:
 
 
 def rig_mass(size: float) -> list[Face]:
-    """The sprung mass of a quarter car, guided at both ends; `size` is the radius of the wheel. Its origin is the middle of its underside."""
+    """The sprung mass of a quarter car, guided at both ends; `size` is the radius of the wheel. Its origin is the
+    middle of its underside.
+    """
     return [
         *_box((-1.35 * size, 1.35 * size), (-0.8 * size, 0.8 * size), (0.0, 0.62 * size), "mass"),
         *_box((-0.95 * size, 0.95 * size), (-0.5 * size, 0.5 * size), (0.62 * size, 0.84 * size), "mass"),
@@ -361,7 +370,8 @@ def rig_frame(size: float, height: float) -> list[Face]:
 
 
 def rig_plate(size: float, stroke: float) -> list[Face]:
-    """The shaker's plate with its piston, `stroke` above the base; the origin is on the plate, where the tire stands."""
+    """The shaker's plate with its piston, `stroke` above the base; the origin is on the plate, where the
+    tire stands."""
     return [
         *_box((-1.05 * size, 1.05 * size), (-0.62 * size, 0.62 * size), (-0.14 * size, 0.0), "panel"),
         *_box((-0.2 * size, 0.2 * size), (-0.2 * size, 0.2 * size), (-stroke, -0.14 * size), "steel"),
@@ -386,7 +396,8 @@ def _leaning(z1: float, y1: float, z2: float, y2: float) -> Callable[[float], fl
 
 
 def _sides(low: Contour, high: Contour, y: float, material: Material = "hull") -> list[Face]:
-    """The sheets at both sides between a lower and an upper contour, upright at y and -y, in columns, which are convex."""
+    """The sheets at both sides between a lower and an upper contour, upright at y and -y, in columns,
+    which are convex."""
     (lx, lz), (hx, hz) = (np.array(sorted(c)).T for c in (low, high))
     xs = np.unique(np.concatenate([lx, hx]))
     xs = xs[(xs >= max(lx[0], hx[0])) & (xs <= min(lx[-1], hx[-1]))]
@@ -424,7 +435,8 @@ def _round_arch(x: float, centre: float, radius: float, sill: float) -> list[tup
 
 
 def _arch_liner(piece: tuple[tuple[float, float], tuple[float, float]], side: float) -> Face:
-    """One sheet of the inside of both arches of an axle; what is between the wheels hides where it crosses the vehicle."""
+    """One sheet of the inside of both arches of an axle; what is between the wheels hides where it
+    crosses the vehicle."""
     return _strip(piece[0], side, piece[1], side, "dark")
 
 

@@ -19,11 +19,17 @@ PREFIXES = {prefix: name[1:-1] for prefix, name in _SHORT.items()}
 OURS, OF_OSP, OF_OPENMODELICA = "suspension-fmus", "com.opensimulationplatform", "org.openmodelica"
 """Types of annotations."""
 
-FMU, DEFINITION, PACKAGE = "application/x-fmu-sharedlibrary", "application/x-ssp-definition", "application/x-ssp-package"
+FMU, DEFINITION, PACKAGE = (
+    "application/x-fmu-sharedlibrary",
+    "application/x-ssp-definition",
+    "application/x-ssp-package",
+)
 """Types of components."""
 PARAMETERS, MAPPING, DICTIONARY = (
-    "application/x-ssp-parameter-set", "application/x-ssp-parameter-mapping", "application/x-ssp-signal-dictionary",
-)  # fmt: skip
+    "application/x-ssp-parameter-set",
+    "application/x-ssp-parameter-mapping",
+    "application/x-ssp-signal-dictionary",
+)
 
 ENTRY = "SystemStructure.ssd"
 VERSIONS = ("1.0", "2.0")

@@ -45,7 +45,8 @@ class Package:
             raise SspError(str(error)) from None
 
     def descriptions(self) -> list[Path]:
-        """The descriptions of structure beside each other: the one that counts by itself first, then variants by name."""
+        """The descriptions of structure beside each other: the one that counts by itself first, then
+        variants by name."""
         found = [p for p in self.folder.glob("*.ssd") if p.is_file()]
         return sorted(found, key=lambda p: (p.name != ENTRY, p.name))
 
@@ -69,7 +70,11 @@ class Package:
         except OSError:
             there = False
         if not there:
-            names = [p.relative_to(base.parent).as_posix() for p in self.folder.rglob("*") if p.is_file() and p.is_relative_to(base.parent)]
+            names = [
+                p.relative_to(base.parent).as_posix()
+                for p in self.folder.rglob("*")
+                if p.is_file() and p.is_relative_to(base.parent)
+            ]
             raise SspError(f"{name} is not in it{did_you_mean(relative, names)}")
         return path
 
@@ -84,5 +89,7 @@ class Package:
         except FmuError as error:
             raise SspError(str(error)) from None
         if found := deviation(root):
-            warnings.warn(f"{self.title}: {name} deviates from SSP {root.get('version', '')}: {found}", SspWarning, stacklevel=2)
+            warnings.warn(
+                f"{self.title}: {name} deviates from SSP {root.get('version', '')}: {found}", SspWarning, stacklevel=2
+            )
         return root

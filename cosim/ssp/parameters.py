@@ -32,7 +32,11 @@ class Given:
         if v.type == "real":
             factor, offset = (1.0, 0.0) if value.suppress else _conversion(value.unit, v.unit, v.relative)
             t = value.transformation
-            factor, offset = (factor, offset) if t is None or t.kind != "Linear" else (t.factor * factor, t.factor * offset + t.offset)
+            factor, offset = (
+                (factor, offset)
+                if t is None or t.kind != "Linear"
+                else (t.factor * factor, t.factor * offset + t.offset)
+            )
             parsed = [x if (factor, offset) == (1.0, 0.0) else factor * x + offset for x in parsed]
         return _shaped(parsed, variables, value.name)
 
@@ -43,7 +47,9 @@ class Given:
         if v.type == "string":
             return _shaped(parsed, variables, self.value.name)
         if how is None:
-            factor, offset = _conversion(self.value.unit or unit, v.unit, v.relative) if v.type == "real" else (1.0, 0.0)
+            factor, offset = (
+                _conversion(self.value.unit or unit, v.unit, v.relative) if v.type == "real" else (1.0, 0.0)
+            )
             how = Change(factor, offset)
         table = dict(how.table)
         plain = (how.factor, how.offset) == (1.0, 0.0)
@@ -77,7 +83,10 @@ class Given:
                 raise SspError(f"{one_line(text, 40)!r} is no number")
             items = items_of(fmu, v)[1]
             if text not in items:
-                raise SspError(f"{one_line(text, 40)!r} is no item of its enumeration{did_you_mean(text, items)} ({', '.join(items)})")
+                raise SspError(
+                    f"{one_line(text, 40)!r} is no item of its enumeration{did_you_mean(text, items)}"
+                    f" ({', '.join(items)})"
+                )
             return items[text]
         if v.type == "integer" and self.value.type not in ("Real", "Float64", "Float32"):
             return _whole(text)
@@ -124,7 +133,9 @@ def _conversion(given: Unit | None, own: Unit | None, relative: bool) -> tuple[f
     try:
         return conversion(given, own, relative)
     except UnitMismatchError as error:
-        raise SspError(f"its unit is {given.name if given else ''}, that of the variable {own.name if own else ''}: {error}") from None
+        raise SspError(
+            f"its unit is {given.name if given else ''}, that of the variable {own.name if own else ''}: {error}"
+        ) from None
 
 
 def _boolean(text: str) -> bool:

@@ -102,8 +102,8 @@ class _Reader:
             chosen = next((s for s in choices if s is not None), None)
             if chosen is None:
                 raise SspError(
-                    f"{self.title}: neither it nor the FMU says how often '{name}' is stepped: say it, step='1 ms' for all that say nothing "
-                    f"or step={{'{name}': '1 ms'}}"
+                    f"{self.title}: neither it nor the FMU says how often '{name}' is stepped: say it, step='1 ms' for"
+                    f" all that say nothing or step={{'{name}': '1 ms'}}"
                 )
             self.wiring.add(name, about, step=chosen, offset=c.own.get("offset", "0"), kind=kind)  # type: ignore[arg-type]
         return set(given)
@@ -148,7 +148,8 @@ class _Reader:
             about = self.member(place.path).description
             near = did_you_mean(place.connector, about.variables)
             raise SspError(
-                f"{self.title}: component '{'.'.join(place.path)}': its FMU {about.name} has no variable '{place.connector}'{near}"
+                f"{self.title}: component '{'.'.join(place.path)}': its FMU {about.name} has no variable"
+                f" '{place.connector}'{near}"
             )
         if not place.indices and len(found) == 1:
             return found[0]
@@ -175,7 +176,9 @@ class _Reader:
             with self.named_in(f"line {steps[0].connection.line}"):
                 if how is not None and how.table:
                     if origin.type != "integer" or target.type != "integer":
-                        raise WiringError(f"{start} -> {end}: integers are mapped, but it is {origin.fmi_type} to {target.fmi_type}")
+                        raise WiringError(
+                            f"{start} -> {end}: integers are mapped, but it is {origin.fmi_type} to {target.fmi_type}"
+                        )
                     start, how = self.table(start, source, how, tables), None
                 linear = None if how is None else (how.factor, how.offset)
                 self.wiring.connect(start, end, linear=linear, **flags)
@@ -185,7 +188,11 @@ class _Reader:
         if (start, how) not in tables:
             member = self.member(source.path)
             stem = "".join(ch if ch.isalnum() else "_" for ch in start)
-            name = next(n for n in (f"{stem}_mapped", *(f"{stem}_mapped{k}" for k in range(2, 10_000))) if n not in self.wiring.members)
+            name = next(
+                n
+                for n in (f"{stem}_mapped", *(f"{stem}_mapped{k}" for k in range(2, 10_000)))
+                if n not in self.wiring.members
+            )
             self.wiring.add(name, IntegerTable(dict(how.table), member.step), step=member.step, offset=member.offset)
             self.wiring.connect(start, f"{name}.u")
             tables[start, how] = f"{name}.y"
@@ -201,10 +208,14 @@ class _Reader:
             for name, value in self.applied(path, signals, given).items():
                 with self.named_in(f"component '{'.'.join(path)}', parameter '{one_line(name, 80)}'"):
                     each = member.expand(name, value)
-                    member.set({n: v for n, v in each.items() if n not in c.initial})  # those are for tools that step first
+                    member.set(
+                        {n: v for n, v in each.items() if n not in c.initial}
+                    )  # those are for tools that step first
 
     def applied(self, path: tuple[str, ...], signals: Signals, given: Mapping[Place, Given]) -> dict[str, Any]:
-        """Values by the names of an FMU's variables: those that are given for it, or for what its connectors take their values from."""
+        """Values by the names of an FMU's variables: those that are given for it, or for what its connectors take their
+        values from.
+        """
         member = self.member(path)
         fmu = member.component.fmu if isinstance(member.component, FmuComponent) else None
         found: dict[str, tuple[int, Any]] = {}
@@ -216,13 +227,22 @@ class _Reader:
             if place.path != path or place.indices:
                 continue
             source, steps = signals.way(place)
-            if source not in given or source.path in self.components or (variables := self.variables(path, place.connector)) is None:
+            if (
+                source not in given
+                or source.path in self.components
+                or (variables := self.variables(path, place.connector)) is None
+            ):
                 continue
             g = given[source]
             if place.connector in found and found[place.connector][0] <= g.depth:
                 continue
-            how = change(steps, g.value.unit or steps[0].source.unit, variables[0].unit, variables[0].relative, f"{self.title}: {source}")
+            how = change(
+                steps,
+                g.value.unit or steps[0].source.unit,
+                variables[0].unit,
+                variables[0].relative,
+                f"{self.title}: {source}",
+            )
             with self.named_in(f"component '{'.'.join(path)}', parameter '{one_line(place.connector, 80)}'"):
                 found[place.connector] = g.depth, g.along(how, variables, fmu, steps[0].source.unit)
         return {name: value for name, (_, value) in found.items()}
-

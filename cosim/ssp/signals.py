@@ -1,7 +1,9 @@
-"""The way of every signal through nested systems and signal dictionaries: where an input's value comes from, and what happens to it.
+"""The way of every signal through nested systems and signal dictionaries: where an input's value comes from, and what
+happens to it.
 
-A place is a connector of an element, by the path of systems to it, or an entry of a signal dictionary; of arrays each element by itself. At
-most one connection leads to a place. Which end of a connection gives and which takes is told by the kinds of the connectors.
+A place is a connector of an element, by the path of systems to it, or an entry of a signal dictionary; of arrays each
+element by itself. At most one connection leads to a place. Which end of a connection gives and which takes is told by
+the kinds of the connectors.
 """
 
 from __future__ import annotations
@@ -96,9 +98,13 @@ def _connect(
         words = "give a value" if gives[0] else "take a value"
         kinds = " and ".join(connector.kind for connector, _ in ends)
         raise SspError(f"{here}: both ends {words} ({kinds})")
-    (source, sources), (target, targets) = ends if gives[0] or gives[1] is False or gives == [None, None] else ends[::-1]
+    (source, sources), (target, targets) = (
+        ends if gives[0] or gives[1] is False or gives == [None, None] else ends[::-1]
+    )
     if source.kind == "calculatedParameter":
-        raise SspError(f"{here}: a calculated parameter is handed on when components are initialized, which cosim does not do")
+        raise SspError(
+            f"{here}: a calculated parameter is handed on when components are initialized, which cosim does not do"
+        )
     if len(sources) != len(targets):
         raise SspError(f"{here}: {len(sources)} element(s) to {len(targets)}")
     for a, b in zip(sources, targets, strict=True):
@@ -108,13 +114,16 @@ def _connect(
 
 
 def _gives(connector: Connector, *, own: bool) -> bool | None:
-    """Whether a connection takes a value from here; None for either. What a system takes from outside it gives inside."""
+    """Whether a connection takes a value from here; None for either. What a system takes from outside it
+    gives inside."""
     if connector.kind in _GIVES:
         return not own
     return own if connector.kind in _TAKES else None
 
 
-def _end(end: End, system: System, path: Path, around: tuple[tuple[System, Path], ...], here: str) -> tuple[Connector, list[Place]]:
+def _end(
+    end: End, system: System, path: Path, around: tuple[tuple[System, Path], ...], here: str
+) -> tuple[Connector, list[Place]]:
     """The connector at one end of a connection, and its places."""
     owner: Element = system
     at, inside = path, ""
@@ -126,7 +135,9 @@ def _end(end: End, system: System, path: Path, around: tuple[tuple[System, Path]
     connector = owner.connectors.get(end.connector)
     if connector is None:
         whose = f"'{end.element}'" if end.element else "the system"
-        raise SspError(f"{here}: {whose} has no connector '{end.connector}'{did_you_mean(end.connector, owner.connectors)}")
+        raise SspError(
+            f"{here}: {whose} has no connector '{end.connector}'{did_you_mean(end.connector, owner.connectors)}"
+        )
     if isinstance(owner, Reference):
         connector, at, inside = _entry(owner, connector, around, here)
     places = _places(at, connector, inside)
@@ -137,15 +148,20 @@ def _end(end: End, system: System, path: Path, around: tuple[tuple[System, Path]
     return connector, places
 
 
-def _entry(reference: Reference, connector: Connector, around: tuple[tuple[System, Path], ...], here: str) -> tuple[Connector, Path, str]:
-    """The entry of a signal dictionary that a reference's connector stands for: of the nearest system that has such a dictionary."""
+def _entry(
+    reference: Reference, connector: Connector, around: tuple[tuple[System, Path], ...], here: str
+) -> tuple[Connector, Path, str]:
+    """The entry of a signal dictionary that a reference's connector stands for: of the nearest system that has such a
+    dictionary.
+    """
     for system, path in reversed(around):
         entries = system.dictionaries.get(reference.dictionary)
         if entries is None:
             continue
         if connector.name not in entries:
             raise SspError(
-                f"{here}: the signal dictionary '{reference.dictionary}' has no entry '{connector.name}'{did_you_mean(connector.name, entries)}"
+                f"{here}: the signal dictionary '{reference.dictionary}' has no entry"
+                f" '{connector.name}'{did_you_mean(connector.name, entries)}"
             )
         entry = entries[connector.name]
         made = Connector(entry.name, connector.kind, entry.type, entry.unit or connector.unit, entry.items, entry.shape)
@@ -171,8 +187,9 @@ class Change:
 
 
 def change(steps: list[Step], first: Unit | None, last: Unit | None, relative: bool, title: str) -> Change | None:
-    """Conversions of units and transformations one after the other; None where nothing happens but the conversion of the first unit
-    into the last. Raises SspError for what does not fit."""
+    """Conversions of units and transformations one after the other; None where nothing happens but the conversion of
+    the first unit into the last. Raises SspError for what does not fit.
+    """
     if all(s.connection.transformation is None and not s.connection.suppress for s in steps):
         units = [u for u in (first, *(s.target.unit for s in steps[:-1]), last) if u is not None]
         for a, b in itertools.pairwise(units):
@@ -214,7 +231,10 @@ def _transformed(c: Change, t: Transformation, step: Step, here: str) -> Change:
     if t.kind == "BooleanMapping":
         if len(t.table) < 2:
             (known,) = t.table
-            raise SspError(f"{here}: the mapping says what {str(known).lower()} becomes, and not what {str(not known).lower()} does")
+            raise SspError(
+                f"{here}: the mapping says what {str(known).lower()} becomes, and not what {str(not known).lower()}"
+                " does"
+            )
         low, high = float(t.table[False]), float(t.table[True])
         return _after(c, high - low, low)
     table = t.table if t.kind == "IntegerMapping" else _by_items(t.table, step, here)
@@ -230,13 +250,18 @@ def _by_items(table: dict[str, str], step: Step, here: str) -> dict[int, int]:
     found = {}
     for name, connector, texts in (("start", step.source, list(table)), ("end", step.target, list(table.values()))):
         if connector.items is None:
-            raise SspError(f"{here}: the {name} of the connection is no Enumeration that the file defines, so its items have no values")
+            raise SspError(
+                f"{here}: the {name} of the connection is no Enumeration that the file defines, so its items have no"
+                " values"
+            )
         missing = [x for x in texts if x not in connector.items]
         if missing:
-            raise SspError(f"{here}: '{missing[0]}' is no item of the {name}'s enumeration{did_you_mean(missing[0], connector.items)}")
+            raise SspError(
+                f"{here}: '{missing[0]}' is no item of the {name}'s"
+                f" enumeration{did_you_mean(missing[0], connector.items)}"
+            )
     assert step.source.items is not None
     assert step.target.items is not None
     for a, b in table.items():
         found[step.source.items[a]] = step.target.items[b]
     return found
-

@@ -1,5 +1,6 @@
-"""What the files of an SSP say: systems, components, connectors, connections, parameter sets; nested descriptions and packages in their
-places. Nothing here knows FMUs."""
+"""What the files of an SSP say: systems, components, connectors, connections, parameter sets; nested descriptions and
+packages in their places. Nothing here knows FMUs.
+"""
 
 from __future__ import annotations
 
@@ -25,7 +26,17 @@ DEEPEST = 20  # systems in systems
 MOST = 10_000  # components in all
 _LARGEST = 1_000_000  # elements of one array
 
-KINDS = ("input", "output", "parameter", "calculatedParameter", "structuralParameter", "constant", "local", "inout", "unspecified")
+KINDS = (
+    "input",
+    "output",
+    "parameter",
+    "calculatedParameter",
+    "structuralParameter",
+    "constant",
+    "local",
+    "inout",
+    "unspecified",
+)
 _TRANSFORMATIONS = ("Linear", "BooleanMapping", "IntegerMapping", "EnumerationMapping")
 
 
@@ -133,7 +144,9 @@ class Structure:
 
 
 def read(package: Package, variant: str | None) -> Structure:
-    """The structure of a package: the description that counts by itself, or a variant by its name or that of its file. Raises SspError."""
+    """The structure of a package: the description that counts by itself, or a variant by its name or that of its file.
+    Raises SspError.
+    """
     files = package.descriptions()
     if variant is None:
         return _File(package, files[0], _Count(), ()).structure()
@@ -162,7 +175,9 @@ class _File:
         self.where = f"{package.title}: {file.relative_to(package.folder).as_posix()}"
         self.root = package.root(file)
         if self.root.tag != f"{SSD}SystemStructureDescription":
-            raise self.error(self.root, f"its element is {etree.QName(self.root).localname}, not SystemStructureDescription")
+            raise self.error(
+                self.root, f"its element is {etree.QName(self.root).localname}, not SystemStructureDescription"
+            )
         self.units = units_of(self.root, f"{SSD}Units/{SSC}Unit", self.where)
         self.items = _enumerations_of(self.root, f"{SSD}Enumerations/{SSC}Enumeration", self.where)
         self.warned: set[str] = set()  # units that it was warned of
@@ -204,7 +219,11 @@ class _File:
             seconds = float(text) if "/" not in text else text
             return positive(seconds, what) if above_zero else rational(seconds, what)
         except (TimeError, ValueError) as error:
-            reason = str(error) if isinstance(error, TimeError) else f"{what}: {one_line(text, 40)!r} is no number of seconds"
+            reason = (
+                str(error)
+                if isinstance(error, TimeError)
+                else f"{what}: {one_line(text, 40)!r} is no number of seconds"
+            )
             raise self.error(element, reason) from None
 
     # Systems and what is in them.
@@ -217,15 +236,23 @@ class _File:
         if len(self.above) >= DEEPEST:
             raise self.error(element, f"systems are nested more than {DEEPEST} deep")
         above, self.above = self.above, (*self.above, key)
-        master = element.find(f"{SSD}Annotations/{SSC}Annotation[@type='{names.OF_OPENMODELICA}']//{OMS}FixedStepMaster")
+        master = element.find(
+            f"{SSD}Annotations/{SSC}Annotation[@type='{names.OF_OPENMODELICA}']//{OMS}FixedStepMaster"
+        )
         if master is not None:
             step = self.time(master, "stepSize", above_zero=True) or step
         own = element.find(f"{SSD}Annotations/{SSC}Annotation[@type='{names.OURS}']/{OWN}System")
-        around, self.own = self.own, {c.get("component"): c for c in own.iterfind(f"{OWN}Component")} if own is not None else {}
+        around, self.own = (
+            self.own,
+            {c.get("component"): c for c in own.iterfind(f"{OWN}Component")} if own is not None else {},
+        )
         made = System(
-            **self.element(element), elements={}, dictionaries=self.dictionaries(element), step=step,
+            **self.element(element),
+            elements={},
+            dictionaries=self.dictionaries(element),
+            step=step,
             connections=[self.connection(c) for c in element.iterfind(f"{SSD}Connections/{SSD}Connection")],
-        )  # fmt: skip
+        )
         for child in element.iterfind(f"{SSD}Elements/*"):
             found = self.child(child, step)
             if found.name in made.elements:
@@ -244,7 +271,9 @@ class _File:
         if kind == "SignalDictionaryReference":
             return Reference(**self.element(element), dictionary=self.text(element, "dictionary"))
         if kind != "Component":
-            raise self.error(element, f"{kind} is no element of a system: Component, System and SignalDictionaryReference are")
+            raise self.error(
+                element, f"{kind} is no element of a system: Component, System and SignalDictionaryReference are"
+            )
         return self.component(element, step)
 
     def element(self, element: Any) -> dict[str, Any]:
@@ -270,20 +299,28 @@ class _File:
             return self.nested(element, name, kind, source, step)
         if kind != names.FMU:
             known = (names.FMU, names.DEFINITION, names.PACKAGE)
-            raise self.error(element, f"component '{name}' is of type {one_line(kind, 80)!r}; what can be run is {', '.join(known)}")
+            raise self.error(
+                element, f"component '{name}' is of type {one_line(kind, 80)!r}; what can be run is {', '.join(known)}"
+            )
         implementation = element.get("implementation", "any")
         if implementation not in ("any", "CoSimulation"):
-            raise self.error(element, f"component '{name}' is to run as {one_line(implementation, 40)}; cosim runs FMUs for Co-Simulation")
+            raise self.error(
+                element,
+                f"component '{name}' is to run as {one_line(implementation, 40)}; cosim runs FMUs for Co-Simulation",
+            )
         hint = element.find(f"{SSD}Annotations/{SSC}Annotation[@type='{names.OF_OSP}']//{OSP}StepSizeHint")
         own = self.own.get(name)
         return Component(
-            **self.element(element), fmu=self.package.file(source, self.file, f"component '{name}'"),
-            hint=None if hint is None else self.time(hint, "value", above_zero=True), own={} if own is None else dict(own.attrib),
+            **self.element(element),
+            fmu=self.package.file(source, self.file, f"component '{name}'"),
+            hint=None if hint is None else self.time(hint, "value", above_zero=True),
+            own={} if own is None else dict(own.attrib),
             initial=frozenset(i.get("name", "") for i in (() if own is None else own.iterfind(f"{OWN}Initial"))),
-        )  # fmt: skip
+        )
 
     def nested(self, element: Any, name: str, kind: str, source: str, step: Fraction | None) -> System:
-        """A component that is another description, of this package or of one in it, or a system of this file by its id."""
+        """A component that is another description, of this package or of one in it, or a system of this
+        file by its id."""
         path, _, fragment = source.partition("#")
         what = f"component '{name}'"
         if not path:
@@ -306,7 +343,10 @@ class _File:
             inner = file.system(file.top(), step)
         outer = self.element(element)
         return replace(
-            inner, name=name, connectors={**outer["connectors"], **inner.connectors}, values=[*inner.values, *outer["values"]]
+            inner,
+            name=name,
+            connectors={**outer["connectors"], **inner.connectors},
+            values=[*inner.values, *outer["values"]],
         )
 
     # Connectors and connections.
@@ -320,7 +360,9 @@ class _File:
     def typed(self, element: Any, name: str, kind: str) -> Connector:
         """A connector, or an entry of a dictionary: its type, unit and size."""
         typed = next((e for e in element if e.tag.startswith(SSC) and not e.tag.endswith("}Dimension")), None)
-        shape = tuple(self.whole(d, "size") for d in element.iterfind(f"{SSC}Dimension") if d.get("sizeConnector") is None)
+        shape = tuple(
+            self.whole(d, "size") for d in element.iterfind(f"{SSC}Dimension") if d.get("sizeConnector") is None
+        )
         if len(shape) < len(element.findall(f"{SSC}Dimension")):
             raise self.error(element, f"'{name}' has a size that another connector says, which cosim does not support")
         if math.prod(shape) > _LARGEST:
@@ -329,32 +371,46 @@ class _File:
             return Connector(name, kind, shape=shape)
         items = typed.get("name")
         return Connector(
-            name, kind, etree.QName(typed).localname, self.unit(typed, f"'{name}'"),
-            self.items.get(items) if items is not None else None, shape,
-        )  # fmt: skip
+            name,
+            kind,
+            etree.QName(typed).localname,
+            self.unit(typed, f"'{name}'"),
+            self.items.get(items) if items is not None else None,
+            shape,
+        )
 
     def unit(self, element: Any, what: str) -> Unit | None:
-        """The unit that an element names: one of the Units. Other spellings of a known unit (`[m]`) and an empty text are warned of, once each."""
+        """The unit that an element names: one of the Units. Other spellings of a known unit (`[m]`) and an empty text
+        are warned of, once each.
+        """
         text = element.get("unit")
         if text is None or text in self.units:
             return None if text is None else self.units[text]
         none = text.strip() in ("", "-", "[]", "[-]")
         found = self.units.get(text.strip(" []")) or meant(text)
         if not none and found is None:
-            raise self.error(element, f"{what} has the unit {one_line(text, 40)!r}, which is not among the Units{did_you_mean(text, self.units)}")
+            raise self.error(
+                element,
+                f"{what} has the unit {one_line(text, 40)!r}, which is not among the"
+                f" Units{did_you_mean(text, self.units)}",
+            )
         if text not in self.warned:
             self.warned.add(text)
             taken = "no unit" if none or found is None else f"'{found.name}'"
             warnings.warn(
-                f"{self.where}, line {element.sourceline}: {what} has the unit {one_line(text, 40)!r}, which is not among the Units; it is read as {taken}",
-                SspWarning, stacklevel=2,
-            )  # fmt: skip
+                f"{self.where}, line {element.sourceline}: {what} has the unit {one_line(text, 40)!r}, which is not"
+                f" among the Units; it is read as {taken}",
+                SspWarning,
+                stacklevel=2,
+            )
         return None if none else found
 
     def whole(self, element: Any, attribute: str) -> int:
         text = self.text(element, attribute)
         if not text.strip().isdecimal() or len(text) > 18:
-            raise self.error(element, f"{etree.QName(element).localname} {attribute} is {one_line(text, 40)!r}, no whole number")
+            raise self.error(
+                element, f"{etree.QName(element).localname} {attribute} is {one_line(text, 40)!r}, no whole number"
+            )
         return int(text)
 
     def connection(self, element: Any) -> Connection:
@@ -363,11 +419,22 @@ class _File:
             texts = element.get(f"{which}Indices", "").split()
             if not all(t.isdecimal() and len(t) < 10 for t in texts):
                 raise self.error(element, f"{which}Indices are no whole numbers")
-            ends.append(End(element.get(f"{which}Element") or "", self.text(element, f"{which}Connector"), tuple(map(int, texts))))
+            ends.append(
+                End(
+                    element.get(f"{which}Element") or "",
+                    self.text(element, f"{which}Connector"),
+                    tuple(map(int, texts)),
+                )
+            )
         own = element.find(f"{SSD}Annotations/{SSC}Annotation[@type='{names.OURS}']/{OWN}Connection")
         flags = {} if own is None else {k: own.get(k) == "true" for k in ("delay", "extrapolate")}
         return Connection(
-            ends[0], ends[1], element.sourceline, transformation_of(element, self.where), _true(element, "suppressUnitConversion"), **flags
+            ends[0],
+            ends[1],
+            element.sourceline,
+            transformation_of(element, self.where),
+            _true(element, "suppressUnitConversion"),
+            **flags,
         )
 
     def dictionaries(self, element: Any) -> dict[str, dict[str, Connector]]:
@@ -477,7 +544,9 @@ def transformation_of(element: Any, where: str) -> Transformation | None:
         kind = name.removesuffix("Transformation")
         here = f"{where}, line {e.sourceline}"
         if kind not in _TRANSFORMATIONS or not e.tag.startswith(SSC):
-            raise SspError(f"{here}: {unknown('transformation', name, (f'{t}Transformation' for t in _TRANSFORMATIONS))}")
+            raise SspError(
+                f"{here}: {unknown('transformation', name, (f'{t}Transformation' for t in _TRANSFORMATIONS))}"
+            )
         if kind == "Linear":
             return Transformation(kind, _number(e, "factor", 1.0, here), _number(e, "offset", 0.0, here))
         read_one = {"BooleanMapping": _boolean, "IntegerMapping": _integer}.get(kind, _item)

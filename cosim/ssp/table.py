@@ -1,4 +1,6 @@
-"""A mapping of integers between two components, as a component that is executed with its source and hands its value on at once."""
+"""A mapping of integers between two components, as a component that is executed with its source and hands its value on
+at once.
+"""
 
 from __future__ import annotations
 
@@ -24,9 +26,13 @@ class IntegerTable(PythonComponent):
             for n, c, s in (("u", "input", next(iter(table))), ("y", "output", None))
         )
         self.description = Description(
-            name=type(self).__name__, variables={"u": u, "y": y}, kind=self.kind, default_step=step, can_save=True,
+            name=type(self).__name__,
+            variables={"u": u, "y": y},
+            kind=self.kind,
+            default_step=step,
+            can_save=True,
             dependencies={"y": frozenset({"u"})},
-        )  # fmt: skip
+        )
         self._inputs, self._outputs = {u: 0}, {y: 0}
 
     def start(self, u: Array, y: Array) -> None:

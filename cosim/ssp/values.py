@@ -21,8 +21,12 @@ SET = "initialValues"
 
 
 def parameter_set(name: str, values: Mapping[str, Any], fmu: FmuFile, version: str) -> etree._Element:
-    """The parameter set of the component `name`. In SSP 2.0 elements of an array of the FMU are one parameter, all of them, row-major."""
-    root = etree.Element(f"{SSV}ParameterSet", nsmap={p: names.PREFIXES[p] for p in ("ssv", "ssc")}, version=version, name=SET)
+    """The parameter set of the component `name`. In SSP 2.0 elements of an array of the FMU are one parameter, all of
+    them, row-major.
+    """
+    root = etree.Element(
+        f"{SSV}ParameterSet", nsmap={p: names.PREFIXES[p] for p in ("ssv", "ssc")}, version=version, name=SET
+    )
     parameters = etree.SubElement(root, f"{SSV}Parameters")
     variables, arrays = fmu.description.variables, fmu.description.arrays
     done: set[str] = set()
@@ -39,7 +43,10 @@ def parameter_set(name: str, values: Mapping[str, Any], fmu: FmuFile, version: s
                 f"'{name}': set all of {v.declared}; the FMU tells no start value of {listed[texts.index(None)].name}"
             )
         if any(escape.NO_XML.search(t or "") for t in texts):
-            raise SspError(f"'{name}': the value of {v.name} has a character that XML cannot hold: set it in the tool that runs the SSP")
+            raise SspError(
+                f"'{name}': the value of {v.name} has a character that XML cannot hold: set it in the tool that runs"
+                " the SSP"
+            )
         parameter = etree.SubElement(parameters, f"{SSV}Parameter", name=v.declared if whole else v.name)
         typed = etree.SubElement(parameter, f"{SSV}{_type(v, version)}")
         if v.fmi_type == "Enumeration":
@@ -77,7 +84,10 @@ def _enumerated(typed: etree._Element, v: Variable, fmu: FmuFile, values: list[i
     by_value = {n: item for item, n in items_of(fmu, v)[1].items()}
     missing = [n for n in values if n not in by_value]
     if missing:
-        raise SspError(f"{fmu.path}: '{v.name}' is {missing[0]}, which is no item of its enumeration: {', '.join(by_value.values())}")
+        raise SspError(
+            f"{fmu.path}: '{v.name}' is {missing[0]}, which is no item of its enumeration:"
+            f" {', '.join(by_value.values())}"
+        )
     if len(values) == 1:
         typed.set("value", by_value[values[0]])
     else:

@@ -1,4 +1,6 @@
-"""An SSP of a system: the description of its structure, its FMUs, its parameter sets. The same system gives the same bytes."""
+"""An SSP of a system: the description of its structure, its FMUs, its parameter sets. The same system gives the same
+bytes.
+"""
 
 from __future__ import annotations
 
@@ -40,11 +42,20 @@ Name = tuple[Member, str]
 
 
 def export_ssp(
-    members: Iterable[Member], schedule: Schedule, path: Path, *, version: str, stop_time: Fraction | None, inputs: Iterable[str],
-    initial: Mapping[str, float], text: str = "",
-) -> Path:  # fmt: skip
-    """Write a system as an SSP; see `System.export_ssp`. `members`: all, in their order; `inputs`: full names of inputs that are the system's; `initial`: what connected
-    inputs show when the system has been initialized, by name. Raises SspError naming what cannot be in it."""
+    members: Iterable[Member],
+    schedule: Schedule,
+    path: Path,
+    *,
+    version: str,
+    stop_time: Fraction | None,
+    inputs: Iterable[str],
+    initial: Mapping[str, float],
+    text: str = "",
+) -> Path:
+    """Write a system as an SSP; see `System.export_ssp`. `members`: all, in their order; `inputs`: full names of inputs
+    that are the system's; `initial`: what connected inputs show when the system has been initialized, by name. Raises
+    SspError naming what cannot be in it.
+    """
     version = version_of(version)
     if path.suffix != ".ssp" or not path.stem:
         raise SspError(f"{path}: name the file NAME.ssp")
@@ -54,13 +65,15 @@ def export_ssp(
 
 
 def files_of(schedule: Schedule, version: str) -> dict[Member, FmuFile]:
-    """The file of every member, in the version of FMI that the SSP takes. Raises SspError naming a member that cannot travel."""
+    """The file of every member, in the version of FMI that the SSP takes. Raises SspError naming a member that cannot
+    travel.
+    """
     found = {}
     for m in schedule.members:
         if not isinstance(m.component, FmuComponent):
             raise SspError(
-                f"'{m.name}' is written in Python, and an SSP holds FMUs only: leave it out, or declare it as a component that "
-                "build-fmus makes an FMU of"
+                f"'{m.name}' is written in Python, and an SSP holds FMUs only: leave it out, or declare it as a"
+                " component that build-fmus makes an FMU of"
             )
         if m.component.isolation is not None:
             raise SspError(
@@ -87,7 +100,9 @@ def _file_of(m: Member, fmu: FmuFile, schedule: Schedule, major: str) -> FmuFile
 
 def _require_same(m: Member, fmu: FmuFile, sibling: FmuFile, schedule: Schedule) -> None:
     """The other version of a member's FMU has what the system uses."""
-    used = {c.output for c in schedule.connections if c.source is m} | {c.input for c in schedule.connections if c.target is m}
+    used = {c.output for c in schedule.connections if c.source is m} | {
+        c.input for c in schedule.connections if c.target is m
+    }
     used |= {m.description.variables[n] for n in m.values}
     for v in sorted(used, key=lambda v: v.name):
         other = sibling.description.variables.get(v.name)
@@ -101,10 +116,14 @@ def open_inputs(schedule: Schedule, patterns: Iterable[str]) -> list[str]:
     driven = {c.target_name for c in schedule.connections}
     found: dict[str, None] = {}
     for pattern in patterns:
-        fitting = [f"{m.name}.{v.name}" for m, v in members.fitting(pattern, "input") if v.causality == "input" and v.size == 1]
+        fitting = [
+            f"{m.name}.{v.name}" for m, v in members.fitting(pattern, "input") if v.causality == "input" and v.size == 1
+        ]
         free = [n for n in fitting if n not in driven]
         if not free:
-            raise WiringError(f"'{pattern}' is no input that nothing drives{did_you_mean(pattern, schedule.unconnected)}")
+            raise WiringError(
+                f"'{pattern}' is no input that nothing drives{did_you_mean(pattern, schedule.unconnected)}"
+            )
         found.update(dict.fromkeys(free))
     return list(found)
 
@@ -153,9 +172,7 @@ class _Exporter:
         stems = identifiers(str(p) for p in files)
         short = identifiers(p.stem for p in files)
         several = len({p.stem for p in files}) < len(files)
-        self.sources = {
-            p: f"resources/{(_short(stems[str(p)], p) if several else short[p.stem])}.fmu" for p in files
-        }
+        self.sources = {p: f"resources/{(_short(stems[str(p)], p) if several else short[p.stem])}.fmu" for p in files}
         self.driven = {c.target_name: c for c in self.schedule.connections}
         self.open_ids = identifiers(self.open)
 
@@ -193,16 +210,22 @@ class _Exporter:
         return {"real": float, "integer": int, "boolean": bool}.get(kind, str)(value)
 
     def _only_initial(self, m: Member) -> list[str]:
-        """Values of connected inputs that are there for tools that step before they exchange, and what completes arrays."""
+        """Values of connected inputs that are there for tools that step before they exchange, and what completes
+        arrays.
+        """
         about, written = m.description, set(self._values(m))
         if self.fmus[m].major == "3":
-            written |= {e for n in written if about.variables[n].size > 1 for e in about.arrays[about.variables[n].declared]}
+            written |= {
+                e for n in written if about.variables[n].size > 1 for e in about.arrays[about.variables[n].declared]
+            }
         return sorted(written - m.values.keys())
 
     # The description of the structure.
 
     def _structure(self) -> bytes:
-        root = etree.Element(f"{SSD}SystemStructureDescription", nsmap=names.PREFIXES, version=self.version, name=escape.xml(self.name))
+        root = etree.Element(
+            f"{SSD}SystemStructureDescription", nsmap=names.PREFIXES, version=self.version, name=escape.xml(self.name)
+        )
         root.set("generationTool", f"{names.OURS} {metadata.version(names.OURS)}")
         if self.text:
             root.set("description", escape.xml(self.text))
@@ -221,9 +244,12 @@ class _Exporter:
             for n in self.open:
                 variable = self._variable(n).name
                 etree.SubElement(
-                    connections, f"{SSD}Connection", startConnector=self.open_ids[n],
-                    endElement=self.ids[n.removesuffix(f".{variable}")], endConnector=variable,
-                )  # fmt: skip
+                    connections,
+                    f"{SSD}Connection",
+                    startConnector=self.open_ids[n],
+                    endElement=self.ids[n.removesuffix(f".{variable}")],
+                    endConnector=variable,
+                )
             for wire in wires:
                 self._connection(connections, wire)
         etree.SubElement(
@@ -245,24 +271,35 @@ class _Exporter:
     def _component(self, elements: etree._Element, m: Member, picture: Picture) -> None:
         fmu, box = self.fmus[m], picture.boxes[m]
         element = etree.SubElement(
-            elements, f"{SSD}Component", name=self.ids[m.name], type=names.FMU, source=self.sources[fmu.path],
+            elements,
+            f"{SSD}Component",
+            name=self.ids[m.name],
+            type=names.FMU,
+            source=self.sources[fmu.path],
             implementation="CoSimulation",
-        )  # fmt: skip
+        )
         if m.description.text:
             element.set("description", m.description.text)
         connectors = self._connectors(m)
         if connectors:
             parent = etree.SubElement(element, f"{SSD}Connectors")
-            sides = {"input": [c for c in connectors if c[1] == "input"], "output": [c for c in connectors if c[1] != "input"]}
+            sides = {
+                "input": [c for c in connectors if c[1] == "input"],
+                "output": [c for c in connectors if c[1] != "input"],
+            }
             for declared, kind, v in connectors:
                 side = sides["input" if kind == "input" else "output"]
                 y = 1 - (side.index((declared, kind, v)) + 1) / (len(side) + 1)
                 place = None if kind == "parameter" else (0.0 if kind == "input" else 1.0, y)
                 self._connector(parent, declared, kind, v, place)
         etree.SubElement(
-            element, f"{SSD}ElementGeometry", x1=_length(box.x), y1=_length(picture.height - box.bottom), x2=_length(box.right),
+            element,
+            f"{SSD}ElementGeometry",
+            x1=_length(box.x),
+            y1=_length(picture.height - box.bottom),
+            x2=_length(box.right),
             y2=_length(picture.height - box.y),
-        )  # fmt: skip
+        )
         if self._values(m):
             bindings = etree.SubElement(element, f"{SSD}ParameterBindings")
             etree.SubElement(bindings, f"{SSD}ParameterBinding", source=self._values_file(m))
@@ -272,18 +309,26 @@ class _Exporter:
             etree.SubElement(hint, f"{OSP}StepSizeHint", value=repr(float(m.step)))
 
     def _connectors(self, m: Member) -> list[tuple[str, str, Variable]]:
-        """Name, kind and (first) variable of each connector: all outputs, all inputs that something drives, parameters that are set.
-        Inputs that keep their start values are none: several readers drive whatever is there, by 0 or by another one's source."""
+        """Name, kind and (first) variable of each connector: all outputs, all inputs that something drives, parameters
+        that are set. Inputs that keep their start values are none: several readers drive whatever is there, by 0 or by
+        another one's source.
+        """
         fed = {*self.driven, *self.open}
         found: dict[str, tuple[str, str, Variable]] = {}
         local = {c.output.name for c in self.schedule.connections if c.source is m and c.output.causality == "local"}
         if local and self.version == "1.0":
             raise SspError(
-                f"'{m.name}.{min(local)}' is a local variable that drives something, for which SSP 1.0 has no connector: export it as SSP 2.0"
+                f"'{m.name}.{min(local)}' is a local variable that drives something, for which SSP 1.0 has no"
+                " connector: export it as SSP 2.0"
             )
         for v in m.description.variables.values():
             kind = "local" if v.name in local else v.causality
-            wanted = {"input": f"{m.name}.{v.name}" in fed, "output": True, "local": v.name in local, "parameter": v.name in m.values}
+            wanted = {
+                "input": f"{m.name}.{v.name}" in fed,
+                "output": True,
+                "local": v.name in local,
+                "parameter": v.name in m.values,
+            }
             if wanted.get(kind, False) and v.type != "other":
                 found.setdefault(self._declared(m, v)[0], (self._declared(m, v)[0], kind, v))
         return list(found.values())
@@ -329,9 +374,10 @@ class _Exporter:
     def _enumeration(self, v: Variable) -> str:
         name, items = items_of(self._owner(v).component.fmu, v)  # type: ignore[attr-defined]
         unique = next(
-            n for n in (name, *(f"{name}_{k}" for k in range(2, len(self.enumerations) + 3)))
+            n
+            for n in (name, *(f"{name}_{k}" for k in range(2, len(self.enumerations) + 3)))
             if self.enumerations.get(n, items) == items
-        )  # fmt: skip
+        )
         self.enumerations[unique] = items
         return unique
 
@@ -344,7 +390,9 @@ class _Exporter:
     # Connections.
 
     def _wires(self) -> list[_Wire]:
-        """Connections of the file: arrays that are connected element by element in their order are connected as a whole."""
+        """Connections of the file: arrays that are connected element by element in their order are connected as a
+        whole.
+        """
         found: list[_Wire] = []
         whole: dict[tuple[Name, Name], list[Connection]] = {}
         for c in self.schedule.connections:
@@ -361,16 +409,21 @@ class _Exporter:
                 found.append(_Wire(listed[0], start, end))
             else:
                 found += [
-                    _Wire(c, start, end, self._declared(source, c.output)[1], self._declared(target, c.input)[1]) for c in listed
+                    _Wire(c, start, end, self._declared(source, c.output)[1], self._declared(target, c.input)[1])
+                    for c in listed
                 ]
         return sorted(found, key=lambda w: (w.connection.target_name, w.connection.source_name))
 
     def _connection(self, parent: etree._Element, wire: _Wire) -> None:
         c = wire.connection
         element = etree.SubElement(
-            parent, f"{SSD}Connection", startElement=self.ids[c.source.name], startConnector=wire.start,
-            endElement=self.ids[c.target.name], endConnector=wire.end,
-        )  # fmt: skip
+            parent,
+            f"{SSD}Connection",
+            startElement=self.ids[c.source.name],
+            startConnector=wire.start,
+            endElement=self.ids[c.target.name],
+            endConnector=wire.end,
+        )
         for key, values in (("startIndices", wire.start_indices), ("endIndices", wire.end_indices)):
             if values:
                 element.set(key, " ".join(map(str, values)))
@@ -394,17 +447,29 @@ class _Exporter:
         return gcd([m.step for m in self.members])
 
     def _system_annotations(self, system: etree._Element) -> None:
-        """First OMSimulator's, which looks at the first one only; then ours, here because OMSimulator refuses any in a component."""
+        """First OMSimulator's, which looks at the first one only; then ours, here because OMSimulator refuses any in a
+        component.
+        """
         annotations = etree.SubElement(system, f"{SSD}Annotations")
         oms = etree.SubElement(annotations, f"{SSC}Annotation", type=names.OF_OPENMODELICA)
         information = etree.SubElement(etree.SubElement(oms, f"{OMS}Annotations"), f"{OMS}SimulationInformation")
         etree.SubElement(
-            information, f"{OMS}FixedStepMaster", description="oms-ma", stepSize=repr(float(self._step)),
-            absoluteTolerance=_TOLERANCE, relativeTolerance=_TOLERANCE,
-        )  # fmt: skip
+            information,
+            f"{OMS}FixedStepMaster",
+            description="oms-ma",
+            stepSize=repr(float(self._step)),
+            absoluteTolerance=_TOLERANCE,
+            relativeTolerance=_TOLERANCE,
+        )
         own = etree.SubElement(etree.SubElement(annotations, f"{SSC}Annotation", type=names.OURS), f"{OWN}System")
         for m in self.members:
-            about = {"component": self.ids[m.name], "name": m.name, "kind": m.kind, "step": str(m.step), "offset": str(m.offset)}
+            about = {
+                "component": self.ids[m.name],
+                "name": m.name,
+                "kind": m.kind,
+                "step": str(m.step),
+                "offset": str(m.offset),
+            }
             element = etree.SubElement(own, f"{OWN}Component", **about)
             for n in self._only_initial(m):
                 etree.SubElement(element, f"{OWN}Initial", name=n)
@@ -442,7 +507,9 @@ def _sibling(fmu: FmuFile, major: str) -> FmuFile | None:
 def unit_element(parent: etree._Element, unit: Unit) -> None:
     """A unit by its exponents, factor and offset."""
     powers = {b: str(n) for b, n in zip(BASE_UNITS, unit.exponents or (), strict=False) if n}
-    more = {k: repr(x) for k, x, default in (("factor", unit.factor, 1.0), ("offset", unit.offset, 0.0)) if x != default}
+    more = {
+        k: repr(x) for k, x, default in (("factor", unit.factor, 1.0), ("offset", unit.offset, 0.0)) if x != default
+    }
     etree.SubElement(etree.SubElement(parent, f"{SSC}Unit", name=unit.name), f"{SSC}BaseUnit", **powers, **more)
 
 
@@ -491,4 +558,3 @@ def _number(x: float) -> str:
 
 def _flag(value: bool) -> str:
     return "true" if value else "false"
-

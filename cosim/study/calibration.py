@@ -4,9 +4,10 @@
     found = calibrate(model, measured, {"car.body.mass": (2800.0, 1000.0, 6000.0)})
     print(found.text())
 
-Nonlinear least squares in the logarithms of the parameters, which are positive. What the data do not tell is found from the Jacobian of the
-response there, by central differences: with noise of standard deviation s its Fisher information is J'J / s^2, whose inverse bounds the covariance of
-every unbiased estimate (Cramer and Rao), and whose smallest eigenvalues belong to combinations of parameters that move nothing one could measure.
+Nonlinear least squares in the logarithms of the parameters, which are positive. What the data do not tell is found from
+the Jacobian of the response there, by central differences: with noise of standard deviation s its Fisher information is
+J'J / s^2, whose inverse bounds the covariance of every unbiased estimate (Cramer and Rao), and whose smallest
+eigenvalues belong to combinations of parameters that move nothing one could measure.
 """
 
 from __future__ import annotations
@@ -35,7 +36,10 @@ Range = tuple[float, float, float]
 VAGUE = 0.5  # relative standard deviation beyond which the data do not tell a parameter
 CORRELATED = 0.95  # correlation beyond which the data tell a combination of two parameters, and hardly either
 CONFIDENCE = 0.95
-STEPS = (1e-2, 1e-4)  # of the logarithm of a parameter, for differences: first across kinks of the response, then for the result
+STEPS = (
+    1e-2,
+    1e-4,
+)  # of the logarithm of a parameter, for differences: first across kinks of the response, then for the result
 
 
 class CalibrationError(CosimError, ValueError):
@@ -53,8 +57,14 @@ class SystemResponse:
     """
 
     def __init__(
-        self, system: System, outputs: Sequence[str], *, stop_time: TimeLike, interval: TimeLike, allow_unconnected: bool = False
-    ) -> None:  # fmt: skip
+        self,
+        system: System,
+        outputs: Sequence[str],
+        *,
+        stop_time: TimeLike,
+        interval: TimeLike,
+        allow_unconnected: bool = False,
+    ) -> None:
         self.outputs = [f"{m.name}.{v.name}" for m, v in system.select(list(outputs))]
         self._system, self._stop, self._interval, self._open = system, stop_time, interval, allow_unconnected
 
@@ -73,7 +83,8 @@ class Calibration:
     """What was found, and how well the data tell it.
 
     Attributes:
-        names: of the parameters; ``values`` (n,): at the smallest sum of squares; ``bounds``: where they were looked for.
+        names: of the parameters; ``values`` (n,): at the smallest sum of squares; ``bounds``: where they were looked
+            for.
         residuals: (samples, outputs), data less response.
         jacobian: (samples * outputs, n), of the response over its noise, by the logarithms of the parameters.
         noise: standard deviation of each output (outputs,), as given, or estimated from the residuals.
@@ -100,7 +111,8 @@ class Calibration:
 
     @cached_property
     def _spectrum(self) -> tuple[Array, Array]:
-        """Eigenvalues of the information, largest first, and its eigenvectors as columns (see :func:`_by_parameter`)."""
+        """Eigenvalues of the information, largest first, and its eigenvectors as columns (see
+        :func:`_by_parameter`)."""
         _, singular, rows = np.linalg.svd(self.jacobian, full_matrices=False)
         return singular**2 / self.inflation, _by_parameter(singular, rows.T)
 
@@ -133,7 +145,9 @@ class Calibration:
 
     @property
     def untold(self) -> list[str]:
-        """Parameters that these data do not tell: a relative standard deviation beyond one half, or a fit that ended at a bound."""
+        """Parameters that these data do not tell: a relative standard deviation beyond one half, or a fit that ended at
+        a bound.
+        """
         return [
             n for n, d, at in zip(self.names, self.deviations.tolist(), self.at_bounds, strict=True) if d > VAGUE or at
         ]
@@ -159,18 +173,24 @@ class Calibration:
 
     @property
     def combinations(self) -> list[tuple[float, dict[str, float]]]:
-        """From the best told: relative standard deviation of a product of powers of the parameters, and the powers (above 0.1)."""
+        """From the best told: relative standard deviation of a product of powers of the parameters, and the powers
+        (above 0.1).
+        """
         size, axes = self._spectrum
         with np.errstate(divide="ignore"):
             return [
-                (float(1 / np.sqrt(s)), {n: round(float(p), 2) for n, p in zip(self.names, axis, strict=True) if abs(p) > 0.1})
+                (
+                    float(1 / np.sqrt(s)),
+                    {n: round(float(p), 2) for n, p in zip(self.names, axis, strict=True) if abs(p) > 0.1},
+                )
                 for s, axis in zip(size, axes.T, strict=True)
             ]
 
     @property
     def misfit(self) -> float:
-        """Mean square of the residuals over that of the noise as given: 1 for a model that lacks nothing and the right minimum; 1 by
-        definition where the noise was estimated."""
+        """Mean square of the residuals over that of the noise as given: 1 for a model that lacks nothing and the right
+        minimum; 1 by definition where the noise was estimated.
+        """
         return float(np.mean((self.residuals / self.noise) ** 2))
 
     @property
@@ -198,20 +218,23 @@ class Calibration:
         lines.append(f"Noise {kind}: {', '.join(f'{s:.3g}' for s in self.noise.tolist())}.")
         if self.leaves_more:
             lines.append(
-                f"The residuals are larger than the noise (mean square {self.misfit:.3f} of it): the model lacks something, or this is not the "
-                "smallest sum of squares (others=... tries more first values). The intervals say nothing of that."
+                f"The residuals are larger than the noise (mean square {self.misfit:.3f} of it): the model lacks"
+                " something, or this is not the smallest sum of squares (others=... tries more first values). The"
+                " intervals say nothing of that."
             )
         if self.inflation > 1.5:
             lines.append(
-                f"Residuals follow each other (variances times {self.inflation:.3g}): the model lacks something, and the intervals say "
-                "nothing of that."
+                f"Residuals follow each other (variances times {self.inflation:.3g}): the model lacks something, and"
+                " the intervals say nothing of that."
             )
         return "\n".join(lines)
 
 
 def _by_parameter(singular: Array, axes: Array) -> Array:
-    """The same axes with signs, and among axes of equal length directions, that follow from the parameters: in each subspace the first
-    axis is nearest to the parameter that has the largest part in it, and positive there. LAPACK's own choice differs by processor."""
+    """The same axes with signs, and among axes of equal length directions, that follow from the parameters: in each
+    subspace the first axis is nearest to the parameter that has the largest part in it, and positive there. LAPACK's
+    own choice differs by processor.
+    """
     chosen, begin = np.empty_like(axes), 0
     rounding = len(axes) * np.finfo(float).eps * singular[0]
     while begin < len(singular):
@@ -241,14 +264,14 @@ def calibrate(
         response: values by name -> (samples, outputs) or (samples,).
         measured: of the same shape.
         parameters: first value, lowest and highest of each, all positive.
-        noise: standard deviation of each output, or one for all; None: outputs count by their own size, and the noise is estimated
-            from the residuals.
+        noise: standard deviation of each output, or one for all; None: outputs count by their own size, and the noise
+            is estimated from the residuals.
         others: further first values, at random within the ranges; the best fit counts.
         seed: of these.
 
     Raises:
-        CalibrationError: ranges upside down or not positive, data of another shape or not finite, a parameter that is none, fewer data than
-            parameters.
+        CalibrationError: ranges upside down or not positive, data of another shape or not finite, a parameter that is
+            none, fewer data than parameters.
     """
     names = list(parameters)
     start, low, high = _ranges(parameters)
@@ -264,7 +287,9 @@ def calibrate(
         raise CalibrationError(f"the noise is {noise!r}; give positive standard deviations")
 
     def residuals(logs: Array) -> Array:
-        found = np.asarray(response(dict(zip(names, np.exp(logs).tolist(), strict=True))), dtype=float).reshape(data.shape)
+        found = np.asarray(response(dict(zip(names, np.exp(logs).tolist(), strict=True))), dtype=float).reshape(
+            data.shape
+        )
         finite("the response", found, sampled=True, error=CalibrationError)
         return ((found - data) / scale).ravel()
 
@@ -282,7 +307,12 @@ def calibrate(
     def fit(logs: Array) -> Any:
         for step in STEPS:
             found = optimize.least_squares(
-                residuals, logs, jac=partial(jacobian, step=step), bounds=(np.log(low), np.log(high)), x_scale="jac", xtol=1e-10
+                residuals,
+                logs,
+                jac=partial(jacobian, step=step),
+                bounds=(np.log(low), np.log(high)),
+                x_scale="jac",
+                xtol=1e-10,
             )
             logs = found.x
         return found
@@ -296,9 +326,16 @@ def calibrate(
         sigma = np.maximum(np.sqrt((left**2).sum(axis=0) / free), 1e-12 * scale)
         final = (final.reshape(*data.shape, -1) * (scale / sigma)[:, None]).reshape(data.size, -1)
     return Calibration(
-        names, np.exp(logs), list(zip(low.tolist(), high.tolist(), strict=True)), left, final, sigma, noise is None,
-        _inflation(left) if noise is None else 1.0, bool(best.status > 0),
-    )  # fmt: skip
+        names,
+        np.exp(logs),
+        list(zip(low.tolist(), high.tolist(), strict=True)),
+        left,
+        final,
+        sigma,
+        noise is None,
+        _inflation(left) if noise is None else 1.0,
+        bool(best.status > 0),
+    )
 
 
 def _ranges(parameters: Mapping[str, Range]) -> tuple[Array, Array, Array]:
@@ -311,7 +348,8 @@ def _ranges(parameters: Mapping[str, Range]) -> tuple[Array, Array, Array]:
             raise CalibrationError(f"the range of {name} is {given!r}; give first value, lowest, highest") from None
         if not 0 < low < start < high < math.inf:
             raise CalibrationError(
-                f"{name} begins at {start:g} and is looked for from {low:g} to {high:g}; give positive numbers, the first between the others"
+                f"{name} begins at {start:g} and is looked for from {low:g} to {high:g}; give positive numbers, the"
+                " first between the others"
             )
     columns = np.array([tuple(map(float, v)) for v in parameters.values()])
     return columns[:, 0], columns[:, 1], columns[:, 2]
@@ -324,7 +362,9 @@ def _scale(data: Array) -> Array:
 
 
 def _inflation(residuals: Array) -> float:
-    """Factor on variances for residuals with correlation r from sample to sample: (1 + r) / (1 - r), of the worst output."""
+    """Factor on variances for residuals with correlation r from sample to sample: (1 + r) / (1 - r), of the worst
+    output.
+    """
     found = 1.0
     for column in _columns(residuals):
         power = float(column @ column)

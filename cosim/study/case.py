@@ -1,12 +1,13 @@
-"""Cases: one run of an experiment as a frozen dataclass, whose fields carry what people and machines need to know of them.
+"""Cases: one run of an experiment as a frozen dataclass, whose fields carry what people and machines need to know of
+them.
 
     @dataclass(frozen=True)
     class Ride(Case):
         road: str = option("sine", choices=ROADS, help="road under the wheels", always=True)
         speed: float = option(50.0, unit="km/h", within=(5, 120), help="speed", label="{:g}kmh")
 
-From a field come its command-line option with help and checks, its part of the key of a stored run, of the run's label, and
-of the tables and figures of a report.
+From a field come its command-line option with help and checks, its part of the key of a stored run, of the run's label,
+and of the tables and figures of a report.
 """
 
 from __future__ import annotations
@@ -52,7 +53,9 @@ class Option:
 
 @dataclass(frozen=True)
 class Field:
-    """A field of a class of cases: its name in Python, its type without None, its default, and what :func:`option` says of it."""
+    """A field of a class of cases: its name in Python, its type without None, its default, and what :func:`option` says
+    of it.
+    """
 
     attribute: str
     type: type
@@ -99,8 +102,8 @@ def option(
         aliases: earlier names of the option, which still work.
         label: how the value stands in the run's label: a format, or a function of the value.
         always: whether it stands there also when it is the default.
-        only: where the field means something, a function of the case, and that in words: "the explicit controller". Elsewhere
-            every value but the default is refused.
+        only: where the field means something, a function of the case, and that in words: "the explicit controller".
+            Elsewhere every value but the default is refused.
     """
     found = Option(help, unit, within, choices, files, name, aliases, label, always, only)
     return dataclasses.field(default=default, metadata={"option": found})
@@ -208,8 +211,9 @@ def check_choice(what: str, value: Any, known: Collection[Any], beside: str = ""
 def label(case: Any) -> str:
     """The values of a case that tell it from others, joined by dashes; "default" when there are none.
 
-    Two cases of a class have different labels, also where upper and lower case are the same, and a label is a name for files. A
-    text that other cases could have as well, or that no file can have, ends with eight digits of a hash of the case.
+    Two cases of a class have different labels, also where upper and lower case are the same, and a label is a name for
+    files. A text that other cases could have as well, or that no file can have, ends with eight digits of a hash of the
+    case.
     """
     pieces = [(f, getattr(case, f.attribute)) for f in fields(type(case))]
     pieces = [(f, v) for f, v in pieces if _is_labelled(f, v) and not (f.option.only and not f.option.only[0](case))]

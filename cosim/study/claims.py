@@ -40,10 +40,10 @@ class Evidence:
 class Finding:
     """What a study says of a statement.
 
-    ``ours``: what came out, in words. ``holds``: whether what is claimed holds, leaving the published number aside. ``reason``:
-    why it does not, or not in that size. ``value`` [``unit``], or ``over``, the distribution that it is the median of: our
-    figure, which counts as the published one inside of ``band``. ``criterion``: the rule of ``holds`` in words. ``fitted``: what
-    was chosen with published figures in view. ``undecided``: why the runs do not decide.
+    ``ours``: what came out, in words. ``holds``: whether what is claimed holds, leaving the published number aside.
+    ``reason``: why it does not, or not in that size. ``value`` [``unit``], or ``over``, the distribution that it is the
+    median of: our figure, which counts as the published one inside of ``band``. ``criterion``: the rule of ``holds`` in
+    words. ``fitted``: what was chosen with published figures in view. ``undecided``: why the runs do not decide.
     """
 
     ours: str
@@ -68,7 +68,8 @@ class Finding:
 class Statement:
     """A statement and the function that judges it; ``own``: a check of ours, which no paper states.
 
-    ``text`` is a function of the study where it names something that the FMUs which ran say; it finds words also if no run did.
+    ``text`` is a function of the study where it names something that the FMUs which ran say; it finds words also if no
+    run did.
     """
 
     id: str
@@ -127,7 +128,9 @@ class ClaimList:
         return keep
 
     def judge(self, study: Any) -> Claims:
-        """Every statement judged on a study. One that needs a run which failed is open, and a check of ours does not hold."""
+        """Every statement judged on a study. One that needs a run which failed is open, and a check of ours does not
+        hold.
+        """
         found = Claims()
         for s in self:
             try:
@@ -139,12 +142,33 @@ class ClaimList:
                 found.clearly(s.id, quantity, values, holds, unit)
             if s.own:
                 found.check(
-                    s.id, text, s.published, f.ours, f.holds, f.reason, s.source, f.value, f.unit,
-                    criterion=f.criterion, fitted=f.fitted,
-                )  # fmt: skip
+                    s.id,
+                    text,
+                    s.published,
+                    f.ours,
+                    f.holds,
+                    f.reason,
+                    s.source,
+                    f.value,
+                    f.unit,
+                    criterion=f.criterion,
+                    fitted=f.fitted,
+                )
             else:
                 found.judge(
-                    s.id, text, s.published, f.ours, f.holds, f.reason, s.source, f.value, f.unit, band=f.band, over=f.over,
-                    criterion=f.criterion, fitted=f.fitted, undecided=f.undecided,
-                )  # fmt: skip
+                    s.id,
+                    text,
+                    s.published,
+                    f.ours,
+                    f.holds,
+                    f.reason,
+                    s.source,
+                    f.value,
+                    f.unit,
+                    band=f.band,
+                    over=f.over,
+                    criterion=f.criterion,
+                    fitted=f.fitted,
+                    undecided=f.undecided,
+                )
         return found

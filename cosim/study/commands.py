@@ -1,4 +1,6 @@
-"""Commands of an experiment, made of what it declares: ``run`` with the options of its cases, ``study`` with those of its plan."""
+"""Commands of an experiment, made of what it declares: ``run`` with the options of its cases, ``study`` with those of
+its plan.
+"""
 
 from __future__ import annotations
 
@@ -44,7 +46,9 @@ Vehicles = Annotated[
     typer.Option(
         "--vehicle",
         metavar="FILE",
-        help="vehicle, actuator or sensors file whose FMUs are used instead (build-fmus --vehicle); several may be given",
+        help=(
+            "vehicle, actuator or sensors file whose FMUs are used instead (build-fmus --vehicle); several may be given"
+        ),
     ),
 ]
 Processes = Annotated[int | None, typer.Option("--processes", help="worker processes (default: all cores)", min=1)]
@@ -53,7 +57,10 @@ Dask = Annotated[
     typer.Option(
         "--dask",
         metavar="ADDRESS|local",
-        help="run on a Dask cluster: the address of its scheduler, tcp://HOST:8786, or local for one that is started here",
+        help=(
+            "run on a Dask cluster: the address of its scheduler, tcp://HOST:8786, or local for one that is started"
+            " here"
+        ),
     ),
 ]
 Force = Annotated[bool, typer.Option("--force", help="run everything again; runs stored earlier are discarded")]
@@ -79,7 +86,9 @@ Isolate = Annotated[
 Timeout = Annotated[
     float | None, typer.Option("--step-timeout", metavar="S", help="longest wall time of one call of these FMUs [s]")
 ]
-Memory = Annotated[float | None, typer.Option("--memory-limit", metavar="MB", help="what such an FMU may allocate [MB]")]
+Memory = Annotated[
+    float | None, typer.Option("--memory-limit", metavar="MB", help="what such an FMU may allocate [MB]")
+]
 
 _FMUS: dict[str, tuple[Any, Any]] = {"fmus": (Fmus, Path("fmus")), "fmi": (Version, 3)}
 _OUT: dict[str, tuple[Any, Any]] = {"out": (Out, Path("results"))}
@@ -100,17 +109,22 @@ EVERYWHERE_OF_STUDIES = {**_EVERYWHERE, **_MANY}
 """Options of whatever makes many runs."""
 Target = Annotated[Path | None, typer.Option("--fmu", metavar="FILE", help="the FMU to write, NAME.fmu")]
 Package = Annotated[
-    Path | None, typer.Option("--ssp", metavar="FILE", help="the SSP to write, NAME.ssp: FMUs and wiring, for tools that read SSP")
+    Path | None,
+    typer.Option("--ssp", metavar="FILE", help="the SSP to write, NAME.ssp: FMUs and wiring, for tools that read SSP"),
 ]
 Structure = Annotated[
-    str, typer.Option("--ssp-version", metavar="1.0|2.0", help="SSP 1.0 holds FMUs of FMI 2.0, SSP 2.0 those of FMI 3.0")
+    str,
+    typer.Option("--ssp-version", metavar="1.0|2.0", help="SSP 1.0 holds FMUs of FMI 2.0, SSP 2.0 those of FMI 3.0"),
 ]
 Patterns = Annotated[
     list[str] | None,
     typer.Option(
         "--input",
         metavar="NAME",
-        help="inputs, as MEMBER.VARIABLE or a pattern (default: of an FMU all that nothing drives, of an SSP none); several may be given",
+        help=(
+            "inputs, as MEMBER.VARIABLE or a pattern (default: of an FMU all that nothing drives, of an SSP none);"
+            " several may be given"
+        ),
     ),
 ]
 Outputs = Annotated[list[str] | None, typer.Option("--output", metavar="NAME", help="outputs, likewise (default: all)")]
@@ -129,12 +143,15 @@ Where = Annotated[
     ),
 ]
 Web = Annotated[
-    Path | None, typer.Option("--web", metavar="FILE", help="the web page to write, NAME.html, in which the system runs live")
+    Path | None,
+    typer.Option("--web", metavar="FILE", help="the web page to write, NAME.html, in which the system runs live"),
 ]
 Beside = Annotated[
     list[str] | None,
     typer.Option(
-        "--beside", metavar="OPTION=VALUE,...", help="on the page: one more system beside it, the case with these options changed; several may be given"
+        "--beside",
+        metavar="OPTION=VALUE,...",
+        help="on the page: one more system beside it, the case with these options changed; several may be given",
     ),
 ]
 _EXPORT: dict[str, tuple[Any, Any]] = {
@@ -156,31 +173,50 @@ RealTime = Annotated[
     typer.Option(
         "--real-time",
         metavar="[FACTOR]",
-        help="keep pace with the clock: 1 (which need not be written) is its own, 2 twice as fast; says how well that went",
+        help=(
+            "keep pace with the clock: 1 (which need not be written) is its own, 2 twice as fast; says how well that"
+            " went"
+        ),
     ),
 ]
 DisplayUnits = Annotated[
-    bool, typer.Option("--display-units", help="time histories in the units in which FMUs want them displayed (deg, km/h), not in SI")
+    bool,
+    typer.Option(
+        "--display-units", help="time histories in the units in which FMUs want them displayed (deg, km/h), not in SI"
+    ),
 ]
 Curves = Annotated[
     list[str] | None,
-    typer.Option("--plot", metavar="NAME", help="draw what is recorded of this name or pattern, car.body.az, in the terminal; several may be given"),
+    typer.Option(
+        "--plot",
+        metavar="NAME",
+        help="draw what is recorded of this name or pattern, car.body.az, in the terminal; several may be given",
+    ),
 ]
-Bars = Annotated[bool, typer.Option("--bars", help="draw the metrics as bars in the terminal, beside those of the baseline")]
-HoldInput = Annotated[bool, typer.Option("--hold-input", help="a run that is longer than such a file keeps its last values")]
+Bars = Annotated[
+    bool, typer.Option("--bars", help="draw the metrics as bars in the terminal, beside those of the baseline")
+]
+HoldInput = Annotated[
+    bool, typer.Option("--hold-input", help="a run that is longer than such a file keeps its last values")
+]
 
 
 def _one_run(experiment: Experiment) -> dict[str, tuple[Any, Any]]:
     """Options of one run, beside those of its case. Names that the case has for its own options are the case's."""
     own = {f"--{n}" for f in fields(experiment.case) for n in (f.name, *f.option.aliases)}
     signals = typer.Option(
-        *(n for n in ("--signals", "--input") if n not in own), metavar="FILE",
-        help="a CSV or Parquet file whose columns, 'time [s]' and 'MEMBER.INPUT [unit]', drive these inputs; several may be given",
-    )  # fmt: skip
+        *(n for n in ("--signals", "--input") if n not in own),
+        metavar="FILE",
+        help=(
+            "a CSV or Parquet file whose columns, 'time [s]' and 'MEMBER.INPUT [unit]', drive these inputs; several may"
+            " be given"
+        ),
+    )
     recording = typer.Option(
-        *(n for n in ("--recording", "--output") if n not in own), metavar="FILE",
+        *(n for n in ("--recording", "--output") if n not in own),
+        metavar="FILE",
         help=f"where time histories go, by its ending: {', '.join(FORMATS)} (default: a CSV in --out)",
-    )  # fmt: skip
+    )
     return {
         "signals_": (Annotated[list[Path] | None, signals], None),
         "hold_input": (HoldInput, False),
@@ -195,9 +231,25 @@ _PACE: dict[str, tuple[Any, Any]] = {"real_time": (RealTime, None)}
 _VEHICLE: dict[str, tuple[Any, Any]] = {"vehicle": (Vehicles, None)}
 NOTHING = 1e-20  # of a metric: below it there is nothing to compare
 EVERYWHERE = (
-    "--fmus", "--fmi", "--vehicle", "--out", "--engine", "--isolate", "--step-timeout", "--memory-limit",
-    "--signals", "--hold-input", "--recording", "--display-units", "--real-time", "--plot", "--bars", "--help", "--verbose", "--quiet",
-)  # fmt: skip
+    "--fmus",
+    "--fmi",
+    "--vehicle",
+    "--out",
+    "--engine",
+    "--isolate",
+    "--step-timeout",
+    "--memory-limit",
+    "--signals",
+    "--hold-input",
+    "--recording",
+    "--display-units",
+    "--real-time",
+    "--plot",
+    "--bars",
+    "--help",
+    "--verbose",
+    "--quiet",
+)
 """Options of every experiment, which say nothing about one of them."""
 
 
@@ -209,10 +261,19 @@ def run_command(experiment: Experiment) -> Any:
 
     def run(**given: Any) -> None:
         run_case(
-            experiment, _case(experiment, given), fmu_set(experiment, given), given["out"], execution(given),
-            inputs=given["signals_"] or (), hold_inputs=given["hold_input"], output=given["recording_"], display_units=given["display_units"], real_time=given["real_time"],
-            curves=given["curves"] or (), bars=given["bars_"],
-        )  # fmt: skip
+            experiment,
+            _case(experiment, given),
+            fmu_set(experiment, given),
+            given["out"],
+            execution(given),
+            inputs=given["signals_"] or (),
+            hold_inputs=given["hold_input"],
+            output=given["recording_"],
+            display_units=given["display_units"],
+            real_time=given["real_time"],
+            curves=given["curves"] or (),
+            bars=given["bars_"],
+        )
 
     options = field_options(experiment)
     results = _one_run(experiment)
@@ -240,17 +301,25 @@ def export_command(experiment: Experiment) -> Any:
                 _export_ssp(system, given, text, _end(experiment, system, case))
                 return
             path = system.export_fmu(
-                given["fmu"], inputs=given["inputs"], outputs=given["outputs"], without=given["without"] or (), fmi=given["fmi"],
-                platforms=given["platform"], text=text,
-            )  # fmt: skip
+                given["fmu"],
+                inputs=given["inputs"],
+                outputs=given["outputs"],
+                without=given["without"] or (),
+                fmi=given["fmi"],
+                platforms=given["platform"],
+                text=text,
+            )
         console.print(f"{path}, FMI {given['fmi']}.0; cosim fmu {path} shows what is in it")
 
     options = field_options(experiment)
     return command(
-        export, experiment, {**options, **_EXPORT, **own_files(experiment), **_FMUS},
-        "The system of one case as one FMU, with all that is in it, as an SSP: its FMUs and how they are connected, or as a web page in which it runs.",
+        export,
+        experiment,
+        {**options, **_EXPORT, **own_files(experiment), **_FMUS},
+        "The system of one case as one FMU, with all that is in it, as an SSP: its FMUs and how they are connected, or"
+        " as a web page in which it runs.",
         own={"What is written": _EXPORT},
-    )  # fmt: skip
+    )
 
 
 def wiring_command(experiment: Experiment) -> Any:
@@ -267,10 +336,12 @@ def wiring_command(experiment: Experiment) -> Any:
 
     options = {f.attribute: (Annotated[_type(f), _option(f)], f.default) for f in fields(experiment.case)}
     return command(
-        wiring, experiment, {**_PICTURE, **options, **own_files(experiment), **_FMUS},
+        wiring,
+        experiment,
+        {**_PICTURE, **options, **own_files(experiment), **_FMUS},
         "The system of one case as a picture: its components with their rates, a line for each bundle of signals.",
         own={"Picture": _PICTURE},
-    )  # fmt: skip
+    )
 
 
 def _export_web(experiment: Experiment, case: Any, given: Mapping[str, Any]) -> None:
@@ -310,13 +381,27 @@ def study_command(experiment: Experiment) -> Any:
         chosen = {k: given[k] for k in plan_options}
         tasks = None if own_plan else _grid(experiment, chosen)
         write_study(
-            experiment, fmu_set(experiment, given), given["out"], tasks=tasks, options=chosen if own_plan else {},
-            processes=given["processes"], cluster=given["dask"], retry_failed=given["retry_failed"], force=given["force"], execution=execution(given),
-        )  # fmt: skip
+            experiment,
+            fmu_set(experiment, given),
+            given["out"],
+            tasks=tasks,
+            options=chosen if own_plan else {},
+            processes=given["processes"],
+            cluster=given["dask"],
+            retry_failed=given["retry_failed"],
+            force=given["force"],
+            execution=execution(given),
+        )
 
     options = {**plan_options, **own_files(experiment), **EVERYWHERE_OF_STUDIES}
     what = "The whole study" if own_plan else "All combinations of the values given for each option"
-    return command(study, experiment, options, f"{what}; writes results/{experiment.name}/report.html.", own={"Study": plan_options})
+    return command(
+        study,
+        experiment,
+        options,
+        f"{what}; writes results/{experiment.name}/report.html.",
+        own={"Study": plan_options},
+    )
 
 
 class _Paced(Command):
@@ -330,14 +415,26 @@ class _Paced(Command):
 
 
 def run_case(
-    experiment: Experiment, case: Any, fmus: FmuSet, out: Path, execution: Execution | None = None, *,
-    inputs: Sequence[Path] = (), hold_inputs: bool = False, output: Path | None = None, display_units: bool = False,
-    real_time: float | None = None, curves: Sequence[str] = (), bars: bool = False,
+    experiment: Experiment,
+    case: Any,
+    fmus: FmuSet,
+    out: Path,
+    execution: Execution | None = None,
+    *,
+    inputs: Sequence[Path] = (),
+    hold_inputs: bool = False,
+    output: Path | None = None,
+    display_units: bool = False,
+    real_time: float | None = None,
+    curves: Sequence[str] = (),
+    bars: bool = False,
     folder: Path | None = None,
-) -> None:  # fmt: skip
-    """Run one case beside its baseline: a table on the screen, time histories and metrics as files. ``output``, ``display_units`` and
-    ``real_time`` of the case: see :meth:`cosim.System.run`; ``inputs`` and ``hold_inputs`` of both: see :class:`Runner`;
-    ``curves``: names and patterns of what is drawn of the case in the terminal; ``bars``: whether its metrics are, as shares of the baseline's; ``folder``: of the files, by default that of the experiment and the user's vehicles in ``out``.
+) -> None:
+    """Run one case beside its baseline: a table on the screen, time histories and metrics as files. ``output``,
+    ``display_units`` and ``real_time`` of the case: see :meth:`cosim.System.run`; ``inputs`` and ``hold_inputs`` of
+    both: see :class:`Runner`; ``curves``: names and patterns of what is drawn of the case in the terminal; ``bars``:
+    whether its metrics are, as shares of the baseline's; ``folder``: of the files, by default that of the experiment
+    and the user's vehicles in ``out``.
 
     Raises:
         ComponentError: a component failed; the file holds what was recorded.
@@ -408,8 +505,8 @@ def show_curves(recording: Recording, names: Sequence[str]) -> None:
 
 
 def write_study(experiment: Experiment, fmus: FmuSet, out: Path, *, cluster: str | None = None, **options: Any) -> Path:
-    """Run a study under a progress bar and write its page; ``cluster``: of Dask, that it runs on, see :func:`cosim.study.dask`;
-    ``options`` as for :func:`cosim.study.run_study`.
+    """Run a study under a progress bar and write its page; ``cluster``: of Dask, that it runs on, see
+    :func:`cosim.study.dask`; ``options`` as for :func:`cosim.study.run_study`.
 
     Raises:
         CosimError: every run failed; the page is there.
@@ -460,16 +557,25 @@ def execution(given: Mapping[str, Any]) -> Execution:
     if not given["isolate"] and (limit is not None or given["step_timeout"] is not None):
         raise CosimError("--step-timeout and --memory-limit are limits of isolated FMUs: say which with --isolate")
     return Execution(
-        given["engine"], tuple(given["isolate"] or ()), given["step_timeout"], None if limit is None else int(limit * 1e6)
+        given["engine"],
+        tuple(given["isolate"] or ()),
+        given["step_timeout"],
+        None if limit is None else int(limit * 1e6),
     )
 
 
 def command(
-    function: Callable[..., None], experiment: Experiment, options: Mapping[str, tuple[Any, Any]], help: str,
-    kind: type[Command] = Command, own: Mapping[str, Collection[str]] | None = None, results: Collection[str] = (),
-) -> Any:  # fmt: skip
-    """A command of an experiment, with these options by the names of ``function``'s arguments; ``own``: groups of them in its help, beside those of
-    every experiment; ``results``: those about inputs and results."""
+    function: Callable[..., None],
+    experiment: Experiment,
+    options: Mapping[str, tuple[Any, Any]],
+    help: str,
+    kind: type[Command] = Command,
+    own: Mapping[str, Collection[str]] | None = None,
+    results: Collection[str] = (),
+) -> Any:
+    """A command of an experiment, with these options by the names of ``function``'s arguments; ``own``: groups of them
+    in its help, beside those of every experiment; ``results``: those about inputs and results.
+    """
     kinds = inspect.Parameter.KEYWORD_ONLY
     function.__signature__ = inspect.Signature(  # type: ignore[attr-defined]
         [inspect.Parameter(n, kinds, default=d, annotation=a) for n, (a, d) in options.items()]
@@ -515,7 +621,9 @@ def _case(experiment: Experiment, given: Mapping[str, Any]) -> Any:
 
 
 def _plan_options(experiment: Experiment) -> dict[str, tuple[Any, Any]]:
-    """Options of a plan that is a function; of one that is not there, each option of the cases, given as often as one likes."""
+    """Options of a plan that is a function; of one that is not there, each option of the cases, given as often as one
+    likes.
+    """
     if callable(experiment.plan):
         parameters = inspect.signature(experiment.plan, eval_str=True).parameters.values()
         return {p.name: (p.annotation, p.default) for p in parameters if _is_option(p.annotation)}

@@ -1,7 +1,7 @@
 """Designs: which points of the space of its parameters a sweep visits.
 
-Each parameter has a range, a list of values, or a distribution; a method says how points fill the unit cube, which the parameters map to their
-values. The same design has the same points everywhere.
+Each parameter has a range, a list of values, or a distribution; a method says how points fill the unit cube, which the
+parameters map to their values. The same design has the same points everywhere.
 """
 
 from __future__ import annotations
@@ -56,9 +56,10 @@ class Axis:
         numbers: its parameters, in the order of DISTRIBUTIONS.
         values: of a list.
         count: values in a grid, of a range.
-        whole: only whole numbers. Of a range, all of them have the same probability: the quantile u gives number ``floor(n u)`` of the n in
-            it, so LHS and Sobol designs have each equally often to within one slice, and the 8 levels of Morris are split among
-            them as evenly as 8 can be. Other distributions are rounded to the nearest whole number within their limits.
+        whole: only whole numbers. Of a range, all of them have the same probability: the quantile u gives number
+            ``floor(n u)`` of the n in it, so LHS and Sobol designs have each equally often to within one slice, and the
+            8 levels of Morris are split among them as evenly as 8 can be. Other distributions are rounded to the
+            nearest whole number within their limits.
     """
 
     name: str
@@ -92,7 +93,8 @@ class Axis:
             )
         if self.whole and "low" in said and math.ceil(said["low"]) > said["high"]:
             raise DesignError(
-                f"{self.name}: there is no whole number between {said['low']:g} and {said['high']:g}; give a wider range"
+                f"{self.name}: there is no whole number between {said['low']:g} and {said['high']:g}; give a wider"
+                " range"
             )
         if any(v <= 0 for k, v in said.items() if k.startswith("deviation") or k == "median"):
             raise DesignError(
@@ -113,7 +115,9 @@ class Axis:
         if self.kind == "uniform" and self.whole:
             first, last = self.ends
             count = last - first + 1
-            numbers = np.floor(np.nextafter(u * count, np.inf))  # the level 3/7 of 7 numbers is the fourth, however it was rounded
+            numbers = np.floor(
+                np.nextafter(u * count, np.inf)
+            )  # the level 3/7 of 7 numbers is the fourth, however it was rounded
             return [first + min(int(x), count - 1) for x in numbers]
         if self.kind == "uniform":
             found = n[0] + u * (n[1] - n[0])
@@ -131,7 +135,9 @@ class Axis:
             if self.kind == "truncnormal":
                 found = np.clip(found, n[2], n[3])
         if not np.isfinite(found).all():
-            raise DesignError(f"{self.name}: values of {self} are too far off to be numbers; bring its numbers nearer to each other")
+            raise DesignError(
+                f"{self.name}: values of {self} are too far off to be numbers; bring its numbers nearer to each other"
+            )
         if not self.whole:
             return found.tolist()  # type: ignore[no-any-return]
         least, most = self.ends or (-math.inf, math.inf)
@@ -139,7 +145,9 @@ class Axis:
 
     @property
     def ends(self) -> tuple[Any, ...]:
-        """The smallest and largest value, of whole numbers the outermost in the range; empty for a distribution without limits."""
+        """The smallest and largest value, of whole numbers the outermost in the range; empty for a distribution without
+        limits.
+        """
         limits = {"uniform": (0, 1), "triangular": (0, 2), "truncnormal": (2, 3)}.get(self.kind, ())
         numbers = [self.numbers[k] for k in limits]
         return (math.ceil(numbers[0]), math.floor(numbers[1])) if numbers and self.whole else tuple(numbers)
@@ -173,11 +181,12 @@ FAR = 5.0  # deviations, beyond which probabilities are too near to 0 or 1 for t
 
 
 def _far_tail(mean: float, deviation: float, low: float, high: float, u: Array) -> Array:
-    """A normal distribution cut to an interval far from its mean, by logarithms of its probabilities on the lower side."""
+    """A normal distribution cut to an interval far from its mean, by logarithms of its probabilities on
+    the lower side."""
     from scipy import special
 
     upper = low > mean
-    near, far = ((low, high) if upper else (high, low))  # ends of the interval, counted from the mean
+    near, far = (low, high) if upper else (high, low)  # ends of the interval, counted from the mean
     most, least = (float(special.log_ndtr(-abs(x - mean) / deviation)) for x in (near, far))
     share = 1 - u if upper else u  # from the far end to the near one, as probability grows on the lower side
     ratio = math.exp(least - most)
@@ -192,7 +201,8 @@ _WHOLE = re.compile(r"(-?\d+)\.\.(-?\d+)")
 
 
 def axis(text: str) -> Axis:
-    """``NAME=LOW:HIGH``, ``NAME=LOW:HIGH:COUNT`` (of a grid), ``NAME=A,B,C``, ``NAME=1..1000`` or ``NAME=normal(5000,200)``.
+    """``NAME=LOW:HIGH``, ``NAME=LOW:HIGH:COUNT`` (of a grid), ``NAME=A,B,C``, ``NAME=1..1000`` or
+    ``NAME=normal(5000,200)``.
 
     Raises:
         DesignError: it is none of these.
@@ -339,8 +349,9 @@ class Design:
 
 
 def _latin_hypercube(n: int, d: int, random: np.random.Generator) -> Array:
-    """Points (n, d), one in each of n slices of every parameter: those of ``scipy.stats.qmc.LatinHypercube``, bit for bit, without
-    loading ``scipy.stats``, 40 MB that a sweep of many runs has a better use for."""
+    """Points (n, d), one in each of n slices of every parameter: those of ``scipy.stats.qmc.LatinHypercube``, bit for
+    bit, without loading ``scipy.stats``, 40 MB that a sweep of many runs has a better use for.
+    """
     inside = random.uniform(size=(n, d))
     slices = np.tile(np.arange(1, n + 1), (d, 1))
     for row in slices:
@@ -408,9 +419,13 @@ def _from_mapping(found: Mapping[str, Any]) -> Design:
         if entry not in _ENTRIES:
             raise DesignError(unknown("entry", entry, _ENTRIES))
     for entry, kind, what in (
-        ("method", str, "a text"), ("samples", int, "a whole number"), ("seed", int, "a whole number"), ("vary", Mapping, "a table"),
-        ("set", Mapping, "a table"), ("cases", Sequence, "a list of tables"),
-    ):  # fmt: skip
+        ("method", str, "a text"),
+        ("samples", int, "a whole number"),
+        ("seed", int, "a whole number"),
+        ("vary", Mapping, "a table"),
+        ("set", Mapping, "a table"),
+        ("cases", Sequence, "a list of tables"),
+    ):
         if entry in found and (not isinstance(found[entry], kind) or isinstance(found[entry], bool)):
             raise DesignError(f"{entry} is to be {what}")
     fixed = dict(found.get("set", {}))

@@ -1,8 +1,9 @@
 """Runs go to an executor in chunks, and come back in the order in which they end, whatever happens to the workers.
 
-Chunks last about `CHUNK` s, those of a cluster `CLUSTER` s, so what a chunk costs is shared by its runs; long runs go alone. What is lost with a worker is run again, run by
-run, and where a worker may hold several (Dask's do) in the end one at a time, so that only the culprit is lost. It is tried `TRIES` times at
-least and then recorded as failed, with the reason.
+Chunks last about `CHUNK` s, those of a cluster `CLUSTER` s, so what a chunk costs is shared by its runs; long runs go
+alone. What is lost with a worker is run again, run by run, and where a worker may hold several (Dask's do) in the end
+one at a time, so that only the culprit is lost. It is tried `TRIES` times at least and then recorded as failed, with
+the reason.
 """
 
 from __future__ import annotations
@@ -29,7 +30,10 @@ TRIES = 2
 HEAD = 32 + 1 + 64 + 1  # of a line: name and hash
 HOPELESS = 8  # chunks that nobody could begin, and none that anybody could
 DIED = "the process that ran it ended without a word, which an FMU that crashes does to it"
-LOST = "the executor's workers, or their scheduler, died; what was finished is stored, and the same study continues from there"
+LOST = (
+    "the executor's workers, or their scheduler, died; what was finished is stored, and the same study continues from"
+    " there"
+)
 Results = Generator[tuple[int, bytes], None, None]
 Making = Callable[[], AbstractContextManager[Executor]]
 
@@ -166,8 +170,9 @@ class Dispatch:
     def _lost(
         self, chunk: list[int], error: BaseException, alone: deque[int], suspects: deque[int] | None
     ) -> Iterator[tuple[int, bytes]]:
-        """What is to be done with a chunk that has no result: again, or recorded as failed. ``suspects``: where those go that
-        something else may have taken along; None if nothing can."""
+        """What is to be done with a chunk that has no result: again, or recorded as failed. ``suspects``: where those
+        go that something else may have taken along; None if nothing can.
+        """
         died = isinstance(error, WorkerDiedError | BrokenExecutor) or type(error).__name__ == "KilledWorker"  # of Dask
         if not died:
             self._unbegun += 1

@@ -52,8 +52,9 @@ def run_study(
         store: folder of finished runs.
         tasks: other tasks (or cases) than those of the experiment's plan.
         options: of the plan.
-        executor: where tasks run, or a function that gives a context with one, which is asked for another when it breaks; None:
-            processes on this machine. Its workers have this project and the user's file; FMUs go there by themselves.
+        executor: where tasks run, or a function that gives a context with one, which is asked for another when it
+            breaks; None: processes on this machine. Its workers have this project and the user's file; FMUs go there by
+            themselves.
         processes: how many, on this machine; None: one per core.
         retry_failed: run again what failed earlier.
         force: discard what is stored and run everything.
@@ -91,9 +92,14 @@ def run_study(
 
 
 def ship_of(
-    experiment: Experiment, fmus: FmuSet, parts: Iterable[str], salts: Mapping[str, str], execution: Execution | None,
-    store: Path | None = None, parameters: Parameters = (),
-) -> Ship:  # fmt: skip
+    experiment: Experiment,
+    fmus: FmuSet,
+    parts: Iterable[str],
+    salts: Mapping[str, str],
+    execution: Execution | None,
+    store: Path | None = None,
+    parameters: Parameters = (),
+) -> Ship:
     """What workers need for runs of an experiment and of some of its parts."""
     files = [*(p for name in parts for p in fmus.paths(experiment.part(name).fmus)), *fmus.own_paths]
     group = f"of{os.getpid()}x{time.time_ns():x}"
@@ -103,7 +109,8 @@ def ship_of(
 def stored(
     dispatch: Dispatch, kept: Store, order: Sequence[int], executor: Executor | Making | None, processes: int | None
 ) -> Arriving:
-    """Do tasks, and give each with its line as it is stored. Without an executor they are done by processes on this machine.
+    """Do tasks, and give each with its line as it is stored. Without an executor they are done by processes on this
+    machine.
 
     Raises:
         OSError: a result could not be stored; those before are.
@@ -152,7 +159,8 @@ def _part(task: Any) -> str:
 
 
 def salt_of(experiment: Experiment, part: str, fmus: FmuSet, tasks: list[Any]) -> str:
-    """What all runs of an experiment depend on, or of its part of this name; two parts may be alike in everything else."""
+    """What all runs of an experiment depend on, or of its part of this name; two parts may be alike in
+    everything else."""
     searches = [t for t in tasks if not isinstance(t, Task)]
     found = key.salt(experiment, fmus, _files(experiment, fmus, tasks), searches)
     return f"{part}|{found}" if part else found

@@ -1,6 +1,7 @@
 """Executors by name: `--dask local`, `--dask tcp://host:8786`; and how many workers any executor has.
 
-Any `concurrent.futures.Executor` will do: loky's, `mpi4py.futures.MPIPoolExecutor`, that of a Dask client whose cluster dask-jobqueue started.
+Any `concurrent.futures.Executor` will do: loky's, `mpi4py.futures.MPIPoolExecutor`, that of a Dask client whose cluster
+dask-jobqueue started.
 """
 
 from __future__ import annotations
@@ -49,15 +50,16 @@ def _asked(client: Any) -> Iterator[None]:
         yield
     except (OSError, RuntimeError, TimeoutError) as error:
         raise ClusterError(
-            f"the scheduler {client.scheduler.address if client.scheduler else ''} does not answer any more ({error}); what was "
-            "finished is stored, and the same study continues from there, with any executor"
+            f"the scheduler {client.scheduler.address if client.scheduler else ''} does not answer any more ({error});"
+            " what was finished is stored, and the same study continues from there, with any executor"
         ) from None
 
 
 @contextmanager
 def _own_cluster(settings: dict[str, Any], security: Any, processes: int | None) -> Iterator[str]:
-    """The address of a cluster on this machine that ends with the block, or with this process. Its scheduler has a process of its own:
-    what it does for every task does not delay this one."""
+    """The address of a cluster on this machine that ends with the block, or with this process. Its scheduler has a
+    process of its own: what it does for every task does not delay this one.
+    """
     from cosim.study.local_cluster import run_cluster
 
     context = multiprocessing.get_context("spawn")
@@ -85,7 +87,9 @@ def _own_cluster(settings: dict[str, Any], security: Any, processes: int | None)
 
 
 def _connected(connect: Callable[[], Any], address: str) -> Any:
-    """A client that is connected. A thread of its own connects: what accepts and is silent then would be waited for forever."""
+    """A client that is connected. A thread of its own connects: what accepts and is silent then would be waited for
+    forever.
+    """
     found: list[Any] = []
 
     def attempt() -> None:
@@ -99,12 +103,16 @@ def _connected(connect: Callable[[], Any], address: str) -> Any:
     thread.join(ANSWER + 2)
     answer = found[0] if found else TimeoutError(f"silent for {ANSWER:g} s")
     if isinstance(answer, Exception):
-        raise ClusterError(f"no Dask scheduler answers at {address} ({answer}); `dask scheduler` starts one and prints its address") from None
+        raise ClusterError(
+            f"no Dask scheduler answers at {address} ({answer}); `dask scheduler` starts one and prints its address"
+        ) from None
     return answer
 
 
 def _tells_something(record: logging.LogRecord) -> bool:
-    """Dask logs the attempt to reach a scheduler that is gone, when it is given up, as an error with its stack; we have a sentence for it."""
+    """Dask logs the attempt to reach a scheduler that is gone, when it is given up, as an error with its stack; we have
+    a sentence for it.
+    """
     return not (record.exc_info and isinstance(record.exc_info[1], asyncio.CancelledError))
 
 
@@ -113,7 +121,8 @@ def dask(address: str, processes: int | None = None) -> Iterator[Executor]:
     """The executor of a Dask cluster.
 
     Args:
-        address: of its scheduler, ``tcp://host:8786``; or ``local``: a cluster of processes on this machine, which ends with the block.
+        address: of its scheduler, ``tcp://host:8786``; or ``local``: a cluster of processes on this machine, which ends
+            with the block.
         processes: how many workers a local one has.
 
     Raises:
@@ -121,7 +130,10 @@ def dask(address: str, processes: int | None = None) -> Iterator[Executor]:
         ClusterError: the address is none, the scheduler does not answer, or has no workers.
     """
     if address != LOCAL and not _ADDRESS.fullmatch(address):
-        raise ClusterError(f"{address!r} is no address of a Dask scheduler: write tcp://HOST:PORT, as `dask scheduler` prints it, or {LOCAL}")
+        raise ClusterError(
+            f"{address!r} is no address of a Dask scheduler: write tcp://HOST:PORT, as `dask scheduler` prints it, or"
+            f" {LOCAL}"
+        )
     with extras.needed("cluster", "a Dask cluster"):
         from distributed import Client
         from distributed.security import Security
@@ -133,20 +145,24 @@ def dask(address: str, processes: int | None = None) -> Iterator[Executor]:
 
     logging.getLogger("distributed.client").addFilter(_tells_something)
     settings = {
-        "distributed.scheduler.allowed-failures": 0,  # of our own cluster: who tries again, and how often, is the study's
+        "distributed.scheduler.allowed-failures": (
+            0
+        ),  # of our own cluster: who tries again, and how often, is the study's
         "distributed.worker.daemon": False,  # isolated FMUs are processes of the workers
         "distributed.comm.timeouts.connect": f"{ANSWER:g}s",
         "distributed.admin.low-level-log-length": 100,
         "distributed.admin.tick.interval": "500ms",
         "distributed.worker.profile.enabled": False,
-    }  # fmt: skip
+    }
     one_thread()
     with configuration.config.set(settings), ExitStack() as stack:
         security = None  # that of the user's configuration of Dask
         if address == LOCAL:
             security = Security.temporary()
             address = stack.enter_context(_own_cluster(settings, security, processes))
-        with _connected(lambda: Client(address, timeout=ANSWER, set_as_default=False, security=security), address) as client:
+        with _connected(
+            lambda: Client(address, timeout=ANSWER, set_as_default=False, security=security), address
+        ) as client:
             try:
                 client.wait_for_workers(1, timeout=WORKERS)
             except TimeoutError:

@@ -1,9 +1,10 @@
 """An experiment: what is wired, run and measured for a case, which cases make a study, and what is claimed of them.
 
-    EXPERIMENT = Experiment("ride", Ride, wire=wire, stop_time=5.0, record=["car.*"], measure=measure, plan=grid(Ride, ...))
+    EXPERIMENT = Experiment("ride", Ride, wire=wire, stop_time=5.0, record=["car.*"], measure=measure, plan=grid(Ride,
+    ...))
 
-Everything but case, ``wire`` and ``measure`` has a default. Functions are module-level functions, so that workers in other
-processes find them.
+Everything but case, ``wire`` and ``measure`` has a default. Functions are module-level functions, so that workers in
+other processes find them.
 """
 
 from __future__ import annotations
@@ -46,8 +47,8 @@ class Run:
 class Search(Protocol):
     """A task of a study that is more than one run, such as looking for the weight that matches a response.
 
-    A frozen dataclass of JSON values at module level; ``label`` names it, ``cost`` is its rough time in runs. With an attribute
-    ``part`` it gets a runner of that part of the experiment.
+    A frozen dataclass of JSON values at module level; ``label`` names it, ``cost`` is its rough time in runs. With an
+    attribute ``part`` it gets a runner of that part of the experiment.
     """
 
     @property
@@ -60,7 +61,8 @@ class Search(Protocol):
 
 @dataclass(frozen=True)
 class Task:
-    """One run of a study: its case, whether its signals over time are kept besides the metrics, and its rough relative time.
+    """One run of a study: its case, whether its signals over time are kept besides the metrics, and its rough relative
+    time.
 
     ``part``: name of the part of the experiment that the case belongs to, which the experiment fills in.
     """
@@ -100,7 +102,9 @@ _WITH_UNIT = re.compile(r"(\S.*) \[([^\[\]]+)\]")
 
 
 def undeclared(name: str) -> Metric:
-    """How a metric is shown that the experiment does not declare: by its name, "peak force [N]" with the unit that it ends with."""
+    """How a metric is shown that the experiment does not declare: by its name, "peak force [N]" with the unit that it
+    ends with.
+    """
     found = _WITH_UNIT.fullmatch(name)
     return Metric(found[1], found[2]) if found else Metric(name)
 
@@ -116,8 +120,8 @@ class Experiment:
         measure: metrics of a run, JSON values by name.
         title: one line.
         fmus: names of the FMUs that any case needs; they are looked for before a study starts.
-        structure: what of a case decides the wiring. Cases alike in it share one system, which ``configure`` sets for each.
-            By default all cases share one when there is a ``configure``, and none do when there is not.
+        structure: what of a case decides the wiring. Cases alike in it share one system, which ``configure`` sets for
+            each. By default all cases share one when there is a ``configure``, and none do when there is not.
         configure: sets the parameters of a case, all of them, in a system that was wired for its structure.
         stop_time: [s], a number or a function of system and case.
         record: names and patterns, or a function of the case; None for all outputs.
@@ -127,27 +131,30 @@ class Experiment:
         signals: what is kept of a run over time, JSON values by name, for tasks that ask for it.
         failed: metrics of a run that ended with an error, where that is an outcome and no failure of the study.
         plan: tasks (or cases) of the study, or a function that gives them.
-        parts: experiments on parts of the same matter, with cases and wirings of their own, or "module:NAME" of them. The study
-            does the plans of its parts too, and its own plan may hold cases of theirs; claims and report find them all in its
-            results.
+        parts: experiments on parts of the same matter, with cases and wirings of their own, or "module:NAME" of them.
+            The study does the plans of its parts too, and its own plan may hold cases of theirs; claims and report find
+            them all in its results.
         metrics: how metrics are shown, by name, in the order of tables.
         baseline: the case that a run is shown beside, or None.
-        own_baseline: likewise where FMUs are those of a user's vehicle, a function of the case and the FMUs; by default the same case.
+        own_baseline: likewise where FMUs are those of a user's vehicle, a function of the case and the FMUs; by default
+            the same case.
         called: what a case is called in tables; by default its controller.
-        about: what a baseline is, in words, a function of its case; by default the fields in which it differs from the run.
+        about: what a baseline is, in words, a function of its case; by default the fields in which it differs from the
+            run.
         relative: metrics of a run are also shown as per cent of the baseline's.
         compared: more metrics of a run beside its baseline, a function of both rows.
         remarks: what should be said of a run besides its metrics.
         page: writes a page about single runs: called with runs by name, FMUs and folder; gives the page's path.
         claims: published statements, a :class:`cosim.study.ClaimList`, or "module:NAME" of one.
-        report: the page of a study, a function of results and FMUs that gives a ``cosim.report.Report``, or "module:NAME" of
-            one; by default a table and curves over what differs.
-        web: how a case is shown as a live web page, a function of the case that gives a :class:`cosim.study.web.Live`, or "module:NAME"
-            of one; by default the system alone.
-        own_fmus: FMUs of a user's files, a function of experiment name, folder, FMI version, vehicle files and case; None
-            where no files are taken.
+        report: the page of a study, a function of results and FMUs that gives a ``cosim.report.Report``, or
+            "module:NAME" of one; by default a table and curves over what differs.
+        web: how a case is shown as a live web page, a function of the case that gives a :class:`cosim.study.web.Live`,
+            or "module:NAME" of one; by default the system alone.
+        own_fmus: FMUs of a user's files, a function of experiment name, folder, FMI version, vehicle files and case;
+            None where no files are taken.
         papers: sources by short name, for the provenance, or "module:NAME" of them.
-        module: where the experiment can be imported from, ``__name__`` of the module that has it as EXPERIMENT; or its file.
+        module: where the experiment can be imported from, ``__name__`` of the module that has it as EXPERIMENT; or its
+            file.
     """
 
     name: str
@@ -197,7 +204,10 @@ class Experiment:
         """
         row: Any = self.measure(run)
         if not isinstance(row, Mapping) or not all(isinstance(name, str) for name in row):
-            raise MeasureError(f"{self.name}: measure() returned {one_line(repr(row))}; it returns numbers by name, as in {{'peak': 1.5}}")
+            raise MeasureError(
+                f"{self.name}: measure() returned {one_line(repr(row))}; it returns numbers by name, as in {{'peak':"
+                " 1.5}"
+            )
         return dict(row)
 
     def beside(self, case: Any, fmus: FmuSet) -> Any:
@@ -220,9 +230,18 @@ class Experiment:
     def functions(self) -> list[Any]:
         """What a run's numbers depend on: the functions and classes that wire, run and measure."""
         parts = (
-            self.case, self.wire, self.measure, self.structure, self.configure, self.stop_time, self.record,
-            self.record_interval, self.stop_when, self.signals, self.failed,
-        )  # fmt: skip
+            self.case,
+            self.wire,
+            self.measure,
+            self.structure,
+            self.configure,
+            self.stop_time,
+            self.record,
+            self.record_interval,
+            self.stop_when,
+            self.signals,
+            self.failed,
+        )
         return [p for p in parts if callable(p)]
 
     @property
@@ -274,7 +293,8 @@ def _planned(experiment: Experiment, options: Mapping[str, Any]) -> Iterable[Any
 
 
 def resolved(named: Any) -> Any:
-    """What "module:NAME" names; anything else as it is. Pages and claims are named so, because runs need not load them."""
+    """What "module:NAME" names; anything else as it is. Pages and claims are named so, because runs need
+    not load them."""
     if isinstance(named, str):
         module, _, name = named.partition(":")
         return getattr(importlib.import_module(module), name)

@@ -22,8 +22,9 @@ def designed_with(file: Path) -> Mapping[str, Any]:
 class FmuSet:
     """FMU files by name.
 
-    ``vehicles``: what the user's vehicles are called, by their files. ``own``: FMUs of a user's files that stand in for published ones or beside them: published name -> name, and the options of
-    ``build-fmus`` that make it. ``at``: where files lie on this machine that are elsewhere, by their path.
+    ``vehicles``: what the user's vehicles are called, by their files. ``own``: FMUs of a user's files that stand in for
+    published ones or beside them: published name -> name, and the options of ``build-fmus`` that make it. ``at``: where
+    files lie on this machine that are elsewhere, by their path.
     """
 
     directory: Path = Path("fmus")
@@ -33,8 +34,9 @@ class FmuSet:
     vehicles: tuple[str, ...] = ()
 
     def results(self, out: Path, experiment: str) -> Path:
-        """The folder of an experiment's results in ``out``, ``gpc`` or with a user's vehicle ``gpc-my_truck``: results of different vehicles
-        do not replace each other."""
+        """The folder of an experiment's results in ``out``, ``gpc`` or with a user's vehicle ``gpc-my_truck``: results
+        of different vehicles do not replace each other.
+        """
         return out / "-".join((experiment, *self.vehicles))
 
     def name(self, published: str) -> str:

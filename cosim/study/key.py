@@ -1,7 +1,8 @@
 """What the numbers of a run depend on besides its case; everything here is found, so that nothing can be forgotten.
 
-FMU files by content, a user's own and those that a case names among them; every module of the project (or of a user's folder) that wiring, run and measurement load, with the
-data files beside it; the versions of the libraries that those modules import, and of Python.
+FMU files by content, a user's own and those that a case names among them; every module of the project (or of a user's
+folder) that wiring, run and measurement load, with the data files beside it; the versions of the libraries that those
+modules import, and of Python.
 """
 
 from __future__ import annotations

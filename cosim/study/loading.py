@@ -1,7 +1,8 @@
 """Experiments by name or from a user's file.
 
 A file has ``EXPERIMENT``, or a function ``system(**options)`` that returns a System; beside that function it may have
-``STOP_TIME``, ``RECORD``, ``measure(run)``, ``METRICS`` and ``PLAN``, which mean what :class:`cosim.study.Experiment` says.
+``STOP_TIME``, ``RECORD``, ``measure(run)``, ``METRICS`` and ``PLAN``, which mean what :class:`cosim.study.Experiment`
+says.
 """
 
 from __future__ import annotations

@@ -57,11 +57,14 @@ def run_cluster(theirs: Any, settings: dict[str, Any], security: Any, processes:
     worker = {
         "cls": Nanny,
         "options": {
-            **reached, "nthreads": 1, "memory_limit": 1.0 / count, "worker_class": PrivateWorker,
+            **reached,
+            "nthreads": 1,
+            "memory_limit": 1.0 / count,
+            "worker_class": PrivateWorker,
             "silence_logs": _QUIET,
             "env": {"TMPDIR": folder, "TEMP": folder, "TMP": folder},
         },
-    }  # fmt: skip
+    }
     try:
         with (
             dask.config.set({**settings, "temporary-directory": folder}),

@@ -1,9 +1,11 @@
 """Optimisation by Optuna, ask and tell: of anything that gives numbers for values, with one objective or several.
 
-    found = optimise(evaluate, {"damping": (3e3, 24e3)}, {"comfort": "min", "grip": "min"}, trials=60, storage="ride.log")
+    found = optimise(evaluate, {"damping": (3e3, 24e3)}, {"comfort": "min", "grip": "min"}, trials=60,
+    storage="ride.log")
 
-``evaluate`` is a function of the values by name that gives numbers by name (and may run in any executor), or :class:`CaseRuns`, the cases of
-an experiment: these go through :func:`cosim.study.run_study`, so what was run once is taken from its store. Needs the extra [optimisation].
+``evaluate`` is a function of the values by name that gives numbers by name (and may run in any executor), or
+:class:`CaseRuns`, the cases of an experiment: these go through :func:`cosim.study.run_study`, so what was run once is
+taken from its store. Needs the extra [optimisation].
 """
 
 from __future__ import annotations
@@ -38,7 +40,9 @@ with extras.needed("optimisation", "optimisation"):
 Values = Mapping[str, Any]
 Evaluate = Callable[[Values], Mapping[str, float]]
 Limits = tuple[float, float] | tuple[float, float, str] | Sequence[str]
-"""Lowest and highest value, whole numbers if both are; ``(low, high, "log")`` for a logarithmic scale; or a list of texts to choose from."""
+"""Lowest and highest value, whole numbers if both are; ``(low, high, "log")`` for a logarithmic scale; or a list of
+texts to choose from.
+"""
 
 
 @runtime_checkable
@@ -104,7 +108,9 @@ class Outcome:
     def best(self) -> Trial:
         """The best trial of a search with one objective."""
         if len(self.objectives) != 1:
-            raise OptimisationError(f"there are {len(self.objectives)} objectives, so there is a front and no best trial")
+            raise OptimisationError(
+                f"there are {len(self.objectives)} objectives, so there is a front and no best trial"
+            )
         return self.front[0]
 
 
@@ -153,7 +159,9 @@ class CaseRuns:
             self.experiment, self.fmus, self.store, tasks=wanted, executor=self.executor, processes=self.processes
         )
         ran = set(results.ran)
-        return [{"failed": c if isinstance(c, str) else results.failure(c)} if c not in ran else results[c] for c in cases]
+        return [
+            {"failed": c if isinstance(c, str) else results.failure(c)} if c not in ran else results[c] for c in cases
+        ]
 
 
 def optimise(
@@ -178,27 +186,34 @@ def optimise(
         space: what may be tried, by name; see :data:`Limits`.
         objectives: "min" or "max" by name of the number.
         trials: how many in all, those of the storage among them.
-        storage: file in which every trial is kept as soon as it is known; the same search continues from it, and comes to the same trials
-            as one that was never interrupted, or had as many trials at once where those before were whole batches. None: nothing is
-            kept.
+        storage: file in which every trial is kept as soon as it is known; the same search continues from it, and comes
+            to the same trials as one that was never interrupted, or had as many trials at once where those before were
+            whole batches. None: nothing is kept.
         name: of the search in this file.
         seed: of the sampler (tree-structured Parzen estimators).
-        batch: trials that are chosen together, and evaluated side by side where there is an executor. The same batch gives the same trials
-            with any executor.
-        executor: any of ``concurrent.futures``; None: one after the other in this process. Cases of an experiment have their own.
+        batch: trials that are chosen together, and evaluated side by side where there is an executor. The same batch
+            gives the same trials with any executor.
+        executor: any of ``concurrent.futures``; None: one after the other in this process. Cases of an experiment have
+            their own.
         first: values that are tried before all others, such as those that are published.
-        identity: of what ``evaluate`` depends on besides the values; a storage with trials of another one is refused. Cases of an experiment
-            have their own (code, FMUs, fixed options); of a function only its author knows.
+        identity: of what ``evaluate`` depends on besides the values; a storage with trials of another one is refused.
+            Cases of an experiment have their own (code, FMUs, fixed options); of a function only its author knows.
         progress: called with (done, total).
 
     Raises:
-        OptimisationError: limits, objectives or names that do not fit; no run has an objective's number; another search in the storage.
+        OptimisationError: limits, objectives or names that do not fit; no run has an objective's number; another search
+            in the storage.
     """
     _check(space, objectives, evaluate, first)
     whole_number("trials", trials, error=OptimisationError)
     whole_number("batch", batch, error=OptimisationError)
     model = evaluate.identity() if isinstance(evaluate, Together) else identity
-    what = {"space": {n: list(limits) for n, limits in space.items()}, "objectives": dict(objectives), "seed": seed, "batch": batch}
+    what = {
+        "space": {n: list(limits) for n, limits in space.items()},
+        "objectives": dict(objectives),
+        "seed": seed,
+        "batch": batch,
+    }
     study = _study(storage, name, objectives, what, hashlib.sha256(model.encode()).hexdigest() if model else "")
     waiting = [t.number for t in study.get_trials(deepcopy=False) if t.state == TrialState.RUNNING]
     while True:
@@ -219,13 +234,16 @@ def optimise(
 
 
 def _asked(study: Any, space: Mapping[str, Limits], count: int, seed: int, first: Sequence[Values]) -> list[int]:
-    """Numbers of trials that are chosen now. The sampler begins afresh with every batch, so that it does not matter whether the search was
-    interrupted before."""
+    """Numbers of trials that are chosen now. The sampler begins afresh with every batch, so that it does not matter
+    whether the search was interrupted before.
+    """
     if count <= 0:
         return []
     begin = len(study.get_trials(deepcopy=False))
     several = len(study.directions) > 1
-    study.sampler = optuna.samplers.TPESampler(seed=seed + 1_000_003 * begin, multivariate=not several, constant_liar=True)
+    study.sampler = optuna.samplers.TPESampler(
+        seed=seed + 1_000_003 * begin, multivariate=not several, constant_liar=True
+    )
     found = []
     for number in range(begin, begin + count):
         if number < len(first):
@@ -269,13 +287,16 @@ def _row(evaluate: Evaluate, values: Values) -> Mapping[str, Any]:
 
 
 def _tell(study: Any, number: int, row: Mapping[str, Any], objectives: Mapping[str, str]) -> list[str]:
-    """Tell the search what came of a trial; what there is to say of a run that came to its end without the number of an objective."""
+    """Tell the search what came of a trial; what there is to say of a run that came to its end without the number of an
+    objective.
+    """
     numbers = {k: float(v) for k, v in row.items() if isinstance(v, int | float) and math.isfinite(v)}
     failed = str(row.get("failed", ""))
     lacking = [] if failed else [unknown("number", name, row) for name in objectives if name not in row]
     infinite = [f"{name} is {row[name]}" for name in objectives if name in row and name not in numbers]
     failed = failed or next(iter([*lacking, *infinite]), "")
-    # Not an attribute of the trial: one that another process has asked for is a record here, without public means to change it.
+    # Not an attribute of the trial: one that another process has asked for is a record here, without public means to
+    # change it.
     study.set_user_attr(_attribute(number), {"failed": failed} if failed else {"row": numbers})
     if failed:
         study.tell(number, state=TrialState.FAIL)
@@ -293,22 +314,30 @@ def _trials(study: Any) -> list[Trial]:
     came = study.user_attrs
     found = []
     for frozen in study.get_trials(deepcopy=False):
-        told = came.get(_attribute(frozen.number), frozen.user_attrs)  # of the trial: as storages of earlier versions have it
+        told = came.get(
+            _attribute(frozen.number), frozen.user_attrs
+        )  # of the trial: as storages of earlier versions have it
         found.append(Trial(frozen.number, dict(frozen.params), told.get("row", {}), told.get("failed", "")))
     return found
 
 
-def _study(storage: str | os.PathLike[str] | None, name: str, objectives: Mapping[str, str], what: Mapping[str, Any], model: str) -> Any:
+def _study(
+    storage: str | os.PathLike[str] | None,
+    name: str,
+    objectives: Mapping[str, str],
+    what: Mapping[str, Any],
+    model: str,
+) -> Any:
     optuna.logging.set_verbosity(optuna.logging.ERROR)
-    directions = [
-        StudyDirection.MAXIMIZE if d == "max" else StudyDirection.MINIMIZE for d in objectives.values()
-    ]
+    directions = [StudyDirection.MAXIMIZE if d == "max" else StudyDirection.MINIMIZE for d in objectives.values()]
     try:
         kept = None if storage is None else _opened(Path(storage))
         study = optuna.create_study(storage=kept, study_name=name, directions=directions, load_if_exists=True)
         empty = not any(t.state == TrialState.COMPLETE for t in study.get_trials(deepcopy=False))
         if kept is not None and empty and study.user_attrs.get("what") not in (None, what):
-            optuna.delete_study(storage=kept, study_name=name)  # nothing was found: an objective's name was wrong, most likely
+            optuna.delete_study(
+                storage=kept, study_name=name
+            )  # nothing was found: an objective's name was wrong, most likely
             study = optuna.create_study(storage=kept, study_name=name, directions=directions)
     except (ValueError, KeyError, TypeError) as error:
         raise OptimisationError(f"{storage} cannot be read as the trials of a search: {error}") from None
@@ -324,8 +353,8 @@ def _study(storage: str | os.PathLike[str] | None, name: str, objectives: Mappin
         )
     elif study.user_attrs.get("model", "") != model:
         raise OptimisationError(
-            f"{storage} holds trials of the search '{name}' of another model: FMUs, code or fixed options have changed since; "
-            "give another file or another name"
+            f"{storage} holds trials of the search '{name}' of another model: FMUs, code or fixed options have changed"
+            " since; give another file or another name"
         )
     return study
 
@@ -356,7 +385,12 @@ def _check(
 
 
 def _check_limits(name: str, limits: Limits) -> None:
-    if isinstance(limits, Sequence) and not isinstance(limits, str) and limits and all(isinstance(v, str) for v in limits):
+    if (
+        isinstance(limits, Sequence)
+        and not isinstance(limits, str)
+        and limits
+        and all(isinstance(v, str) for v in limits)
+    ):
         return
     try:
         low, high = (float(v) for v in limits[:2])
@@ -364,7 +398,9 @@ def _check_limits(name: str, limits: Limits) -> None:
     except (TypeError, ValueError):
         low, high, scale = math.nan, math.nan, []
     if scale not in ([], ["log"]) or not (math.isfinite(low) and math.isfinite(high)):
-        raise OptimisationError(f"the limits of {name} are {limits!r}; give (low, high), (low, high, 'log') or a list of texts")
+        raise OptimisationError(
+            f"the limits of {name} are {limits!r}; give (low, high), (low, high, 'log') or a list of texts"
+        )
     if not low < high:
         raise OptimisationError(f"the limits of {name} are {low:g} to {high:g}; the lower one comes first")
     if scale and low <= 0:

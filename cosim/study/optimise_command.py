@@ -36,18 +36,29 @@ if TYPE_CHECKING:  # needs the extra [optimisation]
 Vary = Annotated[
     list[str] | None,
     typer.Option(
-        "--vary", metavar="NAME=LOW:HIGH",
-        help="what is tried: an option of the cases, or COMPONENT.PARAMETER of the system, in a range or among texts NAME=A,B,C; several may be given",
+        "--vary",
+        metavar="NAME=LOW:HIGH",
+        help=(
+            "what is tried: an option of the cases, or COMPONENT.PARAMETER of the system, in a range or among texts"
+            " NAME=A,B,C; several may be given"
+        ),
     ),
-]  # fmt: skip
-Log = Annotated[list[str] | None, typer.Option("--log", metavar="NAME", help="of these, one on a logarithmic scale; several may be given")]
+]
+Log = Annotated[
+    list[str] | None,
+    typer.Option("--log", metavar="NAME", help="of these, one on a logarithmic scale; several may be given"),
+]
 Minimise = Annotated[
-    list[str] | None, typer.Option("--minimise", metavar="METRIC", help="an objective: a metric to be small; several may be given")
+    list[str] | None,
+    typer.Option("--minimise", metavar="METRIC", help="an objective: a metric to be small; several may be given"),
 ]
 Maximise = Annotated[
-    list[str] | None, typer.Option("--maximise", metavar="METRIC", help="an objective: a metric to be large; several may be given")
+    list[str] | None,
+    typer.Option("--maximise", metavar="METRIC", help="an objective: a metric to be large; several may be given"),
 ]
-Trials = Annotated[int, typer.Option("--trials", help="how many in all, those of an earlier run of the same command among them", min=1)]
+Trials = Annotated[
+    int, typer.Option("--trials", help="how many in all, those of an earlier run of the same command among them", min=1)
+]
 Seed = Annotated[int, typer.Option("--random-seed", help="seed of the search", min=0)]
 
 TRIALS, RUNS = "trials.log", ".runs"  # of a search, in its folder
@@ -64,7 +75,8 @@ _OPTIONS: dict[str, tuple[Any, Any]] = {
 
 @dataclass(frozen=True)
 class PointRuns:
-    """Points of a sweep as what :func:`cosim.study.optimise.optimise` tries: values of its axes, numbers are its metrics.
+    """Points of a sweep as what :func:`cosim.study.optimise.optimise` tries: values of its axes, numbers are its
+    metrics.
 
     Args:
         sweep: any of this experiment and these axes.
@@ -90,7 +102,11 @@ class PointRuns:
         """Rows of several points; ``{"failed": message}`` where one has none."""
         columns = [[values[a.name] for values in tried] for a in self.sweep.design.axes]
         table = run_sweep(
-            replace(self.sweep, _columns=columns), self.fmus, self.store, executor=self.executor, execution=self.execution
+            replace(self.sweep, _columns=columns),
+            self.fmus,
+            self.store,
+            executor=self.executor,
+            execution=self.execution,
         )
         rows: list[Row] = [{n: float(v[i]) for n, v in table.metrics.items()} for i in range(len(tried))]
         return [{"failed": table.failures[i]} if i in table.failures else row for i, row in enumerate(rows)]
@@ -119,8 +135,12 @@ def optimise_command(experiment: Experiment) -> Any:
 
     own = {k: v for k, v in field_options(experiment).items() if k not in _OPTIONS}
     everywhere = {k: v for k, v in EVERYWHERE_OF_STUDIES.items() if k != "retry_failed"}
-    text = f"Searches for parameters with small or large metrics; writes results/{experiment.name}/optimise/report.html."
-    return command(optimise, experiment, {**_OPTIONS, **own, **own_files(experiment), **everywhere}, text, own={"Search": _OPTIONS})
+    text = (
+        f"Searches for parameters with small or large metrics; writes results/{experiment.name}/optimise/report.html."
+    )
+    return command(
+        optimise, experiment, {**_OPTIONS, **own, **own_files(experiment), **everywhere}, text, own={"Search": _OPTIONS}
+    )
 
 
 def limits(axes: Sequence[Axis], logarithmic: Sequence[str]) -> dict[str, Limits]:
@@ -144,18 +164,30 @@ def limits(axes: Sequence[Axis], logarithmic: Sequence[str]) -> dict[str, Limits
 
 
 def _search(
-    sweep: Sweep, fmus: FmuSet, space: Mapping[str, Limits], objectives: Mapping[str, str], folder: Path, given: Mapping[str, Any]
-) -> Outcome:  # fmt: skip
+    sweep: Sweep,
+    fmus: FmuSet,
+    space: Mapping[str, Limits],
+    objectives: Mapping[str, str],
+    folder: Path,
+    given: Mapping[str, Any],
+) -> Outcome:
     from cosim.report import write_report  # noqa: F401 - fails where [reports] is missing: before the work, not after
     from cosim.study.optimise import optimise
 
     count = given["processes"]
     with on(given["dask"], count) as cluster, progress_bar(f"optimise {sweep.experiment.name}") as progress:
+
         def search(executor: Any) -> Outcome:
             runs = PointRuns(sweep, fmus, folder / RUNS, executor, execution(given))
             return optimise(
-                runs, space, objectives, trials=given["trials"], storage=folder / TRIALS, seed=given["random_seed"], progress=progress
-            )  # fmt: skip
+                runs,
+                space,
+                objectives,
+                trials=given["trials"],
+                storage=folder / TRIALS,
+                seed=given["random_seed"],
+                progress=progress,
+            )
 
         if cluster is not None:
             return search(cluster)
@@ -186,15 +218,33 @@ def _write(experiment: Experiment, found: Outcome, folder: Path) -> None:
     sections = []
     if len(names) > 1:
         sections.append(
-            front_section("Front", {n: label_of(n, _unit(experiment, n)) for n in names}, found.objectives, [t.row for t in done], [t.values for t in done])
+            front_section(
+                "Front",
+                {n: label_of(n, _unit(experiment, n)) for n in names},
+                found.objectives,
+                [t.row for t in done],
+                [t.values for t in done],
+            )
         )
     every = [[t.number, *(t.row[n] for n in names), *t.values.values()] for t in done]
-    text = f"{len(done)} of {len(found.trials)} trials gave numbers; {len(best)} of them " + ("are on the front." if len(names) > 1 else "is the best.")
-    sections.append(Section("Trials", [text], tables=[Table("trials", "All trials", ["trial", *names, *parameters], every)]))
+    text = f"{len(done)} of {len(found.trials)} trials gave numbers; {len(best)} of them " + (
+        "are on the front." if len(names) > 1 else "is the best."
+    )
+    sections.append(
+        Section("Trials", [text], tables=[Table("trials", "All trials", ["trial", *names, *parameters], every)])
+    )
     aims = " and ".join(f"{n} ({'large' if d == 'max' else 'small'})" for n, d in found.objectives.items())
-    report = Report(f"{experiment.name}-optimise", f"Search: {experiment.title or experiment.name}", f"Objectives: {aims}.", sections=sections)
+    report = Report(
+        f"{experiment.name}-optimise",
+        f"Search: {experiment.title or experiment.name}",
+        f"Objectives: {aims}.",
+        sections=sections,
+    )
     for row in rows[:5]:
-        said = ", ".join(f"{n} {v:.4g}" if isinstance(v, float) else f"{n} {v}" for n, v in zip([*names, *parameters], row, strict=True))
+        said = ", ".join(
+            f"{n} {v:.4g}" if isinstance(v, float) else f"{n} {v}"
+            for n, v in zip([*names, *parameters], row, strict=True)
+        )
         console.print(f"{'front' if len(names) > 1 else 'best'}: {said}")
     if len(rows) > 5:
         console.print(f"and {len(rows) - 5} more on the front")

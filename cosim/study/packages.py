@@ -1,4 +1,5 @@
-"""An experiment of an SSP file: its default experiment is the run, its parameters and steps are options of the cases."""
+"""An experiment of an SSP file: its default experiment is the run, its parameters and steps are options
+of the cases."""
 
 from __future__ import annotations
 
@@ -32,8 +33,12 @@ def ssp_experiment(place: str, measure: Any) -> Experiment:
         parameters: str = option(
             "", name="set", help="values to set, 'car.body.mass=1200, road.amplitude=0.05'", label=_label
         ),
-        record: str = option("", help="what is recorded, names and patterns with commas (default: all outputs)", label=lambda _: "some"),
-        stop_time: float | None = option(None, unit="s", within=(1e-9, 1e9), help="end of the run, instead of the file's"),
+        record: str = option(
+            "", help="what is recorded, names and patterns with commas (default: all outputs)", label=lambda _: "some"
+        ),
+        stop_time: float | None = option(
+            None, unit="s", within=(1e-9, 1e9), help="end of the run, instead of the file's"
+        ),
     ) -> None: ...
 
     return Experiment(
@@ -71,7 +76,9 @@ def _configure(system: System, case: Any) -> None:
         system[name].values = dict(values)
     for full, text in _pairs(case.parameters, "--set").items():
         member, variable = system.members.split(full)
-        kind = member.description.find(variable, member.name).type if variable not in member.description.arrays else "real"
+        kind = (
+            member.description.find(variable, member.name).type if variable not in member.description.arrays else "real"
+        )
         member.set({variable: _value(text, kind, full)})
 
 
@@ -118,4 +125,3 @@ def _stop_time(system: System, case: Any) -> float:
     if not ends:
         raise SspError(f"neither {case.file} nor its FMUs say how long it runs: give --stop-time")
     return float(max(ends))
-

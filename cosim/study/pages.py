@@ -1,5 +1,6 @@
-"""What the reports of all studies have alike: provenance, parameters of the FMUs that ran, sections that survive a failed
-run, and the report of a study that has none of its own."""
+"""What the reports of all studies have alike: provenance, parameters of the FMUs that ran, sections that survive a
+failed run, and the report of a study that has none of its own.
+"""
 
 from __future__ import annotations
 
@@ -24,7 +25,9 @@ MOST_METRICS = 12  # that are drawn where an experiment does not say how its met
 
 
 def provenance(experiment: Experiment, fmus: FmuSet, files: Iterable[Path] = ()) -> dict[str, Any]:
-    """Versions, papers and hashes of the FMU files for a report; ``files`` besides those that the experiment and its parts name."""
+    """Versions, papers and hashes of the FMU files for a report; ``files`` besides those that the experiment and its
+    parts name.
+    """
     used = key.libraries(m for e in experiment.every for m in key.entry_modules(e))
     found: dict[str, Any] = {"versions": {PACKAGE: metadata.version(PACKAGE), **key.versions(used)}}
     if experiment.papers:
@@ -98,7 +101,9 @@ def report_of(experiment: Experiment, results: Results, fmus: FmuSet) -> Report:
 
 
 def default_report(experiment: Experiment, results: Results, fmus: FmuSet) -> Report:
-    """Every run in a table, and every metric over each number that differs between the runs; those of parts by themselves."""
+    """Every run in a table, and every metric over each number that differs between the runs; those of parts by
+    themselves.
+    """
     claims = resolved(experiment.claims)
     own = results.of()
     axes = ", ".join(f.name.replace("-", " ") for f in differing(own))
@@ -127,11 +132,14 @@ def _runs(experiment: Experiment, results: Results, prefix: str = "") -> list[Se
     table = Table(f"{prefix}runs", f"All runs{about}", columns or ["run"], rows if columns else [[experiment.name]])
     curves = metrics if experiment.metrics else dict(list(metrics.items())[:MOST_METRICS])
     left_out = (
-        f"Figures show the first {len(curves)} of {len(metrics)} metrics. The table has all of them and scrolls sideways; its CSV file has them "
-        "too. METRICS in the file of the experiment says which metrics are shown, with words and units."
+        f"Figures show the first {len(curves)} of {len(metrics)} metrics. The table has all of them and scrolls"
+        " sideways; its CSV file has them too. METRICS in the file of the experiment says which metrics are shown,"
+        " with words and units."
     )
     found = [Section(f"Runs{about}", [left_out] if len(curves) < len(metrics) else [], tables=[table])]
-    drawn = [figure for f in axes if f.type in (int, float) for figure in _figures(f, axes, curves, results, ran, prefix)]
+    drawn = [
+        figure for f in axes if f.type in (int, float) for figure in _figures(f, axes, curves, results, ran, prefix)
+    ]
     if drawn:
         found.append(Section(f"What the metrics{about} depend on", [], figures=drawn))
     return found
@@ -154,7 +162,9 @@ def _number(metric: Metric, value: Any) -> Scalar:
 def _figures(
     axis: Field, axes: list[Field], metrics: Mapping[str, Metric], results: Results, ran: list[Any], prefix: str
 ) -> list[Figure]:
-    """Every metric over one number, in one figure; a curve for each combination of the other values. None where nothing was measured."""
+    """Every metric over one number, in one figure; a curve for each combination of the other values. None where nothing
+    was measured.
+    """
     others = [f for f in axes if f is not axis]
     curves: dict[str, list[Any]] = {}
     for case in ran:

@@ -37,21 +37,23 @@ class NoWorkerError(RuntimeError):
 def local_processes(count: int) -> Iterator[Executor]:
     """An executor of ``count`` processes; when the block ends by an error or Ctrl-C, they end at once.
 
-    A process that dies costs the task that it had, whose future raises :class:`WorkerDiedError`, and is replaced. Where none can be
-    started the future raises :class:`NoWorkerError`.
+    A process that dies costs the task that it had, whose future raises :class:`WorkerDiedError`, and is replaced. Where
+    none can be started the future raises :class:`NoWorkerError`.
 
-    Workers are started afresh, not forked: a fork copies locks that a thread of this process (the progress bar's) may hold.
-    So a script that comes here needs ``if __name__ == "__main__":``. Where the system has it they come from a server process
-    without threads that has loaded what they need, so that one that is replaced is back in no time.
+    Workers are started afresh, not forked: a fork copies locks that a thread of this process (the progress bar's) may
+    hold. So a script that comes here needs ``if __name__ == "__main__":``. Where the system has it they come from a
+    server process without threads that has loaded what they need, so that one that is replaced is back in no time.
 
-    Workers put their temporary files, the FMUs they unpack among them, into one folder that is removed when all have ended,
-    in whatever way: they leave by ``_exit`` or by a signal, where nobody cleans up. When this process dies instead, each
-    worker ends at once and removes all temporary files of this process.
+    Workers put their temporary files, the FMUs they unpack among them, into one folder that is removed when all have
+    ended, in whatever way: they leave by ``_exit`` or by a signal, where nobody cleans up. When this process dies
+    instead, each worker ends at once and removes all temporary files of this process.
     """
     one_thread()
     afresh = "forkserver" if "forkserver" in multiprocessing.get_all_start_methods() else "spawn"
     context = multiprocessing.get_context(afresh)
-    context.set_forkserver_preload(["suspension_fmus", "cosim.study.work"])  # the first makes `cosim` ours, beside another one
+    context.set_forkserver_preload(
+        ["suspension_fmus", "cosim.study.work"]
+    )  # the first makes `cosim` ours, beside another one
     scratch = tempfile.mkdtemp(dir=safe_files.scratch())
     executor = _Processes(count, context, scratch)
     try:
@@ -65,7 +67,9 @@ def local_processes(count: int) -> Iterator[Executor]:
 
 
 class _Processes(Executor):
-    """A thread of this process looks after each worker: it gives it tasks, one at a time, and waits for what comes back."""
+    """A thread of this process looks after each worker: it gives it tasks, one at a time, and waits for what comes
+    back.
+    """
 
     loses_only_its_own = True  # with a worker, the task that it had
 
@@ -200,7 +204,9 @@ def _start_worker(scratch: str) -> None:
 
 
 def _end_with_parent(scratch: str) -> None:
-    """Wait until the parent has gone, however it went: the system closes its end of a pipe (Windows: signals its handle)."""
+    """Wait until the parent has gone, however it went: the system closes its end of a pipe (Windows: signals its
+    handle).
+    """
     parent = multiprocessing.parent_process()
     assert parent is not None
     wait_for([parent.sentinel])

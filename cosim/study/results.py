@@ -21,7 +21,8 @@ class Results(Mapping[Any, Row]):
 
     Args:
         tasks: of the study.
-        entries: of each task, as workers gave them: ``{"metrics": ...}``, ``{"found": ...}`` or ``{"failed": message}``.
+        entries: of each task, as workers gave them: ``{"metrics": ...}``, ``{"found": ...}`` or ``{"failed":
+            message}``.
     """
 
     def __init__(self, tasks: Iterable[Task | Search], entries: Iterable[Row]) -> None:

@@ -26,7 +26,8 @@ class Execution:
 
     Args:
         engine: see :meth:`cosim.System.initialize`.
-        isolate: names and patterns of the components that run in processes of their own, see :meth:`cosim.System.isolate`.
+        isolate: names and patterns of the components that run in processes of their own, see
+            :meth:`cosim.System.isolate`.
         step_timeout: of these, wall time of one call [s].
         memory_limit: of these, bytes.
     """
@@ -37,8 +38,9 @@ class Execution:
     memory_limit: int | None = None
 
     def prepare(self, system: System, *, every: bool = False) -> None:
-        """Isolate what is to be isolated of a system. Names that fit nothing are passed over, since not every case has every component;
-        with ``every`` they raise WiringError."""
+        """Isolate what is to be isolated of a system. Names that fit nothing are passed over, since not every case has
+        every component; with ``every`` they raise WiringError.
+        """
         system.isolate(
             *self.isolate, step_timeout=self.step_timeout, memory_limit=self.memory_limit, missing_ok=not every
         )
@@ -55,7 +57,8 @@ class Runner:
         fmus: the FMU files.
         store: where finished runs are kept; None: nowhere.
         execution: how systems are executed.
-        inputs: files whose columns drive the inputs that they name, see :func:`cosim.tables.drive`; their runs are not stored.
+        inputs: files whose columns drive the inputs that they name, see :func:`cosim.tables.drive`; their runs are not
+            stored.
         hold_inputs: a run may last longer than these files.
     """
 
@@ -130,10 +133,17 @@ class Runner:
             stop_time if stop_time is not None else e.stop_time(system, case) if callable(e.stop_time) else e.stop_time
         )
         recording = system.run(
-            end, record=names, record_interval=interval, stop_when=e.stop_when(system, case) if e.stop_when else (),
-            output=output, display_units=display_units, progress=progress, allow_unconnected=e.allow_unconnected, engine=self.execution.engine,
+            end,
+            record=names,
+            record_interval=interval,
+            stop_when=e.stop_when(system, case) if e.stop_when else (),
+            output=output,
+            display_units=display_units,
+            progress=progress,
+            allow_unconnected=e.allow_unconnected,
+            engine=self.execution.engine,
             real_time=real_time,
-        )  # fmt: skip
+        )
         return Run(case, recording, system)
 
     def record(self, case: Any, **options: Any) -> Recording:
@@ -142,7 +152,9 @@ class Runner:
         return found
 
     def entry(self, case: Any, *, signals: bool = False, history: Path | None = None) -> Row:
-        """``metrics`` of a case, and ``signals`` if requested, as JSON values; stored if possible. ``history``: file for the recording."""
+        """``metrics`` of a case, and ``signals`` if requested, as JSON values; stored if possible. ``history``: file
+        for the recording.
+        """
         if self.store is None:
             return self._entry(case, signals=signals, history=history)
         key = entry_key(case, signals=signals)
@@ -189,7 +201,10 @@ def _keep(path: Path, recording: Recording) -> None:
     try:
         write(path, recording)
     except OSError as error:
-        raise HistoryError(f"{path}: the recording of a run cannot be kept ({error.strerror or error}); make room or choose another --out") from None
+        raise HistoryError(
+            f"{path}: the recording of a run cannot be kept ({error.strerror or error}); make room or choose another"
+            " --out"
+        ) from None
 
 
 def entry_key(case: Any, *, signals: bool = False) -> Any:

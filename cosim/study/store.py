@@ -1,9 +1,10 @@
 """Finished runs on disk, keyed by everything that determines them: an interrupted study continues where it stopped.
 
-A folder of results in batches. A result is appended to a file of lines (`*.lines`) as soon as it is there, and the operating system has it
-before anything else happens, so a process that is killed loses nothing that it was given. Lines that make a batch are written as one Parquet
-file (`*.parquet`) of the same name, which appears whole or not at all; then the lines are removed. Each process writes files of its own, so that
-several may work on one folder. Every result carries a hash of its key and its text, which is checked whenever it is read.
+A folder of results in batches. A result is appended to a file of lines (`*.lines`) as soon as it is there, and the
+operating system has it before anything else happens, so a process that is killed loses nothing that it was given. Lines
+that make a batch are written as one Parquet file (`*.parquet`) of the same name, which appears whole or not at all;
+then the lines are removed. Each process writes files of its own, so that several may work on one folder. Every result
+carries a hash of its key and its text, which is checked whenever it is read.
 """
 
 from __future__ import annotations
@@ -55,9 +56,11 @@ class Store:
 
     Args:
         directory: made when something is stored.
-        group: part of the names of files that this process writes, by which another one finds and takes them over (:meth:`absorb`).
+        group: part of the names of files that this process writes, by which another one finds and takes them over
+            (:meth:`absorb`).
 
-    A file or a result that is not what was written is passed over with a :class:`DamagedWarning`, and its runs are made again.
+    A file or a result that is not what was written is passed over with a :class:`DamagedWarning`, and its runs are made
+    again.
     """
 
     RESULTS = 4096
@@ -67,7 +70,9 @@ class Store:
     CACHE = 8_000_000
     """Of batches that are kept in memory [bytes]."""
     SYNC = 1.0
-    """How often lines are forced onto the disk at least, as long as there are new ones [s]: what a power failure may cost."""
+    """How often lines are forced onto the disk at least, as long as there are new ones [s]: what a power failure may
+    cost.
+    """
 
     def __init__(self, directory: Path, group: str = "") -> None:
         self.directory = directory
@@ -287,7 +292,9 @@ class Store:
 
 
 def _read(path: Path, columns: list[str]) -> Any:
-    """A table of texts. FileNotFoundError, or ValueError, TypeError or an OSError without a number where it is no such file."""
+    """A table of texts. FileNotFoundError, or ValueError, TypeError or an OSError without a number where it is no such
+    file.
+    """
     try:
         with extras.needed("reports", STORED):
             table = parquet_table(path, columns)

@@ -1,5 +1,6 @@
-"""A sweep: many runs of one experiment over a design, whose table is read from the store, so that a hundred thousand need no more memory
-than a hundred."""
+"""A sweep: many runs of one experiment over a design, whose table is read from the store, so that a hundred thousand
+need no more memory than a hundred.
+"""
 
 from __future__ import annotations
 
@@ -73,12 +74,16 @@ class Sweep:
         return self.case(**{**self.base, **dict(zip(self.attributes, self.point(i), strict=True))})
 
     def salt(self, fmus: FmuSet) -> str:
-        """What all runs depend on besides their values. The FMUs are those of every system that options of texts, truth values and up to
-        :data:`FEW` whole numbers choose; one that is chosen by another number is not known of."""
+        """What all runs depend on besides their values. The FMUs are those of every system that options of texts, truth
+        values and up to :data:`FEW` whole numbers choose; one that is chosen by another number is not known of.
+        """
         own = {f.attribute for f in fields(self.experiment.case)}
         choosing = [k for k, a in enumerate(self.attributes) if a in own and _may_choose(self._columns[k])]
         chosen = dict.fromkeys(zip(*(self._columns[k] for k in choosing), strict=True)) if choosing else {(): None}
-        cases = [self.experiment.case(**{**self.base, **dict(zip((self.attributes[k] for k in choosing), c, strict=True))}) for c in chosen]
+        cases = [
+            self.experiment.case(**{**self.base, **dict(zip((self.attributes[k] for k in choosing), c, strict=True))})
+            for c in chosen
+        ]
         code = ["sweep", code_hash([sweeping.__file__]), repr(self.parameters)]
         return "|".join([*code, salt_of(self.experiment, "", fmus, [Task(c) for c in cases])])
 
@@ -99,7 +104,8 @@ def prepare(experiment: Experiment, fmus: FmuSet, design: Design, base: Mapping[
         base: fields of the cases that do not vary, by attribute.
 
     Raises:
-        DesignError, CaseError, WiringError: a parameter does not exist, or cannot have a value that the design gives it.
+        DesignError, CaseError, WiringError: a parameter does not exist, or cannot have a value that the design gives
+            it.
         FileNotFoundError: an FMU is missing.
     """
     fmus.paths(experiment.fmus)
@@ -147,7 +153,9 @@ def _variable(system: Any, name: str, own: Mapping[str, Field]) -> Any:
     if not dot or member not in system.members:
         options = sorted({f.name for f in own.values()})
         what = unknown("component", member, system.members) if dot else unknown("option", name, options)
-        raise DesignError(f"{name}: {what}; vary an option of the cases, or a parameter of a component as COMPONENT.NAME")
+        raise DesignError(
+            f"{name}: {what}; vary an option of the cases, or a parameter of a component as COMPONENT.NAME"
+        )
     found = system[member].description.find(variable, member)
     if found.type not in KINDS:
         raise WiringError(f"{name} is of type {found.fmi_type}; numbers, truth values and texts can vary")
@@ -171,7 +179,8 @@ class SweepTable:
         axes: values by name.
         metrics: numbers (runs,) by name; NaN where a run failed or has none.
         failures: message by number of the run.
-        histories: for each run the file of its recording, relative to the table; "" where there is none. Empty where none were kept.
+        histories: for each run the file of its recording, relative to the table; "" where there is none. Empty where
+            none were kept.
     """
 
     sweep: Sweep
@@ -181,8 +190,9 @@ class SweepTable:
     histories: Sequence[str] = ()
 
     def write(self, path: Path) -> Path:
-        """A Parquet file: ``run``, the axes, the metrics, ``failed``, and ``history`` where these were kept. The same results give the
-        same bytes."""
+        """A Parquet file: ``run``, the axes, the metrics, ``failed``, and ``history`` where these were kept. The same
+        results give the same bytes.
+        """
         n = len(self.sweep)
         failures = [self.failures.get(i, "") for i in range(n)]
         more = {"history": list(self.histories)} if self.histories else {}
@@ -212,7 +222,10 @@ def history(table: str | Path, run: int) -> Recording:
         raise DesignError(f"{path} has runs 0 to {found.num_rows - 1}, not {run}")
     name = found["history"][run].as_py() if "history" in found.column_names else ""
     if not name:
-        raise DesignError(f"{path}: nothing was kept of run {run} over time; cosim sweep ... --histories keeps it, --run {run} makes it again")
+        raise DesignError(
+            f"{path}: nothing was kept of run {run} over time; cosim sweep ... --histories keeps it, --run {run} makes"
+            " it again"
+        )
     return Recording.read(path.parent / name)
 
 
@@ -266,14 +279,16 @@ def run_sweep(
     histories: bool = False,
     needed: str = "",
 ) -> SweepTable:
-    """Run a sweep; what is in ``store`` already is taken from there. Options and errors as of :func:`cosim.study.run_study`.
+    """Run a sweep; what is in ``store`` already is taken from there. Options and errors as of
+    :func:`cosim.study.run_study`.
 
     Args:
         needed: a metric; where the first run has none of this name the sweep ends.
         progress: called with (done, total, failed).
         running: gets each result as it is there.
-        histories: whether each run's recording is kept, as a Parquet file in ``histories`` beside ``store``. Workers write it, so on a
-            cluster that folder must be one that they all reach. A stored run without one is made again. See :func:`history`.
+        histories: whether each run's recording is kept, as a Parquet file in ``histories`` beside ``store``. Workers
+            write it, so on a cluster that folder must be one that they all reach. A stored run without one is made
+            again. See :func:`history`.
 
     Raises:
         DesignError: a metric has the name of a column, or the one that is needed is not there.
@@ -316,7 +331,9 @@ def run_sweep(
     del seen
     done, named = total - len(order), False
     progress(done, total, lost)
-    ship = replace(ship_of(sweep.experiment, fmus, [""], {"": salt}, execution, parameters=sweep.parameters), histories=folder)
+    ship = replace(
+        ship_of(sweep.experiment, fmus, [""], {"": salt}, execution, parameters=sweep.parameters), histories=folder
+    )
     dispatch = Dispatch(ship, lambda i: given(name(i), Task(sweep.of(i))), lambda _: 1.0, width)
     with closing(stored(dispatch, kept, order, executor, processes)) as found:
         for i, line in found:
@@ -339,16 +356,24 @@ def run_sweep(
 
 
 def _check_names(metrics: Mapping[str, Any], sweep: Sweep, i: int) -> None:
-    """Refuse metrics of run number i whose name a column of the table has already. What varies may be told by a metric, too.
+    """Refuse metrics of run number i whose name a column of the table has already. What varies may be told by a metric,
+    too.
 
     Raises:
         DesignError: there is one.
     """
     wrong = [n for n in ("run", "failed", "history") if n in metrics]
     numbers = {n: v for n, v in metrics.items() if isinstance(v, int | float) and math.isfinite(v)}
-    wrong += [a.name for a, value in zip(sweep.design.axes, sweep.point(i), strict=True) if numbers.get(a.name, value) != value]
+    wrong += [
+        a.name
+        for a, value in zip(sweep.design.axes, sweep.point(i), strict=True)
+        if numbers.get(a.name, value) != value
+    ]
     if wrong:
-        raise DesignError(f"a metric is named {wrong[0]!r}, as a column of the table is, and has other values; give it another name in `measure`")
+        raise DesignError(
+            f"a metric is named {wrong[0]!r}, as a column of the table is, and has other values; give it another name"
+            " in `measure`"
+        )
 
 
 def _table(sweep: Sweep, kept: Store, name: Callable[[int], str]) -> SweepTable:

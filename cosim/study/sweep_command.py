@@ -42,27 +42,51 @@ Vary = Annotated[
     typer.Option(
         "--vary",
         metavar="NAME=LOW:HIGH",
-        help="an option of the cases, or COMPONENT.PARAMETER of the system: a range, a list NAME=A,B,C or a distribution "
-        "NAME=normal(MEAN,DEVIATION); several may be given",
+        help=(
+            "an option of the cases, or COMPONENT.PARAMETER of the system: a range, a list NAME=A,B,C or a distribution"
+            " NAME=normal(MEAN,DEVIATION); several may be given"
+        ),
     ),
 ]
 _OWN = "or as the design file says"
-Samples = Annotated[int | None, typer.Option("--samples", help=f"points of the design (default: {Design.samples}, {_OWN})", min=1)]
-Method = Annotated[
-    str | None, typer.Option("--method", metavar=one_of(METHODS), help=f"how they fill the space of the parameters (default: {Design.method}, {_OWN})")
+Samples = Annotated[
+    int | None, typer.Option("--samples", help=f"points of the design (default: {Design.samples}, {_OWN})", min=1)
 ]
-Seed = Annotated[int | None, typer.Option("--random-seed", help=f"seed of the design (default: {Design.seed}, {_OWN})", min=0)]
+Method = Annotated[
+    str | None,
+    typer.Option(
+        "--method",
+        metavar=one_of(METHODS),
+        help=f"how they fill the space of the parameters (default: {Design.method}, {_OWN})",
+    ),
+]
+Seed = Annotated[
+    int | None, typer.Option("--random-seed", help=f"seed of the design (default: {Design.seed}, {_OWN})", min=0)
+]
 File = Annotated[
     Path | None, typer.Option("--design", metavar="FILE", help="the design as a .toml file, or DESIGN of a .py file")
 ]
 Worst = Annotated[
-    str | None, typer.Option("--worst", metavar="METRIC", help="whose largest values are the worst; METRIC:min for its smallest (default: the first metric, furthest from 0)")
+    str | None,
+    typer.Option(
+        "--worst",
+        metavar="METRIC",
+        help=(
+            "whose largest values are the worst; METRIC:min for its smallest (default: the first metric, furthest"
+            " from 0)"
+        ),
+    ),
 ]
 One = Annotated[
-    int | None, typer.Option("--run", metavar="NUMBER", help="make one run of the sweep again, with its time histories", min=0)
+    int | None,
+    typer.Option("--run", metavar="NUMBER", help="make one run of the sweep again, with its time histories", min=0),
 ]
 Histories = Annotated[
-    bool, typer.Option("--histories", help="keep the time histories of every run too, as Parquet files beside the table; workers write them")
+    bool,
+    typer.Option(
+        "--histories",
+        help="keep the time histories of every run too, as Parquet files beside the table; workers write them",
+    ),
 ]
 Yes = Annotated[bool, typer.Option("--yes", help=f"do not ask before more than {MANY} runs")]
 
@@ -92,13 +116,27 @@ def sweep_command(experiment: Experiment) -> Any:
             _one(prepared, given["run"], fmus, given)
             return
         write_sweep(
-            prepared, fmus, given["out"], worst=given["worst"], cluster=given["dask"], processes=given["processes"],
-            retry_failed=given["retry_failed"], force=given["force"], execution=execution(given), histories=given["histories"],
-        )  # fmt: skip
+            prepared,
+            fmus,
+            given["out"],
+            worst=given["worst"],
+            cluster=given["dask"],
+            processes=given["processes"],
+            retry_failed=given["retry_failed"],
+            force=given["force"],
+            execution=execution(given),
+            histories=given["histories"],
+        )
 
     own = {k: v for k, v in field_options(experiment).items() if k not in _OPTIONS}
     text = f"Runs over a design of its parameters; writes results/{experiment.name}/sweep/report.html."
-    return command(sweep, experiment, {**_OPTIONS, **own, **own_files(experiment), **EVERYWHERE_OF_STUDIES}, text, own={"Design": _OPTIONS})
+    return command(
+        sweep,
+        experiment,
+        {**_OPTIONS, **own, **own_files(experiment), **EVERYWHERE_OF_STUDIES},
+        text,
+        own={"Design": _OPTIONS},
+    )
 
 
 def write_sweep(
@@ -117,8 +155,15 @@ def write_sweep(
     with on(cluster, options.get("processes")) as executor, _shown(sweep) as (progress, running):
         try:
             table = run_sweep(
-                sweep, fmus, folder / ".runs", executor=executor, progress=progress, running=running, needed=ranking.metric if ranking else "", **options
-            )  # fmt: skip
+                sweep,
+                fmus,
+                folder / ".runs",
+                executor=executor,
+                progress=progress,
+                running=running,
+                needed=ranking.metric if ranking else "",
+                **options,
+            )
         except KeyboardInterrupt:
             raise KeyboardInterrupt(
                 "interrupted; finished runs are kept, the same command continues from there"
@@ -130,7 +175,9 @@ def write_sweep(
     if missing := sum(not h for i, h in enumerate(table.histories) if i not in table.failures):
         console.print(f"{missing} histories are not in {folder / HISTORIES}: do all workers reach that folder?")
     path = table.write(folder / "table.parquet")
-    page = write_report(sweep_report(table, fmus, worst=ranking, folder=folder, execution=options.get("execution")), folder)
+    page = write_report(
+        sweep_report(table, fmus, worst=ranking, folder=folder, execution=options.get("execution")), folder
+    )
     console.print(f"table: {path}")
     console.print(f"report: {page}")
     refuse_none(len(sweep) - len(table.failures), table.failures.values())
@@ -141,9 +188,13 @@ def write_sweep(
 def _shown(sweep: Sweep) -> Iterator[tuple[Watch, Running | None]]:
     """A progress bar; on a terminal with a table below it, of the metrics as they stand."""
     columns = [
-        TextColumn("{task.description}", markup=False), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), TimeRemainingColumn(),
+        TextColumn("{task.description}", markup=False),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeElapsedColumn(),
+        TimeRemainingColumn(),
         TextColumn("{task.fields[failed]} failed", markup=False),
-    ]  # fmt: skip
+    ]
     bar = Progress(*columns, console=console)
     task = bar.add_task(f"sweep {sweep.experiment.name}", total=len(sweep), failed=0)
 
@@ -176,7 +227,10 @@ def _design(given: Mapping[str, Any]) -> Design:
         return Design(tuple(axis(text) for text in given["vary"] or ()), **changes)
     found = from_file(given["design"])
     if changes and found.method == "list":
-        raise DesignError(f"{given['design']} gives points one by one: --samples, --method and --random-seed have no meaning beside it")
+        raise DesignError(
+            f"{given['design']} gives points one by one: --samples, --method and --random-seed have no meaning"
+            " beside it"
+        )
     found = dataclasses.replace(found, **changes)
     if given["vary"]:
         more = tuple(axis(text) for text in given["vary"])
@@ -196,7 +250,13 @@ def _ask(design: Design, yes: bool) -> None:
     if design.runs <= MANY or yes:
         return
     hours = design.runs * 0.1 / 3600
-    often = f"{hours:.0f} hours" if hours < 48 else f"{hours / 24:.0f} days" if hours < 24 * 730 else f"{hours / 24 / 365:.0f} years"
+    often = (
+        f"{hours:.0f} hours"
+        if hours < 48
+        else f"{hours / 24:.0f} days"
+        if hours < 24 * 730
+        else f"{hours / 24 / 365:.0f} years"
+    )
     text = f"{design.runs:.6g} runs: at 0.1 s each some {often} on one core"
     if not (console.is_terminal and typer.confirm(f"{text}. Run them?", default=False)):
         raise DesignError(f"{text}; nothing was run. Take fewer --samples, or give --yes")

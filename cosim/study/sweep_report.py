@@ -1,4 +1,6 @@
-"""The page of a sweep: distributions, quantiles with their confidence, scatter, parallel coordinates, sensitivity, worst cases."""
+"""The page of a sweep: distributions, quantiles with their confidence, scatter, parallel coordinates, sensitivity,
+worst cases.
+"""
 
 from __future__ import annotations
 
@@ -29,14 +31,21 @@ CONFIDENCE = 0.95
 MOST_METRICS = 6  # that are drawn
 POINTS = 2000  # of a scatter plot
 LINES = 100  # of parallel coordinates
-SAMPLED = ("random", "lhs", "sobol", "halton")  # methods whose points are random samples, independent or spread more evenly
+SAMPLED = (
+    "random",
+    "lhs",
+    "sobol",
+    "halton",
+)  # methods whose points are random samples, independent or spread more evenly
 WORST = 3  # runs whose time histories are shown
 SAMPLES = 2000  # of a time history that is drawn
 
 
 @dataclass(frozen=True)
 class Worst:
-    """Which runs are the worst: those with the largest values of a metric, with its smallest, or with those furthest from 0."""
+    """Which runs are the worst: those with the largest values of a metric, with its smallest, or with those furthest
+    from 0.
+    """
 
     metric: str
     how: Literal["largest", "smallest", "furthest from 0"] = "largest"
@@ -56,7 +65,12 @@ class Worst:
 
 
 def sweep_report(
-    table: SweepTable, fmus: FmuSet, *, worst: Worst | None = None, folder: Path | None = None, execution: Execution | None = None
+    table: SweepTable,
+    fmus: FmuSet,
+    *,
+    worst: Worst | None = None,
+    folder: Path | None = None,
+    execution: Execution | None = None,
 ) -> Report:
     """The page.
 
@@ -132,8 +146,10 @@ def _values(table: SweepTable, key: str, metric: Metric) -> Array:
 
 
 def quantile_interval(values: Array, q: float, confidence: float = CONFIDENCE) -> tuple[float, float, float]:
-    """A quantile of the distribution that values (n,) are drawn from, and the order statistics that enclose it with this confidence,
-    whatever the distribution (David and Nagaraja, Order Statistics, 7.1); infinite where n is too small."""
+    """A quantile of the distribution that values (n,) are drawn from, and the order statistics that enclose it with
+    this confidence, whatever the distribution (David and Nagaraja, Order Statistics, 7.1); infinite where n is too
+    small.
+    """
     ordered = np.sort(values)
     n = len(ordered)
     tail = (1 - confidence) / 2
@@ -157,11 +173,16 @@ def _about_bounds(method: str) -> str:
     if method not in SAMPLED:
         name = METHODS.get(method, "a list of points")
         return (
-            f"The quantiles are those of these runs. They have no bounds of confidence, because the points of this design ({name}) are no random "
-            "sample of the parameters' distributions; --method random gives quantiles with bounds."
+            "The quantiles are those of these runs. They have no bounds of confidence, because the points of this"
+            f" design ({name}) are no random sample of the parameters' distributions; --method random gives quantiles"
+            " with bounds."
         )
     text = "Bounds are order statistics that hold for any distribution"
-    return text + ("." if method == "random" else "; they take the runs for independent, and are usually too wide for a design that fills space evenly.")
+    return text + (
+        "."
+        if method == "random"
+        else "; they take the runs for independent, and are usually too wide for a design that fills space evenly."
+    )
 
 
 def _distributions(table: SweepTable, metrics: Mapping[str, Metric], drawn: Mapping[str, Metric]) -> Section:
@@ -195,8 +216,9 @@ def _distributions(table: SweepTable, metrics: Mapping[str, Metric], drawn: Mapp
     text = [_about_bounds(method)]
     if len(drawn) < len(metrics):
         text.append(
-            f"Figures show the first {len(drawn)} of {len(metrics)} metrics. Quantiles of all of them are in the table below, their values in "
-            "table.parquet. METRICS in the file of the experiment says which metrics are shown, with words and units."
+            f"Figures show the first {len(drawn)} of {len(metrics)} metrics. Quantiles of all of them are in the table"
+            " below, their values in table.parquet. METRICS in the file of the experiment says which metrics are"
+            " shown, with words and units."
         )
     figures = (
         [Figure("distributions", "Distributions", "Empirical distribution of each metric.", panels, columns=2)]
@@ -213,7 +235,8 @@ def _thinned(values: Array) -> Any:
     return np.union1d(chosen, fine[[values[fine].argmin(), values[fine].argmax()]]) if len(fine) else chosen
 
 
-# --------------------------------------------------------------------------------------------------------------- scatter
+# ---------------------------------------------------------------------------------------------------------------
+# scatter
 
 
 def _numeric(table: SweepTable) -> dict[str, Array]:
@@ -254,7 +277,9 @@ def _scatter(table: SweepTable, drawn: Mapping[str, Metric], worst: Worst) -> Se
 
 
 def _parallel(table: SweepTable, axes: Mapping[str, Array], drawn: Mapping[str, Metric], worst: Worst) -> Figure:
-    """Every run is a line over all columns, each scaled from its smallest to its largest value; the worst tenth stands out."""
+    """Every run is a line over all columns, each scaled from its smallest to its largest value; the worst tenth stands
+    out.
+    """
     columns = [*axes.values(), *(_values(table, k, m) for k, m in drawn.items())]
     scaled = np.column_stack([_scaled(c) for c in columns])
     ranked = worst.ranked(table)
@@ -283,12 +308,14 @@ def _scaled(values: Array) -> Array:
     return (values - low) / (high - low) if high > low else np.where(np.isfinite(values), 0.5, np.nan)
 
 
-# ----------------------------------------------------------------------------------------------------------- sensitivity
+# -----------------------------------------------------------------------------------------------------------
+# sensitivity
 
 
 def sobol_indices(table: SweepTable, key: str) -> list[tuple[str, float, float, float, float]]:
-    """(parameter, first-order index, its half width of 95 % confidence, total index, its half width) of a metric of a sweep by
-    the method "saltelli" (Saltelli et al., Computer Physics Communications 181, 2010)."""
+    """(parameter, first-order index, its half width of 95 % confidence, total index, its half width) of a metric of a
+    sweep by the method "saltelli" (Saltelli et al., Computer Physics Communications 181, 2010).
+    """
     with extras.needed("sensitivity", "indices of Sobol"):
         from SALib.analyze import sobol
 
@@ -300,8 +327,10 @@ def sobol_indices(table: SweepTable, key: str) -> list[tuple[str, float, float, 
 
 
 def morris_effects(table: SweepTable, key: str) -> list[tuple[str, float, float]]:
-    """(parameter, mean of the magnitudes of elementary effects, their standard deviation) of a metric of a sweep by the method "morris",
-    over the whole range of the parameter (Campolongo et al., Environmental Modelling and Software 22, 2007)."""
+    """(parameter, mean of the magnitudes of elementary effects, their standard deviation) of a metric of a sweep by the
+    method "morris", over the whole range of the parameter (Campolongo et al., Environmental Modelling and Software 22,
+    2007).
+    """
     with extras.needed("sensitivity", "effects of Morris"):
         from SALib.analyze import morris
 
@@ -341,7 +370,8 @@ def _sensitivity(table: SweepTable, drawn: Mapping[str, Metric]) -> Section:
         columns = ["metric", "parameter", "first-order index", "+-", "total index", "+-, of the total"]
         rows = [[m.text, *found] for k, m in drawn.items() for found in sobol_indices(table, k)]
         paragraphs = [
-            "Sobol indices: the share of the variance that a parameter explains alone, and with all its interactions; with 95 % confidence."
+            "Sobol indices: the share of the variance that a parameter explains alone, and with all its interactions;"
+            " with 95 % confidence."
         ]
     elif method == "morris":
         columns = ["metric", "parameter", "mean magnitude of the effect", "standard deviation of the effect"]
@@ -351,7 +381,8 @@ def _sensitivity(table: SweepTable, drawn: Mapping[str, Metric]) -> Section:
             for n, mean, s in morris_effects(table, k)
         ]
         paragraphs = [
-            "Elementary effects (Morris), over the whole range of a parameter: a deviation as large as the mean tells of interactions or curvature."
+            "Elementary effects (Morris), over the whole range of a parameter: a deviation as large as the mean tells"
+            " of interactions or curvature."
         ]
     else:
         columns = ["metric", "parameter", "rank correlation"]
@@ -366,11 +397,17 @@ def _sensitivity(table: SweepTable, drawn: Mapping[str, Metric]) -> Section:
     return Section("Sensitivity", paragraphs, tables=[Table("sensitivity", "Sensitivity", columns, rows)])
 
 
-# ----------------------------------------------------------------------------------------------------------- worst cases
+# ----------------------------------------------------------------------------------------------------------- worst
+# cases
 
 
 def _worst(
-    table: SweepTable, fmus: FmuSet, worst: Worst, metrics: Mapping[str, Metric], folder: Path | None, execution: Execution | None
+    table: SweepTable,
+    fmus: FmuSet,
+    worst: Worst,
+    metrics: Mapping[str, Metric],
+    folder: Path | None,
+    execution: Execution | None,
 ) -> Section:
     """The worst runs with their time histories: those that were kept, else the runs are made once more."""
     sweep = table.sweep
@@ -383,18 +420,24 @@ def _worst(
     rows = [[None if isinstance(c, float) and not math.isfinite(c) else c for c in row] for row in rows]
     columns = list(dict.fromkeys(["run", *_headings(sweep), *(m.heading for m in shown.values())]))
     tables = (
-        [Table("worst", f"Runs whose {said} is {worst.how}", columns, rows)] if rows and len(columns) == len(rows[0]) else []
+        [Table("worst", f"Runs whose {said} is {worst.how}", columns, rows)]
+        if rows and len(columns) == len(rows[0])
+        else []
     )
     histories: dict[str, list[Series]] = {}
     labels: dict[str, str] = {}
-    kept = {i: folder / table.histories[i] for i in runs if folder is not None and table.histories and table.histories[i]}
+    kept = {
+        i: folder / table.histories[i] for i in runs if folder is not None and table.histories and table.histories[i]
+    }
     with Runner(swept(sweep.experiment, sweep.parameters), fmus, execution=execution) as runner:
         for i in runs:
             recording: Any = (
                 Recording.read(kept[i]) if i in kept else runner.record(runner.experiment.case(**_given(sweep, i)))
             )
             for name in list(recording.names)[:MOST_METRICS]:
-                histories.setdefault(name, []).append(Series(f"run {i}", *keep_peaks(recording.time, recording[name], SAMPLES)))
+                histories.setdefault(name, []).append(
+                    Series(f"run {i}", *keep_peaks(recording.time, recording[name], SAMPLES))
+                )
                 labels[name] = label_of(name, recording.units.get(name, ""))
     recorded = len(recording.names) if runs else 0
     panels = [Panel(name, "time [s]", labels[name], series) for name, series in histories.items()]
@@ -406,7 +449,15 @@ def _worst(
     if len(shown) < len(metrics):
         text += f" The table has {len(shown)} of {len(metrics)} metrics; table.parquet has all."
     figures = (
-        [Figure("worst-runs", "Time histories of the worst runs", _origin(runs, kept) + _left_out(recorded), panels, columns=2)]
+        [
+            Figure(
+                "worst-runs",
+                "Time histories of the worst runs",
+                _origin(runs, kept) + _left_out(recorded),
+                panels,
+                columns=2,
+            )
+        ]
         if panels
         else []
     )
@@ -417,7 +468,9 @@ def _origin(runs: Sequence[int], kept: Collection[int]) -> str:
     again = [f"{i}" for i in runs if i not in kept]
     if not kept:
         return "Made again for this page."
-    return f"As kept with the table; made again for this page: {', '.join(again)}." if again else "As kept with the table."
+    return (
+        f"As kept with the table; made again for this page: {', '.join(again)}." if again else "As kept with the table."
+    )
 
 
 def _left_out(recorded: int) -> str:

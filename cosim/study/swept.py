@@ -22,7 +22,9 @@ def attribute(number: int) -> str:
 
 
 def swept(experiment: Experiment, parameters: Parameters) -> Experiment:
-    """The experiment with these parameters of its system among the fields of its cases; None leaves one as the experiment sets it."""
+    """The experiment with these parameters of its system among the fields of its cases; None leaves one as the
+    experiment sets it.
+    """
     if not parameters:
         return dataclasses.replace(experiment, parts=(), plan=None, claims=None)
     more = [
@@ -38,9 +40,15 @@ def swept(experiment: Experiment, parameters: Parameters) -> Experiment:
         namespace={"__module__": __name__, "base": experiment.case},
     )
     return dataclasses.replace(
-        experiment, case=made, wire=partial(_wire, experiment), structure=partial(_structure, experiment),
-        configure=partial(_configure, experiment, tuple(names)), parts=(), plan=None, claims=None,
-    )  # fmt: skip
+        experiment,
+        case=made,
+        wire=partial(_wire, experiment),
+        structure=partial(_structure, experiment),
+        configure=partial(_configure, experiment, tuple(names)),
+        parts=(),
+        plan=None,
+        claims=None,
+    )
 
 
 class _Point(Case):

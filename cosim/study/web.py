@@ -19,8 +19,9 @@ from cosim.study.runner import Runner
 
 @dataclass(frozen=True)
 class LiveCase:
-    """One system of a page. ``values``: inputs and parameters, as ``member.variable``, that differ from those of the case. Those of the
-    same ``group`` run side by side."""
+    """One system of a page. ``values``: inputs and parameters, as ``member.variable``, that differ from those of the
+    case. Those of the same ``group`` run side by side.
+    """
 
     title: str
     case: Any
@@ -50,7 +51,9 @@ def write_web(experiment: Experiment, fmus: FmuSet, path: Path, case: Any, besid
     with ExitStack() as open_:
         shown = []
         for each in live.cases:
-            runner = open_.enter_context(Runner(experiment, fmus))  # one each: cases alike share a system, and its values
+            runner = open_.enter_context(
+                Runner(experiment, fmus)
+            )  # one each: cases alike share a system, and its values
             system = runner.system(each.case)
             shown.append(Shown(each.title, system, each.values, each.group, recognised(system)))
         return export_web(path, shown, live.page)
@@ -62,7 +65,9 @@ def _layout(experiment: Experiment, case: Any, beside: Sequence[str]) -> Live:
         return own(case)  # type: ignore[no-any-return]
     cases = [case, *(_changed(case, text) for text in beside)]
     titles = [label(c) for c in cases] if beside else [experiment.title or experiment.name]
-    return Live(WebPage(experiment.title or experiment.name), [LiveCase(t, c) for t, c in zip(titles, cases, strict=True)])
+    return Live(
+        WebPage(experiment.title or experiment.name), [LiveCase(t, c) for t, c in zip(titles, cases, strict=True)]
+    )
 
 
 def _changed(case: Any, text: str) -> Any:
@@ -72,7 +77,9 @@ def _changed(case: Any, text: str) -> Any:
     for pair in text.split(","):
         name, equals, value = (part.strip() for part in pair.partition("="))
         if not equals or name not in known:
-            raise CaseError(f"--beside {pair!r}: write OPTION=VALUE with an option of the case{did_you_mean(name, known)}")
+            raise CaseError(
+                f"--beside {pair!r}: write OPTION=VALUE with an option of the case{did_you_mean(name, known)}"
+            )
         changes[known[name].attribute] = _value(known[name], value)
     return replace(case, **changes)
 

@@ -1,8 +1,9 @@
-"""What a worker does: it gets runs in chunks, by the values of their cases, and gives their results back as lines of the store.
+"""What a worker does: it gets runs in chunks, by the values of their cases, and gives their results back as lines of
+the store.
 
-Experiment, FMUs and systems stay with a worker from one chunk to the next: a system is wired once and reset for each run. An FMU that is
-not there, or not the same, is asked for by the hash of its content (:attr:`Reply.missing`); it comes with the chunk that is then given
-again, and stays in the cache of that machine.
+Experiment, FMUs and systems stay with a worker from one chunk to the next: a system is wired once and reset for each
+run. An FMU that is not there, or not the same, is asked for by the hash of its content (:attr:`Reply.missing`); it
+comes with the chunk that is then given again, and stays in the cache of that machine.
 """
 
 from __future__ import annotations
@@ -70,8 +71,9 @@ class Reply:
 
 
 Given = tuple[str, Any]
-"""A task as it goes to another process, where a class of cases made at run time is another one: name of its key, and (part, values of the
-case, whether signals are kept) or a search."""
+"""A task as it goes to another process, where a class of cases made at run time is another one: name of its key, and
+(part, values of the case, whether signals are kept) or a search.
+"""
 
 
 def history_name(name: str) -> str:
@@ -120,7 +122,10 @@ def _experiment(ship: Ship) -> Experiment:
 
 def _full(error: Exception) -> str:
     """What ends a study where a worker has no room for its files; no run is to blame."""
-    return f"a worker on {platform.node()} cannot write ({type(error).__name__}: {error}); make room in {tempfile.gettempdir()} and {safe_files.cache_directory()}"
+    return (
+        f"a worker on {platform.node()} cannot write ({type(error).__name__}: {error}); make room in"
+        f" {tempfile.gettempdir()} and {safe_files.cache_directory()}"
+    )
 
 
 def _failure(error: Exception) -> Row:
@@ -136,7 +141,8 @@ def _entry(ship: Ship, experiment: Experiment, fmus: FmuSet, name: str, task: An
     return {"found": task(_runner(experiment, getattr(task, "part", ""), ship, fmus))}
 
 
-# ---------------------------------------------------------------------------------------------- FMUs that have travelled
+# ---------------------------------------------------------------------------------------------- FMUs that have
+# travelled
 
 
 def _places(hashes: Mapping[str, str], contents: Mapping[str, bytes]) -> tuple[dict[str, str], list[str]]:
@@ -180,7 +186,16 @@ _here = threading.local()  # per thread, since a system runs one simulation at a
 
 
 def _runner(experiment: Experiment, part: str, ship: Ship, fmus: FmuSet) -> Runner:
-    study = (experiment.name, experiment.module, fmus, ship.hashes, ship.salts, ship.execution, ship.parameters, os.getpid())
+    study = (
+        experiment.name,
+        experiment.module,
+        fmus,
+        ship.hashes,
+        ship.salts,
+        ship.execution,
+        ship.parameters,
+        os.getpid(),
+    )
     if getattr(_here, "study", None) != study:
         for runner in getattr(_here, "runners", {}).values():
             runner.close()

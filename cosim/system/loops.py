@@ -1,11 +1,12 @@
 """Algebraic loops among continuous components: values that depend on themselves at the same instant.
 
-Continuous components advance with inputs as of the beginning of their steps, so around a loop of outputs that depend directly on inputs
-each value is computed from one that is a step old: one pass of an iteration per step, not the solution of the loop's equations. A
-connection with a delay breaks a loop, and so does a discrete component: it reads its inputs at its own instants, by the exchange rule.
+Continuous components advance with inputs as of the beginning of their steps, so around a loop of outputs that depend
+directly on inputs each value is computed from one that is a step old: one pass of an iteration per step, not the
+solution of the loop's equations. A connection with a delay breaks a loop, and so does a discrete component: it reads
+its inputs at its own instants, by the exchange rule.
 
-The edges of a loop are connections, and direct dependencies of outputs on inputs within a component. Where a component does not declare
-those, the loop is only possible.
+The edges of a loop are connections, and direct dependencies of outputs on inputs within a component. Where a component
+does not declare those, the loop is only possible.
 """
 
 from __future__ import annotations
@@ -16,7 +17,9 @@ from cosim.errors import LoopError
 from cosim.system.members import Connection, Member
 
 Loop = tuple[Connection, ...]
-Depends = Callable[[Member, str], "frozenset[str] | None"]  # the inputs that an output depends on directly; None: on all of them
+Depends = Callable[
+    [Member, str], "frozenset[str] | None"
+]  # the inputs that an output depends on directly; None: on all of them
 _Output = tuple[Member, "frozenset[str] | None"]  # outputs of a component that depend on the same inputs are one node
 
 
@@ -31,8 +34,9 @@ def certain(member: Member, output: str) -> frozenset[str]:
 
 
 def find_loops(connections: Iterable[Connection], depends: Depends) -> list[Loop]:
-    """Loops among continuous components, each as its connections one after the other; at least one of every set of loops that have a
-    component in common, and none that shares an output with another one in the list."""
+    """Loops among continuous components, each as its connections one after the other; at least one of every set of
+    loops that have a component in common, and none that shares an output with another one in the list.
+    """
     into: dict[Member, list[Connection]] = {}
     for c in connections:
         if not (c.delay or c.source.discrete or c.target.discrete):
@@ -79,9 +83,10 @@ def refuse_loops(loops: Iterable[Loop], why: str = "") -> None:
     """Raise LoopError naming the first of these loops."""
     for loop in loops:
         raise LoopError(
-            f"the continuous components {', '.join(repr(n) for n in components(loop))} form an algebraic loop, which the master does not "
-            f"solve: each of these values depends directly on the one before it{why}\n{path_of(loop)}\nGive one of these connections "
-            "delay=True (one step of delay) to break the loop."
+            f"the continuous components {', '.join(repr(n) for n in components(loop))} form an algebraic loop, which"
+            " the master does not solve: each of these values depends directly on the one before"
+            f" it{why}\n{path_of(loop)}\nGive one of these connections delay=True (one step of delay) to break the"
+            " loop."
         )
 
 

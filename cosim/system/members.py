@@ -63,7 +63,9 @@ class Member:
 
 @dataclass(frozen=True)
 class Connection:
-    """source.output -> target.input, with target = scale * source + offset. `flow`: what one gives the other takes, so nobody else may."""
+    """source.output -> target.input, with target = scale * source + offset. `flow`: what one gives the other takes, so
+    nobody else may.
+    """
 
     source: Member
     output: Variable

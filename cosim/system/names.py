@@ -1,5 +1,7 @@
-"""The members of a system by name, and its variables by `component.variable`: the component's name ends at the first dot. Where components
-of nested systems have dots in theirs, `sub.component.variable`, it ends where there is a component of that name: no name continues another."""
+"""The members of a system by name, and its variables by `component.variable`: the component's name ends at the first
+dot. Where components of nested systems have dots in theirs, `sub.component.variable`, it ends where there is a
+component of that name: no name continues another.
+"""
 
 from __future__ import annotations
 
@@ -19,14 +21,17 @@ class Members(dict[str, Member]):
         raise WiringError(f"no component '{name}'{did_you_mean(name, self)}")
 
     def split(self, full: str) -> tuple[Member, str]:
-        """`component.variable` -> the member and the variable's own name. Raises WiringError for an unknown component."""
+        """`component.variable` -> the member and the variable's own name. Raises WiringError for an
+        unknown component."""
         component, variable = self.parts(full)
         if component == full:
             raise WiringError(f"'{full}': write component.variable")
         return self[component], self[component].description.canonical(variable)
 
     def parts(self, full: str) -> tuple[str, str]:
-        """`component.variable` as the component's name, if there is one, and the rest; else as what is ahead of the first dot, and the rest."""
+        """`component.variable` as the component's name, if there is one, and the rest; else as what is ahead of the
+        first dot, and the rest.
+        """
         at = full.find(".")
         while at >= 0:
             if full[:at] in self:

@@ -84,8 +84,9 @@ def _must_run_itself(name: str, component: PythonComponent) -> bool:
         return bool(found)
     attribute, why = next(iter(found.items()))
     raise CosimError(
-        f"'{name}' ({type(component).__name__}) cannot be as new in each run: its attribute {attribute} cannot be copied "
-        f"({why}); set its state in begin(), or add a factory that makes it: system.add('{name}', lambda: {type(component).__name__}(...))"
+        f"'{name}' ({type(component).__name__}) cannot be as new in each run: its attribute {attribute} cannot be"
+        f" copied ({why}); set its state in begin(), or add a factory that makes it: system.add('{name}', lambda:"
+        f" {type(component).__name__}(...))"
     )
 
 
@@ -129,8 +130,8 @@ def _check_classes(name: str, cls: type) -> None:
         for attribute, (value, before) in _OF_CLASSES[owner].items():
             if vars(owner).get(attribute) is value and not _same(value, before):
                 raise CosimError(
-                    f"'{name}': {owner.__name__}.{attribute} belongs to the class, and a run has changed it, so it would differ in "
-                    f"the next: set self.{attribute} in __init__ or begin"
+                    f"'{name}': {owner.__name__}.{attribute} belongs to the class, and a run has changed it, so it"
+                    f" would differ in the next: set self.{attribute} in __init__ or begin"
                 )
 
 

@@ -61,7 +61,10 @@ class Schedule:
             lines += ["", "Inputs without direct feed-through that see the sample before:"]
             lines += [f"     {c}" for c in self.lagging]
         if self.possible_loops:
-            lines += ["", "Possible algebraic loops, which are not solved (not all of their direct dependencies are declared):"]
+            lines += [
+                "",
+                "Possible algebraic loops, which are not solved (not all of their direct dependencies are declared):",
+            ]
             lines += [path_of(loop) for loop in self.possible_loops]
         if self.unconnected:
             lines += ["", "Unconnected inputs, at their start values:", *(f"     {name}" for name in self.unconnected)]
@@ -82,10 +85,11 @@ def make_schedule(
     *,
     loops_are_solved: bool = False,
 ) -> Schedule:
-    """Schedule of components, of the connections between them and the groups among them. `extra` are further periods [s]
-    that the base tick must divide. Ties are settled by name, never by the order in which components were added. Raises
-    WiringError when there are no components, and LoopError for a loop among discrete ones, or among continuous ones (`cosim.system.loops`)
-    unless `loops_are_solved` by the caller."""
+    """Schedule of components, of the connections between them and the groups among them. `extra` are further periods
+    [s] that the base tick must divide. Ties are settled by name, never by the order in which components were added.
+    Raises WiringError when there are no components, and LoopError for a loop among discrete ones, or among continuous
+    ones (`cosim.system.loops`) unless `loops_are_solved` by the caller.
+    """
     members = sorted(members, key=lambda m: m.name)
     if not members:
         raise WiringError("the system has no components")

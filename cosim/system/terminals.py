@@ -6,8 +6,8 @@
 | `bus` | name | those that both sides have |
 | `sequence` | their order | only if both sides have as many |
 
-A plug may be connected to a bus that has all its members. The rule is about one level: terminals within terminals are connected by their
-own rules where both sides have one of that name.
+A plug may be connected to a bus that has all its members. The rule is about one level: terminals within terminals are
+connected by their own rules where both sides have one of that name.
 """
 
 from __future__ import annotations
@@ -49,8 +49,10 @@ class Place:
 
 @dataclass(frozen=True)
 class Wire:
-    """Two variables to be connected. `labels`: what they are called in the terminals; `at`: these, for messages. `flow`: one of those that
-    add up to zero; `negated`: both sides count what flows towards them, or both what flows away."""
+    """Two variables to be connected. `labels`: what they are called in the terminals; `at`: these, for messages.
+    `flow`: one of those that add up to zero; `negated`: both sides count what flows towards them, or both what flows
+    away.
+    """
 
     source: Member
     output: str
@@ -63,8 +65,9 @@ class Wire:
 
 
 def of(member: Member, *, tolerant: bool = False) -> dict[str, Terminal]:
-    """The terminals of a component by path: those that it declares, else those by the structure of its names. Raises FmuError where its
-    file cannot be understood; if `tolerant` that is a warning, and names count."""
+    """The terminals of a component by path: those that it declares, else those by the structure of its names. Raises
+    FmuError where its file cannot be understood; if `tolerant` that is a warning, and names count.
+    """
     declared: tuple[Terminal, ...] = ()
     if isinstance(member.component, FmuComponent):
         try:
@@ -84,14 +87,17 @@ def find(members: Members, full: str) -> Place:
     member = members[name]
     there = of(member)
     if path not in there:
-        listed = f"; it has {', '.join(list(there)[:12])}{', ...' if len(there) > 12 else ''}" if there else "; it has none"
+        listed = (
+            f"; it has {', '.join(list(there)[:12])}{', ...' if len(there) > 12 else ''}" if there else "; it has none"
+        )
         raise WiringError(f"component '{name}' has no terminal '{path}'{did_you_mean(path, there) or listed}")
     return Place(member, there[path])
 
 
 def wires(first: Place, second: Place, *, nested: bool = True) -> Iterator[Wire]:
-    """What connecting two terminals of different components wires, in both directions, with the terminals in them if `nested`. Raises
-    WiringError naming what does not fit."""
+    """What connecting two terminals of different components wires, in both directions, with the terminals in them if
+    `nested`. Raises WiringError naming what does not fit.
+    """
     at = f"terminals {first} and {second}"
     if first.member is second.member:
         raise WiringError(f"{at}: both are of component '{first.member.name}'")
@@ -108,8 +114,9 @@ def wires(first: Place, second: Place, *, nested: bool = True) -> Iterator[Wire]
 
 
 def common(source: Member, target: Member) -> list[tuple[Place, Place]]:
-    """The terminals, those in others too, that two components both have by name and whose kinds and rules do not rule it out. None where
-    neither declares any: the names of their variables say the same."""
+    """The terminals, those in others too, that two components both have by name and whose kinds and rules do not rule
+    it out. None where neither declares any: the names of their variables say the same.
+    """
     ours, theirs = of(source, tolerant=True), of(target, tolerant=True)
     if not any(t.declared for t in (*ours.values(), *theirs.values())):
         return []
@@ -128,7 +135,9 @@ def _matches(a: Terminal, b: Terminal, at: str) -> list[tuple[TerminalMember, Te
     """Members that belong together, by the rule."""
     for terminal in (a, b):
         if terminal.rule not in RULES:
-            raise WiringError(f"{at}: the matching rule {terminal.rule!r} is not known here; known are {', '.join(RULES)}")
+            raise WiringError(
+                f"{at}: the matching rule {terminal.rule!r} is not known here; known are {', '.join(RULES)}"
+            )
     if (a.rule == SEQUENCE) != (b.rule == SEQUENCE):
         raise WiringError(f"{at}: their matching rules differ, {a.rule!r} and {b.rule!r}")
     if a.rule == SEQUENCE:
@@ -137,14 +146,18 @@ def _matches(a: Terminal, b: Terminal, at: str) -> list[tuple[TerminalMember, Te
         pairs = []
         for i, (one, other) in enumerate(zip(a.members, b.members, strict=True), start=1):
             if len(one.variables) != len(other.variables):
-                raise WiringError(f"{at}: their members number {i} have {len(one.variables)} and {len(other.variables)} elements")
+                raise WiringError(
+                    f"{at}: their members number {i} have {len(one.variables)} and {len(other.variables)} elements"
+                )
             pairs += list(zip(expanded((one,)), expanded((other,)), strict=True))
         return pairs
     ours, theirs = ({m.name: m for m in expanded(t.members)} for t in (a, b))
     for rule, own, there, whose in ((a.rule, ours, theirs, "second"), (b.rule, theirs, ours, "first")):
         missing = [name for name in own if name not in there]
         if rule == PLUG and missing:
-            raise WiringError(f"{at}: a plug fits as a whole only, and the {whose} has no member {', '.join(map(repr, missing[:5]))}")
+            raise WiringError(
+                f"{at}: a plug fits as a whole only, and the {whose} has no member {', '.join(map(repr, missing[:5]))}"
+            )
     return [(m, theirs[name]) for name, m in ours.items() if name in theirs]
 
 
@@ -159,7 +172,9 @@ def _wire(
     what = f"{at}: member {one.name or other.name or name!r}"
     for m in (one, other):
         if m.kind not in KINDS:
-            raise WiringError(f"{what} is of the kind {m.kind!r}, which is not known here; known are {', '.join(KINDS)}")
+            raise WiringError(
+                f"{what} is of the kind {m.kind!r}, which is not known here; known are {', '.join(KINDS)}"
+            )
     flow = one.kind in FLOWS
     if flow != (other.kind in FLOWS):
         raise WiringError(f"{what} is {article(one.kind)} on one side and {article(other.kind)} on the other")
@@ -182,8 +197,9 @@ def _streams(first: Place, second: Place, at: str) -> Iterator[Wire]:
         raise WiringError(f"{at}: only one of them has the stream {odd[0]!r}")
     for key in [k for k in ours if k in theirs]:
         for source, leaving, target, entering in (
-            (first, ours[key].leaving, second, theirs[key].entering), (second, theirs[key].leaving, first, ours[key].entering)
-        ):  # fmt: skip
+            (first, ours[key].leaving, second, theirs[key].entering),
+            (second, theirs[key].leaving, first, ours[key].entering),
+        ):
             if len(leaving.variables) != len(entering.variables):
                 sizes = f"{len(leaving.variables)} and {len(entering.variables)} elements"
                 raise WiringError(f"{at}: the two sides of stream {leaving.name!r} have {sizes}")

@@ -67,12 +67,15 @@ class Wiring:
 
         `step` and `offset` [s] are exact: 0.001, "1/60", "10 ms". Without `step` a discrete component uses its sample
         time, a continuous one the step size of its default experiment. `kind` is needed only for discrete foreign FMUs
-        (they do not say it). `parameters` and `start` set variables by name before every initialization. `strict` refuses an FMU that
-        deviates from the standard (FmuError), which otherwise is warned of (FmuWarning). `isolated`, with `step_timeout` and
-        `memory_limit`: as in `isolate`.
+        (they do not say it). `parameters` and `start` set variables by name before every initialization. `strict`
+        refuses an FMU that deviates from the standard (FmuError), which otherwise is warned of (FmuWarning).
+        `isolated`, with `step_timeout` and `memory_limit`: as in `isolate`.
         """
         if not all(name.split(".")) or any(c.isspace() for c in name) or NO_XML.search(name):
-            raise WiringError(f"a component's name may hold no blanks or control characters, and dots only between its parts: {name!a}")
+            raise WiringError(
+                "a component's name may hold no blanks or control characters, and dots only between its parts:"
+                f" {name!a}"
+            )
         if name in self.members:
             raise WiringError(f"there is already a component '{name}'")
         other = next((n for n in self.members if n.startswith(f"{name}.") or name.startswith(f"{n}.")), None)
@@ -100,18 +103,22 @@ class Wiring:
         if isolated and _can_be_isolated(member, required=True):
             _isolate(member, _limits(step_timeout, memory_limit))
         elif step_timeout is not None or memory_limit is not None:
-            raise WiringError(f"component '{name}': step_timeout and memory_limit are limits of isolated FMUs (isolated=True)")
+            raise WiringError(
+                f"component '{name}': step_timeout and memory_limit are limits of isolated FMUs (isolated=True)"
+            )
         self.members[name] = member
         return member
 
     def isolate(
         self, *names: str, step_timeout: float | None = None, memory_limit: int | None = None, missing_ok: bool = False
     ) -> None:
-        """From the next initialization on, run these FMUs (names and patterns, `"*"` for all) each in a process of its own: a crash, a hang
-        or endless allocation there ends the run with ComponentError and hurts nothing else. Numbers stay the same.
+        """From the next initialization on, run these FMUs (names and patterns, `"*"` for all) each in a process of its
+        own: a crash, a hang or endless allocation there ends the run with ComponentError and hurts nothing else.
+        Numbers stay the same.
 
-        `step_timeout`: wall time of one call [s], default 60; `memory_limit`: bytes that an FMU may allocate, default half of what the
-        machine has. Raises WiringError for names that there are not (unless `missing_ok`) and for components that are no FMUs.
+        `step_timeout`: wall time of one call [s], default 60; `memory_limit`: bytes that an FMU may allocate, default
+        half of what the machine has. Raises WiringError for names that there are not (unless `missing_ok`) and for
+        components that are no FMUs.
         """
         limits = _limits(step_timeout, memory_limit)
         chosen: list[Member] = []
@@ -155,8 +162,8 @@ class Wiring:
         the source). `extrapolate` lets a continuous target see the line through the source's last two values, at the
         middle of its step, instead of the last value (of a source ahead of it in a Gauss-Seidel group: interpolated
         between the value before and the one just reached). Extrapolated both ways a coupling is of second order in the
-        exchange step, otherwise of first. `linear`: factor and offset by which the target's value follows from the source's, instead of
-        the conversion of units. Raises WiringError naming what does not fit.
+        exchange step, otherwise of first. `linear`: factor and offset by which the target's value follows from the
+        source's, instead of the conversion of units. Raises WiringError naming what does not fit.
         """
         from_member, output = self.members.split(source)
         to_member, input_ = self.members.split(target)
@@ -177,11 +184,12 @@ class Wiring:
         self, source: str, target: str, pattern: str = "*", *, delay: bool = False, extrapolate: bool = False
     ) -> list[Connection]:
         """Connect every output of `source` whose name fits `pattern` (wildcards * and ?) to the input of the same name
-        of `target`, unless that input is connected already. Returns the connections; raises WiringError, and connects nothing, if there is
-        none or if one does not fit.
+        of `target`, unless that input is connected already. Returns the connections; raises WiringError, and connects
+        nothing, if there is none or if one does not fit.
 
-        Where an FMU declares terminals, names are also those that its variables have there (`terminal.member`), and two terminals of one name must
-        fit, see `connect_terminals`; WiringError says what does not."""
+        Where an FMU declares terminals, names are also those that its variables have there (`terminal.member`), and two
+        terminals of one name must fit, see `connect_terminals`; WiringError says what does not.
+        """
         from_member, to_member, fits = self[source], self[target], glob(pattern)
         offered, needed = from_member.description, to_member.description
         named = [(o.name, n) for o in offered.outputs.values() for n in offered.names(o) if fits(n)]
@@ -197,7 +205,9 @@ class Wiring:
             for first, second in terminals.common(from_member, to_member)
             if any(fits(n) for place in (first, second) for n in terminals.names(place.terminal))
             for wire in terminals.wires(first, second, nested=False)
-            if wire.source is from_member and wire.input not in pairs and f"{target}.{wire.input}" not in self.connections
+            if wire.source is from_member
+            and wire.input not in pairs
+            and f"{target}.{wire.input}" not in self.connections
             if any(fits(n) for n in (*wire.labels, wire.output))
         ]
         if not pairs and not further:
@@ -207,20 +217,27 @@ class Wiring:
             )
         made = [
             self._connection(
-                (from_member, offered.variables[o]), (to_member, needed.variables[i]), delay=delay, extrapolate=extrapolate
+                (from_member, offered.variables[o]),
+                (to_member, needed.variables[i]),
+                delay=delay,
+                extrapolate=extrapolate,
             )
             for i, o in pairs.items()
         ]
         return self._connected(made + self._wired(further, delay=delay, extrapolate=extrapolate))
 
-    def connect_terminals(self, first: str, second: str, *, delay: bool = False, extrapolate: bool = False) -> list[Connection]:
-        """Connect two terminals, each written as `component.terminal` (`road.road.fl`, `car.road.fl`), in both directions, with the terminals in
-        them; `delay` and `extrapolate` as in `connect`, of every connection made. Returns the connections.
+    def connect_terminals(
+        self, first: str, second: str, *, delay: bool = False, extrapolate: bool = False
+    ) -> list[Connection]:
+        """Connect two terminals, each written as `component.terminal` (`road.road.fl`, `car.road.fl`), in both
+        directions, with the terminals in them; `delay` and `extrapolate` as in `connect`, of every connection made.
+        Returns the connections.
 
-        Members match as FMI 3.0 says (2.4.9.2): by name, all of a `plug`, those that both have of a `bus`; by order in a `sequence`. Flows change
-        their sign where both sides count alike, and what a stream carries out of one side enters the other. Of an FMU without terminals
-        (FMI 2.0), and of a component in Python, names make them: `road.fl.height` is the member `height` of `road.fl`, a bus. Parameters are
-        not wired. Raises WiringError naming terminal and member that do not fit, FmuError for an FMU whose terminals cannot be understood.
+        Members match as FMI 3.0 says (2.4.9.2): by name, all of a `plug`, those that both have of a `bus`; by order in
+        a `sequence`. Flows change their sign where both sides count alike, and what a stream carries out of one side
+        enters the other. Of an FMU without terminals (FMI 2.0), and of a component in Python, names make them:
+        `road.fl.height` is the member `height` of `road.fl`, a bus. Parameters are not wired. Raises WiringError naming
+        terminal and member that do not fit, FmuError for an FMU whose terminals cannot be understood.
         """
         found = list(terminals.wires(terminals.find(self.members, first), terminals.find(self.members, second)))
         if not found:
@@ -232,15 +249,17 @@ class Wiring:
         made: dict[str, Connection] = {}
         flows = {c.source_name: c for c in self.connections.values() if c.flow}
         for wire in found:
-            ends = [(m, m.description.find(v, m.name)) for m, v in ((wire.source, wire.output), (wire.target, wire.input))]
+            ends = [
+                (m, m.description.find(v, m.name)) for m, v in ((wire.source, wire.output), (wire.target, wire.input))
+            ]
             new = self._connection(ends[0], ends[1], delay=delay, extrapolate=extrapolate)
             if wire.flow:
                 sign = -1.0 if wire.negated else 1.0
                 new = replace(new, flow=True, scale=sign * new.scale, offset=sign * new.offset)
                 if new.source_name in flows:
                     raise WiringError(
-                        f"{wire.at}: {new.source_name} flows into {flows[new.source_name].target_name} already, and flows add up to "
-                        "zero where they meet; put a component between them that adds"
+                        f"{wire.at}: {new.source_name} flows into {flows[new.source_name].target_name} already, and"
+                        " flows add up to zero where they meet; put a component between them that adds"
                     )
                 flows[new.source_name] = new
             if new.target_name in made:
@@ -311,9 +330,14 @@ class Wiring:
         allowed = {("real", "real"), ("integer", "integer"), ("boolean", "boolean"), ("integer", "real")}
         for member, variable in ((source, output), (target, input_)):
             if variable.type not in RECORDABLE:
-                remedy = f"; set a text before the run: system['{target.name}'].set({{'{input_.name}': ...}})" if input_.type == "string" else ""
+                remedy = (
+                    f"; set a text before the run: system['{target.name}'].set({{'{input_.name}': ...}})"
+                    if input_.type == "string"
+                    else ""
+                )
                 raise WiringError(
-                    f"{names}: {member.name}.{variable.name} is {article(variable.fmi_type)}, and only numbers and Booleans are exchanged{remedy}"
+                    f"{names}: {member.name}.{variable.name} is {article(variable.fmi_type)}, and only numbers and"
+                    f" Booleans are exchanged{remedy}"
                 )
         if (output.type, input_.type) not in allowed:
             raise WiringError(f"{names}: types differ, {output.fmi_type} to {input_.fmi_type}")
@@ -325,7 +349,10 @@ class Wiring:
             scale, offset = (
                 conversion(output.unit, input_.unit, output.relative and input_.relative)
                 if linear is None
-                else (number(f"{names}: {what}", x, error=WiringError) for what, x in zip(("factor", "offset"), linear, strict=True))
+                else (
+                    number(f"{names}: {what}", x, error=WiringError)
+                    for what, x in zip(("factor", "offset"), linear, strict=True)
+                )
             )
         except UnitMismatchError as error:
             raise WiringError(
@@ -357,13 +384,18 @@ class Wiring:
         return unconnected(self.members.values(), self.connections)
 
     def schedule(self, *extra: Fraction) -> Schedule:
-        """The order in which everything runs; print it. Raises LoopError for a loop among discrete components, or an algebraic one among
-        continuous components. `extra` are further periods the base tick must divide."""
+        """The order in which everything runs; print it. Raises LoopError for a loop among discrete components, or an
+        algebraic one among continuous components. `extra` are further periods the base tick must divide.
+        """
         return self._make_schedule(*extra)
 
     def _make_schedule(self, *extra: Fraction, loops_are_solved: bool = False) -> Schedule:
         return make_schedule(
-            self.members.values(), self.connections.values(), self.groups.values(), extra, loops_are_solved=loops_are_solved
+            self.members.values(),
+            self.connections.values(),
+            self.groups.values(),
+            extra,
+            loops_are_solved=loops_are_solved,
         )
 
     def check(self) -> list[str]:
@@ -389,14 +421,17 @@ def _check_internal_step(name: str, about: Description, step: Fraction) -> None:
     steps = step / about.internal_step
     if abs(steps - max(1, round(steps))) > 1e-6 * steps:
         warnings.warn(
-            f"component '{name}' ({about.name}): its step of {seconds_text(step)} is no multiple of {seconds_text(about.internal_step)}, the "
-            "fixed internal step of its FMU (fixedInternalStepSize), which may refuse it or reach other times than it is asked for",
-            FmuWarning, stacklevel=3,
-        )  # fmt: skip
+            f"component '{name}' ({about.name}): its step of {seconds_text(step)} is no multiple of"
+            f" {seconds_text(about.internal_step)}, the fixed internal step of its FMU (fixedInternalStepSize), which"
+            " may refuse it or reach other times than it is asked for",
+            FmuWarning,
+            stacklevel=3,
+        )
 
 
 def _can_be_isolated(member: Member, *, required: bool) -> bool:
-    """Whether it is an FMU. Raises WiringError where it must be one and is not, and where this machine isolates none."""
+    """Whether it is an FMU. Raises WiringError where it must be one and is not, and where this machine
+    isolates none."""
     if not isinstance(member.component, FmuComponent):
         if required:
             raise WiringError(f"component '{member.name}' is no FMU, so it cannot be isolated")

@@ -13,9 +13,11 @@ from cosim.tables.table import After, Table
 
 
 def drive(system: Wiring, path: str | os.PathLike[str], *, after: After = "error") -> list[str]:
-    """Let a file's columns drive the inputs of a system that they name, `member.variable`, in place of what drove them before; the
-    new component is called like the file. Columns between rows are linear, those of Integer and Boolean inputs held. Returns the names
-    of these inputs. Raises TableError for a column that names no input, WiringError for units that do not fit."""
+    """Let a file's columns drive the inputs of a system that they name, `member.variable`, in place of what drove them
+    before; the new component is called like the file. Columns between rows are linear, those of Integer and Boolean
+    inputs held. Returns the names of these inputs. Raises TableError for a column that names no input, WiringError for
+    units that do not fit.
+    """
     path = Path(path)
     names = [s.name for s in read(path).columns]
     inputs = {f"{m.name}.{n}": v for m in system.members.values() for n, v in m.description.inputs.items()}
@@ -26,7 +28,9 @@ def drive(system: Wiring, path: str | os.PathLike[str], *, after: After = "error
             raise TableError(f"{path}: the column '{name}' names no input of the system, MEMBER.INPUT{hint}")
     interpolation = {n: "linear" if inputs[t].type == "real" else "held" for n, t in targets.items()}
     stem = re.sub(r"[.\s]+", "_", path.stem) or "table"
-    own = next(n for n in (stem, *(f"{stem}_{k}" for k in range(2, len(system.members) + 3))) if n not in system.members)
+    own = next(
+        n for n in (stem, *(f"{stem}_{k}" for k in range(2, len(system.members) + 3))) if n not in system.members
+    )
     system.add(own, Table(path, interpolation=interpolation, after=after))  # type: ignore[arg-type]
     for name, target in targets.items():
         if target in system.connections:

@@ -1,7 +1,7 @@
 """Reads signals over time from a CSV or Parquet file, a DataFrame, a mapping of arrays or a recording.
 
-Nothing is guessed and nothing filled: a gap, a NaN, text, a time that does not increase or a unit that nobody knows is refused with
-the line (of a file) or row, the column and what to do.
+Nothing is guessed and nothing filled: a gap, a NaN, text, a time that does not increase or a unit that nobody knows is
+refused with the line (of a file) or row, the column and what to do.
 """
 
 from __future__ import annotations
@@ -60,8 +60,9 @@ class Signals:
 
 @dataclass(frozen=True)
 class _Raw:
-    """Columns as they were found: header, values of any type, unit and type if they are told beside the header. `row`: words for the
-    row of an index. `whole`: numbers without a fraction count as integers (text has no types)."""
+    """Columns as they were found: header, values of any type, unit and type if they are told beside the header. `row`:
+    words for the row of an index. `whole`: numbers without a fraction count as integers (text has no types).
+    """
 
     name: str
     columns: Sequence[tuple[str, Any, str | None, str | None]]
@@ -70,10 +71,15 @@ class _Raw:
 
 
 def read(
-    source: Any, *, time: str | None = None, columns: Iterable[str] | None = None, units: Mapping[str, str] | None = None,
-) -> Signals:  # fmt: skip
-    """The signals of a table. `time`: the column of the time, else found by its name; `columns`: those to take, default all; `units`: by
-    column, for those that do not say theirs or say it wrongly ("" for none). Raises TableError."""
+    source: Any,
+    *,
+    time: str | None = None,
+    columns: Iterable[str] | None = None,
+    units: Mapping[str, str] | None = None,
+) -> Signals:
+    """The signals of a table. `time`: the column of the time, else found by its name; `columns`: those to take, default
+    all; `units`: by column, for those that do not say theirs or say it wrongly ("" for none). Raises TableError.
+    """
     wanted = None if columns is None else list(dict.fromkeys([columns] if isinstance(columns, str) else columns))
     raw = _found(source, None if wanted is None else [*wanted, *([time] if time else [])])
     headers = [split_header(text) for text, *_ in raw.columns]
@@ -85,14 +91,22 @@ def read(
     given = dict(units or {})
     for name in (*given, *(wanted or ())):
         if name not in names:
-            raise TableError(f"{raw.name}: no column '{name}'{did_you_mean(name, names)} (there are: {', '.join(names)})")
-    own = {n: given.get(n, told if told is not None else unit) for (n, unit), (_, _, told, _) in zip(headers, raw.columns, strict=True)}
+            raise TableError(
+                f"{raw.name}: no column '{name}'{did_you_mean(name, names)} (there are: {', '.join(names)})"
+            )
+    own = {
+        n: given.get(n, told if told is not None else unit)
+        for (n, unit), (_, _, told, _) in zip(headers, raw.columns, strict=True)
+    }
     at = _time_column(raw, names, time)
     clock = _times(raw, names[at], raw.columns[at][1], own[names[at]])
     picked = [i for i, n in enumerate(names) if i != at and (wanted is None or n in wanted)]
     if not picked:
         raise TableError(f"{raw.name}: no column but the time '{names[at]}'")
-    found = [_signal(raw, names[i], *_plain_values(raw, names[i], raw.columns[i][1]), own[names[i]], raw.columns[i][3]) for i in picked]
+    found = [
+        _signal(raw, names[i], *_plain_values(raw, names[i], raw.columns[i][1]), own[names[i]], raw.columns[i][3])
+        for i in picked
+    ]
     return Signals(raw.name, clock, tuple(found))
 
 
@@ -140,7 +154,8 @@ def _found(source: Any, only: Sequence[str] | None) -> _Raw:
     if hasattr(source, "columns") and hasattr(source, "index"):
         return _of_frame(source)
     raise TableError(
-        f"a table is a file (.csv, .parquet), a DataFrame, a mapping of names to arrays or a Recording, not a {type(source).__name__}"
+        "a table is a file (.csv, .parquet), a DataFrame, a mapping of names to arrays or a Recording, not a"
+        f" {type(source).__name__}"
     )
 
 
@@ -149,7 +164,10 @@ def _row(k: int) -> str:
 
 
 def _of_recording(recording: Recording) -> _Raw:
-    found = [(n, recording.data[:, i], recording.units.get(n, ""), recording.types.get(n)) for i, n in enumerate(recording.names)]
+    found = [
+        (n, recording.data[:, i], recording.units.get(n, ""), recording.types.get(n))
+        for i, n in enumerate(recording.names)
+    ]
     return _Raw("recording", [(TIME, recording.time, "s", None), *found], _row)
 
 
@@ -167,7 +185,8 @@ def _of_frame(frame: Any) -> _Raw:
 def _of_file(path: Path, only: Sequence[str] | None) -> _Raw:
     if path.suffix.lower() not in (".csv", ".txt", ".tsv", ".parquet"):
         raise TableError(
-            f"{path}: a table is .csv or .parquet; other recordings are read by Recording.read, which a Table takes as well"
+            f"{path}: a table is .csv or .parquet; other recordings are read by Recording.read, which a Table takes as"
+            " well"
         )
     if not path.is_file():
         raise TableError(f"{path}: there is no such file")
@@ -185,7 +204,9 @@ def _of_parquet(path: Path, only: Sequence[str] | None) -> _Raw:
             wanted = [n for n in schema.names if _taken(split_header(n)[0], only)]
         table = parquet_table(path, wanted)
     except Exception as error:  # whatever a library makes of a file that nobody wrote
-        raise TableError(f"{path}: cannot be read as Parquet: {str(error).splitlines()[0] if str(error) else error!r}") from None
+        raise TableError(
+            f"{path}: cannot be read as Parquet: {str(error).splitlines()[0] if str(error) else error!r}"
+        ) from None
     found = []
     for i, field in enumerate(table.schema):
         column = table.column(i)
@@ -207,7 +228,9 @@ def _taken(name: str, only: Sequence[str] | None) -> bool:
 
 
 def _of_csv(path: Path, only: Sequence[str] | None) -> _Raw:
-    """Comma, semicolon or tab separate; with semicolons a decimal comma is understood. Lines before the header may begin with #."""
+    """Comma, semicolon or tab separate; with semicolons a decimal comma is understood. Lines before the header may
+    begin with #.
+    """
     try:
         text = path.read_text(encoding="utf-8-sig")
     except UnicodeDecodeError:
@@ -243,7 +266,9 @@ def _fast(body: Sequence[str], separator: str, width: int) -> Array | None:
 def _slow(
     path: Path, body: Sequence[str], first: int, separator: str, names: Sequence[str], only: Sequence[str] | None
 ) -> tuple[Array, list[str | None]]:
-    """Cell by cell, with errors that name them, and the columns of `true` and `false`. Columns that are not taken may hold anything."""
+    """Cell by cell, with errors that name them, and the columns of `true` and `false`. Columns that are not taken may
+    hold anything.
+    """
     table = np.full((len(body), len(names)), np.nan)
     taken = [(i, n) for i, n in enumerate(names) if _taken(n, only)]
     booleans: set[int] = set()
@@ -261,7 +286,9 @@ def _slow(
     for i in booleans:
         mixed = np.flatnonzero(~np.isin(table[:, i], (0.0, 1.0)))
         if mixed.size:
-            raise TableError(f"{path}, line {first + int(mixed[0])}: column '{names[i]}' is a number among true and false")
+            raise TableError(
+                f"{path}, line {first + int(mixed[0])}: column '{names[i]}' is a number among true and false"
+            )
     return table, ["boolean" if i in booleans else None for i in range(len(names))]
 
 
@@ -289,13 +316,17 @@ def _cell(cell: str, separator: str, where: str) -> float:
 def _time_column(raw: _Raw, names: Sequence[str], given: str | None) -> int:
     if given is not None:
         if given not in names:
-            raise TableError(f"{raw.name}: no column '{given}' for the time{did_you_mean(given, names)} (there are: {', '.join(names)})")
+            raise TableError(
+                f"{raw.name}: no column '{given}' for the time{did_you_mean(given, names)} (there are:"
+                f" {', '.join(names)})"
+            )
         return list(names).index(given)
     small = [n.lower() for n in names]
     found = next((small.index(n) for n in TIMES if n in small), None)
     if found is None:
         raise TableError(
-            f"{raw.name}: no column is the time ({', '.join(TIMES[:3])}) among {', '.join(names) or 'none'}; name it with time=..."
+            f"{raw.name}: no column is the time ({', '.join(TIMES[:3])}) among {', '.join(names) or 'none'}; name it"
+            " with time=..."
         )
     return found
 
@@ -304,11 +335,15 @@ def _plain_values(raw: _Raw, name: str, values: Any) -> tuple[Array, str]:
     """One-dimensional doubles, and "real", "integer" or "boolean" by the type of the array."""
     array = np.asarray(values)
     if array.ndim != 1 or len(array) != len(np.asarray(raw.columns[0][1])):
-        raise TableError(f"{raw.name}: the column '{name}' has shape {array.shape}; columns are one-dimensional and of one length")
+        raise TableError(
+            f"{raw.name}: the column '{name}' has shape {array.shape}; columns are one-dimensional and of one length"
+        )
     if array.dtype.kind == "O":
         array = _objects(raw, name, array)
     if array.dtype.kind not in "fbiu":
-        raise TableError(f"{raw.name}: the column '{name}' holds {_KINDS.get(array.dtype.kind, 'no numbers')}, not numbers")
+        raise TableError(
+            f"{raw.name}: the column '{name}' holds {_KINDS.get(array.dtype.kind, 'no numbers')}, not numbers"
+        )
     return array.astype(float), {"b": "boolean", "f": "real"}.get(array.dtype.kind, "integer")
 
 
@@ -323,7 +358,11 @@ def _objects(raw: _Raw, name: str, array: Any) -> Any:
         if not isinstance(value, bool | int | float | np.number | np.bool_):
             shown = one_line(str(value), 40)
             raise TableError(f"{raw.name}, {raw.row(k)}: column '{name}' is {shown!r}, which is not a number")
-    return np.array([bool(v) for v in array]) if all(isinstance(v, bool | np.bool_) for v in array) else array.astype(float)
+    return (
+        np.array([bool(v) for v in array])
+        if all(isinstance(v, bool | np.bool_) for v in array)
+        else array.astype(float)
+    )
 
 
 def _signal(raw: _Raw, name: str, values: Array, kind: str, unit: str, told: str | None) -> Signal:
@@ -353,17 +392,21 @@ def _times(raw: _Raw, name: str, values: Any, unit: str) -> Array:
         _finite(raw, name, seconds)
         own = unit_of(raw.name, name, unit)
         if own is not None and own.exponents != KNOWN["s"].exponents:
-            raise TableError(f"{raw.name}: the time column '{name}' has the unit '{unit}', which is none of time (s, ms)")
+            raise TableError(
+                f"{raw.name}: the time column '{name}' has the unit '{unit}', which is none of time (s, ms)"
+            )
         scale, _ = conversion(own, KNOWN["s"])
         seconds = seconds if scale == 1.0 else seconds * scale
     if len(seconds) < 2:
-        raise TableError(f"{raw.name}: {len(seconds)} row(s) of numbers; a signal needs two at least (start values hold one)")
+        raise TableError(
+            f"{raw.name}: {len(seconds)} row(s) of numbers; a signal needs two at least (start values hold one)"
+        )
     wrong = np.flatnonzero(np.diff(seconds) <= 0)
     if wrong.size:
         k = int(wrong[0]) + 1
         what = "repeats" if seconds[k] == seconds[k - 1] else "goes back"
         raise TableError(
-            f"{raw.name}, {raw.row(k)}: the time {what}, {seconds[k]:.12g} s after {seconds[k - 1]:.12g} s; times must increase from row "
-            "to row (a jump needs two rows a little apart)"
+            f"{raw.name}, {raw.row(k)}: the time {what}, {seconds[k]:.12g} s after {seconds[k - 1]:.12g} s; times must"
+            " increase from row to row (a jump needs two rows a little apart)"
         )
     return seconds

@@ -34,16 +34,18 @@ class Table:
         road = system.add("road", Table("track.csv"))
         system.connect("road.z", "car.wheel.fl.road")
 
-    Its outputs are the columns, by name; units stand in the header (`z [mm]`), in the metadata of a Parquet field (`unit`), in
-    `attrs["units"]` of a DataFrame, or in `units`, and are converted when they are connected. `time`: the column of the time [s or the
-    unit it has], else that called time, t or timestamp. `columns`: those to take.
+    Its outputs are the columns, by name; units stand in the header (`z [mm]`), in the metadata of a Parquet field
+    (`unit`), in `attrs["units"]` of a DataFrame, or in `units`, and are converted when they are connected. `time`: the
+    column of the time [s or the unit it has], else that called time, t or timestamp. `columns`: those to take.
 
-    `interpolation`: "linear" between rows or "held" from row to row, for all or by column (`{"gear": "held"}`, the others linear).
-    Integers that are held connect to Integer inputs; Booleans are always held. It is sampled like other discrete components: by default
-    every millisecond, or at the interval of its rows where that is shorter and always the same.
+    `interpolation`: "linear" between rows or "held" from row to row, for all or by column (`{"gear": "held"}`, the
+    others linear). Integers that are held connect to Integer inputs; Booleans are always held. It is sampled like other
+    discrete components: by default every millisecond, or at the interval of its rows where that is shorter and always
+    the same.
 
-    The last row counts as long as the one before it. After that a run ends with an error, and one whose stop time is later is
-    refused before it begins, unless `after="hold"` keeps the last values. `shift` [s] is added to all times. Raises TableError.
+    The last row counts as long as the one before it. After that a run ends with an error, and one whose stop time is
+    later is refused before it begins, unless `after="hold"` keeps the last values. `shift` [s] is added to all times.
+    Raises TableError.
     """
 
     def __init__(
@@ -76,9 +78,14 @@ class Table:
         self._name = self.signals.name
         self._compiled = _compiled()
         self.description = Description(
-            name="Table", variables=variables, kind="discrete", default_step=_step(self.times), can_save=True,
-            native=self._compiled is not None, dependencies={n: frozenset() for n in variables},
-        )  # fmt: skip
+            name="Table",
+            variables=variables,
+            kind="discrete",
+            default_step=_step(self.times),
+            can_save=True,
+            native=self._compiled is not None,
+            dependencies={n: frozenset() for n in variables},
+        )
         self._column = {v: i for i, v in enumerate(variables.values())}
 
     def twin(self) -> Table:
@@ -106,8 +113,8 @@ class Table:
         self._now[0] = start
         if start < self._reached[0]:
             raise TableError(
-                f"'{self._name}': {self.signals.name} begins at t = {self.times[0]:.9g} s, the run at {start:.9g} s; begin it there "
-                f"(start_time=...), or move the table with shift={start - self.times[0]:.9g}"
+                f"'{self._name}': {self.signals.name} begins at t = {self.times[0]:.9g} s, the run at {start:.9g} s;"
+                f" begin it there (start_time=...), or move the table with shift={start - self.times[0]:.9g}"
             )
         if start > self.end or (stop is not None and stop > self.end):
             raise TableError(f"'{self._name}': {self._ends()}, the run at {max(start, stop or start):.9g} s; {_REMEDY}")
@@ -136,7 +143,9 @@ class Table:
 
     def identity(self) -> Mapping[str, str]:
         """Another table, or the same file with other contents, would not continue with the same bits."""
-        declared = [f"{v.name} [{v.unit_name}] {v.type} {v.name in self._linear}" for v in self.description.variables.values()]
+        declared = [
+            f"{v.name} [{v.unit_name}] {v.type} {v.name in self._linear}" for v in self.description.variables.values()
+        ]
         digest = hashlib.sha256(self.times.tobytes() + self._values.tobytes()).hexdigest()
         return {"class": "Table", "list of columns": "; ".join(declared), "table": f"{self.after} {digest}"}
 
@@ -197,9 +206,12 @@ class _Sampler:
         ffi, table = interface(), self._table
         order = np.concatenate([self._linear, self._held])
         keep = {
-            "columns": np.ascontiguousarray(self._columns[order]), "places": order.astype(np.uint32),
-            "values": np.ascontiguousarray(table._values), "times": table.times, "reached": table._reached,
-        }  # fmt: skip
+            "columns": np.ascontiguousarray(self._columns[order]),
+            "places": order.astype(np.uint32),
+            "values": np.ascontiguousarray(table._values),
+            "times": table.times,
+            "reached": table._reached,
+        }
         c = ffi.new("Table*")
         for name in ("times", "reached", "values"):
             setattr(c, name, ffi.cast("double*", keep[name].ctypes.data))
@@ -209,10 +221,18 @@ class _Sampler:
         c.now = ffi.cast("double*", table._now.ctypes.data)
         address = int(ffi.cast("uintptr_t", ffi.addressof(compiled, "cosim_table_step")))
         return _Calls(
-            version=2, instance=int(ffi.cast("uintptr_t", c)), do_step=address, sets=(), gets=(), flags=0, last=0,
-            no_set_prior=lambda: False, call_failed=lambda function, status: None,
-            step_failed=lambda status, t, h: failed(), keep=(c, keep, self._y),
-        )  # fmt: skip
+            version=2,
+            instance=int(ffi.cast("uintptr_t", c)),
+            do_step=address,
+            sets=(),
+            gets=(),
+            flags=0,
+            last=0,
+            no_set_prior=lambda: False,
+            call_failed=lambda function, status: None,
+            step_failed=lambda status, t, h: failed(),
+            keep=(c, keep, self._y),
+        )
 
 
 @dataclass(frozen=True)
@@ -245,9 +265,15 @@ def _linear(signals: Signals, interpolation: Interpolation | Mapping[str, Interp
 def _variable(number: int, signal: Signal, linear: bool) -> Variable:
     kind = "real" if linear else "integer" if signal.type == "whole" else signal.type
     return Variable(
-        signal.name, kind, _FMI_TYPES[kind], causality="output", variability="continuous" if kind == "real" else "discrete",
-        unit=signal.unit, reference=number, declared=signal.name,
-    )  # fmt: skip
+        signal.name,
+        kind,
+        _FMI_TYPES[kind],
+        causality="output",
+        variability="continuous" if kind == "real" else "discrete",
+        unit=signal.unit,
+        reference=number,
+        declared=signal.name,
+    )
 
 
 def _step(times: Array) -> Fraction:

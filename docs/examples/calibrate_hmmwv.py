@@ -2,8 +2,9 @@
 
     python docs/examples/calibrate_hmmwv.py
 
-The data are given, not measured: this very model drives over Perryman 3 with the values of its FMU, and noise is added. So the fit must find
-these values where the data tell them, and says where they do not. With data of a car, replace ``given`` by the table that was measured.
+The data are given, not measured: this very model drives over Perryman 3 with the values of its FMU, and noise is added.
+So the fit must find these values where the data tell them, and says where they do not. With data of a car, replace
+``given`` by the table that was measured.
 """
 
 from __future__ import annotations
@@ -18,9 +19,17 @@ from cosim.study.calibration import Calibration, SystemResponse, calibrate
 SENSORS = {"car.body.az": 0.1, "car.body.roll_rate": 0.005, "car.body.pitch_rate": 0.005, "car.wheel.fl.az": 1.0}
 """Outputs and the standard deviation of their noise [SI]."""
 ASSUMED = (
-    "body.roll_inertia", "body.pitch_inertia", "body.cg_height", "wheel.mass", "suspension.motion_ratio", "suspension.front.spring",
-    "tire.stiffness", "tire.damping", "suspension.stop.stiffness", "tire.cornering_stiffness",
-)  # fmt: skip
+    "body.roll_inertia",
+    "body.pitch_inertia",
+    "body.cg_height",
+    "wheel.mass",
+    "suspension.motion_ratio",
+    "suspension.front.spring",
+    "tire.stiffness",
+    "tire.damping",
+    "suspension.stop.stiffness",
+    "tire.cornering_stiffness",
+)
 """What is looked for: what the vehicle file says is assumed, and the front spring, which the paper gives."""
 SPEEDS_KMH = {"slow": 20.0, "fast": 45.0}
 SECONDS, INTERVAL = 4.0, "5 ms"
@@ -30,7 +39,11 @@ def vehicle(speed_kmh: float) -> System:
     system = System()
     system.add("speed", "fmus/fmi3/SpeedProfile.fmu", parameters={"start.speed": speed_kmh / 3.6})
     system.add("road", "fmus/fmi3/RoadPerryman3.fmu")
-    system.add("car", "fmus/fmi3/FullCarHmmwv.fmu", start={"target.y": 0.0, **{f"force.{k}": 0.0 for k in ("fl", "fr", "rl", "rr")}})
+    system.add(
+        "car",
+        "fmus/fmi3/FullCarHmmwv.fmu",
+        start={"target.y": 0.0, **{f"force.{k}": 0.0 for k in ("fl", "fr", "rl", "rr")}},
+    )
     system.connect("speed.speed", "car.target.speed")
     system.connect("car.x", "road.x")
     system.connect("car.speed", "road.speed")
@@ -39,7 +52,9 @@ def vehicle(speed_kmh: float) -> System:
 
 
 def fitted(speed_kmh: float, *, off: float = 1.1, seed: int = 1) -> tuple[Calibration, np.ndarray]:
-    """The fit to noisy data of one drive, begun with values that are ``off`` by this factor, up and down in turn; and the true values."""
+    """The fit to noisy data of one drive, begun with values that are ``off`` by this factor, up and down in turn; and
+    the true values.
+    """
     with vehicle(speed_kmh) as system:
         declared = system["car"].description.parameters
         truth = {f"car.{n}": float(declared[n].start) for n in ASSUMED}

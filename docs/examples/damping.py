@@ -43,8 +43,16 @@ def soft(study):
 
 DAMPINGS = (3e3, 6e3, 12e3, 24e3)
 EXPERIMENT = Experiment(
-    "damping", Ride, title="Damping of a quarter car", fmus=("RoadBenchBump", "QuarterCarHmmwv"),
-    wire=wire, configure=configure, stop_time=3.0, record=["car.*"], measure=measure,
+    "damping",
+    Ride,
+    title="Damping of a quarter car",
+    fmus=("RoadBenchBump", "QuarterCarHmmwv"),
+    wire=wire,
+    configure=configure,
+    stop_time=3.0,
+    record=["car.*"],
+    measure=measure,
     metrics={"comfort": Metric("rms acceleration", "m/s2"), "grip": Metric("tire deflection, largest", "mm", 1e3)},
-    plan=grid(Ride, damping=DAMPINGS, duration=(0.1, 0.5)), claims=CLAIMS,
-)  # fmt: skip
+    plan=grid(Ride, damping=DAMPINGS, duration=(0.1, 0.5)),
+    claims=CLAIMS,
+)

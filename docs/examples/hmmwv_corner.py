@@ -2,8 +2,9 @@
 
     build-fmus && python docs/examples/hmmwv_corner.py
 
-The controller holds the actuator at zero force, so that the wheel is not held by the oil. Every box is an FMU with a rate of
-its own. A SpeedProfile drives, and a controller of the vehicle would be connected to ``tracking.force.desired``.
+The controller holds the actuator at zero force, so that the wheel is not held by the oil. Every box is an FMU with a
+rate of its own. A SpeedProfile drives, and a controller of the vehicle would be connected to
+``tracking.force.desired``.
 """
 
 from __future__ import annotations
@@ -23,9 +24,12 @@ def corner(fmus: Path = Path("fmus/fmi3"), *, active: bool = True) -> System:
     system.add("road", fmus / "RoadBumps.fmu")
     system.add("car", fmus / "QuarterCarHmmwv.fmu", step="0.5 ms", parameters={"friction.acting": True})
     system.add(
-        "actuator", fmus / "HydraulicActuator.fmu", step="0.5 ms",
-        parameters={"supply.running": active}, start={"bypass.area": 0.0},
-    )  # fmt: skip
+        "actuator",
+        fmus / "HydraulicActuator.fmu",
+        step="0.5 ms",
+        parameters={"supply.running": active},
+        start={"bypass.area": 0.0},
+    )
     system.add("tracking", fmus / "ForceTracking.fmu", start={"force.desired": 0.0})
     system.add("comfort", fmus / "RideComfort.fmu")
     system.connect("speed.x", "road.x")

@@ -2,8 +2,9 @@
 
     python docs/examples/learn_bench.py
 
-An evolution strategy in NumPy (no gradients of the plant, no deep-learning framework) adjusts the 24 weights of a small network that sees what
-the published controllers see, the four states, and sets the force every 10 ms. The cost is their index, and so is what is compared.
+An evolution strategy in NumPy (no gradients of the plant, no deep-learning framework) adjusts the 24 weights of a small
+network that sees what the published controllers see, the four states, and sets the force every 10 ms. The cost is their
+index, and so is what is compared.
 """
 
 from __future__ import annotations
@@ -22,7 +23,9 @@ from fmu_sources.models.bench_states import STATES
 
 HIDDEN, POPULATION = 4, 16
 SPREAD, LAST_SPREAD = 0.3, 0.02  # of the candidates, at the beginning and in the end
-UNSEEN = [OFFSETS[1] + 5e3 * i for i in range(10)]  # s, where in the road's motion the comparison starts; training stays below
+UNSEEN = [
+    OFFSETS[1] + 5e3 * i for i in range(10)
+]  # s, where in the road's motion the comparison starts; training stays below
 SECONDS = 10.0  # of each comparison
 
 
@@ -43,11 +46,10 @@ class Policy:
 
 
 def train(generations: int, seed: int = 0) -> np.ndarray:
-    """Parameters after so many generations: all of one drive the same road, and the next centre is their weighted mean."""
+    """Parameters after so many generations: all of one drive the same road, and the next centre is their
+    weighted mean."""
     random = np.random.default_rng(seed)
-    envs = gymnasium.make_vec(
-        "suspension/QuarterCar-v0", num_envs=POPULATION, vectorization_mode="vector_entry_point"
-    )  # fmt: skip
+    envs = gymnasium.make_vec("suspension/QuarterCar-v0", num_envs=POPULATION, vectorization_mode="vector_entry_point")
     centre = np.concatenate([0.1 * random.standard_normal(5 * HIDDEN), np.zeros(HIDDEN)])
     best = POPULATION // 4
     ranks = np.log(best + 0.5) - np.log(np.arange(1, best + 1))  # weights of the best, as usual in evolution strategies

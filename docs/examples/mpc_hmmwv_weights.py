@@ -2,9 +2,9 @@
 
     python docs/examples/mpc_hmmwv_weights.py
 
-MpcHmmwv has no parameters: its quadratic program is made when the FMU is built. So every trial builds the law with its weights, and drives the
-hydraulic HMMWV over one stretch of the course with it. What is on the front, and what is published, then drives another stretch, which the search
-has not seen.
+MpcHmmwv has no parameters: its quadratic program is made when the FMU is built. So every trial builds the law with its
+weights, and drives the hydraulic HMMWV over one stretch of the course with it. What is on the front, and what is
+published, then drives another stretch, which the search has not seen.
 """
 
 from __future__ import annotations
@@ -71,15 +71,30 @@ def main() -> None:
     found = search(options.trials, options.processes, options.storage, options.seconds)
     published = found.trials[0].row
     done = found.done
-    section = front_section("Weights of MpcHmmwv", LABELS, OBJECTIVES, [t.row for t in done], [t.values for t in done], {"published": published})
+    section = front_section(
+        "Weights of MpcHmmwv",
+        LABELS,
+        OBJECTIVES,
+        [t.row for t in done],
+        [t.values for t in done],
+        {"published": published},
+    )
     print("published: " + ", ".join(f"{LABELS[n]} {v:.4g}" for n, v in published.items()))
     better = [t for t in done if all(t.row[n] < published[n] for n in OBJECTIVES)]
-    print(f"{len(found.front)} of {len(done)} trials are on the front; {len(better)} are better than the published weights in all three")
+    print(
+        f"{len(found.front)} of {len(done)} trials are on the front; {len(better)} are better than the published"
+        " weights in all three"
+    )
     calmest = min(done, key=lambda t: t.row["absorbed_power"])
     for name, values in (("published", found.trials[0].values), ("least absorbed power", calmest.values)):
         row = drive(values, UNSEEN, options.seconds)
-        print(f"{name}, on a stretch that the search has not seen: " + ", ".join(f"{LABELS[n]} {v:.4g}" for n, v in row.items()))
-    report = Report("mpc-hmmwv-weights", "Weights of MpcHmmwv", "Every trial is a law that was built.", sections=[section])
+        print(
+            f"{name}, on a stretch that the search has not seen: "
+            + ", ".join(f"{LABELS[n]} {v:.4g}" for n, v in row.items())
+        )
+    report = Report(
+        "mpc-hmmwv-weights", "Weights of MpcHmmwv", "Every trial is a law that was built.", sections=[section]
+    )
     print(f"report: {write_report(report, Path('results/mpc-hmmwv-weights'))}")
 
 

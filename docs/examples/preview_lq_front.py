@@ -2,8 +2,9 @@
 
     python docs/examples/preview_lq_front.py
 
-The weights are fixed when the law's FMU is built (its gains follow from them), so every trial builds one, in about a second, into a folder of
-its own, and drives over the hole and the bump of paper 004 with it. The published laws stand beside the front.
+The weights are fixed when the law's FMU is built (its gains follow from them), so every trial builds one, in about a
+second, into a folder of its own, and drives over the hole and the bump of paper 004 with it. The published laws stand
+beside the front.
 """
 
 from __future__ import annotations
@@ -36,9 +37,13 @@ SPEED = 75 / 3.6  # m/s, as published
 
 
 def with_weights(values: Mapping[str, float]) -> PreviewLqWeights:
-    """The published weights of the accelerations, with others of deflections [1/m2] and forces [1/N2], the same at both axles."""
+    """The published weights of the accelerations, with others of deflections [1/m2] and forces [1/N2], the same at both
+    axles.
+    """
     changed = {n: {"front": values[n], "rear": values[n]} for n in SPACE}
-    return PreviewLqWeights.model_validate({**PUBLISHED["comfort"].as_dict(), "name": "tried", "source": "tried", **changed})
+    return PreviewLqWeights.model_validate(
+        {**PUBLISHED["comfort"].as_dict(), "name": "tried", "source": "tried", **changed}
+    )
 
 
 def drive(weights: PreviewLqWeights) -> dict[str, float]:
@@ -55,7 +60,12 @@ def drive(weights: PreviewLqWeights) -> dict[str, float]:
             system.connect("speed.x", "road.x")
             system.connect("speed.speed", "road.speed")
             system.connect("speed.speed", "law.speed")
-            for source, target, names in (("road", "car", "road.*"), ("road", "law", "*"), ("car", "law", "*"), ("law", "car", "*")):
+            for source, target, names in (
+                ("road", "car", "road.*"),
+                ("road", "law", "*"),
+                ("car", "law", "*"),
+                ("law", "car", "*"),
+            ):
                 system.connect_matching(source, target, names)
             r = system.run(1.2, record=["car.body.az", "car.tire.*.deflection", "law.force.*"], record_interval="1 ms")
 
@@ -63,9 +73,10 @@ def drive(weights: PreviewLqWeights) -> dict[str, float]:
         return float(np.sqrt(np.mean([np.mean(r[n] ** 2) for n in names])))
 
     return {
-        "comfort": rms(["car.body.az"]), "grip": 1e3 * rms([f"car.tire.{k}.deflection" for k in CORNERS]),
+        "comfort": rms(["car.body.az"]),
+        "grip": 1e3 * rms([f"car.tire.{k}.deflection" for k in CORNERS]),
         "force": rms([f"law.force.{k}" for k in CORNERS]),
-    }  # fmt: skip
+    }
 
 
 def evaluate(values: Mapping[str, float]) -> dict[str, float]:
@@ -78,19 +89,34 @@ def search(trials: int, processes: int, storage: str | None) -> Outcome:
 
 
 def main() -> None:
-    parser = argparse.ArgumentParser(description="Comfort against road holding against force, over the weights of the preview LQ law.")
+    parser = argparse.ArgumentParser(
+        description="Comfort against road holding against force, over the weights of the preview LQ law."
+    )
     parser.add_argument("--trials", type=int, default=64)
     parser.add_argument("--processes", type=int, default=2)
     parser.add_argument("--storage", default="results/preview-lq-front/trials.log")
     options = parser.parse_args()
     found = search(options.trials, options.processes, options.storage)
     published = {name.replace("_", " "): drive(weights) for name, weights in PUBLISHED.items()}
-    section = front_section("Comfort, road holding and force", LABELS, OBJECTIVES, [t.row for t in found.done], [t.values for t in found.done], published)
+    section = front_section(
+        "Comfort, road holding and force",
+        LABELS,
+        OBJECTIVES,
+        [t.row for t in found.done],
+        [t.values for t in found.done],
+        published,
+    )
     for name, row in published.items():
         better = sum(all(t.row[n] < row[n] for n in OBJECTIVES) for t in found.done)
-        print(f"{name}: " + ", ".join(f"{LABELS[n]} {v:.4g}" for n, v in row.items()) + f"; {better} trials are better in all three")
+        print(
+            f"{name}: "
+            + ", ".join(f"{LABELS[n]} {v:.4g}" for n, v in row.items())
+            + f"; {better} trials are better in all three"
+        )
     print(f"{len(found.front)} of {len(found.done)} trials are on the front")
-    report = Report("preview-lq-front", "Weights of the preview LQ law", "Every trial is a law that was built.", sections=[section])
+    report = Report(
+        "preview-lq-front", "Weights of the preview LQ law", "Every trial is a law that was built.", sections=[section]
+    )
     print(f"report: {write_report(report, Path('results/preview-lq-front'))}")
 
 

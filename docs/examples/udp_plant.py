@@ -1,12 +1,14 @@
-"""The corner of hmmwv_corner.py in real time, with its controller at the other end of a UDP socket: 1000 packets a second each way.
+"""The corner of hmmwv_corner.py in real time, with its controller at the other end of a UDP socket: 1000 packets a
+second each way.
 
     python docs/examples/udp_plant.py --seconds 5 &
     python docs/examples/udp_controller.py
 
-Little-endian packets. State: number of the step (uint64), then doubles: time [s], body.z, body.vz, wheel.z, wheel.vz, suspension.deflection,
-suspension.velocity [m, m/s], body.az [m/s2], actuator.force [N]. Command: number of the state that it answers, desired force [N]. The controller
-speaks first (state 0); a state with the number 0 ends the talk. An answer that is not there WAIT after its state comes too late: the last
-force is held, and after HOLD without an answer it is zero.
+Little-endian packets. State: number of the step (uint64), then doubles: time [s], body.z, body.vz, wheel.z, wheel.vz,
+suspension.deflection, suspension.velocity [m, m/s], body.az [m/s2], actuator.force [N]. Command: number of the state
+that it answers, desired force [N]. The controller speaks first (state 0); a state with the number 0 ends the talk. An
+answer that is not there WAIT after its state comes too late: the last force is held, and after HOLD without an answer
+it is zero.
 """
 
 from __future__ import annotations
@@ -26,9 +28,15 @@ from cosim import Recording, Simulation
 
 STATE, COMMAND = struct.Struct("<Q9d"), struct.Struct("<Qd")
 SENT = (
-    "car.body.z", "car.body.vz", "car.wheel.z", "car.wheel.vz", "car.suspension.deflection", "car.suspension.velocity",
-    "car.body.az", "actuator.force",
-)  # fmt: skip
+    "car.body.z",
+    "car.body.vz",
+    "car.wheel.z",
+    "car.wheel.vz",
+    "car.suspension.deflection",
+    "car.suspension.velocity",
+    "car.body.az",
+    "actuator.force",
+)
 FORCE = "tracking.force.desired"
 WAIT, HOLD, GREETING = 0.4e-3, 50e-3, 20.0  # s
 RATE = 1000  # steps per second

@@ -2,7 +2,8 @@
 
 python docs/images/draw_exchange.py
 
-Every output is the time that it is of, so what a component reads tells where its arrow begins: the picture shows a run, not an intention.
+Every output is the time that it is of, so what a component reads tells where its arrow begins: the picture shows a run,
+not an intention.
 """
 
 from __future__ import annotations
@@ -91,7 +92,11 @@ def _ms(seconds: float) -> Fraction:
 LEFT, RIGHT, ROW, HEAD, FOOT, BAR = 96, 24, 58, 66, 44, 14  # px
 PER_MS = 150
 COLOURS = {"same": "#1d5488", "held": "#777777", "ahead": "#b8500c"}
-WORDS = {"same": "of the same instant", "held": "held since an earlier sample", "ahead": "just reached by the one before it in the group"}
+WORDS = {
+    "same": "of the same instant",
+    "held": "held since an earlier sample",
+    "ahead": "just reached by the one before it in the group",
+}
 
 
 def kind_of(read: Read) -> str:
@@ -102,13 +107,25 @@ def kind_of(read: Read) -> str:
 def draw(target: Path) -> None:
     """Both ways below each other, as SVG; the same bytes every time."""
     width, height = LEFT + END * PER_MS + RIGHT, HEAD + len(PERIODS) * ROW + FOOT
-    root = etree.Element("svg", nsmap={None: "http://www.w3.org/2000/svg"}, viewBox=f"0 0 {width} {2 * height + 34}", role="img")
+    root = etree.Element(
+        "svg", nsmap={None: "http://www.w3.org/2000/svg"}, viewBox=f"0 0 {width} {2 * height + 34}", role="img"
+    )
     root.set("font-family", "Helvetica, Arial, sans-serif")
     root.set("font-size", "13")
     etree.SubElement(root, "title").text = "Who reads what, and of which time"
     definitions = etree.SubElement(root, "defs")
     for kind, colour in COLOURS.items():
-        tip = etree.SubElement(definitions, "marker", id=kind, viewBox="0 0 10 10", refX="9", refY="5", markerWidth="7", markerHeight="7", orient="auto")
+        tip = etree.SubElement(
+            definitions,
+            "marker",
+            id=kind,
+            viewBox="0 0 10 10",
+            refX="9",
+            refY="5",
+            markerWidth="7",
+            markerHeight="7",
+            orient="auto",
+        )
         etree.SubElement(tip, "path", d="M0 0 L10 5 L0 10 z", fill=colour)
     etree.SubElement(root, "rect", width=str(width), height=str(2 * height + 34), rx="10", fill="#ffffff")
     for i, group in enumerate(TITLES):
@@ -134,10 +151,14 @@ def _panel(body: etree._Element, group: bool) -> None:
         fill, edge, _ = KINDS["discrete" if discrete else "continuous"]
         _text(body, 20, _y(name) + 5, name)
         if discrete:
-            etree.SubElement(body, "path", d=f"M{_x(0)} {_y(name)} H{_x(END)}", stroke=edge).set("stroke-dasharray", "3 4")
+            etree.SubElement(body, "path", d=f"M{_x(0)} {_y(name)} H{_x(END)}", stroke=edge).set(
+                "stroke-dasharray", "3 4"
+            )
         for ms in range(0, END + discrete, period):
             if discrete:
-                etree.SubElement(body, "circle", cx=str(_x(ms)), cy=str(_y(name)), r=str(BAR / 2), fill=fill, stroke=edge)
+                etree.SubElement(
+                    body, "circle", cx=str(_x(ms)), cy=str(_y(name)), r=str(BAR / 2), fill=fill, stroke=edge
+                )
             else:
                 bar = {"x": _x(ms) + 3, "y": _y(name) - BAR / 2, "width": period * PER_MS - 6, "height": BAR, "rx": 5}
                 etree.SubElement(body, "rect", {k: str(v) for k, v in bar.items()}, fill=fill, stroke=edge)
@@ -145,13 +166,18 @@ def _panel(body: etree._Element, group: bool) -> None:
         path = etree.SubElement(body, "path", d=_arrow(read), stroke=COLOURS[kind_of(read)], fill="none")
         path.set("stroke-width", "1.8")
         path.set("marker-end", f"url(#{kind_of(read)})")
-        etree.SubElement(path, "title").text = f"{read.reader} at {float(read.time):g} ms reads {read.source} of {float(read.of):g} ms"
+        etree.SubElement(
+            path, "title"
+        ).text = f"{read.reader} at {float(read.time):g} ms reads {read.source} of {float(read.of):g} ms"
 
 
 def _arrow(read: Read) -> str:
     """From the source's row at the time that its output is of, to where the reader's step begins."""
     down = 1 if _y(read.reader) > _y(read.source) else -1
-    begin, end = (_x(float(read.of)), _y(read.source) + down * BAR / 2), (_x(float(read.time)), _y(read.reader) - down * BAR / 2)
+    begin, end = (
+        (_x(float(read.of)), _y(read.source) + down * BAR / 2),
+        (_x(float(read.time)), _y(read.reader) - down * BAR / 2),
+    )
     beside = -9 if down < 0 else 5  # what goes up stands left of what goes down
     return f"M{begin[0] + beside} {begin[1]} L{end[0] + beside} {end[1]}"
 
@@ -164,7 +190,9 @@ def _y(name: str) -> float:
     return HEAD + ROW * list(PERIODS).index(name)
 
 
-def _text(parent: etree._Element, x: float, y: float, text: str, *, anchor: str = "start", weight: str = "normal") -> None:
+def _text(
+    parent: etree._Element, x: float, y: float, text: str, *, anchor: str = "start", weight: str = "normal"
+) -> None:
     made = etree.SubElement(parent, "text", x=str(x), y=str(y), fill="#222222")
     made.set("text-anchor", anchor)
     made.set("font-weight", weight)

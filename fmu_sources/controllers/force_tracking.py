@@ -2,14 +2,15 @@
 
 With load pressure P = F / A_p, its desired value P_d and the errors e = P - P_d and s_1 = e + lambda_1 integral(e),
 
-    u_des = { A_p v + C_tm P + (dP_d/dt - lambda_1 e - eta_1 s_1) / alpha } / { C_d w sqrt((P_s - sgn P) / rho) }      (1.10)
-    V     = k { u + tau du_des/dt - eta_2 tau (u - u_des) }                                                              (1.12)
+    u_des = { A_p v + C_tm P + (dP_d/dt - lambda_1 e - eta_1 s_1) / alpha } / { C_d w sqrt((P_s - sgn P) / rho) }
+    (1.10) V     = k { u + tau du_des/dt - eta_2 tau (u - u_des) }
+    (1.12)
 
-Unlike the print: the divisor of (1.10) is the flow per spool stroke, so it has no spool position in it; k is in volts per
-metre of spool, so it multiplies; v = dx_s/dt - dx_u/dt; sgn is the direction of the requested flow.
+Unlike the print: the divisor of (1.10) is the flow per spool stroke, so it has no spool position in it; k is in volts
+per metre of spool, so it multiplies; v = dx_s/dt - dx_u/dt; sgn is the direction of the requested flow.
 
-The desired force is smoothed by (1.16). That filter is strictly proper, so its rate is one of its states, and dP_d/dt needs
-no difference.
+The desired force is smoothed by (1.16). That filter is strictly proper, so its rate is one of its states, and dP_d/dt
+needs no difference.
 """
 
 from __future__ import annotations
@@ -83,9 +84,14 @@ def force_tracking(vehicle: Actuator, name: str = "ForceTracking", *, period: fl
         "eta_2", 800.0, "1/s", "gain of the spool surface", "assumed, 001 does not give it", min=0.0, max=1e4
     )
     lambda_1 = number(
-        "lambda_1", 0.5, "1/s", "weight of the integral of the pressure error; 0: none", "001 (1.8): between 0 and 1",
-        min=0.0, max=100.0,
-    )  # fmt: skip
+        "lambda_1",
+        0.5,
+        "1/s",
+        "weight of the integral of the pressure error; 0: none",
+        "001 (1.8): between 0 and 1",
+        min=0.0,
+        max=100.0,
+    )
     smooth = option("smoothing.enabled", True, "whether force.desired passes the filter (1.16)", "001 (1.16)")
     numerical = option(
         "rate.numerical",
@@ -94,16 +100,28 @@ def force_tracking(vehicle: Actuator, name: str = "ForceTracking", *, period: fl
         "001 (1.15)",
     )
     rate_time = number(
-        "rate.time_constant", vehicle.valve.time_constant.value, "s", "time constant of the filter (1.13)",
-        "001 (1.13), tau of the spool", min=period / 1.9, max=1.0, display_unit="ms",
-    )  # fmt: skip
+        "rate.time_constant",
+        vehicle.valve.time_constant.value,
+        "s",
+        "time constant of the filter (1.13)",
+        "001 (1.13), tau of the spool",
+        min=period / 1.9,
+        max=1.0,
+        display_unit="ms",
+    )
     average = option(
         "average.enabled", False, "whether the desired spool position is the mean of the last two (1.14)", "001 (1.14)"
     )
     floor = number(
-        "supply.least_drop", 0.02, "1", "pressure drop that the valve is taken to have at least, as a part of the supply",
-        "assumed", min=1e-4, max=1.0, display_unit="%",
-    )  # fmt: skip
+        "supply.least_drop",
+        0.02,
+        "1",
+        "pressure drop that the valve is taken to have at least, as a part of the supply",
+        "assumed",
+        min=1e-4,
+        max=1.0,
+        display_unit="%",
+    )
     notches = {
         mode: (
             option(
@@ -222,9 +240,12 @@ def force_tracking(vehicle: Actuator, name: str = "ForceTracking", *, period: fl
     c.output("valve.saturated", voltage_limited, None, "whether valve.voltage is at valve.max_voltage", type=bool)
     c.output("spool.saturated", spool_limited, None, "whether spool.desired is at the end of the stroke", type=bool)
     c.output(
-        "supply.saturated", starved, None, "whether the load leaves less than supply.least_drop of the supply pressure",
+        "supply.saturated",
+        starved,
+        None,
+        "whether the load leaves less than supply.least_drop of the supply pressure",
         type=bool,
-    )  # fmt: skip
+    )
     c.stimulate(
         {
             "force.desired": lambda t: 2000.0 if math.sin(2 * math.pi * 12.0 * t) >= 0 else -2000.0,
@@ -246,27 +267,42 @@ def _notch(
     b0, b2 = (1 + narrow + g * g) / a0, (1 - narrow + g * g) / a0
     a1, a2 = 2 * (g * g - 1) / a0, (1 - wide + g * g) / a0
     # Starts as if the signal had been what it is for ever.
-    memory = c.state(name, "m", "memory of the notch", shape=(2,),
-                     start=ca.vertcat((1 - b0) * signal, (b2 - a2) * signal))  # fmt: skip
+    memory = c.state(
+        name, "m", "memory of the notch", shape=(2,), start=ca.vertcat((1 - b0) * signal, (b2 - a2) * signal)
+    )
     out = b0 * signal + memory[0]
     c.update(memory, ca.vertcat(a1 * (signal - out) + memory[1], b2 * signal - a2 * out))
     return ca.if_else(enabled, out, signal)
 
 
 _NOTES = (
-    "Wiring: force.measured and spool.position are outputs force and spool.position of a HydraulicActuator, piston.velocity "
-    "is the suspension velocity of the car, the same that drives the actuator; valve.voltage goes to the actuator. "
-    "force.desired comes from a controller at any slower rate, held in between.",
-    "The controller's model of the actuator is in its parameters, from the same vehicle file as the actuator's. Give "
-    "other values to study its robustness. Too high a density or too small a valve makes the loop gain too high.",
-    "force.desired passes the filter (1.16), sampled exactly for a held input. smoothing.enabled false bypasses it: "
-    "then the force must be smooth already, since its rate is taken by difference.",
-    "Variants of section 1.3: rate.numerical off replaces the difference (1.15) by the filter (1.13); average.enabled adds "
-    "(1.14), 1.5 ms of delay, which quietens the command of a noisy load cell and costs most of the tracking at these gains; "
-    "notch.heave_pitch and notch.roll attenuate the desired spool position about the modes of the body, and with it the flow that "
-    "the moving piston needs: the force then follows far worse.",
-    "Limits: the desired spool position ends at the stroke that valve.max_voltage gives, the voltage at valve.max_voltage, and "
-    "the root in (1.10) at supply.least_drop of the supply pressure. Each has its flag; the integral waits at a limit.",
-    "Road, friction and the car's own dynamics are disturbances to this controller. Left out: output redefinition, which "
-    "the paper cites and does not specify.",
+    (
+        "Wiring: force.measured and spool.position are outputs force and spool.position of a HydraulicActuator,"
+        " piston.velocity is the suspension velocity of the car, the same that drives the actuator; valve.voltage goes"
+        " to the actuator. force.desired comes from a controller at any slower rate, held in between."
+    ),
+    (
+        "The controller's model of the actuator is in its parameters, from the same vehicle file as the actuator's."
+        " Give other values to study its robustness. Too high a density or too small a valve makes the loop gain too"
+        " high."
+    ),
+    (
+        "force.desired passes the filter (1.16), sampled exactly for a held input. smoothing.enabled false bypasses it:"
+        " then the force must be smooth already, since its rate is taken by difference."
+    ),
+    (
+        "Variants of section 1.3: rate.numerical off replaces the difference (1.15) by the filter (1.13);"
+        " average.enabled adds (1.14), 1.5 ms of delay, which quietens the command of a noisy load cell and costs most"
+        " of the tracking at these gains; notch.heave_pitch and notch.roll attenuate the desired spool position about"
+        " the modes of the body, and with it the flow that the moving piston needs: the force then follows far worse."
+    ),
+    (
+        "Limits: the desired spool position ends at the stroke that valve.max_voltage gives, the voltage at"
+        " valve.max_voltage, and the root in (1.10) at supply.least_drop of the supply pressure. Each has its flag; the"
+        " integral waits at a limit."
+    ),
+    (
+        "Road, friction and the car's own dynamics are disturbances to this controller. Left out: output redefinition,"
+        " which the paper cites and does not specify."
+    ),
 )

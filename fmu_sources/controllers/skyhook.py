@@ -24,13 +24,25 @@ def skyhook(car: Component, name: str = "Skyhook", *, period: float = SAMPLE_TIM
         notes=_NOTES,
     )
     sky = c.parameter(
-        "damping.sky", SKY_DAMPING, "N.s/m", "B_sky: force per velocity of the body's corner", min=-1e6, max=1e6,
-        tunable=True, source="001 section 1.4",
-    )  # fmt: skip
+        "damping.sky",
+        SKY_DAMPING,
+        "N.s/m",
+        "B_sky: force per velocity of the body's corner",
+        min=-1e6,
+        max=1e6,
+        tunable=True,
+        source="001 section 1.4",
+    )
     relative = c.parameter(
-        "damping.relative", RELATIVE_DAMPING, "N.s/m", "K_vel: force per velocity of the wheel relative to the body", min=-1e6, max=1e6,
-        tunable=True, source="001 section 1.4",
-    )  # fmt: skip
+        "damping.relative",
+        RELATIVE_DAMPING,
+        "N.s/m",
+        "K_vel: force per velocity of the wheel relative to the body",
+        min=-1e6,
+        max=1e6,
+        tunable=True,
+        source="001 section 1.4",
+    )
     corners = Corners(TWO_AXLES)
     for k in corners:
         for what, text, low in (
@@ -56,9 +68,13 @@ def skyhook(car: Component, name: str = "Skyhook", *, period: float = SAMPLE_TIM
 
 
 _NOTES = (
-    "Inputs carry the names of the car's outputs, and of the estimator's: connect all of equal name. They are the 15 "
-    "relative states and body.az of every higher-level controller of this vehicle, so that one can be exchanged for another; "
-    "skyhook damping uses the velocities alone.",
-    "The command holds for 30 ms. After the smoothing filter of the force tracking and this hold, much of the damping is lost: "
-    "the paper's gains are those of a slow loop.",
+    (
+        "Inputs carry the names of the car's outputs, and of the estimator's: connect all of equal name. They are the"
+        " 15 relative states and body.az of every higher-level controller of this vehicle, so that one can be exchanged"
+        " for another; skyhook damping uses the velocities alone."
+    ),
+    (
+        "The command holds for 30 ms. After the smoothing filter of the force tracking and this hold, much of the"
+        " damping is lost: the paper's gains are those of a slow loop."
+    ),
 )

@@ -15,7 +15,8 @@ import scipy.linalg
 
 @dataclass(frozen=True)
 class SampledModel:
-    """Car and noise at one sample time [s]. ``E`` and ``F`` are the effect of road rates that are held over a sample."""
+    """Car and noise at one sample time [s]. ``E`` and ``F`` are the effect of road rates that are held
+    over a sample."""
 
     A: np.ndarray
     B: np.ndarray
@@ -63,8 +64,8 @@ def sampled_model(
 class Filter:
     """Correct, x += gain (y - C x - D u); then predict, x = A x + B u + Y y, with no cross-covariance left.
 
-    ``gain`` and the covariance before a measurement (``prior``) are those of the steady state; ``Q`` is what the process
-    noise leaves that the measurements do not share.
+    ``gain`` and the covariance before a measurement (``prior``) are those of the steady state; ``Q`` is what the
+    process noise leaves that the measurements do not share.
     """
 
     model: SampledModel

@@ -1,7 +1,7 @@
 """Kalman filters of paper 001 (section 1.4): from the sensors of Table 1.5 to the states that controllers need.
 
-`kalman_hmmwv` estimates the 15 relative states, with the road's rate as white noise; `kalman_hmmwv_printed` is the paper's
-filter of 14 absolute states that takes the road to be at height 0.
+`kalman_hmmwv` estimates the 15 relative states, with the road's rate as white noise; `kalman_hmmwv_printed` is the
+paper's filter of 14 absolute states that takes the road to be at height 0.
 """
 
 from __future__ import annotations
@@ -35,9 +35,13 @@ POSE_RATES = ("body.vz", "body.roll_rate", "body.pitch_rate")
 _HUBS = tuple(f"wheel.{k}.az" for k in CORNERS)
 _ACCELERATIONS = ("body.az", "body.roll_acceleration", "body.pitch_acceleration")
 _SENSORS = (
-    *(f"lvdt.{k}" for k in CORNERS), *(f"hub.{k}.az" for k in CORNERS), "chassis.front.az", "chassis.rear.az",
-    "gyro.pitch_rate", "gyro.roll_rate",
-)  # fmt: skip
+    *(f"lvdt.{k}" for k in CORNERS),
+    *(f"hub.{k}.az" for k in CORNERS),
+    "chassis.front.az",
+    "chassis.rear.az",
+    "gyro.pitch_rate",
+    "gyro.roll_rate",
+)
 """Measurements, in the order of the rows of C."""
 
 Rows = Callable[[tuple[str, ...]], tuple[np.ndarray, np.ndarray, np.ndarray]]
@@ -66,9 +70,17 @@ def relative_filter(car: Component, sensors: SensorSet, road: float, period: flo
     model = relative_model(car)
     C, D, F = measurement_rows(sensors, model.output)
     sampled = sampled_model(
-        model.A, model.B, model.E, C, D, F, measured=measurement_noise(sensors), force=sensors.noise.load_cell.value,
-        road=road, period=period,
-    )  # fmt: skip
+        model.A,
+        model.B,
+        model.E,
+        C,
+        D,
+        F,
+        measured=measurement_noise(sensors),
+        force=sensors.noise.load_cell.value,
+        road=road,
+        period=period,
+    )
     return kalman_filter(sampled)
 
 
@@ -112,25 +124,35 @@ def kalman_hmmwv(
         name, period, "Kalman filter of the 15 relative states of a ride car", "001 section 1.4, Table 1.5", _NOTES
     )
     varying = c.parameter(
-        "time_varying", False, None, "carry the covariance along from its start, instead of using the steady-state gain",
+        "time_varying",
+        False,
+        None,
+        "carry the covariance along from its start, instead of using the steady-state gain",
         source="option",
-    )  # fmt: skip
+    )
     use_road = _road_parameter(c)
     leak, follow = (
         c.parameter(
-            f"pose.{what}", getattr(sensors.estimator, f"pose_{what}").value, "s", text, min=2 * period, max=1e4,
-            tunable=True, source=getattr(sensors.estimator, f"pose_{what}").source,
+            f"pose.{what}",
+            getattr(sensors.estimator, f"pose_{what}").value,
+            "s",
+            text,
+            min=2 * period,
+            max=1e4,
+            tunable=True,
+            source=getattr(sensors.estimator, f"pose_{what}").source,
         )
         for what, text in (
             ("leak", "time in which body.z, body.roll and body.pitch fade to 0"),
             ("correction", "time in which they follow the pose on a known road"),
         )
-    )  # fmt: skip
+    )
     y, u = _measured_inputs(c)
     road, road_valid = _road_inputs(c)
     used = ca.logic_and(use_road > 0.5, road_valid)
 
-    # ------------------------------------------------------- the sample before, now that the road's rate over it is known
+    # ------------------------------------------------------- the sample before, now that the road's rate over it is
+    # known
 
     unknown, rest = filters
     m, n = unknown.model, len(RELATIVE_STATES)
@@ -170,7 +192,8 @@ def kalman_hmmwv(
     for state, value in {**updates, begun: 1}.items():
         c.update(state, value)
 
-    # ----------------------------------------------------------------- this sample, whose road's rate nobody knows as yet
+    # ----------------------------------------------------------------- this sample, whose road's rate nobody knows as
+    # yet
 
     rows, root = whitened(unknown)
     gain_now, posterior_now = _sequential(spread, ca.DM(rows))
@@ -291,9 +314,7 @@ def _deviation_outputs(c: Component, car: Component, sigma: Iterable[Any], when:
     """Standard deviations of the relative states."""
     for state, value in zip(RELATIVE_STATES, sigma, strict=True):
         v = car.variable(state)
-        c.output(
-            f"sigma.{state}", value, v.unit, f"standard deviation of {state}{when}", display_unit=v.display_unit
-        )  # fmt: skip
+        c.output(f"sigma.{state}", value, v.unit, f"standard deviation of {state}{when}", display_unit=v.display_unit)
 
 
 def _pose_outputs(c: Component, car: Component, values: Any) -> None:
@@ -320,8 +341,8 @@ def _sequential(covariance: Any, C: Any) -> tuple[Any, Any]:
 class _Tension:
     """Tension that the linear tires take and those of the car do not, once they have lost their static load.
 
-    ``force(x, known)`` (4,) [N] on the wheels, for estimates x; ``driving`` (15, 4) and ``measured`` (12, 4) are what it does to the
-    states over a sample and to the measurements.
+    ``force(x, known)`` (4,) [N] on the wheels, for estimates x; ``driving`` (15, 4) and ``measured`` (12, 4) are what
+    it does to the states over a sample and to the measurements.
     """
 
     def __init__(self, c: Component, car: Component, period: float) -> None:
@@ -337,9 +358,13 @@ class _Tension:
         slots = {e.name: e.slot for e in plant.elements("output")}
         self._static = at_rest.ravel()[[slots[f"tire.{k}.force"] for k in CORNERS]]
         self._lifting = c.parameter(
-            "tires.lift_off", bool(car.variable("tires.lift_off").start[0]), None, "on a known road the tires of the model take no tension",  # type: ignore[index]
-            tunable=True, source="vehicle file",
-        )  # fmt: skip
+            "tires.lift_off",
+            bool(car.variable("tires.lift_off").start[0]),  # type: ignore[index]
+            None,
+            "on a known road the tires of the model take no tension",
+            tunable=True,
+            source="vehicle file",
+        )
         inputs = np.zeros((15, 4))
         inputs[wheels, range(4)] = per_mass
         block = np.zeros((19, 19))
@@ -351,8 +376,8 @@ class _Tension:
     def force(self, x: Any, known: Any) -> Any:
         """Tension [N] of each tire that is to be taken off, 0 while the road is not ``known``.
 
-        Without the road nothing measures the gap under a wheel in the air: the tension would feed on its own estimate and
-        grow without bound. The gap that counts is limited for the same reason.
+        Without the road nothing measures the gap under a wheel in the air: the tension would feed on its own estimate
+        and grow without bound. The gap that counts is limited for the same reason.
         """
         stiffness = ca.DM(self._stiffness)
         beyond = ca.fmin(stiffness * x[self._tires] - ca.DM(self._static), stiffness * LARGEST_GAP)
@@ -383,32 +408,54 @@ def _stimulus() -> dict[str, Callable[[float], float]]:
 
 
 _NOTES = (
-    "The filter's model is the linear model of RideCarHmmwv in relative coordinates: four suspension and four tire deflections, "
-    "four wheel and three body velocities. Heights above a datum cannot be measured on a moving car and are not among its states. "
-    "The road's rate under each wheel is white noise, held over a sample, with the intensity of the sensor file (0.007 m2/s); load cells are "
-    "measured inputs whose noise reaches model and accelerometers alike, which the filter knows (cross-covariance).",
-    "Outputs at t use the measurements at t. sigma.* are the standard deviations of the estimates as the filter itself computes them; "
-    "with time_varying the covariance starts from 30 mm, 0.5 m/s, 0.3 rad/s and is carried along, and the gain follows from it; without, "
-    "both are those of the steady state, which all but body.vz reach within some tenths of a second; body.vz takes seconds.",
-    "use_road: road.*.height is the road under the wheels now (from PreviewBuffer by a connection with delay; the buffer gives "
-    "the road one sample ahead to make up for it). Where road.valid, its differences drive the model and only a remainder of "
-    "the road's rate (0.001 m2/s) is noise; elsewhere the filter continues as without a road. The rate over a sample is known at its end, "
-    "so each measurement is weighted again one sample later.",
-    "Between samples forces are the mean of both ends. tires.lift_off: a tire of the model that has lost its static load takes no tension, as "
-    "in RideCarHmmwv: the excess of the linear model is subtracted, the gain stays the same. It matters on a known road; without one, "
-    "the accelerometer of an airborne wheel does not tell how high it is.",
-    "body.z, body.roll, body.pitch: the integrals of the estimated rates, which fade within pose.leak (5 s), so a slope or a step of the "
-    "road is forgotten; a pose that lasts is not observable without road. On a known road they also follow, within pose.correction "
-    "(1 s), the pose that suspension, tires and road give. Following it at once is unstable: an error of the buffered road tilts "
-    "the pose when the wheels reach it, and the range sensors, ahead of the front axle, put it into the buffer again 1.6 times as large.",
-    "Noise levels and the road's intensity are build options (fmu_sources/vehicles/sensors_hmmwv.toml): gains follow from them. Friction and "
-    "flow limits of the actuators do not matter here, since forces are measured.",
+    (
+        "The filter's model is the linear model of RideCarHmmwv in relative coordinates: four suspension and four tire"
+        " deflections, four wheel and three body velocities. Heights above a datum cannot be measured on a moving car"
+        " and are not among its states. The road's rate under each wheel is white noise, held over a sample, with the"
+        " intensity of the sensor file (0.007 m2/s); load cells are measured inputs whose noise reaches model and"
+        " accelerometers alike, which the filter knows (cross-covariance)."
+    ),
+    (
+        "Outputs at t use the measurements at t. sigma.* are the standard deviations of the estimates as the filter"
+        " itself computes them; with time_varying the covariance starts from 30 mm, 0.5 m/s, 0.3 rad/s and is carried"
+        " along, and the gain follows from it; without, both are those of the steady state, which all but body.vz reach"
+        " within some tenths of a second; body.vz takes seconds."
+    ),
+    (
+        "use_road: road.*.height is the road under the wheels now (from PreviewBuffer by a connection with delay; the"
+        " buffer gives the road one sample ahead to make up for it). Where road.valid, its differences drive the model"
+        " and only a remainder of the road's rate (0.001 m2/s) is noise; elsewhere the filter continues as without a"
+        " road. The rate over a sample is known at its end, so each measurement is weighted again one sample later."
+    ),
+    (
+        "Between samples forces are the mean of both ends. tires.lift_off: a tire of the model that has lost its static"
+        " load takes no tension, as in RideCarHmmwv: the excess of the linear model is subtracted, the gain stays the"
+        " same. It matters on a known road; without one, the accelerometer of an airborne wheel does not tell how high"
+        " it is."
+    ),
+    (
+        "body.z, body.roll, body.pitch: the integrals of the estimated rates, which fade within pose.leak (5 s), so a"
+        " slope or a step of the road is forgotten; a pose that lasts is not observable without road. On a known road"
+        " they also follow, within pose.correction (1 s), the pose that suspension, tires and road give. Following it"
+        " at once is unstable: an error of the buffered road tilts the pose when the wheels reach it, and the range"
+        " sensors, ahead of the front axle, put it into the buffer again 1.6 times as large."
+    ),
+    (
+        "Noise levels and the road's intensity are build options (fmu_sources/vehicles/sensors_hmmwv.toml): gains"
+        " follow from them. Friction and flow limits of the actuators do not matter here, since forces are measured."
+    ),
 )
 _NOTES_PRINTED = (
-    "The paper's form, for comparison: heights of body and wheels are states, and they are observable only because the road is believed "
-    "to be at height 0 under every wheel. Over a bump tire deflections are wrong by most of their size, and so is the pose: "
-    "(1.18) then sees a dip behind the bump that is not there. Use KalmanHmmwv for control.",
-    "Process noise: the road's rate through the damping of the tires, with the same intensity as in KalmanHmmwv, and the load cells. "
-    "use_road feeds road.*.height as the known height of the road; with PreviewBuffer that closes the loop which the paper reports to be unstable.",
+    (
+        "The paper's form, for comparison: heights of body and wheels are states, and they are observable only because"
+        " the road is believed to be at height 0 under every wheel. Over a bump tire deflections are wrong by most of"
+        " their size, and so is the pose: (1.18) then sees a dip behind the bump that is not there. Use KalmanHmmwv for"
+        " control."
+    ),
+    (
+        "Process noise: the road's rate through the damping of the tires, with the same intensity as in KalmanHmmwv,"
+        " and the load cells. use_road feeds road.*.height as the known height of the road; with PreviewBuffer that"
+        " closes the loop which the paper reports to be unstable."
+    ),
     "sigma.* is what the filter believes; on a road that is not flat the errors are far larger.",
 )

@@ -1,14 +1,15 @@
 """What a rider feels: absorbed power, ISO 2631-1 weighted acceleration, vibration dose.
 
 Absorbed power has two definitions, and 6 W by one is not 6 W by the other: Donahue and Hedrick's filter of second order
-(:data:`HUMAN_RESPONSE`) and the one of third order of the ride-quality literature, which mobility models such as NRMM use
-(:data:`HUMAN_RESPONSE_NRMM`). On one acceleration the power of the latter is 1.06 times that of the former at 1 Hz, 1.38 times at
-4 Hz, 1.07 times at 8 Hz. Functions take either as ``response``.
+(:data:`HUMAN_RESPONSE`) and the one of third order of the ride-quality literature, which mobility models such as NRMM
+use (:data:`HUMAN_RESPONSE_NRMM`). On one acceleration the power of the latter is 1.06 times that of the former at 1 Hz,
+1.38 times at 4 Hz, 1.07 times at 8 Hz. Functions take either as ``response``.
 
 The filters are given once, as analog sections (also :data:`WEIGHTING_WK`), and become
-digital by the bilinear transformation; every section is prewarped at its own frequency, where its digital gain and phase
-are exact. Online components and the functions of this module use the same coefficients (:func:`digital_sections`), the
-same start (filters at rest) and the same sums (a sample stands for the sampling interval before it).
+digital by the bilinear transformation; every section is prewarped at its own frequency, where its digital gain and
+phase are exact. Online components and the functions of this module use the same coefficients
+(:func:`digital_sections`), the same start (filters at rest) and the same sums (a sample stands for the sampling
+interval before it).
 
 "Donahue and Hedrick" stands for "Implementation of an Active Suspension, Preview Controller for Improved Ride Comfort".
 Accelerations are vertical, in m/s2, and finite; an error names the sample.
@@ -51,8 +52,9 @@ LOWEST_RATE = 100.0  # Hz, for accelerations that a rider feels up to some 10 Hz
 
 @dataclass(frozen=True)
 class Section:
-    """``(b[0] + b[1] s + b[2] s2) / (a[0] + a[1] s + a[2] s2)``, exact at ``frequency`` [Hz] when made digital; of first order
-    where ``b[2]`` and ``a[2]`` are 0."""
+    """``(b[0] + b[1] s + b[2] s2) / (a[0] + a[1] s + a[2] s2)``, exact at ``frequency`` [Hz] when made digital; of
+    first order where ``b[2]`` and ``a[2]`` are 0.
+    """
 
     b: tuple[float, float, float]
     a: tuple[float, float, float]
@@ -91,14 +93,15 @@ HUMAN_RESPONSE_NRMM = _human_response_nrmm()
 """Ride-quality literature: 14.5 s (s + 44) / ((s + 63) (s2 + 24 s + 750)), of the same units."""
 
 WEIGHTING_WK = _weighting_wk()
-"""Wk of ISO 2631-1, annex A (ISO 8041): band limits 0.4 and 100 Hz, transition at 12.5 Hz, step from 2.37 to 3.35 Hz."""
+"""Wk of ISO 2631-1, annex A (ISO 8041): band limits 0.4 and 100 Hz, transition at 12.5 Hz, step from 2.37 to 3.35 Hz.
+"""
 
 
 def digital_sections(sections: tuple[Section, ...], rate_hz: float) -> Array:
     """One row ``b0 b1 b2 1 a1 a2`` per section, as `scipy.signal.sosfilt` takes them.
 
-    At 1 kHz the human response is within 0.1 % in power up to 12 Hz and 0.3 % at 20 Hz, Wk within 0.2 dB up to 80 Hz; at
-    the lowest rates they are 6 % (10 Hz) and 0.5 dB (80 Hz) low.
+    At 1 kHz the human response is within 0.1 % in power up to 12 Hz and 0.3 % at 20 Hz, Wk within 0.2 dB up to 80 Hz;
+    at the lowest rates they are 6 % (10 Hz) and 0.5 dB (80 Hz) low.
 
     Raises:
         ValueError: the rate is too low for the filter: below 100 Hz or five times its highest frequency.
@@ -111,9 +114,11 @@ def digital_sections(sections: tuple[Section, ...], rate_hz: float) -> Array:
         c = w / math.tan(w / (2 * rate_hz))  # s = c (1 - 1/z) / (1 + 1/z)
         first_order = section.b[2] == section.a[2] == 0  # one memory: with two it would have a pole on the unit circle
         (b0, b1, b2), (a0, a1, a2) = (
-            (p0 + p1 * c, p0 - p1 * c, 0.0)
-            if first_order
-            else (p0 + p1 * c + p2 * c * c, 2 * (p0 - p2 * c * c), p0 - p1 * c + p2 * c * c)
+            (
+                (p0 + p1 * c, p0 - p1 * c, 0.0)
+                if first_order
+                else (p0 + p1 * c + p2 * c * c, 2 * (p0 - p2 * c * c), p0 - p1 * c + p2 * c * c)
+            )
             for p0, p1, p2 in (section.b, section.a)
         )
         rows.append([b0 / a0, b1 / a0, b2 / a0, 1.0, a1 / a0, a2 / a0])
@@ -129,10 +134,10 @@ def absorbed_power_series(
     return np.asarray(felt * felt, dtype=float)
 
 
-def absorbed_power(
-    az_m_s2: npt.ArrayLike, rate_hz: float, response: tuple[Section, ...] = HUMAN_RESPONSE
-) -> float:
-    """Mean absorbed power of the run [W], to be compared with :data:`ABSORBED_POWER_LIMIT`. Donahue and Hedrick, (1.19)."""
+def absorbed_power(az_m_s2: npt.ArrayLike, rate_hz: float, response: tuple[Section, ...] = HUMAN_RESPONSE) -> float:
+    """Mean absorbed power of the run [W], to be compared with :data:`ABSORBED_POWER_LIMIT`. Donahue and Hedrick,
+    (1.19).
+    """
     return float(np.mean(absorbed_power_series(az_m_s2, rate_hz, response)))
 
 

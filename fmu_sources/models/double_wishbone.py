@@ -1,11 +1,14 @@
-"""Kinematics of a double wishbone: from hardpoints to where wheel, arms, spring and damper are at every travel of the wheel.
+"""Kinematics of a double wishbone: from hardpoints to where wheel, arms, spring and damper are at every travel of the
+wheel.
 
-Two arms turn about axes of the chassis, the upright hangs on their ball joints, and a rod of fixed length holds its steering arm: one
-degree of freedom. Its coordinate is the travel of the wheel centre, vertical and relative to the chassis, positive upwards, 0 at design.
-The left side is computed; the right one is its mirror image. Axes are ISO 8855: x forward, y left, z up.
+Two arms turn about axes of the chassis, the upright hangs on their ball joints, and a rod of fixed length holds its
+steering arm: one degree of freedom. Its coordinate is the travel of the wheel centre, vertical and relative to the
+chassis, positive upwards, 0 at design. The left side is computed; the right one is its mirror image. Axes are ISO 8855:
+x forward, y left, z up.
 
 What the motion of a wheel is needed for is smooth, so few numbers hold it: the coefficients of a uniform cubic B-spline
-(:class:`Spline`), which is twice continuously differentiable. :meth:`Spline.basis` has the values of the basis for symbols as well.
+(:class:`Spline`), which is twice continuously differentiable. :meth:`Spline.basis` has the values of the basis for
+symbols as well.
 """
 
 from __future__ import annotations
@@ -18,10 +21,26 @@ from typing import Any
 import numpy as np
 
 POINTS = (
-    "wheel_centre", "upright_com", "upper_front", "upper_rear", "upper_ball", "upper_com", "lower_front", "lower_rear", "lower_ball",
-    "lower_com", "damper_top", "damper_bottom", "spring_top", "spring_bottom", "tierod_inner", "tierod_outer",
-)  # fmt: skip
-"""Names of the hardpoints. Springs and dampers stand on the lower arm; the inner tierod and all tops belong to the chassis."""
+    "wheel_centre",
+    "upright_com",
+    "upper_front",
+    "upper_rear",
+    "upper_ball",
+    "upper_com",
+    "lower_front",
+    "lower_rear",
+    "lower_ball",
+    "lower_com",
+    "damper_top",
+    "damper_bottom",
+    "spring_top",
+    "spring_bottom",
+    "tierod_inner",
+    "tierod_outer",
+)
+"""Names of the hardpoints. Springs and dampers stand on the lower arm; the inner tierod and all tops belong to the
+chassis.
+"""
 
 _STEP = 2e-3  # m, from one travel to the next one, where the solution of the last is the first guess
 _EXACT = 1e-12  # m, error of closed joints
@@ -60,12 +79,14 @@ class Position:
 
     @property
     def camber(self) -> float:
-        """Angle [rad] that the wheel's plane has leant since design, positive where its top leans outwards (ISO 8855)."""
+        """Angle [rad] that the wheel's plane has leant since design, positive where its top leans
+        outwards (ISO 8855)."""
         return float(-np.arcsin(self.turn[2, 1]))
 
     @property
     def toe(self) -> float:
-        """Angle [rad] of the wheel's plane with the direction of travel, positive where the left wheel points outwards."""
+        """Angle [rad] of the wheel's plane with the direction of travel, positive where the left wheel
+        points outwards."""
         return float(np.arctan2(-self.turn[0, 1], self.turn[1, 1]))
 
 
@@ -81,14 +102,20 @@ class DoubleWishbone:
             raise HardpointError(f"{', '.join(missing)}: missing among the hardpoints")
         self.points = {n: np.asarray(points[n], dtype=float) for n in POINTS}
         for one, other in (
-            ("upper_front", "upper_rear"), ("lower_front", "lower_rear"), ("upper_ball", "lower_ball"),
-            ("tierod_inner", "tierod_outer"), ("damper_top", "damper_bottom"), ("spring_top", "spring_bottom"),
-        ):  # fmt: skip
+            ("upper_front", "upper_rear"),
+            ("lower_front", "lower_rear"),
+            ("upper_ball", "lower_ball"),
+            ("tierod_inner", "tierod_outer"),
+            ("damper_top", "damper_bottom"),
+            ("spring_top", "spring_bottom"),
+        ):
             if np.linalg.norm(self.points[one] - self.points[other]) < _LEAST:
                 raise HardpointError(f"{one} and {other} coincide; they need at least {_LEAST * 1e3:g} mm between them")
         for arm in ("upper", "lower"):
             if self.arm(arm).reach < _LEAST:
-                raise HardpointError(f"{arm}_ball lies on the axis of {arm}_front and {arm}_rear; an arm needs a length")
+                raise HardpointError(
+                    f"{arm}_ball lies on the axis of {arm}_front and {arm}_rear; an arm needs a length"
+                )
         self._solved: dict[int, tuple[np.ndarray, np.ndarray]] = {0: (self.points["wheel_centre"], np.eye(3))}
 
     def arm(self, which: str) -> Arm:
@@ -117,7 +144,8 @@ class DoubleWishbone:
         upper_turn, lower_turn = self.arm("upper").turned(upper), self.arm("lower").turned(lower)
         foot = p["lower_front"]
         spring, damper = (
-            float(np.linalg.norm(foot + lower_turn @ (p[f"{n}_bottom"] - foot) - p[f"{n}_top"])) for n in ("spring", "damper")
+            float(np.linalg.norm(foot + lower_turn @ (p[f"{n}_bottom"] - foot) - p[f"{n}_top"]))
+            for n in ("spring", "damper")
         )
         return Position(wheel, turn, upper, lower, upper_turn, lower_turn, spring, damper)
 
@@ -144,8 +172,9 @@ class DoubleWishbone:
                 break
             wheel, turn = wheel + change[:3], _rotation(change[3:]) @ turn
         raise HardpointError(
-            f"the hardpoints do not close at a travel of {travel:.3f} m of the wheel: no position of the upright keeps the lengths of "
-            f"both arms and of the tierod there; correct a hardpoint, or make the range of travel smaller"
+            f"the hardpoints do not close at a travel of {travel:.3f} m of the wheel: no position of the upright keeps"
+            " the lengths of both arms and of the tierod there; correct a hardpoint, or make the range of travel"
+            " smaller"
         )
 
 
@@ -183,8 +212,9 @@ class Arm:
     def lumps(self, mass: float, inertia: float) -> tuple[float, float, float]:
         """Point masses [kg] at the ball joint, at the centre of mass and at the axis that move as the arm does.
 
-        They have its mass, its first moment about the axis, and its moment of inertia about the axis (``inertia`` [kg m2] is that about
-        the parallel through the centre of mass), where the centre of mass lies on the way from the axis to the ball joint.
+        They have its mass, its first moment about the axis, and its moment of inertia about the axis (``inertia`` [kg
+        m2] is that about the parallel through the centre of mass), where the centre of mass lies on the way from the
+        axis to the ball joint.
         """
         part = float(self.from_axis(self.com) @ self.from_axis(self.ball)) / self.reach**2
         about_axis = (inertia + mass * float(np.sum(self.from_axis(self.com) ** 2))) / self.reach**2
@@ -195,7 +225,9 @@ class Arm:
 
 @dataclass(frozen=True)
 class Spline:
-    """Uniform cubic B-splines over ``knots`` [m]: a function is a coefficient per knot, linear functions have their own values."""
+    """Uniform cubic B-splines over ``knots`` [m]: a function is a coefficient per knot, linear functions have their own
+    values.
+    """
 
     first: float
     step: float
@@ -212,8 +244,12 @@ class Spline:
         return self.first + self.step, self.first + self.step * (self.count - 2)
 
     @staticmethod
-    def basis(distance: Any, largest: Callable[[Any, Any], Any] = np.maximum, size: Callable[[Any], Any] = np.abs) -> Any:
-        """Value of a basis function at a distance from its knot, in steps; ``largest`` and ``size`` of other libraries for symbols."""
+    def basis(
+        distance: Any, largest: Callable[[Any, Any], Any] = np.maximum, size: Callable[[Any], Any] = np.abs
+    ) -> Any:
+        """Value of a basis function at a distance from its knot, in steps; ``largest`` and ``size`` of other libraries
+        for symbols.
+        """
         away = size(distance)
         wide, narrow = largest(0, 2 - away), largest(0, 1 - away)
         return (wide * wide * wide - 4 * (narrow * narrow * narrow)) / 6
@@ -261,9 +297,7 @@ def wheel_motion(mechanism: DoubleWishbone, least: float, most: float, count: in
     travels = np.linspace(least, most, 8 * count)
     positions = [mechanism.at(float(q)) for q in travels]
     design = mechanism.points["wheel_centre"]
-    exact = np.array(
-        [[*(p.wheel - design)[:2], *p.rotation, p.spring, p.damper] for p in positions]
-    )
+    exact = np.array([[*(p.wheel - design)[:2], *p.rotation, p.spring, p.damper] for p in positions])
     fits = spline.fitted(travels, exact)
     error = float(np.abs(spline.matrix(travels) @ fits - exact).max())
     forward, outward, roll, pitch, yaw, spring, damper = fits.T

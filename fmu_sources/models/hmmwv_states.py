@@ -50,21 +50,32 @@ def relative_inputs(c: Component, car: Component) -> Any:
 
 
 def force_outputs(c: Component, forces: Sequence[Any]) -> None:
-    """What every higher-level controller of this car has beside its law: ``body.az`` among the inputs, forces within a limit.
+    """What every higher-level controller of this car has beside its law: ``body.az`` among the inputs, forces within a
+    limit.
 
     ``forces``: expressions in the order of :data:`FORCES`.
     """
     if not c.declares("body.az"):
         c.input("body.az", "m/s2", "vertical acceleration of the CG")
     limit = c.parameter(
-        "force.limit", FORCE_LIMIT, "N", "largest requested force of an actuator", min=0.0, max=1e6, tunable=True,
-        display_unit="kN", source="001 Table 1.3",
-    )  # fmt: skip
+        "force.limit",
+        FORCE_LIMIT,
+        "N",
+        "largest requested force of an actuator",
+        min=0.0,
+        max=1e6,
+        tunable=True,
+        display_unit="kN",
+        source="001 Table 1.3",
+    )
     for name, corner, value in zip(FORCES, CORNERS, forces, strict=True):
         c.output(
-            name, ca.fmin(ca.fmax(value, -limit), limit), "N", f"requested force of the actuator at {corner}, positive lifts the body",
+            name,
+            ca.fmin(ca.fmax(value, -limit), limit),
+            "N",
+            f"requested force of the actuator at {corner}, positive lifts the body",
             display_unit="kN",
-        )  # fmt: skip
+        )
     c.output(
         "force.limited",
         ca.mmax(ca.fabs(ca.vertcat(*forces))) > limit,

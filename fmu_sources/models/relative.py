@@ -1,6 +1,7 @@
 """Linear models of a car in relative states: deflections and velocities, not heights.
 
-Nothing that a vehicle can measure tells where the datum of the road is. With the road's rates w and the actuator forces u,
+Nothing that a vehicle can measure tells where the datum of the road is. With the road's rates w and the actuator forces
+u,
 
     dx/dt = A x + B u + E w,    y = C x + D u + F w
 
@@ -24,8 +25,8 @@ _TOLERANCE = 1e-9  # of the largest element; what is left of a product that shou
 class RelativeModel:
     """A car in n relative states; rows and columns in the order of the names it was made with.
 
-    ``A`` (n, n), ``B`` (n, forces), ``E`` (n, road rates); ``T`` (n, its own states) and ``R`` (n, road heights) map the
-    car's own states (``absolute``) and the road heights: ``x = T x_absolute + R height``.
+    ``A`` (n, n), ``B`` (n, forces), ``E`` (n, road rates); ``T`` (n, its own states) and ``R`` (n, road heights) map
+    the car's own states (``absolute``) and the road heights: ``x = T x_absolute + R height``.
     """
 
     A: np.ndarray
@@ -62,10 +63,14 @@ class RelativeModel:
         C, D, F = self.output(outputs)
         n, inputs = len(self.states), [*self.forces, *self.rates]
         return Linearization(
-            self.A, np.hstack([self.B, self.E]), np.vstack([np.eye(n), C]),
-            np.vstack([np.zeros((n, len(inputs))), np.hstack([D, F])]), list(self.states), inputs,
+            self.A,
+            np.hstack([self.B, self.E]),
+            np.vstack([np.eye(n), C]),
+            np.vstack([np.zeros((n, len(inputs))), np.hstack([D, F])]),
+            list(self.states),
+            inputs,
             [*self.states, *outputs],
-        )  # fmt: skip
+        )
 
 
 def relative_model(
@@ -75,8 +80,8 @@ def relative_model(
 
     Args:
         car: continuous component.
-        states: names of the relative states; more than the car's own states are allowed where roads differ from wheel to
-            wheel in a way that no motion of the car can follow.
+        states: names of the relative states; more than the car's own states are allowed where roads differ from wheel
+            to wheel in a way that no motion of the car can follow.
         forces, heights, rates: names of its inputs; heights and rates in the same order.
 
     Raises:
@@ -94,9 +99,18 @@ def relative_model(
     if direct:
         raise ValueError(f"{car.name}: {', '.join(direct)} depends on inputs directly, so it is no state")
     return RelativeModel(
-        A, T @ lin.B[:, u], T @ lin.B[:, w] + R, T, R, tuple(states), tuple(forces), tuple(heights), tuple(rates),
-        tuple(lin.states), car,
-    )  # fmt: skip
+        A,
+        T @ lin.B[:, u],
+        T @ lin.B[:, w] + R,
+        T,
+        R,
+        tuple(states),
+        tuple(forces),
+        tuple(heights),
+        tuple(rates),
+        tuple(lin.states),
+        car,
+    )
 
 
 def _in_relative(rows: np.ndarray, basis: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -27,4 +27,12 @@ from fmu_sources.plants.ride_car import ride_car
 from fmu_sources.plants.three_axle_trench import three_axle_trench
 from fmu_sources.plants.wishbone_car import wishbone_car
 
-__all__ = ["full_car", "hydraulic_actuator", "linear_ride_car", "quarter_car", "ride_car", "three_axle_trench", "wishbone_car"]
+__all__ = [
+    "full_car",
+    "hydraulic_actuator",
+    "linear_ride_car",
+    "quarter_car",
+    "ride_car",
+    "three_axle_trench",
+    "wishbone_car",
+]

@@ -1,7 +1,8 @@
-"""A car's body with six degrees of freedom, and what drives it: what nonlinear full cars have in common, whatever their suspension.
+"""A car's body with six degrees of freedom, and what drives it: what nonlinear full cars have in common, whatever their
+suspension.
 
-Axes are ISO 8855: x forward, y left, z up; roll positive left side up, pitch positive nose down, yaw positive to the left. Velocities
-of the CG are in road axes, rates about body axes.
+Axes are ISO 8855: x forward, y left, z up; roll positive left side up, pitch positive nose down, yaw positive to the
+left. Velocities of the CG are in road axes, rates about body axes.
 """
 
 from __future__ import annotations
@@ -54,7 +55,9 @@ class FreeBody:
 
 
 def road_and_force_inputs(c: Component, corners: Corners) -> None:
-    """Declare height and slope of the road under each wheel and the force of each actuator: `road`, `slope` and `force` of a corner."""
+    """Declare height and slope of the road under each wheel and the force of each actuator: `road`, `slope` and `force`
+    of a corner.
+    """
     lifts = "positive lifts the body and pushes the wheel down"
     corners.each(
         road=lambda k: c.input(f"road.{k}.height", "m", f"road height under the {k} wheel"),
@@ -66,9 +69,14 @@ def road_and_force_inputs(c: Component, corners: Corners) -> None:
 def driver_inputs(c: Component) -> tuple[Any, Any]:
     """Declare the speed [m/s] and the lateral position [m] that the driver keeps."""
     speed = c.input(
-        "target.speed", "m/s", "speed the driver keeps; its first value is the start speed", start=50.0 / 3.6, min=0.0,
-        max=MAX_SPEED, display_unit="km/h",
-    )  # fmt: skip
+        "target.speed",
+        "m/s",
+        "speed the driver keeps; its first value is the start speed",
+        start=50.0 / 3.6,
+        min=0.0,
+        max=MAX_SPEED,
+        display_unit="km/h",
+    )
     return speed, c.input("target.y", "m", "lateral position the driver keeps, positive left", min=-1e6, max=1e6)
 
 
@@ -78,7 +86,9 @@ def start_position(c: Component) -> Any:
 
 
 def body_states(c: Component, x: Any, z: Any, roll: Any, pitch: Any, speed: Any) -> FreeBody:
-    """Declare the states of a body that starts at ``x`` and ``z`` [m], ``roll`` and ``pitch`` [rad], with ``speed`` [m/s] along the road."""
+    """Declare the states of a body that starts at ``x`` and ``z`` [m], ``roll`` and ``pitch`` [rad], with ``speed``
+    [m/s] along the road.
+    """
     at = c.state("x", "m", "distance of the CG along the road", start=x, output=True, nominal=10.0)
     beside = c.state("y", "m", "lateral position of the CG, positive left", output=True)
     height = c.state("body.z", "m", "CG height above its static position", start=z, output=True, nominal=0.1)
@@ -90,7 +100,8 @@ def body_states(c: Component, x: Any, z: Any, roll: Any, pitch: Any, speed: Any)
     vy = c.state("body.vy", "m/s", "lateral velocity of the CG in road axes")
     vz = c.state("body.vz", "m/s", "vertical velocity of the CG", output=True)
     p, q, r = (
-        c.state(f"body.{axis}_rate", "rad/s", f"{axis} rate about the body axis", output=True, nominal=0.1) for axis in _AXES
+        c.state(f"body.{axis}_rate", "rad/s", f"{axis} rate about the body axis", output=True, nominal=0.1)
+        for axis in _AXES
     )
     turn = rotation(yaw, pitch, roll)
     ahead, left = ca.vertcat(ca.cos(yaw), ca.sin(yaw), 0), ca.vertcat(-ca.sin(yaw), ca.cos(yaw), 0)
@@ -99,7 +110,9 @@ def body_states(c: Component, x: Any, z: Any, roll: Any, pitch: Any, speed: Any)
 
 
 def course_steering(gains: Any, body: FreeBody, target_y: Any) -> Any:
-    """The driver's steering angle [rad] towards ``target_y`` [m]; ``gains`` are parameters of lateral offset, heading and yaw rate."""
+    """The driver's steering angle [rad] towards ``target_y`` [m]; ``gains`` are parameters of lateral offset, heading
+    and yaw rate.
+    """
     course = gains.offset_gain * (target_y - body.y) - gains.heading_gain * body.angles[2]
     return limit(course - gains.yaw_rate_gain * body.yaw_velocity, gains.max_angle)
 

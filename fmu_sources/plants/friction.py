@@ -12,13 +12,19 @@ from build_fmus.component import Component
 def declare_friction(c: Component) -> Any:
     """Declare the switch; off, so that the linear model about rest is that of the frictionless plant."""
     return c.parameter(
-        "friction.acting", False, None, "whether the friction of the suspension acts; off: the linear model of 001 (1.6)",
-        tunable=True, source="option; 001 section 1.2 takes friction as a model error",
-    )  # fmt: skip
+        "friction.acting",
+        False,
+        None,
+        "whether the friction of the suspension acts; off: the linear model of 001 (1.6)",
+        tunable=True,
+        source="option; 001 section 1.2 takes friction as a model error",
+    )
 
 
 def friction_force(friction: Any, velocity: Any, acting: Any) -> Any:
-    """Friction force [N] that opposes ``velocity`` [m/s]: F_f v / sqrt(v^2 + v_s^2), of the sign of v. It only dissipates."""
+    """Friction force [N] that opposes ``velocity`` [m/s]: F_f v / sqrt(v^2 + v_s^2), of the sign of v. It only
+    dissipates.
+    """
     return ca.if_else(acting, friction.force * velocity / ca.sqrt(velocity**2 + friction.speed**2), 0)
 
 

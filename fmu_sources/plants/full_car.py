@@ -214,7 +214,9 @@ class _Rest:
 
 
 def _corners(p: Any, g: Any) -> Corners:
-    """Corners with their position relative to the CG [m], parameters of the axle, static load of the strut [N], and whether they steer."""
+    """Corners with their position relative to the CG [m], parameters of the axle, static load of the strut [N], and
+    whether they steer.
+    """
     to_front = p.body.cg_position * p.body.wheelbase
     to_rear = p.body.wheelbase - to_front
     on_front = p.body.mass * g * to_rear / p.body.wheelbase / 2
@@ -232,8 +234,8 @@ def _corners(p: Any, g: Any) -> Corners:
 
 
 def _equilibrium(corners: Corners, p: Any, least: Any) -> _Rest:
-    """Where the car rests on the given wheel heights: exact on a level road, to second order in the angles otherwise. Corners learn
-    the ``rest`` of their wheels [m].
+    """Where the car rests on the given wheel heights: exact on a level road, to second order in the angles otherwise.
+    Corners learn the ``rest`` of their wheels [m].
 
     Spring and tire in series at each corner carry the body as one plane: heave and pitch follow the axle means, roll
     is the stiffness-weighted mean of the two axles. ``least`` stiffness [N/m] keeps roll determined without any spring.
@@ -268,22 +270,34 @@ def _stop(travel: Any, stop: Any) -> Any:
 
 
 _NOTES = (
-    "The car of paper 000 was a commercial multi-body model. This stand-in keeps what decides its ride: a rigid "
-    "body with six degrees of freedom, vertical wheel travel with stops, wheel spin, tires that lift off, tire "
-    "slips with relaxation lengths inside a friction ellipse, and a driver for speed and course.",
-    "Left out, because the data are not public and they act on handling rather than on heave and pitch below 20 "
-    "Hz: six compliance freedoms per suspension, camber, toe and track change with travel, measured tire tables, "
-    "powertrain and aerodynamics, gyroscopic moments of the wheels. Horizontally the wheels move with the body; "
-    "their mass is added there at CG height.",
-    "Springs and dampers of the vehicle file sit at the spring and act at the wheel through the motion ratio. The "
-    "actuator acts at the wheel with ratio 1. The preload of the springs follows from the masses, so the car "
-    "rests at its ride height whatever masses are set. At initialization it rests on the road heights given then; "
-    "on level ground that is an exact equilibrium.",
+    (
+        "The car of paper 000 was a commercial multi-body model. This stand-in keeps what decides its ride: a rigid "
+        "body with six degrees of freedom, vertical wheel travel with stops, wheel spin, tires that lift off, tire "
+        "slips with relaxation lengths inside a friction ellipse, and a driver for speed and course."
+    ),
+    (
+        "Left out, because the data are not public and they act on handling rather than on heave and pitch below 20 "
+        "Hz: six compliance freedoms per suspension, camber, toe and track change with travel, measured tire tables, "
+        "powertrain and aerodynamics, gyroscopic moments of the wheels. Horizontally the wheels move with the body; "
+        "their mass is added there at CG height."
+    ),
+    (
+        "Springs and dampers of the vehicle file sit at the spring and act at the wheel through the motion ratio. The "
+        "actuator acts at the wheel with ratio 1. The preload of the springs follows from the masses, so the car "
+        "rests at its ride height whatever masses are set. At initialization it rests on the road heights given then; "
+        "on level ground that is an exact equilibrium."
+    ),
     "Brakes and driveline are mounted on the body: drive forces pitch the car with the lever arm of the CG height.",
-    "The first value of target.speed is the start speed. The driver model holds a straight course up to the "
-    "maximum of target.speed; the car does not reverse. Torque is reduced at slipping wheels.",
-    "Wiring: connect a road's outputs road.* to the inputs of the same name, and this car's x and speed to that "
-    "road; a controller drives force.*. Exchange at 1 ms.",
-    "The solver restarts at every doStep: the same second divided into steps other than 1 ms (0.5 to 10 ms) differs by up to "
-    "2.1e-4 of the range of motions and forces, and 5.2e-4 of that of any output.",
+    (
+        "The first value of target.speed is the start speed. The driver model holds a straight course up to the "
+        "maximum of target.speed; the car does not reverse. Torque is reduced at slipping wheels."
+    ),
+    (
+        "Wiring: connect a road's outputs road.* to the inputs of the same name, and this car's x and speed to that "
+        "road; a controller drives force.*. Exchange at 1 ms."
+    ),
+    (
+        "The solver restarts at every doStep: the same second divided into steps other than 1 ms (0.5 to 10 ms) differs"
+        " by up to 2.1e-4 of the range of motions and forces, and 5.2e-4 of that of any output."
+    ),
 )

@@ -1,14 +1,16 @@
-"""The linear ride car of a nonlinear one: its motion near rest in the coordinates of a ride car, by the nonlinear car's own derivatives.
+"""The linear ride car of a nonlinear one: its motion near rest in the coordinates of a ride car, by the nonlinear car's
+own derivatives.
 
-Coordinates q are those of :mod:`fmu_sources.plants.ride_car`: body height, roll, pitch, and one height per wheel. With the linear model
-``dx/dt = A x + B u`` of the nonlinear car at rest, and ``q = P x``,
+Coordinates q are those of :mod:`fmu_sources.plants.ride_car`: body height, roll, pitch, and one height per wheel. With
+the linear model ``dx/dt = A x + B u`` of the nonlinear car at rest, and ``q = P x``,
 
     q'  = P A x                      (inputs do not move positions at once: P B = 0)
     q'' = P A A x + P A B u = N [q; q'] + P A B u
 
-where N exists as soon as nothing but q and q' decides how the ride goes on. It does for a car that stands, with tires that press on the road
-and neither drive nor steer (:data:`WITHOUT_SLIP`): then N is exact, which is checked. What that leaves out, and dampers whose rates differ by
-direction and have no derivative at rest, is told in the notes of the component.
+where N exists as soon as nothing but q and q' decides how the ride goes on. It does for a car that stands, with tires
+that press on the road and neither drive nor steer (:data:`WITHOUT_SLIP`): then N is exact, which is checked. What that
+leaves out, and dampers whose rates differ by direction and have no derivative at rest, is told in the notes of the
+component.
 """
 
 from __future__ import annotations
@@ -60,7 +62,9 @@ class RideMotion:
 
 
 def at_rest(car: Model, values: Mapping[str, float], speed: float = 0.0) -> Linearization:
-    """The linear model of a nonlinear car that rests on a level road, with other ``values`` of parameters, at a ``speed`` [m/s]."""
+    """The linear model of a nonlinear car that rests on a level road, with other ``values`` of parameters, at a
+    ``speed`` [m/s].
+    """
     return car.linearize(u=car.vector("input", {"target.speed": speed}), p=car.vector("parameter", values))
 
 
@@ -73,7 +77,8 @@ def ride_motion(car: Model, values: Mapping[str, float], outputs: Sequence[str] 
     """The ride of a nonlinear car near rest.
 
     Args:
-        car: with the outputs :data:`POSITIONS` and inputs ``road.*.height``, ``road.*.slope``, ``force.*``, ``target.speed``.
+        car: with the outputs :data:`POSITIONS` and inputs ``road.*.height``, ``road.*.slope``, ``force.*``,
+            ``target.speed``.
         values: of its parameters, by which tires press on the road only (:data:`WITHOUT_SLIP`).
         outputs: of the car, to be had of the linear one too.
 
@@ -89,7 +94,10 @@ def ride_motion(car: Model, values: Mapping[str, float], outputs: Sequence[str] 
         beside = np.abs(found @ ride - rows).max(axis=1) / np.maximum(np.abs(rows).max(axis=1), 1e-300)
         if beside.max(initial=0.0) > _EXACT:
             worst = names[int(beside.argmax())]
-            raise ValueError(f"{car.name}: {worst} depends on more than body and wheels: {beside.max():.1e} of it is something else's")
+            raise ValueError(
+                f"{car.name}: {worst} depends on more than body and wheels: {beside.max():.1e} of it is something"
+                " else's"
+            )
         return np.asarray(found)
 
     accelerations = _cleaned(by_ride(P @ A @ A, [f"acceleration of {n}" for n in POSITIONS]))
@@ -99,16 +107,28 @@ def ride_motion(car: Model, values: Mapping[str, float], outputs: Sequence[str] 
     of_states = _cleaned(by_ride(standing.C[rows], outputs))
     of_inputs = _by_input(column, standing.D[rows], rolling.D[rows])
     rest = _outputs_at_rest(car, values, outputs)
-    seen = {n: (of_states[i, :7], of_states[i, 7:], {k: float(v[i]) for k, v in of_inputs.items()}) for i, n in enumerate(outputs)}
+    seen = {
+        n: (of_states[i, :7], of_states[i, 7:], {k: float(v[i]) for k, v in of_inputs.items()})
+        for i, n in enumerate(outputs)
+    }
     return RideMotion(accelerations[:, :7], accelerations[:, 7:], inputs, seen, rest)
 
 
 def _by_input(column: Mapping[str, int], standing: np.ndarray, rolling: np.ndarray) -> dict[str, np.ndarray]:
-    """Columns of heights, their rates and forces. A road rises under a wheel at slope x speed: its rate acts as the slope does per m/s,
-    less what a slope does to a car that stands."""
-    heights, slopes, forces = ([column[n.format(k)] for k in CORNERS] for n in ("road.{}.height", "road.{}.slope", "force.{}"))
-    kinds = {"road.{}.height": standing[:, heights], "road.{}.rate": rolling[:, slopes] - standing[:, slopes], "force.{}": standing[:, forces]}
-    return {name.format(k): v for name, values in kinds.items() for k, v in zip(CORNERS, _cleaned(values).T, strict=True)}
+    """Columns of heights, their rates and forces. A road rises under a wheel at slope x speed: its rate acts as the
+    slope does per m/s, less what a slope does to a car that stands.
+    """
+    heights, slopes, forces = (
+        [column[n.format(k)] for k in CORNERS] for n in ("road.{}.height", "road.{}.slope", "force.{}")
+    )
+    kinds = {
+        "road.{}.height": standing[:, heights],
+        "road.{}.rate": rolling[:, slopes] - standing[:, slopes],
+        "force.{}": standing[:, forces],
+    }
+    return {
+        name.format(k): v for name, values in kinds.items() for k, v in zip(CORNERS, _cleaned(values).T, strict=True)
+    }
 
 
 def _cleaned(matrix: np.ndarray) -> np.ndarray:
@@ -126,8 +146,9 @@ def _outputs_at_rest(car: Model, values: Mapping[str, float], outputs: Sequence[
 
 
 def linear_values(vehicle: WishboneCar) -> dict[str, float]:
-    """Parameters with which the car of a file has a linear model at rest: tires press on the road only, and both rates of a damper are their
-    mean, by which it takes the same energy from a motion that is the same up and down."""
+    """Parameters with which the car of a file has a linear model at rest: tires press on the road only, and both rates
+    of a damper are their mean, by which it takes the same energy from a motion that is the same up and down.
+    """
     values = dict(WITHOUT_SLIP)
     for name in ("front", "rear"):
         damper = getattr(vehicle.suspension, name).damper
@@ -148,11 +169,17 @@ _INPUTS = {  # of a corner -> name, unit, name of the matrix, words
 
 
 def linear_ride_car(vehicle: WishboneCar, name: str = "RideCarHmmwvPublic") -> Component:
-    """Ride car with seven degrees of freedom whose matrices are those of :func:`~fmu_sources.plants.wishbone_car.wishbone_car` near rest.
+    """Ride car with seven degrees of freedom whose matrices are those of
+    :func:`~fmu_sources.plants.wishbone_car.wishbone_car` near rest.
 
     Inputs, states and outputs are those of :func:`~fmu_sources.plants.ride_car.ride_car`, by name and sign.
     """
-    shown = ("seat.ax", "seat.az", *(f"suspension.{k}.deflection" for k in CORNERS), *(f"tire.{k}.force" for k in CORNERS))
+    shown = (
+        "seat.ax",
+        "seat.az",
+        *(f"suspension.{k}.deflection" for k in CORNERS),
+        *(f"tire.{k}.force" for k in CORNERS),
+    )
     motion = ride_motion(wishbone_car(vehicle, name).model(), linear_values(vehicle), shown)
     c = Component(
         name,
@@ -174,13 +201,21 @@ def linear_ride_car(vehicle: WishboneCar, name: str = "RideCarHmmwvPublic") -> C
 
     def matrix(label: str, text: str, columns: Sequence[str], values: np.ndarray) -> Any:
         return c.parameter(
-            f"acceleration.{label}", values, None, f"accelerations of body height, roll, pitch, wheels, and seat.ax, seat.az per {text}",
-            nominal=max(1.0, float(np.abs(values).max())), rows=rows, columns=columns, source=_COMPUTED,
-        )  # fmt: skip
+            f"acceleration.{label}",
+            values,
+            None,
+            f"accelerations of body height, roll, pitch, wheels, and seat.ax, seat.az per {text}",
+            nominal=max(1.0, float(np.abs(values).max())),
+            rows=rows,
+            columns=columns,
+            source=_COMPUTED,
+        )
 
     seat = [motion.seen[n] for n in shown[:2]]
     by_position = matrix("position", "position", _UNITS, np.vstack([motion.stiffness, *(s[0] for s in seat)]))
-    by_rate = matrix("rate", "rate of these", [f"{unit}/s" for unit in _UNITS], np.vstack([motion.damping, *(s[1] for s in seat)]))
+    by_rate = matrix(
+        "rate", "rate of these", [f"{unit}/s" for unit in _UNITS], np.vstack([motion.damping, *(s[1] for s in seat)])
+    )
     acceleration = by_position @ ca.vertcat(*q) + by_rate @ ca.vertcat(*dq)
     for what, (pattern, unit, label, text) in _INPUTS.items():
         values = np.column_stack(
@@ -189,15 +224,27 @@ def linear_ride_car(vehicle: WishboneCar, name: str = "RideCarHmmwvPublic") -> C
         acceleration += matrix(label, text, [unit] * len(CORNERS), values) @ inputs[what]
     *moving, ax, az = ca.vertsplit(acceleration)
     deflecting = c.parameter(
-        "suspension.deflection", np.vstack([motion.seen[f"suspension.{k}.deflection"][0] for k in CORNERS]), None,
-        "deflections of the suspensions per position", rows=["m"] * len(CORNERS), columns=_UNITS, source=_COMPUTED,
-    )  # fmt: skip
+        "suspension.deflection",
+        np.vstack([motion.seen[f"suspension.{k}.deflection"][0] for k in CORNERS]),
+        None,
+        "deflections of the suspensions per position",
+        rows=["m"] * len(CORNERS),
+        columns=_UNITS,
+        source=_COMPUTED,
+    )
     travel, travel_rate = (ca.vertsplit(deflecting @ ca.vertcat(*of)) for of in (q, dq))
     corners.each(
-        stiffness=lambda k: _tire(c, motion, k, "stiffness", "N/m", "vertical stiffness of the tire, of its force", "height"),
+        stiffness=lambda k: _tire(
+            c, motion, k, "stiffness", "N/m", "vertical stiffness of the tire, of its force", "height"
+        ),
         damping=lambda k: _tire(c, motion, k, "damping", "N.s/m", "vertical damping of the tire, of its force", "rate"),
         static=lambda k: c.parameter(
-            f"tire.{k}.load", motion.rest[f"tire.{k}.force"], "N", "load of the tire at rest", nominal=1e3, source=_COMPUTED
+            f"tire.{k}.load",
+            motion.rest[f"tire.{k}.force"],
+            "N",
+            "load of the tire at rest",
+            nominal=1e3,
+            source=_COMPUTED,
         ),
     )
 
@@ -210,7 +257,9 @@ def linear_ride_car(vehicle: WishboneCar, name: str = "RideCarHmmwvPublic") -> C
     for k in corners:
         k.travel, k.travel_rate = travel[k.place], travel_rate[k.place]
         k.deflection = q[3 + k.place] - k.road
-        k.tire_force = k.static + (k.stiffness * (k.road - q[3 + k.place]) + k.damping * (k.road_rate - dq[3 + k.place]))
+        k.tire_force = k.static + (
+            k.stiffness * (k.road - q[3 + k.place]) + k.damping * (k.road_rate - dq[3 + k.place])
+        )
     ride_outputs(c, corners, moving, ax, az)
     c.stimulate(bump_at_an_angle(list(CORNERS)))
     return c
@@ -222,16 +271,33 @@ def _tire(c: Component, motion: RideMotion, k: Corner, what: str, unit: str, tex
 
 
 _NOTES = (
-    "The nonlinear car of the same vehicle file near rest, in the coordinates of a ride car. Every number is a derivative of that car's own equations; nothing "
-    "is fitted. Displacements count from static equilibrium, so weight does not appear.",
-    "It stands for small motions of that car with two differences. A damper whose rates differ by direction has no derivative at rest: both rates are "
-    "their mean here, by which it takes the same energy from a motion that is the same up and down. Tires press on the road only: without drive and side forces the ride "
-    "goes on by itself, at any speed, and the body rolls about where its masses and springs let it. Side forces of tires that toe in, and that change their track as they "
-    "travel, stiffen and damp the real car somewhat; see the page of that car.",
-    "road.*.rate acts on the damping of the tires. That a load on a slope also pushes lengthwise is left out, as in any ride car.",
-    "acceleration.* are matrices: rows are body height, roll, pitch, wheels fl, fr, rl, rr, then seat.ax and seat.az; columns are the "
-    "same seven positions, their rates, or corners. tire.*.stiffness and tire.*.damping are of the outputs tire.*.force only: their part in the "
-    "motion is in the matrices.",
-    "Every state is an output and may be set before the start. A, B, C and D of the linear model are the directional derivatives.",
-    "Wiring: connect a road's outputs road.*.height and road.*.rate to the inputs of the same name; a controller drives force.*. Exchange at 1 ms.",
+    (
+        "The nonlinear car of the same vehicle file near rest, in the coordinates of a ride car. Every number is a"
+        " derivative of that car's own equations; nothing is fitted. Displacements count from static equilibrium, so"
+        " weight does not appear."
+    ),
+    (
+        "It stands for small motions of that car with two differences. A damper whose rates differ by direction has no"
+        " derivative at rest: both rates are their mean here, by which it takes the same energy from a motion that is"
+        " the same up and down. Tires press on the road only: without drive and side forces the ride goes on by itself,"
+        " at any speed, and the body rolls about where its masses and springs let it. Side forces of tires that toe in,"
+        " and that change their track as they travel, stiffen and damp the real car somewhat; see the page of that car."
+    ),
+    (
+        "road.*.rate acts on the damping of the tires. That a load on a slope also pushes lengthwise is left out, as in"
+        " any ride car."
+    ),
+    (
+        "acceleration.* are matrices: rows are body height, roll, pitch, wheels fl, fr, rl, rr, then seat.ax and"
+        " seat.az; columns are the same seven positions, their rates, or corners. tire.*.stiffness and tire.*.damping"
+        " are of the outputs tire.*.force only: their part in the motion is in the matrices."
+    ),
+    (
+        "Every state is an output and may be set before the start. A, B, C and D of the linear model are the"
+        " directional derivatives."
+    ),
+    (
+        "Wiring: connect a road's outputs road.*.height and road.*.rate to the inputs of the same name; a controller"
+        " drives force.*. Exchange at 1 ms."
+    ),
 )

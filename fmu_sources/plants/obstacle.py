@@ -1,12 +1,12 @@
 """Obstacle outlines in the vertical plane of one side: what discs, points and corners touch, and how deep.
 
-An outline is a chain of points along the road with the ground below it. Straight pieces between two concave corners form
-one convex solid; a disc touches each solid at most once, at the point closest to its centre. For a trench these solids
-are the two quarter-planes beside it and its floor. All of it is found from the points at run time, so an outline is a
-parameter of an FMU.
+An outline is a chain of points along the road with the ground below it. Straight pieces between two concave corners
+form one convex solid; a disc touches each solid at most once, at the point closest to its centre. For a trench these
+solids are the two quarter-planes beside it and its floor. All of it is found from the points at run time, so an outline
+is a parameter of an FMU.
 
-What is far away is cheap: values are chosen such that whatever needs a root or a quotient is needed on one side of a condition only
-(a solid that there is, a point not above everything), and is not computed on the other.
+What is far away is cheap: values are chosen such that whatever needs a root or a quotient is needed on one side of a
+condition only (a solid that there is, a point not above everything), and is not computed on the other.
 """
 
 from __future__ import annotations
@@ -25,8 +25,8 @@ _ALIKE = 1e-7  # contacts whose directions differ by less count as one
 
 @dataclass(frozen=True)
 class Touch:
-    """One possible contact of a disc: penetration [m] (negative: distance), outward normal of the ground (0 where there is no
-    solid), its share.
+    """One possible contact of a disc: penetration [m] (negative: distance), outward normal of the ground (0 where there
+    is no solid), its share.
 
     ``share`` is 1 for a contact by itself, and less where two solids that meet at an obtuse corner push the same way.
     """
@@ -41,8 +41,8 @@ class Outline:
     """The ground of one side.
 
     Args:
-        x, z: coordinates [m] of N points, symbols or numbers, x not decreasing, neighbours apart. Before the first point
-            and after the last one the ground is level.
+        x, z: coordinates [m] of N points, symbols or numbers, x not decreasing, neighbours apart. Before the first
+            point and after the last one the ground is level.
         metre: the length of 1 m, a constant where x and z are symbols of a component.
     """
 
@@ -76,7 +76,8 @@ class Outline:
         return height
 
     def disc(self, x: Any, z: Any, radius: Any) -> list[Touch]:
-        """Contacts of a disc centred above the ground at (x, z), one for each straight piece, most of them not there."""
+        """Contacts of a disc centred above the ground at (x, z), one for each straight piece, most of
+        them not there."""
         offsets = self._offsets(x, z)
         last = len(offsets) - 1
         solids: list[tuple[Any, Any, Any, Any]] = []  # closed here?, depth, nx, nz
@@ -132,8 +133,9 @@ class Outline:
     def _shares(self, solids: list[tuple[Any, Any, Any, Any]]) -> list[Any]:
         """What the solid before leaves to each solid.
 
-        Two planes push a disc out by the shortest vector d with n1 d >= p1 and n2 d >= p2. At right angles each pushes by its
-        own penetration; nearly parallel ones push once. The force is the gradient of d^2 / 2, so it has a potential.
+        Two planes push a disc out by the shortest vector d with n1 d >= p1 and n2 d >= p2. At right angles each pushes
+        by its own penetration; nearly parallel ones push once. The force is the gradient of d^2 / 2, so it has a
+        potential.
         """
         shares = []
         depth, nx, nz = solids[0][1] * 0 - self._far, solids[0][2], solids[0][3]  # of the closed solid before

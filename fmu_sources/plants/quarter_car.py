@@ -16,12 +16,13 @@ def quarter_car(
     source: str = "001 equation (1.1)",
     masses: tuple[str, str] = ("001 (1.1), forces on m_s", "001 (1.1), forces on m_u"),
 ) -> Component:
-    """Sprung and unsprung mass above one tire, paper 001 equation (1.1), paper 002 (1), (2), with friction as an option.
+    """Sprung and unsprung mass above one tire, paper 001 equation (1.1), paper 002 (1), (2), with friction as an
+    option.
 
     Equation (2) of paper 002 is printed without the spring between the masses; its matrices (6) and (7) have it.
 
-    Displacements are measured from static equilibrium. The actuator force pushes the body up and the wheel down. ``masses``:
-    equations of the sprung and of the unsprung mass.
+    Displacements are measured from static equilibrium. The actuator force pushes the body up and the wheel down.
+    ``masses``: equations of the sprung and of the unsprung mass.
     """
     c = Component(
         name,
@@ -31,12 +32,20 @@ def quarter_car(
         solver="rk4",
         solver_step=5e-4,
         notes=(
-            "Both masses move vertically. Displacements count from static equilibrium, so weight does not appear. The "
-            "tire is a linear spring and damper that also takes tension: for a tire that lifts off use the full car.",
-            "friction.acting, where the vehicle file gives a friction: dry friction of the suspension, its sign smoothed. Off "
-            "by default, as in the paper's own state space (1.6); the plant of force tracking has it.",
-            "Wiring: road.height and road.rate are the height under the tire and its time derivative; both are needed "
-            "because the tire has damping. A force controller drives force.",
+            (
+                "Both masses move vertically. Displacements count from static equilibrium, so weight does not appear."
+                " The tire is a linear spring and damper that also takes tension: for a tire that lifts off use the"
+                " full car."
+            ),
+            (
+                "friction.acting, where the vehicle file gives a friction: dry friction of the suspension, its sign"
+                " smoothed. Off by default, as in the paper's own state space (1.6); the plant of force tracking"
+                " has it."
+            ),
+            (
+                "Wiring: road.height and road.rate are the height under the tire and its time derivative; both are"
+                " needed because the tire has damping. A force controller drives force."
+            ),
         ),
     )
     p = declare(c, vehicle)

@@ -7,7 +7,8 @@ Lagrange's equations in the coordinates ``q``: body height, roll and pitch at th
 with kinetic energy T, energy of springs and tires V, half of the power lost in dampers and tires R, and the generalized
 forces Q of the actuators by virtual work. All four follow from two lengths per corner, suspension and tire deflection,
 paper 004 equation (12). Nothing else is written down, so the equations cannot disagree with each other. How many axles
-there are is up to the vehicle: two make the car of papers 004 and 001 with seven degrees of freedom, three the 6x6 of paper 003 with nine.
+there are is up to the vehicle: two make the car of papers 004 and 001 with seven degrees of freedom, three the 6x6 of
+paper 003 with nine.
 
 The car is linear but for two options: friction in the suspensions, and tires that lift off.
 """
@@ -33,13 +34,16 @@ _SOURCES = {
 
 
 def _numbers_004(corners: list[str]) -> list[str]:
-    """Equations of the accelerations of body height, roll, pitch and wheels; only (7) is readable in the copy at hand."""
+    """Equations of the accelerations of body height, roll, pitch and wheels; only (7) is readable in the
+    copy at hand."""
     others = "004, one of equations (1) to (6)"
     return [others, "004 (7)", others, *(others for _ in corners)]
 
 
 def _numbers_003(corners: list[str]) -> list[str]:
-    """As :func:`_numbers_004`. Roll and pitch have the other sign there; the paper counts the right wheel of an axle first."""
+    """As :func:`_numbers_004`. Roll and pitch have the other sign there; the paper counts the right wheel of an axle
+    first.
+    """
     printed = [f"a{axle}{side}" for axle in (1, 2, 3) for side in "rl"]
     body = ["003 (3.13)", "003 (3.14), roll of the other sign", "003 (3.15), pitch of the other sign"]
     return [*body, *(f"003 (3.{7 + printed.index(n)})" for n in corners)]
@@ -51,8 +55,9 @@ _EQUATIONS = {RideCar: _numbers_004, ThreeAxleCar: _numbers_003}
 def ride_car(vehicle: RideCar | ThreeAxleCar, name: str = "RideCarSedan") -> Component:
     """Ride car with tire damping: of papers 004 (equations (1) to (9)) and 001 with two axles, of paper 003 with three.
 
-    Displacements are measured from static equilibrium. Actuator forces push the body up and the wheel down. Paper 003 has
-    roll positive to the left and pitch positive nose up: both signs are those of ISO 8855 here, the other way round.
+    Displacements are measured from static equilibrium. Actuator forces push the body up and the wheel down. Paper 003
+    has roll positive to the left and pitch positive nose up: both signs are those of ISO 8855 here, the other way
+    round.
     """
     corners = Corners(vehicle.wheel.axle_of)
     c = Component(
@@ -73,9 +78,13 @@ def ride_car(vehicle: RideCar | ThreeAxleCar, name: str = "RideCarSedan") -> Com
     with_friction = [k for k in corners if hasattr(k.suspension, "friction")]
     acting = declare_friction(c) if with_friction else None
     lifting = c.parameter(
-        "tires.lift_off", vehicle.tires_lift_off, None, "whether tires lift off: they take no tension once their static load is gone",
-        tunable=True, source="vehicle file, tires_lift_off",
-    )  # fmt: skip
+        "tires.lift_off",
+        vehicle.tires_lift_off,
+        None,
+        "whether tires lift off: they take no tension once their static load is gone",
+        tunable=True,
+        source="vehicle file, tires_lift_off",
+    )
 
     # ------------------------------------------------------------------------------------------------------ inputs
 
@@ -156,18 +165,32 @@ def _static_loads(c: Component, mass: Any, corners: Corners) -> None:
 
 
 _NOTES = (
-    "The body heaves, rolls and pitches about its CG, small angles; the wheels hop. All stiffnesses and dampings act at "
-    "the wheels. Displacements count from static equilibrium, so weight does not appear in the linear model.",
-    "tires.lift_off: a tire that has lost its static load (its wheel's weight and its share of the body's) takes no tension. "
-    "On by default where the vehicle file says so, as that of the HMMWV does. Off, tires are springs and dampers in tension too. "
-    "The linear model about rest is the same.",
-    "friction.acting, where the vehicle file gives a friction: dry friction of the suspensions, its sign smoothed. Off by "
-    "default, so that the linear model about rest is that without friction, which controllers are designed on.",
-    "The vehicle file gives values of each axle; in the FMU each wheel has its own, so that the sides may differ "
-    "(one soft damper, a load to one side). wheel.*.x is the position ahead of the CG, negative at the rear; moving the "
-    "CG changes all of them.",
-    "Every state is an output and may be set before the start. A, B, C and D of the linear model are the "
-    "directional derivatives, at any point as long as both options are off.",
-    "Wiring: connect a road's outputs road.*.height and road.*.rate to the inputs of the same name; a controller drives "
-    "force.*. The rate matters only where the tires have damping. Exchange at 1 ms.",
+    (
+        "The body heaves, rolls and pitches about its CG, small angles; the wheels hop. All stiffnesses and dampings"
+        " act at the wheels. Displacements count from static equilibrium, so weight does not appear in the linear"
+        " model."
+    ),
+    (
+        "tires.lift_off: a tire that has lost its static load (its wheel's weight and its share of the body's) takes no"
+        " tension. On by default where the vehicle file says so, as that of the HMMWV does. Off, tires are springs and"
+        " dampers in tension too. The linear model about rest is the same."
+    ),
+    (
+        "friction.acting, where the vehicle file gives a friction: dry friction of the suspensions, its sign smoothed."
+        " Off by default, so that the linear model about rest is that without friction, which controllers are"
+        " designed on."
+    ),
+    (
+        "The vehicle file gives values of each axle; in the FMU each wheel has its own, so that the sides may differ"
+        " (one soft damper, a load to one side). wheel.*.x is the position ahead of the CG, negative at the rear;"
+        " moving the CG changes all of them."
+    ),
+    (
+        "Every state is an output and may be set before the start. A, B, C and D of the linear model are the "
+        "directional derivatives, at any point as long as both options are off."
+    ),
+    (
+        "Wiring: connect a road's outputs road.*.height and road.*.rate to the inputs of the same name; a controller"
+        " drives force.*. The rate matters only where the tires have damping. Exchange at 1 ms."
+    ),
 )

@@ -1,4 +1,6 @@
-"""What every ride car shows, whatever its equations: inputs at the corners, heave, roll, pitch and wheels, and the outputs of these."""
+"""What every ride car shows, whatever its equations: inputs at the corners, heave, roll, pitch and wheels, and the
+outputs of these.
+"""
 
 from __future__ import annotations
 
@@ -22,14 +24,19 @@ def ride_inputs(c: Component, corners: Corners) -> None:
 
 
 def ride_states(c: Component, corners: Corners) -> tuple[list[Any], list[Any]]:
-    """Declare positions (height [m], roll and pitch [rad] of the body, heights of the wheels [m]) and their rates, which are outputs too."""
+    """Declare positions (height [m], roll and pitch [rad] of the body, heights of the wheels [m]) and their rates,
+    which are outputs too.
+    """
     angle: dict[str, Any] = {"output": True, "nominal": 0.1, "display_unit": "deg"}
     turning: dict[str, Any] = {**angle, "display_unit": "deg/s"}
     positions = [
         c.state("body.z", "m", "CG height above static equilibrium", output=True, nominal=0.1),
         c.state("body.roll", "rad", "roll angle, positive left side up", **angle),
         c.state("body.pitch", "rad", "pitch angle, positive nose down", **angle),
-        *(c.state(f"wheel.{k}.z", "m", "wheel height above static equilibrium", output=True, nominal=0.1) for k in corners),
+        *(
+            c.state(f"wheel.{k}.z", "m", "wheel height above static equilibrium", output=True, nominal=0.1)
+            for k in corners
+        ),
     ]
     rates = [
         c.state("body.vz", "m/s", "vertical velocity of the CG", output=True),
@@ -41,8 +48,9 @@ def ride_states(c: Component, corners: Corners) -> tuple[list[Any], list[Any]]:
 
 
 def ride_outputs(c: Component, corners: Corners, acceleration: Sequence[Any], seat_ax: Any, seat_az: Any) -> None:
-    """Declare accelerations (in the order of :func:`ride_states`) and what corners have: ``travel`` and ``travel_rate`` of the suspension,
-    ``deflection`` of the tire [m], and ``tire_force`` [N]."""
+    """Declare accelerations (in the order of :func:`ride_states`) and what corners have: ``travel`` and ``travel_rate``
+    of the suspension, ``deflection`` of the tire [m], and ``tire_force`` [N].
+    """
     az, roll_acceleration, pitch_acceleration, *wheel_az = acceleration
     c.output("body.az", az, "m/s2", "vertical acceleration of the CG")
     c.output("body.roll_acceleration", roll_acceleration, "rad/s2", "roll acceleration", display_unit="deg/s2")
@@ -57,7 +65,14 @@ def ride_outputs(c: Component, corners: Corners, acceleration: Sequence[Any], se
     for k in corners:
         c.output(f"tire.{k}.deflection", k.deflection, "m", "wheel height minus road height", display_unit="mm")
     for k in corners:
-        c.output(f"tire.{k}.force", k.tire_force, "N", "tire force on the wheel, static load included", nominal=1e3, display_unit="kN")
+        c.output(
+            f"tire.{k}.force",
+            k.tire_force,
+            "N",
+            "tire force on the wheel, static load included",
+            nominal=1e3,
+            display_unit="kN",
+        )
 
 
 def bump_at_an_angle(corners: list[str]) -> dict[str, Any]:

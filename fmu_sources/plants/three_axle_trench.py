@@ -5,8 +5,8 @@ x and z of the CG, pitch, roll and the extension of the six struts; yaw and side
 motion follow from the kinematics of the seven masses, forces from virtual work, so that energy is only lost in dampers,
 tires, contacts and friction, and only gained from the actuators and the imposed spin of the wheels.
 
-Axes are ISO 8855: x forward, y left, z up; roll positive left side up, pitch positive nose down. (The thesis counts pitch
-positive nose up and roll positive to the left.)
+Axes are ISO 8855: x forward, y left, z up; roll positive left side up, pitch positive nose down. (The thesis counts
+pitch positive nose up and roll positive to the left.)
 """
 
 from __future__ import annotations
@@ -86,13 +86,19 @@ def three_axle_trench(vehicle: ThreeAxleTrenchCar, name: str = "ThreeAxleTrench"
     )
     p = declare(c, vehicle)
     gas = c.parameter(
-        "strut.hydropneumatic", False, None, "gas springs (003 Figure 3.7) instead of linear ones",
+        "strut.hydropneumatic",
+        False,
+        None,
+        "gas springs (003 Figure 3.7) instead of linear ones",
         source="option; 003 section 3.3.2.1 has linear ones",
-    )  # fmt: skip
+    )
     driven = c.parameter(
-        "wheels.driven", True, None, "wheels turn at the imposed speed; false: they roll freely and give no traction",
+        "wheels.driven",
+        True,
+        None,
+        "wheels turn at the imposed speed; false: they roll freely and give no traction",
         source="003 section 5.4: imposed",
-    )  # fmt: skip
+    )
     g, small = gravity(c), _Small.of(c)
     wheels = _wheels(p, g, small)
     front, rear = (sum(w.x for w in wheels if w.axle == axle) / 2 for axle in ("a1", "a3"))
@@ -102,19 +108,28 @@ def three_axle_trench(vehicle: ThreeAxleTrenchCar, name: str = "ThreeAxleTrench"
     tip, tail = front + p.outline.front_overhang, rear - p.outline.rear_overhang
 
     grounds, markers = _obstacle(c, tip, tip - tail, small.metre)
-    c.check(ca.vertcat(*(w.static_load for w in wheels)), "every strut must carry load at rest: move body.cg_offset or "
-            "wheel.*.x so that the CG lies between the axles")  # fmt: skip
-    c.check(height + ca.fmin(p.outline.belly_height, p.outline.tip_height), "the body touches the road at rest: raise "
-            "outline.belly_height or outline.tip_height, or body.cg_height")  # fmt: skip
+    c.check(
+        ca.vertcat(*(w.static_load for w in wheels)),
+        "every strut must carry load at rest: move body.cg_offset or wheel.*.x so that the CG lies between the axles",
+    )
+    c.check(
+        height + ca.fmin(p.outline.belly_height, p.outline.tip_height),
+        "the body touches the road at rest: raise outline.belly_height or outline.tip_height, or body.cg_height",
+    )
 
     # ------------------------------------------------------------------------------------------------------ inputs
 
     lifts = "positive lifts the body and pushes the wheel down"
     wheels.each(force=lambda w: c.input(f"force.{w}", "N", f"actuator force at {w}, {lifts}", nominal=1e4))
     target_speed = c.input(
-        "target.speed", "m/s", "rolling speed of the wheels, imposed; its first value is the start speed",
-        start=3 / 3.6, min=0.0, max=MAX_SPEED, display_unit="km/h",
-    )  # fmt: skip
+        "target.speed",
+        "m/s",
+        "rolling speed of the wheels, imposed; its first value is the start speed",
+        start=3 / 3.6,
+        min=0.0,
+        max=MAX_SPEED,
+        display_unit="km/h",
+    )
 
     # ------------------------------------------------------------------------------------------------------ states
 
@@ -127,10 +142,14 @@ def three_axle_trench(vehicle: ThreeAxleTrenchCar, name: str = "ThreeAxleTrench"
     ]
     wheels.each(
         travel=lambda w: c.state(
-            f"suspension.{w}.deflection", "m", "extension of the strut from rest", output=True, nominal=0.1,
+            f"suspension.{w}.deflection",
+            "m",
+            "extension of the strut from rest",
+            output=True,
+            nominal=0.1,
             display_unit="mm",
         )
-    )  # fmt: skip
+    )
     base_rate = [
         c.state(
             "speed", "m/s", "forward speed of the CG", start=target_speed, output=True, nominal=1.0, display_unit="km/h"
@@ -236,9 +255,11 @@ def three_axle_trench(vehicle: ThreeAxleTrenchCar, name: str = "ThreeAxleTrench"
 
     o = p.outline
     vertices = [
-        ("front", tip, o.tip_height), ("rear", tail, o.tip_height),
-        ("belly", front + o.belly_distance, o.belly_height), ("belly", rear - o.belly_distance, o.belly_height),
-    ]  # fmt: skip
+        ("front", tip, o.tip_height),
+        ("rear", tail, o.tip_height),
+        ("belly", front + o.belly_distance, o.belly_height),
+        ("belly", rear - o.belly_distance, o.belly_height),
+    ]
     knee = (front + o.knee_distance, o.knee_height), (rear - o.knee_distance, o.knee_height)
     face = partial(_face, metre=small.metre)
     overlap = 0.1 * small.metre  # of bumper and belly
@@ -248,11 +269,15 @@ def three_axle_trench(vehicle: ThreeAxleTrenchCar, name: str = "ThreeAxleTrench"
             (*face(vertices[3][1:], vertices[2][1:]), *_PART["belly"]),
             (*face(vertices[2][1:], knee[0]), *_PART["front"]),
         ],
-        [(*of, *_PART["front"]) for of in (
-            face(knee[0], (tip, o.tip_height)), (tip, 0, -1, 0), (knee[0][0] - overlap, 0, 1, 0))],
-        [(*of, *_PART["rear"]) for of in (
-            face((tail, o.tip_height), knee[1]), (tail, 0, 1, 0), (knee[1][0] + overlap, 0, -1, 0))],
-    ]  # fmt: skip
+        [
+            (*of, *_PART["front"])
+            for of in (face(knee[0], (tip, o.tip_height)), (tip, 0, -1, 0), (knee[0][0] - overlap, 0, 1, 0))
+        ],
+        [
+            (*of, *_PART["rear"])
+            for of in (face((tail, o.tip_height), knee[1]), (tail, 0, 1, 0), (knee[1][0] + overlap, 0, -1, 0))
+        ],
+    ]
     for side, ground in grounds.items():
         y = SIDES[side][1] * p.body.half_width
         for part, bx, bz in vertices:
@@ -308,9 +333,12 @@ def three_axle_trench(vehicle: ThreeAxleTrenchCar, name: str = "ThreeAxleTrench"
         c.output(f"wheel.{w}.vz", w.velocity[2], "m/s", "vertical velocity of the wheel")
         c.output(f"wheel.{w}.az", w.acceleration[2], "m/s2", "vertical acceleration of the wheel")
         c.output(
-            f"tire.{w}.deflection", w.clearance + w.compression, "m", "distance from the nearest ground, 0 at static load",
+            f"tire.{w}.deflection",
+            w.clearance + w.compression,
+            "m",
+            "distance from the nearest ground, 0 at static load",
             display_unit="mm",
-        )  # fmt: skip
+        )
         c.output(f"hub.{w}.fx", w.hub_fx, "N", "force of the tire on the hub along the body", display_unit="kN")
         c.output(f"hub.{w}.fz", w.hub_fz, "N", "force of the tire on the hub across the body", display_unit="kN")
         c.output(f"contact.{w}.fx", total.fx, "N", "longitudinal force of the ground on the tire", display_unit="kN")
@@ -347,7 +375,8 @@ def three_axle_trench(vehicle: ThreeAxleTrenchCar, name: str = "ThreeAxleTrench"
 
 
 def _wheels(p: Any, g: Any, small: _Small) -> Corners:
-    """The wheels: position relative to the CG [m], parameters, static load of the strut [N] and compression of the tire [m] at rest.
+    """The wheels: position relative to the CG [m], parameters, static load of the strut [N] and compression of the tire
+    [m] at rest.
 
     The body rests level, its weight spread as on springs under a rigid plane.
     """
@@ -413,7 +442,8 @@ class _Contacts:
             damper = tire.damping * ca.fmin(1, depth / disc.onset) * rate
             normal = t.share * ca.fmax(0, spring + damper)
             sliding = (spin + pitch_rate) * rolling - (velocity[0] * t.nz - velocity[2] * t.nx)
-            # The slope of the friction law is limited to what a wheel of this mass can follow in explicit steps of 0.5 ms.
+            # The slope of the friction law is limited to what a wheel of this mass can follow in explicit steps of 0.5
+            # ms.
             grip_limit = driven * disc.friction * normal
             grip = grip_limit * ca.tanh(sliding / ca.fmax(disc.slip_speed, grip_limit * small.friction_time / mass))
             fx += touching(normal * t.nx + grip * t.nz)
@@ -432,7 +462,8 @@ def _strut(p: Any, w: Corner, gas: Any, s: Any, ds: Any, small: _Small) -> tuple
     """Force of one strut (positive extends) and its stored energy: spring, damper, stops. Energy is 0 at rest."""
     linear = w.static_load - w.strut.stiffness * s
     linear_energy = -w.static_load * s + w.strut.stiffness * s**2 / 2
-    # A gas column with the same load and stiffness at rest: F = F0 (L / (L + s))^n, from a fifth of its length on linear.
+    # A gas column with the same load and stiffness at rest: F = F0 (L / (L + s))^n, from a fifth of its length on
+    # linear.
     n = p.strut.gas_exponent
     column = ca.fmax(n * w.static_load / (w.strut.stiffness + small.stiffness), 1e-6 * small.metre)
     stretch = ca.fmax(LEAST_COLUMN, 1 + s / column)
@@ -502,27 +533,59 @@ def _obstacle(c: Component, tip: Any, length: Any, metre: Any) -> tuple[dict[str
     wide = c.parameter("trench.length", 1.4, "m", "length of the trench", min=0.01, max=100.0, source="003 Table 5.2")
     deep = c.parameter("trench.depth", 2.0, "m", "depth of the trench", min=0.01, max=100.0, source=assumed)
     skew = c.parameter(
-        "trench.right_offset", 0.0, "m", "trench under the right wheels starts this much later", min=-10.0, max=10.0,
-        nominal=0.1, source=assumed,
-    )  # fmt: skip
+        "trench.right_offset",
+        0.0,
+        "m",
+        "trench under the right wheels starts this much later",
+        min=-10.0,
+        max=10.0,
+        nominal=0.1,
+        source=assumed,
+    )
     is_trench, is_outline = shape == 1, shape == 2
-    c.check(ca.if_else(is_trench, start + ca.fmin(0, skew) - tip, 1), "trench.start lies behind the front of the vehicle: "
-            "the trench must begin ahead of the front bumper")  # fmt: skip
-    c.check(ca.if_else(is_trench, length - wide, 1), "trench.length exceeds the length of the vehicle, which would just drive "
-            "down into it: take a shorter trench or an outline")  # fmt: skip
+    c.check(
+        ca.if_else(is_trench, start + ca.fmin(0, skew) - tip, 1),
+        "trench.start lies behind the front of the vehicle: the trench must begin ahead of the front bumper",
+    )
+    c.check(
+        ca.if_else(is_trench, length - wide, 1),
+        "trench.length exceeds the length of the vehicle, which would just drive "
+        "down into it: take a shorter trench or an outline",
+    )
 
     default_x = [5.0, 5.5, 6.5, 7.0, 8.0, 9.0]
     default_z = [0.0, 0.3, 0.3, 0.0, 0.0, 0.0]
-    count = c.parameter("outline.points", 4, None, "points of the outlines that count; level after them", min=1, max=POINTS,
-                        source=assumed)  # fmt: skip
+    count = c.parameter(
+        "outline.points",
+        4,
+        None,
+        "points of the outlines that count; level after them",
+        min=1,
+        max=POINTS,
+        source=assumed,
+    )
     grounds = {}
     markers = {"start": (start, 0), "finish": (start + wide, 0)}
     for side, (word, sign) in SIDES.items():
         name = f"outline.{word}"
-        px = c.parameter(f"{name}.x", np.array(default_x), "m", f"outline under the {word} wheels, along the road",
-                         min=-1e3, max=1e3, source=assumed)  # fmt: skip
-        pz = c.parameter(f"{name}.z", np.array(default_z), "m", f"outline under the {word} wheels, height", min=-100.0,
-                         max=100.0, source=assumed)  # fmt: skip
+        px = c.parameter(
+            f"{name}.x",
+            np.array(default_x),
+            "m",
+            f"outline under the {word} wheels, along the road",
+            min=-1e3,
+            max=1e3,
+            source=assumed,
+        )
+        pz = c.parameter(
+            f"{name}.z",
+            np.array(default_z),
+            "m",
+            f"outline under the {word} wheels, height",
+            min=-100.0,
+            max=100.0,
+            source=assumed,
+        )
         ox, oz = [px[0]], [pz[0]]
         for k in range(1, POINTS):
             counts = count > k
@@ -530,14 +593,23 @@ def _obstacle(c: Component, tip: Any, length: Any, metre: Any) -> tuple[dict[str
             oz.append(ca.if_else(counts, pz[k], oz[-1]))
         gaps = ca.vertcat(*(b - a for a, b in pairwise(ox)))
         rises = ca.vertcat(*(b - a for a, b in pairwise(oz)))
-        c.check(ca.if_else(is_outline, gaps + 1e-9, 1), f"{name}.x goes back between two points, so the outline would cross "
-                "itself or overhang: order the points along the road (equal x makes a vertical wall)")  # fmt: skip
-        c.check(ca.if_else(is_outline, gaps**2 + rises**2 - 1e-6, 1), f"{name}.x and {name}.z have two neighbouring points in "
-                "one place: leave one out, or set outline.points")  # fmt: skip
-        c.check(ca.if_else(is_outline, 1e-6 - ca.fabs(oz[0]), 1), f"{name}.z[1] must be 0: the vehicle starts on level road at "
-                "height 0")  # fmt: skip
-        c.check(ca.if_else(is_outline, ox[0] - tip, 1), f"{name}.x[1] lies behind the front of the vehicle: the obstacle must "
-                "begin ahead of the front bumper")  # fmt: skip
+        c.check(
+            ca.if_else(is_outline, gaps + 1e-9, 1),
+            f"{name}.x goes back between two points, so the outline would cross "
+            "itself or overhang: order the points along the road (equal x makes a vertical wall)",
+        )
+        c.check(
+            ca.if_else(is_outline, gaps**2 + rises**2 - 1e-6, 1),
+            f"{name}.x and {name}.z have two neighbouring points in one place: leave one out, or set outline.points",
+        )
+        c.check(
+            ca.if_else(is_outline, 1e-6 - ca.fabs(oz[0]), 1),
+            f"{name}.z[1] must be 0: the vehicle starts on level road at height 0",
+        )
+        c.check(
+            ca.if_else(is_outline, ox[0] - tip, 1),
+            f"{name}.x[1] lies behind the front of the vehicle: the obstacle must begin ahead of the front bumper",
+        )
         begin = start + (0 if sign > 0 else skew)
         trench_x, trench_z = [begin, begin, begin + wide, begin + wide], [0, -deep, -deep, 0]
         trench_x += [begin + wide + k * metre for k in range(1, POINTS - 3)]
@@ -569,37 +641,62 @@ def _stimulus() -> dict[str, Any]:
 
 
 _NOTES = (
-    "The body moves along the road, heaves, pitches and rolls; yaw and sideways motion are locked. Six wheels slide along "
-    "struts that are fixed in the body, with spring, damper and stops. Angles may be large: a vehicle that falls into the "
-    "trench is computed to the end.",
-    "Wheels are discs. The ground below the outline of an obstacle is taken as convex solids that meet in its concave "
-    "corners; a wheel touches each solid at the point closest to its centre, the force acts along the line between both, "
-    "and the forces of several solids add up (at obtuse corners less, so that a nearly straight road pushes once). A tire "
-    "has a stiffness, a second one from bottoming on, and a damper that sets in with the first millimetres.",
-    "target.speed is the rolling speed of all wheels and is imposed: the spin does not depend on the torque, and the drives "
-    "are mounted on the body, which takes the reaction. Friction limits traction: mu N tanh(sliding / slip_speed); above "
-    "some 150 kN the slip speed grows with the load, so that friction does not stop a wheel in less than 0.4 ms. Speed 0 "
-    "is allowed; the vehicle then stands, and stuck stays 0. With wheels.driven false the vehicle coasts from its start speed.",
-    "Bumper tips and the ends of the belly touch the ground, and convex corners of the ground touch the outline of the body. "
-    "belly.force counts the flat belly and its ends; the rising parts before and behind it belong to the bumpers. The stiffness "
-    "is that of both sides of the vehicle together, half of it left and half right.",
-    "Obstacle: obstacle.shape 0 is level road, 1 a trench (trench.*), 2 the polyline outline.left and outline.right of up to "
-    "6 points each, which may differ: step, bump, ditch. Before its first and after its last point the ground is level; "
-    "equal x makes a vertical wall. A trench of depth 0 is refused: for level road set obstacle.shape to 0. Parameters that do "
-    "not fit together (trench behind or longer than the vehicle, an outline that runs back) end initialization with an error.",
-    "Springs are preloaded so that the body rests level at the given heights: another mass or CG changes the preload, not the "
-    "ride height. All z and deflections count from there; the vehicle starts at rest on level road, rolling at target.speed. "
-    "Trench positions count from the first position of the CG. strut.hydropneumatic gives gas springs with the same load and "
-    "stiffness at rest.",
-    "For small motions heave is that of ThreeAxleRide with the same numbers; pitch is too with wheels.driven false, "
-    "some 4 % softer because the CG lies above the wheels. With the spin imposed, pitching turns the vehicle about the "
-    "ground and moves its mass too: the natural frequency of pitch falls by a fifth. The linear model has no such motion.",
-    "lidar.*.dx is the distance of the obstacle's start and finish ahead of the nose lidar, lidar.*.dz how far the lidar is above "
-    "them, both along the axes of the road, as equations (4.18) to (4.28) of paper 003 need them. They are positions of markers: "
-    "there are values without an obstacle too (those of the trench), and behind the vehicle dx is negative.",
-    "hub.*.fx is the force of the tire on the hub along the body, what Table 5.3 limits. body.ax and body.az are along the axes of "
-    "the road. stuck is 1 while the speed, smoothed over a second, is below 5 % of target.speed; it is a flag with jumps, not "
-    "meant for Model Exchange root finding. energy minus energy.supplied never grows.",
-    "Wiring: a controller drives force.*. Exchange at 1 ms; where peaks count, at 0.5 ms: when body and ground meet, the "
-    "acceleration rises within a solver step and falls within a few milliseconds.",
+    (
+        "The body moves along the road, heaves, pitches and rolls; yaw and sideways motion are locked. Six wheels slide"
+        " along struts that are fixed in the body, with spring, damper and stops. Angles may be large: a vehicle that"
+        " falls into the trench is computed to the end."
+    ),
+    (
+        "Wheels are discs. The ground below the outline of an obstacle is taken as convex solids that meet in its"
+        " concave corners; a wheel touches each solid at the point closest to its centre, the force acts along the line"
+        " between both, and the forces of several solids add up (at obtuse corners less, so that a nearly straight road"
+        " pushes once). A tire has a stiffness, a second one from bottoming on, and a damper that sets in with the"
+        " first millimetres."
+    ),
+    (
+        "target.speed is the rolling speed of all wheels and is imposed: the spin does not depend on the torque, and"
+        " the drives are mounted on the body, which takes the reaction. Friction limits traction: mu N tanh(sliding /"
+        " slip_speed); above some 150 kN the slip speed grows with the load, so that friction does not stop a wheel in"
+        " less than 0.4 ms. Speed 0 is allowed; the vehicle then stands, and stuck stays 0. With wheels.driven false"
+        " the vehicle coasts from its start speed."
+    ),
+    (
+        "Bumper tips and the ends of the belly touch the ground, and convex corners of the ground touch the outline of"
+        " the body. belly.force counts the flat belly and its ends; the rising parts before and behind it belong to the"
+        " bumpers. The stiffness is that of both sides of the vehicle together, half of it left and half right."
+    ),
+    (
+        "Obstacle: obstacle.shape 0 is level road, 1 a trench (trench.*), 2 the polyline outline.left and outline.right"
+        " of up to 6 points each, which may differ: step, bump, ditch. Before its first and after its last point the"
+        " ground is level; equal x makes a vertical wall. A trench of depth 0 is refused: for level road set"
+        " obstacle.shape to 0. Parameters that do not fit together (trench behind or longer than the vehicle, an"
+        " outline that runs back) end initialization with an error."
+    ),
+    (
+        "Springs are preloaded so that the body rests level at the given heights: another mass or CG changes the"
+        " preload, not the ride height. All z and deflections count from there; the vehicle starts at rest on level"
+        " road, rolling at target.speed. Trench positions count from the first position of the CG. strut.hydropneumatic"
+        " gives gas springs with the same load and stiffness at rest."
+    ),
+    (
+        "For small motions heave is that of ThreeAxleRide with the same numbers; pitch is too with wheels.driven false,"
+        " some 4 % softer because the CG lies above the wheels. With the spin imposed, pitching turns the vehicle about"
+        " the ground and moves its mass too: the natural frequency of pitch falls by a fifth. The linear model has no"
+        " such motion."
+    ),
+    (
+        "lidar.*.dx is the distance of the obstacle's start and finish ahead of the nose lidar, lidar.*.dz how far the"
+        " lidar is above them, both along the axes of the road, as equations (4.18) to (4.28) of paper 003 need them."
+        " They are positions of markers: there are values without an obstacle too (those of the trench), and behind the"
+        " vehicle dx is negative."
+    ),
+    (
+        "hub.*.fx is the force of the tire on the hub along the body, what Table 5.3 limits. body.ax and body.az are"
+        " along the axes of the road. stuck is 1 while the speed, smoothed over a second, is below 5 % of target.speed;"
+        " it is a flag with jumps, not meant for Model Exchange root finding. energy minus energy.supplied never grows."
+    ),
+    (
+        "Wiring: a controller drives force.*. Exchange at 1 ms; where peaks count, at 0.5 ms: when body and ground"
+        " meet, the acceleration rises within a solver step and falls within a few milliseconds."
+    ),
 )

@@ -1,19 +1,22 @@
-"""Car on double wishbones: body with six degrees of freedom, wheels on the paths that their hardpoints give, tables, enveloping tires.
+"""Car on double wishbones: body with six degrees of freedom, wheels on the paths that their hardpoints give, tables,
+enveloping tires.
 
-Each wheel moves with one degree of freedom, its travel q: vertical in the chassis, from design, positive upwards. Where the wheel centre is and
-how the upright is turned are functions of q, splines that :mod:`fmu_sources.models.double_wishbone` computes from the hardpoints. With them
-the kinetic energy of wheel, upright and arms is
+Each wheel moves with one degree of freedom, its travel q: vertical in the chassis, from design, positive upwards. Where
+the wheel centre is and how the upright is turned are functions of q, splines that
+:mod:`fmu_sources.models.double_wishbone` computes from the hardpoints. With them the kinetic energy of wheel, upright
+and arms is
 
     T = m V^2/2 + V.(w x s) + w.J w/2 + sum over wheels of (P.V + H.w) q' + M q'^2/2
 
-with V and w the velocity of the CG and the angular velocity of the body, in body axes; s(q), J(q) the first and second moments of all masses,
-P = ds/dq and H the momenta per travel rate and M the effective mass of a wheel. The equations of motion follow from T as those of Lagrange for q
-and those of Kirchhoff for V and w:
+with V and w the velocity of the CG and the angular velocity of the body, in body axes; s(q), J(q) the first and second
+moments of all masses, P = ds/dq and H the momenta per travel rate and M the effective mass of a wheel. The equations of
+motion follow from T as those of Lagrange for q and those of Kirchhoff for V and w:
 
     dp/dt + w x p = F,   dh/dt + w x h + V x p = N,   d/dt dT/dq' - dT/dq = Q
 
-Axes are ISO 8855; roll positive left side up, pitch positive nose down. Nothing of the motion is linearized but rotations of uprights, which are taken
-to second order. The wheels' spin is that of rotors: it has its own equation, and its angular momentum turns with the axle.
+Axes are ISO 8855; roll positive left side up, pitch positive nose down. Nothing of the motion is linearized but
+rotations of uprights, which are taken to second order. The wheels' spin is that of rotors: it has its own equation, and
+its angular momentum turns with the axle.
 """
 
 from __future__ import annotations
@@ -50,18 +53,26 @@ from fmu_sources.vehicles import WishboneCar, declare
 
 _NEWTON = 5  # steps to the rest position from that of the vehicle file
 _LEFT_OUT = (
-    "body.com_x", "body.com_z", "steering_gear", "upper_arm", "lower_arm",
+    "body.com_x",
+    "body.com_z",
+    "steering_gear",
+    "upper_arm",
+    "lower_arm",
     *(f"suspension.{axle}.{what}" for axle in ("front", "rear") for what in ("reference", "travel", "points")),
-)  # fmt: skip
+)
 _COMPUTED = "computed from the hardpoints, masses and inertias of the vehicle file"
 
 
 def wishbone_car(vehicle: WishboneCar, name: str = "FullCarHmmwvPublic") -> Component:
-    """Car of a vehicle file with hardpoints. All ``z`` count from where the car of the file rests on a road at height 0."""
+    """Car of a vehicle file with hardpoints. All ``z`` count from where the car of the file rests on a road at height
+    0.
+    """
     c = Component(
         name,
         kind="continuous",
-        description=f"Full car on double wishbones, 6-DOF body, wheels on the paths of their hardpoints: {vehicle.name}",
+        description=(
+            f"Full car on double wishbones, 6-DOF body, wheels on the paths of their hardpoints: {vehicle.name}"
+        ),
         source="Lagrange's and Kirchhoff's equations, in the source of this component; data: see the parameters",
         solver="am2",
         solver_step=5e-4,
@@ -72,7 +83,11 @@ def wishbone_car(vehicle: WishboneCar, name: str = "FullCarHmmwvPublic") -> Comp
     g = gravity(c)
     low_speed = c.constant("low_speed", LOW_SPEED, "m/s", "below it slip is formed with this speed", source="assumed")
     start_x = start_position(c)
-    for table in ("suspension.stop.penetration", "tire.deflection", *(f"suspension.{a}.spring.compression" for a in ("front", "rear"))):
+    for table in (
+        "suspension.stop.penetration",
+        "tire.deflection",
+        *(f"suspension.{a}.spring.compression" for a in ("front", "rear")),
+    ):
         check_increasing(c, _at(p, table), table)
 
     # ------------------------------------------------------------------------------------------------------ inputs
@@ -83,11 +98,15 @@ def wishbone_car(vehicle: WishboneCar, name: str = "FullCarHmmwvPublic") -> Comp
     target_speed, target_y = driver_inputs(c)
     corners.each(
         contact=lambda k: c.input(
-            f"contact.{k}", "m", f"heights of the road along the {k} tire, contact.step apart, above road.{k}.height",
+            f"contact.{k}",
+            "m",
+            f"heights of the road along the {k} tire, contact.step apart, above road.{k}.height",
             shape=(CONTACT_COUNT,),
         )
-    )  # fmt: skip
-    c.constant_input("contact.step", "m", "distance between the heights along a tire", must_equal=CONTACT_STEP, display_unit="mm")
+    )
+    c.constant_input(
+        "contact.step", "m", "distance between the heights along a tire", must_equal=CONTACT_STEP, display_unit="mm"
+    )
     step = c.constant("contact_step", CONTACT_STEP, "m", "between heights along a tire", source="build option")
     disc = Disc(p.tire.radius, step, CONTACT_COUNT)
 
@@ -99,15 +118,24 @@ def wishbone_car(vehicle: WishboneCar, name: str = "FullCarHmmwvPublic") -> Comp
     rolling_radius = p.tire.radius - start.deflection / 3
     corners.each(
         q=lambda k: c.state(
-            f"wheel.{k}.travel", "m", "travel of the wheel in the chassis, from design, positive upwards", start=start.travel[k.axle],
-            nominal=0.1, output=True,
+            f"wheel.{k}.travel",
+            "m",
+            "travel of the wheel in the chassis, from design, positive upwards",
+            start=start.travel[k.axle],
+            nominal=0.1,
+            output=True,
         ),
         dq=lambda k: c.state(f"wheel.{k}.travel_rate", "m/s", "rate of the travel"),
         spin=lambda k: c.state(
-            f"wheel.{k}.spin", "rad/s", "spin, positive forward", start=target_speed / rolling_radius, nominal=10.0, output=True
+            f"wheel.{k}.spin",
+            "rad/s",
+            "spin, positive forward",
+            start=target_speed / rolling_radius,
+            nominal=10.0,
+            output=True,
         ),
         slip_x=lambda k: c.state(f"tire.{k}.slip", "1", "lagged slip, positive driving", nominal=0.1),
-    )  # fmt: skip
+    )
     speed_error = c.state("driver.speed_error", "m", "integral of the speed error")
 
     # -------------------------------------------------------------------------------------------------- kinematics
@@ -155,18 +183,25 @@ def wishbone_car(vehicle: WishboneCar, name: str = "FullCarHmmwvPublic") -> Comp
         hub_velocity = c.value(f"hub_velocity_{k}", turn @ k.hub_rate, source=f"{k} wheel centre, road axes")
         k.height = height + k.from_cg[2]
         k.depth = c.value(
-            f"tire_depth_{k}", disc.depth(disc.area(k.height - k.road, k.contact)), source="area rule: see enveloping.py"
+            f"tire_depth_{k}",
+            disc.depth(disc.area(k.height - k.road, k.contact)),
+            source="area rule: see enveloping.py",
         )
         normal = ca.vertcat(-k.slope, 0, 1) / ca.sqrt(1 + k.slope**2)
-        bearing = linear_table(k.depth, p.tire.deflection, p.tire.force, beyond=True) - p.tire.damping * ca.dot(hub_velocity, normal)
+        bearing = linear_table(k.depth, p.tire.deflection, p.tire.force, beyond=True) - p.tire.damping * ca.dot(
+            hub_velocity, normal
+        )
         k.load = ca.if_else(k.depth > 0, ca.fmax(0, bearing), 0)
 
-        # Tire, horizontal: the longitudinal slip lags by a short length; forces grow with slip and load up to the friction ellipse.
+        # Tire, horizontal: the longitudinal slip lags by a short length; forces grow with slip and load up to the
+        # friction ellipse.
         heading = k.lean[2] + (steer if k.axle == "front" else 0)
         forward = ca.cos(heading) * body.ahead + ca.sin(heading) * body.left
         sideways = ca.cos(heading) * body.left - ca.sin(heading) * body.ahead
         against = turn.T @ normal  # body axes
-        below = (p.tire.radius - k.depth) * (ca.dot(against, k.spindle) * k.spindle - against)  # from the centre to the contact
+        below = (p.tire.radius - k.depth) * (
+            ca.dot(against, k.spindle) * k.spindle - against
+        )  # from the centre to the contact
         patch_d = k.centre_d + ca.cross(k.turning, below)
         patch_rate = v + ca.cross(w, k.centre + below) + patch_d * k.dq
         rolling = ca.dot(hub_velocity, forward)
@@ -178,7 +213,8 @@ def wishbone_car(vehicle: WishboneCar, name: str = "FullCarHmmwvPublic") -> Comp
         c.value(f"drive_force_{k}", grip * drive, source="grows with slip and load up to the friction ellipse")
         c.value(f"side_force_{k}", grip * side, source="grows with slip angle and load up to the friction ellipse")
 
-        # The drive force acts at the hub, since the wheel turns on its bearing; what the road presses and holds acts below it.
+        # The drive force acts at the hub, since the wheel turns on its bearing; what the road presses and holds acts
+        # below it.
         at_hub = turn.T @ (grip * drive * forward)
         at_patch = turn.T @ (k.load * normal + grip * side * sideways)
         force += at_hub + at_patch
@@ -236,19 +272,45 @@ def wishbone_car(vehicle: WishboneCar, name: str = "FullCarHmmwvPublic") -> Comp
         rest = getattr(p.rest, k.axle)
         moved = ca.cross(angular, k.centre) + ca.cross(w, ca.cross(w, k.centre) + 2 * k.centre_d * k.dq)
         moved += k.centre_d * k.ddq + k.centre_dd * k.dq**2
-        c.output(f"wheel.{k}.z", k.height - rest.wheel_height, "m", "wheel centre above its static height", display_unit="mm")
+        c.output(
+            f"wheel.{k}.z", k.height - rest.wheel_height, "m", "wheel centre above its static height", display_unit="mm"
+        )
         c.output(f"wheel.{k}.vz", (turn @ k.hub_rate)[2], "m/s", "vertical velocity of the wheel centre")
-        c.output(f"wheel.{k}.az", acceleration[2] + (turn @ moved)[2], "m/s2", "vertical acceleration of the wheel centre")
-        c.output(f"wheel.{k}.camber", -k.side * k.lean[0], "rad", "camber since design, positive where the top leans outwards", display_unit="deg")
+        c.output(
+            f"wheel.{k}.az", acceleration[2] + (turn @ moved)[2], "m/s2", "vertical acceleration of the wheel centre"
+        )
+        c.output(
+            f"wheel.{k}.camber",
+            -k.side * k.lean[0],
+            "rad",
+            "camber since design, positive where the top leans outwards",
+            display_unit="deg",
+        )
         c.output(f"wheel.{k}.toe", k.side * k.lean[2], "rad", "toe since design, positive outwards", display_unit="deg")
-        c.output(f"wheel.{k}.half_track", k.side * k.centre[1], "m", "distance of the wheel centre to the side of the CG")
-        c.output(f"suspension.{k}.deflection", rest.travel - k.q, "m", "body height minus wheel height", display_unit="mm")
+        c.output(
+            f"wheel.{k}.half_track", k.side * k.centre[1], "m", "distance of the wheel centre to the side of the CG"
+        )
+        c.output(
+            f"suspension.{k}.deflection", rest.travel - k.q, "m", "body height minus wheel height", display_unit="mm"
+        )
         c.output(f"suspension.{k}.velocity", -k.dq, "m/s", "rate of the suspension deflection")
         c.output(f"spring.{k}.length", k.spring_length, "m", "length of the spring", display_unit="mm")
         c.output(f"spring.{k}.force", k.spring_force, "N", "force of the spring, stops not included", display_unit="kN")
         c.output(f"damper.{k}.length", k.damper_length, "m", "length of the damper", display_unit="mm")
-        c.output(f"tire.{k}.deflection", -k.depth, "m", "minus the depth that bears the load on a flat road; 0 in the air", display_unit="mm")
-        c.output(f"tire.{k}.force", k.load, "N", "force of the road on the tire along its normal, never negative", display_unit="kN")
+        c.output(
+            f"tire.{k}.deflection",
+            -k.depth,
+            "m",
+            "minus the depth that bears the load on a flat road; 0 in the air",
+            display_unit="mm",
+        )
+        c.output(
+            f"tire.{k}.force",
+            k.load,
+            "N",
+            "force of the road on the tire along its normal, never negative",
+            display_unit="kN",
+        )
         c.output(f"actuator.{k}.power", -k.force * k.dq, "W", "power from the actuator into the car", display_unit="kW")
 
     for kmh in (0, 20, 80, 120, 216):
@@ -259,7 +321,8 @@ def wishbone_car(vehicle: WishboneCar, name: str = "FullCarHmmwvPublic") -> Comp
     return c
 
 
-# ---------------------------------------------------------------------------------------------------- computed parameters
+# ---------------------------------------------------------------------------------------------------- computed
+# parameters
 
 
 def _declare_computed(c: Component, p: Any, vehicle: WishboneCar) -> None:
@@ -278,34 +341,81 @@ def _declare_computed(c: Component, p: Any, vehicle: WishboneCar) -> None:
         origin = np.array([axle.reference.value, 0.0, 0.0]) - _cg(vehicle)
         centre = mechanism.points["wheel_centre"]
         at, of = f"suspension.{name}", f"of the left {name} wheel"
-        symbols.centre = number(f"{at}.wheel", origin + centre, "m", f"wheel centre {of} at design, from the CG", nominal=1.0)
-        symbols.upright = number(f"{at}.upright", mechanism.points["upright_com"] - centre, "m", f"centre of mass of the upright {of} from its centre", nominal=0.1)
+        symbols.centre = number(
+            f"{at}.wheel", origin + centre, "m", f"wheel centre {of} at design, from the CG", nominal=1.0
+        )
+        symbols.upright = number(
+            f"{at}.upright",
+            mechanism.points["upright_com"] - centre,
+            "m",
+            f"centre of mass of the upright {of} from its centre",
+            nominal=0.1,
+        )
         for which in ("upper", "lower"):
             solid, arm = getattr(vehicle, f"{which}_arm"), mechanism.arm(which)
             at_ball, at_com, at_axis = arm.lumps(solid.mass.value, solid.inertia.value[0])
             foot = arm.ball - arm.from_axis(arm.ball)
             fixed += [(at_axis, (origin + foot) * [1, side, 1]) for side in (1, -1)]
             part = SimpleNamespace()
-            part.ball = number(f"{at}.{which}_arm.ball", arm.ball - centre, "m", f"{which} ball joint {of} at design, from its centre", nominal=0.1)
-            part.com = number(f"{at}.{which}_arm.com", arm.com - centre, "m", f"centre of mass of the {which} arm {of} at design, from its centre", nominal=0.1)
+            part.ball = number(
+                f"{at}.{which}_arm.ball",
+                arm.ball - centre,
+                "m",
+                f"{which} ball joint {of} at design, from its centre",
+                nominal=0.1,
+            )
+            part.com = number(
+                f"{at}.{which}_arm.com",
+                arm.com - centre,
+                "m",
+                f"centre of mass of the {which} arm {of} at design, from its centre",
+                nominal=0.1,
+            )
             part.share = number(
-                f"{at}.{which}_arm.share", float(arm.from_axis(arm.com) @ arm.from_axis(arm.ball)) / arm.reach**2, "1",
-                f"how far the centre of mass of the {which} arm is from its axis, of the way to the ball joint", min=0.0, max=1.0,
-            )  # fmt: skip
-            part.ball_mass = number(f"{at}.{which}_arm.ball_mass", at_ball, "kg", f"mass of the {which} arm that moves as its ball joint does")
-            part.com_mass = number(f"{at}.{which}_arm.com_mass", at_com, "kg", f"mass of the {which} arm that moves as its centre of mass does")
+                f"{at}.{which}_arm.share",
+                float(arm.from_axis(arm.com) @ arm.from_axis(arm.ball)) / arm.reach**2,
+                "1",
+                f"how far the centre of mass of the {which} arm is from its axis, of the way to the ball joint",
+                min=0.0,
+                max=1.0,
+            )
+            part.ball_mass = number(
+                f"{at}.{which}_arm.ball_mass",
+                at_ball,
+                "kg",
+                f"mass of the {which} arm that moves as its ball joint does",
+            )
+            part.com_mass = number(
+                f"{at}.{which}_arm.com_mass",
+                at_com,
+                "kg",
+                f"mass of the {which} arm that moves as its centre of mass does",
+            )
             setattr(symbols, which, part)
         spline = motion.spline
-        symbols.first = number(f"{at}.knots.first", spline.first, "m", f"first knot of the splines over the travel {of}", min=-5.0, max=5.0)
-        symbols.step = number(f"{at}.knots.step", spline.step, "m", f"distance between the knots of the splines {of}", min=1e-4, max=1.0)
+        symbols.first = number(
+            f"{at}.knots.first", spline.first, "m", f"first knot of the splines over the travel {of}", min=-5.0, max=5.0
+        )
+        symbols.step = number(
+            f"{at}.knots.step", spline.step, "m", f"distance between the knots of the splines {of}", min=1e-4, max=1.0
+        )
         rows = {
-            "forward": ("m", "motion of the wheel centre forward"), "outward": ("m", "motion of the wheel centre outward"),
-            "roll": ("rad", "rotation of the upright about x (camber)"), "pitch": ("rad", "rotation of the upright about y (caster)"),
-            "yaw": ("rad", "rotation of the upright about z (toe)"), "spring": ("m", "length of the spring"),
+            "forward": ("m", "motion of the wheel centre forward"),
+            "outward": ("m", "motion of the wheel centre outward"),
+            "roll": ("rad", "rotation of the upright about x (camber)"),
+            "pitch": ("rad", "rotation of the upright about y (caster)"),
+            "yaw": ("rad", "rotation of the upright about z (toe)"),
+            "spring": ("m", "length of the spring"),
             "damper": ("m", "length of the damper"),
-        }  # fmt: skip
+        }
         symbols.rows = {
-            row: number(f"{at}.kinematics.{row}", getattr(motion, row), unit, f"{text} {of}: coefficients of a cubic B-spline over its travel", nominal=0.1)
+            row: number(
+                f"{at}.kinematics.{row}",
+                getattr(motion, row),
+                unit,
+                f"{text} {of}: coefficients of a cubic B-spline over its travel",
+                nominal=0.1,
+            )
             for row, (unit, text) in rows.items()
         }
         symbols.count = spline.count
@@ -313,7 +423,9 @@ def _declare_computed(c: Component, p: Any, vehicle: WishboneCar) -> None:
     place = sum(m * r for m, r in fixed) / total
     second = sum(m * (r @ r * np.eye(3) - np.outer(r, r)) for m, r in fixed)
     p.fixed = SimpleNamespace(
-        mass=number("fixed.mass", total, "kg", "steering gear and the parts of the arms at their axes: fixed to the body"),
+        mass=number(
+            "fixed.mass", total, "kg", "steering gear and the parts of the arms at their axes: fixed to the body"
+        ),
         position=number("fixed.position", place, "m", "their centre of mass from the CG", nominal=0.1),
         inertia=number("fixed.inertia", second, "kg.m2", "their inertia about the CG", nominal=100.0),
     )
@@ -334,8 +446,9 @@ def _at(p: Any, path: str) -> Any:
 
 
 def _move(k: Corner, q: Any) -> None:
-    """Give a corner what its travel decides, with first and second derivatives ``_d``, ``_dd``: ``centre`` of the wheel from the CG, ``lean`` of
-    the upright (rotation vector), ``turning`` (angular velocity per travel rate), direction of the ``spindle``, lengths of spring and damper.
+    """Give a corner what its travel decides, with first and second derivatives ``_d``, ``_dd``: ``centre`` of the wheel
+    from the CG, ``lean`` of the upright (rotation vector), ``turning`` (angular velocity per travel rate), direction of
+    the ``spindle``, lengths of spring and damper.
 
     Beyond the knots everything goes on along its tangent.
     """
@@ -362,7 +475,10 @@ def _move(k: Corner, q: Any) -> None:
     k.centre = design + ca.vertcat(forward[0], mirror * outward[0], q)
     k.centre_d = ca.vertcat(forward[1], mirror * outward[1], 1)
     k.centre_dd = ca.vertcat(forward[2], mirror * outward[2], 0)
-    lean = [ca.vertcat(mirror * a, b, mirror * d) for a, b, d in zip(three("roll"), three("pitch"), three("yaw"), strict=True)]
+    lean = [
+        ca.vertcat(mirror * a, b, mirror * d)
+        for a, b, d in zip(three("roll"), three("pitch"), three("yaw"), strict=True)
+    ]
     k.lean, k.lean_d, k.lean_dd = lean
     k.turning = k.lean_d + ca.cross(k.lean, k.lean_d) / 2
     k.turning_d = k.lean_dd + ca.cross(k.lean, k.lean_dd) / 2
@@ -380,7 +496,8 @@ def _basis(distance: Any) -> tuple[Any, Any, Any]:
 
 
 def _inertia(k: Corner, p: Any) -> None:
-    """Give a corner its ``mass``, moments and momenta about the CG as functions of its travel, with their derivatives."""
+    """Give a corner its ``mass``, moments and momenta about the CG as functions of its travel, with
+    their derivatives."""
     axle = k.geometry
     solids = [(p.wheel.mass, ca.SX.zeros(3), 1), (p.upright.mass, axle.upright, 1)]
     for arm in (axle.upper, axle.lower):
@@ -406,7 +523,9 @@ def _inertia(k: Corner, p: Any) -> None:
         k.effective_d += 2 * m * ca.dot(d, dd)
         k.inertia += m * (ca.dot(r, r) * ca.SX.eye(3) - r @ r.T)
         k.inertia_d += m * (2 * ca.dot(r, d) * ca.SX.eye(3) - r @ d.T - d @ r.T)
-    own = p.upright.inertia + ca.vertcat(p.wheel.tilt_inertia, 0, p.wheel.tilt_inertia)  # the wheel turns on its axle by itself
+    own = p.upright.inertia + ca.vertcat(
+        p.wheel.tilt_inertia, 0, p.wheel.tilt_inertia
+    )  # the wheel turns on its axle by itself
     k.inertia += ca.diag(own)
     k.turn_d += own * k.turning
     k.turn_dd += own * k.turning_d
@@ -419,7 +538,9 @@ def _mirrored(k: Corner, place: Any) -> Any:
 
 
 def _on_upright(k: Corner, place: Any) -> tuple[Any, Any, Any]:
-    """A point of the upright, ``place`` from the wheel centre at design on the left: from the CG, and its derivatives by the travel."""
+    """A point of the upright, ``place`` from the wheel centre at design on the left: from the CG, and its derivatives
+    by the travel.
+    """
     arm = _mirrored(k, place)
     a, b, d = k.lean, k.lean_d, k.lean_dd
     cross = ca.cross
@@ -436,7 +557,9 @@ def _body_inertia(p: Any) -> tuple[Any, Any, Any]:
 
 
 def _strut(k: Corner, p: Any, *, moving: bool = True) -> None:
-    """Give a corner its ``spring_force`` and ``strut``, the generalized force of spring, stops and damper on the travel [N]."""
+    """Give a corner its ``spring_force`` and ``strut``, the generalized force of spring, stops and damper on the travel
+    [N].
+    """
     axle, stops = k.geometry, p.suspension.stop
     compression = axle.spring.free_length - k.spring_length
     sign = ca.if_else(compression < 0, -1, 1)
@@ -489,22 +612,46 @@ def _rest(c: Component, p: Any, g: Any, speed: Any) -> _Rest:
         if np.abs(change).max() < 1e-14:
             break
     else:
-        raise ValueError(f"{c.name}: the car of the vehicle file finds no rest on its springs and tires; look at their tables")
+        raise ValueError(
+            f"{c.name}: the car of the vehicle file finds no rest on its springs and tires; look at their tables"
+        )
     heights = np.asarray(step(at, 0, values)[1]).ravel()
 
     def known(name: str, value: float, unit: str, text: str) -> Any:
-        return c.parameter(name, float(value), unit, text, source="computed: rest of the car of the vehicle file, standing on a level road", nominal=0.1)
+        return c.parameter(
+            name,
+            float(value),
+            unit,
+            text,
+            source="computed: rest of the car of the vehicle file, standing on a level road",
+            nominal=0.1,
+        )
 
-    p.rest = SimpleNamespace(height=known("rest.height", at[0], "m", "height of the CG at rest, from which body.z counts"))
+    p.rest = SimpleNamespace(
+        height=known("rest.height", at[0], "m", "height of the CG at rest, from which body.z counts")
+    )
     for i, axle in enumerate(("front", "rear")):
         rest = SimpleNamespace(
-            wheel_height=known(f"rest.{axle}.wheel_height", heights[i], "m", f"height of the {axle} wheel centres at rest, from which wheel.*.z counts"),
-            travel=known(f"rest.{axle}.travel", at[2 + i], "m", f"travel of the {axle} wheels at rest, from which suspension.*.deflection counts"),
+            wheel_height=known(
+                f"rest.{axle}.wheel_height",
+                heights[i],
+                "m",
+                f"height of the {axle} wheel centres at rest, from which wheel.*.z counts",
+            ),
+            travel=known(
+                f"rest.{axle}.travel",
+                at[2 + i],
+                "m",
+                f"travel of the {axle} wheels at rest, from which suspension.*.deflection counts",
+            ),
         )
         setattr(p.rest, axle, rest)
     source = "computed: rest of the car of the vehicle file"
     guess = (("height", "m"), ("pitch", "rad"), ("front_travel", "m"), ("rear_travel", "m"))
-    parts = [c.constant(f"rest_{n}", float(v), unit, f"{n} at rest", source=source) for (n, unit), v in zip(guess, at, strict=True)]
+    parts = [
+        c.constant(f"rest_{n}", float(v), unit, f"{n} at rest", source=source)
+        for (n, unit), v in zip(guess, at, strict=True)
+    ]
     found = ca.vertcat(*parts)
     for _ in range(_NEWTON):
         found = step(found, speed, symbols)[0]
@@ -513,8 +660,10 @@ def _rest(c: Component, p: Any, g: Any, speed: Any) -> _Rest:
 
 
 def _static(p: Any, g: Any, unknown: Any, speed: Any) -> tuple[Any, Any, Any]:
-    """What must vanish at rest on a level road: vertical force, pitch moment, generalized forces of front and rear travel. Then heights of the
-    wheel centres, and deflections of the tires. ``unknown``: height of the CG, pitch, travels. A rolling tire that toes in presses against the road."""
+    """What must vanish at rest on a level road: vertical force, pitch moment, generalized forces of front and rear
+    travel. Then heights of the wheel centres, and deflections of the tires. ``unknown``: height of the CG, pitch,
+    travels. A rolling tire that toes in presses against the road.
+    """
     height, pitch = unknown[0], unknown[1]
     turn = rotation(0, pitch, 0)
     up = turn.T @ ca.vertcat(0, 0, 1)
@@ -558,11 +707,13 @@ def _plane(corners: Corners, p: Any) -> _Plane:
     return _Plane((fl + fr) / 2 - slope * front[0], ca.atan(twist), -ca.atan(slope))
 
 
-# ----------------------------------------------------------------------------------------------------------- mathematics
+# -----------------------------------------------------------------------------------------------------------
+# mathematics
 
 
 def _solve(matrix: Any, right: Any) -> Any:
-    """Solution of a small dense system, Gaussian elimination without exchange of rows: for positive definite matrices."""
+    """Solution of a small dense system, Gaussian elimination without exchange of rows: for positive
+    definite matrices."""
     n = matrix.shape[0]
     a = [[matrix[i, j] for j in range(n)] + [right[i]] for i in range(n)]
     for i in range(n):
@@ -576,7 +727,9 @@ def _solve(matrix: Any, right: Any) -> Any:
 
 
 def _saturation(p: Any, drive: Any, side: Any) -> Any:
-    """What divides forces that would grow linearly with slip, given per load, so that they stay within the friction ellipse."""
+    """What divides forces that would grow linearly with slip, given per load, so that they stay within the friction
+    ellipse.
+    """
     return ca.sqrt(1 + (drive / p.tire.longitudinal_friction) ** 2 + (side / p.tire.lateral_friction) ** 2)
 
 
@@ -586,21 +739,42 @@ def _stimulus() -> dict[str, Any]:
 
 
 _NOTES = (
-    "The car of a published open multibody model, with the same masses, hardpoints, springs, stops, dampers and vertical law of the tires. Joints "
-    "are ideal. What is simplified: rotations of uprights are taken to second order, the centre of mass of an arm moves along with its ball joint, the steering "
-    "is held, and the horizontal forces of the tires are those of a friction ellipse.",
-    "wheel.*.travel is the coordinate of the suspension; paths of the wheel centres, camber, caster, toe and the lengths of springs and dampers are cubic "
-    "B-splines over it, twice continuously differentiable, whose coefficients are parameters (suspension.*.kinematics.*). They are computed from the hardpoints of the "
-    "vehicle file when the FMU is built. Beyond the knots everything goes on along its tangent.",
-    "Springs, stops and tires are tables that are linear in between (suspension.*.spring.*, suspension.stop.*, tire.deflection and tire.force). Rows that do "
-    "not increase are refused at initialization. The rates of a damper switch with its length; they change smoothly over suspension.damper_range.blend.",
-    "Tires envelop what is shorter than their contact: contact.* are the heights of the road along each tire, contact.step apart and counted from road.*.height, the "
-    "middle one under the wheel centre. The area of the tire's disc below them decides the depth. Roads that are made for this vehicle have these outputs; "
-    "without a connection they are 0 and the tires touch a level road at road.*.height, which is right for roads that are long and smooth.",
-    "At initialization the car rests on a level road, or on the plane through the road heights that are given then, by five steps of Newton's method from where the "
-    "car of the vehicle file rests: exact for this car, and for others whose springs do not reach another line of their table.",
-    "The actuator acts between body and wheel along the travel with ratio 1. The driver's torque is applied to the wheels and not supported by the body, as in the model "
-    "that this car is compared with. The first value of target.speed is the start speed.",
-    "Wiring: connect a road's outputs road.*, contact.* to the inputs of the same name, and this car's x and speed to that road; a "
-    "controller drives force.*. Exchange at 1 ms.",
+    (
+        "The car of a published open multibody model, with the same masses, hardpoints, springs, stops, dampers and"
+        " vertical law of the tires. Joints are ideal. What is simplified: rotations of uprights are taken to second"
+        " order, the centre of mass of an arm moves along with its ball joint, the steering is held, and the horizontal"
+        " forces of the tires are those of a friction ellipse."
+    ),
+    (
+        "wheel.*.travel is the coordinate of the suspension; paths of the wheel centres, camber, caster, toe and the"
+        " lengths of springs and dampers are cubic B-splines over it, twice continuously differentiable, whose"
+        " coefficients are parameters (suspension.*.kinematics.*). They are computed from the hardpoints of the vehicle"
+        " file when the FMU is built. Beyond the knots everything goes on along its tangent."
+    ),
+    (
+        "Springs, stops and tires are tables that are linear in between (suspension.*.spring.*, suspension.stop.*,"
+        " tire.deflection and tire.force). Rows that do not increase are refused at initialization. The rates of a"
+        " damper switch with its length; they change smoothly over suspension.damper_range.blend."
+    ),
+    (
+        "Tires envelop what is shorter than their contact: contact.* are the heights of the road along each tire,"
+        " contact.step apart and counted from road.*.height, the middle one under the wheel centre. The area of the"
+        " tire's disc below them decides the depth. Roads that are made for this vehicle have these outputs; without a"
+        " connection they are 0 and the tires touch a level road at road.*.height, which is right for roads that are"
+        " long and smooth."
+    ),
+    (
+        "At initialization the car rests on a level road, or on the plane through the road heights that are given then,"
+        " by five steps of Newton's method from where the car of the vehicle file rests: exact for this car, and for"
+        " others whose springs do not reach another line of their table."
+    ),
+    (
+        "The actuator acts between body and wheel along the travel with ratio 1. The driver's torque is applied to the"
+        " wheels and not supported by the body, as in the model that this car is compared with. The first value of"
+        " target.speed is the start speed."
+    ),
+    (
+        "Wiring: connect a road's outputs road.*, contact.* to the inputs of the same name, and this car's x and speed"
+        " to that road; a controller drives force.*. Exchange at 1 ms."
+    ),
 )

@@ -25,8 +25,10 @@ def road_bench_bump(name: str = "RoadBenchBump") -> Component:
         description="Bump of the quarter-car bench over time (paper 002)",
         source="002 section V: 20 mm, one period; shape (1 - cos)/2 and durations assumed",
         notes=(
-            "height/2 (1 - cos(2 pi (t - start)/duration)) once, 0 before and after; road.rate is its exact derivative. A "
-            "function of time: the bench stands still and the plate moves.",
+            (
+                "height/2 (1 - cos(2 pi (t - start)/duration)) once, 0 before and after; road.rate is its exact"
+                " derivative. A function of time: the bench stands still and the plate moves."
+            ),
             "Wiring: both outputs go to the inputs of the same name of QuarterCarBench.",
         ),
     )
@@ -52,16 +54,16 @@ def road_bench_random(name: str = "RoadBenchRandom", *, seed: int = SEED) -> Com
         description=f"Random motion of the plate of the quarter-car bench, seed {seed} (paper 002)",
         source="002 section V: random road; spectrum, band and size assumed",
         notes=(
-            f"{LINES} sines from {LOWEST:g} to {HIGHEST:g} Hz, equally spaced on a logarithmic scale with a little jitter, "
-            "with amplitudes of a displacement spectrum f^-2, and random phases; road.rate is the exact derivative of "
-            "road.height. Over the first ramp seconds the motion grows from rest.",
+            (
+                f"{LINES} sines from {LOWEST:g} to {HIGHEST:g} Hz, equally spaced on a logarithmic scale with a little"
+                " jitter, with amplitudes of a displacement spectrum f^-2, and random phases; road.rate is the exact"
+                " derivative of road.height. Over the first ramp seconds the motion grows from rest."
+            ),
             "Another seed is another FMU (road_bench_random(seed=...)); offset starts elsewhere in the same motion.",
             "Wiring: both outputs go to the inputs of the same name of QuarterCarBench.",
         ),
     )
-    rms = c.parameter(
-        "rms", RMS, "m", "rms of the height", min=0.0, max=0.1, display_unit="mm", source="assumed"
-    )  # fmt: skip
+    rms = c.parameter("rms", RMS, "m", "rms of the height", min=0.0, max=0.1, display_unit="mm", source="assumed")
     ramp = c.parameter("ramp", 0.5, "s", "time over which the motion grows", min=1e-3, max=1e3, source="assumed")
     offset = c.parameter("offset", 0.0, "s", "where in the motion this one starts", min=0.0, max=1e5, source="own")
     random = np.random.default_rng(seed)

@@ -34,9 +34,9 @@ class _Bumps:
     end: Any
 
     note = (
-        "Heights and slopes are exact at every position; there are no nodes. The height under a wheel is the mean of the "
-        "profile over the contact length, which is what the wheel follows: without kinks, from half a contact length before "
-        "the bump to as much behind it. Beyond its end the road is held at its last height."
+        "Heights and slopes are exact at every position; there are no nodes. The height under a wheel is the mean of"
+        " the profile over the contact length, which is what the wheel follows: without kinks, from half a contact"
+        " length before the bump to as much behind it. Beyond its end the road is held at its last height."
     )
 
     def at(self, x: Any, side: str) -> tuple[Any, Any]:
@@ -95,30 +95,44 @@ def road_bumps(layout: RoadLayout, name: str = "RoadBumps") -> Component:
             return c.parameter(name, start, "m", text, min=least, max=1e5, display_unit=unit, source=source)
 
         heights = c.parameter(
-            "bump.height", [TRACK.get(i, 0.0) for i in range(PLACES)], "m",
-            "height of the bump at each place, 0 for none, negative for a hollow", min=-1.0, max=1.0, display_unit="mm",
+            "bump.height",
+            [TRACK.get(i, 0.0) for i in range(PLACES)],
+            "m",
+            "height of the bump at each place, 0 for none, negative for a hollow",
+            min=-1.0,
+            max=1.0,
+            display_unit="mm",
             source="001 appendix 1.B (raisers of 38 mm); which bumps stand where: assumed",
-        )  # fmt: skip
+        )
         bumps = _Bumps(
             heights=heights,
             first=length("bump.first", START, "where the bump of the first place begins", "assumed", least=-1e5),
-            spacing=length(
-                "bump.spacing", SPACING, "distance from place to place", "assumed: ten places in 32 ft"
-            ),
+            spacing=length("bump.spacing", SPACING, "distance from place to place", "assumed: ten places in 32 ft"),
             length=length("bump.length", BUMP_LENGTH, "length of a bump", "assumed: 12 in", unit="mm"),
             contact=length(
                 "contact.length", CONTACT_LENGTH, "length over which the tire averages the road", "assumed", unit="mm"
             ),
             side=c.parameter(
-                "side", 0, None, "where the bumps are: 0 both sides, 1 left, 2 right", min=0, max=RIGHT,
+                "side",
+                0,
+                None,
+                "where the bumps are: 0 both sides, 1 left, 2 right",
+                min=0,
+                max=RIGHT,
                 source="001: across the road",
             ),
             end=length("length", 200.0, "length of the road", "assumed", least=1.0),
-        )  # fmt: skip
+        )
         travel = c.parameter(
-            "travel", TRAVEL, "m", "suspension travel that a bump is compared with", min=1e-3, max=5.0, display_unit="mm",
+            "travel",
+            TRAVEL,
+            "m",
+            "suspension travel that a bump is compared with",
+            min=1e-3,
+            max=5.0,
+            display_unit="mm",
             source="001 Table 1.3",
-        )  # fmt: skip
+        )
         c.output("height_above_travel", bumps.any_above(travel), None, "a bump is higher than travel", type=bool)
         beyond = bumps.any_beyond_end()
         c.output("bumps_beyond_end", beyond, None, "a bump reaches beyond the end of the road", type=bool)
@@ -131,15 +145,25 @@ def road_bumps(layout: RoadLayout, name: str = "RoadBumps") -> Component:
         description="Speed bumps at up to ten places, on both sides or one (paper 001)",
         source="001 appendix 1.B: bumps, places and raisers; dimensions assumed, see the parameters",
         notes=(
-            "A bump is a parabola over bump.length, bump.height high. Averaging over contact.length leaves "
-            f"{100 * (1 - (CONTACT_LENGTH / BUMP_LENGTH) ** 2 / 3):.0f} % of that height with the default lengths. Bumps "
-            "that overlap add up.",
-            "The published track has six bumps for ten places in 32 ft; raisers add 38 mm each. The defaults are the two "
-            "bumps of the published runs. The run over one big bump: bump.height[1] 0.076 m, bump.height[7] 0.",
-            "height_above_travel tells that a bump is higher than travel (without the averaging), so that the wheel cannot follow it without the "
-            "body moving; bumps_beyond_end that a bump is not, or not whole, on the road. Neither stops a run.",
-            "The paper drives at 20 mph (8.94 m/s), and its controllers sample every 30 ms: results depend on where a bump "
-            "lies between their samples. Shift bump.first by parts of 0.27 m and average.",
+            (
+                "A bump is a parabola over bump.length, bump.height high. Averaging over contact.length leaves"
+                f" {100 * (1 - (CONTACT_LENGTH / BUMP_LENGTH) ** 2 / 3):.0f} % of that height with the default lengths."
+                " Bumps that overlap add up."
+            ),
+            (
+                "The published track has six bumps for ten places in 32 ft; raisers add 38 mm each. The defaults are"
+                " the two bumps of the published runs. The run over one big bump: bump.height[1] 0.076 m,"
+                " bump.height[7] 0."
+            ),
+            (
+                "height_above_travel tells that a bump is higher than travel (without the averaging), so that the wheel"
+                " cannot follow it without the body moving; bumps_beyond_end that a bump is not, or not whole, on the"
+                " road. Neither stops a run."
+            ),
+            (
+                "The paper drives at 20 mph (8.94 m/s), and its controllers sample every 30 ms: results depend on where"
+                " a bump lies between their samples. Shift bump.first by parts of 0.27 m and average."
+            ),
         ),
         stimulus_start=4.0,
     )

@@ -23,7 +23,10 @@ class HalfRound:
     place: Any
     behind: Any
     alike = True
-    note = "Heights are those of the half-round itself, whose sides are vertical where they begin; before and behind it the road is level."
+    note = (
+        "Heights are those of the half-round itself, whose sides are vertical where they begin; before and behind it"
+        " the road is level."
+    )
 
     @property
     def end(self) -> Any:
@@ -43,12 +46,24 @@ def road_half_round(layout: RoadLayout, name: str = "RoadHalfRound") -> Componen
 
     def profile(c: Component) -> HalfRound:
         return HalfRound(
-            c.parameter("height", 0.2032, "m", "height of the half-round, its radius", min=0.001, max=1.0, source="8 in, as proving grounds have"),
+            c.parameter(
+                "height",
+                0.2032,
+                "m",
+                "height of the half-round, its radius",
+                min=0.001,
+                max=1.0,
+                source="8 in, as proving grounds have",
+            ),
             c.parameter("position", POSITION, "m", "where its middle is", min=-1e4, max=1e4, source="own"),
             c.constant("behind", BEHIND, "m", "road behind it", source="own"),
         )
 
     return road(
-        name, layout, profile, description="Half-round obstacle across the road", source="half-rounds of proving grounds",
+        name,
+        layout,
+        profile,
+        description="Half-round obstacle across the road",
+        source="half-rounds of proving grounds",
         stimulus_start=POSITION - 5.0,
-    )  # fmt: skip
+    )

@@ -1,4 +1,5 @@
-"""A half-round: the obstacle of mobility tests, a half cylinder that lies across the road, as a rolling wheel meets it."""
+"""A half-round: the obstacle of mobility tests, a half cylinder that lies across the road, as a rolling
+wheel meets it."""
 
 from __future__ import annotations
 
@@ -10,12 +11,15 @@ import casadi as ca
 
 @dataclass(frozen=True)
 class RolledHalfRound:
-    """Path of a disc of ``wheel`` [m] radius over a half cylinder of ``height`` [m] radius at ``place`` [m]: an arc about its axis."""
+    """Path of a disc of ``wheel`` [m] radius over a half cylinder of ``height`` [m] radius at ``place`` [m]: an arc
+    about its axis.
+    """
 
     height: Any
     wheel: Any
     place: Any
     behind: Any
+
     @property
     def end(self) -> Any:
         """[m]."""

@@ -109,8 +109,12 @@ def road_hole_bump(layout: RoadLayout, name: str = "RoadHoleBump") -> Component:
         lasting = f"{DURATION:g} s {at_speed}, which reproduces 004 Table 3"
         return _HoleBump(
             hole_start=length(
-                "hole.start", LEAD, "where the hole begins", f"{LEAD:g} s {at_speed} ahead of the front wheels at x = 0",
-                least=-1e5, ahead=front,
+                "hole.start",
+                LEAD,
+                "where the hole begins",
+                f"{LEAD:g} s {at_speed} ahead of the front wheels at x = 0",
+                least=-1e5,
+                ahead=front,
             ),
             hole_length=length("hole.length", DURATION, "length of the hole", lasting),
             hole_depth=size("hole.depth", "depth of the hole, 0 for none"),
@@ -119,12 +123,18 @@ def road_hole_bump(layout: RoadLayout, name: str = "RoadHoleBump") -> Component:
             bump_height=size("bump.height", "height of the bump, 0 for none"),
             shape=choice("shape", "shape of hole and bump: 0 haversine, 1 half sine, 2 triangle, 3 step", STEP),
             edge=c.parameter(
-                "step.edge", 0.1, "m", "length of each edge of a step", min=1e-3, max=1e5, display_unit="mm",
+                "step.edge",
+                0.1,
+                "m",
+                "length of each edge of a step",
+                min=1e-3,
+                max=1e5,
+                display_unit="mm",
                 source="as of the curb road",
             ),
             side=choice("side", "where hole and bump are: 0 both sides, 1 left, 2 right", RIGHT),
             end=c.parameter("length", 200.0, "m", "length of the road", min=1.0, max=1e6, source="assumed"),
-        )  # fmt: skip
+        )
 
     return road(
         name,
@@ -133,11 +143,15 @@ def road_hole_bump(layout: RoadLayout, name: str = "RoadHoleBump") -> Component:
         description="Hole, flat stretch and bump, on both sides or one (paper 004)",
         source="004 numerical simulation: hole followed by a bump; lengths found from its Table 3",
         notes=(
-            "A step is a ramp of step.edge metres up and another one down, so that height, slope and rate agree; 1 mm is "
-            "the shortest. An edge longer than half of the hole or bump makes a triangle of it.",
-            "hole.start counts from x = 0. With its default, and x of the CG running from 0 at 75 km/h, the front wheels "
-            "enter the hole at 0.12 s and the bump at 0.32 s (SpeedProfile: start.x 0, start.speed 75 km/h). A negative "
-            "depth or height turns a hole into a bump and the other way round.",
+            (
+                "A step is a ramp of step.edge metres up and another one down, so that height, slope and rate agree; 1"
+                " mm is the shortest. An edge longer than half of the hole or bump makes a triangle of it."
+            ),
+            (
+                "hole.start counts from x = 0. With its default, and x of the CG running from 0 at 75 km/h, the front"
+                " wheels enter the hole at 0.12 s and the bump at 0.32 s (SpeedProfile: start.x 0, start.speed 75"
+                " km/h). A negative depth or height turns a hole into a bump and the other way round."
+            ),
         ),
         stimulus_start=2.0,
     )

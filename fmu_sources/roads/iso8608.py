@@ -40,7 +40,9 @@ def track_correlation(n: Any, track: float, decay: float = DECAY) -> Any:
 
 
 def sum_of_waves(waves: np.ndarray) -> np.ndarray:
-    """Heights over one period, of 2 (m + 1) points, of waves (m,): complex amplitudes, the k-th with k + 1 waves in the period."""
+    """Heights over one period, of 2 (m + 1) points, of waves (m,): complex amplitudes, the k-th with k + 1 waves in the
+    period.
+    """
     count = 2 * (len(waves) + 1)
     return np.asarray(np.fft.irfft(np.concatenate([[0], count / 2 * waves, [0]]), count))
 
@@ -96,17 +98,33 @@ def road_iso8608(
 
     def profile(c: Component) -> Profile:
         number = c.parameter(
-            "class", roughness, None, "class of ISO 8608: 0 A, 1 B, 2 C ... 7 H", min=0, max=len(CLASSES) - 1, source="ISO 8608",
-        )  # fmt: skip
+            "class",
+            roughness,
+            None,
+            "class of ISO 8608: 0 A, 1 B, 2 C ... 7 H",
+            min=0,
+            max=len(CLASSES) - 1,
+            source="ISO 8608",
+        )
         flat = c.parameter("flat", 10.0, "m", "flat stretch at the start", min=0.0, max=LENGTH, source="assumed")
         ramp = c.parameter(
-            "ramp", 20.0, "m", "stretch behind it over which the heights grow to full size", min=0.0, max=LENGTH,
+            "ramp",
+            20.0,
+            "m",
+            "stretch behind it over which the heights grow to full size",
+            min=0.0,
+            max=LENGTH,
             source="assumed",
-        )  # fmt: skip
+        )
         offset = c.parameter(
-            "offset", 0.0, "m", "position on the profile where this road starts", min=0.0, max=LENGTH - 10.0,
+            "offset",
+            0.0,
+            "m",
+            "position on the profile where this road starts",
+            min=0.0,
+            max=LENGTH - 10.0,
             source="own",
-        )  # fmt: skip
+        )
         tabled = node_heights(c, table)
         step = c.constant("node.step", STEP, "m", "distance between nodes", source="own")
         least = c.constant("least.ramp", 1e-6, "m", "by which at least the way on the ramp is divided", source="own")
@@ -126,15 +144,21 @@ def road_iso8608(
         source="ISO 8608: spectrum and geometric means of the classes; what left and right share is assumed",
         symbols=ca.MX,
         notes=(
-            f"Heights are sums of waves {1 / HIGHEST:.2f} to {1 / LOWEST:.0f} m long with random phases and the spectrum "
-            f"Gd(n) = Gd(0.1) (n / 0.1)^-2 (n in cycles/m), Gd(0.1) = {CLASS_A * 1e6:g}e-6 m3 times 4 to the power class, "
-            "held at nodes 0.05 m apart. Linear interpolation between them takes 7 % of the height of the very shortest "
-            "waves, less than 1 % of those above 1 m.",
-            f"Left and right: cross spectrum / Gd = exp(-{decay:g} track n), here with a track of {track:g} m; long waves "
-            "lift both sides, short ones each side by itself. ISO 8608 gives no such number: it is assumed.",
-            f"Another class is the same profile at another scale. Another seed is another FMU (road_iso8608(seed=...)); "
-            f"without building, offset starts the run elsewhere on these {LENGTH:g} m: stretches that do not overlap are "
-            "as good as independent.",
+            (
+                f"Heights are sums of waves {1 / HIGHEST:.2f} to {1 / LOWEST:.0f} m long with random phases and the"
+                f" spectrum Gd(n) = Gd(0.1) (n / 0.1)^-2 (n in cycles/m), Gd(0.1) = {CLASS_A * 1e6:g}e-6 m3 times 4 to"
+                " the power class, held at nodes 0.05 m apart. Linear interpolation between them takes 7 % of the"
+                " height of the very shortest waves, less than 1 % of those above 1 m."
+            ),
+            (
+                f"Left and right: cross spectrum / Gd = exp(-{decay:g} track n), here with a track of {track:g} m; long"
+                " waves lift both sides, short ones each side by itself. ISO 8608 gives no such number: it is assumed."
+            ),
+            (
+                "Another class is the same profile at another scale. Another seed is another FMU"
+                f" (road_iso8608(seed=...)); without building, offset starts the run elsewhere on these {LENGTH:g} m:"
+                " stretches that do not overlap are as good as independent."
+            ),
             *(smoothed if contact else ()),
             "The road is flat for the first flat metres, then grows over ramp metres, so that a run starts at rest.",
         ),

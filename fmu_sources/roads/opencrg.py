@@ -1,8 +1,9 @@
-"""Heights of two wheel tracks from an OpenCRG file, read and evaluated by pyopencrg: binary (KRBI, KDBI) and ASCII (LRFI, LDFI).
+"""Heights of two wheel tracks from an OpenCRG file, read and evaluated by pyopencrg: binary (KRBI, KDBI) and ASCII
+(LRFI, LDFI).
 
-Slope and banking of the reference line and the file's own modifiers count. Its heading does not matter here: distance is
-measured along the reference line, on which the car drives. What is done here is to refuse what the library would pass over
-or guess, and to say where in the file it stands.
+Slope and banking of the reference line and the file's own modifiers count. Its heading does not matter here: distance
+is measured along the reference line, on which the car drives. What is done here is to refuse what the library would
+pass over or guess, and to say where in the file it stands.
 """
 
 from __future__ import annotations
@@ -29,8 +30,8 @@ _GUESSED = ("cannot read", "badly written")  # how warnings of the library begin
 def read_opencrg(path: Path, *, left: float, right: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Distance [m] along the reference line, and heights [m] at the lateral positions ``left`` and ``right`` [m].
 
-    Heights are those of the road that the file describes: grid, slope and banking, with the modifiers that it holds. Missing
-    values are filled only where the file says how (``GRID_NAN_MODE``).
+    Heights are those of the road that the file describes: grid, slope and banking, with the modifiers that it holds.
+    Missing values are filled only where the file says how (``GRID_NAN_MODE``).
 
     Raises:
         RoadError: naming the file, the cross-section or line, and what is wrong.
@@ -75,7 +76,9 @@ def _referred(path: Path, block: list[str]) -> Path:
 def _check_header(path: Path, header: Any) -> None:
     """What must be in a header for the library not to guess."""
     if not header.kd_def:
-        raise RoadError(f"{path}: no channels ('D:' in $KD_DEFINITION, before the line '$$$$'); this is not an OpenCRG file")
+        raise RoadError(
+            f"{path}: no channels ('D:' in $KD_DEFINITION, before the line '$$$$'); this is not an OpenCRG file"
+        )
     if header.fmt not in (*_BINARY, *_ASCII):
         raise RoadError(f"{path}: data format {header.fmt!r}; it must be one of {', '.join((*_BINARY, *_ASCII))}")
     head = _numbers(path, header.struct)
@@ -86,19 +89,28 @@ def _check_header(path: Path, header: Any) -> None:
     if len(set(positions)) < len(positions):
         raise RoadError(f"{path}: two long sections have the same lateral position")
     if len(sections) < 2:
-        raise RoadError(f"{path}: fewer than two 'D:long section' channels; a road surface needs a left and a right side")
+        raise RoadError(
+            f"{path}: fewer than two 'D:long section' channels; a road surface needs a left and a right side"
+        )
     given = {"LONG_SECTION_V_INCREMENT", "LONG_SECTION_V_LEFT"} & head.keys()
     if len(placed) < len(sections) and not ("LONG_SECTION_V_RIGHT" in head and given):
-        raise RoadError(f"{path}: LONG_SECTION_V_RIGHT and LONG_SECTION_V_INCREMENT are needed for numbered long sections")
+        raise RoadError(
+            f"{path}: LONG_SECTION_V_RIGHT and LONG_SECTION_V_INCREMENT are needed for numbered long sections"
+        )
     _check_sides(path, head, positions, len(sections))
 
 
 def _check_sides(path: Path, head: dict[str, float], positions: list[float], sections: int) -> None:
-    """What the header says of the positions across, which count from right to left, fits together: else the sides may be swapped."""
+    """What the header says of the positions across, which count from right to left, fits together: else the sides may
+    be swapped.
+    """
     right, left, apart = (head.get(f"LONG_SECTION_V_{n}") for n in ("RIGHT", "LEFT", "INCREMENT"))
     swapped = "v counts to the left, so left and right are swapped"
     if right is not None and left is not None and right >= left:
-        raise RoadError(f"{path}: LONG_SECTION_V_RIGHT = {right:g} m is not to the right of LONG_SECTION_V_LEFT = {left:g} m; {swapped}")
+        raise RoadError(
+            f"{path}: LONG_SECTION_V_RIGHT = {right:g} m is not to the right of LONG_SECTION_V_LEFT = {left:g} m;"
+            f" {swapped}"
+        )
     if apart is not None and apart <= 0:
         raise RoadError(f"{path}: LONG_SECTION_V_INCREMENT = {apart:g} m is not above 0; {swapped}")
     first, last = right, left
@@ -109,7 +121,9 @@ def _check_sides(path: Path, head: dict[str, float], positions: list[float], sec
     for name, told, found in (("RIGHT", right, first), ("LEFT", left, last)):
         if told is not None and found is not None and abs(told - found) > _CLOSE:
             where = f"the outermost of {sections} long sections is at {found:g} m"
-            raise RoadError(f"{path}: LONG_SECTION_V_{name} = {told:g} m, but {where}: which side is which cannot be told")
+            raise RoadError(
+                f"{path}: LONG_SECTION_V_{name} = {told:g} m, but {where}: which side is which cannot be told"
+            )
 
 
 def _numbers(path: Path, lines: list[str]) -> dict[str, float]:
@@ -136,7 +150,8 @@ def _cross_sections(head: dict[str, float]) -> int | None:
 
 
 def _check_data(path: Path, header: Any) -> None:
-    """The data are whole cross-sections, as many as announced, and all of them numbers, `*` or NaN for what is missing."""
+    """The data are whole cross-sections, as many as announced, and all of them numbers, `*` or NaN for
+    what is missing."""
     channels = len(header.kd_def)
     announced = _cross_sections(_numbers(path, header.struct))
     binary = header.fmt in _BINARY
@@ -145,8 +160,8 @@ def _check_data(path: Path, header: Any) -> None:
         raise RoadError(f"{path}: {found} cross-section(s); a road needs at least two")
     if announced is not None and found != announced:
         raise RoadError(
-            f"{path}: {found} cross-sections of {channels} values, {announced} by REFERENCE_LINE_START_U, END_U and INCREMENT"
-            + (f": it is cut short after cross-section {found}" if found < announced else "")
+            f"{path}: {found} cross-sections of {channels} values, {announced} by REFERENCE_LINE_START_U, END_U and"
+            " INCREMENT" + (f": it is cut short after cross-section {found}" if found < announced else "")
         )
 
 
@@ -159,8 +174,8 @@ def _binary(path: Path, header: Any, channels: int, announced: int | None) -> in
     n, rest = divmod(len(data), size)
     if rest and data[-rest:].strip():  # white space at the end does no harm
         raise RoadError(
-            f"{path}: {len(data)} bytes of data are not whole values of {size} bytes ({header.fmt}): it is cut short in cross-section "
-            f"{n // channels + 1}, or was changed as text"
+            f"{path}: {len(data)} bytes of data are not whole values of {size} bytes ({header.fmt}): it is cut short in"
+            f" cross-section {n // channels + 1}, or was changed as text"
         )
     values = np.frombuffer(data, dtype=f">f{size}", count=n)
     infinite = np.flatnonzero(np.isinf(values))
@@ -170,7 +185,10 @@ def _binary(path: Path, header: Any, channels: int, announced: int | None) -> in
         filled = np.flatnonzero(~np.isnan(values))
         announced = -(-(int(filled[-1]) + 1) // channels) if filled.size else 0
         if announced * channels > n:
-            raise RoadError(f"{path}: cross-section {announced} is cut short, at value {n - (announced - 1) * channels} of {channels}")
+            raise RoadError(
+                f"{path}: cross-section {announced} is cut short, at value {n - (announced - 1) * channels} of"
+                f" {channels}"
+            )
     more = np.flatnonzero(~np.isnan(values[announced * channels :]))
     if more.size:
         return announced + int(more[-1]) // channels + 1
@@ -196,7 +214,8 @@ def _ascii(path: Path, header: Any, channels: int) -> int:
                 _number(cell, where)
     if len(lines) % per_record:
         raise RoadError(
-            f"{path}: {len(lines)} lines of data, {per_record} per cross-section: it is cut short in cross-section {len(lines) // per_record + 1}"
+            f"{path}: {len(lines)} lines of data, {per_record} per cross-section: it is cut short in cross-section"
+            f" {len(lines) // per_record + 1}"
         )
     return len(lines) // per_record
 
@@ -239,5 +258,3 @@ def _tracks(path: Path, road: Any, left: float, right: float) -> tuple[np.ndarra
             check_length(float(heights[worst]), f"{path}: cross-section {worst + 1}: the height {at:g} m across")
             tracks.append(heights)
     return distance, tracks[0], tracks[1]
-
-

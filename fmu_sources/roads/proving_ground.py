@@ -41,9 +41,12 @@ class _Chosen:
 
 
 def road_proving_ground(layout: RoadLayout, name: str = "RoadProvingGround", *, radius: float) -> Component:
-    """The synthetic RMS courses and a half-round under wheels of ``radius`` [m], or with 0 as they are, for tires that envelop; see
-    :mod:`~fmu_sources.roads.rms_course`."""
-    track = np.mean([w.y for w in layout.wheels if w.side == "left"]) - np.mean([w.y for w in layout.wheels if w.side == "right"])
+    """The synthetic RMS courses and a half-round under wheels of ``radius`` [m], or with 0 as they are, for tires that
+    envelop; see :mod:`~fmu_sources.roads.rms_course`.
+    """
+    track = np.mean([w.y for w in layout.wheels if w.side == "left"]) - np.mean(
+        [w.y for w in layout.wheels if w.side == "right"]
+    )
     tables: dict[str, list[np.ndarray]] = {"left": [], "right": []}
     for course in COURSES:
         for seed in range(1, SEEDS + 1):
@@ -54,19 +57,37 @@ def road_proving_ground(layout: RoadLayout, name: str = "RoadProvingGround", *, 
     def chosen(c: Component) -> _Chosen:
         names = ", ".join(f"{i} {n} rms" for i, n in enumerate(COURSES))
         course = c.parameter(
-            "course", 0, None, f"course: {names}, {HALF_ROUND} half-round", min=0, max=HALF_ROUND, source="names of the measured courses",
-        )  # fmt: skip
+            "course",
+            0,
+            None,
+            f"course: {names}, {HALF_ROUND} half-round",
+            min=0,
+            max=HALF_ROUND,
+            source="names of the measured courses",
+        )
         seed = c.parameter("seed", 1, None, "which of the random profiles", min=1, max=SEEDS, source="own")
-        alike = c.parameter("alike", True, None, "left and right are the same, as on the measured courses", source="as measured")
-        size = c.parameter("half_round.height", 0.2032, "m", "height of the half-round, its radius", min=0.001, max=1.0, source="8 in")
-        wheel = c.constant("wheel.radius", radius, "m", "radius of the wheels", source="build option") if radius else None
+        alike = c.parameter(
+            "alike", True, None, "left and right are the same, as on the measured courses", source="as measured"
+        )
+        size = c.parameter(
+            "half_round.height", 0.2032, "m", "height of the half-round, its radius", min=0.001, max=1.0, source="8 in"
+        )
+        wheel = (
+            c.constant("wheel.radius", radius, "m", "radius of the wheels", source="build option") if radius else None
+        )
         place = (
             c.parameter("half_round.position", POSITION, "m", "where its middle is", min=-1e4, max=1e4, source="own"),
             c.constant("behind", BEHIND, "m", "level road behind it", source="own"),
         )
         obstacle = HalfRound(size, *place) if wheel is None else RolledHalfRound(size, wheel, *place)
         held = {
-            side: c.constant(f"heights.{side}", np.concatenate(found) + 0.0, "m", f"heights of the {side} track", source="fitted spectrum")
+            side: c.constant(
+                f"heights.{side}",
+                np.concatenate(found) + 0.0,
+                "m",
+                f"heights of the {side} track",
+                source="fitted spectrum",
+            )
             for side, found in tables.items()
         }
         first = (ca.fmin(course, HALF_ROUND - 1) * SEEDS + seed - 1) * nodes
@@ -86,18 +107,27 @@ def road_proving_ground(layout: RoadLayout, name: str = "RoadProvingGround", *, 
         source="rms and spectrum fitted to measured RMS courses of a proving ground in Michigan; Gaussian",
         symbols=ca.MX,
         notes=(
-            f"RMS courses run from 0 to {LENGTH:g} m, level before and behind with {RAMP:g} m of ramp: {', '.join(COURSES)} with {rms} mm, the "
-            "detrended rms and fitted spectrum of the measured courses of these names. Heights are Gaussian; the measured 1in course has single "
-            "bumps besides.",
-            "The half-round is a half cylinder across the road, its height its radius; the road is level before and behind it.",
             (
-                f"Heights are those that a rigid wheel of {radius:g} m radius follows, which bridges waves shorter than itself and meets an obstacle "
-                "before its hub is there. rms and spectrum are those of the ground below it. A tire gives way at an edge and meets a little less."
-            )
-            if radius
-            else "Heights are those of the ground itself, for tires that envelop it.",
-            "alike: both sides are the same, as on the measured courses. Otherwise the correlation of the sides falls with wave number as "
-            f"exp(-2 track n), with a track of {track:g} m (assumed; it was not measured there), and cars roll.",
+                f"RMS courses run from 0 to {LENGTH:g} m, level before and behind with {RAMP:g} m of ramp:"
+                f" {', '.join(COURSES)} with {rms} mm, the detrended rms and fitted spectrum of the measured courses of"
+                " these names. Heights are Gaussian; the measured 1in course has single bumps besides."
+            ),
+            (
+                "The half-round is a half cylinder across the road, its height its radius; the road is level before and"
+                " behind it."
+            ),
+            (
+                f"Heights are those that a rigid wheel of {radius:g} m radius follows, which bridges waves shorter than"
+                " itself and meets an obstacle before its hub is there. rms and spectrum are those of the ground below"
+                " it. A tire gives way at an edge and meets a little less."
+                if radius
+                else "Heights are those of the ground itself, for tires that envelop it."
+            ),
+            (
+                "alike: both sides are the same, as on the measured courses. Otherwise the correlation of the sides"
+                f" falls with wave number as exp(-2 track n), with a track of {track:g} m (assumed; it was not measured"
+                " there), and cars roll."
+            ),
         ),
         stimulus_start=POSITION - 4.0,
     )

@@ -1,7 +1,7 @@
 """Random roads of ISO 8608 whose class, seed and length are parameters: each instance computes its own profile.
 
-The spectrum, and what left and right share, are those of :mod:`~fmu_sources.roads.iso8608`, whose roads are tables made when they are
-built. So a sweep over roads (``--vary road.seed=1:1000``) needs one FMU.
+The spectrum, and what left and right share, are those of :mod:`~fmu_sources.roads.iso8608`, whose roads are tables made
+when they are built. So a sweep over roads (``--vary road.seed=1:1000``) needs one FMU.
 """
 
 from __future__ import annotations
@@ -21,12 +21,18 @@ LENGTH, SHORTEST, LONGEST = 200.0, 1.0, 1600.0  # m
 
 
 def road_random(
-    layout: RoadLayout, name: str = "RoadRandom", *, roughness: int = 2, nodes: tuple[int, int] = NODES, decay: float = DECAY
+    layout: RoadLayout,
+    name: str = "RoadRandom",
+    *,
+    roughness: int = 2,
+    nodes: tuple[int, int] = NODES,
+    decay: float = DECAY,
 ) -> Component:
-    """Random road of ISO 8608: class (which starts at number ``roughness``, 0 for A), seed, length and more are parameters.
+    """Random road of ISO 8608: class (which starts at number ``roughness``, 0 for A), seed, length and more are
+    parameters.
 
-    ``nodes`` bounds the memory of an instance, 16 bytes for each of the larger number, and with it the length. ``decay``: start
-    value of how fast what both tracks share falls with wave number.
+    ``nodes`` bounds the memory of an instance, 16 bytes for each of the larger number, and with it the length.
+    ``decay``: start value of how fast what both tracks share falls with wave number.
     """
     sides = [[w.y for w in layout.wheels if w.side == side] for side in ("left", "right")]
     width = float(np.mean(sides[0]) - np.mean(sides[1])) if all(sides) else 0.0
@@ -34,8 +40,14 @@ def road_random(
 
     def profile(c: Component) -> Profile:
         number = c.parameter(
-            "class", roughness, None, "class of ISO 8608: 0 A, 1 B, 2 C ... 7 H", min=0, max=len(CLASSES) - 1, source="ISO 8608",
-        )  # fmt: skip
+            "class",
+            roughness,
+            None,
+            "class of ISO 8608: 0 A, 1 B, 2 C ... 7 H",
+            min=0,
+            max=len(CLASSES) - 1,
+            source="ISO 8608",
+        )
         seed = c.parameter("seed", 1, None, "which road", min=0, max=2**31 - 1, source="option")
 
         def stretch(name: str, start: float, text: str, *, least: float = 0.0) -> Any:
@@ -45,12 +57,25 @@ def road_random(
         flat = stretch("flat", 10.0, "flat stretch at the start")
         ramp = stretch("ramp", 20.0, "stretch behind it over which the heights grow to full size")
         fall = c.parameter(
-            "decay", decay, "1", "how fast what left and right share falls with wave number: exp(-decay track n)", min=0.0, max=1e3,
+            "decay",
+            decay,
+            "1",
+            "how fast what left and right share falls with wave number: exp(-decay track n)",
+            min=0.0,
+            max=1e3,
             source="assumed",
-        )  # fmt: skip
-        track = c.parameter("track", width, "m", "distance between left and right", min=0.0, max=50.0, source="vehicle file")
+        )
+        track = c.parameter(
+            "track", width, "m", "distance between left and right", min=0.0, max=50.0, source="vehicle file"
+        )
         contact = c.parameter(
-            "contact", 0.0, "m", "length over which tires average the heights, 0 for none", min=0.0, max=10.0, source="assumed"
+            "contact",
+            0.0,
+            "m",
+            "length over which tires average the heights, 0 for none",
+            min=0.0,
+            max=10.0,
+            source="assumed",
         )
         level = c.constant("level", CLASS_A, "m3", "Gd(n0) of class A", source="ISO 8608")
         reference = c.constant("reference", REFERENCE_WAVE_NUMBER, "1/m", "wave number n0", source="ISO 8608")
@@ -82,15 +107,24 @@ def road_random(
         source="ISO 8608: spectrum and geometric means of the classes; what left and right share is assumed",
         symbols=ca.MX,
         notes=(
-            f"Heights are sums of waves {1 / HIGHEST:.2f} to {1 / LOWEST:.0f} m long with random phases and the spectrum Gd(n) = Gd(0.1) "
-            f"(n / 0.1)^-2 (n in cycles/m), Gd(0.1) = {CLASS_A * 1e6:g}e-6 m3 times 4 to the power class, held at nodes {STEP:g} m apart; "
-            "waves are multiples of 1 / period apart, and the period is the first of 205, 410, 819, 1638 m that covers the length. So "
-            "another length can be another road of the same seed.",
-            "Each instance computes its profile when it is initialized, and again when a parameter was changed before the start: half a "
-            "millisecond for 200 m, six for 1600 m. Whole numbers make the phases (SplitMix64), and the FMU's own mathematics the rest, "
-            "so a seed is the same road on every platform. A saved state has the parameters, not the profile, which follows from them.",
-            f"Left and right: cross spectrum / Gd = exp(-decay track n), here with a track of {width:g} m; long waves lift both sides, "
-            "short ones each side by itself. ISO 8608 gives no such number: it is assumed. contact takes means over that length.",
+            (
+                f"Heights are sums of waves {1 / HIGHEST:.2f} to {1 / LOWEST:.0f} m long with random phases and the"
+                f" spectrum Gd(n) = Gd(0.1) (n / 0.1)^-2 (n in cycles/m), Gd(0.1) = {CLASS_A * 1e6:g}e-6 m3 times 4 to"
+                f" the power class, held at nodes {STEP:g} m apart; waves are multiples of 1 / period apart, and the"
+                " period is the first of 205, 410, 819, 1638 m that covers the length. So another length can be"
+                " another road of the same seed."
+            ),
+            (
+                "Each instance computes its profile when it is initialized, and again when a parameter was changed"
+                " before the start: half a millisecond for 200 m, six for 1600 m. Whole numbers make the phases"
+                " (SplitMix64), and the FMU's own mathematics the rest, so a seed is the same road on every platform. A"
+                " saved state has the parameters, not the profile, which follows from them."
+            ),
+            (
+                f"Left and right: cross spectrum / Gd = exp(-decay track n), here with a track of {width:g} m; long"
+                " waves lift both sides, short ones each side by itself. ISO 8608 gives no such number: it is assumed."
+                " contact takes means over that length."
+            ),
             "The road is flat for the first flat metres, then grows over ramp metres, so that a run starts at rest.",
         ),
         stimulus_start=40.0,

@@ -94,20 +94,23 @@ def road(
     stimulus_start: float = 27.0,
 ) -> Component:
     """A road under the wheels of ``layout``. ``profile`` declares the road's own parameters and gives its heights."""
-    c = Component(
-        name, kind="discrete", sample_time=1e-3, description=description, source=source, symbols=symbols
-    )  # fmt: skip
+    c = Component(name, kind="discrete", sample_time=1e-3, description=description, source=source, symbols=symbols)
     shape = profile(c)
     if isinstance(shape, Profile):
         shape = shape.declared(c)
     c.notes = (*notes, shape.note, *_NOTES)
     position = {
         w.corner: c.parameter(
-            f"wheel.{w.corner}.x", w.x, "m", f"position of the {w.corner} wheel ahead of the CG", min=-50.0, max=50.0,
+            f"wheel.{w.corner}.x",
+            w.x,
+            "m",
+            f"position of the {w.corner} wheel ahead of the CG",
+            min=-50.0,
+            max=50.0,
             source="vehicle file",
         )
         for w in layout.wheels
-    }  # fmt: skip
+    }
     x = c.input("x", "m", "distance of the CG along the road")
     speed = c.input("speed", "m/s", "forward speed", display_unit="km/h")
 
@@ -141,7 +144,10 @@ def road(
     if layout.contact is not None:
         for corner, heights in touched.items():
             c.output(
-                f"contact.{corner}", heights, "m", f"heights along the {corner} tire, contact.step apart, above road.{corner}.height"
+                f"contact.{corner}",
+                heights,
+                "m",
+                f"heights along the {corner} tire, contact.step apart, above road.{corner}.height",
             )
         c.output("contact.step", layout.contact.step, "m", "distance between heights of contact.*", display_unit="mm")
         c.notes = (*c.notes, _CONTACT_NOTE)
@@ -152,7 +158,10 @@ def road(
         scanned = x + first + places
         for side in ("left", "right"):
             c.output(
-                f"scan.{side}", _surface(shape, scanned, side), "m", f"height of the surface of the {side} track, scan.step apart"
+                f"scan.{side}",
+                _surface(shape, scanned, side),
+                "m",
+                f"height of the surface of the {side} track, scan.step apart",
             )
         c.output("scan.start", scan.start, "m", "distance of the first height of scan.* ahead of the CG")
         c.output("scan.step", scan.step, "m", "distance between heights of scan.*")
@@ -168,10 +177,14 @@ def road(
 def _contact(
     c: Component, contact: RoadContact, shape: Shape, x: Any, position: dict[str, Any], common: Callable[..., Any]
 ) -> tuple[dict[str, Any], dict[str, tuple[Any, Any]]]:
-    """By corner, the heights [m] along the tire above that under the wheel; height under the wheel [m], and slope over the next metres."""
+    """By corner, the heights [m] along the tire above that under the wheel; height under the wheel [m], and slope over
+    the next metres.
+    """
     offsets = (np.arange(contact.count) - contact.count // 2) * contact.step
     places = c.constant("contact.places", offsets, "m", "heights along a tire", source="road layout")
-    base = c.constant("contact.slope_base", contact.slope_base, "m", "length that the slope is taken over", source="road layout")
+    base = c.constant(
+        "contact.slope_base", contact.slope_base, "m", "length that the slope is taken over", source="road layout"
+    )
     heights = common(lambda w: (_surface(shape, x + position[w.corner] + places, w.side),))
     ahead = common(lambda w: (_surface(shape, x + position[w.corner] + base, w.side),))
     below = {corner: found[contact.count // 2] for corner, (found,) in heights.items()}
@@ -188,16 +201,21 @@ def _surface(shape: Shape, x: Any, side: str) -> Any:
 
 
 _CONTACT_NOTE = (
-    "contact.* are what tires touch that envelop short obstacles: heights of the surface along each tire, contact.step apart, the middle one under the "
-    "wheel centre, counted from there. Under such wheels road.*.slope is that over the next 50 mm."
+    "contact.* are what tires touch that envelop short obstacles: heights of the surface along each tire, contact.step"
+    " apart, the middle one under the wheel centre, counted from there. Under such wheels road.*.slope is that over the"
+    " next 50 mm."
 )
 _SCAN_NOTE = (
-    "scan.* is what range sensors may hit: heights of the surface of both tracks at fixed distances ahead of the CG, not "
-    "averaged over the contact of a tire. SensorSuite casts its beams against them."
+    "scan.* is what range sensors may hit: heights of the surface of both tracks at fixed distances ahead of the CG,"
+    " not averaged over the contact of a tire. SensorSuite casts its beams against them."
 )
 _NOTES = (
-    "The road has no memory: its outputs at t follow from x and speed at t. preview.* are the heights each wheel will "
-    "meet if the speed stays: index 1 is under the wheel now, each further one preview.step later.",
-    "Wiring: x and speed come from the vehicle; road.* goes to the inputs of the same name of the vehicle, preview.* "
-    "and road.*.height to a controller. The wheel positions must be those of the vehicle.",
+    (
+        "The road has no memory: its outputs at t follow from x and speed at t. preview.* are the heights each wheel"
+        " will meet if the speed stays: index 1 is under the wheel now, each further one preview.step later."
+    ),
+    (
+        "Wiring: x and speed come from the vehicle; road.* goes to the inputs of the same name of the vehicle,"
+        " preview.* and road.*.height to a controller. The wheel positions must be those of the vehicle."
+    ),
 )

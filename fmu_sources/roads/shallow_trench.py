@@ -1,4 +1,6 @@
-"""A trench too shallow to catch a wheel, with rounded edges, given by formulas: exact at every position (paper 003, 5.3)."""
+"""A trench too shallow to catch a wheel, with rounded edges, given by formulas: exact at every position (paper 003,
+5.3).
+"""
 
 from __future__ import annotations
 
@@ -28,8 +30,8 @@ class _Trench:
     end: Any
 
     note = (
-        "Heights and slopes are exact at every position; there are no nodes. Beyond its end the road is held at its last "
-        "height."
+        "Heights and slopes are exact at every position; there are no nodes. Beyond its end the road is held at its"
+        " last height."
     )
 
     def at(self, x: Any, side: str) -> tuple[Any, Any]:
@@ -54,16 +56,27 @@ def road_shallow_trench(layout: RoadLayout, name: str = "RoadShallowTrench") -> 
             start=length("trench.start", START, "where the trench begins, at half its depth", "assumed", least=-1e5),
             length=length("trench.length", LENGTH, "length of the trench at half its depth", "003 Figure 5.4"),
             depth=c.parameter(
-                "trench.depth", DEPTH, "m", "depth of the trench, 0 for none", min=0.0, max=5.0, display_unit="mm",
+                "trench.depth",
+                DEPTH,
+                "m",
+                "depth of the trench, 0 for none",
+                min=0.0,
+                max=5.0,
+                display_unit="mm",
                 source="003 Table 5.1",
             ),
             edge=length("trench.edge", EDGE, "length over which an edge is rounded: the scale of its tanh", "assumed"),
             side=c.parameter(
-                "side", 0, None, "where the trench is: 0 both sides, 1 left, 2 right", min=0, max=RIGHT,
+                "side",
+                0,
+                None,
+                "where the trench is: 0 both sides, 1 left, 2 right",
+                min=0,
+                max=RIGHT,
                 source="003: across the road",
             ),
             end=length("length", 200.0, "length of the road", "assumed", least=1.0),
-        )  # fmt: skip
+        )
 
     return road(
         name,
@@ -72,10 +85,14 @@ def road_shallow_trench(layout: RoadLayout, name: str = "RoadShallowTrench") -> 
         description="Shallow trench with rounded edges, on both sides or one (paper 003)",
         source="003 section 5.3, Figure 5.4, Table 5.1; rounding assumed",
         notes=(
-            "An edge falls by 76 % of the depth within trench.edge to either side of its middle. An edge longer than about "
-            "a third of the trench leaves less than the whole depth in the middle.",
-            "The published runs are 0.15 and 0.25 m deep at 5, 10 and 20 km/h. trench.start counts from x = 0 of the CG, "
-            "so the first axle is on the edge when x is trench.start less that wheel's position.",
+            (
+                "An edge falls by 76 % of the depth within trench.edge to either side of its middle. An edge longer"
+                " than about a third of the trench leaves less than the whole depth in the middle."
+            ),
+            (
+                "The published runs are 0.15 and 0.25 m deep at 5, 10 and 20 km/h. trench.start counts from x = 0 of"
+                " the CG, so the first axle is on the edge when x is trench.start less that wheel's position."
+            ),
         ),
         stimulus_start=2.0,
     )

@@ -9,8 +9,9 @@ from fmu_sources.plants.free_body import MAX_SPEED
 
 
 def speed_command(name: str = "SpeedCommand") -> Component:
-    """A driver's foot: the speed goes to the target as fast as the limits let it; distance by the trapezoidal rule, which is exact for
-    it."""
+    """A driver's foot: the speed goes to the target as fast as the limits let it; distance by the trapezoidal rule,
+    which is exact for it.
+    """
     c = Component(
         name,
         kind="discrete",
@@ -18,13 +19,24 @@ def speed_command(name: str = "SpeedCommand") -> Component:
         description="Speed that follows a command with limited acceleration, with travelled distance",
         source="own",
         notes=(
-            "speed begins at the first target.speed, then follows it, by at most acceleration.max where it grows and deceleration.max "
-            "where it falls. x is its integral from start.x on.",
-            "Wiring: as SpeedProfile, for runs whose speed is decided while they run: by a person, a page, a controller.",
+            (
+                "speed begins at the first target.speed, then follows it, by at most acceleration.max where it grows"
+                " and deceleration.max where it falls. x is its integral from start.x on."
+            ),
+            (
+                "Wiring: as SpeedProfile, for runs whose speed is decided while they run: by a person, a page, a"
+                " controller."
+            ),
         ),
     )
     target = c.input(
-        "target.speed", "m/s", "speed that is asked for; its first value is the start speed", start=50.0 / 3.6, min=0.0, max=MAX_SPEED, display_unit="km/h"
+        "target.speed",
+        "m/s",
+        "speed that is asked for; its first value is the start speed",
+        start=50.0 / 3.6,
+        min=0.0,
+        max=MAX_SPEED,
+        display_unit="km/h",
     )
     start_x = c.parameter("start.x", 5.0, "m", "distance at time 0", min=-1e6, max=1e6, source="assumed")
     faster = c.parameter(

@@ -24,13 +24,25 @@ def speed_profile(name: str = "SpeedProfile") -> Component:
         ),
     )
     start = c.parameter(
-        "start.speed", 50.0 / 3.6, "m/s", "speed before the ramp", min=0.0, max=MAX_SPEED, display_unit="km/h",
+        "start.speed",
+        50.0 / 3.6,
+        "m/s",
+        "speed before the ramp",
+        min=0.0,
+        max=MAX_SPEED,
+        display_unit="km/h",
         source="assumed; as in 000 Figures 8 and 10",
-    )  # fmt: skip
+    )
     change = c.parameter(
-        "ramp.change", 0.0, "m/s", "speed gained in the ramp", min=-MAX_SPEED, max=MAX_SPEED, display_unit="km/h",
+        "ramp.change",
+        0.0,
+        "m/s",
+        "speed gained in the ramp",
+        min=-MAX_SPEED,
+        max=MAX_SPEED,
+        display_unit="km/h",
         source="option",
-    )  # fmt: skip
+    )
     begin = c.parameter("ramp.start", 0.0, "s", "time at which the ramp starts", min=0.0, max=1e6, source="option")
     duration = c.parameter("ramp.duration", 0.0, "s", "duration of the ramp", min=0.0, max=1e6, source="option")
     start_x = c.parameter("start.x", 5.0, "m", "distance at time 0", min=-1e6, max=1e6, source="assumed")

@@ -31,9 +31,12 @@ def road_sine(layout: RoadLayout, name: str = "RoadSine") -> Component:
         return Profile(height, last, step, alike=True)
 
     return road(
-        name, layout, profile, description="Sine road of paper 000: 30 m flat, then waves 10 m long and +-0.1 m high",
+        name,
+        layout,
+        profile,
+        description="Sine road of paper 000: 30 m flat, then waves 10 m long and +-0.1 m high",
         source="000 road profiles, figure 3",
-    )  # fmt: skip
+    )
 
 
 def road_curb(layout: RoadLayout, name: str = "RoadCurb") -> Component:
@@ -53,9 +56,12 @@ def road_curb(layout: RoadLayout, name: str = "RoadCurb") -> Component:
         return Profile(height, last, step, alike=True)
 
     return road(
-        name, layout, profile, description="Curb road of paper 000: 30 m flat, 0.1 m up, 10 m level, 0.1 m down",
+        name,
+        layout,
+        profile,
+        description="Curb road of paper 000: 30 m flat, 0.1 m up, 10 m level, 0.1 m down",
         source="000 road profiles, figure 4",
-    )  # fmt: skip
+    )
 
 
 def _flat_last_and_step(c: Component) -> tuple[Any, Any, Any]:

@@ -30,10 +30,11 @@ _HEADER = "distance [m],left [m],right [m]"
 def road_from_file(path: Path | str, layout: RoadLayout, name: str = "RoadUser", *, radius: float = 0.0) -> Component:
     """A road from a CSV file with the columns ``distance [m],left [m],right [m]``, or from an OpenCRG file (``.crg``).
 
-    Comma or semicolon separate; with semicolons a decimal comma is understood. Each column has its unit. Distances must increase. Equidistant
-    points are used as they are, others are sampled at their smallest spacing, see :meth:`HeightTable.resampled`, which may be 1 m. From
-    OpenCRG the tracks of the layout's wheels are sampled. Heights are shifted so that the road starts at 0 (mean of
-    both tracks). With a ``radius`` [m] they are those that a rigid wheel follows, see :func:`fmu_sources.roads.enveloping.rolled`.
+    Comma or semicolon separate; with semicolons a decimal comma is understood. Each column has its unit. Distances must
+    increase. Equidistant points are used as they are, others are sampled at their smallest spacing, see
+    :meth:`HeightTable.resampled`, which may be 1 m. From OpenCRG the tracks of the layout's wheels are sampled. Heights
+    are shifted so that the road starts at 0 (mean of both tracks). With a ``radius`` [m] they are those that a rigid
+    wheel follows, see :func:`fmu_sources.roads.enveloping.rolled`.
 
     Raises:
         RoadError: naming the file, the line and what is wrong.
@@ -49,23 +50,32 @@ def road_from_file(path: Path | str, layout: RoadLayout, name: str = "RoadUser",
     table = HeightTable.resampled(distance, left - datum, right - datum)
     if table.step > _COARSEST * (1 + 1e-6):
         raise RoadError(
-            f"{path}: the heights are {table.step:.4g} m apart where they are closest, and a road needs them at most {_COARSEST:g} m apart: at a "
-            f"speed v it excites frequencies up to v / (2 x {table.step:.4g} m), {20 / (2 * table.step):.2g} Hz at 20 m/s, and wheels resonate "
-            "near 10 Hz. Give more heights; measured roads have one every 0.1 m or less"
+            f"{path}: the heights are {table.step:.4g} m apart where they are closest, and a road needs them at most"
+            f" {_COARSEST:g} m apart: at a speed v it excites frequencies up to v / (2 x {table.step:.4g} m),"
+            f" {20 / (2 * table.step):.2g} Hz at 20 m/s, and wheels resonate near 10 Hz. Give more heights; measured"
+            " roads have one every 0.1 m or less"
         )
     table = replace(table, left=rolled(table.left, table.step, radius), right=rolled(table.right, table.step, radius))
     return road_from_table(
-        table, layout, name, description=f"Road from the file {path.name}", source=f"file {path.name}",
+        table,
+        layout,
+        name,
+        description=f"Road from the file {path.name}",
+        source=f"file {path.name}",
         notes=(
-            f"Heights from the file {path.name}: {len(distance)} points over {distance[-1] - distance[0]:g} m, held "
-            f"every {table.step:g} m, which excites frequencies up to {0.5 / table.step:.3g} Hz for each m/s of speed, shifted by {-datum:g} m so that the road starts at height 0.",
+            (
+                f"Heights from the file {path.name}: {len(distance)} points over {distance[-1] - distance[0]:g} m, held"
+                f" every {table.step:g} m, which excites frequencies up to {0.5 / table.step:.3g} Hz for each m/s of"
+                f" speed, shifted by {-datum:g} m so that the road starts at height 0."
+            ),
             *((f"Heights are those that a rigid wheel of {radius:g} m radius follows.",) if radius else ()),
         ),
-    )  # fmt: skip
+    )
 
 
 def heights_from_file(path: Path, half_track: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Distance, left and right height [m] of a road file; of OpenCRG at ``half_track`` [m] to both sides of the reference line.
+    """Distance, left and right height [m] of a road file; of OpenCRG at ``half_track`` [m] to both sides of the
+    reference line.
 
     Raises:
         RoadError: as :func:`road_from_file`.
@@ -128,7 +138,8 @@ def _columns(path: Path, header: list[str]) -> list[tuple[str, int, str]]:
             )
         if not (unit := given[index]):
             raise RoadError(
-                f"{path}, line 1: column {names[index]!r} has no unit; write it in brackets, such as '{names[index]} [m]' or '{names[index]} [mm]'"
+                f"{path}, line 1: column {names[index]!r} has no unit; write it in brackets, such as '{names[index]}"
+                f" [m]' or '{names[index]} [mm]'"
             )
         try:
             units.convert(1.0, unit, "m")

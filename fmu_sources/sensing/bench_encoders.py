@@ -1,4 +1,5 @@
-"""Encoders of the quarter-car bench: quantised positions, and the velocities that a filter makes of them (paper 002)."""
+"""Encoders of the quarter-car bench: quantised positions, and the velocities that a filter makes of them
+(paper 002)."""
 
 from __future__ import annotations
 
@@ -29,10 +30,15 @@ def bench_encoders(name: str = "BenchEncoders") -> Component:
         description="Encoders of the quarter-car bench: quantised positions and estimated velocities (paper 002)",
         source="002 section IV; resolution and filter assumed",
         notes=(
-            "Each encoder rounds to whole counts of resolution (0: no rounding). Velocities come from a second-order filter "
-            f"s w2/(s2 + 2 z w s + w2) with {CUT_OFF:g} Hz and z = {DAMPING:g} after the encoders, sampled with the position held.",
-            "Wiring: encoder.suspension from suspension.deflection, encoder.body from body.z and encoder.road from "
-            "road.height of plant and road; the outputs go to the inputs of the same name of LqrBench or MpcBench.",
+            (
+                "Each encoder rounds to whole counts of resolution (0: no rounding). Velocities come from a"
+                f" second-order filter s w2/(s2 + 2 z w s + w2) with {CUT_OFF:g} Hz and z = {DAMPING:g} after the"
+                " encoders, sampled with the position held."
+            ),
+            (
+                "Wiring: encoder.suspension from suspension.deflection, encoder.body from body.z and encoder.road from "
+                "road.height of plant and road; the outputs go to the inputs of the same name of LqrBench or MpcBench."
+            ),
         ),
     )
     resolution = c.parameter(

@@ -1,4 +1,6 @@
-"""The preview buffer of paper 001 (section 1.5): road heights by distance, from where they are sensed to the last wheel."""
+"""The preview buffer of paper 001 (section 1.5): road heights by distance, from where they are sensed to the last
+wheel.
+"""
 
 from __future__ import annotations
 
@@ -50,8 +52,8 @@ def preview_buffer(
     needed = (count - 1) * step * max_speed + reach + (2 * _FILL + 2) * cell
     if needed > cells * cell:
         raise ValueError(
-            f"{name}: a horizon of {count} heights {step:g} s apart at {max_speed:g} m/s, with the wheelbase, takes {needed:.1f} m; the "
-            f"buffer holds {cells * cell:.1f} m: fewer heights, a lower max_speed, or more cells"
+            f"{name}: a horizon of {count} heights {step:g} s apart at {max_speed:g} m/s, with the wheelbase, takes"
+            f" {needed:.1f} m; the buffer holds {cells * cell:.1f} m: fewer heights, a lower max_speed, or more cells"
         )
     c = Component(
         name,
@@ -63,28 +65,55 @@ def preview_buffer(
         notes=_NOTES,
     )
     forgetting = c.parameter(
-        "forgetting", 0.5, "1", "weight of a stored height when the same place is measured again: 0 takes the newest",
-        min=0.0, max=0.999, tunable=True, source="assumed",
-    )  # fmt: skip
-    fade = c.parameter(
-        "leak.time", 10.0, "s", "time in which the mean of the sensed heights is forgotten", min=0.1, max=1e6,
+        "forgetting",
+        0.5,
+        "1",
+        "weight of a stored height when the same place is measured again: 0 takes the newest",
+        min=0.0,
+        max=0.999,
+        tunable=True,
         source="assumed",
-    )  # fmt: skip
+    )
+    fade = c.parameter(
+        "leak.time",
+        10.0,
+        "s",
+        "time in which the mean of the sensed heights is forgotten",
+        min=0.1,
+        max=1e6,
+        source="assumed",
+    )
     contact = c.parameter(
-        "contact.length", 0.0, "m", "heights are means over this length around the wheel: the contact of the tire, where the "
-        "range sensors' spot does not average already", min=0.0, max=1.0, source="option",
-    )  # fmt: skip
+        "contact.length",
+        0.0,
+        "m",
+        "heights are means over this length around the wheel: the contact of the tire, where the "
+        "range sensors' spot does not average already",
+        min=0.0,
+        max=1.0,
+        source="option",
+    )
     lead = c.parameter(
-        "road.lead", period, "s", "road.* is the road under the wheels this much later: one sample, for a connection with delay",
-        min=0.0, max=0.1, source="DESIGN of the exchange",
-    )  # fmt: skip
+        "road.lead",
+        period,
+        "s",
+        "road.* is the road under the wheels this much later: one sample, for a connection with delay",
+        min=0.0,
+        max=0.1,
+        source="DESIGN of the exchange",
+    )
     places = {
         w.corner: c.parameter(
-            f"wheel.{w.corner}.x", w.x, "m", f"position of the {w.corner} wheel ahead of the CG", min=-50.0, max=50.0,
+            f"wheel.{w.corner}.x",
+            w.x,
+            "m",
+            f"position of the {w.corner} wheel ahead of the CG",
+            min=-50.0,
+            max=50.0,
             source="vehicle file",
         )
         for w in layout.wheels
-    }  # fmt: skip
+    }
     x = c.input("x", "m", "distance of the CG along the road, as in sensed.*.x")
     speed = c.input("speed", "m/s", "forward speed; negative backwards", display_unit="km/h")
 
@@ -130,9 +159,12 @@ def preview_buffer(
         position = ca.vertcat(place + speed * lead, place + speed * later)
         height, sure = read(w.side, position)
         c.output(
-            f"road.{w.corner}.height", height[0], "m", f"road under the {w.corner} wheel, road.lead from now",
+            f"road.{w.corner}.height",
+            height[0],
+            "m",
+            f"road under the {w.corner} wheel, road.lead from now",
             display_unit="mm",
-        )  # fmt: skip
+        )
         previews[w.corner] = height[1:]
         under_known.append(sure[0])
         beyond = position[1:] + contact / 2 > foremost[w.side] * size + tiny
@@ -146,9 +178,12 @@ def preview_buffer(
     )
     for corner, height in previews.items():
         c.output(
-            f"preview.{corner}", height, "m", f"height under the {corner} wheel now, preview.step later, ...; beyond what is "
-            "sensed the last height", display_unit="mm",
-        )  # fmt: skip
+            f"preview.{corner}",
+            height,
+            "m",
+            f"height under the {corner} wheel now, preview.step later, ...; beyond what is sensed the last height",
+            display_unit="mm",
+        )
     c.output("preview.step", step, "s", "time between preview heights", display_unit="ms")
     good = ca.logic_and(ca.logic_and(*fresh), ca.mmin(ca.vertcat(*ahead_known)) > 0.5)
     c.output(
@@ -173,7 +208,9 @@ def _slot(index: Any, cells: int) -> Any:
 def _written(
     c: Component, side: str, x: Any, *, cell: Any, tiny: Any, cells: int, forgetting: Any, fade: Any
 ) -> tuple[Any, Any, Any, Any]:
-    """Memory of one side with this sample in it: heights, whether measured, the foremost cell, and whether this is valid."""
+    """Memory of one side with this sample in it: heights, whether measured, the foremost cell, and whether this is
+    valid.
+    """
     place = c.input(f"sensed.{side}.x", "m", f"distance along the road at which the {side} sensor sees it")
     height = c.input(f"sensed.{side}.height", "m", f"height of the road there, {side}")
     valid = c.input(f"sensed.{side}.valid", None, "it is measured", start=False, type=bool) > 0.5
@@ -201,8 +238,8 @@ def _written(
     anew = ca.logic_and(valid, ca.logic_or(begun < 0.5, jumped))
     going = ca.logic_and(begun > 0.5, ca.logic_not(jumped))
 
-    # All cells between the last sample and this one, in either direction, by interpolation. A held height never replaces
-    # a measured one.
+    # All cells between the last sample and this one, in either direction, by interpolation. A held height never
+    # replaces a measured one.
     index = first + ca.DM(np.arange(_FILL))
     slots = _slot(index, cells)
     stored, sure = memory[slots], measured[slots]
@@ -248,17 +285,31 @@ def _stimulus() -> dict[str, Callable[[float], float]]:
 
 
 _NOTES = (
-    "Each side has a circular memory with one cell per 25 mm of road; a cell's place follows from its distance. A sample and the one "
-    "before it give all cells between them by interpolation, so samples may come in any order and spacing; a place that is measured again "
-    "is mixed with what is stored (forgetting). Samples more than 0.6 m apart, or so far behind that the memory has moved on, restart it.",
-    "Read: linear between cells, mean over contact.length, at the place where each wheel will be if the speed stays: also at "
-    "standstill, where all of preview.* is the road under the wheel, and backwards, on the road that was driven over. Beyond the foremost "
-    "cell the last height is held: its rate is 0, as for a controller without preview. preview.reach tells where that begins.",
-    "A sensor that fails (sensed.*.valid false) leaves its last height, marked as not measured: preview.valid is false until the front "
-    "and rear wheels have passed that stretch, road.valid while a wheel is on it. A run begins with a memory that holds the first height.",
-    "leak.time: the slow mean of the sensed heights is taken off, so that a biased range, and what pose and buffer make of it in their loop, "
-    "stays bounded. Slopes longer than that time at the speed driven are lost, which ride control does not need.",
-    "Wiring: sensed.* from PreviewSensor, x and speed from where PreviewSensor has them. preview.* and preview.step to a controller. "
-    "road.*.height and road.valid to KalmanHmmwv by connect_matching with delay=True (and to PreviewSensor, for its compensation 1): "
-    "they are the road one sample later, which is when they arrive.",
+    (
+        "Each side has a circular memory with one cell per 25 mm of road; a cell's place follows from its distance. A"
+        " sample and the one before it give all cells between them by interpolation, so samples may come in any order"
+        " and spacing; a place that is measured again is mixed with what is stored (forgetting). Samples more than 0.6"
+        " m apart, or so far behind that the memory has moved on, restart it."
+    ),
+    (
+        "Read: linear between cells, mean over contact.length, at the place where each wheel will be if the speed"
+        " stays: also at standstill, where all of preview.* is the road under the wheel, and backwards, on the road"
+        " that was driven over. Beyond the foremost cell the last height is held: its rate is 0, as for a controller"
+        " without preview. preview.reach tells where that begins."
+    ),
+    (
+        "A sensor that fails (sensed.*.valid false) leaves its last height, marked as not measured: preview.valid is"
+        " false until the front and rear wheels have passed that stretch, road.valid while a wheel is on it. A run"
+        " begins with a memory that holds the first height."
+    ),
+    (
+        "leak.time: the slow mean of the sensed heights is taken off, so that a biased range, and what pose and buffer"
+        " make of it in their loop, stays bounded. Slopes longer than that time at the speed driven are lost, which"
+        " ride control does not need."
+    ),
+    (
+        "Wiring: sensed.* from PreviewSensor, x and speed from where PreviewSensor has them. preview.* and preview.step"
+        " to a controller. road.*.height and road.valid to KalmanHmmwv by connect_matching with delay=True (and to"
+        " PreviewSensor, for its compensation 1): they are the road one sample later, which is when they arrive."
+    ),
 )

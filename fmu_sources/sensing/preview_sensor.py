@@ -48,18 +48,34 @@ def preview_sensor(
     )
     mount = declare(c, sensors.mount, "mount.")
     compensation = c.parameter(
-        "compensation", NONE, None, "of the tires: 0 none, 1 quarter cars on the buffered road (the paper's)", min=0, max=1,
+        "compensation",
+        NONE,
+        None,
+        "of the tires: 0 none, 1 quarter cars on the buffered road (the paper's)",
+        min=0,
+        max=1,
         source="001 section 1.5",
-    )  # fmt: skip
+    )
     error = c.parameter(
-        "position.error", 0.0, "m", "added to sensed.*.x: for studies of a preview at the wrong place", min=-10.0, max=10.0,
-        tunable=True, source="option",
-    )  # fmt: skip
+        "position.error",
+        0.0,
+        "m",
+        "added to sensed.*.x: for studies of a preview at the wrong place",
+        min=-10.0,
+        max=10.0,
+        tunable=True,
+        source="option",
+    )
     radar = sensors.radar
     tilt = c.input(
-        "range.tilt.used", "rad", "angle of the beams, forward from straight down", start=radar.tilt.value, min=0.0,
-        max=1.4, display_unit="deg",
-    )  # fmt: skip
+        "range.tilt.used",
+        "rad",
+        "angle of the beams, forward from straight down",
+        start=radar.tilt.value,
+        min=0.0,
+        max=1.4,
+        display_unit="deg",
+    )
     response = c.input(
         "range.response.used",
         "s",
@@ -94,13 +110,20 @@ def preview_sensor(
         ahead = mount.x + (distance - mount.bias) * ca.sin(tilt - pitch)
         c.value(f"sensor_height_{side}", mounted + mount.bias * ca.cos(tilt), source="Z_sens of 001 (1.18)")
         c.output(
-            f"sensed.{side}.x", x - speed * response + ahead + error, "m", f"X_road of the {side} range sensor",
+            f"sensed.{side}.x",
+            x - speed * response + ahead + error,
+            "m",
+            f"X_road of the {side} range sensor",
             source="X_road of 001 (1.18)",
-        )  # fmt: skip
+        )
         c.output(
-            f"sensed.{side}.height", height, "m", f"Z_road of the {side} range sensor", display_unit="mm",
+            f"sensed.{side}.height",
+            height,
+            "m",
+            f"Z_road of the {side} range sensor",
+            display_unit="mm",
             source="Z_road of 001 (1.18)",
-        )  # fmt: skip
+        )
         c.output(f"sensed.{side}.valid", valid, None, "from a range that is measured", type=bool)
     c.stimulate(_stimulus(mount_range(sensors)))
     return c
@@ -147,9 +170,14 @@ def _free_response(c: Component, vehicle: RideCar, corners: Corners, period: flo
         heights.append(state[0])
     places = [[1.0, k.side * k.wheel.half_track.value, -k.wheel.x.value] for k in corners]
     by_heights = c.constant(
-        "pose.by.heights", np.linalg.pinv(np.array(places)), None, "heave, roll and pitch of a plane", rows=POSE,
-        columns=["m"] * len(corners), source="least squares",
-    )  # fmt: skip
+        "pose.by.heights",
+        np.linalg.pinv(np.array(places)),
+        None,
+        "heave, roll and pitch of a plane",
+        rows=POSE,
+        columns=["m"] * len(corners),
+        source="least squares",
+    )
     return by_heights @ ca.vertcat(*heights)
 
 
@@ -158,22 +186,38 @@ def _stimulus(rest: float) -> dict[str, Callable[[float], float]]:
         return lambda t: mean + amplitude * math.sin(rate * t)
 
     return {
-        "range.left": wave(rest, 0.05, 30.0), "range.right": wave(rest, -0.04, 20.0), "body.z": wave(0.01, 0.02, 12.0),
-        "body.roll": wave(0.0, 0.02, 14.0), "body.pitch": wave(0.0, 0.02, 11.0), "x": lambda t: 5.0 + 9.0 * t,
-        "speed": lambda _: 9.0, "range.right.valid": lambda t: 0.0 if 0.3 <= t < 0.5 else 1.0,
+        "range.left": wave(rest, 0.05, 30.0),
+        "range.right": wave(rest, -0.04, 20.0),
+        "body.z": wave(0.01, 0.02, 12.0),
+        "body.roll": wave(0.0, 0.02, 14.0),
+        "body.pitch": wave(0.0, 0.02, 11.0),
+        "x": lambda t: 5.0 + 9.0 * t,
+        "speed": lambda _: 9.0,
+        "range.right.valid": lambda t: 0.0 if 0.3 <= t < 0.5 else 1.0,
         **{f"road.{k}.height": wave(0.0, 0.02, 9.0 + i) for i, k in enumerate(CORNERS)},
-    }  # fmt: skip
+    }
 
 
 _NOTES = (
-    "Equation (1.18) in ISO 8855: Z_sens = H + z - x_m sin(pitch) + y_m sin(roll) + D_bias cos(alpha), Z_road = Z_sens - D cos(alpha - "
-    "pitch), X_road = x + x_m + (D - D_bias) sin(alpha - pitch). The paper's roll counts the other way round, and its X_road leaves D_bias "
-    "out (it is 0 here). Pose and distance are those at which the range was taken, range.response.used ago.",
-    "The road's height is as good as the pose: 1 mrad of pitch at the default mount is 3.7 mm. With the pose of KalmanHmmwvPrinted there is a "
-    "dip behind each bump; with that of KalmanHmmwv and use_road it is gone.",
-    "compensation 1 is the paper's: the free response of a quarter car at each wheel to the buffered road is added to the pose. It was "
-    "meant for a filter that does not see this motion. A filter that does has it already: then it counts twice.",
+    (
+        "Equation (1.18) in ISO 8855: Z_sens = H + z - x_m sin(pitch) + y_m sin(roll) + D_bias cos(alpha), Z_road ="
+        " Z_sens - D cos(alpha - pitch), X_road = x + x_m + (D - D_bias) sin(alpha - pitch). The paper's roll counts"
+        " the other way round, and its X_road leaves D_bias out (it is 0 here). Pose and distance are those at which"
+        " the range was taken, range.response.used ago."
+    ),
+    (
+        "The road's height is as good as the pose: 1 mrad of pitch at the default mount is 3.7 mm. With the pose of"
+        " KalmanHmmwvPrinted there is a dip behind each bump; with that of KalmanHmmwv and use_road it is gone."
+    ),
+    (
+        "compensation 1 is the paper's: the free response of a quarter car at each wheel to the buffered road is added"
+        " to the pose. It was meant for a filter that does not see this motion. A filter that does has it already: then"
+        " it counts twice."
+    ),
     "A range that is not valid gives sensed.*.valid false, and values that follow from the range held by the sensor.",
-    "Wiring: range.* from SensorSuite, body.* from a Kalman filter, x and speed from SensorSuite (x.measured, speed.measured) or from "
-    "SpeedProfile; sensed.* to PreviewBuffer; road.*.height back from PreviewBuffer by a connection with delay, for compensation 1 only.",
+    (
+        "Wiring: range.* from SensorSuite, body.* from a Kalman filter, x and speed from SensorSuite (x.measured,"
+        " speed.measured) or from SpeedProfile; sensed.* to PreviewBuffer; road.*.height back from PreviewBuffer by a"
+        " connection with delay, for compensation 1 only."
+    ),
 )

@@ -1,4 +1,6 @@
-"""Ride comfort during a run: absorbed power by both definitions (Donahue, Hedrick; equation 1.19, and ride-quality literature) and ISO 2631-1."""
+"""Ride comfort during a run: absorbed power by both definitions (Donahue, Hedrick; equation 1.19, and ride-quality
+literature) and ISO 2631-1.
+"""
 
 from __future__ import annotations
 
@@ -24,7 +26,8 @@ LONGEST_WINDOW = 3.0  # s, what the FMU has memory for
 
 
 def ride_comfort(name: str = "RideComfort", *, period: float = SAMPLE_TIME) -> Component:
-    """Comfort figures of a vertical acceleration. The same numbers come from `fmu_sources.models.comfort` for a finished recording.
+    """Comfort figures of a vertical acceleration. The same numbers come from `fmu_sources.models.comfort` for a
+    finished recording.
 
     ``period``: sample time [s].
     """
@@ -38,13 +41,23 @@ def ride_comfort(name: str = "RideComfort", *, period: float = SAMPLE_TIME) -> C
         notes=_NOTES,
     )
     length = c.parameter(
-        "window.length", WINDOW, "s", "length of the moving window of absorbed power", min=period, max=LONGEST_WINDOW,
+        "window.length",
+        WINDOW,
+        "s",
+        "length of the moving window of absorbed power",
+        min=period,
+        max=LONGEST_WINDOW,
         source="001: assumed for peaks over bumps",
-    )  # fmt: skip
+    )
     limit = c.parameter(
-        "absorbed_power.limit", ABSORBED_POWER_LIMIT, "W", "absorbed power that a driver bears for long", min=0.0,
-        tunable=True, source="001 section 1.6",
-    )  # fmt: skip
+        "absorbed_power.limit",
+        ABSORBED_POWER_LIMIT,
+        "W",
+        "absorbed power that a driver bears for long",
+        min=0.0,
+        tunable=True,
+        source="001 section 1.6",
+    )
     az = c.input("body.az", "m/s2", "vertical acceleration of the body, or wherever comfort is assessed")
 
     felt = _filtered(c, "human_response", HUMAN_RESPONSE, FEET_PER_METRE * az, period)
@@ -70,17 +83,31 @@ def ride_comfort(name: str = "RideComfort", *, period: float = SAMPLE_TIME) -> C
     c.output("absorbed_power.mean", (energy + power) / (count + 1), "W", "mean absorbed power since the start")
     c.output("absorbed_power.peak", highest, "W", "largest absorbed_power.window so far")
     c.output(
-        "absorbed_power.above_limit", window > limit, None, "absorbed_power.window is above absorbed_power.limit",
+        "absorbed_power.above_limit",
+        window > limit,
+        None,
+        "absorbed_power.window is above absorbed_power.limit",
         type=bool,
-    )  # fmt: skip
-    c.output("absorbed_power.nrmm", power_nrmm, "W", "absorbed power by the filter of third order of the ride-quality literature")
+    )
     c.output(
-        "absorbed_power.nrmm.mean", (energy_nrmm + power_nrmm) / (count + 1), "W", "mean of absorbed_power.nrmm since the start"
-    )  # fmt: skip
+        "absorbed_power.nrmm",
+        power_nrmm,
+        "W",
+        "absorbed power by the filter of third order of the ride-quality literature",
+    )
+    c.output(
+        "absorbed_power.nrmm.mean",
+        (energy_nrmm + power_nrmm) / (count + 1),
+        "W",
+        "mean of absorbed_power.nrmm since the start",
+    )
     c.output("iso2631.acceleration", weighted, "m/s2", "acceleration weighted with Wk of ISO 2631-1")
     c.output(
-        "iso2631.rms", ca.sqrt((squares + weighted**2) / (count + 1)), "m/s2", "r.m.s. of iso2631.acceleration since the start"
-    )  # fmt: skip
+        "iso2631.rms",
+        ca.sqrt((squares + weighted**2) / (count + 1)),
+        "m/s2",
+        "r.m.s. of iso2631.acceleration since the start",
+    )
     dose = ca.sqrt(ca.sqrt((fourths + weighted**4) * period))
     c.output("vdv", dose, None, "fourth-power vibration dose value since the start [m/s1.75]")
     c.stimulate({"body.az": lambda t: 3.0 * math.sin(2 * math.pi * 4.0 * t) + math.sin(2 * math.pi * 17.0 * t)})
@@ -122,19 +149,34 @@ def _moving_mean(c: Component, value: Any, length: Any, period: float) -> Any:
 
 
 _NOTES = (
-    "Absorbed power is the square of the acceleration after the human response filter 12 s / (s2 + 30.02 s + 901.3). The "
-    "filter takes ft/s2 (the paper prints m/s2): so its gain is 3 to 15 % below that of the established filter of absorbed "
-    "power over 1 to 10 Hz, its power 6 to 28 %, while on m/s2 it would be a tenth. Input and outputs of this FMU are SI.",
-    "absorbed_power.nrmm is by that established filter, 14.5 s (s + 44) / ((s + 63) (s2 + 24 s + 750)) on ft/s2, which mobility "
-    "models such as NRMM use. 6 W by one is not 6 W by the other: compare like with like.",
-    "absorbed_power.window divides by the whole window from the start on, as if the vehicle had been at rest before; a "
-    "window longer than the run therefore shows less than absorbed_power.mean. Judge single bumps by absorbed_power.peak, "
-    "rough terrain by absorbed_power.mean.",
-    "iso2631.rms and vdv use weighting Wk (vertical, seated or standing) with a multiplying factor of 1, for the one input. "
-    "The standard judges the acceleration at the seat; that of the body differs from it by the seat. Run the vehicle for "
-    "as long as the judgement is meant to hold: both run from the start, the transient of the filters included.",
-    "Digital filters: bilinear, each second-order section exact at its own frequency. Wk is within 0.2 dB of the analog "
-    "weighting from 0.5 to 80 Hz (the standard allows 1 dB), the human response within 0.3 % in power up to 20 Hz.",
-    "Wiring: body.az of any vehicle of this project. Every figure includes the sample at t; functions of the same name in "
-    "fmu_sources.models.comfort give the same numbers for a recording.",
+    (
+        "Absorbed power is the square of the acceleration after the human response filter 12 s / (s2 + 30.02 s +"
+        " 901.3). The filter takes ft/s2 (the paper prints m/s2): so its gain is 3 to 15 % below that of the"
+        " established filter of absorbed power over 1 to 10 Hz, its power 6 to 28 %, while on m/s2 it would be a tenth."
+        " Input and outputs of this FMU are SI."
+    ),
+    (
+        "absorbed_power.nrmm is by that established filter, 14.5 s (s + 44) / ((s + 63) (s2 + 24 s + 750)) on ft/s2,"
+        " which mobility models such as NRMM use. 6 W by one is not 6 W by the other: compare like with like."
+    ),
+    (
+        "absorbed_power.window divides by the whole window from the start on, as if the vehicle had been at rest"
+        " before; a window longer than the run therefore shows less than absorbed_power.mean. Judge single bumps by"
+        " absorbed_power.peak, rough terrain by absorbed_power.mean."
+    ),
+    (
+        "iso2631.rms and vdv use weighting Wk (vertical, seated or standing) with a multiplying factor of 1, for the"
+        " one input. The standard judges the acceleration at the seat; that of the body differs from it by the seat."
+        " Run the vehicle for as long as the judgement is meant to hold: both run from the start, the transient of the"
+        " filters included."
+    ),
+    (
+        "Digital filters: bilinear, each second-order section exact at its own frequency. Wk is within 0.2 dB of the"
+        " analog weighting from 0.5 to 80 Hz (the standard allows 1 dB), the human response within 0.3 % in power up to"
+        " 20 Hz."
+    ),
+    (
+        "Wiring: body.az of any vehicle of this project. Every figure includes the sample at t; functions of the same"
+        " name in fmu_sources.models.comfort give the same numbers for a recording."
+    ),
 )

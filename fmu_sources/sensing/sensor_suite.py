@@ -1,4 +1,5 @@
-"""The sensors of paper 001 (Tables 1.5 and 1.6): what the computer of a real HMMWV learns of the car and of the road."""
+"""The sensors of paper 001 (Tables 1.5 and 1.6): what the computer of a real HMMWV learns of the car and
+of the road."""
 
 from __future__ import annotations
 
@@ -47,9 +48,16 @@ def sensor_suite(sensors: SensorSet, scan: RoadScan, name: str = "SensorSuite") 
         value = getattr(sensors.noise, quantity)
         assert declared is not None
         sigma[quantity] = scale * c.parameter(
-            f"noise.{quantity}", value.value, declared.unit, texts[quantity].description or "", min=0.0,
-            max=declared.max, nominal=declared.nominal, display_unit=declared.display_unit, source=value.source,
-        )  # fmt: skip
+            f"noise.{quantity}",
+            value.value,
+            declared.unit,
+            texts[quantity].description or "",
+            min=0.0,
+            max=declared.max,
+            nominal=declared.nominal,
+            display_unit=declared.display_unit,
+            source=value.source,
+        )
 
     noise = iter(white_noise(c, seed, 4 * 3 + 2 + 2 + 2 + 1))
 
@@ -77,11 +85,16 @@ def sensor_suite(sensors: SensorSet, scan: RoadScan, name: str = "SensorSuite") 
         place = getattr(sensors.chassis, end)
         at = [
             c.parameter(
-                f"chassis.{end}.{axis}", getattr(place, axis).value, "m", type(place).model_fields[axis].description or "",
-                min=-50.0, max=50.0, source=getattr(place, axis).source,
+                f"chassis.{end}.{axis}",
+                getattr(place, axis).value,
+                "m",
+                type(place).model_fields[axis].description or "",
+                min=-50.0,
+                max=50.0,
+                source=getattr(place, axis).source,
             )
             for axis in "xy"
-        ]  # fmt: skip
+        ]
         value = az - at[0] * pitch_acceleration + at[1] * roll_acceleration
         measure(f"chassis.{end}.az", value, "chassis", "m/s2", f"{end} accelerometer on the chassis, vertical")
     for axis in ("pitch", "roll"):
@@ -93,9 +106,15 @@ def sensor_suite(sensors: SensorSet, scan: RoadScan, name: str = "SensorSuite") 
     x = c.input("x", "m", "distance of the CG along the road")
     speed = c.input("speed", "m/s", "forward speed", display_unit="km/h")
     gain = c.parameter(
-        "speed.gain", 1.0, "1", "what the speedometer shows per true speed (tire wear, slip)", min=0.5, max=1.5,
-        tunable=True, source="option",
-    )  # fmt: skip
+        "speed.gain",
+        1.0,
+        "1",
+        "what the speedometer shows per true speed (tire wear, slip)",
+        min=0.5,
+        max=1.5,
+        tunable=True,
+        source="option",
+    )
     offset = c.parameter(
         "x.offset", 0.0, "m", "error of the measured distance at the start", min=-1e3, max=1e3, source="option"
     )
@@ -116,38 +135,52 @@ def sensor_suite(sensors: SensorSet, scan: RoadScan, name: str = "SensorSuite") 
         assert declared is not None
         both = [getattr(getattr(sensors, n), field) for n in ("radar", "optical")]
         values = c.parameter(
-            f"range.{field}", [q.value for q in both], declared.unit,
-            f"{type(sensors.radar).model_fields[field].description}: radar, optical", min=declared.min, max=declared.max,
-            nominal=declared.nominal, display_unit=declared.display_unit, source="; ".join(dict.fromkeys(q.source for q in both)),
-        )  # fmt: skip
+            f"range.{field}",
+            [q.value for q in both],
+            declared.unit,
+            f"{type(sensors.radar).model_fields[field].description}: radar, optical",
+            min=declared.min,
+            max=declared.max,
+            nominal=declared.nominal,
+            display_unit=declared.display_unit,
+            source="; ".join(dict.fromkeys(q.source for q in both)),
+        )
         chosen = ca.if_else(kind < 0.5, values[0], values[1])
         if field in ("response", "tilt"):
             c.output(
-                f"range.{field}.used", chosen, declared.unit, f"range.{field} of the chosen sensor, for PreviewSensor",
+                f"range.{field}.used",
+                chosen,
+                declared.unit,
+                f"range.{field} of the chosen sensor, for PreviewSensor",
                 display_unit=declared.display_unit,
-            )  # fmt: skip
+            )
         data[field] = chosen
     mount = declare(c, sensors.mount, "mount.")
     begin = c.parameter(
         "range.dropout.start", 0.0, "s", "time at which both range sensors fail", min=0.0, max=1e6, source="option"
     )
     lasting = c.parameter(
-        "range.dropout.duration", 0.0, "s", "how long both range sensors fail: 0 for never", min=0.0, max=1e6,
+        "range.dropout.duration",
+        0.0,
+        "s",
+        "how long both range sensors fail: 0 for never",
+        min=0.0,
+        max=1e6,
         source="option",
-    )  # fmt: skip
+    )
     instant = c.constant("instant", _SMALL, "s", "rounding of times", source="own")
     small = c.constant("small", _SMALL, "m", "rounding of lengths", source="own")
     first = c.constant("scan.first", scan.start, "m", "first height of scan.*", source="road layout")
     apart = c.constant("scan.apart", scan.step, "m", "distance between heights of scan.*", source="road layout")
-    off = c.parameter(
-        "range.off", False, None, "both range sensors see nothing", tunable=True, source="option"
-    )
+    off = c.parameter("range.off", False, None, "both range sensors see nothing", tunable=True, source="option")
     dropped = ca.logic_or(off > 0.5, ca.logic_and(c.time >= begin - instant, c.time < begin + lasting - instant))
     for what, value in (("start", scan.start), ("step", scan.step)):
         c.constant_input(
-            f"scan.{what}", "m", f"{what} of scan.left and scan.right on the road: what these sensors were built for",
+            f"scan.{what}",
+            "m",
+            f"{what} of scan.left and scan.right on the road: what these sensors were built for",
             must_equal=value,
-        )  # fmt: skip
+        )
     beam = data["tilt"] - pitch  # from straight down
     beam = ca.fmax(0.0, ca.fmin(1.5, beam))
     for side, sign in SIDES.items():
@@ -160,13 +193,19 @@ def sensor_suite(sensors: SensorSet, scan: RoadScan, name: str = "SensorSuite") 
         now = ca.if_else(hit, length, rest)
 
         ring = c.state(
-            f"range.{side}.ring", "m", "last true ranges, newest first", shape=(_DELAYS - 1,),
+            f"range.{side}.ring",
+            "m",
+            "last true ranges, newest first",
+            shape=(_DELAYS - 1,),
             start=ca.repmat(now, _DELAYS - 1, 1),
-        )  # fmt: skip
+        )
         hits = c.state(
-            f"range.{side}.hits", "1", "whether they hit the road", shape=(_DELAYS - 1,),
+            f"range.{side}.hits",
+            "1",
+            "whether they hit the road",
+            shape=(_DELAYS - 1,),
             start=ca.repmat(hit, _DELAYS - 1, 1),
-        )  # fmt: skip
+        )
         lengths, were = ca.vertcat(now, ring), ca.vertcat(hit, hits)
         c.update(ring, lengths[:-1])
         c.update(hits, were[:-1])
@@ -182,9 +221,12 @@ def sensor_suite(sensors: SensorSet, scan: RoadScan, name: str = "SensorSuite") 
         c.update(held, reading)
         c.output(f"range.{side}", reading, "m", f"{side} range sensor: distance to the road along its beam")
         c.output(
-            f"range.{side}.valid", valid, None, "the range is measured now; otherwise its last valid value is held",
+            f"range.{side}.valid",
+            valid,
+            None,
+            "the range is measured now; otherwise its last valid value is held",
             type=bool,
-        )  # fmt: skip
+        )
 
     c.stimulate(_stimulus(scan))
     return c
@@ -251,10 +293,15 @@ def _stimulus(scan: RoadScan) -> dict[str, Callable[[float], float]]:
         return lambda t: amplitude * math.sin(rate * t + phase)
 
     signals: dict[str, Callable[[float], float]] = {
-        "body.z": wave(0.02, 12.0, 0.1), "body.roll": wave(0.02, 15.0, 0.2), "body.pitch": wave(0.02, 11.0, 0.3),
-        "body.az": wave(2.9, 12.0, 3.2), "body.roll_rate": wave(0.3, 15.0, 1.7), "body.pitch_rate": wave(0.2, 11.0, 1.9),
-        "x": lambda t: 5.0 + 9.0 * t, "speed": lambda t: 9.0,
-    }  # fmt: skip
+        "body.z": wave(0.02, 12.0, 0.1),
+        "body.roll": wave(0.02, 15.0, 0.2),
+        "body.pitch": wave(0.02, 11.0, 0.3),
+        "body.az": wave(2.9, 12.0, 3.2),
+        "body.roll_rate": wave(0.3, 15.0, 1.7),
+        "body.pitch_rate": wave(0.2, 11.0, 1.9),
+        "x": lambda t: 5.0 + 9.0 * t,
+        "speed": lambda t: 9.0,
+    }
     for i, k in enumerate(CORNERS):
         signals[f"actuator.{k}.force"] = wave(1000.0, 20.0, i)
         signals[f"suspension.{k}.deflection"] = wave(0.03, 13.0, i)
@@ -269,20 +316,35 @@ def _stimulus(scan: RoadScan) -> dict[str, Callable[[float], float]]:
 
 
 _NOTES = (
-    "Every sensor shows its true value at t plus white Gaussian noise, new at every sample of 1 ms and independent of all "
-    "others. noise.seed chooses the numbers, noise.scale turns all of them down or off; switching one sensor's noise off "
-    "leaves the others' numbers as they are. The numbers come from the generator MRG32k3a, kept in the FMU's own state: a run "
-    "can be repeated, saved and restored.",
-    "Range sensors: beams in the tracks of the wheels, tilted forward, cast against the road's scan.left and scan.right "
-    "(a scan belongs to the road: RoadLayout.scan), so that a bump casts a shadow. The reading is a mean over range.spot, comes "
-    "range.response late, is rounded to range.resolution, and counts only from range.near to range.far and within the scan; "
-    "otherwise range.*.valid is false and the last valid value is held. range.dropout.* makes both fail for a while, range.off as long as it is set.",
-    "range.sensor chooses between both sensors of Table 1.6; each parameter range.* has one value for either. "
-    "range.tilt.used and range.response.used tell PreviewSensor which beam its ranges come from.",
-    "The car's small-angle pose is taken as that of a rigid body. Left out: scatter of grazing beams, lateral offset by yaw, "
-    "temperature and drift, quantization other than that of the range sensors (the paper gives none).",
-    "speed.measured is speed times speed.gain plus noise; x.measured is its integral from the true x at the start plus x.offset. A road "
-    "driven by x.measured and speed.measured is the paper's generated preview: a known profile at a distance that drifts.",
-    "Wiring: everything by name from RideCarHmmwv and the road; x and speed from SpeedProfile; actuator.*.force from the "
-    "actuators' force. Nothing connected to scan.*: a flat road.",
+    (
+        "Every sensor shows its true value at t plus white Gaussian noise, new at every sample of 1 ms and independent"
+        " of all others. noise.seed chooses the numbers, noise.scale turns all of them down or off; switching one"
+        " sensor's noise off leaves the others' numbers as they are. The numbers come from the generator MRG32k3a, kept"
+        " in the FMU's own state: a run can be repeated, saved and restored."
+    ),
+    (
+        "Range sensors: beams in the tracks of the wheels, tilted forward, cast against the road's scan.left and"
+        " scan.right (a scan belongs to the road: RoadLayout.scan), so that a bump casts a shadow. The reading is a"
+        " mean over range.spot, comes range.response late, is rounded to range.resolution, and counts only from"
+        " range.near to range.far and within the scan; otherwise range.*.valid is false and the last valid value is"
+        " held. range.dropout.* makes both fail for a while, range.off as long as it is set."
+    ),
+    (
+        "range.sensor chooses between both sensors of Table 1.6; each parameter range.* has one value for either. "
+        "range.tilt.used and range.response.used tell PreviewSensor which beam its ranges come from."
+    ),
+    (
+        "The car's small-angle pose is taken as that of a rigid body. Left out: scatter of grazing beams, lateral"
+        " offset by yaw, temperature and drift, quantization other than that of the range sensors (the paper gives"
+        " none)."
+    ),
+    (
+        "speed.measured is speed times speed.gain plus noise; x.measured is its integral from the true x at the start"
+        " plus x.offset. A road driven by x.measured and speed.measured is the paper's generated preview: a known"
+        " profile at a distance that drifts."
+    ),
+    (
+        "Wiring: everything by name from RideCarHmmwv and the road; x and speed from SpeedProfile; actuator.*.force"
+        " from the actuators' force. Nothing connected to scan.*: a flat road."
+    ),
 )

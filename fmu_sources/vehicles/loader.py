@@ -47,7 +47,8 @@ def vehicle_names() -> list[str]:
 def load_vehicle(name_or_path: str | Path, kind: str | None = None) -> Vehicle:
     """Load a vehicle by the name of a file of this package, or by a path.
 
-    ``kind`` (a key of :data:`~fmu_sources.vehicles.schema.KINDS`) is what the caller needs; None takes what the file says.
+    ``kind`` (a key of :data:`~fmu_sources.vehicles.schema.KINDS`) is what the caller needs; None takes what the file
+    says.
 
     Raises:
         VehicleError: no such file, TOML syntax, unknown, missing or misspelt field, wrong unit, value out of limits,
@@ -114,8 +115,8 @@ def declare(c: Component, section: Section, prefix: str = "", leave_out: Collect
 
     ``leave_out``: paths of fields or tables that the component has no use for.
 
-    Returns the symbols in the shape of the file: ``p.suspension.front.spring``. Of :class:`Axles` tables each wheel gets
-    its own parameters: ``p.suspension.fl.stiffness``.
+    Returns the symbols in the shape of the file: ``p.suspension.front.spring``. Of :class:`Axles` tables each wheel
+    gets its own parameters: ``p.suspension.fl.stiffness``.
     """
     symbols = SimpleNamespace()
     for name, info in type(section).model_fields.items():
@@ -124,9 +125,16 @@ def declare(c: Component, section: Section, prefix: str = "", leave_out: Collect
         value, declared = getattr(section, name), type(section).declared(name)
         if isinstance(value, Quantity | Numbers) and declared is not None:
             symbol = c.parameter(
-                prefix + name, value.value, declared.unit, info.description or "", min=declared.min, max=declared.max,
-                nominal=declared.nominal, display_unit=declared.display_unit, source=value.source,
-            )  # fmt: skip
+                prefix + name,
+                value.value,
+                declared.unit,
+                info.description or "",
+                min=declared.min,
+                max=declared.max,
+                nominal=declared.nominal,
+                display_unit=declared.display_unit,
+                source=value.source,
+            )
             setattr(symbols, name, symbol)
         elif isinstance(value, Axles):
             wheels = {
@@ -176,7 +184,9 @@ def vehicle_files(name_or_path: str | Path) -> tuple[Path, ...]:
 
 
 def _read(path: Path) -> dict[str, Any]:
-    """All that a vehicle file says, with what it builds on. A file without a name is called as the file is, not as what it builds on."""
+    """All that a vehicle file says, with what it builds on. A file without a name is called as the file is, not as what
+    it builds on.
+    """
     data: dict[str, Any] = {}
     for file in reversed(vehicle_files(path)):
         data = _merge(data, {"name": file.stem, **_parse(file)[0]} if data else _parse(file)[0])

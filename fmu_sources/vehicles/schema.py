@@ -74,7 +74,9 @@ def numbers(
     display_unit: str | None = None,
     nominal: float | None = None,
 ) -> Any:
-    """Declare a field of type :class:`Numbers`: ``size`` of them (None: two at least), ``increasing`` where a table counts on it."""
+    """Declare a field of type :class:`Numbers`: ``size`` of them (None: two at least), ``increasing`` where a table
+    counts on it.
+    """
     declared = Declared(unit, min, max, display_unit, nominal, size, increasing)
     return Field(description=description, json_schema_extra={"declared": declared})  # type: ignore[dict-item]
 
@@ -112,7 +114,9 @@ class Section(BaseModel):
         declared = cls.declared(info.field_name or "")
         assert declared is not None, f"{cls.__name__}.{info.field_name}: declare it with quantity() or numbers()"
         if isinstance(given, Quantity):
-            return Quantity(value=_converted(declared, given.value, given.unit), unit=declared.unit, source=given.source)
+            return Quantity(
+                value=_converted(declared, given.value, given.unit), unit=declared.unit, source=given.source
+            )
         values = tuple(_converted(declared, v, given.unit, f"value {i}: ") for i, v in enumerate(given.value, 1))
         if fault := _row_fault(declared, values):
             raise PydanticCustomError("row", "{text}", {"text": fault})
@@ -141,7 +145,10 @@ def _row_fault(declared: Declared, values: tuple[float, ...]) -> str:
     if declared.increasing:
         for i, (before, after) in enumerate(pairwise(values), 1):
             if after <= before:
-                return f"value {i + 1} is {after:g} {declared.unit} after {before:g} {declared.unit}; the values of this row must increase"
+                return (
+                    f"value {i + 1} is {after:g} {declared.unit} after {before:g} {declared.unit}; the values of this"
+                    " row must increase"
+                )
     return ""
 
 
@@ -298,7 +305,8 @@ class ThreeAxleCar(Vehicle):
     tire: _ThreeTires
 
 
-# ------------------------------------------------------------------------------------------------ three axles, with contact
+# ------------------------------------------------------------------------------------------------ three axles, with
+# contact
 
 
 class _TrenchBody(_RideBody):
@@ -306,7 +314,11 @@ class _TrenchBody(_RideBody):
         "m", "height of the CG above the mean of the wheel centres at rest", min=0.0, max=5.0
     )
     cg_offset: Quantity = quantity(
-        "m", "CG ahead of where wheel.*.x has it; wheels, seat and outline stay together", min=-1.0, max=1.0, nominal=0.01
+        "m",
+        "CG ahead of where wheel.*.x has it; wheels, seat and outline stay together",
+        min=-1.0,
+        max=1.0,
+        nominal=0.01,
     )
     half_width: Quantity = quantity("m", "distance of the body's outline to the side of the CG", min=0.0, max=5.0)
 
@@ -451,7 +463,8 @@ class FullCar(Vehicle):
     steering: _Steering
 
 
-# ------------------------------------------------------------------------------------------------------ double wishbones
+# ------------------------------------------------------------------------------------------------------ double
+# wishbones
 
 
 class _Table(Section):
@@ -469,40 +482,68 @@ class _Table(Section):
 class _SpringTable(_Table):
     free_length: Quantity = quantity("m", "length of the spring without load", min=0.01, max=5.0)
     compression: Numbers = numbers(
-        "m", "compression of the spring from its free length, increasing from 0; the force is linear between and odd",
-        min=0.0, max=5.0, increasing=True, display_unit="mm", nominal=0.1,
-    )  # fmt: skip
-    force: Numbers = numbers("N", "force of the spring at that compression", min=0.0, max=1e7, display_unit="kN", nominal=1e4)
+        "m",
+        "compression of the spring from its free length, increasing from 0; the force is linear between and odd",
+        min=0.0,
+        max=5.0,
+        increasing=True,
+        display_unit="mm",
+        nominal=0.1,
+    )
+    force: Numbers = numbers(
+        "N", "force of the spring at that compression", min=0.0, max=1e7, display_unit="kN", nominal=1e4
+    )
 
 
 class _LengthStop(Section):
     bump: Quantity = quantity("m", "length of the spring below which the bump stop is compressed", min=0.0, max=5.0)
-    rebound: Quantity = quantity("m", "length of the spring above which the rebound stop is compressed", min=0.0, max=5.0)
+    rebound: Quantity = quantity(
+        "m", "length of the spring above which the rebound stop is compressed", min=0.0, max=5.0
+    )
 
 
 class _StopTable(_Table):
     penetration: Numbers = numbers(
-        "m", "compression of a stop, increasing from 0; the force is linear between and constant beyond",
-        min=0.0, max=1.0, increasing=True, display_unit="mm", nominal=0.01,
-    )  # fmt: skip
-    force: Numbers = numbers("N", "force of a stop at that compression", min=0.0, max=1e7, display_unit="kN", nominal=1e4)
+        "m",
+        "compression of a stop, increasing from 0; the force is linear between and constant beyond",
+        min=0.0,
+        max=1.0,
+        increasing=True,
+        display_unit="mm",
+        nominal=0.01,
+    )
+    force: Numbers = numbers(
+        "N", "force of a stop at that compression", min=0.0, max=1e7, display_unit="kN", nominal=1e4
+    )
 
 
 class _SwitchedDamper(Section):
-    compression: Quantity = quantity("N.s/m", "rate in compression within the range of lengths", min=0.0, max=1e7, display_unit="kN.s/m")
-    rebound: Quantity = quantity("N.s/m", "rate in rebound within the range of lengths", min=0.0, max=1e7, display_unit="kN.s/m")
-    outer_compression: Quantity = quantity("N.s/m", "rate in compression outside of the range", min=0.0, max=1e7, display_unit="kN.s/m")
-    outer_rebound: Quantity = quantity("N.s/m", "rate in rebound outside of the range", min=0.0, max=1e7, display_unit="kN.s/m")
+    compression: Quantity = quantity(
+        "N.s/m", "rate in compression within the range of lengths", min=0.0, max=1e7, display_unit="kN.s/m"
+    )
+    rebound: Quantity = quantity(
+        "N.s/m", "rate in rebound within the range of lengths", min=0.0, max=1e7, display_unit="kN.s/m"
+    )
+    outer_compression: Quantity = quantity(
+        "N.s/m", "rate in compression outside of the range", min=0.0, max=1e7, display_unit="kN.s/m"
+    )
+    outer_rebound: Quantity = quantity(
+        "N.s/m", "rate in rebound outside of the range", min=0.0, max=1e7, display_unit="kN.s/m"
+    )
 
 
 class _DamperRange(Section):
     least: Quantity = quantity("m", "length at which the range of the inner rates begins", min=0.0, max=5.0)
     most: Quantity = quantity("m", "length at which it ends", min=0.0, max=5.0)
-    blend: Quantity = quantity("m", "length over which the rates change at either end", min=1e-5, max=0.1, display_unit="mm")
+    blend: Quantity = quantity(
+        "m", "length over which the rates change at either end", min=1e-5, max=0.1, display_unit="mm"
+    )
 
 
 def _point(what: str) -> Any:
-    return numbers("m", f"{what}, left side: forward, left, up from the reference point of the axle", min=-50.0, max=50.0, size=3)
+    return numbers(
+        "m", f"{what}, left side: forward, left, up from the reference point of the axle", min=-50.0, max=50.0, size=3
+    )
 
 
 class _Hardpoints(Section):
@@ -525,12 +566,18 @@ class _Hardpoints(Section):
 
 
 class _Travel(Section):
-    least: Quantity = quantity("m", "travel of the wheel from design to which the kinematics are computed, down", min=-2.0, max=-0.01)
-    most: Quantity = quantity("m", "travel of the wheel from design to which the kinematics are computed, up", min=0.01, max=2.0)
+    least: Quantity = quantity(
+        "m", "travel of the wheel from design to which the kinematics are computed, down", min=-2.0, max=-0.01
+    )
+    most: Quantity = quantity(
+        "m", "travel of the wheel from design to which the kinematics are computed, up", min=0.01, max=2.0
+    )
 
 
 class _WishboneAxle(Section):
-    reference: Quantity = quantity("m", "reference point of the axle's hardpoints ahead of the chassis frame", min=-50.0, max=50.0)
+    reference: Quantity = quantity(
+        "m", "reference point of the axle's hardpoints ahead of the chassis frame", min=-50.0, max=50.0
+    )
     travel: _Travel
     points: _Hardpoints
     spring: _SpringTable
@@ -575,11 +622,21 @@ class _Wishbones(Section):
 
 class _FramedBody(Section):
     mass: Quantity = quantity("kg", "mass of the chassis body", min=10.0, max=1e6)
-    com_x: Quantity = quantity("m", "its centre of mass ahead of the origin of the chassis frame", min=-50.0, max=50.0, nominal=0.1)
-    com_z: Quantity = quantity("m", "its centre of mass above the origin of the chassis frame", min=-10.0, max=10.0, nominal=0.1)
-    roll_inertia: Quantity = quantity("kg.m2", "roll inertia of the chassis body about its centre of mass", min=1.0, max=1e8)
-    pitch_inertia: Quantity = quantity("kg.m2", "pitch inertia of the chassis body about its centre of mass", min=1.0, max=1e8)
-    yaw_inertia: Quantity = quantity("kg.m2", "yaw inertia of the chassis body about its centre of mass", min=1.0, max=1e8)
+    com_x: Quantity = quantity(
+        "m", "its centre of mass ahead of the origin of the chassis frame", min=-50.0, max=50.0, nominal=0.1
+    )
+    com_z: Quantity = quantity(
+        "m", "its centre of mass above the origin of the chassis frame", min=-10.0, max=10.0, nominal=0.1
+    )
+    roll_inertia: Quantity = quantity(
+        "kg.m2", "roll inertia of the chassis body about its centre of mass", min=1.0, max=1e8
+    )
+    pitch_inertia: Quantity = quantity(
+        "kg.m2", "pitch inertia of the chassis body about its centre of mass", min=1.0, max=1e8
+    )
+    yaw_inertia: Quantity = quantity(
+        "kg.m2", "yaw inertia of the chassis body about its centre of mass", min=1.0, max=1e8
+    )
 
 
 class _Mounted(Section):
@@ -601,17 +658,26 @@ class _SolidWheel(Section):
 
 class _Solid(Section):
     mass: Quantity = quantity("kg", "mass", min=0.0, max=1e5)
-    inertia: Numbers = numbers("kg.m2", "moments of inertia about its centre of mass, along its axes", min=0.0, max=1e6, size=3)
+    inertia: Numbers = numbers(
+        "kg.m2", "moments of inertia about its centre of mass, along its axes", min=0.0, max=1e6, size=3
+    )
 
 
 class _TableTire(_Table):
     radius: Quantity = quantity("m", "radius of the unloaded tire", min=0.05, max=3.0)
     deflection: Numbers = numbers(
-        "m", "deflection of the tire on a flat road, increasing from 0; the force is linear between and goes on so beyond",
-        min=0.0, max=3.0, increasing=True, display_unit="mm", nominal=0.1,
-    )  # fmt: skip
+        "m",
+        "deflection of the tire on a flat road, increasing from 0; the force is linear between and goes on so beyond",
+        min=0.0,
+        max=3.0,
+        increasing=True,
+        display_unit="mm",
+        nominal=0.1,
+    )
     force: Numbers = numbers("N", "vertical force at that deflection", min=0.0, max=1e7, display_unit="kN", nominal=1e4)
-    damping: Quantity = quantity("N.s/m", "vertical damping in contact", min=0.0, max=1e6, display_unit="kN.s/m", nominal=100.0)
+    damping: Quantity = quantity(
+        "N.s/m", "vertical damping in contact", min=0.0, max=1e6, display_unit="kN.s/m", nominal=100.0
+    )
     slip_stiffness: Quantity = quantity("1", "longitudinal force per slip and load", min=0.0, max=200.0)
     cornering_stiffness: Quantity = quantity("1", "lateral force per slip angle and load", min=0.0, max=200.0)
     longitudinal_friction: Quantity = quantity("1", "largest longitudinal force per load", min=0.01, max=5.0)

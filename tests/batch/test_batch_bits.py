@@ -24,11 +24,16 @@ from cosim.study import FmuSet, Runner
 from cosim.study.experiment import Experiment
 from cosim.tables import Table
 
-pytestmark = [pytest.mark.filterwarnings("ignore::cosim.UnconnectedInputsWarning"), pytest.mark.usefixtures("built_fmus")]
+pytestmark = [
+    pytest.mark.filterwarnings("ignore::cosim.UnconnectedInputsWarning"),
+    pytest.mark.usefixtures("built_fmus"),
+]
 HERE = [name for name, target in TARGETS.items() if choose_target().lanes >= target.lanes]  # what this processor has
 
 
-def apart(system: System, start: Mapping[str, Sequence[float]], copy: int, stop: float, record: Sequence[str], interval: str) -> Any:
+def apart(
+    system: System, start: Mapping[str, Sequence[float]], copy: int, stop: float, record: Sequence[str], interval: str
+) -> Any:
     """The recording of one copy alone."""
     kept = {m: dict(m.values) for m in system.members.values()}
     try:
@@ -42,14 +47,24 @@ def apart(system: System, start: Mapping[str, Sequence[float]], copy: int, stop:
 
 
 def check(
-    system: System, start: Mapping[str, Sequence[float]], *, stop: float, record: Sequence[str], interval: str = "1 ms", alone: str = "",
+    system: System,
+    start: Mapping[str, Sequence[float]],
+    *,
+    stop: float,
+    record: Sequence[str],
+    interval: str = "1 ms",
+    alone: str = "",
     vectors: Sequence[str] = HERE,
-) -> None:  # fmt: skip
-    """Compare, in two pieces; on each kind of vectors, and with one and two threads. `alone`: members that run one by one."""
+) -> None:
+    """Compare, in two pieces; on each kind of vectors, and with one and two threads. `alone`: members that run one by
+    one.
+    """
     copies = len(next(iter(start.values())))
     single = [apart(system, start, c, stop, record, interval) for c in range(copies)]
     for kind, threads in [*((v, 2) for v in vectors), (vectors[-1], 1)]:
-        with Batch(system, copies, start=start, record=record, record_interval=interval, vectors=kind, threads=threads) as batch:
+        with Batch(
+            system, copies, start=start, record=record, record_interval=interval, vectors=kind, threads=threads
+        ) as batch:
             assert " ".join(batch.one_by_one) == alone
             batch.advance(stop * 0.37)
             batch.advance(stop)
@@ -82,7 +97,13 @@ def test_quarter_cars_with_their_regulator() -> None:
 def test_ride_cars_with_preview() -> None:
     system = case(RIDE, RideCase(controller="preview"))
     start = {"speed.start.speed": [10.0, 15.0, 20.0], "controller.preview_time": [0.05, 0.1, 0.2]}
-    check(system, start, stop=0.6, record=["car.body.*", "car.suspension.*.deflection", "controller.force.*"], vectors=["auto"])
+    check(
+        system,
+        start,
+        stop=0.6,
+        record=["car.body.*", "car.suspension.*.deflection", "controller.force.*"],
+        vectors=["auto"],
+    )
 
 
 def test_members_that_run_one_by_one_are_among_the_others() -> None:
@@ -102,13 +123,28 @@ def test_converted_delayed_and_extrapolated_connections_tables_and_groups() -> N
     system.connect("rear.body.z", "front.force", linear=(100.0, 0.5))
     system.group("both", ["front", "rear"], method="gauss-seidel")
     start = {"front.body.mass": [2.1, 2.45, 2.9], "rear.body.mass": [2.2, 2.5, 3.0]}
-    check(system, start, stop=0.5, record=["front.*", "rear.*", "rear.road.height", "road.z"], alone="road", vectors=["auto", "baseline"])
+    check(
+        system,
+        start,
+        stop=0.5,
+        record=["front.*", "rear.*", "rear.road.height", "road.z"],
+        alone="road",
+        vectors=["auto", "baseline"],
+    )
 
 
 def test_different_solver_steps_are_no_lanes() -> None:
     system = case(BENCH, BenchCase(controller="passive"))
     start = {"plant.solver.step": [0.0005, 0.00025, 0.0005]}
-    check(system, start | {"plant.body.mass": [2.1, 2.2, 2.3]}, stop=0.6, record=["plant.*"], interval="10 ms", alone="plant", vectors=["auto"])
+    check(
+        system,
+        start | {"plant.body.mass": [2.1, 2.2, 2.3]},
+        stop=0.6,
+        record=["plant.*"],
+        interval="10 ms",
+        alone="plant",
+        vectors=["auto"],
+    )
 
 
 def inputs_of(system: System) -> list[str]:
@@ -129,8 +165,12 @@ def driven(path: Path, vectors: str, copies: int = 3, steps: int = 60) -> None:
             if "speed" in name or name == "m.x":
                 u[:, :, i] += 10.0 + (12.0 * float(step) * np.arange(steps)[:, None] if name == "m.x" else 0.0)
             v = about.inputs[name[2:]]
-            u[:, :, i] = np.clip(u[:, :, i], *(b if b is not None else s for b, s in ((v.minimum, -1e9), (v.maximum, 1e9))))
-        with Batch(system, copies, inputs=names, outputs=outputs, vectors=vectors, threads=1, allow_unconnected=True) as batch:
+            u[:, :, i] = np.clip(
+                u[:, :, i], *(b if b is not None else s for b, s in ((v.minimum, -1e9), (v.maximum, 1e9)))
+            )
+        with Batch(
+            system, copies, inputs=names, outputs=outputs, vectors=vectors, threads=1, allow_unconnected=True
+        ) as batch:
             got = np.array([batch.step(step, u[k]) for k in range(steps)])
             assert not batch.failures
         for copy in range(copies):
@@ -143,7 +183,8 @@ def driven(path: Path, vectors: str, copies: int = 3, steps: int = 60) -> None:
                 np.testing.assert_array_equal(bits(read()), bits(got[k, copy]))
 
 
-# Mathematical functions in lanes and apart, tables that are looked up, matrices, memories, conditions, samples of 10 ms.
+# Mathematical functions in lanes and apart, tables that are looked up, matrices, memories, conditions, samples of 10
+# ms.
 SOME = ("GpcPreview", "KalmanHmmwvPrinted", "PreviewBuffer", "RoadPerryman3", "RideComfort")
 
 

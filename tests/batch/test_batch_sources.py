@@ -20,7 +20,10 @@ from cosim.fmu.file import FmuFile
 pytestmark = pytest.mark.usefixtures("built_fmus")
 PLANT = FMUS / "fmi3" / "QuarterCarBench.fmu"
 
-STRUCTS = "typedef struct {\n    double k;\n    double n[2];\n} Parameters;\n\ntypedef struct {\n    double v;\n} Inputs;\n\ntypedef struct {\n    double a;\n    double b;\n} Outputs;\n"
+STRUCTS = (
+    "typedef struct {\n    double k;\n    double n[2];\n} Parameters;\n\ntypedef struct {\n    double v;\n}"
+    " Inputs;\n\ntypedef struct {\n    double a;\n    double b;\n} Outputs;\n"
+)
 
 
 def sample(*lines: str) -> str:
@@ -52,13 +55,23 @@ def test_what_depends_on_parameters_alone_is_computed_once() -> None:
 
 def test_conditions_hold_in_each_lane() -> None:
     code = sample(
-        "const int v1 = 0.0 < u->v && !(u->v < p->k);", "double v2 = 0.0;", "if (v1) {", "v2 = sqrt(u->v);", "}",
-        "y->a = when(v1, v2);", "y->b = (double)v1;",
-    )  # fmt: skip
+        "const int v1 = 0.0 < u->v && !(u->v < p->k);",
+        "double v2 = 0.0;",
+        "if (v1) {",
+        "v2 = sqrt(u->v);",
+        "}",
+        "y->a = when(v1, v2);",
+        "y->b = (double)v1;",
+    )
     assert body(code) == [
-        "const mask v1 = (((mask)(0.0 < u->v)) & (~((mask)(u->v < p->k))));", "lanes v2 = lanes_all(0.0);", "if (lanes_any(v1)) {",
-        "v2 = lanes_sqrt(u->v);", "}", "y->a = lanes_when(v1, v2);", "y->b = lanes_number(v1);",
-    ]  # fmt: skip
+        "const mask v1 = (((mask)(0.0 < u->v)) & (~((mask)(u->v < p->k))));",
+        "lanes v2 = lanes_all(0.0);",
+        "if (lanes_any(v1)) {",
+        "v2 = lanes_sqrt(u->v);",
+        "}",
+        "y->a = lanes_when(v1, v2);",
+        "y->b = lanes_number(v1);",
+    ]
 
 
 def test_the_smaller_and_larger_number_are_one_instruction_where_that_is_the_same() -> None:
@@ -109,12 +122,20 @@ def changed(tmp_path: Path, change: Callable[[str, bytes], bytes | None]) -> Pat
     [
         (lambda n, d: None if n.startswith("sources/") else d, "no sources"),
         (lambda n, d: None if n == "sources/model.c" else d, "system in one FMU"),
-        (lambda n, d: re.sub(rb'\.token = "[^"]*"', b'.token = "{other}"', d) if n == "sources/model.c" else d, "not those of its binary"),
+        (
+            lambda n, d: re.sub(rb'\.token = "[^"]*"', b'.token = "{other}"', d) if n == "sources/model.c" else d,
+            "not those of its binary",
+        ),
         (lambda n, d: d + b"\n/* */\n" if n == "sources/integrators.c" else d, "another version of build-fmus"),
-        (lambda n, d: d.replace(b"static void outputs", b"static int outputs") if n == "sources/model.c" else d, "cannot follow|no equations"),
+        (
+            lambda n, d: d.replace(b"static void outputs", b"static int outputs") if n == "sources/model.c" else d,
+            "cannot follow|no equations",
+        ),
     ],
-)  # fmt: skip
-def test_sources_that_are_not_those_of_the_binary_are_not_used(tmp_path: Path, change: Callable[[str, bytes], bytes | None], said: str) -> None:
+)
+def test_sources_that_are_not_those_of_the_binary_are_not_used(
+    tmp_path: Path, change: Callable[[str, bytes], bytes | None], said: str
+) -> None:
     path = changed(tmp_path, change)
     with pytest.raises(NoLanes, match=said):
         lane_source(FmuFile(path, quiet=True)).code((0,), 2, 0)
@@ -126,7 +147,14 @@ def test_sources_that_are_not_those_of_the_binary_are_not_used(tmp_path: Path, c
 
 
 @pytest.mark.parametrize(
-    ("name", "said"), [("MpcBench", "quadratic programs"), ("HydraulicActuator", "ros2"), ("RoadRandom", "random profiles"), ("LqrBench", ""), ("ThreeAxleTrench", "")]
+    ("name", "said"),
+    [
+        ("MpcBench", "quadratic programs"),
+        ("HydraulicActuator", "ros2"),
+        ("RoadRandom", "random profiles"),
+        ("LqrBench", ""),
+        ("ThreeAxleTrench", ""),
+    ],
 )
 def test_which_of_our_fmus_have_lanes(name: str, said: str) -> None:
     fmu = FmuFile(FMUS / "fmi3" / f"{name}.fmu")

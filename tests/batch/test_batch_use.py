@@ -14,7 +14,10 @@ from same import bits
 from cosim import ComponentError, CosimError, PythonComponent, System, TimeError, UnconnectedInputsWarning, WiringError
 from cosim.batch import Batch, CopyFailedWarning
 
-pytestmark = [pytest.mark.filterwarnings("ignore::cosim.UnconnectedInputsWarning"), pytest.mark.usefixtures("built_fmus")]
+pytestmark = [
+    pytest.mark.filterwarnings("ignore::cosim.UnconnectedInputsWarning"),
+    pytest.mark.usefixtures("built_fmus"),
+]
 PLANT = FMUS / "fmi3" / "QuarterCarBench.fmu"
 OUTPUTS = ["plant.body.z", "plant.body.az"]
 
@@ -49,7 +52,10 @@ def test_inputs_and_outputs_are_arrays(bench: System) -> None:
 
 @pytest.mark.parametrize("copies", [10**10, 10**20])
 def test_more_copies_than_fit_into_memory_are_refused(bench: System, copies: int) -> None:
-    with pytest.raises(CosimError, match=rf"{copies} copies need [\d.e+]+ GB of memory at least, and this machine has [\d.]+ GB: make fewer"):
+    with pytest.raises(
+        CosimError,
+        match=rf"{copies} copies need [\d.e+]+ GB of memory at least, and this machine has [\d.]+ GB: make fewer",
+    ):
         Batch(bench, copies)
 
 
@@ -83,14 +89,18 @@ def test_a_reset_begins_again(bench: System) -> None:
 def test_steps_in_pieces_are_those_in_one_go(bench: System) -> None:
     def run(times: list[float]) -> np.ndarray:
         masses, force = [2.0, 2.5, 3.0], [[1.0], [2.0], [-1.0]]
-        with Batch(bench, 3, start={"plant.body.mass": masses}, inputs="plant.force", record="plant.*", record_interval="3 ms") as batch:
+        with Batch(
+            bench, 3, start={"plant.body.mass": masses}, inputs="plant.force", record="plant.*", record_interval="3 ms"
+        ) as batch:
             batch.set(force)
             for t in times:
                 batch.advance(t)
             recording = batch.recording
         assert recording.time.tolist() == [k * 3 / 1000 for k in range(34)]
         assert recording.data.shape == (3, 34, len(recording.names))
-        np.testing.assert_array_equal(recording["plant.body.z"], recording.data[:, :, recording.names.index("plant.body.z")])
+        np.testing.assert_array_equal(
+            recording["plant.body.z"], recording.data[:, :, recording.names.index("plant.body.z")]
+        )
         one = recording.one(1)
         assert (one.names, one.time.tolist()) == (recording.names, recording.time.tolist())
         np.testing.assert_array_equal(one["plant.body.z"], recording["plant.body.z"][1])

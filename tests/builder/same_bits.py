@@ -1,4 +1,5 @@
-"""The generated C functions of a component beside CasADi's own code of the same functions: the same bits, or where not."""
+"""The generated C functions of a component beside CasADi's own code of the same functions: the same
+bits, or where not."""
 
 from __future__ import annotations
 
@@ -16,9 +17,14 @@ from build_fmus.mathematics import math_files
 
 # Field of FmuModel, function of the component, results of that one in the order of the field's
 PAIRS = {
-    "outputs": ("out", (0,)), "derivatives": ("rhs", (0,)), "directional": ("fwd", (0, 1)), "jacobian": ("jac", (0, 1)),
-    "sample": ("tick", (1, 0)), "program_data": ("programs", (0,)), "checks": ("check", (0,)),
-}  # fmt: skip
+    "outputs": ("out", (0,)),
+    "derivatives": ("rhs", (0,)),
+    "directional": ("fwd", (0, 1)),
+    "jacobian": ("jac", (0, 1)),
+    "sample": ("tick", (1, 0)),
+    "program_data": ("programs", (0,)),
+    "checks": ("check", (0,)),
+}
 CALLS = """
 void ours(int which, const FmuArguments *at, double *result, double *second) {
     switch (which) {
@@ -39,12 +45,15 @@ void theirs(int which, const FmuArguments *at, double *result, double *second) {
 
 class _Arguments(ctypes.Structure):
     _fields_ = (
-        ("t", ctypes.c_double), *((n, ctypes.POINTER(ctypes.c_double)) for n in ("x", "u", "p", "s", "dx", "du", "dp", "w")),
-    )  # fmt: skip
+        ("t", ctypes.c_double),
+        *((n, ctypes.POINTER(ctypes.c_double)) for n in ("x", "u", "p", "s", "dx", "du", "dp", "w")),
+    )
 
 
 def differences(component: Model, folder: Path, *, points: int = 40, seed: int = 1) -> list[str]:
-    """Results that differ from those of CasADi's code in any bit (NaN equals NaN), at random points and at the start values."""
+    """Results that differ from those of CasADi's code in any bit (NaN equals NaN), at random points and at the start
+    values.
+    """
     library = ctypes.CDLL(str(_built(component, folder)))
     rng = np.random.default_rng(seed)
     n_solutions = sum(q.n_solution for q in component.programs)

@@ -75,11 +75,19 @@ def test_identity_follows_content() -> None:
         return identity(c.model(), arrays=False)
 
     tokens = {
-        changed(), changed(start=2.0), changed(unit="s"), changed(description="other"), changed(max=3.0),
-        changed(min=0.0), changed(tunable=True), changed(nominal=5.0), changed(display_unit="mm"),
-        identity(oscillator().model(), arrays=False), identity(oscillator().model(), arrays=True),
+        changed(),
+        changed(start=2.0),
+        changed(unit="s"),
+        changed(description="other"),
+        changed(max=3.0),
+        changed(min=0.0),
+        changed(tunable=True),
+        changed(nominal=5.0),
+        changed(display_unit="mm"),
+        identity(oscillator().model(), arrays=False),
+        identity(oscillator().model(), arrays=True),
         identity(oscillator(solver="am2").model(), arrays=False),
-    }  # fmt: skip
+    }
     assert len(tokens) == 12
     assert changed() == changed() == changed(source="another")
     assert all(re.fullmatch(r"\{[0-9a-f]{8}(-[0-9a-f]{4}){3}-[0-9a-f]{12}\}", t) for t in tokens)

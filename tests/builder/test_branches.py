@@ -1,4 +1,6 @@
-"""What only one value of a choice needs: under its condition, computed once, in an order that holds, with the same bits."""
+"""What only one value of a choice needs: under its condition, computed once, in an order that holds, with the same
+bits.
+"""
 
 from __future__ import annotations
 
@@ -28,7 +30,9 @@ def body(c: Component, function: str = "sample") -> str:
 
 
 def random_component(seed: int) -> Component:
-    """Choices within choices over shared operands, under conditions that themselves stand in branches, negated ones and numbers."""
+    """Choices within choices over shared operands, under conditions that themselves stand in branches, negated ones and
+    numbers.
+    """
     rng = np.random.default_rng(seed)
     c = discrete("Choices")
     given = [c.input(f"u{k}", "1", "input") for k in range(4)]
@@ -69,8 +73,8 @@ def test_what_only_one_value_needs_is_computed_under_its_condition() -> None:
     u, v = c.input("u", "1", "u"), c.input("v", "1", "v")
     c.output("y", ca.if_else(u < v, ca.sin(u) + ca.exp(v), ca.cos(v)), "1", "choice")
     text = body(c)
-    assert text == (
-        "    const int v1 = u->u < u->v;\n"
+    assert (
+        text == "    const int v1 = u->u < u->v;\n"
         "    double v2 = 0.0;\n"
         "    if (v1) {\n"
         "        v2 = sin(u->u) + exp(u->v);\n"

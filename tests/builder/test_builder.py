@@ -100,7 +100,9 @@ def test_any_change_rebuilds(change: str, tmp_path: Path, task: Recorder, monkey
 
 
 @pytest.mark.parametrize("change", ["mass = 2", None])
-def test_a_file_that_changes_during_the_build_is_built_again(change: str | None, tmp_path: Path, task: Recorder) -> None:
+def test_a_file_that_changes_during_the_build_is_built_again(
+    change: str | None, tmp_path: Path, task: Recorder
+) -> None:
     """Nobody knows which of its contents went into the FMU."""
     vehicle = tmp_path / "vehicle.toml"
     vehicle.write_text("mass = 1")
@@ -221,7 +223,8 @@ def test_a_damaged_fmu_and_a_changed_stamp_are_named(tmp_path: Path, task: Recor
 
 
 def test_force_uses_nothing_that_was_kept(tmp_path: Path) -> None:
-    """A cached library that is not the compiler's, with a hash that fits, gets into a build, but not into a forced one."""
+    """A cached library that is not the compiler's, with a hash that fits, gets into a build, but not
+    into a forced one."""
     options = Options(tmp_path, fmi=(3,))
 
     def binary(**how: bool) -> bytes:

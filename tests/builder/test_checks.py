@@ -84,5 +84,10 @@ def test_the_first_value_that_is_not_finite_is_named() -> None:
 
 def test_short_numbers_are_told_apart() -> None:
     assert [short(x) for x in (1.0, 0.1, 1 / 3, 1234567.0, math.inf, math.nan)] == [
-        "1", "0.1", "0.3333333333333333", "1234567.0", "inf", "nan",
-    ]  # fmt: skip
+        "1",
+        "0.1",
+        "0.3333333333333333",
+        "1234567.0",
+        "inf",
+        "nan",
+    ]

@@ -1,4 +1,6 @@
-"""Inputs in the declaration: clipped to their limits in everything derived; constants of a source that are only compared."""
+"""Inputs in the declaration: clipped to their limits in everything derived; constants of a source that are only
+compared.
+"""
 
 from __future__ import annotations
 
@@ -19,8 +21,13 @@ BEYOND, LIMIT, INSIDE = [-5.0, 7.0], [-1.0, 2.0], [-0.5, 1.5]
 def pushed(symbols: Any = ca.SX, solver: str = "rk4") -> Component:
     """A mass with two forces within [-1, 2] N, whose start follows them."""
     c = Component(
-        "Mass", kind="continuous", description="a mass", source="Newton", symbols=symbols, solver=solver  # type: ignore[arg-type]
-    )  # fmt: skip
+        "Mass",
+        kind="continuous",
+        description="a mass",
+        source="Newton",
+        symbols=symbols,
+        solver=solver,  # type: ignore[arg-type]
+    )
     force = c.input("force", "N", "forces", shape=(2,), min=-1.0, max=2.0)
     x = c.state("x", "m", "position", start=0.1 * force[0], output=True)
     v = c.state("v", "m/s", "velocity", output=True)

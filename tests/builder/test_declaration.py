@@ -53,7 +53,8 @@ def twice() -> None:
 CASES: dict[str, tuple[Callable[[], object], str]] = {
     "unknown unit": (lambda: mass().input("f", "Nm", "torque"), r"Mass\.f: unknown unit 'Nm'; did you mean 'N\.?m'"),
     "unknown display unit": (
-        lambda: mass().input("f", "N", "force", display_unit="lbf"), r"Mass\.f: .*no display unit 'lbf' \(it has: kN\)",
+        lambda: mass().input("f", "N", "force", display_unit="lbf"),
+        r"Mass\.f: .*no display unit 'lbf' \(it has: kN\)",
     ),
     "duplicate name": (lambda: [c := mass(), c.state("x", "m"), c.state("x", "m")], r"Mass\.x: declared twice"),
     "name of the standard": (lambda: mass().input("time", "s", "time"), r"Mass\.time: .*component\.time"),
@@ -63,58 +64,103 @@ CASES: dict[str, tuple[Callable[[], object], str]] = {
     "missing derivative": (no_derivative, r"Mass: no derivative for state\(s\) x"),
     "missing update": (no_update, r"Filter: no update for state\(s\) held"),
     "derivative twice": (twice, r"Mass\.x: derivative given twice"),
-    "derivative of no state": (lambda: mass().derivative(ca.SX.sym("x"), 0), r"Mass: derivative\(\) needs the very symbol"),
-    "derivative of a discrete one": (
-        lambda: [c := sampled(), c.derivative(c.state("x", "m"), 0)], r"Filter: derivative\(\) is for continuous",
+    "derivative of no state": (
+        lambda: mass().derivative(ca.SX.sym("x"), 0),
+        r"Mass: derivative\(\) needs the very symbol",
     ),
-    "update of a continuous one": (lambda: [c := mass(), c.update(c.state("x", "m"), 0)], r"Mass: update\(\) is for discrete"),
-    "start below min": (lambda: mass().parameter("m", -1.0, "kg", "mass", min=0.0, source="none"), r"Mass\.m: start value is -1 kg; give a finite number of at least 0 kg"),
-    "start above max": (lambda: mass().input("f", "N", "force", start=2.0, max=1.0), r"Mass\.f: start value is 2 N; give a finite number of at most 1 N"),
-    "start not finite": (lambda: mass().parameter("m", math.nan, "kg", "mass", source="none"), r"Mass\.m: start value is nan kg; give a finite number$"),
-    "start infinite": (lambda: mass().parameter("m", math.inf, "kg", "mass", source="none"), r"Mass\.m: start value is inf kg; give a finite number$"),
+    "derivative of a discrete one": (
+        lambda: [c := sampled(), c.derivative(c.state("x", "m"), 0)],
+        r"Filter: derivative\(\) is for continuous",
+    ),
+    "update of a continuous one": (
+        lambda: [c := mass(), c.update(c.state("x", "m"), 0)],
+        r"Mass: update\(\) is for discrete",
+    ),
+    "start below min": (
+        lambda: mass().parameter("m", -1.0, "kg", "mass", min=0.0, source="none"),
+        r"Mass\.m: start value is -1 kg; give a finite number of at least 0 kg",
+    ),
+    "start above max": (
+        lambda: mass().input("f", "N", "force", start=2.0, max=1.0),
+        r"Mass\.f: start value is 2 N; give a finite number of at most 1 N",
+    ),
+    "start not finite": (
+        lambda: mass().parameter("m", math.nan, "kg", "mass", source="none"),
+        r"Mass\.m: start value is nan kg; give a finite number$",
+    ),
+    "start infinite": (
+        lambda: mass().parameter("m", math.inf, "kg", "mass", source="none"),
+        r"Mass\.m: start value is inf kg; give a finite number$",
+    ),
     "calculated start of another size": (
-        lambda: [c := mass(), c.state("x", "m", start=ca.SX.sym("s", 2), shape=(3,))], r"Mass\.x: start has shape \(2, 1\), not \(3,\)",
+        lambda: [c := mass(), c.state("x", "m", start=ca.SX.sym("s", 2), shape=(3,))],
+        r"Mass\.x: start has shape \(2, 1\), not \(3,\)",
     ),
     "derivative of another size": (
-        lambda: [c := mass(), c.derivative(c.state("x", "m", shape=(3,)), ca.SX.sym("s", 2))], r"Mass\.x: derivative has shape",
+        lambda: [c := mass(), c.derivative(c.state("x", "m", shape=(3,)), ca.SX.sym("s", 2))],
+        r"Mass\.x: derivative has shape",
     ),
     "transposed matrix": (
-        lambda: [c := sampled(), c.update(c.state("x", "m", shape=(2, 3)), ca.SX.sym("s", 3, 2))], r"Filter\.x: update has shape \(3, 2\), not \(2, 3\)",
+        lambda: [c := sampled(), c.update(c.state("x", "m", shape=(2, 3)), ca.SX.sym("s", 3, 2))],
+        r"Filter\.x: update has shape \(3, 2\), not \(2, 3\)",
     ),
-    "three dimensions": (lambda: mass().parameter("a", np.zeros((2, 2, 2)), "1", "a", source="none"), r"Mass\.a: shape \(2, 2, 2\)"),
+    "three dimensions": (
+        lambda: mass().parameter("a", np.zeros((2, 2, 2)), "1", "a", source="none"),
+        r"Mass\.a: shape \(2, 2, 2\)",
+    ),
     "empty vector": (lambda: mass().input("u", "1", "u", shape=(0,)), r"Mass\.u: shape \(0,\)"),
     "undeclared symbol": (undeclared_symbol, r"Mass: rhs uses undeclared symbols \(stranger"),
     "sample time of a continuous one": (lambda: mass(sample_time=0.01), r"Mass: a sample_time is for discrete"),
     "component name": (
-        lambda: Component("9 lives", kind="continuous", description="", source="none"), r"'9 lives' is not an identifier",
+        lambda: Component("9 lives", kind="continuous", description="", source="none"),
+        r"'9 lives' is not an identifier",
     ),
     "component without a source": (
-        lambda: Component("Mass", kind="continuous", description="a mass", source=" "), r"Mass: source: empty; say where",
+        lambda: Component("Mass", kind="continuous", description="a mass", source=" "),
+        r"Mass: source: empty; say where",
     ),
     "constant without a source": (
-        lambda: mass().constant("g", 9.81, "m/s2", "gravity", source=""), r"Mass\.g: source: empty; say where",
+        lambda: mass().constant("g", 9.81, "m/s2", "gravity", source=""),
+        r"Mass\.g: source: empty; say where",
     ),
     "constant that is not finite": (
-        lambda: mass().constant("g", math.inf, "m/s2", "gravity", source="none"), r"Mass\.g: start value is inf m/s2; give a finite number$",
+        lambda: mass().constant("g", math.inf, "m/s2", "gravity", source="none"),
+        r"Mass\.g: start value is inf m/s2; give a finite number$",
     ),
     "latch of a continuous one": (lambda: mass().latch("x0", 1.0, "m"), r"Mass: latch\(\) is for discrete components"),
     "operating point of no state": (
-        lambda: mass().operating_point("far", {"x": 1.0}), r"Mass: operating point 'far' sets 'x', which is neither state nor input",
+        lambda: mass().operating_point("far", {"x": 1.0}),
+        r"Mass: operating point 'far' sets 'x', which is neither state nor input",
     ),
     "no source": (
-        lambda: mass().parameter("m", 1.0, "kg", "mass"), r'Mass\.m: source: empty; say where the value comes from, or "assumed"',
+        lambda: mass().parameter("m", 1.0, "kg", "mass"),
+        r'Mass\.m: source: empty; say where the value comes from, or "assumed"',
     ),
-    "blank source": (lambda: mass().parameter("m", 1.0, "kg", "mass", source=" \n"), r"Mass\.m: source: empty; say where"),
+    "blank source": (
+        lambda: mass().parameter("m", 1.0, "kg", "mass", source=" \n"),
+        r"Mass\.m: source: empty; say where",
+    ),
     "source without an end": (
-        lambda: mass().parameter("m", 1.0, "kg", "mass", source="x" * 4097), r"Mass\.m: source: has 4097 characters; shorten it to 4096",
+        lambda: mass().parameter("m", 1.0, "kg", "mass", source="x" * 4097),
+        r"Mass\.m: source: has 4097 characters; shorten it to 4096",
     ),
     "source that is no text": (
-        lambda: mass().parameter("m", 1.0, "kg", "mass", source="Table\x07 2"), r"Mass\.m: source: contains the character '\\x07'",
+        lambda: mass().parameter("m", 1.0, "kg", "mass", source="Table\x07 2"),
+        r"Mass\.m: source: contains the character '\\x07'",
     ),
-    "value with a dot": (lambda: mass().value("strut.force", 0), r"Mass\.strut\.force: the name of a value has letters"),
-    "two values of a name": (lambda: [c := mass(), c.value("f", 0), c.value("f", 1)], r"Mass\.f: two values of this name"),
-    "stimulus of no input": (lambda: mass().stimulate({"f": math.sin}), r"Mass: stimulus for 'f', which is not an input"),
-}  # fmt: skip
+    "value with a dot": (
+        lambda: mass().value("strut.force", 0),
+        r"Mass\.strut\.force: the name of a value has letters",
+    ),
+    "two values of a name": (
+        lambda: [c := mass(), c.value("f", 0), c.value("f", 1)],
+        r"Mass\.f: two values of this name",
+    ),
+    "stimulus of no input": (
+        lambda: mass().stimulate({"f": math.sin}),
+        r"Mass: stimulus for 'f', which is not an input",
+    ),
+}
 
 
 @pytest.mark.parametrize("case", CASES)

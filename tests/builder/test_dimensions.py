@@ -219,7 +219,10 @@ def test_what_depends_on_a_value_without_unit_is_told_apart() -> None:
 def test_builds_refuse_by_name_unit_and_power(tmp_path: Path) -> None:
     s = mass()
     dropped_mass(s)
-    message = r"^Mass: dimensions: der\(v\): declared in m/s per s, which has kg\^0, but its expression scales with kg\^1\. A number"
+    message = (
+        r"^Mass: dimensions: der\(v\): declared in m/s per s, which has kg\^0, but its expression scales with kg\^1\. A"
+        r" number"
+    )
     with pytest.raises(DeclarationError, match=message):
         build_fmu(s.c, 3, [], ObjectCache(tmp_path))
 

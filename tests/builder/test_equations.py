@@ -22,9 +22,29 @@ from fmu_sources.catalog import Context, default_catalog
 
 needs_gcc = pytest.mark.skipif(shutil.which("gcc") is None, reason="needs gcc")
 ONE = (
-    "sin", "cos", "tan", "asin", "acos", "atan", "sinh", "cosh", "tanh", "asinh", "acosh", "atanh", "exp", "expm1", "log", "log1p",
-    "sqrt", "fabs", "floor", "ceil", "sign", "erf",
-)  # fmt: skip
+    "sin",
+    "cos",
+    "tan",
+    "asin",
+    "acos",
+    "atan",
+    "sinh",
+    "cosh",
+    "tanh",
+    "asinh",
+    "acosh",
+    "atanh",
+    "exp",
+    "expm1",
+    "log",
+    "log1p",
+    "sqrt",
+    "fabs",
+    "floor",
+    "ceil",
+    "sign",
+    "erf",
+)
 TWO = ("atan2", "fmod", "remainder", "fmin", "fmax", "copysign", "hypot", "plus", "minus", "times", "rdivide", "power")
 
 
@@ -39,15 +59,40 @@ def all_operations() -> Component:
     c.output("one", ca.vertcat(*(getattr(ca, f)(x) for f in ONE)), "1", "of one number")
     c.output("two", ca.vertcat(*(getattr(ca, f)(x, y) for f in TWO)), "1", "of two")
     nested = [
-        x - (y - z), x - y - z, x / (y / z), x / y / z, x * (y / z), x * y / z, x - (y + z), -(x + y) * z, 1 / (1 / x), 2 * (2 * x),
-        (x + y) ** 2, x**2 / y**2, -2 * x - -3, x - (-y), (x * -1) * y,
-    ]  # fmt: skip
+        x - (y - z),
+        x - y - z,
+        x / (y / z),
+        x / y / z,
+        x * (y / z),
+        x * y / z,
+        x - (y + z),
+        -(x + y) * z,
+        1 / (1 / x),
+        2 * (2 * x),
+        (x + y) ** 2,
+        x**2 / y**2,
+        -2 * x - -3,
+        x - (-y),
+        (x * -1) * y,
+    ]
     logic = [
-        (x < y) + (y < z), (x < y) * z, (x < y) / (1 + (y < z)), -(x < y), ca.logic_and(x < y, ca.logic_or(y <= z, x == z)),
-        ca.logic_or(ca.logic_and(x < y, y < z), ca.logic_not(z)), ca.logic_not(ca.logic_not(x)), (x < y) < (y < z), x != y, ca.fmax(x < y, z),
-        ca.if_else(x < y, x, y), ca.if_else(x < y, -x * 0, 1), ca.if_else(x, y < z, z), ca.if_else(ca.logic_not(x < y), x, z),
-        ca.if_else(x < y, ca.if_else(y < z, x, y), z), ca.if_else(x < y, x, 0),
-    ]  # fmt: skip
+        (x < y) + (y < z),
+        (x < y) * z,
+        (x < y) / (1 + (y < z)),
+        -(x < y),
+        ca.logic_and(x < y, ca.logic_or(y <= z, x == z)),
+        ca.logic_or(ca.logic_and(x < y, y < z), ca.logic_not(z)),
+        ca.logic_not(ca.logic_not(x)),
+        (x < y) < (y < z),
+        x != y,
+        ca.fmax(x < y, z),
+        ca.if_else(x < y, x, y),
+        ca.if_else(x < y, -x * 0, 1),
+        ca.if_else(x, y < z, z),
+        ca.if_else(ca.logic_not(x < y), x, z),
+        ca.if_else(x < y, ca.if_else(y < z, x, y), z),
+        ca.if_else(x < y, x, 0),
+    ]
     c.output("nested", ca.vertcat(*nested), "1", "parentheses")
     c.output("logic", ca.vertcat(*logic), "1", "conditions and numbers")
     numbers = [0.0, -0.0, 1e300, -1e-300, 1 / 3, 1e6, 123456789.0, np.inf, -np.inf]
@@ -262,8 +307,8 @@ def test_intermediate_values_have_their_names_and_sources() -> None:
     code = generate.generate_c(c.model(), arrays=False, token="t")
     assert (
         "    /* a paper, equation (3) */\n    const double pull = u->f - 2.0 * x->x;\n"
-        "    /* a paper, equation (4) */\n    der->v = pull / 2.0;\n"
-    ) in section(code, "derivatives")
+        "    /* a paper, equation (4) */\n    der->v = pull / 2.0;\n" in section(code, "derivatives")
+    )
     assert "const double pull = u->f - 2.0 * x->x;\n    y->a = pull / 2.0;" in section(code, "outputs").replace(
         "    /* a paper, equation (3) */\n", ""
     )
@@ -285,15 +330,30 @@ def test_matrices_have_their_names() -> None:
 @pytest.mark.parametrize(
     ("name", "title", "lines"),
     [
-        ("QuarterCarHmmwv", "derivatives", "/* 001 (1.1), forces on m_s */\n    der->body_vz = strut_force / p->body_mass;"),
+        (
+            "QuarterCarHmmwv",
+            "derivatives",
+            "/* 001 (1.1), forces on m_s */\n    der->body_vz = strut_force / p->body_mass;",
+        ),
         ("QuarterCarBench", "derivatives", "/* 002 equation (1) */\n    der->body_vz = strut_force / p->body_mass;"),
-        ("HydraulicActuator", "derivatives", "/* 001 (1.4) */\n    der->spool_position = (spool_target - x->spool_position) /"),
+        (
+            "HydraulicActuator",
+            "derivatives",
+            "/* 001 (1.4) */\n    der->spool_position = (spool_target - x->spool_position) /",
+        ),
         ("ThreeAxleRide", "derivatives", "/* 003 (3.13) */\n    der->body_vz = "),
         ("ForceTracking", "sample", "/* 001 (1.12) */\n    const double voltage = "),
-        ("MpcHmmwv", "sample", "/* 001 (1.16), four times, sampled for held commands */\n    for (int i = 0; i < 16; i++) next->smoothing_filters[i]"),
+        (
+            "MpcHmmwv",
+            "sample",
+            (
+                "/* 001 (1.16), four times, sampled for held commands */\n    for (int i = 0; i < 16; i++)"
+                " next->smoothing_filters[i]"
+            ),
+        ),
         ("FullCarHmmwv", "derivatives", "der->body_vx = body_force_1 / total_mass;"),
     ],
-)  # fmt: skip
+)
 def test_equations_of_the_papers_are_found_by_their_numbers(name: str, title: str, lines: str) -> None:
     assert lines in section(generate.generate_c(model(name), arrays=False, token="t"), title)
 

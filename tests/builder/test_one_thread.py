@@ -27,9 +27,13 @@ print(*(os.environ[name] for name in sys.stdin.read().split()))
 def test_a_command_has_one_thread(own: dict[str, str], found: list[str]) -> None:
     environment = {k: v for k, v in os.environ.items() if k not in VARIABLES}
     run = subprocess.run(
-        [sys.executable, "-c", PROGRAM], env={**environment, **own}, input=" ".join(VARIABLES), capture_output=True,
-        text=True, check=True,
-    )  # fmt: skip
+        [sys.executable, "-c", PROGRAM],
+        env={**environment, **own},
+        input=" ".join(VARIABLES),
+        capture_output=True,
+        text=True,
+        check=True,
+    )
     assert run.stdout.split()[-3:] == found
 
 

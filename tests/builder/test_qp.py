@@ -23,9 +23,7 @@ A = np.array([[1.0, 0.0], [1.0, 1.0]])
 
 
 def sampled(symbols: object = ca.SX) -> Component:
-    return Component(
-        "Law", kind="discrete", sample_time=0.01, description="a law", source="none", symbols=symbols
-    )  # fmt: skip
+    return Component("Law", kind="discrete", sample_time=0.01, description="a law", source="none", symbols=symbols)
 
 
 def declare(c: Component, name: str = "solver", **changes: object) -> object:
@@ -102,8 +100,9 @@ def test_dependencies_go_through_the_solver(symbols: object) -> None:
     names = ["linear", "lower", "upper", "case", "beside", "later"]
     inputs = {n: c.input(n, "1", n) for n in names}
     held = c.state("held", "1", start=inputs["upper"])
-    s = declare(c, hessians=[H, 3 * H], linear=inputs["linear"], lower=inputs["lower"] - 1, upper=held,
-                case=inputs["case"])  # fmt: skip
+    s = declare(
+        c, hessians=[H, 3 * H], linear=inputs["linear"], lower=inputs["lower"] - 1, upper=held, case=inputs["case"]
+    )
     c.update(held, inputs["later"])
     c.output("u", s.z[0] + inputs["beside"], "1", "command")  # type: ignore[attr-defined]
     c.output("aside", inputs["beside"], "1", "not solved for")
@@ -136,8 +135,14 @@ def test_cases_that_differ_in_bounds_alone_share_their_constants() -> None:
     hessians = [np.eye(2), 2 * np.eye(2), np.eye(2), 2 * np.eye(2), 3 * np.eye(2)]
     case = c.input("case", None, "case", type=int)
     c.quadratic_program(
-        "solver", hessians=hessians, constraints=np.eye(2), linear=[-8.0, 8.0], lower=-1.0 - case, upper=1.0 + case, case=case
-    )  # fmt: skip
+        "solver",
+        hessians=hessians,
+        constraints=np.eye(2),
+        linear=[-8.0, 8.0],
+        lower=-1.0 - case,
+        upper=1.0 + case,
+        case=case,
+    )
     code = generate_data(c.programs)
     assert code.count("static const double qp0_hessian") == 3
     assert code.count("static const double qp0_constraints") == 1

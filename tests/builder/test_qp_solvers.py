@@ -53,14 +53,11 @@ PROBLEMS = _problems()
 def compiled(problem: str, backend: Backend) -> CompiledPrograms:
     """A program whose data are given from outside; its warm start is that of whoever used it last."""
     H, A = PROBLEMS[problem]
-    c = Component("Program", kind="discrete", sample_time=0.01, description="a program", source="none",
-                  symbols=ca.MX)  # fmt: skip
+    c = Component("Program", kind="discrete", sample_time=0.01, description="a program", source="none", symbols=ca.MX)
     n, m = len(H[0]), len(A[0])
     q, lo, up = (c.input(k, "1", k, shape=(s,)) for k, s in (("q", n), ("l", m), ("u", m)))
     case = c.input("case", "1", "case")
-    c.quadratic_program(
-        "solver", hessians=H, constraints=A, linear=q, lower=lo, upper=up, case=case, backend=backend
-    )  # fmt: skip
+    c.quadratic_program("solver", hessians=H, constraints=A, linear=q, lower=lo, upper=up, case=case, backend=backend)
     return CompiledPrograms(c.model())
 
 
@@ -228,7 +225,9 @@ def test_iteration_limit(limited: Backend) -> None:
 
 
 def test_the_fallback_takes_over_at_the_limit() -> None:
-    """Its solution is exact and the next start: the solver in front of it is done with the same data at its first check."""
+    """Its solution is exact and the next start: the solver in front of it is done with the same data at its first
+    check.
+    """
     limited = Osqp(rho=100.0, max_iterations=20, fallback=Daqp())
     q = np.array([-20.0, 15.0, 9.0, -30.0, 1.0])
     (H,), (A,) = PROBLEMS["soft"]
@@ -263,9 +262,17 @@ def test_the_limit_of_the_fallback() -> None:
 
 @pytest.mark.parametrize(
     ("where", "value"),
-    [("q", np.nan), ("q", np.inf), ("lower", np.nan), ("upper", np.nan), ("lower", np.inf), ("upper", -np.inf),
-     ("case", np.nan), ("case", np.inf)],
-)  # fmt: skip
+    [
+        ("q", np.nan),
+        ("q", np.inf),
+        ("lower", np.nan),
+        ("upper", np.nan),
+        ("lower", np.inf),
+        ("upper", -np.inf),
+        ("case", np.nan),
+        ("case", np.inf),
+    ],
+)
 def test_data_that_are_not_finite(backend: Backend, problem: str, where: str, value: float) -> None:
     n, m = len(PROBLEMS[problem][0][0]), len(PROBLEMS[problem][1][0])
     good = solve(problem, backend, -1.0, -1.0, 1.0)

@@ -71,12 +71,18 @@ def test_positions_are_found() -> None:
     c.derivative(s["growing"], s["growing"])
     c.derivative(s["twice"], s["velocity"])
     assert dict(zip(names, c.model().velocity_of, strict=True)) == {
-        "position": 1, "velocity": -1, "scaled": -1, "by_input": -1, "growing": -1, "twice": 1,
-    }  # fmt: skip
+        "position": 1,
+        "velocity": -1,
+        "scaled": -1,
+        "by_input": -1,
+        "growing": -1,
+        "twice": 1,
+    }
 
 
 def test_a_position_never_drives_a_position() -> None:
-    """Jerk drives acceleration, acceleration velocity, velocity position: of a chain every other state is a position."""
+    """Jerk drives acceleration, acceleration velocity, velocity position: of a chain every other state
+    is a position."""
     c = declare()
     s = [c.state(n, "1") for n in ("position", "velocity", "acceleration", "jerk")]
     for a, b in pairwise(s):

@@ -96,7 +96,9 @@ def test_eigenvalues(kind: str, eigenvalues: Callable) -> None:
 
 
 def test_eigenvalues_of_special_matrices(eigenvalues: Callable) -> None:
-    """Chains of integrators and of equal lags exactly; cycles, on which plain QR iteration stands still; nothing finite."""
+    """Chains of integrators and of equal lags exactly; cycles, on which plain QR iteration stands still; nothing
+    finite.
+    """
     for n in (2, 5, 8):
         np.testing.assert_array_equal(eigenvalues(np.diag(np.ones(n - 1), 1)), 0)
         np.testing.assert_array_equal(eigenvalues(np.diag(np.full(n, -3.0)) + np.diag(np.full(n - 1, 3.0), -1)), -3)

@@ -21,11 +21,18 @@ def test_what_users_write_is_converted_as_between_fmus(name: str) -> None:
 @pytest.mark.parametrize(
     ("value", "given", "wanted", "found"),
     [
-        (35.0, "cm", "m", 0.35), (18.0, "km/h", "m/s", 5.0), (350.0, "N/mm", "N/m", 350e3), (180.0, "deg", "rad", math.pi),
-        (2.0, "bar", "Pa", 2e5), (30.0, "l/min", "m3/s", 0.0005), (20.0, "degC", "K", 293.15), (7.0, "N/(m/s)", "N.s/m", 7.0),
-        (3.0, "1/s", "Hz", 3.0), (50.0, "%", "1", 0.5),
+        (35.0, "cm", "m", 0.35),
+        (18.0, "km/h", "m/s", 5.0),
+        (350.0, "N/mm", "N/m", 350e3),
+        (180.0, "deg", "rad", math.pi),
+        (2.0, "bar", "Pa", 2e5),
+        (30.0, "l/min", "m3/s", 0.0005),
+        (20.0, "degC", "K", 293.15),
+        (7.0, "N/(m/s)", "N.s/m", 7.0),
+        (3.0, "1/s", "Hz", 3.0),
+        (50.0, "%", "1", 0.5),
     ],
-)  # fmt: skip
+)
 def test_values(value: float, given: str, wanted: str, found: float) -> None:
     assert convert(value, given, wanted) == pytest.approx(found, rel=1e-15)
 
@@ -41,7 +48,9 @@ def test_display_units_are_the_inverse() -> None:
 
 def test_what_measures_something_else_is_refused_with_what_is_accepted() -> None:
     with pytest.raises(
-        KeyError, match=r"unit 'mmm' where 'm' is expected \(accepted: m, mm, cm, km[^)]*\); did you mean 'mm'"  # others may have met more
+        KeyError,
+        # others may have met more
+        match=r"unit 'mmm' where 'm' is expected \(accepted: m, mm, cm, km[^)]*\); did you mean 'mm'",
     ):
         convert(1.0, "mmm", "m")
     with pytest.raises(KeyError, match=r"unknown unit 'Nm'; did you mean 'N\.m'\? \(units are listed in"):

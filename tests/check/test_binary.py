@@ -79,5 +79,3 @@ def test_folders_of_platforms() -> None:
     assert claimed("x86_64-windows-msvc140mt", "3") == ("PE", "x86_64", 64)
     assert claimed("linux64", "3") is None
     assert claimed("amiga", "2") is None
-
-

@@ -1,4 +1,6 @@
-"""Each deliberate fault is found by the check that is there for it, and no other check says anything; without a fault nothing is found."""
+"""Each deliberate fault is found by the check that is there for it, and no other check says anything; without a fault
+nothing is found.
+"""
 
 from __future__ import annotations
 
@@ -33,8 +35,15 @@ def test_without_a_fault_nothing_is_found(version: int, faulty: Callable[..., Pa
     assert found(report) == {}
     assert report.exit_code(strict=True) == 0
     inapplicable = {r.name for r in report.results if r.inapplicable}
-    assert inapplicable <= {"archive.sources", "archive.terminals", "archive.layered", "description.clocks"}, "a check that this FMU is no case for is tried by none"
-    assert {r.check.id for r in report.results} == {c.id for c in CHECKS.values() if str(version) in c.versions and c.id != "archive.readable"}
+    assert inapplicable <= {
+        "archive.sources",
+        "archive.terminals",
+        "archive.layered",
+        "description.clocks",
+    }, "a check that this FMU is no case for is tried by none"
+    assert {r.check.id for r in report.results} == {
+        c.id for c in CHECKS.values() if str(version) in c.versions and c.id != "archive.readable"
+    }
 
 
 @pytest.mark.parametrize(("name", "version"), sorted(QUICK))
@@ -47,7 +56,9 @@ def test_the_fault_and_no_other(name: str, version: int, faulty: Callable[..., P
 
 @pytest.mark.full
 @pytest.mark.parametrize(("name", "version"), CASES)
-def test_the_fault_and_no_other_by_all_checks(name: str, version: int, faulty: Callable[..., Path], workers: Workers) -> None:
+def test_the_fault_and_no_other_by_all_checks(
+    name: str, version: int, faulty: Callable[..., Path], workers: Workers
+) -> None:
     fits(name, check(faulty(version, name), limits(name), workers=workers))
 
 
@@ -62,11 +73,17 @@ def fits(name: str, report: Report) -> None:
     assert set(texts) <= {*fault.found, *fault.also}, texts
 
 
-ALLOWED = [(n, v) for n in ("fixed-step", "no-early-inputs", "no-early-derivatives", "adaptive", "empty-token") for v in ODDITIES[n].versions]
+ALLOWED = [
+    (n, v)
+    for n in ("fixed-step", "no-early-inputs", "no-early-derivatives", "adaptive", "empty-token")
+    for v in ODDITIES[n].versions
+]
 
 
 @pytest.mark.parametrize(("name", "version"), ALLOWED)
-def test_what_the_standard_allows_is_no_error(name: str, version: int, faulty: Callable[..., Path], workers: Workers) -> None:
+def test_what_the_standard_allows_is_no_error(
+    name: str, version: int, faulty: Callable[..., Path], workers: Workers
+) -> None:
     report = check(faulty(version, name), LIMITS, workers=workers)
     assert report.exit_code() == 0
     assert set(found(report)) <= set(ODDITIES[name].also), found(report)
@@ -84,9 +101,16 @@ def test_one_instance_in_each_process(version: int, kind: str, faulty: Callable[
 @pytest.mark.parametrize("version", BOTH)
 def test_what_takes_too_long_is_not_judged(version: int, faulty: Callable[..., Path], workers: Workers) -> None:
     """Whether it hangs or is slow cannot be told."""
-    report = check(faulty(version, "step-hang"), Options(only=("states.life", "runs.reset"), kinds=("cs",), seconds=1.0), workers=workers)
+    report = check(
+        faulty(version, "step-hang"),
+        Options(only=("states.life", "runs.reset"), kinds=("cs",), seconds=1.0),
+        workers=workers,
+    )
     assert found(report) == {}
-    assert [(r.check.id, r.verdict) for r in report.results] == [("states.life", "not judged"), ("runs.reset", "not applicable")]
+    assert [(r.check.id, r.verdict) for r in report.results] == [
+        ("states.life", "not judged"),
+        ("runs.reset", "not applicable"),
+    ]
     assert "DoStep (Co-Simulation, step mode)" in report.not_run
     assert "--timeout gives it more time" in report.not_run
     assert report.exit_code(strict=True) == 2
@@ -119,15 +143,27 @@ def test_nothing_is_called_after_fatal(faulty: Callable[..., Path], workers: Wor
 
 
 def test_a_missing_derivative_is_named(faulty: Callable[..., Path]) -> None:
-    for version, name, severity in ((2, "no-derivative-unknown", "warning"), (3, "no-derivative-unknown", "warning"), (2, "alias-for-derivative", "error")):
+    for version, name, severity in (
+        (2, "no-derivative-unknown", "warning"),
+        (3, "no-derivative-unknown", "warning"),
+        (2, "alias-for-derivative", "error"),
+    ):
         texts = found(check(faulty(version, name), Options(only=("description.structure",))))["description.structure"]
-        assert texts[0].startswith(f"{severity}: 'der(x)' is calculated in initialization, but not among the InitialUnknown")
+        assert texts[0].startswith(
+            f"{severity}: 'der(x)' is calculated in initialization, but not among the InitialUnknown"
+        )
 
 
 def test_every_check_has_a_fault_that_it_finds() -> None:
     tried = {c for fault in FAULTS.values() for c in fault.found}
     untried = {c.id for c in CHECKS.values()} - tried
-    assert untried == {"archive.readable", "binary.libraries", "states.arguments", "states.statuses", "exchange.together"}
+    assert untried == {
+        "archive.readable",
+        "binary.libraries",
+        "states.arguments",
+        "states.statuses",
+        "exchange.together",
+    }
 
 
 def test_nothing_is_asked_of_an_fmu_without_states() -> None:

@@ -1,4 +1,5 @@
-"""Hostile FMUs under `cosim check`: what they write, claim and leave behind reaches neither the judge nor the machine."""
+"""Hostile FMUs under `cosim check`: what they write, claim and leave behind reaches neither the judge
+nor the machine."""
 
 from __future__ import annotations
 
@@ -36,9 +37,15 @@ def workers(proof: Path) -> Iterator[Workers]:
         yield found
 
 
-@pytest.mark.parametrize(("deed", "words"), [
-    ("pickle", "channel of the check"), ("message", "channel of the check"), ("claim", "channel of the check"), ("flood", "1048576 bytes"),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("deed", "words"),
+    [
+        ("pickle", "channel of the check"),
+        ("message", "channel of the check"),
+        ("claim", "channel of the check"),
+        ("flood", "1048576 bytes"),
+    ],
+)
 @pytest.mark.parametrize("version", [2, 3])
 def test_what_an_fmu_writes_into_descriptors_is_not_executed(
     folder: Path, proof: Path, workers: Workers, deed: str, words: str, version: int
@@ -68,10 +75,14 @@ def test_a_state_beyond_all_memory_is_a_finding_among_the_others(folder: Path, w
     assert len(texts) == 1
     assert "says that a state has 1152921504606846976 bytes" in texts[0]
     assert report.failures == []
-    assert {r.check.id for r in report.results} == {c.id for c in CHECKS.values() if c.group == "saved" or c.id == "states.life"}
+    assert {r.check.id for r in report.results} == {
+        c.id for c in CHECKS.values() if c.group == "saved" or c.id == "states.life"
+    }
 
 
-def test_a_mistake_of_a_check_loses_no_other_result(folder: Path, workers: Workers, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_mistake_of_a_check_loses_no_other_result(
+    folder: Path, workers: Workers, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """An FMU might bring a check to one; the report says so and ends with "not checked"."""
     broken = Answer(broken="Traceback: ZeroDivisionError")
     run = Workers.run
@@ -82,10 +93,20 @@ def test_a_mistake_of_a_check_loses_no_other_result(folder: Path, workers: Worke
     assert "ZeroDivisionError" in report.failures[0]
 
 
-@pytest.mark.parametrize("change", [
-    {"findings": [["text", "fatal", 0]]}, {"findings": [["text", "error"]]}, {"findings": [[{}, "error", 0]]}, {"findings": {}}, {"measures": []},
-    {"measures": {"time": 1}}, {"seconds": "now"}, {"lost": None}, {"more": 1},
-])  # fmt: skip
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"findings": [["text", "fatal", 0]]},
+        {"findings": [["text", "error"]]},
+        {"findings": [[{}, "error", 0]]},
+        {"findings": {}},
+        {"measures": []},
+        {"measures": {"time": 1}},
+        {"seconds": "now"},
+        {"lost": None},
+        {"more": 1},
+    ],
+)
 def test_answers_are_validated_field_by_field(change: dict[str, object]) -> None:
     right = json.loads(Answer(measures={"a": "b"}, seconds=1.0).pack())
     assert Answer.unpack(json.dumps(right).encode()).measures == {"a": "b"}

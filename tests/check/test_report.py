@@ -1,4 +1,5 @@
-"""What comes out: severities, exit codes, files for programs and people, and what is said where nothing can be checked."""
+"""What comes out: severities, exit codes, files for programs and people, and what is said where nothing
+can be checked."""
 
 from __future__ import annotations
 
@@ -34,10 +35,14 @@ def test_clean_faulty_and_not_checked(faulty: Callable[..., Path], tmp_path: Pat
     assert "an input with initial=exact has no start value" in text
     assert "FMI 2.0, 2.2.7 Definition of Model Variables (start)" in text
     for wrong, words in (
-        ((tmp_path / "none.fmu",), "no such FMU"), ((faulty(2), "--fmi", "3"), "not of FMI 3.0 as requested"), ((), "say which FMU"),
-        ((faulty(2), "--only", "runs.rest"), "there is no check 'runs.rest'; did you mean"), ((faulty(2), "--timeout", "0"), "--timeout is 0 s"),
-        ((faulty(2), "--interface", "se"), "it is cs or me"), ((faulty(2), "--limit", "cows=1"), "limit"),
-    ):  # fmt: skip
+        ((tmp_path / "none.fmu",), "no such FMU"),
+        ((faulty(2), "--fmi", "3"), "not of FMI 3.0 as requested"),
+        ((), "say which FMU"),
+        ((faulty(2), "--only", "runs.rest"), "there is no check 'runs.rest'; did you mean"),
+        ((faulty(2), "--timeout", "0"), "--timeout is 0 s"),
+        ((faulty(2), "--interface", "se"), "it is cs or me"),
+        ((faulty(2), "--limit", "cows=1"), "limit"),
+    ):
         code, text = run(*wrong)
         assert code == 2, wrong
         assert words in text.replace("\n", " ")
@@ -48,12 +53,16 @@ def test_warnings_fail_when_asked(faulty: Callable[..., Path], workers: Workers)
     assert (report.exit_code(), report.exit_code(strict=True)) == (0, 1)
 
 
-def test_an_fmu_for_other_platforms_is_not_called_clean(faulty: Callable[..., Path], tmp_path: Path, workers: Workers) -> None:
+def test_an_fmu_for_other_platforms_is_not_called_clean(
+    faulty: Callable[..., Path], tmp_path: Path, workers: Workers
+) -> None:
     """What it says is checked, and that it was not run is said."""
     path = tmp_path / "Elsewhere.fmu"
     with zipfile.ZipFile(faulty(3)) as old, zipfile.ZipFile(path, "w") as new:
         for name in old.namelist():
-            new.writestr(name if not name.startswith("binaries/") else "binaries/riscv64-linux/faulty.so", old.read(name))
+            new.writestr(
+                name if not name.startswith("binaries/") else "binaries/riscv64-linux/faulty.so", old.read(name)
+            )
     report = check(path, workers=workers)
     assert "there is no binary for this platform" in report.not_run
     assert "it has binaries for riscv64-linux" in report.not_run
@@ -62,11 +71,25 @@ def test_an_fmu_for_other_platforms_is_not_called_clean(faulty: Callable[..., Pa
 
 
 def test_files(faulty: Callable[..., Path], tmp_path: Path) -> None:
-    code, _ = run(faulty(3, "start"), faulty(2), "--junit", tmp_path / "j.xml", "--html", tmp_path / "h.html", "--json", tmp_path / "r.json", "--only", "values")
+    code, _ = run(
+        faulty(3, "start"),
+        faulty(2),
+        "--junit",
+        tmp_path / "j.xml",
+        "--html",
+        tmp_path / "h.html",
+        "--json",
+        tmp_path / "r.json",
+        "--only",
+        "values",
+    )
     assert code == 1
     suites = etree.parse(tmp_path / "j.xml").getroot()
-    assert [(s.get("name"), s.get("failures")) for s in suites] == [("Faulty3_start.fmu", "2"), ("Faulty2_none.fmu", "0")]
-    (failure, _) = suites.iter("failure")
+    assert [(s.get("name"), s.get("failures")) for s in suites] == [
+        ("Faulty3_start.fmu", "2"),
+        ("Faulty2_none.fmu", "0"),
+    ]
+    failure, _ = suites.iter("failure")
     assert failure.get("message") == "'d' is 0.5 in initialization mode; its start is 0.4"
     assert "Write the same start values" in failure.text
     data = json.loads((tmp_path / "r.json").read_text())
@@ -77,16 +100,22 @@ def test_files(faulty: Callable[..., Path], tmp_path: Path) -> None:
 
 
 def test_layered_standards_are_named(faulty: Callable[..., Path], tmp_path: Path) -> None:
-    code, text = run(faulty(2, "related-role"), "--json", tmp_path / "r.json", "--html", tmp_path / "h.html", "--only", "archive")
+    code, text = run(
+        faulty(2, "related-role"), "--json", tmp_path / "r.json", "--html", tmp_path / "h.html", "--only", "archive"
+    )
     assert code == 0
     words = " ".join(text.split())
     assert "layered standards: org.fmi-standard.fmi-ls-ref 1.0.0-beta.1" in words
     assert "fmi-ls-manifest.xml, line 1" in words
-    assert json.loads((tmp_path / "r.json").read_text())[0]["layered_standards"] == ["org.fmi-standard.fmi-ls-ref 1.0.0-beta.1"]
+    assert json.loads((tmp_path / "r.json").read_text())[0]["layered_standards"] == [
+        "org.fmi-standard.fmi-ls-ref 1.0.0-beta.1"
+    ]
     assert "Layered standards: org.fmi-standard.fmi-ls-ref 1.0.0-beta.1." in (tmp_path / "h.html").read_text()
 
 
-def test_a_manifest_of_another_version_is_measured_with_a_note(faulty: Callable[..., Path], tmp_path: Path, workers: Workers) -> None:
+def test_a_manifest_of_another_version_is_measured_with_a_note(
+    faulty: Callable[..., Path], tmp_path: Path, workers: Workers
+) -> None:
     """Drafts differ, and only one has its schema here: what another one may allow is no warning."""
     path = tmp_path / "Older.fmu"
     with zipfile.ZipFile(faulty(3, "related-role")) as old, zipfile.ZipFile(path, "w") as new:
@@ -103,7 +132,9 @@ def test_names_of_strangers_are_no_markup(faulty: Callable[..., Path], tmp_path:
     with zipfile.ZipFile(faulty(2)) as old, zipfile.ZipFile(path, "w") as new:
         for name in old.namelist():
             text = old.read(name)
-            new.writestr(name, text.replace(b'name="force"', b'name="&lt;script&gt;[red]"') if name.endswith(".xml") else text)
+            new.writestr(
+                name, text.replace(b'name="force"', b'name="&lt;script&gt;[red]"') if name.endswith(".xml") else text
+            )
     report = check(path, Options(only=("description",)), workers=workers)
     assert [f.text for _, f in report.findings()] == ["variable '<script>[red]' is no structured name"]
     assert "<script>" not in to_html([report])

@@ -1,7 +1,8 @@
 """Run the command lines as a user does, in a folder of the test's own.
 
-Each runs in a process of its own, forked from one that has imported what they need: half a second of each of a hundred runs. What
-a process as it is installed does differently, other tests see: those of pages, of interruptions, of encodings and of the wheel.
+Each runs in a process of its own, forked from one that has imported what they need: half a second of each of a hundred
+runs. What a process as it is installed does differently, other tests see: those of pages, of interruptions, of
+encodings and of the wheel.
 """
 
 from __future__ import annotations
@@ -21,9 +22,16 @@ ENVIRONMENT = {**os.environ, "COLUMNS": "200"}
 TIMEOUT = 120  # s
 ENTRIES = {"cosim": "cosim_command", "build-fmus": "build_command"}  # of suspension_fmus
 IMPORTED = [
-    "suspension_fmus", "cosim.cli", "cosim.experiments.gpc", "cosim.experiments.hmmwv", "cosim.experiments.trench",
-    "fmu_sources.cli", "fmu_sources.catalog", "fmu_sources.controllers.lq.preview_weights", "build_fmus.package",
-]  # fmt: skip
+    "suspension_fmus",
+    "cosim.cli",
+    "cosim.experiments.gpc",
+    "cosim.experiments.hmmwv",
+    "cosim.experiments.trench",
+    "fmu_sources.cli",
+    "fmu_sources.catalog",
+    "fmu_sources.controllers.lq.preview_weights",
+    "build_fmus.package",
+]
 
 
 def _ready() -> BaseContext | None:

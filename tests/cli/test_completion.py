@@ -1,4 +1,6 @@
-"""Completion in shells: what fits what is typed, out of the declaration of the options, and the scripts in the shells themselves."""
+"""Completion in shells: what fits what is typed, out of the declaration of the options, and the scripts in the shells
+themselves.
+"""
 
 from __future__ import annotations
 
@@ -62,7 +64,12 @@ def test_bash_completes(tmp_path):
     """As bash calls it: the words typed, the place of the last one."""
     text = 'eval "$(cosim completion bash)"; COMP_WORDS=(cosim run gp); COMP_CWORD=2; _cosim; echo "${COMPREPLY[@]}"'
     done = subprocess.run(
-        ["bash", "-c", text], cwd=tmp_path, capture_output=True, text=True, check=True, env={**os.environ, "PATH": f"{BIN}:{os.environ['PATH']}"}
+        ["bash", "-c", text],
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        check=True,
+        env={**os.environ, "PATH": f"{BIN}:{os.environ['PATH']}"},
     )
     assert done.stdout.split() == ["gpc"]
 

@@ -43,8 +43,17 @@ def test_mistakes_in_a_run(arguments: list[str], message: str, folder: Path) -> 
     [
         (["study", "gpc", "--processes", "0"], "Invalid value for '--processes'"),
         (["study", "gpc", "--out", "file/results"], "cannot write to file/results/gpc"),
-        (["study", "gcp"], "no experiment 'gcp'; did you mean 'gpc'? (there are: bench, gpc, hmmwv, preview-lq, ride, three-axle, trench); or a file of yours"),
-        (["run", "ride", "--course", "junk.toml"], "no course 'junk.toml' (there are: 1in, 2in, 4in, half-round); or a file NAME.crg"),
+        (
+            ["study", "gcp"],
+            (
+                "no experiment 'gcp'; did you mean 'gpc'? (there are: bench, gpc, hmmwv, preview-lq, ride, three-axle,"
+                " trench); or a file of yours"
+            ),
+        ),
+        (
+            ["run", "ride", "--course", "junk.toml"],
+            "no course 'junk.toml' (there are: 1in, 2in, 4in, half-round); or a file NAME.crg",
+        ),
         (["runn"], "no command 'runn'; did you mean 'run'?"),
         (["identify", "gpc", "--excitation", "nan"], "--excitation is nan; give a finite number above 0"),
         (["identify", "gpc", "--weight", "0"], "--weight is 0; give a finite number above 0"),

@@ -17,9 +17,13 @@ ASCII_EVERYWHERE = {"LC_ALL": "C", "PYTHONUTF8": "0", "PYTHONCOERCECLOCALE": "0"
 def run(folder: Path, locale: dict[str, str], *command: str | Path) -> tuple[int, str]:
     """Exit code, and what the program says."""
     done = subprocess.run(
-        [BIN / command[0], *command[1:]], cwd=folder, env={**os.environ, "COLUMNS": "200", **locale}, capture_output=True,
-        check=False, timeout=120,
-    )  # fmt: skip
+        [BIN / command[0], *command[1:]],
+        cwd=folder,
+        env={**os.environ, "COLUMNS": "200", **locale},
+        capture_output=True,
+        check=False,
+        timeout=120,
+    )
     text = (done.stdout + done.stderr).decode("utf-8", "surrogateescape")
     assert "Traceback" not in text
     return done.returncode, text

@@ -67,20 +67,28 @@ CHOICES = {
     "bench": {"--controller": bench.CONTROLLERS, "--road": bench.ROADS},
     "gpc": {"--road": [*gpc.ROADS, "FILE.fmu"], "--controller": gpc.CONTROLLERS},
     "hmmwv": {
-        "--road": hmmwv.ROADS, "--controller": hmmwv.CONTROLLERS, "--actuators": hmmwv.ACTUATORS,
-        "--states": hmmwv.STATES, "--preview": hmmwv.PREVIEWS,
+        "--road": hmmwv.ROADS,
+        "--controller": hmmwv.CONTROLLERS,
+        "--actuators": hmmwv.ACTUATORS,
+        "--states": hmmwv.STATES,
+        "--preview": hmmwv.PREVIEWS,
     },
     "preview-lq": {
-        "--input": preview_lq.INPUTS, "--weights": [*preview_lq.LAWS, "FILE.toml"], "--controller": preview_lq.CONTROLLERS,
+        "--input": preview_lq.INPUTS,
+        "--weights": [*preview_lq.LAWS, "FILE.toml"],
+        "--controller": preview_lq.CONTROLLERS,
         "--shape": preview_lq.SHAPES,
     },
     "ride": {
-        "--car": ride.CARS, "--controller": ride.LAWS, "--actuators": hmmwv.ACTUATORS, "--course": [*ride.NUMBER, "FILE.crg"],
+        "--car": ride.CARS,
+        "--controller": ride.LAWS,
+        "--actuators": hmmwv.ACTUATORS,
+        "--course": [*ride.NUMBER, "FILE.crg"],
         "--sides": ride.SIDES,
     },
     "three-axle": {"--controller": three_axle.CONTROLLERS, "--estimator": three_axle.ESTIMATORS},
     "trench": {"--controller": trench.CONTROLLERS},
-}  # fmt: skip
+}
 
 
 @pytest.mark.parametrize("experiment", CHOICES)
@@ -116,9 +124,14 @@ def test_version(program: str, tmp_path: Path) -> None:
 def piped(folder: Path, *command: str) -> list[str]:
     """Lines that a program prints into a pipe, as called in a narrow terminal."""
     done = subprocess.run(
-        [BIN / command[0], *command[1:]], cwd=folder, env={**ENVIRONMENT, "COLUMNS": "30"}, capture_output=True, text=True,
-        check=False, timeout=120,
-    )  # fmt: skip
+        [BIN / command[0], *command[1:]],
+        cwd=folder,
+        env={**ENVIRONMENT, "COLUMNS": "30"},
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=120,
+    )
     assert done.returncode == 0, done.stderr
     return done.stdout.splitlines()
 
@@ -151,12 +164,19 @@ def test_what_is_listed_of_an_experiment() -> None:
 def test_a_full_disk_under_a_list(command: tuple[str, ...], tmp_path: Path) -> None:
     with Path("/dev/full").open("w") as full:
         done = subprocess.run(
-            [BIN / command[0], *command[1:]], cwd=tmp_path, env=ENVIRONMENT, stdout=full, stderr=subprocess.PIPE, text=True,
-            check=False, timeout=120,
-        )  # fmt: skip
+            [BIN / command[0], *command[1:]],
+            cwd=tmp_path,
+            env=ENVIRONMENT,
+            stdout=full,
+            stderr=subprocess.PIPE,
+            text=True,
+            check=False,
+            timeout=120,
+        )
     assert done.returncode == 1
-    assert done.stderr == (
-        f"{command[0]}: standard output: No space left on device; make room there, or write to another directory\n"
+    assert (
+        done.stderr
+        == f"{command[0]}: standard output: No space left on device; make room there, or write to another directory\n"
     )
 
 
@@ -168,7 +188,8 @@ def test_the_terminal_is_as_wide_as_it_is(monkeypatch: pytest.MonkeyPatch, capsy
     assert len(capsys.readouterr().out.splitlines()) == 3
 
 
-# ------------------------------------------------------------------------------------------------------- the first screens
+# ------------------------------------------------------------------------------------------------------- the first
+# screens
 
 
 def test_the_first_screen_has_every_command_in_a_sentence_and_examples_that_work() -> None:

@@ -15,15 +15,23 @@ from programs import BIN, ENVIRONMENT
 
 pytestmark = pytest.mark.skipif(os.name == "nt", reason="sends SIGINT to a process group")
 
-STARTER = "import signal, os, sys; signal.signal(signal.SIGINT, signal.default_int_handler); os.execv(sys.argv[1], sys.argv[1:])"
+STARTER = (
+    "import signal, os, sys; signal.signal(signal.SIGINT, signal.default_int_handler); os.execv(sys.argv[1],"
+    " sys.argv[1:])"
+)
 
 
 def interrupt(folder: Path, ready: Path, program: str, *arguments: str, delay: float = 0.0) -> str:
     """Start a program, press Ctrl-C ``delay`` seconds after something fits ``ready``, and return what it printed."""
     process = subprocess.Popen(
-        [sys.executable, "-c", STARTER, str(BIN / program), *arguments], cwd=folder, env=ENVIRONMENT, text=True,
-        stdout=subprocess.PIPE, stderr=subprocess.STDOUT, start_new_session=True,
-    )  # fmt: skip
+        [sys.executable, "-c", STARTER, str(BIN / program), *arguments],
+        cwd=folder,
+        env=ENVIRONMENT,
+        text=True,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        start_new_session=True,
+    )
     end = time.monotonic() + 100
     while process.poll() is None and not list(folder.glob(str(ready))) and time.monotonic() < end:
         time.sleep(0.02)
@@ -61,9 +69,21 @@ def test_a_study_keeps_its_finished_runs(built_fmus: BuiltFmus, tmp_path: Path) 
 
 def test_a_run_keeps_its_recording(built_fmus: BuiltFmus, tmp_path: Path) -> None:  # noqa: ARG001
     text = interrupt(
-        tmp_path, Path("results/gpc/*.csv"), "cosim", "run", "gpc", "--speed", "2", "--controller", "passive", "--fmus",
-        str(FMUS), "--engine", "python", delay=0.7,
-    )  # fmt: skip  # the engine would be through by then
+        tmp_path,
+        Path("results/gpc/*.csv"),
+        "cosim",
+        "run",
+        "gpc",
+        "--speed",
+        "2",
+        "--controller",
+        "passive",
+        "--fmus",
+        str(FMUS),
+        "--engine",
+        "python",
+        delay=0.7,
+    )  # the engine would be through by then
     assert "interrupted at t =" in text
     if "t = 0 s" not in text:  # a busy machine may have come no further than the initialization
         assert "sine-2kmh-passive.csv holds the run up to" in text

@@ -11,7 +11,10 @@ from built import ROOT
 from programs import BIN, TIMEOUT
 
 pytestmark = pytest.mark.skipif(os.name == "nt", reason="closes descriptors, as shells of Unix do")
-LIMIT = "no further thread or process can be started: end others, or raise the limit of this user or container (ulimit -u)\n"
+LIMIT = (
+    "no further thread or process can be started: end others, or raise the limit of this user or container (ulimit"
+    " -u)\n"
+)
 
 
 @pytest.mark.parametrize("line", ["cosim list", "cosim --help", "cosim completion bash", "build-fmus --list"])
@@ -29,7 +32,10 @@ def test_output_that_is_closed(line, tmp_path):
 
 def test_messages_that_are_closed_are_lost_and_no_file_gets_their_descriptor(tmp_path):
     """It would get what is said to people."""
-    run = "import sys, os; from build_fmus.terminal import open_closed_streams as o; o(); print(open('file', 'w').fileno() > 2, file=open('told', 'w')); sys.stderr.write('lost')"
+    run = (
+        "import sys, os; from build_fmus.terminal import open_closed_streams as o; o(); print(open('file',"
+        " 'w').fileno() > 2, file=open('told', 'w')); sys.stderr.write('lost')"
+    )
     environment = {**os.environ, "PYTHONPATH": str(ROOT)}
     done = subprocess.run(
         ["sh", "-c", f'exec "{sys.executable}" -c "{run}" <&- >&- 2>&-'],

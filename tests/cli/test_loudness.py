@@ -40,7 +40,11 @@ def test_bars_on_the_screen_are_those_of_the_metrics(tmp_path: Path) -> None:
     controlled = [a for a in RUN if a not in ("--controller", "passive")]
     done = run(tmp_path, "cosim", *controlled, "--bars")
     assert done.returncode == 0, done.stderr
-    shown = {line.split("█")[0].strip(): int(line.rstrip(" %").split()[-1]) for line in done.stdout.splitlines() if "█" in line}
+    shown = {
+        line.split("█")[0].strip(): int(line.rstrip(" %").split()[-1])
+        for line in done.stdout.splitlines()
+        if "█" in line
+    }
     assert set(shown) >= {"rms pitch", "rms vertical acceleration"}
     (heading,) = (line for line in done.stdout.splitlines() if "per cent of" in line)
     rows = {line.split("  ")[0].strip(): line.split() for line in done.stdout.splitlines() if "[rad]" in line}

@@ -43,7 +43,9 @@ def told(folder: Path, *words: str) -> str:
 
 
 def test_a_sweep_ends_with_its_report(folder: Path) -> None:
-    text = told(folder, "sweep", "mine.py", "--vary", "gain=1:2", "--samples", "2", "--processes", "1", "--out", "[/red]")
+    text = told(
+        folder, "sweep", "mine.py", "--vary", "gain=1:2", "--samples", "2", "--processes", "1", "--out", "[/red]"
+    )
     assert "report: [/red]/mine/sweep/report.html" in text
     assert any(UNIT in path.read_text() for path in (folder / "[/red]" / "mine" / "sweep").rglob("*.csv"))
 
@@ -54,7 +56,9 @@ def test_a_run_and_an_fmu_show_names_as_they_are(folder: Path) -> None:
 
 
 def test_no_other_console_reads_markup() -> None:
-    """What is printed goes through `build_fmus.terminal`, which reads no markup; columns of progress bars have a switch of their own."""
+    """What is printed goes through `build_fmus.terminal`, which reads no markup; columns of progress bars have a switch
+    of their own.
+    """
     for path in (p for package in ("build_fmus", "cosim", "fmu_sources") for p in (ROOT / package).rglob("*.py")):
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
             if not isinstance(node, ast.Call):
@@ -64,4 +68,6 @@ def test_no_other_console_reads_markup() -> None:
             if name == "TextColumn":
                 assert any(k.arg == "markup" for k in node.keywords), f"{path}: line {node.lineno}"
             if name == "Console" and path.name != "terminal.py":  # of which only the width is used
-                assert "Console().width" in path.read_text(encoding="utf-8").splitlines()[node.lineno - 1], f"{path}: line {node.lineno}"
+                assert "Console().width" in path.read_text(encoding="utf-8").splitlines()[node.lineno - 1], (
+                    f"{path}: line {node.lineno}"
+                )

@@ -1,4 +1,6 @@
-"""Every experiment on every published vehicle that it takes as a base of a user's file: built, wired, initialized, run a little."""
+"""Every experiment on every published vehicle that it takes as a base of a user's file: built, wired, initialized, run
+a little.
+"""
 
 from __future__ import annotations
 
@@ -55,7 +57,9 @@ def _preview_lq(fmus: FmuSet) -> Iterator[System]:
 
 
 def _ride(fmus: FmuSet) -> Iterator[System]:
-    """The cars that are another one's, under all their laws but those that a ride car may not have; actuators under the HMMWV."""
+    """The cars that are another one's, under all their laws but those that a ride car may not have; actuators under the
+    HMMWV.
+    """
     with Runner(ride.EXPERIMENT, fmus) as runner:
         if "HydraulicActuator" in fmus.own:
             yield runner.system(ride.runs.Case("hmmwv", "lqr", "hydraulic"))
@@ -82,7 +86,9 @@ def _trench(fmus: FmuSet) -> Iterator[System]:
 
 @dataclass(frozen=True)
 class Experiment:
-    """How to wire an experiment, and the FMUs of a user's vehicle that it needs then, without the file's name at their ends."""
+    """How to wire an experiment, and the FMUs of a user's vehicle that it needs then, without the file's name at their
+    ends.
+    """
 
     systems: Any
     needs: dict[str, tuple[str, ...]]  # by kind of vehicle file
@@ -90,39 +96,100 @@ class Experiment:
 
 EXPERIMENTS = {
     "bench": Experiment(_bench, {"quarter_car": ("QuarterCar{}", "Lqr{}", "Mpc{}", "Mpc{}Moves")}),
-    "gpc": Experiment(_gpc, {"full_car": (
-        "FullCar{}", "RoadSine{}", "RoadCurb{}", "RoadPerryman3{}", "GpcImplicit{}", "GpcExplicit{}", "GpcPreview{}",
-    )}),
-    "hmmwv": Experiment(_hmmwv, {
-        "ride_car": ("RideCar{}", "Skyhook{}", "Lqr{}", "Mpc{}", "Kalman{}", "PreviewSensor{}", "PreviewBuffer{}", "RoadBumps{}",
-                     "RoadOffroad{}"),
-        "actuator": ("HydraulicActuator{}", "ForceTracking{}"),
-        "sensors": ("SensorSuite{}", "Kalman{}", "PreviewSensor{}", "RoadBumps{}", "RoadOffroad{}"),
-    }),
-    "preview-lq": Experiment(_preview_lq, {
-        "ride_car": ("RideCar{}", "RoadHoleBump{}", "PreviewLqComfort{}", "PreviewLqRoadHolding{}", "PreviewLqComfort5ms{}", "PreviewLqTunable{}"),
-    }),
-    "ride": Experiment(_ride, {
-        "ride_car": ("RideCar{}", "RoadProvingGround{}", "RoadProvingGround5ms{}", "Skyhook{}", "Lqr{}", "Lqr{}Kilonewton", "Mpc{}"),
-        "full_car": ("FullCar{}", "RoadProvingGround{}", "GpcImplicit{}", "GpcExplicit{}", "GpcPreview{}"),
-        "three_axle": ("ThreeAxleRide{}", "RoadProvingGroundThreeAxle{}", "LqrThreeAxle{}", "MpcThreeAxle{}"),
-        "wishbone_car": ("FullCar{}", "RoadProvingGround{}"),
-        "actuator": ("HydraulicActuator{}", "ForceTracking{}"),
-    }),
-    "three-axle": Experiment(_three_axle, dict.fromkeys(
-        ("three_axle", "three_axle_trench"), ("ThreeAxleRide{}", "LqrThreeAxle{}", "MpcThreeAxle{}", "RoadShallowTrench{}"),
-    )),
-    "trench": Experiment(_trench, {
-        "three_axle_trench": ("ThreeAxleTrench{}", "TrenchCrossing{}", "LqrThreeAxle{}", "MpcThreeAxle{}", "ThreeAxleRide{}",
-                              "RoadShallowTrench{}"),
-    }),
-}  # fmt: skip
+    "gpc": Experiment(
+        _gpc,
+        {
+            "full_car": (
+                "FullCar{}",
+                "RoadSine{}",
+                "RoadCurb{}",
+                "RoadPerryman3{}",
+                "GpcImplicit{}",
+                "GpcExplicit{}",
+                "GpcPreview{}",
+            )
+        },
+    ),
+    "hmmwv": Experiment(
+        _hmmwv,
+        {
+            "ride_car": (
+                "RideCar{}",
+                "Skyhook{}",
+                "Lqr{}",
+                "Mpc{}",
+                "Kalman{}",
+                "PreviewSensor{}",
+                "PreviewBuffer{}",
+                "RoadBumps{}",
+                "RoadOffroad{}",
+            ),
+            "actuator": ("HydraulicActuator{}", "ForceTracking{}"),
+            "sensors": ("SensorSuite{}", "Kalman{}", "PreviewSensor{}", "RoadBumps{}", "RoadOffroad{}"),
+        },
+    ),
+    "preview-lq": Experiment(
+        _preview_lq,
+        {
+            "ride_car": (
+                "RideCar{}",
+                "RoadHoleBump{}",
+                "PreviewLqComfort{}",
+                "PreviewLqRoadHolding{}",
+                "PreviewLqComfort5ms{}",
+                "PreviewLqTunable{}",
+            ),
+        },
+    ),
+    "ride": Experiment(
+        _ride,
+        {
+            "ride_car": (
+                "RideCar{}",
+                "RoadProvingGround{}",
+                "RoadProvingGround5ms{}",
+                "Skyhook{}",
+                "Lqr{}",
+                "Lqr{}Kilonewton",
+                "Mpc{}",
+            ),
+            "full_car": ("FullCar{}", "RoadProvingGround{}", "GpcImplicit{}", "GpcExplicit{}", "GpcPreview{}"),
+            "three_axle": ("ThreeAxleRide{}", "RoadProvingGroundThreeAxle{}", "LqrThreeAxle{}", "MpcThreeAxle{}"),
+            "wishbone_car": ("FullCar{}", "RoadProvingGround{}"),
+            "actuator": ("HydraulicActuator{}", "ForceTracking{}"),
+        },
+    ),
+    "three-axle": Experiment(
+        _three_axle,
+        dict.fromkeys(
+            ("three_axle", "three_axle_trench"),
+            ("ThreeAxleRide{}", "LqrThreeAxle{}", "MpcThreeAxle{}", "RoadShallowTrench{}"),
+        ),
+    ),
+    "trench": Experiment(
+        _trench,
+        {
+            "three_axle_trench": (
+                "ThreeAxleTrench{}",
+                "TrenchCrossing{}",
+                "LqrThreeAxle{}",
+                "MpcThreeAxle{}",
+                "ThreeAxleRide{}",
+                "RoadShallowTrench{}",
+            ),
+        },
+    ),
+}
 PAIRS = [(e, b) for e in EXPERIMENTS for b in bases(e)]
 COSTLY = {
-    ("gpc", "hmmwv_modified"), ("hmmwv", "ride_car_hmmwv"), ("hmmwv", "sensors_hmmwv"), ("preview-lq", "sedan"),
-    ("three-axle", "three_axle"), ("trench", "three_axle_trench"),
+    ("gpc", "hmmwv_modified"),
+    ("hmmwv", "ride_car_hmmwv"),
+    ("hmmwv", "sensors_hmmwv"),
+    ("preview-lq", "sedan"),
+    ("three-axle", "three_axle"),
+    ("trench", "three_axle_trench"),
     *(("ride", b) for b in ("hmmwv", "hmmwv_modified", "hmmwv_public", "ride_car_hmmwv", "sedan", "three_axle")),
-}  # fmt: skip
+}
 """Pairs that are the published experiment under other names and take minutes to build: left to ``make test-full``."""
 
 
@@ -156,7 +223,9 @@ def own_names(experiment: str, base: str) -> list[str]:
 
 
 def built(experiment: str, base: str) -> FmuSet:
-    """The FMUs of an experiment on a file that is only based on a published vehicle, built beside links to the published ones."""
+    """The FMUs of an experiment on a file that is only based on a published vehicle, built beside links to the
+    published ones.
+    """
     with one_at_a_time(share_objects(OWN) / "lock"):
         file = OWN / f"on_{base}.toml"
         file.write_text(f'base = "{base}"\nname = "Mine"\ndescription = "another"\n')

@@ -28,10 +28,34 @@ from fmu_sources.vehicles import load_three_axle_trench, load_vehicle, vehicle_f
 FILE = 'base = "{base}"\nname = "Mine"\ndescription = "another"\n{more}'
 MASS = '[body]\nmass = {{ value = {mass}, unit = "kg", source = "assumed" }}\n'
 ROAD = "distance [m],left [m],right [m]\n0,0,0\n20,0,0\n20.3,0.05,0.02\n20.6,0,0\n100,0,0\n"
-FULL_CAR = {"FullCar", "RoadSine", "RoadCurb", "RoadPerryman3", "RoadRandom", "RoadProvingGround", "GpcImplicit", "GpcExplicit",
-            "GpcPreview"}  # fmt: skip
-HMMWV = {"RideCar", "Lqr", "Lqr{}Kilonewton", "Skyhook", "Mpc", "Kalman", "Kalman{}Printed", "PreviewSensor", "PreviewBuffer", "RoadBumps", "RoadOffroad",
-         "RoadHoleBump", "RoadIso8608", "RoadProvingGround", "RoadProvingGround5ms"}  # fmt: skip
+FULL_CAR = {
+    "FullCar",
+    "RoadSine",
+    "RoadCurb",
+    "RoadPerryman3",
+    "RoadRandom",
+    "RoadProvingGround",
+    "GpcImplicit",
+    "GpcExplicit",
+    "GpcPreview",
+}
+HMMWV = {
+    "RideCar",
+    "Lqr",
+    "Lqr{}Kilonewton",
+    "Skyhook",
+    "Mpc",
+    "Kalman",
+    "Kalman{}Printed",
+    "PreviewSensor",
+    "PreviewBuffer",
+    "RoadBumps",
+    "RoadOffroad",
+    "RoadHoleBump",
+    "RoadIso8608",
+    "RoadProvingGround",
+    "RoadProvingGround5ms",
+}
 BENCH = {"QuarterCar", "Lqr", "Mpc", "Mpc{}Moves"}
 SIX = {"ThreeAxleRide", "LqrThreeAxle", "MpcThreeAxle", "RoadShallowTrench", "RoadProvingGroundThreeAxle"}
 MADE = {
@@ -125,9 +149,7 @@ def test_a_road_under_any_vehicle(vehicle: str, count: int, step: float, corners
     (tmp_path / "washboard.csv").write_text(ROAD)
     preview = ["--preview", "48x5"] if vehicle == "mine.toml" else []
     name = f"RoadWashboard{catalog_suffix(Path(vehicle))}"  # not that of the same road under another vehicle
-    done = run(
-        tmp_path, "build-fmus", name, "--road", "washboard.csv", "--vehicle", vehicle, *preview, "--fmi", "3"
-    )
+    done = run(tmp_path, "build-fmus", name, "--road", "washboard.csv", "--vehicle", vehicle, *preview, "--fmi", "3")
     assert done.returncode == 0, done.stderr
     description = fmpy.read_model_description(str(tmp_path / "fmus" / "fmi3" / f"{name}.fmu"))
     names = [v.name for v in description.modelVariables]
@@ -146,7 +168,11 @@ def test_texts_speak_of_the_users_vehicle(base: str, tmp_path: Path) -> None:
     path = tmp_path / "van.toml"
     path.write_text(f'base = "{base}"\n')
     published = re.compile(r"HMMWV|6x6|sedan|(RideCar|Mpc|Lqr|Kalman)(Hmmwv|Sedan|Bench)")
-    true = re.compile(r"sensors_hmmwv\.toml|KalmanHmmwvPrinted") if base == "sensors_hmmwv" else re.compile(r"sensors_hmmwv\.toml")
+    true = (
+        re.compile(r"sensors_hmmwv\.toml|KalmanHmmwvPrinted")
+        if base == "sensors_hmmwv"
+        else re.compile(r"sensors_hmmwv\.toml")
+    )
     for entry in own_catalog(path, "Van").values():
         made = entry.make(Context(tmp_path, tmp_path)).model()
         texts = [made.description, entry.summary, *made.notes]
@@ -181,7 +207,9 @@ def test_a_build_follows_its_options_and_all_files_that_a_vehicle_builds_on(tmp_
 
 
 def test_an_experiment_on_ones_own_vehicle(built_fmus: BuiltFmus, tmp_path: Path) -> None:  # noqa: ARG001
-    """Half the sprung mass under the published law's weights: other FMUs, other numbers, and a hint as long as they are missing."""
+    """Half the sprung mass under the published law's weights: other FMUs, other numbers, and a hint as long as they are
+    missing.
+    """
     own(tmp_path, "sedan", MASS.format(mass=730.0), "my_sedan")
     folder = share_objects(tmp_path / "fmus") / "fmi3"
     folder.mkdir()
@@ -204,24 +232,57 @@ def test_an_experiment_on_ones_own_vehicle(built_fmus: BuiltFmus, tmp_path: Path
 @pytest.mark.parametrize(
     ("experiment", "arguments", "message"),
     [
-        ("hmmwv", ["my_car.toml", "my_sensors.toml"],
-         "my_car.toml and my_sensors.toml both give another KalmanHmmwv; choose one of them"),
-        ("hmmwv", ["my_full_car.toml"],
-         "my_full_car.toml: this file describes a 'full_car', with which gpc and ride can run; hmmwv needs a 'ride_car' or 'actuator' or "
-         "'sensors' (base = \"actuator_hmmwv\", \"actuator_hmmwv_physical\", \"ride_car_hmmwv\", \"sedan\", \"sensors_hmmwv\")"),
-        ("gpc", ["my_car.toml"],
-         "my_car.toml: this file describes a 'ride_car', with which hmmwv, preview-lq and ride can run; gpc needs a 'full_car' (base = "
-         "\"hmmwv\", \"hmmwv_modified\")"),
-        ("trench", ["my_six.toml"], "describes a 'three_axle', with which ride and three-axle can run; trench needs a "
-         "'three_axle_trench' (base = \"three_axle_trench\")"),
-        ("bench", ["my_car.toml"], "bench needs a 'quarter_car' (base = \"quarter_car_bench\", \"quarter_car_hmmwv\")"),
-        ("preview-lq", ["my_car.toml"],
-         "my_car.toml: this file gives tires damping (tire.front.damping = 100 N.s/m, tire.rear.damping = 100 N.s/m), and preview "
-         "LQ laws are for tires without (base = \"sedan\")"),
-        ("hmmwv", ["my_sedan.toml", "--friction"], "--friction: my_sedan.toml gives its suspensions none; add [suspension.front."),
-        ("hmmwv", ["sedan"], "--vehicle sedan: no such file; sedan is a vehicle of this project: make a file with base = \"sedan\""),
+        (
+            "hmmwv",
+            ["my_car.toml", "my_sensors.toml"],
+            "my_car.toml and my_sensors.toml both give another KalmanHmmwv; choose one of them",
+        ),
+        (
+            "hmmwv",
+            ["my_full_car.toml"],
+            (
+                "my_full_car.toml: this file describes a 'full_car', with which gpc and ride can run; hmmwv needs a"
+                " 'ride_car' or 'actuator' or 'sensors' (base = \"actuator_hmmwv\", \"actuator_hmmwv_physical\","
+                ' "ride_car_hmmwv", "sedan", "sensors_hmmwv")'
+            ),
+        ),
+        (
+            "gpc",
+            ["my_car.toml"],
+            (
+                "my_car.toml: this file describes a 'ride_car', with which hmmwv, preview-lq and ride can run; gpc"
+                ' needs a \'full_car\' (base = "hmmwv", "hmmwv_modified")'
+            ),
+        ),
+        (
+            "trench",
+            ["my_six.toml"],
+            (
+                "describes a 'three_axle', with which ride and three-axle can run; trench needs a "
+                "'three_axle_trench' (base = \"three_axle_trench\")"
+            ),
+        ),
+        ("bench", ["my_car.toml"], 'bench needs a \'quarter_car\' (base = "quarter_car_bench", "quarter_car_hmmwv")'),
+        (
+            "preview-lq",
+            ["my_car.toml"],
+            (
+                "my_car.toml: this file gives tires damping (tire.front.damping = 100 N.s/m, tire.rear.damping = 100"
+                ' N.s/m), and preview LQ laws are for tires without (base = "sedan")'
+            ),
+        ),
+        (
+            "hmmwv",
+            ["my_sedan.toml", "--friction"],
+            "--friction: my_sedan.toml gives its suspensions none; add [suspension.front.",
+        ),
+        (
+            "hmmwv",
+            ["sedan"],
+            '--vehicle sedan: no such file; sedan is a vehicle of this project: make a file with base = "sedan"',
+        ),
     ],
-)  # fmt: skip
+)
 def test_what_an_experiment_cannot_take_is_refused_before_anything_is_built(
     experiment: str, arguments: list[str], message: str, tmp_path: Path
 ) -> None:
@@ -235,7 +296,9 @@ def test_what_an_experiment_cannot_take_is_refused_before_anything_is_built(
 
 
 def test_a_law_of_ones_own_weights_and_vehicle(built_fmus: BuiltFmus, tmp_path: Path) -> None:  # noqa: ARG001
-    """The law of both files: neither that of the sedan nor that of the published weights; it is redesigned with its file."""
+    """The law of both files: neither that of the sedan nor that of the published weights; it is redesigned with its
+    file.
+    """
     own(tmp_path, "sedan", MASS.format(mass=2920.0), "my_sedan")
     published = Path(fmu_sources.__file__).parent / "controllers" / "lq" / "weights" / "comfort.toml"
     weights = tmp_path / "my_weights.toml"
@@ -287,13 +350,21 @@ def provenance(fmu: Path) -> dict[str, Any]:
         (["--vehicle", "sedn"], "sedn: no such file, nor a vehicle of this project (actuator_hmmwv, "),
         (["--preview", "16x30"], "--preview is that of the road made by --road; give this file too"),
         (["--road", "washboard.csv", "--preview", "16"], "--preview '16': give heights x milliseconds between them"),
-        (["--road", "washboard.csv", "--preview", "1x30"], "--preview '1x30': give heights x milliseconds between them"),
-        (["--road", "washboard.csv", "--vehicle", "actuator_hmmwv"], "is of kind actuator, which has no wheels on a road"),
-        (["--weights", "w.toml", "--vehicle", "truck.toml"], "truck.toml: this file describes a 'full_car', and preview LQ laws are "
-         "made of a 'ride_car'"),
+        (
+            ["--road", "washboard.csv", "--preview", "1x30"],
+            "--preview '1x30': give heights x milliseconds between them",
+        ),
+        (
+            ["--road", "washboard.csv", "--vehicle", "actuator_hmmwv"],
+            "is of kind actuator, which has no wheels on a road",
+        ),
+        (
+            ["--weights", "w.toml", "--vehicle", "truck.toml"],
+            "truck.toml: this file describes a 'full_car', and preview LQ laws are made of a 'ride_car'",
+        ),
         (["--vehicle", "loop.toml"], "base = leads back to this file; a vehicle cannot be based on itself"),
     ],
-)  # fmt: skip
+)
 def test_mistakes(arguments: list[str], message: str, tmp_path: Path) -> None:
     (tmp_path / "washboard.csv").write_text(ROAD)
     own(tmp_path, "loop.toml", name="loop")

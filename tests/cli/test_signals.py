@@ -32,7 +32,13 @@ TIME = np.arange(1001) / 1000
 def folder(built_fmus: BuiltFmus, tmp_path: Path) -> Path:  # noqa: ARG001
     (tmp_path / "fmus").symlink_to(FMUS, target_is_directory=True)
     (tmp_path / "ride.py").write_text(RIDE)
-    frame = pd.DataFrame({"time [s]": TIME, "car.road.height [mm]": 50 * np.sin(9 * TIME), "car.road.rate [m/s]": 0.45 * np.cos(9 * TIME)})
+    frame = pd.DataFrame(
+        {
+            "time [s]": TIME,
+            "car.road.height [mm]": 50 * np.sin(9 * TIME),
+            "car.road.rate [m/s]": 0.45 * np.cos(9 * TIME),
+        }
+    )
     frame.to_csv(tmp_path / "track.csv", index=False)
     frame.to_parquet(tmp_path / "track.parquet")
     frame[:500].to_csv(tmp_path / "short.csv", index=False)
@@ -55,7 +61,10 @@ def test_a_measured_signal_drives_an_input_and_the_result_is_parquet(folder: Pat
 
 def test_a_shorter_file_is_held_on_request(folder: Path) -> None:
     said = refused(folder, "cosim", "run", "ride.py", "--input", "short.csv")
-    assert "'short': short.csv ends at t = 0.499 s, the run at 1 s; after='hold' (--hold-input) keeps its last values" in said
+    assert (
+        "'short': short.csv ends at t = 0.499 s, the run at 1 s; after='hold' (--hold-input) keeps its last values"
+        in said
+    )
     run(folder, "cosim", "run", "ride.py", "--input", "short.csv", "--hold-input", "--output", "a.csv")
     held = Recording.read(folder / "a.csv")["car.road.height"]
     assert np.ptp(held[500:]) == 0.0
@@ -64,8 +73,17 @@ def test_a_shorter_file_is_held_on_request(folder: Path) -> None:
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["--output", "x.txt"], "x.txt: no format has the ending '.txt'; choose one of .csv, .parquet, .nc, .h5, .hdf5, .mf4"),
-        (["--input", "strange.csv"], "strange.csv: the column 'car.rod.height' names no input of the system, MEMBER.INPUT; did you mean 'car.road.height'"),
+        (
+            ["--output", "x.txt"],
+            "x.txt: no format has the ending '.txt'; choose one of .csv, .parquet, .nc, .h5, .hdf5, .mf4",
+        ),
+        (
+            ["--input", "strange.csv"],
+            (
+                "strange.csv: the column 'car.rod.height' names no input of the system, MEMBER.INPUT; did you mean"
+                " 'car.road.height'"
+            ),
+        ),
         (["--input", "nowhere.csv"], "nowhere.csv: there is no such file"),
         (["--input", "ride.py"], "ride.py: a table is .csv or .parquet"),
     ],

@@ -122,8 +122,9 @@ def test_programs_of_a_worker_find_their_own_folder(tmp_path):
     (tmp_path / "neighbour.py").write_text("")
     (tmp_path / "helper.py").write_text("import neighbour\n")
     (tmp_path / "script.py").write_text(
-        "import subprocess, sys\nfrom cosim.study.processes import local_processes\nif __name__ == '__main__':\n"
-        f"    with local_processes(1) as pool:\n        print(pool.submit(subprocess.call, [sys.executable, {str(tmp_path / 'helper.py')!r}]).result())\n"
+        "import subprocess, sys\nfrom cosim.study.processes import local_processes\nif __name__ == '__main__':\n   "
+        " with local_processes(1) as pool:\n        print(pool.submit(subprocess.call, [sys.executable,"
+        f" {str(tmp_path / 'helper.py')!r}]).result())\n"
     )
     environment = {k: v for k, v in os.environ.items() if k != "PYTHONSAFEPATH"} | {"PYTHONPATH": str(ROOT)}
     command = [sys.executable, str(tmp_path / "script.py")]

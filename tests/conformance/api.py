@@ -1,8 +1,8 @@
 """One Python face for the C interface of an FMU, FMI 2.0 and FMI 3.0 alike.
 
-:class:`Model` is what a model description says, :class:`Library` a loaded FMU, :class:`Instance` an instance of it. ``Instance.call`` passes anything to any function
-and returns the status; the other methods wrap it for the usual cases and raise :class:`CallFailed` with the FMU's own
-message. Values are read and written by variable name.
+:class:`Model` is what a model description says, :class:`Library` a loaded FMU, :class:`Instance` an instance of it.
+``Instance.call`` passes anything to any function and returns the status; the other methods wrap it for the usual cases
+and raise :class:`CallFailed` with the FMU's own message. Values are read and written by variable name.
 """
 
 from __future__ import annotations
@@ -34,9 +34,12 @@ class Callbacks2(c.Structure):
     """``fmi2CallbackFunctions``."""
 
     _fields_ = (
-        ("logger", LOGGER2), ("allocate", c.c_void_p), ("free", c.c_void_p), ("finished", c.c_void_p),
+        ("logger", LOGGER2),
+        ("allocate", c.c_void_p),
+        ("free", c.c_void_p),
+        ("finished", c.c_void_p),
         ("environment", c.c_void_p),
-    )  # fmt: skip
+    )
 
 
 class CallFailed(Exception):  # noqa: N818 (reads as what happened)
@@ -100,11 +103,19 @@ class Model:
             typed = element[0] if self.fmi == 2 else element
             low, high, nominal = (typed.get(k) for k in ("min", "max", "nominal"))
             yield Variable(
-                element.get("name"), int(element.get("valueReference")), typed.tag, element.get("causality"),
-                element.get("variability"), element.get("initial"), typed.get("start"),
-                None if low is None else float(low), None if high is None else float(high), typed.get("derivative"),
-                None if nominal is None else float(nominal), typed.get("unit"),
-            )  # fmt: skip
+                element.get("name"),
+                int(element.get("valueReference")),
+                typed.tag,
+                element.get("causality"),
+                element.get("variability"),
+                element.get("initial"),
+                typed.get("start"),
+                None if low is None else float(low),
+                None if high is None else float(high),
+                typed.get("derivative"),
+                None if nominal is None else float(nominal),
+                typed.get("unit"),
+            )
 
     def names(self, causality: str, kind: str | None = None) -> list[str]:
         """Names of the variables of one causality (and kind of value)."""
@@ -150,7 +161,9 @@ class Model:
 
 
 class Library(Model):
-    """An FMU, unpacked and loaded once; ``resources`` is what instances are told of their place: nothing, most need none."""
+    """An FMU, unpacked and loaded once; ``resources`` is what instances are told of their place: nothing, most need
+    none.
+    """
 
     resources: bytes | None = None
 
@@ -232,17 +245,27 @@ class Instance:
             self._logger: Any = LOGGER2(self._log2) if logger else LOGGER2()
             self._callbacks = Callbacks2(self._logger, None, None, None, None)
             handle = self.raw(
-                "Instantiate", name.encode(), 1 if kind == "cs" else 0, token_bytes, library.resources or b"", c.byref(self._callbacks), 0,
+                "Instantiate",
+                name.encode(),
+                1 if kind == "cs" else 0,
+                token_bytes,
+                library.resources or b"",
+                c.byref(self._callbacks),
+                0,
                 int(logging),
-            )  # fmt: skip
+            )
         else:
             self._logger = LOGGER3(self._log3) if logger else LOGGER3()
             tail = (None, self._logger, None) if kind == "cs" else (None, self._logger)
             flags = (False, c.c_bool(logging), False, False, None, c.c_size_t(0)) if kind == "cs" else (False, logging)
             handle = self.raw(
-                f"Instantiate{'CoSimulation' if kind == 'cs' else 'ModelExchange'}", name.encode(), token_bytes, library.resources,
-                *flags, *tail,
-            )  # fmt: skip
+                f"Instantiate{'CoSimulation' if kind == 'cs' else 'ModelExchange'}",
+                name.encode(),
+                token_bytes,
+                library.resources,
+                *flags,
+                *tail,
+            )
         self.handle = c.c_void_p(handle) if handle else None
         self._references: dict[tuple[str, ...], list[tuple[Any, ...]]] = {}
 

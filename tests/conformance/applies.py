@@ -1,7 +1,7 @@
 """Over which FMUs a test is run: those that it is about, so that none passes because there was nothing to do.
 
-What an FMU is and has stands in its model description. So the FMUs are built when tests are collected, by one process while
-the others wait; all of them then find the same tests.
+What an FMU is and has stands in its model description. So the FMUs are built when tests are collected, by one process
+while the others wait; all of them then find the same tests.
 """
 
 from __future__ import annotations

@@ -48,8 +48,13 @@ def test_dimensions_hold_the_elements(both: tuple[Path, Library]) -> None:
         base = variable.name
         for index in np.ndindex(*shape):
             place = ",".join(str(i + 1) for i in index)
-            expanded.append(f"der({base[4:-1]}[{place}])" if shape and base.startswith("der(") else
-                            f"{base}[{place}]" if shape else base)  # fmt: skip
+            expanded.append(
+                f"der({base[4:-1]}[{place}])"
+                if shape and base.startswith("der(")
+                else f"{base}[{place}]"
+                if shape
+                else base
+            )
     assert expanded == scalars.order
 
 

@@ -107,9 +107,7 @@ FMI2 = [
     Function("SerializedFMUstateSize", EVERYWHERE, lambda a: (*snapshot(a), c.byref(c.c_size_t()))),
     Function("SerializeFMUstate", EVERYWHERE, lambda a: (*snapshot(a), c.create_string_buffer(ROOM), c.c_size_t(ROOM))),
     Function("DeSerializeFMUstate", EVERYWHERE, lambda a: (*serialized(a), c.byref(loose(a)))),
-    Function(
-        "GetDirectionalDerivative", READ, lambda a: (*nothing(2)(a), None, None), continuous=True
-    ),
+    Function("GetDirectionalDerivative", READ, lambda a: (*nothing(2)(a), None, None), continuous=True),
     Function("EnterEventMode", EVENT + CONTINUOUS),
     Function("NewDiscreteStates", EVENT, room(EventInfo)),
     Function("CompletedIntegratorStep", CONTINUOUS, lambda a: (a.flag(True), *room(c.c_int, c.c_int)(a))),
@@ -122,7 +120,7 @@ FMI2 = [
     Function("GetIntegerStatus", "ST", lambda a: (c.c_int(0), *room(c.c_int)(a)), DISCARD, "cs"),
     Function("GetBooleanStatus", "ST", lambda a: (c.c_int(3), *room(c.c_int)(a)), interface="cs"),
     Function("GetStringStatus", "ST", lambda a: (c.c_int(1), *room(c.c_char_p)(a)), DISCARD, "cs"),
-]  # fmt: skip
+]
 TYPES3 = ("Int8", "UInt8", "Int16", "UInt16", "Int32", "UInt32", "Int64", "UInt64", "Boolean", "String")
 FMI3 = [
     *COMMON,
@@ -148,13 +146,28 @@ FMI3 = [
     *(
         Function(n, "")
         for n in (
-            "GetClock", "SetClock", "GetIntervalDecimal", "GetIntervalFraction", "GetShiftDecimal", "GetShiftFraction",
-            "SetIntervalDecimal", "SetIntervalFraction", "SetShiftDecimal", "SetShiftFraction", "ActivateModelPartition",
-            "EnterConfigurationMode", "ExitConfigurationMode", "EnterStepMode", "EvaluateDiscreteStates",
-            "GetNumberOfVariableDependencies", "GetVariableDependencies", "GetAdjointDerivative", "GetOutputDerivatives",
+            "GetClock",
+            "SetClock",
+            "GetIntervalDecimal",
+            "GetIntervalFraction",
+            "GetShiftDecimal",
+            "GetShiftFraction",
+            "SetIntervalDecimal",
+            "SetIntervalFraction",
+            "SetShiftDecimal",
+            "SetShiftFraction",
+            "ActivateModelPartition",
+            "EnterConfigurationMode",
+            "ExitConfigurationMode",
+            "EnterStepMode",
+            "EvaluateDiscreteStates",
+            "GetNumberOfVariableDependencies",
+            "GetVariableDependencies",
+            "GetAdjointDerivative",
+            "GetOutputDerivatives",
         )
     ),
-]  # fmt: skip
+]
 TABLES = {2: FMI2, 3: FMI3}
 
 

@@ -48,10 +48,13 @@ def noise(f: Callable[[float], np.ndarray], at: float, size: float) -> np.ndarra
     """Rounding noise of each value of ``f`` near ``at``, whatever large numbers it subtracts inside.
 
     Over so short a distance a smooth function is a line, so its sixth differences are noise; a white one of deviation s
-    has some of variance 924 s2. Source: J. J. More, S. M. Wild, Estimating computational noise, SIAM J. Sci. Comput. 33 (2011).
+    has some of variance 924 s2. Source: J. J. More, S. M. Wild, Estimating computational noise, SIAM J. Sci. Comput. 33
+    (2011).
     """
     values = np.array([f(at + 1e-9 * k * size) for k in range(-6, 7)])
-    return np.sqrt((np.diff(values, 6, axis=0) ** 2).mean(axis=0) / 924) + np.finfo(float).eps * np.abs(values).max(axis=0)
+    return np.sqrt((np.diff(values, 6, axis=0) ** 2).mean(axis=0) / 924) + np.finfo(float).eps * np.abs(values).max(
+        axis=0
+    )
 
 
 def check(a: Instance, unknowns: list[str], known: str, f: Callable[[float], np.ndarray], at: float) -> None:
@@ -66,7 +69,9 @@ def check(a: Instance, unknowns: list[str], known: str, f: Callable[[float], np.
     scale = max(np.abs(expected).max(initial=0.0), np.abs(column).max(initial=0.0))
     excess = error - (TOLERANCE * scale + rounding + 1e-12)
     worst = int(excess.argmax()) if len(excess) else 0
-    assert excess.max(initial=0.0) <= 0.0, f"d {unknowns[worst]} / d {known}: {error[worst]:g} of {scale:g}, rounding {rounding[worst]:g}"
+    assert excess.max(initial=0.0) <= 0.0, (
+        f"d {unknowns[worst]} / d {known}: {error[worst]:g} of {scale:g}, rounding {rounding[worst]:g}"
+    )
 
 
 def start_point(fmu: Library) -> dict[str, float]:
@@ -192,7 +197,8 @@ def test_wrong_requests(fmu: Library) -> None:
 
 @pytest.mark.parametrize("fmi", [2, 3])
 def test_derivatives_and_starts_that_are_not_finite(fmi: int, tmp_path: Path) -> None:
-    """A root has no derivative at 0, and 1/0 is no start: each time an error that names the variable, never a number."""
+    """A root has no derivative at 0, and 1/0 is no start: each time an error that names the variable,
+    never a number."""
     c = Component("Root", kind="continuous", description="root of a level", source="none")
     level = c.input("level", "m", "level", start=1.0)
     x = c.state("x", None, "lagged", start=1 / level, output=True)

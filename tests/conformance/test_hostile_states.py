@@ -1,4 +1,6 @@
-"""Serialized states that somebody made up, with a checksum that fits: whatever the component takes for granted is checked."""
+"""Serialized states that somebody made up, with a checksum that fits: whatever the component takes for granted is
+checked.
+"""
 
 from __future__ import annotations
 
@@ -15,9 +17,17 @@ from built import PROBE_NAMES
 HEADER = struct.Struct("=IIIIQQQ")
 BLOCK = struct.Struct("=dddqiiiiii")
 FIELDS = (
-    "time", "start_time", "stop_time", "sample", "mode", "has_stop", "started", "start_valid", "outputs_valid",
+    "time",
+    "start_time",
+    "stop_time",
+    "sample",
+    "mode",
+    "has_stop",
+    "started",
+    "start_valid",
+    "outputs_valid",
     "derivatives_valid",
-)  # fmt: skip
+)
 STEP, TERMINATED = 16, 32
 BAD = (math.nan, math.inf, -math.inf)
 
@@ -175,8 +185,9 @@ def test_parameters_and_selectors_outside_their_range(fmu: Library) -> None:
 
 @pytest.mark.parametrize("name", [n for n in PROBE_NAMES if n == "ProbeQpDaqp"])
 def test_active_rows_of_daqp(fmu: Library) -> None:
-    """Its memory: the number of active rows, then each row by its number with a sign. Three variables, five rows: room for
-    four that are active."""
+    """Its memory: the number of active rows, then each row by its number with a sign. Three variables, five rows: room
+    for four that are active.
+    """
     with running(fmu) as a:
         state = State(a.serialize())
         count = len(state.values) - 5

@@ -1,7 +1,9 @@
-"""The binaries for other platforms run: Windows ones under Wine, ARM ones under QEMU, and their numbers are those of this machine.
+"""The binaries for other platforms run: Windows ones under Wine, ARM ones under QEMU, and their numbers are those of
+this machine.
 
-``host.c`` is compiled for each platform by ziglang, and replays the stimulus of every FMU (and of an exported system); the state travels as bytes into another instance
-halfway. macOS has no such stand-in: of its binaries only what they say of themselves is looked at.
+``host.c`` is compiled for each platform by ziglang, and replays the stimulus of every FMU (and of an exported system);
+the state travels as bytes into another instance halfway. macOS has no such stand-in: of its binaries only what they say
+of themselves is looked at.
 """
 
 from __future__ import annotations
@@ -35,7 +37,9 @@ WITHOUT_INPUTS = 20.0  # s; the pitch reference begins to move at 15 s
 
 @dataclass(frozen=True)
 class Runner:
-    """What runs programs of a platform here: `programs`, any of them, with `arguments`; `packages` of Debian bring them."""
+    """What runs programs of a platform here: `programs`, any of them, with `arguments`; `packages` of Debian bring
+    them.
+    """
 
     programs: tuple[str, ...]
     arguments: tuple[str, ...]
@@ -51,7 +55,9 @@ class Runner:
 RUNNERS = {
     "x86_64-windows": Runner(("wine64", "wine", "/usr/lib/wine/wine64"), (), "wine64 (or wine)"),
     "aarch64-linux": Runner(
-        ("qemu-aarch64-static", "qemu-aarch64"), ("-L", "/usr/aarch64-linux-gnu"), "qemu-user-static and libc6-arm64-cross"
+        ("qemu-aarch64-static", "qemu-aarch64"),
+        ("-L", "/usr/aarch64-linux-gnu"),
+        "qemu-user-static and libc6-arm64-cross",
     ),
 }
 
@@ -88,7 +94,9 @@ def bits(values: np.ndarray) -> str:
 
 
 def stimulus_of(path: Path, model: Model) -> Signals:
-    """The inputs of the documentation; those of a system, which has none, swing. Without inputs: long enough for any profile over time."""
+    """The inputs of the documentation; those of a system, which has none, swing. Without inputs: long enough for any
+    profile over time.
+    """
     with zipfile.ZipFile(path) as z:
         name = f"documentation/{path.stem}_in.csv"
         if name in z.namelist() and model.inputs:
@@ -115,13 +123,17 @@ def write_job(path: Path, fmi: int, platform: Platform, folder: Path) -> Path:
         return " ".join([str(len(names)), *(f"{v.kind[0]} {v.reference}" for v in found)])
 
     job = folder / f"{path.stem}{fmi}.job"
-    job.write_text("\n".join([
-        f"{fmi} {place}/{binary_of(path, platform, fmi)} {model.token} {resources}",
-        f"{bits(np.array([model.step]))} {len(signals.time) - 1}",
-        variables(signals.names),
-        variables(model.outputs),
-        bits(signals.values),
-    ]))  # fmt: skip
+    job.write_text(
+        "\n".join(
+            [
+                f"{fmi} {place}/{binary_of(path, platform, fmi)} {model.token} {resources}",
+                f"{bits(np.array([model.step]))} {len(signals.time) - 1}",
+                variables(signals.names),
+                variables(model.outputs),
+                bits(signals.values),
+            ]
+        )
+    )
     return job
 
 
@@ -134,13 +146,25 @@ def results(tmp_path_factory: pytest.TempPathFactory) -> Callable[[str], tuple[P
         runner = RUNNERS.get(name)
         command: list[str] | None = [] if runner is None else runner.command
         if command is None:
-            pytest.skip(f"nothing here runs programs for {name}: install Debian's {runner.packages}" if runner else name)
+            pytest.skip(
+                f"nothing here runs programs for {name}: install Debian's {runner.packages}" if runner else name
+            )
         platform, folder = PLATFORMS[name], tmp_path_factory.mktemp(name)
         host = folder / ("host.exe" if platform.is_windows else "host")
         headers = Path(fmpy_file).parent / "c-code"
         libraries = [] if platform.is_windows else ["-ldl"]
         subprocess.run(
-            [*find_toolchain(name).command, "-O1", "-std=gnu99", f"-I{headers}", HERE / "host.c", "-o", host, *libraries], check=True
+            [
+                *find_toolchain(name).command,
+                "-O1",
+                "-std=gnu99",
+                f"-I{headers}",
+                HERE / "host.c",
+                "-o",
+                host,
+                *libraries,
+            ],
+            check=True,
         )
         archives = [(archive_of(n, fmi), fmi) for fmi in (2, 3) for n in (*CATALOG_NAMES, SYSTEM)]
         jobs = [write_job(path, fmi, platform, folder) for path, fmi in archives]

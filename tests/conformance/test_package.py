@@ -70,7 +70,9 @@ def test_sources_are_complete(fmu: Library) -> None:
 
 
 def test_build_options_are_for_compilers_that_know_them(name: str, load: Callable[[str, int], Library]) -> None:
-    """One configuration without a platform, first, for any compiler; at most one for each platform (FMI 3.0, 2.5.1.4.1)."""
+    """One configuration without a platform, first, for any compiler; at most one for each platform (FMI 3.0,
+    2.5.1.4.1).
+    """
     description = etree.parse(load(name, 3).folder / "sources" / "buildDescription.xml")
     configurations = list(description.iterfind("BuildConfiguration"))
     platforms = [c.get("platform") for c in configurations]
@@ -114,7 +116,9 @@ LICENCES = {
 
 
 def test_every_file_by_others_has_its_licence(fmu: Library) -> None:
-    """Files that are neither of our runtime nor generated are listed with a licence whose text is there, and nothing else is."""
+    """Files that are neither of our runtime nor generated are listed with a licence whose text is there, and nothing
+    else is.
+    """
     folder = fmu.folder / "documentation" / "licenses"
     entry = (folder / "license.txt").read_text()
     own, *parts = re.split(r"^(?=\S.*, [\w.-]+: \S+\.txt$)", entry, flags=re.MULTILINE)
@@ -182,8 +186,13 @@ def test_names_are_structured_and_the_same_in_both_versions(pair: tuple[Library,
         a, b = two.variables[name], three.variables[name]
         assert structured_name(name)
         assert (a.causality, a.variability, a.initial, a.unit, a.min, a.max) == (
-            b.causality, b.variability, b.initial, b.unit, b.min, b.max,
-        )  # fmt: skip
+            b.causality,
+            b.variability,
+            b.initial,
+            b.unit,
+            b.min,
+            b.max,
+        )
         assert a.start_value == b.start_value
     assert two.structure("Outputs", "") == three.structure("", "Output")
     assert two.structure("Derivatives", "") == three.structure("", "ContinuousStateDerivative")
@@ -239,7 +248,9 @@ def test_dependencies_are_real(fmu: Library) -> None:
 
 
 def test_terminals_hold_every_signal_once_under_its_name(pair: tuple[Library, Library]) -> None:
-    """`road.fl.height` is the member `height` of `road`, `fl`; what is read from the file is what names alone say (of FMI 2.0)."""
+    """`road.fl.height` is the member `height` of `road`, `fl`; what is read from the file is what names alone say (of
+    FMI 2.0).
+    """
     fmu = pair[1]
     tree = etree.parse(fmu.folder / "terminalsAndIcons" / "terminalsAndIcons.xml")
     members = list(tree.iterfind(".//TerminalMemberVariable"))
@@ -264,7 +275,9 @@ SYSTEM_LIBRARIES = {"libc.so.6", "libdl.so.2", "/usr/lib/libSystem.B.dylib"}
 
 
 def test_binaries_run_on_old_systems_and_share_nothing(fmu: Library) -> None:
-    """FMI functions are all that is exported; no mathematical library is called, and no symbol is younger than glibc 2.17."""
+    """FMI functions are all that is exported; no mathematical library is called, and no symbol is younger than glibc
+    2.17.
+    """
     files = [p for p in (fmu.folder / "binaries").rglob("*") if p.is_file()]
     assert files
     header = (fmu.folder / "sources" / f"fmi{fmu.fmi}Functions.h").read_text()
@@ -320,9 +333,7 @@ def test_bill_of_materials(fmu: Library) -> None:
     text = (fmu.folder / "extra" / "org.fmi-standard.fmi-ls-ref" / "bill-of-materials.cdx.json").read_text()
     assert JsonStrictValidator(SchemaVersion.V1_6).validate_str(text) is None
     bill = json.loads(text)
-    libraries = {
-        c["name"]: c for c in bill["components"] if c["type"] == "library" and not c["name"].endswith(".fmu")
-    }
+    libraries = {c["name"]: c for c in bill["components"] if c["type"] == "library" and not c["name"].endswith(".fmu")}
     licences = fmu.folder / "documentation" / "licenses"
     assert {n.replace(" ", "-") for n in libraries} - {"suspension-fmus"} == {
         p.stem for p in licences.iterdir() if p.is_file() and p.name != "license.txt"

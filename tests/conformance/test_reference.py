@@ -22,7 +22,9 @@ STEPS = 40  # where trajectories are compared with each other
 
 
 def scale(values: np.ndarray, names: list[str]) -> np.ndarray:
-    """Largest magnitude of each column, at least a tiny number; 1 for residuals, which are rounding and relative already."""
+    """Largest magnitude of each column, at least a tiny number; 1 for residuals, which are rounding and relative
+    already.
+    """
     largest = np.maximum(np.abs(values).max(axis=0), 1e-12)
     return np.where([n.endswith(".residual") for n in names], 1.0, largest)
 
@@ -51,9 +53,15 @@ def simulate(fmu: Library, interface: str, path: Path | None = None, steps: int 
         {"solver": "CVode", "relative_tolerance": 1e-11, "record_events": True} if interface == "ModelExchange" else {}
     )
     result = fmpy.simulate_fmu(
-        str(path or fmu.path), fmi_type=interface, stop_time=steps * h, step_size=h, output_interval=h,
-        input=fmpy_input(fmu, signals), output=fmu.outputs, **options,
-    )  # fmt: skip
+        str(path or fmu.path),
+        fmi_type=interface,
+        stop_time=steps * h,
+        step_size=h,
+        output_interval=h,
+        input=fmpy_input(fmu, signals),
+        output=fmu.outputs,
+        **options,
+    )
     # Where an input event doubles a row, the first one has the inputs before the event, as the reference has.
     _, first = np.unique(np.round(result["time"] / h).astype(int), return_index=True)
     return np.column_stack([result[n][first].astype(float) for n in fmu.outputs])
@@ -79,8 +87,8 @@ def test_cosimulation_in_fmpy_meets_the_reference(fmu: Library) -> None:
 def test_committed_reference(fmu: Library) -> None:
     """Regression: numbers written down when they were last looked at (``tests/references/write.py`` says how).
 
-    The tolerance leaves room for the mathematical library and the linear algebra of the machine that wrote them: gains are
-    computed with them, and so are the numbers, by the Python evaluation.
+    The tolerance leaves room for the mathematical library and the linear algebra of the machine that wrote them: gains
+    are computed with them, and so are the numbers, by the Python evaluation.
     """
     inputs, reference = (Signals.read((REFERENCES / f"{fmu.name}_{w}.csv").read_text()) for w in ("in", "ref"))
     assert reference.names == fmu.outputs

@@ -18,7 +18,8 @@ from fmu_sources.catalog import Context, default_catalog
 
 DRAWS = 40
 _REFUSAL = re.compile(
-    r"with the parameters set, solver \w+ with solver\.step (?P<set>\S+) s is unstable at (?:operating point '(?P<point>.+)'|"
+    r"with the parameters set, solver \w+ with solver\.step (?P<set>\S+) s is unstable at (?:operating point"
+    r" '(?P<point>.+)'|"
     r"the present state) \(eigenvalue (?P<re>[^ ]+?)(?P<im>[+-][^+-]+(?:e[+-]\d+)?)i 1/s\); "
     r"(?:a solver\.step of (?P<step>\S+) s would do|no solver\.step within its limits would do)"
 )
@@ -60,8 +61,10 @@ def random_parameters(component: DeclaredModel, rng: np.random.Generator) -> dic
     for i in rng.choice(len(reals), size=min(len(reals), rng.integers(1, 7)), replace=False):
         e = reals[i]
         value = (e.start or 1.0) * 10.0 ** rng.uniform(-4, 4)
-        low, high = (-np.inf if e.variable.min is None else e.variable.min), (
-            np.inf if e.variable.max is None else e.variable.max)  # fmt: skip
+        low, high = (
+            (-np.inf if e.variable.min is None else e.variable.min),
+            (np.inf if e.variable.max is None else e.variable.max),
+        )
         values[e.name] = float(np.clip(value, low, high))
     if rng.random() < 0.5:
         values["solver.step"] = float(10.0 ** rng.uniform(-3.5, -2))

@@ -50,7 +50,9 @@ def test_serialized_states_continue_bit_equal(fmu: Library) -> None:
 
 
 def test_serialized_bytes_are_no_state(fmu: Library) -> None:
-    """Their checksum is of what they hold, and only DeserializeFMUState looks at it; a state in memory is told by its address."""
+    """Their checksum is of what they hold, and only DeserializeFMUState looks at it; a state in memory is told by its
+    address.
+    """
     with fmu.instance() as a:
         a.initialize(fmu.stimulus.row(0))
         data = a.serialize()
@@ -196,8 +198,19 @@ def test_instances_leave_no_memory_behind(fmu: Library) -> None:
             function = "Instantiate"
         else:
             arguments = (
-                b"x", fmu.token.encode(), fmu.resources, False, False, False, False, None, c.c_size_t(0), None, a._logger, None,
-            )  # fmt: skip
+                b"x",
+                fmu.token.encode(),
+                fmu.resources,
+                False,
+                False,
+                False,
+                False,
+                None,
+                c.c_size_t(0),
+                None,
+                a._logger,
+                None,
+            )
             function = "InstantiateCoSimulation"
         get, free_state, free = (
             getattr(fmu.dll, f"fmi{fmu.fmi}{f}")

@@ -40,7 +40,9 @@ LEFT_OUT = {
     "test_other_validators_find_the_reference_result": "systems have no reference result",
     "test_samples_are_counted_exactly": "about one component of the tests",
 }
-"""Test -> why no system is asked; besides those with `applies_to`, which are about what systems do not offer, or do by their members."""
+"""Test -> why no system is asked; besides those with `applies_to`, which are about what systems do not offer, or do by
+their members.
+"""
 
 NOT_WITH_FOREIGN = {
     "test_units_are_defined_by_base_units": "they may have units that our table does not know",
@@ -90,8 +92,11 @@ def _with_foreign(folder: Path) -> System:
 
 
 SYSTEMS: dict[str, Callable[[Path], System]] = {
-    "PassiveCar": _passive, "LawAndPlant": _law_and_plant, "Sampled": _sampled, "WithForeign": _with_foreign,
-}  # fmt: skip
+    "PassiveCar": _passive,
+    "LawAndPlant": _law_and_plant,
+    "Sampled": _sampled,
+    "WithForeign": _with_foreign,
+}
 
 
 class SystemLibrary(Library):
@@ -148,7 +153,9 @@ def outputs(a: Any) -> bytes:
 
 
 def test_a_step_is_a_whole_number_of_ticks(fmu: SystemLibrary) -> None:
-    """Many in one step end where as many steps of one do; less or a part more is an error that names the tick and changes nothing."""
+    """Many in one step end where as many steps of one do; less or a part more is an error that names the tick and
+    changes nothing.
+    """
     with fmu.instance() as a, fmu.instance() as b:
         for one in (a, b):
             one.initialize(fmu.stimulus.row(0))
@@ -172,6 +179,12 @@ def test_the_bill_of_materials_lists_members_with_what_they_are_made_of(load: Ca
         for component in json.loads(bill.read_text())["components"]:
             if component["name"].endswith(".fmu"):
                 found[component["name"]] = {c["name"] for c in component.get("components", [])}
-    assert set(found) == {"QuarterCarBench.fmu", "MpcBench.fmu", "follower.fmu", "follower_2.fmu", "QuarterCarHmmwv.fmu"}
+    assert set(found) == {
+        "QuarterCarBench.fmu",
+        "MpcBench.fmu",
+        "follower.fmu",
+        "follower_2.fmu",
+        "QuarterCarHmmwv.fmu",
+    }
     assert {"suspension-fmus", "DAQP"} <= found["MpcBench.fmu"]
     assert found["follower.fmu"] == set()

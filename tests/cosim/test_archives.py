@@ -1,4 +1,5 @@
-"""FMU files that say what is not so: each is refused in one sentence that names the thing, before anything is made big."""
+"""FMU files that say what is not so: each is refused in one sentence that names the thing, before
+anything is made big."""
 
 import ast
 import contextlib
@@ -54,11 +55,19 @@ def float64(name="x", reference="0", inner="", more=""):
         (2, real("wheel", inner='<Integer start="1.0"/>'), ["'wheel': start is '1.0'"]),
         (2, real("wheel", inner='<Real min="low"/>'), ["'wheel': min is 'low'"]),
         (2, real("wheel", inner='<Real derivative="x"/>'), ["'wheel': derivative is 'x'"]),
-        (3, float64("wheel", inner='<Dimension start="1000000000"/>'), ["'wheel' has 1000000000 elements", "at most 200000", "Limits(variables=1000000000)"]),
+        (
+            3,
+            float64("wheel", inner='<Dimension start="1000000000"/>'),
+            ["'wheel' has 1000000000 elements", "at most 200000", "Limits(variables=1000000000)"],
+        ),
         (3, float64("wheel", inner='<Dimension start="100000"/>' * 4), ["'wheel' has 100000 x 100000"]),
         (3, float64("wheel", inner='<Dimension start="-3"/>'), ["'wheel': Dimension is '-3'"]),
         (3, float64("wheel", inner='<Dimension start="two"/>'), ["'wheel': Dimension is 'two'"]),
-        (3, float64("wheel", inner='<Dimension valueReference="7"/>'), ["'wheel'", "Dimension", "structural parameter"]),
+        (
+            3,
+            float64("wheel", inner='<Dimension valueReference="7"/>'),
+            ["'wheel'", "Dimension", "structural parameter"],
+        ),
         (3, float64("wheel", inner="<Dimension/>"), ["'wheel'", "Dimension", "start"]),
         (
             3,
@@ -67,7 +76,7 @@ def float64(name="x", reference="0", inner="", more=""):
             ["'n': start is ' '"],
         ),
     ],
-)  # fmt: skip
+)
 def test_variables_that_cannot_be_read(tmp_path, version, variables, words):
     path = archive(tmp_path / "odd.fmu", description(version, variables))
     with pytest.raises(FmuError) as caught:
@@ -88,16 +97,22 @@ def test_variables_that_cannot_be_read(tmp_path, version, variables, words):
         (description(2, experiment='stepSize="0.1" tolerance="small"'), ["tolerance is 'small'"]),
         (description(2, identifier=""), ["modelIdentifier is ''"]),
         (description(2, identifier="../../../evil"), ["modelIdentifier is '../../../evil'"]),
-        (description(2, more='<UnitDefinitions><Unit name="N"><BaseUnit kg="a"/></Unit></UnitDefinitions>'), ["unit 'N': kg"]),
+        (
+            description(2, more='<UnitDefinitions><Unit name="N"><BaseUnit kg="a"/></Unit></UnitDefinitions>'),
+            ["unit 'N': kg"],
+        ),
         (description(2, structure='<Outputs><Unknown index="9"/></Outputs>'), ["index is 9", "no such variable"]),
         (description(3, structure='<Output valueReference="1" dependencies="77"/>'), ["dependencies is 77"]),
         (description(3, structure="<Output/>"), ["valueReference is missing"]),
         (b'<!DOCTYPE a [<!ENTITY b "&c;">]>' + description(2).split(b"\n", 1)[1], ["document type declaration"]),
-        (('<!DOCTYPE a [<!ENTITY b "&c;">]>' + description(2).decode().split("\n", 1)[1]).encode("utf-16"), ["document type"]),
+        (
+            ('<!DOCTYPE a [<!ENTITY b "&c;">]>' + description(2).decode().split("\n", 1)[1]).encode("utf-16"),
+            ["document type"],
+        ),
         (b"<a>" * 300, ["not well-formed"]),
         (b"", ["not well-formed"]),
     ],
-)  # fmt: skip
+)
 def test_descriptions_that_cannot_be_read(tmp_path, xml, words):
     with pytest.raises(FmuError) as caught:
         Fmu(archive(tmp_path / "odd.fmu", xml))
@@ -106,17 +121,17 @@ def test_descriptions_that_cannot_be_read(tmp_path, xml, words):
 
 
 def test_derivatives_of_arrays_of_different_size(tmp_path):
-    variables = (
-        float64("x", "0", '<Dimension start="2"/>')
-        + float64("der(x)", "1", '<Dimension start="3"/>', 'derivative="0"')
-    )  # fmt: skip
+    variables = float64("x", "0", '<Dimension start="2"/>') + float64(
+        "der(x)", "1", '<Dimension start="3"/>', 'derivative="0"'
+    )
     structure = '<ContinuousStateDerivative valueReference="1"/>'
     with pytest.raises(FmuError, match=r"'der\(x\)' has more elements than 'x'"):
         Fmu(archive(tmp_path / "a.fmu", description(3, variables, structure=structure)))
 
 
 def test_what_is_odd_but_harmless_is_read(tmp_path):
-    """A step of 0 means none, a unit without a factor has no conversion, names may end in brackets that are no index."""
+    """A step of 0 means none, a unit without a factor has no conversion, names may end in brackets that
+    are no index."""
     unit = '<UnitDefinitions><Unit name="N"><BaseUnit kg="1" factor="0"/></Unit></UnitDefinitions>'
     xml = description(
         2, real("x]", "0") + real("y[a]", "1") + real("z[1]", "2"), experiment='stepSize="0" tolerance="0"', more=unit
@@ -189,7 +204,9 @@ def test_a_description_of_many_bytes_is_not_read(tmp_path):
     with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as file, file.open("modelDescription.xml", "w") as xml:
         for _ in range(140):
             xml.write(b" " * 2**20)
-    with pytest.raises(FmuError, match=r"bomb\.fmu: its modelDescription\.xml has 147 MB; .*Limits\(xml_bytes=146800640\)"):
+    with pytest.raises(
+        FmuError, match=r"bomb\.fmu: its modelDescription\.xml has 147 MB; .*Limits\(xml_bytes=146800640\)"
+    ):
         Fmu(path)
     folder = tmp_path / "folder"
     folder.mkdir()
@@ -207,7 +224,9 @@ def test_an_archive_that_would_unpack_to_gigabytes(tmp_path, awkward_fmus):
     archive(path, members["modelDescription.xml"], binary=binary, **{"resources/zeros": b"0"})
     system = System()
     system.add("a", sized(path, "resources/zeros", 2**32 - 2))
-    with pytest.raises(FmuError, match=r"bomb\.fmu would unpack to 4,29\d MB, more than 100 times.*Limits\(unpacked_bytes=4\d+\)"):
+    with pytest.raises(
+        FmuError, match=r"bomb\.fmu would unpack to 4,29\d MB, more than 100 times.*Limits\(unpacked_bytes=4\d+\)"
+    ):
         system.run(0.1)
 
 
@@ -300,8 +319,12 @@ def test_part_of_a_library(tmp_path):
 
 @VERSIONS
 def test_platforms_are_those_whose_library_is_there(tmp_path, version):
-    others = {"binaries/win64/Awkward.dll": b"", "binaries/darwin64/": b"", "binaries/x86_64-darwin/readme.txt": b"",
-              "binaries/linux32/libother.so": b""}  # fmt: skip
+    others = {
+        "binaries/win64/Awkward.dll": b"",
+        "binaries/darwin64/": b"",
+        "binaries/x86_64-darwin/readme.txt": b"",
+        "binaries/linux32/libother.so": b"",
+    }
     path = archive(tmp_path / "a.fmu", description(version), binary=library(version, tmp_path), **others)
     here = platform_folder(str(version))[0]
     assert Fmu(path).platforms() == sorted([here, "win64"])

@@ -1,4 +1,6 @@
-"""Our sampled FMUs that are built with a clock (`build-fmus --clocks`): the same numbers at its ticks, and without event mode as ever."""
+"""Our sampled FMUs that are built with a clock (`build-fmus --clocks`): the same numbers at its ticks, and without
+event mode as ever.
+"""
 
 from __future__ import annotations
 
@@ -47,7 +49,9 @@ class Waves(PythonComponent):
         y[:] = np.sin(7.0 * t + np.arange(8))
 
 
-def recorded(path: Path, *, step: str | None = None, offset: str | int = 0, engine: str = "python") -> dict[str, np.ndarray]:
+def recorded(
+    path: Path, *, step: str | None = None, offset: str | int = 0, engine: str = "python"
+) -> dict[str, np.ndarray]:
     with System() as system:
         law = system.add("law", path, step=step, offset=offset)
         system.add("waves", Waves(), step="1 ms")
@@ -93,7 +97,10 @@ def test_without_event_mode_it_counts_its_samples_itself(fmus: dict[str, dict[bo
     """As FMPy runs it by default, and as it runs where it is isolated."""
     import fmpy
 
-    results = [fmpy.simulate_fmu(str(fmus["ProbeDiscrete"][clocks]), stop_time=0.3, output_interval=0.03) for clocks in (False, True)]
+    results = [
+        fmpy.simulate_fmu(str(fmus["ProbeDiscrete"][clocks]), stop_time=0.3, output_interval=0.03)
+        for clocks in (False, True)
+    ]
     assert results[0].dtype.names == results[1].dtype.names
     for name in results[0].dtype.names:
         np.testing.assert_array_equal(results[0][name], results[1][name])
@@ -107,12 +114,16 @@ def test_an_importer_need_not_tick(fmus: dict[str, dict[bool, Path]], name: str,
 
     about = fmpy.read_model_description(str(fmus[name][True]))
     inputs = [v for v in about.modelVariables if v.causality == "input" and v.type == "Float64"]
-    driven = np.zeros(4, dtype=[("time", float), *((v.name, float, tuple(d.start for d in v.dimensions)) for v in inputs)])
+    driven = np.zeros(
+        4, dtype=[("time", float), *((v.name, float, tuple(d.start for d in v.dimensions)) for v in inputs)]
+    )
     driven["time"] = 0.0, 0.05, 0.12, 0.2
     for k, v in enumerate(inputs):
         driven[v.name] = np.random.default_rng(k).normal(size=driven[v.name].shape)
     plain, with_events = (
-        fmpy.simulate_fmu(str(fmus[name][True]), use_event_mode=events, stop_time=0.28, output_interval=interval, input=driven)
+        fmpy.simulate_fmu(
+            str(fmus[name][True]), use_event_mode=events, stop_time=0.28, output_interval=interval, input=driven
+        )
         for events in (False, True)
     )
     assert any(np.ptp(plain[n]) > 0 for n in plain.dtype.names[1:])
@@ -136,7 +147,10 @@ def test_saved_states_continue(fmus: dict[str, dict[bool, Path]]) -> None:
             simulation.restore(state)
             simulation.advance(0.2)
             np.testing.assert_array_equal(simulation.recording.data, first)
-            with pytest.raises(CosimError, match="because of 'law': it has clocks, and when they tick is not in what the FMU serializes"):
+            with pytest.raises(
+                CosimError,
+                match="because of 'law': it has clocks, and when they tick is not in what the FMU serializes",
+            ):
                 state.to_bytes()
 
 

@@ -1,4 +1,5 @@
-"""FMUs of others with clocks and event mode: when each kind ticks, what is exchanged then, and what is refused by name."""
+"""FMUs of others with clocks and event mode: when each kind ticks, what is exchanged then, and what is
+refused by name."""
 
 from __future__ import annotations
 
@@ -44,7 +45,9 @@ class Ramp(PythonComponent):
         y[0] = self.n
 
 
-def run(path: Path, stop: float = 0.1, *, step: str = "10 ms", engine: str = "python", **start: object) -> dict[str, list[float]]:
+def run(
+    path: Path, stop: float = 0.1, *, step: str = "10 ms", engine: str = "python", **start: object
+) -> dict[str, list[float]]:
     with System() as system:
         system.add("c", path, step=step, start={"u": 1.0, "begin": False, **start})
         recording = system.run(stop, record=["c.*"], engine=engine)  # type: ignore[arg-type]
@@ -53,7 +56,8 @@ def run(path: Path, stop: float = 0.1, *, step: str = "10 ms", engine: str = "py
 
 @pytest.mark.parametrize("engine", ENGINES)
 def test_a_constant_clock_ticks_exactly_where_its_counters_say(fmu: Build, engine: str) -> None:
-    """Every 1/300 s, three times in each step of 10 ms; the FMU fails where a tick is passed or comes at another time."""
+    """Every 1/300 s, three times in each step of 10 ms; the FMU fails where a tick is passed or comes at
+    another time."""
     found = run(fmu("constant"), engine=engine)
     assert found["ticks"] == [3.0 * k for k in range(11)]
     assert found["last"][1:] == [round((3 * k + 2) / 300, 9) for k in range(10)]
@@ -125,7 +129,19 @@ def test_inputs_of_a_clock_are_taken_when_it_ticks(fmu: Build) -> None:
         system.connect("ramp.y", "c.u")
         recording = system.run(0.1, record=["c.y", "ramp.y"], engine="python")
     assert recording["ramp.y"].tolist()[:5] == [1.0, 2.0, 3.0, 4.0, 5.0]
-    assert recording["c.y"].tolist() == [1.0, 1.0, 4.0, 4.0, 9.0, 9.0, 16.0, 16.0, 25.0, 25.0, 25.0], "every second sample counts"
+    assert recording["c.y"].tolist() == [
+        1.0,
+        1.0,
+        4.0,
+        4.0,
+        9.0,
+        9.0,
+        16.0,
+        16.0,
+        25.0,
+        25.0,
+        25.0,
+    ], "every second sample counts"
 
 
 def test_an_input_that_is_set_between_ticks_waits_for_the_next(fmu: Build) -> None:
@@ -172,10 +188,16 @@ def test_who_drives_them_is_said(fmu: Build) -> None:
     ("kind", "options", "message"),
     [
         ("triggered", {}, r"its clock 'clock' ticks when another FMU says so \(triggered\)"),
-        ("constant", {"event_mode": False}, r"its clock 'clock' needs event mode, which it does not offer \(hasEventMode\)"),
+        (
+            "constant",
+            {"event_mode": False},
+            r"its clock 'clock' needs event mode, which it does not offer \(hasEventMode\)",
+        ),
     ],
 )
-def test_clocks_that_cannot_be_driven_are_refused_by_name(tmp_path: Path, kind: str, options: dict[str, bool], message: str) -> None:
+def test_clocks_that_cannot_be_driven_are_refused_by_name(
+    tmp_path: Path, kind: str, options: dict[str, bool], message: str
+) -> None:
     path = clocked.build(kind, tmp_path, **options)
     assert [c.name for c in FmuFile(path, quiet=True).description.clocks] == ["clock", "pulse"], "it can be looked at"
     with System() as system, pytest.raises(FmuError, match=message):
@@ -185,12 +207,17 @@ def test_clocks_that_cannot_be_driven_are_refused_by_name(tmp_path: Path, kind: 
 def test_a_tick_within_a_step_needs_steps_of_other_lengths(tmp_path: Path) -> None:
     path = clocked.build("changing", tmp_path, variable_step=False)
     assert run(path, 0.05)["ticks"][-1] == 3.0, "ticks begin steps: nothing is divided"
-    with pytest.raises(ComponentError, match=r"a clock ticks at 0\.01 s, within a step from 0 s to 0\.04 s.*canHandleVariableCommunicationStepSize"):
+    with pytest.raises(
+        ComponentError,
+        match=r"a clock ticks at 0\.01 s, within a step from 0 s to 0\.04 s.*canHandleVariableCommunicationStepSize",
+    ):
         run(path, 0.08, step="40 ms")
 
 
 def test_early_return_and_endless_events_are_refused_by_name(fmu: Build) -> None:
-    with pytest.raises(ComponentError, match=r"it returned early, which it was not allowed to \(earlyReturnAllowed is false\)"):
+    with pytest.raises(
+        ComponentError, match=r"it returned early, which it was not allowed to \(earlyReturnAllowed is false\)"
+    ):
         run(fmu("early"))
     with pytest.raises(ComponentError, match="its discrete states want to be updated for ever"):
         run(fmu("endless"))
@@ -199,7 +226,9 @@ def test_early_return_and_endless_events_are_refused_by_name(fmu: Build) -> None
 def test_systems_with_clocks_of_others_are_not_exported_as_fmu(fmu: Build, tmp_path: Path) -> None:
     with System() as system:
         system.add("c", fmu("constant"), step="10 ms")
-        with pytest.raises(CosimError, match=r"'c' has clocks, which a system's FMU does not tick: leave it out \(without=\['c'\]\)"):
+        with pytest.raises(
+            CosimError, match=r"'c' has clocks, which a system's FMU does not tick: leave it out \(without=\['c'\]\)"
+        ):
             system.export_fmu(tmp_path / "Clocks.fmu")
 
 

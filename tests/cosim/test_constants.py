@@ -1,4 +1,5 @@
-"""Constants that a source and its target must agree on (preview step, spacing of a scan): refused by name when wired."""
+"""Constants that a source and its target must agree on (preview step, spacing of a scan): refused by
+name when wired."""
 
 import io
 

@@ -184,7 +184,10 @@ def test_a_refused_instantiation_gives_the_reason(foreign):
         system.run(1)
 
 
-@pytest.mark.skipif(not sysconfig.get_config_var("Py_ENABLE_SHARED"), reason="this Python has no library, which FMUs of PythonFMU expect in their process")
+@pytest.mark.skipif(
+    not sysconfig.get_config_var("Py_ENABLE_SHARED"),
+    reason="this Python has no library, which FMUs of PythonFMU expect in their process",
+)
 @pytest.mark.parametrize("name", ["AddOne2", "AddOne3"])
 def test_fmus_in_python_run_isolated(foreign, name):
     """They leave symbols of Python to the process that loads them; the process of an isolated FMU has them too."""

@@ -20,9 +20,14 @@ OUTPUT = {2: '<Outputs><Unknown index="{0}" {1}/></Outputs>', 3: '<Output valueR
 
 
 def variable(version, name, reference, attributes="", inner="", kind="Real"):
-    """A variable on a line of its own; `attributes` of the value stand where the version has them, `inner` says what it is."""
+    """A variable on a line of its own; `attributes` of the value stand where the version has them, `inner` says what it
+    is.
+    """
     if version == 2:
-        return f'\n<ScalarVariable name="{name}" valueReference="{reference}" {inner}><{kind} {attributes}/></ScalarVariable>'
+        return (
+            f'\n<ScalarVariable name="{name}" valueReference="{reference}" {inner}><{kind}'
+            f" {attributes}/></ScalarVariable>"
+        )
     kind = {"Real": "Float64", "Integer": "Int32"}.get(kind, kind)
     return f'\n<{kind} name="{name}" valueReference="{reference}" {inner} {attributes}/>'
 
@@ -149,9 +154,11 @@ def test_inputs_that_share_a_place(tmp_path):
 def test_aliases_of_fmi_2_are_legal(tmp_path):
     """Outputs of the same type with the same reference, and the same reference for another type."""
     variables = (
-        input_(2, "7") + variable(2, "a", "7", "", 'causality="local"') + variable(2, "b", "7", "", 'causality="local"')
+        input_(2, "7")
+        + variable(2, "a", "7", "", 'causality="local"')
+        + variable(2, "b", "7", "", 'causality="local"')
         + variable(2, "n", "7", 'start="1"', 'causality="input" variability="discrete"', "Integer")
-    )  # fmt: skip
+    )
     assert findings(archive(tmp_path / "a.fmu", xml(2, variables))) == []
 
 
@@ -170,15 +177,36 @@ def test_names_that_are_not_unique(tmp_path, version):
 @pytest.mark.parametrize(
     ("variables", "words"),
     [
-        ('<Float64 name="a" valueReference="1"/>\n<Float64 name="b" valueReference="1"/>', "line 3: variable 'b' has the value reference 1, which 'a'"),
-        ('<Float64 name="a" valueReference="1"><Dimension start="2"/></Float64>\n<Float64 name="a[2]" valueReference="2"/>', "line 3: there is a variable 'a[2]' already, in line 2"),
-        ('<Float64 name="a" valueReference="1"><Alias name="c"/></Float64>\n<Float64 name="c" valueReference="2"/>', "line 3: there is a variable 'c' already, in line 2"),
-        ('<Float64 name="a" valueReference="1"><Dimension start="0"/></Float64>\n<Float64 name="a" valueReference="2"/>', "line 3: there is a variable 'a' already"),
-        ('<Float64 name="a" valueReference="1">' + '<Dimension start="1"/>' * 17 + "</Float64>", "array 'a' has 17 dimensions; at most 16"),
+        (
+            '<Float64 name="a" valueReference="1"/>\n<Float64 name="b" valueReference="1"/>',
+            "line 3: variable 'b' has the value reference 1, which 'a'",
+        ),
+        (
+            (
+                '<Float64 name="a" valueReference="1"><Dimension start="2"/></Float64>\n<Float64 name="a[2]"'
+                ' valueReference="2"/>'
+            ),
+            "line 3: there is a variable 'a[2]' already, in line 2",
+        ),
+        (
+            '<Float64 name="a" valueReference="1"><Alias name="c"/></Float64>\n<Float64 name="c" valueReference="2"/>',
+            "line 3: there is a variable 'c' already, in line 2",
+        ),
+        (
+            (
+                '<Float64 name="a" valueReference="1"><Dimension start="0"/></Float64>\n<Float64 name="a"'
+                ' valueReference="2"/>'
+            ),
+            "line 3: there is a variable 'a' already",
+        ),
+        (
+            '<Float64 name="a" valueReference="1">' + '<Dimension start="1"/>' * 17 + "</Float64>",
+            "array 'a' has 17 dimensions; at most 16",
+        ),
         (f'<Float64 name="{"a" * 10**6}" valueReference="1"><Dimension start="100000"/></Float64>', "are too long"),
         ('<Float64 name="a&#10;b&#27;[31m" valueReference="-1"/>', r"variable 'a\nb"),
     ],
-)  # fmt: skip
+)
 def test_what_cannot_be_run_safely_in_fmi_3(tmp_path, variables, words):
     variables = variables.replace("&#27;", "&#155;")
     with pytest.raises(FmuError) as caught:
@@ -192,13 +220,33 @@ def test_what_cannot_be_run_safely_in_fmi_3(tmp_path, variables, words):
     ("name", "number", "make"),
     [
         ("variables", 3, lambda: xml(2, "".join(input_(2, i, f"u{i}") for i in range(3)))),
-        ("variables", 4, lambda: xml(3, '<Float64 name="u" valueReference="0"><Dimension start="2"/><Dimension start="2"/></Float64>')),
-        ("dimensions", 2, lambda: xml(3, '<Float64 name="u" valueReference="0"><Dimension start="2"/><Dimension start="2"/></Float64>')),
-        ("dependencies", 2, lambda: xml(2, input_(2) + input_(2, "1", "v") + variable(2, "y", "2", "", 'causality="output"'), OUTPUT[2].format(3, 'dependencies="1 2"'))),
+        (
+            "variables",
+            4,
+            lambda: xml(
+                3, '<Float64 name="u" valueReference="0"><Dimension start="2"/><Dimension start="2"/></Float64>'
+            ),
+        ),
+        (
+            "dimensions",
+            2,
+            lambda: xml(
+                3, '<Float64 name="u" valueReference="0"><Dimension start="2"/><Dimension start="2"/></Float64>'
+            ),
+        ),
+        (
+            "dependencies",
+            2,
+            lambda: xml(
+                2,
+                input_(2) + input_(2, "1", "v") + variable(2, "y", "2", "", 'causality="output"'),
+                OUTPUT[2].format(3, 'dependencies="1 2"'),
+            ),
+        ),
         ("xml_bytes", 1000, lambda: xml(2, input_(2)).ljust(1000)),
         ("xml_nodes", 60, lambda: xml(2, input_(2) + "<a/>" * 31)),
     ],
-)  # fmt: skip
+)
 def test_limits_can_be_raised(tmp_path, name, number, make):
     made = make()
     if name == "xml_nodes":
@@ -226,9 +274,12 @@ def test_limits_are_whole_numbers(wrong):
     ("made", "words"),
     [
         (b'<?xml version="1.0" encoding="UTF-7"?>+ADwAIQ-DOCTYPE a+AD4-<a/>', "is encoded as 'UTF-7'"),
-        ('<?xml version="1.0" encoding="cp037"?><!DOCTYPE a [<!ENTITY b "c">]><a b="&b;"/>'.encode("cp037"), "is encoded as 'EBCDIC'"),
+        (
+            '<?xml version="1.0" encoding="cp037"?><!DOCTYPE a [<!ENTITY b "c">]><a b="&b;"/>'.encode("cp037"),
+            "is encoded as 'EBCDIC'",
+        ),
     ],
-)  # fmt: skip
+)
 def test_encodings_that_hide_a_document_type(tmp_path, made, words):
     with pytest.raises(FmuError, match=words):
         Fmu(archive(tmp_path / "a.fmu", made))
@@ -256,8 +307,26 @@ _UNIT = variable(2, "a", "1", 'unit="{}"')
 _DATE = {"head": 'generationDateAndTime="2019-05-10_16_10"'}
 KNOWN = {
     "element 'VendorAnnotations'": ("Dymola Version 2023x", 3, {"more": _VENDOR}),
-    "attribute 'order'": ("Dymola Version 2024x", 3, {"variables": '<Float64 name="a" valueReference="1"><Annotations><Annotation type="t" order="1"/></Annotations></Float64>'}),
-    "element 'Annotations'": ("Dymola Version 2024x", 3, {"variables": '<Float64 name="a" valueReference="1"><Alias name="b"/><Annotations><Annotation type="t"/></Annotations></Float64>'}),
+    "attribute 'order'": (
+        "Dymola Version 2024x",
+        3,
+        {
+            "variables": (
+                '<Float64 name="a" valueReference="1"><Annotations><Annotation type="t"'
+                ' order="1"/></Annotations></Float64>'
+            )
+        },
+    ),
+    "element 'Annotations'": (
+        "Dymola Version 2024x",
+        3,
+        {
+            "variables": (
+                '<Float64 name="a" valueReference="1"><Alias name="b"/><Annotations><Annotation'
+                ' type="t"/></Annotations></Float64>'
+            )
+        },
+    ),
     "element 'Outputs'": ("OpenModelica Compiler 1.9.4", 2, {"structure": "<Outputs></Outputs>"}),
     "unit * is": ("OpenModelica Compiler OpenModelica v1.15.0 (64-bit)", 2, {"variables": _UNIT.format("A")}),
     "unit '' is": ("MapleSim 2015.1", 2, {"variables": _UNIT.format("")}),
@@ -265,12 +334,20 @@ KNOWN = {
     "attribute 'needsExecutionTool'": ("JModelica.org", 2, {"head": 'needsExecutionTool="true"'}),
     "Hopsan": ("HOPSAN 2.11", 2, _DATE),
     "qfmu": ("qfmu", 2, _DATE),
-    "PythonFMU * is continuous": ("PythonFMU 0.6.9", 2, {"variables": variable(2, "n", "1", "", 'causality="output"', "Integer"), "structure": OUTPUT[2].format(2, "")}),
+    "PythonFMU * is continuous": (
+        "PythonFMU 0.6.9",
+        2,
+        {"variables": variable(2, "n", "1", "", 'causality="output"', "Integer"), "structure": OUTPUT[2].format(2, "")},
+    ),
     "MWorks": ("MWorks 2016", 2, {"variables": variable(2, "b", "1", "", "", "Boolean")}),
     "element 'ModelVariables'": ("PythonFMU 0.6.9", 2, {"without": True}),
     "element 'SourceFiles'": ("FMPy 0.3.1 FMU Container", 2, {"sources": True}),
-    "no start value": ("Simulink with FMI Kit 2.8", 2, {"variables": variable(2, "p", "1", "", 'causality="parameter" variability="tunable"')}),
-}  # fmt: skip
+    "no start value": (
+        "Simulink with FMI Kit 2.8",
+        2,
+        {"variables": variable(2, "p", "1", "", 'causality="parameter" variability="tunable"')},
+    ),
+}
 
 
 def test_every_quirk_has_a_case_and_a_source():

@@ -63,7 +63,9 @@ def law():
 
 
 def damped():
-    """A mass on a damper whose rates differ in compression and rebound, and one with a smooth square part; both carry a large load."""
+    """A mass on a damper whose rates differ in compression and rebound, and one with a smooth square part; both carry a
+    large load.
+    """
     c = Component("Damped", kind="continuous", description="damper", source="test")
     v = c.state("v", "m/s", "velocity", output=True)
     free = c.state("free", "m/s", "velocity without damper", output=True)
@@ -108,8 +110,11 @@ def test_an_fmu_is_a_state_space_with_names(small, version):
     assert [model.names[n] for n in model.output_labels] == ["body.x", "body.v", "body.a"]
     assert model.units["body.a"] == "m/s2"
     assert model.operating_point == {
-        "body.x": 0.2, "body.v": 0.0, "body.force": 3.0, "body.a": pytest.approx((3.0 - STIFFNESS * 0.2) / 4.0)
-    }  # fmt: skip
+        "body.x": 0.2,
+        "body.v": 0.0,
+        "body.force": 3.0,
+        "body.a": pytest.approx((3.0 - STIFFNESS * 0.2) / 4.0),
+    }
 
 
 def test_signals_are_chosen_by_name_and_pattern(small):
@@ -247,9 +252,12 @@ def test_all_loops_without_a_solution_are_named():
 
 @pytest.mark.parametrize("version", [2, 3])
 def test_a_plant_on_a_kink_is_refused(small, version):
-    """Both sides are looked at; rounding of the large numbers that are subtracted is no kink, and neither is curvature."""
+    """Both sides are looked at; rounding of the large numbers that are subtracted is no kink, and
+    neither is curvature."""
     fmu = Fmu(small[f"damped{version}"])
-    with pytest.raises(CosimError, match=r"'Damped' cannot be linearized: its der\(v\) has a kink or jump over v = 0, .*start="):
+    with pytest.raises(
+        CosimError, match=r"'Damped' cannot be linearized: its der\(v\) has a kink or jump over v = 0, .*start="
+    ):
         fmu.linearize()
     for speed, rate in ((0.1, 165.0), (-0.1, 45.0)):
         for free in (0.0, 0.5):
@@ -259,7 +267,9 @@ def test_a_plant_on_a_kink_is_refused(small, version):
 
 def test_work_is_bounded(small, monkeypatch):
     monkeypatch.setattr(linearization, "LARGEST", 20)
-    with pytest.raises(CosimError, match=r"'Law' .* 4 states and inputs .* 4 x 4 numbers for each of the 2 samples .* at most 20"):
+    with pytest.raises(
+        CosimError, match=r"'Law' .* 4 states and inputs .* 4 x 4 numbers for each of the 2 samples .* at most 20"
+    ):
         Fmu(small["law3"]).linearize(period="8 ms")
 
 

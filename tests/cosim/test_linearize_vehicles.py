@@ -78,7 +78,10 @@ def test_laws_that_solve_programs_are_refused(built_fmus: BuiltFmus) -> None:
 
 
 def test_a_law_with_too_many_states_is_refused_at_once(built_fmus: BuiltFmus) -> None:
-    with pytest.raises(CosimError, match=r"'PreviewLqTunable' cannot be linearized: with 18,837 states and inputs its model is a matrix"):
+    with pytest.raises(
+        CosimError,
+        match=r"'PreviewLqTunable' cannot be linearized: with 18,837 states and inputs its model is a matrix",
+    ):
         Fmu(built_fmus.path("PreviewLqTunable", 3)).linearize()
 
 
@@ -88,8 +91,9 @@ def test_the_public_car_at_rest_stands_on_a_kink(built_fmus: BuiltFmus) -> None:
 
 
 def test_gpc_is_stable_on_the_car_it_was_designed_on(built_fmus: BuiltFmus) -> None:
-    """The nonlinear car as it drives: no mode of the loop grows (distance and course neither grow nor decay), and a disturbed run deviates as
-    the model says."""
+    """The nonlinear car as it drives: no mode of the loop grows (distance and course neither grow nor decay), and a
+    disturbed run deviates as the model says.
+    """
     with System() as system:
         system.add("car", built_fmus.path("FullCarHmmwvModified", 3), start={"target.speed": 13.9})
         system.add("law", built_fmus.path("GpcImplicit", 3))

@@ -1,4 +1,6 @@
-"""Algebraic loops among continuous components: refused by name where they are certain, warned of where they are only possible."""
+"""Algebraic loops among continuous components: refused by name where they are certain, warned of where they are only
+possible.
+"""
 
 import warnings
 from typing import Any

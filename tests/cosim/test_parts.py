@@ -17,11 +17,22 @@ from cosim.time import TimeBase, gcd, rational
 @pytest.mark.parametrize(
     ("value", "seconds"),
     [
-        (1e-3, "1/1000"), (1 / 60, "1/60"), ("1/60", "1/60"), ("10 ms", "1/100"), ("60 Hz", "1/60"), (".5ms", "1/2000"),
-        ("1e-3", "1/1000"), ("1e-3 s", "1/1000"), (1e-7, "1/10000000"), (3, "3"), (np.float64(0.25), "1/4"),
-        (np.int64(2), "2"), ("2 min", "120"), ("100us", "1/10000"),
+        (1e-3, "1/1000"),
+        (1 / 60, "1/60"),
+        ("1/60", "1/60"),
+        ("10 ms", "1/100"),
+        ("60 Hz", "1/60"),
+        (".5ms", "1/2000"),
+        ("1e-3", "1/1000"),
+        ("1e-3 s", "1/1000"),
+        (1e-7, "1/10000000"),
+        (3, "3"),
+        (np.float64(0.25), "1/4"),
+        (np.int64(2), "2"),
+        ("2 min", "120"),
+        ("100us", "1/10000"),
     ],
-)  # fmt: skip
+)
 def test_times_are_read_exactly(value, seconds):
     assert rational(value) == Fraction(seconds)
 
@@ -89,14 +100,18 @@ FMI3 = b"""<fmiModelDescription fmiVersion="3.0" modelName="Arrays" instantiatio
 <DefaultExperiment stepSize="0.002"/>
 <ModelVariables>
 <UInt64 name="n" valueReference="1" causality="structuralParameter" start="2"/>
-<Float64 name="u" valueReference="2" causality="input" start="1 2 3" declaredType="Length"><Dimension start="3"/></Float64>
-<Float64 name="g" valueReference="3" causality="parameter" start="5"><Dimension valueReference="1"/><Dimension start="2"/></Float64>
+<Float64 name="u" valueReference="2" causality="input" start="1 2 3" declaredType="Length"><Dimension start="3"/>
+</Float64>
+<Float64 name="g" valueReference="3" causality="parameter" start="5"><Dimension valueReference="1"/>
+<Dimension start="2"/></Float64>
 <Float64 name="x" valueReference="4" causality="output" initial="exact" start="0"/>
 <Float64 name="der(x)" valueReference="5" derivative="4"/>
 <String name="s" valueReference="6" causality="parameter"><Start value="hello"/></String>
 </ModelVariables>
-<ModelStructure><Output valueReference="4" dependencies=""/><ContinuousStateDerivative valueReference="5" dependencies="2 4"/></ModelStructure>
-<Annotations><Annotation type="suspension-fmus"><Component kind="discrete" sampleTime="1/60"/></Annotation></Annotations>
+<ModelStructure><Output valueReference="4" dependencies=""/>
+<ContinuousStateDerivative valueReference="5" dependencies="2 4"/></ModelStructure>
+<Annotations><Annotation type="suspension-fmus"><Component kind="discrete" sampleTime="1/60"/></Annotation>
+</Annotations>
 </fmiModelDescription>"""
 
 
@@ -122,10 +137,12 @@ FMI2 = b"""<fmiModelDescription fmiVersion="2.0" modelName="Two" guid="g">
 <ScalarVariable name="x" valueReference="0" causality="output"><Real start="1"/></ScalarVariable>
 <ScalarVariable name="v" valueReference="1"><Real derivative="1" declaredType="Speed"/></ScalarVariable>
 <ScalarVariable name="a" valueReference="2" causality="input"><Real start="0"/></ScalarVariable>
-<ScalarVariable name="b" valueReference="3" causality="input" variability="discrete"><Boolean start="true"/></ScalarVariable>
+<ScalarVariable name="b" valueReference="3" causality="input" variability="discrete"><Boolean start="true"/>
+</ScalarVariable>
 <ScalarVariable name="y" valueReference="4" causality="output"><Real/></ScalarVariable>
 </ModelVariables>
-<ModelStructure><Outputs><Unknown index="1" dependencies="3"/><Unknown index="5"/></Outputs><Derivatives><Unknown index="2"/></Derivatives></ModelStructure>
+<ModelStructure><Outputs><Unknown index="1" dependencies="3"/><Unknown index="5"/></Outputs><Derivatives>
+<Unknown index="2"/></Derivatives></ModelStructure>
 </fmiModelDescription>"""
 
 

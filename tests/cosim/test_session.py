@@ -277,7 +277,9 @@ def test_several_controllers_from_one_instant():
     within = simulation.save()
     assert system.initialize(state=within).time == 0.001  # as it was: within a step too
     system.disconnect("second.u")
-    with pytest.raises(CosimError, match=r"'first' is within a step.*; second.u is connected to nothing, in the state to plant.y"):
+    with pytest.raises(
+        CosimError, match=r"'first' is within a step.*; second.u is connected to nothing, in the state to plant.y"
+    ):
         system.initialize(state=within)
     with pytest.raises(CosimError, match="fits no connected input"):
         system.disconnect("plant.v")

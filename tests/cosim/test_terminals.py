@@ -33,7 +33,9 @@ def with_terminals(follower: Path, tmp_path: Path) -> Terminals:
         path = tmp_path / f"{name}.fmu"
         path.write_bytes(follower.read_bytes())
         with zipfile.ZipFile(path, "a") as archive:
-            archive.writestr(FILE, f'<fmiTerminalsAndIcons fmiVersion="3.0"><Terminals>{inner}</Terminals></fmiTerminalsAndIcons>')
+            archive.writestr(
+                FILE, f'<fmiTerminalsAndIcons fmiVersion="3.0"><Terminals>{inner}</Terminals></fmiTerminalsAndIcons>'
+            )
         return path
 
     return made
@@ -45,8 +47,16 @@ def terminal(name: str, rule: str, *members: str, kind: str = "", inner: str = "
     for member in members:
         given = member.split()
         variable, own, of = [*given, *["", "signal"][len(given) - 1 :]]
-        listed += f'<TerminalMemberVariable variableName="{variable}" variableKind="{of}"' + (f' memberName="{own}"/>' if own else "/>")
-    return f'<Terminal name="{name}" matchingRule="{rule}"' + (f' terminalKind="{kind}">' if kind else ">") + listed + inner + "</Terminal>"
+        listed += f'<TerminalMemberVariable variableName="{variable}" variableKind="{of}"' + (
+            f' memberName="{own}"/>' if own else "/>"
+        )
+    return (
+        f'<Terminal name="{name}" matchingRule="{rule}"'
+        + (f' terminalKind="{kind}">' if kind else ">")
+        + listed
+        + inner
+        + "</Terminal>"
+    )
 
 
 def stream(into: str, out: str) -> str:
@@ -106,14 +116,19 @@ def test_a_plug_is_connected_as_a_whole_in_both_directions(with_terminals: Termi
         with pair(a, other) as system:
             assert shown(system.connect_terminals("a.shaft", "b.flange")) == both
     with pair(a, less) as system:
-        with pytest.raises(WiringError, match=r"terminals a\.shaft and b\.flange: a plug fits as a whole only.*no member 'torque'"):
+        with pytest.raises(
+            WiringError, match=r"terminals a\.shaft and b\.flange: a plug fits as a whole only.*no member 'torque'"
+        ):
             system.connect_terminals("a.shaft", "b.flange")
         assert not system.connections
 
 
 def test_two_outputs_do_not_make_a_plug_but_may_meet_on_a_bus(with_terminals: Terminals) -> None:
     plug, bus = (with_terminals(r, terminal("p", r, "u angle", "y torque")) for r in ("plug", "bus"))
-    with pair(plug, plug) as system, pytest.raises(WiringError, match=r"member 'angle' is an input on one side and an input on the other"):
+    with (
+        pair(plug, plug) as system,
+        pytest.raises(WiringError, match=r"member 'angle' is an input on one side and an input on the other"),
+    ):
         system.connect_terminals("a.p", "b.p")
     with pair(bus, bus) as system, pytest.raises(WiringError, match=r"no output of one is an input of the other"):
         system.connect_terminals("a.p", "b.p")
@@ -158,7 +173,10 @@ def test_flows_add_up_to_zero(with_terminals: Terminals) -> None:
             reached.append(system.run(0.01, record=["b.u", "b.y"], allow_unconnected=True))
     assert reached[0]["b.u"][-1] < 0 < reached[1]["b.u"][-1]
     assert reached[0]["b.y"].tolist() == (-reached[1]["b.y"]).tolist()
-    with pair(out, signal) as system, pytest.raises(WiringError, match="member 'i' is an outflow on one side and a signal on the other"):
+    with (
+        pair(out, signal) as system,
+        pytest.raises(WiringError, match="member 'i' is an outflow on one side and a signal on the other"),
+    ):
         system.connect_terminals("a.pin", "b.pin")
     with pair(out, alike) as system:
         system.add("c", opposite, step="1 ms")
@@ -174,12 +192,17 @@ def test_what_a_stream_carries_out_of_one_side_enters_the_other(with_terminals: 
     without = with_terminals("Without", terminal("port", "plug"))
     with pair(streaming, streaming) as system:
         assert shown(system.connect_terminals("a.port", "b.port")) == {"a.count -> b.count_in", "b.count -> a.count_in"}
-    with pair(streaming, without) as system, pytest.raises(WiringError, match="only one of them has the stream 'h_out'"):
+    with (
+        pair(streaming, without) as system,
+        pytest.raises(WiringError, match="only one of them has the stream 'h_out'"),
+    ):
         system.connect_terminals("a.port", "b.port")
 
 
 def test_terminals_in_terminals_follow_their_own_rules(with_terminals: Terminals) -> None:
-    a = with_terminals("A", terminal("car", "plug", inner=terminal("fl", "bus", "y z") + terminal("fr", "bus", "count n")))
+    a = with_terminals(
+        "A", terminal("car", "plug", inner=terminal("fl", "bus", "y z") + terminal("fr", "bus", "count n"))
+    )
     b = with_terminals("B", terminal("car", "plug", inner=terminal("fl", "bus", "u z")))
     with pair(a, b) as system:
         assert shown(system.connect_terminals("a.car", "b.car")) == {"a.y -> b.u (rad to deg)"}
@@ -224,7 +247,9 @@ def test_matching_follows_terminals_where_names_differ(with_terminals: Terminals
         assert shown(system.connect_matching("a", "b")) == both - {"a.y -> b.u (rad to deg)"}
 
 
-def test_matching_refuses_plugs_that_do_not_fit_and_leaves_alone_what_it_does_not_know(with_terminals: Terminals) -> None:
+def test_matching_refuses_plugs_that_do_not_fit_and_leaves_alone_what_it_does_not_know(
+    with_terminals: Terminals,
+) -> None:
     a = with_terminals("A", terminal("p", "plug", "y x", "count n") + terminal("q", "org.example.rule", "count n"))
     b = with_terminals("B", terminal("p", "plug", "u x") + terminal("q", "org.example.rule", "count_in n"))
     with pair(a, b) as system:
@@ -238,9 +263,15 @@ def test_a_file_that_cannot_be_understood_hinders_nobody_who_does_not_need_it(wi
     broken = with_terminals("Broken", terminal("t", "bus", "nobody x"))
     whole = with_terminals("Whole", terminal("t", "bus", "u x"))
     with pair(broken, whole) as system:
-        with pytest.raises(FmuError, match=r"Broken\.fmu: terminalsAndIcons/terminalsAndIcons\.xml, line 1: there is no variable 'nobody'"):
+        with pytest.raises(
+            FmuError,
+            match=r"Broken\.fmu: terminalsAndIcons/terminalsAndIcons\.xml, line 1: there is no variable 'nobody'",
+        ):
             system.connect_terminals("a.t", "b.t")
-        with pytest.warns(FmuWarning, match="there is no variable 'nobody'.*names of variables"), pytest.raises(WiringError):
+        with (
+            pytest.warns(FmuWarning, match="there is no variable 'nobody'.*names of variables"),
+            pytest.raises(WiringError),
+        ):
             system.connect_matching("a", "b")
 
 
@@ -252,7 +283,10 @@ def test_a_file_that_cannot_be_understood_hinders_nobody_who_does_not_need_it(wi
         (terminal("t", "bus") * 2, "there is a terminal 't' already"),
         ('<Terminal matchingRule="bus"/>', "a Terminal without name"),
         (terminal("t", "bus", inner=terminal("t", "bus", "lost x")), "there is no variable 'lost'"),
-        ('<Terminal name="t" matchingRule="bus">' * 17 + "</Terminal>" * 17, "terminals lie within each other more than 16 deep"),
+        (
+            '<Terminal name="t" matchingRule="bus">' * 17 + "</Terminal>" * 17,
+            "terminals lie within each other more than 16 deep",
+        ),
         ("<Terminal", "is not well-formed"),
     ],
 )
@@ -269,6 +303,8 @@ def test_terminals_are_shown(with_terminals: Terminals, capsys: pytest.CaptureFi
     say(describe(with_terminals("A", terminal("shaft", "plug", "u angle", "y torque", kind="_tool.rotation"))))
     text = capsys.readouterr().out
     assert "terminals (1)" in text
-    assert [line.split() for line in text.splitlines() if "shaft" in line] == [["shaft", "plug,", "_tool.rotation", "angle", "torque"]]
+    assert [line.split() for line in text.splitlines() if "shaft" in line] == [
+        ["shaft", "plug,", "_tool.rotation", "angle", "torque"]
+    ]
     say(describe(with_terminals("B", terminal("t", "bus", "nobody x"))))
     assert "there is no variable 'nobody'" in " ".join(capsys.readouterr().out.split())

@@ -111,7 +111,9 @@ def test_connect_matching_connects_all_or_nothing():
     assert [c.target_name for c in s.connect_matching("front", "back", "a")] == ["back.a"]
 
 
-@pytest.mark.parametrize(("fmi_type", "remedy"), [("String", r"; set a text before the run: system\['b'\]\.set\(\{'u': "), ("Binary", "$")])
+@pytest.mark.parametrize(
+    ("fmi_type", "remedy"), [("String", r"; set a text before the run: system\['b'\]\.set\(\{'u': "), ("Binary", "$")]
+)
 def test_texts_and_binaries_are_not_connected(fmi_type, remedy):
     s = System()
     for name in ("a", "b"):
@@ -121,7 +123,9 @@ def test_texts_and_binaries_are_not_connected(fmi_type, remedy):
         about.variables |= {n: replace(v, type=kind, fmi_type=fmi_type) for n, v in about.variables.items()}
         about.__post_init__()
         s.add(name, component, step=1)
-    with pytest.raises(WiringError, match=rf"a\.y -> b\.u: a\.y is a {fmi_type}, and only numbers and Booleans are exchanged{remedy}"):
+    with pytest.raises(
+        WiringError, match=rf"a\.y -> b\.u: a\.y is a {fmi_type}, and only numbers and Booleans are exchanged{remedy}"
+    ):
         s.connect("a.y", "b.u")
 
 
@@ -135,19 +139,26 @@ def test_integers_that_doubles_do_not_hold_are_named(follower):
             warnings.simplefilter("error")
             s.run(0.01, **options)
         s["a"].set(int64_in=2**53 + 1)
-        with pytest.warns(UserWarning, match=r"^a\.int64_out, b\.int64_out: integers from 2\^53 on are exchanged and recorded as doubles"):
+        with pytest.warns(
+            UserWarning,
+            match=r"^a\.int64_out, b\.int64_out: integers from 2\^53 on are exchanged and recorded as doubles",
+        ):
             s.run(0.01, **options)
         s["a"].set(int64_in=0, uint64_in=2**64 - 1)
         with s.initialize(**options) as simulation, pytest.warns(UserWarning, match=r"^a\.uint64_out: integers"):
             assert len(simulation.recording) == 1
 
 
-@pytest.mark.parametrize(("step", "fits"), [("0.1 ms", True), (None, True), ("0.25 ms", False), ("0.05 ms", False), (0.1, True)])
+@pytest.mark.parametrize(
+    ("step", "fits"), [("0.1 ms", True), (None, True), ("0.25 ms", False), ("0.05 ms", False), (0.1, True)]
+)
 def test_steps_that_the_fixed_internal_step_does_not_fit_are_warned_of(follower, tmp_path, step, fits):
     path = tmp_path / "Fixed.fmu"
     with zipfile.ZipFile(follower[3]) as made, zipfile.ZipFile(path, "w") as fixed:
         for name in made.namelist():
-            fixed.writestr(name, made.read(name).replace(b"<CoSimulation ", b'<CoSimulation fixedInternalStepSize="1e-4" '))
+            fixed.writestr(
+                name, made.read(name).replace(b"<CoSimulation ", b'<CoSimulation fixedInternalStepSize="1e-4" ')
+            )
     with warnings.catch_warnings(record=True) as found, System() as s:
         warnings.simplefilter("always")
         assert s.add("a", path, step=step).step == (Fraction(1, 10_000) if step is None else rational(step))
@@ -279,10 +290,16 @@ def test_what_cannot_be_recorded_is_named():
 @pytest.mark.parametrize(
     ("step", "text"),
     [
-        ("1.234567 ms", "0.001234567 s"), ("1/60", "1/60 s"), (1 / 60, "1/60 s"), (0.001, "0.001 s"), ("1 min", "60 s"), ("3 ns", "3e-09 s"),
-        ("0.12345678901234567891", "12345678901234567891/100000000000000000000 s"), (1000.0625, "1000.0625 s"),
+        ("1.234567 ms", "0.001234567 s"),
+        ("1/60", "1/60 s"),
+        (1 / 60, "1/60 s"),
+        (0.001, "0.001 s"),
+        ("1 min", "60 s"),
+        ("3 ns", "3e-09 s"),
+        ("0.12345678901234567891", "12345678901234567891/100000000000000000000 s"),
+        (1000.0625, "1000.0625 s"),
     ],
-)  # fmt: skip
+)
 def test_a_step_is_shown_as_it_is(step, text):
     s = System()
     s.add("a", Clock(), step=step)

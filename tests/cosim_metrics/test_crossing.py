@@ -48,9 +48,13 @@ def test_the_table_has_every_row_and_what_is_missing_is_missing_on_purpose():
     assert blank == [(length, speed) for length, speed in GRID if 1.5 <= length <= 1.8]
     missing = {c for k in blank for c, cell in ROWS[k].items() if not cell}
     assert missing == {
-        "score", "passive cost", "controlled cost", "passive normalised cost", "controlled normalised cost",
+        "score",
+        "passive cost",
+        "controlled cost",
+        "passive normalised cost",
+        "controlled normalised cost",
         "improvement [%]",
-    }  # fmt: skip
+    }
 
 
 @pytest.mark.parametrize("key", GRID)
@@ -94,8 +98,9 @@ def test_normalised_cost_improvement_and_score(key):
     low, high = min(costs), max(costs)
     share = possible(
         lambda c, p: mc.improvement_percent((c - low) / (high - low), (p - low) / (high - low)),
-        row["controlled cost"], row["passive cost"],
-    )  # fmt: skip
+        row["controlled cost"],
+        row["passive cost"],
+    )
     assert overlaps(share, span(row["improvement [%]"]))
     controlled = [float(ROWS[k]["controlled cost"]) for k in COST_KEYS]
     found = mc.scores(controlled)[COST_KEYS.index(key)]
@@ -153,10 +158,15 @@ class TestCrossing:
 
     def test_labels(self):
         assert mc.LABELS == {
-            "az": "peak vertical acceleration [m/s2]", "ax": "peak longitudinal acceleration [m/s2]",
-            "az_rms": "vertical acceleration rms [m/s2]", "ax_rms": "longitudinal acceleration rms [m/s2]", "pitch": "peak pitch [deg]",
-            "hub_front": "peak front hub force [kN]", "hub_middle": "peak middle hub force [kN]", "hub_rear": "peak rear hub force [kN]",
-        }  # fmt: skip
+            "az": "peak vertical acceleration [m/s2]",
+            "ax": "peak longitudinal acceleration [m/s2]",
+            "az_rms": "vertical acceleration rms [m/s2]",
+            "ax_rms": "longitudinal acceleration rms [m/s2]",
+            "pitch": "peak pitch [deg]",
+            "hub_front": "peak front hub force [kN]",
+            "hub_middle": "peak middle hub force [kN]",
+            "hub_rear": "peak rear hub force [kN]",
+        }
         assert list(mc.LABELS) == list(mc.WEIGHTS) == list(mc.LIMITS.as_dict())
 
     def test_failures(self):
@@ -172,7 +182,10 @@ class TestCrossing:
         x = np.zeros(5)
         with pytest.raises(ValueError, match=r"hub forces have shape \(5, 4\)"):
             mc.crossing(x, x, x, np.zeros((5, 4)))
-        lengths = "{'vertical acceleration': 5, 'longitudinal acceleration': 4, 'pitch': 5, 'hub force 1': 5, 'hub force 2': 5, "
+        lengths = (
+            "{'vertical acceleration': 5, 'longitudinal acceleration': 4, 'pitch': 5, 'hub force 1': 5, 'hub force"
+            " 2': 5, "
+        )
         with pytest.raises(ValueError, match="different numbers of samples: " + lengths):
             mc.crossing(x, x[:4], x, np.zeros((5, 6)))
         for i, name in enumerate(("vertical acceleration", "longitudinal acceleration", "pitch")):

@@ -1,4 +1,6 @@
-"""Recordings as files and in other libraries: the same bits, names, units and types come back; what cannot be is refused by name."""
+"""Recordings as files and in other libraries: the same bits, names, units and types come back; what cannot be is
+refused by name.
+"""
 
 from __future__ import annotations
 
@@ -91,7 +93,12 @@ def test_an_ending_without_a_format_is_refused_before_the_run(name: str, tmp_pat
 
 
 @pytest.mark.parametrize("ending", ENDINGS)
-def test_files_that_are_none(recording: Recording, ending: str, tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:  # noqa: ARG001
+def test_files_that_are_none(
+    recording: Recording,  # noqa: ARG001
+    ending: str,
+    tmp_path: Path,
+    capfd: pytest.CaptureFixture[str],  # noqa: ARG001
+) -> None:
     path = tmp_path / f"a{ending}"
     with pytest.raises(FormatError, match=re.escape(f"{path}: there is no such file")):
         Recording.read(path)
@@ -125,7 +132,11 @@ def test_one_name_twice(tmp_path: Path) -> None:
 def test_pandas(recording: Recording, tmp_path: Path) -> None:
     frame = recording.to_pandas()
     assert (frame.index.name, list(frame.columns)) == ("time", NAMES)
-    assert (str(frame["law.on"].dtype), str(frame["a/b.n"].dtype), str(frame["car.body.az"].dtype)) == ("bool", "int64", "float64")
+    assert (str(frame["law.on"].dtype), str(frame["a/b.n"].dtype), str(frame["car.body.az"].dtype)) == (
+        "bool",
+        "int64",
+        "float64",
+    )
     assert frame.attrs["units"] == {"time": "s", **UNITS}
     np.testing.assert_array_equal(bits(frame["car.body.az"].to_numpy()), bits(recording["car.body.az"]))
     read = pd.read_parquet(recording.write(tmp_path / "a.parquet"))
@@ -193,9 +204,13 @@ def test_other_units_on_request() -> None:
     data = np.column_stack([[0.0, np.pi], [1.0, 10.0], [273.15, 300.0], [1.0, 2.0]])
     names = ["car.pitch", "car.v", "oil.t", "law.n"]
     one = Recording(
-        np.arange(2.0), names, data, {"car.pitch": "rad", "car.v": "m/s", "oil.t": "K"}, types={"law.n": "integer"},
+        np.arange(2.0),
+        names,
+        data,
+        {"car.pitch": "rad", "car.v": "m/s", "oil.t": "K"},
+        types={"law.n": "integer"},
         display={"car.pitch": DisplayUnit("deg", 180 / np.pi)},
-    )  # fmt: skip
+    )
     shown = one.in_units()
     assert (shown.units["car.pitch"], shown.units["car.v"], shown.types) == ("deg", "m/s", {"law.n": "integer"})
     np.testing.assert_allclose(shown["car.pitch"], [0, 180])
@@ -269,7 +284,11 @@ def test_display_units_of_fmus_go_into_the_file(built_fmus, tmp_path: Path) -> N
     with System() as system:
         system.add("car", built_fmus.path("FullCarHmmwv", 3), start={"target.speed": 10.0})
         recording = system.run(
-            0.1, record=["car.body.pitch", "car.body.z"], output=tmp_path / "a.csv", display_units=True, allow_unconnected=True
+            0.1,
+            record=["car.body.pitch", "car.body.z"],
+            output=tmp_path / "a.csv",
+            display_units=True,
+            allow_unconnected=True,
         )
     assert recording.units["car.body.pitch"] == "rad"
     read = Recording.read(tmp_path / "a.csv")
@@ -326,7 +345,10 @@ def test_a_library_that_hangs_or_ends_its_process(
 def test_ctrl_c_ends_a_read_and_its_process(tmp_path: Path) -> None:
     path, pid = tmp_path / "a.nc", tmp_path / "pid"
     path.write_bytes(b"")
-    deed = f"import os, signal, time; signal.signal(signal.SIGINT, signal.SIG_IGN); open({str(pid)!r}, 'w').write(str(os.getpid())); time.sleep(600)"
+    deed = (
+        f"import os, signal, time; signal.signal(signal.SIGINT, signal.SIG_IGN); open({str(pid)!r},"
+        " 'w').write(str(os.getpid())); time.sleep(600)"
+    )
     inner = f"from cosim.reading import answer; answer(lambda path: exec({deed!r}))"
     program = f"from pathlib import Path; from cosim import reading; reading.read_apart(Path({str(path)!r}), {inner!r})"
     reader = subprocess.Popen([sys.executable, "-c", program], stderr=subprocess.PIPE, text=True)
@@ -339,7 +361,9 @@ def test_ctrl_c_ends_a_read_and_its_process(tmp_path: Path) -> None:
         os.kill(int(pid.read_text()), 0)
 
 
-def test_reading_imports_nothing_from_the_working_folder(recording: Recording, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_reading_imports_nothing_from_the_working_folder(
+    recording: Recording, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     path = recording.write(tmp_path / "a.nc")
     (tmp_path / "h5netcdf.py").write_text("raise SystemExit('imported')")
     monkeypatch.chdir(tmp_path)

@@ -50,7 +50,11 @@ def test_linear_between_rows_and_held_from_row_to_row(engine: str) -> None:
     rng = np.random.default_rng(7)
     time = np.concatenate([[0.0], np.cumsum(rng.uniform(0.0005, 0.05, 99))])
     z, n = rng.normal(size=100), rng.integers(-9, 9, 100)
-    table = Table({"time": time, "z": z, "n": n, "same": z, "on": n > 0}, interpolation={"n": "held", "same": "held"}, after="hold")
+    table = Table(
+        {"time": time, "z": z, "n": n, "same": z, "on": n > 0},
+        interpolation={"n": "held", "same": "held"},
+        after="hold",
+    )
     r = run(table, 4.0, engine=engine)
     np.testing.assert_allclose(r["road.z"][:-1], np.interp(r.time, time, z)[:-1], rtol=0, atol=1e-14)
     row = np.searchsorted(time, r.time + 1e-12, "right") - 1
@@ -73,8 +77,13 @@ def random_table(seed: int) -> Table:
 def test_the_engine_gives_the_bits_of_the_python_master(seed: int) -> None:
     """Any rates, offsets and choices of outputs, the recorded ones not in the order of the table."""
     rng = np.random.default_rng(seed)
-    step, record = Fraction(int(rng.integers(1, 40)), int(rng.integers(500, 3000))), ["road.x[2]", "road.x[1]", "road.*"]
-    one, other = (run(random_table(seed), 2.0, step=step, engine=e, record=record, record_interval=step / 2) for e in ENGINES)
+    step, record = (
+        Fraction(int(rng.integers(1, 40)), int(rng.integers(500, 3000))),
+        ["road.x[2]", "road.x[1]", "road.*"],
+    )
+    one, other = (
+        run(random_table(seed), 2.0, step=step, engine=e, record=record, record_interval=step / 2) for e in ENGINES
+    )
     assert_same(one, other)
     assert np.ptp(one.data, axis=0).max() > 0
 
@@ -114,7 +123,9 @@ def test_units_are_converted_where_it_is_connected(tmp_path: Path) -> None:
         with pytest.raises(WiringError, match=r"already connected"):
             system.connect("road.f", "sink.z")
         system.disconnect("sink.z")
-        with pytest.raises(WiringError, match=r"units differ: road\.f \[kN\] -> sink\.z \[m\]: they measure different quantities"):
+        with pytest.raises(
+            WiringError, match=r"units differ: road\.f \[kN\] -> sink\.z \[m\]: they measure different quantities"
+        ):
             system.connect("road.f", "sink.z")
     with System() as system:
         system.add("road", Table(path, units={"f": "N", "t": ""}, columns=["t", "f"]))
@@ -145,7 +156,9 @@ def test_rounded_times_of_a_file_count_as_what_they_mean() -> None:
     np.testing.assert_array_equal(run(table, 1.0)["road.n"][:1000], np.arange(1000))
 
 
-@pytest.mark.parametrize(("interval", "expected"), [(0.01, "1/1000"), (1 / 3000, "1/3000"), (0.00025, "1/4000"), (1e-9, "1/1000")])
+@pytest.mark.parametrize(
+    ("interval", "expected"), [(0.01, "1/1000"), (1 / 3000, "1/3000"), (0.00025, "1/4000"), (1e-9, "1/1000")]
+)
 def test_the_step_is_a_millisecond_or_that_of_finer_rows(interval: float, expected: str) -> None:
     with System() as system:
         member = system.add("road", Table({"t": 5 + np.arange(50) * interval, "z": np.zeros(50)}))
@@ -165,11 +178,19 @@ def frame() -> pd.DataFrame:
 
 def test_one_table_from_everywhere(tmp_path: Path) -> None:
     given = frame()
-    recording = Recording(TIME, ["z", "on", "n"], given[["z", "on", "n"]].to_numpy(float), {"z": "mm"}, types={"on": "boolean", "n": "integer"})
+    recording = Recording(
+        TIME,
+        ["z", "on", "n"],
+        given[["z", "on", "n"]].to_numpy(float),
+        {"z": "mm"},
+        types={"on": "boolean", "n": "integer"},
+    )
     given.to_parquet(tmp_path / "pandas.parquet")
     csv = given.rename(columns={"z": "z [mm]"}).to_csv(tmp_path / "pandas.csv", index=False)
     assert csv is None
-    german = "time;z [mm];on;n\n" + "".join(f"{t};{z};{o};{n}\n".replace(".", ",") for t, z, o, n in given.itertuples(index=False))
+    german = "time;z [mm];on;n\n" + "".join(
+        f"{t};{z};{o};{n}\n".replace(".", ",") for t, z, o, n in given.itertuples(index=False)
+    )
     (tmp_path / "german.csv").write_text("# from a logger\n" + german)
     indexed = given.set_index("time")
     indexed.attrs["units"] = {"z": "mm"}
@@ -177,13 +198,26 @@ def test_one_table_from_everywhere(tmp_path: Path) -> None:
     dated.attrs["units"] = {"z": "mm"}
     dated.to_parquet(tmp_path / "dated.parquet")
     sources = [
-        given, {"time": TIME, "z [mm]": given["z"], "on": given["on"], "n": given["n"]}, recording, recording.write(tmp_path / "a.parquet"),
-        recording.write(tmp_path / "a.csv"), tmp_path / "pandas.csv", tmp_path / "german.csv", indexed, dated,
-        dated.set_index("time").rename_axis("t"), Recording.read(recording.write(tmp_path / "a.nc")), Recording.read(recording.write(tmp_path / "a.mf4")),
-    ]  # fmt: skip
+        given,
+        {"time": TIME, "z [mm]": given["z"], "on": given["on"], "n": given["n"]},
+        recording,
+        recording.write(tmp_path / "a.parquet"),
+        recording.write(tmp_path / "a.csv"),
+        tmp_path / "pandas.csv",
+        tmp_path / "german.csv",
+        indexed,
+        dated,
+        dated.set_index("time").rename_axis("t"),
+        Recording.read(recording.write(tmp_path / "a.nc")),
+        Recording.read(recording.write(tmp_path / "a.mf4")),
+    ]
     tables = [Table(s, interpolation={"n": "held"}, units={"z": "mm"} if s is sources[9] else None) for s in sources]
     for table in tables:
-        assert [(v.name, v.unit_name) for v in table.description.outputs.values()] == [("z", "mm"), ("on", ""), ("n", "")]
+        assert [(v.name, v.unit_name) for v in table.description.outputs.values()] == [
+            ("z", "mm"),
+            ("on", ""),
+            ("n", ""),
+        ]
         kinds = [v.type for v in table.description.outputs.values()]
         assert kinds == ["real", "boolean", "integer"] or table is tables[4]  # a CSV of a recording has no types
         np.testing.assert_allclose(table.times, TIME, rtol=0, atol=1e-15)
@@ -195,7 +229,10 @@ def test_units_in_the_metadata_of_parquet_fields(tmp_path: Path) -> None:
     import pyarrow as pa
     from pyarrow import parquet
 
-    fields = [pa.field("Time", pa.float64(), metadata={"unit": "ms"}), pa.field("z", pa.float32(), metadata={"units": "mm"})]
+    fields = [
+        pa.field("Time", pa.float64(), metadata={"unit": "ms"}),
+        pa.field("z", pa.float32(), metadata={"units": "mm"}),
+    ]
     parquet.write_table(pa.table([1000 * TIME, TIME.astype("f4")], schema=pa.schema(fields)), tmp_path / "a.parquet")
     table = Table(tmp_path / "a.parquet")
     np.testing.assert_allclose(table.times, TIME, rtol=1e-15)
@@ -240,7 +277,9 @@ WRONG = {
 }
 
 
-@pytest.mark.parametrize(("text", "words"), WRONG.items(), ids=[f"{k}-{w[-1]}"[:40] for k, w in enumerate(WRONG.values())])
+@pytest.mark.parametrize(
+    ("text", "words"), WRONG.items(), ids=[f"{k}-{w[-1]}"[:40] for k, w in enumerate(WRONG.values())]
+)
 def test_mistakes_in_a_csv_are_named(text: str, words: list[str], tmp_path: Path) -> None:
     path = tmp_path / "track.csv"
     path.write_text(text)
@@ -260,12 +299,20 @@ def test_mistakes_in_other_sources_are_named(tmp_path: Path) -> None:
     (tmp_path / "latin.csv").write_bytes(b"time,\xe4\n0,0\n")
     late = frame().assign(time=pd.Timestamp("2020-01-01") + pd.to_timedelta(TIME[::-1], unit="s"))
     cases: list[tuple[Any, dict[str, Any], str]] = [
-        (tmp_path / "gap.parquet", {}, r"gap\.parquet, row 8: no value in column 'z'|gap\.parquet, row 8: column 'z' is nan"),
+        (
+            tmp_path / "gap.parquet",
+            {},
+            r"gap\.parquet, row 8: no value in column 'z'|gap\.parquet, row 8: column 'z' is nan",
+        ),
         (tmp_path / "text.parquet", {}, r"text\.parquet.*column 'n'.*(not a number|text, not numbers)"),
         (tmp_path / "none.parquet", {}, r"none\.parquet: cannot be read as Parquet"),
         (tmp_path / "latin.csv", {}, r"latin\.csv: not a text file"),
         (tmp_path / "missing.csv", {}, r"missing\.csv: there is no such file"),
-        (tmp_path / "a.xlsx", {}, r"a\.xlsx: a table is \.csv or \.parquet; other recordings are read by Recording\.read"),
+        (
+            tmp_path / "a.xlsx",
+            {},
+            r"a\.xlsx: a table is \.csv or \.parquet; other recordings are read by Recording\.read",
+        ),
         (gap, {}, r"DataFrame, row 8: column 'z' is nan"),
         (late, {}, r"DataFrame, row 2: the time goes back"),
         (frame().drop(columns="time"), {}, r"no column is the time .* among z, on, n"),
@@ -284,7 +331,7 @@ def test_mistakes_in_other_sources_are_named(tmp_path: Path) -> None:
         (frame(), {"interpolation": {"on": "linear"}}, r"'on' holds Booleans, which are held"),
         (frame(), {"after": "repeat"}, r"'repeat'.*error, hold"),
         (frame(), {"shift": np.nan}, r"shift is nan"),
-    ]  # fmt: skip
+    ]
     for source, options, words in cases:
         with pytest.raises(TableError, match=words):
             Table(source, **options)
@@ -295,17 +342,24 @@ def test_a_run_longer_than_the_table(engine: str) -> None:
     """2 s and the length of one row more; refused before it runs, or where it ends if nobody said how long it runs."""
     table = {"t": TIME, "z": TIME}
     assert len(run(Table(table), 2.02, engine=engine)) == 2021
-    with pytest.raises(TableError, match=r"'road': table ends at t = 2 s, the run at 2\.1 s; after='hold' \(--hold-input\) keeps its last values"):
+    with pytest.raises(
+        TableError,
+        match=r"'road': table ends at t = 2 s, the run at 2\.1 s; after='hold' \(--hold-input\) keeps its last values",
+    ):
         run(Table(table), 2.1, engine=engine)
     with System() as system:
         system.add("road", Table(table))
         simulation = system.initialize(engine=engine)
-        with pytest.raises(ComponentError, match=r"'road': step returned Error at t = 2\.021 s \(table ends at t = 2 s; after='hold'") as error:
+        with pytest.raises(
+            ComponentError, match=r"'road': step returned Error at t = 2\.021 s \(table ends at t = 2 s; after='hold'"
+        ) as error:
             simulation.advance(3)
     assert error.value.recording is not None
     assert error.value.recording.time[-1] == 2.02
     assert run(Table(table, after="hold"), 9, engine=engine)["road.z"][-1] == 2.0
-    with pytest.raises(TableError, match=r"begins at t = 5 s, the run at 0 s; begin it there .* or move the table with shift=-5"):
+    with pytest.raises(
+        TableError, match=r"begins at t = 5 s, the run at 0 s; begin it there .* or move the table with shift=-5"
+    ):
         run(Table(table, shift=5.0), 6, engine=engine)
     moved = run(Table(table, shift=5.0), 6, start_time=5, engine=engine)
     np.testing.assert_allclose(moved["road.z"][:-1], moved.time[:-1] - 5, atol=1e-12)
@@ -340,7 +394,10 @@ def test_states_travel(engine: str, tmp_path: Path) -> None:
         again = SystemState.from_bytes((tmp_path / "a.state").read_bytes())
         rest = two.run(2.0, state=again, **options)
         np.testing.assert_array_equal(bits(rest.data), bits(whole.data[whole.time >= 0.7]))
-        with wired(Table(frame().assign(z=0.0), interpolation={"n": "held"})) as other, pytest.raises(CosimError, match="road"):
+        with (
+            wired(Table(frame().assign(z=0.0), interpolation={"n": "held"})) as other,
+            pytest.raises(CosimError, match="road"),
+        ):
             other.initialize(state=SystemState.from_bytes((tmp_path / "a.state").read_bytes()), **options)
 
 

@@ -9,11 +9,19 @@ import pytest
 from packaging.requirements import Requirement
 from pages import ROOT, section
 
-TRIED = ("FMUs of this project in other programs", "Systems as SSP in other programs", "FMUs of others in this master", "Platforms")
+TRIED = (
+    "FMUs of this project in other programs",
+    "Systems as SSP in other programs",
+    "FMUs of others in this master",
+    "Platforms",
+)
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
 REQUIRED = {
     r.name: r.specifier
-    for line in [*PROJECT["dependencies"], *(line for extra in PROJECT["optional-dependencies"].values() for line in extra)]
+    for line in [
+        *PROJECT["dependencies"],
+        *(line for extra in PROJECT["optional-dependencies"].values() for line in extra),
+    ]
     if (r := Requirement(line)).name != PROJECT["name"]
 }
 
@@ -37,7 +45,11 @@ def test_every_row_names_a_test_that_there_is(row: dict[str, str]) -> None:
     assert f"\ndef {name}(" in (ROOT / file).read_text(encoding="utf-8")
 
 
-@pytest.mark.parametrize("row", [r for r in ROWS if next(iter(r.values())).startswith("`")], ids=lambda row: " ".join(list(row.values())[:3])[:60])
+@pytest.mark.parametrize(
+    "row",
+    [r for r in ROWS if next(iter(r.values())).startswith("`")],
+    ids=lambda row: " ".join(list(row.values())[:3])[:60],
+)
 def test_versions_are_those_that_the_project_asks_for(row: dict[str, str]) -> None:
     package, version = next(iter(row.values())).strip("`"), row["version"]
     least = version.removesuffix(" and newer")
@@ -46,5 +58,11 @@ def test_versions_are_those_that_the_project_asks_for(row: dict[str, str]) -> No
 
 
 def test_pythons_are_those_of_the_project() -> None:
-    pythons = [c.rpartition(" ")[2] for c in PROJECT["classifiers"] if re.fullmatch(r"Programming Language :: Python :: 3\.\d+", c)]
-    assert [r["platform"] for r in ROWS if r.get("platform", "").startswith("Python")] == [f"Python {', '.join(pythons)}"]
+    pythons = [
+        c.rpartition(" ")[2]
+        for c in PROJECT["classifiers"]
+        if re.fullmatch(r"Programming Language :: Python :: 3\.\d+", c)
+    ]
+    assert [r["platform"] for r in ROWS if r.get("platform", "").startswith("Python")] == [
+        f"Python {', '.join(pythons)}"
+    ]

@@ -25,8 +25,10 @@ def test_the_picture_is_of_a_run(drawing: dict[str, Any], tmp_path: Path) -> Non
 
 @pytest.mark.parametrize("group", [False, True])
 def test_who_reads_what(drawing: dict[str, Any], group: bool) -> None:
-    """At each instant discrete components in the order of the chain, with what counts at that instant; then continuous ones, which hold what they
-    read, and see each other as of the beginning of the step, or in a group what the one before has reached."""
+    """At each instant discrete components in the order of the chain, with what counts at that instant; then continuous
+    ones, which hold what they read, and see each other as of the beginning of the step, or in a group what the one
+    before has reached.
+    """
     samples = {t: [("filter", t, "car", t), ("law", t, "filter", t)] for t in (0, 2, 4)}
     steps = {t: [("actuator", t, "law", t - t % 2), ("car", t, "actuator", t + group)] for t in range(4)}
     expected = [read for t in range(5) for read in (*samples.get(t, ()), *steps.get(t, ()))]
@@ -48,7 +50,10 @@ def test_arrows_go_from_where_a_value_is_of_to_where_it_is_read(drawing: dict[st
             begin, end = arrow.get("d").removeprefix("M").split(" L")
             x, to = float(begin.split()[0]), float(end.split()[0])
             assert to - x == pytest.approx(drawing["PER_MS"] * float(read.time - read.of))
-            assert arrow.get("stroke") == drawing["COLOURS"]["same" if read.of == read.time else "held" if read.of < read.time else "ahead"]
+            assert (
+                arrow.get("stroke")
+                == drawing["COLOURS"]["same" if read.of == read.time else "held" if read.of < read.time else "ahead"]
+            )
 
 
 def test_rows_are_in_the_order_of_the_chain(drawing: dict[str, Any]) -> None:

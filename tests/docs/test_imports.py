@@ -16,11 +16,32 @@ from pages import ROOT, section
 
 PACKAGES = ("build_fmus", "cosim", "fmu_sources")
 CORE = (
-    "cosim/*.py", "cosim/fmu/", "cosim/system/", "cosim/master/", "cosim/engine/", "cosim/tables/", "cosim/picture/", "cosim/ssp/", "cosim/session.py",
+    "cosim/*.py",
+    "cosim/fmu/",
+    "cosim/system/",
+    "cosim/master/",
+    "cosim/engine/",
+    "cosim/tables/",
+    "cosim/picture/",
+    "cosim/ssp/",
+    "cosim/session.py",
     "cosim/__init__.py",
-)  # fmt: skip
+)
 BELOW = (
-    *(f"build_fmus/{name}" for name in ("safe_files/", "checks.py", "escape.py", "units.py", "quantities.py", "extras.py", "compile.py", "interpreters.py", "run_as_module.py")),
+    *(
+        f"build_fmus/{name}"
+        for name in (
+            "safe_files/",
+            "checks.py",
+            "escape.py",
+            "units.py",
+            "quantities.py",
+            "extras.py",
+            "compile.py",
+            "interpreters.py",
+            "run_as_module.py",
+        )
+    ),
     "cosim/export/",  # which builds, and is asked for by one function of `System`
 )
 

@@ -130,7 +130,11 @@ def test_a_study_of_ones_own_runs_resumes_and_reports(workplace: Path) -> None:
         done = subprocess.run([sys.executable, "script.py"], capture_output=True, text=True, check=True)
         assert done.stdout == "damping-6000-duration-0.1\n"
         stored = {p: p.stat().st_mtime_ns for p in (workplace / "results" / "runs").iterdir()}
-    assert sum(pq.read_metadata(p).num_rows for p in stored) == len(list(csv.reader((workplace / "results" / "tables" / "runs.csv").open()))) - 1 == 8
+    assert (
+        sum(pq.read_metadata(p).num_rows for p in stored)
+        == len(list(csv.reader((workplace / "results" / "tables" / "runs.csv").open()))) - 1
+        == 8
+    )
     summary = json.loads((workplace / "results" / "summary.json").read_text())
     assert [(c["id"], c["verdict"]) for c in summary["claims"]] == [("soft", "not reproduced")]
 
@@ -149,7 +153,9 @@ def test_a_sweep_from_python(workplace: Path) -> None:
     for code in blocks(SWEEPS, "python"):
         if not code.startswith("# "):
             (workplace / "script.py").write_text(code)
-            printed += subprocess.run([sys.executable, "script.py"], capture_output=True, text=True, check=True).stdout.split()
+            printed += subprocess.run(
+                [sys.executable, "script.py"], capture_output=True, text=True, check=True
+            ).stdout.split()
     rows, worst, end, lowest, mean = map(float, printed)
     assert rows == 64
     assert (end, lowest) == (2.0, pytest.approx(-4.823, abs=1e-3))  # as of the run that the page makes again
@@ -209,7 +215,9 @@ def test_optimisation_and_calibration(workplace: Path, capsys: pytest.CaptureFix
 
 
 def test_the_examples_of_laws_build_what_they_try(workplace: Path) -> None:  # noqa: ARG001
-    """A law that is built with more weight on the tires holds the road better than the published one, and is less comfortable."""
+    """A law that is built with more weight on the tires holds the road better than the published one, and is less
+    comfortable.
+    """
     front = runpy.run_path(str(ROOT / "docs" / "examples" / "preview_lq_front.py"))
     firm = front["with_weights"]({"suspension": 1e3, "tire": 1e6, "force": 1e-6})
     published, other = (front["drive"](w) for w in (front["PUBLISHED"]["comfort"], firm))
@@ -218,8 +226,10 @@ def test_the_examples_of_laws_build_what_they_try(workplace: Path) -> None:  # n
 
 
 def test_the_learning_example_learns_and_compares(
-    workplace: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch  # noqa: ARG001
-) -> None:  # fmt: skip
+    workplace: Path,  # noqa: ARG001
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     """With a budget of seconds: no worse than at its beginning, and the published controllers where they always are."""
     example = runpy.run_path(str(ROOT / "docs" / "examples" / "learn_bench.py"))
     unseen = example["UNSEEN"]

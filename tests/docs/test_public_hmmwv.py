@@ -23,18 +23,30 @@ CAR = WRITER["ride_car"](WRITER["load_ride_car"]("ride_car_hmmwv")).linearize()
 
 
 def test_modes_are_named_after_how_they_look() -> None:
-    """The car of paper 001 by hand: equal axles, so that heave and pitch, and wheels together and opposed, are single masses on springs."""
+    """The car of paper 001 by hand: equal axles, so that heave and pitch, and wheels together and opposed, are single
+    masses on springs.
+    """
     found = WRITER["modes"](CAR)
     assert set(found) == set(WRITER["SHAPES"])
     body, wheel, spring, damper, tire, damping = 2800.0, 4 * 135.0, 4 * 120e3, 4 * 6e3, 4 * 500e3, 4 * 100.0
-    a = np.array([
-        [0, 0, 1, 0], [0, 0, 0, 1],
-        [-spring / body, spring / body, -damper / body, damper / body],
-        [spring / wheel, -(spring + tire) / wheel, damper / wheel, -(damper + damping) / wheel],
-    ])  # fmt: skip
+    a = np.array(
+        [
+            [0, 0, 1, 0],
+            [0, 0, 0, 1],
+            [-spring / body, spring / body, -damper / body, damper / body],
+            [spring / wheel, -(spring + tire) / wheel, damper / wheel, -(damper + damping) / wheel],
+        ]
+    )
     slow, fast = sorted((v for v in np.linalg.eigvals(a) if v.imag > 0), key=abs)
-    for name, expected in (("heave", slow), ("pitch", slow), ("front wheels, together", fast), ("rear wheels, together", fast)):
-        assert found[name] == pytest.approx([expected] * len(found[name]), rel=2e-3), name  # the pitch inertia of the file is rounded
+    for name, expected in (
+        ("heave", slow),
+        ("pitch", slow),
+        ("front wheels, together", fast),
+        ("rear wheels, together", fast),
+    ):
+        assert found[name] == pytest.approx([expected] * len(found[name]), rel=2e-3), (
+            name
+        )  # the pitch inertia of the file is rounded
 
 
 def test_axles_that_a_mode_does_not_tell_apart_have_all_of_its_frequencies() -> None:

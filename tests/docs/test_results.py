@@ -1,4 +1,6 @@
-"""The README's and results.md's words on results are those of the summaries that are kept, which are those of the studies."""
+"""The README's and results.md's words on results are those of the summaries that are kept, which are those of the
+studies.
+"""
 
 from __future__ import annotations
 
@@ -53,7 +55,9 @@ def test_counts_are_those_of_the_claims() -> None:
 @pytest.mark.parametrize("study", STUDIES, ids=lambda s: s["experiment"])
 def test_a_claim_that_changes_changes_the_pages(study: dict) -> None:
     changed = json.loads(json.dumps(study))
-    claim = next((c for c in changed["claims"] if not c["own"]), changed["claims"][0])  # of no paper: one of our own checks
+    claim = next(
+        (c for c in changed["claims"] if not c["own"]), changed["claims"][0]
+    )  # of no paper: one of our own checks
     claim["ours"], claim["verdict"] = "quite another figure", "does not hold" if claim["own"] else "not reproduced"
     for make in ("section", "page"):
         assert "quite another figure" in WRITER[make]([changed])
@@ -64,11 +68,21 @@ def test_a_claim_that_changes_changes_the_pages(study: dict) -> None:
 def test_every_published_claim_is_in_the_one_table() -> None:
     """With its paper, and a link to where its criterion stands."""
     text = WRITER["one_table"](STUDIES)
-    rows = [[cell.strip() for cell in line.strip("|").split("|")] for line in text.splitlines() if line.startswith("| 0")]
+    rows = [
+        [cell.strip() for cell in line.strip("|").split("|")] for line in text.splitlines() if line.startswith("| 0")
+    ]
     claims = [(s["experiment"], c) for s in STUDIES for c in s["claims"] if not c["own"]]
     assert len(rows) == len(claims) > 100
     assert f"All {len(claims)} published claims" in text
-    papers = {"gpc": "000", "hmmwv": "001", "bench": "002", "three-axle": "003", "trench": "003", "preview-lq": "004", "ride": ""}
+    papers = {
+        "gpc": "000",
+        "hmmwv": "001",
+        "bench": "002",
+        "three-axle": "003",
+        "trench": "003",
+        "preview-lq": "004",
+        "ride": "",
+    }
     assert {name: WRITER["paper"](name) for name in NAMES} == papers
     expected = {(papers[name], c["claim"], c["source"], c["published"], c["ours"], c["verdict"]) for name, c in claims}
     assert {tuple(row[:6]) for row in rows} == expected
@@ -77,5 +91,8 @@ def test_every_published_claim_is_in_the_one_table() -> None:
         name, anchor = re.fullmatch(r"\[([\w-]+)\]\(results\.md#([\w-]+)\)", link).groups()  # type: ignore[union-attr]
         assert papers[name] == number
         assert anchor in anchors
-    said = {v: int(n) for n, v in re.findall(r"(\d+) (reproduced|open|not reproduced|order reproduced, magnitude not)[;.]", text)}
+    said = {
+        v: int(n)
+        for n, v in re.findall(r"(\d+) (reproduced|open|not reproduced|order reproduced, magnitude not)[;.]", text)
+    }
     assert said == {v: sum(c["verdict"] == v for _, c in claims) for v in WRITER["OUTCOMES"]}

@@ -14,7 +14,10 @@ FAULTY, CLEAN = (WRITER["rows_of"](part) for part in PAGE.split("\n## ")[1:])
 
 
 def test_every_fault_has_its_row_in_the_versions_that_can_have_it() -> None:
-    hint = "run `build-fmus && python docs/write_scoreboard.py NAME ...` for the faults that are new or changed, and commit docs/check-scoreboard.md"
+    hint = (
+        "run `build-fmus && python docs/write_scoreboard.py NAME ...` for the faults that are new or changed, and"
+        " commit docs/check-scoreboard.md"
+    )
     assert list(FAULTY) == list(FAULTS), hint
     versions = {name: tuple(map(int, row.split("|")[2].split(","))) for name, row in FAULTY.items()}
     assert versions == {name: fault.versions for name, fault in FAULTS.items()}, hint

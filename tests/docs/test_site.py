@@ -1,4 +1,5 @@
-"""The documentation site: every page has its place, every link leads somewhere, and nothing is fetched from elsewhere."""
+"""The documentation site: every page has its place, every link leads somewhere, and nothing is fetched
+from elsewhere."""
 
 from __future__ import annotations
 
@@ -61,10 +62,15 @@ def _leaves(entry: Any) -> Iterator[str]:
 
 
 def test_live_pages_are_shown_and_copied(tmp_path: Path) -> None:
-    (tmp_path / "a.html").write_text('<title>Drive &amp; see</title>\n<meta name="description" content="A car,\nlive.">')
+    (tmp_path / "a.html").write_text(
+        '<title>Drive &amp; see</title>\n<meta name="description" content="A car,\nlive.">'
+    )
     files: dict[str, Path] = {}
     cards = WRITE["live_cards"](tmp_path, files)
-    assert cards == '<div class="cards">\n<a class="card" href="live/a.html"><b>Drive &amp; see</b> <span>A car,\nlive.</span></a>\n</div>'
+    assert (
+        cards == '<div class="cards">\n<a class="card" href="live/a.html"><b>Drive &amp; see</b> <span>A'
+        " car,\nlive.</span></a>\n</div>"
+    )
     assert files == {"live/a.html": tmp_path / "a.html"}
     assert WRITE["with_cards"]("# Live\n\nText.\n", cards, "Here:") == f"# Live\n\nHere:\n\n{cards}\n\nText.\n"
     assert WRITE["live_cards"](tmp_path / "none", {}) == ""
@@ -133,7 +139,11 @@ def test_tutorials_were_run(site: Path) -> None:
 @pytest.mark.full
 def test_reports_are_brought_along(site: Path) -> None:
     (link,) = html.parse(site / "reports.html").findall(".//article//a[@class='card']")
-    assert (link.findtext("b"), link.get("href"), link.find("img").get("src")) == ("A quarter car", "reports/bench.html", "images/reports/bench.jpg")
+    assert (link.findtext("b"), link.get("href"), link.find("img").get("src")) == (
+        "A quarter car",
+        "reports/bench.html",
+        "images/reports/bench.jpg",
+    )
     assert (site / "images" / "reports" / "bench.jpg").is_file()
     assert (site / "reports" / "bench.html").read_text() == "<title>A quarter car</title>"
 

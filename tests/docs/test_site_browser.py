@@ -1,4 +1,5 @@
-"""The documentation site as readers have it: in Chromium at two widths and in both colour schemes, from a folder, without a network.
+"""The documentation site as readers have it: in Chromium at two widths and in both colour schemes, from a folder,
+without a network.
 
 ``make test-pages`` runs these; see `browsers`.
 """
@@ -16,8 +17,20 @@ from pages import ROOT
 
 pytestmark = pytest.mark.pages
 SCRIPT = Path(__file__).with_name("browse.mjs")
-PAGES = ("index", "tutorial", "results", "claims", "compatibility", "reports", "live", "fmus/index", "fmus/FullCarHmmwv", "python/cosim",
-         "architecture", "sweeps")  # fmt: skip
+PAGES = (
+    "index",
+    "tutorial",
+    "results",
+    "claims",
+    "compatibility",
+    "reports",
+    "live",
+    "fmus/index",
+    "fmus/FullCarHmmwv",
+    "python/cosim",
+    "architecture",
+    "sweeps",
+)
 """One of every kind."""
 
 
@@ -25,7 +38,9 @@ PAGES = ("index", "tutorial", "results", "claims", "compatibility", "reports", "
 def found(built_fmus: BuiltFmus, tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:  # noqa: ARG001
     """What was seen of the pages of a whole site, with the reports and live pages that there are."""
     place = tmp_path_factory.mktemp("site")
-    runpy.run_path(str(ROOT / "docs" / "write_site.py"))["build"](FMUS, ROOT / "results", ROOT / "build" / "live", place)
+    runpy.run_path(str(ROOT / "docs" / "write_site.py"))["build"](
+        FMUS, ROOT / "results", ROOT / "build" / "live", place
+    )
     pictures = tmp_path_factory.mktemp("pictures")
     seen: dict[str, Any] = looked_at(SCRIPT, pictures, *(place / "html" / f"{page}.html" for page in PAGES))
     return seen

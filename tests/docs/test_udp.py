@@ -25,20 +25,25 @@ def examples(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_a_controller_over_udp_drives_the_corner(workplace: Path, examples: None) -> None:  # noqa: ARG001
-    """How many answers were in time is the machine's affair; that all are accounted for, and that the run can be repeated from the forces
-    that were in effect, is not."""
+    """How many answers were in time is the machine's affair; that all are accounted for, and that the run can be
+    repeated from the forces that were in effect, is not.
+    """
     plant = subprocess.Popen(
         [sys.executable, EXAMPLES / "udp_plant.py", "--seconds", str(SECONDS), "--port", "0", "--csv", "udp.csv"],
-        stdout=subprocess.PIPE, text=True,
-    )  # fmt: skip
+        stdout=subprocess.PIPE,
+        text=True,
+    )
     with plant:
         assert plant.stdout is not None
         port = re.fullmatch(r"waiting for a controller at port (\d+)\n", plant.stdout.readline())
         assert port is not None
         controller = subprocess.run(
             [sys.executable, EXAMPLES / "udp_controller.py", "--port", port[1]],
-            capture_output=True, text=True, check=True, timeout=100,
-        )  # fmt: skip
+            capture_output=True,
+            text=True,
+            check=True,
+            timeout=100,
+        )
         said = plant.stdout.read()
     assert plant.returncode == 0
     steps = round(SECONDS * 1000)

@@ -1,4 +1,6 @@
-"""Every experiment's systems give the same bits whoever executes them: every choice of every option, a short while each."""
+"""Every experiment's systems give the same bits whoever executes them: every choice of every option, a short while
+each.
+"""
 
 from __future__ import annotations
 
@@ -30,14 +32,17 @@ def parts(experiment: Experiment) -> Iterator[Experiment]:
 
 
 def values(field: Field) -> list[Any]:
-    """What is tried of an option: all choices, both truths; of the parts of a step two, so that rates differ otherwise."""
+    """What is tried of an option: all choices, both truths; of the parts of a step two, so that rates
+    differ otherwise."""
     if field.option.choices is not None:
         return list(field.option.choices)
     return [not field.default] if field.type is bool else [2] * (field.attribute == "exchange_parts")
 
 
 def cases(experiment: Experiment) -> list[Any]:
-    """Every value of every option once: beside the defaults, or else beside the first value of one or two others that it goes with."""
+    """Every value of every option once: beside the defaults, or else beside the first value of one or two others that
+    it goes with.
+    """
     of, known = experiment.case, fields(experiment.case)
     alone = [{f.attribute: v} for f in known for v in values(f)]
     bases = [{}, *alone, *(a | b for a, b in combinations(alone, 2))]

@@ -49,7 +49,8 @@ def test_a_million_steps_take_no_memory(follower, tmp_path, monkeypatch):
                 simulation.advance(250)  # 10^6 steps of each member in all
                 seen.append(held())
     before, after = seen[0], seen[-1]
-    # What a step leaves behind grows in every quarter; a page of the interpreter that was touched for the first time in one.
+    # What a step leaves behind grows in every quarter; a page of the interpreter that was touched for the first time in
+    # one.
     assert min(b["pages"] - a["pages"] for a, b in pairwise(seen)) < 16
     assert {k: after[k] for k in ("mappings", "files", "folders")} == {
         k: before[k] for k in ("mappings", "files", "folders")

@@ -1,4 +1,6 @@
-"""Random systems run by the engine and by the Python master: the same bits, whatever is wired, stopped, saved or converted."""
+"""Random systems run by the engine and by the Python master: the same bits, whatever is wired, stopped, saved or
+converted.
+"""
 
 from __future__ import annotations
 
@@ -13,7 +15,9 @@ from same import ENGINES, assert_same
 from cosim import LoopError, Recording, StopWhen
 
 pytestmark = pytest.mark.filterwarnings(
-    "ignore::cosim.UnconnectedInputsWarning", "ignore::cosim.AlgebraicLoopWarning", "ignore:initial values do not settle"
+    "ignore::cosim.UnconnectedInputsWarning",
+    "ignore::cosim.AlgebraicLoopWarning",
+    "ignore:initial values do not settle",
 )
 
 

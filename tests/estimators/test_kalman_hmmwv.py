@@ -25,9 +25,13 @@ from fmu_sources.vehicles import load_ride_car, load_sensors
 PERIOD = 5e-3
 FRONT, REAR, HALF_TRACK = 1.651, -1.651, 0.91
 MEASURED = (
-    *(f"lvdt.{k}" for k in CORNERS), *(f"hub.{k}.az" for k in CORNERS), "chassis.front.az", "chassis.rear.az",
-    "gyro.pitch_rate", "gyro.roll_rate",
-)  # fmt: skip
+    *(f"lvdt.{k}" for k in CORNERS),
+    *(f"hub.{k}.az" for k in CORNERS),
+    "chassis.front.az",
+    "chassis.rear.az",
+    "gyro.pitch_rate",
+    "gyro.roll_rate",
+)
 SIGMA = np.array([0.5e-3] * 4 + [0.5] * 4 + [0.1] * 2 + [5e-3] * 2)
 LOAD_CELL = 50.0
 ROAD, KNOWN_ROAD = 7e-3, 1e-3
@@ -80,7 +84,9 @@ class Run:
 
 
 def noisy_model(car, road):
-    """A, C, Q, R, S put together from the car's linear model by hand; last the R of a sample whose road is not known yet."""
+    """A, C, Q, R, S put together from the car's linear model by hand; last the R of a sample whose road is not known
+    yet.
+    """
     lin, m = car.linearize(), relative_model(car)
     rows = []
     for name in MEASURED:
@@ -139,7 +145,8 @@ def gain_of(run):
     return np.array(columns).T
 
 
-# ------------------------------------------------------------------------------------------------------------------ gains
+# ------------------------------------------------------------------------------------------------------------------
+# gains
 
 
 @pytest.mark.parametrize(("use_road", "road"), [(0, ROAD), (1, KNOWN_ROAD)])
@@ -195,14 +202,23 @@ def test_design_says_when_there_is_no_filter():
     """A mode that grows and that nothing measures."""
     zero = np.zeros((1, 1))
     model = sampled_model(
-        np.diag([1.0, -1.0]), np.zeros((2, 1)), np.ones((2, 1)), np.array([[0.0, 1.0]]), zero, zero,
-        measured=np.ones(1), force=0.0, road=1.0, period=0.1,
-    )  # fmt: skip
+        np.diag([1.0, -1.0]),
+        np.zeros((2, 1)),
+        np.ones((2, 1)),
+        np.array([[0.0, 1.0]]),
+        zero,
+        zero,
+        measured=np.ones(1),
+        force=0.0,
+        road=1.0,
+        period=0.1,
+    )
     with pytest.raises(ValueError, match="no steady-state Kalman filter"):
         kalman_filter(model)
 
 
-# -------------------------------------------------------------------------------------------------------- simulated noise
+# -------------------------------------------------------------------------------------------------------- simulated
+# noise
 
 
 class Truth:
@@ -249,7 +265,8 @@ class Truth:
         self.measured = exact + SIGMA * rng.standard_normal(exact.shape)
 
     def drive(self, component, with_road=False, **parameters):
-        """Estimates, their sigmas and the poses over the run. The car of this truth is linear: its tires take tension."""
+        """Estimates, their sigmas and the poses over the run. The car of this truth is linear: its tires
+        take tension."""
         if component.name == "KalmanHmmwv":
             parameters = {"tires__lift_off": 0, **parameters}
         run = Run(component, **parameters)
@@ -305,7 +322,8 @@ def over_a_bump(car):
 
 
 def test_the_printed_filter_believes_in_a_flat_road(relative, printed, over_a_bump):
-    """Tire deflections: 15 states follow them, 14 absolute ones miss most of them; known road heights would mend that."""
+    """Tire deflections: 15 states follow them, 14 absolute ones miss most of them; known road heights
+    would mend that."""
     tire = [RELATIVE_STATES.index(n) for n in TIRE]
     true = over_a_bump.states[:, tire]
 
@@ -325,7 +343,8 @@ def test_the_printed_filter_is_right_on_a_flat_road(car, printed):
 
 
 def test_tires_that_lift_off(car, relative):
-    """The car itself over a bump of 76 mm on a known road: a filter whose tires take no tension either is closer to it."""
+    """The car itself over a bump of 76 mm on a known road: a filter whose tires take no tension either
+    is closer to it."""
     lin, model = car.linearize(), car.model()
     at = {n: i for i, n in enumerate(lin.inputs)}
     outputs = {e.name: i for i, e in enumerate(model.output_elements())}
@@ -360,7 +379,8 @@ def test_tires_that_lift_off(car, relative):
     assert lifting < 0.5 * linear
 
 
-# ------------------------------------------------------------------------------------------------------------------- pose
+# -------------------------------------------------------------------------------------------------------------------
+# pose
 
 
 def test_pose_over_a_bump(relative, printed, over_a_bump):

@@ -61,8 +61,17 @@ def _improvement(road: str, speed: float) -> float:
 
 def _run(s: Case) -> Row:
     passive = passive_response(s.road, s.speed_kmh)
-    m = {"diverged": False, "response": passive, "force": 0.0, "power": 0.0, "peak_force": 0.0, "rms_az": 1.0,
-         "rms_pitch": 1.0, "rms_roll": 0.0 if s.road == "sine" else 0.5, "peak_pitch": 3.0}  # fmt: skip
+    m = {
+        "diverged": False,
+        "response": passive,
+        "force": 0.0,
+        "power": 0.0,
+        "peak_force": 0.0,
+        "rms_az": 1.0,
+        "rms_pitch": 1.0,
+        "rms_roll": 0.0 if s.road == "sine" else 0.5,
+        "peak_pitch": 3.0,
+    }
     if s.controller != "passive":
         m |= {"response": passive * (1 - _improvement(s.road, s.speed_kmh)), **_effort(s), **_signals(s)}
     return {**values(s), **m}

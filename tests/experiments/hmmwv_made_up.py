@@ -16,15 +16,49 @@ from cosim.experiments.hmmwv.tracking.runs import FILTER
 from cosim.study import Results, Row
 
 METRICS = (
-    "absorbed_power_peak", "absorbed_power_mean", "iso2631_rms", "travel_peak", "travel_over", "lift_off", "force_rms", "force_peak",
-    "flow_peak", "flow_mean", "power_mean", "tracking_error_rms",
-)  # fmt: skip
+    "absorbed_power_peak",
+    "absorbed_power_mean",
+    "iso2631_rms",
+    "travel_peak",
+    "travel_over",
+    "lift_off",
+    "force_rms",
+    "force_peak",
+    "flow_peak",
+    "flow_mean",
+    "power_mean",
+    "tracking_error_rms",
+)
 
 AS_PUBLISHED = {
-    "track": {"passive": 12.0, "zero": 5.1, "skyhook": 5.3, "lqr": 5.2, "lqr-kilonewton": 5.2, "mpc": 4.8, "mpc-preview": 4.0},
-    "bump": {"passive": 12.0, "zero": 6.0, "skyhook": 6.0, "lqr": 6.0, "lqr-kilonewton": 6.0, "mpc": 4.7, "mpc-preview": 4.0},
-    "off-road": {"passive": 20.0, "zero": 8.0, "skyhook": 8.0, "lqr": 8.0, "lqr-kilonewton": 8.0, "mpc": 5.0, "mpc-preview": 3.0},
-}  # fmt: skip
+    "track": {
+        "passive": 12.0,
+        "zero": 5.1,
+        "skyhook": 5.3,
+        "lqr": 5.2,
+        "lqr-kilonewton": 5.2,
+        "mpc": 4.8,
+        "mpc-preview": 4.0,
+    },
+    "bump": {
+        "passive": 12.0,
+        "zero": 6.0,
+        "skyhook": 6.0,
+        "lqr": 6.0,
+        "lqr-kilonewton": 6.0,
+        "mpc": 4.7,
+        "mpc-preview": 4.0,
+    },
+    "off-road": {
+        "passive": 20.0,
+        "zero": 8.0,
+        "skyhook": 8.0,
+        "lqr": 8.0,
+        "lqr-kilonewton": 8.0,
+        "mpc": 5.0,
+        "mpc-preview": 3.0,
+    },
+}
 """Absorbed powers [W] with which the whole paper is right."""
 
 Change = Callable[[Case, Row], None]
@@ -33,7 +67,8 @@ Change = Callable[[Case, Row], None]
 def made_up_study(*changes: Change, worse: Collection[str] = ()) -> Results:
     """The vehicle as the paper has it, and parts with nothing remarkable.
 
-    ``changes`` are made to the metrics of the vehicle's runs; the named variants of the force tracking have ten times the error.
+    ``changes`` are made to the metrics of the vehicle's runs; the named variants of the force tracking have ten times
+    the error.
     """
 
     def metrics(case: Any) -> Row:
@@ -60,15 +95,24 @@ def vehicle(run: Case) -> tuple[Row, Row]:
 
 
 def corner(case: tracking.runs.Case) -> tuple[Row, Row]:
-    """Metrics and signals as of a good law. The loop is unstable above a density of 1.1; the filter is at 1 after 23 ms."""
+    """Metrics and signals as of a good law. The loop is unstable above a density of 1.1; the filter is at 1 after 23
+    ms.
+    """
     if case.signal == FILTER:
         t = np.arange(0, 1.0, 1e-3)
         y = 1.01 * (1 - np.exp(-t / 5e-3))
         return tracking.runs.measure_filter(t, y), {"time": t.tolist(), "smoothed": y.tolist()}
     row = {
-        "error": 0.02 if case == tracking.runs.Case(case.signal) else 0.03, "early": 0.1, "late": 2.0 if case.density > 1.1 else 0.01,
-        "flow_peak": 44.0, "voltage_peak": 3.0, "voltage_jumps": 0.05, "saturated": 0.0, "flow_limit": 45.0, "friction_force": 120.0,
-    }  # fmt: skip
+        "error": 0.02 if case == tracking.runs.Case(case.signal) else 0.03,
+        "early": 0.1,
+        "late": 2.0 if case.density > 1.1 else 0.01,
+        "flow_peak": 44.0,
+        "voltage_peak": 3.0,
+        "voltage_jumps": 0.05,
+        "saturated": 0.0,
+        "flow_limit": 45.0,
+        "friction_force": 120.0,
+    }
     t = np.arange(0, 10, 0.004)
     return row, {"time": t.tolist(), **{n: np.sin(t).tolist() for n in ("smoothed", "force")}}
 
@@ -80,15 +124,23 @@ def chain(case: preview.runs.Case) -> tuple[Row, Row]:
         signals = {n: t.tolist() for n in ("x", "map", "road", "load")}
         return {"front": 1.651, "offsets": [0.0, 0.0]}, signals
     row = {
-        "front": 1.651, "ahead": 2.1, "resolution": 0.01, "lowest": 0.0, "highest": 0.0, "spread": [1e-3] * 5, "rate_error": 0.01,
-    }  # fmt: skip
+        "front": 1.651,
+        "ahead": 2.1,
+        "resolution": 0.01,
+        "lowest": 0.0,
+        "highest": 0.0,
+        "spread": [1e-3] * 5,
+        "rate_error": 0.01,
+    }
     names = ("time", "x", "range", "true", "true rate", "buffered", "rate", "preview valid")
     return row, {n: t.tolist() for n in names}
 
 
 PARTS: dict[type, Callable[[Any], tuple[Row, Row]]] = {
-    Case: vehicle, tracking.runs.Case: corner, preview.runs.Case: chain,
-}  # fmt: skip
+    Case: vehicle,
+    tracking.runs.Case: corner,
+    preview.runs.Case: chain,
+}
 
 
 def watts(value: float, **where: object) -> Change:

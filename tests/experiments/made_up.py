@@ -40,7 +40,9 @@ def study(
     found: Callable[[Any], Any] | None = None,
     **options: Any,
 ) -> Results:
-    """A whole study, its plan with what functions of the case, and of each search, say; without searches where none does."""
+    """A whole study, its plan with what functions of the case, and of each search, say; without searches where none
+    does.
+    """
     tasks = [t for t in experiment.tasks(**options) if isinstance(t, Task) or found is not None]
     entries: list[dict[str, Any]] = []
     for t in tasks:

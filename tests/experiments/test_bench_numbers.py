@@ -31,16 +31,25 @@ from cosim.study import FmuSet, Results, Runner
 # ------------------------------------------------------------------------------------------------------ a run by hand
 
 T = np.linspace(0.0, 3.0, 3001)
-SOLVED = {"controller.solver.status": 0.0, "controller.solver.iterations": 3.0, "controller.solver.residual": 1e-9,
-          "controller.command.held": 0.0}  # fmt: skip
+SOLVED = {
+    "controller.solver.status": 0.0,
+    "controller.solver.iterations": 3.0,
+    "controller.solver.residual": 1e-9,
+    "controller.command.held": 0.0,
+}
 
 
 def recording(case: Case, **others: Any) -> made_up.MadeUpRun:
     found: dict[str, Any] = {
-        "road.road.height": np.where(T < 0.5, 0.02, -0.01), "plant.body.z": np.where(T < 1.0, 0.023, -0.015),
-        "plant.body.vz": 4.0 + T, "plant.body.az": np.where(T < 1.5, 3.0, -3.0), "plant.wheel.z": 0.001 + T, "plant.wheel.vz": 5.0 + T,
-        "plant.suspension.deflection": 0.004, "plant.tire.deflection": -0.002,
-    }  # fmt: skip
+        "road.road.height": np.where(T < 0.5, 0.02, -0.01),
+        "plant.body.z": np.where(T < 1.0, 0.023, -0.015),
+        "plant.body.vz": 4.0 + T,
+        "plant.body.az": np.where(T < 1.5, 3.0, -3.0),
+        "plant.wheel.z": 0.001 + T,
+        "plant.wheel.vz": 5.0 + T,
+        "plant.suspension.deflection": 0.004,
+        "plant.tire.deflection": -0.002,
+    }
     if case.controller != "passive":
         found["controller.force"] = np.where(T < 1.5, 6.0, -8.0) - 0.5 * (T == 0.0)
     if case.controller.startswith("mpc"):
@@ -50,14 +59,26 @@ def recording(case: Case, **others: Any) -> made_up.MadeUpRun:
 
 def test_metrics_of_a_run() -> None:
     found = measure(recording(Case("lqr")))
-    assert found == pytest.approx({
-        "acceleration": 3.0, "overshoot": 0.005, "travel": 0.004, "tire": 0.002, "force.max": 6.0, "force.min": -8.0,
-        "force": math.sqrt((5.5**2 + 1499 * 36 + 1501 * 64) / 3001),
-    })  # fmt: skip
+    assert found == pytest.approx(
+        {
+            "acceleration": 3.0,
+            "overshoot": 0.005,
+            "travel": 0.004,
+            "tire": 0.002,
+            "force.max": 6.0,
+            "force.min": -8.0,
+            "force": math.sqrt((5.5**2 + 1499 * 36 + 1501 * 64) / 3001),
+        }
+    )
     assert {m.heading: m.shown(found[k]) for k, m in METRICS.items()} == {
-        "rms acceleration of the body [m/s2]": "3", "body beyond the road's extremes [mm]": "5", "rms suspension deflection [mm]": "4",
-        "rms tire deflection [mm]": "2", "rms force [N]": "7.071", "largest force [N]": "6", "smallest force [N]": "-8",
-    }  # fmt: skip
+        "rms acceleration of the body [m/s2]": "3",
+        "body beyond the road's extremes [mm]": "5",
+        "rms suspension deflection [mm]": "4",
+        "rms tire deflection [mm]": "2",
+        "rms force [N]": "7.071",
+        "largest force [N]": "6",
+        "smallest force [N]": "-8",
+    }
 
 
 def test_overshoot_is_beyond_the_road_on_the_side_where_it_is_more() -> None:
@@ -74,9 +95,16 @@ def test_forces_of_a_passive_bench() -> None:
 
 def test_the_worst_of_the_solver() -> None:
     once = np.where(np.abs(T - 1) < 1e-4, 1.0, 0.0)
-    found = measure(recording(Case("mpc"), **{
-        "controller.solver.status": 2 * once, "controller.solver.iterations": 3 + 4 * once, "controller.solver.residual": 1e-3 * once,
-    }))  # fmt: skip
+    found = measure(
+        recording(
+            Case("mpc"),
+            **{
+                "controller.solver.status": 2 * once,
+                "controller.solver.iterations": 3 + 4 * once,
+                "controller.solver.residual": 1e-3 * once,
+            },
+        )
+    )
     assert {k: v for k, v in found.items() if k.startswith("solver")} == pytest.approx(
         {"solver.status": 2.0, "solver.iterations": 7.0, "solver.residual": 1e-3}
     )
@@ -145,26 +173,40 @@ def test_wires(fmus: FmuSet) -> None:
     for case, expected in (
         (Case("passive"), {k: v for k, v in common.items() if k != "plant.force"}),
         (Case("lqr"), {**common, **{f"controller.{x}": f"plant.{x}" for x in states}}),
-        (Case("lqr", encoders=True), {
-            **common, **{f"controller.{x}": f"encoders.{x}" for x in states},
-            **{f"encoders.encoder.{k}": v for k, v in measured.items()},
-        }),
-    ):  # fmt: skip
+        (
+            Case("lqr", encoders=True),
+            {
+                **common,
+                **{f"controller.{x}": f"encoders.{x}" for x in states},
+                **{f"encoders.encoder.{k}": v for k, v in measured.items()},
+            },
+        ),
+    ):
         with wire(fmus, case) as system:
             assert {t: c.source_name for t, c in system.connections.items()} == expected
 
 
 # ---------------------------------------------------------------------------------------- a study: every cell by hand
 
-NAMES = {"passive": "passive", "lqr": "LQR", "lqr-clipped": "LQR, clipped to 8 N", "mpc": "MPC, weight on the force",
-         "mpc-moves": "MPC, weight on the moves"}  # fmt: skip
+NAMES = {
+    "passive": "passive",
+    "lqr": "LQR",
+    "lqr-clipped": "LQR, clipped to 8 N",
+    "mpc": "MPC, weight on the force",
+    "mpc-moves": "MPC, weight on the moves",
+}
 BASE = {"acceleration": 2.0, "overshoot": 0.004, "travel": 0.003, "tire": 0.002}
 SHARES = {  # of the passive bench
     "passive": (1.0, 1.0, 1.0, 1.0), "lqr": (0.40, 0.30, 0.90, 0.70), "lqr-clipped": (0.42, 0.31, 0.91, 0.71),
     "mpc": (0.425, 0.32, 0.92, 0.72), "mpc-moves": (0.30, 0.20, 0.95, 0.73),
 }  # fmt: skip
-FORCES = {"passive": (0.0, 0.0, 0.0), "lqr": (3.0, 8.4, -8.6), "lqr-clipped": (2.9, 8.0, -8.0), "mpc": (2.7, 7.9, -7.95),
-          "mpc-moves": (3.6, 7.5, -7.0)}  # fmt: skip
+FORCES = {
+    "passive": (0.0, 0.0, 0.0),
+    "lqr": (3.0, 8.4, -8.6),
+    "lqr-clipped": (2.9, 8.0, -8.0),
+    "mpc": (2.7, 7.9, -7.95),
+    "mpc-moves": (3.6, 7.5, -7.0),
+}
 
 
 def metrics(case: Case) -> dict[str, Any]:
@@ -221,8 +263,10 @@ def test_plan() -> None:
     assert len(set(cases)) == len(cases) == 15 + 12 + 2 * 3 * 4 + 2 * 7 + 2 * 5
     assert [t.case for t in tasks if t.signals] == [at(s, c) for s in (LONG, SHORT, RANDOM) for c in NAMES]
     assert {
-        "bump 0.5 s": Case("passive", "bump", 0.5), "bump 0.2 s": Case("passive", "bump", 0.2), "random": Case("passive", "random")
-    } == published.SCENARIOS  # fmt: skip
+        "bump 0.5 s": Case("passive", "bump", 0.5),
+        "bump 0.2 s": Case("passive", "bump", 0.2),
+        "random": Case("passive", "random"),
+    } == published.SCENARIOS
     assert over_height(0.2, "mpc") == [Case("mpc", "bump", 0.2, h) for h in (10.0, 20.0, 30.0, 40.0, 50.0)]
     assert [c.offset for c in over_stretches("mpc")] == [0.0, 10.0, 20.0, 30.0, 40.0, 50.0, 60.0, 70.0]
     assert {c.controller for c in cases if c.encoders} == {c for c in NAMES if c != "passive"}
@@ -236,11 +280,19 @@ def test_comparison(page: Report) -> None:
     assert [(r["road"], r["system"]) for r in rows] == [
         (s, n) for s in ("bump 0.5 s", "bump 0.2 s", "random") for n in NAMES.values()
     ]
-    assert list(rows[6].items()) == list({
-        "road": "bump 0.2 s", "system": "LQR", "rms acceleration of the body [m/s2]": 1.23, "body beyond the road's extremes [mm]": 1.86,
-        "rms suspension deflection [mm]": 4.095, "rms tire deflection [mm]": 2.13, "rms force [N]": 4.5, "largest force [N]": 8.484,
-        "smallest force [N]": -8.686,
-    }.items())  # fmt: skip
+    assert list(rows[6].items()) == list(
+        {
+            "road": "bump 0.2 s",
+            "system": "LQR",
+            "rms acceleration of the body [m/s2]": 1.23,
+            "body beyond the road's extremes [mm]": 1.86,
+            "rms suspension deflection [mm]": 4.095,
+            "rms tire deflection [mm]": 2.13,
+            "rms force [N]": 4.5,
+            "largest force [N]": 8.484,
+            "smallest force [N]": -8.686,
+        }.items()
+    )
     assert rows[13]["rms acceleration of the body [m/s2]"] == 0.212  # 0.2125
 
 
@@ -255,9 +307,13 @@ def test_random_stretches(page: Report) -> None:
     rows = made_up.table(page, "random-stretches")
     assert [list(r.values()) for r in rows] == [
         [w, pytest.approx(v + 0.035), pytest.approx(v), pytest.approx(v + 0.07)]
-        for w, v in (("rms acceleration of the body", 0.425), ("body beyond the road's extremes", 0.32),
-                     ("rms suspension deflection", 0.92), ("rms tire deflection", 0.72))
-    ]  # fmt: skip
+        for w, v in (
+            ("rms acceleration of the body", 0.425),
+            ("body beyond the road's extremes", 0.32),
+            ("rms suspension deflection", 0.92),
+            ("rms tire deflection", 0.72),
+        )
+    ]
     assert list(rows[0]) == ["quantity", "median [-]", "lowest [-]", "highest [-]"]
     (table,) = (t for t in page.tables if t.id == "random-stretches")
     assert (table.title, table.caption) == ("MPC over passive on 8 stretches of the random road", "Each 10 s long.")
@@ -268,14 +324,22 @@ def test_encoders_and_solver(page: Report) -> None:
     assert [(r["road"], r["system"]) for r in rows] == [
         (s, NAMES[c]) for s in ("bump 0.5 s", "bump 0.2 s", "random") for c in NAMES if c != "passive"
     ]
-    assert list(rows[0].items()) == list({
-        "road": "bump 0.5 s", "system": "LQR", "exact states [m/s2]": 0.8, "encoders [m/s2]": 0.84, "change [%]": 5.0,
-        "largest force [N]": 8.417, "smallest force [N]": -8.6,
-    }.items())  # fmt: skip
+    assert list(rows[0].items()) == list(
+        {
+            "road": "bump 0.5 s",
+            "system": "LQR",
+            "exact states [m/s2]": 0.8,
+            "encoders [m/s2]": 0.84,
+            "change [%]": 5.0,
+            "largest force [N]": 8.417,
+            "smallest force [N]": -8.6,
+        }.items()
+    )
     assert [list(r.values()) for r in made_up.table(page, "solver")] == [
         [s, NAMES[c], 0, n, f"{1e-9 * size:.1e}"]
-        for s, n, size in (("bump 0.5 s", 4, 1.0), ("bump 0.2 s", 4, 1.5), ("random", 5, 0.25)) for c in ("mpc", "mpc-moves")
-    ]  # fmt: skip
+        for s, n, size in (("bump 0.5 s", 4, 1.0), ("bump 0.2 s", 4, 1.5), ("random", 5, 0.25))
+        for c in ("mpc", "mpc-moves")
+    ]
     assert list(made_up.table(page, "solver")[0]) == ["road", "system", "status [-]", "iterations [-]", "residual [-]"]
 
 
@@ -337,8 +401,16 @@ def test_accelerations_over_height(page: Report) -> None:
 
 
 def test_sections_and_figures_at_the_top(page: Report) -> None:
-    assert [s.title for s in page.sections] == ["Plates over the bump", "Actuator force", "Random road", "Comparison", "The limit at work",
-                                                "Encoders", "Solver", "Steps"]  # fmt: skip
+    assert [s.title for s in page.sections] == [
+        "Plates over the bump",
+        "Actuator force",
+        "Random road",
+        "Comparison",
+        "The limit at work",
+        "Encoders",
+        "Solver",
+        "Steps",
+    ]
     assert [(r.name, r.value, r.unit) for r in page.results] == [
         (f"rms acceleration, bump 0.5 s, {n}", v, "m/s2")
         for n, v in zip(NAMES.values(), (2.0, 0.8, 0.84, 0.85, 0.6), strict=True)
@@ -352,16 +424,32 @@ def test_sections_and_figures_at_the_top(page: Report) -> None:
 
 def test_parameters(page: Report) -> None:
     shown = {p.name: (p.value, p.unit) for p in page.parameters}
-    assert shown | {
-        "body.mass": (2.45, "kg"), "weight of suspension.deflection": (450.0, "1/SI2"), "weight of body.vz": (30.0, "1/SI2"),
-        "weight of tire.deflection": (5.0, "1/SI2"), "weight of wheel.vz": (0.01, "1/SI2"),
-        "weight of the force, or of its moves": (0.01, "1/N2"), "force limit": (8.0, "N"), "sample time, LQR": (0.002, "s"),
-        "sample time, MPC": (0.01, "s"), "prediction and control horizon": (50, "-"), "height of the bump": (20.0, "mm"),
-    } == shown  # fmt: skip
+    assert (
+        shown
+        | {
+            "body.mass": (2.45, "kg"),
+            "weight of suspension.deflection": (450.0, "1/SI2"),
+            "weight of body.vz": (30.0, "1/SI2"),
+            "weight of tire.deflection": (5.0, "1/SI2"),
+            "weight of wheel.vz": (0.01, "1/SI2"),
+            "weight of the force, or of its moves": (0.01, "1/N2"),
+            "force limit": (8.0, "N"),
+            "sample time, LQR": (0.002, "s"),
+            "sample time, MPC": (0.01, "s"),
+            "prediction and control horizon": (50, "-"),
+            "height of the bump": (20.0, "mm"),
+        }
+        == shown
+    )
     assert list(shown)[-7:] == [
-        "weight of wheel.vz", "weight of the force, or of its moves", "force limit", "sample time, LQR", "sample time, MPC",
-        "prediction and control horizon", "height of the bump",
-    ]  # fmt: skip
+        "weight of wheel.vz",
+        "weight of the force, or of its moves",
+        "force limit",
+        "sample time, LQR",
+        "sample time, MPC",
+        "prediction and control horizon",
+        "height of the bump",
+    ]
     assert [p.source for p in page.parameters if p.name == "body.mass"] != ["the FMU does not say"]
 
 
@@ -412,9 +500,7 @@ def test_words_of_the_claims(study: Results) -> None:
 
 def better(study: Results, factor: float) -> dict[Case, dict[str, float]]:
     """Runs of the MPC that are so much of the LQR's in every respect on every road."""
-    return {
-        at(s, "mpc"): {k: factor * study[at(s, "lqr")][k] for k in BASE} for s in (LONG, SHORT, RANDOM)
-    }  # fmt: skip
+    return {at(s, "mpc"): {k: factor * study[at(s, "lqr")][k] for k in BASE} for s in (LONG, SHORT, RANDOM)}
 
 
 def verdict(study: Results, id_: str) -> str:

@@ -1,4 +1,6 @@
-"""What readers see of gpc, from recordings and runs made by hand whose answers are known; verdicts are judged beside it."""
+"""What readers see of gpc, from recordings and runs made by hand whose answers are known; verdicts are judged beside
+it.
+"""
 
 from __future__ import annotations
 
@@ -57,12 +59,19 @@ FILTERED = 1 - DELAY / len(T)  # mean of what the filter makes of a one
 
 
 def recording(case: Case, stopped_by: str | None = "car.x", **others: Any) -> made_up.MadeUpRun:
-    """Magnitudes that do not change: 0.3 g, 0.4 and 1.2 deg, 5 kN, 500 W in all; twice the pitch and force at the end."""
+    """Magnitudes that do not change: 0.3 g, 0.4 and 1.2 deg, 5 kN, 500 W in all; twice the pitch and
+    force at the end."""
     found: dict[str, Any] = {
-        "car.x": 1.5 + T, "car.body.z": 9.0, "car.body.az": 0.3 * 9.80665 * SIGN, "car.body.pitch": np.radians(0.4) * SIGN * (1 + LAST),
+        "car.x": 1.5 + T,
+        "car.body.z": 9.0,
+        "car.body.az": 0.3 * 9.80665 * SIGN,
+        "car.body.pitch": np.radians(0.4) * SIGN * (1 + LAST),
         "car.body.roll": np.radians(1.2) * -SIGN,
-        **{f"car.actuator.{k}.power": p for k, p in zip(("fl", "fr", "rl", "rr"), (100.0, -200.0, 200.0, -400.0), strict=True)},
-    }  # fmt: skip
+        **{
+            f"car.actuator.{k}.power": p
+            for k, p in zip(("fl", "fr", "rl", "rr"), (100.0, -200.0, 200.0, -400.0), strict=True)
+        },
+    }
     if case.controller != "passive":
         found |= {f"controller.force.{k}": f for k, f in (("fl", 1e3 + 100 * T), ("fr", -2e3), ("rl", 2e3 * SIGN))}
         found["controller.force.rr"] = -4e3 * (1 + LAST)
@@ -74,16 +83,30 @@ def recording(case: Case, stopped_by: str | None = "car.x", **others: Any) -> ma
 def test_metrics_of_a_run() -> None:
     run = recording(Case(), **{"controller.force.fl": 1e3})
     found = measure(run)
-    assert found == pytest.approx({
-        "diverged": False, "response": 1.3 * FILTERED, "force": 5e3 * FILTERED, "power": 500 * FILTERED, "peak_force": 8e3,
-        "peak_pitch": np.radians(0.8), "rms_az": 0.3 * 9.80665, "rms_pitch": np.radians(0.4) * math.sqrt(1 + 3 / 2001),
-        "rms_roll": np.radians(1.2),
-    }, rel=1e-6)  # fmt: skip
+    assert found == pytest.approx(
+        {
+            "diverged": False,
+            "response": 1.3 * FILTERED,
+            "force": 5e3 * FILTERED,
+            "power": 500 * FILTERED,
+            "peak_force": 8e3,
+            "peak_pitch": np.radians(0.8),
+            "rms_az": 0.3 * 9.80665,
+            "rms_pitch": np.radians(0.4) * math.sqrt(1 + 3 / 2001),
+            "rms_roll": np.radians(1.2),
+        },
+        rel=1e-6,
+    )
     assert {m.heading: m.shown(found.get(k, 0.1236)) for k, m in METRICS.items()} == {
-        "response objective J": "1.2730", "actuator force [N]": "4896", "actuator power [W]": "490", "peak force [N]": "8000",
-        "rms vertical acceleration [m/s2]": "2.942", "rms pitch [rad]": "0.00699", "rms roll [rad]": "0.02094",
+        "response objective J": "1.2730",
+        "actuator force [N]": "4896",
+        "actuator power [W]": "490",
+        "peak force [N]": "8000",
+        "rms vertical acceleration [m/s2]": "2.942",
+        "rms pitch [rad]": "0.00699",
+        "rms roll [rad]": "0.02094",
         "response improvement": "0.124",
-    }  # fmt: skip
+    }
 
 
 def test_metrics_of_the_passive_car() -> None:
@@ -106,8 +129,10 @@ def test_signals_of_a_run() -> None:
     found = signals(recording(Case()))
     assert list(found) == ["time", "az", "pitch", "roll", "force"]
     for i, expected in (
-        (0, [0.0, 2.94199, 0.4, -1.2, 1000.0]), (1001, [10.01, -2.94199, -0.4, 1.2, 2001.0]), (2000, [20.0, 2.94199, 0.8, -1.2, 3000.0]),
-    ):  # fmt: skip
+        (0, [0.0, 2.94199, 0.4, -1.2, 1000.0]),
+        (1001, [10.01, -2.94199, -0.4, 1.2, 2001.0]),
+        (2000, [20.0, 2.94199, 0.8, -1.2, 3000.0]),
+    ):
         assert [s[i] for s in found.values()] == pytest.approx(expected)
     assert found["az"][0] == 2.94199  # 2.941995, to six digits
     assert set(signals(recording(Case(controller="passive")))["force"]) == {0.0}
@@ -135,7 +160,8 @@ def test_cases() -> None:
         Case(controller="implicit", hold=True)
 
 
-# ------------------------------------------------------------------------------------------------------ wires, parameters
+# ------------------------------------------------------------------------------------------------------ wires,
+# parameters
 
 
 def law(fmus: FmuSet, variant: str, factor: float = 1.0) -> GpcLaw:
@@ -232,8 +258,8 @@ WEIGHT_OF = {"implicit": 1e-7 * 10**0.25, "explicit": 1e-7, "preview": 1e-7 * 10
 def improvement(case: Case) -> float:
     """Falls by 0.2 with every decade of R, so what explicit has others have a quarter of a decade beyond or below 1e-7.
 
-    At 80 km/h on the sine road explicit helps in two seeds. No weight helps implicit to it at 40 km/h on the curb, and preview in
-    two seeds at 30 km/h on Perryman 3.
+    At 80 km/h on the sine road explicit helps in two seeds. No weight helps implicit to it at 40 km/h on the curb, and
+    preview in two seeds at 30 km/h on Perryman 3.
     """
     explicit = GAIN[case.road] + 0.02 * case.seed - 0.001 * (case.speed_kmh - 50)
     if (case.road, case.speed_kmh) == ("sine", 80.0):
@@ -256,10 +282,13 @@ def metrics(case: Case) -> Row:
         seed = SPREAD[law] * case.seed
         az, pitch = SHARES[law]
         row = {
-            "response": response * (1 - improvement(case)), "force": FORCE[law] * size * (1 + seed),
-            "power": POWER[law] * size * (1 + 2 * seed), "peak_force": PEAK[law] * size * (1 + seed / 2),
-            "rms_az": 3.0 * az * (1 + 0.01 * case.seed), "rms_pitch": 0.1 * pitch,
-        }  # fmt: skip
+            "response": response * (1 - improvement(case)),
+            "force": FORCE[law] * size * (1 + seed),
+            "power": POWER[law] * size * (1 + 2 * seed),
+            "peak_force": PEAK[law] * size * (1 + seed / 2),
+            "rms_az": 3.0 * az * (1 + 0.01 * case.seed),
+            "rms_pitch": 0.1 * pitch,
+        }
         rest = {"peak_pitch": 0.15, "rms_roll": 0.005 * (1 + 0.1 * case.seed)}
     moved = {k: 1e-4 * (i + 1) * (case.solver_parts - 1 - 2 * (case.exchange_parts - 1)) for i, k in enumerate(row)}
     return {"diverged": False, **{k: x * (1 + moved[k]) for k, x in row.items()}, **rest}
@@ -317,21 +346,28 @@ def test_plan() -> None:
     searches = [t for t in tasks if isinstance(t, Comparison)]
     assert len(searches) == 8 * (8 + 8 + 9)
     assert {(s.road, s.speed_kmh) for s in searches} == {
-        *((road, v) for road in ("sine", "perryman3", "curb") for v in range(10, 90, 10)), ("curb", 72.0),
-    }  # fmt: skip
+        *((road, v) for road in ("sine", "perryman3", "curb") for v in range(10, 90, 10)),
+        ("curb", 72.0),
+    }
     assert {s.seed for s in searches} == set(range(8))
     assert [t for t in tasks if isinstance(t, History)] == [
-        History("sine", 50.0, 0), History("perryman3", 50.0, 0), History("curb", 72.0, 0),
-    ]  # fmt: skip
+        History("sine", 50.0, 0),
+        History("perryman3", 50.0, 0),
+        History("curb", 72.0, 0),
+    ]
     cases = [t.case for t in tasks if not isinstance(t, Comparison | History)]
     assert len(set(cases)) == len(cases) == 25 + 8 * 8 * 4 + 6 + 3 * 4 * 4 - 4  # as run: three passive, one swept
     assert {c.speed_kmh for c in cases if c.road == "sine" and c.controller == "passive"} == {
-        *range(10, 90, 10), *(42.5, 45.0, 47.5, 52.5, 55.0, 57.5),
-    }  # fmt: skip
+        *range(10, 90, 10),
+        *(42.5, 45.0, 47.5, 52.5, 55.0, 57.5),
+    }
     swept = {c for c in cases if c.seed > 0}
     assert swept == {
-        Case("sine", float(v), "preview", R=w, seed=s) for v in range(10, 90, 10) for w in (1e-7, 5e-7, 1e-6, 5e-6) for s in range(1, 8)
-    }  # fmt: skip
+        Case("sine", float(v), "preview", R=w, seed=s)
+        for v in range(10, 90, 10)
+        for w in (1e-7, 5e-7, 1e-6, 5e-6)
+        for s in range(1, 8)
+    }
     finer = [(c.solver_parts, c.exchange_parts) for c in cases if (c.road, c.controller) == ("curb", "explicit")]
     assert finer == [(1, 1), (2, 1), (1, 2), (2, 2)]
 
@@ -458,7 +494,9 @@ def test_matching_takes_the_nearer_of_two_weights_that_will_do(error: float, sid
 
 
 def test_matching_looks_in_one_interval_of_the_grid() -> None:
-    """J is 2 down to a quarter of a decade below and falls to 0 over the next: its middle is the first to be tried there."""
+    """J is 2 down to a quarter of a decade below and falls to 0 over the next: its middle is the first to be tried
+    there.
+    """
 
     def measured(weight: float) -> Row:
         return {"diverged": False, "response": 2 * min(1, max(0, (decades(weight) + 0.5) / 0.25))}
@@ -480,7 +518,9 @@ def test_matching_takes_the_crossing_nearest_to_the_published_weight() -> None:
 
 @pytest.mark.parametrize(("target", "second", "third"), [(2.0, 0.025, 0.0475), (99.0, 0.225, 0.2025)])
 def test_matching_keeps_inside_of_the_bracket(target: float, second: float, third: float) -> None:
-    """J that jumps from 1 to 100: a tenth of the interval at least from either end, and an end to it after twelve of them."""
+    """J that jumps from 1 to 100: a tenth of the interval at least from either end, and an end to it after twelve of
+    them.
+    """
     tried: list[float] = []
 
     def measured(weight: float) -> Row:
@@ -550,17 +590,24 @@ def test_rows_of_a_study_with_a_failed_run(made: Runs) -> None:
         Results(Study()).passive("sine", 1.0)
 
 
-# ------------------------------------------------------------------------------------------------------ numbers read off it
+# ------------------------------------------------------------------------------------------------------ numbers read
+# off it
 
 
 def test_figures_of_a_run(results: Results) -> None:
     row = results.matched("sine", 60.0, "explicit", 5)
     assert row is not None
     gain, kilonewtons, kilowatts = 0.59, 4 * 1.2 * 1.5, 2 * 1.2 * 2.0
-    assert results.figures(row) == pytest.approx({
-        "response": 3.5 * 0.41, "improvement": gain, "force": kilonewtons, "power": 1e3 * kilowatts, "per_force": gain / kilonewtons,
-        "per_power": gain / kilowatts,
-    })  # fmt: skip
+    assert results.figures(row) == pytest.approx(
+        {
+            "response": 3.5 * 0.41,
+            "improvement": gain,
+            "force": kilonewtons,
+            "power": 1e3 * kilowatts,
+            "per_force": gain / kilonewtons,
+            "per_power": gain / kilowatts,
+        }
+    )
     none = results.figures(results.passive("sine", 60.0))
     assert [k for k, x in none.items() if math.isnan(x)] == ["per_force", "per_power"]
     road, speed, law, seed = DIVERGED
@@ -627,8 +674,19 @@ def test_comparison(page: Report) -> None:
     assert [(r["speed [km/h]"], r["law"]) for r in rows] == [
         (v, law) for v in SPEEDS_KMH for law in ("passive", "implicit", "explicit", "preview")
     ]
-    columns = ["speed [km/h]", "law", "R [1/N2]", "matched", "J [-]", "improvement [-]", "lowest [-]", "highest [-]", "force [N]",
-               "power [W]", "peak force [N]"]  # fmt: skip
+    columns = [
+        "speed [km/h]",
+        "law",
+        "R [1/N2]",
+        "matched",
+        "J [-]",
+        "improvement [-]",
+        "lowest [-]",
+        "highest [-]",
+        "force [N]",
+        "power [W]",
+        "peak force [N]",
+    ]
     assert [list(r) for r in rows[16:20]] == [columns] * 4
     assert [list(r.values()) for r in rows[16:20]] == [
         [50.0, "passive", None, None, 4.0, *[0.0] * 6],
@@ -655,10 +713,18 @@ def test_spread_over_seeds(page: Report) -> None:
         for law in ("implicit", "explicit", "preview")
         for s in range(8)
     ]
-    assert list(rows[1].items()) == list({
-        "road": "sine", "speed [km/h]": 50.0, "law": "implicit", "seed": 1, "improvement [-]": 0.57, "force [N]": 6300.0,
-        "power [W]": 3300.0, "peak force [N]": 9225.0,
-    }.items())  # fmt: skip
+    assert list(rows[1].items()) == list(
+        {
+            "road": "sine",
+            "speed [km/h]": 50.0,
+            "law": "implicit",
+            "seed": 1,
+            "improvement [-]": 0.57,
+            "force [N]": 6300.0,
+            "power [W]": 3300.0,
+            "peak force [N]": 9225.0,
+        }.items()
+    )
     assert list(rows[24 + 8].values())[4:] == [0.31, 1600.0, 800.0, 3200.0]
     assert list(rows[48 + 2].values()) == ["curb", 72.0, "implicit", 2, *[None] * 4]
     assert next(t.title for t in page.tables if t.id == "seeds") == "R = 1e-7, 8 identification seeds"
@@ -686,18 +752,35 @@ def test_refinement(page: Report) -> None:
 def test_distributions(page: Report) -> None:
     tables = {t.id.removeprefix("distributions-"): t for t in page.tables if t.id.startswith("distributions-")}
     assert {k: t.title.removeprefix("What the claims on ") for k, t in tables.items()} == {
-        "weights": "the control weight were judged on", "sine": "the sine road were judged on",
-        "perryman3": "the Perryman 3 road (synthetic) were judged on", "curb": "the curb were judged on",
-    }  # fmt: skip
+        "weights": "the control weight were judged on",
+        "sine": "the sine road were judged on",
+        "perryman3": "the Perryman 3 road (synthetic) were judged on",
+        "curb": "the curb were judged on",
+    }
     claims = {k: set(dict.fromkeys(row[0] for row in t.rows)) for k, t in tables.items()}
     assert claims == {
         "weights": {"weight-power", "weight-force"},
-        "sine": {"sine-explicit", "sine-implicit", "sine-preview", "sine-same-force", "implicit-power", "implicit-power-80",
-                 "implicit-force-50", "sine-signals", "sine-implicit-signals"},
-        "perryman3": {"perryman-implicit-gain", "perryman-explicit", "perryman-preview", "perryman-same", "perryman-implicit",
-                      "perryman-roll"},
+        "sine": {
+            "sine-explicit",
+            "sine-implicit",
+            "sine-preview",
+            "sine-same-force",
+            "implicit-power",
+            "implicit-power-80",
+            "implicit-force-50",
+            "sine-signals",
+            "sine-implicit-signals",
+        },
+        "perryman3": {
+            "perryman-implicit-gain",
+            "perryman-explicit",
+            "perryman-preview",
+            "perryman-same",
+            "perryman-implicit",
+            "perryman-roll",
+        },
         "curb": {"curb-gain", "curb-explicit-force", "curb-preview-200", "curb-preview-power", "curb-peak"},
-    }  # fmt: skip
+    }
     cells = {(row[0], row[1]): list(row[2:]) for t in tables.values() for row in t.rows}
     assert cells["sine-implicit", "improvement, R = 1e-7"] == ["%", 62.0, 55.0, 57.0, 65.0, 69.0, 8, 8]
     assert cells["implicit-power-80", "power, implicit / explicit"] == ["-", 1.023, 1.009, 1.009, 1.036, 1.036, 2, 2]
@@ -714,10 +797,13 @@ def test_distributions(page: Report) -> None:
 # ------------------------------------------------------------------------------------------------------ figures
 
 LABELS = {
-    "Response objective (22a)": "J (g, deg) [-]", "Response improvement (23)": "improvement [-]", "Actuator force (22b)": "force [kN]",
-    "Actuator power (22c)": "power [W]", "Force-normalised effectiveness (24a)": "improvement per force [1/kN]",
+    "Response objective (22a)": "J (g, deg) [-]",
+    "Response improvement (23)": "improvement [-]",
+    "Actuator force (22b)": "force [kN]",
+    "Actuator power (22c)": "power [W]",
+    "Force-normalised effectiveness (24a)": "improvement per force [1/kN]",
     "Power-normalised effectiveness (24b)": "improvement per power [1/kW]",
-}  # fmt: skip
+}
 PANELS = dict(zip(LABELS, ("response", "improvement", "force", "power", "per_force", "per_power"), strict=True))
 LOOKS = {
     "passive": ("grey", "solid"),
@@ -734,8 +820,14 @@ def expected_figures(road: str, speed: float, law: str, seeds: Sequence[int]) ->
     size = ON_ROAD[road] * speed / 50 * {"implicit": 0.95, "explicit": 1.0, "preview": 1.05}[law] / 1e3
     force, power = FORCE[law] * size * (1 + SPREAD[law] * s), POWER[law] * size * (1 + 2 * SPREAD[law] * s)
     response = passive_response(road, speed) * (1 - gain)
-    return {"response": response, "improvement": gain, "force": force, "power": 1e3 * power, "per_force": gain / force,
-            "per_power": gain / power}  # fmt: skip
+    return {
+        "response": response,
+        "improvement": gain,
+        "force": force,
+        "power": 1e3 * power,
+        "per_force": gain / force,
+        "per_power": gain / power,
+    }
 
 
 @pytest.mark.parametrize(("number", "road"), [(7, "sine"), (9, "perryman3"), (11, "curb")])
@@ -808,9 +900,11 @@ def test_curves_have_gaps_and_may_be_missing(fmus: FmuSet) -> None:
 def test_histories(page: Report, number: int, road: str, speed: int) -> None:
     id_, figure = f"figure-{number}", next(f for f in page.figures if f.id == f"figure-{number}")
     assert list(made_up.axes(page, id_).items()) == [
-        ("Vertical acceleration", ("time [s]", "body.az [m/s2]")), ("Pitch, nose down", ("time [s]", "pitch [deg]")),
-        ("Roll, left side up", ("time [s]", "roll [deg]")), ("Actuator force, front left", ("time [s]", "force.fl [kN]")),
-    ]  # fmt: skip
+        ("Vertical acceleration", ("time [s]", "body.az [m/s2]")),
+        ("Pitch, nose down", ("time [s]", "pitch [deg]")),
+        ("Roll, left side up", ("time [s]", "roll [deg]")),
+        ("Actuator force, front left", ("time [s]", "force.fl [kN]")),
+    ]
     for panel, key, scale in zip(
         made_up.axes(page, id_), ("az", "pitch", "roll", "force"), (1, 1, 1, 1e-3), strict=True
     ):
@@ -820,26 +914,39 @@ def test_histories(page: Report, number: int, road: str, speed: int) -> None:
             assert (curve.color, curve.dash, curve.mode) == (*LOOKS[law], "line")
     assert [len(p.series) for p in figure.panels] == [4, 4, 4, 3]
     assert f" at {speed} km/h (figure {number} of the paper)" in figure.title
-    assert figure.caption == (
-        "Identification seed 0. Weights: implicit R = 1.8e-07, explicit R = 1e-07, preview R = 5.6e-08."
+    assert (
+        figure.caption
+        == "Identification seed 0. Weights: implicit R = 1.8e-07, explicit R = 1e-07, preview R = 5.6e-08."
     )
 
 
-# ------------------------------------------------------------------------------------------------------ the page around them
+# ------------------------------------------------------------------------------------------------------ the page around
+# them
 
 
 def test_sections_and_figures_at_the_top(page: Report) -> None:
     assert [s.title for s in page.sections] == [
-        "Effect of the control weight", "Sine road", "Perryman 3 road (synthetic)", "Curb", "Spread over identification seeds",
-        "Refinement of steps", "What differs from the paper",
-    ]  # fmt: skip
+        "Effect of the control weight",
+        "Sine road",
+        "Perryman 3 road (synthetic)",
+        "Curb",
+        "Spread over identification seeds",
+        "Refinement of steps",
+        "What differs from the paper",
+    ]
     assert [[f.id for f in s.figures] for s in page.sections[:4]] == [
-        ["figure-6"], ["figure-7", "figure-8"], ["figure-9", "figure-10"], ["figure-11", "figure-12"],
-    ]  # fmt: skip
+        ["figure-6"],
+        ["figure-7", "figure-8"],
+        ["figure-9", "figure-10"],
+        ["figure-11", "figure-12"],
+    ]
     assert [(r.name, r.value, r.unit) for r in page.results] == [
-        ("runs", 1335, ""), ("open-loop peak on sine", 50.0, "km/h"), ("improvement, implicit, sine 50 km/h", 0.62, ""),
-        ("improvement, explicit, sine 50 km/h", 0.57, ""), ("improvement, preview, sine 50 km/h", 0.52, ""),
-    ]  # fmt: skip
+        ("runs", 1335, ""),
+        ("open-loop peak on sine", 50.0, "km/h"),
+        ("improvement, implicit, sine 50 km/h", 0.62, ""),
+        ("improvement, explicit, sine 50 km/h", 0.57, ""),
+        ("improvement, preview, sine 50 km/h", 0.52, ""),
+    ]
     assert "(FullCarHmmwvModified) crosses three roads at 8 speeds" in page.lead
     assert "identified 8 times" in page.lead
     assert "wavelength 10 m" in page.sections[1].paragraphs[0]
@@ -858,29 +965,41 @@ def test_a_failed_run_is_told(made: Runs, fmus: FmuSet) -> None:
 def test_parameters_and_provenance(page: Report) -> None:
     shown = [(p.name, p.value, p.unit, p.source) for p in page.parameters]
     assert shown[-13:] == [
-        ("GPC order p", 8, "-", "000 Table 2"), ("GPC prediction horizon", 8, "-", "000 Table 2"),
-        ("GPC control horizon", 8, "-", "000 Table 2"), ("GPC weight Q, vertical acceleration", 50.0, "1/g2", "000 Table 2"),
-        ("GPC weight Q, pitch", 10.0, "1/deg2", "000 Table 2"), ("GPC weight Q, roll", 1.0, "1/deg2", "000 Table 2"),
-        ("GPC weight R", 1e-7, "1/N2", "000 Table 2"), ("identification samples L", 400, "-", "000 Table 2"),
+        ("GPC order p", 8, "-", "000 Table 2"),
+        ("GPC prediction horizon", 8, "-", "000 Table 2"),
+        ("GPC control horizon", 8, "-", "000 Table 2"),
+        ("GPC weight Q, vertical acceleration", 50.0, "1/g2", "000 Table 2"),
+        ("GPC weight Q, pitch", 10.0, "1/deg2", "000 Table 2"),
+        ("GPC weight Q, roll", 1.0, "1/deg2", "000 Table 2"),
+        ("GPC weight R", 1e-7, "1/N2", "000 Table 2"),
+        ("identification samples L", 400, "-", "000 Table 2"),
         ("identification speed", pytest.approx(11.1111, abs=1e-4), "m/s", "000 Table 2"),
-        ("excitation per actuator, standard deviation", 2000.0, "N", "assumed"), ("samples before the excitation", 200, "-", "assumed"),
-        ("actuator limit", 150e3, "N", "000 Table 2"), ("travel per run", 150.0, "m", "000, text"),
-    ]  # fmt: skip
+        ("excitation per actuator, standard deviation", 2000.0, "N", "assumed"),
+        ("samples before the excitation", 200, "-", "assumed"),
+        ("actuator limit", 150e3, "N", "000 Table 2"),
+        ("travel per run", 150.0, "m", "000, text"),
+    ]
     assert [p.unit for p in page.parameters if p.name == "body.mass"] == ["kg"]
     assert (
-        "suspension.motion_ratio = 0.4925 (assumed; puts the modes of the modified vehicle where 000 figure 6 has its peak)"
-        in {c.fitted for c in page.claims}
+        "suspension.motion_ratio = 0.4925 (assumed; puts the modes of the modified vehicle where 000 figure 6 has its"
+        " peak)" in {c.fitted for c in page.claims}
     )
     given = page.provenance
     assert given["identification"] == {
-        "seed": 0, "order": 8, "samples": 400, "settling_samples": 200, "excitation": 2000.0, "speed": 40 / 3.6,
-    }  # fmt: skip
+        "seed": 0,
+        "order": 8,
+        "samples": 400,
+        "settling_samples": 200,
+        "excitation": 2000.0,
+        "speed": 40 / 3.6,
+    }
     assert given["identification seeds"] == list(range(8))
     assert given["roads"] == ["RoadSine", "RoadCurb", "RoadPerryman3"]
     assert given["corners"] == ["fl", "fr", "rl", "rr"]
 
 
-# ------------------------------------------------------------------------------------------------------ words of the claims
+# ------------------------------------------------------------------------------------------------------ words of the
+# claims
 
 
 def test_words_of_the_claims(study: Study) -> None:
@@ -891,92 +1010,146 @@ def test_words_of_the_claims(study: Study) -> None:
     assert {c.id: (c.verdict, c.ours, c.value) for c in found} == {
         "open-loop-peak": ("reproduced", "50 km/h", 50.0),
         "sine-explicit": (
-            "reproduced", "median 57 % (50 to 64 % over 8 seeds); a weight gives the same to implicit in 8, to preview in 8 of 8 seeds",
+            "reproduced",
+            (
+                "median 57 % (50 to 64 % over 8 seeds); a weight gives the same to implicit in 8, to preview in 8 of 8"
+                " seeds"
+            ),
             57.0,
         ),
         "sine-implicit": ("reproduced", "median 62 % (55 to 69 % over 8 seeds)", 62.0),
         "sine-preview": (order, "median 52 % (45 to 59 % over 8 seeds)", 52.0),
         "sine-same-force": (
             "not reproduced",
-            "force 0.54 to 0.62 times explicit's; power 0.29 to 0.35 times explicit's; both alike at 0 of 8 speeds", None,
+            "force 0.54 to 0.62 times explicit's; power 0.29 to 0.35 times explicit's; both alike at 0 of 8 speeds",
+            None,
         ),
         "implicit-power": (
             "not reproduced",
-            f"power 1.02 to 1.13 times explicit's, more at {all_but_80}; force 1.14 to 1.24 times explicit's, more at {all_but_80}",
+            (
+                f"power 1.02 to 1.13 times explicit's, more at {all_but_80}; force 1.14 to 1.24 times explicit's, more"
+                f" at {all_but_80}"
+            ),
             1.1331,
         ),
         "implicit-power-80": (
-            "not reproduced", "median 1.02 times (1.01 to 1.04 times over 2 seeds of 8 that could be matched)", 1.0229,
+            "not reproduced",
+            "median 1.02 times (1.01 to 1.04 times over 2 seeds of 8 that could be matched)",
+            1.0229,
         ),
         "implicit-force-50": (
-            order, "median 1.24 (1.13 to 1.43 over 8 seeds) times explicit's; median 1.99 (1.81 to 2.14 over 8 seeds) times preview's",
+            order,
+            (
+                "median 1.24 (1.13 to 1.43 over 8 seeds) times explicit's; median 1.99 (1.81 to 2.14 over 8 seeds)"
+                " times preview's"
+            ),
             1.241,
         ),
         "sine-signals": (
             "reproduced",
-            "implicit acceleration -7 %, pitch -54 %, roll 0.147 of pitch; explicit acceleration -17 %, pitch -50 %, roll 0.135 of pitch; "
-            "preview acceleration -28 %, pitch -45 %, roll 0.123 of pitch (medians of the seeds)",
+            (
+                "implicit acceleration -7 %, pitch -54 %, roll 0.147 of pitch; explicit acceleration -17 %, pitch -50"
+                " %, roll 0.135 of pitch; preview acceleration -28 %, pitch -45 %, roll 0.123 of pitch (medians of the"
+                " seeds)"
+            ),
             None,
         ),
         "sine-implicit-signals": (
             "reproduced",
-            "acceleration 1.12 times explicit's; acceleration 1.29 times preview's; pitch 0.92 times explicit's; pitch 0.84 times "
-            "preview's",
+            (
+                "acceleration 1.12 times explicit's; acceleration 1.29 times preview's; pitch 0.92 times explicit's;"
+                " pitch 0.84 times preview's"
+            ),
             8.0,
         ),
-        "perryman-implicit-gain": ("reproduced", "median 43 % (36 to 50 % over 8 seeds; holds in 8 of 8), at 40 km/h", 43.0),
+        "perryman-implicit-gain": (
+            "reproduced",
+            "median 43 % (36 to 50 % over 8 seeds; holds in 8 of 8), at 40 km/h",
+            43.0,
+        ),
         "perryman-explicit": ("reproduced", "median 38 % (31 to 45 % over 8 seeds; holds in 8 of 8), at 40 km/h", 38.0),
         "perryman-preview": ("reproduced", "median 33 % (26 to 40 % over 8 seeds; holds in 8 of 8), at 40 km/h", 33.0),
         "perryman-same": (
             "not reproduced",
-            "force 0.62 to 0.66 times explicit's; power 0.35 to 0.39 times explicit's; both alike at 0 of 8 speeds", None,
+            "force 0.62 to 0.66 times explicit's; power 0.35 to 0.39 times explicit's; both alike at 0 of 8 speeds",
+            None,
         ),
         "perryman-implicit": (
             "reproduced",
-            f"force 1.24 to 1.24 times explicit's, more at {everywhere}; power 1.13 to 1.13 times explicit's, more at {everywhere}", 1.241,
+            (
+                f"force 1.24 to 1.24 times explicit's, more at {everywhere}; power 1.13 to 1.13 times explicit's, more"
+                f" at {everywhere}"
+            ),
+            1.241,
         ),
         "perryman-roll": (
             "not reproduced",
-            "implicit: peak of pitch -25 %, roll -66 %, acceleration -7 %; explicit: peak of pitch -25 %, roll -66 %, acceleration -17 %; "
-            "preview: peak of pitch -25 %, roll -66 %, acceleration -28 % (medians of the seeds)",
+            (
+                "implicit: peak of pitch -25 %, roll -66 %, acceleration -7 %; explicit: peak of pitch -25 %, roll -66"
+                " %, acceleration -17 %; preview: peak of pitch -25 %, roll -66 %, acceleration -28 % (medians of the"
+                " seeds)"
+            ),
             -6.85,
         ),
         "curb-gain": (
             order,
-            "explicit at 80 km/h median 24 % (17 to 31 % over 8 seeds; holds in 8 of 8), lower at 8 of 8 speeds; with the same weight, "
-            "not matched, implicit 29 % and preview 19 %",
+            (
+                "explicit at 80 km/h median 24 % (17 to 31 % over 8 seeds; holds in 8 of 8), lower at 8 of 8 speeds;"
+                " with the same weight, not matched, implicit 29 % and preview 19 %"
+            ),
             24.0,
         ),
         "curb-explicit-force": (
             "not reproduced",
-            "highest at 0 of 8 speeds; force median 0.8 (0.8 to 0.8 over 7 speeds) times implicit's, power median 0.9 (0.9 to 0.9 over 7 "
-            "speeds) times implicit's",
+            (
+                "highest at 0 of 8 speeds; force median 0.8 (0.8 to 0.8 over 7 speeds) times implicit's, power median"
+                " 0.9 (0.9 to 0.9 over 7 speeds) times implicit's"
+            ),
             0.806,
         ),
         "curb-preview-200": ("reproduced", "at most median 96 W (84 to 108 W over 8 seeds; holds in 8 of 8)", 95.76),
         "curb-preview-power": (
             "not reproduced",
-            "least at 7 of 8 speeds (10, 20, 30, 50, 60, 70, 80 km/h): 0.31 to 0.31 times implicit's, 0.35 to 0.35 times explicit's", None,
+            (
+                "least at 7 of 8 speeds (10, 20, 30, 50, 60, 70, 80 km/h): 0.31 to 0.31 times implicit's, 0.35 to 0.35"
+                " times explicit's"
+            ),
+            None,
         ),
         "curb-peak": (
             "reproduced",
-            "median 0.81 times (0.78 to 0.92 times over 7 seeds of 8 that could be matched; holds in 7 of 7) the lower of the others' "
-            "peaks; with R = 1e-7 for all three lowest in 8 of 8 seeds",
+            (
+                "median 0.81 times (0.78 to 0.92 times over 7 seeds of 8 that could be matched; holds in 7 of 7) the"
+                " lower of the others' peaks; with R = 1e-7 for all three lowest in 8 of 8 seeds"
+            ),
             0.81276,
         ),
         "weight-power": ("not reproduced", "falls from weight to weight at 0 of 8 speeds", None),
-        "weight-force": ("not reproduced", "largest over smallest of R = 5e-7, 1e-6, 5e-6: within 15 % at 0 of 8 speeds", 1.5993),
+        "weight-force": (
+            "not reproduced",
+            "largest over smallest of R = 5e-7, 1e-6, 5e-6: within 15 % at 0 of 8 speeds",
+            1.5993,
+        ),
         "force-limit": ("not reproduced", "at most 12 % of the limit in any run", 0.1152),
         "no-divergence": ("does not hold", "2 diverged of 1335 runs", 2.0),
         "converged": ("holds", "at most 0.12 %", 0.12),
-    }  # fmt: skip
+    }
     units = {c.id: c.unit for c in found if c.value is not None}
     assert {u: [i for i, x in units.items() if x == u] for u in ("km/h", "W", "", "runs")} == {
-        "km/h": ["open-loop-peak"], "W": ["curb-preview-200"], "": ["force-limit"], "runs": ["no-divergence"],
-    }  # fmt: skip
+        "km/h": ["open-loop-peak"],
+        "W": ["curb-preview-200"],
+        "": ["force-limit"],
+        "runs": ["no-divergence"],
+    }
     assert {i for i, u in units.items() if u == "times"} == {
-        "implicit-power", "implicit-power-80", "implicit-force-50", "perryman-implicit", "curb-explicit-force", "curb-peak", "weight-force",
-    }  # fmt: skip
+        "implicit-power",
+        "implicit-power-80",
+        "implicit-force-50",
+        "perryman-implicit",
+        "curb-explicit-force",
+        "curb-peak",
+        "weight-force",
+    }
     reasons = {c.id: c.reason for c in found}
     assert reasons["implicit-power-80"].startswith(
         "at 80 km/h explicit with R = 1e-7 lowers the response in 2 of 8 seeds (improvement -11 to 3 %)"
@@ -1012,9 +1185,14 @@ def test_rules_of_the_claims(study: Study) -> None:
     motion, excitation = "the motion ratio", "2 kN per actuator"
     assert {i for i, c in found.items() if motion in c.fitted} == {"open-loop-peak", *(f"sine-{law}" for law in LAWS)}
     assert {i for i, c in found.items() if excitation in c.fitted} == {
-        "sine-implicit", "implicit-power", "implicit-power-80", "implicit-force-50", "sine-implicit-signals", "perryman-implicit-gain",
+        "sine-implicit",
+        "implicit-power",
+        "implicit-power-80",
+        "implicit-force-50",
+        "sine-implicit-signals",
+        "perryman-implicit-gain",
         "perryman-implicit",
-    }  # fmt: skip
+    }
     said = {i: (c.published, c.source) for i, c in found.items()}
     assert said["implicit-power-80"] == ("almost 2 times", "Figure 7d")
     assert said["curb-preview-200"] == ("below 200 W", "Figure 11d")
@@ -1030,36 +1208,48 @@ def test_words_without_a_match() -> None:
     none = "not comparable with explicit's at any speed"
     assert found == {
         "sine-explicit": (
-            "median 60 % (60 to 60 % over 8 seeds); a weight gives the same to implicit in 0, to preview in 0 of 8 seeds", 60.0,
+            (
+                "median 60 % (60 to 60 % over 8 seeds); a weight gives the same to implicit in 0, to preview in 0 of 8"
+                " seeds"
+            ),
+            60.0,
         ),
         "sine-same-force": (f"force {none}; power {none}; both alike at 0 of 8 speeds", None),
         "implicit-power": (f"power {none}, more at 0 of 8 speeds; force {none}, more at 0 of 8 speeds", None),
         "implicit-power-80": ("no seed in which explicit lowers the response that could be matched", None),
         "implicit-force-50": ("no weight matches the response", None),
         "sine-signals": (
-            "implicit acceleration not matched, pitch not matched, roll not matched; explicit acceleration -20 %, pitch -50 %, roll 0.100 "
-            "of pitch; preview acceleration not matched, pitch not matched, roll not matched (medians of the seeds)",
+            (
+                "implicit acceleration not matched, pitch not matched, roll not matched; explicit acceleration -20 %,"
+                " pitch -50 %, roll 0.100 of pitch; preview acceleration not matched, pitch not matched, roll not"
+                " matched (medians of the seeds)"
+            ),
             None,
         ),
         "sine-implicit-signals": (
-            "acceleration not matched; acceleration not matched; pitch not matched; pitch not matched", None,
+            "acceleration not matched; acceleration not matched; pitch not matched; pitch not matched",
+            None,
         ),
         "perryman-same": (f"force {none}; power {none}; both alike at 0 of 8 speeds", None),
         "perryman-implicit": (f"force {none}, more at 0 of 8 speeds; power {none}, more at 0 of 8 speeds", None),
         "perryman-roll": (
-            "implicit: peak of pitch not matched, roll not matched, acceleration not matched; explicit: peak of pitch -33 %, roll +5 %, "
-            "acceleration +5 %; preview: peak of pitch not matched, roll not matched, acceleration not matched (medians of the seeds)",
+            (
+                "implicit: peak of pitch not matched, roll not matched, acceleration not matched; explicit: peak of"
+                " pitch -33 %, roll +5 %, acceleration +5 %; preview: peak of pitch not matched, roll not matched,"
+                " acceleration not matched (medians of the seeds)"
+            ),
             5.0,
         ),
         "curb-explicit-force": ("highest at 0 of 8 speeds; not comparable with implicit's at any speed", None),
         "curb-preview-200": ("no weight matches the response", None),
         "curb-preview-power": (f"least at 0 of 8 speeds: not comparable with implicit's at any speed, {none}", None),
         "curb-peak": ("no seed can be matched; with R = 1e-7 for all three lowest in 8 of 8 seeds", None),
-    }  # fmt: skip
+    }
 
 
 def test_a_run_that_diverged_is_not_the_lowest() -> None:
-    """On the curb at 72 km/h with the published weight: beside preview that diverges no other law's peak is looked at."""
+    """On the curb at 72 km/h with the published weight: beside preview that diverges no other law's peak
+    is looked at."""
 
     def measured(case: Case) -> Row:
         diverged = (case.road, case.speed_kmh, case.R) == ("curb", CURB_SPEED, 1e-7)
@@ -1080,8 +1270,10 @@ def test_only_runs_at_the_published_weight_or_above_count_as_diverged() -> None:
     """Whatever their seed: below it J is a cheap law's, which no paper shows."""
     rows: list[Row] = [
         {"road": "sine", "speed_kmh": 50.0, "controller": "preview", "R": r, "seed": s, "diverged": d}
-        for r in (1e-8, 1e-7, 1e-6) for s in (0, 3) for d in (True, False)
-    ]  # fmt: skip
+        for r in (1e-8, 1e-7, 1e-6)
+        for s in (0, 3)
+        for d in (True, False)
+    ]
     found = Results(Study(sweep=rows)).diverged()
     assert [(r["R"], r["seed"]) for r in found] == [(1e-7, 0), (1e-7, 3), (1e-6, 0), (1e-6, 3)]
 
@@ -1092,18 +1284,28 @@ def test_curves_go_from_the_lowest_speed() -> None:
     assert found is not None
     assert found.x_values.tolist() == [10.0, 50.0]
     assert {name: values.tolist() for name, values in found.columns()} == {
-        "y": [21.0, 101.0], "low": [20.0, 100.0], "high": [22.0, 102.0],
-    }  # fmt: skip
+        "y": [21.0, 101.0],
+        "low": [20.0, 100.0],
+        "high": [22.0, 102.0],
+    }
 
 
 def test_names_of_the_options() -> None:
     """What users type, and what their commands and stored sweeps have."""
     assert [f.name for f in fields(Case)] == [
-        "road", "speed", "controller", "weight", "seed", "hold", "solver-parts", "exchange-parts",
-    ]  # fmt: skip
+        "road",
+        "speed",
+        "controller",
+        "weight",
+        "seed",
+        "hold",
+        "solver-parts",
+        "exchange-parts",
+    ]
 
 
-# ------------------------------------------------------------------------------------------------------ cosim identify gpc
+# ------------------------------------------------------------------------------------------------------ cosim identify
+# gpc
 
 
 def test_a_vehicle_that_gpc_does_not_run_with_has_no_laws(fmus: FmuSet, tmp_path: Path) -> None:
@@ -1133,18 +1335,33 @@ def test_laws_derived_again(
 
     monkeypatch.setattr(identify_command, "identify_models", models)
     identify_command.identify(
-        seed=3, order=7, samples=300, excitation=1500.0, weight=2e-7, horizon=9, control_horizon=5, fmus=fmus.directory, fmi=3,
-        vehicle=None, out=tmp_path,
-    )  # fmt: skip
+        seed=3,
+        order=7,
+        samples=300,
+        excitation=1500.0,
+        weight=2e-7,
+        horizon=9,
+        control_horizon=5,
+        fmus=fmus.directory,
+        fmi=3,
+        vehicle=None,
+        out=tmp_path,
+    )
     assert asked == [
-        ("FullCarHmmwvModified", "RoadPerryman3", "SpeedProfile", IdentificationSettings(seed=3, order=7, samples=300, excitation=1500.0)),
+        (
+            "FullCarHmmwvModified",
+            "RoadPerryman3",
+            "SpeedProfile",
+            IdentificationSettings(seed=3, order=7, samples=300, excitation=1500.0),
+        ),
         *[DesignSettings(h_p=9, h_c=5, R=2e-7)] * 3,
-    ]  # fmt: skip
+    ]
     lines = [line.split() for line in capsys.readouterr().out.splitlines()]
     assert [line for line in lines if line[:1] in (["implicit"], ["explicit"], ["preview"])] == [
-        ["implicit", "12", "12,", "0.5,", "0.25", "yes"], ["explicit", "34", "34,", "0.5,", "0.25", "no"],
+        ["implicit", "12", "12,", "0.5,", "0.25", "yes"],
+        ["explicit", "34", "34,", "0.5,", "0.25", "no"],
         ["preview", "34", "34,", "0.5,", "0.25", "yes"],
-    ]  # fmt: skip
+    ]
     folder = tmp_path / "gpc" / "laws"
     assert {p.name for p in folder.iterdir()} == {f"{n}-seed3.json" for n in LAWS}
     assert GpcLaw.from_dict(json.loads((folder / "preview-seed3.json").read_text())).variant == "preview"

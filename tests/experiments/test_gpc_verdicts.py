@@ -1,4 +1,5 @@
-"""How the claims of paper 000 are judged, on made-up studies: every rule has a study that it turns against the claim."""
+"""How the claims of paper 000 are judged, on made-up studies: every rule has a study that it turns
+against the claim."""
 
 from __future__ import annotations
 
@@ -236,7 +237,8 @@ class TestWords:
     def test_why_preview_does_not_need_the_same_is_told_in_figures(self, study) -> None:
         scale(study, of("sine", "preview", 50), power=1.2)
         assert claim(study, "sine-same-force").reason.startswith(
-            "at the other speeds force or power is not between 0.9 and 1.1 times explicit's, or the seeds do not decide: explicit takes"
+            "at the other speeds force or power is not between 0.9 and 1.1 times explicit's, or the seeds do not"
+            " decide: explicit takes"
         )
 
     def test_that_a_road_is_synthetic_is_said_beside_its_verdicts_and_no_other(self, study) -> None:
@@ -259,8 +261,9 @@ class TestChecks:
         """By 4 %: of -50 from -52 to -48, of which the band has the former."""
         judge = Judge(study)
         judge.move = 0.04  # a cached property
-        assert judge.open(-50.0, Band(-60.0, -51.0), "%") == (
-            "halving steps moves metrics by up to 4 %: -52 to -48 % (edge of the band)"
+        assert (
+            judge.open(-50.0, Band(-60.0, -51.0), "%")
+            == "halving steps moves metrics by up to 4 %: -52 to -48 % (edge of the band)"
         )
         assert judge.open(50.0, Band(51.0, 60.0), "%").endswith("48 to 52 % (edge of the band)")
         assert judge.open(50.0, Band(53.0, 60.0), "%") == ""
@@ -280,8 +283,17 @@ def test_evidence_has_every_distribution(study) -> None:
     of_power = [e for e in evidence if e.claim == "implicit-power" and e.quantity.startswith("power")]
     assert [e.quantity for e in of_power] == [f"power, implicit / explicit, {v:g} km/h" for v in SPEEDS_KMH]
     assert of_power[0].row() == [
-        "implicit-power", "power, implicit / explicit, 10 km/h", "-", 1.9, 1.9, 1.9, 1.9, 1.9, 8, 8,
-    ]  # fmt: skip
+        "implicit-power",
+        "power, implicit / explicit, 10 km/h",
+        "-",
+        1.9,
+        1.9,
+        1.9,
+        1.9,
+        1.9,
+        8,
+        8,
+    ]
 
 
 def test_checks_of_ours(study) -> None:
@@ -299,6 +311,9 @@ def test_a_failed_run_leaves_open_what_needs_it(study) -> None:
     study.failures = {"comparison-curb-70kmh-seed3": "ComponentError: it broke"}
     found = {c.id: c for c in judged(study)}
     assert {c.id for c in found.values() if c.verdict == "open"} == {
-        "curb-gain", "curb-explicit-force", "curb-preview-200", "curb-preview-power",
-    }  # fmt: skip
+        "curb-gain",
+        "curb-explicit-force",
+        "curb-preview-200",
+        "curb-preview-power",
+    }
     assert "comparison-curb-70kmh-seed3: ComponentError: it broke" in found["curb-gain"].reason

@@ -23,11 +23,18 @@ def test_the_published_car_is_compared_with_its_actuators_with_the_pump_off(fmus
 
 
 def test_a_users_vehicle_is_compared_with_itself_without_actuators() -> None:
-    case = Case("bump", "lqr", speed_kmh=40.0, friction=True, lift_off=False, null_opening_mm=3.0, variant=2, duration=2.0)
+    case = Case(
+        "bump", "lqr", speed_kmh=40.0, friction=True, lift_off=False, null_opening_mm=3.0, variant=2, duration=2.0
+    )
     baseline = EXPERIMENT.beside(case, OWN)
-    assert baseline == Case("bump", "zero", "ideal", speed_kmh=40.0, friction=True, lift_off=False, variant=2, duration=2.0)
+    assert baseline == Case(
+        "bump", "zero", "ideal", speed_kmh=40.0, friction=True, lift_off=False, variant=2, duration=2.0
+    )
     assert EXPERIMENT.name_of(baseline) == "no actuators"
-    assert EXPERIMENT.about_baseline(baseline, case) == "no actuators is the baseline: the same car on its springs and dampers alone"
+    assert (
+        EXPERIMENT.about_baseline(baseline, case)
+        == "no actuators is the baseline: the same car on its springs and dampers alone"
+    )
     assert EXPERIMENT.beside(baseline, OWN) == baseline  # which is shown alone
     assert EXPERIMENT.name_of(Case("bump", "zero")) == "zero"
 
@@ -38,7 +45,10 @@ def test_rides_of_a_users_vehicle() -> None:
     assert RIDE.name_of(RIDE.beside(case, OWN)) == "no actuators"
     assert RIDE.beside(case, FmuSet()) == RIDE.case("hmmwv", "passive", "hydraulic")
     sedan = RIDE.case("sedan", "comfort-active")
-    assert RIDE.about_baseline(RIDE.beside(sedan, OWN), sedan) == "passive is the baseline: the same car without control forces"
+    assert (
+        RIDE.about_baseline(RIDE.beside(sedan, OWN), sedan)
+        == "passive is the baseline: the same car without control forces"
+    )
 
 
 def test_results_of_a_users_vehicle_have_a_folder_of_their_own(tmp_path) -> None:

@@ -1,4 +1,5 @@
-"""How paper 001 is judged, on studies in which nothing was run: verdicts, their reasons, and cases that do not exist."""
+"""How paper 001 is judged, on studies in which nothing was run: verdicts, their reasons, and cases that
+do not exist."""
 
 from __future__ import annotations
 
@@ -191,8 +192,9 @@ def test_nothing_over_nothing_is_open():
     assert found.verdict == "open"
     nothing = "neither with preview nor without does a valve saturate at 6 of 6 places of the bump"
     assert found.ours == f"{nothing}; absorbed power passive 12.00, MPC 4.71, MPC with preview 4.01 W"
-    assert found.reason == (
-        f"{nothing}, so there is nothing to compare; holds with: 60 l/min at each actuator, not with 45 l/min"
+    assert (
+        found.reason
+        == f"{nothing}, so there is nothing to compare; holds with: 60 l/min at each actuator, not with 45 l/min"
     )
     assert found.value is None
     (table,) = (t for t in pump_section(Averages(made_up_study(idle))).tables if t.id == "pump-needed")
@@ -227,9 +229,18 @@ def test_a_verdict_that_changes_with_the_steps_is_open():
 
 def test_checks_of_ours_are_counted_apart():
     assert {c.id for c in CLAIMS.judge(made_up_study()) if c.own} == {
-        "tracking-square", "tracking-sweep", "tracking-discrete-sweep", "off-road-kilonewton", "off-road-travel-limit",
-        "estimates-mpc", "estimates-mpc-preview", "sensed-preview", "converged", "solver", "preview-fed",
-    }  # fmt: skip
+        "tracking-square",
+        "tracking-sweep",
+        "tracking-discrete-sweep",
+        "off-road-kilonewton",
+        "off-road-travel-limit",
+        "estimates-mpc",
+        "estimates-mpc-preview",
+        "sensed-preview",
+        "converged",
+        "solver",
+        "preview-fed",
+    }
 
 
 @pytest.mark.parametrize(
@@ -263,8 +274,10 @@ def test_steps_that_lower_a_number_count_as_those_that_raise_it():
 
     found = judged(change)["converged"]
     assert (found.verdict, found.ours, found.value) == (
-        "does not hold", "at most 5.00 % off, test track, LQR", pytest.approx(5.0, rel=1e-4),
-    )  # fmt: skip
+        "does not hold",
+        "at most 5.00 % off, test track, LQR",
+        pytest.approx(5.0, rel=1e-4),
+    )
 
 
 def test_pump_and_valve_as_published_are_those_of_runs_that_do_not_say_otherwise():
@@ -280,8 +293,10 @@ def test_pump_and_valve_as_published_are_those_of_runs_that_do_not_say_otherwise
 
 
 def test_what_was_chosen_stands_beside_the_verdict():
-    found = judged(watts(11.0, road="track", controller="passive", null_opening_mm=6.75),
-                   watts(9.0, road="track", controller="passive", null_opening_mm=4.0))  # fmt: skip
+    found = judged(
+        watts(11.0, road="track", controller="passive", null_opening_mm=6.75),
+        watts(9.0, road="track", controller="passive", null_opening_mm=4.0),
+    )
     fitted = found["track-lqr"].fitted
     assert "null opening" in fitted
     assert "give 1.73 to 2.30 times, in and out of the band" in fitted
@@ -305,9 +320,13 @@ def test_a_failed_run_leaves_open_what_needs_it_and_nothing_else(fmus, tmp_path)
     made = report(broken, fmus)
     message = ("Left out: the run track-lqr-variant3 failed: ComponentError: it broke",)
     assert [s.title for s in made.sections if s.paragraphs == message] == [
-        "Absorbed power", "Test track", "Estimated states and sensed preview", "What the hydraulics do, and what pump it takes",
-        "What the assumptions decide", "Refinement of the steps",
-    ]  # fmt: skip
+        "Absorbed power",
+        "Test track",
+        "Estimated states and sensed preview",
+        "What the hydraulics do, and what pump it takes",
+        "What the assumptions decide",
+        "Refinement of the steps",
+    ]
     assert message[0] in write_report(made, tmp_path).read_text(encoding="utf-8")
 
 
@@ -387,7 +406,8 @@ def test_cases_that_do_not_exist(choice: dict, message: str) -> None:
         Case(**choice)
 
 
-# ------------------------------------------------------------------------------------------------------------- the parts
+# ------------------------------------------------------------------------------------------------------------- the
+# parts
 
 
 def test_signals():
@@ -518,9 +538,17 @@ def test_claims_on_the_preview_follow_the_numbers():
     ("name", "changes", "verdict"),
     [
         ("preview-fed", {over(FED, HEIGHTS_MM[0]): {"lowest": -0.002}}, "does not hold"),  # a dip, though stable
-        ("preview-fed", {long(FED): {"spread": [0.001, 0.05, 0.002]}}, "does not hold"),  # no dip, but for once too large an error
+        (
+            "preview-fed",
+            {long(FED): {"spread": [0.001, 0.05, 0.002]}},
+            "does not hold",
+        ),  # no dip, but for once too large an error
         ("preview-fed", {long(FED): {"spread": [0.001, 0.02, 0.002]}}, "holds"),
-        ("generated-drift", {generated(SPEEDOMETER_ERRORS[-1]): {"offsets": [-0.6, 0.5]}}, "not reproduced"),  # more at the first
+        (
+            "generated-drift",
+            {generated(SPEEDOMETER_ERRORS[-1]): {"offsets": [-0.6, 0.5]}},
+            "not reproduced",
+        ),  # more at the first
         ("generated-drift", {generated(SPEEDOMETER_ERRORS[-1]): {"offsets": [-0.6, 0.7]}}, "reproduced"),
     ],
 )

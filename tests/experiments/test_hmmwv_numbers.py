@@ -34,7 +34,8 @@ from cosim.study.case import fields as options
 from fmu_sources.models.comfort import absorbed_power_series, iso2631_rms
 from fmu_sources.models.corners import CORNERS
 
-# ------------------------------------------------------------------------------------------ a run of the vehicle by hand
+# ------------------------------------------------------------------------------------------ a run of the vehicle by
+# hand
 
 T = np.arange(4000) / 1000.0  # s
 STARTS = {"car.wheel.rl.x": -1.5, "actuator_fl.supply.flow_limit": 0.0005, "actuator_fl.valve.null_opening": 0.004}
@@ -76,16 +77,29 @@ def test_metrics_of_a_run_over_bumps() -> None:
     found = measure(recording(Case("track", "mpc")))
     power = absorbed_power_series(AZ, 1000.0)
     peak = max(power[max(0, i - 1000) : i].sum() / 1000 for i in range(1, 4001))
-    assert found == pytest.approx({
-        "absorbed_power": peak, "absorbed_power_peak": peak, "absorbed_power_mean": power.mean(),
-        "iso2631_rms": iso2631_rms(AZ, 1000.0),
-        "travel_rms": rms((0.01, 0.25), (0.02, 0.25), (0.03, 0.25), (0.065, 0.0625), (0.04, 0.1875)),
-        "travel_peak": 0.065, "travel_over": 0.25, "lift_off": 0.1 / 4,
-        "force_rms": rms((100, 0.25), (200, 0.24375), (5000, 0.00625), (300, 0.25), (400, 0.25)), "force_peak": 5000.0,
-        "solver_failures": 3, "solver_residual": 2e-7, "flow_limit": 30.0, "null_opening": 0.004,
-        "flow_peak": (1e-3 + 9e-4) * 60000, "flow_mean": (0.5 * 1e-3 + 0.5 * 1e-4 + 9e-4) * 60000, "power_mean": 5000.0,
-        "tracking_error_rms": rms((10, 0.25), (20, 0.24375), (5180, 0.00625), (30, 0.25), (40, 0.25)), "saturation": 0.25 / 4,
-    })  # fmt: skip
+    assert found == pytest.approx(
+        {
+            "absorbed_power": peak,
+            "absorbed_power_peak": peak,
+            "absorbed_power_mean": power.mean(),
+            "iso2631_rms": iso2631_rms(AZ, 1000.0),
+            "travel_rms": rms((0.01, 0.25), (0.02, 0.25), (0.03, 0.25), (0.065, 0.0625), (0.04, 0.1875)),
+            "travel_peak": 0.065,
+            "travel_over": 0.25,
+            "lift_off": 0.1 / 4,
+            "force_rms": rms((100, 0.25), (200, 0.24375), (5000, 0.00625), (300, 0.25), (400, 0.25)),
+            "force_peak": 5000.0,
+            "solver_failures": 3,
+            "solver_residual": 2e-7,
+            "flow_limit": 30.0,
+            "null_opening": 0.004,
+            "flow_peak": (1e-3 + 9e-4) * 60000,
+            "flow_mean": (0.5 * 1e-3 + 0.5 * 1e-4 + 9e-4) * 60000,
+            "power_mean": 5000.0,
+            "tracking_error_rms": rms((10, 0.25), (20, 0.24375), (5180, 0.00625), (30, 0.25), (40, 0.25)),
+            "saturation": 0.25 / 4,
+        }
+    )
     assert found["absorbed_power_peak"] > 1.5 * found["absorbed_power_mean"]
 
 
@@ -96,10 +110,15 @@ def test_what_is_shown_of_a_run() -> None:
         "absorbed power, peak over 1 s [W]": f"{found['absorbed_power_peak']:.2f}",
         "absorbed power, mean [W]": f"{found['absorbed_power_mean']:.2f}",
         "ISO 2631 weighted rms [m/s2]": f"{found['iso2631_rms']:.3f}",
-        "suspension travel, rms [mm]": "30.2", "suspension travel, largest [mm]": "65.0", "tire off the ground [% of the time]": "2.5",
-        "actuator force, rms [N]": "481", "actuator force, largest [N]": "5000", "force error, rms [N]": "410",
-        "valve saturated [% of the time]": "6.2", "flow of the pump, mean [l/min]": "87",
-    }  # fmt: skip
+        "suspension travel, rms [mm]": "30.2",
+        "suspension travel, largest [mm]": "65.0",
+        "tire off the ground [% of the time]": "2.5",
+        "actuator force, rms [N]": "481",
+        "actuator force, largest [N]": "5000",
+        "force error, rms [N]": "410",
+        "valve saturated [% of the time]": "6.2",
+        "flow of the pump, mean [l/min]": "87",
+    }
 
 
 def test_off_road_counts_from_where_all_wheels_are_beyond_the_ramp() -> None:
@@ -124,9 +143,12 @@ def test_ideal_actuators_give_what_is_commanded() -> None:
 @pytest.mark.parametrize(("road", "every"), [("track", 2), ("off-road", 4)])
 def test_signals_of_a_run(road: str, every: int) -> None:
     given = {
-        "speed.x": 1.0, "car.suspension.fl.deflection": 2.0, "actuator_fl.force": 3.0, "tracking_fl.force.smoothed": 4.0,
+        "speed.x": 1.0,
+        "car.suspension.fl.deflection": 2.0,
+        "actuator_fl.force": 3.0,
+        "tracking_fl.force.smoothed": 4.0,
         "tracking_fl.valve.saturated": 5.0,
-    }  # fmt: skip
+    }
     found = signals(recording(Case(road, "mpc"), **{n: factor * (1 + T) for n, factor in given.items()}))
     names = ("x", "travel", "force", "smoothed", "saturated")
     at = 1500  # ms
@@ -148,23 +170,44 @@ def test_a_run_begins_and_ends_where_the_wheels_of_this_car_are() -> None:
     assert start(system, Case("off-road", "lqr")) == -2.0
 
 
-# ------------------------------------------------------------------------------------------------ runs of the parts by hand
+# ------------------------------------------------------------------------------------------------ runs of the parts by
+# hand
 
 
 def test_metrics_of_force_tracking() -> None:
     """Errors of 100, 40 and 20 N by time beside a desired force of 1000 N."""
     error = np.where(T < 0.5, 900.0, np.where(T <= 1.0, 100.0, np.where(T < 3.5, 40.0, 20.0)))
     jump = np.where(np.arange(len(T)) % 2, 0.5, -0.3)
-    found = tracking.runs.measure(made_up.run(tracking.runs.Case("step"), T, {
-        "tracking.force.smoothed": 1000.0, "actuator.force": 1000.0 - error, "actuator.flow": np.where(T < 0.5, 9.0, -2e-4),
-        "tracking.valve.voltage": np.where(T < 0.5, 8.0, jump), "tracking.saturated": between(0.4, 1.2),
-    }, {"actuator.supply.flow_limit": 0.0005, "car.suspension.friction.force": 80.0}))  # fmt: skip
+    found = tracking.runs.measure(
+        made_up.run(
+            tracking.runs.Case("step"),
+            T,
+            {
+                "tracking.force.smoothed": 1000.0,
+                "actuator.force": 1000.0 - error,
+                "actuator.flow": np.where(T < 0.5, 9.0, -2e-4),
+                "tracking.valve.voltage": np.where(T < 0.5, 8.0, jump),
+                "tracking.saturated": between(0.4, 1.2),
+            },
+            {"actuator.supply.flow_limit": 0.0005, "car.suspension.friction.force": 80.0},
+        )
+    )
     count = 3500
     expected = math.sqrt((501 * 100**2 + 2499 * 40**2 + 500 * 20**2) / count) / 1000
-    assert found == pytest.approx({
-        "error": expected, "early": 100 / 2000, "late": 20 / 2000, "flow_peak": 12.0, "voltage_peak": 0.5, "voltage_jumps": 0.8,
-        "saturated": 700 / 3500, "flow_limit": 30.0, "friction_force": 80.0,
-    }, rel=1e-6)  # fmt: skip
+    assert found == pytest.approx(
+        {
+            "error": expected,
+            "early": 100 / 2000,
+            "late": 20 / 2000,
+            "flow_peak": 12.0,
+            "voltage_peak": 0.5,
+            "voltage_jumps": 0.8,
+            "saturated": 700 / 3500,
+            "flow_limit": 30.0,
+            "friction_force": 80.0,
+        },
+        rel=1e-6,
+    )
 
 
 def test_metrics_of_the_filter() -> None:
@@ -179,8 +222,9 @@ def test_metrics_of_the_filter() -> None:
         1 / (2 * np.pi * 0.01), rel=0.02
     )
     assert tracking.runs.signals(made_up.run(case, T[:9], {"tracking.force.smoothed": y[:9]}, {})) == {
-        "time": T[:9].tolist(), "smoothed": y[:9].tolist(),
-    }  # fmt: skip
+        "time": T[:9].tolist(),
+        "smoothed": y[:9].tolist(),
+    }
 
 
 def test_signals_of_force_tracking() -> None:
@@ -191,8 +235,11 @@ def test_signals_of_force_tracking() -> None:
 
 TC = np.arange(800) * 0.005  # s, of the preview chain
 CHAIN = {
-    "car.wheel.fl.x": 1.5, "sensors.range.sensor": 1, "sensors.range.spot[2]": 0.2, "sensors.range.resolution[2]": 0.02,
-}  # fmt: skip
+    "car.wheel.fl.x": 1.5,
+    "sensors.range.sensor": 1,
+    "sensors.range.spot[2]": 0.2,
+    "sensors.range.resolution[2]": 0.02,
+}
 
 
 def chain_run() -> made_up.MadeUpRun:
@@ -200,32 +247,63 @@ def chain_run() -> made_up.MadeUpRun:
     seen = 10 * TC + 3.5
     sensed = np.where(seen < 10.405, 0.05, np.where(seen < 12, -0.002, np.where(seen < 16.405, 0.003, -0.04)))
     true = np.where(TC < 2, 0.0, 0.06)
-    return made_up.run(preview.runs.Case(), TC, {
-        "speed.x": 10 * TC, "sensors.range.left": 4 + TC, "sensors.range.left.valid": 1.0, "preview_sensor.sensed.left.x": seen,
-        "preview_sensor.sensed.left.height": sensed, "road.road.fl.height": true, "road.road.fl.rate": 6 * TC,
-        "buffer.preview.fl[1]": true + np.where(np.arange(800) % 2, 0.004, -0.004),
-        "buffer.preview.fl[2]": true + np.where(np.arange(800) % 2, 0.004, -0.004) + 0.03 * 6 * TC,
-        "buffer.preview.valid": TC > 1, "buffer.road.valid": TC < 3.5,
-    }, CHAIN)  # fmt: skip
+    return made_up.run(
+        preview.runs.Case(),
+        TC,
+        {
+            "speed.x": 10 * TC,
+            "sensors.range.left": 4 + TC,
+            "sensors.range.left.valid": 1.0,
+            "preview_sensor.sensed.left.x": seen,
+            "preview_sensor.sensed.left.height": sensed,
+            "road.road.fl.height": true,
+            "road.road.fl.rate": 6 * TC,
+            "buffer.preview.fl[1]": true + np.where(np.arange(800) % 2, 0.004, -0.004),
+            "buffer.preview.fl[2]": true + np.where(np.arange(800) % 2, 0.004, -0.004) + 0.03 * 6 * TC,
+            "buffer.preview.valid": TC > 1,
+            "buffer.road.valid": TC < 3.5,
+        },
+        CHAIN,
+    )
 
 
 def test_metrics_of_the_preview_chain() -> None:
     found = preview.runs.measure(chain_run())
     assert found.pop("spread") == pytest.approx([0.004], rel=1e-4)
     # the mean over the 30 ms ahead is 2.5 samples of 30 mm/s2 ahead of the rate
-    assert found == pytest.approx({
-        "front": 1.5, "ahead": 2.0, "resolution": 0.02, "lowest": -0.002, "highest": 0.003, "rate_error": 6 * 0.0125,
-    }, rel=1e-4)  # fmt: skip
+    assert found == pytest.approx(
+        {
+            "front": 1.5,
+            "ahead": 2.0,
+            "resolution": 0.02,
+            "lowest": -0.002,
+            "highest": 0.003,
+            "rate_error": 6 * 0.0125,
+        },
+        rel=1e-4,
+    )
 
 
 def test_signals_of_the_preview_chain() -> None:
     found = preview.runs.signals(chain_run())
     at = 300  # 1.5 s
     assert {len(v) for v in found.values()} == {800}
-    assert {n: v[at] for n, v in found.items()} == pytest.approx({
-        "time": 1.5, "x": 15.0, "range": 5.5, "range valid": 1.0, "sensed x": 18.5, "sensed": -0.04, "true": 0.0,
-        "true rate": 6 * 1.5125, "buffered": -0.004, "rate": 9.0, "preview valid": 1.0, "road valid": 1.0,
-    })  # fmt: skip
+    assert {n: v[at] for n, v in found.items()} == pytest.approx(
+        {
+            "time": 1.5,
+            "x": 15.0,
+            "range": 5.5,
+            "range valid": 1.0,
+            "sensed x": 18.5,
+            "sensed": -0.04,
+            "true": 0.0,
+            "true rate": 6 * 1.5125,
+            "buffered": -0.004,
+            "rate": 9.0,
+            "preview valid": 1.0,
+            "road valid": 1.0,
+        }
+    )
 
 
 def test_spread_is_taken_in_windows_of_four_seconds() -> None:
@@ -255,16 +333,25 @@ def test_metrics_of_the_generated_preview() -> None:
         + np.where(np.abs(x - 14.9) < 0.01, 2e3, 0.0)
         + np.where(x > 20, 9e3, 0)
     )
-    run = made_up.run(preview.runs.Case("generated", road="track"), TC, {
-        "speed.x": x, "map.road.fl.height": map_, "road.road.fl.height": 0.07, "sensors.loadcell.fl": load,
-    }, {"car.wheel.fl.x": 1.5})  # fmt: skip
+    run = made_up.run(
+        preview.runs.Case("generated", road="track"),
+        TC,
+        {
+            "speed.x": x,
+            "map.road.fl.height": map_,
+            "road.road.fl.height": 0.07,
+            "sensors.loadcell.fl": load,
+        },
+        {"car.wheel.fl.x": 1.5},
+    )
     found = preview.runs.measure(run)
     assert found == {"front": 1.5, "offsets": pytest.approx([0.1, 0.4], abs=1e-9)}
     found = preview.runs.signals(run)
     assert {n: v[174] for n, v in found.items()} == {"x": 8.7, "map": 0.05, "road": 0.07, "load": -4000.0}
 
 
-# ----------------------------------------------------------------------------------------------- a study: every cell by hand
+# ----------------------------------------------------------------------------------------------- a study: every cell by
+# hand
 
 
 def number(*what: object) -> float:
@@ -273,9 +360,19 @@ def number(*what: object) -> float:
 
 
 SIZES = {
-    "absorbed_power": 10.0, "travel_rms": 0.01, "travel_peak": 0.05, "travel_over": 0.1, "lift_off": 0.2, "force_rms": 1000.0,
-    "iso2631_rms": 1.0, "flow_peak": 300.0, "flow_mean": 100.0, "power_mean": 3e4, "tracking_error_rms": 700.0, "saturation": 0.2,
-}  # fmt: skip
+    "absorbed_power": 10.0,
+    "travel_rms": 0.01,
+    "travel_peak": 0.05,
+    "travel_over": 0.1,
+    "lift_off": 0.2,
+    "force_rms": 1000.0,
+    "iso2631_rms": 1.0,
+    "flow_peak": 300.0,
+    "flow_mean": 100.0,
+    "power_mean": 3e4,
+    "tracking_error_rms": 700.0,
+    "saturation": 0.2,
+}
 NAMES = ("x", "power_window", "travel", "force", "smoothed")
 
 
@@ -290,10 +387,14 @@ def metrics(case: Any) -> dict[str, Any]:
     if case.preview == "generated":
         return {"front": 1.5, "offsets": [0.1 * number("first", case), 0.2 * number("second", case)]}
     return {
-        "front": 1.5, "ahead": 2.5, "resolution": 0.02, "lowest": -0.01 * number("lowest", case),
-        "highest": 0.01 * number("highest", case), "spread": [0.01 * number(i, case) for i in range(5)],
+        "front": 1.5,
+        "ahead": 2.5,
+        "resolution": 0.02,
+        "lowest": -0.01 * number("lowest", case),
+        "highest": 0.01 * number("highest", case),
+        "spread": [0.01 * number(i, case) for i in range(5)],
         "rate_error": 0.1 * number("rate", case),
-    }  # fmt: skip
+    }
 
 
 def drawn(case: Any) -> dict[str, list[float]]:
@@ -334,7 +435,9 @@ def test_what_preview_takes_off_is_what_its_claim_says(study: Results, fmus: Fmu
 
 
 def runs_of(case: Case) -> Iterable[Case]:
-    """Where a case is run: 6 places of a bump, or 5 stretches of 20 s; 1 where nothing is sampled; 2 for what is beside."""
+    """Where a case is run: 6 places of a bump, or 5 stretches of 20 s; 1 where nothing is sampled; 2 for what is
+    beside.
+    """
     beside = case.friction or not case.lift_off or case.shared_pump
     if case.road == "off-road":
         return [replace(case, variant=v, duration=20.0) for v in ((0, 2) if beside else range(5))]
@@ -357,9 +460,14 @@ def mean(key: str, case: Case) -> float:
 
 ROADS = {"track": "test track", "bump": "one 76 mm bump", "off-road": "off road"}
 LAWS = {
-    "passive": "passive", "zero": "zero force", "skyhook": "skyhook", "lqr": "LQR", "lqr-kilonewton": "LQR, force in kN", "mpc": "MPC",
+    "passive": "passive",
+    "zero": "zero force",
+    "skyhook": "skyhook",
+    "lqr": "LQR",
+    "lqr-kilonewton": "LQR, force in kN",
+    "mpc": "MPC",
     "mpc-preview": "MPC with preview",
-}  # fmt: skip
+}
 
 
 def test_the_plan_has_every_place_once(study: Results) -> None:
@@ -374,14 +482,29 @@ def test_table_of_absorbed_power(page: Report) -> None:
         powers = values("absorbed_power", case)
         ideal = None if case.controller == "passive" else round(median(replace(case, actuators="ideal")), 2)
         assert list(row.values())[2:] == [
-            round(median(case), 2), round(min(powers), 2), round(max(powers), 2), ideal, round(mean("iso2631_rms", case), 2),
-            round(1e3 * mean("travel_rms", case), 1), round(1e3 * max(values("travel_peak", case))),
-            round(100 * mean("travel_over", case), 2), round(100 * mean("lift_off", case), 1), round(mean("force_rms", case)),
-        ]  # fmt: skip
+            round(median(case), 2),
+            round(min(powers), 2),
+            round(max(powers), 2),
+            ideal,
+            round(mean("iso2631_rms", case), 2),
+            round(1e3 * mean("travel_rms", case), 1),
+            round(1e3 * max(values("travel_peak", case))),
+            round(100 * mean("travel_over", case), 2),
+            round(100 * mean("lift_off", case), 1),
+            round(mean("force_rms", case)),
+        ]
     assert list(rows[0])[2:] == [
-        "absorbed power [W]", "lowest [W]", "highest [W]", "with ideal actuators [W]", "ISO 2631 rms [m/s2]", "travel rms [mm]",
-        "largest travel [mm]", "travel beyond 60 mm [%]", "tire off the ground [%]", "force rms [N]",
-    ]  # fmt: skip
+        "absorbed power [W]",
+        "lowest [W]",
+        "highest [W]",
+        "with ideal actuators [W]",
+        "ISO 2631 rms [m/s2]",
+        "travel rms [mm]",
+        "largest travel [mm]",
+        "travel beyond 60 mm [%]",
+        "tire off the ground [%]",
+        "force rms [N]",
+    ]
 
 
 def test_tables_of_the_pump(page: Report) -> None:
@@ -400,10 +523,13 @@ def test_tables_of_the_pump(page: Report) -> None:
     for row in made_up.table(page, "hydraulics"):
         case = case_of(row)
         assert list(row.values())[2:] == [
-            round(mean("flow_mean", case)), round(max(values("flow_peak", case))), round(mean("flow_mean", case) / 45, 1),
-            round(mean("power_mean", case) / 1000, 1), round(100 * mean("saturation", case), 1),
+            round(mean("flow_mean", case)),
+            round(max(values("flow_peak", case))),
+            round(mean("flow_mean", case) / 45, 1),
+            round(mean("power_mean", case) / 1000, 1),
+            round(100 * mean("saturation", case), 1),
             round(mean("tracking_error_rms", case)),
-        ]  # fmt: skip
+        ]
 
 
 def case_of(row: dict[str, Any]) -> Case:
@@ -422,13 +548,18 @@ def test_table_of_what_pump_it_takes(fmus: FmuSet) -> None:
     (row,) = (r for r in rows if "MPC at least halves" in r["statement"])
     captions = {t.id: t.caption for s in report(hmmwv_made_up.made_up_study(), fmus).sections for t in s.tables}
     for road, tried in PUMPS_L_MIN.items():
-        assert f"{ROADS[road]} {', '.join(f'{x:g}' for x in (45.0, *sorted(tried)))} l/min each" in captions["pump-needed"]
+        assert (
+            f"{ROADS[road]} {', '.join(f'{x:g}' for x in (45.0, *sorted(tried)))} l/min each" in captions["pump-needed"]
+        )
     assert row == {
-        "statement": "test track: MPC at least halves the absorbed power of the passive car", "published": "better than twofold",
-        "45 l/min each": "1.33 times", "no limit": "2.49 times",
+        "statement": "test track: MPC at least halves the absorbed power of the passive car",
+        "published": "better than twofold",
+        "45 l/min each": "1.33 times",
+        "no limit": "2.49 times",
         "smallest pump with which it holds": "75 l/min at each actuator, not with 60 l/min",
-        "flow of all four there, mean [l/min]": 123, "flow of all four there, peak [l/min]": 321,
-    }  # fmt: skip
+        "flow of all four there, mean [l/min]": 123,
+        "flow of all four there, peak [l/min]": 321,
+    }
 
 
 def test_tables_of_estimates_and_assumptions(page: Report) -> None:
@@ -437,12 +568,20 @@ def test_tables_of_estimates_and_assumptions(page: Report) -> None:
         true, ours = median(case), median(estimated(case.controller, case.road))
         sensed = median(estimated("mpc-preview", case.road, sensed=True)) if case.controller == "mpc-preview" else None
         assert list(row.values())[2:] == [
-            round(true, 2), round(ours, 2), round(100 * (ours / true - 1), 1), None if sensed is None else round(sensed, 2),
-        ]  # fmt: skip
+            round(true, 2),
+            round(ours, 2),
+            round(100 * (ours / true - 1), 1),
+            None if sensed is None else round(sensed, 2),
+        ]
     assert made_up.table(page, "null-opening") == [
-        {"road": ROADS[road], "null opening [mm]": mm, "absorbed power [W]": round(median(Case(road, "passive", null_opening_mm=mm)), 1)}
-        for road in ("track", "bump") for mm in (4.0, 5.0, 6.75)
-    ]  # fmt: skip
+        {
+            "road": ROADS[road],
+            "null opening [mm]": mm,
+            "absorbed power [W]": round(median(Case(road, "passive", null_opening_mm=mm)), 1),
+        }
+        for road in ("track", "bump")
+        for mm in (4.0, 5.0, 6.75)
+    ]
     for row in made_up.table(page, "tires-and-friction"):
         case = case_of(row)
         assert list(row.values())[2:] == [
@@ -475,8 +614,8 @@ def test_tables_say_where_they_were_taken(page: Report) -> None:
     """What is the first of several stretches is named, and a heading with [%] is not followed by another per cent."""
     tables = {t.id: t for t in page.tables}
     assert tables["refinement"].caption.startswith(
-        "Powers over bumps: the bump at the first of its 6 places on the controllers' grid; off road: the first of the 5 stretches of "
-        "the class E road, which figure 1.10 shows."
+        "Powers over bumps: the bump at the first of its 6 places on the controllers' grid; off road: the first of the"
+        " 5 stretches of the class E road, which figure 1.10 shows."
     )
     assert [row[0] for row in tables["preview-offsets"].rows] == ["+0", "+1", "+2"]
     assert tables["preview-offsets"].columns[0] == "speedometer error [%]"
@@ -491,8 +630,18 @@ def test_table_of_the_previews_error(page: Report) -> None:
         assert row["absorbed power [W]"] == round(power, 2)
         assert row["share of MPC without preview [%]"] == round(100 * power / base)
     assert [r["preview too late by [ms]"] for r in made_up.table(page, "preview-error")] == [
-        -40, -30, -20, -10, -5, 0, 5, 10, 20, 30, 40,
-    ]  # fmt: skip
+        -40,
+        -30,
+        -20,
+        -10,
+        -5,
+        0,
+        5,
+        10,
+        20,
+        30,
+        40,
+    ]
 
 
 def test_tables_of_the_parts(page: Report) -> None:
@@ -500,8 +649,10 @@ def test_tables_of_the_parts(page: Report) -> None:
         case = corners.VARIANTS[row["variant"]]
         assert list(row.values())[1:] == [
             *(round(100 * metrics(replace(case, signal=s))["error"], 1) for s in ("square", "sweep", "discrete sweep")),
-            round(metrics(case)["flow_peak"], 1), round(metrics(case)["voltage_peak"], 2), round(1e3 * metrics(case)["voltage_jumps"]),
-        ]  # fmt: skip
+            round(metrics(case)["flow_peak"], 1),
+            round(metrics(case)["voltage_peak"], 2),
+            round(1e3 * metrics(case)["voltage_jumps"]),
+        ]
     assert [list(r.values()) for r in made_up.table(page, "preview-offsets")] == [
         [f"{e:+g}", *(round(1e3 * o) for o in metrics(chains.generated(e))["offsets"])] for e in (0.0, 1.0, 2.0)
     ]
@@ -545,7 +696,9 @@ def test_figure_of_the_actuator_on_the_track(page: Report) -> None:
     panel = "force at the front left wheel, MPC"
     assert curve(page, "figure-1-9", panel, "desired, smoothed") == (s["x"], s["smoothed"])
     assert curve(page, "figure-1-9", panel, "actuator") == (s["x"], s["force"])
-    np.testing.assert_array_equal(curve(page, "figure-1-9", panel, "valve saturated")[1], [np.nan, s["force"][1], np.nan, s["force"][3], np.nan])  # fmt: skip
+    np.testing.assert_array_equal(
+        curve(page, "figure-1-9", panel, "valve saturated")[1], [np.nan, s["force"][1], np.nan, s["force"][3], np.nan]
+    )
     assert made_up.axes(page, "figure-1-9")[panel] == ("distance of the CG [m]", "force [N]")
     assert set(curve(page, "figure-1-10", "suspension", "limit of travel")[1][:2]) == {60.0}
 
@@ -554,8 +707,9 @@ def test_figure_of_length_and_error_of_the_preview(page: Report) -> None:
     lengths = [1, 2, 3, 4, 6, 8, 11, 15]
     base = median(Case("bump", "mpc"))
     assert curve(page, "preview-length-and-error", "length", "MPC by length of preview") == (
-        [0, *lengths], [base, *(median(Case("bump", "mpc-preview", preview_steps=n)) for n in lengths)],
-    )  # fmt: skip
+        [0, *lengths],
+        [base, *(median(Case("bump", "mpc-preview", preview_steps=n)) for n in lengths)],
+    )
     errors = [-40, -30, -20, -10, -5, 0, 5, 10, 20, 30, 40]
     cases = [Case("bump", "mpc-preview", preview_error_ms=float(ms)) for ms in errors]
     found = made_up.series(page, "preview-length-and-error", "position error", "MPC with displaced preview")
@@ -568,7 +722,10 @@ def test_figure_of_length_and_error_of_the_preview(page: Report) -> None:
         pytest.approx([f * base] * 2) for f in (0.85, 0.8, 0.9)
     ]
     ends = [ms / 1000 * 20 * 1.609344 / 3.6 for ms in (errors[0], errors[-1])]
-    assert curve(page, "preview-length-and-error", "position error", "without preview") == (pytest.approx(ends), [base] * 2)
+    assert curve(page, "preview-length-and-error", "position error", "without preview") == (
+        pytest.approx(ends),
+        [base] * 2,
+    )
     assert list(better.x) == pytest.approx(ends)
 
 
@@ -599,15 +756,18 @@ def test_figures_of_the_preview_chain(page: Report) -> None:
         s = drawn(chains.generated(error))
         x, panel = [v + 1.5 for v in s["x"]], f"speedometer {error:+g} %"
         for name, key, factor in (
-            ("known profile, at the measured distance", "map", 1e3), ("road under the wheel", "road", 1e3), ("load cell, N / 100", "load", 0.01),
-        ):  # fmt: skip
+            ("known profile, at the measured distance", "map", 1e3),
+            ("road under the wheel", "road", 1e3),
+            ("load cell, N / 100", "load", 0.01),
+        ):
             assert curve(page, "preview-generated", panel, name) == (x, pytest.approx([factor * v for v in s[key]]))
     first = drawn(chains.on_track(chains.PRINTED))
     x = [v + 1.5 for v in first["x"]]
     assert curve(page, "preview-chain", "range sensor, left", "range") == (x, first["range"])
     for panel, factor, true, found in (
-        ("road under the front left wheel, from the buffer", 1e3, "true", "buffered"), ("its rate, mean over the 30 ms ahead", 1.0, "true rate", "rate"),
-    ):  # fmt: skip
+        ("road under the front left wheel, from the buffer", 1e3, "true", "buffered"),
+        ("its rate, mean over the 30 ms ahead", 1.0, "true rate", "rate"),
+    ):
         assert curve(page, "preview-chain", panel, "true") == (x, [factor * v for v in first[true]])
         for chain in chains.SHOWN:
             s = drawn(chains.on_track(chain))
@@ -629,21 +789,27 @@ def test_axes_of_the_parts(page: Report) -> None:
     assert made_up.axes(page, "figure-1-4") == {"": ("time [ms]", "force over desired force [-]")}
     assert set(made_up.axes(page, "figure-1-8").values()) == {force}
     assert made_up.axes(page, "preview-chain") == {
-        "range sensor, left": (front, "range [m]"), "road under the front left wheel, from the buffer": (front, "height [mm]"),
+        "range sensor, left": (front, "range [m]"),
+        "road under the front left wheel, from the buffer": (front, "height [mm]"),
         "its rate, mean over the 30 ms ahead": (front, "rate [m/s]"),
-    }  # fmt: skip
+    }
     assert set(made_up.axes(page, "preview-generated").values()) == {(front, "height [mm]")}
     distance, power = "distance of the CG [m]", "absorbed power over 1 s [W]"
     assert list(made_up.axes(page, "figure-1-9").values()) == [(distance, power), (distance, "force [N]")]
-    assert list(made_up.axes(page, "figure-1-10").values()) == [(distance, power), (distance, "travel, front left [mm]")]
+    assert list(made_up.axes(page, "figure-1-10").values()) == [
+        (distance, power),
+        (distance, "travel, front left [mm]"),
+    ]
     assert list(made_up.axes(page, "figure-1-11").values()) == [(distance, power)]
     assert list(made_up.axes(page, "preview-length-and-error").values()) == [
-        ("preview [steps]", "absorbed power [W]"), ("preview too late by [m]", "absorbed power [W]")
-    ]  # fmt: skip
+        ("preview [steps]", "absorbed power [W]"),
+        ("preview too late by [m]", "absorbed power [W]"),
+    ]
     density = "density in the controller over that of the actuator [-]"
     assert list(made_up.axes(page, "tracking-robustness").values()) == [
-        (density, "error [% rms]"), (density, "late error [% of 2 kN]")
-    ]  # fmt: skip
+        (density, "error [% rms]"),
+        (density, "late error [% of 2 kN]"),
+    ]
     assert made_up.axes(page, "preview-dropout") == {"range sensors fail for 0.2 s": ("time [s]", "height [mm]")}
 
 
@@ -687,52 +853,72 @@ def test_words_on_the_parts(fmus: FmuSet) -> None:
     case, robust = tracking.runs.Case, corners.robustness_case
     changes: dict[Any, dict[str, Any]] = {
         case(tracking.runs.FILTER): {"crossing": 0.0265, "rise": 0.0131, "bandwidth": 32.1},
-        case("square"): {"flow_peak": 41.0}, case("sweep"): {"flow_peak": 37.0},
-        robust("square", 0.95, 1.0): {"error": 0.07}, robust("square", 1.05, 1.0): {"error": 0.09},
-        robust("step", 0.7, 0.0): {"late": 2.0}, robust("step", 0.95, 5.0): {"late": 2.0},
-        corners.VARIANTS["plain exchange, 0.5 ms"]: {"error": 0.051}, corners.VARIANTS["plain exchange, 0.25 ms"]: {"error": 0.032},
-        corners.VARIANTS["exchange 0.25 ms"]: {"error": 0.021}, chains.over(chains.TWICE, 30.0): {"highest": 0.0123, "lowest": -0.5},
-    }  # fmt: skip
+        case("square"): {"flow_peak": 41.0},
+        case("sweep"): {"flow_peak": 37.0},
+        robust("square", 0.95, 1.0): {"error": 0.07},
+        robust("square", 1.05, 1.0): {"error": 0.09},
+        robust("step", 0.7, 0.0): {"late": 2.0},
+        robust("step", 0.95, 5.0): {"late": 2.0},
+        corners.VARIANTS["plain exchange, 0.5 ms"]: {"error": 0.051},
+        corners.VARIANTS["plain exchange, 0.25 ms"]: {"error": 0.032},
+        corners.VARIANTS["exchange 0.25 ms"]: {"error": 0.021},
+        chains.over(chains.TWICE, 30.0): {"highest": 0.0123, "lowest": -0.5},
+    }
     made = report(altered(hmmwv_made_up.made_up_study(), changes), fmus)
     text = {s.title: " ".join(s.paragraphs) for s in made.sections}
     for said_of_it in (
-        "rises from 10 to 90 % in 13.1 ms, is first at its final value after 26.5 ms, and lets half of the power through at 32.1 Hz.",
+        (
+            "rises from 10 to 90 % in 13.1 ms, is first at its final value after 26.5 ms, and lets half of the power"
+            " through at 32.1 Hz."
+        ),
         "peaks at 41 l/min under the square wave and 37 l/min under the sweep;",
-        "dies away: none with no leakage, 1.1 with the right leakage, 1.1 with 2 times the leakage, 0.9 with 5 times the leakage.",
+        (
+            "dies away: none with no leakage, 1.1 with the right leakage, 1.1 with 2 times the leakage, 0.9 with 5"
+            " times the leakage."
+        ),
         "Being 5 % off costs a lot already: 7 % rms below and 9 % above instead of 2.0 %.",
-        "Halving the step moves the error from 2.00 to 2.10 %.", "half of a step: 5.1 % at 0.5 ms, 3.2 % at half of it.",
-    ):  # fmt: skip
+        "Halving the step moves the error from 2.00 to 2.10 %.",
+        "half of a step: 5.1 % at 0.5 ms, 3.2 % at half of it.",
+    ):
         assert said_of_it in text["Force tracking"]
     assert "count the motion twice: 12 mm of road that is not there, after a bump of 30 mm." in text["Sensed preview"]
     assert [f.id for s in made.sections if s.title == "Force tracking" for f in s.figures] == [
-        "figure-1-4", "figure-1-8", "tracking-robustness"
-    ]  # fmt: skip
+        "figure-1-4",
+        "figure-1-8",
+        "tracking-robustness",
+    ]
 
 
 def test_words_off_road(fmus: FmuSet) -> None:
     metric, at = hmmwv_made_up.metric, {"road": "off-road"}
     travel = [
-        metric("travel_peak", 0.0905, controller="lqr-kilonewton", **at), metric("travel_over", 0.0342, controller="lqr-kilonewton", **at),
-        metric("travel_peak", 0.0556, controller="mpc", **at), metric("travel_over", 0.0123, controller="mpc", **at),
-    ]  # fmt: skip
+        metric("travel_peak", 0.0905, controller="lqr-kilonewton", **at),
+        metric("travel_over", 0.0342, controller="lqr-kilonewton", **at),
+        metric("travel_peak", 0.0556, controller="mpc", **at),
+        metric("travel_over", 0.0123, controller="mpc", **at),
+    ]
     beaten = hmmwv_made_up.watts(4.0, controller="lqr-kilonewton", flow_limit=False, **at)
     assert (
-        "in kN absorbs 4.00 W, MPC 5.01 W: it beats MPC. Its suspension moves up to 90 mm and is beyond the 60 mm of Table 1.3 3.4 % of "
-        "the time. MPC's own goes to 56 mm and is beyond them 1.23 % of the time, since that limit is soft. With 45 l/min at each "
-        "actuator the LQR in kN is at 8.0 W and MPC at 5.0 W."
-    ) in words(fmus, beaten, *travel)["Off road"]
+        "in kN absorbs 4.00 W, MPC 5.01 W: it beats MPC. Its suspension moves up to 90 mm and is beyond the 60 mm of"
+        " Table 1.3 3.4 % of the time. MPC's own goes to 56 mm and is beyond them 1.23 % of the time, since that limit"
+        " is soft. With 45 l/min at each actuator the LQR in kN is at 8.0 W and MPC at 5.0 W."
+        in words(fmus, beaten, *travel)["Off road"]
+    )
     assert "MPC 5.01 W: MPC beats it." in words(fmus)["Off road"]
 
 
 def test_words_on_the_preview(fmus: FmuSet) -> None:
-    """MPC alone absorbs 4.71 W, so 10 to 20 % less is 3.77 to 4.24 W; the whole preview leaves 4.0 W, so 4.4 W are within 10 %."""
+    """MPC alone absorbs 4.71 W, so 10 to 20 % less is 3.77 to 4.24 W; the whole preview leaves 4.0 W, so 4.4 W are
+    within 10 %.
+    """
     at: dict[str, Any] = {"road": "bump", "controller": "mpc-preview"}
     by_length = {1: 6.0, 2: 5.0, 3: 4.6, 4: 4.35, 6: 4.1, 8: 4.1, 11: 4.9}
     by_error = {-40.0: 5.5, -30.0: 4.4, 40.0: 4.8}
     text = words(
-        fmus, *(hmmwv_made_up.watts(w, preview_steps=n, **at) for n, w in by_length.items()),
+        fmus,
+        *(hmmwv_made_up.watts(w, preview_steps=n, **at) for n, w in by_length.items()),
         *(hmmwv_made_up.watts(w, preview_error_ms=ms, **at) for ms, w in by_error.items()),
-    )["Preview"]  # fmt: skip
+    )["Preview"]
     assert "A preview of 4 steps of 30 ms is within 10 % of one of 15." in text
     assert "Of those tried, -20, -10, -5, +0, +5, +10, +20, +30 ms leave 10 to 20 %" in text
     assert "; at -40, +40 ms it is worse than none. What the paper measured fits a preview in the wrong place." in text
@@ -792,16 +978,23 @@ def test_chains_of_the_preview_by_name() -> None:
         "relative states, road fed back, quarter cars added": ("relative", True, True),
     }
     assert [chains.words(c) for c in (chains.PRINTED, chains.COMPENSATED, chains.PRINTED_FED)] == [
-        "flat road believed", "flat road believed, quarter cars added", "flat road believed, road fed back"
-    ]  # fmt: skip
+        "flat road believed",
+        "flat road believed, quarter cars added",
+        "flat road believed, road fed back",
+    ]
     assert [chains.words(c) for c in (chains.RELATIVE, chains.FED, chains.TWICE)] == [
-        "relative states", "relative states, road fed back", "relative states, quarter cars added"
-    ]  # fmt: skip
+        "relative states",
+        "relative states, road fed back",
+        "relative states, quarter cars added",
+    ]
     runs_of_it = {(t.case.preview, t.case.road, t.case.noise, t.case.duration, t.signals) for t in chains.plan()}
     assert runs_of_it == {
-        ("sensed", "bump", 0.0, 2.6, False), ("sensed", "bump", 1.0, 20.0, False), ("sensed", "track", 1.0, 3.2, True),
-        ("sensed", "track", 1.0, 3.6, True), ("generated", "track", 0.0, 3.0, True),
-    }  # fmt: skip
+        ("sensed", "bump", 0.0, 2.6, False),
+        ("sensed", "bump", 1.0, 20.0, False),
+        ("sensed", "track", 1.0, 3.2, True),
+        ("sensed", "track", 1.0, 3.6, True),
+        ("generated", "track", 0.0, 3.0, True),
+    }
 
 
 def test_units_of_the_options_of_a_chain() -> None:
@@ -817,14 +1010,20 @@ def test_variants_of_the_force_tracking_by_name() -> None:
         for name, c in corners.VARIANTS.items()
     }
     assert changed == {
-        "as published: difference (1.15), no average": {}, "rate by the filter (1.13)": {"rate_filter": True},
-        "average (1.14) on": {"average": True}, "load cell with noise": {"noise": 50.0},
-        "load cell with noise, average (1.14) on": {"average": True, "noise": 50.0}, "no integral term": {"integral": 0.0},
-        "integral term 1/s": {"integral": 1.0}, "notches at heave/pitch and roll on": {"notches": True},
-        "density of real oil, plant and controller": {"actuator": "physical"}, "suspension without friction": {"friction": False},
-        "plain exchange, 0.5 ms": {"extrapolate": False}, "plain exchange, 0.25 ms": {"extrapolate": False, "exchange_parts": 2},
+        "as published: difference (1.15), no average": {},
+        "rate by the filter (1.13)": {"rate_filter": True},
+        "average (1.14) on": {"average": True},
+        "load cell with noise": {"noise": 50.0},
+        "load cell with noise, average (1.14) on": {"average": True, "noise": 50.0},
+        "no integral term": {"integral": 0.0},
+        "integral term 1/s": {"integral": 1.0},
+        "notches at heave/pitch and roll on": {"notches": True},
+        "density of real oil, plant and controller": {"actuator": "physical"},
+        "suspension without friction": {"friction": False},
+        "plain exchange, 0.5 ms": {"extrapolate": False},
+        "plain exchange, 0.25 ms": {"extrapolate": False, "exchange_parts": 2},
         "exchange 0.25 ms": {"exchange_parts": 2},
-    }  # fmt: skip
+    }
 
 
 @pytest.mark.parametrize(
@@ -839,8 +1038,9 @@ def test_a_loop_is_stable_where_the_error_halves_or_is_small(early: float, late:
 def test_the_largest_stable_density_is_below_the_first_unstable_one() -> None:
     def rows(*unstable: float) -> dict[Any, Any]:
         return {
-            corners.robustness_case("step", d, 1.0): {"early": 0.1, "late": 2.0 if d in unstable else 0.01} for d in corners.DENSITIES
-        }  # fmt: skip
+            corners.robustness_case("step", d, 1.0): {"early": 0.1, "late": 2.0 if d in unstable else 0.01}
+            for d in corners.DENSITIES
+        }
 
     assert corners.largest_stable_density(rows(1.15, 1.2)) == 1.1
     assert corners.largest_stable_density(rows(1.0)) == 0.95
@@ -849,7 +1049,9 @@ def test_the_largest_stable_density_is_below_the_first_unstable_one() -> None:
 
 
 def test_runs_cost_what_they_take() -> None:
-    """Seconds of the simplest run: 4 s over bumps and 20 s off road; more with finer steps and sensors, less without hydraulics."""
+    """Seconds of the simplest run: 4 s over bumps and 20 s off road; more with finer steps and sensors, less without
+    hydraulics.
+    """
     costs = {t.case: t.cost for t in EXPERIMENT.tasks() if isinstance(t.case, Case)}
     plain = Case("track", "passive")
     assert costs[plain] == 4.0
@@ -861,7 +1063,8 @@ def test_runs_cost_what_they_take() -> None:
     assert of_corners == pytest.approx({s: 0.4 * seconds for s, (_, _, seconds) in tracking.runs.SIGNALS.items()})
 
 
-# --------------------------------------------------------------------------------------------------------- words of claims
+# --------------------------------------------------------------------------------------------------------- words of
+# claims
 
 
 def said(*changes: hmmwv_made_up.Change) -> dict[str, Claim]:
@@ -870,8 +1073,10 @@ def said(*changes: hmmwv_made_up.Change) -> dict[str, Claim]:
 
 def test_words_of_the_statements() -> None:
     found = said()
-    assert found["track-lqr"].ours == (
-        "median 2.30 times (2.30 to 2.31 times over 6 places of the bumps; holds in 6 of 6); absorbed power passive 12.00, LQR 5.21 W"
+    assert (
+        found["track-lqr"].ours
+        == "median 2.30 times (2.30 to 2.31 times over 6 places of the bumps; holds in 6 of 6); absorbed power passive"
+        " 12.00, LQR 5.21 W"
     )
     assert found["track-zero"].ours == "2.35 times; absorbed power passive 12.00, zero force 5.10 W"
     assert (found["track-zero"].value, found["track-zero"].unit) == (2.3529, "times")
@@ -904,21 +1109,25 @@ def test_what_was_fitted_stands_beside_a_statement() -> None:
 def test_words_of_the_checks() -> None:
     kilonewton = {"road": "off-road", "controller": "lqr-kilonewton"}
     found = said(
-        hmmwv_made_up.metric("travel_peak", 0.0905, **kilonewton), hmmwv_made_up.metric("travel_over", 0.0345, **kilonewton),
+        hmmwv_made_up.metric("travel_peak", 0.0905, **kilonewton),
+        hmmwv_made_up.metric("travel_over", 0.0345, **kilonewton),
         hmmwv_made_up.metric("travel_over", 0.0123, road="off-road", controller="mpc"),
         hmmwv_made_up.metric("travel_over", 0.2, road="off-road", controller="skyhook"),
         hmmwv_made_up.metric("travel_peak", 0.055, road="off-road", controller="mpc", variant=1),
         hmmwv_made_up.watts(5.5, road="bump", controller="mpc", states="estimated", lift_off=True),
         hmmwv_made_up.watts(1.88, road="bump", preview="sensed"),
         hmmwv_made_up.metric("solver_residual", 3e-7, road="bump", controller="mpc", variant=2),
-    )  # fmt: skip
-    assert found["off-road-kilonewton"].ours == (
-        "5.01 W with up to 55 mm of travel and 1.23 % of the time beyond 60 mm, the LQR 8.02 W with up to 90 mm of travel and 3.45 % of the "
-        "time beyond 60 mm; what MPC saves over it: median 37.5 % (37.5 to 37.5 % over 5 stretches; holds in 5 of 5)"
     )
-    assert found["off-road-travel-limit"].ours == (
-        "largest travel median 50 mm (50 to 55 mm over 5 stretches; holds in 5 of 5); beyond the limit 1.23 % of the time, skyhook 20.00 %, "
-        "LQR 5.00 %"
+    assert (
+        found["off-road-kilonewton"].ours
+        == "5.01 W with up to 55 mm of travel and 1.23 % of the time beyond 60 mm, the LQR 8.02 W with up to 90 mm of"
+        " travel and 3.45 % of the time beyond 60 mm; what MPC saves over it: median 37.5 % (37.5 to 37.5 % over 5"
+        " stretches; holds in 5 of 5)"
+    )
+    assert (
+        found["off-road-travel-limit"].ours
+        == "largest travel median 50 mm (50 to 55 mm over 5 stretches; holds in 5 of 5); beyond the limit 1.23 % of the"
+        " time, skyhook 20.00 %, LQR 5.00 %"
     )
     assert found["off-road-travel-limit"].value == 55.0
     limit = found["off-road-travel-limit"]
@@ -937,11 +1146,14 @@ def test_words_of_force_tracking() -> None:
     study = hmmwv_made_up.made_up_study()
     case = tracking.runs.Case
     changes = {
-        case(tracking.runs.FILTER): {"crossing": 0.0265, "rise": 0.0131}, case("sweep"): {"error": 0.0421},
-        case("sweep", rate_filter=True): {"error": 0.0777}, case("discrete sweep", average=True): {"error": 0.55},
-        case(noise=50.0): {"voltage_jumps": 0.077, "error": 0.033}, case(average=True, noise=50.0): {"voltage_jumps": 0.011},
+        case(tracking.runs.FILTER): {"crossing": 0.0265, "rise": 0.0131},
+        case("sweep"): {"error": 0.0421},
+        case("sweep", rate_filter=True): {"error": 0.0777},
+        case("discrete sweep", average=True): {"error": 0.55},
+        case(noise=50.0): {"voltage_jumps": 0.077, "error": 0.033},
+        case(average=True, noise=50.0): {"voltage_jumps": 0.011},
         case("square", notches=True): {"error": 0.0196},
-    }  # fmt: skip
+    }
     found = {c.id: c for c in CLAIMS.judge(altered(study, changes))}
     assert found["tracking-filter"].ours == "first at its final value after 26.5 ms; 10 to 90 % in 13.1 ms"
     assert (found["tracking-filter"].value, found["tracking-filter"].verdict) == (26.5, "reproduced")
@@ -975,11 +1187,14 @@ def test_signals_that_the_force_follows_are_named() -> None:
         "tracking-discrete-sweep": "The force follows a discrete sweep from 1 to 10 Hz",
     }
     assert found["tracking-notches"].criterion.startswith("rms error without them at most 5 % above that with them, ")
-    assert found["tracking-square"].criterion.startswith("rms of force minus smoothed desired force at most 10 % of the rms")
+    assert found["tracking-square"].criterion.startswith(
+        "rms of force minus smoothed desired force at most 10 % of the rms"
+    )
     saturation = found["bump-saturation"]
     assert (saturation.claim.partition(": ")[2], saturation.published) == (
-        "with preview the valves saturate less", "reduced, in theory"
-    )  # fmt: skip
+        "with preview the valves saturate less",
+        "reduced, in theory",
+    )
 
 
 @pytest.mark.parametrize(("notched", "verdict"), [(0.0192, "reproduced"), (0.019, "not reproduced")])
@@ -993,10 +1208,11 @@ def test_notches_are_needless_up_to_a_twentieth(notched: float, verdict: str) ->
 @pytest.mark.parametrize(
     ("spread", "verdict"),
     [
-        ([0.001, 0.002, 0.004, 0.008, 0.016], "reproduced"), ([0.001, 0.004, 0.002, 0.008, 0.016], "not reproduced"),
+        ([0.001, 0.002, 0.004, 0.008, 0.016], "reproduced"),
+        ([0.001, 0.004, 0.002, 0.008, 0.016], "not reproduced"),
         ([0.001, 0.002, 0.003, 0.004, 0.009], "not reproduced"),
     ],
-)  # fmt: skip
+)
 def test_a_preview_is_unstable_whose_error_grows_tenfold_without_a_break(spread: list[float], verdict: str) -> None:
     changed = altered(hmmwv_made_up.made_up_study(), {chains.long(chains.PRINTED_FED): {"spread": spread}})
     found = {c.id: c for c in CLAIMS.judge(changed)}["preview-unstable"]
@@ -1007,29 +1223,37 @@ def test_words_of_the_preview_chain() -> None:
     study = hmmwv_made_up.made_up_study()
     changes = {
         chains.over(chains.COMPENSATED, 76.0): {"lowest": -0.006, "highest": 0.0234},
-        chains.over(chains.FED, 30.0): {"lowest": -0.00045}, chains.over(chains.FED, 76.0): {"lowest": -0.00107},
-        chains.long(chains.FED): {"spread": [0.001, 0.0055]}, chains.on_track(chains.PRINTED): {"rate_error": 0.3},
-        chains.on_track(chains.FED): {"rate_error": 0.12}, chains.on_track(chains.COMPENSATED): {"rate_error": 0.25},
-        chains.generated(0.0): {"offsets": [-0.02, 0.1]}, chains.generated(2.0): {"offsets": [0.15, 0.39]},
-    }  # fmt: skip
+        chains.over(chains.FED, 30.0): {"lowest": -0.00045},
+        chains.over(chains.FED, 76.0): {"lowest": -0.00107},
+        chains.long(chains.FED): {"spread": [0.001, 0.0055]},
+        chains.on_track(chains.PRINTED): {"rate_error": 0.3},
+        chains.on_track(chains.FED): {"rate_error": 0.12},
+        chains.on_track(chains.COMPENSATED): {"rate_error": 0.25},
+        chains.generated(0.0): {"offsets": [-0.02, 0.1]},
+        chains.generated(2.0): {"offsets": [0.15, 0.39]},
+    }
     found = {c.id: c for c in CLAIMS.judge(altered(study, changes))}
     assert found["preview-dip-compensated"].ours == "-6 mm are left, and a rise of 23 mm comes with it"
     assert (found["preview-dip-compensated"].value, found["preview-dip-compensated"].verdict) == (
         23.4,
         "not reproduced",
     )
-    assert found["preview-fed"].ours == (
-        "-0.45 mm after a bump of 30 mm (-1.07 mm after 76 mm); with noise the standard deviation of the error is at most 5.5 mm in any 4 s of 20"
+    assert (
+        found["preview-fed"].ours
+        == "-0.45 mm after a bump of 30 mm (-1.07 mm after 76 mm); with noise the standard deviation of the error is at"
+        " most 5.5 mm in any 4 s of 20"
     )
-    assert found["preview-rate"].ours == (
-        "error of the rate 0.300 m/s before, 0.120 m/s with the road fed back, 0.250 m/s with quarter cars"
+    assert (
+        found["preview-rate"].ours
+        == "error of the rate 0.300 m/s before, 0.120 m/s with the road fed back, 0.250 m/s with quarter cars"
     )
     assert (found["preview-rate"].value, found["preview-rate"].verdict) == (60.0, "reproduced")
     assert (found["generated-loads"].value, found["generated-loads"].verdict) == (100.0, "reproduced")
     assert (found["generated-drift"].value, found["generated-drift"].verdict) == (290.0, "reproduced")
     assert found["generated-loads"].ours == "peaks -20 and +100 mm from the crests"
-    assert found["generated-drift"].ours == (
-        "a speedometer that shows 2 % too much: off by 170 mm at the first bump, 290 mm at the second"
+    assert (
+        found["generated-drift"].ours
+        == "a speedometer that shows 2 % too much: off by 170 mm at the first bump, 290 mm at the second"
     )
 
 
@@ -1058,18 +1282,24 @@ def test_signals_belong_to_the_first_place(study: Results) -> None:
     assert found["travel"].tolist() == drawn(Case("off-road", "mpc", duration=20.0))["travel"]
 
 
-# --------------------------------------------------------------------------------------------------- parts, and the live page
+# --------------------------------------------------------------------------------------------------- parts, and the
+# live page
 
 
 def test_metrics_of_the_force_tracking_as_they_are_shown() -> None:
     shown = {k: (m.heading, m.shown(0.012345)) for k, m in tracking.runs.METRICS.items()}
     assert shown == {
-        "error": ("force error, rms over rms of the desired force [%]", "1.23"), "early": ("error from 0.5 to 1 s [% of 2 kN]", "1.23"),
-        "late": ("error from 3.5 to 4 s [% of 2 kN]", "1.23"), "flow_peak": ("flow, largest [l/min]", "0.0"),
-        "voltage_peak": ("voltage of the valve, largest [V]", "0.01"), "voltage_jumps": ("jumps of the voltage [mV]", "12"),
-        "saturated": ("valve saturated [% of the time]", "1.2"), "rise": ("rise of the filter from 10 to 90 % [ms]", "12.3"),
-        "crossing": ("filter first at its final value [ms]", "12.3"), "bandwidth": ("frequency of half the power of the filter [Hz]", "0.0"),
-    }  # fmt: skip
+        "error": ("force error, rms over rms of the desired force [%]", "1.23"),
+        "early": ("error from 0.5 to 1 s [% of 2 kN]", "1.23"),
+        "late": ("error from 3.5 to 4 s [% of 2 kN]", "1.23"),
+        "flow_peak": ("flow, largest [l/min]", "0.0"),
+        "voltage_peak": ("voltage of the valve, largest [V]", "0.01"),
+        "voltage_jumps": ("jumps of the voltage [mV]", "12"),
+        "saturated": ("valve saturated [% of the time]", "1.2"),
+        "rise": ("rise of the filter from 10 to 90 % [ms]", "12.3"),
+        "crossing": ("filter first at its final value [ms]", "12.3"),
+        "bandwidth": ("frequency of half the power of the filter [Hz]", "0.0"),
+    }
 
 
 def test_signals_of_the_force_tracking() -> None:
@@ -1100,7 +1330,9 @@ def test_flags_of_a_road_count_wherever_they_are() -> None:
 @pytest.mark.parametrize("begin", [0.0, 3.0])
 def test_the_busiest_second_may_be_the_first_or_the_last(begin: float) -> None:
     """Flow of one actuator, all of it in one second."""
-    flows = {f"actuator_{k}.flow": 0.0 for k in CORNERS} | {"actuator_fl.flow": np.where(between(begin, begin + 1.0), 1e-3, 0.0)}
+    flows = {f"actuator_{k}.flow": 0.0 for k in CORNERS} | {
+        "actuator_fl.flow": np.where(between(begin, begin + 1.0), 1e-3, 0.0)
+    }
     assert measure(recording(Case("track", "mpc"), **flows))["flow_mean"] == pytest.approx(60.0, rel=1e-9)
 
 
@@ -1119,26 +1351,37 @@ def test_without_finer_runs_there_is_no_refinement() -> None:
 def test_looks_of_the_chains(page: Report) -> None:
     curves = [c for f in page.figures if f.id == "preview-chain" for p in f.panels for c in p.series]  # type: ignore[union-attr]
     assert {(c.name, c.color, c.dash) for c in curves} == {
-        ("range", "black", None), ("true", "black", None), ("flat road believed", "orange", "dash"),
-        ("flat road believed, quarter cars added", "purple", "dot"), ("relative states, road fed back", "green", "solid"),
-    }  # fmt: skip
+        ("range", "black", None),
+        ("true", "black", None),
+        ("flat road believed", "orange", "dash"),
+        ("flat road believed, quarter cars added", "purple", "dot"),
+        ("relative states, road fed back", "green", "solid"),
+    }
 
 
 def test_the_live_page() -> None:
     shown = live(Case())
     laws = [("Passive", "passive"), ("LQR", "lqr"), ("MPC", "mpc"), ("MPC that sees the road", "mpc-preview")]
     assert [(c.title, c.case.controller) for c in shown.cases] == laws * 3
-    assert [c.group for c in shown.cases] == [g for g in ("off road", "raisers of 38 mm", "a bump of 76 mm") for _ in laws]
+    assert [c.group for c in shown.cases] == [
+        g for g in ("off road", "raisers of 38 mm", "a bump of 76 mm") for _ in laws
+    ]
     for c in shown.cases:
         sees = c.title == "MPC that sees the road"
-        assert (c.case.states, c.case.preview, c.case.driven) == ("estimated" if sees else "true", "sensed" if sees else "generated", True)
+        assert (c.case.states, c.case.preview, c.case.driven) == (
+            "estimated" if sees else "true",
+            "sensed" if sees else "generated",
+            True,
+        )
     page = shown.page
     controls = {c.label: (list(c.names), c.minimum, c.maximum) for c in page.controls}
     assert controls == {
-        "speed": (["speed.target.speed"], 0.0, pytest.approx(60 / 3.6)), "preview that the MPC uses": (["controller.preview.used"], None, None),
-        "range sensors off": (["sensors.range.off"], None, None), "sprung mass": (["car.body.mass"], 1500.0, 4500.0),
+        "speed": (["speed.target.speed"], 0.0, pytest.approx(60 / 3.6)),
+        "preview that the MPC uses": (["controller.preview.used"], None, None),
+        "range sensors off": (["sensors.range.off"], None, None),
+        "sprung mass": (["car.body.mass"], 1500.0, 4500.0),
         "roughness, ISO 8608 class": (["road.class"], None, None),
-    }  # fmt: skip
+    }
     assert dict(page.controls[-1].choices) == {name: float(i) for i, name in enumerate("ABCDEFGH")}
     assert page.plots == ["car.body.az", "car.suspension.fl.deflection", "controller.force.fl"]
     assert [(m.label, m.names[0], len(m.names), m.how, m.unit, m.factor, m.decimals) for m in page.measures] == [

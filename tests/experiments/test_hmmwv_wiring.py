@@ -41,7 +41,9 @@ def connections(fmus: FmuSet, case: Case) -> dict[str, str]:
 def test_how_much_of_the_preview_counts_is_a_parameter(fmus):
     made = connections(fmus, Case("bump", "mpc-preview", preview_steps=3))
     for k in CORNERS:
-        assert [made[f"controller.preview.{k}[{i}]"] for i in range(1, 17)] == [f"road.preview.{k}[{i}]" for i in range(1, 17)]
+        assert [made[f"controller.preview.{k}[{i}]"] for i in range(1, 17)] == [
+            f"road.preview.{k}[{i}]" for i in range(1, 17)
+        ]
     assert made["controller.preview.step"] == "road.preview.step"
     case = Case("bump", "mpc-preview", preview_steps=3)
     with runs.wire(fmus, case) as system:
@@ -83,7 +85,11 @@ def test_estimated_states_reach_the_controller_instead_of_true_ones(fmus):
 @pytest.fixture(scope="module")
 def systems(fmus: FmuSet):
     """Values that a case sets in its system, by component and variable."""
-    with Runner(EXPERIMENT, fmus) as vehicle, Runner(tracking.EXPERIMENT, fmus) as corner, Runner(preview.EXPERIMENT, fmus) as chain:  # fmt: skip
+    with (
+        Runner(EXPERIMENT, fmus) as vehicle,
+        Runner(tracking.EXPERIMENT, fmus) as corner,
+        Runner(preview.EXPERIMENT, fmus) as chain,
+    ):
         of = {Case: vehicle, tracking.runs.Case: corner, preview.runs.Case: chain}
         yield lambda case: of[type(case)].system(case)
 
@@ -94,7 +100,9 @@ def given(system, component: str, *names: str) -> list[float]:
 
 
 def test_a_run_begins_ahead_of_the_bumps_and_its_variants_lie_on_the_grid_of_the_controllers(systems):
-    """At 36 km/h: 6 m ahead of the front wheels; half a period of 30 ms is 0.15 m, a preview 20 ms late shows 0.2 m too late."""
+    """At 36 km/h: 6 m ahead of the front wheels; half a period of 30 ms is 0.15 m, a preview 20 ms late shows 0.2 m too
+    late.
+    """
     system = systems(Case("track", "mpc-preview", speed_kmh=36.0, variant=3, preview_error_ms=20.0))
     assert given(system, "speed", "start.speed", "start.x") == pytest.approx([10.0, 10 - 1.651 - 6])
     assert given(system, "map_speed", "start.speed", "start.x") == pytest.approx([10.0, 10 - 1.651 - 6 - 0.2])
@@ -128,7 +136,17 @@ def test_a_case_sets_car_and_actuators(systems):
     names = ("supply.running", "supply.limited", "supply.flow_limit", "valve.null_opening", "solver.step")
     assert given(plain, "actuator_rr", *names) == [True, False, 0.00075, 0.005, 0.00025]
     assert given(plain, "car", "tires.lift_off", "friction.acting", "solver.step") == [True, False, 0.0005]
-    limited = Case("bump", "lqr", flow_limit=True, pump_l_min=120.0, shared_pump=True, null_opening_mm=4.0, lift_off=False, friction=True, solver_parts=2)  # fmt: skip
+    limited = Case(
+        "bump",
+        "lqr",
+        flow_limit=True,
+        pump_l_min=120.0,
+        shared_pump=True,
+        null_opening_mm=4.0,
+        lift_off=False,
+        friction=True,
+        solver_parts=2,
+    )
     system = systems(limited)
     assert given(system, "actuator_rr", *names) == [True, True, 0.0005, 0.004, 0.000125]
     assert given(system, "car", "tires.lift_off", "friction.acting", "solver.step") == [False, True, 0.00025]
@@ -139,24 +157,68 @@ def test_a_case_sets_car_and_actuators(systems):
 
 def test_what_a_run_is_compared_with():
     """The passive car on the same road, in the same state; nothing that it does not have."""
-    case = Case("bump", "mpc-preview", states="estimated", preview="sensed", speed_kmh=50.0, variant=2, friction=True, lift_off=False,
-                null_opening_mm=6.0, driven=True, duration=2.0, flow_limit=True, pump_l_min=60.0, solver_parts=2, exchange_parts=2)  # fmt: skip
-    assert runs.passive(case) == Case("bump", "passive", speed_kmh=50.0, variant=2, friction=True, lift_off=False, null_opening_mm=6.0,
-                                      driven=True, duration=2.0, solver_parts=2, exchange_parts=2)  # fmt: skip
+    case = Case(
+        "bump",
+        "mpc-preview",
+        states="estimated",
+        preview="sensed",
+        speed_kmh=50.0,
+        variant=2,
+        friction=True,
+        lift_off=False,
+        null_opening_mm=6.0,
+        driven=True,
+        duration=2.0,
+        flow_limit=True,
+        pump_l_min=60.0,
+        solver_parts=2,
+        exchange_parts=2,
+    )
+    assert runs.passive(case) == Case(
+        "bump",
+        "passive",
+        speed_kmh=50.0,
+        variant=2,
+        friction=True,
+        lift_off=False,
+        null_opening_mm=6.0,
+        driven=True,
+        duration=2.0,
+        solver_parts=2,
+        exchange_parts=2,
+    )
 
 
-@pytest.mark.parametrize("change", [{"controller": "lqr"}, {"actuators": "ideal"}, {"states": "estimated"}, {"driven": True},
-                                    {"preview_error_ms": 5.0}, {"exchange_parts": 2}, {"road": "off-road"}])  # fmt: skip
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"controller": "lqr"},
+        {"actuators": "ideal"},
+        {"states": "estimated"},
+        {"driven": True},
+        {"preview_error_ms": 5.0},
+        {"exchange_parts": 2},
+        {"road": "off-road"},
+    ],
+)
 def test_what_is_wired_differently_is_another_system(change):
     case = Case("bump", "mpc-preview")
     assert runs.structure(replace(case, **change)) != runs.structure(case)
-    assert runs.structure(replace(case, variant=3, speed_kmh=50.0, flow_limit=True, preview_steps=3)) == runs.structure(case)
+    assert runs.structure(replace(case, variant=3, speed_kmh=50.0, flow_limit=True, preview_steps=3)) == runs.structure(
+        case
+    )
 
 
 def test_what_is_recorded():
     names = runs.recorded(Case("track", "mpc"))
-    assert {"car.tire.rr.force", "actuator_rr.flow", "tracking_rr.valve.saturated", "controller.force.rr", "road.height_above_travel",
-            "controller.solver.residual"} <= set(names)  # fmt: skip
+    assert {
+        "car.tire.rr.force",
+        "actuator_rr.flow",
+        "tracking_rr.valve.saturated",
+        "controller.force.rr",
+        "road.height_above_travel",
+        "controller.solver.residual",
+    } <= set(names)
     assert not {
         n for n in runs.recorded(Case("off-road", "passive")) if n.startswith(("tracking", "controller", "road.bumps"))
     }
@@ -165,7 +227,8 @@ def test_what_is_recorded():
     }
 
 
-# ------------------------------------------------------------------------------------------------------------- the parts
+# ------------------------------------------------------------------------------------------------------------- the
+# parts
 
 
 def test_a_corner_is_changed_as_its_case_says(systems):
@@ -177,7 +240,7 @@ def test_a_corner_is_changed_as_its_case_says(systems):
         case(average=True): {"average.enabled": True},
         case(integral=0.0): {"lambda_1": 0.0},
         case(notches=True): {"notch.heave_pitch.enabled": True, "notch.roll.enabled": True},
-    }  # fmt: skip
+    }
     base = {"fluid.density": 3500.0, "cylinder.leakage": 1.5e-11}
     for one, changed in changes.items():
         assert systems(one)["tracking"].values == pytest.approx({**base, **changed})
@@ -204,9 +267,14 @@ def test_a_chain_is_set_as_its_case_says(systems):
     assert given(system, "speed", "start.speed", "start.x") == pytest.approx([8.9408, 0.0])
     system = systems(case(road="track", noise=0.5, dropout_start=0.7, dropout=0.2))
     assert given(system, "road", "bump.height[1]", "bump.height[7]") == [0.057, 0.038]
-    assert given(system, "sensors", "range.resolution[1]", "noise.scale", "range.dropout.start", "range.dropout.duration") == [
-        0.01, 0.5, 0.7, 0.2,
-    ]  # fmt: skip
+    assert given(
+        system, "sensors", "range.resolution[1]", "noise.scale", "range.dropout.start", "range.dropout.duration"
+    ) == [
+        0.01,
+        0.5,
+        0.7,
+        0.2,
+    ]
     assert given(system, "kalman", "use_road") == [True]
     system = systems(chains.generated(2.0))
     assert given(system, "sensors", "speed.gain") == [1.02]
@@ -225,4 +293,7 @@ def test_car_and_actuator_advance_as_the_case_says(fmus, order):
 
 def test_every_place_of_the_bumps_has_a_height():
     found = wiring.bump_parameters({2: 0.038})
-    assert found == {**{f"bump.height[{i}]": 0.038 if i == 2 else 0.0 for i in range(1, wiring.PLACES + 1)}, "bump.first": wiring.FIRST_BUMP}
+    assert found == {
+        **{f"bump.height[{i}]": 0.038 if i == 2 else 0.0 for i in range(1, wiring.PLACES + 1)},
+        "bump.first": wiring.FIRST_BUMP,
+    }

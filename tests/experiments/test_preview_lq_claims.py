@@ -78,8 +78,17 @@ def test_verdicts(study: Results) -> None:
         "short-preview": "holds",
     }
     parts = [f"{what}-{i}-{s}" for i, s in PRINTED for what in ("index", "parts")]
-    ids = ["poles", "poles-low", *parts, *(f"order-{p}" for p in "abcd"), "preview-time-comfort",
-           "preview-time-road-holding", "one-side-force", "rear-rate", "short-preview"]  # fmt: skip
+    ids = [
+        "poles",
+        "poles-low",
+        *parts,
+        *(f"order-{p}" for p in "abcd"),
+        "preview-time-comfort",
+        "preview-time-road-holding",
+        "one-side-force",
+        "rear-rate",
+        "short-preview",
+    ]
     assert found == {i: others.get(i, "reproduced") for i in ids}
     assert list(found) == ids
     assert all(c.criterion for c in CLAIMS.judge(study))
@@ -103,7 +112,8 @@ def test_steps_do_not_matter(study: Results) -> None:
 
 
 def test_a_short_preview_is_worse_by_an_independent_solution(study: Results) -> None:
-    """Continuous law by quadrature on the car's matrices, nothing of the design functions: the same rise at 10, 20 ms."""
+    """Continuous law by quadrature on the car's matrices, nothing of the design functions: the same rise
+    at 10, 20 ms."""
     car = ride_car(load_ride_car("sedan"), name="RideCarSedan")
     weights = load_weights("comfort")
     linear = car.linearize()
@@ -276,8 +286,12 @@ def test_horizon_beyond_the_preview_is_told(runner: Runner) -> None:
 
 @pytest.mark.parametrize("weights", ["comfort", "road-holding"])
 @pytest.mark.parametrize("controller", ["active", "delay", "preview"])
-def test_the_tunable_law_with_published_weights_is_the_published_law(fmus: FmuSet, controller: str, weights: str) -> None:
-    """Designed by the FMU as it is initialized; the numbers are those of the FMU that was designed in Python, to rounding."""
+def test_the_tunable_law_with_published_weights_is_the_published_law(
+    fmus: FmuSet, controller: str, weights: str
+) -> None:
+    """Designed by the FMU as it is initialized; the numbers are those of the FMU that was designed in Python, to
+    rounding.
+    """
     case = Case(controller=controller, weights=weights)
     with Runner(EXPERIMENT, fmus) as runner:
         expected, found = runner.metrics(case), runner.metrics(replace(case, tunable=True))
@@ -285,9 +299,16 @@ def test_the_tunable_law_with_published_weights_is_the_published_law(fmus: FmuSe
 
 
 WITHOUT_LAW = {
-    "acceleration.heave": 1e4, "acceleration.pitch": 1e4, "acceleration.roll": 0.0, "suspension.front": 1e7, "suspension.rear": 0.0,
-    "tire.front": 1.0, "tire.rear": 1e8, "force.front": 1e-9, "force.rear": 1e-9,
-}  # fmt: skip
+    "acceleration.heave": 1e4,
+    "acceleration.pitch": 1e4,
+    "acceleration.roll": 0.0,
+    "suspension.front": 1e7,
+    "suspension.rear": 0.0,
+    "tire.front": 1.0,
+    "tire.rear": 1e8,
+    "force.front": 1e-9,
+    "force.rear": 1e-9,
+}
 
 
 def test_weights_without_a_law_are_refused(fmus: FmuSet) -> None:
@@ -295,7 +316,13 @@ def test_weights_without_a_law_are_refused(fmus: FmuSet) -> None:
     with Runner(EXPERIMENT, fmus) as runner:
         system = runner.system(Case(tunable=True))
         system["controller"].set({f"weight.{n}": v for n, v in WITHOUT_LAW.items()})
-        with pytest.raises(CosimError, match=r"(?s)controller.*weight\.\*: no law is found for these weights, which differ too much: bring them nearer"):
+        with pytest.raises(
+            CosimError,
+            match=(
+                r"(?s)controller.*weight\.\*: no law is found for these weights, which differ too much: bring them"
+                r" nearer"
+            ),
+        ):
             system.run(0.01)
 
 

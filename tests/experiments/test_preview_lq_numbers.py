@@ -91,12 +91,14 @@ def test_the_passive_car_has_no_force() -> None:
 def test_metrics_are_shown_with_their_units() -> None:
     row = dict.fromkeys(METRICS, 2.0)
     assert {m.heading: m.shown(row[k]) for k, m in METRICS.items()} == {
-        "mean square of body.az [m2/s4]": "2", "mean square of body.pitch_acceleration [rad2/s4]": "2",
+        "mean square of body.az [m2/s4]": "2",
+        "mean square of body.pitch_acceleration [rad2/s4]": "2",
         "mean square of body.roll_acceleration [rad2/s4]": "2",
         **{f"mean square of {q}.{k}.deflection [m2]": "2" for q in ("suspension", "tire") for k in CORNERS},
-        "index J": "2", **{f"rms force, {k} [N]": "2" for k in CORNERS},
+        "index J": "2",
+        **{f"rms force, {k} [N]": "2" for k in CORNERS},
         **{f"rms rate of the force, {k} [N/s]": "2" for k in CORNERS},
-    }  # fmt: skip
+    }
     assert list(METRICS) == list(measure(recording(Case())))
 
 
@@ -104,16 +106,28 @@ def test_signals_of_a_run() -> None:
     found = signals(recording(Case()))
     assert found["time"] == T.tolist()
     at = {n: s[600] for n, s in found.items() if n != "time"}
-    assert at == pytest.approx({
-        **{f"car.wheel.{k}.z": 0.601 + 0.001 * i for i, k in enumerate(CORNERS)}, "car.body.z": 0.65,
-        **{f"road.road.{k}.height": -0.001 * (i + 1) for i, k in enumerate(CORNERS)},
-        "controller.force.fl": 100.0, "controller.force.fr": 120.0, "controller.force.rl": -300.0, "controller.force.rr": -240.0,
-    })  # fmt: skip
+    assert at == pytest.approx(
+        {
+            **{f"car.wheel.{k}.z": 0.601 + 0.001 * i for i, k in enumerate(CORNERS)},
+            "car.body.z": 0.65,
+            **{f"road.road.{k}.height": -0.001 * (i + 1) for i, k in enumerate(CORNERS)},
+            "controller.force.fl": 100.0,
+            "controller.force.fr": 120.0,
+            "controller.force.rl": -300.0,
+            "controller.force.rr": -240.0,
+        }
+    )
     assert not [n for n in signals(recording(Case(controller="passive"))) if "force" in n]
 
 
 def test_remarks() -> None:
-    for cut, words in ((0.0, []), (np.where(T > 1.19, 1.0, 0.0), ["horizon_truncated: preview or memory end before the horizon that was requested"])):  # fmt: skip
+    for cut, words in (
+        (0.0, []),
+        (
+            np.where(T > 1.19, 1.0, 0.0),
+            ["horizon_truncated: preview or memory end before the horizon that was requested"],
+        ),
+    ):
         assert EXPERIMENT.remarks(recording(Case(), **{"controller.horizon_truncated": cut})) == words
 
 
@@ -138,8 +152,12 @@ def test_what_is_set_for_a_case(fmus: FmuSet) -> None:
     assert left["controller"] == {"mode": 1, "preview_time": 0.12, "hold_tail": True}
     assert left["car"] == {"solver.step": 2.5e-4}
     assert plain["road"] == {
-        "shape": 0, "side": 0, "hole.depth": plain["road"]["hole.depth"], "bump.height": 0.05, "bump.length": plain["road"]["bump.length"],
-    }  # fmt: skip
+        "shape": 0,
+        "side": 0,
+        "hole.depth": plain["road"]["hole.depth"],
+        "bump.height": 0.05,
+        "bump.length": plain["road"]["bump.length"],
+    }
     assert plain["road"]["hole.depth"] > 0
     assert plain["road"]["bump.length"] < 10
     assert plain["controller"] == {"mode": 2, "preview_time": 0.12, "hold_tail": False}
@@ -160,8 +178,14 @@ def test_lengths_labels_and_laws() -> None:
 # ------------------------------------------------------------------------------------------------------------ designs
 
 EXPECTED_EIGENVALUES = (
-    -28.19 + 72.34j, -10.91 + 67.29j, -9.16 + 70.08j, -8.70 + 68.04j, -4.92 + 5.79j, -4.44 + 5.23j, -3.52 + 4.54j,
-)  # fmt: skip
+    -28.19 + 72.34j,
+    -10.91 + 67.29j,
+    -9.16 + 70.08j,
+    -8.70 + 68.04j,
+    -4.92 + 5.79j,
+    -4.44 + 5.23j,
+    -3.52 + 4.54j,
+)
 LOW_PAIRS = (-5.31 + 6.14j, -4.00 + 5.07j)
 
 
@@ -226,8 +250,9 @@ def test_poles_are_those_of_the_car_that_runs(fmus: FmuSet, tmp_path: Path, pole
     shutil.copy(fmus.path("PreviewLqComfort"), tmp_path / "fmi3")
     with Runner(EXPERIMENT, FmuSet(tmp_path)) as own:
         light = DESIGNS["comfort"](own)
-    assert light["sprung mass"] == (
-        "730 kg (source: 004; Table 1 prints 1400 kg, the eigenvalues of its Table 2 follow from 1460 kg)"
+    assert (
+        light["sprung mass"]
+        == "730 kg (source: 004; Table 1 prints 1400 kg, the eigenvalues of its Table 2 follow from 1460 kg)"
     )
     assert (
         max(distance for *_, distance in matched([complex(*e) for e in light["eigenvalues"]], tuple(poles["comfort"])))
@@ -248,14 +273,17 @@ def test_a_law_of_other_weights_than_the_index_has_is_refused(fmus: FmuSet, tmp_
     own = {"PreviewLqMine": ("PreviewLqMineMyCar", "--weights mine.toml")}
     made = FmuSet(tmp_path, own=own)
     for case, name, options in (
-        (Case(), "PreviewLqComfort", ""), (Case(weights=str(weights)), "PreviewLqMineMyCar", "--weights mine.toml ")
-    ):  # fmt: skip
+        (Case(), "PreviewLqComfort", ""),
+        (Case(weights=str(weights)), "PreviewLqMineMyCar", "--weights mine.toml "),
+    ):
         law = tmp_path / "fmi3" / f"{name}.fmu"
         with_other_parts(fmus.path("PreviewLqComfort"), law, "resources/provenance.json", heavier)
         with pytest.raises(CaseError) as raised:
             wire(made, case)
-        assert str(raised.value) == (
-            f"{law} was designed with other weights than {case.weights} has now: run `build-fmus {options}--out {tmp_path}` again"
+        assert (
+            str(raised.value)
+            == f"{law} was designed with other weights than {case.weights} has now: run `build-fmus {options}--out"
+            f" {tmp_path}` again"
         )
 
 
@@ -293,9 +321,14 @@ def metrics(case: Case) -> dict[str, Any]:
         else dict.fromkeys(CORNERS, 4.0)
     )
     return {
-        **row, "J": 20 * size * level, **{f"force.{k}": 100 * more * f for k, f in sides.items()},
-        **{f"force.{k}.rate": 1e4 * more * f for k, f in zip(CORNERS, (2.0, 1.0, 3.3 if left and holding else 3.0, 5.0), strict=True)},
-    }  # fmt: skip
+        **row,
+        "J": 20 * size * level,
+        **{f"force.{k}": 100 * more * f for k, f in sides.items()},
+        **{
+            f"force.{k}.rate": 1e4 * more * f
+            for k, f in zip(CORNERS, (2.0, 1.0, 3.3 if left and holding else 3.0, 5.0), strict=True)
+        },
+    }
 
 
 def drawn(case: Case) -> dict[str, list[float]]:
@@ -346,8 +379,10 @@ def test_plan() -> None:
         Design("comfort", MISSING_ENTRY),
     ]
     assert {t.label for t in DESIGNS.values()} == {
-        "design-comfort", "design-road-holding", "design-comfort-one-entry-missing"
-    }  # fmt: skip
+        "design-comfort",
+        "design-road-holding",
+        "design-comfort-one-entry-missing",
+    }
     finer = {c for c in cases if c.solver_parts * c.exchange_parts > 1}
     assert finer == {
         f for k in ("passive", "active", "delay", "preview") for f in halved(Case("both", "comfort", k)).values()
@@ -358,24 +393,56 @@ def test_plan() -> None:
 def test_table_2(page: Report) -> None:
     rows = made_up.table(page, "table-2")
     assert len(rows) == 21
-    assert [r["printed [1/s]"] for r in rows[:7]] == [r["printed [1/s]"] for r in rows[14:]] == [
-        "-28.22 + 72.25i", "-10.77 + 67.53i", "-9.23 + 70.13i", "-8.59 + 67.64i", "-5.31 + 6.14i", "-4.00 + 5.07i", "-3.51 + 4.52i"
-    ]  # fmt: skip
+    assert (
+        [r["printed [1/s]"] for r in rows[:7]]
+        == [r["printed [1/s]"] for r in rows[14:]]
+        == [
+            "-28.22 + 72.25i",
+            "-10.77 + 67.53i",
+            "-9.23 + 70.13i",
+            "-8.59 + 67.64i",
+            "-5.31 + 6.14i",
+            "-4.00 + 5.07i",
+            "-3.51 + 4.52i",
+        ]
+    )
     assert rows[0] == {
-        "design": "ride comfort", "printed [1/s]": "-28.22 + 72.25i", "ours [1/s]": "-28.25 + 72.32i", "distance [%]": 0.1,
-    }  # fmt: skip
+        "design": "ride comfort",
+        "printed [1/s]": "-28.22 + 72.25i",
+        "ours [1/s]": "-28.25 + 72.32i",
+        "distance [%]": 0.1,
+    }
     assert [r["distance [%]"] for r in rows[:7]] == [0.1, 0.2, 0.3, 0.4, 6.0, 7.0, 0.5]
     assert rows[7] == {
-        "design": "road holding", "printed [1/s]": None, "ours [1/s]": "-42.33 + 108.38i", "distance [%]": None
-    }  # fmt: skip
+        "design": "road holding",
+        "printed [1/s]": None,
+        "ours [1/s]": "-42.33 + 108.38i",
+        "distance [%]": None,
+    }
     assert rows[20] == {
-        "design": "ride comfort, one entry missing of N", "printed [1/s]": "-3.51 + 4.52i", "ours [1/s]": "-3.54 + 4.56i",
+        "design": "ride comfort, one entry missing of N",
+        "printed [1/s]": "-3.51 + 4.52i",
+        "ours [1/s]": "-3.54 + 4.56i",
         "distance [%]": 0.88,
-    }  # fmt: skip
+    }
 
 
-HEADINGS = ["system", "row", "heave [%]", "pitch [%]", "roll [%]", "s fl [%]", "s rl [%]", "s fr [%]", "s rr [%]", "t fl [%]",
-            "t rl [%]", "t fr [%]", "t rr [%]", "J [%]"]  # fmt: skip
+HEADINGS = [
+    "system",
+    "row",
+    "heave [%]",
+    "pitch [%]",
+    "roll [%]",
+    "s fl [%]",
+    "s rl [%]",
+    "s fr [%]",
+    "s rr [%]",
+    "t fl [%]",
+    "t rl [%]",
+    "t fr [%]",
+    "t rr [%]",
+    "J [%]",
+]
 
 
 def test_table_3(page: Report) -> None:
@@ -418,8 +485,9 @@ def test_table_3(page: Report) -> None:
 def test_sampling_and_finer_steps(page: Report) -> None:
     coarse = over_time(Case()) + 0.1
     assert [list(r.values()) for r in made_up.table(page, "sampling")] == [
-        [1, 31.6, 0.0], [5, 41.6, round(100 * (coarse / 0.316 - 1), 2)]
-    ]  # fmt: skip
+        [1, 31.6, 0.0],
+        [5, 41.6, round(100 * (coarse / 0.316 - 1), 2)],
+    ]
     assert list(made_up.table(page, "sampling")[0]) == [
         "sample time [ms]",
         "J [% of passive]",
@@ -427,8 +495,13 @@ def test_sampling_and_finer_steps(page: Report) -> None:
     ]
     rows = [list(r.values()) for r in made_up.table(page, "refinement")]
     assert list(made_up.table(page, "refinement")[0]) == [
-        "steps", "J, passive [-]", "J, active [-]", "J, delay [-]", "J, preview [-]", "largest change [%]"
-    ]  # fmt: skip
+        "steps",
+        "J, passive [-]",
+        "J, active [-]",
+        "J, delay [-]",
+        "J, preview [-]",
+        "largest change [%]",
+    ]
     assert [r[0] for r in rows] == ["as in the runs", "solver step halved", "exchange step halved"]
     assert rows[0][1:] == pytest.approx([20.0, 14.0, 10.0, 6.32, 0.0])
     assert rows[1][1:] == pytest.approx([20.002, 14.0014, 10.001, 6.320632, 0.01])
@@ -455,12 +528,24 @@ def test_figure_3(page: Report) -> None:
     at = {n: (c.y[0], c.y[1], c.y[10]) for n, c in curves.items()}
     assert at["index J"] == pytest.approx((1, 1.1, 0.64))
     assert at["vertical acceleration"] == pytest.approx((1, 0.56 / 0.51, 0.33 / 0.51))
-    assert at["suspension deflection"] == pytest.approx((1, *(
-        sum((level + 0.01 * i) * i for i in (4, 5, 6, 7)) / sum((0.5 + 0.01 * i) * i for i in (4, 5, 6, 7)) for level in (0.55, 0.32)
-    )))  # fmt: skip
-    assert at["tire deflection"] == pytest.approx((1, *(
-        sum((level + 0.01 * i) * i for i in (8, 9, 10, 11)) / sum((0.5 + 0.01 * i) * i for i in (8, 9, 10, 11)) for level in (0.55, 0.32)
-    )))  # fmt: skip
+    assert at["suspension deflection"] == pytest.approx(
+        (
+            1,
+            *(
+                sum((level + 0.01 * i) * i for i in (4, 5, 6, 7)) / sum((0.5 + 0.01 * i) * i for i in (4, 5, 6, 7))
+                for level in (0.55, 0.32)
+            ),
+        )
+    )
+    assert at["tire deflection"] == pytest.approx(
+        (
+            1,
+            *(
+                sum((level + 0.01 * i) * i for i in (8, 9, 10, 11)) / sum((0.5 + 0.01 * i) * i for i in (8, 9, 10, 11))
+                for level in (0.55, 0.32)
+            ),
+        )
+    )
     assert at["index J, last height held"] == pytest.approx((1, 0.98, 0.62))
     assert [c.dash for c in curves.values()] == ["solid"] * 4 + ["dash"]
     assert curves["index J, last height held"].color == curves["index J"].color
@@ -470,9 +555,15 @@ def test_figure_3(page: Report) -> None:
     panels = next(f for f in page.figures if f.id == "figure-3").panels
     printed = {p.title: [(c.name, list(c.x), list(c.y)) for c in p.series if c.mode == "markers"] for p in panels}
     assert printed == {
-        titles[0]: [("index J, table 3", [0.12], [48.3 / 58.9]), ("vertical acceleration, table 3", [0.12], [20.3 / 21.1])],
+        titles[0]: [
+            ("index J, table 3", [0.12], [48.3 / 58.9]),
+            ("vertical acceleration, table 3", [0.12], [20.3 / 21.1]),
+        ],
         titles[1]: [],
-        titles[2]: [("index J, table 3", [0.12], [40.8 / 48.8]), ("vertical acceleration, table 3", [0.12], [20.9 / 21.4])],
+        titles[2]: [
+            ("index J, table 3", [0.12], [40.8 / 48.8]),
+            ("vertical acceleration, table 3", [0.12], [20.9 / 21.4]),
+        ],
         titles[3]: [],
     }
     holding = made_up.series(page, "figure-3", titles[3], "index J")
@@ -524,8 +615,9 @@ def test_figures_6_and_7_show_forces(page: Report) -> None:
 
 def test_a_plateau(page: Report) -> None:
     assert list(made_up.axes(page, "offset").items()) == [
-        ("force, front left", ("time [s]", "force [kN]")), ("body height", ("time [s]", "height [mm]"))
-    ]  # fmt: skip
+        ("force, front left", ("time [s]", "force [kN]")),
+        ("body height", ("time [s]", "height [mm]")),
+    ]
     for hold, name in ((False, "height 0 beyond the horizon"), (True, "last height held")):
         own = drawn(published.plateau(hold_tail=hold))
         assert list(made_up.series(page, "offset", "force, front left", name).y) == [
@@ -544,8 +636,15 @@ def test_a_plateau(page: Report) -> None:
 
 def test_words_of_the_sections(page: Report) -> None:
     words = {s.title: " ".join(s.paragraphs) for s in page.sections}
-    assert list(words) == ["Closed-loop poles", "Mean squares and index", "Preview time", "Time histories", "Sample time", "Steps",
-                           "A road that does not return to zero"]  # fmt: skip
+    assert list(words) == [
+        "Closed-loop poles",
+        "Mean squares and index",
+        "Preview time",
+        "Time histories",
+        "Sample time",
+        "Steps",
+        "A road that does not return to zero",
+    ]
     assert "with the sprung mass of 1460 kg (source: weighed)." in words["Closed-loop poles"]
     assert "worse, by up to 12 %, before" in words["Preview time"]
     assert words["Mean squares and index"].startswith("Means over 1.2 s; preview 0.12 s.")
@@ -554,9 +653,11 @@ def test_words_of_the_sections(page: Report) -> None:
 
 def test_figures_at_the_top(page: Report) -> None:
     assert {r.name: (r.value, r.unit) for r in page.results} == {
-        "J with preview, ride comfort, both sides": (31.6, "% of passive"), "J with preview, road holding, both sides": (31.7, "% of passive"),
-        "J with preview, ride comfort, left side": (31.6, "% of passive"), "J with preview, road holding, left side": (31.7, "% of passive"),
-    }  # fmt: skip
+        "J with preview, ride comfort, both sides": (31.6, "% of passive"),
+        "J with preview, road holding, both sides": (31.7, "% of passive"),
+        "J with preview, ride comfort, left side": (31.6, "% of passive"),
+        "J with preview, road holding, left side": (31.7, "% of passive"),
+    }
 
 
 def test_parameters_are_those_of_the_fmus(page: Report) -> None:
@@ -566,13 +667,23 @@ def test_parameters_are_those_of_the_fmus(page: Report) -> None:
     names = ["heave", "pitch", "roll", "suspension, front", "suspension, rear", "tire, front", "tire, rear", "force"]
     assert list(weights) == [f"{w}: {n}" for w in ("ride comfort", "road holding") for n in names]
     assert weights == {
-        "ride comfort: heave": (3.0, "s4/m2"), "ride comfort: pitch": (8.0, "s4/rad2"), "ride comfort: roll": (1.0, "s4/rad2"),
-        "ride comfort: suspension, front": (1200.0, "1/m2"), "ride comfort: suspension, rear": (1400.0, "1/m2"),
-        "ride comfort: tire, front": (12000.0, "1/m2"), "ride comfort: tire, rear": (11000.0, "1/m2"), "ride comfort: force": (1e-6, "1/N2"),
-        "road holding: heave": (3.0, "s4/m2"), "road holding: pitch": (8.0, "s4/rad2"), "road holding: roll": (1.0, "s4/rad2"),
-        "road holding: suspension, front": (18000.0, "1/m2"), "road holding: suspension, rear": (19500.0, "1/m2"),
-        "road holding: tire, front": (200000.0, "1/m2"), "road holding: tire, rear": (195000.0, "1/m2"), "road holding: force": (1e-6, "1/N2"),
-    }  # fmt: skip
+        "ride comfort: heave": (3.0, "s4/m2"),
+        "ride comfort: pitch": (8.0, "s4/rad2"),
+        "ride comfort: roll": (1.0, "s4/rad2"),
+        "ride comfort: suspension, front": (1200.0, "1/m2"),
+        "ride comfort: suspension, rear": (1400.0, "1/m2"),
+        "ride comfort: tire, front": (12000.0, "1/m2"),
+        "ride comfort: tire, rear": (11000.0, "1/m2"),
+        "ride comfort: force": (1e-6, "1/N2"),
+        "road holding: heave": (3.0, "s4/m2"),
+        "road holding: pitch": (8.0, "s4/rad2"),
+        "road holding: roll": (1.0, "s4/rad2"),
+        "road holding: suspension, front": (18000.0, "1/m2"),
+        "road holding: suspension, rear": (19500.0, "1/m2"),
+        "road holding: tire, front": (200000.0, "1/m2"),
+        "road holding: tire, rear": (195000.0, "1/m2"),
+        "road holding: force": (1e-6, "1/N2"),
+    }
     assert (shown["body.mass"], shown["suspension.rl.stiffness"]) == ((1460.0, "kg"), (17500.0, "N/m"))
     assert {p.source for p in page.parameters if p.name.startswith("weight, road")} == {"004 Table 2, road holding"}
 
@@ -585,11 +696,15 @@ def test_words_of_the_claims(study: Results) -> None:
     assert judged["index-both-delay"] == ("order reproduced, magnitude not", "50.0 %", 50.0)
     assert judged["index-left-preview"] == ("order reproduced, magnitude not", "31.6 %", 31.6)
     assert judged["parts-both-active"] == (
-        "not reproduced", "1 of 11 within 10 %; largest deviation -67 % (tire.rl.deflection)", 67.347
-    )  # fmt: skip
+        "not reproduced",
+        "1 of 11 within 10 %; largest deviation -67 % (tire.rl.deflection)",
+        67.347,
+    )
     assert judged["parts-left-delay"] == (
-        "not reproduced", "3 of 12 within 10 %; largest deviation +342 % (body.roll_acceleration)", 341.67
-    )  # fmt: skip
+        "not reproduced",
+        "3 of 12 within 10 %; largest deviation +342 % (body.roll_acceleration)",
+        341.67,
+    )
     assert {judged[f"order-{p}"] for p in "ac"} == {("reproduced", "70.0 > 50.0 > 31.6", None)}
     assert {judged[f"order-{p}"] for p in "bd"} == {("reproduced", "70.1 > 50.1 > 31.7", None)}
     assert judged["preview-time-comfort"] == ("reproduced", "90 % of the benefit of 0.2 s", None)
@@ -597,8 +712,10 @@ def test_words_of_the_claims(study: Results) -> None:
     assert judged["one-side-force"] == ("reproduced", "left over right front force 2.0 or more", None)
     assert judged["rear-rate"] == ("reproduced", "rear over front 1.50 to 1.65", None)
     assert judged["short-preview"] == (
-        "holds", "index up by 9 to 12 % at its worst; with the last height held -2 % at most", None
-    )  # fmt: skip
+        "holds",
+        "index up by 9 to 12 % at its worst; with the last height held -2 % at most",
+        None,
+    )
     for c in CLAIMS.judge(study):
         assert c.fitted == (
             "the sprung mass of 1460 kg (source: weighed)" if c.id.startswith(("poles", "index", "parts")) else ""
@@ -652,18 +769,34 @@ def test_components_are_those_of_print_or_on_their_side_of_passive(study: Result
         ("order-d", {("left", "road-holding", "active"): {"J": 10 * 0.5}}, False),
         ("preview-time-comfort", {("left", "comfort", "preview", 0.10): {"J": 10 * (0.5 - 0.201 * 0.8)}}, True),
         ("preview-time-comfort", {("left", "comfort", "preview", 0.10): {"J": 10 * (0.5 - 0.199 * 0.8)}}, False),
-        ("preview-time-road-holding", {("both", "road-holding", "preview", 0.04): {"J": 20 * (0.501 - 0.199 * 0.8)}}, False),
+        (
+            "preview-time-road-holding",
+            {("both", "road-holding", "preview", 0.04): {"J": 20 * (0.501 - 0.199 * 0.8)}},
+            False,
+        ),
         ("one-side-force", {("left", "road-holding", "preview"): {"force.fl": 221.0}}, True),
         ("one-side-force", {("left", "road-holding", "preview"): {"force.fl": 219.0}}, False),
         ("rear-rate", {("both", "road-holding", "preview"): {"force.rl.rate": 1.99e4}}, False),
         ("rear-rate", {("both", "road-holding", "preview"): {"force.rl.rate": 2.01e4}}, True),
-        ("short-preview", {("both", "road-holding", "preview", t): {"J": 20 * 0.501 * 1.019} for t in (0.01, 0.02)}, False),
+        (
+            "short-preview",
+            {("both", "road-holding", "preview", t): {"J": 20 * 0.501 * 1.019} for t in (0.01, 0.02)},
+            False,
+        ),
         ("short-preview", {("both", "road-holding", "preview", 0.01): {"J": 20 * 0.501}}, True),
         ("poles", {DESIGNS["comfort"]: {"eigenvalues": [[p.real, 1.019 * p.imag] for p in PRINTED_EIGENVALUES]}}, True),
-        ("poles", {DESIGNS["comfort"]: {"eigenvalues": [[p.real, 1.025 * p.imag] for p in PRINTED_EIGENVALUES]}}, False),
-        ("poles-low", {DESIGNS["comfort"]: {"eigenvalues": [[p.real, 1.019 * p.imag] for p in PRINTED_EIGENVALUES]}}, True),
+        (
+            "poles",
+            {DESIGNS["comfort"]: {"eigenvalues": [[p.real, 1.025 * p.imag] for p in PRINTED_EIGENVALUES]}},
+            False,
+        ),
+        (
+            "poles-low",
+            {DESIGNS["comfort"]: {"eigenvalues": [[p.real, 1.019 * p.imag] for p in PRINTED_EIGENVALUES]}},
+            True,
+        ),
     ],
-)  # fmt: skip
+)
 def test_where_a_claim_turns(study: Results, id_: str, change: dict[Any, dict[str, Any]], well: bool) -> None:
     """One place, or one side of a limit, is enough."""
     cases = {Case(*k) if isinstance(k, tuple) else k: v for k, v in change.items()}
@@ -678,9 +811,10 @@ def test_a_short_preview_must_not_hurt_with_the_last_height_held(study: Results)
 
 def test_reasons_name_their_figures(study: Results) -> None:
     reasons = {c.id: c.reason for c in CLAIMS.judge(study)}
-    assert reasons["poles-low"] == (
-        "6 to 7 % away: with one entry of the cross weight N left out (body.roll_rate and force.rl) all seven printed pairs come out "
-        "within 0.9 %; the index as printed gives ours"
+    assert (
+        reasons["poles-low"]
+        == "6 to 7 % away: with one entry of the cross weight N left out (body.roll_rate and force.rl) all seven"
+        " printed pairs come out within 0.9 %; the index as printed gives ours"
     )
     criteria = {c.id: c.criterion for c in CLAIMS.judge(study)}
     assert criteria["poles"].startswith("within 2 %: ")
@@ -700,19 +834,23 @@ def test_what_is_published(study: Results) -> None:
     assert printed["poles-low"] == ("-5.31+6.14i, -4.00+5.07i", "Table 2")
     claims = {c.id: c.claim for c in CLAIMS.judge(study)}
     assert claims["order-c"] == "Each kind of information lowers the index, ride comfort, left side"
-    assert claims["parts-left-delay"] == (
-        "The delay system raises and lowers the components as printed, ride comfort, left side"
+    assert (
+        claims["parts-left-delay"]
+        == "The delay system raises and lowers the components as printed, ride comfort, left side"
     )
 
 
-# ----------------------------------------------------------------------------------------------------------- the live page
+# ----------------------------------------------------------------------------------------------------------- the live
+# page
 
 
 def test_systems_of_the_live_page() -> None:
     """Table 3 with either set of weights, all active ones under the law whose weights can be changed."""
     shown = live(Case())
     titles = ["Passive", "Active", "Active, front wheels seen by the rear", "Active with preview"]
-    assert [(c.title, c.group) for c in shown.cases] == [(t, g) for g in ("ride comfort", "road holding") for t in titles]
+    assert [(c.title, c.group) for c in shown.cases] == [
+        (t, g) for g in ("ride comfort", "road holding") for t in titles
+    ]
     assert [c.case.controller for c in shown.cases] == ["passive", "active", "delay", "preview"] * 2
     assert [c.case.weights for c in shown.cases] == ["comfort"] * 4 + ["road-holding"] * 4
     assert [c.case.law for c in shown.cases] == [None, *["PreviewLqTunable"] * 3] * 2
@@ -730,11 +868,14 @@ def test_controls_of_the_live_page() -> None:
     assert [(c.label, list(c.names), c.minimum, c.maximum) for c in live(Case()).page.controls] == [
         ("preview ahead of the front wheels", ["controller.preview_time"], 0.0, pytest.approx(0.235)),
         ("speed", ["speed.start.speed"], pytest.approx(5 / 3.6), pytest.approx(120 / 3.6)),
-        ("wheels that meet it", ["road.side"], None, None), ("depth of the hole", ["road.hole.depth"], 0.0, 0.15),
-        ("height of the bump", ["road.bump.height"], 0.0, 0.15), ("sprung mass", ["car.body.mass"], 800.0, 2500.0),
-        ("weight of heave", ["controller.weight.acceleration.heave"], None, 30.0), ("weight of pitch", ["controller.weight.acceleration.pitch"], None, 80.0),
+        ("wheels that meet it", ["road.side"], None, None),
+        ("depth of the hole", ["road.hole.depth"], 0.0, 0.15),
+        ("height of the bump", ["road.bump.height"], 0.0, 0.15),
+        ("sprung mass", ["car.body.mass"], 800.0, 2500.0),
+        ("weight of heave", ["controller.weight.acceleration.heave"], None, 30.0),
+        ("weight of pitch", ["controller.weight.acceleration.pitch"], None, 80.0),
         ("weight of roll", ["controller.weight.acceleration.roll"], None, 10.0),
         ("weight of suspension deflection", [f"controller.weight.suspension.{e}" for e in both], None, 4e4),
         ("weight of tire deflection", [f"controller.weight.tire.{e}" for e in both], None, 4e5),
         ("weight of actuator forces", [f"controller.weight.force.{e}" for e in both], None, 1e-5),
-    ]  # fmt: skip
+    ]

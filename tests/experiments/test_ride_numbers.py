@@ -1,4 +1,6 @@
-"""What readers see of ride, from recordings and runs made by hand whose answers are known, and how its searches find speeds."""
+"""What readers see of ride, from recordings and runs made by hand whose answers are known, and how its searches find
+speeds.
+"""
 
 from __future__ import annotations
 
@@ -24,7 +26,8 @@ from cosim.study import FmuSet, Results
 from cosim.study.case import CaseError, values
 from fmu_sources.models.corners import CORNERS
 
-# ------------------------------------------------------------------------------------------------ a run: metrics by hand
+# ------------------------------------------------------------------------------------------------ a run: metrics by
+# hand
 
 G = 9.80665
 SPEED = 9.0  # m/s
@@ -73,10 +76,17 @@ def test_metrics_of_a_run() -> None:
     assert found.pop("iso2631_rms") == pytest.approx(2.0 / math.sqrt(2) * 0.967, rel=0.01)  # Wk at 4 Hz
     assert found.pop("seat_rms") == pytest.approx(math.sqrt(2.0), rel=2e-3)
     assert found.pop("seat_peak") == pytest.approx(2.0, rel=1e-4)  # a sample is not quite at the top
-    assert found == pytest.approx({
-        "speed": SPEED, "body_rms": 1.5, "travel_rms": 0.01 * math.sqrt(30 / 4), "travel_peak": 0.04,
-        "force_rms": 100.0 * math.sqrt(30 / 4), "power_given": 0.1 * 1000.0 * half,
-    }, rel=1e-6)  # fmt: skip
+    assert found == pytest.approx(
+        {
+            "speed": SPEED,
+            "body_rms": 1.5,
+            "travel_rms": 0.01 * math.sqrt(30 / 4),
+            "travel_peak": 0.04,
+            "force_rms": 100.0 * math.sqrt(30 / 4),
+            "power_given": 0.1 * 1000.0 * half,
+        },
+        rel=1e-6,
+    )
 
 
 def first_half() -> float:
@@ -117,12 +127,18 @@ def test_a_car_that_does_not_arrive_has_no_metrics() -> None:
 def test_how_metrics_are_shown() -> None:
     row = dict.fromkeys(METRICS, 1234.5)
     assert {m.heading: m.shown(row[k]) for k, m in METRICS.items()} == {
-        "absorbed power, third order [W]": "1234.50", "absorbed power, second order [W]": "1234.50",
-        "ISO 2631-1 weighted rms [m/s2]": "1234.500", "largest acceleration of the seat [g]": f"{1234.5 / G:.2f}",
-        "rms acceleration of the seat [m/s2]": "1234.500", "rms acceleration of the CG [m/s2]": "1234.500",
-        "suspension travel, rms [mm]": "1234500.0", "suspension travel, largest [mm]": "1234500", "actuator force, rms [kN]": "1.23",
-        "power that actuators give to the car [kW]": "1.23", "power drawn from the hydraulic supply [kW]": "1.23",
-    }  # fmt: skip
+        "absorbed power, third order [W]": "1234.50",
+        "absorbed power, second order [W]": "1234.50",
+        "ISO 2631-1 weighted rms [m/s2]": "1234.500",
+        "largest acceleration of the seat [g]": f"{1234.5 / G:.2f}",
+        "rms acceleration of the seat [m/s2]": "1234.500",
+        "rms acceleration of the CG [m/s2]": "1234.500",
+        "suspension travel, rms [mm]": "1234500.0",
+        "suspension travel, largest [mm]": "1234500",
+        "actuator force, rms [kN]": "1.23",
+        "power that actuators give to the car [kW]": "1.23",
+        "power drawn from the hydraulic supply [kW]": "1.23",
+    }
 
 
 def test_cases_that_cannot_be() -> None:
@@ -173,7 +189,9 @@ def test_runs_that_fail_count_as_above_the_limit(edge: float) -> None:
 
 
 def test_what_is_known_is_not_asked_for_again_but_used() -> None:
-    """Two runs on both sides, and the exponent that they tell: one more is enough; a single far one and the exponent likewise."""
+    """Two runs on both sides, and the exponent that they tell: one more is enough; a single far one and the exponent
+    likewise.
+    """
     power = Counted(lambda v: 6.0 * (v / 21.7) ** 3)
     crossing(power, 6.0, 21.0, known=[20.0, 24.0])
     assert power.speeds[:2] == [20.0, 24.0]
@@ -226,7 +244,8 @@ def test_limits_that_are_never_or_always_reached() -> None:
 
 
 class FakeRunner:
-    """Power that rises with the square of the speed, from 6 W at a speed for each seed; the seat sees 1 m/s2 per km/h."""
+    """Power that rises with the square of the speed, from 6 W at a speed for each seed; the seat sees 1
+    m/s2 per km/h."""
 
     at = {1: 20.0, 2: 22.0, 3: 19.0}  # noqa: RUF012
 
@@ -238,7 +257,12 @@ class FakeRunner:
         if case.speed_kmh > 60:
             return {"arrived": False, "reason": "diverged"}
         third = 6.0 * (case.speed_kmh / self.at[case.seed]) ** 2
-        return {"arrived": True, "absorbed_power_nrmm": third, "absorbed_power": third / 1.2, "seat_peak": case.speed_kmh}
+        return {
+            "arrived": True,
+            "absorbed_power_nrmm": third,
+            "absorbed_power": third / 1.2,
+            "seat_peak": case.speed_kmh,
+        }
 
 
 def test_a_search_goes_from_seed_to_seed_and_from_one_definition_to_the_other() -> None:
@@ -266,13 +290,17 @@ def test_every_car_under_every_law_that_fits_it() -> None:
     assert len(systems()) == len(set(systems())) == 29
     assert {s[:2] for s in systems()} == {(c, law) for c, car in CARS.items() for law in car.laws}
     assert [s for s in systems("hmmwv") if s[1] in ("passive", "mpc")] == [
-        ("hmmwv", "passive", "hydraulic"), ("hmmwv", "mpc", "hydraulic"), ("hmmwv", "mpc", "ideal")
-    ]  # fmt: skip
+        ("hmmwv", "passive", "hydraulic"),
+        ("hmmwv", "mpc", "hydraulic"),
+        ("hmmwv", "mpc", "ideal"),
+    ]
     searches = plan(seeds=2)
     assert len(searches) == len(set(searches)) == 29 * (3 + 1 + len(HEIGHTS))
     for search in searches:
         rougher = search.case.course in ("2in", "4in")
-        several = (search.case.course == "1in" and search.case.sides == "alike") or (rougher and "mpc" not in search.case.controller)
+        several = (search.case.course == "1in" and search.case.sides == "alike") or (
+            rougher and "mpc" not in search.case.controller
+        )
         assert search.seeds == (2 if several else 1), search.label
     assert {s.label for s in plan(car="6x6")} >= {"6W-6x6-mpc-1in-1kmh", "2.5g-6x6-mpc-half-round-1kmh-101.6mm"}
     with pytest.raises(CaseError, match="trabant"):
@@ -289,16 +317,28 @@ def test_guesses_are_where_a_search_may_go() -> None:
 
 
 def speed_of(search: SpeedLimit, metric: str, seed: int) -> float | None:
-    """Speeds by hand, no two alike: slower on rougher courses and higher obstacles, faster with preview and by the second order."""
+    """Speeds by hand, no two alike: slower on rougher courses and higher obstacles, faster with preview and by the
+    second order.
+    """
     c = search.case
     order = list(CARS).index(c.car)
-    base = 10.0 + 3 * order + list(CARS[c.car].laws).index(c.controller) * 0.5 + (0.2 if c.actuators == "hydraulic" else 0.0)
+    base = (
+        10.0
+        + 3 * order
+        + list(CARS[c.car].laws).index(c.controller) * 0.5
+        + (0.2 if c.actuators == "hydraulic" else 0.0)
+    )
     if (c.car, c.controller) == ("sedan", "comfort-preview"):
         return None
     if c.course == "half-round":
         return base * 0.2 / c.height
     base /= {"1in": 1, "2in": 2, "4in": 4}[c.course]
-    return base * (1.1 if metric == "absorbed_power" else 1.0) * (1 + 0.01 * (seed - 2)) * (0.9 if c.sides == "apart" else 1.0)
+    return (
+        base
+        * (1.1 if metric == "absorbed_power" else 1.0)
+        * (1 + 0.01 * (seed - 2))
+        * (0.9 if c.sides == "apart" else 1.0)
+    )
 
 
 def found_by_hand(search: SpeedLimit) -> dict[str, Any]:
@@ -311,11 +351,21 @@ def found_by_hand(search: SpeedLimit) -> dict[str, Any]:
         own = found[search.metrics[0]][-1] or 100.0
         for share, times in ((0.5, 0.25), (1.0, 1.0), (1.1, 1.21)):
             power = 6.0 * times if found[search.metrics[0]][-1] else 1.0 * times
-            case = replace(search.case, speed_kmh=own * share, **({"seed": seed} if search.case.course in ("1in", "2in", "4in") else {}))
+            case = replace(
+                search.case,
+                speed_kmh=own * share,
+                **({"seed": seed} if search.case.course in ("1in", "2in", "4in") else {}),
+            )
             metrics = {
-                "arrived": True, "absorbed_power_nrmm": power, "absorbed_power": power / 1.21, "seat_peak": 2.5 * G * times,
-                "iso2631_rms": share, "travel_rms": 0.01 * share, "travel_peak": 0.1 * share, "power_given": 2e3 * share,
-            }  # fmt: skip
+                "arrived": True,
+                "absorbed_power_nrmm": power,
+                "absorbed_power": power / 1.21,
+                "seat_peak": 2.5 * G * times,
+                "iso2631_rms": share,
+                "travel_rms": 0.01 * share,
+                "travel_peak": 0.1 * share,
+                "power_given": 2e3 * share,
+            }
             forces = {} if case.controller == "passive" else {"force_rms": 1e3 * share}
             rows.append({**values(case), **metrics, **forces})
     why = {m: ["found" if v is not None else "never" for v in found[m]] for m in search.metrics}
@@ -336,7 +386,10 @@ def six_watt_rows(page: Any) -> dict[tuple[str, str, str], dict[str, Any]]:
     tables = {car: f"six-watts-{car}" for car in CARS}
     there = {t.id for s in page.sections for t in s.tables}
     return {
-        (CAR_NAMES[car], r["course"], r["system"]): r for car, table in tables.items() if table in there for r in made_up.table(page, table)
+        (CAR_NAMES[car], r["course"], r["system"]): r
+        for car, table in tables.items()
+        if table in there
+        for r in made_up.table(page, table)
     }
 
 
@@ -346,9 +399,17 @@ def test_speeds_of_six_watts(page: Any) -> None:
     row = rows["HMMWV (001)", "2in", "MPC, hydraulic"]  # base 10 + 5 x 0.5 + 0.2, over 2, first seed
     assert row["6 W, third order [km/h]"] == "6.3"
     assert row["6 W, second order [km/h]"] == "6.9"
-    assert [row[m.heading] for k, m in METRICS.items() if k in ("iso2631_rms", "travel_rms", "travel_peak", "force_rms", "power_given")] == [
-        1.0, 10.0, 100.0, 1.0, 2.0,
-    ]  # fmt: skip
+    assert [
+        row[m.heading]
+        for k, m in METRICS.items()
+        if k in ("iso2631_rms", "travel_rms", "travel_peak", "force_rms", "power_given")
+    ] == [
+        1.0,
+        10.0,
+        100.0,
+        1.0,
+        2.0,
+    ]
     assert "power drawn from the hydraulic supply [kW]" not in row  # nothing of it in these runs
     assert rows["6x6 (003)", "1in", "passive"]["actuator force, rms [kN]"] is None  # of its laws it has one
     assert rows["sedan (004)", "1in", "preview LQ comfort"]["6 W, third order [km/h]"] == "never"
@@ -358,7 +419,9 @@ def test_speeds_of_six_watts(page: Any) -> None:
 def test_what_is_said_of_the_speeds(page: Any) -> None:
     section = next(s for s in page.sections if s.title == "Speeds of 6 W")
     assert section.paragraphs[0].startswith("Each speed is found by driving the whole course, to 2 %. ")
-    assert section.tables[0].caption.endswith("'never' where 120 km/h stays below 6 W, 'at any speed' where 3 km/h is above.")
+    assert section.tables[0].caption.endswith(
+        "'never' where 120 km/h stays below 6 W, 'at any speed' where 3 km/h is above."
+    )
 
 
 def test_panels_stand_side_by_side(page: Any) -> None:
@@ -385,7 +448,10 @@ def test_curves_over_roughness_have_bands_of_the_seeds(page: Any) -> None:
     alone = made_up.series(page, "map-6x6", "over courses", "MPC")  # base 17, one seed on the rougher courses
     assert np.asarray(alone.low) == pytest.approx([17 * 0.99, 8.5 * 0.99, 4.25 * 0.99])
     assert np.asarray(alone.high) == pytest.approx([17 * 1.01, 8.5 * 0.99, 4.25 * 0.99])
-    assert made_up.axes(page, "map-sedan")["over courses"] == ("detrended rms of the course [mm]", "speed of 6 W [km/h]")
+    assert made_up.axes(page, "map-sedan")["over courses"] == (
+        "detrended rms of the course [mm]",
+        "speed of 6 W [km/h]",
+    )
     with pytest.raises(StopIteration):
         made_up.series(page, "map-sedan", "over courses", "preview LQ comfort")  # it never reaches 6 W
 
@@ -397,26 +463,35 @@ def test_curves_of_power_over_speed(page: Any) -> None:
     assert np.asarray(curve.y) == pytest.approx([1.5, 6.0, 7.26])
     limit = made_up.series(page, "power-6x6", "4in rms", "6 W")
     assert np.asarray(limit.y).tolist() == [6.0, 6.0]
-    assert limit.x_values == pytest.approx([0.5 * 16.0 / 4 * 0.99, 1.1 * 17.5 / 4 * 0.99])  # from the slowest run to the fastest
+    assert limit.x_values == pytest.approx(
+        [0.5 * 16.0 / 4 * 0.99, 1.1 * 17.5 / 4 * 0.99]
+    )  # from the slowest run to the fastest
     assert made_up.axes(page, "power-6x6")["1in rms"] == ("speed [km/h]", "absorbed power [W]")
 
 
 def test_obstacles(page: Any) -> None:
     rows = {(r["car"], r["system"]): r for r in made_up.table(page, "obstacles")}
     assert rows["6x6 (003)", "LQR"] == {
-        "car": "6x6 (003)", "system": "LQR", **{f"{h * 1e3:.0f} mm [km/h]": f"{16.5 * 0.2 / h:.1f}" for h in HEIGHTS}
+        "car": "6x6 (003)",
+        "system": "LQR",
+        **{f"{h * 1e3:.0f} mm [km/h]": f"{16.5 * 0.2 / h:.1f}" for h in HEIGHTS},
     }
     assert rows["sedan (004)", "preview LQ comfort"]["102 mm [km/h]"] == "never"
     curve = made_up.series(page, "map-hmmwv", "over half-rounds", "skyhook, hydraulic")
     assert curve.x_values == pytest.approx([101.6, 152.4, 203.2, 254.0, 304.8])
     assert np.asarray(curve.y) == pytest.approx([11.2 * 0.2 / h for h in HEIGHTS])
-    assert made_up.axes(page, "map-hmmwv")["over half-rounds"] == ("height of the half-round [mm]", "speed of 2.5 g [km/h]")
+    assert made_up.axes(page, "map-hmmwv")["over half-rounds"] == (
+        "height of the half-round [mm]",
+        "speed of 2.5 g [km/h]",
+    )
 
 
 def test_definitions_and_sides(page: Any) -> None:
     rows = {(r["car"], r["system"], r["course"]): r for r in made_up.table(page, "definitions")}
     row = rows["6x6 (003)", "LQR", "1in"]
-    assert (row["third order [km/h]"], row["second order [km/h]"], row["third over second [-]"]) == pytest.approx((16.5, 18.15, 0.909), abs=0.051)
+    assert (row["third order [km/h]"], row["second order [km/h]"], row["third over second [-]"]) == pytest.approx(
+        (16.5, 18.15, 0.909), abs=0.051
+    )
     assert row["third over second [-]"] == 0.909
     assert ("sedan (004)", "preview LQ comfort", "1in") not in rows
     sides = {(r["car"], r["system"]): r for r in made_up.table(page, "sides")}
@@ -460,7 +535,11 @@ def test_checks_hold(study: Results) -> None:
 
 
 def first(study: Results, car: str, controller: str, course: str) -> SpeedLimit:
-    return next(s for s in study.tasks if isinstance(s, SpeedLimit) and (s.case.car, s.case.controller, s.case.course) == (car, controller, course))
+    return next(
+        s
+        for s in study.tasks
+        if isinstance(s, SpeedLimit) and (s.case.car, s.case.controller, s.case.course) == (car, controller, course)
+    )
 
 
 @pytest.mark.parametrize(
@@ -564,7 +643,8 @@ def test_the_run_nearest_to_the_limit(study: Results) -> None:
     assert published.SEEDS_RUN == 3
 
 
-# ----------------------------------------------------------------------------------------------------------- the live page
+# ----------------------------------------------------------------------------------------------------------- the live
+# page
 
 GROUPS = ["1 in rms", "2 in rms", "4 in rms", "half-round"]
 LIVE = {
@@ -589,16 +669,25 @@ def test_systems_of_the_live_page(car: str) -> None:
     assert shown.page.text[0].isupper() or car == "6x6"
     assert ("without a law" if car == "public" else "its laws side by side") in shown.page.text
     first = CARS[car].corners[0]
-    assert shown.page.plots == ["car.seat.az", f"car.suspension.{first}.deflection", f"controller.force.{first}"][: 2 + (car != "public")]
+    assert (
+        shown.page.plots
+        == ["car.seat.az", f"car.suspension.{first}.deflection", f"controller.force.{first}"][: 2 + (car != "public")]
+    )
 
 
 def test_what_the_case_says_holds_for_the_page() -> None:
-    """A law that is not among those that are shown comes beside them; what is of one kind of course counts on that one."""
+    """A law that is not among those that are shown comes beside them; what is of one kind of course
+    counts on that one."""
     shown = live(Case("hmmwv", "skyhook", "hydraulic", "2in", seed=3, sides="apart"))
-    assert [c.title for c in shown.cases[:5]] == [f"{n}, hydraulic" for n in ("passive", "LQR", "MPC", "MPC with preview", "skyhook")]
+    assert [c.title for c in shown.cases[:5]] == [
+        f"{n}, hydraulic" for n in ("passive", "LQR", "MPC", "MPC with preview", "skyhook")
+    ]
     assert {(c.case.course, c.case.seed, c.case.sides) for c in shown.cases} == {
-        ("1in", 3, "apart"), ("2in", 3, "apart"), ("4in", 3, "apart"), ("half-round", 1, "alike")
-    }  # fmt: skip
+        ("1in", 3, "apart"),
+        ("2in", 3, "apart"),
+        ("4in", 3, "apart"),
+        ("half-round", 1, "alike"),
+    }
     heights = {c.case.course: c.case.height for c in live(Case(course="half-round", height=0.1)).cases}
     assert heights == {"1in": 0.2032, "2in": 0.2032, "4in": 0.2032, "half-round": 0.1}
 
@@ -620,7 +709,15 @@ def test_controls_and_measures_of_the_live_page() -> None:
     travel = [f"car.suspension.{k}.deflection" for k in CORNERS]
     assert [(m.label, list(m.names), m.how, m.unit, m.factor, m.limit, m.decimals) for m in page.measures] == [
         ("acceleration of the driver's seat, rms", ["car.seat.az"], "rms", "m/s2", 1.0, None, 2),
-        ("acceleration of the driver's seat, largest", ["car.seat.az"], "peak", "g", pytest.approx(1 / 9.80665), 2.5, 2),
+        (
+            "acceleration of the driver's seat, largest",
+            ["car.seat.az"],
+            "peak",
+            "g",
+            pytest.approx(1 / 9.80665),
+            2.5,
+            2,
+        ),
         ("acceleration of the CG, rms", ["car.body.az"], "rms", "m/s2", 1.0, None, 2),
         ("suspension travel, largest", travel, "peak", "mm", 1e3, None, 0),
     ]

@@ -37,7 +37,9 @@ def test_every_car_under_every_law_is_on_the_courses(fmus: FmuSet, car: str, law
         first = max(float(road.description.parameters[f"wheel.{k}.x"].start) for k in CARS[car].corners)  # type: ignore[arg-type]
         assert system["speed"].values["start.x"] + first == pytest.approx(-11.0)  # a metre before the ramp
         previews = [t for t in made if t.startswith("controller.preview.")]
-        assert bool(previews) == (law in ("mpc-preview", "preview") or (car, law) == ("6x6", "mpc") or (car == "sedan" and law != "passive"))
+        assert bool(previews) == (
+            law in ("mpc-preview", "preview") or (car, law) == ("6x6", "mpc") or (car == "sedan" and law != "passive")
+        )
         if "reference" in system.members:
             assert system["reference"].values["pitch"] == 0.0
 
@@ -59,7 +61,12 @@ def test_what_is_wired_once() -> None:
     case = Case("6x6", "lqr", course="1in")
     for same in ({"course": "2in"}, {"seed": 2}, {"speed_kmh": 50.0}, {"sides": "apart"}):
         assert runs.structure(replace(case, **same)) == runs.structure(case)
-    others = [{"course": "one.crg"}, {"course": "another.crg"}, {"controller": "mpc"}, {"car": "full-car", "controller": "passive"}]
+    others = [
+        {"course": "one.crg"},
+        {"course": "another.crg"},
+        {"controller": "mpc"},
+        {"car": "full-car", "controller": "passive"},
+    ]
     assert len({runs.structure(case), *(runs.structure(replace(case, **o)) for o in others)}) == 5
 
 
@@ -68,7 +75,9 @@ def test_wheels_are_those_of_the_vehicle_file(fmus: FmuSet) -> None:
         expected = RoadLayout.of(load_vehicle(car.vehicle)).wheels  # type: ignore[arg-type]
         found = {w.corner: (w.x, w.y) for w in wheels_of(FmuFile(fmus.path(car.plant)))}
         assert found == {w.corner: pytest.approx((w.x, w.y)) for w in expected}
-        assert car.size == pytest.approx((max(abs(w.y) for w in expected), max(w.x for w in expected) - min(w.x for w in expected)))
+        assert car.size == pytest.approx(
+            (max(abs(w.y) for w in expected), max(w.x for w in expected) - min(w.x for w in expected))
+        )
 
 
 def course(path: Path, heights: np.ndarray, increment: float = 0.25) -> Path:
@@ -89,7 +98,9 @@ def test_where_a_course_begins_and_ends(tmp_path: Path) -> None:
 
 
 def test_a_car_over_a_course_from_a_file(tmp_path: Path, fmus: FmuSet) -> None:
-    """The linear car over a course of twice the heights absorbs four times the power; left and right are those of the file."""
+    """The linear car over a course of twice the heights absorbs four times the power; left and right are those of the
+    file.
+    """
     powers = []
     for i, size in enumerate((1.0, 2.0)):
         path = course(tmp_path / f"course{i}.crg", size * waves())
@@ -159,8 +170,12 @@ def test_tires_that_envelop_get_the_course_as_it_is(fmus: FmuSet) -> None:
         assert {f"car.contact.{k}[{i}]" for k in CARS["public"].corners for i in (1, 31)} | {"car.contact.step"} <= made
         height = run.recording["road.road.fl.height"]
         assert height.max() == pytest.approx(0.1016, rel=2e-3)
-        assert 0 < np.count_nonzero(height) * case.speed / runs.RATE == pytest.approx(2 * 0.1016, abs=0.02)  # as long as the obstacle, on which it loses some speed
-        assert runs.measure(run)["seat_peak"] == pytest.approx(13.1, abs=0.3)  # docs/public-hmmwv.md, over a half-round elsewhere
+        assert (
+            0 < np.count_nonzero(height) * case.speed / runs.RATE == pytest.approx(2 * 0.1016, abs=0.02)
+        )  # as long as the obstacle, on which it loses some speed
+        assert runs.measure(run)["seat_peak"] == pytest.approx(
+            13.1, abs=0.3
+        )  # docs/public-hmmwv.md, over a half-round elsewhere
 
 
 def test_a_car_that_envelops_over_a_course_from_a_file(tmp_path: Path, fmus: FmuSet) -> None:
@@ -175,8 +190,13 @@ def test_a_vehicle_of_a_user_stands_in_for_the_cars_of_its_kind(tmp_path: Path, 
     file = tmp_path / "mine.toml"
     file.write_text('base = "ride_car_hmmwv"\nname = "Mine"\ndescription = "another"\n')
     own = own_fmus("ride", fmus.directory, fmus.fmi, [file])
-    for published, name in (("RideCarHmmwv", "RideCarMine"), ("RideCarSedan", "RideCarMine"), ("RoadProvingGroundHmmwv", "RoadProvingGroundMine"),
-                            ("MpcHmmwv", "MpcMine"), ("RoadProvingGround5ms", "RoadProvingGround5msMine")):  # fmt: skip
+    for published, name in (
+        ("RideCarHmmwv", "RideCarMine"),
+        ("RideCarSedan", "RideCarMine"),
+        ("RoadProvingGroundHmmwv", "RoadProvingGroundMine"),
+        ("MpcHmmwv", "MpcMine"),
+        ("RoadProvingGround5ms", "RoadProvingGround5msMine"),
+    ):
         assert own.name(published) == name
     assert own.name("ThreeAxleRide") == "ThreeAxleRide"
     with pytest.raises(FileNotFoundError, match=r"Mine\.fmu does not exist: run `build-fmus --vehicle .*mine\.toml"):
@@ -184,12 +204,16 @@ def test_a_vehicle_of_a_user_stands_in_for_the_cars_of_its_kind(tmp_path: Path, 
     with pytest.raises(CaseError, match="RideCarMine has no laws of the sedan: its tires have damping"):
         runs.wire(own, Case("sedan", "comfort-active"))
     file.write_text('base = "quarter_car_hmmwv"\nname = "Mine"\n')
-    with pytest.raises(VehicleError, match="describes a 'quarter_car', with which bench can run; ride needs a 'ride_car' or 'full_car'"):
+    with pytest.raises(
+        VehicleError, match="describes a 'quarter_car', with which bench can run; ride needs a 'ride_car' or 'full_car'"
+    ):
         own_fmus("ride", fmus.directory, fmus.fmi, [file])
 
 
 def test_another_vehicle_is_what_is_driven(fmus: FmuSet) -> None:
     """The sedan's FMUs in place of the HMMWV's, as `--vehicle` puts them there."""
-    other = replace(fmus, own={"RideCarHmmwv": ("RideCarSedan", ""), "RoadProvingGroundHmmwv": ("RoadProvingGround5ms", "")})
+    other = replace(
+        fmus, own={"RideCarHmmwv": ("RideCarSedan", ""), "RoadProvingGroundHmmwv": ("RoadProvingGround5ms", "")}
+    )
     with runs.wire(other, Case("hmmwv", "zero", "ideal")) as system:
         assert float(system["car"].description.parameters["body.mass"].start) == 1460.0  # type: ignore[arg-type]

@@ -146,15 +146,22 @@ def test_a_failed_run_leaves_open_what_needs_it_and_nothing_else(study: Results,
     broken = failed(study, AT["lqr"])
     found = verdicts(broken)
     assert {k for k, v in found.items() if v == "open"} == {
-        "best-at-the-trench", "lqr-near-mpc", "ramp-preview", "ramp-lqr", "steady-lqr", "force-limits",
-    }  # fmt: skip
+        "best-at-the-trench",
+        "lqr-near-mpc",
+        "ramp-preview",
+        "ramp-lqr",
+        "steady-lqr",
+        "force-limits",
+    }
     assert {k: v for k, v in found.items() if v != "open"}.items() <= verdicts(study).items()
     page = write_report(report(broken, fmus), tmp_path).read_text(encoding="utf-8")
     assert "Left out: the run 5kmh-150mm-lqr failed: ComponentError: it broke" in page
 
 
 def test_drift_left_over_from_the_trench_is_no_preview(study: Results) -> None:
-    """A pitch of 0.007 deg before the ramp, which the controller without preview has too, once counted as acting before."""
+    """A pitch of 0.007 deg before the ramp, which the controller without preview has too, once counted as acting
+    before.
+    """
     drift = {"force_before_ramp_kN": study[AT["mpc"]]["force_before_ramp_kN"]}
     assert verdicts(altered(study, {AT["mpc-preview"]: drift}))["before-the-reference"] == "not reproduced"
 

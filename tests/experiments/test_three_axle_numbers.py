@@ -20,14 +20,17 @@ from cosim.study import FmuSet, Results
 from fmu_sources.controllers.mpc.three_axle import ESTIMATORS, PREDICTION
 from fmu_sources.models.corners import SIX_CORNERS
 
-# ---------------------------------------------------------------------------------------- a run: errors and forces by hand
+# ---------------------------------------------------------------------------------------- a run: errors and forces by
+# hand
 
 T = np.round(np.arange(0, 25.0001, 0.05), 6)
 TARGET = np.interp(T, [15, 17, 22, 24], [0, 0.06, 0.06, 0])  # rad
 STARTS = {
-    "reference.ramp.start": 15.0, "reference.ramp.duration": 2.0, "reference.hold.duration": 5.0,
+    "reference.ramp.start": 15.0,
+    "reference.ramp.duration": 2.0,
+    "reference.hold.duration": 5.0,
     "reference.return.duration": 2.0,
-}  # fmt: skip
+}
 
 
 def between(start: float, end: float) -> np.ndarray:
@@ -37,9 +40,15 @@ def between(start: float, end: float) -> np.ndarray:
 def recording(case: Case) -> made_up.MadeUpRun:
     error = np.zeros(len(T))  # rad
     for start, end, value in (
-        (0, 5, 0.01), (5, 6, -0.02), (14.5, 15, 0.1), (15, 17, -0.003), (17, 21, 0.05), (21, 21.05, 0.004), (21.05, 21.7, 0.002),
+        (0, 5, 0.01),
+        (5, 6, -0.02),
+        (14.5, 15, 0.1),
+        (15, 17, -0.003),
+        (17, 21, 0.05),
+        (21, 21.05, 0.004),
+        (21.05, 21.7, 0.002),
         (21.7, 25, 0.07),
-    ):  # fmt: skip
+    ):
         error[between(start, end)] = value
     force = np.zeros((len(T), 6))  # N
     force[between(1.0, 1.5), 3] = -30e3  # before the edge, second axle, right
@@ -52,31 +61,58 @@ def recording(case: Case) -> made_up.MadeUpRun:
     force[between(14.95, 15.0), 1] = 25e3
     force[between(15.0, 15.5), 1] = 100e3  # when the reference rises already
     road = np.where(between(1.5, 2.0), -0.0003, np.where(between(2.0, 4.0), -0.15, 0.0))  # begun: 0.25 % of 0.15 m
-    return made_up.run(case, T, {
-        "car.body.pitch": TARGET + error, "car.body.roll": 9.0, "reference.reference.pitch[1]": TARGET,
-        "car.body.z": np.where(between(20, 20.5), -0.0712, 0.001), "car.body.az": np.where(between(14.5, 26), 50.0, -2.0),
-        **{f"road.road.{k}.height": road if k == "a1l" else 0.01 * i for i, k in enumerate(SIX_CORNERS)},
-        **{f"controller.force.{k}": force[:, i] for i, k in enumerate(SIX_CORNERS)},
-        "controller.solver.status": np.where(between(7, 7.15), 2, 0), "controller.solver.residual": 1e-9 * T,
-        "controller.solver.iterations": np.where(between(9, 9.1), 17, 3), "controller.slack": np.where(between(9, 9.1), 0.25, 0),
-    }, STARTS)  # fmt: skip
+    return made_up.run(
+        case,
+        T,
+        {
+            "car.body.pitch": TARGET + error,
+            "car.body.roll": 9.0,
+            "reference.reference.pitch[1]": TARGET,
+            "car.body.z": np.where(between(20, 20.5), -0.0712, 0.001),
+            "car.body.az": np.where(between(14.5, 26), 50.0, -2.0),
+            **{f"road.road.{k}.height": road if k == "a1l" else 0.01 * i for i, k in enumerate(SIX_CORNERS)},
+            **{f"controller.force.{k}": force[:, i] for i, k in enumerate(SIX_CORNERS)},
+            "controller.solver.status": np.where(between(7, 7.15), 2, 0),
+            "controller.solver.residual": 1e-9 * T,
+            "controller.solver.iterations": np.where(between(9, 9.1), 17, 3),
+            "controller.slack": np.where(between(9, 9.1), 0.25, 0),
+        },
+        STARTS,
+    )
 
 
 def test_metrics_of_a_run() -> None:
     found = measure(recording(Case(depth=0.15)))
     rms = math.degrees(math.sqrt((100 * 0.01**2 + 20 * 0.02**2) / 290))
-    assert found == pytest.approx({
-        "peak_error_deg": math.degrees(0.02), "rms_error_deg": rms, "peak_force_kN": 150.0, "at_limit": 10 / (501 * 6),
-        "force_before_edge_kN": 40.0, "peak_heave_m": 0.0712, "rms_az": 2.0, "force_before_ramp_kN": 13.0,
-        "ramp_error_deg": math.degrees(0.003), "steady_error_deg": math.degrees(0.004), "solver_failures": 3,
-        "solver_residual": 25e-9, "solver_iterations": 17, "slack": 0.25,
-    })  # fmt: skip
+    assert found == pytest.approx(
+        {
+            "peak_error_deg": math.degrees(0.02),
+            "rms_error_deg": rms,
+            "peak_force_kN": 150.0,
+            "at_limit": 10 / (501 * 6),
+            "force_before_edge_kN": 40.0,
+            "peak_heave_m": 0.0712,
+            "rms_az": 2.0,
+            "force_before_ramp_kN": 13.0,
+            "ramp_error_deg": math.degrees(0.003),
+            "steady_error_deg": math.degrees(0.004),
+            "solver_failures": 3,
+            "solver_residual": 25e-9,
+            "solver_iterations": 17,
+            "slack": 0.25,
+        }
+    )
     assert {m.heading: m.shown(found[k]) for k, m in METRICS.items()} == {
-        "peak error at the trench [deg]": "1.1459", "rms error at the trench [deg]": f"{rms:.4f}",
-        "rms error on the ramp [deg]": "0.1719", "steady error [deg]": "0.2292", "peak heave [mm]": "71.2",
-        "rms vertical acceleration [m/s2]": "2.000", "peak force [kN]": "150.0", "force before the edge [kN]": "40.00",
+        "peak error at the trench [deg]": "1.1459",
+        "rms error at the trench [deg]": f"{rms:.4f}",
+        "rms error on the ramp [deg]": "0.1719",
+        "steady error [deg]": "0.2292",
+        "peak heave [mm]": "71.2",
+        "rms vertical acceleration [m/s2]": "2.000",
+        "peak force [kN]": "150.0",
+        "force before the edge [kN]": "40.00",
         "largest slack [-]": "0.25",
-    }  # fmt: skip
+    }
 
 
 def test_a_deeper_trench_begins_where_it_is_as_much_deeper() -> None:
@@ -109,10 +145,21 @@ def test_signals_of_a_run() -> None:
 # ---------------------------------------------------------------------------------------- a study: every cell by hand
 
 BASE = {
-    "peak_error_deg": 1.0, "rms_error_deg": 0.5, "ramp_error_deg": 0.2, "steady_error_deg": 0.01, "peak_heave_m": 0.05,
-    "rms_az": 0.75, "peak_force_kN": 80.0, "force_before_edge_kN": 2.0, "slack": 0.5, "at_limit": 0.0,
-    "force_before_ramp_kN": 1.5, "solver_failures": 0, "solver_residual": 1e-8, "solver_iterations": 9,
-}  # fmt: skip
+    "peak_error_deg": 1.0,
+    "rms_error_deg": 0.5,
+    "ramp_error_deg": 0.2,
+    "steady_error_deg": 0.01,
+    "peak_heave_m": 0.05,
+    "rms_az": 0.75,
+    "peak_force_kN": 80.0,
+    "force_before_edge_kN": 2.0,
+    "slack": 0.5,
+    "at_limit": 0.0,
+    "force_before_ramp_kN": 1.5,
+    "solver_failures": 0,
+    "solver_residual": 1e-8,
+    "solver_iterations": 9,
+}
 BY_CONTROLLER: dict[str, dict[str, float]] = {
     "passive": {"peak_error_deg": 3.0, "peak_force_kN": 0.0},
     "lqr": {"peak_error_deg": 1.2, "steady_error_deg": 1.0, "ramp_error_deg": 0.9, "at_limit": 0.002},
@@ -140,7 +187,11 @@ def drawn(case: Case) -> dict[str, list[float]]:
     return {
         "time": time.tolist(),
         **found,
-        "road": np.select([time < 6, time < 7, time < 8], [0.0, -2 * case.depth, -3 * case.depth], -1e3 * case.depth).tolist(),
+        "road": (
+            np.select(
+                [time < 6, time < 7, time < 8], [0.0, -2 * case.depth, -3 * case.depth], -1e3 * case.depth
+            ).tolist()
+        ),
     }
 
 
@@ -158,32 +209,48 @@ def test_cells_of_the_tables(page: Report) -> None:
     rows = made_up.table(page, "table-5-1")
     assert len(rows) == 24
     assert rows[-2] == {  # of the MPC at 20 km/h and 0.25 m: 1.45 times BASE
-        "speed [km/h]": 20.0, "depth [m]": 0.25, "system": "MPC", "peak error at the trench [deg]": 1.45,
-        "rms error at the trench [deg]": 0.725, "rms error on the ramp [deg]": 0.29, "steady error [deg]": 0.0145,
-        "peak heave [mm]": 72.5, "rms vertical acceleration [m/s2]": 1.087, "peak force [kN]": 116.0,
-        "force before the edge [kN]": 0.14, "largest slack [-]": 0.72,
-    }  # fmt: skip
+        "speed [km/h]": 20.0,
+        "depth [m]": 0.25,
+        "system": "MPC",
+        "peak error at the trench [deg]": 1.45,
+        "rms error at the trench [deg]": 0.725,
+        "rms error on the ramp [deg]": 0.29,
+        "steady error [deg]": 0.0145,
+        "peak heave [mm]": 72.5,
+        "rms vertical acceleration [m/s2]": 1.087,
+        "peak force [kN]": 116.0,
+        "force before the edge [kN]": 0.14,
+        "largest slack [-]": 0.72,
+    }
     assert rows[0]["largest slack [-]"] is None  # passive
     assert [r["system"] for r in rows[:4]] == ["passive", "LQR", "MPC", "MPC with preview"]
     rows = made_up.table(page, "variants")
     assert len(rows) == 24
     assert [r["peak heave [mm]"] for r in rows[::6]] == [65.0, 65.0, 61.5, 63.0]  # at 5 km/h and 0.15 m
     assert rows[-1] | {"peak heave [mm]": 0} == rows[-1] | {
-        "variant": "without preview, estimator with road heights", "speed [km/h]": 20.0, "depth [m]": 0.25, "peak heave [mm]": 0,
+        "variant": "without preview, estimator with road heights",
+        "speed [km/h]": 20.0,
+        "depth [m]": 0.25,
+        "peak heave [mm]": 0,
         "peak error at the trench [deg]": 1.51,
-    }  # fmt: skip
+    }
 
 
 def test_cells_of_finer_steps(page: Report) -> None:
     rows = made_up.table(page, "refinement")
     assert [(r["system"], r["steps"]) for r in rows[3:6]] == [
-        ("LQR", "as in the runs"), ("LQR", "solver step halved"), ("LQR", "exchange step halved")
-    ]  # fmt: skip
+        ("LQR", "as in the runs"),
+        ("LQR", "solver step halved"),
+        ("LQR", "exchange step halved"),
+    ]
     assert [r["largest change [%]"] for r in rows[3:6]] == pytest.approx([0, 0.1 / 1.45, 0.2 / 1.45])
     assert list(rows[4].values())[2:6] == pytest.approx([1.451 * v for v in (1.2, 0.9, 0.75, 80.0)])
     assert list(rows[4])[2:6] == [
-        "peak error at the trench [deg]", "rms error on the ramp [deg]", "rms vertical acceleration [m/s2]", "peak force [kN]",
-    ]  # fmt: skip
+        "peak error at the trench [deg]",
+        "rms error on the ramp [deg]",
+        "rms vertical acceleration [m/s2]",
+        "peak force [kN]",
+    ]
     assert rows[1]["largest change [%]"] == pytest.approx(0.1 / 1.45)  # passive: no force to compare
 
 
@@ -224,8 +291,11 @@ def test_axes_of_the_figures(page: Report) -> None:
 
 def test_panels_side_by_side(page: Report) -> None:
     assert made_up.columns(page) == {
-        "figures-5-5-to-5-10": 2, "figure-5-11": 2, "figures-5-12-5-13": 2, "figure-5-14": 1
-    }  # fmt: skip
+        "figures-5-5-to-5-10": 2,
+        "figure-5-11": 2,
+        "figures-5-12-5-13": 2,
+        "figure-5-14": 1,
+    }
 
 
 def test_figures_at_the_top(page: Report) -> None:
@@ -253,10 +323,11 @@ def test_words_of_the_claims(study: Results) -> None:
         "steady-mpc": ("reproduced", "0.0145 deg at most"),
         "steady-lqr": ("reproduced", "1.20 deg of 3, 83 times MPC's or more"),
         "force-limits": (
-            "reproduced", "never beyond 150 kN (the bound is hard here), at it in 0.29 % of the commands of a run at most"
+            "reproduced",
+            "never beyond 150 kN (the bound is hard here), at it in 0.29 % of the commands of a run at most",
         ),
         "solver": ("holds", "0 failures in 36 runs, largest residual 1.0e-08, 9 iterations at most"),
-    }  # fmt: skip
+    }
 
 
 def test_a_range_that_prints_as_one_figure_is_one(study: Results) -> None:
@@ -299,8 +370,9 @@ def test_close_is_a_quarter(study: Results) -> None:
         assert {c.id: c.verdict for c in CLAIMS.judge(changed)}["lqr-near-mpc"] == verdict
     said = next(c for c in CLAIMS.judge(changed) if c.id == "lqr-near-mpc")
     assert (said.reason, said.criterion) == (
-        "more than 25 % apart", "peaks of the pitch error within 25 % of each other in the run that is shown"
-    )  # fmt: skip
+        "more than 25 % apart",
+        "peaks of the pitch error within 25 % of each other in the run that is shown",
+    )
 
 
 def test_finer_steps_are_those_of_the_hardest_place() -> None:
@@ -339,15 +411,23 @@ def test_weights_and_bounds_of_the_laws_are_among_the_parameters(page: Report) -
     assert given["LQR weight, force"] == (pytest.approx(1e-6), "1/N2")
     assert given["LQR force.limit"] == (150e3, "N")
     assert [given[f"MPC {n}"] for n in ("sample time", "prediction horizon", "control horizon")] == [
-        (5.0, "ms"), (50, "-"), (3, "-")
-    ]  # fmt: skip
+        (5.0, "ms"),
+        (50, "-"),
+        (3, "-"),
+    ]
     assert {n.partition(", ")[2]: v for n, v in given.items() if n.startswith("MPC force.a2l")} == {
-        "scale": (3e5, "N"), "bound": (150e3, "N"), "bound of the change per sample": (1.2e6, "N"), "weight": (0.1, "-"),
+        "scale": (3e5, "N"),
+        "bound": (150e3, "N"),
+        "bound of the change per sample": (1.2e6, "N"),
+        "weight": (0.1, "-"),
         "weight of the change": (0.1, "-"),
-    }  # fmt: skip
+    }
     assert {n.partition(", ")[2]: v for n, v in given.items() if n.startswith("MPC body.pitch")} == {
-        "scale": (0.2, "rad"), "bound": (0.1, "rad"), "weight": (100.0, "-"), "softness of the bound": (0.5, "-"),
-    }  # fmt: skip
+        "scale": (0.2, "rad"),
+        "bound": (0.1, "rad"),
+        "weight": (100.0, "-"),
+        "softness of the bound": (0.5, "-"),
+    }
     assert {n for n in given if n.startswith("MPC body.z")} == {"MPC body.z, scale", "MPC body.z, weight"}
     assert given["MPC body.z, weight"] == (20.0, "-")
     assert given["MPC weight of the slack"] == (1e3, "-")
@@ -391,5 +471,7 @@ def test_the_laws_of_a_case(fmus: FmuSet, controller: str) -> None:
         assert ahead["controller.reference.pitch[3]"] == seen
         law = system["controller"].values
         assert (law["estimator"], law["hold_height"], law["use_preview"]) == (
-            ESTIMATORS.index("road"), True, controller == "mpc-preview"
-        )  # fmt: skip
+            ESTIMATORS.index("road"),
+            True,
+            controller == "mpc-preview",
+        )

@@ -179,9 +179,13 @@ def crossing(case: Case, passive_factor: float = 1.0) -> dict:
     )
     failures = [] if good else ["az"]
     return {
-        **values, "cost": cost(Crossing(**values)), "passed": good, "failures": failures, "outcome": outcome(failures, on_bumpers=False),
+        **values,
+        "cost": cost(Crossing(**values)),
+        "passed": good,
+        "failures": failures,
+        "outcome": outcome(failures, on_bumpers=False),
         **solved,
-    }  # fmt: skip
+    }
 
 
 def invented(passive_factor: float = 1.0, *, published_only: bool = True) -> Results:

@@ -43,45 +43,92 @@ def recording(case: Case, time: np.ndarray = T, **other: Any) -> made_up.MadeUpR
     """Half a second; samples at 1 kHz count for root mean squares, all for peaks."""
     at_1_khz = np.arange(len(time)) % round(1e-3 / time[1]) == 0
     shown = {
-        "car.x": 8.8 + time / 5, "car.speed": 1.0, "car.body.az": np.where(at_1_khz, 2.0, -9.0),
-        "car.body.ax": np.where(at_1_khz, -1.5, 0.5), "car.body.pitch": -0.03 * np.sin(np.pi * time), "car.body.roll": 0.5,
-        "car.body.z": -0.012345 * time, "car.bumper.front.force": 0.0, "car.bumper.rear.force": 0.0, "car.belly.force": 0.5,
-        "car.hub.a1l.fx": 5000.4 + time, "car.hub.a1r.fx": -7e3, "car.hub.a2l.fx": 8e3, "car.hub.a2r.fx": 2e3,
-        "car.hub.a3l.fx": -9e3, "car.hub.a3r.fx": 3e3, "car.hub.a1l.x": 1.0, "car.hub.a1l.z": 0.58,
+        "car.x": 8.8 + time / 5,
+        "car.speed": 1.0,
+        "car.body.az": np.where(at_1_khz, 2.0, -9.0),
+        "car.body.ax": np.where(at_1_khz, -1.5, 0.5),
+        "car.body.pitch": -0.03 * np.sin(np.pi * time),
+        "car.body.roll": 0.5,
+        "car.body.z": -0.012345 * time,
+        "car.bumper.front.force": 0.0,
+        "car.bumper.rear.force": 0.0,
+        "car.belly.force": 0.5,
+        "car.hub.a1l.fx": 5000.4 + time,
+        "car.hub.a1r.fx": -7e3,
+        "car.hub.a2l.fx": 8e3,
+        "car.hub.a2r.fx": 2e3,
+        "car.hub.a3l.fx": -9e3,
+        "car.hub.a3r.fx": 3e3,
+        "car.hub.a1l.x": 1.0,
+        "car.hub.a1l.z": 0.58,
         **{f"controller.force.{k}": 1e3 * i for i, k in enumerate(("a1l", "a1r", "a2l", "a3l", "a3r"))},
-        "controller.force.a2r": -130e3, "controller.solver.status": np.where(time < 0.00999, 1, 0),
-        "controller.solver.iterations": 5, "controller.solver.residual": 1e-9 * time, "crossing.case": np.where(time < 0.25, 0, 2),
-    } | {n.replace("_", "."): v for n, v in other.items()}  # fmt: skip
+        "controller.force.a2r": -130e3,
+        "controller.solver.status": np.where(time < 0.00999, 1, 0),
+        "controller.solver.iterations": 5,
+        "controller.solver.residual": 1e-9 * time,
+        "crossing.case": np.where(time < 0.25, 0, 2),
+    } | {n.replace("_", "."): v for n, v in other.items()}
     shown["car.body.az"][5] = -40.0  # peaks between the samples at 1 kHz
     shown["car.body.ax"][7] = 12.0
     return made_up.run(case, time, shown, STARTS, UNITS)
 
 
 LOADS = {
-    "az": 40.0, "ax": 12.0, "az_rms": 2.0, "ax_rms": 1.5, "pitch": math.degrees(0.03), "hub_front": 7.0, "hub_middle": 8.0,
+    "az": 40.0,
+    "ax": 12.0,
+    "az_rms": 2.0,
+    "ax_rms": 1.5,
+    "pitch": math.degrees(0.03),
+    "hub_front": 7.0,
+    "hub_middle": 8.0,
     "hub_rear": 9.0,
-}  # fmt: skip
+}
 SHARES = {
-    "az": 12.5, "ax": 17.5, "az_rms": 12.5, "ax_rms": 15.0, "pitch": 17.5, "hub_front": 10.0, "hub_middle": 7.5, "hub_rear": 7.5,
-}  # fmt: skip
+    "az": 12.5,
+    "ax": 17.5,
+    "az_rms": 12.5,
+    "ax_rms": 15.0,
+    "pitch": 17.5,
+    "hub_front": 10.0,
+    "hub_middle": 7.5,
+    "hub_rear": 7.5,
+}
 
 
 def test_metrics_of_a_run() -> None:
     found = measure(recording(Case(1.5, 3.6)))
     assert found.pop("failures") == []
-    assert found == pytest.approx({
-        **LOADS, "cost": sum(SHARES[n] * v for n, v in LOADS.items()), "trench_start": 3.9, "passed": True,
-        "outcome": "passed", "belly_kn": 0.0005, "bumper_front_kn": 0.0, "bumper_rear_kn": 0.0, "solver_failures": 2,
-        "solver_residual": 0.5e-9, "force": 130.0,
-    })  # fmt: skip
+    assert found == pytest.approx(
+        {
+            **LOADS,
+            "cost": sum(SHARES[n] * v for n, v in LOADS.items()),
+            "trench_start": 3.9,
+            "passed": True,
+            "outcome": "passed",
+            "belly_kn": 0.0005,
+            "bumper_front_kn": 0.0,
+            "bumper_rear_kn": 0.0,
+            "solver_failures": 2,
+            "solver_residual": 0.5e-9,
+            "force": 130.0,
+        }
+    )
     assert {m.heading: m.shown(found[k]) for k, m in METRICS.items()} == {
-        "peak vertical acceleration, limit 150 [m/s2]": "40", "peak longitudinal acceleration, limit 100 [m/s2]": "12",
-        "vertical acceleration rms, limit 5 [m/s2]": "2", "longitudinal acceleration rms, limit 5 [m/s2]": "1.5",
-        "peak pitch, limit 15 [deg]": "1.719", "peak front hub force, limit 225 [kN]": "7",
-        "peak middle hub force, limit 225 [kN]": "8", "peak rear hub force, limit 225 [kN]": "9", "cost [-]": "985",
-        "largest actuator force [kN]": "130", "largest force on the front bumper [kN]": "0",
-        "largest force on the rear bumper [kN]": "0", "largest force on the belly [kN]": "0.0005", "outcome": "passed",
-    }  # fmt: skip
+        "peak vertical acceleration, limit 150 [m/s2]": "40",
+        "peak longitudinal acceleration, limit 100 [m/s2]": "12",
+        "vertical acceleration rms, limit 5 [m/s2]": "2",
+        "longitudinal acceleration rms, limit 5 [m/s2]": "1.5",
+        "peak pitch, limit 15 [deg]": "1.719",
+        "peak front hub force, limit 225 [kN]": "7",
+        "peak middle hub force, limit 225 [kN]": "8",
+        "peak rear hub force, limit 225 [kN]": "9",
+        "cost [-]": "985",
+        "largest actuator force [kN]": "130",
+        "largest force on the front bumper [kN]": "0",
+        "largest force on the rear bumper [kN]": "0",
+        "largest force on the belly [kN]": "0.0005",
+        "outcome": "passed",
+    }
 
 
 def test_finer_steps_are_the_same_seconds() -> None:
@@ -115,7 +162,8 @@ def test_what_became_of_a_crossing(changed: dict[str, float], outcome: str) -> N
 
 
 def test_course() -> None:
-    """Flat road until the pitch reference begins: here 0.6 m and 0.8 s, then 0.2 s and 0.3 m, ahead of the first axle."""
+    """Flat road until the pitch reference begins: here 0.6 m and 0.8 s, then 0.2 s and 0.3 m, ahead of
+    the first axle."""
     course = Course.of(recording(Case(1.5, 3.6)))
     assert (course.start, course.end) == (3.9, pytest.approx(3.9 + 1.5 + 1.9 + 1.5))
     assert course.patience == pytest.approx(1.25 * 8.8 / 1.0 + 2.0)
@@ -237,15 +285,33 @@ def test_a_scene_is_what_was_recorded(fmus: FmuSet) -> None:
     ("controller", "set_to"),
     [
         ("mpc", {"estimator": 0, "retraction": 1, "hold_height": True, "printed_limits": False, "use_preview": True}),
-        ("mpc-no-preview", {"estimator": 0, "retraction": 1, "hold_height": True, "printed_limits": False, "use_preview": False}),
-        ("mpc-offsets", {"estimator": 1, "retraction": 1, "hold_height": True, "printed_limits": False, "use_preview": False}),
-        ("mpc-free", {"estimator": 0, "retraction": 0, "hold_height": True, "printed_limits": False, "use_preview": True}),
-        ("mpc-printed-sign", {"estimator": 0, "retraction": 2, "hold_height": True, "printed_limits": False, "use_preview": True}),
-        ("mpc-no-height", {"estimator": 0, "retraction": 1, "hold_height": False, "printed_limits": False, "use_preview": True}),
-        ("mpc-printed-limits", {"estimator": 0, "retraction": 1, "hold_height": True, "printed_limits": True, "use_preview": True}),
+        (
+            "mpc-no-preview",
+            {"estimator": 0, "retraction": 1, "hold_height": True, "printed_limits": False, "use_preview": False},
+        ),
+        (
+            "mpc-offsets",
+            {"estimator": 1, "retraction": 1, "hold_height": True, "printed_limits": False, "use_preview": False},
+        ),
+        (
+            "mpc-free",
+            {"estimator": 0, "retraction": 0, "hold_height": True, "printed_limits": False, "use_preview": True},
+        ),
+        (
+            "mpc-printed-sign",
+            {"estimator": 0, "retraction": 2, "hold_height": True, "printed_limits": False, "use_preview": True},
+        ),
+        (
+            "mpc-no-height",
+            {"estimator": 0, "retraction": 1, "hold_height": False, "printed_limits": False, "use_preview": True},
+        ),
+        (
+            "mpc-printed-limits",
+            {"estimator": 0, "retraction": 1, "hold_height": True, "printed_limits": True, "use_preview": True},
+        ),
         ("lqr", {}),
     ],
-)  # fmt: skip
+)
 def test_the_controller_of_a_case(fmus: FmuSet, controller: str, set_to: dict[str, Any]) -> None:
     case = Case(1.4, 9.0, controller, friction=0.3, mass_factor=1.1)
     with wire(fmus, case) as system:
@@ -286,7 +352,8 @@ def test_the_linear_comparison_lasts_until_5_m_behind_the_trench() -> None:
     assert linear.PART.stop_time == pytest.approx((6 + 2 + 5) / (5 / 3.6), abs=1e-3)
 
 
-# ----------------------------------------------------------------------------------------------- a study: every cell by hand
+# ----------------------------------------------------------------------------------------------- a study: every cell by
+# hand
 
 
 def metrics(case: Any) -> dict[str, Any]:
@@ -304,9 +371,13 @@ def metrics(case: Any) -> dict[str, Any]:
     loads = {n: factor * (i + 1) for i, n in enumerate(SHARES)}
     good = published.passed(*key) if passive else case.controller != "lqr"
     row = {
-        **loads, "cost": 2000 + 10 * index if passive else 1000 + 5 * index, "passed": good, "failures": [] if good else ["stuck"],
-        "outcome": "passed" if good else "failed: stuck", "trench_start": 4.0,
-    }  # fmt: skip
+        **loads,
+        "cost": 2000 + 10 * index if passive else 1000 + 5 * index,
+        "passed": good,
+        "failures": [] if good else ["stuck"],
+        "outcome": "passed" if good else "failed: stuck",
+        "trench_start": 4.0,
+    }
     if not passive:
         row |= {"force": 100.0 + index}
     if case.controller.startswith("mpc"):
@@ -345,16 +416,28 @@ def test_cells_of_the_crossings(page: Report) -> None:
     rows = made_up.table(page, "passive-crossings")
     assert [(r["length [m]"], r["speed [km/h]"]) for r in rows] == list(GRID)
     at = GRID.index((1.4, 3.0))
-    assert rows[at] == pytest.approx({
-        "length [m]": 1.4, "speed [km/h]": 3.0, **{n: 3 * (1 + 0.1 * at) * (i + 1) for i, n in enumerate(names)},
-        "outcome": "failed: stuck", "at half the step": "the same", "Table 5.4": "failed",
-    })  # fmt: skip
+    assert rows[at] == pytest.approx(
+        {
+            "length [m]": 1.4,
+            "speed [km/h]": 3.0,
+            **{n: 3 * (1 + 0.1 * at) * (i + 1) for i, n in enumerate(names)},
+            "outcome": "failed: stuck",
+            "at half the step": "the same",
+            "Table 5.4": "failed",
+        }
+    )
     assert rows[0]["Table 5.4"] == "passed"
     rows = made_up.table(page, "mpc-crossings")
-    assert rows[at] == pytest.approx({
-        "length [m]": 1.4, "speed [km/h]": 3.0, **{n: (1 + 0.1 * at) * (i + 1) for i, n in enumerate(names)},
-        "outcome": "passed", "at half the step": "the same", "largest actuator force [kN]": 100.0 + at,
-    })  # fmt: skip
+    assert rows[at] == pytest.approx(
+        {
+            "length [m]": 1.4,
+            "speed [km/h]": 3.0,
+            **{n: (1 + 0.1 * at) * (i + 1) for i, n in enumerate(names)},
+            "outcome": "passed",
+            "at half the step": "the same",
+            "largest actuator force [kN]": 100.0 + at,
+        }
+    )
 
 
 def test_a_verdict_that_changes_is_told(study: Results, fmus: FmuSet) -> None:
@@ -371,10 +454,19 @@ def test_a_verdict_that_changes_is_told(study: Results, fmus: FmuSet) -> None:
 def test_cells_of_what_control_takes_off(page: Report) -> None:
     row = made_up.table(page, "reductions")[GRID.index((1.2, 3.0))]
     assert row == {
-        "length [m]": 1.2, "speed [km/h]": 3.0, "az [%]": 67, "az, thesis [%]": 84, "ax [%]": 67, "ax, thesis [%]": 66,
-        "pitch [%]": 67, "pitch, thesis [%]": 38, "az rms [%]": 67, "az rms, thesis [%]": 22, "ax rms [%]": 67,
+        "length [m]": 1.2,
+        "speed [km/h]": 3.0,
+        "az [%]": 67,
+        "az, thesis [%]": 84,
+        "ax [%]": 67,
+        "ax, thesis [%]": 66,
+        "pitch [%]": 67,
+        "pitch, thesis [%]": 38,
+        "az rms [%]": 67,
+        "az rms, thesis [%]": 22,
+        "ax rms [%]": 67,
         "ax rms, thesis [%]": 27,
-    }  # fmt: skip
+    }
 
 
 def test_what_control_takes_off_is_that_of_each_quantity(study: Results, fmus: FmuSet) -> None:
@@ -387,10 +479,19 @@ def test_what_control_takes_off_is_that_of_each_quantity(study: Results, fmus: F
 def test_cells_of_the_costs(page: Report) -> None:
     rows = made_up.table(page, "costs")
     assert rows[-1] == {
-        "length [m]": 2.0, "speed [km/h]": 9.0, "passive": 2350, "passive, thesis": 19597.1, "controlled": 1175,
-        "controlled, thesis": 1177.5, "passive, normalised": 1.0, "controlled, normalised": 0.13, "improvement [%]": 87.0,
-        "improvement, thesis [%]": 100.0, "score": 1.0, "score, thesis": 5.0,
-    }  # fmt: skip
+        "length [m]": 2.0,
+        "speed [km/h]": 9.0,
+        "passive": 2350,
+        "passive, thesis": 19597.1,
+        "controlled": 1175,
+        "controlled, thesis": 1177.5,
+        "passive, normalised": 1.0,
+        "controlled, normalised": 0.13,
+        "improvement [%]": 87.0,
+        "improvement, thesis [%]": 100.0,
+        "score": 1.0,
+        "score, thesis": 5.0,
+    }
     assert (rows[0]["controlled, normalised"], rows[0]["passive, normalised"], rows[0]["score"]) == (0.0, 0.741, 5.0)
     assert rows[GRID.index((1.6, 3.0))]["score, thesis"] is None
 
@@ -403,8 +504,9 @@ def test_nothing_is_a_share_of_the_cheapest_crossing(study: Results, fmus: FmuSe
 def test_cells_of_finer_steps(page: Report) -> None:
     rows = made_up.table(page, "refinement")
     assert [r["system"] for r in rows] == ["passive"] * 8 + ["controlled"] * 8
-    assert next(t.title for t in page.tables if t.id == "refinement") == (
-        "Solver, exchange and recording step halved, from 0.25 to 0.125 ms"
+    assert (
+        next(t.title for t in page.tables if t.id == "refinement")
+        == "Solver, exchange and recording step halved, from 0.25 to 0.125 ms"
     )
     row = rows[12]  # the fifth quantity under control
     assert (row["quantity"], row["median change [%]"]) == ("peak pitch [deg]", pytest.approx(5.0))
@@ -434,11 +536,19 @@ def test_cells_beyond_the_published_runs(page: Report) -> None:
     steepest = 5 * (1 + 0.1 * 35)
     rows = made_up.table(page, "without")
     assert [r["change"] for r in rows] == ["as it is", *published.WITHOUT.values()]
-    assert rows[0] == pytest.approx({
-        "change": "as it is", "passed": 12, "of": 12, "stuck": 0, "belly contact": 0, "largest pitch [deg]": steepest,
-        "largest az [m/s2]": steepest / 5, "mean cost [-]": round(1000 + 5 * np.mean([0, 1, 2, 3, 16, 17, 18, 19, 32, 33, 34, 35])),
-        "failed [m]/[km/h]": "–",
-    })  # fmt: skip
+    assert rows[0] == pytest.approx(
+        {
+            "change": "as it is",
+            "passed": 12,
+            "of": 12,
+            "stuck": 0,
+            "belly contact": 0,
+            "largest pitch [deg]": steepest,
+            "largest az [m/s2]": steepest / 5,
+            "mean cost [-]": round(1000 + 5 * np.mean([0, 1, 2, 3, 16, 17, 18, 19, 32, 33, 34, 35])),
+            "failed [m]/[km/h]": "–",
+        }
+    )
     assert [rows[-1][n] for n in ("change", "passed", "of", "stuck", "belly contact")] == [
         "LQR (Table 4.1)",
         0,
@@ -464,9 +574,11 @@ def test_figures_draw_what_they_say(page: Report) -> None:
     for name, controller in (("passive", "passive"), ("controlled", "mpc")):
         own = shown(Case(*number[1], controller))["curves"]
         for title, signal, factor in (
-            ("Pitch, nose down", "car.body.pitch", 180 / math.pi), ("Vertical acceleration", "car.body.az", 1.0),
-            ("Longitudinal acceleration", "car.body.ax", 1.0), ("Front hub force", "car.hub.a1l.fx", 1e-3),
-        ):  # fmt: skip
+            ("Pitch, nose down", "car.body.pitch", 180 / math.pi),
+            ("Vertical acceleration", "car.body.az", 1.0),
+            ("Longitudinal acceleration", "car.body.ax", 1.0),
+            ("Front hub force", "car.hub.a1l.fx", 1e-3),
+        ):
             curve = made_up.series(page, f"figure-{number[0]}", title, name)
             assert list(curve.x) == own[signal][0]
             np.testing.assert_allclose(curve.y, factor * np.array(own[signal][1]))
@@ -476,14 +588,18 @@ def test_figures_draw_what_they_say(page: Report) -> None:
     for name in ("linear", "nonlinear"):
         own = shown(linear.Shallow(name))
         for title, signal in (
-            ("Body height (figure 5.1)", "z"), ("Pitch, nose down (figure 5.2)", "pitch"), ("Speed (figure 5.3)", "speed")
-        ):  # fmt: skip
+            ("Body height (figure 5.1)", "z"),
+            ("Pitch, nose down (figure 5.2)", "pitch"),
+            ("Speed (figure 5.3)", "speed"),
+        ):
             curve = made_up.series(page, "figure-5-1", title, name)
             assert (list(curve.x), list(curve.y)) == (own["time"], own[signal])
     assert made_up.axes(page, "figure-5-29") == {
-        "Pitch, nose down": ("time [s]", "pitch [deg]"), "Vertical acceleration": ("time [s]", "az [m/s2]"),
-        "Longitudinal acceleration": ("time [s]", "ax [m/s2]"), "Front hub force": ("time [s]", "hub force [kN]"),
-    }  # fmt: skip
+        "Pitch, nose down": ("time [s]", "pitch [deg]"),
+        "Vertical acceleration": ("time [s]", "az [m/s2]"),
+        "Longitudinal acceleration": ("time [s]", "ax [m/s2]"),
+        "Front hub force": ("time [s]", "hub force [kN]"),
+    }
     assert [y for _, y in made_up.axes(page, "figure-5-1").values()] == [
         "body height [m]",
         "pitch [deg]",
@@ -519,8 +635,10 @@ def test_the_animation_shows_the_crossings_of_section_5_5(page: Report) -> None:
 def test_figures_at_the_top(page: Report) -> None:
     assert {r.name: (r.value, r.unit) for r in page.results} == {
         "crossings passed, passive": (sum(published.passed(*k) for k in GRID), "of 36"),
-        "crossings passed, controlled": (36, "of 36"), "mean cost, passive": (2175, "-"), "mean cost, controlled": (1088, "-"),
-    }  # fmt: skip
+        "crossings passed, controlled": (36, "of 36"),
+        "mean cost, passive": (2175, "-"),
+        "mean cost, controlled": (1088, "-"),
+    }
 
 
 def test_a_failed_run_is_left_out_of_the_page(study: Results, fmus: FmuSet, tmp_path: Path) -> None:
@@ -529,9 +647,15 @@ def test_a_failed_run_is_left_out_of_the_page(study: Results, fmus: FmuSet, tmp_
     text = write_report(made, tmp_path).read_text(encoding="utf-8")
     assert "Left out: the run 2m-9kmh-mpc failed: ComponentError: it broke" in text
     assert [s.title for s in made.sections if s.paragraphs and s.paragraphs[0].startswith("Left out")] == [
-        "The crossing", "Verdicts", "Peaks, pitch and spectra", "Cost", "Time histories and spectra", "Steps", "What it depends on",
+        "The crossing",
+        "Verdicts",
+        "Peaks, pitch and spectra",
+        "Cost",
+        "Time histories and spectra",
+        "Steps",
+        "What it depends on",
         "Where the edge is",
-    ]  # fmt: skip
+    ]
 
 
 def test_a_study_of_the_published_runs_has_no_other_sections(fmus: FmuSet) -> None:
@@ -675,37 +799,57 @@ def test_what_the_thesis_prints_is_drawn_under_ours(
 def test_columns_of_the_thesis() -> None:
     row = published.rows()[1.5, 3.0]
     found = published.passive(1.5, 3.0)
-    for name, column in (("az", "az [m/s2]"), ("ax", "ax [m/s2]"), ("az_rms", "az rms [m/s2]"), ("ax_rms", "ax rms [m/s2]"), ("pitch", "pitch [deg]")):
+    for name, column in (
+        ("az", "az [m/s2]"),
+        ("ax", "ax [m/s2]"),
+        ("az_rms", "az rms [m/s2]"),
+        ("ax_rms", "ax rms [m/s2]"),
+        ("pitch", "pitch [deg]"),
+    ):
         assert getattr(found, name) == float(row[f"passive {column}"])
 
 
-# ------------------------------------------------------------------------------------------------------------ the live page
+# ------------------------------------------------------------------------------------------------------------ the live
+# page
 
 
 def test_measures_of_the_live_page() -> None:
     """Table 5.3 in its units, with its limits."""
     shown = live(Case())
-    assert [(c.title, c.case.controller) for c in shown.cases] == [("Passive", "passive"), ("LQR", "lqr"), ("MPC", "mpc")]
+    assert [(c.title, c.case.controller) for c in shown.cases] == [
+        ("Passive", "passive"),
+        ("LQR", "lqr"),
+        ("MPC", "mpc"),
+    ]
     found = [(m.label, tuple(m.names), m.how, m.unit, m.factor, m.limit) for m in shown.page.measures]
-    hubs = [("car.hub.a1l.fx", "car.hub.a1r.fx"), ("car.hub.a2l.fx", "car.hub.a2r.fx"), ("car.hub.a3l.fx", "car.hub.a3r.fx")]
+    hubs = [
+        ("car.hub.a1l.fx", "car.hub.a1r.fx"),
+        ("car.hub.a2l.fx", "car.hub.a2r.fx"),
+        ("car.hub.a3l.fx", "car.hub.a3r.fx"),
+    ]
     assert found == [
         ("peak vertical acceleration", ("car.body.az",), "peak", "m/s2", 1.0, 150.0),
         ("peak longitudinal acceleration", ("car.body.ax",), "peak", "m/s2", 1.0, 100.0),
         ("vertical acceleration rms", ("car.body.az",), "rms", "m/s2", 1.0, 5.0),
         ("longitudinal acceleration rms", ("car.body.ax",), "rms", "m/s2", 1.0, 5.0),
         ("peak pitch", ("car.body.pitch",), "peak", "deg", pytest.approx(180 / math.pi), 15.0),
-        *((f"peak {axle} hub force", names, "peak", "kN", 1e-3, 225.0) for axle, names in zip(("front", "middle", "rear"), hubs, strict=True)),
+        *(
+            (f"peak {axle} hub force", names, "peak", "kN", 1e-3, 225.0)
+            for axle, names in zip(("front", "middle", "rear"), hubs, strict=True)
+        ),
         ("force on the belly", ("car.belly.force",), "largest", "kN", 1e-3, 0.001),
-    ]  # fmt: skip
+    ]
 
 
 def test_controls_of_the_live_page() -> None:
     controls = {c.label: c for c in live(Case()).page.controls}
     assert {label: (list(c.names), c.minimum, c.maximum) for label, c in controls.items()} == {
-        "length of the trench": (["car.trench.length"], 0.2, 2.5), "depth of the trench": (["car.trench.depth"], 0.05, 3.0),
+        "length of the trench": (["car.trench.length"], 0.2, 2.5),
+        "depth of the trench": (["car.trench.depth"], 0.05, 3.0),
         "right wheels meet it later by": (["car.trench.right_offset"], 0.0, 2.0),
-        "speed": (["car.target.speed"], pytest.approx(1 / 3.6), pytest.approx(15 / 3.6)), "sprung mass": (["car.body.mass"], 8000.0, 26000.0),
-    }  # fmt: skip
+        "speed": (["car.target.speed"], pytest.approx(1 / 3.6), pytest.approx(15 / 3.6)),
+        "sprung mass": (["car.body.mass"], 8000.0, 26000.0),
+    }
     assert live(Case()).page.plots == ["car.body.pitch", "car.body.az", "controller.force.a1l"]
 
 

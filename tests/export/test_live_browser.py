@@ -64,14 +64,18 @@ def test_it_runs_as_fast_as_the_clock_and_can_be_read_by_everyone(shown) -> None
         assert view["overflow"] <= 0
         assert view["pace"] > 0.95 * asked  # with all systems and their pictures
         assert view["frames"] > SMOOTH
-        assert [(v["id"], v["help"], v["nodes"]) for v in view["violations"] if v["impact"] in ("serious", "critical")] == []
+        assert [
+            (v["id"], v["help"], v["nodes"]) for v in view["violations"] if v["impact"] in ("serious", "critical")
+        ] == []
         assert all(label and "NaN" not in label for label in view["labels"])
     for group in found["groups"]:
         assert group["seconds"] < SECONDS
 
 
 def test_a_system_that_stands_is_seen_from_all_sides(shown) -> None:
-    """Pressed, dragged, zoomed, from behind: each is another picture of the same moment, except a press that is no drag."""
+    """Pressed, dragged, zoomed, from behind: each is another picture of the same moment, except a press that is no
+    drag.
+    """
     _, _, found = shown
     looks = found["looks"]
     assert {(v["time"], v["running"]) for v in looks.values()} == {(0, False)}

@@ -1,4 +1,6 @@
-"""The page's script where it computes: histories that lose no peak, measures and verdicts, what is planned ahead; in V8, without a page."""
+"""The page's script where it computes: histories that lose no peak, measures and verdicts, what is planned ahead; in
+V8, without a page.
+"""
 
 from __future__ import annotations
 
@@ -60,7 +62,10 @@ def test_few_samples_are_all_drawn(script: MiniRacer) -> None:
 
 def test_old_samples_make_room(script: MiniRacer) -> None:
     values = np.arange(1000.0)
-    found = evaluated(script, history(values, 2.0) + "return [h.time, h.oldest, h.value('a'), h.series('a', 0, 500).values, h.csv(['b'])];")
+    found = evaluated(
+        script,
+        history(values, 2.0) + "return [h.time, h.oldest, h.value('a'), h.series('a', 0, 500).values, h.csv(['b'])];",
+    )
     time, oldest, newest, drawn, csv = found
     assert (time, newest) == (9.99, 999.0)
     assert oldest == 1000 - 201
@@ -82,7 +87,8 @@ def test_lines_at_round_numbers(script: MiniRacer, low: float, high: float, tick
 
 
 def test_what_is_planned_lies_ahead(script: MiniRacer) -> None:
-    """Shown at 0.06 s is the command of the sample at 0.03 s: its plan begins there, its prediction one sample later."""
+    """Shown at 0.06 s is the command of the sample at 0.03 s: its plan begins there, its prediction one
+    sample later."""
     code = (
         "const names = ['c[1]', 'c[2]', 'c[3]'], h = new History(new Map(names.map((n, i) => [n, i])), 3, 0.01, 10);"
         "for (let k = 0; k <= 6; k++) h.add(Float64Array.from([k, 10 + k, 20 + k]));"
@@ -110,31 +116,42 @@ def test_dimensions_that_a_picture_does_not_follow(script: MiniRacer) -> None:
     assert evaluated(script, code) == [[], ["car.a", "car.b"], []]
 
 
-def scored(script: MiniRacer, rows: np.ndarray, measures: list[Measure], finish: Any = None, interval: float = 0.001) -> Any:
+def scored(
+    script: MiniRacer, rows: np.ndarray, measures: list[Measure], finish: Any = None, interval: float = 0.001
+) -> Any:
     data = {"interval": interval, "measures": [m.__dict__ for m in measures], "finish": finish}
     return evaluated(
         script,
-        f"const place = new Map([['x.a', 0], ['x.b', 1]]), data = {json.dumps(data)}, rows = {json.dumps(rows.tolist())};"
-        "const score = new Score({instance: {place}, value: name => ({'x.length': 2.5})[name]}, data); score.restart(rows[0]);"
-        "for (const row of rows.slice(1)) score.add(row);"
-        "return {values: data.measures.map((m, i) => score.value(i)), verdict: score.verdict, failed: score.failed, n: score.n};",
+        f"const place = new Map([['x.a', 0], ['x.b', 1]]), data = {json.dumps(data)}, rows ="
+        f" {json.dumps(rows.tolist())};const score = new Score({{instance: {{place}}, value: name => ({{'x.length':"
+        " 2.5})[name]}, data); score.restart(rows[0]);for (const row of rows.slice(1)) score.add(row);return"
+        " {values: data.measures.map((m, i) => score.value(i)), verdict: score.verdict, failed: score.failed, n:"
+        " score.n};",
     )
 
 
 def test_measures(script: MiniRacer) -> None:
     rows = RNG.standard_normal((500, 2)) * [1.0, 3.0] - [0.0, 2.0]
     both = ["x.a", "x.b"]
-    found = scored(script, rows, [
-        Measure("peak", both), Measure("largest", both, "largest", "mm", 1e3), Measure("rms", both, "rms"), Measure("square", ["x.a"], "mean square"),
-        Measure("absent", ["y.c"]),
-    ])  # fmt: skip
+    found = scored(
+        script,
+        rows,
+        [
+            Measure("peak", both),
+            Measure("largest", both, "largest", "mm", 1e3),
+            Measure("rms", both, "rms"),
+            Measure("square", ["x.a"], "mean square"),
+            Measure("absent", ["y.c"]),
+        ],
+    )
     expected = [np.abs(rows).max(), 1e3 * rows.max(), np.sqrt((rows**2).mean(axis=0)).max(), (rows[:, 0] ** 2).mean()]
     assert found["values"] == [*(pytest.approx(v, rel=1e-12) for v in expected), None]
     assert (found["verdict"], found["n"]) == ("", 499)
 
 
 @pytest.mark.parametrize(
-    ("limit", "far", "verdict", "failed"), [(10.0, 300, "passed", []), (1.0, 300, "failed", ["height"]), (10.0, 240, "stuck", [])]
+    ("limit", "far", "verdict", "failed"),
+    [(10.0, 300, "passed", []), (1.0, 300, "failed", ["height"]), (10.0, 240, "stuck", [])],
 )
 def test_verdicts(script: MiniRacer, limit: float, far: int, verdict: str, failed: list[str]) -> None:
     """Over where x.a - x.length >= 0, or after 0.4 s; what comes later does not count."""
@@ -157,9 +174,15 @@ let waiting = new Map(), requests = 0, runs = 0;
 globalThis.performance = { now: () => 0 };
 globalThis.requestAnimationFrame = f => (waiting.set(++requests, f), requests);
 globalThis.cancelAnimationFrame = id => waiting.delete(id);
-const tick = now => { const due = [...waiting.values()]; waiting.clear(); for (const f of due) f(now); return due.length; };
+const tick = now => {
+  const due = [...waiting.values()];
+  waiting.clear();
+  for (const f of due) f(now);
+  return due.length;
+};
 const page = Object.create(Page.prototype, { time: { value: 0 }, pace: { value: 1 } });
-Object.assign(page, { data: { interval: 0.001 }, credit: 0, variants: [{ over: false, cost: 0, run() { runs += 1; } }], $: () => ({}) });
+const variant = { over: false, cost: 0, run() { runs += 1; } };
+Object.assign(page, { data: { interval: 0.001 }, credit: 0, variants: [variant], $: () => ({}) });
 Object.assign(page, { draw() {}, describe() {}, report() {}, tell() {} });
 """
 
@@ -170,6 +193,7 @@ def test_one_loop_draws_however_often_it_is_paused(script: MiniRacer) -> None:
         script,
         FRAMES
         + "page.play(); tick(0); page.pause(); page.play(); page.pause(); page.play(); page.play();"
-        + "const counts = [tick(16), tick(32), tick(48)]; page.pause(); return { counts, steps: runs, after: [tick(64), tick(80)] };",
+        + "const counts = [tick(16), tick(32), tick(48)]; page.pause(); return { counts, steps: runs, after: [tick(64),"
+        " tick(80)] };",
     )
     assert found == {"counts": [1, 1, 1], "steps": 2, "after": [1, 0]}

@@ -17,7 +17,9 @@ from same import bits
 from cosim import LoopError, System
 
 pytestmark = pytest.mark.filterwarnings(
-    "ignore::cosim.UnconnectedInputsWarning", "ignore::cosim.AlgebraicLoopWarning", "ignore:initial values do not settle"
+    "ignore::cosim.UnconnectedInputsWarning",
+    "ignore::cosim.AlgebraicLoopWarning",
+    "ignore:initial values do not settle",
 )
 END = 0.06
 

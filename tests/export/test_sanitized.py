@@ -1,4 +1,6 @@
-"""Engine, container and linked members under AddressSanitizer, UndefinedBehaviorSanitizer and ThreadSanitizer; FMUs of others beside them."""
+"""Engine, container and linked members under AddressSanitizer, UndefinedBehaviorSanitizer and ThreadSanitizer; FMUs of
+others beside them.
+"""
 
 from __future__ import annotations
 

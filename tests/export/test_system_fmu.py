@@ -1,4 +1,6 @@
-"""A system of this project's FMUs, and of others', as one FMU: the same numbers, its description, its states, what it refuses."""
+"""A system of this project's FMUs, and of others', as one FMU: the same numbers, its description, its states, what it
+refuses.
+"""
 
 from __future__ import annotations
 
@@ -133,7 +135,9 @@ def test_damaged_states_are_refused(ride):
 
 
 def test_what_others_made_travels_in_resources(follower, built_fmus, tmp_path):
-    """Both versions of FMI, converted units and offsets, values of every type that the system sets; beside one of this project."""
+    """Both versions of FMI, converted units and offsets, values of every type that the system sets; beside one of this
+    project.
+    """
     with System() as system:
         for version in (2, 3):
             system.add(
@@ -152,8 +156,10 @@ def test_what_others_made_travels_in_resources(follower, built_fmus, tmp_path):
     with zipfile.ZipFile(fmu) as archive:
         held = archive.namelist()
         assert {m["name"]: m["linked"] for m in json.loads(archive.read("resources/members.json"))} == {
-            "follower": False, "follower_2": False, "QuarterCarHmmwv": True,
-        }  # fmt: skip
+            "follower": False,
+            "follower_2": False,
+            "QuarterCarHmmwv": True,
+        }
     assert len([n for n in held if n.startswith("resources/follower") and n.endswith(".so")]) == 2
     assert any(n.startswith("documentation/licenses/QuarterCarHmmwv/") for n in held)
     assert not validate_fmu(fmu)
@@ -272,20 +278,32 @@ def test_a_library_that_is_gone_is_named(follower, tmp_path):
 @pytest.mark.parametrize(("rate", "status"), [(-1.0, 3), (-2.0, 4)])
 @pytest.mark.parametrize("fmi", [2, 3])
 def test_no_step_follows_an_error_of_a_member(follower, tmp_path, fmi, rate, status):
-    """A member whose values cannot be read while initializing: the system is in the state "error", whatever is set afterwards."""
+    """A member whose values cannot be read while initializing: the system is in the state "error", whatever is set
+    afterwards.
+    """
     with System() as system:
         system.add("a", follower[fmi], step="1 ms")
-        about = fmpy.read_model_description(path := system.export_fmu(tmp_path / "Failing.fmu", fmi=fmi, parameters=["a.rate"]))
+        about = fmpy.read_model_description(
+            path := system.export_fmu(tmp_path / "Failing.fmu", fmi=fmi, parameters=["a.rate"])
+        )
     reference = {v.name: v.valueReference for v in about.modelVariables}
     folder = fmpy.extract(path, tmp_path / "extracted")
     made = (FMU2Slave if fmi == 2 else FMU3Slave)(
-        guid=about.guid, unzipDirectory=folder, modelIdentifier=about.coSimulation.modelIdentifier, instanceName="system"
+        guid=about.guid,
+        unzipDirectory=folder,
+        modelIdentifier=about.coSimulation.modelIdentifier,
+        instanceName="system",
     )
     made.instantiate()
     get, put = (made.getReal, made.setReal) if fmi == 2 else (made.getFloat64, made.setFloat64)
     made.enterInitializationMode()
     put([reference["a.rate"]], [rate])
-    refused = [lambda: get([reference["a.y"]]), lambda: put([reference["a.rate"]], [1.0]), made.exitInitializationMode, lambda: made.doStep(0.0, 0.001)]
+    refused = [
+        lambda: get([reference["a.y"]]),
+        lambda: put([reference["a.rate"]], [1.0]),
+        made.exitInitializationMode,
+        lambda: made.doStep(0.0, 0.001),
+    ]
     for call in refused:
         with pytest.raises(fmpy.fmi1.FMICallException):
             call()

@@ -1,4 +1,5 @@
-"""Systems as one WebAssembly module: the numbers of the systems themselves, bit by bit, in a host that is no browser."""
+"""Systems as one WebAssembly module: the numbers of the systems themselves, bit by bit, in a host that
+is no browser."""
 
 from __future__ import annotations
 
@@ -135,7 +136,9 @@ def test_the_road_alone_shows_what_lies_ahead(built_fmus: BuiltFmus) -> None:
     assert max(heights) > 0.02
 
 
-def test_what_cannot_be_a_page(follower: dict[int, Path], built_fmus: BuiltFmus, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_cannot_be_a_page(
+    follower: dict[int, Path], built_fmus: BuiltFmus, monkeypatch: pytest.MonkeyPatch
+) -> None:
     with System() as system:
         system.add("late", follower[3], step="5 ms")
         with pytest.raises(CosimError, match=r"'late' .* has no sources that a page could be compiled from"):

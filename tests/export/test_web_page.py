@@ -32,7 +32,11 @@ pytestmark = pytest.mark.filterwarnings("ignore::cosim.UnconnectedInputsWarning"
 
 def bench(built_fmus: BuiltFmus, law: str) -> System:
     system = System()
-    for name, fmu, more in (("speed", "SpeedProfile", {}), ("road", "RoadBumps", {}), ("car", "QuarterCarHmmwv", {"step": "1 ms"})):
+    for name, fmu, more in (
+        ("speed", "SpeedProfile", {}),
+        ("road", "RoadBumps", {}),
+        ("car", "QuarterCarHmmwv", {"step": "1 ms"}),
+    ):
         system.add(name, built_fmus.path(fmu, 3), **more)
     system.connect("speed.x", "road.x")
     system.connect("speed.speed", "road.speed")
@@ -165,10 +169,26 @@ def test_the_road_is_asked_with_its_own_parameters(page: Path, data: dict[str, A
 @pytest.mark.parametrize(
     ("change", "said"),
     [
-        ({"controls": [Control("mass", ["car.body.mas"])]}, r"control 'mass' names 'car.body.mas', no input or parameter; did you mean 'car.body.mass'"),
-        ({"controls": [Control("force", ["car.force"], keys=("a", "b"))]}, "control 'force' has keys, but car.force has no limits to go between"),
-        ({"controls": [Control("speed", ["speed.start.speed"], follows={"car.body.mas": [Value({}, 1.0)]})]}, "names 'car.body.mas'"),
-        ({"controls": [Control("speed", ["speed.start.speed"], follows={"car.body.mass": [Value({"car.mas": 1.0})]})]}, "names 'car.mas'"),
+        (
+            {"controls": [Control("mass", ["car.body.mas"])]},
+            r"control 'mass' names 'car.body.mas', no input or parameter; did you mean 'car.body.mass'",
+        ),
+        (
+            {"controls": [Control("force", ["car.force"], keys=("a", "b"))]},
+            "control 'force' has keys, but car.force has no limits to go between",
+        ),
+        (
+            {"controls": [Control("speed", ["speed.start.speed"], follows={"car.body.mas": [Value({}, 1.0)]})]},
+            "names 'car.body.mas'",
+        ),
+        (
+            {
+                "controls": [
+                    Control("speed", ["speed.start.speed"], follows={"car.body.mass": [Value({"car.mas": 1.0})]})
+                ]
+            },
+            "names 'car.mas'",
+        ),
         ({"controls": [Control("nothing", [])]}, "control 'nothing' names no variable"),
         ({"plots": ["car.body.zz"]}, "'car.body.zz' is no output that could be plotted"),
         ({"measures": [Measure("m", ["car.zz"])]}, "'car.zz' is no output that could be measured"),
@@ -177,7 +197,7 @@ def test_the_road_is_asked_with_its_own_parameters(page: Path, data: dict[str, A
         ({"interval": -1}, "interval"),
         ({"pace": 3.0}, "pace 3: choose from 0.1, 0.25, 0.5, 1, 2, 5"),
     ],
-)  # fmt: skip
+)
 def test_what_names_nothing_is_refused(systems, tmp_path: Path, change: dict[str, Any], said: str) -> None:
     with pytest.raises((WiringError, CosimError, ValueError), match=said):
         export_web(tmp_path / "x.html", [Shown("One", systems[0])], WebPage("One", **change))
@@ -198,7 +218,9 @@ def test_what_else_is_refused(systems, tmp_path: Path) -> None:
 
 
 def test_a_system_writes_its_own_page(systems, tmp_path: Path) -> None:
-    path = systems[0].export_web(tmp_path / "own.html", controls=["speed.start.speed"], plots=["car.wheel.z"], scene=recognised(systems[0]))
+    path = systems[0].export_web(
+        tmp_path / "own.html", controls=["speed.start.speed"], plots=["car.wheel.z"], scene=recognised(systems[0])
+    )
     about = json.loads(block(path, "data"))
     assert about["systems"][0]["scene"]["what"]
     assert about["controls"][0]["label"] == "speed.start.speed"
@@ -211,16 +233,21 @@ def test_what_stands_beside() -> None:
     assert _changed(case, "length=2").length == 2.0
     assert _changed(case, "hydropneumatic=true").hydropneumatic is True
     for text, said in (
-        ("lenght=2", "write OPTION=VALUE with an option of the case; did you mean 'length'"), ("length", "write OPTION=VALUE"),
-        ("length=wide", "write a number"), ("hydropneumatic=yes", "write true or false"), ("controller=lqg", "lqg"),
-    ):  # fmt: skip
+        ("lenght=2", "write OPTION=VALUE with an option of the case; did you mean 'length'"),
+        ("length", "write OPTION=VALUE"),
+        ("length=wide", "write a number"),
+        ("hydropneumatic=yes", "write true or false"),
+        ("controller=lqg", "lqg"),
+    ):
         with pytest.raises(CaseError, match=re.escape(said)):
             _changed(case, text)
 
 
 @pytest.mark.parametrize("speed", [6.0, 12.0])
 def test_the_trench_page_judges_as_the_study_does(built_fmus: BuiltFmus, speed: float) -> None:  # noqa: ARG001
-    """What it shows of the passive vehicle are the quantities of Table 5.3 of that run; it is over where a run of the study ends."""
+    """What it shows of the passive vehicle are the quantities of Table 5.3 of that run; it is over where a run of the
+    study ends.
+    """
     layout = live(TRENCH.case(speed_kmh=speed))
     page, first = layout.page, layout.cases[0]
     assert (first.case.controller, dict(first.values)) == ("passive", {})
@@ -228,14 +255,22 @@ def test_the_trench_page_judges_as_the_study_does(built_fmus: BuiltFmus, speed: 
         expected = TRENCH.measure(runner.run(TRENCH.case(controller="passive", speed_kmh=speed)))
         system = runner.system(first.case)
         recording = system.run(
-            TRENCH.stop_time(system, first.case), record=["car.x", *(n for m in page.measures for n in m.names)], record_interval=page.interval,
+            TRENCH.stop_time(system, first.case),
+            record=["car.x", *(n for m in page.measures for n in m.names)],
+            record_interval=page.interval,
             stop_when=TRENCH.stop_when(system, first.case),
-        )  # fmt: skip
+        )
         car = system["car"]
-        own = {f"car.{n}": float(car.values.get(n, v.start)) for n, v in {**car.description.parameters, **car.description.inputs}.items() if v.start is not None}
+        own = {
+            f"car.{n}": float(car.values.get(n, v.start))
+            for n, v in {**car.description.parameters, **car.description.inputs}.items()
+            if v.start is not None
+        }
         (control,) = (c for c in page.controls if c.follows)
         (begins,) = control.follows.values()
-        assert max(v.of(own) for v in begins) == pytest.approx(own["car.trench.start"], abs=1e-3)  # which the study rounds
+        assert max(v.of(own) for v in begins) == pytest.approx(
+            own["car.trench.start"], abs=1e-3
+        )  # which the study rounds
         assert page.finish.when.of({**own, "car.x": recording["car.x"][-1]}) == pytest.approx(0.0, abs=1e-3)
     assert [m.limit for m in page.measures[:-1]] == list(LIMITS.as_dict().values())
     for m, name in zip(page.measures[:-1], LIMITS.as_dict(), strict=True):

@@ -13,7 +13,10 @@ from cosim.fmu.calls import platform_folder
 
 KINDS = ("constant", "fixed", "tunable", "changing", "countdown", "early", "endless")
 CLOCK = {
-    "constant": 'intervalVariability="constant" intervalDecimal="0.00333333" supportsFraction="false" resolution="300" intervalCounter="1"',
+    "constant": (
+        'intervalVariability="constant" intervalDecimal="0.00333333" supportsFraction="false" resolution="300"'
+        ' intervalCounter="1"'
+    ),
     "fixed": 'intervalVariability="fixed"',
     "tunable": 'intervalVariability="tunable"',
     "changing": 'intervalVariability="changing"',
@@ -38,7 +41,9 @@ def description(kind: str, *, variable_step: bool = True, event_mode: bool = Tru
     <Float64 name="z" valueReference="2" causality="output" variability="continuous"/>
     <Int32 name="ticks" valueReference="3" causality="output" variability="discrete" clocks="8"/>
     <Float64 name="last" valueReference="4" causality="output" variability="discrete" clocks="8"/>
-    <Float64 name="period" valueReference="5" causality="parameter" variability="{variability}" start="{0.02 if kind == "fixed" else 0.01}"/>
+    <Float64 name="period" valueReference="5" causality="parameter" variability="{variability}" start="{
+        0.02 if kind == "fixed" else 0.01
+    }"/>
     <Float64 name="shift" valueReference="6" causality="parameter" variability="fixed" start="0"/>
     <Boolean name="begin" valueReference="7" causality="input" variability="discrete" start="false"/>
     <Clock name="clock" valueReference="8" causality="input" {CLOCK[kind]}/>
@@ -46,21 +51,37 @@ def description(kind: str, *, variable_step: bool = True, event_mode: bool = Tru
     <Float64 name="w" valueReference="10" causality="output" variability="discrete" clocks="9"/>
   </ModelVariables>
   <ModelStructure>
-    <Output valueReference="1" dependencies="0"/><Output valueReference="2"/><Output valueReference="3"/><Output valueReference="4"/>
+    <Output valueReference="1" dependencies="0"/><Output valueReference="2"/><Output valueReference="3"/>
+    <Output valueReference="4"/>
     <Output valueReference="9"/><Output valueReference="10"/>
-    <InitialUnknown valueReference="1"/><InitialUnknown valueReference="2"/><InitialUnknown valueReference="3"/><InitialUnknown valueReference="4"/>
+    <InitialUnknown valueReference="1"/><InitialUnknown valueReference="2"/><InitialUnknown valueReference="3"/>
+    <InitialUnknown valueReference="4"/>
   </ModelStructure>
 </fmiModelDescription>"""
 
 
 def build(kind: str, folder: Path, *, variable_step: bool = True, event_mode: bool = True) -> Path:
-    """The FMU for this machine, in a folder; `kind`: that of its clock, or "early", which returns early though it may not, or "endless"."""
+    """The FMU for this machine, in a folder; `kind`: that of its clock, or "early", which returns early though it may
+    not, or "endless".
+    """
     path = folder / f"Clocked{kind.capitalize()}.fmu"
     where, suffix = platform_folder("3")
     library = folder / f"clocked_{kind}{suffix}"
     headers, sources = Path(fmpy.__file__).parent / "c-code", Path(__file__).with_name("clocked.c")
     number = KINDS.index(kind) if kind in KINDS else 0
-    command = [*find_toolchain(host()).command, "-O1", "-shared", "-fPIC", "-std=c99", f"-DKIND={number}", f"-I{headers}", sources, "-lm", "-o", library]
+    command = [
+        *find_toolchain(host()).command,
+        "-O1",
+        "-shared",
+        "-fPIC",
+        "-std=c99",
+        f"-DKIND={number}",
+        f"-I{headers}",
+        sources,
+        "-lm",
+        "-o",
+        library,
+    ]
     subprocess.run(list(map(str, command)), check=True, capture_output=True)
     with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:
         archive.writestr("modelDescription.xml", description(kind, variable_step=variable_step, event_mode=event_mode))

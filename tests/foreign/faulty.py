@@ -1,4 +1,5 @@
-"""`faulty.c` as FMUs of FMI 2.0 and 3.0: each keeps to the standard but for one deliberate fault, in its code, description, archive or library.
+"""`faulty.c` as FMUs of FMI 2.0 and 3.0: each keeps to the standard but for one deliberate fault, in its code,
+description, archive or library.
 
 `ODDITIES` keep to it altogether, in a way that a checker may mistake for a fault.
 """
@@ -24,7 +25,9 @@ BOTH = (2, 3)
 
 @dataclass(frozen=True)
 class Fault:
-    """A fault: checks that must find it, others that may notice what follows from it, and FMI versions that can have it."""
+    """A fault: checks that must find it, others that may notice what follows from it, and FMI versions that can have
+    it.
+    """
 
     found: tuple[str, ...]
     also: tuple[str, ...] = ()
@@ -36,7 +39,9 @@ class Fault:
     """The code has the fault, too, where the files are changed."""
 
 
-def _replaced(pattern: str, new: str, file: str = "modelDescription.xml", count: int = 1) -> Callable[[dict[str, bytes], int], None]:
+def _replaced(
+    pattern: str, new: str, file: str = "modelDescription.xml", count: int = 1
+) -> Callable[[dict[str, bytes], int], None]:
     def spoil(files: dict[str, bytes], version: int) -> None:  # noqa: ARG001
         text, n = re.subn(pattern, new, files[file].decode(), count=count)
         assert n, f"{pattern} is not in {file}"
@@ -81,9 +86,15 @@ def _licence(files: dict[str, bytes], version: int) -> None:  # noqa: ARG001
 
 def _sources(files: dict[str, bytes], version: int) -> None:
     if version == 2:
-        _replaced(r"(<CoSimulation [^>]*)/>", r'\1><SourceFiles><File name="lost.c"/></SourceFiles></CoSimulation>')(files, version)
+        _replaced(r"(<CoSimulation [^>]*)/>", r'\1><SourceFiles><File name="lost.c"/></SourceFiles></CoSimulation>')(
+            files, version
+        )
     else:
-        text = '<fmiBuildDescription fmiVersion="3.0"><BuildConfiguration modelIdentifier="faulty"><SourceFileSet><SourceFile name="lost.c"/></SourceFileSet></BuildConfiguration></fmiBuildDescription>'
+        text = (
+            '<fmiBuildDescription fmiVersion="3.0"><BuildConfiguration'
+            ' modelIdentifier="faulty"><SourceFileSet><SourceFile'
+            ' name="lost.c"/></SourceFileSet></BuildConfiguration></fmiBuildDescription>'
+        )
         files["sources/buildDescription.xml"] = text.encode()
 
 
@@ -102,7 +113,9 @@ def _manifest(name: str, root: str, attributes: str) -> Callable[[dict[str, byte
 
     def spoil(files: dict[str, bytes], version: int) -> None:  # noqa: ARG001
         namespace = 'xmlns:fmi-ls="http://fmi-standard.org/fmi-ls-manifest"'
-        files[f"extra/{name}/fmi-ls-manifest.xml"] = f'<{root[: root.find(">")]} {namespace} {attributes}{root[root.find(">") :]}'.encode()
+        files[f"extra/{name}/fmi-ls-manifest.xml"] = (
+            f"<{root[: root.find('>')]} {namespace} {attributes}{root[root.find('>') :]}".encode()
+        )
 
     return spoil
 
@@ -111,7 +124,9 @@ _LS_REF = (
     'fmi-ls:fmi-ls-name="org.fmi-standard.fmi-ls-ref" fmi-ls:fmi-ls-version="1.0.0-beta.1" '
     'fmi-ls:fmi-ls-description="Layered Standard providing information on related files included in an FMU."'
 )
-_LS_STRUCT = 'fmi-ls:fmi-ls-name="org.fmi-standard.fmi-ls-struct" fmi-ls:fmi-ls-version="1.0.0" fmi-ls:fmi-ls-description="maps"'
+_LS_STRUCT = (
+    'fmi-ls:fmi-ls-name="org.fmi-standard.fmi-ls-struct" fmi-ls:fmi-ls-version="1.0.0" fmi-ls:fmi-ls-description="maps"'
+)
 
 
 def _member(variable: str, name: str = 'memberName="a" ') -> str:
@@ -126,16 +141,29 @@ def _clocked(files: dict[str, bytes], version: int) -> None:
 
 
 def _without_exchange(files: dict[str, bytes], version: int) -> None:
-    """Co-Simulation without directional derivatives, for which nobody reads the derivatives; one of these is no unknown of initialization."""
+    """Co-Simulation without directional derivatives, for which nobody reads the derivatives; one of these is no unknown
+    of initialization.
+    """
     _replaced(r"<ModelExchange [^>]*/>", "")(files, version)
     _replaced(r'providesDirectionalDerivatives?="true"( providesAdjointDerivatives="true")?', "")(files, version)
-    _replaced(r'(<InitialUnknowns>)<Unknown index="7"[^>]*/>' if version == 2 else r'<InitialUnknown valueReference="6"[^>]*/>', r"\1" if version == 2 else "")(files, version)
+    _replaced(
+        (
+            r'(<InitialUnknowns>)<Unknown index="7"[^>]*/>'
+            if version == 2
+            else r'<InitialUnknown valueReference="6"[^>]*/>'
+        ),
+        r"\1" if version == 2 else "",
+    )(files, version)
 
 
 def _alias_for_derivative(files: dict[str, bytes], version: int) -> None:
     """Among the unknowns of initialization an alias stands for a state derivative."""
-    _replaced(r"</ModelVariables>", '<ScalarVariable name="rate" valueReference="6"><Real/></ScalarVariable></ModelVariables>')(files, version)
-    _replaced(r'(<InitialUnknowns>)<Unknown index="7"([^>]*)/>(.*)(</InitialUnknowns>)', r'\1\3<Unknown index="15"\2/>\4')(files, version)
+    _replaced(
+        r"</ModelVariables>", '<ScalarVariable name="rate" valueReference="6"><Real/></ScalarVariable></ModelVariables>'
+    )(files, version)
+    _replaced(
+        r'(<InitialUnknowns>)<Unknown index="7"([^>]*)/>(.*)(</InitialUnknowns>)', r'\1\3<Unknown index="15"\2/>\4'
+    )(files, version)
 
 
 def _known_state(files: dict[str, bytes], version: int) -> None:
@@ -157,43 +185,155 @@ def _fixed_step(files: dict[str, bytes], version: int) -> None:
 STATES = ("saved.replay", "saved.parameters", "saved.states", "saved.serialize")
 FAULTS = {
     # -------------------------------------------------------------------------------------------- description, archive
-    "schema": Fault(("description.schema",), spoil=_replaced("<DefaultExperiment ", '<DefaultExperiment colour="blue" ')),
-    "version": Fault(("description.version",), versions=(2,), spoil=_replaced('fmiVersion="2.0"', 'fmiVersion="2.0.4"'), also=("description.schema",)),
-    "identifier": Fault(("description.identifier",), ("archive.implementation",), spoil=_replaced('modelIdentifier="faulty"', 'modelIdentifier="faulty-1"', count=2)),
+    "schema": Fault(
+        ("description.schema",), spoil=_replaced("<DefaultExperiment ", '<DefaultExperiment colour="blue" ')
+    ),
+    "version": Fault(
+        ("description.version",),
+        versions=(2,),
+        spoil=_replaced('fmiVersion="2.0"', 'fmiVersion="2.0.4"'),
+        also=("description.schema",),
+    ),
+    "identifier": Fault(
+        ("description.identifier",),
+        ("archive.implementation",),
+        spoil=_replaced('modelIdentifier="faulty"', 'modelIdentifier="faulty-1"', count=2),
+    ),
     "duplicate-name": Fault(("description.names",), spoil=_replaced('name="gain"', 'name="on"')),
     "unstructured-name": Fault(("description.names",), spoil=_replaced('name="force"', 'name="total force"')),
-    "two-starts": Fault(("description.references",), versions=(2,), spoil=_replaced(r"</ModelVariables>", '<ScalarVariable name="u2" valueReference="1" causality="input" variability="continuous"><Real start="0" unit="m"/></ScalarVariable></ModelVariables>')),
-    "same-reference": Fault(("description.references",), ("values.start", "values.set", "values.reset", "saved.parameters"), versions=(3,), spoil=_replaced(r"</ModelVariables>", '<Float64 name="u2" valueReference="1" causality="local" variability="constant" start="0"/></ModelVariables>')),
-    "continuous-integer": Fault(("description.variability",), spoil=_replaced('name="count" valueReference="9" causality="output" variability="discrete"', 'name="count" valueReference="9" causality="output" variability="continuous"')),
-    "discrete-parameter": Fault(("description.variability",), spoil=_replaced('causality="parameter" variability="tunable"', 'causality="parameter" variability="discrete"')),
+    "two-starts": Fault(
+        ("description.references",),
+        versions=(2,),
+        spoil=_replaced(
+            r"</ModelVariables>",
+            '<ScalarVariable name="u2" valueReference="1" causality="input" variability="continuous"><Real start="0"'
+            ' unit="m"/></ScalarVariable></ModelVariables>',
+        ),
+    ),
+    "same-reference": Fault(
+        ("description.references",),
+        ("values.start", "values.set", "values.reset", "saved.parameters"),
+        versions=(3,),
+        spoil=_replaced(
+            r"</ModelVariables>",
+            '<Float64 name="u2" valueReference="1" causality="local" variability="constant"'
+            ' start="0"/></ModelVariables>',
+        ),
+    ),
+    "continuous-integer": Fault(
+        ("description.variability",),
+        spoil=_replaced(
+            'name="count" valueReference="9" causality="output" variability="discrete"',
+            'name="count" valueReference="9" causality="output" variability="continuous"',
+        ),
+    ),
+    "discrete-parameter": Fault(
+        ("description.variability",),
+        spoil=_replaced('causality="parameter" variability="tunable"', 'causality="parameter" variability="discrete"'),
+    ),
     "no-start": Fault(("description.start",), spoil=_replaced('(name="u"[^>]*>?(?:<Real)?[^>]*) start="0"', r"\1")),
-    "start-out-of-range": Fault(("description.start",), spoil=_replaced('max="3"', 'max="1"'), also=("values.discrete",)),
+    "start-out-of-range": Fault(
+        ("description.start",), spoil=_replaced('max="3"', 'max="1"'), also=("values.discrete",)
+    ),
     "unknown-type": Fault(("description.types",), spoil=_replaced(' start="4"', ' start="4" declaredType="Stiffness"')),
     "unknown-unit": Fault(("description.units",), spoil=_replaced('unit="m"', 'unit="ell"')),
-    "no-output": Fault(("description.structure",), spoil=lambda f, v: _replaced(r'<Unknown index="10" dependencies=""/></Outputs>' if v == 2 else r'<Output valueReference="9" dependencies=""/>', "</Outputs>" if v == 2 else "")(f, v)),
-    "no-initial-unknown": Fault(("description.structure",), spoil=lambda f, v: _replaced(r'(<InitialUnknowns>)<Unknown index="7"[^>]*/>' if v == 2 else r'<InitialUnknown valueReference="6"[^>]*/>', r"\1" if v == 2 else "")(f, v)),
-    "kinds": Fault(("description.dependencies",), spoil=_replaced('dependencies="5"' , 'dependencies="5" dependenciesKind="dependent fixed"')),
-    "clock-without-interval": Fault(("description.clocks",), ("description.capabilities",), versions=(3,), spoil=_replaced(r"</ModelVariables>", '<Clock name="clock" valueReference="77" causality="input" intervalVariability="constant"/></ModelVariables>')),
+    "no-output": Fault(
+        ("description.structure",),
+        spoil=lambda f, v: _replaced(
+            (
+                r'<Unknown index="10" dependencies=""/></Outputs>'
+                if v == 2
+                else r'<Output valueReference="9" dependencies=""/>'
+            ),
+            "</Outputs>" if v == 2 else "",
+        )(f, v),
+    ),
+    "no-initial-unknown": Fault(
+        ("description.structure",),
+        spoil=lambda f, v: _replaced(
+            r'(<InitialUnknowns>)<Unknown index="7"[^>]*/>' if v == 2 else r'<InitialUnknown valueReference="6"[^>]*/>',
+            r"\1" if v == 2 else "",
+        )(f, v),
+    ),
+    "kinds": Fault(
+        ("description.dependencies",),
+        spoil=_replaced('dependencies="5"', 'dependencies="5" dependenciesKind="dependent fixed"'),
+    ),
+    "clock-without-interval": Fault(
+        ("description.clocks",),
+        ("description.capabilities",),
+        versions=(3,),
+        spoil=_replaced(
+            r"</ModelVariables>",
+            '<Clock name="clock" valueReference="77" causality="input"'
+            ' intervalVariability="constant"/></ModelVariables>',
+        ),
+    ),
     "clocked-continuous": Fault(("description.clocks",), ("description.capabilities",), versions=(3,), spoil=_clocked),
     "experiment": Fault(("description.experiment",), spoil=_replaced('stopTime="1"', 'stopTime="-1"')),
-    "serialize-without-saving": Fault(("description.capabilities",), spoil=_replaced(r'canGetAndSetFMU[sS]tate="true"', "", count=2)),
+    "serialize-without-saving": Fault(
+        ("description.capabilities",), spoil=_replaced(r'canGetAndSetFMU[sS]tate="true"', "", count=2)
+    ),
     "no-time": Fault(("description.capabilities",), versions=(3,), spoil=_replaced(r'<Float64 name="time"[^>]*/>', "")),
     "licence": Fault(("archive.layout",), versions=(3,), spoil=_licence),
     "sources": Fault(("archive.sources",), spoil=_sources),
-    "terminals": Fault(("archive.terminals",), versions=(3,), spoil=_terminals(f'<Terminal name="a" matchingRule="plug">{_member("nobody")}</Terminal>')),
-    "terminal-of-time": Fault(("archive.terminals",), versions=(3,), spoil=_terminals(f'<Terminal name="a" matchingRule="bus">{_member("time")}</Terminal>')),
-    "terminal-rule": Fault(("archive.terminals",), versions=(3,), spoil=_terminals(f'<Terminal name="a" matchingRule="none">{_member("u")}</Terminal>')),
-    "terminal-member": Fault(("archive.terminals",), versions=(3,), spoil=_terminals(f'<Terminal name="a" matchingRule="bus">{_member("u", "")}</Terminal>')),
-    "terminal-twice": Fault(("archive.terminals",), versions=(3,), spoil=_terminals(f'<Terminal name="a" matchingRule="bus">{_member("u") * 2}</Terminal>')),
-    "terminals-alike": Fault(("archive.terminals",), versions=(3,), spoil=_terminals('<Terminal name="a" matchingRule="bus"/>' * 2)),
-    "layered-version": Fault(("archive.layered",), spoil=_manifest("com.example.ls", "manifest></manifest>", 'fmi-ls:fmi-ls-name="com.example.ls" fmi-ls:fmi-ls-description="an example"')),
-    "related-role": Fault(("archive.layered",), spoil=_manifest("org.fmi-standard.fmi-ls-ref", 'fmiReferences><Related source="../../modelDescription.xml" role="data"/></fmiReferences>', _LS_REF)),
-    "struct-description": Fault(("archive.layered",), spoil=_manifest("org.fmi-standard.fmi-ls-struct", "fmiLayeredStandardManifest></fmiLayeredStandardManifest>", _LS_STRUCT)),
+    "terminals": Fault(
+        ("archive.terminals",),
+        versions=(3,),
+        spoil=_terminals(f'<Terminal name="a" matchingRule="plug">{_member("nobody")}</Terminal>'),
+    ),
+    "terminal-of-time": Fault(
+        ("archive.terminals",),
+        versions=(3,),
+        spoil=_terminals(f'<Terminal name="a" matchingRule="bus">{_member("time")}</Terminal>'),
+    ),
+    "terminal-rule": Fault(
+        ("archive.terminals",),
+        versions=(3,),
+        spoil=_terminals(f'<Terminal name="a" matchingRule="none">{_member("u")}</Terminal>'),
+    ),
+    "terminal-member": Fault(
+        ("archive.terminals",),
+        versions=(3,),
+        spoil=_terminals(f'<Terminal name="a" matchingRule="bus">{_member("u", "")}</Terminal>'),
+    ),
+    "terminal-twice": Fault(
+        ("archive.terminals",),
+        versions=(3,),
+        spoil=_terminals(f'<Terminal name="a" matchingRule="bus">{_member("u") * 2}</Terminal>'),
+    ),
+    "terminals-alike": Fault(
+        ("archive.terminals",), versions=(3,), spoil=_terminals('<Terminal name="a" matchingRule="bus"/>' * 2)
+    ),
+    "layered-version": Fault(
+        ("archive.layered",),
+        spoil=_manifest(
+            "com.example.ls",
+            "manifest></manifest>",
+            'fmi-ls:fmi-ls-name="com.example.ls" fmi-ls:fmi-ls-description="an example"',
+        ),
+    ),
+    "related-role": Fault(
+        ("archive.layered",),
+        spoil=_manifest(
+            "org.fmi-standard.fmi-ls-ref",
+            'fmiReferences><Related source="../../modelDescription.xml" role="data"/></fmiReferences>',
+            _LS_REF,
+        ),
+    ),
+    "struct-description": Fault(
+        ("archive.layered",),
+        spoil=_manifest(
+            "org.fmi-standard.fmi-ls-struct", "fmiLayeredStandardManifest></fmiLayeredStandardManifest>", _LS_STRUCT
+        ),
+    ),
     "backslashes": Fault(("archive.zip",), ("archive.layout",), spoil=_backslashes),
     "no-derivative-unknown": Fault(("description.structure",), spoil=_without_exchange),
     "alias-for-derivative": Fault(("description.structure",), versions=(2,), spoil=_alias_for_derivative),
     "known-unknown": Fault(("description.structure",), versions=(2,), spoil=_known_state),
-    "lost-library": Fault(("archive.implementation",), spoil=_replaced('modelIdentifier="faulty"', 'modelIdentifier="other"', count=2)),
+    "lost-library": Fault(
+        ("archive.implementation",), spoil=_replaced('modelIdentifier="faulty"', 'modelIdentifier="other"', count=2)
+    ),
     # ---------------------------------------------------------------------------------------------------------- binary
     "wrong-folder": Fault(("binary.header",), spoil=_moved_library),
     "no-library": Fault(("binary.header",), spoil=_damaged_library),
@@ -244,12 +384,18 @@ FAULTS = {
     "state-forgets-velocity": Fault(("saved.replay",), STATES),
     "state-forgets-count": Fault(("saved.replay",), STATES),
     "state-forgets-input": Fault(("saved.parameters",), STATES),
-    "adaptive-forgets-velocity": Fault(("saved.replay",), (*STATES, "references.results"), spoil=_replaced('stepSize="0.01"', 'stepSize="0.01" tolerance="1e-3"'), coded=True),
+    "adaptive-forgets-velocity": Fault(
+        ("saved.replay",),
+        (*STATES, "references.results"),
+        spoil=_replaced('stepSize="0.01"', 'stepSize="0.01" tolerance="1e-3"'),
+        coded=True,
+    ),
     "one-buffer": Fault(("saved.states",), STATES),
     "dangling": Fault(("saved.states",)),
     "serialized-pointer": Fault(("saved.serialize",), STATES),
     "damaged-accepted": Fault(("saved.damaged",)),
-    # ------------------------------------------------------------------------------------------ derivatives, dependencies
+    # ------------------------------------------------------------------------------------------ derivatives,
+    # dependencies
     "initial-dependency": Fault(("derivatives.initial",), spoil=_without_dependency(8, 2, "InitialUnknown")),
     "dependency": Fault(("derivatives.dependencies",), spoil=_without_dependency(8, 1, "Output")),
     "directional": Fault(("derivatives.directional",), ("derivatives.adjoint",)),
@@ -257,23 +403,43 @@ FAULTS = {
     "rate": Fault(("derivatives.rates", "exchange.states"), ("derivatives.directional",)),
     # -------------------------------------------------------------------------------------------------- model exchange
     "order": Fault(("exchange.states",)),
-    "stale": Fault(("exchange.pure",), ("derivatives.directional", "derivatives.initial", "derivatives.dependencies", "exchange.states", "runs.instances", *STATES)),
+    "stale": Fault(
+        ("exchange.pure",),
+        (
+            "derivatives.directional",
+            "derivatives.initial",
+            "derivatives.dependencies",
+            "exchange.states",
+            "runs.instances",
+            *STATES,
+        ),
+    ),
     "nominal": Fault(("exchange.nominals",)),
     "indicators": Fault(("exchange.counts",), versions=(3,)),
     "reference": Fault(("references.results",), spoil=_reference),
-}  # fmt: skip
+}
 """Name -> what is wrong and which checks say so."""
 
 ODDITIES = {
     "fixed-step": Fault((), spoil=_fixed_step, coded=True),
-    "once": Fault((), spoil=_replaced('modelIdentifier="faulty"', 'modelIdentifier="faulty" canBeInstantiatedOnlyOncePerProcess="true"', count=2), coded=True),
+    "once": Fault(
+        (),
+        spoil=_replaced(
+            'modelIdentifier="faulty"', 'modelIdentifier="faulty" canBeInstantiatedOnlyOncePerProcess="true"', count=2
+        ),
+        coded=True,
+    ),
     "no-early-inputs": Fault((), versions=(2,)),
     "no-early-derivatives": Fault((), ("states.allowed",), versions=(2,)),
-    "adaptive": Fault((), ("references.results",), spoil=_replaced('stepSize="0.01"', 'stepSize="0.01" tolerance="1e-3"'), coded=True),
-    "empty-token": Fault((), ("description.version",), spoil=_replaced('(guid|instantiationToken)="faulty"', r'\1=""'), coded=True),
+    "adaptive": Fault(
+        (), ("references.results",), spoil=_replaced('stepSize="0.01"', 'stepSize="0.01" tolerance="1e-3"'), coded=True
+    ),
+    "empty-token": Fault(
+        (), ("description.version",), spoil=_replaced('(guid|instantiationToken)="faulty"', r'\1=""'), coded=True
+    ),
     "step-hang": Fault(()),
     "slow": Fault(()),
-}  # fmt: skip
+}
 """Name -> checks that may say something, but no error. Hanging may be slow: that is not judged."""
 
 TIME, U, K, D, X, V, DX, DV, FORCE, COUNT, GAIN, ON, C, Z = range(14)
@@ -306,7 +472,9 @@ def description(version: int) -> str:
     for reference_, (name, kind, causality, variability, more, given) in enumerate(_VARIABLES):
         typed = given if three else re.sub(r'derivative="(\d+)"', lambda m: f'derivative="{int(m[1]) + 1}"', given)
         head = f'name="{name}" valueReference="{reference_}" causality="{causality}" variability="{variability}" {more}'
-        variables.append(f"<{kind} {head} {typed}/>" if three else f"<ScalarVariable {head}><{old[kind]} {typed}/></ScalarVariable>")
+        variables.append(
+            f"<{kind} {head} {typed}/>" if three else f"<ScalarVariable {head}><{old[kind]} {typed}/></ScalarVariable>"
+        )
 
     def listed(group: str, unknowns: dict[int, list[int]]) -> str:
         elements = []
@@ -316,20 +484,35 @@ def description(version: int) -> str:
             elements.append(f'<{group if three else "Unknown"} {key} dependencies="{depends}"/>')
         return "".join(elements) if three else f"<{group}s>{''.join(elements)}</{group}s>"
 
-    structure = listed("Output", _OUTPUTS) + listed("ContinuousStateDerivative" if three else "Derivative", _DERIVATIVES) + listed("InitialUnknown", _INITIAL)
+    structure = (
+        listed("Output", _OUTPUTS)
+        + listed("ContinuousStateDerivative" if three else "Derivative", _DERIVATIVES)
+        + listed("InitialUnknown", _INITIAL)
+    )
     if three:
         structure += f'<EventIndicator valueReference="{Z}"/>'
     state = "State" if three else "state"
     flags = f'modelIdentifier="faulty" canGetAndSetFMU{state}="true" canSerializeFMU{state}="true" '
-    flags += 'providesDirectionalDerivatives="true" providesAdjointDerivatives="true"' if three else 'providesDirectionalDerivative="true"'
-    head = 'fmiVersion="3.0" instantiationToken="faulty"' if three else 'fmiVersion="2.0" guid="faulty" numberOfEventIndicators="1"'
+    flags += (
+        'providesDirectionalDerivatives="true" providesAdjointDerivatives="true"'
+        if three
+        else 'providesDirectionalDerivative="true"'
+    )
+    head = (
+        'fmiVersion="3.0" instantiationToken="faulty"'
+        if three
+        else 'fmiVersion="2.0" guid="faulty" numberOfEventIndicators="1"'
+    )
     return (
-        f'<?xml version="1.0" encoding="UTF-8"?>\n<fmiModelDescription {head} modelName="Faulty" variableNamingConvention="structured">\n'
-        f'<ModelExchange {flags}/>\n<CoSimulation {flags} canHandleVariableCommunicationStepSize="true"/>\n'
-        '<UnitDefinitions><Unit name="m"><BaseUnit m="1"/></Unit><Unit name="s"><BaseUnit s="1"/></Unit></UnitDefinitions>\n'
-        '<LogCategories><Category name="logStatusError"/></LogCategories>\n<DefaultExperiment startTime="0" stopTime="1" stepSize="0.01"/>\n'
-        "<ModelVariables>\n" + "\n".join(variables) + f"\n</ModelVariables>\n<ModelStructure>{structure}</ModelStructure>\n</fmiModelDescription>\n"
-    )  # fmt: skip
+        f'<?xml version="1.0" encoding="UTF-8"?>\n<fmiModelDescription {head} modelName="Faulty"'
+        f' variableNamingConvention="structured">\n<ModelExchange {flags}/>\n<CoSimulation {flags}'
+        ' canHandleVariableCommunicationStepSize="true"/>\n<UnitDefinitions><Unit name="m"><BaseUnit'
+        ' m="1"/></Unit><Unit name="s"><BaseUnit s="1"/></Unit></UnitDefinitions>\n<LogCategories><Category'
+        ' name="logStatusError"/></LogCategories>\n<DefaultExperiment startTime="0" stopTime="1"'
+        ' stepSize="0.01"/>\n<ModelVariables>\n'
+        + "\n".join(variables)
+        + f"\n</ModelVariables>\n<ModelStructure>{structure}</ModelStructure>\n</fmiModelDescription>\n"
+    )
 
 
 def reference(factor: float = 1.0) -> str:
@@ -351,13 +534,31 @@ def compile_library(version: int, folder: Path, macros: tuple[str, ...] = ()) ->
         headers = Path(fmpy.__file__).parent / "c-code"
         left_out = {"fmi2GetStatus", "fmi3GetClock"} if "LACKING" in macros else set()
         stubs = folder / f"stubs{version}{name}.c"
-        stubs.write_text("".join(f"__attribute__((weak)) int {f}(void) {{ return 3; }}\n" for f in required(str(version), {"cs", "me"}) if f not in left_out))
+        stubs.write_text(
+            "".join(
+                f"__attribute__((weak)) int {f}(void) {{ return 3; }}\n"
+                for f in required(str(version), {"cs", "me"})
+                if f not in left_out
+            )
+        )
         given = [f"-D{m}" for m in macros if "=" not in m]
         given.append('-DVERSION="1.0"' if any(m.startswith("VERSION") for m in macros) else f'-DVERSION="{version}.0"')
         command = [
-            *find_toolchain(host()).command, "-O1", "-shared", "-fPIC", "-std=gnu99", "-w", f"-DFMI={version}", *given, f"-I{headers}",
-            Path(__file__).with_name("faulty.c"), stubs, "-o", library, "-lm",
-        ]  # fmt: skip
+            *find_toolchain(host()).command,
+            "-O1",
+            "-shared",
+            "-fPIC",
+            "-std=gnu99",
+            "-w",
+            f"-DFMI={version}",
+            *given,
+            f"-I{headers}",
+            Path(__file__).with_name("faulty.c"),
+            stubs,
+            "-o",
+            library,
+            "-lm",
+        ]
         subprocess.run(list(map(str, command)), check=True, capture_output=True)
     return library
 

@@ -66,8 +66,11 @@ def description(version: int, name: str) -> str:
             else f"<ScalarVariable {common}><{old} {rest}/></ScalarVariable>"
         )
         if causality == "output":
-            outputs.append((f'valueReference="{reference}"') if three else f'index="{len(elements)}"')
-    units = '<Unit name="rad"><BaseUnit rad="1"/></Unit><Unit name="deg"><BaseUnit rad="1" factor="0.017453292519943295"/></Unit>'
+            outputs.append(f'valueReference="{reference}"' if three else f'index="{len(elements)}"')
+    units = (
+        '<Unit name="rad"><BaseUnit rad="1"/></Unit><Unit name="deg"><BaseUnit rad="1"'
+        ' factor="0.017453292519943295"/></Unit>'
+    )
     units += '<Unit name="K"><BaseUnit K="1"/></Unit><Unit name="degC"><BaseUnit K="1" offset="273.15"/></Unit>'
     lists = ("Output", "InitialUnknown") if three else ("Unknown", "Unknown")
     listed = ["".join(f"<{element} {which}/>" for which in outputs) for element in lists]
@@ -92,8 +95,17 @@ def build(version: int, folder: Path, *, units: bool = True) -> Path:
     headers = Path(fmpy.__file__).parent / "c-code"
     sources = [Path(__file__).with_name(name) for name in ("follower.c", "not_offered.c")]
     command = [
-        *find_toolchain(host()).command, "-O2", "-shared", "-fPIC", "-std=c99", f"-DFMI={version}", f"-I{headers}", *sources, "-o", library,
-    ]  # fmt: skip
+        *find_toolchain(host()).command,
+        "-O2",
+        "-shared",
+        "-fPIC",
+        "-std=c99",
+        f"-DFMI={version}",
+        f"-I{headers}",
+        *sources,
+        "-o",
+        library,
+    ]
     subprocess.run(list(map(str, command)), check=True, capture_output=True)
     text = description(version, f"Follower{version}")
     with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as archive:

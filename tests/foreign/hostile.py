@@ -13,21 +13,49 @@ from cosim.fmu.calls import platform_folder
 
 STEPPING = ("set", "step", "get")
 PHASES = (
-    "load", "instantiate", "enter", "exit", *STEPPING, "terminate", "free", "save", "restore", "size", "serialize", "deserialize",
-)  # fmt: skip
+    "load",
+    "instantiate",
+    "enter",
+    "exit",
+    *STEPPING,
+    "terminate",
+    "free",
+    "save",
+    "restore",
+    "size",
+    "serialize",
+    "deserialize",
+)
 """When it does it. In FMI 2.0 `enter` also stands for fmi2SetupExperiment."""
 
 ENDS = {  # deed -> words of the error
-    "segfault": "signal 11", "abort": "signal 6", "exit": "exit code 3", "quit": "exit code 0", "hang": "step_timeout",
-    "sleep": "step_timeout", "devour": "memory_limit", "overflow": "signal 11", "trap": "signal 4", "divide": "signal 8",
-    "kill": "signal 9", "stop": "step_timeout", "terminate": "signal 15", "close": "step_timeout|closed the connection|signal 9", "fork": "exit code 4",
-    "thread": "signal 11", "words": "these are my last words",
-}  # fmt: skip
+    "segfault": "signal 11",
+    "abort": "signal 6",
+    "exit": "exit code 3",
+    "quit": "exit code 0",
+    "hang": "step_timeout",
+    "sleep": "step_timeout",
+    "devour": "memory_limit",
+    "overflow": "signal 11",
+    "trap": "signal 4",
+    "divide": "signal 8",
+    "kill": "signal 9",
+    "stop": "step_timeout",
+    "terminate": "signal 15",
+    "close": "step_timeout|closed the connection|signal 9",
+    "fork": "exit code 4",
+    "thread": "signal 11",
+    "words": "these are my last words",
+}
 """Deeds that end the process, or must end it."""
 
 LIES = {
-    "greedy": "memory_limit", "round": "the rounding mode", "flush": "subnormal numbers", "status": "77", "negative": "-1",
-}  # fmt: skip
+    "greedy": "memory_limit",
+    "round": "the rounding mode",
+    "flush": "subnormal numbers",
+    "status": "77",
+    "negative": "-1",
+}
 """Deeds that the call survives, and that must be an error all the same."""
 
 HARMLESS = ("chatter", "nothing")
@@ -36,13 +64,21 @@ HARMLESS = ("chatter", "nothing")
 def description(version: int) -> str:
     """modelDescription.xml."""
     variables = [("u", 0, "input", 'start="0"'), ("y", 1, "output", "")]
-    saving = " ".join(f'{n}="true"' for n in ("canGetAndSetFMU{}", "canSerializeFMU{}")).format(*2 * ["State" if version == 3 else "state"])
+    saving = " ".join(f'{n}="true"' for n in ("canGetAndSetFMU{}", "canSerializeFMU{}")).format(
+        *2 * ["State" if version == 3 else "state"]
+    )
     if version == 3:
-        listed = "".join(f'<Float64 name="{n}" valueReference="{r}" causality="{c}" {more}/>' for n, r, c, more in variables)
-        head, structure = 'fmiVersion="3.0" instantiationToken="hostile"', '<Output valueReference="1"/><InitialUnknown valueReference="1"/>'
+        listed = "".join(
+            f'<Float64 name="{n}" valueReference="{r}" causality="{c}" {more}/>' for n, r, c, more in variables
+        )
+        head, structure = (
+            'fmiVersion="3.0" instantiationToken="hostile"',
+            '<Output valueReference="1"/><InitialUnknown valueReference="1"/>',
+        )
     else:
         listed = "".join(
-            f'<ScalarVariable name="{n}" valueReference="{r}" causality="{c}" variability="continuous"><Real {more}/></ScalarVariable>'
+            f'<ScalarVariable name="{n}" valueReference="{r}" causality="{c}" variability="continuous"><Real'
+            f" {more}/></ScalarVariable>"
             for n, r, c, more in variables
         )
         head = 'fmiVersion="2.0" guid="hostile"'
@@ -62,9 +98,21 @@ def compile_library(version: int, folder: Path) -> Path:
         headers = Path(fmpy.__file__).parent / "c-code"
         source = Path(__file__).with_name("hostile.c")
         command = [
-            *find_toolchain(host()).command, "-O1", "-shared", "-fPIC", "-std=c99", "-w", f"-DFMI={version}", f"-I{headers}",
-            source, "-o", library, "-lm", "-ldl", "-lpthread",
-        ]  # fmt: skip
+            *find_toolchain(host()).command,
+            "-O1",
+            "-shared",
+            "-fPIC",
+            "-std=c99",
+            "-w",
+            f"-DFMI={version}",
+            f"-I{headers}",
+            source,
+            "-o",
+            library,
+            "-lm",
+            "-ldl",
+            "-lpthread",
+        ]
         subprocess.run(list(map(str, command)), check=True, capture_output=True)
     return library
 

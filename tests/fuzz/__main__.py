@@ -24,7 +24,9 @@ def main() -> int:
         print("\n".join(f"{file}: {what}" for file, what in found.items() if what))
         return 1 if any(found.values()) else 0
     parser = argparse.ArgumentParser(prog="python -m tests.fuzz", description=__doc__)
-    parser.add_argument("targets", nargs="*", metavar="TARGET", help=f"one or more of {', '.join(TARGETS)}; default all")
+    parser.add_argument(
+        "targets", nargs="*", metavar="TARGET", help=f"one or more of {', '.join(TARGETS)}; default all"
+    )
     parser.add_argument("--cases", type=int, default=1000, help="in total, shared by the targets; default 1000")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--first", type=int, default=0, help="number of the first case of each target")

@@ -1,7 +1,8 @@
-"""Every function of FMI in every state with odd arguments, numbers about the declared limits, and forged states, for FMUs of this project.
+"""Every function of FMI in every state with odd arguments, numbers about the declared limits, and forged states, for
+FMUs of this project.
 
-A case is a line with the FMU and the version of FMI, then the calls as bytes that `player.c` reads. The FMU's sources run under
-AddressSanitizer and UndefinedBehaviorSanitizer, in a process that goes on from case to case.
+A case is a line with the FMU and the version of FMI, then the calls as bytes that `player.c` reads. The FMU's sources
+run under AddressSanitizer and UndefinedBehaviorSanitizer, in a process that goes on from case to case.
 """
 
 from __future__ import annotations
@@ -25,8 +26,19 @@ from sanitized import FLAGS, gcc, kept_object
 
 from cosim import Fmu
 
-NAMES = ("QuarterCarHmmwv", "HydraulicActuator", "PreviewBuffer", "RoadIso8608", "ProbeDiscrete", "ProbeQpDaqp", "ProbeAm2", "ProbeRos2")
-"""A vehicle and an actuator, sampled states in plenty, quadratic programs, and every solver; small ones, so that much is tried."""
+NAMES = (
+    "QuarterCarHmmwv",
+    "HydraulicActuator",
+    "PreviewBuffer",
+    "RoadIso8608",
+    "ProbeDiscrete",
+    "ProbeQpDaqp",
+    "ProbeAm2",
+    "ProbeRos2",
+)
+"""A vehicle and an actuator, sampled states in plenty, quadratic programs, and every solver; small ones, so that much
+is tried.
+"""
 
 ALLOWED = ()
 LONGEST = 20.0  # s of one case
@@ -77,13 +89,19 @@ def _player(name: str, fmi: int) -> subprocess.Popen[bytes]:
         with zipfile.ZipFile(path) as archive:
             archive.extractall(folder)
         sources, program = Path(folder) / "sources", Path(folder) / "player"
-        objects = [*(kept_object(c, sources) for c in sorted(sources.rglob("*.c"))), kept_object(PLAYER, sources, f"-DFMI={fmi}")]
+        objects = [
+            *(kept_object(c, sources) for c in sorted(sources.rglob("*.c"))),
+            kept_object(PLAYER, sources, f"-DFMI={fmi}"),
+        ]
         gcc(*FLAGS, *map(str, objects), "-lm", "-o", str(program))
         step = Fmu(path).description.default_step or 1e-3
         started = subprocess.Popen(
-            [program, repr(float(step)), *(["trace"] if os.environ.get("FUZZ_TRACE") else [])], stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+            [program, repr(float(step)), *(["trace"] if os.environ.get("FUZZ_TRACE") else [])],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
             env={**os.environ, "ASAN_OPTIONS": OPTIONS},
-        )  # fmt: skip
+        )
     atexit.register(_end, started)
     return started
 

@@ -1,4 +1,5 @@
-"""FMU files: archives that are damaged, that lie about themselves, that lead elsewhere, that unpack to more than they are.
+"""FMU files: archives that are damaged, that lie about themselves, that lead elsewhere, that unpack to more than they
+are.
 
 A case is a file. It is opened and unpacked, and its library, which is none, is loaded.
 """
@@ -23,19 +24,91 @@ from . import mutate
 
 ALLOWED = (CosimError,)
 _NAMES = (
-    "modelDescription.xml", "./modelDescription.xml", "modeldescription.xml", "/modelDescription.xml", "../outside", "resources/../../outside", "/tmp/outside-of-fuzz",
-    "C:/outside", "C:outside", "\\\\host\\share\\x", "..\\outside", "a\\..\\..\\outside", "resources", "resources/", "resources/a", "resources/a/b", "binaries",
-    "binaries/linux64", "binaries/linux64/a.so", "binaries/../binaries/x.so", "", ".", "..", "/", "//", "a//b", "a/./b", "con", "nul.txt", "a.", "a ", "x" * 300, "x/" * 500,
-    "y" * 65_000, "a\0b", "a\nb", "\u202egnp.exe", "ä/😀", "-rf", "~/x", "$HOME", "%s%n", "a:b", "sources/model.c", "documentation/index.html",
-)  # fmt: skip
+    "modelDescription.xml",
+    "./modelDescription.xml",
+    "modeldescription.xml",
+    "/modelDescription.xml",
+    "../outside",
+    "resources/../../outside",
+    "/tmp/outside-of-fuzz",
+    "C:/outside",
+    "C:outside",
+    "\\\\host\\share\\x",
+    "..\\outside",
+    "a\\..\\..\\outside",
+    "resources",
+    "resources/",
+    "resources/a",
+    "resources/a/b",
+    "binaries",
+    "binaries/linux64",
+    "binaries/linux64/a.so",
+    "binaries/../binaries/x.so",
+    "",
+    ".",
+    "..",
+    "/",
+    "//",
+    "a//b",
+    "a/./b",
+    "con",
+    "nul.txt",
+    "a.",
+    "a ",
+    "x" * 300,
+    "x/" * 500,
+    "y" * 65_000,
+    "a\0b",
+    "a\nb",
+    "\u202egnp.exe",
+    "ä/😀",
+    "-rf",
+    "~/x",
+    "$HOME",
+    "%s%n",
+    "a:b",
+    "sources/model.c",
+    "documentation/index.html",
+)
 _NUMBERS = (0, 1, 2, 7, 8, 9, 12, 14, 45, 63, 97, 0x800, 0x2000, 0xFFFE, 0xFFFF)
 _WIDE = (0, 1, 22, 46, 1000, 2**20, 2**28, 2**31 - 1, 2**31, 2**32 - 2, 2**32 - 1)
-_LOCAL = {"signature": (0, 4), "version": (4, 2), "flags": (6, 2), "method": (8, 2), "time": (10, 2), "crc": (14, 4), "packed": (18, 4), "size": (22, 4), "name": (26, 2), "extra": (28, 2)}
+_LOCAL = {
+    "signature": (0, 4),
+    "version": (4, 2),
+    "flags": (6, 2),
+    "method": (8, 2),
+    "time": (10, 2),
+    "crc": (14, 4),
+    "packed": (18, 4),
+    "size": (22, 4),
+    "name": (26, 2),
+    "extra": (28, 2),
+}
 _CENTRAL = {
-    "signature": (0, 4), "version": (6, 2), "flags": (8, 2), "method": (10, 2), "crc": (16, 4), "packed": (20, 4), "size": (24, 4), "name": (28, 2), "extra": (30, 2), "comment": (32, 2),
-    "disk": (34, 2), "attributes": (38, 4), "offset": (42, 4),
-}  # fmt: skip
-_END = {"signature": (0, 4), "disk": (4, 2), "first": (6, 2), "here": (8, 2), "count": (10, 2), "size": (12, 4), "offset": (16, 4), "comment": (20, 2)}
+    "signature": (0, 4),
+    "version": (6, 2),
+    "flags": (8, 2),
+    "method": (10, 2),
+    "crc": (16, 4),
+    "packed": (20, 4),
+    "size": (24, 4),
+    "name": (28, 2),
+    "extra": (30, 2),
+    "comment": (32, 2),
+    "disk": (34, 2),
+    "attributes": (38, 4),
+    "offset": (42, 4),
+}
+_END = {
+    "signature": (0, 4),
+    "disk": (4, 2),
+    "first": (6, 2),
+    "here": (8, 2),
+    "count": (10, 2),
+    "size": (12, 4),
+    "offset": (16, 4),
+    "comment": (20, 2),
+}
 _HEADERS = ((b"PK\x03\x04", _LOCAL), (b"PK\x01\x02", _CENTRAL), (b"PK\x05\x06", _END))
 
 
@@ -72,7 +145,11 @@ def make(rng: random.Random) -> bytes:
 def _archive(rng: random.Random) -> bytes:
     """A whole archive, with entries that no honest one has."""
     binary = f"binaries/{platform_folder('2')[0]}/Awkward{platform_folder('2')[1]}"
-    entries: list[tuple[str, bytes]] = [("modelDescription.xml", description()), (binary, b"no library"), ("resources/a.txt", b"a" * 500)]
+    entries: list[tuple[str, bytes]] = [
+        ("modelDescription.xml", description()),
+        (binary, b"no library"),
+        ("resources/a.txt", b"a" * 500),
+    ]
     for _ in range(rng.choice((*(0, 0, 1, 1, 2, 5) * 5, 300))):
         content = rng.choice((b"", b"x", b"x" * 5000, description(), rng.randbytes(50)))
         entries.insert(rng.randint(0, len(entries)), (rng.choice(_NAMES), content))
@@ -89,7 +166,9 @@ def _archive(rng: random.Random) -> bytes:
             entry.filename = name
             entry.compress_type = method
             if rng.random() < 0.1:
-                entry.external_attr = rng.choice((0o120777, 0o010644, 0o020666, 0o040000, 0o104755, 0)) << 16  # a link, a pipe, a device, ...
+                entry.external_attr = (
+                    rng.choice((0o120777, 0o010644, 0o020666, 0o040000, 0o104755, 0)) << 16
+                )  # a link, a pipe, a device, ...
                 entry.create_system = 3
             archive.writestr(entry, content)
         if rng.random() < 0.1:
@@ -98,19 +177,32 @@ def _archive(rng: random.Random) -> bytes:
 
 
 def _bomb(rng: random.Random) -> bytes:
-    """Zeros, in one entry or in many that share their bytes, in a file or in the description; sizes told rightly or not."""
+    """Zeros, in one entry or in many that share their bytes, in a file or in the description; sizes told rightly or
+    not.
+    """
     size = rng.choice((2**26, 2**28, 2**29))
     packed = _zeros(size)
     told = rng.choice((size, size, 1000, 2**32 - 2))
     name = rng.choice((b"resources/zeros", b"modelDescription.xml", b"resources/zeros"))
     crc = zlib.crc32(description())
-    local = b"PK\x03\x04" + struct.pack("<5H3I2H", 20, 0, 8, 0, 0x21, crc, len(packed), told, len(name), 0) + name + packed
+    local = (
+        b"PK\x03\x04" + struct.pack("<5H3I2H", 20, 0, 8, 0, 0x21, crc, len(packed), told, len(name), 0) + name + packed
+    )
     text = description()
-    first = b"PK\x03\x04" + struct.pack("<5H3I2H", 20, 0, 0, 0, 0x21, crc, len(text), len(text), 20, 0) + b"modelDescription.xml" + text
+    first = (
+        b"PK\x03\x04"
+        + struct.pack("<5H3I2H", 20, 0, 0, 0, 0x21, crc, len(text), len(text), 20, 0)
+        + b"modelDescription.xml"
+        + text
+    )
     data, directory, count = first + local, b"", 0
 
     def entry(name: bytes, method: int, lengths: tuple[int, int], offset: int) -> bytes:
-        return b"PK\x01\x02" + struct.pack("<6H3I5H2I", 20, 20, 0, method, 0, 0x21, crc, *lengths, len(name), 0, 0, 0, 0, 0, offset) + name
+        return (
+            b"PK\x01\x02"
+            + struct.pack("<6H3I5H2I", 20, 20, 0, method, 0, 0x21, crc, *lengths, len(name), 0, 0, 0, 0, 0, offset)
+            + name
+        )
 
     if name != b"modelDescription.xml":
         directory += entry(b"modelDescription.xml", 0, (len(text), len(text)), 0)
@@ -183,7 +275,18 @@ def _wide(rng: random.Random, data: bytes) -> bytes:
     return data[:at] + record + locator + end
 
 
-CHANGES: tuple[Callable[[random.Random, bytes], bytes], ...] = (_field, _field, _field, _field, _both, _both, _overlap, _around, _wide, mutate.cut)
+CHANGES: tuple[Callable[[random.Random, bytes], bytes], ...] = (
+    _field,
+    _field,
+    _field,
+    _field,
+    _both,
+    _both,
+    _overlap,
+    _around,
+    _wide,
+    mutate.cut,
+)
 
 
 # -------------------------------------------------------------------------------------------------------------- trial

@@ -1,7 +1,7 @@
 """Many cases of one target, in a process of their own: whatever ends it is the failure of the case that it was at.
 
-The process is fresh, so that the memory it may use is that of a user's script, and it writes the number of each case into a file before
-it begins.
+The process is fresh, so that the memory it may use is that of a user's script, and it writes the number of each case
+into a file before it begins.
 """
 
 from __future__ import annotations
@@ -45,7 +45,8 @@ class Failure:
 def campaign(
     name: str, seed: int, first: int, count: int, *, corpus: Path = CORPUS, most: int = 20
 ) -> tuple[list[Failure], int]:
-    """Failures among the cases `first` to `first + count - 1`, at most `most`, and the number of cases that were tried."""
+    """Failures among the cases `first` to `first + count - 1`, at most `most`, and the number of cases
+    that were tried."""
     failures: list[Failure] = []
     at, end = first, first + count
     while at < end and len(failures) < most:
@@ -61,7 +62,9 @@ def replay(name: str, files: Sequence[Path]) -> str | None:
     """What is wrong with how the cases in some files end, in a process of its own, or None."""
     command = _command("--replay", name, *map(str, files))
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
-    return None if done.returncode == 0 else f"{done.stdout}{done.stderr}" or f"the process ended with {done.returncode}"
+    return (
+        None if done.returncode == 0 else f"{done.stdout}{done.stderr}" or f"the process ended with {done.returncode}"
+    )
 
 
 def _keep(name: str, seed: int, number: int, corpus: Path) -> Path:

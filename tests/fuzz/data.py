@@ -66,28 +66,54 @@ def _seeds() -> dict[str, tuple[bytes, ...]]:
     vehicles = sorted((SOURCES / "vehicles").glob("*.toml"))
     weights = sorted((SOURCES / "controllers" / "lq").rglob("*.toml"))
     return {
-        "road.csv": ((head + "\n".join(rows)).encode(), (b"left [mm]\tdistance [m]\tright [mm]\n1\t0\t2\n2\t1\t3\n"), (head.replace(",", ";") + semicolons).encode()),
-        "road.crg": (_crg("LRFI", ""), _crg("LDFI", "REFERENCE_LINE_START_S = 0.01\n"), _crg("KRBI", "REFERENCE_LINE_END_U = 4.0\n"), _crg("KDBI", "$\n$ROAD_CRG_MODS\nSCALE_Z_GRID = 2\n")),
+        "road.csv": (
+            (head + "\n".join(rows)).encode(),
+            b"left [mm]\tdistance [m]\tright [mm]\n1\t0\t2\n2\t1\t3\n",
+            (head.replace(",", ";") + semicolons).encode(),
+        ),
+        "road.crg": (
+            _crg("LRFI", ""),
+            _crg("LDFI", "REFERENCE_LINE_START_S = 0.01\n"),
+            _crg("KRBI", "REFERENCE_LINE_END_U = 4.0\n"),
+            _crg("KDBI", "$\n$ROAD_CRG_MODS\nSCALE_Z_GRID = 2\n"),
+        ),
         "vehicle.toml": tuple(p.read_bytes() for p in vehicles),
         "weights.toml": tuple(p.read_bytes() for p in weights),
         "law.json": (_law().encode(),),
         "recording.csv": (csv,),
-        "table.csv": (csv, b"# logger\nt [ms];z (mm);on\n0,0;1,5;true\n1,5;2,5;false\n2;3;true\n", b"time\tp[1]\tp[2] [N]\n0\t1\t2\n1\t2\t3\n"),
+        "table.csv": (
+            csv,
+            b"# logger\nt [ms];z (mm);on\n0,0;1,5;true\n1,5;2,5;false\n2;3;true\n",
+            b"time\tp[1]\tp[2] [N]\n0\t1\t2\n1\t2\t3\n",
+        ),
         "rows": (spooled,),
         "run.json": (kept,),
         "runs.lines": (stored,),
         "runs.parquet": (batched,),
-    }  # fmt: skip
+    }
 
 
 def _crg(form: str, more: str) -> bytes:
     width = 10 if form == "LRFI" else 20
-    text = f"$CT ! comment\nmade by a test\n$\n$ROAD_CRG\nREFERENCE_LINE_INCREMENT = 0.5 ! m\n{more}$\n$KD_Definition\n#:{form}\nU:reference line u,m,0.0,0.5\n"
-    text += "D:reference line slope,m/m\n" + "".join(f"D:long section at v = {v},m\n" for v in (-1.0, 0.0, 1.0)) + "$\n" + "$" * 80 + "\n"
+    text = (
+        "$CT ! comment\nmade by a test\n$\n$ROAD_CRG\nREFERENCE_LINE_INCREMENT = 0.5 !"
+        f" m\n{more}$\n$KD_Definition\n#:{form}\nU:reference line u,m,0.0,0.5\n"
+    )
+    text += (
+        "D:reference line slope,m/m\n"
+        + "".join(f"D:long section at v = {v},m\n" for v in (-1.0, 0.0, 1.0))
+        + "$\n"
+        + "$" * 80
+        + "\n"
+    )
     if form in ("KRBI", "KDBI"):
         size = 4 if form == "KRBI" else 8
         values = np.outer(np.arange(10), 0.01 * np.arange(4))  # whole blocks of 80 bytes
-        return text.encode() + values[: 9 if form == "KRBI" else 10].astype(f">f{size}").tobytes() + b"\x7f\xc0\x00\x00" * (4 if form == "KRBI" else 0)
+        return (
+            text.encode()
+            + values[: 9 if form == "KRBI" else 10].astype(f">f{size}").tobytes()
+            + b"\x7f\xc0\x00\x00" * (4 if form == "KRBI" else 0)
+        )
     return (text + "".join("".join(f"{0.01 * i * k:{width}.6f}" for k in range(4)) + "\n" for i in range(9))).encode()
 
 
@@ -95,10 +121,21 @@ def _law() -> str:
     """A law of one control and one output, order and horizons of two."""
     return json.dumps(
         {
-            "format": "gpc-law/1", "variant": "preview", "hold": False, "order": 2, "h_p": 2, "h_c": 2, "output_weight": [1.0], "control_weight": 1e-7,
-            "gain_y": [[1.0, 2.0]], "gain_u": [[1.0, 2.0]], "gain_d": [[1.0, 2.0]], "gain_preview": [[1.0, 2.0]], "provenance": {"plant": "x"},
+            "format": "gpc-law/1",
+            "variant": "preview",
+            "hold": False,
+            "order": 2,
+            "h_p": 2,
+            "h_c": 2,
+            "output_weight": [1.0],
+            "control_weight": 1e-7,
+            "gain_y": [[1.0, 2.0]],
+            "gain_u": [[1.0, 2.0]],
+            "gain_d": [[1.0, 2.0]],
+            "gain_preview": [[1.0, 2.0]],
+            "provenance": {"plant": "x"},
         }
-    )  # fmt: skip
+    )
 
 
 # -------------------------------------------------------------------------------------------------------------- trial
@@ -153,7 +190,9 @@ def _kept(path: Path) -> None:
     assert safe_files.kept_json(path)["rms"] == 1.5
 
 
-_READERS: dict[str, tuple[Callable[[Path], object], type[Exception], bool]] = {  # what it raises, and whether it names the file
+_READERS: dict[
+    str, tuple[Callable[[Path], object], type[Exception], bool]
+] = {  # what it raises, and whether it names the file
     "road.csv": (_road, RoadError, True),
     "road.crg": (_road, RoadError, True),
     "vehicle.toml": (load_vehicle, VehicleError, True),
@@ -171,7 +210,13 @@ _READERS: dict[str, tuple[Callable[[Path], object], type[Exception], bool]] = { 
 def make(rng: random.Random) -> bytes:
     kind = rng.choice(list(_READERS))
     seed = rng.choice(_seeds()[kind])
-    return kind.encode() + b"\n" + mutate.several(rng, seed, mutate.BYTES if kind in ("rows", "run.json", "runs.lines") or b"\0" in seed else mutate.TEXTS)
+    return (
+        kind.encode()
+        + b"\n"
+        + mutate.several(
+            rng, seed, mutate.BYTES if kind in ("rows", "run.json", "runs.lines") or b"\0" in seed else mutate.TEXTS
+        )
+    )
 
 
 def run(case: bytes, folder: Path) -> None:

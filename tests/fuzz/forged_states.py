@@ -10,9 +10,40 @@ from typing import Any
 import numpy as np
 
 ODD: list[Any] = [
-    None, True, False, 0, -1, 1, 2**31, 2**53, 2**63, 2**200, -(2**70), 0.5, -0.0, 1e308, "", "x", "visible", "plant", "law", "1/3",
-    "0", "-1", "1/0", "9" * 40, [], {}, [[]], [1, 2, 3], {"a": 1}, "discrete", "sampled", "../../etc", "a\nb",
-]  # fmt: skip
+    None,
+    True,
+    False,
+    0,
+    -1,
+    1,
+    2**31,
+    2**53,
+    2**63,
+    2**200,
+    -(2**70),
+    0.5,
+    -0.0,
+    1e308,
+    "",
+    "x",
+    "visible",
+    "plant",
+    "law",
+    "1/3",
+    "0",
+    "-1",
+    "1/0",
+    "9" * 40,
+    [],
+    {},
+    [[]],
+    [1, 2, 3],
+    {"a": 1},
+    "discrete",
+    "sampled",
+    "../../etc",
+    "a\nb",
+]
 DOUBLES = [0.0, -0.0, np.nan, np.inf, -np.inf, 1e308, -1e308, 5e-324, 1e9]
 
 

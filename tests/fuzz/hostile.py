@@ -1,4 +1,6 @@
-"""Hostile FMUs: a bad deed in some phase, isolated, in a system of some kind. The host lives, and the end is a sentence or a recording."""
+"""Hostile FMUs: a bad deed in some phase, isolated, in a system of some kind. The host lives, and the end is a sentence
+or a recording.
+"""
 
 from __future__ import annotations
 
@@ -21,7 +23,14 @@ ALLOWED = (CosimError,)
 
 def make(rng: random.Random) -> bytes:
     deed = rng.choice(DEEDS if rng.random() < 0.1 else [d for d in DEEDS if d not in SLOW])
-    words = (rng.choice((2, 3)), rng.choice(PHASES), deed, rng.choice(("python", "compiled")), rng.randrange(1, 5), rng.randrange(1 << 16))
+    words = (
+        rng.choice((2, 3)),
+        rng.choice(PHASES),
+        deed,
+        rng.choice(("python", "compiled")),
+        rng.randrange(1, 5),
+        rng.randrange(1 << 16),
+    )
     return " ".join(map(str, words)).encode()
 
 

@@ -7,18 +7,91 @@ import re
 from collections.abc import Callable, Sequence
 
 ODD = (
-    "", " ", "-1", "0", "-0", "1", "2", "3", "1.5", "1e999", "-1e999", "1e-400", "nan", "NaN", "inf", "INF", "-INF", "4294967295", "4294967296",
-    "9223372036854775807", "-9223372036854775809", "18446744073709551616", "9" * 30, "9" * 5000, "0x10", "1_000", "1,5", "1;2", "1 2 3", "1" + " 1" * 500,
-    "true", "false", "True", "yes", "None", "null", "[]", "{}", "1/3", "1/0", "x", "x" * 300, "x" * 70_000, "../../x", "/dev/zero", "C:\\x", "a.b.c",
-    "a[1]", "a[1,2]", "a[", "der(x)", "ä€😀", "\u202e\u0085\u2028", "%s%n", "<&>\"'", "\t", "\n", "2.0", "3.0", "continuous", "discrete", "fixed", "tunable",
-    "constant", "input", "output", "parameter", "local", "independent", "calculatedParameter", "structuralParameter", "exact", "approx", "calculated", "m", "deg",
-)  # fmt: skip
+    "",
+    " ",
+    "-1",
+    "0",
+    "-0",
+    "1",
+    "2",
+    "3",
+    "1.5",
+    "1e999",
+    "-1e999",
+    "1e-400",
+    "nan",
+    "NaN",
+    "inf",
+    "INF",
+    "-INF",
+    "4294967295",
+    "4294967296",
+    "9223372036854775807",
+    "-9223372036854775809",
+    "18446744073709551616",
+    "9" * 30,
+    "9" * 5000,
+    "0x10",
+    "1_000",
+    "1,5",
+    "1;2",
+    "1 2 3",
+    "1" + " 1" * 500,
+    "true",
+    "false",
+    "True",
+    "yes",
+    "None",
+    "null",
+    "[]",
+    "{}",
+    "1/3",
+    "1/0",
+    "x",
+    "x" * 300,
+    "x" * 70_000,
+    "../../x",
+    "/dev/zero",
+    "C:\\x",
+    "a.b.c",
+    "a[1]",
+    "a[1,2]",
+    "a[",
+    "der(x)",
+    "ä€😀",
+    "\u202e\u0085\u2028",
+    "%s%n",
+    "<&>\"'",
+    "\t",
+    "\n",
+    "2.0",
+    "3.0",
+    "continuous",
+    "discrete",
+    "fixed",
+    "tunable",
+    "constant",
+    "input",
+    "output",
+    "parameter",
+    "local",
+    "independent",
+    "calculatedParameter",
+    "structuralParameter",
+    "exact",
+    "approx",
+    "calculated",
+    "m",
+    "deg",
+)
 """Values that some reader has been surprised by."""
 
 _NUMBER = re.compile(r"[-+]?\d+(?:\.\d*)?(?:[eEdD][-+]?\d+)?")
 
 
-def several(rng: random.Random, value: bytes, changes: Sequence[Callable[[random.Random, bytes], bytes]], most: int = 5) -> bytes:
+def several(
+    rng: random.Random, value: bytes, changes: Sequence[Callable[[random.Random, bytes], bytes]], most: int = 5
+) -> bytes:
     """One to `most` of the changes, one after the other."""
     for _ in range(rng.randint(1, most)):
         value = rng.choice(changes)(rng, value)
@@ -59,7 +132,13 @@ def repeat(rng: random.Random, data: bytes) -> bytes:
 def insert(rng: random.Random, data: bytes) -> bytes:
     """Something odd stands somewhere."""
     at = rng.randint(0, len(data))
-    new = rng.choice((odd(rng).encode(), rng.randbytes(rng.randint(1, 16)), rng.choice((b"[", b"{", b'{"a":', b"(")) * rng.choice((1, 100, 100_000))))
+    new = rng.choice(
+        (
+            odd(rng).encode(),
+            rng.randbytes(rng.randint(1, 16)),
+            rng.choice((b"[", b"{", b'{"a":', b"(")) * rng.choice((1, 100, 100_000)),
+        )
+    )
     return data[:at] + new + data[at:]
 
 
@@ -113,7 +192,9 @@ def encoding(rng: random.Random, data: bytes) -> bytes:
     """Another encoding, other ends of lines, another separator, a mark at the beginning."""
     match rng.randrange(6):
         case 0:
-            return data.decode("utf-8", "replace").encode(rng.choice(("utf-16", "utf-16-be", "utf-32", "utf-7", "cp037")), "replace")
+            return data.decode("utf-8", "replace").encode(
+                rng.choice(("utf-16", "utf-16-be", "utf-32", "utf-7", "cp037")), "replace"
+            )
         case 1:
             return data.replace(b"\n", rng.choice((b"\r\n", b"\r", b"\n\n", b"\x85", b"\0")))
         case 2:

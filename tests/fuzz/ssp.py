@@ -1,6 +1,8 @@
-"""SSP files of others: structures, parameter sets, mappings and dictionaries changed by elements, attributes and bytes; archives around them.
+"""SSP files of others: structures, parameter sets, mappings and dictionaries changed by elements, attributes and bytes;
+archives around them.
 
-A case is a line with the name of the file that is changed, then that file; the others are whole. What can be opened is scheduled and drawn.
+A case is a line with the name of the file that is changed, then that file; the others are whole. What can be opened is
+scheduled and drawn.
 """
 
 from __future__ import annotations
@@ -28,7 +30,9 @@ STRUCTURE = "SystemStructure.ssd"
 
 @cache
 def files() -> dict[str, bytes]:
-    """An SSP with everything: nested systems, units, transformations, values, mappings, a dictionary; FMUs that are folders."""
+    """An SSP with everything: nested systems, units, transformations, values, mappings, a dictionary; FMUs that are
+    folders.
+    """
     from foreign import followers
 
     binary = f"resources/follower/binaries/{platform_folder('2')[0]}/follower{platform_folder('2')[1]}"
@@ -36,34 +40,55 @@ def files() -> dict[str, bytes]:
         "inner",
         made.component("deep", "resources/follower", "u:input:Real:deg", "y:output:Real:rad", "count_in:input:Integer"),
         made.connection("u", "deep.u") + made.connection("deep.y", "y"),
-        "u:input:Real:deg", "y:output:Real:rad",
-    )  # fmt: skip
+        "u:input:Real:deg",
+        "y:output:Real:rad",
+    )
     bound = (
         '<ssd:ParameterBinding source="values.ssv"><ssd:ParameterMapping source="names.ssm"/></ssd:ParameterBinding>'
         + made.inline(made.values(rate="Real 2"))
     )
     top = made.system(
         "top",
-        made.component("a", "resources/follower", "u:input:Real:deg", "y:output:Real:rad", "count:output:Integer", "rate:parameter:Real", bindings=bound)
+        made.component(
+            "a",
+            "resources/follower",
+            "u:input:Real:deg",
+            "y:output:Real:rad",
+            "count:output:Integer",
+            "rate:parameter:Real",
+            bindings=bound,
+        )
         + made.component("b", "resources/follower", "u:input:Real:deg", "y:output:Real:rad", "count_in:input:Integer")
         + inner
-        + '<ssd:SignalDictionaryReference name="book" dictionary="words"><ssd:Connectors><ssd:Connector name="angle" kind="inout"><ssc:Real unit="rad"/>'
-        "</ssd:Connector></ssd:Connectors></ssd:SignalDictionaryReference>",
+        + '<ssd:SignalDictionaryReference name="book" dictionary="words"><ssd:Connectors><ssd:Connector name="angle"'
+        ' kind="inout"><ssc:Real unit="rad"/></ssd:Connector></ssd:Connectors></ssd:SignalDictionaryReference>',
         made.connection("a.y", "inner.u", '<ssc:LinearTransformation factor="2" offset="1"/>')
         + made.connection("a.y", "book.angle")
         + made.connection("book.angle", "b.u")
-        + made.connection("a.count", "b.count_in", '<ssc:IntegerMappingTransformation><ssc:MapEntry source="0" target="3"/></ssc:IntegerMappingTransformation>'),
+        + made.connection(
+            "a.count",
+            "b.count_in",
+            '<ssc:IntegerMappingTransformation><ssc:MapEntry source="0"'
+            ' target="3"/></ssc:IntegerMappingTransformation>',
+        ),
         dictionaries='<ssd:SignalDictionary name="words" source="words.ssb"/>',
-    )  # fmt: skip
+    )
     spaces = made.NAMESPACES
     return {
         STRUCTURE: made.structure(top, '<ssd:DefaultExperiment startTime="0" stopTime="1"/>').encode(),
         "values.ssv": made.values(Speed="Real 3").encode(),
-        "names.ssm": f'<ssm:ParameterMapping {spaces} version="1.0"><ssm:MappingEntry source="Speed" target="rate"><ssc:LinearTransformation factor="3"/></ssm:MappingEntry></ssm:ParameterMapping>'.encode(),
-        "words.ssb": f'<ssb:SignalDictionary {spaces} version="1.0"><ssb:DictionaryEntry name="angle"><ssc:Real unit="rad"/></ssb:DictionaryEntry><ssb:Units><ssc:Unit name="rad"><ssc:BaseUnit rad="1"/></ssc:Unit></ssb:Units></ssb:SignalDictionary>'.encode(),
+        "names.ssm": (
+            f'<ssm:ParameterMapping {spaces} version="1.0"><ssm:MappingEntry source="Speed"'
+            ' target="rate"><ssc:LinearTransformation factor="3"/></ssm:MappingEntry></ssm:ParameterMapping>'.encode()
+        ),
+        "words.ssb": (
+            f'<ssb:SignalDictionary {spaces} version="1.0"><ssb:DictionaryEntry name="angle"><ssc:Real'
+            ' unit="rad"/></ssb:DictionaryEntry><ssb:Units><ssc:Unit name="rad"><ssc:BaseUnit'
+            ' rad="1"/></ssc:Unit></ssb:Units></ssb:SignalDictionary>'.encode()
+        ),
         "resources/follower/modelDescription.xml": followers.description(2, "Follower").encode(),
         binary: b"",
-    }  # fmt: skip
+    }
 
 
 @cache

@@ -19,9 +19,12 @@ from . import mutate, xml
 
 ALLOWED = (CosimError,)
 SEED = b"""<fmiTerminalsAndIcons fmiVersion="3.0"><Terminals>
-<Terminal name="road" matchingRule="bus"><TerminalMemberVariable variableName="u" memberName="height" variableKind="signal"/>
-<Terminal name="fl" matchingRule="plug" terminalKind="wheel"><TerminalMemberVariable variableName="y" memberName="a" variableKind="inflow"/>
-<TerminalStreamMemberVariable inStreamMemberName="i" outStreamMemberName="o" inStreamVariableName="count_in" outStreamVariableName="count"/></Terminal></Terminal>
+<Terminal name="road" matchingRule="bus">
+<TerminalMemberVariable variableName="u" memberName="height" variableKind="signal"/>
+<Terminal name="fl" matchingRule="plug" terminalKind="wheel">
+<TerminalMemberVariable variableName="y" memberName="a" variableKind="inflow"/>
+<TerminalStreamMemberVariable inStreamMemberName="i" outStreamMemberName="o" inStreamVariableName="count_in"
+  outStreamVariableName="count"/></Terminal></Terminal>
 <Terminal name="array" matchingRule="sequence"><TerminalMemberVariable variableName="w" variableKind="signal"/>
 <TerminalMemberVariable variableName="total" variableKind="outflow"/></Terminal></Terminals></fmiTerminalsAndIcons>"""
 

@@ -85,7 +85,7 @@ def _busy(_case: bytes, _folder: Path) -> None:
 
 # -------------------------------------------------------------------------------------------- and of many, in a process
 
-TARGET = '''
+TARGET = """
 import os
 ALLOWED = ()
 def make(rng):
@@ -93,7 +93,7 @@ def make(rng):
 def run(case, folder):
     if case == b"7":
         {how}
-'''
+"""
 
 
 @pytest.fixture

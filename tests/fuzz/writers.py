@@ -1,7 +1,8 @@
-"""Texts of others in all that this project writes: names, units, titles and descriptions, and vehicle, weights and road files that hold them.
+"""Texts of others in all that this project writes: names, units, titles and descriptions, and vehicle, weights and road
+files that hold them.
 
-A case is the name of a writer and texts, as JSON. What is written must be read back as these texts, and apart from them be what plain
-texts give: the same tokens of C, the same elements of XML and HTML, the same words of a command line.
+A case is the name of a writer and texts, as JSON. What is written must be read back as these texts, and apart from them
+be what plain texts give: the same tokens of C, the same elements of XML and HTML, the same words of a command line.
 """
 
 from __future__ import annotations
@@ -47,11 +48,67 @@ ALLOWED = (CosimError, DeclarationError, VehicleError, WeightsError, RoadError)
 SOURCES = Path(__file__).parents[2] / "fmu_sources"
 PLAIN = "plain"
 HOSTILE = (
-    "??/", "??!", "sure??!", "*??/\n/", "*/", "/*", "//", "\\", "\\\n", "\\0", '"', '";', "'", "';", "#define x", "%s%n", "\t", "\n", "\r", "\x00", "\x01",
-    "\x1b[31m", "\x7f", "\x85", "\ud800", "\udcff", "\ufffe", "\u2028", "\u202e", "é", "😀", "<", "&", "]]>", "</script>", "<!--", "<script>alert(1)</script>",
-    "&lt;", "{{ 7 * 7 }}", "{% raw %}", "$(id)", "`id`", "$HOME", "~", "-rf", "[red]x[/red]", "[/]", "a b", "1", "int main(void) {", "}", "0.0}; int x = {",
-    "'''", '"""', "\nsource = 1\n", "[table]", "a=b", "km/h", "N.m", "U[red]x[/red]",
-)  # fmt: skip
+    "??/",
+    "??!",
+    "sure??!",
+    "*??/\n/",
+    "*/",
+    "/*",
+    "//",
+    "\\",
+    "\\\n",
+    "\\0",
+    '"',
+    '";',
+    "'",
+    "';",
+    "#define x",
+    "%s%n",
+    "\t",
+    "\n",
+    "\r",
+    "\x00",
+    "\x01",
+    "\x1b[31m",
+    "\x7f",
+    "\x85",
+    "\ud800",
+    "\udcff",
+    "\ufffe",
+    "\u2028",
+    "\u202e",
+    "é",
+    "😀",
+    "<",
+    "&",
+    "]]>",
+    "</script>",
+    "<!--",
+    "<script>alert(1)</script>",
+    "&lt;",
+    "{{ 7 * 7 }}",
+    "{% raw %}",
+    "$(id)",
+    "`id`",
+    "$HOME",
+    "~",
+    "-rf",
+    "[red]x[/red]",
+    "[/]",
+    "a b",
+    "1",
+    "int main(void) {",
+    "}",
+    "0.0}; int x = {",
+    "'''",
+    '"""',
+    "\nsource = 1\n",
+    "[table]",
+    "a=b",
+    "km/h",
+    "N.m",
+    "U[red]x[/red]",
+)
 
 
 def text(rng: random.Random) -> str:
@@ -80,7 +137,9 @@ _TOKEN = re.compile(r'/\*.*?\*/|//[^\n]*|"(?:\\.|[^"\\\n])*"|\S', re.DOTALL)
 
 
 def tokens(code: str) -> tuple[list[str], list[str]]:
-    """What a compiler of C99 reads: all tokens, with `""` for strings, and the strings. Whatever is left of a string is a token, too."""
+    """What a compiler of C99 reads: all tokens, with `""` for strings, and the strings. Whatever is left of a string is
+    a token, too.
+    """
     code = re.sub(r"\?\?([=/'()!<>-])", lambda m: _TRIGRAPHS[m[1]], code).replace("\\\n", "")
     found = [m[0] for m in _TOKEN.finditer(code) if not m[0].startswith(("/*", "//"))]
     return [t if t[0] != '"' else '""' for t in found], [value(t) for t in found if t[0] == '"']
@@ -88,7 +147,9 @@ def tokens(code: str) -> tuple[list[str], list[str]]:
 
 def value(literal: str) -> str:
     """What a string literal stands for."""
-    content = re.sub(rb"\\([0-7]{1,3}|.)", lambda m: bytes([int(m[1], 8)]) if m[1].isdigit() else m[1], literal[1:-1].encode())
+    content = re.sub(
+        rb"\\([0-7]{1,3}|.)", lambda m: bytes([int(m[1], 8)]) if m[1].isdigit() else m[1], literal[1:-1].encode()
+    )
     return content.decode()
 
 
@@ -154,7 +215,9 @@ def _component(_folder: Path, about: str, note: str, message: str) -> None:
         root = etree.fromstring(model_description(model, fmi, token="{token}", sources=["model.c"]))
         assert root.get("description") == about
         assert root.find(".//Variable[@name='gain']").get("source") == message
-    page = package._documentation(model, 3, SimpleNamespace(input_csv=str, output_csv=str))["documentation/index.html"].decode()  # type: ignore[arg-type]
+    reference = SimpleNamespace(input_csv=str, output_csv=str)
+    files = package._documentation(model, 3, reference)  # type: ignore[arg-type]
+    page = files["documentation/index.html"].decode()
     assert "<script" not in page.lower()
     assert about in seen(page) or not about.isprintable()
 
@@ -189,7 +252,14 @@ def _ssp(folder: Path, member: str, group: str, about: str) -> None:
     member = "".join(member.replace(".", "").split()) or "m"
     with _system(folder, member, "Model", group) as system:
         path = export_ssp(
-            system.members.values(), system.schedule(), folder / "Case.ssp", version="2.0", stop_time=None, inputs=[], initial={}, text=about
+            system.members.values(),
+            system.schedule(),
+            folder / "Case.ssp",
+            version="2.0",
+            stop_time=None,
+            inputs=[],
+            initial={},
+            text=about,
         )
     with System.from_ssp(path) as again:
         assert list(again.members) == [member, "other"]
@@ -224,7 +294,13 @@ def seen(page: str) -> str:
 
 def _found(name: str, finding: str) -> checked.Report:
     check = Check("archive.layout", "a check", {"2": "", "3": ""}, "do it", ("2", "3"), (), "warning", None)  # type: ignore[arg-type]
-    return checked.Report(Path("a.fmu"), name=name, fmi="3.0", tool=finding, results=[checked.Result(check, "", (Finding(finding, "warning"),))])
+    return checked.Report(
+        Path("a.fmu"),
+        name=name,
+        fmi="3.0",
+        tool=finding,
+        results=[checked.Result(check, "", (Finding(finding, "warning"),))],
+    )
 
 
 def _compliance(_folder: Path, name: str, finding: str, _: str) -> None:
@@ -243,11 +319,16 @@ def _notebook(_folder: Path, name: str, unit: str, title: str) -> None:
     assert parsed(page(name, unit)).tags == parsed(page(PLAIN, PLAIN)).tags
     assert held(name) in seen(page(name, unit))
     with suppress(UnicodeEncodeError):  # of a lone surrogate
-        assert json.loads(parsed(f"<script>{escape.script([name, unit, title])}</script>").texts[0]) == [name, unit, title]
+        assert json.loads(parsed(f"<script>{escape.script([name, unit, title])}</script>").texts[0]) == [
+            name,
+            unit,
+            title,
+        ]
     assert seen(f"<p>{escape.html(title)}</p>") == title
 
 
-# ------------------------------------------------------------------------------------------------- shell, files of users
+# ------------------------------------------------------------------------------------------------- shell, files of
+# users
 
 
 def _shell(_folder: Path, *texts: str) -> None:
@@ -259,7 +340,9 @@ def _shell(_folder: Path, *texts: str) -> None:
 
 @cache
 def _bundled(kind: str) -> str:
-    return next(p for p in sorted(SOURCES.rglob("*.toml")) if kind in p.read_text(encoding="utf-8")).read_text(encoding="utf-8")
+    return next(p for p in sorted(SOURCES.rglob("*.toml")) if kind in p.read_text(encoding="utf-8")).read_text(
+        encoding="utf-8"
+    )
 
 
 def toml(given: str) -> str:
@@ -270,7 +353,9 @@ def toml(given: str) -> str:
 
 
 def _vehicle(folder: Path, name: str, about: str, source: str) -> None:
-    """What a file can be loaded from becomes the same C as the file that it was made of, and a description that holds its texts."""
+    """What a file can be loaded from becomes the same C as the file that it was made of, and a description that holds
+    its texts.
+    """
     original = _bundled('kind = "quarter_car"')
     changed = re.sub(r'(?m)^name = ".*"', lambda _: f"name = {toml(name)}", original)
     changed = re.sub(r'(?m)^description = ".*"', lambda _: f"description = {toml(about)}", changed)
@@ -303,7 +388,9 @@ def _road(folder: Path, name: str, unit: str, column: str) -> None:
     """The file's name stands in what is made of it; columns and units are refused or understood."""
     name = re.sub("[/\0]", "", name.encode("utf-8", "replace").decode())[:40]
     path = folder / f"my{name}.csv"
-    path.write_text("distance [m],left [m],right [m]\n0,0,0\n1,0,0.01\n2,0,0\n3,0.01,0\n", encoding="utf-8", errors="replace")
+    path.write_text(
+        "distance [m],left [m],right [m]\n0,0,0\n1,0,0.01\n2,0,0\n3,0.01,0\n", encoding="utf-8", errors="replace"
+    )
     layout = RoadLayout((WheelPosition("fl", 0.0, 0.9),), 2, 0.01)
     with suppress(RoadError):
         road = road_from_file(path, layout).model()
@@ -314,6 +401,15 @@ def _road(folder: Path, name: str, unit: str, column: str) -> None:
 
 
 WRITERS: dict[str, Callable[..., None]] = {
-    "plan": _plan, "component": _component, "literals": _literals, "picture": _picture, "ssp": _ssp, "compliance": _compliance,
-    "notebook": _notebook, "shell": _shell, "vehicle": _vehicle, "weights": _weights, "road": _road,
-}  # fmt: skip
+    "plan": _plan,
+    "component": _component,
+    "literals": _literals,
+    "picture": _picture,
+    "ssp": _ssp,
+    "compliance": _compliance,
+    "notebook": _notebook,
+    "shell": _shell,
+    "vehicle": _vehicle,
+    "weights": _weights,
+    "road": _road,
+}

@@ -27,18 +27,100 @@ ALLOWED = (CosimError,)
 ROOT = Path(__file__).parents[2]
 LARGEST_SEED = 20_000  # bytes
 _TAGS = (
-    "ScalarVariable", "Real", "Integer", "Boolean", "String", "Enumeration", "Float64", "Float32", "Int8", "Int32", "UInt64", "Binary", "Clock", "Dimension", "Start",
-    "Alias", "Annotations", "Annotation", "Unknown", "Outputs", "Output", "Derivatives", "InitialUnknowns", "ContinuousStateDerivative", "Unit", "BaseUnit",
-    "DisplayUnit", "SimpleType", "Float64Type", "Item", "CoSimulation", "ModelExchange", "ModelVariables", "ModelStructure", "TypeDefinitions", "UnitDefinitions",
-    "VendorAnnotations", "Tool", "LogCategories", "Category", "DefaultExperiment", "SourceFiles", "File", "Component", "Input", "Variable", "nonsense",
-)  # fmt: skip
+    "ScalarVariable",
+    "Real",
+    "Integer",
+    "Boolean",
+    "String",
+    "Enumeration",
+    "Float64",
+    "Float32",
+    "Int8",
+    "Int32",
+    "UInt64",
+    "Binary",
+    "Clock",
+    "Dimension",
+    "Start",
+    "Alias",
+    "Annotations",
+    "Annotation",
+    "Unknown",
+    "Outputs",
+    "Output",
+    "Derivatives",
+    "InitialUnknowns",
+    "ContinuousStateDerivative",
+    "Unit",
+    "BaseUnit",
+    "DisplayUnit",
+    "SimpleType",
+    "Float64Type",
+    "Item",
+    "CoSimulation",
+    "ModelExchange",
+    "ModelVariables",
+    "ModelStructure",
+    "TypeDefinitions",
+    "UnitDefinitions",
+    "VendorAnnotations",
+    "Tool",
+    "LogCategories",
+    "Category",
+    "DefaultExperiment",
+    "SourceFiles",
+    "File",
+    "Component",
+    "Input",
+    "Variable",
+    "nonsense",
+)
 _ATTRIBUTES = (
-    "name", "valueReference", "causality", "variability", "initial", "start", "min", "max", "unit", "declaredType", "derivative", "index", "dependencies",
-    "dependenciesKind", "description", "factor", "offset", "kg", "m", "s", "fmiVersion", "modelName", "guid", "instantiationToken", "modelIdentifier", "stepSize",
-    "tolerance", "stopTime", "canGetAndSetFMUstate", "canGetAndSetFMUState", "relativeQuantity", "generationTool", "mustEqual", "constant", "sampleTime", "kind",
-    "source", "previous", "intermediateUpdate", "quantity", "nominal", "{http://www.w3.org/2001/XMLSchema-instance}schemaLocation",
-    "{http://www.w3.org/2001/XMLSchema-instance}type", "{http://www.w3.org/XML/1998/namespace}base",
-)  # fmt: skip
+    "name",
+    "valueReference",
+    "causality",
+    "variability",
+    "initial",
+    "start",
+    "min",
+    "max",
+    "unit",
+    "declaredType",
+    "derivative",
+    "index",
+    "dependencies",
+    "dependenciesKind",
+    "description",
+    "factor",
+    "offset",
+    "kg",
+    "m",
+    "s",
+    "fmiVersion",
+    "modelName",
+    "guid",
+    "instantiationToken",
+    "modelIdentifier",
+    "stepSize",
+    "tolerance",
+    "stopTime",
+    "canGetAndSetFMUstate",
+    "canGetAndSetFMUState",
+    "relativeQuantity",
+    "generationTool",
+    "mustEqual",
+    "constant",
+    "sampleTime",
+    "kind",
+    "source",
+    "previous",
+    "intermediateUpdate",
+    "quantity",
+    "nominal",
+    "{http://www.w3.org/2001/XMLSchema-instance}schemaLocation",
+    "{http://www.w3.org/2001/XMLSchema-instance}type",
+    "{http://www.w3.org/XML/1998/namespace}base",
+)
 _NOT_XML = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 
 
@@ -86,7 +168,11 @@ def _python_fmus() -> list[bytes]:
     made = []
     for kind in (Two, Three):
         root = kind(instance_name="a").to_xml()
-        for name, value in (("guid", "g"), ("instantiationToken", "g"), ("generationDateAndTime", "2026-01-01T00:00:00Z")):
+        for name, value in (
+            ("guid", "g"),
+            ("instantiationToken", "g"),
+            ("generationDateAndTime", "2026-01-01T00:00:00Z"),
+        ):
             if root.get(name):
                 root.set(name, value)
         from xml.etree import ElementTree
@@ -115,7 +201,11 @@ def structure(rng: random.Random, xml: bytes) -> bytes:
     for _ in range(rng.choice((1, 1, 1, 2, 3, 8))):
         elements = [e for e in root.iter() if isinstance(e.tag, str)]
         rng.choice(_CHANGES)(rng, rng.choice(elements), elements)
-    return bytes(etree.tostring(root, xml_declaration=rng.random() < 0.5, encoding=rng.choice(("UTF-8", "UTF-8", "US-ASCII", "UTF-16"))))
+    return bytes(
+        etree.tostring(
+            root, xml_declaration=rng.random() < 0.5, encoding=rng.choice(("UTF-8", "UTF-8", "US-ASCII", "UTF-16"))
+        )
+    )
 
 
 def _valid(text: str) -> str:
@@ -125,7 +215,10 @@ def _valid(text: str) -> str:
 def _set(rng: random.Random, element: Any, elements: list[Any]) -> None:
     name = rng.choice([*element.attrib, rng.choice(_ATTRIBUTES)])
     other = rng.choice(elements)
-    values = [*other.attrib.values(), *(e.get(name) for e in rng.sample(elements, min(3, len(elements))) if e.get(name) is not None)]
+    values = [
+        *other.attrib.values(),
+        *(e.get(name) for e in rng.sample(elements, min(3, len(elements))) if e.get(name) is not None),
+    ]
     element.set(name, rng.choice(values) if values and rng.random() < 0.5 else _valid(mutate.odd(rng)))
 
 
@@ -177,7 +270,11 @@ def _new(rng: random.Random, element: Any, _elements: list[Any]) -> None:
 
 def _dimension(rng: random.Random, element: Any, elements: list[Any]) -> None:
     """An array, often a large one, of what was none."""
-    variables = [e for e in elements if e.get("valueReference") and e.getparent() is not None and e.getparent().tag == "ModelVariables"]
+    variables = [
+        e
+        for e in elements
+        if e.get("valueReference") and e.getparent() is not None and e.getparent().tag == "ModelVariables"
+    ]
     target = rng.choice(variables or [element])
     for _ in range(rng.choice((1, 1, 2, 3, 40))):
         made = etree.SubElement(target, "Dimension")
@@ -195,7 +292,23 @@ def _text(rng: random.Random, element: Any, _elements: list[Any]) -> None:
     element.append(rng.choice((etree.Comment("x"), etree.ProcessingInstruction("x", "y"))))
 
 
-_CHANGES = (_set,) * 8 + (_unset, _unset, _all, _remove, _remove, _copy, _copy, _move, _move, _rename, _new, _new, _dimension, _deep, _text)
+_CHANGES = (_set,) * 8 + (
+    _unset,
+    _unset,
+    _all,
+    _remove,
+    _remove,
+    _copy,
+    _copy,
+    _move,
+    _move,
+    _rename,
+    _new,
+    _new,
+    _dimension,
+    _deep,
+    _text,
+)
 
 
 def head(rng: random.Random, xml: bytes) -> bytes:
@@ -204,11 +317,22 @@ def head(rng: random.Random, xml: bytes) -> bytes:
     declared = rng.choice(("UTF-8", "utf-16", "latin1", "UTF-7", "cp037", "nonsense", "ISO-8859-15", "UCS-4"))
     kind = rng.choice(
         (
-            '<!DOCTYPE a [<!ENTITY b "bbbbbbbbbb">]>', '<!DOCTYPE a SYSTEM "/dev/zero">', "<!doctype a>", "<?x y?>", "<!-- -->", "", "",
+            '<!DOCTYPE a [<!ENTITY b "bbbbbbbbbb">]>',
+            '<!DOCTYPE a SYSTEM "/dev/zero">',
+            "<!doctype a>",
+            "<?x y?>",
+            "<!-- -->",
+            "",
+            "",
             '<!DOCTYPE a [<!ENTITY % p SYSTEM "/etc/passwd"> %p;]>',
         )
-    )  # fmt: skip
-    changed = re.sub(rb'fmiVersion="[^"]*"', b'fmiVersion="%s"' % rng.choice((b"2.0", b"3.0", b"1.0", b"3.0-beta.1", b"2.", b"")), body, count=1)
+    )
+    changed = re.sub(
+        rb'fmiVersion="[^"]*"',
+        b'fmiVersion="%s"' % rng.choice((b"2.0", b"3.0", b"1.0", b"3.0-beta.1", b"2.", b"")),
+        body,
+        count=1,
+    )
     text = f'<?xml version="{rng.choice(("1.0", "1.1", "2"))}" encoding="{declared}"?>{kind}'.encode()
     with_it = text + rng.choice((body, changed))
     return with_it.decode("latin-1").encode("utf-16") if declared == "utf-16" and rng.random() < 0.5 else with_it
@@ -216,7 +340,17 @@ def head(rng: random.Random, xml: bytes) -> bytes:
 
 def _grow(rng: random.Random, xml: bytes) -> bytes:
     """Megabytes: an element or an attribute many times, a long value, an element within itself."""
-    part = rng.choice((b"<a/>", b'<Real start="1"/>', b'<ScalarVariable name="a"><Real/></ScalarVariable>', b"<a>", b" ", b"<!-- -->", b"x='1' "))
+    part = rng.choice(
+        (
+            b"<a/>",
+            b'<Real start="1"/>',
+            b'<ScalarVariable name="a"><Real/></ScalarVariable>',
+            b"<a>",
+            b" ",
+            b"<!-- -->",
+            b"x='1' ",
+        )
+    )
     at = rng.choice([m.end() for m in re.finditer(rb">", xml)] or [0])
     return xml[:at] + part * (rng.choice((10**5, 10**6, 3 * 10**6, 10**7)) // len(part) * 3) + xml[at:]
 

@@ -1,4 +1,5 @@
-"""Fresh environments outside of the repository, with the wheel installed and nothing else to be seen than it asks for."""
+"""Fresh environments outside of the repository, with the wheel installed and nothing else to be seen
+than it asks for."""
 
 from __future__ import annotations
 
@@ -54,9 +55,15 @@ class Environment:
     def _run(self, command: list[str | Path], code: int) -> str:
         environment = {k: v for k, v in os.environ.items() if not k.startswith("PYTHON")}
         done = subprocess.run(
-            command, cwd=self.folder.parent, env={**environment, "COLUMNS": "200"}, stdout=subprocess.PIPE,
-            stderr=subprocess.STDOUT, text=True, check=False, timeout=120,
-        )  # fmt: skip
+            command,
+            cwd=self.folder.parent,
+            env={**environment, "COLUMNS": "200"},
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+            check=False,
+            timeout=120,
+        )
         assert done.returncode == code, done.stdout
         return done.stdout
 
@@ -64,8 +71,8 @@ class Environment:
 def make(folder: Path, wheel: Path, *extras: str) -> Environment:
     """An environment with the wheel in it, as ``pip install 'suspension-fmus[EXTRAS]'`` would make it.
 
-    The packages that it depends on are links to those that the tests run with, because to download them takes minutes. Linked is what
-    the wheel asks for by its own metadata and no more; pip then finds whether that is complete.
+    The packages that it depends on are links to those that the tests run with, because to download them takes minutes.
+    Linked is what the wheel asks for by its own metadata and no more; pip then finds whether that is complete.
     """
     venv.create(folder)
     made = Environment(folder)

@@ -1,4 +1,6 @@
-"""The project as pip installs it: what the wheel holds, what runs without the repository, with which extras, beside whom."""
+"""The project as pip installs it: what the wheel holds, what runs without the repository, with which extras, beside
+whom.
+"""
 
 from __future__ import annotations
 
@@ -268,8 +270,10 @@ for file in sorted(root.rglob("*.py")):
     ):
         assert free not in lacking
     assert {name: lacking[name] for name in ("fmu_sources.cli", "build_fmus.package", "cosim.report.write")} == {
-        "fmu_sources.cli": "build", "build_fmus.package": "build", "cosim.report.write": "reports"
-    }  # fmt: skip
+        "fmu_sources.cli": "build",
+        "build_fmus.package": "build",
+        "cosim.report.write": "reports",
+    }
     assert "writing a report needs the extra [reports]" in core.execute("from cosim.report import write_report", code=1)
 
 
@@ -291,7 +295,8 @@ def study(environment: Environment, fmu: Path, *options: str) -> None:
     assert [float(end) for _, end in rows] == pytest.approx(HEIGHTS, rel=0.01)
 
 
-# ------------------------------------------------------------------------------------------------- beside other people's
+# ------------------------------------------------------------------------------------------------- beside other
+# people's
 
 
 @pytest.fixture
@@ -325,8 +330,8 @@ def test_another_cosim_does_not_get_in_the_way(with_reports: Environment, fmu: P
 
 def test_who_came_first_is_named(with_reports: Environment, foreign: Path) -> None:
     sentence = (
-        "a package of another project was imported before suspension_fmus and has a name of ours: "
-        f"cosim ({with_reports.site}); import suspension_fmus first, or keep the two projects in environments of their own"
+        "a package of another project was imported before suspension_fmus and has a name of ours: cosim"
+        f" ({with_reports.site}); import suspension_fmus first, or keep the two projects in environments of their own"
     )
     said = with_reports.execute("import cosim; import suspension_fmus", code=1)
     assert said.splitlines()[-1] == f"ImportError: {sentence}"

@@ -1,4 +1,6 @@
-"""The wheel under every Python that the project names: installed from PyPI as a user would, an FMU built and run. `make test-pythons`."""
+"""The wheel under every Python that the project names: installed from PyPI as a user would, an FMU built and run. `make
+test-pythons`.
+"""
 
 from __future__ import annotations
 
@@ -31,7 +33,9 @@ print(platform.python_version(), f"{z[-1]:.6f}", f"{max(z):.6f}")
 
 
 def found(version: str) -> Path | None:
-    """An interpreter of that version: one that SUSPENSION_PYTHONS names (paths, separated as in PATH), of PATH, or of pyenv."""
+    """An interpreter of that version: one that SUSPENSION_PYTHONS names (paths, separated as in PATH), of PATH, or of
+    pyenv.
+    """
     named = [Path(p) for p in os.environ.get("SUSPENSION_PYTHONS", "").split(os.pathsep) if p]
     of_path = shutil.which(f"python{version}")
     pyenv = sorted(Path(os.environ.get("PYENV_ROOT", Path.home() / ".pyenv")).glob(f"versions/{version}.*/bin/python"))
@@ -62,12 +66,22 @@ def test_install_build_and_run(version: str, wheel: Path, tmp_path: Path) -> Non
     environment = Environment(tmp_path / "environment")
     subprocess.run([python, "-m", "venv", environment.folder], check=True)
     compiler = shutil.which(shlex.split(os.environ.get("CC", "cc"))[0])
-    pip = [environment.folder / ("Scripts" if os.name == "nt" else "bin") / "python", "-m", "pip", "--disable-pip-version-check"]
-    subprocess.run([*pip, "install", "--quiet", f"{wheel}[build{'' if compiler else ',zig'}]"], check=True, timeout=3600)
+    pip = [
+        environment.folder / ("Scripts" if os.name == "nt" else "bin") / "python",
+        "-m",
+        "pip",
+        "--disable-pip-version-check",
+    ]
+    subprocess.run(
+        [*pip, "install", "--quiet", f"{wheel}[build{'' if compiler else ',zig'}]"], check=True, timeout=3600
+    )
     assert NAME in environment.run("pip", "list", "--disable-pip-version-check")
     assert "No broken requirements" in environment.run("pip", "check")
     assert "1 built" in environment.run("build-fmus", "QuarterCarHmmwv", "--fmi", "3")
     said = environment.execute(RUN).split()
     assert said[0].startswith(f"{version}.")
-    assert (float(said[1]), float(said[2]) > 0.05) == (pytest.approx(0.05, abs=1e-3), True), "a car on a step of 50 mm settles on it, and overshoots"
+    assert (float(said[1]), float(said[2]) > 0.05) == (
+        pytest.approx(0.05, abs=1e-3),
+        True,
+    ), "a car on a step of 50 mm settles on it, and overshoots"
     assert "QuarterCarHmmwv" in environment.run("cosim", "fmu", "fmus/fmi3/QuarterCarHmmwv.fmu")

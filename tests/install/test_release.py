@@ -63,8 +63,10 @@ def test_it_has_fmus_wheel_and_sources(files: dict[str, bytes], tmp_path: Path) 
     for name, data in files.items():
         (tmp_path / name).write_bytes(data)
     assert verify(files["SHA256SUMS"].decode(), tmp_path) == {
-        f"{stem}-{version}-fmus.zip", f"{under}-{version}-py3-none-any.whl", f"{under}-{version}.tar.gz",
-    }  # fmt: skip
+        f"{stem}-{version}-fmus.zip",
+        f"{under}-{version}-py3-none-any.whl",
+        f"{under}-{version}.tar.gz",
+    }
 
 
 def test_every_file_of_the_zip_has_its_checksum(fmus: Path) -> None:

@@ -1,4 +1,6 @@
-"""Hostile FMUs in processes of their own: the host lives, the error names component, function and time, and what was recorded is there."""
+"""Hostile FMUs in processes of their own: the host lives, the error names component, function and time, and what was
+recorded is there.
+"""
 
 from __future__ import annotations
 
@@ -21,12 +23,21 @@ from cosim import ComponentError, CosimError, EngineChoice, ProcessLostWarning, 
 VERSIONS = (2, 3)
 PATIENCE = 0.3  # s, of a call
 FUNCTIONS = {
-    "load": "loading its library", "instantiate": "fmi.Instantiate", "enter": "fmi.(SetupExperiment|EnterInitializationMode)",
-    "exit": "fmi.ExitInitializationMode", "set": "fmi.Set(Real|Float64)", "step": "fmi.DoStep",
-    "get": "fmi.(Get(Real|Float64)|DoStep)", "terminate": "fmi.Terminate", "free": "fmi.FreeInstance", "save": "fmi.GetFMU[sS]tate",
-    "restore": "fmi.SetFMU[sS]tate", "size": "fmi.SerializedFMU[sS]tateSize", "serialize": "fmi.SerializeFMU[sS]tate",
+    "load": "loading its library",
+    "instantiate": "fmi.Instantiate",
+    "enter": "fmi.(SetupExperiment|EnterInitializationMode)",
+    "exit": "fmi.ExitInitializationMode",
+    "set": "fmi.Set(Real|Float64)",
+    "step": "fmi.DoStep",
+    "get": "fmi.(Get(Real|Float64)|DoStep)",
+    "terminate": "fmi.Terminate",
+    "free": "fmi.FreeInstance",
+    "save": "fmi.GetFMU[sS]tate",
+    "restore": "fmi.SetFMU[sS]tate",
+    "size": "fmi.SerializedFMU[sS]tateSize",
+    "serialize": "fmi.SerializeFMU[sS]tate",
     "deserialize": "fmi.De[sS]erializeFMU[sS]tate",
-}  # fmt: skip
+}
 
 
 @pytest.fixture
@@ -79,7 +90,9 @@ def test_a_bad_deed_in_a_step_is_an_error_that_names_it(
 
 @pytest.mark.parametrize("version", VERSIONS)
 @pytest.mark.parametrize("phase", [p for p in PHASES[: PHASES.index("terminate")] if p not in ("step",)])
-def test_a_crash_in_any_phase_is_an_error_that_names_the_function(system: System, folder: Path, version: int, phase: str) -> None:
+def test_a_crash_in_any_phase_is_an_error_that_names_the_function(
+    system: System, folder: Path, version: int, phase: str
+) -> None:
     with pytest.raises(ComponentError) as caught:
         run(wired(system, build(version, folder, phase, "segfault")))
     check(caught.value, phase, "segfault")
@@ -90,7 +103,9 @@ def test_a_crash_in_any_phase_is_an_error_that_names_the_function(system: System
 @pytest.mark.parametrize("deed", ["abort", "hang"])
 def test_a_loss_after_the_last_step_is_a_warning(folder: Path, version: int, phase: str, deed: str) -> None:
     with pytest.warns(ProcessLostWarning, match=FUNCTIONS[phase]), System() as system:
-        recording = wired(system, build(version, folder, phase, deed)).run(0.02, record=["bad.y"], allow_unconnected=True)
+        recording = wired(system, build(version, folder, phase, deed)).run(
+            0.02, record=["bad.y"], allow_unconnected=True
+        )
     assert recording["bad.y"][-1] > 19
 
 
@@ -105,7 +120,9 @@ def test_what_hurts_nobody_passes(system: System, folder: Path, version: int, de
 @pytest.mark.parametrize("version", VERSIONS)
 @pytest.mark.parametrize("phase", ["save", "restore", "size", "serialize", "deserialize"])
 @pytest.mark.parametrize("deed", ["segfault", "hang"])
-def test_a_loss_while_a_state_is_handled_is_an_error(system: System, folder: Path, version: int, phase: str, deed: str) -> None:
+def test_a_loss_while_a_state_is_handled_is_an_error(
+    system: System, folder: Path, version: int, phase: str, deed: str
+) -> None:
     wired(system, build(version, folder, phase, deed))
     simulation = system.initialize(record=["bad.y"], allow_unconnected=True)
     simulation.advance(0.005)
@@ -131,7 +148,9 @@ def test_memory_that_is_overwritten_hurts_only_who_did_it(system: System, folder
 @pytest.mark.skipif(sys.platform != "linux", reason="only Linux gives detached processes to the one that watches")
 @pytest.mark.parametrize("end", ["lost", "closed"])
 @pytest.mark.filterwarnings("ignore::cosim.ProcessLostWarning")
-def test_detached_processes_end_with_their_fmu(folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, end: str) -> None:
+def test_detached_processes_end_with_their_fmu(
+    folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, end: str
+) -> None:
     """Whether it is the master that ends the FMU, or the FMU itself."""
     proof = tmp_path / "pid"
     monkeypatch.setenv("HOSTILE_PROOF", str(proof))
@@ -173,7 +192,9 @@ def test_every_deed_in_every_phase(system: System, folder: Path, version: int, p
 
 @pytest.mark.parametrize("version", VERSIONS)
 @pytest.mark.parametrize("isolated", [False, True])
-def test_a_state_of_any_size_is_refused_before_room_is_made_for_it(system: System, folder: Path, version: int, isolated: bool) -> None:
+def test_a_state_of_any_size_is_refused_before_room_is_made_for_it(
+    system: System, folder: Path, version: int, isolated: bool
+) -> None:
     component: Any = system.add("bad", build(version, folder, "size", "huge"), isolated=isolated).component
     system.initialize(record=[], allow_unconnected=True)
     with pytest.raises(CosimError, match="1,152,921,504,606,846,976 bytes"):

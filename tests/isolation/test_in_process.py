@@ -1,4 +1,5 @@
-"""FMUs of others in this process: what they do to the floating-point environment is put back, and a hang can be ended."""
+"""FMUs of others in this process: what they do to the floating-point environment is put back, and a hang
+can be ended."""
 
 from __future__ import annotations
 
@@ -29,7 +30,9 @@ def beside(follower: Path, culprit: Path, engine: str) -> Recording:
 
 @pytest.mark.parametrize("version", [2, 3])
 @pytest.mark.parametrize("engine", ENGINES)
-@pytest.mark.parametrize(("deed", "what"), [("round", "the rounding mode"), ("flush", "the treatment of subnormal numbers")])
+@pytest.mark.parametrize(
+    ("deed", "what"), [("round", "the rounding mode"), ("flush", "the treatment of subnormal numbers")]
+)
 @pytest.mark.parametrize("phase", ["load", "step", "get", "enter"])
 def test_the_floating_point_environment_is_put_back(folder, follower, harmless, version, engine, deed, what, phase):
     right = beside(follower[version], harmless, engine)
@@ -52,7 +55,9 @@ except KeyboardInterrupt as error:
 """
 
 
-@pytest.mark.parametrize(("engine", "phase"), [*((e, "step") for e in ENGINES), ("python", "enter"), ("python", "free")])
+@pytest.mark.parametrize(
+    ("engine", "phase"), [*((e, "step") for e in ENGINES), ("python", "enter"), ("python", "free")]
+)
 @pytest.mark.parametrize("where", ["isolated", "here"])
 def test_a_second_interrupt_ends_a_hang(folder, tmp_path, engine, phase, where):
     csv = tmp_path / "out.csv"
@@ -92,7 +97,9 @@ def test_rows_that_were_spooled_outlive_the_process(folder, tmp_path, engine, de
     csv = tmp_path / "out.csv"
     environment = {**os.environ, "HOSTILE_STEP": "400", "HOSTILE_SLOW": "1"}
     command = [sys.executable, "-c", LOST, hostile.build(3, folder, "step", deed), csv, engine]
-    done = subprocess.run(list(map(str, command)), env=environment, capture_output=True, check=False, timeout=60, text=True)
+    done = subprocess.run(
+        list(map(str, command)), env=environment, capture_output=True, check=False, timeout=60, text=True
+    )
     assert done.returncode == {"segfault": -signal.SIGSEGV, "quit": 0, "exit-0": 1}[deed]
     assert ("an FMU has ended this process by a call of exit()" in done.stderr) == (deed == "exit-0")
     _, recovered = recover(csv)
@@ -112,6 +119,11 @@ with System() as system:
 
 @pytest.mark.parametrize(("end", "code"), [("", 0), ("sys.exit(5)", 5)])
 def test_a_process_that_python_ends_keeps_its_exit_code(harmless: Path, end: str, code: int) -> None:
-    done = subprocess.run([sys.executable, "-W", "ignore", "-c", ENDS.format(end=end), harmless], capture_output=True, text=True, check=False)
+    done = subprocess.run(
+        [sys.executable, "-W", "ignore", "-c", ENDS.format(end=end), harmless],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
     assert done.returncode == code
     assert "exit()" not in done.stderr

@@ -24,7 +24,9 @@ from cosim import CosimError, LoopError, Recording, System, WiringError
 from cosim.fmu.isolation import Isolation
 
 pytestmark = pytest.mark.filterwarnings(
-    "ignore::cosim.UnconnectedInputsWarning", "ignore::cosim.AlgebraicLoopWarning", "ignore:initial values do not settle"
+    "ignore::cosim.UnconnectedInputsWarning",
+    "ignore::cosim.AlgebraicLoopWarning",
+    "ignore:initial values do not settle",
 )
 
 ROAD, CAR, LAW = "RoadSine", "FullCarHmmwvModified", "GpcPreview"
@@ -45,7 +47,9 @@ def isolate(system: System, names: tuple[str, ...] = ("*",), *, shared_memory: b
 
 
 def run(plan: dict[str, Any], follower: dict[int, Path], engine: str, how: bool | None) -> Recording:
-    """In pieces, with a state saved at one cut and gone back to at the next; `how`: isolated with shared memory or without, None: not."""
+    """In pieces, with a state saved at one cut and gone back to at the next; `how`: isolated with shared memory or
+    without, None: not.
+    """
     with wired(plan, follower) as system:
         if how is not None:
             isolate(system, shared_memory=how)
@@ -63,7 +67,9 @@ def run(plan: dict[str, Any], follower: dict[int, Path], engine: str, how: bool 
             return simulation.recording
 
 
-@settings(max_examples=12, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow])
+@settings(
+    max_examples=12, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture, HealthCheck.too_slow]
+)
 @given(plan=systems())
 @pytest.mark.parametrize("how", [True, False], ids=["memory", "socket"])
 def test_random_systems_of_isolated_fmus_give_the_same_bits(plan, follower, how):
@@ -111,7 +117,9 @@ def test_states_and_derivatives_travel(built_fmus, fmi):
     found = []
     for isolated in (False, True):
         with System() as system:
-            component: Any = system.add("car", path, step="1 ms", start={"road.fl.height": 0.02}, isolated=isolated).component
+            component: Any = system.add(
+                "car", path, step="1 ms", start={"road.fl.height": 0.02}, isolated=isolated
+            ).component
             with system.initialize(record=["car.body.z"]) as simulation:
                 simulation.advance(0.1)
                 data = component.serialize()

@@ -1,4 +1,5 @@
-"""A study in which one case in a hundred is hostile: all others have their results, and these are failures with a name."""
+"""A study in which one case in a hundred is hostile: all others have their results, and these are
+failures with a name."""
 
 from __future__ import annotations
 
@@ -39,9 +40,15 @@ def measure(run: Run) -> dict[str, float]:
 
 
 EXPERIMENT = Experiment(
-    name="hostile", case=Number, wire=wire, measure=measure, structure=file_of, stop_time=0.02, record=["plant.y"],
+    name="hostile",
+    case=Number,
+    wire=wire,
+    measure=measure,
+    structure=file_of,
+    stop_time=0.02,
+    record=["plant.y"],
     allow_unconnected=True,
-)  # fmt: skip
+)
 
 
 def study(folder: Path, store: Path, cases: int) -> None:

@@ -52,9 +52,18 @@ def by_fmpy():
     if job["inputs"]:
         with held().open(newline="") as file:
             _, *rows = csv.reader(file)
-        signals = np.array([tuple(map(float, r)) for r in rows], dtype=[("time", np.double), *((n, types[KINDS[n]]) for n in job["inputs"])])
+        signals = np.array(
+            [tuple(map(float, r)) for r in rows],
+            dtype=[("time", np.double), *((n, types[KINDS[n]]) for n in job["inputs"])],
+        )
     found = fmpy.simulate_fmu(
-        job["fmu"], fmi_type="CoSimulation", stop_time=STEPS * STEP, step_size=STEP, output_interval=STEP, input=signals, output=OUTPUTS
+        job["fmu"],
+        fmi_type="CoSimulation",
+        stop_time=STEPS * STEP,
+        step_size=STEP,
+        output_interval=STEP,
+        input=signals,
+        output=OUTPUTS,
     )
     _, first = np.unique(np.round(found["time"] / STEP).astype(int), return_index=True)
     return [[float(found[n][i]) for n in OUTPUTS] for i in first[1:]]
@@ -66,7 +75,10 @@ def by_ecos():
     from ecospy import EcosLib, EcosSimulation, EcosSimulationStructure
 
     EcosLib.set_log_level("warn")
-    names, cast = {"real": "real", "integer": "integer", "boolean": "bool"}, {"real": float, "integer": int, "boolean": bool}
+    names, cast = (
+        {"real": "real", "integer": "integer", "boolean": "bool"},
+        {"real": float, "integer": int, "boolean": bool},
+    )
     structure = EcosSimulationStructure()
     structure.add_model("model", job["fmu"])
     structure.add_parameter_set("initialValues", {f"model::{name}": cast[kind](value) for name, kind, value in row(0)})
@@ -99,7 +111,9 @@ def by_libcosim():
     execution.add_manipulator(manipulator)
     references = {v.name.decode(): v.reference for v in execution.slave_variables(slave)}
     for name, kind, value in row(0) if STEPS else ():
-        getattr(execution, f"{kind}_initial_value")(slave, references[name], {"real": float, "integer": int, "boolean": bool}[kind](value))
+        getattr(execution, f"{kind}_initial_value")(
+            slave, references[name], {"real": float, "integer": int, "boolean": bool}[kind](value)
+        )
     rows = []
     for k in range(STEPS):
         for kind, cast in (("real", float), ("integer", int), ("boolean", bool)):
@@ -115,8 +129,15 @@ def by_omsimulator():
     """Its program; it has no table of inputs, so it gets FMUs without."""
     out = Path(job["folder"]) / "results.csv"
     command = [
-        shutil.which("OMSimulator"), "--mode=cs", "--startTime=0", f"--stopTime={STEPS * STEP!r}", f"--stepSize={STEP!r}", "--suppressPath=true",
-        "--stripRoot=true", f"--resultFile={out}", job["fmu"],
+        shutil.which("OMSimulator"),
+        "--mode=cs",
+        "--startTime=0",
+        f"--stopTime={STEPS * STEP!r}",
+        f"--stepSize={STEP!r}",
+        "--suppressPath=true",
+        "--stripRoot=true",
+        f"--resultFile={out}",
+        job["fmu"],
     ]
     subprocess.run(command, check=True, cwd=job["folder"], stdout=sys.stderr)
     return read(out)
@@ -126,12 +147,27 @@ def by_fmusim():
     out = Path(job["folder"]) / "results.csv"
     given = ["--input-file", str(held())] if job["inputs"] else []
     command = [
-        shutil.which("fmusim"), "--interface-type", "cs", "--stop-time", repr(STEPS * STEP), "--output-interval", repr(STEP), *given,
-        "--output-file", str(out), job["fmu"],
+        shutil.which("fmusim"),
+        "--interface-type",
+        "cs",
+        "--stop-time",
+        repr(STEPS * STEP),
+        "--output-interval",
+        repr(STEP),
+        *given,
+        "--output-file",
+        str(out),
+        job["fmu"],
     ]
     subprocess.run(command, check=True, cwd=job["folder"], stdout=sys.stderr)
     return read(out)
 
 
 print()
-print(json.dumps({"fmpy": by_fmpy, "ecos": by_ecos, "libcosim": by_libcosim, "omsimulator": by_omsimulator, "fmusim": by_fmusim}[job["judge"]]()))
+print(
+    json.dumps(
+        {"fmpy": by_fmpy, "ecos": by_ecos, "libcosim": by_libcosim, "omsimulator": by_omsimulator, "fmusim": by_fmusim}[
+            job["judge"]
+        ]()
+    )
+)

@@ -1,7 +1,8 @@
 """FMUs of this project, and systems exported as one FMU, in every importer that is installed here: `make test-judges`.
 
-Each runs an FMU with the inputs of its documentation and is compared with the reference results beside them. The importers come from the
-extra `judges`; OMSimulator and fmusim may be programs in PATH. One that is not there is skipped with a sentence.
+Each runs an FMU with the inputs of its documentation and is compared with the reference results beside them. The
+importers come from the extra `judges`; OMSimulator and fmusim may be programs in PATH. One that is not there is skipped
+with a sentence.
 """
 
 from __future__ import annotations
@@ -26,9 +27,25 @@ FMUS = Path(__file__).parents[2] / "fmus"
 STEPS = 40
 TOLERANCE = 1e-9  # of the largest value of an output: the reference results are written with twelve digits
 NAMES = (
-    "QuarterCarHmmwv", "FullCarHmmwv", "FullCarHmmwvPublic", "RideCarSedan", "ThreeAxleRide", "HydraulicActuator", "RoadSine", "RoadIso8608",
-    "RoadProvingGround", "SpeedProfile", "LqrHmmwv", "Skyhook", "MpcHmmwv", "GpcPreview", "PreviewLqComfort", "KalmanHmmwv", "SensorSuite", "RideComfort",
-)  # fmt: skip
+    "QuarterCarHmmwv",
+    "FullCarHmmwv",
+    "FullCarHmmwvPublic",
+    "RideCarSedan",
+    "ThreeAxleRide",
+    "HydraulicActuator",
+    "RoadSine",
+    "RoadIso8608",
+    "RoadProvingGround",
+    "SpeedProfile",
+    "LqrHmmwv",
+    "Skyhook",
+    "MpcHmmwv",
+    "GpcPreview",
+    "PreviewLqComfort",
+    "KalmanHmmwv",
+    "SensorSuite",
+    "RideComfort",
+)
 """One or two of each kind."""
 JUDGES = {"fmpy": "fmpy", "ecos": "ecospy", "libcosim": "libcosimpy", "omsimulator": "", "fmusim": ""}
 PROGRAMS = {"omsimulator": "OMSimulator", "fmusim": "fmusim"}
@@ -53,19 +70,43 @@ def table(fmu: Path, what: str) -> dict[str, list[float]]:
 def kinds(fmu: Path) -> dict[str, str]:
     """Variables by the functions that access them, as importers call them."""
     found = {"Real": "real", "Float64": "real", "Integer": "integer", "Int32": "integer", "Boolean": "boolean"}
-    return {v.name: found[v.type] for v in fmpy.read_model_description(str(fmu), validate=False).modelVariables if v.type in found}
+    return {
+        v.name: found[v.type]
+        for v in fmpy.read_model_description(str(fmu), validate=False).modelVariables
+        if v.type in found
+    }
 
 
-def run(judge: str, fmu: Path, step: float, steps: int, inputs: dict[str, list[float]], outputs: list[str], folder: Path) -> list[list[float]]:
+def run(
+    judge: str, fmu: Path, step: float, steps: int, inputs: dict[str, list[float]], outputs: list[str], folder: Path
+) -> list[list[float]]:
     """What an importer shows after each step."""
-    job: dict[str, Any] = {"judge": judge, "fmu": str(fmu), "step": step, "steps": steps, "inputs": inputs, "outputs": outputs}
+    job: dict[str, Any] = {
+        "judge": judge,
+        "fmu": str(fmu),
+        "step": step,
+        "steps": steps,
+        "inputs": inputs,
+        "outputs": outputs,
+    }
     job |= {"kinds": kinds(fmu), "folder": str(folder)}
     done = subprocess.run(
-        [sys.executable, str(Path(__file__).with_name("run.py"))], input=json.dumps(job), capture_output=True, text=True, cwd=folder, check=False
+        [sys.executable, str(Path(__file__).with_name("run.py"))],
+        input=json.dumps(job),
+        capture_output=True,
+        text=True,
+        cwd=folder,
+        check=False,
     )
-    if judge == "libcosim" and "refused: " in done.stderr and fmpy.read_model_description(str(fmu), validate=False).fmiVersion.startswith("3"):
+    if (
+        judge == "libcosim"
+        and "refused: " in done.stderr
+        and fmpy.read_model_description(str(fmu), validate=False).fmiVersion.startswith("3")
+    ):
         pytest.skip("libcosim refuses FMI 3.0: unsupported FMI version")
-    assert done.returncode == 0, f"{judge} ends with exit code {done.returncode}:\n{done.stdout[-1500:]}{done.stderr[-3000:]}"
+    assert done.returncode == 0, (
+        f"{judge} ends with exit code {done.returncode}:\n{done.stdout[-1500:]}{done.stderr[-3000:]}"
+    )
     return json.loads(done.stdout.rstrip().rpartition("\n")[2])  # type: ignore[no-any-return]
 
 
@@ -125,8 +166,11 @@ def test_a_system_as_ssp_runs_in_omsimulator(tmp_path: Path) -> None:
         system.export_ssp(path)
     done = subprocess.run(
         ["OMSimulator", "--stopTime=0.04", "--suppressPath=true", f"--resultFile={results}", str(path)],
-        cwd=tmp_path, capture_output=True, text=True, check=False,
-    )  # fmt: skip
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
     assert done.returncode == 0, done.stdout[-3000:] + done.stderr[-3000:]
     assert "error:" not in done.stdout + done.stderr
     assert len(results.read_text().splitlines()) > 2

@@ -1,7 +1,8 @@
 """Numbers under other kernels of OpenBLAS, with FMUs built under them.
 
-A kernel adds sums in its own order. So LAPACK's results differ by rounding, and by what rounding decides: the order of equal
-eigenvalues, the basis of their subspace, signs. The processor selects the kernel; `OPENBLAS_CORETYPE` selects another one.
+A kernel adds sums in its own order. So LAPACK's results differ by rounding, and by what rounding decides: the order of
+equal eigenvalues, the basis of their subspace, signs. The processor selects the kernel; `OPENBLAS_CORETYPE` selects
+another one.
 """
 
 from __future__ import annotations
@@ -18,20 +19,39 @@ from built import FMUS, ROOT, share_objects
 
 KERNELS = ("Haswell", "SkylakeX", "Nehalem")
 NUMERIC = (
-    "control", "estimators", "models", "plants", "sensing", "roads", "builder", "optimisation", "experiments", "cosim", "engine",
-    "docs/test_public_hmmwv.py", "docs/test_pages.py", "docs/test_results.py",
+    "control",
+    "estimators",
+    "models",
+    "plants",
+    "sensing",
+    "roads",
+    "builder",
+    "optimisation",
+    "experiments",
+    "cosim",
+    "engine",
+    "docs/test_public_hmmwv.py",
+    "docs/test_pages.py",
+    "docs/test_results.py",
     *(f"conformance/test_{name}.py" for name in ("derivatives", "reference", "solver_step", "compliance", "systems")),
-)  # fmt: skip
+)
 """Tests of numbers that follow from linear algebra, in FMUs or in Python."""
 SHORT = (
-    "control/lq", "estimators", "models", "plants/test_linear_car.py", "docs/test_public_hmmwv.py",
-    "optimisation/test_calibration.py", "conformance/test_derivatives.py", "conformance/test_reference.py",
-)  # fmt: skip
+    "control/lq",
+    "estimators",
+    "models",
+    "plants/test_linear_car.py",
+    "docs/test_public_hmmwv.py",
+    "optimisation/test_calibration.py",
+    "conformance/test_derivatives.py",
+    "conformance/test_reference.py",
+)
 SHORT_FMUS = "RideCarHmmwvPublic,LqrHmmwv,MpcBench"
 USED = "import numpy, scipy.linalg, threadpoolctl; print(*{p['architecture'] for p in threadpoolctl.threadpool_info()})"
 
 pytestmark = pytest.mark.skipif(
-    platform.machine().lower() not in {"x86_64", "amd64"}, reason="kernels have other names on other processors than x86-64"
+    platform.machine().lower() not in {"x86_64", "amd64"},
+    reason="kernels have other names on other processors than x86-64",
 )
 
 
@@ -52,7 +72,12 @@ def passes(kernel: str, tests: tuple[str, ...], *options: str, **more: str) -> N
     folder = share_objects(FMUS / ".kernels" / kernel)
     command = [sys.executable, "-m", "pytest", "-p", "no:cacheprovider", *options, *(f"tests/{t}" for t in tests)]
     done = subprocess.run(
-        command, cwd=ROOT, env=environment(kernel, FMUS_FOLDER=str(folder), **more), capture_output=True, text=True, check=False
+        command,
+        cwd=ROOT,
+        env=environment(kernel, FMUS_FOLDER=str(folder), **more),
+        capture_output=True,
+        text=True,
+        check=False,
     )
     assert done.returncode == 0, f"under the kernel {kernel}:\n{done.stdout[-6000:]}{done.stderr[-2000:]}"
 

@@ -110,8 +110,9 @@ def test_rewards_see_the_whole_step(make: Make) -> None:
     np.testing.assert_allclose(rewards, [mean, mean + 0.02, mean + 0.04], rtol=1e-12)
     assert [len(s.over("point.v")) for s in seen] == [10, 10, 10]
     assert [(s.action, s.time, s.duration) for s in seen[:2]] == [
-        ({"point.force": 2.0}, 0.01, pytest.approx(0.01)), ({"point.force": 2.0}, 0.02, pytest.approx(0.01))
-    ]  # fmt: skip
+        ({"point.force": 2.0}, 0.01, pytest.approx(0.01)),
+        ({"point.force": 2.0}, 0.02, pytest.approx(0.01)),
+    ]
     assert seen[-1]["point.v"] == pytest.approx(0.06)
 
 
@@ -130,7 +131,8 @@ def test_the_steps_are_those_of_a_run_by_hand(make: Make) -> None:
     assert env.recording.time.tobytes() == by_hand.time.tobytes()
 
 
-# ---------------------------------------------------------------------------------------------------- seeds and scenarios
+# ---------------------------------------------------------------------------------------------------- seeds and
+# scenarios
 
 
 def test_seeds_choose_scenarios_and_options_come_after_them(make: Make) -> None:
@@ -153,7 +155,8 @@ def test_the_same_actions_give_the_same_bits(make: Make) -> None:
     assert play(env, actions, seed=7) == first == play(make(), actions, seed=7)
 
 
-# ------------------------------------------------------------------------------------------------------------ looking ahead
+# ------------------------------------------------------------------------------------------------------------ looking
+# ahead
 
 
 def test_back_to_a_saved_state_and_on_with_the_same_bits(make: Make) -> None:
@@ -215,7 +218,8 @@ def test_planning_leaves_no_trace(make: Make) -> None:
     assert play(env, chosen, seed=1)[1:] == played
 
 
-# ---------------------------------------------------------------------------------------------------------------- failures
+# ----------------------------------------------------------------------------------------------------------------
+# failures
 
 FAILURES = {"raises_at": "it broke", "nan_at": "(x|v) is nan at t = "}
 
@@ -244,7 +248,9 @@ def test_a_failure_raises_unless_it_has_a_worth(make: Make, parameter: str) -> N
         env.step(action_of(0.0))
 
 
-@pytest.mark.parametrize(("worth", "said"), [(math.nan, "is nan; rewards are finite"), ("much", "'much', which is no number")])
+@pytest.mark.parametrize(
+    ("worth", "said"), [(math.nan, "is nan; rewards are finite"), ("much", "'much', which is no number")]
+)
 def test_a_reward_that_is_none(make: Make, worth: object, said: str) -> None:
     env = make(reward=lambda step: worth)
     env.reset()
@@ -252,7 +258,8 @@ def test_a_reward_that_is_none(make: Make, worth: object, said: str) -> None:
         env.step(action_of(0.0))
 
 
-# ------------------------------------------------------------------------------------------------------- what users do wrong
+# ------------------------------------------------------------------------------------------------------- what users do
+# wrong
 
 
 @pytest.mark.parametrize(
@@ -287,7 +294,11 @@ def test_a_step_before_the_first_reset(make: Make) -> None:
         ({"actions": {"pint.force": (-1, 1)}}, WiringError, "no component 'pint'; did you mean 'point'"),
         ({"actions": {"point.x*": (-1, 1)}}, WiringError, "fits no input that nothing drives; there are: point.force"),
         ({"actions": {"point.x": (-1, 1)}}, WiringError, "point.x is neither an input nor a tunable parameter"),
-        ({"actions": {"point.force": (1, -1)}}, WiringError, "range of point.force is from 1 to -1; the lowest value must be below"),
+        (
+            {"actions": {"point.force": (1, -1)}},
+            WiringError,
+            "range of point.force is from 1 to -1; the lowest value must be below",
+        ),
         ({"actions": {"point.force": (1, 1)}}, WiringError, "the lowest value must be below"),
         ({"actions": {"point.force": (-math.inf, 1)}}, WiringError, "the lowest value must be below"),
         ({"actions": {"point.force": (-1, 1, "m")}}, WiringError, r"point.force \[N\] is in m: they measure different"),
@@ -318,14 +329,18 @@ def test_an_action_on_an_input_that_is_driven(make: Make) -> None:
     with point() as system:
         system.add("wind", Wind())
         system.connect("wind.force", "point.force")
-        with pytest.raises(WiringError, match=r"point.force is driven by wind.force: system.disconnect\('point.force'\) first"):
+        with pytest.raises(
+            WiringError, match=r"point.force is driven by wind.force: system.disconnect\('point.force'\) first"
+        ):
             make(system)
 
 
 def test_inputs_that_no_action_sets_are_named(make: Make) -> None:
     system = System()
     system.add("point", Point())
-    with pytest.warns(UnconnectedInputsWarning, match="inputs that no action sets keep their start values: point.wind "):
+    with pytest.warns(
+        UnconnectedInputsWarning, match="inputs that no action sets keep their start values: point.wind "
+    ):
         make(system)
     make(system, allow_unconnected=True)
 

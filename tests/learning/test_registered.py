@@ -21,7 +21,12 @@ NAMES = [f"{NAMESPACE}/{name}" for name in ENVIRONMENTS]
 
 
 @pytest.fixture(params=NAMES)
-def name(request: pytest.FixtureRequest, built_fmus: BuiltFmus, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[str]:  # noqa: ARG001
+def name(
+    request: pytest.FixtureRequest,
+    built_fmus: BuiltFmus,  # noqa: ARG001
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+) -> Iterator[str]:
     (tmp_path / "fmus").symlink_to(FMUS, target_is_directory=True)
     monkeypatch.chdir(tmp_path)
     with warnings.catch_warnings():

@@ -138,10 +138,18 @@ def test_where_episodes_begin() -> None:
 def test_ranges_of_what_is_observed() -> None:
     """Symmetric, but for speeds; what is positive is so on both sides of a scaled observation."""
     assert {n: high for n, (_, high) in trench.OBSERVED.items() if not n.startswith("car.suspension")} == {
-        "car.body.z": 0.5, "car.body.vz": 2.0, "car.body.pitch": 0.5, "car.body.pitch_rate": 2.0, "car.body.roll": 0.2,
-        "car.body.roll_rate": 1.0, "car.speed": 5.0, "car.lidar.start.dx": 10.0, "car.lidar.finish.dx": 10.0, "car.lidar.start.dz": 3.0,
+        "car.body.z": 0.5,
+        "car.body.vz": 2.0,
+        "car.body.pitch": 0.5,
+        "car.body.pitch_rate": 2.0,
+        "car.body.roll": 0.2,
+        "car.body.roll_rate": 1.0,
+        "car.speed": 5.0,
+        "car.lidar.start.dx": 10.0,
+        "car.lidar.finish.dx": 10.0,
+        "car.lidar.start.dz": 3.0,
         "car.lidar.finish.dz": 3.0,
-    }  # fmt: skip
+    }
     travel = {n: high for n, (_, high) in trench.OBSERVED.items() if n.startswith("car.suspension")}
     assert set(travel.items()) == {
         (f"car.suspension.a{i}{s}.{q}", v)
@@ -150,11 +158,19 @@ def test_ranges_of_what_is_observed() -> None:
         for q, v in (("deflection", 0.3), ("velocity", 5.0))
     }
     assert {n: high for n, (_, high) in bench.RANGES.items()} == {
-        "suspension.deflection": 0.04, "body.vz": 0.5, "tire.deflection": 0.04, "wheel.vz": 1.0
-    }  # fmt: skip
+        "suspension.deflection": 0.04,
+        "body.vz": 0.5,
+        "tire.deflection": 0.04,
+        "wheel.vz": 1.0,
+    }
     assert {n: high for n, (_, high) in {**hmmwv.RANGES, **hmmwv.BODY_RANGES}.items()} == {
-        "car.suspension.{}.deflection": 0.2, "car.tire.{}.deflection": 0.1, "car.wheel.{}.vz": 5.0,
-        "car.body.vz": 2.0, "car.body.roll_rate": 1.5, "car.body.pitch_rate": 1.5, "car.body.az": 20.0,
-    }  # fmt: skip
+        "car.suspension.{}.deflection": 0.2,
+        "car.tire.{}.deflection": 0.1,
+        "car.wheel.{}.vz": 5.0,
+        "car.body.vz": 2.0,
+        "car.body.roll_rate": 1.5,
+        "car.body.pitch_rate": 1.5,
+        "car.body.az": 20.0,
+    }
     for name, (low, high) in {**trench.OBSERVED, **bench.RANGES, **hmmwv.RANGES, **hmmwv.BODY_RANGES}.items():
         assert low == (0.0 if name == "car.speed" else -high), name

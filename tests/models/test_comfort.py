@@ -75,7 +75,8 @@ class TestBothDefinitions:
         assert np.abs(digital / written_out - 1).max() < 5e-3
 
     def test_each_section_is_exact_at_its_own_frequency(self):
-        """That of s2 + 24 s + 750 at 750^(1/2) rad/s, s / (s + 63) at 63 rad/s, where the latter passes 1/2^(1/2) / 63."""
+        """That of s2 + 24 s + 750 at 750^(1/2) rad/s, s / (s + 63) at 63 rad/s, where the latter passes
+        1/2^(1/2) / 63."""
         rows = comfort.digital_sections(comfort.HUMAN_RESPONSE_NRMM, RATE)
         for row, w, gain in (
             (rows[0], math.sqrt(750), abs(14.5 * 1j * math.sqrt(750) + 14.5 * 44) / 24),
@@ -94,7 +95,7 @@ class TestBothDefinitions:
 
     def test_a_section_of_first_order_forgets(self):
         """After a pulse its output dies away; with a pole on the unit circle it would not."""
-        (_, slow) = comfort.digital_sections(comfort.HUMAN_RESPONSE_NRMM, RATE)
+        _, slow = comfort.digital_sections(comfort.HUMAN_RESPONSE_NRMM, RATE)
         assert slow[2] == slow[5] == 0.0
         pulse = np.zeros(4000)
         pulse[0] = 1.0

@@ -21,9 +21,13 @@ def ratio(mechanism, what, travel=0.0, by=1e-4):
 
 @pytest.mark.parametrize(
     ("axle", "travel", "spring", "damper", "digits"),
-    [("front", 0.0, 0.45171, 0.45391, 5e-6), ("rear", 0.0, 0.43908, 0.44398, 5e-6),
-     ("front", -0.1066, 0.496, 0.493, 1e-3), ("rear", -0.1111, 0.478, 0.483, 2e-3)],  # rolling at rest
-)  # fmt: skip
+    [
+        ("front", 0.0, 0.45171, 0.45391, 5e-6),
+        ("rear", 0.0, 0.43908, 0.44398, 5e-6),
+        ("front", -0.1066, 0.496, 0.493, 1e-3),
+        ("rear", -0.1111, 0.478, 0.483, 2e-3),
+    ],  # rolling at rest
+)
 def test_motion_ratios_are_the_published_ones(suspension, axle, travel, spring, damper, digits):
     mechanism = getattr(suspension, axle).mechanism
     assert ratio(mechanism, "spring", travel) == pytest.approx(spring, abs=digits)
@@ -53,10 +57,15 @@ def test_joints_stay_closed(suspension, axle, travel):
     assert now.wheel[2] - p["wheel_centre"][2] == pytest.approx(travel, abs=1e-12)
     assert now.turn @ now.turn.T == pytest.approx(np.eye(3), abs=1e-12)
     for fixed, moving in (
-        ("upper_front", "upper_ball"), ("upper_rear", "upper_ball"), ("lower_front", "lower_ball"), ("lower_rear", "lower_ball"),
+        ("upper_front", "upper_ball"),
+        ("upper_rear", "upper_ball"),
+        ("lower_front", "lower_ball"),
+        ("lower_rear", "lower_ball"),
         ("tierod_inner", "tierod_outer"),
-    ):  # fmt: skip
-        assert np.linalg.norm(moved(moving) - p[fixed]) == pytest.approx(np.linalg.norm(p[moving] - p[fixed]), abs=1e-11)
+    ):
+        assert np.linalg.norm(moved(moving) - p[fixed]) == pytest.approx(
+            np.linalg.norm(p[moving] - p[fixed]), abs=1e-11
+        )
     for arm in ("upper", "lower"):
         turned = p[f"{arm}_front"] + getattr(now, f"{arm}_turn") @ (p[f"{arm}_ball"] - p[f"{arm}_front"])
         assert turned == pytest.approx(getattr(now, f"{arm}_ball"), abs=1e-11)
@@ -66,8 +75,13 @@ def test_position_is_that_of_another_solver(suspension):
     """The same rods by least squares over wheel centre and rotation vector, from the design position."""
     mechanism = suspension.front.mechanism
     p, travel = mechanism.points, -0.08
-    rods = [("upper_front", "upper_ball"), ("upper_rear", "upper_ball"), ("lower_front", "lower_ball"), ("lower_rear", "lower_ball"),
-            ("tierod_inner", "tierod_outer")]  # fmt: skip
+    rods = [
+        ("upper_front", "upper_ball"),
+        ("upper_rear", "upper_ball"),
+        ("lower_front", "lower_ball"),
+        ("lower_rear", "lower_ball"),
+        ("tierod_inner", "tierod_outer"),
+    ]
 
     def turned(vector, arm):
         angle = np.linalg.norm(vector)
@@ -110,7 +124,9 @@ def test_basis_is_a_twice_differentiable_partition_of_one():
     assert spline.matrix(at).sum(axis=1) == pytest.approx(1.0, abs=1e-14)
     assert spline.matrix(at) @ spline.knots == pytest.approx(at, abs=1e-14)
     bend = np.diff(spline.matrix(at)[:, 4], 2) / (at[1] - at[0]) ** 2
-    assert np.abs(np.diff(bend)).max() < 0.2  # no jump of a second derivative that reaches 8: it is linear between knots
+    assert (
+        np.abs(np.diff(bend)).max() < 0.2
+    )  # no jump of a second derivative that reaches 8: it is linear between knots
 
 
 def test_lumps_move_as_the_arm_does(suspension):

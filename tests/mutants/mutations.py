@@ -1,4 +1,6 @@
-"""Mistakes that somebody could make in a line, by the kind of mistake: another factor, swapped columns, a signal under another name."""
+"""Mistakes that somebody could make in a line, by the kind of mistake: another factor, swapped columns, a signal under
+another name.
+"""
 
 from __future__ import annotations
 
@@ -11,16 +13,39 @@ from typing import Any
 
 _NAME = re.compile(r"[A-Za-z][\w.\-]*")  # texts that name something, no sentences
 _TURNED: dict[type[ast.cmpop], type[ast.cmpop]] = {
-    ast.Lt: ast.Gt, ast.Gt: ast.Lt, ast.LtE: ast.GtE, ast.GtE: ast.LtE, ast.Eq: ast.NotEq, ast.NotEq: ast.Eq,
-    ast.In: ast.NotIn, ast.NotIn: ast.In, ast.Is: ast.IsNot, ast.IsNot: ast.Is,
-}  # fmt: skip
+    ast.Lt: ast.Gt,
+    ast.Gt: ast.Lt,
+    ast.LtE: ast.GtE,
+    ast.GtE: ast.LtE,
+    ast.Eq: ast.NotEq,
+    ast.NotEq: ast.Eq,
+    ast.In: ast.NotIn,
+    ast.NotIn: ast.In,
+    ast.Is: ast.IsNot,
+    ast.IsNot: ast.Is,
+}
 _OTHER_SIGN: dict[type[ast.operator], tuple[str, type[ast.operator]]] = {
-    ast.Add: ("sign", ast.Sub), ast.Sub: ("sign", ast.Add), ast.Mult: ("times", ast.Div), ast.Div: ("times", ast.Mult),
-}  # fmt: skip
+    ast.Add: ("sign", ast.Sub),
+    ast.Sub: ("sign", ast.Add),
+    ast.Mult: ("times", ast.Div),
+    ast.Div: ("times", ast.Mult),
+}
 _OTHER_FUNCTION = {
-    "max": "min", "min": "max", "mean": "median", "median": "mean", "sum": "max", "any": "all", "all": "any", "diff": "cumsum",
-    "argmax": "argmin", "argmin": "argmax", "degrees": "radians", "radians": "degrees", "floor": "ceil", "ceil": "floor",
-}  # fmt: skip
+    "max": "min",
+    "min": "max",
+    "mean": "median",
+    "median": "mean",
+    "sum": "max",
+    "any": "all",
+    "all": "any",
+    "diff": "cumsum",
+    "argmax": "argmin",
+    "argmin": "argmax",
+    "degrees": "radians",
+    "radians": "degrees",
+    "floor": "ceil",
+    "ceil": "floor",
+}
 _COMMUTE = ("max", "min", "fmax", "fmin", "hypot", "maximum", "minimum", "gcd", "isclose", "logical_and", "logical_or")
 _LEFT_OUT = ("abs", "sqrt", "round", "sorted", "reversed", "log10")  # functions of one argument
 _HIDDEN = (ast.Raise, ast.Assert, ast.Import, ast.ImportFrom)  # nothing in there is seen
@@ -77,7 +102,9 @@ def mutated(mutant: Mutant, source: str) -> str:
 
 
 def sample(found: list[Mutant], most: int, seed: str = "1") -> list[Mutant]:
-    """At most so many of each kind in each file, chosen by the hash of their names: the same ones as long as these exist."""
+    """At most so many of each kind in each file, chosen by the hash of their names: the same ones as long as these
+    exist.
+    """
     strata: dict[tuple[str, str], list[Mutant]] = {}
     for mutant in found:
         strata.setdefault((mutant.file, mutant.kind), []).append(mutant)

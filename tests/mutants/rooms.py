@@ -12,7 +12,8 @@ ROOT = Path(__file__).parents[2]
 class Room:
     """Files and their tests, as patterns from the project's folder.
 
-    ``leave``: kinds of mistakes that are not made in them. ``slower``: tests that are tried on what the others did not notice.
+    ``leave``: kinds of mistakes that are not made in them. ``slower``: tests that are tried on what the others did not
+        notice.
     """
 
     name: str
@@ -47,17 +48,39 @@ ROOMS = (
     _experiment("trench"),
     _experiment("bench"),
     Room("environment", ("cosim/experiments/*/environment.py",), ("tests/learning/test_re[gw]*.py",)),
-    Room("hmmwv", ("cosim/experiments/hmmwv/[!e]*.py", "cosim/experiments/hmmwv/*/*.py"), ("tests/experiments/test_hmmwv_numbers.py", "tests/experiments/test_hmmwv_wiring.py"), slower=("tests/experiments/test_hmmwv_judging.py", "tests/experiments/test_verdicts.py")),
+    Room(
+        "hmmwv",
+        ("cosim/experiments/hmmwv/[!e]*.py", "cosim/experiments/hmmwv/*/*.py"),
+        ("tests/experiments/test_hmmwv_numbers.py", "tests/experiments/test_hmmwv_wiring.py"),
+        slower=("tests/experiments/test_hmmwv_judging.py", "tests/experiments/test_verdicts.py"),
+    ),
     _experiment("preview_lq"),
     _experiment("three_axle"),
-    Room("ride", tuple(f"cosim/experiments/ride/{n}.py" for n in ("runs", "search", "results", "claims", "report", "web")), ("tests/experiments/test_ride_numbers.py",), slower=("tests/experiments/test_ride_wiring.py",)),
-    Room("metrics", ("cosim/experiments/metrics/*.py", "cosim/signals.py"), ("tests/cosim_metrics/test_metrics.py", "tests/cosim_metrics/test_crossing.py")),
-    Room("study", tuple(f"cosim/study/{n}.py" for n in ("results", "pages", "claims")), ("tests/study/test_claim_lists.py", "tests/study/test_results_and_pages.py", "tests/study/test_study_parts.py")),
-    Room("sweep", ("cosim/study/sweep_report.py", "cosim/study/design.py"), ("tests/study/test_sweep_pages.py", "tests/study/test_design.py")),
+    Room(
+        "ride",
+        tuple(f"cosim/experiments/ride/{n}.py" for n in ("runs", "search", "results", "claims", "report", "web")),
+        ("tests/experiments/test_ride_numbers.py",),
+        slower=("tests/experiments/test_ride_wiring.py",),
+    ),
+    Room(
+        "metrics",
+        ("cosim/experiments/metrics/*.py", "cosim/signals.py"),
+        ("tests/cosim_metrics/test_metrics.py", "tests/cosim_metrics/test_crossing.py"),
+    ),
+    Room(
+        "study",
+        tuple(f"cosim/study/{n}.py" for n in ("results", "pages", "claims")),
+        ("tests/study/test_claim_lists.py", "tests/study/test_results_and_pages.py", "tests/study/test_study_parts.py"),
+    ),
+    Room(
+        "sweep",
+        ("cosim/study/sweep_report.py", "cosim/study/design.py"),
+        ("tests/study/test_sweep_pages.py", "tests/study/test_design.py"),
+    ),
     Room("calibration", ("cosim/study/calibration.py",), ("tests/optimisation/test_calibration.py",)),
     Room("report", ("cosim/report/*.py",), ("tests/report/*.py",)),
     Room("comfort", ("fmu_sources/models/comfort.py",), ("tests/models/test_comfort.py",)),
     Room("weights", ("fmu_sources/controllers/lq/preview_weights.py",), ("tests/control/lq/test_preview_lq.py",)),
     Room("observer", ("fmu_sources/controllers/mpc/observer.py",), ("tests/control/mpc/test_mpc.py",)),
     Room("estimators", ("fmu_sources/estimators/*.py",), ("tests/estimators/*.py",)),
-)  # fmt: skip
+)

@@ -36,21 +36,40 @@ def changes(kind: str) -> set[tuple[str, str]]:
 @pytest.mark.parametrize(
     ("kind", "expected"),
     [
-        ("number", {("FACTOR = 3.6", "FACTOR = 1"), ("run[f'car.{names}.z'] ** 2", "run[f'car.{names}.z'] ** 4"),
-                    ("1000.0 * max(run['y'][-1], 0.5)", "100.0 * max(run['y'][-1], 0.5)")}),
+        (
+            "number",
+            {
+                ("FACTOR = 3.6", "FACTOR = 1"),
+                ("run[f'car.{names}.z'] ** 2", "run[f'car.{names}.z'] ** 4"),
+                ("1000.0 * max(run['y'][-1], 0.5)", "100.0 * max(run['y'][-1], 0.5)"),
+            },
+        ),
         ("name", {("'x'", "'y'"), ("'y'", "'x'")}),
         ("slice", {("run['x'][1:]", "run['x'][2:]"), ("run['y'][-1]", "run['y'][-2]"), ("first[0]", "first[1]")}),
         ("comparison", {("len(run) < 2", "len(run) > 2")}),
-        ("condition", {("len(run) < 2 and (not names)", "len(run) < 2 or not names"), ("not names", "names"),
-                       ("run[f'wheel.{k}'] if k else {'a': run['x'], 'b': run['y']}",
-                        "{'a': run['x'], 'b': run['y']} if k else run[f'wheel.{k}']")}),
+        (
+            "condition",
+            {
+                ("len(run) < 2 and (not names)", "len(run) < 2 or not names"),
+                ("not names", "names"),
+                (
+                    "run[f'wheel.{k}'] if k else {'a': run['x'], 'b': run['y']}",
+                    "{'a': run['x'], 'b': run['y']} if k else run[f'wheel.{k}']",
+                ),
+            },
+        ),
         ("times", {("1000.0 * max(run['y'][-1], 0.5)", "1000.0 / max(run['y'][-1], 0.5)")}),
         ("sign", {("first[0] - run[f'car.{names}.z'] ** 2", "first[0] + run[f'car.{names}.z'] ** 2")}),
-        ("function", {("max(run['y'][-1], 0.5)", "min(run['y'][-1], 0.5)"),
-                      ("math.sqrt(first[0] - run[f'car.{names}.z'] ** 2)", "first[0] - run[f'car.{names}.z'] ** 2")}),
+        (
+            "function",
+            {
+                ("max(run['y'][-1], 0.5)", "min(run['y'][-1], 0.5)"),
+                ("math.sqrt(first[0] - run[f'car.{names}.z'] ** 2)", "first[0] - run[f'car.{names}.z'] ** 2"),
+            },
+        ),
         ("arguments", {("plot: 'time [s]', first", "plot: first, 'time [s]'")}),
     ],
-)  # fmt: skip
+)
 def test_mistakes_of_a_kind(kind: str, expected: set[tuple[str, str]]) -> None:
     """What is raised and what stands in comments is no place for one."""
     assert changes(kind) == expected
@@ -135,12 +154,16 @@ def project(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 
 def test_what_no_test_notices_is_listed(project: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    names = [Mutant("cosim/plus.py", "unseen", "number", "2 * a", "4 * a", 1).id,
-             Mutant("cosim/plus.py", "unseen", "times", "2 * a", "2 / a", 1).id]  # fmt: skip
+    names = [
+        Mutant("cosim/plus.py", "unseen", "number", "2 * a", "4 * a", 1).id,
+        Mutant("cosim/plus.py", "unseen", "times", "2 * a", "2 / a", 1).id,
+    ]
     assert command.main() == 1
     assert capsys.readouterr().out.splitlines()[-3:] == [
-        names[1], names[0], "3 mistakes, 1 noticed, 0 accepted, 2 not noticed"
-    ]  # fmt: skip
+        names[1],
+        names[0],
+        "3 mistakes, 1 noticed, 0 accepted, 2 not noticed",
+    ]
     assert (project / "cosim" / "plus.py").read_text() == PLUS
     (project / "accepted.txt").write_text(
         f"# comment\n{names[0]}\n    no test calls it,\n    yet\n{names[1]}\n  nor this\n"
@@ -154,7 +177,8 @@ def test_what_no_test_notices_is_listed(project: Path, capsys: pytest.CaptureFix
 def test_what_is_written_to_the_project_meanwhile_is_not_seen(
     project: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Else a mistake would be looked for in a function that is gone, or tried beside other code than it was made for."""
+    """Else a mistake would be looked for in a function that is gone, or tried beside other code than it
+    was made for."""
     rooms = tuple(Room(name, ("cosim/plus.py",), ("tests/test_plus.py",)) for name in ("first", "second"))
     monkeypatch.setattr(command, "ROOMS", rooms)
     copied_tree, imported = command.trial.copied_tree, command.trial.imported
@@ -211,7 +235,8 @@ def test_slower_tests_are_tried_on_what_the_others_did_not_notice(
     project: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     (project / "tests" / "test_slow.py").write_text(
-        "from cosim.plus import plus, unseen\n\n\ndef test_all():\n    assert plus(1, 2) == 3\n    assert unseen(3) == 6\n"
+        "from cosim.plus import plus, unseen\n\n\ndef test_all():\n    assert plus(1, 2) == 3\n    assert unseen(3)"
+        " == 6\n"
     )
     room = Room("plus", ("cosim/plus.py",), ("tests/test_plus.py",), slower=("tests/test_slow.py",))
     monkeypatch.setattr(command, "ROOMS", (room,))

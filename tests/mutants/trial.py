@@ -24,8 +24,21 @@ from build_fmus.one_thread import one_thread
 LIMIT = (10.0, 5.0)  # s, and times what the tests take without a mistake: a test that takes longer has noticed
 COPIED = ("build_fmus", "cosim", "fmu_sources", "tests", "docs", "pyproject.toml", "README.md")
 ENDED = 100  # exit code of tests that passed
-LIBRARIES = ["casadi", "cffi", "fmpy", "jinja2", "lxml.etree", "numpy", "plotly.graph_objects", "pydantic", "pytest", "scipy.linalg",
-             "scipy.signal", "scipy.stats", "typer"]  # fmt: skip
+LIBRARIES = [
+    "casadi",
+    "cffi",
+    "fmpy",
+    "jinja2",
+    "lxml.etree",
+    "numpy",
+    "plotly.graph_objects",
+    "pydantic",
+    "pytest",
+    "scipy.linalg",
+    "scipy.signal",
+    "scipy.stats",
+    "typer",
+]
 """What most tests load and no mistake is made in: loaded once."""
 
 
@@ -61,7 +74,8 @@ def changed(file: Path, text: str) -> Iterator[None]:
 def passes(tree: Path, tests: Sequence[str], limit: float | None = None, first: Sequence[str] = ()) -> bool:
     """Whether tests pass in a tree, within ``limit`` seconds, in a process of their own.
 
-    ``first``: names of the tests that run before the others, since they are likely to fail; the first that does ends the trial.
+    ``first``: names of the tests that run before the others, since they are likely to fail; the first that does ends
+        the trial.
     """
     process = _started(tree, tests, None, first)
     process.join(limit)
@@ -99,8 +113,8 @@ def baseline(tree: Path, tests: Sequence[str]) -> Baseline:
 
 
 def imported(tree: Path, files: Sequence[str]) -> list[Path]:
-    """What files of a tree import of it, with their data: see :func:`build_fmus.sources.imported`, which looks in the project that it
-    lies in, so that of the tree is asked.
+    """What files of a tree import of it, with their data: see :func:`build_fmus.sources.imported`, which looks in the
+    project that it lies in, so that of the tree is asked.
     """
     code = "import sys; from build_fmus.sources import imported; print(*imported(sys.argv[1:]), sep='\\n')"
     command = [sys.executable, "-c", code, *files]
@@ -150,8 +164,8 @@ def _run(tree: str, tests: list[str], notes: Path | None, first: list[str]) -> N
         sink = os.open(os.devnull, os.O_WRONLY)
         os.dup2(sink, 1)
         os.dup2(sink, 2)
-    # Bytecode of the tree as it is saves a third of the time of each trial. That of a mistake is not kept: the next one may be of
-    # the same length, and would be taken for it.
+    # Bytecode of the tree as it is saves a third of the time of each trial. That of a mistake is not kept: the next one
+    # may be of the same length, and would be taken for it.
     sys.dont_write_bytecode = notes is None
     os.environ["PYTHONDONTWRITEBYTECODE"] = "1" if notes is None else ""  # of processes that tests start
     import built  # the FMUs as they are: a mistake is none of theirs

@@ -62,7 +62,9 @@ def test_the_noise_is_estimated_from_the_residuals() -> None:
     np.testing.assert_allclose(found.values, given.values, rtol=1e-6)
     np.testing.assert_allclose(found.deviations, given.deviations, rtol=0.25)
     low, high = found.intervals[0]
-    assert math.log(high / low) == pytest.approx(2 * 1.96793 * found.deviations[0], rel=1e-4)  # Student's t, 299 degrees of freedom
+    assert math.log(high / low) == pytest.approx(
+        2 * 1.96793 * found.deviations[0], rel=1e-4
+    )  # Student's t, 299 degrees of freedom
 
 
 def test_what_moves_nothing_is_not_told() -> None:
@@ -92,7 +94,9 @@ def test_a_product_is_told_and_its_factors_are_not() -> None:
 
 @pytest.mark.parametrize("seed", range(4))
 def test_combinations_do_not_depend_on_the_basis_that_lapack_chooses(seed: int) -> None:
-    """Two parameters with equal information and two with none: any axes of either plane, of either sign, give the same result."""
+    """Two parameters with equal information and two with none: any axes of either plane, of either sign, give the same
+    result.
+    """
     rng = np.random.default_rng(seed)
     size, axes = np.array([3.0, 3.0, 1e-17, 0.0]), np.linalg.qr(np.random.default_rng(9).standard_normal((4, 4)))[0]
     turn = np.zeros((4, 4))
@@ -121,7 +125,9 @@ def test_pairs_come_by_how_much_they_are_one() -> None:
     def sizes(values: Mapping[str, float]) -> np.ndarray:
         return sum(values[n] * np.exp(-rate * TIME) for n, rate in rates.items()) + 0 * TIME
 
-    found = calibrate(sizes, noisy(sizes(dict.fromkeys("abc", 1.0))), dict.fromkeys("abc", (0.9, 0.01, 10.0)), noise=1e-3)
+    found = calibrate(
+        sizes, noisy(sizes(dict.fromkeys("abc", 1.0))), dict.fromkeys("abc", (0.9, 0.01, 10.0)), noise=1e-3
+    )
     assert len(found.correlated) > 1
     strengths = [abs(r) for *_, r in found.correlated]
     assert strengths == sorted(strengths, reverse=True)
@@ -166,7 +172,8 @@ def test_further_first_values_find_a_smaller_sum() -> None:
     assert fit(20).values[0] == pytest.approx(9.0)
 
 
-# ----------------------------------------------------------------------------------------------------------------- systems
+# -----------------------------------------------------------------------------------------------------------------
+# systems
 
 
 class Lag(PythonComponent):
@@ -205,7 +212,10 @@ def test_a_system_is_calibrated_by_the_names_of_its_parameters() -> None:
     ("changes", "said"),
     [
         ({"parameters": {}}, "no parameter to calibrate"),
-        ({"parameters": {"rate": (1.0, 2.0, 3.0)}}, "rate begins at 1 and is looked for from 2 to 3; give positive numbers"),
+        (
+            {"parameters": {"rate": (1.0, 2.0, 3.0)}},
+            "rate begins at 1 and is looked for from 2 to 3; give positive numbers",
+        ),
         ({"parameters": {"rate": (1.0, 3.0, 0.5)}}, "give positive numbers, the first between the others"),
         ({"parameters": {"rate": (1.0, 0.0, 3.0)}}, "give positive numbers"),
         ({"parameters": {"rate": 1.0}}, "the range of rate is 1.0; give first value, lowest, highest"),

@@ -127,7 +127,8 @@ def test_a_file_of_another_model_is_refused(tmp_path: Path) -> None:
         optimise(circles, SPACE, TWO, trials=2, storage=file, identity="mass 2")
 
 
-# --------------------------------------------------------------------------------------------------------- of an experiment
+# --------------------------------------------------------------------------------------------------------- of an
+# experiment
 
 
 @dataclass(frozen=True)
@@ -152,7 +153,8 @@ def test_cases_of_an_experiment_need_its_fields_and_a_bad_one_fails(tmp_path: Pa
     assert [str(r["failed"])[:15] for r in runs.together([{"height": 5.0}])] == ["height is 5 m; "]
 
 
-# -------------------------------------------------------------------------------------------------------- what users do wrong
+# -------------------------------------------------------------------------------------------------------- what users do
+# wrong
 
 
 @pytest.mark.parametrize(
@@ -196,7 +198,11 @@ def test_another_search_in_the_same_file(tmp_path: Path) -> None:
 def test_optuna_is_used_by_its_public_names_only() -> None:
     """Its private ones may change with any release that the extra allows."""
     tree = ast.parse(Path(inspect.getfile(optimise)).read_text(encoding="utf-8"))
-    private = {ast.unparse(n) for n in ast.walk(tree) if isinstance(n, ast.Attribute) and n.attr.startswith("_") and not n.attr.endswith("__")}
+    private = {
+        ast.unparse(n)
+        for n in ast.walk(tree)
+        if isinstance(n, ast.Attribute) and n.attr.startswith("_") and not n.attr.endswith("__")
+    }
     assert {n for n in private if not n.startswith(("self.", "cls."))} == set()
     imported = {n.module for n in ast.walk(tree) if isinstance(n, ast.ImportFrom) and n.module}
     assert not any(part.startswith("_") for module in imported for part in module.split(".") if module != "__future__")

@@ -10,7 +10,7 @@ from typer.testing import CliRunner
 
 from cosim.cli import app
 
-SYSTEM = '''
+SYSTEM = """
 from cosim import PythonComponent, System
 
 STOP_TIME = 0.02
@@ -39,7 +39,7 @@ def system(name: str = "round"):
 def measure(run):
     a = float(run.recording["bowl.a"][-1])
     return {"depth": a, "height": -a, "width": a + (0.0 if run.case.name == "round" else 5.0)}
-'''
+"""
 
 
 @pytest.fixture(autouse=True)

@@ -23,10 +23,11 @@ _LOGICAL = {ca.OP_NOT, ca.OP_AND, ca.OP_OR, ca.OP_SIGN}
 
 
 def inconsistent(model: Model) -> list[str]:
-    """What is wrong with the derivatives, updates, starts and outputs of a component with SX symbols; empty when nothing is.
+    """What is wrong with the derivatives, updates, starts and outputs of a component with SX symbols; empty when
+    nothing is.
 
-    A literal has no dimension, but 0 has every one; an output that is a literal has the declared one. Radians count as none. Not for
-    units by row and column.
+    A literal has no dimension, but 0 has every one; an output that is a literal has the declared one. Radians count as
+    none. Not for units by row and column.
     """
     variables = [v for r in VECTORS for v in model.of(r)] + model.of("constant")
     arguments = [ca.SX.sym("t"), *(ca.SX.sym(v.name, *v.symbol.shape) for v in variables)]
@@ -35,8 +36,10 @@ def inconsistent(model: Model) -> list[str]:
     names, declared = [], []
     changed = {"s": Fraction(1)} if model.kind == "continuous" else NONE
     for what, group, per in (
-        ("start", model.starts, NONE), ("change", model.changes, changed), ("output", model.results, NONE)
-    ):  # fmt: skip
+        ("start", model.starts, NONE),
+        ("change", model.changes, changed),
+        ("output", model.results, NONE),
+    ):
         for name, e in group.items():
             if what == "output" and e.is_constant():
                 continue

@@ -1,7 +1,7 @@
 """Theorem 2 of paper 004, the loop of a sampled controller and its plant, and means of squares.
 
-Theorem 2 is for an index in outputs with a known error; no component uses it. Where the print is incomplete or damaged, this is
-what is implemented:
+Theorem 2 is for an index in outputs with a known error; no component uses it. Where the print is incomplete or damaged,
+this is what is implemented:
 
 * (A5): N_d is C' Q1 D Rd^-1 N' + N Rd^-1 D' Q1 C + N Rd^-1 N'.
 * (A6) is r = lambda - P x; the first term of (A9) is A_d' P; (A10) ends at r = -P x for a horizon without a terminal

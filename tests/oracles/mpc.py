@@ -1,7 +1,8 @@
 """The same MPC step by an independent path: dense prediction in numpy, plain units, solved by quadprog.
 
 Nothing here uses the condensed program of the FMU: outputs are predicted by simulating the model, the cost is summed up
-step by step, and Goldfarb and Idnani's dual method of ``quadprog`` solves it. Tests and benchmarks compare the FMU with it.
+step by step, and Goldfarb and Idnani's dual method of ``quadprog`` solves it. Tests and benchmarks compare the FMU with
+it.
 """
 
 from __future__ import annotations
@@ -21,7 +22,9 @@ _SPARE = 1e-10  # of a scaled unknown; two bounds that meet are one equality, wh
 
 @dataclass(frozen=True)
 class ReferenceStep:
-    """Solution of one step: ``command`` (nu,) after clipping, all ``moves`` (blocks, nu), ``slack``, cost without constants."""
+    """Solution of one step: ``command`` (nu,) after clipping, all ``moves`` (blocks, nu), ``slack``, cost without
+    constants.
+    """
 
     command: Array
     moves: Array
@@ -128,7 +131,9 @@ class MpcReference:
 
     @cache  # noqa: B019
     def _fixed(self, case: int) -> _Fixed:
-        """What does not change from step to step, in unknowns with a Hessian of diagonal 1 (quadprog's tolerance is absolute)."""
+        """What does not change from step to step, in unknowns with a Hessian of diagonal 1 (quadprog's tolerance is
+        absolute).
+        """
         mpc, h = self.mpc, self.mpc.horizon
         inputs, nu = mpc.case_inputs[case], len(mpc.model.inputs)
         n = nu * h.control

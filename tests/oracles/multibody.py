@@ -1,9 +1,11 @@
-"""The car of a file with hardpoints in Exudyn, a multibody code of other authors: rigid bodies, joints, and forces between them.
+"""The car of a file with hardpoints in Exudyn, a multibody code of other authors: rigid bodies, joints, and forces
+between them.
 
-Nothing of our equations is used. Bodies are where the file's hardpoints have them at design, with the file's masses and inertias; the arms turn
-about their pivots, ball joints and tierods close the mechanisms, the wheels turn on their uprights. Springs, stops, dampers, tires and the driver
-are written once more from the file's parameters, the tires with the exact area of a disc below a finely divided profile. Exudyn finds the motion with
-the generalized-alpha method in redundant coordinates.
+Nothing of our equations is used. Bodies are where the file's hardpoints have them at design, with the file's masses and
+inertias; the arms turn about their pivots, ball joints and tierods close the mechanisms, the wheels turn on their
+uprights. Springs, stops, dampers, tires and the driver are written once more from the file's parameters, the tires with
+the exact area of a disc below a finely divided profile. Exudyn finds the motion with the generalized-alpha method in
+redundant coordinates.
 """
 
 from __future__ import annotations
@@ -50,15 +52,23 @@ class Motion:
 class MultibodyCar:
     """The car over a road.
 
-    ``force`` (4,) [N]: of the actuators, at all times; ``speed`` [m/s] at the start, which the driver keeps. ``shifted``: the road bears the tire where
-    the code of the public model has it, not below the wheel centre along the normal: at the point of the road (radius - depth) times the normal away,
-    so behind the wheel where it climbs, with the normal that the road has there.
+    ``force`` (4,) [N]: of the actuators, at all times; ``speed`` [m/s] at the start, which the driver keeps.
+    ``shifted``: the road bears the tire where the code of the public model has it, not below the wheel centre along the
+    normal: at the point of the road (radius - depth) times the normal away, so behind the wheel where it climbs, with
+    the normal that the road has there.
     """
 
     def __init__(
-        self, vehicle: WishboneCar, road: Road = level, *, speed: float = 0.0, start: float = 5.0, height: float = 0.80,
-        force: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0), shifted: bool = False,
-    ) -> None:  # fmt: skip
+        self,
+        vehicle: WishboneCar,
+        road: Road = level,
+        *,
+        speed: float = 0.0,
+        start: float = 5.0,
+        height: float = 0.80,
+        force: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0),
+        shifted: bool = False,
+    ) -> None:
         import exudyn as exu
         from exudyn.utilities import RigidBodyInertia
 
@@ -77,17 +87,28 @@ class MultibodyCar:
         self.cg = np.array([start, 0.0, height])
         self.frame = self.cg - [body.com_x.value, 0.0, body.com_z.value]  # origin of the chassis frame
 
-        def rigid(mass: float, inertia: np.ndarray, place: np.ndarray, turn: np.ndarray | None = None, **more: Any) -> Any:
+        def rigid(
+            mass: float, inertia: np.ndarray, place: np.ndarray, turn: np.ndarray | None = None, **more: Any
+        ) -> Any:
             tensor = np.asarray(inertia)
             if turn is not None:
                 tensor = turn @ tensor @ turn.T
             return self.mbs.CreateRigidBody(
-                referencePosition=list(place), inertia=RigidBodyInertia(mass, tensor), gravity=[0, 0, -GRAVITY],
-                initialVelocity=[speed, 0, 0], **more,
-            )  # fmt: skip
+                referencePosition=list(place),
+                inertia=RigidBodyInertia(mass, tensor),
+                gravity=[0, 0, -GRAVITY],
+                initialVelocity=[speed, 0, 0],
+                **more,
+            )
 
         # The steering gear is fixed to the chassis: one body about the common centre of mass.
-        parts = [(body.mass.value, np.zeros(3), np.diag([body.roll_inertia.value, body.pitch_inertia.value, body.yaw_inertia.value]))]
+        parts = [
+            (
+                body.mass.value,
+                np.zeros(3),
+                np.diag([body.roll_inertia.value, body.pitch_inertia.value, body.yaw_inertia.value]),
+            )
+        ]
         for part in (vehicle.steering_gear.link, vehicle.steering_gear.pitman):
             place = np.array(part.position.value) * [1, 0, 1] - [body.com_x.value, 0.0, body.com_z.value]
             parts.append((part.mass.value, place, np.zeros((3, 3))))
@@ -120,7 +141,9 @@ class MultibodyCar:
         centre = at("wheel_centre")
         wheel = vehicle.wheel
         spin = self.speed / (vehicle.tire.radius.value - 0.005)
-        turning = np.diag([wheel.tilt_inertia.value, wheel.spin_inertia.value + wheel.shaft_inertia.value, wheel.tilt_inertia.value])
+        turning = np.diag(
+            [wheel.tilt_inertia.value, wheel.spin_inertia.value + wheel.shaft_inertia.value, wheel.tilt_inertia.value]
+        )
         disc = rigid(wheel.mass.value, turning, centre, initialAngularVelocity=[0, spin, 0])
         upright = rigid(vehicle.upright.mass.value, np.diag(vehicle.upright.inertia.value), at("upright_com"))
         mbs.CreateGenericJoint(itemNumbers=[upright, disc], position=list(centre), constrainedAxes=[1, 1, 1, 1, 0, 1])
@@ -135,7 +158,10 @@ class MultibodyCar:
             arm = rigid(solid.mass.value, np.diag(solid.inertia.value), com, turn)
             axes = np.column_stack([np.cross(normal, along), normal, along])
             mbs.CreateGenericJoint(
-                itemNumbers=[self.chassis, arm], position=list((front + rear) / 2), rotationMatrixAxes=axes, constrainedAxes=[1, 1, 1, 1, 1, 0]
+                itemNumbers=[self.chassis, arm],
+                position=list((front + rear) / 2),
+                rotationMatrixAxes=axes,
+                constrainedAxes=[1, 1, 1, 1, 1, 0],
             )
             mbs.CreateSphericalJoint(itemNumbers=[arm, upright], position=list(ball))
             arms[which] = com
@@ -143,28 +169,37 @@ class MultibodyCar:
                 lower = arm
         body_at = self.cg + self.com
         mbs.CreateDistanceConstraint(
-            itemNumbers=[self.chassis, upright], localPosition0=list(at("tierod_inner") - body_at),
+            itemNumbers=[self.chassis, upright],
+            localPosition0=list(at("tierod_inner") - body_at),
             localPosition1=list(at("tierod_outer") - at("upright_com")),
-        )  # fmt: skip
+        )
         for name, law in (("spring", self._spring(axle)), ("damper", self._damper(axle))):
             top, bottom = at(f"{name}_top"), at(f"{name}_bottom")
             mbs.CreateSpringDamper(
-                itemNumbers=[self.chassis, lower], localPosition0=list(top - body_at), localPosition1=list(bottom - arms["lower"]),
-                referenceLength=1e-9, stiffness=1.0, springForceUserFunction=law,
-            )  # fmt: skip
+                itemNumbers=[self.chassis, lower],
+                localPosition0=list(top - body_at),
+                localPosition1=list(bottom - arms["lower"]),
+                referenceLength=1e-9,
+                stiffness=1.0,
+                springForceUserFunction=law,
+            )
         exu = self.exu
         ground = mbs.AddMarker(exu.utilities.MarkerBodyRigid(bodyNumber=mbs.CreateGround()))
         hub = mbs.AddMarker(exu.utilities.MarkerBodyRigid(bodyNumber=disc))
         mbs.AddObject(
             exu.utilities.ObjectConnectorRigidBodySpringDamper(
-                markerNumbers=[ground, hub], stiffness=np.zeros((6, 6)), damping=np.zeros((6, 6)),
+                markerNumbers=[ground, hub],
+                stiffness=np.zeros((6, 6)),
+                damping=np.zeros((6, 6)),
                 springForceTorqueUserFunction=self._tire_law(i, disc),
             )
-        )  # fmt: skip
+        )
         self.wheels.append(disc)
 
     def _actuators(self) -> None:
-        """Forces along the vertical of the chassis between it and the wheel centres, as connectors to the ground want them."""
+        """Forces along the vertical of the chassis between it and the wheel centres, as connectors to the ground want
+        them.
+        """
         mbs, kinds = self.mbs, self.exu.OutputVariableType
         ground = mbs.CreateGround()
 
@@ -185,7 +220,10 @@ class MultibodyCar:
             markers = [mbs.AddMarker(self.exu.utilities.MarkerBodyRigid(bodyNumber=b)) for b in (ground, body)]
             mbs.AddObject(
                 self.exu.utilities.ObjectConnectorRigidBodySpringDamper(
-                    markerNumbers=markers, stiffness=np.zeros((6, 6)), damping=np.zeros((6, 6)), springForceTorqueUserFunction=law
+                    markerNumbers=markers,
+                    stiffness=np.zeros((6, 6)),
+                    damping=np.zeros((6, 6)),
+                    springForceTorqueUserFunction=law,
                 )
             )
 
@@ -263,7 +301,9 @@ class MultibodyCar:
             slip = (self._slip[i] + share * (spin * (radius - depth / 3) - rolling)) / (1 + share * pace)
             drive = tire.slip_stiffness.value * slip
             corner = -tire.cornering_stiffness.value * float(patch @ side) / pace
-            grip = load / np.sqrt(1 + (drive / tire.longitudinal_friction.value) ** 2 + (corner / tire.lateral_friction.value) ** 2)
+            grip = load / np.sqrt(
+                1 + (drive / tire.longitudinal_friction.value) ** 2 + (corner / tire.lateral_friction.value) ** 2
+            )
             force = load * normal + grip * (drive * forward + corner * side)
             resistance = tire.rolling_resistance.value * load * radius * np.tanh(spin * radius / LOW_SPEED)
             moment = _cross(below, load * normal + grip * corner * side)
@@ -321,7 +361,17 @@ class MultibodyCar:
         settings.show.statistics = False
         mbs.SetPostStepUserFunction(record)
         mbs.SolveDynamic(settings)
-        names = ["time", "x", "height", "body.az", "seat.az", "pitch", "roll", *(f"wheel.{c}.height" for c in CORNERS), *(f"tire.{c}.force" for c in CORNERS)]
+        names = [
+            "time",
+            "x",
+            "height",
+            "body.az",
+            "seat.az",
+            "pitch",
+            "roll",
+            *(f"wheel.{c}.height" for c in CORNERS),
+            *(f"tire.{c}.force" for c in CORNERS),
+        ]
         columns = dict(zip(names, np.array(rows).T, strict=True))
         return Motion(columns.pop("time"), columns)
 

@@ -196,10 +196,15 @@ def test_mirror_symmetry(car, seed):
 # -------------------------------------------------------------------------------------------------------------- energy
 
 CONSERVATIVE = {
-    "suspension__front__damper": 0.0, "suspension__rear__damper": 0.0, "suspension__stop__travel": 1.0,
-    "tire__damping": 0.0, "tire__slip_stiffness": 0.0, "tire__cornering_stiffness": 0.0,
-    "speed_control__gain": 0.0, "speed_control__integral_gain": 0.0,
-}  # fmt: skip
+    "suspension__front__damper": 0.0,
+    "suspension__rear__damper": 0.0,
+    "suspension__stop__travel": 1.0,
+    "tire__damping": 0.0,
+    "tire__slip_stiffness": 0.0,
+    "tire__cornering_stiffness": 0.0,
+    "speed_control__gain": 0.0,
+    "speed_control__integral_gain": 0.0,
+}
 
 
 def energy(car, road):
@@ -413,8 +418,13 @@ def test_no_nan_anywhere(car, state, inputs, speed):
     start = car.start(u, p)
     x = start + state * np.where(np.char.find(car.states, "spin") >= 0, 100.0, 1.0)
     ones = [np.ones(n) for n in (len(x), len(u), len(p))]
-    for values in (start, car.rhs(x, u, p), car.f["out"](0, x, u, p), *car.f["fwd"](0, x, u, p, *ones),
-                   car.f["fwd_start"](x, u, p, *ones)):  # fmt: skip
+    for values in (
+        start,
+        car.rhs(x, u, p),
+        car.f["out"](0, x, u, p),
+        *car.f["fwd"](0, x, u, p, *ones),
+        car.f["fwd_start"](x, u, p, *ones),
+    ):
         assert np.isfinite(np.asarray(values)).all()
     assert np.isfinite(car.c.linearize(x, u, p).A).all()
 

@@ -1,4 +1,6 @@
-"""How the full car depends on how time is divided into steps: solver am2 restarts at every doStep (docs/architecture.md)."""
+"""How the full car depends on how time is divided into steps: solver am2 restarts at every doStep
+(docs/architecture.md).
+"""
 
 from __future__ import annotations
 

@@ -234,9 +234,12 @@ def test_bypass_is_a_variable_damper(actuator):
     for area in (1e-5, 2e-5, 5e-5):
         run = Run(actuator).set(bypass_area=area, piston_velocity=0.4).settle(0.3)
         pressure = brentq(
-            lambda p, area=area: DISCHARGE * area * math.sqrt(2 * p / DENSITY[actuator.name]) + LEAKAGE * p - AREA * 0.4,
-            0.0, 1e10,
-        )  # fmt: skip
+            lambda p, area=area: (
+                DISCHARGE * area * math.sqrt(2 * p / DENSITY[actuator.name]) + LEAKAGE * p - AREA * 0.4
+            ),
+            0.0,
+            1e10,
+        )
         assert run.get("force") == pytest.approx(-AREA * pressure, rel=1e-4)
         forces.append(-run.get("force"))
     assert forces == sorted(forces, reverse=True)
@@ -313,16 +316,28 @@ def test_coupled_with_the_car_at_half_a_millisecond(actuator):
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ('[supply]\npressure = { value = 0.0, unit = "bar", source = "x" }', ["supply.pressure: 0 bar", "at least 100000 Pa"]),
+        (
+            '[supply]\npressure = { value = 0.0, unit = "bar", source = "x" }',
+            ["supply.pressure: 0 bar", "at least 100000 Pa"],
+        ),
         ('[supply]\npressure = { value = -5.0, unit = "MPa", source = "x" }', ["supply.pressure: -5 MPa", "at least"]),
-        ('[cylinder]\nvolume = { value = -1.2, unit = "l", source = "x" }', ["cylinder.volume: -1.2 l", "at least 1e-06 m3"]),
-        ('[cylinder]\nvolume = { value = 1.2, unit = "kg", source = "x" }', ["cylinder.volume", "'kg'", "'m3' is expected"]),
+        (
+            '[cylinder]\nvolume = { value = -1.2, unit = "l", source = "x" }',
+            ["cylinder.volume: -1.2 l", "at least 1e-06 m3"],
+        ),
+        (
+            '[cylinder]\nvolume = { value = 1.2, unit = "kg", source = "x" }',
+            ["cylinder.volume", "'kg'", "'m3' is expected"],
+        ),
         ('[fluid]\ndensity = { value = 0, unit = "kg/m3", source = "x" }', ["fluid.density: 0 kg/m3", "at least 100"]),
-        ('[valve]\ntime_constant = { value = 0, unit = "ms", source = "x" }', ["valve.time_constant: 0 ms", "at least"]),
+        (
+            '[valve]\ntime_constant = { value = 0, unit = "ms", source = "x" }',
+            ["valve.time_constant: 0 ms", "at least"],
+        ),
         ('[valve]\nbandwidth = { value = 0, unit = "Hz", source = "x" }', ["valve.bandwidth: unknown field"]),
         ('[cylinder]\nleakage = { value = -1e-12, unit = "m5/(N.s)", source = "x" }', ["cylinder.leakage: -1e-12"]),
     ],
-)  # fmt: skip
+)
 def test_bad_parameters_are_named(tmp_path, text, words):
     path = tmp_path / "mine.toml"
     path.write_text(f'base = "actuator_hmmwv"\n{text}\n')

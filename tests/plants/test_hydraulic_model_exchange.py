@@ -62,9 +62,16 @@ def held(table: np.ndarray) -> np.ndarray:
 def force(path: str, interface: str, table: np.ndarray, **options: object) -> np.ndarray:
     """Force [N] at the rows, by FMPy."""
     result = fmpy.simulate_fmu(
-        path, fmi_type=interface, stop_time=rows("HydraulicActuator")["time"][-1], output_interval=STEP, step_size=STEP,
-        input=table, output=["force"], record_events=False, **options,
-    )  # fmt: skip
+        path,
+        fmi_type=interface,
+        stop_time=rows("HydraulicActuator")["time"][-1],
+        output_interval=STEP,
+        step_size=STEP,
+        input=table,
+        output=["force"],
+        record_events=False,
+        **options,
+    )
     assert len(result) == 201
     return result["force"]
 
@@ -82,8 +89,9 @@ class ReadsInputs(fmpy.sundials.CVodeSolver):
 
 
 def refined(path: str, table: np.ndarray, tolerance: float) -> tuple[np.ndarray, float]:
-    """Co-Simulation with solver steps halved until it moves by less than the tolerance, at most down to the shortest step
-    there is; and by how much it moved, in units of its range."""
+    """Co-Simulation with solver steps halved until it moves by less than the tolerance, at most down to the shortest
+    step there is; and by how much it moved, in units of its range.
+    """
     before = None
     for step in (64e-6, 32e-6, 16e-6, 8e-6, 4e-6, 2e-6, 1e-6):
         now = force(path, "CoSimulation", table, start_values={"solver.step": step})
@@ -141,7 +149,8 @@ def test_linear_inputs_converge_on_an_independent_solution(
 
 
 def test_kinks_need_no_events(name: str, path: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The valve's step, its saturation and the spool's crossing of its centre inside a solver step: no event anywhere."""
+    """The valve's step, its saturation and the spool's crossing of its centre inside a solver step: no
+    event anywhere."""
     monkeypatch.setattr(fmpy.sundials, "CVodeSolver", ReadsInputs)
     expected = independent(name)
     for tolerance in (1e-6, 1e-7, 1e-8):
@@ -158,7 +167,9 @@ def documented() -> tuple[float, float]:
 
 
 def test_what_an_importer_adds_that_reads_inputs_between_steps_only(name: str, path: str) -> None:
-    """FMPy as it is, on the inputs of the documentation: the documented error, and the end below the documented tolerance."""
+    """FMPy as it is, on the inputs of the documentation: the documented error, and the end below the documented
+    tolerance.
+    """
     low, high = documented()
     expected = independent(name)
     for tolerance in (1e-4, 1e-5, 1e-6, 1e-7):

@@ -15,8 +15,24 @@ from fmu_sources.vehicles import load_wishbone_car
 
 INPUTS = [f"{what}.{k}" + ".height" * (what == "road") for what in ("road", "force") for k in CORNERS]
 # not body.roll_acceleration: that of the nonlinear car is about its body axis, which is pitched by 3 mrad at rest
-SEEN = [*POSITIONS, "body.az", "body.pitch_acceleration", "seat.az", "seat.ax",
-        *(f"{a}.{k}.{b}" for k in CORNERS for a, b in (("wheel", "az"), ("suspension", "deflection"), ("suspension", "velocity"), ("tire", "force"), ("tire", "deflection")))]  # fmt: skip
+SEEN = [
+    *POSITIONS,
+    "body.az",
+    "body.pitch_acceleration",
+    "seat.az",
+    "seat.ax",
+    *(
+        f"{a}.{k}.{b}"
+        for k in CORNERS
+        for a, b in (
+            ("wheel", "az"),
+            ("suspension", "deflection"),
+            ("suspension", "velocity"),
+            ("tire", "force"),
+            ("tire", "deflection"),
+        )
+    ),
+]
 
 
 @pytest.fixture(scope="module")
@@ -58,7 +74,10 @@ def test_it_answers_as_the_linear_model_of_the_nonlinear_car(linear, nonlinear, 
 def test_the_rate_of_a_road_acts_as_wheels_do_that_move_the_other_way(linear, nonlinear, vehicle):
     """A tire's damper feels the difference of both; and at speed, a slope is the rate over the speed."""
     lin = linear.linearize()
-    wheels, rates = ([names.index(n.format(k)) for k in CORNERS] for names, n in ((lin.states, "wheel.{}.vz"), (lin.inputs, "road.{}.rate")))
+    wheels, rates = (
+        [names.index(n.format(k)) for k in CORNERS]
+        for names, n in ((lin.states, "wheel.{}.vz"), (lin.inputs, "road.{}.rate"))
+    )
     for k, wheel, rate in zip(CORNERS, wheels, rates, strict=True):
         force = lin.outputs.index(f"tire.{k}.force")
         assert lin.C[force, wheel] == pytest.approx(-lin.D[force, rate], rel=1e-9)
@@ -67,8 +86,13 @@ def test_the_rate_of_a_road_acts_as_wheels_do_that_move_the_other_way(linear, no
     standing, rolling = (at_rest(nonlinear, linear_values(vehicle), speed) for speed in (0.0, v))
     slopes = [f"road.{k}.slope" for k in CORNERS]
     forces = [f"tire.{k}.force" for k in CORNERS]
-    by_slope = [lin.D[np.ix_([lin.outputs.index(n) for n in forces], [lin.inputs.index(n) for n in slopes])] for lin in (standing, rolling)]
-    assert by_slope[1] - by_slope[0] == pytest.approx(v * lin.D[np.ix_([lin.outputs.index(n) for n in forces], rates)], rel=1e-9)
+    by_slope = [
+        lin.D[np.ix_([lin.outputs.index(n) for n in forces], [lin.inputs.index(n) for n in slopes])]
+        for lin in (standing, rolling)
+    ]
+    assert by_slope[1] - by_slope[0] == pytest.approx(
+        v * lin.D[np.ix_([lin.outputs.index(n) for n in forces], rates)], rel=1e-9
+    )
 
 
 def test_a_road_that_rises_as_the_car_does_changes_nothing(linear):
@@ -78,13 +102,17 @@ def test_a_road_that_rises_as_the_car_does_changes_nothing(linear):
     lifted = state["body.z"] + sum(state[f"wheel.{k}.z"] + column[f"road.{k}.height"] for k in CORNERS)
     assert np.abs(lifted).max() < 1e-7  # of accelerations up to 4600 m/s2 per m
     rising = state["body.vz"] + sum(state[f"wheel.{k}.vz"] + column[f"road.{k}.rate"] for k in CORNERS)
-    rising[: len(POSITIONS)] -= 1.0 * np.array([n == "body.z" or n.startswith("wheel") for n in POSITIONS])  # heights, which do rise
+    rising[: len(POSITIONS)] -= 1.0 * np.array(
+        [n == "body.z" or n.startswith("wheel") for n in POSITIONS]
+    )  # heights, which do rise
     assert np.abs(rising).max() < 1e-8
 
 
 def test_it_only_takes_energy_and_answers_alike_both_ways(linear):
-    """Power that actuators give at any frequency is not negative in the mean; and what a force here does to the strut there, the same force
-    there does here (Maxwell), but for what loads do that act below leaning wheels: neither is in the construction."""
+    """Power that actuators give at any frequency is not negative in the mean; and what a force here does to the strut
+    there, the same force there does here (Maxwell), but for what loads do that act below leaning wheels: neither is in
+    the construction.
+    """
     lin = linear.linearize()
     assert np.linalg.eigvals(lin.A).real.max() < -1.0
     rates, travels = ([f"suspension.{k}.{what}" for k in CORNERS] for what in ("velocity", "deflection"))
@@ -102,7 +130,9 @@ def pulse(t, at, width):
 
 def drive(size):
     """By input, something that is smooth and different at each corner."""
-    signals = {f"road.{k}.height": lambda t, at=0.02 + 0.03 * i: size * pulse(t, at, 0.12) for i, k in enumerate(CORNERS[:3])}
+    signals = {
+        f"road.{k}.height": lambda t, at=0.02 + 0.03 * i: size * pulse(t, at, 0.12) for i, k in enumerate(CORNERS[:3])
+    }
     return {**signals, "force.rr": lambda t: 2e5 * size * pulse(t, 0.05, 0.1)}
 
 
@@ -121,7 +151,15 @@ def motion(car, size, values=None):
 
     times = np.linspace(0.0, 0.4, 41)
     rhs, out = car.functions["rhs"], car.functions["out"]
-    found = solve_ivp(lambda t, x: np.asarray(rhs(t, x, u(t), p)).ravel(), (0.0, 0.4), x0, t_eval=times, rtol=1e-10, atol=1e-13, max_step=5e-3)
+    found = solve_ivp(
+        lambda t, x: np.asarray(rhs(t, x, u(t), p)).ravel(),
+        (0.0, 0.4),
+        x0,
+        t_eval=times,
+        rtol=1e-10,
+        atol=1e-13,
+        max_step=5e-3,
+    )
     elements = {e.name: e for e in car.output_elements()}
     rows = []
     for t, x in zip(found.t, found.y.T, strict=True):
@@ -131,7 +169,9 @@ def motion(car, size, values=None):
 
 
 def test_small_motions_of_the_nonlinear_car_are_its_own(linear, nonlinear, vehicle):
-    """The difference falls as the square of the size; with the dampers of the file, which have no derivative at rest, it falls as the size does."""
+    """The difference falls as the square of the size; with the dampers of the file, which have no derivative at rest,
+    it falls as the size does.
+    """
     values = linear_values(vehicle)
     own = motion(linear, 1.0)
     differences, scale = [], np.abs(own).max()
@@ -146,7 +186,9 @@ def test_small_motions_of_the_nonlinear_car_are_its_own(linear, nonlinear, vehic
 
 
 def test_the_mean_rate_takes_the_same_from_up_and_down(nonlinear, vehicle):
-    """Of every travel at rest: the dampers' force at a rate less that at minus this rate, by the accelerations that it gives."""
+    """Of every travel at rest: the dampers' force at a rate less that at minus this rate, by the accelerations that it
+    gives.
+    """
     rhs = nonlinear.functions["rhs"]
     u = nonlinear.vector("input", {"target.speed": 0.0})
     names = [e.name for e in nonlinear.elements("state")]
@@ -165,7 +207,9 @@ def test_the_mean_rate_takes_the_same_from_up_and_down(nonlinear, vehicle):
 
 def test_rest_and_loads(linear, built_fmus):
     lin = linear.linearize()
-    assert not np.asarray(linear.functions["rhs"](0, linear.vector("state"), linear.vector("input"), linear.vector("parameter"))).any()
+    assert not np.asarray(
+        linear.functions["rhs"](0, linear.vector("state"), linear.vector("input"), linear.vector("parameter"))
+    ).any()
     loads = [number(linear, f"tire.{k}.load") for k in CORNERS]
     assert sum(loads) == pytest.approx(2573.138 * 9.81, rel=1e-4)  # the whole car
     assert loads == pytest.approx([6494, 6494, 6127, 6127], abs=2)  # parked, as published
@@ -184,14 +228,18 @@ def test_halving_the_step_changes_little(built_fmus):
         with System() as system:
             system.add("car", built_fmus.path("RideCarHmmwvPublic", 3), step="1 ms", parameters={"solver.step": step})
             system["car"].set({"force.fl": 1000.0, "road.rr.height": 0.02})
-            found.append(system.run(1.0, record=["car.body.z", "car.wheel.rr.z"], record_interval="1 ms", allow_unconnected=True))
+            found.append(
+                system.run(1.0, record=["car.body.z", "car.wheel.rr.z"], record_interval="1 ms", allow_unconnected=True)
+            )
     for n in ("car.body.z", "car.wheel.rr.z"):
         assert np.abs(found[0][n] - found[1][n]).max() < 1e-6 * np.abs(found[1][n]).max()
 
 
 def test_what_the_ride_does_not_decide_is_refused_by_name(nonlinear, vehicle):
     values = linear_values(vehicle)
-    with pytest.raises(ValueError, match=r"FullCarTest: acceleration of body\.\w+ depends on more than body and wheels"):
+    with pytest.raises(
+        ValueError, match=r"FullCarTest: acceleration of body\.\w+ depends on more than body and wheels"
+    ):
         ride_motion(nonlinear, {n: v for n, v in values.items() if n not in WITHOUT_SLIP})
     with pytest.raises(ValueError, match=r"FullCarTest: speed depends on more"):
         ride_motion(nonlinear, values, ["speed"])
@@ -200,7 +248,9 @@ def test_what_the_ride_does_not_decide_is_refused_by_name(nonlinear, vehicle):
 def test_a_vehicle_of_a_user_has_its_own(tmp_path, linear):
     """Twice the body's mass: slower, on stiffer parts of its tables."""
     file = tmp_path / "heavy.toml"
-    file.write_text('base = "hmmwv_public"\nname = "heavy"\n\n[body]\nmass = { value = 3000.0, unit = "kg", source = "test" }\n')
+    file.write_text(
+        'base = "hmmwv_public"\nname = "heavy"\n\n[body]\nmass = { value = 3000.0, unit = "kg", source = "test" }\n'
+    )
     heavy = linear_ride_car(load_wishbone_car(file), "RideCarHeavy").model()
     loads = [sum(number(m, f"tire.{k}.load") for k in CORNERS) for m in (linear, heavy)]
     assert loads[1] - loads[0] == pytest.approx((3000.0 - 2086.52) * 9.81, rel=1e-6)

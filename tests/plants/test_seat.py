@@ -43,7 +43,16 @@ class Moving:
         self.run.p = self.model.vector("parameter", parameters)
         self.p = dict(zip([e.name for e in self.model.elements("parameter")], self.run.p, strict=True))
         x = np.asarray(self.model.functions["start"](self.model.vector("state"), self.run.u, self.run.p)).ravel()
-        off = {".z": 0.02, ".vz": 0.5, "roll": 0.15, "pitch": 0.1, "yaw": 0.05, "_rate": 0.6, ".velocity": 0.3, "deflection": 0.01}
+        off = {
+            ".z": 0.02,
+            ".vz": 0.5,
+            "roll": 0.15,
+            "pitch": 0.1,
+            "yaw": 0.05,
+            "_rate": 0.6,
+            ".velocity": 0.3,
+            "deflection": 0.01,
+        }
         size = [next((s for end, s in off.items() if n.endswith(end)), 0.0) for n in self.names]
         self.x = x + np.array(size) * rng.uniform(0.5, 1.0, len(size)) * rng.choice([-1, 1], len(size))
 
@@ -55,7 +64,14 @@ class Moving:
         return dict(zip([e.name for e in self.model.output_elements()], self.run.outputs(), strict=True))
 
     def position(self, x, place, arm):
-        return place({n: x[self.names.index(n)] for n in ("x", "body.z", "body.roll", "body.pitch", "body.yaw") if n in self.names}, arm)
+        return place(
+            {
+                n: x[self.names.index(n)]
+                for n in ("x", "body.z", "body.roll", "body.pitch", "body.yaw")
+                if n in self.names
+            },
+            arm,
+        )
 
     def acceleration(self, place, arm):
         """Along the flow: two Runge-Kutta steps ahead and two back, and the second difference of fourth order."""
@@ -98,12 +114,15 @@ def test_at_the_cg_it_is_the_acceleration_of_the_cg(car):
 
 
 def test_moves_with_the_cg_of_a_loaded_6x6():
-    """cg_offset moves the CG and leaves the seat where it is above the wheels, in the linear car of the file as well."""
+    """cg_offset moves the CG and leaves the seat where it is above the wheels, in the linear car of the
+    file as well."""
     make = CARS["trench"][0]
     by_offset = Moving(make(), np.random.default_rng(2), **{"body.cg_offset": 0.25, "seat.x": 2.0})
     found = by_offset.outputs()
     arm = np.array([2.0 - 0.25, by_offset.p["seat.y"], by_offset.p["seat.z"]])
-    np.testing.assert_allclose([found["seat.ax"], found["seat.az"]], by_offset.acceleration(rotated, arm), rtol=1e-5, atol=1e-4)
+    np.testing.assert_allclose(
+        [found["seat.ax"], found["seat.az"]], by_offset.acceleration(rotated, arm), rtol=1e-5, atol=1e-4
+    )
     loaded = load_three_axle_trench("three_axle_trench")
     offset = loaded.body.cg_offset.model_copy(update={"value": 0.25})
     moved = loaded.model_copy(update={"body": loaded.body.model_copy(update={"cg_offset": offset})})

@@ -1,4 +1,5 @@
-"""Nine-degree ride model of the 6x6 against an independent derivation from energy, statics, mirror images, stability."""
+"""Nine-degree ride model of the 6x6 against an independent derivation from energy, statics, mirror
+images, stability."""
 
 import numpy as np
 import positive
@@ -126,7 +127,9 @@ def test_mirror_image(car):
         def sign(name, image=image):
             return -1.0 if image and "roll" in name else 1.0
 
-        run = Evaluator(car, {turn(n): v for n, v in values.items()} | {"seat.y": (-1 if image else 1) * values["seat.y"]})
+        run = Evaluator(
+            car, {turn(n): v for n, v in values.items()} | {"seat.y": (-1 if image else 1) * values["seat.y"]}
+        )
         run.x = [start[turn(n)] * sign(n) for n in POSITIONS + RATES]
         inputs, rows = np.random.default_rng(3), []
         for _ in range(200):

@@ -264,9 +264,7 @@ def test_steps(fmu, height: float) -> None:
 
 @pytest.mark.parametrize(("length", "kmh"), [(1.5, 3.0), (1.4, 6.0), (1.8, 9.0), (2.0, 9.0)])
 def test_half_the_step_gives_the_same(fmu, length: float, kmh: float) -> None:
-    coarse, fine = (
-        judge(cross(fmu, length, kmh, **{"solver__step": h}), length)[0] for h in (5e-4, 2.5e-4)
-    )  # fmt: skip
+    coarse, fine = (judge(cross(fmu, length, kmh, **{"solver__step": h}), length)[0] for h in (5e-4, 2.5e-4))
     assert coarse.pitch == pytest.approx(fine.pitch, rel=0.02)
     for hub in ("hub_front", "hub_middle", "hub_rear"):
         assert getattr(coarse, hub) == pytest.approx(getattr(fine, hub), rel=0.05)

@@ -64,22 +64,31 @@ def test_base_may_be_a_path_beside_the_file(tmp_path):
     [
         ('[body]\nmass = { value = -5.0, unit = "kg", source = "x" }', ["body.mass", "-5 kg", "at least 10 kg"]),
         ('[body]\nmas = { value = 5.0, unit = "kg", source = "x" }', ["body.mas", "did you mean 'mass'"]),
-        ('[boddy]\nmass = 3', ["boddy", "did you mean 'body'"]),
+        ("[boddy]\nmass = 3", ["boddy", "did you mean 'body'"]),
         ('[body]\nmass = { value = 5e3, unit = "lb", source = "x" }', ["body.mass", "'lb'", "'kg' is expected"]),
         ('[tire]\nstiffness = { value = 350, unit = "N/m m", source = "x" }', ["stiffness", "did you mean 'N/mm'"]),
         ('[tire]\nstiffness = { value = 350, unit = "N.s/m", source = "x" }', ["tire.stiffness", "'N/m' is expected"]),
         ("[body]\nmass = 5000.0", ["body.mass", 'value = ..., unit = "kg"']),
         ('[body]\nmass = { value = 5e3, unit = "kg" }', ["body.mass.source", "where the value comes from"]),
-        ('[body]\nmass = { value = 5e3, unit = "kg", source = " " }', ["body.mass.source: empty; say where the value comes from"]),
-        ('[body]\nmass = { value = 5e3, unit = "kg", source = "\\u0000" }', ["body.mass.source: contains the character '\\x00'"]),
-        (f'[body]\nmass = {{ value = 5e3, unit = "kg", source = "{"x" * 5000}" }}', ["body.mass.source: has 5000 characters"]),
+        (
+            '[body]\nmass = { value = 5e3, unit = "kg", source = " " }',
+            ["body.mass.source: empty; say where the value comes from"],
+        ),
+        (
+            '[body]\nmass = { value = 5e3, unit = "kg", source = "\\u0000" }',
+            ["body.mass.source: contains the character '\\x00'"],
+        ),
+        (
+            f'[body]\nmass = {{ value = 5e3, unit = "kg", source = "{"x" * 5000}" }}',
+            ["body.mass.source: has 5000 characters"],
+        ),
         ('[body]\nmass = { value = nan, unit = "kg", source = "x" }', ["body.mass.value", "finite"]),
         ('[body]\nmass = { value = "heavy", unit = "kg", source = "x" }', ["body.mass.value", "heavy"]),
         ('[body]\nmass = { value = 5e3, units = "kg", source = "x" }', ["body.mass.units", "did you mean 'unit'"]),
         ("[body\nmass", ["not a TOML file", "line 2"]),
         ('kind = "bicycle"', ["'bicycle'", "'full_car'"]),
     ],
-)  # fmt: skip
+)
 def test_mistakes_are_named(tmp_path, text, words):
     path = write(tmp_path, f'base = "hmmwv"\n{text}\n')
     with pytest.raises(VehicleError) as error:

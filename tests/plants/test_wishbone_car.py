@@ -59,7 +59,12 @@ MOVING = ("body.vz", "body.roll_rate", "body.pitch_rate", *(f"wheel.{k}.travel_r
 
 @pytest.mark.parametrize(
     "changes",
-    [{}, {"body__mass": 2600.0}, {"wheel__mass": 60.0, "tire__damping": 0.0}, {"suspension__front__spring__free_length": 0.35}],
+    [
+        {},
+        {"body__mass": 2600.0},
+        {"wheel__mass": 60.0, "tire__damping": 0.0},
+        {"suspension__front__spring__free_length": 0.35},
+    ],
 )
 def test_stands_at_rest_whatever_its_masses_and_springs(car, changes):
     u, p = car.vector("input", target__speed=0.0), car.vector("parameter", **changes)
@@ -77,7 +82,12 @@ def test_stands_at_rest_whatever_its_masses_and_springs(car, changes):
 def corner_masses(car, p):
     """Moving masses of all wheels [kg]."""
     value = dict(zip(car.names["parameter"], p, strict=True))
-    arms = [f"suspension.{a}.{w}_arm.{m}_mass" for a in ("front", "rear") for w in ("upper", "lower") for m in ("ball", "com")]
+    arms = [
+        f"suspension.{a}.{w}_arm.{m}_mass"
+        for a in ("front", "rear")
+        for w in ("upper", "lower")
+        for m in ("ball", "com")
+    ]
     return 4 * (value["wheel.mass"] + value["upright.mass"]) + 2 * sum(value[n] for n in arms)
 
 
@@ -88,7 +98,9 @@ def test_total_mass_is_that_of_the_file(car):
 
 
 def test_parked_as_the_published_model_is(car):
-    """Its parked state, as far as its tires do not hold the track: loads and wheels are those, springs within what that changes."""
+    """Its parked state, as far as its tires do not hold the track: loads and wheels are those, springs within what that
+    changes.
+    """
     u, p = car.vector("input", target__speed=0.0), car.vector("parameter")
     shown = car.shows(car.start(u, p), u, p)
     value = dict(zip(car.names["parameter"], p, strict=True))
@@ -122,7 +134,12 @@ def test_left_and_right_are_mirror_images(car):
     def mirrored(vector, names):
         def other(name):
             parts = name.split(".")
-            return ".".join([swapped.get(q.split("[")[0], q.split("[")[0]) + (("[" + q.split("[")[1]) if "[" in q else "") for q in parts])
+            return ".".join(
+                [
+                    swapped.get(q.split("[")[0], q.split("[")[0]) + (("[" + q.split("[")[1]) if "[" in q else "")
+                    for q in parts
+                ]
+            )
 
         return np.array([(-1 if n in odd else 1) * vector[names.index(other(n))] for n in names])
 
@@ -132,9 +149,12 @@ def test_left_and_right_are_mirror_images(car):
 
 
 def test_in_the_air_only_gravity_and_dampers_change_what_is_conserved(car):
-    """No force from outside but weight: the angular momentum that the wheels' spin carries apart, a car without spin, strut forces
-    or motion falls freely with all its parts."""
-    changes = {f"suspension__{a}__spring__force[{i}]".replace("__", "."): 0.0 for a in ("front", "rear") for i in range(1, 12)}
+    """No force from outside but weight: the angular momentum that the wheels' spin carries apart, a car without spin,
+    strut forces or motion falls freely with all its parts.
+    """
+    changes = {
+        f"suspension__{a}__spring__force[{i}]".replace("__", "."): 0.0 for a in ("front", "rear") for i in range(1, 12)
+    }
     changes |= {f"suspension.stop.force[{i}]": 0.0 for i in range(1, 12)}
     p = car.c.vector("parameter")
     for name, value in changes.items():
@@ -168,7 +188,8 @@ def test_depth_on_a_flat_road_is_exact(depth):
 @pytest.mark.parametrize("ahead", [-0.35, -0.2, 0.0, 0.11, 0.3])
 @pytest.mark.parametrize("height", [0.40, 0.45, 0.52])
 def test_depth_on_a_half_round_is_that_of_the_exact_area(ahead, height):
-    """The area below a half-round of 4 in by fine quadrature, and the depth with that area on a flat road by bisection."""
+    """The area below a half-round of 4 in by fine quadrature, and the depth with that area on a flat
+    road by bisection."""
     radius, bump = 0.4699, 4 * INCH
     at = (np.arange(CONTACT_COUNT) - CONTACT_COUNT // 2) * CONTACT_STEP
 
@@ -208,13 +229,17 @@ def test_road_shows_what_tires_touch(vehicle):
 
 def drive(built_fmus, road, duration=1.6, **parameters):
     with System() as system:
-        system.add("road", built_fmus.path(road, 3), parameters={"position": 12.0} if "HalfRound" in road else {"flat": 1e3})
+        system.add(
+            "road", built_fmus.path(road, 3), parameters={"position": 12.0} if "HalfRound" in road else {"flat": 1e3}
+        )
         start = {"target.speed": 5.0, "target.y": 0.0, **{f"force.{k}": 0.0 for k in CORNERS}}
         system.add("car", built_fmus.path("FullCarHmmwvPublic", 3), step="1 ms", start=start, parameters=parameters)
         system.connect("car.x", "road.x")
         system.connect("car.speed", "road.speed")
         system.connect_matching("road", "car", "*")
-        return system.run(duration, record=["car.body.az", "car.body.z", "car.tire.fl.force", "car.x"], record_interval="1 ms")
+        return system.run(
+            duration, record=["car.body.az", "car.body.z", "car.tire.fl.force", "car.x"], record_interval="1 ms"
+        )
 
 
 def test_tires_envelop_the_half_round_before_their_centre_is_there(built_fmus):
@@ -244,20 +269,37 @@ def test_table_that_does_not_increase_is_refused_by_the_fmu(built_fmus):
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ('[suspension.front.spring]\ncompression = { value = [0.0, 0.02, 0.01], unit = "m", source = "x" }',
-         ["suspension.front.spring.compression", "value 3 is 0.01 m after 0.02 m", "must increase"]),
-        ('[tire]\nforce = { value = [0.0, 1e5], unit = "N", source = "x" }', ["tire", "deflection has 3 values", "force has 2 values"]),
-        ('[suspension.rear.points]\nupper_ball = { value = [1.4, 28.17], unit = "in", source = "x" }',
-         ["suspension.rear.points.upper_ball", "2 values; 3 are needed"]),
-        ('[suspension.front.points]\nupper_ball = { value = [-2.088, 17.9, 9.0], unit = "in", source = "x" }',
-         ["suspension.front", "points", "do not close at a travel of"]),
-        ('[suspension.front.points]\nlower_rear = { value = [8.79, 12.09, 0.0], unit = "in", source = "x" }',
-         ["suspension.front", "lower_front and lower_rear coincide"]),
-        ('[suspension.front.travel]\nleast = { value = -0.3, unit = "m", source = "x" }', ["suspension.front", "do not close at a travel of -0.1"]),
-        ('[suspension.front.points]\nwheel_center = { value = [0, 0, 0], unit = "in", source = "x" }', ["wheel_center", "did you mean 'wheel_centre'"]),
+        (
+            '[suspension.front.spring]\ncompression = { value = [0.0, 0.02, 0.01], unit = "m", source = "x" }',
+            ["suspension.front.spring.compression", "value 3 is 0.01 m after 0.02 m", "must increase"],
+        ),
+        (
+            '[tire]\nforce = { value = [0.0, 1e5], unit = "N", source = "x" }',
+            ["tire", "deflection has 3 values", "force has 2 values"],
+        ),
+        (
+            '[suspension.rear.points]\nupper_ball = { value = [1.4, 28.17], unit = "in", source = "x" }',
+            ["suspension.rear.points.upper_ball", "2 values; 3 are needed"],
+        ),
+        (
+            '[suspension.front.points]\nupper_ball = { value = [-2.088, 17.9, 9.0], unit = "in", source = "x" }',
+            ["suspension.front", "points", "do not close at a travel of"],
+        ),
+        (
+            '[suspension.front.points]\nlower_rear = { value = [8.79, 12.09, 0.0], unit = "in", source = "x" }',
+            ["suspension.front", "lower_front and lower_rear coincide"],
+        ),
+        (
+            '[suspension.front.travel]\nleast = { value = -0.3, unit = "m", source = "x" }',
+            ["suspension.front", "do not close at a travel of -0.1"],
+        ),
+        (
+            '[suspension.front.points]\nwheel_center = { value = [0, 0, 0], unit = "in", source = "x" }',
+            ["wheel_center", "did you mean 'wheel_centre'"],
+        ),
         ('[tire]\nforce = { value = [0.0, nan, 1.0], unit = "N", source = "x" }', ["tire.force", "finite"]),
     ],
-)  # fmt: skip
+)
 def test_mistakes_in_a_file_are_named(tmp_path, text, words):
     path = tmp_path / "mine.toml"
     path.write_text(f'base = "hmmwv_public"\n{text}\n')

@@ -35,7 +35,9 @@ def named(model, role):
 
 
 def test_falls_from_its_design_position_as_rigid_bodies_do(vehicle, car):
-    """Springs pressed, dampers through both ranges, wheels through the air onto the road: accelerations, instant by instant."""
+    """Springs pressed, dampers through both ranges, wheels through the air onto the road: accelerations, instant by
+    instant.
+    """
     judge = MultibodyCar(vehicle).run(0.1, 2.5e-4)
     p, u = car.vector("parameter"), car.vector("input")
     u[named(car, "input").index("target.speed")] = 0.0
@@ -46,9 +48,14 @@ def test_falls_from_its_design_position_as_rigid_bodies_do(vehicle, car):
     for k in CORNERS:
         x[states.index(f"wheel.{k}.travel")] = 0.0
     ours = solve_ivp(
-        lambda t, x: np.asarray(car.functions["rhs"](0, x, u, p)).ravel(), (0.0, 0.1), x, max_step=5e-4,
-        t_eval=judge.time[judge.time <= 0.1], rtol=1e-7, atol=1e-9,
-    )  # fmt: skip
+        lambda t, x: np.asarray(car.functions["rhs"](0, x, u, p)).ravel(),
+        (0.0, 0.1),
+        x,
+        max_step=5e-4,
+        t_eval=judge.time[judge.time <= 0.1],
+        rtol=1e-7,
+        atol=1e-9,
+    )
     run, outputs = Evaluator(car), [e.name for e in car.output_elements()]
     run.u, run.p = u, p
     shown = []
@@ -60,7 +67,9 @@ def test_falls_from_its_design_position_as_rigid_bodies_do(vehicle, car):
         assert apart.max() < close, (name, judge.time[apart.argmax()])
     for k in ("fl", "rl"):
         height = value[f"rest.{'front' if k == 'fl' else 'rear'}.wheel_height"]
-        assert np.abs([s[f"wheel.{k}.z"] + height for s in shown] - judge[f"wheel.{k}.height"][: len(shown)]).max() < 1e-4
+        assert (
+            np.abs([s[f"wheel.{k}.z"] + height for s in shown] - judge[f"wheel.{k}.height"][: len(shown)]).max() < 1e-4
+        )
     assert np.abs([s["body.az"] for s in shown]).max() > 30
 
 
@@ -68,8 +77,14 @@ def drive(built_fmus, road, *, speed, start, duration, force=(0.0,) * 4, paramet
     """Our FMU over a road's FMU; signals by the names of the judge."""
     with System() as system:
         system.add("road", road, parameters=parameters or {})
-        inputs = {"target.speed": speed, "target.y": 0.0, **{f"force.{k}": f for k, f in zip(CORNERS, force, strict=True)}}
-        system.add("car", built_fmus.path("FullCarHmmwvPublic", 3), step="1 ms", start=inputs, parameters={"start.x": start})
+        inputs = {
+            "target.speed": speed,
+            "target.y": 0.0,
+            **{f"force.{k}": f for k, f in zip(CORNERS, force, strict=True)},
+        }
+        system.add(
+            "car", built_fmus.path("FullCarHmmwvPublic", 3), step="1 ms", start=inputs, parameters={"start.x": start}
+        )
         system.connect("car.x", "road.x")
         system.connect("car.speed", "road.speed")
         system.connect_matching("road", "car", "*")
@@ -95,7 +110,9 @@ def test_stands_where_rigid_bodies_stand(vehicle, built_fmus, car):
 
 @pytest.mark.full
 @pytest.mark.parametrize(
-    ("signs", "what", "judged"), [((1, 1, 1, 1), "body.z", "height"), ((1, -1, 1, -1), "body.roll", "roll")], ids=["bounce", "roll"]
+    ("signs", "what", "judged"),
+    [((1, 1, 1, 1), "body.z", "height"), ((1, -1, 1, -1), "body.roll", "roll")],
+    ids=["bounce", "roll"],
 )
 def test_bounce_and_roll_rates_are_those_of_rigid_bodies(vehicle, built_fmus, signs, what, judged):
     """How far actuators of a force lift or roll the car: the rates of springs, stops, tires and paths in series."""
@@ -128,9 +145,13 @@ def over_half_round(vehicle, built_fmus, inches, speed, until):
     duration = (until - start) / speed * 1.1
     judge = MultibodyCar(vehicle, half_round(height, EDGE - height), speed=speed, start=start).run(duration)
     ours = drive(
-        built_fmus, built_fmus.path("RoadHalfRoundHmmwvPublic", 3), speed=speed, start=start, duration=duration,
+        built_fmus,
+        built_fmus.path("RoadHalfRoundHmmwvPublic", 3),
+        speed=speed,
+        start=start,
+        duration=duration,
         parameters={"height": height, "position": EDGE},
-    )  # fmt: skip
+    )
     assert_alike(compared(judge, ours, 6.0, until))
 
 
@@ -147,7 +168,8 @@ def test_crosses_half_rounds_as_rigid_bodies_do(vehicle, built_fmus, inches, mph
 @pytest.mark.full
 @pytest.mark.parametrize("mph", [10, 20])
 def test_rides_over_a_course_as_rigid_bodies_do(vehicle, built_fmus, tmp_path, mph):
-    """40 m of a rough course: waves of 0.5 to 20 m with the spectrum of a proving ground's, an inch rms, from a seed."""
+    """40 m of a rough course: waves of 0.5 to 20 m with the spectrum of a proving ground's, an inch rms,
+    from a seed."""
     random = np.random.default_rng(11)
     at = np.arange(0.0, 60.01, 0.05)
     waves = np.geomspace(0.05, 2.0, 60)  # cycles/m
@@ -155,7 +177,10 @@ def test_rides_over_a_course_as_rigid_bodies_do(vehicle, built_fmus, tmp_path, m
     heights *= np.clip((at - 8.0) / 4.0, 0.0, 1.0)
     heights *= INCH / heights[at > 12].std()
     file = tmp_path / "course.csv"
-    file.write_text("distance [m],left [m],right [m]\n" + "".join(f"{x:.2f},{z:.9f},{z:.9f}\n" for x, z in zip(at, heights, strict=True)))
+    file.write_text(
+        "distance [m],left [m],right [m]\n"
+        + "".join(f"{x:.2f},{z:.9f},{z:.9f}\n" for x, z in zip(at, heights, strict=True))
+    )
     road = tmp_path / "RoadUser.fmu"
     road.write_bytes(build_fmu(road_from_file(file, RoadLayout.of(vehicle)), 3, resolve_platforms("host"), OBJECTS))
     datum = heights[0]

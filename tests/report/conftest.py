@@ -15,26 +15,36 @@ def make_report():
             "Body motion",
             "Seed 0.",
             [
-                Panel("Pitch", "time [s]", "pitch [deg]", [
-                    Series("passive", [0, 1, 2], [0.0, 0.5, NAN], color="grey"),
-                    Series("explicit", [0, 1, 2], [0.1, 0.2, 0.3]),
-                ]),
+                Panel(
+                    "Pitch",
+                    "time [s]",
+                    "pitch [deg]",
+                    [
+                        Series("passive", [0, 1, 2], [0.0, 0.5, NAN], color="grey"),
+                        Series("explicit", [0, 1, 2], [0.1, 0.2, 0.3]),
+                    ],
+                ),
                 Panel("Force", "time [s]", "force [kN]", [Series("explicit", [0, 1, 2], [1, 2, 3])]),
             ],
-        )  # fmt: skip
+        )
         speeds = Figure(
             "speeds",
             "Over speed",
             "",
             [
-                Panel("Sine", "speed [km/h]", "ratio [-]", [
-                    Series("preview", [10, 20], [1, 2], low=[0.5, 1.5], high=[1.5, 2.5], mode="line+markers"),
-                    Series("passive", [10, 20, 30], [1, 2, 3]),
-                ]),
+                Panel(
+                    "Sine",
+                    "speed [km/h]",
+                    "ratio [-]",
+                    [
+                        Series("preview", [10, 20], [1, 2], low=[0.5, 1.5], high=[1.5, 2.5], mode="line+markers"),
+                        Series("passive", [10, 20, 30], [1, 2, 3]),
+                    ],
+                ),
                 Panel("Curb", "speed [km/h]", "ratio [-]", [Series("preview", [10, 20], [3, 4])]),
             ],
             columns=2,
-        )  # fmt: skip
+        )
         table = Table(
             "matched", "Matched", ["road", "speed [km/h]", "gain [-]"], [["sine", 50, 0.123456789], ["curb", 72, NAN]]
         )

@@ -157,7 +157,9 @@ def test_a_minute_at_50_hz_stays_small():
 def test_the_page_draws_forces_to_one_scale_at_their_full_length(tmp_path) -> None:
     """As many newtons to a metre as are said, 1e5 by default; nothing in the script shortens an arrow."""
     assert animation_data(animation())["forceScale"] == animation().force_scale == 1e5
-    page = write_report(Report("e", "T", "", sections=[Section("S", animations=[replace(animation(), force_scale=3e4)])]), tmp_path)
+    page = write_report(
+        Report("e", "T", "", sections=[Section("S", animations=[replace(animation(), force_scale=3e4)])]), tmp_path
+    )
     text = page.read_text(encoding="utf-8")
     assert json.loads(packed_texts(text)["motion-crossing"])["forceScale"] == 30000.0
     assert "const fx = at(force.fx, place) / options.forceScale * scale" in text

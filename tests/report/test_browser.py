@@ -1,6 +1,7 @@
 """Reports as readers have them: in Chromium at two widths and in both colour schemes, their downloads, and on paper.
 
-``make test-pages`` runs these. They need Node.js with npm, and Chromium (``CHROMIUM`` names another one); what is missing is said.
+``make test-pages`` runs these. They need Node.js with npm, and Chromium (``CHROMIUM`` names another one); what is
+missing is said.
 """
 
 from __future__ import annotations
@@ -55,25 +56,73 @@ def look(tmp_path_factory):
 def every_kind(make_report):
     """One of each thing that a report may have, with names as long as they come."""
     t = np.linspace(0.0, 2.0, 201)
-    curves = Figure("curves", "Curves", "Caption.", [
-        Panel(f"panel {k}", "time [s]", "force, on the left side [kN]",
-              [Series("passive", t, np.sin(t + k)), Series(LONG, t, 1e4 * np.cos(t)), Series(f"{LONG}, other", t, t)])
-        for k in range(4)
-    ], columns=2)  # fmt: skip
-    grid = Map("map", "Map", "Caption.", "length [m]", "speed [km/h]", "cost [-]", [1.0, 2.0, 3.0], [10.0, 20.0],
-               [Layer("a", np.arange(6.0).reshape(2, 3)), Layer("b", np.arange(6.0).reshape(2, 3) / 2)], reference=2.2)  # fmt: skip
-    wide = Table("wide", "Wide", [f"a quantity with a name, number {i} [m/s2]" for i in range(14)], [[k / 3 + i for i in range(14)] for k in range(3)])
-    scene = Scene("passive", 0.01, [(0.0, 0.0), (9.0, 0.0)], [Body("body", [(-1, 0), (1, 0), (1, 1)], t, 0 * t + 1, 0 * t)],
-                  forces=[Force("f", t, 0 * t, 0 * t, 1e4 * np.sin(t) ** 2), Force("b", t, 0 * t + 1, 0 * t, 1e3 + 0 * t, "body")],
-                  readings=[Reading("pitch [deg]", t)], outcome="crosses")  # fmt: skip
+    curves = Figure(
+        "curves",
+        "Curves",
+        "Caption.",
+        [
+            Panel(
+                f"panel {k}",
+                "time [s]",
+                "force, on the left side [kN]",
+                [Series("passive", t, np.sin(t + k)), Series(LONG, t, 1e4 * np.cos(t)), Series(f"{LONG}, other", t, t)],
+            )
+            for k in range(4)
+        ],
+        columns=2,
+    )
+    grid = Map(
+        "map",
+        "Map",
+        "Caption.",
+        "length [m]",
+        "speed [km/h]",
+        "cost [-]",
+        [1.0, 2.0, 3.0],
+        [10.0, 20.0],
+        [Layer("a", np.arange(6.0).reshape(2, 3)), Layer("b", np.arange(6.0).reshape(2, 3) / 2)],
+        reference=2.2,
+    )
+    wide = Table(
+        "wide",
+        "Wide",
+        [f"a quantity with a name, number {i} [m/s2]" for i in range(14)],
+        [[k / 3 + i for i in range(14)] for k in range(3)],
+    )
+    scene = Scene(
+        "passive",
+        0.01,
+        [(0.0, 0.0), (9.0, 0.0)],
+        [Body("body", [(-1, 0), (1, 0), (1, 1)], t, 0 * t + 1, 0 * t)],
+        forces=[
+            Force("f", t, 0 * t, 0 * t, 1e4 * np.sin(t) ** 2),
+            Force("b", t, 0 * t + 1, 0 * t, 1e3 + 0 * t, "body"),
+        ],
+        readings=[Reading("pitch [deg]", t)],
+        outcome="crosses",
+    )
     base = make_report()
     claims = [
         *base.claims,
-        Claim("near", "It is near", "10 %", "", "order reproduced, magnitude not", "r " * 80, "Table 1", 12.0, "%", "within 1 %", "the mass"),
+        Claim(
+            "near",
+            "It is near",
+            "10 %",
+            "",
+            "order reproduced, magnitude not",
+            "r " * 80,
+            "Table 1",
+            12.0,
+            "%",
+            "within 1 %",
+            "the mass",
+        ),
         Claim("unknown", "It is not known", "many", "few", "open", "too few runs"),
         Claim("own", "It adds up", "0", "0", "holds"),
     ]
-    more = Section("More", ["Text."], [curves, grid], [wide], [Animation("motion", "Motion", "Caption.", [Take("t", [scene])])])
+    more = Section(
+        "More", ["Text."], [curves, grid], [wide], [Animation("motion", "Motion", "Caption.", [Take("t", [scene])])]
+    )
     return make_report(claims=claims, sections=[*base.sections, more])
 
 
@@ -91,7 +140,9 @@ def folder(tmp_path_factory):
 
 @pytest.fixture
 def page(folder, make_report):
-    return folder / "report.html" if (folder / "report.html").exists() else write_report(every_kind(make_report), folder)
+    return (
+        folder / "report.html" if (folder / "report.html").exists() else write_report(every_kind(make_report), folder)
+    )
 
 
 @pytest.fixture
@@ -100,7 +151,12 @@ def seen(page, pages):
 
 
 def harms(found):
-    return [(v["width"], v["scheme"], x) for v in found["views"] for x in v["violations"] if x["impact"] in ("serious", "critical")]
+    return [
+        (v["width"], v["scheme"], x)
+        for v in found["views"]
+        for x in v["violations"]
+        if x["impact"] in ("serious", "critical")
+    ]
 
 
 def test_axe_finds_nothing_serious_and_the_page_no_error(seen):
@@ -115,7 +171,9 @@ def test_nothing_is_clipped(seen):
         assert view["figures"]
         for figure in view["figures"]:
             assert (figure["clipped"], figure["covered"]) == ([], False), (view["width"], figure["id"])
-    names = ["".join(f["names"]).replace(" ", "") for f in seen["views"][0]["figures"]]  # lines that were broken lose the space
+    names = [
+        "".join(f["names"]).replace(" ", "") for f in seen["views"][0]["figures"]
+    ]  # lines that were broken lose the space
     assert any(LONG.replace(" ", "") in n for n in names)
 
 
@@ -177,6 +235,11 @@ def test_reports_that_studies_have_left(report, pages):
     found = pages(report)
     assert harms(found) == []
     assert found["errors"] == []
-    clipped = [(v["width"], v["scheme"], f["id"], f["clipped"]) for v in found["views"] for f in v["figures"] if f["clipped"] or f["covered"]]
+    clipped = [
+        (v["width"], v["scheme"], f["id"], f["clipped"])
+        for v in found["views"]
+        for f in v["figures"]
+        if f["clipped"] or f["covered"]
+    ]
     assert clipped == []
     assert [v["overflow"] for v in found["views"]] == [0] * 4

@@ -73,9 +73,17 @@ class TestEvidence:
         assert not claims.clearly("power", "ratio, 70 km/h", Distribution([2.0] * 6 + [0.5] * 2), lambda x: x > 1, "W")
         first, second = (e.row() for e in claims.evidence)
         assert dict(zip(Evidence.COLUMNS, first, strict=True)) == {
-            "claim": "power", "quantity": "ratio, 60 km/h", "unit": "-", "median": 2.0, "lowest": 0.1235, "lower quartile": 2.0,
-            "upper quartile": 2.0, "highest": 2.0, "on the claimed side": 7, "of": 8,
-        }  # fmt: skip
+            "claim": "power",
+            "quantity": "ratio, 60 km/h",
+            "unit": "-",
+            "median": 2.0,
+            "lowest": 0.1235,
+            "lower quartile": 2.0,
+            "upper quartile": 2.0,
+            "highest": 2.0,
+            "on the claimed side": 7,
+            "of": 8,
+        }
         assert second[-2:] == [6, 8]
 
     def test_quartiles_are_values_that_occurred(self):
@@ -177,7 +185,9 @@ class TestCounts:
         assert page.count('<span class="chip order">') == 1
         assert "1 order reproduced, magnitude not</span>" in page
         assert "Fitted: the mass." in page
-        assert all(page.count(f"<code>{c['id']}</code>") == 1 for c in data["claims"]), "tables and words name claims by id"
+        assert all(page.count(f"<code>{c['id']}</code>") == 1 for c in data["claims"]), (
+            "tables and words name claims by id"
+        )
         assert "Criterion: magnitude between 10 and 20 %." in page
         assert page.index('id="claim-c3"') < page.index('id="checks-title"') < page.index('id="claim-solver"')
 

@@ -20,9 +20,13 @@ def test_what_is_on_a_front() -> None:
 def test_a_front_on_a_page() -> None:
     tried = [{"a": a, "b": b} for a, b in ([0.0, 3.0], [1.0, 1.0], [1.0, 2.0])]
     found = front_section(
-        "Front", {"a": "a [m]", "b": "b [N]"}, {"a": "min", "b": "max"}, tried, [{"x": float(i)} for i in range(3)],
+        "Front",
+        {"a": "a [m]", "b": "b [N]"},
+        {"a": "min", "b": "max"},
+        tried,
+        [{"x": float(i)} for i in range(3)],
         {"published": {"a": 2.0, "b": 2.5}},
-    )  # fmt: skip
+    )
     (table,), (figure,) = found.tables, found.figures
     assert (table.id, figure.id) == ("front", "front")  # names of their files
     assert table.columns == ("a [m]", "b [N]", "x")
@@ -45,7 +49,9 @@ def test_a_front_on_a_page() -> None:
 
 
 def test_panels_and_rows_of_a_front() -> None:
-    """Three objectives have three panels, two side by side; rows go from the smallest of the first, with what was tried."""
+    """Three objectives have three panels, two side by side; rows go from the smallest of the first, with what was
+    tried.
+    """
     tried = [{"a": a, "b": b, "c": 0.0} for a, b in ([3.0, 0.0], [0.0, 3.0], [1.0, 1.0], [1.0, 2.0])]
     labels = {"a": "a [m]", "b": "b [N]", "c": "c [-]"}
     found = front_section("Front", labels, dict.fromkeys("abc", "min"), tried, [{"x": 10.0 + i} for i in range(4)])
@@ -58,6 +64,7 @@ def test_panels_and_rows_of_a_front() -> None:
     ]
     assert figure.columns == 2
     assert {s.name: (s.color, s.mode) for s in figure.panels[0].series} == {
-        "tried": ("grey", "markers"), "front": ("blue", "markers"),
-    }  # fmt: skip
+        "tried": ("grey", "markers"),
+        "front": ("blue", "markers"),
+    }
     assert found.paragraphs[0].startswith("3 of 4 trials are on the front")

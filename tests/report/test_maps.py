@@ -17,9 +17,16 @@ LOW, HIGH = np.arange(6.0).reshape(2, 3), 10 + np.arange(6.0).reshape(2, 3)
 
 def made(**changes) -> Map:
     parts = {
-        "id": "cost", "title": "Cost", "caption": "", "x_label": "length [m]", "y_label": "speed [km/h]",
-        "value_label": "cost [-]", "x": X, "y": Y, "layers": [Layer("a <b>", LOW), Layer("c", HIGH)],
-    }  # fmt: skip
+        "id": "cost",
+        "title": "Cost",
+        "caption": "",
+        "x_label": "length [m]",
+        "y_label": "speed [km/h]",
+        "value_label": "cost [-]",
+        "x": X,
+        "y": Y,
+        "layers": [Layer("a <b>", LOW), Layer("c", HIGH)],
+    }
     return Map(**parts | changes)
 
 
@@ -52,7 +59,9 @@ def test_page_has_the_layers_on_one_scale_and_the_reference_as_a_line(tmp_path):
     data = json.loads(packed_texts(text)["data-cost"])["data"]
     filled, lines = data[::2], data[1::2]
     assert [(t["zmin"], t["zmax"]) for t in filled] == [(0.0, 15.0)] * 2
-    assert [(t["contours"]["start"], t["contours"]["end"], t["contours"]["coloring"]) for t in lines] == [(7.0, 7.0, "lines")] * 2
+    assert [(t["contours"]["start"], t["contours"]["end"], t["contours"]["coloring"]) for t in lines] == [
+        (7.0, 7.0, "lines")
+    ] * 2
     assert [(t.get("xaxis"), t["z"]) for t in lines] == [(t.get("xaxis"), t["z"]) for t in filled]
     assert data[0]["name"] == "a &lt;b&gt;"
     with (tmp_path / "figures" / "cost.csv").open() as file:
@@ -80,7 +89,9 @@ def test_maps_that_are_compared_have_one_scale() -> None:
 
 
 def test_panels_lie_within_the_page():
-    """Side by side where it is wide, one below the other where it is narrow; below them is more room than above: axes have titles there."""
+    """Side by side where it is wide, one below the other where it is narrow; below them is more room than above: axes
+    have titles there.
+    """
     figure = made(layers=[Layer(name, LOW) for name in "abc"])
     wide, narrow = (plotted(figure, narrow=n)["layout"] for n in (False, True))
     across = [wide[f"xaxis{i}"]["domain"] for i in ("", 2, 3)]

@@ -44,7 +44,8 @@ def test_different_names_look_different():
 
 
 def test_a_name_that_brings_its_dash_does_not_look_like_another():
-    """Figure 3 of paper 004 has "index J, last height held" dashed, where the colours had come round to a dashed one."""
+    """Figure 3 of paper 004 has "index J, last height held" dashed, where the colours had come round to
+    a dashed one."""
     for mine in ("dash", "dot"):
         curves = [Series(f"curve {i}", [0, 1], [0, 1]) for i in range(len(COLORS) - 1)]
         curves.insert(len(curves) // 2, Series("held", [0, 1], [0, 1], dash=mine))
@@ -237,8 +238,15 @@ def test_a_legend_has_as_many_rows_as_its_widest_name_needs():
 
 def test_a_label_without_a_unit_has_no_brackets():
     curves = [Series("run 1", [0, 1], [0, 1])]
-    figure = Figure("f", "F", "", [Panel("", "gain [?]", "peak [?]", curves), Panel("", "ratio [-]", "force [N]", curves)])
+    figure = Figure(
+        "f", "F", "", [Panel("", "gain [?]", "peak [?]", curves), Panel("", "ratio [-]", "force [N]", curves)]
+    )
     drawn = plotly_figure(figure)
-    assert [drawn.layout[a].title.text for a in ("xaxis", "yaxis", "xaxis2", "yaxis2")] == ["gain", "peak", "ratio [-]", "force [N]"]
+    assert [drawn.layout[a].title.text for a in ("xaxis", "yaxis", "xaxis2", "yaxis2")] == [
+        "gain",
+        "peak",
+        "ratio [-]",
+        "force [N]",
+    ]
     assert [t.hovertemplate.count("?") for t in drawn.data] == [0, 0]
     assert [name for name, _ in series_columns(figure)] == ["gain", "run 1: peak", "ratio [-]", "run 1: force [N]"]

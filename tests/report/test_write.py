@@ -155,12 +155,19 @@ class TestSelfContained:
     @pytest.mark.parametrize("text", ["", "a", "abc" * 1000, "Größe ≤ 1 \N{KANGAROO}", "plotly", "noise"])
     def test_the_script_unpacks_what_was_packed(self, text):
         plain = {
-            "plotly": lambda: resources.files("cosim.report").joinpath("vendor", "plotly-cartesian.min.js").read_text(encoding="utf-8"),
+            "plotly": lambda: (
+                resources.files("cosim.report")
+                .joinpath("vendor", "plotly-cartesian.min.js")
+                .read_text(encoding="utf-8")
+            ),
             "noise": lambda: b64encode(np.random.default_rng(0).bytes(200_000)).decode(),
-        }.get(text, lambda: text)()  # fmt: skip
+        }.get(text, lambda: text)()
         packed = Packed.text(plain)
         script = MiniRacer()
-        script.eval("var module = {};" + resources.files("cosim.report").joinpath("vendor", "tiny-inflate.js").read_text(encoding="utf-8"))
+        script.eval(
+            "var module = {};"
+            + resources.files("cosim.report").joinpath("vendor", "tiny-inflate.js").read_text(encoding="utf-8")
+        )
         source = list(b64decode(packed.content))
         found = script.eval(
             f"JSON.stringify(Array.from(module.exports(Uint8Array.from({source}), new Uint8Array({packed.size}))))"
@@ -170,7 +177,9 @@ class TestSelfContained:
     def test_a_page_weighs_a_megabyte_less_than_plotly_with_sixty_thousand_samples_in_it(self):
         x = np.arange(10_000) / 1000
         noise = np.random.default_rng(0).normal(size=(6, len(x)))
-        figure = Figure("f", "F", "", [Panel("", "time [s]", "force [N]", [Series(f"{i}", x, y) for i, y in enumerate(noise)])])
+        figure = Figure(
+            "f", "F", "", [Panel("", "time [s]", "force [N]", [Series(f"{i}", x, y) for i, y in enumerate(noise)])]
+        )
         assert len(render(Report("e", "T", "", sections=[Section("S", figures=[figure])])).encode()) < 1.1e6
 
     def test_without_figures_there_is_no_plotly(self, make_report):

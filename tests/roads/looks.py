@@ -30,8 +30,9 @@ def check_preview(
     within: float,
     **parameters: Any,
 ) -> None:
-    """What the preview shows at these places, counted from 0 and ``step`` seconds apart, is what each wheel meets that much
-    later, to ``within`` metres."""
+    """What the preview shows at these places, counted from 0 and ``step`` seconds apart, is what each wheel meets that
+    much later, to ``within`` metres.
+    """
     now = look(road, x, speed, **parameters)
     assert now["preview.step"] == step
     corners = {name.split(".")[1] for name in now if name.startswith("road.") and name.endswith(".height")}

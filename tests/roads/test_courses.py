@@ -57,7 +57,8 @@ def test_every_course_becomes_a_road(path: Path) -> None:
 
 @pytest.mark.parametrize("path", named("Detrended RMS"), ids=lambda p: p.stem)
 def test_the_rms_is_that_of_the_header(path: Path) -> None:
-    """Of the stretch that the header names. It gives the rms of the data before they were sampled: 1.3 % off at most."""
+    """Of the stretch that the header names. It gives the rms of the data before they were sampled: 1.3 %
+    off at most."""
     text = comments(path)
     told, length, begin = (
         float(re.search(rf"{words} = ([\d.]+)", text)[1])  # type: ignore[index]
@@ -71,7 +72,9 @@ def test_the_rms_is_that_of_the_header(path: Path) -> None:
 
 @pytest.mark.parametrize("path", named("Detrended RMS"), ids=lambda p: p.stem)
 def test_the_synthetic_course_of_that_rms_has_its_spectrum(path: Path) -> None:
-    """rms of the header; band by band the spectrum that was fitted to the file, within 25 % and what that many lines scatter."""
+    """rms of the header; band by band the spectrum that was fitted to the file, within 25 % and what that many lines
+    scatter.
+    """
     told = float(re.search(r"Detrended RMS = ([\d.]+)", comments(path))[1]) * INCH  # type: ignore[index]
     name = next(n for n, c in COURSES.items() if c.rms == pytest.approx(told, rel=1e-4))
     assert name in path.stem

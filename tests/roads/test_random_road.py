@@ -1,4 +1,6 @@
-"""Random roads that compute their profile from class, seed and length: spectrum, coherence, seeds, lengths, and the FMU's own numbers."""
+"""Random roads that compute their profile from class, seed and length: spectrum, coherence, seeds, lengths, and the
+FMU's own numbers.
+"""
 
 import casadi as ca
 import numpy as np
@@ -108,7 +110,9 @@ def test_splitmix64_as_published():
     assert first == [6457827717110365317, 3203168211198807973, 9817491932198370423]
 
 
-@pytest.mark.parametrize(("length", "nodes"), [(1.0, 4096), (204.7, 4096), (204.8, 8192), (500.0, 16384), (1600.0, 32768)])
+@pytest.mark.parametrize(
+    ("length", "nodes"), [(1.0, 4096), (204.7, 4096), (204.8, 8192), (500.0, 16384), (1600.0, 32768)]
+)
 def test_the_period_covers_the_length(road, length, nodes):
     assert road.profiles[0].nodes(length) == nodes
 
@@ -189,7 +193,13 @@ def component():
 
 
 def declare(made, seed, **other):
-    options = {"length": 10.0, "spectra": lambda n: (1e-6 + 0 * n, 0 * n), "step": 0.1, "nodes": (8, 16), "wave_numbers": (0.5, 4.0)}
+    options = {
+        "length": 10.0,
+        "spectra": lambda n: (1e-6 + 0 * n, 0 * n),
+        "step": 0.1,
+        "nodes": (8, 16),
+        "wave_numbers": (0.5, 4.0),
+    }
     return made.random_profiles("profile", seed=seed, **options | other)
 
 

@@ -1,4 +1,6 @@
-"""Synthetic RMS courses: rms, spectrum and correlation are those that are claimed; half-rounds and rolling wheels by geometry."""
+"""Synthetic RMS courses: rms, spectrum and correlation are those that are claimed; half-rounds and rolling wheels by
+geometry.
+"""
 
 import numpy as np
 import pytest
@@ -23,7 +25,11 @@ from fmu_sources.vehicles import load_ride_car
 TRACK = 1.82  # m
 RADIUS = 0.47  # m
 RMS = {"1in": 0.02462, "2in": 0.04430, "4in": 0.08383}  # m, of the headers of the measured courses
-PEAK = {"1in": (0.16, 1.0e-3), "2in": (0.16, 4.5e-3), "4in": (0.16, 2.6e-2)}  # cycles/m, m3: least that is near the peak
+PEAK = {
+    "1in": (0.16, 1.0e-3),
+    "2in": (0.16, 4.5e-3),
+    "4in": (0.16, 2.6e-2),
+}  # cycles/m, m3: least that is near the peak
 
 
 @pytest.fixture(scope="module")
@@ -55,8 +61,9 @@ def spectrum(heights):
 
 @pytest.mark.parametrize("course", COURSES)
 def test_spectrum_is_the_fitted_one(course):
-    """Of the mean of seeds, of both sides, band by band: within four times what that many lines scatter, and the 5 % by which bringing
-    each profile to its rms lifts the mean of what is off the peak."""
+    """Of the mean of seeds, of both sides, band by band: within four times what that many lines scatter, and the 5 % by
+    which bringing each profile to its rms lifts the mean of what is off the peak.
+    """
     seeds = 40
     sides = zip(*(course_heights(course, seed, TRACK, alike=False) for seed in range(seeds)), strict=True)
     for heights in sides:
@@ -68,7 +75,10 @@ def test_spectrum_is_the_fitted_one(course):
             assert mean[band].mean() == pytest.approx(expected, rel=4 / np.sqrt(seeds * band.sum()) + 0.05), low
     n0, least = PEAK[course]
     assert course_spectrum(course, np.array([n0]))[0] > least
-    assert course_spectrum(course, np.array([KNOTS[0], KNOTS[-1]])).max() < 0.01 * course_spectrum(course, np.array([n0]))[0]
+    assert (
+        course_spectrum(course, np.array([KNOTS[0], KNOTS[-1]])).max()
+        < 0.01 * course_spectrum(course, np.array([n0]))[0]
+    )
 
 
 def test_sides_are_alike_or_correlated_as_stated():
@@ -151,7 +161,10 @@ def test_half_round_is_the_path_of_the_disc(road, height):
 def test_a_users_file_is_rolled_over_too(tmp_path, layout):
     """A wall of 0.1 m: the wheel rises before it, on the arc about its edge."""
     path = tmp_path / "step.csv"
-    path.write_text("distance [m],left [m],right [m]\n" + "".join(f"{x / 100},{z},{z}\n" for x in range(1001) for z in [0.1 * (x >= 500)]))
+    path.write_text(
+        "distance [m],left [m],right [m]\n"
+        + "".join(f"{x / 100},{z},{z}\n" for x in range(1001) for z in [0.1 * (x >= 500)])
+    )
     front = 1.651
     point, disc = (road_from_file(path, layout, radius=r) for r in (0.0, RADIUS))
     ahead = 5.0 - 0.2 - front

@@ -212,7 +212,10 @@ def test_irregular_points_are_resampled(tmp_path):
         ("distance [m],lefft [m],right [m]\n0,0,0\n1,0,0\n", ["line 1", "'lefft'", "'left'"]),
         ("distance [s],left [m],right [m]\n0,0,0\n1,0,0\n", ["line 1", "'distance'", "'m' is expected"]),
         ("0,0,0\n1,0,0\n", ["line 1", "'distance'"]),
-        ("distance [m],left,right [m]\n0,0,0\n1,0,0\n", ["line 1", "column 'left' has no unit", "'left [m]' or 'left [mm]'"]),
+        (
+            "distance [m],left,right [m]\n0,0,0\n1,0,0\n",
+            ["line 1", "column 'left' has no unit", "'left [m]' or 'left [mm]'"],
+        ),
         ("distance,left [m],right [m]\n0,0,0\n1,0,0\n", ["line 1", "column 'distance' has no unit"]),
         (HEADER + "0,0,0\n20,1,1\n40,0,0\n", ["heights are 20 m apart", "at most 1 m", "0.5 Hz at 20 m/s"]),
         (HEADER + "0,0,0\n1.1,0,0\n40,0,0\n", ["heights are 1.0", "m apart where they are closest"]),
@@ -281,8 +284,9 @@ def test_opencrg_heights_are_those_of_the_grid(tmp_path, form):
 
 
 def test_opencrg_reference_line_channels(tmp_path):
-    """Slope belongs to the piece before a cross-section, the first value is not used; banking rises to the left. Heading and
-    curvature move the road on the map, not its heights over the distance along it."""
+    """Slope belongs to the piece before a cross-section, the first value is not used; banking rises to the left.
+    Heading and curvature move the road on the map, not its heights over the distance along it.
+    """
     grid, slope = random_grid(), np.linspace(0, 0.1, 21)
     banking, heading = np.linspace(-0.02, 0.05, 21), np.linspace(0, 0.4, 21)
     rows = [[None if i == 0 else heading[i], None if i == 0 else slope[i], banking[i], *grid[i]] for i in range(21)]
@@ -342,9 +346,18 @@ SIDES = "LONG_SECTION_V_RIGHT = {}\nLONG_SECTION_V_LEFT = {}\nLONG_SECTION_V_INC
         ("hello\n", ["not an OpenCRG"]),
         (crg([[0, 0]] * 3, TWO).replace("LRFI", "KRBI"), ["cut short in cross-section", "changed as text", "KRBI"]),
         (crg([[0, 0]] * 3, TWO).replace("LRFI", "XRBI"), ["'XRBI'", "KRBI, KDBI, LRFI, LDFI"]),
-        (crg([[0, 0]] * 90, TWO, form="KRBI", head="REFERENCE_LINE_END_U = 44.5\n")[:-80], ["80 cross-sections", "90 by", "after cross-section 80"]),
-        (crg([[0, 0]] * 90, TWO, form="KRBI", head="REFERENCE_LINE_END_U = 2.0\n"), ["90 cross-sections", "5 by", "END_U"]),
-        (crg([[0, 0]] * 30, TWO, form="KDBI", head="REFERENCE_LINE_END_U = 1e7\n"), ["30 cross-sections", "20000001 by"]),
+        (
+            crg([[0, 0]] * 90, TWO, form="KRBI", head="REFERENCE_LINE_END_U = 44.5\n")[:-80],
+            ["80 cross-sections", "90 by", "after cross-section 80"],
+        ),
+        (
+            crg([[0, 0]] * 90, TWO, form="KRBI", head="REFERENCE_LINE_END_U = 2.0\n"),
+            ["90 cross-sections", "5 by", "END_U"],
+        ),
+        (
+            crg([[0, 0]] * 30, TWO, form="KDBI", head="REFERENCE_LINE_END_U = 1e7\n"),
+            ["30 cross-sections", "20000001 by"],
+        ),
         (crg([[0, 0, 0]] * 30, THREE, form="KRBI")[:-80], ["cross-section 27 is cut short", "at value 2 of 3"]),
         (crg([[0, 0]] * 30, TWO, form="KRBI")[:-3], ["237 bytes", "4 bytes", "cross-section 30"]),
         (crg([[0, 0]] * 9 + [[0, None]] + [[0, 0]] * 9, TWO, form="KRBI"), ["gaps", "4.5 m", "cross-section 10"]),
@@ -359,10 +372,22 @@ SIDES = "LONG_SECTION_V_RIGHT = {}\nLONG_SECTION_V_LEFT = {}\nLONG_SECTION_V_INC
         (crg([[0, 0]] * 3, TWO, increment=-1), ["REFERENCE_LINE_INCREMENT"]),
         (crg([[0, 0]] * 3, ["long section at v = -0.3,m", "long section at v = 0.3,m"]), ["-0.3 to 0.3 m", "0.91"]),
         (crg([[0, 0]] * 3, ["long section 1,m", "long section 2,m"]), ["LONG_SECTION_V_RIGHT"]),
-        (crg([[0, 0]] * 3, NUMBERED, head=SIDES.format(2, -2, 4)), ["V_RIGHT = 2 m", "V_LEFT = -2 m", "left and right are swapped"]),
-        (crg([[0, 0]] * 3, NUMBERED, head=SIDES.format(-2, 2, -4)), ["V_INCREMENT = -4 m", "left and right are swapped"]),
-        (crg([[0, 0]] * 3, NUMBERED, head=SIDES.format(-2, 2, 3)), ["V_LEFT = 2 m", "is at 1 m", "which side is which"]),
-        (crg([[0, 0]] * 3, TWO, head="LONG_SECTION_V_RIGHT = -3\n"), ["V_RIGHT = -3 m", "is at -1 m", "which side is which"]),
+        (
+            crg([[0, 0]] * 3, NUMBERED, head=SIDES.format(2, -2, 4)),
+            ["V_RIGHT = 2 m", "V_LEFT = -2 m", "left and right are swapped"],
+        ),
+        (
+            crg([[0, 0]] * 3, NUMBERED, head=SIDES.format(-2, 2, -4)),
+            ["V_INCREMENT = -4 m", "left and right are swapped"],
+        ),
+        (
+            crg([[0, 0]] * 3, NUMBERED, head=SIDES.format(-2, 2, 3)),
+            ["V_LEFT = 2 m", "is at 1 m", "which side is which"],
+        ),
+        (
+            crg([[0, 0]] * 3, TWO, head="LONG_SECTION_V_RIGHT = -3\n"),
+            ["V_RIGHT = -3 m", "is at -1 m", "which side is which"],
+        ),
         (crg([[0, 0]] * 3, TWO).replace("  0.000000", "  0.0zz000", 1), ["line 14", "0.0zz000"]),
         (crg([[0.0] * 9] * 3, [f"long section at v = {v},m" for v in range(-4, 5)]).rsplit("\n", 2)[0], ["cut short"]),
         ("$ROAD_CRG_FILE\nother.crg\n$\n$$$$\n", ["another file", "other.crg", "not there"]),

@@ -11,7 +11,10 @@ PERIOD = 1e-3
 
 def drive(target, steps, **parameters):
     result = simulate(
-        speed_command().model(), stimulus={"target.speed": target}, parameters={k.replace("__", "."): v for k, v in parameters.items()}, steps=steps
+        speed_command().model(),
+        stimulus={"target.speed": target},
+        parameters={k.replace("__", "."): v for k, v in parameters.items()},
+        steps=steps,
     )
     return tuple(result.outputs[1:, result.output_names.index(n)] for n in ("x", "speed"))
 

@@ -18,7 +18,8 @@ COLORS = dict(re.findall(r"--scene-([\w-]+): (#[0-9a-f]{6} #[0-9a-f]{6});", (ASS
 _PAGE = """
 var scheme = "light";
 globalThis.getComputedStyle = () => ({
-  getPropertyValue: (name) => (name === "--scene-scheme" ? scheme : name.startsWith("--scene-") ? COLORS[name.slice(8)] || "" : "Sans"),
+  getPropertyValue: (name) =>
+    name === "--scene-scheme" ? scheme : name.startsWith("--scene-") ? COLORS[name.slice(8)] || "" : "Sans",
 });
 var notes = [], path = [], texts = [];
 const finite = (...numbers) => numbers.forEach((n) => { if (!Number.isFinite(n)) throw new Error(`drawn at ${n}`); });
@@ -40,7 +41,9 @@ const canvas = { clientWidth: 800, clientHeight: 400, getContext: () => pen };
 var values = {}, asked = [], road = () => null;
 const show = (data, view) => {
   const seen = new SceneView(canvas, data, {
-    value: (name) => values[name], ground: (side, x) => { asked.push([side, x]); return road(side, x); }, reducedMotion: true,
+    value: (name) => values[name],
+    ground: (side, x) => { asked.push([side, x]); return road(side, x); },
+    reducedMotion: true,
   });
   seen.view = view;
   return seen;
@@ -58,7 +61,9 @@ class Browser:
     def see(
         self, scene: Scene, values: dict[str, float] | None = None, view: str = "side", road: str = "() => null"
     ) -> None:
-        """A view of a scene, as `view`, drawn once at time 0 with these values of its variables and a function for the road."""
+        """A view of a scene, as `view`, drawn once at time 0 with these values of its variables and a function for the
+        road.
+        """
         self.values(values or {})
         self.engine.eval(
             f"road = {road}; asked = []; var view = show({json.dumps(scene_data(scene))}, {json.dumps(view)})"

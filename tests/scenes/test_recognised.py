@@ -1,4 +1,5 @@
-"""Scenes of systems, found by the names of their variables: of every experiment, and in which places things are then."""
+"""Scenes of systems, found by the names of their variables: of every experiment, and in which places
+things are then."""
 
 from __future__ import annotations
 
@@ -100,7 +101,9 @@ def test_at_rest_wheels_stand_on_the_road(name: str) -> None:
 
 @pytest.mark.parametrize(("name", "time"), [("hmmwv", 1.4), ("preview-lq", 0.4), ("three-axle", 2.2), ("gpc", 2.4)])
 def test_struts_are_as_long_as_suspensions_say(name: str, time: float) -> None:
-    """Deflection is body height minus wheel height: what the ends of the drawn struts do, without any number of the scene's own."""
+    """Deflection is body height minus wheel height: what the ends of the drawn struts do, without any number of the
+    scene's own.
+    """
     with wired(name) as system:
         scene = scene_of(system)
         names = {w.name: f"car.suspension.{w.name}.deflection" for w in scene.wheels}
@@ -268,9 +271,12 @@ def test_predicted_travel_begins_with_that_of_now() -> None:
         scene = scene_of(system)
         (line,) = (p for p in scene.points if p.role == "predicted")
         values = dict.fromkeys(scene.variables, 0.0) | {
-            "speed.x": 20.0, "speed.speed": 10.0, "car.suspension.fl.deflection": 0.01, "law.predicted.suspension.fl.deflection[1]": 0.02,
+            "speed.x": 20.0,
+            "speed.speed": 10.0,
+            "car.suspension.fl.deflection": 0.01,
+            "law.predicted.suspension.fl.deflection[1]": 0.02,
             "law.predicted.suspension.fl.deflection[3]": -0.03,
-        }  # fmt: skip
+        }
         (strut,) = (s for s in scene.struts if s.wheel == "fl")
         level = strut.at[2] + scene.bodies[0].z.at_rest  # type: ignore[union-attr]
         assert [h.of(values) - level for h in line.heights] == pytest.approx([0.01, 0.02, 0.0, -0.03])  # type: ignore[union-attr]

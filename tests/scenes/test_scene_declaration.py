@@ -111,16 +111,30 @@ def test_variables_are_all_that_is_needed() -> None:
         traces=[Trace("t", "body", 0.0, 0.0, "car.z", 1.0)],
     )
     assert set(scene.variables) == {
-        "car.x", "car.z", "car.fz", "car.dz", "car.v", "map.h[1]", "map.h[2]", "car.limit", "car.start", "car.edge",
-    }  # fmt: skip
+        "car.x",
+        "car.z",
+        "car.fz",
+        "car.dz",
+        "car.v",
+        "map.h[1]",
+        "map.h[2]",
+        "car.limit",
+        "car.start",
+        "car.edge",
+    }
     assert len(set(scene.variables)) == len(scene.variables)
 
 
 def test_data_is_what_the_script_reads() -> None:
     scene = made(
-        struts=[Strut("body", (0.0, 0.0, 0.2), "fl")], limits=[Limit("stop", "car.z", at="fl")],
-        arrows=[Arrow("a", "body", Value({"car.z": -2.0}, 1.0, rest=0.5), on="body"), Arrow("b", "ground", 1.0, on="fl"), Arrow("c", "ground", 1.0)],
-    )  # fmt: skip
+        struts=[Strut("body", (0.0, 0.0, 0.2), "fl")],
+        limits=[Limit("stop", "car.z", at="fl")],
+        arrows=[
+            Arrow("a", "body", Value({"car.z": -2.0}, 1.0, rest=0.5), on="body"),
+            Arrow("b", "ground", 1.0, on="fl"),
+            Arrow("c", "ground", 1.0),
+        ],
+    )
     data = scene_data(scene)
     assert json.loads(json.dumps(data)) == data
     assert data["names"] == ["car.x", "car.z"]

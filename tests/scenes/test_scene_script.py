@@ -46,7 +46,7 @@ WHEEL = Wheel(
 )
 BODY = Body(
     "body", [SQUARE], x="car.x", z=Value({"car.z": 1.0}, 1.0), roll="car.roll", pitch="car.pitch", yaw="car.yaw"
-)  # fmt: skip
+)
 STILL = dict.fromkeys(("car.x", "car.z", "car.roll", "car.pitch", "car.yaw", "car.wheel", "car.tire", "car.force"), 0.0)
 LEVEL = [Relief([(0.0, 0.0)])]
 
@@ -76,7 +76,8 @@ def screen(browser: Browser, point: object) -> tuple[float, float]:
     return x, y
 
 
-# ----------------------------------------------------------------------------------------------- from a pose to the screen
+# ----------------------------------------------------------------------------------------------- from a pose to the
+# screen
 
 
 def test_from_the_side_ahead_is_right_and_up_is_up(browser: Browser) -> None:
@@ -176,20 +177,23 @@ def hulls() -> Iterator[tuple[str, list[Face]]]:
     yield "rig", shapes.rig_frame(0.5, 3.0) + shapes.rig_mass(0.5)
 
 
-@pytest.mark.parametrize(("faces"), [pytest.param(f, id=n) for n, f in hulls()])
+@pytest.mark.parametrize("faces", [pytest.param(f, id=n) for n, f in hulls()])
 @pytest.mark.parametrize("towards", [(-0.1, -0.99, 0.07), (0.53, -0.79, 0.3), (-0.99, 0.01, 0.13), (0.4, 0.6, 0.69)])
 def test_the_nearest_face_is_drawn_last(
     browser: Browser, faces: list[Face], towards: tuple[float, float, float]
 ) -> None:
-    """Rays through a hull: what was drawn last at a place is the nearest face there, of all faces as they were declared."""
+    """Rays through a hull: what was drawn last at a place is the nearest face there, of all faces as they were
+    declared.
+    """
     d = np.array(towards) / np.linalg.norm(towards)
     right = np.cross([0, 0, 1.0], d)
     right /= np.linalg.norm(right)
     up = np.cross(d, right)
     declared = [{"points": f.points, "material": f.material, "id": i} for i, f in enumerate(faces)]
     drawn = browser.run(
-        f"(() => {{ const list = []; const tree = SceneView.tree({json.dumps(declared)}.map((f) => ({{...SceneView.face(f), id: f.id}}))); "
-        f"SceneView.walk(tree, {json.dumps(d.tolist())}, [], (f) => list.push([f.id, f.points]), () => 0); return list; }})()"
+        f"(() => {{ const list = []; const tree = SceneView.tree({json.dumps(declared)}.map((f) =>"
+        f" ({{...SceneView.face(f), id: f.id}}))); SceneView.walk(tree, {json.dumps(d.tolist())}, [], (f) =>"
+        " list.push([f.id, f.points]), () => 0); return list; })()"
     )
     at = [(i, np.array(points) @ np.array([right, up]).T) for i, points in drawn]
     generator = np.random.default_rng(5)
@@ -227,15 +231,17 @@ def test_wheels_are_drawn_between_the_faces(browser: Browser) -> None:
     """A wheel beside the vehicle is in front of its near side, and one on the other side is behind the far side."""
     faces = [{"points": [[-1, y, 0], [1, y, 0], [1, y, 1], [-1, y, 1]], "material": "hull"} for y in (-0.5, 0.5)]
     order = browser.run(
-        f"(() => {{ const list = []; SceneView.walk(SceneView.tree({json.dumps(faces)}.map(SceneView.face)), [0, -1, 0.1], "
-        "[{at: [0, 0.8, 0], n: 'left'}, {at: [0, -0.8, 0], n: 'right'}, {at: [0, 0, 0], n: 'middle'}], "
-        "(f) => list.push(f.points[0][1]), (w) => list.push(w.n)); return list; })()"
+        f"(() => {{ const list = []; SceneView.walk(SceneView.tree({json.dumps(faces)}.map(SceneView.face)), [0, -1,"
+        " 0.1], [{at: [0, 0.8, 0], n: 'left'}, {at: [0, -0.8, 0], n: 'right'}, {at: [0, 0, 0], n: 'middle'}],"
+        " (f) => list.push(f.points[0][1]), (w) => list.push(w.n)); return list; })()"
     )
     assert order == ["left", 0.5, "middle", -0.5, "right"]
 
 
 def test_wheels_are_beside_the_vehicle_and_behind_its_tail(browser: Browser) -> None:
-    """In an arch, a near wheel is drawn over what is between the wheels and under the sheet at the side; from behind, a front wheel under the tail."""
+    """In an arch, a near wheel is drawn over what is between the wheels and under the sheet at the side; from behind, a
+    front wheel under the tail.
+    """
     axles = [Axle(1.98, 0.91, 0.47, 0.32), Axle(-1.32, 0.91, 0.47, 0.32)]
     faces = [{"points": f.points, "material": f.material} for f in shapes.off_road(axles, 0.85)]
     wheels = [
@@ -247,8 +253,9 @@ def test_wheels_are_beside_the_vehicle_and_behind_its_tail(browser: Browser) -> 
     def order(towards: list[float]) -> list[Any]:
         """Names of wheels, and faces as (material, points), as they are drawn."""
         return browser.run(
-            f"(() => {{ const list = []; SceneView.walk(SceneView.tree({json.dumps(faces)}.map(SceneView.face)), {towards}, {json.dumps(wheels)}, "
-            "(f) => list.push([f.material, f.points]), (w) => list.push(w.n)); return list; })()"
+            f"(() => {{ const list = []; SceneView.walk(SceneView.tree({json.dumps(faces)}.map(SceneView.face)),"
+            f" {towards}, {json.dumps(wheels)}, (f) => list.push([f.material, f.points]), (w) => list.push(w.n));"
+            " return list; })()"
         )
 
     def upright_at(drawn: list[Any], y: float) -> list[int]:
@@ -280,7 +287,8 @@ def _is_tail(points: list[list[float]], y: float) -> bool:
     return bool(x.max() < -2.0 and across.min() < y < across.max())
 
 
-# ----------------------------------------------------------------------------------------------------------- wheels, road
+# ----------------------------------------------------------------------------------------------------------- wheels,
+# road
 
 
 def test_tires_end_on_the_road(browser: Browser) -> None:
@@ -303,7 +311,10 @@ def test_an_edge_presses_a_tire_in_where_it_is(browser: Browser) -> None:
 def test_spokes_turn_ahead(browser: Browser) -> None:
     rolling = Wheel("w", 0.5, 0.2, x=0.0, y=0.0, z=0.5, turn="car.x")
     browser.see(scene(wheels=[rolling]), STILL)
-    angle = "(() => { const p = view.ring(view.wheels[0], 0.55, 0, 1, -view.wheels[0].turn)[0]; return Math.atan2(p[2] - 0.5, p[0]); })()"
+    angle = (
+        "(() => { const p = view.ring(view.wheels[0], 0.55, 0, 1, -view.wheels[0].turn)[0]; return Math.atan2(p[2] -"
+        " 0.5, p[0]); })()"
+    )
     assert browser.run(angle) == pytest.approx(0.0)
     browser.values(STILL | {"car.x": 0.3})
     browser.draw(0.1)
@@ -386,7 +397,8 @@ def test_marks_stand_along_the_road(browser: Browser) -> None:
     assert "105 m" in browser.run("texts")
 
 
-# ------------------------------------------------------------------------------------------------ forces, points, limits
+# ------------------------------------------------------------------------------------------------ forces, points,
+# limits
 
 
 @pytest.mark.parametrize("view", VIEWS)
@@ -445,8 +457,12 @@ def test_predictions_are_exaggerated_about_their_own_level(browser: Browser) -> 
     browser.engine.eval("view.exaggeration = 3")
     browser.draw(0.1)
     color = COLORS["predicted"].split()[0]
-    line, _legend = (n for n in browser.run("notes") if n["style"] == color and n["what"] == "stroke" and n["width"] == 2)
-    assert [p[1:] for p in line["path"]] == [pytest.approx(list(screen(browser, [k, -0.8, h]))) for k, h in enumerate((1.5, 1.8))]
+    line, _legend = (
+        n for n in browser.run("notes") if n["style"] == color and n["what"] == "stroke" and n["width"] == 2
+    )
+    assert [p[1:] for p in line["path"]] == [
+        pytest.approx(list(screen(browser, [k, -0.8, h]))) for k, h in enumerate((1.5, 1.8))
+    ]
 
 
 def test_springs_are_as_long_as_struts(browser: Browser) -> None:
@@ -476,7 +492,8 @@ def test_values_that_are_not_numbers_do_not_stop_the_picture(browser: Browser) -
     assert browser.run("view.poses[0].slice(8)") == [0, 0, 1, 1]
 
 
-# --------------------------------------------------------------------------------------------------------- words, colours
+# --------------------------------------------------------------------------------------------------------- words,
+# colours
 
 
 def test_the_sentence_about_what_is_seen(browser: Browser) -> None:
@@ -491,8 +508,10 @@ def test_the_sentence_about_what_is_seen(browser: Browser) -> None:
     }
     values = STILL | {"car.x": 10.0, "car.pitch": -0.0000001, "car.force": 1550.0, "car.z": 0.1}
     browser.see(scene(**parts), values)
-    assert browser.run("view.describe()") == (
-        "Off-road vehicle from the side: speed 36.0 km/h; pitch, nose down 0.00 deg; actuator force up to -3.1 kN; bump stop."
+    assert (
+        browser.run("view.describe()")
+        == "Off-road vehicle from the side: speed 36.0 km/h; pitch, nose down 0.00 deg; actuator force up to -3.1 kN;"
+        " bump stop."
     )
     browser.see(scene(**parts), values | {"car.force": 0.0, "car.z": 0.0}, "rear")
     assert browser.run("view.describe()").endswith(
@@ -539,7 +558,8 @@ def _contrast(first: str, second: str) -> float:
     return (high + 0.05) / (low + 0.05)
 
 
-# --------------------------------------------------------------------------------------------------- views and the pointer
+# --------------------------------------------------------------------------------------------------- views and the
+# pointer
 
 
 def test_a_view_that_is_turned_is_free(browser: Browser) -> None:
@@ -567,7 +587,8 @@ def test_an_unknown_view_is_refused(browser: Browser) -> None:
 def test_views_of_variants_share_a_camera(browser: Browser) -> None:
     browser.see(scene(), STILL, "three-quarter")
     browser.engine.eval(
-        "var other = new SceneView(canvas, view.data, {value: (n) => values[n], reducedMotion: true, camera: view.camera}); view.orbit(30, 0)"
+        "var other = new SceneView(canvas, view.data, {value: (n) => values[n], reducedMotion: true, camera:"
+        " view.camera}); view.orbit(30, 0)"
     )
     assert browser.run("other.camera.azimuth === view.camera.azimuth && other.view === 'three-quarter'")
 
@@ -588,25 +609,37 @@ def test_no_path_cuts_holes_into_itself(browser: Browser) -> None:
         assert several > 10
 
 
-ROUGH = "(side, x) => 0.04 * Math.sin(3 * x) + (side === 'left' ? 0.03 : -0.02) * Math.cos(7 * x + 1) + (x > 1 ? 0.15 : 0)"
+ROUGH = (
+    "(side, x) => 0.04 * Math.sin(3 * x) + (side === 'left' ? 0.03 : -0.02) * Math.cos(7 * x + 1) + (x > 1 ? 0.15 : 0)"
+)
 
 
 @pytest.mark.parametrize("view", VIEWS)
 @pytest.mark.parametrize("turned", [0.0, 400.0])
 def test_the_road_has_no_holes(browser: Browser, view: str, turned: float) -> None:
-    """Every piece of it that is seen from above lies in a path that is filled as road, however rough it is and wherever one looks from."""
+    """Every piece of it that is seen from above lies in a path that is filled as road, however rough it is and wherever
+    one looks from.
+    """
     grounds = [Ground(side, y, "road", "x", side, 0.0) for side, y in (("left", 0.8), ("right", -0.8))]
     rough = scene(reliefs=[], grounds=grounds, wheels=[WHEEL])
     for exaggeration in (1, 8):
         browser.see(rough, STILL, view, road=ROUGH)
         browser.engine.eval(f"view.exaggeration = {exaggeration}; view.camera.azimuth += 0.008 * {turned}")
         browser.draw(0.1)
-        shades = set(browser.run("Array.from({length: 60}, (_, level) => view.shade('road', level / SceneView.LEVELS))"))
-        fills = [np.array([p[1:] for p in n["path"]]) for n in browser.run("notes") if n["what"] == "fill" and n["style"] in shades]
+        shades = set(
+            browser.run("Array.from({length: 60}, (_, level) => view.shade('road', level / SceneView.LEVELS))")
+        )
+        fills = [
+            np.array([p[1:] for p in n["path"]])
+            for n in browser.run("notes")
+            if n["what"] == "fill" and n["style"] in shades
+        ]
         road = np.array(browser.run("view.road"))
         width, track, size = browser.run("[view.halfWidth, view.trackHalf, [view.width, view.height]]")
         lines = [(width, 1), (track, 1), (-track, 2), (-width, 2)]
-        screen = np.array(browser.run(f"{json.dumps(lines)}.map(([y, c]) => view.road.map((p) => view.screen([p[0], y, p[c]])))"))
+        screen = np.array(
+            browser.run(f"{json.dumps(lines)}.map(([y, c]) => view.road.map((p) => view.screen([p[0], y, p[c]])))")
+        )
         seen = 0
         for one, other in ((0, 1), (1, 2), (2, 3)):
             for i in range(len(road) - 1):
@@ -615,10 +648,18 @@ def test_the_road_has_no_holes(browser: Browser, view: str, turned: float) -> No
                 turns = np.sign(edges[:, 0] * np.roll(edges[:, 1], -1) - edges[:, 1] * np.roll(edges[:, 0], -1))
                 folded = abs(turns.sum()) < 4  # then the mean of its corners may lie beside it
                 x, y = points.mean(axis=0)
-                if folded or abs(_area([tuple(p) for p in points.tolist()])) < 0.5 or not (0 < x < size[0] and 0 < y < size[1]):
+                if (
+                    folded
+                    or abs(_area([tuple(p) for p in points.tolist()])) < 0.5
+                    or not (0 < x < size[0] and 0 < y < size[1])
+                ):
                     continue
                 seen += 1
-                assert any(_winding(fill, x, y) for fill in fills if fill[:, 0].min() < x < fill[:, 0].max()), (road[i], one, exaggeration)
+                assert any(_winding(fill, x, y) for fill in fills if fill[:, 0].min() < x < fill[:, 0].max()), (
+                    road[i],
+                    one,
+                    exaggeration,
+                )
         assert seen > 30
         assert len(fills) < 0.75 * 3 * len(road)  # what is lit alike is one path
 

@@ -58,7 +58,8 @@ def buffer(layout):
     return preview_buffer(layout).model()
 
 
-# ---------------------------------------------------------------------------------------------------------------- sensor
+# ----------------------------------------------------------------------------------------------------------------
+# sensor
 
 
 def test_correction_undoes_what_the_pose_does_to_the_ranges(sensor, sensors):
@@ -137,7 +138,8 @@ def test_free_response_is_a_quarter_car_per_wheel(sensor):
     assert 1.2 < top < 1.9, "an underdamped quarter car near 2 Hz overshoots"
 
 
-# ---------------------------------------------------------------------------------------------------------------- buffer
+# ----------------------------------------------------------------------------------------------------------------
+# buffer
 
 
 def wave(x):
@@ -145,7 +147,8 @@ def wave(x):
 
 
 def drive(buffer, steps, *, speed=SPEED, ahead=3.7, shape=wave, place=None, valid=None, start=5.0, **parameters):
-    """Outputs per step of a car that senses ``shape`` ``ahead`` metres away; ``place(k, x)``, ``valid(k)`` change that."""
+    """Outputs per step of a car that senses ``shape`` ``ahead`` metres away; ``place(k, x)``,
+    ``valid(k)`` change that."""
     run = Ticks(buffer, {"leak.time": 1e6, **{n.replace("__", "."): v for n, v in parameters.items()}})
     rows = []
     for k in range(steps):
@@ -198,9 +201,14 @@ def test_forgetting_averages_what_is_measured_again(buffer):
     def spread(forgetting):
         rng = np.random.default_rng(5)
         rows = drive(
-            buffer, 400, speed=0.0, start=5.0, forgetting=forgetting, shape=lambda _: 0.01 * rng.standard_normal(),
+            buffer,
+            400,
+            speed=0.0,
+            start=5.0,
+            forgetting=forgetting,
+            shape=lambda _: 0.01 * rng.standard_normal(),
             place=lambda k, x: x + AXLE + 0.2 * math.sin(0.7 * k),
-        )  # fmt: skip
+        )
         return np.std([r["preview.fl[1]"] for r in rows[50:]])
 
     assert spread(0.9) < 0.6 * spread(0.0)

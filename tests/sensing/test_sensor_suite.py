@@ -16,10 +16,15 @@ SAMPLES = 6000
 MOUNT, SIDE, HEIGHT = 2.45, 0.91, 0.9  # m, of the range sensors
 REST = {"radar": HEIGHT / math.cos(math.radians(55)), "optical": HEIGHT / math.cos(math.radians(25))}
 NOISE = {  # of Table 1.5, assumed
-    **{f"loadcell.{k}": 50.0 for k in CORNERS}, **{f"lvdt.{k}": 0.5e-3 for k in CORNERS},
-    **{f"hub.{k}.az": 0.5 for k in CORNERS}, "chassis.front.az": 0.1, "chassis.rear.az": 0.1,
-    "gyro.pitch_rate": 5e-3, "gyro.roll_rate": 5e-3, "speed.measured": 0.02,
-}  # fmt: skip
+    **{f"loadcell.{k}": 50.0 for k in CORNERS},
+    **{f"lvdt.{k}": 0.5e-3 for k in CORNERS},
+    **{f"hub.{k}.az": 0.5 for k in CORNERS},
+    "chassis.front.az": 0.1,
+    "chassis.rear.az": 0.1,
+    "gyro.pitch_rate": 5e-3,
+    "gyro.roll_rate": 5e-3,
+    "speed.measured": 0.02,
+}
 RANGES = ("range.left", "range.right")
 EXACT = {"noise.scale": 0.0, "range.resolution[1]": 0.0, "range.resolution[2]": 0.0, "range.spot[1]": 0.0}
 AT_ONCE = {**EXACT, "range.response[1]": 0.0, "range.response[2]": 0.0}
@@ -57,7 +62,8 @@ def surface(scan, x, heights, side="left"):
     return {f"scan.{side}[{i + 1}]": heights(x + scan.start + i * scan.step) for i in range(scan.count)}
 
 
-# ----------------------------------------------------------------------------------------------------------------- noise
+# -----------------------------------------------------------------------------------------------------------------
+# noise
 
 
 @pytest.fixture(scope="module")
@@ -117,7 +123,8 @@ def test_scale_and_single_sensors(suite):
     assert np.array_equal(quiet["hub.fl.az"], one["hub.fl.az"])
 
 
-# -------------------------------------------------------------------------------------------------------- on the vehicle
+# -------------------------------------------------------------------------------------------------------- on the
+# vehicle
 
 
 def test_without_noise_sensors_show_the_car(suite):
@@ -145,7 +152,8 @@ def test_distance_is_the_integral_of_the_speedometer(suite):
     assert noisy["x.measured"][-1] == pytest.approx(4.0 + 1e-3 * noisy["speed.measured"][:-1].sum(), rel=1e-12)
 
 
-# --------------------------------------------------------------------------------------------------------- range sensors
+# --------------------------------------------------------------------------------------------------------- range
+# sensors
 
 
 @pytest.mark.parametrize("sensor", ["radar", "optical"])
@@ -213,7 +221,9 @@ def test_resolution(suite, sensor, resolution):
 
 
 def test_response_time(suite):
-    """A step of the pose arrives 1.1 ms later with the radar, between samples by interpolation, 5 ms with the optical one."""
+    """A step of the pose arrives 1.1 ms later with the radar, between samples by interpolation, 5 ms with the optical
+    one.
+    """
     rows = [{"body.z": 0.0}] * 3 + [{"body.z": 0.05}] * 9
     radar = run(suite, rows, **EXACT)["range.left"] - REST["radar"]
     full = 0.05 / math.cos(math.radians(55))

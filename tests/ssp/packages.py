@@ -8,17 +8,21 @@ from pathlib import Path
 NAMESPACES = " ".join(
     f'xmlns:{p}="http://ssp-standard.org/SSP1/SystemStructure{n}"'
     for p, n in {
-        "ssd": "Description", "ssc": "Common", "ssv": "ParameterValues", "ssm": "ParameterMapping", "ssb": "SignalDictionary"
+        "ssd": "Description",
+        "ssc": "Common",
+        "ssv": "ParameterValues",
+        "ssm": "ParameterMapping",
+        "ssb": "SignalDictionary",
     }.items()
 )
 OSP = 'xmlns:osp="http://opensimulationplatform.com/SSP/OSPAnnotations"'
 UNITS = (
-    '<ssc:Unit name="rad"><ssc:BaseUnit rad="1"/></ssc:Unit><ssc:Unit name="deg"><ssc:BaseUnit rad="1" factor="0.017453292519943295"/></ssc:Unit>'
-    '<ssc:Unit name="kg"><ssc:BaseUnit kg="1"/></ssc:Unit>'
+    '<ssc:Unit name="rad"><ssc:BaseUnit rad="1"/></ssc:Unit><ssc:Unit name="deg"><ssc:BaseUnit rad="1"'
+    ' factor="0.017453292519943295"/></ssc:Unit><ssc:Unit name="kg"><ssc:BaseUnit kg="1"/></ssc:Unit>'
 )
 STEP = (
-    f'<ssd:Annotations><ssc:Annotation type="com.opensimulationplatform"><osp:StepSizeHint {OSP} value="0.002"/></ssc:Annotation>'
-    "</ssd:Annotations>"
+    f'<ssd:Annotations><ssc:Annotation type="com.opensimulationplatform"><osp:StepSizeHint {OSP}'
+    ' value="0.002"/></ssc:Annotation></ssd:Annotations>'
 )
 
 
@@ -47,18 +51,29 @@ def connection(start: str, end: str, inner: str = "", more: str = "") -> str:
     return f"<ssd:Connection {' '.join(ends)} {more}>{inner}</ssd:Connection>"
 
 
-def system(name: str, elements: str, connections: str = "", *given: str, bindings: str = "", dictionaries: str = "", more: str = "") -> str:
+def system(
+    name: str,
+    elements: str,
+    connections: str = "",
+    *given: str,
+    bindings: str = "",
+    dictionaries: str = "",
+    more: str = "",
+) -> str:
     bound = f"<ssd:ParameterBindings>{bindings}</ssd:ParameterBindings>" if bindings else ""
     wires = f"<ssd:Connections>{connections}</ssd:Connections>" if connections else ""
     books = f"<ssd:SignalDictionaries>{dictionaries}</ssd:SignalDictionaries>" if dictionaries else ""
-    return f'<ssd:System name="{name}" {more}>{connectors(*given)}{bound}<ssd:Elements>{elements}</ssd:Elements>{wires}{books}</ssd:System>'
+    return (
+        f'<ssd:System name="{name}"'
+        f" {more}>{connectors(*given)}{bound}<ssd:Elements>{elements}</ssd:Elements>{wires}{books}</ssd:System>"
+    )
 
 
 def structure(top: str, after: str = "", version: str = "1.0", name: str = "Foreign", enumerations: str = "") -> str:
     listed = f"<ssd:Enumerations>{enumerations}</ssd:Enumerations>" if enumerations else ""
     return (
-        f'<?xml version="1.0" encoding="UTF-8"?><ssd:SystemStructureDescription {NAMESPACES} version="{version}" name="{name}">'
-        f"{top}{listed}<ssd:Units>{UNITS}</ssd:Units>{after}</ssd:SystemStructureDescription>"
+        f'<?xml version="1.0" encoding="UTF-8"?><ssd:SystemStructureDescription {NAMESPACES} version="{version}"'
+        f' name="{name}">{top}{listed}<ssd:Units>{UNITS}</ssd:Units>{after}</ssd:SystemStructureDescription>'
     )
 
 
@@ -69,19 +84,29 @@ def values(version: str = "1.0", **given: str) -> str:
         type_, _, rest = text.partition(" ")
         value, _, unit = rest.partition("@")
         made.append(
-            f'<ssv:Parameter name="{name.replace("__", ".")}"><ssv:{type_} value="{value}"{f" unit={chr(34)}{unit}{chr(34)}" if unit else ""}/></ssv:Parameter>'
+            f'<ssv:Parameter name="{name.replace("__", ".")}"><ssv:{type_}'
+            f' value="{value}"{f" unit={chr(34)}{unit}{chr(34)}" if unit else ""}/></ssv:Parameter>'
         )
     units = f"<ssv:Units>{UNITS}</ssv:Units>"
-    return f'<ssv:ParameterSet {NAMESPACES} version="{version}" name="set"><ssv:Parameters>{"".join(made)}</ssv:Parameters>{units}</ssv:ParameterSet>'
+    return (
+        f'<ssv:ParameterSet {NAMESPACES} version="{version}"'
+        f' name="set"><ssv:Parameters>{"".join(made)}</ssv:Parameters>{units}</ssv:ParameterSet>'
+    )
 
 
 def inline(set_: str, mapping: str = "", more: str = "") -> str:
-    return f"<ssd:ParameterBinding {more}><ssd:ParameterValues>{set_}</ssd:ParameterValues>{mapping}</ssd:ParameterBinding>"
+    return (
+        "<ssd:ParameterBinding"
+        f" {more}><ssd:ParameterValues>{set_}</ssd:ParameterValues>{mapping}</ssd:ParameterBinding>"
+    )
 
 
 def mapping(*entries: str) -> str:
     inner = "".join(entries)
-    return f'<ssd:ParameterMapping><ssm:ParameterMapping {NAMESPACES} version="1.0">{inner}</ssm:ParameterMapping></ssd:ParameterMapping>'
+    return (
+        f"<ssd:ParameterMapping><ssm:ParameterMapping {NAMESPACES}"
+        f' version="1.0">{inner}</ssm:ParameterMapping></ssd:ParameterMapping>'
+    )
 
 
 def package(path: Path, files: dict[str, str | bytes | Path]) -> Path:

@@ -1,4 +1,5 @@
-"""Run an SSP in Ecos or libcosim: reads a job as JSON from standard input, prints the outputs after each step as JSON."""
+"""Run an SSP in Ecos or libcosim: reads a job as JSON from standard input, prints the outputs after each
+step as JSON."""
 
 import ctypes
 import json

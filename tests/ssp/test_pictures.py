@@ -26,7 +26,9 @@ def crosses(box: Box, a: tuple[float, float], b: tuple[float, float]) -> bool:
 
 @pytest.mark.parametrize("name", EVERY)
 def test_every_system_can_be_read(built_fmus: BuiltFmus, name: str) -> None:  # noqa: ARG001
-    """Boxes lie beside each other, lines lead around them, and everything is within the picture; one line for each bundle."""
+    """Boxes lie beside each other, lines lead around them, and everything is within the picture; one line for each
+    bundle.
+    """
     with experiment_system(name) as system:
         schedule = system.schedule()
         picture = arrange(schedule)
@@ -92,7 +94,9 @@ def test_the_commands(built_fmus: BuiltFmus, tmp_path: Path) -> None:  # noqa: A
     drawn = cosim("wiring", "Bench.ssp", "--title", "")
     assert drawn.returncode == 0, drawn.stderr
     assert etree.fromstring((tmp_path / "Bench.svg").read_bytes()).tag == f"{SVG}svg"
-    ran = cosim("run", "Bench.ssp", "--record", "plant.body.az", "--stop-time", "0.5", "--set", "plant.solver.step=0.0005")
+    ran = cosim(
+        "run", "Bench.ssp", "--record", "plant.body.az", "--stop-time", "0.5", "--set", "plant.solver.step=0.0005"
+    )
     assert ran.returncode == 0, ran.stderr
     assert "plant.body.az rms" in ran.stdout
     assert len(list((tmp_path / "results" / "Bench").glob("*.csv"))) == 1
@@ -102,7 +106,10 @@ def test_the_commands(built_fmus: BuiltFmus, tmp_path: Path) -> None:  # noqa: A
         (("run", "Bench.ssp", "--set", "plant.solver.step"), "'plant.solver.step' is not NAME=VALUE"),
         (("run", "Bench.ssp", "--variant", "Other"), "no variant 'Other'"),
         (("export", "bench"), "say what to write"),
-        (("export", "bench", "--ssp", "B.ssp", "--without", "road", "--fmus", str(FMUS)), "--without is of a system as one FMU"),
+        (
+            ("export", "bench", "--ssp", "B.ssp", "--without", "road", "--fmus", str(FMUS)),
+            "--without is of a system as one FMU",
+        ),
         (("export", "bench", "--ssp", "B.ssp", "--ssp-version", "3", "--fmus", str(FMUS)), "no version of SSP '3'"),
     ):
         failed = cosim(*arguments)

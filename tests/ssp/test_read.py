@@ -1,4 +1,6 @@
-"""SSP files of ours and of others as systems: same bits, names, rates, values, units, transformations, and what is wrong with files."""
+"""SSP files of ours and of others as systems: same bits, names, rates, values, units, transformations, and what is
+wrong with files.
+"""
 
 from __future__ import annotations
 
@@ -19,7 +21,9 @@ from systems import EVERY, experiment_system
 from cosim import ComponentError, Recording, SspError, SspWarning, System
 
 VERSIONS = ("1.0", "2.0")
-pytestmark = pytest.mark.filterwarnings("error::cosim.SspWarning", "ignore::cosim.FmuWarning", "ignore::cosim.UnconnectedInputsWarning")
+pytestmark = pytest.mark.filterwarnings(
+    "error::cosim.SspWarning", "ignore::cosim.FmuWarning", "ignore::cosim.UnconnectedInputsWarning"
+)
 SSD = "SystemStructure.ssd"
 
 
@@ -40,7 +44,9 @@ def test_ours_come_back_with_the_same_bits(built_fmus: BuiltFmus, tmp_path: Path
 
 @pytest.mark.parametrize("version", VERSIONS)
 def test_what_only_our_annotations_say_comes_back(follower: dict[int, Path], tmp_path: Path, version: str) -> None:
-    """Offsets, kinds, groups, delays, extrapolation, steps that no float is, names that are no identifiers, factors and arrays."""
+    """Offsets, kinds, groups, delays, extrapolation, steps that no float is, names that are no identifiers, factors and
+    arrays.
+    """
     with System() as system:
         v = 2 if version == "1.0" else 3
         for name, step in (("b-1", "1/60"), ("a", "1/120")):
@@ -71,11 +77,24 @@ def follow(path: Path, **options: Any) -> tuple[dict[str, Any], Recording]:
 PAIR = ("u:input:Real", "y:output:Real")
 
 
-def two(follower: dict[int, Path], tmp_path: Path, connections: str, *, one: tuple[str, ...] = PAIR, other: tuple[str, ...] = PAIR, v: int = 2,
-        bindings: str = "", enumerations: str = "") -> Path:  # fmt: skip
+def two(
+    follower: dict[int, Path],
+    tmp_path: Path,
+    connections: str,
+    *,
+    one: tuple[str, ...] = PAIR,
+    other: tuple[str, ...] = PAIR,
+    v: int = 2,
+    bindings: str = "",
+    enumerations: str = "",
+) -> Path:
     """Two followers, the second fed by the first."""
-    elements = p.component("one", "resources/f.fmu", *one, bindings=bindings) + p.component("two", "resources/f.fmu", *other)
-    text = p.structure(p.system("top", elements, connections), version="1.0" if v == 2 else "2.0", enumerations=enumerations)
+    elements = p.component("one", "resources/f.fmu", *one, bindings=bindings) + p.component(
+        "two", "resources/f.fmu", *other
+    )
+    text = p.structure(
+        p.system("top", elements, connections), version="1.0" if v == 2 else "2.0", enumerations=enumerations
+    )
     return p.package(tmp_path / "Two.ssp", {SSD: text, "resources/f.fmu": follower[v]})
 
 
@@ -101,63 +120,145 @@ def test_units_and_linear_transformations(follower, tmp_path, inner, more, facto
 
 def test_booleans_and_integers_are_mapped(follower, tmp_path):
     one = ("on:input:Boolean", "off:output:Boolean", "count:output:Integer", "count_in:input:Integer")
-    negated = '<ssc:BooleanMappingTransformation><ssc:MapEntry source="true" target="false"/><ssc:MapEntry source="false" target="true"/></ssc:BooleanMappingTransformation>'
+    negated = (
+        '<ssc:BooleanMappingTransformation><ssc:MapEntry source="true" target="false"/><ssc:MapEntry source="false"'
+        ' target="true"/></ssc:BooleanMappingTransformation>'
+    )
     mapped = "".join(f'<ssc:MapEntry source="{a}" target="{b}"/>' for a, b in ((k, k * k) for k in range(100)))
     path = two(
-        follower, tmp_path, one=one, other=one,
+        follower,
+        tmp_path,
+        one=one,
+        other=one,
         connections=p.connection("one.off", "two.on", negated)
-        + p.connection("one.count", "two.count_in", f"<ssc:IntegerMappingTransformation>{mapped}</ssc:IntegerMappingTransformation>"),
-    )  # fmt: skip
+        + p.connection(
+            "one.count",
+            "two.count_in",
+            f"<ssc:IntegerMappingTransformation>{mapped}</ssc:IntegerMappingTransformation>",
+        ),
+    )
     with System.from_ssp(path) as system:
         for on in (False, True):
             system["one"].set({"on": on})
             recording = system.run("1/10", record=["one.off", "two.off", "one.count", "two.count_in"])
             assert recording["one.off"][-1] == recording["two.off"][-1] == (not on)
-    np.testing.assert_array_equal(recording["two.count_in"][:-1], recording["one.count"][:-1] ** 2)  # nothing is executed at the end
+    np.testing.assert_array_equal(
+        recording["two.count_in"][:-1], recording["one.count"][:-1] ** 2
+    )  # nothing is executed at the end
     assert recording["one.count"][-1] > 10
-    short = two(follower, tmp_path, one=one, other=one, connections=p.connection("one.count", "two.count_in", '<ssc:IntegerMappingTransformation><ssc:MapEntry source="0" target="1"/></ssc:IntegerMappingTransformation>'))
-    with System.from_ssp(short) as system, pytest.raises(ComponentError, match=r"one_count_mapped.*is not in the mapping of 0"):
+    short = two(
+        follower,
+        tmp_path,
+        one=one,
+        other=one,
+        connections=p.connection(
+            "one.count",
+            "two.count_in",
+            '<ssc:IntegerMappingTransformation><ssc:MapEntry source="0"'
+            ' target="1"/></ssc:IntegerMappingTransformation>',
+        ),
+    )
+    with (
+        System.from_ssp(short) as system,
+        pytest.raises(ComponentError, match=r"one_count_mapped.*is not in the mapping of 0"),
+    ):
         system.run("1/10")
 
 
 def test_items_of_enumerations_are_mapped_by_their_values(follower, tmp_path):
     one, other = ("count:output:Enumeration:Gear",), ("count_in:input:Enumeration:Mode",)
-    kinds = '<ssc:Enumeration name="Gear"><ssc:Item name="low" value="0"/><ssc:Item name="high" value="1"/></ssc:Enumeration><ssc:Enumeration name="Mode"><ssc:Item name="slow" value="7"/><ssc:Item name="fast" value="9"/></ssc:Enumeration>'
-    change = '<ssc:EnumerationMappingTransformation><ssc:MapEntry source="low" target="slow"/><ssc:MapEntry source="{}" target="fast"/></ssc:EnumerationMappingTransformation>'
-    path = two(follower, tmp_path, p.connection("one.count", "two.count_in", change.format("high")), one=one, other=other, enumerations=kinds)
+    kinds = (
+        '<ssc:Enumeration name="Gear"><ssc:Item name="low" value="0"/><ssc:Item name="high"'
+        ' value="1"/></ssc:Enumeration><ssc:Enumeration name="Mode"><ssc:Item name="slow" value="7"/><ssc:Item'
+        ' name="fast" value="9"/></ssc:Enumeration>'
+    )
+    change = (
+        '<ssc:EnumerationMappingTransformation><ssc:MapEntry source="low" target="slow"/><ssc:MapEntry source="{}"'
+        ' target="fast"/></ssc:EnumerationMappingTransformation>'
+    )
+    path = two(
+        follower,
+        tmp_path,
+        p.connection("one.count", "two.count_in", change.format("high")),
+        one=one,
+        other=other,
+        enumerations=kinds,
+    )
     with System.from_ssp(path) as system:
         assert system["one_count_mapped"].component.table == {0: 7, 1: 9}
-    path = two(follower, tmp_path, p.connection("one.count", "two.count_in", change.format("hihg")), one=one, other=other, enumerations=kinds)
+    path = two(
+        follower,
+        tmp_path,
+        p.connection("one.count", "two.count_in", change.format("hihg")),
+        one=one,
+        other=other,
+        enumerations=kinds,
+    )
     with pytest.raises(SspError, match="'hihg' is no item of the start's enumeration; did you mean 'high'"):
         System.from_ssp(path)
 
 
 def test_arrays_are_connected_whole_and_by_element(follower, tmp_path):
     one = ("w:input:Float64[3]", "total:output:Float64[3]", "u:input:Float64", "y:output:Float64")
-    elements = p.component("one", "f.fmu", *one) + p.component("two", "f.fmu", *one) + p.component("three", "f.fmu", *one)
-    wires = p.connection("one.total", "two.w") + p.connection("one.total", "three.w", more='startIndices="2" endIndices="3"') + p.connection("one.total", "three.u", more='startIndices="1" suppressUnitConversion="true"')
-    path = p.package(tmp_path / "A.ssp", {SSD: p.structure(p.system("top", elements, wires), version="2.0"), "f.fmu": follower[3]})
+    elements = (
+        p.component("one", "f.fmu", *one) + p.component("two", "f.fmu", *one) + p.component("three", "f.fmu", *one)
+    )
+    wires = (
+        p.connection("one.total", "two.w")
+        + p.connection("one.total", "three.w", more='startIndices="2" endIndices="3"')
+        + p.connection("one.total", "three.u", more='startIndices="1" suppressUnitConversion="true"')
+    )
+    path = p.package(
+        tmp_path / "A.ssp", {SSD: p.structure(p.system("top", elements, wires), version="2.0"), "f.fmu": follower[3]}
+    )
     with System.from_ssp(path) as system:
         found = {n: c.source_name for n, c in system.connections.items()}
-    assert found == {f"two.w[{k}]": f"one.total[{k}]" for k in (1, 2, 3)} | {"three.w[3]": "one.total[2]", "three.u": "one.total[1]"}
+    assert found == {f"two.w[{k}]": f"one.total[{k}]" for k in (1, 2, 3)} | {
+        "three.w[3]": "one.total[2]",
+        "three.u": "one.total[1]",
+    }
 
 
 def nested(follower: dict[int, Path], tmp_path: Path) -> Path:
-    """A follower in a system in a system, fed through connectors of both and by a signal dictionary of the outermost."""
-    book = f'<ssd:SignalDictionary name="bus"><ssb:SignalDictionary {p.NAMESPACES} version="1.0"><ssb:DictionaryEntry name="angle"><ssc:Real unit="rad"/></ssb:DictionaryEntry></ssb:SignalDictionary></ssd:SignalDictionary>'
-    reference = '<ssd:SignalDictionaryReference name="{}" dictionary="bus">' + p.connectors("angle:inout") + "</ssd:SignalDictionaryReference>"
+    """A follower in a system in a system, fed through connectors of both and by a signal dictionary of
+    the outermost."""
+    book = (
+        f'<ssd:SignalDictionary name="bus"><ssb:SignalDictionary {p.NAMESPACES} version="1.0"><ssb:DictionaryEntry'
+        ' name="angle"><ssc:Real unit="rad"/></ssb:DictionaryEntry></ssb:SignalDictionary></ssd:SignalDictionary>'
+    )
+    reference = (
+        '<ssd:SignalDictionaryReference name="{}" dictionary="bus">'
+        + p.connectors("angle:inout")
+        + "</ssd:SignalDictionaryReference>"
+    )
     inner = p.system(
-        "in ner", p.component("f", "f.fmu", "u:input:Real:deg", "y:output", "rate:parameter:Real") + reference.format("there"),
-        p.connection("there.angle", "f.u", '<ssc:LinearTransformation factor="3"/>') + p.connection("f.y", "out") + p.connection("speed", "f.rate", '<ssc:LinearTransformation factor="10"/>'),
-        "out:output", "speed:parameter:Real", bindings=p.inline(p.values(speed="Real 0.5")),
-    )  # fmt: skip
-    middle = p.system("sub", inner, p.connection("in ner.out", "result", '<ssc:LinearTransformation offset="1"/>'), "result:output:Real:deg")
+        "in ner",
+        p.component("f", "f.fmu", "u:input:Real:deg", "y:output", "rate:parameter:Real") + reference.format("there"),
+        p.connection("there.angle", "f.u", '<ssc:LinearTransformation factor="3"/>')
+        + p.connection("f.y", "out")
+        + p.connection("speed", "f.rate", '<ssc:LinearTransformation factor="10"/>'),
+        "out:output",
+        "speed:parameter:Real",
+        bindings=p.inline(p.values(speed="Real 0.5")),
+    )
+    middle = p.system(
+        "sub",
+        inner,
+        p.connection("in ner.out", "result", '<ssc:LinearTransformation offset="1"/>'),
+        "result:output:Real:deg",
+    )
     top = p.system(
-        "top", middle + p.component("source", "f.fmu", *PAIR) + p.component("sink", "f.fmu", *PAIR) + reference.format("here"),
-        p.connection("source.y", "here.angle") + p.connection("sub.result", "sink.u", '<ssc:LinearTransformation factor="2"/>'),
-        dictionaries=book, bindings=p.inline(p.values(**{"sub__in ner__f__u": "Real 4@rad", "nothing__here": "Real 1"})),
-    )  # fmt: skip
-    return p.package(tmp_path / "Nested.ssp", {SSD: p.structure(top, '<ssd:DefaultExperiment startTime="0.5" stopTime="2"/>'), "f.fmu": follower[2]})
+        "top",
+        middle + p.component("source", "f.fmu", *PAIR) + p.component("sink", "f.fmu", *PAIR) + reference.format("here"),
+        p.connection("source.y", "here.angle")
+        + p.connection("sub.result", "sink.u", '<ssc:LinearTransformation factor="2"/>'),
+        dictionaries=book,
+        bindings=p.inline(p.values(**{"sub__in ner__f__u": "Real 4@rad", "nothing__here": "Real 1"})),
+    )
+    return p.package(
+        tmp_path / "Nested.ssp",
+        {SSD: p.structure(top, '<ssd:DefaultExperiment startTime="0.5" stopTime="2"/>'), "f.fmu": follower[2]},
+    )
 
 
 def test_nested_systems_are_flat_and_their_signals_followed(follower, tmp_path):
@@ -178,12 +279,25 @@ def test_nested_systems_are_flat_and_their_signals_followed(follower, tmp_path):
 
 def test_parameters_of_all_levels_and_mapped(follower, tmp_path):
     """Outer levels count, of one level the last; names are prefixed, mapped and transformed, in units."""
-    change = '<ssm:MappingEntry source="one.a" target="one.rate"><ssc:LinearTransformation factor="2" offset="1"/></ssm:MappingEntry>'
-    count = '<ssm:MappingEntry source="one.n" target="two.count_in"><ssc:IntegerMappingTransformation><ssc:MapEntry source="4" target="40"/></ssc:IntegerMappingTransformation></ssm:MappingEntry>'
+    change = (
+        '<ssm:MappingEntry source="one.a" target="one.rate"><ssc:LinearTransformation factor="2"'
+        ' offset="1"/></ssm:MappingEntry>'
+    )
+    count = (
+        '<ssm:MappingEntry source="one.n" target="two.count_in"><ssc:IntegerMappingTransformation><ssc:MapEntry'
+        ' source="4" target="40"/></ssc:IntegerMappingTransformation></ssm:MappingEntry>'
+    )
     ignored = '<ssm:MappingEntry source="absent" target="one.u"/>'
-    elements = p.component("one", "f.fmu", bindings=p.inline(p.values(rate="Real 9", u="Real 3@rad")) + p.inline(p.values(u="Real 2@rad", on="Boolean true")))
+    elements = p.component(
+        "one",
+        "f.fmu",
+        bindings=p.inline(p.values(rate="Real 9", u="Real 3@rad"))
+        + p.inline(p.values(u="Real 2@rad", on="Boolean true")),
+    )
     elements += p.component("two", "f.fmu", bindings='<ssd:ParameterBinding source="two.ssv"/>')
-    bindings = p.inline(p.values(a="Real 3", n="Integer 4", u="Real 1"), p.mapping(change, count, ignored), 'prefix="one."')
+    bindings = p.inline(
+        p.values(a="Real 3", n="Integer 4", u="Real 1"), p.mapping(change, count, ignored), 'prefix="one."'
+    )
     text = p.structure(p.system("top", elements, bindings=bindings))
     path = p.package(tmp_path / "P.ssp", {SSD: text, "f.fmu": follower[2], "two.ssv": p.values(rate="Real 1e-3")})
     members, _ = follow(path)
@@ -192,8 +306,17 @@ def test_parameters_of_all_levels_and_mapped(follower, tmp_path):
 
 
 def test_steps_are_those_that_the_file_says_or_the_user(follower, tmp_path):
-    master = '<ssd:Annotations><ssc:Annotation type="org.openmodelica"><oms:SimulationInformation xmlns:oms="https://raw.githubusercontent.com/OpenModelica/OMSimulator/master/schema/oms.xsd"><oms:FixedStepMaster description="oms-ma" stepSize="0.004"/></oms:SimulationInformation></ssc:Annotation></ssd:Annotations></ssd:System>'
-    osp = f'<ssd:DefaultExperiment><ssd:Annotations><ssc:Annotation type="com.opensimulationplatform"><osp:Algorithm {p.OSP}><osp:FixedStepAlgorithm baseStepSize="0.005"/></osp:Algorithm></ssc:Annotation></ssd:Annotations></ssd:DefaultExperiment>'
+    master = (
+        '<ssd:Annotations><ssc:Annotation type="org.openmodelica"><oms:SimulationInformation'
+        ' xmlns:oms="https://raw.githubusercontent.com/OpenModelica/OMSimulator/master/schema/oms.xsd"><oms:FixedStepMaster'
+        ' description="oms-ma"'
+        ' stepSize="0.004"/></oms:SimulationInformation></ssc:Annotation></ssd:Annotations></ssd:System>'
+    )
+    osp = (
+        '<ssd:DefaultExperiment><ssd:Annotations><ssc:Annotation type="com.opensimulationplatform"><osp:Algorithm'
+        f" {p.OSP}><osp:FixedStepAlgorithm"
+        ' baseStepSize="0.005"/></osp:Algorithm></ssc:Annotation></ssd:Annotations></ssd:DefaultExperiment>'
+    )
     elements = p.component("hint", "f.fmu") + p.component("none", "f.fmu", step="")
     plain = p.system("top", elements)
 
@@ -212,23 +335,47 @@ def test_steps_are_those_that_the_file_says_or_the_user(follower, tmp_path):
 
 
 def test_variants_are_chosen_by_name(follower, tmp_path):
-    files: dict[str, Any] = {f"{n}.ssd": p.structure(p.system("top", p.component(c, "f.fmu")), name=f"The {c}") for n, c in (("SystemStructure", "first"), ("Other", "second"))}
+    files: dict[str, Any] = {
+        f"{n}.ssd": p.structure(p.system("top", p.component(c, "f.fmu")), name=f"The {c}")
+        for n, c in (("SystemStructure", "first"), ("Other", "second"))
+    }
     path = p.package(tmp_path / "V.ssp", {**files, "f.fmu": follower[2]})
-    for variant, member in ((None, "first"), ("Other", "second"), ("Other.ssd", "second"), ("The second", "second"), ("The first", "first")):
+    for variant, member in (
+        (None, "first"),
+        ("Other", "second"),
+        ("Other.ssd", "second"),
+        ("The second", "second"),
+        ("The first", "first"),
+    ):
         assert list(follow(path, variant=variant)[0]) == [member]
-    with pytest.raises(SspError, match=r"no variant 'Othr'; did you mean 'Other\.ssd'\? \(there are: SystemStructure\.ssd, Other\.ssd\)"):
+    with pytest.raises(
+        SspError,
+        match=r"no variant 'Othr'; did you mean 'Other\.ssd'\? \(there are: SystemStructure\.ssd, Other\.ssd\)",
+    ):
         System.from_ssp(path, variant="Othr")
 
 
 def test_packages_and_descriptions_in_packages(follower, tmp_path):
     """An SSP as a component of another one, twice a description of the same one, and a system by its id."""
-    inner = p.package(tmp_path / "Inner.ssp", {SSD: p.structure(p.system("in", p.component("f", "f.fmu", *PAIR), p.connection("f.y", "y"), "y:output")), "f.fmu": follower[2]})
+    inner = p.package(
+        tmp_path / "Inner.ssp",
+        {
+            SSD: p.structure(p.system("in", p.component("f", "f.fmu", *PAIR), p.connection("f.y", "y"), "y:output")),
+            "f.fmu": follower[2],
+        },
+    )
     part = p.structure(p.system("part", p.component("g", "../f.fmu", *PAIR), p.connection("u", "g.u"), "u:input"))
     packed, described = 'type="application/x-ssp-package"', 'type="application/x-ssp-definition"'
-    elements = p.component("whole", "resources/Inner.ssp", more=packed) + "".join(p.component(n, "parts/part.ssd", more=described, step="") for n in ("a", "b"))
-    elements += p.system("original", p.component("h", "f.fmu", *PAIR), more='id="it"') + p.component("copy", "#it", more=described, step="")
+    elements = p.component("whole", "resources/Inner.ssp", more=packed) + "".join(
+        p.component(n, "parts/part.ssd", more=described, step="") for n in ("a", "b")
+    )
+    elements += p.system("original", p.component("h", "f.fmu", *PAIR), more='id="it"') + p.component(
+        "copy", "#it", more=described, step=""
+    )
     text = p.structure(p.system("top", elements, p.connection("whole.y", "a.u") + p.connection("whole.y", "b.u")))
-    path = p.package(tmp_path / "Outer.ssp", {SSD: text, "f.fmu": follower[2], "resources/Inner.ssp": inner, "parts/part.ssd": part})
+    path = p.package(
+        tmp_path / "Outer.ssp", {SSD: text, "f.fmu": follower[2], "resources/Inner.ssp": inner, "parts/part.ssd": part}
+    )
     with System.from_ssp(path) as system:
         assert list(system.members) == ["whole.f", "a.g", "b.g", "original.h", "copy.h"]
         assert {n: c.source_name for n, c in system.connections.items()} == {"a.g.u": "whole.f.y", "b.g.u": "whole.f.y"}
@@ -260,63 +407,276 @@ def broken(follower: dict[int, Path]) -> dict[str, tuple[dict[str, Any], str]]:
     def wired(inner: str) -> dict[str, Any]:
         return of(p.system("top", two, inner))
 
-    deep = "".join(f'<ssd:System name="s{k}"><ssd:Elements>' for k in range(30)) + one + "</ssd:Elements></ssd:System>" * 30
+    deep = (
+        "".join(f'<ssd:System name="s{k}"><ssd:Elements>' for k in range(30))
+        + one
+        + "</ssd:Elements></ssd:System>" * 30
+    )
     return {
         "nothing": ({"readme.txt": "hello"}, r"is not an SSP: it holds no SystemStructure\.ssd"),
         "not xml": ({SSD: "hello"}, "not well-formed"),
-        "another element": ({SSD: f'<ssv:ParameterSet {p.NAMESPACES} version="1.0" name="x"><ssv:Parameters/></ssv:ParameterSet>'}, "ParameterSet, not SystemStructureDescription"),
+        "another element": (
+            {SSD: f'<ssv:ParameterSet {p.NAMESPACES} version="1.0" name="x"><ssv:Parameters/></ssv:ParameterSet>'},
+            "ParameterSet, not SystemStructureDescription",
+        ),
         "bomb": ({SSD: '<!DOCTYPE x [<!ENTITY a "aaaa"><!ENTITY b "&a;&a;">]><x>&b;</x>'}, "document type declaration"),
-        "no component": (of(p.system("top", "").replace("<ssd:Elements></ssd:Elements>", "")), "there is no component in it"),
-        "missing fmu": (of(p.system("top", p.component("one", "F.fmu"))), r"component 'one': 'F\.fmu' is not in it; did you mean 'f\.fmu'"),
+        "no component": (
+            of(p.system("top", "").replace("<ssd:Elements></ssd:Elements>", "")),
+            "there is no component in it",
+        ),
+        "missing fmu": (
+            of(p.system("top", p.component("one", "F.fmu"))),
+            r"component 'one': 'F\.fmu' is not in it; did you mean 'f\.fmu'",
+        ),
         "outside": (of(p.system("top", p.component("one", "../../f.fmu"))), "leads out of it"),
         "outside, encoded": (of(p.system("top", p.component("one", "%2e%2e/%2e%2e/f.fmu"))), "leads out of it"),
         "absolute": (of(p.system("top", p.component("one", "/etc/passwd"))), "no relative path"),
-        "elsewhere": (of(p.system("top", p.component("one", "http://example.com/f.fmu"))), "is elsewhere; what an SSP uses must be in it"),
+        "elsewhere": (
+            of(p.system("top", p.component("one", "http://example.com/f.fmu"))),
+            "is elsewhere; what an SSP uses must be in it",
+        ),
         "local file": (of(p.system("top", p.component("one", "file:///etc/passwd"))), "is elsewhere"),
         "archive leads out": ({SSD: p.structure(p.system("top", one)), "../f.fmu": fmu}, "outside of itself"),
-        "no fmu": (of(p.system("top", p.component("one", "f.txt")), **{"f.txt": "hello"}), r"component 'one': f\.txt is not an FMU"),
+        "no fmu": (
+            of(p.system("top", p.component("one", "f.txt")), **{"f.txt": "hello"}),
+            r"component 'one': f\.txt is not an FMU",
+        ),
         "no source": (of(p.system("top", '<ssd:Component name="one"/>')), "component 'one' has no source"),
-        "other type": (of(p.system("top", p.component("one", "f.fmu", more='type="application/x-modelica"'))), "is of type 'application/x-modelica'"),
-        "model exchange": (of(p.system("top", p.component("one", "f.fmu", more='implementation="ModelExchange"'))), "'one' is to run as ModelExchange"),
+        "other type": (
+            of(p.system("top", p.component("one", "f.fmu", more='type="application/x-modelica"'))),
+            "is of type 'application/x-modelica'",
+        ),
+        "model exchange": (
+            of(p.system("top", p.component("one", "f.fmu", more='implementation="ModelExchange"'))),
+            "'one' is to run as ModelExchange",
+        ),
         "twice": (of(p.system("top", one + one)), "already an element 'one'"),
-        "connector twice": (of(p.system("top", p.component("one", "f.fmu", *PAIR, "u:input"))), "already a connector 'u' of 'one'"),
-        "same after blanks": (of(p.system("top", p.component("a b", "f.fmu") + p.component("a_b", "f.fmu"))), "two components would be 'a_b'"),
+        "connector twice": (
+            of(p.system("top", p.component("one", "f.fmu", *PAIR, "u:input"))),
+            "already a connector 'u' of 'one'",
+        ),
+        "same after blanks": (
+            of(p.system("top", p.component("a b", "f.fmu") + p.component("a_b", "f.fmu"))),
+            "two components would be 'a_b'",
+        ),
         "unknown element": (wired(wire("on.y", "two.u")), "no element 'on'; did you mean 'one'"),
         "unknown connector": (wired(wire("one.yy", "two.u")), "'one' has no connector 'yy'; did you mean 'y'"),
-        "connector without variable": (of(p.system("top", two.replace('name="y"', 'name="why"'), wire("one.why", "two.u"))), "has no variable 'why'"),
+        "connector without variable": (
+            of(p.system("top", two.replace('name="y"', 'name="why"'), wire("one.why", "two.u"))),
+            "has no variable 'why'",
+        ),
         "two outputs": (wired(wire("one.y", "two.y")), r"both ends give a value \(output and output\)"),
         "two inputs": (wired(wire("one.u", "two.u")), "both ends take a value"),
         "driven twice": (wired(wire("one.y", "two.u") + wire("two.y", "two.u")), "already has its value from one.y"),
-        "wrong kind": (of(p.system("top", two.replace('name="u" kind="input"', 'name="u" kind="output"').replace('name="y" kind="output"', 'name="y" kind="input"'), wire("one.u", "two.y"))), "'u' is no output but an input"),
-        "wrong type": (of(p.system("top", p.component("one", "f.fmu", *PAIR) + p.component("two", "f.fmu", "on:input:Boolean"), wire("one.y", "two.on"))), "types differ, Real to Boolean"),
-        "units that differ": (of(p.system("top", p.component("one", "f.fmu", *PAIR) + p.system("sub", p.component("two", "f.fmu", *PAIR), wire("m", "two.u"), "m:input:Real:kg"), wire("one.y", "sub.m"))), r"units differ, \[rad\] to \[kg\]"),
-        "unknown unit": (of(p.system("top", p.component("one", "f.fmu", "u:input:Real:furlong"))), "the unit 'furlong', which is not among the Units"),
-        "unknown transformation": (wired(wire("one.y", "two.u", '<ssc:CubicTransformation factor="2"/>')), "no transformation 'CubicTransformation'"),
-        "no number": (wired(wire("one.y", "two.u", '<ssc:LinearTransformation factor="much"/>')), "factor is 'much', no finite number"),
-        "infinite": (wired(wire("one.y", "two.u", '<ssc:LinearTransformation factor="INF"/>')), "factor is 'INF', no finite number"),
-        "half a mapping": (wired(wire("one.y", "two.u", '<ssc:BooleanMappingTransformation><ssc:MapEntry source="true" target="true"/></ssc:BooleanMappingTransformation>')), "not what false does"),
-        "table of reals": (wired(wire("one.y", "two.u", '<ssc:IntegerMappingTransformation><ssc:MapEntry source="1" target="2"/></ssc:IntegerMappingTransformation>', 'suppressUnitConversion="true"')), "integers are mapped, but it is Real to Real"),
-        "mapped twice": (wired(wire("one.y", "two.u", '<ssc:IntegerMappingTransformation><ssc:MapEntry source="1" target="2"/><ssc:MapEntry source="1" target="3"/></ssc:IntegerMappingTransformation>')), "1 is mapped twice"),
-        "calculated parameter": (of(p.system("top", p.component("one", "f.fmu", "y:calculatedParameter") + p.component("two", "f.fmu", "rate:parameter"), wire("one.y", "two.rate"))), "calculated parameter is handed on when components are initialized"),
-        "in a circle": (of(p.system("top", p.system("s", one, wire("a", "b") + wire("a", "one.u"), "a:input", "b:output"), wire("s.b", "s.a"))), "comes from itself"),
+        "wrong kind": (
+            of(
+                p.system(
+                    "top",
+                    two.replace('name="u" kind="input"', 'name="u" kind="output"').replace(
+                        'name="y" kind="output"', 'name="y" kind="input"'
+                    ),
+                    wire("one.u", "two.y"),
+                )
+            ),
+            "'u' is no output but an input",
+        ),
+        "wrong type": (
+            of(
+                p.system(
+                    "top",
+                    p.component("one", "f.fmu", *PAIR) + p.component("two", "f.fmu", "on:input:Boolean"),
+                    wire("one.y", "two.on"),
+                )
+            ),
+            "types differ, Real to Boolean",
+        ),
+        "units that differ": (
+            of(
+                p.system(
+                    "top",
+                    p.component("one", "f.fmu", *PAIR)
+                    + p.system("sub", p.component("two", "f.fmu", *PAIR), wire("m", "two.u"), "m:input:Real:kg"),
+                    wire("one.y", "sub.m"),
+                )
+            ),
+            r"units differ, \[rad\] to \[kg\]",
+        ),
+        "unknown unit": (
+            of(p.system("top", p.component("one", "f.fmu", "u:input:Real:furlong"))),
+            "the unit 'furlong', which is not among the Units",
+        ),
+        "unknown transformation": (
+            wired(wire("one.y", "two.u", '<ssc:CubicTransformation factor="2"/>')),
+            "no transformation 'CubicTransformation'",
+        ),
+        "no number": (
+            wired(wire("one.y", "two.u", '<ssc:LinearTransformation factor="much"/>')),
+            "factor is 'much', no finite number",
+        ),
+        "infinite": (
+            wired(wire("one.y", "two.u", '<ssc:LinearTransformation factor="INF"/>')),
+            "factor is 'INF', no finite number",
+        ),
+        "half a mapping": (
+            wired(
+                wire(
+                    "one.y",
+                    "two.u",
+                    '<ssc:BooleanMappingTransformation><ssc:MapEntry source="true"'
+                    ' target="true"/></ssc:BooleanMappingTransformation>',
+                )
+            ),
+            "not what false does",
+        ),
+        "table of reals": (
+            wired(
+                wire(
+                    "one.y",
+                    "two.u",
+                    '<ssc:IntegerMappingTransformation><ssc:MapEntry source="1"'
+                    ' target="2"/></ssc:IntegerMappingTransformation>',
+                    'suppressUnitConversion="true"',
+                )
+            ),
+            "integers are mapped, but it is Real to Real",
+        ),
+        "mapped twice": (
+            wired(
+                wire(
+                    "one.y",
+                    "two.u",
+                    '<ssc:IntegerMappingTransformation><ssc:MapEntry source="1" target="2"/><ssc:MapEntry source="1"'
+                    ' target="3"/></ssc:IntegerMappingTransformation>',
+                )
+            ),
+            "1 is mapped twice",
+        ),
+        "calculated parameter": (
+            of(
+                p.system(
+                    "top",
+                    p.component("one", "f.fmu", "y:calculatedParameter")
+                    + p.component("two", "f.fmu", "rate:parameter"),
+                    wire("one.y", "two.rate"),
+                )
+            ),
+            "calculated parameter is handed on when components are initialized",
+        ),
+        "in a circle": (
+            of(
+                p.system(
+                    "top",
+                    p.system("s", one, wire("a", "b") + wire("a", "one.u"), "a:input", "b:output"),
+                    wire("s.b", "s.a"),
+                )
+            ),
+            "comes from itself",
+        ),
         "in itself": (of(p.system("top", p.component("again", SSD, more=described))), "cyclic nesting"),
-        "in itself by two": (of(p.system("top", p.component("b", "b.ssd", more=described)), **{"b.ssd": p.structure(p.system("b", p.component("a", SSD, more=described)))}), "cyclic nesting"),
-        "in itself by id": (of(p.system("top", p.component("a", "#me", more=described), more='id="me"')), "cyclic nesting"),
+        "in itself by two": (
+            of(
+                p.system("top", p.component("b", "b.ssd", more=described)),
+                **{"b.ssd": p.structure(p.system("b", p.component("a", SSD, more=described)))},
+            ),
+            "cyclic nesting",
+        ),
+        "in itself by id": (
+            of(p.system("top", p.component("a", "#me", more=described), more='id="me"')),
+            "cyclic nesting",
+        ),
         "no such id": (of(p.system("top", p.component("a", "#you", more=described))), "no System with the id 'you'"),
         "too deep": (of(p.system("top", deep)), "nested more than 20 deep"),
-        "too many": (of(p.system("top", p.component("a", "1.ssd", more=described)), **{f"{k}.ssd": p.structure(p.system("s", "".join(p.component(f"c{i}", f"{k + 1}.ssd" if k < 6 else "f.fmu", more=described if k < 6 else "") for i in range(8)))) for k in range(1, 7)}), "more than 10000 components"),
-        "no dictionary": (of(p.system("top", one + '<ssd:SignalDictionaryReference name="r" dictionary="d">' + p.connectors("x:inout") + "</ssd:SignalDictionaryReference>", wire("one.y", "r.x"))), "no signal dictionary 'd'"),
-        "missing parameters": (of(p.system("top", p.component("one", "f.fmu", bindings='<ssd:ParameterBinding source="p.ssv"/>'))), r"'p\.ssv' is not in it"),
-        "not parameters": (of(p.system("top", p.component("one", "f.fmu", bindings='<ssd:ParameterBinding source="p.ssv"/>')), **{"p.ssv": p.structure(p.system("top", one))}), "holds SystemStructureDescription, not ParameterSet"),
-        "text for a number": (of(p.system("top", p.component("one", "f.fmu", bindings=p.inline(p.values(rate="String fast"))))), "component 'one', parameter 'rate': 'fast' is no number"),
-        "unit of a parameter": (of(p.system("top", p.component("one", "f.fmu", bindings=p.inline(p.values(u="Real 1@kg"))))), "its unit is kg, that of the variable deg"),
-        "value of an output": (of(p.system("top", p.component("one", "f.fmu", bindings=p.inline(p.values(y="Real 1"))))), "one.y cannot be set"),
-        "half a whole number": (of(p.system("top", p.component("one", "f.fmu", bindings=p.inline(p.values(count_in="Real 1.5"))))), "count_in is an Integer, not 1.5"),
-        "several values": (of(p.system("top", p.component("one", "f.fmu", bindings=p.inline(p.values("2.0", rate="Real 1 2"))))), r"rate has 2 value\(s\) for 1"),
-        "parameter twice": (of(p.system("top", p.component("one", "f.fmu", bindings=p.inline(p.values(rate="Real 1").replace("</ssv:Parameters>", '<ssv:Parameter name="rate"><ssv:Real value="2"/></ssv:Parameter></ssv:Parameters>'))))), "already a parameter 'rate'"),
-        "step of zero": (of(p.system("top", p.component("one", "f.fmu", step=p.STEP.replace("0.002", "0")))), "StepSizeHint value must be positive"),
-        "step of words": (of(p.system("top", p.component("one", "f.fmu", step=p.STEP.replace("0.002", "soon")))), "'soon' is no number of seconds"),
-    }  # fmt: skip
+        "too many": (
+            of(
+                p.system("top", p.component("a", "1.ssd", more=described)),
+                **{
+                    f"{k}.ssd": p.structure(
+                        p.system(
+                            "s",
+                            "".join(
+                                p.component(
+                                    f"c{i}", f"{k + 1}.ssd" if k < 6 else "f.fmu", more=described if k < 6 else ""
+                                )
+                                for i in range(8)
+                            ),
+                        )
+                    )
+                    for k in range(1, 7)
+                },
+            ),
+            "more than 10000 components",
+        ),
+        "no dictionary": (
+            of(
+                p.system(
+                    "top",
+                    one
+                    + '<ssd:SignalDictionaryReference name="r" dictionary="d">'
+                    + p.connectors("x:inout")
+                    + "</ssd:SignalDictionaryReference>",
+                    wire("one.y", "r.x"),
+                )
+            ),
+            "no signal dictionary 'd'",
+        ),
+        "missing parameters": (
+            of(p.system("top", p.component("one", "f.fmu", bindings='<ssd:ParameterBinding source="p.ssv"/>'))),
+            r"'p\.ssv' is not in it",
+        ),
+        "not parameters": (
+            of(
+                p.system("top", p.component("one", "f.fmu", bindings='<ssd:ParameterBinding source="p.ssv"/>')),
+                **{"p.ssv": p.structure(p.system("top", one))},
+            ),
+            "holds SystemStructureDescription, not ParameterSet",
+        ),
+        "text for a number": (
+            of(p.system("top", p.component("one", "f.fmu", bindings=p.inline(p.values(rate="String fast"))))),
+            "component 'one', parameter 'rate': 'fast' is no number",
+        ),
+        "unit of a parameter": (
+            of(p.system("top", p.component("one", "f.fmu", bindings=p.inline(p.values(u="Real 1@kg"))))),
+            "its unit is kg, that of the variable deg",
+        ),
+        "value of an output": (
+            of(p.system("top", p.component("one", "f.fmu", bindings=p.inline(p.values(y="Real 1"))))),
+            "one.y cannot be set",
+        ),
+        "half a whole number": (
+            of(p.system("top", p.component("one", "f.fmu", bindings=p.inline(p.values(count_in="Real 1.5"))))),
+            "count_in is an Integer, not 1.5",
+        ),
+        "several values": (
+            of(p.system("top", p.component("one", "f.fmu", bindings=p.inline(p.values("2.0", rate="Real 1 2"))))),
+            r"rate has 2 value\(s\) for 1",
+        ),
+        "parameter twice": (
+            of(
+                p.system(
+                    "top",
+                    p.component(
+                        "one",
+                        "f.fmu",
+                        bindings=p.inline(
+                            p.values(rate="Real 1").replace(
+                                "</ssv:Parameters>",
+                                '<ssv:Parameter name="rate"><ssv:Real value="2"/></ssv:Parameter></ssv:Parameters>',
+                            )
+                        ),
+                    ),
+                )
+            ),
+            "already a parameter 'rate'",
+        ),
+        "step of zero": (
+            of(p.system("top", p.component("one", "f.fmu", step=p.STEP.replace("0.002", "0")))),
+            "StepSizeHint value must be positive",
+        ),
+        "step of words": (
+            of(p.system("top", p.component("one", "f.fmu", step=p.STEP.replace("0.002", "soon")))),
+            "'soon' is no number of seconds",
+        ),
+    }
 
 
 NAMES = sorted(broken({2: Path()}))
@@ -336,7 +696,10 @@ def test_what_is_wrong_is_said_in_a_sentence(follower: dict[int, Path], tmp_path
 
 
 def test_files_that_are_no_archives(tmp_path):
-    for content, message in ((b"", "is not an SSP or is incomplete"), (b"PK\x03\x04 cut", "is not an SSP or is incomplete")):
+    for content, message in (
+        (b"", "is not an SSP or is incomplete"),
+        (b"PK\x03\x04 cut", "is not an SSP or is incomplete"),
+    ):
         (tmp_path / "x.ssp").write_bytes(content)
         with pytest.raises(SspError, match=message):
             System.from_ssp(tmp_path / "x.ssp")
@@ -351,20 +714,38 @@ def test_files_that_are_no_archives(tmp_path):
 
 
 def test_deviations_from_the_standard_are_warned_of(follower, tmp_path):
-    text = p.structure(p.system("top", p.component("one", "f.fmu"))).replace('version="1.0" name="Foreign"', 'name="Foreign" colour="red" version="1.0"')
+    text = p.structure(p.system("top", p.component("one", "f.fmu"))).replace(
+        'version="1.0" name="Foreign"', 'name="Foreign" colour="red" version="1.0"'
+    )
     path = p.package(tmp_path / "D.ssp", {SSD: text, "f.fmu": follower[2]})
     with pytest.warns(SspWarning, match=r"SystemStructure\.ssd deviates from SSP 1\.0: line 1: .*colour"):
         System.from_ssp(path).close()
 
 
-@pytest.mark.parametrize(("unit", "read_as", "value"), [("", "no unit", 90.0), ("[-]", "no unit", 90.0), ("[rad]", "'rad'", math.degrees(90.0)), ("rad", "'rad'", math.degrees(90.0))])
+@pytest.mark.parametrize(
+    ("unit", "read_as", "value"),
+    [
+        ("", "no unit", 90.0),
+        ("[-]", "no unit", 90.0),
+        ("[rad]", "'rad'", math.degrees(90.0)),
+        ("rad", "'rad'", math.degrees(90.0)),
+    ],
+)
 def test_units_that_tools_write_though_the_file_does_not_define_them(follower, tmp_path, unit, read_as, value):
-    """Published files of two tools have `unit=""` and `unit="[m]"`: one warning for each text, of connectors and of parameters."""
+    """Published files of two tools have `unit=""` and `unit="[m]"`: one warning for each text, of connectors and of
+    parameters.
+    """
     bound = p.inline(p.values(u="Real 90@deg").replace('unit="deg"', f'unit="{unit}"'))
-    text = p.structure(p.system("top", p.component("one", "f.fmu", "u:input:Real:deg", "y:output:Real:rad", bindings=bound)))
-    text = text.replace('unit="rad"', f'unit="{unit}"').replace(p.UNITS, p.UNITS.replace('<ssc:Unit name="rad"><ssc:BaseUnit rad="1"/></ssc:Unit>', ""))
+    text = p.structure(
+        p.system("top", p.component("one", "f.fmu", "u:input:Real:deg", "y:output:Real:rad", bindings=bound))
+    )
+    text = text.replace('unit="rad"', f'unit="{unit}"').replace(
+        p.UNITS, p.UNITS.replace('<ssc:Unit name="rad"><ssc:BaseUnit rad="1"/></ssc:Unit>', "")
+    )
     path = p.package(tmp_path / "U.ssp", {SSD: text, "f.fmu": follower[2]})
-    with pytest.warns(SspWarning, match=f"has the unit {re.escape(repr(unit))}, which is not among the Units; it is read as {read_as}") as told:
+    with pytest.warns(
+        SspWarning, match=f"has the unit {re.escape(repr(unit))}, which is not among the Units; it is read as {read_as}"
+    ) as told:
         system = System.from_ssp(path)
     assert len([w for w in told if "among the Units" in str(w.message)]) == 1
     assert system["one"].values["u"] == pytest.approx(value)

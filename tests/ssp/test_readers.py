@@ -1,7 +1,9 @@
-"""Our files in the hands of others: FMPy, Ecos and libcosim run them, and their numbers are those of their rule of exchange.
+"""Our files in the hands of others: FMPy, Ecos and libcosim run them, and their numbers are those of their rule of
+exchange.
 
-All three step every component with the inputs of before and exchange afterwards. FMPy's inputs are 0 in the first step, whatever the file
-says; the others set the values of the file, and libcosim and Ecos step each component at its own rate.
+All three step every component with the inputs of before and exchange afterwards. FMPy's inputs are 0 in the first step,
+whatever the file says; the others set the values of the file, and libcosim and Ecos step each component at its own
+rate.
 """
 
 from __future__ import annotations
@@ -32,7 +34,9 @@ HERE = Path(__file__).parent
 
 
 class Late:
-    """A system as others step it: each component from t to t + h with what its inputs were, then all values are exchanged."""
+    """A system as others step it: each component from t to t + h with what its inputs were, then all values are
+    exchanged.
+    """
 
     def __init__(self, system: System, *, zero: bool, every: dict[str, int] | None = None):
         self.members: list[Member] = list(system.members.values())
@@ -107,7 +111,12 @@ def test_fmpy_shows_what_its_lag_gives(built_fmus: BuiltFmus, tmp_path: Path, na
     """Bit by bit, of every output: one step late, and 0 before the first exchange."""
     with experiment_system(name, fmi=2) as system:
         path = system.export_ssp(tmp_path / "Case.ssp")
-        names = [f"{m.name}.{v.name}" for m in system.members.values() for v in m.description.outputs.values() if v.type == "real"]
+        names = [
+            f"{m.name}.{v.name}"
+            for m in system.members.values()
+            for v in m.description.outputs.values()
+            if v.type == "real"
+        ]
         step = base_step(system)
         expected = Late(system, zero=True).run(step, 40, names)
         system.reset()
@@ -150,9 +159,21 @@ def test_others_show_what_their_lag_gives(built_fmus: BuiltFmus, tmp_path: Path,
     with ride(built_fmus) as system:
         path = system.export_ssp(tmp_path / "Ride.ssp")
         expected = Late(system, zero=False, every={"speed": 2}).run(1e-3, count, RIDE)
-    job = {"reader": reader, "ssp": str(path), "steps": count, "outputs": RIDE, "entry": ENTRY, "folder": str(tmp_path / "unpacked")}
+    job = {
+        "reader": reader,
+        "ssp": str(path),
+        "steps": count,
+        "outputs": RIDE,
+        "entry": ENTRY,
+        "folder": str(tmp_path / "unpacked"),
+    }
     done = subprocess.run(
-        [sys.executable, HERE / "run_in_others.py"], input=json.dumps(job), capture_output=True, text=True, cwd=tmp_path, check=False
+        [sys.executable, HERE / "run_in_others.py"],
+        input=json.dumps(job),
+        capture_output=True,
+        text=True,
+        cwd=tmp_path,
+        check=False,
     )
     assert done.returncode == 0, done.stdout[-2000:] + done.stderr[-2000:]
     found = np.array(json.loads(done.stdout.splitlines()[-1]))
@@ -170,9 +191,13 @@ for path in sys.argv[1:]:
 
 
 def test_fmi_library_complains_of_the_independent_variable_only(built_fmus: BuiltFmus) -> None:
-    """The FMI Library in libcosim reads each FMU of FMI 2.0 twice, and wants a start value of `time` although the standard forbids it."""
+    """The FMI Library in libcosim reads each FMU of FMI 2.0 twice, and wants a start value of `time` although the
+    standard forbids it.
+    """
     paths = [built_fmus.path(name, 2) for name in NAMES]
-    done = subprocess.run([sys.executable, "-c", LOAD, *paths], stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, check=True)
+    done = subprocess.run(
+        [sys.executable, "-c", LOAD, *paths], stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, check=True
+    )
     assert len(re.findall(r"\[(?:warning|error|fatal)\]", done.stdout)) == 2 * len(paths), done.stdout[-2000:]
     start = "Start attribute is required for this causality, variability and initial combination"
     lines = re.findall(rf"\[Line:(\d+)\] Detected during parsing:\n.*\[error\].*\] {start}\n", done.stdout)

@@ -1,4 +1,6 @@
-"""Studies and sweeps of an SSP file: its parameters vary as those of any experiment, and the numbers are those of the system itself."""
+"""Studies and sweeps of an SSP file: its parameters vary as those of any experiment, and the numbers are those of the
+system itself.
+"""
 
 from __future__ import annotations
 
@@ -45,7 +47,9 @@ def largest(built_fmus: BuiltFmus) -> list[float]:
 def test_a_sweep_varies_parameters_of_components(file: Path, largest: list[float], tmp_path: Path) -> None:
     experiment = load(str(file))
     varied = Design((axis(f"car.body.mass={','.join(map(str, MASSES))}"),), "grid")
-    table = run_sweep(prepare(experiment, FmuSet(), varied, {"record": "car.body.z"}), FmuSet(), tmp_path / "runs", processes=1)
+    table = run_sweep(
+        prepare(experiment, FmuSet(), varied, {"record": "car.body.z"}), FmuSet(), tmp_path / "runs", processes=1
+    )
     assert not table.failures
     assert table.axes["car.body.mass"] == list(MASSES)
     np.testing.assert_array_equal(table.metrics["car.body.z max"], largest)

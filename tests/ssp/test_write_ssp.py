@@ -37,27 +37,47 @@ def values(path: Path, member: str) -> dict[str, str]:
 
 OMSIMULATOR_KNOWS = {
     "SystemStructureDescription": {"System", "Units", "Enumerations", "DefaultExperiment"},
-    "System": {"Connectors", "ElementGeometry", "SystemGeometry", "ParameterBindings", "Elements", "Connections", "Annotations"},
+    "System": {
+        "Connectors",
+        "ElementGeometry",
+        "SystemGeometry",
+        "ParameterBindings",
+        "Elements",
+        "Connections",
+        "Annotations",
+    },
     "Component": {"Connectors", "ElementGeometry", "ParameterBindings"},
 }
 
 
 def refused_by_omsimulator(path: Path) -> list[str]:
-    """Elements for which OMSimulator refuses a file (ComponentFMUCS.cpp, System.cpp, Model.cpp): it compares names with their prefixes
-    and ends at one that it does not know. Of annotations it looks at the first one only."""
+    """Elements for which OMSimulator refuses a file (ComponentFMUCS.cpp, System.cpp, Model.cpp): it compares names with
+    their prefixes and ends at one that it does not know. Of annotations it looks at the first one only.
+    """
     root, found = structure(path), []
     for parent, known in OMSIMULATOR_KNOWS.items():
         for element in root.iter(f"{D}{parent}"):
             tags = [f"{e.prefix}:{etree.QName(e).localname}" for e in element]
             found += [f"{t} in a {parent}" for t in tags if t not in {f"ssd:{k}" for k in known}]
-    found += [f"a system without {OMS}" for s in root.iter(f"{D}System") if s.find(f"{D}Annotations")[0].get("type") != "org.openmodelica"]
+    found += [
+        f"a system without {OMS}"
+        for s in root.iter(f"{D}System")
+        if s.find(f"{D}Annotations")[0].get("type") != "org.openmodelica"
+    ]
     return found
 
 
 @pytest.mark.parametrize("version", VERSIONS)
 @pytest.mark.parametrize("name", EVERY)
-def test_every_experiment_is_a_file_that_judges_accept(built_fmus: BuiltFmus, tmp_path: Path, name: str, version: str) -> None:  # noqa: ARG001
-    """By the schemas of pyssp_standard, those of FMPy for SSP 1.0, and with every FMU in the version of FMI that belongs to it."""
+def test_every_experiment_is_a_file_that_judges_accept(
+    built_fmus: BuiltFmus,  # noqa: ARG001
+    tmp_path: Path,
+    name: str,
+    version: str,
+) -> None:
+    """By the schemas of pyssp_standard, those of FMPy for SSP 1.0, and with every FMU in the version of FMI that
+    belongs to it.
+    """
     with experiment_system(name) as system:
         path = system.export_ssp(tmp_path / "Case.ssp", version=version)
         members = set(system.members)
@@ -98,7 +118,9 @@ def test_the_same_system_gives_the_same_bytes(built_fmus: BuiltFmus, tmp_path: P
 def pair(built_fmus: BuiltFmus) -> Any:
     """A quarter car that one FMU shakes: the force has a value before the first step, and two parameters are set."""
     with System() as system:
-        system.add("speed", built_fmus.path("SpeedProfile", 3), step="2 ms", offset="1 ms", parameters={"start.speed": 0.5})
+        system.add(
+            "speed", built_fmus.path("SpeedProfile", 3), step="2 ms", offset="1 ms", parameters={"start.speed": 0.5}
+        )
         system.add("car", built_fmus.path("QuarterCarHmmwv", 3), step="1 ms", start={"road.height": 0.01})
         system.connect("speed.x", "car.road.height", delay=True)
         yield system
@@ -124,9 +146,12 @@ def test_what_others_read_of_rates_and_values(pair: System, tmp_path: Path) -> N
     assert units["N"] == {"kg": "1", "m": "1", "s": "-2"}
     assert values(path, "speed")["start.speed"] == "0.5"
     assert values(path, "car") == {"road.height": "0.01"}
-    boxes = [[float(c.find(f"{D}ElementGeometry").get(k)) for k in ("x1", "y1", "x2", "y2")] for c in root.iter(f"{D}Component")]
+    boxes = [
+        [float(c.find(f"{D}ElementGeometry").get(k)) for k in ("x1", "y1", "x2", "y2")]
+        for c in root.iter(f"{D}Component")
+    ]
     assert all(x1 < x2 and y1 < y2 for x1, y1, x2, y2 in boxes)
-    (right, left) = sorted(boxes, reverse=True)
+    right, left = sorted(boxes, reverse=True)
     assert left[2] < right[0]  # the source stands left of what it feeds
 
 
@@ -167,7 +192,10 @@ def test_what_cannot_travel_is_refused_by_name(pair: System, follower: dict[int,
             system.export_ssp(tmp_path / "X.ssp")
         system.add("only2", follower[2], step="1 ms")
         root = structure(system.export_ssp(tmp_path / "Mixed.ssp", version="2.0"))  # SSP 2.0 takes either
-    types = {c.get("name"): {e.tag.split("}")[1] for e in c.iter() if e.getparent().tag == f"{D}Connector"} for c in root.iter(f"{D}Component")}
+    types = {
+        c.get("name"): {e.tag.split("}")[1] for e in c.iter() if e.getparent().tag == f"{D}Connector"}
+        for c in root.iter(f"{D}Component")
+    }
     assert "Real" in types["only2"]
     assert {"Float64", "Int64", "Boolean"} <= types["only3"]
 

@@ -23,7 +23,9 @@ from cosim import CosimError, LoopError, PythonComponent, Recording, StopWhen, S
 from cosim.master.state import MAGIC
 
 pytestmark = pytest.mark.filterwarnings(
-    "ignore::cosim.UnconnectedInputsWarning", "ignore::cosim.AlgebraicLoopWarning", "ignore:initial values do not settle"
+    "ignore::cosim.UnconnectedInputsWarning",
+    "ignore::cosim.AlgebraicLoopWarning",
+    "ignore:initial values do not settle",
 )
 
 
@@ -41,14 +43,19 @@ def elsewhere():
 )
 @given(plan=systems())
 def test_a_fork_continues_bit_for_bit_whatever_is_wired(plan, follower, elsewhere):
-    """Several rates, offsets, delays, extrapolation, groups, types, components in Python; within steps and at stop conditions."""
+    """Several rates, offsets, delays, extrapolation, groups, types, components in Python; within steps and at stop
+    conditions.
+    """
     stop = [] if plan["stop"] is None else [StopWhen("m0.y", *plan["stop"])]
     for engine in ENGINES:
         with wired(plan, follower) as system:
             every = [f"{m}.{v}" for m in system.members for v in system.members[m].description.outputs if "[" not in v]
             options = {
-                "record": [*every, "m0.u"], "watch": ["m0.y"], "record_interval": plan["interval"], "engine": engine,
-            }  # fmt: skip
+                "record": [*every, "m0.u"],
+                "watch": ["m0.y"],
+                "record_interval": plan["interval"],
+                "engine": engine,
+            }
             try:
                 simulation = system.initialize(**options)
             except LoopError:
@@ -301,10 +308,19 @@ def test_arrays_that_share_memory_still_do_after_they_were_restored():
 
 def test_plain_data_comes_back_as_it_was():
     values = {
-        "f": -0.0, "nan": float("nan"), "i": -(2**70), "b": True, "n": None, "s": "\u00e9\ud800", "c": np.float32(0.1),
-        "l": [1, (2.5, {"k": [None]}), {}], "e": np.zeros((0, 3)), "z": np.array(1.5),
-        "a": np.arange(24, dtype=np.int16).reshape(2, 3, 4).transpose(2, 0, 1), "k": {(1, "x"): 2, 3.5: np.bool_(True)},
-    }  # fmt: skip
+        "f": -0.0,
+        "nan": float("nan"),
+        "i": -(2**70),
+        "b": True,
+        "n": None,
+        "s": "\u00e9\ud800",
+        "c": np.float32(0.1),
+        "l": [1, (2.5, {"k": [None]}), {}],
+        "e": np.zeros((0, 3)),
+        "z": np.array(1.5),
+        "a": np.arange(24, dtype=np.int16).reshape(2, 3, 4).transpose(2, 0, 1),
+        "k": {(1, "x"): 2, 3.5: np.bool_(True)},
+    }
     back = plain.decode(plain.encode(values))
     assert list(back) == list(values)
     assert repr(back) == repr(values)
@@ -403,18 +419,40 @@ def about_of(*path_and_value):
 
 
 FORGED = [
-    about_of("tick", -1), about_of("tick", 2**60), about_of("tick", "3"), about_of("tick", True), about_of("phase", "nothing"),
-    about_of("ending", [0, "x"]), about_of("ending", 3), about_of("base", ["0", "0"]), about_of("base", ["1/0", "0"]),
-    about_of("base", ["1", "9" * 41]), about_of("base", ["1/7", "0"]), about_of("wiring", {}), about_of("wiring", 1),
-    about_of("wiring", "members", "law", ["other", "1", "0"]), about_of("wiring", "members", "law", ["discrete", "-1", "0"]),
-    about_of("wiring", "members", "law", ["discrete", "1e9", "0"]), about_of("wiring", "connections", 0, ["a"]),
-    about_of("wiring", "connections", 0, ["a", "b", 1, 2, 3, 4]), about_of("wiring", "groups", [["jacobi", ["x"]]]),
-    about_of("keys", []), about_of("keys", 0, ["visible", "nobody", "y"]), about_of("keys", 0, ["other", "law", "y"]),
-    about_of("keys", 0, ["visible", "law", 1]), about_of("keys", 0, [[], [], []]), about_of("components", []),
-    about_of("components", 0, ["nobody", {}]), about_of("components", 0, ["law", {"class": 3}]), about_of("components", 5),
-    lambda a, p: (a, p[:-1]), lambda a, p: (a, [*p, b""]), lambda a, p: (a, [p[0][:-8], *p[1:]]), lambda a, p: ({}, p),
+    about_of("tick", -1),
+    about_of("tick", 2**60),
+    about_of("tick", "3"),
+    about_of("tick", True),
+    about_of("phase", "nothing"),
+    about_of("ending", [0, "x"]),
+    about_of("ending", 3),
+    about_of("base", ["0", "0"]),
+    about_of("base", ["1/0", "0"]),
+    about_of("base", ["1", "9" * 41]),
+    about_of("base", ["1/7", "0"]),
+    about_of("wiring", {}),
+    about_of("wiring", 1),
+    about_of("wiring", "members", "law", ["other", "1", "0"]),
+    about_of("wiring", "members", "law", ["discrete", "-1", "0"]),
+    about_of("wiring", "members", "law", ["discrete", "1e9", "0"]),
+    about_of("wiring", "connections", 0, ["a"]),
+    about_of("wiring", "connections", 0, ["a", "b", 1, 2, 3, 4]),
+    about_of("wiring", "groups", [["jacobi", ["x"]]]),
+    about_of("keys", []),
+    about_of("keys", 0, ["visible", "nobody", "y"]),
+    about_of("keys", 0, ["other", "law", "y"]),
+    about_of("keys", 0, ["visible", "law", 1]),
+    about_of("keys", 0, [[], [], []]),
+    about_of("components", []),
+    about_of("components", 0, ["nobody", {}]),
+    about_of("components", 0, ["law", {"class": 3}]),
+    about_of("components", 5),
+    lambda a, p: (a, p[:-1]),
+    lambda a, p: (a, [*p, b""]),
+    lambda a, p: (a, [p[0][:-8], *p[1:]]),
+    lambda a, p: ({}, p),
     lambda a, p: (a | {"components": [a["components"][0]] * 2}, p),
-]  # fmt: skip
+]
 
 
 @pytest.mark.parametrize("change", FORGED, ids=range(len(FORGED)))

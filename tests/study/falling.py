@@ -1,4 +1,6 @@
-"""A file with a function `system`: a mass that is let go, with parameters of its component, one of which is the end of the process."""
+"""A file with a function `system`: a mass that is let go, with parameters of its component, one of which is the end of
+the process.
+"""
 
 from __future__ import annotations
 
@@ -35,4 +37,7 @@ def system(offset: float = 0.0, count: int = 1) -> System:  # noqa: ARG001
 
 def measure(run):
     case = run.case
-    return {"fallen": float(run.recording["mass.z"][0] - run.recording["mass.z"][-1]) + case.offset, "count": case.count}
+    return {
+        "fallen": float(run.recording["mass.z"][0] - run.recording["mass.z"][-1]) + case.offset,
+        "count": case.count,
+    }

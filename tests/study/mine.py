@@ -1,4 +1,5 @@
-"""A user's experiment: a mass that is let go, with a run that fails, one that ends the process, and notes of who ran."""
+"""A user's experiment: a mass that is let go, with a run that fails, one that ends the process, and
+notes of who ran."""
 
 from __future__ import annotations
 

@@ -61,9 +61,14 @@ def test_bounds_and_files_are_accepted() -> None:
 
 def test_fields_in_the_order_of_arguments() -> None:
     assert [(f.name, f.type, f.optional) for f in fields(Ride)] == [
-        ("road", str, False), ("speed", float, False), ("law", str, False), ("hold", bool, False), ("mass", float, True),
-        ("free", int, False), ("parts", int, False),
-    ]  # fmt: skip
+        ("road", str, False),
+        ("speed", float, False),
+        ("law", str, False),
+        ("hold", bool, False),
+        ("mass", float, True),
+        ("free", int, False),
+        ("parts", int, False),
+    ]
     assert [f.text for f in fields(Ride)][1] == "speed [km/h]"
 
 
@@ -100,13 +105,52 @@ class Awkward(Case):
 
 
 ALIKE: list[dict[str, object]] = [
-    {}, {"speed": 50.00001}, {"speed": 50.00002}, {"speed": -50.0}, {"height": 0.2}, {"height": 0.20001}, {"stage": 1.0}, {"stage": 2.0},
-    {"stage": 7.0}, {"stage": 8.0}, {"front": "hard"}, {"rear": "hard"}, {"front": "hard-hard"}, {"front": "hard", "rear": "hard"},
-    {"front": "Hard"}, {"front": "a/b"}, {"front": "a_b"}, {"front": "nul"}, {"front": "x" * 300}, {"front": "x" * 299 + "y"}, {"law": "a-b"},
-    {"law": "b"}, {"law": "A"}, {"other": "b"}, {"front": "a-b"}, {"front": ""}, {"rear": ""}, {"seed": 5}, {"seed": 10**20}, {"seed": 10**20 + 1},
-    {"seed": -5}, {"front": "in-5"}, {"road": "curb"}, {"road": "curb.fmu"}, {"road": "a/curb.fmu"}, {"road": "b/curb.fmu"}, {"road": "x.fmu"},
-    {"mass": None}, {"mass": 2.0}, {"mass": 1e-300}, {"front": "no-mass"}, {"hold": False}, {"front": "no-hold"}, {"front": "50kmh"}, {"front": "default"},
-]  # fmt: skip
+    {},
+    {"speed": 50.00001},
+    {"speed": 50.00002},
+    {"speed": -50.0},
+    {"height": 0.2},
+    {"height": 0.20001},
+    {"stage": 1.0},
+    {"stage": 2.0},
+    {"stage": 7.0},
+    {"stage": 8.0},
+    {"front": "hard"},
+    {"rear": "hard"},
+    {"front": "hard-hard"},
+    {"front": "hard", "rear": "hard"},
+    {"front": "Hard"},
+    {"front": "a/b"},
+    {"front": "a_b"},
+    {"front": "nul"},
+    {"front": "x" * 300},
+    {"front": "x" * 299 + "y"},
+    {"law": "a-b"},
+    {"law": "b"},
+    {"law": "A"},
+    {"other": "b"},
+    {"front": "a-b"},
+    {"front": ""},
+    {"rear": ""},
+    {"seed": 5},
+    {"seed": 10**20},
+    {"seed": 10**20 + 1},
+    {"seed": -5},
+    {"front": "in-5"},
+    {"road": "curb"},
+    {"road": "curb.fmu"},
+    {"road": "a/curb.fmu"},
+    {"road": "b/curb.fmu"},
+    {"road": "x.fmu"},
+    {"mass": None},
+    {"mass": 2.0},
+    {"mass": 1e-300},
+    {"front": "no-mass"},
+    {"hold": False},
+    {"front": "no-hold"},
+    {"front": "50kmh"},
+    {"front": "default"},
+]
 
 
 def test_labels_of_different_cases_differ_and_are_names_of_files() -> None:

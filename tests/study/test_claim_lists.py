@@ -28,9 +28,11 @@ def test_a_list_within_another_keeps_its_place_and_its_checks() -> None:
     whole.claim("last", "Two", published="2", source="")(lambda _: Finding("2", True, ""))
     judged = whole.judge({"limit": 8, "force": 9})
     assert [(c.id, c.verdict, c.own) for c in judged] == [
-        ("first", "reproduced", False), ("follows", "not reproduced", False), ("solved", "does not hold", True),
+        ("first", "reproduced", False),
+        ("follows", "not reproduced", False),
+        ("solved", "does not hold", True),
         ("last", "reproduced", False),
-    ]  # fmt: skip
+    ]
     with pytest.raises(ValueError, match="there is a statement 'follows' already"):
         whole.include(of_a_part())
 

@@ -86,7 +86,11 @@ def test_levels_of_morris_are_split_evenly_among_whole_numbers(first: int, last:
 
 def test_whole_numbers_stay_within_their_limits() -> None:
     u = np.linspace(0, 1, 1001)
-    for kind, numbers in (("uniform", (-1.5, 1.5)), ("triangular", (-1.4, 0.0, 1.4)), ("truncnormal", (0.0, 1.0, -1.4, 1.4))):
+    for kind, numbers in (
+        ("uniform", (-1.5, 1.5)),
+        ("triangular", (-1.4, 0.0, 1.4)),
+        ("truncnormal", (0.0, 1.0, -1.4, 1.4)),
+    ):
         parameter = Axis("n", kind, numbers, whole=True)
         assert (parameter.ends, set(parameter.at(u))) == ((-1, 1), {-1, 0, 1})
     assert Axis("n", "normal", (0.0, 1.0), whole=True).at(np.array([0.31, 0.5])) == [0, 0]
@@ -132,7 +136,7 @@ def test_points_fill_the_ranges_and_are_the_same_every_time(method: str) -> None
 
 
 def test_one_point_in_each_of_many_slices() -> None:
-    (found, _) = Design((ONE, TWO), "lhs", 50).columns()
+    found, _ = Design((ONE, TWO), "lhs", 50).columns()
     assert sorted(int((x - 10) * 5) for x in found) == list(range(50))
 
 
@@ -152,7 +156,9 @@ def test_what_pages_say_of_a_parameter(text: str, told: str) -> None:
 
 def test_a_file_without_a_seed_gives_the_points_of_the_command(tmp_path: Path) -> None:
     (tmp_path / "a.toml").write_text("[vary]\na = '10:20'\n")
-    by_command = _design({"design": None, "vary": ["a=10:20"], **{k: _OPTIONS[k][1] for k in ("method", "samples", "random_seed")}})
+    by_command = _design(
+        {"design": None, "vary": ["a=10:20"], **{k: _OPTIONS[k][1] for k in ("method", "samples", "random_seed")}}
+    )
     assert from_file(tmp_path / "a.toml") == by_command
 
 
@@ -214,7 +220,11 @@ def test_design_files(tmp_path: Path) -> None:
     (tmp_path / "a.toml").write_text(FILE)
     found = from_file(tmp_path / "a.toml")
     assert found == Design(
-        (axis("car.body.mass=4000:6000"), Axis("damping", "values", values=(6e3, 12e3))), "halton", 32, 5, fixed={"duration": 0.5}
+        (axis("car.body.mass=4000:6000"), Axis("damping", "values", values=(6e3, 12e3))),
+        "halton",
+        32,
+        5,
+        fixed={"duration": 0.5},
     )
     (tmp_path / "a.py").write_text("DESIGN = {'cases': [{'x': i, 'y': i**2} for i in range(3)], 'set': {'z': 1}}\n")
     found = from_file(tmp_path / "a.py")
@@ -273,10 +283,17 @@ def test_a_folder_is_no_design(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize(
     ("numbers", "shape"),
-    [((100.0, 10.0, 2000.0, 3000.0), "low"), ((100.0, 10.0, -3000.0, -2000.0), "high"), ((0.0, 1.0, 9.0, 9.5), "low"), ((0.0, 1.0, -9.5, -9.0), "high")],
+    [
+        ((100.0, 10.0, 2000.0, 3000.0), "low"),
+        ((100.0, 10.0, -3000.0, -2000.0), "high"),
+        ((0.0, 1.0, 9.0, 9.5), "low"),
+        ((0.0, 1.0, -9.5, -9.0), "high"),
+    ],
 )
 def test_a_normal_distribution_cut_far_from_its_mean(numbers: tuple[float, ...], shape: str) -> None:
-    """Its values differ, rise with the quantile, and crowd at the end next to the mean; a wide one has the closed form of its tail."""
+    """Its values differ, rise with the quantile, and crowd at the end next to the mean; a wide one has the closed form
+    of its tail.
+    """
     mean, deviation, low, high = numbers
     u = np.linspace(0.0, 1.0, 201)
     found = np.array(Axis("x", "truncnormal", numbers).at(u))
@@ -285,28 +302,39 @@ def test_a_normal_distribution_cut_far_from_its_mean(numbers: tuple[float, ...],
     assert (np.diff(found) > 0).all()
     middle = found[100]
     near = low if shape == "low" else high
-    expected = math.log(2) / (abs(near - mean) / deviation) * deviation  # the tail of a normal distribution falls as exp(-x z)
+    expected = (
+        math.log(2) / (abs(near - mean) / deviation) * deviation
+    )  # the tail of a normal distribution falls as exp(-x z)
     assert abs(middle - near) == pytest.approx(expected, rel=0.05)
 
 
 @pytest.mark.parametrize("text", ["x=truncnormal(0,1e-200,1,2)", "x=lognormal(1,1e4)", "x=-1.5e308:1.5e308"])
 def test_values_that_are_no_numbers_are_refused(text: str) -> None:
-    with pytest.raises(DesignError, match=r"x: values of .* are too far off to be numbers; bring its numbers nearer to each other"), np.errstate(all="ignore"):
+    with (
+        pytest.raises(
+            DesignError, match=r"x: values of .* are too far off to be numbers; bring its numbers nearer to each other"
+        ),
+        np.errstate(all="ignore"),
+    ):
         axis(text).at(np.array([0.1, 0.5, 0.9]))
 
 
 def test_where_both_ways_of_a_cut_distribution_meet() -> None:
     u = np.linspace(0.01, 0.99, 50)
-    usual, far = (np.array(Axis("x", "truncnormal", (0.0, 1.0, low, low + 1)).at(u)) - low for low in (5.0 - 1e-9, 5.0 + 1e-9))
+    usual, far = (
+        np.array(Axis("x", "truncnormal", (0.0, 1.0, low, low + 1)).at(u)) - low for low in (5.0 - 1e-9, 5.0 + 1e-9)
+    )
     assert far == pytest.approx(usual, abs=1e-6)
 
 
 @pytest.mark.parametrize(
     ("text", "said"),
     [
-        ("x=0.1:0.2:inf", "x: 'inf' is no number of values"), ("x=0.1:0.2:nan", "x: 'nan' is no number of values"), ("x=0.1:0.2:2.5", "x: '2.5' is no number of values"),
+        ("x=0.1:0.2:inf", "x: 'inf' is no number of values"),
+        ("x=0.1:0.2:nan", "x: 'nan' is no number of values"),
+        ("x=0.1:0.2:2.5", "x: '2.5' is no number of values"),
     ],
-)  # fmt: skip
+)
 def test_ranges_without_a_number_of_values(text: str, said: str) -> None:
     with pytest.raises(DesignError, match=said):
         axis(text)

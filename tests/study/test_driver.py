@@ -162,8 +162,9 @@ def test_a_report_by_default(experiment, tmp_path) -> None:
     assert [row[0] for row in failed.rows] == ["rate13"]
     (figure,) = report.figures
     assert [(p.title, p.x_label, p.y_label) for p in figure.panels] == [
-        ("last height", "rate [1/s]", "last height [mm]"), ("mean height", "rate [1/s]", "mean height [m]"),
-    ]  # fmt: skip
+        ("last height", "rate [1/s]", "last height [mm]"),
+        ("mean height", "rate [1/s]", "mean height [m]"),
+    ]
     (curve,) = figure.panels[0].series
     assert curve.x_values.tolist() == [1.0, 2.0, 3.0, 5.0]
     assert list(curve.y)[1] == pytest.approx(1e3 * last)

@@ -105,7 +105,8 @@ def test_a_lost_chunk_is_run_again_one_by_one() -> None:
 
 
 def test_those_that_were_only_near_are_not_blamed() -> None:
-    """Workers that hold several tasks take all along: a suspect counts as the culprit when nothing else was on its way."""
+    """Workers that hold several tasks take all along: a suspect counts as the culprit when nothing else
+    was on its way."""
     near: set[int] = set()
 
     def fate(numbers: list[int], _: Any) -> BaseException | None:
@@ -272,8 +273,13 @@ def test_mpi(experiment: Any, tmp_path: Path) -> None:
     environment = {**os.environ, "PYTHONPATH": str(ROOT)}
     done = subprocess.run(
         [mpiexec, "-n", "3", sys.executable, "-m", "mpi4py.futures", str(script)],
-        cwd=tmp_path, env=environment, capture_output=True, text=True, check=True, timeout=120,
-    )  # fmt: skip
+        cwd=tmp_path,
+        env=environment,
+        capture_output=True,
+        text=True,
+        check=True,
+        timeout=120,
+    )
     ours = run_study(experiment, FMUS, tmp_path / "ours", processes=1)
     assert done.stdout.strip() == f"{sorted(ours.failures)} {[ours[c]['last'] for c in ours.ran]}"
 
@@ -308,7 +314,9 @@ def answer(port: int, *, encrypted: bool) -> bytes:
 
 
 def test_nobody_else_reaches_a_local_cluster(cluster: Any) -> None:
-    """Nothing listens but its scheduler, workers and their nannies, and these talk to the holder of its certificate only."""
+    """Nothing listens but its scheduler, workers and their nannies, and these talk to the holder of its certificate
+    only.
+    """
     from distributed import Client
     from distributed.security import Security
 
@@ -392,12 +400,17 @@ def test_one_that_accepts_and_is_silent(monkeypatch: pytest.MonkeyPatch) -> None
         silent.bind(("127.0.0.1", 0))
         silent.listen()
         since = time.monotonic()
-        with pytest.raises(ClusterError, match="no Dask scheduler answers at"), dask(f"tcp://127.0.0.1:{silent.getsockname()[1]}"):
+        with (
+            pytest.raises(ClusterError, match="no Dask scheduler answers at"),
+            dask(f"tcp://127.0.0.1:{silent.getsockname()[1]}"),
+        ):
             pass
         assert time.monotonic() - since < 30  # as long as nothing else on this machine takes its time
 
 
-@pytest.mark.parametrize("address", ["nonsense", "tcp://127.0.0.1", "http://127.0.0.1:22", "tcp://:8786", "tcp://a b:1"])
+@pytest.mark.parametrize(
+    "address", ["nonsense", "tcp://127.0.0.1", "http://127.0.0.1:22", "tcp://:8786", "tcp://a b:1"]
+)
 def test_what_is_no_address_of_a_scheduler(address: str) -> None:
     with pytest.raises(ClusterError, match=r"is no address of a Dask scheduler: write tcp://HOST:PORT"), dask(address):
         pass
@@ -434,7 +447,9 @@ def worker(port: int, folder: Path) -> subprocess.Popen[bytes]:
 def test_a_scheduler_that_dies_and_comes_again(
     experiment: Any, many: list[Any], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    """The study ends with a sentence and nothing else, what is finished is kept, and the same study goes on with the next one."""
+    """The study ends with a sentence and nothing else, what is finished is kept, and the same study goes on with the
+    next one.
+    """
     monkeypatch.setattr("cosim.study.executors.ANSWER", 3.0)
     monkeypatch.setattr("cosim.study.executors.WORKERS", 2.0)
     port = free_port()

@@ -23,7 +23,8 @@ def fmu(tmp_path_factory):
 
 @pytest.fixture
 def temporary():
-    """A folder for temporary files with a short path: workers are started over a socket in it, whose path has a limit."""
+    """A folder for temporary files with a short path: workers are started over a socket in it, whose
+    path has a limit."""
     with tempfile.TemporaryDirectory() as folder:
         yield Path(folder)
 
@@ -107,8 +108,19 @@ def test_a_script_whose_workers_run_it_again_is_told_so_and_loses_nothing(tmp_pa
     """No run is to blame for it: what was stored is not that they failed."""
     environment = {**os.environ, "PYTHONPATH": str(HERE.parents[1])}
     text = SCRIPT.format(file=str(HERE / "falling.py"))
-    for guard, code, said in (("", 1, "below `if __name__ == \"__main__\":`"), ('if __name__ == "__main__":\n    ', 0, "")):
+    for guard, code, said in (
+        ("", 1, 'below `if __name__ == "__main__":`'),
+        ('if __name__ == "__main__":\n    ', 0, ""),
+    ):
         (tmp_path / "script.py").write_text(f"{text}{guard}main()\n")
-        done = subprocess.run([sys.executable, "script.py"], check=False, cwd=tmp_path, env=environment, capture_output=True, text=True, timeout=120)
+        done = subprocess.run(
+            [sys.executable, "script.py"],
+            check=False,
+            cwd=tmp_path,
+            env=environment,
+            capture_output=True,
+            text=True,
+            timeout=120,
+        )
         assert done.returncode == code, done.stderr
         assert said in done.stderr.splitlines()[-1] if said else done.stdout == "0 36\n"

@@ -1,4 +1,5 @@
-"""Results by hand: what is read of them, and what a report by default, its parameters and its provenance make of them."""
+"""Results by hand: what is read of them, and what a report by default, its parameters and its provenance
+make of them."""
 
 from __future__ import annotations
 
@@ -58,7 +59,8 @@ def measure(run: Any) -> Any:
 
 
 METRICS = {"heave": Metric("peak heave", "mm", 1e3), "count": Metric("steps")}
-FMU_XML = """<fmiModelDescription fmiVersion="3.0" modelName="Car" instantiationToken="t"><CoSimulation modelIdentifier="Car"/>
+FMU_XML = """<fmiModelDescription fmiVersion="3.0" modelName="Car" instantiationToken="t">
+<CoSimulation modelIdentifier="Car"/>
 <UnitDefinitions><Unit name="kg"><BaseUnit kg="1"/></Unit></UnitDefinitions><ModelVariables>
 <Float64 name="mass" valueReference="1" causality="parameter" variability="fixed" unit="kg" start="7.5"/>
 <Int32 name="axles" valueReference="2" causality="parameter" variability="fixed" start="2"/>
@@ -66,7 +68,8 @@ FMU_XML = """<fmiModelDescription fmiVersion="3.0" modelName="Car" instantiation
 <String name="maker" valueReference="4" causality="parameter" variability="fixed"><Start value="x"/></String>
 <Float64 name="z" valueReference="5" causality="output"/></ModelVariables>
 <ModelStructure><Output valueReference="5"/></ModelStructure><Annotations><Annotation type="suspension-fmus">
-<Component kind="continuous"><Variable name="mass" source="weighed"/></Component></Annotation></Annotations></fmiModelDescription>"""
+<Component kind="continuous"><Variable name="mass" source="weighed"/></Component></Annotation></Annotations>
+</fmiModelDescription>"""
 
 
 @pytest.fixture
@@ -190,14 +193,30 @@ def test_what_a_claim_carries_to_the_report() -> None:
     assert len(claims) == 2
     size, done = judged
     assert (size.id, size.claim, size.published, size.ours, size.verdict, size.reason, size.source) == (
-        "size", "The size", "3 mm", "5 mm", "order reproduced, magnitude not", "too large", "Figure 2"
-    )  # fmt: skip
+        "size",
+        "The size",
+        "3 mm",
+        "5 mm",
+        "order reproduced, magnitude not",
+        "too large",
+        "Figure 2",
+    )
     assert (size.value, size.unit, size.criterion, size.fitted, size.own) == (
-        5.0, "mm", "a size; magnitude between 2 and 4 mm (as printed)", "the mass", False
-    )  # fmt: skip
+        5.0,
+        "mm",
+        "a size; magnitude between 2 and 4 mm (as printed)",
+        "the mass",
+        False,
+    )
     assert (done.id, done.claim, done.published, done.ours, done.verdict, done.reason, done.source) == (
-        "done", "All done", "6 runs", "6 runs", "does not hold", "not seven", "here"
-    )  # fmt: skip
+        "done",
+        "All done",
+        "6 runs",
+        "6 runs",
+        "does not hold",
+        "not seven",
+        "here",
+    )
     assert (done.value, done.unit, done.criterion, done.fitted, done.own) == (6.0, "runs", "seven", "nothing", True)
     with pytest.raises(ValueError, match="there is a statement 'size' already"):
         claims.check("size", "Again", expected="")
@@ -261,13 +280,18 @@ def test_a_report_by_default(fmus: FmuSet) -> None:
     assert (table.id, table.title) == ("runs", "All runs")
     assert list(table.columns) == ["speed [km/h]", "road", "peak heave [mm]", "steps"]
     assert table.rows == (
-        (30.0, "sine", 30.0, 0), (10.0, "sine", 10.0, 1), (20.0, "sine", 20.0, 2), (10.0, "curb", 1010.0, 4), (20.0, "curb", 1020.0, 5)
-    )  # fmt: skip
+        (30.0, "sine", 30.0, 0),
+        (10.0, "sine", 10.0, 1),
+        (20.0, "sine", 20.0, 2),
+        (10.0, "curb", 1010.0, 4),
+        (20.0, "curb", 1020.0, 5),
+    )
     (figure,) = page.drawn
     assert (figure.id, figure.title, figure.columns) == ("over-speed", "Metrics over speed", 2)
     assert [(p.title, p.x_label, p.y_label) for p in figure.panels] == [
-        ("peak heave", "speed [km/h]", "peak heave [mm]"), ("steps", "speed [km/h]", "steps [?]")
-    ]  # fmt: skip
+        ("peak heave", "speed [km/h]", "peak heave [mm]"),
+        ("steps", "speed [km/h]", "steps [?]"),
+    ]
     curves = {s.name: (list(s.x_values), np.asarray(s.y).tolist(), s.mode) for s in figure.panels[0].series}
     assert curves == {
         "road sine": ([10.0, 20.0, 30.0], [10.0, 20.0, 30.0], "line+markers"),
@@ -277,7 +301,8 @@ def test_a_report_by_default(fmus: FmuSet) -> None:
 
 
 def test_a_report_by_default_of_runs_that_say_nothing_of_themselves(fmus: FmuSet) -> None:
-    """Every number that was measured is shown under its own name; without a title the experiment's name stands there."""
+    """Every number that was measured is shown under its own name; without a title the experiment's name
+    stands there."""
     tasks = [Task(Ride(10.0, gain=g)) for g in (3.0, 2.0)]
     entries = [{"metrics": {"rms": 0.1 * t.case.gain, "well": True, "note": "fine"}} for t in tasks]
     page = default_report(experiment(metrics={}, title=""), Results(tasks, entries), fmus)
@@ -304,7 +329,9 @@ def test_more_metrics_than_are_drawn(fmus: FmuSet) -> None:
     study = Results(tasks, [{"metrics": {f"m{i}": i + t.case.speed for i in range(15)}} for t in tasks])
     page = default_report(experiment(metrics={}), study, fmus)
     assert len(page.tables[0].columns) == 16
-    assert page.sections[0].paragraphs[0].startswith("Figures show the first 12 of 15 metrics. The table has all of them")
+    assert (
+        page.sections[0].paragraphs[0].startswith("Figures show the first 12 of 15 metrics. The table has all of them")
+    )
     assert [p.title for p in page.drawn[0].panels] == [f"m{i}" for i in range(12)]
     told = {f"m{i}": Metric(f"metric {i}") for i in range(15)}
     page = default_report(experiment(metrics=told), study, fmus)

@@ -23,24 +23,55 @@ from cosim.study.store import NotStored, RunStore, Store, Stored
 
 ROOT = Path(sources.__file__).parents[1]
 MASTER = {
-    "cosim/__init__.py", "cosim/session.py", "cosim/recording.py", "cosim/fmu/calls.py", "cosim/master/exchange.py",
-    "cosim/study/case.py", "cosim/study/runner.py", "cosim/study/experiment.py",
-}  # fmt: skip
+    "cosim/__init__.py",
+    "cosim/session.py",
+    "cosim/recording.py",
+    "cosim/fmu/calls.py",
+    "cosim/master/exchange.py",
+    "cosim/study/case.py",
+    "cosim/study/runner.py",
+    "cosim/study/experiment.py",
+}
 DEPENDS = {  # what each measures with, as far as it was forgotten before or easily would be
-    "bench": {"cosim/experiments/steps.py", "fmu_sources/controllers/mpc/bench.py", "fmu_sources/controllers/lq/bench.py"},
-    "gpc": {"cosim/experiments/metrics/response.py", "fmu_sources/controllers/gpc/identification.py",
-            "cosim/experiments/gpc/matching.py", "fmu_sources/controllers/gpc/law.py", "fmu_sources/controllers/gpc/prediction.py"},
-    "hmmwv": {"cosim/experiments/hmmwv/wiring.py", "cosim/experiments/steps.py", "fmu_sources/models/comfort.py",
-              "fmu_sources/roads/bumps.py", "fmu_sources/controllers/mpc/hmmwv.py"},
+    "bench": {
+        "cosim/experiments/steps.py",
+        "fmu_sources/controllers/mpc/bench.py",
+        "fmu_sources/controllers/lq/bench.py",
+    },
+    "gpc": {
+        "cosim/experiments/metrics/response.py",
+        "fmu_sources/controllers/gpc/identification.py",
+        "cosim/experiments/gpc/matching.py",
+        "fmu_sources/controllers/gpc/law.py",
+        "fmu_sources/controllers/gpc/prediction.py",
+    },
+    "hmmwv": {
+        "cosim/experiments/hmmwv/wiring.py",
+        "cosim/experiments/steps.py",
+        "fmu_sources/models/comfort.py",
+        "fmu_sources/roads/bumps.py",
+        "fmu_sources/controllers/mpc/hmmwv.py",
+    },
     "force-tracking": {"cosim/experiments/hmmwv/tracking/runs.py", "cosim/experiments/hmmwv/wiring.py"},
-    "preview-chain": {"cosim/experiments/hmmwv/preview/runs.py", "cosim/experiments/hmmwv/wiring.py", "fmu_sources/roads/bumps.py"},
-    "preview-lq": {"cosim/experiments/preview_lq/runs.py", "fmu_sources/controllers/lq/preview_weights.py",
-                   "fmu_sources/controllers/lq/design/sampled.py", "fmu_sources/models/corners.py",
-                   "fmu_sources/controllers/lq/weights/road_holding.toml"},
-    "three-axle": {"cosim/experiments/three_axle/runs.py", "cosim/experiments/steps.py",
-                   "fmu_sources/controllers/mpc/settings.py"},
+    "preview-chain": {
+        "cosim/experiments/hmmwv/preview/runs.py",
+        "cosim/experiments/hmmwv/wiring.py",
+        "fmu_sources/roads/bumps.py",
+    },
+    "preview-lq": {
+        "cosim/experiments/preview_lq/runs.py",
+        "fmu_sources/controllers/lq/preview_weights.py",
+        "fmu_sources/controllers/lq/design/sampled.py",
+        "fmu_sources/models/corners.py",
+        "fmu_sources/controllers/lq/weights/road_holding.toml",
+    },
+    "three-axle": {
+        "cosim/experiments/three_axle/runs.py",
+        "cosim/experiments/steps.py",
+        "fmu_sources/controllers/mpc/settings.py",
+    },
     "trench": {"cosim/experiments/trench/runs.py", "cosim/experiments/metrics/crossing.py", "cosim/peaks.py"},
-}  # fmt: skip
+}
 FOUND = {e.name: e for place in EXPERIMENTS.values() for e in load(place).every}
 """Experiments and the parts of some."""
 
@@ -73,7 +104,11 @@ def test_one_byte_in_any_file_gives_another_key(name: str, monkeypatch: pytest.M
     assert key.salt(experiment, FmuSet(), searches=known) == before
     for changed in covered:
         with monkeypatch.context() as patch:
-            patch.setattr(Path, "read_bytes", lambda p: (held[p] if p in held else read(p)) + (b"\n#" if p == changed else b""))  # noqa: B023
+            patch.setattr(
+                Path,
+                "read_bytes",
+                lambda p: (held[p] if p in held else read(p)) + (b"\n#" if p == changed else b""),  # noqa: B023
+            )
             assert key.salt(experiment, FmuSet(), searches=known) != before, changed
 
 
@@ -126,7 +161,8 @@ def test_imports_wherever_they_stand(tmp_path: Path) -> None:
 def test_a_users_neighbours_and_data_count(tmp_path: Path) -> None:
     """Modules beside a user's file, relative imports, and the data files that it names; nothing else of its folder."""
     (tmp_path / "mine.py").write_text(
-        "import helper\nfrom .part import x\nTABLE = 'road.csv'\nfrom typing import TYPE_CHECKING\nif TYPE_CHECKING:\n    import unseen\n"
+        "import helper\nfrom .part import x\nTABLE = 'road.csv'\nfrom typing import TYPE_CHECKING\nif TYPE_CHECKING:\n "
+        "   import unseen\n"
     )
     for name in ("helper.py", "part.py", "unseen.py", "other.py", "road.csv", "other.csv"):
         (tmp_path / name).write_text("")

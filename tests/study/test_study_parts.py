@@ -118,8 +118,11 @@ def test_the_study_does_the_plans_of_its_parts_too(tmp_path: Path, executor: Exe
     """Two cases alike in every field are kept apart by what they are cases of."""
     found = study(tmp_path, executor)
     assert {c: dict(found[c]) for c in found} == {
-        Ride(1.0): {"end": 1.0}, Ride(3.0): {"end": 3.0}, Corner(1.0): {"half": 0.5}, Corner(2.0): {"half": 1.0},
-    }  # fmt: skip
+        Ride(1.0): {"end": 1.0},
+        Ride(3.0): {"end": 3.0},
+        Corner(1.0): {"half": 0.5},
+        Corner(2.0): {"half": 1.0},
+    }
     assert list(found.of("corner")) == [Corner(1.0), Corner(2.0)]
     assert list(found.of()) == [Ride(1.0), Ride(3.0)]
 

@@ -76,7 +76,9 @@ def measure(run):
 """
 
 
-def test_an_fmu_that_an_option_chooses_is_looked_at(built_fmus: BuiltFmus, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_fmu_that_an_option_chooses_is_looked_at(
+    built_fmus: BuiltFmus, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """Not only that of the base case: where it changes, its runs are made again."""
     monkeypatch.chdir(tmp_path)
     (tmp_path / "x").mkdir()
@@ -97,32 +99,41 @@ def test_metrics_do_not_take_the_place_of_columns(name: str, tmp_path: Path) -> 
     text = FILE.read_text()
     assert '"fallen"' in text
     (tmp_path / "other.py").write_text(text.replace('"fallen"', f'"{name}"'))
-    sweep = prepare(load(str(tmp_path / "other.py")), FMUS, Design((Axis("mass.rate", "values", values=(1, 2)),), "grid"))
+    sweep = prepare(
+        load(str(tmp_path / "other.py")), FMUS, Design((Axis("mass.rate", "values", values=(1, 2)),), "grid")
+    )
     with pytest.raises(DesignError, match=f"a metric is named '{name}'"):
         run_sweep(sweep, FMUS, tmp_path / "runs", processes=1)
 
 
 def test_a_metric_may_tell_what_varies(tmp_path: Path) -> None:
     (tmp_path / "other.py").write_text(FILE.read_text().replace('"fallen": float', '"mass.rate": 10 * float'))
-    sweep = prepare(load(str(tmp_path / "other.py")), FMUS, Design((Axis("mass.height", "values", values=(1.0, 2.0)),), "grid"))
+    sweep = prepare(
+        load(str(tmp_path / "other.py")), FMUS, Design((Axis("mass.height", "values", values=(1.0, 2.0)),), "grid")
+    )
     assert run_sweep(sweep, FMUS, tmp_path / "runs", processes=1).metrics["mass.rate"] == pytest.approx(1.0)
     same = FILE.read_text().replace('"count": case.count', '"count": case.count, "mass.rate": run.start("mass.rate")')
     (tmp_path / "same.py").write_text(same)
-    sweep = prepare(load(str(tmp_path / "same.py")), FMUS, Design((Axis("mass.rate", "values", values=(1.0, 2.0)),), "grid"))
+    sweep = prepare(
+        load(str(tmp_path / "same.py")), FMUS, Design((Axis("mass.rate", "values", values=(1.0, 2.0)),), "grid")
+    )
     assert run_sweep(sweep, FMUS, tmp_path / "same", processes=1).metrics["mass.rate"].tolist() == [1.0, 2.0]
 
 
-@pytest.mark.parametrize(
-    ("returned", "said"), [("None", "None"), ("3.5", r"3\.5"), ("{1: 2.0}", r"\{1: 2\.0\}")]
-)
+@pytest.mark.parametrize(("returned", "said"), [("None", "None"), ("3.5", r"3\.5"), ("{1: 2.0}", r"\{1: 2\.0\}")])
 def test_measure_returns_numbers_by_name(returned: str, said: str, tmp_path: Path) -> None:
     text = FILE.read_text()
     (tmp_path / "other.py").write_text(text[: text.index("def measure")] + f"def measure(_):\n    return {returned}\n")
     experiment = load(str(tmp_path / "other.py"))
-    with Runner(experiment, FMUS) as runner, pytest.raises(MeasureError, match=rf"other: measure\(\) returned {said}; it returns numbers by name"):
+    with (
+        Runner(experiment, FMUS) as runner,
+        pytest.raises(MeasureError, match=rf"other: measure\(\) returned {said}; it returns numbers by name"),
+    ):
         runner.metrics(experiment.case())
     sweep = prepare(experiment, FMUS, Design((Axis("mass.height", "values", values=(1.0, 2.0)),), "grid"))
-    assert all("measure() returned" in why for why in run_sweep(sweep, FMUS, tmp_path / "runs", processes=1).failures.values())
+    assert all(
+        "measure() returned" in why for why in run_sweep(sweep, FMUS, tmp_path / "runs", processes=1).failures.values()
+    )
 
 
 def test_a_sweep_ends_at_once_where_the_first_run_lacks_what_is_to_be_ranked(experiment: Any, tmp_path: Path) -> None:
@@ -134,11 +145,17 @@ def test_a_sweep_ends_at_once_where_the_first_run_lacks_what_is_to_be_ranked(exp
     assert len(run_sweep(sweep, FMUS, tmp_path, processes=1, needed="fallen").metrics["fallen"]) == 200
 
 
-FAILING = FILE.read_text().replace("offset: float = 0.0, count: int = 1", "rate: float = 1.0").replace('"10 ms")', '"10 ms", start={"rate": rate})')
+FAILING = (
+    FILE.read_text()
+    .replace("offset: float = 0.0, count: int = 1", "rate: float = 1.0")
+    .replace('"10 ms")', '"10 ms", start={"rate": rate})')
+)
 FAILING = FAILING[: FAILING.index("def measure")]
 
 
-@pytest.mark.parametrize("command", ["study failing.py --rate {0} --rate {1}", "sweep failing.py --method grid --vary rate={0},{1}"])
+@pytest.mark.parametrize(
+    "command", ["study failing.py --rate {0} --rate {1}", "sweep failing.py --method grid --vary rate={0},{1}"]
+)
 def test_a_command_fails_where_every_run_did(command: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The page is written all the same; a single run that came to its end is enough for success."""
     monkeypatch.chdir(tmp_path)
@@ -163,7 +180,9 @@ def test_failures_are_rows(experiment: Any, tmp_path: Path) -> None:
 
 
 def test_one_in_a_hundred_ends_its_process(experiment: Any, tmp_path: Path) -> None:
-    """Of 300 runs 3 crash and 3 fail: these are listed with their reasons, all others have their numbers, and nothing is run again."""
+    """Of 300 runs 3 crash and 3 fail: these are listed with their reasons, all others have their numbers, and nothing
+    is run again.
+    """
     rates = [950.0 + i if i % 100 == 17 else 801.0 + i / 10 if i % 100 == 50 else 1 + i / 100 for i in range(300)]
     sweep = prepare(experiment, FMUS, Design((Axis("mass.rate", "values", values=tuple(rates)),), "grid"))
     table = run_sweep(sweep, FMUS, tmp_path, processes=2)
@@ -183,7 +202,9 @@ def test_histories_of_all_runs(experiment: Any, tmp_path: Path) -> None:
     with pytest.raises(DesignError, match=r"nothing was kept of run 0 over time; cosim sweep .* --histories keeps it"):
         history(without.write(tmp_path / "table.parquet"), 0)
     counts: list[int] = []
-    table = run_sweep(sweep, FMUS, tmp_path / "runs", processes=1, histories=True, progress=lambda done, *_: counts.append(done))
+    table = run_sweep(
+        sweep, FMUS, tmp_path / "runs", processes=1, histories=True, progress=lambda done, *_: counts.append(done)
+    )
     assert counts[0] == 2  # those that failed
     table.write(tmp_path / "table.parquet")
     found = history(tmp_path, 3)
@@ -193,7 +214,9 @@ def test_histories_of_all_runs(experiment: Any, tmp_path: Path) -> None:
     for break_ in (kept.unlink, lambda: kept.write_bytes(b""), lambda: kept.write_bytes(kept.read_bytes()[:-100])):
         break_()
         counts.clear()
-        again = run_sweep(sweep, FMUS, tmp_path / "runs", processes=1, histories=True, progress=lambda done, *_: counts.append(done))
+        again = run_sweep(
+            sweep, FMUS, tmp_path / "runs", processes=1, histories=True, progress=lambda done, *_: counts.append(done)
+        )
         assert counts == [7, 8]
         assert again.histories == table.histories
         assert history(tmp_path, 3)["mass.z"].tolist() == found["mass.z"].tolist()
@@ -201,7 +224,9 @@ def test_histories_of_all_runs(experiment: Any, tmp_path: Path) -> None:
         history(tmp_path, 8)
 
 
-def test_a_recording_that_cannot_be_kept_ends_the_sweep_and_is_no_fault_of_the_run(experiment: Any, tmp_path: Path) -> None:
+def test_a_recording_that_cannot_be_kept_ends_the_sweep_and_is_no_fault_of_the_run(
+    experiment: Any, tmp_path: Path
+) -> None:
     sweep = made(experiment, "mass.rate=1,2,3", method="grid")
     (tmp_path / "histories").write_text("a file where the folder belongs: as good as a full disk")
     with pytest.raises(OSError, match=r"histories.*: the recording of a run cannot be kept .*; make room"):
@@ -213,7 +238,7 @@ def test_a_recording_that_cannot_be_kept_ends_the_sweep_and_is_no_fault_of_the_r
 
 
 FULL = FILE.read_text().replace(
-    "            raise ValueError(\"too fast\")",
+    '            raise ValueError("too fast")',
     "            if not os.path.exists({room!r}):\n"
     "                raise RuntimeError('no FMU') from OSError(28, 'No space left on device')\n            return",
 )
@@ -222,7 +247,9 @@ FULL = FILE.read_text().replace(
 def test_a_full_disk_of_a_worker_ends_the_sweep_and_is_no_fault_of_the_run(tmp_path: Path) -> None:
     """Those before are kept; the others are made when there is room."""
     (tmp_path / "full.py").write_text(FULL.replace("{room!r}", repr(str(tmp_path / "room"))))
-    sweep = prepare(load(str(tmp_path / "full.py")), FMUS, Design((Axis("mass.rate", "values", values=(1, 850, 2)),), "grid"))
+    sweep = prepare(
+        load(str(tmp_path / "full.py")), FMUS, Design((Axis("mass.rate", "values", values=(1, 850, 2)),), "grid")
+    )
     with pytest.raises(OSError, match=r"a worker on \S+ cannot write \(.*\); make room in "):
         run_sweep(sweep, FMUS, tmp_path / "runs", processes=1)
     (tmp_path / "room").touch()
@@ -266,7 +293,9 @@ def test_what_is_there_is_not_run_again(experiment: Any, tmp_path: Path) -> None
 def test_points_that_are_alike_are_run_once(experiment: Any, tmp_path: Path) -> None:
     design = Design((axis("mass.rate=1,2"),), "list", 3, listed=((1.0,), (2.0,), (1.0,)))
     seen = []
-    table = run_sweep(prepare(experiment, FMUS, design), FMUS, tmp_path, processes=1, progress=lambda *p: seen.append(p))
+    table = run_sweep(
+        prepare(experiment, FMUS, design), FMUS, tmp_path, processes=1, progress=lambda *p: seen.append(p)
+    )
     assert table.metrics["fallen"][0] == table.metrics["fallen"][2]
     assert seen[-1] == (3, 3, 0)
     assert len(seen) == 3
@@ -300,7 +329,12 @@ def run(folder: Path, *arguments: str) -> subprocess.Popen[str]:
     program = "import sys; from cosim.cli import main; sys.exit(main())"
     environment = {**os.environ, "PYTHONPATH": str(ROOT), "COLUMNS": "150"}
     return subprocess.Popen(
-        [sys.executable, "-c", program, "sweep", str(FILE), *arguments], cwd=folder, env=environment, text=True, stdout=-1, stderr=-2
+        [sys.executable, "-c", program, "sweep", str(FILE), *arguments],
+        cwd=folder,
+        env=environment,
+        text=True,
+        stdout=-1,
+        stderr=-2,
     )
 
 
@@ -326,7 +360,11 @@ def test_a_killed_sweep_continues_to_the_same_table_and_page(tmp_path: Path) -> 
     process = run(tmp_path / "broken", *DESIGN)
     process.communicate()
     found = [
-        {p.relative_to(folder).as_posix(): p.read_bytes() for p in folder.rglob("*") if p.is_file() and ".runs" not in p.parts}
+        {
+            p.relative_to(folder).as_posix(): p.read_bytes()
+            for p in folder.rglob("*")
+            if p.is_file() and ".runs" not in p.parts
+        }
         for folder in (tmp_path / "whole", tmp_path / "broken")
     ]
     assert found[0] == found[1]
@@ -346,13 +384,21 @@ def test_a_design_of_a_thousand_million_runs_is_not_begun(tmp_path: Path) -> Non
     process = run(tmp_path, "--vary", "mass.rate=1:3", "--samples", "1000000000")
     text, _ = process.communicate()
     assert process.returncode == 1
-    assert "1e+09 runs: at 0.1 s each some 3 years on one core; nothing was run. Take fewer --samples, or give --yes" in " ".join(text.split())
+    assert (
+        "1e+09 runs: at 0.1 s each some 3 years on one core; nothing was run. Take fewer --samples, or give --yes"
+        in " ".join(text.split())
+    )
     assert not (tmp_path / "results").exists()
 
 
-# ------------------------------------------------------------------------------------- a quarter car on a sine road, full
+# ------------------------------------------------------------------------------------- a quarter car on a sine road,
+# full
 
-RANGES = {"car.body.mass": (2000.0, 3600.0), "car.suspension.stiffness": (120e3, 360e3), "car.suspension.damping": (6e3, 24e3)}
+RANGES = {
+    "car.body.mass": (2000.0, 3600.0),
+    "car.suspension.stiffness": (120e3, 360e3),
+    "car.suspension.damping": (6e3, 24e3),
+}
 WHEEL, TIRE, TIRE_DAMPING = 270.0, 1e6, 200.0
 
 
@@ -415,7 +461,9 @@ def test_sobol_indices_of_a_quarter_car(tmp_path: Path) -> None:
 
 def test_sobol_indices_of_the_closed_form(experiment: Any) -> None:
     """The same design on the closed form itself: the sampling error alone is far below 0.05."""
-    texts = [f"{name}={low}:{high}" for name, low, high in (("mass.rate", 0, 1), ("mass.height", 0, 1), ("offset", 0, 1))]
+    texts = [
+        f"{name}={low}:{high}" for name, low, high in (("mass.rate", 0, 1), ("mass.height", 0, 1), ("offset", 0, 1))
+    ]
     ranges = list(RANGES.values())
 
     def response(*u: Any) -> Any:
@@ -432,7 +480,9 @@ def test_sobol_indices_of_the_closed_form(experiment: Any) -> None:
 def test_full_cars_on_random_roads_give_one_table_everywhere(tmp_path: Path) -> None:
     """On two processes, and begun there, ended in the middle and continued on a Dask cluster: the same bytes."""
     texts = ("road.class=1,2,3,4,5", "road.seed=1..400", "car.body.mass=2000:3200", "speed.start.speed=5:20")
-    sweep = prepare(load(str(ROOT / "benchmarks" / "random_roads.py")), FMUS, Design(tuple(map(axis, texts)), "lhs", 400))
+    sweep = prepare(
+        load(str(ROOT / "benchmarks" / "random_roads.py")), FMUS, Design(tuple(map(axis, texts)), "lhs", 400)
+    )
     whole = run_sweep(sweep, FMUS, tmp_path / "whole", processes=2).write(tmp_path / "whole.parquet").read_bytes()
 
     class EndedError(Exception):
@@ -446,7 +496,9 @@ def test_full_cars_on_random_roads_give_one_table_everywhere(tmp_path: Path) -> 
         run_sweep(sweep, FMUS, tmp_path / "parts", processes=2, progress=end)
     first: list[int] = []
     with dask("local", 2) as executor:
-        parts = run_sweep(sweep, FMUS, tmp_path / "parts", executor=executor, progress=lambda done, *_: first.append(done))
+        parts = run_sweep(
+            sweep, FMUS, tmp_path / "parts", executor=executor, progress=lambda done, *_: first.append(done)
+        )
     assert first[0] == 200
     assert parts.write(tmp_path / "parts.parquet").read_bytes() == whole
     assert not parts.failures

@@ -38,7 +38,8 @@ def experiment() -> Any:
     return load(str(Path(__file__).parent / "falling.py"))
 
 
-# ------------------------------------------------------------------------------------------------------------ statistics
+# ------------------------------------------------------------------------------------------------------------
+# statistics
 
 
 def test_quantiles_and_their_bounds() -> None:
@@ -67,7 +68,9 @@ def test_ranks_are_those_of_scipy() -> None:
 
 
 def test_sobol_indices_of_a_product(experiment: Any) -> None:
-    """y = a b with a, b uniform in 0 to 1: first-order indices 3/7 each, total ones 4/7 (7/144 of variance, 3/144 for each alone)."""
+    """y = a b with a, b uniform in 0 to 1: first-order indices 3/7 each, total ones 4/7 (7/144 of variance, 3/144 for
+    each alone).
+    """
     table = table_of(
         experiment, lambda a, b: a * b, "mass.rate=0:1", "mass.height=0:1", method="saltelli", samples=1024
     )
@@ -85,8 +88,9 @@ def test_effects_of_morris(experiment: Any) -> None:
         experiment, lambda a, b: 2 * a + 3 * b, "mass.rate=0:10", "mass.height=0:1", method="morris", samples=10
     )
     assert [(n, pytest.approx(m), pytest.approx(s, abs=1e-9)) for n, m, s in morris_effects(table, "y")] == [
-        ("mass.rate", 20.0, 0.0), ("mass.height", 3.0, 0.0),
-    ]  # fmt: skip
+        ("mass.rate", 20.0, 0.0),
+        ("mass.height", 3.0, 0.0),
+    ]
 
 
 def test_rank_correlations(experiment: Any) -> None:
@@ -113,7 +117,7 @@ def test_the_page_of_a_sweep(experiment: Any, tmp_path: Path) -> None:
     assert worst == sorted(range(30), key=lambda i: -table.axes["mass.rate"][i])
     page = sweep_report(table, FMUS, worst=Worst("fallen"))
     (figure,) = [f for f in page.drawn if f.id == "worst-runs"]
-    (series, *_) = figure.panels[0].series
+    series, *_ = figure.panels[0].series
     assert series.name == f"run {worst[0]}"
     assert series.y[0] - series.y[-1] == pytest.approx(table.metrics["fallen"][worst[0]])  # type: ignore[index]
     assert [f.id for f in page.drawn] == ["distributions", "scatter", "parallel", "worst-runs"]
@@ -135,9 +139,12 @@ def page(experiment: Any) -> Report:
         metrics={"y": Metric("height", "mm", 1e3), "z": Metric("other"), "never": Metric("n")},
     )
     table = table_of(
-        said, lambda rate, count: {"z": np.where(rate + count < 7, -rate, NAN), "y": rate + 10 * count},
-        "mass.rate=1:5:5", "count=1,2", method="grid",
-    )  # fmt: skip
+        said,
+        lambda rate, count: {"z": np.where(rate + count < 7, -rate, NAN), "y": rate + 10 * count},
+        "mass.rate=1:5:5",
+        "count=1,2",
+        method="grid",
+    )
     return sweep_report(table, FMUS)
 
 
@@ -183,7 +190,9 @@ def test_only_random_samples_have_bounds_of_quantiles(experiment: Any, method: s
     """Paths of Morris cover the median with 73 %, where order statistics of a random sample would with 95 %."""
     table = table_of(experiment, lambda rate: 1000 * rate, "mass.rate=1:10:10", method="grid")
     failed = {0: "it fell"}  # without it the page wants the indices of the method
-    other = replace(table, sweep=replace(table.sweep, design=replace(table.sweep.design, method=method)), failures=failed)
+    other = replace(
+        table, sweep=replace(table.sweep, design=replace(table.sweep.design, method=method)), failures=failed
+    )
     section = _section(sweep_report(other, FMUS), "Distributions")
     rows = {row[1]: row[2:] for row in section.tables[0].rows}
     if method == "lhs":
@@ -244,7 +253,9 @@ def test_worst_cases_are_rows_with_what_was_measured(page: Report) -> None:
     assert list(table.columns) == ["run", "mass.rate", "count", "height [mm]", "other"]
     assert [row[1:] for row in table.rows] == [(5, 2, 25e3, None), (4, 2, 24e3, -4.0), (3, 2, 23e3, -3.0)]
     assert [p.title for p in _figure(page, "worst-runs").panels] == ["mass.z"]
-    assert _section(page, "Worst cases").paragraphs == (f"The same run again, with its files: the command of the sweep with --run {table.rows[0][0]}.",)
+    assert _section(page, "Worst cases").paragraphs == (
+        f"The same run again, with its files: the command of the sweep with --run {table.rows[0][0]}.",
+    )
 
 
 def test_worst_runs_are_made_as_the_others_were(experiment: Any, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -278,10 +289,23 @@ def test_failed_runs_are_listed_with_their_points(experiment: Any) -> None:
     assert _section(many, "Failed runs").paragraphs[0].endswith("again. The first hundred:")
 
 
-@pytest.mark.parametrize(("method", "samples", "columns", "expected"), [
-    ("saltelli", 256, ["metric", "parameter", "first-order index", "+-", "total index", "+-, of the total"], (1.0, 1.0)),
-    ("morris", 8, ["metric", "parameter", "mean magnitude of the effect", "standard deviation of the effect"], (8000.0, 0.0)),
-])  # fmt: skip
+@pytest.mark.parametrize(
+    ("method", "samples", "columns", "expected"),
+    [
+        (
+            "saltelli",
+            256,
+            ["metric", "parameter", "first-order index", "+-", "total index", "+-, of the total"],
+            (1.0, 1.0),
+        ),
+        (
+            "morris",
+            8,
+            ["metric", "parameter", "mean magnitude of the effect", "standard deviation of the effect"],
+            (8000.0, 0.0),
+        ),
+    ],
+)
 def test_indices_on_the_page(
     experiment: Any, method: str, samples: int, columns: list[str], expected: tuple[float, float]
 ) -> None:
@@ -354,12 +378,27 @@ def test_worst_runs_leave_out_those_without_the_metric(experiment: Any) -> None:
 
 @pytest.mark.parametrize(
     ("text", "first", "title"),
-    [("y", 3, "largest"), ("y:min", 0, "smallest"), ("", 0, "furthest from 0"), ("z:min", 3, "smallest"), ("z:max", 1, "largest")],
+    [
+        ("y", 3, "largest"),
+        ("y:min", 0, "smallest"),
+        ("", 0, "furthest from 0"),
+        ("z:min", 3, "smallest"),
+        ("z:max", 1, "largest"),
+    ],
 )
 def test_which_runs_are_the_worst(experiment: Any, text: str, first: int, title: str) -> None:
     """In the table of the page and among its parallel coordinates."""
-    table = table_of(experiment, lambda rate: {"y": rate - 4.0, "z:max": 1.0 + (rate == 2), "z": -rate}, "mass.rate=1:6:6", method="grid")
-    values = {**table.metrics, "y": np.array([-5.0, 1.0, 2.0, 4.0, 3.0, 0.0]), "z": np.array([1.0, 2.0, 3.0, -9.0, 4.0, 5.0])}
+    table = table_of(
+        experiment,
+        lambda rate: {"y": rate - 4.0, "z:max": 1.0 + (rate == 2), "z": -rate},
+        "mass.rate=1:6:6",
+        method="grid",
+    )
+    values = {
+        **table.metrics,
+        "y": np.array([-5.0, 1.0, 2.0, 4.0, 3.0, 0.0]),
+        "z": np.array([1.0, 2.0, 3.0, -9.0, 4.0, 5.0]),
+    }
     page = sweep_report(replace(table, metrics=values), FMUS, worst=Worst.of(text) if text else None)
     (worst,) = _section(page, "Worst cases").tables
     assert worst.rows[0][0] == first
@@ -369,13 +408,15 @@ def test_which_runs_are_the_worst(experiment: Any, text: str, first: int, title:
     assert line.y[0] == pytest.approx(first / 5)  # type: ignore[index]
 
 
-# ----------------------------------------------------------------------------------------------- histories that are kept
+# ----------------------------------------------------------------------------------------------- histories that are
+# kept
 
 
 def test_histories_that_were_kept_are_not_made_again(
     experiment: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """What the page shows of the worst runs is what their files hold; one whose file is gone is made again, and named."""
+    """What the page shows of the worst runs is what their files hold; one whose file is gone is made
+    again, and named."""
     sweep = made(experiment, "mass.rate=1,2,3,4", method="grid")
     table = run_sweep(sweep, FMUS, tmp_path / "runs", processes=1, histories=True)
     again: list[Any] = []
@@ -392,16 +433,16 @@ def test_histories_that_were_kept_are_not_made_again(
     Recording(np.array([0.0, 1.0]), ["mass.z"], np.array([[7.0], [8.0]]), {"mass.z": "m"}).write(
         tmp_path / table.histories[3]
     )
-    (series, *_) = _figure(sweep_report(table, FMUS, folder=tmp_path), "worst-runs").panels[0].series
+    series, *_ = _figure(sweep_report(table, FMUS, folder=tmp_path), "worst-runs").panels[0].series
     assert (series.name, np.asarray(series.y).tolist()) == ("run 3", [7.0, 8.0])
     long = np.arange(6000.0)
     Recording(long, ["mass.z"], long[:, None], {"mass.z": "m"}).write(tmp_path / table.histories[3])
-    (series, *_) = _figure(sweep_report(table, FMUS, folder=tmp_path), "worst-runs").panels[0].series
+    series, *_ = _figure(sweep_report(table, FMUS, folder=tmp_path), "worst-runs").panels[0].series
     assert len(series.x_values) <= 2000
     assert (series.x_values[0], series.x_values[-1]) == (0.0, 5999.0)
     impact = np.where(long == 4321, 9.0, np.where(long == 1234, -9.0, 0.0))  # of one sample each
     Recording(long, ["mass.z"], impact[:, None], {"mass.z": "m"}).write(tmp_path / table.histories[3])
-    (series, *_) = _figure(sweep_report(table, FMUS, folder=tmp_path), "worst-runs").panels[0].series
+    series, *_ = _figure(sweep_report(table, FMUS, folder=tmp_path), "worst-runs").panels[0].series
     assert (np.min(series.y), np.max(series.y)) == (-9.0, 9.0)
     gone = replace(table, histories=[*table.histories[:2], "", table.histories[3]])
     figure = _figure(sweep_report(gone, FMUS, folder=tmp_path), "worst-runs")

@@ -58,9 +58,11 @@ def _firmer(share: float) -> bool:
 
 
 @CLAIMS.claim(
-    "force-limit", f"The MPC keeps the force within {FORCE_LIMIT:g} N", published=f"within {FORCE_LIMIT:g} N",
+    "force-limit",
+    f"The MPC keeps the force within {FORCE_LIMIT:g} N",
+    published=f"within {FORCE_LIMIT:g} N",
     source="Section V, Figure 9",
-)  # fmt: skip
+)
 def _force_limit(study: Results) -> Finding:
     runs = _predictive(study)
     worst = max(max(abs(r["force.max"]), abs(r["force.min"])) for r in runs)
@@ -73,18 +75,23 @@ def _force_limit(study: Results) -> Finding:
 
 
 @CLAIMS.claim(
-    "lqr-force", f"The LQR goes slightly beyond {FORCE_LIMIT:g} N over the bump", published=f"slightly beyond {FORCE_LIMIT:g} N",
+    "lqr-force",
+    f"The LQR goes slightly beyond {FORCE_LIMIT:g} N over the bump",
+    published=f"slightly beyond {FORCE_LIMIT:g} N",
     source="Section V, Figure 9",
-)  # fmt: skip
+)
 def _lqr_force(study: Results) -> Finding:
     runs = {s: study[at(s, "lqr")] for s in (LONG, SHORT)}
     peak = {s: max(row["force.max"], -row["force.min"]) for s, row in runs.items()}
     return Finding(
-        f"{peak[LONG]:.2f} N (0.5 s), {peak[SHORT]:.2f} N (0.2 s)", min(peak.values()) > FORCE_LIMIT,
+        f"{peak[LONG]:.2f} N (0.5 s), {peak[SHORT]:.2f} N (0.2 s)",
+        min(peak.values()) > FORCE_LIMIT,
         "over the shorter bump it goes further; how long the paper's bump lasts is not in print",
-        100 * (max(peak.values()) / FORCE_LIMIT - 1), "%", Band(*SLIGHTLY, "slightly"),
+        100 * (max(peak.values()) / FORCE_LIMIT - 1),
+        "%",
+        Band(*SLIGHTLY, "slightly"),
         criterion="beyond the limit over both bumps; magnitude: the larger excess",
-    )  # fmt: skip
+    )
 
 
 def _calmer(study: Results, controller: str) -> Finding:
@@ -93,11 +100,12 @@ def _calmer(study: Results, controller: str) -> Finding:
     before, after = ([study[at(s, c)]["acceleration"] for s in bumps] for c in ("passive", controller))
     over = shares["overshoot"]
     return Finding(
-        f"rms acceleration {before[0]:.2f} to {after[0]:.2f} m/s2 (0.5 s), {before[1]:.2f} to {after[1]:.2f} m/s2 (0.2 s); "
-        f"overshoot to {100 * over[0]:.0f} % and {100 * over[1]:.0f} %",
-        max(*shares["acceleration"], *over) <= CONSIDERABLY, "not halved",
+        f"rms acceleration {before[0]:.2f} to {after[0]:.2f} m/s2 (0.5 s), {before[1]:.2f} to {after[1]:.2f} m/s2 (0.2"
+        f" s); overshoot to {100 * over[0]:.0f} % and {100 * over[1]:.0f} %",
+        max(*shares["acceleration"], *over) <= CONSIDERABLY,
+        "not halved",
         criterion="considerably: rms acceleration and overshoot at least halved over both bumps",
-    )  # fmt: skip
+    )
 
 
 _LESS = "vibration and overshoot considerably less than in open loop"
@@ -138,19 +146,25 @@ def _far_superior(study: Results) -> Finding:
     moves = [ratio(study, s, "acceleration", "mpc-moves", "lqr") for s in SCENARIOS]
     accelerations = [v for (_, k), v in shares.items() if k == "acceleration"]
     return Finding(
-        f"rms acceleration {100 * (min(accelerations) - 1):+.1f} to {100 * (max(accelerations) - 1):+.1f} % of the LQR's",
+        f"rms acceleration {100 * (min(accelerations) - 1):+.1f} to {100 * (max(accelerations) - 1):+.1f} % of the"
+        " LQR's",
         all(v <= 1 - SUPERIOR for v in shares.values()),
-        f"with the same index, the MPC does what an LQR clipped to {FORCE_LIMIT:g} N does: rms acceleration within "
-        f"{100 * max(abs(e - 1) for e in _clipped(study)):.1f} % over the bumps. Weighting the moves instead of the force, as equation (16) is "
-        f"written, gives {100 * (min(moves) - 1):+.0f} to {100 * (max(moves) - 1):+.0f} % of the LQR's acceleration, by another index",
-        criterion=f"acceleration, overshoot, travel and tire deflection all at least {100 * SUPERIOR:g} % lower on every road",
+        f"with the same index, the MPC does what an LQR clipped to {FORCE_LIMIT:g} N does: rms acceleration within"
+        f" {100 * max(abs(e - 1) for e in _clipped(study)):.1f} % over the bumps. Weighting the moves instead of the"
+        f" force, as equation (16) is written, gives {100 * (min(moves) - 1):+.0f} to {100 * (max(moves) - 1):+.0f} %"
+        " of the LQR's acceleration, by another index",
+        criterion=(
+            f"acceleration, overshoot, travel and tire deflection all at least {100 * SUPERIOR:g} % lower on every road"
+        ),
     )
 
 
 @CLAIMS.claim(
-    "active-constraint", "The MPC improves on the LQR where the constraint is active",
-    published="an improvement where the constraint is active", source="Conclusion",
-)  # fmt: skip
+    "active-constraint",
+    "The MPC improves on the LQR where the constraint is active",
+    published="an improvement where the constraint is active",
+    source="Conclusion",
+)
 def _active_constraint(study: Results) -> Finding:
     equal = _clipped(study)
     return Finding(
@@ -162,29 +176,36 @@ def _active_constraint(study: Results) -> Finding:
 
 
 @CLAIMS.claim(
-    "random-body", "On a random road the MPC removes overshoot and oscillation of the body",
-    published="no overshoot and oscillation", source="Figure 10",
-)  # fmt: skip
+    "random-body",
+    "On a random road the MPC removes overshoot and oscillation of the body",
+    published="no overshoot and oscillation",
+    source="Figure 10",
+)
 def _random_body(study: Results) -> Finding:
     body, beyond = (over_passive(study, k) for k in ("acceleration", "overshoot"))
     return Finding(
-        f"of passive: rms acceleration {body.text('{:.2f}', holds=_halved)}, overshoot {beyond.text('{:.2f}', holds=_halved)}",
-        body.clearly(_halved) and beyond.clearly(_halved), "not halved on most stretches",
+        f"of passive: rms acceleration {body.text('{:.2f}', holds=_halved)}, overshoot"
+        f" {beyond.text('{:.2f}', holds=_halved)}",
+        body.clearly(_halved) and beyond.clearly(_halved),
+        "not halved on most stretches",
         criterion="at least halved, as over the bumps; clearly so over the stretches of road (sign test at 5 %)",
-    )  # fmt: skip
+    )
 
 
 @CLAIMS.claim(
-    "random-wheel", "On a random road the wheel follows the road firmly under the MPC", published="the wheel firmly follows the road",
+    "random-wheel",
+    "On a random road the wheel follows the road firmly under the MPC",
+    published="the wheel firmly follows the road",
     source="Figure 10",
-)  # fmt: skip
+)
 def _random_wheel(study: Results) -> Finding:
     tire = over_passive(study, "tire")
     return Finding(
-        f"rms tire deflection of passive: {tire.text('{:.2f}', holds=_firmer)}", tire.clearly(_firmer),
+        f"rms tire deflection of passive: {tire.text('{:.2f}', holds=_firmer)}",
+        tire.clearly(_firmer),
         "the tire is deflected about as much as on the passive bench, or more",
         criterion=f"tire deflection at least {100 * FIRMLY:g} % below passive; clearly so over the stretches of road",
-    )  # fmt: skip
+    )
 
 
 @CLAIMS.check(
@@ -194,6 +215,8 @@ def _solver(study: Results) -> Finding:
     runs = _predictive(study)
     failed, residual = sum(r["solver.status"] > 0 for r in runs), max(r["solver.residual"] for r in runs)
     return Finding(
-        f"{failed} of {len(runs)} runs with an unsolved step, largest residual {residual:.1e}", not failed and residual <= 1e-6,
-        "a step was not solved", criterion="every step of every run",
-    )  # fmt: skip
+        f"{failed} of {len(runs)} runs with an unsolved step, largest residual {residual:.1e}",
+        not failed and residual <= 1e-6,
+        "a step was not solved",
+        criterion="every step of every run",
+    )

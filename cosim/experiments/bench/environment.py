@@ -21,8 +21,11 @@ from fmu_sources.models.bench_states import STATES
 
 FORCE = "plant.force"
 RANGES = {
-    "suspension.deflection": (-0.04, 0.04), "body.vz": (-0.5, 0.5), "tire.deflection": (-0.04, 0.04), "wheel.vz": (-1.0, 1.0)
-}  # fmt: skip
+    "suspension.deflection": (-0.04, 0.04),
+    "body.vz": (-0.5, 0.5),
+    "tire.deflection": (-0.04, 0.04),
+    "wheel.vz": (-1.0, 1.0),
+}
 """Of the states [SI]: some three times what the passive bench reaches on the random road."""
 LENGTH = 5.0  # s, of an episode
 LIFTED = 0.15  # m, of suspension travel: the bench would be broken

@@ -33,7 +33,10 @@ from fmu_sources.controllers.mpc.bench import FORCE_LIMIT, HORIZON, MPC_PERIOD
 from fmu_sources.models.bench_states import STATES
 
 _FIRST = SCENARIOS[RANDOM].offset
-_RANDOM_IS = f"Random: {_FIRST:g} to {_FIRST + LENGTH['random']:g} s of the random motion, the first of its {len(STRETCHES)} stretches."
+_RANDOM_IS = (
+    f"Random: {_FIRST:g} to {_FIRST + LENGTH['random']:g} s of the random motion, the first of its {len(STRETCHES)}"
+    " stretches."
+)
 _LOOKS = {"passive": "grey", "lqr": "orange", "lqr-clipped": "sky", "mpc": "green", "mpc-moves": "purple"}
 
 
@@ -44,10 +47,11 @@ def report(study: Results, fmus: FmuSet) -> Report:
         experiment=EXPERIMENT.name,
         title="LQR and MPC on a quarter-car bench",
         lead=(
-            f"A laboratory quarter car crosses bumps of {BUMP_HEIGHT_MM:g} mm and random motion of its road plate: passive, under "
-            f"an LQR, and under model predictive control that keeps the force within {FORCE_LIMIT:g} N. All components are native "
-            "FMUs. Figures 6 to 10 of Das and Vinodh Kumar stand beside what these runs give. The paper prints neither the bench's "
-            "parameters nor weights and horizons: they are assumed, as the table at the end says."
+            f"A laboratory quarter car crosses bumps of {BUMP_HEIGHT_MM:g} mm and random motion of its road plate:"
+            f" passive, under an LQR, and under model predictive control that keeps the force within {FORCE_LIMIT:g} N."
+            " All components are native FMUs. Figures 6 to 10 of Das and Vinodh Kumar stand beside what these runs"
+            " give. The paper prints neither the bench's parameters nor weights and horizons: they are assumed, as the"
+            " table at the end says."
         ),
         claims=CLAIMS.judge(study),
         results=[
@@ -74,10 +78,13 @@ def _plates(study: Results) -> Section:
         panels = [Panel(s, "time [s]", "height [mm]", _positions(study.signals(at(s, system)))) for s in (LONG, SHORT)]
         figures.append(
             Figure(
-                f"figure-{number}", f"Plates over the bump, {NAMES[system]} (figure {number} of the paper)",
-                "Heights from rest.", panels, columns=2,
+                f"figure-{number}",
+                f"Plates over the bump, {NAMES[system]} (figure {number} of the paper)",
+                "Heights from rest.",
+                panels,
+                columns=2,
             )
-        )  # fmt: skip
+        )
     return Section("Plates over the bump", [], figures)
 
 
@@ -94,9 +101,11 @@ def _forces(study: Results) -> Section:
     return Section(
         "Actuator force",
         [
-            f"The LQR requests a little more than {FORCE_LIMIT:g} N, the MPC never. The rms of the MPC's force is "
-            f"{100 * ratio(study, LONG, 'force', 'mpc', 'lqr'):.0f} % of the LQR's over the longer bump, with the weight on the moves "
-            f"{100 * energy:.0f} %.",
+            (
+                f"The LQR requests a little more than {FORCE_LIMIT:g} N, the MPC never. The rms of the MPC's force is"
+                f" {100 * ratio(study, LONG, 'force', 'mpc', 'lqr'):.0f} % of the LQR's over the longer bump, with the"
+                f" weight on the moves {100 * energy:.0f} %."
+            ),
         ],
         [
             Figure(
@@ -148,10 +157,13 @@ def _comparison(study: Results) -> Section:
     return Section(
         "Comparison",
         [
-            "The LQR minimises an index of states and force without end and without limit; the MPC minimises the same index over "
-            f"{HORIZON * MPC_PERIOD:g} s with the limit. Where the limit does not act both are the same law but for the sample time "
-            f"({1e3 * LQR_PERIOD:g} and {1e3 * MPC_PERIOD:g} ms). Equation (16) of the paper weighs the changes of the force instead: "
-            "that is another index, with less acceleration and more force.",
+            (
+                "The LQR minimises an index of states and force without end and without limit; the MPC minimises the"
+                f" same index over {HORIZON * MPC_PERIOD:g} s with the limit. Where the limit does not act both are the"
+                f" same law but for the sample time ({1e3 * LQR_PERIOD:g} and {1e3 * MPC_PERIOD:g} ms). Equation (16)"
+                " of the paper weighs the changes of the force instead: that is another index, with less acceleration"
+                " and more force."
+            ),
         ],
         [],
         [table],
@@ -163,11 +175,14 @@ def _limit(study: Results) -> Section:
     for duration in BUMP_DURATIONS:
         curves = [
             Series(
-                NAMES[s], HEIGHTS_MM, [study[c]["acceleration"] for c in over_height(duration, s)],
-                color=_LOOKS[s], mode="line+markers",  # type: ignore[arg-type]
+                NAMES[s],
+                HEIGHTS_MM,
+                [study[c]["acceleration"] for c in over_height(duration, s)],
+                color=_LOOKS[s],  # type: ignore[arg-type]
+                mode="line+markers",
             )
             for s in LIMITED
-        ]  # fmt: skip
+        ]
         panels.append(Panel(f"bump {duration:g} s", "height of the bump [mm]", "rms acceleration [m/s2]", curves))
     return Section(
         "The limit at work",
@@ -180,21 +195,41 @@ def _encoders(study: Results) -> Section:
     rows: list[list[Scalar]] = []
     for scenario, system in product(SCENARIOS, CONTROLLED):
         m, base = study[at(scenario, system, encoders=True)], study[at(scenario, system)]
-        rows.append([
-            scenario, NAMES[system], round(base["acceleration"], 3), round(m["acceleration"], 3),
-            round(100 * (m["acceleration"] / base["acceleration"] - 1), 1), round(m["force.max"], 3), round(m["force.min"], 3),
-        ])  # fmt: skip
+        rows.append(
+            [
+                scenario,
+                NAMES[system],
+                round(base["acceleration"], 3),
+                round(m["acceleration"], 3),
+                round(100 * (m["acceleration"] / base["acceleration"] - 1), 1),
+                round(m["force.max"], 3),
+                round(m["force.min"], 3),
+            ]
+        )
     table = Table(
-        "encoders", "States from encoders",
-        ["road", "system", "exact states [m/s2]", "encoders [m/s2]", "change [%]", "largest force [N]", "smallest force [N]"],
-        rows, _RANDOM_IS,
-    )  # fmt: skip
+        "encoders",
+        "States from encoders",
+        [
+            "road",
+            "system",
+            "exact states [m/s2]",
+            "encoders [m/s2]",
+            "change [%]",
+            "largest force [N]",
+            "smallest force [N]",
+        ],
+        rows,
+        _RANDOM_IS,
+    )
     return Section(
         "Encoders",
-        ["The bench measures three positions; velocities are filtered differences. rms acceleration of the body with exact and "
-         "with measured states."],
-        [], [table],
-    )  # fmt: skip
+        [
+            "The bench measures three positions; velocities are filtered differences. rms acceleration of the body with"
+            " exact and with measured states."
+        ],
+        [],
+        [table],
+    )
 
 
 def _solver(study: Results) -> Section:
@@ -204,9 +239,12 @@ def _solver(study: Results) -> Section:
         if "solver.status" in (v := study[at(s, c)])
     ]
     table = Table(
-        "solver", "Quadratic programs, worst of each run",
-        ["road", "system", "status [-]", "iterations [-]", "residual [-]"], rows, _RANDOM_IS,
-    )  # fmt: skip
+        "solver",
+        "Quadratic programs, worst of each run",
+        ["road", "system", "status [-]", "iterations [-]", "residual [-]"],
+        rows,
+        _RANDOM_IS,
+    )
     return Section(
         "Solver",
         ["Status 0 is solved; residual as defined for all MPC FMUs. Times per back end are in benchmarks."],
@@ -226,10 +264,12 @@ def _refinement(study: Results) -> Section:
             change = 100 * (finer["acceleration"] / base[c]["acceleration"] - 1)
             rows.append([f"{what} halved", NAMES[c], finer["acceleration"], _peak(finer), change])
     table = Table(
-        "refinement", f"Results with finer steps, {SHORT}",
-        ["steps", "system", "rms acceleration [m/s2]", "peak force [N]", "change of the acceleration [%]"], rows,
+        "refinement",
+        f"Results with finer steps, {SHORT}",
+        ["steps", "system", "rms acceleration [m/s2]", "peak force [N]", "change of the acceleration [%]"],
+        rows,
         "Solver step and exchange step of the plant; controllers and road keep their sample times.",
-    )  # fmt: skip
+    )
     return Section("Steps", ["Whether the results depend on the steps."], [], [table])
 
 

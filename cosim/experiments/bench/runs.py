@@ -41,9 +41,14 @@ class Case(Stepped):
     controller: str = option("mpc", choices=CONTROLLERS, help="control of the bench", always=True)
     road: str = option("bump", choices=ROADS, help="motion of the road", always=True)
     duration: float = option(
-        BUMP_DURATION, unit="s", within=(0.01, LENGTH["bump"]), only=_BUMP, help="duration of the bump",
-        label=lambda s: f"{1e3 * s:g}ms", always=True,
-    )  # fmt: skip
+        BUMP_DURATION,
+        unit="s",
+        within=(0.01, LENGTH["bump"]),
+        only=_BUMP,
+        help="duration of the bump",
+        label=lambda s: f"{1e3 * s:g}ms",
+        always=True,
+    )
     height_mm: float = option(
         BUMP_HEIGHT_MM,
         unit="mm",
@@ -175,8 +180,12 @@ def signals(run: Run) -> Row:
     """Signals over time that the figures show, every millisecond [s, m, N]."""
     r = run.recording
     shown = {
-        "time": r.time, "road": r["road.road.height"], "wheel": r["plant.wheel.z"], "body": r["plant.body.z"], "force": force(r),
-    }  # fmt: skip
+        "time": r.time,
+        "road": r["road.road.height"],
+        "wheel": r["plant.wheel.z"],
+        "body": r["plant.body.z"],
+        "force": force(r),
+    }
     return {name: signal.tolist() for name, signal in shown.items()}
 
 

@@ -48,9 +48,11 @@ CLAIMS = ClaimList()
 
 
 @CLAIMS.claim(
-    "open-loop-peak", "The passive car's response on the sine road peaks at its pitch resonance", published="50 km/h",
+    "open-loop-peak",
+    "The passive car's response on the sine road peaks at its pitch resonance",
+    published="50 km/h",
     source="Figure 7a",
-)  # fmt: skip
+)
 def _open_loop_peak(j: Judge) -> Finding:
     peak, band = j.results.open_loop_peak(), Band.around(50)
     return Finding(
@@ -67,7 +69,9 @@ def _open_loop_peak(j: Judge) -> Finding:
 
 
 def _gain_on_sine(law: str) -> Callable[[Judge], Finding]:
-    """All three laws, of which implicit and preview are matched to explicit (``law`` explicit), or one that is not matched."""
+    """All three laws, of which implicit and preview are matched to explicit (``law`` explicit), or one that is not
+    matched.
+    """
     matched = law == "explicit"
 
     def judge(j: Judge) -> Finding:
@@ -99,46 +103,56 @@ def _gain_on_sine(law: str) -> Callable[[Judge], Finding]:
 for _law in ("explicit", *MATCHED):
     CLAIMS.claim(
         f"sine-{_law}",
-        f"The three laws reduce the response on the sine road at {SINE_SPEED:g} km/h, its peak (implicit and preview are "
-        "matched to explicit: one number)"
-        if _law == "explicit"
-        else f"With explicit's weight, {R_TEXT}, not matched, GPC {_law} reduces the response there as much",
+        (
+            f"The three laws reduce the response on the sine road at {SINE_SPEED:g} km/h, its peak (implicit and"
+            " preview are matched to explicit: one number)"
+            if _law == "explicit"
+            else f"With explicit's weight, {R_TEXT}, not matched, GPC {_law} reduces the response there as much"
+        ),
         published="60 %",
         source="Figure 7",
     )(_gain_on_sine(_law))
 
 
 @CLAIMS.claim(
-    "sine-same-force", "Explicit and preview need the same force and power for the same response on the sine road",
-    published="the same", source="Figure 7c, d",
-)  # fmt: skip
+    "sine-same-force",
+    "Explicit and preview need the same force and power for the same response on the sine road",
+    published="the same",
+    source="Figure 7c, d",
+)
 def _sine_same_force(j: Judge) -> Finding:
     return same(j, "sine")
 
 
 @CLAIMS.claim(
-    "implicit-power", "Implicit needs significantly more force and power than explicit for the same response on the sine road",
-    published="significantly greater", source="Figure 7c, d",
-)  # fmt: skip
+    "implicit-power",
+    "Implicit needs significantly more force and power than explicit for the same response on the sine road",
+    published="significantly greater",
+    source="Figure 7c, d",
+)
 def _implicit_power(j: Judge) -> Finding:
     return implicit_needs_more(j, "sine", ("power", "force"))
 
 
 @CLAIMS.claim(
-    "implicit-power-80", f"Implicit needs almost twice the power of explicit at {TOP_SPEED:g} km/h for the same response",
-    published="almost 2 times", source="Figure 7d",
-)  # fmt: skip
+    "implicit-power-80",
+    f"Implicit needs almost twice the power of explicit at {TOP_SPEED:g} km/h for the same response",
+    published="almost 2 times",
+    source="Figure 7d",
+)
 def _implicit_power_80(j: Judge) -> Finding:
     seen, power = Evidence(), j.results.ratios("sine", TOP_SPEED, "power", "implicit", "explicit")
     gains = j.results.improvements("sine", TOP_SPEED, "explicit")
     return Finding(
-        power.text("{:.2f}", "times")
-        if power
-        else "no seed in which explicit lowers the response that could be matched",
+        (
+            power.text("{:.2f}", "times")
+            if power
+            else "no seed in which explicit lowers the response that could be matched"
+        ),
         seen.clearly("power, implicit / explicit", power, lambda x: x > 1),
-        f"at {TOP_SPEED:g} km/h explicit with {R_TEXT} lowers the response in {gains.count(lambda x: x > 0)} of "
-        f"{len(gains.values)} seeds (improvement {gains.low:.0f} to {gains.high:.0f} %), and without that there is nothing "
-        "to match: with the published horizon of 8 samples the laws stop helping above about 70 km/h",
+        f"at {TOP_SPEED:g} km/h explicit with {R_TEXT} lowers the response in {gains.count(lambda x: x > 0)} of"
+        f" {len(gains.values)} seeds (improvement {gains.low:.0f} to {gains.high:.0f} %), and without that there is"
+        " nothing to match: with the published horizon of 8 samples the laws stop helping above about 70 km/h",
         None if power else math.nan,
         "times",
         ALMOST_TWICE,
@@ -150,9 +164,11 @@ def _implicit_power_80(j: Judge) -> Finding:
 
 
 @CLAIMS.claim(
-    "implicit-force-50", f"Implicit needs much higher forces than the other two on the sine road at {SINE_SPEED:g} km/h",
-    published="much higher", source="Figure 8",
-)  # fmt: skip
+    "implicit-force-50",
+    f"Implicit needs much higher forces than the other two on the sine road at {SINE_SPEED:g} km/h",
+    published="much higher",
+    source="Figure 8",
+)
 def _implicit_force_50(j: Judge) -> Finding:
     seen = Evidence()
     ratios = {to: j.results.ratios("sine", SINE_SPEED, "force", "implicit", to) for to in ("explicit", "preview")}
@@ -163,13 +179,15 @@ def _implicit_force_50(j: Judge) -> Finding:
         "; ".join(f"{d.text('{:.2f}')} times {to}'s" for to, d in ratios.items() if d)
         or "no weight matches the response",
         all(clear),
-        "matched to explicit's response at this speed, implicit needs little more force than the others; its law depends on the "
-        "level of the excitation",
+        "matched to explicit's response at this speed, implicit needs little more force than the others; its law"
+        " depends on the level of the excitation",
         None if least else math.nan,
         "times",
         MUCH_MORE,
         least,
-        criterion="more force than explicit and than preview, clearly over the seeds; value: the smaller of both ratios",
+        criterion=(
+            "more force than explicit and than preview, clearly over the seeds; value: the smaller of both ratios"
+        ),
         fitted=f"{MATCHING}; {EXCITATION}",
         evidence=seen,
     )
@@ -178,8 +196,9 @@ def _implicit_force_50(j: Judge) -> Finding:
 @CLAIMS.claim(
     "sine-signals",
     f"All three laws lower vertical acceleration and pitch on the sine road at {SINE_SPEED:g} km/h, and roll rises",
-    published="as stated", source="Figure 8",
-)  # fmt: skip
+    published="as stated",
+    source="Figure 8",
+)
 def _sine_signals(j: Judge) -> Finding:
     r, seen = j.results, Evidence()
     lower, rolls, words = [], [], []
@@ -196,13 +215,17 @@ def _sine_signals(j: Judge) -> Finding:
     return Finding(
         "; ".join(words) + " (medians of the seeds)",
         all(lower) and all(rolls),
-        "acceleration and pitch fall under all three laws, but roll hardly rises in some seeds: a symmetric vehicle on a "
-        "road that is the same left and right rolls only by what the identified laws differ between the sides"
-        if all(lower)
-        else "not all three laws lower both",
-        criterion="r.m.s. of acceleration and pitch clearly below the passive car's over the seeds under every law; r.m.s. of "
-        f"roll, which is 0 for the passive car, clearly at least {100 * VISIBLE_ROLL:g} % of that of pitch (less adds about 0.1 % "
-        "to the response)",
+        (
+            "acceleration and pitch fall under all three laws, but roll hardly rises in some seeds: a symmetric vehicle"
+            " on a road that is the same left and right rolls only by what the identified laws differ between the sides"
+            if all(lower)
+            else "not all three laws lower both"
+        ),
+        criterion=(
+            "r.m.s. of acceleration and pitch clearly below the passive car's over the seeds under every law; r.m.s."
+            f" of roll, which is 0 for the passive car, clearly at least {100 * VISIBLE_ROLL:g} % of that of pitch"
+            " (less adds about 0.1 % to the response)"
+        ),
         fitted=MATCHING,
         evidence=seen,
     )
@@ -210,10 +233,11 @@ def _sine_signals(j: Judge) -> Finding:
 
 @CLAIMS.claim(
     "sine-implicit-signals",
-    f"At equal response at {SINE_SPEED:g} km/h implicit controls vertical acceleration worse than the other two and pitch "
-    "slightly better",
-    published="worse; slightly better", source="Figure 8",
-)  # fmt: skip
+    f"At equal response at {SINE_SPEED:g} km/h implicit controls vertical acceleration worse than the other two and"
+    " pitch slightly better",
+    published="worse; slightly better",
+    source="Figure 8",
+)
 def _sine_implicit_signals(j: Judge) -> Finding:
     r, seen, others = j.results, Evidence(), ("explicit", "preview")
     ratio = {
@@ -274,27 +298,32 @@ for _law in LAWS:
 
 
 @CLAIMS.claim(
-    "perryman-same", "Explicit and preview need the same force and power for the same response on Perryman 3",
-    published="almost identical", source="Figure 9",
-)  # fmt: skip
+    "perryman-same",
+    "Explicit and preview need the same force and power for the same response on Perryman 3",
+    published="almost identical",
+    source="Figure 9",
+)
 def _perryman_same(j: Judge) -> Finding:
     return same(j, "perryman3")
 
 
 @CLAIMS.claim(
-    "perryman-implicit", "Implicit needs significantly more force and power than explicit for the same response on Perryman 3",
-    published="significantly higher", source="Figure 9c, d",
-)  # fmt: skip
+    "perryman-implicit",
+    "Implicit needs significantly more force and power than explicit for the same response on Perryman 3",
+    published="significantly higher",
+    source="Figure 9c, d",
+)
 def _perryman_implicit(j: Judge) -> Finding:
     return implicit_needs_more(j, "perryman3", ("force", "power"))
 
 
 @CLAIMS.claim(
     "perryman-roll",
-    f"On Perryman 3 at {PERRYMAN_SPEED:g} km/h all three laws lower the peaks of pitch, while roll and vertical acceleration rise "
-    "slightly",
-    published="slight increases", source="Figure 10",
-)  # fmt: skip
+    f"On Perryman 3 at {PERRYMAN_SPEED:g} km/h all three laws lower the peaks of pitch, while roll and vertical"
+    " acceleration rise slightly",
+    published="slight increases",
+    source="Figure 10",
+)
 def _perryman_roll(j: Judge) -> Finding:
     seen, v = Evidence(), PERRYMAN_SPEED
     falls, rises, largest, words = [], [], [], []
@@ -305,8 +334,9 @@ def _perryman_roll(j: Judge) -> Finding:
             rises.append(seen.clearly(f"{name}, {law}", change[key], lambda x: x > 0, "%"))
             largest += [d.median for d in [change[key]] if d is not None]
         words.append(
-            f"{law}: peak of pitch {median_text(change['peak_pitch'], '{:+.0f} %')}, roll {median_text(change['rms_roll'], '{:+.0f} %')}, "
-            f"acceleration {median_text(change['rms_az'], '{:+.0f} %')}"
+            f"{law}: peak of pitch {median_text(change['peak_pitch'], '{:+.0f} %')}, roll"
+            f" {median_text(change['rms_roll'], '{:+.0f} %')}, acceleration"
+            f" {median_text(change['rms_az'], '{:+.0f} %')}"
         )
     return Finding(
         "; ".join(words) + " (medians of the seeds)",
@@ -315,8 +345,10 @@ def _perryman_roll(j: Judge) -> Finding:
         max(largest, default=math.nan),
         "%",
         SLIGHTLY,
-        criterion="peak of pitch clearly below, r.m.s. of roll and of acceleration clearly above the passive car's over the "
-        "seeds under every law; value: the largest rise",
+        criterion=(
+            "peak of pitch clearly below, r.m.s. of roll and of acceleration clearly above the passive car's over the "
+            "seeds under every law; value: the largest rise"
+        ),
         fitted=chosen(MATCHING, STAND_IN["perryman3"]),
         evidence=seen,
     )
@@ -327,10 +359,11 @@ def _perryman_roll(j: Judge) -> Finding:
 
 @CLAIMS.claim(
     "curb-gain",
-    "The three laws reduce the response on the curb, most at the highest speed (implicit and preview are matched to explicit: "
-    "one number)",
-    published="by as much as 14 %", source="Figure 11a",
-)  # fmt: skip
+    "The three laws reduce the response on the curb, most at the highest speed (implicit and preview are matched to"
+    " explicit: one number)",
+    published="by as much as 14 %",
+    source="Figure 11a",
+)
 def _curb_gain(j: Judge) -> Finding:
     r, seen = j.results, Evidence()
 
@@ -342,17 +375,20 @@ def _curb_gain(j: Judge) -> Finding:
     gains = r.improvements("curb", TOP_SPEED, "explicit")
     others = {law: r.improvements("curb", TOP_SPEED, law).median for law in MATCHED}
     return Finding(
-        f"explicit at {TOP_SPEED:g} km/h {gains.text('{:.0f}', '%', lambda x: x > 0)}, lower {at_speeds(where['explicit'], j.speeds)}; "
-        f"with the same weight, not matched, {' and '.join(f'{law} {x:.0f} %' for law, x in others.items())}",
+        f"explicit at {TOP_SPEED:g} km/h {gains.text('{:.0f}', '%', lambda x: x > 0)}, lower"
+        f" {at_speeds(where['explicit'], j.speeds)}; with the same weight, not matched,"
+        f" {' and '.join(f'{law} {x:.0f} %' for law, x in others.items())}",
         all(speeds == list(j.speeds) for speeds in where.values()),
-        f"explicit is worse than the passive car in {gains.count(lambda x: x <= 0)} of {len(gains.values)} seeds at "
-        f"{TOP_SPEED:g} km/h: it assumes that the road ahead is at height 0, so a step up is fought for as long as it lasts, and how "
-        "much that costs depends on the identified model",
+        f"explicit is worse than the passive car in {gains.count(lambda x: x <= 0)} of {len(gains.values)} seeds at"
+        f" {TOP_SPEED:g} km/h: it assumes that the road ahead is at height 0, so a step up is fought for as long as it"
+        " lasts, and how much that costs depends on the identified model",
         unit="%",
         over=gains,
         band=Band.around(14),
-        criterion="clearly below the passive car's response over the seeds at every speed: explicit, and at the same weight "
-        "implicit and preview; value: explicit at the highest speed",
+        criterion=(
+            "clearly below the passive car's response over the seeds at every speed: explicit, and at the same weight "
+            "implicit and preview; value: explicit at the highest speed"
+        ),
         fitted=MATCHING,
         evidence=seen,
     )
@@ -361,8 +397,9 @@ def _curb_gain(j: Judge) -> Finding:
 @CLAIMS.claim(
     "curb-explicit-force",
     "Explicit needs the highest force and power on the curb, double those of implicit, for the same response",
-    published="highest; 2 times implicit's", source="Figure 11c, d",
-)  # fmt: skip
+    published="highest; 2 times implicit's",
+    source="Figure 11c, d",
+)
 def _curb_explicit_force(j: Judge) -> Finding:
     seen = Evidence()
     ratio = {(q, to): j.ratio_by_speed("curb", q, "explicit", to) for q in ("force", "power") for to in MATCHED}
@@ -380,25 +417,31 @@ def _curb_explicit_force(j: Judge) -> Finding:
             or "not comparable with implicit's at any speed"
         ),
         highest == list(j.speeds),
-        "explicit needs the most, by more than twice: what it spends on its assumption of height 0 ahead does little for the "
-        "response, which the others match with weak control"
-        if highest == list(j.speeds)
-        else "at some speeds another law needs as much, or the seeds do not decide",
+        (
+            "explicit needs the most, by more than twice: what it spends on its assumption of height 0 ahead does"
+            " little for the response, which the others match with weak control"
+            if highest == list(j.speeds)
+            else "at some speeds another law needs as much, or the seeds do not decide"
+        ),
         None if farthest else math.nan,
         "times",
         Band.around(2),
         farthest,
-        criterion="more force and more power than implicit and than preview, clearly over the seeds, at every speed; value: median "
-        "over the speeds of force or power compared with implicit, whichever lies farther from 2",
+        criterion=(
+            "more force and more power than implicit and than preview, clearly over the seeds, at every speed; value:"
+            " median over the speeds of force or power compared with implicit, whichever lies farther from 2"
+        ),
         fitted=MATCHING,
         evidence=seen,
     )
 
 
 @CLAIMS.claim(
-    "curb-preview-200", f"Preview needs less than {POWER_LIMIT:g} W on the curb above {POWER_ABOVE:g} km/h",
-    published=f"below {POWER_LIMIT:g} W", source="Figure 11d",
-)  # fmt: skip
+    "curb-preview-200",
+    f"Preview needs less than {POWER_LIMIT:g} W on the curb above {POWER_ABOVE:g} km/h",
+    published=f"below {POWER_LIMIT:g} W",
+    source="Figure 11d",
+)
 def _curb_preview_200(j: Judge) -> Finding:
     seen = Evidence()
     fast = [v for v in j.speeds if v > POWER_ABOVE]
@@ -417,13 +460,17 @@ def _curb_preview_200(j: Judge) -> Finding:
         "the stand-in vehicle asks for more",
         largest.median if largest else math.nan,
         "W",
-        criterion=f"clearly below {POWER_LIMIT:g} W over the seeds at every speed above {POWER_ABOVE:g} km/h; value: the largest "
-        "median",
+        criterion=(
+            f"clearly below {POWER_LIMIT:g} W over the seeds at every speed above {POWER_ABOVE:g} km/h; value: the"
+            " largest median"
+        ),
         fitted=MATCHING,
-        undecided=f"below {POWER_LIMIT:g} W in every seed that can be matched, but {at_speeds(few, list(power))} these are too few to "
-        "decide (4 of 4 may be chance)"
-        if few and all(ok or v in few for v, ok in below.items())
-        else "",
+        undecided=(
+            f"below {POWER_LIMIT:g} W in every seed that can be matched, but {at_speeds(few, list(power))} these are"
+            " too few to decide (4 of 4 may be chance)"
+            if few and all(ok or v in few for v, ok in below.items())
+            else ""
+        ),
         evidence=seen,
     )
 
@@ -443,16 +490,20 @@ def _curb_preview_power(j: Judge) -> Finding:
         f"least {at_speeds(least, j.speeds)}: " + ", ".join(span(j, at, to) for to, at in ratio.items()),
         least == list(j.speeds),
         "far less than explicit everywhere, but implicit matches the same response with about as much mean power",
-        criterion="less power than implicit and than explicit for the same response, clearly over the seeds, at every speed",
+        criterion=(
+            "less power than implicit and than explicit for the same response, clearly over the seeds, at every speed"
+        ),
         fitted=MATCHING,
         evidence=seen,
     )
 
 
 @CLAIMS.claim(
-    "curb-peak", f"At {CURB_SPEED:g} km/h on the curb preview has the lowest peak force of the three for the same response",
-    published="lowest", source="Figure 12",
-)  # fmt: skip
+    "curb-peak",
+    f"At {CURB_SPEED:g} km/h on the curb preview has the lowest peak force of the three for the same response",
+    published="lowest",
+    source="Figure 12",
+)
 def _curb_peak(j: Judge) -> Finding:
     r, seen, v, laws = j.results, Evidence(), CURB_SPEED, ("preview", "implicit", "explicit")
 
@@ -480,9 +531,11 @@ def _curb_peak(j: Judge) -> Finding:
         over=ratio,
         criterion="below both explicit's and implicit's, clearly over the seeds that can be matched",
         fitted=MATCHING,
-        undecided=f"lowest in all {len(ratio.values)} seeds that can be matched, but so few may be chance"
-        if ratio and ratio.too_few(lowest)
-        else "",
+        undecided=(
+            f"lowest in all {len(ratio.values)} seeds that can be matched, but so few may be chance"
+            if ratio and ratio.too_few(lowest)
+            else ""
+        ),
         evidence=seen,
     )
 
@@ -504,8 +557,8 @@ def _weight_power(j: Judge) -> Finding:
     return Finding(
         f"falls from weight to weight {at_speeds(falls, j.speeds)}",
         falls == list(j.speeds),
-        "elsewhere a smaller weight is not always less effective per power: improvement is small or negative there, or two "
-        "neighbouring weights are about equally effective",
+        "elsewhere a smaller weight is not always less effective per power: improvement is small or negative there, or"
+        " two neighbouring weights are about equally effective",
         criterion=f"lower at each smaller one of the {len(WEIGHTS)} weights, clearly over the seeds, at every speed",
         evidence=seen,
     )
@@ -513,9 +566,11 @@ def _weight_power(j: Judge) -> Finding:
 
 @CLAIMS.claim(
     "weight-force",
-    f"Effectiveness per force does not depend on the control weight ({R_TEXT} excepted, where the paper's forces reach their limit)",
-    published="the curves coalesce", source="Figure 6e",
-)  # fmt: skip
+    f"Effectiveness per force does not depend on the control weight ({R_TEXT} excepted, where the paper's forces reach"
+    " their limit)",
+    published="the curves coalesce",
+    source="Figure 6e",
+)
 def _weight_force(j: Judge) -> Finding:
     r, seen, others = j.results, Evidence(), WEIGHTS[1:]
 
@@ -529,19 +584,24 @@ def _weight_force(j: Judge) -> Finding:
         f"largest over smallest of R = {', '.join(map(number, others))}: within {100 * (COALESCE - 1):.0f} % "
         f"{at_speeds(together, j.speeds)}",
         together == list(j.speeds),
-        "about and above the resonance effectiveness per force depends on the weight, and at the highest speeds no weight helps",
+        "about and above the resonance effectiveness per force depends on the weight, and at the highest speeds no"
+        " weight helps",
         middle.median if math.isfinite(middle.median) else math.nan,
         "times",
-        criterion=f"largest at most {COALESCE:g} times the smallest (curves that lie on one another), clearly over the seeds, at "
-        "every speed; value: median over the speeds",
+        criterion=(
+            f"largest at most {COALESCE:g} times the smallest (curves that lie on one another), clearly over the seeds,"
+            " at every speed; value: median over the speeds"
+        ),
         evidence=seen,
     )
 
 
 @CLAIMS.claim(
-    "force-limit", f"At {R_TEXT} the forces reach the actuator limit", published=f"limit of {FORCE_LIMIT / 1e3:g} kN reached",
+    "force-limit",
+    f"At {R_TEXT} the forces reach the actuator limit",
+    published=f"limit of {FORCE_LIMIT / 1e3:g} kN reached",
     source="Figure 6",
-)  # fmt: skip
+)
 def _force_limit(j: Judge) -> Finding:
     share = j.results.largest_force() / FORCE_LIMIT
     return Finding(
@@ -580,9 +640,11 @@ def _no_divergence(j: Judge) -> Finding:
 
 
 @CLAIMS.check(
-    "converged", "Halving the solver step, the exchange step or both changes no metric visibly",
-    expected=f"within {100 * CONVERGED:g} %", source="table of refinement",
-)  # fmt: skip
+    "converged",
+    "Halving the solver step, the exchange step or both changes no metric visibly",
+    expected=f"within {100 * CONVERGED:g} %",
+    source="table of refinement",
+)
 def _converged(j: Judge) -> Finding:
     return Finding(
         f"at most {100 * j.move:.2g} %",
@@ -590,6 +652,8 @@ def _converged(j: Judge) -> Finding:
         "steps are too long for what is concluded from the runs",
         100 * j.move,
         "%",
-        criterion=f"every metric of every law on every road moves by at most {100 * CONVERGED:g} %, the tolerance of matching; a "
-        "value so near to the edge of its band that this could move it across makes a verdict open",
+        criterion=(
+            f"every metric of every law on every road moves by at most {100 * CONVERGED:g} %, the tolerance of"
+            " matching; a value so near to the edge of its band that this could move it across makes a verdict open"
+        ),
     )

@@ -1,9 +1,9 @@
 """How the claims of paper 000 are judged: on seeds, on speeds, at equal response, within bands.
 
 The excitation that the laws are identified with is random, so a claim about a law is judged on all identification seeds
-("clearly": a sign test over them at 5 %, 7 of 8 seeds), and a claim about a road on all speeds of the study. Implicit and
-preview are compared at the weights at which their response equals explicit's, as in the paper; what they do at R = 1e-7
-is said beside it.
+("clearly": a sign test over them at 5 %, 7 of 8 seeds), and a claim about a road on all speeds of the study. Implicit
+and preview are compared at the weights at which their response equals explicit's, as in the paper; what they do at R =
+1e-7 is said beside it.
 """
 
 from __future__ import annotations
@@ -27,8 +27,8 @@ VISIBLE_ROLL = 0.05  # of the run's pitch: less adds about 0.1 % to the response
 CONVERGED = 0.005  # relative, the tolerance to which responses are matched
 
 EXCITATION = (
-    f"the level of the excitation, {IdentificationSettings().excitation / 1e3:g} kN per actuator, which the paper does not "
-    "give, was chosen with the published behaviour in view"
+    f"the level of the excitation, {IdentificationSettings().excitation / 1e3:g} kN per actuator, which the paper does"
+    " not give, was chosen with the published behaviour in view"
 )
 MATCHING = "the weights of implicit and preview are matched to explicit's response, seed by seed"
 STAND_IN = {"perryman3": "the measured course is not public: the road is synthetic, with the published character"}
@@ -73,7 +73,10 @@ class Judge:
         low, high = sorted((value * (1 - self.move), value * (1 + self.move)))
         if not math.isfinite(self.move) or (low in band) == (high in band):
             return ""
-        return f"halving steps moves metrics by up to {100 * self.move:.2g} %: {low:.4g} to {high:.4g} {unit} (edge of the band)"
+        return (
+            f"halving steps moves metrics by up to {100 * self.move:.2g} %: {low:.4g} to {high:.4g} {unit} (edge of the"
+            " band)"
+        )
 
     def ratio_by_speed(self, road: str, quantity: str, law: str, to: str) -> Callable[[float], Distribution | None]:
         return lambda v: self.results.ratios(road, v, quantity, law, to)
@@ -94,16 +97,19 @@ def same(j: Judge, road: str) -> Finding:
         "; ".join(f"{q} {span(j, ratio[q], 'explicit')}" for q in quantities)
         + f"; both alike {at_speeds(both, j.speeds)}",
         both == list(j.speeds),
-        f"at the other speeds force or power is not {SAME.text('times')} explicit's, or the seeds do not decide: explicit takes the "
-        "road ahead to be at height 0, as printed, and pays for that where it is not",
-        criterion=f"force and power {SAME.text('times')} explicit's ({SAME.reason}), clearly over the seeds, at every speed",
+        f"at the other speeds force or power is not {SAME.text('times')} explicit's, or the seeds do not decide:"
+        " explicit takes the road ahead to be at height 0, as printed, and pays for that where it is not",
+        criterion=(
+            f"force and power {SAME.text('times')} explicit's ({SAME.reason}), clearly over the seeds, at every speed"
+        ),
         fitted=chosen(MATCHING, STAND_IN.get(road)),
         evidence=seen,
     )
 
 
 def implicit_needs_more(j: Judge, road: str, quantities: Sequence[str]) -> Finding:
-    """Implicit needs more than explicit for the same response at every speed; the figure is that of the first quantity."""
+    """Implicit needs more than explicit for the same response at every speed; the figure is that of the
+    first quantity."""
     seen = Evidence()
     ratio = {q: j.ratio_by_speed(road, q, "implicit", "explicit") for q in quantities}
     where = {q: j.where(seen, f"{q}, implicit / explicit", ratio[q], lambda x: x > 1) for q in quantities}
@@ -120,8 +126,10 @@ def implicit_needs_more(j: Judge, road: str, quantities: Sequence[str]) -> Findi
         "times",
         MORE,
         over,
-        criterion="more force and more power than explicit, clearly over the seeds, at every speed; value: median over the "
-        f"speeds of {first}",
+        criterion=(
+            "more force and more power than explicit, clearly over the seeds, at every speed; value: median over the "
+            f"speeds of {first}"
+        ),
         fitted=chosen(MATCHING, EXCITATION, STAND_IN.get(road)),
         evidence=seen,
     )

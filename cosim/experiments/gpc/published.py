@@ -63,10 +63,11 @@ def refinements(road: str, speed: float, seed: int) -> dict[tuple[str, str], Cas
 
 @dataclass(frozen=True)
 class Comparison:
-    """The laws at one speed on one road from one identification: explicit, then the others at the weights that give its response.
+    """The laws at one speed on one road from one identification: explicit, then the others at the weights that give its
+    response.
 
-    Finds ``compared``, rows of the three laws, and ``unmatched``, the others at R = 1e-7. Where explicit does not lower the
-    response there is nothing to be matched: the row is that at R = 1e-7, and not matched.
+    Finds ``compared``, rows of the three laws, and ``unmatched``, the others at R = 1e-7. Where explicit does not lower
+    the response there is nothing to be matched: the row is that at R = 1e-7, and not matched.
     """
 
     road: str
@@ -94,7 +95,8 @@ class Comparison:
 
 @dataclass(frozen=True)
 class History:
-    """Signals over time of the passive car and the three laws, the matched ones at their weights (figures 8, 10, 12)."""
+    """Signals over time of the passive car and the three laws, the matched ones at their weights
+    (figures 8, 10, 12)."""
 
     road: str
     speed_kmh: float

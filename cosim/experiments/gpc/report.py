@@ -50,10 +50,10 @@ def report(runs: Runs, fmus: FmuSet) -> Report:
         experiment=EXPERIMENT.name,
         title="Full car under generalized predictive control",
         lead=(
-            f"A nonlinear HMMWV ({fmus.name(PLANT)}) crosses three roads at {len(study.speeds)} speeds, passive and under three GPC "
-            f"laws, each identified {len(study.seeds)} times with another random excitation. Car, roads and controllers are "
-            "native FMUs; the co-simulation master exchanges at 1 kHz, the laws act at 100 Hz. Figures and claims of Brown, "
-            "Murugan and Mazza stand beside what these runs give."
+            f"A nonlinear HMMWV ({fmus.name(PLANT)}) crosses three roads at {len(study.speeds)} speeds, passive and"
+            f" under three GPC laws, each identified {len(study.seeds)} times with another random excitation. Car,"
+            " roads and controllers are native FMUs; the co-simulation master exchanges at 1 kHz, the laws act at 100"
+            " Hz. Figures and claims of Brown, Murugan and Mazza stand beside what these runs give."
         ),
         claims=found,
         results=[Result("runs", len(study.rows)), *(_headlines(results) if not study.failures else [])],
@@ -158,8 +158,8 @@ def _weights(results: Results, *, found: Claims) -> Section:
     return Section(
         "Effect of the control weight",
         [
-            "The preview law is redesigned for every weight R from the same identified model; only gain parameters of the "
-            "controller FMU change."
+            "The preview law is redesigned for every weight R from the same identified model; only gain parameters of"
+            " the controller FMU change."
         ],
         [figure],
         [_evidence("weights", "the control weight", found, ("weight-",))],
@@ -172,8 +172,8 @@ def _evidence(id: str, on: str, found: Claims, prefixes: tuple[str, ...]) -> Tab
         f"What the claims on {on} were judged on",
         Evidence.COLUMNS,
         [e.row() for e in found.evidence if e.claim.startswith(prefixes)],
-        "Distributions over the identification seeds (ratios: those in which the laws could be matched) and how many are on the "
-        "side that the claim says; 7 of 8 or 6 of 6 decide (sign test at 5 %), 6 of 8 do not.",
+        "Distributions over the identification seeds (ratios: those in which the laws could be matched) and how many"
+        " are on the side that the claim says; 7 of 8 or 6 of 6 decide (sign test at 5 %), 6 of 8 do not.",
     )
 
 
@@ -189,9 +189,9 @@ def _road(results: Results, *, road: str, found: Claims) -> Section:
     comparison = Figure(
         f"figure-{number}",
         f"The three laws on the {_title(road)} (figure {number} of the paper)",
-        "R = 1e-7 for explicit; at each speed and for each seed the weights of implicit and preview are chosen so that their "
-        "response objective equals explicit's, so the first two panels show one law three times. Left out: seeds in which no "
-        f"weight does, or explicit does not lower the response. {_OVER_SEEDS}",
+        "R = 1e-7 for explicit; at each speed and for each seed the weights of implicit and preview are chosen so that"
+        " their response objective equals explicit's, so the first two panels show one law three times. Left out:"
+        f" seeds in which no weight does, or explicit does not lower the response. {_OVER_SEEDS}",
         _panels(curves),
         columns=2,
     )
@@ -205,9 +205,13 @@ def _road(results: Results, *, road: str, found: Claims) -> Section:
 
 _TEXTS = {
     "sine": "Half-amplitude 0.10 m, wavelength 10 m, after 30 m of flat road.",
-    "curb": "A step of 0.10 m up after 30 m, 10 m long, and down again. The explicit law ignores the road ahead (height 0).",
-    "perryman3": "The measured course is not public. This road is synthetic: it has the published character (neither linear, "
-    "Gaussian nor stationary, large peaks between 0.5 and 3 Hz at 40 km/h), not the published profile.",
+    "curb": (
+        "A step of 0.10 m up after 30 m, 10 m long, and down again. The explicit law ignores the road ahead (height 0)."
+    ),
+    "perryman3": (
+        "The measured course is not public. This road is synthetic: it has the published character (neither linear, "
+        "Gaussian nor stationary, large peaks between 0.5 and 3 Hz at 40 km/h), not the published profile."
+    ),
 }
 _PREFIXES = {"sine": ("sine-", "implicit-"), "perryman3": ("perryman-",), "curb": ("curb-",)}
 
@@ -264,11 +268,22 @@ def _comparison_table(results: Results, road: str) -> Table:
     return Table(
         f"comparison-{road}",
         f"Runs on the {_title(road)}, medians over the seeds",
-        ["speed [km/h]", "law", "R [1/N2]", "matched", "J [-]", "improvement [-]", "lowest [-]", "highest [-]", "force [N]",
-         "power [W]", "peak force [N]"],
+        [
+            "speed [km/h]",
+            "law",
+            "R [1/N2]",
+            "matched",
+            "J [-]",
+            "improvement [-]",
+            "lowest [-]",
+            "highest [-]",
+            "force [N]",
+            "power [W]",
+            "peak force [N]",
+        ],
         rows,
         "Matched: seeds in which a weight gives the law explicit's response; the others are left out.",
-    )  # fmt: skip
+    )
 
 
 def _seeds(results: Results) -> Section:
@@ -292,9 +307,9 @@ def _seeds(results: Results) -> Section:
     return Section(
         "Spread over identification seeds",
         [
-            "A law depends on the excitation it was identified with. So a claim about a law is judged on all seeds, and one about "
-            "a road on all speeds; the tables above have the distributions. Here every law has the published weight R = 1e-7: "
-            "nothing is matched."
+            "A law depends on the excitation it was identified with. So a claim about a law is judged on all seeds, and"
+            " one about a road on all speeds; the tables above have the distributions. Here every law has the published"
+            " weight R = 1e-7: nothing is matched."
         ],
         [],
         [
@@ -316,11 +331,11 @@ def _refinement(results: Results) -> Section:
     return Section(
         "Refinement of steps",
         [
-            "The car is integrated at 0.5 ms by a predictor-corrector method of Adams, Bashforth and Moulton and exchanges with "
-            "road and law every 1 ms, as in the paper. The method restarts at every exchange, so what it does depends on how "
-            "time is divided into steps: with the exchange halved at the same solver step every step is a first one, and results move a little "
-            "more than with both halved. A claim whose figure could be moved across the edge of its band by the largest number of "
-            "this table would be open."
+            "The car is integrated at 0.5 ms by a predictor-corrector method of Adams, Bashforth and Moulton and"
+            " exchanges with road and law every 1 ms, as in the paper. The method restarts at every exchange, so what"
+            " it does depends on how time is divided into steps: with the exchange halved at the same solver step every"
+            " step is a first one, and results move a little more than with both halved. A claim whose figure could be"
+            " moved across the edge of its band by the largest number of this table would be open."
         ],
         [],
         [
@@ -349,13 +364,21 @@ def _limits(_: Results) -> Section:
     return Section(
         "What differs from the paper",
         [
-            "The paper's vehicle is a TruckSim model with measured tire tables, suspension compliances, nonlinear kinematics and a "
-            "powertrain; the stand-in has the published masses, springs and dampers, public or assumed values for the rest (see the "
-            "parameters), vertical wheel travel with stops, and a tire with slip lags.",
-            "The identification excitation is not given in the paper and decides how well the implicit law does: 2 kN per actuator, "
-            "white up to the Nyquist frequency, is assumed.",
-            "Explicit leaves the future road out of its optimization, as published, which amounts to height 0 ahead. Run "
-            "`cosim run gpc --road curb --controller explicit --hold` to see what holding the last height changes.",
+            (
+                "The paper's vehicle is a TruckSim model with measured tire tables, suspension compliances, nonlinear"
+                " kinematics and a powertrain; the stand-in has the published masses, springs and dampers, public or"
+                " assumed values for the rest (see the parameters), vertical wheel travel with stops, and a tire with"
+                " slip lags."
+            ),
+            (
+                "The identification excitation is not given in the paper and decides how well the implicit law does: 2"
+                " kN per actuator, white up to the Nyquist frequency, is assumed."
+            ),
+            (
+                "Explicit leaves the future road out of its optimization, as published, which amounts to height 0"
+                " ahead. Run `cosim run gpc --road curb --controller explicit --hold` to see what holding the last"
+                " height changes."
+            ),
         ],
     )
 

@@ -171,7 +171,9 @@ class Results:
     def at_equal_response(
         self, road: str, speed: float, laws: Iterable[str], value: Callable[..., float]
     ) -> Distribution | None:
-        """``value(row of each law ...)`` over the seeds in which all these laws have explicit's response; None without any."""
+        """``value(row of each law ...)`` over the seeds in which all these laws have explicit's response; None without
+        any.
+        """
         laws = tuple(laws)
         found = []
         for seed in self.seeds:
@@ -217,7 +219,9 @@ class Results:
         return max(self.speeds, key=lambda v: self.passive(road, v)["response"])
 
     def refinement(self) -> list[tuple[Row, str, dict[str, float]]]:
-        """Refined runs, in words, and with the relative changes of their metrics from those of the run as it is; NaN where one diverged."""
+        """Refined runs, in words, and with the relative changes of their metrics from those of the run as it is; NaN
+        where one diverged.
+        """
         rows = {(r["road"], r["speed_kmh"], r["controller"], _words(r)): r for r in self.study.refinement}
         found = []
         for (road, v, law, words), r in rows.items():

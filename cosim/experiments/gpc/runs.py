@@ -58,9 +58,10 @@ class Case(Stepped):
     )
     seed: int = option(0, within=(0, 2**31 - 1), help="seed of the identification run", label="seed{}")
     hold: bool = option(
-        False, help="explicit only: let the last road height continue ahead",
+        False,
+        help="explicit only: let the last road height continue ahead",
         only=(lambda c: c.controller == "explicit", "the explicit controller"),
-    )  # fmt: skip
+    )
 
 
 def passive(case: Case) -> Case:

@@ -52,7 +52,8 @@ class Averages:
         return Distribution((r[key] for r in self.runs(case)), of=VARIANTS[case.road])
 
     def ratio(self, above: Case, below: Case, key: str = "absorbed_power") -> Distribution:
-        """A metric of one case over that of another, place by place; one without places stands for all of them. 0 over 0 is nan.
+        """A metric of one case over that of another, place by place; one without places stands for all of them. 0 over
+        0 is nan.
 
         Raises:
             ValueError: the cases were not run over the same places.

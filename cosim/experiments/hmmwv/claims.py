@@ -1,4 +1,6 @@
-"""What paper 001 says of the vehicle, judged by the runs; its words on force tracking and preview come with those parts."""
+"""What paper 001 says of the vehicle, judged by the runs; its words on force tracking and preview come with those
+parts.
+"""
 
 from __future__ import annotations
 
@@ -31,7 +33,8 @@ STEPPED: dict[str, Callable[[Averages], Finding]] = {}
 
 
 def claim(id: str, text: Text, *, published: str, source: str) -> Callable[[Callable[[Averages], Finding]], None]:
-    """Decorator of a function that judges a claim on the vehicle; it is open where half the steps change its verdict."""
+    """Decorator of a function that judges a claim on the vehicle; it is open where half the steps change
+    its verdict."""
 
     def add(judge: Callable[[Averages], Finding]) -> None:
         STEPPED[id] = judge
@@ -105,16 +108,25 @@ def _unbearable(power: float) -> bool:
 
 
 @claim(
-    "off-road-passive", f"Off road: at 20 mph the passive car is above the {ABSORBED_POWER_LIMIT:g} W that a driver bears",
-    published=f"above {ABSORBED_POWER_LIMIT:g} W", source="Figure 1.10",
-)  # fmt: skip
+    "off-road-passive",
+    f"Off road: at 20 mph the passive car is above the {ABSORBED_POWER_LIMIT:g} W that a driver bears",
+    published=f"above {ABSORBED_POWER_LIMIT:g} W",
+    source="Figure 1.10",
+)
 def _off_road_passive(study: Averages) -> Finding:
     found = study.distribution("absorbed_power", Case("off-road", "passive"))
     return Finding(
-        found.text("{:.1f}", "W", _unbearable), found.everywhere(_unbearable), "not above it on every stretch", found.median, "W",
+        found.text("{:.1f}", "W", _unbearable),
+        found.everywhere(_unbearable),
+        "not above it on every stretch",
+        found.median,
+        "W",
         criterion=f"above {ABSORBED_POWER_LIMIT:g} W on every stretch",
-        fitted="the terrain is not in the paper, class E of ISO 8608 is assumed; so is the null opening of the unpowered spool",
-    )  # fmt: skip
+        fitted=(
+            "the terrain is not in the paper, class E of ISO 8608 is assumed; so is the null opening of the unpowered"
+            " spool"
+        ),
+    )
 
 
 # ---------------------------------------------------------------------------------------------------- checks of ours
@@ -125,9 +137,11 @@ def _less(percent: float) -> bool:
 
 
 @CLAIMS.check(
-    "off-road-kilonewton", "Off road: MPC also beats the LQR whose weights of Table 1.1 are read with the force in kN",
-    expected="it does; the paper does not give the unit", source="Tables 1.1, 1.3",
-)  # fmt: skip
+    "off-road-kilonewton",
+    "Off road: MPC also beats the LQR whose weights of Table 1.1 are read with the force in kN",
+    expected="it does; the paper does not give the unit",
+    source="Tables 1.1, 1.3",
+)
 def _off_road_kilonewton(results: Results) -> Finding:
     study = Averages(results)
     mpc, kilonewton = (Case("off-road", c) for c in ("mpc", "lqr-kilonewton"))
@@ -135,36 +149,44 @@ def _off_road_kilonewton(results: Results) -> Finding:
 
     def beyond(case: Case) -> str:
         return (
-            f"up to {1e3 * study.largest('travel_peak', case):.0f} mm of travel and {100 * study.mean('travel_over', case):.2f} % "
-            f"of the time beyond {1e3 * TRAVEL_LIMIT:g} mm"
+            f"up to {1e3 * study.largest('travel_peak', case):.0f} mm of travel and"
+            f" {100 * study.mean('travel_over', case):.2f} % of the time beyond {1e3 * TRAVEL_LIMIT:g} mm"
         )
 
     return Finding(
-        f"{study.power(mpc):.2f} W with {beyond(mpc)}, the LQR {study.power(kilonewton):.2f} W with {beyond(kilonewton)}; "
-        f"what MPC saves over it: {ahead.text('{:.1f}', '%', _less)}",
+        f"{study.power(mpc):.2f} W with {beyond(mpc)}, the LQR {study.power(kilonewton):.2f} W with"
+        f" {beyond(kilonewton)}; what MPC saves over it: {ahead.text('{:.1f}', '%', _less)}",
         ahead.everywhere(_less),
         "read so the LQR uses its forces as freely as MPC, knows no limit of travel and pays with travel; with "
         f"{PUMP.words(study)} {study.power(PUMP(kilonewton)):.1f} W, MPC {study.power(PUMP(mpc)):.1f} W",
-        ahead.median, "%", criterion="less absorbed power on every stretch, pump without limit",
-    )  # fmt: skip
+        ahead.median,
+        "%",
+        criterion="less absorbed power on every stretch, pump without limit",
+    )
 
 
 @CLAIMS.check(
-    "off-road-travel-limit", f"Off road: MPC keeps the travel within the printed {1e3 * TRAVEL_LIMIT:g} mm",
-    expected=f"within {1e3 * TRAVEL_LIMIT:g} mm", source="Table 1.3",
-)  # fmt: skip
+    "off-road-travel-limit",
+    f"Off road: MPC keeps the travel within the printed {1e3 * TRAVEL_LIMIT:g} mm",
+    expected=f"within {1e3 * TRAVEL_LIMIT:g} mm",
+    source="Table 1.3",
+)
 def _off_road_travel_limit(results: Results) -> Finding:
     study = Averages(results)
     over = {c: 100 * study.mean("travel_over", Case("off-road", c)) for c in ("mpc", "skyhook", "lqr")}
     found = study.distribution("travel_peak", Case("off-road", "mpc"))
     peaks = Distribution((1e3 * p for p in found.values), of=found.of)
     return Finding(
-        f"largest travel {peaks.text('{:.0f}', 'mm', lambda x: x <= 1e3 * TRAVEL_LIMIT)}; beyond the limit {over['mpc']:.2f} % of "
-        f"the time, skyhook {over['skyhook']:.2f} %, LQR {over['lqr']:.2f} %",
+        f"largest travel {peaks.text('{:.0f}', 'mm', lambda x: x <= 1e3 * TRAVEL_LIMIT)}; beyond the limit"
+        f" {over['mpc']:.2f} % of the time, skyhook {over['skyhook']:.2f} %, LQR {over['lqr']:.2f} %",
         found.high <= TRAVEL_LIMIT,
-        "the limit is soft, so that the problem always has a solution, and MPC without preview does not see the bumps coming",
-        1e3 * found.high, "mm", criterion="no corner beyond it on any stretch", fitted="weight of the soft limit assumed",
-    )  # fmt: skip
+        "the limit is soft, so that the problem always has a solution, and MPC without preview does not see the bumps"
+        " coming",
+        1e3 * found.high,
+        "mm",
+        criterion="no corner beyond it on any stretch",
+        fitted="weight of the soft limit assumed",
+    )
 
 
 def _estimates(controller: str) -> None:
@@ -173,8 +195,9 @@ def _estimates(controller: str) -> None:
     @CLAIMS.check(
         f"estimates-{controller}",
         f"With estimated states {NAMES[controller]} is at most {ESTIMATES_COST:g} % worse than with true ones",
-        expected="works with estimated states", source="section 1.4",
-    )  # fmt: skip
+        expected="works with estimated states",
+        source="section 1.4",
+    )
     def _judged(results: Results) -> Finding:
         study = Averages(results)
         costs = {r: study.ratio(estimated(controller, r), Case(r, controller)).median for r in ROADS}
@@ -184,11 +207,13 @@ def _estimates(controller: str) -> None:
         return Finding(
             ", ".join(f"{ROAD_NAMES[r]} {round(100 * (c - 1)):+d} %" for r, c in costs.items()),
             100 * (costs[worst] - 1) <= ESTIMATES_COST,
-            f"more than {ESTIMATES_COST:g} % on {ROAD_NAMES[worst]}; over the bump with tires that take tension, as the filter's "
-            f"linear model has them, {100 * (linear - 1):+.0f} %",
-            100 * (costs[worst] - 1), "%", criterion=f"median over the variants at most {ESTIMATES_COST:g} % worse on every road",
+            f"more than {ESTIMATES_COST:g} % on {ROAD_NAMES[worst]}; over the bump with tires that take tension, as the"
+            f" filter's linear model has them, {100 * (linear - 1):+.0f} %",
+            100 * (costs[worst] - 1),
+            "%",
+            criterion=f"median over the variants at most {ESTIMATES_COST:g} % worse on every road",
             fitted=ASSUMED,
-        )  # fmt: skip
+        )
 
 
 for _controller in ("mpc", "mpc-preview"):
@@ -197,9 +222,11 @@ for _controller in ("mpc", "mpc-preview"):
 
 @CLAIMS.check(
     "sensed-preview",
-    "Preview from the range sensors, downstream of filter, correction and buffer, improves MPC as the published preview does",
-    expected=f"at least {PREVIEW_GAIN.low:g} %; the paper measured generated preview only", source="section 1.5",
-)  # fmt: skip
+    "Preview from the range sensors, downstream of filter, correction and buffer, improves MPC as the published preview"
+    " does",
+    expected=f"at least {PREVIEW_GAIN.low:g} %; the paper measured generated preview only",
+    source="section 1.5",
+)
 def _sensed_preview(results: Results) -> Finding:
     study = Averages(results)
     ratios = {r: study.ratio(estimated("mpc-preview", r, sensed=True), Case(r, "mpc")) for r in ROADS}
@@ -207,11 +234,17 @@ def _sensed_preview(results: Results) -> Finding:
     worst = min(saved, key=lambda r: saved[r])
     least = PREVIEW_GAIN.low
     return Finding(
-        ", ".join(f"{ROAD_NAMES[r]} {s:.0f} %" for r, s in saved.items()), saved[worst] >= least,
-        f"less than {least:g} % on {ROAD_NAMES[worst]}", saved[worst], "%",
-        criterion=f"median at least {least:g} % below MPC without preview on every road, the least that counts as the published 15 %",
+        ", ".join(f"{ROAD_NAMES[r]} {s:.0f} %" for r, s in saved.items()),
+        saved[worst] >= least,
+        f"less than {least:g} % on {ROAD_NAMES[worst]}",
+        saved[worst],
+        "%",
+        criterion=(
+            f"median at least {least:g} % below MPC without preview on every road, the least that counts as the"
+            " published 15 %"
+        ),
         fitted=ASSUMED,
-    )  # fmt: skip
+    )
 
 
 @CLAIMS.check(
@@ -225,9 +258,12 @@ def _converged(results: Results) -> Finding:
     worst = max(refinements(study), key=lambda r: abs(r.change))
     return Finding(
         f"at most {abs(worst.change):.2f} % off, {ROAD_NAMES[worst.case.road]}, {NAMES[worst.case.controller]}",
-        abs(worst.change) <= REFINED, f"more than {REFINED:g} % off; every claim was judged at both steps", abs(worst.change), "%",
+        abs(worst.change) <= REFINED,
+        f"more than {REFINED:g} % off; every claim was judged at both steps",
+        abs(worst.change),
+        "%",
         criterion=f"at most {REFINED:g} % in every run of the claims: a tenth of the band around a published figure",
-    )  # fmt: skip
+    )
 
 
 @CLAIMS.check("solver", "Every quadratic program of MPC is solved", expected="all", source="")
@@ -237,10 +273,13 @@ def _solver(results: Results) -> Finding:
     residual = max(r["solver_residual"] for r in rows)
     unsolved = "a sample was not solved" if failures else "all are solved, but not all to that residual"
     return Finding(
-        f"{failures} samples not solved, largest residual {residual:.1e}", failures == 0 and residual <= RESIDUAL,
-        unsolved, residual, "-",
+        f"{failures} samples not solved, largest residual {residual:.1e}",
+        failures == 0 and residual <= RESIDUAL,
+        unsolved,
+        residual,
+        "-",
         criterion=f"status solved in every sample of every run, residual at most {RESIDUAL:g}",
-    )  # fmt: skip
+    )
 
 
 CLAIMS.include(PREVIEW_CLAIMS)

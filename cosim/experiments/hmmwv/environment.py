@@ -1,7 +1,7 @@
 """The HMMWV off road as a learning environment: ``gymnasium.make("suspension/HmmwvOffRoad-v0")``.
 
-What the paper's MPC knows and may do: the relative states, the vertical acceleration and the road 0.45 s ahead, every 30 ms; four forces on
-ideal actuators. The reward is what the driver feels, and the travel that the suspension has.
+What the paper's MPC knows and may do: the relative states, the vertical acceleration and the road 0.45 s ahead, every
+30 ms; four forces on ideal actuators. The reward is what the driver feels, and the travel that the suspension has.
 """
 
 from __future__ import annotations
@@ -23,11 +23,16 @@ from fmu_sources.models.corners import CORNERS
 
 WEIGHTS = MpcHmmwvWeights()
 RANGES = {
-    "car.suspension.{}.deflection": (-0.2, 0.2), "car.tire.{}.deflection": (-0.1, 0.1), "car.wheel.{}.vz": (-5.0, 5.0)
-}  # fmt: skip
+    "car.suspension.{}.deflection": (-0.2, 0.2),
+    "car.tire.{}.deflection": (-0.1, 0.1),
+    "car.wheel.{}.vz": (-5.0, 5.0),
+}
 BODY_RANGES = {
-    "car.body.vz": (-2.0, 2.0), "car.body.roll_rate": (-1.5, 1.5), "car.body.pitch_rate": (-1.5, 1.5), "car.body.az": (-20.0, 20.0)
-}  # fmt: skip
+    "car.body.vz": (-2.0, 2.0),
+    "car.body.roll_rate": (-1.5, 1.5),
+    "car.body.pitch_rate": (-1.5, 1.5),
+    "car.body.az": (-20.0, 20.0),
+}
 HEIGHT = (-0.5, 0.5)  # m, of the road
 STEPS = 150  # of an episode: 4.5 s, some 40 m
 OFFSETS = (0.0, 600.0)  # m, where on the road episodes start; what is beyond is for tests, to 1300 m
@@ -55,9 +60,13 @@ def system(fmus: FmuSet) -> System:
 
 
 def environment(
-    fmus: str | Path = "fmus", *, fmi: int = 3, offsets: tuple[float, float] = OFFSETS, preview: bool = True,
+    fmus: str | Path = "fmus",
+    *,
+    fmi: int = 3,
+    offsets: tuple[float, float] = OFFSETS,
+    preview: bool = True,
     render_mode: str | None = None,
-) -> SystemEnv:  # fmt: skip
+) -> SystemEnv:
     """The environment.
 
     Args:

@@ -30,7 +30,9 @@ SIDE_VARIANTS = 2  # places of the bump, or stretches, for what is beside the pu
 
 @dataclass(frozen=True)
 class Condition:
-    """What the pump delivers: all that is requested, or at most its flow to each actuator (``pump_l_min``; None: as in the FMU)."""
+    """What the pump delivers: all that is requested, or at most its flow to each actuator (``pump_l_min``; None: as in
+    the FMU).
+    """
 
     limited: bool = False
     pump_l_min: float | None = None
@@ -59,10 +61,11 @@ class Condition:
 
 WITHOUT_LIMIT, PUMP, SHARED = Condition(), Condition(limited=True), Condition(limited=True, shared=True)
 CONDITIONS = {"": WITHOUT_LIMIT, "-pump": PUMP}
-"""The paper's pump (Table 1.4) delivers 45 l/min, and the paper names no accumulator. So every statement on a controlled car is
-judged twice: with a pump that holds its pressure at any flow, and with no more than its flow to each actuator. The latter is
-the most generous reading of one pump for four actuators, which may take four times its flow together. By what is appended to
-a claim's id."""
+"""The paper's pump (Table 1.4) delivers 45 l/min, and the paper names no accumulator. So every statement on a
+controlled car is judged twice: with a pump that holds its pressure at any flow, and with no more than its flow to each
+actuator. The latter is the most generous reading of one pump for four actuators, which may take four times its flow
+together. By what is appended to a claim's id.
+"""
 
 
 def estimated(controller: str, road: str, *, sensed: bool = False) -> Case:
@@ -112,7 +115,8 @@ def averaged_cases() -> list[Case]:
 
 
 def published_cases() -> list[Case]:
-    """What the claims on the whole vehicle rest on: every controller on every road, without and with the pump's limit."""
+    """What the claims on the whole vehicle rest on: every controller on every road, without and with the
+    pump's limit."""
     cases = [Case(road, c) for road in ROADS for c in CONTROLLERS]
     return cases + [PUMP(Case(road, c)) for road in ROADS for c in ACTIVE]
 

@@ -58,7 +58,9 @@ def conditions(study: Averages, road: str) -> list[Condition]:
 
 
 def need(study: Averages, s: Statement) -> Need | None:
-    """With which pump a statement holds, of those tried whose runs did not fail; None where no larger pumps were tried for it."""
+    """With which pump a statement holds, of those tried whose runs did not fail; None where no larger pumps were tried
+    for it.
+    """
     if not set(s.controllers) <= set(PUMPED[s.road]):
         return None
     holds = {}
@@ -80,14 +82,21 @@ def section(study: Averages) -> Section:
     return Section(
         "What the hydraulics do, and what pump it takes",
         [
-            f"The pump delivers {pump:g} l/min (the paper's: Table 1.4); an accumulator is not mentioned. Skyhook, LQR and MPC draw {drawn} "
-            "from a pump that holds its pressure at any flow (mean over the busiest second, off road over the run). Over bumps that is up to "
-            f"{max(beyond, 0.0):.1f} l more in a second than the pump delivers, which an accumulator could hold; off road the whole run takes "
-            f"{min(demand['off-road']) / pump:.1f} to {max(demand['off-road']) / pump:.1f} times the pump, which none could.",
-            f"How the limit is modelled: the flow that the valve draws from the supply is limited, and a piston that moves faster than this flow "
-            f"fills is held by its oil column. With {pump:g} l/min at each actuator, {4 * pump:g} l/min in all, every actuator may draw "
-            f"what the pump has for all four: the most generous reading. With {shared:g} l/min each the four share it evenly, the "
-            "narrowest one. What the paper's vehicle could do lies between.",
+            (
+                f"The pump delivers {pump:g} l/min (the paper's: Table 1.4); an accumulator is not mentioned. Skyhook,"
+                f" LQR and MPC draw {drawn} from a pump that holds its pressure at any flow (mean over the busiest"
+                f" second, off road over the run). Over bumps that is up to {max(beyond, 0.0):.1f} l more in a second"
+                " than the pump delivers, which an accumulator could hold; off road the whole run takes"
+                f" {min(demand['off-road']) / pump:.1f} to {max(demand['off-road']) / pump:.1f} times the pump, which"
+                " none could."
+            ),
+            (
+                "How the limit is modelled: the flow that the valve draws from the supply is limited, and a piston"
+                f" that moves faster than this flow fills is held by its oil column. With {pump:g} l/min at each"
+                f" actuator, {4 * pump:g} l/min in all, every actuator may draw what the pump has for all four: the"
+                f" most generous reading. With {shared:g} l/min each the four share it evenly, the narrowest one. What"
+                " the paper's vehicle could do lies between."
+            ),
         ],
         tables=[_side_by_side(study), _needed(study), _flows(study)],
     )
@@ -113,7 +122,8 @@ def _side_by_side(study: Averages) -> Table:
         "Absorbed power without and with the pump's limit, side by side",
         columns,
         rows,
-        f"Medians over the places of the bump or the stretches; with {shared:g} l/min each over {SIDE_VARIANTS} of them. {OF_MEDIANS}",
+        f"Medians over the places of the bump or the stretches; with {shared:g} l/min each over {SIDE_VARIANTS} of"
+        f" them. {OF_MEDIANS}",
     )
 
 
@@ -133,14 +143,22 @@ def _needed(study: Averages) -> Table:
         "pump-needed",
         "Which pump reproduces the published figures",
         [
-            "statement", "published", f"{pump:g} l/min each", "no limit", "smallest pump with which it holds",
-            "flow of all four there, mean [l/min]", "flow of all four there, peak [l/min]",
+            "statement",
+            "published",
+            f"{pump:g} l/min each",
+            "no limit",
+            "smallest pump with which it holds",
+            "flow of all four there, mean [l/min]",
+            "flow of all four there, peak [l/min]",
         ],
         rows,
         "Of the pumps tried: "
-        + "; ".join(f"{ROAD_NAMES[r]} {', '.join(f'{c.l_min(study):g}' for c in conditions(study, r)[:-1])} l/min each" for r in ROADS)
+        + "; ".join(
+            f"{ROAD_NAMES[r]} {', '.join(f'{c.l_min(study):g}' for c in conditions(study, r)[:-1])} l/min each"
+            for r in ROADS
+        )
         + ", and one without limit. Mean: over bumps the largest over 1 s, off road that of the run.",
-    )  # fmt: skip
+    )
 
 
 def _flows(study: Averages) -> Table:
@@ -166,9 +184,15 @@ def _flows(study: Averages) -> Table:
         "hydraulics",
         "Flow of all four actuators without limit, saturation and tracking",
         [
-            "road", "controller", "flow, mean [l/min]", "flow, peak [l/min]", "mean over that of the pump [-]",
-            "power from the pump, mean [kW]", "valve saturated [%]", "force error rms [N]",
+            "road",
+            "controller",
+            "flow, mean [l/min]",
+            "flow, peak [l/min]",
+            "mean over that of the pump [-]",
+            "power from the pump, mean [kW]",
+            "valve saturated [%]",
+            "force error rms [N]",
         ],
         rows,
         "Mean flow: over bumps the largest mean over 1 s, off road that of the run.",
-    )  # fmt: skip
+    )

@@ -74,24 +74,34 @@ def section(study: Averages, undecided: list[str]) -> Section:
     return Section(
         "Refinement of the steps",
         [
-            f"Car and actuators exchange values every {1e3 * EXCHANGE:g} ms and integrate with steps of their own, 0.5 ms and 0.25 ms at "
-            f"most. Every case that a claim rests on was run again, at every place of the bump and on every stretch, with an exchange "
-            f"every {1e3 * EXCHANGE / 2:g} ms and solver steps divided by 2. The largest change is {worst.change:+.2f} % "
-            f"({ROAD_NAMES[worst.case.road]}, {NAMES[worst.case.controller]}{', ' + PUMP.words(study) if worst.case.flow_limit else ''}). "
-            f"All claims were judged once more by these runs. {verdicts}",
+            (
+                f"Car and actuators exchange values every {1e3 * EXCHANGE:g} ms and integrate with steps of their own,"
+                " 0.5 ms and 0.25 ms at most. Every case that a claim rests on was run again, at every place of the"
+                f" bump and on every stretch, with an exchange every {1e3 * EXCHANGE / 2:g} ms and solver steps divided"
+                f" by 2. The largest change is {worst.change:+.2f} % ({ROAD_NAMES[worst.case.road]},"
+                f" {NAMES[worst.case.controller]}{', ' + PUMP.words(study) if worst.case.flow_limit else ''}). All"
+                f" claims were judged once more by these runs. {verdicts}"
+            ),
         ],
         tables=[
             Table(
                 "refinement",
                 "Absorbed power over steps of exchange and solvers",
                 [
-                    "road", "controller", "pump", "steps of all other tables [W]", "solver steps halved [W]",
-                    "exchange step halved [W]", "both halved [W]", "largest change by both [%]",
+                    "road",
+                    "controller",
+                    "pump",
+                    "steps of all other tables [W]",
+                    "solver steps halved [W]",
+                    "exchange step halved [W]",
+                    "both halved [W]",
+                    "largest change by both [%]",
                 ],
                 rows,
-                f"Powers over bumps: the bump at the first of its {SHIFTS} places on the controllers' grid; off road: the first of the {STRETCHES} "
-                "stretches of the class E road, which figure 1.10 shows. The largest change is that over all places and all stretches. A solver's "
-                "step is never longer than the exchange. A dash: not run.",
+                f"Powers over bumps: the bump at the first of its {SHIFTS} places on the controllers' grid; off road:"
+                f" the first of the {STRETCHES} stretches of the class E road, which figure 1.10 shows. The largest"
+                " change is that over all places and all stretches. A solver's step is never longer than the exchange."
+                " A dash: not run.",
             )
         ],
-    )  # fmt: skip
+    )

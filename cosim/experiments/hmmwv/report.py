@@ -51,21 +51,28 @@ def report(study: Results, fmus: FmuSet) -> Report:
     judged = CLAIMS.judge(study)
     verdicts = {c.id: c for c in judged}
     makers = (
-        _on_vehicle(_overview), tracking_section, *map(_on_vehicle, (_test_track, _off_road, _preview, _estimates)), generated_section,
-        chain_section, *map(_on_vehicle, (pump.section, _assumptions)), _refinement, _on_vehicle(_limits),
-    )  # fmt: skip
+        _on_vehicle(_overview),
+        tracking_section,
+        *map(_on_vehicle, (_test_track, _off_road, _preview, _estimates)),
+        generated_section,
+        chain_section,
+        *map(_on_vehicle, (pump.section, _assumptions)),
+        _refinement,
+        _on_vehicle(_limits),
+    )
     return Report(
         experiment=EXPERIMENT.name,
         title="Active suspension of a HMMWV with hydraulic actuators",
         lead=(
-            f"A HMMWV drives at 20 mph ({SPEED_KMH:.1f} km/h) over speed bumps and off road. Each wheel has a hydraulic actuator whose "
-            "servo valve is commanded every millisecond by a force tracking controller; a controller of the whole vehicle gives "
-            "the forces every 30 ms. The passive car is the same car with the pump off; the car without actuators is the one of zero force with "
-            "ideal actuators. The figure of merit is the power that a "
-            "driver absorbs. Every box is a native FMU; the statements of Donahue and Hedrick stand beside what these runs give. "
-            "Statements on the controlled car are judged twice: with a pump that holds its pressure at any flow, and with what the pump "
-            f"delivers, {PUMP.words(averages)} (id ending in -pump). Figures are medians over the places of a bump on the controllers' grid "
-            "of 30 ms, or over the stretches of an off-road course."
+            f"A HMMWV drives at 20 mph ({SPEED_KMH:.1f} km/h) over speed bumps and off road. Each wheel has a hydraulic"
+            " actuator whose servo valve is commanded every millisecond by a force tracking controller; a controller"
+            " of the whole vehicle gives the forces every 30 ms. The passive car is the same car with the pump off;"
+            " the car without actuators is the one of zero force with ideal actuators. The figure of merit is the"
+            " power that a driver absorbs. Every box is a native FMU; the statements of Donahue and Hedrick stand"
+            " beside what these runs give. Statements on the controlled car are judged twice: with a pump that holds"
+            f" its pressure at any flow, and with what the pump delivers, {PUMP.words(averages)} (id ending in -pump)."
+            " Figures are medians over the places of a bump on the controllers' grid of 30 ms, or over the stretches"
+            " of an off-road course."
         ),
         claims=judged,
         results=[
@@ -87,8 +94,11 @@ def report(study: Results, fmus: FmuSet) -> Report:
         sections=sections(study, makers),
         parameters=_parameters(fmus),
         provenance=provenance(EXPERIMENT, fmus)
-        | {"bump positions per control period": SHIFTS, "off-road stretches": STRETCHES},
-    )  # fmt: skip
+        | {
+            "bump positions per control period": SHIFTS,
+            "off-road stretches": STRETCHES,
+        },
+    )
 
 
 def _on_vehicle(maker: Callable[[Averages], Section]) -> Callable[[Results], Section]:
@@ -138,28 +148,42 @@ def _overview(study: Averages) -> Section:
     return Section(
         "Absorbed power",
         [
-            "Over bumps the figure is the peak of a moving mean over 1 s, off road the mean of the run, both from the heave of the CG. "
-            f"Over bumps it is the median over {SHIFTS} places of the bump between two samples of the controller, off road over "
-            f"{STRETCHES} stretches of a class E road.",
-            "Ideal actuators give the force that the controller requests, at once. What hydraulics cost is large: the force "
-            "tracking follows the desired force in the middle of a bump only after its valve has come back from saturation.",
+            (
+                "Over bumps the figure is the peak of a moving mean over 1 s, off road the mean of the run, both from"
+                f" the heave of the CG. Over bumps it is the median over {SHIFTS} places of the bump between two"
+                f" samples of the controller, off road over {STRETCHES} stretches of a class E road."
+            ),
+            (
+                "Ideal actuators give the force that the controller requests, at once. What hydraulics cost is large:"
+                " the force tracking follows the desired force in the middle of a bump only after its valve has come"
+                " back from saturation."
+            ),
         ],
         tables=[
             Table(
                 "absorbed-power",
                 "Absorbed power and what goes with it",
                 [
-                    "road", "controller", "absorbed power [W]", "lowest [W]", "highest [W]",
-                    "with ideal actuators [W]", "ISO 2631 rms [m/s2]", "travel rms [mm]", "largest travel [mm]",
-                    f"travel beyond {1e3 * TRAVEL_LIMIT:g} mm [%]", "tire off the ground [%]", "force rms [N]",
+                    "road",
+                    "controller",
+                    "absorbed power [W]",
+                    "lowest [W]",
+                    "highest [W]",
+                    "with ideal actuators [W]",
+                    "ISO 2631 rms [m/s2]",
+                    "travel rms [mm]",
+                    "largest travel [mm]",
+                    f"travel beyond {1e3 * TRAVEL_LIMIT:g} mm [%]",
+                    "tire off the ground [%]",
+                    "force rms [N]",
                 ],
                 rows,
-                "Pump without limit. Absorbed power: median, lowest and highest over the places of the bump or the stretches. Travel beyond "
-                "the limit: part of the time that any corner is there. Tire off the ground: part of the time that a tire has lost its static "
-                "load.",
+                "Pump without limit. Absorbed power: median, lowest and highest over the places of the bump or the"
+                " stretches. Travel beyond the limit: part of the time that any corner is there. Tire off the ground:"
+                " part of the time that a tire has lost its static load.",
             )
         ],
-    )  # fmt: skip
+    )
 
 
 def _power_panel(study: Averages, road: str, controllers: tuple[str, ...]) -> Panel:
@@ -180,10 +204,14 @@ def _test_track(study: Averages) -> Section:
     return Section(
         "Test track",
         [
-            "Two bumps, 57 and 38 mm high, 6 m apart. Skyhook, LQR and zero force remove the damping of the closed cylinders. MPC is "
-            f"{ahead.median:.0f} % below the best of them; the paper calls it slightly better.",
-            "The valves saturate where a wheel meets a bump: the wheel moves faster than oil can pass, so the cylinder "
-            "resists whatever force is requested.",
+            (
+                "Two bumps, 57 and 38 mm high, 6 m apart. Skyhook, LQR and zero force remove the damping of the closed"
+                f" cylinders. MPC is {ahead.median:.0f} % below the best of them; the paper calls it slightly better."
+            ),
+            (
+                "The valves saturate where a wheel meets a bump: the wheel moves faster than oil can pass, so the"
+                " cylinder resists whatever force is requested."
+            ),
         ],
         figures=[
             Figure(
@@ -224,21 +252,25 @@ def _off_road(study: Averages) -> Section:
     )
     low, high = roughness_range(study)
     window = (
-        f"With spectra of {low:.2f} to {high:.2f} times that of class E, if power grows in proportion, MPC alone stays below "
+        f"With spectra of {low:.2f} to {high:.2f} times that of class E, if power grows in proportion, MPC alone stays"
+        " below "
         if low < high
         else "On no spectrum, if power grows in proportion, does MPC alone stay below "
     )
     return Section(
         "Off road",
         [
-            "A random road of ISO 8608 class E, smoothed over the contact of the tire; the figure shows the first of five stretches. The paper "
-            f"does not describe its terrain, and the class decides the verdicts on {ABSORBED_POWER_LIMIT:g} W. {window}{ABSORBED_POWER_LIMIT:g} W on "
-            "every stretch.",
+            (
+                "A random road of ISO 8608 class E, smoothed over the contact of the tire; the figure shows the first"
+                " of five stretches. The paper does not describe its terrain, and the class decides the verdicts on"
+                f" {ABSORBED_POWER_LIMIT:g} W. {window}{ABSORBED_POWER_LIMIT:g} W on every stretch."
+            ),
             f"The LQR whose weights are read with the force in kN absorbs {others:.2f} W, MPC {power:.2f} W: "
             + ("it beats MPC" if others < power else "MPC beats it")
-            + f". Its suspension moves up to {highest:.0f} mm and is beyond the {limit:g} mm of Table 1.3 {often:.1f} % of the time. MPC's own "
-            f"goes to {peak:.0f} mm and is beyond them {over:.2f} % of the time, since that limit is soft. With {PUMP.words(study)} the LQR in kN is at "
-            f"{study.power(PUMP(kilonewton)):.1f} W and MPC at {study.power(PUMP(mpc)):.1f} W.",
+            + f". Its suspension moves up to {highest:.0f} mm and is beyond the {limit:g} mm of Table 1.3 {often:.1f} %"
+            f" of the time. MPC's own goes to {peak:.0f} mm and is beyond them {over:.2f} % of the time, since that"
+            f" limit is soft. With {PUMP.words(study)} the LQR in kN is at {study.power(PUMP(kilonewton)):.1f} W and"
+            f" MPC at {study.power(PUMP(mpc)):.1f} W.",
         ],
         figures=[
             Figure(
@@ -276,15 +308,22 @@ def _preview(study: Averages) -> Section:
     return Section(
         "Preview",
         [
-            f"Preview takes {taken.median:.0f} % off the absorbed power over one 76 mm bump, the paper measured "
-            f"15 %. A preview of {enough} steps of {1e3 * CONTROL_PERIOD:.0f} ms is within 10 % of one of {lengths[-1]}.",
-            "The paper's preview was generated: a known profile at a distance that the car integrates from its speed, with an error "
+            (
+                f"Preview takes {taken.median:.0f} % off the absorbed power over one 76 mm bump, the paper measured 15"
+                f" %. A preview of {enough} steps of {1e3 * CONTROL_PERIOD:.0f} ms is within 10 % of one of"
+                f" {lengths[-1]}."
+            ),
+            "The paper's preview was generated: a known profile at a distance that the car integrates from its speed,"
+            " with an error "
             + (
-                f"that it shows to grow along the track. Of those tried, {', '.join(f'{ms:+d}' for ms in inside)} ms leave {PREVIEW_GAIN.low:g} to "
-                f"{PREVIEW_GAIN.high:g} % (positive: the preview shows the bump too late)"
+                f"that it shows to grow along the track. Of those tried, {', '.join(f'{ms:+d}' for ms in inside)} ms"
+                f" leave {PREVIEW_GAIN.low:g} to {PREVIEW_GAIN.high:g} % (positive: the preview shows the bump too"
+                " late)"
                 if inside
-                else "that it shows to grow along the track; none that was tried leaves "
-                f"{PREVIEW_GAIN.low:g} to {PREVIEW_GAIN.high:g} %"
+                else (
+                    "that it shows to grow along the track; none that was tried leaves "
+                    f"{PREVIEW_GAIN.low:g} to {PREVIEW_GAIN.high:g} %"
+                )
             )
             + (f"; at {', '.join(f'{ms:+d}' for ms in worse)} ms it is worse than none. " if worse else ". ")
             + ("What the paper measured fits a preview in the wrong place." if inside else ""),
@@ -299,8 +338,8 @@ def _preview(study: Averages) -> Section:
             Figure(
                 "preview-length-and-error",
                 "Length and position error of the preview, one 76 mm bump",
-                "Beyond its length a preview continues at its last height. Band: over the places of the bump between two samples of the "
-                "controller.",
+                "Beyond its length a preview continues at its last height. Band: over the places of the bump between"
+                " two samples of the controller.",
                 [
                     Panel(
                         "length",
@@ -314,7 +353,12 @@ def _preview(study: Averages) -> Section:
                         "absorbed power [W]",
                         [
                             Series(
-                                "MPC with displaced preview", metres, by_error, low=spread[:, 0], high=spread[:, 1], color="green",
+                                "MPC with displaced preview",
+                                metres,
+                                by_error,
+                                low=spread[:, 0],
+                                high=spread[:, 1],
+                                color="green",
                                 mode="line+markers",
                             ),
                             Series("without preview", [metres[0], metres[-1]], [base] * 2, color="vermilion"),
@@ -345,7 +389,7 @@ def _preview(study: Averages) -> Section:
                 OF_MEDIANS,
             )
         ],
-    )  # fmt: skip
+    )
 
 
 def _estimates(study: Averages) -> Section:
@@ -357,29 +401,40 @@ def _estimates(study: Averages) -> Section:
             sensed = study.power(estimated(controller, road, sensed=True)) if controller == "mpc-preview" else None
             rows.append(
                 [
-                    ROAD_NAMES[road], NAMES[controller], round(true, 2), round(ours, 2), round(100 * (ours / true - 1), 1),
+                    ROAD_NAMES[road],
+                    NAMES[controller],
+                    round(true, 2),
+                    round(ours, 2),
+                    round(100 * (ours / true - 1), 1),
                     None if sensed is None else round(sensed, 2),
                 ]
-            )  # fmt: skip
+            )
     return Section(
         "Estimated states and sensed preview",
         [
-            "Estimated states come from the Kalman filter downstream of 22 noisy sensors, the generated preview from a profile at the "
-            "distance of the speedometer, the sensed preview from two range sensors, corrected for the pose of the body and buffered.",
+            (
+                "Estimated states come from the Kalman filter downstream of 22 noisy sensors, the generated preview"
+                " from a profile at the distance of the speedometer, the sensed preview from two range sensors,"
+                " corrected for the pose of the body and buffered."
+            ),
         ],
         tables=[
             Table(
                 "estimates",
                 "Absorbed power with true and with estimated states",
                 [
-                    "road", "controller", "true states [W]", "estimated states [W]", "difference [%]",
+                    "road",
+                    "controller",
+                    "true states [W]",
+                    "estimated states [W]",
+                    "difference [%]",
                     "with sensed preview [W]",
                 ],
                 rows,
                 OF_MEDIANS,
             )
         ],
-    )  # fmt: skip
+    )
 
 
 def _assumptions(study: Averages) -> Section:
@@ -391,19 +446,28 @@ def _assumptions(study: Averages) -> Section:
     ]
     options: list[list[Scalar]] = [
         [
-            ROAD_NAMES[road], NAMES[c], round(study.power(Case(road, c)), 2),
-            round(study.power(Case(road, c, lift_off=False)), 2), round(study.power(Case(road, c, friction=True)), 2),
+            ROAD_NAMES[road],
+            NAMES[c],
+            round(study.power(Case(road, c)), 2),
+            round(study.power(Case(road, c, lift_off=False)), 2),
+            round(study.power(Case(road, c, friction=True)), 2),
         ]
         for road in ("track", "bump")
         for c in PUBLISHED
-    ]  # fmt: skip
+    ]
     return Section(
         "What the assumptions decide",
         [
-            "The paper emulates the passive car with the pump off and the valves unpowered. How far an unpowered spool stays open is "
-            f"not given; {study.null_opening_mm:g} mm is assumed here. A closed one would lock the struts. The absorbed power of the passive car, and with it every "
-            "ratio to it, depends on this opening; each such claim says by how much.",
-            "Tires lift off here, as real ones do. Tires that take tension make the big bump far worse for the passive car.",
+            (
+                "The paper emulates the passive car with the pump off and the valves unpowered. How far an unpowered"
+                f" spool stays open is not given; {study.null_opening_mm:g} mm is assumed here. A closed one would lock"
+                " the struts. The absorbed power of the passive car, and with it every ratio to it, depends on this"
+                " opening; each such claim says by how much."
+            ),
+            (
+                "Tires lift off here, as real ones do. Tires that take tension make the big bump far worse for the"
+                " passive car."
+            ),
         ],
         tables=[
             Table(
@@ -427,17 +491,28 @@ def _limits(study: Averages) -> Section:
     return Section(
         "What differs from the paper",
         [
-            "The paper measured on a vehicle; these are runs of a model with seven degrees of freedom, linear but for tires that lift off; without those it is "
-            "also what the controllers and the filter are designed on.",
-            "Roads: the bumps' shape, which bumps stood where and the off-road terrain are not in the paper. A bump is a parabola "
-            f"0.305 m long smoothed over 0.25 m of contact, {' and '.join(f'{1e3 * h:g} mm' for h in BUMPS['track'].values())} high on the "
-            f"track; off road is class E of ISO 8608. The bump of {1e3 * BUMPS['bump'][1]:g} mm is higher than the 60 mm of travel, which the "
-            "road reports: what the contact does not smooth away, body and tires must take.",
-            "The weights of the LQR are taken in SI units with the force in newtons, so that it hardly requests force; taken in kilonewtons the "
-            f"regulator works up to its limit of 8 kN (section off road; on the track it absorbs {study.power(Case('track', 'lqr-kilonewton')):.1f} W). "
-            "The force rate of MPC is 5000 N per step of 30 ms; read as printed, per second, MPC would hardly move.",
-            "The human response filter of the paper takes acceleration in ft/s2; the print says m/s2, with which every car "
-            "would be below 6 W.",
+            (
+                "The paper measured on a vehicle; these are runs of a model with seven degrees of freedom, linear but"
+                " for tires that lift off; without those it is also what the controllers and the filter are"
+                " designed on."
+            ),
+            (
+                "Roads: the bumps' shape, which bumps stood where and the off-road terrain are not in the paper. A"
+                " bump is a parabola 0.305 m long smoothed over 0.25 m of contact,"
+                f" {' and '.join(f'{1e3 * h:g} mm' for h in BUMPS['track'].values())} high on the track; off road is"
+                f" class E of ISO 8608. The bump of {1e3 * BUMPS['bump'][1]:g} mm is higher than the 60 mm of travel,"
+                " which the road reports: what the contact does not smooth away, body and tires must take."
+            ),
+            (
+                "The weights of the LQR are taken in SI units with the force in newtons, so that it hardly requests"
+                " force; taken in kilonewtons the regulator works up to its limit of 8 kN (section off road; on the"
+                f" track it absorbs {study.power(Case('track', 'lqr-kilonewton')):.1f} W). The force rate of MPC is"
+                " 5000 N per step of 30 ms; read as printed, per second, MPC would hardly move."
+            ),
+            (
+                "The human response filter of the paper takes acceleration in ft/s2; the print says m/s2, with which"
+                " every car would be below 6 W."
+            ),
         ],
     )
 

@@ -50,9 +50,18 @@ PREVIEWS = ("generated", "sensed")  # a known profile at the distance travelled,
 PREVIEW_STEPS = PREVIEW_POINTS - 1  # heights ahead of the one under the wheel, 30 ms apart
 PLANT = "RideCarHmmwv"
 FMUS = (
-    *SPEEDS.values(), *dict.fromkeys(ROADS.values()), PLANT, "RideComfort", *dict.fromkeys(filter(None, CONTROLLERS.values())),
-    "HydraulicActuator", "ForceTracking", "SensorSuite", "KalmanHmmwv", "PreviewSensor", "PreviewBuffer",
-)  # fmt: skip
+    *SPEEDS.values(),
+    *dict.fromkeys(ROADS.values()),
+    PLANT,
+    "RideComfort",
+    *dict.fromkeys(filter(None, CONTROLLERS.values())),
+    "HydraulicActuator",
+    "ForceTracking",
+    "SensorSuite",
+    "KalmanHmmwv",
+    "PreviewSensor",
+    "PreviewBuffer",
+)
 
 SHIFTS = 6  # places of the first bump within one control period that are averaged over
 STRETCHES = 5  # stretches of the off-road profile that do not overlap
@@ -101,23 +110,38 @@ class Case(Stepped):
         help="heights ahead that mpc-preview gets, 30 ms apart",
     )
     preview_error_ms: float = option(
-        0.0, name="preview-error", unit="ms", within=(-200, 200), only=_PREVIEW, label="{:+g}ms",
+        0.0,
+        name="preview-error",
+        unit="ms",
+        within=(-200, 200),
+        only=_PREVIEW,
+        label="{:+g}ms",
         help="the preview shows the road this much too late",
-    )  # fmt: skip
+    )
     flow_limit: bool = option(False, only=_HYDRAULIC, help="limit the pump's flow to each actuator")
     friction: bool = option(False, help="dry friction in the suspensions")
     pump_l_min: float | None = option(
-        None, name="pump", unit="l/min", within=(1, 1000), only=_LIMITED, label="{:g}lmin",
+        None,
+        name="pump",
+        unit="l/min",
+        within=(1, 1000),
+        only=_LIMITED,
+        label="{:g}lmin",
         help="flow of the pump to each actuator; by default as in the actuator's FMU",
-    )  # fmt: skip
+    )
     shared_pump: bool = option(
         False, only=_LIMITED, help="four actuators share the pump: each gets a quarter of its flow"
     )
     lift_off: bool = option(True, help="tires lift off the road instead of taking tension")
     null_opening_mm: float | None = option(
-        None, name="null-opening", unit="mm", within=(0.01, 50), only=_HYDRAULIC, label="{:g}mm",
+        None,
+        name="null-opening",
+        unit="mm",
+        within=(0.01, 50),
+        only=_HYDRAULIC,
+        label="{:g}mm",
         help="opening of a valve without power; by default as in the actuator's FMU",
-    )  # fmt: skip
+    )
     driven: bool = option(False, help="the speed is an input, speed.target.speed, for people and programs that drive")
     duration: float | None = option(
         None, unit="s", label="{:g}s", help="length; by default until 1.5 s after the last bump, off road 22 s"
@@ -141,7 +165,9 @@ class Case(Stepped):
         if self.preview == "sensed" and self.preview_error_ms:
             raise CaseError("a preview error is for the generated preview; the sensed one has its own")
         if self.driven and self.separate_map and self.states == "true":
-            raise CaseError("where somebody drives, a preview error needs states that are estimated: --states estimated")
+            raise CaseError(
+                "where somebody drives, a preview error needs states that are estimated: --states estimated"
+            )
         if self.duration is not None and not 0.5 <= self.duration <= self.longest:
             raise CaseError(f"duration {self.duration:g} s: give 0.5 to {self.longest:.1f} s")
 
@@ -170,10 +196,18 @@ class Case(Stepped):
 def passive(case: Case) -> Case:
     """What a run is compared with."""
     return Case(
-        case.road, "passive", speed_kmh=case.speed_kmh, variant=case.variant, friction=case.friction, lift_off=case.lift_off,
-        null_opening_mm=case.null_opening_mm, driven=case.driven, duration=case.duration, solver_parts=case.solver_parts,
+        case.road,
+        "passive",
+        speed_kmh=case.speed_kmh,
+        variant=case.variant,
+        friction=case.friction,
+        lift_off=case.lift_off,
+        null_opening_mm=case.null_opening_mm,
+        driven=case.driven,
+        duration=case.duration,
+        solver_parts=case.solver_parts,
         exchange_parts=case.exchange_parts,
-    )  # fmt: skip
+    )
 
 
 def without_actuators(case: Case) -> Case:
@@ -182,8 +216,9 @@ def without_actuators(case: Case) -> Case:
 
 
 def own_baseline(case: Case, fmus: FmuSet) -> Case:
-    """What a run with a user's vehicle is compared with: that vehicle without actuators. The paper's hydraulic actuators, which resist when
-    their pump is off, belong to the HMMWV."""
+    """What a run with a user's vehicle is compared with: that vehicle without actuators. The paper's hydraulic
+    actuators, which resist when their pump is off, belong to the HMMWV.
+    """
     return without_actuators(case) if PLANT in fmus.own else passive(case)
 
 
@@ -222,9 +257,15 @@ def over_variants(case: Case, count: int | None = None) -> list[Case]:
 def structure(case: Case) -> tuple[object, ...]:
     """What decides the wiring."""
     return (
-        case.road, case.controller, case.actuators, case.states, case.preview, case.preview_error_ms != 0, case.driven,
+        case.road,
+        case.controller,
+        case.actuators,
+        case.states,
+        case.preview,
+        case.preview_error_ms != 0,
+        case.driven,
         case.exchange_parts,
-    )  # fmt: skip
+    )
 
 
 def wire(fmus: FmuSet, case: Case, *, comfort: bool = True) -> System:
@@ -422,8 +463,9 @@ METRICS = {
 def measure(run: Run) -> Row:
     """Metrics of one run.
 
-    ``absorbed_power`` [W] is the published figure: over bumps the peak of a moving mean over 1 s, off road the mean of the run
-    (after the ramp). Both from the heave of the CG. ``flow_limit`` [l/min] and ``null_opening`` [m] are those of its actuators.
+    ``absorbed_power`` [W] is the published figure: over bumps the peak of a moving mean over 1 s, off road the mean of
+    the run (after the ramp). Both from the heave of the CG. ``flow_limit`` [l/min] and ``null_opening`` [m] are those
+    of its actuators.
     """
     case, r = run.case, run.recording
     az = r["car.body.az"]
@@ -485,8 +527,9 @@ SIGNAL_STEP = {"track": 2, "bump": 2, "off-road": 4}  # samples of 1 ms between 
 
 
 def signals(run: Run) -> Row:
-    """Signals of a run for figures by name, thinned and rounded: :data:`SIGNALS` [SI units] and the absorbed power of the last
-    second [W]."""
+    """Signals of a run for figures by name, thinned and rounded: :data:`SIGNALS` [SI units] and the absorbed power of
+    the last second [W].
+    """
     r = run.recording
     shown = {name: r[column] for name, column in SIGNALS.items() if column in r}
     shown["power_window"] = absorbed_power_window(r["car.body.az"], RATE)

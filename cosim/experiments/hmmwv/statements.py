@@ -1,4 +1,5 @@
-"""What paper 001 states of the whole vehicle: each statement as a figure that runs give, and the rule it is judged by."""
+"""What paper 001 states of the whole vehicle: each statement as a figure that runs give, and the rule it
+is judged by."""
 
 from __future__ import annotations
 
@@ -37,9 +38,10 @@ ALIKE = (
 class Statement:
     """One published statement on the controlled car.
 
-    ``figure`` gives the figure over the places, ``side`` says of one value whether it is on the claimed side, ``band`` is for
-    the median, a bound for every value. ``controllers``: whose runs it needs (and the passive car's). ``fitted``: what was
-    chosen, from study and condition. ``nothing``: what a figure of 0 over 0 means, where there may be one.
+    ``figure`` gives the figure over the places, ``side`` says of one value whether it is on the claimed side, ``band``
+    is for the median, a bound for every value. ``controllers``: whose runs it needs (and the passive car's).
+    ``fitted``: what was chosen, from study and condition. ``nothing``: what a figure of 0 over 0 means, where there may
+    be one.
     """
 
     id: str
@@ -79,7 +81,8 @@ def times_better(road: str, controller: str) -> Callable[[Averages, Condition], 
 def gain(
     road: str, controller: str, others: Sequence[str], key: str = "absorbed_power"
 ) -> Callable[[Averages, Condition], Distribution]:
-    """How far [%] a controller's metric is below the lowest of the others', place by place; nan where that is 0 over 0."""
+    """How far [%] a controller's metric is below the lowest of the others', place by place; nan where
+    that is 0 over 0."""
 
     def found(study: Averages, at: Condition) -> Distribution:
         each = [study.ratio(at(Case(road, controller)), at(Case(road, o)), key).values for o in others]
@@ -127,9 +130,9 @@ def _opening(road: str, controller: str, band: Band) -> Callable[[Averages, Cond
         return "; ".join(
             t
             for t in (
-                f"null opening of the unpowered spool, which damps the passive car: {study.null_opening_mm:g} mm, assumed with the passive "
-                f"figure in view; {span} are plausible and give {least:.2f} to {most:.2f} times"
-                + ("" if same else ", in and out of the band"),
+                f"null opening of the unpowered spool, which damps the passive car: {study.null_opening_mm:g} mm,"
+                f" assumed with the passive figure in view; {span} are plausible and give {least:.2f} to {most:.2f}"
+                " times" + ("" if same else ", in and out of the band"),
                 _reading(controller),
             )
             if t
@@ -151,8 +154,8 @@ def _terrain(controller: str) -> Callable[[Averages, Condition], str]:
     def text(study: Averages, at: Condition) -> str:
         low, high = roughness_range(study, at)
         only = (
-            f"MPC alone stays below {ABSORBED_POWER_LIMIT:g} W for spectra of about {low:.2f} to {high:.2f} times that one (power taken as "
-            "proportional)"
+            f"MPC alone stays below {ABSORBED_POWER_LIMIT:g} W for spectra of about {low:.2f} to {high:.2f} times that"
+            " one (power taken as proportional)"
             if low < high
             else f"on no spectrum does MPC alone stay below {ABSORBED_POWER_LIMIT:g} W (power taken as proportional)"
         )
@@ -216,7 +219,8 @@ STATEMENTS = (
         ("skyhook", "lqr", "mpc"),
         apart("track", ("skyhook", "lqr"), "mpc"),
         lambda x: abs(x) <= ALIKE,
-        f'both within {ALIKE:g} % of MPC at every place of the bumps: no more than the paper\'s "slightly better" leaves room for',
+        f'both within {ALIKE:g} % of MPC at every place of the bumps: no more than the paper\'s "slightly better"'
+        " leaves room for",
         "MPC goes further than the others",
         fitted=lambda study, at: _reading("lqr"),
     ),

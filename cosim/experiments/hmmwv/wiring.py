@@ -45,8 +45,9 @@ def add_car(system: System, fmus: FmuSet, road: str, *, step: Fraction, driven: 
 def add_actuators(system: System, fmus: FmuSet, *, driven: bool, step: Fraction = EXCHANGE) -> None:
     """Four hydraulic actuators on the car, shut bypass as published; ``driven``: something sets their valves.
 
-    Car and actuators advance together every ``step``, the car first (Gauss-Seidel): the oil column between them is too stiff
-    for an exchange side by side. They see each other's values of the middle of each step; plain ones would lag by half of it.
+    Car and actuators advance together every ``step``, the car first (Gauss-Seidel): the oil column between them is too
+    stiff for an exchange side by side. They see each other's values of the middle of each step; plain ones would lag by
+    half of it.
     """
     for k in CORNERS:
         actuator = f"actuator_{k}"
@@ -59,11 +60,12 @@ def add_actuators(system: System, fmus: FmuSet, *, driven: bool, step: Fraction 
 
 
 def connect_corner(system: System, order: str = "gauss-seidel", *, extrapolate: bool = True) -> None:
-    """Wire ``car`` (a quarter car), ``actuator`` and ``tracking``; where the desired force comes from is up to the caller.
+    """Wire ``car`` (a quarter car), ``actuator`` and ``tracking``; where the desired force comes from is up to the
+    caller.
 
     The oil column between car and actuator is stiff (44 MN/m): they advance one after the other, the car first. Values
-    of the middle of each step (``extrapolate``) make the exchange of second order; without them the force lags by half of an exchange
-    step, which at 0.5 ms costs as much tracking error as the law itself.
+    of the middle of each step (``extrapolate``) make the exchange of second order; without them the force lags by half
+    of an exchange step, which at 0.5 ms costs as much tracking error as the law itself.
     """
     system.connect("actuator.force", "car.force", extrapolate=extrapolate)
     system.connect("car.suspension.velocity", "actuator.piston.velocity", extrapolate=extrapolate)
@@ -87,7 +89,9 @@ def add_sensors(system: System, fmus: FmuSet) -> None:
 
 
 def add_preview_chain(system: System, fmus: FmuSet) -> None:
-    """Downstream of sensors and filter: correction of the ranges by the estimated pose, the buffer, and the road back to both."""
+    """Downstream of sensors and filter: correction of the ranges by the estimated pose, the buffer, and the road back
+    to both.
+    """
     system.add("preview_sensor", fmus.path("PreviewSensor"))
     system.add("buffer", fmus.path("PreviewBuffer"))
     system.connect_matching("sensors", "preview_sensor", "range.*")

@@ -72,9 +72,15 @@ LIMITS = Crossing(150.0, 100.0, 5.0, 5.0, 15.0, 225.0, 225.0, 225.0)
 """What a crossing must not exceed. Kale, Table 5.3."""
 
 WEIGHTS: Mapping[str, float] = {
-    "az": 12.5, "ax": 17.5, "az_rms": 12.5, "ax_rms": 15.0, "pitch": 17.5, "hub_front": 10.0, "hub_middle": 7.5,
+    "az": 12.5,
+    "ax": 17.5,
+    "az_rms": 12.5,
+    "ax_rms": 15.0,
+    "pitch": 17.5,
+    "hub_front": 10.0,
+    "hub_middle": 7.5,
     "hub_rear": 7.5,
-}  # fmt: skip
+}
 """Shares of the cost function in per cent. Kale, Table 5.10."""
 
 BEST, WORST = 5.0, 1.0  # scores; Kale, Table 5.9
@@ -106,17 +112,20 @@ def psd_rms(acceleration_m_s2: npt.ArrayLike, rate_hz: float = PSD_RATE, *, name
 
 
 def crossing(
-    az_m_s2: npt.ArrayLike, ax_m_s2: npt.ArrayLike, pitch_rad: npt.ArrayLike, hub_fx_n: npt.ArrayLike,
+    az_m_s2: npt.ArrayLike,
+    ax_m_s2: npt.ArrayLike,
+    pitch_rad: npt.ArrayLike,
+    hub_fx_n: npt.ArrayLike,
     rate_hz: float = PSD_RATE,
-) -> Crossing:  # fmt: skip
+) -> Crossing:
     """The quantities of a run.
 
     Args:
         az_m_s2, ax_m_s2: accelerations of the body (samples,).
         pitch_rad: pitch of the body (samples,).
         hub_fx_n: longitudinal hub forces [N] (samples, 2 * axles = 6), axle by axle from the front, left and right.
-        rate_hz: samples per second. Peaks are those of all samples; an RMS is that of every n-th one, at 1 kHz, where the
-            rate is n times as high.
+        rate_hz: samples per second. Peaks are those of all samples; an RMS is that of every n-th one, at 1 kHz, where
+            the rate is n times as high.
 
     Raises:
         ValueError: a signal has another shape or length, or a value is not finite.
@@ -173,7 +182,8 @@ def cost_of_limits() -> float:
 
 
 def normalised(value: float, costs: Iterable[float]) -> float:
-    """Cost between 0 (the lowest of ``costs``) and 1 (the highest), over runs with and without control. Kale, Table 5.11.
+    """Cost between 0 (the lowest of ``costs``) and 1 (the highest), over runs with and without control. Kale, Table
+    5.11.
 
     Raises:
         ValueError: all costs are the same.

@@ -1,7 +1,8 @@
-"""Paper 004: what preview buys on a car with seven degrees of freedom, by optimal LQ control with three information patterns.
+"""Paper 004: what preview buys on a car with seven degrees of freedom, by optimal LQ control with three information
+patterns.
 
-``runs`` wires, runs and measures; ``design`` has the poles of the continuous design, which are no run; ``published`` has what
-the paper prints and the runs that stand beside it; ``claims`` judges; ``report`` lays out.
+``runs`` wires, runs and measures; ``design`` has the poles of the continuous design, which are no run; ``published``
+has what the paper prints and the runs that stand beside it; ``claims`` judges; ``report`` lays out.
 """
 
 from cosim.experiments.preview_lq import published, runs

@@ -88,25 +88,33 @@ def short_preview(study: Results, *, hold_tail: bool = False) -> list[float]:
 def _poles(study: Results) -> Finding:
     worst = max(e for p, _, e in matched(eigenvalues(study, "comfort")) if p not in LOW_PAIRS)
     return Finding(
-        f"within {100 * worst:.1f} %", worst <= POLE_TOLERANCE, "the vehicle or the weights differ",
-        criterion=POLES, fitted=sprung_mass(study),
-    )  # fmt: skip
+        f"within {100 * worst:.1f} %",
+        worst <= POLE_TOLERANCE,
+        "the vehicle or the weights differ",
+        criterion=POLES,
+        fitted=sprung_mass(study),
+    )
 
 
 @CLAIMS.claim(
-    "poles-low", "The two remaining low pairs of the ride-comfort design", published="-5.31+6.14i, -4.00+5.07i", source="Table 2"
-)  # fmt: skip
+    "poles-low",
+    "The two remaining low pairs of the ride-comfort design",
+    published="-5.31+6.14i, -4.00+5.07i",
+    source="Table 2",
+)
 def _poles_low(study: Results) -> Finding:
     pairs = [(o, e) for p, o, e in matched(eigenvalues(study, "comfort")) if p in LOW_PAIRS]
     off = [e for _, e in pairs]
     missing = max(e for _, _, e in matched(eigenvalues(study, "comfort, one entry missing")))
     return Finding(
-        ", ".join(f"{o.real:.2f}+{o.imag:.2f}i" for o, _ in pairs), max(off) <= POLE_TOLERANCE,
-        f"{100 * min(off):.0f} to {100 * max(off):.0f} % away: with one entry of the cross weight N left out "
-        f"({' and '.join(MISSING_ENTRY)}) all seven printed pairs come out within {100 * missing:.1f} %; the index as printed "
-        "gives ours",
-        criterion=POLES, fitted=sprung_mass(study),
-    )  # fmt: skip
+        ", ".join(f"{o.real:.2f}+{o.imag:.2f}i" for o, _ in pairs),
+        max(off) <= POLE_TOLERANCE,
+        f"{100 * min(off):.0f} to {100 * max(off):.0f} % away: with one entry of the cross weight N left out"
+        f" ({' and '.join(MISSING_ENTRY)}) all seven printed pairs come out within {100 * missing:.1f} %; the index as"
+        " printed gives ours",
+        criterion=POLES,
+        fitted=sprung_mass(study),
+    )
 
 
 # ------------------------------------------------------------------------------------------------------------ Table 3
@@ -116,24 +124,32 @@ def _claims_of_table_3(input_: str, controller: str) -> None:
     printed, source = PRINTED[input_, controller][-1], f"Table 3{PARTS[input_, 'comfort']}"
 
     @CLAIMS.claim(
-        f"index-{input_}-{controller}", f"The {controller} system lowers the index of ride comfort, {INPUT_NAMES[input_]}",
-        published=f"{printed:g} % of passive", source=source,
-    )  # fmt: skip
+        f"index-{input_}-{controller}",
+        f"The {controller} system lowers the index of ride comfort, {INPUT_NAMES[input_]}",
+        published=f"{printed:g} % of passive",
+        source=source,
+    )
     def _index(study: Results) -> Finding:
         j = relative_index(study, input_, "comfort", controller)
         return Finding(
-            f"{j:.1f} %", j < 100, "the printed design has other low poles", j, "%",
+            f"{j:.1f} %",
+            j < 100,
+            "the printed design has other low poles",
+            j,
+            "%",
             Band.around(printed, J_TOLERANCE, "computed from printed data, so half of the usual 10 %"),
-            criterion="below the passive car's", fitted=sprung_mass(study),
-        )  # fmt: skip
+            criterion="below the passive car's",
+            fitted=sprung_mass(study),
+        )
 
     both = {c: p for c, p in zip((*PAPER_COLUMNS, "J"), corrected(input_, controller), strict=True) if p is not None}
 
     @CLAIMS.claim(
         f"parts-{input_}-{controller}",
         f"The {controller} system raises and lowers the components as printed, ride comfort, {INPUT_NAMES[input_]}",
-        published=f"{len(both) - 1} mean squares and J (misprints corrected)", source=source,
-    )  # fmt: skip
+        published=f"{len(both) - 1} mean squares and J (misprints corrected)",
+        source=source,
+    )
     def _parts(study: Results) -> Finding:
         row = dict(zip((*PAPER_COLUMNS, "J"), relative(study, input_, "comfort", controller), strict=True))
         ours = {c: o for c in both if (o := row[c]) is not None}
@@ -142,22 +158,30 @@ def _claims_of_table_3(input_: str, controller: str) -> None:
         near = sum(abs(v) <= COMPONENT_TOLERANCE for v in off.values())
         clear = [c for c in ours if abs(both[c] - 100) > 100 * COMPONENT_TOLERANCE]
         return Finding(
-            f"{near} of {len(off)} within {100 * COMPONENT_TOLERANCE:g} %; largest deviation {100 * off[worst]:+.0f} % ({worst})",
+            f"{near} of {len(off)} within {100 * COMPONENT_TOLERANCE:g} %; largest deviation {100 * off[worst]:+.0f} %"
+            f" ({worst})",
             all((ours[c] - 100) * (both[c] - 100) > 0 for c in clear),
-            "the printed design lacks one entry of the cross weight N, which moves its low poles and what depends on them",
-            100 * abs(off[worst]), "%", Band(0.0, 100 * COMPONENT_TOLERANCE, "every printed figure within 10 %"),
-            criterion=f"all on the printed side of passive, where print is more than {100 * COMPONENT_TOLERANCE:g} % from it",
+            "the printed design lacks one entry of the cross weight N, which moves its low poles and what depends on"
+            " them",
+            100 * abs(off[worst]),
+            "%",
+            Band(0.0, 100 * COMPONENT_TOLERANCE, "every printed figure within 10 %"),
+            criterion=(
+                f"all on the printed side of passive, where print is more than {100 * COMPONENT_TOLERANCE:g} % from it"
+            ),
             fitted=sprung_mass(study),
-        )  # fmt: skip
+        )
 
 
 def _claim_of_order(input_: str, weights: str) -> None:
     part = PARTS[input_, weights]
 
     @CLAIMS.claim(
-        f"order-{part}", f"Each kind of information lowers the index, {WEIGHT_NAMES[weights]}, {INPUT_NAMES[input_]}",
-        published="active > delay > preview", source=f"Table 3{part}",
-    )  # fmt: skip
+        f"order-{part}",
+        f"Each kind of information lowers the index, {WEIGHT_NAMES[weights]}, {INPUT_NAMES[input_]}",
+        published="active > delay > preview",
+        source=f"Table 3{part}",
+    )
     def _order(study: Results) -> Finding:
         row = [relative_index(study, input_, weights, c) for c in CONTROLLED]
         return Finding(
@@ -179,19 +203,22 @@ for _part in PARTS:
 
 def _claim_of_preview_time(weights: str, time: float) -> None:
     @CLAIMS.claim(
-        f"preview-time-{weights}", f"A preview of {time:g} s brings most of the benefit, {WEIGHT_NAMES[weights]}",
-        published=f"about {time:g} s", source="Figure 3",
-    )  # fmt: skip
+        f"preview-time-{weights}",
+        f"A preview of {time:g} s brings most of the benefit, {WEIGHT_NAMES[weights]}",
+        published=f"about {time:g} s",
+        source="Figure 3",
+    )
     def _preview_time(study: Results) -> Finding:
         shares = []
         for curve in (over_preview(i, weights) for i in INPUTS):
             none, some, most = (study[curve[t]]["J"] for t in (0.0, time, 0.2))
             shares.append((none - some) / (none - most))
         return Finding(
-            f"{100 * min(shares):.0f} % of the benefit of 0.2 s", min(shares) >= MOST,
+            f"{100 * min(shares):.0f} % of the benefit of 0.2 s",
+            min(shares) >= MOST,
             f"less than {100 * MOST:g} % of the benefit of 0.2 s",
             criterion=f"most: at least {100 * MOST:g} % of what 0.2 s brings, for both inputs",
-        )  # fmt: skip
+        )
 
 
 _claim_of_preview_time("comfort", 0.10)
@@ -199,41 +226,54 @@ _claim_of_preview_time("road-holding", 0.04)
 
 
 @CLAIMS.claim(
-    "one-side-force", "With input on one side the actuators of the other side work less", published="less force", source="Figure 7"
-)  # fmt: skip
+    "one-side-force",
+    "With input on one side the actuators of the other side work less",
+    published="less force",
+    source="Figure 7",
+)
 def _one_side_force(study: Results) -> Finding:
     runs = [study[Case("left", w, "preview")] for w in WEIGHT_SETS]
     ratio = min(r["force.fl"] / r["force.fr"] for r in runs)
     return Finding(
-        f"left over right front force {ratio:.1f} or more", ratio >= 1 + CLEAR, "the other side works as hard",
+        f"left over right front force {ratio:.1f} or more",
+        ratio >= 1 + CLEAR,
+        "the other side works as hard",
         criterion=f"rms force on the driven side at least {100 * CLEAR:g} % larger, with both sets of weights",
-    )  # fmt: skip
+    )
 
 
 @CLAIMS.claim(
-    "rear-rate", "The forces at the rear change faster than at the front", published="higher rate at the rear, all cases",
+    "rear-rate",
+    "The forces at the rear change faster than at the front",
+    published="higher rate at the rear, all cases",
     source="Figures 6, 7",
-)  # fmt: skip
+)
 def _rear_rate(study: Results) -> Finding:
     runs = [study[Case(i, w, "preview")] for i in INPUTS for w in WEIGHT_SETS]
     rates = [r["force.rl.rate"] / r["force.fl.rate"] for r in runs]
     return Finding(
-        f"rear over front {min(rates):.2f} to {max(rates):.2f}", min(rates) > 1,
+        f"rear over front {min(rates):.2f} to {max(rates):.2f}",
+        min(rates) > 1,
         "with preview ahead the front forces rise as fast as the rear ones in at least one of the four cases",
         criterion="rms rate of the force, rear over front, above 1 in all four cases",
-    )  # fmt: skip
+    )
 
 
 @CLAIMS.check(
-    "short-preview", "A preview of 10 to 20 ms is worse than none, and it is the horizon that does it",
-    expected="the index rises; not if the road is taken to continue at its last height", source="Figure 3",
-)  # fmt: skip
+    "short-preview",
+    "A preview of 10 to 20 ms is worse than none, and it is the horizon that does it",
+    expected="the index rises; not if the road is taken to continue at its last height",
+    source="Figure 3",
+)
 def _short_preview(study: Results) -> Finding:
     cut, held = short_preview(study), short_preview(study, hold_tail=True)
     return Finding(
-        f"index up by {100 * (min(cut) - 1):.0f} to {100 * (max(cut) - 1):.0f} % at its worst; with the last height held "
-        f"{100 * (max(held) - 1):+.0f} % at most",
+        f"index up by {100 * (min(cut) - 1):.0f} to {100 * (max(cut) - 1):.0f} % at its worst; with the last height"
+        f" held {100 * (max(held) - 1):+.0f} % at most",
         min(cut) > 1 + NOTICEABLE and max(held) < 1,
         "a short preview lowers the index, or holding the last height does not change that",
-        criterion=f"in all four cases more than {100 * NOTICEABLE:g} % above no preview at 10 or 20 ms, and below it with hold_tail",
-    )  # fmt: skip
+        criterion=(
+            f"in all four cases more than {100 * NOTICEABLE:g} % above no preview at 10 or 20 ms, and below it with"
+            " hold_tail"
+        ),
+    )

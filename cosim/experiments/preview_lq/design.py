@@ -22,7 +22,9 @@ MISSING_ENTRY = ("body.roll_rate", "force.rl")  # of N; without it the design ha
 
 @dataclass(frozen=True)
 class Design:
-    """Closed-loop eigenvalues with some weights; ``without`` (state, control) leaves one entry of the cross weight N out."""
+    """Closed-loop eigenvalues with some weights; ``without`` (state, control) leaves one entry of the cross weight N
+    out.
+    """
 
     weights: str
     without: tuple[str, ...] = ()
@@ -33,7 +35,9 @@ class Design:
         return f"design-{self.weights}" + "-one-entry-missing" * bool(self.without)
 
     def __call__(self, runner: Runner) -> dict[str, Any]:
-        """Eigenvalues of the upper half plane by falling magnitude, as [real, imaginary] [1/s], and the sprung mass in them."""
+        """Eigenvalues of the upper half plane by falling magnitude, as [real, imaginary] [1/s], and the sprung mass in
+        them.
+        """
         said = FmuFile(runner.fmus.path(CAR)).description.parameters
         car = ride_car(load_ride_car("sedan"), name=CAR)  # the equations; the numbers are the FMU's
         plant = ride_plant(car, np.array([float(said[e.name].start) for e in car.model().elements("parameter")]))  # type: ignore[arg-type]
@@ -41,7 +45,8 @@ class Design:
         index = output_index(plant, chosen.outputs(CORNERS), chosen.controls(CORNERS))
         if not self.without:
             eigenvalues = continuous_lq(plant, index).eigenvalues
-        else:  # no longer an index (it is not nonnegative), so the design functions refuse it: the bare Riccati equation
+        # no longer an index (it is not nonnegative), so the design functions refuse it: the bare Riccati equation
+        else:
             state, control = self.without
             N = index.N.copy()
             N[plant.states.index(state), plant.controls.index(control)] = 0.0

@@ -9,16 +9,25 @@ from cosim.study.experiment import Search, Task
 
 PAPER_CORNERS = ("fl", "rl", "fr", "rr")  # LF, LR, RF, RR
 PAPER_COLUMNS = (
-    "body.az", "body.pitch_acceleration", "body.roll_acceleration",
-    *(f"suspension.{k}.deflection" for k in PAPER_CORNERS), *(f"tire.{k}.deflection" for k in PAPER_CORNERS),
-)  # fmt: skip
+    "body.az",
+    "body.pitch_acceleration",
+    "body.roll_acceleration",
+    *(f"suspension.{k}.deflection" for k in PAPER_CORNERS),
+    *(f"tire.{k}.deflection" for k in PAPER_CORNERS),
+)
 WEIGHT_SETS = ("comfort", "road-holding")
 CONTROLLED = tuple(c for c in CONTROLLERS if c != "passive")
 PREVIEW_TIMES = tuple(round(0.01 * i, 2) for i in range(21))  # s
 
 PRINTED_EIGENVALUES = (
-    -28.22 + 72.25j, -10.77 + 67.53j, -9.23 + 70.13j, -8.59 + 67.64j, -5.31 + 6.14j, -4.00 + 5.07j, -3.51 + 4.52j,
-)  # fmt: skip
+    -28.22 + 72.25j,
+    -10.77 + 67.53j,
+    -9.23 + 70.13j,
+    -8.59 + 67.64j,
+    -5.31 + 6.14j,
+    -4.00 + 5.07j,
+    -3.51 + 4.52j,
+)
 """Table 2, ride comfort (upper half plane), 1/s."""
 LOW_PAIRS = (-5.31 + 6.14j, -4.00 + 5.07j)  # of these; the design as printed does not give them
 
@@ -69,7 +78,11 @@ def plan() -> list[Task | Search]:
     seen = [Case(i, w, c) for i in INPUTS for w in WEIGHT_SETS for c in CONTROLLERS]
     seen += [plateau(hold_tail=h) for h in (False, True)]
     others = [
-        case for hold in (False, True) for i in INPUTS for w in WEIGHT_SETS for case in over_preview(i, w, hold_tail=hold).values()
-    ]  # fmt: skip
+        case
+        for hold in (False, True)
+        for i in INPUTS
+        for w in WEIGHT_SETS
+        for case in over_preview(i, w, hold_tail=hold).values()
+    ]
     others += [COARSE, *(case for c in CONTROLLERS for case in halved(Case("both", "comfort", c)).values())]
     return [*(Task(c, signals=True) for c in seen), *(Task(c) for c in others if c not in seen), *DESIGNS.values()]

@@ -70,10 +70,10 @@ def report(study: Results, fmus: FmuSet) -> Report:
         experiment=EXPERIMENT.name,
         title="Optimal preview control of a car with seven degrees of freedom",
         lead=(
-            f"A linear sedan crosses a hole and a bump at {SPEED_KMH:g} km/h, passive and under the optimal LQ law with three "
-            "information patterns: none of the road, the rear wheels' road from the front wheels, and preview ahead. Car, road and "
-            "controller are native FMUs exchanging every millisecond. Tables and figures of Marzbanrad, Hojjat, Zohoor and "
-            "Nikravesh stand beside what these runs give."
+            f"A linear sedan crosses a hole and a bump at {SPEED_KMH:g} km/h, passive and under the optimal LQ law with"
+            " three information patterns: none of the road, the rear wheels' road from the front wheels, and preview"
+            " ahead. Car, road and controller are native FMUs exchanging every millisecond. Tables and figures of"
+            " Marzbanrad, Hojjat, Zohoor and Nikravesh stand beside what these runs give."
         ),
         claims=CLAIMS.judge(study),
         results=[
@@ -113,7 +113,8 @@ def _poles(study: Results) -> Section:
     return Section(
         "Closed-loop poles",
         [
-            f"Poles of the continuous design from the equations and the numbers of the car FMU, with {sprung_mass(study)}."
+            "Poles of the continuous design from the equations and the numbers of the car FMU, with"
+            f" {sprung_mass(study)}."
         ],
         [],
         [table],
@@ -143,7 +144,8 @@ def _table3(study: Results) -> Section:
         tables.append(
             Table(
                 f"table-3{part}",
-                f"{INPUT_NAMES[input_].capitalize()}, {WEIGHT_NAMES[weights]}, per cent of passive (table 3{part} of the paper)",
+                f"{INPUT_NAMES[input_].capitalize()}, {WEIGHT_NAMES[weights]}, per cent of passive (table 3{part} of"
+                " the paper)",
                 ["system", "row", *(f"{n} [%]" for n in _SHORT), "J [%]"],
                 rows,
             )
@@ -151,12 +153,18 @@ def _table3(study: Results) -> Section:
     return Section(
         "Mean squares and index",
         [
-            f"Means over {DURATION:g} s; preview {PREVIEW_TIME:g} s. The size of hole and bump cancels. Columns in the paper's order: left "
-            "front, left rear, right front, right rear.",
-            "Misprints of the table: in a) the active system's s4 (s rr) is 137.0, not 1370; in c) t3 and t4 (t fr, t rr) are ten times too small; roll with "
-            "both sides equal is 0/0, printed as 100.",
-            "Where ours and the printed components differ by more than a few per cent, the printed design differs too: its two low pole "
-            "pairs are off (see the poles).",
+            (
+                f"Means over {DURATION:g} s; preview {PREVIEW_TIME:g} s. The size of hole and bump cancels. Columns in"
+                " the paper's order: left front, left rear, right front, right rear."
+            ),
+            (
+                "Misprints of the table: in a) the active system's s4 (s rr) is 137.0, not 1370; in c) t3 and t4 (t fr,"
+                " t rr) are ten times too small; roll with both sides equal is 0/0, printed as 100."
+            ),
+            (
+                "Where ours and the printed components differ by more than a few per cent, the printed design differs"
+                " too: its two low pole pairs are off (see the poles)."
+            ),
         ],
         [],
         tables,
@@ -172,30 +180,40 @@ def _figure3(study: Results) -> Section:
             curves = [
                 _over_none(study, text, cut, names, _OVER_TIME_COLORS[text]) for text, names in _OVER_TIME.items()
             ]
-            curves.append(_over_none(study, "index J, last height held", held, ["J"], _OVER_TIME_COLORS["index J"], "dash"))
+            curves.append(
+                _over_none(study, "index J, last height held", held, ["J"], _OVER_TIME_COLORS["index J"], "dash")
+            )
             if weights == "comfort":  # the set of weights that table 3 has
                 curves += _printed_over_none(input_)
             panels.append(
                 Panel(
-                    f"{WEIGHT_NAMES[weights]}, {INPUT_NAMES[input_]}", "preview time [s]", "relative to no preview [-]", curves
+                    f"{WEIGHT_NAMES[weights]}, {INPUT_NAMES[input_]}",
+                    "preview time [s]",
+                    "relative to no preview [-]",
+                    curves,
                 )
-            )  # fmt: skip
+            )
     return Section(
         "Preview time",
         [
             "Mean squares over preview time, relative to no preview with the delay between the axles known.",
-            f"The first 10 to 20 ms make the index worse, by up to {100 * (max(short_preview(study)) - 1):.0f} %, before longer "
-            "previews make it better. The law with a finite horizon takes the road beyond it to be at height 0. Seen from the middle of a "
-            "bump, a horizon of 10 ms says that the road is about to fall to 0 within 10 ms, and the front actuators prepare for an edge "
-            "that is not there; the longer the horizon, the farther off and the less urgent the supposed edge. Without any preview the front "
-            "road does not enter the law at all, so nothing false is believed. The dashed curve of the index shows it: if the road is taken to "
-            "continue at its last height instead (hold_tail), every preview is better than none.",
+            (
+                f"The first 10 to 20 ms make the index worse, by up to {100 * (max(short_preview(study)) - 1):.0f} %,"
+                " before longer previews make it better. The law with a finite horizon takes the road beyond it to be"
+                " at height 0. Seen from the middle of a bump, a horizon of 10 ms says that the road is about to fall"
+                " to 0 within 10 ms, and the front actuators prepare for an edge that is not there; the longer the"
+                " horizon, the farther off and the less urgent the supposed edge. Without any preview the front road"
+                " does not enter the law at all, so nothing false is believed. The dashed curve of the index shows it:"
+                " if the road is taken to continue at its last height instead (hold_tail), every preview is better"
+                " than none."
+            ),
         ],
         [
             Figure(
                 "figure-3",
                 "Effect of preview time (figure 3 of the paper)",
-                "Suspension and tire: sums over the four wheels. Points: from the cells of table 3, preview over delay.",
+                "Suspension and tire: sums over the four wheels. Points: from the cells of table 3, preview over"
+                " delay.",
                 panels,
                 columns=2,
             )
@@ -211,7 +229,9 @@ def _over_none(
 
 
 def _printed_over_none(input_: str) -> list[Series]:
-    """What table 3 says of the curves that are no sums: whose parts it gives as per cent of the passive car's, which it does not."""
+    """What table 3 says of the curves that are no sums: whose parts it gives as per cent of the passive car's, which it
+    does not.
+    """
     with_preview, without = (
         dict(zip((*PAPER_COLUMNS, "J"), corrected(input_, c), strict=True)) for c in ("preview", "delay")
     )
@@ -219,7 +239,11 @@ def _printed_over_none(input_: str) -> list[Series]:
     for text, (name, *others) in _OVER_TIME.items():
         above, below = with_preview[name], without[name]
         if not others and above is not None and below is not None:
-            points.append(Series(f"{text}, table 3", [PREVIEW_TIME], [above / below], color=_OVER_TIME_COLORS[text], mode="markers"))
+            points.append(
+                Series(
+                    f"{text}, table 3", [PREVIEW_TIME], [above / below], color=_OVER_TIME_COLORS[text], mode="markers"
+                )
+            )
     return points
 
 
@@ -263,7 +287,7 @@ def _histories(study: Results) -> Section:
 
 def _curve(
     name: str, signals: Row, variable: str, factor: float, color: str | None = None, dash: str | None = None
-) -> Series:  # fmt: skip
+) -> Series:
     return Series(name, signals["time"], factor * np.array(signals[variable]), color=color, dash=dash)  # type: ignore[arg-type]
 
 
@@ -284,7 +308,8 @@ def _sampling(study: Results) -> Section:
     return Section(
         "Sample time",
         [
-            "The law of PreviewLqComfort5ms is designed for its sample time (exact sampled gains and costs), not the 1 ms law run slowly."
+            "The law of PreviewLqComfort5ms is designed for its sample time (exact sampled gains and costs), not the 1"
+            " ms law run slowly."
         ],
         [],
         [table],
@@ -300,10 +325,12 @@ def _refinement(study: Results) -> Section:
         finer = [study[halved(c)[what]]["J"] for c in cases]
         rows.append([f"{what} halved", *finer, 100 * max(abs(f / b - 1) for f, b in zip(finer, base, strict=True))])
     table = Table(
-        "refinement", "Index of ride comfort, both sides, with finer steps",
-        ["steps", *(f"J, {c} [-]" for c in CONTROLLERS), "largest change [%]"], rows,
+        "refinement",
+        "Index of ride comfort, both sides, with finer steps",
+        ["steps", *(f"J, {c} [-]" for c in CONTROLLERS), "largest change [%]"],
+        rows,
         "Solver step and exchange step of the car; controller and road keep their sample time of 1 ms.",
-    )  # fmt: skip
+    )
     return Section("Steps", ["Whether the results depend on the steps."], [], [table])
 
 
@@ -321,7 +348,8 @@ def _offset(study: Results) -> Section:
     figure = Figure(
         "offset",
         f"Driving onto a plateau of {PLATEAU_MM:g} mm",
-        "Without hold_tail the law takes the road to return to height 0 beyond its horizon, for ever, and keeps drawing the body down.",
+        "Without hold_tail the law takes the road to return to height 0 beyond its horizon, for ever, and keeps drawing"
+        " the body down.",
         panels,
         columns=2,
     )
@@ -329,9 +357,10 @@ def _offset(study: Results) -> Section:
     return Section(
         "A road that does not return to zero",
         [
-            "A preview that is truncated at a horizon assumes height 0 beyond it. A constant offset or a slow drift of the road then requests "
-            f"forces without end: {lasting[0]:.0f} N at the front left wheel 2.5 s after a step of {PLATEAU_MM:g} mm. With hold_tail the "
-            f"road is taken to continue at its last height, and the force dies out ({lasting[1]:.1g} N)."
+            "A preview that is truncated at a horizon assumes height 0 beyond it. A constant offset or a slow drift of"
+            f" the road then requests forces without end: {lasting[0]:.0f} N at the front left wheel 2.5 s after a step"
+            f" of {PLATEAU_MM:g} mm. With hold_tail the road is taken to continue at its last height, and the force"
+            f" dies out ({lasting[1]:.1g} N)."
         ],
         [figure],
     )
@@ -343,9 +372,14 @@ def _parameters(fmus: FmuSet) -> list[Parameter]:
     for weights in WEIGHT_SETS:
         w = designed_weights(fmus.path(LAWS[weights][0]))
         for name, value, unit in (
-            ("heave", w.acceleration.heave, "s4/m2"), ("pitch", w.acceleration.pitch, "s4/rad2"), ("roll", w.acceleration.roll, "s4/rad2"),
-            ("suspension, front", w.suspension.front, "1/m2"), ("suspension, rear", w.suspension.rear, "1/m2"),
-            ("tire, front", w.tire.front, "1/m2"), ("tire, rear", w.tire.rear, "1/m2"), ("force", w.force.front, "1/N2"),
-        ):  # fmt: skip
+            ("heave", w.acceleration.heave, "s4/m2"),
+            ("pitch", w.acceleration.pitch, "s4/rad2"),
+            ("roll", w.acceleration.roll, "s4/rad2"),
+            ("suspension, front", w.suspension.front, "1/m2"),
+            ("suspension, rear", w.suspension.rear, "1/m2"),
+            ("tire, front", w.tire.front, "1/m2"),
+            ("tire, rear", w.tire.rear, "1/m2"),
+            ("force", w.force.front, "1/N2"),
+        ):
             rows.append(Parameter(f"weight, {WEIGHT_NAMES[weights]}: {name}", value, unit, w.source))
     return rows

@@ -54,24 +54,36 @@ class Case(Stepped):
 
     input: str = option("both", choices=INPUTS, help="wheels that meet hole and bump", always=True)
     weights: str = option(
-        "comfort", choices=LAWS, files=".toml", help="weights of the law, or a file of your own (build-fmus --weights)",
+        "comfort",
+        choices=LAWS,
+        files=".toml",
+        help="weights of the law, or a file of your own (build-fmus --weights)",
         always=True,
-    )  # fmt: skip
+    )
     controller: str = option(
         "preview", choices=CONTROLLERS, aliases=("system",), help="what the law uses of the road", always=True
     )
     preview_time: float = option(
-        PREVIEW_TIME, unit="s", within=(0, 10), only=_PREVIEW, help="preview ahead of the front wheels",
+        PREVIEW_TIME,
+        unit="s",
+        within=(0, 10),
+        only=_PREVIEW,
+        help="preview ahead of the front wheels",
         label=lambda s: f"{1e3 * s:g}ms",
-    )  # fmt: skip
+    )
     speed_kmh: float = option(
         SPEED_KMH, unit="km/h", within=(0, 200), name="speed", help="speed of the car", label="{:g}kmh"
     )
     shape: str = option("haversine", choices=SHAPES, help="shape of hole and bump, or a plateau behind a step")
     hold_tail: bool = option(False, only=_CONTROLLED, help="take the road to continue at its last height", label="hold")
     tunable: bool = option(
-        False, only=_CONTROLLED, help="the law whose weights are parameters: designed as a run begins, and free to vary in sweeps (controller.weight...)"
-    )  # fmt: skip
+        False,
+        only=_CONTROLLED,
+        help=(
+            "the law whose weights are parameters: designed as a run begins, and free to vary in sweeps"
+            " (controller.weight...)"
+        ),
+    )
 
     @property
     def own_weights(self) -> Path | None:

@@ -1,4 +1,5 @@
-"""The sedan over a hole and a bump: what delay and preview are worth, in a web page whose table is the paper's Table 3."""
+"""The sedan over a hole and a bump: what delay and preview are worth, in a web page whose table is the
+paper's Table 3."""
 
 from __future__ import annotations
 
@@ -14,10 +15,13 @@ _POINTS, _STEP = LQ_PREVIEW
 LONGEST = (_POINTS - 1) * _STEP  # s of preview that the laws can use
 GROUPS = {"comfort": "ride comfort", "road-holding": "road holding"}
 _WEIGHTS = (  # words, parameters, largest
-    ("heave", ["acceleration.heave"], 30.0), ("pitch", ["acceleration.pitch"], 80.0), ("roll", ["acceleration.roll"], 10.0),
-    ("suspension deflection", ["suspension.front", "suspension.rear"], 4e4), ("tire deflection", ["tire.front", "tire.rear"], 4e5),
+    ("heave", ["acceleration.heave"], 30.0),
+    ("pitch", ["acceleration.pitch"], 80.0),
+    ("roll", ["acceleration.roll"], 10.0),
+    ("suspension deflection", ["suspension.front", "suspension.rear"], 4e4),
+    ("tire deflection", ["tire.front", "tire.rear"], 4e5),
     ("actuator forces", ["force.front", "force.rear"], 1e-5),
-)  # fmt: skip
+)
 TITLES = {
     "passive": "Passive",
     "active": "Active",
@@ -36,17 +40,32 @@ def live(case: Case) -> Live:
     ]
     page = WebPage(
         "Tune the preview LQ",
-        "A sedan meets a hole and a bump: passive, with optimal active suspension, with one whose rear wheels know what the front ones met, "
-        "and with one that sees the road ahead (paper 004). The table is the paper's Table 3: mean squares in per cent of the passive car's. Change a "
-        "weight, and the law is designed anew.",
+        "A sedan meets a hole and a bump: passive, with optimal active suspension, with one whose rear wheels know what"
+        " the front ones met, and with one that sees the road ahead (paper 004). The table is the paper's Table 3: mean"
+        " squares in per cent of the passive car's. Change a weight, and the law is designed anew.",
         controls=[
-            Control("preview ahead of the front wheels", ["controller.preview_time"], 0.0, LONGEST, keys=("ArrowLeft", "ArrowRight")),
+            Control(
+                "preview ahead of the front wheels",
+                ["controller.preview_time"],
+                0.0,
+                LONGEST,
+                keys=("ArrowLeft", "ArrowRight"),
+            ),
             Control("speed", ["speed.start.speed"], 5.0 / 3.6, 120.0 / 3.6, keys=("ArrowDown", "ArrowUp")),
             Control("wheels that meet it", ["road.side"], choices={k: float(v) for k, v in INPUTS.items()}),
             Control("depth of the hole", ["road.hole.depth"], 0.0, 0.15),
             Control("height of the bump", ["road.bump.height"], 0.0, 0.15),
-            Control("sprung mass", ["car.body.mass"], 800.0, 2500.0, text="the law is designed for the car as it is at first"),
-            *(Control(f"weight of {words}", [f"controller.weight.{n}" for n in names], None, most) for words, names, most in _WEIGHTS),
+            Control(
+                "sprung mass",
+                ["car.body.mass"],
+                800.0,
+                2500.0,
+                text="the law is designed for the car as it is at first",
+            ),
+            *(
+                Control(f"weight of {words}", [f"controller.weight.{n}" for n in names], None, most)
+                for words, names, most in _WEIGHTS
+            ),
         ],
         plots=["car.body.z", "car.body.pitch", "controller.force.fl"],
         measures=[Measure(n, [f"car.{n}"], "mean square", decimals=1, relative=True) for n in PAPER_COLUMNS],
@@ -54,5 +73,5 @@ def live(case: Case) -> Live:
         pace=0.1,
         group_label="weights for",
         interval=EXCHANGE,
-    )  # fmt: skip
+    )
     return Live(page, cases)

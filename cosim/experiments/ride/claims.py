@@ -17,8 +17,8 @@ from fmu_sources.roads.rms_course import COURSES
 NRMM, DONAHUE = POWERS
 PUMP_OFF: System = ("hmmwv", "passive", "hydraulic")
 _RIDES_ON_TIRES = (
-    "with its pump off its struts hardly move at such speeds, so it rides on its tires, which feel waves of less than a metre; the 1 inch course has "
-    "more of those than the 2 inch course"
+    "with its pump off its struts hardly move at such speeds, so it rides on its tires, which feel waves of less than a"
+    " metre; the 1 inch course has more of those than the 2 inch course"
 )
 SLACK = 2 * TOLERANCE  # by which two searches may differ without meaning anything
 
@@ -45,9 +45,13 @@ def _extent(ratios: dict[str, float]) -> str:
 
 
 @CLAIMS.check(
-    "search", "Every speed that is reported has a run just below its limit and one just above, or one at it",
-    expected=f"runs on both sides within {100 * TOLERANCE:g} % of the speed, or one within {100 * TOLERANCE:g} % of the limit",
-)  # fmt: skip
+    "search",
+    "Every speed that is reported has a run just below its limit and one just above, or one at it",
+    expected=(
+        f"runs on both sides within {100 * TOLERANCE:g} % of the speed, or one within {100 * TOLERANCE:g} % of the"
+        " limit"
+    ),
+)
 def _search(study: Results) -> Finding:
     wrong, total = [], 0
     for search in ran(study):
@@ -61,7 +65,9 @@ def _search(study: Results) -> Finding:
                 shares = [r[metric] / LIMITS[metric] if r["arrived"] else 2.0 for r in near]
                 if not any(abs(s - 1) <= TOLERANCE for s in shares) and not (shares and min(shares) < 1 < max(shares)):
                     wrong.append(f"{_named(search)} at {v:g} km/h")
-    return Finding(f"{total - len(wrong)} of {total} speeds", not wrong, _more(wrong), criterion="every speed of every search")
+    return Finding(
+        f"{total - len(wrong)} of {total} speeds", not wrong, _more(wrong), criterion="every speed of every search"
+    )
 
 
 def _slower(study: Results, metric: str, steps: Sequence[Mapping[str, Any]], criterion: str) -> Finding:
@@ -75,17 +81,24 @@ def _slower(study: Results, metric: str, steps: Sequence[Mapping[str, Any]], cri
     return Finding(f"{len(systems) - len(wrong)} of {len(systems)}", not wrong, _more(wrong), criterion=criterion)
 
 
-@CLAIMS.check("rougher-is-slower", "A rougher course is driven more slowly at 6 W", expected="of every car under every law")
+@CLAIMS.check(
+    "rougher-is-slower", "A rougher course is driven more slowly at 6 W", expected="of every car under every law"
+)
 def _rougher(study: Results) -> Finding:
     courses = [{"course": c, "sides": "alike"} for c in COURSES]
     found = _slower(study, NRMM, courses, "median speed of 6 W (third order) falls from course to course")
-    return replace(found, reason=f"{found.reason}: {_RIDES_ON_TIRES}") if _named_system(PUMP_OFF) in found.reason else found
+    return (
+        replace(found, reason=f"{found.reason}: {_RIDES_ON_TIRES}")
+        if _named_system(PUMP_OFF) in found.reason
+        else found
+    )
 
 
 @CLAIMS.check(
-    "definitions", "6 W by the filter of third order is reached at a lower speed than 6 W by that of second order",
+    "definitions",
+    "6 W by the filter of third order is reached at a lower speed than 6 W by that of second order",
     expected="its power is 1.06 to 1.38 times as high from 1 to 8 Hz",
-)  # fmt: skip
+)
 def _definitions(study: Results) -> Finding:
     ratios = {}
     for search in ran(study):
@@ -100,9 +113,10 @@ def _definitions(study: Results) -> Finding:
 
 
 @CLAIMS.check(
-    "preview-is-faster", "The HMMWV under MPC reaches 6 W at a higher speed with preview than without",
+    "preview-is-faster",
+    "The HMMWV under MPC reaches 6 W at a higher speed with preview than without",
     expected="on every course, with ideal and with hydraulic actuators",
-)  # fmt: skip
+)
 def _preview(study: Results) -> Finding:
     ratios = {}
     for search in on(study, car="hmmwv", controller="mpc-preview"):
@@ -115,7 +129,9 @@ def _preview(study: Results) -> Finding:
         if fast is not None and slow is not None:
             ratios[search.label] = fast / slow
     wrong = [n for n, r in ratios.items() if r <= 1]
-    return Finding(f"{_extent(ratios)} times as fast", not wrong, _more(wrong), criterion="median speed of 6 W (third order)")
+    return Finding(
+        f"{_extent(ratios)} times as fast", not wrong, _more(wrong), criterion="median speed of 6 W (third order)"
+    )
 
 
 def _same_course(a: SpeedLimit, b: SpeedLimit) -> bool:
@@ -123,7 +139,11 @@ def _same_course(a: SpeedLimit, b: SpeedLimit) -> bool:
     return (x.course, x.sides, x.actuators, a.metrics) == (y.course, y.sides, y.actuators, b.metrics)
 
 
-@CLAIMS.check("higher-is-slower", "A higher half-round is crossed more slowly at 2.5 g", expected="of every car under every law")
+@CLAIMS.check(
+    "higher-is-slower", "A higher half-round is crossed more slowly at 2.5 g", expected="of every car under every law"
+)
 def _higher(study: Results) -> Finding:
     heights = [{"course": OBSTACLE, "height": h} for h in HEIGHTS]
-    return _slower(study, "seat_peak", heights, "speed of 2.5 g falls from height to height, of those at which it is reached")
+    return _slower(
+        study, "seat_peak", heights, "speed of 2.5 g falls from height to height, of those at which it is reached"
+    )

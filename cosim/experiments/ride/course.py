@@ -1,4 +1,6 @@
-"""A measured course from an OpenCRG file under any of the cars: its road FMU is made when a run needs it, once per process."""
+"""A measured course from an OpenCRG file under any of the cars: its road FMU is made when a run needs it, once per
+process.
+"""
 
 from __future__ import annotations
 
@@ -38,7 +40,10 @@ def extent(path: Path, half_track: float, wheelbase: float) -> tuple[float, floa
     distance, left, right = heights_from_file(path, half_track)
     length = float(distance[-1] - distance[0])
     if length < wheelbase:
-        raise RoadError(f"{path}: the course is {length:g} m long, shorter than the car between its first and last axle ({wheelbase:g} m)")
+        raise RoadError(
+            f"{path}: the course is {length:g} m long, shorter than the car between its first and last axle"
+            f" ({wheelbase:g} m)"
+        )
     both = np.column_stack([left, right])
     begun = np.flatnonzero((np.abs(both - both[0]) > LEVEL).any(axis=1))
     ended = np.flatnonzero((np.abs(both - both[-1]) > LEVEL).any(axis=1))
@@ -58,13 +63,18 @@ def wheels_of(car: FmuFile) -> tuple[WheelPosition, ...]:
         return tuple(WheelPosition(k, *at) for k, at in places.items())
     if "suspension.front.wheel[1]" in values:  # double wishbones, of the left wheels
         return tuple(
-            WheelPosition(f"{axle[0]}{side[0]}", values[f"suspension.{axle}.wheel[1]"], sign * values[f"suspension.{axle}.wheel[2]"])
+            WheelPosition(
+                f"{axle[0]}{side[0]}",
+                values[f"suspension.{axle}.wheel[1]"],
+                sign * values[f"suspension.{axle}.wheel[2]"],
+            )
             for axle in ("front", "rear")
             for side, sign in (("left", 1), ("right", -1))
         )
     corners = [n.split(".")[1] for n in values if n.startswith("wheel.") and n.endswith(".half_track")]
     return tuple(
-        WheelPosition(k, values[f"wheel.{k}.x"], (1 if k.endswith("l") else -1) * values[f"wheel.{k}.half_track"]) for k in corners
+        WheelPosition(k, values[f"wheel.{k}.x"], (1 if k.endswith("l") else -1) * values[f"wheel.{k}.half_track"])
+        for k in corners
     )
 
 
@@ -81,7 +91,14 @@ def course_under(fmus: FmuSet, path: str, plant: str, preview: tuple[int, float]
     Raises:
         RoadError: the file cannot be used; the message names it and what is wrong.
     """
-    return _made(Path(path), Path(path).stat().st_mtime_ns if Path(path).is_file() else 0, fmus.path(plant), fmus.fmi, preview, radius)
+    return _made(
+        Path(path),
+        Path(path).stat().st_mtime_ns if Path(path).is_file() else 0,
+        fmus.path(plant),
+        fmus.fmi,
+        preview,
+        radius,
+    )
 
 
 @cache

@@ -18,20 +18,43 @@ from fmu_sources.roads.rms_course import COURSES, INCH, SEEDS
 POWERS = ("absorbed_power_nrmm", "absorbed_power")
 PEAK = ("seat_peak",)
 SEEDS_RUN = 3  # profiles of each course, which show the spread
-ONE_SEED = ("mpc", "mpc-preview")  # laws whose runs take so long that the rougher courses, driven more slowly, have one profile
+ONE_SEED = (
+    "mpc",
+    "mpc-preview",
+)  # laws whose runs take so long that the rougher courses, driven more slowly, have one profile
 SPREAD = "1in"  # the course that all laws drive on all profiles
 HEIGHTS = tuple(round(inches * INCH, 4) for inches in (4, 6, 8, 10, 12))  # m, of the half-rounds
 APART = "1in"  # the course that is also driven with different sides
-GUESS = {"hmmwv": (15.0, 0.8, 0.7), "sedan": (40.0, 0.6, 0.47), "6x6": (31.0, 0.63, 0.54), "full-car": (35.0, 0.53, 0.39), "public": (15.0, 0.6, 0.4)}
-"""Where searches begin: speed [km/h] of 6 W on the first course, and parts of it on the others. They decide how many runs a search takes."""
+GUESS = {
+    "hmmwv": (15.0, 0.8, 0.7),
+    "sedan": (40.0, 0.6, 0.47),
+    "6x6": (31.0, 0.63, 0.54),
+    "full-car": (35.0, 0.53, 0.39),
+    "public": (15.0, 0.6, 0.4),
+}
+"""Where searches begin: speed [km/h] of 6 W on the first course, and parts of it on the others. They decide how many
+runs a search takes.
+"""
 FASTER = {
-    ("hmmwv", "passive"): 0.27, ("hmmwv", "lqr-kilonewton"): 1.3, ("hmmwv", "mpc"): 1.3, ("hmmwv", "mpc-preview"): 1.7,
-    ("6x6", "lqr"): 1.15, ("6x6", "mpc"): 0.7, ("6x6", "mpc-preview"): 0.82,
-    ("sedan", "comfort-active"): 1.8, ("sedan", "comfort-delay"): 2.2, ("sedan", "comfort-preview"): 2.5,
-    ("sedan", "road-holding-active"): 0.62, ("sedan", "road-holding-preview"): 2.0,
-}  # fmt: skip
+    ("hmmwv", "passive"): 0.27,
+    ("hmmwv", "lqr-kilonewton"): 1.3,
+    ("hmmwv", "mpc"): 1.3,
+    ("hmmwv", "mpc-preview"): 1.7,
+    ("6x6", "lqr"): 1.15,
+    ("6x6", "mpc"): 0.7,
+    ("6x6", "mpc-preview"): 0.82,
+    ("sedan", "comfort-active"): 1.8,
+    ("sedan", "comfort-delay"): 2.2,
+    ("sedan", "comfort-preview"): 2.5,
+    ("sedan", "road-holding-active"): 0.62,
+    ("sedan", "road-holding-preview"): 2.0,
+}
 """The same for laws under which a car is much faster or slower: times as fast."""
-LONG = {"mpc": 6.0, "mpc-preview": 6.0, **{f"{weights}-{mode}": 4.0 for weights in ("comfort", "road-holding") for mode in MODES}}
+LONG = {
+    "mpc": 6.0,
+    "mpc-preview": 6.0,
+    **{f"{weights}-{mode}": 4.0 for weights in ("comfort", "road-holding") for mode in MODES},
+}
 SLOWER = {"hydraulic": 2.0}
 """Rough time of a run as compared with others, so that the longest searches come first."""
 
@@ -89,10 +112,19 @@ def on_file(system: System, course: str) -> SpeedLimit:
 
 def plan(
     course: Annotated[
-        Path | None, typer.Option("--course", metavar="FILE.crg", help="a measured course (OpenCRG) instead of the synthetic ones")
+        Path | None,
+        typer.Option("--course", metavar="FILE.crg", help="a measured course (OpenCRG) instead of the synthetic ones"),
     ] = None,
     car: Annotated[str | None, typer.Option("--car", metavar="|".join(CARS), help="one car only")] = None,
-    seeds: Annotated[int, typer.Option("--seeds", help=f"profiles of each course; of the rougher ones {' and '.join(ONE_SEED)} drive one", min=1, max=SEEDS)] = SEEDS_RUN,
+    seeds: Annotated[
+        int,
+        typer.Option(
+            "--seeds",
+            help=f"profiles of each course; of the rougher ones {' and '.join(ONE_SEED)} drive one",
+            min=1,
+            max=SEEDS,
+        ),
+    ] = SEEDS_RUN,
 ) -> list[SpeedLimit]:
     """Every search of the study.
 

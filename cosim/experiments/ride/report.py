@@ -1,4 +1,5 @@
-"""Maps that mobility engineers draw: speed over roughness at 6 W, over obstacles at 2.5 g, absorbed power over speed."""
+"""Maps that mobility engineers draw: speed over roughness at 6 W, over obstacles at 2.5 g, absorbed
+power over speed."""
 
 from __future__ import annotations
 
@@ -20,27 +21,51 @@ from fmu_sources.models.comfort import ABSORBED_POWER_LIMIT
 from fmu_sources.roads.rms_course import COURSES
 
 _COLORS = {
-    "passive": "black", "zero": "grey", "skyhook": "sky", "lqr": "orange", "lqr-kilonewton": "vermilion", "mpc": "blue", "mpc-preview": "green",
-    "comfort-active": "blue", "comfort-delay": "sky", "comfort-preview": "green", "road-holding-active": "orange", "road-holding-delay": "grey",
+    "passive": "black",
+    "zero": "grey",
+    "skyhook": "sky",
+    "lqr": "orange",
+    "lqr-kilonewton": "vermilion",
+    "mpc": "blue",
+    "mpc-preview": "green",
+    "comfort-active": "blue",
+    "comfort-delay": "sky",
+    "comfort-preview": "green",
+    "road-holding-active": "orange",
+    "road-holding-delay": "grey",
     "road-holding-preview": "vermilion",
-    "implicit": "blue", "explicit": "orange", "preview": "green",
-}  # fmt: skip
+    "implicit": "blue",
+    "explicit": "orange",
+    "preview": "green",
+}
 _SHOWN = ("iso2631_rms", "travel_rms", "travel_peak", "force_rms", "power_given", "power_supply")  # beside a 6 W speed
-_NUMBER: Mapping[str, int] = {"iso2631_rms": 2, "travel_rms": 1, "travel_peak": 0, "force_rms": 2, "power_given": 2, "power_supply": 1}
+_NUMBER: Mapping[str, int] = {
+    "iso2631_rms": 2,
+    "travel_rms": 1,
+    "travel_peak": 0,
+    "force_rms": 2,
+    "power_given": 2,
+    "power_supply": 1,
+}
 
 
 def report(study: Results, fmus: FmuSet) -> Report:
     """The whole report of a study."""
     file = _file(study)
     makers = (_on_file,) if file else (_maps, _speeds, _power, _obstacles, _definitions, _sides)
-    course = f"the course {file}" if file else "synthetic courses with the rms and spectrum of a proving ground's, and over half-rounds"
+    course = (
+        f"the course {file}"
+        if file
+        else "synthetic courses with the rms and spectrum of a proving ground's, and over half-rounds"
+    )
     return Report(
         experiment=EXPERIMENT.name,
         title="Absorbed power and obstacles: how fast each car can be driven",
         lead=(
-            f"Every car of the project under every law that fits it drives over {course}. How fast it can be driven is where "
-            f"its driver absorbs {ABSORBED_POWER_LIMIT:g} W, and over an obstacle where the seat sees {LIMIT_G:g} g. Everything is of the "
-            "driver's seat, without seat and cushion. Absorbed power is by both definitions in use, which must not be mixed."
+            f"Every car of the project under every law that fits it drives over {course}. How fast it can be driven is"
+            f" where its driver absorbs {ABSORBED_POWER_LIMIT:g} W, and over an obstacle where the seat sees"
+            f" {LIMIT_G:g} g. Everything is of the driver's seat, without seat and cushion. Absorbed power is by both"
+            " definitions in use, which must not be mixed."
         ),
         claims=CLAIMS.judge(study) if not file and _cars(study) == list(CARS) else [],  # they compare cars
         results=[] if file else _results(study),
@@ -63,7 +88,10 @@ def _results(study: Results) -> list[Result]:
         known = [(v, system) for v, system in medians if v is not None]
         shown = [(v, system) for v, system in known if system[1] == "passive"][:1]
         shown += [fastest for fastest in [max(known, default=None)] if fastest is not None and fastest not in shown]
-        found += [Result(f"speed of 6 W, {CAR_NAMES[car]}, {name(system)}, {APART} rms", round(v, 1), "km/h") for v, system in shown]
+        found += [
+            Result(f"speed of 6 W, {CAR_NAMES[car]}, {name(system)}, {APART} rms", round(v, 1), "km/h")
+            for v, system in shown
+        ]
     return found
 
 
@@ -92,14 +120,28 @@ def _speeds(study: Results) -> Section:
         used = [i for i in range(len(columns)) if any(row[i] is not None for row in rows)]
         if rows:
             shown = [[row[i] for i in used] for row in rows]
-            tables.append(Table(f"six-watts-{car}", f"Speeds of 6 W, {CAR_NAMES[car]}", [columns[i] for i in used], shown, _ABOUT_SPEEDS))
+            tables.append(
+                Table(
+                    f"six-watts-{car}",
+                    f"Speeds of 6 W, {CAR_NAMES[car]}",
+                    [columns[i] for i in used],
+                    shown,
+                    _ABOUT_SPEEDS,
+                )
+            )
     return Section(
         "Speeds of 6 W",
         [
-            f"Each speed is found by driving the whole course, to {100 * TOLERANCE:g} %. The courses are the same left and right, as the measured "
-            "ones are, so that a car heaves and pitches on them and does not roll.",
-            "Laws are those of the papers, with their published weights and for their published roads. A law that is tuned for another purpose (pitch of "
-            "the 6x6 over a trench, road holding of the sedan) may well be worse here than no law.",
+            (
+                f"Each speed is found by driving the whole course, to {100 * TOLERANCE:g} %. The courses are the same"
+                " left and right, as the measured ones are, so that a car heaves and pitches on them and does not"
+                " roll."
+            ),
+            (
+                "Laws are those of the papers, with their published weights and for their published roads. A law that"
+                " is tuned for another purpose (pitch of the 6x6 over a trench, road holding of the sedan) may well be"
+                " worse here than no law."
+            ),
         ],
         [],
         tables,
@@ -107,9 +149,10 @@ def _speeds(study: Results) -> Section:
 
 
 _ABOUT_SPEEDS = (
-    "Speeds are medians over the profiles of a course, with the lowest and the highest where several were driven. What stands beside them is of the run on the first "
-    "profile that is nearest to 6 W by the filter of third order. Power given: what all actuators together give while they give; what they take back is lost. A "
-    f"speed is 'never' where {WITHIN[1]:g} km/h stays below 6 W, 'at any speed' where {WITHIN[0]:g} km/h is above."
+    "Speeds are medians over the profiles of a course, with the lowest and the highest where several were driven. What"
+    " stands beside them is of the run on the first profile that is nearest to 6 W by the filter of third order. Power"
+    " given: what all actuators together give while they give; what they take back is lost. A speed is 'never' where"
+    f" {WITHIN[1]:g} km/h stays below 6 W, 'at any speed' where {WITHIN[0]:g} km/h is above."
 )
 _HEADINGS = ("system", "6 W, third order [km/h]", "6 W, second order [km/h]", *(METRICS[k].heading for k in _SHOWN))
 
@@ -124,21 +167,37 @@ def _row(study: Results, search: SpeedLimit) -> list[Scalar]:
 
 def _definitions(study: Results) -> Section:
     rows: list[list[Scalar]] = []
-    for search in (s for s in ran(study) if s.metrics == POWERS and not study_failed(study, s) and s.case.sides == "alike"):
+    for search in (
+        s for s in ran(study) if s.metrics == POWERS and not study_failed(study, s) and s.case.sides == "alike"
+    ):
         third, second = (speeds(study, search, m).median for m in POWERS)
         if third is not None and second is not None:
             system = system_of(search)
-            rows.append([CAR_NAMES[system[0]], name(system), search.case.course, round(third, 1), round(second, 1), round(third / second, 3)])
+            rows.append(
+                [
+                    CAR_NAMES[system[0]],
+                    name(system),
+                    search.case.course,
+                    round(third, 1),
+                    round(second, 1),
+                    round(third / second, 3),
+                ]
+            )
     table = Table(
-        "definitions", "Speeds of 6 W by both definitions",
-        ["car", "system", "course", "third order [km/h]", "second order [km/h]", "third over second [-]"], rows,
-    )  # fmt: skip
+        "definitions",
+        "Speeds of 6 W by both definitions",
+        ["car", "system", "course", "third order [km/h]", "second order [km/h]", "third over second [-]"],
+        rows,
+    )
     return Section(
         "Two absorbed powers",
-        ["The filter of third order is that of the ride-quality literature and of mobility models, the one of second order that of paper 001. "
-         "The same ride has more watts by the former, so its 6 W are reached earlier."],
-        [], [table],
-    )  # fmt: skip
+        [
+            "The filter of third order is that of the ride-quality literature and of mobility models, the one of second"
+            " order that of paper 001. The same ride has more watts by the former, so its 6 W are reached earlier."
+        ],
+        [],
+        [table],
+    )
 
 
 def _sides(study: Results) -> Section:
@@ -153,15 +212,22 @@ def _sides(study: Results) -> Section:
         change = None if first is None or own is None else round(100 * (own / first - 1), 1)
         rows.append([CAR_NAMES[system[0]], name(system), first, own, change])
     table = Table(
-        "sides", f"Speed of 6 W on the {APART} course, left and right alike and not",
-        ["car", "system", "alike [km/h]", "correlated [km/h]", "change [%]"], rows, "The first seed; third order.",
-    )  # fmt: skip
+        "sides",
+        f"Speed of 6 W on the {APART} course, left and right alike and not",
+        ["car", "system", "alike [km/h]", "correlated [km/h]", "change [%]"],
+        rows,
+        "The first seed; third order.",
+    )
     return Section(
         "Left and right",
-        ["The measured courses are the same on both sides. Where the sides differ, each with the same rms and spectrum and a correlation that falls "
-         "with wave number (assumed as on the other random roads of the project), a car heaves less and rolls."],
-        [], [table],
-    )  # fmt: skip
+        [
+            "The measured courses are the same on both sides. Where the sides differ, each with the same rms and"
+            " spectrum and a correlation that falls with wave number (assumed as on the other random roads of the"
+            " project), a car heaves less and rolls."
+        ],
+        [],
+        [table],
+    )
 
 
 # ------------------------------------------------------------------------------------------------------------ figures
@@ -190,7 +256,11 @@ def _maps(study: Results) -> Section:
 def _over_courses(study: Results, car: str) -> Panel | None:
     series = []
     for system in _systems(study, car):
-        known = {s.case.course: speeds(study, s, NRMM) for s in _of(study, car, sides="alike") if s.case.course in COURSES and system_of(s) == system}
+        known = {
+            s.case.course: speeds(study, s, NRMM)
+            for s in _of(study, car, sides="alike")
+            if s.case.course in COURSES and system_of(s) == system
+        }
         own = {c: v for c, v in known.items() if v.median is not None}
         if own:
             band = {"low": [min(v.found) for v in own.values()], "high": [max(v.found) for v in own.values()]}
@@ -205,12 +275,20 @@ def _over_obstacles(study: Results, car: str) -> Panel | None:
         own = {h: v.median for h, v in _heights(study, system).items() if v.median is not None}
         if own:
             series.append(_series(system, [1e3 * h for h in own], list(own.values())))
-    return Panel("over half-rounds", "height of the half-round [mm]", f"speed of {LIMIT_G:g} g [km/h]", series) if series else None
+    return (
+        Panel("over half-rounds", "height of the half-round [mm]", f"speed of {LIMIT_G:g} g [km/h]", series)
+        if series
+        else None
+    )
 
 
 def _heights(study: Results, system: System) -> dict[float, Speeds]:
     """Speeds of 2.5 g by the height of the half-round [m]."""
-    return {s.case.height: speeds(study, s, "seat_peak") for s in _of(study, system[0], course=OBSTACLE) if system_of(s) == system}
+    return {
+        s.case.height: speeds(study, s, "seat_peak")
+        for s in _of(study, system[0], course=OBSTACLE)
+        if system_of(s) == system
+    }
 
 
 def _power(study: Results) -> Section:
@@ -218,7 +296,15 @@ def _power(study: Results) -> Section:
     for car in _cars(study):
         panels = [p for course in COURSES if (p := _curves(study, car, course, f"{course} rms")) is not None]
         if panels:
-            figures.append(Figure(f"power-{car}", f"Absorbed power over speed, {CAR_NAMES[car]}", "Third order, first profile; points are runs.", panels, columns=3))
+            figures.append(
+                Figure(
+                    f"power-{car}",
+                    f"Absorbed power over speed, {CAR_NAMES[car]}",
+                    "Third order, first profile; points are runs.",
+                    panels,
+                    columns=3,
+                )
+            )
     return Section("Absorbed power over speed", [], figures)
 
 
@@ -243,15 +329,22 @@ def _obstacles(study: Results) -> Section:
             if known:
                 rows.append([CAR_NAMES[car], name(system), *(known[h].words if h in known else "-" for h in HEIGHTS)])
     table = Table(
-        "obstacles", f"Speeds of {LIMIT_G:g} g over half-rounds", ["car", "system", *(f"{1e3 * h:.0f} mm [km/h]" for h in HEIGHTS)], rows,
+        "obstacles",
+        f"Speeds of {LIMIT_G:g} g over half-rounds",
+        ["car", "system", *(f"{1e3 * h:.0f} mm [km/h]" for h in HEIGHTS)],
+        rows,
         "The largest vertical acceleration of the seat either way, of samples 1 ms apart without a filter.",
-    )  # fmt: skip
+    )
     return Section(
         "Obstacles",
-        ["Wheels roll over a half-round as rigid discs, which meet its edge harder than a tire does, and the cars but for the full cars "
-         "have no stops: speeds over the higher half-rounds compare laws rather than tell what a vehicle stands. Only the public car has tires that envelop."],
-        [], [table],
-    )  # fmt: skip
+        [
+            "Wheels roll over a half-round as rigid discs, which meet its edge harder than a tire does, and the cars"
+            " but for the full cars have no stops: speeds over the higher half-rounds compare laws rather than tell"
+            " what a vehicle stands. Only the public car has tires that envelop."
+        ],
+        [],
+        [table],
+    )
 
 
 def _on_file(study: Results) -> Section:
@@ -261,12 +354,19 @@ def _on_file(study: Results) -> Section:
             words = speeds(study, search, "seat_peak").words
             rows.append([CAR_NAMES[car], *_row(study, search), words])
     table = Table(
-        "course", "Speeds of 6 W and of 2.5 g", ["car", *_HEADINGS, f"{LIMIT_G:g} g [km/h]"], rows,
+        "course",
+        "Speeds of 6 W and of 2.5 g",
+        ["car", *_HEADINGS, f"{LIMIT_G:g} g [km/h]"],
+        rows,
         "What stands beside the speeds is of the run that is nearest to 6 W by the filter of third order.",
-    )  # fmt: skip
+    )
     file = _file(study)
     panels = [p for car in _cars(study) if (p := _curves(study, car, file, CAR_NAMES[car])) is not None]
-    figures = [Figure("power", "Absorbed power over speed", "Third order; points are runs.", panels, columns=2)] if panels else []
+    figures = (
+        [Figure("power", "Absorbed power over speed", "Third order; points are runs.", panels, columns=2)]
+        if panels
+        else []
+    )
     return Section(f"Course {file}", ["Both tracks are those of the file, as wheels roll over them."], figures, [table])
 
 
@@ -280,5 +380,12 @@ def _parameters(fmus: FmuSet) -> list[Parameter]:
         for p in parameters(fmus.path(car.plant)):
             if p.name.startswith("seat."):
                 rows.append(Parameter(f"{car.plant} {p.name}", p.value, p.unit, p.source))
-        rows.append(Parameter(f"{car.plant} wheel radius", car.radius, "m", "rolling wheel of the course: tires, vehicle file, or assumed"))
+        rows.append(
+            Parameter(
+                f"{car.plant} wheel radius",
+                car.radius,
+                "m",
+                "rolling wheel of the course: tires, vehicle file, or assumed",
+            )
+        )
     return rows

@@ -11,12 +11,30 @@ from cosim.experiments.ride.search import LIMITS, SpeedLimit
 from cosim.study import Results, Row
 
 NAMES = {
-    "passive": "passive", "zero": "zero force", "skyhook": "skyhook", "lqr": "LQR", "lqr-kilonewton": "LQR, weight in kN", "mpc": "MPC",
-    "mpc-preview": "MPC with preview", "comfort-active": "LQ comfort", "comfort-delay": "LQ comfort, rear wheels preview", "comfort-preview": "preview LQ comfort",
-    "road-holding-active": "LQ road holding", "road-holding-delay": "LQ road holding, rear wheels preview", "road-holding-preview": "preview LQ road holding", "implicit": "GPC implicit",
-    "explicit": "GPC explicit", "preview": "GPC with preview",
-}  # fmt: skip
-CAR_NAMES = {"hmmwv": "HMMWV (001)", "sedan": "sedan (004)", "6x6": "6x6 (003)", "full-car": "full car (000)", "public": "full car, public model"}
+    "passive": "passive",
+    "zero": "zero force",
+    "skyhook": "skyhook",
+    "lqr": "LQR",
+    "lqr-kilonewton": "LQR, weight in kN",
+    "mpc": "MPC",
+    "mpc-preview": "MPC with preview",
+    "comfort-active": "LQ comfort",
+    "comfort-delay": "LQ comfort, rear wheels preview",
+    "comfort-preview": "preview LQ comfort",
+    "road-holding-active": "LQ road holding",
+    "road-holding-delay": "LQ road holding, rear wheels preview",
+    "road-holding-preview": "preview LQ road holding",
+    "implicit": "GPC implicit",
+    "explicit": "GPC explicit",
+    "preview": "GPC with preview",
+}
+CAR_NAMES = {
+    "hmmwv": "HMMWV (001)",
+    "sedan": "sedan (004)",
+    "6x6": "6x6 (003)",
+    "full-car": "full car (000)",
+    "public": "full car, public model",
+}
 WORDS = {"never": "never", "always": "at any speed"}
 
 
@@ -42,7 +60,9 @@ class Speeds:
 
     @property
     def words(self) -> str:
-        """ "13.2 (12.6 to 13.5)", with how many profiles never reached the limit, or were always above it; or that all are so."""
+        """ "13.2 (12.6 to 13.5)", with how many profiles never reached the limit, or were always above it; or that all
+        are so.
+        """
         if self.median is None:
             return next(WORDS[w] for w in self.why if w != "found")
         if len(self.why) == 1:

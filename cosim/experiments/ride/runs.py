@@ -1,4 +1,6 @@
-"""Runs over the courses of a proving ground: every car with every law that fits it, wired as its own experiment wires it."""
+"""Runs over the courses of a proving ground: every car with every law that fits it, wired as its own experiment wires
+it.
+"""
 
 from __future__ import annotations
 
@@ -94,37 +96,99 @@ def _without_comfort(fmus: FmuSet, case: Any) -> System:
     return hmmwv.wire(fmus, case, comfort=False)
 
 
-_LQ = {f"{w}-{mode}": {"weights": w, "controller": mode} for w in ("comfort", "road-holding") for mode in preview_lq.MODES}
+_LQ = {
+    f"{w}-{mode}": {"weights": w, "controller": mode} for w in ("comfort", "road-holding") for mode in preview_lq.MODES
+}
 CARS = {
     "hmmwv": Car(
-        "ride_car_hmmwv", hmmwv.CORNERS, {c: {"controller": c} for c in hmmwv.CONTROLLERS}, "RideCarHmmwv", "RoadProvingGroundHmmwv", hmmwv.ROADS["bump"],
-        MPC_PREVIEW, WHEEL_RADIUS["hmmwv"], lambda **fields: hmmwv.Case("bump", **fields), _without_comfort, hmmwv.configure_vehicle,
+        "ride_car_hmmwv",
+        hmmwv.CORNERS,
+        {c: {"controller": c} for c in hmmwv.CONTROLLERS},
+        "RideCarHmmwv",
+        "RoadProvingGroundHmmwv",
+        hmmwv.ROADS["bump"],
+        MPC_PREVIEW,
+        WHEEL_RADIUS["hmmwv"],
+        lambda **fields: hmmwv.Case("bump", **fields),
+        _without_comfort,
+        hmmwv.configure_vehicle,
     ),
     "sedan": Car(
-        "sedan", preview_lq.CORNERS, {"passive": {"controller": "passive"}, **_LQ}, preview_lq.CAR, "RoadProvingGround5ms", preview_lq.ROAD,
-        LQ_PREVIEW, WHEEL_RADIUS["sedan"], preview_lq.Case, preview_lq.wire, preview_lq.configure_law,
+        "sedan",
+        preview_lq.CORNERS,
+        {"passive": {"controller": "passive"}, **_LQ},
+        preview_lq.CAR,
+        "RoadProvingGround5ms",
+        preview_lq.ROAD,
+        LQ_PREVIEW,
+        WHEEL_RADIUS["sedan"],
+        preview_lq.Case,
+        preview_lq.wire,
+        preview_lq.configure_law,
     ),
     "6x6": Car(
-        "three_axle", three_axle.SIX_CORNERS, {c: {"controller": c} for c in three_axle.CONTROLLERS}, "ThreeAxleRide", "RoadProvingGroundThreeAxle",
-        "RoadShallowTrench", CROSSING_PREVIEW, WHEEL_RADIUS["6x6"], three_axle.Case, three_axle.wire, three_axle.configure_law,
+        "three_axle",
+        three_axle.SIX_CORNERS,
+        {c: {"controller": c} for c in three_axle.CONTROLLERS},
+        "ThreeAxleRide",
+        "RoadProvingGroundThreeAxle",
+        "RoadShallowTrench",
+        CROSSING_PREVIEW,
+        WHEEL_RADIUS["6x6"],
+        three_axle.Case,
+        three_axle.wire,
+        three_axle.configure_law,
     ),
     "full-car": Car(
-        "hmmwv_modified", gpc.CORNERS, {c: {"controller": c} for c in gpc.CONTROLLERS}, gpc.PLANT, "RoadProvingGround", gpc.ROADS["sine"],
-        GPC_PREVIEW, WHEEL_RADIUS["full-car"], lambda **fields: gpc.Case("sine", **fields), gpc.wire, _as_it_is, driver=True,
+        "hmmwv_modified",
+        gpc.CORNERS,
+        {c: {"controller": c} for c in gpc.CONTROLLERS},
+        gpc.PLANT,
+        "RoadProvingGround",
+        gpc.ROADS["sine"],
+        GPC_PREVIEW,
+        WHEEL_RADIUS["full-car"],
+        lambda **fields: gpc.Case("sine", **fields),
+        gpc.wire,
+        _as_it_is,
+        driver=True,
     ),
     "public": Car(
-        "hmmwv_public", gpc.CORNERS, {"passive": {"controller": "passive"}}, "FullCarHmmwvPublic", "RoadProvingGroundHmmwvPublic", gpc.ROADS["sine"],
-        GPC_PREVIEW, 0.0, lambda **fields: gpc.Case("sine", **fields), _enveloping, _as_it_is, driver=True,
+        "hmmwv_public",
+        gpc.CORNERS,
+        {"passive": {"controller": "passive"}},
+        "FullCarHmmwvPublic",
+        "RoadProvingGroundHmmwvPublic",
+        gpc.ROADS["sine"],
+        GPC_PREVIEW,
+        0.0,
+        lambda **fields: gpc.Case("sine", **fields),
+        _enveloping,
+        _as_it_is,
+        driver=True,
     ),
-}  # fmt: skip
+}
 """Cars by their names. Quarter cars are left out: no course is under one wheel only."""
 LAWS = tuple(dict.fromkeys(law for car in CARS.values() for law in car.laws))
 ROADS = tuple(car.road for car in CARS.values())
-FMUS = tuple(dict.fromkeys([
-    *ROADS, preview_lq.SPEED, "RideCarHmmwv", *filter(None, hmmwv.CONTROLLERS.values()), "HydraulicActuator", "ForceTracking",
-    preview_lq.CAR, *(preview_lq.LAWS[w][0] for w in ("comfort", "road-holding")), *(n for n in three_axle.FMUS if not n.startswith("Road")),
-    gpc.PLANT, *filter(None, gpc.CONTROLLERS.values()), "FullCarHmmwvPublic",
-]))  # fmt: skip
+FMUS = tuple(
+    dict.fromkeys(
+        [
+            *ROADS,
+            preview_lq.SPEED,
+            "RideCarHmmwv",
+            *filter(None, hmmwv.CONTROLLERS.values()),
+            "HydraulicActuator",
+            "ForceTracking",
+            preview_lq.CAR,
+            *(preview_lq.LAWS[w][0] for w in ("comfort", "road-holding")),
+            *(n for n in three_axle.FMUS if not n.startswith("Road")),
+            gpc.PLANT,
+            *filter(None, gpc.CONTROLLERS.values()),
+            "FullCarHmmwvPublic",
+        ]
+    )
+)
 SIDES = ("alike", "apart")
 LIMIT_G = 2.5  # of the driver's seat, over obstacles
 STANDSTILL = 0.5  # of the speed that was set; below it on average a car has not driven the course
@@ -139,21 +203,37 @@ class Case(BaseCase):
     """One run: a car under a law over a course at a speed."""
 
     car: str = option("full-car", choices=CARS, help="car", always=True)
-    controller: str = option("passive", choices=LAWS, help="control law; each car has those of its own paper", always=True)
-    actuators: str = option("ideal", choices=hmmwv.ACTUATORS, only=_HYDRAULIC, help="ideal ones give the requested force at once")
+    controller: str = option(
+        "passive", choices=LAWS, help="control law; each car has those of its own paper", always=True
+    )
+    actuators: str = option(
+        "ideal", choices=hmmwv.ACTUATORS, only=_HYDRAULIC, help="ideal ones give the requested force at once"
+    )
     course: str = option("1in", choices=NUMBER, files=".crg", help="course, or an OpenCRG file", always=True)
-    speed_kmh: float = option(20.0, name="speed", unit="km/h", within=(1, 200), label="{:.4g}kmh", help="speed", always=True)
+    speed_kmh: float = option(
+        20.0, name="speed", unit="km/h", within=(1, 200), label="{:.4g}kmh", help="speed", always=True
+    )
     seed: int = option(1, within=(1, SEEDS), only=_RMS, label="seed{}", help="profile of an RMS course")
-    sides: str = option("alike", choices=SIDES, only=_RMS, help="left and right of an RMS course: the same, as measured, or correlated")
+    sides: str = option(
+        "alike", choices=SIDES, only=_RMS, help="left and right of an RMS course: the same, as measured, or correlated"
+    )
     height: float = option(
-        0.2032, unit="m", within=(0.01, 1.0), only=_OVER, label=lambda m: f"{1e3 * m:.4g}mm", help="height of the half-round"
+        0.2032,
+        unit="m",
+        within=(0.01, 1.0),
+        only=_OVER,
+        label=lambda m: f"{1e3 * m:.4g}mm",
+        help="height of the half-round",
     )
 
     def __post_init__(self) -> None:
         super().__post_init__()
         check_choice(f"controller of the {self.car}", self.controller, CARS[self.car].laws)
         if self.controller == "passive" and self.car == "hmmwv" and self.actuators == "ideal":
-            raise CaseError("the passive hmmwv has its hydraulic actuators with the pump off: --actuators hydraulic; without any: --controller zero")
+            raise CaseError(
+                "the passive hmmwv has its hydraulic actuators with the pump off: --actuators hydraulic; without any:"
+                " --controller zero"
+            )
 
     @property
     def speed(self) -> float:
@@ -200,8 +280,16 @@ def structure(case: Case) -> tuple[object, ...]:
 def wire(fmus: FmuSet, case: Case) -> System:
     """The car as its own experiment wires it, on these courses."""
     car = CARS[case.car]
-    if car.plant in fmus.own and case.car == "sedan" and case.controller != "passive" and preview_lq.LAWS[case.other.weights][0] not in fmus.own:
-        raise CaseError(f"{fmus.name(car.plant)} has no laws of the sedan: its tires have damping, and preview LQ laws are for tires without")
+    if (
+        car.plant in fmus.own
+        and case.car == "sedan"
+        and case.controller != "passive"
+        and preview_lq.LAWS[case.other.weights][0] not in fmus.own
+    ):
+        raise CaseError(
+            f"{fmus.name(car.plant)} has no laws of the sedan: its tires have damping, and preview LQ laws are for"
+            " tires without"
+        )
     name, build = fmus.own.get(car.road, (car.road, ""))
     if case.course in NUMBER:
         return car.wire(replace(fmus, own={**fmus.own, car.instead: (name, build)}), case.other)
@@ -230,8 +318,9 @@ def axles(run: Run) -> tuple[float, float]:
 
 
 def window(run: Run) -> tuple[float, float]:
-    """Positions of the CG [m] between which metrics are taken: all wheels on the course; or, where that is shorter than the car, from
-    before it until the last axle is behind it."""
+    """Positions of the CG [m] between which metrics are taken: all wheels on the course; or, where that is shorter than
+    the car, from before it until the last axle is behind it.
+    """
     (begin, end), (first, last) = stretch(run.system, run.case), axles(run)
     if end - begin < first - last:
         return begin - first - BEFORE, end - last + BEHIND[0] * run.case.speed + BEHIND[1]
@@ -246,7 +335,12 @@ def configure(system: System, case: Case) -> None:
     if CARS[case.car].driver:
         system["car"].set({"start.x": start})
     if case.course in NUMBER:
-        own = {"course": NUMBER[case.course], "seed": case.seed, "alike": case.sides == "alike", "half_round.height": case.height}
+        own = {
+            "course": NUMBER[case.course],
+            "seed": case.seed,
+            "alike": case.sides == "alike",
+            "half_round.height": case.height,
+        }
         system["road"].set(own)
     if "reference" in system.members:
         system["reference"].set({"pitch": 0.0})  # level, all the way

@@ -1,9 +1,10 @@
 """Speeds at which a car reaches a limit: 6 W of absorbed power over a course, 2.5 g at the seat over a half-round.
 
-A search steps from a guess towards the limit, by as much as its runs say that the value rises with speed, until it has a run below the
-limit and one above it, and narrows that down: where it expects the limit by a straight line on logarithmic scales, or in the middle when that
-has not halved the interval. It ends where the interval is narrow, or a run is at the limit, to :data:`TOLERANCE`. Runs are made once: the second
-limit of a search begins with those of the first, and they are stored under their cases.
+A search steps from a guess towards the limit, by as much as its runs say that the value rises with speed, until it has
+a run below the limit and one above it, and narrows that down: where it expects the limit by a straight line on
+logarithmic scales, or in the middle when that has not halved the interval. It ends where the interval is narrow, or a
+run is at the limit, to :data:`TOLERANCE`. Runs are made once: the second limit of a search begins with those of the
+first, and they are stored under their cases.
 """
 
 from __future__ import annotations
@@ -34,10 +35,15 @@ LIMITS = {
 
 
 def crossing(
-    value: Callable[[float], float], limit: float, guess: float, *, known: Iterable[float] = (), exponent: float = EXPONENT
+    value: Callable[[float], float],
+    limit: float,
+    guess: float,
+    *,
+    known: Iterable[float] = (),
+    exponent: float = EXPONENT,
 ) -> tuple[float | None, str]:
-    """The speed [km/h] at which ``value`` rises to ``limit``, to :data:`TOLERANCE`, with "found"; or None with "never" (at no speed
-    of :data:`WITHIN`) or "always" (at the lowest already).
+    """The speed [km/h] at which ``value`` rises to ``limit``, to :data:`TOLERANCE`, with "found"; or None with "never"
+    (at no speed of :data:`WITHIN`) or "always" (at the lowest already).
 
     Args:
         value: of a speed, above 0; infinite where a run failed.
@@ -94,8 +100,9 @@ def _step(value: float, limit: float, exponent: float) -> float:
 
 
 def rise(seen: Mapping[float, float], limit: float, otherwise: float = EXPONENT) -> float:
-    """The exponent of speed with which a value rises between the two runs whose values are nearest to a limit, within :data:`STEEP`;
-    ``otherwise`` where there are no two."""
+    """The exponent of speed with which a value rises between the two runs whose values are nearest to a limit, within
+    :data:`STEEP`; ``otherwise`` where there are no two.
+    """
     usable = sorted((abs(math.log(v / limit)), speed) for speed, v in seen.items() if math.isfinite(v) and v > 0)
     if len(usable) < 2:
         return otherwise
@@ -119,8 +126,8 @@ def _rounded(v: float) -> float:
 class SpeedLimit:
     """Speeds at which a car reaches limits on a course, seed by seed.
 
-    Finds ``speeds``: by metric, for each seed [km/h] (None: not reached, or always), and ``why`` in words; and ``runs``: the rows of
-    all runs that were made for it, by rising speed.
+    Finds ``speeds``: by metric, for each seed [km/h] (None: not reached, or always), and ``why`` in words; and
+    ``runs``: the rows of all runs that were made for it, by rising speed.
     """
 
     case: Case
@@ -155,7 +162,9 @@ class SpeedLimit:
                 found, reason = crossing(value, LIMITS[metric], guess, known=known, exponent=exponents[metric])
                 speeds[metric].append(found)
                 why[metric].append(reason)
-                exponents[metric] = rise({v: value(v) for of, v in runs if of == seed}, LIMITS[metric], exponents[metric])
+                exponents[metric] = rise(
+                    {v: value(v) for of, v in runs if of == seed}, LIMITS[metric], exponents[metric]
+                )
             first = speeds[self.metrics[0]][-1]
             guess = first if first is not None else guess
         return {"speeds": speeds, "why": why, "runs": [runs[k] for k in sorted(runs)]}

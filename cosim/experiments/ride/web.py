@@ -1,4 +1,6 @@
-"""A proving ground to drive: a car under its laws side by side, over the synthetic courses or a measured one, in a web page."""
+"""A proving ground to drive: a car under its laws side by side, over the synthetic courses or a measured one, in a web
+page.
+"""
 
 from __future__ import annotations
 
@@ -20,29 +22,57 @@ SLOWEST, FASTEST = 2.0, 120.0  # km/h, that the page offers
 
 
 def live(case: Case) -> Live:
-    """The car of the case under its laws; over every course of the project, or over the file that the case names. Actuators, profile and height
-    are those of the case."""
+    """The car of the case under its laws; over every course of the project, or over the file that the case names.
+    Actuators, profile and height are those of the case.
+    """
     car = CARS[case.car]
     laws = tuple(dict.fromkeys((*SHOWN.get(case.car, car.laws), case.controller)))
-    courses = {n: f"{n.removesuffix('in')} in rms" for n in COURSES} | {OBSTACLE: OBSTACLE} if case.course in NUMBER else {case.course: ""}
+    courses = (
+        {n: f"{n.removesuffix('in')} in rms" for n in COURSES} | {OBSTACLE: OBSTACLE}
+        if case.course in NUMBER
+        else {case.course: ""}
+    )
     cases = [_system(case, law, course, words) for course, words in courses.items() for law in laws]
     page = WebPage(
         "Drive a proving ground",
-        f"{CAR_NAMES[case.car][0].upper()}{CAR_NAMES[case.car][1:]}: {'its laws side by side' if len(laws) > 1 else 'without a law'}, over {_courses(case)}. How fast until the "
-        "driver has had enough?",
+        f"{CAR_NAMES[case.car][0].upper()}{CAR_NAMES[case.car][1:]}:"
+        f" {'its laws side by side' if len(laws) > 1 else 'without a law'}, over {_courses(case)}. How fast until the"
+        " driver has had enough?",
         controls=[
             Control("speed", ["speed.start.speed"], SLOWEST / 3.6, FASTEST / 3.6, keys=("ArrowDown", "ArrowUp")),
-            *([Control("height of the half-round", ["road.half_round.height"], 0.02, 0.4)] if case.course in NUMBER else []),
+            *(
+                [Control("height of the half-round", ["road.half_round.height"], 0.02, 0.4)]
+                if case.course in NUMBER
+                else []
+            ),
         ],
-        plots=["car.seat.az", f"car.suspension.{car.corners[0]}.deflection", *([f"controller.force.{car.corners[0]}"] if len(laws) > 1 else [])],
+        plots=[
+            "car.seat.az",
+            f"car.suspension.{car.corners[0]}.deflection",
+            *([f"controller.force.{car.corners[0]}"] if len(laws) > 1 else []),
+        ],
         measures=[
             Measure("acceleration of the driver's seat, rms", ["car.seat.az"], "rms", "m/s2"),
-            Measure("acceleration of the driver's seat, largest", ["car.seat.az"], "peak", "g", 1 / STANDARD_GRAVITY, LIMIT_G),
+            Measure(
+                "acceleration of the driver's seat, largest",
+                ["car.seat.az"],
+                "peak",
+                "g",
+                1 / STANDARD_GRAVITY,
+                LIMIT_G,
+            ),
             Measure("acceleration of the CG, rms", ["car.body.az"], "rms", "m/s2"),
-            Measure("suspension travel, largest", [f"car.suspension.{k}.deflection" for k in car.corners], "peak", "mm", 1e3, decimals=0),
+            Measure(
+                "suspension travel, largest",
+                [f"car.suspension.{k}.deflection" for k in car.corners],
+                "peak",
+                "mm",
+                1e3,
+                decimals=0,
+            ),
         ],
         group_label="course",
-    )  # fmt: skip
+    )
     return Live(page, cases)
 
 

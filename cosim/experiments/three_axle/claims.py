@@ -13,7 +13,10 @@ BEFORE = 10.0  # times the force of the blind controller before the edge
 WORSE = 10.0  # times the steady error of MPC
 SELDOM = 0.01  # of the commands of a run
 FITTED = "vehicle values that the thesis does not disclose, chosen with its Table 5.4 (trench crossings) in view"
-FITTED_LQR = "the LQR's units: forces in kN and the wheel states' weights times 1e-4, without which the printed weights do nothing"
+FITTED_LQR = (
+    "the LQR's units: forces in kN and the wheel states' weights times 1e-4, without which the printed weights do"
+    " nothing"
+)
 
 CLAIMS = ClaimList()
 
@@ -29,16 +32,21 @@ def values(study: Results, metric: str, controller: str) -> list[float]:
 
 
 @CLAIMS.claim(
-    "best-at-the-trench", "MPC with preview rejects the disturbance best", published="best of the four in all six cases",
+    "best-at-the-trench",
+    "MPC with preview rejects the disturbance best",
+    published="best of the four in all six cases",
     source="Figures 5.5 to 5.11",
-)  # fmt: skip
+)
 def _best_at_the_trench(study: Results) -> Finding:
     peaks = zip(*(values(study, "peak_error_deg", c) for c in ("mpc-preview", "passive", "lqr", "mpc")), strict=True)
     best = [own < min(others) for own, *others in peaks]
     return Finding(
-        f"smallest peak pitch error in {sum(best)} of {len(best)}", all(best), "another system has a smaller peak",
-        criterion="smallest peak pitch error at every speed and depth", fitted=FITTED,
-    )  # fmt: skip
+        f"smallest peak pitch error in {sum(best)} of {len(best)}",
+        all(best),
+        "another system has a smaller peak",
+        criterion="smallest peak pitch error at every speed and depth",
+        fitted=FITTED,
+    )
 
 
 def _tenth(other: str, id_: str, text: str) -> None:
@@ -49,11 +57,13 @@ def _tenth(other: str, id_: str, text: str) -> None:
         within, largest = sum(r <= RATIO for r in ratios), max(ratios)
         worst = place_text(places(study)[ratios.index(largest)])
         return Finding(
-            f"within a tenth in {within} of {len(ratios)}; largest {largest:.4f} at {worst}", within == len(ratios),
+            f"within a tenth in {within} of {len(ratios)}; largest {largest:.4f} at {worst}",
+            within == len(ratios),
             f"at {worst} the soft bound of 2 m/s2 on the acceleration of the body and the limit of the actuators cost "
             "accuracy: the controller gives up pitch to meet the bound",
-            criterion=f"clearly: at most {RATIO:g} of the other's peak at every speed and depth", fitted=FITTED,
-        )  # fmt: skip
+            criterion=f"clearly: at most {RATIO:g} of the other's peak at every speed and depth",
+            fitted=FITTED,
+        )
 
 
 _tenth("passive", "tenth-of-passive", "With preview the pitch error is clearly smaller than the passive vehicle's")
@@ -61,16 +71,20 @@ _tenth("mpc", "tenth-of-blind", "With preview the pitch error is clearly smaller
 
 
 @CLAIMS.claim(
-    "lqr-near-mpc", f"LQR and MPC without preview are close to each other at the trench ({place_text(SHOWN)})",
-    published="close to each other", source="Figure 5.11",
-)  # fmt: skip
+    "lqr-near-mpc",
+    f"LQR and MPC without preview are close to each other at the trench ({place_text(SHOWN)})",
+    published="close to each other",
+    source="Figure 5.11",
+)
 def _lqr_near_mpc(study: Results) -> Finding:
     lqr, mpc = (study[Case(*SHOWN, c)]["peak_error_deg"] for c in ("lqr", "mpc"))
     return Finding(
-        f"LQR's peak is {100 * (lqr / mpc - 1):+.0f} % of MPC's", abs(lqr / mpc - 1) <= CLOSE, f"more than {100 * CLOSE:.0f} % apart",
+        f"LQR's peak is {100 * (lqr / mpc - 1):+.0f} % of MPC's",
+        abs(lqr / mpc - 1) <= CLOSE,
+        f"more than {100 * CLOSE:.0f} % apart",
         criterion=f"peaks of the pitch error within {100 * CLOSE:g} % of each other in the run that is shown",
         fitted=f"{FITTED}; {FITTED_LQR}",
-    )  # fmt: skip
+    )
 
 
 def _span(values: list[float]) -> str:
@@ -84,12 +98,15 @@ def _acts_before(id_: str, metric: str, event: str, figure: str) -> None:
         seeing, blind = (values(study, metric, c) for c in ("mpc-preview", "mpc"))
         early = min(a / b for a, b in zip(seeing, blind, strict=True))
         return Finding(
-            f"force {_span(seeing)} kN before, {early:.0f} times that without preview or more", early >= BEFORE,
+            f"force {_span(seeing)} kN before, {early:.0f} times that without preview or more",
+            early >= BEFORE,
             f"less than {BEFORE:g} times the force of the controller that knows nothing of it",
-            criterion=f"largest force before (change within the {HORIZON:g} s of the horizon, for the reference) at least "
-            f"{BEFORE:g} times that without preview, at every speed and depth",
+            criterion=(
+                f"largest force before (change within the {HORIZON:g} s of the horizon, for the reference) at least "
+                f"{BEFORE:g} times that without preview, at every speed and depth"
+            ),
             fitted=FITTED,
-        )  # fmt: skip
+        )
 
 
 _acts_before("before-the-edge", "force_before_edge_kN", "the obstacle is met", "Figure 5.11")
@@ -103,21 +120,29 @@ def _ramp_preview(study: Results) -> Finding:
     seeing, lqr, blind = (values(study, "ramp_error_deg", c) for c in ("mpc-preview", "lqr", "mpc"))
     return Finding(
         f"rms error {max(seeing):.4f} deg; LQR {max(lqr):.3f}, MPC without preview {max(blind):.3f} deg",
-        all(a < min(b, c) for a, b, c in zip(seeing, blind, lqr, strict=True)), "another controller follows it closer",
-        criterion="smallest rms pitch error on the ramp in every run", fitted=f"{FITTED}; {FITTED_LQR}",
-    )  # fmt: skip
+        all(a < min(b, c) for a, b, c in zip(seeing, blind, lqr, strict=True)),
+        "another controller follows it closer",
+        criterion="smallest rms pitch error on the ramp in every run",
+        fitted=f"{FITTED}; {FITTED_LQR}",
+    )
 
 
 @CLAIMS.claim(
-    "ramp-lqr", "LQR follows the ramp slightly better than MPC without preview", published="a little better", source="Figure 5.12"
-)  # fmt: skip
+    "ramp-lqr",
+    "LQR follows the ramp slightly better than MPC without preview",
+    published="a little better",
+    source="Figure 5.12",
+)
 def _ramp_lqr(study: Results) -> Finding:
     lqr, blind = (values(study, "ramp_error_deg", c) for c in ("lqr", "mpc"))
     return Finding(
-        f"rms error {min(lqr):.3f} deg compared with {max(blind):.3f} deg", all(a < b for a, b in zip(lqr, blind, strict=True)),
-        "the regulator has neither integral action nor feed-forward: a third of every demand is missing, on the ramp too",
-        criterion="smaller rms pitch error on the ramp in every run", fitted=f"{FITTED}; {FITTED_LQR}",
-    )  # fmt: skip
+        f"rms error {min(lqr):.3f} deg compared with {max(blind):.3f} deg",
+        all(a < b for a, b in zip(lqr, blind, strict=True)),
+        "the regulator has neither integral action nor feed-forward: a third of every demand is missing, on the"
+        " ramp too",
+        criterion="smaller rms pitch error on the ramp in every run",
+        fitted=f"{FITTED}; {FITTED_LQR}",
+    )
 
 
 def _steady_mpc_error(study: Results) -> float:
@@ -131,9 +156,12 @@ def _steady_mpc_error(study: Results) -> float:
 def _steady_mpc(study: Results) -> Finding:
     largest = _steady_mpc_error(study)
     return Finding(
-        f"{largest:.4f} deg at most", largest <= STEADY_DEG, f"more than {STEADY_DEG:g} deg",
-        criterion=f"visible: more than {STEADY_DEG:g} deg of the 3 deg, less than the width of a line", fitted=FITTED,
-    )  # fmt: skip
+        f"{largest:.4f} deg at most",
+        largest <= STEADY_DEG,
+        f"more than {STEADY_DEG:g} deg",
+        criterion=f"visible: more than {STEADY_DEG:g} deg of the 3 deg, less than the width of a line",
+        fitted=FITTED,
+    )
 
 
 @CLAIMS.claim(
@@ -142,23 +170,30 @@ def _steady_mpc(study: Results) -> Finding:
 def _steady_lqr(study: Results) -> Finding:
     least, largest = min(values(study, "steady_error_deg", "lqr")), _steady_mpc_error(study)
     return Finding(
-        f"{least:.2f} deg of 3, {least / largest:.0f} times MPC's or more", least >= WORSE * largest,
-        "less than ten times the error of MPC", criterion="at least ten times the error of either MPC",
+        f"{least:.2f} deg of 3, {least / largest:.0f} times MPC's or more",
+        least >= WORSE * largest,
+        "less than ten times the error of MPC",
+        criterion="at least ten times the error of either MPC",
         fitted=f"{FITTED}; {FITTED_LQR}",
-    )  # fmt: skip
+    )
 
 
 @CLAIMS.claim(
-    "force-limits", "Almost all commands are within the limits of the actuators", published="almost all; instant peaks beyond",
+    "force-limits",
+    "Almost all commands are within the limits of the actuators",
+    published="almost all; instant peaks beyond",
     source="Figure 5.14",
-)  # fmt: skip
+)
 def _force_limits(study: Results) -> Finding:
     most = max(v for c in CONTROLLED for v in values(study, "at_limit", c))
     return Finding(
-        f"never beyond {LIMIT:g} kN (the bound is hard here), at it in {100 * most:.2f} % of the commands of a run at most",
-        most < SELDOM, "at the limit in more than 1 % of a run",
-        criterion="almost all: at the limit in less than 1 % of the commands of every run", fitted=f"{FITTED}; {FITTED_LQR}",
-    )  # fmt: skip
+        f"never beyond {LIMIT:g} kN (the bound is hard here), at it in {100 * most:.2f} % of the commands of a run at"
+        " most",
+        most < SELDOM,
+        "at the limit in more than 1 % of a run",
+        criterion="almost all: at the limit in less than 1 % of the commands of every run",
+        fitted=f"{FITTED}; {FITTED_LQR}",
+    )
 
 
 @CLAIMS.check(
@@ -172,7 +207,9 @@ def _solver(study: Results) -> Finding:
     ]
     failures, residual = sum(r["solver_failures"] for r in runs), max(r["solver_residual"] for r in runs)
     return Finding(
-        f"{failures} failures in {len(runs)} runs, largest residual {residual:.1e}, {max(r['solver_iterations'] for r in runs)} "
-        "iterations at most",
-        residual <= 1e-6 and not failures, "a step was not solved", criterion="every step of every run",
-    )  # fmt: skip
+        f"{failures} failures in {len(runs)} runs, largest residual {residual:.1e},"
+        f" {max(r['solver_iterations'] for r in runs)} iterations at most",
+        residual <= 1e-6 and not failures,
+        "a step was not solved",
+        criterion="every step of every run",
+    )

@@ -38,10 +38,11 @@ def report(study: Results, fmus: FmuSet) -> Report:
         experiment=EXPERIMENT.name,
         title="6x6 over shallow trenches with preview control",
         lead=(
-            "A linear model of a 6x6 with nine degrees of freedom drives over a trench 2 m long with rounded edges, 0.15 and 0.25 m deep, at 5, 10 and "
-            "20 km/h, and then has to follow a pitch of 3 degrees. It does so passive, under a linear-quadratic regulator, and under "
-            "predictive control without and with preview of road and reference. Vehicle, road and controllers are native FMUs. "
-            "Statements of Kale's thesis stand beside what these runs give; it prints no numbers for them."
+            "A linear model of a 6x6 with nine degrees of freedom drives over a trench 2 m long with rounded edges,"
+            " 0.15 and 0.25 m deep, at 5, 10 and 20 km/h, and then has to follow a pitch of 3 degrees. It does so"
+            " passive, under a linear-quadratic regulator, and under predictive control without and with preview of"
+            " road and reference. Vehicle, road and controllers are native FMUs. Statements of Kale's thesis stand"
+            " beside what these runs give; it prints no numbers for them."
         ),
         claims=CLAIMS.judge(study),
         results=[
@@ -74,18 +75,23 @@ def _table(study: Results) -> Section:
         "Runs of Table 5.1 and the passive vehicle",
         ["speed [km/h]", "depth [m]", "system", *_COLUMNS],
         [[c.speed_kmh, c.depth, _NAMES[c.controller], *_cells(study[c])] for c in cases],
-        "Errors are pitch less its reference. The steady error is that before the end of the hold; the peak force is that of the "
-        "whole run.",
+        "Errors are pitch less its reference. The steady error is that before the end of the hold; the peak force is"
+        " that of the whole run.",
     )
     return Section(
         "All runs",
         [
-            "Everything exchanges every millisecond, the predictive controllers every five. They have the weights and bounds of "
-            "Tables 4.2 to 4.7, which the parameters list, and estimate the state from the nine outputs of Table 4.2 and the height of the body, with "
-            "integrating offsets on them: the default of the tool of the thesis, which itself says nothing of it. Without "
-            "preview they know neither the road nor the reference ahead.",
-            "The regulator's forces count in kN and its weights of the wheels' states are 1e-4 of those printed; in SI units "
-            "throughout the printed weights do nothing.",
+            (
+                "Everything exchanges every millisecond, the predictive controllers every five. They have the weights"
+                " and bounds of Tables 4.2 to 4.7, which the parameters list, and estimate the state from the nine"
+                " outputs of Table 4.2 and the height of the body, with integrating offsets on them: the default of the"
+                " tool of the thesis, which itself says nothing of it. Without preview they know neither the road nor"
+                " the reference ahead."
+            ),
+            (
+                "The regulator's forces count in kN and its weights of the wheels' states are 1e-4 of those printed; in"
+                " SI units throughout the printed weights do nothing."
+            ),
         ],
         [],
         [table],
@@ -103,12 +109,16 @@ def _variants(study: Results) -> Section:
             for p in places(study)
             if variant(p, words) in study
         ],
-        "The first two weigh the height of the body as well (20, scale 0.2), as the controller does over deep trenches.",
+        "The first two weigh the height of the body as well (20, scale 0.2), as the controller does over deep"
+        " trenches.",
     )
     texts = [
-        "Which estimator stands behind MPC without preview decides what it is worth. With offsets on the outputs, the default, it "
-        "learns of the trench only when the body has tilted. An estimator that knows that roads have heights infers the trench from the "
-        "wheels, and the controller then needs hardly any preview on this linear vehicle.",
+        (
+            "Which estimator stands behind MPC without preview decides what it is worth. With offsets on the outputs,"
+            " the default, it learns of the trench only when the body has tilted. An estimator that knows that roads"
+            " have heights infers the trench from the wheels, and the controller then needs hardly any preview on this"
+            " linear vehicle."
+        ),
         "With preview the estimator hardly matters, and neither does measuring all states.",
     ]
     return Section("What is left open", texts, [], [table])
@@ -124,10 +134,12 @@ def _refinement(study: Results) -> Section:
             change = 100 * max(abs(row[k] / base[k] - 1) for k in _REFINED if base[k])
             rows.append([_NAMES[controller], what, *(METRICS[k].factor * row[k] for k in _REFINED), change])
     table = Table(
-        "refinement", f"Results with finer steps, {place_text(place)}",
-        ["system", "steps", *(METRICS[k].heading for k in _REFINED), "largest change [%]"], rows,
+        "refinement",
+        f"Results with finer steps, {place_text(place)}",
+        ["system", "steps", *(METRICS[k].heading for k in _REFINED), "largest change [%]"],
+        rows,
         f"{' and '.join(HALVED).capitalize()} of the vehicle; controllers, road and reference keep their sample times.",
-    )  # fmt: skip
+    )
     return Section("Steps", ["Whether the results depend on the steps."], [], [table])
 
 
@@ -168,13 +180,19 @@ def _crossings(study: Results) -> Section:
     figure = Figure(
         "figures-5-5-to-5-10",
         "Pitch, uncontrolled and controlled (Figures 5.5 to 5.10)",
-        "Positive is nose down (ISO 8855; the thesis has it nose up). The trench comes first, the reference from 15 s on.",
+        "Positive is nose down (ISO 8855; the thesis has it nose up). The trench comes first, the reference from 15"
+        " s on.",
         [
-            Panel(place_text(p), "time [s]", "pitch [deg]", [_target(study, p), *(_series(study, p, c) for c in CONTROLLERS)])
+            Panel(
+                place_text(p),
+                "time [s]",
+                "pitch [deg]",
+                [_target(study, p), *(_series(study, p, c) for c in CONTROLLERS)],
+            )
             for p in places(study)
         ],
         columns=2,
-    )  # fmt: skip
+    )
     return Section("Trench and reference", [], [road, figure])
 
 
@@ -213,19 +231,24 @@ def _reference(study: Results) -> Section:
 
 def _forces(study: Results) -> Section:
     panels = [
-        Panel(f"{axle} axle, left", "time [s]", "force [kN]", [_series(study, SHOWN, c, f"force.{k}") for c in CONTROLLED])
+        Panel(
+            f"{axle} axle, left", "time [s]", "force [kN]", [_series(study, SHOWN, c, f"force.{k}") for c in CONTROLLED]
+        )
         for axle, k in zip(("first", "second", "third"), SIX_CORNERS[::2], strict=True)
-    ]  # fmt: skip
+    ]
     figure = Figure(
-        "figure-5-14", f"Actuator forces, {place_text(SHOWN)} (Figure 5.14)", "Positive lifts the body. Both sides are alike.",
+        "figure-5-14",
+        f"Actuator forces, {place_text(SHOWN)} (Figure 5.14)",
+        "Positive lifts the body. Both sides are alike.",
         panels,
-    )  # fmt: skip
+    )
     return Section("Forces", [], [figure])
 
 
 def _parameters(fmus: FmuSet) -> list[Parameter]:
-    """Of the vehicle without its right corners, which are as the left ones; of the road, the depth aside; of the reference; of the
-    laws, what they were designed with."""
+    """Of the vehicle without its right corners, which are as the left ones; of the road, the depth aside; of the
+    reference; of the laws, what they were designed with.
+    """
     right = tuple(f".{k}." for k in SIX_CORNERS[1::2])
     vehicle = [p for p in parameters(fmus.path("ThreeAxleRide")) if not any(k in p.name for k in right)]
     trench = parameters(fmus.path("RoadShallowTrench"), ("trench.start", "trench.length", "trench.edge"))
@@ -259,8 +282,14 @@ def _of_the_predictive(fmus: FmuSet) -> list[Parameter]:
         Parameter("MPC weight of the slack", mpc["slack_weight"], "-", "assumed"),
     ]
     tables = {"scale": "4.3", "max": "4.5", "rate_max": "4.5", "weight": "4.7", "rate_weight": "4.7", "ecr": "4.6"}
-    words = {"scale": "scale", "max": "bound", "rate_max": "bound of the change per sample", "weight": "weight",
-             "rate_weight": "weight of the change", "ecr": "softness of the bound"}  # fmt: skip
+    words = {
+        "scale": "scale",
+        "max": "bound",
+        "rate_max": "bound of the change per sample",
+        "weight": "weight",
+        "rate_weight": "weight of the change",
+        "ecr": "softness of the bound",
+    }
     for signal in (*case["inputs"], *case["outputs"]):
         name = signal["name"]
         if any(f".{k}" in name for k in SIX_CORNERS[1::2]):

@@ -98,10 +98,13 @@ def configure(system: System, case: Case) -> None:
 def configure_law(system: System, case: Case) -> None:
     """What of a case concerns its law, on any road."""
     if CONTROLLERS[case.controller] == "MpcThreeAxle":
-        system["controller"].set({
-            "estimator": ESTIMATORS.index(case.estimator), "hold_height": case.hold_height,
-            "use_preview": case.controller == "mpc-preview",
-        })  # fmt: skip
+        system["controller"].set(
+            {
+                "estimator": ESTIMATORS.index(case.estimator),
+                "hold_height": case.hold_height,
+                "use_preview": case.controller == "mpc-preview",
+            }
+        )
 
 
 def recorded(case: Case) -> Sequence[str]:
@@ -149,8 +152,8 @@ def edge_time(time: np.ndarray, height: np.ndarray, depth: float) -> float:
 
     Args:
         time: (samples,) [s].
-        height: of the road under the first axle (samples,), as ``depth`` of the trench. Begun means 0.25 % of the depth, three
-            times the rounding ahead of the edge.
+        height: of the road under the first axle (samples,), as ``depth`` of the trench. Begun means 0.25 % of the
+            depth, three times the rounding ahead of the edge.
     """
     begun = np.flatnonzero(height < -EDGE_BEGINS * depth)
     return float(time[begun[0]]) if len(begun) else math.inf

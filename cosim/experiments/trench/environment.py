@@ -1,7 +1,8 @@
 """Crossing a trench as a learning environment: ``gymnasium.make("suspension/TrenchCrossing-v0")``.
 
-The 6x6 before a trench of a length that differs from episode to episode, at a speed that does: six forces every 5 ms. What its limits are
-(Table 5.3 of the thesis behind the paper) is what the reward is made of, weighted as its cost function weights them.
+The 6x6 before a trench of a length that differs from episode to episode, at a speed that does: six forces every 5 ms.
+What its limits are (Table 5.3 of the thesis behind the paper) is what the reward is made of, weighted as its cost
+function weights them.
 """
 
 from __future__ import annotations
@@ -24,20 +25,31 @@ from fmu_sources.models.corners import SIX_CORNERS
 LENGTHS, SPEEDS_KMH = (0.8, 1.6), (3.0, 9.0)  # m, km/h, of an episode
 SIDES = ("a1", "a2", "a3")
 OBSERVED: dict[str, tuple[float, float]] = {
-    "car.body.z": (-0.5, 0.5), "car.body.vz": (-2.0, 2.0), "car.body.pitch": (-0.5, 0.5), "car.body.pitch_rate": (-2.0, 2.0),
-    "car.body.roll": (-0.2, 0.2), "car.body.roll_rate": (-1.0, 1.0), "car.speed": (0.0, 5.0), "car.lidar.start.dx": (-10.0, 10.0),
-    "car.lidar.finish.dx": (-10.0, 10.0), "car.lidar.start.dz": (-3.0, 3.0), "car.lidar.finish.dz": (-3.0, 3.0),
+    "car.body.z": (-0.5, 0.5),
+    "car.body.vz": (-2.0, 2.0),
+    "car.body.pitch": (-0.5, 0.5),
+    "car.body.pitch_rate": (-2.0, 2.0),
+    "car.body.roll": (-0.2, 0.2),
+    "car.body.roll_rate": (-1.0, 1.0),
+    "car.speed": (0.0, 5.0),
+    "car.lidar.start.dx": (-10.0, 10.0),
+    "car.lidar.finish.dx": (-10.0, 10.0),
+    "car.lidar.start.dz": (-3.0, 3.0),
+    "car.lidar.finish.dz": (-3.0, 3.0),
     **{f"car.suspension.{k}.deflection": (-0.3, 0.3) for k in SIX_CORNERS},
     **{f"car.suspension.{k}.velocity": (-5.0, 5.0) for k in SIX_CORNERS},
-}  # fmt: skip
+}
 TOUCHED = 5.0  # of a second with the belly on the ground, in parts of the cost at all limits
 FAILED = -1e3  # of a step
-_COURSE_CASE = Case(LENGTHS[1], SPEEDS_KMH[1], "passive")  # where the trench begins, and where the last axle is clear of it
+_COURSE_CASE = Case(
+    LENGTHS[1], SPEEDS_KMH[1], "passive"
+)  # where the trench begins, and where the last axle is clear of it
 
 
 def cost(step: Step) -> float:
-    """What the limits are used of, per second: squares of accelerations, pitch and hub forces over their limits, weighted; and the belly
-    on the ground. Negative."""
+    """What the limits are used of, per second: squares of accelerations, pitch and hub forces over their limits,
+    weighted; and the belly on the ground. Negative.
+    """
     used = {
         "az": step.over("car.body.az") / LIMITS.az,
         "ax": step.over("car.body.ax") / LIMITS.ax,
@@ -53,7 +65,10 @@ def cost(step: Step) -> float:
 
 def trench(rng: np.random.Generator) -> dict[str, float]:
     """Length of the trench and speed of an episode."""
-    return {"car.trench.length": float(rng.uniform(*LENGTHS)), "car.target.speed": float(rng.uniform(*SPEEDS_KMH)) / 3.6}
+    return {
+        "car.trench.length": float(rng.uniform(*LENGTHS)),
+        "car.target.speed": float(rng.uniform(*SPEEDS_KMH)) / 3.6,
+    }
 
 
 def system(fmus: FmuSet) -> System:

@@ -80,8 +80,11 @@ def signals(run: Run) -> Row:
     """What the figure draws, every 10 ms: time [s], height [m], pitch [deg], speed [km/h]."""
     r = run.recording
     shown = {
-        "time": r.time, "z": r["car.body.z"], "pitch": np.degrees(r["car.body.pitch"]), "speed": 3.6 * r[_speed(run.case)],
-    }  # fmt: skip
+        "time": r.time,
+        "z": r["car.body.z"],
+        "pitch": np.degrees(r["car.body.pitch"]),
+        "speed": 3.6 * r[_speed(run.case)],
+    }
     return {name: signal.tolist() for name, signal in shown.items()}
 
 

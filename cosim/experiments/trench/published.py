@@ -25,9 +25,15 @@ LENGTHS = (1.2, 1.3, 1.4, 1.5, 1.6, 1.7, 1.8, 1.9, 2.0)  # m, Tables 5.2 and 5.5
 SPEEDS = (1.0, 3.0, 6.0, 9.0)  # km/h
 GRID: tuple[Key, ...] = tuple(product(LENGTHS, SPEEDS))
 COLUMNS = {
-    "az": "az [m/s2]", "ax": "ax [m/s2]", "az_rms": "az rms [m/s2]", "ax_rms": "ax rms [m/s2]", "pitch": "pitch [deg]",
-    "hub_front": "front hub [kN]", "hub_middle": "middle hub [kN]", "hub_rear": "rear hub [kN]",
-}  # fmt: skip
+    "az": "az [m/s2]",
+    "ax": "ax [m/s2]",
+    "az_rms": "az rms [m/s2]",
+    "ax_rms": "ax rms [m/s2]",
+    "pitch": "pitch [deg]",
+    "hub_front": "front hub [kN]",
+    "hub_middle": "middle hub [kN]",
+    "hub_rear": "rear hub [kN]",
+}
 
 
 @cache

@@ -86,15 +86,25 @@ def report(study: Results, fmus: FmuSet) -> Report:
         return _animation(study, fmus)
 
     makers = (
-        animation, _verdicts, _reductions, _costs, _histories, _refinement, _between, _without, _vehicles, _linear, _limits,
-    )  # fmt: skip
+        animation,
+        _verdicts,
+        _reductions,
+        _costs,
+        _histories,
+        _refinement,
+        _between,
+        _without,
+        _vehicles,
+        _linear,
+        _limits,
+    )
     return Report(
         experiment=EXPERIMENT.name,
         title="A 6x6 crosses trenches",
         lead=(
-            "A three-axle vehicle drives over trenches of 1.2 to 2.0 m at 1 to 9 km/h, passive and under predictive control that "
-            "sees the trench coming, lifts the axle above it and shifts its weight. Vehicle, crossing algorithm and controller "
-            "are native FMUs. The tables of Kale's thesis stand beside what these runs give."
+            "A three-axle vehicle drives over trenches of 1.2 to 2.0 m at 1 to 9 km/h, passive and under predictive"
+            " control that sees the trench coming, lifts the axle above it and shifts its weight. Vehicle, crossing"
+            " algorithm and controller are native FMUs. The tables of Kale's thesis stand beside what these runs give."
         ),
         claims=CLAIMS.judge(study),
         results=list(_results(study)),
@@ -200,13 +210,24 @@ def scene(title: str, case: Case, row: Row, drawn: Row, fmus: FmuSet) -> Scene:
     length = case.length
     ground = [(-30.0, 0.0), (0.0, 0.0), (0.0, -5.0), (length, -5.0), (length, 0.0), (length + 30.0, 0.0)]
     return Scene(
-        title=title, step=float(FRAME), ground=ground, bodies=[Body("vehicle", outline, x, z, pitch)], wheels=wheels,
-        struts=struts, forces=forces, readings=readings, phase=phase, outcome=row["outcome"], good=row["passed"],
-    )  # fmt: skip
+        title=title,
+        step=float(FRAME),
+        ground=ground,
+        bodies=[Body("vehicle", outline, x, z, pitch)],
+        wheels=wheels,
+        struts=struts,
+        forces=forces,
+        readings=readings,
+        phase=phase,
+        outcome=row["outcome"],
+        good=row["passed"],
+    )
 
 
 def _outline(value: Any, first: float, last: float) -> list[tuple[float, float]]:
-    """Lower outline from the front bumper to the rear one as the plant has it; hull and roof are drawn for the eye only."""
+    """Lower outline from the front bumper to the rear one as the plant has it; hull and roof are drawn for the eye
+    only.
+    """
     tip, knee, belly = (value(f"outline.{n}_height") for n in ("tip", "knee", "belly"))
     front, rear = first + value("outline.front_overhang"), last - value("outline.rear_overhang")
     aside, flat = value("outline.knee_distance"), value("outline.belly_distance")
@@ -226,12 +247,13 @@ def _player(id_: str, takes: list[Take]) -> Animation:
     return Animation(
         id_,
         "The crossing from the side",
-        "Left wheels, to scale; positions count from the start of the trench. Orange: force of the ground on a tire, drawn where it "
-        "acts. Red: contact of bumpers and belly; its height is that of the part, not the very point of contact. The hull above the "
-        "belly line is drawn for orientation. Both runs share the clock; the road in view follows each vehicle. Frames are 20 ms apart: "
-        "peaks of impacts between them are in the time histories and tables. Arrows are to scale; one too long for the picture leaves it, and its size is written.",
+        "Left wheels, to scale; positions count from the start of the trench. Orange: force of the ground on a tire,"
+        " drawn where it acts. Red: contact of bumpers and belly; its height is that of the part, not the very point of"
+        " contact. The hull above the belly line is drawn for orientation. Both runs share the clock; the road in view"
+        " follows each vehicle. Frames are 20 ms apart: peaks of impacts between them are in the time histories and"
+        " tables. Arrows are to scale; one too long for the picture leaves it, and its size is written.",
         takes,
-    )  # fmt: skip
+    )
 
 
 def _animation(study: Results, fmus: FmuSet) -> Section:
@@ -241,9 +263,10 @@ def _animation(study: Results, fmus: FmuSet) -> Section:
         scenes = [scene(name, c, study[c], study.signals(c), fmus) for name, c in cases.items()]
         takes.append(Take(key_text(key), scenes))
     text = (
-        "The six crossings that section 5.5 of the thesis shows. Before the front axle reaches the trench the controller raises the "
-        "nose by 4 degrees, so that the weight rests on the rear axles; then it retracts each axle as it comes over the trench, and "
-        "leans forward for the last one. Retracting takes over when the case changes, at 6 kN per 5 ms."
+        "The six crossings that section 5.5 of the thesis shows. Before the front axle reaches the trench the"
+        " controller raises the nose by 4 degrees, so that the weight rests on the rear axles; then it retracts each"
+        " axle as it comes over the trench, and leans forward for the last one. Retracting takes over when the case"
+        " changes, at 6 kN per 5 ms."
     )
     return Section("The crossing", [text], animations=[_player("crossing", takes)])
 
@@ -265,10 +288,12 @@ def _refinement(study: Results) -> Section:
     where = ", ".join(f"{k[0]:g} m at {k[1]:g} km/h, {_NAMES[s]}" for k, s in changed)
     ms = 1e3 * float(STEP)
     table = Table(
-        "refinement", f"Solver, exchange and recording step halved, from {ms:g} to {ms / 2:g} ms",
-        ["system", "quantity", "median change [%]", "largest change [%]", "where", "as run", "at half the step"], rows,
+        "refinement",
+        f"Solver, exchange and recording step halved, from {ms:g} to {ms / 2:g} ms",
+        ["system", "quantity", "median change [%]", "largest change [%]", "where", "as run", "at half the step"],
+        rows,
         "Over the 36 published crossings of each system.",
-    )  # fmt: skip
+    )
     text = f"Halving the step changes {len(changed)} of {len(SYSTEMS) * len(GRID)} verdicts"
     return Section("Steps", [f"{text}: {where}; these are open." if changed else f"{text}."], tables=[table])
 
@@ -295,12 +320,16 @@ def _verdicts(study: Results) -> Section:
             row.append(r["force"] if system == "mpc" else "passed" if published.passed(*key) else "failed")
             rows.append(row)
         columns = ["length [m]", "speed [km/h]", *short, "outcome", "at half the step", last]
-        caption = "Limits of Table 5.3: 150 and 100 m/s2, 5 m/s2 rms, 15 deg, 225 kN. Contact of bumpers is allowed, of the belly not."
+        caption = (
+            "Limits of Table 5.3: 150 and 100 m/s2, 5 m/s2 rms, 15 deg, 225 kN. Contact of bumpers is allowed, of the"
+            " belly not."
+        )
         tables.append(Table(f"{system}-crossings", title, columns, rows, caption))
     text = (
-        "A crossing fails when a quantity exceeds its limit, when what hangs below the body touches, or when the vehicle is still in "
-        "the trench after 1.25 times the time it should take. Root mean squares are those of the whole run, from the start, some "
-        "metres ahead of the trench, until the last axle is 1.5 m behind it; the thesis does not say where its runs begin and end."
+        "A crossing fails when a quantity exceeds its limit, when what hangs below the body touches, or when the"
+        " vehicle is still in the trench after 1.25 times the time it should take. Root mean squares are those of the"
+        " whole run, from the start, some metres ahead of the trench, until the last axle is 1.5 m behind it; the"
+        " thesis does not say where its runs begin and end."
     )
     return Section("Verdicts", [text], tables=tables)
 
@@ -319,9 +348,12 @@ def _reductions(study: Results) -> Section:
     for printed in names.values():
         columns += [f"{printed} [%]", f"{printed}, thesis [%]"]
     table = Table(
-        "reductions", "What control takes off, per cent of passive (Tables 5.6 to 5.8)", columns, rows,
+        "reductions",
+        "What control takes off, per cent of passive (Tables 5.6 to 5.8)",
+        columns,
+        rows,
         "Negative: control makes it worse.",
-    )  # fmt: skip
+    )
     figures = [_over_length(study, n, LABELS[n]) for n in ("az", "pitch")]
     return Section("Peaks, pitch and spectra", figures=figures, tables=[table])
 
@@ -340,9 +372,12 @@ def _over_length(study: Results, metric: str, label: str) -> Figure:
             shown.append(Series(f"{name}, thesis", LENGTHS, theirs, color=_LOOKS[name]["color"], mode="markers"))
         panels.append(Panel(f"{speed:g} km/h", "trench length [m]", label, shown))
     return Figure(
-        f"{metric}-over-length", f"{label.partition(' [')[0].capitalize()} over the length of the trench",
-        "Lines: this project; points: cells of Tables 5.4 and 5.6 to 5.9, as far as they are in print.", panels, columns=2,
-    )  # fmt: skip
+        f"{metric}-over-length",
+        f"{label.partition(' [')[0].capitalize()} over the length of the trench",
+        "Lines: this project; points: cells of Tables 5.4 and 5.6 to 5.9, as far as they are in print.",
+        panels,
+        columns=2,
+    )
 
 
 def _costs(study: Results) -> Section:
@@ -354,29 +389,56 @@ def _costs(study: Results) -> Section:
         base, ours = (study[Case(*key, s)]["cost"] for s in SYSTEMS)
         rows.append(
             [
-                *key, round(base), published.number(*key, "passive cost"), round(ours), published.number(*key, "controlled cost"),
-                *(round(scaled[s][key], 3) for s in SYSTEMS), round(taken[key], 1) if key in taken else None,
-                published.number(*key, "improvement [%]"), round(scores[key], 1), published.number(*key, "score"),
+                *key,
+                round(base),
+                published.number(*key, "passive cost"),
+                round(ours),
+                published.number(*key, "controlled cost"),
+                *(round(scaled[s][key], 3) for s in SYSTEMS),
+                round(taken[key], 1) if key in taken else None,
+                published.number(*key, "improvement [%]"),
+                round(scores[key], 1),
+                published.number(*key, "score"),
             ]
-        )  # fmt: skip
+        )
     columns = [
-        "length [m]", "speed [km/h]", "passive", "passive, thesis", "controlled", "controlled, thesis", "passive, normalised",
-        "controlled, normalised", "improvement [%]", "improvement, thesis [%]", "score", "score, thesis",
-    ]  # fmt: skip
+        "length [m]",
+        "speed [km/h]",
+        "passive",
+        "passive, thesis",
+        "controlled",
+        "controlled, thesis",
+        "passive, normalised",
+        "controlled, normalised",
+        "improvement [%]",
+        "improvement, thesis [%]",
+        "score",
+        "score, thesis",
+    ]
     table = Table(
-        "costs", "Cost, normalised cost, improvement and score (Tables 5.9 to 5.11)", columns, rows,
-        "Weights of Table 5.10. Normalised over all 72 runs; scores from 5, the lowest cost of the controlled runs, to 1, the highest.",
-    )  # fmt: skip
+        "costs",
+        "Cost, normalised cost, improvement and score (Tables 5.9 to 5.11)",
+        columns,
+        rows,
+        "Weights of Table 5.10. Normalised over all 72 runs; scores from 5, the lowest cost of the controlled runs, to"
+        " 1, the highest.",
+    )
     layers = [Layer(_NAMES[s], [[scaled[s][length, speed] for length in LENGTHS] for speed in SPEEDS]) for s in SYSTEMS]
     limit = normalised(cost_of_limits(), costs(study))
     contour = Map(
         "figure-5-40",
         "Normalised cost over length and speed (figures 5.40 and 5.41)",
-        "On one scale; low is good. The red line, where there is one, is the cost of a crossing that just meets every limit of "
-        f"Table 5.3 ({limit:.2f}), the plane of figure 5.41.",
-        x_label="trench length [m]", y_label="speed [km/h]", value_label="normalised cost [-]", x=LENGTHS, y=SPEEDS, layers=layers,
-        value_range=(0.0, max(1.0, limit)), reference=limit,
-    )  # fmt: skip
+        "On one scale; low is good. The red line, where there is one, is the cost of a crossing that just meets every"
+        f" limit of Table 5.3 ({limit:.2f}), the plane of figure 5.41.",
+        x_label="trench length [m]",
+        y_label="speed [km/h]",
+        value_label="normalised cost [-]",
+        x=LENGTHS,
+        y=SPEEDS,
+        layers=layers,
+        value_range=(0.0, max(1.0, limit)),
+        reference=limit,
+    )
     lines = _over_length(study, "cost", "cost [-]")
     return Section("Cost", figures=[contour, lines], tables=[table])
 
@@ -396,7 +458,10 @@ def _history(title: str, id_: str, drawn: Mapping[str, Row]) -> Figure:
         Panel("Longitudinal acceleration", time, "ax [m/s2]", series("car.body.ax", 1.0)),
         Panel("Front hub force", time, "hub force [kN]", series("car.hub.a1l.fx", 1e-3)),
     ]
-    caption = "Thinned for drawing; the lowest and highest samples of every stretch are kept, so peaks are those of the tables."
+    caption = (
+        "Thinned for drawing; the lowest and highest samples of every stretch are kept, so peaks are those of the"
+        " tables."
+    )
     return Figure(id_, f"Passive and controlled, {title}", caption, panels, columns=2)
 
 
@@ -428,8 +493,15 @@ def _histories(study: Results) -> Section:
 
 
 _SUMMARY = [
-    "passed", "of", "stuck", "belly contact", "largest pitch [deg]", "largest az [m/s2]", "mean cost [-]", "failed [m]/[km/h]",
-]  # fmt: skip
+    "passed",
+    "of",
+    "stuck",
+    "belly contact",
+    "largest pitch [deg]",
+    "largest az [m/s2]",
+    "mean cost [-]",
+    "failed [m]/[km/h]",
+]
 
 
 def _summary(study: Results, cases: list[Case]) -> list[Any]:
@@ -455,8 +527,8 @@ def _without(study: Results) -> list[Section]:
     """What it depends on"""
     changed = {words: some(controller) for controller, words in WITHOUT.items()}
     text = (
-        "What makes the crossing work, seen by leaving it out. Each line is twelve crossings at 1, 3, 6 and 9 km/h. LQR and MPC "
-        "without preview get the pitch reference of the crossing algorithm; LQR has no forced ranges."
+        "What makes the crossing work, seen by leaving it out. Each line is twelve crossings at 1, 3, 6 and 9 km/h. LQR"
+        " and MPC without preview get the pitch reference of the crossing algorithm; LQR has no forced ranges."
     )
     tables = _changed(study, "without", "one thing changed", "change", {"as it is": some(), **changed})
     return [Section("What it depends on", [text], tables=tables)] * bool(tables)
@@ -498,11 +570,13 @@ def _linear(study: Results) -> Section:
     ]
     figure = Figure(
         "figure-5-1",
-        f"Linear and nonlinear passive vehicle, trench {linear.DEPTH:g} m deep at {linear.SPEED_KMH:g} km/h (figures 5.1 to 5.3)",
-        "The same masses, springs, wheel positions and trench with sloped edges. The linear vehicle follows the road at a point below each "
-        "wheel and keeps its speed; the nonlinear one has discs for wheels, which bridge the edges, and is slowed by them.",
+        f"Linear and nonlinear passive vehicle, trench {linear.DEPTH:g} m deep at {linear.SPEED_KMH:g} km/h (figures"
+        " 5.1 to 5.3)",
+        "The same masses, springs, wheel positions and trench with sloped edges. The linear vehicle follows the road at"
+        " a point below each wheel and keeps its speed; the nonlinear one has discs for wheels, which bridge the edges,"
+        " and is slowed by them.",
         panels,
-    )  # fmt: skip
+    )
     return Section("Linear compared with nonlinear vehicle", figures=[figure])
 
 
@@ -510,24 +584,32 @@ def _limits(_: Results) -> Section:
     return Section(
         "Limits of this comparison",
         [
-            "The thesis does not disclose its vehicle. Our masses, geometry and tires are assumed, some of them with Table 5.4 in view; "
-            "its multi-body model has suspension links and a tire model that a disc on solids does not replace. So peaks of impacts "
-            "agree in order of magnitude at best.",
-            f"The vehicle is solved, exchanged and recorded every {1e3 * float(STEP):g} ms, and peaks are those of all these samples: where "
-            "body and ground meet, "
-            "the acceleration rises within a solver step and falls within a few milliseconds, so that samples 1 ms apart can miss its peak. "
-            "RMS values are those of samples at 1 kHz.",
-            "Readings of the thesis that matter: the forced ranges of Table 4.8 lift an axle only with their sign turned; the rate limit of "
-            "Table 4.5 counts per control interval in the thesis's tool and never binds there, here it counts as N/s; limits on outputs "
-            "(Table 4.6) are off; pitch keeps its weight of 100 in all cases, and the height of the body is weighed too. What each of "
-            "them does is in the table of changes. Windows of the cases and the pitch reference (4 deg) are not in the thesis.",
+            (
+                "The thesis does not disclose its vehicle. Our masses, geometry and tires are assumed, some of them"
+                " with Table 5.4 in view; its multi-body model has suspension links and a tire model that a disc on"
+                " solids does not replace. So peaks of impacts agree in order of magnitude at best."
+            ),
+            (
+                f"The vehicle is solved, exchanged and recorded every {1e3 * float(STEP):g} ms, and peaks are those of"
+                " all these samples: where body and ground meet, the acceleration rises within a solver step and falls"
+                " within a few milliseconds, so that samples 1 ms apart can miss its peak. RMS values are those of"
+                " samples at 1 kHz."
+            ),
+            (
+                "Readings of the thesis that matter: the forced ranges of Table 4.8 lift an axle only with their sign"
+                " turned; the rate limit of Table 4.5 counts per control interval in the thesis's tool and never binds"
+                " there, here it counts as N/s; limits on outputs (Table 4.6) are off; pitch keeps its weight of 100 in"
+                " all cases, and the height of the body is weighed too. What each of them does is in the table of"
+                " changes. Windows of the cases and the pitch reference (4 deg) are not in the thesis."
+            ),
         ],
     )
 
 
 def _parameters(fmus: FmuSet) -> list[Parameter]:
-    """Of the vehicle without its right corners, which are as the left ones, and without what a run sets; of crossing algorithm,
-    controller and Table 5.3."""
+    """Of the vehicle without its right corners, which are as the left ones, and without what a run sets; of crossing
+    algorithm, controller and Table 5.3.
+    """
     aside = (
         *(f".{k}." for k in SIX_CORNERS[1::2]),
         "outline.left.",

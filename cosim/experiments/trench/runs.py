@@ -64,8 +64,12 @@ class Case(Stepped):
         6.0, unit="km/h", within=(0.5, 15), name="speed", help="speed", label="{:g}kmh", always=True
     )
     controller: str = option(
-        "mpc", choices=CONTROLLERS, aliases=("control",), help="control law; mpc-...: mpc with one thing changed", always=True
-    )  # fmt: skip
+        "mpc",
+        choices=CONTROLLERS,
+        aliases=("control",),
+        help="control law; mpc-...: mpc with one thing changed",
+        always=True,
+    )
     depth: float | None = option(None, unit="m", within=(0.01, 10), help="depth of the trench", label="{:g}m-deep")
     friction: float | None = option(
         None, within=(0.001, 2), help="friction coefficient of the tires", label="{:g}friction"
@@ -151,12 +155,17 @@ def configure(system: System, case: Case) -> None:
         return car.description.parameters[name].start if value is None else value
 
     named = {"trench.depth": case.depth, "disc.friction": case.friction, "body.cg_offset": case.cg_offset}
-    car.set({
-        **{name: given(name, value) for name, value in named.items()},
-        "body.mass": case.mass_factor * given("body.mass", case.mass), "strut.hydropneumatic": case.hydropneumatic,
-        "trench.length": case.length, "trench.start": Course.of(Run(case, None, system)).start, "target.speed": case.speed,
-        "solver.step": float(STEP / case.solver_parts),
-    })  # fmt: skip
+    car.set(
+        {
+            **{name: given(name, value) for name, value in named.items()},
+            "body.mass": case.mass_factor * given("body.mass", case.mass),
+            "strut.hydropneumatic": case.hydropneumatic,
+            "trench.length": case.length,
+            "trench.start": Course.of(Run(case, None, system)).start,
+            "target.speed": case.speed,
+            "solver.step": float(STEP / case.solver_parts),
+        }
+    )
     chosen = CONTROLLERS[case.controller]
     if chosen is not None and chosen[0] == "MpcThreeAxle":
         system["controller"].set({**MPC, **chosen[1], "use_preview": chosen[2]})
@@ -222,10 +231,16 @@ def measure(run: Run) -> Row:
     reasons = failures(measured, arrived=arrived, belly_contact=touch["belly"] > TOUCH)
     on_bumpers = touch["bumper.front"] + touch["bumper.rear"] > TOUCH
     row: Row = {
-        "trench_start": course.start, **measured.as_dict(), "cost": cost(measured), "passed": not reasons, "failures": list(reasons),
-        "outcome": outcome(reasons, on_bumpers=on_bumpers), "belly_kn": touch["belly"] / 1e3,
-        "bumper_front_kn": touch["bumper.front"] / 1e3, "bumper_rear_kn": touch["bumper.rear"] / 1e3,
-    }  # fmt: skip
+        "trench_start": course.start,
+        **measured.as_dict(),
+        "cost": cost(measured),
+        "passed": not reasons,
+        "failures": list(reasons),
+        "outcome": outcome(reasons, on_bumpers=on_bumpers),
+        "belly_kn": touch["belly"] / 1e3,
+        "bumper_front_kn": touch["bumper.front"] / 1e3,
+        "bumper_rear_kn": touch["bumper.rear"] / 1e3,
+    }
     if "controller.solver.status" in r:
         steps = (r["controller.solver.status"] > 0).sum()
         row["solver_failures"] = round(steps * float(step(run.case)) / SAMPLE_TIME)
@@ -240,18 +255,30 @@ def outcome(reasons: Sequence[str], *, on_bumpers: bool) -> str:
     if not reasons:
         return "passed, on its bumpers" if on_bumpers else "passed"
     words = {
-        "az": "vertical acceleration", "ax": "longitudinal acceleration", "az_rms": "vertical rms",
-        "ax_rms": "longitudinal rms", "hub_front": "hub force", "hub_middle": "hub force", "hub_rear": "hub force",
-    }  # fmt: skip
+        "az": "vertical acceleration",
+        "ax": "longitudinal acceleration",
+        "az_rms": "vertical rms",
+        "ax_rms": "longitudinal rms",
+        "hub_front": "hub force",
+        "hub_middle": "hub force",
+        "hub_rear": "hub force",
+    }
     return "failed: " + ", ".join(dict.fromkeys(words.get(f, f) for f in reasons))
 
 
 SIDE = tuple(k for k in SIX_CORNERS if k.endswith("l"))  # that is looked at
 MOVING = (
-    "car.x", "car.speed", "car.body.az", "car.body.pitch", "car.body.z", "car.hub.a1l.fx",
-    *(f"car.{n}.force" for n in ("bumper.front", "bumper.rear", "belly")), *(f"car.hub.{k}.{n}" for k in SIDE for n in "xz"),
-    *(f"car.contact.{k}.{n}" for k in SIDE for n in ("fx", "fz", "x", "z")), "crossing.case",
-)  # fmt: skip
+    "car.x",
+    "car.speed",
+    "car.body.az",
+    "car.body.pitch",
+    "car.body.z",
+    "car.hub.a1l.fx",
+    *(f"car.{n}.force" for n in ("bumper.front", "bumper.rear", "belly")),
+    *(f"car.hub.{k}.{n}" for k in SIDE for n in "xz"),
+    *(f"car.contact.{k}.{n}" for k in SIDE for n in ("fx", "fz", "x", "z")),
+    "crossing.case",
+)
 """Drawn in animations."""
 CURVES = ("car.body.pitch", "car.body.az", "car.body.ax", "car.hub.a1l.fx")
 """Drawn over time."""
@@ -273,13 +300,16 @@ def signals(run: Run) -> Row:
     thinned = {name: keep_peaks(r.time, r[name]) for name in CURVES}
     return {
         "frames": {name: rounded(name, r[name][::frame]) for name in MOVING if name in r},
-        "curves": {name: [np.round(time, 5).tolist(), rounded(name, values)] for name, (time, values) in thinned.items()},
+        "curves": {
+            name: [np.round(time, 5).tolist(), rounded(name, values)] for name, (time, values) in thinned.items()
+        },
         "spectra": {axis: bands(*psd(r[f"car.body.{axis}"][::sample], PSD_RATE)) for axis in ("az", "ax")},
-    }  # fmt: skip
+    }
 
 
 def bands(frequency: np.ndarray, density: np.ndarray) -> tuple[list[float], list[float]]:
-    """Means of a spectrum over bands of a twelfth of a decade, from 0.3 to 300 Hz; bands without a line are left out."""
+    """Means of a spectrum over bands of a twelfth of a decade, from 0.3 to 300 Hz; bands without a line
+    are left out."""
     edges = 10 ** np.arange(-0.5, 2.55, 1 / 12)
     number = np.digitize(frequency, edges)
     full = [i for i in range(1, len(edges)) if (number == i).any()]

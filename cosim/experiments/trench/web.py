@@ -44,14 +44,20 @@ def live(case: Case) -> Live:
         measures.append(Measure(words, names, how, unit, factor, getattr(LIMITS, quantity)))
     page = WebPage(
         "Cross the trench",
-        "A 6x6 drives over a trench: passive, with LQR, and with an MPC that sees the trench coming and lifts its wheels over it "
-        "(paper 003). Make it longer, deeper or faster until a vehicle fails. The limits are those of the paper.",
+        "A 6x6 drives over a trench: passive, with LQR, and with an MPC that sees the trench coming and lifts its"
+        " wheels over it (paper 003). Make it longer, deeper or faster until a vehicle fails. The limits are those of"
+        " the paper.",
         controls=[
             Control("length of the trench", ["car.trench.length"], 0.2, 2.5, keys=("ArrowLeft", "ArrowRight")),
             Control("depth of the trench", ["car.trench.depth"], 0.05, 3.0),
             Control("right wheels meet it later by", ["car.trench.right_offset"], 0.0, 2.0),
             Control(
-                "speed", ["car.target.speed"], SLOWEST / 3.6, FASTEST / 3.6, keys=("ArrowDown", "ArrowUp"), follows={"car.trench.start": START}
+                "speed",
+                ["car.target.speed"],
+                SLOWEST / 3.6,
+                FASTEST / 3.6,
+                keys=("ArrowDown", "ArrowUp"),
+                follows={"car.trench.start": START},
             ),
             Control("sprung mass", ["car.body.mass"], 8000.0, 26000.0),
         ],
@@ -61,5 +67,5 @@ def live(case: Case) -> Live:
             Value({"car.x": 1.0, "car.trench.start": -1.0, "car.trench.length": -1.0, LAST: 1.0}, -RUN_OUT), PATIENCE
         ),
         interval=STEP,
-    )  # fmt: skip
+    )
     return Live(page, cases)

@@ -1,4 +1,5 @@
-"""Systems as one WebAssembly module: plans, engine, members and the functions that a page calls, compiled by ziglang."""
+"""Systems as one WebAssembly module: plans, engine, members and the functions that a page calls,
+compiled by ziglang."""
 
 from __future__ import annotations
 
@@ -49,8 +50,8 @@ class Module:
 
 
 def compile_module(codes: Sequence[SystemCode], alone: Iterable[Part] = ()) -> Module:
-    """One module of systems, which share what they have in common (their ``known``). ``alone``: FMUs of members that can also be
-    instantiated by themselves.
+    """One module of systems, which share what they have in common (their ``known``). ``alone``: FMUs of members that
+    can also be instantiated by themselves.
 
     Raises:
         CosimError: a member without sources, or one that is to be asked alone and is of another FMI than the systems.
@@ -61,11 +62,14 @@ def compile_module(codes: Sequence[SystemCode], alone: Iterable[Part] = ()) -> M
         for member, part in code.parts.items():
             if not part.linked:
                 raise CosimError(
-                    f"'{member.name}' ({part.fmu.path}) has no sources that a page could be compiled from; those that build-fmus makes do"
+                    f"'{member.name}' ({part.fmu.path}) has no sources that a page could be compiled from; those that"
+                    " build-fmus makes do"
                 )
     for part in parts:
         if part.version != _FMI:
-            raise CosimError(f"{part.fmu.path} is an FMU of FMI {part.version}.0; what a page asks alone is of FMI {_FMI}.0")
+            raise CosimError(
+                f"{part.fmu.path} is an FMU of FMI {part.version}.0; what a page asks alone is of FMI {_FMI}.0"
+            )
     toolchain, cache = find_zig(), ObjectCache.of_user("export")
     files = {name: data for code in codes for name, data in code.files(cache).items()}
     own = {name: files.pop(name) for name in _PER_SYSTEM}

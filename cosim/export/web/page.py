@@ -1,7 +1,8 @@
-"""A web page that runs systems: their module, what the page is told of their variables, and its controls, scenes and charts.
+"""A web page that runs systems: their module, what the page is told of their variables, and its controls, scenes and
+charts.
 
-The page is one file, which works without a server and without a network. Its numbers are those of the system's FMU, since it is
-compiled from the same C sources.
+The page is one file, which works without a server and without a network. Its numbers are those of the system's FMU,
+since it is compiled from the same C sources.
 """
 
 from __future__ import annotations
@@ -98,8 +99,9 @@ class Measure:
 
 @dataclass(frozen=True)
 class Finish:
-    """A run is over where ``when`` is no longer negative, and has failed where that is not reached within ``patience`` [s]; without
-    ``when`` it is over then."""
+    """A run is over where ``when`` is no longer negative, and has failed where that is not reached within ``patience``
+    [s]; without ``when`` it is over then.
+    """
 
     when: Value | None
     patience: float
@@ -107,8 +109,9 @@ class Finish:
 
 @dataclass(frozen=True)
 class Shown:
-    """One system of a page. ``values`` are set in it before it starts; those of the same ``group`` run side by side, and the page offers
-    the groups to choose from. ``scene``: how it looks."""
+    """One system of a page. ``values`` are set in it before it starts; those of the same ``group`` run side by side,
+    and the page offers the groups to choose from. ``scene``: how it looks.
+    """
 
     title: str
     system: Wiring
@@ -148,8 +151,8 @@ def export_web(path: str | Path, systems: Sequence[Shown], page: WebPage) -> Pat
     """Write the page.
 
     Raises:
-        CosimError: no systems, more than four side by side, one with a member that is no FMU or has no sources, an interval that is no
-            number of ticks.
+        CosimError: no systems, more than four side by side, one with a member that is no FMU or has no sources, an
+            interval that is no number of ticks.
         WiringError: a control, plot or value that names nothing.
         CompileError: no ziglang.
     """
@@ -160,12 +163,18 @@ def export_web(path: str | Path, systems: Sequence[Shown], page: WebPage) -> Pat
         raise CosimError(f"pace {page.pace:g}: choose from {', '.join(f'{p:g}' for p in PACES)}")
     data, module, codes = _gathered(systems, page)
     html = template("page.html").render(
-        page=page, paces=PACES, style="\n".join(_asset(n) for n in _STYLES), script="\n".join(_asset(n) for n in _SCRIPTS),
-        module=_packed(module.content), data=_packed(json.dumps(data, allow_nan=False, separators=(",", ":")).encode()),
-        size=len(module.content), members=sorted({m.name for c in codes for m in c.schedule.members}),
-        schedule="\n\n".join(_headed(s, c) for s, c in zip(systems, codes, strict=True)), licences=_licences(codes),
+        page=page,
+        paces=PACES,
+        style="\n".join(_asset(n) for n in _STYLES),
+        script="\n".join(_asset(n) for n in _SCRIPTS),
+        module=_packed(module.content),
+        data=_packed(json.dumps(data, allow_nan=False, separators=(",", ":")).encode()),
+        size=len(module.content),
+        members=sorted({m.name for c in codes for m in c.schedule.members}),
+        schedule="\n\n".join(_headed(s, c) for s, c in zip(systems, codes, strict=True)),
+        licences=_licences(codes),
         version=metadata.version(base.TOOL),
-    )  # fmt: skip
+    )
     with safe_files.named(path):
         return safe_files.write(path, html.encode())
 
@@ -192,7 +201,8 @@ def _licences(codes: Sequence[SystemCode]) -> str:
     return "\n\n".join(f"{name}\n\n{content.decode(errors='replace').strip()}" for content, name in texts.items())
 
 
-# ------------------------------------------------------------------------------------------------ what the script is told
+# ------------------------------------------------------------------------------------------------ what the script is
+# told
 
 
 def _gathered(systems: Sequence[Shown], page: WebPage) -> tuple[dict[str, Any], Module, list[SystemCode]]:
@@ -210,19 +220,29 @@ def _gathered(systems: Sequence[Shown], page: WebPage) -> tuple[dict[str, Any], 
     module = compile_module(codes, alone)
     _check_names(systems, codes, page)
     data = {
-        "interval": float(interval), "keep": max(1, math.floor(SHOWN_EVERY / interval)), "groups": groups, "plots": list(page.plots),
+        "interval": float(interval),
+        "keep": max(1, math.floor(SHOWN_EVERY / interval)),
+        "groups": groups,
+        "plots": list(page.plots),
         "measures": [asdict(m) for m in page.measures],
-        "finish": page.finish and {"when": page.finish.when and _sum(page.finish.when), "patience": page.finish.patience},
+        "finish": (
+            page.finish and {"when": page.finish.when and _sum(page.finish.when), "patience": page.finish.patience}
+        ),
         "systems": [
             {
-                "title": s.title, "group": groups.index(s.group), "model": i, "values": {n: float(v) for n, v in s.values.items()},
+                "title": s.title,
+                "group": groups.index(s.group),
+                "model": i,
+                "values": {n: float(v) for n, v in s.values.items()},
                 "variables": [_variable(e, k) for k, e in enumerate(c.variables, start=1)],
-                "scene": scene_data(s.scene) if s.scene else None, "road": _road(s.scene, c, module), "ahead": _ahead(c.schedule),
+                "scene": scene_data(s.scene) if s.scene else None,
+                "road": _road(s.scene, c, module),
+                "ahead": _ahead(c.schedule),
             }
             for i, (s, c) in enumerate(zip(systems, codes, strict=True))
         ],
         "controls": [_control(control, codes) for control in page.controls],
-    }  # fmt: skip
+    }
     return data, module, codes
 
 
@@ -230,21 +250,29 @@ def _code(name: str, shown: Shown, known: dict[tuple[str, str], Part]) -> System
     schedule = exported_schedule(shown.system, ())
     outputs = [e.name for e in choose(schedule, (), None, ()) if e.causality == "output"]
     drawn = shown.scene.variables if shown.scene else ()
-    elements = dict.fromkeys(n for n in (*drawn, *(n for a in _ahead(schedule).values() for n in a["names"])) if n not in outputs)
+    elements = dict.fromkeys(
+        n for n in (*drawn, *(n for a in _ahead(schedule).values() for n in a["names"])) if n not in outputs
+    )
     there = {f"{m.name}.{v}" for m in schedule.members for v in m.description.outputs}
-    return SystemCode(name, schedule, choose(schedule, None, [*outputs, *(n for n in elements if n in there)], "*"), _FMI, known)
+    return SystemCode(
+        name, schedule, choose(schedule, None, [*outputs, *(n for n in elements if n in there)], "*"), _FMI, known
+    )
 
 
 def _ahead(schedule: Schedule) -> dict[str, dict[str, Any]]:
-    """What sampled controllers show of the time ahead, by the signal that it continues: ``planned.NAME[i]`` of an output of theirs, from
-    this sample on; ``predicted.NAME[i]`` of what drives an input of theirs, from the next sample on."""
+    """What sampled controllers show of the time ahead, by the signal that it continues: ``planned.NAME[i]`` of an
+    output of theirs, from this sample on; ``predicted.NAME[i]`` of what drives an input of theirs, from the next sample
+    on.
+    """
     sources = {c.target_name: c.source_name for c in schedule.connections}
     found: dict[str, dict[str, Any]] = {}
     for m in schedule.members:
         for array, elements in m.description.arrays.items():
             kind, _, name = array.partition(".")
             own = f"{m.name}.{name}"
-            signal = {"planned": own if name in m.description.outputs else None, "predicted": sources.get(own)}.get(kind)
+            signal = {"planned": own if name in m.description.outputs else None, "predicted": sources.get(own)}.get(
+                kind
+            )
             if signal is not None:
                 names = [f"{m.name}.{n}" for n in sorted(elements, key=indices)]
                 found[signal] = {"names": names, "step": float(m.step), "first": 0 if kind == "planned" else 1}
@@ -260,7 +288,10 @@ def _interval(page: WebPage, codes: Sequence[SystemCode]) -> Fraction:
         interval = positive(page.interval, "interval")
     for c in codes:
         if (interval / c.schedule.tick).denominator != 1:
-            raise CosimError(f"an interval of {seconds_text(interval)} is no number of steps of {seconds_text(c.schedule.tick)}, the tick of the system")
+            raise CosimError(
+                f"an interval of {seconds_text(interval)} is no number of steps of {seconds_text(c.schedule.tick)}, the"
+                " tick of the system"
+            )
     return interval
 
 
@@ -268,9 +299,18 @@ def _variable(e: Exported, reference: int) -> dict[str, Any]:
     v = e.variable
     low, high = (None if not math.isfinite(x) else x for x in e.limits)
     return {
-        "name": e.name, "role": e.causality, "type": _TYPES[e.type], "reference": reference, "unit": v.unit_name, "text": v.description,
-        "min": low, "max": high, "start": None if e.start is None else float(e.start), "tunable": e.tunable, "display": _display(v),
-    }  # fmt: skip
+        "name": e.name,
+        "role": e.causality,
+        "type": _TYPES[e.type],
+        "reference": reference,
+        "unit": v.unit_name,
+        "text": v.description,
+        "min": low,
+        "max": high,
+        "start": None if e.start is None else float(e.start),
+        "tunable": e.tunable,
+        "display": _display(v),
+    }
 
 
 def _sum(value: Value) -> dict[str, Any]:
@@ -289,10 +329,18 @@ def _check_names(systems: Sequence[Shown], codes: Sequence[SystemCode], page: We
     for control in page.controls:
         if not control.names:
             raise WiringError(f"the control '{control.label}' names no variable")
-        for name in (*control.names, *control.follows, *(n for sums in control.follows.values() for v in sums for n in v.terms)):
+        for name in (
+            *control.names,
+            *control.follows,
+            *(n for sums in control.follows.values() for v in sums for n in v.terms),
+        ):
             if name not in settable:
-                raise WiringError(f"the control '{control.label}' names '{name}', no input or parameter{did_you_mean(name, settable)}")
-    for what, name in [("be plotted", n) for n in page.plots] + [("be measured", n) for m in page.measures for n in m.names]:
+                raise WiringError(
+                    f"the control '{control.label}' names '{name}', no input or parameter{did_you_mean(name, settable)}"
+                )
+    for what, name in [("be plotted", n) for n in page.plots] + [
+        ("be measured", n) for m in page.measures for n in m.names
+    ]:
         if name not in outputs:
             raise WiringError(f"'{name}' is no output that could {what}{did_you_mean(name, outputs)}")
     for name in page.finish.when.terms if page.finish and page.finish.when else ():
@@ -319,14 +367,27 @@ def _control(control: Control, codes: Sequence[SystemCode]) -> dict[str, Any]:
     if shown[0] is not None and shown[1] is not None:
         step = 1.0 if whole else float(f"{(shown[1] - shown[0]) / _STEPS:.2g}")
     elif control.keys:
-        raise WiringError(f"the control '{control.label}' has keys, but {e.name} has no limits to go between: give minimum and maximum")
+        raise WiringError(
+            f"the control '{control.label}' has keys, but {e.name} has no limits to go between: give minimum and"
+            " maximum"
+        )
     kind: Kind = "choice" if control.choices else "check" if e.type == "Boolean" else "number"
     return {
-        "label": control.label, "text": control.text or e.variable.description, "names": list(control.names), "kind": kind,
-        "unit": d.name if d else e.variable.unit_name, "factor": factor, "offset": offset, "min": shown[0], "max": shown[1], "step": step,
-        "whole": whole, "follows": {n: [_sum(v) for v in sums] for n, sums in control.follows.items()},
-        "keys": list(control.keys), "choices": [[text, value] for text, value in control.choices.items()],
-    }  # fmt: skip
+        "label": control.label,
+        "text": control.text or e.variable.description,
+        "names": list(control.names),
+        "kind": kind,
+        "unit": d.name if d else e.variable.unit_name,
+        "factor": factor,
+        "offset": offset,
+        "min": shown[0],
+        "max": shown[1],
+        "step": step,
+        "whole": whole,
+        "follows": {n: [_sum(v) for v in sums] for n, sums in control.follows.items()},
+        "keys": list(control.keys),
+        "choices": [[text, value] for text, value in control.choices.items()],
+    }
 
 
 def _road_part(scene: Scene, code: SystemCode) -> Part:
@@ -343,10 +404,16 @@ def _road(scene: Scene | None, code: SystemCode, module: Module) -> dict[str, An
     def own_variable(full: str) -> Variable:
         return member.description.find(full.removeprefix(f"{name}."), name)
 
-    own = {f"{name}.{v.name}": v for v in member.description.parameters.values() if v.size == 1 and v.fmi_type in _TYPES}
+    own = {
+        f"{name}.{v.name}": v for v in member.description.parameters.values() if v.size == 1 and v.fmi_type in _TYPES
+    }
     return {
-        "model": module.model(code.parts[member]), "x": own_variable(scene.grounds[0].input).reference, "step": float(member.step),
+        "model": module.model(code.parts[member]),
+        "x": own_variable(scene.grounds[0].input).reference,
+        "step": float(member.step),
         "sides": {g.side: {"reference": own_variable(g.output).reference, "ahead": g.ahead} for g in scene.grounds},
-        "starts": [[_TYPES[v.fmi_type], v.reference, values] for v, values in start_values(member) if v.fmi_type in _TYPES],
+        "starts": [
+            [_TYPES[v.fmi_type], v.reference, values] for v, values in start_values(member) if v.fmi_type in _TYPES
+        ],
         "parameters": {n: {"type": _TYPES[v.fmi_type], "reference": v.reference} for n, v in own.items()},
-    }  # fmt: skip
+    }

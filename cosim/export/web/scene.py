@@ -1,9 +1,10 @@
 """Scenes that a live page draws while the system in it runs: what stands where, by the variables that say so.
 
-A :class:`Scene` is the live cousin of `cosim.report`'s `Animation`: nothing in it is recorded, every moving quantity is a
-:class:`Value`, which the page computes from the system's variables at each frame. One description serves all views: it is in three
-dimensions, SI units, axes of ISO 8855 (x ahead along the road, y to the left, z up; roll positive left side up, pitch positive nose
-down, yaw positive to the left). `assets/scene.js` draws it; :func:`scene_data` is what that reads.
+A :class:`Scene` is the live cousin of `cosim.report`'s `Animation`: nothing in it is recorded, every moving quantity is
+a :class:`Value`, which the page computes from the system's variables at each frame. One description serves all views:
+it is in three dimensions, SI units, axes of ISO 8855 (x ahead along the road, y to the left, z up; roll positive left
+side up, pitch positive nose down, yaw positive to the left). `assets/scene.js` draws it; :func:`scene_data` is what
+that reads.
 """
 
 from __future__ import annotations
@@ -32,8 +33,8 @@ _FLAT = 1e-3  # m, how far a point of a face may lie from its plane
 class Value:
     """A number that moves: `offset` plus a sum of variables, each times its factor.
 
-    Variables are those of the exported system, `member.variable`; parameters too. `rest` is the value at rest, from which a page counts
-    where it exaggerates motion: `offset` unless given.
+    Variables are those of the exported system, `member.variable`; parameters too. `rest` is the value at rest, from
+    which a page counts where it exaggerates motion: `offset` unless given.
     """
 
     terms: Mapping[str, float] = field(default_factory=dict)
@@ -67,8 +68,10 @@ class Value:
 
     def __mul__(self, factor: float) -> Value:
         return Value(
-            {name: factor * f for name, f in self.terms.items()}, factor * self.offset, None if self.rest is None else factor * self.rest
-        )  # fmt: skip
+            {name: factor * f for name, f in self.terms.items()},
+            factor * self.offset,
+            None if self.rest is None else factor * self.rest,
+        )
 
     @property
     def at_rest(self) -> float:
@@ -90,7 +93,8 @@ def value(quantity: Quantity) -> Value:
     return Value({quantity: 1.0}) if isinstance(quantity, str) else Value(offset=quantity)
 
 
-# ----------------------------------------------------------------------------------------------------------------- parts
+# -----------------------------------------------------------------------------------------------------------------
+# parts
 
 
 @dataclass(frozen=True)
@@ -107,7 +111,9 @@ class Face:
 
 @dataclass(frozen=True)
 class Body:
-    """A rigid body: faces in a frame of its own, whose origin is at (x, y, z) and which is turned by yaw, then pitch, then roll [rad]."""
+    """A rigid body: faces in a frame of its own, whose origin is at (x, y, z) and which is turned by yaw, then pitch,
+    then roll [rad].
+    """
 
     name: str
     faces: Sequence[Face]
@@ -131,8 +137,9 @@ class Body:
 class Wheel:
     """A wheel, its centre at (x, y, z).
 
-    `radius` is that of the unloaded tire, which the ground presses in by `squash` [m] (0 or less: it is in the air), from straight below or
-    from the point `contact` (x, z). `turn` [rad] grows while it rolls ahead; `heading` [rad] is positive to the left, as of a body.
+    `radius` is that of the unloaded tire, which the ground presses in by `squash` [m] (0 or less: it is in the air),
+    from straight below or from the point `contact` (x, z). `turn` [rad] grows while it rolls ahead; `heading` [rad] is
+    positive to the left, as of a body.
     """
 
     name: str
@@ -173,8 +180,10 @@ class Strut:
 
 @dataclass(frozen=True)
 class Arrow:
-    """A force (fx, fy, fz) [N] drawn from a point: `at` in the frame of the body `on`, from the centre of the wheel `on`, or from the road's
-    origin where `on` is None. `role` gives its colour and its words: of the ground on a tire, of an actuator, of something on the body."""
+    """A force (fx, fy, fz) [N] drawn from a point: `at` in the frame of the body `on`, from the centre of the wheel
+    `on`, or from the road's origin where `on` is None. `role` gives its colour and its words: of the ground on a tire,
+    of an actuator, of something on the body.
+    """
 
     name: str
     role: ArrowRole
@@ -195,8 +204,10 @@ class Arrow:
 
 @dataclass(frozen=True)
 class Ground:
-    """The road under the wheels of one side, at `y`. Its height at a place x is what `output` of `member` says when its `input` is
-    x - `ahead`: the page asks for it with the probe that it gives to the scene, and of what nobody asked before nothing is known."""
+    """The road under the wheels of one side, at `y`. Its height at a place x is what `output` of `member` says when its
+    `input` is x - `ahead`: the page asks for it with the probe that it gives to the scene, and of what nobody asked
+    before nothing is known.
+    """
 
     side: Side
     y: float
@@ -215,8 +226,9 @@ class Ground:
 
 @dataclass(frozen=True)
 class Points:
-    """Heights of a road as somebody knows or expects them: the first at x, the next `spacing` [m] further, on the line y; `count` of them count, by
-    default all."""
+    """Heights of a road as somebody knows or expects them: the first at x, the next `spacing` [m] further, on the line
+    y; `count` of them count, by default all.
+    """
 
     name: str
     role: PointsRole
@@ -274,7 +286,9 @@ class Reading:
 
 @dataclass(frozen=True)
 class Trench:
-    """A box cut into level ground, under the wheels of one side or of both; dimensions [m] are values, since they may be changed."""
+    """A box cut into level ground, under the wheels of one side or of both; dimensions [m] are values, since they may
+    be changed.
+    """
 
     start: Quantity
     length: Quantity
@@ -288,8 +302,9 @@ class Trench:
 
 @dataclass(frozen=True)
 class Relief:
-    """Ground whose outline over x is known (x, z) [m] from point to point, level ahead of the first and after the last; two at one x are a
-    wall. One point is level ground."""
+    """Ground whose outline over x is known (x, z) [m] from point to point, level ahead of the first and after the last;
+    two at one x are a wall. One point is level ground.
+    """
 
     points: Sequence[tuple[Quantity, Quantity]]
     side: Sides = "both"
@@ -304,7 +319,9 @@ class Relief:
 
 @dataclass(frozen=True)
 class Trace:
-    """The height z [m] over the past, as on paper that is drawn backwards from (x, y) at `speed` [m/s]; for what stands on one place."""
+    """The height z [m] over the past, as on paper that is drawn backwards from (x, y) at `speed` [m/s]; for what stands
+    on one place.
+    """
 
     name: str
     role: TraceRole
@@ -325,9 +342,10 @@ class Trace:
 
 @dataclass(frozen=True)
 class Scene:
-    """What one system looks like. The camera follows the body `follow`; `width` [m] of the road are in view, and `force_scale` [N] are
-    drawn as long as a metre. `what` names it in sentences, "HMMWV". `dimensions` are variables whose values are in the picture as they were when it
-    was made: where they are changed it says so."""
+    """What one system looks like. The camera follows the body `follow`; `width` [m] of the road are in view, and
+    `force_scale` [N] are drawn as long as a metre. `what` names it in sentences, "HMMWV". `dimensions` are variables
+    whose values are in the picture as they were when it was made: where they are changed it says so.
+    """
 
     title: str
     bodies: Sequence[Body]
@@ -383,25 +401,36 @@ class Scene:
 
     @property
     def variables(self) -> tuple[str, ...]:
-        """Names of all variables that the scene needs, each once: outputs, inputs and parameters, elements of arrays too. Those of the road
-        (`grounds`) are not among them: a page asks for them through its probe."""
+        """Names of all variables that the scene needs, each once: outputs, inputs and parameters, elements of arrays
+        too. Those of the road (`grounds`) are not among them: a page asks for them through its probe.
+        """
         return tuple(dict.fromkeys(name for v in _all_values(self) for name in v.terms))
 
 
 _PARTS: dict[str, Any] = {
-    "bodies": Body, "wheels": Wheel, "struts": Strut, "arrows": Arrow, "grounds": Ground, "points": Points, "limits": Limit,
-    "readings": Reading, "trenches": Trench, "reliefs": Relief, "traces": Trace,
-}  # fmt: skip
+    "bodies": Body,
+    "wheels": Wheel,
+    "struts": Strut,
+    "arrows": Arrow,
+    "grounds": Ground,
+    "points": Points,
+    "limits": Limit,
+    "readings": Reading,
+    "trenches": Trench,
+    "reliefs": Relief,
+    "traces": Trace,
+}
 
 
-# ------------------------------------------------------------------------------------------------------------------ data
+# ------------------------------------------------------------------------------------------------------------------
+# data
 
 
 def scene_data(scene: Scene) -> dict[str, Any]:
     """What the page's script reads, as JSON has it: variables by their place in `names`.
 
-    A value is a number, or `[offset, rest, place, factor, place, factor, ...]`. Names of bodies and wheels stay names; what hangs on them
-    has their place among the `bodies` or `wheels`.
+    A value is a number, or `[offset, rest, place, factor, place, factor, ...]`. Names of bodies and wheels stay names;
+    what hangs on them has their place among the `bodies` or `wheels`.
     """
     names = {name: i for i, name in enumerate(scene.variables)}
     bodies = {body.name: i for i, body in enumerate(scene.bodies)}
@@ -448,7 +477,8 @@ def _fields(part: Any) -> Iterator[tuple[str, Any]]:
     return ((f.name, getattr(part, f.name)) for f in fields(part))
 
 
-# ---------------------------------------------------------------------------------------------------------------- checks
+# ----------------------------------------------------------------------------------------------------------------
+# checks
 
 
 def _assign(target: object, name: str, new: object) -> None:

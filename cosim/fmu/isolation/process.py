@@ -135,9 +135,13 @@ CANCELLERS.append(_cancel)
 
 @cache
 def _libpython() -> str:
-    """The library of this Python, for FMUs that expect it in their process (PythonFMU's do); "" if it has no such library."""
+    """The library of this Python, for FMUs that expect it in their process (PythonFMU's do); "" if it has no such
+    library.
+    """
     name, folder = (str(sysconfig.get_config_var(n) or "") for n in ("INSTSONAME", "LIBDIR"))
-    return next((str(p) for p in (Path(folder, name), Path(sys.base_prefix, "lib", name)) if ".so" in name and p.is_file()), "")
+    return next(
+        (str(p) for p in (Path(folder, name), Path(sys.base_prefix, "lib", name)) if ".so" in name and p.is_file()), ""
+    )
 
 
 class _Handle:
@@ -155,7 +159,8 @@ class _Handle:
 class IsolatedLibrary:
     """The library of an FMU in a process of its own, for one instance.
 
-    Raises FmuError where it cannot be loaded, NoIsolation where nothing can be isolated, and `Lost` where it ends its process.
+    Raises FmuError where it cannot be loaded, NoIsolation where nothing can be isolated, and `Lost` where it ends its
+    process.
     """
 
     def __init__(self, version: str, library: Path, folder: Path, isolation: Isolation):
@@ -163,7 +168,9 @@ class IsolatedLibrary:
         self.isolation = isolation
         self.cancelled = False  # a second Ctrl-C ended it
         self._version = version
-        self._last_words: tuple[str | None, str, str] | None = None  # of `lost`, `blamed` and `misdeed`, once it is released
+        self._last_words: tuple[str | None, str, str] | None = (
+            None  # of `lost`, `blamed` and `misdeed`, once it is released
+        )
         ffi, client, _, worker = _interface()
         self._ffi, self._client = ffi, client
         limit = isolation.bytes
@@ -179,9 +186,12 @@ class IsolatedLibrary:
             try:
                 region = mmap.mmap(-1 if memory is None else memory, _REGION)
                 self._process = subprocess.Popen(
-                    [str(worker), *map(str, arguments)], pass_fds=given, stdin=subprocess.DEVNULL, start_new_session=True,
+                    [str(worker), *map(str, arguments)],
+                    pass_fds=given,
+                    stdin=subprocess.DEVNULL,
+                    start_new_session=True,
                     env={"SUSPENSION_FMUS_LIBPYTHON": _libpython(), **os.environ},
-                )  # fmt: skip
+                )
             except OSError as error:
                 ours.close()
                 raise NoIsolation(f"cannot start a process for an FMU: {error.strerror or error}") from None
@@ -197,13 +207,18 @@ class IsolatedLibrary:
             raise NoIsolation("cannot isolate an FMU: there is no memory left")
         # Whoever holds this may still call, and is told that it is lost; so the link lives as long.
         weakref.finalize(self, _forget, ffi, client, self._link, buffer, region)
-        result = client.link_load(self._link, os.fsencode(library), " ".join(fmi.declared(version)).encode(), int(version))
+        result = client.link_load(
+            self._link, os.fsencode(library), " ".join(fmi.declared(version)).encode(), int(version)
+        )
         if result:
             lost = self.lost()
             said = "" if result < 0 else self._said()
             self.release()
             if re.search("undefined symbol: _?Py", said):
-                said += "; it expects the library of Python in its process, and this Python has none: run it without isolation"
+                said += (
+                    "; it expects the library of Python in its process, and this Python has none: run it without"
+                    " isolation"
+                )
             raise Lost(lost) if lost else FmuError(said)
         missing = frozenset(self._said().split())
         self.missing = [name for name in fmi.required(version) if name in missing]
@@ -238,7 +253,10 @@ class IsolatedLibrary:
         if end == client.LINK_ALIVE:
             return None
         if end == client.LINK_TOO_SLOW:
-            return f"it did not come back within step_timeout = {self.isolation.step_timeout:g} s, and its process was ended"
+            return (
+                f"it did not come back within step_timeout = {self.isolation.step_timeout:g} s, and its process was"
+                " ended"
+            )
         if end == client.LINK_CANCELLED:
             self.cancelled = True
             return "it was waited for no longer, and its process was ended"
@@ -259,7 +277,8 @@ class IsolatedLibrary:
         return text
 
     def blamed(self, function: str) -> str:
-        """The function that failed, where `function` was called: values that are set travel with the step after them."""
+        """The function that failed, where `function` was called: values that are set travel with the
+        step after them."""
         name = self._last_words[1] if self._last_words else fmi.text(self._ffi, self._client.link_failed(self._link))
         return name.removeprefix(f"fmi{self._version}") or function
 
@@ -288,8 +307,9 @@ class Lost(Exception):  # noqa: N818
 
 
 def _exit_code(process: Any) -> int | None:
-    """How a process has ended, or ends within half a second; negative: by a signal. Where the system lets us, it stays a zombie, so that
-    nobody else can get the number by which its group is ended."""
+    """How a process has ended, or ends within half a second; negative: by a signal. Where the system lets us, it stays
+    a zombie, so that nobody else can get the number by which its group is ended.
+    """
     if not hasattr(os, "waitid"):
         with contextlib.suppress(subprocess.TimeoutExpired):
             return int(process.wait(_PATIENCE))
@@ -332,7 +352,9 @@ def _shared_memory() -> int | None:
         if hasattr(os, "memfd_create"):
             descriptor = os.memfd_create("cosim", os.MFD_CLOEXEC | os.MFD_ALLOW_SEALING)
             os.ftruncate(descriptor, _REGION)
-            sizes = fcntl.F_SEAL_SHRINK | fcntl.F_SEAL_GROW | fcntl.F_SEAL_SEAL  # what shrinks would end the master by SIGBUS
+            sizes = (
+                fcntl.F_SEAL_SHRINK | fcntl.F_SEAL_GROW | fcntl.F_SEAL_SEAL
+            )  # what shrinks would end the master by SIGBUS
             fcntl.fcntl(descriptor, fcntl.F_ADD_SEALS, sizes)
         else:
             descriptor, name = tempfile.mkstemp(dir=safe_files.scratch())
@@ -341,5 +363,3 @@ def _shared_memory() -> int | None:
     except OSError:
         return None
     return descriptor
-
-

@@ -46,9 +46,10 @@ class EpisodeOver(CosimError, ResetNeeded):  # noqa: N818
 class Step:
     """One step of an environment, as a reward sees it.
 
-    ``step["car.body.az"]`` is the present value of a variable that is observed, set or recorded, ``step.over("car.body.az")`` (m,) what it
-    was since the step before, the present value last; ``step.action`` what was set, in the variables' units, by name. ``time`` [s] is where the
-    simulation stands, ``duration`` [s] how long the step took of it.
+    ``step["car.body.az"]`` is the present value of a variable that is observed, set or recorded,
+    ``step.over("car.body.az")`` (m,) what it was since the step before, the present value last; ``step.action`` what
+    was set, in the variables' units, by name. ``time`` [s] is where the simulation stands, ``duration`` [s] how long
+    the step took of it.
     """
 
     __slots__ = ("_columns", "_rows", "_simulation", "_since", "action", "duration", "time")
@@ -65,7 +66,9 @@ class Step:
         return self._simulation[name]
 
     def over(self, name: str) -> Array:
-        """Samples (m,) of a variable in this step, in its unit; the present one is the last. KeyError for one that is not recorded."""
+        """Samples (m,) of a variable in this step, in its unit; the present one is the last. KeyError for one that is
+        not recorded.
+        """
         column = self._columns.get(name)
         if column is None:
             raise KeyError(f"'{name}' is not recorded{did_you_mean(name, self._columns)}; name it in record=[...]")
@@ -77,7 +80,9 @@ class Step:
 
 @dataclass(frozen=True)
 class EnvState:
-    """Where an environment stands, made by :meth:`SystemEnv.save`: system, number of steps, random numbers. It can be pickled."""
+    """Where an environment stands, made by :meth:`SystemEnv.save`: system, number of steps, random numbers. It can be
+    pickled.
+    """
 
     system: SystemState = field(repr=False)
     steps: int
@@ -90,8 +95,8 @@ class SystemEnv(gymnasium.Env[Array, Array]):
     """A system whose undriven inputs a policy drives.
 
     Args:
-        system: a :class:`cosim.System`, which the environment owns from then on, or a function that puts one together (needed for
-            :meth:`fork`).
+        system: a :class:`cosim.System`, which the environment owns from then on, or a function that puts one together
+            (needed for :meth:`fork`).
         actions: inputs that nothing drives, or tunable parameters, with their ranges: ``{"car.force": (-8, 8)}``,
             ``{"car.force.*": (-2, 2, "kN")}``. -1 and 1 of the action space are the ends of a range.
         observations: outputs, with their ranges alike; one that is beyond its range is shown at its end, and named in
@@ -99,24 +104,27 @@ class SystemEnv(gymnasium.Env[Array, Array]):
         reward: a function of a :class:`Step`.
         step: time between two actions [s], a multiple of the system's tick; an action is held in between.
         length: of an episode [s], after which it is truncated; a multiple of ``step``. None: it has no end.
-        terminated: conditions that end an episode, as ``stop_when`` of :meth:`cosim.System.run`: at the instant of the system's
-            own tick that fulfils one, within a step too. ``info["ended_by"]`` says which.
-        failure_reward: what a step is worth in which a component fails, or shows a value that is not finite: the episode is terminated, with
-            the message in ``info["error"]`` and the observation before. None: ComponentError, since what a failure
-            is worth to a policy only you can say.
-        scenario: a function of the environment's random numbers, seeded by ``reset(seed=...)``: parameters and start values of the next
-            episode by full name, such as a road's seed. ``reset(options={...})`` sets some by hand, after these. ``info["scenario"]`` has
-            them.
-        record: further variables that reward and :attr:`recording` need, names and patterns; what is observed or set is recorded.
+        terminated: conditions that end an episode, as ``stop_when`` of :meth:`cosim.System.run`: at the instant of the
+            system's own tick that fulfils one, within a step too. ``info["ended_by"]`` says which.
+        failure_reward: what a step is worth in which a component fails, or shows a value that is not finite: the
+            episode is terminated, with the message in ``info["error"]`` and the observation before. None:
+            ComponentError, since what a failure is worth to a policy only you can say.
+        scenario: a function of the environment's random numbers, seeded by ``reset(seed=...)``: parameters and start
+            values of the next episode by full name, such as a road's seed. ``reset(options={...})`` sets some by hand,
+            after these. ``info["scenario"]`` has them.
+        record: further variables that reward and :attr:`recording` need, names and patterns; what is observed or set is
+            recorded.
         record_interval: [s], default the smallest step of the system.
         engine, allow_unconnected: as in :meth:`cosim.System.run`.
-        render_mode: None, or "plotly": :meth:`render` gives a plotly figure of the episode so far (needs the extra [reports]).
+        render_mode: None, or "plotly": :meth:`render` gives a plotly figure of the episode so far (needs the extra
+            [reports]).
 
-    The same actions after the same ``reset(seed=...)`` give the same bits. ``reset`` uses loaded FMUs and their instances again. A system of
-    its own is needed for each of two environments.
+    The same actions after the same ``reset(seed=...)`` give the same bits. ``reset`` uses loaded FMUs and their
+    instances again. A system of its own is needed for each of two environments.
 
     Raises:
-        WiringError: names, ranges, units or connections that do not fit, see ``signals``; a scenario with an unknown parameter.
+        WiringError: names, ranges, units or connections that do not fit, see ``signals``; a scenario with an unknown
+            parameter.
         TimeError: a step or length that does not fit.
         EpisodeOver: a step before the first ``reset``, or after the end.
         ActionError: an action that is not finite, of another shape or beyond -1 to 1.
@@ -145,11 +153,20 @@ class SystemEnv(gymnasium.Env[Array, Array]):
         if render_mode not in (None, *self.metadata["render_modes"]):
             raise CosimError(f"render_mode is {render_mode!r}; there are: None, 'plotly'")
         self._settings: dict[str, Any] = {
-            "actions": actions, "observations": observations, "reward": reward, "step": step, "length": length,
-            "terminated": terminated, "failure_reward": failure_reward, "scenario": scenario, "record": record,
-            "record_interval": record_interval, "engine": engine, "allow_unconnected": allow_unconnected,
+            "actions": actions,
+            "observations": observations,
+            "reward": reward,
+            "step": step,
+            "length": length,
+            "terminated": terminated,
+            "failure_reward": failure_reward,
+            "scenario": scenario,
+            "record": record,
+            "record_interval": record_interval,
+            "engine": engine,
+            "allow_unconnected": allow_unconnected,
             "render_mode": render_mode,
-        }  # fmt: skip
+        }
         self._make = None if isinstance(system, System) else system
         self.system = system if isinstance(system, System) else system()
         self.render_mode = render_mode
@@ -171,9 +188,14 @@ class SystemEnv(gymnasium.Env[Array, Array]):
         self._seen: Array = np.zeros(self.observation_space.shape)
 
     def _prepare(
-        self, set_: Ranges, seen: Ranges, step: TimeLike, length: TimeLike | None, record: Sequence[str],
+        self,
+        set_: Ranges,
+        seen: Ranges,
+        step: TimeLike,
+        length: TimeLike | None,
+        record: Sequence[str],
         terminated: Sequence[StopCondition],
-    ) -> None:  # fmt: skip
+    ) -> None:
         """Names, spaces and times, checked."""
         system, settings = self.system, self._settings
         self.actions: Signals = actions(system, set_)
@@ -181,7 +203,9 @@ class SystemEnv(gymnasium.Env[Array, Array]):
         free = [n for n in system.unconnected() if n not in self.actions.names]
         if free and not settings["allow_unconnected"]:
             shown = ", ".join(free[:10]) + (f" and {len(free) - 10} more" if len(free) > 10 else "")
-            text = f"inputs that no action sets keep their start values: {shown} (allow_unconnected=True if that is meant)"
+            text = (
+                f"inputs that no action sets keep their start values: {shown} (allow_unconnected=True if that is meant)"
+            )
             warnings.warn(text, UnconnectedInputsWarning, stacklevel=4)
         interval = settings["record_interval"]
         self.record_interval = None if interval is None else positive(interval, "record_interval")
@@ -198,13 +222,22 @@ class SystemEnv(gymnasium.Env[Array, Array]):
             if count.denominator != 1:
                 raise TimeError(f"an episode of {length} is no multiple of its step of {seconds_text(self.step_size)}")
             self.steps = int(count)
-        recorded = system.select([*self.observations.names, *self.actions.names, *record, *(c.name for c in terminated if isinstance(c, StopWhen))])
+        recorded = system.select(
+            [
+                *self.observations.names,
+                *self.actions.names,
+                *record,
+                *(c.name for c in terminated if isinstance(c, StopWhen)),
+            ]
+        )
         self._recorded = list(dict.fromkeys(f"{m.name}.{v.name}" for m, v in recorded))
         self._columns = {name: i for i, name in enumerate(self._recorded)}
 
     # An episode.
 
-    def reset(self, *, seed: int | None = None, options: Mapping[str, Any] | None = None) -> tuple[Array, dict[str, Any]]:
+    def reset(
+        self, *, seed: int | None = None, options: Mapping[str, Any] | None = None
+    ) -> tuple[Array, dict[str, Any]]:
         """Begin an episode.
 
         Args:
@@ -229,9 +262,12 @@ class SystemEnv(gymnasium.Env[Array, Array]):
             member.set({variable: value})
         self._over, self._steps, self._given = True, 0, given
         self._simulation = simulation = self.system.initialize(
-            record=self._recorded, record_interval=self.record_interval, engine=self._settings["engine"],
-            allow_unconnected=True, state=state,
-        )  # fmt: skip
+            record=self._recorded,
+            record_interval=self.record_interval,
+            engine=self._settings["engine"],
+            allow_unconnected=True,
+            state=state,
+        )
         self._set = simulation.setter(self.actions.names)
         self._advance = simulation.stepper(self.step_size, stop_when=self._stops)
         self._read = simulation.reader(self.observations.names)
@@ -241,16 +277,17 @@ class SystemEnv(gymnasium.Env[Array, Array]):
         """Hold an action for one step.
 
         Returns:
-            Observation, reward, whether the episode is terminated, whether it is truncated, and what is to be said: ``ended_by`` (the
-            condition, or the component that asked for the end), ``error`` and ``component`` (of a failure), ``beyond`` (observations
-            outside of their ranges).
+            Observation, reward, whether the episode is terminated, whether it is truncated, and what is to be said:
+            ``ended_by`` (the condition, or the component that asked for the end), ``error`` and ``component`` (of a
+            failure), ``beyond`` (observations outside of their ranges).
         """
         simulation = self._simulation
         if simulation is None or self._over:
             raise EpisodeOver(
-                "the environment was not reset: call reset() first" if simulation is None
+                "the environment was not reset: call reset() first"
+                if simulation is None
                 else f"the episode ended after {self._steps} steps: call reset() for the next one"
-            )  # fmt: skip
+            )
         values = self.actions.values(action)
         begin, since = simulation.time, simulation.exchange.recorder.count
         try:
@@ -299,17 +336,23 @@ class SystemEnv(gymnasium.Env[Array, Array]):
     # Looking ahead.
 
     def save(self, *, travels: bool = True) -> EnvState:
-        """Where it stands: for :meth:`restore`, here or in an environment made in the same way, in another process too. With
-        ``travels=False`` for this environment alone, which is cheaper."""
+        """Where it stands: for :meth:`restore`, here or in an environment made in the same way, in another process too.
+        With ``travels=False`` for this environment alone, which is cheaper.
+        """
         if self._simulation is None:
             raise EpisodeOver("there is nothing to save before the first reset()")
         return EnvState(
-            self._simulation.save(travels=travels), self._steps, self._over, self.np_random.bit_generator.state, dict(self._given)
-        )  # fmt: skip
+            self._simulation.save(travels=travels),
+            self._steps,
+            self._over,
+            self.np_random.bit_generator.state,
+            dict(self._given),
+        )
 
     def restore(self, state: EnvState) -> Array:
-        """Go back to a saved state, or to that of another environment; returns the observation there. What follows has the bits of what
-        followed the ``save``."""
+        """Go back to a saved state, or to that of another environment; returns the observation there. What follows has
+        the bits of what followed the ``save``.
+        """
         simulation = self._simulation
         owner = state.system.owner
         if simulation is not None and not simulation.finished and owner is not None and owner() is simulation.exchange:
@@ -323,7 +366,9 @@ class SystemEnv(gymnasium.Env[Array, Array]):
     def fork(self) -> SystemEnv:
         """Another environment that stands where this one stands, and goes its own way from there."""
         if self._make is None:
-            raise CosimError("fork needs another system: give SystemEnv a function that puts one together, instead of a System")
+            raise CosimError(
+                "fork needs another system: give SystemEnv a function that puts one together, instead of a System"
+            )
         other = SystemEnv(self._make, **self._settings)
         if self._simulation is not None:
             state = self.save()
@@ -361,4 +406,3 @@ class SystemEnv(gymnasium.Env[Array, Array]):
 
 def _rest(state: EnvState) -> tuple[int, bool, Mapping[str, Any], Scenario]:
     return state.steps, state.over, state.random, state.scenario
-

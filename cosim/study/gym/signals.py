@@ -54,7 +54,9 @@ class Signals:
         self._bounds = high.tolist()
 
     def scaled(self, values: Array) -> Array:
-        """Values (n,) in their units as an element of the space. What is beyond its range is shown at its end, as by a sensor."""
+        """Values (n,) in their units as an element of the space. What is beyond its range is shown at its end, as by a
+        sensor.
+        """
         found: Array = (values - self._middle) * self._per
         return np.maximum(self._low, np.minimum(self._high, found))
 
@@ -96,8 +98,8 @@ def actions(system: System, ranges: Ranges) -> Signals:
     """What a policy sets: inputs that nothing drives, and tunable parameters; real ones.
 
     Raises:
-        WiringError: a name that does not exist, an input that is connected, a variable that cannot be set while a simulation runs, a
-            range that is none.
+        WiringError: a name that does not exist, an input that is connected, a variable that cannot be set while a
+            simulation runs, a range that is none.
     """
     listed = _named(ranges)
     if not listed:
@@ -127,7 +129,8 @@ def _inputs(system: System, pattern: str) -> list[tuple[Member, Variable]]:
             raise WiringError(f"the action {name} is driven by {driven.source_name}: system.disconnect('{name}') first")
         if variable.causality != "input" and variable.variability != "tunable":
             raise WiringError(
-                f"the action {name} is neither an input nor a tunable parameter, but {variable.causality}, {variable.variability}"
+                f"the action {name} is neither an input nor a tunable parameter, but {variable.causality},"
+                f" {variable.variability}"
             )
         if variable.type != "real":
             raise WiringError(f"the action {name} is of type {variable.fmi_type}; actions are real")
@@ -184,7 +187,9 @@ def _range(name: str, variable: Variable, limits: Range) -> tuple[float, float] 
             raise WiringError(f"the range of {name} [{variable.unit_name}] is in {unit}: {error}") from None
         low, high = scale * low + offset, scale * high + offset
     if not (math.isfinite(low) and math.isfinite(high) and low < high):
-        raise WiringError(f"the range of {name} is from {limits[0]} to {limits[1]}; the lowest value must be below the highest")
+        raise WiringError(
+            f"the range of {name} is from {limits[0]} to {limits[1]}; the lowest value must be below the highest"
+        )
     for bound, value in ((variable.minimum, low), (variable.maximum, high)):
         if bound is not None and variable.causality != "output" and (low < bound if value == low else high > bound):
             raise WiringError(f"the range of {name} reaches {value:g} {variable.unit_name}; its limit is {bound:g}")

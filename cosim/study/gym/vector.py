@@ -23,10 +23,11 @@ Flags = npt.NDArray[np.bool_]
 
 
 class SystemVectorEnv(VectorEnv[Array, Array, npt.NDArray[Any]]):
-    """``count`` environments made by one function, in this process, one after the other: the bits of each are those of a single one.
+    """``count`` environments made by one function, in this process, one after the other: the bits of each are those of
+    a single one.
 
-    An environment whose episode has ended begins the next one at the following step, with reward 0 (gymnasium's NEXT_STEP). Seeds of
-    ``reset`` are ``seed``, ``seed + 1``, ... or given one by one. ``envs`` are the environments.
+    An environment whose episode has ended begins the next one at the following step, with reward 0 (gymnasium's
+    NEXT_STEP). Seeds of ``reset`` are ``seed``, ``seed + 1``, ... or given one by one. ``envs`` are the environments.
     For processes: ``gymnasium.vector.AsyncVectorEnv([make] * count)``.
 
     Raises:
@@ -59,7 +60,9 @@ class SystemVectorEnv(VectorEnv[Array, Array, npt.NDArray[Any]]):
     def reset(
         self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
     ) -> tuple[Array, dict[str, Any]]:
-        """Begin an episode in each; observations (count, n) and infos. ``options`` are those of :meth:`SystemEnv.reset`, for all."""
+        """Begin an episode in each; observations (count, n) and infos. ``options`` are those of
+        :meth:`SystemEnv.reset`, for all.
+        """
         if seed is None or isinstance(seed, int | np.integer):
             seeds: Sequence[int | None] = [None if seed is None else int(seed) + i for i in range(self.num_envs)]
         else:
@@ -74,11 +77,15 @@ class SystemVectorEnv(VectorEnv[Array, Array, npt.NDArray[Any]]):
         self._ended = np.zeros(self.num_envs, dtype=np.bool_)
         return observed, infos
 
-    def step(self, actions: Array) -> tuple[Array, npt.NDArray[Any], npt.NDArray[Any], npt.NDArray[Any], dict[str, Any]]:
+    def step(
+        self, actions: Array
+    ) -> tuple[Array, npt.NDArray[Any], npt.NDArray[Any], npt.NDArray[Any], dict[str, Any]]:
         """One step of each with its row of ``actions`` (count, n)."""
         given = np.asarray(actions)
         if given.shape != self.action_space.shape:
-            raise ActionError(f"the actions have shape {given.shape}; give {self.action_space.shape}, a row for each environment")
+            raise ActionError(
+                f"the actions have shape {given.shape}; give {self.action_space.shape}, a row for each environment"
+            )
         observed, rewards = np.empty(self.observation_space.shape or ()), np.zeros(self.num_envs)
         terminated, truncated = (np.zeros(self.num_envs, dtype=np.bool_) for _ in range(2))
         infos: dict[str, Any] = {}
@@ -99,8 +106,9 @@ class SystemVectorEnv(VectorEnv[Array, Array, npt.NDArray[Any]]):
         return [env.save(travels=travels) for env in self.envs]
 
     def restore(self, states: Sequence[EnvState]) -> Array:
-        """Go back to saved states, one for each; the observations (count, n) there. An episode that had ended there begins anew
-        with the next step."""
+        """Go back to saved states, one for each; the observations (count, n) there. An episode that had ended there
+        begins anew with the next step.
+        """
         if len(states) != self.num_envs:
             raise CosimError(f"{len(states)} states for {self.num_envs} environments")
         observed = np.stack([env.restore(state) for env, state in zip(self.envs, states, strict=True)])

@@ -23,8 +23,11 @@ TICKS_PER_SAMPLE = 10  # 100 Hz
 SAMPLE_TIME = TICK * TICKS_PER_SAMPLE  # s
 LATCH_TICK = 1  # tick after a sample at which y is latched
 FORCE_LIMIT = 1.5e5  # N, Table 2
-RESPONSES = (("body.az", "m/s2", "vertical acceleration of the body", g), ("body.pitch", "rad", "pitch angle", degree),
-             ("body.roll", "rad", "roll angle", degree))  # fmt: skip
+RESPONSES = (
+    ("body.az", "m/s2", "vertical acceleration of the body", g),
+    ("body.pitch", "rad", "pitch angle", degree),
+    ("body.roll", "rad", "roll angle", degree),
+)
 """Measured responses: FMU variable, unit, description, size of the controller's unit (g, deg, deg) in SI."""
 
 _TITLES = {
@@ -48,7 +51,9 @@ def gpc_controller(law: GpcLaw, *, name: str) -> Component:
         kind="discrete",
         sample_time=TICK,
         description=_TITLES[variant],
-        source=f"Brown, Murugan, Mazza: Generalized Predictive Control on a HMMWV, equation {_EQUATIONS[variant]}; Table 2",
+        source=(
+            f"Brown, Murugan, Mazza: Generalized Predictive Control on a HMMWV, equation {_EQUATIONS[variant]}; Table 2"
+        ),
         notes=_notes(variant, p, h),
     )
     y = [c.input(n, unit, text) for n, unit, text, _ in RESPONSES]
@@ -77,9 +82,13 @@ def gpc_controller(law: GpcLaw, *, name: str) -> Component:
     if variant == "explicit":
         gain_hold = _gain(c, "gain.hold", law.gain_hold, "N/m", "gains on the last road height when it is held ahead")
         hold = c.parameter(
-            "hold_height", law.hold, None, "assume that the last road height continues ahead, instead of height 0",
-            tunable=True, source="option; the paper's method is off",
-        )  # fmt: skip
+            "hold_height",
+            law.hold,
+            None,
+            "assume that the last road height continues ahead, instead of height 0",
+            tunable=True,
+            source="option; the paper's method is off",
+        )
         command += hold * (gain_hold @ past_d[:rc])
     if variant == "preview":
         # Index 1 of a preview is now. The law wants d(t) of all corners, then d(t+1) of all corners, ...
@@ -144,11 +153,16 @@ def _shift(history: ca.SX, newest: ca.SX) -> ca.SX:
 
 def _notes(variant: str, p: int, h: int) -> tuple[str, ...]:
     notes = [
-        f"ARX order {p}, prediction horizon {h}, sample time 10 ms in ticks of 1 ms: the command changes at k x 10 ms, the "
-        "responses are latched 1 ms later. Responses are trimmed by their values at the start, road heights are measured "
-        "from those at the start, and the histories start filled with these values.",
-        "The gains were identified from a co-simulation of the vehicle FMU; how, and from which data, is in "
-        "resources/provenance.json. They are tunable parameters: a law with other weights can be set without a rebuild.",
+        (
+            f"ARX order {p}, prediction horizon {h}, sample time 10 ms in ticks of 1 ms: the command changes at k x 10"
+            " ms, the responses are latched 1 ms later. Responses are trimmed by their values at the start, road"
+            " heights are measured from those at the start, and the histories start filled with these values."
+        ),
+        (
+            "The gains were identified from a co-simulation of the vehicle FMU; how, and from which data, is in"
+            " resources/provenance.json. They are tunable parameters: a law with other weights can be set without a"
+            " rebuild."
+        ),
     ]
     if variant == "explicit":
         notes.append(

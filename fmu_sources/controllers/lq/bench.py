@@ -1,4 +1,6 @@
-"""Linear-quadratic regulator of the quarter-car bench (paper 002), on the states of :mod:`fmu_sources.models.bench_states`."""
+"""Linear-quadratic regulator of the quarter-car bench (paper 002), on the states of
+:mod:`fmu_sources.models.bench_states`.
+"""
 
 from __future__ import annotations
 
@@ -36,23 +38,36 @@ def lqr_bench(car: Component, name: str = "LqrBench") -> Component:
         description="LQR of the quarter-car bench (paper 002)",
         source="002 equations (10) to (13)",
         notes=(
-            "force = -gain x with x = suspension deflection, body velocity, tire deflection, wheel velocity. The gain is that "
-            f"of the continuous problem with weights {WEIGHTS} and {FORCE_WEIGHT:g} (documentation of the bench's maker; the "
-            "paper prints none). limit is far away by default, as in the paper; 8 N makes a clipped LQR of it.",
+            (
+                "force = -gain x with x = suspension deflection, body velocity, tire deflection, wheel velocity. The"
+                f" gain is that of the continuous problem with weights {WEIGHTS} and {FORCE_WEIGHT:g} (documentation of"
+                " the bench's maker; the paper prints none). limit is far away by default, as in the paper; 8 N makes"
+                " a clipped LQR of it."
+            ),
             "Wiring: the inputs carry the names of the plant's outputs, force that of its input.",
         ),
     )
     gain = c.parameter(
-        "gain", lqr_gain(car), None, "gains [N/m, N.s/m, N/m, N.s/m]", min=-1e5, max=1e5, tunable=True,
-        source="002 equation (13); weights assumed", rows=["N/m", "N.s/m", "N/m", "N.s/m"],
-    )  # fmt: skip
+        "gain",
+        lqr_gain(car),
+        None,
+        "gains [N/m, N.s/m, N/m, N.s/m]",
+        min=-1e5,
+        max=1e5,
+        tunable=True,
+        source="002 equation (13); weights assumed",
+        rows=["N/m", "N.s/m", "N/m", "N.s/m"],
+    )
     limit = c.parameter(
         "limit", 38.0, "N", "largest force", min=0.0, max=38.0, tunable=True, source="002 section V: the hardware's"
     )
     x = ca.vertcat(*(c.input(s, car.variable(s).unit, car.variable(s).description) for s in STATES))
     force = -ca.dot(gain, x)
     c.output(
-        "force", ca.fmax(-limit, ca.fmin(limit, force)), "N", "actuator force, positive lifts the body and pushes the wheel down"
-    )  # fmt: skip
+        "force",
+        ca.fmax(-limit, ca.fmin(limit, force)),
+        "N",
+        "actuator force, positive lifts the body and pushes the wheel down",
+    )
     c.stimulate(stimulus())
     return c

@@ -1,10 +1,10 @@
 """Linear-quadratic regulator of the HMMWV (paper 001, Table 1.1), sampled at 30 ms.
 
-The index is the mean of weighted squares of heave acceleration, roll and pitch rate, suspension travel, hub velocity, tire
-deflection and force. It is minimized on the 14 absolute states of the car, with the exact integral between samples, and the
-gain is mapped to the 15 relative states that a controller knows, ``K_relative T = K_absolute``: no force reaches the warp of
-the four road heights, so an index in relative states would have no finite optimum. Of all such gains this is the
-smallest one (least squares), which leaves the warp of the road out.
+The index is the mean of weighted squares of heave acceleration, roll and pitch rate, suspension travel, hub velocity,
+tire deflection and force. It is minimized on the 14 absolute states of the car, with the exact integral between
+samples, and the gain is mapped to the 15 relative states that a controller knows, ``K_relative T = K_absolute``: no
+force reaches the warp of the four road heights, so an index in relative states would have no finite optimum. Of all
+such gains this is the smallest one (least squares), which leaves the warp of the road out.
 """
 
 from __future__ import annotations
@@ -77,9 +77,17 @@ def lqr_gain(car: Component, weights: LqrWeights, period: float = SAMPLE_TIME) -
     y = [lin.outputs.index(n) for n in names]
     u, h = ([lin.inputs.index(n) for n in group] for group in (FORCES, ROAD_HEIGHTS))
     plant = LinearPlant(
-        A=lin.A, B=lin.B[:, u], E=lin.B[:, h], C=lin.C[y], D=lin.D[np.ix_(y, u)], F=lin.D[np.ix_(y, h)],
-        states=tuple(lin.states), controls=FORCES, disturbances=ROAD_HEIGHTS, outputs=tuple(names),
-    )  # fmt: skip
+        A=lin.A,
+        B=lin.B[:, u],
+        E=lin.B[:, h],
+        C=lin.C[y],
+        D=lin.D[np.ix_(y, u)],
+        F=lin.D[np.ix_(y, h)],
+        states=tuple(lin.states),
+        controls=FORCES,
+        disturbances=ROAD_HEIGHTS,
+        outputs=tuple(names),
+    )
     absolute = sampled_lq(plant, output_index(plant, rho, [weights.force] * len(FORCES)), period).K
     return absolute @ np.linalg.pinv(relative_model(car).T), absolute
 
@@ -102,10 +110,15 @@ def lqr_hmmwv(
         notes=_NOTES,
     )
     K = c.parameter(
-        "gain", gain, None, "force -gain x; rows fl fr rl rr [N], columns the relative states in the order of the inputs",
-        tunable=True, source="001 Table 1.1, designed on the car", rows=["N"] * len(FORCES),
+        "gain",
+        gain,
+        None,
+        "force -gain x; rows fl fr rl rr [N], columns the relative states in the order of the inputs",
+        tunable=True,
+        source="001 Table 1.1, designed on the car",
+        rows=["N"] * len(FORCES),
         columns=[car.variable(n).unit or "1" for n in RELATIVE_STATES],
-    )  # fmt: skip
+    )
     x = relative_inputs(c, car)
     force_outputs(c, ca.vertsplit(-K @ x))
     c.provenance = {"weights": weights.__dict__, "car": car.name, "period": period, "gain": gain.tolist()}
@@ -115,11 +128,18 @@ def lqr_hmmwv(
 
 
 _NOTES = (
-    "Inputs carry the names of the car's outputs, and of the estimator's: connect all of equal name. body.az is there as on "
-    "every higher-level controller of this vehicle, so that one can be exchanged for another; this law does not use it.",
-    "LqrHmmwv has the weights of Table 1.1 in SI units with the force in N: the law requests some 200 N at most and hardly "
-    "differs from zero force. LqrHmmwvKilonewton reads the force in kN: it requests thousands of newtons and reaches "
-    "force.limit. The published comparison is with the first.",
-    "The design minimizes the exact integral of the index between samples, on the car's 14 absolute states; gain acts on the "
-    "15 relative states. A flat road is assumed, as in the paper: the road is a disturbance.",
+    (
+        "Inputs carry the names of the car's outputs, and of the estimator's: connect all of equal name. body.az is"
+        " there as on every higher-level controller of this vehicle, so that one can be exchanged for another; this law"
+        " does not use it."
+    ),
+    (
+        "LqrHmmwv has the weights of Table 1.1 in SI units with the force in N: the law requests some 200 N at most and"
+        " hardly differs from zero force. LqrHmmwvKilonewton reads the force in kN: it requests thousands of newtons"
+        " and reaches force.limit. The published comparison is with the first."
+    ),
+    (
+        "The design minimizes the exact integral of the index between samples, on the car's 14 absolute states; gain"
+        " acts on the 15 relative states. A flat road is assumed, as in the paper: the road is a disturbance."
+    ),
 )

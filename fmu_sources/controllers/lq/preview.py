@@ -1,11 +1,11 @@
 """Optimal preview LQ control of the car with seven degrees of freedom as a discrete component (paper 004, Theorem 1).
 
 u = -K x + feed-forward. The feed-forward weighs the road ahead of each wheel over a horizon: the front wheels see the
-preview, the rear wheels see what the front wheels passed one wheelbase earlier, from the controller's own memory. What is
-used of it is a choice at run time (parameter ``mode``).
+preview, the rear wheels see what the front wheels passed one wheelbase earlier, from the controller's own memory. What
+is used of it is a choice at run time (parameter ``mode``).
 
-With a period of 1 ms (the default) K is the exact sampled gain and the feed-forward the continuous integral (17) with the
-road linear between samples. Any other period uses the exact sampled form of both.
+With a period of 1 ms (the default) K is the exact sampled gain and the feed-forward the continuous integral (17) with
+the road linear between samples. Any other period uses the exact sampled form of both.
 """
 
 from __future__ import annotations
@@ -34,9 +34,12 @@ MODES = {"active": 0, "delay": 1, "preview": 2}
 SYMMETRY_LIMIT = 1e-6  # of the largest gain, by which those of the two sides may differ
 CONTINUOUS_PERIOD = 1e-3  # s; feed-forward as in (17) at this period, exact sampled form at any other
 WEIGHTED = (
-    "body.az", "body.pitch_acceleration", "body.roll_acceleration",
-    *(f"suspension.{k}.deflection" for k in CORNERS), *(f"tire.{k}.deflection" for k in CORNERS),
-)  # fmt: skip
+    "body.az",
+    "body.pitch_acceleration",
+    "body.roll_acceleration",
+    *(f"suspension.{k}.deflection" for k in CORNERS),
+    *(f"tire.{k}.deflection" for k in CORNERS),
+)
 """Outputs of the index (10), apart from the forces."""
 
 
@@ -45,8 +48,8 @@ class Taps:
     """What the component needs of a design, on a grid of road samples one period apart, index j = 0, 1, ...
 
     With a horizon of n periods u = -K x + sum_{j<n} interior[j] w_j + end[n] w_n, and with the tail held + tail[n] w_n.
-    Arrays (count, controls, wheels); ``shift`` (controls,) is what is left of a unit shift of everything when the tail is
-    held, and is subtracted so that it is left unchanged exactly.
+    Arrays (count, controls, wheels); ``shift`` (controls,) is what is left of a unit shift of everything when the tail
+    is held, and is subtracted so that it is left unchanged exactly.
     """
 
     K: np.ndarray
@@ -75,10 +78,17 @@ def ride_plant(car: Component, parameters: np.ndarray | None = None) -> LinearPl
         raise ValueError(f"{car.name}: tire damping makes road rates a disturbance; preview LQ is for cars without it")
     y = [row[n] for n in WEIGHTED]
     return LinearPlant(
-        A=lin.A, B=lin.B[:, u], E=lin.B[:, w], C=lin.C[y], D=lin.D[np.ix_(y, u)], F=lin.D[np.ix_(y, w)],
-        states=tuple(lin.states), controls=tuple(f"force.{k}" for k in CORNERS),
-        disturbances=tuple(f"road.{k}.height" for k in CORNERS), outputs=WEIGHTED,
-    )  # fmt: skip
+        A=lin.A,
+        B=lin.B[:, u],
+        E=lin.B[:, w],
+        C=lin.C[y],
+        D=lin.D[np.ix_(y, u)],
+        F=lin.D[np.ix_(y, w)],
+        states=tuple(lin.states),
+        controls=tuple(f"force.{k}" for k in CORNERS),
+        disturbances=tuple(f"road.{k}.height" for k in CORNERS),
+        outputs=WEIGHTED,
+    )
 
 
 def design_taps(plant: LinearPlant, weights: PreviewLqWeights, period: float, count: int) -> Taps:
@@ -86,8 +96,8 @@ def design_taps(plant: LinearPlant, weights: PreviewLqWeights, period: float, co
     index = output_index(plant, weights.outputs(CORNERS), weights.controls(CORNERS))
     if np.any(index.Nuw):
         raise ValueError(
-            "an output of the index depends on both a force and a road height at once: the law then needs the road under the "
-            "rear wheels now, which this controller does not measure"
+            "an output of the index depends on both a force and a road height at once: the law then needs the road"
+            " under the rear wheels now, which this controller does not measure"
         )
     sampled = sampled_lq(plant, index, period)
     if math.isclose(period, CONTINUOUS_PERIOD):
@@ -123,15 +133,17 @@ def preview_lq(
         tunable: the weights are parameters, and the FMU designs its law when it is initialized.
 
     Raises:
-        ValueError: the spacing is no multiple of the period, or a tunable law has another period than :data:`CONTINUOUS_PERIOD`, or is for a car
-            whose sides differ.
+        ValueError: the spacing is no multiple of the period, or a tunable law has another period than
+            :data:`CONTINUOUS_PERIOD`, or is for a car whose sides differ.
         LqError: the design has no stabilizing solution.
     """
     every = round(preview_step / period)
     if every < 1 or not math.isclose(every * period, preview_step):
         raise ValueError(f"{name}: preview step {preview_step:g} s is no multiple of the period {period:g} s")
     if tunable and not math.isclose(period, CONTINUOUS_PERIOD):
-        raise ValueError(f"{name}: a law with weights as parameters is sampled every {CONTINUOUS_PERIOD:g} s, not every {period:g} s")
+        raise ValueError(
+            f"{name}: a law with weights as parameters is sampled every {CONTINUOUS_PERIOD:g} s, not every {period:g} s"
+        )
     ahead = (preview_count - 1) * every  # periods
     past = math.ceil(memory / period)
     count = past + ahead + 1
@@ -142,22 +154,33 @@ def preview_lq(
         name,
         kind="discrete",
         sample_time=period,
-        description=f"Optimal preview LQ law of a car with seven degrees of freedom: {'weights are parameters' if tunable else weights.name}",
+        description=(
+            "Optimal preview LQ law of a car with seven degrees of freedom:"
+            f" {'weights are parameters' if tunable else weights.name}"
+        ),
         source="Marzbanrad, Hojjat, Zohoor, Nikravesh: Theorem 1, Table 2",
         symbols=ca.MX,
         notes=(*_NOTES, *(_NOTES_TUNABLE if tunable else ())),
     )
     mode = c.parameter(
-        "mode", MODES["preview"], None, "0 active, 1 active and delay, 2 active and preview", min=0, max=2,
+        "mode",
+        MODES["preview"],
+        None,
+        "0 active, 1 active and delay, 2 active and preview",
+        min=0,
+        max=2,
         source="004: the laws of its Table 3",
-    )  # fmt: skip
+    )
     preview_time = c.parameter(
         "preview_time", 0.12, "s", "preview used ahead of the front wheels", min=0.0, max=10.0, source="004"
     )
     hold_tail = c.parameter(
-        "hold_tail", False, None, "take the road to continue at its last height beyond the horizon, instead of at 0",
+        "hold_tail",
+        False,
+        None,
+        "take the road to continue at its last height beyond the horizon, instead of at 0",
         source="option; the paper's method is off",
-    )  # fmt: skip
+    )
     front_x, rear_x = (car.variable(f"wheel.{k}.x").start for k in ("fl", "rl"))
     assert front_x is not None  # parameters always have start values
     assert rear_x is not None
@@ -180,7 +203,8 @@ def preview_lq(
     )
     speed = c.input("speed", "m/s", "speed of the car; gives the rear wheels' delay", min=0.0)
 
-    # Horizons in periods. The rear wheels follow by `delay`; beyond the memory, or at standstill, their road is unknown.
+    # Horizons in periods. The rear wheels follow by `delay`; beyond the memory, or at standstill, their road is
+    # unknown.
     requested = ca.floor(preview_time / c.period + 0.5)
     front = ca.if_else(mode > 1.5, ca.fmin(requested, ahead), 0)
     least = c.constant("least.speed", 1e-6, "m/s", "speed by which at least the wheelbase is divided", source="own")
@@ -204,9 +228,12 @@ def preview_lq(
     last = []
     for wheel_front, wheel_rear in SIDES.values():
         memory_state = c.state(
-            f"memory.{wheel_front}", "m", f"past road heights under wheel {wheel_front}, newest first", shape=(past,),
+            f"memory.{wheel_front}",
+            "m",
+            f"past road heights under wheel {wheel_front}, newest first",
+            shape=(past,),
             start=ca.repmat(now[wheel_front], past, 1),
-        )  # fmt: skip
+        )
         c.update(memory_state, ca.vertcat(now[wheel_front], memory_state[: past - 1]))
         coming = ca.vertcat(now[wheel_front], (grid @ preview[wheel_front])[1:])
         road = ca.vertcat(memory_state[::-1], coming)  # index past + k is k periods from now
@@ -218,19 +245,22 @@ def preview_lq(
             final = heights[n]
             last.append(final)
             feedforward += law.table("interior", wheel) @ ca.if_else(j < n, heights, 0)
-            feedforward += final * (law.column("end", wheel, n) + ca.if_else(hold_tail, law.column("tail", wheel, n), 0))
+            feedforward += final * (
+                law.column("end", wheel, n) + ca.if_else(hold_tail, law.column("tail", wheel, n), 0)
+            )
     feedforward -= ca.if_else(hold_tail, 1, 0) * law.shift * ca.sum1(ca.vertcat(*last)) / len(last)
 
     force = law.feedback @ x + feedforward
     for i, k in enumerate(CORNERS):
         c.output(f"force.{k}", force[i], "N", f"actuator force at corner {k}", display_unit="kN")
-    truncated = ca.logic_or(
-        ca.logic_and(mode > 1.5, requested > ahead), ca.logic_and(mode > 0.5, ca.logic_not(known))
-    )  # fmt: skip
+    truncated = ca.logic_or(ca.logic_and(mode > 1.5, requested > ahead), ca.logic_and(mode > 0.5, ca.logic_not(known)))
     c.output(
-        "horizon_truncated", truncated, None,
-        "the preview inputs or the memory reach less far than mode and preview_time ask for", type=bool,
-    )  # fmt: skip
+        "horizon_truncated",
+        truncated,
+        None,
+        "the preview inputs or the memory reach less far than mode and preview_time ask for",
+        type=bool,
+    )
     c.provenance = {"weights": weights.as_dict(), "car": car.name, "period": period, "feedback": taps.K.tolist()}
     c.stimulate(_stimulus(plant.states, preview_count, preview_step))
     return c
@@ -243,11 +273,19 @@ class _Fixed:
         self._c, self._taps = c, taps
         self.shift = self._gains("shift", taps.shift)
         self.feedback = c.constant(
-            "feedback", -taps.K, None, "-K: force per state", rows=["N"] * len(CORNERS), columns=units, source="004 (14), designed on the car"
+            "feedback",
+            -taps.K,
+            None,
+            "-K: force per state",
+            rows=["N"] * len(CORNERS),
+            columns=units,
+            source="004 (14), designed on the car",
         )
 
     def _gains(self, name: str, values: np.ndarray) -> ca.MX:
-        return self._c.constant(name, values, "N/m", "force per road height", source="004 Theorem 1, designed on the car")
+        return self._c.constant(
+            name, values, "N/m", "force per road height", source="004 Theorem 1, designed on the car"
+        )
 
     def _values(self, kind: str, wheel: str) -> np.ndarray:
         return np.asarray(getattr(self._taps, kind)[:, :, CORNERS.index(wheel)].T)
@@ -262,21 +300,25 @@ class _Fixed:
 
 
 class _Designed:
-    """A law that is designed when the FMU is initialized, of weights that are parameters. Gains of the right wheels are those of the left ones with
-    the sides changed."""
+    """A law that is designed when the FMU is initialized, of weights that are parameters. Gains of the right wheels are
+    those of the left ones with the sides changed.
+    """
 
     def __init__(self, c: Component, plant: LinearPlant, weights: PreviewLqWeights, period: float, count: int) -> None:
         self._c, self._wheels = c, len(CORNERS)
         taps = tunable_taps(plant, _declared(c, weights), period, count)
         c.check(
             RESIDUAL_LIMIT - taps.residuals,
-            "weight.*: no law is found for these weights, which differ too much: bring them nearer to each other, or to those of a published law",
+            "weight.*: no law is found for these weights, which differ too much: bring them nearer to each other, or to"
+            " those of a published law",
         )
         self._taps = {"interior": taps.interior, "end": taps.end, "tail": taps.tail}
         self._kept: dict[tuple[str, str], ca.MX] = {}
         known = (count - 1) * self._wheels
         whole = ca.sum2(taps.interior[:, :known]) + ca.sum2(taps.end[:, known:]) + ca.sum2(taps.tail[:, known:])
-        self.shift = c.latch("shift", whole - taps.K @ ca.DM(_unit_shift(plant)), "N/m", "force per height of everything")
+        self.shift = c.latch(
+            "shift", whole - taps.K @ ca.DM(_unit_shift(plant)), "N/m", "force per height of everything"
+        )
         self.feedback = c.latch("feedback", -taps.K, None, "-K: force per state")
 
     def table(self, kind: str, wheel: str) -> ca.MX:
@@ -291,7 +333,9 @@ class _Designed:
         left = f"{wheel[0]}l"
         if (kind, left) not in self._kept:
             part = self._taps[kind][:, CORNERS.index(left) :: self._wheels]
-            self._kept[kind, left] = self._c.latch(f"{kind}.{left}", part, "N/m", f"force per road height below wheel {left}")
+            self._kept[kind, left] = self._c.latch(
+                f"{kind}.{left}", part, "N/m", f"force per road height below wheel {left}"
+            )
         return self._kept[kind, left]
 
 
@@ -315,7 +359,9 @@ def _check_sides(taps: Taps, name: str) -> None:
         for right in ("fr", "rr"):
             mirrored = table[:, _seen_from(right), CORNERS.index(_opposite(right))]
             if np.abs(table[:, :, CORNERS.index(right)] - mirrored).max() > SYMMETRY_LIMIT * np.abs(table).max():
-                raise ValueError(f"{name}: a law with weights as parameters is for cars that are the same left and right")
+                raise ValueError(
+                    f"{name}: a law with weights as parameters is for cars that are the same left and right"
+                )
 
 
 _LIMITS = {"acceleration": (0.0, 1e4), "suspension": (0.0, 1e7), "tire": (1.0, 1e8), "force": (1e-9, 1e-2)}
@@ -337,16 +383,25 @@ def _declared(c: Component, weights: PreviewLqWeights) -> ca.MX:
     own = {}
     for name, value in weights.by_name().items():
         least, most = _LIMITS[name.partition(".")[0]]
-        # Without a unit to the check of dimensions: the design has the car's matrices in numbers, as constants have that are designed in Python.
+        # Without a unit to the check of dimensions: the design has the car's matrices in numbers, as constants have
+        # that are designed in Python.
         own[name] = c.parameter(
-            _parameter(name), value, None, f"weight of the squares of {texts[name]}", min=least, max=most, source=f"{weights.source}; any other designs another law"
+            _parameter(name),
+            value,
+            None,
+            f"weight of the squares of {texts[name]}",
+            min=least,
+            max=most,
+            source=f"{weights.source}; any other designs another law",
         )
     return ca.vertcat(*(own[n] for n in (*output_weights(CORNERS), *control_weights(CORNERS))))
 
 
 def _unit_shift(plant: LinearPlant) -> np.ndarray:
     """The states where road, wheels and body are all 1 m higher."""
-    return np.array([1.0 if n == "body.z" or (n.startswith("wheel.") and n.endswith(".z")) else 0.0 for n in plant.states])
+    return np.array(
+        [1.0 if n == "body.z" or (n.startswith("wheel.") and n.endswith(".z")) else 0.0 for n in plant.states]
+    )
 
 
 def _interpolation(points: int, every: int) -> np.ndarray:
@@ -374,17 +429,27 @@ def _stimulus(states: tuple[str, ...], points: int, step: float) -> dict[str, Ca
 
 
 _NOTES_TUNABLE = (
-    "Weights are parameters: the law is designed for them on the car of the build when the FMU is initialized (two Riccati equations, solved by "
-    "doubling). With the weights of a published law it is that law, to rounding.",
+    (
+        "Weights are parameters: the law is designed for them on the car of the build when the FMU is initialized (two"
+        " Riccati equations, solved by doubling). With the weights of a published law it is that law, to rounding."
+    ),
 )
 _NOTES = (
-    "States and forces carry the names of the car's outputs and inputs. The feedback gain is the exact sampled LQ gain for "
-    "the index with output weights; the feed-forward weighs the road under each wheel over its horizon.",
-    "Horizons: mode 0 uses no road at all; mode 1 uses, for the rear wheels, the road that the front wheels have passed "
-    "(delay wheelbase/speed, from the controller's own memory); mode 2 adds preview_time ahead of the front wheels, and as much "
-    "more for the rear ones. Horizons are rounded to whole sample times. horizon_truncated tells when the preview inputs or the "
-    "memory end before the horizon; what is there is used. At standstill, or so slowly that the delay exceeds the memory, the "
-    "rear wheels have no feed-forward and horizon_truncated is true in modes 1 and 2.",
-    "Beyond the horizon the road is taken to be at height 0 (the paper's method), so a constant offset of the whole road asks "
-    "for forces. hold_tail takes the road to continue at its last height, and a constant offset changes nothing.",
+    (
+        "States and forces carry the names of the car's outputs and inputs. The feedback gain is the exact sampled LQ"
+        " gain for the index with output weights; the feed-forward weighs the road under each wheel over its horizon."
+    ),
+    (
+        "Horizons: mode 0 uses no road at all; mode 1 uses, for the rear wheels, the road that the front wheels have"
+        " passed (delay wheelbase/speed, from the controller's own memory); mode 2 adds preview_time ahead of the front"
+        " wheels, and as much more for the rear ones. Horizons are rounded to whole sample times. horizon_truncated"
+        " tells when the preview inputs or the memory end before the horizon; what is there is used. At standstill, or"
+        " so slowly that the delay exceeds the memory, the rear wheels have no feed-forward and horizon_truncated is"
+        " true in modes 1 and 2."
+    ),
+    (
+        "Beyond the horizon the road is taken to be at height 0 (the paper's method), so a constant offset of the whole"
+        " road asks for forces. hold_tail takes the road to continue at its last height, and a constant offset changes"
+        " nothing."
+    ),
 )

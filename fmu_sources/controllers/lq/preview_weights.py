@@ -62,7 +62,11 @@ class PreviewLqWeights(_Strict):
 
     def by_name(self) -> dict[str, float]:
         """All weights: ``acceleration.heave``, ``tire.front``, ..."""
-        return {f"{kind}.{name}": value for kind in self._kinds() for name, value in getattr(self, kind).model_dump().items()}
+        return {
+            f"{kind}.{name}": value
+            for kind in self._kinds()
+            for name, value in getattr(self, kind).model_dump().items()
+        }
 
     @classmethod
     def descriptions(cls) -> dict[str, str]:
@@ -93,7 +97,10 @@ class PreviewLqWeights(_Strict):
 
 def output_weights(corners: Sequence[str]) -> list[str]:
     """Name of the weight of each output of the index: accelerations, suspension and tire deflections by corner."""
-    return [*(f"acceleration.{n}" for n in _Acceleration.model_fields), *(f"{kind}.{_axle(k)}" for kind in ("suspension", "tire") for k in corners)]
+    return [
+        *(f"acceleration.{n}" for n in _Acceleration.model_fields),
+        *(f"{kind}.{_axle(k)}" for kind in ("suspension", "tire") for k in corners),
+    ]
 
 
 def control_weights(corners: Sequence[str]) -> list[str]:
@@ -133,7 +140,10 @@ def load_weights(name_or_path: str | Path) -> PreviewLqWeights:
 def _sentence(error: Any) -> str:
     field = ".".join(map(str, error["loc"]))
     if error["type"] == "extra_forbidden":
-        known = [*(n for n in PreviewLqWeights.model_fields if n not in PreviewLqWeights._kinds()), *PreviewLqWeights.descriptions()]
+        known = [
+            *(n for n in PreviewLqWeights.model_fields if n not in PreviewLqWeights._kinds()),
+            *PreviewLqWeights.descriptions(),
+        ]
         hint = did_you_mean(field, known) or f" (there are {', '.join(known)})"
         return f"{field}: unknown field{hint}"
     if error["type"] == "missing":

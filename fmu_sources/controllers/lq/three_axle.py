@@ -1,4 +1,5 @@
-"""Linear-quadratic regulator of the 6x6 with a pitch reference (paper 003, section 4.2), evaluated every millisecond."""
+"""Linear-quadratic regulator of the 6x6 with a pitch reference (paper 003, section 4.2), evaluated every
+millisecond."""
 
 from __future__ import annotations
 
@@ -42,10 +43,17 @@ def design(car: Component, weights: LqrThreeAxleWeights) -> ContinuousLq:
     w = [j for j, n in enumerate(lin.inputs) if n.startswith("road.")]
     n = len(lin.states)
     plant = LinearPlant(
-        A=lin.A, B=lin.B[:, u], E=lin.B[:, w], C=np.eye(n), D=np.zeros((n, len(u))), F=np.zeros((n, len(w))),
-        states=tuple(lin.states), controls=tuple(lin.inputs[j] for j in u),
-        disturbances=tuple(lin.inputs[j] for j in w), outputs=tuple(lin.states),
-    )  # fmt: skip
+        A=lin.A,
+        B=lin.B[:, u],
+        E=lin.B[:, w],
+        C=np.eye(n),
+        D=np.zeros((n, len(u))),
+        F=np.zeros((n, len(w))),
+        states=tuple(lin.states),
+        controls=tuple(lin.inputs[j] for j in u),
+        disturbances=tuple(lin.inputs[j] for j in w),
+        outputs=tuple(lin.states),
+    )
     return continuous_lq(plant, output_index(plant, [weights.of(s) for s in lin.states], [weights.force] * len(u)))
 
 
@@ -67,14 +75,26 @@ def lqr_three_axle(car: Component, weights: LqrThreeAxleWeights | None = None, n
         notes=_NOTES,
     )
     gain = c.parameter(
-        "gain", law.K, None, "state feedback: rows the forces, columns the states in the order of the inputs",
-        tunable=True, source="003 (4.5), weights (4.8) and (4.9) as in the documentation", rows=["N"] * len(law.K),
+        "gain",
+        law.K,
+        None,
+        "state feedback: rows the forces, columns the states in the order of the inputs",
+        tunable=True,
+        source="003 (4.5), weights (4.8) and (4.9) as in the documentation",
+        rows=["N"] * len(law.K),
         columns=[car.variable(s).unit or "1" for s in states],
-    )  # fmt: skip
+    )
     limit = c.parameter(
-        "force.limit", 150e3, "N", "largest force of one actuator", min=0.0, max=1e7, display_unit="kN", tunable=True,
+        "force.limit",
+        150e3,
+        "N",
+        "largest force of one actuator",
+        min=0.0,
+        max=1e7,
+        display_unit="kN",
+        tunable=True,
         source="003 Table 4.5, as of the predictive controllers",
-    )  # fmt: skip
+    )
     x = [c.input(s, car.variable(s).unit, car.variable(s).description) for s in states]
     reference = c.input("reference.pitch", "rad", "requested pitch now", display_unit="deg")
     x[states.index("body.pitch")] -= reference
@@ -94,13 +114,21 @@ def _wave(i: int) -> Callable[[float], float]:
 
 
 _NOTES = (
-    "Weights: 1e5 on every body state and 50e5 on pitch as printed, forces counted in kN, and the wheels' states weighed 1e-4 "
-    "as much. With the printed weights in SI units throughout the regulator does nothing visible; with the wheels weighed as "
-    "printed it holds the wheels still instead of the body.",
-    "The gain is that of continuous time, evaluated every millisecond, the exchange step of the plant: close enough that the "
-    "loop's decay rates stay within 3.5 % (20 % at the 5 ms of the predictive controllers).",
-    "There is no integral action and no feed-forward of the reference, so a requested pitch is reached only in part: the "
-    "struts' springs resist it. The thesis reports the same.",
-    "States and forces carry the names of the vehicle's outputs and inputs. reference.pitch is the present reference: connect "
-    "reference.pitch[1] of PitchReference.",
+    (
+        "Weights: 1e5 on every body state and 50e5 on pitch as printed, forces counted in kN, and the wheels' states"
+        " weighed 1e-4 as much. With the printed weights in SI units throughout the regulator does nothing visible;"
+        " with the wheels weighed as printed it holds the wheels still instead of the body."
+    ),
+    (
+        "The gain is that of continuous time, evaluated every millisecond, the exchange step of the plant: close enough"
+        " that the loop's decay rates stay within 3.5 % (20 % at the 5 ms of the predictive controllers)."
+    ),
+    (
+        "There is no integral action and no feed-forward of the reference, so a requested pitch is reached only in"
+        " part: the struts' springs resist it. The thesis reports the same."
+    ),
+    (
+        "States and forces carry the names of the vehicle's outputs and inputs. reference.pitch is the present"
+        " reference: connect reference.pitch[1] of PitchReference."
+    ),
 )

@@ -28,11 +28,13 @@ Example: a quarter car with preview of the road, all states measured::
         cases=(Case("comfort"), Case("travel", {"suspension.deflection": {"weight": 5.0}})),
     )
     c = mpc_component(
-        mpc, car, name="MyMpc", description="...", source="own", preview=Preview({"road": "preview"}, count=21, step=0.010)
+        mpc, car, name="MyMpc", description="...", source="own", preview=Preview({"road": "preview"}, count=21,
+        step=0.010)
     )
 
-Without all states: design an :class:`Observer` on the model of the plant, make the Mpc with ``observer.model``, and give the
-observer to :func:`mpc_component`. With states from elsewhere, or more than one law in a component: :func:`add_mpc`.
+Without all states: design an :class:`Observer` on the model of the plant, make the Mpc with ``observer.model``, and
+give the observer to :func:`mpc_component`. With states from elsewhere, or more than one law in a component:
+:func:`add_mpc`.
 """
 
 from fmu_sources.controllers.mpc.component import (

@@ -17,7 +17,9 @@ FORCE_LIMIT = 8.0  # N, 002 section V
 MPC_PERIOD = 10e-3  # s, assumed
 _DAQP = Daqp(max_iterations=150)
 BACKENDS = (Osqp(max_iterations=300, fallback=_DAQP), _DAQP)
-"""The first is the default. A sample at the limits of iterations ends within half the sample time: benchmarks/README.md."""
+"""The first is the default. A sample at the limits of iterations ends within half the sample time:
+benchmarks/README.md.
+"""
 HORIZON = 50  # periods of the MPC: 0.5 s, the length of the longer bump; assumed
 
 
@@ -50,8 +52,10 @@ def mpc_bench(car: Component, name: str = "MpcBench", cost: Literal["force", "mo
         source="002 equations (14) to (20); weights and horizons assumed",
         backend=BACKENDS,
         notes=(
-            f"The index is that of LqrBench, summed over {HORIZON} periods of {1e3 * MPC_PERIOD:g} ms; its input weight acts "
-            f"on the {what}. |force| <= {FORCE_LIMIT:g} N is hard.",
+            (
+                f"The index is that of LqrBench, summed over {HORIZON} periods of {1e3 * MPC_PERIOD:g} ms; its input"
+                f" weight acts on the {what}. |force| <= {FORCE_LIMIT:g} N is hard."
+            ),
             "Wiring: the inputs carry the names of the plant's outputs, force that of its input.",
         ),
     )

@@ -26,7 +26,8 @@ class Preview:
     """Inputs that give disturbances ahead of time.
 
     ``inputs``: name of a disturbance of the model -> name of the input vector, index 1 = now, ``step`` seconds apart,
-    ``count`` of them. ``unused``: what is assumed while ``use_preview`` is false: ``"zero"``, or ``"hold"`` for the value now.
+    ``count`` of them. ``unused``: what is assumed while ``use_preview`` is false: ``"zero"``, or ``"hold"`` for the
+    value now.
     """
 
     inputs: Mapping[str, str]
@@ -43,8 +44,8 @@ class Preview:
         ratio = max(self.step, period) / min(self.step, period)
         if not math.isclose(ratio, round(ratio), rel_tol=1e-9):
             raise MpcError(
-                f"{where}: preview step {self.step:g} s and sample time {period:g} s do not divide; make one a multiple "
-                "of the other"
+                f"{where}: preview step {self.step:g} s and sample time {period:g} s do not divide; make one a multiple"
+                " of the other"
             )
         reach = (self.count - 1) * self.step
         need = (instants - 2) * period  # the last height may hold for one interval
@@ -61,8 +62,9 @@ class Preview:
 class MpcSolution:
     """Symbols of a law: ``command`` (nu,) after clipping, ``held`` whether the last one was kept, ``slack`` eps.
 
-    What it expects to come of it: ``planned`` (nu, prediction), inputs from now on, one period apart; ``predicted`` (ny, prediction),
-    outputs from the next period on, in the order of ``mpc.outputs``. When the last command is kept, both are those of keeping it.
+    What it expects to come of it: ``planned`` (nu, prediction), inputs from now on, one period apart; ``predicted``
+    (ny, prediction), outputs from the next period on, in the order of ``mpc.outputs``. When the last command is kept,
+    both are those of keeping it.
     """
 
     command: Any
@@ -97,8 +99,8 @@ def add_mpc(
         backend: solver, or several of which the first is used; the default of the build when None.
         solver: prefix of the outputs ``.status``, ``.iterations`` and ``.residual``.
 
-    The command obeys the rate bounds, and the input bounds as far as these let it. When the program has no solution or the
-    solver did not end, the last command is kept, clipped to the bounds of now.
+    The command obeys the rate bounds, and the input bounds as far as these let it. When the program has no solution or
+    the solver did not end, the last command is kept, clipped to the bounds of now.
 
     Raises:
         MpcError: the component's sample time is not the model's, or it is not made of MX symbols.
@@ -113,9 +115,15 @@ def add_mpc(
         state, previous, disturbance, reference, case, lambda name, *rest, **more: c.value(prefix + name, *rest, **more)
     )
     solution = c.quadratic_program(
-        solver, hessians=qp.hessians, constraints=[qp.constraint], linear=data.linear, lower=data.lower,
-        upper=data.upper, case=case, backend=backend,
-    )  # fmt: skip
+        solver,
+        hessians=qp.hessians,
+        constraints=[qp.constraint],
+        linear=data.linear,
+        lower=data.lower,
+        upper=data.upper,
+        case=case,
+        backend=backend,
+    )
     held = solution.status > 0.5
     moves = ca.if_else(held, 0, qp.all_moves(solution.z))
     requested = previous + moves[: len(mpc.inputs)]
@@ -144,7 +152,8 @@ def previous_command(c: Component, mpc: Mpc, unit: str | None = None) -> Any:
 
 
 def preview_inputs(c: Component, mpc: Mpc, preview: Preview, unit: str = "m") -> Any:
-    """Declare the preview inputs, ``preview.step``, ``preview.used`` and ``use_preview``; disturbances (nw, last + 2) of the model.
+    """Declare the preview inputs, ``preview.step``, ``preview.used`` and ``use_preview``; disturbances (nw, last + 2)
+    of the model.
 
     Raises:
         MpcError: see :meth:`Preview.grid`; a disturbance without an input, or an input for one that is not there.
@@ -159,14 +168,22 @@ def preview_inputs(c: Component, mpc: Mpc, preview: Preview, unit: str = "m") ->
     rows = []
     for d in model.disturbances:
         ahead = c.input(
-            preview.inputs[d], unit, f"{d} now (index 1) and later, {1e3 * preview.step:g} ms apart",
+            preview.inputs[d],
+            unit,
+            f"{d} now (index 1) and later, {1e3 * preview.step:g} ms apart",
             shape=(preview.count,),
-        )  # fmt: skip
+        )
         rows.append(ahead.T)
     used = c.parameter(
-        "preview.used", preview.count - 1, None, "preview points beyond the first that are used; the last of them holds from there on",
-        min=0, max=preview.count - 1, tunable=True, source="option",
-    )  # fmt: skip
+        "preview.used",
+        preview.count - 1,
+        None,
+        "preview points beyond the first that are used; the last of them holds from there on",
+        min=0,
+        max=preview.count - 1,
+        tunable=True,
+        source="option",
+    )
     heights = ca.vertcat(*rows)
     columns = [heights[:, 0]]
     for i in range(1, preview.count):
@@ -198,9 +215,12 @@ def reference_inputs(c: Component, mpc: Mpc, plant: Component, count: int | None
         if o.reference not in declared:
             v = plant.variable(o.name)
             declared[o.reference] = c.input(
-                o.reference, v.unit, f"requested {o.name} now (index 1) and later, one sample time apart", shape=(count,),
+                o.reference,
+                v.unit,
+                f"requested {o.name} now (index 1) and later, one sample time apart",
+                shape=(count,),
                 display_unit=v.display_unit,
-            )  # fmt: skip
+            )
         rows.append(declared[o.reference][places].T)
     return ca.vertcat(*rows)
 
@@ -243,9 +263,10 @@ def mpc_component(
 ) -> Component:
     """The FMU of an MPC whose inputs carry the names of the plant's outputs.
 
-    Inputs: the states of the model (without ``observer``) or the measured outputs (with it), preview and ``use_preview``
-    (with ``preview``), references that outputs name, ``case`` (with more than one). Outputs: the commands under the names of
-    the plant's inputs, ``command.held``, ``slack`` (with soft bounds) and those of the solver.
+    Inputs: the states of the model (without ``observer``) or the measured outputs (with it), preview and
+    ``use_preview`` (with ``preview``), references that outputs name, ``case`` (with more than one). Outputs: the
+    commands under the names of the plant's inputs, ``command.held``, ``slack`` (with soft bounds) and those of the
+    solver.
 
     Raises:
         MpcError: a state that is no output of the plant; an observer of another model; preview that does not fit.
@@ -254,9 +275,14 @@ def mpc_component(
     if observer is not None and observer.model is not model:
         raise MpcError(f"{name}: make the Mpc with observer.model, so that both agree on the states")
     c = Component(
-        name, kind="discrete", sample_time=model.period, description=description, source=source, symbols=ca.MX,
+        name,
+        kind="discrete",
+        sample_time=model.period,
+        description=description,
+        source=source,
+        symbols=ca.MX,
         notes=(*notes, *_NOTES),
-    )  # fmt: skip
+    )
     known = [v.name for v in plant.model().variables]
     read = model.states if observer is None else observer.measured
     measured = []
@@ -291,16 +317,19 @@ def mpc_component(
 
 
 COMMAND_NOTE = (
-    "The command is clipped to its bounds after the solution. The iterations of a sample are limited, so that its time is, "
-    "whatever the inputs. OSQP hands a program that it has not solved by then to DAQP, which is inside too and whose solution "
-    "counts like its own: solver.status is 0, and solver.iterations counts both. solver.status other than 0 means that the "
-    "solvers reached their limits (1), found that there is no solution (2), or that the inputs make numbers without a meaning "
-    "(3): command.held is then true and the last command is kept, within the bounds of now."
+    "The command is clipped to its bounds after the solution. The iterations of a sample are limited, so that its time"
+    " is, whatever the inputs. OSQP hands a program that it has not solved by then to DAQP, which is inside too and"
+    " whose solution counts like its own: solver.status is 0, and solver.iterations counts both. solver.status other"
+    " than 0 means that the solvers reached their limits (1), found that there is no solution (2), or that the inputs"
+    " make numbers without a meaning (3): command.held is then true and the last command is kept, within the bounds of"
+    " now."
 )
 _NOTES = (
-    "At each sample a quadratic program finds the moves over the control horizon that minimise the weighted squares of "
-    "predicted outputs (as they will be measured at each sample, before its command acts), inputs and moves; the first move is "
-    "applied. Unknowns are moves, not inputs (an integrator in the "
-    "model). Bounds on inputs and their rates are hard; bounds on outputs are soft, with one slack for all.",
+    (
+        "At each sample a quadratic program finds the moves over the control horizon that minimise the weighted squares"
+        " of predicted outputs (as they will be measured at each sample, before its command acts), inputs and moves;"
+        " the first move is applied. Unknowns are moves, not inputs (an integrator in the model). Bounds on inputs and"
+        " their rates are hard; bounds on outputs are soft, with one slack for all."
+    ),
     COMMAND_NOTE,
 )

@@ -1,8 +1,8 @@
 """MPC of the HMMWV with and without preview of the road (paper 001, Tables 1.2 and 1.3).
 
 The prediction model is the ride car in its 15 relative states, with the smoothing filter (1.16) of the force tracking
-upstream of each actuator and the human response filter (1.19) after the acceleration of the body: 33 states. The relative
-states are inputs; the filters are followed inside, by the commands given and the acceleration measured.
+upstream of each actuator and the human response filter (1.19) after the acceleration of the body: 33 states. The
+relative states are inputs; the filters are followed inside, by the commands given and the acceleration measured.
 """
 
 from __future__ import annotations
@@ -47,8 +47,9 @@ VELOCITY = tuple(f"suspension.{k}.velocity" for k in CORNERS)
 RESPONSE = "human_response"
 _DAQP = Daqp(max_iterations=250)
 BACKENDS = (Osqp(rho=0.3, max_iterations=300, fallback=_DAQP), _DAQP)
-"""The first is the default; its step size suits bumps higher than the published ones. A sample at the limits of iterations
-ends within half the sample time. Both: benchmarks/README.md."""
+"""The first is the default; its step size suits bumps higher than the published ones. A sample at the limits of
+iterations ends within half the sample time. Both: benchmarks/README.md.
+"""
 
 
 @dataclass(frozen=True)
@@ -101,15 +102,22 @@ def hmmwv_mpc(car: Component, weights: MpcHmmwvWeights | None = None, steps: int
         prediction_model(car),
         inputs=tuple(
             Input(
-                f, scale=unit, weight=root(w.force) * unit, min=-w.max_force, max=w.max_force,
-                rate_min=-w.max_force_step, rate_max=w.max_force_step,
+                f,
+                scale=unit,
+                weight=root(w.force) * unit,
+                min=-w.max_force,
+                max=w.max_force,
+                rate_min=-w.max_force_step,
+                rate_max=w.max_force_step,
             )
             for f in FORCES
         ),
         outputs=(
             Output(RESPONSE, weight=root(w.absorbed_power)),
             *(
-                Output(s, scale=w.travel_scale, weight=root(w.travel) * w.travel_scale, min=-w.max_travel, max=w.max_travel)
+                Output(
+                    s, scale=w.travel_scale, weight=root(w.travel) * w.travel_scale, min=-w.max_travel, max=w.max_travel
+                )
                 for s in SUSPENSION
             ),
             *(Output(s, weight=root(w.velocity)) for s in VELOCITY),
@@ -117,7 +125,7 @@ def hmmwv_mpc(car: Component, weights: MpcHmmwvWeights | None = None, steps: int
         ),
         horizon=Horizon(steps, steps),
         slack_weight=w.slack_weight,
-    )  # fmt: skip
+    )
 
 
 def mpc_hmmwv(
@@ -174,15 +182,21 @@ def mpc_hmmwv(
     command_outputs(c, mpc, car, solution)
     for i, force in enumerate(FORCES):
         c.output(
-            f"planned.{force}", solution.planned[i, :].T, "N", f"{force} as planned: now (index 1) and later, a sample time apart"
+            f"planned.{force}",
+            solution.planned[i, :].T,
+            "N",
+            f"{force} as planned: now (index 1) and later, a sample time apart",
         )
     for travel in SUSPENSION:
         row = next(k for k, o in enumerate(mpc.outputs) if o.name == travel)
         v = car.variable(travel)
         c.output(
-            f"predicted.{travel}", solution.predicted[row, :].T, v.unit,
-            f"{travel} as predicted: at the next sample (index 1) and later, a sample time apart", display_unit=v.display_unit,
-        )  # fmt: skip
+            f"predicted.{travel}",
+            solution.predicted[row, :].T,
+            v.unit,
+            f"{travel} as predicted: at the next sample (index 1) and later, a sample time apart",
+            display_unit=v.display_unit,
+        )
     c.provenance = {"car": car.name, "mpc": mpc.as_dict()}
     c.stimulate(_stimulus(preview_points, preview_step))
     return c
@@ -217,14 +231,24 @@ def _notes(w: MpcHmmwvWeights, steps: int) -> tuple[str, ...]:
     kinds = ("absorbed_power", "travel", "velocity", "tire", "force")
     weights = ", ".join(f"{k.replace('_', ' ')} {getattr(w, k):g}" for k in kinds)
     return (
-        f"Index: Table 1.2 (SI, human response on ft/s2): {weights} per square, summed over {steps} periods of 30 ms with a move in "
-        f"each. Bounds: |force| <= {w.max_force:g} N and {w.max_force_step:g} N per period hard (the paper prints N/s; that would be "
-        f"150 N per period and hardly any force), |travel| <= {w.max_travel:g} m soft.",
-        "body.az drives the human response filter inside, linear between samples; the smoothing filters (1.16) of the force "
-        "tracking are followed from the commands. Both start at rest.",
-        "preview.*: heights under each wheel now and later. Only their differences act, so any datum will do; without "
-        "use_preview the road is taken to stay as it is.",
-        "Wiring: the 15 relative states and body.az carry the names of RideCarHmmwv's outputs (and of the estimator's); preview.* "
-        "and preview.step come from a road or a preview buffer of the same step; force.* go to ForceTracking as desired forces.",
+        (
+            f"Index: Table 1.2 (SI, human response on ft/s2): {weights} per square, summed over {steps} periods of 30"
+            f" ms with a move in each. Bounds: |force| <= {w.max_force:g} N and {w.max_force_step:g} N per period hard"
+            " (the paper prints N/s; that would be 150 N per period and hardly any force), |travel| <="
+            f" {w.max_travel:g} m soft."
+        ),
+        (
+            "body.az drives the human response filter inside, linear between samples; the smoothing filters (1.16) of"
+            " the force tracking are followed from the commands. Both start at rest."
+        ),
+        (
+            "preview.*: heights under each wheel now and later. Only their differences act, so any datum will do;"
+            " without use_preview the road is taken to stay as it is."
+        ),
+        (
+            "Wiring: the 15 relative states and body.az carry the names of RideCarHmmwv's outputs (and of the"
+            " estimator's); preview.* and preview.step come from a road or a preview buffer of the same step; force.*"
+            " go to ForceTracking as desired forces."
+        ),
         COMMAND_NOTE,
     )

@@ -57,8 +57,8 @@ class MpcModel:
 
     x(k+1) = A x(k) + B u(k) + E0 w(k) + E1 w(k+1),  y(k) = C x(k) + D u(k-1) + F0 w(k) + F1 w(k+1)
 
-    ``u`` is held between samples; a controller reads y(k) before its command u(k) acts, so u(k-1) is still in it. Shapes: A (n, n), B (n, nu), E0 and E1 (n, nw), C (ny, n), D (ny, nu), F0 and F1
-    (ny, nw). ``period`` [s].
+    ``u`` is held between samples; a controller reads y(k) before its command u(k) acts, so u(k-1) is still in it.
+    Shapes: A (n, n), B (n, nu), E0 and E1 (n, nw), C (ny, n), D (ny, nu), F0 and F1 (ny, nw). ``period`` [s].
     """
 
     A: Array
@@ -77,8 +77,16 @@ class MpcModel:
 
     def __post_init__(self) -> None:
         n, nu, nw, ny = (len(v) for v in (self.states, self.inputs, self.disturbances, self.outputs))
-        shapes = {"A": (n, n), "B": (n, nu), "E0": (n, nw), "E1": (n, nw), "C": (ny, n), "D": (ny, nu),
-                  "F0": (ny, nw), "F1": (ny, nw)}  # fmt: skip
+        shapes = {
+            "A": (n, n),
+            "B": (n, nu),
+            "E0": (n, nw),
+            "E1": (n, nw),
+            "C": (ny, n),
+            "D": (ny, nu),
+            "F0": (ny, nw),
+            "F1": (ny, nw),
+        }
         for name, shape in shapes.items():
             value = finite_array(f"model.{name}", getattr(self, name))
             if value.shape != shape:
@@ -131,10 +139,20 @@ class MpcModel:
         step = linalg.expm(big * period)[:nx]
         G0, G1 = step[:, nx + nu : nx + nu + nw], step[:, nx + nu + nw :] / period
         return cls(
-            A=step[:, :nx], B=step[:, nx : nx + nu], E0=G0 - G1, E1=G1, C=lin.C[y], D=lin.D[np.ix_(y, u)],
-            F0=Fh - Fr / period, F1=Fr / period, states=tuple(lin.states), inputs=tuple(inputs),
-            disturbances=tuple(d.name for d in disturbances), outputs=tuple(outputs), period=period,
-        )  # fmt: skip
+            A=step[:, :nx],
+            B=step[:, nx : nx + nu],
+            E0=G0 - G1,
+            E1=G1,
+            C=lin.C[y],
+            D=lin.D[np.ix_(y, u)],
+            F0=Fh - Fr / period,
+            F1=Fr / period,
+            states=tuple(lin.states),
+            inputs=tuple(inputs),
+            disturbances=tuple(d.name for d in disturbances),
+            outputs=tuple(outputs),
+            period=period,
+        )
 
     def with_disturbance_states(self, outputs: Sequence[str] = (), *, roads: bool = False) -> MpcModel:
         """The model with integrators that stand for what it does not know.
@@ -151,13 +169,26 @@ class MpcModel:
         if roads:
             A[:n, n + len(rows) :], C[:, n + len(rows) :] = self.E0 + self.E1, self.F0 + self.F1
         pad = [(0, more), (0, 0)]
-        names = (*self.states, *(f"offset.{name}" for name in outputs),
-                 *(f"walk.{d}" for d in (self.disturbances if roads else ())))  # fmt: skip
+        names = (
+            *self.states,
+            *(f"offset.{name}" for name in outputs),
+            *(f"walk.{d}" for d in (self.disturbances if roads else ())),
+        )
         return MpcModel(
-            A=A, B=np.pad(self.B, pad), E0=np.pad(self.E0, pad), E1=np.pad(self.E1, pad), C=C, D=self.D, F0=self.F0,
-            F1=self.F1, states=names, inputs=self.inputs, disturbances=self.disturbances, outputs=self.outputs,
+            A=A,
+            B=np.pad(self.B, pad),
+            E0=np.pad(self.E0, pad),
+            E1=np.pad(self.E1, pad),
+            C=C,
+            D=self.D,
+            F0=self.F0,
+            F1=self.F1,
+            states=names,
+            inputs=self.inputs,
+            disturbances=self.disturbances,
+            outputs=self.outputs,
             period=self.period,
-        )  # fmt: skip
+        )
 
 
 # -------------------------------------------------------------------------- filters around a linear model
@@ -190,7 +221,8 @@ class Filter:
 
 
 def filter_inputs(lin: Linearization, names: Sequence[str], filter_: Filter) -> Linearization:
-    """``lin`` with a filter upstream of each named input; filter states are ``NAME.filter[i]``, after those of ``lin``."""
+    """``lin`` with a filter upstream of each named input; filter states are ``NAME.filter[i]``, after
+    those of ``lin``."""
     A, B, C, D, states = lin.A, lin.B.copy(), lin.C, lin.D.copy(), list(lin.states)
     for name in names:
         j = position("input of the plant", name, lin.inputs)

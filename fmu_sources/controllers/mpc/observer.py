@@ -60,8 +60,10 @@ class Observer:
             MpcError: something that wanders cannot be told from the measured outputs, or noise that is not positive.
         """
         offsets = offsets or {}
-        for name, value in {**{f"noise of {k}": v for k, v in measured.items()},
-                            **{f"offset of {k}": v for k, v in offsets.items()}}.items():  # fmt: skip
+        for name, value in {
+            **{f"noise of {k}": v for k, v in measured.items()},
+            **{f"offset of {k}": v for k, v in offsets.items()},
+        }.items():
             number(f"observer: {name}", value, above=0, error=MpcError)
         if not measured:
             raise MpcError("observer: no output is measured")

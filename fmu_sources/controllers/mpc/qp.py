@@ -39,7 +39,9 @@ def _unnamed(_name: str, expression: Any, *, source: str = "") -> Any:  # noqa: 
 
 @dataclass(frozen=True)
 class QpExpressions:
-    """What changes from step to step: columns of the program, and ``free`` (ny, prediction), the outputs without any move."""
+    """What changes from step to step: columns of the program, and ``free`` (ny, prediction), the outputs without any
+    move.
+    """
 
     linear: Any
     lower: Any
@@ -215,8 +217,8 @@ class CondensedQp:
     ) -> QpExpressions:
         """q, l, u of the scaled program; ``named`` is told what values are called.
 
-        Args (CasADi MX): ``x`` (n,) state now; ``previous`` (nu,) inputs of the step before; ``disturbance`` (nw, prediction + 2)
-        or None; ``reference`` (ny, prediction) or None for 0; ``case`` number of the case.
+        Args (CasADi MX): ``x`` (n,) state now; ``previous`` (nu,) inputs of the step before; ``disturbance`` (nw,
+        prediction + 2) or None; ``reference`` (ny, prediction) or None for 0; ``case`` number of the case.
         """
         mpc, h = self.mpc, self.mpc.horizon
         cases = range(len(mpc.cases))
@@ -243,7 +245,8 @@ class CondensedQp:
             return self._by_case([[getattr(i, name) for i in mpc.case_inputs[c]] for c in cases], case)
 
         low, high, down, up = limit("min"), limit("max"), limit("rate_min"), limit("rate_max")
-        # An input outside its bounds (they may jump with the case) comes back as fast as its rate allows: never infeasible.
+        # An input outside its bounds (they may jump with the case) comes back as fast as its rate allows: never
+        # infeasible.
         first_low = ca.fmin(ca.fmax(down, low - previous), up)
         first_high = ca.fmax(ca.fmin(up, high - previous), down)
         named("first_low", first_low, source="bounds of the first move")

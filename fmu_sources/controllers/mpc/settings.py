@@ -13,7 +13,8 @@ from fmu_sources.controllers.mpc.model import MpcError, MpcModel, position
 INFINITE = 1e30
 """Stands for a bound that is not there, in the quadratic program."""
 CATCH_UP = 1e-6
-"""Part of the rate's range by which an input that comes back to its bounds may lag its fastest way: room for rounding."""
+"""Part of the rate's range by which an input that comes back to its bounds may lag its fastest way: room for rounding.
+"""
 
 
 def _number(where: str, name: str, value: float, *, least: float | None = None, finite: bool = True) -> None:
@@ -94,8 +95,8 @@ class Output:
 class Horizon:
     """Steps that are predicted, and how often the inputs may move in them.
 
-    ``prediction`` steps count in the cost, from the next sample on; outputs are those that will be measured there, before
-    that sample's command acts. ``blocks`` are the lengths of the intervals between moves; without it there are
+    ``prediction`` steps count in the cost, from the next sample on; outputs are those that will be measured there,
+    before that sample's command acts. ``blocks`` are the lengths of the intervals between moves; without it there are
     ``control`` moves one step apart. The last move holds to the end.
     """
 
@@ -116,8 +117,8 @@ class Horizon:
         object.__setattr__(self, "control", len(blocks))
         if self.moves[-1] >= self.prediction:
             raise MpcError(
-                f"horizon: the last move at step {self.moves[-1]} comes too late for {self.prediction} predicted steps; "
-                f"the control horizon is longer than the prediction"
+                f"horizon: the last move at step {self.moves[-1]} comes too late for {self.prediction} predicted steps;"
+                " the control horizon is longer than the prediction"
             )
 
     @property

@@ -1,9 +1,9 @@
 """Predictive control of the 6x6 with preview of road and pitch reference (paper 003, chapter 4), every 5 ms.
 
 Weights and bounds are those of Tables 4.3 to 4.10. The four cases of trench crossing are switched by an input; how far
-the axle over the trench is pulled up, and whether the height of the body is held too, are parameters, so that one FMU does
-what the thesis prints and what makes the crossing work. Three estimators are in it: none (all states measured), offsets on
-the outputs, which know no road, and heights of the road.
+the axle over the trench is pulled up, and whether the height of the body is held too, are parameters, so that one FMU
+does what the thesis prints and what makes the crossing work. Three estimators are in it: none (all states measured),
+offsets on the outputs, which know no road, and heights of the road.
 """
 
 from __future__ import annotations
@@ -50,8 +50,9 @@ BACKENDS = (
     Daqp(max_iterations=150),
     Osqp(rho=1.0, max_iterations=5, check_interval=5, fallback=Daqp(max_iterations=100)),
 )
-"""The first is the default. A sample at the limits of iterations ends within half the sample time, which leaves OSQP few of
-them: benchmarks/README.md."""
+"""The first is the default. A sample at the limits of iterations ends within half the sample time, which leaves OSQP
+few of them: benchmarks/README.md.
+"""
 
 _FORCE_WEIGHTS = ((0.1, 0.1, 0.1), (0.5, 2.0, 5.0), (2.0, 0.5, 2.0), (0.5, 0.1, 2.0))  # by case and axle: 4.7, 4.9
 _PITCH_PRINTED = (100.0, 30.0, 100.0, 30.0)  # by case: 4.7, 4.10
@@ -127,9 +128,19 @@ def cases() -> dict[Choice, Case]:
 
 
 def three_axle_mpc(model: MpcModel) -> Mpc:
-    """Weights, bounds and horizon on a model with the names of :data:`MEASURED`; cases as :func:`cases` numbers them."""
+    """Weights, bounds and horizon on a model with the names of :data:`MEASURED`; cases as :func:`cases`
+    numbers them."""
     forces = tuple(
-        Input(n, scale=FORCE_SCALE, weight=0.1, rate_weight=0.1, min=-FORCE_LIMIT, max=FORCE_LIMIT, rate_min=-_RATE, rate_max=_RATE)
+        Input(
+            n,
+            scale=FORCE_SCALE,
+            weight=0.1,
+            rate_weight=0.1,
+            min=-FORCE_LIMIT,
+            max=FORCE_LIMIT,
+            rate_min=-_RATE,
+            rate_max=_RATE,
+        )
         for n in FORCES
     )
     outputs = (
@@ -188,24 +199,39 @@ def mpc_three_axle(car: Component, name: str = "MpcThreeAxle") -> Component:
         notes=_NOTES,
     )
     hold = c.parameter(
-        "hold_height", True, None, "weigh the height of the body too; false is Tables 4.7 and 4.10",
+        "hold_height",
+        True,
+        None,
+        "weigh the height of the body too; false is Tables 4.7 and 4.10",
         source="own: without it heave goes into a limit cycle over trenches",
-    )  # fmt: skip
+    )
     retraction = c.parameter(
-        "retraction", 1, None,
-        "forces of the axle over the trench in cases 1 to 3: 0 free, 1 pull the axle up, 2 with the printed sign, push it down",
-        min=0, max=2, source="003 Table 4.8",
-    )  # fmt: skip
+        "retraction",
+        1,
+        None,
+        "forces of the axle over the trench in cases 1 to 3: 0 free, 1 pull the axle up, 2 with the printed sign, push"
+        " it down",
+        min=0,
+        max=2,
+        source="003 Table 4.8",
+    )
     printed = c.parameter(
-        "printed_limits", True, None,
-        "limits of Tables 4.5 and 4.6; false, for trenches: outputs without limits, and forces change by 1.2e6 N/s at most",
+        "printed_limits",
+        True,
+        None,
+        "limits of Tables 4.5 and 4.6; false, for trenches: outputs without limits, and forces change by 1.2e6 N/s at"
+        " most",
         source="003 Tables 4.5, 4.6; with them a crossing costs about twice as much",
-    )  # fmt: skip
+    )
     estimator = c.parameter(
-        "estimator", 1, None,
+        "estimator",
+        1,
+        None,
         "0 all states measured, 1 outputs with offsets (the default of MPC tools), 2 outputs with road heights",
-        min=0, max=2, source="003 does not say; 1 is the default of its tool",
-    )  # fmt: skip
+        min=0,
+        max=2,
+        source="003 does not say; 1 is the default of its tool",
+    )
 
     n = len(car.linearize().states)
     inputs = {}
@@ -233,13 +259,16 @@ def mpc_three_axle(car: Component, name: str = "MpcThreeAxle") -> Component:
     known = ca.vertcat(*(inputs[s] for s in model.states[:n]), ca.MX(len(model.states) - n, 1))
     at_start = ca.vertcat(*(inputs[s] if s in SCALE else 0 for s in model.states[:n]), ca.MX(len(model.states) - n, 1))
     predicted = c.state(
-        "estimate", None, "states, offsets and road heights predicted for this sample", shape=(len(model.states),),
+        "estimate",
+        None,
+        "states, offsets and road heights predicted for this sample",
+        shape=(len(model.states),),
         start=at_start,
-    )  # fmt: skip
+    )
     expected = _times(model.C, predicted) + _times(model.D, previous) + _times(model.F0, now) + _times(model.F1, then)
     gain = ca.if_else(estimator > 1.5, ca.MX(ca.DM(gains["road"])), ca.MX(ca.DM(gains["offsets"])))
-    # body.az follows from the very force that this sample computes, so at initialization it would close a loop: the first
-    # sample takes the estimate from the other outputs.
+    # body.az follows from the very force that this sample computes, so at initialization it would close a loop: the
+    # first sample takes the estimate from the other outputs.
     started = c.state("started", None, "1 after the first sample")
     c.update(started, 1)
     x = ca.if_else(estimator > 0.5, predicted + started * ca.mtimes(gain, y - expected), known)
@@ -255,9 +284,7 @@ def mpc_three_axle(car: Component, name: str = "MpcThreeAxle") -> Component:
     )
     u = solution.command
     c.update(previous, u)
-    c.update(
-        predicted, _times(model.A, x) + _times(model.B, u) + _times(model.E0, now) + _times(model.E1, then)
-    )  # fmt: skip
+    c.update(predicted, _times(model.A, x) + _times(model.B, u) + _times(model.E0, now) + _times(model.E1, then))
     command_outputs(c, mpc, car, solution)
     c.provenance = {"plant": car.name, "mpc": mpc.as_dict()}
     c.stimulate(_stimulus())
@@ -283,9 +310,11 @@ def _stimulus() -> dict[str, Callable[[float], float]]:
         return lambda t: round(-depth * math.sin(math.pi * (t - at) / 0.4) ** 2 if at <= t <= at + 0.4 else 0.0, 9)
 
     signals: dict[str, Callable[[float], float]] = {
-        "body.z": hollow(0.002, 0.1), "body.pitch": hollow(-0.002, 0.05), "body.az": hollow(0.05, 0.1),
+        "body.z": hollow(0.002, 0.1),
+        "body.pitch": hollow(-0.002, 0.05),
+        "body.az": hollow(0.05, 0.1),
         "case": lambda t: float(min(3, max(0, int(t / 0.25)))),
-    }  # fmt: skip
+    }
     for i, k in enumerate(SIX_CORNERS):
         at = 0.1 + 0.15 * (i // 2)
         signals[f"wheel.{k}.z"] = hollow(0.005, at)
@@ -295,24 +324,38 @@ def _stimulus() -> dict[str, Callable[[float], float]]:
 
 
 _NOTES = (
-    "Wiring: states and body.az carry the names of the outputs of ThreeAxleRide and ThreeAxleTrench, force.* those of their "
-    "inputs; preview.*, preview.step come from a road or from TrenchCrossing, reference.pitch from PitchReference or "
-    "TrenchCrossing, case from TrenchCrossing. Rates of the road are differences of its heights.",
-    "Cases 1 to 3 have the weights of Tables 4.9 and 4.10, with the weight of pitch kept at 100 in all of them (printed: 30 in "
-    "cases 1 and 3), and the bounds of Table 4.8. Forces count positive when they push the body up and the wheel down. The "
-    "printed ranges lift the wheel over the trench only with the other sign: case 1 has axle 1 in [-70, -50] kN, case 2 axle "
-    "2 likewise, case 3 axle 3 in [-80, -60] kN and axle 2 in [-90, 100] kN. retraction gives the printed sign, or none.",
-    "With hold_height false, case 0 is Tables 4.2 to 4.7. Bounds on outputs are soft as in Table 4.6, with one slack; those on "
-    "forces and their rates are hard (Table 4.6 lets them give way by 0.1 % of their scale per unit of slack). The rate bounds "
-    "of Table 4.5 are per sample and never bind.",
-    "printed_limits false is for trenches. The soft bounds of Table 4.6 on acceleration and pitch make the controller let the vehicle "
-    "tip rather than pull it back, and without a bound on rates the forced ranges of a case come as a blow. So outputs have no "
-    "limits then, and the 1.2e6 of Table 4.5 counts as N/s, 6 kN per sample; a range that the rate cannot reach at once is "
-    "approached as fast as the rate lets it.",
-    "Without preview (use_preview false) what the estimator believes decides: with offsets on the outputs, the usual default, "
-    "the controller reacts only when the trench has tilted the body; with road heights it infers the road from the wheels and "
-    "is nearly as good at low speed. With all states measured it knows no reason for what happens and leaves an error.",
-    "The quadratic program has 19 unknowns and about 950 rows; DAQP solves it. OSQP can be chosen at build time; half the "
-    "sample time is enough for few of its iterations, so DAQP takes over in nearly every sample.",
+    (
+        "Wiring: states and body.az carry the names of the outputs of ThreeAxleRide and ThreeAxleTrench, force.* those"
+        " of their inputs; preview.*, preview.step come from a road or from TrenchCrossing, reference.pitch from"
+        " PitchReference or TrenchCrossing, case from TrenchCrossing. Rates of the road are differences of its heights."
+    ),
+    (
+        "Cases 1 to 3 have the weights of Tables 4.9 and 4.10, with the weight of pitch kept at 100 in all of them"
+        " (printed: 30 in cases 1 and 3), and the bounds of Table 4.8. Forces count positive when they push the body up"
+        " and the wheel down. The printed ranges lift the wheel over the trench only with the other sign: case 1 has"
+        " axle 1 in [-70, -50] kN, case 2 axle 2 likewise, case 3 axle 3 in [-80, -60] kN and axle 2 in [-90, 100] kN."
+        " retraction gives the printed sign, or none."
+    ),
+    (
+        "With hold_height false, case 0 is Tables 4.2 to 4.7. Bounds on outputs are soft as in Table 4.6, with one"
+        " slack; those on forces and their rates are hard (Table 4.6 lets them give way by 0.1 % of their scale per"
+        " unit of slack). The rate bounds of Table 4.5 are per sample and never bind."
+    ),
+    (
+        "printed_limits false is for trenches. The soft bounds of Table 4.6 on acceleration and pitch make the"
+        " controller let the vehicle tip rather than pull it back, and without a bound on rates the forced ranges of a"
+        " case come as a blow. So outputs have no limits then, and the 1.2e6 of Table 4.5 counts as N/s, 6 kN per"
+        " sample; a range that the rate cannot reach at once is approached as fast as the rate lets it."
+    ),
+    (
+        "Without preview (use_preview false) what the estimator believes decides: with offsets on the outputs, the"
+        " usual default, the controller reacts only when the trench has tilted the body; with road heights it infers"
+        " the road from the wheels and is nearly as good at low speed. With all states measured it knows no reason for"
+        " what happens and leaves an error."
+    ),
+    (
+        "The quadratic program has 19 unknowns and about 950 rows; DAQP solves it. OSQP can be chosen at build time;"
+        " half the sample time is enough for few of its iterations, so DAQP takes over in nearly every sample."
+    ),
     COMMAND_NOTE,
 )

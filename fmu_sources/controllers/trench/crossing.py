@@ -1,9 +1,9 @@
 """Trench crossing: from what the nose lidar sees to cases, pitch reference and effective road (paper 003, section 4.6).
 
-The lidar gives the distances to both edges of the trench. Its own movement with the body is taken out (4.17)-(4.28), the
-corrected slopes are compared with those of the lines from lidar to wheels (figures 3.20 and 4.11), and the result is the
-number of the axle that is over the trench, or 0. A predictive controller switches its limits and weights with it, follows
-the pitch reference, and takes the effective road as its preview.
+The lidar gives the distances to both edges of the trench. Its own movement with the body is taken out (4.17)-(4.28),
+the corrected slopes are compared with those of the lines from lidar to wheels (figures 3.20 and 4.11), and the result
+is the number of the axle that is over the trench, or 0. A predictive controller switches its limits and weights with
+it, follows the pitch reference, and takes the effective road as its preview.
 
 Signs: the thesis counts pitch positive nose up; here it is positive nose down (ISO 8855), so gamma of (4.18)-(4.27) is
 -body.pitch. Distances: dx = x(trench) - x(lidar), dz = z(lidar) - z(trench), in road axes.
@@ -85,9 +85,11 @@ def trench_crossing(
     for end in ("start", "finish"):
         dx = c.input(f"lidar.{end}.dx", "m", f"{end} of the trench ahead of the nose lidar, road axes", start=5.0)
         dz = c.input(
-            f"lidar.{end}.dz", "m", f"nose lidar above the {end} of the trench, road axes",
+            f"lidar.{end}.dz",
+            "m",
+            f"nose lidar above the {end} of the trench, road axes",
             start=geometry.cg_height + geometry.lidar_above,
-        )  # fmt: skip
+        )
         valid = c.input(f"lidar.{end}.valid", None, f"the lidar sees the {end} of the trench", start=True, type=bool)
         seen[end] = (dx, dz, valid)
     body_z = c.input("body.z", "m", "CG height above its static position")
@@ -118,22 +120,27 @@ def trench_crossing(
         c.update(last_level, level[end])
         c.update(ever, known[end])
         c.output(
-            f"slope.{end}", ca.if_else(valid, ca.atan2(dz, dx), 0), "rad",
+            f"slope.{end}",
+            ca.if_else(valid, ca.atan2(dz, dx), 0),
+            "rad",
             f"slope of the line from the lidar to the {end}, 0 while the lidar does not see it (4.17), (4.23)",
             display_unit="deg",
-        )  # fmt: skip
+        )
     ahead["finish"] = ca.if_else(known["finish"] > 0.5, ahead["finish"], ahead["start"] + q.unknown_length)
     level["finish"] = ca.if_else(known["finish"] > 0.5, level["finish"], level["start"])
     there = ca.logic_and(known["start"] > 0.5, ahead["finish"] > ahead["start"])
     slope = {end: ca.atan2(level[end], ahead[end]) for end in seen}
     for end in seen:
         c.output(
-            f"slope.{end}.corrected", ca.if_else(there, slope[end], 0), "rad",
-            f"slope.{end} as from a body at rest (4.22), (4.28)", display_unit="deg",
-        )  # fmt: skip
+            f"slope.{end}.corrected",
+            ca.if_else(there, slope[end], 0),
+            "rad",
+            f"slope.{end} as from a body at rest (4.22), (4.28)",
+            display_unit="deg",
+        )
 
-    # ------------------------------------------------------- figure 4.11: which axle is between its two lines to the trench
-    # A wheel is past a point when the slope exceeds that of the line from the lidar to a point under the wheel.
+    # ------------------------------------------------------- figure 4.11: which axle is between its two lines to the
+    # trench A wheel is past a point when the slope exceeds that of the line from the lidar to a point under the wheel.
     cases = []
     for axle in g.axles:
         to_wheel = axle - g.ahead  # from the lidar, negative
@@ -174,9 +181,12 @@ def trench_crossing(
 
     c.output("case", case, None, "axle over the trench, 0 when there is none", type=int, min=0, max=3)
     c.output(
-        "reference.pitch", ca.vertcat(*reference), "rad", f"pitch reference now, {1e3 * step:g} ms later, ...",
+        "reference.pitch",
+        ca.vertcat(*reference),
+        "rad",
+        f"pitch reference now, {1e3 * step:g} ms later, ...",
         display_unit="deg",
-    )  # fmt: skip
+    )
     for k in corners:
         c.output(f"preview.{k}", k.road, "m", f"effective road under wheel {k} now, {1e3 * step:g} ms later, ...")
     for k in corners:
@@ -200,7 +210,8 @@ def trench_crossing(
 
 
 def _edge(beyond: Any, radius: Any) -> Any:
-    """Road that lowers a wheel as an edge does, its centre ``beyond`` the edge: 0 before it, -radius when it has none."""
+    """Road that lowers a wheel as an edge does, its centre ``beyond`` the edge: 0 before it, -radius
+    when it has none."""
     depth = radius - ca.sqrt(ca.fmax(0, radius**2 - ca.fmax(0, beyond) ** 2))
     return -depth
 
@@ -257,7 +268,7 @@ def _tuning_parameters(c: Component) -> _Tuning:
         display = {"rad": "deg", "rad/s": "deg/s"}.get(unit)
         return c.parameter(
             name, value, unit, text, min=low, max=high, tunable=True, source="assumed", display_unit=display
-        )  # fmt: skip
+        )
 
     return _Tuning(
         entry=parameter("pitch.entry", math.radians(4.0), "rad", "nose up while axle 1 crosses", 0.5, -0.5),
@@ -314,21 +325,35 @@ def _stimulus(geometry: CrossingGeometry) -> Mapping[str, Callable[[float], floa
 
 
 _NOTES = (
-    "Between plant and predictive controller: lidar.*, body.z, body.pitch, wheel.*.z and speed come from the plant, and case, "
-    "reference.pitch and preview.* go to the controller, all under the same names. Both run every 5 ms; in that order there is "
-    "no delay between them.",
-    "Cases: axle i is over the trench from case.lead_distance and case.lead_time before it stands at the start (a negative distance: "
-    "behind it) until case.lag behind the finish, decided by the corrected slopes. When two axles are over a long trench, the front "
-    "one of them counts. A wheel carries on the edge almost as on the road, so a case may begin a little late and end early: in "
-    "trenches nearly as long as the axle spacing one axle then carries before the next one is lifted.",
-    "Pitch reference: nose up while the first axle crosses, nose down while the last one does, both begun pitch.lead_distance and "
-    "pitch.lead_time early, with a limited rate. reference.pitch[1] is now; the later ones assume that the speed stays constant.",
-    "Effective road: a linear tire model pulls a wheel down to whatever road it is given, so the floor of the trench is never fed. "
-    "A wheel that is over an edge sees the circle on which the edge carries its centre, and one that carries nothing sees the height "
-    "under which a linear tire has no force.",
-    "A lidar that does not see an edge sets .valid false: the edge is then where it was, less the distance that the speed gives. "
-    "While the start was never seen there is no trench: case 0, level road. When only the finish was never seen, "
-    "trench.unknown_length counts. A finish that is not behind the start counts as no trench.",
-    "Left out: trenches that are not square to the road (both sides see the same edges) and more than one trench. The numbers behind "
-    "the flow chart are not in the thesis; they are assumed and tunable.",
+    (
+        "Between plant and predictive controller: lidar.*, body.z, body.pitch, wheel.*.z and speed come from the plant,"
+        " and case, reference.pitch and preview.* go to the controller, all under the same names. Both run every 5 ms;"
+        " in that order there is no delay between them."
+    ),
+    (
+        "Cases: axle i is over the trench from case.lead_distance and case.lead_time before it stands at the start (a"
+        " negative distance: behind it) until case.lag behind the finish, decided by the corrected slopes. When two"
+        " axles are over a long trench, the front one of them counts. A wheel carries on the edge almost as on the"
+        " road, so a case may begin a little late and end early: in trenches nearly as long as the axle spacing one"
+        " axle then carries before the next one is lifted."
+    ),
+    (
+        "Pitch reference: nose up while the first axle crosses, nose down while the last one does, both begun"
+        " pitch.lead_distance and pitch.lead_time early, with a limited rate. reference.pitch[1] is now; the later ones"
+        " assume that the speed stays constant."
+    ),
+    (
+        "Effective road: a linear tire model pulls a wheel down to whatever road it is given, so the floor of the"
+        " trench is never fed. A wheel that is over an edge sees the circle on which the edge carries its centre, and"
+        " one that carries nothing sees the height under which a linear tire has no force."
+    ),
+    (
+        "A lidar that does not see an edge sets .valid false: the edge is then where it was, less the distance that the"
+        " speed gives. While the start was never seen there is no trench: case 0, level road. When only the finish was"
+        " never seen, trench.unknown_length counts. A finish that is not behind the start counts as no trench."
+    ),
+    (
+        "Left out: trenches that are not square to the road (both sides see the same edges) and more than one trench."
+        " The numbers behind the flow chart are not in the thesis; they are assumed and tunable."
+    ),
 )

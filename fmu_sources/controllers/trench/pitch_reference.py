@@ -21,22 +21,41 @@ def pitch_reference(name: str = "PitchReference", *, count: int = COUNT, step: f
         source="003 section 5.3, Figure 5.12",
         stop_time=30.0,
         notes=(
-            "reference.pitch[1] is the reference now, [i] the one i - 1 sample times later. Nothing is remembered: all of it "
-            "follows from time.",
-            "Pitch is positive nose down (ISO 8855). The thesis has it positive nose up; for its sense set a negative pitch. "
-            "The linear vehicle answers to both alike.",
-            "Wiring: all of reference.pitch to a predictive controller, reference.pitch[1] to one that looks at the present.",
+            (
+                "reference.pitch[1] is the reference now, [i] the one i - 1 sample times later. Nothing is remembered:"
+                " all of it follows from time."
+            ),
+            (
+                "Pitch is positive nose down (ISO 8855). The thesis has it positive nose up; for its sense set a"
+                " negative pitch. The linear vehicle answers to both alike."
+            ),
+            (
+                "Wiring: all of reference.pitch to a predictive controller, reference.pitch[1] to one that looks at the"
+                " present."
+            ),
         ),
     )
     top = c.parameter(
-        "pitch", radians(3.0), "rad", "reference during the hold", min=-0.5, max=0.5, display_unit="deg",
+        "pitch",
+        radians(3.0),
+        "rad",
+        "reference during the hold",
+        min=-0.5,
+        max=0.5,
+        display_unit="deg",
         source="003 Figure 5.12",
-    )  # fmt: skip
+    )
 
     rest = c.parameter(
-        "rest", 0.0, "rad", "reference before the ramp up and after the ramp down", min=-0.5, max=0.5, display_unit="deg",
+        "rest",
+        0.0,
+        "rad",
+        "reference before the ramp up and after the ramp down",
+        min=-0.5,
+        max=0.5,
+        display_unit="deg",
         source="003 Figure 5.12",
-    )  # fmt: skip
+    )
 
     def time(name: str, start: float, text: str) -> ca.SX:
         return c.parameter(name, start, "s", text, min=0.0, max=1e6, source="003 Figure 5.12")
@@ -57,7 +76,10 @@ def pitch_reference(name: str = "PitchReference", *, count: int = COUNT, step: f
     instants = [c.time + i * c.period for i in range(count)]
     values = [rest + (top - rest) * (ramp(t, begin, up) - ramp(t, begin + up + hold, down)) for t in instants]
     c.output(
-        "reference.pitch", ca.vertcat(*values), "rad", f"pitch reference now, {1e3 * step:g} ms later, ...",
+        "reference.pitch",
+        ca.vertcat(*values),
+        "rad",
+        f"pitch reference now, {1e3 * step:g} ms later, ...",
         display_unit="deg",
-    )  # fmt: skip
+    )
     return c

@@ -123,8 +123,10 @@ def test_commands_are_limited() -> None:
 
 def test_laws_are_those_of_the_fmus(built_fmus) -> None:
     """The laws in the FMUs come out again from the plant FMU, exactly: same seed, same numbers."""
-    files = {n: built_fmus.path(f, 3) for n, f in
-             (("plant", "FullCarHmmwvModified"), ("road", "RoadPerryman3"), ("speed", "SpeedProfile"))}  # fmt: skip
+    files = {
+        n: built_fmus.path(f, 3)
+        for n, f in (("plant", "FullCarHmmwvModified"), ("road", "RoadPerryman3"), ("speed", "SpeedProfile"))
+    }
     laws = published_laws(**files)
     for variant, law in laws.items():
         with zipfile.ZipFile(built_fmus.path(f"Gpc{variant.capitalize()}", 3)) as z:

@@ -41,11 +41,13 @@ def cost_over_a_sample(car, weights, parts=3000):
     lin, _, _ = sampled(car)
     B = lin.B[:, [lin.inputs.index(n) for n in FORCES]]
     kinds = [
-        ("body.az", weights.acceleration), ("body.roll_rate", weights.rates), ("body.pitch_rate", weights.rates),
+        ("body.az", weights.acceleration),
+        ("body.roll_rate", weights.rates),
+        ("body.pitch_rate", weights.rates),
         *((n, weights.travel) for n in SUSPENSION),
         *((f"wheel.{k}.vz", weights.hub_velocity) for k in ("fl", "fr", "rl", "rr")),
         *((f"tire.{k}.deflection", weights.tire) for k in ("fl", "fr", "rl", "rr")),
-    ]  # fmt: skip
+    ]
     rows = [lin.outputs.index(n) for n, _ in kinds]
     out = np.hstack([lin.C[rows], lin.D[np.ix_(rows, [lin.inputs.index(n) for n in FORCES])]])
     w = np.array([v for _, v in kinds])

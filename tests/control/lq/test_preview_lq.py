@@ -280,7 +280,11 @@ def test_weights_are_in_the_order_of_outputs_and_corners(tmp_path) -> None:
     assert weights.controls(("fl", "fr", "rl", "rr")) == [8, 8, 9, 9]
     assert weights.controls(("rr", "fl")) == [9, 8]
     assert weights.as_dict()["tire"] == {"front": 6.0, "rear": 7.0}
-    assert list(weights.by_name().items())[2:5] == [("acceleration.roll", 3), ("suspension.front", 4), ("suspension.rear", 5)]
+    assert list(weights.by_name().items())[2:5] == [
+        ("acceleration.roll", 3),
+        ("suspension.front", 4),
+        ("suspension.rear", 5),
+    ]
     assert list(weights.descriptions()) == list(weights.by_name())
 
 
@@ -311,7 +315,10 @@ def by_numbers(plant, given):
     """K and feed-forward as they are designed in Python."""
     index = output_index(plant, given[: len(plant.outputs)], given[len(plant.outputs) :])
     foh = continuous_lq(plant, index).foh_weights(CONTINUOUS_PERIOD, COUNT)
-    return [sampled_lq(plant, index, CONTINUOUS_PERIOD).K, *(np.hstack(list(a)) for a in (foh.interior, foh.end, foh.tail))]
+    return [
+        sampled_lq(plant, index, CONTINUOUS_PERIOD).K,
+        *(np.hstack(list(a)) for a in (foh.interior, foh.end, foh.tail)),
+    ]
 
 
 def furthest(found, expected) -> float:
@@ -334,12 +341,16 @@ def test_a_law_designed_of_expressions_is_the_one_designed_of_numbers(plant, des
 
 
 def test_over_the_whole_range_of_weights_a_law_is_right_or_refused(plant, designed, tunable) -> None:
-    """Both limits of every weight included; what the solver of the design in Python refuses may be found, but nothing wrong is."""
+    """Both limits of every weight included; what the solver of the design in Python refuses may be found, but nothing
+    wrong is.
+    """
     low, high = (np.array([getattr(tunable.variable(f"weight.{n}"), end) for n in ORDER]) for end in ("min", "max"))
     rng = np.random.default_rng(3)
     refused = 0
     for trial in range(60):
-        given = np.where(low > 0, low, high * 1e-9) * (high / np.where(low > 0, low, high * 1e-9)) ** rng.uniform(size=len(low))
+        given = np.where(low > 0, low, high * 1e-9) * (high / np.where(low > 0, low, high * 1e-9)) ** rng.uniform(
+            size=len(low)
+        )
         given = np.where(rng.uniform(size=len(low)) < 0.1, low, np.where(rng.uniform(size=len(low)) < 0.1, high, given))
         found = designed(given)
         if not (found[-1] < RESIDUAL_LIMIT).all():
@@ -359,7 +370,9 @@ def test_a_law_with_weights_as_parameters_is_for_cars_with_equal_sides(car) -> N
     for kind in ("interior", "tail"):
         table = getattr(heavy, kind).copy()
         table[2, 1, 3] *= 1.01  # of the right front actuator, for the road below the right rear wheel
-        with pytest.raises(ValueError, match="X: a law with weights as parameters is for cars that are the same left and right"):
+        with pytest.raises(
+            ValueError, match="X: a law with weights as parameters is for cars that are the same left and right"
+        ):
             preview._check_sides(replace(heavy, **{kind: table}), "X")
 
 
@@ -380,5 +393,7 @@ def test_weights_are_parameters_of_a_tunable_law(car, tunable) -> None:
     assert limits["suspension.rear"] == (0.0, 1e7)
     assert limits["tire.front"] == (1.0, 1e8)
     assert limits["force.rear"] == (1e-9, 1e-2)
-    with pytest.raises(ValueError, match=r"X: a law with weights as parameters is sampled every 0.001 s, not every 0.005 s"):
+    with pytest.raises(
+        ValueError, match=r"X: a law with weights as parameters is sampled every 0.001 s, not every 0.005 s"
+    ):
         preview_lq(car, weights, name="X", period=5e-3, tunable=True)

@@ -1,6 +1,7 @@
 """Preview LQ design: Riccati solutions, feed-forward weights, sampled design, Theorem 2 (Marzbanrad et al.).
 
-The car with seven degrees of freedom is derived here from its energies, independently of the component that the FMUs are built from.
+The car with seven degrees of freedom is derived here from its energies, independently of the component that the FMUs
+are built from.
 """
 
 import re
@@ -360,7 +361,8 @@ def test_sampled_costs_are_the_integrals(period):
 
 
 def test_sampled_law_is_the_best_of_all_sequences():
-    """Against a minimisation over the commands of 40 periods, with P only for what follows after the last disturbance."""
+    """Against a minimisation over the commands of 40 periods, with P only for what follows after the
+    last disturbance."""
     plant, period, steps = random_plant(6), 0.1, 40
     law = sampled_lq(plant, output_index(plant, [1.0, 2.0, 3.0, 4.0], [0.5, 1.0]), period)
     rng = np.random.default_rng(7)
@@ -490,7 +492,9 @@ def theorem2_case(seed):
     rng = np.random.default_rng(seed)
     plant = replace(random_plant(seed), F=np.zeros((4, 3)))
     root = rng.standard_normal((4, 4))
-    N = 0.1 * plant.C.T @ rng.standard_normal((4, 2)) / max(1.0, np.linalg.norm(plant.D, 2))  # the index stays nonnegative
+    N = (
+        0.1 * plant.C.T @ rng.standard_normal((4, 2)) / max(1.0, np.linalg.norm(plant.D, 2))
+    )  # the index stays nonnegative
     return plant, root.T @ root + np.eye(4), N, np.diag([2.0, 3.0]), rng.standard_normal((5, 3))
 
 
@@ -629,14 +633,18 @@ def test_hidden_double_integrator_and_decaying_mode():
 
 @pytest.mark.parametrize("seed", range(3))
 def test_equal_hidden_modes_are_named_whatever_the_order(seed):
-    """Three wheels of equal frequency that nothing acts on: every one takes part, in whichever basis the modes are computed."""
+    """Three wheels of equal frequency that nothing acts on: every one takes part, in whichever basis the modes are
+    computed.
+    """
     rng = np.random.default_rng(seed)
     order = rng.permutation(8)
     A = np.kron(np.eye(4), [[0, 1.0], [-9.0, 0]])
     A[7, 7] = -1.0  # the fourth decays
     eigenvalue, shape = hidden_mode(A[np.ix_(order, order)], np.zeros((8, 1)))
     assert eigenvalue == pytest.approx(3j)
-    assert shape[np.argsort(order)] == pytest.approx([*[shape[list(order).index(0)], shape[list(order).index(1)]] * 3, 0, 0], abs=1e-9)
+    assert shape[np.argsort(order)] == pytest.approx(
+        [*[shape[list(order).index(0)], shape[list(order).index(1)]] * 3, 0, 0], abs=1e-9
+    )
 
 
 def test_sampling_that_hides_a_mode():

@@ -123,9 +123,15 @@ def test_filters_in_series_have_the_product_of_the_responses(car) -> None:
 
 def law(mpc: Mpc, car: Component, backend=None, observer=None) -> Model:
     return mpc_component(
-        mpc, car, name="Law", description="test", source="test", backend=backend, observer=observer,
+        mpc,
+        car,
+        name="Law",
+        description="test",
+        source="test",
+        backend=backend,
+        observer=observer,
         preview=Preview({"road": "preview"}, 21, PERIOD),
-    ).model()  # fmt: skip
+    ).model()
 
 
 def test_component_solves_the_problem_of_the_reference(car, model) -> None:
@@ -238,7 +244,8 @@ def test_input_that_leaves_its_bounds_with_the_case_comes_back_at_its_rate(car, 
 
 @pytest.mark.parametrize("why", ["infeasible", "limit", "limit of both"])
 def test_last_command_is_kept_when_there_is_no_solution(car, model, why) -> None:
-    """Hard travel bounds that no force can meet, or a solver without time; the command stays, within the bounds of now."""
+    """Hard travel bounds that no force can meet, or a solver without time; the command stays, within the
+    bounds of now."""
     short = Daqp(max_iterations=2)
     backend = {"limit": short, "limit of both": Osqp(max_iterations=10, fallback=short)}.get(why)
     hard = Output("suspension.deflection", scale=0.1, weight=1.0, min=-0.01, max=0.012, ecr=0.0)
@@ -336,10 +343,20 @@ def test_one_step_of_an_observer(vector) -> None:
     """Each matrix with a factor of its own, so that every product and sign can be told in the sum."""
     one = lambda *values: np.array([values])  # noqa: E731
     m = MpcModel(
-        A=one(0.5), B=one(2.0), E0=one(0.1), E1=one(0.01), C=np.array([[9.0], [3.0]]), D=np.array([[9.0], [4.0]]),
-        F0=np.array([[9.0], [0.2]]), F1=np.array([[9.0], [0.02]]), states=("x",), inputs=("u",), disturbances=("w",),
-        outputs=("other", "y"), period=0.01,
-    )  # fmt: skip
+        A=one(0.5),
+        B=one(2.0),
+        E0=one(0.1),
+        E1=one(0.01),
+        C=np.array([[9.0], [3.0]]),
+        D=np.array([[9.0], [4.0]]),
+        F0=np.array([[9.0], [0.2]]),
+        F1=np.array([[9.0], [0.02]]),
+        states=("x",),
+        inputs=("u",),
+        disturbances=("w",),
+        outputs=("other", "y"),
+        period=0.01,
+    )
     observer = Observer(m, ("y",), gain=one(0.25), covariance=one(1.0))
     x, u, now, then = (vector([v]) for v in (7.0, 5.0, 30.0, 200.0))
     assert float(observer.predict(x, u, now, then)[0]) == pytest.approx(0.5 * 7 + 2 * 5 + 0.1 * 30 + 0.01 * 200)
@@ -357,7 +374,9 @@ def test_what_an_observer_was_made_for_is_told(model) -> None:
 
 
 def test_what_wanders_too_little_is_never_found(model) -> None:
-    """An offset that hardly wanders against the noise of its output is corrected by so little that the filter forgets nothing."""
+    """An offset that hardly wanders against the noise of its output is corrected by so little that the filter forgets
+    nothing.
+    """
     slow = Observer.kalman(model, {"body.z": 1.0}, input_noise=1e-9, offsets={"body.z": 1.5e-9})
     C = slow.model.C[[slow.model.outputs.index("body.z")]]
     left = np.abs(np.linalg.eigvals(slow.model.A - slow.model.A @ slow.gain @ C)).max()
@@ -405,7 +424,7 @@ def test_component_with_observer_has_the_measured_outputs_as_inputs(car, model) 
         ),
         (lambda m: MpcModel.sampled(lin_of(), 0.01, inputs=["forse"], outputs=[]), "did you mean 'force'"),
     ],
-)  # fmt: skip
+)
 def test_mistakes_are_named(model, change, message) -> None:
     with pytest.raises(MpcError, match=message):
         change(model)

@@ -121,8 +121,9 @@ def test_preview_lowers_the_absorbed_power(built_fmus) -> None:
     for preview in (False, True):
         felt = signal.lsim(
             (human_response_filter().A, human_response_filter().b[:, None], human_response_filter().c[None], [[0.0]]),
-            (r := drive(built_fmus, preview=preview))["car.body.az"], r.time,
-        )[1]  # fmt: skip
+            (r := drive(built_fmus, preview=preview))["car.body.az"],
+            r.time,
+        )[1]
         power[preview] = np.mean(felt**2)
     assert power[True] < 0.85 * power[False]
 

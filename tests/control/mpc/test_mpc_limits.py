@@ -1,4 +1,6 @@
-"""A sample's work is bounded: limits of iterations, what the MPC FMUs do there, and that published runs stay away from them."""
+"""A sample's work is bounded: limits of iterations, what the MPC FMUs do there, and that published runs stay away from
+them.
+"""
 
 from __future__ import annotations
 
@@ -19,9 +21,11 @@ README = Path(__file__).parents[3] / "benchmarks" / "README.md"
 BACKENDS = ("osqp", "daqp")
 SOLVED, LIMIT = 0, 1
 LARGEST_FORCE = {
-    "MpcBench": bench.FORCE_LIMIT, "MpcBenchMoves": bench.FORCE_LIMIT, "MpcHmmwv": hmmwv.FORCE_LIMIT,
+    "MpcBench": bench.FORCE_LIMIT,
+    "MpcBenchMoves": bench.FORCE_LIMIT,
+    "MpcHmmwv": hmmwv.FORCE_LIMIT,
     "MpcThreeAxle": 150e3,
-}  # fmt: skip
+}
 LARGEST_CHANGE = {"MpcHmmwv": hmmwv.MpcHmmwvWeights().max_force_step}  # N per sample
 
 
@@ -41,7 +45,9 @@ def documented() -> dict[tuple[str, str], int]:
 
 
 def check(name: str, names: list[str], outputs: np.ndarray, limit: int) -> np.ndarray:
-    """Iterations within the limit; commands finite, within force and rate, and kept after a failure. Returns the status."""
+    """Iterations within the limit; commands finite, within force and rate, and kept after a failure. Returns the
+    status.
+    """
     column = {n: k for k, n in enumerate(names)}
     status = outputs[:, column["solver.status"]]
     forces = outputs[:, [k for n, k in column.items() if n.split(".")[0] == "force"]]

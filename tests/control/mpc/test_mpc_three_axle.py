@@ -1,4 +1,5 @@
-"""MPC of the 6x6: the thesis' tables, the estimators, and every command against quadprog on an independent prediction."""
+"""MPC of the 6x6: the thesis' tables, the estimators, and every command against quadprog on an
+independent prediction."""
 
 import numpy as np
 import pytest
@@ -187,9 +188,7 @@ class Loop:
         requested = np.zeros((len(self.mpc.outputs), 50))
         requested[[o.name for o in self.mpc.outputs].index("body.pitch")] = np.append(pitch[1:], pitch[-1])
         hold, retraction = self.choice
-        number = [
-            (c.case, c.hold_height, c.retraction) for c in cases()
-        ].index((case, hold, retraction if case else 0))  # fmt: skip
+        number = [(c.case, c.hold_height, c.retraction) for c in cases()].index((case, hold, retraction if case else 0))
         solved = self.reference.step(x, self.u, known, requested, number)
         u = np.array([y[f] for f in FORCES])
         assert y["solver.status"] == 0

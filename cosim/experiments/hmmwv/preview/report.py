@@ -63,8 +63,11 @@ def generated_section(study: Results) -> Section:
     return Section(
         "Generated preview",
         [
-            "The test track is known beforehand and laid at the distance that the speedometer has counted. Load cells of the passive car "
-            "show where the bumps are. An error of the speedometer moves the prediction further off with every metre.",
+            (
+                "The test track is known beforehand and laid at the distance that the speedometer has counted. Load"
+                " cells of the passive car show where the bumps are. An error of the speedometer moves the prediction"
+                " further off with every metre."
+            ),
         ],
         [
             Figure(
@@ -80,7 +83,8 @@ def generated_section(study: Results) -> Section:
                 "Largest load after the predicted crest",
                 ["speedometer error [%]", "first bump [mm]", "second bump [mm]"],
                 rows,
-                "The load peaks where the strut moves fastest, not on the crest; what changes from row to row is the drift.",
+                "The load peaks where the strut moves fastest, not on the crest; what changes from row to row is the"
+                " drift.",
             )
         ],
     )
@@ -94,33 +98,41 @@ def chain_section(study: Results) -> Section:
     return Section(
         "Sensed preview",
         [
-            f"Two range sensors see the road {ahead:.1f} m ahead of the front axle. Their heights are only as good as the pose of the body that "
-            "is taken off them (1.18). A filter that believes in a flat road takes the climb over a bump for something else, and the road "
-            "after the bump gets a dip that is not there.",
-            "The paper adds the response of quarter cars to the pose, since feeding the road back into the filter was unstable. Both come out "
-            "here. The reason for the instability is geometric: an error of the buffered road tilts the pose when the wheels reach it, and "
-            f"the sensors, ahead of the front axle, put {tilted:.1f} times that error into the buffer again. A filter of relative states integrates "
-            "the pose from rates and lets it follow the buffered road within a second: short errors die out, long ones fade by two slow "
-            "leaks, and the dip is gone. Most of that is due to the relative states: without any road their dip is as small. Quarter cars "
-            f"added to their pose count the motion twice: {extremes(study, TWICE, HEIGHTS_MM[0])[1]:.0f} mm of road that is not there, after a bump "
-            f"of {HEIGHTS_MM[0]:.0f} mm.",
+            (
+                f"Two range sensors see the road {ahead:.1f} m ahead of the front axle. Their heights are only as good"
+                " as the pose of the body that is taken off them (1.18). A filter that believes in a flat road takes"
+                " the climb over a bump for something else, and the road after the bump gets a dip that is not there."
+            ),
+            (
+                "The paper adds the response of quarter cars to the pose, since feeding the road back into the filter"
+                " was unstable. Both come out here. The reason for the instability is geometric: an error of the"
+                " buffered road tilts the pose when the wheels reach it, and the sensors, ahead of the front axle, put"
+                f" {tilted:.1f} times that error into the buffer again. A filter of relative states integrates the pose"
+                " from rates and lets it follow the buffered road within a second: short errors die out, long ones"
+                " fade by two slow leaks, and the dip is gone. Most of that is due to the relative states: without any"
+                " road their dip is as small. Quarter cars added to their pose count the motion twice:"
+                f" {extremes(study, TWICE, HEIGHTS_MM[0])[1]:.0f} mm of road that is not there, after a bump of"
+                f" {HEIGHTS_MM[0]:.0f} mm."
+            ),
         ],
         [
             Figure(
                 "preview-chain",
                 "Range, corrected road and its rate (figure 1.7 of the paper)",
-                f"Test track at 20 mph, radar with noise and its resolution of {1e3 * row['resolution']:g} mm, car without control forces.",
+                f"Test track at 20 mph, radar with noise and its resolution of {1e3 * row['resolution']:g} mm, car"
+                " without control forces.",
                 _track_panels(study),
             ),
             Figure(
                 "preview-dropout",
                 "A sensor that fails",
-                "While the ranges are not valid the buffer continues with the last height; preview.valid is false until all wheels have passed that stretch.",
+                "While the ranges are not valid the buffer continues with the last height; preview.valid is false until"
+                " all wheels have passed that stretch.",
                 [_dropout_panel(study)],
             ),
         ],
         [_dips(study), _drift(study)],
-    )  # fmt: skip
+    )
 
 
 def _track_panels(study: Results) -> list[Panel]:
@@ -135,10 +147,12 @@ def _track_panels(study: Results) -> list[Panel]:
         return Panel(title, _FRONT, label, shown)
 
     return [
-        Panel("range sensor, left", _FRONT, "range [m]", [Series("range", first["front"], first["range"], color="black")]),
+        Panel(
+            "range sensor, left", _FRONT, "range [m]", [Series("range", first["front"], first["range"], color="black")]
+        ),
         compared("road under the front left wheel, from the buffer", "height [mm]", 1e3, "true", "buffered"),
         compared("its rate, mean over the 30 ms ahead", "rate [m/s]", 1.0, "true rate", "rate"),
-    ]  # fmt: skip
+    ]
 
 
 def _dropout_panel(study: Results) -> Panel:
@@ -157,8 +171,11 @@ def _dips(study: Results) -> Table:
     ]
     heights = [f"{h:.0f} mm bump, {what} [mm]" for h in HEIGHTS_MM for what in ("lowest", "highest")]
     return Table(
-        "preview-dips", "Lowest and highest sensed height on the flat road after one bump, no noise", ["correction", *heights], rows
-    )  # fmt: skip
+        "preview-dips",
+        "Lowest and highest sensed height on the flat road after one bump, no noise",
+        ["correction", *heights],
+        rows,
+    )
 
 
 def _drift(study: Results) -> Table:

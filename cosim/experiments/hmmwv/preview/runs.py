@@ -22,9 +22,15 @@ from fmu_sources.roads.bumps import BUMP_LENGTH
 SPEED, TRACK = SPEED_KMH / 3.6, BUMPS["track"]
 FILTERS = {"printed": "KalmanHmmwvPrinted", "relative": "KalmanHmmwv"}
 FMUS = (
-    "SpeedProfile", "RoadBumps", "RideCarHmmwv", "SensorSuite", *FILTERS.values(), "PreviewSensor", "PreviewBuffer",
+    "SpeedProfile",
+    "RoadBumps",
+    "RideCarHmmwv",
+    "SensorSuite",
+    *FILTERS.values(),
+    "PreviewSensor",
+    "PreviewBuffer",
     "HydraulicActuator",
-)  # fmt: skip
+)
 AFTER = 6.0  # m after a bump in which a dip counts
 WINDOW = 4.0  # s, in which the spread of the buffered road's error is taken
 
@@ -33,8 +39,9 @@ _SENSED = (lambda c: c.preview == "sensed", "the sensed preview")
 
 @dataclass(frozen=True)
 class Case(AnyCase):
-    """One run: what the range sensors see on a car without control forces, or a known profile beside the loads of the passive
-    hydraulic car. ``noise`` scales all sensors' noise; with 0 the ranges are not rounded either."""
+    """One run: what the range sensors see on a car without control forces, or a known profile beside the loads of the
+    passive hydraulic car. ``noise`` scales all sensors' noise; with 0 the ranges are not rounded either.
+    """
 
     preview: str = option("sensed", choices=("sensed", "generated"), help="where the preview is from", always=True)
     filter: str = option("relative", choices=FILTERS, only=_SENSED, help="states of the filter", always=True)
@@ -42,9 +49,14 @@ class Case(AnyCase):
     compensation: bool = option(False, only=_SENSED, help="add quarter cars on the buffered road, as the paper does")
     road: str = option("bump", choices=BUMPS, help="road under the wheels", always=True)
     height_mm: float = option(
-        30.0, name="height", unit="mm", within=(0, 200), only=(lambda c: c.road == "bump", "one bump"), label="{:g}mm",
+        30.0,
+        name="height",
+        unit="mm",
+        within=(0, 200),
+        only=(lambda c: c.road == "bump", "one bump"),
+        label="{:g}mm",
         help="height of the bump",
-    )  # fmt: skip
+    )
     noise: float = option(0.0, within=(0, 100), only=_SENSED, label="noise-{:g}", help="scale of the sensors' noise")
     duration: float = option(2.6, unit="s", within=(1, 60), label="{:g}s", help="length")
     dropout: float = option(
@@ -54,9 +66,13 @@ class Case(AnyCase):
         0.0, unit="s", within=(0, 60), only=_SENSED, label="from-{:g}s", help="when the range sensors fail"
     )
     speedometer_error: float = option(
-        0.0, unit="%", within=(-50, 50), only=(lambda c: c.preview == "generated", "the generated preview"),
-        label="speedometer{:+g}", help="what the speedometer shows too much",
-    )  # fmt: skip
+        0.0,
+        unit="%",
+        within=(-50, 50),
+        only=(lambda c: c.preview == "generated", "the generated preview"),
+        label="speedometer{:+g}",
+        help="what the speedometer shows too much",
+    )
 
 
 # ------------------------------------------------------------------------------------------------------------- wiring
@@ -68,8 +84,9 @@ def structure(case: Case) -> tuple[object, ...]:
 
 
 def wire(fmus: FmuSet, case: Case) -> System:
-    """Road, car, sensors, and the preview: sensed, where the road goes back to filter and correction, or known beforehand and laid
-    at the measured distance."""
+    """Road, car, sensors, and the preview: sensed, where the road goes back to filter and correction, or known
+    beforehand and laid at the measured distance.
+    """
     system = System()
     sensed = case.preview == "sensed"
     wiring.add_car(system, fmus, "RoadBumps", step=Fraction(1, 1000) if sensed else EXCHANGE)
@@ -149,8 +166,8 @@ METRICS = {
 def signals(run: Run) -> Row:
     """Signals over time, 5 ms apart and rounded [SI units].
 
-    ``rate`` is that of the buffered road, from two neighbouring preview heights; ``true rate`` is that of the true road as the
-    mean over the 30 ms ahead, which is what two neighbouring heights give.
+    ``rate`` is that of the buffered road, from two neighbouring preview heights; ``true rate`` is that of the true road
+    as the mean over the 30 ms ahead, which is what two neighbouring heights give.
     """
     r = run.recording
     if run.case.preview == "generated":
@@ -174,10 +191,10 @@ def _rounded(values: np.ndarray) -> list[float]:
 def measure(run: Run) -> Row:
     """Metrics of a run, from the signals as they are kept.
 
-    Sensed: ``lowest`` and ``highest`` sensed height [m] on the flat road after the first bump, ``spread`` [m] of the buffered road
-    about the true one in successive windows, ``rate_error`` [m/s] from where road is known under all wheels, ``ahead`` [m] of the
-    front axle that the sensors see, their ``resolution`` [m]. Generated: ``offsets`` [m], how far after the known profile's bumps
-    the car meets them. ``front`` [m] is the front axle ahead of the CG.
+    Sensed: ``lowest`` and ``highest`` sensed height [m] on the flat road after the first bump, ``spread`` [m] of the
+    buffered road about the true one in successive windows, ``rate_error`` [m/s] from where road is known under all
+    wheels, ``ahead`` [m] of the front axle that the sensors see, their ``resolution`` [m]. Generated: ``offsets`` [m],
+    how far after the known profile's bumps the car meets them. ``front`` [m] is the front axle ahead of the CG.
     """
     kept = {name: np.array(values) for name, values in signals(run).items()}
     front = run.start("car.wheel.fl.x")
@@ -201,7 +218,9 @@ def measure(run: Run) -> Row:
 
 
 def _offset(kept: dict[str, np.ndarray], place: int, front: float) -> float:
-    """From the known profile's crest to where the load of the front left wheel is largest [m], near one bump of the track."""
+    """From the known profile's crest to where the load of the front left wheel is largest [m], near one bump of the
+    track.
+    """
     at = FIRST_BUMP + (place - 1) + BUMP_LENGTH / 2 - front  # the CG with the front wheels on the crest
     near = np.abs(kept["x"] - at) < 1.0
     x, shown = kept["x"][near], kept["map"][near]

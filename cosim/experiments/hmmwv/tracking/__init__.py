@@ -1,4 +1,5 @@
-"""Force tracking of paper 001: one corner of the standing HMMWV follows forces that are given to it (Figures 1.4 and 1.8).
+"""Force tracking of paper 001: one corner of the standing HMMWV follows forces that are given to it (Figures 1.4 and
+1.8).
 
 A part of the experiment ``hmmwv``: ``runs``, ``published``, ``claims``, and the section of the report.
 """

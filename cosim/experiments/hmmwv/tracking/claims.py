@@ -31,10 +31,17 @@ def _filter(study: Results) -> Finding:
     crossing, band = 1e3 * row["crossing"], Band.around(RISE_MS)
     return Finding(
         f"first at its final value after {crossing:.1f} ms; 10 to 90 % in {1e3 * row['rise']:.1f} ms",
-        crossing in band, "more than 10 % off", crossing, "ms", band,
+        crossing in band,
+        "more than 10 % off",
+        crossing,
+        "ms",
+        band,
         criterion="time until the step response is first at its final value",
-        fitted="the paper does not define its rise time; the whole rise is taken, the only usual definition that comes near its figure",
-    )  # fmt: skip
+        fitted=(
+            "the paper does not define its rise time; the whole rise is taken, the only usual definition that comes"
+            " near its figure"
+        ),
+    )
 
 
 def _follows(signal: str) -> None:
@@ -42,15 +49,24 @@ def _follows(signal: str) -> None:
     words = "filtered square wave" if signal == "square" else f"{signal} from 1 to 10 Hz"
 
     @CLAIMS.check(
-        f"tracking-{signal.replace(' ', '-')}", f"The force follows a {words}", source="Figure 1.8",
+        f"tracking-{signal.replace(' ', '-')}",
+        f"The force follows a {words}",
+        source="Figure 1.8",
         expected="follows; the paper shows curves and gives no error",
-    )  # fmt: skip
+    )
     def _judged(study: Results) -> Finding:
         found = error(study, Case(signal))
         return Finding(
-            f"{100 * found:.1f} % rms of the smoothed desired force", found <= FOLLOWS, f"above {100 * FOLLOWS:g} % rms", 100 * found, "%",
-            criterion=f"rms of force minus smoothed desired force at most {100 * FOLLOWS:g} % of the rms of the latter, without the first 0.5 s",
-        )  # fmt: skip
+            f"{100 * found:.1f} % rms of the smoothed desired force",
+            found <= FOLLOWS,
+            f"above {100 * FOLLOWS:g} % rms",
+            100 * found,
+            "%",
+            criterion=(
+                f"rms of force minus smoothed desired force at most {100 * FOLLOWS:g} % of the rms of the latter,"
+                " without the first 0.5 s"
+            ),
+        )
 
 
 for _signal in PUBLISHED:
@@ -67,15 +83,20 @@ def _difference(study: Results) -> Finding:
     base, filtered = errors(study), errors(study, "rate by the filter (1.13)")
     return Finding(
         ", ".join(f"{s} {100 * base[s]:.1f} compared with {100 * filtered[s]:.1f} %" for s in PUBLISHED),
-        all(base[s] < filtered[s] for s in PUBLISHED), "it does not for every signal", filtered["square"] / base["square"], "-",
+        all(base[s] < filtered[s] for s in PUBLISHED),
+        "it does not for every signal",
+        filtered["square"] / base["square"],
+        "-",
         criterion="smaller rms error under every signal of Figure 1.8; the paper gives no size",
-    )  # fmt: skip
+    )
 
 
 @CLAIMS.claim(
-    "tracking-average", "The averaging filter (1.14) improves the performance of the controller", published="improved",
+    "tracking-average",
+    "The averaging filter (1.14) improves the performance of the controller",
+    published="improved",
     source="section 1.3",
-)  # fmt: skip
+)
 def _average(study: Results) -> Finding:
     base, averaged = errors(study), errors(study, "average (1.14) on")
     noisy = [study[VARIANTS["load cell with noise" + also]] for also in ("", ", average (1.14) on")]
@@ -83,11 +104,13 @@ def _average(study: Results) -> Finding:
     return Finding(
         ", ".join(f"{s} {100 * averaged[s]:.0f} instead of {100 * base[s]:.1f} %" for s in PUBLISHED),
         all(averaged[s] <= base[s] for s in PUBLISHED),
-        "it adds 1.5 ms of delay, too much for these gains. It does what it is there for: with a load cell whose noise is "
-        f"{NOISE:g} N the command's jumps fall from {jumps[0]:.0f} to {jumps[1]:.0f} mV from sample to sample; without it that noise "
-        f"costs little ({100 * noisy[0]['error']:.1f} % on the square wave)",
-        averaged["square"] / base["square"], "-", criterion="no larger rms error under any signal of Figure 1.8",
-    )  # fmt: skip
+        "it adds 1.5 ms of delay, too much for these gains. It does what it is there for: with a load cell whose noise"
+        f" is {NOISE:g} N the command's jumps fall from {jumps[0]:.0f} to {jumps[1]:.0f} mV from sample to sample;"
+        f" without it that noise costs little ({100 * noisy[0]['error']:.1f} % on the square wave)",
+        averaged["square"] / base["square"],
+        "-",
+        criterion="no larger rms error under any signal of Figure 1.8",
+    )
 
 
 @CLAIMS.claim(
@@ -101,7 +124,11 @@ def _notches(study: Results) -> Finding:
     return Finding(
         ", ".join(f"{s} {100 * base[s]:.1f} without, {100 * notched[s]:.1f} % with" for s in PUBLISHED),
         all(base[s] <= (1 + NEEDLESS) * notched[s] for s in PUBLISHED),
-        f"they improve the tracking by more than {100 * NEEDLESS:g} %", notched["square"] / base["square"], "-",
-        criterion=f"rms error without them at most {100 * NEEDLESS:g} % above that with them, under every signal of Figure 1.8: half of the 10 % that "
-        "count as the same figure",
-    )  # fmt: skip
+        f"they improve the tracking by more than {100 * NEEDLESS:g} %",
+        notched["square"] / base["square"],
+        "-",
+        criterion=(
+            f"rms error without them at most {100 * NEEDLESS:g} % above that with them, under every signal of Figure"
+            " 1.8: half of the 10 % that count as the same figure"
+        ),
+    )

@@ -43,24 +43,38 @@ def section(study: Results) -> Section:
     return Section(
         "Force tracking",
         [
-            f"One corner of the standing vehicle: quarter car with {about['friction_force']:g} N of friction, hydraulic actuator, and the force "
-            "tracking controller every millisecond. It knows neither the car nor the friction.",
-            f"The filter of the desired force rises from 10 to 90 % in {1e3 * step['rise']:.1f} ms, is first at its final value "
-            f"after {1e3 * step['crossing']:.1f} ms, and lets half of the power through at {step['bandwidth']:.1f} Hz.",
-            f"The flow peaks at {flows['square']:.0f} l/min under the square wave and {flows['sweep']:.0f} l/min under the sweep; the pump "
-            f"has {about['flow_limit']:g} l/min.",
-            "The law inverts the actuator and takes the motion of the piston out by its flow, so it must know the actuator. Too high a density (or too "
-            "small a valve) in the controller takes out too much, which feeds the motion of the car: negative damping. Too "
-            "high a leakage is positive feedback of the force. Largest density in the controller, relative to the actuator's, "
-            f"of those tried, with which the error after a step dies away: {margins}. Being 5 % off costs a lot already: "
-            f"{100 * off[0]:.0f} % rms below and {100 * off[1]:.0f} % above instead of {100 * base:.1f} %.",
-            f"Car and actuator exchange the values of the middle of each step of {1e3 * EXCHANGE:g} ms. Halving the step moves the error from "
-            f"{100 * base:.2f} to {100 * fine:.2f} %. In a plain exchange, each with the other's last value, the force lags by half of a step: "
-            f"{100 * plain:.1f} % at {1e3 * EXCHANGE:g} ms, {100 * finer:.1f} % at half of it.",
+            (
+                f"One corner of the standing vehicle: quarter car with {about['friction_force']:g} N of friction,"
+                " hydraulic actuator, and the force tracking controller every millisecond. It knows neither the car"
+                " nor the friction."
+            ),
+            (
+                f"The filter of the desired force rises from 10 to 90 % in {1e3 * step['rise']:.1f} ms, is first at its"
+                f" final value after {1e3 * step['crossing']:.1f} ms, and lets half of the power through at"
+                f" {step['bandwidth']:.1f} Hz."
+            ),
+            (
+                f"The flow peaks at {flows['square']:.0f} l/min under the square wave and {flows['sweep']:.0f} l/min"
+                f" under the sweep; the pump has {about['flow_limit']:g} l/min."
+            ),
+            (
+                "The law inverts the actuator and takes the motion of the piston out by its flow, so it must know the"
+                " actuator. Too high a density (or too small a valve) in the controller takes out too much, which"
+                " feeds the motion of the car: negative damping. Too high a leakage is positive feedback of the force."
+                " Largest density in the controller, relative to the actuator's, of those tried, with which the error"
+                f" after a step dies away: {margins}. Being 5 % off costs a lot already: {100 * off[0]:.0f} % rms below"
+                f" and {100 * off[1]:.0f} % above instead of {100 * base:.1f} %."
+            ),
+            (
+                f"Car and actuator exchange the values of the middle of each step of {1e3 * EXCHANGE:g} ms. Halving the"
+                f" step moves the error from {100 * base:.2f} to {100 * fine:.2f} %. In a plain exchange, each with the"
+                f" other's last value, the force lags by half of a step: {100 * plain:.1f} % at {1e3 * EXCHANGE:g} ms,"
+                f" {100 * finer:.1f} % at half of it."
+            ),
         ],
         figures=[_filter_figure(study), _tracking_figure(study), _robustness_figure(study)],
         tables=[_variants(study)],
-    )  # fmt: skip
+    )
 
 
 def _variants(study: Results) -> Table:
@@ -78,13 +92,19 @@ def _variants(study: Results) -> Table:
         "force-tracking",
         "Force tracking and its variants",
         [
-            "variant", "square [% rms]", "sweep [% rms]", "discrete sweep [% rms]", "flow peak, square [l/min]",
-            "voltage peak, square [V]", "voltage jumps, square [mV]",
+            "variant",
+            "square [% rms]",
+            "sweep [% rms]",
+            "discrete sweep [% rms]",
+            "flow peak, square [l/min]",
+            "voltage peak, square [V]",
+            "voltage jumps, square [mV]",
         ],
         rows,
-        "Error: rms of force minus smoothed desired force, over the rms of the latter, without the first 0.5 s. "
-        f"Noise of the load cell: {NOISE:g} N, assumed. Jumps: standard deviation of the change of the command per millisecond.",
-    )  # fmt: skip
+        "Error: rms of force minus smoothed desired force, over the rms of the latter, without the first 0.5 s. Noise"
+        f" of the load cell: {NOISE:g} N, assumed. Jumps: standard deviation of the change of the command per"
+        " millisecond.",
+    )
 
 
 def _filter_figure(study: Results) -> Figure:
@@ -131,8 +151,8 @@ def _robustness_figure(study: Results) -> Figure:
     return Figure(
         "tracking-robustness",
         "Robustness of the force tracking",
-        "Another density and leakage in the controller than in the actuator. Left: the square wave. Right: what is left of the error "
-        "3.5 s after a step; in an unstable loop it grows until the valve saturates.",
+        "Another density and leakage in the controller than in the actuator. Left: the square wave. Right: what is left"
+        " of the error 3.5 s after a step; in an unstable loop it grows until the valve saturates.",
         [
             Panel(
                 title,

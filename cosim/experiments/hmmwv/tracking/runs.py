@@ -145,9 +145,12 @@ def wire(fmus: FmuSet, case: Case) -> System:
     step = exchange_step(EXCHANGE, case)
     system.add("signal", ForceSignal(function), step=period)
     system.add(
-        "car", fmus.path("QuarterCarHmmwv"), step=step,
-        parameters={"friction.acting": case.friction}, start={"road.height": 0.0, "road.rate": 0.0},
-    )  # fmt: skip
+        "car",
+        fmus.path("QuarterCarHmmwv"),
+        step=step,
+        parameters={"friction.acting": case.friction},
+        start={"road.height": 0.0, "road.rate": 0.0},
+    )
     system.add("actuator", fmus.path(actuator), step=step, start={"bypass.area": 0.0})
     controller = system.add("tracking", fmus.path(tracking))
     for name, relative in (("fluid.density", case.density), ("cylinder.leakage", case.leakage)):
@@ -200,10 +203,11 @@ METRICS = {
 def measure(run: Run) -> Row:
     """Metrics of a run, without its first half second.
 
-    ``error`` is the rms of force minus smoothed desired force over the rms of the latter. ``early`` and ``late`` are the rms of
-    the error from 0.5 to 1 s and from 3.5 to 4 s, over the amplitude: after a step they tell whether it dies away.
-    ``voltage_jumps`` is the standard deviation of the change [V] of the valve's command from sample to sample. ``flow_limit``
-    [l/min] and ``friction_force`` [N] are those of the FMUs. Of the filter alone see :func:`measure_filter`.
+    ``error`` is the rms of force minus smoothed desired force over the rms of the latter. ``early`` and ``late`` are
+    the rms of the error from 0.5 to 1 s and from 3.5 to 4 s, over the amplitude: after a step they tell whether it dies
+    away. ``voltage_jumps`` is the standard deviation of the change [V] of the valve's command from sample to sample.
+    ``flow_limit`` [l/min] and ``friction_force`` [N] are those of the FMUs. Of the filter alone see
+    :func:`measure_filter`.
     """
     r = run.recording
     desired = r["tracking.force.smoothed"]
@@ -246,7 +250,8 @@ def measure_filter(t: np.ndarray, y: np.ndarray) -> Row:
 
 
 def signals(run: Run) -> Row:
-    """Desired force after smoothing, and force, over time [s, N]: every 4 ms, rounded; of the filter every millisecond."""
+    """Desired force after smoothing, and force, over time [s, N]: every 4 ms, rounded; of the filter
+    every millisecond."""
     r = run.recording
     if run.case.signal == FILTER:
         return {"time": r.time.tolist(), "smoothed": r["tracking.force.smoothed"].tolist()}

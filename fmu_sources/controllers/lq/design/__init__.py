@@ -23,8 +23,8 @@ or, for a controller that is evaluated every `period` seconds and holds its comm
 `sampled_lq(plant, index, period)`. Both laws are optimal for a disturbance known over the whole future. A horizon
 that ends earlier takes the disturbance to be 0 beyond its end, or with hold_tail to stay at the last value known.
 
-In (17) the driving term is printed as (P E + Q12) w; here it is (P E + Q12 - K' Nuw) w, which differs when D' W F is not 0.
-Theorem 2, of an index in outputs with a known error, is used by no component: ``tests/oracles/lq.py``.
+In (17) the driving term is printed as (P E + Q12) w; here it is (P E + Q12 - K' Nuw) w, which differs when D' W F is
+not 0. Theorem 2, of an index in outputs with a known error, is used by no component: ``tests/oracles/lq.py``.
 
 ==============  =====================================================================
 ``plant``       linear plants and quadratic indices

@@ -20,8 +20,9 @@ def check_modes(plant: LinearPlant, index: QuadraticIndex) -> None:
         eigenvalue, shape = mode
         states = dominant(shape, plant.states)
         raise LqError(
-            f"not stabilizable: the plant's mode at {rate(eigenvalue)}, mostly {', '.join(states)}, does not decay and "
-            f"no control ({', '.join(plant.controls)}) acts on it; damp it in the plant or give an actuator an arm on it",
+            f"not stabilizable: the plant's mode at {rate(eigenvalue)}, mostly {', '.join(states)}, does not decay and"
+            f" no control ({', '.join(plant.controls)}) acts on it; damp it in the plant or give an actuator an arm"
+            " on it",
             eigenvalue,
             states,
         )
@@ -48,9 +49,9 @@ def check_modes(plant: LinearPlant, index: QuadraticIndex) -> None:
 def hidden_mode(A: Array, B: Array, *, dual: bool = False, discrete: bool = False) -> tuple[complex, Array] | None:
     """The slowest mode that neither decays nor is reached by B (Popov-Belevitch-Hautus), and each state's part in it.
 
-    Where several modes share an eigenvalue, the parts are those of their whole subspace: they do not depend on the order
-    or the basis in which eigenvectors are computed. With `dual`, A and B are the transposes of a system matrix and of an
-    output matrix.
+    Where several modes share an eigenvalue, the parts are those of their whole subspace: they do not depend on the
+    order or the basis in which eigenvectors are computed. With `dual`, A and B are the transposes of a system matrix
+    and of an output matrix.
     """
     balanced, (scale, _) = linalg.matrix_balance(A, permute=False, separate=True)
     size = linalg.norm(balanced, 2) or 1.0

@@ -48,7 +48,8 @@ class SampledLq:
         return self.A_cd.T @ self.P @ self.Ed + self.N_xw - self.K.T @ self.N_uw
 
     def preview_gains(self, count: int) -> Array:
-        """(count, nu, nw): G_0 = Rb^-1 (Bd' P Ed + N_uw), G_j = Rb^-1 Bd' (A_cd')^(j-1) [A_cd' P Ed + N_xw - K' N_uw]."""
+        """(count, nu, nw): G_0 = Rb^-1 (Bd' P Ed + N_uw), G_j = Rb^-1 Bd' (A_cd')^(j-1) [A_cd' P Ed +
+        N_xw - K' N_uw]."""
         gains = np.zeros((whole_number("count", count), *self.N_uw.shape))
         gains[0] = linalg.solve(self.Rb, self.Bd.T @ self.P @ self.Ed + self.N_uw, assume_a="pos")
         gain, v = linalg.solve(self.Rb, self.Bd.T, assume_a="pos"), self._drive
@@ -122,8 +123,9 @@ def sampled_lq(plant: LinearPlant, index: QuadraticIndex, period: float) -> Samp
     eigenvalues = eigenvalues[np.lexsort((-eigenvalues.imag, np.round(np.abs(eigenvalues), 12)))]
     if not relative <= RESIDUAL_LIMIT or np.abs(eigenvalues[-1]) >= 1.0:
         raise LqError(
-            f"at a period of {period:g} s the sampled Riccati equation was solved to {relative:.1e} |P| only, with the "
-            f"largest closed-loop eigenvalue at magnitude {np.abs(eigenvalues[-1]):.6g}; change the period or the weights"
+            f"at a period of {period:g} s the sampled Riccati equation was solved to {relative:.1e} |P| only, with the"
+            f" largest closed-loop eigenvalue at magnitude {np.abs(eigenvalues[-1]):.6g}; change the period or the"
+            " weights"
         )
     return SampledLq(
         period=period,

@@ -1,8 +1,10 @@
-"""The designs of this folder as CasADi expressions of the weights, so that an FMU designs its law when it is initialized.
+"""The designs of this folder as CasADi expressions of the weights, so that an FMU designs its law when it is
+initialized.
 
-Riccati equations are solved by structure-preserving doubling (Chu, Fan, Lin: "A structure-preserving doubling algorithm for
-continuous-time algebraic Riccati equations", 2005; with Guo and Xu for discrete ones, 2004): a fixed number of steps, each of which squares
-what is left of the error, without eigenvalues and without a choice that depends on numbers.
+Riccati equations are solved by structure-preserving doubling (Chu, Fan, Lin: "A structure-preserving doubling algorithm
+for continuous-time algebraic Riccati equations", 2005; with Guo and Xu for discrete ones, 2004): a fixed number of
+steps, each of which squares what is left of the error, without eigenvalues and without a choice that depends on
+numbers.
 """
 
 from __future__ import annotations
@@ -19,18 +21,22 @@ from fmu_sources.controllers.lq.design.plant import LinearPlant, QuadraticIndex,
 from fmu_sources.controllers.lq.design.sampled import sampled_costs
 
 DOUBLINGS = 20  # steps: of modes that decay by 1/s or faster, sampled every millisecond, nothing is left
-SHIFT = 40.0  # 1/s, between the slowest and the fastest modes of a suspension: with it the Riccati equation becomes a discrete one
-_REGULAR = 1e-7  # weight of every force with which parts of an index are made that weigh none, and which is taken away again
+# 1/s, between the slowest and the fastest modes of a suspension: with it the Riccati equation becomes a discrete one
+SHIFT = 40.0
+_REGULAR = (
+    1e-7  # weight of every force with which parts of an index are made that weigh none, and which is taken away again
+)
 _HALVINGS, _TERMS = 8, 8  # of the step before the exponential series, and what is kept of it
 
 
 @dataclass(frozen=True, eq=False)
 class TunableTaps:
-    """Feedback ``K`` (controls, states) of the sampled law, and feed-forward of the continuous one for a disturbance that is linear between
-    nodes (see :class:`FohWeights`), as expressions: of each kind (controls, count * disturbances), node after node.
+    """Feedback ``K`` (controls, states) of the sampled law, and feed-forward of the continuous one for a disturbance
+    that is linear between nodes (see :class:`FohWeights`), as expressions: of each kind (controls, count *
+    disturbances), node after node.
 
-    ``residuals`` (2,): of the sampled and the continuous Riccati equation, relative to their solutions. Doubling does not fail where weights have no
-    law, or none that double precision finds: what it gives then solves nothing.
+    ``residuals`` (2,): of the sampled and the continuous Riccati equation, relative to their solutions. Doubling does
+    not fail where weights have no law, or none that double precision finds: what it gives then solves nothing.
     """
 
     K: ca.MX
@@ -52,7 +58,9 @@ def tunable_taps(plant: LinearPlant, weights: ca.MX, period: float, count: int) 
 
 
 def _indices(plant: LinearPlant) -> list[QuadraticIndex]:
-    """Of a weight of 1 on each output and control, one after the other, and all others 0; with :data:`_REGULAR` on every control besides."""
+    """Of a weight of 1 on each output and control, one after the other, and all others 0; with :data:`_REGULAR` on
+    every control besides.
+    """
     outputs = len(plant.outputs)
     rows = np.eye(outputs + len(plant.controls))
     regular = _REGULAR * np.eye(len(plant.controls))
@@ -105,8 +113,9 @@ def _sampled_gain(plant: LinearPlant, weights: ca.MX, period: float) -> tuple[ca
 
 
 def _foh(plant: LinearPlant, weights: ca.MX, step: float, count: int) -> tuple[ca.MX, ca.MX, ca.MX, ca.MX]:
-    """As :meth:`ContinuousLq.foh_weights`, and the relative residual of the Riccati equation (16), solved by the doubling of its Cayley
-    transform."""
+    """As :meth:`ContinuousLq.foh_weights`, and the relative residual of the Riccati equation (16), solved by the
+    doubling of its Cayley transform.
+    """
     (n, nu), nw = plant.B.shape, plant.E.shape[1]
     indices = _indices(plant)
     Q, N, Q12 = (_combined([getattr(i, name) for i in indices], weights) for name in ("Q1", "N", "Q12"))
@@ -119,7 +128,11 @@ def _foh(plant: LinearPlant, weights: ca.MX, step: float, count: int) -> tuple[c
     shifted = A - SHIFT * one
     back = _solved(shifted, ca.horzcat(one, G))  # shifted^-1 [I, G]
     inverse = _solved(shifted + G @ _solved(shifted.T, H), one)
-    P = _doubled(one + 2 * SHIFT * inverse, _even(2 * SHIFT * back[:, n:] @ inverse.T), _even(2 * SHIFT * inverse.T @ H @ back[:, :n]))
+    P = _doubled(
+        one + 2 * SHIFT * inverse,
+        _even(2 * SHIFT * back[:, n:] @ inverse.T),
+        _even(2 * SHIFT * inverse.T @ H @ back[:, :n]),
+    )
     residual = _relative(A.T @ P + P @ A - P @ G @ P + H, P)
     K = direct[:, :n] + direct[:, n:] @ P
     M, drive, gain = (ca.DM(plant.A) - B @ K).T, P @ E + Q12, direct[:, n:]
@@ -136,7 +149,8 @@ def _foh(plant: LinearPlant, weights: ca.MX, step: float, count: int) -> tuple[c
 
 
 def _exponentials(M: ca.MX) -> list[ca.MX]:
-    """exp(M), and the sums of M^i / (i + 1)! and M^i / (i + 2)!: series of a small part of M, which is doubled again."""
+    """exp(M), and the sums of M^i / (i + 1)! and M^i / (i + 2)!: series of a small part of M, which is
+    doubled again."""
     one, part = ca.MX.eye(M.shape[0]), M / 2**_HALVINGS
     series = []
     for k in range(3):
